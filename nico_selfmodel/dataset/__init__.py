@@ -1,0 +1,26 @@
+"""What a body sensed: data sets in memory, on disk and from other programs.
+
+A `Dataset` holds encoder readings and, beside them, where a point on the hand was seen. It lives
+on disk as a folder (`dataset.yaml` and `samples.csv`). Importers make one from a plain CSV and
+from a trajectory export of Vicon Nexus; `sweeps` tells in which poses one joint turned alone.
+"""
+
+from nico_selfmodel.dataset.csv_importer import import_csv
+from nico_selfmodel.dataset.dataset import Dataset
+from nico_selfmodel.dataset.folder import load_dataset, save_dataset
+from nico_selfmodel.dataset.joint_info import JointInfo
+from nico_selfmodel.dataset.sweeps import Sweep, find_sweeps, marked_sweeps, unmarked_sweeps
+from nico_selfmodel.dataset.vicon_importer import import_vicon
+
+__all__ = [
+    "Dataset",
+    "JointInfo",
+    "Sweep",
+    "find_sweeps",
+    "import_csv",
+    "import_vicon",
+    "load_dataset",
+    "marked_sweeps",
+    "save_dataset",
+    "unmarked_sweeps",
+]

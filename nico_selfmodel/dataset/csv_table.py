@@ -1,0 +1,221 @@
+"""A comma separated file as named columns of text, each cell traceable to its line."""
+
+import csv
+import io
+import math
+import re
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+import numpy.typing as npt
+
+from nico_selfmodel.dataset.text_file import read_text
+from nico_selfmodel.dataset.yaml_mapping import found_instead
+from nico_selfmodel.errors import DataError
+
+_INTEGER = re.compile(r"[+-]?[0-9]{1,19}")
+_INT64 = np.iinfo(np.int64)
+
+
+@dataclass(frozen=True, eq=False)
+class CsvTable:
+    """A table of text cells, with the line of the file that each row starts on."""
+
+    path: Path
+    """The file, for messages."""
+    columns: dict[str, tuple[str, ...]]
+    """Cells of each column, in the order of the file."""
+    lines: tuple[int, ...]
+    """Line of each row, counted from 1 as an editor shows it."""
+
+    @classmethod
+    def read(cls, path: Path, header: bool = True) -> "CsvTable":
+        """Read a file; blank lines are skipped.
+
+        Args:
+            path: The file; its first line names the columns.
+            header: False if the first line is data already; the columns are then `column 1`, ...
+
+        Returns:
+            The table.
+
+        Raises:
+            DataError: If the file cannot be read, has another separator, no rows, a row of
+                another length or two columns of one name.
+        """
+        rows, lines = read_csv_rows(path)
+        names = [name.strip() for name in rows[0]]
+        _check_separator(path, names)
+        if header:
+            rows, lines = rows[1:], lines[1:]
+        else:
+            names = [""] * len(names)
+        names = [name or f"column {number}" for number, name in enumerate(names, 1)]
+        if not rows:
+            raise DataError(f"{path}: no rows below the header; expected at least one")
+        repeated = {name for name in names if names.count(name) > 1}
+        if repeated:
+            raise DataError(f"{path}: column {min(repeated)!r} appears more than once")
+        for row, line in zip(rows, lines, strict=True):
+            if len(row) != len(names):
+                raise DataError(
+                    f"{path}, line {line}: {len(row)} cells, but the table has {len(names)} columns"
+                )
+        cells = zip(*rows, strict=True)
+        return cls(path, dict(zip(names, cells, strict=True)), tuple(lines))
+
+    def __len__(self) -> int:
+        """Return the number of rows."""
+        return len(self.lines)
+
+    def where(self, row: int, column: str | None = None) -> str:
+        """Return the place of a cell or row for a message.
+
+        Args:
+            row: Index of the row.
+            column: Name of the column, if one cell is meant.
+
+        Returns:
+            File, line and column.
+        """
+        place = f"{self.path}, line {self.lines[row]}"
+        return place if column is None else f"{place}, column {column!r}"
+
+    def cells(self, column: str) -> tuple[str, ...]:
+        """Return the cells of a column as they stand in the file.
+
+        Args:
+            column: Its name.
+
+        Returns:
+            One text per row.
+
+        Raises:
+            DataError: If there is no such column; names the closest one.
+        """
+        if column not in self.columns:
+            raise DataError(
+                f"{self.path}: column {column!r} is missing"
+                f"{found_instead(column, self.columns)}; columns are {', '.join(self.columns)}"
+            )
+        return self.columns[column]
+
+    def texts(self, column: str) -> npt.NDArray[np.str_]:
+        """Return a column of text, stripped. Shape (N,).
+
+        Args:
+            column: Its name.
+
+        Returns:
+            The texts.
+
+        Raises:
+            DataError: If there is no such column.
+        """
+        return np.array([cell.strip() for cell in self.cells(column)], dtype=np.str_)
+
+    def integers(self, column: str) -> npt.NDArray[np.int64]:
+        """Return a column of whole numbers. Shape (N,).
+
+        Args:
+            column: Its name.
+
+        Returns:
+            The numbers.
+
+        Raises:
+            DataError: If there is no such column or a cell is not a whole number.
+        """
+        cells = [cell.strip() for cell in self.cells(column)]
+        for row, cell in enumerate(cells):
+            if not _INTEGER.fullmatch(cell) or not _INT64.min <= int(cell) <= _INT64.max:
+                raise DataError(f"{self.where(row, column)}: {cell[:40]!r} is not a whole number")
+        return np.array([int(cell) for cell in cells], dtype=np.int64)
+
+    def numbers(self, column: str, empty_allowed: bool = False) -> npt.NDArray[np.float64]:
+        """Return a column of finite numbers. Shape (N,).
+
+        Args:
+            column: Its name.
+            empty_allowed: Whether an empty cell is "not measured" (nan) or an error.
+
+        Returns:
+            The numbers.
+
+        Raises:
+            DataError: If there is no such column or a cell is not a finite number.
+        """
+        values = np.empty(len(self))
+        for row, cell in enumerate(self.cells(column)):
+            try:
+                values[row] = parse_number(cell)
+            except ValueError as error:
+                raise DataError(f"{self.where(row, column)}: {error}") from None
+        if not empty_allowed and np.isnan(values).any():
+            row = int(np.flatnonzero(np.isnan(values))[0])
+            raise DataError(f"{self.where(row, column)}: the cell is empty; expected a number")
+        return values
+
+
+def read_csv_rows(path: Path) -> tuple[list[list[str]], list[int]]:
+    """Read the cells of a comma separated file, without its blank lines.
+
+    Args:
+        path: The file.
+
+    Returns:
+        Rows of cells, and the line (from 1) that each row starts on.
+
+    Raises:
+        DataError: If the file cannot be read or its quotes do not match.
+    """
+    reader = csv.reader(io.StringIO(read_text(path), newline=""), strict=True)
+    rows: list[list[str]] = []
+    lines: list[int] = []
+    start = 1
+    try:
+        for row in reader:
+            if len(row) > 1 or (row and row[0].strip()):
+                rows.append(row)
+                lines.append(start)
+            start = reader.line_num + 1
+    except csv.Error as error:
+        raise DataError(f"{path}, line {start}: not a valid CSV row: {error}") from None
+    return rows, lines
+
+
+def parse_number(cell: str) -> float:
+    """Return the finite number in a cell, nan for an empty one.
+
+    Args:
+        cell: Its text.
+
+    Returns:
+        The number.
+
+    Raises:
+        ValueError: If the text is not a finite number.
+    """
+    text = cell.strip()
+    if not text:
+        return math.nan
+    try:
+        value = float(text)
+    except ValueError:
+        hint = "; use a decimal point" if re.fullmatch(r"[-+0-9]+,[0-9]+", text) else ""
+        raise ValueError(f"{text[:40]!r} is not a number{hint}") from None
+    if not math.isfinite(value):
+        raise ValueError(f"{text[:40]!r} is not a finite number; an empty cell means not measured")
+    if "_" in text:
+        raise ValueError(f"{text[:40]!r} is not a number; write it without underscores")
+    return value
+
+
+def _check_separator(path: Path, names: list[str]) -> None:
+    for separator, word in ((";", "semicolons"), ("\t", "tabs")):
+        if len(names) == 1 and separator in names[0]:
+            raise DataError(
+                f"{path}: the cells are separated by {word}; export the table with commas as"
+                " separators and points as decimal marks"
+            )

@@ -1,0 +1,310 @@
+"""What a body sensed: encoder readings and, beside them, where its hand was seen."""
+
+import copy
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass, field, replace
+from os import PathLike
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from nico_selfmodel.dataset.joint_info import HOME, JointInfo, check_label
+from nico_selfmodel.dataset.row_checks import (
+    PIXEL_COLUMNS,
+    POINT_COLUMNS,
+    check_rows,
+    row_place,
+)
+from nico_selfmodel.errors import DataError
+
+DEFAULT_MARKER = "hand"
+_TABLE_COLUMNS = ("sample", "sweep", "marker", "mirror", *POINT_COLUMNS, *PIXEL_COLUMNS)
+# A default that type checkers take for an array; the constructor fills it in.
+_NOT_GIVEN: Any = None
+
+
+@dataclass(frozen=True, eq=False)
+class Dataset:
+    """One row per pose and tracked point: encoder readings, and what was seen of the point.
+
+    Arrays are read-only copies. `dataclasses.replace` makes a changed copy, checked again.
+
+    Raises:
+        ValueError: If a shape or type is wrong.
+        DataError: If the rows contradict each other (see `row_checks.check_rows`).
+    """
+
+    name: str
+    """Name of the data set."""
+    joints: tuple[JointInfo, ...]
+    """The n joints, from the base to the hand."""
+    sample: npt.NDArray[np.int64]
+    """Number of the pose; rows of one pose (several markers or mirrors) share it. Shape (N,)."""
+    encoders: npt.NDArray[np.float64]
+    """Raw encoder readings [unit of each joint]. Shape (N, n)."""
+    p_WH_measured: npt.NDArray[np.float64] = _NOT_GIVEN
+    """Measured point on the hand [m]; nan where not measured. Shape (N, 3)."""
+    sweep: npt.NDArray[np.str_] = _NOT_GIVEN
+    """Joint whose circle the row belongs to, `home` for the shared home pose, or empty for a
+    free pose. Shape (N,)."""
+    marker: npt.NDArray[np.str_] = _NOT_GIVEN
+    """Name of the tracked point; `hand` unless given. Shape (N,)."""
+    pixels: npt.NDArray[np.float64] = _NOT_GIVEN
+    """Left u, v and right u, v of the point [px]; nan where not seen. Shape (N, 4)."""
+    mirror: npt.NDArray[np.str_] = _NOT_GIVEN
+    """Name of the mirror that the pixels are a reflection in, or empty. Shape (N,)."""
+    point_sigma_m: float | None = None
+    """Standard deviation of each measured coordinate [m], if known."""
+    pixel_sigma_px: float | None = None
+    """Standard deviation of each pixel coordinate [px], if known."""
+    image_size: tuple[int, int] | None = None
+    """Width and height of the images [px], if there are pixels."""
+    cameras: dict[str, Any] | None = None
+    """Plain data about the cameras, if images were kept."""
+    source: str = ""
+    """Where the data come from, in free text."""
+    seed: int | None = None
+    """Seed of the simulation, if simulated."""
+    extra: dict[str, tuple[str, ...]] = field(default_factory=dict)
+    """Other columns of the table: name to N texts. Kept and not used."""
+
+    def __post_init__(self) -> None:
+        """Fill in defaults, copy the arrays and check everything."""
+        self._set("joints", tuple(self.joints))
+        self._check_metadata()
+        count = self._set_sample()
+        self._set("encoders", _floats(self.encoders, count, len(self.joints), "encoders"))
+        if not np.isfinite(self.encoders).all():
+            row, joint = (int(i) for i in np.argwhere(~np.isfinite(self.encoders))[0])
+            raise DataError(
+                f"{row_place(row)}: the reading of joint {self.joint_names[joint]!r} is"
+                f" {self.encoders[row, joint]}; expected a finite number"
+            )
+        self._set("p_WH_measured", _floats(self.p_WH_measured, count, 3, "p_WH_measured"))
+        self._set("pixels", _floats(self.pixels, count, 4, "pixels"))
+        self._set("sweep", _texts(self.sweep, count, "", "sweep"))
+        self._set("marker", _texts(self.marker, count, DEFAULT_MARKER, "marker"))
+        self._set("mirror", _texts(self.mirror, count, "", "mirror"))
+        self._set("cameras", copy.deepcopy(self.cameras))
+        self._set("extra", self._checked_extra(count))
+        check_rows(vars(self), self.joint_names, row_place)
+
+    def _set(self, key: str, value: Any) -> None:
+        object.__setattr__(self, key, value)
+
+    def _set_sample(self) -> int:
+        sample = np.asarray(self.sample)
+        if sample.ndim != 1 or not (sample.size == 0 or np.issubdtype(sample.dtype, np.integer)):
+            raise ValueError(
+                "sample must hold whole numbers and have shape (N,), got"
+                f" {sample.dtype} of shape {sample.shape}"
+            )
+        if sample.size == 0:
+            raise DataError("the data set has no rows; expected at least one")
+        self._set("sample", _read_only(sample.astype(np.int64)))
+        return sample.size
+
+    def _check_metadata(self) -> None:
+        check_label(self.name, "the name of a data set")
+        if not self.joints or not all(isinstance(joint, JointInfo) for joint in self.joints):
+            raise ValueError(f"joints must be one or more JointInfo, got {self.joints!r}")
+        names = self.joint_names
+        repeated = [name for name in names if names.count(name) > 1]
+        if repeated:
+            raise DataError(f"joint {repeated[0]!r} appears more than once; names must differ")
+        for key in ("point_sigma_m", "pixel_sigma_px"):
+            value = getattr(self, key)
+            if value is not None:
+                if not (math.isfinite(value) and value > 0.0):
+                    raise ValueError(f"{key} must be positive, got {value}")
+                self._set(key, float(value))
+        if self.image_size is not None:
+            size = tuple(int(side) for side in self.image_size)
+            if len(size) != 2 or min(size) <= 0:
+                raise ValueError(
+                    f"image_size must be a positive width and height, got {self.image_size}"
+                )
+            self._set("image_size", size)
+
+    def _checked_extra(self, count: int) -> dict[str, tuple[str, ...]]:
+        used = {*_TABLE_COLUMNS, *(f"encoder.{name}" for name in self.joint_names)}
+        extra = {}
+        for name, cells in self.extra.items():
+            check_label(name, "the name of an extra column")
+            if name in used or len(cells) != count or not all(isinstance(c, str) for c in cells):
+                raise ValueError(
+                    f"extra column {name!r} must have a name of its own and {count} texts,"
+                    f" got {len(cells)} cells"
+                )
+            extra[name] = tuple(cells)
+        return extra
+
+    def __len__(self) -> int:
+        """Return the number of rows N."""
+        return len(self.sample)
+
+    @property
+    def joint_names(self) -> tuple[str, ...]:
+        """Names of the joints, from the base to the hand."""
+        return tuple(joint.name for joint in self.joints)
+
+    @property
+    def markers(self) -> tuple[str, ...]:
+        """Names of the tracked points, in the order of their first row."""
+        return tuple(dict.fromkeys(self.marker.tolist()))
+
+    @property
+    def samples(self) -> npt.NDArray[np.int64]:
+        """Numbers of the poses, each once, ascending."""
+        return np.unique(self.sample)
+
+    @property
+    def measured(self) -> npt.NDArray[np.bool_]:
+        """Rows in which the point itself was measured (x, y, z). Shape (N,)."""
+        return ~np.isnan(self.p_WH_measured[:, 0])
+
+    @property
+    def encoder_span(self) -> npt.NDArray[np.float64]:
+        """Largest minus smallest reading of each joint [encoder unit]. Shape (n,)."""
+        return np.ptp(self.encoders, axis=0)
+
+    @property
+    def sha256(self) -> str:
+        """Hash of the contents as `save` would write them, metadata included.
+
+        It does not depend on the order of columns, line ends or notation in the files that the
+        data came from.
+        """
+        from nico_selfmodel.dataset.folder import content_hash
+
+        return content_hash(self)
+
+    @classmethod
+    def load(cls, folder: str | PathLike[str]) -> "Dataset":
+        """Read a data set from its folder.
+
+        Args:
+            folder: The folder, with `dataset.yaml` and `samples.csv`.
+
+        Returns:
+            The data set.
+
+        Raises:
+            DataError: If anything is missing or not valid; names file, line and column.
+        """
+        from nico_selfmodel.dataset.folder import load_dataset
+
+        return load_dataset(folder)
+
+    def save(self, folder: str | PathLike[str], force: bool = False) -> None:
+        """Write the data set to a folder, whole or not at all.
+
+        Args:
+            folder: The folder to make.
+            force: Replace the data set in an existing folder; other files in it are kept.
+
+        Raises:
+            DataError: If the folder exists (without `force`), cannot be written, or could not be
+                loaded again.
+        """
+        from nico_selfmodel.dataset.folder import save_dataset
+
+        save_dataset(self, folder, force)
+
+    def select(self, rows: npt.ArrayLike) -> "Dataset":
+        """Return a data set of some of the rows.
+
+        Args:
+            rows: Boolean mask of shape (N,), or indices of rows.
+
+        Returns:
+            The rows, in the order asked for.
+
+        Raises:
+            ValueError: If `rows` is neither.
+            DataError: If no row is left, or one is asked for twice.
+        """
+        index = self._row_index(rows)
+        arrays = ("sample", "encoders", "p_WH_measured", "sweep", "marker", "pixels", "mirror")
+        extra = {key: tuple(cells[i] for i in index) for key, cells in self.extra.items()}
+        return replace(self, extra=extra, **{key: getattr(self, key)[index] for key in arrays})
+
+    def _row_index(self, rows: npt.ArrayLike) -> npt.NDArray[np.int64]:
+        rows = np.asarray(rows)
+        if rows.dtype == np.bool_ and rows.shape == (len(self),):
+            return np.flatnonzero(rows)
+        valid = rows.ndim == 1 and (rows.size == 0 or np.issubdtype(rows.dtype, np.integer))
+        if valid and (rows.size == 0 or -len(self) <= rows.min() <= rows.max() < len(self)):
+            return rows.astype(np.int64)
+        raise ValueError(
+            f"rows must be a mask of shape ({len(self)},) or indices below {len(self)}, got"
+            f" {rows.dtype} of shape {rows.shape}"
+        )
+
+    def split(
+        self, fraction: float, seed: int | np.random.Generator
+    ) -> tuple["Dataset", "Dataset"]:
+        """Split into training and test data by pose, never rows of one pose apart.
+
+        The test part is drawn from the free poses (empty `sweep`), so that circles stay whole;
+        only where there are none, from all poses but `home`. Poses of which nothing was seen
+        stay in the training part.
+
+        Args:
+            fraction: Share of the poses drawn from that goes into the test part, 0 to 1
+                exclusive; rounded, at least one pose.
+            seed: Seed, or a generator.
+
+        Returns:
+            Training and test data, rows in their old order.
+
+        Raises:
+            ValueError: If `fraction` is not between 0 and 1.
+            DataError: If there are too few poses to hold one out.
+        """
+        if not 0.0 < fraction < 1.0:
+            raise ValueError(f"fraction must be between 0 and 1, exclusive, got {fraction}")
+        seen = self.measured | np.isfinite(self.pixels).any(axis=1)
+        pool = np.unique(self.sample[seen & (self.sweep == "")])
+        if pool.size == 0:
+            pool = np.unique(self.sample[seen & (self.sweep != HOME)])
+        largest = min(pool.size, self.samples.size - 1)
+        if largest < 1:
+            raise DataError(
+                f"cannot split: {self.samples.size} poses, {pool.size} of them measured and not"
+                f" '{HOME}'; a test part needs one of these, and the training part one more pose"
+            )
+        count = min(max(round(fraction * pool.size), 1), largest)
+        test = np.isin(self.sample, np.random.default_rng(seed).permutation(pool)[:count])
+        return self.select(~test), self.select(test)
+
+
+def _read_only(array: npt.NDArray[Any]) -> Any:
+    array = array.copy()
+    array.setflags(write=False)
+    return array
+
+
+def _floats(values: Any, count: int, width: int, name: str) -> npt.NDArray[np.float64]:
+    if values is None:
+        return _read_only(np.full((count, width), np.nan))
+    array = np.asarray(values, dtype=np.float64)
+    if array.shape != (count, width):
+        raise ValueError(f"{name} must have shape ({count}, {width}), got {array.shape}")
+    if np.isinf(array).any():
+        raise DataError(f"{name} must be finite (nan where not measured), got an infinite number")
+    return _read_only(array)
+
+
+def _texts(
+    values: Sequence[str] | npt.NDArray[np.str_] | None, count: int, default: str, name: str
+) -> npt.NDArray[np.str_]:
+    array = np.full(count, default) if values is None else np.asarray(values)
+    if array.shape != (count,) or array.dtype.kind not in "UO":
+        raise ValueError(
+            f"{name} must hold text and have shape ({count},), got {array.dtype} of shape"
+            f" {array.shape}"
+        )
+    return _read_only(array.astype(np.str_))

@@ -1,0 +1,137 @@
+"""A data set as a folder: `dataset.yaml` beside `samples.csv`."""
+
+import hashlib
+import shutil
+import uuid
+from os import PathLike
+from pathlib import Path
+
+from nico_selfmodel.dataset.dataset import Dataset
+from nico_selfmodel.dataset.metadata_file import metadata_text, read_metadata
+from nico_selfmodel.dataset.row_checks import check_plausible
+from nico_selfmodel.dataset.samples_file import read_samples, samples_text
+from nico_selfmodel.errors import DataError
+
+METADATA_NAME = "dataset.yaml"
+SAMPLES_NAME = "samples.csv"
+
+
+def load_dataset(folder: str | PathLike[str]) -> Dataset:
+    """Read a data set from its folder.
+
+    Args:
+        folder: The folder, with `dataset.yaml` and `samples.csv`.
+
+    Returns:
+        The data set.
+
+    Raises:
+        DataError: If anything is missing or not valid, or the data cannot be what they say (see
+            `row_checks.check_plausible`); names file, line and column.
+
+    Warns:
+        UserWarning: If a column that nobody reads looks like a misspelt one.
+    """
+    folder = Path(folder)
+    if not folder.is_dir():
+        found = "it is a file" if folder.exists() else "there is no such folder"
+        raise DataError(
+            f"{folder}: {found}; a data set is a folder with {METADATA_NAME} and {SAMPLES_NAME}"
+        )
+    for name in (METADATA_NAME, SAMPLES_NAME):
+        if not (folder / name).is_file():
+            raise DataError(f"{folder}: {name} is missing; it is half of a data set")
+    metadata = read_metadata(folder / METADATA_NAME)
+    table_path = folder / SAMPLES_NAME
+    columns = read_samples(table_path, [joint.name for joint in metadata["joints"]])
+    try:
+        dataset = Dataset(**metadata, **columns)
+    except (ValueError, DataError) as error:
+        raise DataError(f"{folder}: {error}") from None
+    check_plausible(dataset, str(table_path))
+    return dataset
+
+
+def save_dataset(dataset: Dataset, folder: str | PathLike[str], force: bool = False) -> None:
+    """Write a data set to a folder, whole or not at all.
+
+    The same data set gives the same bytes.
+
+    Args:
+        dataset: The data.
+        folder: The folder to make; its parents are made too.
+        force: Replace the data set in an existing folder; other files in it are kept.
+
+    Raises:
+        DataError: If the folder exists (without `force`) or holds no data set, cannot be written,
+            or the data could not be loaded again.
+        ValueError: If `cameras` holds something that is not plain data.
+    """
+    folder = Path(folder).resolve()
+    _check_target(folder, force)
+    check_plausible(dataset, str(folder))
+    texts = {METADATA_NAME: metadata_text(dataset), SAMPLES_NAME: samples_text(dataset)}
+    try:
+        _write_whole(folder, texts)
+    except OSError as error:
+        which = f" ({error.filename})" if error.filename else ""
+        raise DataError(f"{folder}: cannot be written: {error.strerror or error}{which}") from error
+
+
+def content_hash(dataset: Dataset) -> str:
+    """Return the SHA-256 of the two files that `save_dataset` would write.
+
+    Args:
+        dataset: The data.
+
+    Returns:
+        64 hexadecimal digits.
+    """
+    texts = (metadata_text(dataset), samples_text(dataset))
+    return hashlib.sha256("\0".join(texts).encode()).hexdigest()
+
+
+def _check_target(folder: Path, force: bool) -> None:
+    if not folder.exists():
+        return
+    if not folder.is_dir():
+        raise DataError(f"{folder}: a file of this name exists; choose another name")
+    if not force:
+        raise DataError(
+            f"{folder}: the folder exists; choose another name or ask to replace it (force)"
+        )
+    if not (folder / METADATA_NAME).is_file() and any(folder.iterdir()):
+        raise DataError(
+            f"{folder}: the folder exists and holds something that is not a data set; it is not"
+            " replaced, choose another name"
+        )
+
+
+def _write_whole(folder: Path, texts: dict[str, str]) -> None:
+    folder.parent.mkdir(parents=True, exist_ok=True)
+    fresh = folder.with_name(f".{folder.name}.{uuid.uuid4().hex}")
+    fresh.mkdir()
+    try:
+        for name, text in texts.items():
+            (fresh / name).write_bytes(text.encode())
+        _put_in_place(fresh, folder)
+    except BaseException:
+        shutil.rmtree(fresh, ignore_errors=True)
+        raise
+
+
+def _put_in_place(fresh: Path, folder: Path) -> None:
+    if not folder.exists():
+        fresh.rename(folder)
+        return
+    old = folder.with_name(f"{fresh.name}.old")
+    folder.rename(old)
+    try:
+        fresh.rename(folder)
+    except BaseException:
+        old.rename(folder)
+        raise
+    for other in old.iterdir():
+        if not (folder / other.name).exists():
+            other.rename(folder / other.name)
+    shutil.rmtree(old)

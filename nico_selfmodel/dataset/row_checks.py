@@ -1,0 +1,197 @@
+"""What the rows of a data set must satisfy, wherever they come from."""
+
+from collections.abc import Callable, Sequence
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+import numpy.typing as npt
+
+from nico_selfmodel.dataset.joint_info import HOME, JointInfo, check_label
+from nico_selfmodel.errors import DataError
+
+if TYPE_CHECKING:
+    from nico_selfmodel.dataset.dataset import Dataset
+
+# An arm whose measured points lie further apart than this was not measured in metres.
+_MAX_SPREAD_M = 20.0
+POINT_COLUMNS = ("x_m", "y_m", "z_m")
+PIXEL_COLUMNS = ("left_u", "left_v", "right_u", "right_v")
+
+Place = Callable[[int, str | None], str]
+"""Says where a row (and column) is: the line of a file, or the index of a row."""
+
+
+def row_place(row: int, column: str | None = None) -> str:
+    """Return the place of a row that is not in a file.
+
+    Args:
+        row: Index of the row.
+        column: Column of the cell, if one is meant.
+
+    Returns:
+        The place, for a message.
+    """
+    return f"row {row}" if column is None else f"row {row}, column {column!r}"
+
+
+def check_rows(columns: dict[str, Any], joint_names: Sequence[str], where: Place) -> None:
+    """Check that the rows of a data set do not contradict each other.
+
+    Args:
+        columns: Arrays `sample`, `sweep`, `marker`, `mirror`, `encoders`, `p_WH_measured` and
+            `pixels` of a `Dataset`.
+        joint_names: Names of the joints.
+        where: Says where a row is.
+
+    Raises:
+        DataError: If a name is not valid, a sweep names no joint, a cell is missing in a point, a
+            row appears twice, or the rows of one sample differ in encoders or sweep.
+    """
+    for key in ("marker", "mirror"):
+        _check_labels(columns[key], key, where)
+    _check_sweep_names(columns["sweep"], joint_names, where)
+    _check_whole(columns["p_WH_measured"], POINT_COLUMNS, where)
+    _check_whole(columns["pixels"][:, :2], PIXEL_COLUMNS[:2], where)
+    _check_whole(columns["pixels"][:, 2:], PIXEL_COLUMNS[2:], where)
+    _check_no_duplicates(columns["sample"], columns["marker"], columns["mirror"], where)
+    _check_one_pose_per_sample(columns, joint_names, where)
+
+
+def _check_labels(labels: npt.NDArray[np.str_], key: str, where: Place) -> None:
+    for row, label in enumerate(labels.tolist()):
+        try:
+            if label or key == "marker":
+                check_label(label, f"a {key}")
+        except ValueError as error:
+            raise DataError(f"{where(row, key)}: {error}") from None
+
+
+def _check_sweep_names(
+    sweep: npt.NDArray[np.str_], joint_names: Sequence[str], where: Place
+) -> None:
+    valid = ["", HOME, *joint_names]
+    bad = np.flatnonzero(~np.isin(sweep, valid))
+    if bad.size:
+        raise DataError(
+            f"{where(int(bad[0]), 'sweep')}: there is no joint {str(sweep[bad[0]])!r}; joints are"
+            f" {', '.join(joint_names)}; '{HOME}' marks the shared home pose, an empty cell a"
+            " free pose"
+        )
+
+
+def _check_whole(values: npt.NDArray[np.float64], names: Sequence[str], where: Place) -> None:
+    empty = np.isnan(values)
+    partial = np.flatnonzero(empty.any(axis=1) & ~empty.all(axis=1))
+    if partial.size:
+        row = int(partial[0])
+        missing = names[int(np.flatnonzero(empty[row])[0])]
+        raise DataError(
+            f"{where(row, missing)}: the cell is empty but others of {', '.join(names)} are not;"
+            " fill all of them, or none where it was not measured"
+        )
+
+
+def _check_no_duplicates(
+    sample: npt.NDArray[np.int64],
+    marker: npt.NDArray[np.str_],
+    mirror: npt.NDArray[np.str_],
+    where: Place,
+) -> None:
+    first: dict[tuple[int, str, str], int] = {}
+    for row, key in enumerate(zip(sample.tolist(), marker.tolist(), mirror.tolist(), strict=True)):
+        if key in first:
+            reflected = f" in mirror {key[2]!r}" if key[2] else ""
+            earlier = _short(where(first[key], None))
+            raise DataError(
+                f"{where(row, 'sample')}: sample {key[0]} with marker {key[1]!r}{reflected}"
+                f" is already in {earlier}; give each pose its own sample number"
+            )
+        first[key] = row
+
+
+def _check_one_pose_per_sample(
+    columns: dict[str, Any], joint_names: Sequence[str], where: Place
+) -> None:
+    sample, encoders, sweep = columns["sample"], columns["encoders"], columns["sweep"]
+    _, first, inverse = np.unique(sample, return_index=True, return_inverse=True)
+    first_row = first[inverse]
+    differs = encoders != encoders[first_row]
+    if differs.any():
+        row, joint = (int(i) for i in np.argwhere(differs)[0])
+        here, earlier = (float(encoders[k, joint]) for k in (row, first_row[row]))
+        raise DataError(
+            f"{where(row, f'encoder.{joint_names[joint]}')}: sample {sample[row]} has reading"
+            f" {here!r} here and {earlier!r} in {_short(where(int(first_row[row]), None))}; all"
+            " markers of one sample share one pose"
+        )
+    differs = np.flatnonzero(sweep != sweep[first_row])
+    if differs.size:
+        row = int(differs[0])
+        here, earlier = (str(sweep[k]) for k in (row, first_row[row]))
+        raise DataError(
+            f"{where(row, 'sweep')}: sample {sample[row]} has sweep {here!r} here and"
+            f" {earlier!r} in {_short(where(int(first_row[row]), None))}"
+        )
+
+
+def _short(place: str) -> str:
+    """Return the last part of a place, for a second row in the same message."""
+    return place.rpartition(", ")[2]
+
+
+def check_plausible(dataset: "Dataset", place: str) -> None:
+    """Refuse data that are well formed but cannot be what they say.
+
+    Args:
+        dataset: The data.
+        place: The file, for messages.
+
+    Raises:
+        DataError: If nothing was measured, points spread over more than 20 m, a sweep did not
+            move its joint, or moved another joint more.
+    """
+    seen = dataset.measured
+    if not seen.any() and np.isnan(dataset.pixels).all():
+        raise DataError(
+            f"{place}: nothing was measured: no row has {', '.join(POINT_COLUMNS)} or"
+            f" {', '.join(PIXEL_COLUMNS)}"
+        )
+    points = dataset.p_WH_measured[seen]
+    if len(points):
+        spread = np.linalg.norm(points - np.median(points, axis=0), axis=1).max()
+        if spread > _MAX_SPREAD_M:
+            raise DataError(
+                f"{place}: points spread over {spread:.4g} m: were millimetres given as metres?"
+                f" {', '.join(POINT_COLUMNS)} are metres"
+            )
+    for joint in range(len(dataset.joints)):
+        _check_sweep_moved(dataset, joint, place)
+
+
+def _check_sweep_moved(dataset: "Dataset", joint: int, place: str) -> None:
+    name = dataset.joints[joint].name
+    marked = dataset.sweep == name
+    rows = marked | (dataset.sweep == HOME)
+    # One pose alone, left over from a split, shows no motion and claims none.
+    if not marked.any() or np.unique(dataset.sample[rows]).size < 2:
+        return
+    span = np.ptp(dataset.encoders[rows], axis=0)
+    if span[joint] == 0.0:
+        raise DataError(
+            f"{place}: the sweep of joint {name!r} did not move it: encoder.{name} is"
+            f" {float(dataset.encoders[rows][0, joint])!r} in all its {int(marked.sum())} rows;"
+            " check the sweep column and the encoder"
+        )
+    radians = span * [info.radians_per_unit for info in dataset.joints]
+    other = int(np.argmax(radians))
+    if radians[other] > radians[joint] + _still_rad(dataset.joints[other]):
+        raise DataError(
+            f"{place}: in the sweep of joint {name!r} joint {dataset.joints[other].name!r} moved"
+            f" more: {np.degrees(radians[other]):.4g} degrees at its encoder against"
+            f" {np.degrees(radians[joint]):.4g}; check the sweep column, and that the"
+            f" '{HOME}' rows have the posture of the sweeps"
+        )
+
+
+def _still_rad(info: JointInfo) -> float:
+    return info.still_tolerance * info.radians_per_unit

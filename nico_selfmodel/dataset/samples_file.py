@@ -1,0 +1,120 @@
+"""samples.csv: one row per pose and tracked point."""
+
+import math
+import warnings
+from collections.abc import Iterable, Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from nico_selfmodel.dataset.csv_table import CsvTable
+from nico_selfmodel.dataset.dataset import DEFAULT_MARKER, Dataset
+from nico_selfmodel.dataset.row_checks import PIXEL_COLUMNS, POINT_COLUMNS, check_rows
+from nico_selfmodel.dataset.yaml_mapping import did_you_mean
+
+_OPTIONAL = ("sweep", "marker", "mirror", *POINT_COLUMNS, *PIXEL_COLUMNS)
+
+
+def read_samples(path: Path, joint_names: Sequence[str]) -> dict[str, Any]:
+    """Read and check the table of a data set.
+
+    Args:
+        path: The file.
+        joint_names: Joints that the table must have readings of.
+
+    Returns:
+        The array fields and `extra` of a `Dataset`, by name.
+
+    Raises:
+        DataError: If a column is missing, a cell is not valid, or rows contradict each other.
+
+    Warns:
+        UserWarning: If a column that nobody reads looks like a misspelt one.
+    """
+    table = CsvTable.read(path)
+    known = ("sample", *_OPTIONAL, *(f"encoder.{name}" for name in joint_names))
+    for name in known:
+        if name not in _OPTIONAL:
+            table.cells(name)
+    extra = {name: cells for name, cells in table.columns.items() if name not in known}
+    marker = _texts(table, "marker")
+    columns = {
+        "sample": table.integers("sample"),
+        "sweep": _texts(table, "sweep"),
+        "marker": np.where(marker == "", DEFAULT_MARKER, marker),
+        "mirror": _texts(table, "mirror"),
+        "encoders": np.column_stack([table.numbers(f"encoder.{name}") for name in joint_names]),
+        "p_WH_measured": _numbers(table, POINT_COLUMNS),
+        "pixels": np.hstack(
+            [_numbers(table, PIXEL_COLUMNS[:2]), _numbers(table, PIXEL_COLUMNS[2:])]
+        ),
+    }
+    _warn_of_misspelt(table, extra)
+    check_rows(columns, joint_names, table.where)
+    return {**columns, "extra": extra}
+
+
+def samples_text(dataset: Dataset) -> str:
+    """Return the table of a data set as text; floats are written so that they read back exactly.
+
+    Columns in which no row has anything are left out.
+
+    Args:
+        dataset: The data.
+
+    Returns:
+        Contents of `samples.csv`.
+    """
+    columns: dict[str, Iterable[str]] = {
+        "sample": [str(number) for number in dataset.sample.tolist()],
+        "sweep": dataset.sweep.tolist(),
+        "marker": dataset.marker.tolist(),
+    }
+    if (dataset.mirror != "").any():
+        columns["mirror"] = dataset.mirror.tolist()
+    for name, readings in zip(dataset.joint_names, dataset.encoders.T, strict=True):
+        columns[f"encoder.{name}"] = _cells(readings)
+    for names, values in (
+        (POINT_COLUMNS, dataset.p_WH_measured),
+        (PIXEL_COLUMNS[:2], dataset.pixels[:, :2]),
+        (PIXEL_COLUMNS[2:], dataset.pixels[:, 2:]),
+    ):
+        if np.isfinite(values).any():
+            columns.update(zip(names, map(_cells, values.T), strict=True))
+    columns.update(dataset.extra)
+    rows = [list(columns), *zip(*columns.values(), strict=True)]
+    return "".join(",".join(map(_quoted, row)) + "\n" for row in rows)
+
+
+def _texts(table: CsvTable, column: str) -> npt.NDArray[np.str_]:
+    if column in table.columns:
+        return table.texts(column)
+    return np.full(len(table), "")
+
+
+def _numbers(table: CsvTable, names: Sequence[str]) -> npt.NDArray[np.float64]:
+    # One of the columns asks for its fellows: half a point is a mistake.
+    if not any(name in table.columns for name in names):
+        return np.full((len(table), len(names)), np.nan)
+    return np.column_stack([table.numbers(name, empty_allowed=True) for name in names])
+
+
+def _warn_of_misspelt(table: CsvTable, extra: Iterable[str]) -> None:
+    absent = [name for name in _OPTIONAL if name not in table.columns]
+    for name in extra:
+        hint = did_you_mean(name, absent, likeness=0.8)
+        if hint:
+            warnings.warn(f"{table.path}: column {name!r} is kept but not used{hint}", stacklevel=5)
+
+
+def _cells(values: npt.NDArray[np.float64]) -> list[str]:
+    return ["" if math.isnan(value) else repr(value) for value in values.tolist()]
+
+
+def _quoted(cell: str) -> str:
+    # The csv module leaves a lone carriage return unquoted, which then reads as a line end.
+    if any(character in cell for character in ',"\r\n'):
+        return '"' + cell.replace('"', '""') + '"'
+    return cell

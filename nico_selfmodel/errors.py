@@ -1,0 +1,57 @@
+"""The exceptions of nico_selfmodel, one tree.
+
+A message says what was got, what was expected and what to do. A failure that came after part of
+the work was done carries that part in `partial`.
+"""
+
+from typing import Any
+
+
+class SelfModelError(Exception):
+    """Root of every error that this package raises on purpose.
+
+    Attributes:
+        partial: What had been worked out before the failure, or None.
+    """
+
+    def __init__(self, message: str, *, partial: Any = None) -> None:
+        """Store the message and the partial result.
+
+        Args:
+            message: What was got, what was expected, what to do.
+            partial: What had been worked out before the failure.
+        """
+        super().__init__(message)
+        self.partial = partial
+
+
+class ModelError(SelfModelError):
+    """A self-model, or a file that should hold one, is not valid."""
+
+
+class DataError(SelfModelError):
+    """A data set, or a file that should hold one, is not valid."""
+
+
+class EstimationError(SelfModelError):
+    """An estimate could not be made from valid data."""
+
+
+class NotIdentifiableError(EstimationError):
+    """The data cannot determine what was asked for."""
+
+
+class NotConvergedError(EstimationError):
+    """A solver stopped before it reached a minimum."""
+
+
+class RobotError(SelfModelError, ConnectionError):
+    """The robot, or the way to it, failed."""
+
+
+class BusError(RobotError):
+    """The servo bus failed: port, timing or checksum."""
+
+
+class ServoFault(RobotError):
+    """A servo reported a fault of its own."""

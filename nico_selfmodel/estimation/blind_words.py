@@ -1,0 +1,54 @@
+"""Blind directions in words, with what would cure them."""
+
+from nico_selfmodel.optimization import BlindDirection
+
+_MEANING = {
+    "D": "offset along its axis",
+    "theta_offset": "encoder zero",
+    "r": "link length",
+    "alpha": "twist to the next axis",
+    "beta": "second twist to the next axis",
+    "gear": "gear",
+}
+
+_CURE = {
+    "gear": "move {joint} through a wider range, with the tracked point off its axis",
+    "theta_offset": "track a point further from the axis of {joint}, and pin `{name}` if it was "
+    "freed by hand",
+    "alpha": "track a second point, or pin `{name}`",
+    "beta": "pin `{name}`, unless the axes at {joint} are nearly parallel",
+    "D": "move the joints next to {joint} further, or pin `{name}`",
+    "r": "move the joints next to {joint} further, or pin `{name}`",
+}
+
+
+def describe_blind(direction: BlindDirection) -> str:
+    """Say in a sentence which parameters a direction joins and what would cure it.
+
+    Args:
+        direction: A direction that the data do not determine.
+
+    Returns:
+        For example "right_elbow.gear (gear) cannot be told from ...: move right_elbow ...".
+    """
+    first, *others = direction.names
+    words = f"`{first}` ({_meaning(first)})"
+    if others:
+        words += " cannot be told from " + ", ".join(f"`{name}`" for name in others)
+    else:
+        words += " has no effect on what was measured"
+    return f"{words}: {_cure(first)}"
+
+
+def _meaning(name: str) -> str:
+    joint, _, part = name.rpartition(".")
+    if name.startswith("M0."):
+        return "base of the chain"
+    return _MEANING[part] if part in _MEANING else f"{joint.replace('hand.', 'point ')}"
+
+
+def _cure(name: str) -> str:
+    joint, _, part = name.rpartition(".")
+    if part in _CURE and joint != "M0":
+        return _CURE[part].format(joint=joint, name=name)
+    return f"record poses that spread further over the workspace, or pin `{name}`"

@@ -1,0 +1,125 @@
+"""Errors of predicted points, and what is said of them."""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from nico_selfmodel.dataset import Dataset
+from nico_selfmodel.errors import DataError
+from nico_selfmodel.estimation.observations import Observations
+from nico_selfmodel.model import SelfModel
+
+
+@dataclass(frozen=True, eq=False)
+class ErrorStatistics:
+    """Statistics of Euclidean distances between predicted and measured points."""
+
+    n: int
+    """Number of points."""
+    mean: float
+    """[m]."""
+    sd: float
+    """Standard deviation of the distances [m]."""
+    rms: float
+    """Root of the mean squared distance [m]."""
+    median: float
+    """[m]."""
+    p95: float
+    """95th percentile [m]."""
+    max: float
+    """[m]."""
+
+    @classmethod
+    def from_distances(cls, distances: NDArray) -> "ErrorStatistics":
+        """Summarise distances [m]. Shape (N,), N >= 1."""
+        d = np.asarray(distances, dtype=float)
+        return cls(
+            len(d),
+            float(d.mean()),
+            float(d.std(ddof=1)) if len(d) > 1 else 0.0,
+            float(np.sqrt(np.mean(d * d))),
+            float(np.median(d)),
+            float(np.percentile(d, 95.0)),
+            float(d.max()),
+        )
+
+    def as_mm(self) -> dict[str, float]:
+        """Return the statistics in millimetres, keyed as in `result.json`."""
+        names = ("mean", "sd", "rms", "median", "p95", "max")
+        return {name: 1e3 * getattr(self, name) for name in names}
+
+
+@dataclass(frozen=True, eq=False)
+class Evaluation:
+    """A self-model held against measured points."""
+
+    observations: Observations
+    """What was measured."""
+    p_WH_predicted: NDArray
+    """What the model says [m]. Shape (N, 3)."""
+
+    @property
+    def residuals(self) -> NDArray:
+        """Measured minus predicted [m]. Shape (N, 3)."""
+        return self.observations.p_WH - self.p_WH_predicted
+
+    @property
+    def distances(self) -> NDArray:
+        """Euclidean errors [m]. Shape (N,)."""
+        return np.linalg.norm(self.residuals, axis=1)
+
+    @property
+    def statistics(self) -> ErrorStatistics:
+        """Summary of `distances`."""
+        return ErrorStatistics.from_distances(self.distances)
+
+
+def evaluate(model: SelfModel, dataset: Dataset) -> Evaluation:
+    """Hold a self-model against a data set.
+
+    Args:
+        model: The self-model.
+        dataset: Encoder readings and measured points, of the same joints in any order.
+
+    Returns:
+        Predictions beside measurements.
+
+    Raises:
+        DataError: If joints, units or markers differ, or nothing was measured.
+    """
+    columns = _columns_of(model, dataset)
+    _check_units(model, dataset)
+    unknown = [m for m in dataset.markers if m not in model.markers]
+    if unknown:
+        raise DataError(
+            f"data set {dataset.name!r} tracks {', '.join(unknown)}, which the self-model does not "
+            f"know; it knows {', '.join(model.markers)}"
+        )
+    observations = Observations.from_dataset(dataset, model.markers)
+    readings = dataset.encoders[observations.rows][:, columns]
+    prediction = model.predict(readings, observations.marker)
+    return Evaluation(observations, prediction.p_WH)
+
+
+def _columns_of(model: SelfModel, dataset: Dataset) -> list[int]:
+    if set(model.joints) != set(dataset.joint_names):
+        raise DataError(
+            f"data set {dataset.name!r} has the joints {', '.join(dataset.joint_names)}, the "
+            f"self-model {', '.join(model.joints)}: they must be the same"
+        )
+    return [dataset.joint_names.index(joint) for joint in model.joints]
+
+
+def _check_units(model: SelfModel, dataset: Dataset) -> None:
+    for joint in dataset.joints:
+        i = model.joints.index(joint.name)
+        expected = (model.servos.unit[i], model.servos.counts_per_turn[i], model.servos.sign[i])
+        got = (joint.encoder_unit, float(joint.counts_per_turn or np.nan), float(joint.sign))
+        same = got[0] == expected[0] and got[2] == expected[2]
+        if not same or (got[0] == "counts" and got[1] != expected[1]):
+            raise DataError(
+                f"joint {joint.name} is read in {got[0]} ({got[1]} a turn, sign {got[2]:+.0f}) in "
+                f"data set {dataset.name!r} but in {expected[0]} ({expected[1]} a turn, sign "
+                f"{expected[2]:+.0f}) in the self-model"
+            )

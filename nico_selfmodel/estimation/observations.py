@@ -1,0 +1,103 @@
+"""Measured points of a data set, in the form that the estimators of the arm work on."""
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from nico_selfmodel.dataset import Dataset
+from nico_selfmodel.errors import DataError
+from nico_selfmodel.model import ServoMap
+
+
+@dataclass(frozen=True, eq=False)
+class Observations:
+    """Rows with a measured point: encoder angles in, position out."""
+
+    joints: tuple[str, ...]
+    """Names from the base outwards. Length n."""
+    markers: tuple[str, ...]
+    """Names of the tracked points. Length m."""
+    angles: NDArray
+    """Encoder angles [rad], with the wiring's sign. Shape (N, n)."""
+    marker: NDArray
+    """Index of each row's tracked point. Shape (N,)."""
+    p_WH: NDArray
+    """Measured points [m]. Shape (N, 3)."""
+    sample: NDArray
+    """Number of the pose of each row. Shape (N,)."""
+    rows: NDArray
+    """Row of the data set behind each row here. Shape (N,)."""
+    units: ServoMap
+    """Units of the encoders, as the data set states them; offset 0 and gear 1."""
+
+    @classmethod
+    def from_dataset(
+        cls, dataset: Dataset, markers: tuple[str, ...] | None = None
+    ) -> "Observations":
+        """Take the rows in which the point itself was measured.
+
+        Args:
+            dataset: The data.
+            markers: Only these tracked points, in this order; all by default.
+
+        Returns:
+            The observations.
+
+        Raises:
+            DataError: If no row has a measured point.
+        """
+        known = markers or tuple(
+            m for m in dataset.markers if (dataset.measured & (dataset.marker == m)).any()
+        )
+        direct = dataset.measured & np.isin(dataset.marker, known)
+        rows = np.flatnonzero(direct)
+        if not rows.size:
+            raise DataError(
+                f"data set {dataset.name!r} has no measured point (x_m, y_m, z_m) of "
+                f"{', '.join(known) or 'any marker'}: kinematics needs positions"
+            )
+        index = {name: i for i, name in enumerate(known)}
+        units = servo_units(dataset)
+        return cls(
+            dataset.joint_names,
+            tuple(known),
+            units.to_radians(dataset.encoders[rows]),
+            np.array([index[name] for name in dataset.marker[rows].tolist()]),
+            dataset.p_WH_measured[rows],
+            dataset.sample[rows],
+            rows,
+            units,
+        )
+
+    def __len__(self) -> int:
+        """Return the number of rows N."""
+        return len(self.rows)
+
+    @property
+    def size(self) -> float:
+        """Size of the workspace: rms distance of the points from their mean [m]."""
+        return float(np.sqrt(np.sum(np.var(self.p_WH, axis=0))))
+
+    def select(self, keep: NDArray) -> "Observations":
+        """Return the chosen rows. `keep` is a boolean mask or an index."""
+        arrays = ("angles", "marker", "p_WH", "sample", "rows")
+        return replace(self, **{name: getattr(self, name)[keep] for name in arrays})
+
+
+def servo_units(dataset: Dataset) -> ServoMap:
+    """Return servos with the units that the data set states, offset 0 and gear 1."""
+    joints = dataset.joints
+    return ServoMap(
+        dataset.joint_names,
+        offset=np.zeros(len(joints)),
+        gear=np.ones(len(joints)),
+        unit=tuple(joint.encoder_unit for joint in joints),
+        counts_per_turn=np.array([joint.counts_per_turn or np.nan for joint in joints]),
+        sign=np.array([float(joint.sign) for joint in joints]),
+    )
+
+
+def gears_known(units: ServoMap) -> NDArray:
+    """Return which joints are read in rad or deg, whose gear is 1 unless freed. Shape (n,)."""
+    return np.array([unit != "counts" for unit in units.unit])

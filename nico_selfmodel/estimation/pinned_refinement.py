@@ -1,0 +1,162 @@
+"""Refinement in Denavit-Hartenberg parameters: any of them pinned or freed; and their uncertainty."""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from nico_selfmodel.estimation.hand_residuals import DhResiduals
+from nico_selfmodel.estimation.observations import Observations
+from nico_selfmodel.estimation.pins import Pins
+from nico_selfmodel.estimation.start_search import LineSolution
+from nico_selfmodel.model import DhParameters
+from nico_selfmodel.optimization import CalibrationProgram, Loss, Uncertainty, solve_robustly
+
+
+@dataclass(frozen=True, eq=False)
+class PinnedSolution:
+    """Named parameters at a solution, with what is known of them."""
+
+    parameters: DhParameters
+    """Table and servos."""
+    free: frozenset[str]
+    """Names that were estimated."""
+    outliers: NDArray
+    """Rows not believed. Boolean, shape (N,)."""
+    uncertainty: Uncertainty | None
+    """Of the free parameters; None where nothing was refined."""
+    noise_sigma: float | None
+    """Standard deviation of a measured coordinate about the model [m]."""
+    converged: bool
+    iterations: int
+    history: tuple[float, ...]
+
+    @classmethod
+    def unrefined(cls, observations: Observations, parameters: DhParameters) -> "PinnedSolution":
+        """Wrap parameters that were not refined, so that nothing is known of their errors."""
+        residuals = parameters.predict(observations.angles, observations.marker)[0]
+        residuals = residuals - observations.p_WH
+        free = frozenset(parameters.names) - parameters.gauge
+        sigma = float(np.sqrt(np.mean(residuals**2)))
+        nothing = np.zeros(len(observations), dtype=bool)
+        return cls(parameters, free, nothing, None, sigma, True, 0, ())
+
+    @classmethod
+    def from_lines(
+        cls,
+        observations: Observations,
+        parameters: DhParameters,
+        lines: LineSolution,
+        sigma: float,
+        gear_pinned: frozenset[str],
+    ) -> "PinnedSolution":
+        """Analyse a solution of the line problem in named parameters.
+
+        Both views hold the same arm, so the covariance needs no conversion: it is that of the
+        named parameters' own Jacobian.
+
+        Args:
+            observations: What was measured.
+            parameters: The solution by name.
+            lines: The solution as lines.
+            sigma: Whitening of the residuals [m].
+            gear_pinned: Gears that were held.
+        """
+        free = frozenset(parameters.names) - parameters.gauge - gear_pinned
+        program = dh_program(observations, parameters, free, sigma)
+        solved = lines.robust
+        weights = (~solved.outliers).astype(float)
+        uncertainty = _uncertainty(program, free, observations, parameters, weights, sigma)
+        return cls(
+            parameters,
+            free,
+            solved.outliers,
+            uncertainty,
+            _noise(uncertainty, solved.scale, sigma),
+            solved.solution.converged,
+            solved.iterations,
+            solved.solution.history,
+        )
+
+
+def refine_pinned(
+    observations: Observations,
+    start: DhParameters,
+    pins: Pins,
+    pin_values: dict[str, float],
+    gear_pinned: frozenset[str],
+    sigma: float,
+    loss: str,
+) -> PinnedSolution:
+    """Refine with parameters pinned or freed by name.
+
+    Args:
+        observations: What was measured.
+        start: The best arm without pins.
+        pins: What to hold and what to let move.
+        pin_values: Values of pins that name none; the start's where missing.
+        gear_pinned: Gears that are held because their encoders already read joint angles.
+        sigma: Whitening of the residuals [m].
+        loss: One of `optimization.robust_solve.ROBUST_METHODS`.
+
+    Returns:
+        The solution.
+    """
+    pinned = (start.gauge | gear_pinned | frozenset(pins.pinned)) - pins.freed
+    free = frozenset(start.names) - pinned
+    program = dh_program(observations, start, free, sigma)
+    for name, value in pins.pinned.items():
+        program.pin(name, pin_values.get(name) if value is None else value)
+    solved = solve_robustly(program, 0, loss)
+    parameters = start.with_values(solved.solution.x)
+    weights = (~solved.outliers).astype(float)
+    uncertainty = _uncertainty(program, free, observations, parameters, weights, sigma)
+    return PinnedSolution(
+        parameters,
+        free,
+        solved.outliers,
+        uncertainty,
+        _noise(uncertainty, solved.scale, sigma),
+        solved.solution.converged,
+        solved.iterations,
+        solved.solution.history,
+    )
+
+
+def dh_program(
+    observations: Observations, parameters: DhParameters, free: frozenset[str], sigma: float
+) -> CalibrationProgram:
+    """Return the program of the named parameters; all but `free` are pinned where they are."""
+    block = DhResiduals(observations, parameters, sigma)
+    program = CalibrationProgram()
+    program.add_variables(block.names, parameters.values)
+    for name in block.names:
+        if name not in free:
+            program.pin(name)
+    program.add_residuals(block)
+    return program
+
+
+def _uncertainty(
+    program: CalibrationProgram,
+    free: frozenset[str],
+    observations: Observations,
+    parameters: DhParameters,
+    weights: NDArray,
+    sigma: float,
+) -> Uncertainty:
+    """Analyse the believed rows at the solution."""
+    names = tuple(name for name in program.names if name in free)
+    program.set_loss(0, Loss(), weights)
+    columns = [program.index(name) for name in names]
+    jacobian = program.whitened_jacobian(parameters.values)[:, columns]
+    residuals = program.residuals(0, parameters.values) * weights
+    natural = DhResiduals(observations, parameters, sigma).natural_scale[columns]
+    return Uncertainty.from_jacobian(
+        names, jacobian, natural, float(np.sum(residuals**2)), 3 * int(weights.sum())
+    )
+
+
+def _noise(uncertainty: Uncertainty, scale: float, sigma: float) -> float:
+    factor = uncertainty.variance_factor
+    return sigma * (float(np.sqrt(factor)) if np.isfinite(factor) else scale)

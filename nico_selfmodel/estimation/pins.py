@@ -1,0 +1,58 @@
+"""What the user holds fixed or lets move: `--pin NAME`, `--pin NAME=VALUE`, `--free NAME`."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from difflib import get_close_matches
+
+from nico_selfmodel.model import DhParameters
+
+
+@dataclass(frozen=True)
+class Pins:
+    """Parameters pinned and freed by name, beyond what is pinned by default."""
+
+    pinned: dict[str, float | None] = field(default_factory=dict)
+    """Name -> value; None keeps the value of the start (the robot's, where one was given)."""
+    freed: frozenset[str] = frozenset()
+    """Names that move although they are pinned by default: gears, gauges."""
+
+    @classmethod
+    def from_text(cls, pin: Sequence[str] = (), free: Sequence[str] = ()) -> "Pins":
+        """Read the command line's words.
+
+        Raises:
+            ValueError: If a value is not a number or a name is both pinned and freed.
+        """
+        pinned: dict[str, float | None] = {}
+        for word in pin:
+            name, equals, value = word.partition("=")
+            try:
+                pinned[name.strip()] = float(value) if equals else None
+            except ValueError as error:
+                raise ValueError(f"--pin {word}: {value!r} is not a number") from error
+        both = set(pinned) & set(free)
+        if both:
+            raise ValueError(f"{', '.join(sorted(both))} cannot be both pinned and freed")
+        return cls(pinned, frozenset(free))
+
+    @property
+    def names(self) -> frozenset[str]:
+        """All names mentioned."""
+        return frozenset(self.pinned) | self.freed
+
+    @property
+    def only_gears(self) -> bool:
+        """Whether the lines can express them: gears let go, or held at the start's value."""
+        return all(name.endswith(".gear") for name in self.names)
+
+    def check(self, parameters: DhParameters) -> None:
+        """Check that all names exist.
+
+        Raises:
+            ValueError: If one does not; the message suggests and lists those there are.
+        """
+        known = parameters.names
+        for name in sorted(self.names - set(known)):
+            close = get_close_matches(name, known, 1)
+            hint = f", did you mean {close[0]}?" if close else ""
+            raise ValueError(f"no parameter {name!r}{hint} There are: {', '.join(known)}")

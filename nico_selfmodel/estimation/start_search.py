@@ -1,0 +1,141 @@
+"""Many starts, one minimum: which starts are tried, which is best, how many agree."""
+
+from collections.abc import Iterable
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from nico_selfmodel.estimation.arm_hypothesis import ArmHypothesis
+from nico_selfmodel.estimation.hand_residuals import LineResiduals
+from nico_selfmodel.estimation.observations import Observations
+from nico_selfmodel.optimization import (
+    CalibrationProgram,
+    Loss,
+    RobustSolution,
+    robust_scale,
+    solve_robustly,
+)
+
+ENOUGH_AGREE = 3
+"""The search ends when this many starts have reached the best minimum."""
+
+
+@dataclass(frozen=True, eq=False)
+class LineSolution:
+    """An arm refined from one start."""
+
+    arm: ArmHypothesis
+    """The arm."""
+    robust: RobustSolution
+    """How it was solved, with its outliers."""
+    residuals: NDArray
+    """Predicted minus measured [m]. Shape (3, N)."""
+
+
+@dataclass(frozen=True, eq=False)
+class StartSearch:
+    """The outcome of trying several starts."""
+
+    best: LineSolution
+    """The best minimum."""
+    best_label: str
+    """Where the best start came from."""
+    labels: tuple[str, ...]
+    """Where each start came from."""
+    scores: NDArray
+    """Cost of each start's minimum on one common scale; the lowest is best. Shape (starts,)."""
+    agreeing: int
+    """How many starts reached the best minimum, the best included."""
+
+
+def refine_lines(
+    observations: Observations,
+    start: ArmHypothesis,
+    pinned_gears: NDArray,
+    sigma: float,
+    loss: str,
+) -> LineSolution:
+    """Refine an arm in the minimal line parameters.
+
+    Args:
+        observations: What was measured.
+        start: Where to start.
+        pinned_gears: Gears that stay at the start's value. Shape (n,).
+        sigma: Whitening of the residuals [m].
+        loss: One of `optimization.robust_solve.ROBUST_METHODS`.
+
+    Returns:
+        The refined arm.
+    """
+    program, block = line_program(observations, start, pinned_gears, sigma)
+    robust = solve_robustly(program, 0, loss)
+    arm = block.hypothesis(robust.solution.x)
+    return LineSolution(arm, robust, sigma * program.residuals(0, robust.solution.x))
+
+
+def line_program(
+    observations: Observations, start: ArmHypothesis, pinned_gears: NDArray, sigma: float
+) -> tuple[CalibrationProgram, LineResiduals]:
+    """Return the program of the lines about a start, and its residual block."""
+    block = LineResiduals(observations, start, sigma)
+    program = CalibrationProgram()
+    program.add_variables(block.names, block.start)
+    for joint, pinned in zip(observations.joints, pinned_gears, strict=True):
+        if pinned:
+            program.pin(f"{joint}.gear")
+        else:
+            program.add_bounds(f"{joint}.gear", 1e-6, np.inf)
+    program.add_residuals(block)
+    return program, block
+
+
+def search_starts(
+    observations: Observations,
+    starts: Iterable[tuple[str, ArmHypothesis]],
+    pinned_gears: NDArray,
+    sigma: float,
+    loss: str,
+) -> StartSearch:
+    """Refine each start, until enough of them agree on the best minimum.
+
+    Args:
+        observations: What was measured.
+        starts: Labelled starts, the most trusted first; at least one.
+        pinned_gears: Gears that stay. Shape (n,).
+        sigma: Whitening of the residuals [m].
+        loss: One of `optimization.robust_solve.ROBUST_METHODS`.
+
+    Returns:
+        The best minimum, and how many starts reached it.
+    """
+    first_pass = "none" if loss == "none" else "cauchy"
+    found: list[tuple[str, LineSolution]] = []
+    for label, start in starts:
+        found.append((label, refine_lines(observations, start, pinned_gears, sigma, first_pass)))
+        scores = _scores([solution for _, solution in found], loss)
+        agree = _agree([solution for _, solution in found], int(np.argmin(scores)))
+        if agree.sum() >= ENOUGH_AGREE:
+            break
+    label, solution = found[int(np.argmax(agree))]
+    if loss != first_pass:
+        solution = refine_lines(observations, solution.arm, pinned_gears, sigma, loss)
+    labels = tuple(name for name, _ in found)
+    return StartSearch(solution, label, labels, scores, int(agree.sum()))
+
+
+def _scores(solutions: list[LineSolution], loss: str) -> NDArray:
+    """Return costs on the scale of the best start, so that they can be compared."""
+    norms = [np.linalg.norm(solution.residuals, axis=0) for solution in solutions]
+    common = Loss("none")
+    if loss != "none":
+        common = Loss("cauchy", max(min(robust_scale(n, 3) for n in norms), 1e-12))
+    return np.array([common.rho_and_weight(n**2, 3)[0].sum() for n in norms])
+
+
+def _agree(solutions: list[LineSolution], best: int) -> NDArray:
+    """Return which solutions predict what the best does, within a fiftieth of the noise."""
+    reference = solutions[best].residuals
+    noise = robust_scale(np.linalg.norm(reference, axis=0), 3)
+    difference = [np.sqrt(np.mean((s.residuals - reference) ** 2)) for s in solutions]
+    return np.array(difference) <= 0.02 * noise + 1e-9

@@ -1,0 +1,116 @@
+"""PASS, FAIL or NOT_EVALUATED, with reasons: whether a calibration may be trusted."""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from nico_selfmodel.estimation.blind_words import describe_blind
+from nico_selfmodel.estimation.kinematics import KinematicCalibration
+
+_SIGNIFICANT = 3.3
+"""Standard scores of a rank test beyond which held-out errors count as larger: one in 2000."""
+_NOTABLE = 1.3
+"""And the ratio of the medians that makes it worth a failure."""
+
+
+@dataclass(frozen=True)
+class Verdict:
+    """Status of a calibration and why."""
+
+    status: str
+    """`PASS`, `FAIL` or `NOT_EVALUATED`."""
+    reasons: tuple[str, ...]
+    """Failed checks, or what was checked."""
+
+
+def judge(calibration: KinematicCalibration, require_test_mm: float | None = None) -> Verdict:
+    """Judge a calibration.
+
+    Args:
+        calibration: What was learned.
+        require_test_mm: Largest mean held-out error allowed [mm].
+
+    Returns:
+        FAIL where a check fails; PASS where held-out data were evaluated and nothing failed;
+        NOT_EVALUATED where nothing was held out.
+    """
+    checks = [
+        _solver_reason(calibration),
+        _starts_reason(calibration),
+        *_blind_reasons(calibration),
+        _held_out_reason(calibration),
+        _bound_reason(calibration, require_test_mm),
+    ]
+    failed = tuple(reason for reason in checks if reason)
+    if failed:
+        return Verdict("FAIL", failed)
+    if calibration.test is None:
+        return Verdict("NOT_EVALUATED", ("nothing was held out: give --test or --test-fraction",))
+    mean = 1e3 * calibration.test.statistics.mean
+    n = calibration.test.statistics.n
+    return Verdict("PASS", (f"{mean:.2f} mm mean error on {n} points that were held out",))
+
+
+def _solver_reason(calibration: KinematicCalibration) -> str | None:
+    if calibration.converged:
+        return None
+    return f"the solver stopped after {calibration.iterations} steps without reaching a minimum"
+
+
+def _starts_reason(calibration: KinematicCalibration) -> str | None:
+    search = calibration.search
+    if search is None or len(search.labels) < 3 or search.agreeing >= 2:
+        return None
+    return (
+        f"only one of {len(search.labels)} starts ({search.best_label}) reached the best minimum: "
+        "it may not be the global one; allow more with --starts, or record more poses"
+    )
+
+
+def _blind_reasons(calibration: KinematicCalibration) -> list[str]:
+    if calibration.uncertainty is None:
+        return []
+    return [describe_blind(direction) for direction in calibration.uncertainty.blind]
+
+
+def _held_out_reason(calibration: KinematicCalibration) -> str | None:
+    expected = calibration.cross_validation
+    if calibration.test is None or len(expected) < 5 or len(calibration.test.distances) < 5:
+        return None
+    found = calibration.test.distances
+    ratio = float(np.median(found) / max(np.median(expected), 1e-12))
+    if rank_score(expected, found) < _SIGNIFICANT or ratio < _NOTABLE:
+        return None
+    return (
+        f"the held-out error (median {1e3 * np.median(found):.2f} mm) is significantly above that "
+        f"of the training poses in cross-validation ({1e3 * np.median(expected):.2f} mm): the "
+        "training poses do not cover where the arm is used, or something moved between recordings"
+    )
+
+
+def _bound_reason(calibration: KinematicCalibration, require_test_mm: float | None) -> str | None:
+    if require_test_mm is None:
+        return None
+    if calibration.test is None:
+        return "--require-test-mm was given but nothing was held out"
+    mean = 1e3 * calibration.test.statistics.mean
+    if mean <= require_test_mm:
+        return None
+    return f"mean held-out error {mean:.3f} mm, required at most {require_test_mm:g} mm"
+
+
+def rank_score(a: NDArray, b: NDArray) -> float:
+    """Return the standard score of b's ranks over a's (Mann and Whitney 1947).
+
+    Args:
+        a: First sample. Shape (n,).
+        b: Second sample. Shape (m,).
+
+    Returns:
+        About standard normal where both come from one distribution; positive where b is larger.
+    """
+    ranks = np.argsort(np.argsort(np.concatenate([a, b]))) + 1.0
+    n, m = len(a), len(b)
+    u = ranks[n:].sum() - 0.5 * m * (m + 1)
+    return float((u - 0.5 * n * m) / np.sqrt(n * m * (n + m + 1) / 12.0))

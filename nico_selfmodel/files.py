@@ -1,0 +1,88 @@
+"""Files and folders that are written whole or not at all."""
+
+import os
+import shutil
+import tempfile
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+
+
+def write_whole(path: str | Path, text: str) -> None:
+    """Write a text file through a temporary sibling, so that a failure leaves the old one.
+
+    Args:
+        path: Where to write; its folder must exist.
+        text: The content, written as UTF-8.
+
+    Raises:
+        OSError: If the folder is missing or cannot be written to.
+    """
+    path = Path(path)
+    handle, temporary = tempfile.mkstemp(prefix=f".{path.name}.", dir=path.parent)
+    try:
+        with os.fdopen(handle, "w", encoding="utf-8", newline="\n") as file:
+            file.write(text)
+        Path(temporary).chmod(0o644)
+        Path(temporary).replace(path)
+    except BaseException:
+        Path(temporary).unlink(missing_ok=True)
+        raise
+
+
+@contextmanager
+def folder_written_whole(path: str | Path, *, force: bool = False) -> Iterator[Path]:
+    """Give a temporary folder that takes its final name when the block ends well.
+
+    Args:
+        path: The final name; folders above it are made.
+        force: Replace an existing folder.
+
+    Yields:
+        A temporary sibling folder to write into.
+
+    Raises:
+        FileExistsError: If `path` exists and `force` is not set.
+        OSError: If the folder above cannot be written to.
+    """
+    path = Path(path)
+    refuse_existing(path, force=force)
+    path.parent.mkdir(parents=True, exist_ok=True)
+    temporary = Path(tempfile.mkdtemp(prefix=f".{path.name}.", dir=path.parent))
+    try:
+        temporary.chmod(0o755)
+        yield temporary
+        _swap(temporary, path)
+    except BaseException:
+        shutil.rmtree(temporary, ignore_errors=True)
+        raise
+
+
+def _swap(new: Path, path: Path) -> None:
+    """Put a folder in the place of another, which comes back if that fails."""
+    if not path.is_dir():
+        new.replace(path)
+        return
+    aside = Path(tempfile.mkdtemp(prefix=f".{path.name}.old.", dir=path.parent))
+    path.replace(aside)
+    try:
+        new.replace(path)
+    except BaseException:
+        aside.replace(path)
+        raise
+    shutil.rmtree(aside, ignore_errors=True)
+
+
+def refuse_existing(path: str | Path, *, force: bool = False) -> None:
+    """Refuse to write over something, before any work is done for it.
+
+    Args:
+        path: The file or folder about to be made.
+        force: Allow it to be replaced.
+
+    Raises:
+        FileExistsError: If it exists and `force` is not set.
+    """
+    path = Path(path)
+    if path.exists() and not force:
+        raise FileExistsError(f"{path} exists already: choose another name or add --force")

@@ -1,0 +1,98 @@
+"""A dense Levenberg-Marquardt iteration on normal equations.
+
+It knows only a function that returns cost, gradient and Gauss-Newton matrix, so that robust
+losses, block structure and constrained steps can be supplied by those who need them.
+"""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+NormalEquations = tuple[float, NDArray, NDArray]
+"""Cost f(x), gradient J'r and Gauss-Newton matrix J'J, with f = |r|^2 / 2."""
+
+
+@dataclass(frozen=True, eq=False)
+class LevenbergMarquardtResult:
+    """Where the iteration stopped, and why."""
+
+    x: NDArray
+    """Best point found. Shape (p,)."""
+    cost: float
+    """Half the sum of squared residuals at `x`."""
+    hessian: NDArray
+    """Gauss-Newton matrix at `x`. Shape (p, p)."""
+    iterations: int
+    """Accepted and refused steps together."""
+    converged: bool
+    """Whether a tolerance, rather than the iteration limit, ended it."""
+    history: tuple[float, ...]
+    """Cost at the start and after each accepted step."""
+
+
+def damped_step(hessian: NDArray, gradient: NDArray, damping: NDArray) -> NDArray | None:
+    """Solve (H + diag(damping)) step = -g; None where the matrix is not positive definite."""
+    damped = hessian.copy()
+    damped.flat[:: len(damped) + 1] += damping
+    try:
+        factor = np.linalg.cholesky(damped)
+    except np.linalg.LinAlgError:
+        return None
+    return -np.linalg.solve(factor.T, np.linalg.solve(factor, gradient))
+
+
+def levenberg_marquardt(
+    evaluate: Callable[[NDArray], NormalEquations],
+    start: NDArray,
+    *,
+    max_iterations: int = 100,
+    tolerance: float = 1e-10,
+    step: Callable[[NDArray, NDArray, NDArray, NDArray], NDArray | None] | None = None,
+) -> LevenbergMarquardtResult:
+    """Minimise a sum of squares from its normal equations.
+
+    Damping is scaled by the largest diagonal seen (Marquardt, as in MINPACK), so the iteration does
+    not depend on units, and follows the gain ratio (Nielsen 1999).
+
+    Args:
+        evaluate: Maps x to (cost, gradient, Gauss-Newton matrix).
+        start: First point. Shape (p,).
+        max_iterations: Limit on evaluated steps.
+        tolerance: Stop when a step is predicted to lower the cost by less than this fraction.
+        step: Replaces `damped_step`, called as (hessian, gradient, damping, x); returns None to
+            ask for more damping. For bounds and linear constraints.
+
+    Returns:
+        The best point. `converged` is False when the limit ended the iteration.
+    """
+    x = np.asarray(start, dtype=float)
+    cost, gradient, hessian = evaluate(x)
+    scale = np.diag(hessian).copy()
+    history, damping, growth = [cost], 1e-4, 2.0
+    for iteration in range(1, max_iterations + 1):
+        floor = np.where(scale > 0.0, scale, 1.0)
+        dx = step(hessian, gradient, damping * floor, x) if step else None
+        if step is None:
+            dx = damped_step(hessian, gradient, damping * floor)
+        if dx is None:
+            damping, growth = damping * growth, 2.0 * growth
+            continue
+        predicted = -(gradient @ dx) - 0.5 * dx @ hessian @ dx
+        if predicted <= tolerance * cost or cost < 1e-30:
+            return LevenbergMarquardtResult(x, cost, hessian, iteration, True, tuple(history))
+        new_cost, new_gradient, new_hessian = evaluate(x + dx)
+        if np.isfinite(new_cost) and new_cost < cost:
+            gain = (cost - new_cost) / predicted
+            damping = max(damping * max(0.1, 1.0 - (2.0 * gain - 1.0) ** 3), 1e-13)
+            growth = 2.0
+            x, cost, gradient, hessian = x + dx, new_cost, new_gradient, new_hessian
+            scale = np.maximum(scale, np.diag(hessian))
+            history.append(cost)
+        else:
+            damping, growth = damping * growth, 2.0 * growth
+            if damping > 1e16:
+                # No step downhill is left that floating point can see.
+                return LevenbergMarquardtResult(x, cost, hessian, iteration, True, tuple(history))
+    return LevenbergMarquardtResult(x, cost, hessian, max_iterations, False, tuple(history))

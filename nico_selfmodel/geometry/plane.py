@@ -1,0 +1,45 @@
+"""Planes n.x + d = 0 fitted to points."""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+
+@dataclass(frozen=True, eq=False)
+class Plane:
+    """A plane n.x + d = 0 with a unit normal."""
+
+    normal: NDArray
+    """Unit normal n. Shape (3,)."""
+    offset: float
+    """d [m]: minus the signed distance of the origin along the normal."""
+
+    @classmethod
+    def from_points(cls, points: ArrayLike) -> "Plane":
+        """Fit the plane that minimises the squared distances to points.
+
+        The normal is the smallest right singular vector of the centred points; the thesis' eq. A.3,
+        which it names for this, defines homogeneous points instead.
+
+        Args:
+            points: Shape (n, 3) with n >= 3.
+
+        Returns:
+            The plane through the centroid.
+
+        Raises:
+            ValueError: If `points` has another shape, or the points are collinear or coincide.
+        """
+        points = np.asarray(points, dtype=float)
+        if points.ndim != 2 or points.shape[1] != 3 or len(points) < 3:
+            raise ValueError(f"points must have shape (n >= 3, 3), got {points.shape}")
+        centroid = points.mean(axis=0)
+        _, values, vt = np.linalg.svd(points - centroid)
+        if values[1] <= 1e-12 * max(values[0], np.abs(centroid).max()):
+            raise ValueError("the points are collinear or coincide: they do not span a plane")
+        return cls(vt[2], float(-vt[2] @ centroid))
+
+    def distance_to(self, points: ArrayLike) -> NDArray:
+        """Return the signed distances of points along the normal [m]. Shape (..., 3) -> (...)."""
+        return np.asarray(points, dtype=float) @ self.normal + self.offset

@@ -1,0 +1,166 @@
+"""Rotations and unit vectors: Rodrigues, logarithm, roll-pitch-yaw, charts of the sphere."""
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+
+def skew(v: ArrayLike) -> NDArray:
+    """Return the matrix of the cross product, `skew(v) @ w == cross(v, w)`.
+
+    Args:
+        v: Vectors. Shape (..., 3).
+
+    Returns:
+        Shape (..., 3, 3).
+    """
+    v = np.asarray(v, dtype=float)
+    out = np.zeros((*v.shape[:-1], 3, 3))
+    out[..., 0, 1], out[..., 0, 2], out[..., 1, 2] = -v[..., 2], v[..., 1], -v[..., 0]
+    return out - np.swapaxes(out, -1, -2)
+
+
+def rotation_about(axis: ArrayLike, angle: ArrayLike) -> NDArray:
+    """Rotate about unit axes, R = I cos q + [d]x sin q + d d' (1 - cos q) (Rodrigues).
+
+    Args:
+        axis: Unit directions d. Shape (..., 3).
+        angle: Angles q [rad], broadcast against the leading shape of `axis`.
+
+    Returns:
+        Rotation matrices. Shape (..., 3, 3).
+    """
+    axis = np.asarray(axis, dtype=float)
+    cosine = np.cos(angle)[..., None, None]
+    sine = np.sin(angle)[..., None, None]
+    outer = axis[..., :, None] * axis[..., None, :]
+    return cosine * np.eye(3) + sine * skew(axis) + (1.0 - cosine) * outer
+
+
+def rotation_vector_of(rotation: ArrayLike) -> NDArray:
+    """Return the rotation vector (axis times angle) of one rotation matrix.
+
+    Args:
+        rotation: Shape (3, 3).
+
+    Returns:
+        Rotation vector with a length in [0, pi] [rad]. Shape (3,).
+    """
+    rotation = np.asarray(rotation, dtype=float)
+    vector = 0.5 * (rotation - rotation.T)[[2, 0, 1], [1, 2, 0]]
+    sine = np.linalg.norm(vector)
+    cosine = 0.5 * (np.trace(rotation) - 1.0)
+    angle = np.arctan2(sine, cosine)
+    if sine > 1e-6:
+        return vector * (angle / sine)
+    if cosine > 0.0:
+        return vector
+    # Near a half turn R + I = 2 d d': take its largest column, the sine's direction as the sign.
+    outer = 0.5 * (rotation + np.eye(3))
+    axis = outer[:, np.argmax(np.diag(outer))]
+    axis = axis / np.linalg.norm(axis)
+    return angle * (-axis if axis @ vector < 0.0 else axis)
+
+
+def rotation_from_vector(vector: ArrayLike) -> NDArray:
+    """Return the rotation matrix of a rotation vector [rad]. Shape (3,) -> (3, 3)."""
+    vector = np.asarray(vector, dtype=float)
+    angle = np.linalg.norm(vector)
+    axis = vector / angle if angle > 0.0 else np.array([0.0, 0.0, 1.0])
+    return rotation_about(axis, angle)
+
+
+def nearest_rotation(matrix: ArrayLike) -> NDArray:
+    """Project a 3 x 3 matrix onto the rotations, U V' with its determinant kept at +1.
+
+    The thesis' eq. A.1-A.2, with the reflection excluded.
+
+    Args:
+        matrix: Shape (3, 3).
+
+    Returns:
+        The rotation nearest in the Frobenius norm. Shape (3, 3).
+    """
+    u, _, vt = np.linalg.svd(np.asarray(matrix, dtype=float))
+    u[:, -1] *= np.sign(np.linalg.det(u @ vt))
+    return u @ vt
+
+
+def rotation_from_rpy(roll: float, pitch: float, yaw: float) -> NDArray:
+    """Return Rz(yaw) Ry(pitch) Rx(roll), URDF's convention [rad]. Shape (3, 3)."""
+    axes = np.eye(3)
+    x, y, z = (rotation_about(a, q) for a, q in zip(axes, (roll, pitch, yaw), strict=True))
+    return z @ y @ x
+
+
+def rpy_of(rotation: ArrayLike) -> NDArray:
+    """Return URDF's roll, pitch, yaw [rad] of a rotation matrix. Shape (3,).
+
+    At a pitch of +-90 deg only roll -+ yaw is defined: roll is then set to zero.
+    """
+    r = np.asarray(rotation, dtype=float)
+    horizontal = np.hypot(r[0, 0], r[1, 0])
+    pitch = np.arctan2(-r[2, 0], horizontal)
+    if horizontal < 1e-10:
+        return np.array([0.0, pitch, np.arctan2(-r[0, 1], r[1, 1])])
+    return np.array([np.arctan2(r[2, 1], r[2, 2]), pitch, np.arctan2(r[1, 0], r[0, 0])])
+
+
+def signed_angle(a: ArrayLike, b: ArrayLike, about: ArrayLike) -> NDArray:
+    """Return the angle from `a` to `b` about a unit axis, atan2(z.(a x b), a.b) [rad].
+
+    The right form of the thesis' eq. 6.9, whose arc sine loses sign and quadrant.
+
+    Args:
+        a: Vectors normal to `about`. Shape (..., 3).
+        b: Vectors normal to `about`. Shape (..., 3).
+        about: Unit axis. Shape (..., 3).
+
+    Returns:
+        Angles in (-pi, pi]. Shape (...).
+    """
+    a, b, about = np.broadcast_arrays(a, b, about)
+    return np.arctan2(np.sum(about * np.cross(a, b), axis=-1), np.sum(a * b, axis=-1))
+
+
+def tangent_basis(direction: ArrayLike) -> NDArray:
+    """Return two unit vectors that make a right-handed frame with each direction.
+
+    Args:
+        direction: Unit vectors d. Shape (..., 3).
+
+    Returns:
+        Columns b1, b2 with b1 x b2 = d. Shape (..., 3, 2).
+    """
+    direction = np.asarray(direction, dtype=float)
+    least = np.eye(3)[np.argmin(np.abs(direction), axis=-1)]
+    first = np.cross(direction, least)
+    first = first / np.linalg.norm(first, axis=-1, keepdims=True)
+    return np.stack([first, np.cross(direction, first)], axis=-1)
+
+
+def move_on_sphere(direction: ArrayLike, step: ArrayLike) -> tuple[NDArray, NDArray]:
+    """Follow great circles: d(t) = d cos|t| + B t sin|t|/|t|, with its derivative.
+
+    Args:
+        direction: Unit vectors d, whose `tangent_basis` is B. Shape (..., 3).
+        step: Chart coordinates t [rad]. Shape (..., 2).
+
+    Returns:
+        The moved unit vectors, shape (..., 3), and their derivatives by t, shape (..., 3, 2).
+    """
+    direction, step = np.asarray(direction, dtype=float), np.asarray(step, dtype=float)
+    basis = tangent_basis(direction)
+    angle = np.linalg.norm(step, axis=-1)
+    sinc = np.sinc(angle / np.pi)
+    # (cos a - sinc a) / a^2, whose limit at zero is -1/3
+    small = angle < 1e-4
+    safe = np.where(small, 1.0, angle)
+    slope = np.where(small, -1.0 / 3.0, (np.cos(safe) - np.sinc(safe / np.pi)) / safe**2)
+    tangent = np.einsum("...ij,...j->...i", basis, step)
+    moved = direction * np.cos(angle)[..., None] + tangent * sinc[..., None]
+    derivative = (
+        sinc[..., None, None] * basis
+        + (slope[..., None] * tangent - sinc[..., None] * direction)[..., :, None]
+        * step[..., None, :]
+    )
+    return moved, derivative

@@ -1,0 +1,42 @@
+"""Rigid transforms as 4 x 4 matrices, stacked along leading axes."""
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+
+def transform(rotation: ArrayLike, translation: ArrayLike) -> NDArray:
+    """Assemble X = [R p; 0 1].
+
+    Args:
+        rotation: Shape (..., 3, 3).
+        translation: Shape (..., 3).
+
+    Returns:
+        Shape (..., 4, 4).
+    """
+    rotation, translation = np.asarray(rotation, dtype=float), np.asarray(translation, dtype=float)
+    lead = np.broadcast_shapes(rotation.shape[:-2], translation.shape[:-1])
+    out = np.zeros((*lead, 4, 4))
+    out[..., :3, :3], out[..., :3, 3], out[..., 3, 3] = rotation, translation, 1.0
+    return out
+
+
+def inverse(x: ArrayLike) -> NDArray:
+    """Invert rigid transforms, X^-1 = [R' -R'p; 0 1]. Shape (..., 4, 4) -> (..., 4, 4)."""
+    x = np.asarray(x, dtype=float)
+    rotation = np.swapaxes(x[..., :3, :3], -1, -2)
+    return transform(rotation, -(rotation @ x[..., :3, 3:])[..., 0])
+
+
+def apply(x: ArrayLike, points: ArrayLike) -> NDArray:
+    """Move points by rigid transforms, p' = R p + t.
+
+    Args:
+        x: Shape (..., 4, 4).
+        points: Shape (..., 3), broadcast against `x`.
+
+    Returns:
+        Shape (..., 3).
+    """
+    x = np.asarray(x, dtype=float)
+    return np.einsum("...ij,...j->...i", x[..., :3, :3], np.asarray(points)) + x[..., :3, 3]

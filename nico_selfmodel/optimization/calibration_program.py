@@ -1,0 +1,273 @@
+"""A MathematicalProgram of named variables and residual blocks with analytic derivatives."""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+from pydrake.autodiffutils import AutoDiffXd, ExtractGradient, ExtractValue, InitializeAutoDiff
+from pydrake.solvers import IpoptSolver, MathematicalProgram, SnoptSolver, SolverOptions
+
+from nico_selfmodel.geometry.levenberg_marquardt import NormalEquations
+from nico_selfmodel.optimization.levenberg_marquardt_solver import (
+    LevenbergMarquardtSolver,
+    bounds_of,
+)
+from nico_selfmodel.optimization.losses import Loss
+from nico_selfmodel.optimization.residual_block import ResidualBlock
+
+SOLVERS = ("lm", "snopt", "ipopt")
+
+
+@dataclass(frozen=True, eq=False)
+class ProgramSolution:
+    """Where a solver stopped."""
+
+    x: NDArray
+    """All decision variables. Shape (p,)."""
+    cost: float
+    """Half the (robust) sum of squares."""
+    converged: bool
+    """Whether the solver reports a minimum."""
+    iterations: int
+    """Of the Levenberg-Marquardt solver; 0 for the others, which do not tell."""
+    history: tuple[float, ...]
+    """Costs after accepted steps."""
+
+
+@dataclass
+class _Term:
+    block: ResidualBlock
+    columns: NDArray
+    loss: Loss
+    weights: NDArray | None
+
+
+class CalibrationProgram:
+    """Named decision variables, pins, bounds, linear constraints, priors and residual blocks.
+
+    `prog` is a genuine MathematicalProgram: SNOPT and IPOPT solve the very same problem as the
+    Levenberg-Marquardt solver. It knows nothing of robots.
+    """
+
+    def __init__(self) -> None:
+        """Start without variables."""
+        self.prog = MathematicalProgram()
+        self._names: list[str] = []
+        self._variables: list[Any] = []
+        self._terms: list[_Term] = []
+        self._priors: list[tuple[int, float, float]] = []
+        self._pins: dict[str, Any] = {}
+        self._cost_added = False
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """Names of the decision variables, in their order."""
+        return tuple(self._names)
+
+    @property
+    def start(self) -> NDArray:
+        """The values from which a solver starts. Shape (p,)."""
+        return self.prog.initial_guess()
+
+    @property
+    def free(self) -> NDArray:
+        """Which variables are not pinned. Boolean, shape (p,)."""
+        lower, upper = bounds_of(self.prog)
+        return lower < upper
+
+    def add_variables(self, names: Sequence[str], start: ArrayLike) -> None:
+        """Add decision variables.
+
+        Args:
+            names: New, unique names.
+            start: Initial values. Shape (len(names),).
+
+        Raises:
+            ValueError: If a name is taken or the start has another length or is not finite.
+        """
+        values = np.asarray(start, dtype=float)
+        if values.shape != (len(names),) or not np.isfinite(values).all():
+            raise ValueError(f"start must be {len(names)} finite numbers, got {values}")
+        taken = set(names) & set(self._names) or len(set(names)) != len(names)
+        if taken:
+            raise ValueError(f"names must be new and unique, got {list(names)}")
+        for name, value in zip(names, values, strict=True):
+            variable = self.prog.NewContinuousVariables(1, name)[0]
+            self.prog.SetInitialGuess(variable, value)
+            self._names.append(name)
+            self._variables.append(variable)
+
+    def index(self, name: str) -> int:
+        """Return the position of a variable.
+
+        Raises:
+            ValueError: If there is none of that name; the message lists those there are.
+        """
+        if name not in self._names:
+            raise ValueError(f"no parameter {name!r}; there are: {', '.join(self._names)}")
+        return self._names.index(name)
+
+    def pin(self, name: str, value: float | None = None) -> None:
+        """Hold a variable at a value, its start if omitted; replaces an earlier pin."""
+        variable = self._variables[self.index(name)]
+        held = self.prog.GetInitialGuess(variable) if value is None else value
+        self.unpin(name)
+        self._pins[name] = self.prog.AddBoundingBoxConstraint(held, held, variable)
+        self.prog.SetInitialGuess(variable, held)
+
+    def unpin(self, name: str) -> None:
+        """Let a variable move again; nothing happens where it was not pinned."""
+        self.index(name)
+        pin = self._pins.pop(name, None)
+        if pin is not None:
+            self.prog.RemoveConstraint(pin)
+
+    def add_bounds(self, name: str, lower: float, upper: float) -> None:
+        """Keep a variable within bounds."""
+        variable = self._variables[self.index(name)]
+        self.prog.AddBoundingBoxConstraint(lower, upper, variable)
+
+    def add_linear_constraint(
+        self, coefficients: Mapping[str, float], lower: float, upper: float
+    ) -> None:
+        """Keep a weighted sum of variables within bounds; equal bounds make an equality."""
+        row = np.array([list(coefficients.values())], dtype=float)
+        variables = np.array([self._variables[self.index(name)] for name in coefficients])
+        if lower == upper:
+            self.prog.AddLinearEqualityConstraint(row, [lower], variables)
+        else:
+            self.prog.AddLinearConstraint(row, [lower], [upper], variables)
+
+    def add_prior(self, name: str, mean: float, sigma: float) -> None:
+        """Add ((x - mean) / sigma)^2 to the sum of squares.
+
+        Raises:
+            ValueError: If sigma is not positive.
+        """
+        if not sigma > 0.0:
+            raise ValueError(f"the sigma of a prior must be positive, got {sigma} for {name}")
+        self._priors.append((self.index(name), float(mean), float(sigma)))
+
+    def add_residuals(self, block: ResidualBlock, loss: Loss | None = None) -> int:
+        """Add a residual block; its variables must exist. Returns its number, for `set_loss`."""
+        columns = np.array([self.index(name) for name in block.names])
+        self._terms.append(_Term(block, columns, loss or Loss(), None))
+        self._add_cost()
+        return len(self._terms) - 1
+
+    def set_loss(self, number: int, loss: Loss, weights: NDArray | None = None) -> None:
+        """Change a block's loss and give its observations weights (0 leaves one out)."""
+        self._terms[number].loss = loss
+        self._terms[number].weights = weights
+
+    def residuals(self, number: int, x: NDArray) -> NDArray:
+        """Return the whitened residuals of a block, without loss or weights. Shape (k, N)."""
+        term = self._terms[number]
+        return term.block.evaluate(np.asarray(x)[term.columns])[0]
+
+    def normal_equations(self, x: NDArray) -> NormalEquations:
+        """Return cost, gradient and Gauss-Newton matrix of the whole (robust) sum of squares.
+
+        f = sum rho(|r|^2) / 2, g = sum w J'r, H = sum w J'J (iteratively reweighted).
+
+        Args:
+            x: All decision variables. Shape (p,).
+
+        Returns:
+            Cost, gradient, shape (p,), and matrix, shape (p, p).
+        """
+        cost, gradient = 0.0, np.zeros(len(x))
+        hessian = np.zeros((len(x), len(x)))
+        for term in self._terms:
+            r, jacobian = term.block.evaluate(x[term.columns])
+            rho, weight = _weigh(term, r)
+            cost += 0.5 * float(rho.sum())
+            root = np.sqrt(weight)
+            flat = (jacobian * root).reshape(len(term.columns), -1)
+            gradient[term.columns] += flat @ (r * root).ravel()
+            hessian[np.ix_(term.columns, term.columns)] += flat @ flat.T
+        for index, mean, sigma in self._priors:
+            z = (x[index] - mean) / sigma
+            cost += 0.5 * z * z
+            gradient[index] += z / sigma
+            hessian[index, index] += sigma**-2
+        return cost, gradient, hessian
+
+    def whitened_jacobian(self, x: NDArray) -> NDArray:
+        """Return the stacked derivatives of all weighted residuals and priors. Shape (m, p)."""
+        rows = []
+        for term in self._terms:
+            r, jacobian = term.block.evaluate(x[term.columns])
+            root = np.sqrt(_weigh(term, r)[1])
+            full = np.zeros((r.size, len(x)))
+            full[:, term.columns] = (jacobian * root).reshape(len(term.columns), -1).T
+            rows.append(full)
+        for index, _, sigma in self._priors:
+            row = np.zeros((1, len(x)))
+            row[0, index] = 1.0 / sigma
+            rows.append(row)
+        return np.vstack(rows)
+
+    def solve(
+        self, solver: str = "lm", *, max_iterations: int = 100, tolerance: float = 1e-10
+    ) -> ProgramSolution:
+        """Minimise from the start, with the losses as they are set.
+
+        Args:
+            solver: `lm`, or `snopt` and `ipopt` as a cross-check of the same program.
+            max_iterations: Limit of the Levenberg-Marquardt solver.
+            tolerance: Smallest predicted relative decrease of the cost worth a step.
+
+        Returns:
+            The solution, converged or not.
+
+        Raises:
+            ValueError: If the solver is unknown.
+        """
+        if solver not in SOLVERS:
+            raise ValueError(f"no solver {solver!r}; there are {', '.join(SOLVERS)}")
+        if solver == "lm":
+            lm = LevenbergMarquardtSolver(self)
+            options = SolverOptions()
+            options.SetOption(lm.solver_id(), "max_iterations", max_iterations)
+            options.SetOption(lm.solver_id(), "tolerance", tolerance)
+            x = lm.Solve(self.prog, None, options).get_x_val()
+            last = lm.last
+            assert last is not None
+            return ProgramSolution(x, last.cost, last.converged, last.iterations, last.history)
+        drake = SnoptSolver() if solver == "snopt" else IpoptSolver()
+        options = SolverOptions()
+        # IPOPT's own 1e-10 asks for more than a quasi-Newton Hessian can give.
+        options.SetOption(IpoptSolver.id(), "tol", 1e-5)
+        options.SetOption(IpoptSolver.id(), "max_iter", 1000)
+        result = drake.Solve(self.prog, self.prog.initial_guess(), options)
+        x = result.get_x_val()
+        cost = self.normal_equations(x)[0]
+        # SNOPT reports success on a NaN cost.
+        return ProgramSolution(x, cost, result.is_success() and bool(np.isfinite(cost)), 0, (cost,))
+
+    def _add_cost(self) -> None:
+        """Give the program its cost once; later blocks are part of the same function."""
+        if self._cost_added:
+            return
+        self._cost_added = True
+
+        def cost(values: NDArray) -> Any:
+            if values.dtype == object and isinstance(values[0], AutoDiffXd):
+                x, slope = ExtractValue(values).ravel(), ExtractGradient(values)
+                f, gradient, _ = self.normal_equations(x)
+                chained = gradient[None, :] @ slope if slope.size else np.zeros((1, 0))
+                return InitializeAutoDiff(np.array([[f]]), chained)[0, 0]
+            return self.normal_equations(np.asarray(values, dtype=float))[0]
+
+        self.prog.AddCost(cost, np.array(self._variables))
+
+
+def _weigh(term: _Term, r: NDArray) -> tuple[NDArray, NDArray]:
+    """Return rho and weight of each observation, with the given weights multiplied in."""
+    rho, weight = term.loss.rho_and_weight(np.sum(r * r, axis=0), len(r))
+    if term.weights is None:
+        return rho, weight
+    return rho * term.weights, weight * term.weights

@@ -1,0 +1,103 @@
+"""How well a solution is known: covariance, correlations, rank, blind directions."""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+BLIND_SIGMA = 0.3
+"""A direction is called blind where its standard deviation exceeds this fraction of the natural
+scale (1 rad, the size of the body, the gear itself): the estimate says nothing then."""
+
+
+@dataclass(frozen=True, eq=False)
+class BlindDirection:
+    """A combination of parameters that the data do not determine."""
+
+    names: tuple[str, ...]
+    """Parameters that take part, the strongest first."""
+    shares: NDArray
+    """Their signed shares, in natural units, of unit length. Shape (len(names),)."""
+    sigma: float
+    """Standard deviation along it, in natural units; inf where nothing determines it."""
+
+
+@dataclass(frozen=True, eq=False)
+class Uncertainty:
+    """Covariance of the free parameters and what it says."""
+
+    names: tuple[str, ...]
+    """Free parameters. Length k."""
+    covariance: NDArray
+    """Of the identifiable part; blind directions are left out of it. Shape (k, k)."""
+    variance_factor: float
+    """s^2, the sum of squared whitened residuals over the redundancy; nan without redundancy."""
+    rank: int
+    """Number of directions that are not blind."""
+    condition: float
+    """Ratio of the largest to the smallest singular value, in natural units."""
+    blind: tuple[BlindDirection, ...]
+    """Blind directions, the worst first."""
+
+    @property
+    def sigma(self) -> NDArray:
+        """Standard deviations of the parameters; inf for those in a blind direction. (k,)."""
+        sigma = np.sqrt(np.maximum(np.diag(self.covariance), 0.0))
+        lost = {name for direction in self.blind for name in direction.names}
+        return np.where([name in lost for name in self.names], np.inf, sigma)
+
+    @property
+    def correlation(self) -> NDArray:
+        """Correlations of the identifiable part. Shape (k, k)."""
+        sigma = np.sqrt(np.maximum(np.diag(self.covariance), np.finfo(float).tiny))
+        return self.covariance / np.outer(sigma, sigma)
+
+    @classmethod
+    def from_jacobian(
+        cls,
+        names: tuple[str, ...],
+        jacobian: NDArray,
+        natural: NDArray,
+        squared_residuals: float,
+        observations: int,
+    ) -> "Uncertainty":
+        """Analyse the whitened Jacobian at a solution, C = s^2 (J'J)^-1.
+
+        Args:
+            names: Free parameters. Length k.
+            jacobian: Derivatives of the whitened residuals. Shape (m, k).
+            natural: Natural scale of each parameter. Shape (k,).
+            squared_residuals: Sum of squared whitened residuals.
+            observations: Number of residuals that carry weight.
+
+        Returns:
+            The uncertainty. Without redundancy s^2 is taken as 1, the sigma assumed beforehand.
+        """
+        redundancy = observations - len(names)
+        factor = squared_residuals / redundancy if redundancy > 0 else np.nan
+        spread = np.sqrt(factor) if redundancy > 0 else 1.0
+        scaled = jacobian * natural
+        # The triangular factor holds all there is to know of a tall matrix.
+        triangle = np.linalg.qr(scaled, mode="r") if len(scaled) > len(names) else scaled
+        _, values, vt = np.linalg.svd(triangle, full_matrices=True)
+        values = np.concatenate([values, np.zeros(len(names) - len(values))])
+        exact = values <= 1e-12 * max(values[0], 1e-300)
+        sigma = np.where(exact, np.inf, spread / np.where(exact, 1.0, values))
+        blind = exact | (sigma > BLIND_SIGMA)
+        kept = vt[~blind] * sigma[~blind, None] * natural
+        directions = [_blind_direction(names, vt[i], float(sigma[i])) for i in np.flatnonzero(blind)]
+        return cls(
+            names,
+            kept.T @ kept,
+            float(factor),
+            int(np.sum(~blind)),
+            float(values[0] / values[-1]) if values[-1] > 0.0 else np.inf,
+            tuple(sorted(directions, key=lambda d: -d.sigma)),
+        )
+
+
+def _blind_direction(names: tuple[str, ...], vector: NDArray, sigma: float) -> BlindDirection:
+    """Name the parameters that carry a null vector."""
+    order = np.argsort(-np.abs(vector))
+    order = order[np.abs(vector[order]) > 0.15]
+    return BlindDirection(tuple(names[i] for i in order), vector[order], sigma)

@@ -1,0 +1,121 @@
+"""What every file of the project keeps to, whatever room it is in."""
+
+import ast
+import re
+import subprocess
+
+import pytest
+
+LONGEST_FILE = 400
+LONGEST_FUNCTION = 60  # with its docstring
+ROOMS_FOR_ANYTHING = {"base", "common", "core", "helper", "helpers", "manager", "util", "utils"}
+
+# A path that only one machine has, or the address of a package registry.
+MACHINE_PATH = re.compile(r"(?<![\w.$}~])/(?:home|root|Users|work|tmp/env)/\w")
+REGISTRY_HOST = re.compile(
+    r"\b(?:pypi\.org|pythonhosted\.org|registry\.npmjs\.org|npmjs\.com|(?:deb|ftp)\.debian\.org)"
+)
+
+
+def public_definitions(tree):
+    """Yield (line, name) of what is public and must be documented, the module first."""
+    yield tree, "the module"
+    stack = [tree]
+    while stack:
+        for node in stack.pop().body:
+            is_class = isinstance(node, ast.ClassDef)
+            if not is_class and not isinstance(node, ast.FunctionDef | ast.AsyncFunctionDef):
+                continue
+            if node.name.startswith("_"):
+                continue
+            yield node, node.name
+            if is_class:
+                stack.append(node)
+
+
+def test_no_file_is_too_long_to_read(sources):
+    lengths = {str(source.path): len(source.text.splitlines()) for source in sources}
+    assert {path: n for path, n in lengths.items() if n > LONGEST_FILE} == {}
+
+
+def test_no_function_is_too_long_to_read(sources):
+    lengths = {
+        f"{source.path}:{function.name}": function.end_lineno - function.lineno + 1
+        for source in sources
+        for function in source.functions()
+    }
+    assert {name: n for name, n in lengths.items() if n > LONGEST_FUNCTION} == {}
+
+
+def test_no_room_is_named_after_nothing(sources):
+    names = {part.removesuffix(".py") for source in sources for part in source.path.parts}
+    assert names & ROOMS_FOR_ANYTHING == set()
+
+
+def test_everything_public_is_documented(sources):
+    undocumented = [
+        f"{source.path}: {name}"
+        for source in sources
+        for node, name in public_definitions(source.tree)
+        if not ast.get_docstring(node)
+    ]
+    assert undocumented == []
+
+
+def test_annotations_are_not_postponed(sources):
+    # Drake's yaml_load_typed cannot read a dataclass whose annotations are text.
+    postponed = [
+        str(source.path)
+        for source in sources
+        for node in ast.walk(source.tree)
+        if isinstance(node, ast.ImportFrom) and node.module == "__future__"
+    ]
+    assert postponed == []
+
+
+@pytest.fixture(scope="module")
+def project_texts(project_root):
+    """Return path -> text of every text file that git knows or would add."""
+    if not (project_root / ".git").exists():
+        pytest.skip("not a git checkout: nothing says which files belong to the project")
+    listed = subprocess.run(
+        ["git", "ls-files", "-z", "--cached", "--others", "--exclude-standard"],
+        cwd=project_root,
+        check=True,
+        capture_output=True,
+        encoding="utf-8",
+    ).stdout
+    texts = {}
+    for name in filter(None, listed.split("\0")):
+        path = project_root / name
+        content = path.read_bytes() if path.is_file() else b"\0"
+        if b"\0" not in content:
+            texts[name] = content.decode("utf-8")
+    assert "pyproject.toml" in texts
+    return texts
+
+
+@pytest.mark.parametrize("pattern", [MACHINE_PATH, REGISTRY_HOST], ids=["path", "registry"])
+def test_no_file_depends_on_one_machine(project_texts, pattern):
+    offences = [
+        f"{name}:{number}: {line.strip()[:80]}"
+        for name, text in project_texts.items()
+        for number, line in enumerate(text.splitlines(), start=1)
+        if pattern.search(line)
+    ]
+    assert offences == []
+
+
+def test_the_patterns_know_a_machine_path_and_a_registry():
+    someone = "/".join(["", "home", "someone", "data"])
+    assert MACHINE_PATH.search(f'open("{someone}")')
+    assert not MACHINE_PATH.search("see docs/work/plan or ~/root/x")
+    assert REGISTRY_HOST.search(".".join(["https://pypi", "org/simple"]))
+
+
+@pytest.mark.parametrize("marker", ["main command", "test command"])
+def test_the_readme_has_one_block_for_each_command(project_root, marker):
+    text = (project_root / "README.md").read_text(encoding="utf-8")
+    blocks = re.findall(rf"^<!-- {marker} -->\n```sh\n(.+?)\n```$", text, re.MULTILINE | re.DOTALL)
+    assert len(blocks) == 1
+    assert blocks[0].startswith("python3 -m venv .venv")

@@ -1,0 +1,121 @@
+"""Which room imports what: the finer half of the import contracts in pyproject.toml.
+
+import-linter sees `pydrake` as one package; here each part of Drake has its room.
+"""
+
+import ast
+import sys
+import tomllib
+
+# What a room may import besides the standard library and the floors below it.
+ALLOWED = {
+    "__init__": set(),
+    "errors": set(),
+    "files": set(),
+    "geometry": {"numpy"},
+    "model": {"numpy", "yaml"},
+    "dataset": {"numpy", "yaml"},
+    "optimization": {
+        "numpy",
+        "pydrake.autodiffutils",
+        "pydrake.common",
+        "pydrake.solvers",
+        "pydrake.symbolic",
+    },
+    "estimation": {"numpy"},
+    "plant": {
+        "numpy",
+        "pydrake.common",
+        "pydrake.geometry",
+        "pydrake.math",
+        "pydrake.multibody",
+    },
+    "vision": {"cv2", "numpy"},
+    "servos": {"numpy", "serial"},
+    "systems": {
+        "numpy",
+        "pydrake.common",
+        "pydrake.geometry",
+        "pydrake.math",
+        "pydrake.multibody",
+        "pydrake.systems",
+    },
+    "viz": {
+        "jinja2",
+        "matplotlib",
+        "meshcat",
+        "numpy",
+        "pydrake.common",
+        "pydrake.geometry",
+        "pydrake.math",
+        "pydrake.perception",
+    },
+    "recording": {"numpy"},
+    "experiments": {"numpy", "pydrake.common", "yaml"},
+    "cli": {"numpy", "rich", "typer"},
+}
+
+
+def imported_modules(tree):
+    """Return (line, dotted module) of every absolute import, wherever in the file it stands."""
+    found = []
+    for node in ast.walk(tree):
+        if isinstance(node, ast.Import):
+            found += [(node.lineno, alias.name) for alias in node.names]
+        elif isinstance(node, ast.ImportFrom) and node.level == 0:
+            if node.module == "pydrake":  # from pydrake import geometry
+                found += [(node.lineno, f"pydrake.{alias.name}") for alias in node.names]
+            else:
+                found.append((node.lineno, node.module))
+    return found
+
+
+def foreign_imports(tree, room):
+    """Return the imports of third-party modules that the room may not use."""
+    ours = sys.stdlib_module_names | {"nico_selfmodel"}
+    return [
+        (line, module)
+        for line, module in imported_modules(tree)
+        if module.split(".")[0] not in ours
+        and not any(module == name or module.startswith(name + ".") for name in ALLOWED[room])
+    ]
+
+
+def test_the_check_itself_tells_one_part_of_drake_from_another():
+    tree = ast.parse(
+        "import os, numpy.linalg\n"
+        "from pydrake.multibody.plant import MultibodyPlant\n"
+        "from pydrake import solvers\n"
+        "def draw():\n"
+        "    from pydrake.all import Meshcat\n"
+    )
+    assert foreign_imports(tree, "plant") == [(3, "pydrake.solvers"), (5, "pydrake.all")]
+    assert foreign_imports(tree, "geometry")[0] == (2, "pydrake.multibody.plant")
+
+
+def test_each_room_imports_only_what_its_floor_allows(sources):
+    offences = [
+        f"{source.path}:{line} imports {module}"
+        for source in sources
+        for line, module in foreign_imports(source.tree, source.room)
+    ]
+    assert offences == []
+
+
+def test_the_table_names_the_rooms_of_the_import_contracts(project_root):
+    config = tomllib.loads((project_root / "pyproject.toml").read_text(encoding="utf-8"))
+    contracts = config["tool"]["importlinter"]["contracts"]
+    (floors,) = [contract for contract in contracts if contract["type"] == "layers"]
+    rooms = {room.strip(" ()") for floor in floors["layers"] for room in floor.split("|")}
+    assert rooms == set(ALLOWED) - {"__init__"}
+
+
+def test_no_room_hides_an_import_from_the_contracts(sources):
+    hidden = [
+        f"{source.path}:{node.lineno}"
+        for source in sources
+        for node in ast.walk(source.tree)
+        if (isinstance(node, ast.Attribute) and node.attr == "import_module")
+        or (isinstance(node, ast.Name) and node.id in {"import_module", "__import__"})
+    ]
+    assert hidden == []
