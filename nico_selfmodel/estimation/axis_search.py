@@ -42,24 +42,23 @@ def random_starts(
         zero: Encoder angles of the zero configuration [rad]. Shape (n,).
         rng: Source of the starts.
         directions: Directions believed, nan where unknown: every second start stays within about
-            25 deg of them. Shape (n, 3).
-        gear: Gears believed, nan where unknown. Shape (n,).
+            25 deg of them, the others ignore them. Shape (n, 3).
+        gear: Gears believed along with them, nan where unknown. Shape (n,).
 
     Yields:
         Arms with all lines, gears and hand points.
     """
     n = len(observations.joints)
     span = np.maximum(np.ptp(observations.angles, axis=0), 1e-9)
-    believed = np.full(n, np.nan) if gear is None else gear
     for count in range(10**9):
         wild = rng.normal(size=(n, 3))
-        if directions is not None and count % 2 == 0:
+        # A joint with an unknown gear is taken to have turned by 20 to 200 degrees.
+        gears = span / np.radians(20.0 * 10.0 ** rng.random(n))
+        if directions is not None and gear is not None and count % 2 == 1:
             near = directions + 0.25 * rng.normal(size=(n, 3))
             wild = np.where(np.isfinite(near), near, wild)
+            gears = np.where(np.isfinite(gear), gear, gears)
         start = wild / np.linalg.norm(wild, axis=1, keepdims=True)
-        # A joint with an unknown gear is taken to have turned by 20 to 200 degrees.
-        guessed = span / np.radians(20.0 * 10.0 ** rng.random(n))
-        gears = np.where(np.isfinite(believed), believed, guessed)
         yield project_variables(
             observations, start, np.where(gear_known, 1.0, gears), gear_known, zero
         )
@@ -182,9 +181,7 @@ class _Projection:
         n, count = len(gear), len(self._observations)
         q = self._moved / gear[:, None]
         p_zero = chain.p_WH_zero[self._observations.marker].T
-        d = hand_derivatives(
-            directions, chain.points, p_zero, q, slopes, tangent_basis(directions)
-        )
+        d = hand_derivatives(directions, chain.points, p_zero, q, slopes, tangent_basis(directions))
         # q = e / G, so dq / d log G = -q
         by_gear = -d.by_angle[:, free] * q[free]
         nonlinear = np.concatenate([d.by_direction.reshape(3, 2 * n, count), by_gear], axis=1)

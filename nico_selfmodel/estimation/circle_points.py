@@ -22,7 +22,9 @@ from nico_selfmodel.model import Chain
 
 LARGEST_AXIS_SIGMA = np.radians(15.0)
 """An axis known worse than this is not used: the joint counts as not analysed."""
-LEAST_SAGITTA = 3.0
+TRUSTED_AXIS_SIGMA = np.radians(5.0)
+"""Axes known better than this narrow the random starts."""
+LEAST_SAGITTA = 2.0
 """Arc height over noise below which a plane is noise (see `Circle.sagitta`)."""
 
 
@@ -53,7 +55,8 @@ class CirclePointAnalysis:
     circles: tuple[SweepCircle, ...]
     """All fitted circles."""
     axis_sigma: NDArray
-    """Standard deviation of each axis' direction [rad]; inf without a usable circle. (n,)."""
+    """Standard deviation of each axis' direction [rad]; inf without a usable circle, nan where no
+    redundant point tells the noise. Shape (n,)."""
     noise: float
     """Root mean square distance of the points to their circles, a coordinate [m]."""
     reasons: tuple[str, ...]
@@ -62,6 +65,11 @@ class CirclePointAnalysis:
     """Axis directions found; nan where not. Shape (n, 3)."""
     gear: NDArray
     """Gears found; nan where not. Shape (n,)."""
+
+    @property
+    def trusted(self) -> NDArray:
+        """Which joints are known well enough to start others from them. Shape (n,)."""
+        return self.axis_sigma < TRUSTED_AXIS_SIGMA
 
 
 def analyse_circle_points(
@@ -148,7 +156,7 @@ def _fit_sweeps(
     gear_known: bool,
     rng: np.random.Generator,
 ) -> list[SweepCircle]:
-    """Fit a circle to each sweep of one joint; sweeps without three different points are skipped."""
+    """Fit a circle to each sweep of a joint; sweeps without three different points are skipped."""
     fits = []
     for sweep in sweeps:
         if sweep.joint != joint or len(sweep.rows) < 3:
@@ -227,7 +235,7 @@ def _combine(fits: list[SweepCircle]) -> tuple[NDArray, NDArray, float]:
     covariance = np.linalg.inv(information)
     t1, t2, s1, s2 = covariance @ right
     direction = d0 + basis @ np.array([t1, t2])
-    noise = _noise_of(fits)
+    noise = _noise_of(fits) if any(len(fit.rows) > 3 for fit in fits) else np.nan
     sigma = noise * np.sqrt(np.linalg.eigvalsh(covariance[:2, :2])[-1])
     point = c0 + basis @ np.array([s1, s2])
     return direction / np.linalg.norm(direction), point, float(sigma)

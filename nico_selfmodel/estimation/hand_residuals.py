@@ -58,12 +58,11 @@ class LineResiduals:
         return np.concatenate([joints.ravel(), np.full(3 * len(chain.markers), size)])
 
     def hypothesis(self, x: NDArray) -> ArmHypothesis:
-        """Return the arm at chart coordinates x."""
+        """Return the arm at chart coordinates x; a negative gear turns its axis round instead."""
         directions, _, points, gear, hands = self._unpack(x)
         directions = directions / np.linalg.norm(directions, axis=1, keepdims=True)
-        chain = replace(
-            self._start.chain, directions=directions, points=points, p_WH_zero=hands
-        )
+        directions, gear = directions * np.sign(gear)[:, None], np.abs(gear)
+        chain = replace(self._start.chain, directions=directions, points=points, p_WH_zero=hands)
         return ArmHypothesis(chain, gear, self._start.zero)
 
     def evaluate(self, x: NDArray) -> tuple[NDArray, NDArray]:
@@ -81,7 +80,7 @@ class LineResiduals:
         by_hand = np.moveaxis(d.by_hand, 1, 0)
         for k, own in enumerate(self._own):
             out[5 * n + 3 * k : 5 * n + 3 * k + 3] = by_hand if own.all() else by_hand * own
-        return (d.p - self._measured) / self._sigma, out / self._sigma
+        return (d.p - self._measured) / self._sigma, out * (1.0 / self._sigma)
 
     def _unpack(self, x: NDArray) -> tuple[NDArray, NDArray, NDArray, NDArray, NDArray]:
         """Return directions, their chart derivatives, points, gears and hand points."""
@@ -93,7 +92,7 @@ class LineResiduals:
 
 
 class DhResiduals:
-    """(predicted - measured) / sigma over Denavit-Hartenberg parameters, for pins in their terms."""
+    """(predicted - measured) / sigma over Denavit-Hartenberg parameters, for pins by name."""
 
     def __init__(self, observations: Observations, start: DhParameters, sigma: float) -> None:
         """Prepare the residuals.

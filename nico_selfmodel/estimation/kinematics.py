@@ -95,7 +95,8 @@ def calibrate_kinematics(
         dataset: Training data.
         method: `refine`, or `circle-points` for the sweeps alone.
         test: Held-out data, for judging only.
-        nominal: The robot as described, for starts, pins and for the zero of its joints.
+        nominal: The robot as described, for pins and the zero of its joints, and as a start where
+            sweeps give none.
         pins: Parameters held or freed by name.
         loss: One of `optimization.robust_solve.ROBUST_METHODS`.
         starts: Random starts allowed beside circle points and the robot.
@@ -122,9 +123,8 @@ def calibrate_kinematics(
         search = None
     else:
         task.require_enough(pins)
-        search = search_starts(
-            task.observations, task.starts(), task.gear_pinned, task.sigma, loss
-        )
+        loss = loss if task.redundant else "none"
+        search = search_starts(task.observations, task.starts(), task.gear_pinned, task.sigma, loss)
         solved = _refined(task, search.best, pins, loss)
     model = _self_model(solved, dataset, name or dataset.name, nominal, method, loss)
     return KinematicCalibration(
@@ -200,20 +200,26 @@ class _Task:
         if self.circles is not None and self.circles.arm is not None:
             trusted += 1
             yield "circle points", self.circles.arm
-        if self.nominal is not None:
+        elif self.nominal is not None:
             placed = nominal_start(self.nominal, self.dataset, self.observations, self.gear_known)
             if placed is not None:
                 trusted += 1
                 yield "robot", _at_zero(placed, self.zero)
+        if trusted and not self.redundant:
+            return
         count = max(self.random_starts, 0) * (1 if trusted else _WITHOUT_SWEEPS)
-        rng = np.random.default_rng((self.seed, 1))
+        directions = gear = None
+        if self.circles is not None and self.circles.trusted.any():
+            trusted_axes = self.circles.trusted
+            directions = np.where(trusted_axes[:, None], self.circles.directions, np.nan)
+            gear = np.where(trusted_axes, self.circles.gear, np.nan)
         wild = random_starts(
             self.observations,
             self.gear_pinned & self.gear_known,
             self.zero,
-            rng,
-            directions=None if self.circles is None else self.circles.directions,
-            gear=None if self.circles is None else self.circles.gear,
+            np.random.default_rng((self.seed, 1)),
+            directions=directions,
+            gear=gear,
         )
         for arm in islice(wild, count if trusted else max(count, 1)):
             yield "random axes", arm
@@ -230,13 +236,29 @@ class _Task:
             np.median(self.observations.angles, axis=0),
         )
 
+    @property
+    def unknowns(self) -> int:
+        """Number of free line parameters."""
+        observations = self.observations
+        n, m = len(observations.joints), len(observations.markers)
+        return 4 * n + 3 * m + int(np.sum(~self.gear_pinned))
+
+    @property
+    def redundant(self) -> bool:
+        """Whether there are twice as many equations as unknowns.
+
+        With fewer, no observation can be told to be wrong, and the lowest of many minima fits the
+        noise: only trusted starts and plain least squares are used then.
+        """
+        return 3 * len(self.observations) >= 2 * self.unknowns
+
     def require_enough(self, pins: Pins) -> None:
         """Check that there are more equations than unknowns, and that joints moved.
 
         Raises:
             DataError: If not.
         """
-        observations, n = self.observations, len(self.observations.joints)
+        observations = self.observations
         still = [
             joint
             for joint, span in zip(
@@ -249,8 +271,7 @@ class _Task:
                 f"{', '.join(still)} never moved in data set {self.dataset.name!r}: move every "
                 "joint of the chain, or leave it out of the data set"
             )
-        unknown = 4 * n + 3 * len(observations.markers) + int(np.sum(~self.gear_pinned))
-        unknown -= sum(not name.endswith(".gear") for name in pins.pinned)
+        unknown = self.unknowns - sum(not name.endswith(".gear") for name in pins.pinned)
         if 3 * len(observations) < unknown:
             raise DataError(
                 f"data set {self.dataset.name!r} has {len(observations)} measured points, which "
@@ -306,9 +327,7 @@ def _refined(task: _Task, best: LineSolution, pins: Pins, loss: str) -> PinnedSo
             task.observations, parameters, best, task.sigma, gear_pinned
         )
     values = _nominal_values(task.nominal, pins)
-    return refine_pinned(
-        task.observations, parameters, pins, values, gear_pinned, task.sigma, loss
-    )
+    return refine_pinned(task.observations, parameters, pins, values, gear_pinned, task.sigma, loss)
 
 
 def _nominal_values(nominal: NominalArm | None, pins: Pins) -> dict[str, float]:

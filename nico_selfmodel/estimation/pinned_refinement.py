@@ -1,4 +1,4 @@
-"""Refinement in Denavit-Hartenberg parameters: any of them pinned or freed; and their uncertainty."""
+"""Refinement in Denavit-Hartenberg parameters, any of them pinned or freed, with uncertainty."""
 
 from dataclasses import dataclass
 

@@ -31,7 +31,9 @@ def result_document(calibration: KinematicCalibration, verdict: Verdict) -> dict
         "cross_validation": _block(calibration.cross_validation),
         "parameters": parameter_table(calibration),
         "not_identifiable": _blind(calibration),
-        "outliers": sorted(set(calibration.train.observations.sample[calibration.outliers].tolist())),
+        "outliers": sorted(
+            set(calibration.train.observations.sample[calibration.outliers].tolist())
+        ),
         "noise_sigma_mm": _finite(calibration.model.noise_sigma, 1e3),
         "starts": None
         if search is None

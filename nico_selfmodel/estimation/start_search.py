@@ -84,8 +84,6 @@ def line_program(
     for joint, pinned in zip(observations.joints, pinned_gears, strict=True):
         if pinned:
             program.pin(f"{joint}.gear")
-        else:
-            program.add_bounds(f"{joint}.gear", 1e-6, np.inf)
     program.add_residuals(block)
     return program, block
 

@@ -55,9 +55,7 @@ def meaningful_parameters(
     return DhParameters(replace(table, theta_zero=theta_zero), replace(servos, offset=offset))
 
 
-def _turn_base(
-    table: DhTable, servos: ServoMap, first_zero: float
-) -> tuple[DhTable, ServoMap]:
+def _turn_base(table: DhTable, servos: ServoMap, first_zero: float) -> tuple[DhTable, ServoMap]:
     """Move the first joint's zero and turn frame 0 with it, which changes no prediction."""
     angle = (first_zero - servos.offset[0]) / servos.gear[0]
     turn = transform(rotation_about(np.array([0.0, 0.0, 1.0]), angle), np.zeros(3))

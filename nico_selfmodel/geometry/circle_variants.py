@@ -33,7 +33,7 @@ def circle_with_angles(
     if np.linalg.matrix_rank(design) < 3:
         raise ValueError("a circle needs at least three different angles")
     center, along, across = np.linalg.lstsq(design, points, rcond=None)[0]
-    radius = 0.5 * (np.linalg.norm(along) + np.linalg.norm(across))
+    radius = 0.5 * float(np.linalg.norm(along) + np.linalg.norm(across))
     normal = np.cross(along, across)
     normal /= np.linalg.norm(normal)
     along -= (along @ normal) * normal
@@ -126,17 +126,22 @@ def _refit_inliers(
 ) -> tuple[Circle, NDArray]:
     """Refit to the points that a first circle explains until the set of them settles."""
     floor = 1e-12 * np.abs(points).max()
-    inliers = np.zeros(len(points), dtype=bool)
-    for _ in range(5):
-        # The median of a Rayleigh variable is 1.1774 sigma; half the points always stay.
-        scale = max(np.median(distances) / 1.1774, floor)
-        chosen = distances <= max(3.5 * scale, float(np.median(distances)))
+    inliers = _inliers(distances, floor)
+    circle = Circle.from_points(points[inliers], sigma=sigma)
+    for _ in range(4):
+        chosen = _inliers(np.linalg.norm(circle.residuals_to(points), axis=1), floor)
         if np.array_equal(chosen, inliers):
             break
         inliers = chosen
         circle = Circle.from_points(points[inliers], sigma=sigma)
-        distances = np.linalg.norm(circle.residuals_to(points), axis=1)
     return circle, inliers
+
+
+def _inliers(distances: NDArray, floor: float) -> NDArray:
+    """Return what lies within 3.5 robust standard deviations; half the points always do."""
+    median = float(np.median(distances))
+    # The median of a Rayleigh variable is 1.1774 sigma.
+    return distances <= max(3.5 / 1.1774 * median, median, floor)
 
 
 def circles_through(triples: NDArray) -> tuple[NDArray, NDArray, NDArray]:

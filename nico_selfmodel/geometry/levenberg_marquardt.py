@@ -48,7 +48,7 @@ def levenberg_marquardt(
     start: NDArray,
     *,
     max_iterations: int = 100,
-    tolerance: float = 1e-10,
+    tolerance: float = 1e-9,
     step: Callable[[NDArray, NDArray, NDArray, NDArray], NDArray | None] | None = None,
 ) -> LevenbergMarquardtResult:
     """Minimise a sum of squares from its normal equations.

@@ -125,6 +125,8 @@ def signed_angle(a: ArrayLike, b: ArrayLike, about: ArrayLike) -> NDArray:
 def tangent_basis(direction: ArrayLike) -> NDArray:
     """Return two unit vectors that make a right-handed frame with each direction.
 
+    Duff et al. 2017, "Building an orthonormal basis, revisited": no branch, no division by zero.
+
     Args:
         direction: Unit vectors d. Shape (..., 3).
 
@@ -132,10 +134,14 @@ def tangent_basis(direction: ArrayLike) -> NDArray:
         Columns b1, b2 with b1 x b2 = d. Shape (..., 3, 2).
     """
     direction = np.asarray(direction, dtype=float)
-    least = np.eye(3)[np.argmin(np.abs(direction), axis=-1)]
-    first = np.cross(direction, least)
-    first = first / np.linalg.norm(first, axis=-1, keepdims=True)
-    return np.stack([first, np.cross(direction, first)], axis=-1)
+    x, y, z = direction[..., 0], direction[..., 1], direction[..., 2]
+    sign = np.copysign(1.0, z)
+    a = -1.0 / (sign + z)
+    b = x * y * a
+    out = np.empty((*direction.shape, 2))
+    out[..., 0, 0], out[..., 1, 0], out[..., 2, 0] = 1.0 + sign * x * x * a, sign * b, -sign * x
+    out[..., 0, 1], out[..., 1, 1], out[..., 2, 1] = b, sign + y * y * a, -y
+    return out
 
 
 def move_on_sphere(direction: ArrayLike, step: ArrayLike) -> tuple[NDArray, NDArray]:

@@ -58,7 +58,8 @@ def dh_rows_of_lines(
     feet, ends = _normals(directions, points, hand, parallel)
     D, theta, r, alpha, beta = (np.zeros(n) for _ in range(5))
     D[0], theta[0] = first
-    before = None
+    before: NDArray | None = None
+    x_first = np.zeros(3)
     for i in range(n):
         z = directions[i]
         z_next = directions[i + 1] if i + 1 < n else z
@@ -70,11 +71,11 @@ def dh_rows_of_lines(
             # Rx(a) Ry(b) e_z = (sin b, -sin a cos b, cos a cos b)
             beta[i] = np.arcsin(np.clip(z_next @ x, -1.0, 1.0))
         alpha[i] = np.arctan2(-(z_next @ y), z_next @ z) if i + 1 < n else 0.0
-        if i > 0:
+        if before is None:
+            x_first = x
+        else:
             D[i] = (feet[i] - ends[i - 1]) @ z
             theta[i] = signed_angle(before, x, z)
-        else:
-            x_first = x
         before = _x_after_twist(x, y, z, alpha[i], beta[i])
     z = directions[0]
     y_first = np.cross(z, x_first)

@@ -2,7 +2,7 @@
 
 The vector holds M0 (position and rotation vector of frame 0), for each joint D, theta_offset, r,
 alpha, beta and gear, and for each marker its point in the last frame. theta_offset is the encoder
-angle at theta = 0, so that `sign * radians(reading) = theta_offset + gear * theta` (thesis eq. 6.8).
+angle at theta = 0: `sign * radians(reading) = theta_offset + gear * theta` (thesis eq. 6.8).
 """
 
 from dataclasses import dataclass, replace

@@ -19,10 +19,11 @@ class DhTable:
     """Rows of a serial chain, `M_i = Tz(D_i) Rz(theta_i) Tx(r_i) Rx(alpha_i) Ry(beta_i)`.
 
     theta_i = theta_zero_i + q_i, and a tracked point is `X_W0 M_1 ... M_n p_NH` (the thesis'
-    eq. 6.2-6.7; X_W0 is its M_0). beta is zero except in rows between axes within 5 deg of parallel,
-    where the common normal is useless and Hayati's row takes its place. The tables made here fix
-    what no measurement of points can tell: D_1 = theta_zero_1 = alpha_n = 0, and the first tracked
-    point is the origin of the last frame.
+    eq. 6.2-6.7; X_W0 is its M_0). beta is zero except in rows between axes within 5 deg of
+    parallel, where the common normal is useless and Hayati's row takes its place.
+
+    The tables made here fix what no measurement of points can tell: D_1 = theta_zero_1 = alpha_n
+    = 0, and the first tracked point is the origin of the last frame.
     """
 
     joints: tuple[str, ...]
@@ -111,7 +112,8 @@ class DhTable:
     def pinned_D(self) -> NDArray:
         """Which D no measurement can tell from other entries. Shape (n,).
 
-        D_1 against X_W0; in a parallel row D against the next; after leading parallel rows one more.
+        D_1 against X_W0; in a parallel row D against the next; after leading parallel rows one
+        more.
         """
         parallel = self.parallel
         pinned = parallel.copy()

@@ -10,9 +10,11 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from nico_selfmodel.geometry.rotation import skew
+
 
 def line_rotations(directions: NDArray, q: NDArray) -> NDArray:
-    """Return R_i of all joints and poses (Rodrigues).
+    """Return R_i of all joints and poses, R = d d' + (I - d d') cos q + [d]x sin q (Rodrigues).
 
     Args:
         directions: Unit directions. Shape (n, 3).
@@ -21,20 +23,14 @@ def line_rotations(directions: NDArray, q: NDArray) -> NDArray:
     Returns:
         Shape (n, 3, 3, N).
     """
-    cosine, sine = np.cos(q), np.sin(q)
-    out = np.empty((len(q), 3, 3, q.shape[1]))
-    rest = 1.0 - cosine
-    for row in range(3):
-        for column in range(3):
-            outer = (directions[:, row] * directions[:, column])[:, None]
-            if row == column:
-                out[:, row, column] = cosine + outer * rest
-            else:
-                # skew(d)[row, column] = -+ d[k], k the third axis
-                k = 3 - row - column
-                sign = 1.0 if (column - row) % 3 == 2 else -1.0
-                out[:, row, column] = outer * rest + (sign * directions[:, k])[:, None] * sine
-    return out
+    n, count = q.shape
+    outer = directions[:, :, None] * directions[:, None, :]
+    parts = np.stack([outer, np.eye(3) - outer, skew(directions)], axis=-1).reshape(n, 9, 3)
+    waves = np.empty((n, 3, count))
+    waves[:, 0] = 1.0
+    np.cos(q, out=waves[:, 1])
+    np.sin(q, out=waves[:, 2])
+    return (parts @ waves).reshape(n, 3, 3, count)
 
 
 def hand_points(directions: NDArray, points: NDArray, p_zero: NDArray, q: NDArray) -> NDArray:
@@ -84,16 +80,17 @@ def hand_derivatives(
 ) -> HandDerivatives:
     """Return tracked points with their derivatives by every line parameter.
 
-    With A_i = R_1 ... R_{i-1}, v_i = P_{i+1} - c_i, P_i = c_i + R_i v_i and P_{n+1} = p_zero:
-    dp/dd.b = A_i [(b x v) sin q + (b (v.d) + d (v.b)) (1 - cos q)], dp/dc.b = (A_i - A_{i+1}) b,
-    dp/dq = A_i (d x R_i v), dp/dp_zero = A_{n+1}.
+    With A_i = R_1 ... R_{i-1} and r_i the arm from axis i to the tracked point, in the frame of
+    measurement: dp/dq_i = (A_i d_i) x r_i, dp/dc_i.b = (A_i - A_{i+1}) b, and since a change b of
+    the direction turns the axis by d x b, dp/dd_i.b = ((A_i - A_{i+1}) (d_i x b)) x r_i;
+    dp/dp_zero = A_{n+1}, and p = sum_i (A_i - A_{i+1}) c_i + A_{n+1} p_zero.
 
     Args:
         directions: Unit directions d_i. Shape (n, 3).
         points: A point c_i of each axis [m]. Shape (n, 3).
         p_zero: Tracked point of each pose at q = 0 [m]. Shape (3, N).
         q: Joint displacements [rad]. Shape (n, N).
-        direction_basis: Two changes b of each direction. Shape (n, 3, 2).
+        direction_basis: Two changes b of each direction, normal to it. Shape (n, 3, 2).
         point_basis: Two changes b of each point. Shape (n, 3, 2).
 
     Returns:
@@ -101,34 +98,28 @@ def hand_derivatives(
     """
     n, count = q.shape
     rotations = line_rotations(directions, q)
-    arms, tips = np.empty((n, 3, count)), np.empty((n, 3, count))
-    p = p_zero
-    for i in range(n - 1, -1, -1):
-        arms[i] = p - points[i][:, None]
-        tips[i] = np.einsum("ijk,jk->ik", rotations[i], arms[i])
-        p = points[i][:, None] + tips[i]
-    rest, sine = 1.0 - np.cos(q), np.sin(q)
-    by_direction, by_point = np.empty((3, n, 2, count)), np.empty((3, n, 2, count))
-    by_angle = np.empty((3, n, count))
-    carry = np.broadcast_to(np.eye(3)[:, :, None], (3, 3, count))
-    local = np.empty((3, 3, count))
-    for i, (d, v) in enumerate(zip(directions, arms, strict=True)):
-        along = d @ v
-        for k in range(2):
-            b = direction_basis[i, :, k]
-            bend = b[:, None] * along + d[:, None] * (b @ v)
-            local[:, k] = _cross(b, v) * sine[i] + bend * rest[i]
-        local[:, 2] = _cross(d, tips[i])
-        moved = np.einsum("ijn,jkn->ikn", carry, local)
-        by_direction[:, i], by_angle[:, i] = moved[:, :2], moved[:, 2]
-        further = np.einsum("ijn,jkn->ikn", carry, rotations[i])
-        by_point[:, i] = np.einsum("ijn,jk->ikn", carry - further, point_basis[i])
-        carry = further
-    return HandDerivatives(p, by_direction, by_point, by_angle, carry)
+    carried = np.empty((n + 1, 3, 3, count))
+    carried[0] = np.eye(3)[:, :, None]
+    carried[1] = rotations[0]
+    for i in range(1, n):
+        np.einsum("ijk,jlk->ilk", carried[i], rotations[i], out=carried[i + 1])
+    turned = np.swapaxes(skew(directions) @ direction_basis, 1, 2)
+    change = np.concatenate([turned, np.swapaxes(point_basis, 1, 2), points[:, None]], axis=1)
+    moved = change[:, None] @ (carried[:-1] - carried[1:])
+    shift = moved[:, :, 4]
+    p = shift.sum(axis=0) + np.einsum("ijk,jk->ik", carried[-1], p_zero)
+    along = np.stack([directions, points], axis=1)[:, None] @ carried[:-1]
+    before = np.cumsum(shift, axis=0) - shift
+    arm = p - along[:, :, 1] - before
+    lever = np.concatenate([moved[:, :, :2], along[:, :, :1]], axis=2)
+    swing = _cross(np.moveaxis(lever, 1, 0), np.moveaxis(arm, 1, 0)[:, :, None])
+    return HandDerivatives(
+        p, swing[:, :, :2], np.moveaxis(moved[:, :, 2:4], 1, 0), swing[:, :, 2], carried[-1]
+    )
 
 
 def _cross(a: NDArray, v: NDArray) -> NDArray:
-    """Return a x v for one vector and many, (3,), (3, N) -> (3, N)."""
+    """Return a x v along the first axis, which has length 3; the others broadcast."""
     return np.stack(
         [a[1] * v[2] - a[2] * v[1], a[2] * v[0] - a[0] * v[2], a[0] * v[1] - a[1] * v[0]]
     )

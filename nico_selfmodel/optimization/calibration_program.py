@@ -69,7 +69,7 @@ class CalibrationProgram:
     @property
     def start(self) -> NDArray:
         """The values from which a solver starts. Shape (p,)."""
-        return self.prog.initial_guess()
+        return np.asarray(self.prog.initial_guess())
 
     @property
     def free(self) -> NDArray:
@@ -184,9 +184,11 @@ class CalibrationProgram:
             r, jacobian = term.block.evaluate(x[term.columns])
             rho, weight = _weigh(term, r)
             cost += 0.5 * float(rho.sum())
-            root = np.sqrt(weight)
-            flat = (jacobian * root).reshape(len(term.columns), -1)
-            gradient[term.columns] += flat @ (r * root).ravel()
+            if term.weights is not None or term.loss.kind != "none":
+                root = np.sqrt(weight)
+                r, jacobian = r * root, jacobian * root
+            flat = jacobian.reshape(len(term.columns), -1)
+            gradient[term.columns] += flat @ r.ravel()
             hessian[np.ix_(term.columns, term.columns)] += flat @ flat.T
         for index, mean, sigma in self._priors:
             z = (x[index] - mean) / sigma
@@ -211,7 +213,7 @@ class CalibrationProgram:
         return np.vstack(rows)
 
     def solve(
-        self, solver: str = "lm", *, max_iterations: int = 100, tolerance: float = 1e-10
+        self, solver: str = "lm", *, max_iterations: int = 100, tolerance: float = 1e-9
     ) -> ProgramSolution:
         """Minimise from the start, with the losses as they are set.
 

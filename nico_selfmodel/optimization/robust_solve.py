@@ -1,4 +1,4 @@
-"""Robust solution of a program: scale from the median, reweighting, outliers left out at the end."""
+"""Robust solution of a program: scale from the median, reweighting, outliers left out last."""
 
 from dataclasses import dataclass
 
@@ -67,17 +67,18 @@ def _reweight(
     program: CalibrationProgram, block: int, kind: str, solver: str
 ) -> tuple[ProgramSolution, float, int]:
     """Alternate between the scale and the solution until the scale settles."""
-    iterations, before = 0, np.inf
-    x = program.start
-    for _ in range(8):
-        norms = _norms(program, block, x)
-        scale = robust_scale(norms, len(program.residuals(block, x)))
+    coordinates = len(program.residuals(block, program.start))
+    scale = robust_scale(_norms(program, block, program.start), coordinates)
+    program.set_loss(block, Loss(kind, scale))
+    solution = _solve_from(program, solver)
+    iterations = solution.iterations
+    for _ in range(7):
+        before, scale = scale, robust_scale(_norms(program, block, solution.x), coordinates)
         if abs(scale - before) < 0.01 * before:
             break
-        before = scale
         program.set_loss(block, Loss(kind, scale))
         solution = _solve_from(program, solver)
-        x, iterations = solution.x, iterations + solution.iterations
+        iterations += solution.iterations
     return solution, scale, iterations
 
 

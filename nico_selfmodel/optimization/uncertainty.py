@@ -85,7 +85,9 @@ class Uncertainty:
         sigma = np.where(exact, np.inf, spread / np.where(exact, 1.0, values))
         blind = exact | (sigma > BLIND_SIGMA)
         kept = vt[~blind] * sigma[~blind, None] * natural
-        directions = [_blind_direction(names, vt[i], float(sigma[i])) for i in np.flatnonzero(blind)]
+        directions = [
+            _blind_direction(names, vt[i], float(sigma[i])) for i in np.flatnonzero(blind)
+        ]
         return cls(
             names,
             kept.T @ kept,

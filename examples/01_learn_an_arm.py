@@ -1,0 +1,18 @@
+"""Learn a simulated arm from its circles, and ask the self-model where the hand is."""
+
+from dataclasses import replace
+
+from nico_selfmodel.estimation import calibrate_kinematics, judge
+from nico_selfmodel.experiments.protocol import Protocol, simulated_session
+from nico_selfmodel.plant import ArmDescription
+from nico_selfmodel.systems import WORLDS
+
+arm = ArmDescription.named("nico", "right_arm")
+poses = replace(Protocol.for_arm(arm), random_poses=100)
+train = simulated_session(arm, WORLDS["thesis"], poses, "train", seed=1, session=0)
+test = simulated_session(arm, WORLDS["thesis"], poses, "test", seed=1, session=1, sweeps=False)
+
+learned = calibrate_kinematics(train, test=test)
+print(judge(learned).status, f"{1e3 * learned.test.statistics.mean:.2f} mm")
+here = learned.model.predict(test.encoders[0])
+print("hand at", here.p_WH[0], "m, model sigma", f"{1e3 * here.sigma[0]:.2f} mm")

@@ -1,0 +1,35 @@
+"""Import a two-axis positioner seen by a metrology camera: a grid of poses, full of sweeps.
+
+    python examples/04_import_positioner.py measurements.yaml positioner
+    nico-selfmodel calibrate kinematics positioner --out positioner_result
+"""
+
+import argparse
+from pathlib import Path
+
+import numpy as np
+import yaml
+
+from nico_selfmodel.dataset import Dataset, JointInfo
+
+
+def read(path: str) -> Dataset:
+    """Return records of two joint angles [rad] and a target position [m] as a data set."""
+    records = yaml.safe_load(Path(path).read_text(encoding="utf-8"))
+    keys = sorted(records)
+    return Dataset(
+        name="positioner_two_axis",
+        joints=(JointInfo("tilt", "rad"), JointInfo("turn", "rad")),
+        sample=np.arange(1, len(keys) + 1),
+        encoders=np.array([records[key]["target_joints"] for key in keys]),
+        p_WH_measured=np.array([[records[key]["pose"][a] for a in "xyz"] for key in keys]),
+        source="two-axis positioner, target seen by a metrology camera",
+    )
+
+
+if __name__ == "__main__":
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument("measurements", help="measurements.yaml")
+    parser.add_argument("out", help="folder of the data set to make")
+    arguments = parser.parse_args()
+    read(arguments.measurements).save(arguments.out)

@@ -1,0 +1,112 @@
+"""`nico-selfmodel calibrate`: learn from recorded data."""
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from nico_selfmodel.cli import console
+from nico_selfmodel.cli.robot_options import Arm, Base, Hold, Point, Robot, Tip, chosen_arm
+
+app = typer.Typer(help="Learn a self-model from recorded data.", no_args_is_help=True)
+
+
+@app.callback()
+def _describe() -> None:
+    """Learn a self-model from recorded data."""
+
+
+@app.command("kinematics")
+def kinematics(
+    dataset: Annotated[Path, typer.Argument(help="Folder of the training data.")],
+    out: Annotated[Path, typer.Option("--out", help="Result folder to make.")],
+    test: Annotated[Path | None, typer.Option("--test", help="Folder of held-out data.")] = None,
+    test_fraction: Annotated[
+        float | None, typer.Option("--test-fraction", help="Hold this share of the poses out.")
+    ] = None,
+    seed: Annotated[int, typer.Option("--seed", help="Of the split and of random starts.")] = 0,
+    method: Annotated[
+        str, typer.Option("--method", help="refine, or circle-points for the sweeps alone.")
+    ] = "refine",
+    pin: Annotated[
+        list[str] | None, typer.Option("--pin", metavar="NAME[=VALUE]", help="Hold a parameter.")
+    ] = None,
+    free: Annotated[
+        list[str] | None, typer.Option("--free", metavar="NAME", help="Let a parameter move.")
+    ] = None,
+    loss: Annotated[
+        str, typer.Option("--loss", help="trimmed, none, huber, cauchy or tukey.")
+    ] = "trimmed",
+    starts: Annotated[int, typer.Option("--starts", min=0, help="Random starts allowed.")] = 10,
+    robot: Robot = None,
+    arm: Arm = None,
+    base: Base = None,
+    tip: Tip = None,
+    hold: Hold = None,
+    point: Point = None,
+    name: Annotated[str | None, typer.Option("--name", help="Name of the self-model.")] = None,
+    require_test_mm: Annotated[
+        float | None, typer.Option("--require-test-mm", help="FAIL above this mean test error.")
+    ] = None,
+    force: Annotated[bool, typer.Option("--force", help="Replace an existing folder.")] = False,
+    as_json: Annotated[bool, typer.Option("--json", help="Print result.json instead.")] = False,
+) -> None:
+    """Learn an arm from encoder readings and measured points of the hand."""
+    from nico_selfmodel.dataset import Dataset
+    from nico_selfmodel.estimation import Pins, calibrate_kinematics, judge, result_document
+    from nico_selfmodel.estimation.nominal_start import NominalArm
+    from nico_selfmodel.files import refuse_existing
+    from nico_selfmodel.plant import learned_urdf
+    from nico_selfmodel.viz import write_result_folder
+
+    refuse_existing(out, force=force)
+    if test is not None and test_fraction is not None:
+        raise ValueError("give --test or --test-fraction, not both")
+    pins = Pins.from_text(pin or (), free or ())
+    train = Dataset.load(dataset)
+    held_out = None if test is None else Dataset.load(test)
+    if test_fraction is not None:
+        train, held_out = train.split(test_fraction, seed)
+    description = None
+    if robot is not None:
+        description = chosen_arm(robot, arm, base, tip, hold, point)
+    nominal = None
+    if description is not None:
+        nominal = NominalArm(
+            description.chain, description.lower, description.upper, description.source
+        )
+    with console.progress_bar() as stage:
+        stage("learning", 0, 1)
+        calibration = calibrate_kinematics(
+            train,
+            method=method,
+            test=held_out,
+            nominal=nominal,
+            pins=pins,
+            loss=loss,
+            starts=starts,
+            seed=seed,
+            name=name,
+        )
+        stage("learning", 1, 1)
+        verdict = judge(calibration, require_test_mm)
+        stage("writing the result", 0, 1)
+        text = learned_urdf(calibration.model, description)
+        write_result_folder(out, calibration, verdict, urdf_text=text, force=force)
+        stage("writing the result", 1, 1)
+    document = result_document(calibration, verdict)
+    if as_json:
+        console.print_json(document)
+    else:
+        rows = [
+            console.statistics_row(label, document[key])
+            for label, key in (
+                ("held out", "test"),
+                ("cross-validation", "cross_validation"),
+                ("training", "train"),
+            )
+        ]
+        console.print_table(calibration.model.name, console.STATISTICS_HEADINGS, rows)
+        console.print_verdict(verdict.status, verdict.reasons)
+        console.print_where(out)
+    raise typer.Exit(1 if verdict.status == "FAIL" else 0)

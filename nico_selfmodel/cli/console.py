@@ -1,0 +1,81 @@
+"""Tables, verdicts and progress on the terminal."""
+
+import json
+import sys
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Any, Protocol
+
+from rich.console import Console
+from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn
+from rich.table import Table
+
+out = Console(soft_wrap=True)
+_COLOURS = {"PASS": "green", "FAIL": "red", "NOT_EVALUATED": "yellow"}
+
+
+class Stage(Protocol):
+    """What long jobs call to tell how far they are."""
+
+    def __call__(self, what: str, done: int, total: int) -> None:
+        """Show that `done` of `total` steps of `what` are done."""
+        ...
+
+
+def print_json(document: Mapping[str, Any]) -> None:
+    """Write a document to standard output for a script to read."""
+    sys.stdout.write(json.dumps(document, indent=1, allow_nan=False) + "\n")
+
+
+def print_table(title: str, headings: Sequence[str], rows: Sequence[Sequence[str]]) -> None:
+    """Print a table; all but the first column are aligned to the right."""
+    table = Table(title=title, title_justify="left", title_style="bold", header_style="dim")
+    for index, heading in enumerate(headings):
+        table.add_column(heading, justify="left" if index == 0 else "right")
+    for row in rows:
+        table.add_row(*row)
+    out.print(table)
+
+
+def print_verdict(status: str, reasons: Sequence[str]) -> None:
+    """Print a verdict with its reasons."""
+    out.print(f"[bold {_COLOURS[status]}]{status}[/]")
+    for reason in reasons:
+        out.print(f"  {reason}", markup=False)
+
+
+def print_where(folder: Path) -> None:
+    """Say what lies in a result folder and how to look at it."""
+    out.print(f"\nresult   {folder}/", markup=False)
+    for path in sorted(folder.iterdir()):
+        out.print(f"         {path.name}", markup=False)
+    out.print(f"look     open {folder / 'report.html'}, or: nico-selfmodel view {folder}")
+
+
+def statistics_row(label: str, block: Mapping[str, Any] | None) -> list[str]:
+    """Return a table row of error statistics, dashes where there are none."""
+    if block is None:
+        return [label, *["-"] * 6]
+    mm = block["position_mm"]
+    numbers = [f"{mm[name]:.3g}" for name in ("mean", "sd", "rms", "median", "max")]
+    return [label, str(block["n"]), *numbers]
+
+
+STATISTICS_HEADINGS = ("error [mm]", "n", "mean", "SD", "rms", "median", "max")
+
+
+@contextmanager
+def progress_bar() -> Iterator[Stage]:
+    """Show a progress bar on standard error while a job runs; quiet where that is no terminal."""
+    console = Console(stderr=True)
+    columns = (TextColumn("{task.description}"), BarColumn(), TimeElapsedColumn())
+    with Progress(*columns, console=console, disable=not console.is_terminal) as bar:
+        tasks: dict[str, Any] = {}
+
+        def stage(what: str, done: int, total: int) -> None:
+            if what not in tasks:
+                tasks[what] = bar.add_task(what, total=total)
+            bar.update(tasks[what], completed=done, total=total)
+
+        yield stage

@@ -1,0 +1,62 @@
+"""`nico-selfmodel experiment`: the thesis' experiments, ours beside the published figures."""
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from nico_selfmodel.cli import console
+
+app = typer.Typer(help="Run an experiment of the thesis.", no_args_is_help=True)
+
+
+@app.callback()
+def _describe() -> None:
+    """Run an experiment of the thesis."""
+
+
+@app.command("motion-capture")
+def motion_capture(
+    out: Annotated[Path, typer.Option("--out", help="Folder for tables and charts to make.")],
+    world: Annotated[str, typer.Option("--world", help="thesis or clean.")] = "thesis",
+    individuals: Annotated[
+        int, typer.Option("--individuals", min=1, help="Simulated robots to average over.")
+    ] = 5,
+    repeats: Annotated[
+        int, typer.Option("--repeats", min=2, help="Random subsets of the repeat test.")
+    ] = 100,
+    seed: Annotated[int, typer.Option("--seed", help="Of the first individual.")] = 0,
+    force: Annotated[bool, typer.Option("--force", help="Replace an existing folder.")] = False,
+    as_json: Annotated[bool, typer.Option("--json", help="Print JSON.")] = False,
+) -> None:
+    """Learn an arm under motion capture from few and from many samples (chapter 6)."""
+    from nico_selfmodel.experiments.motion_capture import run_motion_capture
+    from nico_selfmodel.experiments.motion_capture_report import (
+        document_of,
+        repeat_rows,
+        table_rows,
+        write_report,
+    )
+    from nico_selfmodel.files import refuse_existing
+    from nico_selfmodel.plant import ArmDescription
+    from nico_selfmodel.systems import world_named
+
+    refuse_existing(out, force=force)
+    chosen = world_named(world)
+    with console.progress_bar() as stage:
+        results = run_motion_capture(
+            ArmDescription.named("nico"),
+            chosen,
+            individuals=individuals,
+            repeats=repeats,
+            seed=seed,
+            progress=stage,
+        )
+    write_report(results, out, force=force)
+    if as_json:
+        console.print_json(document_of(results))
+        return
+    title = f"Error on 100 random poses, {individuals} simulated robots, world {world}"
+    console.print_table(title, *table_rows(results))
+    console.print_table(f"{repeats} random subsets", *repeat_rows(results))
+    console.print_where(out)

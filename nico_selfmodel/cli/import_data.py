@@ -1,0 +1,71 @@
+"""`nico-selfmodel import`: data recorded elsewhere."""
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from nico_selfmodel.cli import console
+
+app = typer.Typer(help="Make a data set of files recorded elsewhere.", no_args_is_help=True)
+
+Out = Annotated[Path, typer.Option("--out", help="Folder of the data set to make.")]
+Force = Annotated[bool, typer.Option("--force", help="Replace an existing data set.")]
+Name = Annotated[str | None, typer.Option("--name", help="Name of the data set.")]
+
+
+@app.callback()
+def _describe() -> None:
+    """Make a data set of files recorded elsewhere."""
+
+
+@app.command("csv")
+def from_csv(
+    table: Annotated[Path, typer.Argument(help="The CSV file.")],
+    columns: Annotated[Path, typer.Option("--map", help="YAML that says which column holds what.")],
+    out: Out,
+    name: Name = None,
+    force: Force = False,
+) -> None:
+    """Import a plain CSV by a column map."""
+    from nico_selfmodel.dataset import import_csv
+    from nico_selfmodel.files import refuse_existing
+
+    refuse_existing(out, force=force)
+    data = import_csv(table, columns, name=name or out.name)
+    data.save(out, force=force)
+    console.out.print(f"{len(data)} rows, {len(data.joints)} joints: {out}", markup=False)
+
+
+@app.command("vicon")
+def from_vicon(
+    trajectories: Annotated[Path, typer.Argument(help="Trajectory CSV exported by Vicon Nexus.")],
+    encoders: Annotated[Path, typer.Option("--encoders", help="CSV of encoder readings by frame.")],
+    out: Out,
+    encoder_unit: Annotated[
+        str, typer.Option("--encoder-unit", help="counts, rad or deg.")
+    ] = "counts",
+    counts_per_turn: Annotated[
+        float | None, typer.Option("--counts-per-turn", help="Where the unit is counts.")
+    ] = None,
+    marker: Annotated[
+        list[str] | None, typer.Option("--marker", help="Only these markers; all by default.")
+    ] = None,
+    name: Name = None,
+    force: Force = False,
+) -> None:
+    """Import a Vicon Nexus trajectory export with encoder readings beside it."""
+    from nico_selfmodel.dataset import import_vicon
+    from nico_selfmodel.files import refuse_existing
+
+    refuse_existing(out, force=force)
+    data = import_vicon(
+        trajectories,
+        encoders,
+        encoder_unit=encoder_unit,
+        counts_per_turn=counts_per_turn,
+        markers=marker or None,
+        name=name or out.name,
+    )
+    data.save(out, force=force)
+    console.out.print(f"{len(data)} rows, {len(data.joints)} joints: {out}", markup=False)

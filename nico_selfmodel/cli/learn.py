@@ -1,0 +1,83 @@
+"""`nico-selfmodel learn`: the main job."""
+
+from collections.abc import Mapping
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any
+
+import typer
+
+from nico_selfmodel.cli import console
+from nico_selfmodel.cli.robot_options import Arm, Base, Hold, Point, Robot, Tip, chosen_arm
+
+if TYPE_CHECKING:
+    from nico_selfmodel.experiments.first_arm import FirstArm
+
+
+def learn(
+    out: Annotated[Path, typer.Option("--out", help="Result folder to make.")] = Path("first_arm"),
+    world: Annotated[
+        str, typer.Option("--world", help="Imperfections of the body: thesis or clean.")
+    ] = "thesis",
+    seed: Annotated[int, typer.Option("--seed", help="Which individual wakes up.")] = 0,
+    random_poses: Annotated[
+        int, typer.Option("--random", min=0, help="Random training poses beside the circles.")
+    ] = 100,
+    robot: Robot = "nico",
+    arm: Arm = None,
+    base: Base = None,
+    tip: Tip = None,
+    hold: Hold = None,
+    point: Point = None,
+    force: Annotated[bool, typer.Option("--force", help="Replace an existing folder.")] = False,
+    as_json: Annotated[bool, typer.Option("--json", help="Print result.json instead.")] = False,
+) -> None:
+    """Let a simulated robot move its arm, watch its hand, and learn the arm's geometry."""
+    from nico_selfmodel.estimation import judge, result_document
+    from nico_selfmodel.experiments.first_arm import learn_first_arm
+    from nico_selfmodel.files import refuse_existing
+    from nico_selfmodel.plant import learned_urdf
+    from nico_selfmodel.systems import world_named
+    from nico_selfmodel.viz import write_result_folder
+
+    refuse_existing(out, force=force)
+    chosen_world = world_named(world)
+    description = chosen_arm(robot or "nico", arm, base, tip, hold, point)
+    with console.progress_bar() as stage:
+        first = learn_first_arm(
+            description, chosen_world, seed=seed, random_poses=random_poses, stage=stage
+        )
+        stage("writing the result", 0, 1)
+        verdict = judge(first.refined)
+        write_result_folder(
+            out,
+            first.refined,
+            verdict,
+            urdf_text=learned_urdf(first.refined.model, description),
+            recordings={"train": first.train, "test": first.test},
+            force=force,
+        )
+        stage("writing the result", 1, 1)
+    document = result_document(first.refined, verdict)
+    if as_json:
+        console.print_json(document)
+    else:
+        _print(first, document, out)
+    raise typer.Exit(1 if verdict.status == "FAIL" else 0)
+
+
+def _print(first: "FirstArm", document: Mapping[str, Any], out: Path) -> None:
+    circles = first.circle_points.test.statistics
+    console.print_table(
+        f"{first.refined.model.name}: error of the predicted hand position",
+        console.STATISTICS_HEADINGS,
+        [
+            console.statistics_row(
+                "held out, circle points", {"n": circles.n, "position_mm": circles.as_mm()}
+            ),
+            console.statistics_row("held out, refined", document["test"]),
+            console.statistics_row("training, refined", document["train"]),
+            ["thesis, refined (real robot)", "100", "3.19", "1.71", "-", "-", "-"],
+        ],
+    )
+    console.print_verdict(document["status"], document["reasons"])
+    console.print_where(out)

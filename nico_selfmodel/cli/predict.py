@@ -1,0 +1,62 @@
+"""`nico-selfmodel predict`: encoders in, hand position with sigma out."""
+
+import csv
+import sys
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from nico_selfmodel.cli import console
+
+
+def predict(
+    model: Annotated[Path, typer.Argument(help="self_model.yaml, or a result folder.")],
+    encoders: Annotated[
+        list[str] | None,
+        typer.Option(
+            "--encoders",
+            metavar="A,B,...",
+            help="One pose: readings in the order of the joints. Repeat for more poses.",
+        ),
+    ] = None,
+    table: Annotated[
+        Path | None,
+        typer.Option("--table", help="CSV with a column per joint; - reads standard input."),
+    ] = None,
+    marker: Annotated[str | None, typer.Option("--marker", help="Which tracked point.")] = None,
+    as_json: Annotated[bool, typer.Option("--json", help="Print JSON.")] = False,
+) -> None:
+    """Predict where the hand is: x, y, z [m], sigma of the model and with noise [mm]."""
+    from nico_selfmodel.model import SelfModel
+    from nico_selfmodel.model.readings import readings_from_table, readings_from_words
+
+    learned = SelfModel.load(model)
+    if (encoders is None) == (table is None):
+        raise ValueError(
+            f"give --encoders or --table; the joints are {', '.join(learned.joints)}, in "
+            f"{', '.join(learned.servos.unit)}"
+        )
+    if table is None:
+        readings = readings_from_words(encoders or [], learned.joints)
+    else:
+        text = sys.stdin.read() if str(table) == "-" else table.read_text(encoding="utf-8")
+        readings = readings_from_table(text, learned.joints)
+    prediction = learned.predict(readings, marker)
+    sigma, total = prediction.sigma, prediction.total_sigma
+    rows = [
+        {
+            "x_m": float(p[0]),
+            "y_m": float(p[1]),
+            "z_m": float(p[2]),
+            "sigma_mm": None if sigma is None else 1e3 * float(sigma[k]),
+            "sigma_with_noise_mm": None if total is None else 1e3 * float(total[k]),
+        }
+        for k, p in enumerate(prediction.p_WH)
+    ]
+    if as_json:
+        console.print_json({"marker": marker or learned.markers[0], "poses": rows})
+        return
+    writer = csv.DictWriter(sys.stdout, list(rows[0]), lineterminator="\n")
+    writer.writeheader()
+    writer.writerows(rows)

@@ -1,0 +1,65 @@
+"""The options that choose a robot's chain, shared by several commands."""
+
+from typing import Annotated
+
+import typer
+
+from nico_selfmodel.plant import ROBOTS, ArmDescription
+
+Robot = Annotated[str | None, typer.Option("--robot", help="A robot's name (nico) or a URDF file.")]
+Arm = Annotated[
+    str | None,
+    typer.Option("--arm", help="A named arm of the robot: right_arm, left_arm, neck."),
+]
+Base = Annotated[str | None, typer.Option("--base", help="Link where the chain starts.")]
+Tip = Annotated[str | None, typer.Option("--tip", help="Link where the chain ends.")]
+Hold = Annotated[
+    list[str] | None,
+    typer.Option("--hold", metavar="JOINT[=VALUE]", help="A joint of the chain that stands still."),
+]
+Point = Annotated[
+    list[str] | None,
+    typer.Option("--point", metavar="MARKER=LINK", help="Link or frame that a marker sits on."),
+]
+
+
+def chosen_arm(
+    robot: str,
+    arm: str | None,
+    base: str | None,
+    tip: str | None,
+    hold: list[str] | None,
+    point: list[str] | None,
+) -> ArmDescription:
+    """Return the chain that the options name.
+
+    Raises:
+        ModelError: If it does not exist.
+        ValueError: If options contradict each other or a value is no number.
+    """
+    if robot in ROBOTS and base is None and tip is None:
+        if hold or point:
+            raise ValueError("--hold and --point need --base and --tip")
+        return ArmDescription.named(robot, arm)
+    if arm is not None:
+        raise ValueError("--arm names a chain of a named robot: leave out --base and --tip")
+    points = dict(_pair(word, "--point") for word in point or [])
+    return ArmDescription.from_urdf(robot, base, tip, _held(hold), points or None)
+
+
+def _held(words: list[str] | None) -> dict[str, float]:
+    held = {}
+    for word in words or []:
+        joint, equals, value = word.partition("=")
+        try:
+            held[joint] = float(value) if equals else 0.0
+        except ValueError as error:
+            raise ValueError(f"--hold {word}: {value!r} is not a number") from error
+    return held
+
+
+def _pair(word: str, option: str) -> tuple[str, str]:
+    name, equals, value = word.partition("=")
+    if not (name and equals and value):
+        raise ValueError(f"{option} {word}: expected NAME=VALUE")
+    return name, value

@@ -1,0 +1,86 @@
+"""A robot wakes up not knowing its arm, moves it, and learns it: the main job."""
+
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+
+from nico_selfmodel.dataset import Dataset
+from nico_selfmodel.estimation import KinematicCalibration, NominalArm, calibrate_kinematics
+from nico_selfmodel.experiments.protocol import Protocol, simulated_session
+from nico_selfmodel.plant import ArmDescription
+from nico_selfmodel.systems import World
+
+
+@dataclass(frozen=True, eq=False)
+class FirstArm:
+    """What was recorded and what was learned from it."""
+
+    train: Dataset
+    """Circles of every joint and random poses."""
+    test: Dataset
+    """Random poses that the learner does not see."""
+    circle_points: KinematicCalibration
+    """The arm from the circles alone."""
+    refined: KinematicCalibration
+    """The arm refined over all poses."""
+
+
+def learn_first_arm(
+    arm: ArmDescription,
+    world: World,
+    *,
+    seed: int = 0,
+    random_poses: int = 100,
+    test_poses: int = 100,
+    stage: Callable[[str, int, int], None] | None = None,
+) -> FirstArm:
+    """Record a simulated arm and learn it.
+
+    Args:
+        arm: The robot's arm as described. It shapes the simulated body and the exported URDF; the
+            learner starts from the circles.
+        world: What is wrong with body and tracker.
+        seed: Of the individual.
+        random_poses: Poses recorded for training beside the circles.
+        test_poses: Poses recorded for judging.
+        stage: Called with what is going on, steps done and steps in all.
+
+    Returns:
+        Data and calibrations.
+    """
+
+    def report(what: str) -> Callable[[int, int], None]:
+        return lambda done, total: stage(what, done, total) if stage else None
+
+    protocol = Protocol.for_arm(arm)
+    train = simulated_session(
+        arm,
+        world,
+        replace(protocol, random_poses=random_poses),
+        "train",
+        seed=seed,
+        session=0,
+        progress=report("moving every joint, watching the hand"),
+    )
+    test = simulated_session(
+        arm,
+        world,
+        replace(protocol, random_poses=test_poses),
+        "test",
+        seed=seed,
+        session=1,
+        sweeps=False,
+        progress=report("new poses, kept for judging"),
+    )
+    nominal = nominal_of(arm)
+    learning = report("learning")
+    learning(0, 2)
+    circles = calibrate_kinematics(train, method="circle-points", test=test, nominal=nominal)
+    learning(1, 2)
+    refined = calibrate_kinematics(train, test=test, nominal=nominal, name=f"{arm.robot} arm")
+    learning(2, 2)
+    return FirstArm(train, test, circles, refined)
+
+
+def nominal_of(arm: ArmDescription) -> NominalArm:
+    """Return what the estimators need of a robot description."""
+    return NominalArm(arm.chain, arm.lower, arm.upper, arm.source)

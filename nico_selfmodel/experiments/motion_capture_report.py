@@ -1,0 +1,103 @@
+"""The motion capture experiment as tables, charts and JSON."""
+
+import json
+from dataclasses import asdict
+from pathlib import Path
+from typing import Any
+
+from nico_selfmodel.experiments.motion_capture import (
+    THESIS_REPEATS,
+    MotionCaptureExperiment,
+)
+from nico_selfmodel.files import folder_written_whole
+from nico_selfmodel.viz import comparison_chart, save_figure
+
+Table = tuple[tuple[str, ...], list[list[str]]]
+_THESIS_LINKS_MM = ((126.82, 0.45), (115.66, 0.84))
+_THESIS_REPEAT_SECONDS = 2.52
+
+
+def table_rows(results: MotionCaptureExperiment) -> Table:
+    """Return headings and rows of both charts, ours beside the thesis' (mean and SD in mm)."""
+    headings = ("training data", "method", "ours", "SD", "worst", "seconds", "thesis", "SD")
+    rows = []
+    for row in results.rows:
+        thesis = ("-", "-") if row.thesis_mm is None else tuple(f"{v:.2f}" for v in row.thesis_mm)
+        data = f"{row.circle_samples} on circles"
+        data += f" + {row.random_samples} random" if row.random_samples else ""
+        ours = (f"{row.mean_mm:.2f}", f"{row.sd_mm:.2f}", f"{row.worst_mm:.2f}")
+        rows.append([data, row.method, *ours, f"{row.seconds:.2f}", *thesis])
+    return headings, rows
+
+
+def repeat_rows(results: MotionCaptureExperiment) -> Table:
+    """Return headings and rows of the repeat test."""
+    repeats = results.repeats
+    entries = [
+        ("training error [mm]", repeats.train_mm, THESIS_REPEATS["train"]),
+        ("test error [mm]", repeats.test_mm, THESIS_REPEATS["test"]),
+        ("upper arm [mm]", repeats.links_mm[0], _THESIS_LINKS_MM[0]),
+        ("forearm to marker [mm]", repeats.links_mm[1], _THESIS_LINKS_MM[1]),
+    ]
+    rows = [
+        [label, *(f"{v:.3f}" for v in ours), *(f"{v:.3f}" for v in thesis)]
+        for label, ours, thesis in entries
+    ]
+    seconds = f"{repeats.seconds:.3f}", "-", f"{_THESIS_REPEAT_SECONDS:.3f}", "-"
+    rows.append(["seconds", *seconds])
+    return ("", "ours", "SD", "thesis", "SD"), rows
+
+
+def document_of(results: MotionCaptureExperiment) -> dict[str, Any]:
+    """Return the results as plain data."""
+    return asdict(results)
+
+
+def write_report(results: MotionCaptureExperiment, out: Path, *, force: bool = False) -> None:
+    """Write tables (Markdown), charts (PNG) and `result.json`, whole or not at all.
+
+    Raises:
+        OSError: If the folder exists and `force` is not set, or cannot be written to.
+    """
+    with folder_written_whole(out, force=force) as folder:
+        text = json.dumps(document_of(results), indent=1, allow_nan=False)
+        (folder / "result.json").write_text(text + "\n", encoding="utf-8")
+        (folder / "tables.md").write_text(_markdown(results), encoding="utf-8")
+        for name, figure in _charts(results).items():
+            save_figure(figure, folder / f"{name}.png")
+
+
+def _markdown(results: MotionCaptureExperiment) -> str:
+    head = (
+        "# Learning an arm under motion capture (thesis, chapter 6)\n\n"
+        f"Ours: {results.individuals} simulated robots in the world `{results.world}`, mean over "
+        "100 random test poses. Thesis: the real robot, one run.\n\n"
+    )
+    return head + _as_markdown(table_rows(results)) + "\n" + _as_markdown(repeat_rows(results))
+
+
+def _as_markdown(table: Table) -> str:
+    headings, rows = table
+    lines = ["| " + " | ".join(headings) + " |", "|" + "---|" * len(headings)]
+    lines += ["| " + " | ".join(row) + " |" for row in rows]
+    return "\n".join(lines) + "\n"
+
+
+def _charts(results: MotionCaptureExperiment) -> dict[str, Any]:
+    """Draw the thesis' figures 6.8 and 6.9 with ours beside them."""
+    by_method = [row for row in results.rows if row.random_samples == 0]
+    by_random = [row for row in results.rows if row.method == "refined"]
+    return {
+        "circle_points_and_refined": comparison_chart(
+            [f"{row.circle_samples} samples\n{row.method}" for row in by_method],
+            [(row.mean_mm, row.sd_mm) for row in by_method],
+            [row.thesis_mm for row in by_method],
+            title="Refinement and more samples on the circles both help",
+        ),
+        "random_samples": comparison_chart(
+            [f"{row.circle_samples} on circles\n+ {row.random_samples}" for row in by_random],
+            [(row.mean_mm, row.sd_mm) for row in by_random],
+            [row.thesis_mm for row in by_random],
+            title="A hundred random poses are enough, from either start",
+        ),
+    }

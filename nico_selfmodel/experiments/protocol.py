@@ -1,0 +1,150 @@
+"""How a simulated arm is moved for its data: home, sweeps, random poses."""
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from nico_selfmodel.dataset import Dataset
+from nico_selfmodel.plant import ArmDescription
+from nico_selfmodel.recording import Progress, random_commands, record, sweep_commands
+from nico_selfmodel.systems import SimulatedArm, World
+
+_NICO_HOME = {
+    "shoulder_pitch": -50.0,
+    "shoulder_roll": 30.0,
+    "upper_arm_twist": -20.0,
+    "elbow": -75.0,
+}
+"""Elbow bent, so that no joint's axis passes near the hand [deg]."""
+_NICO_ARCS = {
+    "shoulder_pitch": 48.0,
+    "shoulder_roll": 63.0,
+    "upper_arm_twist": 100.0,
+    "elbow": 64.0,
+}
+"""What the tracker sees of each joint's circle [deg]."""
+_NICO_RANGES = {
+    "shoulder_pitch": 90.0,
+    "shoulder_roll": 80.0,
+    "upper_arm_twist": 120.0,
+    "elbow": 100.0,
+}
+"""Where random poses keep the hand in sight [deg]."""
+
+
+@dataclass(frozen=True, eq=False)
+class Protocol:
+    """Which poses a session visits."""
+
+    home: NDArray
+    """Home as a share of each joint's range between its stops. Shape (n,)."""
+    arcs: NDArray
+    """Arc of each joint's sweep, as a share of its range. Shape (n,)."""
+    ranges: NDArray
+    """Range of random poses about home, as a share. Shape (n,)."""
+    circle_points: int = 26
+    """Poses on each joint's circle, home included."""
+    home_repeats: int = 4
+    """Visits of home."""
+    random_poses: int = 0
+    """Random poses."""
+
+    @classmethod
+    def for_arm(cls, arm: ArmDescription) -> "Protocol":
+        """Return a protocol that suits an arm: Nico's own, or the middle half of every range."""
+        span = np.degrees(arm.upper - arm.lower)
+        lower = np.degrees(arm.lower)
+        home, arcs, ranges = 0.5 * np.ones(len(span)), 0.5 * np.ones(len(span)), np.ones(len(span))
+        for i, joint in enumerate(arm.joints):
+            part = joint.split("_", 1)[1] if "_" in joint else joint
+            if arm.robot == "nico" and part in _NICO_HOME:
+                home[i] = (_NICO_HOME[part] - lower[i]) / span[i]
+                arcs[i], ranges[i] = _NICO_ARCS[part] / span[i], _NICO_RANGES[part] / span[i]
+        return cls(home, arcs, ranges)
+
+    def on_share_of_arcs(self, share: float) -> "Protocol":
+        """Return the protocol with shorter sweeps."""
+        return replace(self, arcs=share * self.arcs)
+
+    def minimal(self) -> "Protocol":
+        """Return the protocol of nine samples: home once, two more poses a joint."""
+        return replace(self, circle_points=3, home_repeats=1)
+
+    def run(
+        self,
+        body: SimulatedArm,
+        name: str,
+        rng: np.random.Generator,
+        *,
+        sweeps: bool = True,
+        source: str = "",
+        seed: int | None = None,
+        progress: Progress | None = None,
+    ) -> Dataset:
+        """Visit the poses with a body and return what it sensed.
+
+        Args:
+            body: The arm to move.
+            name: Name of the data set.
+            rng: Source of the random poses.
+            sweeps: Visit the circles too.
+            source: Where the data come from, for people.
+            seed: Seed of the simulation, kept in the data set.
+            progress: Called after each pose.
+
+        Returns:
+            The data set.
+        """
+        lower = np.array([joint.lower for joint in body.joints], dtype=float)
+        upper = np.array([joint.upper for joint in body.joints], dtype=float)
+        span = upper - lower
+        home = lower + self.home * span
+        plan = []
+        if sweeps:
+            counts = [self.circle_points - 1] * len(span)
+            plan += sweep_commands(
+                body.joints, home, self.arcs * span, counts, home_repeats=self.home_repeats
+            )
+        plan += random_commands(body.joints, home, self.ranges * span, self.random_poses, rng)
+        sigma = body.world.marker_sigma or None
+        return record(
+            body, plan, name, source=source, seed=seed, point_sigma_m=sigma, progress=progress
+        )
+
+
+def simulated_arm(arm: ArmDescription, world: World, seed: int, session: int = 0) -> SimulatedArm:
+    """Return one individual of a described arm, in a world, for a session."""
+    return SimulatedArm(arm.chain, arm.lower, arm.upper, world, seed, session)
+
+
+def simulated_session(
+    arm: ArmDescription,
+    world: World,
+    protocol: Protocol,
+    name: str,
+    *,
+    seed: int,
+    session: int,
+    sweeps: bool = True,
+    progress: Progress | None = None,
+) -> Dataset:
+    """Record one session with one individual.
+
+    Args:
+        arm: The robot's arm as described.
+        world: What is wrong with body and tracker.
+        protocol: Which poses to visit.
+        name: Name of the data set.
+        seed: Of the individual.
+        session: Of poses and noise.
+        sweeps: Visit the circles too.
+        progress: Called after each pose.
+
+    Returns:
+        The data set.
+    """
+    body = simulated_arm(arm, world, seed, session)
+    source = f"simulated {arm.robot}, world {world.name!r}, individual {seed}, session {session}"
+    rng = np.random.default_rng((seed, session, 2))
+    return protocol.run(body, name, rng, sweeps=sweeps, source=source, seed=seed, progress=progress)

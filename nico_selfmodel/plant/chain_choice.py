@@ -1,0 +1,117 @@
+"""Which joints of a robot make the chain that is learned, and what cannot be learned."""
+
+from collections.abc import Mapping
+
+import numpy as np
+from pydrake.multibody.tree import Joint, PrismaticJoint, RevoluteJoint, WeldJoint
+
+from nico_selfmodel.errors import ModelError
+from nico_selfmodel.plant.kinematic_tree import KinematicTree
+from nico_selfmodel.plant.urdf_document import child, children, read_document, robot_element
+
+
+def only_link(tree: KinematicTree, links: list[str], kind: str, argument: str) -> str:
+    """Return the single link of a list.
+
+    Raises:
+        ModelError: If there are several; the message lists them and names the argument to give.
+    """
+    if len(links) != 1:
+        raise ModelError(
+            f"{tree.urdf} has {len(links)} {kind} links, choose {argument} among {', '.join(links)}"
+        )
+    return links[0]
+
+
+def checked_held(tree: KinematicTree, held: Mapping[str, float]) -> dict[str, float]:
+    """Return held joints and their values as plain numbers.
+
+    Raises:
+        ModelError: If a joint is not there, cannot move in one direction, or has no finite value.
+    """
+    for name, value in held.items():
+        joint = tree.joint(name)
+        if not isinstance(joint, RevoluteJoint | PrismaticJoint):
+            raise ModelError(f"joint {name!r} is {joint.type_name()}: there is nothing to hold")
+        if not np.isfinite(value):
+            raise ModelError(f"joint {name!r} cannot be held at {value}")
+    return {name: float(value) for name, value in held.items()}
+
+
+def learned_joints(
+    tree: KinematicTree, base: str, tip: str, held: Mapping[str, float]
+) -> list[RevoluteJoint]:
+    """Return the revolute joints from base to tip that are not held, from the base outwards.
+
+    Raises:
+        ModelError: If there is no way between the links, none or another kind of joint on it, or
+            a joint that mimics another.
+    """
+    upwards, downwards = tree.joints_between(base, tip)
+    for joint in upwards:
+        if not _stands_still(joint, held):
+            raise ModelError(
+                f"the way from {base!r} to {tip!r} passes joint {joint.name()!r} backwards: start "
+                f"from {joint.parent_body().name()!r}, or hold it"
+            )
+    learned: list[RevoluteJoint] = []
+    for joint in downwards:
+        if _stands_still(joint, held):
+            continue
+        if not isinstance(joint, RevoluteJoint):
+            raise ModelError(
+                f"joint {joint.name()!r} between {base!r} and {tip!r} is {joint.type_name()}: only "
+                "revolute joints can be learned, hold it or choose other links"
+            )
+        learned.append(joint)
+    if not learned:
+        raise ModelError(f"no revolute joint that is not held lies between {base!r} and {tip!r}")
+    _refuse_mimics(tree, learned)
+    return learned
+
+
+def check_point(
+    tree: KinematicTree,
+    name: str,
+    tip: str,
+    last: RevoluteJoint,
+    held: Mapping[str, float],
+) -> None:
+    """Refuse a tracked point that is not rigidly beyond the last learned joint.
+
+    Args:
+        tree: The robot.
+        name: A link or frame.
+        tip: The tip link, for the message.
+        last: The last learned joint.
+        held: Joints that stand still.
+
+    Raises:
+        ModelError: If the point is not there, is not moved by the last joint, or moves further.
+    """
+    link = tree.frame(name).body().name()
+    for joint in reversed(tree.joints_down_to(link)):
+        if joint.name() == last.name():
+            return
+        if not _stands_still(joint, held):
+            raise ModelError(
+                f"point {name!r} moves with joint {joint.name()!r} against {tip!r}: hold the "
+                "joint, or track another point"
+            )
+    raise ModelError(f"point {name!r} is not on the hand: joint {last.name()!r} does not move it")
+
+
+def _stands_still(joint: Joint, held: Mapping[str, float]) -> bool:
+    return isinstance(joint, WeldJoint) or joint.name() in held
+
+
+def _refuse_mimics(tree: KinematicTree, learned: list[RevoluteJoint]) -> None:
+    # Drake's joints do not tell whether they follow another one.
+    elements = children(robot_element(read_document(tree.urdf)), "joint")
+    mimics = {e.getAttribute("name") for e in elements if child(e, "mimic") is not None}
+    following = [joint.name() for joint in learned if joint.name() in mimics]
+    if following:
+        raise ModelError(
+            f"joint {', '.join(following)} mimics another joint and cannot be learned on its own: "
+            "hold it or choose other links"
+        )

@@ -1,0 +1,140 @@
+"""URDF as XML that keeps comments, the order of attributes, and prefixes nobody declared."""
+
+from collections.abc import Iterator
+from pathlib import Path
+from xml.dom import expatbuilder
+from xml.dom.minidom import Document, Element
+from xml.parsers.expat import ExpatError
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+from pydrake.math import RollPitchYaw, RotationMatrix
+
+from nico_selfmodel.errors import ModelError
+from nico_selfmodel.geometry.rotation import rotation_from_rpy
+from nico_selfmodel.geometry.transform import transform
+
+
+def read_document(urdf: Path) -> Document:
+    """Read a URDF as XML.
+
+    Drake accepts prefixes that are not declared (`<drake:capsule>`), so namespaces are left alone.
+
+    Raises:
+        ModelError: If it is not XML or has no `<robot>`.
+    """
+    try:
+        document = expatbuilder.parse(str(urdf), namespaces=False)
+    except (OSError, ExpatError, ValueError) as error:
+        raise ModelError(f"{urdf} is not valid XML: {error}") from error
+    if document.documentElement is None or document.documentElement.tagName != "robot":
+        raise ModelError(f"{urdf} is not a URDF: its root element must be <robot>")
+    return document
+
+
+def robot_element(document: Document) -> Element:
+    """Return the `<robot>` of a document that `read_document` accepted."""
+    assert document.documentElement is not None
+    return document.documentElement
+
+
+def children(element: Element, *tags: str) -> Iterator[Element]:
+    """Yield the direct children of the given kinds, in the order of the file."""
+    for node in list(element.childNodes):
+        if isinstance(node, Element) and node.tagName in tags:
+            yield node
+
+
+def child(element: Element, tag: str) -> Element | None:
+    """Return the first direct child of a kind, or None."""
+    return next(children(element, tag), None)
+
+
+def linked(joint: Element, end: str) -> str:
+    """Return the `parent` or `child` link of a joint; empty where the file names none."""
+    element = child(joint, end)
+    return "" if element is None else element.getAttribute("link")
+
+
+def pose_of(element: Element | None) -> NDArray:
+    """Return the pose that `xyz` and `rpy` of an element state. Shape (4, 4)."""
+    if element is None:
+        return np.eye(4)
+    xyz, rpy = (_numbers(element.getAttribute(name)) for name in ("xyz", "rpy"))
+    return transform(rotation_from_rpy(*rpy), xyz)
+
+
+def set_pose(element: Element, pose: NDArray) -> None:
+    """Write a pose as `xyz` and `rpy`, to the last bit. Shape (4, 4)."""
+    rpy = RollPitchYaw(RotationMatrix(pose[:3, :3])).vector()
+    element.setAttribute("xyz", numbers_text(pose[:3, 3]))
+    element.setAttribute("rpy", numbers_text(rpy))
+
+
+def origin_of(element: Element) -> NDArray:
+    """Return the pose in an element's `<origin>`, the identity if it has none. Shape (4, 4)."""
+    return pose_of(child(element, "origin"))
+
+
+def set_origin(element: Element, pose: NDArray) -> None:
+    """Write a pose into an element's `<origin>`, which is made if need be. Shape (4, 4)."""
+    origin = child(element, "origin")
+    if origin is None:
+        origin = element.ownerDocument.createElement("origin")
+        element.insertBefore(origin, element.firstChild)
+    set_pose(origin, pose)
+
+
+def numbers_text(numbers: ArrayLike) -> str:
+    """Write numbers so that they read back to the last bit."""
+    return " ".join(repr(float(x)) for x in np.ravel(np.asarray(numbers, dtype=float)))
+
+
+def append(parent: Element, tag: str, **attributes: str) -> Element:
+    """Add a child element after all others."""
+    element = parent.ownerDocument.createElement(tag)
+    for name, value in attributes.items():
+        element.setAttribute(name, value)
+    parent.appendChild(element)
+    return element
+
+
+def append_frame_link(robot: Element, name: str, parent: str, pose: NDArray) -> None:
+    """Add a link without mass, fixed to another one.
+
+    Args:
+        robot: The `<robot>`.
+        name: Name of the link.
+        parent: The link it is fixed to.
+        pose: Its pose in `parent`. Shape (4, 4).
+    """
+    append(robot, "link", name=name)
+    joint = append(robot, "joint", name=f"{name}_mount", type="fixed")
+    append(joint, "parent", link=parent)
+    append(joint, "child", link=name)
+    set_origin(joint, pose)
+
+
+def comment_text(text: str) -> str:
+    """Return text that may stand in an XML comment, which must not hold two hyphens in a row."""
+    return text.replace("-", "\N{HYPHEN}") if "--" in text or text.endswith("-") else text
+
+
+def document_text(document: Document) -> str:
+    """Return the document as a file's content; elements that were added get their own lines."""
+    robot = robot_element(document)
+    for element in list(children(robot, "link", "joint", "frame")):
+        before = element.previousSibling
+        if before is None or isinstance(before, Element):
+            robot.insertBefore(document.createTextNode("\n  "), element)
+    if isinstance(robot.lastChild, Element):
+        robot.appendChild(document.createTextNode("\n"))
+    nodes = [node.toxml() for node in document.childNodes]
+    return "\n".join(['<?xml version="1.0"?>', *nodes]) + "\n"
+
+
+def _numbers(text: str) -> NDArray:
+    numbers = np.array(text.split(), dtype=float) if text.strip() else np.zeros(3)
+    if numbers.shape != (3,):
+        raise ModelError(f"expected three numbers in a URDF's origin, got {text!r}")
+    return numbers

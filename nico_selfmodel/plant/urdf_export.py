@@ -1,0 +1,185 @@
+"""A self-model as a URDF: the robot's own file with the learned geometry written into it."""
+
+import os
+from pathlib import Path
+from xml.dom.minidom import Document, Element
+
+import numpy as np
+from numpy.typing import NDArray
+
+from nico_selfmodel.errors import ModelError
+from nico_selfmodel.geometry.transform import inverse
+from nico_selfmodel.model import SelfModel
+from nico_selfmodel.plant.description import ArmDescription
+from nico_selfmodel.plant.learned_frames import LearnedFrames, learned_frames, nominal_frames
+from nico_selfmodel.plant.plain_urdf import plain_document
+from nico_selfmodel.plant.self_model_plant import hand_frame_name
+from nico_selfmodel.plant.urdf_document import (
+    append_frame_link,
+    children,
+    comment_text,
+    document_text,
+    linked,
+    origin_of,
+    pose_of,
+    read_document,
+    robot_element,
+    set_origin,
+    set_pose,
+)
+
+MEASURING_FRAME = "measuring_frame"
+"""The link that stands for the measuring frame W."""
+_PARTS = ("visual", "collision", "inertial")
+_PACKAGED = ("package://", "model://", "file://", "http://", "https://")
+
+
+def learned_urdf(
+    model: SelfModel, description: ArmDescription | None = None, folder: str | Path | None = None
+) -> str:
+    """Write a self-model as a URDF.
+
+    With a description it is the robot's own file: links, limits, meshes and masses stay, joint
+    origins change, and what hangs on the links moves with them. Without one, a robot of spheres
+    and cylinders is drawn along the learned axes. Either way the link `measuring_frame` is the
+    frame W and a link `hand_<marker>` stands at each tracked point; a link without mass, shape or
+    children that was given as a tracked point moves there too. Positions of the joints are the
+    self-model's q. Encoders do not fit in a URDF: their offsets and gears are in the
+    self-model's YAML.
+
+    Args:
+        model: The self-model.
+        description: The robot it belongs to.
+        folder: Where the file will lie. Relative mesh paths are rewritten to lead there from
+            this folder; without it they stay as they are, right only beside the original.
+            Absolute and `package://` paths always stay.
+
+    Returns:
+        The file's content.
+
+    Raises:
+        ModelError: If the model has other joints than the description, or the URDF is gone.
+    """
+    if description is None:
+        document = plain_document(model, MEASURING_FRAME)
+    else:
+        document = _edited_document(model, description)
+        if folder is not None:
+            _lead_from(robot_element(document), description.urdf.parent, Path(folder))
+    note = comment_text(
+        f" The learned geometry of {model.name}. Joint positions are angles of the links: offsets "
+        "and gears of the encoders are in self_model.yaml, a URDF cannot hold them. "
+    )
+    document.insertBefore(document.createComment(note), robot_element(document))
+    return document_text(document)
+
+
+def _edited_document(model: SelfModel, arm: ArmDescription) -> Document:
+    """Return the robot's file with the learned chain in it.
+
+    A URDF's joint turns its child link's frame itself. So each learned link's frame is put
+    where the joint's child frame has to be, and everything fixed to the link is moved back.
+    """
+    document = read_document(arm.urdf)
+    robot = robot_element(document)
+    origins, moved = _urdf_frames(arm, model)
+    frames = learned_frames(arm, model.chain)
+    _move_points(robot, arm, frames)
+    for joint in children(robot, "joint"):
+        name = joint.getAttribute("name")
+        before = moved.get(linked(joint, "parent"))
+        if name in origins:
+            pose = origins[name] if before is None else before @ origins[name]
+            set_origin(joint, pose)
+        elif before is not None:
+            set_origin(joint, before @ origin_of(joint))
+    for link in children(robot, "link"):
+        if link.getAttribute("name") in moved:
+            for part in children(link, *_PARTS):
+                set_origin(part, moved[link.getAttribute("name")] @ origin_of(part))
+    for frame in children(robot, "frame"):
+        if frame.getAttribute("link") in moved:
+            set_pose(frame, moved[frame.getAttribute("link")] @ pose_of(frame))
+    _add_frames(robot, arm, frames, moved)
+    return document
+
+
+def _urdf_frames(
+    arm: ArmDescription, model: SelfModel
+) -> tuple[dict[str, NDArray], dict[str, NDArray]]:
+    """Return learned joint origins, and for each learned link its old frame in its new one.
+
+    Both frames of a joint may be moved together by K. K = X_CM^-1 of the nominal arm keeps the
+    joint's axis as the file has it, and a link's frame near where it was.
+    """
+    nominal, learned = nominal_frames(arm, model.chain), learned_frames(arm, model.chain)
+    K = inverse(nominal.X_CM)
+    origins = dict(zip(arm.joints, learned.X_PF @ K, strict=True))
+    moved = dict(zip(arm.links.child_links, inverse(learned.X_CM @ K), strict=True))
+    return origins, moved
+
+
+def _move_points(robot: Element, arm: ArmDescription, frames: LearnedFrames) -> None:
+    """Move the links and frames that mark tracked points, where they are nothing else."""
+    for marker, X_TH_nominal in zip(
+        arm.markers, inverse(arm.links.X_BT) @ arm.links.X_BH, strict=True
+    ):
+        if marker not in frames.markers:
+            continue
+        step = inverse(X_TH_nominal) @ frames.X_TH[frames.markers.index(marker)]
+        name = arm.points[marker]
+        for frame in children(robot, "frame"):
+            if frame.getAttribute("name") == name:
+                set_pose(frame, pose_of(frame) @ step)
+        mount = _mount_of_bare_link(robot, name)
+        if mount is not None:
+            set_origin(mount, origin_of(mount) @ step)
+
+
+def _mount_of_bare_link(robot: Element, name: str) -> Element | None:
+    """Return the fixed joint of a link without mass, shape and children; None if it has any."""
+    joints = list(children(robot, "joint"))
+    if any(linked(joint, "parent") == name for joint in joints):
+        return None
+    for link in children(robot, "link"):
+        if link.getAttribute("name") == name and next(children(link, *_PARTS), None) is not None:
+            return None
+    mounts = [joint for joint in joints if linked(joint, "child") == name]
+    return mounts[0] if mounts and mounts[0].getAttribute("type") == "fixed" else None
+
+
+def _add_frames(
+    robot: Element, arm: ArmDescription, frames: LearnedFrames, moved: dict[str, NDArray]
+) -> None:
+    """Add links for the measuring frame and the tracked points, in place of older ones."""
+    tip = moved.get(arm.tip_link, np.eye(4))
+    added = {MEASURING_FRAME: (arm.links.root_link, inverse(frames.X_WR))}
+    for marker, X_TH in zip(frames.markers, frames.X_TH, strict=True):
+        added[hand_frame_name(marker)] = (arm.tip_link, tip @ X_TH)
+    for name, (parent, pose) in added.items():
+        _remove_bare_link(robot, name)
+        append_frame_link(robot, name, parent, pose)
+
+
+def _remove_bare_link(robot: Element, name: str) -> None:
+    for link in children(robot, "link"):
+        if link.getAttribute("name") != name:
+            continue
+        mount = _mount_of_bare_link(robot, name)
+        if mount is None:
+            raise ModelError(
+                f"the URDF has a link {name!r} of its own, which the export needs for a frame: "
+                "rename it"
+            )
+        robot.removeChild(link)
+        robot.removeChild(mount)
+
+
+def _lead_from(robot: Element, original: Path, folder: Path) -> None:
+    """Rewrite relative paths of meshes and textures, which start at the URDF's own folder."""
+    for tag in ("mesh", "texture"):
+        for element in robot.getElementsByTagName(tag):
+            name = element.getAttribute("filename")
+            if name and not Path(name).is_absolute() and not name.startswith(_PACKAGED):
+                path = os.path.relpath(original / name, folder.resolve())
+                element.setAttribute("filename", Path(path).as_posix())

@@ -1,0 +1,79 @@
+"""What is wrong with a simulated body and its tracker: the documented worlds."""
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+
+@dataclass(frozen=True)
+class World:
+    """Imperfections of a simulated arm under motion capture.
+
+    Angles in radians, lengths in metres. Play is uniform in +-play, everything else Gaussian.
+    """
+
+    name: str
+    """What the world is called."""
+    link_sigma: float = 2e-3
+    """How far axes and hand points lie from the robot's description [m]."""
+    axis_sigma: float = np.radians(1.5)
+    """How far axes are tilted from the robot's description [rad]."""
+    gear_sigma: float = 0.01
+    """Relative deviation of the gears from their nominal ratios."""
+    extra_gear: float = 1.6
+    """Ratio of the last joint's further reduction; the others have 1."""
+    encoder_zero: float = 1.0
+    """Zeros lie anywhere within +- this encoder angle: they are lost at power-off [rad]."""
+    counts_per_turn: int = 16384
+    """Encoder counts a turn of the geared encoder."""
+    play: float = 0.0
+    """Half the width of the joint play between encoder and link [rad]."""
+    sag: float = 0.0
+    """Deflection of the joint that carries the largest gravity torque [rad]."""
+    wobble: float = 0.0
+    """Standard deviation of the shoulder joints' rare looseness [rad]."""
+    wobble_share: float = 0.0
+    """Share of poses in which the shoulder is loose."""
+    marker_sigma: float = 0.0
+    """Noise of each measured coordinate [m]."""
+    dropout_share: float = 0.0
+    """Share of measurements in which the tracker loses a marker."""
+
+    def with_noise(
+        self, *, play_deg: float | None = None, marker_mm: float | None = None
+    ) -> "World":
+        """Return the world with other play [deg] or marker noise [mm]."""
+        changed = self
+        if play_deg is not None:
+            changed = replace(changed, play=float(np.radians(play_deg)))
+        if marker_mm is not None:
+            changed = replace(changed, marker_sigma=1e-3 * marker_mm)
+        return changed if changed == self else replace(changed, name=f"{self.name}, changed")
+
+
+WORLDS = {
+    # Geometry, zeros and gears to be learned, nothing else: what is learned must be exact to the
+    # encoders' resolution.
+    "clean": World("clean", counts_per_turn=2**24),
+    # Tuned to the means of the thesis' chapter 6; its marker balls measure 14 mm.
+    "thesis": World(
+        "thesis",
+        play=np.radians(0.6),
+        sag=np.radians(0.8),
+        wobble=np.radians(1.2),
+        wobble_share=0.12,
+        marker_sigma=6e-4,
+        dropout_share=0.02,
+    ),
+}
+
+
+def world_named(name: str) -> World:
+    """Return a documented world.
+
+    Raises:
+        ValueError: If there is none of that name; the message lists those there are.
+    """
+    if name not in WORLDS:
+        raise ValueError(f"no world {name!r}; there are {', '.join(WORLDS)}")
+    return WORLDS[name]

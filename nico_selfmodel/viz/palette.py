@@ -1,0 +1,43 @@
+"""Colours of scenes and figures: told apart by colour-blind eyes, and readable on white."""
+
+import numpy as np
+from matplotlib import colormaps
+from matplotlib.colors import LinearSegmentedColormap, to_rgb
+from numpy.typing import ArrayLike, NDArray
+
+from nico_selfmodel.viz.scene_items import Rgba
+
+# Paul Tol's "bright" and "vibrant" schemes, without their reds: red means an outlier or a failure.
+_JOINTS = ("#4477aa", "#ee7733", "#228833", "#aa3377", "#33bbee", "#ccaa22", "#775599", "#667788")
+
+INK = "#1c2733"
+MUTED = "#66727f"
+FAINT = "#d5dbe1"
+TRAINING = "#7b8794"
+CROSS_VALIDATION = "#ee7733"
+HELD_OUT = "#0b5fa5"
+OUTLIER = "#cc3311"
+UNCERTAINTY = "#009988"
+LINK = "#c3cad2"
+HAND = "#1c2733"
+GRID = "#b9c2cb"
+
+ERRORS = LinearSegmentedColormap.from_list("errors", colormaps["magma_r"](np.linspace(0.12, 0.88)))
+"""Perceptually uniform, from pale (small) to dark (large)."""
+
+
+def joint_color(i: int) -> str:
+    """Return the colour of joint i; the eighth shares that of the first."""
+    return _JOINTS[i % len(_JOINTS)]
+
+
+def rgba(color: str, opacity: float = 1.0) -> Rgba:
+    """Return a colour as numbers."""
+    red, green, blue = to_rgb(color)
+    return float(red), float(green), float(blue), opacity
+
+
+def error_colors(values: ArrayLike, largest: float) -> NDArray:
+    """Return red, green and blue of error lengths on the scale from 0 to `largest`. (n,) -> (n, 3)."""
+    share = np.asarray(values, dtype=float) / largest if largest > 0.0 else np.zeros(len(values))
+    return ERRORS(np.clip(share, 0.0, 1.0))[:, :3]

@@ -1,0 +1,194 @@
+"""Figures of the estimate: how well each parameter is known, correlations, convergence."""
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.cm import ScalarMappable
+from matplotlib.colors import Normalize
+from matplotlib.figure import Figure
+from matplotlib.ticker import MaxNLocator
+from numpy.typing import NDArray
+
+from nico_selfmodel.estimation import KinematicCalibration
+from nico_selfmodel.estimation.start_search import StartSearch
+from nico_selfmodel.optimization import Uncertainty
+from nico_selfmodel.viz import palette
+from nico_selfmodel.viz.plot_style import FULL_WIDTH, HALF_WIDTH, grid_along, headline, style
+
+_SHOWN = {"m": ("mm", 1e3), "rad": ("deg", 180.0 / np.pi), "1": ("%", 100.0)}
+"""Unit of a parameter -> unit and factor that people read."""
+_HEADING = {"m": "lengths", "rad": "angles", "1": "gears"}
+
+
+def parameter_sigmas(calibration: KinematicCalibration) -> Figure | None:
+    """Draw the standard deviation of every free parameter; None where none is known."""
+    uncertainty = calibration.uncertainty
+    if uncertainty is None:
+        return None
+    unit_of = _units(calibration)
+    groups = {
+        unit: [name for name in uncertainty.names if unit_of[name] == unit] for unit in _SHOWN
+    }
+    groups = {unit: names for unit, names in groups.items() if names}
+    with style():
+        tallest = max(len(names) for names in groups.values())
+        figure = Figure(figsize=(FULL_WIDTH, 1.1 + 0.19 * tallest))
+        panels = figure.subplots(1, len(groups), squeeze=False)[0]
+        for axes, (unit, names) in zip(panels, groups.items(), strict=True):
+            _sigma_panel(axes, calibration, uncertainty, unit, names)
+            axes.set_ylim(tallest - 0.4, -0.6)
+        headline(figure, _least_known(uncertainty, unit_of))
+    return figure
+
+
+def _sigma_panel(
+    axes: Axes,
+    calibration: KinematicCalibration,
+    uncertainty: Uncertainty,
+    unit: str,
+    names: list[str],
+) -> None:
+    shown, factor = _SHOWN[unit]
+    sigma = factor * np.array([uncertainty.sigma[uncertainty.names.index(name)] for name in names])
+    if unit == "1":
+        value = dict(zip(calibration.model.parameters.names, calibration.model.parameters.values, strict=True))
+        sigma = sigma / np.array([value[name] for name in names])
+    known = np.isfinite(sigma)
+    reach = 1.3 * float(sigma[known].max()) if known.any() else 1.0
+    for row, (name, size) in enumerate(zip(names, sigma.tolist(), strict=True)):
+        if np.isfinite(size):
+            axes.barh(row, size, height=0.68, color=_color_of(name, calibration))
+            axes.text(size + 0.01 * reach, row, f"{size:.2g}", va="center", fontsize=7.5)
+        else:
+            axes.barh(row, reach, height=0.68, color="white", hatch="////", edgecolor=palette.OUTLIER)
+            text = axes.text(0.5 * reach, row, "blind", va="center", ha="center", fontsize=7.5)
+            text.set_color(palette.OUTLIER)
+            text.set_bbox({"facecolor": "white", "edgecolor": "none", "pad": 1.0})
+    axes.set_yticks(range(len(names)), names, fontsize=7.5)
+    axes.tick_params(axis="y", length=0)
+    axes.set_xlim(0.0, reach)
+    axes.set_xlabel(f"standard deviation [{shown}]")
+    axes.set_title(_HEADING[unit])
+    axes.spines["left"].set_visible(False)
+    grid_along(axes, "x")
+
+
+def correlation_matrix(calibration: KinematicCalibration) -> Figure | None:
+    """Draw the correlations of the free parameters; None where none are known."""
+    uncertainty = calibration.uncertainty
+    if uncertainty is None or len(uncertainty.names) < 2:
+        return None
+    count = len(uncertainty.names)
+    correlation = uncertainty.correlation
+    below = np.ma.masked_array(correlation, np.triu(np.ones((count, count), dtype=bool), 1))
+    with style():
+        side = float(np.clip(0.2 * count + 2.4, 5.0, 9.6))
+        figure = Figure(figsize=(side + 0.8, side))
+        axes = figure.add_subplot()
+        scale = Normalize(-1.0, 1.0)
+        axes.pcolormesh(below, cmap="RdBu_r", norm=scale, edgecolors="white", linewidth=0.4)
+        small = 7.5 if count <= 30 else 6.5
+        ticks = np.arange(count) + 0.5
+        axes.set_xticks(ticks, uncertainty.names, rotation=90, fontsize=small)
+        axes.set_yticks(ticks, uncertainty.names, fontsize=small)
+        axes.tick_params(length=0)
+        axes.set_ylim(count, 0)
+        axes.set_aspect("equal")
+        axes.grid(False)
+        for spine in axes.spines.values():
+            spine.set_visible(False)
+        for border in _borders(uncertainty.names):
+            axes.plot([0, border], [border, border], color=palette.MUTED, linewidth=0.7)
+            axes.plot([border, border], [border, count], color=palette.MUTED, linewidth=0.7)
+        inset = axes.inset_axes((0.56, 0.93, 0.4, 0.025))
+        figure.colorbar(ScalarMappable(scale, "RdBu_r"), cax=inset, orientation="horizontal")
+        inset.set_title("correlation", fontsize=8.5, fontweight="normal")
+        headline(figure, _strongest_pair(uncertainty.names, correlation))
+    return figure
+
+
+def convergence(calibration: KinematicCalibration) -> Figure | None:
+    """Draw how the last solution converged and how the starts fared; None without refinement."""
+    search, history = calibration.search, np.array(calibration.history)
+    if search is None or len(history) < 2:
+        return None
+    with style():
+        figure = Figure(figsize=(HALF_WIDTH, 3.9))
+        top, bottom = figure.subplots(2, 1)
+        excess = np.maximum(history - history.min(), 0.0) / max(history.min(), 1e-300)
+        shown = excess > 0.0
+        steps = np.arange(len(history))
+        top.semilogy(steps[shown], excess[shown], "o-", color=palette.HELD_OUT, markersize=5)
+        top.xaxis.set_major_locator(MaxNLocator(integer=True))
+        top.set_xlim(-0.3, len(history) - 0.7)
+        top.set_xlabel("step of the final solution")
+        top.set_ylabel("cost above\nits minimum")
+        _starts_panel(bottom, search)
+        same = f"{search.agreeing} of {len(search.labels)} starts agree on the best minimum"
+        reached = f"minimum after {calibration.iterations} steps"
+        headline(figure, f"{same}; {reached}" if calibration.converged else f"NOT converged; {same}")
+    return figure
+
+
+def _starts_panel(axes: Axes, search: StartSearch) -> None:
+    """Draw the cost of every start's minimum over that of the best."""
+    scores = np.asarray(search.scores, dtype=float)
+    ratio = scores / max(float(scores.min()), 1e-300)
+    agreeing = np.zeros(len(ratio), dtype=bool)
+    agreeing[np.argsort(ratio, kind="stable")[: search.agreeing]] = True
+    numbers = np.arange(1, len(ratio) + 1)
+    for rows, color, label in (
+        (agreeing, palette.HELD_OUT, "best minimum"),
+        (~agreeing, palette.CROSS_VALIDATION, "another"),
+    ):
+        if rows.any():
+            axes.plot(numbers[rows], ratio[rows], "o", color=color, markersize=6, label=label)
+    if ratio.max() > 3.0:
+        axes.set_yscale("log")
+    else:
+        axes.set_ylim(0.9, max(1.5, 1.1 * float(ratio.max())))
+    axes.xaxis.set_major_locator(MaxNLocator(integer=True))
+    axes.set_xlim(0.5, len(ratio) + 0.5)
+    names = list(dict.fromkeys(search.labels))
+    axes.set_xlabel(f"start (in this order: {', '.join(names)})")
+    axes.set_ylabel("cost over\nthe best")
+    axes.legend(loc="upper left", ncols=2, handletextpad=0.1)
+
+
+def _units(calibration: KinematicCalibration) -> dict[str, str]:
+    parameters = calibration.model.parameters
+    return dict(zip(parameters.names, parameters.units, strict=True))
+
+
+def _color_of(name: str, calibration: KinematicCalibration) -> str:
+    joint = name.rpartition(".")[0]
+    joints = calibration.model.joints
+    return palette.joint_color(joints.index(joint)) if joint in joints else palette.TRAINING
+
+
+def _least_known(uncertainty: Uncertainty, unit_of: dict[str, str]) -> str:
+    """Say which length and which angle are known worst, or how many parameters are blind."""
+    sigma = uncertainty.sigma
+    blind = int(np.sum(~np.isfinite(sigma)))
+    if blind:
+        return f"{blind} of {len(sigma)} parameters are not determined by these data"
+    parts = []
+    for unit, decimals in (("m", 2), ("rad", 3)):
+        rows = [i for i, name in enumerate(uncertainty.names) if unit_of[name] == unit]
+        if rows:
+            worst = max(rows, key=lambda i: sigma[i])
+            shown, factor = _SHOWN[unit]
+            size = f"{factor * sigma[worst]:.{decimals}f} {shown}"
+            parts.append(f"{uncertainty.names[worst]} (±{size})")
+    return "Least known: " + ", ".join(parts)
+
+
+def _strongest_pair(names: tuple[str, ...], correlation: NDArray) -> str:
+    off = np.abs(np.tril(correlation, -1))
+    i, j = np.unravel_index(int(np.argmax(off)), off.shape)
+    return f"Strongest correlation: {names[j]} with {names[i]}, {correlation[i, j]:+.3f}"
+
+
+def _borders(names: tuple[str, ...]) -> list[int]:
+    """Return where the parameters of another joint begin."""
+    owner = [name.rpartition(".")[0] for name in names]
+    return [i for i in range(1, len(owner)) if owner[i] != owner[i - 1]]

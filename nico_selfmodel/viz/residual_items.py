@@ -1,0 +1,140 @@
+"""Measured points with their residuals, held-out points, outliers."""
+
+import numpy as np
+from numpy.typing import NDArray
+
+from nico_selfmodel.estimation import Evaluation, KinematicCalibration
+from nico_selfmodel.viz import palette
+from nico_selfmodel.viz.circle_items import samples_by_owner
+from nico_selfmodel.viz.factors import nice_factor
+from nico_selfmodel.viz.scene import LegendEntry
+from nico_selfmodel.viz.scene_items import Item, Markers, Needles
+
+_POINT_RADIUS, _OUTLIER_RADIUS, _NEEDLE_RADIUS = 0.008, 0.02, 0.0045
+_DRAWN_LENGTH = 0.12
+"""The 95th percentile of the residuals is drawn about this long."""
+
+
+def point_items(calibration: KinematicCalibration, unit: float) -> list[Item]:
+    """Return measured points that lie on no circle, held-out points and outliers.
+
+    Args:
+        calibration: What was learned.
+        unit: Length that sizes are fractions of [m].
+
+    Returns:
+        Items under `training`, `held_out` and `outliers`.
+    """
+    items: list[Item] = []
+    measured = calibration.train.observations.p_WH
+    free = free_rows(calibration)
+    if free.size:
+        items.append(_points("training/free_poses", measured[free], palette.TRAINING, unit))
+    if calibration.test is not None:
+        held_out = calibration.test.observations.p_WH
+        items.append(_points("held_out/points", held_out, palette.HELD_OUT, unit))
+    wild = np.flatnonzero(calibration.outliers)
+    if wild.size:
+        color = palette.rgba(palette.OUTLIER)
+        marks = Markers(
+            path="outliers/points",
+            color=color,
+            centers=measured[wild],
+            radius=_OUTLIER_RADIUS * unit,
+            shape="diamond",
+        )
+        misses = Needles(
+            path="outliers/residuals_x1",
+            color=color,
+            starts=calibration.train.p_WH_predicted[wild],
+            ends=measured[wild],
+            radius=_NEEDLE_RADIUS * unit,
+        )
+        items += [marks, misses]
+    return items
+
+
+def point_legend(calibration: KinematicCalibration) -> list[LegendEntry]:
+    """Return what the colours of points mean."""
+    entries = []
+    free = free_rows(calibration)
+    if free.size:
+        color = palette.rgba(palette.TRAINING)
+        entries.append(LegendEntry(f"training, free poses ({free.size})", color))
+    if calibration.test is not None:
+        count = len(calibration.test.observations)
+        entries.append(LegendEntry(f"held-out points ({count})", palette.rgba(palette.HELD_OUT)))
+    if calibration.outliers.any():
+        label = f"outliers, with their true residual ({int(calibration.outliers.sum())})"
+        entries.append(LegendEntry(label, palette.rgba(palette.OUTLIER)))
+    return entries
+
+
+def residual_items(calibration: KinematicCalibration, unit: float) -> list[Item]:
+    """Return residuals as needles from predicted towards measured, longer than they are.
+
+    Args:
+        calibration: What was learned.
+        unit: Length that sizes are fractions of [m].
+
+    Returns:
+        Items whose path ends in the factor, under `training` and `held_out`; those of outliers are
+        not among them.
+    """
+    factor, largest = residual_factor(calibration, unit), largest_shown(calibration)
+    items: list[Item] = []
+    for name, evaluation, rows in _evaluations(calibration):
+        if rows.size:
+            residuals, starts = evaluation.residuals[rows], evaluation.p_WH_predicted[rows]
+            needles = Needles(
+                path=f"{name}/residuals_x{factor:g}",
+                color=palette.rgba(palette.MUTED),
+                starts=starts,
+                ends=starts + factor * residuals,
+                radius=_NEEDLE_RADIUS * unit,
+                colors=palette.error_colors(np.linalg.norm(residuals, axis=1), largest),
+            )
+            items.append(needles)
+    return items
+
+
+def residual_legend(calibration: KinematicCalibration, unit: float) -> list[LegendEntry]:
+    """Return the factor and the colour scale of the residuals."""
+    factor, largest = residual_factor(calibration, unit), largest_shown(calibration)
+    scale = tuple(palette.ERRORS(share) for share in np.linspace(0.0, 1.0, 9))
+    label = f"residuals, drawn ×{factor:g} (0 to {1e3 * largest:.2g} mm)"
+    return [LegendEntry(label, scale[-1], scale)]
+
+
+def residual_factor(calibration: KinematicCalibration, unit: float) -> float:
+    """Return the factor by which residuals are drawn longer than they are."""
+    typical = float(np.percentile(_believed_lengths(calibration), 95.0))
+    return nice_factor(_DRAWN_LENGTH * unit, typical)
+
+
+def largest_shown(calibration: KinematicCalibration) -> float:
+    """Return the length at the dark end of the colour scale [m]: the 98th percentile."""
+    return float(np.percentile(_believed_lengths(calibration), 98.0))
+
+
+def free_rows(calibration: KinematicCalibration) -> NDArray:
+    """Return believed training rows that lie on no circle."""
+    on_circle = [rows for rows in samples_by_owner(calibration).values()]
+    believed = np.flatnonzero(~calibration.outliers)
+    return np.setdiff1d(believed, np.concatenate(on_circle)) if on_circle else believed
+
+
+def _points(path: str, centers: NDArray, color: str, unit: float) -> Markers:
+    radius = _POINT_RADIUS * unit
+    return Markers(path=path, color=palette.rgba(color), centers=centers, radius=radius)
+
+
+def _evaluations(calibration: KinematicCalibration) -> list[tuple[str, Evaluation, NDArray]]:
+    found = [("training", calibration.train, np.flatnonzero(~calibration.outliers))]
+    if calibration.test is not None:
+        found.append(("held_out", calibration.test, np.arange(len(calibration.test.observations))))
+    return found
+
+
+def _believed_lengths(calibration: KinematicCalibration) -> NDArray:
+    return np.concatenate([e.distances[rows] for _, e, rows in _evaluations(calibration)])

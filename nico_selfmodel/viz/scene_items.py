@@ -1,0 +1,201 @@
+"""What a scene is made of: shapes with a path, a colour and a pose; no viewer in it."""
+
+from dataclasses import dataclass, field
+
+import numpy as np
+from numpy.typing import NDArray
+
+from nico_selfmodel.model.arrays import frozen_array
+
+Rgba = tuple[float, float, float, float]
+
+MARKER_SHAPES = ("sphere", "diamond")
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class Item:
+    """A shape in a scene."""
+
+    path: str
+    """Names from the root of the scene down, joined by `/`; unique in a scene."""
+    color: Rgba
+    """Red, green, blue and opacity, 0 to 1."""
+    X_WI: NDArray = field(default_factory=lambda: np.eye(4))
+    """Pose of the item's own frame I in the scene's frame W. Shape (4, 4)."""
+
+    def __post_init__(self) -> None:
+        """Check path, colour and pose, and make the arrays read-only."""
+        parts = self.path.split("/")
+        if not all(parts) or any(part != part.strip() for part in parts):
+            raise ValueError(f"path must be names joined by '/', got {self.path!r}")
+        color = tuple(float(c) for c in self.color)
+        if len(color) != 4 or not all(0.0 <= c <= 1.0 for c in color):
+            raise ValueError(f"color must be four numbers from 0 to 1, got {self.color}")
+        object.__setattr__(self, "color", color)
+        self._freeze("X_WI", (4, 4))
+
+    def _freeze(self, name: str, shape: tuple[int, ...]) -> None:
+        object.__setattr__(self, name, frozen_array(getattr(self, name), shape, name))
+
+    def _freeze_list(self, name: str) -> int:
+        """Freeze a list of points or colours of any length, and return its length."""
+        value = np.asarray(getattr(self, name), dtype=float)
+        if value.ndim != 2 or value.shape[1] != 3 or not len(value):
+            raise ValueError(f"{name} must have shape (n >= 1, 3), got {value.shape}")
+        self._freeze(name, value.shape)
+        return len(value)
+
+    def _freeze_colors(self, count: int) -> None:
+        if getattr(self, "colors", None) is not None:
+            self._freeze("colors", (count, 3))
+
+    def _check_positive(self, *names: str) -> None:
+        for name in names:
+            value = float(getattr(self, name))
+            if not (np.isfinite(value) and value > 0.0):
+                raise ValueError(f"{name} must be positive, got {value}")
+            object.__setattr__(self, name, value)
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class Markers(Item):
+    """Equal small shapes at many points."""
+
+    centers: NDArray
+    """In I [m]. Shape (n, 3)."""
+    radius: float
+    """[m]."""
+    colors: NDArray | None = None
+    """Red, green, blue of each, in place of that of `color`. Shape (n, 3)."""
+    shape: str = "sphere"
+    """One of `MARKER_SHAPES`."""
+
+    def __post_init__(self) -> None:
+        """Check and freeze."""
+        super().__post_init__()
+        self._freeze_colors(self._freeze_list("centers"))
+        self._check_positive("radius")
+        if self.shape not in MARKER_SHAPES:
+            raise ValueError(f"shape must be one of {', '.join(MARKER_SHAPES)}, got {self.shape!r}")
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class Needles(Item):
+    """Vectors, thick where they start and ending in a point."""
+
+    starts: NDArray
+    """In I [m]. Shape (n, 3)."""
+    ends: NDArray
+    """In I [m]. Shape (n, 3)."""
+    radius: float
+    """At the start [m]."""
+    colors: NDArray | None = None
+    """Red, green, blue of each, in place of that of `color`. Shape (n, 3)."""
+
+    def __post_init__(self) -> None:
+        """Check and freeze."""
+        super().__post_init__()
+        self._freeze("ends", (self._freeze_list("starts"), 3))
+        self._freeze_colors(len(self.starts))
+        self._check_positive("radius")
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class Segments(Item):
+    """Hair lines, one pixel wide in every browser."""
+
+    starts: NDArray
+    """In I [m]. Shape (n, 3)."""
+    ends: NDArray
+    """In I [m]. Shape (n, 3)."""
+
+    def __post_init__(self) -> None:
+        """Check and freeze."""
+        super().__post_init__()
+        self._freeze("ends", (self._freeze_list("starts"), 3))
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class Tube(Item):
+    """A round wire along points."""
+
+    points: NDArray
+    """In I [m]; neighbours differ. Shape (n >= 2, 3)."""
+    radius: float
+    """[m]."""
+    closed: bool = False
+    """Whether the last point is joined to the first."""
+
+    def __post_init__(self) -> None:
+        """Check and freeze."""
+        super().__post_init__()
+        if self._freeze_list("points") < 2:
+            raise ValueError("a tube needs at least two points")
+        self._check_positive("radius")
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class Cylinder(Item):
+    """A cylinder along z of I, centred."""
+
+    radius: float
+    """[m]."""
+    length: float
+    """[m]."""
+
+    def __post_init__(self) -> None:
+        """Check and freeze."""
+        super().__post_init__()
+        self._check_positive("radius", "length")
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class Capsule(Item):
+    """A cylinder along z of I, centred, with a half sphere on each end."""
+
+    radius: float
+    """[m]."""
+    length: float
+    """Between the centres of the half spheres [m]."""
+
+    def __post_init__(self) -> None:
+        """Check and freeze."""
+        super().__post_init__()
+        self._check_positive("radius", "length")
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class Ellipsoid(Item):
+    """An ellipsoid along the axes of I; a sphere where its radii are equal."""
+
+    radii: NDArray
+    """Half axes [m]. Shape (3,)."""
+
+    def __post_init__(self) -> None:
+        """Check and freeze."""
+        super().__post_init__()
+        self._freeze("radii", (3,))
+        if np.any(self.radii <= 0.0):
+            raise ValueError(f"radii must be positive, got {self.radii}")
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class Triad(Item):
+    """The axes of I, x red, y green, z blue; only the opacity of `color` is used."""
+
+    length: float
+    """Of each axis [m]."""
+    radius: float
+    """Of each axis [m]."""
+
+    def __post_init__(self) -> None:
+        """Check and freeze."""
+        super().__post_init__()
+        self._check_positive("length", "radius")
+
+
+ITEM_KINDS: dict[str, type[Item]] = {
+    kind.__name__.lower(): kind
+    for kind in (Markers, Needles, Segments, Tube, Cylinder, Capsule, Ellipsoid, Triad)
+}
+"""Name in files -> class."""

@@ -1,0 +1,85 @@
+"""What stands around a scene: the floor of the measuring frame and the first view."""
+
+import numpy as np
+from numpy.typing import NDArray
+
+from nico_selfmodel.viz import palette
+from nico_selfmodel.viz.factors import nice_below
+from nico_selfmodel.viz.scene import FIELD_OF_VIEW, Camera
+from nico_selfmodel.viz.scene_items import Item, Segments, Triad
+
+_NEAR = 2.0
+"""W itself is shown where it lies within this many sizes of the data."""
+_ASPECT, _MARGIN = 1.5, 1.06
+_TURN, _ELEVATION = np.radians(25.0), np.radians(22.0)
+
+
+def floor_items(points: NDArray, unit: float) -> list[Item]:
+    """Return a grid whose lines lie at round coordinates of W, and W's axes where they are near.
+
+    The grid lies at z = 0 where the data stand on it, else at a round height below them.
+
+    Args:
+        points: What stands on the floor [m]. Shape (N, 3).
+        unit: Length that sizes are fractions of [m].
+
+    Returns:
+        Items under `floor`.
+    """
+    low, high = points.min(axis=0), points.max(axis=0)
+    size = float(np.linalg.norm(high - low))
+    spacing = nice_below(max(size / 5.0, 1e-6))
+    near = bool(np.all(low < _NEAR * size) and np.all(high > -_NEAR * size))
+    if near:
+        low, high = np.minimum(low, 0.0), np.maximum(high, 0.0)
+    height = spacing * np.floor(low[2] / spacing)
+    first = spacing * (np.floor(low[:2] / spacing) - 1.0)
+    last = spacing * (np.ceil(high[:2] / spacing) + 1.0)
+    starts, ends = _grid_lines(first, last, spacing, height)
+    color = palette.rgba(palette.GRID)
+    name = f"floor/grid_{1e3 * spacing:g}_mm_at_z_{1e3 * height:g}_mm"
+    items: list[Item] = [Segments(path=name, color=color, starts=starts, ends=ends)]
+    if near:
+        white = (1.0, 1.0, 1.0, 1.0)
+        length, radius = 0.25 * unit, 0.006 * unit
+        items.append(Triad(path="floor/measuring_frame", color=white, length=length, radius=radius))
+    return items
+
+
+def camera_on(points: NDArray) -> Camera:
+    """Return a view that holds all points, square to their widest horizontal spread, from above.
+
+    Args:
+        points: What must be seen [m]. Shape (N, 3).
+    """
+    flat = points[:, :2] - points[:, :2].mean(axis=0)
+    across = np.linalg.eigh(flat.T @ flat)[1][:, 0]
+    # Of the two sides take the one towards +x, then turn a little for depth.
+    across = across * (-1.0 if across[0] < 0.0 else 1.0)
+    azimuth = np.arctan2(across[1], across[0]) + _TURN
+    away = np.array([np.cos(azimuth), np.sin(azimuth), np.tan(_ELEVATION)]) * np.cos(_ELEVATION)
+    right = np.array([-np.sin(azimuth), np.cos(azimuth), 0.0])
+    seen = points @ np.stack([right, np.cross(away, right), away], axis=1)
+    middle = 0.5 * (seen.min(axis=0) + seen.max(axis=0))
+    target = np.stack([right, np.cross(away, right), away], axis=1) @ middle
+    half = np.tan(0.5 * FIELD_OF_VIEW) * np.array([_ASPECT, 1.0])
+    offset = seen - middle
+    needed = (np.abs(offset[:, :2]) / half).max(axis=1) + offset[:, 2]
+    return Camera(target + away * max(_MARGIN * float(needed.max()), 1e-2), target)
+
+
+def _grid_lines(
+    first: NDArray, last: NDArray, spacing: float, height: float
+) -> tuple[NDArray, NDArray]:
+    """Return starts and ends of lines along x and along y. Two arrays of shape (k, 3)."""
+    starts, ends = [], []
+    for axis in (0, 1):
+        other = 1 - axis
+        count = round((last[other] - first[other]) / spacing)
+        for k in range(count + 1):
+            start, end = np.full(3, height), np.full(3, height)
+            start[other] = end[other] = first[other] + k * spacing
+            start[axis], end[axis] = first[axis], last[axis]
+            starts.append(start)
+            ends.append(end)
+    return np.array(starts), np.array(ends)

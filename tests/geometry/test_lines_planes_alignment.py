@@ -1,0 +1,132 @@
+"""Lines, planes and the alignment of matched points."""
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from nico_selfmodel.geometry import Alignment, Line, Plane, common_normal_feet
+from nico_selfmodel.geometry.rotation import nearest_rotation, tangent_basis
+
+SEED = st.integers(0, 2**32 - 1)
+
+
+def unit(rng):
+    v = rng.normal(size=3)
+    return v / np.linalg.norm(v)
+
+
+@given(SEED)
+def test_a_line_is_recovered_from_points_on_it(seed):
+    rng = np.random.default_rng(seed)
+    point, direction = rng.normal(size=3), unit(rng)
+    line = Line.from_points(point + np.outer(rng.uniform(-1, 1, 8), direction))
+    assert abs(line.direction @ direction) == pytest.approx(1.0, abs=1e-12)
+    assert line.distance_to(point) == pytest.approx(0.0, abs=1e-12)
+    aside = point + 0.3 * tangent_basis(direction)[:, 1] + 2.0 * direction
+    assert line.distance_to(np.stack([point, aside])) == pytest.approx([0.0, 0.3], abs=1e-12)
+
+
+@given(SEED)
+def test_the_common_normal_meets_both_lines_at_right_angles(seed):
+    rng = np.random.default_rng(seed)
+    a, da, b, db = rng.normal(size=3), unit(rng), rng.normal(size=3), unit(rng)
+    foot_a, foot_b = common_normal_feet(a, da, b, db)
+    sine = np.linalg.norm(np.cross(da, db))
+    tolerance = 1e-13 / sine**2
+    assert Line(a, da).distance_to(foot_a) == pytest.approx(0.0, abs=tolerance)
+    assert Line(b, db).distance_to(foot_b) == pytest.approx(0.0, abs=tolerance)
+    assert (foot_b - foot_a) @ np.stack([da, db], axis=1) == pytest.approx([0, 0], abs=tolerance)
+
+
+@given(SEED)
+def test_a_plane_is_recovered_from_points_on_it(seed):
+    rng = np.random.default_rng(seed)
+    normal, offset = unit(rng), rng.normal()
+    points = rng.normal(size=(6, 2)) @ tangent_basis(normal).T - offset * normal
+    plane = Plane.from_points(points)
+    sign = np.sign(plane.normal @ normal)
+    assert plane.normal == pytest.approx(sign * normal, abs=1e-9)
+    assert plane.offset == pytest.approx(sign * offset, abs=1e-9)
+    assert plane.distance_to(points + 0.2 * plane.normal) == pytest.approx([0.2] * 6, abs=1e-12)
+
+
+def test_a_plane_and_a_line_are_nearer_to_noisy_points_than_the_true_ones():
+    rng = np.random.default_rng(3)
+    x = rng.uniform(-1, 1, 40)
+    flat = np.column_stack([x, rng.uniform(-1, 1, 40), rng.normal(0, 0.05, 40)])
+    plane = Plane.from_points(flat)
+    assert np.sum(plane.distance_to(flat) ** 2) < np.sum(flat[:, 2] ** 2)
+    assert abs(plane.normal[2]) > np.cos(0.05)
+    thin = np.column_stack([x, rng.normal(0, 0.05, (40, 2))])
+    line = Line.from_points(thin)
+    assert np.sum(line.distance_to(thin) ** 2) < np.sum(thin[:, 1:] ** 2)
+    assert abs(line.direction[0]) > np.cos(0.05)
+
+
+@given(SEED)
+def test_collinear_points_span_no_plane(seed):
+    rng = np.random.default_rng(seed)
+    points = rng.normal(size=3) + np.outer(rng.uniform(-1, 1, 5), unit(rng))
+    with pytest.raises(ValueError, match="collinear"):
+        Plane.from_points(points)
+
+
+@pytest.mark.parametrize(
+    ("call", "message"),
+    [
+        (lambda: Plane.from_points(np.ones((5, 3))), "coincide"),
+        (lambda: Plane.from_points(np.ones((2, 3))), r"\(n >= 3, 3\), got \(2, 3\)"),
+        (lambda: Line.from_points(np.ones((5, 3))), "coincide"),
+        (lambda: Line.from_points(np.ones((1, 3))), r"\(n >= 2, 3\), got \(1, 3\)"),
+        (lambda: Line.from_points(np.ones((4, 2))), r"got \(4, 2\)"),
+        (lambda: common_normal_feet([0, 0, 0], [0, 0, 1], [1, 0, 0], [0, 0, -1]), "parallel"),
+        (lambda: Alignment.from_points(np.ones((3, 3)), np.ones((4, 3))), r"\(3, 3\), \(4, 3\)"),
+        (lambda: Alignment.from_points(np.eye(3)[:2], np.eye(3)[:2]), "at least three"),
+        (lambda: Alignment.from_points(np.ones((4, 3)), np.ones((4, 3))), "not collinear"),
+    ],
+)
+def test_too_few_or_degenerate_points_are_refused(call, message):
+    with pytest.raises(ValueError, match=message):
+        call()
+
+
+@given(SEED, st.booleans())
+def test_an_alignment_is_recovered_from_matched_points(seed, with_scale):
+    rng = np.random.default_rng(seed)
+    scale = rng.uniform(0.2, 5.0) if with_scale else 1.0
+    truth = Alignment(nearest_rotation(rng.normal(size=(3, 3))), rng.normal(size=3), scale)
+    source = rng.normal(size=(rng.integers(3, 8), 3))
+    found = Alignment.from_points(source, truth.apply(source), with_scale=with_scale)
+    assert found.rotation == pytest.approx(truth.rotation, abs=1e-8)
+    assert found.translation == pytest.approx(truth.translation, abs=1e-8)
+    assert found.scale == pytest.approx(truth.scale, rel=1e-8)
+
+
+def test_points_in_a_plane_and_mirror_images_are_aligned_by_a_rotation():
+    rng = np.random.default_rng(4)
+    flat = np.column_stack([rng.normal(size=(6, 2)), np.zeros(6)])
+    solid = rng.normal(size=(6, 3))
+    for source in (flat, solid):
+        found = Alignment.from_points(source, source * [1.0, 1.0, -1.0])
+        assert np.linalg.det(found.rotation) == pytest.approx(1.0)
+    assert Alignment.from_points(flat, -flat).apply(flat) == pytest.approx(-flat, abs=1e-12)
+
+
+def test_noise_does_not_bias_the_scale_as_it_does_a_mean_of_lengths():
+    rng = np.random.default_rng(5)
+    board = 0.025 * np.array([[x, y, 0.0] for x in range(6) for y in range(5)])
+    neighbours = [
+        (i, j)
+        for i, p in enumerate(board)
+        for j, q in enumerate(board)
+        if i < j and np.linalg.norm(p - q) < 0.026
+    ]
+    i, j = np.array(neighbours).T
+    scales, lengths = [], []
+    for _ in range(200):
+        seen = board + rng.normal(0.0, 0.005, board.shape)
+        scales.append(Alignment.from_points(board, seen, with_scale=True).scale)
+        lengths.append(np.linalg.norm(seen[i] - seen[j], axis=1).mean() / 0.025)
+    assert np.mean(scales) == pytest.approx(1.0, abs=4.0 * np.std(scales) / np.sqrt(200) + 2e-3)
+    assert np.mean(lengths) > 1.03
