@@ -106,9 +106,7 @@ def test_force_swaps_the_whole_folder_and_mixes_nothing(tmp_path, result):
 
 
 @pytest.mark.parametrize("call", [1, 2])
-def test_a_swap_that_fails_half_way_brings_the_old_folder_back(
-    tmp_path, result, monkeypatch, call
-):
+def test_a_swap_that_fails_half_way_brings_the_old_folder_back(tmp_path, result, monkeypatch, call):
     failing_on_call(monkeypatch, call)
 
     def swap():

@@ -1,5 +1,12 @@
 """The command line `nico-selfmodel`: one file per command; parses, calls, prints."""
 
-from nico_selfmodel.cli.app import main
+import os
 
-__all__ = ["main"]
+
+def main() -> None:
+    """Run the command line."""
+    # Two BLAS threads make small problems several times slower; BLAS reads this when it is loaded.
+    os.environ.setdefault("OMP_NUM_THREADS", "1")
+    from nico_selfmodel.cli.app import run
+
+    run()

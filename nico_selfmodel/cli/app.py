@@ -1,6 +1,5 @@
 """The command tree, and what an error looks like."""
 
-import os
 import sys
 import warnings
 
@@ -43,19 +42,39 @@ def _describe() -> None:
     """A robot learns its own body by watching it move."""
 
 
-def main() -> None:
+def run() -> None:
     """Run the command line; an error is one clear line and exit code 2."""
-    os.environ.setdefault("OMP_NUM_THREADS", "1")
     warnings.showwarning = _show_warning
+    command = typer.main.get_command(app)
     try:
-        app()
+        code = command.main(prog_name="nico-selfmodel", standalone_mode=False)
     except (SelfModelError, ValueError, OSError) as error:
         sys.stdout.flush()
-        print(f"nico-selfmodel: {_one_line(error)}", file=sys.stderr)
-        raise SystemExit(2) from None
-    except KeyboardInterrupt:
-        print("nico-selfmodel: stopped", file=sys.stderr)
-        raise SystemExit(130) from None
+        code = _complain(_one_line(error))
+    except (KeyboardInterrupt, typer.Abort):
+        code = _complain("stopped", 130)
+    except Exception as error:
+        code = _usage(error)
+    raise SystemExit(code if isinstance(code, int) else 0)
+
+
+def _complain(reason: str, code: int = 2) -> int:
+    print(f"nico-selfmodel: {reason}", file=sys.stderr)
+    return code
+
+
+def _usage(error: Exception) -> int:
+    """Say in one line what is wrong with the words of a command; anything else is a bug."""
+    # Typer carries a copy of click of its own, so that its exceptions have no public name.
+    if not hasattr(error, "format_message"):
+        raise error
+    if type(error).__name__ == "NoArgsIsHelpError":
+        print(str(error))
+        return 2
+    context = getattr(error, "ctx", None)
+    path = context.command_path if context else "nico-selfmodel"
+    message = " ".join(str(error.format_message()).split())
+    return _complain(f"{message} See: {path} --help")
 
 
 def _one_line(error: Exception) -> str:

@@ -1,10 +1,11 @@
 """The options that choose a robot's chain, shared by several commands."""
 
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from nico_selfmodel.plant import ROBOTS, ArmDescription
+if TYPE_CHECKING:
+    from nico_selfmodel.plant import ArmDescription
 
 Robot = Annotated[str | None, typer.Option("--robot", help="A robot's name (nico) or a URDF file.")]
 Arm = Annotated[
@@ -30,13 +31,15 @@ def chosen_arm(
     tip: str | None,
     hold: list[str] | None,
     point: list[str] | None,
-) -> ArmDescription:
+) -> "ArmDescription":
     """Return the chain that the options name.
 
     Raises:
         ModelError: If it does not exist.
         ValueError: If options contradict each other or a value is no number.
     """
+    from nico_selfmodel.plant import ROBOTS, ArmDescription
+
     if robot in ROBOTS and base is None and tip is None:
         if hold or point:
             raise ValueError("--hold and --point need --base and --tip")

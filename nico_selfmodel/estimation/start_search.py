@@ -55,6 +55,8 @@ def refine_lines(
     pinned_gears: NDArray,
     sigma: float,
     loss: str,
+    *,
+    rough: bool = False,
 ) -> LineSolution:
     """Refine an arm in the minimal line parameters.
 
@@ -64,12 +66,13 @@ def refine_lines(
         pinned_gears: Gears that stay at the start's value. Shape (n,).
         sigma: Whitening of the residuals [m].
         loss: One of `optimization.robust_solve.ROBUST_METHODS`.
+        rough: Stop early: good enough to tell one minimum from another.
 
     Returns:
         The refined arm.
     """
     program, block = line_program(observations, start, pinned_gears, sigma)
-    robust = solve_robustly(program, 0, loss)
+    robust = solve_robustly(program, 0, loss, rough=rough)
     arm = block.hypothesis(robust.solution.x)
     return LineSolution(arm, robust, sigma * program.residuals(0, robust.solution.x))
 
@@ -109,15 +112,16 @@ def search_starts(
     """
     first_pass = "none" if loss == "none" else "cauchy"
     found: list[tuple[str, LineSolution]] = []
+    scores, agree = np.zeros(0), np.zeros(0, dtype=bool)
     for label, start in starts:
-        found.append((label, refine_lines(observations, start, pinned_gears, sigma, first_pass)))
+        refined = refine_lines(observations, start, pinned_gears, sigma, first_pass, rough=True)
+        found.append((label, refined))
         scores = _scores([solution for _, solution in found], loss)
         agree = _agree([solution for _, solution in found], int(np.argmin(scores)))
         if agree.sum() >= ENOUGH_AGREE:
             break
     label, solution = found[int(np.argmax(agree))]
-    if loss != first_pass:
-        solution = refine_lines(observations, solution.arm, pinned_gears, sigma, loss)
+    solution = refine_lines(observations, solution.arm, pinned_gears, sigma, loss)
     labels = tuple(name for name, _ in found)
     return StartSearch(solution, label, labels, scores, int(agree.sum()))
 

@@ -147,7 +147,7 @@ def refine_circle(
         return 0.5 * float(r @ r), jacobian.T @ r, jacobian.T @ jacobian
 
     start = np.zeros(6)[free]
-    x = levenberg_marquardt(evaluate, start, max_iterations=200, tolerance=1e-12).x
+    x = levenberg_marquardt(evaluate, start, max_iterations=200, tolerance=1e-10).x
     center, radius = center + frame @ x[:3], radius + (0.0 if pin_radius else x[5])
     normal = frame @ np.array([x[3], x[4], 1.0])
     normal = normal / np.linalg.norm(normal)

@@ -9,6 +9,9 @@ from nico_selfmodel.geometry.plane import Plane
 from nico_selfmodel.geometry.rotation import rotation_from_vector, skew, tangent_basis
 
 
+_CANDIDATES = 6
+
+
 def circle_with_angles(
     points: ArrayLike, angles: ArrayLike, *, sigma: float | None = None
 ) -> Circle:
@@ -118,7 +121,15 @@ def robust_circle(
     scores = np.median(squared, axis=1)
     if not np.isfinite(scores).any():
         raise ValueError("the points are collinear or coincide: no circle passes through them")
-    return _refit_inliers(points, np.sqrt(squared[np.nanargmin(scores)]), sigma)
+    # Where points disagree, the best triple may be a lucky one: the next best get a chance too.
+    tried = []
+    for draw in np.argsort(scores)[:_CANDIDATES]:
+        circle, inliers = _refit_inliers(points, np.sqrt(squared[draw]), sigma)
+        if inliers.all():
+            return circle, inliers
+        distances = np.linalg.norm(circle.residuals_to(points), axis=1)
+        tried.append((float(np.median(distances)) / inliers.sum(), circle, inliers))
+    return min(tried, key=lambda entry: entry[0])[1:]
 
 
 def _refit_inliers(

@@ -37,10 +37,10 @@ def damped_step(hessian: NDArray, gradient: NDArray, damping: NDArray) -> NDArra
     damped = hessian.copy()
     damped.flat[:: len(damped) + 1] += damping
     try:
-        factor = np.linalg.cholesky(damped)
+        np.linalg.cholesky(damped)
     except np.linalg.LinAlgError:
         return None
-    return -np.linalg.solve(factor.T, np.linalg.solve(factor, gradient))
+    return -np.linalg.solve(damped, gradient)
 
 
 def levenberg_marquardt(

@@ -29,8 +29,17 @@ class RobustSolution:
     """Of all rounds together."""
 
 
+_ROUGH = 1e-5
+"""Tolerance of solutions that another one follows."""
+
+
 def solve_robustly(
-    program: CalibrationProgram, block: int, method: str = "trimmed", *, solver: str = "lm"
+    program: CalibrationProgram,
+    block: int,
+    method: str = "trimmed",
+    *,
+    solver: str = "lm",
+    rough: bool = False,
 ) -> RobustSolution:
     """Minimise with a robust loss on one block, its scale re-estimated between solutions.
 
@@ -39,6 +48,7 @@ def solve_robustly(
         block: Number of the residual block to protect.
         method: One of `ROBUST_METHODS`.
         solver: As in `CalibrationProgram.solve`.
+        rough: Stop early: good enough to tell one minimum from another.
 
     Returns:
         The solution. With `none` nothing is called an outlier.
@@ -48,77 +58,70 @@ def solve_robustly(
     """
     if method not in ROBUST_METHODS:
         raise ValueError(f"no loss {method!r}; there are {', '.join(ROBUST_METHODS)}")
+    attempt = _Attempt(program, block, solver)
     if method == "none":
         program.set_loss(block, Loss())
-        solution = _solve_from(program, solver)
+        solution = attempt.solve(rough)
         residuals = program.residuals(block, solution.x)
-        scale = float(np.sqrt(np.mean(residuals**2)))
         nothing = np.zeros(residuals.shape[1], dtype=bool)
+        scale = float(np.sqrt(np.mean(residuals**2)))
         return RobustSolution(solution, nothing, scale, solution.iterations)
-    kind = "cauchy" if method == "trimmed" else method
-    solution, scale, iterations = _reweight(program, block, kind, solver)
-    outliers = _beyond(program, block, solution.x, scale)
+    solution, scale = attempt.reweight("cauchy" if method == "trimmed" else method)
     if method == "trimmed":
-        return _trim(program, block, solution, outliers, scale, iterations, solver)
-    return RobustSolution(solution, outliers, scale, iterations)
+        return attempt.trim(attempt.beyond(solution.x, scale))
+    if not rough:
+        solution = attempt.solve(rough)
+    return RobustSolution(solution, attempt.beyond(solution.x, scale), scale, attempt.iterations)
 
 
-def _reweight(
-    program: CalibrationProgram, block: int, kind: str, solver: str
-) -> tuple[ProgramSolution, float, int]:
-    """Alternate between the scale and the solution until the scale settles."""
-    coordinates = len(program.residuals(block, program.start))
-    scale = robust_scale(_norms(program, block, program.start), coordinates)
-    program.set_loss(block, Loss(kind, scale))
-    solution = _solve_from(program, solver)
-    iterations = solution.iterations
-    for _ in range(7):
-        before, scale = scale, robust_scale(_norms(program, block, solution.x), coordinates)
-        if abs(scale - before) < 0.01 * before:
-            break
-        program.set_loss(block, Loss(kind, scale))
-        solution = _solve_from(program, solver)
-        iterations += solution.iterations
-    return solution, scale, iterations
+class _Attempt:
+    """A robust solution under way: one block of one program, and the iterations so far."""
 
+    def __init__(self, program: CalibrationProgram, block: int, solver: str) -> None:
+        self.program, self.block, self.solver = program, block, solver
+        self.coordinates = len(program.residuals(block, program.start))
+        self.iterations = 0
 
-def _trim(
-    program: CalibrationProgram,
-    block: int,
-    solution: ProgramSolution,
-    outliers: NDArray,
-    scale: float,
-    iterations: int,
-    solver: str,
-) -> RobustSolution:
-    """Least squares without the outliers, until the set of them settles."""
-    for _ in range(6):
-        keep = (~outliers).astype(float)
-        program.set_loss(block, Loss(), keep if outliers.any() else None)
-        solution = _solve_from(program, solver)
-        iterations += solution.iterations
-        norms = _norms(program, block, solution.x)
-        scale = robust_scale(norms, len(program.residuals(block, solution.x)))
-        found = _beyond(program, block, solution.x, scale)
-        if np.array_equal(found, outliers):
-            break
-        outliers = found
-    return RobustSolution(solution, outliers, scale, iterations)
+    def solve(self, rough: bool) -> ProgramSolution:
+        """Solve from where the last solution ended."""
+        options = {"tolerance": _ROUGH, "max_iterations": 30} if rough else {}
+        solution = self.program.solve(self.solver, **options)
+        self.program.prog.SetInitialGuessForAllVariables(solution.x)
+        self.iterations += solution.iterations
+        return solution
 
+    def reweight(self, kind: str) -> tuple[ProgramSolution, float]:
+        """Alternate between the scale and the solution until the scale settles."""
+        scale = self.scale_at(self.program.start)
+        self.program.set_loss(self.block, Loss(kind, scale))
+        solution = self.solve(rough=True)
+        for _ in range(9):
+            before, scale = scale, self.scale_at(solution.x)
+            if abs(scale - before) < 0.01 * before:
+                break
+            self.program.set_loss(self.block, Loss(kind, scale))
+            solution = self.solve(rough=True)
+        return solution, scale
 
-def _solve_from(program: CalibrationProgram, solver: str) -> ProgramSolution:
-    solution = program.solve(solver)
-    program.prog.SetInitialGuessForAllVariables(solution.x)
-    return solution
+    def trim(self, outliers: NDArray) -> RobustSolution:
+        """Least squares without the outliers, until the set of them settles."""
+        for _ in range(6):
+            keep = (~outliers).astype(float) if outliers.any() else None
+            self.program.set_loss(self.block, Loss(), keep)
+            solution = self.solve(rough=False)
+            scale = self.scale_at(solution.x)
+            found = self.beyond(solution.x, scale)
+            if np.array_equal(found, outliers):
+                break
+            outliers = found
+        return RobustSolution(solution, outliers, scale, self.iterations)
 
+    def scale_at(self, x: NDArray) -> float:
+        """Return the robust scale of a coordinate at x."""
+        norms = np.linalg.norm(self.program.residuals(self.block, x), axis=0)
+        return robust_scale(norms, self.coordinates)
 
-def _norms(program: CalibrationProgram, block: int, x: NDArray) -> NDArray:
-    return np.linalg.norm(program.residuals(block, x), axis=0)
-
-
-def _beyond(program: CalibrationProgram, block: int, x: NDArray, scale: float) -> NDArray:
-    residuals = program.residuals(block, x)
-    # Residuals at rounding level are no outliers of each other.
-    floor = 1e-6
-    limit = OUTLIER_AT * np.sqrt(len(residuals) / 3.0) * max(scale, floor)
-    return np.linalg.norm(residuals, axis=0) > limit
+    def beyond(self, x: NDArray, scale: float) -> NDArray:
+        """Return which observations are outliers at x; residuals at rounding level are none."""
+        norms = np.linalg.norm(self.program.residuals(self.block, x), axis=0)
+        return norms > OUTLIER_AT * np.sqrt(self.coordinates / 3.0) * max(scale, 1e-6)

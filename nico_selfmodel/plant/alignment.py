@@ -17,15 +17,13 @@ from nico_selfmodel.geometry.transform import transform
 from nico_selfmodel.model import DhParameters, DhTable, ParameterCovariance, SelfModel
 from nico_selfmodel.plant.learned_frames import ON_THE_AXIS, comparable_tables
 
-EVIDENCE = 0.01
+EVIDENCE = 0.005
 """A joint is turned round only if that improves the agreement of D / reach, r / reach, alpha
 and beta with the robot by more than this sum of squares. An axis that all but meets its neighbours
 at right angles tells too little."""
 
 
-def aligned_to(
-    model: SelfModel, nominal: DhTable, X_WB: ArrayLike | None = None
-) -> SelfModel:
+def aligned_to(model: SelfModel, nominal: DhTable, X_WB: ArrayLike | None = None) -> SelfModel:
     """Return the same arm with the robot's zeros and senses of rotation.
 
     Joints read in counts: q_i = 0 where theta_i is the nominal table's at its own zero, up to whole
@@ -160,7 +158,9 @@ class _Senses:
         known = [names.index(name) for name in model.covariance.names]
         jacobian = self._jacobian(parameters)[:, known]
         # A parameter that was pinned in the old words may depend on free ones in the new.
-        kept = np.flatnonzero(np.any(jacobian != 0.0, axis=1) | np.isin(np.arange(len(names)), known))
+        kept = np.flatnonzero(
+            np.any(jacobian != 0.0, axis=1) | np.isin(np.arange(len(names)), known)
+        )
         jacobian = jacobian[kept]
         matrix = jacobian @ model.covariance.matrix @ jacobian.T
         return ParameterCovariance(tuple(names[i] for i in kept), matrix)
@@ -168,9 +168,7 @@ class _Senses:
     def _jacobian(self, parameters: DhParameters) -> NDArray:
         """Return d(parameters in the new senses) / d(parameters). Shape (P, P)."""
         n, m = len(self.z), len(parameters.table.markers)
-        rows = np.stack(
-            [self.z, self.z, self.x, self.x, self.x * self.z_next, np.ones(n)], axis=1
-        )
+        rows = np.stack([self.z, self.z, self.x, self.x, self.x * self.z_next, np.ones(n)], axis=1)
         diagonal = np.concatenate([np.ones(6), rows.ravel(), np.tile(np.diag(self._turn(-1)), m)])
         jacobian = np.diag(diagonal)
         jacobian[3:6, 3:6] = _rotation_vector_jacobian(parameters.table.X_W0, self._turn(0))

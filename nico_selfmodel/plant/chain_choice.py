@@ -89,16 +89,16 @@ def check_point(
     Raises:
         ModelError: If the point is not there, is not moved by the last joint, or moves further.
     """
-    link = tree.frame(name).body().name()
-    for joint in reversed(tree.joints_down_to(link)):
-        if joint.name() == last.name():
-            return
+    path = tree.joints_down_to(tree.frame(name).body().name())
+    names = [joint.name() for joint in path]
+    if last.name() not in names:
+        raise ModelError(f"point {name!r} is not on the hand: joint {last.name()!r} must move it")
+    for joint in path[names.index(last.name()) + 1 :]:
         if not _stands_still(joint, held):
             raise ModelError(
                 f"point {name!r} moves with joint {joint.name()!r} against {tip!r}: hold the "
                 "joint, or track another point"
             )
-    raise ModelError(f"point {name!r} is not on the hand: joint {last.name()!r} does not move it")
 
 
 def _stands_still(joint: Joint, held: Mapping[str, float]) -> bool:

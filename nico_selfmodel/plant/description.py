@@ -134,9 +134,7 @@ class ArmDescription:
             ModelError: If there is no such robot or arm; the message lists those there are.
         """
         chosen = named_arm(robot, arm)
-        return cls.from_urdf(
-            robot, chosen.base_link, chosen.tip_link, chosen.held, chosen.points
-        )
+        return cls.from_urdf(robot, chosen.base_link, chosen.tip_link, chosen.held, chosen.points)
 
     @classmethod
     def of_model(cls, model: SelfModel) -> "ArmDescription | None":

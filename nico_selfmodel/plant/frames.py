@@ -71,7 +71,7 @@ def put_joints_on_own_frames(
         if isinstance(joint, RevoluteJoint):
             poses = learned.get(joint.name()) or _nominal_frames(joint)
         elif hangs_on_world and isinstance(joint, WeldJoint):
-            poses = JointFrames(*_fixed_poses(joint))
+            poses = _frames_as_parsed(joint)
         elif hangs_on_world:
             raise ModelError(
                 f"joint {joint.name()!r} to the world is {joint.type_name()}: only fixed and "
@@ -102,23 +102,23 @@ def place_root(
     return name
 
 
-def _fixed_poses(joint: Joint) -> tuple[NDArray, NDArray]:
-    F, M = joint.frame_on_parent(), joint.frame_on_child()
-    return (
-        F.GetFixedPoseInBodyFrame().GetAsMatrix4(),
-        M.GetFixedPoseInBodyFrame().GetAsMatrix4(),
+def _frames_as_parsed(joint: Joint) -> JointFrames:
+    parent, child = joint.frame_on_parent(), joint.frame_on_child()
+    return JointFrames(
+        np.asarray(parent.GetFixedPoseInBodyFrame().GetAsMatrix4()),
+        np.asarray(child.GetFixedPoseInBodyFrame().GetAsMatrix4()),
     )
 
 
 def _nominal_frames(joint: RevoluteJoint) -> JointFrames:
     """Return the joint's frames as parsed, both turned so that z is the axis."""
-    X_PF, X_CM = _fixed_poses(joint)
+    parsed = _frames_as_parsed(joint)
     z = joint.revolute_axis()
     turn = np.eye(4)
     x = np.cross(np.eye(3)[np.argmin(np.abs(z))], z)
     x /= np.linalg.norm(x)
     turn[:3, :3] = np.column_stack([x, np.cross(z, x), z])
-    return JointFrames(X_PF @ turn, X_CM @ turn)
+    return JointFrames(parsed.X_PF @ turn, parsed.X_CM @ turn)
 
 
 def _rebuild(
@@ -126,7 +126,6 @@ def _rebuild(
     instance: ModelInstanceIndex,
     old: RevoluteJoint | WeldJoint,
     poses: JointFrames,
-
 ) -> None:
     parent, child = old.parent_body().body_frame(), old.child_body().body_frame()
     name_F, name_M = frame_names(old.name())

@@ -35,8 +35,10 @@ def parse_urdf(urdf: Path, plant: MultibodyPlant) -> ModelInstanceIndex:
         The robot's model instance.
 
     Raises:
-        ModelError: If Drake cannot read the file; the message is Drake's.
+        ModelError: If it is not a .urdf, or Drake cannot read it; the message is then Drake's.
     """
+    if urdf.suffix.lower() != ".urdf":
+        raise ModelError(f"{urdf} is not a URDF: its name must end with .urdf")
     parser = Parser(plant)
     packages = parser.package_map()
     try:
@@ -48,8 +50,6 @@ def parse_urdf(urdf: Path, plant: MultibodyPlant) -> ModelInstanceIndex:
     except RuntimeError as error:
         reason = " ".join(str(error).split()).removeprefix(f"{urdf}:")
         raise ModelError(f"{urdf} is not a URDF that Drake can read: {reason}") from error
-    if len(instances) != 1:
-        raise ModelError(f"{urdf} holds {len(instances)} robots, expected one")
     return instances[0]
 
 

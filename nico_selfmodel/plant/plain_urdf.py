@@ -42,7 +42,7 @@ def plain_document(model: SelfModel, measuring_frame: str) -> Document:
     chain = model.chain
     centres = joint_centres(chain)
     ends = np.vstack([centres[1:], chain.p_WH_zero[:1]])
-    thickness = 0.04 * (np.linalg.norm(ends - centres, axis=1).sum() or 1.0)
+    thickness = 0.12 * (np.linalg.norm(ends - centres, axis=1).sum() or 1.0)
     append(robot, "link", name=BASE)
     parent, before = BASE, np.zeros(3)
     for i, name in enumerate(chain.joints):
@@ -80,17 +80,19 @@ def _draw(link: Element, reach: NDArray, thickness: float) -> None:
     rod = np.pi * (0.6 * radius) ** 2 * length * DENSITY
     mass = ball + rod
     inertial = append(link, "inertial")
-    append(inertial, "mass", value=repr(float(mass)))
+    append(inertial, "mass", value=numbers_text(mass))
     # A ball that has the mass of both, as far out as the rod reaches: large enough to be possible.
     moment = numbers_text(0.4 * mass * radius**2 + rod * length**2 / 12.0)
     zero = dict.fromkeys(("ixy", "ixz", "iyz"), "0")
     append(inertial, "inertia", ixx=moment, iyy=moment, izz=moment, **zero)
     set_origin(inertial, transform(np.eye(3), 0.5 * reach * (rod / mass)))
-    _shape(link, np.eye(4), "sphere", radius=repr(radius))
+    _shape(link, np.eye(4), "sphere", radius=numbers_text(radius))
     if length > radius:
         z = reach / length
         pose = transform(np.column_stack([tangent_basis(z), z]), 0.5 * reach)
-        _shape(link, pose, "cylinder", radius=repr(0.6 * radius), length=repr(length))
+        _shape(
+            link, pose, "cylinder", radius=numbers_text(0.6 * radius), length=numbers_text(length)
+        )
 
 
 def _shape(link: Element, pose: NDArray, tag: str, **size: str) -> None:

@@ -2,6 +2,7 @@
 
 from collections.abc import Mapping
 from dataclasses import dataclass
+from types import MappingProxyType
 from typing import Any
 
 import numpy as np
@@ -33,6 +34,8 @@ class SelfModelPlant:
     A self-model can be written into any context. The plant's world is then the measuring frame W,
     and the angles of the learned joints are the self-model's q, so that every tracked point is
     where `model.chain.forward(q)` has it. Held joints start at their values, all others at zero.
+    The joints' limits are the description's: they fit a self-model whose zeros are the robot's
+    (`aligned_to`).
     """
 
     plant: MultibodyPlant
@@ -88,7 +91,8 @@ class SelfModelPlant:
         for joint, value in arm.held.items():
             plant.GetJointByName(joint, instance).set_default_positions(np.array([value]))
         plant.Finalize()
-        return cls(plant, instance, arm, frames.markers, model, scene_graph, on_world)
+        frozen = MappingProxyType(on_world)
+        return cls(plant, instance, arm, frames.markers, model, scene_graph, frozen)
 
     def write(self, context: Any, model: SelfModel) -> None:
         """Write a self-model into a context; other contexts stay as they are.
@@ -122,12 +126,19 @@ class SelfModelPlant:
             self._hand_frame(marker).SetPoseInParentFrame(context, rigid(X_TH))
 
     def own_context(self, context: Any) -> Any:
-        """Return the plant's part of a root context; the plant's own context as it is."""
-        try:
-            self.plant.ValidateContext(context)
-        except RuntimeError:
-            return self.plant.GetMyMutableContextFromRoot(context)
-        return context
+        """Return the plant's part of a root context; the plant's own context as it is.
+
+        Raises:
+            ValueError: If the context belongs neither to the plant nor to its diagram.
+        """
+        for find in (lambda: context, lambda: self.plant.GetMyMutableContextFromRoot(context)):
+            try:
+                own = find()
+                self.plant.ValidateContext(own)
+            except RuntimeError:
+                continue
+            return own
+        raise ValueError("context belongs to another plant or diagram")
 
     def tracked_point_frame(self, marker: str | None = None) -> Frame:
         """Return the frame of a tracked point, the first one if none is named.
@@ -171,9 +182,7 @@ class SelfModelPlant:
         positions[..., self.columns] = q
         return positions
 
-    def positions_of_readings(
-        self, readings: ArrayLike, model: SelfModel | None = None
-    ) -> NDArray:
+    def positions_of_readings(self, readings: ArrayLike, model: SelfModel | None = None) -> NDArray:
         """Return the plant's positions at encoder readings, other joints at their defaults.
 
         Args:
@@ -237,11 +246,16 @@ class SelfModelPlant:
         return model.servos.to_joint(readings)
 
     def _joint_frame(self, name: str) -> FixedOffsetFrame:
-        return self.plant.GetFrameByName(name, self.instance)
+        return _movable(self.plant.GetFrameByName(name, self.instance))
 
     def _hand_frame(self, marker: str) -> FixedOffsetFrame:
         hands = self.plant.GetModelInstanceByName(INSTANCE)
-        return self.plant.GetFrameByName(hand_frame_name(marker), hands)
+        return _movable(self.plant.GetFrameByName(hand_frame_name(marker), hands))
+
+
+def _movable(frame: Frame) -> FixedOffsetFrame:
+    assert isinstance(frame, FixedOffsetFrame)
+    return frame
 
 
 def hand_frame_name(marker: str) -> str:

@@ -1,5 +1,6 @@
 """URDF as XML that keeps comments, the order of attributes, and prefixes nobody declared."""
 
+import re
 from collections.abc import Iterator
 from pathlib import Path
 from xml.dom import expatbuilder
@@ -14,22 +15,37 @@ from nico_selfmodel.errors import ModelError
 from nico_selfmodel.geometry.rotation import rotation_from_rpy
 from nico_selfmodel.geometry.transform import transform
 
+SAME = 1e-14
+"""Poses that differ by rounding only [m, and entries of the rotation]."""
+
+
+_COMMENT = re.compile(rb"<!--(.*?)-->", re.DOTALL)
+
 
 def read_document(urdf: Path) -> Document:
     """Read a URDF as XML.
 
-    Drake accepts prefixes that are not declared (`<drake:capsule>`), so namespaces are left alone.
+    Drake accepts prefixes that are not declared (`<drake:capsule>`), so namespaces are left alone,
+    and hyphens in comments that XML forbids, so those are put apart.
 
     Raises:
         ModelError: If it is not XML or has no `<robot>`.
     """
     try:
-        document = expatbuilder.parse(str(urdf), namespaces=False)
+        content = _COMMENT.sub(_tamed_comment, urdf.read_bytes())
+        document = expatbuilder.parseString(content, namespaces=False)
     except (OSError, ExpatError, ValueError) as error:
         raise ModelError(f"{urdf} is not valid XML: {error}") from error
     if document.documentElement is None or document.documentElement.tagName != "robot":
         raise ModelError(f"{urdf} is not a URDF: its root element must be <robot>")
     return document
+
+
+def _tamed_comment(found: re.Match[bytes]) -> bytes:
+    text = found[1]
+    if b"--" in text or text.endswith(b"-"):
+        text = text.replace(b"-", b"~")
+    return b"<!--" + text + b"-->"
 
 
 def robot_element(document: Document) -> Element:
@@ -65,7 +81,14 @@ def pose_of(element: Element | None) -> NDArray:
 
 
 def set_pose(element: Element, pose: NDArray) -> None:
-    """Write a pose as `xyz` and `rpy`, to the last bit. Shape (4, 4)."""
+    """Write a pose as `xyz` and `rpy`, to the last bit; what says the same already stays.
+
+    Args:
+        element: An `<origin>` or `<frame>`.
+        pose: Shape (4, 4).
+    """
+    if np.abs(pose_of(element) - pose).max() < SAME:
+        return
     rpy = RollPitchYaw(RotationMatrix(pose[:3, :3])).vector()
     element.setAttribute("xyz", numbers_text(pose[:3, 3]))
     element.setAttribute("rpy", numbers_text(rpy))
@@ -80,23 +103,31 @@ def set_origin(element: Element, pose: NDArray) -> None:
     """Write a pose into an element's `<origin>`, which is made if need be. Shape (4, 4)."""
     origin = child(element, "origin")
     if origin is None:
-        origin = element.ownerDocument.createElement("origin")
+        if np.abs(pose - np.eye(4)).max() < SAME:
+            return
+        origin = _new_element(element, "origin")
         element.insertBefore(origin, element.firstChild)
     set_pose(origin, pose)
 
 
 def numbers_text(numbers: ArrayLike) -> str:
     """Write numbers so that they read back to the last bit."""
-    return " ".join(repr(float(x)) for x in np.ravel(np.asarray(numbers, dtype=float)))
+    return " ".join(repr(float(x) + 0.0) for x in np.ravel(np.asarray(numbers, dtype=float)))
 
 
 def append(parent: Element, tag: str, **attributes: str) -> Element:
     """Add a child element after all others."""
-    element = parent.ownerDocument.createElement(tag)
+    element = _new_element(parent, tag)
     for name, value in attributes.items():
         element.setAttribute(name, value)
     parent.appendChild(element)
     return element
+
+
+def _new_element(beside: Element, tag: str) -> Element:
+    document = beside.ownerDocument
+    assert document is not None
+    return document.createElement(tag)
 
 
 def append_frame_link(robot: Element, name: str, parent: str, pose: NDArray) -> None:
@@ -117,7 +148,7 @@ def append_frame_link(robot: Element, name: str, parent: str, pose: NDArray) -> 
 
 def comment_text(text: str) -> str:
     """Return text that may stand in an XML comment, which must not hold two hyphens in a row."""
-    return text.replace("-", "\N{HYPHEN}") if "--" in text or text.endswith("-") else text
+    return text.replace("-", "~") if "--" in text or text.endswith("-") else text
 
 
 def document_text(document: Document) -> str:

@@ -21,16 +21,15 @@ def joint_points(chain: Chain, marker: int = 0) -> NDArray:
         marker: Index of the tracked point at which the path ends.
 
     Returns:
-        Points of the shortest path [m]; axes along which it may slide take the middle. Shape (n, 3).
+        Points of the shortest path [m], in the middle where it may slide. Shape (n, 3).
     """
     hand = chain.p_WH_zero[marker]
-    weights = np.ones(len(chain.joints))
+    points = _nearest_path(chain, hand, np.ones(len(chain.joints)))
     # A floor on the lengths keeps the weights finite where axes meet.
     floor = 1e-4 * max(float(np.linalg.norm(np.ptp(chain.points, axis=0))), 1e-3)
     for _ in range(_ROUNDS):
-        points = _nearest_path(chain, hand, weights)
-        lengths = _lengths(points, hand)
-        weights = 1.0 / np.maximum(lengths, floor)
+        lengths = np.maximum(_lengths(points, hand), floor)
+        points = _nearest_path(chain, hand, 1.0 / lengths)
     return points
 
 

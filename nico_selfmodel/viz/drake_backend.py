@@ -5,6 +5,7 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 
 import numpy as np
+from pydrake.geometry import Box as DrakeBox
 from pydrake.geometry import Capsule as DrakeCapsule
 from pydrake.geometry import Cylinder as DrakeCylinder
 from pydrake.geometry import Ellipsoid as DrakeEllipsoid
@@ -14,7 +15,7 @@ from pydrake.geometry import Rgba as DrakeRgba
 from nico_selfmodel.errors import SelfModelError
 from nico_selfmodel.viz.meshing import mesh_of
 from nico_selfmodel.viz.scene import FIELD_OF_VIEW, ROOT, Scene
-from nico_selfmodel.viz.scene_items import Capsule, Cylinder, Ellipsoid, Item, Segments, Triad
+from nico_selfmodel.viz.scene_items import Box, Capsule, Cylinder, Ellipsoid, Item, Segments
 
 AMBIENT, BACKGROUND = 1.1, ((1.0, 1.0, 1.0), (0.90, 0.92, 0.95))
 
@@ -30,7 +31,7 @@ def draw_in_drake(scene: Scene, meshcat: Meshcat | None = None) -> Meshcat:
         The server. It lives as long as it is kept; `web_url()` is where to look.
 
     Raises:
-        SelfModelError: If no port is free for a new server.
+        SelfModelError: If a new server cannot start, for example for want of a port.
     """
     meshcat = _quiet_meshcat() if meshcat is None else meshcat
     meshcat.Delete(ROOT)
@@ -54,7 +55,7 @@ def static_html(scene: Scene) -> str:
     """Return a scene as one page that needs no network and no server.
 
     Raises:
-        SelfModelError: If no port is free for the server that makes it.
+        SelfModelError: If the server that makes it cannot start.
     """
     return draw_in_drake(scene).StaticHtml()
 
@@ -64,6 +65,8 @@ def _draw(meshcat: Meshcat, path: str, item: Item) -> None:
     if isinstance(item, Segments):
         starts, ends = np.asfortranarray(item.starts.T), np.asfortranarray(item.ends.T)
         meshcat.SetLineSegments(path, starts, ends, 1.0, color)
+    elif isinstance(item, Box):
+        meshcat.SetObject(path, DrakeBox(*item.sides), color)
     elif isinstance(item, Cylinder):
         meshcat.SetObject(path, DrakeCylinder(item.radius, item.length), color)
     elif isinstance(item, Capsule):
@@ -87,7 +90,7 @@ def _quiet_meshcat() -> Meshcat:
             return Meshcat(MeshcatParams(host="localhost", show_stats_plot=False))
         except RuntimeError as error:
             raise SelfModelError(
-                f"Drake's Meshcat found no free port from 7000 to 7999 for the 3D scene: {error}"
+                f"Drake's Meshcat could not start, which the 3D scene needs: {error}"
             ) from error
 
 

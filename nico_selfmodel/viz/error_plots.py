@@ -7,20 +7,30 @@ from matplotlib.colors import Normalize
 from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
-from nico_selfmodel.estimation import Evaluation, KinematicCalibration
+from nico_selfmodel.estimation import KinematicCalibration
 from nico_selfmodel.viz import palette
-from nico_selfmodel.viz.plot_style import FULL_WIDTH, HALF_WIDTH, headline, style
+from nico_selfmodel.viz.plot_style import (
+    FULL_WIDTH,
+    HALF_WIDTH,
+    MANY,
+    headline,
+    plain_tick,
+    style,
+)
+from nico_selfmodel.viz.residual_items import believed_rows, largest_shown
 
-_LOG_FROM = 8.0
-"""Ratio of the medians from which errors are shown on a logarithmic axis."""
-_BINS, _LEAST_IN_BIN = 8, 5
+_LOG_FROM, _LOG_TAIL = 8.0, 20.0
+"""Ratios, of the medians and of largest to median, from which the axis is logarithmic."""
+_BINS, _LEAST_IN_BIN = 9, 8
+_STANDS_OUT = 3.7
+"""Standard scores from which a bin's mean is a trend: noise in a hundred bins gets there once in 50."""
 
 
 def error_sets(calibration: KinematicCalibration) -> list[tuple[str, str, NDArray]]:
     """Return label, colour and errors [mm] of every set there is, the most telling first."""
     sets = []
     if calibration.test is not None:
-        sets.append(("held out", palette.HELD_OUT, calibration.test.distances))
+        sets.append(("held-out", palette.HELD_OUT, calibration.test.distances))
     if len(calibration.cross_validation):
         sets.append(("cross-validation", palette.CROSS_VALIDATION, calibration.cross_validation))
     believed = calibration.train.distances[~calibration.outliers]
@@ -32,7 +42,7 @@ def error_distribution(calibration: KinematicCalibration) -> Figure:
     """Draw the share of points whose error is below each value, means and rms marked."""
     sets = error_sets(calibration)
     with style():
-        figure = Figure(figsize=(HALF_WIDTH, 3.9))
+        figure = Figure(figsize=(HALF_WIDTH, 4.2))
         axes = figure.add_subplot()
         for label, color, errors in sets:
             share = np.arange(1, len(errors) + 1) / len(errors)
@@ -43,44 +53,45 @@ def error_distribution(calibration: KinematicCalibration) -> Figure:
                 height = 100.0 * np.mean(errors <= value)
                 axes.plot(value, height, mark, color=color, markeredgecolor="white", markersize=7)
         medians = [float(np.median(errors)) for _, _, errors in sets]
-        if max(medians) > _LOG_FROM * min(medians) > 0.0:
+        largest = max(errors[-1] for _, _, errors in sets)
+        wide = max(medians) > _LOG_FROM * min(medians) or largest > _LOG_TAIL * max(medians)
+        if wide and min(errors[0] for _, _, errors in sets) > 0.0:
             axes.set_xscale("log")
+            axes.xaxis.set_major_formatter(plain_tick)
         else:
-            axes.set_xlim(0.0, 1.03 * max(errors[-1] for _, _, errors in sets))
+            axes.set_xlim(0.0, 1.03 * largest)
         axes.set_ylim(0.0, 101.0)
         axes.set_xlabel("error of a point [mm]      ● mean   ◆ rms")
         axes.set_ylabel("share of the points [%]")
-        axes.legend(loc="lower right", handlelength=1.2)
+        figure.legend(loc="outside lower left", handlelength=1.2)
         label, _, errors = sets[0]
         half, most = np.percentile(errors, [50, 95])
-        headline(figure, f"Half of the {label} points: within {half:.2f} mm; 95 %: {most:.2f} mm")
+        headline(figure, f"Half within {half:.2f} mm, 95 % within {most:.2f} mm ({label})")
     return figure
 
 
 def error_over_workspace(calibration: KinematicCalibration) -> Figure:
     """Draw where the errors are, in three projections of the measuring frame."""
-    parts = [("training", calibration.train, ~calibration.outliers, 16.0)]
-    if calibration.test is not None:
-        everything = np.ones(len(calibration.test.observations), dtype=bool)
-        parts.append(("held out", calibration.test, everything, 34.0))
-    lengths = np.concatenate([part.distances[rows] for _, part, rows, _ in parts])
-    scale = Normalize(0.0, 1e3 * float(np.percentile(lengths, 98.0)) or 1.0)
+    scale = Normalize(0.0, 1e3 * largest_shown(calibration) or 1.0)
     with style():
         figure = Figure(figsize=(FULL_WIDTH, 4.0))
         panels = figure.subplots(1, 3)
         for axes, (a, b) in zip(panels, ((0, 1), (0, 2), (1, 2)), strict=True):
-            for label, evaluation, rows, size in parts:
-                points = 1e3 * evaluation.observations.p_WH[rows]
+            for name, evaluation, rows in believed_rows(calibration):
+                ringed = name == "held_out"
+                # The large errors are drawn last, on top.
+                order = rows[np.argsort(evaluation.distances[rows])]
+                points = 1e3 * evaluation.observations.p_WH[order]
                 axes.scatter(
                     points[:, a],
                     points[:, b],
-                    c=1e3 * evaluation.distances[rows],
+                    c=1e3 * evaluation.distances[order],
                     cmap=palette.ERRORS,
                     norm=scale,
-                    s=size,
-                    edgecolors=palette.HELD_OUT if label == "held out" else "none",
+                    s=34.0 if ringed else 16.0,
+                    edgecolors=palette.HELD_OUT if ringed else "none",
                     linewidths=0.9,
-                    label=label,
+                    rasterized=len(order) > MANY,
                 )
             axes.set_xlabel(f"{'xyz'[a]} [mm]")
             axes.set_ylabel(f"{'xyz'[b]} [mm]")
@@ -90,15 +101,16 @@ def error_over_workspace(calibration: KinematicCalibration) -> Figure:
         )
         bar.set_label("error [mm]")
         bar.outline.set_visible(False)
-        ringed = " (ringed: held out)" if calibration.test is not None else ""
-        headline(figure, f"{_worst(calibration)}{ringed}")
+        note = " (ringed: held-out)" if calibration.test is not None else ""
+        headline(figure, f"{_worst(calibration)}{note}")
     return figure
 
 
 def residuals_over_angles(calibration: KinematicCalibration) -> Figure:
-    """Draw residual components against every joint angle, with the medians of eight bins.
+    """Draw residual components against every joint angle, with the means of bins.
 
-    What a model cannot express (play, sag, a wrong gear) shows as a curve.
+    What a model cannot express (play, sag, a wrong gear) shows as a curve. Residuals far beyond
+    the others are drawn as triangles at the edge, and count as lying there.
     """
     believed = ~calibration.outliers
     residuals = 1e3 * calibration.train.residuals[believed]
@@ -109,52 +121,73 @@ def residuals_over_angles(calibration: KinematicCalibration) -> Figure:
     with style():
         figure = Figure(figsize=(FULL_WIDTH, 4.6))
         panels = figure.subplots(3, len(joints), sharex="col", sharey=True, squeeze=False)
-        strongest = (0.0, "")
+        trends, limit = [], _axis_limit(residuals)
+        panels[0, 0].set_ylim(-1.08 * limit, 1.08 * limit)
         for i, joint in enumerate(joints):
             for k in range(3):
-                axes = panels[k, i]
-                size = _trend_panel(axes, q[:, i], residuals[:, k], palette.joint_color(i))
-                strongest = max(strongest, (size, f"{'xyz'[k]} over {joint}"))
+                score, size = _trend_panel(
+                    panels[k, i], q[:, i], residuals[:, k], limit, palette.joint_color(i)
+                )
+                trends.append((score, f"{size:.2f} mm in {'xyz'[k]} over {joint}"))
             panels[0, i].set_title(joint, fontsize=8.5, loc="center", wrap=True)
             panels[2, i].set_xlabel("angle [deg]")
         for k in range(3):
             panels[k, 0].set_ylabel(f"residual {'xyz'[k]} [mm]")
-        limit = 1.15 * float(np.percentile(np.abs(residuals), 99.5)) or 1.0
-        panels[0, 0].set_ylim(-limit, limit)
-        spread = float(np.sqrt(np.mean(residuals**2)))
-        headline(
-            figure,
-            f"Strongest trend left in the training residuals: {strongest[0]:.2f} mm "
-            f"({strongest[1]}); their rms is {spread:.2f} mm"
-            if strongest[1]
-            else f"Training residuals, {spread:.2f} mm rms: too few points for trends",
-        )
+        headline(figure, _strongest_trend(trends, float(np.sqrt(np.mean(residuals**2)))))
     return figure
 
 
-def _trend_panel(axes: Axes, angle: NDArray, residual: NDArray, color: str) -> float:
-    """Draw points and the medians of bins of equal count; return the largest median [mm]."""
-    dense = len(angle) > 300
-    axes.plot(angle, residual, ".", color=color, markersize=3 if dense else 4.5, alpha=0.45)
+def _trend_panel(
+    axes: Axes, angle: NDArray, residual: NDArray, limit: float, color: str
+) -> tuple[float, float]:
+    """Draw points and the means of bins; return the largest standard score and its mean [mm]."""
+    size, many = (3.0 if len(angle) > 300 else 4.5), len(angle) > MANY
+    for mark, rows in (
+        (".", np.abs(residual) <= limit),
+        ("^", residual > limit),
+        ("v", residual < -limit),
+    ):
+        shown = np.clip(residual[rows], -limit, limit)
+        wide = size if mark == "." else 4.0
+        axes.plot(
+            angle[rows], shown, mark, color=color, markersize=wide, alpha=0.45, rasterized=many
+        )
+    residual = np.clip(residual, -limit, limit)
     axes.axhline(0.0, color=palette.MUTED, linewidth=0.8)
-    bins = min(_BINS, len(angle) // _LEAST_IN_BIN)
-    if bins < 3:
-        return 0.0
-    groups = np.array_split(np.argsort(angle, kind="stable"), bins)
-    middle = np.array([np.median(angle[group]) for group in groups])
-    median = np.array([np.median(residual[group]) for group in groups])
-    axes.plot(middle, median, color=palette.INK, linewidth=1.6, marker="o", markersize=2.5)
-    return float(np.abs(median).max())
+    bin_of = np.minimum((_BINS * (angle - angle.min()) / (np.ptp(angle) or 1.0)), _BINS - 1)
+    members = [np.flatnonzero(bin_of.astype(int) == k) for k in range(_BINS)]
+    members = [rows for rows in members if len(rows) >= _LEAST_IN_BIN]
+    if len(members) < 3:
+        return 0.0, 0.0
+    middle = [float(angle[rows].mean()) for rows in members]
+    mean = np.array([residual[rows].mean() for rows in members])
+    error = np.array([residual[rows].std(ddof=1) / np.sqrt(len(rows)) for rows in members])
+    axes.errorbar(middle, mean, error, color=palette.INK, linewidth=1.5, marker="o", markersize=3)
+    score = np.abs(mean) / np.maximum(error, 1e-12)
+    return float(score.max()), float(np.abs(mean[np.argmax(score)]))
+
+
+def _axis_limit(residuals: NDArray) -> float:
+    """Return where the axis of residuals ends: at the largest, unless few lie far out [mm]."""
+    size = np.abs(residuals)
+    return float(min(size.max(), 7.0 * np.median(size))) or 1.0
+
+
+def _strongest_trend(trends: list[tuple[float, str]], rms: float) -> str:
+    """Say whether a trend stands out of the noise of its bins, and which is the clearest."""
+    score, where = max(trends)
+    if score == 0.0:
+        return f"Training residuals ({rms:.2f} mm rms): too few points to show trends"
+    if score < _STANDS_OUT:
+        return f"Training residuals ({rms:.2f} mm rms): no trend over a joint angle stands out"
+    return f"Training residuals ({rms:.2f} mm rms): a trend of {where} is left"
 
 
 def _worst(calibration: KinematicCalibration) -> str:
-    """Say which believed point is predicted worst."""
-    evaluation: Evaluation = calibration.train
-    rows, label = np.flatnonzero(~calibration.outliers), "training"
-    if calibration.test is not None:
-        evaluation, label = calibration.test, "held-out"
-        rows = np.arange(len(evaluation.observations))
+    """Say which believed point is predicted worst, of the held-out ones where there are some."""
+    name, evaluation, rows = believed_rows(calibration)[-1]
     worst = rows[np.argmax(evaluation.distances[rows])]
     x, y, z = 1e3 * evaluation.observations.p_WH[worst]
     error = 1e3 * evaluation.distances[worst]
-    return f"Largest {label} error: {error:.2f} mm, at ({x:.0f}, {y:.0f}, {z:.0f}) mm"
+    place = f"({x:.0f}, {y:.0f}, {z:.0f}) mm".replace("-", "−")
+    return f"Largest {name.replace('_', '-')} error: {error:.2f} mm, at {place}"

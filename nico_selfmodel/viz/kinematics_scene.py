@@ -7,6 +7,7 @@ from nico_selfmodel.dataset import Sweep
 from nico_selfmodel.estimation import KinematicCalibration
 from nico_selfmodel.estimation.circle_points import crossing_of
 from nico_selfmodel.model import SelfModel
+from nico_selfmodel.plant import ArmDescription
 from nico_selfmodel.viz.arm_items import arm_items, arm_legend
 from nico_selfmodel.viz.arm_shape import arm_length, joint_points
 from nico_selfmodel.viz.circle_items import circle_items, circle_legend
@@ -16,13 +17,16 @@ from nico_selfmodel.viz.residual_items import (
     residual_items,
     residual_legend,
 )
+from nico_selfmodel.viz.robot_items import robot_items, robot_legend
 from nico_selfmodel.viz.scene import Scene
 from nico_selfmodel.viz.scene_items import Item, Tube
 from nico_selfmodel.viz.surroundings import camera_on, floor_items
 from nico_selfmodel.viz.uncertainty_items import uncertainty_items, uncertainty_legend
 
 
-def calibration_scene(calibration: KinematicCalibration) -> Scene:
+def calibration_scene(
+    calibration: KinematicCalibration, robot: ArmDescription | None = None
+) -> Scene:
     """Describe a calibration as a scene.
 
     The arm stands in the pose that its sweeps share, or in the recorded pose nearest to the middle
@@ -30,10 +34,14 @@ def calibration_scene(calibration: KinematicCalibration) -> Scene:
 
     Args:
         calibration: What was learned.
+        robot: The robot that the arm belongs to, to be drawn around it.
 
     Returns:
         Arm, Denavit-Hartenberg frames, joint axes, circles with their samples, residuals, held-out
         points, outliers and the uncertainty of the hand.
+
+    Raises:
+        ModelError: If the robot cannot be read, or its chain has other joints.
     """
     q = shown_pose(calibration)
     unit = length_unit(calibration)
@@ -52,11 +60,14 @@ def calibration_scene(calibration: KinematicCalibration) -> Scene:
         *residual_legend(calibration, unit),
         *uncertainty_legend(calibration, q, unit),
     )
+    body: list[Item] = []
+    if robot is not None:
+        body = robot_items(robot, calibration.model, q)
+        legend += tuple(robot_legend(robot))
     points = np.concatenate([_data_points(calibration), _arm_points(calibration.model, q, unit)])
-    view = camera_on(np.concatenate([points, *_small_circles(circles, points)]))
-    return Scene(
-        calibration.model.name, (*floor_items(points, unit), *items), view, legend
-    )
+    corners = [*_small_circles(circles, points), *_places(body)]
+    view = camera_on(np.concatenate([points, *corners]))
+    return Scene(calibration.model.name, (*floor_items(points, unit), *items, *body), view, legend)
 
 
 def shown_pose(calibration: KinematicCalibration) -> NDArray:
@@ -95,3 +106,8 @@ def _small_circles(items: list[Item], points: NDArray) -> list[NDArray]:
     size = float(np.linalg.norm(np.ptp(points, axis=0)))
     wires = [item.points for item in items if isinstance(item, Tube)]
     return [p for p in wires if np.linalg.norm(np.ptp(p, axis=0)) <= size]
+
+
+def _places(body: list[Item]) -> list[NDArray]:
+    """Return where the parts of a robot's body stand, so that all of it is in view."""
+    return [item.X_WI[:3, 3][None] for item in body]

@@ -10,13 +10,13 @@ from nico_selfmodel.geometry.transform import transform
 from nico_selfmodel.viz.drake_backend import AMBIENT, BACKGROUND
 from nico_selfmodel.viz.meshing import mesh_of
 from nico_selfmodel.viz.scene import FIELD_OF_VIEW, ROOT, Camera, Scene
-from nico_selfmodel.viz.scene_items import Capsule, Cylinder, Ellipsoid, Item, Rgba, Segments
+from nico_selfmodel.viz.scene_items import Box, Capsule, Cylinder, Ellipsoid, Item, Rgba, Segments
 
 DEFAULT_URL = "tcp://127.0.0.1:6000"
 """Where `meshcat-server` listens unless told otherwise."""
 
 # three.js cylinders lie along y, ours along z; and its cameras have y up.
-_Z_FROM_Y = np.array([[1.0, 0.0, 0.0, 0.0], [0.0, 0.0, -1.0, 0.0], [0.0, 1.0, 0.0, 0.0], [0, 0, 0, 1.0]])
+_Z_FROM_Y = transform([[1.0, 0.0, 0.0], [0.0, 0.0, -1.0], [0.0, 1.0, 0.0]], np.zeros(3))
 
 
 def publish(scene: Scene, url: str = DEFAULT_URL, *, timeout: float = 4.0) -> str:
@@ -124,6 +124,8 @@ def _draw(place: Any, item: Item) -> None:
         place.set_object(shapes.LineSegments(geometry, line))
     elif isinstance(item, Ellipsoid):
         place.set_object(shapes.Ellipsoid(item.radii), material)
+    elif isinstance(item, Box):
+        place.set_object(shapes.Box(item.sides.tolist()), material)
     elif isinstance(item, Cylinder):
         _rod(place, item.length, item.radius, material)
     elif isinstance(item, Capsule):

@@ -91,13 +91,15 @@ def _tube(points: NDArray, radius: float, closed: bool) -> TriangleMesh:
     count = len(points) if closed else len(points) - 1
     i, k = np.meshgrid(np.arange(count), np.arange(_SIDES), indexing="ij")
     j, m = (i + 1) % len(points), (k + 1) % _SIDES
-    a, b, c, d = (x.ravel() for x in (i * _SIDES + k, i * _SIDES + m, j * _SIDES + m, j * _SIDES + k))
+    near, far = i * _SIDES, j * _SIDES
+    a, b, c, d = (x.ravel() for x in (near + k, near + m, far + m, far + k))
     faces = np.concatenate([np.stack([a, b, c], axis=1), np.stack([a, c, d], axis=1)])
     return TriangleMesh(np.concatenate(rings), faces, None)
 
 
 def _triad(item: Triad) -> TriangleMesh:
-    axes = [_tube(np.stack([np.zeros(3), item.length * axis]), item.radius, False) for axis in np.eye(3)]
+    ends = item.length * np.eye(3)
+    axes = [_tube(np.stack([np.zeros(3), end]), item.radius, False) for end in ends]
     size = len(axes[0].vertices)
     return TriangleMesh(
         np.concatenate([axis.vertices for axis in axes]),
@@ -122,10 +124,8 @@ def _octahedron() -> tuple[NDArray, NDArray]:
 
 def _icosahedron() -> tuple[NDArray, NDArray]:
     t = 0.5 * (1.0 + np.sqrt(5.0))
-    vertices = np.array(
-        [(-1, t, 0), (1, t, 0), (-1, -t, 0), (1, -t, 0), (0, -1, t), (0, 1, t)]
-        + [(0, -1, -t), (0, 1, -t), (t, 0, -1), (t, 0, 1), (-t, 0, -1), (-t, 0, 1)]
-    )
+    plane = np.array([(-1, t, 0), (1, t, 0), (-1, -t, 0), (1, -t, 0)])
+    vertices = np.concatenate([plane, np.roll(plane, 1, axis=1), np.roll(plane, 2, axis=1)])
     faces = [(0, 11, 5), (0, 5, 1), (0, 1, 7), (0, 7, 10), (0, 10, 11), (1, 5, 9), (5, 11, 4)]
     faces += [(11, 10, 2), (10, 7, 6), (7, 1, 8), (3, 9, 4), (3, 4, 2), (3, 2, 6), (3, 6, 8)]
     faces += [(3, 8, 9), (4, 9, 5), (2, 4, 11), (6, 2, 10), (8, 6, 7), (9, 8, 1)]

@@ -38,6 +38,6 @@ def rgba(color: str, opacity: float = 1.0) -> Rgba:
 
 
 def error_colors(values: ArrayLike, largest: float) -> NDArray:
-    """Return red, green and blue of error lengths on the scale from 0 to `largest`. (n,) -> (n, 3)."""
+    """Return red, green and blue of errors, (n,) -> (n, 3); those over `largest` look like it."""
     share = np.asarray(values, dtype=float) / largest if largest > 0.0 else np.zeros(len(values))
     return ERRORS(np.clip(share, 0.0, 1.0))[:, :3]

@@ -12,7 +12,15 @@ from nico_selfmodel.estimation import KinematicCalibration
 from nico_selfmodel.estimation.start_search import StartSearch
 from nico_selfmodel.optimization import Uncertainty
 from nico_selfmodel.viz import palette
-from nico_selfmodel.viz.plot_style import FULL_WIDTH, HALF_WIDTH, grid_along, headline, style
+from nico_selfmodel.viz.numbers_shown import decimals
+from nico_selfmodel.viz.plot_style import (
+    FULL_WIDTH,
+    HALF_WIDTH,
+    grid_along,
+    headline,
+    plain_tick,
+    style,
+)
 
 _SHOWN = {"m": ("mm", 1e3), "rad": ("deg", 180.0 / np.pi), "1": ("%", 100.0)}
 """Unit of a parameter -> unit and factor that people read."""
@@ -50,16 +58,18 @@ def _sigma_panel(
     shown, factor = _SHOWN[unit]
     sigma = factor * np.array([uncertainty.sigma[uncertainty.names.index(name)] for name in names])
     if unit == "1":
-        value = dict(zip(calibration.model.parameters.names, calibration.model.parameters.values, strict=True))
+        parameters = calibration.model.parameters
+        value = dict(zip(parameters.names, parameters.values.tolist(), strict=True))
         sigma = sigma / np.array([value[name] for name in names])
     known = np.isfinite(sigma)
     reach = 1.3 * float(sigma[known].max()) if known.any() else 1.0
     for row, (name, size) in enumerate(zip(names, sigma.tolist(), strict=True)):
         if np.isfinite(size):
             axes.barh(row, size, height=0.68, color=_color_of(name, calibration))
-            axes.text(size + 0.01 * reach, row, f"{size:.2g}", va="center", fontsize=7.5)
+            axes.text(size + 0.01 * reach, row, decimals(size, size), va="center", fontsize=7.5)
         else:
-            axes.barh(row, reach, height=0.68, color="white", hatch="////", edgecolor=palette.OUTLIER)
+            stripes = {"color": "white", "hatch": "////", "edgecolor": palette.OUTLIER}
+            axes.barh(row, reach, height=0.68, **stripes)
             text = axes.text(0.5 * reach, row, "blind", va="center", ha="center", fontsize=7.5)
             text.set_color(palette.OUTLIER)
             text.set_bbox({"facecolor": "white", "edgecolor": "none", "pad": 1.0})
@@ -79,13 +89,16 @@ def correlation_matrix(calibration: KinematicCalibration) -> Figure | None:
         return None
     count = len(uncertainty.names)
     correlation = uncertainty.correlation
-    below = np.ma.masked_array(correlation, np.triu(np.ones((count, count), dtype=bool), 1))
+    diagonal = np.eye(count, dtype=bool)
+    below = np.ma.masked_array(correlation, np.triu(np.ones((count, count), dtype=bool)))
     with style():
         side = float(np.clip(0.2 * count + 2.4, 5.0, 9.6))
         figure = Figure(figsize=(side + 0.8, side))
         axes = figure.add_subplot()
         scale = Normalize(-1.0, 1.0)
         axes.pcolormesh(below, cmap="RdBu_r", norm=scale, edgecolors="white", linewidth=0.4)
+        white = np.ma.masked_array(np.ones((count, count)), ~diagonal)
+        axes.pcolormesh(white, cmap="Greys", vmin=0.0, vmax=5.0)
         small = 7.5 if count <= 30 else 6.5
         ticks = np.arange(count) + 0.5
         axes.set_xticks(ticks, uncertainty.names, rotation=90, fontsize=small)
@@ -100,7 +113,9 @@ def correlation_matrix(calibration: KinematicCalibration) -> Figure | None:
             axes.plot([0, border], [border, border], color=palette.MUTED, linewidth=0.7)
             axes.plot([border, border], [border, count], color=palette.MUTED, linewidth=0.7)
         inset = axes.inset_axes((0.56, 0.93, 0.4, 0.025))
-        figure.colorbar(ScalarMappable(scale, "RdBu_r"), cax=inset, orientation="horizontal")
+        bar = ScalarMappable(scale, "RdBu_r")
+        ticks = [-1.0, -0.5, 0.0, 0.5, 1.0]
+        figure.colorbar(bar, cax=inset, orientation="horizontal", ticks=ticks)
         inset.set_title("correlation", fontsize=8.5, fontweight="normal")
         headline(figure, _strongest_pair(uncertainty.names, correlation))
     return figure
@@ -112,27 +127,27 @@ def convergence(calibration: KinematicCalibration) -> Figure | None:
     if search is None or len(history) < 2:
         return None
     with style():
-        figure = Figure(figsize=(HALF_WIDTH, 3.9))
+        figure = Figure(figsize=(HALF_WIDTH, 4.2))
         top, bottom = figure.subplots(2, 1)
-        excess = np.maximum(history - history.min(), 0.0) / max(history.min(), 1e-300)
-        shown = excess > 0.0
-        steps = np.arange(len(history))
-        top.semilogy(steps[shown], excess[shown], "o-", color=palette.HELD_OUT, markersize=5)
-        top.xaxis.set_major_locator(MaxNLocator(integer=True))
+        excess = (history - history.min()) / (history.min() or history.max() or 1.0)
+        # What is left at the end is rounding.
+        excess = np.maximum(excess, 1e-16)
+        top.semilogy(np.arange(len(history)), excess, "o-", color=palette.HELD_OUT, markersize=5)
+        top.yaxis.set_major_formatter(plain_tick)
+        top.xaxis.set_major_locator(MaxNLocator(integer=True, min_n_ticks=1))
         top.set_xlim(-0.3, len(history) - 0.7)
         top.set_xlabel("step of the final solution")
-        top.set_ylabel("cost above\nits minimum")
+        top.set_ylabel("cost above its\nminimum, relative")
         _starts_panel(bottom, search)
-        same = f"{search.agreeing} of {len(search.labels)} starts agree on the best minimum"
-        reached = f"minimum after {calibration.iterations} steps"
-        headline(figure, f"{same}; {reached}" if calibration.converged else f"NOT converged; {same}")
+        same = f"{search.agreeing} of {len(search.labels)} starts reached the best minimum"
+        headline(figure, same if calibration.converged else f"Not converged; {same}")
     return figure
 
 
 def _starts_panel(axes: Axes, search: StartSearch) -> None:
     """Draw the cost of every start's minimum over that of the best."""
     scores = np.asarray(search.scores, dtype=float)
-    ratio = scores / max(float(scores.min()), 1e-300)
+    ratio = scores / (float(scores.min()) or 1.0)
     agreeing = np.zeros(len(ratio), dtype=bool)
     agreeing[np.argsort(ratio, kind="stable")[: search.agreeing]] = True
     numbers = np.arange(1, len(ratio) + 1)
@@ -144,14 +159,16 @@ def _starts_panel(axes: Axes, search: StartSearch) -> None:
             axes.plot(numbers[rows], ratio[rows], "o", color=color, markersize=6, label=label)
     if ratio.max() > 3.0:
         axes.set_yscale("log")
+        axes.yaxis.set_major_formatter(plain_tick)
     else:
         axes.set_ylim(0.9, max(1.5, 1.1 * float(ratio.max())))
-    axes.xaxis.set_major_locator(MaxNLocator(integer=True))
+    axes.xaxis.set_major_locator(MaxNLocator(integer=True, min_n_ticks=1))
     axes.set_xlim(0.5, len(ratio) + 0.5)
     names = list(dict.fromkeys(search.labels))
     axes.set_xlabel(f"start (in this order: {', '.join(names)})")
     axes.set_ylabel("cost over\nthe best")
-    axes.legend(loc="upper left", ncols=2, handletextpad=0.1)
+    above = {"loc": "lower left", "bbox_to_anchor": (-0.02, 0.97), "borderaxespad": 0.0}
+    axes.legend(ncols=2, handletextpad=0.1, **above)
 
 
 def _units(calibration: KinematicCalibration) -> dict[str, str]:
@@ -172,20 +189,21 @@ def _least_known(uncertainty: Uncertainty, unit_of: dict[str, str]) -> str:
     if blind:
         return f"{blind} of {len(sigma)} parameters are not determined by these data"
     parts = []
-    for unit, decimals in (("m", 2), ("rad", 3)):
+    for unit in ("m", "rad"):
         rows = [i for i, name in enumerate(uncertainty.names) if unit_of[name] == unit]
         if rows:
             worst = max(rows, key=lambda i: sigma[i])
             shown, factor = _SHOWN[unit]
-            size = f"{factor * sigma[worst]:.{decimals}f} {shown}"
-            parts.append(f"{uncertainty.names[worst]} (±{size})")
+            size = float(factor * sigma[worst])
+            parts.append(f"{uncertainty.names[worst]} (± {decimals(size, size)} {shown})")
     return "Least known: " + ", ".join(parts)
 
 
 def _strongest_pair(names: tuple[str, ...], correlation: NDArray) -> str:
     off = np.abs(np.tril(correlation, -1))
     i, j = np.unravel_index(int(np.argmax(off)), off.shape)
-    return f"Strongest correlation: {names[j]} with {names[i]}, {correlation[i, j]:+.3f}"
+    size = f"{correlation[i, j]:+.3f}".replace("-", "−")
+    return f"Strongest correlation: {names[j]} with {names[i]}, {size}"
 
 
 def _borders(names: tuple[str, ...]) -> list[int]:

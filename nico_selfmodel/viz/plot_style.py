@@ -14,6 +14,8 @@ from nico_selfmodel.viz import palette
 
 FULL_WIDTH, HALF_WIDTH = 11.0, 5.4
 """Widths of figures on the page, where a point of type is then about a point [inch]."""
+MANY = 1500
+"""More points than this are drawn as pixels even in an SVG."""
 
 _STYLE: dict[str, Any] = {
     "axes.axisbelow": True,
@@ -79,6 +81,11 @@ def image_bytes(figure: Figure, file_format: str) -> bytes:
 def headline(figure: Figure, text: str) -> None:
     """Write what a figure shows above it."""
     figure.suptitle(text, x=0.008, ha="left", fontsize=11.0, fontweight="bold", color=palette.INK)
+
+
+def plain_tick(value: float, _position: int) -> str:
+    """Write a tick: names of joints may hold a $, so that no text is read as mathematics."""
+    return f"{value:g}"
 
 
 def grid_along(axes: Axes, axis: str) -> None:

@@ -6,13 +6,13 @@ from numpy.typing import NDArray
 from nico_selfmodel.estimation import Evaluation, KinematicCalibration
 from nico_selfmodel.viz import palette
 from nico_selfmodel.viz.circle_items import samples_by_owner
-from nico_selfmodel.viz.factors import nice_factor
+from nico_selfmodel.viz.numbers_shown import nice_factor, short
 from nico_selfmodel.viz.scene import LegendEntry
 from nico_selfmodel.viz.scene_items import Item, Markers, Needles
 
 _POINT_RADIUS, _OUTLIER_RADIUS, _NEEDLE_RADIUS = 0.008, 0.02, 0.0045
-_DRAWN_LENGTH = 0.12
-"""The 95th percentile of the residuals is drawn about this long."""
+_DRAWN_LENGTH, _LONGEST = 0.15, 0.6
+"""How long a large residual is drawn, and from which drawn length on it is not magnified."""
 
 
 def point_items(calibration: KinematicCalibration, unit: float) -> list[Item]:
@@ -83,18 +83,21 @@ def residual_items(calibration: KinematicCalibration, unit: float) -> list[Item]
     """
     factor, largest = residual_factor(calibration, unit), largest_shown(calibration)
     items: list[Item] = []
-    for name, evaluation, rows in _evaluations(calibration):
-        if rows.size:
-            residuals, starts = evaluation.residuals[rows], evaluation.p_WH_predicted[rows]
-            needles = Needles(
-                path=f"{name}/residuals_x{factor:g}",
-                color=palette.rgba(palette.MUTED),
-                starts=starts,
-                ends=starts + factor * residuals,
-                radius=_NEEDLE_RADIUS * unit,
-                colors=palette.error_colors(np.linalg.norm(residuals, axis=1), largest),
-            )
-            items.append(needles)
+    for name, evaluation, rows in believed_rows(calibration):
+        far = factor * evaluation.distances[rows] > _LONGEST * unit
+        for chosen, scale, word in ((rows[~far], factor, ""), (rows[far], 1.0, "large_")):
+            if chosen.size:
+                residuals = evaluation.residuals[chosen]
+                starts = evaluation.p_WH_predicted[chosen]
+                needles = Needles(
+                    path=f"{name}/{word}residuals_x{scale:g}",
+                    color=palette.rgba(palette.MUTED),
+                    starts=starts,
+                    ends=starts + scale * residuals,
+                    radius=_NEEDLE_RADIUS * unit,
+                    colors=palette.error_colors(evaluation.distances[chosen], largest),
+                )
+                items.append(needles)
     return items
 
 
@@ -102,24 +105,33 @@ def residual_legend(calibration: KinematicCalibration, unit: float) -> list[Lege
     """Return the factor and the colour scale of the residuals."""
     factor, largest = residual_factor(calibration, unit), largest_shown(calibration)
     scale = tuple(palette.ERRORS(share) for share in np.linspace(0.0, 1.0, 9))
-    label = f"residuals, drawn ×{factor:g} (0 to {1e3 * largest:.2g} mm)"
-    return [LegendEntry(label, scale[-1], scale)]
+    label = f"residuals, drawn ×{factor:g} (0 to {short(1e3 * largest)} mm)"
+    entries = [LegendEntry(label, scale[-1], scale)]
+    far = int(np.sum(factor * _believed_lengths(calibration) > _LONGEST * unit))
+    if far and factor > 1.0:
+        limit = short(1e3 * _LONGEST * unit / factor)
+        label = f"residuals over {limit} mm, drawn ×1 ({far})"
+        entries.append(LegendEntry(label, scale[-1]))
+    return entries
 
 
 def residual_factor(calibration: KinematicCalibration, unit: float) -> float:
     """Return the factor by which residuals are drawn longer than they are."""
-    typical = float(np.percentile(_believed_lengths(calibration), 95.0))
-    return nice_factor(_DRAWN_LENGTH * unit, typical)
+    return nice_factor(_DRAWN_LENGTH * unit, largest_shown(calibration))
 
 
 def largest_shown(calibration: KinematicCalibration) -> float:
-    """Return the length at the dark end of the colour scale [m]: the 98th percentile."""
-    return float(np.percentile(_believed_lengths(calibration), 98.0))
+    """Return the length at the dark end of the colour scale [m].
+
+    1.3 times the 90th percentile: about the 99th of Gaussian errors, and outliers that nobody
+    has sorted out do not stretch it.
+    """
+    return 1.3 * float(np.percentile(_believed_lengths(calibration), 90.0))
 
 
 def free_rows(calibration: KinematicCalibration) -> NDArray:
     """Return believed training rows that lie on no circle."""
-    on_circle = [rows for rows in samples_by_owner(calibration).values()]
+    on_circle = list(samples_by_owner(calibration).values())
     believed = np.flatnonzero(~calibration.outliers)
     return np.setdiff1d(believed, np.concatenate(on_circle)) if on_circle else believed
 
@@ -129,7 +141,10 @@ def _points(path: str, centers: NDArray, color: str, unit: float) -> Markers:
     return Markers(path=path, color=palette.rgba(color), centers=centers, radius=radius)
 
 
-def _evaluations(calibration: KinematicCalibration) -> list[tuple[str, Evaluation, NDArray]]:
+def believed_rows(
+    calibration: KinematicCalibration,
+) -> list[tuple[str, Evaluation, NDArray]]:
+    """Return name, evaluation and rows of training without outliers, and of held-out data."""
     found = [("training", calibration.train, np.flatnonzero(~calibration.outliers))]
     if calibration.test is not None:
         found.append(("held_out", calibration.test, np.arange(len(calibration.test.observations))))
@@ -137,4 +152,4 @@ def _evaluations(calibration: KinematicCalibration) -> list[tuple[str, Evaluatio
 
 
 def _believed_lengths(calibration: KinematicCalibration) -> NDArray:
-    return np.concatenate([e.distances[rows] for _, e, rows in _evaluations(calibration)])
+    return np.concatenate([e.distances[rows] for _, e, rows in believed_rows(calibration)])

@@ -2,6 +2,7 @@
 
 import json
 import re
+from collections.abc import Iterable
 from dataclasses import dataclass, fields
 from typing import Any
 
@@ -117,10 +118,18 @@ class Scene:
             raise ModelError(f"the scene is damaged: {error}") from error
 
 
-def path_name(text: str) -> str:
-    """Return a text as one name of a path: letters, digits, `_`, `.` and `-` stay."""
-    return re.sub(r"[^\w.-]+", "_", text) or "_"
+def path_names(texts: Iterable[str]) -> list[str]:
+    """Return texts as names in a path, all different: letters, digits, `_`, `.` and `-` stay.
 
+    >>> path_names(["elbow", "a/b", "a b"])
+    ['elbow', 'a_b', 'a_b_2']
+    """
+    names: list[str] = []
+    for text in texts:
+        name = re.sub(r"[^\w.-]+", "_", text)
+        taken = sum(name in (other, other.rpartition("_")[0]) for other in names)
+        names.append(f"{name}_{taken + 1}" if name in names else name)
+    return names
 
 
 def _item_document(item: Item) -> dict[str, Any]:

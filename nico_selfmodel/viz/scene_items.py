@@ -135,6 +135,21 @@ class Tube(Item):
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
+class Box(Item):
+    """A box along the axes of I, centred."""
+
+    sides: NDArray
+    """Lengths along x, y, z [m]. Shape (3,)."""
+
+    def __post_init__(self) -> None:
+        """Check and freeze."""
+        super().__post_init__()
+        self._freeze("sides", (3,))
+        if np.any(self.sides <= 0.0):
+            raise ValueError(f"sides must be positive, got {self.sides}")
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
 class Cylinder(Item):
     """A cylinder along z of I, centred."""
 
@@ -196,6 +211,6 @@ class Triad(Item):
 
 ITEM_KINDS: dict[str, type[Item]] = {
     kind.__name__.lower(): kind
-    for kind in (Markers, Needles, Segments, Tube, Cylinder, Capsule, Ellipsoid, Triad)
+    for kind in (Markers, Needles, Segments, Tube, Box, Cylinder, Capsule, Ellipsoid, Triad)
 }
 """Name in files -> class."""

@@ -4,7 +4,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from nico_selfmodel.viz import palette
-from nico_selfmodel.viz.factors import nice_below
+from nico_selfmodel.viz.numbers_shown import nice_below
 from nico_selfmodel.viz.scene import FIELD_OF_VIEW, Camera
 from nico_selfmodel.viz.scene_items import Item, Segments, Triad
 

@@ -6,7 +6,7 @@ from numpy.typing import NDArray
 from nico_selfmodel.estimation import KinematicCalibration
 from nico_selfmodel.geometry.transform import transform
 from nico_selfmodel.viz import palette
-from nico_selfmodel.viz.factors import nice_factor
+from nico_selfmodel.viz.numbers_shown import nice_factor, short
 from nico_selfmodel.viz.scene import LegendEntry
 from nico_selfmodel.viz.scene_items import Ellipsoid, Item
 
@@ -51,10 +51,10 @@ def uncertainty_legend(
     if known is not None:
         largest = float(known[2].max())
         factor = nice_factor(_DRAWN_RADIUS * unit, largest)
-        label = f"1σ of the predicted hand, drawn ×{factor:g} ({1e3 * largest:.2g} mm at most)"
+        label = f"1σ of the predicted hand, drawn ×{factor:g} ({short(1e3 * largest)} mm at most)"
         return [LegendEntry(label, color)]
     if calibration.uncertainty is not None and calibration.uncertainty.blind:
-        return [LegendEntry("no ellipsoid: the data leave directions open", color)]
+        return [LegendEntry("no ellipsoid: the data leave directions open", (0.0, 0.0, 0.0, 0.0))]
     return []
 
 

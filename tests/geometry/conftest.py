@@ -40,7 +40,7 @@ def make_arc():
 
 @pytest.fixture(scope="session")
 def assert_same_circle():
-    """Return a check of centre, radius and plane against another circle, whatever its normal's sign."""
+    """Return a check of a circle against another, whatever the signs of their normals."""
 
     def check(circle, other, tolerance: float) -> None:
         assert circle.center == pytest.approx(other.center, abs=tolerance)

@@ -120,7 +120,7 @@ def test_residuals_and_angles_are_measured_in_the_circles_own_frame(make_arc):
 @pytest.mark.parametrize(
     "points",
     [
-        np.outer(np.linspace(0.0, 1.0, 8), [0.3, -0.5, 0.7]) + [0.1, 0.2, 0.3],
+        np.array([0.1, 0.2, 0.3]) + np.outer(np.linspace(0.0, 1.0, 8), [0.3, -0.5, 0.7]),
         np.tile([0.1, 0.2, 0.3], (8, 1)),
         np.array([[0.0, 0.0, 0.0], [1.0, 0.0, 0.0]]),
         np.array([[0.0, 0.0, 0.0], [1.0, 0.0, 0.0]] * 4),

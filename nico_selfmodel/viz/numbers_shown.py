@@ -1,4 +1,4 @@
-"""Round factors by which small things are drawn larger."""
+"""Numbers as people read them: round factors, and no more digits than are known."""
 
 import numpy as np
 
@@ -30,3 +30,24 @@ def nice_below(value: float) -> float:
         if nice <= value * (1.0 + 1e-12):
             return nice
     raise AssertionError("one of them is below any positive value")
+
+
+def decimals(value: float, sigma: float | None) -> str:
+    """Write a value as finely as its standard deviation allows, to its second digit.
+
+    >>> decimals(12.34567, 0.021), decimals(12.34567, None)
+    ('12.346', '12.346')
+    """
+    digits = 3
+    if sigma is not None and sigma > 0.0:
+        digits = int(np.clip(1 - np.floor(np.log10(sigma)), 0, 6))
+    return f"{value:.{digits}f}".replace("-", "−")
+
+
+def short(value: float) -> str:
+    """Write a positive number with two digits that count, and never with an exponent.
+
+    >>> short(0.0876), short(2.6), short(114.2)
+    ('0.088', '2.6', '110')
+    """
+    return f"{float(f'{value:.2g}'):.10f}".rstrip("0").rstrip(".")

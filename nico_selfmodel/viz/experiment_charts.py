@@ -1,0 +1,169 @@
+"""Charts of an experiment beside the published ones: bars in groups, with standard deviations."""
+
+import os
+import tempfile
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+from numpy.typing import NDArray
+
+from nico_selfmodel.viz import palette
+from nico_selfmodel.viz.plot_style import grid_along, headline, image_bytes, plain_tick, style
+
+FORMATS = (".png", ".svg")
+_LOG_FROM = 12.0
+"""Ratio of the largest to the smallest mean from which the axis is logarithmic by default."""
+
+
+@dataclass(frozen=True, eq=False)
+class BarSeries:
+    """One bar in every group; bars of one colour belong together."""
+
+    label: str
+    """For the legend."""
+    means: NDArray
+    """Heights; nan where there is none. One a group."""
+    sds: NDArray
+    """Standard deviations; nan where there is none. One a group."""
+    published: bool = False
+    """Whether they are somebody else's numbers: drawn hatched on white."""
+    color: int = 0
+    """Number of the colour; a published series shares that of ours beside it."""
+
+    def __post_init__(self) -> None:
+        """Check that means and deviations agree, and make the arrays read-only."""
+        means, sds = (np.array(x, dtype=float) for x in (self.means, self.sds))
+        if means.ndim != 1 or means.shape != sds.shape:
+            raise ValueError(
+                f"means and sds must have one shape (n,), got {means.shape}, {sds.shape}"
+            )
+        if np.any(means <= 0.0) or np.any(sds < 0.0) or np.isinf([means, sds]).any():
+            raise ValueError("means must be positive and sds not negative; nan where there is none")
+        for name, value in (("means", means), ("sds", sds)):
+            value.flags.writeable = False
+            object.__setattr__(self, name, value)
+
+
+def bar_chart(
+    groups: Sequence[str],
+    series: Sequence[BarSeries],
+    *,
+    title: str,
+    ylabel: str,
+    xlabel: str = "",
+    log: bool | None = None,
+) -> Figure:
+    """Draw bars in groups, with their standard deviations and their heights in figures.
+
+    Args:
+        groups: Labels of the groups, left to right.
+        series: Bars, in the order in which they stand in each group.
+        title: What the chart shows.
+        ylabel: What the heights are, with their unit.
+        xlabel: What the groups are.
+        log: Whether the axis is logarithmic; by default where the heights differ much.
+
+    Returns:
+        The chart.
+
+    Raises:
+        ValueError: If there is nothing to draw, or a series has not one bar a group.
+    """
+    heights = np.array([s.means for s in series if len(s.means) == len(groups)])
+    if not series or len(heights) != len(series) or not np.isfinite(heights).any():
+        raise ValueError(f"every series must have {len(groups)} means, and one of them a number")
+    if log is None:
+        log = bool(np.nanmax(heights) > _LOG_FROM * np.nanmin(heights))
+    with style():
+        bars = len(groups) * len(series)
+        figure = Figure(figsize=(float(np.clip(1.6 + 0.62 * bars, 5.4, 11.0)), 4.2))
+        axes = figure.add_subplot()
+        if log:
+            axes.set_yscale("log")
+            axes.yaxis.set_major_formatter(plain_tick)
+        width = 0.84 / len(series)
+        for k, one in enumerate(series):
+            place = np.arange(len(groups)) + (k - 0.5 * (len(series) - 1)) * width
+            _bars(axes, place, one, width, log)
+        axes.set_xticks(np.arange(len(groups)), groups)
+        axes.tick_params(axis="x", length=0)
+        axes.set_xlabel(xlabel)
+        axes.set_ylabel(ylabel)
+        tops = heights + np.array([np.nan_to_num(s.sds) for s in series])
+        if log:
+            lows = heights - np.minimum(tops - heights, 0.9 * heights)
+            lowest = max(0.8 * np.nanmin(lows), 0.3 * np.nanmin(heights))
+            axes.set_ylim(lowest, 1.6 * np.nanmax(tops))
+        else:
+            axes.set_ylim(0.0, 1.12 * np.nanmax(tops))
+        grid_along(axes, "y")
+        figure.legend(loc="outside lower left", ncols=min(len(series), 4), handlelength=1.4)
+        headline(figure, title)
+    return figure
+
+
+def save_figure(figure: Figure, path: str | Path) -> Path:
+    """Write a figure as PNG or SVG, whole or not at all.
+
+    Args:
+        figure: The figure.
+        path: The file, ending in one of `FORMATS`; its folder must exist.
+
+    Returns:
+        The file.
+
+    Raises:
+        ValueError: If the ending is another.
+        OSError: If it cannot be written.
+    """
+    path = Path(path)
+    if path.suffix.lower() not in FORMATS:
+        raise ValueError(f"a figure is saved as {' or '.join(FORMATS)}, got {path.name!r}")
+    content = image_bytes(figure, path.suffix.lower().removeprefix("."))
+    handle, temporary = tempfile.mkstemp(prefix=f".{path.name}.", dir=path.parent)
+    try:
+        with os.fdopen(handle, "wb") as file:
+            file.write(content)
+        Path(temporary).chmod(0o644)
+        Path(temporary).replace(path)
+    except BaseException:
+        Path(temporary).unlink(missing_ok=True)
+        raise
+    return path
+
+
+def _bars(axes: Axes, place: NDArray, series: BarSeries, width: float, log: bool) -> None:
+    color = palette.joint_color(series.color)
+    look = {"color": color, "edgecolor": color}
+    if series.published:
+        look = {"color": "white", "edgecolor": color, "hatch": "////"}
+    there = np.isfinite(series.means)
+    means, sds = series.means[there], np.nan_to_num(series.sds[there])
+    axes.bar(place[there], means, 0.9 * width, label=series.label, linewidth=1.0, **look)
+    # On a logarithmic axis a bar may not reach down to zero.
+    below = np.minimum(sds, 0.9 * means) if log else np.minimum(sds, means)
+    shown = sds > 0.0
+    axes.errorbar(
+        place[there][shown],
+        means[shown],
+        np.stack([below, sds])[:, shown],
+        fmt="none",
+        ecolor=palette.INK,
+        elinewidth=1.1,
+        capsize=2.5,
+    )
+    for x, mean, top in zip(
+        place[there].tolist(), means.tolist(), (means + sds).tolist(), strict=True
+    ):
+        axes.annotate(
+            f"{mean:.3g}",
+            (x, top),
+            xytext=(0.0, 2.5),
+            textcoords="offset points",
+            ha="center",
+            fontsize=7.5,
+        )

@@ -1,0 +1,97 @@
+"""The folder that a calibration leaves behind."""
+
+import json
+import re
+from pathlib import Path
+
+from nico_selfmodel.errors import ModelError
+from nico_selfmodel.estimation import KinematicCalibration, Verdict, result_document
+from nico_selfmodel.files import folder_written_whole, refuse_existing
+from nico_selfmodel.plant import ArmDescription
+from nico_selfmodel.viz.kinematics_scene import calibration_scene
+from nico_selfmodel.viz.report import report_html
+from nico_selfmodel.viz.scene import Scene
+
+SCENE_FILE = "scene.json"
+
+
+def write_result_folder(
+    folder: str | Path,
+    calibration: KinematicCalibration,
+    verdict: Verdict,
+    *,
+    urdf_text: str | None = None,
+    robot_name: str | None = None,
+    robot: ArmDescription | None = None,
+    force: bool = False,
+) -> Path:
+    """Write `self_model.yaml`, `result.json`, `report.html`, `scene.json` and the URDF, or nothing.
+
+    Args:
+        folder: The folder to make.
+        calibration: What was learned.
+        verdict: What is thought of it.
+        urdf_text: The learned URDF, written as `<robot>_learned.urdf`.
+        robot_name: Name of the robot; the self-model's if omitted.
+        robot: The robot that the arm belongs to, to be drawn in the scene.
+        force: Replace an existing folder.
+
+    Returns:
+        The folder.
+
+    Raises:
+        FileExistsError: If the folder exists and `force` is not set.
+        OSError: If it cannot be written.
+        ModelError: If the robot cannot be read, or its chain has other joints.
+        SelfModelError: If the server that makes the interactive scene cannot start.
+    """
+    folder = Path(folder)
+    refuse_existing(folder, force=force)
+    document = result_document(calibration, verdict)
+    scene = calibration_scene(calibration, robot)
+    texts = {
+        "result.json": json.dumps(document, allow_nan=False, indent=1) + "\n",
+        "report.html": report_html(calibration, verdict, document, scene),
+        SCENE_FILE: scene.to_json(),
+    }
+    if urdf_text is not None:
+        name = robot_name or calibration.model.name
+        texts[f"{_file_name(name)}_learned.urdf"] = urdf_text
+    with folder_written_whole(folder, force=force) as inside:
+        calibration.model.save(inside / "self_model.yaml")
+        for name, text in texts.items():
+            (inside / name).write_text(text, encoding="utf-8", newline="\n")
+    return folder
+
+
+def load_scene(result: str | Path) -> Scene:
+    """Read the scene of a result folder, so that it can be drawn without learning again.
+
+    Args:
+        result: The folder, or its `scene.json`.
+
+    Returns:
+        The scene.
+
+    Raises:
+        ModelError: If there is none, or it is not valid.
+    """
+    path = Path(result)
+    path = path / SCENE_FILE if path.is_dir() else path
+    try:
+        text = path.read_text(encoding="utf-8")
+    except FileNotFoundError as error:
+        raise ModelError(
+            f"{path} does not exist: give the folder that `calibrate` or `learn` wrote"
+        ) from error
+    except (OSError, UnicodeDecodeError) as error:
+        raise ModelError(f"{path} cannot be read: {error}") from error
+    try:
+        return Scene.from_json(text)
+    except ModelError as error:
+        raise ModelError(f"{path}: {error}") from error
+
+
+def _file_name(name: str) -> str:
+    """Return a name without what file systems or shells would stumble over."""
+    return re.sub(r"[^\w.-]+", "_", name).strip("._") or "robot"

@@ -1,0 +1,157 @@
+"""Bad input: one clear line on standard error, exit code 2, nothing left behind."""
+
+import shutil
+
+import pytest
+
+
+def edited(recorded, tmp_path, change):
+    """Return a copy of the training data with `samples.csv` changed as lists of cells."""
+    folder = tmp_path / "edited"
+    shutil.copytree(recorded[0], folder)
+    path = folder / "samples.csv"
+    rows = [line.split(",") for line in path.read_text().splitlines()]
+    rows = change(rows[0], rows)
+    path.write_text("\n".join(",".join(row) for row in rows) + "\n")
+    return folder
+
+
+def cell(column, line, value):
+    """Return a change of one cell; `line` counts from the header's 1."""
+
+    def change(header, rows):
+        rows[line - 1][header.index(column)] = value
+        return rows
+
+    return change
+
+
+def without_column(column):
+    def change(header, rows):
+        k = header.index(column)
+        return [row[:k] + row[k + 1 :] for row in rows]
+
+    return change
+
+
+def all_rows(**columns):
+    def change(header, rows):
+        for row in rows[1:]:
+            for name, value in columns.items():
+                k = header.index(name)
+                row[k] = value(row[k]) if callable(value) else value
+        return rows
+
+    return change
+
+
+def still_sweep(header, rows):
+    """Let the elbow's sweep stand still."""
+    k, s = header.index("encoder.right_elbow"), header.index("sweep")
+    for row in rows[1:]:
+        if row[s] in ("right_elbow", "home"):
+            row[k] = rows[1][k]
+    return rows
+
+
+CASES = {
+    "a missing column": (without_column("encoder.right_elbow"), "encoder.right_elbow"),
+    "text in a number cell": (cell("x_m", 5, "abc"), "abc"),
+    "nan in a cell": (cell("y_m", 6, "nan"), "nan"),
+    "an empty encoder": (cell("encoder.right_elbow", 7, ""), "right_elbow"),
+    "a sweep of no joint": (cell("sweep", 30, "left_knee"), "left_knee"),
+    "a sweep that did not move": (still_sweep, "right_elbow"),
+    "a sample twice": (cell("sample", 9, "1"), "1"),
+    "millimetres as metres": (
+        all_rows(x_m=lambda v: v and str(1e3 * float(v)), y_m=lambda v: v and str(1e3 * float(v))),
+        "millimet",
+    ),
+    "coincident points": (all_rows(x_m="0.1", y_m="0.1", z_m="0.1"), "co"),
+    "too few samples": (lambda header, rows: rows[:7], "equations"),
+    "no rows": (lambda header, rows: rows[:1], "row"),
+}
+
+
+def assert_one_clear_line(process, *words):
+    assert process.returncode == 2, process.stdout + process.stderr
+    lines = process.stderr.strip().splitlines()
+    assert len(lines) == 1, process.stderr
+    assert lines[0].startswith("nico-selfmodel: ")
+    for word in words:
+        assert str(word) in lines[0]
+    assert "Traceback" not in process.stderr
+
+
+@pytest.mark.parametrize("name", CASES)
+def test_bad_data_get_one_clear_line_and_leave_nothing(name, recorded, tmp_path, command):
+    change, word = CASES[name]
+    folder = edited(recorded, tmp_path, change)
+    before = {path.name for path in tmp_path.iterdir()}
+    process = command("calibrate", "kinematics", folder, "--out", tmp_path / "out")
+    assert_one_clear_line(process, word)
+    assert {path.name for path in tmp_path.iterdir()} == before
+
+
+def test_a_missing_folder_is_named(tmp_path, command):
+    process = command("calibrate", "kinematics", tmp_path / "nothing", "--out", tmp_path / "out")
+    assert_one_clear_line(process, "nothing")
+    assert not (tmp_path / "out").exists()
+
+
+def test_an_existing_result_is_refused_without_force(recorded, result, command):
+    before = (result / "result.json").read_bytes()
+    process = command("calibrate", "kinematics", recorded[0], "--out", result)
+    assert_one_clear_line(process, result, "--force")
+    assert (result / "result.json").read_bytes() == before
+
+
+def test_an_unwritable_output_is_named(recorded, tmp_path, command):
+    (tmp_path / "file").write_text("")
+    out = tmp_path / "file" / "out"
+    assert_one_clear_line(command("calibrate", "kinematics", recorded[0], "--out", out), "file")
+
+
+def test_a_self_model_of_another_version_is_refused(result, tmp_path, command, recorded):
+    text = (result / "self_model.yaml").read_text()
+    model = tmp_path / "model.yaml"
+    model.write_text(text.replace("nico-selfmodel/1", "nico-selfmodel/9"))
+    process = command("evaluate", model, recorded[1])
+    assert_one_clear_line(process, "nico-selfmodel/9", "nico-selfmodel/1")
+
+
+@pytest.mark.parametrize(
+    ("options", "word"),
+    [
+        (("--robot", "nobody"), "nico"),
+        (("--robot", "nico", "--arm", "tail"), "right_arm"),
+        (("--robot", "nico", "--base", "chest", "--tip", "moon"), "moon"),
+        (("--robot", "nico", "--base", "head", "--tip", "chest"), "chest"),
+        (("--robot", "nico", "--arm", "left_arm"), "left_"),
+        (("--pin", "right_elbow.gaer"), "right_elbow.gear"),
+        (("--pin", "right_elbow.r=long"), "long"),
+        (("--method", "magic"), "magic"),
+        (("--loss", "magic"), "trimmed"),
+        (("--test-fraction", "1.5"), "1.5"),
+        (("--test", "nowhere"), "nowhere"),
+    ],
+)
+def test_a_bad_option_is_explained(options, word, recorded, tmp_path, command):
+    process = command("calibrate", "kinematics", recorded[0], *options, "--out", tmp_path / "out")
+    assert_one_clear_line(process, word)
+    assert not (tmp_path / "out").exists()
+
+
+def test_wrong_readings_for_a_prediction_are_explained(result, command):
+    assert_one_clear_line(command("predict", result, "--encoders", "1,2"), "2", "4", "right_elbow")
+    assert_one_clear_line(command("predict", result, "--encoders", "1,2,x,4"), "'x'")
+    assert_one_clear_line(command("predict", result), "--encoders")
+    assert_one_clear_line(command("predict", result, "--encoders", "1,2,3,4", "--marker", "ear"), "ear")
+
+
+def test_a_view_of_nothing_is_explained(tmp_path, command):
+    assert_one_clear_line(command("view", tmp_path / "nothing"), "nothing")
+
+
+def test_a_world_that_does_not_exist_is_explained(tmp_path, command):
+    process = command("learn", "--world", "moon", "--out", tmp_path / "out")
+    assert_one_clear_line(process, "moon", "thesis")

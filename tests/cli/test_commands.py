@@ -1,0 +1,183 @@
+"""The commands do what their help says."""
+
+import csv
+import io
+import json
+
+import numpy as np
+import pytest
+import yaml
+
+from nico_selfmodel.dataset import Dataset
+from nico_selfmodel.model import SelfModel
+from nico_selfmodel.plant import ArmDescription
+
+
+def test_learn_writes_a_result_that_passes(tmp_path, command):
+    out = tmp_path / "arm"
+    process = command("learn", "--out", out, "--random", 60)
+    assert process.returncode == 0, process.stdout + process.stderr
+    assert "PASS" in process.stdout
+    assert str(out / "report.html") in process.stdout.replace("\n", "")
+    names = {path.name for path in out.iterdir()}
+    assert {"self_model.yaml", "result.json", "report.html", "nico_learned.urdf"} <= names
+    document = json.loads((out / "result.json").read_text())
+    assert document["status"] == "PASS"
+    assert document["test"]["position_mm"]["mean"] < 4.0
+    assert document["not_identifiable"] == []
+    again = command(
+        *("calibrate", "kinematics", out / "recordings" / "train"),
+        *("--test", out / "recordings" / "test", "--out", tmp_path / "again", "--json"),
+    )
+    assert again.returncode == 0, again.stderr
+    ours, theirs = document["test"]["position_mm"], json.loads(again.stdout)["test"]["position_mm"]
+    assert ours["mean"] == pytest.approx(theirs["mean"], rel=1e-3)
+
+
+def test_the_result_folder_is_complete_and_consistent(result):
+    document = json.loads((result / "result.json").read_text())
+    keys = {"status", "reasons", "train", "test", "cross_validation", "parameters"}
+    keys |= {"not_identifiable", "outliers", "seconds", "iterations", "converged"}
+    assert keys <= set(document)
+    statistics = {"mean", "sd", "rms", "median", "p95", "max"}
+    for part in ("train", "test", "cross_validation"):
+        assert set(document[part]["position_mm"]) == statistics
+    for entry in document["parameters"].values():
+        assert {"value", "sigma", "unit", "free"} == set(entry)
+    model = SelfModel.load(result)
+    values = dict(zip(model.parameters.names, model.parameters.values, strict=True))
+    for name in ("right_elbow.gear", "right_elbow.r", "M0.x"):
+        assert document["parameters"][name]["value"] == values[name]
+
+
+def test_nothing_held_out_is_not_evaluated(recorded, tmp_path, command):
+    out = tmp_path / "arm"
+    process = command("calibrate", "kinematics", recorded[0], "--out", out, "--json")
+    assert process.returncode == 0
+    document = json.loads(process.stdout)
+    assert document["status"] == "NOT_EVALUATED"
+    assert document["test"] is None
+    assert document["cross_validation"]["n"] > 100
+
+
+def test_a_bound_that_is_missed_fails_with_exit_code_1_and_a_whole_folder(
+    recorded, tmp_path, command
+):
+    out = tmp_path / "arm"
+    process = command(
+        *("calibrate", "kinematics", recorded[0], "--test", recorded[1]),
+        *("--require-test-mm", "0.01", "--out", out),
+    )
+    assert process.returncode == 1
+    document = json.loads((out / "result.json").read_text())
+    assert document["status"] == "FAIL"
+    assert any("0.01" in reason for reason in document["reasons"])
+    assert (out / "report.html").is_file()
+
+
+def test_a_freed_gauge_is_named_and_fails(recorded, tmp_path, command):
+    out = tmp_path / "arm"
+    process = command(
+        "calibrate", "kinematics", recorded[0], "--free", "right_elbow.alpha", "--out", out
+    )
+    assert process.returncode == 1, process.stderr
+    document = json.loads((out / "result.json").read_text())
+    assert document["status"] == "FAIL"
+    assert any("right_elbow.alpha" in words for words in document["not_identifiable"])
+
+
+def test_evaluate_and_predict_agree_with_the_library(result, recorded, command):
+    test = Dataset.load(recorded[1])
+    model = SelfModel.load(result)
+    process = command("evaluate", result, recorded[1], "--json")
+    predicted = model.predict(test.encoders)
+    distances = np.linalg.norm(predicted.p_WH - test.p_WH_measured, axis=1)
+    distances = distances[np.isfinite(distances)]
+    found = json.loads(process.stdout)["position_mm"]["mean"]
+    assert found == pytest.approx(1e3 * distances.mean())
+    table = io.StringIO()
+    writer = csv.writer(table)
+    writer.writerow(model.joints)
+    writer.writerows(test.encoders[:3])
+    process = command("predict", result, "--table", "-", stdin=table.getvalue())
+    rows = list(csv.DictReader(io.StringIO(process.stdout)))
+    assert len(rows) == 3
+    p = [[float(row[name]) for name in ("x_m", "y_m", "z_m")] for row in rows]
+    np.testing.assert_allclose(p, predicted.p_WH[:3], atol=1e-15)
+    sigma = [float(row["sigma_mm"]) for row in rows]
+    np.testing.assert_allclose(sigma, 1e3 * predicted.sigma[:3])
+
+
+def test_the_exported_urdf_holds_the_learned_arm(result, tmp_path, command):
+    out = tmp_path / "learned.urdf"
+    assert command("export-urdf", result, "--out", out).returncode == 0
+    assert "<robot" in out.read_text()
+    assert command("export-urdf", result, "--out", out).returncode == 2
+    assert command("export-urdf", result, "--out", out, "--force").returncode == 0
+
+
+@pytest.mark.parametrize("arm", ["left_arm", "neck"])
+def test_other_chains_of_nico_are_learned_the_same_way(arm, tmp_path, command):
+    out = tmp_path / "arm"
+    process = command("learn", "--arm", arm, "--out", out, "--random", 60, "--json")
+    assert process.returncode == 0, process.stdout[-800:] + process.stderr
+    document = json.loads(process.stdout)
+    joints = ArmDescription.named("nico", arm).joints
+    assert all(f"{joint}.gear" in document["parameters"] for joint in joints)
+
+
+def test_a_csv_is_imported_by_a_column_map(tmp_path, command):
+    (tmp_path / "table.csv").write_text("a,b,px,py,pz\n1,2,100,200,300\n3,4,110,210,310\n")
+    columns = {
+        "joints": [
+            {"name": "first", "column": "a", "encoder_unit": "deg"},
+            {"name": "second", "column": "b", "encoder_unit": "deg"},
+        ],
+        "point": {"x": "px", "y": "py", "z": "pz", "unit": "mm"},
+    }
+    (tmp_path / "map.yaml").write_text(yaml.safe_dump(columns))
+    process = command(
+        "import", "csv", tmp_path / "table.csv", "--map", tmp_path / "map.yaml", "--out", tmp_path / "d"
+    )
+    assert process.returncode == 0, process.stderr
+    data = Dataset.load(tmp_path / "d")
+    np.testing.assert_allclose(data.p_WH_measured, [[0.1, 0.2, 0.3], [0.11, 0.21, 0.31]])
+
+
+@pytest.mark.parametrize(
+    "words",
+    [
+        (),
+        ("learn",),
+        ("simulate", "motion-capture"),
+        ("import", "csv"),
+        ("import", "vicon"),
+        ("calibrate", "kinematics"),
+        ("evaluate",),
+        ("predict",),
+        ("export-urdf",),
+        ("view",),
+        ("experiment", "motion-capture"),
+    ],
+)
+def test_every_command_explains_itself(words, command):
+    process = command(*words, "--help")
+    assert process.returncode == 0
+    assert "Usage" in process.stdout
+
+
+@pytest.mark.slow
+def test_the_motion_capture_experiment_writes_tables_and_charts(tmp_path, command):
+    out = tmp_path / "chapter6"
+    process = command(
+        "experiment", "motion-capture", "--out", out, "--individuals", 1, "--repeats", 3
+    )
+    assert process.returncode == 0, process.stderr
+    names = {path.name for path in out.iterdir()}
+    assert names == {
+        "result.json",
+        "tables.md",
+        "circle_points_and_refined.png",
+        "random_samples.png",
+    }
+    assert "132.60" in (out / "tables.md").read_text()

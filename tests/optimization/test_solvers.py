@@ -1,0 +1,165 @@
+"""Levenberg-Marquardt as a Drake solver, with SNOPT and IPOPT as its witnesses."""
+
+import numpy as np
+import pytest
+from pydrake.solvers import MathematicalProgram, SolutionResult, SolverOptions
+
+from nico_selfmodel.optimization import CalibrationProgram, LevenbergMarquardtSolver, Loss
+
+SOLVERS = ["lm", "snopt", "ipopt"]
+
+
+def nothing(program):
+    pass
+
+
+def bounded(program):
+    program.add_bounds("rate", 0.0, 0.6)
+
+
+def constrained(program):
+    program.add_linear_constraint({"height": 1.0, "rate": 2.0}, -1.0, 3.0)
+
+
+def tied(program):
+    program.add_linear_constraint({"height": 1.0, "rate": -2.0}, 0.1, 0.1)
+
+
+def pinned(program):
+    program.pin("height", 1.7)
+
+
+def with_prior(program):
+    program.add_prior("rate", 0.5, 0.01)
+
+
+def robust(program):
+    program.set_loss(0, Loss("cauchy", 0.02))
+
+
+@pytest.mark.parametrize(
+    "change", [nothing, bounded, constrained, tied, pinned, with_prior, robust]
+)
+def test_three_solvers_agree_on_one_program(decay, change):
+    change(decay)
+    decay.prog.SetInitialGuessForAllVariables(np.where(decay.free, [1.5, 0.5], decay.start))
+    solutions = [decay.solve(solver) for solver in SOLVERS]
+    assert [s.converged for s in solutions] == [True] * 3
+    costs = [s.cost for s in solutions]
+    assert costs == pytest.approx([costs[0]] * 3, rel=1e-6)
+    for solution in solutions:
+        assert solution.x == pytest.approx(solutions[0].x, rel=1e-3)
+
+
+@pytest.mark.parametrize("solver", SOLVERS)
+def test_variables_may_be_added_after_a_block(decay, linear_block, solver):
+    decay.add_variables(["offset"], [0.0])
+    decay.add_residuals(linear_block(("offset", "rate"), [[[1.0]], [[1.0]]], [[3.0]]))
+    solution = decay.solve(solver)
+    assert solution.converged
+    assert solution.cost == pytest.approx(decay.solve("lm").cost, rel=1e-6)
+    assert solution.x[2] == pytest.approx(3.0 - solution.x[1], abs=1e-4)
+
+
+@pytest.mark.parametrize("solver", SOLVERS)
+def test_priors_alone_make_a_program(solver):
+    program = CalibrationProgram()
+    program.add_variables(["a", "b"], [0.0, 0.0])
+    program.add_prior("a", 1.0, 0.5)
+    program.add_prior("b", -2.0, 3.0)
+    assert program.solve(solver).x == pytest.approx([1.0, -2.0], abs=1e-4)
+
+
+def test_the_solution_is_a_result_that_drake_can_read(decay):
+    decay.pin("height", 1.7)
+    solver = LevenbergMarquardtSolver(decay)
+    result = solver.Solve(decay.prog)
+    height, rate = decay.prog.decision_variables()
+    assert result.is_success()
+    assert result.get_solution_result() == SolutionResult.kSolutionFound
+    assert result.GetSolution(height) == 1.7
+    assert result.GetSolution(rate) == result.get_x_val()[1]
+    assert result.GetSolution(2.0 * height).Evaluate() == pytest.approx(3.4)
+    assert result.get_optimal_cost() == pytest.approx(solver.last.cost, rel=1e-9)
+    assert solver.last.converged
+    binding = decay.prog.generic_costs()[0]
+    assert decay.prog.EvalBinding(binding, result.get_x_val()) == pytest.approx(solver.last.cost)
+
+
+def test_a_guess_replaces_the_programs_own(decay):
+    solver = LevenbergMarquardtSolver(decay)
+    known = solver.Solve(decay.prog).get_x_val()
+    solver.Solve(decay.prog, known)
+    assert solver.last.iterations <= 2
+    assert decay.start.tolist() == [0.5, 0.1]
+
+
+def test_the_limit_of_iterations_is_no_success(decay):
+    solution = decay.solve(max_iterations=2)
+    assert not solution.converged
+    assert solution.iterations == 2
+    assert solution.cost <= solution.history[0]
+    solver = LevenbergMarquardtSolver(decay)
+    options = SolverOptions()
+    options.SetOption(solver.solver_id(), "max_iterations", 2)
+    result = solver.Solve(decay.prog, None, options)
+    assert not result.is_success()
+    assert result.get_solution_result() == SolutionResult.kIterationLimit
+
+
+def test_options_may_be_set_on_the_program(decay):
+    solver = LevenbergMarquardtSolver(decay)
+    decay.prog.SetSolverOption(solver.solver_id(), "max_iterations", 1)
+    assert not solver.Solve(decay.prog).is_success()
+    assert solver.last.iterations == 1
+
+
+def test_the_history_falls_to_the_cost(decay):
+    solution = decay.solve()
+    assert np.all(np.diff(solution.history) < 0.0)
+    assert solution.history[-1] == solution.cost
+
+
+def test_another_program_is_refused(decay):
+    solver = LevenbergMarquardtSolver(decay)
+    other = MathematicalProgram()
+    other.NewContinuousVariables(2)
+    assert solver.available()
+    assert solver.enabled()
+    assert solver.AreProgramAttributesSatisfied(decay.prog)
+    assert solver.ExplainUnsatisfiedProgramAttributes(decay.prog) == ""
+    assert not solver.AreProgramAttributesSatisfied(other)
+    with pytest.raises(ValueError, match="only the program of its CalibrationProgram"):
+        solver.Solve(other)
+
+
+@pytest.mark.parametrize("guess", [[np.nan, 1.0], [1.0, np.inf]])
+def test_a_guess_that_is_no_number_is_refused(decay, guess):
+    with pytest.raises(ValueError, match="initial guess must be finite"):
+        LevenbergMarquardtSolver(decay).Solve(decay.prog, np.array(guess))
+
+
+def test_an_unknown_solver_is_answered_with_the_known_ones(decay):
+    with pytest.raises(ValueError, match="no solver 'magic'; there are lm, snopt, ipopt"):
+        decay.solve("magic")
+
+
+@pytest.mark.parametrize("solver", SOLVERS)
+def test_a_cost_that_is_not_a_number_is_no_success(solver, linear_block):
+    program = CalibrationProgram()
+    program.add_variables(["x"], [1.0])
+    program.add_residuals(linear_block(("x",), [[[1.0]]], [[np.nan]]))
+    assert not program.solve(solver).converged
+
+
+def test_an_open_gauge_does_not_stop_the_solver(linear_block):
+    rng = np.random.default_rng(3)
+    a = rng.normal(size=(3, 2, 10))
+    a[2] = a[0] - a[1]
+    program = CalibrationProgram()
+    program.add_variables(["a", "b", "c"], [1.0, 1.0, 1.0])
+    program.add_residuals(linear_block(("a", "b", "c"), a, rng.normal(size=(2, 10))))
+    solution = program.solve()
+    assert solution.converged
+    assert np.abs(solution.x).max() < 10.0
+    assert np.abs(program.normal_equations(solution.x)[1]).max() < 1e-4

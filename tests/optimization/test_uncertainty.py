@@ -1,0 +1,138 @@
+"""Covariance, correlation, rank, and the directions that the data do not see."""
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from nico_selfmodel.optimization import Uncertainty
+
+NAMES = ("a", "b", "c", "d")
+
+
+def analyse(jacobian, natural=None, squared=None, names=NAMES):
+    m, k = jacobian.shape
+    natural = np.full(k, 1e3) if natural is None else np.asarray(natural, float)
+    return Uncertainty.from_jacobian(
+        names, jacobian, natural, m - k if squared is None else squared, m
+    )
+
+
+def regression(seed, m=30):
+    return np.random.default_rng(seed).normal(size=(m, 4)) * [1.0, 10.0, 0.1, 1.0]
+
+
+@given(seed=st.integers(0, 2**32 - 1), factor=st.floats(0.1, 10.0))
+def test_it_is_the_closed_form_of_linear_regression(seed, factor):
+    a = regression(seed)
+    found = analyse(a, natural=[1e3, 1e2, 1e4, 1e3], squared=26 * factor**2)
+    expected = factor**2 * np.linalg.inv(a.T @ a)
+    assert found.variance_factor == pytest.approx(factor**2)
+    assert found.rank == 4
+    assert found.blind == ()
+    assert found.covariance == pytest.approx(expected, rel=1e-8)
+    assert found.sigma == pytest.approx(np.sqrt(np.diag(expected)), rel=1e-8)
+    assert np.diag(found.correlation) == pytest.approx(np.ones(4))
+    assert found.correlation == pytest.approx(
+        expected / np.sqrt(np.outer(np.diag(expected), np.diag(expected))), abs=1e-9
+    )
+
+
+def test_the_covariance_is_the_spread_of_two_thousand_regressions():
+    rng, a = np.random.default_rng(1), regression(2)
+    noise = rng.normal(0.0, 2.0, (30, 2000))
+    estimates = np.linalg.lstsq(a, noise, rcond=None)[0]
+    rest = noise - a @ estimates
+    found = [analyse(a, squared=float(r @ r)) for r in rest.T[:200]]
+    sigma = np.sqrt(np.mean([f.sigma**2 for f in found], axis=0))
+    assert estimates.std(axis=1) / sigma == pytest.approx(np.ones(4), abs=0.06)
+
+
+def test_natural_units_do_not_change_what_is_known():
+    a = regression(3)
+    one = analyse(a, natural=[1e3] * 4)
+    other = analyse(a, natural=[1e2, 1e3, 1e4, 5e2])
+    assert other.covariance == pytest.approx(one.covariance, rel=1e-9)
+
+
+def test_a_direction_that_nothing_determines_is_named():
+    a = regression(4)
+    a[:, 3] = 2.0 * a[:, 0]  # only d + a / 2 counts
+    found = analyse(a, squared=27.0)
+    (blind,) = found.blind
+    assert blind.names == ("a", "d")
+    assert np.abs(blind.shares) == pytest.approx(np.array([2.0, 1.0]) / np.sqrt(5.0), abs=1e-6)
+    assert blind.shares[0] * blind.shares[1] < 0.0
+    assert blind.sigma == np.inf
+    assert found.rank == 3
+    assert found.condition > 1e10
+    assert np.isinf(found.sigma).tolist() == [True, False, False, True]
+
+
+def test_what_is_seen_beside_a_blind_direction_keeps_its_covariance():
+    a = regression(5)
+    a[:, 3] = a[:, 0]
+    found = analyse(a, squared=26.0)
+    expected = np.linalg.inv(a[:, :3].T @ a[:, :3])
+    assert found.sigma[1:3] == pytest.approx(np.sqrt(np.diag(expected))[1:3], rel=1e-6)
+    assert found.covariance[1:3, 1:3] == pytest.approx(expected[1:3, 1:3], rel=1e-6)
+    # along the gauge nothing is invented: the sum a + d is known as a alone would be
+    assert np.sum(found.covariance[np.ix_([0, 3], [0, 3])]) == pytest.approx(
+        expected[0, 0], rel=1e-6
+    )
+
+
+def test_a_direction_is_blind_where_its_sigma_reaches_the_natural_scale():
+    a = np.diag([100.0, 100.0, 100.0, 2.0])
+    a = np.vstack([a, np.zeros((4, 4))])
+    found = analyse(a, natural=[1.0] * 4, squared=4.0)
+    (blind,) = found.blind
+    assert blind.names == ("d",)
+    assert blind.sigma == pytest.approx(0.5)
+    assert np.isinf(found.sigma).tolist() == [False, False, False, True]
+    assert found.condition == pytest.approx(50.0)
+    assert analyse(a, natural=[2.0] * 4, squared=4.0).rank == 4
+    assert analyse(a * 10.0, natural=[1.0] * 4, squared=4.0).rank == 4
+
+
+def test_the_worst_direction_comes_first():
+    a = np.vstack([np.diag([100.0, 2.0, 0.0, 1.0]), np.zeros((4, 4))])
+    found = analyse(a, natural=[1.0] * 4, squared=4.0)
+    assert [direction.names for direction in found.blind] == [("c",), ("d",), ("b",)]
+    assert [d.sigma for d in found.blind] == pytest.approx([np.inf, 1.0, 0.5])
+    assert found.condition == np.inf
+
+
+def test_fewer_residuals_than_parameters_leave_directions_blind():
+    a = regression(6, m=2)
+    found = analyse(a, squared=0.0)
+    assert np.isnan(found.variance_factor)
+    assert found.rank == 2
+    assert len(found.blind) == 2
+    assert {d.sigma for d in found.blind} == {np.inf}
+
+
+def test_without_redundancy_the_sigma_assumed_beforehand_counts():
+    a = regression(7, m=4)
+    found = Uncertainty.from_jacobian(NAMES, a, np.full(4, 1e6), 0.0, 4)
+    assert np.isnan(found.variance_factor)
+    assert found.covariance == pytest.approx(np.linalg.inv(a.T @ a), rel=1e-6)
+
+
+def test_a_blind_direction_of_many_equal_shares_still_has_names():
+    count = 60
+    names = tuple(f"p{i}" for i in range(count))
+    a = np.eye(count) - 1.0 / count  # blind to a common change of all
+    found = analyse(np.vstack([a, a]) * 1e3, natural=[1.0] * count, names=names)
+    (blind,) = found.blind
+    assert set(blind.names) == set(names)
+    assert np.isinf(found.sigma).all()
+
+
+def test_a_small_share_of_what_nothing_determines_is_still_unknown():
+    null = np.array([0.99, 0.1, 0.0, 0.0])
+    null /= np.linalg.norm(null)
+    a = regression(8) @ (np.eye(4) - np.outer(null, null))
+    found = analyse(a, squared=26.0)
+    assert found.blind[0].sigma == np.inf
+    assert np.isinf(found.sigma).tolist() == [True, True, False, False]

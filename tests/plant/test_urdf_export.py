@@ -1,0 +1,244 @@
+import re
+import xml.etree.ElementTree as ElementTree
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from pydrake.geometry import Role
+from pydrake.multibody.parsing import Parser
+from pydrake.multibody.plant import AddMultibodyPlantSceneGraph, MultibodyPlant
+from pydrake.systems.framework import DiagramBuilder
+
+from nico_selfmodel.errors import ModelError
+from nico_selfmodel.plant import (
+    MEASURING_FRAME,
+    ArmDescription,
+    SelfModelPlant,
+    learned_urdf,
+)
+
+
+def loaded(path):
+    """Load a URDF as a user would, with its geometry, the measuring frame at the world's."""
+    builder = DiagramBuilder()
+    plant, scene_graph = AddMultibodyPlantSceneGraph(builder, MultibodyPlant(0.0))
+    parser = Parser(plant)
+    parser.SetStrictParsing()
+    parser.AddModels(str(path))
+    plant.Finalize()
+    return plant, scene_graph, builder.Build().CreateDefaultContext()
+
+
+def set_joints(plant, context, values):
+    for name, value in values.items():
+        positions = plant.GetPositions(context).copy()
+        positions[plant.GetJointByName(name).position_start()] = value
+        plant.SetPositions(context, positions)
+
+
+@pytest.fixture
+def learned(arm, build_individual, learn):
+    return learn(build_individual(arm.chain, seed=11))
+
+
+@pytest.fixture
+def exported(arm, learned, tmp_path):
+    path = tmp_path / "learned.urdf"
+    path.write_text(learned_urdf(learned, arm))
+    return path
+
+
+def test_an_export_moves_in_drake_as_the_chain_does(arm, learned, exported, drake_warnings):
+    plant, _, root = loaded(exported)
+    context = plant.GetMyContextFromRoot(root)
+    W = plant.GetFrameByName(MEASURING_FRAME)
+    set_joints(plant, context, arm.held)
+    for q in np.random.default_rng(1).uniform(-3.0, 3.0, (4, len(arm.joints))):
+        set_joints(plant, context, dict(zip(arm.joints, q, strict=True)))
+        for k, marker in enumerate(arm.markers):
+            expected = learned.chain.forward(q, k)
+            # The marker's own link, which had to move, and the frame that is always there.
+            for name in (arm.points[marker], f"hand_{marker}"):
+                X_WH = plant.CalcRelativeTransform(context, W, plant.GetFrameByName(name))
+                np.testing.assert_allclose(X_WH.translation(), expected, rtol=0, atol=1e-12)
+    assert drake_warnings == []
+
+
+def test_an_export_described_again_has_the_learned_chain(arm, learned, exported):
+    plain = MultibodyPlant(0.0)
+    Parser(plain).AddModels(str(exported))
+    below = {
+        plain.get_joint(i).name(): 0.0
+        for i in plain.GetJointIndices()
+        if plain.get_joint(i).num_positions() == 1 and plain.get_joint(i).name() not in arm.joints
+    }
+    again = ArmDescription.from_urdf(
+        exported, MEASURING_FRAME, arm.tip_link, {**below, **arm.held}, arm.points
+    )
+    assert again.joints == arm.joints
+    np.testing.assert_array_equal(again.lower, arm.lower)
+    np.testing.assert_array_equal(again.upper, arm.upper)
+    for name in ("directions", "p_WH_zero"):
+        ours, learnt = getattr(again.chain, name), getattr(learned.chain, name)
+        np.testing.assert_allclose(ours, learnt, rtol=0, atol=1e-12)
+    apart = again.chain.points - learned.chain.points
+    off_axis = apart - np.sum(apart * again.chain.directions, axis=1)[:, None] * (
+        again.chain.directions
+    )
+    np.testing.assert_allclose(off_axis, 0.0, atol=1e-12)
+
+
+def test_shapes_and_masses_of_an_export_lie_where_those_of_the_plant_do(arm, learned, exported):
+    builder = DiagramBuilder()
+    robot = SelfModelPlant.from_urdf(arm, learned, builder=builder)
+    ours, theirs = builder.Build().CreateDefaultContext(), loaded(exported)
+    q = np.linspace(-0.7, 0.9, len(arm.joints))
+    joints = {**arm.held, **dict(zip(arm.joints, q, strict=True))}
+    seen = []
+    for plant, scene_graph, root in ((robot.plant, robot.scene_graph, ours), theirs):
+        context = plant.GetMyContextFromRoot(root)
+        set_joints(plant, context, joints)
+        W = (
+            plant.GetFrameByName(MEASURING_FRAME)
+            if plant.HasFrameNamed(MEASURING_FRAME)
+            else plant.world_frame()
+        )
+        X_W = plant.CalcRelativeTransform(context, W, plant.world_frame())
+        query = scene_graph.get_query_output_port().Eval(scene_graph.GetMyContextFromRoot(root))
+        inspector = query.inspector()
+        shapes = {}
+        for role in (Role.kIllustration, Role.kProximity):
+            for geometry in inspector.GetAllGeometryIds(role):
+                body = plant.GetBodyFromFrameId(inspector.GetFrameId(geometry)).name()
+                X = (X_W @ query.GetPoseInWorld(geometry)).GetAsMatrix4()
+                shapes.setdefault((role, body), []).append(X)
+        seen.append((shapes, X_W @ plant.CalcCenterOfMassPositionInWorld(context)))
+    assert set(seen[0][0]) == set(seen[1][0])
+    assert {body for _, body in seen[0][0]} >= set(arm.links.child_links)
+    for key, poses in seen[0][0].items():
+        np.testing.assert_allclose(seen[1][0][key], poses, atol=1e-12, err_msg=str(key))
+    np.testing.assert_allclose(seen[1][1], seen[0][1], atol=1e-12)
+
+
+def test_a_robot_as_described_is_exported_as_it_was(arm, learn):
+    original = arm.urdf.read_text()
+    text = learned_urdf(learn(arm.chain), arm)
+    assert re.findall(r"<origin [^>]*>", text)[: original.count("<origin ")] == re.findall(
+        r"<origin [^>]*>", original
+    )
+    assert text.count("<origin ") <= original.count("<origin ") + 1 + len(arm.markers)
+
+
+def test_an_export_keeps_the_files_comments_prefixes_and_axes(describe, learn, build_individual):
+    arm = describe("right_arm")
+    original = arm.urdf.read_text()
+    text = learned_urdf(learn(build_individual(arm.chain, 2)), arm)
+    assert 'xmlns:drake="http://drake.mit.edu"' in text
+    for pattern in (r"<drake:\w+", r"<axis [^>]*>", r"<limit [^>]*>", r"<mass [^>]*>"):
+        assert re.findall(pattern, text) == re.findall(pattern, original)
+    assert re.findall(r"<!--.*?-->", original, re.DOTALL) == [
+        comment
+        for comment in re.findall(r"<!--.*?-->", text, re.DOTALL)
+        if "self_model.yaml" not in comment
+    ]
+
+
+def test_an_export_says_what_it_cannot_hold(describe, learn):
+    arm = describe("neck")
+    model = replace(learn(arm.chain), name="odd--name-")
+    for description in (arm, None):
+        text = learned_urdf(model, description)
+        (note,) = re.findall(r"<!--[^>]*self_model\.yaml[^>]*-->", text)
+        assert "offsets and gears of the encoders" in " ".join(note.split())
+        ElementTree.fromstring(text.replace("drake:", "drake_"))
+
+
+def test_an_export_can_be_learned_and_exported_again(
+    arm, learned, exported, build_individual, learn
+):
+    choice = (arm.base_link, arm.tip_link, arm.held, arm.points)
+    first = ArmDescription.from_urdf(exported, *choice)
+    model = learn(build_individual(first.chain, seed=12))
+    path = exported.with_name("again.urdf")
+    path.write_text(learned_urdf(model, first))
+    plant, _, root = loaded(path)
+    context = plant.GetMyContextFromRoot(root)
+    set_joints(plant, context, arm.held)
+    q = np.linspace(-1.0, 1.0, len(arm.joints))
+    set_joints(plant, context, dict(zip(arm.joints, q, strict=True)))
+    frames = [plant.GetFrameByName(MEASURING_FRAME), plant.GetFrameByName(f"hand_{arm.markers[0]}")]
+    p = plant.CalcRelativeTransform(context, *frames).translation()
+    np.testing.assert_allclose(p, model.chain.forward(q), rtol=0, atol=1e-12)
+
+
+def test_without_a_description_the_arm_is_drawn_along_its_axes(
+    arm, learned, tmp_path, drake_warnings
+):
+    path = tmp_path / "plain.urdf"
+    path.write_text(learned_urdf(learned))
+    plant, scene_graph, _ = loaded(path)
+    assert plant.num_positions() == len(arm.joints) + 7
+    assert scene_graph.model_inspector().num_geometries() >= 2 * len(arm.joints) - 1
+    last = f"{arm.joints[-1]}_link"
+    again = ArmDescription.from_urdf(
+        path, MEASURING_FRAME, last, points={m: f"hand_{m}" for m in arm.markers}
+    )
+    for q in np.random.default_rng(1).uniform(-3.0, 3.0, (4, len(arm.joints))):
+        for k in range(len(arm.markers)):
+            np.testing.assert_allclose(
+                again.chain.forward(q, k), learned.chain.forward(q, k), rtol=0, atol=1e-12
+            )
+    assert drake_warnings == []
+
+
+def test_a_tracked_link_with_a_body_stays_and_its_frame_moves(describe, learn, build_individual):
+    arm = describe("six", points={"ball": "ball", "tip": "tip"})
+    model = learn(build_individual(arm.chain, 13))
+    text = learned_urdf(model, arm)
+    again = arm.urdf.with_name("again.urdf")
+    again.write_text(text)
+    at_hand, at_tip = (
+        ArmDescription.from_urdf(
+            again, MEASURING_FRAME, "tip", arm.held, {"ball": "ball", "tip": name}
+        )
+        for name in ("hand_tip", "tip")
+    )
+    q = np.linspace(-1.0, 1.0, 6)
+    np.testing.assert_allclose(at_hand.chain.forward(q, 1), model.chain.forward(q, 1), atol=1e-12)
+    assert np.linalg.norm(at_tip.chain.forward(q, 1) - model.chain.forward(q, 1)) > 1e-3
+
+
+def test_a_point_the_robot_does_not_know_gets_a_frame(describe, learn):
+    arm = describe("right_arm")
+    model = learn(replace(arm.chain, markers=("thumb",)))
+    assert '<link name="hand_thumb"/>' in learned_urdf(model, arm)
+
+
+@pytest.mark.parametrize(
+    ("mesh", "lead"),
+    [
+        ("meshes/link2.obj", "../meshes/link2.obj"),
+        ("package://nowhere/link2.obj", "package://nowhere/link2.obj"),
+        ("/somewhere/link2.obj", "/somewhere/link2.obj"),
+    ],
+)
+def test_mesh_paths_lead_to_the_same_files(tmp_path, urdf_text, learn, mesh, lead):
+    path = tmp_path / "six.urdf"
+    path.write_text(urdf_text("six", mesh=mesh))
+    arm = ArmDescription.from_urdf(path, tip_link="ball")
+    model = learn(arm.chain)
+    assert f'filename="{mesh}"' in learned_urdf(model, arm)
+    assert f'filename="{lead}"' in learned_urdf(model, arm, folder=tmp_path / "result")
+
+
+def test_a_link_of_the_robots_own_is_not_taken_for_a_frame(tmp_path, urdf_text, learn):
+    path = tmp_path / "six.urdf"
+    path.write_text(urdf_text("six").replace('"finger"', f'"{MEASURING_FRAME}"'))
+    arm = ArmDescription.from_urdf(path, tip_link="ball")
+    with pytest.raises(ModelError, match="has a link 'measuring_frame' of its own"):
+        learned_urdf(learn(arm.chain), arm)
+
+
+def test_a_self_model_of_other_joints_is_not_exported(describe, learn):
+    with pytest.raises(ModelError, match="the self-model has the joints neck_yaw"):
+        learned_urdf(learn(describe("neck").chain), describe("right_arm"))
