@@ -64,13 +64,15 @@ def _swap(new: Path, path: Path) -> None:
         new.replace(path)
         return
     aside = Path(tempfile.mkdtemp(prefix=f".{path.name}.old.", dir=path.parent))
-    path.replace(aside)
     try:
-        new.replace(path)
-    except BaseException:
-        aside.replace(path)
-        raise
-    shutil.rmtree(aside, ignore_errors=True)
+        path.replace(aside)
+        try:
+            new.replace(path)
+        except BaseException:
+            aside.replace(path)
+            raise
+    finally:
+        shutil.rmtree(aside, ignore_errors=True)
 
 
 def refuse_existing(path: str | Path, *, force: bool = False) -> None:

@@ -91,8 +91,14 @@ def kinematics(
         stage("learning", 1, 1)
         verdict = judge(calibration, require_test_mm)
         stage("writing the result", 0, 1)
-        text = learned_urdf(calibration.model, description)
-        write_result_folder(out, calibration, verdict, urdf_text=text, force=force)
+        write_result_folder(
+            out,
+            calibration,
+            verdict,
+            urdf_text=learned_urdf(calibration.model, description, folder=out),
+            robot_name=Path(description.robot).stem if description else None,
+            force=force,
+        )
         stage("writing the result", 1, 1)
     document = result_document(calibration, verdict)
     if as_json:

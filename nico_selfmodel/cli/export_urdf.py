@@ -20,5 +20,6 @@ def export_urdf(
 
     refuse_existing(out, force=force)
     learned = SelfModel.load(model)
-    write_whole(out, learned_urdf(learned, ArmDescription.of_model(learned)))
+    text = learned_urdf(learned, ArmDescription.of_model(learned), folder=out.parent)
+    write_whole(out, text)
     console.out.print(f"{out}", markup=False)

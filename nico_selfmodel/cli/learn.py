@@ -52,7 +52,8 @@ def learn(
             out,
             first.refined,
             verdict,
-            urdf_text=learned_urdf(first.refined.model, description),
+            urdf_text=learned_urdf(first.refined.model, description, folder=out),
+            robot_name=Path(description.robot).stem,
             recordings={"train": first.train, "test": first.test},
             force=force,
         )
@@ -66,6 +67,7 @@ def learn(
 
 
 def _print(first: "FirstArm", document: Mapping[str, Any], out: Path) -> None:
+    assert first.circle_points.test is not None
     circles = first.circle_points.test.statistics
     console.print_table(
         f"{first.refined.model.name}: error of the predicted hand position",

@@ -1,5 +1,6 @@
 """`nico-selfmodel view`: a result in Meshcat."""
 
+import threading
 from pathlib import Path
 from typing import Annotated
 
@@ -25,7 +26,7 @@ def view(
 ) -> None:
     """Show a result in Meshcat, on localhost, until Ctrl-C."""
     from nico_selfmodel.files import refuse_existing, write_whole
-    from nico_selfmodel.viz import load_scene, publish, show, static_html
+    from nico_selfmodel.viz import draw_in_drake, load_scene, publish, static_html
 
     scene = load_scene(result)
     if html is not None:
@@ -37,12 +38,6 @@ def view(
         url = publish(scene, server)
         console.out.print(f"published; open {url}", markup=False)
         return
-    meshcat = show(scene)
+    meshcat = draw_in_drake(scene)
     console.out.print(f"open {meshcat.web_url()} (Ctrl-C ends)", markup=False)
-    _wait()
-
-
-def _wait() -> None:
-    import threading
-
     threading.Event().wait()

@@ -1,16 +1,20 @@
 """The motion capture experiment as tables, charts and JSON."""
 
 import json
+from collections.abc import Callable
 from dataclasses import asdict
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+
 from nico_selfmodel.experiments.motion_capture import (
     THESIS_REPEATS,
     MotionCaptureExperiment,
+    Row,
 )
 from nico_selfmodel.files import folder_written_whole
-from nico_selfmodel.viz import comparison_chart, save_figure
+from nico_selfmodel.viz import BarSeries, bar_chart, save_figure
 
 Table = tuple[tuple[str, ...], list[list[str]]]
 _THESIS_LINKS_MM = ((126.82, 0.45), (115.66, 0.84))
@@ -88,16 +92,34 @@ def _charts(results: MotionCaptureExperiment) -> dict[str, Any]:
     by_method = [row for row in results.rows if row.random_samples == 0]
     by_random = [row for row in results.rows if row.method == "refined"]
     return {
-        "circle_points_and_refined": comparison_chart(
-            [f"{row.circle_samples} samples\n{row.method}" for row in by_method],
-            [(row.mean_mm, row.sd_mm) for row in by_method],
-            [row.thesis_mm for row in by_method],
-            title="Refinement and more samples on the circles both help",
+        "circle_points_and_refined": _chart(
+            by_method,
+            lambda row: row.method,
+            "Refinement and more samples on the circles both help",
+            "",
         ),
-        "random_samples": comparison_chart(
-            [f"{row.circle_samples} on circles\n+ {row.random_samples}" for row in by_random],
-            [(row.mean_mm, row.sd_mm) for row in by_random],
-            [row.thesis_mm for row in by_random],
-            title="A hundred random poses are enough, from either start",
+        "random_samples": _chart(
+            by_random,
+            lambda row: f"+ {row.random_samples}",
+            "A hundred random poses are enough, from either start",
+            "random poses added to the circles",
         ),
     }
+
+
+def _chart(rows: list[Row], label: Callable[[Row], str], title: str, xlabel: str) -> Any:
+    """Draw one group a label, and in it 9 and 104 circle samples, ours and the thesis'."""
+    groups = list(dict.fromkeys(label(row) for row in rows))
+    series = []
+    for color, samples in enumerate(dict.fromkeys(row.circle_samples for row in rows)):
+        ours = {label(row): row for row in rows if row.circle_samples == samples}
+        pairs = [(ours[g].mean_mm, ours[g].sd_mm) for g in groups]
+        published = [ours[g].thesis_mm or (np.nan, np.nan) for g in groups]
+        for name, values, is_published in (
+            (f"{samples} on circles, ours", pairs, False),
+            (f"{samples} on circles, thesis", published, True),
+        ):
+            means, sds = np.array(values).T
+            series.append(BarSeries(name, means, sds, is_published, color))
+    ylabel = "error on new poses [mm]"
+    return bar_chart(groups, series, title=title, ylabel=ylabel, xlabel=xlabel, log=True)

@@ -110,6 +110,7 @@ def robust_circle(
         ValueError: If the points are collinear or coincide.
     """
     points = np.asarray(points, dtype=float)
+    Plane.from_points(points)  # refuses points that do not span a plane
     if len(points) < 6:
         return Circle.from_points(points, sigma=sigma), np.ones(len(points), dtype=bool)
     triples = points[rng.permuted(np.tile(np.arange(len(points)), (draws, 1)), axis=1)[:, :3]]
@@ -165,7 +166,7 @@ def circles_through(triples: NDArray) -> tuple[NDArray, NDArray, NDArray]:
     area = np.sum(normal**2, axis=1, keepdims=True)
     area = np.where(area > 1e-20 * np.sum(a**2) ** 2, area, np.nan)
     square_a, square_b = np.sum(a * a, axis=1, keepdims=True), np.sum(b * b, axis=1, keepdims=True)
-    offset = np.cross(square_a * b - square_b * a, normal) / (-2.0 * area)
+    offset = np.cross(square_a * b - square_b * a, normal) / (2.0 * area)
     return triples[:, 0] + offset, normal / np.sqrt(area), np.linalg.norm(offset, axis=1)
 
 

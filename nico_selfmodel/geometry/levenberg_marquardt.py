@@ -69,6 +69,8 @@ def levenberg_marquardt(
     """
     x = np.asarray(start, dtype=float)
     cost, gradient, hessian = evaluate(x)
+    if not np.isfinite(cost):
+        return LevenbergMarquardtResult(x, cost, hessian, 0, False, (cost,))
     scale = np.diag(hessian).copy()
     history, damping, growth = [cost], 1e-4, 2.0
     for iteration in range(1, max_iterations + 1):

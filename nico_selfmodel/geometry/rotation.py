@@ -54,8 +54,9 @@ def rotation_vector_of(rotation: ArrayLike) -> NDArray:
         return vector * (angle / sine)
     if cosine > 0.0:
         return vector
-    # Near a half turn R + I = 2 d d': take its largest column, the sine's direction as the sign.
-    outer = 0.5 * (rotation + np.eye(3))
+    # Near a half turn: d d' = ((R + R') / 2 - I cos) / (1 - cos); take its largest column, with
+    # the sine's direction as the sign.
+    outer = (0.5 * (rotation + rotation.T) - cosine * np.eye(3)) / (1.0 - cosine)
     axis = outer[:, np.argmax(np.diag(outer))]
     axis = axis / np.linalg.norm(axis)
     return angle * (-axis if axis @ vector < 0.0 else axis)
@@ -100,9 +101,13 @@ def rpy_of(rotation: ArrayLike) -> NDArray:
     r = np.asarray(rotation, dtype=float)
     horizontal = np.hypot(r[0, 0], r[1, 0])
     pitch = np.arctan2(-r[2, 0], horizontal)
-    if horizontal < 1e-10:
+    if horizontal < 1e-15:
         return np.array([0.0, pitch, np.arctan2(-r[0, 1], r[1, 1])])
-    return np.array([np.arctan2(r[2, 1], r[2, 2]), pitch, np.arctan2(r[1, 0], r[0, 0])])
+    yaw = np.arctan2(r[1, 0], r[0, 0])
+    # Undo the yaw first: near +-90 deg it is poorly known, and roll must make up for it.
+    sine, cosine = np.sin(yaw), np.cos(yaw)
+    roll = np.arctan2(sine * r[0, 2] - cosine * r[1, 2], cosine * r[1, 1] - sine * r[0, 1])
+    return np.array([roll, pitch, yaw])
 
 
 def signed_angle(a: ArrayLike, b: ArrayLike, about: ArrayLike) -> NDArray:

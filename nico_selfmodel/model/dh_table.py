@@ -48,6 +48,8 @@ class DhTable:
     def __post_init__(self) -> None:
         """Check shapes and make the arrays read-only."""
         n = len(self.joints)
+        if n == 0 or len(set(self.joints)) != n:
+            raise ValueError(f"a table needs one or more joints of different names, {self.joints}")
         object.__setattr__(self, "X_W0", frozen_array(self.X_W0, (4, 4), "X_W0"))
         object.__setattr__(self, "p_NH", frozen_array(self.p_NH, (len(self.markers), 3), "p_NH"))
         for name in ("D", "theta_zero", "r", "alpha", "beta"):
@@ -106,7 +108,7 @@ class DhTable:
         """Which rows have x_i against the default choice. Shape (n,)."""
         radial = self.parallel
         radial[-1] = True
-        return np.where(radial, self.r < 0.0, np.sin(self.alpha) < 0.0)
+        return np.where(radial, self.r < -1e-12, np.sin(self.alpha) < 0.0)
 
     @property
     def pinned_D(self) -> NDArray:

@@ -85,6 +85,13 @@ class SelfModel:
             raise ValueError(
                 f"chain and servos name different joints: {self.dh.joints}, {self.servos.joints}"
             )
+        strangers = set(self.covariance.names if self.covariance else ()) - set(
+            self.parameters.names
+        )
+        if strangers:
+            raise ValueError(f"the covariance names unknown parameters: {sorted(strangers)}")
+        if self.noise_sigma is not None:
+            object.__setattr__(self, "noise_sigma", float(self.noise_sigma))
         for name in ("robot", "fit", "provenance"):
             object.__setattr__(self, name, MappingProxyType(dict(getattr(self, name))))
 

@@ -50,7 +50,7 @@ def load_self_model(path: str | Path) -> SelfModel:
     _check_format(document, path)
     try:
         return _model(document)
-    except (KeyError, TypeError, ValueError) as error:
+    except (AttributeError, KeyError, TypeError, ValueError) as error:
         reason = f"{error} is missing" if isinstance(error, KeyError) else _one_line(error)
         raise ModelError(f"{path} is not a valid self-model: {reason}") from error
 
@@ -141,12 +141,16 @@ def _model(document: dict[str, Any]) -> SelfModel:
 
 def _check_rotation(x: np.ndarray) -> None:
     r = x[:3, :3]
-    if np.abs(r @ r.T - np.eye(3)).max() > 1e-9 or np.linalg.det(r) < 0.0:
+    orthonormal = np.abs(r @ r.T - np.eye(3)).max() <= 1e-9 and np.linalg.det(r) > 0.0
+    if not (orthonormal and np.array_equal(x[3], [0.0, 0.0, 0.0, 1.0])):
         raise ValueError("chain.X_W0 is not a rigid transform")
 
 
 def _one_line(error: Exception) -> str:
     return " ".join(str(error).split())
+
+
+_NUMBER = re.compile(r"^[-+]?(?:\d[\d_]*)(?:\.\d*)?[eE][-+]?\d+$")
 
 
 class _Loader(yaml.SafeLoader):
@@ -155,13 +159,22 @@ class _Loader(yaml.SafeLoader):
 
 _Loader.add_implicit_resolver(
     "tag:yaml.org,2002:float",
-    re.compile(r"^[-+]?(?:\d[\d_]*)(?:\.\d*)?[eE][-+]?\d+$"),
+    _NUMBER,
     list("-+0123456789"),
 )
 
 
 class _FlowDumper(yaml.SafeDumper):
     """Block style for mappings, one line for lists of numbers."""
+
+
+def _represent_text(dumper: yaml.SafeDumper, value: str) -> yaml.Node:
+    """Quote what this reader would take for a number."""
+    style = "'" if _NUMBER.match(value) else None
+    return dumper.represent_scalar("tag:yaml.org,2002:str", value, style=style)
+
+
+_FlowDumper.add_representer(str, _represent_text)
 
 
 def _represent_list(dumper: yaml.SafeDumper, value: list[Any]) -> yaml.Node:

@@ -59,7 +59,7 @@ class CalibrationProgram:
         self._terms: list[_Term] = []
         self._priors: list[tuple[int, float, float]] = []
         self._pins: dict[str, Any] = {}
-        self._cost_added = False
+        self._cost: Any = None
 
     @property
     def names(self) -> tuple[str, ...]:
@@ -98,6 +98,7 @@ class CalibrationProgram:
             self.prog.SetInitialGuess(variable, value)
             self._names.append(name)
             self._variables.append(variable)
+        self._renew_cost()
 
     def index(self, name: str) -> int:
         """Return the position of a variable.
@@ -149,12 +150,13 @@ class CalibrationProgram:
         if not sigma > 0.0:
             raise ValueError(f"the sigma of a prior must be positive, got {sigma} for {name}")
         self._priors.append((self.index(name), float(mean), float(sigma)))
+        self._renew_cost()
 
     def add_residuals(self, block: ResidualBlock, loss: Loss | None = None) -> int:
         """Add a residual block; its variables must exist. Returns its number, for `set_loss`."""
         columns = np.array([self.index(name) for name in block.names])
         self._terms.append(_Term(block, columns, loss or Loss(), None))
-        self._add_cost()
+        self._renew_cost()
         return len(self._terms) - 1
 
     def set_loss(self, number: int, loss: Loss, weights: NDArray | None = None) -> None:
@@ -250,11 +252,13 @@ class CalibrationProgram:
         # SNOPT reports success on a NaN cost.
         return ProgramSolution(x, cost, result.is_success() and bool(np.isfinite(cost)), 0, (cost,))
 
-    def _add_cost(self) -> None:
-        """Give the program its cost once; later blocks are part of the same function."""
-        if self._cost_added:
+    def _renew_cost(self) -> None:
+        """Give the program one cost over all variables, for solvers that see only the program."""
+        if self._cost is not None:
+            self.prog.RemoveCost(self._cost)
+            self._cost = None
+        if not (self._terms or self._priors):
             return
-        self._cost_added = True
 
         def cost(values: NDArray) -> Any:
             if values.dtype == object and isinstance(values[0], AutoDiffXd):
@@ -264,7 +268,7 @@ class CalibrationProgram:
                 return InitializeAutoDiff(np.array([[f]]), chained)[0, 0]
             return self.normal_equations(np.asarray(values, dtype=float))[0]
 
-        self.prog.AddCost(cost, np.array(self._variables))
+        self._cost = self.prog.AddCost(cost, np.array(self._variables))
 
 
 def _weigh(term: _Term, r: NDArray) -> tuple[NDArray, NDArray]:

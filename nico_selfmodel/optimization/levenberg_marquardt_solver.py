@@ -1,6 +1,6 @@
 """Levenberg-Marquardt as a Drake solver."""
 
-from collections.abc import Callable
+from dataclasses import dataclass
 from typing import Any, Protocol
 
 import numpy as np
@@ -98,18 +98,26 @@ class LevenbergMarquardtSolver(SolverInterface):
             raise ValueError("the initial guess must be finite; set a start for every variable")
         options = _options(self.solver_id(), prog.solver_options(), solver_options)
         lower, upper = bounds_of(prog)
-        x = np.clip(x, lower, upper)
+        x = np.clip(x, lower, np.maximum(lower, upper))
         free = np.flatnonzero(lower < upper)
-        step = _constrained_step(prog, lower, upper, free)
+        constraints = _Constraints.of(prog, lower, upper, free)
+        start = x[free] if constraints is None else constraints.nearest(x[free])
 
         def evaluate(y: NDArray) -> NormalEquations:
             x[free] = y
             cost, gradient, hessian = self._program.normal_equations(x)
             return cost, gradient[free], hessian[np.ix_(free, free)]
 
-        self.last = levenberg_marquardt(evaluate, x[free], step=step, **options)
+        if start is None or np.any(lower > upper):
+            cost, _, hessian = evaluate(x[free])
+            self.last = LevenbergMarquardtResult(x[free], cost, hessian, 0, False, (cost,))
+            return _drake_result(prog, x, self.last, SolutionResult.kInfeasibleConstraints)
+        step = None if constraints is None else constraints.step
+        self.last = levenberg_marquardt(evaluate, start, step=step, **options)
         x[free] = self.last.x
-        return _drake_result(prog, x, self.last)
+        solved = self.last.converged
+        status = SolutionResult.kSolutionFound if solved else SolutionResult.kIterationLimit
+        return _drake_result(prog, x, self.last, status)
 
 
 def bounds_of(prog: MathematicalProgram) -> tuple[NDArray, NDArray]:
@@ -130,48 +138,63 @@ def _options(solver_id: SolverId, *sources: SolverOptions | None) -> dict[str, A
     return {name: found[name] for name in ("max_iterations", "tolerance") if name in found}
 
 
-def _constrained_step(
-    prog: MathematicalProgram, lower: NDArray, upper: NDArray, free: NDArray
-) -> Callable[[NDArray, NDArray, NDArray, NDArray], NDArray | None] | None:
-    """Return a step that solves a quadratic program, or None where nothing constrains."""
-    rows, lows, highs = [], [], []
-    pinned = np.setdiff1d(np.arange(prog.num_vars()), free)
-    for binding in [*prog.linear_constraints(), *prog.linear_equality_constraints()]:
-        matrix = np.zeros((binding.evaluator().num_constraints(), prog.num_vars()))
-        matrix[:, prog.FindDecisionVariableIndices(binding.variables())] = (
-            binding.evaluator().GetDenseA()
-        )
-        fixed = matrix[:, pinned] @ lower[pinned]
-        rows.append(matrix[:, free])
-        lows.append(binding.evaluator().lower_bound() - fixed)
-        highs.append(binding.evaluator().upper_bound() - fixed)
-    low, high = lower[free], upper[free]
-    if not rows and not (np.isfinite(low).any() or np.isfinite(high).any()):
-        return None
-    stacked = np.vstack([np.eye(len(free)), *rows])
-    all_low, all_high = np.concatenate([low, *lows]), np.concatenate([high, *highs])
-    bounded = np.isfinite(all_low) | np.isfinite(all_high)
-    stacked, all_low, all_high = stacked[bounded], all_low[bounded], all_high[bounded]
-    solver = ClarabelSolver()
+@dataclass(frozen=True, eq=False)
+class _Constraints:
+    """Bounds and linear constraints on the free variables, lower <= A y <= upper."""
 
-    def step(hessian: NDArray, gradient: NDArray, damping: NDArray, y: NDArray) -> NDArray | None:
-        size = np.sqrt(np.maximum(np.diag(hessian) + damping, 1e-300))
+    matrix: NDArray
+    lower: NDArray
+    upper: NDArray
+
+    @classmethod
+    def of(
+        cls, prog: MathematicalProgram, lower: NDArray, upper: NDArray, free: NDArray
+    ) -> "_Constraints | None":
+        """Gather what constrains the free variables; None where nothing does."""
+        rows, lows, highs = [np.eye(len(free))], [lower[free]], [upper[free]]
+        pinned = np.setdiff1d(np.arange(prog.num_vars()), free)
+        for binding in [*prog.linear_constraints(), *prog.linear_equality_constraints()]:
+            matrix = np.zeros((binding.evaluator().num_constraints(), prog.num_vars()))
+            columns = prog.FindDecisionVariableIndices(binding.variables())
+            matrix[:, columns] = binding.evaluator().GetDenseA()
+            fixed = matrix[:, pinned] @ lower[pinned]
+            rows.append(matrix[:, free])
+            lows.append(binding.evaluator().lower_bound() - fixed)
+            highs.append(binding.evaluator().upper_bound() - fixed)
+        low, high = np.concatenate(lows), np.concatenate(highs)
+        bounded = np.isfinite(low) | np.isfinite(high)
+        if not bounded.any():
+            return None
+        return cls(np.vstack(rows)[bounded], low[bounded], high[bounded])
+
+    def nearest(self, y: NDArray) -> NDArray | None:
+        """Return the allowed point nearest to y; None where the constraints contradict."""
+        move = self._solve(np.eye(len(y)), np.zeros(len(y)), y)
+        return None if move is None else y + move
+
+    def step(
+        self, hessian: NDArray, gradient: NDArray, damping: NDArray, y: NDArray
+    ) -> NDArray | None:
+        """Return the damped Gauss-Newton step that stays allowed; None if there is none."""
+        return self._solve(hessian + np.diag(damping), gradient, y)
+
+    def _solve(self, hessian: NDArray, gradient: NDArray, y: NDArray) -> NDArray | None:
+        diagonal = np.diag(hessian)
+        size = np.sqrt(np.where(diagonal > 0.0, diagonal, 1.0))
         qp = MathematicalProgram()
         s = qp.NewContinuousVariables(len(y))
-        damped = (hessian + np.diag(damping)) / np.outer(size, size)
-        qp.AddQuadraticCost(damped, gradient / size, s, is_convex=True)
-        at = stacked @ y
-        qp.AddLinearConstraint(stacked / size, all_low - at, all_high - at, s)
-        solution = solver.Solve(qp)
-        if not solution.is_success():
-            return None
-        return np.clip(solution.GetSolution(s) / size, low - y, high - y)
-
-    return step
+        qp.AddQuadraticCost(hessian / np.outer(size, size), gradient / size, s, is_convex=True)
+        at = self.matrix @ y
+        qp.AddLinearConstraint(self.matrix / size, self.lower - at, self.upper - at, s)
+        solution = ClarabelSolver().Solve(qp)
+        return solution.GetSolution(s) / size if solution.is_success() else None
 
 
 def _drake_result(
-    prog: MathematicalProgram, x: NDArray, outcome: LevenbergMarquardtResult
+    prog: MathematicalProgram,
+    x: NDArray,
+    outcome: LevenbergMarquardtResult,
+    status: SolutionResult,
 ) -> MathematicalProgramResult:
     """Return a Drake result that holds x: `set_x_val` on a fresh one would abort the process."""
     twin = MathematicalProgram()
@@ -181,6 +204,5 @@ def _drake_result(
     twin.AddLinearCost(np.zeros(len(x)), outcome.cost, variables)
     result = ClpSolver().Solve(twin)
     result.set_x_val(x)
-    status = SolutionResult.kSolutionFound if outcome.converged else SolutionResult.kIterationLimit
     result.set_solution_result(status)
     return result

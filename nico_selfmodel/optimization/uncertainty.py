@@ -30,6 +30,9 @@ class Uncertainty:
     """Free parameters. Length k."""
     covariance: NDArray
     """Of the identifiable part; blind directions are left out of it. Shape (k, k)."""
+    sigma: NDArray
+    """Standard deviations of the parameters, blind directions included; inf for those that take
+    part in one that nothing determines. Shape (k,)."""
     variance_factor: float
     """s^2, the sum of squared whitened residuals over the redundancy; nan without redundancy."""
     rank: int
@@ -38,13 +41,6 @@ class Uncertainty:
     """Ratio of the largest to the smallest singular value, in natural units."""
     blind: tuple[BlindDirection, ...]
     """Blind directions, the worst first."""
-
-    @property
-    def sigma(self) -> NDArray:
-        """Standard deviations of the parameters; inf for those in a blind direction. (k,)."""
-        sigma = np.sqrt(np.maximum(np.diag(self.covariance), 0.0))
-        lost = {name for direction in self.blind for name in direction.names}
-        return np.where([name in lost for name in self.names], np.inf, sigma)
 
     @property
     def correlation(self) -> NDArray:
@@ -85,12 +81,15 @@ class Uncertainty:
         sigma = np.where(exact, np.inf, spread / np.where(exact, 1.0, values))
         blind = exact | (sigma > BLIND_SIGMA)
         kept = vt[~blind] * sigma[~blind, None] * natural
+        spread_by = vt[~exact] * sigma[~exact, None] * natural
+        lost = (np.abs(vt[exact]) > 1e-6).any(axis=0)
         directions = [
             _blind_direction(names, vt[i], float(sigma[i])) for i in np.flatnonzero(blind)
         ]
         return cls(
             names,
             kept.T @ kept,
+            np.where(lost, np.inf, np.sqrt(np.sum(spread_by**2, axis=0))),
             float(factor),
             int(np.sum(~blind)),
             float(values[0] / values[-1]) if values[-1] > 0.0 else np.inf,
@@ -101,5 +100,5 @@ class Uncertainty:
 def _blind_direction(names: tuple[str, ...], vector: NDArray, sigma: float) -> BlindDirection:
     """Name the parameters that carry a null vector."""
     order = np.argsort(-np.abs(vector))
-    order = order[np.abs(vector[order]) > 0.15]
+    order = order[np.abs(vector[order]) > 0.2 * np.abs(vector).max()]
     return BlindDirection(tuple(names[i] for i in order), vector[order], sigma)

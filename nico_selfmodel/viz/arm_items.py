@@ -8,7 +8,7 @@ from nico_selfmodel.geometry.transform import transform
 from nico_selfmodel.model import SelfModel
 from nico_selfmodel.viz import palette
 from nico_selfmodel.viz.arm_shape import joint_points
-from nico_selfmodel.viz.scene import LegendEntry, path_name
+from nico_selfmodel.viz.scene import LegendEntry, path_names
 from nico_selfmodel.viz.scene_items import Capsule, Cylinder, Ellipsoid, Item, Needles, Triad, Tube
 
 _LINK_RADIUS = 0.026
@@ -50,16 +50,17 @@ def _links(points: NDArray, hands: NDArray, model: SelfModel, unit: float) -> li
     color, radius = palette.rgba(palette.LINK), _LINK_RADIUS * unit
     ends = [*points[1:], hands[0]]
     items: list[Item] = []
-    for joint, start, end in zip(model.joints, points, ends, strict=True):
-        link = _capsule(f"arm/link_of_{path_name(joint)}", start, end, radius, color)
+    for joint, start, end in zip(path_names(model.joints), points, ends, strict=True):
+        link = _capsule(f"arm/link_of_{joint}", start, end, radius, color)
         items += [link] if link else []
-    for marker, hand in zip(model.markers, hands, strict=True):
-        name = f"arm/hand_{path_name(marker)}"
+    markers = path_names(model.markers)
+    for marker, hand in zip(markers, hands, strict=True):
+        name = f"arm/hand_{marker}"
         radii = np.full(3, _HAND_RADIUS * unit)
         pose = transform(np.eye(3), hand)
         items.append(Ellipsoid(path=name, color=palette.rgba(palette.HAND), X_WI=pose, radii=radii))
-    for marker, hand in zip(model.markers[1:], hands[1:], strict=True):
-        name = f"arm/palm_to_{path_name(marker)}"
+    for marker, hand in zip(markers[1:], hands[1:], strict=True):
+        name = f"arm/palm_to_{marker}"
         palm = _capsule(name, hands[0], hand, 0.5 * radius, color)
         items += [palm] if palm else []
     return items
@@ -78,9 +79,9 @@ def _capsule(
 
 def _joints(points: NDArray, directions: NDArray, model: SelfModel, unit: float) -> list[Item]:
     items: list[Item] = []
-    for i, joint in enumerate(model.joints):
+    for i, name in enumerate(path_names(model.joints)):
         pose = transform(_frame_along(directions[i]), points[i])
-        color, name = palette.joint_color(i), path_name(joint)
+        color = palette.joint_color(i)
         items.append(
             Cylinder(
                 path=f"arm/joint_{name}",
@@ -109,7 +110,7 @@ def _joints(points: NDArray, directions: NDArray, model: SelfModel, unit: float)
 
 
 def _frames(model: SelfModel, q: NDArray, unit: float) -> list[Item]:
-    names = ["frame_0", *(f"frame_{i + 1}_{path_name(j)}" for i, j in enumerate(model.joints))]
+    after = [f"frame_{i + 1}_{joint}" for i, joint in enumerate(path_names(model.joints))]
     return [
         Triad(
             path=f"dh_frames/{name}",
@@ -118,7 +119,7 @@ def _frames(model: SelfModel, q: NDArray, unit: float) -> list[Item]:
             length=_FRAME_LENGTH * unit,
             radius=_FRAME_RADIUS * unit,
         )
-        for name, pose in zip(names, model.dh.frames(q), strict=True)
+        for name, pose in zip(["frame_0", *after], model.dh.frames(q), strict=True)
     ]
 
 

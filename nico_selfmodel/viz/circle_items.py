@@ -7,7 +7,7 @@ from nico_selfmodel.estimation import CirclePointAnalysis, KinematicCalibration,
 from nico_selfmodel.geometry.rotation import tangent_basis
 from nico_selfmodel.geometry.transform import apply
 from nico_selfmodel.viz import palette
-from nico_selfmodel.viz.scene import LegendEntry, path_name
+from nico_selfmodel.viz.scene import LegendEntry, path_names
 from nico_selfmodel.viz.scene_items import Item, Markers, Tube
 
 _WIRE_RADIUS, _SAMPLE_RADIUS = 0.0035, 0.011
@@ -32,12 +32,12 @@ def circle_items(calibration: KinematicCalibration, unit: float) -> list[Item]:
     if calibration.circles is None:
         return []
     items: list[Item] = []
-    joints = calibration.model.joints
+    joints = path_names(calibration.model.joints)
     for k, circle in enumerate(calibration.circles.circles):
         placed = _placed_circle(calibration, calibration.circles, circle)
         if placed is not None:
             wire = Tube(
-                path=f"circles/{path_name(joints[circle.joint])}/circle_{k}",
+                path=f"circles/{joints[circle.joint]}/circle_{k}",
                 color=palette.rgba(palette.joint_color(circle.joint), 0.85),
                 points=placed,
                 radius=_WIRE_RADIUS * unit,
@@ -46,7 +46,7 @@ def circle_items(calibration: KinematicCalibration, unit: float) -> list[Item]:
             items.append(wire)
     for owner, rows in samples_by_owner(calibration).items():
         shared = owner < 0
-        name = "shared_samples" if shared else f"{path_name(joints[owner])}/samples"
+        name = "shared_samples" if shared else f"{joints[owner]}/samples"
         color = palette.INK if shared else palette.joint_color(owner)
         samples = Markers(
             path=f"circles/{name}",

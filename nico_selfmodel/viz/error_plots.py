@@ -23,7 +23,7 @@ _LOG_FROM, _LOG_TAIL = 8.0, 20.0
 """Ratios, of the medians and of largest to median, from which the axis is logarithmic."""
 _BINS, _LEAST_IN_BIN = 9, 8
 _STANDS_OUT = 3.7
-"""Standard scores from which a bin's mean is a trend: noise in a hundred bins gets there once in 50."""
+"""Standard scores from which a bin's mean is a trend: noise in 100 bins gets there once in 50."""
 
 
 def error_sets(calibration: KinematicCalibration) -> list[tuple[str, str, NDArray]]:

@@ -65,7 +65,8 @@ def calibration_scene(
         body = robot_items(robot, calibration.model, q)
         legend += tuple(robot_legend(robot))
     points = np.concatenate([_data_points(calibration), _arm_points(calibration.model, q, unit)])
-    corners = [*_small_circles(circles, points), *_places(body)]
+    centers = [item.X_WI[:3, 3][None] for item in body]
+    corners = [*_small_circles(circles, points), *centers]
     view = camera_on(np.concatenate([points, *corners]))
     return Scene(calibration.model.name, (*floor_items(points, unit), *items, *body), view, legend)
 
@@ -106,8 +107,3 @@ def _small_circles(items: list[Item], points: NDArray) -> list[NDArray]:
     size = float(np.linalg.norm(np.ptp(points, axis=0)))
     wires = [item.points for item in items if isinstance(item, Tube)]
     return [p for p in wires if np.linalg.norm(np.ptp(p, axis=0)) <= size]
-
-
-def _places(body: list[Item]) -> list[NDArray]:
-    """Return where the parts of a robot's body stand, so that all of it is in view."""
-    return [item.X_WI[:3, 3][None] for item in body]

@@ -84,6 +84,8 @@ def _key_figure(document: Mapping[str, Any]) -> dict[str, Any]:
 def _notes(document: Mapping[str, Any]) -> list[str]:
     """Return what must be known to read the statistics."""
     notes = []
+    if document["not_identifiable"]:
+        notes.append("Its length rests on directions that these data do not determine.")
     if document["test"] is None:
         notes.append("Nothing was held out.")
     if document["cross_validation"] is None:

@@ -2,8 +2,10 @@
 
 import json
 import re
+from collections.abc import Mapping
 from pathlib import Path
 
+from nico_selfmodel.dataset import Dataset
 from nico_selfmodel.errors import ModelError
 from nico_selfmodel.estimation import KinematicCalibration, Verdict, result_document
 from nico_selfmodel.files import folder_written_whole, refuse_existing
@@ -33,6 +35,7 @@ def write_result_folder(
         verdict: What is thought of it.
         urdf_text: The learned URDF, written as `<robot>_learned.urdf`.
         robot_name: Name of the robot; the self-model's if omitted.
+        recordings: Data sets to keep beside the result, in `recordings/<name>`.
         robot: The robot that the arm belongs to, to be drawn in the scene.
         force: Replace an existing folder.
 
@@ -61,6 +64,9 @@ def write_result_folder(
         calibration.model.save(inside / "self_model.yaml")
         for name, text in texts.items():
             (inside / name).write_text(text, encoding="utf-8", newline="\n")
+        for name, dataset in (recordings or {}).items():
+            (inside / "recordings").mkdir(exist_ok=True)
+            dataset.save(inside / "recordings" / name)
     return folder
 
 

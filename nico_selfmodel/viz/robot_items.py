@@ -16,7 +16,7 @@ from nico_selfmodel.plant.urdf_document import (
     robot_element,
 )
 from nico_selfmodel.viz import palette
-from nico_selfmodel.viz.scene import LegendEntry, path_name
+from nico_selfmodel.viz.scene import LegendEntry, path_names
 from nico_selfmodel.viz.scene_items import Box, Capsule, Cylinder, Ellipsoid, Item, Rgba
 
 _OPACITY = 0.3
@@ -45,11 +45,12 @@ def robot_items(arm: ArmDescription, model: SelfModel, q: NDArray) -> list[Item]
     context = built.plant.CreateDefaultContext()
     built.set_joint_angles(context, q)
     items: list[Item] = []
-    for link, visuals in _visuals(arm).items():
+    visuals_of = _visuals(arm)
+    for name, (link, visuals) in zip(path_names(visuals_of), visuals_of.items(), strict=True):
         body = built.plant.GetBodyByName(link, built.instance)
         X_WL = built.plant.EvalBodyPoseInWorld(context, body).GetAsMatrix4()
         for k, (shape, X_LV, color) in enumerate(visuals):
-            item = _item(shape, f"robot/{path_name(link)}/{k}", color, X_WL @ X_LV)
+            item = _item(shape, f"robot/{name}/{k}", color, X_WL @ X_LV)
             items += [item] if item else []
     return items
 

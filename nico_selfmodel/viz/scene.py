@@ -1,5 +1,6 @@
 """One plain description of what to draw, for any viewer and for files."""
 
+import itertools
 import json
 import re
 from collections.abc import Iterable
@@ -126,9 +127,11 @@ def path_names(texts: Iterable[str]) -> list[str]:
     """
     names: list[str] = []
     for text in texts:
-        name = re.sub(r"[^\w.-]+", "_", text)
-        taken = sum(name in (other, other.rpartition("_")[0]) for other in names)
-        names.append(f"{name}_{taken + 1}" if name in names else name)
+        name = unique = re.sub(r"[^\w.-]+", "_", text) or "_"
+        copies = itertools.count(2)
+        while unique in names:
+            unique = f"{name}_{next(copies)}"
+        names.append(unique)
     return names
 
 

@@ -20,13 +20,16 @@ def _next_axis(kind: str, d: NDArray, c: NDArray, rng: np.random.Generator) -> t
     if kind == "near-parallel":
         angle = 10.0 ** rng.uniform(-9.0, -0.5)
         side = rng.choice([-1.0, 1.0])
-        return side * rotation_about(tangent_basis(d)[:, 0], angle) @ d, c + along + aside
+        hinge = np.cross(d, _unit(rng))
+        hinge /= np.linalg.norm(hinge)
+        return side * rotation_about(hinge, angle) @ d, c + along + aside
     if kind in ("parallel", "anti-parallel"):
         return (d if kind == "parallel" else -d), c + along + aside
     if kind == "coaxial":
         return d * rng.choice([-1.0, 1.0]), c + along
     if kind == "near-coaxial":
-        return d, c + along + aside * 10.0 ** rng.uniform(-12.0, -3.0)
+        gap = 10.0 ** rng.uniform(-11.0, -3.0)
+        return d, c + along + gap * aside / np.linalg.norm(aside)
     return _unit(rng), c + along + (0.0 if kind == "intersecting" else aside)
 
 

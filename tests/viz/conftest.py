@@ -1,0 +1,136 @@
+"""Calibrations of a simulated arm: one that is good, one that must fail, one of circles alone."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from nico_selfmodel.dataset import Dataset, JointInfo
+from nico_selfmodel.estimation import calibrate_kinematics, judge, result_document
+from nico_selfmodel.model import Chain, ServoMap
+
+JOINTS = ("pitch", "roll", "twist", "elbow")
+OUTLIERS = (7, 45)
+
+
+def true_arm():
+    """Return an arm of the size of Nico's, in a measuring frame some way off."""
+    shoulder = np.array([0.5, 0.35, 0.42])
+    directions = np.array([[0, 1, 0], [1, 0.05, 0], [0.03, 0, 1], [0.05, 1, 0.1]], dtype=float)
+    directions /= np.linalg.norm(directions, axis=1, keepdims=True)
+    offsets = [[0, 0, 0], [0.002, -0.03, 0], [0, -0.03, -0.06], [0.004, -0.03, -0.13]]
+    hand = shoulder + np.array([0.137, -0.035, -0.1])
+    return Chain(JOINTS, directions, shoulder + np.array(offsets), ("hand",), hand[None])
+
+
+def poses(sweep_points, random_poses, rng):
+    """Return joint angles and the sweep column: home, one sweep a joint, free poses."""
+    limit = np.array([1.0, 0.8, 1.1, 0.9])
+    angles, sweep = [np.zeros(4)], ["home"]
+    for j, joint in enumerate(JOINTS):
+        for angle in np.linspace(-limit[j], limit[j], sweep_points):
+            angles.append(np.where(np.arange(4) == j, angle, 0.0))
+            sweep.append(joint)
+    angles += list(rng.uniform(-limit, limit, (random_poses, 4)))
+    return np.array(angles), np.array(sweep + [""] * random_poses)
+
+
+def recorded(name, q, sweep, rng, outliers=()):
+    """Return what encoders and a tracker with 0.5 mm of noise make of poses."""
+    servos = ServoMap(
+        JOINTS,
+        offset=np.array([0.3, -0.8, 0.2, 1.0]),
+        gear=np.array([1.0, 1.0, 1.0, 2.5]),
+        unit=("counts",) * 4,
+        counts_per_turn=np.full(4, 40000.0),
+        sign=np.ones(4),
+    )
+    points = true_arm().forward(q) + 5e-4 * rng.standard_normal((len(q), 3))
+    for row in outliers:
+        points[row] += [0.05, -0.04, 0.03]
+    return Dataset(
+        name=name,
+        joints=tuple(JointInfo(joint, "counts", 40000.0) for joint in JOINTS),
+        sample=np.arange(len(q)),
+        encoders=np.round(servos.to_encoder(q)),
+        p_WH_measured=points,
+        sweep=sweep,
+        point_sigma_m=5e-4,
+    )
+
+
+@pytest.fixture(scope="session")
+def held_out():
+    rng = np.random.default_rng(8)
+    q, sweep = poses(1, 25, rng)
+    return recorded("held-out", q[5:], sweep[5:], rng)
+
+
+@pytest.fixture(scope="session")
+def training():
+    rng = np.random.default_rng(7)
+    return recorded("sweeps", *poses(9, 40, rng), rng, OUTLIERS)
+
+
+@pytest.fixture(scope="session")
+def calibration(training, held_out):
+    """A good calibration, with two outliers and held-out data."""
+    return calibrate_kinematics(training, test=held_out)
+
+
+@pytest.fixture(scope="session")
+def failed(held_out):
+    """A calibration from so little that directions stay open."""
+    rng = np.random.default_rng(3)
+    scarce = recorded("too <b>little</b> `data`", *poses(3, 0, rng), rng)
+    return calibrate_kinematics(scarce, test=held_out)
+
+
+@pytest.fixture(scope="session")
+def circles_alone(training):
+    """A calibration by circle point analysis, with nothing held out."""
+    return calibrate_kinematics(training, method="circle-points")
+
+
+@pytest.fixture(scope="session")
+def grid():
+    """A two-joint arm on an unmarked grid of poses, so that circles lie at many postures."""
+    rng = np.random.default_rng(5)
+    directions = np.array([[0.0, 0.0, 1.0], [0.0, 1.0, 0.0]])
+    points = np.array([[0.3, 0.1, 0.2], [0.3, 0.1, 0.4]])
+    chain = Chain(("pan", "tilt"), directions, points, ("lamp",), np.array([[0.6, 0.1, 0.4]]))
+    pan, tilt = np.meshgrid(np.linspace(-1.0, 1.0, 6), np.linspace(-0.7, 0.5, 5), indexing="ij")
+    q = np.stack([pan.ravel(), tilt.ravel()], axis=1)
+    measured = chain.forward(q) + 1e-4 * rng.standard_normal((len(q), 3))
+    joints = (JointInfo("pan", "rad"), JointInfo("tilt", "deg"))
+    data = Dataset(
+        name="grid",
+        joints=joints,
+        sample=np.arange(len(q)),
+        encoders=q * [1.0, 180.0 / np.pi],
+        p_WH_measured=measured,
+        marker=np.full(len(q), "lamp"),
+        point_sigma_m=1e-4,
+    )
+    return calibrate_kinematics(data)
+
+
+@pytest.fixture(scope="session")
+def renamed(training):
+    """The same data, with names that a page or a path must not stumble over."""
+    nasty = ("a<b>", "a/b", "a b", "$x_1$ & \"y\"")
+    joints = tuple(replace(info, name=name) for info, name in zip(training.joints, nasty, strict=True))
+    new = dict(zip(JOINTS, nasty, strict=True))
+    sweep = np.array([new.get(name, name) for name in training.sweep.tolist()])
+    marker = np.full(len(training), "<i>hand</i>")
+    data = replace(training, name="<script>alert(1)</script>", joints=joints, sweep=sweep, marker=marker)
+    return calibrate_kinematics(data)
+
+
+@pytest.fixture(scope="session")
+def verdict(calibration):
+    return judge(calibration)
+
+
+@pytest.fixture(scope="session")
+def document(calibration, verdict):
+    return result_document(calibration, verdict)
