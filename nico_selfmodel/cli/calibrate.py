@@ -97,6 +97,7 @@ def kinematics(
             verdict,
             urdf_text=learned_urdf(calibration.model, description, folder=out),
             robot_name=Path(description.robot).stem if description else None,
+            robot=description,
             force=force,
         )
         stage("writing the result", 1, 1)

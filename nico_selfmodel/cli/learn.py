@@ -54,6 +54,7 @@ def learn(
             verdict,
             urdf_text=learned_urdf(first.refined.model, description, folder=out),
             robot_name=Path(description.robot).stem,
+            robot=description,
             recordings={"train": first.train, "test": first.test},
             force=force,
         )

@@ -25,6 +25,7 @@ def write_result_folder(
     urdf_text: str | None = None,
     robot_name: str | None = None,
     robot: ArmDescription | None = None,
+    recordings: Mapping[str, Dataset] | None = None,
     force: bool = False,
 ) -> Path:
     """Write `self_model.yaml`, `result.json`, `report.html`, `scene.json` and the URDF, or nothing.
@@ -35,8 +36,8 @@ def write_result_folder(
         verdict: What is thought of it.
         urdf_text: The learned URDF, written as `<robot>_learned.urdf`.
         robot_name: Name of the robot; the self-model's if omitted.
-        recordings: Data sets to keep beside the result, in `recordings/<name>`.
         robot: The robot that the arm belongs to, to be drawn in the scene.
+        recordings: Data sets to keep beside the result, in `recordings/<name>`.
         force: Replace an existing folder.
 
     Returns:

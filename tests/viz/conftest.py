@@ -4,6 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+
 from nico_selfmodel.dataset import Dataset, JointInfo
 from nico_selfmodel.estimation import calibrate_kinematics, judge, result_document
 from nico_selfmodel.model import Chain, ServoMap
@@ -117,12 +118,16 @@ def grid():
 @pytest.fixture(scope="session")
 def renamed(training):
     """The same data, with names that a page or a path must not stumble over."""
-    nasty = ("a<b>", "a/b", "a b", "$x_1$ & \"y\"")
-    joints = tuple(replace(info, name=name) for info, name in zip(training.joints, nasty, strict=True))
+    nasty = ("a<b>", "a/b", "a b", '$x_1$ & "y"')
+    joints = tuple(
+        replace(info, name=name) for info, name in zip(training.joints, nasty, strict=True)
+    )
     new = dict(zip(JOINTS, nasty, strict=True))
     sweep = np.array([new.get(name, name) for name in training.sweep.tolist()])
     marker = np.full(len(training), "<i>hand</i>")
-    data = replace(training, name="<script>alert(1)</script>", joints=joints, sweep=sweep, marker=marker)
+    data = replace(
+        training, name="<script>alert(1)</script>", joints=joints, sweep=sweep, marker=marker
+    )
     return calibrate_kinematics(data)
 
 

@@ -1,6 +1,7 @@
 """One item of every kind, for tests of files and viewers."""
 
 import numpy as np
+
 from nico_selfmodel.geometry.rotation import rotation_from_rpy
 from nico_selfmodel.geometry.transform import transform
 from nico_selfmodel.viz.scene_items import (

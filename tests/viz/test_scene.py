@@ -2,6 +2,7 @@ import json
 
 import numpy as np
 import pytest
+
 from nico_selfmodel.errors import ModelError
 from nico_selfmodel.geometry.transform import transform
 from nico_selfmodel.viz.meshing import mesh_of

@@ -1,0 +1,150 @@
+import matplotlib
+import numpy as np
+import pytest
+
+from nico_selfmodel.viz.error_plots import (
+    error_distribution,
+    error_over_workspace,
+    residuals_over_angles,
+)
+from nico_selfmodel.viz.numbers_shown import decimals, nice_below, nice_factor, short
+from nico_selfmodel.viz.parameter_plots import convergence, correlation_matrix, parameter_sigmas
+from nico_selfmodel.viz.plot_style import image_bytes, svg_data_uri
+
+ALL = (
+    error_distribution,
+    error_over_workspace,
+    residuals_over_angles,
+    parameter_sigmas,
+    correlation_matrix,
+    convergence,
+)
+
+
+def title(figure):
+    return figure.get_suptitle()
+
+
+@pytest.mark.parametrize("draw", ALL, ids=lambda f: f.__name__)
+def test_every_figure_states_its_point_and_is_an_svg(calibration, draw):
+    figure = draw(calibration)
+    assert len(title(figure)) > 20
+    assert image_bytes(figure, "svg").startswith(b"<?xml")
+    assert image_bytes(figure, "png").startswith(b"\x89PNG")
+
+
+@pytest.mark.parametrize("draw", ALL, ids=lambda f: f.__name__)
+def test_no_figure_stumbles_over_names_or_open_directions(renamed, failed, draw):
+    for calibration in (renamed, failed):
+        assert svg_data_uri(draw(calibration)).startswith("data:image/svg+xml;base64,")
+
+
+def test_figures_leave_matplotlib_as_it_was(calibration):
+    before = dict(matplotlib.rcParams)
+    image_bytes(error_distribution(calibration), "svg")
+    assert dict(matplotlib.rcParams) == before
+
+
+def test_the_same_figure_gives_the_same_bytes(calibration):
+    first, second = (svg_data_uri(error_distribution(calibration)) for _ in range(2))
+    assert first == second
+
+
+def test_the_distribution_has_one_curve_a_set_with_mean_and_rms(calibration):
+    figure = error_distribution(calibration)
+    labels = [text.get_text() for text in figure.legends[0].get_texts()]
+    assert [label.split(" (")[0] for label in labels] == [
+        "held-out",
+        "cross-validation",
+        "training",
+    ]
+    statistics = calibration.test.statistics
+    assert f"mean {1e3 * statistics.mean:.2f}, rms {1e3 * statistics.rms:.2f} mm" in labels[0]
+    half = 1e3 * statistics.median
+    assert title(figure).startswith(f"Half within {half:.2f} mm")
+    curve = figure.axes[0].lines[0]
+    assert curve.get_xdata()[-1] == pytest.approx(1e3 * statistics.max)
+    assert curve.get_ydata()[-1] == pytest.approx(100.0)
+
+
+def test_errors_that_differ_much_are_shown_on_a_logarithmic_axis(calibration, failed):
+    assert error_distribution(calibration).axes[0].get_xscale() == "linear"
+    assert error_distribution(failed).axes[0].get_xscale() == "log"
+
+
+def test_every_believed_point_is_in_each_projection(calibration):
+    figure = error_over_workspace(calibration)
+    believed = int(np.sum(~calibration.outliers))
+    for axes in figure.axes[:3]:
+        counts = [len(group.get_offsets()) for group in axes.collections]
+        assert counts == [believed, len(calibration.test.distances)]
+
+
+def test_a_trend_over_a_joint_angle_is_found(calibration):
+    from dataclasses import replace
+
+    train = calibration.train
+    elbow = train.observations.angles[:, 3]
+    bent = np.zeros_like(train.p_WH_predicted)
+    bent[:, 1] = 2e-3 * np.sign(elbow - np.median(elbow))
+    wrong = replace(train, p_WH_predicted=train.p_WH_predicted - bent)
+    assert "no trend" in title(residuals_over_angles(calibration))
+    found = title(residuals_over_angles(replace(calibration, train=wrong)))
+    assert found.endswith("in y over elbow is left")
+
+
+def test_blind_parameters_are_called_blind(failed):
+    figure = parameter_sigmas(failed)
+    words = [text.get_text() for axes in figure.axes for text in axes.texts]
+    blind = int(np.sum(~np.isfinite(failed.uncertainty.sigma)))
+    assert blind > 0
+    assert words.count("blind") == blind
+    assert title(figure).startswith(f"{blind} of {len(failed.uncertainty.names)} parameters")
+
+
+def test_sigmas_are_grouped_by_unit(calibration):
+    panels = parameter_sigmas(calibration).axes
+    assert [axes.get_title(loc="left") for axes in panels] == ["lengths", "angles", "gears"]
+    shown = sum(len(axes.get_yticklabels()) for axes in panels)
+    assert shown == len(calibration.uncertainty.names)
+
+
+def test_the_strongest_correlation_is_named(calibration):
+    correlation = np.abs(np.tril(calibration.uncertainty.correlation, -1))
+    i, j = np.unravel_index(np.argmax(correlation), correlation.shape)
+    names = calibration.uncertainty.names
+    assert f"{names[j]} with {names[i]}" in title(correlation_matrix(calibration))
+
+
+def test_circle_points_alone_have_no_figures_of_what_they_do_not_know(circles_alone):
+    assert parameter_sigmas(circles_alone) is None
+    assert correlation_matrix(circles_alone) is None
+    assert convergence(circles_alone) is None
+
+
+def test_convergence_says_how_many_starts_agree(calibration):
+    search = calibration.search
+    wanted = f"{search.agreeing} of {len(search.labels)} starts reached the best minimum"
+    assert title(convergence(calibration)) == wanted
+
+
+@pytest.mark.parametrize(
+    ("value", "sigma", "text"),
+    [
+        (12.34567, 0.021, "12.346"),
+        (-354.6, 1.6, "−354.6"),
+        (0.5, 123.0, "0"),
+        (1.0, 0.0, "1.000"),
+        (1.0, None, "1.000"),
+    ],
+)
+def test_no_more_digits_are_shown_than_are_known(value, sigma, text):
+    assert decimals(value, sigma) == text
+
+
+def test_factors_and_steps_are_round():
+    assert nice_factor(0.03, 0.0012) == 20.0
+    assert nice_factor(0.03, 1.0) == 1.0
+    assert nice_factor(0.03, 0.0) == 1.0
+    assert [nice_below(x) for x in (0.37, 1.0, 9.99, 0.0499)] == [0.2, 1.0, 5.0, 0.02]
+    assert [short(x) for x in (0.0876, 2.6, 114.2)] == ["0.088", "2.6", "110"]

@@ -1,0 +1,189 @@
+import json
+import re
+from html.parser import HTMLParser
+
+import numpy as np
+import pytest
+
+from nico_selfmodel.estimation import judge, result_document
+from nico_selfmodel.viz import report_html
+
+from .conftest import JOINTS, OUTLIERS
+
+LOADING = {"src", "srcset", "href", "data", "poster", "action", "background"}
+
+
+class Page(HTMLParser):
+    """A page as a list of tags with attributes, its text, and the numbers its cells stand for."""
+
+    def __init__(self, text):
+        super().__init__()
+        self.tags, self.words, self.values = [], [], []
+        self.feed(text)
+
+    def handle_starttag(self, tag, attrs):
+        self.tags.append((tag, dict(attrs)))
+        if "data-value" in dict(attrs):
+            self.values.append(float(dict(attrs)["data-value"]))
+
+    def handle_data(self, data):
+        if data.strip():
+            self.words.append(" ".join(data.split()))
+
+    @property
+    def text(self):
+        return "\n".join(self.words)
+
+    @property
+    def scene(self):
+        (frame,) = [attributes for tag, attributes in self.tags if tag == "iframe"]
+        return frame["srcdoc"]
+
+
+@pytest.fixture(scope="module")
+def html(calibration, verdict, document):
+    return report_html(calibration, verdict, document)
+
+
+@pytest.fixture(scope="module")
+def page(html):
+    return Page(html)
+
+
+@pytest.fixture(scope="module")
+def failed_html(failed):
+    verdict = judge(failed)
+    assert verdict.status == "FAIL"
+    return report_html(failed, verdict, result_document(failed, verdict))
+
+
+def numbers_in(value):
+    if isinstance(value, dict):
+        return [n for entry in value.values() for n in numbers_in(entry)]
+    return [] if value is None or isinstance(value, bool | str | list) else [float(value)]
+
+
+def test_the_verdict_comes_first_with_its_reasons(page, verdict):
+    body = page.text[page.text.index("PASS", page.text.index("learned about themselves")) :]
+    assert body.startswith("PASS\n")
+    assert verdict.reasons[0] in body[:200]
+    ids = [attributes["id"] for _, attributes in page.tags if "id" in attributes]
+    assert ids[0] == "verdict"
+
+
+def test_the_statistics_are_those_of_the_result_to_the_last_digit(page, document):
+    wanted = [n for key in ("test", "cross_validation", "train") for n in numbers_in(document[key])]
+    assert len(wanted) == 21
+    assert set(wanted) <= set(page.values)
+
+
+def test_every_parameter_is_listed_as_in_the_result(page, document):
+    for name, entry in document["parameters"].items():
+        assert name in page.words
+        assert entry["value"] in page.values
+        assert repr(entry["value"]) in page.words
+
+
+def test_a_person_reads_one_row_a_joint_in_millimetres_and_degrees(page, document):
+    start = page.words.index("θ offset [deg]")
+    for joint in JOINTS:
+        row = page.words[page.words.index(joint, start) :]
+        offset = document["parameters"][f"{joint}.theta_offset"]
+        shown = float(row[3].replace("−", "-"))
+        assert shown == pytest.approx(np.degrees(offset["value"]), abs=0.6)
+        assert row[4].startswith("±" if offset["free"] else "fixed")
+
+
+def test_the_mean_error_is_also_a_fraction_of_the_arm(page, document):
+    assert "mean / arm" in page.words
+    (length,) = re.search(r"The arm, as learned, is ([\d.]+) mm long", page.text).groups()
+    share = document["test"]["position_mm"]["mean"] / float(length)
+    assert f"{share:.4f}" in page.words
+
+
+def test_outliers_circles_starts_and_provenance_are_told(page, document, training):
+    for sample in OUTLIERS:
+        assert str(sample) in page.words
+    for circle in document["circles"]:
+        assert circle["radius_mm"] in page.values
+    assert f"{document['starts']['agreeing']} of {document['starts']['tried']} starts" in page.text
+    assert training.sha256 in page.words
+    assert "None: every free parameter is determined." in page.words
+
+
+def test_there_is_a_figure_for_each_question(page):
+    pictures = [attributes for tag, attributes in page.tags if tag == "img"]
+    assert len(pictures) == 6
+    assert all(p["src"].startswith("data:image/svg+xml;base64,") and p["alt"] for p in pictures)
+
+
+@pytest.mark.parametrize("part", ["page", "scene"])
+def test_nothing_is_loaded_from_anywhere(page, part):
+    shown = page if part == "page" else Page(page.scene)
+    for tag, attributes in shown.tags:
+        for name in LOADING & set(attributes):
+            assert attributes[name].startswith(("data:", "#")), (tag, name, attributes[name][:80])
+        assert "url(" not in attributes.get("style", "")
+    assert not {tag for tag, _ in shown.tags} & {"link", "base", "object", "embed"}
+    styles = re.findall(r"<style>(.*?)</style>", page.scene if part == "scene" else "", re.DOTALL)
+    assert not any("url(" in style or "@import" in style for style in styles)
+
+
+def test_the_page_itself_names_no_address_and_runs_no_script(html, page):
+    outside = html.replace("&#39;", "'").split("srcdoc=")[0]
+    assert "http" not in outside
+    assert "@import" not in outside
+    assert "url(" not in outside
+    assert not [tag for tag, _ in page.tags if tag == "script"]
+
+
+def test_the_legend_stands_beside_the_scene(page):
+    assert "joint elbow" in page.words
+    assert any("residuals, drawn ×" in word for word in page.words)
+    assert "set_object" not in page.text
+    assert "MeshCat" in page.scene
+
+
+def test_a_failure_is_red_and_says_why(failed_html):
+    page = Page(failed_html)
+    (body,) = [attributes for tag, attributes in page.tags if tag == "body"]
+    assert body["class"] == "FAIL"
+    color = re.search(r"\.FAIL \{ --signal: #([0-9a-f]{6})", failed_html).group(1)
+    red, green, blue = (int(color[i : i + 2], 16) for i in (0, 2, 4))
+    assert red > 150 > 80 > max(green, blue)
+    assert "FAIL" in page.words
+    assert any("cannot be told from" in word for word in page.words)
+    assert page.words.count("blind") > 5
+
+
+def test_names_from_outside_stay_text(renamed):
+    verdict = judge(renamed)
+    html = report_html(renamed, verdict, result_document(renamed, verdict))
+    page = Page(html)
+    assert "<script>alert(1)</script>" in page.words
+    assert "a<b>" in page.words
+    assert not [tag for tag, _ in page.tags if tag in {"script", "i>hand<"}]
+    assert "<script>alert(1)" not in html
+    assert "<script>alert(1)" not in page.scene
+
+
+def test_backticks_in_reasons_become_code_and_names_stay_escaped(failed_html):
+    page = Page(failed_html)
+    assert "too <b>little</b> `data`" in page.words
+    assert not [tag for tag, _ in page.tags if tag == "b" and False]
+    assert "`roll" not in page.text
+
+
+def test_circle_points_alone_are_reported_without_pretending(circles_alone):
+    verdict = judge(circles_alone)
+    page = Page(report_html(circles_alone, verdict, result_document(circles_alone, verdict)))
+    assert "NOT EVALUATED" in page.words
+    assert "Nothing was held out." in page.text
+    assert "No standard deviations: circle points alone do not give any." in page.words
+    assert len([tag for tag, _ in page.tags if tag == "img"]) == 3
+    assert not any(word.startswith("±") for word in page.words)
+
+
+def test_the_document_may_come_back_from_its_file(calibration, verdict, document, html):
+    again = json.loads(json.dumps(document, allow_nan=False))
+    assert Page(report_html(calibration, verdict, again)).values == Page(html).values

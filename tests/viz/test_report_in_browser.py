@@ -1,0 +1,73 @@
+"""The report as a person sees it: opened in a browser that can reach nothing else."""
+
+import shutil
+import subprocess
+
+import cv2
+import numpy as np
+import pytest
+
+from nico_selfmodel.estimation import judge, result_document
+from nico_selfmodel.viz import report_html
+
+pytestmark = pytest.mark.browser
+
+FLAGS = ["--headless", "--no-sandbox", "--disable-quic", "--no-first-run", "--disable-background-networking", "--disable-component-update", "--disable-sync", "--use-gl=angle", "--use-angle=swiftshader", "--enable-unsafe-swiftshader", "--hide-scrollbars", "--virtual-time-budget=20000"]
+NO_NETWORK = "--host-resolver-rules=MAP * ~NOTFOUND"
+BROWSERS = ("chromium", "chromium-browser", "google-chrome")
+
+
+@pytest.fixture(scope="module")
+def browser():
+    found = next((path for path in map(shutil.which, BROWSERS) if path), None)
+    if found is None:
+        pytest.skip(f"none of {', '.join(BROWSERS)} is installed")
+    return found
+
+
+def screenshot(browser, html, folder, width, height):
+    """Return what a page looks like. Shape (height, width, 3), blue, green, red."""
+    (folder / "report.html").write_text(html, encoding="utf-8")
+    picture = folder / "picture.png"
+    subprocess.run(
+        [
+            browser,
+            *FLAGS,
+            NO_NETWORK,
+            f"--user-data-dir={folder / 'profile'}",
+            f"--window-size={width},{height}",
+            f"--screenshot={picture}",
+            (folder / "report.html").as_uri(),
+        ],
+        check=True,
+        capture_output=True,
+        timeout=120,
+    )
+    return cv2.imread(str(picture))
+
+
+def test_the_report_shows_its_verdict_and_the_scene(
+    browser, tmp_path, calibration, verdict, document
+):
+    html = report_html(calibration, verdict, document)
+    picture = screenshot(browser, html, tmp_path, 1400, 1250)
+    assert picture.shape == (1250, 1400, 3)
+    # The bar of the verdict is green, #146c3a.
+    assert np.any(np.all(np.abs(picture[:300].astype(int) - [0x3A, 0x6C, 0x14]) < 12, axis=2))
+    # The scene: the colours of at least three joints are there, beside shades of the background.
+    scene = picture[560:1180, 150:980]
+    assert len(np.unique(scene.reshape(-1, 3), axis=0)) > 2000
+    hue, saturation, _ = cv2.split(cv2.cvtColor(scene, cv2.COLOR_BGR2HSV))
+    strong = hue[saturation > 120]
+    for low, high in ((95, 120), (5, 20), (50, 80)):  # blue, orange, green
+        assert np.sum((strong >= low) & (strong <= high)) > 300, (low, high)
+
+
+def test_a_failure_is_red_at_a_glance_also_in_a_narrow_window(browser, tmp_path, failed):
+    verdict = judge(failed)
+    html = report_html(failed, verdict, result_document(failed, verdict))
+    picture = screenshot(browser, html, tmp_path, 520, 700).astype(int)
+    red = (picture[..., 2] > 150) & (picture[..., :2].max(axis=2) < 60)
+    assert red.sum() > 1500
+    # Nothing is wider than the window: the verdict's tint ends before the right margin.
+    assert np.all(picture[150:500, -8:] == 255)
