@@ -63,9 +63,9 @@ class SimulatedArm:
         self.world = world
         self.__true_chain = _individual(nominal, world, build)
         self.__servos = _servos(nominal.joints, world, build)
-        self.__to_tracker = transform(
-            rotation_from_vector(build.uniform(-1.0, 1.0, 3)), build.uniform(-0.5, 0.5, 3)
-        )
+        # A tracker's z points up, but for a few degrees; where it stands is anybody's choice.
+        turn = build.uniform(-1.0, 1.0, 3) * [0.05, 0.05, 0.6]
+        self.__to_tracker = transform(rotation_from_vector(turn), build.uniform(-0.5, 0.5, 3))
         stops = np.sort(self.__servos.to_encoder(np.stack([lower, upper])), axis=0)
         self._stops = np.ceil(stops[0]), np.floor(stops[1])
         self.__largest_torque = _largest_torque(self.__true_chain, lower, upper, build)
