@@ -20,4 +20,6 @@ context = learned.plant.CreateDefaultContext()
 learned.set_positions(context, data.encoders[0])
 frame = learned.tracked_point_frame("hand")
 p_WH = frame.CalcPoseInWorld(context).translation()
-print("plant and self-model differ by", np.abs(p_WH - model.predict(data.encoders[0]).p_WH[0]).max())
+print(
+    "plant and self-model differ by", np.abs(p_WH - model.predict(data.encoders[0]).p_WH[0]).max()
+)

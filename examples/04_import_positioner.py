@@ -1,7 +1,7 @@
 """Import a two-axis positioner seen by a metrology camera: a grid of poses, full of sweeps.
 
-    python examples/04_import_positioner.py measurements.yaml positioner
-    nico-selfmodel calibrate kinematics positioner --out positioner_result
+python examples/04_import_positioner.py measurements.yaml positioner
+nico-selfmodel calibrate kinematics positioner --out positioner_result
 """
 
 import argparse

@@ -54,7 +54,7 @@ def kinematics(
     """Learn an arm from encoder readings and measured points of the hand."""
     from nico_selfmodel.dataset import Dataset
     from nico_selfmodel.estimation import Pins, calibrate_kinematics, judge, result_document
-    from nico_selfmodel.estimation.nominal_start import NominalArm
+    from nico_selfmodel.experiments.first_arm import nominal_of
     from nico_selfmodel.files import refuse_existing
     from nico_selfmodel.plant import learned_urdf
     from nico_selfmodel.viz import write_result_folder
@@ -70,11 +70,7 @@ def kinematics(
     description = None
     if robot is not None:
         description = chosen_arm(robot, arm, base, tip, hold, point)
-    nominal = None
-    if description is not None:
-        nominal = NominalArm(
-            description.chain, description.lower, description.upper, description.source
-        )
+    nominal = None if description is None else nominal_of(description)
     with console.progress_bar() as stage:
         stage("learning", 0, 1)
         calibration = calibrate_kinematics(
@@ -105,15 +101,5 @@ def kinematics(
     if as_json:
         console.print_json(document)
     else:
-        rows = [
-            console.statistics_row(label, document[key])
-            for label, key in (
-                ("held out", "test"),
-                ("cross-validation", "cross_validation"),
-                ("training", "train"),
-            )
-        ]
-        console.print_table(calibration.model.name, console.STATISTICS_HEADINGS, rows)
-        console.print_verdict(verdict.status, verdict.reasons)
-        console.print_where(out)
+        console.print_calibration(calibration.model.name, document, out)
     raise typer.Exit(1 if verdict.status == "FAIL" else 0)

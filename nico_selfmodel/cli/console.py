@@ -62,6 +62,19 @@ def statistics_row(label: str, block: Mapping[str, Any] | None) -> list[str]:
     return [label, str(block["n"]), *numbers]
 
 
+def print_calibration(name: str, document: Mapping[str, Any], folder: Path) -> None:
+    """Print a result document: errors, verdict, and where the result lies."""
+    parts = (
+        ("held out", "test"),
+        ("cross-validation", "cross_validation"),
+        ("training", "train"),
+    )
+    rows = [statistics_row(label, document[key]) for label, key in parts]
+    print_table(name, STATISTICS_HEADINGS, rows)
+    print_verdict(document["status"], document["reasons"])
+    print_where(folder)
+
+
 STATISTICS_HEADINGS = ("error [mm]", "n", "mean", "SD", "rms", "median", "max")
 
 

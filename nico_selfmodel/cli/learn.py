@@ -68,15 +68,13 @@ def learn(
 
 
 def _print(first: "FirstArm", document: Mapping[str, Any], out: Path) -> None:
-    assert first.circle_points.test is not None
-    circles = first.circle_points.test.statistics
+    circles = first.circle_points.test if first.circle_points else None
+    alone = circles and {"n": circles.statistics.n, "position_mm": circles.statistics.as_mm()}
     console.print_table(
         f"{first.refined.model.name}: error of the predicted hand position",
         console.STATISTICS_HEADINGS,
         [
-            console.statistics_row(
-                "held out, circle points", {"n": circles.n, "position_mm": circles.as_mm()}
-            ),
+            console.statistics_row("held out, circle points", alone),
             console.statistics_row("held out, refined", document["test"]),
             console.statistics_row("training, refined", document["train"]),
             ["thesis, refined (real robot)", "100", "3.19", "1.71", "-", "-", "-"],

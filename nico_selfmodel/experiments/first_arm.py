@@ -1,9 +1,11 @@
 """A robot wakes up not knowing its arm, moves it, and learns it: the main job."""
 
+import warnings
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 
 from nico_selfmodel.dataset import Dataset
+from nico_selfmodel.errors import NotIdentifiableError
 from nico_selfmodel.estimation import KinematicCalibration, NominalArm, calibrate_kinematics
 from nico_selfmodel.experiments.protocol import Protocol, simulated_session
 from nico_selfmodel.plant import ArmDescription
@@ -18,8 +20,8 @@ class FirstArm:
     """Circles of every joint and random poses."""
     test: Dataset
     """Random poses that the learner does not see."""
-    circle_points: KinematicCalibration
-    """The arm from the circles alone."""
+    circle_points: KinematicCalibration | None
+    """The arm from the circles alone; None where a joint's circle says too little."""
     refined: KinematicCalibration
     """The arm refined over all poses."""
 
@@ -74,7 +76,11 @@ def learn_first_arm(
     nominal = nominal_of(arm)
     learning = report("learning")
     learning(0, 2)
-    circles = calibrate_kinematics(train, method="circle-points", test=test, nominal=nominal)
+    try:
+        circles = calibrate_kinematics(train, method="circle-points", test=test, nominal=nominal)
+    except NotIdentifiableError as error:
+        warnings.warn(f"circles alone do not make an arm: {error}", stacklevel=2)
+        circles = None
     learning(1, 2)
     refined = calibrate_kinematics(train, test=test, nominal=nominal, name=f"{arm.robot} arm")
     learning(2, 2)

@@ -52,10 +52,12 @@ class Protocol:
 
     @classmethod
     def for_arm(cls, arm: ArmDescription) -> "Protocol":
-        """Return a protocol that suits an arm: Nico's own, or the middle half of every range."""
+        """Return a protocol that suits an arm: Nico's own, or what the stops allow, up to 120 deg."""
         span = np.degrees(arm.upper - arm.lower)
         lower = np.degrees(arm.lower)
-        home, arcs, ranges = 0.5 * np.ones(len(span)), 0.5 * np.ones(len(span)), np.ones(len(span))
+        home = 0.5 * np.ones(len(span))
+        arcs = np.minimum(1.0, 120.0 / span)
+        ranges = arcs.copy()
         for i, joint in enumerate(arm.joints):
             part = joint.split("_", 1)[1] if "_" in joint else joint
             if arm.robot == "nico" and part in _NICO_HOME:

@@ -137,7 +137,13 @@ def test_a_csv_is_imported_by_a_column_map(tmp_path, command):
     }
     (tmp_path / "map.yaml").write_text(yaml.safe_dump(columns))
     process = command(
-        "import", "csv", tmp_path / "table.csv", "--map", tmp_path / "map.yaml", "--out", tmp_path / "d"
+        "import",
+        "csv",
+        tmp_path / "table.csv",
+        "--map",
+        tmp_path / "map.yaml",
+        "--out",
+        tmp_path / "d",
     )
     assert process.returncode == 0, process.stderr
     data = Dataset.load(tmp_path / "d")
