@@ -24,6 +24,7 @@ from nico_selfmodel.estimation.circle_points import (
 )
 from nico_selfmodel.estimation.cross_validation import cross_validate
 from nico_selfmodel.estimation.error_statistics import Evaluation, evaluate
+from nico_selfmodel.estimation.gear_check import DoubtfulGear, doubtful_gears
 from nico_selfmodel.estimation.nominal_start import (
     NominalArm,
     first_joint_zero,
@@ -67,6 +68,8 @@ class KinematicCalibration:
     """Sweeps and their circles, where there were any."""
     search: StartSearch | None
     """How the starts fared."""
+    doubtful_gears: tuple[DoubtfulGear, ...]
+    """Gears held at 1 that the data contradict."""
     converged: bool
     """Whether the solver reached a minimum."""
     iterations: int
@@ -140,6 +143,7 @@ def calibrate_kinematics(
         solved.free,
         task.circles,
         search,
+        task.doubtful_gears(solved),
         solved.converged,
         solved.iterations,
         solved.history,
@@ -234,6 +238,15 @@ class _Task:
             self.nominal,
             first,
             np.median(self.observations.angles, axis=0),
+        )
+
+    def doubtful_gears(self, solved: PinnedSolution) -> tuple[DoubtfulGear, ...]:
+        """Return gears held because of their unit, which the data contradict."""
+        joints = zip(self.observations.joints, self.gear_known & self.gear_pinned, strict=True)
+        held = frozenset(f"{joint}.gear" for joint, known in joints if known)
+        held -= solved.free
+        return doubtful_gears(
+            self.observations, solved.parameters, solved.free, held, ~solved.outliers
         )
 
     @property

@@ -8,6 +8,8 @@ from numpy.typing import NDArray
 from nico_selfmodel.estimation.blind_words import describe_blind
 from nico_selfmodel.estimation.kinematics import KinematicCalibration
 
+_MOST_OUTLIERS = 1.0 / 3.0
+"""A larger share of points that are not believed is no accident."""
 _SIGNIFICANT = 3.3
 """Standard scores of a rank test beyond which held-out errors count as larger: one in 2000."""
 _NOTABLE = 1.3
@@ -39,6 +41,8 @@ def judge(calibration: KinematicCalibration, require_test_mm: float | None = Non
         _solver_reason(calibration),
         _starts_reason(calibration),
         *_blind_reasons(calibration),
+        *_gear_reasons(calibration),
+        _outlier_reason(calibration),
         _held_out_reason(calibration),
         _bound_reason(calibration, require_test_mm),
     ]
@@ -72,6 +76,25 @@ def _blind_reasons(calibration: KinematicCalibration) -> list[str]:
     if calibration.uncertainty is None:
         return []
     return [describe_blind(direction) for direction in calibration.uncertainty.blind]
+
+
+def _gear_reasons(calibration: KinematicCalibration) -> list[str]:
+    return [
+        f"`{gear.name}` is held at 1 because the encoder is said to read joint angles, but the "
+        f"data ask for about {gear.value:.3g} (+- {gear.sigma:.2g}): correct the unit, or add "
+        f"--free {gear.name}"
+        for gear in calibration.doubtful_gears
+    ]
+
+
+def _outlier_reason(calibration: KinematicCalibration) -> str | None:
+    share = float(np.mean(calibration.outliers))
+    if share <= _MOST_OUTLIERS:
+        return None
+    return (
+        f"{100 * share:.0f} % of the training points contradict the rest: the arm, or what was "
+        "recorded, is not what the data set says"
+    )
 
 
 def _held_out_reason(calibration: KinematicCalibration) -> str | None:

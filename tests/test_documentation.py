@@ -1,0 +1,74 @@
+"""What README and examples show is what happens."""
+
+import json
+import os
+import re
+import subprocess
+import sys
+
+import pytest
+
+
+def run(words, folder, root):
+    path = os.pathsep.join([str(root), os.environ.get("PYTHONPATH", "")])
+    return subprocess.run(
+        [sys.executable, *map(str, words)],
+        capture_output=True,
+        text=True,
+        cwd=folder,
+        env={**os.environ, "PYTHONPATH": path},
+        timeout=120,
+        check=False,
+    )
+
+
+def test_the_readmes_python_runs(project_root, tmp_path):
+    text = (project_root / "README.md").read_text(encoding="utf-8")
+    (block,) = re.findall(r"```python\n(.*?)```", text, re.DOTALL)
+    assert len([line for line in block.splitlines() if line.strip()]) <= 15
+    process = run(["-c", block], tmp_path, project_root)
+    assert process.returncode == 0, process.stderr
+    assert process.stdout.startswith("PASS")
+
+
+def test_links_and_pictures_of_the_documents_exist(project_root):
+    for document in [*project_root.glob("*.md"), *project_root.glob("docs/*.md")]:
+        text = document.read_text(encoding="utf-8")
+        for target in re.findall(r"\]\(([^)#:]+)\)", text):
+            assert (document.parent / target).exists(), (document.name, target)
+
+
+def test_the_arm_of_the_first_example_is_learned(project_root, tmp_path):
+    process = run([project_root / "examples/01_learn_an_arm.py"], tmp_path, project_root)
+    assert process.returncode == 0, process.stderr
+    assert process.stdout.startswith("PASS")
+
+
+def test_the_plant_of_the_second_example_agrees_with_its_self_model(project_root, tmp_path):
+    path = project_root / "examples/02_plant_of_a_learned_arm.py"
+    process = run([path], tmp_path, project_root)
+    assert process.returncode == 0, process.stderr
+    assert float(process.stdout.split()[-1]) < 1e-12
+
+
+@pytest.mark.real_data
+@pytest.mark.parametrize(
+    ("script", "source", "options", "bound_mm"),
+    [
+        ("03_import_franka.py", "franka_fr3/measurements.csv", ("--test-fraction", "0.3"), 2.40),
+        ("04_import_positioner.py", "positioner_two_axis/measurements.yaml", (), 0.405),
+    ],
+)
+def test_real_measurements_are_imported_and_learned(
+    script, source, options, bound_mm, project_root, real_data_folder, tmp_path
+):
+    path = project_root / "examples" / script
+    process = run([path, real_data_folder / source, tmp_path / "data"], tmp_path, project_root)
+    assert process.returncode == 0, process.stderr
+    command = "from nico_selfmodel.cli import main; main()"
+    words = ("calibrate", "kinematics", tmp_path / "data", *options, "--out", tmp_path / "result")
+    process = run(["-c", command, *words, "--json"], tmp_path, project_root)
+    assert process.returncode == 0, process.stderr
+    document = json.loads(process.stdout)
+    part = document["test"] or document["train"]
+    assert part["position_mm"]["rms"] <= bound_mm
