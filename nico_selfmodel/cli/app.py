@@ -66,14 +66,15 @@ def _complain(reason: str, code: int = 2) -> int:
 def _usage(error: Exception) -> int:
     """Say in one line what is wrong with the words of a command; anything else is a bug."""
     # Typer carries a copy of click of its own, so that its exceptions have no public name.
-    if not hasattr(error, "format_message"):
+    format_message = getattr(error, "format_message", None)
+    if format_message is None:
         raise error
     if type(error).__name__ == "NoArgsIsHelpError":
         print(str(error))
         return 2
     context = getattr(error, "ctx", None)
     path = context.command_path if context else "nico-selfmodel"
-    message = " ".join(str(error.format_message()).split())
+    message = " ".join(str(format_message()).split())
     return _complain(f"{message} See: {path} --help")
 
 

@@ -105,16 +105,21 @@ class _Attempt:
 
     def trim(self, outliers: NDArray) -> RobustSolution:
         """Least squares without the outliers, until the set of them settles."""
-        for _ in range(6):
-            keep = (~outliers).astype(float) if outliers.any() else None
-            self.program.set_loss(self.block, Loss(), keep)
-            solution = self.solve(rough=False)
-            scale = self.scale_at(solution.x)
-            found = self.beyond(solution.x, scale)
+        solution, scale, found = self.without(outliers)
+        for _ in range(5):
             if np.array_equal(found, outliers):
                 break
             outliers = found
+            solution, scale, found = self.without(outliers)
         return RobustSolution(solution, outliers, scale, self.iterations)
+
+    def without(self, outliers: NDArray) -> tuple[ProgramSolution, float, NDArray]:
+        """Return the least squares solution without outliers, its scale, and who they are then."""
+        keep = (~outliers).astype(float) if outliers.any() else None
+        self.program.set_loss(self.block, Loss(), keep)
+        solution = self.solve(rough=False)
+        scale = self.scale_at(solution.x)
+        return solution, scale, self.beyond(solution.x, scale)
 
     def scale_at(self, x: NDArray) -> float:
         """Return the robust scale of a coordinate at x."""

@@ -1,0 +1,135 @@
+"""Circles that say nothing are recognised, with a reason, and the refinement does without them."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from nico_selfmodel.errors import NotIdentifiableError
+from nico_selfmodel.estimation import calibrate_kinematics, judge
+
+SIGMA = 5e-4
+
+
+@pytest.fixture(scope="module")
+def axis_through_hand():
+    """Return a function that moves an axis until it passes a distance from the hand."""
+
+    def move(truth, joint, off=0.0):
+        chain = truth.chain
+        d, points = chain.directions[joint], chain.points.copy()
+        aside = np.cross(d, [0.3, 0.5, 0.8])
+        points[joint] = chain.p_WH_zero[0] - 0.1 * d + off * aside / np.linalg.norm(aside)
+        return replace(truth, chain=replace(chain, points=points))
+
+    return move
+
+
+def circles_alone(truth, seed, points=20, arc=1.6):
+    data = truth.dataset(*truth.sweeps(points, arc), sigma=SIGMA, seed=seed)
+    return calibrate_kinematics(data, method="circle-points")
+
+
+@pytest.mark.parametrize("unit", ["rad", "counts"])
+@pytest.mark.parametrize("joint", [0, 1, 3])
+def test_a_point_on_the_axis_is_never_silently_used(make_truth, axis_through_hand, joint, unit):
+    for seed in range(6):
+        truth = axis_through_hand(make_truth(4, seed, unit=unit), joint)
+        with pytest.raises(NotIdentifiableError, match=f"joint_{joint}.*from its axis") as error:
+            circles_alone(truth, seed)
+        analysis = error.value.partial
+        assert analysis.arm is None
+        assert not analysis.trusted[joint:].any()
+        assert np.isnan(analysis.directions[joint:]).all()
+
+
+@pytest.mark.parametrize("unit", ["rad", "counts"])
+def test_a_point_near_the_axis_is_refused_or_as_good_as_it_says(
+    make_truth, axis_through_hand, unit
+):
+    used = 0
+    for off in (1e-3, 2e-3, 5e-3, 10e-3):
+        for seed in range(8):
+            truth = axis_through_hand(make_truth(4, seed, unit=unit), 0, off)
+            try:
+                analysis = circles_alone(truth, seed).circles
+            except NotIdentifiableError as error:
+                assert "joint_0" in str(error)
+                continue
+            used += 1
+            cosine = analysis.directions[0] @ truth.chain.directions[0]
+            assert np.arccos(cosine) < 6.0 * analysis.axis_sigma[0], (off, seed)
+    assert used >= 8
+
+
+@pytest.mark.parametrize("unit", ["rad", "counts"])
+def test_a_short_arc_in_noise_is_refused_with_its_height(make_truth, unit):
+    truth = make_truth(4, 1, unit=unit)
+    q, labels = truth.sweeps(20)
+    q[np.array(labels) == "joint_2"] *= 0.04
+    data = truth.dataset(q, labels, sigma=SIGMA)
+    with pytest.raises(NotIdentifiableError, match=r"joint_2 .*mm.*sweep it further"):
+        calibrate_kinematics(data, method="circle-points")
+
+
+def test_a_point_exactly_on_the_axis_draws_no_circle(make_truth, axis_through_hand):
+    truth = axis_through_hand(make_truth(4, 1), 2)
+    data = truth.dataset(*truth.sweeps(12))
+    with pytest.raises(NotIdentifiableError, match="joint_2 has no sweep with three different"):
+        calibrate_kinematics(data, method="circle-points")
+
+
+def test_a_joint_without_a_sweep_is_named(make_truth):
+    truth = make_truth(4, 1)
+    q, labels = truth.sweeps(12)
+    keep = np.array(labels) != "joint_1"
+    with pytest.raises(NotIdentifiableError, match="joint_1 has no sweep"):
+        calibrate_kinematics(truth.dataset(q, labels).select(keep), method="circle-points")
+    with pytest.raises(NotIdentifiableError, match="joint_0 has no sweep"):
+        calibrate_kinematics(truth.dataset(truth.poses(30)), method="circle-points")
+
+
+@pytest.mark.parametrize("unit", ["rad", "counts"])
+def test_a_second_marker_off_the_axis_rescues_the_circle(make_truth, hand_on_last_axis, unit):
+    """The marker on the axis draws a blob beside the other's circle."""
+    ratios = []
+    for seed in range(8):
+        truth = make_truth(4, seed, unit=unit, markers=2)
+        on_axis = hand_on_last_axis(truth, 0.0).chain.p_WH_zero[0]
+        hands = np.stack([on_axis, truth.chain.p_WH_zero[1]])
+        mixed = replace(truth, chain=replace(truth.chain, p_WH_zero=hands))
+        ratios.append(
+            mixed.errors(circles_alone(mixed, seed).model, mixed.poses(50)).mean()
+            / truth.errors(circles_alone(truth, seed).model, truth.poses(50)).mean()
+        )
+    assert np.median(ratios) < 1.7
+    assert max(ratios) < 4.0
+
+
+@pytest.mark.parametrize("unit", ["rad", "counts"])
+@pytest.mark.parametrize("joint", [0, 1, 2])
+def test_the_refinement_learns_the_arm_all_the_same(
+    make_truth, axis_through_hand, joined, joint, unit
+):
+    truth = axis_through_hand(make_truth(4, 2, unit=unit), joint)
+    circles = truth.dataset(*truth.sweeps(15), sigma=SIGMA)
+    train = joined(circles, truth.dataset(truth.poses(60, 1), sigma=SIGMA, seed=1))
+    test = truth.dataset(truth.poses(60, 2), sigma=SIGMA, seed=2)
+    result = calibrate_kinematics(train, test=test)
+    assert judge(result).status == "PASS"
+    assert result.search.agreeing >= 3
+    believed = np.sqrt(len(result.free) / len(train))
+    rms = np.sqrt(np.mean(truth.errors(result.model, truth.poses(100, 3)) ** 2))
+    assert rms < 2.0 * believed * SIGMA
+    assert result.model.noise_sigma == pytest.approx(SIGMA, rel=0.15)
+
+
+def test_trusted_axes_narrow_the_random_starts(make_truth, axis_through_hand, joined):
+    truth = axis_through_hand(make_truth(6, 1), 3)
+    circles = truth.dataset(*truth.sweeps(15), sigma=SIGMA)
+    train = joined(circles, truth.dataset(truth.poses(60, 1), sigma=SIGMA, seed=1))
+    result = calibrate_kinematics(train)
+    assert result.circles.arm is None
+    assert result.circles.trusted.tolist() == [True] * 3 + [False] * 3
+    assert set(result.search.labels) == {"random axes"}
+    assert truth.errors(result.model, truth.poses(50)).max() < 3.0 * SIGMA
