@@ -76,7 +76,7 @@ def _swap(new: Path, path: Path) -> None:
 
 
 def refuse_existing(path: str | Path, *, force: bool = False) -> None:
-    """Refuse to write over something, before any work is done for it.
+    """Refuse to write over something, or where nothing can be written, before any work is done.
 
     Args:
         path: The file or folder about to be made.
@@ -84,7 +84,15 @@ def refuse_existing(path: str | Path, *, force: bool = False) -> None:
 
     Raises:
         FileExistsError: If it exists and `force` is not set.
+        OSError: If the nearest folder above it that exists cannot be written to.
     """
     path = Path(path)
     if path.exists() and not force:
         raise FileExistsError(f"{path} exists already: choose another name or add --force")
+    above = path.absolute().parent
+    while not above.exists() and above != above.parent:
+        above = above.parent
+    if not above.is_dir():
+        raise NotADirectoryError(f"{path} cannot be made: {above} is not a folder")
+    if not os.access(above, os.W_OK):
+        raise PermissionError(f"{path} cannot be made: {above} cannot be written to")

@@ -54,10 +54,7 @@ def kinematics(
     """Learn an arm from encoder readings and measured points of the hand."""
     from nico_selfmodel.dataset import Dataset
     from nico_selfmodel.estimation import Pins, calibrate_kinematics, judge, result_document
-    from nico_selfmodel.experiments.first_arm import nominal_of
     from nico_selfmodel.files import refuse_existing
-    from nico_selfmodel.plant import learned_urdf
-    from nico_selfmodel.viz import write_result_folder
 
     refuse_existing(out, force=force)
     if test is not None and test_fraction is not None:
@@ -67,10 +64,12 @@ def kinematics(
     held_out = None if test is None else Dataset.load(test)
     if test_fraction is not None:
         train, held_out = train.split(test_fraction, seed)
-    description = None
+    description, nominal = None, None
     if robot is not None:
+        from nico_selfmodel.experiments.first_arm import nominal_of
+
         description = chosen_arm(robot, arm, base, tip, hold, point)
-    nominal = None if description is None else nominal_of(description)
+        nominal = nominal_of(description)
     with console.progress_bar() as stage:
         stage("learning", 0, 1)
         calibration = calibrate_kinematics(
@@ -87,6 +86,10 @@ def kinematics(
         stage("learning", 1, 1)
         verdict = judge(calibration, require_test_mm)
         stage("writing the result", 0, 1)
+        # Drawing is slow to load, and only needed once there is something to draw.
+        from nico_selfmodel.plant import learned_urdf
+        from nico_selfmodel.viz import write_result_folder
+
         write_result_folder(
             out,
             calibration,

@@ -124,7 +124,7 @@ def correlation_matrix(calibration: KinematicCalibration) -> Figure | None:
 def convergence(calibration: KinematicCalibration) -> Figure | None:
     """Draw how the last solution converged and how the starts fared; None without refinement."""
     search, history = calibration.search, np.array(calibration.history)
-    if search is None or len(history) < 2:
+    if search is None or not len(history):
         return None
     with style():
         figure = Figure(figsize=(HALF_WIDTH, 4.2))

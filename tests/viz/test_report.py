@@ -170,7 +170,6 @@ def test_names_from_outside_stay_text(renamed):
 def test_backticks_in_reasons_become_code_and_names_stay_escaped(failed_html):
     page = Page(failed_html)
     assert "too <b>little</b> `data`" in page.words
-    assert not [tag for tag, _ in page.tags if tag == "b" and False]
     assert "`roll" not in page.text
 
 

@@ -12,8 +12,21 @@ from nico_selfmodel.viz import report_html
 
 pytestmark = pytest.mark.browser
 
-FLAGS = ["--headless", "--no-sandbox", "--disable-quic", "--no-first-run", "--disable-background-networking", "--disable-component-update", "--disable-sync", "--use-gl=angle", "--use-angle=swiftshader", "--enable-unsafe-swiftshader", "--hide-scrollbars", "--virtual-time-budget=20000"]
-NO_NETWORK = "--host-resolver-rules=MAP * ~NOTFOUND"
+FLAGS = [
+    "--headless",
+    "--no-sandbox",
+    "--no-first-run",
+    "--disable-quic",
+    "--disable-background-networking",
+    "--disable-component-update",
+    "--disable-sync",
+    "--use-gl=angle",
+    "--use-angle=swiftshader",
+    "--enable-unsafe-swiftshader",
+    "--hide-scrollbars",
+    "--virtual-time-budget=20000",
+    "--host-resolver-rules=MAP * ~NOTFOUND",
+]
 BROWSERS = ("chromium", "chromium-browser", "google-chrome")
 
 
@@ -33,7 +46,6 @@ def screenshot(browser, html, folder, width, height):
         [
             browser,
             *FLAGS,
-            NO_NETWORK,
             f"--user-data-dir={folder / 'profile'}",
             f"--window-size={width},{height}",
             f"--screenshot={picture}",

@@ -74,7 +74,7 @@ def test_an_item_that_cannot_be_drawn_is_refused(change, message):
     ],
 )
 def test_a_shape_without_a_size_is_refused(kind, values):
-    with pytest.raises(ValueError, match="must|at least"):
+    with pytest.raises(ValueError, match=r"must|at least"):
         kind(path="a", color=BLUE, **values)
 
 
