@@ -24,6 +24,8 @@ LARGEST_AXIS_SIGMA = np.radians(15.0)
 """An axis known worse than this is not used: the joint counts as not analysed."""
 TRUSTED_AXIS_SIGMA = np.radians(5.0)
 """Axes known better than this narrow the random starts."""
+LEAST_RADIUS = 4.0
+"""Radius over noise below which a circle is one of noise: a ball of noise alone makes it two."""
 LEAST_SAGITTA = 2.0
 """Arc height over noise below which a plane is noise (see `Circle.sagitta`)."""
 
@@ -188,6 +190,12 @@ def _reason_against(fits: list[SweepCircle], joint: str) -> str | None:
     if not fits:
         return f"{joint} has no sweep with three different points: sweep it, or give a robot"
     noise = _noise_of(fits)
+    widest = max(fit.circle.radius for fit in fits)
+    if widest < LEAST_RADIUS * noise:
+        return (
+            f"the circle of {joint} is degenerate: the tracked point is {widest * 1e3:.2f} mm from "
+            f"its axis in a noise of {noise * 1e3:.2f} mm: track a point further from its axis"
+        )
     best = max(fits, key=lambda fit: fit.circle.sagitta)
     if best.circle.sagitta < LEAST_SAGITTA * noise:
         return (

@@ -1,6 +1,6 @@
 """Refinement in Denavit-Hartenberg parameters, any of them pinned or freed, with uncertainty."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -108,7 +108,8 @@ def refine_pinned(
     for name, value in pins.pinned.items():
         program.pin(name, pin_values.get(name) if value is None else value)
     solved = solve_robustly(program, 0, loss)
-    parameters = start.with_values(solved.solution.x)
+    # Written anew, so that the base's turn is the shortest one, as in a saved model.
+    parameters = replace(start.with_values(solved.solution.x), turn=None)
     weights = (~solved.outliers).astype(float)
     uncertainty = _uncertainty(program, free, observations, parameters, weights, sigma)
     return PinnedSolution(

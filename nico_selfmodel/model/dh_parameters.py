@@ -30,7 +30,17 @@ class DhParameters:
     """A table and its servos as one named vector."""
 
     table: DhTable
+    """The rows."""
     servos: ServoMap
+    """Encoders <-> joint displacements."""
+    turn: NDArray | None = None
+    """Rotation vector of frame 0 [rad]; the shortest one if omitted. A solver that passes a half
+    turn needs it to stay on the branch where it is. Shape (3,)."""
+
+    @property
+    def base_turn(self) -> NDArray:
+        """Rotation vector of frame 0 in W [rad]. Shape (3,)."""
+        return rotation_vector_of(self.table.X_W0[:3, :3]) if self.turn is None else self.turn
 
     @property
     def names(self) -> tuple[str, ...]:
@@ -51,7 +61,7 @@ class DhParameters:
         t = self.table
         theta_offset = self.servos.offset - self.servos.gear * t.theta_zero
         joints = np.stack([t.D, theta_offset, t.r, t.alpha, t.beta, self.servos.gear], axis=1)
-        base = np.concatenate([t.X_W0[:3, 3], rotation_vector_of(t.X_W0[:3, :3])])
+        base = np.concatenate([t.X_W0[:3, 3], self.base_turn])
         return np.concatenate([base, joints.ravel(), t.p_NH.ravel()])
 
     @property
@@ -79,7 +89,7 @@ class DhParameters:
             p_NH=hands.reshape(-1, 3),
         )
         offset = theta_offset + gear * t.theta_zero
-        return DhParameters(table, replace(self.servos, offset=offset, gear=gear))
+        return DhParameters(table, replace(self.servos, offset=offset, gear=gear), base[3:])
 
     def predict(self, encoder_angles: NDArray, marker: NDArray) -> tuple[NDArray, NDArray]:
         """Predict tracked points with their derivatives by every parameter.
@@ -102,8 +112,7 @@ class DhParameters:
         p = np.einsum("kij,kj->ki", last[:, :3, :3], t.p_NH[marker]) + last[:, :3, 3]
         jacobian = np.zeros((len(q), 3, 6 + 6 * n + 3 * len(t.markers)))
         jacobian[:, :, :3] = np.eye(3)
-        vector = rotation_vector_of(t.X_W0[:3, :3])
-        jacobian[:, :, 3:6] = -skew(p - t.X_W0[:3, 3]) @ _left_jacobian(vector)
+        jacobian[:, :, 3:6] = -skew(p - t.X_W0[:3, 3]) @ _left_jacobian(self.base_turn)
         for i in range(n):
             before, after = frames[i], frames[i + 1]
             turned = before[:, :3, :3] @ rotation_about(np.array([0.0, 0.0, 1.0]), theta[:, i])

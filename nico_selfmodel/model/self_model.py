@@ -85,6 +85,8 @@ class SelfModel:
             raise ValueError(
                 f"chain and servos name different joints: {self.dh.joints}, {self.servos.joints}"
             )
+        if np.any(self.servos.gear <= 0.0):
+            raise ValueError(f"gear must be positive, got {self.servos.gear.tolist()}")
         strangers = set(self.covariance.names if self.covariance else ()) - set(
             self.parameters.names
         )

@@ -14,8 +14,9 @@ ENCODER_UNITS = ("counts", "rad", "deg")
 class ServoMap:
     """The linear map of every joint, `sign * radians(reading) = offset + gear * q`.
 
-    The thesis' eq. 6.8 with the unit and the wiring made explicit. `gear` is positive: whichever
-    way a joint turns belongs to the direction of its axis, unless `sign` states it as a fact.
+    The thesis' eq. 6.8 with the unit and the wiring made explicit. The gear of a self-model is
+    positive: whichever way a joint turns belongs to the direction of its axis, unless `sign` states
+    it as a fact. A solver may pass through negative gears on its way.
     """
 
     joints: tuple[str, ...]
@@ -43,8 +44,8 @@ class ServoMap:
             raise ValueError(f"unit must name one of {ENCODER_UNITS} a joint, got {self.unit}")
         if counts.shape != (n,) or np.any(~(counts > 0.0) & (np.array(self.unit) == "counts")):
             raise ValueError("counts_per_turn must be positive for every joint read in counts")
-        if np.any(self.gear <= 0.0) or not np.isin(self.sign, (-1.0, 1.0)).all():
-            raise ValueError("gear must be positive and sign +1 or -1")
+        if np.any(self.gear == 0.0) or not np.isin(self.sign, (-1.0, 1.0)).all():
+            raise ValueError("gear must not be zero and sign must be +1 or -1")
 
     @property
     def radians_per_unit(self) -> NDArray:

@@ -31,8 +31,8 @@ class Uncertainty:
     covariance: NDArray
     """Of the identifiable part; blind directions are left out of it. Shape (k, k)."""
     sigma: NDArray
-    """Standard deviations of the parameters, blind directions included; inf for those that take
-    part in one that nothing determines. Shape (k,)."""
+    """Standard deviations of the parameters; inf for those named in a blind direction, or that take
+    any part in one that nothing determines. Shape (k,)."""
     variance_factor: float
     """s^2, the sum of squared whitened residuals over the redundancy; nan without redundancy."""
     rank: int
@@ -81,15 +81,15 @@ class Uncertainty:
         sigma = np.where(exact, np.inf, spread / np.where(exact, 1.0, values))
         blind = exact | (sigma > BLIND_SIGMA)
         kept = vt[~blind] * sigma[~blind, None] * natural
-        spread_by = vt[~exact] * sigma[~exact, None] * natural
-        lost = (np.abs(vt[exact]) > 1e-6).any(axis=0)
         directions = [
             _blind_direction(names, vt[i], float(sigma[i])) for i in np.flatnonzero(blind)
         ]
+        lost = (np.abs(vt[exact]) > 1e-6).any(axis=0)
+        lost |= np.isin(names, [name for direction in directions for name in direction.names])
         return cls(
             names,
             kept.T @ kept,
-            np.where(lost, np.inf, np.sqrt(np.sum(spread_by**2, axis=0))),
+            np.where(lost, np.inf, np.sqrt(np.sum(kept**2, axis=0))),
             float(factor),
             int(np.sum(~blind)),
             float(values[0] / values[-1]) if values[-1] > 0.0 else np.inf,

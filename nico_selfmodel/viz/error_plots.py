@@ -21,7 +21,7 @@ from nico_selfmodel.viz.residual_items import believed_rows, largest_shown
 
 _LOG_FROM, _LOG_TAIL = 8.0, 20.0
 """Ratios, of the medians and of largest to median, from which the axis is logarithmic."""
-_BINS, _LEAST_IN_BIN = 9, 8
+_MOST_BINS, _LEAST_IN_BIN = 9, 5
 _STANDS_OUT = 3.7
 """Standard scores from which a bin's mean is a trend: noise in 100 bins gets there once in 50."""
 
@@ -154,17 +154,24 @@ def _trend_panel(
         )
     residual = np.clip(residual, -limit, limit)
     axes.axhline(0.0, color=palette.MUTED, linewidth=0.8)
-    bin_of = np.minimum((_BINS * (angle - angle.min()) / (np.ptp(angle) or 1.0)), _BINS - 1)
-    members = [np.flatnonzero(bin_of.astype(int) == k) for k in range(_BINS)]
-    members = [rows for rows in members if len(rows) >= _LEAST_IN_BIN]
+    members = _bins_of(angle)
     if len(members) < 3:
         return 0.0, 0.0
     middle = [float(angle[rows].mean()) for rows in members]
     mean = np.array([residual[rows].mean() for rows in members])
-    error = np.array([residual[rows].std(ddof=1) / np.sqrt(len(rows)) for rows in members])
+    error = residual.std(ddof=1) / np.sqrt([len(rows) for rows in members])
     axes.errorbar(middle, mean, error, color=palette.INK, linewidth=1.5, marker="o", markersize=3)
     score = np.abs(mean) / np.maximum(error, 1e-12)
     return float(score.max()), float(np.abs(mean[np.argmax(score)]))
+
+
+def _bins_of(angle: NDArray) -> list[NDArray]:
+    """Return the rows in bins of equal width, without bins that hold too few."""
+    count = int(np.clip(len(angle) // (2 * _LEAST_IN_BIN), 1, _MOST_BINS))
+    share = (angle - angle.min()) / (np.ptp(angle) or 1.0)
+    bin_of = np.minimum((count * share).astype(int), count - 1)
+    members = [np.flatnonzero(bin_of == k) for k in range(count)]
+    return [rows for rows in members if len(rows) >= _LEAST_IN_BIN]
 
 
 def _axis_limit(residuals: NDArray) -> float:

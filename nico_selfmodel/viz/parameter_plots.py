@@ -12,6 +12,7 @@ from nico_selfmodel.estimation import KinematicCalibration
 from nico_selfmodel.estimation.start_search import StartSearch
 from nico_selfmodel.optimization import Uncertainty
 from nico_selfmodel.viz import palette
+from nico_selfmodel.viz.blind_parameters import blind_parameters
 from nico_selfmodel.viz.numbers_shown import decimals
 from nico_selfmodel.viz.plot_style import (
     FULL_WIDTH,
@@ -44,7 +45,7 @@ def parameter_sigmas(calibration: KinematicCalibration) -> Figure | None:
         for axes, (unit, names) in zip(panels, groups.items(), strict=True):
             _sigma_panel(axes, calibration, uncertainty, unit, names)
             axes.set_ylim(tallest - 0.4, -0.6)
-        headline(figure, _least_known(uncertainty, unit_of))
+        headline(figure, _least_known(uncertainty, unit_of, blind_parameters(calibration)))
     return figure
 
 
@@ -61,10 +62,11 @@ def _sigma_panel(
         parameters = calibration.model.parameters
         value = dict(zip(parameters.names, parameters.values.tolist(), strict=True))
         sigma = sigma / np.array([value[name] for name in names])
-    known = np.isfinite(sigma)
+    blind = blind_parameters(calibration)
+    known = np.array([name not in blind for name in names])
     reach = 1.3 * float(sigma[known].max()) if known.any() else 1.0
     for row, (name, size) in enumerate(zip(names, sigma.tolist(), strict=True)):
-        if np.isfinite(size):
+        if name not in blind:
             axes.barh(row, size, height=0.68, color=_color_of(name, calibration))
             axes.text(size + 0.01 * reach, row, decimals(size, size), va="center", fontsize=7.5)
         else:
@@ -182,12 +184,11 @@ def _color_of(name: str, calibration: KinematicCalibration) -> str:
     return palette.joint_color(joints.index(joint)) if joint in joints else palette.TRAINING
 
 
-def _least_known(uncertainty: Uncertainty, unit_of: dict[str, str]) -> str:
+def _least_known(uncertainty: Uncertainty, unit_of: dict[str, str], blind: frozenset[str]) -> str:
     """Say which length and which angle are known worst, or how many parameters are blind."""
     sigma = uncertainty.sigma
-    blind = int(np.sum(~np.isfinite(sigma)))
     if blind:
-        return f"{blind} of {len(sigma)} parameters are not determined by these data"
+        return f"{len(blind)} of {len(sigma)} parameters are not determined by these data"
     parts = []
     for unit in ("m", "rad"):
         rows = [i for i, name in enumerate(uncertainty.names) if unit_of[name] == unit]

@@ -8,6 +8,7 @@ import numpy as np
 
 from nico_selfmodel.estimation import KinematicCalibration
 from nico_selfmodel.viz.arm_shape import arm_length
+from nico_selfmodel.viz.blind_parameters import blind_parameters
 from nico_selfmodel.viz.numbers_shown import decimals
 
 _SHOWN = {"m": ("mm", 1e3), "rad": ("deg", 180.0 / np.pi), "1": ("", 1.0)}
@@ -189,10 +190,10 @@ def _parameter_cell(
         return Cell(decimals(factor * value, None), kind="derived", value=value)
     if not entry["free"]:
         return Cell(decimals(factor * value, None), "fixed", "fixed", value)
-    if entry["sigma"] is None:
-        blind = calibration.uncertainty is not None
-        kind = ("blind", "blind") if blind else ("", "unknown")
-        return Cell(decimals(factor * value, None), *kind, value)
-    sigma = factor * entry["sigma"]
-    note = f"± {decimals(sigma, sigma)}"
+    sigma = None if entry["sigma"] is None else factor * entry["sigma"]
+    note = "" if sigma is None else f"± {decimals(sigma, sigma)}"
+    if name in blind_parameters(calibration):
+        return Cell(decimals(factor * value, sigma), f"blind {note}".strip(), "blind", value)
+    if sigma is None:
+        return Cell(decimals(factor * value, None), "", "unknown", value)
     return Cell(decimals(factor * value, sigma), note, "free", value)

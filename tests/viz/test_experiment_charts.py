@@ -74,6 +74,6 @@ def test_a_chart_is_saved_by_its_ending(tmp_path, name, start):
 
 
 def test_another_ending_is_refused(tmp_path):
-    with pytest.raises(ValueError, match=".png or .svg"):
+    with pytest.raises(ValueError, match=r"\.png or \.svg"):
         save_figure(chart(), tmp_path / "a.pdf")
     assert list(tmp_path.iterdir()) == []

@@ -10,7 +10,7 @@ from nico_selfmodel.viz.arm_shape import arm_length, joint_points
 from nico_selfmodel.viz.kinematics_scene import calibration_scene, shown_pose
 from nico_selfmodel.viz.robot_items import robot_items, robot_legend
 from nico_selfmodel.viz.scene import FIELD_OF_VIEW
-from nico_selfmodel.viz.scene_items import Markers, Needles
+from nico_selfmodel.viz.scene_items import Markers
 
 from .conftest import JOINTS, OUTLIERS, true_arm
 
@@ -225,10 +225,6 @@ def test_names_that_look_alike_in_a_path_stay_apart(renamed):
     joints = [item for item in scene.items if item.path.startswith("arm/joint_")]
     assert len(joints) == 4
     assert {entry.label for entry in scene.legend} >= {"joint a/b", "joint a b"}
-
-
-def test_needles_start_thick_at_the_prediction(scene):
-    assert all(i.radius > 0.0 for i in scene.items if isinstance(i, Needles))
 
 
 def test_joint_points_lie_on_their_axes_and_make_the_shortest_path():

@@ -45,11 +45,19 @@ def test_the_scene_can_be_drawn_again_without_learning(written, calibration):
     assert load_scene(written / "scene.json").paths == load_scene(written).paths
 
 
+@pytest.fixture
+def short_report(monkeypatch):
+    """Spare the pages that a test does not look at."""
+    monkeypatch.setattr(result_folder, "report_html", lambda *_: "<!doctype html>")
+
+
+@pytest.mark.usefixtures("short_report")
 def test_without_a_robot_there_is_no_urdf(tmp_path, circles_alone, verdict):
     folder = write_result_folder(tmp_path / "result", circles_alone, verdict)
     assert names(folder) == FILES
 
 
+@pytest.mark.usefixtures("short_report")
 def test_a_robots_name_cannot_lead_out_of_the_folder(tmp_path, circles_alone, verdict):
     folder = write_result_folder(
         tmp_path / "result", circles_alone, verdict, urdf_text="x", robot_name="../../my robot"
@@ -57,6 +65,7 @@ def test_a_robots_name_cannot_lead_out_of_the_folder(tmp_path, circles_alone, ve
     assert names(folder) - FILES == {"my_robot_learned.urdf"}
 
 
+@pytest.mark.usefixtures("short_report")
 def test_an_existing_folder_is_kept_unless_forced(tmp_path, circles_alone, verdict):
     folder = tmp_path / "result"
     folder.mkdir()
@@ -68,6 +77,7 @@ def test_an_existing_folder_is_kept_unless_forced(tmp_path, circles_alone, verdi
     assert names(folder) == FILES
 
 
+@pytest.mark.usefixtures("short_report")
 @pytest.mark.parametrize("broken", ["report_html", "calibration_scene", "save"])
 def test_a_failure_on_the_way_leaves_nothing_new(
     tmp_path, circles_alone, verdict, monkeypatch, broken

@@ -114,7 +114,7 @@ def test_names_in_paths_are_plain_and_different():
 
 def test_the_items_under_a_path_are_found():
     scene = scene_of(*every_item())
-    assert [item.path for item in scene.under("points")] == ["points/plain", "points/coloured"]
+    assert [item.path for item in scene.under("points")] == ["points/coloured", "points/plain"]
     assert scene.under("point") == ()
 
 
