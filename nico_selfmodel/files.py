@@ -3,7 +3,7 @@
 import os
 import shutil
 import tempfile
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
 
@@ -19,6 +19,8 @@ def write_whole(path: str | Path, text: str) -> None:
         OSError: If the folder is missing or cannot be written to.
     """
     path = Path(path)
+    if not path.parent.is_dir():
+        raise FileNotFoundError(f"{path} cannot be written: {path.parent} is not a folder")
     handle, temporary = tempfile.mkstemp(prefix=f".{path.name}.", dir=path.parent)
     try:
         with os.fdopen(handle, "w", encoding="utf-8", newline="\n") as file:
@@ -36,7 +38,7 @@ def folder_written_whole(path: str | Path, *, force: bool = False) -> Iterator[P
 
     Args:
         path: The final name; folders above it are made.
-        force: Replace an existing folder.
+        force: Replace an earlier result (see `refuse_folder`).
 
     Yields:
         A temporary sibling folder to write into.
@@ -46,7 +48,7 @@ def folder_written_whole(path: str | Path, *, force: bool = False) -> Iterator[P
         OSError: If the folder above cannot be written to.
     """
     path = Path(path)
-    refuse_existing(path, force=force)
+    refuse_folder(path, force=force)
     path.parent.mkdir(parents=True, exist_ok=True)
     temporary = Path(tempfile.mkdtemp(prefix=f".{path.name}.", dir=path.parent))
     try:
@@ -73,6 +75,41 @@ def _swap(new: Path, path: Path) -> None:
             raise
     finally:
         shutil.rmtree(aside, ignore_errors=True)
+
+
+RESULT_FILE = "result.json"
+"""What marks a folder as a result of ours, that `force` may replace."""
+
+
+def refuse_folder(
+    path: str | Path, *, force: bool = False, inputs: Iterable[str | Path | None] = ()
+) -> None:
+    """Refuse a result folder that would destroy something, before any work is done for it.
+
+    Args:
+        path: The folder about to be made.
+        force: Allow an earlier result, or an empty folder, to be replaced.
+        inputs: Files and folders that the work reads; they must not lie in it.
+
+    Raises:
+        FileExistsError: If it exists and `force` is not set, it is not a result, or it holds an
+            input.
+        OSError: If the nearest folder above it that exists cannot be written to.
+    """
+    path = Path(path)
+    refuse_existing(path, force=force)
+    if not path.exists():
+        return
+    if not path.is_dir():
+        raise FileExistsError(f"{path} is a file, a folder is to be made: choose another name")
+    for source in (Path(source).resolve() for source in inputs if source is not None):
+        if path.resolve() in (source, *source.parents):
+            raise FileExistsError(f"{path} holds {source}, which is read: choose another name")
+    if any(path.iterdir()) and not (path / RESULT_FILE).is_file():
+        raise FileExistsError(
+            f"{path} holds something that is not a result ({RESULT_FILE}); it is not replaced: "
+            "choose another name"
+        )
 
 
 def refuse_existing(path: str | Path, *, force: bool = False) -> None:

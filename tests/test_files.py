@@ -4,7 +4,7 @@ from pathlib import Path
 
 import pytest
 
-from nico_selfmodel.files import folder_written_whole, refuse_existing, write_whole
+from nico_selfmodel.files import folder_written_whole, refuse_existing, refuse_folder, write_whole
 
 
 @pytest.fixture
@@ -12,6 +12,7 @@ def result(tmp_path):
     """Return an existing result folder."""
     folder = tmp_path / "result"
     folder.mkdir()
+    (folder / "result.json").write_text("{}")
     (folder / "old.txt").write_text("old")
     return folder
 
@@ -94,13 +95,13 @@ def test_an_interrupted_replacement_leaves_the_old_folder(tmp_path, result):
     with pytest.raises(ValueError, match="stop"):
         write_half()
     assert names_in(tmp_path) == ["result"]
-    assert names_in(result) == ["old.txt"]
+    assert names_in(result) == ["old.txt", "result.json"]
 
 
 def test_force_swaps_the_whole_folder_and_mixes_nothing(tmp_path, result):
     with folder_written_whole(result, force=True) as folder:
         (folder / "new.txt").write_text("new")
-        assert names_in(result) == ["old.txt"]
+        assert names_in(result) == ["old.txt", "result.json"]
     assert names_in(result) == ["new.txt"]
     assert names_in(tmp_path) == ["result"]
 
@@ -115,7 +116,7 @@ def test_a_swap_that_fails_half_way_brings_the_old_folder_back(tmp_path, result,
 
     with pytest.raises(OSError, match="disk is gone"):
         swap()
-    assert names_in(result) == ["old.txt"]
+    assert names_in(result) == ["old.txt", "result.json"]
     assert names_in(tmp_path) == ["result"]
 
 
@@ -130,3 +131,22 @@ def test_an_existing_folder_is_refused_before_any_work(result):
         refuse_existing(result)
     refuse_existing(result, force=True)
     refuse_existing(result / "new")
+
+
+def test_force_never_replaces_what_is_not_a_result(tmp_path):
+    work = tmp_path / "work"
+    (work / "deep").mkdir(parents=True)
+    (work / "deep" / "thesis.tex").write_text("years")
+    with pytest.raises(FileExistsError, match="not a result"):
+        refuse_folder(work, force=True)
+    assert (work / "deep" / "thesis.tex").read_text() == "years"
+    (tmp_path / "empty").mkdir()
+    refuse_folder(tmp_path / "empty", force=True)
+
+
+def test_force_never_replaces_a_folder_that_holds_what_is_read(result):
+    (result / "recordings").mkdir()
+    for source in (result, result / "recordings", result / "recordings" / "train"):
+        with pytest.raises(FileExistsError, match="which is read"):
+            refuse_folder(result, force=True, inputs=[None, source])
+    refuse_folder(result, force=True, inputs=[result.parent / "elsewhere"])

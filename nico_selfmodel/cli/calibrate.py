@@ -22,7 +22,8 @@ def kinematics(
     out: Annotated[Path, typer.Option("--out", help="Result folder to make.")],
     test: Annotated[Path | None, typer.Option("--test", help="Folder of held-out data.")] = None,
     test_fraction: Annotated[
-        float | None, typer.Option("--test-fraction", help="Hold this share of the poses out.")
+        float | None,
+        typer.Option("--test-fraction", help="Share of the poses beside sweeps to hold out."),
     ] = None,
     seed: Annotated[int, typer.Option("--seed", help="Of the split and of random starts.")] = 0,
     method: Annotated[
@@ -54,14 +55,17 @@ def kinematics(
     """Learn an arm from encoder readings and measured points of the hand."""
     from nico_selfmodel.dataset import Dataset
     from nico_selfmodel.estimation import Pins, calibrate_kinematics, judge, result_document
-    from nico_selfmodel.files import refuse_existing
+    from nico_selfmodel.files import refuse_folder
 
-    refuse_existing(out, force=force)
+    refuse_folder(out, force=force, inputs=[dataset, test, robot])
+    _check_options(robot, (arm, base, tip, hold, point), require_test_mm)
     if test is not None and test_fraction is not None:
         raise ValueError("give --test or --test-fraction, not both")
     pins = Pins.from_text(pin or (), free or ())
     train = Dataset.load(dataset)
     held_out = None if test is None else Dataset.load(test)
+    if held_out is not None and held_out.sha256 == train.sha256:
+        raise ValueError(f"--test {test} holds the training data: nothing would be held out")
     if test_fraction is not None:
         train, held_out = train.split(test_fraction, seed)
     description, nominal = None, None
@@ -106,3 +110,13 @@ def kinematics(
     else:
         console.print_calibration(calibration.model.name, document, out)
     raise typer.Exit(1 if verdict.status == "FAIL" else 0)
+
+
+def _check_options(
+    robot: str | None, chain: tuple[object, ...], require_test_mm: float | None
+) -> None:
+    """Refuse options that would be ignored, and a bound that is none."""
+    if robot is None and any(chain):
+        raise ValueError("--arm, --base, --tip, --hold and --point need --robot")
+    if require_test_mm is not None and not 0.0 < require_test_mm < float("inf"):
+        raise ValueError(f"--require-test-mm must be a positive number, got {require_test_mm}")

@@ -45,6 +45,13 @@ def print_verdict(status: str, reasons: Sequence[str]) -> None:
         out.print(f"  {reason}", markup=False)
 
 
+def print_outliers(document: Mapping[str, Any]) -> None:
+    """Say how many training poses were set aside."""
+    if document["outliers"]:
+        count = len(document["outliers"])
+        out.print(f"{count} training poses set aside as outliers (listed in result.json)")
+
+
 def print_where(folder: Path) -> None:
     """Say what lies in a result folder and how to look at it."""
     out.print(f"\nresult   {folder}/", markup=False)
@@ -71,6 +78,7 @@ def print_calibration(name: str, document: Mapping[str, Any], folder: Path) -> N
     )
     rows = [statistics_row(label, document[key]) for label, key in parts]
     print_table(name, STATISTICS_HEADINGS, rows)
+    print_outliers(document)
     print_verdict(document["status"], document["reasons"])
     print_where(folder)
 

@@ -37,11 +37,11 @@ def motion_capture(
         table_rows,
         write_report,
     )
-    from nico_selfmodel.files import refuse_existing
+    from nico_selfmodel.files import refuse_folder
     from nico_selfmodel.plant import ArmDescription
     from nico_selfmodel.systems import world_named
 
-    refuse_existing(out, force=force)
+    refuse_folder(out, force=force)
     chosen = world_named(world)
     with console.progress_bar() as stage:
         results = run_motion_capture(

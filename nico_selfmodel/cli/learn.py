@@ -34,12 +34,12 @@ def learn(
     """Let a simulated robot move its arm, watch its hand, and learn the arm's geometry."""
     from nico_selfmodel.estimation import judge, result_document
     from nico_selfmodel.experiments.first_arm import learn_first_arm
-    from nico_selfmodel.files import refuse_existing
+    from nico_selfmodel.files import refuse_folder
     from nico_selfmodel.plant import learned_urdf
     from nico_selfmodel.systems import world_named
     from nico_selfmodel.viz import write_result_folder
 
-    refuse_existing(out, force=force)
+    refuse_folder(out, force=force)
     chosen_world = world_named(world)
     description = chosen_arm(robot or "nico", arm, base, tip, hold, point)
     with console.progress_bar() as stage:
@@ -80,5 +80,6 @@ def _print(first: "FirstArm", document: Mapping[str, Any], out: Path) -> None:
             ["thesis, refined (real robot)", "100", "3.19", "1.71", "-", "-", "-"],
         ],
     )
+    console.print_outliers(document)
     console.print_verdict(document["status"], document["reasons"])
     console.print_where(out)

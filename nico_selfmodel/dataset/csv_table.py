@@ -10,11 +10,13 @@ from pathlib import Path
 import numpy as np
 import numpy.typing as npt
 
+from nico_selfmodel.dataset.row_checks import PIXEL_COLUMNS, POINT_COLUMNS
 from nico_selfmodel.dataset.text_file import read_text
 from nico_selfmodel.dataset.yaml_mapping import found_instead
 from nico_selfmodel.errors import DataError
 
 _INTEGER = re.compile(r"[+-]?[0-9]{1,19}")
+STANDARD_COLUMNS = {"sample", "sweep", "marker", "mirror", *POINT_COLUMNS, *PIXEL_COLUMNS}
 _INT64 = np.iinfo(np.int64)
 
 
@@ -97,9 +99,21 @@ class CsvTable:
         if column not in self.columns:
             raise DataError(
                 f"{self.path}: column {column!r} is missing"
-                f"{found_instead(column, self.columns)}; columns are {', '.join(self.columns)}"
+                f"{self._hint(column)}; columns are {', '.join(self.columns)}"
             )
         return self.columns[column]
+
+    def _hint(self, column: str) -> str:
+        """Name a column that may be a misspelling of a missing one; never one that has a use."""
+        prefix = "encoder." if column.startswith("encoder.") else ""
+        # Compared without what all encoders share, or any encoder would look like any other.
+        others = [
+            name.removeprefix(prefix)
+            for name in self.columns
+            if name not in STANDARD_COLUMNS and name.startswith(prefix)
+        ]
+        hint = found_instead(column.removeprefix(prefix), others)
+        return hint.replace("but '", f"but '{prefix}") if hint else ""
 
     def texts(self, column: str) -> npt.NDArray[np.str_]:
         """Return a column of text, stripped. Shape (N,).

@@ -64,7 +64,6 @@ def doubtful_gears(
     found = [
         DoubtfulGear(name, float(values[i] + step[i]), float(sigma[i]))
         for i, name in enumerate(names)
-        if name in held
-        and abs(step[i]) > max(_LEAST_CHANGE * values[i], _LEAST_SIGMAS * sigma[i])
+        if name in held and abs(step[i]) > max(_LEAST_CHANGE * values[i], _LEAST_SIGMAS * sigma[i])
     ]
     return tuple(sorted(found, key=lambda gear: -abs(gear.value - 1.0)))

@@ -68,6 +68,8 @@ class KinematicCalibration:
     """Sweeps and their circles, where there were any."""
     search: StartSearch | None
     """How the starts fared."""
+    point_sigma: float | None
+    """Standard deviation of a measured coordinate that the data set states [m]."""
     doubtful_gears: tuple[DoubtfulGear, ...]
     """Gears held at 1 that the data contradict."""
     converged: bool
@@ -143,6 +145,7 @@ def calibrate_kinematics(
         solved.free,
         task.circles,
         search,
+        dataset.point_sigma_m,
         task.doubtful_gears(solved),
         solved.converged,
         solved.iterations,
@@ -272,6 +275,11 @@ class _Task:
             DataError: If not.
         """
         observations = self.observations
+        if observations.size <= 1e-9:
+            raise DataError(
+                f"the measured points of data set {self.dataset.name!r} do not move: they all "
+                "coincide, so that nothing can be learned from them"
+            )
         still = [
             joint
             for joint, span in zip(

@@ -1,5 +1,6 @@
 """What the user holds fixed or lets move: `--pin NAME`, `--pin NAME=VALUE`, `--free NAME`."""
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 from difflib import get_close_matches
@@ -30,6 +31,8 @@ class Pins:
                 pinned[name.strip()] = float(value) if equals else None
             except ValueError as error:
                 raise ValueError(f"--pin {word}: {value!r} is not a number") from error
+            if equals and not math.isfinite(float(value)):
+                raise ValueError(f"--pin {word}: {value!r} is not a finite number")
         both = set(pinned) & set(free)
         if both:
             raise ValueError(f"{', '.join(sorted(both))} cannot be both pinned and freed")
@@ -54,5 +57,5 @@ class Pins:
         known = parameters.names
         for name in sorted(self.names - set(known)):
             close = get_close_matches(name, known, 1)
-            hint = f", did you mean {close[0]}?" if close else ""
+            hint = f", did you mean {close[0]!r}?" if close else "."
             raise ValueError(f"no parameter {name!r}{hint} There are: {', '.join(known)}")

@@ -8,10 +8,16 @@ from numpy.typing import NDArray
 from nico_selfmodel.estimation.blind_words import describe_blind
 from nico_selfmodel.estimation.kinematics import KinematicCalibration
 
-_MOST_OUTLIERS = 1.0 / 3.0
+_MOST_OUTLIERS = 0.25
 """A larger share of points that are not believed is no accident."""
+_LARGEST_NOISE = 0.05
+"""Residuals above this share of the workspace's size explain nothing."""
+_LARGEST_RATIO = 10.0
+"""Residuals above this many stated sigmas are not joint play."""
 _SIGNIFICANT = 3.3
 """Standard scores of a rank test beyond which held-out errors count as larger: one in 2000."""
+_BLIND_SHOWN = 3
+"""Blind directions among the reasons; the result lists them all."""
 _NOTABLE = 1.3
 """And the ratio of the medians that makes it worth a failure."""
 
@@ -38,11 +44,12 @@ def judge(calibration: KinematicCalibration, require_test_mm: float | None = Non
         NOT_EVALUATED where nothing was held out.
     """
     checks = [
+        *_gear_reasons(calibration),
+        _misfit_reason(calibration),
+        _outlier_reason(calibration),
         _solver_reason(calibration),
         _starts_reason(calibration),
         *_blind_reasons(calibration),
-        *_gear_reasons(calibration),
-        _outlier_reason(calibration),
         _held_out_reason(calibration),
         _bound_reason(calibration, require_test_mm),
     ]
@@ -75,7 +82,9 @@ def _starts_reason(calibration: KinematicCalibration) -> str | None:
 def _blind_reasons(calibration: KinematicCalibration) -> list[str]:
     if calibration.uncertainty is None:
         return []
-    return [describe_blind(direction) for direction in calibration.uncertainty.blind]
+    words = [describe_blind(direction) for direction in calibration.uncertainty.blind]
+    more = len(words) - _BLIND_SHOWN
+    return words if more <= 0 else [*words[:_BLIND_SHOWN], f"and {more} more blind directions"]
 
 
 def _gear_reasons(calibration: KinematicCalibration) -> list[str]:
@@ -85,6 +94,28 @@ def _gear_reasons(calibration: KinematicCalibration) -> list[str]:
         f"--free {gear.name}"
         for gear in calibration.doubtful_gears
     ]
+
+
+def _misfit_reason(calibration: KinematicCalibration) -> str | None:
+    """Say when the model leaves so much unexplained that nothing else about it counts."""
+    noise, size = calibration.model.noise_sigma, calibration.train.observations.size
+    stated = calibration.point_sigma
+    advice = (
+        "the model does not explain the data; check units and gears (--free), the pairing of "
+        "readings and points, marker labels, and whether something moved during the recording"
+    )
+    if noise is None or len(calibration.train.distances) < 10:
+        return None
+    if noise > _LARGEST_NOISE * size:
+        return f"the residuals are {1e3 * noise:.1f} mm a coordinate in a workspace of " + (
+            f"{1e3 * size:.0f} mm: {advice}"
+        )
+    if stated is not None and noise > _LARGEST_RATIO * stated:
+        return (
+            f"the residuals are {1e3 * noise:.2f} mm a coordinate, {noise / stated:.0f} times the "
+            f"stated point_sigma_m ({1e3 * stated:.2g} mm): {advice}"
+        )
+    return None
 
 
 def _outlier_reason(calibration: KinematicCalibration) -> str | None:

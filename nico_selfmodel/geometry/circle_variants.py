@@ -8,7 +8,6 @@ from nico_selfmodel.geometry.levenberg_marquardt import NormalEquations, levenbe
 from nico_selfmodel.geometry.plane import Plane
 from nico_selfmodel.geometry.rotation import rotation_from_vector, skew, tangent_basis
 
-
 _CANDIDATES = 6
 
 

@@ -64,10 +64,12 @@ def calibration_scene(
     if robot is not None:
         body = robot_items(robot, calibration.model, q)
         legend += tuple(robot_legend(robot))
-    points = np.concatenate([_data_points(calibration), _arm_points(calibration.model, q, unit)])
-    centers = [item.X_WI[:3, 3][None] for item in body]
-    corners = [*_small_circles(circles, points), *centers]
-    view = camera_on(np.concatenate([points, *corners]))
+    data, arm = _data_points(calibration), _arm_points(calibration.model, q, unit)
+    centers = [item.X_WI[:3, 3] for item in body]
+    points = np.concatenate([data, arm, *([centers] if centers else [])])
+    wires = _small_circles(circles, np.concatenate([data, arm]))
+    behind = np.array(centers) if centers else arm
+    view = camera_on(np.concatenate([points, *wires]), data.mean(axis=0) - behind.mean(axis=0))
     return Scene(calibration.model.name, (*floor_items(points, unit), *items, *body), view, legend)
 
 

@@ -8,7 +8,7 @@ from pathlib import Path
 from nico_selfmodel.dataset import Dataset
 from nico_selfmodel.errors import ModelError
 from nico_selfmodel.estimation import KinematicCalibration, Verdict, result_document
-from nico_selfmodel.files import folder_written_whole, refuse_existing
+from nico_selfmodel.files import folder_written_whole, refuse_folder
 from nico_selfmodel.plant import ArmDescription
 from nico_selfmodel.viz.kinematics_scene import calibration_scene
 from nico_selfmodel.viz.report import report_html
@@ -50,7 +50,7 @@ def write_result_folder(
         SelfModelError: If the server that makes the interactive scene cannot start.
     """
     folder = Path(folder)
-    refuse_existing(folder, force=force)
+    refuse_folder(folder, force=force)
     document = result_document(calibration, verdict)
     scene = calibration_scene(calibration, robot)
     texts = {

@@ -46,17 +46,21 @@ def floor_items(points: NDArray, unit: float) -> list[Item]:
     return items
 
 
-def camera_on(points: NDArray) -> Camera:
-    """Return a view that holds all points, square to their widest horizontal spread, from above.
+def camera_on(points: NDArray, front: NDArray) -> Camera:
+    """Return a view that holds all points, about square to their widest horizontal spread.
+
+    It looks down a little, from the side on which the foremost things are.
 
     Args:
         points: What must be seen [m]. Shape (N, 3).
+        front: From what may be hidden to what should be in front of it. Shape (3,).
     """
     flat = points[:, :2] - points[:, :2].mean(axis=0)
     across = np.linalg.eigh(flat.T @ flat)[1][:, 0]
-    # Of the two sides take the one towards +x, then turn a little for depth.
-    across = across * (-1.0 if across[0] < 0.0 else 1.0)
-    azimuth = np.arctan2(across[1], across[0]) + _TURN
+    # Both sides, each turned a little either way for depth.
+    sides = np.arctan2(across[1], across[0]) + np.array([0.0, np.pi])
+    azimuths = (sides[:, None] + np.array([-_TURN, _TURN])).ravel()
+    azimuth = azimuths[np.argmax(np.cos(azimuths) * front[0] + np.sin(azimuths) * front[1])]
     away = np.array([np.cos(azimuth), np.sin(azimuth), np.tan(_ELEVATION)]) * np.cos(_ELEVATION)
     right = np.array([-np.sin(azimuth), np.cos(azimuth), 0.0])
     seen = points @ np.stack([right, np.cross(away, right), away], axis=1)

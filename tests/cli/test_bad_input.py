@@ -66,7 +66,7 @@ CASES = {
         all_rows(x_m=lambda v: v and str(1e3 * float(v)), y_m=lambda v: v and str(1e3 * float(v))),
         "millimet",
     ),
-    "coincident points": (all_rows(x_m="0.1", y_m="0.1", z_m="0.1"), "co"),
+    "coincident points": (all_rows(x_m="0.1", y_m="0.1", z_m="0.1"), "do not move"),
     "too few samples": (lambda header, rows: [*rows[:1], *rows[-7:]], "equations"),
     "no rows": (lambda header, rows: rows[:1], "row"),
 }
@@ -157,3 +157,40 @@ def test_a_view_of_nothing_is_explained(tmp_path, command):
 def test_a_world_that_does_not_exist_is_explained(tmp_path, command):
     process = command("learn", "--world", "moon", "--out", tmp_path / "out")
     assert_one_clear_line(process, "moon", "thesis")
+
+
+@pytest.mark.parametrize(
+    ("options", "word"),
+    [
+        (("--base", "chest"), "--robot"),
+        (("--pin", "right_elbow.r=nan"), "finite"),
+        (("--require-test-mm", "nan"), "--require-test-mm"),
+        (("--require-test-mm", "-2"), "--require-test-mm"),
+    ],
+)
+def test_options_that_would_be_ignored_are_refused(options, word, recorded, tmp_path, command):
+    process = command("calibrate", "kinematics", recorded[0], *options, "--out", tmp_path / "out")
+    assert_one_clear_line(process, word)
+
+
+def test_training_data_are_no_test_data(recorded, tmp_path, command):
+    process = command(
+        *("calibrate", "kinematics", recorded[0], "--test", recorded[0]),
+        *("--out", tmp_path / "out"),
+    )
+    assert_one_clear_line(process, "training data")
+
+
+def test_force_never_deletes_the_data_it_reads_or_a_folder_of_something_else(
+    recorded, tmp_path, command
+):
+    data = tmp_path / "data"
+    shutil.copytree(recorded[0], data)
+    process = command("calibrate", "kinematics", data, "--out", data, "--force")
+    assert_one_clear_line(process, "which is read")
+    assert (data / "samples.csv").is_file()
+    (tmp_path / "work").mkdir()
+    (tmp_path / "work" / "thesis.tex").write_text("years")
+    process = command("calibrate", "kinematics", data, "--out", tmp_path / "work", "--force")
+    assert_one_clear_line(process, "not a result")
+    assert (tmp_path / "work" / "thesis.tex").read_text() == "years"

@@ -83,7 +83,9 @@ class Truth:
         readings = self.servos.to_encoder(q)
         return np.concatenate(
             [
-                np.linalg.norm(model.predict(readings, name).p_WH - self.chain.forward(q, k), axis=1)
+                np.linalg.norm(
+                    model.predict(readings, name).p_WH - self.chain.forward(q, k), axis=1
+                )
                 for k, name in enumerate(self.chain.markers)
             ]
         )

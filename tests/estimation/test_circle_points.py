@@ -136,9 +136,7 @@ def test_known_gears_place_the_centres_of_short_arcs(make_truth):
 def test_the_noise_and_the_axes_uncertainty_are_those_of_many_recordings(make_truth):
     truth = make_truth(4, 8, unit="counts")
     q, labels = truth.sweeps(26)
-    found = [
-        analysed(truth.dataset(q, labels, sigma=5e-4, seed=seed), False) for seed in range(40)
-    ]
+    found = [analysed(truth.dataset(q, labels, sigma=5e-4, seed=seed), False) for seed in range(40)]
     assert np.mean([f.noise for f in found]) == pytest.approx(5e-4, rel=0.05)
     first = np.array([f.directions[0] for f in found])
     tilt = np.linalg.svd(first - first.mean(axis=0), compute_uv=False)[0] / np.sqrt(39)

@@ -5,7 +5,7 @@ from html.parser import HTMLParser
 import numpy as np
 import pytest
 
-from nico_selfmodel.estimation import judge, result_document
+from nico_selfmodel.estimation import Verdict, judge, result_document
 from nico_selfmodel.viz import report_html
 
 from .conftest import JOINTS, OUTLIERS
@@ -176,7 +176,7 @@ def test_backticks_in_reasons_become_code_and_names_stay_escaped(failed_html):
 
 
 def test_circle_points_alone_are_reported_without_pretending(circles_alone):
-    verdict = judge(circles_alone)
+    verdict = Verdict("NOT_EVALUATED", ("nothing was held out",))
     page = Page(report_html(circles_alone, verdict, result_document(circles_alone, verdict)))
     assert "NOT EVALUATED" in page.words
     assert "Nothing was held out." in page.text

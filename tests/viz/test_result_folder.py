@@ -69,10 +69,11 @@ def test_a_robots_name_cannot_lead_out_of_the_folder(tmp_path, circles_alone, ve
 def test_an_existing_folder_is_kept_unless_forced(tmp_path, circles_alone, verdict):
     folder = tmp_path / "result"
     folder.mkdir()
+    (folder / "result.json").write_text("{}")
     (folder / "notes.txt").write_text("mine")
     with pytest.raises(FileExistsError, match="exists already"):
         write_result_folder(folder, circles_alone, verdict)
-    assert names(folder) == {"notes.txt"}
+    assert names(folder) == {"notes.txt", "result.json"}
     write_result_folder(folder, circles_alone, verdict, force=True)
     assert names(folder) == FILES
 
