@@ -56,7 +56,7 @@ def motion_capture(
     if as_json:
         console.print_json(document_of(results))
         return
-    title = f"Error on 100 random poses, {individuals} simulated robots, world {world}"
+    title = f"Error on 100 random poses [mm], {individuals} simulated robots, world {world}"
     console.print_table(title, *table_rows(results))
     console.print_table(f"{repeats} random subsets", *repeat_rows(results))
     console.print_where(out)

@@ -24,7 +24,7 @@ LARGEST_AXIS_SIGMA = np.radians(15.0)
 """An axis known worse than this is not used: the joint counts as not analysed."""
 TRUSTED_AXIS_SIGMA = np.radians(5.0)
 """Axes known better than this narrow the random starts."""
-LEAST_RADIUS = 4.0
+LEAST_RADIUS = 6.0
 """Radius over noise below which a circle is one of noise: a ball of noise alone makes it two."""
 LEAST_SAGITTA = 2.0
 """Arc height over noise below which a plane is noise (see `Circle.sagitta`)."""

@@ -5,12 +5,16 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
+from nico_selfmodel.errors import NotConvergedError
 from nico_selfmodel.estimation.hand_residuals import DhResiduals
 from nico_selfmodel.estimation.observations import Observations
 from nico_selfmodel.estimation.pins import Pins
 from nico_selfmodel.estimation.start_search import LineSolution
 from nico_selfmodel.model import DhParameters
 from nico_selfmodel.optimization import CalibrationProgram, Loss, Uncertainty, solve_robustly
+
+_LEAST_LEVER = 6.0
+"""Distance of the tracked points from an axis, over the noise, below which a joint is blind."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -101,6 +105,9 @@ def refine_pinned(
 
     Returns:
         The solution.
+
+    Raises:
+        NotConvergedError: If the pins contradict the data so much that a gear turns negative.
     """
     pinned = (start.gauge | gear_pinned | frozenset(pins.pinned)) - pins.freed
     free = frozenset(start.names) - pinned
@@ -110,6 +117,11 @@ def refine_pinned(
     solved = solve_robustly(program, 0, loss)
     # Written anew, so that the base's turn is the shortest one, as in a saved model.
     parameters = replace(start.with_values(solved.solution.x), turn=None)
+    if np.any(parameters.servos.gear <= 0.0):
+        raise NotConvergedError(
+            f"no arm fits the data with {', '.join(sorted(pins.names))} as asked: a gear turned "
+            "negative on the way; check the values and what the data say without them"
+        )
     weights = (~solved.outliers).astype(float)
     uncertainty = _uncertainty(program, free, observations, parameters, weights, sigma)
     return PinnedSolution(
@@ -153,9 +165,34 @@ def _uncertainty(
     jacobian = program.whitened_jacobian(parameters.values)[:, columns]
     residuals = program.residuals(0, parameters.values) * weights
     natural = DhResiduals(observations, parameters, sigma).natural_scale[columns]
-    return Uncertainty.from_jacobian(
+    found = Uncertainty.from_jacobian(
         names, jacobian, natural, float(np.sum(residuals**2)), 3 * int(weights.sum())
     )
+    for blind in _levers_of_noise(observations, parameters, free, _noise(found, 1.0, sigma)):
+        if not any(set(blind) & set(direction.names) for direction in found.blind):
+            found = found.with_blind(blind)
+        else:
+            found = replace(found, sigma=np.where(np.isin(found.names, blind), np.inf, found.sigma))
+    return found
+
+
+def _levers_of_noise(
+    observations: Observations, parameters: DhParameters, free: frozenset[str], noise: float
+) -> list[tuple[str, ...]]:
+    """Return zero and gear of joints whose turning moves no tracked point beyond the noise.
+
+    Such a point circles in its own noise: a gear fits it, with a sigma that means nothing.
+    """
+    jacobian = parameters.predict(observations.angles, observations.marker)[1]
+    found = []
+    for joint, gear in zip(parameters.table.joints, parameters.servos.gear, strict=True):
+        column = parameters.names.index(f"{joint}.theta_offset")
+        # dp / d theta_offset = -(arm of the joint) / gear
+        lever = gear * np.sqrt(np.mean(np.sum(jacobian[:, :, column] ** 2, axis=1)))
+        names = tuple(n for n in (f"{joint}.gear", f"{joint}.theta_offset") if n in free)
+        if names and lever < _LEAST_LEVER * noise:
+            found.append(names)
+    return found
 
 
 def _noise(uncertainty: Uncertainty, scale: float, sigma: float) -> float:

@@ -164,7 +164,9 @@ def rank_score(a: NDArray, b: NDArray) -> float:
     Returns:
         About standard normal where both come from one distribution; positive where b is larger.
     """
-    ranks = np.argsort(np.argsort(np.concatenate([a, b]))) + 1.0
+    _, which, counts = np.unique(np.concatenate([a, b]), return_inverse=True, return_counts=True)
+    # Equal values share the mean of their ranks.
+    ranks = (np.cumsum(counts) - 0.5 * (counts - 1))[which]
     n, m = len(a), len(b)
     u = ranks[n:].sum() - 0.5 * m * (m + 1)
     return float((u - 0.5 * n * m) / np.sqrt(n * m * (n + m + 1) / 12.0))

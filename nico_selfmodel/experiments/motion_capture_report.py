@@ -23,12 +23,12 @@ _THESIS_REPEAT_SECONDS = 2.52
 
 def table_rows(results: MotionCaptureExperiment) -> Table:
     """Return headings and rows of both charts, ours beside the thesis' (mean and SD in mm)."""
-    headings = ("training data", "method", "ours", "SD", "worst", "seconds", "thesis", "SD")
+    headings = ("samples", "method", "ours", "SD", "worst", "s", "thesis", "SD")
     rows = []
     for row in results.rows:
         thesis = ("-", "-") if row.thesis_mm is None else tuple(f"{v:.2f}" for v in row.thesis_mm)
-        data = f"{row.circle_samples} on circles"
-        data += f" + {row.random_samples} random" if row.random_samples else ""
+        data = f"{row.circle_samples}"
+        data += f" + {row.random_samples}" if row.random_samples else ""
         ours = (f"{row.mean_mm:.2f}", f"{row.sd_mm:.2f}", f"{row.worst_mm:.2f}")
         rows.append([data, row.method, *ours, f"{row.seconds:.2f}", *thesis])
     return headings, rows
@@ -75,7 +75,8 @@ def _markdown(results: MotionCaptureExperiment) -> str:
     head = (
         "# Learning an arm under motion capture (thesis, chapter 6)\n\n"
         f"Ours: {results.individuals} simulated robots in the world `{results.world}`, mean over "
-        "100 random test poses. Thesis: the real robot, one run.\n\n"
+        "100 random test poses [mm]. Thesis: the real robot, one run. Samples: on circles + random."
+        "\n\n"
     )
     return head + _as_markdown(table_rows(results)) + "\n" + _as_markdown(repeat_rows(results))
 

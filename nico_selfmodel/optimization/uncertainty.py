@@ -1,6 +1,6 @@
 """How well a solution is known: covariance, correlations, rank, blind directions."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -47,6 +47,16 @@ class Uncertainty:
         """Correlations of the identifiable part. Shape (k, k)."""
         sigma = np.sqrt(np.maximum(np.diag(self.covariance), np.finfo(float).tiny))
         return self.covariance / np.outer(sigma, sigma)
+
+    def with_blind(self, names: tuple[str, ...]) -> "Uncertainty":
+        """Return the same with parameters declared blind for a reason the Jacobian cannot see."""
+        share = np.full(len(names), len(names) ** -0.5)
+        return replace(
+            self,
+            sigma=np.where(np.isin(self.names, names), np.inf, self.sigma),
+            rank=self.rank - 1,
+            blind=(*self.blind, BlindDirection(names, share, np.inf)),
+        )
 
     @classmethod
     def from_jacobian(

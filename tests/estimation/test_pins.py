@@ -1,0 +1,218 @@
+"""Parameters held and freed by name, and what the data cannot tell, in words."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from nico_selfmodel.errors import EstimationError
+from nico_selfmodel.estimation import (
+    NominalArm,
+    Pins,
+    calibrate_kinematics,
+    judge,
+    parameter_table,
+    result_document,
+)
+from nico_selfmodel.model import DhTable
+
+SIGMA = 3e-4
+
+
+@pytest.fixture(scope="module")
+def learn(make_truth, joined):
+    """Return a function: truth, pin words, free words -> calibration with held-out poses."""
+
+    def run(truth, pin=(), free=(), **options):
+        circles = truth.dataset(*truth.sweeps(12), sigma=SIGMA, seed=1)
+        train = joined(circles, truth.dataset(truth.poses(60, 1), sigma=SIGMA, seed=2))
+        test = truth.dataset(truth.poses(60, 2), sigma=SIGMA, seed=3)
+        return calibrate_kinematics(train, test=test, pins=Pins.from_text(pin, free), **options)
+
+    return run
+
+
+def table_of(result):
+    table = parameter_table(result)
+    return {name: entry["value"] for name, entry in table.items()}, table
+
+
+def test_a_pinned_parameter_stays_at_its_value_and_has_no_uncertainty(make_truth, learn):
+    truth = make_truth(4, 2, unit="counts", kind="elbow")
+    unpinned, _ = table_of(learn(truth))
+    result = learn(truth, ["joint_1.r=0.01", "joint_2.alpha"])
+    values, table = table_of(result)
+    assert values["joint_1.r"] == 0.01
+    assert values["joint_2.alpha"] == pytest.approx(unpinned["joint_2.alpha"], abs=1e-9)
+    assert result.model.dh.r[1] == 0.01
+    for name in ("joint_1.r", "joint_2.alpha"):
+        assert (table[name]["free"], table[name]["sigma"]) == (False, 0.0)
+        assert name not in result.free
+    assert table["joint_0.r"]["sigma"] > 0.0
+    assert result.converged
+
+
+def test_a_true_pin_helps_and_a_wrong_one_hurts(make_truth, learn):
+    truth = make_truth(4, 2, unit="counts", kind="elbow")
+    dh = DhTable.from_chain(truth.chain)
+    free = learn(truth)
+    right = learn(truth, [f"joint_2.r={dh.r[2]}", f"joint_1.gear={truth.servos.gear[1]}"])
+    wrong = learn(truth, [f"joint_2.r={dh.r[2] + 0.02}"])
+    assert len(right.free) == len(free.free) - 2
+    assert right.test.statistics.rms == pytest.approx(free.test.statistics.rms, rel=0.03)
+    assert wrong.test.statistics.rms > 1.8 * free.test.statistics.rms
+    assert wrong.model.noise_sigma > 1.8 * SIGMA
+
+
+def test_gears_are_pinned_by_name_too(make_truth, learn):
+    truth = make_truth(4, 2, unit="counts", kind="elbow")
+    values, table = table_of(learn(truth, ["joint_3.gear=1.1", "joint_1.gear"]))
+    assert values["joint_3.gear"] == 1.1
+    assert not table["joint_1.gear"]["free"]
+    assert values["joint_1.gear"] == pytest.approx(truth.servos.gear[1], rel=0.02)
+    assert table["joint_0.gear"]["free"]
+
+
+def test_freed_gears_of_joint_angle_encoders_are_learned(make_truth, learn):
+    truth = make_truth(4, 2)
+    geared = replace(truth, servos=replace(truth.servos, gear=np.array([1.0, 1.03, 0.96, 1.0])))
+    held = learn(geared)
+    assert not any(name.endswith(".gear") for name in held.free)
+    assert held.model.servos.gear.tolist() == [1.0] * 4
+    assert judge(held).status == "FAIL"
+    assert {gear.name for gear in held.doubtful_gears} == {"joint_1.gear", "joint_2.gear"}
+    freed = learn(geared, free=["joint_1.gear", "joint_2.gear"])
+    assert freed.model.servos.gear == pytest.approx(geared.servos.gear, abs=4e-3)
+    assert freed.model.servos.gear[[0, 3]].tolist() == [1.0, 1.0]
+    assert freed.test.statistics.rms < 0.2 * held.test.statistics.rms
+    assert judge(freed).status == "PASS"
+
+
+@pytest.mark.parametrize(
+    ("name", "word"),
+    [
+        ("joint_3.alpha", "twist to the next axis"),
+        ("joint_0.D", "along its axis"),
+        ("joint_0.theta_offset", "encoder zero"),
+    ],
+)
+def test_a_freed_gauge_is_blind_named_in_words_and_fails(make_truth, learn, name, word):
+    truth = make_truth(4, 2, unit="counts", kind="elbow")
+    result = learn(truth, free=[name])
+    verdict = judge(result)
+    assert verdict.status == "FAIL"
+    assert name in result.free
+    (blind,) = result.uncertainty.blind
+    assert name in blind.names
+    document = result_document(result, verdict)
+    (words,) = document["not_identifiable"]
+    assert words in verdict.reasons
+    assert f"`{name}`" in words
+    assert word in words or "base of the chain" in words
+    assert document["parameters"][name]["sigma"] is None
+    # What can be told is told all the same.
+    assert result.test.statistics.rms < 3.0 * SIGMA
+    assert document["parameters"]["joint_1.gear"]["sigma"] < 0.01
+
+
+@pytest.mark.parametrize("seed", [2, 3, 4])
+def test_a_hand_on_the_last_axis_makes_the_last_joint_blind(
+    make_truth, hand_on_last_axis, learn, seed
+):
+    truth = hand_on_last_axis(make_truth(4, seed, unit="counts"), 0.0)
+    result = learn(truth)
+    document = result_document(result, judge(result))
+    assert document["status"] == "FAIL"
+    assert any("joint_3" in words for words in document["not_identifiable"])
+    assert truth.errors(result.model, truth.poses(50)).max() < 4.0 * SIGMA
+    # The last gear fits noise: it has no uncertainty, or one that covers the truth.
+    gear = document["parameters"]["joint_3.gear"]
+    off = abs(gear["value"] - truth.servos.gear[3])
+    assert gear["sigma"] is None or off < 8.0 * gear["sigma"], gear
+
+
+def test_a_joint_that_hardly_moved_is_blind(make_truth):
+    truth = make_truth(4, 2, unit="counts", kind="elbow")
+    q = truth.poses(80, 1)
+    q[:, 2] = 0.3 + 5e-4 * np.random.default_rng(0).normal(size=80)
+    result = calibrate_kinematics(truth.dataset(q, sigma=SIGMA))
+    verdict = judge(result)
+    assert verdict.status == "FAIL"
+    assert any("joint_2." in reason for reason in verdict.reasons)
+
+
+@pytest.mark.parametrize(
+    ("name", "hint"),
+    [("joint_1.gaer", "did you mean 'joint_1.gear'"), ("knee", "There are: M0.x")],
+)
+@pytest.mark.parametrize("method", ["refine", "circle-points"])
+def test_an_unknown_name_is_answered_with_a_suggestion(make_truth, learn, name, hint, method):
+    truth = make_truth(3, 2)
+    for words in ({"pin": [name]}, {"free": [name]}):
+        with pytest.raises(ValueError, match=f"no parameter '{name}'.*{hint}"):
+            learn(truth, **words, method=method)
+
+
+@pytest.mark.parametrize(
+    ("pin", "free", "message"),
+    [
+        (["a.r=long"], [], "--pin a.r=long: 'long' is not a number"),
+        (["a.r="], [], "'' is not a number"),
+        (["a.r=nan"], [], "not a finite number"),
+        (["a.r"], ["a.r"], "a.r cannot be both pinned and freed"),
+    ],
+)
+def test_words_that_make_no_sense_are_refused(pin, free, message):
+    with pytest.raises(ValueError, match=message):
+        Pins.from_text(pin, free)
+
+
+def test_words_are_read_as_names_and_values():
+    pins = Pins.from_text(["a.r=0", " b.gear = 1.5 ", "c.D"], ["d.gear"])
+    assert pins.pinned == {"a.r": 0.0, "b.gear": 1.5, "c.D": None}
+    assert pins.names == {"a.r", "b.gear", "c.D", "d.gear"}
+    assert not pins.only_gears
+    assert Pins.from_text(["b.gear"], ["d.gear"]).only_gears
+
+
+def test_a_pin_without_a_value_takes_the_robots(make_truth, learn):
+    truth = make_truth(4, 2, kind="elbow")
+    wrong = replace(truth.chain, points=truth.chain.points + 0.004)
+    wrong = replace(wrong, points=[*wrong.points, [0.0] * 3, [0.003] * 3, [0.0] * 3, [0.0] * 3])
+    nominal = NominalArm(wrong, np.full(4, -3.0), np.full(4, 3.0))
+    values, _ = table_of(learn(truth, ["joint_1.r", "joint_2.D"], nominal=nominal))
+    table = DhTable.from_chain(wrong)
+    assert values["joint_1.r"] == pytest.approx(table.r[1], abs=1e-12)
+    assert values["joint_2.D"] == pytest.approx(table.D[2], abs=1e-12)
+
+
+@pytest.mark.parametrize(
+    ("seed", "pin"),
+    [
+        (7, "joint_2.gear=3"),
+        (8, "joint_2.gear=3"),
+        (8, "joint_1.D=1"),
+        (10, "joint_1.D=1"),
+        (20, "joint_2.gear=3"),
+    ],
+)
+def test_a_pin_that_contradicts_the_data_ends_in_a_verdict_or_names_itself(make_truth, seed, pin):
+    truth = make_truth(4, seed, unit="counts", kind="elbow")
+    data = truth.dataset(truth.poses(25, seed, span=0.8), sigma=1e-3, seed=seed)
+    try:
+        result = calibrate_kinematics(data, pins=Pins.from_text([pin]), starts=2)
+    except EstimationError as error:
+        assert pin.partition("=")[0] in str(error)  # noqa: PT017
+    else:
+        assert (result.model.servos.gear > 0.0).all()
+        assert judge(result).status != "PASS"
+
+
+def test_pinning_what_points_cannot_tell_changes_the_words_and_not_the_arm(make_truth, learn):
+    truth = make_truth(4, 2, unit="counts", kind="elbow")
+    plain = learn(truth)
+    moved = learn(truth, ["joint_0.D=0.2", "joint_3.alpha=0.5"])
+    values, _ = table_of(moved)
+    assert values["joint_0.D"] == 0.2
+    q = truth.servos.to_encoder(truth.poses(30))
+    assert moved.model.predict(q).p_WH == pytest.approx(plain.model.predict(q).p_WH, abs=1e-7)
