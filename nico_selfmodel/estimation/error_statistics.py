@@ -90,7 +90,8 @@ def evaluate(model: SelfModel, dataset: Dataset) -> Evaluation:
     """
     columns = _columns_of(model, dataset)
     _check_units(model, dataset)
-    unknown = [m for m in dataset.markers if m not in model.markers]
+    seen = dict.fromkeys(dataset.marker[dataset.measured].tolist())
+    unknown = [m for m in seen if m not in model.markers]
     if unknown:
         raise DataError(
             f"data set {dataset.name!r} tracks {', '.join(unknown)}, which the self-model does not "

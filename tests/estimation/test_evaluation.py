@@ -114,10 +114,10 @@ def test_observations_are_the_measured_rows_in_radians(truth, other):
 
 def test_too_few_samples_say_how_many_are_needed(make_truth):
     truth = make_truth(4, 2, unit="counts")
-    with pytest.raises(DataError, match="7 measured points.*21 equations for 23.*least 8 points"):
+    with pytest.raises(DataError, match=r"7 measured points.*21 equations for 23.*least 8 points"):
         calibrate_kinematics(truth.dataset(truth.poses(7)))
     rad = make_truth(4, 2)
-    with pytest.raises(DataError, match="6 measured points.*18 equations for 19.*least 7 points"):
+    with pytest.raises(DataError, match=r"6 measured points.*18 equations for 19.*least 7 points"):
         calibrate_kinematics(rad.dataset(rad.poses(6)))
 
 

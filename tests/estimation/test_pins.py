@@ -178,7 +178,8 @@ def test_words_are_read_as_names_and_values():
 def test_a_pin_without_a_value_takes_the_robots(make_truth, learn):
     truth = make_truth(4, 2, kind="elbow")
     wrong = replace(truth.chain, points=truth.chain.points + 0.004)
-    wrong = replace(wrong, points=[*wrong.points, [0.0] * 3, [0.003] * 3, [0.0] * 3, [0.0] * 3])
+    shift = np.array([[0.0] * 3, [0.003] * 3, [0.0] * 3, [0.0] * 3])
+    wrong = replace(wrong, points=wrong.points + shift)
     nominal = NominalArm(wrong, np.full(4, -3.0), np.full(4, 3.0))
     values, _ = table_of(learn(truth, ["joint_1.r", "joint_2.D"], nominal=nominal))
     table = DhTable.from_chain(wrong)

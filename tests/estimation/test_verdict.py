@@ -78,7 +78,7 @@ def test_starts_that_disagree_fail(good, labels, agreeing, fails):
 
 
 def test_a_tracker_that_was_moved_between_recordings_fails(good, train, test_data):
-    moved = replace(test_data, p_WH_measured=[*test_data.p_WH_measured, 0.0, 0.0015, 0.0])
+    moved = replace(test_data, p_WH_measured=test_data.p_WH_measured + np.array([0.0, 0.0015, 0.0]))
     verdict = judge(calibrate_kinematics(train, test=moved))
     assert verdict.status == "FAIL"
     assert "significantly above" in verdict.reasons[0]
@@ -87,7 +87,8 @@ def test_a_tracker_that_was_moved_between_recordings_fails(good, train, test_dat
 
 def test_an_arm_that_was_bent_between_recordings_fails(truth, train):
     chain = truth.chain
-    bent = replace(chain, points=[*chain.points, [0.0] * 3, [0.0] * 3, [0.002] * 3, [0.0] * 3])
+    shift = np.array([[0.0] * 3, [0.0] * 3, [0.002] * 3, [0.0] * 3])
+    bent = replace(chain, points=chain.points + shift)
     other = replace(truth, chain=bent)
     test = other.dataset(truth.poses(60, 2), sigma=SIGMA, seed=3)
     assert judge(calibrate_kinematics(train, test=test)).status == "FAIL"

@@ -1,0 +1,114 @@
+"""Real arms: a positioner on a grid of poses, and a Franka arm without any sweep."""
+
+import runpy
+import subprocess
+import sys
+
+import numpy as np
+import pytest
+
+from nico_selfmodel.dataset import Dataset
+from nico_selfmodel.estimation import calibrate_kinematics, judge
+
+pytestmark = pytest.mark.real_data
+
+
+@pytest.fixture(scope="module")
+def positioner(real_data_folder, project_root):
+    measurements = real_data_folder / "positioner_two_axis" / "measurements.yaml"
+    if not measurements.is_file():
+        pytest.skip(f"no {measurements}")
+    example = runpy.run_path(str(project_root / "examples" / "04_import_positioner.py"))
+    return example["read"](str(measurements))
+
+
+@pytest.fixture(scope="module")
+def franka(real_data_folder, project_root, tmp_path_factory):
+    measurements = real_data_folder / "franka_fr3" / "measurements.csv"
+    if not measurements.is_file():
+        pytest.skip(f"no {measurements}")
+    out = tmp_path_factory.mktemp("franka") / "dataset"
+    example = project_root / "examples" / "03_import_franka.py"
+    subprocess.run([sys.executable, example, measurements, out], check=True, timeout=60)
+    return Dataset.load(out)
+
+
+def between_axes_deg(result):
+    first, second = result.model.chain.directions
+    return np.degrees(np.arccos(abs(first @ second)))
+
+
+def rms_mm(evaluation):
+    return 1e3 * evaluation.statistics.rms
+
+
+def test_the_positioners_axes_are_square_by_its_circles_alone(positioner):
+    assert len(positioner) == 205
+    result = calibrate_kinematics(positioner, method="circle-points")
+    assert 89.95 <= between_axes_deg(result) <= 90.0
+    radial = [1e3 * fit.circle.rms for fit in result.circles.circles]
+    assert len(radial) == 13 + 16
+    # Free circles lie within 0.43 mm; these also have to turn as their encoders say.
+    assert np.median(radial) < 0.43
+
+
+@pytest.mark.parametrize("loss", ["trimmed", "none", "cauchy"])
+def test_the_positioner_is_refined_to_its_noise(positioner, loss):
+    result = calibrate_kinematics(positioner, loss=loss)
+    assert rms_mm(result.train) <= 0.405
+    assert 89.95 <= between_axes_deg(result) <= 90.0
+    assert not result.outliers.any()
+    assert result.uncertainty.blind == ()
+    assert np.sqrt(np.mean(result.cross_validation**2)) <= 0.41e-3
+    assert judge(result).status == "NOT_EVALUATED"
+
+
+def test_a_positioner_whose_tilt_and_turn_are_swapped_in_order_does_not_fit(positioner):
+    """A chain has an order: the base's joint comes first."""
+    order = [1, 0]
+    swapped = Dataset(
+        name="swapped",
+        joints=tuple(positioner.joints[i] for i in order),
+        sample=positioner.sample,
+        encoders=positioner.encoders[:, order],
+        p_WH_measured=positioner.p_WH_measured,
+    )
+    verdict = judge(calibrate_kinematics(swapped))
+    assert verdict.status == "FAIL", verdict
+
+
+@pytest.mark.parametrize("seed", [0, 1, 2])
+def test_a_franka_arm_is_learned_from_nothing_but_poses(franka, seed):
+    assert len(franka) == 114
+    order = np.random.default_rng(0).permutation(114)
+    train, test = franka.select(order[:80]), franka.select(order[80:])
+    result = calibrate_kinematics(train, test=test, seed=seed)
+    assert rms_mm(result.test) <= 2.40
+    assert judge(result).status == "PASS"
+    assert len(result.free) == 4 * 7 + 3
+    assert result.circles is None
+    assert result.search.agreeing >= 3
+
+
+def test_a_franka_arm_is_learned_with_the_projects_own_split_too(franka):
+    train, test = franka.split(34 / 114, 0)
+    assert (len(train), len(test)) == (80, 34)
+    result = calibrate_kinematics(train, test=test)
+    assert rms_mm(result.test) <= 2.40
+    assert judge(result).status == "PASS"
+
+
+@pytest.mark.parametrize("loss", ["none", "huber", "cauchy", "tukey"])
+def test_a_franka_arm_is_learned_with_every_loss(franka, loss):
+    order = np.random.default_rng(0).permutation(114)
+    result = calibrate_kinematics(
+        franka.select(order[:80]), test=franka.select(order[80:]), loss=loss
+    )
+    assert rms_mm(result.test) <= 2.40
+
+
+def test_a_frankas_axes_meet_at_right_angles_or_run_parallel(franka):
+    """What its maker says of it, found without being told."""
+    directions = calibrate_kinematics(franka).model.chain.directions
+    at_zero = np.degrees(np.arccos(np.abs(np.sum(directions[:-1] * directions[1:], axis=1))))
+    assert at_zero == pytest.approx(np.full(6, 90.0), abs=1.0)
