@@ -150,3 +150,12 @@ def test_force_never_replaces_a_folder_that_holds_what_is_read(result):
         with pytest.raises(FileExistsError, match="which is read"):
             refuse_folder(result, force=True, inputs=[None, source])
     refuse_folder(result, force=True, inputs=[result.parent / "elsewhere"])
+
+
+def test_a_place_where_nothing_can_be_written_is_refused_before_any_work(result, monkeypatch):
+    refuse_existing(result / "far" / "away")
+    with pytest.raises(NotADirectoryError, match=r"old\.txt is not a folder"):
+        refuse_existing(result / "old.txt" / "new")
+    monkeypatch.setattr("os.access", lambda path, mode: path != result)
+    with pytest.raises(PermissionError, match="result cannot be written to"):
+        refuse_existing(result / "far" / "away")

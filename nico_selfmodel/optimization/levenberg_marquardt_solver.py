@@ -59,14 +59,18 @@ class LevenbergMarquardtSolver(SolverInterface):
         return SolverId("NicoLM")
 
     def AreProgramAttributesSatisfied(self, prog: MathematicalProgram) -> bool:
-        """Return whether `prog` is the program whose normal equations are known."""
-        return prog is self._program.prog
+        """Return whether `prog` is the program whose normal equations are known, and no more."""
+        return not self.ExplainUnsatisfiedProgramAttributes(prog)
 
     def ExplainUnsatisfiedProgramAttributes(self, prog: MathematicalProgram) -> str:
         """Say why a program cannot be solved; empty if it can."""
-        if self.AreProgramAttributesSatisfied(prog):
-            return ""
-        return "LevenbergMarquardtSolver solves only the program of its CalibrationProgram"
+        if prog is not self._program.prog:
+            return "LevenbergMarquardtSolver solves only the program of its CalibrationProgram"
+        linear = [*prog.linear_constraints(), *prog.linear_equality_constraints()]
+        known = len(prog.bounding_box_constraints()) + len(linear)
+        if len(prog.GetAllCosts()) > 1 or len(prog.GetAllConstraints()) > known:
+            return "LevenbergMarquardtSolver knows one cost, bounds and linear constraints only"
+        return ""
 
     def Solve(  # noqa: D417
         self,

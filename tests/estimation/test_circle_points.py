@@ -144,6 +144,18 @@ def test_the_noise_and_the_axes_uncertainty_are_those_of_many_recordings(make_tr
     assert all(f.trusted.all() for f in found)
 
 
+@pytest.mark.parametrize("points", [8, 12, 26])
+def test_the_noise_of_few_points_is_not_underestimated(make_truth, points):
+    """Good points that are thrown away make what is left look better than it is."""
+    truth = make_truth(2, 8, unit="counts")
+    q, labels = truth.sweeps(points)
+    found = [analysed(truth.dataset(q, labels, sigma=5e-4, seed=s), False) for s in range(30)]
+    kept = np.mean([fit.inliers.mean() for analysis in found for fit in analysis.circles])
+    assert kept > 0.9
+    noise = np.sqrt(np.mean([analysis.noise**2 for analysis in found]))
+    assert noise == pytest.approx(5e-4, rel=0.2)
+
+
 def test_the_zero_is_where_the_sweeps_cross(make_truth):
     truth = make_truth(3, 1)
     home = np.array([0.3, -0.2, 0.1])

@@ -80,7 +80,7 @@ def test_an_arm_is_recovered_without_sweeps_and_without_a_robot(make_truth, join
 
 @pytest.mark.parametrize("unit", ["rad", "counts"])
 def test_data_without_noise_give_the_exact_arm(make_truth, joined, unit):
-    truth = make_truth(6, 4, unit=unit, markers=2)
+    truth = make_truth(4, 4, unit=unit, markers=2)
     for sweeps in (True, False):
         train, test = train_and_test(truth, joined, sweeps=sweeps)
         result = calibrate_kinematics(train, test=test)

@@ -138,7 +138,7 @@ def test_lines_and_named_parameters_have_the_same_minimum(make_truth, unit, kind
 )
 def test_drakes_solvers_find_the_minimum_of_the_very_same_program(make_truth, solver, view):
     truth = make_truth(2, 3, unit="counts")
-    observations, start = seen(truth), near(truth, 6)
+    observations, start = seen(truth), near(truth, 6, size=0.005)
     program = line_program(observations, start, np.zeros(2, dtype=bool), SIGMA)[0]
     if view == "named":
         named = dh_of(observations, start)

@@ -106,9 +106,9 @@ def test_held_out_poses_far_from_the_training_poses_fail(truth, joined):
 
 
 def test_a_good_calibration_hardly_ever_fails(truth, joined):
-    """The held-out check is a test at one in 2000; forty recordings must all pass."""
+    """The held-out check is a test at one in 2000; twenty recordings must all pass."""
     q, labels = truth.sweeps(6)
-    for seed in range(40):
+    for seed in range(20):
         circles = truth.dataset(q, labels, sigma=SIGMA, seed=2 * seed)
         poses = truth.dataset(truth.poses(60, seed), sigma=SIGMA, seed=2 * seed + 1)
         test = truth.dataset(truth.poses(60, 500 + seed), sigma=SIGMA, seed=1000 + seed)

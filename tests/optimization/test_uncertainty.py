@@ -137,3 +137,14 @@ def test_a_small_share_of_what_nothing_determines_is_still_unknown():
     found = analyse(a, squared=26.0)
     assert found.blind[0].sigma == np.inf
     assert np.isinf(found.sigma).tolist() == [True, True, False, False]
+
+
+def test_parameters_may_be_declared_blind_from_outside():
+    seen = analyse(regression(9))
+    found = seen.with_blind(("b", "d"))
+    assert np.isinf(found.sigma).tolist() == [False, True, False, True]
+    assert found.sigma[[0, 2]].tolist() == seen.sigma[[0, 2]].tolist()
+    assert found.rank == seen.rank - 1
+    assert found.blind[-1].names == ("b", "d")
+    assert np.linalg.norm(found.blind[-1].shares) == pytest.approx(1.0)
+    assert seen.blind == ()
