@@ -151,8 +151,9 @@ def _refit_inliers(
 def _inliers(distances: NDArray, floor: float) -> NDArray:
     """Return what lies within 3.5 robust standard deviations; half the points always do."""
     median = float(np.median(distances))
-    # The median of a Rayleigh variable is 1.1774 sigma.
-    return distances <= max(3.5 / 1.1774 * median, median, floor)
+    # The median of a Rayleigh variable is 1.1774 sigma; few points fit too well (Rousseeuw 1987).
+    few = 1.0 + 5.0 / max(len(distances) - 3, 1)
+    return distances <= max(3.5 / 1.1774 * few * median, floor)
 
 
 def circles_through(triples: NDArray) -> tuple[NDArray, NDArray, NDArray]:
