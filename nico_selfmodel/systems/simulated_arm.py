@@ -53,7 +53,7 @@ class SimulatedArm:
             session: Of the random things that happen to it: play, noise, lost markers.
 
         Raises:
-            ValueError: If a stop is missing or crossed.
+            ValueError: If a stop is missing or crossed, or a joint has no room to move.
         """
         lower, upper = np.asarray(lower, dtype=float), np.asarray(upper, dtype=float)
         if not (np.isfinite(lower) & np.isfinite(upper) & (lower < upper)).all():
@@ -66,8 +66,7 @@ class SimulatedArm:
         # A tracker's z points up, but for a few degrees; where it stands is anybody's choice.
         turn = build.uniform(-1.0, 1.0, 3) * [0.05, 0.05, 0.6]
         self.__to_tracker = transform(rotation_from_vector(turn), build.uniform(-0.5, 0.5, 3))
-        stops = np.sort(self.__servos.to_encoder(np.stack([lower, upper])), axis=0)
-        self._stops = np.ceil(stops[0]), np.floor(stops[1])
+        self._stops = _stops(self.__servos, lower, upper, world, np.random.default_rng((seed, 2)))
         self.__largest_torque = _largest_torque(self.__true_chain, lower, upper, build)
 
     @property
@@ -173,6 +172,19 @@ def _servos(joints: tuple[str, ...], world: World, rng: np.random.Generator) -> 
         counts_per_turn=np.full(n, float(world.counts_per_turn)),
         sign=np.ones(n),
     )
+
+
+def _stops(
+    servos: ServoMap, lower: NDArray, upper: NDArray, world: World, rng: np.random.Generator
+) -> tuple[NDArray, NDArray]:
+    """Return where the joints stop, in whole counts inside the limits described."""
+    # On the very limits they would tell gears and zeros to whoever has the description.
+    inset = world.stop_spread * rng.uniform(0.0, 1.0, (2, len(lower)))
+    angles = np.stack([lower + inset[0], upper - inset[1]])
+    if not (angles[0] < angles[1]).all():
+        raise ValueError("a joint's limits are closer together than its stops may lie inside them")
+    stops = np.sort(servos.to_encoder(angles), axis=0)
+    return np.ceil(stops[0]), np.floor(stops[1])
 
 
 def _largest_torque(

@@ -24,6 +24,8 @@ class World:
     """Ratio of the last joint's further reduction; the others have 1."""
     encoder_zero: float = 1.0
     """Zeros lie anywhere within +- this encoder angle: they are lost at power-off [rad]."""
+    stop_spread: float = np.radians(1.0)
+    """How far inside the description's limits the stops may lie [rad]."""
     counts_per_turn: int = 16384
     """Encoder counts a turn of the geared encoder."""
     play: float = 0.0

@@ -102,6 +102,15 @@ def test_circles_of_several_markers_are_one_axis(make_truth):
     assert truth.errors(exact, truth.poses(50)).max() < EXACT
 
 
+def test_a_marker_that_no_sweep_saw_is_placed_by_the_free_poses(make_truth, joined):
+    truth = make_truth(4, 6, unit="counts", markers=2)
+    circles = truth.dataset(*truth.sweeps(8))
+    data = joined(circles.select(circles.marker == "hand"), truth.dataset(truth.poses(10)))
+    result = learned(data)
+    assert result.model.markers == ("hand", "thumb")
+    assert truth.errors(result.model, truth.poses(50)).max() < EXACT
+
+
 def test_a_sweep_of_more_than_half_a_turn_is_unwrapped_in_the_encoders_order(make_truth):
     truth = make_truth(4, 5, unit="counts")
     result = learned(truth.dataset(*truth.sweeps(26, arc=5.5)))

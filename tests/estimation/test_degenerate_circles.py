@@ -85,6 +85,20 @@ def test_a_short_arc_in_noise_is_refused_with_its_height(make_truth, unit):
         calibrate_kinematics(data, method="circle-points")
 
 
+def test_an_axis_that_few_points_leave_uncertain_is_refused_with_its_degrees(make_truth):
+    truth = make_truth(3, 1, unit="counts")
+    refused = []
+    for seed in range(20):
+        data = truth.dataset(*truth.sweeps(5, arc=0.9), sigma=3e-3, seed=seed)
+        try:
+            axis_sigma = calibrate_kinematics(data, method="circle-points").circles.axis_sigma
+        except NotIdentifiableError as error:
+            refused.append(str(error))
+        else:
+            assert (axis_sigma <= np.radians(15.0)).all()
+    assert any("the axis of joint_" in r and "uncertain by" in r for r in refused)
+
+
 def test_a_point_exactly_on_the_axis_draws_no_circle(make_truth, axis_through_hand):
     truth = axis_through_hand(make_truth(4, 1), 2)
     data = truth.dataset(*truth.sweeps(12))

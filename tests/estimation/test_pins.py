@@ -181,7 +181,7 @@ def test_a_pin_without_a_value_takes_the_robots(make_truth, learn):
     shift = np.array([[0.0] * 3, [0.003] * 3, [0.0] * 3, [0.0] * 3])
     wrong = replace(wrong, points=wrong.points + shift)
     nominal = NominalArm(wrong, np.full(4, -3.0), np.full(4, 3.0))
-    values, _ = table_of(learn(truth, ["joint_1.r", "joint_2.D"], nominal=nominal))
+    values, _ = table_of(learn(truth, ["joint_1.r", "joint_2.D", "joint_3.gear"], nominal=nominal))
     table = DhTable.from_chain(wrong)
     assert values["joint_1.r"] == pytest.approx(table.r[1], abs=1e-12)
     assert values["joint_2.D"] == pytest.approx(table.D[2], abs=1e-12)

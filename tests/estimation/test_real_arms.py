@@ -98,7 +98,8 @@ def test_a_franka_arm_is_learned_with_the_projects_own_split_too(franka):
     assert judge(result).status == "PASS"
 
 
-@pytest.mark.parametrize("loss", ["none", "cauchy"])
+@pytest.mark.slow
+@pytest.mark.parametrize("loss", ["none", "huber", "cauchy", "tukey"])
 def test_a_franka_arm_is_learned_with_other_losses(franka, loss):
     order = np.random.default_rng(0).permutation(114)
     result = calibrate_kinematics(

@@ -134,7 +134,12 @@ def test_lines_and_named_parameters_have_the_same_minimum(make_truth, unit, kind
 
 
 @pytest.mark.parametrize(
-    ("solver", "view"), [("snopt", "lines"), ("ipopt", "lines"), ("snopt", "named")]
+    ("solver", "view"),
+    [
+        ("snopt", "lines"),
+        pytest.param("ipopt", "lines", marks=pytest.mark.slow),
+        ("snopt", "named"),
+    ],
 )
 def test_drakes_solvers_find_the_minimum_of_the_very_same_program(make_truth, solver, view):
     truth = make_truth(2, 3, unit="counts")

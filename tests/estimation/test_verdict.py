@@ -28,13 +28,13 @@ def train(truth, joined):
 
 
 @pytest.fixture(scope="module")
-def test_data(truth):
+def held_out_data(truth):
     return truth.dataset(truth.poses(60, 2), sigma=SIGMA, seed=3)
 
 
 @pytest.fixture(scope="module")
-def good(train, test_data):
-    return calibrate_kinematics(train, test=test_data)
+def good(train, held_out_data):
+    return calibrate_kinematics(train, test=held_out_data)
 
 
 def test_a_good_calibration_passes_with_its_held_out_error(good):
@@ -77,12 +77,23 @@ def test_starts_that_disagree_fail(good, labels, agreeing, fails):
     assert any(f"only one of {labels} starts" in reason for reason in verdict.reasons) is fails
 
 
-def test_a_tracker_that_was_moved_between_recordings_fails(good, train, test_data):
-    moved = replace(test_data, p_WH_measured=test_data.p_WH_measured + np.array([0.0, 0.0015, 0.0]))
+def test_a_tracker_that_was_moved_between_recordings_fails(good, train, held_out_data):
+    moved = replace(
+        held_out_data, p_WH_measured=held_out_data.p_WH_measured + np.array([0.0, 0.0015, 0.0])
+    )
     verdict = judge(calibrate_kinematics(train, test=moved))
     assert verdict.status == "FAIL"
     assert "significantly above" in verdict.reasons[0]
     assert "something moved between recordings" in verdict.reasons[0]
+
+
+def test_noise_far_above_the_stated_one_fails(train, held_out_data):
+    stated = replace(train, point_sigma_m=1e-5)
+    verdict = judge(calibrate_kinematics(stated, test=held_out_data))
+    assert verdict.status == "FAIL"
+    assert "32 times the stated point_sigma_m (0.01 mm)" in verdict.reasons[0]
+    honest = replace(train, point_sigma_m=SIGMA)
+    assert judge(calibrate_kinematics(honest, test=held_out_data)).status == "PASS"
 
 
 def test_an_arm_that_was_bent_between_recordings_fails(truth, train):
