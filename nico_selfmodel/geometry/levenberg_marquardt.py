@@ -13,6 +13,9 @@ from numpy.typing import NDArray
 NormalEquations = tuple[float, NDArray, NDArray]
 """Cost f(x), gradient J'r and Gauss-Newton matrix J'J, with f = |r|^2 / 2."""
 
+Step = Callable[[NDArray, NDArray, NDArray, NDArray], NDArray | None]
+"""Maps Gauss-Newton matrix, gradient, damping and x to a step; None asks for more damping."""
+
 
 @dataclass(frozen=True, eq=False)
 class LevenbergMarquardtResult:
@@ -49,7 +52,7 @@ def levenberg_marquardt(
     *,
     max_iterations: int = 100,
     tolerance: float = 1e-9,
-    step: Callable[[NDArray, NDArray, NDArray, NDArray], NDArray | None] | None = None,
+    step: Step | None = None,
 ) -> LevenbergMarquardtResult:
     """Minimise a sum of squares from its normal equations.
 

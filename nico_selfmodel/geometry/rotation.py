@@ -63,11 +63,35 @@ def rotation_vector_of(rotation: ArrayLike) -> NDArray:
 
 
 def rotation_from_vector(vector: ArrayLike) -> NDArray:
-    """Return the rotation matrix of a rotation vector [rad]. Shape (3,) -> (3, 3)."""
+    """Return rotation matrices of rotation vectors [rad]. Shape (..., 3) -> (..., 3, 3)."""
     vector = np.asarray(vector, dtype=float)
-    angle = np.linalg.norm(vector)
-    axis = vector / angle if angle > 0.0 else np.array([0.0, 0.0, 1.0])
+    angle = np.linalg.norm(vector, axis=-1)
+    turned = (angle > 0.0)[..., None]
+    axis = np.where(turned, vector, [0.0, 0.0, 1.0]) / np.where(turned, angle[..., None], 1.0)
     return rotation_about(axis, angle)
+
+
+def rotation_vector_slope(vector: ArrayLike) -> NDArray:
+    """Return J with exp([v + dv]) = exp([J dv]) exp([v]), the left Jacobian of the rotations.
+
+    J = I + (1 - cos a) / a^2 [v] + (a - sin a) / a^3 [v]^2, a = |v|.
+
+    Args:
+        vector: Rotation vectors [rad]. Shape (..., 3).
+
+    Returns:
+        Shape (..., 3, 3).
+    """
+    vector = np.asarray(vector, dtype=float)
+    square = np.sum(vector * vector, axis=-1)
+    small = square < 1e-6
+    a2 = np.where(small, 1.0, square)
+    a = np.sqrt(a2)
+    # Taylor series where the closed forms cancel.
+    first = np.where(small, 0.5 - square / 24.0, (1.0 - np.cos(a)) / a2)
+    second = np.where(small, 1.0 / 6.0 - square / 120.0, (a - np.sin(a)) / (a2 * a))
+    cross = skew(vector)
+    return np.eye(3) + first[..., None, None] * cross + second[..., None, None] * (cross @ cross)
 
 
 def nearest_rotation(matrix: ArrayLike) -> NDArray:
@@ -76,13 +100,13 @@ def nearest_rotation(matrix: ArrayLike) -> NDArray:
     The thesis' eq. A.1-A.2, with the reflection excluded.
 
     Args:
-        matrix: Shape (3, 3).
+        matrix: Shape (..., 3, 3).
 
     Returns:
-        The rotation nearest in the Frobenius norm. Shape (3, 3).
+        The rotation nearest in the Frobenius norm. Shape (..., 3, 3).
     """
     u, _, vt = np.linalg.svd(np.asarray(matrix, dtype=float))
-    u[:, -1] *= np.sign(np.linalg.det(u @ vt))
+    u[..., -1] *= np.sign(np.linalg.det(u @ vt))[..., None]
     return u @ vt
 
 

@@ -10,11 +10,14 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from nico_selfmodel.errors import ModelError
 from nico_selfmodel.model.arrays import frozen_array
+from nico_selfmodel.model.camera import Camera
 from nico_selfmodel.model.chain import Chain
 from nico_selfmodel.model.dh_parameters import DhParameters
 from nico_selfmodel.model.dh_table import DhTable
 from nico_selfmodel.model.servo_map import ServoMap
+from nico_selfmodel.model.stereo_rig import EYES, StereoRig
 
 
 @dataclass(frozen=True, eq=False)
@@ -60,13 +63,17 @@ class Prediction:
 
 @dataclass(frozen=True, eq=False)
 class SelfModel:
-    """An arm as learned: geometry, servos, and how well they are known."""
+    """A body as learned: arm, servos and eyes, and how well they are known.
+
+    What was not learned yet is None, or missing from the cameras; asking for it through `dh`,
+    `servos`, `chain` or `rig` says so.
+    """
 
     name: str
     """What the model is called in files and reports."""
-    dh: DhTable
+    table: DhTable | None = None
     """The chain as Denavit-Hartenberg rows."""
-    servos: ServoMap
+    servo_map: ServoMap | None = None
     """Encoder readings <-> joint displacements."""
     covariance: ParameterCovariance | None = None
     """Of the estimated parameters; None for a nominal model."""
@@ -78,24 +85,73 @@ class SelfModel:
     """Statistics of the fit, for people: errors, counts, method."""
     provenance: Mapping[str, Any] = field(default_factory=dict)
     """Data set name and hash, package versions."""
+    cameras: Mapping[str, Camera] = field(default_factory=dict)
+    """Eyes by name, `left` and `right`."""
+    pixel_sigma: float | None = None
+    """Standard deviation of a pixel coordinate about the model of the eyes [px]."""
 
     def __post_init__(self) -> None:
         """Check that chain and servos speak of the same joints, and freeze the mappings."""
-        if self.dh.joints != self.servos.joints:
-            raise ValueError(
-                f"chain and servos name different joints: {self.dh.joints}, {self.servos.joints}"
-            )
-        if np.any(self.servos.gear <= 0.0):
-            raise ValueError(f"gear must be positive, got {self.servos.gear.tolist()}")
-        strangers = set(self.covariance.names if self.covariance else ()) - set(
-            self.parameters.names
-        )
+        if (self.table is None) != (self.servo_map is None):
+            raise ValueError("an arm is a chain and its servos: give both or neither")
+        if self.table is not None and self.servo_map is not None:
+            _check_arm(self.table, self.servo_map)
+        if set(self.cameras) - set(EYES):
+            raise ValueError(f"eyes are called left and right, got {sorted(self.cameras)}")
+        strangers = set(self.covariance.names if self.covariance else ()) - set(self._known_names())
         if strangers:
             raise ValueError(f"the covariance names unknown parameters: {sorted(strangers)}")
-        if self.noise_sigma is not None:
-            object.__setattr__(self, "noise_sigma", float(self.noise_sigma))
-        for name in ("robot", "fit", "provenance"):
+        for name in ("noise_sigma", "pixel_sigma"):
+            if getattr(self, name) is not None:
+                object.__setattr__(self, name, float(getattr(self, name)))
+        for name in ("robot", "fit", "provenance", "cameras"):
             object.__setattr__(self, name, MappingProxyType(dict(getattr(self, name))))
+
+    @property
+    def has_arm(self) -> bool:
+        """Whether chain and servos are known."""
+        return self.table is not None
+
+    @property
+    def dh(self) -> DhTable:
+        """The chain as Denavit-Hartenberg rows.
+
+        Raises:
+            ModelError: If the arm was not learned.
+        """
+        if self.table is None:
+            raise ModelError(self._lack("arm", "calibrate kinematics"))
+        return self.table
+
+    @property
+    def servos(self) -> ServoMap:
+        """Encoder readings <-> joint displacements.
+
+        Raises:
+            ModelError: If the arm was not learned.
+        """
+        if self.servo_map is None:
+            raise ModelError(self._lack("arm", "calibrate kinematics"))
+        return self.servo_map
+
+    @property
+    def rig(self) -> StereoRig:
+        """Both eyes.
+
+        Raises:
+            ModelError: If they were not both learned.
+        """
+        if set(self.cameras) != set(EYES):
+            raise ModelError(self._lack("pair of eyes", "calibrate stereo"))
+        return StereoRig(self.cameras["left"], self.cameras["right"])
+
+    def _lack(self, what: str, command: str) -> str:
+        return f"self-model {self.name!r} has no {what}: learn it with `nico-selfmodel {command}`"
+
+    def _known_names(self) -> tuple[str, ...]:
+        arm = self.parameters.names if self.has_arm else ()
+        eyes = tuple(eye for eye in EYES if eye in self.cameras)
+        return (*arm, *StereoRig.names_of(eyes))
 
     @cached_property
     def chain(self) -> Chain:
@@ -142,9 +198,9 @@ class SelfModel:
         if self.covariance is None:
             return Prediction(p, None, self.noise_sigma)
         names = self.parameters.names
-        columns = [names.index(name) for name in self.covariance.names]
-        j = jacobian[:, :, columns]
-        covariance = j @ self.covariance.matrix @ np.swapaxes(j, 1, 2)
+        own = [i for i, name in enumerate(self.covariance.names) if name in names]
+        j = jacobian[:, :, [names.index(self.covariance.names[i]) for i in own]]
+        covariance = j @ self.covariance.matrix[np.ix_(own, own)] @ np.swapaxes(j, 1, 2)
         return Prediction(p, covariance, self.noise_sigma)
 
     def save(self, path: str | Path) -> None:
@@ -167,3 +223,10 @@ class SelfModel:
         from nico_selfmodel.model.self_model_file import load_self_model
 
         return load_self_model(path)
+
+
+def _check_arm(table: DhTable, servos: ServoMap) -> None:
+    if table.joints != servos.joints:
+        raise ValueError(f"chain and servos name different joints: {table.joints}, {servos.joints}")
+    if np.any(servos.gear <= 0.0):
+        raise ValueError(f"gear must be positive, got {servos.gear.tolist()}")

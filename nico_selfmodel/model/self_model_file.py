@@ -9,6 +9,7 @@ import yaml
 
 from nico_selfmodel.errors import ModelError
 from nico_selfmodel.files import write_whole
+from nico_selfmodel.model.camera import INTRINSICS, Camera
 from nico_selfmodel.model.dh_table import DhTable
 from nico_selfmodel.model.self_model import ParameterCovariance, SelfModel
 from nico_selfmodel.model.servo_map import ServoMap
@@ -65,37 +66,15 @@ def _check_format(document: Any, path: Path) -> None:
 
 
 def _document(model: SelfModel) -> dict[str, Any]:
-    table, servos = model.dh, model.servos
-    columns = np.stack([getattr(table, name) for name in _ROW], axis=1)
-    document: dict[str, Any] = {
-        "format": FORMAT,
-        "name": model.name,
-        "chain": {
-            "X_W0": table.X_W0.tolist(),
-            "rows": [
-                {"joint": joint, **dict(zip(_ROW, row, strict=True))}
-                for joint, row in zip(table.joints, columns.tolist(), strict=True)
-            ],
-            "hand": dict(zip(table.markers, table.p_NH.tolist(), strict=True)),
-        },
-        "servos": [
-            {
-                "joint": joint,
-                "offset": float(servos.offset[i]),
-                "gear": float(servos.gear[i]),
-                "sign": int(servos.sign[i]),
-                "unit": servos.unit[i],
-                **(
-                    {"counts_per_turn": float(servos.counts_per_turn[i])}
-                    if servos.unit[i] == "counts"
-                    else {}
-                ),
-            }
-            for i, joint in enumerate(servos.joints)
-        ],
-        "cameras": {},
+    document: dict[str, Any] = {"format": FORMAT, "name": model.name}
+    if model.has_arm:
+        document["chain"] = _chain_document(model.dh)
+        document["servos"] = [_servo_document(model.servos, i) for i in range(len(model.joints))]
+    document |= {
+        "cameras": {eye: _camera_document(camera) for eye, camera in model.cameras.items()},
         "mirrors": {},
         "noise_sigma_m": model.noise_sigma,
+        "pixel_sigma_px": model.pixel_sigma,
         "robot": dict(model.robot),
         "fit": dict(model.fit),
         "provenance": dict(model.provenance),
@@ -106,19 +85,67 @@ def _document(model: SelfModel) -> dict[str, Any]:
     return document
 
 
+def _chain_document(table: DhTable) -> dict[str, Any]:
+    columns = np.stack([getattr(table, name) for name in _ROW], axis=1)
+    return {
+        "X_W0": table.X_W0.tolist(),
+        "rows": [
+            {"joint": joint, **dict(zip(_ROW, row, strict=True))}
+            for joint, row in zip(table.joints, columns.tolist(), strict=True)
+        ],
+        "hand": dict(zip(table.markers, table.p_NH.tolist(), strict=True)),
+    }
+
+
+def _servo_document(servos: ServoMap, i: int) -> dict[str, Any]:
+    turn = {"counts_per_turn": float(servos.counts_per_turn[i])}
+    return {
+        "joint": servos.joints[i],
+        "offset": float(servos.offset[i]),
+        "gear": float(servos.gear[i]),
+        "sign": int(servos.sign[i]),
+        "unit": servos.unit[i],
+        **(turn if servos.unit[i] == "counts" else {}),
+    }
+
+
+def _camera_document(camera: Camera) -> dict[str, Any]:
+    size = list(camera.image_size)
+    return {"image_size": size, **camera.named_values, "X_WC": camera.X_WC.tolist()}
+
+
 def _model(document: dict[str, Any]) -> SelfModel:
-    chain, servos = document["chain"], document["servos"]
+    known = document.get("covariance")
+    arm = "chain" in document or "servos" in document
+    return SelfModel(
+        document["name"],
+        _chain(document["chain"]) if arm else None,
+        _servo_map(document["servos"]) if arm else None,
+        ParameterCovariance(tuple(known["names"]), known["matrix"]) if known else None,
+        document.get("noise_sigma_m"),
+        document.get("robot", {}),
+        document.get("fit", {}),
+        document.get("provenance", {}),
+        {eye: _camera(entry) for eye, entry in (document.get("cameras") or {}).items()},
+        document.get("pixel_sigma_px"),
+    )
+
+
+def _chain(chain: dict[str, Any]) -> DhTable:
     rows, hands = chain["rows"], chain["hand"]
-    joints = tuple(row["joint"] for row in rows)
     table = DhTable(
-        joints,
+        tuple(row["joint"] for row in rows),
         np.array(chain["X_W0"], dtype=float),
         **{name: np.array([row[name] for row in rows], dtype=float) for name in _ROW},
         markers=tuple(hands),
         p_NH=np.array(list(hands.values()), dtype=float),
     )
-    _check_rotation(table.X_W0)
-    servo_map = ServoMap(
+    _check_rigid(table.X_W0, "chain.X_W0")
+    return table
+
+
+def _servo_map(servos: list[dict[str, Any]]) -> ServoMap:
+    return ServoMap(
         tuple(servo["joint"] for servo in servos),
         offset=np.array([servo["offset"] for servo in servos]),
         gear=np.array([servo["gear"] for servo in servos]),
@@ -126,24 +153,21 @@ def _model(document: dict[str, Any]) -> SelfModel:
         counts_per_turn=np.array([servo.get("counts_per_turn", np.nan) for servo in servos]),
         sign=np.array([servo.get("sign", 1) for servo in servos]),
     )
-    known = document.get("covariance")
-    return SelfModel(
-        document["name"],
-        table,
-        servo_map,
-        ParameterCovariance(tuple(known["names"]), known["matrix"]) if known else None,
-        document.get("noise_sigma_m"),
-        document.get("robot", {}),
-        document.get("fit", {}),
-        document.get("provenance", {}),
-    )
 
 
-def _check_rotation(x: np.ndarray) -> None:
+def _camera(entry: dict[str, Any]) -> Camera:
+    width, height = entry["image_size"]
+    values = [entry[name] for name in INTRINSICS]
+    camera = Camera.from_values(values, (width, height), entry["X_WC"])
+    _check_rigid(camera.X_WC, "a camera's X_WC")
+    return camera
+
+
+def _check_rigid(x: np.ndarray, name: str) -> None:
     r = x[:3, :3]
     orthonormal = np.abs(r @ r.T - np.eye(3)).max() <= 1e-9 and np.linalg.det(r) > 0.0
     if not (orthonormal and np.array_equal(x[3], [0.0, 0.0, 0.0, 1.0])):
-        raise ValueError("chain.X_W0 is not a rigid transform")
+        raise ValueError(f"{name} is not a rigid transform")
 
 
 def _one_line(error: Exception) -> str:

@@ -16,6 +16,7 @@ from nico_selfmodel.optimization.levenberg_marquardt_solver import (
 )
 from nico_selfmodel.optimization.losses import Loss
 from nico_selfmodel.optimization.residual_block import ResidualBlock
+from nico_selfmodel.optimization.separable_block import SeparableBlock
 
 SOLVERS = ("lm", "snopt", "ipopt")
 
@@ -70,6 +71,10 @@ class CalibrationProgram:
     def start(self) -> NDArray:
         """The values from which a solver starts. Shape (p,)."""
         return np.asarray(self.prog.initial_guess())
+
+    def move_start(self, x: NDArray) -> None:
+        """Start the next solution from here. Shape (p,)."""
+        self.prog.SetInitialGuessForAllVariables(x)
 
     @property
     def free(self) -> NDArray:
@@ -152,6 +157,11 @@ class CalibrationProgram:
         self._priors.append((self.index(name), float(mean), float(sigma)))
         self._renew_cost()
 
+    @property
+    def priors(self) -> dict[str, tuple[float, float]]:
+        """Mean and sigma of the variables that have a prior."""
+        return {self._names[index]: (mean, sigma) for index, mean, sigma in self._priors}
+
     def add_residuals(self, block: ResidualBlock, loss: Loss | None = None) -> int:
         """Add a residual block; its variables must exist. Returns its number, for `set_loss`."""
         columns = np.array([self.index(name) for name in block.names])
@@ -167,7 +177,10 @@ class CalibrationProgram:
     def residuals(self, number: int, x: NDArray) -> NDArray:
         """Return the whitened residuals of a block, without loss or weights. Shape (k, N)."""
         term = self._terms[number]
-        return term.block.evaluate(np.asarray(x)[term.columns])[0]
+        values = np.asarray(x)[term.columns]
+        if isinstance(term.block, SeparableBlock):
+            return term.block.residuals(values)
+        return term.block.evaluate(values)[0]
 
     def normal_equations(self, x: NDArray) -> NormalEquations:
         """Return cost, gradient and Gauss-Newton matrix of the whole (robust) sum of squares.
@@ -183,6 +196,12 @@ class CalibrationProgram:
         cost, gradient = 0.0, np.zeros(len(x))
         hessian = np.zeros((len(x), len(x)))
         for term in self._terms:
+            if isinstance(term.block, SeparableBlock):
+                parts = term.block.evaluate_parts(x[term.columns])
+                rho, weight = _weigh(term, parts[0].T)
+                cost += 0.5 * float(rho.sum())
+                term.block.add_normal_equations(parts, weight, term.columns, gradient, hessian)
+                continue
             r, jacobian = term.block.evaluate(x[term.columns])
             rho, weight = _weigh(term, r)
             cost += 0.5 * float(rho.sum())
@@ -198,6 +217,19 @@ class CalibrationProgram:
             gradient[index] += z / sigma
             hessian[index, index] += sigma**-2
         return cost, gradient, hessian
+
+    @property
+    def own_variables(self) -> NDArray | None:
+        """Indices of variables that only one observation depends on; None if there are none.
+
+        Shape (V, m): those of the separable block, where the program has exactly one.
+        """
+        separable = [term for term in self._terms if isinstance(term.block, SeparableBlock)]
+        if len(separable) != 1:
+            return None
+        (term,) = separable
+        assert isinstance(term.block, SeparableBlock)
+        return term.block.shared_and_own(term.columns)[1]
 
     def whitened_jacobian(self, x: NDArray) -> NDArray:
         """Return the stacked derivatives of all weighted residuals and priors. Shape (m, p)."""

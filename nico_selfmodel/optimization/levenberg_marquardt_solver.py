@@ -19,14 +19,21 @@ from pydrake.solvers import (
 from nico_selfmodel.geometry.levenberg_marquardt import (
     LevenbergMarquardtResult,
     NormalEquations,
+    Step,
     levenberg_marquardt,
 )
+from nico_selfmodel.optimization.separable_block import eliminated_step
 
 
 class LeastSquaresProgram(Protocol):
     """A MathematicalProgram whose cost is a sum of squares with known normal equations."""
 
     prog: MathematicalProgram
+
+    @property
+    def own_variables(self) -> NDArray | None:
+        """Indices (V, m) of variables that a step may eliminate in blocks; None if none."""
+        ...
 
     def normal_equations(self, x: NDArray) -> NormalEquations:
         """Return cost, gradient and Gauss-Newton matrix at x."""
@@ -116,12 +123,26 @@ class LevenbergMarquardtSolver(SolverInterface):
             cost, _, hessian = evaluate(x[free])
             self.last = LevenbergMarquardtResult(x[free], cost, hessian, 0, False, (cost,))
             return _drake_result(prog, x, self.last, SolutionResult.kInfeasibleConstraints)
-        step = None if constraints is None else constraints.step
+        step = _eliminating(self._program.own_variables, free)
+        if constraints is not None:
+            step = constraints.step
         self.last = levenberg_marquardt(evaluate, start, step=step, **options)
         x[free] = self.last.x
         solved = self.last.converged
         status = SolutionResult.kSolutionFound if solved else SolutionResult.kIterationLimit
         return _drake_result(prog, x, self.last, status)
+
+
+def _eliminating(own: NDArray | None, free: NDArray) -> Step | None:
+    """Return the step that eliminates blocks of variables, where all of them are free."""
+    if own is None or not np.isin(own, free).all():
+        return None
+    places = np.searchsorted(free, own)
+
+    def step(hessian: NDArray, gradient: NDArray, damping: NDArray, _: NDArray) -> NDArray | None:
+        return eliminated_step(hessian, gradient, damping, places)
+
+    return step
 
 
 def bounds_of(prog: MathematicalProgram) -> tuple[NDArray, NDArray]:

@@ -1,6 +1,7 @@
 """Robust solution of a program: scale from the median, reweighting, outliers left out last."""
 
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
@@ -40,6 +41,7 @@ def solve_robustly(
     *,
     solver: str = "lm",
     rough: bool = False,
+    outlier_at: float = OUTLIER_AT,
 ) -> RobustSolution:
     """Minimise with a robust loss on one block, its scale re-estimated between solutions.
 
@@ -49,6 +51,7 @@ def solve_robustly(
         method: One of `ROBUST_METHODS`.
         solver: As in `CalibrationProgram.solve`.
         rough: Stop early: good enough to tell one minimum from another.
+        outlier_at: Scales, for three coordinates, beyond which an observation is an outlier.
 
     Returns:
         The solution. With `none` nothing is called an outlier.
@@ -58,7 +61,7 @@ def solve_robustly(
     """
     if method not in ROBUST_METHODS:
         raise ValueError(f"no loss {method!r}; there are {', '.join(ROBUST_METHODS)}")
-    attempt = _Attempt(program, block, solver)
+    attempt = _Attempt(program, block, solver, outlier_at)
     if method == "none":
         program.set_loss(block, Loss())
         solution = attempt.solve(rough)
@@ -77,16 +80,23 @@ def solve_robustly(
 class _Attempt:
     """A robust solution under way: one block of one program, and the iterations so far."""
 
-    def __init__(self, program: CalibrationProgram, block: int, solver: str) -> None:
+    def __init__(
+        self, program: CalibrationProgram, block: int, solver: str, outlier_at: float
+    ) -> None:
         self.program, self.block, self.solver = program, block, solver
-        self.coordinates = len(program.residuals(block, program.start))
+        self.outlier_at = outlier_at
         self.iterations = 0
+
+    @cached_property
+    def coordinates(self) -> int:
+        """How many coordinates an observation has."""
+        return len(self.program.residuals(self.block, self.program.start))
 
     def solve(self, rough: bool) -> ProgramSolution:
         """Solve from where the last solution ended."""
         options = {"tolerance": _ROUGH, "max_iterations": 30} if rough else {}
         solution = self.program.solve(self.solver, **options)
-        self.program.prog.SetInitialGuessForAllVariables(solution.x)
+        self.program.move_start(solution.x)
         self.iterations += solution.iterations
         return solution
 
@@ -129,4 +139,4 @@ class _Attempt:
     def beyond(self, x: NDArray, scale: float) -> NDArray:
         """Return which observations are outliers at x; residuals at rounding level are none."""
         norms = np.linalg.norm(self.program.residuals(self.block, x), axis=0)
-        return norms > OUTLIER_AT * np.sqrt(self.coordinates / 3.0) * max(scale, 1e-6)
+        return norms > self.outlier_at * np.sqrt(self.coordinates / 3.0) * max(scale, 1e-6)

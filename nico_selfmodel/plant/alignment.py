@@ -69,8 +69,8 @@ def aligned_to(model: SelfModel, nominal: DhTable, X_WB: ArrayLike | None = None
     shift[np.abs(shift) < 1e-12] = 0.0  # what is aligned stays as it is, to the last bit
     return replace(
         model,
-        dh=replace(table, theta_zero=table.theta_zero + shift),
-        servos=servos.rezeroed(shift),
+        table=replace(table, theta_zero=table.theta_zero + shift),
+        servo_map=servos.rezeroed(shift),
         covariance=senses.covariance(model),
     )
 

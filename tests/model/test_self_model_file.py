@@ -72,7 +72,7 @@ def test_awkward_numbers_survive(model, tmp_path, number):
     values = np.array(model.dh.D)
     values[1] = number
     changed = dataclasses.replace(
-        model, dh=dataclasses.replace(model.dh, D=values), fit={"number": number}
+        model, table=dataclasses.replace(model.dh, D=values), fit={"number": number}
     )
     changed.save(path)
     assert SelfModel.load(path).dh.D.tobytes() == values.tobytes()

@@ -1,0 +1,82 @@
+"""Corners of a flat board as one or two eyes saw them."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from nico_selfmodel.errors import DataError
+
+
+@dataclass(frozen=True, eq=False)
+class BoardViews:
+    """Matched corners of one board in V views; frame G is the board's, its z = 0."""
+
+    p_GQ: NDArray
+    """Corners on the board [m]. Shape (P, 3)."""
+    names: tuple[str, ...]
+    """What each view is called, for people. Length V."""
+    eyes: tuple[str, ...]
+    """`left` and `right`, or one of them. Length C."""
+    pixels: NDArray
+    """Corners, u and v of each eye in turn; nan where not seen [px]. Shape (V, P, 2 C)."""
+    image_size: tuple[int, int]
+    """Width and height [px]."""
+
+    def __post_init__(self) -> None:
+        """Check shapes and make the arrays read-only."""
+        for name in ("p_GQ", "pixels"):
+            array = np.array(getattr(self, name), dtype=float)
+            array.flags.writeable = False
+            object.__setattr__(self, name, array)
+        expected = (len(self.names), len(self.p_GQ), 2 * len(self.eyes))
+        if self.pixels.shape != expected or self.p_GQ.shape[1:] != (3,):
+            raise ValueError(
+                f"pixels must have shape {expected} and p_GQ (P, 3), got {self.pixels.shape} and "
+                f"{self.p_GQ.shape}"
+            )
+        if len(set(self.names)) != len(self.names):
+            raise ValueError(f"views must have names of their own, got {self.names}")
+        if not self.eyes or set(self.eyes) - {"left", "right"}:
+            raise ValueError(f"eyes must be left, right or both, got {self.eyes}")
+
+    def __len__(self) -> int:
+        """Return the number of views."""
+        return len(self.names)
+
+    @property
+    def seen(self) -> NDArray:
+        """Which corners each eye saw. Boolean, shape (V, C, P)."""
+        both = self.pixels.reshape(len(self), len(self.p_GQ), len(self.eyes), 2)
+        return np.swapaxes(np.asarray(np.isfinite(both).all(axis=3)), 1, 2)
+
+    def of_eye(self, eye: str) -> NDArray:
+        """Return the corners that one eye saw. Shape (V, P, 2)."""
+        column = 2 * self.eyes.index(eye)
+        return self.pixels[:, :, column : column + 2]
+
+    def select(self, rows: ArrayLike | Sequence[int]) -> "BoardViews":
+        """Return some views, chosen by index or by a boolean mask."""
+        index = np.arange(len(self))[np.asarray(rows)]
+        return replace(self, names=tuple(self.names[i] for i in index), pixels=self.pixels[index])
+
+    def only(self, eye: str) -> "BoardViews":
+        """Return what one eye saw, without the views in which it saw nothing."""
+        alone = replace(self, eyes=(eye,), pixels=self.of_eye(eye))
+        return alone.select(alone.seen.any(axis=(1, 2)))
+
+    def split(self, fraction: float, seed: int) -> tuple["BoardViews", "BoardViews"]:
+        """Hold out a share of the views, at least one.
+
+        Raises:
+            DataError: If either part would be empty.
+            ValueError: If the fraction is not between 0 and 1.
+        """
+        if not 0.0 < fraction < 1.0:
+            raise ValueError(f"the share to hold out must lie between 0 and 1, got {fraction}")
+        count = max(1, round(fraction * len(self)))
+        if count >= len(self):
+            raise DataError(f"{len(self)} views cannot be split: record more boards")
+        order = np.random.default_rng(seed).permutation(len(self))
+        return self.select(np.sort(order[count:])), self.select(np.sort(order[:count]))

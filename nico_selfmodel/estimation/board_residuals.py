@@ -1,0 +1,171 @@
+"""Reprojection errors of board corners in one or two eyes, with derivatives.
+
+A corner p_GQ of view v lies at p_LQ = R_v p_GQ + t_v in the frame of the first eye; the second sees
+it at p_RQ = R_LR' (p_LQ - p_LR). Pixels follow by `model.camera.project_in_camera`.
+"""
+
+import numpy as np
+from numpy.typing import NDArray
+
+from nico_selfmodel.dataset.board_views import BoardViews
+from nico_selfmodel.geometry.rotation import (
+    rotation_from_vector,
+    rotation_vector_of,
+    rotation_vector_slope,
+)
+from nico_selfmodel.geometry.transform import transform
+from nico_selfmodel.model.camera import INTRINSICS, Camera, project_in_camera
+from nico_selfmodel.model.stereo_rig import POSE_NAMES
+from nico_selfmodel.optimization.separable_block import Parts, SeparableBlock
+
+
+class BoardResiduals(SeparableBlock):
+    """Pixels of all corners; shared: the cameras; own: the pose of each view's board."""
+
+    own = 6
+
+    def __init__(
+        self, views: BoardViews, X_LG: NDArray, sigma: float, aspect: float | None = None
+    ) -> None:
+        """Take the data.
+
+        Args:
+            views: Corners seen.
+            X_LG: Poses of the boards about which they are parameterised. Shape (V, 4, 4).
+            sigma: Standard deviation of a pixel coordinate [px].
+            aspect: Hold fy / fx at this ratio; `fy` is no variable then.
+        """
+        self.views, self.sigma, self.aspect = views, sigma, aspect
+        self.rotations = np.array(X_LG)[:, :3, :3]
+        inside = [n for n in INTRINSICS if aspect is None or n != "fy"]
+        self.shared_names = tuple(f"{eye}.{n}" for eye in views.eyes for n in inside)
+        if len(views.eyes) == 2:
+            self.shared_names += tuple(f"right.pose.{n}" for n in POSE_NAMES)
+        boards = tuple(f"board.{view}.{n}" for view in views.names for n in POSE_NAMES)
+        self.names = self.shared_names + boards
+        self._spread = np.eye(len(INTRINSICS))
+        if aspect is not None:
+            self._spread[1, 0] = aspect
+            self._spread = np.delete(self._spread, 1, axis=1)
+        self._corners = views.p_GQ.T
+        eyes = views.pixels.reshape(len(views), len(views.p_GQ), len(views.eyes), 2)
+        self._measured = np.nan_to_num(np.transpose(eyes, (2, 3, 0, 1)))
+        self._seen = np.moveaxis(views.seen, 1, 0).astype(float)
+
+    @property
+    def observation_count(self) -> int:
+        """Number of views."""
+        return len(self.views)
+
+    def cameras(self, x: NDArray) -> tuple[Camera, ...]:
+        """Return the eyes that the shared variables describe, the first one at the world."""
+        poses = [np.eye(4), self._right_pose(x)] if len(self.views.eyes) == 2 else [np.eye(4)]
+        return tuple(
+            Camera.from_values(self._values_of(x, e), self.views.image_size, pose)
+            for e, pose in enumerate(poses)
+        )
+
+    def board_poses(self, x: NDArray) -> NDArray:
+        """Return the poses of the boards. Shape (V, 4, 4)."""
+        own = x[len(self.shared_names) :].reshape(-1, 6)
+        return transform(rotation_from_vector(own[:, :3]) @ self.rotations, own[:, 3:])
+
+    def start_of(self, cameras: tuple[Camera, ...], X_LG: NDArray) -> NDArray:
+        """Return the variables of given cameras and boards; rotations are those given first."""
+        keep = [i for i, n in enumerate(INTRINSICS) if self.aspect is None or n != "fy"]
+        shared = [camera.values[keep] for camera in cameras]
+        if len(cameras) == 2:
+            X_LR = cameras[0].X_CW @ cameras[1].X_WC
+            shared += [rotation_vector_of(X_LR[:3, :3]), X_LR[:3, 3]]
+        own = np.concatenate([np.zeros((len(X_LG), 3)), X_LG[:, :3, 3]], axis=1)
+        return np.concatenate([*shared, own.ravel()])
+
+    def evaluate_parts(self, x: NDArray) -> Parts:
+        """Return residuals (predicted - measured) / sigma and derivatives; see `SeparableBlock`."""
+        # Indices: a of u and v, i of x, y and z, v of a view, p of a corner.
+        own = x[len(self.shared_names) :].reshape(-1, 6)
+        turned = (rotation_from_vector(own[:, :3]) @ self.rotations) @ self._corners
+        turned = np.ascontiguousarray(np.moveaxis(turned, 1, 0))
+        p_LQ = turned + own[:, 3:].T[:, :, None]
+        slope = np.swapaxes(rotation_vector_slope(own[:, :3]), 1, 2)
+        views, corners, eyes = len(own), turned.shape[2], len(self.views.eyes)
+        r = np.empty((views, eyes, 2, corners))
+        by_shared = np.zeros((views, len(self.shared_names), eyes, 2, corners))
+        by_own = np.empty((views, 6, eyes, 2, corners))
+        for e in range(eyes):
+            weight = self._seen[e] / self.sigma
+            pixels, by_point, by_values = self._project(x, e, p_LQ)
+            by_point *= weight
+            r[:, e] = np.moveaxis((pixels - self._measured[e]) * weight, 1, 0)
+            by_shared[:, self._columns_of(e), e] = np.moveaxis(by_values * weight, 2, 0)
+            if e == 1:
+                by_shared[:, -6:, e] = np.moveaxis(self._by_right_pose(x, p_LQ, by_point), 2, 0)
+            # a . (w x q) = (q x a) . w: how a pixel moves when the board turns by w
+            about = np.moveaxis(_cross(turned[:, None], by_point), 2, 0)
+            by_own[:, :3, e] = (slope @ about.reshape(views, 3, -1)).reshape(about.shape)
+            by_own[:, 3:, e] = np.moveaxis(by_point, 2, 0)
+        shape = (views, -1, eyes * 2 * corners)
+        return r.reshape(views, -1), by_shared.reshape(shape), by_own.reshape(shape)
+
+    def _project(self, x: NDArray, eye: int, p_LQ: NDArray) -> tuple[NDArray, NDArray, NDArray]:
+        """Return pixels (2, V, P), derivatives by p_LQ (3, 2, V, P) and by its own (s, 2, V, P)."""
+        values = self._values_of(x, eye)
+        if eye == 0:
+            pixels, by_point, by_values = project_in_camera(p_LQ, values)
+            by_point = by_point.swapaxes(0, 1)
+        else:
+            X_LR = self._right_pose(x)
+            p_RQ = _turn(X_LR[:3, :3].T, p_LQ - X_LR[:3, 3, None, None])
+            pixels, by_point, by_values = project_in_camera(p_RQ, values)
+            by_point = _turn(X_LR[:3, :3], by_point.swapaxes(0, 1))
+        by_values = by_values.swapaxes(0, 1)
+        if self.aspect is not None:
+            by_values = _turn(self._spread.T, by_values)
+        return pixels, by_point.copy(), by_values
+
+    def pixel_residuals(self, r: NDArray) -> NDArray:
+        """Return measured minus predicted pixels, nan where not seen, from residuals (V, k).
+
+        Shape (V, P, 2 C).
+        """
+        r = -self.sigma * r
+        shape = (len(self.views), len(self.views.eyes), 2, len(self.views.p_GQ))
+        flat = np.transpose(r.reshape(shape), (0, 3, 1, 2)).reshape(self.views.pixels.shape)
+        return np.where(np.isfinite(self.views.pixels), flat, np.nan)
+
+    def _columns_of(self, eye: int) -> slice:
+        """Return where one eye's intrinsics stand among the variables."""
+        width = self._spread.shape[1]
+        return slice(eye * width, (eye + 1) * width)
+
+    def _values_of(self, x: NDArray, eye: int) -> NDArray:
+        """Return one eye's intrinsics. Shape (10,)."""
+        return self._spread @ x[self._columns_of(eye)]
+
+    def _right_variables(self, x: NDArray) -> NDArray:
+        """Return `right.pose.*`. Shape (6,)."""
+        return x[len(self.shared_names) - 6 : len(self.shared_names)]
+
+    def _right_pose(self, x: NDArray) -> NDArray:
+        """Return X_LR from `right.pose.*`."""
+        pose = self._right_variables(x)
+        return transform(rotation_from_vector(pose[:3]), pose[3:])
+
+    def _by_right_pose(self, x: NDArray, p_LQ: NDArray, by_point: NDArray) -> NDArray:
+        """Return derivatives by (w, t) of X_LR, with p_RQ = R' exp(-[w]) (p_LQ - p_LR - t)."""
+        pose = self._right_variables(x)
+        about = _cross(by_point, (p_LQ - pose[3:, None, None])[:, None])
+        slope = rotation_vector_slope(pose[:3])
+        return np.concatenate([_turn(slope.T, about), -by_point])
+
+
+def _turn(matrix: NDArray, vectors: NDArray) -> NDArray:
+    """Multiply along the first axis. Shapes (m, n) and (n, ...) -> (m, ...)."""
+    return (matrix @ vectors.reshape(len(vectors), -1)).reshape(len(matrix), *vectors.shape[1:])
+
+
+def _cross(a: NDArray, b: NDArray) -> NDArray:
+    """Return the cross product along the first axis. Shapes (3, ...) -> (3, ...)."""
+    return np.stack(
+        [a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]]
+    )

@@ -1,0 +1,128 @@
+"""Which camera parameters are held, freed or given a prior."""
+
+import math
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from difflib import get_close_matches
+from typing import TypeVar
+
+from nico_selfmodel.model.stereo_rig import StereoRig
+
+T = TypeVar("T")
+
+HELD_BY_DEFAULT = ("skew", "p1", "p2")
+"""Held at zero unless asked for."""
+
+
+@dataclass(frozen=True)
+class CameraOptions:
+    """What is held, freed or known beforehand; a name without an eye (`k3`) means every eye."""
+
+    tangential: bool = False
+    """Free p1 and p2."""
+    aspect: float | None = None
+    """Hold fy / fx at this ratio."""
+    pinned: Mapping[str, float | None] = field(default_factory=dict)
+    """Parameter -> value; None holds the nominal one: image centre, no skew, no distortion."""
+    freed: frozenset[str] = frozenset()
+    """Parameters to free of those `HELD_BY_DEFAULT`."""
+    priors: Mapping[str, tuple[float, float]] = field(default_factory=dict)
+    """Parameter -> mean and standard deviation."""
+    loss: str = "trimmed"
+    """`trimmed` leaves out boards that fit ten times worse than the rest; or one of `LOSSES`."""
+
+    @classmethod
+    def from_text(
+        cls,
+        pin: Sequence[str] = (),
+        free: Sequence[str] = (),
+        prior: Sequence[str] = (),
+        **others: object,
+    ) -> "CameraOptions":
+        """Read the command line's words: NAME or NAME=VALUE, NAME, NAME=MEAN,SIGMA.
+
+        Raises:
+            ValueError: If a value is not a number, or a name is both pinned and freed.
+        """
+        pinned = {}
+        for word in pin:
+            name, equals, value = word.partition("=")
+            pinned[name.strip()] = _number(value, f"--pin {word}") if equals else None
+        priors = {}
+        for word in prior:
+            name, _, value = word.partition("=")
+            mean, comma, sigma = value.partition(",")
+            if not comma:
+                raise ValueError(f"--prior {word}: give NAME=MEAN,SIGMA")
+            priors[name.strip()] = tuple(_number(v, f"--prior {word}") for v in (mean, sigma))
+            if not priors[name.strip()][1] > 0.0:
+                raise ValueError(f"--prior {word}: sigma must be positive")
+        both = set(pinned) & set(free)
+        if both:
+            raise ValueError(f"{', '.join(sorted(both))} cannot be both pinned and freed")
+        return cls(pinned=pinned, freed=frozenset(free), priors=priors, **others)  # type: ignore[arg-type]
+
+    def of_eye(self, eye: str) -> "CameraOptions":
+        """Return what concerns the inside of one eye."""
+        inside = set(StereoRig.names_of((eye,)))
+        inside |= {n.partition(".")[2] for n in inside}
+        return replace(
+            self,
+            pinned={n: v for n, v in self.pinned.items() if n in inside},
+            freed=self.freed & inside,
+            priors={n: v for n, v in self.priors.items() if n in inside},
+        )
+
+    def held(self, names: tuple[str, ...]) -> dict[str, float | None]:
+        """Return the parameters that stay, with their values; None means the nominal one.
+
+        Args:
+            names: All camera parameters of the problem.
+
+        Raises:
+            ValueError: If an option names a parameter that does not exist.
+        """
+        freed = set(by_full_name(dict.fromkeys(self.freed), names))
+        held: dict[str, float | None] = {}
+        for name in names:
+            what = name.rpartition(".")[2]
+            tangential = what in ("p1", "p2") and self.tangential
+            if what in HELD_BY_DEFAULT and name not in freed and not tangential:
+                held[name] = 0.0
+        return held | by_full_name(self.pinned, names)
+
+
+def by_full_name(chosen: Mapping[str, T], names: tuple[str, ...]) -> dict[str, T]:
+    """Write out names without an eye; `k3` becomes `left.k3` and `right.k3`.
+
+    Args:
+        chosen: Something for each name, with or without its eye.
+        names: All camera parameters of the problem.
+
+    Raises:
+        ValueError: If a name does not exist; the message suggests and lists those there are.
+    """
+    found: dict[str, T] = {}
+    for word, value in chosen.items():
+        matching = [n for n in names if word in (n, n.partition(".")[2])]
+        if not matching:
+            raise ValueError(f"no camera parameter {word!r}{_hint(word, names)}")
+        found |= dict.fromkeys(matching, value)
+    return found
+
+
+def _hint(word: str, names: Iterable[str]) -> str:
+    names = list(names)
+    close = get_close_matches(word, [*names, *(n.partition(".")[2] for n in names)], 1)
+    meant = f", did you mean {close[0]!r}?" if close else "."
+    return f"{meant} There are: {', '.join(names)}"
+
+
+def _number(text: str, where: str) -> float:
+    try:
+        value = float(text)
+    except ValueError as error:
+        raise ValueError(f"{where}: {text!r} is not a number") from error
+    if not math.isfinite(value):
+        raise ValueError(f"{where}: {text!r} is not a finite number")
+    return value

@@ -1,0 +1,165 @@
+"""Closed-form starts of a camera calibration: Zhang's method and the pair's relative pose."""
+
+import numpy as np
+from numpy.typing import NDArray
+
+from nico_selfmodel.dataset.board_views import BoardViews
+from nico_selfmodel.errors import EstimationError, NotIdentifiableError
+from nico_selfmodel.geometry.epipolar import RelativePose
+from nico_selfmodel.geometry.homography import homography
+from nico_selfmodel.geometry.rotation import nearest_rotation
+from nico_selfmodel.geometry.transform import apply, transform
+from nico_selfmodel.model.camera import Camera
+
+_PARALLEL = np.radians(3.0)
+"""Boards whose normals differ by less than this leave the focal length open."""
+
+
+def zhang_start(views: BoardViews) -> tuple[Camera, NDArray]:
+    """Estimate one eye's focal lengths and boards from homographies (Zhang 2000).
+
+    With the principal point held at the image's centre, each board gives two equations in
+    1 / fx^2 and 1 / fy^2: h1' w h2 = 0 and h1' w h1 = h2' w h2, w = diag(1/fx^2, 1/fy^2, 1).
+
+    Args:
+        views: What one eye saw; corners not seen are left out of each board.
+
+    Returns:
+        A camera without distortion at the world's origin, and X_CG of every board, shape (V, 4, 4).
+
+    Raises:
+        NotIdentifiableError: If the boards stand so that they leave the focal length open.
+    """
+    width, height = views.image_size
+    center = np.array([0.5 * (width - 1), 0.5 * (height - 1)])
+    plane = views.p_GQ[:, :2]
+    maps = _homographies(plane, views.pixels - center)
+    h1, h2 = maps[:, :, 0], maps[:, :, 1]
+    # Pixels are large numbers: without a common scale the last column would rule.
+    size = 1.0 / np.linalg.norm(maps[:, :, :2], axis=(1, 2))
+    rows = np.concatenate([h1 * h2, h1**2 - h2**2]) * np.tile(size**2, 2)[:, None]
+    inverse_squares = np.linalg.lstsq(rows[:, :2], -rows[:, 2], rcond=None)[0]
+    if not (inverse_squares > 0.0).all():
+        # Noise has the last word on boards that nearly face the camera: one focal length then.
+        both = rows[:, :2].sum(axis=1)
+        inverse_squares = np.full(2, -(both @ rows[:, 2]) / (both @ both))
+    if not (inverse_squares > 0.0).all():
+        inverse_squares = np.full(2, max(width, height) ** -2.0)
+    fx, fy = inverse_squares**-0.5
+    camera = Camera(fx, fy, center[0], center[1], views.image_size)
+    return camera, board_poses(maps, fx, fy)
+
+
+def board_poses(maps: NDArray, fx: float, fy: float) -> NDArray:
+    """Return the boards' poses from their homographies into centred pixels.
+
+    Args:
+        maps: From board coordinates [m] to centred pixels. Shape (V, 3, 3).
+        fx: Focal length [px].
+        fy: Focal length [px].
+
+    Returns:
+        X_CG with the boards in front of the camera. Shape (V, 4, 4).
+    """
+    columns = maps / np.array([[fx], [fy], [1.0]])
+    length = np.linalg.norm(columns[:, :, :2], axis=1).prod(axis=1)
+    columns = columns * (np.sign(columns[:, 2, 2]) / np.sqrt(length))[:, None, None]
+    r1, r2, t = np.moveaxis(columns, 2, 0)
+    return transform(nearest_rotation(np.stack([r1, r2, np.cross(r1, r2)], axis=2)), t)
+
+
+def check_tilts(X_CG: NDArray, eye: str) -> None:
+    """Refuse boards that are all parallel: their focal length trades against their distance.
+
+    Raises:
+        NotIdentifiableError: Naming the focal length.
+    """
+    normals = X_CG[:, :3, 2]
+    cosine = np.clip(normals @ normals.T, -1.0, 1.0)
+    spread = float(np.arccos(cosine.min()))
+    if spread < _PARALLEL:
+        raise NotIdentifiableError(
+            f"all boards are parallel within {np.degrees(spread):.1f} deg: `{eye}.fx` and "
+            f"`{eye}.fy` cannot be told from the boards' distance; tilt the board by 20 deg and "
+            "more in different directions"
+        )
+
+
+def pair_start(
+    left: tuple[Camera, NDArray], right: tuple[Camera, NDArray], views: BoardViews
+) -> tuple[Camera, NDArray]:
+    """Place the right eye by the essential matrix, and the boards that only it saw.
+
+    Args:
+        left: The left camera and X_LG of all views; nan where it saw nothing.
+        right: The right camera and X_RG of all views; nan where it saw nothing.
+        views: Corners in both eyes.
+
+    Returns:
+        The right camera in the left one's frame, and X_LG of all views, shape (V, 4, 4).
+
+    Raises:
+        EstimationError: If the two eyes share no board, or the corners allow no relative pose.
+        ModelError: If a corner lies outside the monotone part of an eye's lens.
+    """
+    both = views.seen.all(axis=1)
+    if not both.any():
+        raise EstimationError("no view shows the board to both eyes: they need boards in common")
+    ideal = [
+        camera.undistort(views.of_eye(eye)[both])
+        for eye, (camera, _) in zip(views.eyes, (left, right), strict=True)
+    ]
+    try:
+        pose = RelativePose.from_points(*ideal)
+    except ValueError as error:
+        raise EstimationError(
+            f"no relative pose of the eyes: {error} Or are both images from the same camera?"
+        ) from error
+    # The boards' size gives the baseline its length: R t_L + s d = t_R.
+    shared = np.asarray(both).any(axis=1)
+    gap = right[1][shared, :3, 3] - left[1][shared, :3, 3] @ pose.rotation.T
+    length = float(np.median(gap @ pose.translation))
+    X_RL = transform(pose.rotation, length * pose.translation)
+    X_LR = np.linalg.inv(X_RL)
+    X_LG = np.where(np.isfinite(left[1]), left[1], X_LR @ right[1])
+    return right[0].at(X_LR), X_LG
+
+
+def depths_of(X_CG: NDArray, p_GQ: NDArray) -> NDArray:
+    """Return the depth of every corner of every board [m]. Shape (V, P)."""
+    return apply(X_CG[:, None], p_GQ)[..., 2]
+
+
+def _homographies(plane: NDArray, pixels: NDArray) -> NDArray:
+    """Return the homography of each view, from the corners that were seen. Shape (V, 3, 3)."""
+    seen = np.asarray(np.isfinite(pixels).all(axis=2))
+    if seen.all():
+        return homography(plane[None], pixels)
+    return np.array([homography(plane[s], p[s]) for s, p in zip(seen, pixels, strict=True)])
+
+
+def pose_of_seen_boards(cameras: tuple[Camera, ...], views: BoardViews) -> NDArray:
+    """Place boards before calibrated eyes, each by the first eye that saw it.
+
+    Args:
+        cameras: The eyes, the first one at the world.
+        views: Corners.
+
+    Returns:
+        X_LG. Shape (V, 4, 4).
+
+    Raises:
+        EstimationError: If no eye saw a board.
+    """
+    X_LG = np.full((len(views), 4, 4), np.nan)
+    for eye, camera in reversed(list(zip(views.eyes, cameras, strict=True))):
+        pixels = views.of_eye(eye)
+        rows = np.flatnonzero(np.isfinite(pixels).all(axis=2).sum(axis=1) >= 4)
+        ideal = np.full((len(rows), *pixels.shape[1:]), np.nan)
+        for i, row in enumerate(rows):
+            ideal[i] = camera.undistort(pixels[row])
+        maps = _homographies(views.p_GQ[:, :2], ideal)
+        X_LG[rows] = camera.X_WC @ board_poses(maps, 1.0, 1.0)
+    if not np.isfinite(X_LG).all():
+        raise EstimationError("a board was seen by neither eye")
+    return X_LG

@@ -1,0 +1,172 @@
+"""Radial and tangential distortion of ideal image coordinates, with its derivatives and inverse.
+
+With r^2 = x^2 + y^2 and s = 1 + k1 r^2 + k2 r^4 + k3 r^6 (Brown 1966, in OpenCV's convention):
+
+    x' = x s + 2 p1 x y + p2 (r^2 + 2 x^2),    y' = y s + p1 (r^2 + 2 y^2) + 2 p2 x y
+
+It acts on (x, y) = (X/Z, Y/Z), before the intrinsic matrix.
+"""
+
+import numpy as np
+from numpy.typing import NDArray
+
+from nico_selfmodel.errors import ModelError
+
+_NEWTON_STEPS = 50
+
+
+def distort(ideal: NDArray, k: NDArray, p: NDArray) -> NDArray:
+    """Bend ideal image coordinates as the lens does.
+
+    Args:
+        ideal: x and y. Shape (2, ...).
+        k: Radial coefficients k1, k2, k3. Shape (3,).
+        p: Tangential coefficients p1, p2. Shape (2,).
+
+    Returns:
+        Distorted coordinates. Shape (2, ...).
+    """
+    x, y = ideal
+    r2 = x * x + y * y
+    s = 1.0 + r2 * (k[0] + r2 * (k[1] + r2 * k[2]))
+    if not p.any():
+        return ideal * s
+    xy = 2.0 * x * y
+    return ideal * s + np.stack(
+        [p[0] * xy + p[1] * (r2 + 2.0 * x * x), p[0] * (r2 + 2.0 * y * y) + p[1] * xy]
+    )
+
+
+def distortion_slopes(ideal: NDArray, k: NDArray, p: NDArray) -> NDArray:
+    """Return the derivatives of the distorted by the ideal coordinates.
+
+    Args:
+        ideal: x and y. Shape (2, ...).
+        k: Radial coefficients. Shape (3,).
+        p: Tangential coefficients. Shape (2,).
+
+    Returns:
+        d(x', y') / d(x, y). Shape (2, 2, ...).
+    """
+    x, y = ideal
+    r2 = x * x + y * y
+    s = 1.0 + r2 * (k[0] + r2 * (k[1] + r2 * k[2]))
+    slope = 2.0 * (k[0] + r2 * (2.0 * k[1] + r2 * 3.0 * k[2]))
+    cross = slope * x * y + 2.0 * (p[0] * x + p[1] * y)
+    return np.stack(
+        [
+            np.stack([s + slope * x * x + 2.0 * p[0] * y + 6.0 * p[1] * x, cross]),
+            np.stack([cross, s + slope * y * y + 6.0 * p[0] * y + 2.0 * p[1] * x]),
+        ]
+    )
+
+
+def coefficient_slopes(ideal: NDArray) -> NDArray:
+    """Return the derivatives of the distorted coordinates by k1, k2, k3, p1, p2.
+
+    Args:
+        ideal: x and y. Shape (2, ...).
+
+    Returns:
+        Shape (2, 5, ...).
+    """
+    x, y = ideal
+    r2 = x * x + y * y
+    r4, xy = r2 * r2, 2.0 * x * y
+    powers = np.stack([r2, r4, r4 * r2])
+    tangential = np.stack([np.stack([xy, r2 + 2.0 * x * x]), np.stack([r2 + 2.0 * y * y, xy])])
+    return np.concatenate([ideal[:, None] * powers[None], tangential], axis=1)
+
+
+def largest_radius(k: NDArray) -> float:
+    """Return the ideal radius up to which radial distortion is monotone.
+
+    The smallest positive root of 1 + 3 k1 r^2 + 5 k2 r^4 + 7 k3 r^6; inf where there is none.
+    Beyond it the lens would fold the image over itself.
+
+    Args:
+        k: Radial coefficients. Shape (3,).
+    """
+    roots = np.polynomial.Polynomial([1.0, 3.0 * k[0], 5.0 * k[1], 7.0 * k[2]]).trim().roots()
+    real = roots[np.abs(roots.imag) < 1e-12 * (1.0 + np.abs(roots))].real
+    positive = real[real > 0.0]
+    return float(np.sqrt(positive.min())) if len(positive) else np.inf
+
+
+def within_fold(distorted: NDArray, k: NDArray) -> NDArray:
+    """Return which distorted coordinates have an ideal origin inside `largest_radius`.
+
+    Tangential distortion, a thousandth of the radial one, is left out of the question.
+
+    Args:
+        distorted: x' and y'. Shape (2, ...).
+        k: Radial coefficients. Shape (3,).
+
+    Returns:
+        Boolean. Shape (...).
+    """
+    limit = largest_radius(k)
+    if np.isinf(limit):
+        return np.asarray(np.isfinite(distorted).all(axis=0))
+    reach = limit * (1.0 + limit**2 * (k[0] + limit**2 * (k[1] + limit**2 * k[2])))
+    return np.hypot(*distorted) < reach
+
+
+def undistort(distorted: NDArray, k: NDArray, p: NDArray) -> NDArray:
+    """Find the ideal coordinates of distorted ones: a radial root, then Newton in two dimensions.
+
+    Fixed-point iteration, the usual way, fails at wide angles.
+
+    Args:
+        distorted: x' and y'. Shape (2, N); nan stays nan.
+        k: Radial coefficients. Shape (3,).
+        p: Tangential coefficients. Shape (2,).
+
+    Returns:
+        Ideal coordinates. Shape (2, N).
+
+    Raises:
+        ModelError: If a point lies where the distortion is not monotone, or Newton does not end.
+    """
+    if not k.any() and not p.any():
+        return np.array(distorted, dtype=float)
+    outside = ~within_fold(distorted, k) & np.isfinite(distorted).all(axis=0)
+    if outside.any():
+        raise ModelError(
+            f"{int(outside.sum())} of {outside.size} points lie outside the radius where the "
+            "lens distortion is monotone: no ray belongs to them; use points nearer to the "
+            "image centre, or calibrate the lens with boards that reach the image's edge"
+        )
+    ideal = _undistort_radially(distorted, k)
+    for _ in range(_NEWTON_STEPS):
+        miss = distort(ideal, k, p) - distorted
+        (a, b), (c, d) = distortion_slopes(ideal, k, p)
+        step = np.stack([d * miss[0] - b * miss[1], a * miss[1] - c * miss[0]]) / (a * d - b * c)
+        ideal = ideal - step
+        # Quadratic convergence: the step after one this small is below rounding.
+        if np.nanmax(np.abs(step), initial=0.0) < 1e-9:
+            return ideal
+    raise ModelError("lens distortion could not be inverted: its coefficients are not plausible")
+
+
+def _undistort_radially(distorted: NDArray, k: NDArray) -> NDArray:
+    """Undo radial distortion alone, by Newton kept inside a shrinking bracket of the radius."""
+    target = np.hypot(*distorted)
+    limit = largest_radius(k)
+    low = np.zeros_like(target)
+    high = np.full_like(
+        target, limit if np.isfinite(limit) else 1e3 * (1.0 + np.nanmax(target, initial=0.0))
+    )
+    r = np.minimum(target, 0.9 * high)
+    for _ in range(_NEWTON_STEPS):
+        r2 = r * r
+        value = r * (1.0 + r2 * (k[0] + r2 * (k[1] + r2 * k[2]))) - target
+        slope = 1.0 + r2 * (3.0 * k[0] + r2 * (5.0 * k[1] + r2 * 7.0 * k[2]))
+        low, high = np.where(value < 0.0, r, low), np.where(value < 0.0, high, r)
+        newton = r - value / np.where(slope == 0.0, 1.0, slope)
+        inside = (newton >= low) & (newton <= high)
+        step = np.where(inside, newton, 0.5 * (low + high)) - r
+        r = r + step
+        if np.nanmax(np.abs(step), initial=0.0) < 1e-12:
+            break
+    return distorted * np.where(target > 0.0, r / np.where(target > 0.0, target, 1.0), 1.0)
