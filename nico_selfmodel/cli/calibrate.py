@@ -5,10 +5,12 @@ from typing import Annotated
 
 import typer
 
-from nico_selfmodel.cli import console
+from nico_selfmodel.cli import calibrate_cameras, console
 from nico_selfmodel.cli.robot_options import Arm, Base, Hold, Point, Robot, Tip, chosen_arm
 
 app = typer.Typer(help="Learn a self-model from recorded data.", no_args_is_help=True)
+app.command("stereo")(calibrate_cameras.stereo)
+app.command("camera")(calibrate_cameras.camera)
 
 
 @app.callback()

@@ -57,7 +57,8 @@ def print_where(folder: Path) -> None:
     out.print(f"\nresult   {folder}/", markup=False)
     for path in sorted(folder.iterdir()):
         out.print(f"         {path.name}", markup=False)
-    out.print(f"look     open {folder / 'report.html'}, or: nico-selfmodel view {folder}")
+    if (folder / "report.html").exists():
+        out.print(f"look     open {folder / 'report.html'}, or: nico-selfmodel view {folder}")
 
 
 def statistics_row(label: str, block: Mapping[str, Any] | None) -> list[str]:
@@ -83,7 +84,44 @@ def print_calibration(name: str, document: Mapping[str, Any], folder: Path) -> N
     print_where(folder)
 
 
-STATISTICS_HEADINGS = ("error [mm]", "n", "mean", "SD", "rms", "median", "max")
+def print_cameras(name: str, document: Mapping[str, Any], folder: Path) -> None:
+    """Print a result document of cameras: errors, parameters, verdict, and where it lies."""
+    parts = (
+        ("held out", "test"),
+        ("cross-validation", "cross_validation"),
+        ("training", "train"),
+        ("epipolar", "epipolar_px"),
+    )
+    rows = [_pixel_row(label, document.get(key)) for label, key in parts if key in document]
+    print_table(name, ("error [px]", "corners", *_STATISTICS), rows)
+    print_table("cameras", ("parameter", "value", "sigma", "unit"), _free_rows(document))
+    if document["outliers"]:
+        out.print(f"boards set aside: {', '.join(document['outliers'])}", markup=False)
+    for warning in document["warnings"]:
+        out.print(f"note: {warning}", markup=False)
+    print_verdict(document["status"], document["reasons"])
+    print_where(folder)
+
+
+def _pixel_row(label: str, block: Mapping[str, Any] | None) -> list[str]:
+    if block is None:
+        return [label, *["-"] * (1 + len(_STATISTICS))]
+    pixels = block["pixels"]
+    return [label, str(block["n"]), *(f"{pixels[name.lower()]:.3f}" for name in _STATISTICS)]
+
+
+def _free_rows(document: Mapping[str, Any]) -> list[list[str]]:
+    """Return the parameters that were learned, and those that follow from them."""
+    rows = []
+    for name, entry in document["parameters"].items():
+        if entry["free"] or name == "baseline":
+            sigma = "-" if entry["sigma"] is None else f"{entry['sigma']:.2g}"
+            rows.append([name, f"{entry['value']:.6g}", sigma, entry["unit"]])
+    return rows
+
+
+_STATISTICS = ("mean", "SD", "rms", "median", "max")
+STATISTICS_HEADINGS = ("error [mm]", "n", *_STATISTICS)
 
 
 @contextmanager

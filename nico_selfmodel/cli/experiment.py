@@ -15,6 +15,38 @@ def _describe() -> None:
     """Run an experiment of the thesis."""
 
 
+@app.command("stereo")
+def stereo(
+    out: Annotated[Path, typer.Option("--out", help="Folder for tables and charts to make.")],
+    individuals: Annotated[
+        int, typer.Option("--individuals", min=2, help="Simulated pairs of eyes to average over.")
+    ] = 5,
+    pixel_sigma: Annotated[
+        float, typer.Option("--pixel-sigma", help="Noise of a corner [px].")
+    ] = 0.2,
+    seed: Annotated[int, typer.Option("--seed", min=0, help="Of the first individual.")] = 0,
+    force: Annotated[bool, typer.Option("--force", help="Replace an existing folder.")] = False,
+    as_json: Annotated[bool, typer.Option("--json", help="Print JSON.")] = False,
+) -> None:
+    """Learn a pair of eyes with several lens models and numbers of boards (chapters 5, 8)."""
+    from nico_selfmodel.experiments.stereo import document_of, run_stereo, table_rows, write_report
+    from nico_selfmodel.files import refuse_folder
+
+    refuse_folder(out, force=force)
+    if not 0.0 < pixel_sigma < 10.0:
+        raise ValueError(f"--pixel-sigma must lie between 0 and 10 px, got {pixel_sigma}")
+    with console.progress_bar() as stage:
+        results = run_stereo(individuals, pixel_sigma, seed, stage)
+    write_report(results, out, force=force)
+    if as_json:
+        console.print_json(document_of(results))
+        return
+    title = f"Held-out boards, {individuals} simulated pairs of eyes, {pixel_sigma:g} px"
+    console.print_table(f"{title}: lens models", *table_rows(results.by_lens))
+    console.print_table("Number of boards", *table_rows(results.by_boards))
+    console.print_where(out)
+
+
 @app.command("motion-capture")
 def motion_capture(
     out: Annotated[Path, typer.Option("--out", help="Folder for tables and charts to make.")],

@@ -1,5 +1,10 @@
-"""The theory, one file per estimator: circle points, kinematics, and what is thought of them."""
+"""The theory, one file per estimator: circle points, kinematics, stereo; and the verdicts."""
 
+from nico_selfmodel.estimation.board_accuracy import Reconstruction
+from nico_selfmodel.estimation.camera_adjustment import CameraCalibration
+from nico_selfmodel.estimation.camera_assessment import CameraAssessment, judge_cameras
+from nico_selfmodel.estimation.camera_document import camera_document
+from nico_selfmodel.estimation.camera_options import CameraOptions
 from nico_selfmodel.estimation.circle_points import (
     CirclePointAnalysis,
     SweepCircle,
@@ -11,9 +16,13 @@ from nico_selfmodel.estimation.nominal_start import NominalArm
 from nico_selfmodel.estimation.observations import Observations
 from nico_selfmodel.estimation.pins import Pins
 from nico_selfmodel.estimation.result_document import parameter_table, result_document
+from nico_selfmodel.estimation.stereo import calibrate_cameras
 from nico_selfmodel.estimation.verdict import Verdict, judge
 
 __all__ = [
+    "CameraAssessment",
+    "CameraCalibration",
+    "CameraOptions",
     "CirclePointAnalysis",
     "ErrorStatistics",
     "Evaluation",
@@ -21,12 +30,16 @@ __all__ = [
     "NominalArm",
     "Observations",
     "Pins",
+    "Reconstruction",
     "SweepCircle",
     "Verdict",
     "analyse_circle_points",
+    "calibrate_cameras",
     "calibrate_kinematics",
+    "camera_document",
     "evaluate",
     "judge",
+    "judge_cameras",
     "parameter_table",
     "result_document",
 ]

@@ -18,7 +18,7 @@ from nico_selfmodel.estimation.observations import Observations
 from nico_selfmodel.geometry.levenberg_marquardt import NormalEquations, levenberg_marquardt
 from nico_selfmodel.geometry.rotation import move_on_sphere, tangent_basis
 from nico_selfmodel.model import Chain
-from nico_selfmodel.model.line_kinematics import hand_derivatives
+from nico_selfmodel.model.line_kinematics import carried_rotations, hand_derivatives
 from nico_selfmodel.optimization import Loss, robust_scale
 
 _ROUNDS = 3
@@ -142,15 +142,14 @@ class _Projection:
 
     def solve(
         self, directions: NDArray, gear: NDArray, weights: NDArray
-    ) -> tuple[Chain, NDArray, NDArray]:
-        """Return the chain, its residuals (3, N) and the weighted design (3N, 2n + 3m)."""
-        n, basis = len(gear), tangent_basis(directions)
-        origin, count = np.zeros((n, 3)), len(self._observations)
-        q = self._moved / gear[:, None]
-        linear = hand_derivatives(directions, origin, np.zeros((3, count)), q, basis, basis)
-        hands = linear.by_hand[:, None] * self._own[None, :, None]
+    ) -> tuple[Chain, NDArray, NDArray, NDArray]:
+        """Return chain, residuals (3, N), weighted design (3N, 2n + 3m), carried rotations."""
+        n, count, basis = len(gear), len(self._observations), tangent_basis(directions)
+        carried = carried_rotations(directions, self._moved / gear[:, None])
+        by_point = np.swapaxes(basis, 1, 2)[:, None] @ (carried[:-1] - carried[1:])
+        hands = carried[-1][:, None] * self._own[None, :, None]
         design = np.concatenate(
-            [linear.by_point.reshape(3, 2 * n, -1), hands.reshape(3, -1, count)], axis=1
+            [by_point.swapaxes(0, 1).reshape(3, 2 * n, -1), hands.reshape(3, -1, count)], axis=1
         )
         root = np.sqrt(weights)
         weighted = (design * root).transpose(0, 2, 1).reshape(3 * count, -1)
@@ -166,7 +165,7 @@ class _Projection:
             solution[2 * n :].reshape(-1, 3),
         )
         residuals = np.einsum("ijk,j->ik", design, solution) - self._measured
-        return chain, residuals, weighted
+        return chain, residuals, weighted, carried
 
     def normal_equations(
         self,
@@ -177,11 +176,12 @@ class _Projection:
         weights: NDArray,
     ) -> NormalEquations:
         """Return the normal equations of directions and log gears, J = (I - Q Q') dr."""
-        chain, residuals, weighted = self.solve(directions, gear, weights)
+        chain, residuals, weighted, carried = self.solve(directions, gear, weights)
         n, count = len(gear), len(self._observations)
         q = self._moved / gear[:, None]
         p_zero = chain.p_WH_zero[self._observations.marker].T
-        d = hand_derivatives(directions, chain.points, p_zero, q, slopes, tangent_basis(directions))
+        basis = tangent_basis(directions)
+        d = hand_derivatives(directions, chain.points, p_zero, q, slopes, basis, carried)
         # q = e / G, so dq / d log G = -q
         by_gear = -d.by_angle[:, free] * q[free]
         nonlinear = np.concatenate([d.by_direction.reshape(3, 2 * n, count), by_gear], axis=1)

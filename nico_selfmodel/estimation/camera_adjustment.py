@@ -1,6 +1,8 @@
 """One adjustment of cameras and all boards, its result and its uncertainty."""
 
+from collections.abc import Mapping
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -9,7 +11,9 @@ from nico_selfmodel.dataset.board_views import BoardViews
 from nico_selfmodel.errors import NotConvergedError
 from nico_selfmodel.estimation.board_residuals import BoardResiduals
 from nico_selfmodel.estimation.camera_options import CameraOptions, by_full_name
+from nico_selfmodel.estimation.provenance import package_versions
 from nico_selfmodel.model.camera import Camera
+from nico_selfmodel.model.self_model import ParameterCovariance, SelfModel
 from nico_selfmodel.model.stereo_rig import StereoRig
 from nico_selfmodel.optimization import CalibrationProgram, Uncertainty
 from nico_selfmodel.optimization.robust_solve import RobustSolution, solve_robustly
@@ -62,6 +66,22 @@ class CameraCalibration:
         if len(self.cameras) != 2:
             raise ValueError("one camera is no stereo rig")
         return StereoRig(*self.cameras)
+
+    def self_model(self, name: str, provenance: Mapping[str, Any] | None = None) -> SelfModel:
+        """Return the eyes as a self-model without an arm.
+
+        Args:
+            name: What it is called.
+            provenance: Where it comes from.
+        """
+        return SelfModel(
+            name,
+            covariance=ParameterCovariance(self.names, self.uncertainty.covariance),
+            fit={"boards": int((~self.outliers).sum()), "rms_px": self.rms},
+            provenance={**(provenance or {}), **package_versions("opencv-python-headless")},
+            cameras=dict(zip(self.views.eyes, self.cameras, strict=True)),
+            pixel_sigma=self.pixel_sigma,
+        )
 
     @property
     def distances(self) -> NDArray:

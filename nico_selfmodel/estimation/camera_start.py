@@ -100,17 +100,17 @@ def pair_start(
 
     Raises:
         EstimationError: If the two eyes share no board, or the corners allow no relative pose.
-        ModelError: If a corner lies outside the monotone part of an eye's lens.
     """
     both = views.seen.all(axis=1)
     if not both.any():
         raise EstimationError("no view shows the board to both eyes: they need boards in common")
-    ideal = [
-        camera.undistort(views.of_eye(eye)[both])
-        for eye, (camera, _) in zip(views.eyes, (left, right), strict=True)
-    ]
+    pixels = [views.of_eye(eye)[both] for eye in views.eyes]
+    # A rough lens may not reach as far as the image: the rest is enough for a start.
+    usable = left[0].has_rays(pixels[0]) & right[0].has_rays(pixels[1])
     try:
-        pose = RelativePose.from_points(*ideal)
+        pose = RelativePose.from_points(
+            left[0].undistort(pixels[0][usable]), right[0].undistort(pixels[1][usable])
+        )
     except ValueError as error:
         raise EstimationError(
             f"no relative pose of the eyes: {error} Or are both images from the same camera?"

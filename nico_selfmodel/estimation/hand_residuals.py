@@ -73,11 +73,11 @@ class LineResiduals:
         d = hand_derivatives(directions, points, p_zero, q, slopes, self._bases)
         n, out = len(gear), self._out
         joints = out[: 5 * n].reshape(n, 5, 3, -1)
-        joints[:, 0:2] = np.moveaxis(d.by_direction, 0, 2)
-        joints[:, 2:4] = np.moveaxis(d.by_point, 0, 2)
+        joints[:, 0:2] = d.by_direction.transpose(1, 2, 0, 3)
+        joints[:, 2:4] = d.by_point.transpose(1, 2, 0, 3)
         # q = (e - e_zero) / G, so dq/dG = -q / G
-        joints[:, 4] = np.moveaxis(d.by_angle, 0, 1) * (-q / gear[:, None])[:, None]
-        by_hand = np.moveaxis(d.by_hand, 1, 0)
+        joints[:, 4] = d.by_angle.swapaxes(0, 1) * (-q / gear[:, None])[:, None]
+        by_hand = d.by_hand.swapaxes(0, 1)
         for k, own in enumerate(self._own):
             out[5 * n + 3 * k : 5 * n + 3 * k + 3] = by_hand if own.all() else by_hand * own
         return (d.p - self._measured) / self._sigma, out * (1.0 / self._sigma)

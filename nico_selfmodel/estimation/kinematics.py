@@ -6,7 +6,6 @@ The thesis' sections 6.2.1-6.2.3 with the corrections of `docs/thesis.md`.
 import time
 from collections.abc import Iterator
 from dataclasses import dataclass
-from importlib.metadata import PackageNotFoundError, version
 from itertools import islice
 
 import numpy as np
@@ -33,6 +32,7 @@ from nico_selfmodel.estimation.nominal_start import (
 from nico_selfmodel.estimation.observations import Observations, gears_known
 from nico_selfmodel.estimation.pinned_refinement import PinnedSolution, refine_pinned
 from nico_selfmodel.estimation.pins import Pins
+from nico_selfmodel.estimation.provenance import package_versions
 from nico_selfmodel.estimation.start_search import LineSolution, StartSearch, search_starts
 from nico_selfmodel.estimation.zeroing import meaningful_parameters
 from nico_selfmodel.model import DhParameters, DhTable, ParameterCovariance, SelfModel
@@ -385,15 +385,5 @@ def _self_model(
         solved.noise_sigma,
         dict(nominal.source) if nominal else {},
         {"method": method, "loss": loss, "rows": len(solved.outliers)},
-        {"dataset": dataset.name, "dataset_sha256": dataset.sha256, **_versions()},
+        {"dataset": dataset.name, "dataset_sha256": dataset.sha256, **package_versions("drake")},
     )
-
-
-def _versions() -> dict[str, str]:
-    found = {}
-    for package in ("nico-selfmodel", "drake", "numpy"):
-        try:
-            found[package] = version(package)
-        except PackageNotFoundError:
-            found[package] = "not installed"
-    return found

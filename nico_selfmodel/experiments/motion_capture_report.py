@@ -1,6 +1,5 @@
 """The motion capture experiment as tables, charts and JSON."""
 
-import json
 from collections.abc import Callable
 from dataclasses import asdict
 from pathlib import Path
@@ -13,10 +12,9 @@ from nico_selfmodel.experiments.motion_capture import (
     MotionCaptureExperiment,
     Row,
 )
-from nico_selfmodel.files import folder_written_whole
-from nico_selfmodel.viz import BarSeries, bar_chart, save_figure
+from nico_selfmodel.experiments.report_files import Table, as_markdown, write_experiment
+from nico_selfmodel.viz import BarSeries, bar_chart
 
-Table = tuple[tuple[str, ...], list[list[str]]]
 _THESIS_LINKS_MM = ((126.82, 0.45), (115.66, 0.84))
 _THESIS_REPEAT_SECONDS = 2.52
 
@@ -63,12 +61,7 @@ def write_report(results: MotionCaptureExperiment, out: Path, *, force: bool = F
     Raises:
         OSError: If the folder exists and `force` is not set, or cannot be written to.
     """
-    with folder_written_whole(out, force=force) as folder:
-        text = json.dumps(document_of(results), indent=1, allow_nan=False)
-        (folder / "result.json").write_text(text + "\n", encoding="utf-8")
-        (folder / "tables.md").write_text(_markdown(results), encoding="utf-8")
-        for name, figure in _charts(results).items():
-            save_figure(figure, folder / f"{name}.png")
+    write_experiment(out, document_of(results), _markdown(results), _charts(results), force=force)
 
 
 def _markdown(results: MotionCaptureExperiment) -> str:
@@ -78,14 +71,7 @@ def _markdown(results: MotionCaptureExperiment) -> str:
         "100 random test poses [mm]. Thesis: the real robot, one run. Samples: on circles + random."
         "\n\n"
     )
-    return head + _as_markdown(table_rows(results)) + "\n" + _as_markdown(repeat_rows(results))
-
-
-def _as_markdown(table: Table) -> str:
-    headings, rows = table
-    lines = ["| " + " | ".join(headings) + " |", "|" + "---|" * len(headings)]
-    lines += ["| " + " | ".join(row) + " |" for row in rows]
-    return "\n".join(lines) + "\n"
+    return head + as_markdown(table_rows(results)) + "\n" + as_markdown(repeat_rows(results))
 
 
 def _charts(results: MotionCaptureExperiment) -> dict[str, Any]:

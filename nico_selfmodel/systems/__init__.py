@@ -1,6 +1,15 @@
-"""Bodies and what drives and watches them; the simulated arm under motion capture."""
+"""Bodies and what drives and watches them; a simulated arm and simulated eyes."""
 
 from nico_selfmodel.systems.simulated_arm import Sighting, SimulatedArm
+from nico_selfmodel.systems.simulated_eyes import NICO_EYES, SimulatedEyes
 from nico_selfmodel.systems.worlds import WORLDS, World, world_named
 
-__all__ = ["WORLDS", "Sighting", "SimulatedArm", "World", "world_named"]
+__all__ = [
+    "NICO_EYES",
+    "WORLDS",
+    "Sighting",
+    "SimulatedArm",
+    "SimulatedEyes",
+    "World",
+    "world_named",
+]

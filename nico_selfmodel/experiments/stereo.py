@@ -1,0 +1,211 @@
+"""Chapters 5 and 8.1 of the thesis: how well a pair of eyes measures, by lens model and boards."""
+
+from collections.abc import Callable
+from dataclasses import asdict, dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from nico_selfmodel.dataset import BoardViews
+from nico_selfmodel.estimation import (
+    CameraOptions,
+    Reconstruction,
+    calibrate_cameras,
+)
+from nico_selfmodel.estimation.board_accuracy import corner_distances, held_out_residuals
+from nico_selfmodel.experiments.report_files import Table, as_markdown, write_experiment
+from nico_selfmodel.systems import SimulatedEyes
+from nico_selfmodel.viz import BarSeries, bar_chart
+
+SQUARE = 0.028
+"""Side of a square of the thesis' board [m]."""
+BOARDS = 13
+TEST_BOARDS = 20
+THESIS_EDGE_SD_MM = {"fiducial set-up": 1.59, "colour set-up": 1.30}
+"""SD of reconstructed edges of 28 mm squares before the body was learned, section 8.4."""
+
+LENSES = {
+    "pinhole": CameraOptions(pinned={"k1": 0.0, "k2": 0.0, "k3": 0.0}),
+    "k1, k2": CameraOptions(pinned={"k3": 0.0}),
+    "centre held": CameraOptions(pinned={"cx": None, "cy": None}),
+    "full": CameraOptions(),
+}
+"""Lens models from poor to good; `centre held` is the thesis' pass with u0 and v0 nominal."""
+COUNTS = (5, 13, 40)
+
+
+@dataclass(frozen=True)
+class StereoRow:
+    """One condition, averaged over individuals; lengths in mm, on boards that were held out."""
+
+    lens: str
+    """Name of the lens model."""
+    boards: int
+    """Boards learned from."""
+    rms_px: float
+    """Reprojection error of held-out boards."""
+    edge_sd_mm: tuple[float, float]
+    """Standard deviation of reconstructed edges: mean and SD over individuals."""
+    position_mm: tuple[float, float]
+    """Distance of rebuilt corners from the true board: mean and SD over individuals."""
+    scale_error: float
+    """Mean of |scale - 1| of the rebuilt boards."""
+    seconds: float
+    """Mean time of a calibration."""
+
+
+@dataclass(frozen=True)
+class StereoExperiment:
+    """All conditions."""
+
+    individuals: int
+    """Simulated pairs of eyes averaged over."""
+    pixel_sigma: float
+    """Noise of a corner [px]."""
+    by_lens: tuple[StereoRow, ...]
+    """With 13 boards, over lens models."""
+    by_boards: tuple[StereoRow, ...]
+    """With the full lens model, over numbers of boards."""
+
+
+def run_stereo(
+    individuals: int = 5,
+    pixel_sigma: float = 0.2,
+    seed: int = 0,
+    progress: Callable[[str, int, int], None] | None = None,
+) -> StereoExperiment:
+    """Learn simulated eyes under every condition.
+
+    Args:
+        individuals: Simulated pairs of eyes.
+        pixel_sigma: Noise of a corner [px].
+        seed: Of the first individual.
+        progress: Told how far it is.
+
+    Returns:
+        The table's rows.
+    """
+    conditions = [(lens, BOARDS) for lens in LENSES]
+    conditions += [("full", count) for count in COUNTS if count != BOARDS]
+    rows = {}
+    for done, (lens, count) in enumerate(conditions, start=1):
+        eyes = [SimulatedEyes(seed + i, pixel_sigma) for i in range(individuals)]
+        rows[lens, count] = _row(lens, count, eyes)
+        if progress:
+            progress("learning eyes", done, len(conditions))
+    return StereoExperiment(
+        individuals,
+        pixel_sigma,
+        tuple(rows[lens, BOARDS] for lens in LENSES),
+        tuple(rows["full", count] for count in COUNTS),
+    )
+
+
+def board_points(columns: int = 9, rows: int = 6, square: float = SQUARE) -> np.ndarray:
+    """Return the corners of a board [m]. Shape (columns * rows, 3)."""
+    across, down = np.meshgrid(np.arange(columns), np.arange(rows))
+    return square * np.stack([across, down, np.zeros_like(across)], axis=-1).reshape(-1, 3)
+
+
+def _row(lens: str, count: int, eyes: list[SimulatedEyes]) -> StereoRow:
+    corners = board_points()
+    found = [
+        _measure(
+            LENSES[lens],
+            pair.look_at_boards(corners, count),
+            pair.look_at_boards(corners, TEST_BOARDS, session=1),
+        )
+        for pair in eyes
+    ]
+    rms, edge, position, scale, seconds = np.array(found).T
+    return StereoRow(
+        lens,
+        count,
+        float(rms.mean()),
+        (float(edge.mean()), float(edge.std())),
+        (float(position.mean()), float(position.std())),
+        float(scale.mean()),
+        float(seconds.mean()),
+    )
+
+
+def _measure(options: CameraOptions, train: BoardViews, test: BoardViews) -> tuple[float, ...]:
+    """Return rms [px], edge SD [mm], position error [mm], scale error and seconds."""
+    learned = calibrate_cameras(train, options)
+    left_over = corner_distances(held_out_residuals(learned.cameras, test))
+    rebuilt = Reconstruction.from_views(learned.rig, test)
+    return (
+        float(np.sqrt(np.mean(left_over**2))),
+        1e3 * rebuilt.edge_sd,
+        1e3 * float(rebuilt.errors.mean()),
+        float(np.abs(rebuilt.scale - 1.0).mean()),
+        learned.seconds,
+    )
+
+
+def table_rows(rows: tuple[StereoRow, ...]) -> Table:
+    """Return headings and rows of a table."""
+    headings = ("lens model", "boards", "rms [px]", "edge SD [mm]", "corner [mm]", "scale [%]", "s")
+    return headings, [
+        [
+            row.lens,
+            str(row.boards),
+            f"{row.rms_px:.3f}",
+            f"{row.edge_sd_mm[0]:.2f} ({row.edge_sd_mm[1]:.2f})",
+            f"{row.position_mm[0]:.2f} ({row.position_mm[1]:.2f})",
+            f"{100.0 * row.scale_error:.3f}",
+            f"{row.seconds:.2f}",
+        ]
+        for row in rows
+    ]
+
+
+def document_of(results: StereoExperiment) -> dict[str, Any]:
+    """Return the results as plain data."""
+    return {**asdict(results), "thesis_edge_sd_mm": dict(THESIS_EDGE_SD_MM)}
+
+
+def write_report(results: StereoExperiment, out: Path, *, force: bool = False) -> None:
+    """Write tables, charts and `result.json`, whole or not at all.
+
+    Raises:
+        OSError: If the folder exists and `force` is not set, or cannot be written to.
+    """
+    thesis = ", ".join(f"{name} {sd} mm" for name, sd in THESIS_EDGE_SD_MM.items())
+    head = (
+        "# Learning a pair of eyes (thesis, chapters 5 and 8)\n\n"
+        f"Ours: {results.individuals} simulated pairs of Nico's wide eyes, corners found to "
+        f"{results.pixel_sigma:g} px; all figures on {TEST_BOARDS} held-out boards of 28 mm "
+        f"squares, mean (SD over pairs). Thesis: SD of reconstructed edges on its real robot: "
+        f"{thesis}.\n\n"
+    )
+    tables = as_markdown(table_rows(results.by_lens)) + "\n"
+    tables += as_markdown(table_rows(results.by_boards))
+    charts = {
+        "edges_by_lens": _chart(
+            results.by_lens,
+            [row.lens for row in results.by_lens],
+            "A poor lens model, not noise, spoils stereo",
+        ),
+        "edges_by_boards": _chart(
+            results.by_boards,
+            [str(row.boards) for row in results.by_boards],
+            "Thirteen boards are nearly as good as forty",
+            "boards learned from",
+        ),
+    }
+    write_experiment(out, document_of(results), head + tables, charts, force=force)
+
+
+def _chart(rows: tuple[StereoRow, ...], groups: list[str], title: str, xlabel: str = "") -> Any:
+    """Draw the SD of edges a group, and the thesis' two figures as a last group."""
+    ours = np.array([row.edge_sd_mm for row in rows] + [(np.nan, np.nan)])
+    blank = np.full(len(rows), np.nan)
+    thesis = [
+        BarSeries(f"thesis, {name}", np.append(blank, sd), np.full(len(rows) + 1, np.nan), True, i)
+        for i, (name, sd) in enumerate(THESIS_EDGE_SD_MM.items())
+    ]
+    series = [BarSeries("ours, simulated", *ours.T), *thesis]
+    ylabel = "SD of reconstructed edges [mm]"
+    return bar_chart([*groups, "thesis"], series, title=title, ylabel=ylabel, xlabel=xlabel)

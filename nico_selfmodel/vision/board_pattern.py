@@ -1,0 +1,121 @@
+"""The dark and light squares between and around found corners: is it the board, and all of it?
+
+A grid of corners has shape (rows, columns, 2). A detector that is asked for a board of another size
+than the one in the image may answer with a part of it, or with corners picked here and there.
+"""
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from nico_selfmodel.geometry.homography import apply_homography, homography
+
+_ALTERNATING = 0.95  # of the pairs of neighbouring squares
+_UNEVEN = 0.5  # of a step along a row, by which the next one may differ: perspective, distortion
+_CONTINUES = 0.5  # of the contrast between the inner squares
+_BEYOND = 1.25  # squares behind the last corners: printed boards often end in half squares
+
+
+def is_regular(grid: NDArray, gray: NDArray) -> bool:
+    """Tell whether corners follow each other evenly, with squares between them that alternate.
+
+    Args:
+        grid: Corners [px]. Shape (rows, columns, 2).
+        gray: The image.
+
+    Returns:
+        True if they can be the corners of a chessboard.
+    """
+    for along in (grid, grid.swapaxes(0, 1)):
+        mean_step = 0.5 * np.linalg.norm(along[2:] - along[:-2], axis=2)
+        change = np.linalg.norm(along[2:] - 2.0 * along[1:-1] + along[:-2], axis=2)
+        if np.any(change > _UNEVEN * mean_step):
+            return False
+    squares = np.stack([_brightness(gray, points) for points in _inside_squares(grid)])
+    sign = 1.0 - 2.0 * (np.indices(squares.shape[1:]).sum(axis=0) % 2)
+    lighter = [
+        (sign[:, 1:] * np.diff(squares, axis=2)).ravel(),
+        (sign[1:] * np.diff(squares, axis=1)).ravel(),
+    ]
+    share = float(np.mean(np.concatenate(lighter) > 0.0))
+    return max(share, 1.0 - share) >= _ALTERNATING
+
+
+def continues_beyond(grid: NDArray, gray: NDArray) -> bool:
+    """Tell whether the found corners are only a part of a larger board.
+
+    A board ends with the squares around its outermost inner corners. Where the pattern of dark and
+    light goes on behind those, the detector has found a smaller board inside a larger one.
+
+    Args:
+        grid: Corners [px]. Shape (rows, columns, 2).
+        gray: The image.
+
+    Returns:
+        True if the pattern goes on at one of the four sides, as far as the image shows it.
+    """
+    rows, columns = grid.shape[:2]
+    across, down = np.arange(-0.5, columns), np.arange(-0.5, rows)
+    sides = [
+        *(_rectangle(across, [v]) for v in (-_BEYOND, rows - 1 + _BEYOND)),
+        *(_rectangle([u], down) for u in (-_BEYOND, columns - 1 + _BEYOND)),
+    ]
+    inner = contrast(grid, gray)
+    return any(contrast(grid, gray, side) / inner > _CONTINUES for side in sides)
+
+
+def contrast(grid: NDArray, gray: NDArray, squares: NDArray | None = None) -> float:
+    """Return by how much light squares are lighter than dark ones.
+
+    Args:
+        grid: Corners [px]. Shape (rows, columns, 2).
+        gray: The image.
+        squares: Points in squares, in units of squares from the first corner; the centres of the
+            squares between the corners by default. Shape (n, 2).
+
+    Returns:
+        The difference of the means, negative if the first inner square is a light one; NaN where
+        fewer than two squares of a kind are in the image.
+    """
+    rows, columns = grid.shape[:2]
+    if squares is None:
+        squares = _rectangle(np.arange(columns - 1) + 0.5, np.arange(rows - 1) + 0.5)
+    board = _rectangle(np.arange(columns), np.arange(rows))
+    pixels = apply_homography(homography(board, grid.reshape(-1, 2)), squares)
+    height, width = gray.shape
+    visible = np.all((pixels >= 0.0) & (pixels <= (width - 1.0, height - 1.0)), axis=1)
+    light = np.floor(squares[visible]).sum(axis=1) % 2 == 1
+    if min(light.sum(), (~light).sum()) < 2:
+        return float("nan")
+    values = _brightness(gray, pixels[visible])
+    return float(values[light].mean() - values[~light].mean())
+
+
+def smallest_square(grid: NDArray) -> float:
+    """Return the shortest distance between neighbours of a grid of corners [px]."""
+    lengths = [np.linalg.norm(np.diff(grid, axis=axis), axis=2).min() for axis in (0, 1)]
+    return float(min(lengths))
+
+
+def _rectangle(across: NDArray | list[float], down: NDArray | list[float]) -> NDArray:
+    """Return all points of a rectangle, row by row. Shape (n, 2)."""
+    return np.stack(np.meshgrid(across, down), axis=-1).reshape(-1, 2)
+
+
+def _inside_squares(grid: NDArray) -> list[NDArray]:
+    """Return four points in every square, each (rows - 1, columns - 1, 2): squares are plain."""
+    corners = grid[:-1, :-1], grid[:-1, 1:], grid[1:, :-1], grid[1:, 1:]
+    return [
+        (1 - t) * ((1 - s) * corners[0] + s * corners[1])
+        + t * ((1 - s) * corners[2] + s * corners[3])
+        for s in (0.3, 0.7)
+        for t in (0.3, 0.7)
+    ]
+
+
+def _brightness(gray: NDArray, pixels: NDArray) -> NDArray:
+    """Return means of 3 x 3 pixels. Shape (..., 2) -> (...)."""
+    height, width = gray.shape
+    u, v = np.moveaxis(np.rint(pixels).astype(int), -1, 0)
+    blurred = cv2.blur(gray, (3, 3))
+    return blurred[np.clip(v, 0, height - 1), np.clip(u, 0, width - 1)].astype(float)

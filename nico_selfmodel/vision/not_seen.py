@@ -1,0 +1,11 @@
+"""What a detector returns in place of a detection."""
+
+from dataclasses import dataclass
+
+
+@dataclass(frozen=True)
+class NotSeen:
+    """The answer of a detector that saw nothing it can vouch for; there is no point to misuse."""
+
+    reason: str
+    """What was tried and why it was not enough, in words."""
