@@ -18,13 +18,26 @@ def write_whole(path: str | Path, text: str) -> None:
     Raises:
         OSError: If the folder is missing or cannot be written to.
     """
+    write_bytes_whole(path, text.encode("utf-8"))
+
+
+def write_bytes_whole(path: str | Path, content: bytes) -> None:
+    """Write a file through a temporary sibling, so that a failure leaves the old one.
+
+    Args:
+        path: Where to write; its folder must exist.
+        content: The whole file.
+
+    Raises:
+        OSError: If the folder is missing or cannot be written to.
+    """
     path = Path(path)
     if not path.parent.is_dir():
         raise FileNotFoundError(f"{path} cannot be written: {path.parent} is not a folder")
     handle, temporary = tempfile.mkstemp(prefix=f".{path.name}.", dir=path.parent)
     try:
-        with os.fdopen(handle, "w", encoding="utf-8", newline="\n") as file:
-            file.write(text)
+        with os.fdopen(handle, "wb") as file:
+            file.write(content)
         Path(temporary).chmod(0o644)
         Path(temporary).replace(path)
     except BaseException:

@@ -47,6 +47,7 @@ def run() -> None:
     warnings.showwarning = _show_warning
     command = typer.main.get_command(app)
     try:
+        _refuse_empty(sys.argv[1:])
         code = command.main(prog_name="nico-selfmodel", standalone_mode=False)
     except (SelfModelError, ValueError, OSError) as error:
         sys.stdout.flush()
@@ -56,6 +57,17 @@ def run() -> None:
     except Exception as error:
         code = _usage(error)
     raise SystemExit(code if isinstance(code, int) else 0)
+
+
+def _refuse_empty(words: list[str]) -> None:
+    """Refuse a word that says nothing: a shell variable that was never set, most of the time."""
+    for before, word in zip(["", *words], words, strict=False):
+        if not word.strip():
+            place = before if before.startswith("--") else "an argument"
+            raise ValueError(f"{place} is empty: give it a value, or leave it out")
+        option, equals, value = word.partition("=")
+        if option.startswith("--") and equals and not value.strip():
+            raise ValueError(f"{option} is empty: give it a value, or leave it out")
 
 
 def _complain(reason: str, code: int = 2) -> int:

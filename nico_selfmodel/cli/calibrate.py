@@ -6,7 +6,16 @@ from typing import Annotated
 import typer
 
 from nico_selfmodel.cli import calibrate_cameras, console
-from nico_selfmodel.cli.robot_options import Arm, Base, Hold, Point, Robot, Tip, chosen_arm
+from nico_selfmodel.cli.robot_options import (
+    Arm,
+    Base,
+    Hold,
+    Point,
+    Robot,
+    Tip,
+    check_points,
+    chosen_arm,
+)
 
 app = typer.Typer(help="Learn a self-model from recorded data.", no_args_is_help=True)
 app.command("stereo")(calibrate_cameras.stereo)
@@ -27,7 +36,9 @@ def kinematics(
         float | None,
         typer.Option("--test-fraction", help="Share of the poses beside sweeps to hold out."),
     ] = None,
-    seed: Annotated[int, typer.Option("--seed", help="Of the split and of random starts.")] = 0,
+    seed: Annotated[
+        int, typer.Option("--seed", min=0, help="Of the split and of random starts.")
+    ] = 0,
     method: Annotated[
         str, typer.Option("--method", help="refine, or circle-points for the sweeps alone.")
     ] = "refine",
@@ -61,8 +72,7 @@ def kinematics(
 
     refuse_folder(out, force=force, inputs=[dataset, test, robot])
     _check_options(robot, (arm, base, tip, hold, point), require_test_mm)
-    if test is not None and test_fraction is not None:
-        raise ValueError("give --test or --test-fraction, not both")
+    _check_held_out(test, test_fraction)
     pins = Pins.from_text(pin or (), free or ())
     train = Dataset.load(dataset)
     held_out = None if test is None else Dataset.load(test)
@@ -75,6 +85,7 @@ def kinematics(
         from nico_selfmodel.experiments.first_arm import nominal_of
 
         description = chosen_arm(robot, arm, base, tip, hold, point)
+        check_points(point, train.markers)
         nominal = nominal_of(description)
     with console.progress_bar() as stage:
         stage("learning", 0, 1)
@@ -122,3 +133,15 @@ def _check_options(
         raise ValueError("--arm, --base, --tip, --hold and --point need --robot")
     if require_test_mm is not None and not 0.0 < require_test_mm < float("inf"):
         raise ValueError(f"--require-test-mm must be a positive number, got {require_test_mm}")
+
+
+def _check_held_out(test: Path | None, test_fraction: float | None) -> None:
+    """Refuse two ways of holding out at once, and a share that is none."""
+    if test_fraction is None:
+        return
+    if test is not None:
+        raise ValueError("give --test or --test-fraction, not both")
+    if not 0.0 < test_fraction < 1.0:
+        raise ValueError(
+            f"--test-fraction must lie between 0 and 1, both exclusive, got {test_fraction:g}"
+        )

@@ -38,7 +38,8 @@ Tangential = Annotated[
 FixedAspect = Annotated[bool, typer.Option("--fixed-aspect", help="Hold fx and fy equal.")]
 LossName = Annotated[str, typer.Option("--loss", help="trimmed, none, huber, cauchy or tukey.")]
 TestFraction = Annotated[
-    float | None, typer.Option("--test-fraction", help="Share of the boards to hold out.")
+    float | None,
+    typer.Option("--test-fraction", min=0.0, max=1.0, help="Share of the boards to hold out."),
 ]
 Seed = Annotated[int, typer.Option("--seed", min=0, help="Of the boards held out.")]
 Name = Annotated[str | None, typer.Option("--name", help="Name of the self-model.")]

@@ -57,7 +57,7 @@ def motion_capture(
     repeats: Annotated[
         int, typer.Option("--repeats", min=2, help="Random subsets of the repeat test.")
     ] = 100,
-    seed: Annotated[int, typer.Option("--seed", help="Of the first individual.")] = 0,
+    seed: Annotated[int, typer.Option("--seed", min=0, help="Of the first individual.")] = 0,
     force: Annotated[bool, typer.Option("--force", help="Replace an existing folder.")] = False,
     as_json: Annotated[bool, typer.Option("--json", help="Print JSON.")] = False,
 ) -> None:

@@ -18,7 +18,7 @@ def learn(
     world: Annotated[
         str, typer.Option("--world", help="Imperfections of the body: thesis or clean.")
     ] = "thesis",
-    seed: Annotated[int, typer.Option("--seed", help="Which individual wakes up.")] = 0,
+    seed: Annotated[int, typer.Option("--seed", min=0, help="Which individual wakes up.")] = 0,
     random_poses: Annotated[
         int, typer.Option("--random", min=0, help="Random training poses beside the circles.")
     ] = 100,
@@ -32,16 +32,18 @@ def learn(
     as_json: Annotated[bool, typer.Option("--json", help="Print result.json instead.")] = False,
 ) -> None:
     """Let a simulated robot move its arm, watch its hand, and learn the arm's geometry."""
-    from nico_selfmodel.estimation import judge, result_document
-    from nico_selfmodel.experiments.first_arm import learn_first_arm
     from nico_selfmodel.files import refuse_folder
-    from nico_selfmodel.plant import learned_urdf
     from nico_selfmodel.systems import world_named
-    from nico_selfmodel.viz import write_result_folder
 
     refuse_folder(out, force=force)
     chosen_world = world_named(world)
-    description = chosen_arm(robot or "nico", arm, base, tip, hold, point)
+    description = chosen_arm(robot, arm, base, tip, hold, point)
+    # What learns and draws is slow to load, and only needed once the input is known to be right.
+    from nico_selfmodel.estimation import judge, result_document
+    from nico_selfmodel.experiments.first_arm import learn_first_arm
+    from nico_selfmodel.plant import learned_urdf
+    from nico_selfmodel.viz import write_result_folder
+
     with console.progress_bar() as stage:
         first = learn_first_arm(
             description, chosen_world, seed=seed, random_poses=random_poses, stage=stage

@@ -50,6 +50,21 @@ def chosen_arm(
     return ArmDescription.from_urdf(robot, base, tip, _held(hold), points or None)
 
 
+def check_points(point: list[str] | None, markers: tuple[str, ...]) -> None:
+    """Refuse a `--point` for a marker that the data do not track.
+
+    Raises:
+        ValueError: If there is one; the message lists the markers of the data.
+    """
+    for word in point or []:
+        marker = _pair(word, "--point")[0]
+        if marker not in markers:
+            raise ValueError(
+                f"--point {word}: the data set tracks no {marker!r}; it tracks "
+                f"{', '.join(markers)}"
+            )
+
+
 def _held(words: list[str] | None) -> dict[str, float]:
     held = {}
     for word in words or []:

@@ -23,7 +23,7 @@ def motion_capture(
     world: Annotated[
         str, typer.Option("--world", help="Imperfections of body and tracker: thesis or clean.")
     ] = "thesis",
-    seed: Annotated[int, typer.Option("--seed", help="Which individual.")] = 0,
+    seed: Annotated[int, typer.Option("--seed", min=0, help="Which individual.")] = 0,
     session: Annotated[
         int, typer.Option("--session", min=0, help="Which recording of it: poses and noise.")
     ] = 0,

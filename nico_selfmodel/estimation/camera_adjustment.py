@@ -156,9 +156,12 @@ class Adjustment:
 
     def solve(self, loss: str) -> None:
         """Least squares; where a board stands out and the loss allows, once more without it."""
+        start = self.x
         found = solve_robustly(self.program, self.number, "none")
         if loss != "none" and (loss != "trimmed" or self._suspicious(found.solution.x)):
             limit = OUTLIER_RATIO * np.sqrt(3.0)
+            # A board that is quite wrong has pulled the least squares solution its way.
+            self.program.move_start(start)
             found = solve_robustly(self.program, self.number, loss, outlier_at=limit)
         if self.program.priors and self.block.sigma == 1.0:
             # What a prior weighs against the corners depends on how sharp these are.

@@ -21,6 +21,8 @@ from nico_selfmodel.model import lens
 _MOST_OUTLIERS = 0.25
 _SIGNIFICANT, _NOTABLE = 3.3, 1.3
 """As in the verdict on an arm: standard score and ratio of medians of a larger held-out error."""
+_EXCESSIVE = 5.0
+"""Ratio that needs no statistics, for a handful of boards."""
 _COVERED = 0.75
 """Corners should reach this far from the image's centre towards its corner."""
 
@@ -31,8 +33,8 @@ class CameraAssessment:
 
     calibration: CameraCalibration
     """What was learned."""
-    cross_validation: NDArray
-    """Reprojection errors of boards left out in turn [px]. Shape (n,)."""
+    left_out_residuals: NDArray
+    """Measured minus predicted pixels of boards left out in turn [px]. Shape (n, P, 2 C)."""
     test_views: BoardViews | None
     """Held-out boards."""
     test_residuals: NDArray | None
@@ -66,12 +68,17 @@ class CameraAssessment:
         shown = test if test is not None else views.select(believed)
         return cls(
             calibration,
-            corner_distances(left_over),
+            left_over,
             test,
             None if test is None else held_out_residuals(calibration.cameras, test),
             epipolar_errors(calibration.rig, views) if pair else None,
             Reconstruction.from_views(calibration.rig, shown) if pair else None,
         )
+
+    @property
+    def cross_validation(self) -> NDArray:
+        """Reprojection errors of boards left out in turn [px]. Shape (n,)."""
+        return corner_distances(self.left_out_residuals)
 
     @property
     def train_distances(self) -> NDArray:
@@ -155,16 +162,24 @@ def _fold_reasons(calibration: CameraCalibration) -> list[str]:
 
 
 def _held_out_reason(assessment: CameraAssessment) -> str | None:
-    found, expected = assessment.test_distances, assessment.cross_validation
-    if found is None or len(expected) == 0:
+    """Compare boards, not corners: what is wrong with one corner of a board is with all."""
+    if assessment.test_residuals is None or len(assessment.left_out_residuals) == 0:
         return None
+    found = _rms_of_boards(assessment.test_residuals)
+    expected = _rms_of_boards(assessment.left_out_residuals)
     ratio = float(np.median(found) / max(np.median(expected), 1e-12))
-    if rank_score(expected, found) < _SIGNIFICANT or ratio < _NOTABLE:
+    significant = rank_score(expected, found) >= _SIGNIFICANT and ratio >= _NOTABLE
+    if not significant and ratio < _EXCESSIVE:
         return None
     return (
-        f"held-out boards fit significantly worse (median {np.median(found):.3f} px) than boards "
-        f"left out in turn ({np.median(expected):.3f} px)"
+        f"held-out boards fit significantly worse (median rms {np.median(found):.3f} px) than "
+        f"boards left out in turn ({np.median(expected):.3f} px)"
     )
+
+
+def _rms_of_boards(residuals: NDArray) -> NDArray:
+    """Return the root mean square error of each board. Shape (V, P, 2 C) -> (V,)."""
+    return np.sqrt(2.0 * np.nanmean(residuals**2, axis=(1, 2)))
 
 
 def _bound_reason(assessment: CameraAssessment, require_test_px: float | None) -> str | None:

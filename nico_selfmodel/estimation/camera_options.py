@@ -7,6 +7,7 @@ from difflib import get_close_matches
 from typing import TypeVar
 
 from nico_selfmodel.model.stereo_rig import StereoRig
+from nico_selfmodel.optimization.robust_solve import ROBUST_METHODS
 
 T = TypeVar("T")
 
@@ -30,6 +31,13 @@ class CameraOptions:
     """Parameter -> mean and standard deviation."""
     loss: str = "trimmed"
     """`trimmed` leaves out boards that fit ten times worse than the rest; or one of `LOSSES`."""
+
+    def __post_init__(self) -> None:
+        """Check what can be checked without the data."""
+        if self.loss not in ROBUST_METHODS:
+            raise ValueError(f"no loss {self.loss!r}; there are {', '.join(ROBUST_METHODS)}")
+        if self.aspect is not None and not self.aspect > 0.0:
+            raise ValueError(f"aspect must be positive, got {self.aspect}")
 
     @classmethod
     def from_text(

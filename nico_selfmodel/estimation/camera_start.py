@@ -8,11 +8,13 @@ from nico_selfmodel.errors import EstimationError, NotIdentifiableError
 from nico_selfmodel.geometry.epipolar import RelativePose
 from nico_selfmodel.geometry.homography import homography
 from nico_selfmodel.geometry.rotation import nearest_rotation
-from nico_selfmodel.geometry.transform import apply, transform
+from nico_selfmodel.geometry.transform import inverse, transform
 from nico_selfmodel.model.camera import Camera
 
 _PARALLEL = np.radians(3.0)
 """Boards whose normals differ by less than this leave the focal length open."""
+_AGREEING = 0.1
+"""Boards whose views of the eyes' relative pose differ by less, in radians and depths, agree."""
 
 
 def zhang_start(views: BoardViews) -> tuple[Camera, NDArray]:
@@ -101,9 +103,13 @@ def pair_start(
     Raises:
         EstimationError: If the two eyes share no board, or the corners allow no relative pose.
     """
-    both = views.seen.all(axis=1)
+    both = np.asarray(views.seen.all(axis=1))
     if not both.any():
         raise EstimationError("no view shows the board to both eyes: they need boards in common")
+    shared = both.any(axis=1)
+    agreeing = np.zeros(len(views), dtype=bool)
+    agreeing[shared] = _agreeing(left[1][shared], right[1][shared])
+    both &= agreeing[:, None]
     pixels = [views.of_eye(eye)[both] for eye in views.eyes]
     # A rough lens may not reach as far as the image: the rest is enough for a start.
     usable = left[0].has_rays(pixels[0]) & right[0].has_rays(pixels[1])
@@ -116,8 +122,7 @@ def pair_start(
             f"no relative pose of the eyes: {error} Or are both images from the same camera?"
         ) from error
     # The boards' size gives the baseline its length: R t_L + s d = t_R.
-    shared = np.asarray(both).any(axis=1)
-    gap = right[1][shared, :3, 3] - left[1][shared, :3, 3] @ pose.rotation.T
+    gap = right[1][agreeing, :3, 3] - left[1][agreeing, :3, 3] @ pose.rotation.T
     length = float(np.median(gap @ pose.translation))
     X_RL = transform(pose.rotation, length * pose.translation)
     X_LR = np.linalg.inv(X_RL)
@@ -125,9 +130,18 @@ def pair_start(
     return right[0].at(X_LR), X_LG
 
 
-def depths_of(X_CG: NDArray, p_GQ: NDArray) -> NDArray:
-    """Return the depth of every corner of every board [m]. Shape (V, P)."""
-    return apply(X_CG[:, None], p_GQ)[..., 2]
+def _agreeing(X_LG: NDArray, X_RG: NDArray) -> NDArray:
+    """Return which boards place the right eye where most of them do. Boolean, shape (V,).
+
+    Each board gives X_LR = X_LG X_RG^-1; the one in the middle of them is taken for the truth.
+    """
+    X_LR = X_LG @ inverse(X_RG)
+    depth = np.median(X_LG[:, 2, 3])
+    turn = np.linalg.norm(X_LR[:, None, :3, :3] - X_LR[:, :3, :3], axis=(2, 3)) / np.sqrt(2.0)
+    shift = np.linalg.norm(X_LR[:, None, :3, 3] - X_LR[:, :3, 3], axis=2) / depth
+    distance = turn + shift
+    middle = int(np.argmin(np.median(distance, axis=1)))
+    return distance[middle] <= max(_AGREEING, 3.0 * float(np.median(distance[middle])))
 
 
 def _homographies(plane: NDArray, pixels: NDArray) -> NDArray:

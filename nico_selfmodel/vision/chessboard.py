@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 
 from nico_selfmodel.vision.board_pattern import continues_beyond, is_regular, smallest_square
 from nico_selfmodel.vision.corner_order import same_order, standard_order
+from nico_selfmodel.vision.image_array import as_gray
 from nico_selfmodel.vision.not_seen import NotSeen
 
 WINDOW = 11
@@ -128,7 +129,7 @@ def find_chessboard(
     """
     if window < 1:
         raise ValueError(f"window must be at least 1 px, got {window}")
-    gray = _gray(image)
+    gray = as_gray(image)
     reasons = []
     for method, find in (("findChessboardCorners", _classic), ("findChessboardCornersSB", _sector)):
         found = find(gray, board, window)
@@ -159,7 +160,7 @@ def size_of_board(image: NDArray) -> tuple[int, int] | None:
         Inner corners the long way and the short way, or None if no board is seen.
     """
     found, _, meta = cv2.findChessboardCornersSBWithMeta(
-        _gray(image), (3, 3), cv2.CALIB_CB_LARGER + cv2.CALIB_CB_NORMALIZE_IMAGE
+        as_gray(image), (3, 3), cv2.CALIB_CB_LARGER + cv2.CALIB_CB_NORMALIZE_IMAGE
     )
     if not found:
         return None
@@ -180,12 +181,3 @@ def _sector(gray: NDArray, board: Board, _window: int) -> tuple[NDArray, int | N
         gray, (board.columns, board.rows), flags=cv2.CALIB_CB_NORMALIZE_IMAGE
     )
     return (corners, None) if found else None
-
-
-def _gray(image: NDArray) -> NDArray:
-    if image.dtype != np.uint8 or image.ndim not in (2, 3) or image.shape[2:] not in ((), (3,)):
-        raise ValueError(
-            "image must have 8 bits and shape (h, w) or (h, w, 3),"
-            f" got {image.dtype} and {image.shape}"
-        )
-    return image if image.ndim == 2 else cv2.cvtColor(image, cv2.COLOR_BGR2GRAY)

@@ -5,17 +5,27 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 
 import numpy as np
+from pydrake.common import MemoryFile
 from pydrake.geometry import Box as DrakeBox
 from pydrake.geometry import Capsule as DrakeCapsule
 from pydrake.geometry import Cylinder as DrakeCylinder
 from pydrake.geometry import Ellipsoid as DrakeEllipsoid
-from pydrake.geometry import Meshcat, MeshcatParams
+from pydrake.geometry import InMemoryMesh, Mesh, Meshcat, MeshcatParams
 from pydrake.geometry import Rgba as DrakeRgba
 
 from nico_selfmodel.errors import SelfModelError
 from nico_selfmodel.viz.meshing import mesh_of
+from nico_selfmodel.viz.picture_mesh import picture_gltf
 from nico_selfmodel.viz.scene import FIELD_OF_VIEW, ROOT, Scene
-from nico_selfmodel.viz.scene_items import Box, Capsule, Cylinder, Ellipsoid, Item, Segments
+from nico_selfmodel.viz.scene_items import (
+    Box,
+    Capsule,
+    Cylinder,
+    Ellipsoid,
+    Item,
+    Picture,
+    Segments,
+)
 
 AMBIENT, BACKGROUND = 1.1, ((1.0, 1.0, 1.0), (0.90, 0.92, 0.95))
 
@@ -73,6 +83,9 @@ def _draw(meshcat: Meshcat, path: str, item: Item) -> None:
         meshcat.SetObject(path, DrakeCapsule(item.radius, item.length), color)
     elif isinstance(item, Ellipsoid):
         meshcat.SetObject(path, DrakeEllipsoid(*item.radii), color)
+    elif isinstance(item, Picture):
+        file = MemoryFile(picture_gltf(item), ".gltf", "picture")
+        meshcat.SetObject(path, Mesh(InMemoryMesh(mesh_file=file)))
     else:
         mesh = mesh_of(item)
         vertices = np.asfortranarray(mesh.vertices.T)

@@ -9,8 +9,18 @@ from nico_selfmodel.errors import SelfModelError
 from nico_selfmodel.geometry.transform import transform
 from nico_selfmodel.viz.drake_backend import AMBIENT, BACKGROUND
 from nico_selfmodel.viz.meshing import mesh_of
+from nico_selfmodel.viz.picture_mesh import picture_object
 from nico_selfmodel.viz.scene import FIELD_OF_VIEW, ROOT, Camera, Scene
-from nico_selfmodel.viz.scene_items import Box, Capsule, Cylinder, Ellipsoid, Item, Rgba, Segments
+from nico_selfmodel.viz.scene_items import (
+    Box,
+    Capsule,
+    Cylinder,
+    Ellipsoid,
+    Item,
+    Picture,
+    Rgba,
+    Segments,
+)
 
 DEFAULT_URL = "tcp://127.0.0.1:6000"
 """Where `meshcat-server` listens unless told otherwise."""
@@ -128,6 +138,8 @@ def _draw(place: Any, item: Item) -> None:
         place.set_object(shapes.Box(item.sides.tolist()), material)
     elif isinstance(item, Cylinder):
         _rod(place, item.length, item.radius, material)
+    elif isinstance(item, Picture):
+        place.set_object(picture_object(item))
     elif isinstance(item, Capsule):
         _rod(place["side"], item.length, item.radius, material)
         for name, sign in (("bottom", -0.5), ("top", 0.5)):

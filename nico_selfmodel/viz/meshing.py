@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from nico_selfmodel.geometry.rotation import tangent_basis
-from nico_selfmodel.viz.scene_items import Item, Markers, Needles, Triad, Tube
+from nico_selfmodel.viz.scene_items import Item, Markers, Needles, Surface, Triad, Tube
 
 _MANY = 150
 """More markers than this are made of fewer triangles each."""
@@ -28,7 +28,7 @@ class TriangleMesh:
 
 
 def mesh_of(item: Item) -> TriangleMesh:
-    """Return the triangles of markers, needles, a tube or a triad.
+    """Return the triangles of markers, needles, a tube, a triad or a surface.
 
     Raises:
         TypeError: If the item is of another kind.
@@ -41,6 +41,8 @@ def mesh_of(item: Item) -> TriangleMesh:
         return _tube(item.points, item.radius, item.closed)
     if isinstance(item, Triad):
         return _triad(item)
+    if isinstance(item, Surface):
+        return TriangleMesh(item.vertices, item.faces, None)
     raise TypeError(f"a {type(item).__name__} is no mesh: viewers have it of their own")
 
 

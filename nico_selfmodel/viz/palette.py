@@ -18,6 +18,7 @@ CROSS_VALIDATION = "#ee7733"
 HELD_OUT = "#0b5fa5"
 OUTLIER = "#cc3311"
 UNCERTAINTY = "#009988"
+EYES = {"left": "#009988", "right": "#aa3377"}
 LINK = "#c3cad2"
 HAND = "#1c2733"
 GRID = "#b9c2cb"

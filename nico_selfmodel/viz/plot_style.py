@@ -8,6 +8,7 @@ from typing import Any
 
 from matplotlib import rc_context
 from matplotlib.axes import Axes
+from matplotlib.backends.backend_svg import FigureCanvasSVG
 from matplotlib.figure import Figure
 
 from nico_selfmodel.viz import palette
@@ -72,9 +73,12 @@ def image_bytes(figure: Figure, file_format: str) -> bytes:
         file_format: `svg` or `png`.
     """
     buffer = io.BytesIO()
-    metadata = {"Date": None, "Creator": None} if file_format == "svg" else {"Software": None}
     with style():
-        figure.savefig(buffer, format=file_format, dpi=160, metadata=metadata)
+        if file_format == "svg":
+            # `savefig` would lay out and walk through everything once more before it draws.
+            FigureCanvasSVG(figure).print_svg(buffer, metadata={"Date": None, "Creator": None})
+        else:
+            figure.savefig(buffer, format=file_format, dpi=160, metadata={"Software": None})
     return buffer.getvalue()
 
 

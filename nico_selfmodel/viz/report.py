@@ -3,22 +3,14 @@
 from collections.abc import Mapping
 from typing import Any
 
-from jinja2 import Environment, PackageLoader, StrictUndefined
-
 from nico_selfmodel.estimation import KinematicCalibration, Verdict
 from nico_selfmodel.viz import error_plots, parameter_plots, report_tables
 from nico_selfmodel.viz.arm_shape import arm_length
 from nico_selfmodel.viz.drake_backend import static_html
 from nico_selfmodel.viz.kinematics_scene import calibration_scene
 from nico_selfmodel.viz.plot_style import svg_data_uri
+from nico_selfmodel.viz.report_page import key_statistics, page
 from nico_selfmodel.viz.scene import Scene
-from nico_selfmodel.viz.scene_items import Rgba
-
-_MEANING = {
-    "PASS": "Held-out data were evaluated and no check failed.",
-    "FAIL": "Do not rely on this model before the points below are settled.",
-    "NOT_EVALUATED": "No check failed, but nothing was held out to test the model on.",
-}
 
 
 def report_html(
@@ -42,22 +34,13 @@ def report_html(
         SelfModelError: If the server that makes the interactive scene cannot start.
     """
     scene = calibration_scene(calibration) if scene is None else scene
-    environment = Environment(
-        loader=PackageLoader("nico_selfmodel.viz"),
-        autoescape=True,
-        undefined=StrictUndefined,
-        trim_blocks=True,
-        lstrip_blocks=True,
-    )
-    environment.filters["css"] = _css_color
-    return environment.get_template("report.html.j2").render(
+    return page(
+        "report.html.j2",
+        calibration.model.name,
+        verdict,
         model=calibration.model,
-        status=verdict.status,
-        status_text=verdict.status.replace("_", " "),
-        meaning=_MEANING[verdict.status],
-        reasons=verdict.reasons,
         document=document,
-        key=_key_figure(document),
+        key=key_statistics(document, "position_mm", "points"),
         notes=_notes(document),
         arm_mm=1e3 * arm_length(calibration.model.chain),
         scene=scene,
@@ -67,18 +50,6 @@ def report_html(
         circle_reasons=() if calibration.circles is None else calibration.circles.reasons,
         provenance=report_tables.provenance(calibration, document),
     )
-
-
-def _key_figure(document: Mapping[str, Any]) -> dict[str, Any]:
-    """Return the statistics that matter most, with what they are of."""
-    for key, label in (
-        ("test", "on held-out points"),
-        ("cross_validation", "in cross-validation"),
-        ("train", "on the training points"),
-    ):
-        if document[key] is not None:
-            return {"label": label, "n": document[key]["n"], **document[key]["position_mm"]}
-    raise ValueError("the document holds no statistics of errors")
 
 
 def _notes(document: Mapping[str, Any]) -> list[str]:
@@ -124,8 +95,3 @@ def _tables(
         "outliers": report_tables.outlier_table(calibration),
         "starts": report_tables.start_table(calibration),
     }
-
-
-def _css_color(color: Rgba) -> str:
-    red, green, blue = (round(255 * c) for c in color[:3])
-    return f"rgb({red} {green} {blue} / {color[3]:.2f})"

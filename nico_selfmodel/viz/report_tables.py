@@ -12,8 +12,8 @@ from nico_selfmodel.viz.blind_parameters import blind_parameters
 from nico_selfmodel.viz.numbers_shown import decimals
 
 _SHOWN = {"m": ("mm", 1e3), "rad": ("deg", 180.0 / np.pi), "1": ("", 1.0)}
-_SETS = (("test", "held-out"), ("cross_validation", "cross-validation"), ("train", "training"))
-_STATISTICS = ("mean", "sd", "rms", "median", "p95", "max")
+SETS = (("test", "held-out"), ("cross_validation", "cross-validation"), ("train", "training"))
+STATISTICS = ("mean", "sd", "rms", "median", "p95", "max")
 _JOINT_COLUMNS = ("D", "theta_offset", "r", "alpha", "beta", "gear")
 
 
@@ -47,12 +47,12 @@ def error_table(document: Mapping[str, Any], arm: float) -> Table:
         arm: Length of the arm [m].
     """
     rows = []
-    for key, label in _SETS:
+    for key, label in SETS:
         block = document[key]
         if block is not None:
             statistics = block["position_mm"]
             cells = [Cell(str(block["n"]), value=block["n"])]
-            cells += [Cell(f"{statistics[s]:.2f}", value=statistics[s]) for s in _STATISTICS]
+            cells += [Cell(f"{statistics[s]:.2f}", value=statistics[s]) for s in STATISTICS]
             cells.append(Cell(f"{statistics['mean'] / (1e3 * arm):.4f}"))
             rows.append((label, tuple(cells)))
     headings = ("error [mm]", "points", "mean", "SD", "rms", "median", "95 %", "max", "mean / arm")

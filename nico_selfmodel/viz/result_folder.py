@@ -1,16 +1,27 @@
-"""The folder that a calibration leaves behind."""
+"""The folders that calibrations leave behind."""
 
 import json
 import re
 from collections.abc import Mapping
 from pathlib import Path
+from typing import Any
 
 from nico_selfmodel.dataset import Dataset
 from nico_selfmodel.errors import ModelError
-from nico_selfmodel.estimation import KinematicCalibration, Verdict, result_document
-from nico_selfmodel.files import folder_written_whole, refuse_folder
+from nico_selfmodel.estimation import (
+    CameraAssessment,
+    KinematicCalibration,
+    Verdict,
+    camera_document,
+    result_document,
+)
+from nico_selfmodel.files import RESULT_FILE, folder_written_whole, refuse_folder
+from nico_selfmodel.model import SelfModel
 from nico_selfmodel.plant import ArmDescription
+from nico_selfmodel.viz.camera_report import camera_report_html
+from nico_selfmodel.viz.camera_scene import camera_scene
 from nico_selfmodel.viz.kinematics_scene import calibration_scene
+from nico_selfmodel.viz.photographs import Photographs
 from nico_selfmodel.viz.report import report_html
 from nico_selfmodel.viz.scene import Scene
 
@@ -53,22 +64,72 @@ def write_result_folder(
     refuse_folder(folder, force=force)
     document = result_document(calibration, verdict)
     scene = calibration_scene(calibration, robot)
-    texts = {
-        "result.json": json.dumps(document, allow_nan=False, indent=1) + "\n",
-        "report.html": report_html(calibration, verdict, document, scene),
-        SCENE_FILE: scene.to_json(),
-    }
+    texts = _texts(document, report_html(calibration, verdict, document, scene), scene)
     if urdf_text is not None:
         name = robot_name or calibration.model.name
         texts[f"{_file_name(name)}_learned.urdf"] = urdf_text
     with folder_written_whole(folder, force=force) as inside:
-        calibration.model.save(inside / "self_model.yaml")
-        for name, text in texts.items():
-            (inside / name).write_text(text, encoding="utf-8", newline="\n")
+        _write(inside, calibration.model, texts)
         for name, dataset in (recordings or {}).items():
             (inside / "recordings").mkdir(exist_ok=True)
             dataset.save(inside / "recordings" / name)
     return folder
+
+
+def write_camera_folder(
+    folder: str | Path,
+    assessment: CameraAssessment,
+    verdict: Verdict,
+    document: Mapping[str, Any] | None = None,
+    *,
+    model: SelfModel,
+    images: Photographs | None = None,
+    force: bool = False,
+) -> Path:
+    """Write `self_model.yaml`, `result.json`, `report.html` and `scene.json`, or nothing.
+
+    Args:
+        folder: The folder to make.
+        assessment: What was learned of the cameras and what it is worth.
+        verdict: What is thought of it.
+        document: `camera_document` of both, with what else `result.json` should tell.
+        model: The self-model with these cameras.
+        images: Photographs: eye -> view -> red, green and blue.
+        force: Replace an existing folder.
+
+    Returns:
+        The folder.
+
+    Raises:
+        FileExistsError: If the folder exists and `force` is not set.
+        OSError: If it cannot be written.
+        SelfModelError: If the server that makes the interactive scene cannot start.
+        ValueError: If an image is not one, or not of the size that was calibrated.
+    """
+    folder = Path(folder)
+    refuse_folder(folder, force=force)
+    document = camera_document(assessment, verdict) if document is None else document
+    scene = camera_scene(assessment, images, name=model.name)
+    report = camera_report_html(assessment, verdict, document, images, scene, model=model)
+    texts = _texts(document, report, scene)
+    with folder_written_whole(folder, force=force) as inside:
+        _write(inside, model, texts)
+    return folder
+
+
+def _texts(document: Mapping[str, Any], report: str, scene: Scene) -> dict[str, str]:
+    """Return what every result folder holds beside its self-model."""
+    return {
+        RESULT_FILE: json.dumps(document, allow_nan=False, indent=1) + "\n",
+        "report.html": report,
+        SCENE_FILE: scene.to_json(),
+    }
+
+
+def _write(inside: Path, model: SelfModel, texts: Mapping[str, str]) -> None:
+    model.save(inside / "self_model.yaml")
+    for name, text in texts.items():
+        (inside / name).write_text(text, encoding="utf-8", newline="\n")
 
 
 def load_scene(result: str | Path) -> Scene:

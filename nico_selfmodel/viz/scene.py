@@ -1,5 +1,6 @@
 """One plain description of what to draw, for any viewer and for files."""
 
+import base64
 import itertools
 import json
 import re
@@ -141,8 +142,15 @@ def _item_document(item: Item) -> dict[str, Any]:
         value = getattr(item, entry.name)
         if value is None or (entry.name == "X_WI" and np.array_equal(value, np.eye(4))):
             continue
-        document[entry.name] = value.tolist() if isinstance(value, np.ndarray) else value
+        document[entry.name] = _plain(value)
     return document
+
+
+def _plain(value: Any) -> Any:
+    """Return a field as JSON has it."""
+    if isinstance(value, bytes):
+        return base64.b64encode(value).decode()
+    return value.tolist() if isinstance(value, np.ndarray) else value
 
 
 def _item(document: dict[str, Any]) -> Item:
@@ -150,6 +158,8 @@ def _item(document: dict[str, Any]) -> Item:
     kind = values.pop("kind")
     if kind not in ITEM_KINDS:
         raise ValueError(f"no item {kind!r}; there are {', '.join(ITEM_KINDS)}")
+    if "image" in values:
+        values["image"] = base64.b64decode(values["image"], validate=True)
     return ITEM_KINDS[kind](**values)
 
 

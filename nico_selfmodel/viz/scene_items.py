@@ -10,6 +10,8 @@ from nico_selfmodel.model.arrays import frozen_array
 Rgba = tuple[float, float, float, float]
 
 MARKER_SHAPES = ("sphere", "diamond")
+IMAGE_KINDS = {b"\x89PNG": "image/png", b"\xff\xd8\xff": "image/jpeg"}
+"""First bytes of a file -> its MIME type."""
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -209,8 +211,65 @@ class Triad(Item):
         self._check_positive("length", "radius")
 
 
+@dataclass(frozen=True, eq=False, kw_only=True)
+class Surface(Item):
+    """Triangles, seen from both sides."""
+
+    vertices: NDArray
+    """In I [m]. Shape (v, 3)."""
+    faces: NDArray
+    """Indices of the vertices of each triangle. Shape (f, 3)."""
+
+    def __post_init__(self) -> None:
+        """Check and freeze."""
+        super().__post_init__()
+        count = self._freeze_list("vertices")
+        faces = np.array(self.faces, dtype=np.int32)
+        if faces.ndim != 2 or faces.shape[1] != 3 or not len(faces):
+            raise ValueError(f"faces must have shape (f >= 1, 3), got {faces.shape}")
+        if faces.min() < 0 or faces.max() >= count:
+            raise ValueError(f"faces must name vertices 0 to {count - 1}, got {faces.max()}")
+        faces.flags.writeable = False
+        object.__setattr__(self, "faces", faces)
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class Picture(Item):
+    """An image on a rectangle in the plane z = 0 of I, centred, shown as it is in any light.
+
+    x of I is the image's right and y its down, so that it is seen the right way round along z, as
+    a camera sees. Only the opacity of `color` is used.
+    """
+
+    width: float
+    """Along x [m]."""
+    height: float
+    """Along y [m]."""
+    image: bytes
+    """A PNG or JPEG file."""
+
+    def __post_init__(self) -> None:
+        """Check and freeze."""
+        super().__post_init__()
+        self._check_positive("width", "height")
+        object.__setattr__(self, "image", bytes(self.image))
+        if not self.image.startswith(tuple(IMAGE_KINDS)):
+            raise ValueError(f"image must be a PNG or JPEG file, it begins {self.image[:8]!r}")
+
+    @property
+    def image_kind(self) -> str:
+        """`image/png` or `image/jpeg`."""
+        return next(kind for start, kind in IMAGE_KINDS.items() if self.image.startswith(start))
+
+    @property
+    def corners(self) -> NDArray:
+        """Top left, top right, bottom right and bottom left in I [m]. Shape (4, 3)."""
+        x, y = 0.5 * self.width, 0.5 * self.height
+        return np.array([[-x, -y, 0.0], [x, -y, 0.0], [x, y, 0.0], [-x, y, 0.0]])
+
+
+_SHAPES = (Markers, Needles, Segments, Tube, Box, Cylinder, Capsule, Ellipsoid, Triad)
 ITEM_KINDS: dict[str, type[Item]] = {
-    kind.__name__.lower(): kind
-    for kind in (Markers, Needles, Segments, Tube, Box, Cylinder, Capsule, Ellipsoid, Triad)
+    kind.__name__.lower(): kind for kind in (*_SHAPES, Surface, Picture)
 }
 """Name in files -> class."""

@@ -61,15 +61,26 @@ def camera_on(points: NDArray, front: NDArray) -> Camera:
     sides = np.arctan2(across[1], across[0]) + np.array([0.0, np.pi])
     azimuths = (sides[:, None] + np.array([-_TURN, _TURN])).ravel()
     azimuth = azimuths[np.argmax(np.cos(azimuths) * front[0] + np.sin(azimuths) * front[1])]
-    away = np.array([np.cos(azimuth), np.sin(azimuth), np.tan(_ELEVATION)]) * np.cos(_ELEVATION)
+    return camera_from(points, float(azimuth))
+
+
+def camera_from(points: NDArray, azimuth: float, elevation: float = _ELEVATION) -> Camera:
+    """Return the nearest view from a direction that holds all points.
+
+    Args:
+        points: What must be seen [m]. Shape (N, 3).
+        azimuth: Of the eye as seen from the points, from x towards y [rad].
+        elevation: Of the eye as seen from the points [rad].
+    """
     right = np.array([-np.sin(azimuth), np.cos(azimuth), 0.0])
-    seen = points @ np.stack([right, np.cross(away, right), away], axis=1)
+    away = np.cos(elevation) * np.array([right[1], -right[0], np.tan(elevation)])
+    axes = np.stack([right, np.cross(away, right), away], axis=1)
+    seen = points @ axes
     middle = 0.5 * (seen.min(axis=0) + seen.max(axis=0))
-    target = np.stack([right, np.cross(away, right), away], axis=1) @ middle
     half = np.tan(0.5 * FIELD_OF_VIEW) * np.array([_ASPECT, 1.0])
     offset = seen - middle
     needed = (np.abs(offset[:, :2]) / half).max(axis=1) + offset[:, 2]
-    return Camera(target + away * max(_MARGIN * float(needed.max()), 1e-2), target)
+    return Camera(axes @ middle + away * max(_MARGIN * float(needed.max()), 1e-2), axes @ middle)
 
 
 def _grid_lines(

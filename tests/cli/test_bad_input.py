@@ -72,14 +72,14 @@ CASES = {
 }
 
 
-def assert_one_clear_line(process, *words):
-    assert process.returncode == 2, process.stdout + process.stderr
-    lines = process.stderr.strip().splitlines()
-    assert len(lines) == 1, process.stderr
+def assert_one_clear_line(done, *words):
+    assert done.returncode == 2, done.stdout + done.stderr
+    lines = done.stderr.strip().splitlines()
+    assert len(lines) == 1, done.stderr
     assert lines[0].startswith("nico-selfmodel: ")
     for word in words:
         assert str(word) in lines[0]
-    assert "Traceback" not in process.stderr
+    assert "Traceback" not in done.stderr
 
 
 @pytest.mark.parametrize("name", CASES)
@@ -87,21 +87,21 @@ def test_bad_data_get_one_clear_line_and_leave_nothing(name, recorded, tmp_path,
     change, word = CASES[name]
     folder = edited(recorded, tmp_path, change)
     before = {path.name for path in tmp_path.iterdir()}
-    process = command("calibrate", "kinematics", folder, "--out", tmp_path / "out")
-    assert_one_clear_line(process, word)
+    done = command("calibrate", "kinematics", folder, "--out", tmp_path / "out")
+    assert_one_clear_line(done, word)
     assert {path.name for path in tmp_path.iterdir()} == before
 
 
 def test_a_missing_folder_is_named(tmp_path, command):
-    process = command("calibrate", "kinematics", tmp_path / "nothing", "--out", tmp_path / "out")
-    assert_one_clear_line(process, "nothing")
+    done = command("calibrate", "kinematics", tmp_path / "nothing", "--out", tmp_path / "out")
+    assert_one_clear_line(done, "nothing")
     assert not (tmp_path / "out").exists()
 
 
 def test_an_existing_result_is_refused_without_force(recorded, result, command):
     before = (result / "result.json").read_bytes()
-    process = command("calibrate", "kinematics", recorded[0], "--out", result)
-    assert_one_clear_line(process, result, "--force")
+    done = command("calibrate", "kinematics", recorded[0], "--out", result)
+    assert_one_clear_line(done, result, "--force")
     assert (result / "result.json").read_bytes() == before
 
 
@@ -115,8 +115,8 @@ def test_a_self_model_of_another_version_is_refused(result, tmp_path, command, r
     text = (result / "self_model.yaml").read_text()
     model = tmp_path / "model.yaml"
     model.write_text(text.replace("nico-selfmodel/1", "nico-selfmodel/9"))
-    process = command("evaluate", model, recorded[1])
-    assert_one_clear_line(process, "nico-selfmodel/9", "nico-selfmodel/1")
+    done = command("evaluate", model, recorded[1])
+    assert_one_clear_line(done, "nico-selfmodel/9", "nico-selfmodel/1")
 
 
 @pytest.mark.parametrize(
@@ -136,8 +136,8 @@ def test_a_self_model_of_another_version_is_refused(result, tmp_path, command, r
     ],
 )
 def test_a_bad_option_is_explained(options, word, recorded, tmp_path, command):
-    process = command("calibrate", "kinematics", recorded[0], *options, "--out", tmp_path / "out")
-    assert_one_clear_line(process, word)
+    done = command("calibrate", "kinematics", recorded[0], *options, "--out", tmp_path / "out")
+    assert_one_clear_line(done, word)
     assert not (tmp_path / "out").exists()
 
 
@@ -155,8 +155,8 @@ def test_a_view_of_nothing_is_explained(tmp_path, command):
 
 
 def test_a_world_that_does_not_exist_is_explained(tmp_path, command):
-    process = command("learn", "--world", "moon", "--out", tmp_path / "out")
-    assert_one_clear_line(process, "moon", "thesis")
+    done = command("learn", "--world", "moon", "--out", tmp_path / "out")
+    assert_one_clear_line(done, "moon", "thesis")
 
 
 @pytest.mark.parametrize(
@@ -169,16 +169,16 @@ def test_a_world_that_does_not_exist_is_explained(tmp_path, command):
     ],
 )
 def test_options_that_would_be_ignored_are_refused(options, word, recorded, tmp_path, command):
-    process = command("calibrate", "kinematics", recorded[0], *options, "--out", tmp_path / "out")
-    assert_one_clear_line(process, word)
+    done = command("calibrate", "kinematics", recorded[0], *options, "--out", tmp_path / "out")
+    assert_one_clear_line(done, word)
 
 
 def test_training_data_are_no_test_data(recorded, tmp_path, command):
-    process = command(
+    done = command(
         *("calibrate", "kinematics", recorded[0], "--test", recorded[0]),
         *("--out", tmp_path / "out"),
     )
-    assert_one_clear_line(process, "training data")
+    assert_one_clear_line(done, "training data")
 
 
 def test_force_never_deletes_the_data_it_reads_or_a_folder_of_something_else(
@@ -186,11 +186,11 @@ def test_force_never_deletes_the_data_it_reads_or_a_folder_of_something_else(
 ):
     data = tmp_path / "data"
     shutil.copytree(recorded[0], data)
-    process = command("calibrate", "kinematics", data, "--out", data, "--force")
-    assert_one_clear_line(process, "which is read")
+    done = command("calibrate", "kinematics", data, "--out", data, "--force")
+    assert_one_clear_line(done, "which is read")
     assert (data / "samples.csv").is_file()
     (tmp_path / "work").mkdir()
     (tmp_path / "work" / "thesis.tex").write_text("years")
-    process = command("calibrate", "kinematics", data, "--out", tmp_path / "work", "--force")
-    assert_one_clear_line(process, "not a result")
+    done = command("calibrate", "kinematics", data, "--out", tmp_path / "work", "--force")
+    assert_one_clear_line(done, "not a result")
     assert (tmp_path / "work" / "thesis.tex").read_text() == "years"

@@ -1,0 +1,155 @@
+"""What calibrated eyes look like: the eyes, their images, and the boards that they saw."""
+
+import numpy as np
+from matplotlib.colors import to_rgb
+from numpy.typing import NDArray
+
+from nico_selfmodel.estimation import CameraAssessment, CameraCalibration
+from nico_selfmodel.geometry.transform import apply
+from nico_selfmodel.viz import palette
+from nico_selfmodel.viz.board_items import board_item, board_name, board_outline
+from nico_selfmodel.viz.epipolar_items import epipolar_items, epipolar_legend
+from nico_selfmodel.viz.eye_items import ImagePlane, eye_items
+from nico_selfmodel.viz.numbers_shown import short
+from nico_selfmodel.viz.photographs import Photographs, photograph_of
+from nico_selfmodel.viz.scene import LegendEntry, Scene, path_names
+from nico_selfmodel.viz.scene_items import Item
+from nico_selfmodel.viz.surroundings import camera_from, floor_items
+
+X_WL = np.array(
+    [[0.0, 0.0, 1.0, 0.0], [-1.0, 0.0, 0.0, 0.0], [0.0, -1.0, 0.0, 0.0], [0.0, 0.0, 0.0, 1.0]]
+)
+"""Pose of the first eye in the scene: it looks along x, and z is up."""
+_SPREAD, _REACH = 0.86, 0.22
+"""Width of an image plane in baselines at most, and its distance in those of the boards."""
+_AZIMUTH, _ELEVATION = np.radians(180.0 + 38.0), np.radians(24.0)
+"""Seen over the shoulder: so images and boards show their fronts."""
+
+
+def camera_scene(
+    assessment: CameraAssessment,
+    images: Photographs | None = None,
+    point: tuple[str, int] | None = None,
+    *,
+    name: str = "eyes",
+) -> Scene:
+    """Describe calibrated eyes as a scene.
+
+    W stands at the first eye, with x where it looks and z up.
+
+    Args:
+        assessment: What was learned.
+        images: Photographs: eye -> view -> red, green and blue. Those of one view are shown.
+        point: View and number of the corner whose rays are drawn; by default the first corner of
+            the nearest believed board that all eyes saw.
+        name: What the eyes are called.
+
+    Returns:
+        Eyes with their images, boards coloured by their errors, and of a pair the rays and the
+        epipolar plane of one corner.
+
+    Raises:
+        ValueError: If there is no such view or corner, or an image is not of the size that was
+            calibrated.
+    """
+    calibration = assessment.calibration
+    view, corner = chosen_point(calibration, point)
+    planes = {
+        eye: ImagePlane(camera.at(X_WL @ camera.X_WC), _plane_distance(calibration))
+        for eye, camera in zip(calibration.views.eyes, calibration.cameras, strict=True)
+    }
+    items: list[Item] = []
+    for eye, plane in planes.items():
+        size = calibration.views.image_size
+        image = photograph_of(images, eye, calibration.views.names[view], size)
+        items += eye_items(eye, plane, image)
+    items += _boards(calibration, view)
+    legend = [LegendEntry(f"{eye} eye", palette.rgba(palette.EYES[eye])) for eye in planes]
+    legend += _board_legend(calibration)
+    if len(planes) == 2:
+        items += epipolar_items(calibration, planes, X_WL, view, corner)
+        legend += epipolar_legend(calibration, view, corner)
+    shown = ~calibration.outliers if (~calibration.outliers).any() else slice(None)
+    edges = [board_outline(calibration.views.p_GQ, X_WL @ X) for X in calibration.X_LG[shown]]
+    points = np.concatenate([*(plane.corners for plane in planes.values()), *edges])
+    grid, *_ = floor_items(points, 1.0)
+    view_of_all = camera_from(points, float(_AZIMUTH), float(_ELEVATION))
+    return Scene(name, (grid, *items), view_of_all, tuple(legend))
+
+
+def chosen_point(
+    calibration: CameraCalibration, point: tuple[str, int] | None
+) -> tuple[int, int]:
+    """Return the number of a view and of a corner that every eye saw in it.
+
+    Args:
+        calibration: What was learned.
+        point: Name of the view and number of the corner, or None for the nearest board.
+
+    Raises:
+        ValueError: If there is no such view or corner.
+    """
+    seen = calibration.views.seen.all(axis=1)
+    if point is None:
+        depth = apply_each(calibration.X_LG, calibration.views.p_GQ.mean(axis=0))[:, 2]
+        good = seen.any(axis=1) & ~calibration.outliers
+        order = np.argsort(np.where(good, depth, np.inf), kind="stable")
+        return int(order[0]), int(np.argmax(seen[order[0]]))
+    name, corner = point
+    if name not in calibration.views.names:
+        raise ValueError(f"no view {name!r}; there are {', '.join(calibration.views.names)}")
+    view = calibration.views.names.index(name)
+    if not 0 <= corner < seen.shape[1] or not seen[view, corner]:
+        raise ValueError(f"corner {corner} of view {name} was not seen by every eye")
+    return view, corner
+
+
+def apply_each(poses: NDArray, point: NDArray) -> NDArray:
+    """Return one point of a moving frame in each of its poses. (V, 4, 4), (3,) -> (V, 3)."""
+    return np.stack([apply(pose, point) for pose in poses])
+
+
+def largest_rms(calibration: CameraCalibration) -> float:
+    """Return the largest root mean square error of a believed board [px]."""
+    rms = calibration.view_rms[~calibration.outliers]
+    return float(rms.max()) if len(rms) and rms.max() > 0.0 else 1.0
+
+
+def _plane_distance(calibration: CameraCalibration) -> float:
+    """Return how far in front of the eyes their images are drawn [m]."""
+    centers = apply_each(calibration.X_LG, calibration.views.p_GQ.mean(axis=0))
+    distance = _REACH * float(np.median(np.linalg.norm(centers, axis=1)))
+    if len(calibration.cameras) < 2:
+        return distance
+    width = max(camera.image_size[0] / camera.fx for camera in calibration.cameras)
+    return min(distance, _SPREAD * calibration.rig.baseline / width)
+
+
+def _boards(calibration: CameraCalibration, chosen: int) -> list[Item]:
+    views, items = calibration.views, []
+    colors = palette.error_colors(calibration.view_rms, largest_rms(calibration))
+    for k, name in enumerate(path_names(views.names)):
+        out = bool(calibration.outliers[k])
+        group = "outliers" if out else "boards"
+        color = np.array(to_rgb(palette.OUTLIER)) if out else colors[k]
+        X_WG = X_WL @ calibration.X_LG[k]
+        items.append(board_item(f"{group}/{name}/board", views.p_GQ, X_WG, color))
+        ink = palette.OUTLIER if out else palette.INK if k == chosen else palette.MUTED
+        items.append(board_name(f"{group}/{name}/name", views.names[k], views.p_GQ, X_WG, ink))
+    return items
+
+
+def _board_legend(calibration: CameraCalibration) -> list[LegendEntry]:
+    scale = tuple(palette.ERRORS(share) for share in np.linspace(0.0, 1.0, 9))
+    believed = int((~calibration.outliers).sum())
+    label = f"boards ({believed}), by their rms (0 to {short(largest_rms(calibration))} px)"
+    entries = [LegendEntry(label, scale[-1], scale)]
+    if calibration.outliers.any():
+        names = [
+            name
+            for name, out in zip(calibration.views.names, calibration.outliers, strict=True)
+            if out
+        ]
+        text = f"boards that were not believed ({', '.join(names)})"
+        entries.append(LegendEntry(text, palette.rgba(palette.OUTLIER)))
+    return entries

@@ -1,0 +1,131 @@
+"""The tables of a camera report: plain rows of text, made from `result.json`."""
+
+from collections.abc import Iterable, Mapping
+from typing import Any
+
+import numpy as np
+
+from nico_selfmodel.estimation import CameraAssessment
+from nico_selfmodel.model import SelfModel
+from nico_selfmodel.model.camera import INTRINSICS
+from nico_selfmodel.model.stereo_rig import EYES, POSE_NAMES
+from nico_selfmodel.viz.numbers_shown import decimals
+from nico_selfmodel.viz.report_tables import SETS, STATISTICS, Cell, Table
+
+_SHOWN = {"px": ("px", 1.0), "1": ("", 1.0), "m": ("mm", 1e3), "rad": ("deg", 180.0 / np.pi)}
+
+
+def pixel_error_table(document: Mapping[str, Any]) -> Table:
+    """Return statistics of every set of reprojection errors, the most telling first."""
+    rows = [
+        (label, _statistics(document[key], "pixels", 3))
+        for key, label in SETS
+        if document[key] is not None
+    ]
+    return Table(("reprojection error [px]", "corners", *_HEADINGS), tuple(rows))
+
+
+def pair_table(document: Mapping[str, Any]) -> Table | None:
+    """Return what the eyes do together, None for one eye: epipolar and reconstruction errors."""
+    rows = []
+    if document.get("epipolar_px") is not None:
+        rows.append(("epipolar [px]", _statistics(document["epipolar_px"], "pixels", 3)))
+    found = document.get("reconstruction")
+    if found is not None:
+        rows.append(("reconstructed corners [mm]", _statistics(found, "position_mm", 2)))
+    return Table(("", "", *_HEADINGS), tuple(rows)) if rows else None
+
+
+def inside_table(document: Mapping[str, Any]) -> Table:
+    """Return the intrinsic parameters, one eye a row."""
+    parameters = document["parameters"]
+    eyes = [eye for eye in EYES if f"{eye}.fx" in parameters]
+    rows = tuple(
+        (eye, tuple(_cell(f"{eye}.{what}", document) for what in INTRINSICS)) for eye in eyes
+    )
+    units = [" [px]"] * 5 + [""] * 5
+    return Table(("eye", *(f"{n}{u}" for n, u in zip(INTRINSICS, units, strict=True))), rows)
+
+
+def pose_table(document: Mapping[str, Any]) -> Table | None:
+    """Return where the right eye is in the left one's frame, None for one eye."""
+    if "baseline" not in document["parameters"]:
+        return None
+    cells = [_cell(f"right.pose.{what}", document) for what in POSE_NAMES]
+    headings = ("", *(f"{n} [{'deg' if n[0] == 'r' else 'mm'}]" for n in POSE_NAMES))
+    row = ("right eye in the left one's frame", (*cells, _cell("baseline", document)))
+    return Table((*headings, "baseline [mm]"), (row,))
+
+
+def camera_parameter_list(document: Mapping[str, Any]) -> Table:
+    """Return every parameter in SI units and pixels, to the last digit."""
+    rows = []
+    for name, entry in document["parameters"].items():
+        shown = _cell(name, document)
+        known = "" if entry["sigma"] is None or shown.kind == "fixed" else f"{entry['sigma']:.3g}"
+        cells = (
+            Cell(repr(float(entry["value"])), value=entry["value"]),
+            Cell(known, value=entry["sigma"]),
+            Cell("" if entry["unit"] == "1" else entry["unit"]),
+            Cell(shown.kind, kind=shown.kind),
+        )
+        rows.append((name, cells))
+    return Table(("parameter", "value", "sigma", "unit", ""), tuple(rows))
+
+
+def camera_provenance(
+    assessment: CameraAssessment, document: Mapping[str, Any], model: SelfModel | None
+) -> dict[str, str]:
+    """Return what the calibration was made of and with."""
+    calibration = assessment.calibration
+    width, height = calibration.views.image_size
+    facts: dict[str, Any] = {}
+    if model is not None:
+        facts |= {**model.provenance, **model.fit}
+    detection = document.get("detection") or {}
+    facts |= {
+        f"detection {key}": value
+        for key, value in detection.items()
+        if key not in ("files", "not_seen")
+    }
+    facts["image size"] = f"{width} x {height} px"
+    facts["noise of a coordinate"] = _px(document["pixel_sigma_px"])
+    facts["steps of the solver"] = document["iterations"]
+    facts["seconds"] = f"{document['seconds']:.2f}"
+    return {str(key).replace("_", " "): str(value) for key, value in facts.items()}
+
+
+def blind_names(document: Mapping[str, Any]) -> frozenset[str]:
+    """Return the parameters in directions that the data do not determine."""
+    lines: Iterable[str] = document["not_identifiable"]
+    return frozenset(name for line in lines for name in line.split(", "))
+
+
+_HEADINGS = tuple({"sd": "SD", "p95": "95 %"}.get(name, name) for name in STATISTICS)
+
+
+def _statistics(block: Mapping[str, Any], quantity: str, digits: int) -> tuple[Cell, ...]:
+    count = block.get("n")
+    cells = [Cell("" if count is None else str(count), value=count)]
+    values = block[quantity]
+    cells += [Cell(f"{values[s]:.{digits}f}", value=values[s]) for s in STATISTICS]
+    return tuple(cells)
+
+
+def _cell(name: str, document: Mapping[str, Any]) -> Cell:
+    """Return a parameter in the unit that people read, with its standard deviation."""
+    entry = document["parameters"][name]
+    value, sigma, factor = entry["value"], entry["sigma"], _SHOWN[entry["unit"]][1]
+    derived = name == "baseline"
+    if not entry["free"] and not derived:
+        return Cell(f"{factor * value:g}".replace("-", "−"), "fixed", "fixed", value)
+    sigma = None if sigma is None else factor * sigma
+    shown = decimals(factor * value, sigma)
+    note = "" if sigma is None else f"± {decimals(sigma, sigma)}"
+    if name in blind_names(document):
+        return Cell(shown, f"blind {note}".strip(), "blind", value)
+    return Cell(shown, note, "derived" if derived else "free", value)
+
+
+def _px(value: float | None) -> str:
+    return "not known" if value is None else f"{value:.3f} px"

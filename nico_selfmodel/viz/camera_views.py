@@ -1,0 +1,154 @@
+"""Every view of a calibration, whatever became of it."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from nico_selfmodel.estimation import CameraAssessment
+from nico_selfmodel.viz import palette
+from nico_selfmodel.viz.photographs import Photographs
+from nico_selfmodel.viz.report_tables import Cell, Table
+
+USES = ("training", "held-out", "outlier", "no board found")
+"""What became of a view."""
+USE_COLORS = dict(
+    zip(
+        USES, (palette.TRAINING, palette.HELD_OUT, palette.OUTLIER, palette.CROSS_VALIDATION),
+        strict=True,
+    )
+)  # fmt: skip
+
+
+@dataclass(frozen=True, eq=False)
+class EyeView:
+    """What one eye saw of a board."""
+
+    eye: str
+    """`left` or `right`."""
+    file: str
+    """Name of the photograph; the eye and the view where it is not known."""
+    pixels: NDArray
+    """Corners, nan where not seen [px]. Shape (P, 2)."""
+    residuals: NDArray
+    """Measured minus predicted [px]. Shape (P, 2)."""
+
+    @property
+    def errors(self) -> NDArray:
+        """Reprojection error of the corners that were seen [px]. Shape (n,)."""
+        distances = np.linalg.norm(self.residuals, axis=1)
+        return distances[np.isfinite(distances)]
+
+    @property
+    def rms(self) -> float | None:
+        """Root mean square error [px], None where nothing was seen."""
+        return root_mean_square(self.errors)
+
+
+@dataclass(frozen=True, eq=False)
+class ShownView:
+    """One moment, as each eye saw it."""
+
+    name: str
+    """As in the data."""
+    use: str
+    """One of `USES`."""
+    eyes: tuple[EyeView, ...]
+    """Left and right, or one of them."""
+
+    @property
+    def rms(self) -> float | None:
+        """Root mean square error over the eyes [px]."""
+        return root_mean_square(np.concatenate([eye.errors for eye in self.eyes]))
+
+
+def shown_views(
+    assessment: CameraAssessment,
+    document: Mapping[str, Any] | None = None,
+    images: Photographs | None = None,
+) -> tuple[ShownView, ...]:
+    """Return all views: learned from, not believed, held out, or without a board.
+
+    Args:
+        assessment: What was learned.
+        document: Content of `result.json`; its `detection` may hold `files`, eye -> view -> name,
+            and `not_seen`, name of a file -> what was tried.
+        images: Photographs, which may show views in which no board was found.
+
+    Returns:
+        The views in the order of their names.
+    """
+    calibration = assessment.calibration
+    files = ((document or {}).get("detection") or {}).get("files") or {}
+    eyes = calibration.views.eyes
+    rows: dict[str, tuple[str, NDArray, NDArray]] = {}
+    for name, out, pixels, residuals in zip(
+        calibration.views.names,
+        calibration.outliers.tolist(),
+        calibration.views.pixels,
+        calibration.residuals,
+        strict=True,
+    ):
+        rows[name] = ("outlier" if out else "training", pixels, residuals)
+    if assessment.test_views is not None and assessment.test_residuals is not None:
+        held_out = assessment.test_views
+        triples = zip(held_out.names, held_out.pixels, assessment.test_residuals, strict=True)
+        rows |= {name: ("held-out", pixels, residuals) for name, pixels, residuals in triples}
+    nothing = np.full((len(calibration.views.p_GQ), 2 * len(eyes)), np.nan)
+    for name in (name for eye in (images or {}).values() for name in eye):
+        rows.setdefault(name, ("no board found", nothing, nothing))
+    return tuple(
+        ShownView(name, use, _eye_views(name, eyes, files, pixels, residuals))
+        for name, (use, pixels, residuals) in _ordered(rows, images)
+    )
+
+
+def view_table(views: tuple[ShownView, ...]) -> Table:
+    """Return one row a view: its files, what it was used for, corners and errors."""
+    rows = []
+    for view in views:
+        seen = [len(eye.errors) for eye in view.eyes]
+        cells = [
+            Cell(", ".join(eye.file for eye in view.eyes)),
+            Cell(view.use, kind="blind" if view.use == "outlier" else ""),
+            Cell(" + ".join(str(count) for count in seen)),
+            *(_px_cell(eye.rms) for eye in view.eyes),
+        ]
+        if len(view.eyes) > 1:
+            cells.append(_px_cell(view.rms))
+        largest = max((float(eye.errors.max()) for eye in view.eyes if len(eye.errors)), default=None)
+        rows.append((view.name, (*cells, _px_cell(largest))))
+    eyes = [f"rms {eye.eye} [px]" for eye in views[0].eyes]
+    both = ["rms [px]"] if len(eyes) > 1 else []
+    return Table(("view", "files", "used as", "corners", *eyes, *both, "largest [px]"), tuple(rows))
+
+
+def root_mean_square(errors: NDArray) -> float | None:
+    """Return the root mean square of numbers, None where there are none."""
+    return float(np.sqrt(np.mean(errors**2))) if len(errors) else None
+
+
+def _eye_views(
+    name: str, eyes: tuple[str, ...], files: Mapping[str, Any], pixels: NDArray, residuals: NDArray
+) -> tuple[EyeView, ...]:
+    return tuple(
+        EyeView(
+            eye,
+            str(files.get(eye, {}).get(name, f"{eye} {name}")),
+            pixels[:, 2 * k : 2 * k + 2],
+            residuals[:, 2 * k : 2 * k + 2],
+        )
+        for k, eye in enumerate(eyes)
+    )
+
+
+def _ordered(rows: Mapping[str, Any], images: Photographs | None) -> list[tuple[str, Any]]:
+    """Return rows as the photographs are ordered, or by name where there are none."""
+    order = [name for eye in (images or {}).values() for name in eye]
+    return sorted(rows.items(), key=lambda row: (order.index(row[0]) if row[0] in order else -1, row[0]))
+
+
+def _px_cell(value: float | None) -> Cell:
+    return Cell("" if value is None else f"{value:.3f}", value=value)

@@ -1,0 +1,110 @@
+"""Photographs as small files that a page or a scene can hold."""
+
+import io
+from collections.abc import Mapping
+
+import numpy as np
+from matplotlib.image import imsave
+from numpy.typing import ArrayLike, NDArray
+
+Photographs = Mapping[str, Mapping[str, NDArray]]
+"""Eye -> view -> red, green and blue, or grey; 8 bits. Shape (h, w, 3) or (h, w)."""
+
+_QUALITY, _OUTSIDE = 82, 215
+
+
+def photograph_of(
+    photographs: Photographs | None, eye: str, view: str, image_size: tuple[int, int]
+) -> NDArray | None:
+    """Return one photograph, or None where there is none.
+
+    Args:
+        photographs: All there are.
+        eye: Which eye.
+        view: Which view.
+        image_size: Width and height that were calibrated [px].
+
+    Returns:
+        Red, green and blue. Shape (h, w, 3).
+
+    Raises:
+        ValueError: If it is not an image, or one of another size.
+    """
+    image = (photographs or {}).get(eye, {}).get(view)
+    if image is None:
+        return None
+    image = in_colour(image)
+    if image.shape[:2] != image_size[::-1]:
+        raise ValueError(
+            f"the {eye} image of view {view} is {image.shape[1]} x {image.shape[0]}, the camera was "
+            f"calibrated for {image_size[0]} x {image_size[1]}"
+        )
+    return image
+
+
+def in_colour(image: ArrayLike) -> NDArray:
+    """Return an image as red, green and blue.
+
+    Args:
+        image: The same, or grey; 8 bits. Shape (h, w, 3) or (h, w).
+
+    Returns:
+        Shape (h, w, 3).
+
+    Raises:
+        ValueError: If it is something else.
+    """
+    image = np.asarray(image)
+    if image.ndim == 2:
+        image = np.repeat(image[:, :, None], 3, axis=2)
+    if image.ndim != 3 or image.shape[2] != 3 or image.dtype != np.uint8 or not image.size:
+        raise ValueError(
+            f"an image must be 8 bits of shape (h, w) or (h, w, 3), got {image.dtype} {image.shape}"
+        )
+    return image
+
+
+def shrunk(image: NDArray, width: int) -> NDArray:
+    """Return an image at most so wide, by means over whole blocks of pixels.
+
+    Args:
+        image: 8 bits. Shape (h, w, 3).
+        width: [px].
+    """
+    step = -(-image.shape[1] // width)
+    if step <= 1:
+        return image
+    rows, columns = (max(size // step, 1) for size in image.shape[:2])
+    blocks = image[: rows * step, : columns * step].reshape(rows, -1, columns, step, 3)
+    # One sum after the other: numpy is slow where axes to be summed lie apart.
+    sums = blocks.sum(axis=1, dtype=np.uint32).sum(axis=2, dtype=np.uint32)
+    return ((sums + step * step // 2) // (step * step)).astype(np.uint8)
+
+
+def jpeg(image: NDArray) -> bytes:
+    """Return an image as a JPEG file. Shape (h, w, 3), red, green, blue, 8 bits."""
+    buffer = io.BytesIO()
+    imsave(buffer, np.ascontiguousarray(image), format="jpeg", pil_kwargs={"quality": _QUALITY})
+    return buffer.getvalue()
+
+
+def resampled(image: NDArray, pixels: NDArray) -> NDArray:
+    """Return the colours of an image between its pixels, grey outside of it.
+
+    Args:
+        image: 8 bits. Shape (h, w, 3).
+        pixels: u and v, integers are pixel centres; nan lies outside. Shape (..., 2).
+
+    Returns:
+        Shape (..., 3).
+    """
+    limit = np.array(image.shape[1::-1]) - 1
+    inside = np.all((pixels >= -0.5) & (pixels <= limit + 0.5), axis=-1)
+    at = np.clip(np.where(inside[..., None], pixels, 0.0), 0.0, limit)
+    low = np.minimum(at.astype(int), np.maximum(limit - 1, 0))
+    (u, v), (a, b) = np.moveaxis(low, -1, 0), np.moveaxis(at - low, -1, 0)[..., None]
+    right, below = np.minimum(u + 1, limit[0]), np.minimum(v + 1, limit[1])
+    top = (1.0 - a) * image[v, u] + a * image[v, right]
+    bottom = (1.0 - a) * image[below, u] + a * image[below, right]
+    mixed = np.round((1.0 - b) * top + b * bottom).astype(np.uint8)
+    return np.where(inside[..., None], mixed, np.uint8(_OUTSIDE))

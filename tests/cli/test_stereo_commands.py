@@ -1,0 +1,189 @@
+"""Learning eyes at the command line: the whole way from photographs, and what goes wrong."""
+
+import importlib.util
+import json
+import shutil
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from nico_selfmodel.model import SelfModel
+
+_SPEC = importlib.util.spec_from_file_location(
+    "drawn_boards", Path(__file__).parents[1] / "drawn_boards.py"
+)
+drawn_boards = importlib.util.module_from_spec(_SPEC)
+_SPEC.loader.exec_module(drawn_boards)
+BOARD = ("--board", "7x5", "--square-mm", 30, "--window", 5)
+
+
+@pytest.fixture(scope="session")
+def photographs(tmp_path_factory):
+    folder = tmp_path_factory.mktemp("photographs")
+    drawn_boards.draw_pairs(folder, count=10)
+    return folder
+
+
+@pytest.fixture
+def spoilt(photographs, tmp_path):
+    """Return a copy of the photographs that a test may spoil."""
+    return Path(shutil.copytree(photographs, tmp_path / "photographs"))
+
+
+@pytest.fixture(scope="session")
+def eyes(tmp_path_factory, photographs, command):
+    """Return the result folder of a calibration with two boards held out."""
+    out = tmp_path_factory.mktemp("eyes") / "eyes"
+    words = ("--pin", "k3=0", "--test-fraction", 0.2, "--out", out)
+    done = command("calibrate", "stereo", photographs, *BOARD, *words)
+    assert done.returncode == 0, done.stdout + done.stderr
+    assert "PASS" in done.stdout
+    return out
+
+
+def refused(command, folder, tmp_path, *words):
+    """Return the one line with which a calibration is refused, and that nothing was written."""
+    out = tmp_path / "result"
+    done = command("calibrate", "stereo", folder, *(words or BOARD), "--out", out)
+    assert done.returncode == 2, done.stdout + done.stderr
+    assert not out.exists()
+    lines = [line for line in done.stderr.strip().splitlines() if "warning:" not in line]
+    assert len(lines) == 1
+    return lines[0]
+
+
+def test_photographs_become_eyes_that_are_where_they_were_drawn(eyes):
+    model, truth = SelfModel.load(eyes), drawn_boards.SMALL_RIG
+    document = json.loads((eyes / "result.json").read_text())
+    assert document["status"] == "PASS"
+    assert document["test"]["pixels"]["rms"] < 0.2
+    assert document["detection"] == {
+        "board": "7x5", "square_mm": 30.0, "window_px": 5, "images": 20, "not_seen": {},
+    }  # fmt: skip
+    assert model.rig.baseline == pytest.approx(truth.baseline, abs=5e-4)
+    assert model.rig.left.fx == pytest.approx(truth.left.fx, abs=2.0)
+    assert model.rig.right.cy == pytest.approx(truth.right.cy, abs=2.5)
+    assert "left.k3" not in model.covariance.names
+    names = {path.name for path in eyes.iterdir()}
+    assert names == {"self_model.yaml", "result.json", "report.html", "scene.json"}
+
+
+def test_one_eye_alone_is_a_command_of_its_own(photographs, tmp_path, command):
+    out = tmp_path / "eye"
+    words = ("--fixed-aspect", "--tangential", "--pin", "k3=0", "--eye", "right", "--json")
+    done = command("calibrate", "camera", photographs, *BOARD, *words, "--out", out)
+    assert done.returncode == 0, done.stderr
+    parameters = json.loads(done.stdout)["parameters"]
+    assert parameters["right.fx"]["value"] == parameters["right.fy"]["value"]
+    assert parameters["right.p1"]["free"]
+    assert "baseline" not in parameters
+    assert set(SelfModel.load(out).cameras) == {"right"}
+
+
+def test_a_bound_that_is_missed_fails_and_is_written(photographs, tmp_path, command):
+    out = tmp_path / "eyes"
+    words = ("--test-fraction", 0.2, "--require-test-px", 0.001, "--out", out)
+    done = command("calibrate", "stereo", photographs, *BOARD, *words)
+    assert done.returncode == 1
+    assert "required at most 0.001 px" in done.stdout
+    assert json.loads((out / "result.json").read_text())["status"] == "FAIL"
+
+
+def test_an_image_without_its_partner_is_named(spoilt, tmp_path, command):
+    (spoilt / "right03.png").unlink()
+    assert "left03.png" in refused(command, spoilt, tmp_path)
+
+
+def test_images_of_one_eye_only_are_refused(spoilt, tmp_path, command):
+    for path in spoilt.glob("right*"):
+        path.unlink()
+    assert "one eye only" in refused(command, spoilt, tmp_path)
+
+
+def test_images_of_different_sizes_are_refused_with_their_names(spoilt, tmp_path, command):
+    cv2 = pytest.importorskip("cv2")
+    cv2.imwrite(str(spoilt / "left02.png"), cv2.imread(str(spoilt / "left02.png"))[:200])
+    message = refused(command, spoilt, tmp_path)
+    assert "left02.png has 320x200" in message
+
+
+def test_a_photograph_that_is_none_is_named(spoilt, tmp_path, command):
+    (spoilt / "left02.png").write_text("not an image")
+    assert "left02.png" in refused(command, spoilt, tmp_path)
+
+
+def test_a_wrong_board_is_refused_with_the_one_that_is_there(photographs, tmp_path, command):
+    message = refused(command, photographs, tmp_path, "--board", "9x6", "--square-mm", 30)
+    assert "no 9x6 board" in message
+    assert "7x5" in message
+
+
+def test_two_boards_are_too_few(spoilt, tmp_path, command):
+    for path in spoilt.iterdir():
+        if path.stem[-2:] not in ("01", "02"):
+            path.unlink()
+    assert "saw 2 boards, at least 3" in refused(command, spoilt, tmp_path)
+
+
+def test_swapped_eyes_are_recognised(spoilt, tmp_path, command):
+    for path in sorted(spoilt.glob("left*")):
+        other = spoilt / path.name.replace("left", "right")
+        path.rename(spoilt / "aside.png")
+        other.rename(path)
+        (spoilt / "aside.png").rename(other)
+    assert "left and right are swapped" in refused(command, spoilt, tmp_path)
+
+
+def test_pairs_that_were_not_taken_together_are_refused_by_their_epipolar_error(
+    spoilt, tmp_path, command
+):
+    numbers = [f"{i:02d}" for i in range(1, 11)]
+    for number, other in zip(numbers, np.roll(numbers, 1), strict=True):
+        (spoilt / f"right{number}.png").rename(spoilt / f"aside{other}.png")
+    for number in numbers:
+        (spoilt / f"aside{number}.png").rename(spoilt / f"right{number}.png")
+    message = refused(command, spoilt, tmp_path)
+    assert "no rigid pair of eyes" in message
+    assert "px from their epipolar lines" in message
+
+
+def test_two_images_of_one_camera_are_no_pair(spoilt, tmp_path, command):
+    for path in spoilt.glob("left*"):
+        shutil.copy(path, spoilt / path.name.replace("left", "right"))
+    assert "same camera" in refused(command, spoilt, tmp_path)
+
+
+def test_a_board_whose_pair_does_not_match_is_set_aside_by_name(spoilt, tmp_path, command):
+    shutil.copy(spoilt / "right03.png", spoilt / "right04.png")
+    out = tmp_path / "eyes"
+    done = command("calibrate", "stereo", spoilt, *BOARD, "--pin", "k3=0", "--out", out)
+    assert done.returncode == 0, done.stdout + done.stderr
+    assert json.loads((out / "result.json").read_text())["outliers"] == ["04"]
+
+
+@pytest.mark.parametrize(
+    ("words", "expected"),
+    [
+        (("--pin", "left.k9=0"), "no camera parameter 'left.k9'"),
+        (("--pin", "k3=x"), "'x' is not a number"),
+        (("--prior", "left.cx=160"), "NAME=MEAN,SIGMA"),
+        (("--loss", "cubic"), "cubic"),
+        (("--test-fraction", 2), "--test-fraction"),
+        (("--seed", -1), "--seed"),
+    ],
+)
+def test_options_that_mean_nothing_are_refused(photographs, tmp_path, command, words, expected):
+    assert expected in refused(command, photographs, tmp_path, *BOARD, *words)
+
+
+def test_the_stereo_experiment_writes_tables_and_charts(tmp_path, command, monkeypatch):
+    monkeypatch.setattr("nico_selfmodel.experiments.stereo.COUNTS", (6, 13))
+    out = tmp_path / "experiment"
+    done = command("experiment", "stereo", "--individuals", 2, "--out", out, "--json")
+    assert done.returncode == 0, done.stderr
+    rows = {row["lens"]: row for row in json.loads(done.stdout)["by_lens"]}
+    assert rows["pinhole"]["edge_sd_mm"][0] > 1.5 * rows["full"]["edge_sd_mm"][0]
+    assert rows["full"]["scale_error"] < 0.005
+    assert "1.59 mm" in (out / "tables.md").read_text()
+    assert (out / "edges_by_lens.png").stat().st_size > 10_000
