@@ -186,12 +186,12 @@ def write_report(results: StereoExperiment, out: Path, *, force: bool = False) -
         "edges_by_lens": _chart(
             results.by_lens,
             [row.lens for row in results.by_lens],
-            "A poor lens model, not noise, spoils stereo",
+            "How evenly squares come out, by lens model",
         ),
         "edges_by_boards": _chart(
             results.by_boards,
             [str(row.boards) for row in results.by_boards],
-            "Thirteen boards are nearly as good as forty",
+            "How evenly squares come out, by number of boards",
             "boards learned from",
         ),
     }

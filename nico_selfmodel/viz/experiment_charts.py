@@ -86,8 +86,8 @@ def bar_chart(
             axes.set_yscale("log")
             axes.yaxis.set_major_formatter(plain_tick)
         width = 0.84 / len(series)
-        for k, one in enumerate(series):
-            place = np.arange(len(groups)) + (k - 0.5 * (len(series) - 1)) * width
+        places = _places(heights, width)
+        for place, one in zip(places, series, strict=True):
             _bars(axes, place, one, width, log)
         axes.set_xticks(np.arange(len(groups)), groups)
         axes.tick_params(axis="x", length=0)
@@ -134,6 +134,21 @@ def save_figure(figure: Figure, path: str | Path) -> Path:
         Path(temporary).unlink(missing_ok=True)
         raise
     return path
+
+
+def _places(heights: NDArray, width: float) -> NDArray:
+    """Return where bars stand: side by side, those of a group about its middle.
+
+    Args:
+        heights: Of each series in each group; nan where there is no bar. Shape (series, groups).
+        width: Of a bar.
+
+    Returns:
+        Shape (series, groups).
+    """
+    there = np.isfinite(heights)
+    rank = np.cumsum(there, axis=0) - 1
+    return np.arange(heights.shape[1]) + (rank - 0.5 * (there.sum(axis=0) - 1)) * width
 
 
 def _bars(axes: Axes, place: NDArray, series: BarSeries, width: float, log: bool) -> None:
