@@ -8,6 +8,8 @@ from numpy.typing import ArrayLike, NDArray
 
 from nico_selfmodel.errors import DataError
 
+_FEWEST_CORNERS = 4
+
 
 @dataclass(frozen=True, eq=False)
 class BoardViews:
@@ -55,6 +57,21 @@ class BoardViews:
         """Return the corners that one eye saw. Shape (V, P, 2)."""
         column = 2 * self.eyes.index(eye)
         return self.pixels[:, :, column : column + 2]
+
+    def placeable(self) -> "BoardViews":
+        """Return the views without what cannot place a board.
+
+        An eye's corners count where it saw at least four of them that are not on one line.
+        """
+        pixels = self.pixels.copy()
+        seen = self.seen
+        for v, c in np.argwhere(seen.any(axis=2) & ~seen.all(axis=2)):
+            points = self.p_GQ[seen[v, c]]
+            spread = np.linalg.svd(points - points.mean(axis=0), compute_uv=False)
+            if len(points) < _FEWEST_CORNERS or spread[1] < 1e-6 * spread[0]:
+                pixels[v, :, 2 * c : 2 * c + 2] = np.nan
+        kept = replace(self, pixels=pixels)
+        return kept.select(kept.seen.any(axis=(1, 2)))
 
     def select(self, rows: ArrayLike | Sequence[int]) -> "BoardViews":
         """Return some views, chosen by index or by a boolean mask."""

@@ -17,6 +17,7 @@ from nico_selfmodel.estimation.camera_adjustment import CameraCalibration
 from nico_selfmodel.estimation.camera_options import CameraOptions
 from nico_selfmodel.estimation.verdict import Verdict, rank_score
 from nico_selfmodel.model import lens
+from nico_selfmodel.model.camera import Camera
 
 _MOST_OUTLIERS = 0.25
 _SIGNIFICANT, _NOTABLE = 3.3, 1.3
@@ -147,11 +148,18 @@ def _outlier_reason(calibration: CameraCalibration) -> str | None:
 
 
 def _fold_reasons(calibration: CameraCalibration) -> list[str]:
+    views = calibration.views
+    return fold_reasons_of(views.eyes, calibration.cameras, views.image_size)
+
+
+def fold_reasons_of(
+    eyes: tuple[str, ...], cameras: tuple[Camera, ...], image_size: tuple[int, int]
+) -> list[str]:
     """Say where a lens folds its image: pixels to which no ray belongs."""
     reasons = []
-    width, height = calibration.views.image_size
+    width, height = image_size
     edge = np.array([[0, 0], [width - 1, 0], [0, height - 1], [width - 1, height - 1]], dtype=float)
-    for eye, camera in zip(calibration.views.eyes, calibration.cameras, strict=True):
+    for eye, camera in zip(eyes, cameras, strict=True):
         if not camera.has_rays(edge).all():
             reasons.append(
                 f"the distortion of the {eye} eye is not monotone up to the image's corners (it "

@@ -11,6 +11,7 @@ from nico_selfmodel.optimization.robust_solve import ROBUST_METHODS
 
 T = TypeVar("T")
 
+_NOMINAL = ("skew", "cx", "cy", "k1", "k2", "k3", "p1", "p2")
 HELD_BY_DEFAULT = ("skew", "p1", "p2")
 """Held at zero unless asked for."""
 
@@ -88,7 +89,8 @@ class CameraOptions:
             names: All camera parameters of the problem.
 
         Raises:
-            ValueError: If an option names a parameter that does not exist.
+            ValueError: If an option names a parameter that does not exist, or pins one without a
+                value that has no nominal one.
         """
         freed = set(by_full_name(dict.fromkeys(self.freed), names))
         held: dict[str, float | None] = {}
@@ -97,7 +99,11 @@ class CameraOptions:
             tangential = what in ("p1", "p2") and self.tangential
             if what in HELD_BY_DEFAULT and name not in freed and not tangential:
                 held[name] = 0.0
-        return held | by_full_name(self.pinned, names)
+        held |= by_full_name(self.pinned, names)
+        for name, value in held.items():
+            if value is None and name.rpartition(".")[2] not in _NOMINAL:
+                raise ValueError(f"`{name}` has no nominal value: pin it as {name}=VALUE")
+        return held
 
 
 def by_full_name(chosen: Mapping[str, T], names: tuple[str, ...]) -> dict[str, T]:

@@ -41,7 +41,7 @@ def calibrate_cameras(views: BoardViews, options: CameraOptions | None = None) -
     """
     began = time.perf_counter()
     options = options or CameraOptions()
-    views = views.select(views.seen.any(axis=(1, 2)))
+    views = views.placeable()
     _check_names(views, options)
     if len(views.eyes) == 1:
         adjustment = _refine_alone(views, options)

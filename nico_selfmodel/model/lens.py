@@ -87,10 +87,12 @@ def largest_radius(k: NDArray) -> float:
     Args:
         k: Radial coefficients. Shape (3,).
     """
-    roots = np.polynomial.Polynomial([1.0, 3.0 * k[0], 5.0 * k[1], 7.0 * k[2]]).trim().roots()
-    real = roots[np.abs(roots.imag) < 1e-12 * (1.0 + np.abs(roots))].real
-    positive = real[real > 0.0]
-    return float(np.sqrt(positive.min())) if len(positive) else np.inf
+    # In s = 1 / r^2 the polynomial is monic, however small the last coefficients are.
+    roots = np.polynomial.Polynomial([7.0 * k[2], 5.0 * k[1], 3.0 * k[0], 1.0]).roots()
+    size = np.abs(roots).max(initial=0.0)
+    real = roots[np.abs(roots.imag) <= 1e-9 * size].real
+    positive = real[real > 1e-12 * max(size, 1e-12)]
+    return float(positive.max() ** -0.5) if len(positive) else np.inf
 
 
 def within_fold(distorted: NDArray, k: NDArray) -> NDArray:

@@ -20,6 +20,8 @@ EYES = ("left", "right")
 POSE_NAMES = ("rx", "ry", "rz", "x", "y", "z")
 """The right camera's pose in the left one's frame: rotation vector [rad] and position [m]."""
 _GAUSS_NEWTON_STEPS = 20
+_INFINITE = 1e5
+"""Distance over the baseline from which a point counts as infinitely far."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -27,7 +29,7 @@ class Triangulation:
     """Points reconstructed from both eyes."""
 
     p_WQ: NDArray
-    """Points [m]; nan where a pixel was nan. Shape (N, 3)."""
+    """Points [m]; nan where a pixel was, or the rays are parallel. Shape (N, 3)."""
     covariance: NDArray
     """Of each point, carried from the pixels [m^2]. Shape (N, 3, 3)."""
     residuals: NDArray
@@ -124,19 +126,11 @@ class StereoRig:
         if pixels.ndim != 2 or pixels.shape[1] != 4:
             raise ValueError(f"pixels must have shape (N, 4), got {pixels.shape}")
         seen = np.asarray(np.isfinite(pixels).all(axis=1))
+        start = np.full((len(pixels), 3), np.nan)
+        start[seen] = self._triangulate_linearly(pixels[seen])
+        seen = np.asarray(np.isfinite(start).all(axis=1))
         weight = _inverse_covariance(pixel_covariance, seen)
-        p = self._triangulate_linearly(pixels[seen])
-        # Slopes change a thousandfold less than the point moves: a few Gauss-Newton steps do.
-        for _ in range(_GAUSS_NEWTON_STEPS):
-            reprojected, slopes = self._project_anywhere(p)
-            miss = pixels[seen] - reprojected
-            weighted = np.swapaxes(slopes, 1, 2) @ weight
-            information = weighted @ slopes
-            step = np.linalg.solve(information, weighted @ miss[:, :, None])[:, :, 0]
-            p = p + step
-            size = np.linalg.norm(step, axis=1)
-            if np.max(size / np.linalg.norm(p, axis=1), initial=0.0) < 1e-12:
-                break
+        p = self._refine(start[seen], pixels[seen], weight)
         reprojected, slopes = self._project_anywhere(p)
         points, residuals = np.full((len(pixels), 3), np.nan), np.full(pixels.shape, np.nan)
         covariance = np.full((len(pixels), 3, 3), np.nan)
@@ -145,6 +139,19 @@ class StereoRig:
         covariance[seen] = np.linalg.inv(np.swapaxes(slopes, 1, 2) @ weight @ slopes)
         in_front[seen] = np.all([apply(eye.X_CW, p)[:, 2] > 0.0 for eye in self.eyes], axis=0)
         return Triangulation(points, covariance, residuals, in_front)
+
+    def _refine(self, p: NDArray, pixels: NDArray, weight: NDArray) -> NDArray:
+        """Minimise the reprojection error of each point by Gauss-Newton. Shape (n, 3)."""
+        for _ in range(_GAUSS_NEWTON_STEPS):
+            reprojected, slopes = self._project_anywhere(p)
+            weighted = np.swapaxes(slopes, 1, 2) @ weight
+            miss = (pixels - reprojected)[:, :, None]
+            step = np.linalg.solve(weighted @ slopes, weighted @ miss)[:, :, 0]
+            p = p + step
+            size = np.linalg.norm(step, axis=1)
+            if np.max(size / np.linalg.norm(p, axis=1), initial=0.0) < 1e-12:
+                break
+        return p
 
     def essential(self) -> NDArray:
         """Return E with x_R' E x_L = 0 for ideal coordinates. Shape (3, 3)."""
@@ -199,7 +206,9 @@ class StereoRig:
             matrix = eye.X_CW[:3]
             rows.append(ideal[:, :, None] * matrix[2] - matrix[:2])
         _, _, vt = np.linalg.svd(np.concatenate(rows, axis=1))
-        return vt[:, 3, :3] / vt[:, 3, 3:]
+        far, near = np.linalg.norm(vt[:, 3, :3], axis=1), np.abs(vt[:, 3, 3])
+        finite = far < _INFINITE * self.baseline * near
+        return vt[:, 3, :3] / np.where(finite, vt[:, 3, 3], np.nan)[:, None]
 
     def _project_anywhere(self, p_WQ: NDArray) -> tuple[NDArray, NDArray]:
         """Project without asking for cheirality. Shapes (N, 4) and (N, 4, 3)."""

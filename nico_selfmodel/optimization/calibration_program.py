@@ -222,14 +222,20 @@ class CalibrationProgram:
     def own_variables(self) -> NDArray | None:
         """Indices of variables that only one observation depends on; None if there are none.
 
-        Shape (V, m): those of the separable block, where the program has exactly one.
+        Shape (V, m): those of the separable block, where the program has exactly one and no other
+        block ties two of its observations together.
         """
         separable = [term for term in self._terms if isinstance(term.block, SeparableBlock)]
         if len(separable) != 1:
             return None
         (term,) = separable
         assert isinstance(term.block, SeparableBlock)
-        return term.block.shared_and_own(term.columns)[1]
+        own = term.block.shared_and_own(term.columns)[1]
+        for other in self._terms:
+            touched = np.isin(own, other.columns).any(axis=1)
+            if other is not term and touched.sum() > 1:
+                return None
+        return own
 
     def whitened_jacobian(self, x: NDArray) -> NDArray:
         """Return the stacked derivatives of all weighted residuals and priors. Shape (m, p)."""

@@ -128,13 +128,13 @@ class _Attempt:
         keep = (~outliers).astype(float) if outliers.any() else None
         self.program.set_loss(self.block, Loss(), keep)
         solution = self.solve(rough=False)
-        scale = self.scale_at(solution.x)
+        scale = self.scale_at(solution.x, ~outliers)
         return solution, scale, self.beyond(solution.x, scale)
 
-    def scale_at(self, x: NDArray) -> float:
-        """Return the robust scale of a coordinate at x."""
+    def scale_at(self, x: NDArray, believed: NDArray | None = None) -> float:
+        """Return the robust scale of a coordinate at x, of the believed observations alone."""
         norms = np.linalg.norm(self.program.residuals(self.block, x), axis=0)
-        return robust_scale(norms, self.coordinates)
+        return robust_scale(norms if believed is None else norms[believed], self.coordinates)
 
     def beyond(self, x: NDArray, scale: float) -> NDArray:
         """Return which observations are outliers at x; residuals at rounding level are none."""

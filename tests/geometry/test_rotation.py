@@ -12,6 +12,7 @@ from nico_selfmodel.geometry.rotation import (
     rotation_from_rpy,
     rotation_from_vector,
     rotation_vector_of,
+    rotation_vector_slope,
     rpy_of,
     signed_angle,
     skew,
@@ -78,6 +79,42 @@ def test_the_logarithm_is_exact_near_no_turn_and_near_a_half_turn(gap, seed):
 def test_a_half_turn_about_a_frame_axis_keeps_its_axis(axis):
     vector = rotation_vector_of(rotation_about(axis, np.pi))
     assert np.abs(vector) == pytest.approx(np.pi * np.abs(axis), abs=1e-9)
+
+
+def test_batches_of_vectors_and_matrices_turn_as_each_of_them_alone():
+    rng = np.random.default_rng(2)
+    vectors = rng.normal(size=(2, 3, 3))
+    vectors[0, 1] = 0.0
+    rotations, slopes = rotation_from_vector(vectors), rotation_vector_slope(vectors)
+    matrices = rng.normal(size=(2, 3, 3, 3))
+    nearest = nearest_rotation(matrices)
+    assert rotations.shape == slopes.shape == nearest.shape == (2, 3, 3, 3)
+    for i in np.ndindex(2, 3):
+        assert np.array_equal(rotations[i], rotation_from_vector(vectors[i]))
+        assert np.array_equal(slopes[i], rotation_vector_slope(vectors[i]))
+        assert nearest[i] == pytest.approx(nearest_rotation(matrices[i]), abs=EXACT)
+        assert np.linalg.det(nearest[i]) == pytest.approx(1.0)
+    assert np.array_equal(rotations[0, 1], np.eye(3))
+    assert np.linalg.det(matrices).min() < 0.0  # or no reflection was in question
+
+
+@given(UNIT, st.floats(0.0, 6.0), UNIT)
+def test_the_slope_of_a_rotation_vector_is_that_of_central_differences(axis, angle, aside):
+    vector, h = angle * axis, 1e-5
+    before, after = (rotation_from_vector(vector + s * h * aside) for s in (-1.0, 1.0))
+    turned = rotation_vector_of(after @ before.T) / (2.0 * h)
+    assert rotation_vector_slope(vector) @ aside == pytest.approx(turned, abs=1e-8)
+
+
+@pytest.mark.parametrize("angle", [0.0, 1e-12, 1e-6, 9.9e-4, 1.01e-3, 1e-2, 1.0, np.pi, 6.0])
+def test_the_slope_of_a_rotation_vector_is_the_mean_of_the_turns_on_the_way(angle):
+    """J = integral of exp(s [v]) ds, whose series is the sum of [v]^k / (k + 1)!."""
+    vector = angle * np.array([0.48, -0.6, 0.64])
+    total, term = np.eye(3), np.eye(3)
+    for k in range(1, 60):
+        term = term @ skew(vector) / (k + 1)
+        total = total + term
+    assert rotation_vector_slope(vector) == pytest.approx(total, abs=1e-13)
 
 
 @given(ANGLE, st.floats(-1.5, 1.5), ANGLE)

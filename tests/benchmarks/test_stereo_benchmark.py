@@ -1,0 +1,117 @@
+"""Calibrating a pair of eyes against OpenCV: the same corners and parameters, in one run."""
+
+from time import perf_counter
+
+import cv2
+import numpy as np
+import pytest
+
+from nico_selfmodel.estimation.camera_adjustment import Adjustment
+from nico_selfmodel.estimation.camera_options import CameraOptions
+from nico_selfmodel.estimation.stereo import calibrate_cameras
+
+from ..estimation.real_boards import stereo_chessboard
+from ..estimation.simulated_boards import boards, pictures
+
+pytestmark = pytest.mark.benchmark
+END = (cv2.TERM_CRITERIA_COUNT + cv2.TERM_CRITERIA_EPS, 100, 1e-9)
+
+
+@pytest.fixture(scope="module", params=["real", "simulated"])
+def views(request):
+    """Return 13 x 54 corners in both eyes."""
+    if request.param == "simulated":
+        return pictures(boards(13), 0.2)
+    return stereo_chessboard(request.getfixturevalue("real_data_folder"))
+
+
+@pytest.fixture(autouse=True)
+def one_thread():
+    before = cv2.getNumThreads()
+    cv2.setNumThreads(1)
+    yield
+    cv2.setNumThreads(before)
+
+
+def fastest(*functions, rounds=12):
+    """Return the shortest time of each function [s], run in turn so that they share bad moments."""
+    times = []
+    for _ in range(rounds):
+        row = []
+        for function in functions:
+            begin = perf_counter()
+            function()
+            row.append(perf_counter() - begin)
+        times.append(row)
+    return np.min(times, axis=0)
+
+
+def opencv_peer(views, tangential):
+    """Return OpenCV's own calibration of the pair, from nothing but the corners."""
+    board = [views.p_GQ.astype(np.float32)] * len(views)
+    left, right = (
+        [corners.astype(np.float32)[:, None] for corners in views.of_eye(eye)] for eye in views.eyes
+    )
+    flags = 0 if tangential else cv2.CALIB_ZERO_TANGENT_DIST
+    nothing = [None] * 4
+
+    def calibrate():
+        return cv2.stereoCalibrate(
+            board, left, right, *nothing, views.image_size, flags=flags, criteria=END
+        )
+
+    return calibrate
+
+
+@pytest.mark.parametrize("tangential", [False, True])
+def test_a_pair_costs_no_more_than_opencvs_and_takes_no_longer(views, tangential, benchmark):
+    options = CameraOptions(tangential=tangential, loss="none")
+
+    def calibrate():
+        return calibrate_cameras(views, options)
+
+    peer = opencv_peer(views, tangential)
+    ours, theirs = calibrate(), peer()
+    assert ours.converged
+    # OpenCV's figure is the root of the mean squared distance over the corners of both eyes.
+    corners = views.seen.sum()
+    their_cost = 0.5 * theirs[0] ** 2 * corners
+    assert ours.cost <= 1.001 * their_cost
+    free = {"k1", "k2", "k3", "cx", "cy", "fx", "fy"} | ({"p1", "p2"} if tangential else set())
+    assert {name.removeprefix("left.") for name in ours.names if "left" in name} == free
+    assert ours.rig.baseline == pytest.approx(np.linalg.norm(theirs[6]), rel=1e-3)
+    ratios = []
+    for _ in range(3):
+        mine, other = fastest(calibrate, peer)
+        ratios.append(mine / other)
+    benchmark.extra_info["ratio_to_opencv"] = min(ratios)
+    benchmark.extra_info["cost_over_opencvs"] = ours.cost / their_cost
+    benchmark(calibrate)
+    assert min(ratios) <= 1.2
+
+
+def test_refining_13_boards_of_54_corners_takes_at_most_50_ms(views, benchmark):
+    """Both cameras and all boards at once, from a start that misses by per cents."""
+    learned = calibrate_cameras(views)
+    left, right = learned.cameras
+    rough = [
+        type(eye)(1.02 * eye.fx, 1.02 * eye.fy, 325.0, 240.0, eye.image_size, X_WC=eye.X_WC)
+        for eye in (left, right)
+    ]
+    X_LG = learned.X_LG.copy()
+    X_LG[:, 2, 3] *= 1.02
+    X_LG[:, 0, 3] += 0.005
+    done = []
+
+    def start():
+        return (Adjustment(views, tuple(rough), X_LG, CameraOptions()),), {}
+
+    def refine(adjustment):
+        adjustment.solve("none")
+        done.append(adjustment)
+
+    benchmark.pedantic(refine, setup=start, rounds=15)
+    cost = done[-1].solution.solution.cost
+    assert cost == pytest.approx(learned.cost, rel=1e-6)
+    assert all(each.solution.solution.converged for each in done)
+    assert benchmark.stats["min"] <= 50e-3
