@@ -40,7 +40,7 @@ class BoardViews:
             )
         if len(set(self.names)) != len(self.names):
             raise ValueError(f"views must have names of their own, got {self.names}")
-        if not self.eyes or set(self.eyes) - {"left", "right"}:
+        if self.eyes not in (("left", "right"), ("left",), ("right",)):
             raise ValueError(f"eyes must be left, right or both, got {self.eyes}")
 
     def __len__(self) -> int:

@@ -77,7 +77,8 @@ def check_tilts(X_CG: NDArray, eye: str) -> None:
         NotIdentifiableError: Naming the focal length.
     """
     normals = X_CG[:, :3, 2]
-    cosine = np.clip(normals @ normals.T, -1.0, 1.0)
+    # A board listed from another corner may turn its normal round.
+    cosine = np.minimum(np.abs(normals @ normals.T), 1.0)
     spread = float(np.arccos(cosine.min()))
     if spread < _PARALLEL:
         raise NotIdentifiableError(

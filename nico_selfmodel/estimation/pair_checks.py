@@ -1,15 +1,19 @@
 """What a pair of eyes must be before its calibration means anything."""
 
 import numpy as np
+from numpy.typing import NDArray
 
 from nico_selfmodel.dataset.board_views import BoardViews
 from nico_selfmodel.errors import DataError, EstimationError
 from nico_selfmodel.estimation.camera_adjustment import CameraCalibration
+from nico_selfmodel.model.stereo_rig import StereoRig
 
 _LARGEST_EPIPOLAR = 1.5
 """Distance from epipolar lines [px] above which a pair is looked at twice."""
 _LARGEST_RATIO = 5.0
 """The same against what each eye alone leaves unexplained."""
+_LARGEST_AT_START = 8.0
+"""Median distance from epipolar lines [px] that a start may have beside what an eye leaves."""
 _SHORTEST_BASELINE = 1e-3
 """Baseline over the boards' distance below which two eyes are one."""
 
@@ -29,12 +33,7 @@ def check_pair(calibration: CameraCalibration, alone_rms: float) -> None:
     error = mean_epipolar_error(calibration.views.select(believed), calibration)
     misfit = max(error, float(np.median(calibration.view_rms)))
     if misfit > max(_LARGEST_EPIPOLAR, _LARGEST_RATIO * alone_rms):
-        raise EstimationError(
-            f"this is no rigid pair of eyes: corners lie {error:.1f} px from their epipolar lines "
-            f"on average, while each eye alone fits to {alone_rms:.2f} px; were the images of a "
-            "pair taken together, is every left image paired with its own right one, and did the "
-            "cameras keep still against each other?"
-        )
+        raise _no_pair(error, alone_rms)
     depth = float(np.median(calibration.X_LG[:, 2, 3]))
     if rig.baseline < _SHORTEST_BASELINE * depth:
         raise EstimationError(
@@ -50,8 +49,38 @@ def check_pair(calibration: CameraCalibration, alone_rms: float) -> None:
         )
 
 
+def check_start(rig: StereoRig, views: BoardViews, alone_rms: float) -> None:
+    """Refuse pairs of which most do not belong together, before they spoil an adjustment.
+
+    Args:
+        rig: The eyes as the closed forms place them.
+        views: Corners in both eyes.
+        alone_rms: What the eyes leave unexplained when each is calibrated alone [px].
+
+    Raises:
+        EstimationError: If half the corners lie far from their epipolar lines.
+    """
+    error = float(np.median(_epipolar_errors(rig, views)))
+    if error > _LARGEST_AT_START + _LARGEST_RATIO * alone_rms:
+        raise _no_pair(error, alone_rms)
+
+
+def _no_pair(error: float, alone_rms: float) -> EstimationError:
+    return EstimationError(
+        f"this is no rigid pair of eyes: corners lie {error:.1f} px from their epipolar lines "
+        f"on average, while each eye alone fits to {alone_rms:.2f} px; were the images of a "
+        "pair taken together, is every left image paired with its own right one, and did the "
+        "cameras keep still against each other?"
+    )
+
+
 def mean_epipolar_error(views: BoardViews, calibration: CameraCalibration) -> float:
     """Return the mean distance of corners from their epipolar lines, over both images [px]."""
-    flat, rig = views.pixels.reshape(-1, 4), calibration.rig
+    return float(np.mean(_epipolar_errors(calibration.rig, views)))
+
+
+def _epipolar_errors(rig: StereoRig, views: BoardViews) -> NDArray:
+    """Return distances in both images [px]; inf where no corner has a ray. Shape (n, 2)."""
+    flat = views.pixels.reshape(-1, 4)
     usable = rig.left.has_rays(flat[:, :2]) & rig.right.has_rays(flat[:, 2:])
-    return float(np.mean(rig.epipolar_errors(flat[usable]))) if usable.any() else np.inf
+    return rig.epipolar_errors(flat[usable]) if usable.any() else np.full((1, 2), np.inf)

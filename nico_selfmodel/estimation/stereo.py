@@ -14,7 +14,7 @@ from nico_selfmodel.errors import NotIdentifiableError
 from nico_selfmodel.estimation.camera_adjustment import Adjustment, CameraCalibration
 from nico_selfmodel.estimation.camera_options import CameraOptions, by_full_name
 from nico_selfmodel.estimation.camera_start import check_tilts, pair_start, zhang_start
-from nico_selfmodel.estimation.pair_checks import check_pair
+from nico_selfmodel.estimation.pair_checks import check_pair, check_start
 from nico_selfmodel.model.camera import Camera
 from nico_selfmodel.model.stereo_rig import StereoRig
 
@@ -49,13 +49,16 @@ def calibrate_cameras(views: BoardViews, options: CameraOptions | None = None) -
         check_tilts(adjustment.X_LG, views.eyes[0])
         return adjustment.result(time.perf_counter() - began)
     alone = [_refine_alone(views.only(eye), options) for eye in views.eyes]
+    for eye, found in zip(views.eyes, alone, strict=True):
+        check_tilts(found.X_LG, eye)
     left, right = (_among(views, found) for found in alone)
     right_camera, X_LG = pair_start(left, right, views)
+    alone_rms = max(found.rms for found in alone)
+    check_start(StereoRig(left[0], right_camera), views, alone_rms)
     adjustment = Adjustment(views, (left[0], right_camera), X_LG, options)
     adjustment.solve(options.loss)
-    check_tilts(adjustment.X_LG, views.eyes[0])
     result = adjustment.result(time.perf_counter() - began)
-    check_pair(result, max(found.rms for found in alone))
+    check_pair(result, alone_rms)
     return result
 
 

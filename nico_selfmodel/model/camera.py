@@ -86,6 +86,8 @@ class Camera:
         for name in INTRINSICS:
             object.__setattr__(self, name, float(getattr(self, name)))
         width, height = (int(size) for size in self.image_size)
+        if (width, height) != tuple(self.image_size):
+            raise ValueError(f"image_size must be two whole numbers, got {self.image_size}")
         object.__setattr__(self, "image_size", (width, height))
         object.__setattr__(self, "X_WC", frozen_array(self.X_WC, (4, 4), "X_WC"))
         if not np.isfinite(self.values).all():

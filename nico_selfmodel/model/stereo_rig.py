@@ -224,6 +224,8 @@ def _inverse_covariance(covariance: ArrayLike | float, seen: NDArray) -> NDArray
     """Return the weight matrix of each seen point. Shape (n, 4, 4)."""
     covariance = np.asarray(covariance, dtype=float)
     if covariance.ndim == 0:
+        if not covariance > 0.0:
+            raise ValueError(f"a pixel's standard deviation must be positive, got {covariance}")
         covariance = covariance**2 * np.eye(4)
     if covariance.shape not in ((4, 4), (len(seen), 4, 4)):
         raise ValueError(

@@ -267,7 +267,8 @@ def test_eyes_that_are_no_pair_are_refused(noisy):
 def test_images_that_were_not_taken_together_are_refused(noisy, order):
     shuffled = noisy.pixels.copy()
     shuffled[:, :, RIGHT] = shuffled[order][:, :, RIGHT]
-    with pytest.raises(EstimationError, match=r"no rigid pair of eyes: corners lie \d+"):
+    # What the adjustment makes of nonsense hangs on rounding: it may not even stay a camera.
+    with pytest.raises(EstimationError, match=r"no rigid pair of eyes|no plausible camera"):
         calibrate_cameras(replace(noisy, pixels=shuffled))
 
 

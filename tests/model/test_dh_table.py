@@ -112,7 +112,8 @@ def test_rows_are_the_thesis_own():
         assert getattr(table, name) == pytest.approx([0.0, 0.0], abs=1e-15)
     frames = table.frames([np.pi / 2, 0.0])
     assert frames[1, :3, 3] == pytest.approx([0.0, 0.13, 0.5])
-    assert frames[1] == pytest.approx(frames[0] @ table.joint_motion(0, np.pi / 2) @ table.link(0))
+    moved = table.joint_motions([np.pi / 2, 0.0])
+    assert frames[1] == pytest.approx(frames[0] @ moved[0] @ table.links[0])
     assert table.frames(np.zeros((5, 2))).shape == (3, 5, 4, 4)
 
 
@@ -164,6 +165,23 @@ def test_a_table_that_follows_itself_is_itself(make_chain, kinds, seed, hand_on_
     followed = DhTable.from_chain(chain, like=table)
     assert differences(followed, table) < 1e-12
     assert followed.p_NH == pytest.approx(table.p_NH, abs=1e-12)
+
+
+def test_axes_that_became_parallel_cannot_follow_a_table_that_crosses_them():
+    def chain(tilt_deg):
+        tilt = np.radians(tilt_deg)
+        directions = np.array([[0, 0, 1], [0, np.sin(tilt), np.cos(tilt)], [1, 0, 0]])
+        points = np.array([[0, 0, 0], [0.3, 0, 0.1], [0.5, 0.2, 0.1]])
+        return Chain(("a", "b", "c"), directions, points, ("hand",), np.array([[0.7, 0.1, 0.2]]))
+
+    like = DhTable.from_chain(chain(10.0))
+    assert not like.parallel.any()
+    q = np.random.default_rng(0).uniform(-1.0, 1.0, (20, 3))
+    for tilt_deg in (0.0, 1e-6):
+        table = DhTable.from_chain(chain(tilt_deg), like)
+        assert table.parallel.tolist() == [True, False, False]
+        assert table.forward(q) == pytest.approx(chain(tilt_deg).forward(q), abs=1e-12)
+    assert not DhTable.from_chain(chain(0.1), like).beta.any()
 
 
 def test_a_gauge_of_ones_own_is_followed(make_chain):

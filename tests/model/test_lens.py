@@ -108,7 +108,12 @@ def test_a_coefficient_that_is_next_to_nothing_does_not_move_the_fold(k):
 
 @given(k=RADIAL, p=TANGENTIAL, seed=SEED)
 def test_undistortion_undoes_distortion(k, p, seed):
-    ideal = disc(within(k, 0.9), seed)
+    radius = within(k, 0.9)
+    # Where radial distortion comes near to folding, a little tangential one does fold the image.
+    r2 = np.linspace(0.0, radius, 100) ** 2
+    slope = 1.0 + r2 * (3.0 * k[0] + r2 * (5.0 * k[1] + r2 * 7.0 * k[2]))
+    assume(slope.min() > 0.15)
+    ideal = disc(radius, seed)
     # Where the radial slope all but vanishes, tangential distortion folds the image as well.
     radius = np.linspace(0.0, within(k, 0.9), 50) ** 2
     assume((1.0 + radius * (3.0 * k[0] + radius * (5.0 * k[1] + radius * 7.0 * k[2])) > 0.1).all())
