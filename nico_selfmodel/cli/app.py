@@ -7,12 +7,17 @@ import typer
 
 from nico_selfmodel.cli import (
     calibrate,
+    detect,
     evaluate,
     experiment,
     export_urdf,
+    hand,
     import_data,
     learn,
+    markers,
+    pick_color,
     predict,
+    servo,
     simulate,
     view,
 )
@@ -31,10 +36,15 @@ app.command("evaluate")(evaluate.evaluate)
 app.command("predict")(predict.predict)
 app.command("export-urdf")(export_urdf.export_urdf)
 app.command("view")(view.view)
+app.command("detect")(detect.detect)
+app.command("pick-color")(pick_color.pick_color)
 app.add_typer(simulate.app, name="simulate")
 app.add_typer(import_data.app, name="import")
 app.add_typer(calibrate.app, name="calibrate")
 app.add_typer(experiment.app, name="experiment")
+app.add_typer(markers.app, name="markers")
+app.add_typer(servo.app, name="servo")
+app.add_typer(hand.app, name="hand")
 
 
 @app.callback()

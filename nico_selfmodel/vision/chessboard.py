@@ -103,7 +103,7 @@ class ChessboardDetection:
 
     @property
     def smallest_square_px(self) -> float:
-        """The shortest distance between neighbouring corners [px]; should exceed the window."""
+        """The shortest distance between neighbours [px]; should be well above the window."""
         return smallest_square(self.corners.reshape(self.board.rows, self.board.columns, 2))
 
 

@@ -36,7 +36,7 @@ class Fiducial:
 
 
 def find_fiducials(
-    image: NDArray, family: FiducialFamily | str = DEFAULT_FAMILY
+    image: NDArray, family: FiducialFamily | str = DEFAULT_FAMILY, *, mirrors: bool = True
 ) -> tuple[Fiducial, ...]:
     """Find all markers of a family, those that are seen in a mirror too.
 
@@ -48,6 +48,7 @@ def find_fiducials(
     Args:
         image: Grey or BGR, 8 bits. Shape (h, w) or (h, w, 3).
         family: The family or its name.
+        mirrors: Look for reflections too, which takes about twice the time.
 
     Returns:
         The markers, direct ones first, by id; none if none is seen.
@@ -55,7 +56,7 @@ def find_fiducials(
     Raises:
         ValueError: If the image has another shape or type, or there is no such family.
     """
-    return _search(as_gray(image), _family(family))[0]
+    return _search(as_gray(image), _family(family), mirrors=mirrors)[0]
 
 
 def find_fiducial(
@@ -82,7 +83,7 @@ def find_fiducial(
     family = _family(family)
     if marker is not None:
         family.pattern(marker)
-    seen, blurred = _search(as_gray(image), family)
+    seen, blurred = _search(as_gray(image), family, mirrors=mirrored is not False)
     wanted = [
         item
         for item in seen
@@ -106,11 +107,16 @@ def _names(markers: tuple[Fiducial, ...] | list[Fiducial]) -> str:
     return ", ".join(f"{m.id}{' (mirrored)' if m.mirrored else ''}" for m in markers)
 
 
-def _search(gray: NDArray, family: FiducialFamily) -> tuple[tuple[Fiducial, ...], str]:
+def _search(
+    gray: NDArray, family: FiducialFamily, *, mirrors: bool
+) -> tuple[tuple[Fiducial, ...], str]:
     """Return the markers of an image and its reflection, and what was read but not located."""
     direct, vague = _in_image(gray, family, mirrored=False)
-    flipped, vague_in_mirror = _in_image(np.ascontiguousarray(gray[:, ::-1]), family, mirrored=True)
-    vague += vague_in_mirror
+    flipped: list[Fiducial] = []
+    if mirrors:
+        reflection = np.ascontiguousarray(gray[:, ::-1])
+        flipped, vague_in_mirror = _in_image(reflection, family, mirrored=True)
+        vague += vague_in_mirror
     kept = [item for item in direct if not any(_wins(gray, r, item) for r in flipped)]
     kept += [item for item in flipped if not any(_overlap(item, other) for other in kept)]
     ids = ", ".join(str(marker) for marker in sorted(set(vague)))

@@ -35,7 +35,8 @@ def corners_from_edges(gray: NDArray, corners: NDArray, cells: int) -> NDArray |
     refined = corners.astype(float)
     for _ in range(_PASSES):
         before = refined
-        edges = [_edge(gray, refined, side, cells) for side in range(4)]
+        inner = _inner_corners(refined, cells)
+        edges = [_edge(gray, refined, inner, side) for side in range(4)]
         lines = [line for line in edges if line is not None]
         if len(lines) < 4:
             return None
@@ -51,7 +52,9 @@ def corners_from_edges(gray: NDArray, corners: NDArray, cells: int) -> NDArray |
     return refined
 
 
-def _edge(gray: NDArray, corners: NDArray, side: int, cells: int) -> tuple[NDArray, NDArray] | None:
+def _edge(
+    gray: NDArray, corners: NDArray, inner: NDArray, side: int
+) -> tuple[NDArray, NDArray] | None:
     """Return a point on the edge after corner `side` and its direction."""
     start, end = corners[side], corners[(side + 1) % 4]
     length = np.linalg.norm(end - start)
@@ -59,7 +62,8 @@ def _edge(gray: NDArray, corners: NDArray, side: int, cells: int) -> tuple[NDArr
     outwards = np.array([along[1], -along[0]])
     if outwards @ (corners.mean(axis=0) - start) > 0.0:
         outwards = -outwards
-    reach = _reach(corners, side, cells, start, outwards)
+    border = np.abs((inner[[side, (side + 1) % 4]] - start) @ outwards).min()
+    reach = np.clip(_REACH * border, _NARROWEST, _WIDEST)
     margin = min(max(0.06, 2.5 / length), 0.3)  # of the side, at corners that blur has rounded
     positions = np.linspace(margin, 1.0 - margin, _POSITIONS) * length
     depths = np.linspace(-reach, reach, _DEPTHS)
@@ -78,13 +82,11 @@ def _edge(gray: NDArray, corners: NDArray, side: int, cells: int) -> tuple[NDArr
     return middle, along + slope * outwards
 
 
-def _reach(corners: NDArray, side: int, cells: int, start: NDArray, outwards: NDArray) -> float:
-    """Return how far to look across an edge without leaving the black border [px]."""
+def _inner_corners(corners: NDArray, cells: int) -> NDArray:
+    """Return where the black border ends inwards. Shape (4, 2)."""
     square = np.array([[0.0, 0], [cells, 0], [cells, cells], [0, cells]])
     inner = np.array([[1.0, 1], [cells - 1, 1], [cells - 1, cells - 1], [1, cells - 1]])
-    images = apply_homography(homography(square, corners), inner)
-    border = np.abs((images[[side, (side + 1) % 4]] - start) @ outwards).min()
-    return float(np.clip(_REACH * border, _NARROWEST, _WIDEST))
+    return apply_homography(homography(square, corners), inner)
 
 
 def _offsets(profiles: NDArray, positions: NDArray, depths: NDArray) -> NDArray | None:

@@ -24,6 +24,7 @@ from nico_selfmodel.vision.image_file import image_files, read_image
 from nico_selfmodel.vision.not_seen import NotSeen
 
 _IMAGES_FOR_A_HINT = 6
+_WIDEST_WINDOW = 0.7  # of a square; from 0.85 on, corners are drawn to their neighbours
 
 
 class Progress(Protocol):
@@ -102,7 +103,7 @@ def camera_images(folder: str | Path, prefix: str) -> list[tuple[str, Path]]:
     for path in image_files(folder):
         if not path.stem.lower().startswith(prefix.lower()):
             continue
-        name = path.stem[len(prefix) :].strip("_-. ") or path.stem
+        name = path.stem[len(prefix) :].strip("_-. ") or prefix.lower()
         if name in found:
             raise DataError(
                 f"{folder}: {found[name].name} and {path.name} are the same view: remove one"
@@ -270,11 +271,11 @@ def _no_board(files: Sequence[Path], board: Board, tried: dict[str, str]) -> str
 
 def _warn_of_small_squares(detections: Sequence[ChessboardDetection], window: int) -> None:
     refined = [item.smallest_square_px for item in detections if item.window is not None]
-    small = [size for size in refined if size <= window]
+    small = [size for size in refined if window > _WIDEST_WINDOW * size]
     if small:
         warnings.warn(
             f"squares are as small as {min(small):.0f} px in {len(small)} images, and the sub-pixel"
-            f" window of {window} px then sees neighbouring corners: take a smaller window",
+            f" window of {window} px nearly sees neighbouring corners: take a smaller window",
             stacklevel=4,
         )
 

@@ -14,7 +14,7 @@ from nico_selfmodel.viz.scene_items import Item, Picture
 
 _SQUARE_PIXELS, _EDGE_PIXELS = 20, 4
 """Size of a square in the picture of a board, and of the board's edge."""
-_DARKER = 0.72
+_DARKER, _GLASS = 0.72, 0.45
 
 
 def board_item(
@@ -43,11 +43,23 @@ def board_item(
     )
 
 
-def board_name(path: str, name: str, p_GQ: NDArray, X_WG: NDArray, color: str) -> Item:
-    """Return the name of a board, written over its top edge."""
-    low, _, square = board_extent(p_GQ)
-    pose = X_WG @ transform(np.eye(3), [low[0], low[1], -0.02 * square])
-    return label(path, name, color, 1.1 * square, pose, (0.0, 1.0))
+def board_name(
+    path: str, name: str, p_GQ: NDArray, X_WG: NDArray, color: str, R_WL: NDArray
+) -> Item:
+    """Return the name of a board over its highest corner, turned towards the first eye.
+
+    Args:
+        path: Of the item.
+        name: Of the view.
+        p_GQ: Corners on the board [m]. Shape (P, 3).
+        X_WG: Pose of the board. Shape (4, 4).
+        color: Of the letters.
+        R_WL: Attitude of the first eye. Shape (3, 3).
+    """
+    outline = board_outline(p_GQ, X_WG)
+    top = outline[np.argmax(outline[:, 2])]
+    _, _, square = board_extent(p_GQ)
+    return label(path, name, color, 1.1 * square, transform(R_WL, top), (0.5, 1.0))
 
 
 def board_extent(p_GQ: NDArray) -> tuple[NDArray, NDArray, float]:
@@ -69,14 +81,14 @@ def board_outline(p_GQ: NDArray, X_WG: NDArray) -> NDArray:
 
 
 def _pattern(counts: NDArray, color: NDArray) -> NDArray:
-    """Return squares by turns white and coloured inside an edge. Shape (h, w, 3)."""
+    """Return squares by turns coloured and of glass, inside an edge. Shape (h, w, 4)."""
     columns, rows = counts.tolist()
     dark = (np.arange(rows)[:, None] + np.arange(columns)) % 2 == 0
-    squares = np.where(dark[:, :, None], color, 1.0)
+    squares = np.where(dark[:, :, None], [*color, 1.0], [1.0, 1.0, 1.0, _GLASS])
     image = np.kron(squares, np.ones((_SQUARE_PIXELS, _SQUARE_PIXELS, 1)))
     edge = _DARKER * color + (1.0 - _DARKER) * np.array(to_rgb(palette.INK))
     for rim in (np.s_[:_EDGE_PIXELS], np.s_[-_EDGE_PIXELS:]):
-        image[rim], image[:, rim] = edge, edge
+        image[rim], image[:, rim] = [*edge, 1.0], [*edge, 1.0]
     return np.round(255.0 * image).astype(np.uint8)
 
 

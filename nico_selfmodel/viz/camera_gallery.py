@@ -2,29 +2,23 @@
 
 from collections.abc import Mapping
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
-from matplotlib.colors import to_hex
+from numpy.typing import NDArray
 
+from nico_selfmodel.estimation import CameraAssessment
 from nico_selfmodel.viz import palette
 from nico_selfmodel.viz.camera_views import EyeView, ShownView
 from nico_selfmodel.viz.photographs import Photographs, jpeg, photograph_of, shrunk
 from nico_selfmodel.viz.picture_mesh import data_uri
 
-_WIDTH = 480
-"""Of a picture in the page [px]."""
-
-
-@dataclass(frozen=True)
-class Mark:
-    """One corner as drawn."""
-
-    u: float
-    """[px]."""
-    v: float
-    """[px]."""
-    color: str
-    """Of its error."""
+_WIDTH, _MANY = 480, 30
+"""Of a picture in the page at least [px], until there are so many that they share the room."""
+_FAR = 4.0
+"""Corners with errors of so many rms are ringed."""
+_CROSS = 0.009
+"""Half the size of a cross in widths of the image."""
 
 
 @dataclass(frozen=True)
@@ -33,14 +27,22 @@ class Thumbnail:
 
     file: str
     """Name of the photograph."""
+    color: str
+    """Of the eye."""
     rms: float | None
     """Of its corners [px]."""
+    note: str
+    """What was tried in vain; empty where the board was found."""
     uri: str | None
     """The photograph; None where it was not kept."""
-    marks: tuple[Mark, ...]
-    """Corners that were found."""
+    covered: tuple[int, int]
+    """Width and height of what the small photograph shows [px]."""
+    crosses: str
+    """The corners as an SVG path."""
     row: str
-    """First row of corners as points of an SVG line, so that the order of the corners shows."""
+    """The first row of corners as an SVG path, so that their order shows."""
+    far: tuple[tuple[float, float], ...]
+    """Corners that fit far worse than the others [px]."""
 
 
 @dataclass(frozen=True)
@@ -56,17 +58,18 @@ class GalleryRow:
 
 
 def gallery(
-    views: tuple[ShownView, ...], images: Photographs | None, image_size: tuple[int, int],
-    columns: int, largest: float,
-) -> tuple[GalleryRow, ...]:  # fmt: skip
+    assessment: CameraAssessment,
+    views: tuple[ShownView, ...],
+    document: Mapping[str, Any],
+    images: Photographs | None,
+) -> tuple[GalleryRow, ...]:
     """Return all photographs with their corners.
 
     Args:
+        assessment: What was learned.
         views: What was seen in them.
+        document: Content of `result.json`; its `detection` may say what was tried in vain.
         images: The photographs.
-        image_size: Width and height that were calibrated [px].
-        columns: Corners in a row of the board.
-        largest: Error from which on corners are drawn darkest [px].
 
     Returns:
         One row a view; none where there are no photographs.
@@ -74,37 +77,63 @@ def gallery(
     Raises:
         ValueError: If an image is not one, or not of the size that was calibrated.
     """
-    if not images:
+    count = sum(len(of_eye) for of_eye in (images or {}).values())
+    if not images or not count:
         return ()
+    width = round(_WIDTH * min(1.0, _MANY / count) ** 0.5)
+    calibration = assessment.calibration
+    far = _FAR * calibration.rms if np.isfinite(calibration.rms) else np.inf
+    notes = (document.get("detection") or {}).get("not_seen") or {}
+    columns = _columns(calibration.views.p_GQ)
+
+    def thumbnail(eye: EyeView, name: str) -> Thumbnail:
+        image = photograph_of(images, eye.eye, name, calibration.views.image_size)
+        small = None if image is None else shrunk(image, width)
+        return _thumbnail(eye, small, calibration.views.image_size, columns, far, notes)
+
     return tuple(
-        GalleryRow(
-            view.name,
-            view.use,
-            tuple(
-                _thumbnail(eye, view.name, images, image_size, columns, largest)
-                for eye in view.eyes
-            ),
-        )
+        GalleryRow(view.name, view.use, tuple(thumbnail(eye, view.name) for eye in view.eyes))
         for view in views
     )
 
 
 def _thumbnail(
     eye: EyeView,
-    name: str,
-    images: Photographs,
+    small: NDArray | None,
     image_size: tuple[int, int],
     columns: int,
-    largest: float,
+    far: float,
+    notes: Mapping[str, str],
 ) -> Thumbnail:
-    image = photograph_of(images, eye.eye, name, image_size)
-    seen = np.isfinite(eye.pixels).all(axis=1)
-    colors = palette.error_colors(np.linalg.norm(eye.residuals[seen], axis=1), largest)
-    marks = tuple(
-        Mark(round(u, 2), round(v, 2), to_hex(color))
-        for (u, v), color in zip(eye.pixels[seen].tolist(), colors, strict=True)
+    seen = np.asarray(np.isfinite(eye.pixels).all(axis=1))
+    size = _CROSS * image_size[0]
+    crosses = "".join(
+        f"M{u - size:.1f} {v:.1f}h{2 * size:.1f}M{u:.1f} {v - size:.1f}v{2 * size:.1f}"
+        for u, v in eye.pixels[seen].tolist()
     )
-    first = eye.pixels[:columns]
-    row = " ".join(f"{u:.2f},{v:.2f}" for u, v in first[np.isfinite(first).all(axis=1)].tolist())
-    uri = None if image is None else data_uri("image/jpeg", jpeg(shrunk(image, _WIDTH)))
-    return Thumbnail(eye.file, eye.rms, uri, marks, row)
+    row = [f"{u:.1f} {v:.1f}" for u, v in eye.pixels[:columns][seen[:columns]].tolist()]
+    beyond = eye.pixels[seen & (np.linalg.norm(eye.residuals, axis=1) > far)]
+    covered = image_size
+    if small is not None:
+        step = image_size[0] // small.shape[1]
+        covered = (step * small.shape[1], step * small.shape[0])
+    return Thumbnail(
+        eye.file,
+        palette.EYES[eye.eye],
+        eye.rms,
+        "" if seen.any() else notes.get(eye.file, "no board found"),
+        None if small is None else data_uri("image/jpeg", jpeg(small)),
+        covered,
+        crosses,
+        f"M{'L'.join(row)}" if len(row) > 1 else "",
+        tuple((round(u, 1), round(v, 1)) for u, v in beyond.tolist()),
+    )
+
+
+def _columns(p_GQ: NDArray) -> int:
+    """Return how many corners follow each other in a line from the first on."""
+    steps = np.diff(p_GQ, axis=0)
+    bends = np.flatnonzero(
+        np.linalg.norm(steps - steps[0], axis=1) > 1e-6 * np.linalg.norm(steps[0])
+    )
+    return int(bends[0]) + 1 if len(bends) else len(p_GQ)

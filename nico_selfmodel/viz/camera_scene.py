@@ -7,7 +7,7 @@ from numpy.typing import NDArray
 from nico_selfmodel.estimation import CameraAssessment, CameraCalibration
 from nico_selfmodel.geometry.transform import apply
 from nico_selfmodel.viz import palette
-from nico_selfmodel.viz.board_items import board_item, board_name, board_outline
+from nico_selfmodel.viz.board_items import board_extent, board_item, board_name, board_outline
 from nico_selfmodel.viz.epipolar_items import epipolar_items, epipolar_legend
 from nico_selfmodel.viz.eye_items import ImagePlane, eye_items
 from nico_selfmodel.viz.numbers_shown import short
@@ -22,7 +22,7 @@ X_WL = np.array(
 """Pose of the first eye in the scene: it looks along x, and z is up."""
 _SPREAD, _REACH = 0.86, 0.22
 """Width of an image plane in baselines at most, and its distance in those of the boards."""
-_AZIMUTH, _ELEVATION = np.radians(180.0 + 38.0), np.radians(24.0)
+_AZIMUTH, _ELEVATION = np.radians(180.0 + 34.0), np.radians(25.0)
 """Seen over the shoulder: so images and boards show their fronts."""
 
 
@@ -41,7 +41,7 @@ def camera_scene(
         assessment: What was learned.
         images: Photographs: eye -> view -> red, green and blue. Those of one view are shown.
         point: View and number of the corner whose rays are drawn; by default the first corner of
-            the nearest believed board that all eyes saw.
+            the nearest of the better boards.
         name: What the eyes are called.
 
     Returns:
@@ -66,35 +66,34 @@ def camera_scene(
     items += _boards(calibration, view)
     legend = [LegendEntry(f"{eye} eye", palette.rgba(palette.EYES[eye])) for eye in planes]
     legend += _board_legend(calibration)
-    if len(planes) == 2:
+    if len(planes) == 2 and calibration.views.seen[view, :, corner].all():
         items += epipolar_items(calibration, planes, X_WL, view, corner)
         legend += epipolar_legend(calibration, view, corner)
-    shown = ~calibration.outliers if (~calibration.outliers).any() else slice(None)
-    edges = [board_outline(calibration.views.p_GQ, X_WL @ X) for X in calibration.X_LG[shown]]
-    points = np.concatenate([*(plane.corners for plane in planes.values()), *edges])
+    points = _held_in_view(calibration, list(planes.values()))
     grid, *_ = floor_items(points, 1.0)
     view_of_all = camera_from(points, float(_AZIMUTH), float(_ELEVATION))
     return Scene(name, (grid, *items), view_of_all, tuple(legend))
 
 
-def chosen_point(
-    calibration: CameraCalibration, point: tuple[str, int] | None
-) -> tuple[int, int]:
+def chosen_point(calibration: CameraCalibration, point: tuple[str, int] | None) -> tuple[int, int]:
     """Return the number of a view and of a corner that every eye saw in it.
 
     Args:
         calibration: What was learned.
-        point: Name of the view and number of the corner, or None for the nearest board.
+        point: Name of the view and number of the corner; None for one on the nearest of the better
+            boards.
 
     Raises:
         ValueError: If there is no such view or corner.
     """
-    seen = calibration.views.seen.all(axis=1)
+    seen = np.asarray(calibration.views.seen.all(axis=1))
     if point is None:
         depth = apply_each(calibration.X_LG, calibration.views.p_GQ.mean(axis=0))[:, 2]
-        good = seen.any(axis=1) & ~calibration.outliers
-        order = np.argsort(np.where(good, depth, np.inf), kind="stable")
-        return int(order[0]), int(np.argmax(seen[order[0]]))
+        whole = seen.any(axis=1) & ~calibration.outliers
+        rms = np.where(whole, calibration.view_rms, np.nan)
+        better = rms <= np.nanmedian(rms) if whole.any() else seen.any(axis=1)
+        view = int(np.argmin(np.where(better, depth, np.inf)))
+        return view, int(np.argmax(seen[view]))
     name, corner = point
     if name not in calibration.views.names:
         raise ValueError(f"no view {name!r}; there are {', '.join(calibration.views.names)}")
@@ -115,6 +114,18 @@ def largest_rms(calibration: CameraCalibration) -> float:
     return float(rms.max()) if len(rms) and rms.max() > 0.0 else 1.0
 
 
+def _held_in_view(calibration: CameraCalibration, planes: list[ImagePlane]) -> NDArray:
+    """Return the corners of eyes, believed boards and their names [m]. Shape (n, 3)."""
+    believed = ~calibration.outliers
+    poses = calibration.X_LG[believed if believed.any() else slice(None)]
+    p_GQ = calibration.views.p_GQ
+    edges = [board_outline(p_GQ, X_WL @ X_LG) for X_LG in poses]
+    above = np.array([0.0, 0.0, 1.5 * board_extent(p_GQ)[2]])
+    names = [edge + above for edge in edges]
+    eyes = [np.vstack([plane.corners, plane.camera.X_WC[:3, 3]]) for plane in planes]
+    return np.concatenate([*eyes, *edges, *names])
+
+
 def _plane_distance(calibration: CameraCalibration) -> float:
     """Return how far in front of the eyes their images are drawn [m]."""
     centers = apply_each(calibration.X_LG, calibration.views.p_GQ.mean(axis=0))
@@ -127,7 +138,7 @@ def _plane_distance(calibration: CameraCalibration) -> float:
 
 def _boards(calibration: CameraCalibration, chosen: int) -> list[Item]:
     views, items = calibration.views, []
-    colors = palette.error_colors(calibration.view_rms, largest_rms(calibration))
+    colors = palette.BOARDS(np.minimum(calibration.view_rms / largest_rms(calibration), 1.0))[:, :3]
     for k, name in enumerate(path_names(views.names)):
         out = bool(calibration.outliers[k])
         group = "outliers" if out else "boards"
@@ -135,12 +146,13 @@ def _boards(calibration: CameraCalibration, chosen: int) -> list[Item]:
         X_WG = X_WL @ calibration.X_LG[k]
         items.append(board_item(f"{group}/{name}/board", views.p_GQ, X_WG, color))
         ink = palette.OUTLIER if out else palette.INK if k == chosen else palette.MUTED
-        items.append(board_name(f"{group}/{name}/name", views.names[k], views.p_GQ, X_WG, ink))
+        path = f"{group}/{name}/name"
+        items.append(board_name(path, views.names[k], views.p_GQ, X_WG, ink, X_WL[:3, :3]))
     return items
 
 
 def _board_legend(calibration: CameraCalibration) -> list[LegendEntry]:
-    scale = tuple(palette.ERRORS(share) for share in np.linspace(0.0, 1.0, 9))
+    scale = tuple(palette.BOARDS(share) for share in np.linspace(0.0, 1.0, 9))
     believed = int((~calibration.outliers).sum())
     label = f"boards ({believed}), by their rms (0 to {short(largest_rms(calibration))} px)"
     entries = [LegendEntry(label, scale[-1], scale)]

@@ -1,6 +1,7 @@
 """The tables of a camera report: plain rows of text, made from `result.json`."""
 
 from collections.abc import Iterable, Mapping
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -29,11 +30,52 @@ def pair_table(document: Mapping[str, Any]) -> Table | None:
     """Return what the eyes do together, None for one eye: epipolar and reconstruction errors."""
     rows = []
     if document.get("epipolar_px") is not None:
-        rows.append(("epipolar [px]", _statistics(document["epipolar_px"], "pixels", 3)))
+        errors = _statistics(document["epipolar_px"], "pixels", 3)[1:]
+        rows.append(("distance from the epipolar line [px]", errors))
     found = document.get("reconstruction")
     if found is not None:
-        rows.append(("reconstructed corners [mm]", _statistics(found, "position_mm", 2)))
-    return Table(("", "", *_HEADINGS), tuple(rows)) if rows else None
+        rows.append(("rebuilt corners [mm]", _statistics(found, "position_mm", 2)[1:]))
+    return Table(("", *_HEADINGS), tuple(rows)) if rows else None
+
+
+@dataclass(frozen=True)
+class Tile:
+    """A number that says much, in large letters."""
+
+    number: str
+    """With its unit."""
+    what: str
+    """What it is."""
+    note: str
+    """How to read it."""
+
+
+def pair_tiles(document: Mapping[str, Any]) -> tuple[Tile, ...]:
+    """Return the numbers by which pairs of eyes are compared; none for one eye."""
+    tiles = []
+    baseline = document["parameters"].get("baseline")
+    if baseline is not None:
+        length, sigma = 1e3 * baseline["value"], baseline["sigma"]
+        known = "" if sigma is None else f" ± {decimals(1e3 * sigma, 1e3 * sigma)}"
+        shown = decimals(length, None if sigma is None else 1e3 * sigma)
+        tiles.append(Tile(f"{shown}{known} mm", "baseline", "from eye to eye"))
+    if document.get("epipolar_px") is not None:
+        mean = document["epipolar_px"]["pixels"]["mean"]
+        note = f"mean in each image; OpenCV's sample adds both: {2 * mean:.3f} px"
+        tiles.append(Tile(f"{mean:.3f} px", "off the epipolar line", note))
+    found = document.get("reconstruction")
+    if found is not None:
+        boards = f"{found['boards']} {'held-out ' if found['held_out'] else ''}boards"
+        edge, scale = found["edge_mm"], found["scale"]
+        note = (
+            f"of the rebuilt squares of {edge['true']:.4g} mm, {boards}; the thesis reports "
+            "1.59 mm, with squares of 28 mm"
+        )
+        tiles.append(Tile(f"{edge['sd']:.2f} mm", "SD of edges", note))
+        off, spread = 100.0 * (scale["mean"] - 1.0), 100.0 * scale["sd"]
+        note = f"size of the rebuilt boards over the true one, SD {spread:.2f} %"
+        tiles.append(Tile(f"{off:+.2f} %".replace("-", "−"), "off in scale", note))
+    return tuple(tiles)
 
 
 def inside_table(document: Mapping[str, Any]) -> Table:

@@ -1,5 +1,6 @@
 """Every view of a calibration, whatever became of it."""
 
+import re
 from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any
@@ -101,7 +102,7 @@ def shown_views(
         rows.setdefault(name, ("no board found", nothing, nothing))
     return tuple(
         ShownView(name, use, _eye_views(name, eyes, files, pixels, residuals))
-        for name, (use, pixels, residuals) in _ordered(rows, images)
+        for name, (use, pixels, residuals) in _ordered(rows)
     )
 
 
@@ -118,7 +119,9 @@ def view_table(views: tuple[ShownView, ...]) -> Table:
         ]
         if len(view.eyes) > 1:
             cells.append(_px_cell(view.rms))
-        largest = max((float(eye.errors.max()) for eye in view.eyes if len(eye.errors)), default=None)
+        largest = max(
+            (float(eye.errors.max()) for eye in view.eyes if len(eye.errors)), default=None
+        )
         rows.append((view.name, (*cells, _px_cell(largest))))
     eyes = [f"rms {eye.eye} [px]" for eye in views[0].eyes]
     both = ["rms [px]"] if len(eyes) > 1 else []
@@ -144,10 +147,14 @@ def _eye_views(
     )
 
 
-def _ordered(rows: Mapping[str, Any], images: Photographs | None) -> list[tuple[str, Any]]:
-    """Return rows as the photographs are ordered, or by name where there are none."""
-    order = [name for eye in (images or {}).values() for name in eye]
-    return sorted(rows.items(), key=lambda row: (order.index(row[0]) if row[0] in order else -1, row[0]))
+def _ordered(rows: Mapping[str, Any]) -> list[tuple[str, Any]]:
+    """Return rows by name, with view 2 before view 10."""
+
+    def key(row: tuple[str, Any]) -> list[tuple[int, str]]:
+        parts = re.split(r"(\d+)", row[0])
+        return [(int(part), "") if part.isdecimal() else (-1, part) for part in parts]
+
+    return sorted(rows.items(), key=key)
 
 
 def _px_cell(value: float | None) -> Cell:

@@ -9,25 +9,22 @@ from numpy.typing import NDArray
 
 from nico_selfmodel.estimation import KinematicCalibration
 from nico_selfmodel.viz import palette
+from nico_selfmodel.viz.distribution_plot import ErrorSet, distribution
 from nico_selfmodel.viz.plot_style import (
     FULL_WIDTH,
-    HALF_WIDTH,
     MANY,
     headline,
-    plain_tick,
     style,
 )
 from nico_selfmodel.viz.residual_items import believed_rows, largest_shown
 
-_LOG_FROM, _LOG_TAIL = 8.0, 20.0
-"""Ratios, of the medians and of largest to median, from which the axis is logarithmic."""
 _MOST_BINS, _LEAST_IN_BIN = 9, 5
 _STANDS_OUT = 3.7
 """Standard scores from which a bin's mean is a trend: noise in 100 bins gets there once in 50."""
 
 
-def error_sets(calibration: KinematicCalibration) -> list[tuple[str, str, NDArray]]:
-    """Return label, colour and errors [mm] of every set there is, the most telling first."""
+def error_sets(calibration: KinematicCalibration) -> list[ErrorSet]:
+    """Return errors [mm] of every set there is, the most telling first."""
     sets = []
     if calibration.test is not None:
         sets.append(("held-out", palette.HELD_OUT, calibration.test.distances))
@@ -35,39 +32,13 @@ def error_sets(calibration: KinematicCalibration) -> list[tuple[str, str, NDArra
         sets.append(("cross-validation", palette.CROSS_VALIDATION, calibration.cross_validation))
     believed = calibration.train.distances[~calibration.outliers]
     sets.append(("training", palette.TRAINING, believed))
-    return [(label, color, 1e3 * np.sort(errors)) for label, color, errors in sets]
+    return [ErrorSet(label, color, 1e3 * errors) for label, color, errors in sets]
 
 
 def error_distribution(calibration: KinematicCalibration) -> Figure:
     """Draw the share of points whose error is below each value, means and rms marked."""
     sets = error_sets(calibration)
-    with style():
-        figure = Figure(figsize=(HALF_WIDTH, 4.2))
-        axes = figure.add_subplot()
-        for label, color, errors in sets:
-            share = np.arange(1, len(errors) + 1) / len(errors)
-            mean, rms = errors.mean(), np.sqrt(np.mean(errors**2))
-            text = f"{label} ({len(errors)}): mean {mean:.2f}, rms {rms:.2f} mm"
-            axes.step(errors, 100.0 * share, where="post", color=color, label=text)
-            for value, mark in ((mean, "o"), (rms, "D")):
-                height = 100.0 * np.mean(errors <= value)
-                axes.plot(value, height, mark, color=color, markeredgecolor="white", markersize=7)
-        medians = [float(np.median(errors)) for _, _, errors in sets]
-        largest = max(errors[-1] for _, _, errors in sets)
-        wide = max(medians) > _LOG_FROM * min(medians) or largest > _LOG_TAIL * max(medians)
-        if wide and min(errors[0] for _, _, errors in sets) > 0.0:
-            axes.set_xscale("log")
-            axes.xaxis.set_major_formatter(plain_tick)
-        else:
-            axes.set_xlim(0.0, 1.03 * largest)
-        axes.set_ylim(0.0, 101.0)
-        axes.set_xlabel("error of a point [mm]      ● mean   ◆ rms")
-        axes.set_ylabel("share of the points [%]")
-        figure.legend(loc="outside lower left", handlelength=1.2)
-        label, _, errors = sets[0]
-        half, most = np.percentile(errors, [50, 95])
-        headline(figure, f"Half within {half:.2f} mm, 95 % within {most:.2f} mm ({label})")
-    return figure
+    return distribution(sets, unit="mm", digits=2, what="error of a point", thing="point")
 
 
 def error_over_workspace(calibration: KinematicCalibration) -> Figure:

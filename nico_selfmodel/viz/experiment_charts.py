@@ -1,7 +1,5 @@
 """Charts of an experiment beside the published ones: bars in groups, with standard deviations."""
 
-import os
-import tempfile
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -11,6 +9,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
+from nico_selfmodel.files import write_bytes_whole
 from nico_selfmodel.viz import palette
 from nico_selfmodel.viz.plot_style import grid_along, headline, image_bytes, plain_tick, style
 
@@ -124,15 +123,7 @@ def save_figure(figure: Figure, path: str | Path) -> Path:
     if path.suffix.lower() not in FORMATS:
         raise ValueError(f"a figure is saved as {' or '.join(FORMATS)}, got {path.name!r}")
     content = image_bytes(figure, path.suffix.lower().removeprefix("."))
-    handle, temporary = tempfile.mkstemp(prefix=f".{path.name}.", dir=path.parent)
-    try:
-        with os.fdopen(handle, "wb") as file:
-            file.write(content)
-        Path(temporary).chmod(0o644)
-        Path(temporary).replace(path)
-    except BaseException:
-        Path(temporary).unlink(missing_ok=True)
-        raise
+    write_bytes_whole(path, content)
     return path
 
 

@@ -25,6 +25,8 @@ GRID = "#b9c2cb"
 
 ERRORS = LinearSegmentedColormap.from_list("errors", colormaps["magma_r"](np.linspace(0.12, 0.88)))
 """Perceptually uniform, from pale (small) to dark (large)."""
+BOARDS = LinearSegmentedColormap.from_list("boards", ("#a9c6e3", "#3f7fb8", "#0a2342"))
+"""As `ERRORS`, without its reds, for large areas in which red must mean an outlier."""
 
 
 def joint_color(i: int) -> str:

@@ -86,8 +86,12 @@ def _sigma_panel(
 
 def correlation_matrix(calibration: KinematicCalibration) -> Figure | None:
     """Draw the correlations of the free parameters; None where none are known."""
-    uncertainty = calibration.uncertainty
-    if uncertainty is None or len(uncertainty.names) < 2:
+    return None if calibration.uncertainty is None else correlations(calibration.uncertainty)
+
+
+def correlations(uncertainty: Uncertainty) -> Figure | None:
+    """Draw the correlations of free parameters; None where there are not two."""
+    if len(uncertainty.names) < 2:
         return None
     count = len(uncertainty.names)
     correlation = uncertainty.correlation

@@ -36,8 +36,8 @@ def photograph_of(
     image = in_colour(image)
     if image.shape[:2] != image_size[::-1]:
         raise ValueError(
-            f"the {eye} image of view {view} is {image.shape[1]} x {image.shape[0]}, the camera was "
-            f"calibrated for {image_size[0]} x {image_size[1]}"
+            f"the {eye} image of view {view} is {image.shape[1]} x {image.shape[0]}, the "
+            f"camera was calibrated for {image_size[0]} x {image_size[1]}"
         )
     return image
 
@@ -65,16 +65,18 @@ def in_colour(image: ArrayLike) -> NDArray:
 
 
 def shrunk(image: NDArray, width: int) -> NDArray:
-    """Return an image at most so wide, by means over whole blocks of pixels.
+    """Return an image smaller but at least so wide, by means over whole blocks of pixels.
+
+    Pixels that fill no block are left out on the right and below.
 
     Args:
         image: 8 bits. Shape (h, w, 3).
         width: [px].
     """
-    step = -(-image.shape[1] // width)
-    if step <= 1:
+    step = image.shape[1] // width
+    if step <= 1 or image.shape[0] < step:
         return image
-    rows, columns = (max(size // step, 1) for size in image.shape[:2])
+    rows, columns = (size // step for size in image.shape[:2])
     blocks = image[: rows * step, : columns * step].reshape(rows, -1, columns, step, 3)
     # One sum after the other: numpy is slow where axes to be summed lie apart.
     sums = blocks.sum(axis=1, dtype=np.uint32).sum(axis=2, dtype=np.uint32)

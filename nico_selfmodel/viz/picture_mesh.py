@@ -74,7 +74,7 @@ def _accessor(view: int, component: int, count: int, kind: str) -> dict[str, Any
 
 
 def picture_object(picture: Picture) -> Any:
-    """Return a picture as an object of PyPI's meshcat, whose meshes have no texture of their own."""
+    """Return a picture as an object of PyPI's meshcat, whose meshes know no textures."""
     import meshcat.geometry as shapes
 
     class Rectangle(shapes.TriangularMeshGeometry):

@@ -167,6 +167,7 @@ def provenance(calibration: KinematicCalibration, document: Mapping[str, Any]) -
     """Return what the model was made of and with."""
     model = calibration.model
     facts = {**model.provenance, **model.fit, **{f"robot {k}": v for k, v in model.robot.items()}}
+    facts = {key: fact for key, fact in facts.items() if not isinstance(fact, Mapping)}
     facts["arm length"] = f"{1e3 * arm_length(model.chain):.2f} mm"
     noise = document["noise_sigma_mm"]
     facts["noise of a coordinate"] = "not known" if noise is None else f"{noise:.3f} mm"

@@ -75,12 +75,15 @@ def camera_from(points: NDArray, azimuth: float, elevation: float = _ELEVATION) 
     right = np.array([-np.sin(azimuth), np.cos(azimuth), 0.0])
     away = np.cos(elevation) * np.array([right[1], -right[0], np.tan(elevation)])
     axes = np.stack([right, np.cross(away, right), away], axis=1)
-    seen = points @ axes
-    middle = 0.5 * (seen.min(axis=0) + seen.max(axis=0))
+    x, y, z = (points @ axes).T
     half = np.tan(0.5 * FIELD_OF_VIEW) * np.array([_ASPECT, 1.0])
-    offset = seen - middle
-    needed = (np.abs(offset[:, :2]) / half).max(axis=1) + offset[:, 2]
-    return Camera(axes @ middle + away * max(_MARGIN * float(needed.max()), 1e-2), axes @ middle)
+    # Seen from a distance d above c, a point is inside where |x - c| <= half * (d - z).
+    above = np.array([np.max(s + h * z) for s, h in zip((x, y), half, strict=True)])
+    below = np.array([np.max(h * z - s) for s, h in zip((x, y), half, strict=True)])
+    height = float(np.max((above + below) / (2.0 * half)))
+    middle = np.array([*(0.5 * (above - below)), 0.5 * (z.min() + z.max())])
+    distance = max(height - middle[2], 1e-2)
+    return Camera(axes @ middle + away * (_MARGIN * distance), axes @ middle)
 
 
 def _grid_lines(

@@ -72,6 +72,9 @@ CASES = {
 }
 
 
+RIGHT_ARM = ("--robot", "nico", "--base", "chest", "--tip", "right_hand")
+
+
 def assert_one_clear_line(done, *words):
     assert done.returncode == 2, done.stdout + done.stderr
     lines = done.stderr.strip().splitlines()
@@ -131,7 +134,10 @@ def test_a_self_model_of_another_version_is_refused(result, tmp_path, command, r
         (("--pin", "right_elbow.r=long"), "long"),
         (("--method", "magic"), "magic"),
         (("--loss", "magic"), "trimmed"),
+        (("--test-fraction", "1.5"), "--test-fraction"),
         (("--test-fraction", "1.5"), "1.5"),
+        (("--seed", "-1"), "--seed"),
+        (("--robot", "nico", "--base", "chest"), "--tip"),
         (("--test", "nowhere"), "nowhere"),
     ],
 )
@@ -166,11 +172,31 @@ def test_a_world_that_does_not_exist_is_explained(tmp_path, command):
         (("--pin", "right_elbow.r=nan"), "finite"),
         (("--require-test-mm", "nan"), "--require-test-mm"),
         (("--require-test-mm", "-2"), "--require-test-mm"),
+        ((*RIGHT_ARM, "--point", "ear=right_hand"), "tracks no 'ear'; it tracks hand"),
+        ((*RIGHT_ARM, "--hold", "right_wrist=40"), "'right_wrist' cannot be held at 40 rad"),
+        (("--name", ""), "--name is empty"),
+        (("--name=",), "--name is empty"),
+        (("--robot", " "), "--robot is empty"),
+        (("--test", ""), "--test is empty"),
+        (("--pin", ""), "--pin is empty"),
     ],
 )
 def test_options_that_would_be_ignored_are_refused(options, word, recorded, tmp_path, command):
     done = command("calibrate", "kinematics", recorded[0], *options, "--out", tmp_path / "out")
     assert_one_clear_line(done, word)
+
+
+@pytest.mark.parametrize(
+    ("words", "wanted"),
+    [
+        (("learn", "--out", ""), "--out is empty"),
+        (("simulate", "motion-capture", "--seed", "-1", "--out", "somewhere"), "--seed"),
+        (("evaluate", "", "data"), "an argument is empty"),
+        (("predict", "model", "--encoders", ""), "--encoders is empty"),
+    ],
+)
+def test_every_command_refuses_words_that_say_nothing(words, wanted, command):
+    assert_one_clear_line(command(*words), wanted)
 
 
 def test_training_data_are_no_test_data(recorded, tmp_path, command):

@@ -3,6 +3,7 @@
 import csv
 import io
 import json
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -89,6 +90,42 @@ def test_evaluate_and_predict_agree_with_the_library(result, recorded, command):
     np.testing.assert_allclose(sigma, 1e3 * predicted.sigma[:3])
 
 
+def test_evaluate_says_whether_the_error_is_that_of_the_training(result, recorded, command):
+    done = command("evaluate", result, recorded[1])
+    assert done.returncode == 0, done.stderr
+    assert "PASS" in done.stdout
+    assert "is that of the training poses" in done.stdout
+    document = json.loads(command("evaluate", result, recorded[1], "--json").stdout)
+    assert document["status"] == "PASS"
+    assert document["reasons"][0] in done.stdout
+
+
+def test_a_body_that_changed_since_fails_with_exit_code_1(result, recorded, tmp_path, command):
+    data = Dataset.load(recorded[1])
+    moved = replace(data, p_WH_measured=data.p_WH_measured + np.array([0.01, 0.0, 0.0]))
+    moved.save(tmp_path / "moved")
+    done = command("evaluate", result, tmp_path / "moved")
+    assert done.returncode == 1
+    assert "FAIL" in done.stdout
+    assert "something moved between recordings" in done.stdout
+
+
+def test_a_prediction_far_from_the_training_comes_with_a_warning(result, recorded, command):
+    train = Dataset.load(recorded[0])
+    within = ",".join(map(str, np.median(train.encoders, axis=0)))
+    done = command("predict", result, "--encoders", within)
+    assert (done.returncode, done.stderr) == (0, "")
+    lowest, highest = train.encoders.min(axis=0), train.encoders.max(axis=0)
+    far = highest + 0.3 * (highest - lowest) * (np.arange(4) == 2)
+    done = command("predict", result, "--encoders", within, "--encoders", ",".join(map(str, far)))
+    assert done.returncode == 0
+    assert len(done.stdout.splitlines()) == 3
+    (warning,) = done.stderr.splitlines()
+    assert warning.startswith("nico-selfmodel: warning: readings far outside the training data")
+    assert train.joint_names[2] in warning
+    assert train.joint_names[1] not in warning
+
+
 def test_the_exported_urdf_holds_the_learned_arm(result, tmp_path, command):
     out = tmp_path / "learned.urdf"
     assert command("export-urdf", result, "--out", out).returncode == 0
@@ -157,9 +194,7 @@ def test_every_command_explains_itself(words, command):
 @pytest.mark.slow
 def test_the_motion_capture_experiment_writes_tables_and_charts(tmp_path, command):
     out = tmp_path / "chapter6"
-    done = command(
-        "experiment", "motion-capture", "--out", out, "--individuals", 1, "--repeats", 3
-    )
+    done = command("experiment", "motion-capture", "--out", out, "--individuals", 1, "--repeats", 3)
     assert done.returncode == 0, done.stderr
     names = {path.name for path in out.iterdir()}
     assert names == {

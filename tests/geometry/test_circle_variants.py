@@ -25,15 +25,19 @@ def test_known_angles_give_the_circle_itself_with_its_axis(
 
 
 def test_known_angles_cut_the_error_of_short_arcs_in_their_plane_to_a_fifth(make_arc):
-    errors = []
+    errors, in_all = [], []
     for seed in range(100):
         arc = make_arc(seed, 26, 30.0, sigma=0.001)
         plane = tangent_basis(arc.normal).T
         fits = Circle.from_points(arc.points), circle_with_angles(arc.points, arc.angles)
         errors.append([np.linalg.norm(plane @ (fit.center - arc.center)) for fit in fits])
+        in_all.append([np.linalg.norm(fit.center - arc.center) for fit in fits])
     free, known = np.median(errors, axis=0)
     assert known < 0.0025
     assert known < 0.2 * free
+    # Across the plane they tell nothing.
+    free, known = np.sqrt(np.mean(np.square(in_all), axis=0))
+    assert 0.6 < known / free < 0.9
 
 
 def test_the_covariance_with_angles_is_the_spread_of_two_hundred_fits(make_arc, parameter_errors):
@@ -52,6 +56,9 @@ def test_the_covariance_with_angles_is_the_spread_of_two_hundred_fits(make_arc, 
 
 def test_angles_that_do_not_move_are_refused(make_arc):
     points = make_arc(1, 6, 90.0, sigma=1e-4).points
+    for angles in (np.full(6, np.nan), np.zeros(5)):
+        with pytest.raises(ValueError, match=r"angles must be finite and of shape \(6,\)"):
+            circle_with_angles(points, angles)
     with pytest.raises(ValueError, match="three different angles"):
         circle_with_angles(points, np.zeros(6))
     with pytest.raises(ValueError, match="three different angles"):
@@ -106,6 +113,12 @@ def test_the_same_seed_draws_the_same_circle(make_arc):
     first, second = (robust_circle(points, np.random.default_rng(4), draws=10) for _ in range(2))
     assert first[0].center.tolist() == second[0].center.tolist()
     assert first[1].tolist() == second[1].tolist()
+
+
+def test_a_small_triple_among_large_ones_is_judged_by_itself():
+    sizes = np.array([1e3, 1e3, 1e-6])
+    triples = np.array([[0.0, 0.0, 0.0], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0]]) * sizes[:, None, None]
+    assert circles_through(triples)[2] == pytest.approx(sizes / np.sqrt(2.0))
 
 
 @given(seed=SEED)

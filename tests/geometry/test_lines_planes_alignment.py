@@ -9,6 +9,7 @@ from nico_selfmodel.geometry import Alignment, Line, Plane, common_normal_feet
 from nico_selfmodel.geometry.rotation import nearest_rotation, tangent_basis
 
 SEED = st.integers(0, 2**32 - 1)
+POINTS = np.random.default_rng(0).normal(size=(5, 3))
 
 
 def unit(rng):
@@ -72,6 +73,23 @@ def test_collinear_points_span_no_plane(seed):
         Plane.from_points(points)
 
 
+@pytest.mark.parametrize("wrong", [np.nan, np.inf])
+@pytest.mark.parametrize(
+    ("fit", "name"),
+    [
+        (Plane.from_points, "points"),
+        (Line.from_points, "points"),
+        (lambda points: Alignment.from_points(points, POINTS), "source"),
+        (lambda points: Alignment.from_points(POINTS, points), "target"),
+    ],
+)
+def test_a_point_that_was_not_measured_is_named_by_its_row(fit, name, wrong):
+    points = POINTS.copy()
+    points[2, 1] = wrong
+    with pytest.raises(ValueError, match=f"{name} must be finite, got .*{wrong}.* in row 2"):
+        fit(points)
+
+
 @pytest.mark.parametrize(
     ("call", "message"),
     [
@@ -82,7 +100,7 @@ def test_collinear_points_span_no_plane(seed):
         (lambda: Line.from_points(np.ones((4, 2))), r"got \(4, 2\)"),
         (lambda: common_normal_feet([0, 0, 0], [0, 0, 1], [1, 0, 0], [0, 0, -1]), "parallel"),
         (lambda: Alignment.from_points(np.ones((3, 3)), np.ones((4, 3))), r"\(3, 3\), \(4, 3\)"),
-        (lambda: Alignment.from_points(np.eye(3)[:2], np.eye(3)[:2]), "at least three"),
+        (lambda: Alignment.from_points(np.eye(3)[:2], np.eye(3)[:2]), r"source .*\(n >= 3, 3\)"),
         (lambda: Alignment.from_points(np.ones((4, 3)), np.ones((4, 3))), "not collinear"),
     ],
 )

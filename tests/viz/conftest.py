@@ -1,13 +1,23 @@
 """Calibrations of a simulated arm: one that is good, one that must fail, one of circles alone."""
 
 from dataclasses import replace
+from unittest import mock
 
 import numpy as np
 import pytest
 
 from nico_selfmodel.dataset import Dataset, JointInfo
-from nico_selfmodel.estimation import calibrate_kinematics, judge, result_document
+from nico_selfmodel.estimation import (
+    calibrate_kinematics,
+    camera_document,
+    judge,
+    judge_cameras,
+    result_document,
+)
 from nico_selfmodel.model import Chain, ServoMap
+from nico_selfmodel.viz import camera_report_html, report_html
+
+from . import seen_boards
 
 JOINTS = ("pitch", "roll", "twist", "elbow")
 OUTLIERS = (7, 45)
@@ -141,3 +151,59 @@ def verdict(calibration):
 @pytest.fixture(scope="session")
 def document(calibration, verdict):
     return result_document(calibration, verdict)
+
+
+@pytest.fixture(scope="session")
+def html(calibration, verdict, document):
+    """The report of the good calibration, with all its figures."""
+    return report_html(calibration, verdict, document)
+
+
+@pytest.fixture(scope="session")
+def failed_html(failed):
+    """The report of the failed calibration, with empty figures: those are drawn elsewhere."""
+    verdict = judge(failed)
+    assert verdict.status == "FAIL"
+    with mock.patch("nico_selfmodel.viz.report.svg_data_uri", return_value="data:,"):
+        return report_html(failed, verdict, result_document(failed, verdict))
+
+
+@pytest.fixture(scope="session")
+def eyes():
+    """A good calibration of two eyes, with boards held out."""
+    return seen_boards.assessed(*seen_boards.boards(14).split(0.3, 0))
+
+
+@pytest.fixture(scope="session")
+def flawed_eyes():
+    """Two eyes that saw an outlier and lost corners, with nothing held out."""
+    return seen_boards.assessed(seen_boards.flawed(seen_boards.boards(12)))
+
+
+@pytest.fixture(scope="session")
+def one_eye():
+    """The right eye alone."""
+    return seen_boards.assessed(seen_boards.boards(8).only("right"))
+
+
+@pytest.fixture(scope="session")
+def photographs(eyes):
+    """Photographs of all views, and of one in which no board was found."""
+    views = eyes.calibration.views.names + eyes.test_views.names
+    return seen_boards.photographs((*views, seen_boards.UNSEEN))
+
+
+@pytest.fixture(scope="session")
+def camera_result(eyes, photographs):
+    """The content of `result.json` for the good eyes, with what is known of their files."""
+    files = {eye: {name: f"{eye}{name}.jpg" for name in photographs[eye]} for eye in photographs}
+    tried = {f"right{seen_boards.UNSEEN}.jpg": "no 5x4 board, <b>whatever</b> was tried"}
+    detection = {"board": "5x4", "square_mm": 30.0, "files": files, "not_seen": tried}
+    return camera_document(eyes, judge_cameras(eyes)) | {"detection": detection}
+
+
+@pytest.fixture(scope="session")
+def camera_html(eyes, camera_result, photographs):
+    """The report on the good eyes, with all its figures."""
+    model = eyes.calibration.self_model("my <i>eyes</i>", {"images": "boards"})
+    return camera_report_html(eyes, judge_cameras(eyes), camera_result, photographs, model=model)

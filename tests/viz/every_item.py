@@ -4,6 +4,7 @@ import numpy as np
 
 from nico_selfmodel.geometry.rotation import rotation_from_rpy
 from nico_selfmodel.geometry.transform import transform
+from nico_selfmodel.viz.photographs import jpeg
 from nico_selfmodel.viz.scene_items import (
     Box,
     Capsule,
@@ -12,7 +13,9 @@ from nico_selfmodel.viz.scene_items import (
     Item,
     Markers,
     Needles,
+    Picture,
     Segments,
+    Surface,
     Triad,
     Tube,
 )
@@ -26,6 +29,7 @@ def every_item() -> tuple[Item, ...]:
     a, b = rng.standard_normal((2, 5, 3))
     pose = transform(rotation_from_rpy(0.3, 0.2, 0.1), [0.1, 0.2, 1.0 / 3.0])
     colors = rng.random((5, 3))
+    photo = jpeg(rng.integers(0, 255, (6, 8, 3), dtype=np.uint8))
     return (
         Markers(path="points/coloured", color=BLUE, centers=a, radius=0.1, colors=colors),
         Markers(path="points/plain", color=GLASS, centers=b, radius=0.1, shape="diamond"),
@@ -37,4 +41,6 @@ def every_item() -> tuple[Item, ...]:
         Capsule(path="arm/capsule", color=BLUE, X_WI=pose, radius=0.1, length=0.4),
         Ellipsoid(path="arm/ball", color=GLASS, X_WI=pose, radii=np.array([0.1, 0.2, 0.3])),
         Triad(path="arm/frame", color=BLUE, X_WI=pose, length=0.3, radius=0.01),
+        Surface(path="plane", color=GLASS, vertices=a, faces=[[0, 1, 2], [2, 3, 4]]),
+        Picture(path="eyes/image", color=BLUE, X_WI=pose, width=0.4, height=0.3, image=photo),
     )

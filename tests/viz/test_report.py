@@ -1,6 +1,5 @@
 import json
 import re
-from html.parser import HTMLParser
 
 import numpy as np
 import pytest
@@ -9,52 +8,12 @@ from nico_selfmodel.estimation import Verdict, judge, result_document
 from nico_selfmodel.viz import report_html
 
 from .conftest import JOINTS, OUTLIERS
-
-LOADING = {"src", "srcset", "href", "data", "poster", "action", "background"}
-
-
-class Page(HTMLParser):
-    """A page as a list of tags with attributes, its text, and the numbers its cells stand for."""
-
-    def __init__(self, text):
-        super().__init__()
-        self.tags, self.words, self.values = [], [], []
-        self.feed(text)
-
-    def handle_starttag(self, tag, attrs):
-        self.tags.append((tag, dict(attrs)))
-        if "data-value" in dict(attrs):
-            self.values.append(float(dict(attrs)["data-value"]))
-
-    def handle_data(self, data):
-        if data.strip():
-            self.words.append(" ".join(data.split()))
-
-    @property
-    def text(self):
-        return "\n".join(self.words)
-
-    @property
-    def scene(self):
-        (frame,) = [attributes for tag, attributes in self.tags if tag == "iframe"]
-        return frame["srcdoc"]
-
-
-@pytest.fixture(scope="module")
-def html(calibration, verdict, document):
-    return report_html(calibration, verdict, document)
+from .page import LOADING, Page
 
 
 @pytest.fixture(scope="module")
 def page(html):
     return Page(html)
-
-
-@pytest.fixture(scope="module")
-def failed_html(failed):
-    verdict = judge(failed)
-    assert verdict.status == "FAIL"
-    return report_html(failed, verdict, result_document(failed, verdict))
 
 
 def numbers_in(value):
@@ -158,6 +117,7 @@ def test_a_failure_is_red_and_says_why(failed_html, failed):
     assert len(blind) >= len({name for way in failed.uncertainty.blind for name in way.names}) > 1
 
 
+@pytest.mark.usefixtures("undrawn")
 def test_names_from_outside_stay_text(renamed):
     verdict = judge(renamed)
     html = report_html(renamed, verdict, result_document(renamed, verdict))
@@ -175,6 +135,7 @@ def test_backticks_in_reasons_become_code_and_names_stay_escaped(failed_html):
     assert "`roll" not in page.text
 
 
+@pytest.mark.usefixtures("undrawn")
 def test_circle_points_alone_are_reported_without_pretending(circles_alone):
     verdict = Verdict("NOT_EVALUATED", ("nothing was held out",))
     page = Page(report_html(circles_alone, verdict, result_document(circles_alone, verdict)))
@@ -185,6 +146,7 @@ def test_circle_points_alone_are_reported_without_pretending(circles_alone):
     assert not any(word.startswith("±") for word in page.words)
 
 
+@pytest.mark.usefixtures("undrawn")
 def test_the_document_may_come_back_from_its_file(calibration, verdict, document, html):
     again = json.loads(json.dumps(document, allow_nan=False))
     assert Page(report_html(calibration, verdict, again)).values == Page(html).values

@@ -7,9 +7,6 @@ import cv2
 import numpy as np
 import pytest
 
-from nico_selfmodel.estimation import judge, result_document
-from nico_selfmodel.viz import report_html
-
 pytestmark = pytest.mark.browser
 
 FLAGS = [
@@ -58,10 +55,7 @@ def screenshot(browser, html, folder, width, height):
     return cv2.imread(str(picture))
 
 
-def test_the_report_shows_its_verdict_and_the_scene(
-    browser, tmp_path, calibration, verdict, document
-):
-    html = report_html(calibration, verdict, document)
+def test_the_report_shows_its_verdict_and_the_scene(browser, tmp_path, html):
     picture = screenshot(browser, html, tmp_path, 1400, 1250)
     assert picture.shape == (1250, 1400, 3)
     # The bar of the verdict is green, #146c3a.
@@ -75,11 +69,18 @@ def test_the_report_shows_its_verdict_and_the_scene(
         assert np.sum((strong >= low) & (strong <= high)) > 300, (low, high)
 
 
-def test_a_failure_is_red_at_a_glance_also_in_a_narrow_window(browser, tmp_path, failed):
-    verdict = judge(failed)
-    html = report_html(failed, verdict, result_document(failed, verdict))
-    picture = screenshot(browser, html, tmp_path, 520, 700).astype(int)
+def test_a_failure_is_red_at_a_glance_also_in_a_narrow_window(browser, tmp_path, failed_html):
+    picture = screenshot(browser, failed_html, tmp_path, 520, 700).astype(int)
     red = (picture[..., 2] > 150) & (picture[..., :2].max(axis=2) < 60)
     assert red.sum() > 1500
     # Nothing is wider than the window: the verdict's tint ends before the right margin.
     assert np.all(picture[150:500, -8:] == 255)
+
+
+def test_the_eyes_their_boards_and_the_epipolar_plane_are_seen(browser, tmp_path, camera_html):
+    picture = screenshot(browser, camera_html, tmp_path, 1400, 1500)
+    hue, saturation, value = cv2.split(cv2.cvtColor(picture[600:], cv2.COLOR_BGR2HSV))
+    strong = hue[(saturation > 110) & (value > 60)]
+    # Teal and purple eyes, blue boards, the yellow epipolar lines.
+    for low, high in ((80, 90), (155, 170), (100, 118), (20, 28)):
+        assert np.sum((strong >= low) & (strong <= high)) > 200, (low, high)

@@ -1,4 +1,5 @@
 import json
+from unittest import mock
 
 import pytest
 
@@ -16,9 +17,10 @@ def names(folder):
 @pytest.fixture(scope="module")
 def written(tmp_path_factory, calibration, verdict):
     folder = tmp_path_factory.mktemp("results") / "deep" / "result"
-    return write_result_folder(
-        folder, calibration, verdict, urdf_text="<robot/>", robot_name="nico"
-    )
+    with mock.patch("nico_selfmodel.viz.report.svg_data_uri", return_value="data:,"):
+        return write_result_folder(
+            folder, calibration, verdict, urdf_text="<robot/>", robot_name="nico"
+        )
 
 
 def test_the_folder_holds_everything(written):

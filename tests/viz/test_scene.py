@@ -1,3 +1,4 @@
+import base64
 import json
 
 import numpy as np
@@ -6,8 +7,19 @@ import pytest
 from nico_selfmodel.errors import ModelError
 from nico_selfmodel.geometry.transform import transform
 from nico_selfmodel.viz.meshing import mesh_of
+from nico_selfmodel.viz.picture_mesh import picture_gltf
 from nico_selfmodel.viz.scene import Camera, LegendEntry, Scene, path_names
-from nico_selfmodel.viz.scene_items import ITEM_KINDS, Box, Capsule, Markers, Needles, Triad, Tube
+from nico_selfmodel.viz.scene_items import (
+    ITEM_KINDS,
+    Box,
+    Capsule,
+    Markers,
+    Needles,
+    Picture,
+    Surface,
+    Triad,
+    Tube,
+)
 
 from .every_item import BLUE, every_item
 
@@ -34,6 +46,26 @@ def test_a_scene_survives_the_round_trip_exactly():
 
 def test_the_scene_of_every_kind_has_every_kind():
     assert {type(item) for item in every_item()} == set(ITEM_KINDS.values())
+
+
+def test_a_picture_survives_the_round_trip_to_the_last_byte():
+    (picture,) = [item for item in every_item() if isinstance(item, Picture)]
+    again = Scene.from_json(scene_of(picture).to_json()).items[0]
+    assert again.image == picture.image
+    assert again.image_kind == "image/jpeg"
+    np.testing.assert_array_equal(again.corners, picture.corners)
+
+
+def test_drakes_turn_of_a_picture_leaves_it_in_its_own_frame():
+    (picture,) = [item for item in every_item() if isinstance(item, Picture)]
+    document = json.loads(picture_gltf(picture))
+    buffer = base64.b64decode(document["buffers"][0]["uri"].partition(",")[2])
+    assert len(buffer) == document["buffers"][0]["byteLength"]
+    x, y, z = np.frombuffer(buffer, "<f4", 12).reshape(4, 3).T
+    np.testing.assert_allclose(np.stack([x, -z, y], axis=1), picture.corners, atol=1e-7)
+    texture = np.frombuffer(buffer, "<f4", 8, offset=48).reshape(4, 2)
+    right_down = picture.corners[:, :2] / [picture.width, picture.height] + 0.5
+    np.testing.assert_allclose(texture, right_down)
 
 
 def test_what_was_drawn_cannot_be_changed():
@@ -71,6 +103,10 @@ def test_an_item_that_cannot_be_drawn_is_refused(change, message):
         (Capsule, {"radius": 0.1, "length": -1.0}),
         (Box, {"sides": np.array([1.0, 0.0, 1.0])}),
         (Triad, {"radius": 0.1, "length": np.nan}),
+        (Surface, {"vertices": np.eye(3), "faces": [[0, 1, 3]]}),
+        (Surface, {"vertices": np.eye(3), "faces": [[0, 1]]}),
+        (Picture, {"width": 0.1, "height": 0.1, "image": b"GIF89a"}),
+        (Picture, {"width": 0.0, "height": 0.1, "image": b"\x89PNG"}),
     ],
 )
 def test_a_shape_without_a_size_is_refused(kind, values):

@@ -1,0 +1,65 @@
+"""`nico-selfmodel pick-color`: teach a colour by pointing at it."""
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from nico_selfmodel.cli import console
+
+
+def pick_color(
+    image: Annotated[Path, typer.Argument(help="A photograph that shows the colour.")],
+    out: Annotated[Path, typer.Option("--out", help="YAML of thresholds to make.")],
+    at: Annotated[
+        list[str] | None,
+        typer.Option("--at", help="A pixel of the colour, u,v; again for more. No window opens."),
+    ] = None,
+    radius: Annotated[
+        float, typer.Option("--radius", min=0.0, help="Pixels around each that count too.")
+    ] = 3.0,
+    mask: Annotated[
+        Path | None, typer.Option("--mask", help="PNG to make, white where the colour is seen.")
+    ] = None,
+    force: Annotated[bool, typer.Option("--force", help="Replace existing files.")] = False,
+) -> None:
+    """Learn thresholds of a colour from pixels that you click on, or name with --at."""
+    from nico_selfmodel.files import refuse_existing
+    from nico_selfmodel.vision import (
+        ColorModel,
+        NotSeen,
+        color_mask,
+        find_color_blob,
+        read_image,
+        write_image,
+    )
+
+    for path in filter(None, (out, mask)):
+        refuse_existing(path, force=force)
+        if path.resolve() == image.resolve():
+            raise ValueError(f"{path} is the photograph: choose another name")
+    photograph = read_image(image)
+    if at:
+        points = [_pixel(text) for text in at]
+        model = ColorModel.from_clicks([photograph], [points], radius)
+    else:
+        from nico_selfmodel.viz.color_picker import pick_color as open_window
+
+        model = open_window(photograph, image.name, radius)
+    if mask is not None:
+        write_image(mask, color_mask(photograph, model).astype("uint8") * 255)
+    model.save(out)
+    blob = find_color_blob(photograph, model)
+    if isinstance(blob, NotSeen):
+        words = f"but no patch of it is seen for certain in {image}: {blob.reason}"
+    else:
+        words = f"seen in {image} at {blob.center[0]:.1f},{blob.center[1]:.1f}"
+    console.out.print(f"{out}: {model.dominant}, hue {model.hue_deg:g} deg; {words}", markup=False)
+
+
+def _pixel(text: str) -> tuple[float, float]:
+    try:
+        u, v = (float(number) for number in text.split(","))
+    except ValueError:
+        raise ValueError(f"--at takes a pixel as u,v, such as 320,240; got {text!r}") from None
+    return u, v

@@ -1,0 +1,225 @@
+"""A detector run over many photographs, and the folder that tells what it saw."""
+
+import csv
+import json
+from collections.abc import Callable, Iterable, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from numpy.typing import NDArray
+
+from nico_selfmodel.errors import DataError
+from nico_selfmodel.files import RESULT_FILE, folder_written_whole, refuse_folder
+from nico_selfmodel.vision.annotate import Seen, annotated
+from nico_selfmodel.vision.chessboard import (
+    WINDOW,
+    Board,
+    ChessboardDetection,
+    find_chessboard,
+)
+from nico_selfmodel.vision.color_blob import ColorBlob, find_color_blob
+from nico_selfmodel.vision.color_model import ColorModel
+from nico_selfmodel.vision.fiducial import find_fiducial, find_fiducials
+from nico_selfmodel.vision.fiducial_family import FiducialFamily
+from nico_selfmodel.vision.image_file import image_files, read_image, write_image
+from nico_selfmodel.vision.not_seen import NotSeen
+from nico_selfmodel.vision.stereo_images import Progress
+
+FORMAT = "nico-detections/1"
+TABLE = "detections.csv"
+COLUMNS = (
+    *("image", "detector", "seen", "id", "mirrored", "u", "v"),
+    *(f"corner_{i}_{axis}" for i in range(4) for axis in "uv"),
+    "reason",
+)
+"""Columns of the table; pixels, empty where there is nothing to say."""
+
+
+@dataclass(frozen=True)
+class Detector:
+    """One way of looking at a photograph."""
+
+    name: str
+    """What it looks for, in words."""
+    look: Callable[[NDArray], list[Seen] | NotSeen]
+    """Takes an image, returns what it saw."""
+
+    @classmethod
+    def for_fiducials(cls, family: str) -> "Detector":
+        """Look for all markers of a family."""
+        chosen = FiducialFamily(family)
+
+        def look(image: NDArray) -> list[Seen] | NotSeen:
+            seen = find_fiducials(image, chosen)
+            if seen:
+                return list(seen)
+            nothing = find_fiducial(image, chosen)
+            return nothing if isinstance(nothing, NotSeen) else [nothing]
+
+        return cls(f"fiducial {family}", look)
+
+    @classmethod
+    def for_color(cls, model: ColorModel) -> "Detector":
+        """Look for the largest patch of a colour."""
+
+        def look(image: NDArray) -> list[Seen] | NotSeen:
+            seen = find_color_blob(image, model)
+            return seen if isinstance(seen, NotSeen) else [seen]
+
+        return cls(f"color {model.dominant}", look)
+
+    @classmethod
+    def for_chessboard(cls, board: Board, window: int = WINDOW) -> "Detector":
+        """Look for a chessboard."""
+
+        def look(image: NDArray) -> list[Seen] | NotSeen:
+            seen = find_chessboard(image, board, window)
+            return seen if isinstance(seen, NotSeen) else [seen]
+
+        return cls(f"chessboard {board}", look)
+
+
+def images_of(paths: Iterable[str | Path]) -> list[Path]:
+    """Return the photographs that files and folders stand for, each once.
+
+    Args:
+        paths: Files, taken as they are, and folders, whose images are taken.
+
+    Returns:
+        Paths.
+
+    Raises:
+        DataError: If a folder or file is missing, or a folder holds no images.
+    """
+    files: list[Path] = []
+    for path in map(Path, paths):
+        if path.is_dir():
+            inside = image_files(path)
+            if not inside:
+                raise DataError(f"{path}: no images (.png, .jpg) in this folder")
+            files += inside
+        elif path.exists():
+            files.append(path)
+        else:
+            raise DataError(f"{path}: there is no such file or folder")
+    return list(dict.fromkeys(files))
+
+
+def write_detections(
+    files: Sequence[Path],
+    detector: Detector,
+    folder: str | Path,
+    *,
+    force: bool = False,
+    progress: Progress | None = None,
+) -> dict[str, Any]:
+    """Look at photographs; write what was seen as a table and drawn into copies of them.
+
+    The folder gets `detections.csv`, a PNG for each photograph and `result.json`, whole or not at
+    all.
+
+    Args:
+        files: The photographs.
+        detector: What to look for.
+        folder: Where to write.
+        force: Replace an earlier result.
+        progress: Told how many images are done.
+
+    Returns:
+        The content of `result.json`: how many images, how many of them show something, how many
+        detections, and why nothing was seen in the others.
+
+    Raises:
+        DataError: If there are no photographs, or one cannot be read.
+        FileExistsError: If `folder` exists and may not be replaced.
+        OSError: If it cannot be written.
+    """
+    if not files:
+        raise DataError("no images were given")
+    refuse_folder(folder, force=force, inputs=files)
+    rows: list[dict[str, str]] = []
+    not_seen: dict[str, str] = {}
+    count = 0
+    with folder_written_whole(folder, force=force) as new:
+        for done, (file, name) in enumerate(zip(files, _names(files), strict=True), start=1):
+            image = read_image(file)
+            seen = detector.look(image)
+            write_image(new / name, annotated(image, seen))
+            rows += _rows(str(file), detector.name, seen)
+            if isinstance(seen, NotSeen):
+                not_seen[str(file)] = seen.reason
+            else:
+                count += len(seen)
+            if progress:
+                progress("looking", done, len(files))
+        document = {
+            "format": FORMAT,
+            "detector": detector.name,
+            "images": len(files),
+            "images_with_detections": len(files) - len(not_seen),
+            "detections": count,
+            "not_seen": not_seen,
+        }
+        _write_table(new / TABLE, rows)
+        (new / RESULT_FILE).write_text(json.dumps(document, indent=1) + "\n", encoding="utf-8")
+    return document
+
+
+def _names(files: Sequence[Path]) -> list[str]:
+    """Return a name for the copy of each photograph, no two alike even where case counts not."""
+    names: list[str] = []
+    taken: set[str] = set()
+    for file in files:
+        name, number = file.stem, 1
+        while name.lower() in taken:
+            number += 1
+            name = f"{file.stem}_{number}"
+        taken.add(name.lower())
+        names.append(f"{name}.png")
+    return names
+
+
+def _write_table(path: Path, rows: Sequence[dict[str, str]]) -> None:
+    with path.open("w", encoding="utf-8", newline="") as file:
+        writer = csv.DictWriter(file, COLUMNS, restval="", lineterminator="\n")
+        writer.writeheader()
+        writer.writerows(rows)
+
+
+def _rows(image: str, detector: str, seen: list[Seen] | NotSeen) -> list[dict[str, str]]:
+    """Return the table rows of one photograph."""
+    start = {"image": image, "detector": detector}
+    if isinstance(seen, NotSeen):
+        return [{**start, "seen": "no", "reason": seen.reason}]
+    return [{**start, "seen": "yes", **cells} for item in seen for cells in _cells(item)]
+
+
+def _cells(seen: Seen) -> list[dict[str, str]]:
+    """Return what is particular to a detection: a row for each corner of a board, or one row."""
+    if isinstance(seen, ChessboardDetection):
+        return [{"id": str(i), **_pixel("", corner)} for i, corner in enumerate(seen.corners)]
+    if isinstance(seen, ColorBlob):
+        left, top, width, height = seen.box
+        right, bottom = left + width - 1, top + height - 1
+        box = [(left, top), (right, top), (right, bottom), (left, bottom)]
+        return [{**_pixel("", seen.center), **_corners(box)}]
+    return [
+        {
+            "id": str(seen.id),
+            "mirrored": "yes" if seen.mirrored else "no",
+            **_pixel("", seen.center),
+            **_corners(seen.corners),
+        }
+    ]
+
+
+def _corners(corners: Iterable[Any]) -> dict[str, str]:
+    cells: dict[str, str] = {}
+    for i, corner in enumerate(corners):
+        cells |= _pixel(f"corner_{i}_", corner)
+    return cells
+
+
+def _pixel(prefix: str, pixel: Any) -> dict[str, str]:
+    return {f"{prefix}u": f"{float(pixel[0]):.4f}", f"{prefix}v": f"{float(pixel[1]):.4f}"}

@@ -1,0 +1,63 @@
+"""What is printed and looked at: fiducial markers and chessboards, as PNG files."""
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from nico_selfmodel.vision.chessboard import Board
+from nico_selfmodel.vision.fiducial_family import DEFAULT_FAMILY, FiducialFamily
+
+QUIET = 1
+"""Cells of white around a printed marker."""
+RIM = 0.5
+"""Squares of white around the squares of a printed board."""
+
+
+def fiducial_png(marker: int = 0, family: str = DEFAULT_FAMILY, cell: int = 48) -> bytes:
+    """Print a marker with a white zone of one cell around it.
+
+    Args:
+        marker: Its id.
+        family: Its family.
+        cell: Side of a cell in the picture [px].
+
+    Returns:
+        A PNG, square, `FiducialFamily(family).cells + 2` cells wide.
+
+    Raises:
+        ValueError: If there is no such family or id.
+    """
+    pattern = FiducialFamily(family).pattern(marker)
+    return _png(_enlarged(np.pad(pattern, QUIET, constant_values=True), cell))
+
+
+def chessboard_png(board: Board, square: int = 64) -> bytes:
+    """Print a board; the first inner square is black, and a white rim surrounds all squares.
+
+    Args:
+        board: The board; it has one more square each way than inner corners.
+        square: Side of a square in the picture, an even number [px].
+
+    Returns:
+        A PNG, `printed_size(board)` large.
+    """
+    rows, columns = np.indices((board.rows + 1, board.columns + 1))
+    squares = _enlarged((rows + columns) % 2 == 1, square)
+    return _png(np.pad(squares, round(RIM * square), constant_values=255))
+
+
+def printed_size(board: Board) -> tuple[float, float]:
+    """Return width and height of a printed board [m]; its centre is that of the corners."""
+    return (
+        (board.columns + 1 + 2.0 * RIM) * board.square,
+        (board.rows + 1 + 2.0 * RIM) * board.square,
+    )
+
+
+def _enlarged(pattern: NDArray, side: int) -> NDArray:
+    return np.kron(np.where(pattern, 255, 0).astype(np.uint8), np.ones((side, side), np.uint8))
+
+
+def _png(gray: NDArray) -> bytes:
+    _, content = cv2.imencode(".png", cv2.cvtColor(gray, cv2.COLOR_GRAY2BGR))
+    return content.tobytes()

@@ -1,0 +1,143 @@
+"""Chessboards: corners, their order, and boards of another size."""
+
+import numpy as np
+import pytest
+
+from nico_selfmodel.vision import (
+    Board,
+    ChessboardDetection,
+    NotSeen,
+    detect_boards,
+    detect_boards_of_one_eye,
+    find_chessboard,
+    read_image,
+    stereo_pairs,
+)
+
+from .rendering import random_view, render_board
+
+SIZE = (640, 480)
+BOARD = Board(9, 6, 0.025)
+
+
+def rendered(columns, rows, seed, *, size=330, tilt=0.6, roll=np.pi, **photograph):
+    rng = np.random.default_rng(seed)
+    H = random_view(rng, size, SIZE, tilt=tilt, roll=roll, center=(320, 240))
+    return render_board(columns, rows, H, rng, image_size=SIZE, **photograph)
+
+
+def test_a_board_is_written_as_its_inner_corners():
+    board = Board.parse("9x6", 25)
+    assert (board.columns, board.rows, str(board)) == (9, 6, "9x6")
+    assert board.points.shape == (54, 3)
+    assert board.points[10] == pytest.approx([0.025, 0.025, 0.0])
+
+
+@pytest.mark.parametrize("text", ["9", "9x", "x6", "9x6x2", "-9x6", "2x6", "9,6", ""])
+def test_what_is_no_board_is_refused(text):
+    with pytest.raises(ValueError, match=r"9x6|at least 3x3"):
+        Board.parse(text, 25)
+
+
+@pytest.mark.parametrize("side", [0.0, -25.0, float("nan"), float("inf")])
+def test_a_square_without_a_size_is_refused(side):
+    with pytest.raises(ValueError, match="positive"):
+        Board.parse("9x6", side)
+
+
+@pytest.mark.parametrize("seed", range(6))
+def test_corners_are_listed_alike_however_the_board_is_held(seed):
+    truth = rendered(9, 6, seed)
+    seen = find_chessboard(truth.image, BOARD, window=5)
+    assert isinstance(seen, ChessboardDetection)
+    errors = seen.corners - truth.points
+    assert np.abs(errors).max() < 0.3
+    assert np.abs(errors.mean(axis=0)).max() < 0.02
+
+
+@pytest.mark.parametrize(("columns", "rows"), [(8, 6), (7, 5), (6, 6), (5, 5)])
+def test_boards_that_look_alike_upside_down_are_listed_alike_in_both_eyes(columns, rows):
+    board = Board(columns, rows, 0.03)
+    for seed in range(3):
+        left, right = rendered(columns, rows, seed), rendered(columns, rows, seed + 50, roll=0.3)
+        seen = [find_chessboard(view.image, board, window=5).corners for view in (left, right)]
+        # Turned the other way, as another detector might have listed it.
+        turned = seen[1][::-1]
+        assert board.same_order(seen[1], turned) == pytest.approx(seen[1])
+        if columns == rows:
+            quarter = np.rot90(seen[1].reshape(rows, columns, 2)).reshape(-1, 2)
+            assert board.same_order(seen[1], quarter) == pytest.approx(seen[1])
+        distances = np.linalg.norm(seen[0][:, None] - left.points, axis=2).min(axis=1)
+        assert distances.max() < 0.5
+
+
+def test_a_symmetric_board_begins_at_the_left():
+    seen = find_chessboard(rendered(8, 6, 1, roll=0.4).image, Board(8, 6, 0.03), window=5)
+    row = seen.corners[7] - seen.corners[0]
+    assert row[0] > abs(row[1])
+
+
+def test_the_right_eye_keeps_its_order_where_the_board_tells_it():
+    left = np.arange(108.0).reshape(54, 2)
+    np.testing.assert_array_equal(BOARD.same_order(left, left[::-1]), left[::-1])
+
+
+@pytest.mark.parametrize("size", ["8x6", "7x4", "10x7", "3x3"])
+def test_a_board_of_another_size_is_not_seen_in_part(size):
+    image = rendered(9, 6, 3, tilt=0.3).image
+    seen = find_chessboard(image, Board.parse(size, 25), window=5)
+    assert isinstance(seen, NotSeen)
+    assert f"no {size} board" in seen.reason or f"larger than {size}" in seen.reason
+
+
+def test_a_board_half_out_of_view_over_exposed_or_absent_is_not_seen(draw_scene):
+    image = rendered(9, 6, 4, tilt=0.2, roll=0.2).image
+    burnt = np.clip(image.astype(int) * 8, 0, 255).astype(np.uint8)
+    for spoilt in (image[:, :320], burnt, draw_scene()):
+        seen = find_chessboard(np.ascontiguousarray(spoilt), BOARD)
+        assert isinstance(seen, NotSeen)
+        assert "findChessboardCornersSB" in seen.reason
+
+
+def test_the_window_and_the_detector_are_stated():
+    seen = find_chessboard(rendered(9, 6, 5).image, BOARD, window=7)
+    assert (seen.window, seen.method) == (7, "findChessboardCorners")
+    assert 20 < seen.smallest_square_px < 40
+    with pytest.raises(ValueError, match="window must be at least 1"):
+        find_chessboard(rendered(9, 6, 5).image, BOARD, window=0)
+
+
+@pytest.mark.real_data
+def test_real_photographs_give_opencvs_own_calibration(real_data_folder):
+    cv2 = pytest.importorskip("cv2")
+    folder = real_data_folder / "stereo_chessboard"
+    pairs = [(name, path) for name, path, _ in stereo_pairs(folder)]
+    found = detect_boards_of_one_eye(pairs, BOARD)
+    assert (found.window, dict(found.not_seen)) == (11, {})
+    corners = [view.astype(np.float32) for view in found.views.of_eye("left")]
+    boards = [BOARD.points.astype(np.float32)] * len(corners)
+    rms, K, *_ = cv2.calibrateCamera(
+        boards, corners, (640, 480), np.eye(3), None, flags=cv2.CALIB_FIX_ASPECT_RATIO
+    )
+    assert len(corners) == 13
+    assert K[0, 0] == pytest.approx(535.916, abs=0.02)
+    assert rms == pytest.approx(0.3926, abs=0.001)
+
+
+@pytest.mark.real_data
+def test_no_real_photograph_shows_a_board_of_another_size(real_data_folder):
+    files = sorted((real_data_folder / "stereo_chessboard").glob("*.jpg"))[::13]
+    for size in ("8x6", "7x4"):
+        board = Board.parse(size, 25)
+        seen = [find_chessboard(read_image(path), board) for path in files]
+        assert all(isinstance(item, NotSeen) for item in seen)
+
+
+@pytest.mark.real_data
+def test_both_eyes_list_the_same_corners_in_the_same_order(real_data_folder):
+    found = detect_boards(real_data_folder / "stereo_chessboard", BOARD)
+    left, right = (found.views.of_eye(eye) for eye in ("left", "right"))
+    # The eyes are parallel: from one eye to the other all corners move by nearly the same.
+    moved = left - right
+    assert np.abs(moved - moved.mean(axis=1, keepdims=True)).max() < 80
+    assert np.abs(moved[..., 1]).max() < 40

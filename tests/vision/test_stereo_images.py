@@ -1,0 +1,118 @@
+"""Folders of photographs: pairs, and what is said of folders that hold none."""
+
+import cv2
+import numpy as np
+import pytest
+
+from nico_selfmodel.errors import DataError
+from nico_selfmodel.vision import (
+    Board,
+    camera_images,
+    detect_boards,
+    detect_boards_of_one_eye,
+    stereo_pairs,
+)
+
+from .rendering import random_view, render_board
+
+BOARD = Board(5, 4, 0.03)
+
+
+@pytest.fixture(scope="module")
+def board_image():
+    rng = np.random.default_rng(0)
+    H = random_view(rng, 130, (320, 240), tilt=0.3, roll=0.3)
+    return render_board(5, 4, H, rng).image
+
+
+@pytest.fixture
+def folder(tmp_path, board_image):
+    """Return a folder of three pairs; in the last one only the left eye saw the board."""
+    for name in ("left1.png", "right1.png", "left2.png", "right2.png", "left10.png"):
+        cv2.imwrite(str(tmp_path / name), board_image)
+    cv2.imwrite(str(tmp_path / "right10.png"), np.full_like(board_image, 90))
+    return tmp_path
+
+
+def test_pairs_come_in_the_order_of_their_numbers(folder):
+    (folder / "notes.txt").write_text("of no interest")
+    pairs = stereo_pairs(folder)
+    assert [name for name, _, _ in pairs] == ["1", "2", "10"]
+    assert [path.name for path in pairs[2][1:]] == ["left10.png", "right10.png"]
+    assert [name for name, _ in camera_images(folder, "right")] == ["1", "2", "10"]
+
+
+def test_a_single_pair_needs_no_number(tmp_path, board_image):
+    for name in ("Left.PNG", "right.jpg"):
+        cv2.imwrite(str(tmp_path / name), board_image)
+    ((name, left, right),) = stereo_pairs(tmp_path)
+    assert (name, left.name, right.name) == ("pair", "Left.PNG", "right.jpg")
+
+
+def test_corners_that_one_eye_did_not_see_are_nan_with_the_reason(folder):
+    told = []
+    found = detect_boards(folder, BOARD, 4, lambda *step: told.append(step))
+    assert found.views.image_size == (320, 240)
+    assert found.views.seen.all(axis=2).tolist() == [[True, True], [True, True], [True, False]]
+    assert list(found.not_seen) == ["right10.png"]
+    assert "no 5x4 board" in found.not_seen["right10.png"]
+    assert told[-1] == ("looking for boards", 6, 6)
+    one = detect_boards_of_one_eye(camera_images(folder, "right"), BOARD, 4, eye="right")
+    np.testing.assert_array_equal(one.views.of_eye("right"), found.views.of_eye("right"))
+
+
+def test_a_window_that_sees_neighbouring_corners_is_warned_of(folder):
+    with pytest.warns(UserWarning, match=r"squares are as small as .* take a smaller window"):
+        detect_boards(folder, BOARD, 16)
+
+
+def spoil(folder, change):
+    """Change a folder by one word."""
+    if change == "unpaired":
+        (folder / "right2.png").unlink()
+    elif change == "one eye":
+        for path in folder.glob("right*"):
+            path.unlink()
+    elif change == "twice":
+        (folder / "left1.jpg").write_bytes((folder / "left1.png").read_bytes())
+    elif change == "size":
+        cv2.imwrite(str(folder / "right2.png"), np.zeros((100, 200, 3), np.uint8))
+    elif change == "text":
+        (folder / "left2.png").write_text("not a photograph")
+    elif change == "empty file":
+        (folder / "left2.png").write_bytes(b"")
+    elif change == "nothing":
+        for path in folder.iterdir():
+            path.unlink()
+    return folder
+
+
+@pytest.mark.parametrize(
+    ("change", "message"),
+    [
+        ("unpaired", "without a partner in the other eye: left2.png"),
+        ("one eye", r"images of one eye only: left\* without right\*"),
+        ("twice", "left1.jpg and left1.png are the same view"),
+        ("size", "different sizes: left1.png has 320x240, right2.png has 200x100"),
+        ("text", "left2.png: not an image"),
+        ("empty file", "left2.png: the file is empty"),
+        ("nothing", "no stereo images .* it is empty"),
+    ],
+)
+def test_a_spoilt_folder_is_refused_in_words(folder, change, message):
+    with pytest.raises(DataError, match=message):
+        detect_boards(spoil(folder, change), BOARD, 4)
+
+
+def test_a_missing_folder_is_named(tmp_path):
+    with pytest.raises(DataError, match="nowhere: there is no such folder"):
+        stereo_pairs(tmp_path / "nowhere")
+    with pytest.raises(DataError, match=r"no images left\*.png"):
+        camera_images(tmp_path, "left")
+
+
+def test_a_board_of_the_wrong_size_is_told_which_size_was_seen(folder):
+    with pytest.raises(DataError, match=r"no 6x9 board in any of 6 images .*left1.png") as caught:
+        detect_boards(folder, Board(6, 9, 0.03))
+    assert "a 5x4 board seems to be there" in str(caught.value)
+    assert "counts inner corners" in str(caught.value)

@@ -1,0 +1,132 @@
+import numpy as np
+import pytest
+
+from nico_selfmodel.estimation import CameraAssessment, CameraOptions, calibrate_cameras
+from nico_selfmodel.viz.camera_plots import coverage, pixel_errors, view_errors
+from nico_selfmodel.viz.camera_views import shown_views
+from nico_selfmodel.viz.lens_plots import (
+    distortion_profile,
+    epipolar_distribution,
+    reconstruction_by_range,
+)
+from nico_selfmodel.viz.parameter_plots import correlations
+from nico_selfmodel.viz.plot_style import image_bytes
+from nico_selfmodel.viz.residual_field import field_of, residual_field
+
+from .seen_boards import OUTLIER, boards
+
+
+def views_drawn(assessment):
+    return view_errors(shown_views(assessment))
+
+
+def correlations_drawn(assessment):
+    return correlations(assessment.calibration.uncertainty)
+
+
+ALL = (
+    pixel_errors,
+    coverage,
+    residual_field,
+    views_drawn,
+    distortion_profile,
+    epipolar_distribution,
+    reconstruction_by_range,
+    correlations_drawn,
+)
+
+
+@pytest.mark.parametrize("draw", ALL, ids=lambda f: f.__name__)
+def test_every_figure_states_its_point_whatever_was_lost(flawed_eyes, draw):
+    figure = draw(flawed_eyes)
+    assert 20 < len(figure.get_suptitle()) < 90
+    assert image_bytes(figure, "svg").startswith(b"<?xml")
+
+
+@pytest.mark.parametrize("draw", ALL, ids=lambda f: f.__name__)
+def test_one_eye_has_every_figure_but_those_of_a_pair(one_eye, draw):
+    figure = draw(one_eye)
+    if draw in (epipolar_distribution, reconstruction_by_range):
+        assert figure is None
+    else:
+        assert 20 < len(figure.get_suptitle()) < 62
+
+
+def test_the_distribution_shows_held_out_corners_first(eyes):
+    figure = pixel_errors(eyes)
+    labels = [text.get_text() for text in figure.legends[0].get_texts()]
+    assert [label.split(" (")[0] for label in labels] == [
+        "held-out",
+        "cross-validation",
+        "training",
+    ]
+    rms = float(np.sqrt(np.mean(eyes.test_distances**2)))
+    assert f"rms {rms:.2f} px" in labels[0]
+
+
+def test_corners_of_the_image_without_a_corner_are_named(eyes, flawed_eyes):
+    views = eyes.calibration.views
+    reached = 0
+    for eye in views.eyes:
+        u, v = views.of_eye(eye).reshape(-1, 2).T
+        for a in (u < 39.5, u > 279.5):
+            reached += sum(bool(np.any(a & b)) for b in (v < 39.5, v > 199.5))
+    title = coverage(eyes).get_suptitle()
+    assert title.endswith(f"and {reached} of their 8 corners")
+    # Boards that were not believed cover nothing.
+    believed = ~flawed_eyes.calibration.outliers
+    shown = [axes.get_title() for axes in coverage(flawed_eyes).axes]
+    counts = flawed_eyes.calibration.views.seen[believed].sum(axis=(0, 2))
+    assert shown == [f"left: {counts[0]} corners", f"right: {counts[1]} corners"]
+
+
+def test_a_lens_that_was_held_straight_leaves_a_pattern_and_a_learned_one_none(eyes):
+    assert "No pattern" in residual_field(eyes).get_suptitle()
+    held = CameraOptions(pinned={"k1": 0.0, "k2": 0.0, "k3": 0.0})
+    found = calibrate_cameras(boards(20), held)
+    straight = CameraAssessment(found, np.zeros(0), None, None, None, None)
+    assert "a pattern of up to" in residual_field(straight).get_suptitle()
+    field = field_of(straight, 0)
+    assert field.score > 4.0
+    assert np.linalg.norm(field.means, axis=1).max() > 0.3
+
+
+def test_residuals_are_drawn_where_the_corners_are(flawed_eyes):
+    calibration = flawed_eyes.calibration
+    field = field_of(flawed_eyes, 1)
+    assert len(field.pixels) == calibration.views.seen[~calibration.outliers][:, 1].sum()
+    assert np.isfinite(field.pixels).all()
+    assert np.isfinite(field.residuals).all()
+
+
+def test_the_worst_view_is_named(flawed_eyes):
+    title = views_drawn(flawed_eyes).get_suptitle()
+    rms = flawed_eyes.calibration.view_rms
+    worst = flawed_eyes.calibration.views.names[int(np.argmax(rms))]
+    assert worst == OUTLIER
+    assert title.startswith(f"Worst view: {worst} with {rms.max():.2f} px rms")
+
+
+def test_the_profile_is_what_the_lens_does_and_its_band_covers_the_truth(eyes):
+    figure = distortion_profile(eyes)
+    camera = eyes.calibration.cameras[0]
+    curve = figure.axes[0].lines[1]
+    there, moved = (np.asarray(x) for x in curve.get_data())
+    focal = 0.5 * (camera.fx + camera.fy)
+    ideal = (there - moved) / focal
+    bent = ideal * (1.0 + sum(k * ideal ** (2 * i + 2) for i, k in enumerate(camera.k)))
+    np.testing.assert_allclose(focal * bent, there, atol=1e-9)
+    corner = np.array([camera.cx, camera.cy])
+    assert there[-1] == pytest.approx(
+        np.linalg.norm(np.maximum(corner, [319, 239] - corner)), rel=0.01
+    )
+
+
+def test_reconstruction_errors_are_drawn_over_their_range(eyes):
+    axes = reconstruction_by_range(eyes).axes[0]
+    found = eyes.reconstruction
+    distance, error = axes.lines[0].get_data()
+    np.testing.assert_allclose(distance, 1e3 * found.depths.ravel())
+    np.testing.assert_allclose(error, 1e3 * found.errors.ravel())
+    _, rms = axes.lines[1].get_data()
+    assert 0.0 < rms.min() <= 1e3 * np.sqrt(np.mean(found.errors**2)) <= rms.max()

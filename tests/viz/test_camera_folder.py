@@ -1,0 +1,57 @@
+import json
+
+import numpy as np
+import pytest
+
+from nico_selfmodel.estimation import camera_document, judge_cameras
+from nico_selfmodel.model import SelfModel
+from nico_selfmodel.viz import camera_scene, load_scene, write_camera_folder
+
+FILES = {"self_model.yaml", "result.json", "report.html", "scene.json"}
+
+
+@pytest.fixture
+def write(monkeypatch):
+    """Return a function that writes a result without drawing its figures."""
+    monkeypatch.setattr("nico_selfmodel.viz.camera_report.svg_data_uri", lambda _: "data:,")
+
+    def written(folder, assessment, **more):
+        model = assessment.calibration.self_model("eyes")
+        return write_camera_folder(
+            folder, assessment, judge_cameras(assessment), model=model, **more
+        )
+
+    return written
+
+
+def test_the_folder_holds_everything_and_comes_back(tmp_path, write, eyes, photographs):
+    folder = write(tmp_path / "deep" / "result", eyes, images=photographs)
+    assert {path.name for path in folder.iterdir()} == FILES
+    result = json.loads((folder / "result.json").read_text())
+    assert result == camera_document(eyes, judge_cameras(eyes))
+    rig = SelfModel.load(folder).rig
+    assert rig.values.tolist() == eyes.calibration.rig.values.tolist()
+    scene = camera_scene(eyes, photographs, name="eyes")
+    assert load_scene(folder).to_json() == scene.to_json()
+
+
+def test_what_else_is_known_is_kept_in_the_result(tmp_path, write, one_eye):
+    document = camera_document(one_eye, judge_cameras(one_eye)) | {"more": 1}
+    folder = write(tmp_path / "result", one_eye, document=document)
+    assert json.loads((folder / "result.json").read_text())["more"] == 1
+    assert set(SelfModel.load(folder).cameras) == {"right"}
+
+
+def test_an_existing_folder_is_kept_unless_forced_and_a_failure_leaves_nothing(
+    tmp_path, write, one_eye
+):
+    folder = tmp_path / "result"
+    folder.mkdir()
+    (folder / "result.json").write_text("{}")
+    with pytest.raises(FileExistsError, match="exists already"):
+        write(folder, one_eye)
+    wrong = {"right": {one_eye.calibration.views.names[0]: np.zeros((3, 3), dtype=np.uint8)}}
+    with pytest.raises(ValueError, match="calibrated for"):
+        write(folder, one_eye, images=wrong, force=True)
+    assert (folder / "result.json").read_text() == "{}"
+    assert {path.name for path in tmp_path.iterdir()} == {"result"}
