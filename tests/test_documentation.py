@@ -8,6 +8,9 @@ import sys
 
 import pytest
 
+from nico_selfmodel.model import SelfModel
+from nico_selfmodel.systems import NICO_EYES
+
 
 def run(words, folder, root):
     path = os.pathsep.join([str(root), os.environ.get("PYTHONPATH", "")])
@@ -22,13 +25,31 @@ def run(words, folder, root):
     )
 
 
-def test_the_readmes_python_runs(project_root, tmp_path):
+def python_of_the_readme(project_root):
     text = (project_root / "README.md").read_text(encoding="utf-8")
-    (block,) = re.findall(r"```python\n(.*?)```", text, re.DOTALL)
+    return re.findall(r"```python\n(.*?)```", text, re.DOTALL)
+
+
+def test_the_readmes_python_runs(project_root, tmp_path):
+    block, _ = python_of_the_readme(project_root)
     assert len([line for line in block.splitlines() if line.strip()]) <= 15
     process = run(["-c", block], tmp_path, project_root)
     assert process.returncode == 0, process.stderr
     assert process.stdout.startswith("PASS")
+
+
+def test_the_readmes_eyes_see_a_point_before_them(project_root, tmp_path):
+    eyes = {"left": NICO_EYES.left, "right": NICO_EYES.right}
+    (tmp_path / "eyes").mkdir()
+    SelfModel("eyes", cameras=eyes).save(tmp_path / "eyes" / "self_model.yaml")
+    _, block = python_of_the_readme(project_root)
+    process = run(["-c", block + "print(*points.p_WQ[0])"], tmp_path, project_root)
+    assert process.returncode == 0, process.stderr
+    x, y, z = map(float, process.stdout.split())
+    # b f / disparity, the disparity of 40 px a little longer without the lens
+    assert z == pytest.approx(0.07 * 381.0 / 40.0, rel=0.02)
+    assert abs(x) < 0.05
+    assert abs(y) < 0.01
 
 
 def test_links_and_pictures_of_the_documents_exist(project_root):
@@ -52,6 +73,7 @@ def test_the_plant_of_the_second_example_agrees_with_its_self_model(project_root
 
 
 @pytest.mark.real_data
+@pytest.mark.usefixtures("undrawn")
 @pytest.mark.parametrize(
     ("script", "source", "options", "bound_mm"),
     [
@@ -60,15 +82,14 @@ def test_the_plant_of_the_second_example_agrees_with_its_self_model(project_root
     ],
 )
 def test_real_measurements_are_imported_and_learned(
-    script, source, options, bound_mm, project_root, real_data_folder, tmp_path
+    script, source, options, bound_mm, project_root, real_data_folder, tmp_path, command
 ):
     path = project_root / "examples" / script
     process = run([path, real_data_folder / source, tmp_path / "data"], tmp_path, project_root)
     assert process.returncode == 0, process.stderr
-    command = "from nico_selfmodel.cli import main; main()"
     words = ("calibrate", "kinematics", tmp_path / "data", *options, "--out", tmp_path / "result")
-    process = run(["-c", command, *words, "--json"], tmp_path, project_root)
-    assert process.returncode == 0, process.stderr
-    document = json.loads(process.stdout)
+    done = command(*words, "--json")
+    assert done.returncode == 0, done.stderr
+    document = json.loads(done.stdout)
     part = document["test"] or document["train"]
     assert part["position_mm"]["rms"] <= bound_mm

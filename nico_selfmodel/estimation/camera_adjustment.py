@@ -15,7 +15,7 @@ from nico_selfmodel.estimation.provenance import package_versions
 from nico_selfmodel.model.camera import Camera
 from nico_selfmodel.model.self_model import ParameterCovariance, SelfModel
 from nico_selfmodel.model.stereo_rig import StereoRig
-from nico_selfmodel.optimization import CalibrationProgram, Uncertainty
+from nico_selfmodel.optimization import CalibrationProgram, Loss, Uncertainty
 from nico_selfmodel.optimization.robust_solve import RobustSolution, solve_robustly
 from nico_selfmodel.optimization.separable_block import Parts
 
@@ -153,6 +153,12 @@ class Adjustment:
     def approach(self, tolerance: float) -> None:
         """Go near the minimum, close enough for a start."""
         self.program.move_start(self.program.solve(tolerance=tolerance, max_iterations=30).x)
+
+    def approach_without_outliers(self) -> None:
+        """Go near the minimum of the boards that agree, where some stand out."""
+        if self._suspicious(self.x):
+            solve_robustly(self.program, self.number, "cauchy", rough=True)
+            self.program.set_loss(self.number, Loss())
 
     def solve(self, loss: str) -> None:
         """Least squares; where a board stands out and the loss allows, once more without it."""

@@ -86,6 +86,8 @@ def _refine_alone(views: BoardViews, options: CameraOptions) -> Adjustment:
     for name in free_centre:
         adjustment.program.unpin(name)
     adjustment.approach(tolerance=0.01)
+    if options.loss != "none":
+        adjustment.approach_without_outliers()
     return adjustment
 
 

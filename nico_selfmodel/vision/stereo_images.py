@@ -63,6 +63,10 @@ class BoardDetections:
             "square_mm": 1e3 * self.board.square,
             "window_px": self.window,
             "images": sum(len(files) for files in self.files.values()),
+            "files": {
+                eye: dict(zip(self.views.names, (path.name for path in files), strict=True))
+                for eye, files in self.files.items()
+            },
             "not_seen": dict(self.not_seen),
         }
 

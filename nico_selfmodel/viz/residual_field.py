@@ -82,16 +82,25 @@ def field_of(assessment: CameraAssessment, eye: int) -> Field:
     pairs, row = np.unique(
         np.stack([i * (len(v) + 1) + j, view], axis=1), axis=0, return_inverse=True
     )
-    of_view = _group_means(np.hstack([pixels, tame]), row.ravel(), len(pairs))
+    row, count = row.ravel(), np.bincount(row.ravel())
+    of_view = _group_means(np.hstack([pixels, tame]), row, len(pairs))
     _, cell = np.unique(pairs[:, 0], return_inverse=True)
-    count = np.bincount(cell)
-    means = _group_means(of_view, cell.ravel(), len(count))
-    apart = of_view[:, 2:] - means[cell.ravel(), 2:]
-    noise = np.sqrt(np.sum(apart**2) / max(2 * (len(of_view) - len(count)), 1))
-    means, count = means[count >= _FEWEST_VIEWS], count[count >= _FEWEST_VIEWS]
-    scores = np.abs(means[:, 2:]) * np.sqrt(count[:, None])
-    score = float(scores.max(initial=0.0) / max(noise, 1e-12))
+    views_in = np.bincount(cell.ravel())
+    means = _group_means(of_view, cell.ravel(), len(views_in))
+    # The noise of a mean, from the spread of views about it and from that of corners in a view.
+    between = _noise(of_view[:, 2:] - means[cell.ravel(), 2:], len(views_in)) / np.sqrt(views_in)
+    within = _noise(tame - of_view[row, 2:], len(pairs))
+    within = within * np.sqrt(np.bincount(cell.ravel(), 1.0 / count)) / views_in
+    scores = np.abs(means[:, 2:]).max(axis=1) / np.maximum(np.maximum(between, within), 1e-12)
+    shown = views_in >= _FEWEST_VIEWS
+    score = float(scores[shown].max(initial=0.0))
+    means = means[shown]
     return Field(pixels, residuals, means[:, :2], means[:, 2:], score)
+
+
+def _noise(apart: NDArray, groups: int) -> float:
+    """Return the standard deviation of vectors that are apart from the means of their groups."""
+    return float(np.sqrt(np.sum(apart**2) / max(2 * (len(apart) - groups), 1)))
 
 
 def _group_means(values: NDArray, group: NDArray, count: int) -> NDArray:

@@ -58,6 +58,8 @@ def test_photographs_become_eyes_that_are_where_they_were_drawn(eyes):
     document = json.loads((eyes / "result.json").read_text())
     assert document["status"] == "PASS"
     assert document["test"]["pixels"]["rms"] < 0.2
+    files = document["detection"].pop("files")
+    assert files["right"]["03"] == "right03.png"
     assert document["detection"] == {
         "board": "7x5", "square_mm": 30.0, "window_px": 5, "images": 20, "not_seen": {},
     }  # fmt: skip

@@ -56,7 +56,7 @@ def flawed(views):
     """Return views with an outlier, a board that one eye saw alone, and lost corners."""
     pixels = views.pixels.copy()
     wild = views.names.index(OUTLIER)
-    pixels[wild] += np.random.default_rng(4).normal(0.0, 12.0, pixels[wild].shape)
+    pixels[wild] += np.random.default_rng(4).normal(0.0, 3.0, pixels[wild].shape)
     pixels[views.names.index(LEFT_ALONE), :, 2:] = np.nan
     pixels[2, :3] = np.nan
     return replace(views, pixels=pixels)
