@@ -7,6 +7,7 @@ import typer
 
 from nico_selfmodel.cli import (
     calibrate,
+    check,
     detect,
     evaluate,
     experiment,
@@ -14,9 +15,12 @@ from nico_selfmodel.cli import (
     hand,
     import_data,
     learn,
+    locate,
     markers,
     pick_color,
     predict,
+    rezero,
+    record,
     servo,
     simulate,
     view,
@@ -32,9 +36,13 @@ app = typer.Typer(
     rich_markup_mode=None,
 )
 app.command("learn")(learn.learn)
+app.command("record")(record.record)
 app.command("evaluate")(evaluate.evaluate)
+app.command("check")(check.check)
+app.command("rezero")(rezero.rezero)
 app.command("predict")(predict.predict)
 app.command("export-urdf")(export_urdf.export_urdf)
+app.command("locate")(locate.locate)
 app.command("view")(view.view)
 app.command("detect")(detect.detect)
 app.command("pick-color")(pick_color.pick_color)

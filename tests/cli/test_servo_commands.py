@@ -156,6 +156,7 @@ def test_ctrl_c_stops_the_arm(bus, config):
     _, errors = process.communicate(timeout=30.0)
     assert process.returncode == 130, errors
     assert errors.startswith("stopped; the arm holds\n")
+    time.sleep(0.3)  # it brakes for a tenth of a second
     at = bus.shafts()[0]
     assert 5 < at / COUNTS_PER_DEGREE < 60
     assert bus.modules[0].servo_on  # it holds

@@ -1,0 +1,83 @@
+"""`nico-selfmodel hand`: open and close the hand."""
+
+from typing import Annotated
+
+import typer
+
+from nico_selfmodel.cli import console
+from nico_selfmodel.cli.servo_options import Json, Port, Yes, ask
+
+app = typer.Typer(help="Open and close the hand.", no_args_is_help=True)
+
+Finger = Annotated[
+    list[str] | None, typer.Option("--finger", help="index or fingers; both if omitted.")
+]
+Seconds = Annotated[float, typer.Option("--seconds", help="How long to run the motors.")]
+Power = Annotated[float, typer.Option("--power", help="Share of full power, 0 to 1.")]
+CurrentLimit = Annotated[
+    int, typer.Option("--current-limit", help="Where to cut off, 0 to 1023 (converter reading).")
+]
+
+
+@app.callback()
+def _describe() -> None:
+    """Open and close the hand."""
+
+
+@app.command("open")
+def open_hand(
+    port: Port,
+    finger: Finger = None,
+    seconds: Seconds = 1.0,
+    power: Power = 0.7,
+    current_limit: CurrentLimit = 500,
+    yes: Yes = False,
+    as_json: Json = False,
+) -> None:
+    """Open the hand: run the motors for a time, or until the current is cut off."""
+    _move("open", port, finger, seconds, power, current_limit, yes=yes, as_json=as_json)
+
+
+@app.command("close")
+def close_hand(
+    port: Port,
+    finger: Finger = None,
+    seconds: Seconds = 1.0,
+    power: Power = 0.7,
+    current_limit: CurrentLimit = 500,
+    yes: Yes = False,
+    as_json: Json = False,
+) -> None:
+    """Close the hand: run the motors for a time, or until the current is cut off."""
+    _move("close", port, finger, seconds, power, current_limit, yes=yes, as_json=as_json)
+
+
+def _move(
+    way: str,
+    port: str,
+    finger: list[str] | None,
+    seconds: float,
+    power: float,
+    current_limit: int,
+    *,
+    yes: bool,
+    as_json: bool,
+) -> None:
+    from nico_selfmodel.servos import FINGERS, Hand
+
+    fingers = tuple(finger or FINGERS)
+    with Hand.open_port(port) as hand:
+        what = " and ".join(fingers)
+        if not as_json:
+            console.out.print(
+                f"{what}: {way} for at most {seconds:g} s at {100 * power:g} %, current limit "
+                f"{current_limit}",
+                markup=False,
+            )
+        ask(f"{way.capitalize()} {what}?", yes=yes)
+        causes = hand.move(way, fingers, seconds=seconds, power=power, current_limit=current_limit)
+    if as_json:
+        console.print_json({"stopped_by": causes})
+        return
+    for name, cause in causes.items():
+        console.out.print(f"{name}: stopped by {cause}", markup=False)

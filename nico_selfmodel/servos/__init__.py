@@ -1,0 +1,55 @@
+"""The wire to the motors: protocol, bus, controller of an arm, hand, and a simulated bus.
+
+From the wire up: `packets`, `commands` and `status` are the bytes; a `Bus` owns the port; a
+`PicServo` is one board; an `ArmController` drives joints by name in radians, with an `ArmLoop` as
+its thread and a `MotorServer` for other processes. A `SimulatedBus` speaks the same bytes behind a
+pseudo-terminal. Importing opens nothing, making an object sends nothing, connecting moves nothing.
+"""
+
+from nico_selfmodel.servos.arm_loop import ArmLoop
+from nico_selfmodel.servos.arm_state import ArmState
+from nico_selfmodel.servos.bus import Bus, BusSettings, LinkCounts
+from nico_selfmodel.servos.chain import FoundModule, hard_reset, scan
+from nico_selfmodel.servos.commands import BAUD_CODES
+from nico_selfmodel.servos.controller import ArmController
+from nico_selfmodel.servos.hand import FINGERS, Hand
+from nico_selfmodel.servos.homing import find_home, zero_here
+from nico_selfmodel.servos.motor_client import MotorClient
+from nico_selfmodel.servos.motor_server import MotorServer
+from nico_selfmodel.servos.pic_servo import PicServo
+from nico_selfmodel.servos.ports import PortLostError, SerialPort, SimulatedPort
+from nico_selfmodel.servos.servo_config import JointServo, ServoConfig
+from nico_selfmodel.servos.simulated_bus import SimulatedBus
+from nico_selfmodel.servos.simulated_hand import SimulatedHand
+from nico_selfmodel.servos.simulated_line import SimulatedLine, WireFaults
+from nico_selfmodel.servos.simulated_module import SimulatedModule
+
+__all__ = [
+    "BAUD_CODES",
+    "FINGERS",
+    "ArmController",
+    "ArmLoop",
+    "ArmState",
+    "Bus",
+    "BusSettings",
+    "FoundModule",
+    "Hand",
+    "JointServo",
+    "LinkCounts",
+    "MotorClient",
+    "MotorServer",
+    "PicServo",
+    "PortLostError",
+    "SerialPort",
+    "ServoConfig",
+    "SimulatedBus",
+    "SimulatedHand",
+    "SimulatedLine",
+    "SimulatedModule",
+    "SimulatedPort",
+    "WireFaults",
+    "find_home",
+    "hard_reset",
+    "scan",
+    "zero_here",
+]

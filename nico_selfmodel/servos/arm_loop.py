@@ -1,0 +1,210 @@
+"""The thread that keeps an arm going: others hand over what they want and take what is known."""
+
+import threading
+from collections.abc import Callable, Mapping
+from concurrent.futures import Future
+from contextlib import suppress
+from typing import TypeVar
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from nico_selfmodel.errors import BusError, RobotError
+from nico_selfmodel.servos.arm_state import ArmState
+from nico_selfmodel.servos.controller import ArmController
+
+DEFAULT_PERIOD = 0.05
+_T = TypeVar("_T")
+
+
+class ArmLoop:
+    """Cycles a controller in a thread of its own; every method returns at once but `call`.
+
+    What the thread fails with is raised from `check` and `state` with its cause. The heartbeat is
+    whoever calls `heartbeat` or `command`: without one of them the arm stops.
+    """
+
+    def __init__(self, arm: ArmController, period: float = DEFAULT_PERIOD) -> None:
+        """Take a controller over; nothing runs before `start`.
+
+        Args:
+            arm: A controller that nobody else uses from now on; connected, or connected by `call`.
+            period: Shortest time of a cycle [s]; the bus may need longer.
+        """
+        self.arm, self.period = arm, period
+        self.cycles = 0
+        """How many were made."""
+        self._lock = threading.Lock()
+        self._wake = threading.Condition(self._lock)
+        self._jobs: list[tuple[Callable[[ArmController], object], Future]] = []
+        self._command: tuple[NDArray, float | None] | None = None
+        self._alive = False
+        self._ending = False
+        self._state: ArmState | None = None
+        self._failure: BaseException | None = None
+        self._thread: threading.Thread | None = None
+
+    def __enter__(self) -> "ArmLoop":
+        self.start()
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self.close()
+
+    def start(self, timeout: float = 10.0) -> ArmState:
+        """Start the thread and wait for the first complete reading.
+
+        Returns:
+            The first state.
+
+        Raises:
+            RobotError: If it fails, or does not come in time.
+        """
+        self._thread = threading.Thread(target=self._run, name="arm loop", daemon=True)
+        self._thread.start()
+        with self._wake:
+            self._wake.wait_for(lambda: self._state or self._failure, timeout)
+        state = self.state()
+        if state is None:
+            raise BusError(f"the arm was not read within {timeout:g} s: is the bus very slow?")
+        return state
+
+    def state(self) -> ArmState | None:
+        """Return the newest state, None before the first.
+
+        Raises:
+            RobotError: What the thread failed with.
+        """
+        self.check()
+        return self._state
+
+    def check(self) -> None:
+        """Raise what the thread failed with, as an error of the same kind with that as its cause.
+
+        Raises:
+            RobotError: If it failed.
+        """
+        failure = self._failure
+        if isinstance(failure, RobotError):
+            raise type(failure)(str(failure), partial=self._state) from failure
+        if failure is not None:
+            raise BusError(f"the arm's thread failed: {failure}", partial=self._state) from failure
+
+    def heartbeat(self) -> None:
+        """Say that the host is alive."""
+        with self._lock:
+            self._alive = True
+
+    def command(self, q: ArrayLike, *, speed: float | None = None) -> None:
+        """Hand over where every joint is to go; the newest command counts. Also a heartbeat.
+
+        A command that cannot be carried out fails the thread: see `check`.
+
+        Args:
+            q: Joint displacements [rad]. Shape (n,).
+            speed: Largest joint speed [rad/s]; the limits if omitted.
+
+        Raises:
+            ValueError: If it is not finite, beyond a limit or of another shape.
+            RobotError: If the thread has failed.
+        """
+        self.check()
+        q = np.array(q, dtype=float)
+        n = len(self.arm.joints)
+        if q.shape != (n,):
+            raise ValueError(f"q must have shape ({n},), got {q.shape}")
+        self.arm.limits.registers(q, range(n))
+        with self._wake:
+            self._command, self._alive = (q, speed), True
+            self._wake.notify_all()
+
+    def move(self, targets: Mapping[str, float], *, speed: float | None = None) -> float:
+        """Send joints to displacements; waits until they have started, not until they arrive.
+
+        Returns:
+            How long it will take [s].
+
+        Raises:
+            ValueError: If a target is not finite or beyond a limit.
+            RobotError: As of the controller's `move`.
+        """
+        return self.call(lambda arm: arm.move(targets, speed=speed))
+
+    def stop(self) -> None:
+        """Stop every joint and hold; waits until each confirmed.
+
+        Raises:
+            RobotError: If one did not, or the thread has failed.
+        """
+        self.call(lambda arm: arm.stop())
+
+    def call(self, action: Callable[[ArmController], _T], timeout: float = 10.0) -> _T:
+        """Do something with the controller between two cycles, and wait for its result.
+
+        Raises:
+            RobotError: If the thread has failed or does not come to it in time.
+            Exception: What the action raises; the thread goes on.
+        """
+        self.check()
+        future: Future = Future()
+        with self._wake:
+            if self._ending:
+                raise BusError("the arm's thread has ended: open the arm again")
+            self._jobs.append((action, future))
+            self._wake.notify_all()
+        try:
+            return future.result(timeout)
+        except TimeoutError:
+            raise BusError(f"the arm's thread did not answer within {timeout:g} s") from None
+
+    def close(self) -> None:
+        """Stop what moves, end the thread and give the port back; never fails."""
+        with self._wake:
+            self._ending = True
+            self._wake.notify_all()
+        if self._thread is not None:
+            self._thread.join()
+        self.arm.close()
+        self._refuse_jobs()
+
+    def _run(self) -> None:
+        try:
+            while not self._ending:
+                begin = self.arm.bus.port.now()
+                self._do_jobs()
+                state = self.arm.cycle()
+                with self._wake:
+                    self._state = state
+                    self.cycles += 1
+                    self._wake.notify_all()
+                    left = begin + self.period - self.arm.bus.port.now()
+                    self._wake.wait_for(lambda: self._ending or self._jobs, max(0.0, left))
+        except Exception as error:  # whatever it is, whoever uses the arm must see it
+            with suppress(RobotError):
+                self.arm.stop()
+            with self._wake:
+                self._failure = error
+                self._wake.notify_all()
+        self._refuse_jobs()
+
+    def _do_jobs(self) -> None:
+        with self._lock:
+            jobs, self._jobs = self._jobs, []
+            command, self._command = self._command, None
+            alive, self._alive = self._alive, False
+        if alive:
+            self.arm.heartbeat()
+        for action, future in jobs:
+            try:
+                future.set_result(action(self.arm))
+            except Exception as error:  # it belongs to who asked
+                future.set_exception(error)
+        if command is not None:
+            self.arm.command(command[0], speed=command[1])
+
+    def _refuse_jobs(self) -> None:
+        with self._lock:
+            jobs, self._jobs = self._jobs, []
+            self._ending = True
+        for _, future in jobs:
+            future.set_exception(BusError("the arm's thread has ended: open the arm again"))

@@ -1,0 +1,99 @@
+"""What a controller knows of its arm at one moment."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from nico_selfmodel.model import ServoMap
+from nico_selfmodel.servos.axis import Axis
+
+
+@dataclass(frozen=True, eq=False)
+class ArmState:
+    """Where the joints are and what ails them. What was not read is nan and not valid."""
+
+    time: float
+    """Monotonic time of the port [s]."""
+    joints: tuple[str, ...]
+    """Names, length n."""
+    q: NDArray
+    """Joint displacements by the self-model [rad]; nan where the zero is not known. Shape (n,)."""
+    readings: NDArray
+    """Encoder readings [counts]. Shape (n,)."""
+    age: NDArray
+    """How old each reading is [s]; inf where there is none. Shape (n,)."""
+    valid: NDArray
+    """Whether the joint was read, is not lost and has no fault. Shape (n,)."""
+    moving: NDArray
+    """Whether the joint is on its way to a goal. Shape (n,)."""
+    enabled: NDArray
+    """Whether its servo is meant to be on. Shape (n,)."""
+    zero_known: NDArray
+    """Whether its zero was set since power-up, or is trusted. Shape (n,)."""
+    trouble: tuple[str | None, ...]
+    """What is wrong with each joint, None where nothing is."""
+
+    def __post_init__(self) -> None:
+        """Make the arrays read-only."""
+        for name in ("q", "readings", "age", "valid", "moving", "enabled", "zero_known"):
+            array = np.array(getattr(self, name))
+            array.flags.writeable = False
+            object.__setattr__(self, name, array)
+
+    @classmethod
+    def of(
+        cls, axes: Sequence[Axis], servos: ServoMap, now: float, *, trusted: bool = False
+    ) -> "ArmState":
+        """Return what is known of axes.
+
+        Args:
+            axes: In the order of `servos`.
+            servos: Readings <-> displacements.
+            now: Time of the port [s].
+            trusted: Whether zeros count as known though they were not set since power-up.
+        """
+        readings = np.array(
+            [a.joint.reading(a.position) if a.status is not None else np.nan for a in axes]
+        )
+        zero_known = np.array([axis.zero_known or trusted for axis in axes])
+        trouble = tuple(
+            axis.lost or (axis.fault(axis.status) if axis.status else "not read yet")
+            for axis in axes
+        )
+        return cls(
+            time=now,
+            joints=servos.joints,
+            q=np.where(zero_known, servos.to_joint(readings), np.nan),
+            readings=readings,
+            age=np.array([now - axis.seen for axis in axes]),
+            valid=np.array([reason is None for reason in trouble]),
+            moving=np.array([axis.on_its_way for axis in axes]),
+            enabled=np.array([axis.enabled for axis in axes]),
+            zero_known=zero_known,
+            trouble=trouble,
+        )
+
+    def to_mapping(self) -> dict[str, Any]:
+        """Return the state as plain data, for JSON; what is not known is None."""
+        return {
+            "joints": {
+                name: {
+                    "q_rad": _number(self.q[k]),
+                    "reading_counts": _number(self.readings[k]),
+                    "age_s": _number(self.age[k]),
+                    "valid": bool(self.valid[k]),
+                    "moving": bool(self.moving[k]),
+                    "enabled": bool(self.enabled[k]),
+                    "zero_known": bool(self.zero_known[k]),
+                    "trouble": self.trouble[k],
+                }
+                for k, name in enumerate(self.joints)
+            },
+        }
+
+
+def _number(value: float) -> float | None:
+    return float(value) if np.isfinite(value) else None

@@ -1,0 +1,97 @@
+"""A client of the motor server, for other Python processes."""
+
+import json
+import socket
+from collections.abc import Mapping
+from typing import Any
+
+from nico_selfmodel.errors import RobotError
+from nico_selfmodel.servos.motor_server import DEFAULT_PORT, LOOPBACK
+
+
+class MotorClient:
+    """Talks to the motor server of this machine, one request at a time."""
+
+    def __init__(self, port: int = DEFAULT_PORT, timeout: float = 10.0) -> None:
+        """Connect.
+
+        Args:
+            port: TCP port of the server.
+            timeout: Longest wait for an answer [s].
+
+        Raises:
+            RobotError: If no server listens there.
+        """
+        try:
+            self._socket = socket.create_connection((LOOPBACK, port), timeout)
+        except OSError as error:
+            raise RobotError(
+                f"no motor server on {LOOPBACK}:{port}: start one with nico-selfmodel servo serve"
+            ) from error
+        self._lines = self._socket.makefile("rb")
+        self.lease: str | None = None
+        """What `take_lease` was given."""
+
+    def __enter__(self) -> "MotorClient":
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self.close()
+
+    def close(self) -> None:
+        """Hang up; a lease ends with it, and the arm stops."""
+        self._lines.close()
+        self._socket.close()
+
+    def ask(self, op: str, **values: Any) -> dict[str, Any]:
+        """Send a request and return the answer, the lease with it if there is one.
+
+        Raises:
+            RobotError: If the server refuses, fails or is gone; says why.
+        """
+        request = {"op": op, **values}
+        if self.lease is not None:
+            request.setdefault("lease", self.lease)
+        try:
+            self._socket.sendall(json.dumps(request).encode() + b"\n")
+            line = self._lines.readline()
+        except OSError as error:
+            raise RobotError(f"the motor server does not answer: {error}") from error
+        if not line:
+            raise RobotError("the motor server has hung up")
+        answer = json.loads(line)
+        if not answer.pop("ok"):
+            raise RobotError(answer["error"])
+        return answer
+
+    def take_lease(self, seconds: float = 1.0) -> None:
+        """Become the one who commands; ask something within the time, or the arm stops.
+
+        Raises:
+            RobotError: If another process has it.
+        """
+        self.lease = self.ask("lease", seconds=seconds)["lease"]
+
+    def state(self) -> dict[str, Any]:
+        """Return the state of the arm.
+
+        Raises:
+            RobotError: If the arm has failed.
+        """
+        return self.ask("state")["state"]
+
+    def move(self, targets: Mapping[str, float], speed: float | None = None) -> float:
+        """Send joints to displacements [rad]; return how long it takes [s].
+
+        Raises:
+            RobotError: If the server refuses.
+        """
+        return self.ask("move", targets=dict(targets), speed_rad_s=speed)["seconds"]
+
+    def stop(self) -> None:
+        """Stop the arm; needs no lease.
+
+        Raises:
+            RobotError: If a joint did not confirm.
+        """
+        self.ask("stop")

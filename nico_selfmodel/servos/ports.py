@@ -1,0 +1,276 @@
+"""The byte stream that a bus owns: a real serial port, or the simulated line in virtual time."""
+
+import errno
+import os
+import select
+import time
+from typing import Protocol
+
+from nico_selfmodel.errors import BusError
+from nico_selfmodel.servos.pseudo_terminal import Device
+from nico_selfmodel.servos.simulated_line import BITS_PER_BYTE
+
+_LONGEST_READ = 4096
+
+
+class PortLostError(BusError):
+    """The port is gone: unplugged, or never opened."""
+
+
+class Port(Protocol):
+    """A byte stream with a clock of its own."""
+
+    name: str
+    rate: int
+    """Baud."""
+
+    def now(self) -> float:
+        """Return the time [s]."""
+        ...
+
+    def sleep(self, seconds: float) -> None:
+        """Let time pass; what arrives meanwhile waits."""
+        ...
+
+    def write(self, data: bytes) -> None:
+        """Send all bytes."""
+        ...
+
+    def read(self, count: int, timeout: float) -> bytes:
+        """Return `count` bytes, or fewer if the time [s] runs out first."""
+        ...
+
+    def set_rate(self, rate: int) -> None:
+        """Change the rate [baud] once everything written has left."""
+        ...
+
+    def reopen(self) -> None:
+        """Open again after the device was away."""
+        ...
+
+    def close(self) -> None:
+        """Give the device back."""
+        ...
+
+
+class SerialPort:
+    """A serial device, opened for this process alone. Opening sends nothing."""
+
+    def __init__(self, name: str, rate: int = 19200) -> None:
+        """Open a device.
+
+        Args:
+            name: `/dev/serial/by-id/...`, `/dev/ttyUSB0`, a pseudo-terminal.
+            rate: Baud.
+
+        Raises:
+            PortLostError: If it does not exist, may not be used or is used by another program.
+        """
+        self.name, self.rate = name, rate
+        self.low_latency = False
+        """Whether the adapter hands on bytes after 1 ms instead of 16."""
+        self._open()
+
+    def _open(self) -> None:
+        import serial
+
+        try:
+            self._serial = serial.Serial(self.name, self.rate, timeout=0, exclusive=True)
+            self._serial.reset_input_buffer()
+        except (OSError, ValueError, *_terminal_errors()) as error:
+            raise PortLostError(_why_not(self.name, error)) from error
+        try:
+            self._serial.set_low_latency_mode(True)
+            self.low_latency = True
+        except (OSError, ValueError, NotImplementedError):
+            self.low_latency = False  # a pseudo-terminal, or an adapter without it
+
+    def now(self) -> float:
+        """Return the time [s]."""
+        return time.monotonic()
+
+    def sleep(self, seconds: float) -> None:
+        """Let time pass; what arrives meanwhile waits."""
+        time.sleep(seconds)
+
+    def write(self, data: bytes) -> None:
+        """Send all bytes.
+
+        Raises:
+            PortLostError: If the device is gone or takes no bytes for a second.
+        """
+        handle = self._handle()
+        try:
+            while data:
+                if not select.select([], [handle], [], 1.0)[1]:
+                    raise PortLostError(f"{self.name} takes no more bytes: check the adapter")
+                data = data[os.write(handle, data) :]
+        except OSError as error:
+            raise self._lost(error) from error
+
+    def read(self, count: int, timeout: float) -> bytes:
+        """Return `count` bytes, or fewer if the time [s] runs out first.
+
+        Raises:
+            PortLostError: If the device is gone.
+        """
+        handle, until, data = self._handle(), time.monotonic() + timeout, b""
+        try:
+            while len(data) < count:
+                left = max(0.0, until - time.monotonic())
+                if not select.select([handle], [], [], left)[0]:
+                    break
+                arrived = os.read(handle, min(count - len(data), _LONGEST_READ))
+                if not arrived:
+                    raise PortLostError(self._unplugged())
+                data += arrived
+        except BlockingIOError:
+            pass
+        except OSError as error:
+            raise self._lost(error) from error
+        return data
+
+    def set_rate(self, rate: int) -> None:
+        """Change the rate [baud] once everything written has left.
+
+        Raises:
+            PortLostError: If the device is gone.
+        """
+        self._handle()
+        try:
+            self._serial.flush()
+            self._serial.baudrate = self.rate = rate
+        except (OSError, *_terminal_errors()) as error:
+            raise self._lost(error) from error
+
+    def reopen(self) -> None:
+        """Open again after the device was away.
+
+        Raises:
+            PortLostError: If it is still away.
+        """
+        self.close()
+        self._open()
+
+    def close(self) -> None:
+        """Give the device back; never fails."""
+        try:
+            self._serial.close()
+        except (OSError, *_terminal_errors()):
+            pass  # it is gone already
+
+    def _handle(self) -> int:
+        if not self._serial.is_open:
+            raise PortLostError(f"{self.name} is closed: open it first")
+        return self._serial.fileno()
+
+    def _unplugged(self) -> str:
+        return f"{self.name} is gone: plug the adapter in again, then connect anew"
+
+    def _lost(self, error: BaseException) -> PortLostError:
+        return error if isinstance(error, PortLostError) else PortLostError(self._unplugged())
+
+
+def _terminal_errors() -> tuple[type[BaseException], ...]:
+    import termios
+
+    return (termios.error,)  # no OSError, unlike every other error of a port
+
+
+def _why_not(name: str, error: BaseException) -> str:
+    """Say why a device cannot be opened and what to do."""
+    number = getattr(error, "errno", None)
+    if number is None:  # pyserial tells it only in words; what it caught has the number
+        cause = error.__context__ or error
+        number = cause.args[0] if cause.args else None
+    if number == errno.ENOENT:
+        return f"port {name} does not exist; {_ports_here()}"
+    if number in (errno.EACCES, errno.EPERM):
+        return f"no permission for port {name}: join the group that owns it (often 'dialout')"
+    if number in (errno.EBUSY, errno.EAGAIN) or "exclusively lock" in str(error):
+        return f"port {name} is in use: end the other program, it may be another servo command"
+    if number in (errno.ENOTTY, errno.EISDIR, errno.EINVAL):
+        return f"{name} is not a serial port; {_ports_here()}"
+    return f"port {name} cannot be opened: {error}"
+
+
+def _ports_here() -> str:
+    from serial.tools.list_ports import comports
+
+    found = sorted(port.device for port in comports())
+    return f"found {', '.join(found)}" if found else "no serial port is plugged in"
+
+
+class SimulatedPort:
+    """A simulated device without a pseudo-terminal, in a time that passes only when it is used.
+
+    Every delay is the device's, none the machine's, so that a run is the same each time.
+    """
+
+    def __init__(self, line: Device, rate: int = 19200) -> None:
+        """Connect to a device.
+
+        Args:
+            line: What is at the other end.
+            rate: Baud.
+        """
+        self.name, self.rate = "simulated", rate
+        self.line = line
+        self.time = 0.0
+        """The virtual clock [s]."""
+        self.unplugged = False
+        self._buffer = bytearray()
+
+    def now(self) -> float:
+        """Return the virtual time [s]."""
+        return self.time
+
+    def sleep(self, seconds: float) -> None:
+        """Let virtual time pass; what arrives meanwhile waits."""
+        self.time += seconds
+        self._buffer += self.line.due(self.time)
+        self.line.advance(self.time)
+
+    def write(self, data: bytes) -> None:
+        """Send all bytes; returns at once, as a serial driver does."""
+        self._check()
+        self._buffer += self.line.due(self.time)
+        self.line.receive(data, self.time, self.rate)
+
+    def read(self, count: int, timeout: float) -> bytes:
+        """Return `count` bytes, or fewer if the time [s] runs out first."""
+        self._check()
+        until = self.time + timeout
+        self._buffer += self.line.due(self.time)
+        while len(self._buffer) < count:
+            event = self.line.next_event()
+            if event is None or event > until:
+                self.time = until
+                self._buffer += self.line.due(until)
+                break
+            self.time = max(self.time, event)
+            self._buffer += self.line.due(self.time)
+        data = bytes(self._buffer[:count])
+        del self._buffer[:count]
+        return data
+
+    def set_rate(self, rate: int) -> None:
+        """Change the rate [baud] once everything written has left."""
+        self._check()
+        while (event := self.line.next_event()) is not None:
+            self.time = max(self.time, event)
+            self._buffer += self.line.due(self.time)
+        self.sleep(BITS_PER_BYTE / rate)
+        self.rate = rate
+
+    def reopen(self) -> None:
+        """Open again after the device was away."""
+        self._check()
+        self._buffer.clear()
+
+    def close(self) -> None:
+        """Do nothing."""
+
+    def _check(self) -> None:
+        if self.unplugged:
+            raise PortLostError(f"port {self.name} is gone: plug the adapter in again")

@@ -1,0 +1,45 @@
+"""An arm and a board in virtual time, and the byte vectors of the protocol."""
+
+import json
+import os
+from pathlib import Path
+
+import pytest
+
+from nico_selfmodel.servos import Bus, PicServo, SimulatedLine, SimulatedModule, SimulatedPort, scan
+
+from .arms import virtual_arm
+
+
+@pytest.fixture
+def virtual():
+    """Return an arm in virtual time: connected, enabled, its zero trusted."""
+    made = virtual_arm()
+    made.arm.connect()
+    made.arm.enable()
+    return made
+
+
+@pytest.fixture
+def module():
+    """Return one simulated module and the driver's side of it."""
+    board = SimulatedModule()
+    port = SimulatedPort(SimulatedLine([board]))
+    bus = Bus(port)
+    scan(bus, [1])
+    servo = PicServo(bus, 1)
+    servo.watch()
+    return board, servo, port
+
+
+@pytest.fixture(scope="session")
+def published_vectors(project_root):
+    """Return the byte vectors of the protocol's description, or skip with the reason."""
+    named = os.environ.get("NICO_PICSERVO")
+    folder = Path(named) if named else project_root.parent / "shared" / "picservo"
+    path = folder / "vectors.json"
+    if not path.is_file():
+        source = "$NICO_PICSERVO" if named else "no $NICO_PICSERVO, and"
+        pytest.skip(f"no byte vectors: {source} {path} is not a file")
+    entries = json.loads(path.read_text(encoding="utf-8"))
+    return {entry["name"]: bytes.fromhex(entry["hex"]) for entry in entries}

@@ -1,0 +1,553 @@
+"""An arm by the names of its joints: motions, limits, faults, and what stops it."""
+
+import math
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from nico_selfmodel.errors import BusError, ServoFault
+from nico_selfmodel.model import ServoMap
+from nico_selfmodel.servos import BusSettings, PortLostError, SimulatedModule, WireFaults
+
+from .arms import COUNTS_PER_TURN, JOINTS, virtual_arm
+
+COUNTS_PER_RADIAN = COUNTS_PER_TURN / (2 * math.pi)
+
+
+def sent_by(made):
+    """Return the list to which every command that a module carries out is added."""
+    commands = []
+    for module in made.modules:
+        original = module.execute
+
+        def execute(command, module=module, original=original):
+            commands.append((module.address, command))
+            return original(command)
+
+        module.execute = execute
+    return commands
+
+
+def test_making_and_connecting_moves_and_enables_nothing():
+    made = virtual_arm()
+    assert made.port.time == 0.0
+    made.arm.connect()
+    made.port.sleep(1.0)
+    assert made.shafts() == [0.0] * 6
+    assert not any(module.amplifier or module.servo_on for module in made.modules)
+    state = made.arm.state()
+    assert not state.enabled.any()
+    assert state.valid.all()
+
+
+def test_an_arm_must_be_connected_first():
+    made = virtual_arm()
+    for action in (made.arm.enable, made.arm.cycle, made.arm.stop, made.arm.release):
+        with pytest.raises(BusError, match="connect first"):
+            action()
+    assert not made.arm.state().valid.any()
+    assert made.arm.state().to_mapping()["joints"]["right_elbow"]["reading_counts"] is None
+
+
+def test_a_move_ends_where_it_was_sent_whichever_way_a_board_is_wired(virtual):
+    targets = {"right_elbow": 0.9, "right_wrist": -0.4, "right_shoulder_pitch": 0.2}
+    expected = virtual.arm.move(targets)
+    assert virtual.cycle_until_there() == pytest.approx(expected, abs=0.25)
+    state = virtual.arm.cycle()
+    reached = dict(zip(state.joints, state.q, strict=True))
+    for name in JOINTS:
+        assert reached[name] == pytest.approx(targets.get(name, 0.0), abs=1 / COUNTS_PER_RADIAN)
+    assert virtual.modules[3].position == -round(0.9 * COUNTS_PER_RADIAN)  # wired backwards
+    assert virtual.modules[4].position == 0
+
+
+def test_joints_of_one_move_arrive_together(virtual):
+    virtual.arm.move({"right_elbow": 1.2, "right_wrist": 0.1})
+    done = {}
+    while virtual.arm.moving:
+        virtual.arm.heartbeat()
+        state = virtual.arm.cycle()
+        for name, moving in zip(state.joints, state.moving, strict=True):
+            if not moving and name not in done:
+                done[name] = virtual.port.time
+    assert done["right_elbow"] == pytest.approx(done["right_wrist"], abs=0.15)
+
+
+def test_a_slower_move_keeps_its_speed(virtual):
+    virtual.arm.move({"right_elbow": 1.0}, speed=0.25)
+    positions = []
+    while virtual.arm.moving:
+        virtual.arm.heartbeat()
+        positions.append((virtual.port.time, virtual.arm.cycle().q[3]))
+    times, q = np.array(positions).T
+    speeds = np.diff(q) / np.diff(times)
+    assert np.median(speeds) == pytest.approx(0.25, rel=0.05)
+    assert speeds.max() < 0.3
+
+
+def test_a_stream_of_commands_is_followed(virtual):
+    for step in range(40):
+        target = 0.4 * math.sin(0.1 * step)
+        virtual.arm.command(np.full(6, target))
+        virtual.arm.cycle()
+    virtual.cycle_until_there()
+    assert virtual.arm.cycle().q == pytest.approx(np.full(6, target), abs=1 / COUNTS_PER_RADIAN)
+
+
+def test_the_self_model_gives_the_angles():
+    one = np.ones(1)
+    servos = ServoMap(
+        ("right_elbow",), 0.2 * one, 1.25 * one, ("counts",), COUNTS_PER_TURN * one, -one
+    )
+    made = virtual_arm(servos=servos)
+    made.arm.connect()
+    made.arm.enable()
+    low, high = made.arm.limits.positions[3]
+    assert (low, high) == pytest.approx(((-np.pi / 2 - 0.2) / 1.25, (np.pi / 2 - 0.2) / 1.25))
+    assert made.arm.limits.speeds[3] == pytest.approx(math.radians(60) / 1.25)
+    made.arm.move({"right_elbow": 0.5})
+    made.cycle_until_there()
+    state = made.arm.cycle()
+    assert state.q[3] == pytest.approx(0.5, abs=1e-4)
+    assert state.readings[3] == pytest.approx(servos.to_encoder([0.5])[0], abs=1)
+
+
+@pytest.mark.parametrize(
+    ("targets", "words"),
+    [
+        ({"right_elbow": float("nan")}, ("right_elbow", "finite", "nan")),
+        ({"right_elbow": float("inf")}, ("right_elbow", "finite")),
+        ({"right_elbow": 1.6}, ("right_elbow cannot go to 91.7 deg", "-90.0 to 90.0 deg")),
+        ({"right_elbow": 1.0, "right_wrist": -2.0}, ("right_wrist cannot go to -114.6 deg",)),
+        ({"left_knee": 0.0}, ("left_knee", "right_elbow")),
+    ],
+)
+def test_a_bad_target_is_refused_and_nothing_moves(virtual, targets, words):
+    commands = sent_by(virtual)
+    with pytest.raises(ValueError, match=words[0]) as caught:
+        virtual.arm.move(targets)
+    assert all(word in str(caught.value) for word in words)
+    assert commands == []
+    with pytest.raises(ValueError, match="finite"):
+        virtual.arm.command([0, 0, 0, float("nan"), 0, 0])
+    with pytest.raises(ValueError, match=r"shape \(6,\), got \(5,\)"):
+        virtual.arm.command(np.zeros(5))
+
+
+@pytest.mark.parametrize(
+    ("options", "words"),
+    [
+        ({"speed": 1.2}, "speed must be at most 1.05 rad/s"),
+        ({"speed": 0.0}, "speed must be a positive number"),
+        ({"speed": float("nan")}, "speed must be a positive number"),
+        ({"acceleration": 5.0}, "acceleration must be at most 4.19"),
+        ({"acceleration": 1.0}, "too little to stop in time from 1.05 rad/s"),
+    ],
+)
+def test_a_speed_beyond_its_limit_is_refused(virtual, options, words):
+    with pytest.raises(ValueError, match=words):
+        virtual.arm.move({"right_elbow": 0.1}, **options)
+
+
+def test_the_limits_themselves_can_be_reached(virtual):
+    low, high = virtual.arm.limits.positions[5]
+    for target in (low, high):
+        virtual.arm.move({"right_wrist": target})
+        virtual.cycle_until_there()
+
+
+def test_poses_are_refused_until_the_zero_is_known():
+    made = virtual_arm(trust_zero=False)
+    assert made.arm.connect() == JOINTS
+    made.arm.enable()
+    for action in (
+        lambda: made.arm.move({"right_elbow": 0.1}),
+        lambda: made.arm.command([0.0] * 6),
+    ):
+        with pytest.raises(ServoFault, match=r"rezero is due: .*right_elbow"):
+            action()
+    assert np.isnan(made.arm.state().q).all()
+    assert made.arm.state().valid.all()  # the readings are good
+    made.arm.trust_zero = True
+    made.arm.move({"right_elbow": 0.1})
+    made.cycle_until_there()
+
+
+def test_a_joint_that_is_not_enabled_does_not_move():
+    made = virtual_arm()
+    made.arm.connect()
+    made.arm.enable(["right_wrist"])
+    with pytest.raises(ServoFault, match=r"right_elbow .module 4. is not enabled"):
+        made.arm.move({"right_elbow": 0.1})
+    made.arm.move({"right_wrist": 0.1})
+    made.cycle_until_there()
+    assert [module.amplifier for module in made.modules] == [False] * 5 + [True]
+
+
+def test_enabling_sends_mode_and_gains_before_the_amplifier_is_on():
+    made = virtual_arm()
+    made.arm.connect()
+    commands = sent_by(made)
+    made.arm.enable(["right_elbow"])
+    names = [type(command).__name__ for address, command in commands if address == 4]
+    assert names[:4] == ["IoControl", "SetGain", "StopMotor", "StopMotor"]
+    assert {address for address, _ in commands} == {4}
+
+
+def test_a_failed_enable_switches_off_what_it_switched_on():
+    made = virtual_arm()
+    made.arm.connect()
+    made.modules[3].silent = True
+    with pytest.raises(BusError, match="module 4"):
+        made.arm.enable()
+    assert not any(module.amplifier for module in made.modules)
+    assert not made.arm.state().enabled.any()
+
+
+def test_stop_brakes_every_joint_and_holds(virtual):
+    virtual.arm.move(dict.fromkeys(JOINTS, 1.5))
+    for _ in range(5):
+        virtual.arm.heartbeat()
+        virtual.arm.cycle()
+    virtual.arm.stop()
+    assert virtual.seconds_to_rest() < 0.3
+    assert all(0.1 < abs(s) < 1.2 * COUNTS_PER_RADIAN for s in virtual.shafts())
+    assert all(module.servo_on for module in virtual.modules)
+    assert not virtual.arm.cycle().moving.any()
+
+
+def test_release_lets_go_of_what_it_names(virtual):
+    virtual.arm.release(["right_elbow"])
+    assert [module.amplifier for module in virtual.modules] == [True] * 3 + [False] + [True] * 2
+    virtual.modules[3].shaft += 5000.0  # somebody pushes it
+    state = virtual.arm.cycle()
+    assert not state.enabled[3]
+    assert state.readings[3] == -5000.0
+
+
+@pytest.mark.parametrize("heartbeat", [0.2, 0.3, 0.6])
+def test_a_host_that_dies_leaves_an_arm_that_stops_in_time(heartbeat):
+    made = virtual_arm(heartbeat=heartbeat)
+    made.arm.connect()
+    made.arm.enable()
+    for cycles in (0, 1, 2, 3, 5, 8):
+        made.arm.move(dict.fromkeys(JOINTS, 1.5 if cycles % 2 else -1.5))
+        for _ in range(cycles):
+            made.arm.heartbeat()
+            made.arm.cycle()
+        # Not one byte more; the boards have no watchdog.
+        assert made.seconds_to_rest() <= heartbeat + 0.5
+        assert max(map(abs, made.shafts())) < 1.45 * COUNTS_PER_RADIAN
+        made.arm.stop()
+        made.arm.move(dict.fromkeys(JOINTS, 0.0))
+        made.cycle_until_there()
+
+
+def test_a_host_whose_program_hangs_is_stopped_by_its_bus_thread(virtual):
+    virtual.arm.move({"right_elbow": 1.5})
+    begin = virtual.port.time
+    while virtual.arm.moving:
+        virtual.arm.cycle()  # reads, but nobody says that the program lives
+    assert virtual.seconds_to_rest() + virtual.port.time - begin < 0.3 + 0.6
+    assert virtual.arm.cycle().q[3] < 0.9
+    virtual.arm.move({"right_elbow": 1.0})  # and it can be moved again
+    virtual.cycle_until_there()
+    assert virtual.arm.cycle().q[3] == pytest.approx(1.0, abs=1e-4)
+
+
+def test_no_goal_ever_lies_further_ahead_than_the_heartbeat(virtual):
+    commands = sent_by(virtual)
+    virtual.arm.move(dict.fromkeys(JOINTS, 1.5))
+    speed, braking = math.radians(60), math.radians(60) ** 2 / math.radians(240) / 2
+    reach = (speed * 0.3 + braking) * COUNTS_PER_RADIAN
+    furthest = 0.0
+    while virtual.arm.moving:
+        before = [module.position for module in virtual.modules]
+        virtual.arm.heartbeat()
+        virtual.arm.cycle()
+        for address, command in commands:
+            if type(command).__name__ == "LoadTrajectory" and command.position is not None:
+                furthest = max(furthest, abs(command.position - before[address - 1]))
+        commands.clear()
+    assert 0.5 * reach < furthest <= reach + 1
+
+
+def test_a_silent_module_is_named_and_the_others_stop(virtual):
+    virtual.arm.move(dict.fromkeys(JOINTS, 1.5))
+    for _ in range(4):
+        virtual.arm.heartbeat()
+        virtual.arm.cycle()
+    virtual.modules[2].silent = True
+    begin = virtual.port.time
+    words = r"right_upper_arm_twist \(module 3\) is lost: .* other joints were stopped and hold"
+    with pytest.raises(BusError, match=words) as caught:
+        virtual.cycle_until_there()
+    assert virtual.port.time - begin < 1.0
+    state = caught.value.partial
+    assert list(state.valid) == [True, True, False, True, True, True]
+    assert virtual.seconds_to_rest() < 0.5
+    assert all(module.servo_on for module in virtual.modules)
+
+
+def test_a_cable_that_is_pulled_is_an_error_and_the_arm_stops(virtual):
+    virtual.arm.move(dict.fromkeys(JOINTS, 1.5))
+    for _ in range(3):
+        virtual.arm.heartbeat()
+        virtual.arm.cycle()
+    virtual.port.unplugged = True
+    with pytest.raises(PortLostError, match=r"plug the adapter in again.*stops by itself"):
+        virtual.arm.cycle()
+    assert virtual.seconds_to_rest() <= 0.8
+    virtual.arm.close()
+    virtual.port.unplugged = False
+    at = virtual.shafts()
+    assert virtual.arm.reattach() == JOINTS  # never homed: only trusted
+    state = virtual.arm.cycle()
+    assert state.enabled.all()  # they hold, nothing was reset
+    assert virtual.shafts() == at
+    virtual.arm.move({"right_elbow": 0.0})
+    virtual.cycle_until_there()
+
+
+def blocked(module):
+    module.mechanics.stuck = True
+
+
+def overloaded(module):
+    module.overload()
+
+
+def without_power(module):
+    module.motor_power = False
+
+
+@pytest.mark.parametrize(
+    ("trouble", "words"),
+    [
+        (blocked, "position error above 4000 counts: the joint is blocked"),
+        (overloaded, "over-current: something blocks the joint"),
+        (without_power, "no motor power: emergency stop?"),
+    ],
+)
+def test_a_fault_stops_the_others_and_says_what_to_do(virtual, trouble, words):
+    virtual.arm.move(dict.fromkeys(JOINTS, 1.2))
+    virtual.arm.cycle()
+    trouble(virtual.modules[3])
+    with pytest.raises(ServoFault, match=rf"right_elbow .module 4.: ({words})") as caught:
+        virtual.cycle_until_there()
+    assert "enable" in str(caught.value)
+    assert "The other joints were stopped" in str(caught.value)
+    assert virtual.seconds_to_rest() < 0.5
+    state = virtual.arm.cycle()
+    assert state.trouble[3] is not None
+    assert list(state.enabled) == [True] * 3 + [False] + [True] * 2
+    virtual.modules[3].mechanics.stuck, virtual.modules[3].motor_power = False, True
+    virtual.arm.enable(["right_elbow"])
+    virtual.arm.move(dict.fromkeys(JOINTS, 0.3))
+    virtual.cycle_until_there()
+    assert virtual.arm.cycle().q == pytest.approx(np.full(6, 0.3), abs=1e-4)
+
+
+def test_a_servo_that_went_off_is_noticed_where_the_joint_stands(virtual):
+    virtual.modules[3].profile.switch_off()
+    with pytest.raises(ServoFault, match=r"right_elbow .module 4.: position error"):
+        virtual.arm.cycle()
+
+
+def test_every_axis_is_stopped_though_two_cannot_be(virtual):
+    virtual.arm.move(dict.fromkeys(JOINTS, 1.5))
+    virtual.arm.cycle()
+    virtual.modules[0].silent = virtual.modules[4].silent = True
+    with pytest.raises(BusError, match=r"module 1.*module 5"):
+        virtual.arm.stop()
+    assert virtual.seconds_to_rest() < 0.5
+    with pytest.raises(BusError, match=r"module 1.*module 5"):
+        virtual.arm.release()
+    assert not any(module.amplifier for module in virtual.modules)
+
+
+def test_a_board_that_lost_its_power_is_missed_and_not_reset(virtual):
+    virtual.modules[5].power_cycle()
+    with pytest.raises(BusError, match=r"right_wrist \(module 6\) is lost"):
+        virtual.arm.cycle()
+    assert [module.address for module in virtual.modules] == [1, 2, 3, 4, 5, 0]
+    assert all(module.servo_on for module in virtual.modules[:5])
+
+
+def test_a_joint_that_missed_the_common_start_moves_all_the_same(virtual):
+    rng = np.random.default_rng(0)
+    original = virtual.bus.send
+
+    def lose(address, command):
+        virtual.line.faults = WireFaults(rng, drop=1.0)
+        original(address, command)
+        virtual.line.faults = None
+
+    virtual.bus.send = lose
+    virtual.arm.move({"right_elbow": 1.2, "right_wrist": 0.002})
+    virtual.cycle_until_there()
+    assert virtual.arm.cycle().q[[3, 5]] == pytest.approx([1.2, 0.002], abs=1e-4)
+
+
+def test_a_jump_of_the_position_is_believed_only_when_it_is_seen_twice(virtual):
+    module = virtual.modules[3]
+    original, lies = module.status, [7000]
+
+    def lie():
+        status = original()
+        return replace(status, position=lies.pop()) if lies else status
+
+    module.status = lie
+    assert virtual.arm.cycle().readings[3] == 0.0
+    assert virtual.bus.counts[4].implausible == 1
+
+
+def test_positions_that_never_agree_are_an_error(virtual):
+    module = virtual.modules[3]
+    original, count = module.status, [0]
+
+    def lie():
+        count[0] += 1
+        return replace(original(), position=100_000 * count[0])
+
+    module.status = lie
+    with pytest.raises(BusError, match="contradict each other"):
+        virtual.arm.cycle()
+
+
+@pytest.mark.parametrize(
+    ("spoil", "words"),
+    [
+        (lambda m: m.clear(), "no module answers on simulated: are the boards switched on"),
+        (lambda m: m.pop(), r"5 of 6 modules answer; missing: right_wrist \(module 6\)"),
+        (
+            lambda m: m.__setitem__(1, SimulatedModule(device_type=2)),
+            "module 2 is a PIC-IO version 10, but right_shoulder_roll needs a PIC-SERVO",
+        ),
+        (
+            lambda m: m.__setitem__(1, SimulatedModule(version=5)),
+            "PIC-SERVO version 5: goals that move on need version 10",
+        ),
+    ],
+)
+def test_a_wrong_set_of_boards_is_explained(spoil, words):
+    modules = [SimulatedModule() for _ in range(6)]
+    spoil(modules)
+    made = virtual_arm(modules or [SimulatedModule(device_type=9)])
+    if not modules:
+        made.line.broken_after = 0
+    with pytest.raises(BusError, match=words):
+        made.arm.connect()
+
+
+@pytest.mark.parametrize("earlier", [9600, 19200, 57600, 115200])
+def test_boards_are_found_at_another_rate_and_brought_to_the_right_one(earlier):
+    made = virtual_arm(baud=57600)
+    if earlier == 9600:  # never used by us
+        for module in made.modules:
+            module.baud = earlier
+        with pytest.raises(BusError, match="no module answers"):
+            made.arm.connect()
+        return
+    if earlier != 19200:
+        virtual_rate = virtual_arm(made.modules, baud=earlier)
+        virtual_rate.arm.connect()
+    made.arm.connect()
+    assert {module.baud for module in made.modules} == {57600}
+    assert made.bus.rate == 57600
+
+
+def test_connecting_to_a_moving_arm_stops_it_smoothly_and_keeps_it_on(virtual):
+    virtual.arm.move(dict.fromkeys(JOINTS, 1.5))
+    for _ in range(3):
+        virtual.arm.heartbeat()
+        virtual.arm.cycle()
+    again = virtual_arm(virtual.modules)
+    again.port.time = virtual.port.time
+    again.arm.connect()
+    assert again.seconds_to_rest() < 0.3
+    assert again.arm.cycle().enabled.all()
+    again.arm.move(dict.fromkeys(JOINTS, 0.0))
+    again.cycle_until_there()
+
+
+def test_closing_stops_what_moves_and_goes_on_holding(virtual):
+    virtual.arm.move({"right_elbow": 1.5})
+    virtual.arm.cycle()
+    with virtual.arm:
+        pass
+    assert virtual.seconds_to_rest() < 0.3
+    assert all(module.servo_on for module in virtual.modules)
+
+
+def test_an_outside_plant_moves_the_shafts():
+    """A plant that lags behind its servos: what the encoders say is what the plant says."""
+    made = virtual_arm()
+    counts = np.zeros(6)
+    asked = []
+
+    def plant(time, commanded):
+        nonlocal counts
+        asked.append(time)
+        held = ~np.isnan(commanded)
+        counts = np.where(held, counts + 0.2 * (np.where(held, commanded, 0.0) - counts), counts)
+        return np.round(counts)
+
+    made.line.plant = plant
+    for module in made.modules:
+        module.external = True
+    made.arm.connect()
+    made.arm.enable()
+    made.arm.move({"right_elbow": 0.5}, speed=0.3)
+    made.cycle_until_there()
+    for _ in range(20):
+        made.arm.cycle()
+    assert made.arm.cycle().q[3] == pytest.approx(0.5, abs=3 / COUNTS_PER_RADIAN)
+    assert min(np.diff(asked)) >= made.line.plant_period - 1e-9
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("seed", range(2))
+def test_a_soak_on_a_bad_line_accepts_no_wrong_position_and_recovers(seed):
+    """10,000 commands; 1 % of the bytes corrupted, 1 % dropped, 0.1 % doubled, both ways."""
+    made = virtual_arm(settings=BusSettings(attempts=12), heartbeat=1.0)
+    made.arm.connect()
+    made.arm.enable()
+    rng = np.random.default_rng(seed)
+    made.line.faults = WireFaults(rng, corrupt=0.01, drop=0.01, duplicate=0.001)
+    said = [set() for _ in JOINTS]
+    for module, positions in zip(made.modules, said, strict=True):
+        original = module.reply
+
+        def reply(*a, module=module, positions=positions, original=original, **k):
+            positions.add(module.position)
+            return original(*a, **k)
+
+        module.reply = reply
+    moves = recovered = 0
+    before = made.bus.total().exchanges
+    while made.bus.total().exchanges - before < 10_000:
+        try:
+            made.arm.heartbeat()
+            if not made.arm.moving:
+                moves += 1
+                chosen = rng.choice(JOINTS, 3, replace=False)
+                made.arm.move({name: float(rng.uniform(-1.0, 1.0)) for name in chosen})
+            state = made.arm.cycle()
+        except (BusError, ServoFault):  # a command whose damage its checksum does not show
+            recovered += 1
+            made.arm.connect()
+            made.arm.enable()
+            continue
+        accepted = [axis.position for axis in made.arm.axes]
+        wrong = [p for p, positions in zip(accepted, said, strict=True) if p not in positions]
+        assert wrong == []
+        assert state.valid.all()
+        for positions, position in zip(said, accepted, strict=True):
+            positions.intersection_update({position})
+    total, faults = made.bus.total(), made.line.faults
+    assert moves > 100
+    assert recovered <= 2
+    assert min(total.timeouts, total.damaged, total.refused, total.stray_bytes) > 100
+    assert min(faults.corrupted, faults.dropped, faults.duplicated) > 100

@@ -1,0 +1,120 @@
+"""Finding the zero again after the power was off."""
+
+import math
+from dataclasses import replace
+
+import pytest
+
+from nico_selfmodel.errors import ServoFault
+from nico_selfmodel.servos import (
+    ArmController,
+    Bus,
+    SimulatedLine,
+    SimulatedModule,
+    SimulatedPort,
+    find_home,
+    zero_here,
+)
+from nico_selfmodel.servos.servo_config import HomePlan
+
+from .arms import COUNTS_PER_TURN, VirtualArm, configuration, virtual_arm
+
+COUNTS_PER_RADIAN = COUNTS_PER_TURN / (2 * math.pi)
+
+
+def homing_arm(plan, sign=1):
+    """Return an arm of one joint with a way to find home, powered up 0.2 rad from there."""
+    config = configuration(("elbow",))
+    joint = replace(config.joints[0], home=plan, sign=sign)
+    board = SimulatedModule(shaft=-8000)
+    line = SimulatedLine([board])
+    port = SimulatedPort(line)
+    bus = Bus(port)
+    arm = ArmController(bus, replace(config, joints=(joint,)))
+    arm.connect()
+    arm.enable()
+    return VirtualArm(line, port, bus, arm)
+
+
+def test_a_joint_that_stands_at_its_home_is_zeroed_without_moving():
+    made = virtual_arm(trust_zero=False)
+    made.arm.connect()
+    for name in made.arm.joints:
+        zero_here(made.arm, name)
+    assert made.arm.rezero_due == ()
+    assert made.shafts() == [0.0] * 6
+    zero_here(made.arm, "right_elbow", 0.5)
+    assert made.arm.cycle().q[3] == pytest.approx(0.5, abs=1e-4)
+    assert made.arm.cycle().q[2] == 0.0
+    made.arm.enable()
+    made.arm.move({"right_elbow": 0.0})
+    made.cycle_until_there()
+    assert made.modules[3].shaft == pytest.approx(0.5 * COUNTS_PER_RADIAN, abs=1)
+
+
+def test_the_zero_outlives_this_program_but_not_the_power():
+    made = virtual_arm(trust_zero=False)
+    made.arm.connect()
+    for name in made.arm.joints:
+        zero_here(made.arm, name)
+    again = virtual_arm(made.modules, trust_zero=False)
+    assert again.arm.connect() == ()
+    for module in made.modules:
+        module.power_cycle()
+    assert len(virtual_arm(made.modules, trust_zero=False).arm.connect()) == 6
+
+
+@pytest.mark.parametrize("sign", [1, -1])
+def test_a_switch_gives_the_zero(sign):
+    plan = HomePlan("limit_1", at=0.3, speed=sign * 0.2, travel=2.0)
+    made = homing_arm(plan, sign)
+    made.modules[0].mechanics.upper_switch = 1000.0
+    find_home(made.arm, "elbow")
+    assert made.arm.rezero_due == ()
+    # Where the switch is, the encoder now reads `at`.
+    state = made.arm.cycle()
+    beyond = (made.modules[0].shaft - 1000.0) / COUNTS_PER_RADIAN * sign
+    assert state.q[0] == pytest.approx(0.3 + beyond, abs=3 / COUNTS_PER_RADIAN)
+    assert 0.0 < abs(beyond) < 0.05
+    made.arm.move({"elbow": 0.3})
+    made.cycle_until_there()
+    assert made.modules[0].shaft == pytest.approx(1000.0, abs=3)
+
+
+def test_a_switch_that_does_not_show_is_a_fault_and_the_joint_stands():
+    made = homing_arm(HomePlan("limit_1", at=0.0, speed=0.5, travel=0.6))
+    with pytest.raises(ServoFault, match=r"elbow .module 1.: no limit_1 within 34.3"):
+        find_home(made.arm, "elbow")
+    assert made.seconds_to_rest() < 0.3
+    assert made.modules[0].shaft + 8000 <= 0.6 * COUNTS_PER_RADIAN + 1
+    assert made.arm.rezero_due == ("elbow",)
+
+
+def test_a_host_that_dies_while_homing_leaves_a_joint_that_stops():
+    made = homing_arm(HomePlan("limit_1", at=0.0, speed=0.5, travel=6.0))
+
+    class HostDiedError(Exception):
+        pass
+
+    def die(arm):
+        if made.port.time > 3.0:
+            raise HostDiedError
+
+    with pytest.raises(HostDiedError):
+        find_home(made.arm, "elbow", die)
+    assert made.modules[0].profile.velocity != 0
+    assert made.seconds_to_rest() <= 0.3 + 0.5
+
+
+def test_homing_is_refused_where_it_makes_no_sense():
+    made = homing_arm(HomePlan())
+    with pytest.raises(ValueError, match="no mark to look for"):
+        find_home(made.arm, "elbow")
+    made.arm.trust_zero = True
+    made.arm.move({"elbow": 1.0})
+    with pytest.raises(ServoFault, match="moves: wait until it stands"):
+        zero_here(made.arm, "elbow")
+    marked = homing_arm(HomePlan("limit_1", at=0.0, speed=0.5, travel=6.0))
+    marked.arm.release()
+    with pytest.raises(ServoFault, match="not enabled"):
+        find_home(marked.arm, "elbow")
