@@ -1,7 +1,13 @@
 """What every test shares: one BLAS thread, Hypothesis without a clock, the real measurements."""
 
+import contextlib
+import io
 import os
+import subprocess
+import sys
+import warnings
 from pathlib import Path
+from unittest import mock
 
 # Before numpy is imported: two BLAS threads make small factorisations many times slower.
 os.environ.setdefault("OMP_NUM_THREADS", "1")
@@ -11,11 +17,15 @@ os.environ.setdefault("MPLBACKEND", "Agg")
 import hypothesis
 import pytest
 
+from nico_selfmodel.cli import main
+
 # The clock of a busy machine is no property of the code. CI must not depend on the day's luck.
 hypothesis.settings.register_profile("project", deadline=None, derandomize="CI" in os.environ)
 hypothesis.settings.load_profile("project")
 
 PROJECT_ROOT = Path(__file__).resolve().parents[1]
+CODE = "from nico_selfmodel.cli import main; main()"
+SURROUNDINGS = {"OMP_NUM_THREADS": "1", "NO_COLOR": "1", "COLUMNS": "120"}
 
 
 @pytest.fixture(scope="session")
@@ -33,3 +43,60 @@ def real_data_folder() -> Path:
         source = "$NICO_DATA" if named else "no $NICO_DATA, and"
         pytest.skip(f"no real measurements: {source} {folder} is not a folder")
     return folder
+
+
+@pytest.fixture
+def undrawn(monkeypatch):
+    """Leave the figures of a report empty, for tests of what stands around them."""
+    monkeypatch.setattr(
+        "nico_selfmodel.viz.report.svg_data_uri", lambda _: "data:image/svg+xml;base64,"
+    )
+
+
+@pytest.fixture(scope="session")
+def process():
+    """Return a function that runs `nico-selfmodel` as a process of its own."""
+
+    def run(*words, stdin=None, cwd=None):
+        return subprocess.run(
+            [sys.executable, "-W", "error::DeprecationWarning", "-c", CODE, *map(str, words)],
+            capture_output=True,
+            text=True,
+            input=stdin,
+            cwd=cwd,
+            env={**os.environ, **SURROUNDINGS},
+            timeout=120,
+            check=False,
+        )
+
+    return run
+
+
+@pytest.fixture(scope="session")
+def command():
+    """Return a function that runs `nico-selfmodel` here, which saves loading what it imports.
+
+    It sees the same words and streams as `process` and ends with the same exit code.
+    """
+
+    def run(*words, stdin=""):
+        out, err, code = io.StringIO(), io.StringIO(), None
+        words = list(map(str, words))
+        with (
+            contextlib.redirect_stdout(out),
+            contextlib.redirect_stderr(err),
+            mock.patch.object(sys, "stdin", io.StringIO(stdin)),
+            mock.patch.object(sys, "argv", ["nico-selfmodel", *words]),
+            mock.patch.dict(os.environ, SURROUNDINGS),
+            warnings.catch_warnings(),
+        ):
+            # A warning is a line to a person here, not an error as in the other tests.
+            warnings.simplefilter("default")
+            warnings.simplefilter("error", DeprecationWarning)
+            try:
+                main()
+            except SystemExit as end:
+                code = end.code
+        return subprocess.CompletedProcess(words, code, out.getvalue(), err.getvalue())
+
+    return run

@@ -19,11 +19,12 @@ from nico_selfmodel.cli import (
     markers,
     pick_color,
     predict,
-    rezero,
     record,
+    rezero,
     servo,
     simulate,
     view,
+    watch,
 )
 from nico_selfmodel.errors import SelfModelError
 
@@ -44,6 +45,7 @@ app.command("predict")(predict.predict)
 app.command("export-urdf")(export_urdf.export_urdf)
 app.command("locate")(locate.locate)
 app.command("view")(view.view)
+app.command("watch")(watch.watch)
 app.command("detect")(detect.detect)
 app.command("pick-color")(pick_color.pick_color)
 app.add_typer(simulate.app, name="simulate")

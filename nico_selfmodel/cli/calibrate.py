@@ -5,7 +5,7 @@ from typing import Annotated
 
 import typer
 
-from nico_selfmodel.cli import calibrate_cameras, console
+from nico_selfmodel.cli import calibrate_body, calibrate_cameras, calibrate_mirror, console
 from nico_selfmodel.cli.robot_options import (
     Arm,
     Base,
@@ -20,6 +20,9 @@ from nico_selfmodel.cli.robot_options import (
 app = typer.Typer(help="Learn a self-model from recorded data.", no_args_is_help=True)
 app.command("stereo")(calibrate_cameras.stereo)
 app.command("camera")(calibrate_cameras.camera)
+app.command("body")(calibrate_body.body)
+app.command("tool")(calibrate_body.tool)
+app.command("mirror")(calibrate_mirror.mirror)
 
 
 @app.callback()

@@ -5,9 +5,11 @@ from typing import Annotated
 
 import typer
 
-from nico_selfmodel.cli import console
+from nico_selfmodel.cli import console, experiment_body
 
 app = typer.Typer(help="Run an experiment of the thesis.", no_args_is_help=True)
+app.command("refinement")(experiment_body.refinement)
+app.command("tool")(experiment_body.tool)
 
 
 @app.callback()
@@ -91,4 +93,77 @@ def motion_capture(
     title = f"Error on 100 random poses [mm], {individuals} simulated robots, world {world}"
     console.print_table(title, *table_rows(results))
     console.print_table(f"{repeats} random subsets", *repeat_rows(results))
+    console.print_where(out)
+
+
+@app.command("mirror")
+def mirror(
+    out: Annotated[Path, typer.Option("--out", help="Folder for tables and charts to make.")],
+    individuals: Annotated[
+        int, typer.Option("--individuals", min=2, help="Simulated robots to average over.")
+    ] = 5,
+    pixel_sigma: Annotated[
+        float, typer.Option("--pixel-sigma", help="Noise of the tracked marker [px].")
+    ] = 0.3,
+    play_deg: Annotated[
+        float, typer.Option("--play-deg", min=0.0, help="Half the width of the joints' play.")
+    ] = 0.5,
+    seed: Annotated[int, typer.Option("--seed", min=0, help="Of the first individual.")] = 0,
+    force: Annotated[bool, typer.Option("--force", help="Replace an existing folder.")] = False,
+    as_json: Annotated[bool, typer.Option("--json", help="Print JSON.")] = False,
+) -> None:
+    """Learn three mirrors from 10 to 50 poses and predict the hand in them (chapter 9)."""
+    from nico_selfmodel.experiments.mirror import run_mirror
+    from nico_selfmodel.experiments.mirror_report import (
+        depth_rows,
+        document_of,
+        table_rows,
+        write_report,
+    )
+    from nico_selfmodel.files import refuse_folder
+
+    refuse_folder(out, force=force)
+    if not 0.0 < pixel_sigma < 10.0:
+        raise ValueError(f"--pixel-sigma must lie between 0 and 10 px, got {pixel_sigma}")
+    if not play_deg <= 10.0:
+        raise ValueError(f"--play-deg must be at most 10, got {play_deg}")
+    with console.progress_bar() as stage:
+        results = run_mirror(individuals, pixel_sigma, play_deg, seed, stage)
+    write_report(results, out, force=force)
+    if as_json:
+        console.print_json(document_of(results))
+        return
+    title = f"Reflections in 100 test poses, {individuals} simulated robots, {pixel_sigma:g} px"
+    console.print_table(title, *table_rows(results))
+    console.print_table("What stereo depth alone allows", *depth_rows(results))
+    console.print_where(out)
+
+
+@app.command("vision")
+def vision(
+    out: Annotated[Path, typer.Option("--out", help="Folder for table and charts to make.")],
+    world: Annotated[str, typer.Option("--world", help="thesis or clean.")] = "thesis",
+    individuals: Annotated[
+        int, typer.Option("--individuals", min=1, help="Simulated robots to average over.")
+    ] = 1,
+    seed: Annotated[int, typer.Option("--seed", min=0, help="Of the first individual.")] = 0,
+    force: Annotated[bool, typer.Option("--force", help="Replace an existing folder.")] = False,
+    as_json: Annotated[bool, typer.Option("--json", help="Print JSON.")] = False,
+) -> None:
+    """Learn eyes and arm by sight, through rendered pictures (chapter 7); minutes a robot."""
+    from nico_selfmodel.files import refuse_folder
+    from nico_selfmodel.systems import world_named
+
+    refuse_folder(out, force=force)
+    chosen = world_named(world)
+    from nico_selfmodel.experiments.vision import document_of, run_vision, table_rows, write_report
+
+    with console.progress_bar() as stage:
+        results = run_vision(chosen, individuals=individuals, seed=seed, progress=stage)
+    write_report(results, out, force=force)
+    if as_json:
+        console.print_json(document_of(results))
+        return
+    title = f"Predicted against tracked hand, new poses, {individuals} simulated, world {world}"
+    console.print_table(title, *table_rows(results))
     console.print_where(out)

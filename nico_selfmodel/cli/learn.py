@@ -11,6 +11,10 @@ from nico_selfmodel.cli.robot_options import Arm, Base, Hold, Point, Robot, Tip,
 
 if TYPE_CHECKING:
     from nico_selfmodel.experiments.first_arm import FirstArm
+    from nico_selfmodel.plant import ArmDescription
+    from nico_selfmodel.systems import World
+
+SENSORS = ("stereo-fiducial", "stereo-color", "motion-capture")
 
 
 def learn(
@@ -22,6 +26,14 @@ def learn(
     random_poses: Annotated[
         int, typer.Option("--random", min=0, help="Random training poses beside the circles.")
     ] = 100,
+    sensor: Annotated[
+        str | None,
+        typer.Option(
+            "--sensor",
+            help=f"Who watches: {', '.join(SENSORS)}. By default Nico's eyes; motion capture where "
+            "another robot or arm is named.",
+        ),
+    ] = None,
     robot: Robot = "nico",
     arm: Arm = None,
     base: Base = None,
@@ -31,14 +43,50 @@ def learn(
     force: Annotated[bool, typer.Option("--force", help="Replace an existing folder.")] = False,
     as_json: Annotated[bool, typer.Option("--json", help="Print result.json instead.")] = False,
 ) -> None:
-    """Let a simulated robot move its arm, watch its hand, and learn the arm's geometry."""
+    """Let a simulated robot look at its hand while it moves its arm, and learn eyes and arm."""
     from nico_selfmodel.files import refuse_folder
-    from nico_selfmodel.systems import world_named
 
     refuse_folder(out, force=force)
-    chosen_world = world_named(world)
-    description = chosen_arm(robot, arm, base, tip, hold, point)
     # What learns and draws is slow to load, and only needed once the input is known to be right.
+    from nico_selfmodel.systems import world_named
+
+    chosen_world = world_named(world)
+    chain = (arm, base, tip, hold, point)
+    elsewhere = robot not in (None, "nico") or any(chain)
+    sensor = _chosen_sensor(sensor, elsewhere)
+    if sensor != "motion-capture":
+        from nico_selfmodel.cli.learn_by_sight import learn_by_sight
+
+        learn_by_sight(out, sensor, chosen_world, seed, random_poses, force, as_json)
+    else:
+        description = chosen_arm(robot or "nico", *chain)
+        _by_motion_capture(out, chosen_world, seed, random_poses, description, force, as_json)
+
+
+def _chosen_sensor(sensor: str | None, elsewhere: bool) -> str:
+    """Return who watches; refuse eyes that another robot or arm does not have."""
+    if sensor is None:
+        return "motion-capture" if elsewhere else "stereo-fiducial"
+    if sensor not in SENSORS:
+        raise ValueError(f"no sensor {sensor!r}; there are {', '.join(SENSORS)}")
+    if elsewhere and sensor != "motion-capture":
+        raise ValueError(
+            f"--sensor {sensor} is for Nico's own right arm: leave out the options that choose "
+            "another one, or take --sensor motion-capture"
+        )
+    return sensor
+
+
+def _by_motion_capture(
+    out: Path,
+    world: "World",
+    seed: int,
+    random_poses: int,
+    description: "ArmDescription",
+    force: bool,
+    as_json: bool,
+) -> None:
+    """Learn an arm from what motion capture sees of it (chapter 6)."""
     from nico_selfmodel.estimation import judge, result_document
     from nico_selfmodel.experiments.first_arm import learn_first_arm
     from nico_selfmodel.plant import learned_urdf
@@ -46,7 +94,7 @@ def learn(
 
     with console.progress_bar() as stage:
         first = learn_first_arm(
-            description, chosen_world, seed=seed, random_poses=random_poses, stage=stage
+            description, world, seed=seed, random_poses=random_poses, stage=stage
         )
         stage("writing the result", 0, 1)
         verdict = judge(first.refined)

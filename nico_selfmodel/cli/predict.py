@@ -29,7 +29,11 @@ def predict(
 ) -> None:
     """Predict where the hand is: x, y, z [m], sigma of the model and with noise [mm]."""
     from nico_selfmodel.model import SelfModel
-    from nico_selfmodel.model.readings import readings_from_table, readings_from_words
+    from nico_selfmodel.model.readings import (
+        readings_from_table,
+        readings_from_words,
+        warn_beyond,
+    )
 
     learned = SelfModel.load(model)
     if (encoders is None) == (table is None):
@@ -43,6 +47,7 @@ def predict(
         text = sys.stdin.read() if str(table) == "-" else table.read_text(encoding="utf-8")
         readings = readings_from_table(text, learned.joints)
     prediction = learned.predict(readings, marker)
+    warn_beyond(readings, learned.joints, learned.fit.get("readings", {}))
     sigma, total = prediction.sigma, prediction.total_sigma
     rows = [
         {

@@ -60,8 +60,7 @@ def check_points(point: list[str] | None, markers: tuple[str, ...]) -> None:
         marker = _pair(word, "--point")[0]
         if marker not in markers:
             raise ValueError(
-                f"--point {word}: the data set tracks no {marker!r}; it tracks "
-                f"{', '.join(markers)}"
+                f"--point {word}: the data set tracks no {marker!r}; it tracks {', '.join(markers)}"
             )
 
 

@@ -10,6 +10,7 @@ from nico_selfmodel.dataset.csv_importer import import_csv
 from nico_selfmodel.dataset.dataset import Dataset
 from nico_selfmodel.dataset.folder import load_dataset, save_dataset
 from nico_selfmodel.dataset.joint_info import JointInfo
+from nico_selfmodel.dataset.mirrored_boards import MirroredBoards
 from nico_selfmodel.dataset.sweeps import Sweep, find_sweeps, marked_sweeps, unmarked_sweeps
 from nico_selfmodel.dataset.vicon_importer import import_vicon
 
@@ -17,6 +18,7 @@ __all__ = [
     "BoardViews",
     "Dataset",
     "JointInfo",
+    "MirroredBoards",
     "Sweep",
     "find_sweeps",
     "import_csv",

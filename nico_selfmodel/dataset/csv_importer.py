@@ -11,7 +11,12 @@ import numpy.typing as npt
 from nico_selfmodel.dataset.csv_table import CsvTable
 from nico_selfmodel.dataset.dataset import DEFAULT_MARKER, Dataset
 from nico_selfmodel.dataset.joint_info import JointInfo
-from nico_selfmodel.dataset.row_checks import PIXEL_COLUMNS, check_plausible, check_rows
+from nico_selfmodel.dataset.row_checks import (
+    PIXEL_COLUMNS,
+    check_plausible,
+    check_rows,
+    warn_of_degrees,
+)
 from nico_selfmodel.dataset.yaml_mapping import (
     check_keys,
     number_value,
@@ -96,6 +101,7 @@ def import_csv(
     except (ValueError, DataError) as error:
         raise DataError(f"{path}: {error}") from None
     check_plausible(dataset, str(path))
+    warn_of_degrees(dataset, str(path))
     return dataset
 
 

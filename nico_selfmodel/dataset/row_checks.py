@@ -1,5 +1,6 @@
 """What the rows of a data set must satisfy, wherever they come from."""
 
+import warnings
 from collections.abc import Callable, Sequence
 from typing import TYPE_CHECKING, Any
 
@@ -14,6 +15,8 @@ if TYPE_CHECKING:
 
 # An arm whose measured points lie further apart than this was not measured in metres.
 _MAX_SPREAD_M = 20.0
+# A joint that turned further than this was hardly read in radians.
+_MAX_TURN_RAD = 4.0 * np.pi
 POINT_COLUMNS = ("x_m", "y_m", "z_m")
 PIXEL_COLUMNS = ("left_u", "left_v", "right_u", "right_v")
 
@@ -167,6 +170,28 @@ def check_plausible(dataset: "Dataset", place: str) -> None:
             )
     for joint in range(len(dataset.joints)):
         _check_sweep_moved(dataset, joint, place)
+
+
+def warn_of_degrees(dataset: "Dataset", place: str) -> None:
+    """Warn of readings that look like degrees though they are said to be radians.
+
+    Args:
+        dataset: The data.
+        place: The file, for the message.
+
+    Warns:
+        UserWarning: If a joint read in `rad` turned by more than two whole turns.
+    """
+    encoders = 0.5 * dataset.encoders  # a difference of halves cannot overflow
+    half_spans = (encoders.max(axis=0) - encoders.min(axis=0)).tolist()
+    for info, half in zip(dataset.joints, half_spans, strict=True):
+        span = 2.0 * half
+        if info.encoder_unit == "rad" and span > _MAX_TURN_RAD:
+            warnings.warn(
+                f"{place}: encoder.{info.name} spans {span:.4g} rad, {span / (2 * np.pi):.3g} "
+                "turns: if these are degrees, set encoder_unit: deg",
+                stacklevel=3,
+            )
 
 
 def _check_sweep_moved(dataset: "Dataset", joint: int, place: str) -> None:

@@ -24,18 +24,19 @@ from nico_selfmodel.estimation.circle_points import (
 from nico_selfmodel.estimation.cross_validation import cross_validate
 from nico_selfmodel.estimation.error_statistics import Evaluation, evaluate
 from nico_selfmodel.estimation.gear_check import DoubtfulGear, doubtful_gears
+from nico_selfmodel.estimation.learned_model import learned_model, training_of
 from nico_selfmodel.estimation.nominal_start import (
     NominalArm,
     first_joint_zero,
     nominal_start,
 )
 from nico_selfmodel.estimation.observations import Observations, gears_known
+from nico_selfmodel.estimation.pin_check import ContradictedPin, contradicted_pins
 from nico_selfmodel.estimation.pinned_refinement import PinnedSolution, refine_pinned
 from nico_selfmodel.estimation.pins import Pins
-from nico_selfmodel.estimation.provenance import package_versions
 from nico_selfmodel.estimation.start_search import LineSolution, StartSearch, search_starts
 from nico_selfmodel.estimation.zeroing import meaningful_parameters
-from nico_selfmodel.model import DhParameters, DhTable, ParameterCovariance, SelfModel
+from nico_selfmodel.model import DhParameters, DhTable, SelfModel
 from nico_selfmodel.optimization import Uncertainty
 
 METHODS = ("refine", "circle-points")
@@ -72,6 +73,8 @@ class KinematicCalibration:
     """Standard deviation of a measured coordinate that the data set states [m]."""
     doubtful_gears: tuple[DoubtfulGear, ...]
     """Gears held at 1 that the data contradict."""
+    contradicted_pins: tuple[ContradictedPin, ...]
+    """Parameters pinned by name that the data contradict."""
     converged: bool
     """Whether the solver reached a minimum."""
     iterations: int
@@ -125,28 +128,31 @@ def calibrate_kinematics(
         parameters = task.parameters_of(arm)
         pins.check(parameters)
         solved = PinnedSolution.unrefined(task.observations, parameters)
-        search = None
+        search, unseen, contradicted = None, np.zeros(0), ()
     else:
         task.require_enough(pins)
         loss = loss if task.redundant else "none"
         search = search_starts(task.observations, task.starts(), task.gear_pinned, task.sigma, loss)
         solved = _refined(task, search.best, pins, loss)
-    model = _self_model(solved, dataset, name or dataset.name, nominal, method, loss)
+        unseen = cross_validate(task.observations, solved, task.sigma)
+        contradicted = task.contradicted_pins(search.best, solved, pins)
+    training = training_of(dataset, task.observations, solved, unseen)
+    fit = {"method": method, "loss": loss, **training}
+    model = learned_model(solved, dataset, name or dataset.name, nominal, fit)
     return KinematicCalibration(
         model,
         method,
         evaluate(model, dataset),
         solved.outliers,
         None if test is None else evaluate(model, test),
-        cross_validate(task.observations, solved, task.sigma)
-        if method == "refine"
-        else np.zeros(0),
+        unseen,
         solved.uncertainty,
         solved.free,
         task.circles,
         search,
         dataset.point_sigma_m,
         task.doubtful_gears(solved),
+        contradicted,
         solved.converged,
         solved.iterations,
         solved.history,
@@ -250,6 +256,20 @@ class _Task:
         held -= solved.free
         return doubtful_gears(
             self.observations, solved.parameters, solved.free, held, ~solved.outliers
+        )
+
+    def contradicted_pins(
+        self, best: LineSolution, solved: PinnedSolution, pins: Pins
+    ) -> tuple[ContradictedPin, ...]:
+        """Return pins without which the believed rows would fit significantly better."""
+        joints = zip(self.observations.joints, self.gear_known, strict=True)
+        by_unit = frozenset(f"{joint}.gear" for joint, known in joints if known)
+        return contradicted_pins(
+            self.observations.select(~best.robust.outliers),
+            self.parameters_of(best.arm),
+            solved,
+            frozenset(pins.pinned) - by_unit,
+            self.sigma,
         )
 
     @property
@@ -362,28 +382,3 @@ def _nominal_values(nominal: NominalArm | None, pins: Pins) -> dict[str, float]:
         if joint in table.joints and part in ("D", "r", "alpha", "beta"):
             values[name] = float(getattr(table, part)[table.joints.index(joint)])
     return values
-
-
-def _self_model(
-    solved: PinnedSolution,
-    dataset: Dataset,
-    name: str,
-    nominal: NominalArm | None,
-    method: str,
-    loss: str,
-) -> SelfModel:
-    """Assemble the self-model with covariance, noise and provenance."""
-    covariance = None
-    if solved.uncertainty is not None:
-        uncertainty = solved.uncertainty
-        covariance = ParameterCovariance(uncertainty.names, uncertainty.covariance)
-    return SelfModel(
-        name,
-        solved.parameters.table,
-        solved.parameters.servos,
-        covariance,
-        solved.noise_sigma,
-        dict(nominal.source) if nominal else {},
-        {"method": method, "loss": loss, "rows": len(solved.outliers)},
-        {"dataset": dataset.name, "dataset_sha256": dataset.sha256, **package_versions("drake")},
-    )

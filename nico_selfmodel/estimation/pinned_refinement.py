@@ -11,7 +11,13 @@ from nico_selfmodel.estimation.observations import Observations
 from nico_selfmodel.estimation.pins import Pins
 from nico_selfmodel.estimation.start_search import LineSolution
 from nico_selfmodel.model import DhParameters
-from nico_selfmodel.optimization import CalibrationProgram, Loss, Uncertainty, solve_robustly
+from nico_selfmodel.optimization import (
+    CalibrationProgram,
+    Loss,
+    RobustSolution,
+    Uncertainty,
+    solve_robustly,
+)
 
 _LEAST_LEVER = 6.0
 """Distance of the tracked points from an axis, over the noise, below which a joint is blind."""
@@ -67,8 +73,27 @@ class PinnedSolution:
             gear_pinned: Gears that were held.
         """
         free = frozenset(parameters.names) - parameters.gauge - gear_pinned
+        return cls.analysed(observations, parameters, free, lines.robust, sigma)
+
+    @classmethod
+    def analysed(
+        cls,
+        observations: Observations,
+        parameters: DhParameters,
+        free: frozenset[str],
+        solved: RobustSolution,
+        sigma: float,
+    ) -> "PinnedSolution":
+        """Add to a solution what the believed rows say of its errors.
+
+        Args:
+            observations: What was measured.
+            parameters: The solution by name.
+            free: Names that were estimated.
+            solved: How they were.
+            sigma: Whitening of the residuals [m].
+        """
         program = dh_program(observations, parameters, free, sigma)
-        solved = lines.robust
         weights = (~solved.outliers).astype(float)
         uncertainty = _uncertainty(program, free, observations, parameters, weights, sigma)
         return cls(
@@ -122,18 +147,7 @@ def refine_pinned(
             f"no arm fits the data with {', '.join(sorted(pins.names))} as asked: a gear turned "
             "negative on the way; check the values and what the data say without them"
         )
-    weights = (~solved.outliers).astype(float)
-    uncertainty = _uncertainty(program, free, observations, parameters, weights, sigma)
-    return PinnedSolution(
-        parameters,
-        free,
-        solved.outliers,
-        uncertainty,
-        _noise(uncertainty, solved.scale, sigma),
-        solved.solution.converged,
-        solved.iterations,
-        solved.solution.history,
-    )
+    return PinnedSolution.analysed(observations, parameters, free, solved, sigma)
 
 
 def dh_program(

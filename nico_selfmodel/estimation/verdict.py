@@ -6,7 +6,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from nico_selfmodel.estimation.blind_words import describe_blind
+from nico_selfmodel.estimation.error_statistics import Evaluation
 from nico_selfmodel.estimation.kinematics import KinematicCalibration
+from nico_selfmodel.model import SelfModel
 
 _MOST_OUTLIERS = 0.25
 """A larger share of points that are not believed is no accident."""
@@ -20,6 +22,9 @@ _BLIND_SHOWN = 3
 """Blind directions among the reasons; the result lists them all."""
 _NOTABLE = 1.3
 """And the ratio of the medians that makes it worth a failure."""
+_WHAT_CHANGED = (
+    "the training poses do not cover where the arm is used, or something moved between recordings"
+)
 
 
 @dataclass(frozen=True)
@@ -45,6 +50,7 @@ def judge(calibration: KinematicCalibration, require_test_mm: float | None = Non
     """
     checks = [
         *_gear_reasons(calibration),
+        *_pin_reasons(calibration),
         _misfit_reason(calibration),
         _outlier_reason(calibration),
         _solver_reason(calibration),
@@ -96,6 +102,15 @@ def _gear_reasons(calibration: KinematicCalibration) -> list[str]:
     ]
 
 
+def _pin_reasons(calibration: KinematicCalibration) -> list[str]:
+    return [
+        f"`{pin.name}` is pinned at {pin.value:.6g}, which contradicts the data: without pins they "
+        f"ask for {pin.wanted:.6g} and the rms residual falls to 1 / {pin.rise:.3g}; correct the "
+        "value, or leave the pin out"
+        for pin in calibration.contradicted_pins
+    ]
+
+
 def _misfit_reason(calibration: KinematicCalibration) -> str | None:
     """Say when the model leaves so much unexplained that nothing else about it counts."""
     noise, size = calibration.model.noise_sigma, calibration.train.observations.size
@@ -138,8 +153,8 @@ def _held_out_reason(calibration: KinematicCalibration) -> str | None:
         return None
     return (
         f"the held-out error (median {1e3 * np.median(found):.2f} mm) is significantly above that "
-        f"of the training poses in cross-validation ({1e3 * np.median(expected):.2f} mm): the "
-        "training poses do not cover where the arm is used, or something moved between recordings"
+        f"of the training poses in cross-validation ({1e3 * np.median(expected):.2f} mm): "
+        f"{_WHAT_CHANGED}"
     )
 
 
@@ -152,6 +167,31 @@ def _bound_reason(calibration: KinematicCalibration, require_test_mm: float | No
     if mean <= require_test_mm:
         return None
     return f"mean held-out error {mean:.3f} mm, required at most {require_test_mm:g} mm"
+
+
+def judge_evaluation(model: SelfModel, evaluation: Evaluation) -> Verdict:
+    """Judge a self-model by new data, against the error that its training lets expect.
+
+    Args:
+        model: The self-model.
+        evaluation: It, held against the data.
+
+    Returns:
+        FAIL where the error is significantly above what was expected; NOT_EVALUATED where the
+        model does not say what to expect, or the points are too few.
+    """
+    expected = model.fit.get("expected_error")
+    found = evaluation.distances
+    if not expected or min(expected["n"], len(found)) < 5:
+        return Verdict("NOT_EVALUATED", ("there is too little to compare the error with",))
+    n, median = len(found), float(expected["median_m"])
+    # A sign test: half of the points should lie above the median, itself known from a sample.
+    score = (np.sum(found > median) - 0.5 * n) / np.sqrt(0.25 * n * (1.0 + n / expected["n"]))
+    medians = f"median {1e3 * np.median(found):.2f} mm, expected {1e3 * median:.2f} mm"
+    if score >= _SIGNIFICANT and np.median(found) >= _NOTABLE * median:
+        above = f"the error ({medians}) is significantly above that of the training poses"
+        return Verdict("FAIL", (f"{above}: {_WHAT_CHANGED}",))
+    return Verdict("PASS", (f"the error ({medians}) is that of the training poses",))
 
 
 def rank_score(a: NDArray, b: NDArray) -> float:

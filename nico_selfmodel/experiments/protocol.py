@@ -1,6 +1,7 @@
 """How a simulated arm is moved for its data: home, sweeps, random poses."""
 
 from dataclasses import dataclass, replace
+from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
@@ -82,6 +83,7 @@ class Protocol:
         sweeps: bool = True,
         source: str = "",
         seed: int | None = None,
+        folder: Path | None = None,
         progress: Progress | None = None,
     ) -> Dataset:
         """Visit the poses with a body and return what it sensed.
@@ -93,6 +95,7 @@ class Protocol:
             sweeps: Visit the circles too.
             source: Where the data come from, for people.
             seed: Seed of the simulation, kept in the data set.
+            folder: Where to keep the samples from the first one on.
             progress: Called after each pose.
 
         Returns:
@@ -111,7 +114,14 @@ class Protocol:
         plan += random_commands(body.joints, home, self.ranges * span, self.random_poses, rng)
         sigma = body.world.marker_sigma or None
         return record(
-            body, plan, name, source=source, seed=seed, point_sigma_m=sigma, progress=progress
+            body,
+            plan,
+            name,
+            source=source,
+            seed=seed,
+            point_sigma_m=sigma,
+            folder=folder,
+            progress=progress,
         )
 
 
@@ -129,6 +139,7 @@ def simulated_session(
     seed: int,
     session: int,
     sweeps: bool = True,
+    folder: Path | None = None,
     progress: Progress | None = None,
 ) -> Dataset:
     """Record one session with one individual.
@@ -141,6 +152,7 @@ def simulated_session(
         seed: Of the individual.
         session: Of poses and noise.
         sweeps: Visit the circles too.
+        folder: Where to keep the samples from the first one on; resumed if it is there.
         progress: Called after each pose.
 
     Returns:
@@ -149,4 +161,13 @@ def simulated_session(
     body = simulated_arm(arm, world, seed, session)
     source = f"simulated {arm.robot}, world {world.name!r}, individual {seed}, session {session}"
     rng = np.random.default_rng((seed, session, 2))
-    return protocol.run(body, name, rng, sweeps=sweeps, source=source, seed=seed, progress=progress)
+    return protocol.run(
+        body,
+        name,
+        rng,
+        sweeps=sweeps,
+        source=source,
+        seed=seed,
+        folder=folder,
+        progress=progress,
+    )

@@ -5,6 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from nico_selfmodel.geometry.checked_points import checked_points
 from nico_selfmodel.geometry.rotation import nearest_rotation
 
 
@@ -36,17 +37,19 @@ class Alignment:
             The alignment.
 
         Raises:
-            ValueError: If the shapes differ, or the source points are collinear or coincide.
+            ValueError: If the shapes differ, a point is not finite, or the source points are
+                collinear or coincide.
         """
         source, target = np.asarray(source, dtype=float), np.asarray(target, dtype=float)
         if source.shape != target.shape or source.ndim != 2 or source.shape[1] != 3:
             raise ValueError(
                 f"source and target must both have shape (n, 3), got {source.shape}, {target.shape}"
             )
+        source, target = checked_points(source, 3, "source"), checked_points(target, 3, "target")
         source_mean, target_mean = source.mean(axis=0), target.mean(axis=0)
         a, b = source - source_mean, target - target_mean
         spread = np.linalg.svd(a, compute_uv=False)
-        if len(source) < 3 or spread[1] <= 1e-12 * max(spread[0], np.abs(source_mean).max()):
+        if spread[1] <= 1e-12 * max(spread[0], np.abs(source_mean).max()):
             raise ValueError("alignment needs at least three points that are not collinear")
         covariance = b.T @ a
         rotation = nearest_rotation(covariance)

@@ -53,7 +53,8 @@ class Circle:
             The circle nearest to the points.
 
         Raises:
-            ValueError: If the shape is wrong, or the points are collinear or coincide.
+            ValueError: If the shape is wrong, a point is not finite, or the points are collinear or
+                coincide.
         """
         points = np.asarray(points, dtype=float)
         plane = Plane.from_points(points)

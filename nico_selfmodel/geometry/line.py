@@ -5,6 +5,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from nico_selfmodel.geometry.checked_points import checked_points
+
 
 @dataclass(frozen=True, eq=False)
 class Line:
@@ -26,11 +28,9 @@ class Line:
             The line through the centroid along the largest principal direction.
 
         Raises:
-            ValueError: If `points` has another shape or all points coincide.
+            ValueError: If `points` has another shape or is not finite, or all points coincide.
         """
-        points = np.asarray(points, dtype=float)
-        if points.ndim != 2 or points.shape[1] != 3 or len(points) < 2:
-            raise ValueError(f"points must have shape (n >= 2, 3), got {points.shape}")
+        points = checked_points(points, 2)
         centroid = points.mean(axis=0)
         _, values, vt = np.linalg.svd(points - centroid, full_matrices=False)
         if values[0] == 0.0:

@@ -5,6 +5,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from nico_selfmodel.geometry.checked_points import checked_points
+
 
 @dataclass(frozen=True, eq=False)
 class Plane:
@@ -29,11 +31,10 @@ class Plane:
             The plane through the centroid.
 
         Raises:
-            ValueError: If `points` has another shape, or the points are collinear or coincide.
+            ValueError: If `points` has another shape or is not finite, or the points are collinear
+                or coincide.
         """
-        points = np.asarray(points, dtype=float)
-        if points.ndim != 2 or points.shape[1] != 3 or len(points) < 3:
-            raise ValueError(f"points must have shape (n >= 3, 3), got {points.shape}")
+        points = checked_points(points, 3)
         centroid = points.mean(axis=0)
         _, values, vt = np.linalg.svd(points - centroid)
         if values[1] <= 1e-12 * max(values[0], np.abs(centroid).max()):

@@ -11,13 +11,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from nico_selfmodel.geometry.rotation import (
-    rotation_about,
     rotation_from_vector,
     rotation_vector_of,
+    rotation_vector_slope,
     skew,
 )
 from nico_selfmodel.geometry.transform import transform
 from nico_selfmodel.model.dh_table import DhTable
+from nico_selfmodel.model.line_kinematics import cross
 from nico_selfmodel.model.servo_map import ServoMap
 
 M0_NAMES = tuple(f"M0.{part}" for part in ("x", "y", "z", "rx", "ry", "rz"))
@@ -106,41 +107,27 @@ class DhParameters:
         """
         t, n = self.table, len(self.table.joints)
         q = (encoder_angles - self.servos.offset) / self.servos.gear
-        theta = q + t.theta_zero
         frames = t.frames(q)
         last = frames[-1]
         p = np.einsum("kij,kj->ki", last[:, :3, :3], t.p_NH[marker]) + last[:, :3, 3]
         jacobian = np.zeros((len(q), 3, 6 + 6 * n + 3 * len(t.markers)))
         jacobian[:, :, :3] = np.eye(3)
-        jacobian[:, :, 3:6] = -skew(p - t.X_W0[:3, 3]) @ _left_jacobian(self.base_turn)
-        for i in range(n):
-            before, after = frames[i], frames[i + 1]
-            turned = before[:, :3, :3] @ rotation_about(np.array([0.0, 0.0, 1.0]), theta[:, i])
-            z, x = before[:, :3, 2], turned[:, :, 0]
-            y = np.einsum("kij,j->ki", turned, [0.0, np.cos(t.alpha[i]), np.sin(t.alpha[i])])
-            swing = np.cross(z, p - before[:, :3, 3])
-            beyond = p - after[:, :3, 3]
-            column = 6 + 6 * i
-            jacobian[:, :, column] = z
-            jacobian[:, :, column + 1] = -swing / self.servos.gear[i]
-            jacobian[:, :, column + 2] = x
-            jacobian[:, :, column + 3] = np.cross(x, beyond)
-            jacobian[:, :, column + 4] = np.cross(y, beyond)
-            jacobian[:, :, column + 5] = -swing * (theta[:, i] / self.servos.gear[i])[:, None]
+        jacobian[:, :, 3:6] = -skew(p - t.X_W0[:3, 3]) @ rotation_vector_slope(self.base_turn)
+        by_joint = self._by_joint(frames, p, q + t.theta_zero)
+        jacobian[:, :, 6 : 6 + 6 * n] = by_joint.transpose(3, 1, 2, 0).reshape(len(q), 3, 6 * n)
         for m in range(len(t.markers)):
             column = 6 + 6 * n + 3 * m
             jacobian[:, :, column : column + 3] = last[:, :3, :3] * (marker == m)[:, None, None]
         return p, jacobian
 
-
-def _left_jacobian(vector: NDArray) -> NDArray:
-    """Return d(rotation, as a turn in W) / d(rotation vector), the left Jacobian of SO(3).
-
-    J = I + (1 - cos t)/t^2 [v]x + (t - sin t)/t^3 [v]x^2.
-    """
-    angle, k = np.linalg.norm(vector), skew(vector)
-    if angle < 1e-5:
-        return np.eye(3) + 0.5 * k + k @ k / 6.0
-    first = (1.0 - np.cos(angle)) / angle**2
-    second = (angle - np.sin(angle)) / angle**3
-    return np.eye(3) + first * k + second * k @ k
+    def _by_joint(self, frames: NDArray, p: NDArray, theta: NDArray) -> NDArray:
+        """Return the derivatives by the parts of each row. Shape (6, 3, n, N)."""
+        t, gear = self.table, self.servos.gear[:, None]
+        axes = frames[:, :, :3].transpose(2, 3, 0, 1)
+        arm = p.T[:, None] - axes[:, 3]
+        z, y = axes[:, 2, :-1], axes[:, 1, 1:]
+        # The frame after a row has turned by beta about y since alpha turned it about this x.
+        x = np.cos(t.beta)[:, None] * axes[:, 0, 1:] + np.sin(t.beta)[:, None] * axes[:, 2, 1:]
+        swing = -cross(z, arm[:, :-1]) / gear
+        beyond = arm[:, 1:]
+        return np.stack([z, swing, x, cross(x, beyond), cross(y, beyond), swing * theta.T])

@@ -9,7 +9,7 @@ from nico_selfmodel.geometry.rotation import rotation_about
 from nico_selfmodel.geometry.transform import transform
 from nico_selfmodel.model.arrays import frozen_array
 from nico_selfmodel.model.chain import Chain
-from nico_selfmodel.model.dh_conversion import dh_rows_of_lines, parallel_rows
+from nico_selfmodel.model.dh_conversion import NO_NORMAL_WITHIN, dh_rows_of_lines, parallel_rows
 
 _X, _Y, _Z = np.eye(3)
 
@@ -65,7 +65,8 @@ class DhTable:
         Args:
             chain: The lines.
             like: A table whose kinds of rows, signs and gauge are followed, so that two versions
-                of one arm can be compared number by number.
+                of one arm can be compared number by number. Only where axes have become exactly
+                parallel the row is Hayati's all the same.
 
         Returns:
             The table of the same arm.
@@ -74,7 +75,9 @@ class DhTable:
             chain.directions,
             chain.points,
             chain.p_WH_zero[0],
-            parallel=like.parallel if like else parallel_rows(chain.directions),
+            parallel=like.parallel | parallel_rows(chain.directions, NO_NORMAL_WITHIN)
+            if like
+            else parallel_rows(chain.directions),
             flip=like.flipped if like else np.zeros(len(chain.joints), dtype=bool),
             first=(like.D[0], like.theta_zero[0]) if like else (0.0, 0.0),
         )
@@ -132,20 +135,22 @@ class DhTable:
             Shape (n + 1, 4, 4) or (n + 1, N, 4, 4).
         """
         theta = np.asarray(q, dtype=float) + self.theta_zero
-        frames = [np.broadcast_to(self.X_W0, (*theta.shape[:-1], 4, 4))]
+        rows = self.joint_motions(theta) @ self.links
+        frames = np.empty((len(self.joints) + 1, *theta.shape[:-1], 4, 4))
+        frames[0] = self.X_W0
         for i in range(len(self.joints)):
-            frames.append(frames[-1] @ self.joint_motion(i, theta[..., i]) @ self.link(i))
-        return np.stack(frames)
+            np.matmul(frames[i], rows[..., i, :, :], out=frames[i + 1])
+        return frames
 
-    def joint_motion(self, i: int, theta: ArrayLike) -> NDArray:
-        """Return Tz(D_i) Rz(theta), the part of row i that moves. Shape (..., 4, 4)."""
-        theta = np.asarray(theta, dtype=float)
-        return transform(rotation_about(_Z, theta), np.array([0.0, 0.0, self.D[i]]))
+    def joint_motions(self, theta: ArrayLike) -> NDArray:
+        """Return Tz(D_i) Rz(theta_i), what moves of each row. Shape (..., n) -> (..., n, 4, 4)."""
+        return transform(rotation_about(_Z, theta), self.D[:, None] * _Z)
 
-    def link(self, i: int) -> NDArray:
-        """Return Tx(r_i) Rx(alpha_i) Ry(beta_i), the rigid part of row i. Shape (4, 4)."""
-        rotation = rotation_about(_X, self.alpha[i]) @ rotation_about(_Y, self.beta[i])
-        return transform(rotation, np.array([self.r[i], 0.0, 0.0]))
+    @property
+    def links(self) -> NDArray:
+        """Tx(r_i) Rx(alpha_i) Ry(beta_i), the rigid part of each row. Shape (n, 4, 4)."""
+        rotation = rotation_about(_X, self.alpha) @ rotation_about(_Y, self.beta)
+        return transform(rotation, self.r[:, None] * _X)
 
     def forward(self, q: ArrayLike, marker: int = 0) -> NDArray:
         """Predict a tracked point, p_WH [m]. Shape (N, n) -> (N, 3), or (n,) -> (3,)."""

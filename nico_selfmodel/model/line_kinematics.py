@@ -33,6 +33,26 @@ def line_rotations(directions: NDArray, q: NDArray) -> NDArray:
     return (parts @ waves).reshape(n, 3, 3, count)
 
 
+def carried_rotations(directions: NDArray, q: NDArray) -> NDArray:
+    """Return what turns each joint's surroundings, A_i = R_1 ... R_{i-1}, and A_{n+1}.
+
+    Args:
+        directions: Unit directions. Shape (n, 3).
+        q: Joint displacements [rad]. Shape (n, N).
+
+    Returns:
+        Shape (n + 1, 3, 3, N).
+    """
+    n, count = q.shape
+    rotations = line_rotations(directions, q)
+    carried = np.empty((n + 1, 3, 3, count))
+    carried[0] = np.eye(3)[:, :, None]
+    carried[1] = rotations[0]
+    for i in range(1, n):
+        np.einsum("ijk,jlk->ilk", carried[i], rotations[i], out=carried[i + 1])
+    return carried
+
+
 def hand_points(directions: NDArray, points: NDArray, p_zero: NDArray, q: NDArray) -> NDArray:
     """Return where the chain carries points, p = E_1 ... E_n p_zero.
 
@@ -50,7 +70,7 @@ def hand_points(directions: NDArray, points: NDArray, p_zero: NDArray, q: NDArra
         v = p - c[:, None]
         cosine, sine = np.cos(angle), np.sin(angle)
         along = d @ v
-        p = c[:, None] + v * cosine + _cross(d, v) * sine + d[:, None] * (along * (1.0 - cosine))
+        p = c[:, None] + v * cosine + cross(d, v) * sine + d[:, None] * (along * (1.0 - cosine))
     return p
 
 
@@ -77,6 +97,7 @@ def hand_derivatives(
     q: NDArray,
     direction_basis: NDArray,
     point_basis: NDArray,
+    carried: NDArray | None = None,
 ) -> HandDerivatives:
     """Return tracked points with their derivatives by every line parameter.
 
@@ -92,17 +113,12 @@ def hand_derivatives(
         q: Joint displacements [rad]. Shape (n, N).
         direction_basis: Two changes b of each direction, normal to it. Shape (n, 3, 2).
         point_basis: Two changes b of each point. Shape (n, 3, 2).
+        carried: `carried_rotations(directions, q)`, where they are known already.
 
     Returns:
         The points and their derivatives.
     """
-    n, count = q.shape
-    rotations = line_rotations(directions, q)
-    carried = np.empty((n + 1, 3, 3, count))
-    carried[0] = np.eye(3)[:, :, None]
-    carried[1] = rotations[0]
-    for i in range(1, n):
-        np.einsum("ijk,jlk->ilk", carried[i], rotations[i], out=carried[i + 1])
+    carried = carried_rotations(directions, q) if carried is None else carried
     turned = np.swapaxes(skew(directions) @ direction_basis, 1, 2)
     change = np.concatenate([turned, np.swapaxes(point_basis, 1, 2), points[:, None]], axis=1)
     moved = change[:, None] @ (carried[:-1] - carried[1:])
@@ -112,13 +128,13 @@ def hand_derivatives(
     before = np.cumsum(shift, axis=0) - shift
     arm = p - along[:, :, 1] - before
     lever = np.concatenate([moved[:, :, :2], along[:, :, :1]], axis=2)
-    swing = _cross(np.moveaxis(lever, 1, 0), np.moveaxis(arm, 1, 0)[:, :, None])
+    swing = cross(lever.swapaxes(0, 1), arm.swapaxes(0, 1)[:, :, None])
     return HandDerivatives(
-        p, swing[:, :, :2], np.moveaxis(moved[:, :, 2:4], 1, 0), swing[:, :, 2], carried[-1]
+        p, swing[:, :, :2], moved[:, :, 2:4].swapaxes(0, 1), swing[:, :, 2], carried[-1]
     )
 
 
-def _cross(a: NDArray, v: NDArray) -> NDArray:
+def cross(a: NDArray, v: NDArray) -> NDArray:
     """Return a x v along the first axis, which has length 3; the others broadcast."""
     return np.stack(
         [a[1] * v[2] - a[2] * v[1], a[2] * v[0] - a[0] * v[2], a[0] * v[1] - a[1] * v[0]]

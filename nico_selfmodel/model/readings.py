@@ -2,11 +2,16 @@
 
 import csv
 import io
+import warnings
+from collections.abc import Mapping, Sequence
 
 import numpy as np
 from numpy.typing import NDArray
 
 from nico_selfmodel.errors import DataError
+
+_FAR = 0.25
+"""Share of the trained range that a reading may lie beyond it."""
 
 
 def readings_from_words(words: list[str], joints: tuple[str, ...]) -> NDArray:
@@ -56,6 +61,37 @@ def readings_from_table(text: str, joints: tuple[str, ...]) -> NDArray:
     if not rows:
         raise DataError("the table has no row below its header")
     return np.array(rows)
+
+
+def warn_beyond(
+    readings: NDArray, joints: tuple[str, ...], trained: Mapping[str, Sequence[float]]
+) -> None:
+    """Warn of readings far outside the range that a model was trained on.
+
+    Args:
+        readings: Shape (N, n).
+        joints: Names of the joints.
+        trained: Joint -> lowest and highest reading of the training data; joints that are missing
+            are not looked at.
+
+    Warns:
+        UserWarning: If a reading lies beyond the range by more than a quarter of it.
+    """
+    far = []
+    for joint, column in zip(joints, readings.T, strict=True):
+        if joint not in trained:
+            continue
+        lower, upper = trained[joint]
+        beyond = np.maximum(lower - column, column - upper)
+        worst = int(np.argmax(beyond))
+        if beyond[worst] > _FAR * (upper - lower):
+            far.append(f"{joint} reads {column[worst]:.6g}, trained on {lower:.6g} to {upper:.6g}")
+    if far:
+        warnings.warn(
+            f"readings far outside the training data: {'; '.join(far)}. What is predicted there is "
+            "a guess, and its sigma too small",
+            stacklevel=2,
+        )
 
 
 def _pose(cells: list[str], joints: tuple[str, ...], where: str) -> list[float]:

@@ -16,6 +16,8 @@ from nico_selfmodel.model.camera import Camera
 from nico_selfmodel.model.chain import Chain
 from nico_selfmodel.model.dh_parameters import DhParameters
 from nico_selfmodel.model.dh_table import DhTable
+from nico_selfmodel.model.mirror import Mirror
+from nico_selfmodel.model.mirror_rig import MirrorRig
 from nico_selfmodel.model.servo_map import ServoMap
 from nico_selfmodel.model.stereo_rig import EYES, StereoRig
 
@@ -89,6 +91,8 @@ class SelfModel:
     """Eyes by name, `left` and `right`."""
     pixel_sigma: float | None = None
     """Standard deviation of a pixel coordinate about the model of the eyes [px]."""
+    mirrors: Mapping[str, Mirror] = field(default_factory=dict)
+    """Mirrors before the eyes, by the name that data sets call them; each has its covariance."""
 
     def __post_init__(self) -> None:
         """Check that chain and servos speak of the same joints, and freeze the mappings."""
@@ -98,13 +102,15 @@ class SelfModel:
             _check_arm(self.table, self.servo_map)
         if set(self.cameras) - set(EYES):
             raise ValueError(f"eyes are called left and right, got {sorted(self.cameras)}")
+        if not all(isinstance(name, str) and name for name in self.mirrors):
+            raise ValueError(f"mirrors must have names, got {list(self.mirrors)}")
         strangers = set(self.covariance.names if self.covariance else ()) - set(self._known_names())
         if strangers:
             raise ValueError(f"the covariance names unknown parameters: {sorted(strangers)}")
         for name in ("noise_sigma", "pixel_sigma"):
             if getattr(self, name) is not None:
                 object.__setattr__(self, name, float(getattr(self, name)))
-        for name in ("robot", "fit", "provenance", "cameras"):
+        for name in ("robot", "fit", "provenance", "cameras", "mirrors"):
             object.__setattr__(self, name, MappingProxyType(dict(getattr(self, name))))
 
     @property
@@ -145,13 +151,26 @@ class SelfModel:
             raise ModelError(self._lack("pair of eyes", "calibrate stereo"))
         return StereoRig(self.cameras["left"], self.cameras["right"])
 
+    def mirror_rig(self, mirror: str) -> MirrorRig:
+        """Return the eyes with one of the mirrors before them.
+
+        Raises:
+            ModelError: If the eyes or that mirror were not learned; names those there are.
+        """
+        if not self.mirrors:
+            raise ModelError(self._lack("mirror", "calibrate mirror"))
+        if mirror not in self.mirrors:
+            raise ModelError(f"no mirror {mirror!r}; there are: {', '.join(self.mirrors)}")
+        return MirrorRig(self.rig, self.mirrors[mirror])
+
     def _lack(self, what: str, command: str) -> str:
         return f"self-model {self.name!r} has no {what}: learn it with `nico-selfmodel {command}`"
 
     def _known_names(self) -> tuple[str, ...]:
         arm = self.parameters.names if self.has_arm else ()
         eyes = tuple(eye for eye in EYES if eye in self.cameras)
-        return (*arm, *StereoRig.names_of(eyes))
+        mirrors = tuple(name for mirror in self.mirrors for name in Mirror.names_of(mirror))
+        return (*arm, *StereoRig.names_of(eyes), *mirrors)
 
     @cached_property
     def chain(self) -> Chain:

@@ -11,6 +11,7 @@ from nico_selfmodel.errors import ModelError
 from nico_selfmodel.files import write_whole
 from nico_selfmodel.model.camera import INTRINSICS, Camera
 from nico_selfmodel.model.dh_table import DhTable
+from nico_selfmodel.model.mirror import Mirror
 from nico_selfmodel.model.self_model import ParameterCovariance, SelfModel
 from nico_selfmodel.model.servo_map import ServoMap
 
@@ -72,7 +73,7 @@ def _document(model: SelfModel) -> dict[str, Any]:
         document["servos"] = [_servo_document(model.servos, i) for i in range(len(model.joints))]
     document |= {
         "cameras": {eye: _camera_document(camera) for eye, camera in model.cameras.items()},
-        "mirrors": {},
+        "mirrors": {name: _mirror_document(mirror) for name, mirror in model.mirrors.items()},
         "noise_sigma_m": model.noise_sigma,
         "pixel_sigma_px": model.pixel_sigma,
         "robot": dict(model.robot),
@@ -114,6 +115,11 @@ def _camera_document(camera: Camera) -> dict[str, Any]:
     return {"image_size": size, **camera.named_values, "X_WC": camera.X_WC.tolist()}
 
 
+def _mirror_document(mirror: Mirror) -> dict[str, Any]:
+    known = {} if mirror.covariance is None else {"covariance": mirror.covariance.tolist()}
+    return {"normal": mirror.normal.tolist(), "distance": mirror.distance, **known}
+
+
 def _model(document: dict[str, Any]) -> SelfModel:
     known = document.get("covariance")
     arm = "chain" in document or "servos" in document
@@ -128,6 +134,7 @@ def _model(document: dict[str, Any]) -> SelfModel:
         document.get("provenance", {}),
         {eye: _camera(entry) for eye, entry in (document.get("cameras") or {}).items()},
         document.get("pixel_sigma_px"),
+        {name: _mirror(entry) for name, entry in (document.get("mirrors") or {}).items()},
     )
 
 
@@ -161,6 +168,10 @@ def _camera(entry: dict[str, Any]) -> Camera:
     camera = Camera.from_values(values, (width, height), entry["X_WC"])
     _check_rigid(camera.X_WC, "a camera's X_WC")
     return camera
+
+
+def _mirror(entry: dict[str, Any]) -> Mirror:
+    return Mirror(np.array(entry["normal"], float), entry["distance"], entry.get("covariance"))
 
 
 def _check_rigid(x: np.ndarray, name: str) -> None:

@@ -9,6 +9,9 @@ from nico_selfmodel.errors import ModelError
 from nico_selfmodel.plant.kinematic_tree import KinematicTree
 from nico_selfmodel.plant.urdf_document import child, children, read_document, robot_element
 
+_ROUNDING = 1e-6
+"""How far beyond a limit a held value may lie: limits are often written with few digits."""
+
 
 def only_link(tree: KinematicTree, links: list[str], kind: str, argument: str) -> str:
     """Return the single link of a list.
@@ -17,8 +20,10 @@ def only_link(tree: KinematicTree, links: list[str], kind: str, argument: str) -
         ModelError: If there are several; the message lists them and names the argument to give.
     """
     if len(links) != 1:
+        option = argument.removesuffix("_link")
         raise ModelError(
-            f"{tree.urdf} has {len(links)} {kind} links, choose {argument} among {', '.join(links)}"
+            f"{tree.urdf} has {len(links)} {kind} links, choose {argument} (--{option}) among "
+            f"{', '.join(links)}"
         )
     return links[0]
 
@@ -27,7 +32,8 @@ def checked_held(tree: KinematicTree, held: Mapping[str, float]) -> dict[str, fl
     """Return held joints and their values as plain numbers.
 
     Raises:
-        ModelError: If a joint is not there, cannot move in one direction, or has no finite value.
+        ModelError: If a joint is not there, cannot move in one direction, or its value is not
+            finite or beyond its limits.
     """
     for name, value in held.items():
         joint = tree.joint(name)
@@ -35,6 +41,13 @@ def checked_held(tree: KinematicTree, held: Mapping[str, float]) -> dict[str, fl
             raise ModelError(f"joint {name!r} is {joint.type_name()}: there is nothing to hold")
         if not np.isfinite(value):
             raise ModelError(f"joint {name!r} cannot be held at {value}")
+        lower, upper = joint.position_lower_limits()[0], joint.position_upper_limits()[0]
+        if not lower - _ROUNDING <= value <= upper + _ROUNDING:
+            unit = "rad" if isinstance(joint, RevoluteJoint) else "m"
+            raise ModelError(
+                f"joint {name!r} cannot be held at {value:g} {unit}: it moves from {lower:g} to "
+                f"{upper:g} {unit}"
+            )
     return {name: float(value) for name, value in held.items()}
 
 

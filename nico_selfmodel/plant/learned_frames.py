@@ -62,9 +62,9 @@ def learned_frames(arm: ArmDescription, chain: Chain) -> LearnedFrames:
     turn = np.zeros(n)
     if abs(nominal.r[-1]) < ON_THE_AXIS:
         turn[-1] = learned.theta_zero[-1] - nominal.theta_zero[-1]
-    X_DF = np.stack([learned.joint_motion(i, learned.theta_zero[i] - turn[i]) for i in range(n)])
+    X_DF = learned.joint_motions(learned.theta_zero - turn)
     spin = transform(rotation_about(np.array([0.0, 0.0, 1.0]), turn), np.zeros(3))
-    X_MD = spin @ np.stack([learned.link(i) for i in range(n)]) @ inverse(spin)
+    X_MD = spin @ learned.links @ inverse(spin)
     X_TN = inverse(links.X_BT) @ X_BD[-1] @ spin[-1]
     return LearnedFrames(
         learned.X_W0 @ inverse(X_BD[0]) @ links.X_BR,

@@ -55,7 +55,12 @@ class SelfModelPlant:
 
     @classmethod
     def from_urdf(
-        cls, arm: ArmDescription, model: SelfModel | None = None, *, builder: Any = None
+        cls,
+        arm: ArmDescription,
+        model: SelfModel | None = None,
+        *,
+        builder: Any = None,
+        scene_graph: SceneGraph | None = None,
     ) -> "SelfModelPlant":
         """Build the plant.
 
@@ -65,6 +70,8 @@ class SelfModelPlant:
                 robot's root link stands at the world's origin.
             builder: A `DiagramBuilder` that takes plant and scene graph; the robot's
                 meshes must then be there. Without it the plant has no geometry.
+            scene_graph: In place of a builder, a scene graph that the plant's geometry goes into,
+                for a plant that is not part of a diagram; what moves it is up to the caller.
 
         Returns:
             The plant, finalized.
@@ -72,9 +79,11 @@ class SelfModelPlant:
         Raises:
             ModelError: If the model has other joints, or Drake cannot read the robot.
         """
-        plant, scene_graph = MultibodyPlant(0.0), None
+        plant = MultibodyPlant(0.0)
         if builder is not None:
             plant, scene_graph = AddMultibodyPlantSceneGraph(builder, plant)
+        elif scene_graph is not None:
+            plant.RegisterAsSourceForSceneGraph(scene_graph)
         instance = parse_urdf(arm.urdf, plant)
         frames = learned_frames(arm, model.chain if model else arm.chain)
         X_WR = frames.X_WR if model else np.eye(4)

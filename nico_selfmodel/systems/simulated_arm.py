@@ -115,14 +115,36 @@ class SimulatedArm:
 
     def __joint_angles(self, encoders: NDArray) -> NDArray:
         """Return true joint angles: encoder, then sag, play and wobble on the link's side."""
-        world = self.world
-        q = self.__servos.to_joint(encoders)
-        torque = gravity_torques(self.__true_chain, q)
-        play = self._rng.uniform(-1.0, 1.0, len(q)) * world.play
-        wobble = np.zeros(len(q))
-        if self._rng.random() < world.wobble_share:
-            wobble[:2] = self._rng.normal(0.0, world.wobble, min(2, len(q)))
-        return q + world.sag * torque / self.__largest_torque + play + wobble
+        return disturbed_angles(
+            self.__true_chain,
+            self.__servos.to_joint(encoders),
+            self.world,
+            self.__largest_torque,
+            self._rng,
+        )
+
+
+def disturbed_angles(
+    chain: Chain, q: NDArray, world: World, largest_torque: float, rng: np.random.Generator
+) -> NDArray:
+    """Return where joints really stand: what the encoders say, then sag, play and wobble.
+
+    Args:
+        chain: The arm, z up.
+        q: Joint angles by the encoders [rad]. Shape (n,).
+        world: What is wrong with the body.
+        largest_torque: That makes a joint sag by `world.sag`, as `gravity_torques` counts it.
+        rng: Source of play and wobble.
+
+    Returns:
+        Joint angles [rad]. Shape (n,).
+    """
+    torque = gravity_torques(chain, q) if world.sag else np.zeros(len(q))
+    play = rng.uniform(-1.0, 1.0, len(q)) * world.play
+    wobble = np.zeros(len(q))
+    if rng.random() < world.wobble_share:
+        wobble[:2] = rng.normal(0.0, world.wobble, min(2, len(q)))
+    return q + world.sag * torque / largest_torque + play + wobble
 
 
 def gravity_torques(chain: Chain, q: NDArray) -> NDArray:

@@ -35,9 +35,8 @@ class SimulatedEyes:
             pixel_sigma: Noise of each measured pixel coordinate [px].
             nominal: The eyes as designed.
         """
-        rng = np.random.default_rng((seed, 7))
         self.pixel_sigma = pixel_sigma
-        self.__rig = StereoRig(_individual(nominal.left, rng), _individual(nominal.right, rng))
+        self.__rig = _individual_rig(seed, nominal)
         self._seed = seed
 
     def look_at_boards(self, p_GQ: NDArray, count: int, session: int = 0) -> BoardViews:
@@ -76,6 +75,12 @@ class SimulatedEyes:
         width, height = self.__rig.left.image_size
         limit = np.array([width - 6.0, height - 6.0] * 2)
         return bool(((pixels > 5.0) & (pixels < limit)).all())
+
+
+def _individual_rig(seed: int, nominal: StereoRig) -> StereoRig:
+    """Return the eyes of one individual, the left one only nearly at the world."""
+    rng = np.random.default_rng((seed, 7))
+    return StereoRig(_individual(nominal.left, rng), _individual(nominal.right, rng))
 
 
 def _individual(nominal: Camera, rng: np.random.Generator) -> Camera:

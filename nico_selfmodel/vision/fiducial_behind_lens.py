@@ -45,8 +45,8 @@ def center_behind_lens(image: NDArray, seen: Fiducial, camera: Camera) -> NDArra
     low = ideal.min(axis=0) - _ROOM * span
     size = np.ceil((ideal.max(axis=0) + _ROOM * span - low) * scale).astype(int)
     grid = np.stack(np.meshgrid(*(np.arange(n) for n in size)), axis=-1) / scale + low
-    places = camera.pixels_of(np.moveaxis(grid, -1, 0)).astype(np.float32)
-    patch = cv2.remap(gray, *places, cv2.INTER_CUBIC, borderMode=cv2.BORDER_REPLICATE)
+    u, v = camera.pixels_of(np.moveaxis(grid, -1, 0)).astype(np.float32)
+    patch = cv2.remap(gray, u, v, cv2.INTER_CUBIC, borderMode=cv2.BORDER_REPLICATE)
     cells = FiducialFamily(seen.family).cells
     corners = corners_from_edges(patch, (ideal - low) * scale, cells)
     if corners is None:

@@ -1,5 +1,6 @@
 """From the picture of a pinhole renderer to that of a camera with a lens."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import cv2
@@ -56,6 +57,8 @@ class LensWarp:
         """
         if supersample < 1:
             raise ValueError(f"supersample must be at least 1, got {supersample}")
+        if max(camera.image_size) * supersample > _LARGEST:
+            raise ModelError(_too_large(supersample * np.array(camera.image_size)))
         ideal = _ideal_of_samples(camera, supersample)
         ideal[np.abs(ideal).max(axis=2) > _WIDEST] = np.nan
         focal = supersample * np.array([camera.fx, camera.fy])
@@ -63,10 +66,7 @@ class LensWarp:
         high = np.ceil(np.nanmax(ideal, axis=(0, 1)) * focal) + _MARGIN
         width, height = (int(side) for side in high - low)
         if max(width, height) > _LARGEST:
-            raise ModelError(
-                f"the lens asks for a picture of {width} x {height} px, at most {_LARGEST} are "
-                "rendered: lower the supersampling or check the camera"
-            )
+            raise ModelError(_too_large((width, height)))
         K = np.array([[focal[0], 0.0, -low[0]], [0.0, focal[1], -low[1]], [0.0, 0.0, 1.0]])
         K.flags.writeable = False
         # From the edge of the first pixel to its centre, which is what cv2.remap counts from.
@@ -76,7 +76,7 @@ class LensWarp:
         blocks = np.isnan(ideal[..., 0]).reshape(
             camera.image_size[1], supersample, camera.image_size[0], supersample
         )
-        dark = blocks.all(axis=(1, 3))
+        dark = np.asarray(blocks.all(axis=(1, 3)))
         dark.flags.writeable = False
         return cls(camera, supersample, (width, height), K, dark, (maps[0], maps[1]))
 
@@ -102,15 +102,20 @@ class LensWarp:
         return cv2.resize(bent, self.camera.image_size, interpolation=cv2.INTER_AREA)
 
 
+def _too_large(size: Sequence[int] | NDArray) -> str:
+    return (
+        f"the lens asks for a picture of {size[0]} x {size[1]} px, at most {_LARGEST} are "
+        "rendered: lower the supersampling or check the camera"
+    )
+
+
 def _ideal_of_samples(camera: Camera, supersample: int) -> NDArray:
     """Return X/Z, Y/Z of samples spread evenly over each pixel, nan where there is no ray.
 
     Shape (height * supersample, width * supersample, 2).
     """
     width, height = camera.image_size
-    u, v = (
-        (np.arange(size * supersample) + 0.5) / supersample - 0.5 for size in (width, height)
-    )
+    u, v = ((np.arange(size * supersample) + 0.5) / supersample - 0.5 for size in (width, height))
     pixels = np.stack(np.meshgrid(u, v), axis=-1).reshape(-1, 2)
     ideal = np.full(pixels.shape, np.nan)
     seen = camera.has_rays(pixels)

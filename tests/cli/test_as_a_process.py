@@ -37,13 +37,12 @@ def test_help_loads_nothing_that_is_slow(words):
 def test_a_refusal_loads_no_more_than_it_looks_at(tmp_path):
     there = tmp_path / "there"
     there.mkdir()
-    assert loaded_by(("learn", "--out", there)) == (2, {"numpy"})
-    assert loaded_by(("learn", "--world", "moon", "--out", tmp_path / "out")) == (2, {"numpy"})
-    code, packages = loaded_by(
-        ("calibrate", "kinematics", tmp_path / "nothing", "--out", tmp_path / "out")
-    )
-    assert code == 2
-    assert not packages & {"matplotlib", "meshcat", "cv2"}
+    out = ("--out", tmp_path / "out")
+    assert loaded_by(("learn", "--out", there)) == (2, set())
+    for words in (("learn", "--world", "moon"), ("calibrate", "kinematics", tmp_path / "nothing")):
+        code, packages = loaded_by((*words, *out))
+        assert code == 2
+        assert not packages & {"matplotlib", "meshcat"}
 
 
 def test_learn_writes_a_result_that_passes(tmp_path, process, command, undrawn):

@@ -41,6 +41,7 @@ def test_nothing_held_out_is_not_evaluated(recorded, tmp_path, command):
     assert document["cross_validation"]["n"] > 100
 
 
+@pytest.mark.usefixtures("undrawn")
 def test_a_bound_that_is_missed_fails_with_exit_code_1_and_a_whole_folder(
     recorded, tmp_path, command
 ):

@@ -109,6 +109,17 @@ def test_any_data_set_survives_the_round_trip(dataset, tmp_path_factory):
     assert files(folder) == files(folder.with_name("again"))
 
 
+@pytest.mark.parametrize("unit", ["rad", "deg"])
+def test_radians_that_look_like_degrees_are_questioned(folder, unit):
+    metadata = METADATA.replace("encoder_unit: deg, lower: -5, upper: 120", f"encoder_unit: {unit}")
+    path = folder(metadata=metadata)
+    if unit == "deg":
+        load_dataset(path)
+        return
+    with pytest.warns(UserWarning, match=r"encoder.elbow spans 65 rad, 10\.3 turns: .*unit: deg"):
+        load_dataset(path)
+
+
 def test_the_hash_knows_the_contents_and_not_the_notation(folder):
     plain = load_dataset(folder())
     rows = [line.split(",") for line in SAMPLES.replace('"slow, twice"', "").splitlines()]

@@ -62,6 +62,37 @@ def test_a_true_pin_helps_and_a_wrong_one_hurts(make_truth, learn):
     assert right.test.statistics.rms == pytest.approx(free.test.statistics.rms, rel=0.03)
     assert wrong.test.statistics.rms > 1.8 * free.test.statistics.rms
     assert wrong.model.noise_sigma > 1.8 * SIGMA
+    assert right.contradicted_pins == free.contradicted_pins == ()
+    assert judge(right).status == "PASS"
+    (pin,) = wrong.contradicted_pins
+    assert (pin.name, pin.value) == ("joint_2.r", dh.r[2] + 0.02)
+    assert pin.wanted == pytest.approx(dh.r[2], abs=2e-3)
+    assert pin.rise > 1.8
+    verdict = judge(wrong)
+    assert verdict.status == "FAIL"
+    assert "`joint_2.r` is pinned at" in verdict.reasons[0]
+    assert "contradicts the data" in verdict.reasons[0]
+
+
+def test_only_the_wrong_one_of_several_pins_is_named(make_truth, learn):
+    truth = make_truth(4, 2, unit="counts", kind="elbow")
+    dh = DhTable.from_chain(truth.chain)
+    pins = [f"joint_2.r={dh.r[2]}", f"joint_1.D={dh.D[1] + 0.015}", "joint_0.D=0.1"]
+    result = learn(truth, [*pins, f"joint_1.gear={truth.servos.gear[1]}"])
+    assert [pin.name for pin in result.contradicted_pins] == ["joint_1.D"]
+    gears = learn(truth, [f"joint_{i}.gear={1.2 * g}" for i, g in enumerate(truth.servos.gear)])
+    assert gears.contradicted_pins
+    assert {pin.name for pin in gears.contradicted_pins} <= {f"joint_{i}.gear" for i in range(4)}
+
+
+def test_true_pins_are_hardly_ever_called_wrong(make_truth):
+    truth = make_truth(3, 2, unit="counts", kind="elbow")
+    dh = DhTable.from_chain(truth.chain)
+    pins = Pins.from_text([f"joint_1.r={dh.r[1]}", f"joint_1.alpha={dh.alpha[1]}"])
+    for seed in range(12):
+        data = truth.dataset(*truth.sweeps(8), sigma=SIGMA, seed=seed)
+        result = calibrate_kinematics(data, pins=pins, starts=0)
+        assert result.contradicted_pins == (), seed
 
 
 def test_gears_are_pinned_by_name_too(make_truth, learn):

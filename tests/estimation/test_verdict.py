@@ -4,11 +4,11 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from hypothesis import assume, given
+from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 
-from nico_selfmodel.estimation import calibrate_kinematics, judge
+from nico_selfmodel.estimation import calibrate_kinematics, evaluate, judge, judge_evaluation
 from nico_selfmodel.estimation.verdict import rank_score
 
 SIGMA = 3e-4
@@ -42,6 +42,29 @@ def test_a_good_calibration_passes_with_its_held_out_error(good):
     assert verdict.status == "PASS"
     (reason,) = verdict.reasons
     assert f"{1e3 * good.test.statistics.mean:.2f} mm mean error on 60 points" in reason
+
+
+def test_a_model_is_judged_by_new_data_as_by_held_out_ones(good, held_out_data):
+    verdict = judge_evaluation(good.model, evaluate(good.model, held_out_data))
+    assert verdict.status == "PASS"
+    expected = 1e3 * np.median(good.cross_validation)
+    assert f"expected {expected:.2f} mm" in verdict.reasons[0]
+    points = held_out_data.p_WH_measured + np.array([0.001, 0.0, 0.0])
+    moved = replace(held_out_data, p_WH_measured=points)
+    verdict = judge_evaluation(good.model, evaluate(good.model, moved))
+    assert verdict.status == "FAIL"
+    assert "significantly above that of the training poses" in verdict.reasons[0]
+    for data, model in (
+        (held_out_data.select(np.arange(4)), good.model),
+        (held_out_data, replace(good.model, fit={})),
+    ):
+        assert judge_evaluation(model, evaluate(model, data)).status == "NOT_EVALUATED"
+
+
+def test_a_good_model_hardly_ever_fails_on_new_data(truth, good):
+    for seed in range(40):
+        new = truth.dataset(truth.poses(60, 100 + seed), sigma=SIGMA, seed=100 + seed)
+        assert judge_evaluation(good.model, evaluate(good.model, new)).status == "PASS"
 
 
 def test_without_held_out_data_nothing_is_evaluated_but_cross_validated(train, good):
@@ -127,6 +150,7 @@ def test_a_good_calibration_hardly_ever_fails(truth, joined):
         assert verdict.status == "PASS", (seed, verdict.reasons)
 
 
+@settings(max_examples=40)
 @given(values=DISTINCT, cut=st.integers(1, 59))
 def test_the_rank_score_knows_which_sample_is_larger(values, cut):
     assume(cut < len(values))

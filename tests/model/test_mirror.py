@@ -160,14 +160,14 @@ def test_slopes_of_a_reflected_projection_are_its_finite_differences(elsewhere):
     for k in range(3):
         change = step * np.eye(3)[k]
         ahead, back = (
-            reflected_projection(rig.eyes, mirror.values, points + s * change).pixels for s in (1, -1)
+            reflected_projection(rig.eyes, mirror.values, points + s * change).pixels
+            for s in (1, -1)
         )
         assert_allclose(
             shown.by_point[:, :, k], (ahead - back) / (2.0 * step), rtol=1e-5, atol=1e-4
         )
         ahead, back = (
-            reflected_projection(rig.eyes, mirror.values + s * change, points)
-            for s in (1, -1)
+            reflected_projection(rig.eyes, mirror.values + s * change, points) for s in (1, -1)
         )
         slope = (ahead.pixels - back.pixels) / (2.0 * step)
         assert_allclose(shown.by_mirror[:, :, k], slope, rtol=1e-5, atol=1e-4)

@@ -268,7 +268,7 @@ def test_the_frames_of_a_nominal_joint_hold_its_denavit_hartenberg_row(describe,
     frames = model.dh.frames(np.zeros(4))
     for i, joint in enumerate(arm.joints):
         F, M = robot.joint_frames(joint)
-        expected = frames[i] @ model.dh.joint_motion(i, model.dh.theta_zero[i])
+        expected = frames[i] @ model.dh.joint_motions(model.dh.theta_zero)[i]
         for frame in (F, M):
             X_WF = frame.CalcPoseInWorld(context).GetAsMatrix4()
             np.testing.assert_allclose(X_WF, expected, atol=1e-12)

@@ -1,0 +1,87 @@
+"""`nico-selfmodel experiment refinement` and `experiment tool`: chapter 8 of the thesis."""
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from nico_selfmodel.cli import console
+
+if TYPE_CHECKING:
+    from nico_selfmodel.systems import World
+
+Out = Annotated[Path, typer.Option("--out", help="Folder for tables and charts to make.")]
+WorldName = Annotated[str, typer.Option("--world", help="clean or thesis.")]
+PlayDeg = Annotated[
+    float | None, typer.Option("--play-deg", min=0.0, help="Half the joint play, instead.")
+]
+Individuals = Annotated[
+    int, typer.Option("--individuals", min=1, help="Simulated bodies to average over.")
+]
+Seed = Annotated[int, typer.Option("--seed", min=0, help="Of the first individual.")]
+Force = Annotated[bool, typer.Option("--force", help="Replace an existing folder.")]
+AsJson = Annotated[bool, typer.Option("--json", help="Print JSON.")]
+
+
+def refinement(
+    out: Out,
+    world: WorldName = "clean",
+    play_deg: PlayDeg = 0.5,
+    individuals: Individuals = 8,
+    tracker: Annotated[
+        list[str] | None, typer.Option("--tracker", help="fiducial or color; both if omitted.")
+    ] = None,
+    seed: Seed = 0,
+    force: Force = False,
+    as_json: AsJson = False,
+) -> None:
+    """Let arm and eyes refine each other, as published and anchored to boards (chapter 8)."""
+    from nico_selfmodel.experiments.refinement import run_refinement
+    from nico_selfmodel.experiments.refinement_report import document_of, table_rows, write_report
+    from nico_selfmodel.files import refuse_folder
+
+    refuse_folder(out, force=force)
+    chosen = _world(world, play_deg)
+    with console.progress_bar() as stage:
+        results = run_refinement(
+            chosen, individuals, seed, tuple(tracker or ("fiducial", "color")), stage
+        )
+    write_report(results, out, force=force)
+    if as_json:
+        console.print_json(document_of(results))
+        return
+    title = f"Held-out poses and boards, {individuals} simulated bodies; ours / thesis"
+    console.print_table(title, *table_rows(results))
+    console.print_where(out)
+
+
+def tool(
+    out: Out,
+    world: WorldName = "clean",
+    play_deg: PlayDeg = 0.5,
+    individuals: Individuals = 8,
+    seed: Seed = 0,
+    force: Force = False,
+    as_json: AsJson = False,
+) -> None:
+    """Take a tool, and restart the encoders (section 8.4.4)."""
+    from nico_selfmodel.experiments.tool_use import document_of, run_tool, table_rows, write_report
+    from nico_selfmodel.files import refuse_folder
+
+    refuse_folder(out, force=force)
+    with console.progress_bar() as stage:
+        results = run_tool(_world(world, play_deg), individuals, seed, stage)
+    write_report(results, out, force=force)
+    if as_json:
+        console.print_json(document_of(results))
+        return
+    title = f"Held-out poses, {individuals} simulated bodies"
+    console.print_table(f"{title}: a tool", *table_rows(results.tool))
+    console.print_table(f"{title}: a restart", *table_rows(results.restart))
+    console.print_where(out)
+
+
+def _world(name: str, play_deg: float | None) -> "World":
+    from nico_selfmodel.systems import world_named
+
+    return world_named(name).with_noise(play_deg=play_deg)

@@ -1,0 +1,72 @@
+"""`nico-selfmodel locate`: where a thing is that is seen only in a mirror."""
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from nico_selfmodel.cli import console
+
+
+def locate(
+    model: Annotated[Path, typer.Argument(help="self_model.yaml, or a result folder.")],
+    mirror: Annotated[str, typer.Option("--mirror", help="Name of the mirror.")],
+    pixels: Annotated[
+        list[str],
+        typer.Option(
+            "--pixels",
+            metavar="U,V,U,V",
+            help="Where the left and the right eye see the reflection. Repeat for more things.",
+        ),
+    ],
+    pixel_sigma: Annotated[
+        float | None,
+        typer.Option("--pixel-sigma", help="Noise of a pixel coordinate; the model's if omitted."),
+    ] = None,
+    as_json: Annotated[bool, typer.Option("--json", help="Print JSON.")] = False,
+) -> None:
+    """Say where things are that are seen in a mirror: x, y, z [m] and how surely [mm]."""
+    from nico_selfmodel.model import SelfModel
+    from nico_selfmodel.model.mirror_location import locate_in_mirror
+
+    body = SelfModel.load(model)
+    sigma = pixel_sigma if pixel_sigma is not None else body.pixel_sigma or 1.0
+    if not 0.0 < sigma < float("inf"):
+        raise ValueError(f"--pixel-sigma must be a positive number, got {sigma}")
+    found = locate_in_mirror(body.mirror_rig(mirror), [_pixels(word) for word in pixels], sigma)
+    rows = [place.as_document() for place in found]
+    if as_json:
+        console.print_json({"mirror": mirror, "pixel_sigma_px": sigma, "places": rows})
+        return
+    headings = ("x m", "y m", "z m", "sigma mm", "along sight", "across", "off by px")
+    cells = [[f"{row[key]:.{digits}f}" for key, digits in _SHOWN] for row in rows]
+    console.print_table(f"seen in mirror {mirror}", headings, cells)
+
+
+_SHOWN = (
+    ("x_m", 4),
+    ("y_m", 4),
+    ("z_m", 4),
+    ("sigma_mm", 1),
+    ("sigma_along_mm", 1),
+    ("sigma_across_mm", 1),
+    ("miss_px", 2),
+)
+
+
+def _pixels(word: str) -> list[float]:
+    """Read four numbers.
+
+    Raises:
+        ValueError: If there are others.
+    """
+    cells = word.split(",")
+    try:
+        values = [float(cell) for cell in cells]
+    except ValueError as error:
+        raise ValueError(f"--pixels {word}: {error}") from error
+    if len(values) != 4:
+        raise ValueError(
+            f"--pixels {word}: got {len(values)} numbers, expected left u, v and right u, v"
+        )
+    return values

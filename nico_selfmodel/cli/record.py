@@ -1,0 +1,138 @@
+"""`nico-selfmodel record`: watch a simulated robot move, by motion capture or by its own eyes."""
+
+from dataclasses import replace
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from nico_selfmodel.cli import console
+
+if TYPE_CHECKING:
+    from nico_selfmodel.dataset import Dataset
+    from nico_selfmodel.systems import World
+
+SENSORS = ("motion-capture", "stereo-fiducial", "stereo-color", "chessboard")
+
+
+def record(
+    out: Annotated[Path, typer.Argument(help="Folder to make; a recording in it is resumed.")],
+    sensor: Annotated[
+        str, typer.Option("--sensor", help=f"Who watches what: {', '.join(SENSORS)}.")
+    ] = "stereo-fiducial",
+    world: Annotated[
+        str, typer.Option("--world", help="Imperfections of the body: thesis or clean.")
+    ] = "thesis",
+    seed: Annotated[int, typer.Option("--seed", min=0, help="Which individual.")] = 0,
+    session: Annotated[
+        int, typer.Option("--session", min=0, help="Which recording of it: poses and noise.")
+    ] = 0,
+    circle: Annotated[
+        int, typer.Option("--circle", min=0, help="Poses on the joints' circles in all.")
+    ] = 60,
+    random_poses: Annotated[int, typer.Option("--random", min=0, help="Random poses.")] = 100,
+    boards: Annotated[
+        int, typer.Option("--boards", min=1, help="Pairs of pictures of the chessboard.")
+    ] = 16,
+    eyes: Annotated[
+        Path | None,
+        typer.Option("--eyes", help="Result of `calibrate stereo`: fiducials behind its lenses."),
+    ] = None,
+    images: Annotated[bool, typer.Option("--images", help="Keep the pictures too.")] = False,
+) -> None:
+    """Move a simulated Nico and record what is seen; an interrupted recording goes on."""
+    from nico_selfmodel.systems import world_named
+
+    if sensor not in SENSORS:
+        raise ValueError(f"no sensor {sensor!r}; there are {', '.join(SENSORS)}")
+    _check(sensor, circle, random_poses, eyes, images)
+    chosen = world_named(world)
+    if sensor == "chessboard":
+        _boards(out, chosen, seed, session, boards)
+        return
+    data = (
+        _motion_capture(out, chosen, seed, session, circle, random_poses)
+        if sensor == "motion-capture"
+        else _by_sight(out, sensor, chosen, seed, session, circle, random_poses, eyes, images)
+    )
+    console.out.print(f"{len(data)} rows, {len(data.joints)} joints: {out}", markup=False)
+
+
+def _check(sensor: str, circle: int, free: int, eyes: Path | None, images: bool) -> None:
+    """Refuse options that would be ignored, and a recording of nothing."""
+    if not sensor.startswith("stereo-") and (eyes is not None or images):
+        raise ValueError("--eyes and --images need --sensor stereo-fiducial or stereo-color")
+    if sensor != "chessboard" and circle == 0 and free == 0:
+        raise ValueError("nothing to record: give --circle or --random")
+
+
+def _by_sight(
+    out: Path,
+    sensor: str,
+    world: "World",
+    seed: int,
+    session: int,
+    circle: int,
+    free: int,
+    eyes: Path | None,
+    images: bool,
+) -> "Dataset":
+    from nico_selfmodel.experiments.eyes_lesson import MARKERS, NicoBeforeItsEyes
+    from nico_selfmodel.model import SelfModel
+
+    rig = None if eyes is None else SelfModel.load(eyes).rig
+    nico = NicoBeforeItsEyes(world, seed, (MARKERS[sensor],))
+    with console.progress_bar() as stage:
+        return nico.record(
+            out.name,
+            session,
+            circle,
+            free,
+            rig=rig,
+            folder=out,
+            keep_images=images,
+            progress=lambda done, total: stage("moving and looking", done, total),
+        )
+
+
+def _motion_capture(
+    out: Path, world: "World", seed: int, session: int, circle: int, free: int
+) -> "Dataset":
+    from nico_selfmodel.experiments.protocol import Protocol, simulated_session
+    from nico_selfmodel.plant import ArmDescription
+
+    arm = ArmDescription.named("nico")
+    each = max(1, round(circle / len(arm.joints))) + 1
+    protocol = replace(Protocol.for_arm(arm), random_poses=free, circle_points=each)
+    with console.progress_bar() as stage:
+        return simulated_session(
+            arm,
+            world,
+            protocol,
+            out.name,
+            seed=seed,
+            session=session,
+            sweeps=circle > 0,
+            folder=out,
+            progress=lambda done, total: stage("moving", done, total),
+        )
+
+
+def _boards(out: Path, world: "World", seed: int, session: int, count: int) -> None:
+    from nico_selfmodel.experiments.eyes_lesson import NicoBeforeItsEyes
+    from nico_selfmodel.files import folder_written_whole
+
+    with folder_written_whole(out) as folder, console.progress_bar() as stage:
+        nico = NicoBeforeItsEyes(world, seed, ("fiducial",))
+        nico.board_views(
+            count,
+            session,
+            folder=folder,
+            progress=lambda done, total: stage("looking at a chessboard", done, total),
+        )
+    console.out.print(
+        f"{count} pairs: {out}\n"
+        f"next  nico-selfmodel calibrate stereo {out} --board 9x6 --square-mm 28 --window 5 "
+        "--out eyes",
+        markup=False,
+    )

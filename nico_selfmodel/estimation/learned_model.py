@@ -1,0 +1,73 @@
+"""The self-model that a solution makes, with what it remembers of its training."""
+
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from nico_selfmodel.dataset import Dataset
+from nico_selfmodel.estimation.nominal_start import NominalArm
+from nico_selfmodel.estimation.observations import Observations
+from nico_selfmodel.estimation.pinned_refinement import PinnedSolution
+from nico_selfmodel.estimation.provenance import package_versions
+from nico_selfmodel.model import ParameterCovariance, SelfModel
+
+
+def learned_model(
+    solved: PinnedSolution,
+    dataset: Dataset,
+    name: str,
+    nominal: NominalArm | None,
+    fit: dict[str, Any],
+) -> SelfModel:
+    """Assemble the self-model with covariance, noise and provenance.
+
+    Args:
+        solved: The solution.
+        dataset: What it was learned from.
+        name: What the model is called.
+        nominal: The robot, if one was given.
+        fit: What to remember of the fit.
+    """
+    covariance = None
+    if solved.uncertainty is not None:
+        uncertainty = solved.uncertainty
+        covariance = ParameterCovariance(uncertainty.names, uncertainty.covariance)
+    return SelfModel(
+        name,
+        solved.parameters.table,
+        solved.parameters.servos,
+        covariance,
+        solved.noise_sigma,
+        dict(nominal.source) if nominal else {},
+        fit,
+        {"dataset": dataset.name, "dataset_sha256": dataset.sha256, **package_versions("drake")},
+    )
+
+
+def training_of(
+    dataset: Dataset, observations: Observations, solved: PinnedSolution, unseen: NDArray
+) -> dict[str, Any]:
+    """Return what tells later whether a model is used beyond what it was trained for.
+
+    Args:
+        dataset: What was learned from.
+        observations: Its measured points.
+        solved: The solution.
+        unseen: Errors in cross-validation [m]; those of the training are taken where there are
+            none. Shape (K,).
+
+    Returns:
+        Rows, the median error to expect with the number of points behind it, and the range of
+        every encoder's readings.
+    """
+    if not len(unseen):
+        predicted = solved.parameters.predict(observations.angles, observations.marker)[0]
+        unseen = np.linalg.norm(predicted - observations.p_WH, axis=1)[~solved.outliers]
+    readings = dataset.encoders[observations.rows]
+    ranges = np.stack([readings.min(axis=0), readings.max(axis=0)], axis=1).tolist()
+    return {
+        "rows": len(observations),
+        "expected_error": {"n": len(unseen), "median_m": float(np.median(unseen))},
+        "readings": dict(zip(dataset.joint_names, ranges, strict=True)),
+    }

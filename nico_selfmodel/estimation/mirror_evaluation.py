@@ -1,0 +1,107 @@
+"""Mirrors held against reflections: predicted pixels, and points rebuilt from their reflections."""
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from nico_selfmodel.estimation.error_statistics import ErrorStatistics
+from nico_selfmodel.estimation.mirror_solution import MirrorSolution, solve_mirrors
+from nico_selfmodel.estimation.mirror_start import virtual_points
+from nico_selfmodel.estimation.reflection_residuals import project_reflections, values_of
+from nico_selfmodel.estimation.reflections import Reflections
+from nico_selfmodel.model.mirror import Mirror
+
+_FOLDS = 5
+
+
+@dataclass(frozen=True, eq=False)
+class MirrorEvaluation:
+    """Mirrors held against reflections."""
+
+    reflections: Reflections
+    """What was seen."""
+    residuals: NDArray
+    """Measured minus predicted pixels; nan where not seen [px]. Shape (N, 2 C)."""
+    p_LQ_rebuilt: NDArray
+    """Points rebuilt from both eyes' pixels in the mirror, in the first eye's frame; nan where one
+    eye did not see it [m]. Shape (N, 3)."""
+
+    @classmethod
+    def from_reflections(
+        cls, reflections: Reflections, mirrors: tuple[Mirror, ...]
+    ) -> "MirrorEvaluation":
+        """Predict and rebuild.
+
+        Args:
+            reflections: What was seen.
+            mirrors: In the order of `reflections.mirrors`.
+
+        Returns:
+            The evaluation.
+        """
+        shown = project_reflections(reflections, values_of(mirrors)).pixels
+        virtual, rebuilt = virtual_points(reflections), np.full((len(reflections), 3), np.nan)
+        for m, mirror in enumerate(mirrors):
+            rows = reflections.mirror == m
+            rebuilt[rows] = mirror.reflect(virtual[rows])
+        return cls(reflections, reflections.pixels - shown, rebuilt)
+
+    @property
+    def distances_px(self) -> NDArray:
+        """Reprojection error of each row in each eye that saw it [px]. Shape (K,)."""
+        distances = np.linalg.norm(self.residuals.reshape(len(self.residuals), -1, 2), axis=2)
+        return distances[np.isfinite(distances)]
+
+    @property
+    def distances(self) -> NDArray:
+        """Distance of rebuilt points from where the body expects them [m]. Shape (K,)."""
+        found = np.linalg.norm(self.p_LQ_rebuilt - self.reflections.p_LQ, axis=1)
+        return found[np.isfinite(found)]
+
+    @property
+    def pixel_statistics(self) -> ErrorStatistics:
+        """Summary of `distances_px`, in pixels."""
+        return ErrorStatistics.from_distances(self.distances_px)
+
+    def select(self, rows: NDArray) -> "MirrorEvaluation":
+        """Return the chosen rows. `rows` is a boolean mask or an index."""
+        return replace(
+            self,
+            reflections=self.reflections.select(rows),
+            residuals=self.residuals[rows],
+            p_LQ_rebuilt=self.p_LQ_rebuilt[rows],
+        )
+
+
+def left_out_errors(solution: MirrorSolution) -> NDArray:
+    """Predict each fifth of the believed poses from planes learned on the rest.
+
+    Args:
+        solution: Planes of all believed rows.
+
+    Returns:
+        Errors in each eye [px], shape (K,); empty where a mirror has fewer than two poses.
+    """
+    kept = solution.reflections.select(~solution.outliers)
+    fold = _folds(kept)
+    if fold is None:
+        return np.zeros(0)
+    errors = []
+    for k in range(int(fold.max()) + 1):
+        rest, held = kept.select(fold != k), kept.select(fold == k)
+        learned = solve_mirrors(rest, solution.mirrors, solution.noise, "none").mirrors
+        errors.append(MirrorEvaluation.from_reflections(held, learned).distances_px)
+    return np.concatenate(errors)
+
+
+def _folds(reflections: Reflections) -> NDArray | None:
+    """Number the folds of poses so that each leaves every mirror some; None if that cannot be."""
+    fold = np.zeros(len(reflections), dtype=int)
+    for m in range(len(reflections.mirrors)):
+        rows = reflections.mirror == m
+        samples, which = np.unique(reflections.sample[rows], return_inverse=True)
+        if len(samples) < 2:
+            return None
+        fold[rows] = which % min(_FOLDS, len(samples))
+    return fold

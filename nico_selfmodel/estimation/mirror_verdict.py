@@ -1,0 +1,183 @@
+"""PASS, FAIL or NOT_EVALUATED for mirrors, and what their data cannot support."""
+
+import numpy as np
+from numpy.typing import NDArray
+
+from nico_selfmodel.estimation.mirror import MirrorCalibration
+from nico_selfmodel.estimation.verdict import Verdict, rank_score
+
+_MOST_OUTLIERS = 0.25
+_LARGEST_RATIO = 5.0
+"""Residuals above this many expected sigmas say that something else is wrong."""
+_SIGNIFICANT, _NOTABLE = 3.3, 1.3
+"""As in the verdict on an arm: standard score and ratio of medians of a larger held-out error."""
+_GRAZING = np.radians(5.0)
+"""Lines of sight that meet the glass at less than this see it edge-on."""
+_ONE_POINT = 0.01
+"""Poses whose points lie within this rms distance of their mean are one point [m]."""
+
+
+def judge_mirrors(calibration: MirrorCalibration, require_test_px: float | None = None) -> Verdict:
+    """Judge mirrors.
+
+    Args:
+        calibration: What was learned.
+        require_test_px: Largest mean reprojection error of held-out reflections allowed [px].
+
+    Returns:
+        FAIL where a check fails; PASS where reflections were held out and nothing failed;
+        NOT_EVALUATED where none were.
+    """
+    checks = [
+        None if calibration.solution.converged else "the solver stopped before reaching a minimum",
+        *_blind_reasons(calibration),
+        *_flatness_reasons(calibration),
+        *_behind_reasons(calibration),
+        *_grazing_reasons(calibration),
+        _outlier_reason(calibration),
+        _misfit_reason(calibration),
+        _held_out_reason(calibration),
+        _bound_reason(calibration, require_test_px),
+    ]
+    failed = tuple(reason for reason in checks if reason)
+    if failed:
+        return Verdict("FAIL", failed)
+    if calibration.test is None:
+        return Verdict("NOT_EVALUATED", ("nothing was held out: give --test or --test-fraction",))
+    statistics = calibration.test.pixel_statistics
+    return Verdict(
+        "PASS", (f"{statistics.mean:.2f} px mean error on {statistics.n} held-out reflections",)
+    )
+
+
+def mirror_warnings(calibration: MirrorCalibration) -> tuple[str, ...]:
+    """Say in words what the data cannot support, though nothing fails."""
+    words, solution = [], calibration.solution
+    for m, (name, mirror) in enumerate(calibration.mirrors.items()):
+        rows = (solution.reflections.mirror == m) & ~solution.outliers
+        points = solution.reflections.p_LQ[rows]
+        poses = len(np.unique(solution.reflections.sample[rows]))
+        spread = float(np.sqrt(np.sum(np.var(points, axis=0)))) if len(points) else 0.0
+        tilt = np.degrees(mirror.normal_sigma or 0.0)
+        known = f"its normal is known to {tilt:.2f} deg"
+        if poses == 1:
+            words.append(f"mirror {name!r} rests on one pose: {known}; record ten")
+        elif spread < _ONE_POINT:
+            words.append(
+                f"all {poses} poses in mirror {name!r} have the hand within {1e3 * spread:.0f} mm "
+                f"of one point: {known}; spread the poses"
+            )
+        if calibration.flatness[name] is None:
+            words.append(f"too few poses to test whether mirror {name!r} is flat: record ten")
+    if solution.reflections.shared is None:
+        words.append(
+            "the self-model has no covariance: what the arm and the eyes are uncertain by is "
+            "missing from the mirrors' sigmas"
+        )
+    if len(calibration.misplaced):
+        listed = ", ".join(str(sample) for sample in calibration.misplaced[:8].tolist())
+        words.append(
+            f"{len(calibration.misplaced)} samples without a mirror's name are reflections in a "
+            f"mirror that was learned ({listed}): write its name into the column `mirror`"
+        )
+    return tuple(words)
+
+
+def grazing_angles(calibration: MirrorCalibration) -> NDArray:
+    """Return at what angle the left eye's line of sight meets the glass in each row [rad]. (N,)."""
+    reflections = calibration.solution.reflections
+    angles = np.empty(len(reflections))
+    for m, mirror in enumerate(calibration.solution.mirrors):
+        rows = reflections.mirror == m
+        sight = mirror.reflect(reflections.p_LQ[rows])
+        angles[rows] = np.arcsin(np.abs(sight @ mirror.normal) / np.linalg.norm(sight, axis=1))
+    return angles
+
+
+def _blind_reasons(calibration: MirrorCalibration) -> list[str]:
+    return [
+        f"the reflections do not determine {', '.join(f'`{n}`' for n in direction.names)}: record "
+        "poses that both eyes see, farther apart from each other and from the glass"
+        for direction in calibration.solution.uncertainty.blind
+    ]
+
+
+def _flatness_reasons(calibration: MirrorCalibration) -> list[str]:
+    return [
+        f"mirror {name!r} is not flat, or the arm is not what the self-model says: two free "
+        f"cameras fit better than one plane, chi-square {test.chi_square:.0f} for {test.freedom} "
+        f"parameters more ({test.by_chance:.1g} by chance)"
+        for name, test in calibration.flatness.items()
+        if test is not None and not test.flat
+    ]
+
+
+def _behind_reasons(calibration: MirrorCalibration) -> list[str]:
+    """Name mirrors behind which the body puts its hand, where no reflection can be."""
+    solution, reasons = calibration.solution, []
+    behind = (solution.in_front_by <= 0.0) & ~solution.outliers
+    for m, name in enumerate(solution.reflections.mirrors):
+        rows = behind & (solution.reflections.mirror == m)
+        if rows.any():
+            reasons.append(
+                f"{int(rows.sum())} poses put the hand up to "
+                f"{-1e3 * solution.in_front_by[rows].min():.0f} mm behind mirror {name!r}, where "
+                "it has no reflection: the arm or the eyes are not what the self-model says"
+            )
+    return reasons
+
+
+def _grazing_reasons(calibration: MirrorCalibration) -> list[str]:
+    angles, reflections = grazing_angles(calibration), calibration.solution.reflections
+    return [
+        f"mirror {name!r} is seen edge-on: lines of sight meet it at "
+        f"{np.degrees(np.median(angles[reflections.mirror == m])):.1f} deg; turn it to the eyes"
+        for m, name in enumerate(reflections.mirrors)
+        if np.median(angles[reflections.mirror == m]) < _GRAZING
+    ]
+
+
+def _outlier_reason(calibration: MirrorCalibration) -> str | None:
+    share = float(np.mean(calibration.solution.outliers))
+    if share <= _MOST_OUTLIERS:
+        return None
+    return (
+        f"{100 * share:.0f} % of the reflections contradict the rest: did the mirror move, or were "
+        "other things taken for the hand?"
+    )
+
+
+def _misfit_reason(calibration: MirrorCalibration) -> str | None:
+    ratio = float(np.sqrt(calibration.solution.uncertainty.variance_factor))
+    if ratio <= _LARGEST_RATIO:
+        return None
+    return (
+        f"the reflections miss their plane by {ratio:.0f} times what pixel noise, joint play and "
+        "the arm's own uncertainty explain: do arm and eyes still fit the robot?"
+    )
+
+
+def _held_out_reason(calibration: MirrorCalibration) -> str | None:
+    expected = calibration.cross_validation
+    if calibration.test is None or len(expected) < 5 or len(calibration.test.distances_px) < 5:
+        return None
+    found = calibration.test.distances_px
+    ratio = float(np.median(found) / max(np.median(expected), 1e-12))
+    if rank_score(expected, found) < _SIGNIFICANT or ratio < _NOTABLE:
+        return None
+    return (
+        f"held-out reflections fit significantly worse (median {np.median(found):.2f} px) than "
+        f"poses left out in turn ({np.median(expected):.2f} px): the mirror moved, or the poses "
+        "learned from do not cover where it is used"
+    )
+
+
+def _bound_reason(calibration: MirrorCalibration, require_test_px: float | None) -> str | None:
+    if require_test_px is None:
+        return None
+    if calibration.test is None:
+        return "--require-test-px was given but nothing was held out"
+    mean = calibration.test.pixel_statistics.mean
+    if mean <= require_test_px:
+        return None
+    return f"mean held-out error {mean:.3f} px, required at most {require_test_px:g} px"

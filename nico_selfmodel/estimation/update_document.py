@@ -1,0 +1,171 @@
+"""Tools, new zeros and health as plain data: what goes into `result.json`."""
+
+from collections.abc import Mapping
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from nico_selfmodel.estimation.block_update import BlockUpdate
+from nico_selfmodel.estimation.error_statistics import ErrorStatistics
+from nico_selfmodel.estimation.health import RATIO_THRESHOLD, THRESHOLD, HealthReport
+from nico_selfmodel.estimation.tool import Rezeroing, ToolCalibration
+from nico_selfmodel.estimation.verdict import Verdict
+from nico_selfmodel.model.self_model import SelfModel
+
+_CAUSES_SHOWN = 5
+
+
+def judge_tool(calibration: ToolCalibration) -> Verdict:
+    """Judge a tool: FAIL where something speaks against it, PASS where it was held out."""
+    if calibration.reasons:
+        return Verdict("FAIL", calibration.reasons)
+    if calibration.test is None:
+        return Verdict("NOT_EVALUATED", ("nothing was held out: give --test or --test-fraction",))
+    mean, unit = _mean(calibration.test, calibration.sensor)
+    return Verdict("PASS", (f"{mean:.2f} {unit} mean error on held-out sightings",))
+
+
+def judge_update(update: BlockUpdate) -> Verdict:
+    """Judge parameters learned anew: FAIL where the rest of the body no longer fits."""
+    if not update.converged:
+        return Verdict("FAIL", ("the solver stopped without reaching a minimum",))
+    words = f"misfit {update.misfit:.0f}, {update.redundancy} was to be expected"
+    if update.fits:
+        return Verdict("NOT_EVALUATED", (f"the rest of the body fits ({words})",))
+    return Verdict("FAIL", (f"the rest of the body no longer fits ({words}): run `check`",))
+
+
+def tool_document(calibration: ToolCalibration, verdict: Verdict) -> dict[str, Any]:
+    """Return the content of a tool's `result.json`.
+
+    Args:
+        calibration: What was learned.
+        verdict: What is thought of it.
+    """
+    return {
+        **_document("tool", calibration.update, verdict, calibration.model),
+        "tool": calibration.tool,
+        "reach_mm": {
+            "value": 1e3 * calibration.reach,
+            "sigma": 1e3 * calibration.reach_sigma,
+        },
+        "train": _errors(calibration.train, calibration.sensor),
+        "test": None if calibration.test is None else _errors(calibration.test, calibration.sensor),
+        "seconds": calibration.seconds,
+    }
+
+
+def rezero_document(found: Rezeroing, verdict: Verdict) -> dict[str, Any]:
+    """Return the content of the `result.json` of new zeros.
+
+    Args:
+        found: What was found.
+        verdict: What is thought of it.
+    """
+    shifts = np.degrees(found.shifts).tolist()
+    return {
+        **_document("rezero", found.update, verdict, found.model),
+        "shift_deg": dict(zip(found.model.joints, shifts, strict=True)),
+        "train": None,
+        "test": None,
+        "seconds": found.seconds,
+    }
+
+
+def relearned_document(update: BlockUpdate, cause: str, verdict: Verdict) -> dict[str, Any]:
+    """Return the content of the `result.json` of what `check` learned anew.
+
+    Args:
+        update: What was learned.
+        cause: What had changed, in words.
+        verdict: What is thought of it.
+    """
+    document = _document("relearn", update, verdict, update.model)
+    return {**document, "cause": cause, "train": None, "test": None, "seconds": None}
+
+
+def health_document(report: HealthReport) -> dict[str, Any]:
+    """Return a health report as plain data; `status` is FAIL where something changed."""
+    reasons = [f"{len(report.nis)} sightings fit what is known of the body"]
+    if report.alarm_at is not None and report.changed_at is not None:
+        best = report.diagnoses[0]
+        reasons = [
+            f"something changed at sample {int(report.sample[report.changed_at])}, seen at sample "
+            f"{int(report.sample[report.alarm_at])}: {best.hypothesis.cause} (likelihood ratio "
+            f"{best.statistic:.0f}, chi-square of {best.dof})"
+        ]
+        if not report.sure:
+            reasons.append("few sightings since: the cause may be another, record 10 or more")
+    return {
+        "status": "PASS" if report.healthy else "FAIL",
+        "reasons": reasons,
+        "sightings": len(report.nis),
+        "nis_per_coordinate": float(report.nis.sum() / report.dof.sum()),
+        "excess": {"largest": float(report.excess.max()), "threshold": THRESHOLD},
+        "ratio": {"largest": float(report.ratio.max()), "threshold": RATIO_THRESHOLD},
+        "changed_at": _sample(report, report.changed_at),
+        "alarm_at": _sample(report, report.alarm_at),
+        "causes": [
+            {
+                "cause": found.hypothesis.cause,
+                "statistic": found.statistic,
+                "dof": found.dof,
+                "score": float(found.score),
+                "parameters": list(found.hypothesis.names),
+                "command": found.hypothesis.command,
+            }
+            for found in report.diagnoses[:_CAUSES_SHOWN]
+        ],
+    }
+
+
+def _document(
+    method: str, update: BlockUpdate, verdict: Verdict, model: SelfModel
+) -> dict[str, Any]:
+    return {
+        "status": verdict.status,
+        "reasons": list(verdict.reasons),
+        "method": method,
+        "cross_validation": None,
+        "parameters": _parameters(model, update.learned),
+        "not_identifiable": [],
+        "outliers": np.flatnonzero(update.outliers).tolist(),
+        "misfit": {"value": update.misfit, "expected": update.redundancy},
+        "body_fits": update.fits,
+        "iterations": update.iterations,
+        "converged": update.converged,
+    }
+
+
+def _parameters(model: SelfModel, learned: tuple[str, ...]) -> dict[str, Mapping[str, Any]]:
+    """Return the parameters that were learned, with what they are uncertain by in all."""
+    values = dict(zip(model.parameters.names, model.parameters.values.tolist(), strict=True))
+    units = dict(zip(model.parameters.names, model.parameters.units, strict=True))
+    if len(model.cameras) == 2:
+        values |= dict(zip(model.rig.names, model.rig.values.tolist(), strict=True))
+        units |= dict(zip(model.rig.names, model.rig.units, strict=True))
+    covariance = model.covariance
+    assert covariance is not None
+    sigma = dict(zip(covariance.names, np.sqrt(np.diag(covariance.matrix)).tolist(), strict=True))
+    return {
+        name: {"value": values[name], "sigma": sigma[name], "unit": units[name], "free": True}
+        for name in learned
+    }
+
+
+def _errors(errors: NDArray, sensor: str) -> dict[str, Any]:
+    statistics = ErrorStatistics.from_distances(errors)
+    if sensor == "points":
+        return {"n": statistics.n, "position_mm": statistics.as_mm()}
+    names = ("mean", "sd", "rms", "median", "p95", "max")
+    return {"n": statistics.n, "pixels": {name: getattr(statistics, name) for name in names}}
+
+
+def _mean(errors: NDArray, sensor: str) -> tuple[float, str]:
+    scale, unit = (1e3, "mm") if sensor == "points" else (1.0, "px")
+    return scale * float(errors.mean()), unit
+
+
+def _sample(report: HealthReport, row: int | None) -> int | None:
+    return None if row is None else int(report.sample[row])

@@ -1,0 +1,337 @@
+"""Nico learns its eyes from a chessboard and then its arm by watching its hand (chapter 7).
+
+Everything goes through rendered pixels: boards, fiducial and red tape are found in pictures.
+"""
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from nico_selfmodel.dataset import BoardViews, Dataset
+from nico_selfmodel.errors import DataError
+from nico_selfmodel.estimation import (
+    CameraCalibration,
+    KinematicCalibration,
+    NominalArm,
+    calibrate_cameras,
+    calibrate_kinematics,
+)
+from nico_selfmodel.estimation.body_start import reconstructed
+from nico_selfmodel.estimation.pixel_evaluation import PixelEvaluation, evaluate_pixels
+from nico_selfmodel.model import SelfModel, StereoRig
+from nico_selfmodel.model.stereo_rig import EYES
+from nico_selfmodel.plant import ArmDescription
+from nico_selfmodel.recording import Plan, commands_of_angles, pose_plan, record
+from nico_selfmodel.systems import (
+    BOARD,
+    ImageQuality,
+    NicoStation,
+    Reach,
+    StationBody,
+    World,
+    default_detectors,
+    looking_arm,
+)
+from nico_selfmodel.vision import NotSeen, find_chessboard, write_image
+
+Stage = Callable[[str, int, int], None]
+"""Called with what is going on, steps done and steps in all."""
+MARKERS = {"stereo-fiducial": "fiducial", "stereo-color": "finger_tip"}
+"""Sensor -> what it looks at."""
+SPARE = 1.25
+"""Poses planned for each that is wanted: some hide the marker after all."""
+HOME_REPEATS = 4
+_RESUMED = 100_000
+"""Sessions that a resumed recording skips for each pose it has: what is random must not repeat."""
+WINDOW = 5
+"""Half side of the window in which corners are refined: squares are as small as 16 px."""
+
+
+@dataclass(frozen=True, eq=False)
+class Counts:
+    """How much is recorded."""
+
+    boards: int = 16
+    """Views of the chessboard."""
+    circle: int = 60
+    """Poses on circles, home not counted."""
+    random: int = 100
+    """Random poses to learn from."""
+    test: int = 100
+    """Random poses to judge by."""
+
+
+@dataclass(frozen=True, eq=False)
+class ArmLesson:
+    """An arm learned by sight of one marker."""
+
+    calibration: KinematicCalibration
+    """Of the arm; its model has the eyes too."""
+    train: Dataset
+    """Rows of the marker that both eyes saw."""
+    test: Dataset
+    """Held-out rows."""
+    seen: PixelEvaluation
+    """The model against the held-out pictures, in the image and in space (eq. 7.4)."""
+
+    @property
+    def model(self) -> SelfModel:
+        """Arm and eyes, in the left eye's frame."""
+        return self.calibration.model
+
+
+@dataclass(frozen=True, eq=False)
+class EyesLesson:
+    """Eyes and arm, as learned."""
+
+    views: BoardViews
+    """What was seen of the chessboard."""
+    eyes: CameraCalibration
+    """The eyes."""
+    arms: Mapping[str, ArmLesson]
+    """Marker -> the arm learned by it."""
+
+
+class NicoBeforeItsEyes:
+    """One simulated Nico that can be recorded: its plans, its stations of several days."""
+
+    def __init__(
+        self,
+        world: World | str,
+        seed: int,
+        markers: tuple[str, ...] = ("fiducial", "finger_tip"),
+        quality: ImageQuality | None = None,
+    ) -> None:
+        """Take an individual.
+
+        Args:
+            world: What is wrong with it.
+            seed: Which one.
+            markers: What is tracked.
+            quality: Of the pictures.
+        """
+        self.world, self.seed, self.markers, self.quality = world, seed, markers, quality
+        self.arm: ArmDescription = looking_arm(*markers)
+        self.reach = Reach.of(self.arm)
+
+    def station(self, session: int, rig: StereoRig | None = None) -> NicoStation:
+        """Return its station of one day; calibrated eyes locate fiducials behind their lenses."""
+        found = default_detectors(rig)
+        detectors = {marker: found[marker] for marker in self.markers}
+        return NicoStation(
+            self.world,
+            self.seed,
+            session,
+            arm=self.arm,
+            detectors=detectors,
+            quality=self.quality,
+        )
+
+    def plan(self, station: NicoStation, circle: int, free: int, rng: np.random.Generator) -> Plan:
+        """Plan circles and free poses, some to spare."""
+
+        def to(q: NDArray) -> NDArray:
+            return commands_of_angles(station.joints, self.arm.lower, self.arm.upper, q)
+
+        count = int(np.ceil(SPARE * free))
+        poses = self.reach.random_poses(count, rng) if count else np.zeros((0, len(self.arm.lower)))
+        home, ends = self.reach.home_and_arcs() if circle else (self.arm.lower, np.zeros((4, 2)))
+        return pose_plan(
+            station.joints, to(home), to(ends.T).T, circle, to(poses), home_repeats=HOME_REPEATS
+        )
+
+    def record(
+        self,
+        name: str,
+        session: int,
+        circle: int,
+        free: int,
+        *,
+        rig: StereoRig | None = None,
+        folder: Path | None = None,
+        keep_images: bool = False,
+        progress: Callable[[int, int], None] | None = None,
+    ) -> Dataset:
+        """Record circles and free poses.
+
+        Args:
+            name: Name of the data set.
+            session: Which day.
+            circle: Poses on circles.
+            free: Free poses.
+            rig: Calibrated eyes, if known.
+            folder: Where to keep samples from the first one on; resumed if it is there.
+            keep_images: Keep the pictures in the folder.
+            progress: Called after each pose.
+
+        Returns:
+            The data set.
+        """
+        station = self.station(session + _RESUMED * _recorded(folder), rig)
+        body = StationBody(station, station.joints, self.markers, keep_images=keep_images)
+        plan = self.plan(station, circle, free, np.random.default_rng((self.seed, session, 2)))
+        world = station.world.name
+        return record(
+            body,
+            plan,
+            name,
+            source=f"rendered nico, world {world!r}, individual {self.seed}, session {session}",
+            seed=self.seed,
+            image_size=station.image_size,
+            until_seen=2,
+            enough=free,
+            folder=folder,
+            progress=progress,
+        )
+
+    def board_views(
+        self,
+        count: int,
+        session: int = 0,
+        *,
+        folder: Path | None = None,
+        progress: Callable[[int, int], None] | None = None,
+    ) -> BoardViews:
+        """Hold the chessboard before the eyes, and find its corners.
+
+        Args:
+            count: Views in which both eyes find it.
+            session: Which day.
+            folder: Where to keep the pictures, as `left01.png` and `right01.png`; it must exist.
+            progress: Called after each view.
+
+        Returns:
+            The corners.
+
+        Raises:
+            DataError: If the board is hardly ever found.
+        """
+        station = self.station(session)
+        context = station.CreateDefaultContext()
+        rng = np.random.default_rng((self.seed, session, 8))
+        pixels: list[NDArray] = []
+        for tries, X_BG in enumerate(self.reach.board_poses(BOARD, 3 * count, rng)):
+            context.SetTime(float(tries))
+            station.hold_board(context, X_BG)
+            pair = [station.picture(context, eye) for eye in EYES]
+            found = [find_chessboard(image, BOARD, WINDOW) for image in pair]
+            left, right = found
+            if isinstance(left, NotSeen) or isinstance(right, NotSeen):
+                continue
+            pixels.append(np.hstack([left.corners, BOARD.same_order(left.corners, right.corners)]))
+            for eye, image in zip(EYES, pair, strict=True):
+                if folder is not None:
+                    write_image(folder / f"{eye}{len(pixels):02d}.png", image)
+            if progress:
+                progress(len(pixels), count)
+            if len(pixels) == count:
+                break
+        else:
+            raise DataError(
+                f"the {BOARD} board was found in {len(pixels)} of {3 * count} pairs of pictures, "
+                f"{count} are wanted"
+            )
+        names = tuple(f"{i + 1:02d}" for i in range(count))
+        return BoardViews(BOARD.points, names, EYES, np.array(pixels), station.image_size)
+
+
+def _recorded(folder: Path | None) -> int:
+    """Return how many poses an interrupted recording has."""
+    if folder is None or not folder.exists():
+        return 0
+    return len(Dataset.load(folder).samples)
+
+
+def learn_through_the_eyes(
+    world: World | str,
+    seed: int = 0,
+    *,
+    markers: tuple[str, ...] = ("fiducial",),
+    counts: Counts | None = None,
+    stage: Stage | None = None,
+) -> EyesLesson:
+    """Calibrate the eyes, move the arm before them, and learn it.
+
+    Args:
+        world: What is wrong with the body.
+        seed: Which individual.
+        markers: What is tracked on the hand: `fiducial`, `finger_tip` or both at once.
+        counts: How much is recorded.
+        stage: Told what is going on.
+
+    Returns:
+        Everything that was recorded and learned.
+    """
+
+    def report(what: str) -> Callable[[int, int], None]:
+        return lambda done, total: stage(what, done, total) if stage else None
+
+    counts = counts or Counts()
+    nico = NicoBeforeItsEyes(world, seed, markers)
+    views = nico.board_views(counts.boards, 0, progress=report("looking at a chessboard"))
+    report("learning the eyes")(0, 1)
+    eyes = calibrate_cameras(views)
+    report("learning the eyes")(1, 1)
+    train = nico.record(
+        "train",
+        1,
+        counts.circle,
+        counts.random,
+        rig=eyes.rig,
+        progress=report("moving every joint, watching the hand"),
+    )
+    test = nico.record(
+        "test", 2, 0, counts.test, rig=eyes.rig, progress=report("new poses, kept for judging")
+    )
+    report("learning the arm")(0, len(markers))
+    arms = {}
+    for done, marker in enumerate(markers, start=1):
+        nominal = nominal_with(nico.arm, marker)
+        arms[marker] = learn_arm(
+            of_marker(train, marker), of_marker(test, marker), eyes, nominal, "nico"
+        )
+        report("learning the arm")(done, len(markers))
+    return EyesLesson(views, eyes, arms)
+
+
+def learn_arm(
+    train: Dataset,
+    test: Dataset,
+    eyes: CameraCalibration,
+    nominal: NominalArm | None,
+    name: str,
+) -> ArmLesson:
+    """Learn an arm from what calibrated eyes reconstruct of its hand.
+
+    Args:
+        train: Rows of one marker with pixels.
+        test: Held-out rows.
+        eyes: The eyes.
+        nominal: The robot as described, for the zero of its joints.
+        name: Of the self-model.
+    """
+    seeing = eyes.self_model(name)
+    calibration = calibrate_kinematics(
+        reconstructed(train, seeing),
+        test=reconstructed(test, seeing),
+        nominal=nominal,
+        name=name,
+    )
+    model = replace(calibration.model, cameras=seeing.cameras, pixel_sigma=seeing.pixel_sigma)
+    return ArmLesson(replace(calibration, model=model), train, test, evaluate_pixels(model, test))
+
+
+def of_marker(data: Dataset, marker: str) -> Dataset:
+    """Return the rows of one marker that an eye saw."""
+    seen = np.isfinite(data.pixels).any(axis=1)
+    return data.select(seen & (data.marker == marker))
+
+
+def nominal_with(arm: ArmDescription, marker: str) -> NominalArm:
+    """Return the described arm with one of its points only."""
+    k = arm.markers.index(marker)
+    chain = replace(arm.chain, markers=(marker,), p_WH_zero=arm.chain.p_WH_zero[k : k + 1])
+    return NominalArm(chain, arm.lower, arm.upper, arm.source)

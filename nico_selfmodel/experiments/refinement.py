@@ -1,0 +1,264 @@
+"""Chapter 8 of the thesis: arm and eyes refine each other, anchored to boards and as published."""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from nico_selfmodel.dataset import BoardViews, Dataset
+from nico_selfmodel.errors import EstimationError, ModelError
+from nico_selfmodel.estimation import (
+    BodyCalibration,
+    BodyOptions,
+    CameraOptions,
+    NominalArm,
+    calibrate_body,
+    calibrate_cameras,
+    evaluate,
+    judge_body,
+)
+from nico_selfmodel.experiments.body_protocol import BodyProtocol
+from nico_selfmodel.experiments.stereo import BOARDS, TEST_BOARDS, board_points
+from nico_selfmodel.model import SelfModel
+from nico_selfmodel.model.link_lengths import link_lengths
+from nico_selfmodel.systems import TRACKERS, World
+
+CIRCLE_POINTS = 15
+"""Poses on each of the four circles, home not counted."""
+RANDOM_POSES = 100
+TEST_POSES = 100
+CONDITIONS = {
+    "kinematics only": BodyOptions("kinematics"),
+    "intrinsics pinned, as published": BodyOptions("intrinsics-pinned", "thesis"),
+    "full, as published": BodyOptions("full", "thesis"),
+    "full, whitened, without boards": BodyOptions("full", "unanchored"),
+    "full, anchored": BodyOptions("full", "anchored"),
+}
+"""What is learned, and how. The seed's principal points are held at the image's centre, as in the
+thesis' first pass."""
+SEED = CameraOptions(pinned={"cx": None, "cy": None})
+
+
+@dataclass(frozen=True, eq=False)
+class Lesson:
+    """What one individual recorded, and what outsiders know of it."""
+
+    train: Dataset
+    """Circles and random poses, with pixels."""
+    test: Dataset
+    """Other random poses; with points, measured from outside in the left eye's frame, if any."""
+    eyes: SelfModel
+    """The seed: eyes learned from the boards."""
+    boards: BoardViews
+    """Boards that the eyes were learned from."""
+    test_boards: BoardViews
+    """Boards that nobody learns from."""
+    links: tuple[float, float] | None
+    """Lengths of the links by calipers [m]."""
+
+
+@dataclass(frozen=True)
+class RefinementRow:
+    """One condition, averaged over individuals. Pairs are mean and SD."""
+
+    tracker: str
+    """`fiducial` or `color`."""
+    condition: str
+    """Key of `CONDITIONS`."""
+    runs: int
+    """Individuals that it came to an end with."""
+    own_mm: tuple[float, float]
+    """Distance of the predicted hand from where its own eyes see it, over the test poses."""
+    px: tuple[float, float]
+    """Error in the images, over the test poses."""
+    true_mm: tuple[float, float] | None
+    """Distance of the predicted from the real hand: mean and SD over individuals."""
+    edge_mm: tuple[float, float] | None
+    """SD of the edges of held-out boards, before and after."""
+    scale_error: float | None
+    """Mean of |scale - 1| of held-out boards after."""
+    links_mm: tuple[float, float] | None
+    """Mean absolute errors of the links."""
+    pixel_sigma: float
+    """Estimated noise of the tracker [px]."""
+    joint_sigma_deg: float
+    """Estimated play, as a standard deviation."""
+    refused: int
+    """Individuals whose result was refused."""
+    seconds: float
+    """Mean time."""
+
+
+@dataclass(frozen=True)
+class RefinementExperiment:
+    """All conditions."""
+
+    world: str
+    """What is wrong with the bodies."""
+    play_deg: float
+    """Half the width of the joints' play."""
+    individuals: int
+    """Simulated bodies averaged over."""
+    rows: tuple[RefinementRow, ...]
+    """By tracker, then by condition."""
+
+
+def run_refinement(
+    world: World,
+    individuals: int = 8,
+    seed: int = 0,
+    trackers: tuple[str, ...] = ("fiducial", "color"),
+    progress: Callable[[str, int, int], None] | None = None,
+) -> RefinementExperiment:
+    """Let simulated bodies learn under every condition. Nothing is rendered.
+
+    Args:
+        world: What is wrong with the bodies.
+        individuals: How many.
+        seed: Of the first.
+        trackers: How the hand is tracked.
+        progress: Told how far it is.
+
+    Returns:
+        The table's rows.
+
+    Raises:
+        ValueError: If there is no such tracker.
+    """
+    unknown = set(trackers) - set(TRACKERS)
+    if unknown:
+        raise ValueError(f"no tracker {sorted(unknown)}; there are {', '.join(TRACKERS)}")
+    rows: list[RefinementRow] = []
+    done, total = 0, len(trackers) * individuals
+    for tracker in trackers:
+        protocol = BodyProtocol.of_nico(tracker)
+        found: dict[str, list[dict[str, Any]]] = {name: [] for name in CONDITIONS}
+        for i in range(individuals):
+            lesson = simulated_lesson(protocol, world, seed + i, tracker)
+            for name, options in CONDITIONS.items():
+                measured = measure(lesson, options)
+                found[name] += [] if measured is None else [measured]
+            done += 1
+            if progress:
+                progress("bodies learning", done, total)
+        rows += [row_of(tracker, name, runs) for name, runs in found.items() if runs]
+    play = float(np.degrees(world.play))
+    return RefinementExperiment(world.name, play, individuals, tuple(rows))
+
+
+def simulated_lesson(
+    protocol: BodyProtocol, world: World, seed: int, tracker: str, random_poses: int = RANDOM_POSES
+) -> Lesson:
+    """Record one individual.
+
+    Args:
+        protocol: The robot as described.
+        world: What is wrong with the body.
+        seed: Of the individual.
+        tracker: How the hand is tracked.
+        random_poses: Poses to learn from beside the circles.
+    """
+    body = protocol.body(world, seed, tracker=tracker)
+    rng = np.random.default_rng((seed, 12))
+    labels, sweeps = protocol.sweeps(CIRCLE_POINTS)
+    poses = np.vstack([sweeps, protocol.random_poses(random_poses, rng)])
+    train = protocol.record(body, "train", poses, labels + [""] * random_poses, seed=seed)
+    test = protocol.record(
+        body, "test", protocol.random_poses(TEST_POSES, rng), observed=True, seed=seed
+    )
+    boards = body.look_at_boards(board_points(), BOARDS)
+    eyes = calibrate_cameras(boards, SEED).self_model("eyes")
+    held_out = body.look_at_boards(board_points(), TEST_BOARDS, session=1)
+    return Lesson(train, test, eyes, boards, held_out, body.calipers())
+
+
+def measure(
+    lesson: Lesson, options: BodyOptions, nominal: NominalArm | None = None
+) -> dict[str, Any] | None:
+    """Learn one body under one condition and measure it from inside and outside.
+
+    Args:
+        lesson: What was recorded.
+        options: The condition.
+        nominal: The robot as described, as a start.
+
+    Returns:
+        The measures by name; None where the condition came to no end.
+    """
+    try:
+        found = calibrate_body(
+            lesson.train,
+            lesson.eyes,
+            lesson.boards,
+            options,
+            test=lesson.test,
+            test_boards=lesson.test_boards,
+            nominal=nominal,
+        )
+    except (EstimationError, ModelError):
+        return None
+    assert found.test is not None
+    own, pixels = found.test.statistics, found.test.pixel_statistics
+    if own is None or pixels is None:
+        return None
+    measured: dict[str, Any] = {
+        "own_mm": (1e3 * own.mean, 1e3 * own.sd),
+        "px": (pixels.mean, pixels.sd),
+        "pixel_sigma": found.noise.sensor_sigma,
+        "joint_sigma_deg": float(np.degrees(found.noise.joint_sigma)),
+        "refused": judge_body(found).status == "FAIL",
+        "seconds": found.seconds,
+    }
+    if lesson.test.measured.any():
+        measured["true_mm"] = 1e3 * evaluate(found.model, lesson.test).statistics.mean
+    return measured | _from_boards(found) | _links(found, lesson)
+
+
+def _from_boards(found: BodyCalibration) -> dict[str, Any]:
+    check = found.boards
+    if check is None or check.after is None:
+        return {}
+    return {
+        "edge_mm": (1e3 * check.before.edge_sd, 1e3 * check.after.edge_sd),
+        "scale_error": abs(float(check.after.scale.mean()) - 1.0),
+    }
+
+
+def _links(found: BodyCalibration, lesson: Lesson) -> dict[str, Any]:
+    if lesson.links is None:
+        return {}
+    errors = np.abs(np.subtract(link_lengths(found.model.chain), lesson.links))
+    return {"links_mm": (1e3 * float(errors[0]), 1e3 * float(errors[1]))}
+
+
+def row_of(tracker: str, condition: str, runs: list[dict[str, Any]]) -> RefinementRow:
+    """Average the measures of several individuals."""
+
+    def pair(name: str) -> tuple[float, float] | None:
+        values = np.array([run[name] for run in runs if name in run])
+        return (float(values[:, 0].mean()), float(values[:, 1].mean())) if len(values) else None
+
+    def mean(name: str) -> float | None:
+        values = [run[name] for run in runs if name in run]
+        return float(np.mean(values)) if values else None
+
+    own, pixels = pair("own_mm"), pair("px")
+    assert own is not None
+    assert pixels is not None
+    true = [run["true_mm"] for run in runs if "true_mm" in run]
+    return RefinementRow(
+        tracker,
+        condition,
+        len(runs),
+        own,
+        pixels,
+        (float(np.mean(true)), float(np.std(true))) if true else None,
+        pair("edge_mm"),
+        mean("scale_error"),
+        pair("links_mm"),
+        mean("pixel_sigma") or 0.0,
+        mean("joint_sigma_deg") or 0.0,
+        sum(run["refused"] for run in runs),
+        mean("seconds") or 0.0,
+    )

@@ -1,0 +1,145 @@
+"""Tables and charts of chapter 8, ours beside the thesis' figures 8.2 to 8.5."""
+
+from dataclasses import asdict
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from nico_selfmodel.experiments.refinement import RefinementExperiment, RefinementRow
+from nico_selfmodel.experiments.report_files import Table, as_markdown, write_experiment
+from nico_selfmodel.viz import BarSeries, bar_chart
+
+THESIS: dict[str, dict[str, dict[str, tuple[float, float]]]] = {
+    "fiducial": {
+        "kinematics only": {"own_mm": (2.74, 1.39), "px": (4.55, 2.74)},
+        "intrinsics pinned, as published": {"own_mm": (4.23, 2.87), "px": (3.38, 1.99)},
+        "full, as published": {
+            "own_mm": (1.99, 1.24),
+            "px": (2.61, 1.71),
+            "edge_mm": (1.59, 1.31),
+            "links_mm": (9.47, 5.57),
+        },
+    },
+    "color": {
+        "kinematics only": {"own_mm": (3.77, 2.30), "px": (5.78, 4.50)},
+        "full, as published": {"edge_mm": (1.30, 2.79)},
+    },
+}
+"""The thesis' own: mean and SD on its real robot; edges before and after, links off calipers."""
+_SHORT = {
+    "kinematics only": "kinematics\nonly",
+    "intrinsics pinned, as published": "intrinsics\npinned",
+    "full, as published": "full,\nas published",
+    "full, whitened, without boards": "full,\nno boards",
+    "full, anchored": "full,\nanchored",
+}
+
+
+def document_of(results: RefinementExperiment) -> dict[str, Any]:
+    """Return the results as plain data."""
+    return {**asdict(results), "thesis": THESIS}
+
+
+def table_rows(results: RefinementExperiment) -> Table:
+    """Return headings and rows: ours, with the thesis' figure after the bar where there is one."""
+    headings = (
+        "tracked by, learned",
+        "own 3D [mm]",
+        "pixels",
+        "true [mm]",
+        "board edges [mm]",
+        "scale [%]",
+        "links off [mm]",
+        "refused",
+    )
+    rows = []
+    for row in results.rows:
+        thesis = THESIS.get(row.tracker, {}).get(row.condition, {})
+        rows.append(
+            [
+                f"{row.tracker}, {row.condition}",
+                _beside(_spread(row.own_mm), thesis.get("own_mm")),
+                _beside(_spread(row.px), thesis.get("px")),
+                "-" if row.true_mm is None else _spread(row.true_mm),
+                _beside(_change(row.edge_mm), thesis.get("edge_mm"), _change),
+                "-" if row.scale_error is None else f"{100.0 * row.scale_error:.2f}",
+                _beside(_links(row.links_mm), thesis.get("links_mm"), _links),
+                f"{row.refused} of {row.runs}",
+            ]
+        )
+    return headings, rows
+
+
+def write_report(results: RefinementExperiment, out: Path, *, force: bool = False) -> None:
+    """Write tables, charts and `result.json`, whole or not at all.
+
+    Raises:
+        OSError: If the folder exists and `force` is not set, or cannot be written to.
+    """
+    head = (
+        "# Arm and eyes refine each other (thesis, chapter 8)\n\n"
+        f"Ours: {results.individuals} simulated bodies, world {results.world!r}, joints play by "
+        f"+-{results.play_deg:g} deg; hand tracked without rendering. Mean (SD) on 100 random "
+        "poses that were held out, edges and scale on held-out boards before -> after. After the "
+        "bar: the thesis' real robot.\n\n"
+        "`own 3D` is the thesis' measure, the predicted hand against the body's own stereo: it "
+        "may fall while the true error grows. `refused`: the built-in check found that the eyes "
+        "measure held-out boards worse than before, or lost their scale.\n\n"
+    )
+    charts = {
+        "own_3d": _chart(results, "own_mm", "The thesis' 3D error [mm]"),
+        "pixels": _chart(results, "px", "error in the images [px]"),
+        "true": _chart(results, "true_mm", "distance from the real hand [mm]"),
+    }
+    present = {name: chart for name, chart in charts.items() if chart is not None}
+    write_experiment(
+        out, document_of(results), head + as_markdown(table_rows(results)), present, force=force
+    )
+
+
+def _chart(results: RefinementExperiment, quantity: str, ylabel: str) -> Any:
+    """Draw one bar a condition and tracker, the thesis' beside it; None where nothing is known."""
+    conditions = list(dict.fromkeys(row.condition for row in results.rows))
+    series = []
+    for k, tracker in enumerate(dict.fromkeys(row.tracker for row in results.rows)):
+        rows = {row.condition: row for row in results.rows if row.tracker == tracker}
+        ours = np.array([_pair(rows.get(name), quantity) for name in conditions])
+        series.append(BarSeries(f"{tracker}, ours, simulated", *ours.T, color=k))
+        known = THESIS.get(tracker, {})
+        theirs = np.array([known.get(name, {}).get(quantity, _NONE) for name in conditions])
+        if np.isfinite(theirs).any():
+            series.append(BarSeries(f"{tracker}, thesis", *theirs.T, published=True, color=k))
+    if not any(np.isfinite(s.means).any() for s in series):
+        return None
+    titles = {
+        "own_mm": "Unanchored learning flatters itself",
+        "px": "The images alone cannot tell a bent eye from a straight one",
+        "true_mm": "Only boards in the same problem bring the true error down",
+    }
+    groups = [_SHORT.get(name, name) for name in conditions]
+    return bar_chart(groups, series, title=titles[quantity], ylabel=ylabel)
+
+
+_NONE = (np.nan, np.nan)
+
+
+def _pair(row: RefinementRow | None, quantity: str) -> tuple[float, float]:
+    found = None if row is None else getattr(row, quantity)
+    return _NONE if found is None else found
+
+
+def _spread(pair: tuple[float, float]) -> str:
+    return f"{pair[0]:.2f} ({pair[1]:.2f})"
+
+
+def _change(pair: tuple[float, float] | None) -> str:
+    return "-" if pair is None else f"{pair[0]:.2f} -> {pair[1]:.2f}"
+
+
+def _links(pair: tuple[float, float] | None) -> str:
+    return "-" if pair is None else f"{pair[0]:.1f}, {pair[1]:.1f}"
+
+
+def _beside(ours: str, thesis: tuple[float, float] | None, show: Any = _spread) -> str:
+    return ours if thesis is None else f"{ours} / {show(thesis)}"

@@ -1,0 +1,212 @@
+"""Chapter 7 of the thesis: an arm learned by sight of its hand, by fiducial and by colour."""
+
+from collections.abc import Callable
+from dataclasses import asdict, dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from nico_selfmodel.estimation import ErrorStatistics
+from nico_selfmodel.experiments.eyes_lesson import ArmLesson, Counts, learn_through_the_eyes
+from nico_selfmodel.experiments.report_files import Table, as_markdown, write_experiment
+from nico_selfmodel.systems import World
+from nico_selfmodel.viz import BarSeries, bar_chart
+
+ROWS = {"color": "finger_tip", "fiducial": "fiducial"}
+"""How the hand is tracked -> what is tracked."""
+ARM_MM = {"color": 317.0, "fiducial": 272.0}
+"""Length of the arm to the tracked point, by calipers (section 7.4)."""
+THESIS_MM = {"color": (3.77, 2.30), "fiducial": (2.74, 1.39)}
+"""Distance of the predicted hand from what stereo measures: mean and SD [mm], figure 7.5."""
+THESIS_PX = {"color": (5.78, 4.50), "fiducial": (4.55, 2.74)}
+"""Distance of the predicted pixels from the tracked ones: mean and SD [px], figure 7.7."""
+
+
+@dataclass(frozen=True)
+class VisionRow:
+    """One way of tracking, averaged over individuals."""
+
+    tracked: str
+    """`color` or `fiducial`."""
+    train_poses: float
+    """Poses learned from."""
+    test_poses: float
+    """Poses judged by."""
+    mm: tuple[float, float]
+    """Mean and SD over the test poses of the distance in space [mm]."""
+    arm: tuple[float, float]
+    """The same as a share of the arm's length."""
+    px: tuple[float, float]
+    """Mean and SD over the test poses and both eyes of the distance in the image [px]."""
+    worst: tuple[float, float]
+    """Largest mean of an individual [mm, px]."""
+    thesis_mm: tuple[float, float]
+    """The thesis' mean and SD [mm]."""
+    thesis_px: tuple[float, float]
+    """The thesis' mean and SD [px]."""
+
+
+@dataclass(frozen=True)
+class VisionExperiment:
+    """Everything that chapter 7 reports, through rendered pictures."""
+
+    world: str
+    """Name of the simulated world."""
+    individuals: int
+    """Simulated robots averaged over."""
+    boards_px: float
+    """Mean rms of the eyes' own calibration [px]."""
+    rows: tuple[VisionRow, ...]
+    """By colour and by fiducial."""
+
+
+def run_vision(
+    world: World,
+    *,
+    individuals: int = 1,
+    seed: int = 0,
+    counts: Counts | None = None,
+    progress: Callable[[str, int, int], None] | None = None,
+) -> VisionExperiment:
+    """Let robots learn eyes and arm by sight. Both markers are tracked in the same pictures.
+
+    Args:
+        world: What is wrong with the bodies.
+        individuals: Simulated robots.
+        seed: Of the first one.
+        counts: How much is recorded: the thesis' 60 circle, 100 random and 100 test poses.
+        progress: Told how far it is.
+
+    Returns:
+        The results.
+    """
+    lessons = []
+    for i in range(individuals):
+        number = f"robot {i + 1} of {individuals}: " if individuals > 1 else ""
+
+        def stage(what: str, done: int, total: int, number: str = number) -> None:
+            if progress:
+                progress(number + what, done, total)
+
+        markers = tuple(ROWS.values())
+        lessons.append(
+            learn_through_the_eyes(world, seed + i, markers=markers, counts=counts, stage=stage)
+        )
+    rows = tuple(
+        _row(tracked, [lesson.arms[marker] for lesson in lessons])
+        for tracked, marker in ROWS.items()
+    )
+    boards = float(np.mean([lesson.eyes.rms for lesson in lessons]))
+    return VisionExperiment(world.name, individuals, boards, rows)
+
+
+def _row(tracked: str, lessons: list[ArmLesson]) -> VisionRow:
+    space = [_required(lesson.seen.statistics) for lesson in lessons]
+    image = [_required(lesson.seen.pixel_statistics) for lesson in lessons]
+    mm = (1e3 * _mean(space, "mean"), 1e3 * _mean(space, "sd"))
+    return VisionRow(
+        tracked,
+        float(np.mean([len(lesson.train) for lesson in lessons])),
+        float(np.mean([len(lesson.test) for lesson in lessons])),
+        mm,
+        (mm[0] / ARM_MM[tracked], mm[1] / ARM_MM[tracked]),
+        (_mean(image, "mean"), _mean(image, "sd")),
+        (1e3 * max(s.mean for s in space), max(s.mean for s in image)),
+        THESIS_MM[tracked],
+        THESIS_PX[tracked],
+    )
+
+
+def _required(statistics: ErrorStatistics | None) -> ErrorStatistics:
+    assert statistics is not None, "test poses are recorded until both eyes saw the hand"
+    return statistics
+
+
+def _mean(statistics: list[ErrorStatistics], name: str) -> float:
+    return float(np.mean([getattr(one, name) for one in statistics]))
+
+
+def table_rows(results: VisionExperiment) -> Table:
+    """Return headings and rows, ours beside the thesis': mean (SD)."""
+    headings = ("tracked by", "train", "test", "mm", "thesis", "arm", "thesis", "px", "thesis")
+
+    def pair(values: tuple[float, float], digits: int = 2) -> str:
+        return f"{values[0]:.{digits}f} ({values[1]:.{digits}f})"
+
+    rows = []
+    for row in results.rows:
+        length = ARM_MM[row.tracked]
+        thesis_arm = (row.thesis_mm[0] / length, row.thesis_mm[1] / length)
+        counted = f"{row.train_poses:.0f}", f"{row.test_poses:.0f}"
+        rows.append(
+            [
+                row.tracked,
+                *counted,
+                pair(row.mm),
+                pair(row.thesis_mm),
+                pair(row.arm, 4),
+                pair(thesis_arm, 4),
+                pair(row.px),
+                pair(row.thesis_px),
+            ]
+        )
+    return headings, rows
+
+
+def document_of(results: VisionExperiment) -> dict[str, Any]:
+    """Return the results as plain data."""
+    return asdict(results)
+
+
+def write_report(results: VisionExperiment, out: Path, *, force: bool = False) -> None:
+    """Write the table, charts like figures 7.5 to 7.7, and `result.json`, whole or not at all.
+
+    Raises:
+        OSError: If the folder exists and `force` is not set, or cannot be written to.
+    """
+    head = (
+        "# Learning an arm by sight (thesis, chapter 7)\n\n"
+        f"Ours: {results.individuals} simulated robot(s) in the world `{results.world}`, seen "
+        "through rendered pictures; eyes learned from rendered chessboards "
+        f"({results.boards_px:.2f} px rms). Distance of the predicted hand from the tracked one on "
+        "new random poses, mean (SD): in space [mm], as a share of the arm, in the image [px]. "
+        "Thesis: the real robot, one run.\n\n"
+    )
+    charts = {
+        "in_space": _chart(
+            results, lambda r: (r.mm, r.thesis_mm), "error in space [mm]",
+            "The hand is where the arm says, to a few millimetres",
+        ),
+        "as_share_of_the_arm": _chart(
+            results, _shares, "error / length of the arm [%]",
+            "To the arm's length, fiducial and colour are nearly alike",
+        ),
+        "in_the_image": _chart(
+            results, lambda r: (r.px, r.thesis_px), "error in the image [px]",
+            "And it is seen where arm and eyes together predict it",
+        ),
+    }  # fmt: skip
+    markdown = head + as_markdown(table_rows(results))
+    write_experiment(out, document_of(results), markdown, charts, force=force)
+
+
+def _shares(row: VisionRow) -> tuple[tuple[float, float], tuple[float, float]]:
+    length = ARM_MM[row.tracked]
+    ours = (100.0 * row.arm[0], 100.0 * row.arm[1])
+    return ours, (100.0 * row.thesis_mm[0] / length, 100.0 * row.thesis_mm[1] / length)
+
+
+def _chart(
+    results: VisionExperiment,
+    values: Callable[[VisionRow], tuple[tuple[float, float], tuple[float, float]]],
+    ylabel: str,
+    title: str,
+) -> Any:
+    pairs = np.array([values(row) for row in results.rows])
+    series = [
+        BarSeries("ours, simulated", pairs[:, 0, 0], pairs[:, 0, 1]),
+        BarSeries("thesis, real robot", pairs[:, 1, 0], pairs[:, 1, 1], True),
+    ]
+    groups = [row.tracked for row in results.rows]
+    return bar_chart(groups, series, title=title, ylabel=ylabel, xlabel="tracked by")

@@ -1,0 +1,95 @@
+"""The mirror as an instrument: where things are that only their reflections show."""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from nico_selfmodel.errors import ModelError
+from nico_selfmodel.model.mirror_rig import MirrorRig
+
+
+@dataclass(frozen=True, eq=False)
+class MirrorLocation:
+    """Where one thing is that was seen in a mirror."""
+
+    p_WQ: NDArray
+    """The thing, in front of the glass [m]. Shape (3,)."""
+    covariance: NDArray
+    """From the pixels and from what is not known of the mirror [m^2]. Shape (3, 3)."""
+    sight: NDArray
+    """Unit vector of the last stretch of the left eye's line of sight. Shape (3,)."""
+    miss: float
+    """Distance of the pixels from where such a thing would be seen, rms of the eyes [px]."""
+    in_front_by: float
+    """Distance from the glass [m]."""
+
+    @property
+    def sigma(self) -> float:
+        """Root of the mean variance of a coordinate [m]."""
+        return float(np.sqrt(np.trace(self.covariance) / 3.0))
+
+    @property
+    def sigma_along(self) -> float:
+        """Standard deviation along the line of sight, where stereo is weak [m]."""
+        return float(np.sqrt(self.sight @ self.covariance @ self.sight))
+
+    @property
+    def sigma_across(self) -> float:
+        """Root of the mean variance across the line of sight [m]."""
+        rest = np.trace(self.covariance) - self.sight @ self.covariance @ self.sight
+        return float(np.sqrt(max(rest, 0.0) / 2.0))
+
+    def as_document(self) -> dict[str, float]:
+        """Return plain numbers, as `locate --json` prints them."""
+        x, y, z = self.p_WQ.tolist()
+        return {
+            "x_m": x,
+            "y_m": y,
+            "z_m": z,
+            "sigma_mm": 1e3 * self.sigma,
+            "sigma_along_mm": 1e3 * self.sigma_along,
+            "sigma_across_mm": 1e3 * self.sigma_across,
+            "in_front_mm": 1e3 * self.in_front_by,
+            "miss_px": self.miss,
+        }
+
+
+def locate_in_mirror(
+    rig: MirrorRig, pixels: ArrayLike, pixel_sigma: float = 1.0
+) -> tuple[MirrorLocation, ...]:
+    """Find things from the pixels of their reflections.
+
+    The depth is that of stereo at the distance of the reflection: 15 mm at half a metre for 0.3 px,
+    however well the mirror is known. Across the line of sight it is some millimetres.
+
+    Args:
+        rig: Eyes and mirror.
+        pixels: Left u, v and right u, v of each reflection [px]. Shape (N, 4).
+        pixel_sigma: Standard deviation of a pixel coordinate [px].
+
+    Returns:
+        One place each.
+
+    Raises:
+        ModelError: If pixels are no reflection: their sights meet in front of the glass or behind
+            the eyes.
+        ValueError: If the shape is wrong or a pixel is not finite.
+    """
+    pixels = np.asarray(pixels, dtype=float)
+    if pixels.ndim != 2 or pixels.shape[1] != 4 or not np.isfinite(pixels).all():
+        raise ValueError(f"pixels must be finite and have shape (N, 4), got {pixels.shape}")
+    found = rig.triangulate(pixels, pixel_sigma)
+    if not found.in_front.all():
+        row = int(np.flatnonzero(~found.in_front)[0])
+        raise ModelError(
+            f"pixels {', '.join(f'{v:g}' for v in pixels[row])} are no reflection in this mirror: "
+            "the two lines of sight do not meet behind the glass; is the thing seen directly, or "
+            "are left and right exchanged?"
+        )
+    sights = found.p_WQ - rig.virtual.left.X_WC[:3, 3]
+    sights /= np.linalg.norm(sights, axis=1, keepdims=True)
+    room = rig.plane.distance_to(found.p_WQ)
+    miss = np.sqrt(np.sum(found.residuals**2, axis=1) / 2.0)
+    rows = zip(found.p_WQ, found.covariance, sights, miss.tolist(), room.tolist(), strict=True)
+    return tuple(MirrorLocation(*row) for row in rows)

@@ -1,0 +1,30 @@
+"""Drive a body through poses and return what it sensed as a data set.
+
+Any body will do: a simulated arm under motion capture, or a station with eyes, of real servos or
+simulated ones. A recording that is written to a folder is there after every pose, whole and
+loadable, and goes on where it stopped.
+"""
+
+from nico_selfmodel.recording.poses import (
+    HOME,
+    Plan,
+    commands_of_angles,
+    pose_plan,
+    random_commands,
+    sweep_commands,
+)
+from nico_selfmodel.recording.recorded_samples import RecordedSamples
+from nico_selfmodel.recording.session import Body, Progress, record
+
+__all__ = [
+    "HOME",
+    "Body",
+    "Plan",
+    "Progress",
+    "RecordedSamples",
+    "commands_of_angles",
+    "pose_plan",
+    "random_commands",
+    "record",
+    "sweep_commands",
+]

@@ -1,0 +1,199 @@
+"""The samples of a recording under way, in memory and, if asked for, on disk after every pose."""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from nico_selfmodel.dataset import Dataset, JointInfo
+from nico_selfmodel.errors import DataError
+from nico_selfmodel.systems import EyeSighting, Sighting
+from nico_selfmodel.vision.image_file import write_image
+
+POSE = "pose"
+"""Extra column of a recording in a folder: which pose of the plan a sample is, from 1."""
+IMAGES = "images"
+_STRAY = 0.02
+"""Share of a joint's range within which a reading may belong to a command."""
+
+
+@dataclass(frozen=True, eq=False)
+class _Sample:
+    """One pose of the plan, as sensed."""
+
+    index: int
+    label: str
+    encoders: NDArray
+    points: NDArray
+    """Shape (m, 3), nan where lost."""
+    pixels: NDArray
+    """Shape (m, 4), nan where not seen."""
+
+
+class RecordedSamples:
+    """What a recording has so far."""
+
+    def __init__(
+        self,
+        joints: Sequence[JointInfo],
+        markers: Sequence[str],
+        about: Mapping[str, Any],
+        folder: Path | None = None,
+    ) -> None:
+        """Start with nothing.
+
+        Args:
+            joints: The body's joints.
+            markers: The points that it tracks.
+            about: What else the data set states, by the names of `Dataset`.
+            folder: Where to keep the samples.
+        """
+        self._joints, self._markers = tuple(joints), tuple(markers)
+        self._about, self._folder = dict(about), folder
+        self._samples: dict[int, _Sample] = {}
+        self._images = False
+
+    @property
+    def free_poses(self) -> int:
+        """How many free poses there are in which every marker was located."""
+        return sum(s.label == "" and _complete(s) for s in self._samples.values())
+
+    def has(self, index: int) -> bool:
+        """Return whether a pose of the plan was recorded."""
+        return index in self._samples
+
+    def resume(self, plan: Sequence[tuple[str, NDArray]]) -> None:
+        """Take over what an earlier recording of the same plan left in the folder.
+
+        Raises:
+            DataError: If the folder holds something else, or a recording of another plan.
+        """
+        if self._folder is None or not self._folder.exists():
+            return
+        data = Dataset.load(self._folder)
+        if POSE not in data.extra:
+            raise DataError(
+                f"{self._folder}: a data set that was not recorded pose by pose cannot be resumed"
+            )
+        if data.joints != self._joints or set(data.marker.tolist()) - set(self._markers):
+            raise DataError(f"{self._folder}: was recorded with another body; choose another name")
+        index = np.array([int(text) - 1 for text in data.extra[POSE]])
+        self._images = data.cameras is not None
+        for i in np.unique(index):
+            rows = data.select(index == i)
+            self._check_plan(plan, int(i), str(rows.sweep[0]), rows.encoders[0])
+            order = [rows.marker.tolist().index(marker) for marker in self._markers]
+            self._samples[int(i)] = _Sample(
+                int(i),
+                str(rows.sweep[0]),
+                rows.encoders[0],
+                rows.p_WH_measured[order],
+                rows.pixels[order],
+            )
+
+    def _check_plan(
+        self, plan: Sequence[tuple[str, NDArray]], index: int, label: str, encoders: NDArray
+    ) -> None:
+        """Refuse a sample that is not of the plan."""
+        span = [
+            np.inf if j.lower is None or j.upper is None else j.upper - j.lower
+            for j in self._joints
+        ]
+        low = [-np.inf if j.lower is None else j.lower for j in self._joints]
+        high = [np.inf if j.upper is None else j.upper for j in self._joints]
+        if index < len(plan) and plan[index][0] == label:
+            away = np.abs(encoders - np.clip(plan[index][1], low, high))
+            if (away <= _STRAY * np.array(span)).all():
+                return
+        raise DataError(
+            f"{self._folder}: holds a recording of other poses (pose {index + 1} differs); choose "
+            "another name, or the same seed and numbers as before"
+        )
+
+    def add(self, index: int, label: str, sighting: Sighting) -> bool:
+        """Keep what was sensed at a pose, unless nothing was seen.
+
+        Returns:
+            Whether it was kept.
+
+        Raises:
+            DataError: If the folder cannot be written; earlier samples stay as they are.
+        """
+        m = len(self._markers)
+        points, pixels = np.full((m, 3), np.nan), np.full((m, 4), np.nan)
+        for k, marker in enumerate(self._markers):
+            p = sighting.points[marker]
+            if p is not None:
+                points[k] = p
+            if isinstance(sighting, EyeSighting):
+                pixels[k] = sighting.pixels[marker]
+        if np.isnan(points).all() and np.isnan(pixels).all():
+            return False
+        self._samples[index] = _Sample(index, label, sighting.encoders, points, pixels)
+        if self._folder is not None:
+            try:
+                self._write(index, sighting)
+            except (OSError, DataError) as error:
+                del self._samples[index]
+                reason = error.strerror if isinstance(error, OSError) else str(error)
+                raise DataError(
+                    f"{self._folder}: pose {index + 1} could not be written: {reason}; the "
+                    f"{len(self._samples)} poses before it are kept, start again to go on",
+                    partial=self.partial(),
+                ) from error
+        return True
+
+    def _write(self, index: int, sighting: Sighting) -> None:
+        assert self._folder is not None
+        images = sighting.images if isinstance(sighting, EyeSighting) else None
+        self._images |= images is not None
+        if images is not None and self._folder.exists():
+            self._write_images(index, images)
+        self.dataset().save(self._folder, force=True)
+        if images is not None and not (self._folder / IMAGES).exists():
+            self._write_images(index, images)
+
+    def _write_images(self, index: int, images: tuple[NDArray, NDArray]) -> None:
+        assert self._folder is not None
+        (self._folder / IMAGES).mkdir(exist_ok=True)
+        for eye, image in zip(("left", "right"), images, strict=True):
+            write_image(self._folder / IMAGES / f"{eye}{index + 1:04d}.png", image)
+
+    def partial(self) -> Dataset | None:
+        """Return what there is, None if nothing."""
+        return self.dataset() if self._samples else None
+
+    def dataset(self) -> Dataset:
+        """Lay the samples out as rows, one for each pose and marker, in the order of the plan.
+
+        Raises:
+            DataError: If nothing was seen at all.
+        """
+        samples = [self._samples[index] for index in sorted(self._samples)]
+        m, n = len(self._markers), len(self._joints)
+        about = dict(self._about)
+        if self._images:
+            about["cameras"] = {"images": f"{IMAGES}/<eye><pose>.png"}
+        if self._folder is not None:
+            about["extra"] = {POSE: tuple(str(s.index + 1) for s in samples for _ in range(m))}
+        if not any(np.isfinite(s.pixels).any() for s in samples):
+            about["image_size"] = None
+        return Dataset(
+            joints=self._joints,
+            sample=np.repeat(np.arange(1, len(samples) + 1), m),
+            encoders=np.repeat(np.reshape([s.encoders for s in samples], (-1, n)), m, axis=0),
+            p_WH_measured=np.reshape([s.points for s in samples], (-1, 3)),
+            pixels=np.reshape([s.pixels for s in samples], (-1, 4)),
+            sweep=np.repeat(np.array([s.label for s in samples], dtype=str), m),
+            marker=np.tile(np.array(self._markers), len(samples)),
+            **about,
+        )
+
+
+def _complete(sample: _Sample) -> bool:
+    """Return whether every marker was located, by both eyes where there are eyes."""
+    located = np.isfinite(sample.points).all(axis=1) | np.isfinite(sample.pixels).all(axis=1)
+    return bool(located.all())

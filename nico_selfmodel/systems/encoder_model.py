@@ -1,0 +1,113 @@
+"""Servos that turn joints to where their encoders say, and what lies between encoder and link."""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+from pydrake.systems.framework import BasicVector, Context, DiscreteValues, LeafSystem
+
+from nico_selfmodel.model import Chain, ServoMap
+from nico_selfmodel.systems.simulated_arm import disturbed_angles
+from nico_selfmodel.systems.worlds import World
+
+PERIOD = 0.01
+"""Time between two steps of the servos [s]."""
+_APPROACH = 0.4
+"""Share of the way left that a servo covers in a step, near its goal."""
+
+
+@dataclass(frozen=True, eq=False)
+class Mechanics:
+    """An arm as it is really built."""
+
+    chain: Chain
+    """Its axes and tracked points, z up, at its zero."""
+    servos: ServoMap
+    """Its gears and encoder zeros."""
+    lower: NDArray
+    """Least readings between the stops [encoder units]. Shape (n,)."""
+    upper: NDArray
+    """Largest readings between the stops [encoder units]. Shape (n,)."""
+    largest_torque: float
+    """Torque that makes a joint sag by `World.sag`, as `gravity_torques` counts it."""
+
+
+class EncoderModel(LeafSystem):
+    """Servos with encoders on the motor's side, and play, sag and wobble on the link's.
+
+    | port | | carries |
+    |---|---|---|
+    | `command` | in | where to go [encoder units]; kept between the stops |
+    | `encoders` | out | encoder readings, whole counts [encoder units] |
+    | `joint_angles` | out | where the links really stand [rad] |
+
+    A servo turns at `speed` and then creeps up to its goal. Play and wobble are drawn anew for
+    every new command: the draw depends on the seed and on how many commands came before.
+    """
+
+    def __init__(
+        self,
+        mechanics: Mechanics,
+        world: World,
+        start: ArrayLike,
+        *,
+        seed: int = 0,
+        speed: float = 2.0,
+    ) -> None:
+        """Build the servos.
+
+        Args:
+            mechanics: The arm as it is built.
+            world: Its play, sag and wobble.
+            start: Readings to begin at [encoder units]. Shape (n,).
+            seed: Of play and wobble.
+            speed: Of the links [rad/s].
+
+        Raises:
+            ValueError: If the start is not n readings, or the speed is not positive.
+        """
+        super().__init__()
+        n = len(mechanics.servos.joints)
+        start = np.asarray(start, dtype=float)
+        if start.shape != (n,) or not np.isfinite(start).all() or not speed > 0.0:
+            raise ValueError(f"start must be {n} readings and speed positive, got {start}, {speed}")
+        self.__mechanics, self._world, self._seed = mechanics, world, seed
+        scale = np.abs(mechanics.servos.gear / mechanics.servos.radians_per_unit)
+        self._step = speed * PERIOD * scale
+        self._n = n
+        self._command = self.DeclareVectorInputPort("command", n)
+        place = np.clip(np.round(start), mechanics.lower, mechanics.upper)
+        # Readings, the last command, and how many commands there have been.
+        state = self.DeclareDiscreteState(np.concatenate([place, place, [0.0]]))
+        self.DeclarePeriodicDiscreteUpdateEvent(PERIOD, 0.0, self._turn)
+        needs = {self.discrete_state_ticket(state)}
+        self.DeclareVectorOutputPort("encoders", BasicVector(n), self._read, needs)
+        self.DeclareVectorOutputPort("joint_angles", BasicVector(n), self._stand, needs)
+
+    def _turn(self, context: Context, update: DiscreteValues) -> None:
+        """Go on towards the command."""
+        place, last, moves = self._state(context)
+        wanted = np.asarray(self._command.Eval(context), dtype=float)
+        # Before anybody commands, a port may carry nothing: the servos then stay.
+        wanted = np.where(np.isfinite(wanted), wanted, last)
+        goal = np.clip(np.round(wanted), self.__mechanics.lower, self.__mechanics.upper)
+        moves += float(not np.array_equal(goal, last))
+        step = np.clip(_APPROACH * (goal - place), -self._step, self._step)
+        place = np.where(np.abs(goal - place) < 2.0, goal, np.round(place + step))
+        update.set_value(np.concatenate([place, goal, [moves]]))
+
+    def _state(self, context: Context) -> tuple[NDArray, NDArray, float]:
+        value = context.get_discrete_state_vector().value()
+        return value[: self._n].copy(), value[self._n : 2 * self._n].copy(), float(value[-1])
+
+    def _read(self, context: Context, vector: BasicVector) -> None:
+        vector.SetFromVector(self._state(context)[0])
+
+    def _stand(self, context: Context, vector: BasicVector) -> None:
+        place, _, moves = self._state(context)
+        body = self.__mechanics
+        rng = np.random.default_rng((self._seed, 1, int(moves)))
+        q = disturbed_angles(
+            body.chain, body.servos.to_joint(place), self._world, body.largest_torque, rng
+        )
+        vector.SetFromVector(q)

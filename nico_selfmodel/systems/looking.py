@@ -1,0 +1,39 @@
+"""Nico looking at its right hand: which joints stand still, and which points it sees."""
+
+import numpy as np
+
+from nico_selfmodel.plant import ArmDescription
+
+LOOKING_DEG = {
+    "neck_pitch": 25.0,
+    "neck_yaw": -10.0,
+    "eyes_tilt": 20.0,
+    "right_forearm_twist": -90.0,
+    "right_wrist": 0.0,
+    "right_index": 0.0,
+    "right_fingers": 0.0,
+}
+"""Joints that stand still: the head looks down to the right, the hand turns its back to it."""
+POINTS = {
+    "fiducial": "right_hand_fiducial",
+    "finger_tip": "right_finger_tip",
+    "hand": "right_wrist_marker",
+}
+"""What eyes and motion capture can track on the hand."""
+
+
+def looking_arm(*markers: str) -> ArmDescription:
+    """Return Nico's right arm of four joints, with the head turned to look at the hand.
+
+    Args:
+        markers: Some of `POINTS`; all of them by default.
+
+    Raises:
+        ValueError: If there is no such point.
+    """
+    unknown = set(markers) - set(POINTS)
+    if unknown:
+        raise ValueError(f"no point {sorted(unknown)}; there are {', '.join(POINTS)}")
+    held = {joint: float(np.radians(angle)) for joint, angle in LOOKING_DEG.items()}
+    points = {marker: POINTS[marker] for marker in markers or POINTS}
+    return ArmDescription.from_urdf("nico", "chest", "right_hand", held, points)

@@ -1,0 +1,79 @@
+"""Motion capture: where an outside instrument sees markers, in a frame of its own."""
+
+from collections.abc import Sequence
+
+import numpy as np
+from numpy.typing import ArrayLike
+from pydrake.systems.framework import BasicVector, Context, LeafSystem
+
+from nico_selfmodel.geometry.transform import apply
+from nico_selfmodel.model.arrays import frozen_array
+
+
+class MotionCapture(LeafSystem):
+    """Measures markers as the thesis' Vicon does: in its own frame, with noise and drop-outs.
+
+    | port | | carries |
+    |---|---|---|
+    | `marker_positions` | in | true positions, x y z of each marker in turn, in the world [m] |
+    | `measured_positions` | out | measured positions in the tracker's frame, nan where lost [m] |
+    | `frame_number` | out | how many frames were taken since time 0 |
+
+    Within one frame nothing changes. Noise and drop-outs depend on the seed and the frame's number.
+    """
+
+    def __init__(
+        self,
+        markers: Sequence[str],
+        *,
+        X_TW: ArrayLike | None = None,
+        sigma: float = 0.0,
+        dropout_share: float = 0.0,
+        rate: float = 100.0,
+        seed: int = 0,
+    ) -> None:
+        """Set the instrument up.
+
+        Args:
+            markers: Names of the markers, in the order of the ports.
+            X_TW: The world in the tracker's frame; its own private business. Shape (4, 4).
+            sigma: Noise of each coordinate [m].
+            dropout_share: Share of measurements in which a marker is lost.
+            rate: Frames a second [1/s].
+            seed: Of noise and drop-outs.
+
+        Raises:
+            ValueError: If there are no markers or a number is out of range.
+        """
+        super().__init__()
+        if not markers or len(set(markers)) != len(markers):
+            raise ValueError(f"markers must have names of their own, got {list(markers)}")
+        if not (sigma >= 0.0 and 0.0 <= dropout_share <= 1.0 and rate > 0.0):
+            raise ValueError(
+                "sigma must not be negative, dropout_share between 0 and 1, rate positive, got "
+                f"{sigma}, {dropout_share} and {rate}"
+            )
+        self.markers, self.rate = tuple(markers), float(rate)
+        self._sigma, self._dropout, self._seed = sigma, dropout_share, seed
+        self.__X_TW = frozen_array(np.eye(4) if X_TW is None else X_TW, (4, 4), "X_TW")
+        size = 3 * len(self.markers)
+        self._positions = self.DeclareVectorInputPort("marker_positions", size)
+        needs = {self._positions.ticket(), self.time_ticket()}
+        self.DeclareVectorOutputPort("measured_positions", BasicVector(size), self._measure, needs)
+        self.DeclareVectorOutputPort(
+            "frame_number",
+            BasicVector(1),
+            lambda context, vector: vector.SetFromVector([self._frame(context)]),
+            {self.time_ticket()},
+        )
+
+    def _frame(self, context: Context) -> int:
+        # A frame begins a hair early, so that rounding never puts time n/rate into frame n - 1.
+        return int(np.floor(context.get_time() * self.rate + 1e-6))
+
+    def _measure(self, context: Context, vector: BasicVector) -> None:
+        p_WQ = np.reshape(self._positions.Eval(context), (-1, 3))
+        rng = np.random.default_rng((self._seed, 3, self._frame(context)))
+        p_TQ = apply(self.__X_TW, p_WQ) + rng.normal(0.0, 1.0, p_WQ.shape) * self._sigma
+        lost = rng.random(len(p_WQ)) < self._dropout
+        vector.SetFromVector(np.where(lost[:, None], np.nan, p_TQ).ravel())

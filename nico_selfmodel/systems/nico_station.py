@@ -1,0 +1,208 @@
+"""A simulated robot before the world: servos, eyes, trackers, motion capture, in one diagram."""
+
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+from pydrake.geometry import SceneGraph
+from pydrake.systems.framework import Diagram, DiagramBuilder
+from pydrake.systems.rendering import MultibodyPositionToGeometryPose
+
+from nico_selfmodel.dataset import JointInfo
+from nico_selfmodel.model import StereoRig
+from nico_selfmodel.plant import ArmDescription, SelfModelPlant
+from nico_selfmodel.systems.encoder_model import EncoderModel
+from nico_selfmodel.systems.hand_tracker import (
+    FIDUCIAL_ID,
+    Detectors,
+    HandTracker,
+    color_detector,
+    fiducial_detector,
+)
+from nico_selfmodel.systems.image_values import bgr_of
+from nico_selfmodel.systems.individual import Individual
+from nico_selfmodel.systems.looking import looking_arm
+from nico_selfmodel.systems.motion_capture import MotionCapture
+from nico_selfmodel.systems.reach import MOUNTS
+from nico_selfmodel.systems.simulated_eyes import NICO_EYES
+from nico_selfmodel.systems.station_scene import (
+    BoardHolder,
+    MarkerPositions,
+    PlantPositions,
+    add_renderer,
+    print_fiducial,
+)
+from nico_selfmodel.systems.stereo_cameras import ImageQuality, StereoCameras
+from nico_selfmodel.systems.worlds import World, world_named
+from nico_selfmodel.vision.chessboard import Board
+
+BOARD = Board(9, 6, 0.028)
+"""The thesis' chessboard: squares of 28 mm."""
+
+
+class NicoStation(Diagram):
+    """One individual of Nico, with everything that it can sense.
+
+    | port | | carries |
+    |---|---|---|
+    | `command` | in | where the arm's joints shall go [encoder units] |
+    | `encoders` | out | encoder readings [encoder units] |
+    | `left_image`, `right_image` | out | pictures of the wide eyes, `ImageRgba8U` |
+    | `hand_pixels` | out | left u, v, right u, v of each marker in turn, nan if not seen [px] |
+    | `hand_seen` | out | 1 where an eye sees a marker, else 0: left, right of each in turn |
+    | `hand_reasons` | out | why a marker was not seen: a tuple of texts |
+    | `measured_positions` | out | x y z of each point that motion capture sees [m], nan if lost |
+    | `frame_number` | out | frames that motion capture has taken |
+
+    A station of real servos and cameras can have the same ports. What only the simulation knows,
+    the true geometry, pose and lenses, has none; nor has the light, nor who holds the chessboard.
+    Everything random comes from `seed` (the individual) and `session` (what happens to it).
+    """
+
+    def __init__(
+        self,
+        world: World | str = "thesis",
+        seed: int = 0,
+        session: int = 0,
+        *,
+        arm: ArmDescription | None = None,
+        detectors: Detectors | None = None,
+        quality: ImageQuality | None = None,
+        eyes: StereoRig = NICO_EYES,
+        board: Board = BOARD,
+    ) -> None:
+        """Build the robot and its surroundings.
+
+        Args:
+            world: What is wrong with the body, or the name of a documented world.
+            seed: Which individual.
+            session: Which day: play, noise, drop-outs.
+            arm: The robot and its arm, head turned to where it looks; `looking_arm()` by default.
+            detectors: Marker -> what finds it in a picture; `fiducial` and `finger_tip` by default.
+            quality: Of the pictures.
+            eyes: The eyes as designed.
+            board: The chessboard that can be held up.
+
+        Raises:
+            ModelError: If the robot lacks a link that carries an eye.
+        """
+        super().__init__()
+        world = world_named(world) if isinstance(world, str) else world
+        arm = arm or looking_arm()
+        body = Individual.build(arm, world, seed, eyes)
+        detectors = default_detectors() if detectors is None else detectors
+        self.arm, self.world, self.seed, self.session = arm, world, seed, session
+        self.tracked = tuple(detectors)
+        self.image_size = eyes.left.image_size
+        self.board = board
+        self.__stops = body.mechanics.lower, body.mechanics.upper
+        builder = DiagramBuilder()
+        noise = 1000 * seed + session
+        start = body.mechanics.servos.to_encoder(np.zeros(len(arm.joints)))
+        servos = EncoderModel(body.mechanics, world, start, seed=noise)
+        builder.AddNamedSystem("servos", servos)
+        self.__holder, cameras = _add_scene(builder, servos, arm, body, board, quality, noise)
+        _add_motion_capture(builder, servos, body, world, noise)
+        tracker = builder.AddNamedSystem("tracker", HandTracker(detectors, self.image_size))
+        for eye in ("left", "right"):
+            port = cameras.GetOutputPort(f"{eye}_image")
+            builder.Connect(port, tracker.GetInputPort(f"{eye}_image"))
+            builder.ExportOutput(port, f"{eye}_image")
+        for port in ("pixels", "seen", "reasons"):
+            builder.ExportOutput(tracker.GetOutputPort(port), f"hand_{port}")
+        builder.ExportInput(servos.GetInputPort("command"), "command")
+        builder.ExportOutput(servos.GetOutputPort("encoders"), "encoders")
+        builder.BuildInto(self)
+        self.set_name("nico")
+
+    @property
+    def joints(self) -> tuple[JointInfo, ...]:
+        """Names, units and stops of the arm's joints, as a data set states them."""
+        return tuple(
+            JointInfo(name, "counts", self.world.counts_per_turn, float(low), float(high))
+            for name, low, high in zip(self.arm.joints, *self.__stops, strict=True)
+        )
+
+    def hold_board(self, context: Any, X_BG: NDArray | None) -> None:
+        """Hold the chessboard before the robot.
+
+        Args:
+            context: The station's context, or that of a diagram it is part of.
+            X_BG: Pose of the board in the frame of the arm's base: corners in the plane z = 0,
+                the first one at the origin, seen along z; None puts it away. Shape (4, 4).
+        """
+        self.__holder.hold(self.__holder.GetMyMutableContextFromRoot(context), X_BG)
+
+    def picture(self, context: Any, eye: str) -> NDArray:
+        """Return what an eye sees, BGR of shape (h, w, 3), in the station's own context."""
+        return bgr_of(self.GetOutputPort(f"{eye}_image").Eval(context))
+
+
+def default_detectors(rig: StereoRig | None = None) -> Detectors:
+    """Return detectors of the fiducial on the back of Nico's hand and of the tape on its finger.
+
+    Args:
+        rig: The calibrated eyes, whose lenses are then taken out before fiducials are located.
+    """
+    cameras = (None, None) if rig is None else rig.eyes
+    left, right = (fiducial_detector(camera=camera) for camera in cameras)
+    return {"fiducial": (left, right), "finger_tip": color_detector()}
+
+
+def _add_scene(
+    builder: DiagramBuilder,
+    servos: EncoderModel,
+    arm: ArmDescription,
+    body: Individual,
+    board: Board,
+    quality: ImageQuality | None,
+    seed: int,
+) -> tuple[BoardHolder, StereoCameras]:
+    """Add what is to be seen, and what sees it."""
+    scene_graph = SceneGraph()
+    builder.AddNamedSystem("scene", scene_graph)
+    built = SelfModelPlant.from_urdf(arm, body.model, scene_graph=scene_graph)
+    add_renderer(scene_graph)
+    if "fiducial" in arm.points:
+        print_fiducial(
+            scene_graph, built, arm.points["fiducial"], FIDUCIAL_ID, "right_wrist_marker"
+        )
+    frames = tuple(
+        built.plant.GetBodyFrameIdOrThrow(built.plant.GetBodyByName(link).index())
+        for link in MOUNTS
+    )
+    positions = builder.AddNamedSystem("positions", PlantPositions(built, body.held))
+    poses = builder.AddNamedSystem("poses", MultibodyPositionToGeometryPose(built.plant))
+    holder = BoardHolder(scene_graph, board)
+    cameras = StereoCameras(body.rig, frames, quality, seed=seed)
+    builder.AddNamedSystem("board", holder)
+    builder.AddNamedSystem("eyes", cameras)
+    builder.Connect(servos.GetOutputPort("joint_angles"), positions.get_input_port())
+    builder.Connect(positions.get_output_port(), poses.get_input_port())
+    builder.Connect(
+        poses.get_output_port(), scene_graph.get_source_pose_port(built.plant.get_source_id())
+    )
+    builder.Connect(holder.get_output_port(), scene_graph.get_source_pose_port(holder.source))
+    builder.Connect(scene_graph.get_query_output_port(), cameras.get_input_port())
+    return holder, cameras
+
+
+def _add_motion_capture(
+    builder: DiagramBuilder, servos: EncoderModel, body: Individual, world: World, seed: int
+) -> None:
+    chain = body.mechanics.chain
+    markers = builder.AddNamedSystem("markers", MarkerPositions(chain))
+    tracker = builder.AddNamedSystem(
+        "motion_capture",
+        MotionCapture(
+            chain.markers,
+            X_TW=body.X_TB,
+            sigma=world.marker_sigma,
+            dropout_share=world.dropout_share,
+            seed=seed,
+        ),
+    )
+    builder.Connect(servos.GetOutputPort("joint_angles"), markers.get_input_port())
+    builder.Connect(markers.get_output_port(), tracker.get_input_port())
+    for port in ("measured_positions", "frame_number"):
+        builder.ExportOutput(tracker.GetOutputPort(port), port)

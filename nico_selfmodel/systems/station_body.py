@@ -1,0 +1,186 @@
+"""Driving any station with named ports: go there, wait until it stands still, look."""
+
+from collections.abc import Sequence
+from types import MappingProxyType
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+from pydrake.systems.analysis import Simulator
+from pydrake.systems.framework import Context, System
+
+from nico_selfmodel.dataset import JointInfo
+from nico_selfmodel.errors import RobotError
+from nico_selfmodel.systems.eye_sighting import EyeSighting
+from nico_selfmodel.systems.image_values import bgr_of
+from nico_selfmodel.systems.simulated_arm import Sighting
+
+_TICK = 0.02
+"""Time between two looks at the encoders [s]."""
+_NUDGE = 0.02
+"""Share of a joint's range that it leaves a pose by, before it comes back to it."""
+
+
+class StationBody:
+    """A station that can be sent to poses and asked what it senses.
+
+    The station needs the ports `command` and `encoders`, and `hand_pixels` to be watched by its own
+    eyes or `measured_positions` to be watched by motion capture, as `NicoStation` documents them.
+    """
+
+    def __init__(
+        self,
+        station: System,
+        joints: Sequence[JointInfo],
+        markers: Sequence[str],
+        *,
+        sensor: str = "eyes",
+        settle: float = 0.1,
+        timeout: float = 20.0,
+        keep_images: bool = False,
+    ) -> None:
+        """Take a station.
+
+        Args:
+            station: It; its inputs other than `command` must be fixed or not needed.
+            joints: Names, units and stops.
+            markers: In the order of the sensor's port.
+            sensor: `eyes` or `motion-capture`.
+            settle: How long the encoders must not change before a sample [s].
+            timeout: How long a motion may take [s].
+            keep_images: Keep the pictures in the sightings; needs `left_image`, `right_image`.
+
+        Raises:
+            RobotError: If a port is missing or of another size.
+            ValueError: If there is no such sensor.
+        """
+        if sensor not in ("eyes", "motion-capture"):
+            raise ValueError(f"sensor must be eyes or motion-capture, got {sensor!r}")
+        self.joints, self.markers, self.sensor = tuple(joints), tuple(markers), sensor
+        self._settle, self._timeout, self._keep_images = settle, timeout, keep_images
+        self._station = station
+        self._command = station.GetInputPort(_named(station, "command", "input"))
+        self._check("encoders", len(self.joints))
+        seen_by, width = ("hand_pixels", 4) if sensor == "eyes" else ("measured_positions", 3)
+        self._check(seen_by, width * len(self.markers))
+        if keep_images:
+            for eye in ("left", "right"):
+                _named(station, f"{eye}_image", "output")
+        self._port = seen_by
+        self.simulator = Simulator(station)
+        start = self._read("encoders")
+        self._last = start
+        self._command.FixValue(self.context, start)
+        self.simulator.Initialize()
+
+    @property
+    def context(self) -> Context:
+        """The station's context."""
+        return self.simulator.get_mutable_context()
+
+    def visit(self, command: ArrayLike) -> Sighting:
+        """Move to encoder readings, settle, and look.
+
+        A body that is sent to where it stands leaves and comes back, so that every visit is one.
+
+        Args:
+            command: Where to go [encoder units]. Shape (n,).
+
+        Returns:
+            What was sensed there; `EyeSighting` from eyes.
+
+        Raises:
+            RobotError: If the joints do not come to rest in time.
+            ValueError: If the command has another length or is not finite.
+        """
+        command = np.asarray(command, dtype=float)
+        if command.shape != (len(self.joints),) or not np.isfinite(command).all():
+            raise ValueError(f"command must be {len(self.joints)} finite readings, got {command}")
+        if np.array_equal(np.round(command), np.round(self._last)):
+            self._go(self._beside(command))
+        self._go(command)
+        self._last = command
+        return self._look()
+
+    def _beside(self, command: NDArray) -> NDArray:
+        """Return a pose a little way off, towards the middle of the joints' ranges."""
+        beside = command.copy()
+        for i, joint in enumerate(self.joints):
+            low, high = joint.lower, joint.upper
+            if low is not None and high is not None:
+                beside[i] += (
+                    _NUDGE * (high - low) * (1.0 if 2.0 * command[i] < low + high else -1.0)
+                )
+        return beside
+
+    def _go(self, command: NDArray) -> None:
+        """Command and wait until the encoders stand still."""
+        self._command.FixValue(self.context, command)
+        still, before, end = 0.0, self._read("encoders"), self.context.get_time() + self._timeout
+        # The first tick starts the motion.
+        self._tick()
+        while still < self._settle:
+            now = self._read("encoders")
+            still = still + _TICK if np.array_equal(now, before) else 0.0
+            before = now
+            if self.context.get_time() > end:
+                away = np.abs(now - command)
+                worst = self.joints[int(np.argmax(away))].name
+                raise RobotError(
+                    f"the joints did not come to rest within {self._timeout:g} s: {worst} reads "
+                    f"{away.max():.0f} units away from its command; is it blocked or off?"
+                )
+            self._tick()
+
+    def _tick(self) -> None:
+        self.simulator.AdvanceTo(self.context.get_time() + _TICK)
+
+    def _look(self) -> Sighting:
+        encoders = self._read("encoders")
+        values = self._read(self._port).reshape(len(self.markers), -1)
+        if self.sensor == "motion-capture":
+            points = {
+                marker: p if np.isfinite(p).all() else None
+                for marker, p in zip(self.markers, values, strict=True)
+            }
+            return Sighting(encoders, MappingProxyType(points))
+        images = None
+        if self._keep_images:
+            left, right = (
+                bgr_of(self._station.GetOutputPort(f"{eye}_image").Eval(self.context))
+                for eye in ("left", "right")
+            )
+            images = left, right
+        return EyeSighting(
+            encoders,
+            MappingProxyType(dict.fromkeys(self.markers)),
+            MappingProxyType(dict(zip(self.markers, values, strict=True))),
+            images,
+            self._reasons(),
+        )
+
+    def _reasons(self) -> tuple[str, ...]:
+        if not self._station.HasOutputPort("hand_reasons"):
+            return ()
+        return tuple(self._station.GetOutputPort("hand_reasons").Eval(self.context))
+
+    def _read(self, port: str) -> NDArray:
+        return np.array(self._station.GetOutputPort(port).Eval(self.context), dtype=float)
+
+    def _check(self, port: str, size: int) -> None:
+        found = self._station.GetOutputPort(_named(self._station, port, "output")).size()
+        if found != size:
+            raise RobotError(
+                f"output port {port!r} of the station has {found} values, expected {size}: "
+                f"{len(self.joints)} joints, markers {', '.join(self.markers)}"
+            )
+
+
+def _named(station: System, port: str, kind: str) -> str:
+    """Return the name of a port after checking that it is there."""
+    has = station.HasInputPort if kind == "input" else station.HasOutputPort
+    if not has(port):
+        count = station.num_input_ports() if kind == "input" else station.num_output_ports()
+        get = station.get_input_port if kind == "input" else station.get_output_port
+        names = ", ".join(get(i).get_name() for i in range(count)) or "none"
+        raise RobotError(f"the station has no {kind} port {port!r}; it has {names}")
+    return port

@@ -1,0 +1,176 @@
+"""What learned mirrors look like: eyes, glass, hand and reflection, and the rays between them."""
+
+import numpy as np
+from numpy.typing import NDArray
+
+from nico_selfmodel.estimation.mirror import MirrorCalibration
+from nico_selfmodel.geometry.transform import apply
+from nico_selfmodel.model import Mirror, MirrorRig, StereoRig
+from nico_selfmodel.viz import palette
+from nico_selfmodel.viz.camera_scene import X_WL
+from nico_selfmodel.viz.eye_items import ImagePlane, eye_items
+from nico_selfmodel.viz.scene import LegendEntry, Scene, path_names
+from nico_selfmodel.viz.scene_items import Item, Markers, Segments, Surface, Tube
+from nico_selfmodel.viz.surroundings import camera_from, floor_items
+
+_DOT = 0.004
+_PLANE = 0.045
+"""Distance of image planes from their eyes [m]."""
+_MARGIN = 0.03
+"""Glass drawn beyond where it was looked into [m]."""
+_RAYS = 3
+"""Poses of each mirror whose rays are drawn."""
+_GLASS, _REFLECTED = palette.rgba("#8fb4d9", 0.45), palette.rgba("#4477aa", 0.75)
+_AZIMUTH, _ELEVATION = np.radians(235.0), np.radians(32.0)
+
+
+def mirror_scene(calibration: MirrorCalibration) -> Scene:
+    """Describe learned mirrors as a scene; x is where the left eye looks, z is up.
+
+    Args:
+        calibration: What was learned.
+
+    Returns:
+        Eyes and their reflections, a plate for each mirror, the hand where the arm says it is and
+        where its reflections appear, and for some poses the rays from the hand over the glass into
+        both eyes. Rows that were not believed are red.
+    """
+    rig = StereoRig(*calibration.solution.reflections.cameras)
+    eyes = rig.moved(rig.left.X_WC @ np.linalg.inv(X_WL))
+    planes = {
+        eye: ImagePlane(camera, _PLANE)
+        for eye, camera in zip(("left", "right"), eyes.eyes, strict=True)
+    }
+    items: list[Item] = []
+    for eye, plane in planes.items():
+        items += eye_items(eye, plane, None)
+    points = [plane.corners for plane in planes.values()]
+    names = path_names(calibration.mirrors)
+    for name, (known, mirror) in zip(names, calibration.mirrors.items(), strict=True):
+        found, seen = _mirror_items(name, calibration, known, MirrorRig(eyes, mirror))
+        items += found
+        points.append(seen)
+    everything = np.concatenate(points)
+    grid, *_ = floor_items(everything, 1.0)
+    view = camera_from(everything, float(_AZIMUTH), float(_ELEVATION))
+    return Scene(calibration.model.name, (grid, *items), view, _legend(calibration))
+
+
+def _mirror_items(
+    path: str, calibration: MirrorCalibration, name: str, rig: MirrorRig
+) -> tuple[list[Item], NDArray]:
+    """Return the items of one mirror, and points that the first view must hold."""
+    solution = calibration.solution
+    rows = solution.reflections.mirror == solution.reflections.mirrors.index(name)
+    hand = apply(X_WL, solution.reflections.p_LQ[rows])
+    believed = ~solution.outliers[rows]
+    virtual = apply(X_WL, rig.mirror.reflect(solution.reflections.p_LQ[rows]))
+    plate = _plate(rig, virtual)
+    items: list[Item] = [
+        Surface(
+            path=f"mirrors/{path}/glass",
+            color=_GLASS,
+            vertices=plate,
+            faces=np.array([[0, 1, 2], [0, 2, 3]]),
+        ),
+        Tube(
+            path=f"mirrors/{path}/edge",
+            color=palette.rgba(palette.MUTED),
+            points=plate,
+            radius=0.4 * _DOT,
+            closed=True,
+        ),
+    ]
+    for kind, points, color in (("hand", hand, palette.HAND), ("reflection", virtual, None)):
+        for label, chosen in (("believed", believed), ("outliers", ~believed)):
+            if chosen.any():
+                shade = _REFLECTED if color is None else palette.rgba(color)
+                shade = palette.rgba(palette.OUTLIER) if label == "outliers" else shade
+                place = f"mirrors/{path}/{kind}_{label}"
+                items.append(Markers(path=place, color=shade, centers=points[chosen], radius=_DOT))
+    items += _rays(path, rig, hand[believed], virtual[believed])
+    items += _reflected_eyes(path, rig)
+    centers = np.stack([eye.X_WC[:3, 3] for eye in rig.virtual.eyes])
+    return items, np.concatenate([plate, hand, virtual, centers])
+
+
+def _plate(rig: MirrorRig, virtual: NDArray) -> NDArray:
+    """Return the corners of the glass that lines of sight go through. Shape (4, 3)."""
+    meets = np.concatenate([_on_glass(rig, eye, virtual) for eye in _centres(rig.rig)])
+    normal = rig.plane.normal
+    across = np.cross([0.0, 0.0, 1.0], normal)
+    across = across / np.linalg.norm(across) if np.linalg.norm(across) > 1e-6 else X_WL[:3, 0]
+    axes = np.stack([across, np.cross(normal, across)])
+    flat = meets @ axes.T
+    low, high = flat.min(axis=0) - _MARGIN, flat.max(axis=0) + _MARGIN
+    foot = -rig.plane.offset * normal
+    corners = np.array([[low[0], low[1]], [high[0], low[1]], high, [low[0], high[1]]])
+    return foot + corners @ axes
+
+
+def _rays(path: str, rig: MirrorRig, hand: NDArray, virtual: NDArray) -> list[Item]:
+    """Return rays from hand over glass to the eyes, and on to the reflections behind it."""
+    shown = np.linspace(0, len(hand) - 1, min(_RAYS, len(hand))).astype(int)
+    items: list[Item] = []
+    if not len(shown):
+        return items
+    for eye, center in zip(("left", "right"), _centres(rig.rig), strict=True):
+        meets = _on_glass(rig, center, virtual[shown])
+        centers = np.repeat(center[None], len(shown), axis=0)
+        color = palette.EYES[eye]
+        for kind, starts, ends, opacity in (
+            ("from_hand", hand[shown], meets, 1.0),
+            ("to_eye", meets, centers, 1.0),
+            ("behind", meets, virtual[shown], 0.4),
+        ):
+            items.append(
+                Segments(
+                    path=f"mirrors/{path}/rays/{eye}_{kind}",
+                    color=palette.rgba(color, opacity),
+                    starts=starts,
+                    ends=ends,
+                )
+            )
+    return items
+
+
+def _reflected_eyes(path: str, rig: MirrorRig) -> list[Item]:
+    """Return the frusta of the reflected eyes, which see the hand as the eyes see it."""
+    items: list[Item] = []
+    for eye, camera in zip(("left", "right"), rig.virtual.eyes, strict=True):
+        plane = ImagePlane(camera, _PLANE)
+        center = np.repeat(camera.X_WC[None, :3, 3], 4, axis=0)
+        starts = np.concatenate([center, plane.corners])
+        ends = np.concatenate([plane.corners, np.roll(plane.corners, -1, axis=0)])
+        color = palette.rgba(palette.EYES[eye], 0.6)
+        items.append(
+            Segments(path=f"mirrors/{path}/reflected_{eye}", color=color, starts=starts, ends=ends)
+        )
+    return items
+
+
+def _centres(rig: StereoRig) -> list[NDArray]:
+    return [eye.X_WC[:3, 3] for eye in rig.eyes]
+
+
+def _on_glass(rig: MirrorRig, eye: NDArray, virtual: NDArray) -> NDArray:
+    """Return where lines of sight to reflections meet the glass. Shape (n, 3)."""
+    near, far = rig.plane.distance_to(eye), rig.plane.distance_to(virtual)
+    return eye + (near / (near - far))[:, None] * (virtual - eye)
+
+
+def _legend(calibration: MirrorCalibration) -> tuple[LegendEntry, ...]:
+    entries = [
+        LegendEntry("left eye, its rays and its reflection", palette.rgba(palette.EYES["left"])),
+        LegendEntry("right eye, its rays and its reflection", palette.rgba(palette.EYES["right"])),
+        *(LegendEntry(_words(name, m), _GLASS) for name, m in calibration.mirrors.items()),
+        LegendEntry("hand, where the arm says it is", palette.rgba(palette.HAND)),
+        LegendEntry("its reflection behind the glass", _REFLECTED),
+    ]
+    if calibration.solution.outliers.any():
+        entries.append(LegendEntry("poses not believed", palette.rgba(palette.OUTLIER)))
+    return tuple(entries)
+
+
+def _words(name: str, mirror: Mirror) -> str:
+    return f"mirror {name}, {1e3 * mirror.distance:.0f} mm from the left eye"

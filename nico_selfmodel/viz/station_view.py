@@ -1,0 +1,212 @@
+"""A robot at work in Meshcat: its body as it believes it to be, and what its eyes see right now."""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+from pydrake.geometry import Meshcat
+from pydrake.math import RigidTransform
+
+from nico_selfmodel.geometry.transform import apply, inverse, transform
+from nico_selfmodel.model import SelfModel, StereoRig
+from nico_selfmodel.model.stereo_rig import EYES
+from nico_selfmodel.plant import ArmDescription, SelfModelPlant, learned_frames
+from nico_selfmodel.viz import palette
+from nico_selfmodel.viz.drake_backend import _draw, draw_in_drake
+from nico_selfmodel.viz.eye_items import ImagePlane, eye_items
+from nico_selfmodel.viz.robot_items import robot_items
+from nico_selfmodel.viz.scene import ROOT, LegendEntry, Scene
+from nico_selfmodel.viz.scene_items import Item, Markers, Picture, Rgba
+from nico_selfmodel.viz.surroundings import camera_from, floor_items
+
+_SPREAD = 0.9
+"""Width of an image in baselines, so that the two lie side by side."""
+_HAND = 0.006
+"""Radius of what marks the hand [m]."""
+_MARK, _GAP, _THICK = 11, 4, 1
+"""Half a cross, the hole in its middle, and half its thickness, in images [px]."""
+TRACKED, PREDICTED = palette.rgba(palette.HELD_OUT), palette.rgba("#ee7733")
+_SECONDS_A_FRAME = 1.0 / 8.0
+
+
+class StationView:
+    """The moving robot with the frusta of both eyes, their images, the tracked and predicted hand.
+
+    The robot stands upright on its own root link, whatever frame its self-model is expressed in.
+    """
+
+    def __init__(
+        self,
+        arm: ArmDescription,
+        model: SelfModel,
+        meshcat: Meshcat | None = None,
+        *,
+        recording: bool = False,
+    ) -> None:
+        """Draw everything once.
+
+        Args:
+            arm: The robot as described.
+            model: Arm and eyes as learned.
+            meshcat: Where to draw; a new server that only this machine reaches if omitted.
+            recording: Keep every `show` as a frame of an animation, for `html`.
+
+        Raises:
+            ModelError: If the model lacks arm or eyes, or the robot cannot be read.
+            SelfModelError: If the server cannot start.
+        """
+        self.model = _upright(arm, model)
+        self.marker = self.model.markers[0]
+        self._built = SelfModelPlant.from_urdf(arm, self.model)
+        self._context = self._built.plant.CreateDefaultContext()
+        q = np.zeros(len(arm.joints))
+        body = robot_items(arm, self.model, q)
+        self._links = sorted({item.path.split("/")[1] for item in body})
+        self._X_LD = {link: inverse(X) for link, X in self._link_poses(q).items()}
+        width = max(eye.image_size[0] / eye.fx for eye in self.model.rig.eyes)
+        self._planes = {
+            eye: ImagePlane(camera, _SPREAD * self.model.rig.baseline / width)
+            for eye, camera in zip(EYES, self.model.rig.eyes, strict=True)
+        }
+        self._recording, self._frames = recording, 0
+        self.meshcat = draw_in_drake(self._scene(body), meshcat)
+        if recording:
+            self.meshcat.StartRecording(
+                frames_per_second=1.0 / _SECONDS_A_FRAME, set_visualizations_while_recording=True
+            )
+
+    def _scene(self, body: list[Item]) -> Scene:
+        items: list[Item] = [*body]
+        for eye, plane in self._planes.items():
+            items += eye_items(eye, plane, None)
+        items += [_ball("hand/tracked", TRACKED, 1.0), _ball("hand/predicted", PREDICTED, 0.8)]
+        points = np.concatenate(
+            [apply(item.X_WI, np.zeros((1, 3))) for item in body]
+            + [plane.corners for plane in self._planes.values()]
+        )
+        grid = floor_items(points, 0.2)
+        legend = (
+            LegendEntry("hand as tracked", TRACKED),
+            LegendEntry("hand as predicted", PREDICTED),
+        )
+        view = camera_from(points, np.radians(205.0), np.radians(38.0))
+        return Scene(self.model.name, (*grid, *items), view, legend)
+
+    def show(
+        self,
+        readings: ArrayLike,
+        images: Sequence[NDArray] | None = None,
+        pixels: ArrayLike | None = None,
+    ) -> None:
+        """Move the robot and show what it sees.
+
+        Args:
+            readings: Encoder readings [encoder units]. Shape (n,).
+            images: Pictures of the left and right eye, BGR, 8 bits. Shape (h, w, 3) each.
+            pixels: Where the eyes tracked the hand, nan where not; for the marks and the tracked
+                hand. Shape (4,).
+
+        Raises:
+            ValueError: If a shape is wrong.
+        """
+        time = self._frames * _SECONDS_A_FRAME if self._recording else None
+        q = self.model.servos.to_joint(np.asarray(readings, dtype=float))
+        for link, X_DL in self._link_poses(q).items():
+            self._place(f"robot/{link}", X_DL @ self._X_LD[link], time)
+        predicted = self.model.chain.forward(q)
+        self._place("hand/predicted", transform(np.eye(3), predicted), time)
+        seen = np.full(4, np.nan) if pixels is None else np.asarray(pixels, dtype=float)
+        if seen.shape != (4,):
+            raise ValueError(f"pixels must have shape (4,), got {seen.shape}")
+        self._show_tracked(seen, time)
+        if images is not None:
+            expected = self.model.rig.project(predicted)
+            for k, eye in enumerate(EYES):
+                marks = {TRACKED: seen[2 * k :][:2], PREDICTED: expected[2 * k :][:2]}
+                self._show_image(eye, marked(images[k][:, :, ::-1], marks), time)
+        self._frames += 1
+
+    def html(self) -> str:
+        """Return what was shown as one page, with its animation if it was recorded."""
+        if self._recording:
+            self.meshcat.StopRecording()
+            self.meshcat.PublishRecording()
+        return self.meshcat.StaticHtml()
+
+    def _show_tracked(self, pixels: NDArray, time: float | None) -> None:
+        path = "hand/tracked"
+        there = bool(np.isfinite(pixels).all())
+        if there:
+            p = self.model.rig.triangulate(pixels[None]).p_WQ[0]
+            self._place(path, transform(np.eye(3), p), time)
+        self._set_visible(path, there, time)
+
+    def _show_image(self, eye: str, image: NDArray, time: float | None) -> None:
+        """Draw an image on its plane. A recording keeps all, one visible at a time."""
+        items = eye_items(eye, self._planes[eye], image)
+        (picture,) = (item for item in items if isinstance(item, Picture) and "image" in item.path)
+        path = picture.path
+        if time is not None:
+            path = f"eyes/{eye}/frame_{self._frames}"
+            if self._frames:
+                self._set_visible(f"eyes/{eye}/frame_{self._frames - 1}", False, time)
+        _draw(self.meshcat, f"{ROOT}/{path}", replace(picture, path=path))
+        self._place(path, picture.X_WI, None)
+        if time is not None:
+            if self._frames:
+                self._set_visible(path, False, 0.0)
+            self._set_visible(path, True, time)
+
+    def _place(self, path: str, X: NDArray, time: float | None) -> None:
+        self.meshcat.SetTransform(f"{ROOT}/{path}", RigidTransform(pose=X), time_in_recording=time)
+
+    def _set_visible(self, path: str, visible: bool, time: float | None) -> None:
+        self.meshcat.SetProperty(f"{ROOT}/{path}", "visible", visible, time_in_recording=time)
+
+    def _link_poses(self, q: NDArray) -> dict[str, NDArray]:
+        self._built.set_joint_angles(self._context, q)
+        plant = self._built.plant
+        poses = {}
+        for link in self._links:
+            body = plant.GetBodyByName(link, self._built.instance)
+            poses[link] = plant.EvalBodyPoseInWorld(self._context, body).GetAsMatrix4()
+        return poses
+
+
+def marked(image: NDArray, marks: Mapping[Rgba, ArrayLike]) -> NDArray:
+    """Return an image with a cross at each mark, open in the middle.
+
+    Args:
+        image: Red, green, blue, 8 bits. Shape (h, w, 3).
+        marks: Colour -> pixel (u, v); nan for none.
+
+    Returns:
+        A copy. Shape (h, w, 3).
+    """
+    drawn = np.array(image)
+    v, u = np.ogrid[: drawn.shape[0], : drawn.shape[1]]
+    for turn, (color, pixel) in enumerate(marks.items()):
+        at = np.asarray(pixel, dtype=float)
+        if not np.isfinite(at).all():
+            continue
+        x, y = u - round(at[0]), v - round(at[1])
+        # Every other cross stands on its corner, so that both show where they coincide.
+        x, y = (x, y) if turn % 2 == 0 else (x + y, x - y)
+        far = np.maximum(np.abs(x), np.abs(y))
+        cross = (np.minimum(np.abs(x), np.abs(y)) <= _THICK) & (far <= _MARK) & (far >= _GAP)
+        drawn[cross] = np.round(255.0 * np.array(color[:3])).astype(np.uint8)
+    return drawn
+
+
+def _upright(arm: ArmDescription, model: SelfModel) -> SelfModel:
+    """Return the model expressed in its robot's root link."""
+    X_WR = learned_frames(arm, model.chain).X_WR
+    table = replace(model.dh, X_W0=inverse(X_WR) @ model.dh.X_W0)
+    rig: StereoRig = model.rig.moved(X_WR)
+    cameras = dict(zip(EYES, rig.eyes, strict=True))
+    return replace(model, table=table, cameras=cameras, covariance=None)
+
+
+def _ball(path: str, color: Rgba, size: float) -> Item:
+    return Markers(path=path, color=color, centers=np.zeros((1, 3)), radius=size * _HAND)

@@ -1,0 +1,88 @@
+"""Bodies that see their own hand, what they recorded, and their truth, which only tests may see."""
+
+from dataclasses import dataclass, replace
+from functools import cache
+
+import numpy as np
+
+from nico_selfmodel.dataset import Dataset
+from nico_selfmodel.estimation import BodyCalibration, BodyOptions, calibrate_body
+from nico_selfmodel.experiments.body_protocol import BodyProtocol
+from nico_selfmodel.experiments.refinement import Lesson, simulated_lesson
+from nico_selfmodel.geometry.transform import inverse
+from nico_selfmodel.model import DhParameters, DhTable, SelfModel, StereoRig
+from nico_selfmodel.systems import WORLDS, SimulatedBody
+
+PLAY = WORLDS["clean"].with_noise(play_deg=0.5)
+CLEAN = WORLDS["clean"]
+
+
+@dataclass(frozen=True, eq=False)
+class Truth:
+    """What a simulated body keeps to itself, in the true left eye's frame."""
+
+    parameters: DhParameters
+    rig: StereoRig
+
+    @classmethod
+    def of(cls, body: SimulatedBody) -> "Truth":
+        chain = body._SimulatedBody__true_chain
+        X_BL = body._SimulatedBody__X_BL
+        servos = body._SimulatedBody__servos
+        table = DhTable.from_chain(chain.moved(inverse(X_BL)))
+        return cls(DhParameters(table, servos), body._SimulatedBody__rig)
+
+    def model(self, **others) -> SelfModel:
+        """Return the truth as a self-model."""
+        cameras = {"left": self.rig.left, "right": self.rig.right}
+        table, servos = self.parameters.table, self.parameters.servos
+        return SelfModel("truth", table, servos, cameras=cameras, **others)
+
+
+@cache
+def protocol(tracker: str = "fiducial") -> BodyProtocol:
+    return BodyProtocol.of_nico(tracker)
+
+
+@cache
+def lesson(seed: int = 0, tracker: str = "fiducial", world=PLAY, random_poses: int = 100) -> Lesson:
+    """Return what one individual recorded: 61 poses on circles, 100 random ones, 100 to test."""
+    return simulated_lesson(protocol(tracker), world, seed, tracker, random_poses)
+
+
+@cache
+def learned(
+    seed: int = 0, tracker: str = "fiducial", stage: str = "full", variant: str = "anchored"
+) -> BodyCalibration:
+    """Return what one individual learned from its lesson."""
+    recorded = lesson(seed, tracker)
+    return calibrate_body(
+        recorded.train,
+        recorded.eyes,
+        recorded.boards,
+        BodyOptions(stage, variant),
+        test=recorded.test,
+        test_boards=recorded.test_boards,
+    )
+
+
+def body(seed: int = 0, tracker: str = "fiducial", world=PLAY, session: int = 1) -> SimulatedBody:
+    return protocol(tracker).body(world, seed, session, tracker)
+
+
+def poses(one: SimulatedBody, count: int, seed: int = 0, tracker: str = "fiducial", **others):
+    """Return random poses of a body, with what an outsider measured."""
+    drawn = protocol(tracker).random_poses(count, np.random.default_rng((seed, 40)), **others)
+    return protocol(tracker).record(one, "poses", drawn, observed=True)
+
+
+def only_eyes(dataset: Dataset) -> Dataset:
+    """Return data without what an outsider measured."""
+    return replace(dataset, p_WH_measured=np.full((len(dataset), 3), np.nan))
+
+
+def blinded(dataset: Dataset, rows, eye: int) -> Dataset:
+    """Return data in which an eye did not see some rows."""
+    pixels = dataset.pixels.copy()
+    pixels[rows, 2 * eye : 2 * eye + 2] = np.nan
+    return replace(dataset, pixels=pixels)

@@ -1,0 +1,334 @@
+"""Arm and eyes refine each other: recovery, gauge, stages, refusals."""
+
+import json
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from nico_selfmodel.dataset import BoardViews
+from nico_selfmodel.errors import DataError, ModelError
+from nico_selfmodel.estimation import (
+    BodyOptions,
+    body_document,
+    calibrate_body,
+    evaluate,
+    judge_body,
+)
+from nico_selfmodel.estimation.arm_views import LinesView
+from nico_selfmodel.estimation.body_start import in_left_eye, lines_of, reconstructed
+from nico_selfmodel.estimation.body_verdict import body_warnings
+from nico_selfmodel.estimation.camera_start import pose_of_seen_boards
+from nico_selfmodel.estimation.hand_pixels import HandPixels
+from nico_selfmodel.estimation.pixel_observations import PixelObservations
+from nico_selfmodel.geometry.rotation import rotation_from_vector
+from nico_selfmodel.geometry.transform import apply, transform
+from nico_selfmodel.model import SelfModel
+from nico_selfmodel.model.link_lengths import link_lengths
+
+from .simulated_bodies import CLEAN, Truth, blinded, body, learned, lesson, only_eyes, poses
+
+
+def true_mm(calibration, seed=0):
+    return 1e3 * evaluate(calibration.model, lesson(seed).test).statistics.mean
+
+
+def exact_case():
+    """Return noise-free pixels of 40 poses, exact boards, and the truth."""
+    one = body(world=CLEAN)
+    one.pixel_sigma = 0.0
+    data = poses(one, 40)
+    truth = Truth.of(one)
+    boards = lesson().boards
+    X_LG = pose_of_seen_boards(truth.rig.eyes, boards)
+    seen = np.array([truth.rig.project(apply(X, boards.p_GQ)) for X in X_LG])
+    return only_eyes(data), data, truth, replace(boards, pixels=seen)
+
+
+def test_without_noise_everything_comes_back_exactly():
+    blind, data, truth, boards = exact_case()
+    seed = lesson().eyes
+    found = calibrate_body(blind, seed, boards)
+    assert found.start_label == "stereo"
+    assert found.converged
+    # Encoders count in whole steps of a 2^24th of a turn.
+    assert 1e3 * evaluate(found.model, data).statistics.max < 1e-3
+    assert found.model.rig.values == pytest.approx(truth.rig.values, abs=2e-3)
+    assert found.model.rig.baseline == pytest.approx(truth.rig.baseline, abs=1e-7)
+    assert link_lengths(found.model.chain) == pytest.approx(
+        link_lengths(truth.parameters.table.to_chain()), abs=1e-6
+    )
+
+
+def test_without_boards_only_the_scale_is_open():
+    """45 parameters of arm, lenses and pose, rank 44 (design notes, section 6)."""
+    _, _, truth, _ = exact_case()
+    data = poses(body(), 150)
+    observations = PixelObservations.from_dataset(data)
+    view = LinesView(observations.arm, lines_of(truth.model(), ("hand",)))
+    block = HandPixels(observations, view)
+    x = np.concatenate([view.start, truth.rig.values])
+    _, jacobian = block.evaluate(x)
+    free = [i for i, n in enumerate(block.names) if not n.endswith((".p1", ".p2"))]
+    stacked = jacobian[free].reshape(len(free), -1).T
+    size = np.linalg.norm(stacked, axis=0)
+    _, values, vectors = np.linalg.svd(stacked / size)
+    values /= values[0]
+    # 23 of the arm, 6 of the pose, 8 of each lens with its skew.
+    assert len(free) == 45
+    assert (values > 1e-9).sum() == 44
+    null = vectors[-1] / size
+    lengths = np.zeros(len(free))
+    for place, i in enumerate(free):
+        name = block.names[i]
+        if name.startswith("hand.") or name in ("right.pose.x", "right.pose.y", "right.pose.z"):
+            lengths[place] = x[i]
+        elif name.endswith((".point_u", ".point_v")):
+            continue
+        else:
+            assert abs(null[place] / np.abs(null).max()) < 1e-6, name
+    known = lengths != 0.0
+    ratio = null[known] / lengths[known]
+    assert ratio == pytest.approx(np.full(known.sum(), ratio[0]), rel=1e-5)
+
+
+def test_anchored_the_true_error_falls_and_the_eyes_measure_better():
+    found = learned(0)
+    alone = learned(0, stage="kinematics")
+    assert judge_body(found).status == "PASS"
+    assert true_mm(found) < 2.6 < true_mm(alone)
+    assert found.boards is not None
+    assert found.boards.after.edge_sd < found.boards.before.edge_sd
+    assert found.scale_from == "boards"
+    truth = Truth.of(body(0))
+    error = found.model.rig.values - truth.rig.values
+    focal = [i for i, name in enumerate(truth.rig.names) if name.endswith((".fx", ".fy"))]
+    assert np.abs(error[focal]).max() < 1.0
+    assert abs(found.model.rig.baseline - truth.rig.baseline) < 2e-4
+    assert found.noise.sensor_sigma == pytest.approx(0.3, rel=0.15)
+    assert found.noise.joint_sigma == pytest.approx(np.radians(0.5) / np.sqrt(3.0), rel=0.15)
+
+
+def test_the_thesis_own_variant_is_flagged_and_refused():
+    found = learned(1, variant="thesis")
+    alone = learned(1, stage="kinematics")
+    assert found.test.statistics.mean < alone.test.statistics.mean
+    assert true_mm(found, 1) > 5.0
+    verdict = judge_body(found)
+    assert verdict.status == "FAIL"
+    assert any("boards" in reason for reason in verdict.reasons)
+    assert any("the thesis' own variant" in words for words in body_warnings(found))
+    assert "`right.pose.x` holds the scale" in " ".join(body_warnings(found))
+
+
+@pytest.mark.parametrize(
+    ("options", "free"),
+    [
+        (BodyOptions("kinematics"), 23),
+        (BodyOptions("intrinsics-pinned"), 29),
+        (BodyOptions("intrinsics-pinned", "unanchored"), 28),
+        (BodyOptions("full", "thesis"), 36),
+        (BodyOptions("full", "unanchored"), 42),
+        (BodyOptions("full"), 43),
+    ],
+)
+def test_each_stage_frees_what_it_says(options, free):
+    recorded = lesson()
+    found = calibrate_body(recorded.train, recorded.eyes, recorded.boards, options)
+    assert len(found.free) == free
+    start, end = recorded.eyes.rig.values, found.model.rig.values
+    names = recorded.eyes.rig.names
+    for name, before, after in zip(names, start, end, strict=True):
+        assert (name in found.free) == (abs(after - before) > 1e-14), name
+
+
+def test_pins_by_name_hold_and_priors_of_the_gauge_stay():
+    recorded = lesson()
+    joint = recorded.train.joint_names[3]
+    options = BodyOptions(pinned={f"{joint}.alpha": None, f"{joint}.r": 0.14, "k3": 0.0})
+    found = calibrate_body(recorded.train, recorded.eyes, recorded.boards, options)
+    values = dict(zip(found.model.parameters.names, found.model.parameters.values, strict=True))
+    assert values[f"{joint}.r"] == 0.14
+    assert found.model.rig.left.k3 == found.model.rig.right.k3 == 0.0
+    assert {f"{joint}.r", "left.k3", "right.k3"}.isdisjoint(found.free)
+    with pytest.raises(ValueError, match="no parameter 'right_elbow.x'"):
+        calibrate_body(
+            recorded.train,
+            recorded.eyes,
+            recorded.boards,
+            BodyOptions(pinned={"right_elbow.x": None}),
+        )
+    with pytest.raises(ValueError, match="no camera parameter"):
+        calibrate_body(
+            recorded.train, recorded.eyes, recorded.boards, BodyOptions(pinned={"left.kx": None})
+        )
+
+
+def test_a_known_arm_is_a_start_and_keeps_its_zeros():
+    recorded, first = lesson(), learned(0)
+    again = calibrate_body(recorded.train, first.model, recorded.boards)
+    assert again.start_label == "model"
+    assert again.iterations < first.iterations
+    assert again.model.parameters.values == pytest.approx(first.model.parameters.values, abs=2e-4)
+    assert again.model.dh.theta_zero[1:] == pytest.approx(first.model.dh.theta_zero[1:])
+
+
+def test_the_world_may_be_anywhere_before_learning():
+    recorded = lesson()
+    X = transform(rotation_from_vector([0.3, -0.2, 0.5]), [0.4, 0.1, -0.2])
+    rig = recorded.eyes.rig
+    elsewhere = {"left": rig.left.at(X), "right": rig.right.at(X @ rig.right.X_WC)}
+    moved = in_left_eye(replace(recorded.eyes, cameras=elsewhere))
+    assert moved.rig.right.X_WC == pytest.approx(rig.right.X_WC, abs=1e-12)
+    assert np.array_equal(moved.rig.left.X_WC, np.eye(4))
+    points = reconstructed(recorded.train, recorded.eyes)
+    assert np.isfinite(points.p_WH_measured).all()
+    assert not np.isfinite(points.pixels).any()
+
+
+def test_rows_of_one_eye_count_and_wild_ones_do_not():
+    recorded = lesson()
+    train = blinded(recorded.train, np.arange(70, 100), 1)
+    pixels = train.pixels.copy()
+    wild = [65, 110, 120, 130]
+    pixels[wild] += np.array([30.0, -25.0, -40.0, 10.0])
+    found = calibrate_body(replace(train, pixels=pixels), recorded.eyes, recorded.boards)
+    assert np.flatnonzero(found.outliers).tolist() == wild
+    assert 1e3 * evaluate(found.model, recorded.test).statistics.mean < 2.3
+    without = recorded.train.select(np.setdiff1d(np.arange(161), np.arange(70, 100)))
+    fewer = calibrate_body(without, recorded.eyes, recorded.boards)
+    sigma = dict(zip(found.uncertainty.names, found.uncertainty.sigma, strict=True))
+    more = dict(zip(fewer.uncertainty.names, fewer.uncertainty.sigma, strict=True))
+    assert sigma["right_elbow.theta_offset"] < more["right_elbow.theta_offset"]
+
+
+def test_the_model_survives_the_file_with_its_covariance(tmp_path):
+    found = learned(0)
+    found.model.save(tmp_path / "body.yaml")
+    again = SelfModel.load(tmp_path / "body.yaml")
+    assert again.covariance.names == found.model.covariance.names
+    assert np.array_equal(again.covariance.matrix, found.model.covariance.matrix)
+    assert again.fit["joint_sigma_rad"] == found.noise.joint_sigma
+    assert again.pixel_sigma == found.noise.sensor_sigma
+    assert again.noise_sigma == pytest.approx(1.1e-3, rel=0.2)
+
+
+def test_the_document_says_it_all_in_plain_numbers():
+    found = learned(0)
+    document = json.loads(json.dumps(body_document(found, judge_body(found)), allow_nan=False))
+    assert document["status"] == "PASS"
+    assert set(document["test"]) == {"n", "pixels", "position_mm"}
+    assert document["cross_validation"]["n"] == 161
+    assert document["parameters"]["right.fx"]["sigma"] > 0.0
+    assert document["parameters"]["left.p1"] == {
+        "value": 0.0,
+        "sigma": 0.0,
+        "unit": "1",
+        "free": False,
+    }
+    assert 1e3 * document["parameters"]["link.upper"]["value"] == pytest.approx(130.0, abs=8.0)
+    assert document["boards"]["held_out"] is True
+    work = document["workspace"]
+    assert 0.0 < work["curable_share"] < 0.5
+    assert work["mechanics_mm"]["mean"] == pytest.approx(1.9, abs=0.4)
+
+
+def test_bounds_of_the_user_are_checked():
+    found = learned(0)
+    assert judge_body(found, require_test_mm=5.0, require_test_px=5.0).status == "PASS"
+    refused = judge_body(found, require_test_mm=0.5, require_test_px=0.5)
+    assert refused.status == "FAIL"
+    assert len(refused.reasons) == 2
+    nothing = replace(found, test=None)
+    assert judge_body(nothing).status == "NOT_EVALUATED"
+    assert "nothing was held out" in judge_body(nothing, require_test_px=1.0).reasons[0]
+
+
+def test_poses_from_elsewhere_that_fit_worse_are_noticed():
+    recorded = lesson()
+    slipped = body()
+    slipped.slip("right_elbow", np.radians(4.0))
+    later = poses(slipped, 60)
+    found = calibrate_body(recorded.train, recorded.eyes, recorded.boards, test=later)
+    assert any("significantly above" in reason for reason in judge_body(found).reasons)
+
+
+class TestBadInput:
+    def test_a_model_without_eyes(self):
+        arm_only = replace(learned(0).model, cameras={}, covariance=None)
+        with pytest.raises(ModelError, match="no pair of eyes.*calibrate stereo"):
+            calibrate_body(lesson().train, arm_only, lesson().boards)
+
+    def test_a_model_with_one_eye(self):
+        eyes = lesson().eyes
+        one = replace(eyes, cameras={"left": eyes.rig.left}, covariance=None)
+        with pytest.raises(ModelError, match="no pair of eyes"):
+            calibrate_body(lesson().train, one, lesson().boards)
+
+    def test_data_without_pixels(self):
+        with pytest.raises(DataError, match="no pixels"):
+            calibrate_body(replace(lesson().train, pixels=None), lesson().eyes, lesson().boards)
+
+    @pytest.mark.parametrize("known", [False, True])
+    def test_data_of_one_eye(self, known):
+        start = learned(0).model if known else lesson().eyes
+        train = blinded(lesson().train, slice(None), 1)
+        with pytest.raises(DataError, match="the right eye saw it in 0 of 161"):
+            calibrate_body(train, start, lesson().boards)
+
+    def test_no_boards_where_they_are_the_anchor(self):
+        with pytest.raises(ValueError, match="needs views of a chessboard by both eyes"):
+            calibrate_body(lesson().train, lesson().eyes)
+        with pytest.raises(ValueError, match="needs views of a chessboard by both eyes"):
+            calibrate_body(lesson().train, lesson().eyes, lesson().boards.only("left"))
+
+    def test_a_stage_or_variant_that_is_none(self):
+        with pytest.raises(ValueError, match="choose one of kinematics"):
+            BodyOptions("all")
+        with pytest.raises(ValueError, match="choose one of anchored"):
+            BodyOptions(variant="free")
+        with pytest.raises(ValueError, match="both pinned and freed"):
+            BodyOptions(pinned={"skew": None}, freed=frozenset(["skew"]))
+
+    def test_other_joints(self):
+        other = replace(
+            lesson().train,
+            joints=tuple(replace(j, name=f"x_{j.name}") for j in lesson().train.joints),
+            sweep=None,
+        )
+        with pytest.raises(DataError, match="has the joints"):
+            calibrate_body(other, learned(0).model, lesson().boards)
+
+    def test_too_few_poses_to_learn_an_arm(self):
+        few = lesson().train.select(np.arange(100, 107))
+        with pytest.raises(DataError, match="in 7 poses, at least 8 are needed"):
+            calibrate_body(few, lesson().eyes, lesson().boards)
+
+    def test_poses_that_leave_parameters_blind_name_them(self):
+        """One joint that hardly moved: its gear and zero cannot be told from other lengths."""
+        start, recorded = learned(0).model, lesson()
+        home = recorded.train.select(recorded.train.sweep != "")
+        few = home.select(np.isin(home.sweep, ["home", *home.joint_names[:2]]))
+        found = calibrate_body(few, start, recorded.boards)
+        verdict = judge_body(found)
+        assert verdict.status == "FAIL"
+        blind = {name for direction in found.uncertainty.blind for name in direction.names}
+        assert {"right_elbow.gear", "right_upper_arm_twist.gear"} <= blind
+        assert any("right_" in reason for reason in verdict.reasons)
+
+    def test_a_wild_board_is_left_out(self):
+        pixels = lesson().boards.pixels.copy()
+        pixels[3, :, 2:] += 8.0
+        wild = replace(lesson().boards, pixels=pixels)
+        found = calibrate_body(lesson().train, lesson().eyes, wild)
+        assert np.flatnonzero(found.board_outliers).tolist() == [3]
+        assert 1e3 * evaluate(found.model, lesson().test).statistics.mean < 2.3
+        assert "1 boards contradict" in " ".join(body_warnings(found))
+
+    def test_boards_of_nobody(self):
+        views = lesson().boards
+        empty = BoardViews(
+            views.p_GQ, (), views.eyes, np.zeros((0, len(views.p_GQ), 4)), views.image_size
+        )
+        with pytest.raises(ValueError, match="needs views"):
+            calibrate_body(lesson().train, lesson().eyes, empty)

@@ -1,0 +1,70 @@
+"""Tracker noise and joint play, told apart by what they do to four pixels."""
+
+import numpy as np
+import pytest
+
+from nico_selfmodel.estimation.hand_noise import HandNoise
+
+NOISE = HandNoise(0.3, 0.005)
+
+
+def drawn(count=2000, noise=NOISE, seed=0, hidden=0):
+    rng = np.random.default_rng(seed)
+    slopes = 300.0 * rng.normal(size=(count, 4, 4))
+    # Both eyes see the hand move alike, but for a small disparity.
+    slopes[:, 2:] = slopes[:, :2] + 20.0 * rng.normal(size=(count, 2, 4))
+    play = noise.joint_sigma * rng.normal(size=(count, 4))
+    r = (slopes @ play[:, :, None])[:, :, 0] + noise.sensor_sigma * rng.normal(size=(count, 4))
+    seen = np.ones((count, 4), dtype=bool)
+    seen[:hidden, 2:] = False
+    return np.where(seen, r, 0.0), slopes, seen
+
+
+@pytest.mark.parametrize("hidden", [0, 500])
+@pytest.mark.parametrize("noise", [NOISE, HandNoise(2.0, 0.005), HandNoise(0.3, 0.0005)])
+def test_both_variances_come_back(noise, hidden):
+    found = HandNoise.most_likely(*drawn(noise=noise, hidden=hidden))
+    assert found.sensor_sigma == pytest.approx(noise.sensor_sigma, rel=0.05)
+    assert found.joint_sigma == pytest.approx(noise.joint_sigma, rel=0.05)
+
+
+def test_without_play_none_is_found():
+    found = HandNoise.most_likely(*drawn(noise=HandNoise(0.5, 0.0)))
+    assert found.joint_sigma < 2e-4
+    assert found.sensor_sigma == pytest.approx(0.5, rel=0.03)
+
+
+def test_it_is_the_minimum_of_the_likelihood():
+    r, slopes, seen = drawn(count=200)
+    best = HandNoise.most_likely(r, slopes, seen)
+
+    def surprise(noise):
+        s = noise.covariance(slopes)
+        return np.sum(np.linalg.slogdet(s)[1] + np.einsum("ni,nij,nj->n", r, np.linalg.inv(s), r))
+
+    least = surprise(best)
+    for sensor, joint in ((1.02, 1.0), (0.98, 1.0), (1.0, 1.02), (1.0, 0.98)):
+        other = HandNoise(sensor * best.sensor_sigma, joint * best.joint_sigma)
+        assert surprise(other) > least
+
+
+def test_whitened_sightings_have_unit_covariance_and_gaps_stay_zero():
+    r, slopes, seen = drawn(count=4000, hidden=1000)
+    w = NOISE.whitening(slopes, seen)
+    white = (w @ r[:, :, None])[:, :, 0]
+    assert white[1000:].T @ white[1000:] / 3000 == pytest.approx(np.eye(4), abs=0.08)
+    assert not white[:1000, 2:].any()
+    assert np.mean(white[:1000, :2] ** 2) == pytest.approx(1.0, rel=0.1)
+    assert not w[:1000, 2:].any()
+
+
+def test_nothing_seen_tells_no_noise():
+    r, slopes, seen = drawn(count=3)
+    with pytest.raises(ValueError, match="at least one row"):
+        HandNoise.most_likely(r, slopes, np.zeros_like(seen))
+
+
+def test_closeness_is_relative_to_the_larger():
+    assert NOISE.close_to(HandNoise(0.302, 0.005))
+    assert not NOISE.close_to(HandNoise(0.31, 0.005))
+    assert HandNoise(0.3, 0.0).close_to(HandNoise(0.3, 0.0))

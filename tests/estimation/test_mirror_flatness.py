@@ -1,0 +1,121 @@
+"""The test for a bent mirror: right about flat ones as often as it says, and about bent ones."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from nico_selfmodel.estimation.mirror_flatness import exceeded_by_chance, flatness_of
+from nico_selfmodel.estimation.mirror_solution import solve_mirrors
+from nico_selfmodel.estimation.reflections import ReflectionNoise, Reflections
+from nico_selfmodel.model import Mirror, ParameterCovariance
+from nico_selfmodel.systems.curved_mirror import curved_reflection
+
+from .mirror_scenes import CHAIN, MIRROR, RIG, body, poses, recording
+
+NOISE = ReflectionNoise(0.3, 0.0)
+
+
+def flatness(reflections):
+    (mirror,) = solve_mirrors(reflections, (MIRROR,), NOISE).mirrors
+    return flatness_of(reflections, mirror, NOISE)
+
+
+def bent(radius, count=12, seed=0):
+    """Return reflections in a sphere that touches the mirror's plane."""
+    q = poses(count, seed)
+    p = CHAIN.forward(q)
+    rng = np.random.default_rng((seed, 3))
+    pixels = [curved_reflection(eye, MIRROR, radius, p, eye.X_WC) for eye in RIG.eyes]
+    noisy = np.concatenate(pixels, axis=1) + rng.normal(0.0, 0.3, (count, 4))
+    return Reflections.from_dataset(replace(recording(q), pixels=noisy), body())
+
+
+def test_flat_mirrors_pass_as_often_as_they_should():
+    chances = []
+    for seed in range(60):
+        reflections = Reflections.from_dataset(recording(poses(8, seed), seed=seed), body())
+        chances.append(flatness(reflections).by_chance)
+    chances = np.array(chances)
+    assert 0.3 < np.mean(chances < 0.5) < 0.7
+    assert np.mean(chances < 0.05) < 0.15
+    assert chances.min() > 1e-3
+
+
+@pytest.mark.parametrize("radius", [3.0, -3.0, 10.0, -10.0])
+def test_a_bent_mirror_is_recognised(radius):
+    test = flatness(bent(radius))
+    assert not test.flat
+    assert test.freedom == 9
+    assert test.redundancy == 48 - 12
+
+
+def test_a_very_long_radius_is_a_plane():
+    q = poses(12)
+    p = CHAIN.forward(q)
+    for eye in RIG.eyes:
+        flat = eye.project(MIRROR.reflect(p))
+        np.testing.assert_allclose(
+            curved_reflection(eye, MIRROR, 1e4, p, eye.X_WC), flat, atol=0.02
+        )
+
+
+def test_the_path_over_a_bent_mirror_obeys_the_law_of_reflection():
+    p, eye = CHAIN.forward(poses(6)), RIG.right
+    pixels = curved_reflection(eye, MIRROR, 3.0, p, eye.X_WC)
+    sight = eye.rays(pixels).direction
+    origin, centre = eye.X_WC[:3, 3], -(MIRROR.distance + 3.0) * MIRROR.normal
+    # Where the line of sight meets the sphere: |o + t s - c| = r
+    b = sight @ (origin - centre)
+    t = -b - np.sqrt(b**2 - (origin - centre) @ (origin - centre) + 9.0)
+    at = origin + t[:, None] * sight
+    normal = (at - centre) / 3.0
+    back = sight - 2.0 * np.sum(sight * normal, axis=1)[:, None] * normal
+    towards = (p - at) / np.linalg.norm(p - at, axis=1)[:, None]
+    np.testing.assert_allclose(back, towards, atol=1e-8)
+
+
+def test_an_arm_that_is_wrong_within_its_covariance_does_not_bend_a_mirror():
+    model = body(True)
+    values = model.parameters.values.copy()
+    values[model.parameters.names.index("tilt.theta_offset")] += 0.02
+    arm = model.parameters.with_values(values)
+    wrong = replace(model, table=arm.table, servo_map=arm.servos, covariance=None)
+    data = recording(poses(40))
+    assert not flatness(Reflections.from_dataset(data, wrong)).flat
+    # Sigmas of 0.01 rad and 10 mm: the same error is now two sigmas.
+    unsure = ParameterCovariance(model.covariance.names, 1000.0 * model.covariance.matrix)
+    assert flatness(Reflections.from_dataset(data, replace(wrong, covariance=unsure))).flat
+
+
+def test_too_few_poses_are_not_flatness():
+    reflections = Reflections.from_dataset(recording(poses(4)), body())
+    assert flatness(reflections) is None
+
+
+def test_one_eye_can_test_a_mirror_too():
+    data = recording(poses(12))
+    pixels = data.pixels.copy()
+    pixels[:, 2:] = np.nan
+    reflections = Reflections.from_dataset(replace(data, pixels=pixels), body())
+    test = flatness(reflections)
+    assert test.flat
+    assert test.freedom == 3
+
+
+@pytest.mark.parametrize(
+    ("ratio", "first", "second", "chance"),
+    [(1.0, 9, 30, 0.4614), (2.21, 9, 30, 0.0501), (3.07, 9, 30, 0.01), (5.12, 3, 20, 0.0087)],
+)
+def test_the_upper_tail_of_f_is_right_to_a_few_per_cent(ratio, first, second, chance):
+    assert exceeded_by_chance(ratio, first, second) == pytest.approx(chance, rel=0.06)
+
+
+def test_no_gain_is_certain_chance():
+    assert exceeded_by_chance(0.0, 9, 30) == 1.0
+
+
+def test_a_flat_mirror_in_another_place_is_no_bent_one():
+    moved = Mirror.from_values(MIRROR.values + np.array([0.02, 0.0, 0.01]))
+    reflections = Reflections.from_dataset(recording(poses(12)), body())
+    assert flatness_of(reflections, moved, NOISE).flat
