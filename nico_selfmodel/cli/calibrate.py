@@ -1,5 +1,6 @@
 """`nico-selfmodel calibrate`: learn from recorded data."""
 
+import json
 from pathlib import Path
 from typing import Annotated
 
@@ -61,6 +62,14 @@ def kinematics(
     tip: Tip = None,
     hold: Hold = None,
     point: Point = None,
+    eyes: Annotated[
+        Path | None,
+        typer.Option(
+            "--eyes",
+            help="Result of `calibrate stereo`: learn from the hand's pixels, in the left eye's "
+            "frame.",
+        ),
+    ] = None,
     name: Annotated[str | None, typer.Option("--name", help="Name of the self-model.")] = None,
     require_test_mm: Annotated[
         float | None, typer.Option("--require-test-mm", help="FAIL above this mean test error.")
@@ -71,7 +80,8 @@ def kinematics(
     """Learn an arm from encoder readings and measured points of the hand."""
     from nico_selfmodel.dataset import Dataset
     from nico_selfmodel.estimation import Pins, calibrate_kinematics, judge, result_document
-    from nico_selfmodel.files import refuse_folder
+    from nico_selfmodel.files import RESULT_FILE, refuse_folder, write_whole
+    from nico_selfmodel.model import SelfModel
 
     refuse_folder(out, force=force, inputs=[dataset, test, robot])
     _check_options(robot, (arm, base, tip, hold, point), require_test_mm)
@@ -83,6 +93,12 @@ def kinematics(
         raise ValueError(f"--test {test} holds the training data: nothing would be held out")
     if test_fraction is not None:
         train, held_out = train.split(test_fraction, seed)
+    seeing = None
+    if eyes is not None:
+        from nico_selfmodel.estimation.sight import Sight
+
+        seeing = Sight.of(SelfModel.load(eyes), train, held_out)
+        train, held_out = seeing.train, seeing.test
     description, nominal = None, None
     if robot is not None:
         from nico_selfmodel.experiments.first_arm import nominal_of
@@ -103,6 +119,8 @@ def kinematics(
             seed=seed,
             name=name,
         )
+        if seeing is not None:
+            calibration = seeing.complete(calibration)
         stage("learning", 1, 1)
         verdict = judge(calibration, require_test_mm)
         stage("writing the result", 0, 1)
@@ -121,6 +139,9 @@ def kinematics(
         )
         stage("writing the result", 1, 1)
     document = result_document(calibration, verdict)
+    if seeing is not None:
+        seeing.add_pixels(document, calibration.model)
+        write_whole(out / RESULT_FILE, json.dumps(document, allow_nan=False, indent=1) + "\n")
     if as_json:
         console.print_json(document)
     else:

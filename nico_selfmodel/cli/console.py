@@ -10,6 +10,7 @@ from typing import Any, Protocol
 from rich.console import Console
 from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn
 from rich.table import Table
+from rich.text import Text
 
 out = Console(soft_wrap=True)
 _COLOURS = {"PASS": "green", "FAIL": "red", "NOT_EVALUATED": "yellow"}
@@ -30,11 +31,12 @@ def print_json(document: Mapping[str, Any]) -> None:
 
 def print_table(title: str, headings: Sequence[str], rows: Sequence[Sequence[str]]) -> None:
     """Print a table; all but the first column are aligned to the right."""
-    table = Table(title=title, title_justify="left", title_style="bold", header_style="dim")
+    # As Text: in a plain string Rich would take [mm] for markup and drop it.
+    table = Table(title=Text(title), title_justify="left", title_style="bold", header_style="dim")
     for index, heading in enumerate(headings):
-        table.add_column(heading, justify="left" if index == 0 else "right")
+        table.add_column(Text(heading), justify="left" if index == 0 else "right")
     for row in rows:
-        table.add_row(*row)
+        table.add_row(*map(Text, row))
     out.print(table)
 
 

@@ -145,7 +145,7 @@ def vision(
     world: Annotated[str, typer.Option("--world", help="thesis or clean.")] = "thesis",
     individuals: Annotated[
         int, typer.Option("--individuals", min=1, help="Simulated robots to average over.")
-    ] = 1,
+    ] = 3,
     seed: Annotated[int, typer.Option("--seed", min=0, help="Of the first individual.")] = 0,
     force: Annotated[bool, typer.Option("--force", help="Replace an existing folder.")] = False,
     as_json: Annotated[bool, typer.Option("--json", help="Print JSON.")] = False,

@@ -66,9 +66,7 @@ def _write(out: Path, lesson: "EyesLesson", marker: str, force: bool) -> dict[st
         force=force,
     )
     document = result_document(arm.calibration, verdict)
-    pixels = arm.seen.pixel_statistics
-    if document["test"] is not None and pixels is not None:
-        document["test"]["pixels"] = vars(pixels) | {}
+    arm.sight.add_pixels(document, arm.model)
     document["eyes"] = {
         "boards": len(lesson.views),
         "rms_px": lesson.eyes.rms,

@@ -12,6 +12,11 @@ from nico_selfmodel.model.self_model import ParameterCovariance, SelfModel
 from nico_selfmodel.optimization import CalibrationProgram, Loss, ProgramSolution, Uncertainty
 from nico_selfmodel.optimization.robust_solve import OUTLIER_AT, ROBUST_METHODS
 
+_ROUNDS = 2
+"""Further solutions, each weighed where the last one ended."""
+_MOST_OUTLIERS = 0.25
+"""A larger share of sightings that are not believed is no accident."""
+
 
 @dataclass(frozen=True, eq=False)
 class BlockUpdate:
@@ -42,7 +47,7 @@ class BlockUpdate:
     @property
     def fits(self) -> bool:
         """Whether the rest of the body still fits the data."""
-        return self.score < 4.0
+        return self.score < 4.0 and bool(np.mean(self.outliers) <= _MOST_OUTLIERS)
 
 
 def learn_block(
@@ -80,11 +85,9 @@ def learn_block(
     number = program.add_residuals(sightings.block)
     columns = np.array([sightings.names.index(name) for name in names], dtype=int)
     _require_known(sightings, columns, names, scales)
-    solution, outliers = _solve(program, number, loss)
-    x = solution.x
+    solution, outliers = _settle(program, number, sightings, loss)
+    x, believed = solution.x, ~outliers
     at = replace(sightings, x=x)
-    sightings.block.whiten(at.whitening())
-    believed = ~outliers
     _, jacobian = sightings.block.evaluate(x)
     stacked = jacobian[:, :, believed].reshape(len(x), -1).T
     # The variances are known: nothing is scaled by the misfit of a few poses.
@@ -144,10 +147,8 @@ def learn_with_prior(
     if len(known):
         program.add_residuals(block)
     _require_known(sightings, columns, names, scales)
-    solution, outliers = _solve(program, number, loss)
+    solution, outliers = _settle(program, number, sightings, loss)
     x, believed = solution.x, ~outliers
-    at = replace(sightings, x=x)
-    sightings.block.whiten(at.whitening())
     free = np.sort(np.concatenate([known, columns]))
     r, jacobian = sightings.block.evaluate(x)
     information = jacobian[free][:, :, believed].reshape(len(free), -1)
@@ -175,6 +176,18 @@ def learn_with_prior(
         solution.converged,
         solution.iterations,
     )
+
+
+def _settle(
+    program: CalibrationProgram, number: int, sightings: Sightings, loss: str
+) -> tuple[ProgramSolution, NDArray]:
+    """Solve, and weigh anew where the solution is: play moves a far point more than a near one."""
+    solution, outliers = _solve(program, number, loss)
+    for _ in range(_ROUNDS):
+        program.move_start(solution.x)
+        sightings.block.whiten(replace(sightings, x=solution.x).whitening())
+        solution, outliers = _solve(program, number, loss)
+    return solution, outliers
 
 
 def _solve(program: CalibrationProgram, number: int, loss: str) -> tuple[ProgramSolution, NDArray]:

@@ -47,7 +47,7 @@ def cross_validate_body(
     for k in range(FOLDS):
         kept, left = believed.select(fold != k), believed.select(fold == k)
         view = RowsView(kept.arm, parameters)
-        problem = BodyProblem(kept, view, solved.rig, boards, {})
+        problem = BodyProblem(kept, view, solved.rig, boards, {}, solved.X_LG)
         for name in problem.hand.names:
             if name not in free:
                 problem.program.pin(name)

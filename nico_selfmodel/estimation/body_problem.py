@@ -55,6 +55,7 @@ class BodyProblem:
         rig: StereoRig,
         boards: BoardViews | None,
         held: Mapping[str, float | None],
+        X_LG: NDArray | None = None,
     ) -> None:
         """Set up the program at a start.
 
@@ -64,6 +65,7 @@ class BodyProblem:
             rig: Where the eyes start, the left one at the world.
             boards: Corners that hold scale and lenses; None to do without.
             held: Variables of arm and eyes that stay, and where; None where they are.
+            X_LG: Where the boards start; by homographies if omitted. Shape (V, 4, 4).
         """
         self.observations, self._split = observations, len(view.names)
         self._image_size = rig.left.image_size
@@ -73,7 +75,7 @@ class BodyProblem:
         self._hand_number = self.program.add_residuals(self.hand)
         self.boards: BoardResiduals | None = None
         if boards is not None:
-            X_LG = pose_of_seen_boards(rig.eyes, boards)
+            X_LG = pose_of_seen_boards(rig.eyes, boards) if X_LG is None else X_LG
             self.boards = BoardResiduals(boards, X_LG, _FIRST_CORNER_SIGMA)
             start = self.boards.start_of(rig.eyes, X_LG)[len(rig.names) :]
             self.program.add_variables(self.boards.names[len(rig.names) :], start)

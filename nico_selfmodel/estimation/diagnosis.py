@@ -1,7 +1,8 @@
 """What changed in a body that no longer fits: one change at a time, the likeliest first.
 
 A generalised likelihood ratio for each hypothesis (Willsky and Jones 1976): each joint's zero and
-gear, each tracked point, the arm's base, each eye.
+gear, each tracked point, the arm's base, each eye. Where two say the same, the simpler one is
+named: a point moved about the last axis is that joint's slip, and nothing could tell them apart.
 """
 
 from dataclasses import dataclass
@@ -15,6 +16,8 @@ from nico_selfmodel.model.dh_parameters import M0_NAMES
 from nico_selfmodel.model.self_model import SelfModel
 from nico_selfmodel.model.stereo_rig import POSE_NAMES
 
+PENALTY = 7.0
+"""Fall of the sum of squares that a further parameter must bring: chance does once in 100."""
 _RIGHT_POSE = tuple(f"right.pose.{name}" for name in POSE_NAMES)
 
 
@@ -43,7 +46,7 @@ class Diagnosis:
     dof: int
     """Parameters of the change."""
     score: float
-    """`statistic` less what so many parameters would explain by chance: the largest wins."""
+    """`statistic` less `PENALTY` for each parameter: the largest wins."""
     change: NDArray
     """Most likely change along the basis. Shape (dof,)."""
     sigma: NDArray
@@ -65,7 +68,6 @@ def diagnose(
     """
     r, slopes = innovations.whitened
     r, slopes = r.ravel(), slopes.reshape(-1, slopes.shape[2])
-    count = int(innovations.seen.sum())
     found = []
     for hypothesis in hypotheses(model, names):
         h = slopes @ hypothesis.basis
@@ -77,7 +79,7 @@ def diagnose(
         inverse = (vectors[:, kept] / values[kept]) @ vectors[:, kept].T / np.outer(size, size)
         gain = h.T @ r
         statistic, m = float(gain @ inverse @ gain), int(kept.sum())
-        score = statistic - m * np.log(max(count, 3))
+        score = statistic - m * PENALTY
         sigma = np.sqrt(np.maximum(np.diag(inverse), 0.0))
         found.append(Diagnosis(hypothesis, statistic, m, score, inverse @ gain, sigma))
     return tuple(sorted(found, key=lambda d: -d.score))

@@ -59,7 +59,7 @@ class Watch:
     @property
     def changed_at(self) -> int:
         """First sighting after the change, if there was one."""
-        return self.ratio_since if self.ratio > RATIO_THRESHOLD else self.since
+        return self.since if self.excess > 0.0 else self.ratio_since
 
     def after(self, residual: NDArray, slopes: NDArray) -> "Watch":
         """Return the watch after one more sighting.
@@ -168,6 +168,11 @@ def check_health(model: SelfModel, dataset: Dataset, sensor: str = "auto") -> He
     )
     if alarm_at is None:
         return report
-    after = innovations.select(slice(watch.changed_at, None))
-    found = diagnose(model, sightings.names, after)
-    return replace(report, changed_at=watch.changed_at, diagnoses=found)
+    # The change that explains all that came after it best tells when it was, too.
+    starts = range(max(0, alarm_at - WINDOW + 1), alarm_at + 1)
+    found = {
+        start: diagnose(model, sightings.names, innovations.select(slice(start, None)))
+        for start in starts
+    }
+    changed_at = max(found, key=lambda start: found[start][0].score)
+    return replace(report, changed_at=changed_at, diagnoses=found[changed_at])

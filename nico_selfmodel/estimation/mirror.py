@@ -20,7 +20,7 @@ from nico_selfmodel.estimation.mirror_solution import MirrorSolution, solve_mirr
 from nico_selfmodel.estimation.provenance import package_versions
 from nico_selfmodel.estimation.reflections import ReflectionNoise, Reflections, known_points
 from nico_selfmodel.model.mirror import Mirror
-from nico_selfmodel.model.self_model import SelfModel
+from nico_selfmodel.model.self_model import ParameterCovariance, SelfModel
 from nico_selfmodel.optimization.robust_solve import ROBUST_METHODS
 
 _ASSUMED_PIXEL_SIGMA = 1.0
@@ -199,6 +199,19 @@ def _learned(
         model,
         name=name or model.name,
         mirrors={**model.mirrors, **mirrors},
+        covariance=_without(model.covariance, mirrors),
         fit={**model.fit, "mirrors": fit},
         provenance={**model.provenance, "mirrors": {**source, **package_versions("drake")}},
     )
+
+
+def _without(
+    covariance: ParameterCovariance | None, mirrors: Mapping[str, Mirror]
+) -> ParameterCovariance | None:
+    """Drop what was known of planes that are replaced."""
+    replaced = {name for mirror in mirrors for name in Mirror.names_of(mirror)}
+    if covariance is None or not replaced & set(covariance.names):
+        return covariance
+    kept = [i for i, name in enumerate(covariance.names) if name not in replaced]
+    names = tuple(covariance.names[i] for i in kept)
+    return ParameterCovariance(names, covariance.matrix[np.ix_(kept, kept)])

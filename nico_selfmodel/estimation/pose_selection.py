@@ -66,11 +66,10 @@ def position_jacobians(
     """
     parameters: DhParameters = model.parameters
     index = 0 if marker is None else model.chain.marker_index(marker)
-    angles = model.servos.to_radians(np.atleast_2d(np.asarray(readings, dtype=float)))
-    if angles.shape[1] != len(model.joints):
-        raise ValueError(
-            f"readings must have shape (N, {len(model.joints)}), got {np.shape(readings)}"
-        )
+    readings = np.atleast_2d(np.asarray(readings, dtype=float))
+    if readings.ndim != 2 or readings.shape[1] != len(model.joints):
+        raise ValueError(f"readings must have shape (N, {len(model.joints)}), got {readings.shape}")
+    angles = model.servos.to_radians(readings)
     p, jacobian = parameters.predict(angles, np.full(len(angles), index))
     names = parameters.names
     own = f"hand.{model.markers[index]}."

@@ -19,8 +19,8 @@ from nico_selfmodel.estimation import (
     calibrate_cameras,
     calibrate_kinematics,
 )
-from nico_selfmodel.estimation.body_start import reconstructed
-from nico_selfmodel.estimation.pixel_evaluation import PixelEvaluation, evaluate_pixels
+from nico_selfmodel.estimation.pixel_evaluation import PixelEvaluation
+from nico_selfmodel.estimation.sight import Sight
 from nico_selfmodel.model import SelfModel, StereoRig
 from nico_selfmodel.model.stereo_rig import EYES
 from nico_selfmodel.plant import ArmDescription
@@ -70,12 +70,20 @@ class ArmLesson:
 
     calibration: KinematicCalibration
     """Of the arm; its model has the eyes too."""
-    train: Dataset
-    """Rows of the marker that both eyes saw."""
-    test: Dataset
-    """Held-out rows."""
+    sight: Sight
+    """What the eyes saw of the marker, to learn from and held out."""
     seen: PixelEvaluation
     """The model against the held-out pictures, in the image and in space (eq. 7.4)."""
+
+    @property
+    def train(self) -> Dataset:
+        """Rows of the marker with pixels."""
+        return self.sight.pixels["train"]
+
+    @property
+    def test(self) -> Dataset:
+        """Held-out rows."""
+        return self.sight.pixels["test"]
 
     @property
     def model(self) -> SelfModel:
@@ -313,15 +321,11 @@ def learn_arm(
         nominal: The robot as described, for the zero of its joints.
         name: Of the self-model.
     """
-    seeing = eyes.self_model(name)
-    calibration = calibrate_kinematics(
-        reconstructed(train, seeing),
-        test=reconstructed(test, seeing),
-        nominal=nominal,
-        name=name,
+    sight = Sight.of(eyes.self_model(name), train, test)
+    calibration = sight.complete(
+        calibrate_kinematics(sight.train, test=sight.test, nominal=nominal, name=name)
     )
-    model = replace(calibration.model, cameras=seeing.cameras, pixel_sigma=seeing.pixel_sigma)
-    return ArmLesson(replace(calibration, model=model), train, test, evaluate_pixels(model, test))
+    return ArmLesson(calibration, sight, sight.evaluate(calibration.model))
 
 
 def of_marker(data: Dataset, marker: str) -> Dataset:

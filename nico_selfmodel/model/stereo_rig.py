@@ -136,7 +136,8 @@ class StereoRig:
         covariance = np.full((len(pixels), 3, 3), np.nan)
         in_front = np.zeros(len(pixels), dtype=bool)
         points[seen], residuals[seen] = p, pixels[seen] - reprojected
-        covariance[seen] = np.linalg.inv(np.swapaxes(slopes, 1, 2) @ weight @ slopes)
+        covariance[seen] = _inverses(np.swapaxes(slopes, 1, 2) @ weight @ slopes)
+        points[~np.isfinite(covariance).all(axis=(1, 2))] = np.nan
         in_front[seen] = np.all([apply(eye.X_CW, p)[:, 2] > 0.0 for eye in self.eyes], axis=0)
         return Triangulation(points, covariance, residuals, in_front)
 
@@ -146,10 +147,10 @@ class StereoRig:
             reprojected, slopes = self._project_anywhere(p)
             weighted = np.swapaxes(slopes, 1, 2) @ weight
             miss = (pixels - reprojected)[:, :, None]
-            step = np.linalg.solve(weighted @ slopes, weighted @ miss)[:, :, 0]
+            step = (_inverses(weighted @ slopes) @ (weighted @ miss))[:, :, 0]
             p = p + step
             size = np.linalg.norm(step, axis=1)
-            if np.max(size / np.linalg.norm(p, axis=1), initial=0.0) < 1e-12:
+            if not (size > 1e-12 * np.linalg.norm(p, axis=1)).any():
                 break
         return p
 
@@ -218,6 +219,18 @@ class StereoRig:
             pixels.append(at.T)
             slopes.append(np.einsum("abn,bc->nac", by_point, eye.X_CW[:3, :3]))
         return np.concatenate(pixels, axis=1), np.concatenate(slopes, axis=1)
+
+
+def _inverses(matrices: NDArray) -> NDArray:
+    """Invert matrices one by one where it can be done; nan where sights run apart."""
+    try:
+        return np.linalg.inv(matrices)
+    except np.linalg.LinAlgError:
+        regular = np.isfinite(matrices).all(axis=(1, 2))
+        regular[regular] = np.linalg.matrix_rank(matrices[regular]) == 3
+        found = np.full_like(matrices, np.nan)
+        found[regular] = np.linalg.inv(matrices[regular])
+        return found
 
 
 def _inverse_covariance(covariance: ArrayLike | float, seen: NDArray) -> NDArray:

@@ -15,6 +15,7 @@ from nico_selfmodel.systems.motion_capture_link import (
 )
 from nico_selfmodel.systems.nico_station import BOARD, NicoStation, default_detectors
 from nico_selfmodel.systems.reach import Reach
+from nico_selfmodel.systems.self_model_monitor import SelfModelMonitor
 from nico_selfmodel.systems.self_model_predictor import SelfModelPredictor
 from nico_selfmodel.systems.station_body import StationBody
 from nico_selfmodel.systems.stereo_cameras import ImageQuality, StereoCameras
@@ -31,6 +32,7 @@ __all__ = [
     "MotionCaptureSender",
     "NicoStation",
     "Reach",
+    "SelfModelMonitor",
     "SelfModelPredictor",
     "StationBody",
     "StereoCameras",

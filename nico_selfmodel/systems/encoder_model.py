@@ -51,7 +51,7 @@ class EncoderModel(LeafSystem):
         world: World,
         start: ArrayLike,
         *,
-        seed: int = 0,
+        seed: int | tuple[int, ...] = 0,
         speed: float = 2.0,
     ) -> None:
         """Build the servos.
@@ -71,7 +71,7 @@ class EncoderModel(LeafSystem):
         start = np.asarray(start, dtype=float)
         if start.shape != (n,) or not np.isfinite(start).all() or not speed > 0.0:
             raise ValueError(f"start must be {n} readings and speed positive, got {start}, {speed}")
-        self.__mechanics, self._world, self._seed = mechanics, world, seed
+        self.__mechanics, self._world, self._seed = mechanics, world, np.ravel(seed)
         scale = np.abs(mechanics.servos.gear / mechanics.servos.radians_per_unit)
         self._step = speed * PERIOD * scale
         self._n = n
@@ -106,7 +106,7 @@ class EncoderModel(LeafSystem):
     def _stand(self, context: Context, vector: BasicVector) -> None:
         place, _, moves = self._state(context)
         body = self.__mechanics
-        rng = np.random.default_rng((self._seed, 1, int(moves)))
+        rng = np.random.default_rng([*self._seed, 1, int(moves)])
         q = disturbed_angles(
             body.chain, body.servos.to_joint(place), self._world, body.largest_torque, rng
         )

@@ -30,7 +30,7 @@ class MotionCapture(LeafSystem):
         sigma: float = 0.0,
         dropout_share: float = 0.0,
         rate: float = 100.0,
-        seed: int = 0,
+        seed: int | tuple[int, ...] = 0,
     ) -> None:
         """Set the instrument up.
 
@@ -54,7 +54,7 @@ class MotionCapture(LeafSystem):
                 f"{sigma}, {dropout_share} and {rate}"
             )
         self.markers, self.rate = tuple(markers), float(rate)
-        self._sigma, self._dropout, self._seed = sigma, dropout_share, seed
+        self._sigma, self._dropout, self._seed = sigma, dropout_share, np.ravel(seed)
         self.__X_TW = frozen_array(np.eye(4) if X_TW is None else X_TW, (4, 4), "X_TW")
         size = 3 * len(self.markers)
         self._positions = self.DeclareVectorInputPort("marker_positions", size)
@@ -73,7 +73,7 @@ class MotionCapture(LeafSystem):
 
     def _measure(self, context: Context, vector: BasicVector) -> None:
         p_WQ = np.reshape(self._positions.Eval(context), (-1, 3))
-        rng = np.random.default_rng((self._seed, 3, self._frame(context)))
+        rng = np.random.default_rng([*self._seed, 3, self._frame(context)])
         p_TQ = apply(self.__X_TW, p_WQ) + rng.normal(0.0, 1.0, p_WQ.shape) * self._sigma
         lost = rng.random(len(p_WQ)) < self._dropout
         vector.SetFromVector(np.where(lost[:, None], np.nan, p_TQ).ravel())

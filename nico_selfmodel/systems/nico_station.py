@@ -31,6 +31,7 @@ from nico_selfmodel.systems.station_scene import (
     PlantPositions,
     add_renderer,
     print_fiducial,
+    wrap_tape,
 )
 from nico_selfmodel.systems.stereo_cameras import ImageQuality, StereoCameras
 from nico_selfmodel.systems.worlds import World, world_named
@@ -97,7 +98,7 @@ class NicoStation(Diagram):
         self.board = board
         self.__stops = body.mechanics.lower, body.mechanics.upper
         builder = DiagramBuilder()
-        noise = 1000 * seed + session
+        noise = (seed, session)
         start = body.mechanics.servos.to_encoder(np.zeros(len(arm.joints)))
         servos = EncoderModel(body.mechanics, world, start, seed=noise)
         builder.AddNamedSystem("servos", servos)
@@ -156,7 +157,7 @@ def _add_scene(
     body: Individual,
     board: Board,
     quality: ImageQuality | None,
-    seed: int,
+    seed: tuple[int, int],
 ) -> tuple[BoardHolder, StereoCameras]:
     """Add what is to be seen, and what sees it."""
     scene_graph = SceneGraph()
@@ -167,6 +168,8 @@ def _add_scene(
         print_fiducial(
             scene_graph, built, arm.points["fiducial"], FIDUCIAL_ID, "right_wrist_marker"
         )
+    if "finger_tip" in arm.points:
+        wrap_tape(scene_graph, built, arm.points["finger_tip"])
     frames = tuple(
         built.plant.GetBodyFrameIdOrThrow(built.plant.GetBodyByName(link).index())
         for link in MOUNTS
@@ -188,7 +191,11 @@ def _add_scene(
 
 
 def _add_motion_capture(
-    builder: DiagramBuilder, servos: EncoderModel, body: Individual, world: World, seed: int
+    builder: DiagramBuilder,
+    servos: EncoderModel,
+    body: Individual,
+    world: World,
+    seed: tuple[int, int],
 ) -> None:
     chain = body.mechanics.chain
     markers = builder.AddNamedSystem("markers", MarkerPositions(chain))

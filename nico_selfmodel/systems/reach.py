@@ -1,5 +1,6 @@
 """What a robot can reach and see by its description: poses in view, home, sweeps, boards."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -7,10 +8,11 @@ import numpy as np
 from numpy.typing import NDArray
 from pydrake.systems.framework import Context, Diagram, DiagramBuilder
 
+from nico_selfmodel.dataset import JointInfo
 from nico_selfmodel.errors import ModelError
 from nico_selfmodel.geometry.rotation import rotation_from_vector
 from nico_selfmodel.geometry.transform import apply, transform
-from nico_selfmodel.model import Chain, StereoRig
+from nico_selfmodel.model import Chain, DhTable, SelfModel, ServoMap, StereoRig
 from nico_selfmodel.plant import ArmDescription, SelfModelPlant
 from nico_selfmodel.systems.simulated_eyes import NICO_EYES
 from nico_selfmodel.vision.chessboard import Board
@@ -71,6 +73,44 @@ class Reach:
         X_BE = [body.pose(link) for link in MOUNTS]
         rig = StereoRig(*(eye.at(X) for eye, X in zip(eyes.eyes, X_BE, strict=True)))
         return cls(arm, rig, markers, body)
+
+    def first_guess(self, joints: Sequence[JointInfo]) -> SelfModel:
+        """Return what a body may believe of itself before it has learned anything.
+
+        The arm and the eyes are as described; gears and zeros follow from the joints' stops, which
+        lie only near the description's limits.
+
+        Args:
+            joints: The body's joints, with stops.
+
+        Returns:
+            A self-model in the frame of the arm's base.
+
+        Raises:
+            ValueError: If a joint has no stops.
+        """
+        if any(joint.lower is None or joint.upper is None for joint in joints):
+            raise ValueError("gears and zeros cannot be guessed of joints without stops")
+        unit = np.array([joint.sign * joint.radians_per_unit for joint in joints])
+        ends = np.array([[joint.lower, joint.upper] for joint in joints], dtype=float)
+        low, high = np.sort(unit[:, None] * ends, axis=1).T
+        gear = (high - low) / (self.arm.upper - self.arm.lower)
+        servos = ServoMap(
+            self.arm.joints,
+            offset=low - gear * self.arm.lower,
+            gear=gear,
+            unit=tuple(joint.encoder_unit for joint in joints),
+            counts_per_turn=np.array([joint.counts_per_turn or np.nan for joint in joints]),
+            sign=np.array([float(joint.sign) for joint in joints]),
+        )
+        cameras = {"left": self.rig.left, "right": self.rig.right}
+        return SelfModel(
+            "first guess",
+            DhTable.from_chain(self.arm.chain),
+            servos,
+            robot=self.arm.source,
+            cameras=cameras,
+        )
 
     def in_view(self, q: NDArray) -> NDArray:
         """Return at which poses both eyes should see all points well. Shapes (N, n) -> (N,).

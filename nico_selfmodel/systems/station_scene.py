@@ -10,9 +10,13 @@ from pydrake.geometry import (
     FrameId,
     FramePoseVector,
     GeometryFrame,
+    GeometryInstance,
     LightParameter,
     MakeRenderEngineVtk,
+    PerceptionProperties,
     RenderEngineVtkParams,
+    RenderLabel,
+    Rgba,
     Role,
     SceneGraph,
     SourceId,
@@ -39,7 +43,10 @@ _LIGHTS = (
     ((0.2, -0.6, -0.4), 0.30),
     ((-0.7, 0.0, -0.2), 0.25),
 )
-_FIDUCIAL_LABEL, _BOARD_LABEL = 1001, 1002
+_TAPE = (0.0104, 0.0104, 0.0145)
+"""Sides of the tape around a finger of 10 mm: the thesis' 14 x 9 x 8 mm, but not inside it [m]."""
+_RED = (0.85, 0.08, 0.08, 1.0)
+_FIDUCIAL_LABEL, _BOARD_LABEL, _TAPE_LABEL = 1001, 1002, 1003
 _AWAY = RigidTransform(p=[0.0, 0.0, -50.0])
 """Where a board is that nobody holds."""
 
@@ -79,6 +86,25 @@ def print_fiducial(
     body = plant.GetBodyFrameIdOrThrow(frame.body().index())
     card = textured_card(f"{mount}_card", fiducial_png(marker), (CARD, CARD), X_MC, _FIDUCIAL_LABEL)
     scene_graph.RegisterGeometry(plant.get_source_id(), body, card)
+
+
+def wrap_tape(scene_graph: SceneGraph, built: SelfModelPlant, tip: str) -> None:
+    """Wrap red tape around a finger tip: the file's own is thinner than the finger within it.
+
+    Args:
+        scene_graph: Where the robot is drawn.
+        built: The robot.
+        tip: Frame in the middle of the tape, z along the finger.
+    """
+    plant = built.plant
+    frame = plant.GetFrameByName(tip, built.instance)
+    tape = GeometryInstance(frame.GetFixedPoseInBodyFrame(), Box(*_TAPE), f"{tip}_tape")
+    properties = PerceptionProperties()
+    properties.AddProperty("label", "id", RenderLabel(_TAPE_LABEL))
+    properties.AddProperty("phong", "diffuse", Rgba(*_RED))
+    tape.set_perception_properties(properties)
+    body = plant.GetBodyFrameIdOrThrow(frame.body().index())
+    scene_graph.RegisterGeometry(plant.get_source_id(), body, tape)
 
 
 def _erase(

@@ -72,7 +72,7 @@ class StereoCameras(LeafSystem):
         frames: tuple[FrameId, FrameId],
         quality: ImageQuality | None = None,
         *,
-        seed: int = 0,
+        seed: int | tuple[int, ...] = 0,
         renderer: str = RENDERER,
     ) -> None:
         """Mount the cameras.
@@ -89,7 +89,7 @@ class StereoCameras(LeafSystem):
         """
         super().__init__()
         self.quality = quality or ImageQuality()
-        self._seed = seed
+        self._seed = np.ravel(seed)
         self.__eyes = [
             _Eye(camera, frame, self.quality.supersample, renderer)
             for camera, frame in zip(rig.eyes, frames, strict=True)
@@ -147,7 +147,7 @@ class StereoCameras(LeafSystem):
         picture = quality.gain * light.astype(np.float32)
         if quality.noise > 0.0:
             frame = round(time * quality.fps)
-            rng = np.random.default_rng((self._seed, 12, frame, eye))
+            rng = np.random.default_rng([*self._seed, 12, frame, eye])
             picture += rng.standard_normal(picture.shape, dtype=np.float32) * quality.noise
         return np.clip(np.rint(picture), 0.0, 255.0).astype(np.uint8)
 

@@ -9,6 +9,9 @@ from nico_selfmodel.vision.fiducial_family import DEFAULT_FAMILY, FiducialFamily
 
 QUIET = 1
 """Cells of white around a printed marker."""
+INK = 18
+"""Grey level of black print: real ink reflects some light, of which an over-exposed picture is
+white."""
 RIM = 0.5
 """Squares of white around the squares of a printed board."""
 
@@ -55,7 +58,7 @@ def printed_size(board: Board) -> tuple[float, float]:
 
 
 def _enlarged(pattern: NDArray, side: int) -> NDArray:
-    return np.kron(np.where(pattern, 255, 0).astype(np.uint8), np.ones((side, side), np.uint8))
+    return np.kron(np.where(pattern, 255, INK).astype(np.uint8), np.ones((side, side), np.uint8))
 
 
 def _png(gray: NDArray) -> bytes:

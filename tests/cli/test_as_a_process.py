@@ -47,7 +47,7 @@ def test_a_refusal_loads_no_more_than_it_looks_at(tmp_path):
 
 def test_learn_writes_a_result_that_passes(tmp_path, process, command, undrawn):
     out = tmp_path / "arm"
-    done = process("learn", "--out", out, "--random", 60)
+    done = process("learn", "--sensor", "motion-capture", "--out", out, "--random", 60)
     assert done.returncode == 0, done.stdout + done.stderr
     assert done.stderr == ""
     assert "PASS" in done.stdout

@@ -18,7 +18,7 @@ from nico_selfmodel.estimation.mirror_verdict import grazing_angles, mirror_warn
 from nico_selfmodel.estimation.reflections import ReflectionNoise, Reflections
 from nico_selfmodel.geometry.rotation import rotation_from_vector
 from nico_selfmodel.geometry.transform import transform
-from nico_selfmodel.model import Camera, Mirror, MirrorRig, SelfModel
+from nico_selfmodel.model import Camera, Mirror, MirrorRig, ParameterCovariance, SelfModel
 from nico_selfmodel.model.mirror_rig import reflected_projection
 
 from .mirror_scenes import (
@@ -88,6 +88,15 @@ def test_mirrors_of_other_names_are_kept():
     assert tuple(found.mirrors) == ("wall", "glass")
     assert found.name == "twice"
     assert found.mirrors["wall"] is SECOND
+
+
+def test_what_was_known_of_a_replaced_plane_is_forgotten():
+    names = (*Mirror.names_of("glass"), "left.fx", *Mirror.names_of("wall"))
+    known = body(mirrors={"glass": SECOND, "wall": SECOND})
+    known = replace(known, covariance=ParameterCovariance(names, 1e-6 * np.eye(7)))
+    found = calibrate_mirrors(recording(poses(8)), known)
+    assert found.model.covariance.names == ("left.fx", *Mirror.names_of("wall"))
+    assert angle_deg(found.model.mirrors["glass"]) < 0.3
 
 
 def test_an_arm_in_another_world_gives_the_same_mirror(tmp_path):

@@ -1,0 +1,32 @@
+"""Put Nico into a diagram of one's own: prediction against observation, before any learning."""
+
+import numpy as np
+from pydrake.systems.analysis import Simulator
+from pydrake.systems.framework import DiagramBuilder
+from pydrake.systems.primitives import LogVectorOutput
+
+from nico_selfmodel.recording import commands_of_angles
+from nico_selfmodel.systems import NicoStation, Reach, SelfModelPredictor
+
+builder = DiagramBuilder()
+nico = builder.AddNamedSystem("nico", NicoStation("thesis", seed=1))
+arm = nico.arm
+guess = Reach.of(arm).first_guess(nico.joints)  # the robot as described, nothing learned
+predictor = builder.AddNamedSystem("predictor", SelfModelPredictor(guess, "fiducial"))
+builder.Connect(nico.GetOutputPort("encoders"), predictor.GetInputPort("encoders"))
+seen = LogVectorOutput(nico.GetOutputPort("hand_pixels"), builder, 0.5)
+expected = LogVectorOutput(predictor.GetOutputPort("pixels"), builder, 0.5)
+diagram = builder.Build()
+
+simulator = Simulator(diagram)
+context = simulator.get_mutable_context()
+pose = np.radians([[-40.0, 15.0, -35.0, -55.0]])
+command = commands_of_angles(nico.joints, arm.lower, arm.upper, pose)[0]
+nico.GetInputPort("command").FixValue(nico.GetMyMutableContextFromRoot(context), command)
+simulator.AdvanceTo(2.0)
+
+tracked = seen.FindLog(context).data()[:4, -1].reshape(2, 2)
+predicted = expected.FindLog(context).data()[:, -1].reshape(2, 2)
+for eye, here, there in zip(("left", "right"), tracked, predicted, strict=True):
+    print(f"{eye}: seen at {here.round(1)}, expected at {there.round(1)}")
+print("off by", np.linalg.norm(tracked - predicted, axis=1).round(1), "px: time to learn")

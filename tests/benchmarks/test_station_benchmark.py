@@ -1,0 +1,53 @@
+"""How many pairs of pictures a second a whole station renders, and what it leaves behind."""
+
+import os
+import threading
+import time
+from pathlib import Path
+
+import numpy as np
+import pytest
+from pydrake.systems.analysis import Simulator
+from pydrake.systems.framework import DiagramBuilder
+from pydrake.systems.primitives import LogVectorOutput
+
+from nico_selfmodel.recording import commands_of_angles
+from nico_selfmodel.systems import NicoStation, Reach, SelfModelPredictor
+
+FPS = 30.0
+SECONDS = float(os.environ.get("NICO_STATION_SECONDS", "2"))
+"""Simulated; 10 for the figure that the documentation gives."""
+
+
+@pytest.mark.benchmark
+def test_a_station_with_tracker_predictor_and_logger_renders_three_pairs_a_second():
+    threads, files = threading.active_count(), open_sockets()
+    builder = DiagramBuilder()
+    nico = builder.AddSystem(NicoStation("thesis", 1))
+    guess = Reach.of(nico.arm).first_guess(nico.joints)
+    predictor = builder.AddSystem(SelfModelPredictor(guess, "fiducial"))
+    builder.Connect(nico.GetOutputPort("encoders"), predictor.GetInputPort("encoders"))
+    log = LogVectorOutput(nico.GetOutputPort("hand_pixels"), builder, 1.0 / FPS)
+    LogVectorOutput(predictor.GetOutputPort("pixels"), builder, 1.0 / FPS)
+    simulator = Simulator(builder.Build())
+    context = simulator.get_mutable_context()
+    arm, pose = nico.arm, np.radians([[-40.0, 15.0, -35.0, -55.0]])
+    command = commands_of_angles(nico.joints, arm.lower, arm.upper, pose)[0]
+    nico.GetInputPort("command").FixValue(nico.GetMyMutableContextFromRoot(context), command)
+    simulator.Initialize()
+    began, used = time.perf_counter(), time.process_time()
+    simulator.AdvanceTo(SECONDS)
+    wall, cpu = time.perf_counter() - began, time.process_time() - used
+    pairs = log.FindLog(context).num_samples()
+    print(f"{pairs} pairs, {pairs / wall:.2f} a second, {cpu / pairs:.3f} CPU seconds each")
+    assert pairs >= FPS * SECONDS
+    assert np.isfinite(log.FindLog(context).data()[:, -1]).all()
+    assert pairs / wall >= 3.0
+    assert threading.active_count() == threads
+    assert open_sockets() == files
+
+
+def open_sockets():
+    folder = Path("/proc/self/fd")
+    links = [os.readlink(path) for path in folder.iterdir() if path.is_symlink()]
+    return sum(link.startswith("socket:") for link in links)

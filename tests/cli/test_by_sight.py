@@ -1,0 +1,95 @@
+"""Recording and learning through rendered eyes, from the command line."""
+
+import json
+
+import numpy as np
+import pytest
+
+from nico_selfmodel.dataset import Dataset
+from nico_selfmodel.model import SelfModel
+
+
+def test_a_short_recording_by_sight_is_a_data_set_and_can_be_gone_on_with(tmp_path, command):
+    out = tmp_path / "seen"
+    words = ("record", out, "--circle", 0, "--seed", 1, "--images", "--random")
+    done = command(*words, 2)
+    assert done.returncode == 0, done.stderr
+    data = Dataset.load(out)
+    assert data.image_size == (640, 480)
+    assert np.isfinite(data.pixels).all(axis=1).sum() >= 2
+    assert len(list((out / "images").iterdir())) == 2 * len(data.samples)
+    again = command(*words, 2)
+    assert again.returncode == 0, again.stderr
+    assert Dataset.load(out).sha256 == data.sha256
+
+
+def test_motion_capture_is_recorded_into_a_folder_that_can_be_resumed(tmp_path, command):
+    out = tmp_path / "captured"
+    words = ("record", out, "--sensor", "motion-capture", "--circle", 12, "--random", 5)
+    assert command(*words).returncode == 0
+    data = Dataset.load(out)
+    assert set(data.sweep.tolist()) - {"", "home"} == set(data.joint_names)
+    assert command(*words).returncode == 0
+    assert Dataset.load(out).sha256 == data.sha256
+    other = command("record", out, "--sensor", "motion-capture", "--seed", 9)
+    assert other.returncode == 2
+    assert "choose another name" in other.stderr
+
+
+@pytest.mark.parametrize(
+    ("words", "reason"),
+    [
+        (("record", "out", "--sensor", "ears"), "no sensor 'ears'"),
+        (("record", "out", "--circle", "0", "--random", "0"), "nothing to record"),
+        (("record", "out", "--sensor", "motion-capture", "--images"), "need --sensor stereo"),
+        (("learn", "--sensor", "nose"), "no sensor 'nose'"),
+        (("learn", "--sensor", "stereo-color", "--arm", "left_arm"), "Nico's own right arm"),
+        (("watch", "nothing"), "nothing"),
+        (("experiment", "vision", "--out", "out", "--world", "moon"), "no world 'moon'"),
+    ],
+)
+def test_what_makes_no_sense_is_refused_in_one_line(
+    words, reason, tmp_path, command, monkeypatch
+):
+    monkeypatch.chdir(tmp_path)
+    done = command(*words)
+    assert done.returncode == 2
+    assert reason in done.stderr
+    assert len(done.stderr.strip().splitlines()) == 1
+    assert list(tmp_path.iterdir()) == []
+
+
+@pytest.mark.slow
+def test_boards_eyes_hand_arm_and_the_live_scene_one_command_after_the_other(tmp_path, command):
+    boards, eyes, seen, arm = (tmp_path / name for name in ("boards", "eyes", "seen", "arm"))
+    assert command("record", boards, "--sensor", "chessboard", "--boards", 12).returncode == 0
+    words = ("calibrate", "stereo", boards, "--board", "9x6", "--square-mm", 28, "--window", 5)
+    done = command(*words, "--out", eyes)
+    assert done.returncode == 0, done.stdout + done.stderr
+    words = ("record", seen, "--circle", 24, "--random", 40, "--eyes", eyes, "--session", 1)
+    assert command(*words).returncode == 0
+    words = ("calibrate", "kinematics", seen, "--eyes", eyes, "--test-fraction", 0.3)
+    done = command(*words, "--out", arm, "--json")
+    assert done.returncode == 0, done.stdout + done.stderr
+    document = json.loads((arm / "result.json").read_text())
+    assert document == json.loads(done.stdout)
+    assert document["test"]["position_mm"]["mean"] < 5.0
+    assert document["test"]["pixels"]["mean"] < 8.0
+    assert set(SelfModel.load(arm).cameras) == {"left", "right"}
+    page = tmp_path / "watch.html"
+    assert command("watch", arm, "--html", page, "--poses", 2).returncode == 0
+    text = page.read_text()
+    assert text.lstrip().lower().startswith("<!doctype html>")
+    assert "http://" not in text.split("<body")[0]
+
+
+@pytest.mark.slow
+def test_learn_goes_through_the_eyes_by_default(tmp_path, command):
+    out = tmp_path / "first_arm"
+    done = command("learn", "--out", out, "--random", 60)
+    assert done.returncode == 0, done.stdout + done.stderr
+    document = json.loads((out / "result.json").read_text())
+    assert document["status"] == "PASS"
+    assert document["eyes"]["rms_px"] < 0.2
+    assert document["test"]["pixels"]["mean"] < 7.0
+    assert (out / "nico_learned.urdf").exists()

@@ -1,0 +1,264 @@
+"""Does the body still fit, and what changed; adaptation while it works."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from nico_selfmodel.errors import DataError, EstimationError, ModelError
+from nico_selfmodel.estimation import (
+    RecursiveAdaptation,
+    WindowAdaptation,
+    check_health,
+    evaluate,
+    workspace_accuracy,
+)
+from nico_selfmodel.estimation.adaptation import forgotten, joined
+from nico_selfmodel.estimation.health import ENOUGH, Watch
+from nico_selfmodel.estimation.relearning import relearn_cause
+from nico_selfmodel.estimation.sightings import covariance_of, sightings_of
+from nico_selfmodel.estimation.update_document import health_document
+from nico_selfmodel.estimation.workspace_accuracy import workspace_readings
+
+from .simulated_bodies import blinded, body, learned, lesson, only_eyes, poses
+
+
+@pytest.fixture(scope="module")
+def model():
+    return learned(0).model
+
+
+def changed(what, *arguments, count=15, seed=3):
+    one = body()
+    getattr(one, what)(*arguments)
+    return poses(one, count, seed=seed)
+
+
+def test_a_healthy_body_raises_no_alarm_and_its_innovations_are_as_expected(model):
+    report = check_health(model, only_eyes(poses(body(), 200)))
+    assert report.healthy
+    assert report.diagnoses == ()
+    assert np.mean(report.nis / report.dof) == pytest.approx(1.0, abs=0.15)
+    assert (report.dof == 4).all()
+    assert health_document(report)["status"] == "PASS"
+
+
+@pytest.mark.parametrize("joint", [0, 1, 3])
+@pytest.mark.parametrize("angle", [2.0, -2.0])
+def test_a_slip_of_two_degrees_is_seen_and_named(model, joint, angle):
+    name = model.joints[joint]
+    report = check_health(model, only_eyes(changed("slip", name, np.radians(angle))))
+    assert report.alarm_at is not None
+    assert report.alarm_at <= 4
+    best = report.diagnoses[0]
+    assert best.hypothesis.cause == f"zero of {name}"
+    assert best.hypothesis.command.startswith(f"nico-selfmodel rezero MODEL DATASET --joint {name}")
+    assert best.statistic > 30.0
+    gear = model.servos.gear[joint]
+    shift = np.degrees(-best.change[0] / gear)
+    assert shift == pytest.approx(angle, abs=4.0 * np.degrees(best.sigma[0] / gear))
+
+
+@pytest.mark.parametrize(
+    ("what", "arguments", "cause"),
+    [
+        ("take_tool", ([0.0, 0.01, -0.03],), "point hand on the hand"),
+        ("bump_eye", ([0.01, 0.01, 0.0],), "pose of the right eye"),
+        ("change_gear", ("right_elbow", 1.06), "gear of right_elbow"),
+    ],
+)
+def test_other_changes_are_told_apart_too(model, what, arguments, cause):
+    report = check_health(model, only_eyes(changed(what, *arguments, count=20)))
+    assert not report.healthy
+    assert report.diagnoses[0].hypothesis.cause == cause
+    assert report.diagnoses[0].score > report.diagnoses[1].score
+
+
+def test_the_time_of_a_change_within_a_recording_is_found(model):
+    before = only_eyes(poses(body(), 40))
+    after = only_eyes(changed("slip", "right_shoulder_roll", np.radians(3.0)))
+    report = check_health(model, joined(before, after))
+    assert report.changed_at == pytest.approx(40, abs=1)
+    assert 40 <= report.alarm_at <= 42
+    assert report.sure
+    document = health_document(report)
+    assert document["status"] == "FAIL"
+    assert document["causes"][0]["cause"] == "zero of right_shoulder_roll"
+    assert document["changed_at"] == pytest.approx(41, abs=1)
+
+
+def test_measured_points_serve_as_well(model):
+    healthy = replace(poses(body(), 60), pixels=None)
+    assert check_health(model, healthy).healthy
+    slipped = replace(changed("slip", "right_elbow", np.radians(3.0)), pixels=None)
+    report = check_health(model, slipped)
+    assert report.diagnoses[0].hypothesis.cause == "zero of right_elbow"
+    assert (report.dof == 3).all()
+    assert not any(
+        "eye" in d.hypothesis.cause and "pose" in d.hypothesis.cause for d in report.diagnoses
+    )
+
+
+def test_a_model_learned_from_points_watches_points():
+    from nico_selfmodel.estimation import calibrate_kinematics
+
+    data = lesson().test
+    model = calibrate_kinematics(data.select(np.arange(70))).model
+    assert check_health(model, data.select(np.arange(70, 100))).healthy
+    moved = replace(data, p_WH_measured=data.p_WH_measured + np.array([0.02, 0.0, 0.0]))
+    assert not check_health(model, moved).healthy
+
+
+def test_no_single_sighting_raises_the_alarm(model):
+    data = only_eyes(poses(body(), 30))
+    pixels = data.pixels.copy()
+    pixels[12] += 200.0
+    report = check_health(model, replace(data, pixels=pixels))
+    assert report.nis[12] > 1000.0
+    assert report.healthy
+
+
+def test_two_of_them_do():
+    watch = Watch()
+    slopes = np.ones((4, 1))
+    for _ in range(2):
+        assert not watch.alarm
+        watch = watch.after(np.full(4, 50.0), slopes)
+    assert watch.alarm
+    assert watch.changed_at == 0
+
+
+def test_few_sightings_after_a_change_say_that_they_are_few(model):
+    report = check_health(model, only_eyes(changed("slip", "right_elbow", 0.1, count=4)))
+    assert not report.sure
+    assert len(report.nis) < ENOUGH
+    assert "record 10 or more" in " ".join(health_document(report)["reasons"])
+
+
+def test_sightings_of_one_eye_count_two_coordinates(model):
+    data = blinded(only_eyes(poses(body(), 20)), np.arange(10), 0)
+    report = check_health(model, data)
+    assert report.dof.tolist() == [2] * 10 + [4] * 10
+    assert report.healthy
+
+
+def test_just_what_changed_is_learned_anew(model):
+    data = only_eyes(changed("slip", "right_elbow", np.radians(3.0), count=25))
+    report = check_health(model, data)
+    update = relearn_cause(model, data, report)
+    assert update.learned == ("right_elbow.theta_offset",)
+    assert update.fits
+    fresh = changed("slip", "right_elbow", np.radians(3.0), seed=9, count=40)
+    before, after = (1e3 * evaluate(m, fresh).statistics.mean for m in (model, update.model))
+    assert after < 2.6 < before
+    assert check_health(update.model, only_eyes(fresh)).healthy
+    with pytest.raises(EstimationError, match="nothing to learn"):
+        relearn_cause(update.model, only_eyes(fresh), check_health(update.model, only_eyes(fresh)))
+
+
+def test_an_eye_that_was_bumped_is_learned_anew(model):
+    data = only_eyes(changed("bump_eye", [0.01, 0.02, 0.0], count=30))
+    update = relearn_cause(model, data, check_health(model, data))
+    assert update.learned[0].startswith("right.pose")
+    fresh = only_eyes(changed("bump_eye", [0.01, 0.02, 0.0], seed=9, count=40))
+    assert check_health(update.model, fresh).healthy
+
+
+def test_innovations_of_the_truth_would_be_chi_square(model):
+    """NIS of 200 poses: mean as expected, and no more than chance beyond 99 %."""
+    sightings = sightings_of(model, only_eyes(poses(body(), 200)))
+    new = sightings.innovations(covariance_of(model, sightings.names))
+    r, _ = new.whitened
+    assert np.sum(r**2, axis=1) == pytest.approx(new.nis)
+    assert np.mean(new.nis > 13.3) < 0.04
+    assert np.abs(r.mean(axis=0)).max() < 0.35
+
+
+@pytest.mark.parametrize("kind", [RecursiveAdaptation, WindowAdaptation])
+@pytest.mark.parametrize(
+    ("what", "arguments", "names"),
+    [
+        ("slip", ("right_elbow", np.radians(3.0)), ("right_elbow.theta_offset",)),
+        ("take_tool", ([0.01, 0.0, -0.03],), tuple(f"hand.hand.{a}" for a in "xyz")),
+    ],
+)
+def test_a_body_told_what_changed_is_itself_again_after_ten_poses(
+    model, kind, what, arguments, names
+):
+    adapting = kind(model)
+    test = changed(what, *arguments, count=60, seed=8)
+    before = 1e3 * evaluate(model, test).statistics.mean
+    adapting.forget(names)
+    for part in range(2):
+        adapting.update(only_eyes(changed(what, *arguments, count=5, seed=20 + part)))
+    after = 1e3 * evaluate(adapting.model, test).statistics.mean
+    assert before > 5.0
+    assert after < 3.0
+    assert names[0] in adapting.model.covariance.names
+
+
+@pytest.mark.parametrize("kind", [RecursiveAdaptation, WindowAdaptation])
+def test_a_body_that_did_not_change_stays_as_good_as_it_was(model, kind):
+    adapting = kind(model)
+    test = poses(body(), 60, seed=8)
+    before = evaluate(model, test).statistics.mean
+    adapting.update(only_eyes(poses(body(), 30, seed=21)))
+    assert evaluate(adapting.model, test).statistics.mean < before + 2e-4
+    now, then = (m.predict(test.encoders).sigma.mean() for m in (adapting.model, model))
+    assert now < 1.02 * then
+
+
+def test_a_window_forgets_its_oldest_poses(model):
+    adapting = WindowAdaptation(model, size=10)
+    adapting.update(only_eyes(changed("slip", "right_elbow", 0.1, count=8)))
+    adapting.update(only_eyes(poses(body(), 10, seed=30)))
+    only = WindowAdaptation(model, size=10)
+    only.update(only_eyes(poses(body(), 10, seed=30)))
+    assert adapting.model.parameters.values == pytest.approx(only.model.parameters.values)
+
+
+def test_adaptation_refuses_what_it_cannot_use(model):
+    unknown = replace(model, covariance=None)
+    for kind in (RecursiveAdaptation, WindowAdaptation):
+        with pytest.raises(ModelError, match="does not say how well"):
+            kind(unknown)
+        with pytest.raises(ValueError, match="no parameter 'elbow'"):
+            kind(model).forget(("elbow",))
+        with pytest.raises(DataError, match="no measured point"):
+            kind(model).update(replace(only_eyes(poses(body(), 2)), pixels=None))
+    with pytest.raises(ValueError, match="at least one pose"):
+        WindowAdaptation(model, size=0)
+    assert forgotten(unknown, ("right_elbow.D",)).covariance.names == ("right_elbow.D",)
+
+
+def test_the_workspace_splits_into_what_data_cure_and_what_mechanics_leave(model):
+    readings = workspace_readings(model, lesson().train.encoders, 200, 0)
+    found = workspace_accuracy(model, readings)
+    assert found.p_LH.shape == (200, 3)
+    assert found.total == pytest.approx(np.hypot(found.learned, found.mechanics))
+    # Half a degree of play each way moves the hand by some 2 mm, all that was learned by less.
+    assert 1e3 * found.mechanics.mean() == pytest.approx(1.9, abs=0.3)
+    assert 0.2 < 1e3 * found.learned.mean() < 1.5
+    assert 0.0 < found.curable < 0.5
+    seen = np.isfinite(found.total_px)
+    assert seen.mean() > 0.9
+    # A pixel is about depth / focal length: 0.25 m / 390.
+    scale = np.linalg.norm(found.p_LH, axis=1)[seen] / 390.0
+    assert np.median(found.mechanics_px[seen] * scale / found.mechanics[seen]) == pytest.approx(
+        1.0, abs=0.3
+    )
+    with pytest.raises(ModelError, match="does not say how well"):
+        workspace_accuracy(replace(model, covariance=None), readings)
+
+
+def test_twice_the_data_cure_half_of_the_learned_variance():
+    from nico_selfmodel.estimation import calibrate_body
+
+    few, many = lesson(0, random_poses=40), lesson(0, random_poses=100)
+    readings = few.test.encoders
+    found = [
+        workspace_accuracy(calibrate_body(one.train, one.eyes, one.boards).model, readings)
+        for one in (few, many)
+    ]
+    assert found[1].learned.mean() < 0.95 * found[0].learned.mean()
+    assert found[1].mechanics.mean() == pytest.approx(found[0].mechanics.mean(), rel=0.1)

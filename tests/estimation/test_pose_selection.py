@@ -1,0 +1,173 @@
+"""Few poses that are chosen tell as much as many by chance."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from nico_selfmodel.errors import NotIdentifiableError
+from nico_selfmodel.estimation import calibrate_kinematics
+from nico_selfmodel.estimation.pose_selection import (
+    choose_poses,
+    position_jacobians,
+    random_poses,
+)
+from nico_selfmodel.experiments.first_arm import nominal_of
+from nico_selfmodel.experiments.protocol import Protocol, simulated_arm
+from nico_selfmodel.model import DhTable, SelfModel, ServoMap
+from nico_selfmodel.plant import ArmDescription
+from nico_selfmodel.recording import record
+from nico_selfmodel.systems import WORLDS
+
+ARM = ArmDescription.named("nico")
+PLAY = np.radians(0.6) / np.sqrt(3.0)
+
+
+def model_of(joints):
+    """Return the description with servos guessed from the stops."""
+    turn = 2.0 * np.pi / joints[0].counts_per_turn
+    low, high = (turn * np.array([getattr(j, k) for j in joints]) for k in ("lower", "upper"))
+    gear = (high - low) / (ARM.upper - ARM.lower)
+    n = len(joints)
+    counts = np.full(n, joints[0].counts_per_turn)
+    servos = ServoMap(ARM.joints, low - gear * ARM.lower, gear, ("counts",) * n, counts, np.ones(n))
+    return SelfModel("nominal", DhTable.from_chain(ARM.chain), servos)
+
+
+def drawn(joints, count, rng, everywhere=False):
+    """Return readings between the stops, or in the protocol's part of them."""
+    low, high = (np.array([getattr(j, k) for j in joints]) for k in ("lower", "upper"))
+    if not everywhere:
+        protocol = Protocol.for_arm(ARM)
+        home, half = low + protocol.home * (high - low), 0.5 * protocol.ranges * (high - low)
+        low, high = np.maximum(low, home - half), np.minimum(high, home + half)
+    return rng.uniform(low, high, (count, len(low)))
+
+
+@pytest.fixture(scope="module")
+def pool():
+    joints = simulated_arm(ARM, WORLDS["clean"], 0).joints
+    model = model_of(joints)
+    return model, drawn(joints, 400, np.random.default_rng(0))
+
+
+@pytest.mark.parametrize("criterion", ["D", "I"])
+def test_chosen_poses_beat_random_ones_by_their_own_measure(pool, criterion):
+    J = position_jacobians(*pool)
+    chosen = choose_poses(J, 15, criterion=criterion)
+    assert len(set(chosen.rows.tolist())) == 15
+    rng = np.random.default_rng(1)
+    by_chance = [
+        choose_poses(J[random_poses(len(J), 15, rng)], 15, criterion=criterion, targets=J)
+        for _ in range(20)
+    ]
+    measure = {"D": lambda c: -c.information, "I": lambda c: c.hand_sigma}[criterion]
+    assert measure(chosen) < min(measure(c) for c in by_chance)
+
+
+def test_the_exchange_never_makes_a_greedy_choice_worse(pool, monkeypatch):
+    J = position_jacobians(*pool)
+    with_exchange = choose_poses(J, 12, criterion="I")
+    monkeypatch.setattr("nico_selfmodel.estimation.pose_selection._exchange", lambda *_: 0)
+    greedy = choose_poses(J, 12, criterion="I")
+    assert with_exchange.exchanges > 0
+    assert with_exchange.hand_sigma <= greedy.hand_sigma
+
+
+def test_the_predicted_error_is_that_of_many_estimates(pool):
+    """sqrt(tr G C) per metre of noise, against least squares with drawn noise."""
+    J = position_jacobians(*pool)
+    chosen = choose_poses(J, 20)
+    rows = J[chosen.rows].reshape(-1, J.shape[2])
+    rng = np.random.default_rng(2)
+    estimates = np.linalg.lstsq(rows, rng.normal(0.0, 1.0, (len(rows), 400)), rcond=None)[0]
+    errors = np.einsum("nij,jk->nik", J, estimates)
+    found = np.sqrt(np.mean(np.sum(errors**2, axis=1)))
+    assert chosen.hand_sigma == pytest.approx(found, rel=0.03)
+
+
+def test_jacobians_are_the_derivatives_of_the_prediction(pool):
+    model, readings = pool
+    J = position_jacobians(model, readings[:5])
+    parameters, step = model.parameters, 1e-6
+    free = [
+        n for n in parameters.names if n not in parameters.gauge and not n.startswith("hand.")
+    ]
+    assert J.shape == (5, 3, 23)
+    assert len(free) == 23
+    angles, marker = model.servos.to_radians(readings[:5]), np.zeros(5, dtype=int)
+    p = model.predict(readings[:5]).p_WH
+    size = np.sqrt(np.sum(np.var(p, axis=0)))
+    for k, name in enumerate(free):
+        i = parameters.names.index(name)
+        scale = size if parameters.units[i] == "m" else 1.0
+        sides = []
+        for sign in (1.0, -1.0):
+            values = parameters.values.copy()
+            values[i] += sign * step * scale
+            sides.append(parameters.with_values(values).predict(angles, marker)[0])
+        assert J[:, :, k] == pytest.approx((sides[0] - sides[1]) / (2.0 * step), abs=1e-7)
+
+
+def test_what_is_recorded_anyway_counts(pool):
+    J = position_jacobians(*pool)
+    alone, beside = choose_poses(J, 8), choose_poses(J, 8, given=J[:100])
+    assert beside.hand_sigma < alone.hand_sigma
+
+
+def test_too_few_poses_are_refused(pool):
+    J = position_jacobians(*pool)
+    with pytest.raises(NotIdentifiableError, match="at least 8"):
+        choose_poses(J, 7)
+    with pytest.raises(NotIdentifiableError):
+        choose_poses(np.repeat(J[:1], 30, axis=0), 20)
+
+
+def test_what_makes_no_sense_is_refused(pool):
+    J = position_jacobians(*pool)
+    with pytest.raises(ValueError, match="1 to 400"):
+        choose_poses(J, 401)
+    with pytest.raises(ValueError, match="one of I, D"):
+        choose_poses(J, 10, criterion="E")
+    with pytest.raises(ValueError, match="shape"):
+        choose_poses(J[0], 2)
+    with pytest.raises(ValueError, match="readings must have shape"):
+        position_jacobians(pool[0], np.zeros((3, 3)))
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(
+    ("changes", "sigmas"),
+    [
+        ({"marker_mm": 1.0}, {}),
+        ({"play_deg": 0.6}, {"joint_sigma": PLAY, "point_sigma": 6e-4}),
+    ],
+    ids=["marker noise", "joint play"],
+)
+def test_twenty_chosen_poses_are_as_good_as_fifty_by_chance(changes, sigmas):
+    world = replace(WORLDS["clean"], counts_per_turn=16384).with_noise(**changes)
+    errors = np.array([held_out(world, seed, sigmas) for seed in range(10)])
+    chosen, by_chance = errors.mean(axis=0)
+    assert chosen <= 1.005 * by_chance
+
+
+def held_out(world, seed, sigmas):
+    """Return held-out errors of arms learned from 20 chosen and from 50 random poses."""
+    rng = np.random.default_rng(seed)
+    joints = simulated_arm(ARM, world, seed).joints
+    model, usual = model_of(joints), drawn(joints, 400, rng)
+    pool = drawn(joints, 1500, rng, everywhere=True)
+    chosen = choose_poses(
+        position_jacobians(model, pool, **sigmas), 20, targets=position_jacobians(model, usual)
+    )
+    test = visited(world, seed, 1, drawn(joints, 300, rng))
+    plans = pool[chosen.rows], usual[:50]
+    trains = [visited(world, seed, 2, plan) for plan in plans]
+    nominal = nominal_of(ARM)
+    results = [calibrate_kinematics(train, test=test, nominal=nominal) for train in trains]
+    return [result.test.statistics.mean for result in results]
+
+
+def visited(world, seed, session, commands):
+    body = simulated_arm(ARM, world, seed, session)
+    return record(body, [("", command) for command in commands], "poses")

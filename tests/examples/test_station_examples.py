@@ -1,0 +1,51 @@
+"""The examples that compose Nico's parts run and say what they should."""
+
+import os
+import re
+import subprocess
+import sys
+
+import pytest
+
+
+@pytest.fixture
+def run(project_root, tmp_path):
+    def run_example(name):
+        path = project_root / "examples" / name
+        assert len(path.read_text(encoding="utf-8").splitlines()) <= 100
+        places = os.pathsep.join([str(project_root), os.environ.get("PYTHONPATH", "")])
+        done = subprocess.run(
+            [sys.executable, "-W", "error::DeprecationWarning", str(path)],
+            capture_output=True,
+            text=True,
+            cwd=tmp_path,
+            env={**os.environ, "PYTHONPATH": places},
+            timeout=240,
+            check=False,
+        )
+        assert done.returncode == 0, done.stderr
+        assert list(tmp_path.iterdir()) == []
+        return done.stdout
+
+    return run_example
+
+
+def test_a_station_in_a_diagram_sees_its_hand_about_where_its_description_puts_it(run):
+    out = run("05_station_in_a_diagram.py")
+    errors = [float(x) for x in re.search(r"off by \[([\d. ]+)\]", out)[1].split()]
+    assert len(errors) == 2
+    assert 0.5 < max(errors) < 80.0
+
+
+def test_a_tracker_of_ones_own_finds_the_red_tape(run):
+    assert int(run("06_your_own_tracker.py").splitlines()[-1].split()[0]) >= 4
+
+
+def test_an_arm_of_ones_own_is_learned(run):
+    assert run("07_your_own_urdf_arm.py").startswith("PASS")
+
+
+def test_motion_capture_comes_from_another_process(run):
+    out = run("08_motion_capture_from_another_process.py")
+    assert out.startswith("40 frames")
+    assert int(re.search(r"moved (\d+) mm", out)[1]) > 30

@@ -1,0 +1,138 @@
+"""A diagram that watches its own body."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from pydrake.systems.analysis import Simulator
+from pydrake.systems.framework import DiagramBuilder
+from pydrake.systems.primitives import ConstantVectorSource
+
+from nico_selfmodel.errors import ModelError
+from nico_selfmodel.estimation import calibrate_body, check_health
+from nico_selfmodel.experiments.body_protocol import BodyProtocol
+from nico_selfmodel.experiments.refinement import simulated_lesson
+from nico_selfmodel.systems import WORLDS, SelfModelMonitor
+
+PERIOD = 0.1
+
+
+@pytest.fixture(scope="module")
+def case():
+    world = WORLDS["clean"].with_noise(play_deg=0.5)
+    protocol = BodyProtocol.of_nico()
+    lesson = simulated_lesson(protocol, world, 0, "fiducial")
+    model = calibrate_body(lesson.train, lesson.eyes, lesson.boards).model
+    return protocol, world, model
+
+
+def poses(case, count, slip=0.0, seed=1, observed=False):
+    protocol, world, _ = case
+    body = protocol.body(world, 0, session=seed)
+    if slip:
+        body.slip("right_shoulder_roll", slip)
+    q = protocol.random_poses(count, np.random.default_rng(seed))
+    return protocol.record(body, "poses", q, observed=observed)
+
+
+def watch(monitor, data, column="pixels"):
+    """Show rows to a monitor, one a period; return its outputs after each."""
+    context = monitor.CreateDefaultContext()
+    simulator = Simulator(monitor, context)
+    outputs = []
+    seen = data.pixels if column == "pixels" else data.p_WH_measured
+    for i in range(len(data)):
+        monitor.GetInputPort("encoders").FixValue(context, data.encoders[i])
+        monitor.GetInputPort(column).FixValue(context, seen[i])
+        simulator.AdvanceTo(PERIOD * (i + 0.5))
+        names = ("nis", "excess", "ratio", "alarm")
+        values = [monitor.GetOutputPort(name).Eval(context)[0] for name in names]
+        outputs.append((*values, monitor.GetOutputPort("cause").Eval(context)))
+    return outputs, context
+
+
+def test_it_says_what_the_check_of_a_recording_says(case):
+    model, data = case[2], poses(case, 20)
+    outputs, _ = watch(SelfModelMonitor(model, PERIOD), data)
+    report = check_health(model, data)
+    nis, excess, ratio, alarm, cause = zip(*outputs, strict=True)
+    assert nis == pytest.approx(report.nis)
+    assert excess == pytest.approx(report.excess)
+    assert ratio == pytest.approx(report.ratio)
+    assert not any(alarm)
+    assert set(cause) == {""}
+
+
+def test_a_slip_raises_the_alarm_and_its_cause_becomes_clear(case):
+    model = case[2]
+    outputs, _ = watch(SelfModelMonitor(model, PERIOD), poses(case, 14, np.radians(3.0)))
+    alarms = [alarm for *_, alarm, _ in outputs]
+    assert 1.0 in alarms[:4]
+    first = alarms.index(1.0)
+    assert all(alarms[first:])
+    assert outputs[first - 1][4] == ""
+    assert outputs[-1][4] == "zero of right_shoulder_roll"
+
+
+def test_contexts_remember_for_themselves(case):
+    monitor = SelfModelMonitor(case[2], PERIOD)
+    watch(monitor, poses(case, 6, np.radians(5.0)))
+    outputs, context = watch(monitor, poses(case, 6))
+    assert not any(alarm for *_, alarm, _ in outputs)
+    assert monitor.state_of(context).watch.sightings == 6
+
+
+def test_a_hand_that_is_not_seen_is_no_sighting(case):
+    data = poses(case, 6)
+    pixels = data.pixels.copy()
+    pixels[2] = np.nan
+    pixels[4, 2:] = np.nan
+    monitor = SelfModelMonitor(case[2], PERIOD)
+    outputs, context = watch(monitor, replace(data, pixels=pixels))
+    assert np.isnan(outputs[2][0])
+    assert outputs[2][1:3] == outputs[1][1:3]
+    assert np.isfinite(outputs[4][0])
+    assert monitor.state_of(context).watch.sightings == 5
+
+
+def test_a_model_without_eyes_watches_points(case):
+    model = case[2]
+    names = [n for n in model.covariance.names if not n.startswith(("left.", "right."))]
+    own = [model.covariance.names.index(n) for n in names]
+    known = replace(
+        model.covariance,
+        names=tuple(names),
+        matrix=model.covariance.matrix[np.ix_(own, own)],
+    )
+    blind = replace(model, cameras={}, covariance=known, pixel_sigma=None)
+    monitor = SelfModelMonitor(blind, PERIOD)
+    assert monitor.GetInputPort("p_WH").size() == 3
+    data = poses(case, 8, np.radians(4.0), observed=True)
+    outputs, _ = watch(monitor, replace(data, pixels=None), "p_WH")
+    assert outputs[-1][3] == 1.0
+
+
+def test_it_stands_in_a_diagram(case):
+    builder = DiagramBuilder()
+    monitor = builder.AddSystem(SelfModelMonitor(case[2], PERIOD))
+    data = poses(case, 1)
+    for port, value in (("encoders", data.encoders[0]), ("pixels", data.pixels[0])):
+        source = builder.AddSystem(ConstantVectorSource(value))
+        builder.Connect(source.get_output_port(), monitor.GetInputPort(port))
+    builder.ExportOutput(monitor.GetOutputPort("alarm"), "alarm")
+    diagram = builder.Build()
+    simulator = Simulator(diagram)
+    simulator.AdvanceTo(0.35)
+    assert diagram.GetOutputPort("alarm").Eval(simulator.get_context())[0] == 0.0
+    state = monitor.state_of(monitor.GetMyContextFromRoot(simulator.get_context()))
+    assert state.watch.sightings == 4
+
+
+def test_what_it_cannot_watch_is_refused(case):
+    model = case[2]
+    with pytest.raises(ModelError, match="does not say how well"):
+        SelfModelMonitor(replace(model, covariance=None))
+    with pytest.raises(ValueError, match="period must be positive"):
+        SelfModelMonitor(model, 0.0)
+    with pytest.raises(ValueError, match="no marker 'thumb'"):
+        SelfModelMonitor(model, PERIOD, "thumb")

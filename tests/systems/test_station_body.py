@@ -1,0 +1,148 @@
+"""Driving a station through its ports: settling, sampling, and what can go wrong."""
+
+import numpy as np
+import pytest
+from pydrake.systems.framework import BasicVector, DiagramBuilder, LeafSystem
+from pydrake.systems.primitives import ConstantVectorSource, PassThrough
+
+from nico_selfmodel.dataset import JointInfo
+from nico_selfmodel.errors import RobotError
+from nico_selfmodel.model import Chain, ServoMap
+from nico_selfmodel.systems import WORLDS, EncoderModel, Mechanics, StationBody
+
+JOINTS = tuple(JointInfo(name, "counts", 4096.0, -800.0, 900.0) for name in ("base", "tip"))
+CHAIN = Chain(
+    ("base", "tip"),
+    np.array([[0.0, 1.0, 0.0], [1.0, 0.0, 0.0]]),
+    np.array([[0.0, 0.0, 0.0], [0.0, 0.0, -0.2]]),
+    ("hand",),
+    np.array([[0.0, 0.05, -0.4]]),
+)
+SERVOS = ServoMap(
+    ("base", "tip"),
+    offset=np.zeros(2),
+    gear=np.ones(2),
+    unit=("counts",) * 2,
+    counts_per_turn=np.full(2, 4096.0),
+    sign=np.ones(2),
+)
+MECHANICS = Mechanics(CHAIN, SERVOS, np.full(2, -800.0), np.full(2, 900.0), 0.4)
+
+
+def station(world="clean", seed=0, drop=(), extra=None):
+    """Compose a station of bare servos, whose motion capture repeats the true angles."""
+    builder = DiagramBuilder()
+    servos = builder.AddSystem(EncoderModel(MECHANICS, WORLDS[world], [0.0, 0.0], seed=seed))
+    measured = builder.AddSystem(_Angles())
+    builder.Connect(servos.GetOutputPort("joint_angles"), measured.get_input_port())
+    builder.ExportInput(servos.GetInputPort("command"), "command")
+    if "encoders" not in drop:
+        builder.ExportOutput(servos.GetOutputPort("encoders"), "encoders")
+    builder.ExportOutput(measured.get_output_port(), "measured_positions")
+    return builder.Build()
+
+
+class _Angles(LeafSystem):
+    def __init__(self):
+        super().__init__()
+        port = self.DeclareVectorInputPort("angles", 2)
+        self.DeclareVectorOutputPort(
+            "points",
+            BasicVector(3),
+            lambda context, vector: vector.SetFromVector([*port.Eval(context), 0.0]),
+        )
+
+
+def body(**kinds):
+    return StationBody(station(**kinds), JOINTS, ["hand"], sensor="motion-capture")
+
+
+def test_a_visit_ends_where_it_was_sent_and_at_rest():
+    driven = body()
+    sighting = driven.visit([300.4, -200.0])
+    assert sighting.encoders.tolist() == [300.0, -200.0]
+    expected = SERVOS.to_joint(np.array([300.0, -200.0]))
+    assert sighting.points["hand"][:2] == pytest.approx(expected)
+
+
+def test_a_motion_takes_as_long_as_its_way():
+    near, far = body(), body()
+    near.visit([50.0, 0.0])
+    far.visit([880.0, 0.0])
+    assert far.context.get_time() > near.context.get_time() + 0.3
+
+
+def test_commands_beyond_the_stops_end_at_the_stops():
+    assert body().visit([5000.0, -5000.0]).encoders.tolist() == [900.0, -800.0]
+
+
+def test_play_is_drawn_anew_at_every_visit_of_the_same_pose():
+    loose = body(world="thesis")
+    seen = [loose.visit([300.0, 200.0]) for _ in range(6)]
+    assert {tuple(s.encoders) for s in seen} == {(300.0, 200.0)}
+    assert len({tuple(s.points["hand"]) for s in seen}) == 6
+
+
+def test_the_same_seed_has_the_same_history():
+    path = [[300.0, 200.0], [-100.0, 0.0], [300.0, 200.0]]
+    histories = []
+    for _ in range(2):
+        loose = body(world="thesis", seed=5)
+        histories.append([loose.visit(pose).points["hand"] for pose in path])
+    assert np.array_equal(*histories)
+    other = body(world="thesis", seed=6).visit(path[0]).points["hand"]
+    assert not np.array_equal(other, histories[0][0])
+
+
+def test_a_port_that_is_missing_is_named_with_those_there_are():
+    with pytest.raises(RobotError, match="no output port 'encoders'; it has measured_positions"):
+        body(drop=("encoders",))
+    with pytest.raises(RobotError, match="no output port 'hand_pixels'"):
+        StationBody(station(), JOINTS, ["hand"])
+    with pytest.raises(RobotError, match="no input port 'command'; it has none"):
+        StationBody(ConstantVectorSource([1.0]), JOINTS, ["hand"])
+    with pytest.raises(RobotError, match="has 3 values, expected 6"):
+        StationBody(station(), JOINTS, ["hand", "elbow"], sensor="motion-capture")
+    with pytest.raises(RobotError, match="left_image"):
+        StationBody(station(), JOINTS, ["hand"], sensor="motion-capture", keep_images=True)
+
+
+class _Restless(LeafSystem):
+    """Encoders that never stand still."""
+
+    def __init__(self):
+        super().__init__()
+        self.DeclareVectorInputPort("command", 2)
+        self.DeclareVectorOutputPort(
+            "encoders",
+            BasicVector(2),
+            lambda context, vector: vector.SetFromVector([context.get_time(), 0.0]),
+        )
+        self.DeclareVectorOutputPort(
+            "measured_positions",
+            BasicVector(3),
+            lambda context, vector: vector.SetFromVector([0.0] * 3),
+        )
+
+
+def test_joints_that_never_come_to_rest_are_an_error():
+    restless = StationBody(
+        _Restless(), JOINTS, ["hand"], sensor="motion-capture", timeout=0.5
+    )
+    with pytest.raises(RobotError, match="did not come to rest within 0.5 s: base reads"):
+        restless.visit([100.0, 0.0])
+
+
+@pytest.mark.parametrize("command", [[0.0], [np.nan, 0.0]])
+def test_a_command_that_is_none_is_refused(command):
+    with pytest.raises(ValueError, match="2 finite readings"):
+        body().visit(command)
+    with pytest.raises(ValueError, match="eyes or motion-capture"):
+        StationBody(PassThrough(2), JOINTS, ["hand"], sensor="ears")
+
+
+def test_servos_that_cannot_be_are_refused():
+    with pytest.raises(ValueError, match="start must be 2 readings"):
+        EncoderModel(MECHANICS, WORLDS["clean"], [0.0])
+    with pytest.raises(ValueError, match="speed positive"):
+        EncoderModel(MECHANICS, WORLDS["clean"], [0.0, 0.0], speed=0.0)

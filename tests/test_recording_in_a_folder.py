@@ -1,0 +1,137 @@
+"""A recording in a folder is whole after every pose, goes on where it stopped, and keeps pictures."""
+
+import numpy as np
+import pytest
+
+from nico_selfmodel.dataset import Dataset, JointInfo
+from nico_selfmodel.errors import DataError, RobotError
+from nico_selfmodel.recording import commands_of_angles, pose_plan, record
+from nico_selfmodel.systems import EyeSighting, Sighting
+from nico_selfmodel.vision import read_image
+
+JOINTS = (
+    JointInfo("base", "counts", 1000.0, -400.0, 400.0),
+    JointInfo("tip", "counts", 1000.0, -100.0, 300.0),
+)
+PLAN = pose_plan(
+    JOINTS, [0.0, 50.0], [[-100.0, 100.0], [0.0, 100.0]], 4, [[10.0, 20.0], [30.0, 40.0]]
+)
+
+
+class Body:
+    joints, markers = JOINTS, ("hand",)
+
+    def __init__(self, fails_at=None, blind_at=(), images=False):
+        self.visits, self.fails_at, self.blind_at, self.images = [], fails_at, blind_at, images
+
+    def visit(self, command):
+        if self.fails_at is not None and len(self.visits) == self.fails_at:
+            raise RobotError("the cable is loose")
+        self.visits.append(np.asarray(command))
+        seen = tuple(command) not in self.blind_at
+        pixels = np.array([*command, *command]) if seen else np.full(4, np.nan)
+        if not self.images:
+            return Sighting(np.asarray(command), {"hand": pixels[:3] * 1e-3 if seen else None})
+        pictures = tuple(np.full((4, 6, 3), 10 * len(self.visits), np.uint8) for _ in range(2))
+        return EyeSighting(np.asarray(command), {"hand": None}, {"hand": pixels}, pictures)
+
+
+def test_what_is_on_disk_is_what_is_returned(tmp_path):
+    data = record(Body(), PLAN, "trial", folder=tmp_path / "out")
+    assert Dataset.load(tmp_path / "out").sha256 == data.sha256
+    assert data.extra["pose"] == tuple(str(i + 1) for i in range(len(PLAN)))
+
+
+def test_an_interrupted_recording_goes_on_and_loses_nothing(tmp_path):
+    whole = record(Body(), PLAN, "trial", folder=tmp_path / "whole")
+    with pytest.raises(RobotError) as failure:
+        record(Body(fails_at=3), PLAN, "trial", folder=tmp_path / "out")
+    kept = Dataset.load(tmp_path / "out")
+    assert len(kept) == len(failure.value.partial) == 3
+    second = Body()
+    data = record(second, PLAN, "trial", folder=tmp_path / "out")
+    assert len(second.visits) == len(PLAN) - 3
+    assert data.sha256 == whole.sha256
+
+
+def test_poses_that_were_not_seen_are_tried_again(tmp_path):
+    blind = tuple(PLAN[2][1])
+    data = record(Body(blind_at=[blind]), PLAN, "trial", folder=tmp_path / "out", until_seen=2)
+    assert "3" not in data.extra["pose"]
+    second = Body()
+    data = record(second, PLAN, "trial", folder=tmp_path / "out")
+    assert [tuple(v) for v in second.visits] == [blind]
+    assert data.extra["pose"] == tuple(str(i + 1) for i in range(len(PLAN)))
+
+
+def test_a_recording_of_other_poses_or_another_body_is_not_gone_on_with(tmp_path):
+    record(Body(), PLAN[:4], "trial", folder=tmp_path / "out")
+    others = [(label, command + 50.0) for label, command in PLAN]
+    with pytest.raises(DataError, match="other poses"):
+        record(Body(), others, "trial", folder=tmp_path / "out")
+    stranger = Body()
+    stranger.joints = (JOINTS[0], JointInfo("wrist", "counts", 1000.0, -100.0, 300.0))
+    with pytest.raises(DataError, match="another body"):
+        record(stranger, PLAN, "trial", folder=tmp_path / "out")
+    record(Body(), PLAN, "plain").save(tmp_path / "plain")
+    with pytest.raises(DataError, match="cannot be resumed"):
+        record(Body(), PLAN, "trial", folder=tmp_path / "plain")
+
+
+def test_a_full_disk_is_an_error_and_what_was_recorded_stays(tmp_path, monkeypatch):
+    saved, save = [], Dataset.save
+
+    def save_until_full(self, folder, force=False):
+        if len(saved) == 2:
+            raise DataError(f"{folder}: cannot be written: No space left on device")
+        saved.append(folder)
+        save(self, folder, force)
+
+    monkeypatch.setattr(Dataset, "save", save_until_full)
+    with pytest.raises(DataError, match="No space left on device; the 2 poses") as failure:
+        record(Body(), PLAN, "trial", folder=tmp_path / "out")
+    assert len(Dataset.load(tmp_path / "out")) == len(failure.value.partial) == 2
+
+
+def test_pictures_are_kept_beside_the_samples(tmp_path):
+    data = record(
+        Body(images=True), PLAN, "trial", folder=tmp_path / "out", image_size=(6, 4)
+    )
+    names = sorted(path.name for path in (tmp_path / "out" / "images").iterdir())
+    assert len(names) == 2 * len(PLAN)
+    assert names[0] == "left0001.png"
+    assert (read_image(tmp_path / "out" / "images" / "right0003.png") == 30).all()
+    loaded = Dataset.load(tmp_path / "out")
+    assert loaded.cameras == {"images": "images/<eye><pose>.png"}
+    assert loaded.image_size == (6, 4)
+    assert np.array_equal(loaded.pixels, data.pixels)
+
+
+def test_enough_free_poses_end_a_recording():
+    plan = [("", np.array([float(i), 0.0])) for i in range(20)]
+    body, done = Body(), []
+    data = record(body, plan, "trial", enough=7, progress=lambda *step: done.append(step))
+    assert len(data) == len(body.visits) == 7
+    assert done[-1] == (20, 20)
+
+
+def test_nothing_seen_leaves_nothing_behind(tmp_path):
+    everywhere = [tuple(command) for _, command in PLAN]
+    with pytest.raises(DataError):
+        record(Body(blind_at=everywhere), PLAN, "trial", folder=tmp_path / "out", until_seen=1)
+    assert not (tmp_path / "out").exists()
+
+
+def test_a_plan_turns_one_joint_at_a_time_and_spends_the_poses_evenly():
+    plan = pose_plan(JOINTS, [0.0, 50.0], [[-100.0, 100.0], [0.0, 100.0]], 5, [], 2)
+    assert [label for label, _ in plan] == ["home"] * 2 + ["base"] * 3 + ["tip"] * 2
+    assert [command[0] for label, command in plan if label == "base"] == [-100.0, 0.0, 100.0]
+    assert all(command[1] == 50.0 for label, command in plan if label == "base")
+    assert [label for label, _ in pose_plan(JOINTS, [0, 0], np.zeros((2, 2)), 0, [[1, 2]])] == [""]
+
+
+def test_angles_become_shares_of_the_range_between_the_stops():
+    commands = commands_of_angles(JOINTS, [-1.0, 0.0], [1.0, 2.0], [[0.0, 0.5], [-1.0, 2.0]])
+    assert commands.tolist() == [[0.0, 0.0], [-400.0, 300.0]]
+    with pytest.raises(ValueError, match="without stops"):
+        commands_of_angles([JointInfo("base", "rad")], [-1.0], [1.0], [[0.0]])
