@@ -1,4 +1,4 @@
-"""Replace the tracker: any function from a picture to a pixel, or to the reason why there is none."""
+"""Replace the tracker by any function from a picture to a pixel, or to why there is none."""
 
 import numpy as np
 

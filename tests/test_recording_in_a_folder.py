@@ -1,4 +1,4 @@
-"""A recording in a folder is whole after every pose, goes on where it stopped, and keeps pictures."""
+"""A recording in a folder is whole after every pose and goes on where it stopped."""
 
 import numpy as np
 import pytest
@@ -94,9 +94,7 @@ def test_a_full_disk_is_an_error_and_what_was_recorded_stays(tmp_path, monkeypat
 
 
 def test_pictures_are_kept_beside_the_samples(tmp_path):
-    data = record(
-        Body(images=True), PLAN, "trial", folder=tmp_path / "out", image_size=(6, 4)
-    )
+    data = record(Body(images=True), PLAN, "trial", folder=tmp_path / "out", image_size=(6, 4))
     names = sorted(path.name for path in (tmp_path / "out" / "images").iterdir())
     assert len(names) == 2 * len(PLAN)
     assert names[0] == "left0001.png"

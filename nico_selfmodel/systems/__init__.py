@@ -8,7 +8,6 @@ from pose to pose.
 from typing import TYPE_CHECKING, Any
 
 from nico_selfmodel.systems.eye_sighting import EyeSighting
-from nico_selfmodel.systems.mirror_predictor import MirrorPredictor
 from nico_selfmodel.systems.motion_capture_stream import (
     MarkerFrame,
     MotionCaptureClient,
@@ -17,6 +16,7 @@ from nico_selfmodel.systems.motion_capture_stream import (
 from nico_selfmodel.systems.simulated_arm import Sighting, SimulatedArm
 from nico_selfmodel.systems.simulated_body import TRACKERS, HandSighting, SimulatedBody
 from nico_selfmodel.systems.simulated_eyes import NICO_EYES, SimulatedEyes
+from nico_selfmodel.systems.simulated_mirror import SimulatedMirrors
 from nico_selfmodel.systems.worlds import WORLDS, World, world_named
 
 if TYPE_CHECKING:
@@ -27,6 +27,7 @@ if TYPE_CHECKING:
         HandTracker,
         ImageQuality,
         Mechanics,
+        MirrorPredictor,
         MotionCapture,
         MotionCaptureReceiver,
         MotionCaptureSender,

@@ -8,6 +8,7 @@ from nico_selfmodel.systems.hand_tracker import (
     fiducial_detector,
 )
 from nico_selfmodel.systems.looking import looking_arm
+from nico_selfmodel.systems.mirror_predictor import MirrorPredictor
 from nico_selfmodel.systems.motion_capture import MotionCapture
 from nico_selfmodel.systems.motion_capture_link import (
     MotionCaptureReceiver,
@@ -27,6 +28,7 @@ __all__ = [
     "HandTracker",
     "ImageQuality",
     "Mechanics",
+    "MirrorPredictor",
     "MotionCapture",
     "MotionCaptureReceiver",
     "MotionCaptureSender",

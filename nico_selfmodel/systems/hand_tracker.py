@@ -23,7 +23,7 @@ Detector = Callable[[NDArray], NDArray | NotSeen]
 Detectors = Mapping[str, Detector | tuple[Detector, Detector]]
 """Marker -> what finds it in a picture of either eye, or one for the left and one for the right."""
 
-RED_TAPE = ColorModel("red", (60.0, 60.0), 0.0, 15.0, 0.5, least_area_px=25.0)
+RED_TAPE = ColorModel("red", (20.0, 20.0), 0.0, 20.0, 0.5, least_area_px=25.0)
 """Nico's red tape in the light of the simulated room."""
 FIDUCIAL_ID = 7
 """Which marker of the family is printed for Nico's hand."""

@@ -49,5 +49,5 @@ def test_a_station_with_tracker_predictor_and_logger_renders_three_pairs_a_secon
 
 def open_sockets():
     folder = Path("/proc/self/fd")
-    links = [os.readlink(path) for path in folder.iterdir() if path.is_symlink()]
+    links = [str(path.readlink()) for path in folder.iterdir() if path.is_symlink()]
     return sum(link.startswith("socket:") for link in links)

@@ -48,9 +48,7 @@ def test_motion_capture_is_recorded_into_a_folder_that_can_be_resumed(tmp_path, 
         (("experiment", "vision", "--out", "out", "--world", "moon"), "no world 'moon'"),
     ],
 )
-def test_what_makes_no_sense_is_refused_in_one_line(
-    words, reason, tmp_path, command, monkeypatch
-):
+def test_what_makes_no_sense_is_refused_in_one_line(words, reason, tmp_path, command, monkeypatch):
     monkeypatch.chdir(tmp_path)
     done = command(*words)
     assert done.returncode == 2

@@ -90,9 +90,7 @@ def test_jacobians_are_the_derivatives_of_the_prediction(pool):
     model, readings = pool
     J = position_jacobians(model, readings[:5])
     parameters, step = model.parameters, 1e-6
-    free = [
-        n for n in parameters.names if n not in parameters.gauge and not n.startswith("hand.")
-    ]
+    free = [n for n in parameters.names if n not in parameters.gauge and not n.startswith("hand.")]
     assert J.shape == (5, 3, 23)
     assert len(free) == 23
     angles, marker = model.servos.to_radians(readings[:5]), np.zeros(5, dtype=int)

@@ -4,7 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from hypothesis import assume, given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 
@@ -150,10 +150,9 @@ def test_a_good_calibration_hardly_ever_fails(truth, joined):
         assert verdict.status == "PASS", (seed, verdict.reasons)
 
 
-@settings(max_examples=40)
-@given(values=DISTINCT, cut=st.integers(1, 59))
+@given(values=DISTINCT, cut=st.integers(0, 58))
 def test_the_rank_score_knows_which_sample_is_larger(values, cut):
-    assume(cut < len(values))
+    cut = 1 + cut % (len(values) - 1)
     a, b = np.array(values[:cut], dtype=float), np.array(values[cut:], dtype=float)
     score = rank_score(a, b)
     assert score == pytest.approx(-rank_score(b, a))

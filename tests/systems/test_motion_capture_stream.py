@@ -113,7 +113,8 @@ def _greet_and_leave(listener):
         (b'{"format": "other/1"}\n', "not nico-motion-capture/1"),
         (b'{"format": "nico-motion-capture/1", "markers": ["hand"]}\n[1]\n', "no frame"),
         (
-            b'{"format": "nico-motion-capture/1", "markers": ["hand"]}\n{"frame": 1, "time_s": 0}\n',
+            b'{"format": "nico-motion-capture/1", "markers": ["hand"]}\n'
+            b'{"frame": 1, "time_s": 0}\n',
             "no frame",
         ),
         (

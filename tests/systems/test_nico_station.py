@@ -144,9 +144,7 @@ def true_rig(station, body):
     for joint, value in body.held.items():
         built.plant.GetJointByName(joint, built.instance).set_angle(context, value)
     eyes = []
-    for camera, link in zip(
-        body.rig.eyes, ("left_wide_camera", "right_wide_camera"), strict=True
-    ):
+    for camera, link in zip(body.rig.eyes, ("left_wide_camera", "right_wide_camera"), strict=True):
         frame = built.plant.GetFrameByName(link, built.instance)
         X_WF = frame.CalcPoseInWorld(context).GetAsMatrix4()
         eyes.append(Camera.from_values(camera.values, camera.image_size, X_WF @ camera.X_WC))

@@ -70,7 +70,7 @@ def test_an_outsider_measures_the_hand_where_the_true_eyes_see_it(protocol, body
     for command in commands(protocol, body, 5):
         sighting, p_LH = body.observe(command)
         assert sighting.pixels["hand"] == pytest.approx(rig.project(p_LH[0]), abs=1e-9)
-    assert np.array_equal(rig.left.X_WC, np.eye(4))
+    np.testing.assert_allclose(rig.left.X_WC, np.eye(4), atol=1e-15)
 
 
 def test_its_eyes_are_those_that_look_at_boards(protocol, body):

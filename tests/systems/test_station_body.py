@@ -126,10 +126,8 @@ class _Restless(LeafSystem):
 
 
 def test_joints_that_never_come_to_rest_are_an_error():
-    restless = StationBody(
-        _Restless(), JOINTS, ["hand"], sensor="motion-capture", timeout=0.5
-    )
-    with pytest.raises(RobotError, match="did not come to rest within 0.5 s: base reads"):
+    restless = StationBody(_Restless(), JOINTS, ["hand"], sensor="motion-capture", timeout=0.5)
+    with pytest.raises(RobotError, match=r"did not come to rest within 0\.5 s: base reads"):
         restless.visit([100.0, 0.0])
 
 

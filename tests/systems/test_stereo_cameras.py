@@ -25,7 +25,9 @@ def eye(dx=0.0, **lens):
 RIG = StereoRig(eye(), eye(0.1))
 SMALL = StereoRig(
     *(
-        Camera(190.0, 190.0, 160.0, 119.0, (320, 240), k1=-0.2, X_WC=transform(np.eye(3), [x, 0, 0]))
+        Camera(
+            190.0, 190.0, 160.0, 119.0, (320, 240), k1=-0.2, X_WC=transform(np.eye(3), [x, 0, 0])
+        )
         for x in (0.0, 0.07)
     )
 )

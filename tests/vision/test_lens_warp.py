@@ -20,7 +20,9 @@ def pinhole_picture(warp, ideal, sigma=5.0):
     u, v = np.arange(width) + 0.5, np.arange(height) + 0.5
     picture = np.zeros((height, width))
     for x, y in places:
-        spot = np.exp(-0.5 * ((v - y) / sigma) ** 2)[:, None] * np.exp(-0.5 * ((u - x) / sigma) ** 2)
+        spot = np.exp(-0.5 * ((v - y) / sigma) ** 2)[:, None] * np.exp(
+            -0.5 * ((u - x) / sigma) ** 2
+        )
         picture += 250.0 * spot
     return np.rint(np.clip(picture, 0.0, 255.0)).astype(np.uint8)
 

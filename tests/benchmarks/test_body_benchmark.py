@@ -1,0 +1,97 @@
+"""Speed of the whole body against a named peer, in one run: 200 poses, 4 pixels, 42 parameters."""
+
+from time import perf_counter
+
+import numpy as np
+import pytest
+from scipy.optimize import least_squares
+
+from nico_selfmodel.estimation.arm_views import LinesView
+from nico_selfmodel.estimation.body_problem import BodyProblem
+from nico_selfmodel.estimation.body_start import body_start, lines_of
+from nico_selfmodel.estimation.hand_noise import HandNoise
+from nico_selfmodel.estimation.pixel_observations import PixelObservations
+from nico_selfmodel.experiments.body_protocol import BodyProtocol
+from nico_selfmodel.experiments.refinement import simulated_lesson
+from nico_selfmodel.model.line_kinematics import hand_points
+from nico_selfmodel.systems import WORLDS
+
+pytestmark = pytest.mark.benchmark
+NOISE = HandNoise(0.3, np.radians(0.29))
+HELD = [f"{eye}.{name}" for eye in ("left", "right") for name in ("skew", "p1", "p2")]
+
+
+@pytest.fixture(scope="module")
+def problem():
+    """Return the unanchored problem of chapter 8, whitened, from a start learned by stereo."""
+    world = WORLDS["clean"].with_noise(play_deg=0.5)
+    lesson = simulated_lesson(BodyProtocol.of_nico(), world, 0, "fiducial", random_poses=139)
+    start, dataset, _ = body_start(lesson.train, lesson.eyes, None, 0)
+    observations = PixelObservations.from_dataset(dataset)
+    assert len(observations) == 200
+    assert observations.by_both.all()
+    view = LinesView(observations.arm, lines_of(start, ("hand",)))
+    # The scale is nobody's: the baseline holds it.
+    held = dict.fromkeys([*HELD, "right.pose.x"])
+    built = BodyProblem(observations, view, start.rig, None, held)
+    x = built.program.start
+    built.hand.whiten(NOISE.whitening(built.hand.by_angle(x), observations.seen))
+    return built
+
+
+def ideal_in(eye, p_LH):
+    """Return X/Z and Y/Z in an eye. Shape (3, N) -> (2, N)."""
+    x, y, z = eye.X_CW[:3, :3] @ p_LH + eye.X_CW[:3, 3:]
+    return np.stack([x / z, y / z])
+
+
+def fastest(function, rounds=15):
+    times = []
+    for _ in range(rounds):
+        begin = perf_counter()
+        function()
+        times.append(perf_counter() - begin)
+    return min(times)
+
+
+def test_200_poses_and_42_parameters_beat_scipy_on_the_same_jacobian(problem, benchmark):
+    program, block = problem.program, problem.hand
+    free, start = np.flatnonzero(program.free), program.start
+    assert len(free) == 42
+
+    def full(y):
+        x = start.copy()
+        x[free] = y
+        return x
+
+    view, q_of = problem.hand.arm, problem.observations.arm.angles
+    whitening = NOISE.whitening(block.by_angle(start), problem.observations.seen)
+
+    def residuals(y):
+        """As cheap as they can be: no derivatives."""
+        x = full(y)
+        arm = view.hypothesis(x[: len(view.names)])
+        chain, q = arm.chain, np.ascontiguousarray(arm.q_of(q_of).T)
+        zero = np.repeat(chain.p_WH_zero[0][:, None], q.shape[1], axis=1)
+        p_LH = hand_points(chain.directions, chain.points, zero, q)
+        rig = problem.rig_at(x)
+        pixels = [eye.pixels_of(ideal_in(eye, p_LH)) for eye in rig.eyes]
+        r = (np.concatenate(pixels) - block.measured).T
+        return (whitening @ r[:, :, None])[:, :, 0].T.ravel()
+
+    def jacobian(y):
+        return block.evaluate(full(y))[1][free].reshape(len(free), -1).T
+
+    def peer():
+        return least_squares(residuals, start[free], jac=jacobian, method="lm", x_scale="jac")
+
+    assert residuals(start[free]) == pytest.approx(block.evaluate(start)[0].ravel(), abs=1e-9)
+    ours, theirs = program.solve(), peer()
+    assert ours.converged
+    assert ours.cost == pytest.approx(theirs.cost, rel=1e-7)
+    ratio = min(fastest(program.solve) / fastest(peer) for _ in range(3))
+    benchmark.extra_info["ratio_to_scipy_lm"] = ratio
+    benchmark.extra_info["iterations"] = (ours.iterations, theirs.nfev)
+    benchmark(program.solve)
+    assert ratio <= 0.6
+    assert benchmark.stats["min"] <= 60e-3

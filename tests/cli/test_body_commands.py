@@ -1,0 +1,224 @@
+"""`calibrate body`, `calibrate tool`, `rezero`, `check`, and the experiments of chapter 8."""
+
+import json
+from dataclasses import replace
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+
+from nico_selfmodel.experiments.body_protocol import BodyProtocol
+from nico_selfmodel.experiments.refinement import simulated_lesson
+from nico_selfmodel.model import SelfModel
+from nico_selfmodel.systems import WORLDS
+
+PLAY = WORLDS["clean"].with_noise(play_deg=0.5)
+TOOL = np.array([0.025, 0.0, -0.08])
+
+
+@pytest.fixture(scope="module")
+def recorded(tmp_path_factory):
+    """Return a folder of data sets and the seed's eyes, and the boards they learned from."""
+    folder = tmp_path_factory.mktemp("bodies")
+    protocol = BodyProtocol.of_nico()
+    lesson = simulated_lesson(protocol, PLAY, 0, "fiducial")
+    lesson.train.save(folder / "train")
+    lesson.test.save(folder / "test")
+    lesson.eyes.save(folder / "eyes.yaml")
+    (folder / "photographs").mkdir()
+    one = protocol.body(PLAY, 0, session=2)
+    rng = np.random.default_rng(0)
+    protocol.record(one, "later", protocol.random_poses(30, rng)).save(folder / "later")
+    one.slip("right_elbow", np.radians(3.0))
+    protocol.record(one, "slipped", protocol.random_poses(20, rng)).save(folder / "slipped")
+    one.take_tool(TOOL)
+    held = protocol.body(PLAY, 0, session=3)
+    held.take_tool(TOOL)
+    poses = protocol.random_poses(25, rng, TOOL)
+    protocol.record(held, "tool", poses).save(folder / "tool")
+    return folder, lesson.boards
+
+
+@pytest.fixture
+def photographs(recorded, monkeypatch):
+    """Let a folder of photographs show the boards that the eyes learned from."""
+    folder, boards = recorded
+    found = SimpleNamespace(seen_views=boards)
+    monkeypatch.setattr("nico_selfmodel.vision.detect_boards", lambda *_, **__: found)
+    return folder / "photographs"
+
+
+@pytest.fixture(scope="module")
+def body(recorded, command, tmp_path_factory):
+    """Return the result folder of a learned body."""
+    folder, boards = recorded
+    out = tmp_path_factory.mktemp("body") / "nico"
+    with pytest.MonkeyPatch.context() as patch:
+        found = SimpleNamespace(seen_views=boards)
+        patch.setattr("nico_selfmodel.vision.detect_boards", lambda *_, **__: found)
+        done = command(
+            *("calibrate", "body", folder / "train", "--model", folder / "eyes.yaml"),
+            *("--boards", folder / "photographs", "--test", folder / "test", "--out", out),
+        )
+    assert done.returncode == 0, done.stdout + done.stderr
+    assert "PASS" in done.stdout
+    assert "held-out boards" in done.stdout
+    assert "scale held by" in done.stdout
+    return out
+
+
+def document_of(folder):
+    return json.loads((folder / "result.json").read_text())
+
+
+def test_a_body_leaves_model_numbers_and_urdf(body):
+    names = {path.name for path in body.iterdir()}
+    assert {"self_model.yaml", "result.json"} <= names
+    assert any(name.endswith("_learned.urdf") for name in names)
+    model = SelfModel.load(body)
+    assert model.has_arm
+    assert set(model.cameras) == {"left", "right"}
+    document = document_of(body)
+    assert document["status"] == "PASS"
+    assert document["boards"]["held_out"]
+    assert document["test"]["position_mm"]["mean"] < 3.0
+    assert document["cross_validation"]["n"] > 150
+
+
+def test_the_thesis_own_variant_ends_with_one_where_it_harmed_the_eyes(
+    recorded, photographs, command, tmp_path
+):
+    folder, _ = recorded
+    done = command(
+        *("calibrate", "body", folder / "train", "--model", folder / "eyes.yaml"),
+        *("--boards", photographs, "--board-test-fraction", 0.5, "--variant", "thesis"),
+        *("--out", tmp_path / "out", "--json"),
+    )
+    document = json.loads(done.stdout)
+    assert document == document_of(tmp_path / "out")
+    assert document["variant"] == "thesis"
+    assert any("the thesis' own variant" in words for words in document["warnings"])
+    assert done.returncode == (1 if document["status"] == "FAIL" else 0)
+
+
+def test_kinematics_alone_need_no_boards(recorded, command, tmp_path):
+    folder, _ = recorded
+    done = command(
+        *("calibrate", "body", folder / "train", "--model", folder / "eyes.yaml"),
+        *("--stage", "kinematics", "--test-fraction", 0.2, "--robot", "nico"),
+        *("--base", "chest", "--tip", "right_hand", "--hold", "right_forearm_twist=-1.5708"),
+        *("--hold", "right_wrist", "--point", "hand=right_hand_fiducial"),
+        *("--out", tmp_path / "arm"),
+    )
+    assert done.returncode == 0, done.stderr
+    assert (tmp_path / "arm" / "nico_learned.urdf").is_file()
+    assert document_of(tmp_path / "arm")["scale_from"] == "eyes"
+
+
+def test_a_tool_from_the_command_line(recorded, body, command, tmp_path):
+    folder, _ = recorded
+    done = command(
+        *("calibrate", "tool", body, folder / "tool", "--test-fraction", 0.5),
+        *("--tool", "screwdriver", "--out", tmp_path / "held"),
+    )
+    assert done.returncode == 0, done.stdout + done.stderr
+    assert "tip" in done.stdout
+    document = document_of(tmp_path / "held")
+    reach = document["reach_mm"]
+    assert reach["value"] == pytest.approx(1e3 * np.linalg.norm(TOOL), abs=4.0 * reach["sigma"])
+    assert SelfModel.load(tmp_path / "held").markers == ("hand", "screwdriver")
+
+
+def test_a_bare_hand_as_a_tool_ends_with_one(recorded, body, command, tmp_path):
+    folder, _ = recorded
+    done = command("calibrate", "tool", body, folder / "later", "--out", tmp_path / "none")
+    assert done.returncode == 1
+    assert "no tool can be told" in done.stdout
+
+
+def test_check_says_what_changed_and_learns_just_that(recorded, body, command, tmp_path):
+    folder, _ = recorded
+    fine = command("check", body, folder / "later")
+    assert fine.returncode == 0
+    assert "PASS" in fine.stdout
+    ill = command("check", body, folder / "slipped")
+    assert ill.returncode == 1
+    assert "zero of right_elbow" in ill.stdout
+    assert "nico-selfmodel rezero MODEL DATASET --joint right_elbow" in ill.stdout
+    document = json.loads(command("check", body, folder / "slipped", "--json").stdout)
+    assert document["causes"][0]["parameters"] == ["right_elbow.theta_offset"]
+    cured = command("check", body, folder / "slipped", "--relearn", "--out", tmp_path / "cured")
+    assert cured.returncode == 0, cured.stdout + cured.stderr
+    assert document_of(tmp_path / "cured")["cause"] == "zero of right_elbow"
+    assert command("check", tmp_path / "cured", folder / "slipped").returncode == 0
+
+
+def test_rezero_of_one_joint_and_of_all(recorded, body, command, tmp_path):
+    folder, _ = recorded
+    one = command(
+        *("rezero", body, folder / "slipped", "--joint", "right_elbow"),
+        *("--out", tmp_path / "one"),
+    )
+    assert one.returncode == 0, one.stdout + one.stderr
+    shift = document_of(tmp_path / "one")["shift_deg"]
+    assert shift["right_elbow"] == pytest.approx(3.0, abs=0.7)
+    assert shift["right_shoulder_roll"] == pytest.approx(0.0, abs=1e-9)
+    every = command("rezero", body, folder / "slipped", "--out", tmp_path / "all", "--json")
+    assert every.returncode == 0
+    assert set(json.loads(every.stdout)["parameters"]) == {
+        f"{joint}.theta_offset" for joint in SelfModel.load(body).joints
+    }
+
+
+@pytest.mark.parametrize(
+    ("words", "complaint"),
+    [
+        (("--variant", "anchored"), "needs views of a chessboard by both eyes"),
+        (("--stage", "all"), "choose one of kinematics"),
+        (("--test-fraction", 0.2, "--test", "test"), "give --test or --test-fraction"),
+        (("--arm", "right_arm"), "need --robot"),
+        (("--stage", "kinematics", "--pin", "left.f"), "no camera parameter"),
+    ],
+)
+def test_what_cannot_be_done_is_one_line_and_writes_nothing(
+    recorded, command, tmp_path, words, complaint
+):
+    folder, _ = recorded
+    words = [folder / w if w == "test" else w for w in words]
+    done = command(
+        *("calibrate", "body", folder / "train", "--model", folder / "eyes.yaml"),
+        *("--out", tmp_path / "out", *words),
+    )
+    assert done.returncode == 2
+    assert complaint in done.stderr
+    assert len(done.stderr.strip().splitlines()) == 1
+    assert not (tmp_path / "out").exists()
+
+
+def test_models_and_data_that_do_not_suit_are_refused(recorded, body, command, tmp_path):
+    folder, _ = recorded
+    eyeless = SelfModel.load(body)
+    replace(eyeless, cameras={}, covariance=None).save(tmp_path / "arm.yaml")
+    out = tmp_path / "out"
+    done = command(
+        *("calibrate", "body", folder / "train", "--model", tmp_path / "arm.yaml"),
+        *("--stage", "kinematics", "--out", out),
+    )
+    assert done.returncode == 2
+    assert "no pair of eyes" in done.stderr
+    assert command("check", folder / "eyes.yaml", folder / "later").returncode == 2
+    lone = command("check", body, folder / "slipped", "--relearn")
+    assert "--relearn and --out belong together" in lone.stderr
+    assert not out.exists()
+
+
+def test_the_experiments_of_chapter_8_run(command, tmp_path):
+    done = command(
+        *("experiment", "refinement", "--individuals", 1, "--tracker", "fiducial"),
+        *("--out", tmp_path / "refined"),
+    )
+    assert done.returncode == 0, done.stderr
+    assert (tmp_path / "refined" / "true.png").is_file()
+    wrong = command("experiment", "refinement", "--tracker", "touch", "--out", tmp_path / "x")
+    assert wrong.returncode == 2
+    assert "no tracker" in wrong.stderr
