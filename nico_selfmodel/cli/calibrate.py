@@ -1,8 +1,7 @@
 """`nico-selfmodel calibrate`: learn from recorded data."""
 
-import json
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
@@ -17,6 +16,10 @@ from nico_selfmodel.cli.robot_options import (
     check_points,
     chosen_arm,
 )
+
+if TYPE_CHECKING:
+    from nico_selfmodel.dataset import Dataset
+    from nico_selfmodel.estimation.sight import Sight
 
 app = typer.Typer(help="Learn a self-model from recorded data.", no_args_is_help=True)
 app.command("stereo")(calibrate_cameras.stereo)
@@ -80,10 +83,9 @@ def kinematics(
     """Learn an arm from encoder readings and measured points of the hand."""
     from nico_selfmodel.dataset import Dataset
     from nico_selfmodel.estimation import Pins, calibrate_kinematics, judge, result_document
-    from nico_selfmodel.files import RESULT_FILE, refuse_folder, write_whole
-    from nico_selfmodel.model import SelfModel
+    from nico_selfmodel.files import refuse_folder
 
-    refuse_folder(out, force=force, inputs=[dataset, test, robot])
+    refuse_folder(out, force=force, inputs=[dataset, test, robot, eyes])
     _check_options(robot, (arm, base, tip, hold, point), require_test_mm)
     _check_held_out(test, test_fraction)
     pins = Pins.from_text(pin or (), free or ())
@@ -93,12 +95,9 @@ def kinematics(
         raise ValueError(f"--test {test} holds the training data: nothing would be held out")
     if test_fraction is not None:
         train, held_out = train.split(test_fraction, seed)
-    seeing = None
-    if eyes is not None:
-        from nico_selfmodel.estimation.sight import Sight
-
-        seeing = Sight.of(SelfModel.load(eyes), train, held_out)
-        train, held_out = seeing.train, seeing.test
+    sight = None if eyes is None else _by_sight(eyes, train, held_out)
+    if sight is not None:
+        train, held_out = sight.train, sight.test
     description, nominal = None, None
     if robot is not None:
         from nico_selfmodel.experiments.first_arm import nominal_of
@@ -119,8 +118,8 @@ def kinematics(
             seed=seed,
             name=name,
         )
-        if seeing is not None:
-            calibration = seeing.complete(calibration)
+        if sight is not None:
+            calibration = sight.complete(calibration)
         stage("learning", 1, 1)
         verdict = judge(calibration, require_test_mm)
         stage("writing the result", 0, 1)
@@ -139,14 +138,22 @@ def kinematics(
         )
         stage("writing the result", 1, 1)
     document = result_document(calibration, verdict)
-    if seeing is not None:
-        seeing.add_pixels(document, calibration.model)
-        write_whole(out / RESULT_FILE, json.dumps(document, allow_nan=False, indent=1) + "\n")
+    if sight is not None:
+        sight.add_pixels(document, calibration.model)
+        console.write_document(out, document)
     if as_json:
         console.print_json(document)
     else:
         console.print_calibration(calibration.model.name, document, out)
     raise typer.Exit(1 if verdict.status == "FAIL" else 0)
+
+
+def _by_sight(eyes: Path, train: "Dataset", held_out: "Dataset | None") -> "Sight":
+    """Reconstruct the hand from its pixels with calibrated eyes."""
+    from nico_selfmodel.estimation.sight import Sight
+    from nico_selfmodel.model import SelfModel
+
+    return Sight.of(SelfModel.load(eyes), train, held_out)
 
 
 def _check_options(

@@ -1,5 +1,6 @@
 """`nico-selfmodel learn`: the main job."""
 
+import warnings
 from collections.abc import Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
@@ -66,7 +67,7 @@ def learn(
 def _chosen_sensor(sensor: str | None, elsewhere: bool) -> str:
     """Return who watches; refuse eyes that another robot or arm does not have."""
     if sensor is None:
-        return "motion-capture" if elsewhere else "stereo-fiducial"
+        return "motion-capture" if elsewhere else _eyes_or_else()
     if sensor not in SENSORS:
         raise ValueError(f"no sensor {sensor!r}; there are {', '.join(SENSORS)}")
     if elsewhere and sensor != "motion-capture":
@@ -75,6 +76,20 @@ def _chosen_sensor(sensor: str | None, elsewhere: bool) -> str:
             "another one, or take --sensor motion-capture"
         )
     return sensor
+
+
+def _eyes_or_else() -> str:
+    """Return Nico's eyes, or motion capture where nothing can be rendered, and say so."""
+    from nico_selfmodel.systems.renderer import can_render
+
+    if can_render():
+        return "stereo-fiducial"
+    warnings.warn(
+        "nothing can be rendered here (libegl1 and libgl1-mesa-dri are missing): motion capture "
+        "watches instead of the eyes",
+        stacklevel=2,
+    )
+    return "motion-capture"
 
 
 def _by_motion_capture(

@@ -1,6 +1,5 @@
 """The part of `nico-selfmodel learn` that goes through the eyes."""
 
-import json
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -47,7 +46,6 @@ def learn_by_sight(
 def _write(out: Path, lesson: "EyesLesson", marker: str, force: bool) -> dict[str, Any]:
     """Write the result folder; return what is in its `result.json`."""
     from nico_selfmodel.estimation import judge, result_document
-    from nico_selfmodel.files import RESULT_FILE, write_whole
     from nico_selfmodel.plant import learned_urdf
     from nico_selfmodel.systems import looking_arm
     from nico_selfmodel.viz import write_result_folder
@@ -72,7 +70,7 @@ def _write(out: Path, lesson: "EyesLesson", marker: str, force: bool) -> dict[st
         "rms_px": lesson.eyes.rms,
         "baseline_mm": 1e3 * lesson.eyes.rig.baseline,
     }
-    write_whole(out / RESULT_FILE, json.dumps(document, allow_nan=False, indent=1) + "\n")
+    console.write_document(out, document)
     return document
 
 

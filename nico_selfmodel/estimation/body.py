@@ -157,7 +157,9 @@ def calibrate_body(
 
 
 def _require_boards(options: BodyOptions, boards: BoardViews | None) -> None:
-    both = 0 if boards is None or len(boards.eyes) != 2 else int(boards.seen.any(2).all(1).sum())
+    both = 0
+    if boards is not None and len(boards.eyes) == 2:
+        both = int(np.all(boards.seen.any(axis=2), axis=1).sum())
     if options.anchored and both < FEWEST_VIEWS:
         raise ValueError(
             f"the anchored variant needs views of a chessboard by both eyes, {FEWEST_VIEWS} at "

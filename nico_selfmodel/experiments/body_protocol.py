@@ -2,6 +2,7 @@
 
 from collections.abc import Callable
 from dataclasses import dataclass, replace
+from functools import cache
 
 import numpy as np
 from numpy.typing import NDArray
@@ -60,13 +61,7 @@ class BodyProtocol:
         """
         if tracker not in POINTS:
             raise ValueError(f"no tracker {tracker!r}; there are {', '.join(POINTS)}")
-        points = {"hand": POINTS[tracker]}
-        arm = ArmDescription.from_urdf("nico", "chest", "right_hand", HELD, points)
-        tree = KinematicTree.from_urdf(arm.urdf)
-        X_BL = tree.poses(LOOKING, "chest", [tree.frame("left_wide_camera")])[0]
-        blank = cls(arm, X_BL, NICO_EYES, np.zeros(4), np.zeros((4, 2)))
-        home, arcs = blank._best_home()
-        return replace(blank, home=home, arcs=arcs)
+        return _of_nico(tracker)
 
     def body(
         self, world: World, seed: int, session: int = 0, tracker: str = "fiducial"
@@ -195,6 +190,18 @@ class BodyProtocol:
         at = self.arm.chain.rezeroed(q)
         arm = at.p_WH_zero[0] - at.points
         return np.linalg.norm(np.cross(at.directions, arm), axis=1)
+
+
+@cache
+def _of_nico(tracker: str) -> BodyProtocol:
+    """Plan home and sweeps once: nothing in them is random, and nobody can change them."""
+    points = {"hand": POINTS[tracker]}
+    arm = ArmDescription.from_urdf("nico", "chest", "right_hand", HELD, points)
+    tree = KinematicTree.from_urdf(arm.urdf)
+    X_BL = tree.poses(LOOKING, "chest", [tree.frame("left_wide_camera")])[0]
+    blank = BodyProtocol(arm, X_BL, NICO_EYES, np.zeros(4), np.zeros((4, 2)))
+    home, arcs = blank._best_home()
+    return replace(blank, home=home, arcs=arcs)
 
 
 def _moved(chain: Chain, shift: NDArray | None) -> Chain:

@@ -226,7 +226,7 @@ def _inverses(matrices: NDArray) -> NDArray:
     try:
         return np.linalg.inv(matrices)
     except np.linalg.LinAlgError:
-        regular = np.isfinite(matrices).all(axis=(1, 2))
+        regular = np.asarray(np.isfinite(matrices).all(axis=(1, 2)))
         regular[regular] = np.linalg.matrix_rank(matrices[regular]) == 3
         found = np.full_like(matrices, np.nan)
         found[regular] = np.linalg.inv(matrices[regular])

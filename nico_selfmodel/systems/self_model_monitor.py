@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
-from pydrake.common.value import Value
+from pydrake.common.value import Value  # pyright: ignore[reportAttributeAccessIssue]
 from pydrake.systems.framework import BasicVector, Context, LeafSystem, State
 
 from nico_selfmodel.dataset import Dataset, JointInfo

@@ -87,7 +87,10 @@ class SimulatedBody:
         self.__true_chain = _individual(nominal, world, build)
         self.__servos = _servos(nominal.joints, world, build)
         self._stops = _stops(self.__servos, lower, upper, world, np.random.default_rng((seed, 2)))
-        self.__largest_torque = _largest_torque(self.__true_chain, lower, upper, build)
+        self.__largest_torque = 1.0
+        if world.sag:
+            sampled = np.random.default_rng((seed, 15))
+            self.__largest_torque = _largest_torque(self.__true_chain, lower, upper, sampled)
         turn = rotation_from_vector(build.normal(0.0, _NECK_TURN, 3))
         shift = build.normal(0.0, _NECK_SHIFT, 3)
         self.__rig = _individual_rig(seed, eyes)

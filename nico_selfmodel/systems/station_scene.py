@@ -26,6 +26,7 @@ from pydrake.systems.framework import BasicVector, Context, LeafSystem
 
 from nico_selfmodel.model import Chain
 from nico_selfmodel.plant import SelfModelPlant
+from nico_selfmodel.systems.renderer import check_renderer
 from nico_selfmodel.systems.stereo_cameras import RENDERER
 from nico_selfmodel.systems.textured_card import textured_card
 from nico_selfmodel.vision.chessboard import Board
@@ -60,6 +61,7 @@ def add_renderer(scene_graph: SceneGraph, name: str = RENDERER) -> None:
         for way, intensity in _LIGHTS
     ]
     parameters = RenderEngineVtkParams(default_clear_color=np.array(_ROOM), lights=lights)
+    check_renderer()
     scene_graph.AddRenderer(name, MakeRenderEngineVtk(parameters))
 
 

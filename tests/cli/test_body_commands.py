@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from nico_selfmodel.experiments.body_protocol import BodyProtocol
-from nico_selfmodel.experiments.refinement import simulated_lesson
+from nico_selfmodel.experiments.refinement import CONDITIONS, simulated_lesson
 from nico_selfmodel.model import SelfModel
 from nico_selfmodel.systems import WORLDS
 
@@ -212,7 +212,9 @@ def test_models_and_data_that_do_not_suit_are_refused(recorded, body, command, t
     assert not out.exists()
 
 
-def test_the_experiments_of_chapter_8_run(command, tmp_path):
+def test_the_experiments_of_chapter_8_run(command, tmp_path, monkeypatch):
+    some = {"full, anchored": CONDITIONS["full, anchored"]}
+    monkeypatch.setattr("nico_selfmodel.experiments.refinement.CONDITIONS", some)
     done = command(
         *("experiment", "refinement", "--individuals", 1, "--tracker", "fiducial"),
         *("--out", tmp_path / "refined"),

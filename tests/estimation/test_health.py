@@ -251,6 +251,7 @@ def test_the_workspace_splits_into_what_data_cure_and_what_mechanics_leave(model
         workspace_accuracy(replace(model, covariance=None), readings)
 
 
+@pytest.mark.slow
 def test_twice_the_data_cure_half_of_the_learned_variance():
     from nico_selfmodel.estimation import calibrate_body
 

@@ -14,7 +14,7 @@ PLAY = WORLDS["clean"].with_noise(play_deg=0.5)
 
 @pytest.fixture(scope="module")
 def refined():
-    return run_refinement(PLAY, individuals=2, trackers=("fiducial",))
+    return run_refinement(PLAY, individuals=1, trackers=("fiducial",))
 
 
 def test_the_anchored_row_has_the_least_true_error_and_is_never_refused(refined):
@@ -39,7 +39,7 @@ def test_the_tables_stand_beside_the_thesis(refined, tmp_path):
     assert rows[2][6].endswith("/ 9.5, 5.6")
     refinement_report.write_report(refined, tmp_path / "out")
     document = json.loads((tmp_path / "out" / "result.json").read_text())
-    assert document["individuals"] == 2
+    assert document["individuals"] == 1
     assert document["thesis"]["fiducial"]["full, as published"]["own_mm"] == [1.99, 1.24]
     text = (tmp_path / "out" / "tables.md").read_text()
     assert "own 3D" in text
