@@ -81,7 +81,6 @@ def kinematics(
     as_json: Annotated[bool, typer.Option("--json", help="Print result.json instead.")] = False,
 ) -> None:
     """Learn an arm from encoder readings and measured points of the hand."""
-    from nico_selfmodel.dataset import Dataset
     from nico_selfmodel.estimation import Pins, calibrate_kinematics, judge, result_document
     from nico_selfmodel.files import refuse_folder
 
@@ -89,12 +88,7 @@ def kinematics(
     _check_options(robot, (arm, base, tip, hold, point), require_test_mm)
     _check_held_out(test, test_fraction)
     pins = Pins.from_text(pin or (), free or ())
-    train = Dataset.load(dataset)
-    held_out = None if test is None else Dataset.load(test)
-    if held_out is not None and held_out.sha256 == train.sha256:
-        raise ValueError(f"--test {test} holds the training data: nothing would be held out")
-    if test_fraction is not None:
-        train, held_out = train.split(test_fraction, seed)
+    train, held_out = _parts(dataset, test, test_fraction, seed)
     sight = None if eyes is None else _by_sight(eyes, train, held_out)
     if sight is not None:
         train, held_out = sight.train, sight.test
@@ -146,6 +140,21 @@ def kinematics(
     else:
         console.print_calibration(calibration.model.name, document, out)
     raise typer.Exit(1 if verdict.status == "FAIL" else 0)
+
+
+def _parts(
+    dataset: Path, test: Path | None, test_fraction: float | None, seed: int
+) -> "tuple[Dataset, Dataset | None]":
+    """Load the training data and what is held out of them or beside them."""
+    from nico_selfmodel.dataset import Dataset
+
+    train = Dataset.load(dataset)
+    if test_fraction is not None:
+        return train.split(test_fraction, seed)
+    held_out = None if test is None else Dataset.load(test)
+    if held_out is not None and held_out.sha256 == train.sha256:
+        raise ValueError(f"--test {test} holds the training data: nothing would be held out")
+    return train, held_out
 
 
 def _by_sight(eyes: Path, train: "Dataset", held_out: "Dataset | None") -> "Sight":

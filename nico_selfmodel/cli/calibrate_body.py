@@ -102,9 +102,12 @@ def body(
         verdict = judge_body(found, require_test_mm, require_test_px)
         document = body_document(found, verdict)
         stage_bar("learning", 1, 1)
-        from nico_selfmodel.viz.model_folder import write_model_folder
+        stage_bar("writing the result", 0, 1)
+        # Drawing is slow to load, and only needed once there is something to draw.
+        from nico_selfmodel.viz.body_report import write_body_folder
 
-        write_model_folder(out, found.model, document, force=force)
+        write_body_folder(out, found, verdict, document, force=force)
+        stage_bar("writing the result", 1, 1)
     if as_json:
         console.print_json(document)
     else:

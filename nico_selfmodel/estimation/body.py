@@ -8,6 +8,7 @@ tracker noise and joint play, both estimated.
 
 import time
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -129,7 +130,9 @@ def calibrate_body(
     task = _Task(observations, start, boards if options.anchored else None, options)
     parameters, solved = task.solve()
     uncertainty = task.uncertainty(parameters, solved)
-    model = task.model(parameters, solved, uncertainty, dataset, name or start.name)
+    crossed = task.cross_validation(parameters, solved)
+    training = _training_of(dataset, observations, crossed)
+    model = task.model(parameters, solved, uncertainty, dataset, name or start.name, training)
     judged = test_boards if test_boards is not None else boards
     check = None
     if judged is not None and options.stage != "kinematics":
@@ -141,7 +144,7 @@ def calibrate_body(
         options,
         evaluate_pixels(model, dataset),
         None if test is None else evaluate_pixels(model, test),
-        task.cross_validation(parameters, solved),
+        crossed,
         solved.outliers,
         solved.noise,
         solved.corner_sigma,
@@ -178,6 +181,22 @@ def _believed_boards(
     rms = np.sqrt(np.nanmean(r**2, axis=(1, 2)))
     wild = rms > OUTLIER_RATIO * np.median(rms)
     return boards.select(~wild), wild
+
+
+def _training_of(
+    dataset: Dataset, observations: PixelObservations, crossed: PixelEvaluation | None
+) -> dict[str, Any]:
+    """Return what tells later whether the model is used beyond what it was trained for."""
+    readings = dataset.encoders[observations.arm.rows]
+    ranges = np.stack([readings.min(axis=0), readings.max(axis=0)], axis=1).tolist()
+    training: dict[str, Any] = {
+        "rows": len(observations),
+        "readings": dict(zip(dataset.joint_names, ranges, strict=True)),
+    }
+    errors = np.zeros(0) if crossed is None else crossed.distances
+    if len(errors):
+        training["expected_error"] = {"n": len(errors), "median_m": float(np.median(errors))}
+    return training
 
 
 class _Task:
@@ -289,13 +308,14 @@ class _Task:
         uncertainty: Uncertainty,
         dataset: Dataset,
         name: str,
+        training: dict[str, Any],
     ) -> SelfModel:
         """Assemble the self-model."""
         options = self.options
         fit = {
             "method": f"body, {options.stage}, {options.variant}",
             "loss": options.loss,
-            "rows": len(self.observations),
+            **training,
             JOINT_SIGMA: solved.noise.joint_sigma,
         }
         return SelfModel(

@@ -20,8 +20,8 @@ from nico_selfmodel.viz.scene import ROOT, LegendEntry, Scene
 from nico_selfmodel.viz.scene_items import Item, Markers, Picture, Rgba
 from nico_selfmodel.viz.surroundings import camera_from, floor_items
 
-_SPREAD = 0.9
-"""Width of an image in baselines, so that the two lie side by side."""
+_SPREAD = 1.5
+"""Width of an image in baselines: they overlap, as what the eyes see does."""
 _HAND = 0.006
 """Radius of what marks the hand [m]."""
 _MARK, _GAP, _THICK = 11, 4, 1
@@ -90,7 +90,7 @@ class StationView:
             LegendEntry("hand as tracked", TRACKED),
             LegendEntry("hand as predicted", PREDICTED),
         )
-        view = camera_from(points, np.radians(205.0), np.radians(38.0))
+        view = camera_from(points, np.radians(252.0), np.radians(30.0))
         return Scene(self.model.name, (*grid, *items), view, legend)
 
     def show(

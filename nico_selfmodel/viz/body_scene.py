@@ -1,0 +1,133 @@
+"""What a learned body looks like: arm, eyes, and how surely it knows where its hand is."""
+
+from dataclasses import replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from nico_selfmodel.estimation import BodyCalibration, WorkspaceAccuracy, workspace_accuracy
+from nico_selfmodel.geometry.transform import apply
+from nico_selfmodel.model import SelfModel
+from nico_selfmodel.viz import palette
+from nico_selfmodel.viz.arm_items import arm_items, arm_legend
+from nico_selfmodel.viz.arm_shape import arm_length
+from nico_selfmodel.viz.camera_scene import X_WL
+from nico_selfmodel.viz.eye_items import ImagePlane, eye_items
+from nico_selfmodel.viz.scene import LegendEntry, Scene
+from nico_selfmodel.viz.scene_items import Item, Markers, Needles
+from nico_selfmodel.viz.surroundings import camera_from, floor_items
+
+_DOT = 0.003
+_PLANE = 0.05
+"""Distance of image planes from their eyes [m]."""
+_ENLARGED = 10.0
+"""Residuals are drawn this many times as long."""
+_AZIMUTH, _ELEVATION = np.radians(250.0), np.radians(30.0)
+
+
+def body_scene(calibration: BodyCalibration) -> Scene:
+    """Describe a learned body as a scene; x is where the left eye looks, z is up.
+
+    Args:
+        calibration: What was learned.
+
+    Returns:
+        The arm at the training pose nearest to their middle, both eyes, the hand at every training
+        pose in the colour of its whole uncertainty, and its distance from where the eyes saw it,
+        tenfold.
+    """
+    accuracy = accuracy_at(calibration)
+    shown = _in_scene(calibration.model)
+    unit = arm_length(shown.chain)
+    q = _middle_pose(calibration)
+    items = [*arm_items(shown, q, unit), *_eyes(shown), *_hands(calibration, accuracy)]
+    points = np.concatenate(
+        [
+            apply(X_WL, calibration.train.p_LH_predicted),
+            shown.chain.rezeroed(q).points,
+            np.stack([eye.X_WC[:3, 3] for eye in shown.rig.eyes]),
+        ]
+    )
+    view = camera_from(points, float(_AZIMUTH), float(_ELEVATION))
+    legend = (*arm_legend(shown), *_legend(accuracy))
+    return Scene(shown.name, (*floor_items(points, unit), *items), view, legend)
+
+
+def accuracy_at(calibration: BodyCalibration) -> WorkspaceAccuracy:
+    """Return how surely the hand is known at the training poses."""
+    arm = calibration.train.observations.arm
+    model = calibration.model
+    return workspace_accuracy(model, arm.angles / model.servos.radians_per_unit)
+
+
+def _in_scene(model: SelfModel) -> SelfModel:
+    """Return the body in the scene's frame."""
+    table = replace(model.dh, X_W0=X_WL @ model.dh.X_W0)
+    cameras = {name: eye.at(X_WL @ eye.X_WC) for name, eye in model.cameras.items()}
+    return replace(model, table=table, cameras=cameras, covariance=None)
+
+
+def _middle_pose(calibration: BodyCalibration) -> NDArray:
+    """Return the joint displacements of the training pose nearest to the middle [rad]."""
+    servos = calibration.model.servos
+    q = (calibration.train.observations.arm.angles - servos.offset) / servos.gear
+    return q[int(np.argmin(np.sum((q - np.median(q, axis=0)) ** 2, axis=1)))]
+
+
+def _eyes(model: SelfModel) -> list[Item]:
+    return [
+        item
+        for name, eye in model.cameras.items()
+        for item in eye_items(name, ImagePlane(eye, _PLANE), None)
+    ]
+
+
+def _hands(calibration: BodyCalibration, accuracy: WorkspaceAccuracy) -> list[Item]:
+    """Return the hand at every pose, and where the eyes saw it."""
+    train, believed = calibration.train, ~calibration.outliers
+    predicted = apply(X_WL, train.p_LH_predicted)
+    seen = apply(X_WL, train.p_LH_seen)
+    colors = palette.error_colors(accuracy.total, float(accuracy.total.max()))
+    items: list[Item] = [
+        Markers(
+            path="hand/known_to",
+            color=palette.rgba(palette.HAND),
+            centers=predicted[believed],
+            colors=colors[believed],
+            radius=_DOT,
+        )
+    ]
+    both = np.isfinite(seen).all(axis=1)
+    if (both & believed).any():
+        rows = both & believed
+        items.append(
+            Needles(
+                path="hand/residuals_tenfold",
+                color=palette.rgba(palette.MUTED, 0.7),
+                starts=predicted[rows],
+                ends=(predicted + _ENLARGED * (seen - predicted))[rows],
+                radius=0.25 * _DOT,
+            )
+        )
+    if (both & ~believed).any():
+        items.append(
+            Markers(
+                path="hand/outliers",
+                color=palette.rgba(palette.OUTLIER),
+                centers=seen[both & ~believed],
+                radius=_DOT,
+            )
+        )
+    return items
+
+
+def _legend(accuracy: WorkspaceAccuracy) -> list[LegendEntry]:
+    scale = palette.error_colors(np.linspace(0.0, 1.0, 5), 1.0)
+    colors = tuple((float(r), float(g), float(b), 1.0) for r, g, b in scale)
+    return [
+        LegendEntry(f"hand known to 0 ... {1e3 * accuracy.total.max():.1f} mm", colors[-1], colors),
+        LegendEntry("where the eyes saw it, tenfold", palette.rgba(palette.MUTED, 0.7)),
+        LegendEntry("left eye", palette.rgba(palette.EYES["left"])),
+        LegendEntry("right eye", palette.rgba(palette.EYES["right"])),
+        LegendEntry("not believed", palette.rgba(palette.OUTLIER)),
+    ]

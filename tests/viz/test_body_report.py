@@ -1,0 +1,108 @@
+"""The report and scene of a body, and the folder of a changed self-model."""
+
+import json
+import re
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from nico_selfmodel.estimation import BodyOptions, body_document, calibrate_body, judge_body
+from nico_selfmodel.experiments.body_protocol import BodyProtocol
+from nico_selfmodel.experiments.refinement import simulated_lesson
+from nico_selfmodel.model import SelfModel
+from nico_selfmodel.systems import WORLDS
+from nico_selfmodel.viz.body_report import body_report_html, workspace_map, write_body_folder
+from nico_selfmodel.viz.body_scene import accuracy_at, body_scene
+from nico_selfmodel.viz.model_folder import write_model_folder
+from nico_selfmodel.viz.result_folder import load_scene
+
+
+@pytest.fixture(scope="module")
+def lesson():
+    world = WORLDS["clean"].with_noise(play_deg=0.5)
+    return simulated_lesson(BodyProtocol.of_nico(), world, 0, "fiducial", random_poses=40)
+
+
+@pytest.fixture(scope="module")
+def found(lesson):
+    train = lesson.train.pixels.copy()
+    train[70] += 40.0
+    wild = replace(lesson.train, pixels=train)
+    return calibrate_body(
+        wild, lesson.eyes, lesson.boards, test=lesson.test, test_boards=lesson.test_boards
+    )
+
+
+def test_the_folder_holds_model_report_scene_numbers_and_urdf(found, tmp_path):
+    verdict = judge_body(found)
+    document = body_document(found, verdict)
+    folder = write_body_folder(tmp_path / "body", found, verdict, document)
+    names = {path.name for path in folder.iterdir()}
+    assert names == {
+        "self_model.yaml",
+        "result.json",
+        "report.html",
+        "scene.json",
+        "eyes_learned.urdf",
+    }
+    assert SelfModel.load(folder).covariance.names == found.model.covariance.names
+    assert json.loads((folder / "result.json").read_text()) == document
+    assert len(load_scene(folder).items) == len(body_scene(found).items)
+    with pytest.raises(FileExistsError):
+        write_body_folder(folder, found, verdict, document)
+
+
+def test_the_report_shows_the_numbers_of_the_document_and_loads_nothing(found):
+    verdict = judge_body(found)
+    document = body_document(found, verdict)
+    html = body_report_html(found, verdict, document)
+    page = re.sub(r'srcdoc="[^"]*"', "", html)
+    for value in (
+        document["test"]["pixels"]["mean"],
+        document["test"]["position_mm"]["rms"],
+        document["boards"]["after"]["edge_mm"]["sd"],
+        document["workspace"]["learned_mm"]["mean"],
+        document["parameters"]["right.fx"]["value"],
+    ):
+        assert f'data-value="{value}"' in page
+    assert "PASS" in page
+    assert not re.search(r'(?:src|href)="(?!data:|#)', page)
+    assert "Samples not believed" in page
+
+
+def test_a_body_without_boards_says_so_and_has_no_board_table(lesson):
+    found = calibrate_body(
+        lesson.train, lesson.eyes, None, BodyOptions("intrinsics-pinned", "unanchored")
+    )
+    verdict = judge_body(found)
+    html = body_report_html(found, verdict, body_document(found, verdict))
+    assert "Do the eyes still measure" not in html
+    assert "right.pose.x" in html
+    assert "holds the scale" in html
+
+
+def test_the_scene_shows_every_believed_hand_and_the_wild_one(found):
+    scene = body_scene(found)
+    items = {item.path: item for item in scene.items}
+    assert len(items["hand/known_to"].centers) == int((~found.outliers).sum())
+    assert len(items["hand/outliers"].centers) == 1
+    assert {"eyes/left/outline", "eyes/right/outline"} <= set(items)
+    # The scene looks along x where the left eye looks along z.
+    ahead = found.train.p_LH_predicted[~found.outliers][:, 2]
+    assert items["hand/known_to"].centers[:, 0] == pytest.approx(ahead)
+
+
+def test_the_map_has_one_scale_and_says_what_more_data_would_cure(found):
+    accuracy = accuracy_at(found)
+    figure = workspace_map(accuracy)
+    panels = figure.axes[:3]
+    assert {ax.collections[0].norm.vmax for ax in panels} == {1e3 * accuracy.total.max()}
+    assert f"{100.0 * accuracy.curable:.0f} %" in figure.get_suptitle()
+    assert [len(ax.collections[0].get_offsets()) for ax in panels] == [len(accuracy.total)] * 3
+
+
+def test_a_model_of_eyes_alone_has_no_urdf(lesson, tmp_path):
+    folder = write_model_folder(tmp_path / "eyes", lesson.eyes, {"status": "PASS"})
+    assert {path.name for path in folder.iterdir()} == {"self_model.yaml", "result.json"}
+    assert np.isfinite(SelfModel.load(folder).rig.baseline)

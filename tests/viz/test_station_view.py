@@ -1,0 +1,82 @@
+"""The live scene: a robot that moves, images with marks, and a recording in one page."""
+
+import numpy as np
+import pytest
+
+from nico_selfmodel.dataset import JointInfo
+from nico_selfmodel.errors import ModelError
+from nico_selfmodel.systems import Reach, looking_arm
+from nico_selfmodel.viz.scene import ROOT
+from nico_selfmodel.viz.station_view import PREDICTED, TRACKED, StationView, marked
+
+ARM = looking_arm("fiducial")
+JOINTS = tuple(
+    JointInfo(name, "rad", None, float(low), float(high))
+    for name, low, high in zip(ARM.joints, ARM.lower, ARM.upper, strict=True)
+)
+MODEL = Reach.of(ARM).first_guess(JOINTS)
+READINGS = np.radians([-40.0, 15.0, -35.0, -55.0])
+IMAGES = [np.full((480, 640, 3), level, np.uint8) for level in (90, 120)]
+
+
+def pixels():
+    return MODEL.rig.project(MODEL.predict(READINGS).p_WH)[0]
+
+
+def test_a_cross_marks_a_pixel_and_leaves_it_to_be_seen():
+    image = np.zeros((60, 80, 3), np.uint8)
+    drawn = marked(image, {(1.0, 0.0, 0.0, 1.0): (30.2, 20.4)})
+    assert not image.any()
+    red = np.argwhere(drawn[:, :, 0] == 255)
+    assert red.mean(axis=0) == pytest.approx([20.0, 30.0])
+    assert not drawn[20, 30].any()
+    assert drawn[20, 38, 0] == drawn[12, 30, 0] == 255
+
+
+def test_two_marks_at_one_place_both_show_and_none_is_drawn_where_nothing_was_seen():
+    image = np.zeros((60, 80, 3), np.uint8)
+    both = marked(image, {TRACKED: (40.0, 30.0), PREDICTED: (40.0, 30.0)})
+    assert len(np.unique(both.reshape(-1, 3), axis=0)) == 3
+    assert not marked(image, {TRACKED: (np.nan, np.nan)}).any()
+    assert marked(image, {TRACKED: (500.0, -40.0)}).shape == image.shape
+
+
+def test_the_robot_moves_and_its_hand_and_eyes_are_drawn():
+    view = StationView(ARM, MODEL)
+    for q in (READINGS, np.zeros(4)):
+        view.show(q, IMAGES, pixels())
+    for path in ("hand/tracked", "hand/predicted", "eyes/left/image", "robot/right_hand"):
+        assert view.meshcat.HasPath(f"{ROOT}/{path}"), path
+    view.show(READINGS)
+    assert view.html().lstrip().lower().startswith("<!doctype html>")
+
+
+def test_the_predicted_hand_is_on_the_drawn_hand():
+    """In the scene's frame the robot's own plant puts the marker where the chain does."""
+    view = StationView(ARM, MODEL)
+    view._link_poses(READINGS)
+    frame = view._built.tracked_point_frame("fiducial")
+    on_robot = frame.CalcPoseInWorld(view._context).translation()
+    assert view.model.chain.forward(READINGS) == pytest.approx(on_robot, abs=1e-9)
+    # Upright: the head is above the hand, and the plinth at the origin.
+    links = view._link_poses(READINGS)
+    assert links["head"][2, 3] > on_robot[2] > 0.0
+    assert links["base"] == pytest.approx(np.eye(4), abs=1e-9)
+
+
+def test_a_recording_keeps_every_image():
+    view = StationView(ARM, MODEL, recording=True)
+    for k in range(3):
+        view.show(READINGS + 0.1 * k, IMAGES, pixels() if k else None)
+    paths = [f"{ROOT}/eyes/{eye}/frame_{k}" for eye in ("left", "right") for k in range(3)]
+    assert all(view.meshcat.HasPath(path) for path in paths)
+    assert len(view.html()) > 500_000
+
+
+def test_a_model_without_eyes_and_pixels_that_are_none_are_refused():
+    from dataclasses import replace
+
+    with pytest.raises(ModelError, match="no pair of eyes"):
+        StationView(ARM, replace(MODEL, cameras={}))
+    with pytest.raises(ValueError, match=r"shape \(4,\)"):
+        StationView(ARM, MODEL).show(READINGS, None, [1.0, 2.0])
