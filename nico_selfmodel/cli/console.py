@@ -105,7 +105,9 @@ def print_cameras(name: str, document: Mapping[str, Any], folder: Path) -> None:
     print_table(name, ("error [px]", "corners", *_STATISTICS), rows)
     print_table("cameras", ("parameter", "value", "sigma", "unit"), _free_rows(document))
     if document["outliers"]:
-        out.print(f"boards set aside: {', '.join(document['outliers'])}", markup=False)
+        files = document["detection"]["files"]
+        names = (" and ".join(f[view] for f in files.values()) for view in document["outliers"])
+        out.print(f"boards set aside: {'; '.join(names)}", markup=False)
     for warning in document["warnings"]:
         out.print(f"note: {warning}", markup=False)
     print_verdict(document["status"], document["reasons"])

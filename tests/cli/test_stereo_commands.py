@@ -162,6 +162,7 @@ def test_a_board_whose_pair_does_not_match_is_set_aside_by_name(spoilt, tmp_path
     done = command("calibrate", "stereo", spoilt, *BOARD, "--pin", "k3=0", "--out", out)
     assert done.returncode == 0, done.stdout + done.stderr
     assert json.loads((out / "result.json").read_text())["outliers"] == ["04"]
+    assert "boards set aside: left04.png and right04.png" in done.stdout
 
 
 @pytest.mark.parametrize(
