@@ -9,6 +9,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from nico_selfmodel.geometry.normalisation import normalised_points
 from nico_selfmodel.geometry.rotation import skew
 
 
@@ -37,9 +38,9 @@ def eight_point(first: ArrayLike, second: ArrayLike) -> NDArray:
         raise ValueError(
             f"two equal shapes (N, 2) with N >= 8 are needed, got {first.shape}, {second.shape}"
         )
-    a, t_first = _normalised(first)
-    b, t_second = _normalised(second)
-    rows = (b[:, :, None] * a[:, None, :]).reshape(-1, 9)
+    a, t_first = normalised_points(first, "first")
+    b, t_second = normalised_points(second, "second")
+    rows = (homogeneous(b)[:, :, None] * homogeneous(a)[:, None, :]).reshape(-1, 9)
     triangle = np.linalg.qr(rows, mode="r") if len(rows) > 9 else rows
     _, values, vt = np.linalg.svd(triangle, full_matrices=True)
     if len(values) < 8 or values[7] <= 1e-9 * values[0]:
@@ -154,14 +155,3 @@ def epipolar_distances(matrix: NDArray, first: ArrayLike, second: ArrayLike) -> 
     in_second = np.sum(epipolar_lines(matrix, first) * homogeneous(second), axis=1)
     in_first = np.sum(epipolar_lines(matrix.T, second) * homogeneous(first), axis=1)
     return np.abs(np.stack([in_first, in_second], axis=1))
-
-
-def _normalised(points: NDArray) -> tuple[NDArray, NDArray]:
-    """Move the centroid to zero and the mean squared distance to two; thesis eq. 7.2, put right."""
-    center = points.mean(axis=0)
-    spread = np.sqrt(np.mean(np.sum((points - center) ** 2, axis=1)) / 2.0)
-    if not spread > 0.0:
-        raise ValueError("the points coincide")
-    matrix = np.diag([1.0 / spread, 1.0 / spread, 1.0])
-    matrix[:2, 2] = -center / spread
-    return homogeneous(points) @ matrix.T, matrix

@@ -3,6 +3,8 @@
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from nico_selfmodel.geometry.normalisation import normalised_points
+
 _DEGENERATE = 1e-10  # of the largest singular value; well spread points have 1e-2 and more
 
 
@@ -29,8 +31,8 @@ def homography(source: ArrayLike, target: ArrayLike) -> NDArray:
     """
     source, target = _point_lists(source, target)
     source, target = np.broadcast_arrays(source, target)
-    a, from_source = _normalised(source, "source")
-    b, from_target = _normalised(target, "target")
+    a, from_source = normalised_points(source, "source")
+    b, from_target = normalised_points(target, "target")
     _, values, vt = np.linalg.svd(_equations(a, b), full_matrices=False)
     H = vt[..., -1, :].reshape(*vt.shape[:-2], 3, 3)
     flat = np.abs(np.linalg.det(H)) <= _DEGENERATE
@@ -116,22 +118,6 @@ def _point_lists(source: ArrayLike, target: ArrayLike) -> tuple[NDArray, NDArray
     if not (np.isfinite(source).all() and np.isfinite(target).all()):
         raise ValueError("source and target must be finite numbers")
     return source, target
-
-
-def _normalised(points: NDArray, name: str) -> tuple[NDArray, NDArray]:
-    """Return points about their centroid at rms distance sqrt 2, and the matrix that does it."""
-    centroid = points.mean(axis=-2, keepdims=True)
-    size = np.sqrt(np.mean(np.sum((points - centroid) ** 2, axis=-1), axis=-1))
-    if np.any(size <= 1e-12 * np.abs(centroid).max(axis=(-2, -1), initial=0.0)) or np.any(
-        size == 0
-    ):
-        raise ValueError(f"the {name} points coincide: they do not determine a homography")
-    scale = np.sqrt(2.0) / size
-    matrix = np.zeros((*size.shape, 3, 3))
-    matrix[..., 0, 0] = matrix[..., 1, 1] = scale
-    matrix[..., :2, 2] = -scale[..., None] * centroid[..., 0, :]
-    matrix[..., 2, 2] = 1.0
-    return scale[..., None, None] * (points - centroid), matrix
 
 
 def _equations(source: NDArray, target: NDArray) -> NDArray:

@@ -108,7 +108,7 @@ def test_too_few_or_unequal_points_are_refused(first, second):
 
 
 def test_points_that_coincide_are_refused():
-    with pytest.raises(ValueError, match="the points coincide"):
+    with pytest.raises(ValueError, match="the first points coincide"):
         eight_point(np.ones((9, 2)), np.random.default_rng(0).normal(size=(9, 2)))
 
 
