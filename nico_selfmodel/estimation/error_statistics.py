@@ -88,8 +88,8 @@ def evaluate(model: SelfModel, dataset: Dataset) -> Evaluation:
     Raises:
         DataError: If joints, units or markers differ, or nothing was measured.
     """
-    columns = _columns_of(model, dataset)
-    _check_units(model, dataset)
+    columns = columns_of(model, dataset)
+    check_units(model, dataset)
     seen = dict.fromkeys(dataset.marker[dataset.measured].tolist())
     unknown = [m for m in seen if m not in model.markers]
     if unknown:
@@ -103,7 +103,12 @@ def evaluate(model: SelfModel, dataset: Dataset) -> Evaluation:
     return Evaluation(observations, prediction.p_WH)
 
 
-def _columns_of(model: SelfModel, dataset: Dataset) -> list[int]:
+def columns_of(model: SelfModel, dataset: Dataset) -> list[int]:
+    """Return the data set's columns of readings in the order of the model's joints.
+
+    Raises:
+        DataError: If the two have different joints.
+    """
     if set(model.joints) != set(dataset.joint_names):
         raise DataError(
             f"data set {dataset.name!r} has the joints {', '.join(dataset.joint_names)}, the "
@@ -112,7 +117,12 @@ def _columns_of(model: SelfModel, dataset: Dataset) -> list[int]:
     return [dataset.joint_names.index(joint) for joint in model.joints]
 
 
-def _check_units(model: SelfModel, dataset: Dataset) -> None:
+def check_units(model: SelfModel, dataset: Dataset) -> None:
+    """Refuse readings in other units than the model's servos have.
+
+    Raises:
+        DataError: If a joint's unit, counts per turn or sign differ.
+    """
     for joint in dataset.joints:
         i = model.joints.index(joint.name)
         expected = (model.servos.unit[i], model.servos.counts_per_turn[i], model.servos.sign[i])

@@ -125,10 +125,10 @@ def columns_of(model: SelfModel, dataset: Dataset) -> Dataset:
     Raises:
         DataError: If the joints, their units or the tracked points are others.
     """
-    from nico_selfmodel.estimation.error_statistics import _check_units, _columns_of
+    from nico_selfmodel.estimation.error_statistics import check_units, columns_of
 
-    columns = _columns_of(model, dataset)
-    _check_units(model, dataset)
+    columns = columns_of(model, dataset)
+    check_units(model, dataset)
     if columns == list(range(len(columns))):
         return dataset
     joints = tuple(dataset.joints[i] for i in columns)
