@@ -88,7 +88,7 @@ def evaluate(model: SelfModel, dataset: Dataset) -> Evaluation:
     Raises:
         DataError: If joints, units or markers differ, or nothing was measured.
     """
-    columns = columns_of(model, dataset)
+    columns = reading_columns(model, dataset)
     check_units(model, dataset)
     seen = dict.fromkeys(dataset.marker[dataset.measured].tolist())
     unknown = [m for m in seen if m not in model.markers]
@@ -103,7 +103,7 @@ def evaluate(model: SelfModel, dataset: Dataset) -> Evaluation:
     return Evaluation(observations, prediction.p_WH)
 
 
-def columns_of(model: SelfModel, dataset: Dataset) -> list[int]:
+def reading_columns(model: SelfModel, dataset: Dataset) -> list[int]:
     """Return the data set's columns of readings in the order of the model's joints.
 
     Raises:

@@ -125,9 +125,9 @@ def columns_of(model: SelfModel, dataset: Dataset) -> Dataset:
     Raises:
         DataError: If the joints, their units or the tracked points are others.
     """
-    from nico_selfmodel.estimation.error_statistics import check_units, columns_of
+    from nico_selfmodel.estimation.error_statistics import check_units, reading_columns
 
-    columns = columns_of(model, dataset)
+    columns = reading_columns(model, dataset)
     check_units(model, dataset)
     if columns == list(range(len(columns))):
         return dataset

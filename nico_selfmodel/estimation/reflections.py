@@ -7,7 +7,7 @@ from numpy.typing import NDArray
 
 from nico_selfmodel.dataset import Dataset
 from nico_selfmodel.errors import DataError, ModelError
-from nico_selfmodel.estimation.error_statistics import check_units, columns_of
+from nico_selfmodel.estimation.error_statistics import check_units, reading_columns
 from nico_selfmodel.geometry.transform import apply
 from nico_selfmodel.model.camera import INTRINSICS, Camera
 from nico_selfmodel.model.self_model import SelfModel
@@ -158,7 +158,7 @@ def known_points(dataset: Dataset, model: SelfModel, rows: NDArray) -> KnownPoin
             "them with `nico-selfmodel calibrate stereo`"
         )
     _ = model.rig
-    columns = columns_of(model, dataset)
+    columns = reading_columns(model, dataset)
     check_units(model, dataset)
     unknown = set(dataset.marker[rows].tolist()) - set(model.markers)
     if unknown:
