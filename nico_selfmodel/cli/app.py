@@ -8,6 +8,7 @@ import typer
 from nico_selfmodel.cli import (
     calibrate,
     check,
+    choose_poses,
     detect,
     evaluate,
     experiment,
@@ -42,6 +43,7 @@ app.command("evaluate")(evaluate.evaluate)
 app.command("check")(check.check)
 app.command("rezero")(rezero.rezero)
 app.command("predict")(predict.predict)
+app.command("choose-poses")(choose_poses.choose_poses)
 app.command("export-urdf")(export_urdf.export_urdf)
 app.command("locate")(locate.locate)
 app.command("view")(view.view)

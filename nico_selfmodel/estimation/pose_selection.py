@@ -59,7 +59,9 @@ def position_jacobians(
         point_sigma: Of each measured coordinate; 1 leaves the rows in metres [m].
 
     Returns:
-        Columns scaled so that each parameter's natural size is 1. Shape (N, 3, p).
+        Columns scaled so that each parameter's natural size is 1: lengths in levers of the arm,
+        which are the same for any poses. Parameters that the model was given and did not learn
+        have no column. Shape (N, 3, p).
 
     Raises:
         ValueError: If the readings have not n columns, or there is no such marker.
@@ -70,15 +72,9 @@ def position_jacobians(
     if readings.ndim != 2 or readings.shape[1] != len(model.joints):
         raise ValueError(f"readings must have shape (N, {len(model.joints)}), got {readings.shape}")
     angles = model.servos.to_radians(readings)
-    p, jacobian = parameters.predict(angles, np.full(len(angles), index))
-    names = parameters.names
-    own = f"hand.{model.markers[index]}."
-    free = [
-        i
-        for i, name in enumerate(names)
-        if name not in parameters.gauge and (not name.startswith("hand.") or name.startswith(own))
-    ]
-    size = float(np.sqrt(np.sum(np.var(p, axis=0)))) or 1.0
+    _, jacobian = parameters.predict(angles, np.full(len(angles), index))
+    names, free = parameters.names, _free(model, index)
+    size = _lever(model, index)
     scale = np.array([{"m": size, "rad": 1.0, "1": 1.0}[parameters.units[i]] for i in free])
     rows = jacobian[:, :, free] * scale
     # d(hand) / d(joint angle) = -gear d(hand) / d(theta_offset)
@@ -88,6 +84,27 @@ def position_jacobians(
         by_angle, 1, 2
     )
     return np.linalg.solve(np.linalg.cholesky(covariance), rows)
+
+
+def _free(model: SelfModel, marker: int) -> list[int]:
+    """Return which parameters measurements of one point determine."""
+    names, gauge = model.parameters.names, model.parameters.gauge
+    learned = names if model.covariance is None else model.covariance.names
+    own = f"hand.{model.markers[marker]}."
+    return [
+        i
+        for i, name in enumerate(names)
+        if name in learned
+        and name not in gauge
+        and (not name.startswith("hand.") or name.startswith(own))
+    ]
+
+
+def _lever(model: SelfModel, marker: int) -> float:
+    """Return the root mean square distance of a point from the axes [m]."""
+    chain = model.chain
+    arms = np.cross(chain.p_WH_zero[marker] - chain.points, chain.directions)
+    return float(np.sqrt(np.mean(np.sum(arms**2, axis=1)))) or 1.0
 
 
 def choose_poses(
@@ -130,6 +147,25 @@ def choose_poses(
         H += jacobians[rows[-1]].T @ jacobians[rows[-1]]
     exchanges = _exchange(jacobians, rows, H, G, criterion)
     return _choice(jacobians, rows, base - _RIDGE * np.eye(p), G, criterion, exchanges)
+
+
+def hand_sigma(recorded: NDArray, targets: NDArray) -> float:
+    """Return the error of the predicted hand that recorded poses leave, sqrt(tr G H^-1).
+
+    Args:
+        recorded: Jacobians of the recorded poses. Shape (N, k, p).
+        targets: Jacobians of the poses that must be predicted well. Shape (M, 3, p).
+
+    Returns:
+        Root mean square over the targets, for a noise of 1 m in each coordinate; infinite where
+        the recorded poses do not determine the parameters.
+    """
+    H = np.einsum("nki,nkj->ij", recorded, recorded)
+    values = np.linalg.eigvalsh(H)
+    if values[0] < _SINGULAR * values[-1]:
+        return np.inf
+    G = np.einsum("nki,nkj->ij", targets, targets) / len(targets)
+    return float(np.sqrt(np.trace(G @ np.linalg.inv(H))))
 
 
 def random_poses(pool: int, count: int, rng: np.random.Generator) -> NDArray:

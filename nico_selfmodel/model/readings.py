@@ -63,6 +63,21 @@ def readings_from_table(text: str, joints: tuple[str, ...]) -> NDArray:
     return np.array(rows)
 
 
+def readings_table(readings: NDArray, joints: tuple[str, ...]) -> str:
+    """Return poses as CSV text that `readings_from_table` reads back exactly.
+
+    Args:
+        readings: Shape (N, n).
+        joints: Names of the joints.
+
+    Returns:
+        The table, with a column `encoder.<joint>` for each joint.
+    """
+    header = ",".join(f"encoder.{joint}" for joint in joints)
+    rows = [",".join(repr(value) for value in row) for row in readings.tolist()]
+    return "\n".join([header, *rows]) + "\n"
+
+
 def warn_beyond(
     readings: NDArray, joints: tuple[str, ...], trained: Mapping[str, Sequence[float]]
 ) -> None:

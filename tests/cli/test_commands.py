@@ -111,6 +111,22 @@ def test_a_body_that_changed_since_fails_with_exit_code_1(result, recorded, tmp_
     assert "something moved between recordings" in done.stdout
 
 
+def test_poses_worth_recording_are_written_as_a_table_that_predict_reads(
+    result, recorded, command, tmp_path
+):
+    table = tmp_path / "poses.csv"
+    words = ("choose-poses", result, recorded[0], "--out", table)
+    done = command(*words, "--count", 6, "--json")
+    assert done.returncode == 0, done.stderr
+    said = json.loads(done.stdout)
+    assert 0.0 < said["sigma_after_mm"] < said["sigma_before_mm"]
+    predicted = command("predict", result, "--table", table, "--json")
+    assert len(json.loads(predicted.stdout)["poses"]) == 6
+    refused = command(*words)
+    assert refused.returncode == 2
+    assert "exists already" in refused.stderr
+
+
 def test_a_prediction_far_from_the_training_comes_with_a_warning(result, recorded, command):
     train = Dataset.load(recorded[0])
     within = ",".join(map(str, np.median(train.encoders, axis=0)))

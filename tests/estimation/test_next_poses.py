@@ -1,0 +1,71 @@
+"""A learned arm names the poses that would teach it most."""
+
+import numpy as np
+import pytest
+
+from nico_selfmodel.errors import DataError
+from nico_selfmodel.estimation import calibrate_kinematics
+from nico_selfmodel.estimation.next_poses import choose_next_poses
+from nico_selfmodel.experiments.protocol import simulated_arm
+from nico_selfmodel.plant import ArmDescription
+from nico_selfmodel.recording import record
+from nico_selfmodel.systems import WORLDS
+
+ARM = ArmDescription.named("nico")
+
+
+def visited(session, commands):
+    body = simulated_arm(ARM, WORLDS["thesis"], 0, session)
+    return record(body, [("", command) for command in commands], "poses")
+
+
+@pytest.fixture(scope="module")
+def recorded():
+    joints = simulated_arm(ARM, WORLDS["thesis"], 0).joints
+    low, high = (np.array([getattr(j, k) for j in joints]) for k in ("lower", "upper"))
+    middle, half = 0.5 * (low + high), 0.2 * (high - low)
+    return visited(1, np.random.default_rng(0).uniform(middle - half, middle + half, (30, 4)))
+
+
+@pytest.fixture(scope="module")
+def learned(recorded):
+    return calibrate_kinematics(recorded).model
+
+
+def test_they_teach_more_than_as_many_by_chance(learned, recorded):
+    chosen = choose_next_poses(learned, recorded, 10, np.random.default_rng(1))
+    assert chosen.sigma_after < 0.8 * chosen.sigma_before
+    low, high = recorded.encoders.min(axis=0), recorded.encoders.max(axis=0)
+    by_chance = np.random.default_rng(2).uniform(low, high, (10, 4))
+    both = [
+        calibrate_kinematics(visited(1, np.vstack([recorded.encoders, poses]))).model
+        for poses in (chosen.readings, by_chance)
+    ]
+    sigmas = [model.predict(recorded.encoders).sigma / model.noise_sigma for model in both]
+    assert np.mean(sigmas[0]) < np.mean(sigmas[1])
+
+
+def test_the_error_they_promise_is_the_one_the_covariance_gives_afterwards(learned, recorded):
+    chosen = choose_next_poses(learned, recorded, 10, np.random.default_rng(1))
+    after = calibrate_kinematics(visited(1, np.vstack([recorded.encoders, chosen.readings]))).model
+    sigma = after.predict(recorded.encoders).sigma
+    unit = np.sqrt(3.0 * np.mean(sigma**2)) / after.noise_sigma
+    assert chosen.sigma_after / learned.noise_sigma == pytest.approx(unit, rel=0.1)
+
+
+def test_no_joint_goes_further_than_it_has_been(learned, recorded):
+    chosen = choose_next_poses(learned, recorded, 25, np.random.default_rng(3), criterion="D")
+    assert chosen.readings.shape == (25, 4)
+    assert (chosen.readings >= recorded.encoders.min(axis=0)).all()
+    assert (chosen.readings <= recorded.encoders.max(axis=0)).all()
+
+
+def test_data_of_another_arm_or_point_are_refused(learned, recorded):
+    rng = np.random.default_rng(4)
+    with pytest.raises(DataError, match="no direct view of 'elbow'"):
+        choose_next_poses(learned, recorded, 5, rng, marker="elbow")
+    other = simulated_arm(ArmDescription.named("nico", "left_arm"), WORLDS["clean"], 0)
+    middle = [0.5 * (joint.lower + joint.upper) for joint in other.joints]
+    left = record(other, [("", np.array(middle))], "left")
+    with pytest.raises(DataError, match="the data are of the joints left_"):
+        choose_next_poses(learned, left, 5, rng)
