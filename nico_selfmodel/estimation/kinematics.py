@@ -34,7 +34,12 @@ from nico_selfmodel.estimation.observations import Observations, gears_known
 from nico_selfmodel.estimation.pin_check import ContradictedPin, contradicted_pins
 from nico_selfmodel.estimation.pinned_refinement import PinnedSolution, refine_pinned
 from nico_selfmodel.estimation.pins import Pins
-from nico_selfmodel.estimation.start_search import LineSolution, StartSearch, search_starts
+from nico_selfmodel.estimation.start_search import (
+    RANDOM,
+    LineSolution,
+    StartSearch,
+    search_starts,
+)
 from nico_selfmodel.estimation.zeroing import meaningful_parameters
 from nico_selfmodel.model import DhParameters, DhTable, SelfModel
 from nico_selfmodel.optimization import Uncertainty
@@ -235,7 +240,7 @@ class _Task:
             gear=gear,
         )
         for arm in islice(wild, count if trusted else max(count, 1)):
-            yield "random axes", arm
+            yield RANDOM, arm
 
     def parameters_of(self, arm: ArmHypothesis) -> DhParameters:
         """Write an arm as named parameters."""

@@ -19,6 +19,13 @@ from nico_selfmodel.optimization import (
 
 ENOUGH_AGREE = 3
 """The search ends when this many starts have reached the best minimum."""
+RANDOM = "random axes"
+"""Label of a start from nothing."""
+_TRIED = 8
+"""... and, where all starts are random, this many were tried."""
+_EXPLAINS = 0.02
+"""... and it leaves less than this share of the workspace: a wrong minimum may attract more starts
+than the right one."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -118,7 +125,10 @@ def search_starts(
         found.append((label, refined))
         scores = _scores([solution for _, solution in found], loss)
         agree = _agree([solution for _, solution in found], int(np.argmin(scores)))
-        if agree.sum() >= ENOUGH_AGREE:
+        best = found[int(np.argmin(scores))][1]
+        tried = len(found) >= _TRIED or found[0][0] != RANDOM
+        explained = _noise(best) < _EXPLAINS * observations.size
+        if agree.sum() >= ENOUGH_AGREE and tried and explained:
             break
     label, solution = found[int(np.argmax(agree))]
     solution = refine_lines(observations, solution.arm, pinned_gears, sigma, loss)
@@ -137,7 +147,11 @@ def _scores(solutions: list[LineSolution], loss: str) -> NDArray:
 
 def _agree(solutions: list[LineSolution], best: int) -> NDArray:
     """Return which solutions predict what the best does, within a fiftieth of the noise."""
-    reference = solutions[best].residuals
-    noise = robust_scale(np.linalg.norm(reference, axis=0), 3)
+    reference, noise = solutions[best].residuals, _noise(solutions[best])
     difference = [np.sqrt(np.mean((s.residuals - reference) ** 2)) for s in solutions]
     return np.array(difference) <= 0.02 * noise + 1e-9
+
+
+def _noise(solution: LineSolution) -> float:
+    """Return the standard deviation of a coordinate, outliers aside [m]."""
+    return robust_scale(np.linalg.norm(solution.residuals, axis=0), 3)
