@@ -14,7 +14,10 @@ if TYPE_CHECKING:
 def watch(
     result: Annotated[Path, typer.Argument(help="Result folder of `learn`, with arm and eyes.")],
     world: Annotated[str, typer.Option("--world", help="thesis or clean.")] = "thesis",
-    seed: Annotated[int, typer.Option("--seed", min=0, help="The individual that learned.")] = 0,
+    seed: Annotated[
+        int | None,
+        typer.Option("--seed", min=0, help="Which individual; the one that learned by default."),
+    ] = None,
     seconds: Annotated[
         float | None, typer.Option("--seconds", min=0.1, help="End after so long.")
     ] = None,
@@ -36,7 +39,8 @@ def watch(
     model = SelfModel.load(result)
     from nico_selfmodel.experiments.watching import Watching
 
-    watching = Watching(model, chosen, seed, recording=html is not None)
+    individual = int(model.provenance.get("seed", 0)) if seed is None else seed
+    watching = Watching(model, chosen, individual, recording=html is not None)
     if html is not None:
         with console.progress_bar() as stage:
             watching.visit_random_poses(

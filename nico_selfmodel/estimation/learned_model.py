@@ -9,7 +9,7 @@ from nico_selfmodel.dataset import Dataset
 from nico_selfmodel.estimation.nominal_start import NominalArm
 from nico_selfmodel.estimation.observations import Observations
 from nico_selfmodel.estimation.pinned_refinement import PinnedSolution
-from nico_selfmodel.estimation.provenance import package_versions
+from nico_selfmodel.estimation.provenance import data_named, package_versions
 from nico_selfmodel.model import ParameterCovariance, SelfModel
 
 
@@ -41,7 +41,7 @@ def learned_model(
         solved.noise_sigma,
         dict(nominal.source) if nominal else {},
         fit,
-        {"dataset": dataset.name, "dataset_sha256": dataset.sha256, **package_versions("drake")},
+        {**data_named(dataset), **package_versions("drake")},
     )
 
 

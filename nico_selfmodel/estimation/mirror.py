@@ -17,7 +17,7 @@ from nico_selfmodel.estimation.mirror_checks import (
 from nico_selfmodel.estimation.mirror_evaluation import MirrorEvaluation, left_out_errors
 from nico_selfmodel.estimation.mirror_flatness import Flatness, flatness_of
 from nico_selfmodel.estimation.mirror_solution import MirrorSolution, solve_mirrors, start_mirrors
-from nico_selfmodel.estimation.provenance import package_versions
+from nico_selfmodel.estimation.provenance import data_named, package_versions
 from nico_selfmodel.estimation.reflections import ReflectionNoise, Reflections, known_points
 from nico_selfmodel.model.mirror import Mirror
 from nico_selfmodel.model.self_model import ParameterCovariance, SelfModel
@@ -194,7 +194,7 @@ def _learned(
         "joint_sigma": solution.noise.joint_sigma,
         "pixel_sigma_px": solution.noise.pixel_sigma,
     }
-    source = {"dataset": dataset.name, "dataset_sha256": dataset.sha256}
+    source = data_named(dataset)
     return replace(
         model,
         name=name or model.name,

@@ -1,6 +1,22 @@
-"""With what an estimate was made."""
+"""From what, and with what, an estimate was made."""
 
 from importlib.metadata import PackageNotFoundError, version
+from typing import Any
+
+from nico_selfmodel.dataset import Dataset
+
+
+def data_named(dataset: Dataset) -> dict[str, Any]:
+    """Return what a self-model remembers of the data set that it was learned from.
+
+    Args:
+        dataset: The data.
+
+    Returns:
+        Name and hash, and the seed of a simulated body.
+    """
+    named = {"dataset": dataset.name, "dataset_sha256": dataset.sha256}
+    return named if dataset.seed is None else {**named, "seed": dataset.seed}
 
 
 def package_versions(*packages: str) -> dict[str, str]:

@@ -18,16 +18,22 @@ from nico_selfmodel.viz.eye_items import ImagePlane, eye_items
 from nico_selfmodel.viz.robot_items import robot_items
 from nico_selfmodel.viz.scene import ROOT, LegendEntry, Scene
 from nico_selfmodel.viz.scene_items import Item, Markers, Picture, Rgba
+from nico_selfmodel.viz.screens import screens_beside
 from nico_selfmodel.viz.surroundings import camera_from, floor_items
 
 _SPREAD = 1.5
 """Width of an image in baselines: they overlap, as what the eyes see does."""
 _HAND = 0.006
 """Radius of what marks the hand [m]."""
-_MARK, _GAP, _THICK = 11, 4, 1
+_MARK, _GAP, _THICK = 44, 18, 2
 """Half a cross, the hole in its middle, and half its thickness, in images [px]."""
-TRACKED, PREDICTED = palette.rgba(palette.HELD_OUT), palette.rgba("#ee7733")
+_CYAN, _ORANGE = "#33bbee", "#ee7733"
+TRACKED, PREDICTED = palette.rgba(_CYAN), palette.rgba(_ORANGE)
+_FLESH = 0.09
+"""How far the robot reaches beyond the origins of its links [m]."""
 _SECONDS_A_FRAME = 1.0 / 8.0
+_AZIMUTH = np.radians(252.0)
+"""The first view is from the robot's right and a little behind: it looks towards its screens."""
 
 
 class StationView:
@@ -69,6 +75,8 @@ class StationView:
             eye: ImagePlane(camera, _SPREAD * self.model.rig.baseline / width)
             for eye, camera in zip(EYES, self.model.rig.eyes, strict=True)
         }
+        sizes = {eye: plane.camera.image_size for eye, plane in self._planes.items()}
+        self._screens = screens_beside(self._extent(body), _AZIMUTH, sizes)
         self._recording, self._frames = recording, 0
         self.meshcat = draw_in_drake(self._scene(body), meshcat)
         if recording:
@@ -81,17 +89,25 @@ class StationView:
         for eye, plane in self._planes.items():
             items += eye_items(eye, plane, None)
         items += [_ball("hand/tracked", TRACKED, 1.0), _ball("hand/predicted", PREDICTED, 0.8)]
-        points = np.concatenate(
-            [apply(item.X_WI, np.zeros((1, 3))) for item in body]
-            + [plane.corners for plane in self._planes.values()]
-        )
+        items += [item for screen in self._screens.values() for item in screen.frame_items()]
+        last = self._screens[EYES[1]]
+        items.append(last.words("screens/tracked", "+  hand as tracked", _CYAN, 0))
+        items.append(last.words("screens/predicted", "\u00d7  hand as predicted", _ORANGE, 1))
+        points = self._extent(body)
         grid = floor_items(points, 0.2)
         legend = (
             LegendEntry("hand as tracked", TRACKED),
             LegendEntry("hand as predicted", PREDICTED),
         )
-        view = camera_from(points, np.radians(252.0), np.radians(30.0))
+        corners = [screen.corners for screen in self._screens.values()]
+        view = camera_from(np.concatenate([points, *corners]), _AZIMUTH, np.radians(18.0))
         return Scene(self.model.name, (*grid, *items), view, legend)
+
+    def _extent(self, body: list[Item]) -> NDArray:
+        """Return points that the robot and what its eyes see lie between. Shape (N, 3)."""
+        links = np.concatenate([apply(item.X_WI, np.zeros((1, 3))) for item in body])
+        planes = [plane.corners for plane in self._planes.values()]
+        return np.concatenate([links - _FLESH, links + _FLESH, *planes])
 
     def show(
         self,
@@ -143,14 +159,17 @@ class StationView:
         self._set_visible(path, there, time)
 
     def _show_image(self, eye: str, image: NDArray, time: float | None) -> None:
-        """Draw an image on its plane. A recording keeps all, one visible at a time."""
+        """Draw an image on its plane and on its screen."""
         items = eye_items(eye, self._planes[eye], image)
         (picture,) = (item for item in items if isinstance(item, Picture) and "image" in item.path)
-        path = picture.path
-        if time is not None:
-            path = f"eyes/{eye}/frame_{self._frames}"
-            if self._frames:
-                self._set_visible(f"eyes/{eye}/frame_{self._frames - 1}", False, time)
+        self._show_picture(f"eyes/{eye}", picture, time)
+        self._show_picture(f"screens/{eye}", self._screens[eye].picture(image, "image"), time)
+
+    def _show_picture(self, folder: str, picture: Picture, time: float | None) -> None:
+        """Draw a picture. A recording keeps all, one visible at a time."""
+        path = f"{folder}/image" if time is None else f"{folder}/frame_{self._frames}"
+        if time is not None and self._frames:
+            self._set_visible(f"{folder}/frame_{self._frames - 1}", False, time)
         _draw(self.meshcat, f"{ROOT}/{path}", replace(picture, path=path))
         self._place(path, picture.X_WI, None)
         if time is not None:

@@ -146,8 +146,10 @@ def test_the_model_remembers_where_it_came_from(calibrations, truth):
     model = calibrations["not evaluated"].model
     assert model.provenance["dataset"] == "truth"
     assert len(model.provenance["dataset_sha256"]) == 64
+    assert "seed" not in model.provenance
     assert {"nico-selfmodel", "drake", "numpy"} <= set(model.provenance)
     assert model.fit["method"] == "refine"
     q = truth.dataset(*truth.sweeps(10))
-    named = calibrate_kinematics(replace(q, name="other"), name="mine").model
+    named = calibrate_kinematics(replace(q, name="other", seed=7), name="mine").model
+    assert named.provenance["seed"] == 7
     assert (named.name, named.provenance["dataset"]) == ("mine", "other")

@@ -7,6 +7,7 @@ from nico_selfmodel.dataset import JointInfo
 from nico_selfmodel.errors import ModelError
 from nico_selfmodel.systems import Reach, looking_arm
 from nico_selfmodel.viz.scene import ROOT
+from nico_selfmodel.viz.screens import screens_beside
 from nico_selfmodel.viz.station_view import PREDICTED, TRACKED, StationView, marked
 
 ARM = looking_arm("fiducial")
@@ -24,13 +25,13 @@ def pixels():
 
 
 def test_a_cross_marks_a_pixel_and_leaves_it_to_be_seen():
-    image = np.zeros((60, 80, 3), np.uint8)
-    drawn = marked(image, {(1.0, 0.0, 0.0, 1.0): (30.2, 20.4)})
+    image = np.zeros((100, 120, 3), np.uint8)
+    drawn = marked(image, {(1.0, 0.0, 0.0, 1.0): (60.2, 50.4)})
     assert not image.any()
     red = np.argwhere(drawn[:, :, 0] == 255)
-    assert red.mean(axis=0) == pytest.approx([20.0, 30.0])
-    assert not drawn[20, 30].any()
-    assert drawn[20, 38, 0] == drawn[12, 30, 0] == 255
+    assert red.mean(axis=0) == pytest.approx([50.0, 60.0])
+    assert not drawn[50, 60].any()
+    assert drawn[50, 85, 0] == drawn[25, 60, 0] == 255
 
 
 def test_two_marks_at_one_place_both_show_and_none_is_drawn_where_nothing_was_seen():
@@ -45,7 +46,8 @@ def test_the_robot_moves_and_its_hand_and_eyes_are_drawn():
     view = StationView(ARM, MODEL)
     for q in (READINGS, np.zeros(4)):
         view.show(q, IMAGES, pixels())
-    for path in ("hand/tracked", "hand/predicted", "eyes/left/image", "robot/right_hand"):
+    drawn = ("eyes/left/image", "screens/left/image", "screens/right/image", "screens/right/name")
+    for path in ("hand/tracked", "hand/predicted", "robot/right_hand", *drawn):
         assert view.meshcat.HasPath(f"{ROOT}/{path}"), path
     view.show(READINGS)
     assert view.html().lstrip().lower().startswith("<!doctype html>")
@@ -62,6 +64,21 @@ def test_the_predicted_hand_is_on_the_drawn_hand():
     links = view._link_poses(READINGS)
     assert links["head"][2, 3] > on_robot[2] > 0.0
     assert links["base"] == pytest.approx(np.eye(4), abs=1e-9)
+
+
+def test_the_screens_face_the_viewer_and_hide_nothing_of_the_robot():
+    robot = np.random.default_rng(0).uniform([-0.2, -0.3, 0.0], [0.4, 0.3, 0.9], (50, 3))
+    azimuth = np.radians(252.0)
+    screens = screens_beside(robot, azimuth, {"left": (640, 480), "right": (640, 480)})
+    right = np.array([-np.sin(azimuth), np.cos(azimuth), 0.0])
+    from_viewer = -np.array([np.cos(azimuth), np.sin(azimuth), 0.0])
+    across = [(screen.corners @ right).min() for screen in screens.values()]
+    assert (robot @ right).max() < across[0] < across[1]
+    for screen in screens.values():
+        assert screen.X_WI[:3, 2] == pytest.approx(from_viewer)
+        assert screen.X_WI[:3, 0] == pytest.approx(right)
+        assert screen.width / screen.height == pytest.approx(640 / 480)
+        assert screen.corners[:, 2].max() < 0.9
 
 
 def test_a_recording_keeps_every_image():
