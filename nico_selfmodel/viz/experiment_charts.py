@@ -7,6 +7,7 @@ from pathlib import Path
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
+from matplotlib.ticker import LogLocator, NullFormatter
 from numpy.typing import NDArray
 
 from nico_selfmodel.files import write_bytes_whole
@@ -83,7 +84,10 @@ def bar_chart(
         axes = figure.add_subplot()
         if log:
             axes.set_yscale("log")
+            # Also an axis of less than a decade has some of these.
+            axes.yaxis.set_major_locator(LogLocator(subs=(1.0, 2.0, 5.0)))
             axes.yaxis.set_major_formatter(plain_tick)
+            axes.yaxis.set_minor_formatter(NullFormatter())
         width = 0.84 / len(series)
         places = _places(heights, width)
         for place, one in zip(places, series, strict=True):

@@ -77,3 +77,12 @@ def test_another_ending_is_refused(tmp_path):
     with pytest.raises(ValueError, match=r"\.png or \.svg"):
         save_figure(chart(), tmp_path / "a.pdf")
     assert list(tmp_path.iterdir()) == []
+
+
+def test_a_logarithmic_axis_of_about_a_decade_has_numbers_to_read():
+    series = [BarSeries("ours", np.array([2.0, 30.0]), np.array([0.5, 2.0]))]
+    axes = bar_chart(["a", "b"], series, title="t", ylabel="mm").axes[0]
+    low, high = axes.get_ylim()
+    shown = [t.get_text() for t in axes.get_yticklabels() if low <= t.get_position()[1] <= high]
+    assert shown == ["2", "5", "10", "20", "50"]
+    assert not any(t.get_text() for t in axes.get_yticklabels(minor=True))
