@@ -7,7 +7,7 @@ import pytest
 
 from nico_selfmodel.dataset import JointInfo
 from nico_selfmodel.errors import DataError
-from nico_selfmodel.recording import random_commands, record, sweep_commands
+from nico_selfmodel.recording import given_commands, random_commands, record, sweep_commands
 from nico_selfmodel.systems import Sighting
 
 JOINTS = (
@@ -81,3 +81,16 @@ def test_a_pose_is_visited_until_it_is_seen_and_given_up_in_the_end():
 def test_a_recording_in_which_nothing_was_seen_is_an_error():
     with pytest.raises(DataError):
         record(Body(lost=100), [("", np.array([1.0, 2.0]))], "trial", until_seen=2)
+
+
+def test_poses_that_somebody_chose_are_visited_as_they_are_or_refused_by_number():
+    joints = [JointInfo("a", "rad", None, -1.0, 1.0), JointInfo("b", "deg")]
+    poses = np.array([[0.5, 400.0], [-1.0, 0.0]])
+    plan = given_commands(joints, poses)
+    assert [label for label, _ in plan] == ["", ""]
+    assert np.array([command for _, command in plan]) == pytest.approx(poses, abs=0.0)
+    with pytest.raises(ValueError, match=r"pose 2 of 2: a would go to -1.1, its stops are at -1"):
+        given_commands(joints, poses - [[0.0, 0.0], [0.1, 0.0]])
+    for wrong in (np.zeros((0, 2)), np.zeros((3, 3)), np.zeros(2)):
+        with pytest.raises(ValueError, match="must have shape"):
+            given_commands(joints, wrong)

@@ -4,12 +4,11 @@ import json
 import sys
 import time
 from contextlib import ExitStack
-from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from nico_selfmodel.cli import console, servo_motion
+from nico_selfmodel.cli import console, servo_motion, servo_simulation
 from nico_selfmodel.cli.servo_options import Config, Json, Model, Port, TrustZero, Yes, ask, opened
 
 if TYPE_CHECKING:
@@ -20,6 +19,7 @@ app = typer.Typer(help="Drive the real servos.", no_args_is_help=True)
 _NUMBERS_MAY_BE_NEGATIVE = {"ignore_unknown_options": True}
 app.command("move", context_settings=_NUMBERS_MAY_BE_NEGATIVE)(servo_motion.move)
 app.command("home")(servo_motion.home)
+app.command("simulate")(servo_simulation.simulate)
 
 
 @app.callback()
@@ -155,34 +155,3 @@ def serve(
         console.out.print(f"motor server on 127.0.0.1:{server.port}, Ctrl-C ends it")
         sys.stdout.flush()
         server.wait()
-
-
-@app.command("simulate")
-def simulate(
-    modules: Annotated[int, typer.Option("--modules", min=1, max=32, help="How many.")] = 6,
-    config: Annotated[
-        Path | None, typer.Option("--config", help="As many as this servo configuration has.")
-    ] = None,
-    hand: Annotated[bool, typer.Option("--hand", help="Simulate a hand too.")] = False,
-    seconds: Annotated[
-        float | None, typer.Option("--seconds", min=0.0, help="End after this time.")
-    ] = None,
-) -> None:
-    """Simulate a bus and print the port to connect to; runs until Ctrl-C."""
-    from nico_selfmodel.servos import ServoConfig, SimulatedBus, SimulatedHand
-
-    count = modules if config is None else len(ServoConfig.load(config).joints)
-    with ExitStack() as stack:
-        bus = stack.enter_context(SimulatedBus(count))
-        console.out.print(f"servos {bus.name}", markup=False)
-        if hand:
-            simulated = stack.enter_context(SimulatedHand())
-            console.out.print(f"hand {simulated.name}", markup=False)
-        sys.stdout.flush()
-        until = None if seconds is None else time.monotonic() + seconds
-        try:
-            while until is None or time.monotonic() < until:
-                left = 3600.0 if until is None else until - time.monotonic()
-                time.sleep(max(0.0, left))
-        except KeyboardInterrupt:
-            pass

@@ -1,14 +1,22 @@
 """How a simulated arm is moved for its data: home, sweeps, random poses."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
 
-from nico_selfmodel.dataset import Dataset
+from nico_selfmodel.dataset import Dataset, JointInfo
 from nico_selfmodel.plant import ArmDescription
-from nico_selfmodel.recording import Progress, random_commands, record, sweep_commands
+from nico_selfmodel.recording import (
+    Plan,
+    Progress,
+    given_commands,
+    random_commands,
+    record,
+    sweep_commands,
+)
 from nico_selfmodel.systems import SimulatedArm, World
 
 _NICO_HOME = {
@@ -74,6 +82,22 @@ class Protocol:
         """Return the protocol of nine samples: home once, two more poses a joint."""
         return replace(self, circle_points=3, home_repeats=1)
 
+    def plan(
+        self, joints: Sequence[JointInfo], rng: np.random.Generator, *, sweeps: bool = True
+    ) -> Plan:
+        """Return the poses for joints with stops, circles only if wanted."""
+        lower = np.array([joint.lower for joint in joints], dtype=float)
+        upper = np.array([joint.upper for joint in joints], dtype=float)
+        span = upper - lower
+        home = lower + self.home * span
+        plan: Plan = []
+        if sweeps:
+            counts = [self.circle_points - 1] * len(span)
+            plan += sweep_commands(
+                joints, home, self.arcs * span, counts, home_repeats=self.home_repeats
+            )
+        return plan + random_commands(joints, home, self.ranges * span, self.random_poses, rng)
+
     def run(
         self,
         body: SimulatedArm,
@@ -84,6 +108,7 @@ class Protocol:
         source: str = "",
         seed: int | None = None,
         folder: Path | None = None,
+        poses: NDArray | None = None,
         progress: Progress | None = None,
     ) -> Dataset:
         """Visit the poses with a body and return what it sensed.
@@ -96,22 +121,18 @@ class Protocol:
             source: Where the data come from, for people.
             seed: Seed of the simulation, kept in the data set.
             folder: Where to keep the samples from the first one on.
+            poses: Visited instead of random ones [encoder units]. Shape (N, n).
             progress: Called after each pose.
 
         Returns:
             The data set.
+
+        Raises:
+            ValueError: If a given pose lies beyond a joint's stop.
         """
-        lower = np.array([joint.lower for joint in body.joints], dtype=float)
-        upper = np.array([joint.upper for joint in body.joints], dtype=float)
-        span = upper - lower
-        home = lower + self.home * span
-        plan = []
-        if sweeps:
-            counts = [self.circle_points - 1] * len(span)
-            plan += sweep_commands(
-                body.joints, home, self.arcs * span, counts, home_repeats=self.home_repeats
-            )
-        plan += random_commands(body.joints, home, self.ranges * span, self.random_poses, rng)
+        plan = self.plan(body.joints, rng, sweeps=sweeps)
+        if poses is not None:
+            plan = [pose for pose in plan if pose[0]] + given_commands(body.joints, poses)
         sigma = body.world.marker_sigma or None
         return record(
             body,
@@ -140,6 +161,7 @@ def simulated_session(
     session: int,
     sweeps: bool = True,
     folder: Path | None = None,
+    poses: NDArray | None = None,
     progress: Progress | None = None,
 ) -> Dataset:
     """Record one session with one individual.
@@ -153,6 +175,7 @@ def simulated_session(
         session: Of poses and noise.
         sweeps: Visit the circles too.
         folder: Where to keep the samples from the first one on; resumed if it is there.
+        poses: Visited instead of random ones [encoder units]. Shape (N, n).
         progress: Called after each pose.
 
     Returns:
@@ -169,5 +192,6 @@ def simulated_session(
         source=source,
         seed=seed,
         folder=folder,
+        poses=poses,
         progress=progress,
     )

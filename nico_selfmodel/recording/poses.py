@@ -76,6 +76,34 @@ def random_commands(
     return [("", command) for command in rng.uniform(low, high, (count, len(home)))]
 
 
+def given_commands(joints: Sequence[JointInfo], readings: ArrayLike) -> Plan:
+    """Plan poses that somebody chose.
+
+    Args:
+        joints: Joints; those with stops are kept between them.
+        readings: The poses [encoder units]. Shape (N, n).
+
+    Returns:
+        Empty sweep labels and commands.
+
+    Raises:
+        ValueError: If there is no pose, or one lies beyond a stop.
+    """
+    readings = np.asarray(readings, dtype=float)
+    if readings.ndim != 2 or readings.shape[1] != len(joints) or not len(readings):
+        raise ValueError(f"poses must have shape (N, {len(joints)}), got {readings.shape}")
+    for joint, column in zip(joints, readings.T, strict=True):
+        low = -np.inf if joint.lower is None else joint.lower
+        high = np.inf if joint.upper is None else joint.upper
+        beyond = np.flatnonzero((column < low) | (column > high))
+        if beyond.size:
+            raise ValueError(
+                f"pose {beyond[0] + 1} of {len(readings)}: {joint.name} would go to "
+                f"{column[beyond[0]]:g}, its stops are at {low:g} and {high:g}"
+            )
+    return [("", command) for command in readings]
+
+
 def commands_of_angles(
     joints: Sequence[JointInfo], lower: ArrayLike, upper: ArrayLike, q: ArrayLike
 ) -> NDArray:

@@ -1,7 +1,7 @@
 """The thread that keeps an arm going: others hand over what they want and take what is known."""
 
 import threading
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from concurrent.futures import Future
 from contextlib import suppress
 from typing import TypeVar
@@ -37,7 +37,8 @@ class ArmLoop:
         self._lock = threading.Lock()
         self._wake = threading.Condition(self._lock)
         self._jobs: list[tuple[Callable[[ArmController], object], Future]] = []
-        self._command: tuple[NDArray, float | None] | None = None
+        self._command: tuple[NDArray, float | None, Sequence[int] | None] | None = None
+        self._last = self._command
         self._alive = False
         self._ending = False
         self._state: ArmState | None = None
@@ -95,14 +96,17 @@ class ArmLoop:
         with self._lock:
             self._alive = True
 
-    def command(self, q: ArrayLike, *, speed: float | None = None) -> None:
-        """Hand over where every joint is to go; the newest command counts. Also a heartbeat.
+    def command(
+        self, q: ArrayLike, *, speed: float | None = None, joints: Sequence[int] | None = None
+    ) -> None:
+        """Hand over where joints are to go; the newest command counts. Also a heartbeat.
 
         A command that cannot be carried out fails the thread: see `check`.
 
         Args:
             q: Joint displacements [rad]. Shape (n,).
             speed: Largest joint speed [rad/s]; the limits if omitted.
+            joints: Which of them are meant, the others stay as they are; all if omitted.
 
         Raises:
             ValueError: If it is not finite, beyond a limit or of another shape.
@@ -113,10 +117,19 @@ class ArmLoop:
         n = len(self.arm.joints)
         if q.shape != (n,):
             raise ValueError(f"q must have shape ({n},), got {q.shape}")
-        self.arm.limits.registers(q, range(n))
-        with self._wake:
-            self._command, self._alive = (q, speed), True
-            self._wake.notify_all()
+        self.arm.limits.registers(q, range(n) if joints is None else joints)
+        self._last = (q, speed, joints)
+        self.repeat()
+
+    def repeat(self) -> None:
+        """Hand the last command over again, or none before the first; also a heartbeat.
+
+        Raises:
+            RobotError: If the thread has failed.
+        """
+        self.check()
+        with self._lock:  # the next cycle takes it: waking the thread up would only cost both
+            self._command, self._alive = self._last, True
 
     def move(self, targets: Mapping[str, float], *, speed: float | None = None) -> float:
         """Send joints to displacements; waits until they have started, not until they arrive.
@@ -200,7 +213,8 @@ class ArmLoop:
             except Exception as error:  # it belongs to who asked
                 future.set_exception(error)
         if command is not None:
-            self.arm.command(command[0], speed=command[1])
+            q, speed, joints = command
+            self.arm.command(q, speed=speed, joints=joints)
 
     def _refuse_jobs(self) -> None:
         with self._lock:

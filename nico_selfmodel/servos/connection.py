@@ -108,6 +108,8 @@ def take_over(axis: Axis) -> None:
         module.rate_divisor = axis.joint.gains.rate_divisor
         module.stop_smoothly()
         axis.stopped()
+        # A joint with a fault has to be enabled anew, and for that to be connected first.
         axis.enabled = True
+        axis.enabled = axis.fault(status) is None
     axis.zero_known = module.knows_its_zero()
     axis.believe(module.poll())

@@ -72,6 +72,7 @@ class ArmController:
         servos: ServoMap | None = None,
         *,
         trust_zero: bool = False,
+        settings: BusSettings | None = None,
     ) -> "ArmController":
         """Open the port of an arm; sends nothing.
 
@@ -80,7 +81,7 @@ class ArmController:
             ValueError: If the self-model is about other joints or encoders.
         """
         config.servo_map(servos)  # before the port is touched
-        bus = Bus.open(port, config.baud, BusSettings(latency=config.latency))
+        bus = Bus.open(port, config.baud, settings or BusSettings(latency=config.latency))
         return cls(bus, config, servos, trust_zero=trust_zero)
 
     def __enter__(self) -> "ArmController":
@@ -236,12 +237,15 @@ class ArmController:
             q[self.joints.index(name)] = value
         return self.limits.registers(q, chosen)
 
-    def command(self, q: ArrayLike, *, speed: float | None = None) -> None:
-        """Set where every joint is to go; sends nothing, the next `cycle` does. For streams.
+    def command(
+        self, q: ArrayLike, *, speed: float | None = None, joints: Sequence[int] | None = None
+    ) -> None:
+        """Set where joints are to go; sends nothing, the next `cycle` does. For streams.
 
         Args:
             q: Joint displacements [rad]. Shape (n,).
             speed: Largest joint speed [rad/s]; the limits if omitted.
+            joints: Which of them are meant, the others stay as they are; all if omitted.
 
         Raises:
             ValueError: If it is not finite or beyond a limit.
@@ -250,12 +254,13 @@ class ArmController:
         q = np.asarray(q, dtype=float)
         if q.shape != (len(self.axes),):
             raise ValueError(f"q must have shape ({len(self.axes)},), got {q.shape}")
-        goals = self.limits.registers(q, range(len(q)))
+        chosen = range(len(q)) if joints is None else joints
+        goals = self.limits.registers(q, chosen)
         scale = self.limits.counts_per_radian
         speeds, accelerations = self.limits.speed(speed) * scale, self.limits.accelerations * scale
-        self._require_ready(self.axes)
-        for axis, goal, v, a in zip(self.axes, goals, speeds, accelerations, strict=True):
-            axis.aim(goal, float(v), float(a))
+        self._require_ready([self.axes[k] for k in chosen])
+        for k, goal in zip(chosen, goals, strict=True):
+            self.axes[k].aim(goal, float(speeds[k]), float(accelerations[k]))
         self.heartbeat()
 
     def heartbeat(self) -> None:
@@ -296,7 +301,8 @@ class ArmController:
                 axis.lost = str(error)
                 axis.forget_goal()
                 if isinstance(error, ServoFault):
-                    axis.enabled = False  # until somebody enables it again
+                    # Until somebody enables it again; stopping the group would switch it on.
+                    release_each([axis])
                 others = self._stop_others(axis)
                 kind = ServoFault if isinstance(error, ServoFault) else BusError
                 what = str(error) if str(axis) in str(error) else f"{axis} is lost: {error}"

@@ -189,6 +189,16 @@ class ServoConfig:
 
         return load_servo_config(Path(path))
 
+    def save(self, path: str | Path) -> None:
+        """Write the configuration; reading it gives the same one.
+
+        Raises:
+            OSError: If the folder is missing or cannot be written to.
+        """
+        from nico_selfmodel.servos.servo_config_file import save_servo_config
+
+        save_servo_config(self, Path(path))
+
     @property
     def joint_names(self) -> tuple[str, ...]:
         """Names in order."""

@@ -1,8 +1,9 @@
 """The servo configuration on disk: YAML, `format: nico-servos/1`, angles in degrees."""
 
+import json
 import math
 from collections.abc import Mapping
-from dataclasses import fields
+from dataclasses import asdict, fields
 from pathlib import Path
 from typing import Any
 
@@ -14,6 +15,7 @@ from nico_selfmodel.dataset.yaml_mapping import (
     text_value,
 )
 from nico_selfmodel.errors import DataError
+from nico_selfmodel.files import write_whole
 from nico_selfmodel.servos.gains import Gains
 from nico_selfmodel.servos.servo_config import HomePlan, JointServo, ServoConfig
 
@@ -62,6 +64,46 @@ def load_servo_config(path: Path) -> ServoConfig:
         return ServoConfig(text_value(content, "name", where), joints, **options)
     except ValueError as error:
         raise DataError(f"{where}: {error}") from None
+
+
+def save_servo_config(config: ServoConfig, path: Path) -> None:
+    """Write a servo configuration, one line a joint; reading it gives the same one.
+
+    Raises:
+        OSError: If the folder is missing or cannot be written to.
+    """
+    lines = [
+        f"format: {FORMAT}",
+        f"name: {json.dumps(config.name)}",
+        f"baud: {config.baud}",
+        f"heartbeat_s: {config.heartbeat}",
+        f"latency_ms: {1e3 * config.latency}",
+        "joints:",
+        *(f"  - {json.dumps(_entry(joint))}" for joint in config.joints),
+    ]
+    write_whole(path, "\n".join(lines) + "\n")
+
+
+def _entry(joint: JointServo) -> dict[str, Any]:
+    home = joint.home
+    return {
+        "name": joint.name,
+        "address": joint.address,
+        "counts_per_turn": joint.counts_per_turn,
+        "sign": joint.sign,
+        "output": joint.output,
+        "lower_deg": math.degrees(joint.lower),
+        "upper_deg": math.degrees(joint.upper),
+        "max_velocity_deg_s": math.degrees(joint.max_velocity),
+        "max_acceleration_deg_s2": math.degrees(joint.max_acceleration),
+        "gains": asdict(joint.gains),
+        "home": {
+            "method": home.method,
+            "at_deg": math.degrees(home.at),
+            "speed_deg_s": math.degrees(home.speed),
+            "travel_deg": math.degrees(home.travel),
+        },
+    }
 
 
 def _joint(entry: Any, where: str) -> JointServo:

@@ -99,7 +99,7 @@ class SimulatedLine:
         self.modules = list(modules)
         self.faults = faults
         self.plant = plant
-        self.plant_period = 5e-3
+        self.plant_period = 10e-3
         """How often the plant is asked [s]."""
         self.broken_after: int | None = None
         """Number of modules before the place where the line is cut."""

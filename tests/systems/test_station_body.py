@@ -8,7 +8,7 @@ from pydrake.systems.primitives import ConstantVectorSource, PassThrough
 from nico_selfmodel.dataset import JointInfo
 from nico_selfmodel.errors import RobotError
 from nico_selfmodel.model import Chain, ServoMap
-from nico_selfmodel.systems import WORLDS, EncoderModel, Mechanics, StationBody
+from nico_selfmodel.systems import WORLDS, EncoderModel, Mechanics, Patience, StationBody
 
 JOINTS = tuple(JointInfo(name, "counts", 4096.0, -800.0, 900.0) for name in ("base", "tip"))
 CHAIN = Chain(
@@ -126,7 +126,8 @@ class _Restless(LeafSystem):
 
 
 def test_joints_that_never_come_to_rest_are_an_error():
-    restless = StationBody(_Restless(), JOINTS, ["hand"], sensor="motion-capture", timeout=0.5)
+    soon = Patience(timeout=0.5)
+    restless = StationBody(_Restless(), JOINTS, ["hand"], sensor="motion-capture", patience=soon)
     with pytest.raises(RobotError, match=r"did not come to rest within 0\.5 s: base reads"):
         restless.visit([100.0, 0.0])
 

@@ -1,0 +1,282 @@
+"""`nico-selfmodel record --port`: the same recording, with real servos."""
+
+import math
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from nico_selfmodel.cli import console
+from nico_selfmodel.cli.servo_options import ask
+
+if TYPE_CHECKING:
+    from nico_selfmodel.dataset import Dataset
+    from nico_selfmodel.experiments.real_recording import RealRecording
+    from nico_selfmodel.servos import ServoConfig
+    from nico_selfmodel.systems import (
+        CameraDriver,
+        MotionCaptureClient,
+        NicoHardwareStation,
+        ServoDriver,
+    )
+
+
+_PERIOD = 0.05
+"""Time between two readings of the joints [s]: poses are waited for, no motion is followed."""
+_ATTEMPTS, _SLACK = 5, 0.05
+"""A recording takes minutes: a reply may be a second late before a board counts as lost. The arm
+stands by then, as no goal lies further ahead than the heartbeat."""
+REAL = "A real robot"
+"""Heading of these options."""
+Config = Annotated[
+    Path | None,
+    typer.Option("--config", help="Its servo configuration (nico-servos/1).", rich_help_panel=REAL),
+]
+Baud = Annotated[
+    int | None,
+    typer.Option("--baud", help="Rate of the line, instead.", rich_help_panel=REAL),
+]
+_SOURCE = "Camera: N of /dev/videoN, a video, or a folder of images."
+LeftCamera = Annotated[
+    str | None, typer.Option("--left-camera", help=_SOURCE, rich_help_panel=REAL)
+]
+RightCamera = Annotated[
+    str | None, typer.Option("--right-camera", help=_SOURCE, rich_help_panel=REAL)
+]
+MotionCapture = Annotated[
+    str | None,
+    typer.Option(
+        "--motion-capture",
+        metavar="HOST:PORT",
+        help="Where motion capture sends its frames.",
+        rich_help_panel=REAL,
+    ),
+]
+Speed = Annotated[
+    float | None,
+    typer.Option(
+        "--speed-deg-s", help="Largest joint speed; the limits if omitted.", rich_help_panel=REAL
+    ),
+]
+TrustZero = Annotated[
+    bool,
+    typer.Option(
+        "--trust-zero",
+        help="Take the zero as it is though it was not homed.",
+        rich_help_panel=REAL,
+    ),
+]
+Yes = Annotated[bool, typer.Option("--yes", help="Do not ask.", rich_help_panel=REAL)]
+
+
+@dataclass(frozen=True)
+class Hardware:
+    """What the options of real hardware say."""
+
+    port: str | None
+    config: Path | None
+    baud: int | None
+    left_camera: str | None
+    right_camera: str | None
+    motion_capture: str | None
+    speed_deg_s: float | None
+    trust_zero: bool
+    yes: bool
+
+    def is_meant(self, world: str, sensor: str) -> bool:
+        """Return whether a real robot is to be recorded.
+
+        Raises:
+            ValueError: If options contradict each other.
+        """
+        others = (self.config, self.baud, self.left_camera, self.right_camera)
+        others += (self.motion_capture, self.speed_deg_s)
+        if self.port is None:
+            if any(value is not None for value in others) or self.trust_zero or self.yes:
+                raise ValueError("options of a real robot need --port, its serial port")
+            return False
+        if world != "thesis":
+            raise ValueError("--world is about simulated robots: leave it out with --port")
+        if sensor == "chessboard":
+            raise ValueError(
+                "a chessboard before real eyes needs no servos: take the pictures with any camera "
+                "program as left01.png and right01.png, then run calibrate stereo"
+            )
+        return True
+
+
+def record_hardware(
+    out: Path,
+    sensor: str,
+    hardware: Hardware,
+    seed: int,
+    session: int,
+    circle: int,
+    free: int,
+    eyes: Path | None,
+    images: bool,
+    poses: Path | None,
+) -> "Dataset":
+    """Move the real arm and record what is seen; an interrupted recording goes on.
+
+    Raises:
+        ValueError: If an option is missing or does not fit.
+        SelfModelError: If the robot fails, or a file is not valid.
+    """
+    import numpy as np
+
+    from nico_selfmodel.experiments.real_recording import RealRecording
+
+    config = _configuration(hardware)
+    rng = np.random.default_rng((seed, session, 2))
+    table = None if poses is None else poses.read_text(encoding="utf-8")
+    planned = RealRecording.planned(sensor, config.joint_infos, circle, free, rng, table)
+    servos = _servos(hardware, config)
+    motion_capture = _motion_capture(sensor, hardware)
+    try:
+        station = _station(planned, servos, _cameras(sensor, hardware), motion_capture, eyes)
+        with station:
+            _announce(planned, servos, hardware)
+            ask(f"Move the arm through {len(planned.plan)} poses?", yes=hardware.yes)
+            station.enable()
+            return _record(planned, station, out, config.name, (seed, session), images)
+    finally:
+        if motion_capture is not None:
+            motion_capture.close()
+
+
+def _configuration(hardware: Hardware) -> "ServoConfig":
+    from nico_selfmodel.servos import ServoConfig
+
+    if hardware.config is None:
+        raise ValueError("--port needs --config, the servo configuration of this robot")
+    config = ServoConfig.load(hardware.config)
+    return config if hardware.baud is None else replace(config, baud=hardware.baud)
+
+
+def _servos(hardware: Hardware, config: "ServoConfig") -> "ServoDriver":
+    from nico_selfmodel.servos import BusSettings
+    from nico_selfmodel.systems import ServoDriver
+
+    speed = hardware.speed_deg_s
+    assert hardware.port is not None
+    return ServoDriver(
+        hardware.port,
+        config,
+        trust_zero=hardware.trust_zero,
+        speed=None if speed is None else math.radians(speed),
+        period=_PERIOD,
+        settings=BusSettings(_ATTEMPTS, _SLACK, config.latency),
+    )
+
+
+def _motion_capture(sensor: str, hardware: Hardware) -> "MotionCaptureClient | None":
+    from nico_selfmodel.systems import MotionCaptureClient
+
+    if sensor != "motion-capture":
+        if hardware.motion_capture is not None:
+            raise ValueError("--motion-capture needs --sensor motion-capture")
+        return None
+    host, _, port = (hardware.motion_capture or "").rpartition(":")
+    if not (host and port.isdecimal()):
+        raise ValueError(
+            "--sensor motion-capture with --port needs --motion-capture HOST:PORT, got "
+            f"{hardware.motion_capture!r}"
+        )
+    return MotionCaptureClient((host, int(port)))
+
+
+def _cameras(sensor: str, hardware: Hardware) -> "CameraDriver | None":
+    from nico_selfmodel.systems import NICO_EYES, CameraDriver
+    from nico_selfmodel.vision.stereo_capture import StereoCapture
+
+    left, right = hardware.left_camera, hardware.right_camera
+    if sensor == "motion-capture":
+        if left is not None or right is not None:
+            raise ValueError("--left-camera and --right-camera need a sensor stereo-...")
+        return None
+    if left is None or right is None:
+        raise ValueError(f"--sensor {sensor} with --port needs --left-camera and --right-camera")
+    return CameraDriver(StereoCapture(left, right, NICO_EYES.left.image_size))
+
+
+def _station(
+    planned: "RealRecording",
+    servos: "ServoDriver",
+    cameras: "CameraDriver | None",
+    motion_capture: "MotionCaptureClient | None",
+    eyes: Path | None,
+) -> "NicoHardwareStation":
+    from nico_selfmodel.model import SelfModel
+    from nico_selfmodel.systems import NicoHardwareStation, default_detectors
+
+    rig = None if eyes is None else SelfModel.load(eyes).rig
+    found = default_detectors(rig)
+    detectors = {m: found[m] for m in planned.arm.markers if m in found} or found
+    return NicoHardwareStation(
+        servos, cameras, motion_capture, joints=planned.arm.joints, detectors=detectors
+    )
+
+
+def _announce(planned: "RealRecording", servos: "ServoDriver", hardware: Hardware) -> None:
+    """Print where the joints stand and what limits they have."""
+    state = servos.state()
+    moved = {joint.name for joint in planned.joints}
+    rows = []
+    for k, joint in enumerate(servos.config.joints):
+        q, zero = state.q[k], bool(state.zero_known[k] or hardware.trust_zero)
+        rows.append(
+            [
+                joint.name,
+                f"{math.degrees(q):.1f}" if zero else "not homed",
+                f"{math.degrees(joint.lower):.1f} to {math.degrees(joint.upper):.1f}",
+                f"{hardware.speed_deg_s or math.degrees(joint.max_velocity):.0f}",
+                "moves" if joint.name in moved else "stays",
+            ]
+        )
+    headings = ("joint", "at (deg)", "limits (deg)", "deg/s", "in this recording")
+    console.print_table(f"servos of {servos.config.name}", headings, rows)
+    due = [
+        name
+        for name, known in zip(state.joints, state.zero_known, strict=True)
+        if name in moved and not known
+    ]
+    if due and not hardware.trust_zero:
+        raise ValueError(
+            f"rezero is due: the zero of {', '.join(due)} is not known since the boards were "
+            "switched on; run `servo home`, or give --trust-zero"
+        )
+
+
+def _record(
+    planned: "RealRecording",
+    station: "NicoHardwareStation",
+    out: Path,
+    servos: str,
+    poses: tuple[int, int],
+    images: bool,
+) -> "Dataset":
+    from nico_selfmodel.errors import RobotError
+
+    source = f"nico, servos {servos!r}, {planned.sensor}, poses {poses[0]}, session {poses[1]}"
+    try:
+        with console.progress_bar() as stage:
+            return planned.run(
+                station,
+                out.name,
+                source=source,
+                folder=out,
+                keep_images=images,
+                progress=lambda done, total: stage("moving and looking", done, total),
+            )
+    except KeyboardInterrupt:
+        station.close()
+        typer.echo("stopped; the arm holds. Start again to go on", err=True)
+        raise
+    except RobotError as error:
+        if not out.exists():
+            raise
+        raise type(error)(
+            f"{error}. What was recorded is in {out}: the same command goes on from there"
+        ) from error
