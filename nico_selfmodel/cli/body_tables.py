@@ -63,7 +63,11 @@ def print_health(name: str, document: Mapping[str, Any]) -> None:
         ["innovation squared, a coordinate", f"{document['nis_per_coordinate']:.2f}", "1"],
         *(
             [word, f"{document[key]['largest']:.1f}", f"{document[key]['threshold']:.0f}"]
-            for word, key in (("cumulative excess", "excess"), ("likelihood ratio", "ratio"))
+            for word, key in (
+                ("cumulative excess", "excess"),
+                ("likelihood ratio", "ratio"),
+                ("log-likelihood ratio of a slip", "slip"),
+            )
         ),
     ]
     console.print_table(f"{name}: {document['sightings']} sightings", ("", "found", "limit"), rows)

@@ -135,10 +135,11 @@ def tool(
 ) -> None:
     """Make a tool in the hand part of the body: three numbers, from three poses on."""
     from nico_selfmodel.estimation import calibrate_tool
+    from nico_selfmodel.estimation.tool import with_marker
     from nico_selfmodel.estimation.update_document import judge_tool, tool_document
+    from nico_selfmodel.estimation.update_evaluation import evaluate_update, marked
     from nico_selfmodel.files import refuse_folder
     from nico_selfmodel.model import SelfModel
-    from nico_selfmodel.viz.model_folder import write_model_folder
 
     refuse_folder(out, force=force, inputs=[dataset, model, test])
     known = SelfModel.load(model)
@@ -147,8 +148,19 @@ def tool(
         known, train, tool=tool, free=free, sensor=sensor, test=held_out, loss=loss
     )
     verdict = judge_tool(found)
-    document = tool_document(found, verdict)
-    write_model_folder(out, found.model, document, force=force)
+    evaluation = evaluate_update(
+        with_marker(known, found.tool),
+        found.update,
+        marked(train, found.tool),
+        found.sensor,
+        None if held_out is None else marked(held_out, found.tool),
+        with_prior=free == "body",
+    )
+    document = tool_document(found, verdict, evaluation)
+    # Drawing is slow to load, and only needed once there is something to draw.
+    from nico_selfmodel.viz.update_report import write_update_folder
+
+    write_update_folder(out, evaluation, verdict, document, force=force)
     if as_json:
         console.print_json(document)
     else:

@@ -24,15 +24,15 @@ def check(
     """Watch a body over new sightings; exit code 1 where something changed."""
     from nico_selfmodel.dataset import Dataset
     from nico_selfmodel.estimation import check_health
-    from nico_selfmodel.estimation.relearning import relearn_cause
+    from nico_selfmodel.estimation.relearning import relearn_cause, since_change
     from nico_selfmodel.estimation.update_document import (
         health_document,
         judge_update,
         relearned_document,
     )
+    from nico_selfmodel.estimation.update_evaluation import evaluate_update
     from nico_selfmodel.files import refuse_folder
     from nico_selfmodel.model import SelfModel
-    from nico_selfmodel.viz.model_folder import write_model_folder
 
     if relearn != (out is not None):
         raise ValueError("--relearn and --out belong together")
@@ -49,12 +49,12 @@ def check(
         cause = report.diagnoses[0].hypothesis
         update = relearn_cause(known, data, report, sensor)
         verdict = judge_update(update)
-        write_model_folder(
-            out,
-            update.model,
-            relearned_document(update, cause.cause, verdict),
-            force=force,
-        )
+        evaluation = evaluate_update(known, update, since_change(known, data, report), sensor)
+        # Drawing is slow to load, and only needed once there is something to draw.
+        from nico_selfmodel.viz.update_report import write_update_folder
+
+        relearned = relearned_document(update, cause.cause, verdict, evaluation)
+        write_update_folder(out, evaluation, verdict, relearned, report, force=force)
         if not as_json:
             console.print_verdict(verdict.status, verdict.reasons)
             console.print_where(out)

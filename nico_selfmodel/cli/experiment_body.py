@@ -1,5 +1,6 @@
 """`nico-selfmodel experiment refinement` and `experiment tool`: chapter 8 of the thesis."""
 
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -27,7 +28,15 @@ def refinement(
     out: Out,
     world: WorldName = "clean",
     play_deg: PlayDeg = 0.5,
-    individuals: Individuals = 8,
+    individuals: Annotated[
+        int | None,
+        typer.Option(
+            "--individuals", min=1, help="Simulated bodies to average over: 8, 1 if --rendered."
+        ),
+    ] = None,
+    rendered: Annotated[
+        bool, typer.Option("--rendered", help="Through rendered pictures; minutes a body.")
+    ] = False,
     tracker: Annotated[
         list[str] | None, typer.Option("--tracker", help="fiducial or color; both if omitted.")
     ] = None,
@@ -41,10 +50,16 @@ def refinement(
     from nico_selfmodel.files import refuse_folder
 
     refuse_folder(out, force=force)
-    chosen = _world(world, play_deg)
+    chosen, source = _world(world, play_deg), None
+    individuals = individuals or (1 if rendered else 8)
+    if rendered:
+        # The renderer is slow to load.
+        from nico_selfmodel.experiments.rendered_lesson import rendered_lessons
+
+        source = partial(rendered_lessons, chosen)
     with console.progress_bar() as stage:
         results = run_refinement(
-            chosen, individuals, seed, tuple(tracker or ("fiducial", "color")), stage
+            chosen, individuals, seed, tuple(tracker or ("fiducial", "color")), stage, source
         )
     write_report(results, out, force=force)
     if as_json:

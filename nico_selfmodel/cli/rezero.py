@@ -26,21 +26,22 @@ def rezero(
     from nico_selfmodel.dataset import Dataset
     from nico_selfmodel.estimation import rezero as find_zeros
     from nico_selfmodel.estimation.update_document import judge_update, rezero_document
+    from nico_selfmodel.estimation.update_evaluation import evaluate_update
     from nico_selfmodel.files import refuse_folder
     from nico_selfmodel.model import SelfModel
-    from nico_selfmodel.viz.model_folder import write_model_folder
 
     refuse_folder(out, force=force, inputs=[dataset, model])
+    known, data = SelfModel.load(model), Dataset.load(dataset)
     found = find_zeros(
-        SelfModel.load(model),
-        Dataset.load(dataset),
-        joints=tuple(joint) if joint else None,
-        sensor=sensor,
-        loss=loss,
+        known, data, joints=tuple(joint) if joint else None, sensor=sensor, loss=loss
     )
     verdict = judge_update(found.update)
-    document = rezero_document(found, verdict)
-    write_model_folder(out, found.model, document, force=force)
+    evaluation = evaluate_update(known, found.update, data, sensor)
+    document = rezero_document(found, verdict, evaluation)
+    # Drawing is slow to load, and only needed once there is something to draw.
+    from nico_selfmodel.viz.update_report import write_update_folder
+
+    write_update_folder(out, evaluation, verdict, document, force=force)
     if as_json:
         console.print_json(document)
     else:

@@ -8,6 +8,7 @@ from numpy.typing import NDArray
 from nico_selfmodel.dataset import BoardViews
 from nico_selfmodel.errors import ModelError
 from nico_selfmodel.estimation.board_accuracy import Reconstruction
+from nico_selfmodel.model.camera import Camera
 from nico_selfmodel.model.stereo_rig import StereoRig
 
 _WORSE_EDGES = 1.1
@@ -31,12 +32,21 @@ class BoardCheck:
     def from_rigs(
         cls, before: StereoRig, after: StereoRig, boards: BoardViews, held_out: bool
     ) -> "BoardCheck | None":
-        """Rebuild boards with both; None where no board was seen whole by both eyes."""
-        if not boards.seen.all(axis=(1, 2)).any():
+        """Rebuild boards with both; None where there is no board to compare them by.
+
+        Boards that were not seen whole by both eyes, or for which the lenses before have no ray,
+        tell nothing of what became worse.
+        """
+        seen = boards.select(boards.seen.all(axis=(1, 2)))
+        if not len(seen):
             return None
-        earlier = Reconstruction.from_views(before, boards)
+        rays = [eye.has_rays(p.reshape(-1, 2)) for eye, p in _by_eye(before, seen)]
+        compared = seen.select(np.all(rays, axis=0).reshape(len(seen), -1).all(axis=1))
+        if not len(compared):
+            return None
+        earlier = Reconstruction.from_views(before, compared)
         try:
-            return cls(earlier, Reconstruction.from_views(after, boards), held_out)
+            return cls(earlier, Reconstruction.from_views(after, compared), held_out)
         except ModelError:
             return cls(earlier, None, held_out)
 
@@ -74,6 +84,11 @@ class BoardCheck:
 
     def _boards(self) -> str:
         return f"{len(self.before.views)} {'held-out ' * self.held_out}boards"
+
+
+def _by_eye(rig: StereoRig, boards: BoardViews) -> list[tuple[Camera, NDArray]]:
+    """Return each eye with the pixels of all corners in it. Shapes (V, P, 2)."""
+    return [(rig.left, boards.pixels[:, :, :2]), (rig.right, boards.pixels[:, :, 2:])]
 
 
 def _spread_of_each(rebuilt: Reconstruction) -> NDArray:

@@ -30,7 +30,7 @@ from nico_selfmodel.estimation.observations import gears_known
 from nico_selfmodel.estimation.pins import Pins
 from nico_selfmodel.estimation.pixel_evaluation import PixelEvaluation, evaluate_pixels
 from nico_selfmodel.estimation.pixel_observations import PixelObservations
-from nico_selfmodel.estimation.provenance import package_versions
+from nico_selfmodel.estimation.provenance import data_named, package_versions
 from nico_selfmodel.estimation.sightings import JOINT_SIGMA
 from nico_selfmodel.estimation.stereo import FEWEST_VIEWS
 from nico_selfmodel.model.dh_parameters import DhParameters
@@ -59,6 +59,8 @@ class BodyCalibration:
     """The model on its own training data, outliers included."""
     test: PixelEvaluation | None
     """The model on held-out data."""
+    before: PixelEvaluation
+    """The start on the held-out data; on the training data where nothing was held out."""
     cross_validation: PixelEvaluation | None
     """Believed rows beside predictions made without them; None with too few poses."""
     outliers: NDArray
@@ -144,6 +146,7 @@ def calibrate_body(
         options,
         evaluate_pixels(model, dataset),
         None if test is None else evaluate_pixels(model, test),
+        evaluate_pixels(start, dataset if test is None else test),
         crossed,
         solved.outliers,
         solved.noise,
@@ -327,8 +330,7 @@ class _Task:
             self.start.robot,
             fit,
             {
-                "dataset": dataset.name,
-                "dataset_sha256": dataset.sha256,
+                **data_named(dataset),
                 "start": self.start.name,
                 **package_versions("drake"),
             },

@@ -11,10 +11,10 @@ from nico_selfmodel.estimation.board_accuracy import Reconstruction
 from nico_selfmodel.estimation.body import BodyCalibration
 from nico_selfmodel.estimation.body_verdict import body_warnings
 from nico_selfmodel.estimation.error_statistics import ErrorStatistics
+from nico_selfmodel.estimation.model_changes import links_of, parameter_changes
 from nico_selfmodel.estimation.pixel_evaluation import PixelEvaluation
 from nico_selfmodel.estimation.verdict import Verdict
 from nico_selfmodel.estimation.workspace_accuracy import WorkspaceAccuracy, workspace_accuracy
-from nico_selfmodel.model.link_lengths import link_lengths
 from nico_selfmodel.model.self_model import SelfModel
 
 
@@ -40,6 +40,7 @@ def body_document(calibration: BodyCalibration, verdict: Verdict) -> dict[str, A
         "train": pixel_block(calibration.train, ~calibration.outliers),
         "test": pixel_block(calibration.test),
         "cross_validation": pixel_block(calibration.cross_validation),
+        "before": _before(calibration),
         "parameters": body_parameters(calibration),
         "not_identifiable": [describe_blind(d) for d in calibration.uncertainty.blind],
         "scale_from": calibration.scale_from,
@@ -59,6 +60,27 @@ def body_document(calibration: BodyCalibration, verdict: Verdict) -> dict[str, A
     }
 
 
+def refinement_block(
+    before: PixelEvaluation, calibration: BodyCalibration | None, verdict: Verdict
+) -> dict[str, Any]:
+    """Return what the refinement of a known body did, whether it is kept or not.
+
+    Args:
+        before: The body before it, on held-out data.
+        calibration: What was learned; None where that came to no end.
+        verdict: What is thought of it.
+    """
+    refused = verdict.status == "FAIL"
+    return {
+        "accepted": not refused,
+        "reasons": list(verdict.reasons) if refused else [],
+        "kept": "arm learned after the eyes" if refused else "arm and eyes refined together",
+        "before": pixel_block(before),
+        "after": None if calibration is None else pixel_block(calibration.test),
+        "boards": None if calibration is None else _boards(calibration),
+    }
+
+
 def body_parameters(calibration: BodyCalibration) -> dict[str, Mapping[str, Any]]:
     """Return every parameter with value, sigma, unit and whether it was free; derived ones last."""
     uncertainty = calibration.uncertainty
@@ -71,7 +93,7 @@ def body_parameters(calibration: BodyCalibration) -> dict[str, Mapping[str, Any]
         slope[np.array(uncertainty.names) == f"right.pose.{axis}"] = share
     spread = float(np.sqrt(slope @ uncertainty.covariance @ slope))
     table["baseline"] = {"value": rig.baseline, "sigma": spread, "unit": "m", "free": False}
-    for name, length in _links(calibration.model):
+    for name, length in links_of(calibration.model):
         table[name] = {"value": length, "sigma": None, "unit": "m", "free": False}
     return table
 
@@ -122,6 +144,18 @@ def pixel_block(
     return block
 
 
+def _before(calibration: BodyCalibration) -> dict[str, Any]:
+    """Return how the start fared on the same data, and how far its parameters moved."""
+    start, model = calibration.start, calibration.model
+    shown = [*body_parameters(calibration)]
+    return {
+        "model": start.name,
+        "on": "train" if calibration.test is None else "test",
+        **(pixel_block(calibration.before) or {"n": 0}),
+        "changes": parameter_changes(start, model, shown),
+    }
+
+
 def _boards(calibration: BodyCalibration) -> dict[str, Any] | None:
     check = calibration.boards
     if check is None:
@@ -166,17 +200,6 @@ def accuracy_block(found: WorkspaceAccuracy) -> dict[str, Any]:
         if part is not None and np.isfinite(part).any():
             block[name] = {"mean": float(np.nanmean(part)), "max": float(np.nanmax(part))}
     return {"poses": len(found.total), "curable_share": found.curable, **block}
-
-
-def _links(model: SelfModel) -> list[tuple[str, float]]:
-    """Return the lengths of the links of a paired arm; nothing for another."""
-    if len(model.joints) != 4:
-        return []
-    try:
-        upper, lower = link_lengths(model.chain)
-    except ValueError:
-        return []
-    return [("link.upper", upper), ("link.lower", lower)]
 
 
 def _finite(value: float) -> float | None:

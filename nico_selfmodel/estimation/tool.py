@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 from nico_selfmodel.dataset import Dataset
 from nico_selfmodel.errors import NotIdentifiableError
 from nico_selfmodel.estimation.block_update import BlockUpdate, learn_block, learn_with_prior
+from nico_selfmodel.estimation.natural_scales import arm_size
 from nico_selfmodel.estimation.sightings import Sightings, sightings_of
 from nico_selfmodel.model.dh_table import DhTable
 from nico_selfmodel.model.self_model import SelfModel
@@ -114,12 +115,12 @@ def calibrate_tool(
         raise ValueError(f"free must be 'point' or 'body', got {free!r}")
     clock = time.perf_counter()
     tool = tool or _tool_name(model, dataset)
-    held = _with_marker(model, tool)
+    held = with_marker(model, tool)
     data = replace(dataset, marker=np.full(len(dataset), tool))
     sightings = sightings_of(held, data, sensor)
     _require_motion(sightings)
     names = tuple(f"hand.{tool}.{axis}" for axis in "xyz")
-    scales = np.full(3, _arm_size(model))
+    scales = np.full(3, arm_size(model))
     learn = learn_block if free == "point" else learn_with_prior
     update = learn(held, sightings, names, scales=scales, loss=loss)
     learned = update.model
@@ -196,8 +197,13 @@ def _tool_name(model: SelfModel, dataset: Dataset) -> str:
     return named[0] if len(named) == 1 and named[0] not in model.markers else "tool"
 
 
-def _with_marker(model: SelfModel, tool: str) -> SelfModel:
-    """Return the body with a tracked point where its first one is, to be learned anew."""
+def with_marker(model: SelfModel, tool: str) -> SelfModel:
+    """Return the body with a tracked point where its first one is, to be learned anew.
+
+    Args:
+        model: The body.
+        tool: Name of the point; the body stays as it is if it has it.
+    """
     table = model.dh
     if tool in table.markers:
         return model
@@ -221,12 +227,6 @@ def _require_motion(sightings: Sightings) -> None:
         f"the hand moved by {scale * moved:.1f} {unit} in {len(sightings)} poses, one pose alone "
         f"is uncertain by {scale * noise:.1f} {unit}: record poses that spread over the workspace"
     )
-
-
-def _arm_size(model: SelfModel) -> float:
-    """Return about how long the arm is [m]."""
-    chain = model.chain
-    return float(np.linalg.norm(chain.p_WH_zero[0] - chain.points, axis=1).max())
 
 
 def _reach(model: SelfModel, tool: str, update: BlockUpdate) -> tuple[float, float]:

@@ -8,8 +8,15 @@ from numpy.typing import NDArray
 
 from nico_selfmodel.estimation.block_update import BlockUpdate
 from nico_selfmodel.estimation.error_statistics import ErrorStatistics
-from nico_selfmodel.estimation.health import RATIO_THRESHOLD, THRESHOLD, HealthReport
+from nico_selfmodel.estimation.health import (
+    RATIO_THRESHOLD,
+    SLIP_THRESHOLD,
+    THRESHOLD,
+    HealthReport,
+)
+from nico_selfmodel.estimation.model_changes import parameter_changes
 from nico_selfmodel.estimation.tool import Rezeroing, ToolCalibration
+from nico_selfmodel.estimation.update_evaluation import UpdateEvaluation
 from nico_selfmodel.estimation.verdict import Verdict
 from nico_selfmodel.model.self_model import SelfModel
 
@@ -36,12 +43,15 @@ def judge_update(update: BlockUpdate) -> Verdict:
     return Verdict("FAIL", (f"the rest of the body no longer fits ({words}): run `check`",))
 
 
-def tool_document(calibration: ToolCalibration, verdict: Verdict) -> dict[str, Any]:
+def tool_document(
+    calibration: ToolCalibration, verdict: Verdict, evaluation: UpdateEvaluation | None = None
+) -> dict[str, Any]:
     """Return the content of a tool's `result.json`.
 
     Args:
         calibration: What was learned.
         verdict: What is thought of it.
+        evaluation: What it was worth, if that was asked.
     """
     return {
         **_document("tool", calibration.update, verdict, calibration.model),
@@ -53,15 +63,19 @@ def tool_document(calibration: ToolCalibration, verdict: Verdict) -> dict[str, A
         "train": _errors(calibration.train, calibration.sensor),
         "test": None if calibration.test is None else _errors(calibration.test, calibration.sensor),
         "seconds": calibration.seconds,
+        **_worth(evaluation),
     }
 
 
-def rezero_document(found: Rezeroing, verdict: Verdict) -> dict[str, Any]:
+def rezero_document(
+    found: Rezeroing, verdict: Verdict, evaluation: UpdateEvaluation | None = None
+) -> dict[str, Any]:
     """Return the content of the `result.json` of new zeros.
 
     Args:
         found: What was found.
         verdict: What is thought of it.
+        evaluation: What it was worth, if that was asked.
     """
     shifts = np.degrees(found.shifts).tolist()
     return {
@@ -70,19 +84,24 @@ def rezero_document(found: Rezeroing, verdict: Verdict) -> dict[str, Any]:
         "train": None,
         "test": None,
         "seconds": found.seconds,
+        **_worth(evaluation),
     }
 
 
-def relearned_document(update: BlockUpdate, cause: str, verdict: Verdict) -> dict[str, Any]:
+def relearned_document(
+    update: BlockUpdate, cause: str, verdict: Verdict, evaluation: UpdateEvaluation | None = None
+) -> dict[str, Any]:
     """Return the content of the `result.json` of what `check` learned anew.
 
     Args:
         update: What was learned.
         cause: What had changed, in words.
         verdict: What is thought of it.
+        evaluation: What it was worth, if that was asked.
     """
     document = _document("relearn", update, verdict, update.model)
-    return {**document, "cause": cause, "train": None, "test": None, "seconds": None}
+    document |= {"cause": cause, "train": None, "test": None, "seconds": None}
+    return document | _worth(evaluation)
 
 
 def health_document(report: HealthReport) -> dict[str, Any]:
@@ -104,6 +123,7 @@ def health_document(report: HealthReport) -> dict[str, Any]:
         "nis_per_coordinate": float(report.nis.sum() / report.dof.sum()),
         "excess": {"largest": float(report.excess.max()), "threshold": THRESHOLD},
         "ratio": {"largest": float(report.ratio.max()), "threshold": RATIO_THRESHOLD},
+        "slip": {"largest": float(report.slip.max()), "threshold": SLIP_THRESHOLD},
         "changed_at": _sample(report, report.changed_at),
         "alarm_at": _sample(report, report.alarm_at),
         "causes": [
@@ -135,6 +155,22 @@ def _document(
         "body_fits": update.fits,
         "iterations": update.iterations,
         "converged": update.converged,
+    }
+
+
+def _worth(evaluation: UpdateEvaluation | None) -> dict[str, Any]:
+    """Return errors before and after, and what moved by how much."""
+    if evaluation is None:
+        return {}
+    sensor, held = evaluation.sensor, evaluation.held
+    crossed = evaluation.cross_validation
+    return {
+        "before": {name: _errors(pair[0].errors, sensor) for name, pair in held.items()},
+        **{name: _errors(pair[1].errors, sensor) for name, pair in held.items()},
+        "cross_validation": None if crossed is None else _errors(crossed, sensor),
+        "changes": parameter_changes(
+            evaluation.before, evaluation.after, evaluation.update.learned
+        ),
     }
 
 

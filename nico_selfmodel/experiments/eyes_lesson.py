@@ -21,10 +21,17 @@ from nico_selfmodel.estimation import (
 )
 from nico_selfmodel.estimation.pixel_evaluation import PixelEvaluation
 from nico_selfmodel.estimation.sight import Sight
+from nico_selfmodel.experiments.outsider import ObservedBody, Outsider
 from nico_selfmodel.model import SelfModel, StereoRig
 from nico_selfmodel.model.stereo_rig import EYES
 from nico_selfmodel.plant import ArmDescription
-from nico_selfmodel.recording import Plan, commands_of_angles, pose_plan, record
+from nico_selfmodel.recording import (
+    Plan,
+    commands_of_angles,
+    given_commands,
+    pose_plan,
+    record,
+)
 from nico_selfmodel.systems import (
     BOARD,
     ImageQuality,
@@ -62,6 +69,8 @@ class Counts:
     """Random poses to learn from."""
     test: int = 100
     """Random poses to judge by."""
+    test_boards: int = 8
+    """Views of the chessboard to judge eyes and arm by that were refined together."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -161,6 +170,8 @@ class NicoBeforeItsEyes:
         rig: StereoRig | None = None,
         folder: Path | None = None,
         keep_images: bool = False,
+        outsider: Outsider | None = None,
+        poses: NDArray | None = None,
         progress: Callable[[int, int], None] | None = None,
     ) -> Dataset:
         """Record circles and free poses.
@@ -173,24 +184,32 @@ class NicoBeforeItsEyes:
             rig: Calibrated eyes, if known.
             folder: Where to keep samples from the first one on; resumed if it is there.
             keep_images: Keep the pictures in the folder.
+            outsider: Who measures the hand too, in the left eye's frame, for judging only.
+            poses: Visited instead of random ones [encoder units]. Shape (N, n).
             progress: Called after each pose.
 
         Returns:
             The data set.
+
+        Raises:
+            ValueError: If a given pose lies beyond a joint's stop.
         """
         station = self.station(session + _RESUMED * _recorded(folder), rig)
         body = StationBody(station, station.joints, self.markers, keep_images=keep_images)
-        plan = self.plan(station, circle, free, np.random.default_rng((self.seed, session, 2)))
+        rng = np.random.default_rng((self.seed, session, 2))
+        plan = self.plan(station, circle, free if poses is None else 0, rng)
+        if poses is not None:
+            plan += given_commands(station.joints, poses)
         world = station.world.name
         return record(
-            body,
+            body if outsider is None else ObservedBody(body, station, outsider),
             plan,
             name,
             source=f"rendered nico, world {world!r}, individual {self.seed}, session {session}",
             seed=self.seed,
             image_size=station.image_size,
             until_seen=2,
-            enough=free,
+            enough=free if poses is None else None,
             folder=folder,
             progress=progress,
         )

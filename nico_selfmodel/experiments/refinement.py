@@ -1,6 +1,6 @@
 """Chapter 8 of the thesis: arm and eyes refine each other, anchored to boards and as published."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from typing import Any
 
@@ -38,6 +38,8 @@ CONDITIONS = {
 """What is learned, and how. The seed's principal points are held at the image's centre, as in the
 thesis' first pass."""
 SEED = CameraOptions(pinned={"cx": None, "cy": None})
+Progress = Callable[[str, int, int], None]
+"""Called with what is going on, steps done and steps in all."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -100,8 +102,14 @@ class RefinementExperiment:
     """Half the width of the joints' play."""
     individuals: int
     """Simulated bodies averaged over."""
+    rendered: bool
+    """Whether the eyes saw pictures, not numbers with noise on them."""
     rows: tuple[RefinementRow, ...]
     """By tracker, then by condition."""
+
+
+LessonSource = Callable[[int, tuple[str, ...], Progress | None], Mapping[str, Lesson]]
+"""Records one individual: its seed, its trackers, whom to tell -> what each tracker saw."""
 
 
 def run_refinement(
@@ -109,9 +117,10 @@ def run_refinement(
     individuals: int = 8,
     seed: int = 0,
     trackers: tuple[str, ...] = ("fiducial", "color"),
-    progress: Callable[[str, int, int], None] | None = None,
+    progress: Progress | None = None,
+    rendered: LessonSource | None = None,
 ) -> RefinementExperiment:
-    """Let simulated bodies learn under every condition. Nothing is rendered.
+    """Let simulated bodies learn under every condition.
 
     Args:
         world: What is wrong with the bodies.
@@ -119,6 +128,8 @@ def run_refinement(
         seed: Of the first.
         trackers: How the hand is tracked.
         progress: Told how far it is.
+        rendered: Records a body through rendered pictures; without it nothing is rendered, and what
+            the eyes find is the truth with noise on it.
 
     Returns:
         The table's rows.
@@ -129,22 +140,37 @@ def run_refinement(
     unknown = set(trackers) - set(TRACKERS)
     if unknown:
         raise ValueError(f"no tracker {sorted(unknown)}; there are {', '.join(TRACKERS)}")
-    rows: list[RefinementRow] = []
-    done, total = 0, len(trackers) * individuals
-    for tracker in trackers:
-        protocol = BodyProtocol.of_nico(tracker)
-        found: dict[str, list[dict[str, Any]]] = {name: [] for name in CONDITIONS}
-        for i in range(individuals):
-            lesson = simulated_lesson(protocol, world, seed + i, tracker)
+    found: dict[tuple[str, str], list[dict[str, Any]]] = {
+        (tracker, name): [] for tracker in trackers for name in CONDITIONS
+    }
+    for i in range(individuals):
+        if rendered is None:
+            lessons = _simulated(world, seed + i, trackers)
+        else:
+            number = f"body {i + 1} of {individuals}: " if individuals > 1 else ""
+            lessons = rendered(seed + i, trackers, _numbered(progress, number))
+        for tracker, lesson in lessons.items():
             for name, options in CONDITIONS.items():
                 measured = measure(lesson, options)
-                found[name] += [] if measured is None else [measured]
-            done += 1
-            if progress:
-                progress("bodies learning", done, total)
-        rows += [row_of(tracker, name, runs) for name, runs in found.items() if runs]
+                found[tracker, name] += [] if measured is None else [measured]
+        if progress:
+            progress("bodies learning", i + 1, individuals)
+    rows = tuple(row_of(*key, runs) for key, runs in found.items() if runs)
     play = float(np.degrees(world.play))
-    return RefinementExperiment(world.name, play, individuals, tuple(rows))
+    return RefinementExperiment(world.name, play, individuals, rendered is not None, rows)
+
+
+def _simulated(world: World, seed: int, trackers: tuple[str, ...]) -> dict[str, Lesson]:
+    return {
+        tracker: simulated_lesson(BodyProtocol.of_nico(tracker), world, seed, tracker)
+        for tracker in trackers
+    }
+
+
+def _numbered(progress: Progress | None, number: str) -> Progress | None:
+    if progress is None:
+        return None
+    return lambda what, done, total: progress(number + what, done, total)
 
 
 def simulated_lesson(

@@ -27,6 +27,10 @@ THESIS: dict[str, dict[str, dict[str, tuple[float, float]]]] = {
     },
 }
 """The thesis' own: mean and SD on its real robot; edges before and after, links off calipers."""
+_EYES = {
+    True: "boards and hand found in rendered pictures",
+    False: "hand tracked without rendering",
+}
 _SHORT = {
     "kinematics only": "kinematics\nonly",
     "intrinsics pinned, as published": "intrinsics\npinned",
@@ -65,7 +69,7 @@ def table_rows(results: RefinementExperiment) -> Table:
                 _beside(_change(row.edge_mm), thesis.get("edge_mm"), _change),
                 "-" if row.scale_error is None else f"{100.0 * row.scale_error:.2f}",
                 _beside(_links(row.links_mm), thesis.get("links_mm"), _links),
-                f"{row.refused} of {row.runs}",
+                _refused(row, results.individuals),
             ]
         )
     return headings, rows
@@ -80,7 +84,7 @@ def write_report(results: RefinementExperiment, out: Path, *, force: bool = Fals
     head = (
         "# Arm and eyes refine each other (thesis, chapter 8)\n\n"
         f"Ours: {results.individuals} simulated bodies, world {results.world!r}, joints play by "
-        f"+-{results.play_deg:g} deg; hand tracked without rendering. Mean (SD) on 100 random "
+        f"+-{results.play_deg:g} deg; {_EYES[results.rendered]}. Mean (SD) on 100 random "
         "poses that were held out, edges and scale on held-out boards before -> after. After the "
         "bar: the thesis' real robot.\n\n"
         "`own 3D` is the thesis' measure, the predicted hand against the body's own stereo: it "
@@ -127,6 +131,12 @@ _NONE = (np.nan, np.nan)
 def _pair(row: RefinementRow | None, quantity: str) -> tuple[float, float]:
     found = None if row is None else getattr(row, quantity)
     return _NONE if found is None else found
+
+
+def _refused(row: RefinementRow, individuals: int) -> str:
+    """Say how many were refused, and how many came to no end at all."""
+    lost = individuals - row.runs
+    return f"{row.refused} of {row.runs}" + (f", {lost} without an end" if lost else "")
 
 
 def _spread(pair: tuple[float, float]) -> str:

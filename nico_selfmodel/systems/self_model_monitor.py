@@ -45,6 +45,7 @@ class SelfModelMonitor(LeafSystem):
     | `nis` | out | normalised innovation squared of the last sighting, nan where there was none |
     | `excess` | out | cumulative excess of it; above `health.THRESHOLD` something changed |
     | `ratio` | out | likelihood ratio of a change; above `health.RATIO_THRESHOLD` likewise |
+    | `slip` | out | log-likelihood of a joint's slip; above `health.SLIP_THRESHOLD` likewise |
     | `alarm` | out | 1 once something changed, else 0 |
     | `cause` | out | what changed in words, empty before the alarm (abstract, str) |
 
@@ -82,7 +83,7 @@ class SelfModelMonitor(LeafSystem):
         self._state = self.DeclareAbstractState(Value(MonitorState()))
         self.DeclarePeriodicUnrestrictedUpdateEvent(period, 0.0, self._look)
         needs = {self.abstract_state_ticket(self._state)}
-        for port in ("nis", "excess", "ratio", "alarm"):
+        for port in ("nis", "excess", "ratio", "slip", "alarm"):
             self.DeclareVectorOutputPort(port, BasicVector(1), _writer(self, port), needs)
         self.DeclareAbstractOutputPort("cause", lambda: Value(""), self._say, needs)
 
@@ -108,9 +109,8 @@ class SelfModelMonitor(LeafSystem):
         watch = before.watch
         if not watch.alarm:
             r, slopes = new.whitened
-            places = watched(self.model, names)
             own = new.seen[0]
-            watch = watch.after(r[0, own], slopes[0][own][:, places])
+            watch = watch.after(r[0, own], *watched(self.model, names).of(slopes[0][own]))
         recent = (*before.recent, new)[-REMEMBERED:]
         diagnosis = before.diagnosis
         if watch.alarm:

@@ -10,20 +10,31 @@ from matplotlib.cm import ScalarMappable
 from matplotlib.colors import Normalize
 from matplotlib.figure import Figure
 
-from nico_selfmodel.estimation import BodyCalibration, PixelEvaluation, Verdict, WorkspaceAccuracy
+from nico_selfmodel.dataset import Dataset
+from nico_selfmodel.estimation import BodyCalibration, Verdict, WorkspaceAccuracy
+from nico_selfmodel.files import refuse_folder
+from nico_selfmodel.plant import ArmDescription
 from nico_selfmodel.viz import palette
 from nico_selfmodel.viz.body_scene import accuracy_at, body_scene
-from nico_selfmodel.viz.distribution_plot import ErrorSet, distribution
-from nico_selfmodel.viz.drake_backend import static_html
+from nico_selfmodel.viz.distribution_plot import distribution, error_sets
+from nico_selfmodel.viz.document_tables import (
+    HEADINGS,
+    change_table,
+    facts,
+    parameter_table,
+    statistics_cells,
+    statistics_table,
+)
+from nico_selfmodel.viz.folder import shown
 from nico_selfmodel.viz.model_folder import write_model_folder
 from nico_selfmodel.viz.parameter_plots import correlations
 from nico_selfmodel.viz.plot_style import FULL_WIDTH, headline, style, svg_data_uri
 from nico_selfmodel.viz.report_page import key_statistics, page
-from nico_selfmodel.viz.report_tables import SETS, STATISTICS, Cell, Table
-from nico_selfmodel.viz.result_folder import SCENE_FILE
+from nico_selfmodel.viz.report_tables import Cell, Table
 from nico_selfmodel.viz.scene import Scene
 
-_HEADINGS = tuple({"sd": "SD", "p95": "95 %"}.get(name, name) for name in STATISTICS)
+_MOST_CHANGES = 8
+"""Changes that are shown unfolded, beside the lengths."""
 
 
 def write_body_folder(
@@ -32,6 +43,8 @@ def write_body_folder(
     verdict: Verdict,
     document: Mapping[str, Any],
     *,
+    robot: ArmDescription | None = None,
+    recordings: Mapping[str, Dataset] | None = None,
     force: bool = False,
 ) -> Path:
     """Write `self_model.yaml`, `result.json`, `report.html`, `scene.json` and the URDF, or nothing.
@@ -40,7 +53,9 @@ def write_body_folder(
         folder: The folder to make.
         calibration: What was learned.
         verdict: What is thought of it.
-        document: `estimation.body_document` of both.
+        document: `estimation.body_document` of both, with what else `result.json` should tell.
+        robot: The robot that the arm belongs to, to be drawn; the model's own if omitted.
+        recordings: Data sets to keep beside the result, in `recordings/<name>`.
         force: Replace an existing folder.
 
     Returns:
@@ -49,12 +64,14 @@ def write_body_folder(
     Raises:
         FileExistsError: If the folder exists and `force` is not set.
         OSError: If it cannot be written.
+        ModelError: If the robot is gone, or has other joints.
         SelfModelError: If the server that makes the interactive scene cannot start.
     """
-    scene = body_scene(calibration)
-    report = body_report_html(calibration, verdict, document, scene)
-    texts = {"report.html": report, SCENE_FILE: scene.to_json()}
-    return write_model_folder(folder, calibration.model, document, texts, force=force)
+    refuse_folder(folder, force=force)
+    robot = ArmDescription.of_model(calibration.model) if robot is None else robot
+    scene = body_scene(calibration, robot)
+    texts = shown(body_report_html(calibration, verdict, document, scene), scene)
+    return write_model_folder(folder, calibration.model, document, texts, recordings, force=force)
 
 
 def body_report_html(
@@ -90,14 +107,18 @@ def body_report_html(
         document=document,
         key=key_statistics(document, "pixels", "sightings"),
         scene=scene,
-        scene_html=static_html(scene),
         figures={name: svg_data_uri(figure) for name, figure in figures.items()},
         tables={
-            "pixels": _error_table(document, "pixels", "in the images [px]", 2),
-            "position": _error_table(document, "position_mm", "from its own eyes [mm]", 2),
+            "pixels": statistics_table(document, "pixels", "in the images [px]", 2),
+            "position": statistics_table(document, "position_mm", "from its own eyes [mm]", 2),
+            "before": _before_table(document),
+            "changes": change_table(_largest(document["before"]["changes"])),
+            "all_changes": change_table(document["before"]["changes"]),
             "boards": _board_table(document),
             "workspace": _workspace_table(document),
-            "parameters": _parameter_table(document),
+            "parameters": parameter_table(
+                document, lambda _, entry: "free" if entry["free"] else "fixed"
+            ),
         },
         provenance=_provenance(calibration, document),
     )
@@ -147,32 +168,35 @@ def workspace_map(accuracy: WorkspaceAccuracy) -> Figure:
 def _distribution(calibration: BodyCalibration) -> Figure:
     """Draw the distribution of errors in the images."""
     train = calibration.train.select(~calibration.outliers)
-    found: tuple[tuple[str, str, PixelEvaluation | None], ...] = (
-        ("held-out", palette.HELD_OUT, calibration.test),
-        ("cross-validation", palette.CROSS_VALIDATION, calibration.cross_validation),
-        ("training", palette.TRAINING, train),
-    )
-    sets = [
-        ErrorSet(label, color, one.pixel_distances)
-        for label, color, one in found
-        if one is not None and len(one.pixel_distances)
-    ]
+    found = (calibration.test, calibration.cross_validation, train)
+    sets = error_sets(*(None if one is None else one.pixel_distances for one in found))
     return distribution(sets, unit="px", digits=2, what="error in an image", thing="sighting")
 
 
-def _error_table(
-    document: Mapping[str, Any], quantity: str, heading: str, digits: int
-) -> Table | None:
-    """Return statistics of every set of errors that has this quantity; None where none has."""
-    rows = []
-    for key, label in SETS:
-        block = document[key]
-        if block is not None and quantity in block:
-            cells = [Cell(str(block["n"]), value=block["n"])]
-            values = block[quantity]
-            cells += [Cell(f"{values[s]:.{digits}f}", value=values[s]) for s in STATISTICS]
-            rows.append((label, tuple(cells)))
-    return Table((heading, "poses", *_HEADINGS), tuple(rows)) if rows else None
+def _before_table(document: Mapping[str, Any]) -> Table:
+    """Return errors of the start and of the end, on the same data."""
+    before = document["before"]
+    after, rows = document[before["on"]], []
+    for quantity, unit in (("pixels", "px"), ("position_mm", "mm")):
+        for label, block in (("before", before), ("after", after)):
+            if block is not None and quantity in block:
+                rows.append((f"{label} [{unit}]", statistics_cells(block, quantity, 2)))
+    kind = "held-out poses" if before["on"] == "test" else "training poses"
+    return Table((kind, "poses", *HEADINGS), tuple(rows))
+
+
+def _largest(changes: Mapping[str, Mapping[str, Any]]) -> dict[str, Mapping[str, Any]]:
+    """Return the changes of lengths, and of what moved most for what it is uncertain by."""
+
+    def size(name: str) -> float:
+        entry = changes[name]
+        sigma = entry["sigma"]
+        return abs(entry["after"] - entry["before"]) / sigma if sigma else 0.0
+
+    lengths = [name for name in changes if name == "baseline" or name.startswith("link.")]
+    others = sorted((n for n in changes if n not in lengths and size(n) > 0.0), key=size)
+    chosen = [*reversed(others[-_MOST_CHANGES:]), *lengths]
+    return {name: changes[name] for name in chosen}
 
 
 def _board_table(document: Mapping[str, Any]) -> Table | None:
@@ -213,25 +237,9 @@ def _workspace_table(document: Mapping[str, Any]) -> Table:
     return Table(headings, tuple(rows))
 
 
-def _parameter_table(document: Mapping[str, Any]) -> Table:
-    """Return every parameter in SI units, to the last digit."""
-    rows = []
-    for name, entry in document["parameters"].items():
-        sigma = entry["sigma"]
-        kind = "free" if entry["free"] else "fixed"
-        cells = (
-            Cell(repr(float(entry["value"])), value=entry["value"]),
-            Cell("" if sigma is None else f"{sigma:.3g}", value=sigma),
-            Cell("" if entry["unit"] == "1" else entry["unit"]),
-            Cell(kind, kind=kind),
-        )
-        rows.append((name, cells))
-    return Table(("parameter", "value", "sigma", "unit", ""), tuple(rows))
-
-
 def _provenance(calibration: BodyCalibration, document: Mapping[str, Any]) -> dict[str, str]:
     """Return what the body was learned from and with."""
-    facts = {
+    found = {
         **calibration.model.provenance,
         "stage": document["stage"],
         "variant": document["variant"],
@@ -243,4 +251,4 @@ def _provenance(calibration: BodyCalibration, document: Mapping[str, Any]) -> di
         "steps_of_the_solver": document["iterations"],
         "seconds": f"{document['seconds']:.2f}",
     }
-    return {str(key).replace("_", " "): str(value) for key, value in facts.items()}
+    return facts(found)

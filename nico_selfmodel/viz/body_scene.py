@@ -8,14 +8,16 @@ from numpy.typing import NDArray
 from nico_selfmodel.estimation import BodyCalibration, WorkspaceAccuracy, workspace_accuracy
 from nico_selfmodel.geometry.transform import apply
 from nico_selfmodel.model import SelfModel
+from nico_selfmodel.plant import ArmDescription
 from nico_selfmodel.viz import palette
 from nico_selfmodel.viz.arm_items import arm_items, arm_legend
 from nico_selfmodel.viz.arm_shape import arm_length
-from nico_selfmodel.viz.camera_scene import X_WL
 from nico_selfmodel.viz.eye_items import ImagePlane, eye_items
+from nico_selfmodel.viz.robot_items import robot_items, robot_legend
 from nico_selfmodel.viz.scene import LegendEntry, Scene
 from nico_selfmodel.viz.scene_items import Item, Markers, Needles
 from nico_selfmodel.viz.surroundings import camera_from, floor_items
+from nico_selfmodel.viz.upright import upright
 
 _DOT = 0.003
 _PLANE = 0.05
@@ -25,32 +27,69 @@ _ENLARGED = 10.0
 _AZIMUTH, _ELEVATION = np.radians(250.0), np.radians(30.0)
 
 
-def body_scene(calibration: BodyCalibration) -> Scene:
-    """Describe a learned body as a scene; x is where the left eye looks, z is up.
+def body_scene(calibration: BodyCalibration, robot: ArmDescription | None = None) -> Scene:
+    """Describe a learned body as a scene; z is up, and the left eye stands at its origin.
 
     Args:
         calibration: What was learned.
+        robot: The robot that the arm belongs to, to be drawn around it. It stands as it does;
+            without it the left eye looks along x.
 
     Returns:
         The arm at the training pose nearest to their middle, both eyes, the hand at every training
         pose in the colour of its whole uncertainty, and its distance from where the eyes saw it,
         tenfold.
+
+    Raises:
+        ModelError: If the robot cannot be read, or its chain has other joints.
     """
     accuracy = accuracy_at(calibration)
-    shown = _in_scene(calibration.model)
-    unit = arm_length(shown.chain)
+    X_SW = upright(calibration.model, robot)
+    body = standing(calibration.model, X_SW)
     q = _middle_pose(calibration)
-    items = [*arm_items(shown, q, unit), *_eyes(shown), *_hands(calibration, accuracy)]
+    hands = _hands(calibration, accuracy, X_SW)
+    return with_body(
+        body, q, hands, X_SW, calibration.train.p_LH_predicted, _legend(accuracy), robot
+    )
+
+
+def with_body(
+    body: SelfModel,
+    q: NDArray,
+    items: list[Item],
+    X_SW: NDArray,
+    p_WH: NDArray,
+    legend: list[LegendEntry],
+    robot: ArmDescription | None,
+) -> Scene:
+    """Return a scene of an arm, its eyes, its robot and whatever belongs to them.
+
+    Args:
+        body: The body, standing in the scene.
+        q: Its pose [rad]. Shape (n,).
+        items: What else is shown, in the scene.
+        X_SW: Pose of the body's own world in the scene. Shape (4, 4).
+        p_WH: Places of the hand that must be in view, in that world [m]. Shape (N, 3).
+        legend: What the items are.
+        robot: The robot that the arm belongs to, to be drawn around it.
+
+    Raises:
+        ModelError: If the robot cannot be read, or its chain has other joints.
+    """
+    unit = arm_length(body.chain)
+    shell = [] if robot is None else robot_items(robot, body, q)
     points = np.concatenate(
         [
-            apply(X_WL, calibration.train.p_LH_predicted),
-            shown.chain.rezeroed(q).points,
-            np.stack([eye.X_WC[:3, 3] for eye in shown.rig.eyes]),
+            apply(X_SW, p_WH),
+            body.chain.rezeroed(q).points,
+            *(eye.X_WC[None, :3, 3] for eye in body.cameras.values()),
+            *(item.X_WI[None, :3, 3] for item in shell),
         ]
     )
+    parts = [*arm_items(body, q, unit), *_eyes(body), *items, *shell]
+    entries = (*arm_legend(body), *legend, *(robot_legend(robot) if robot else ()))
     view = camera_from(points, float(_AZIMUTH), float(_ELEVATION))
-    legend = (*arm_legend(shown), *_legend(accuracy))
-    return Scene(shown.name, (*floor_items(points, unit), *items), view, legend)
+    return Scene(body.name, (*floor_items(points, unit, X_SW), *parts), view, entries)
 
 
 def accuracy_at(calibration: BodyCalibration) -> WorkspaceAccuracy:
@@ -60,10 +99,15 @@ def accuracy_at(calibration: BodyCalibration) -> WorkspaceAccuracy:
     return workspace_accuracy(model, arm.angles / model.servos.radians_per_unit)
 
 
-def _in_scene(model: SelfModel) -> SelfModel:
-    """Return the body in the scene's frame."""
-    table = replace(model.dh, X_W0=X_WL @ model.dh.X_W0)
-    cameras = {name: eye.at(X_WL @ eye.X_WC) for name, eye in model.cameras.items()}
+def standing(model: SelfModel, X_SW: NDArray) -> SelfModel:
+    """Return a body in a scene's frame.
+
+    Args:
+        model: Arm and eyes.
+        X_SW: Pose of its world in the scene. Shape (4, 4).
+    """
+    table = replace(model.dh, X_W0=X_SW @ model.dh.X_W0)
+    cameras = {name: eye.at(X_SW @ eye.X_WC) for name, eye in model.cameras.items()}
     return replace(model, table=table, cameras=cameras, covariance=None)
 
 
@@ -82,11 +126,11 @@ def _eyes(model: SelfModel) -> list[Item]:
     ]
 
 
-def _hands(calibration: BodyCalibration, accuracy: WorkspaceAccuracy) -> list[Item]:
+def _hands(calibration: BodyCalibration, accuracy: WorkspaceAccuracy, X_SW: NDArray) -> list[Item]:
     """Return the hand at every pose, and where the eyes saw it."""
     train, believed = calibration.train, ~calibration.outliers
-    predicted = apply(X_WL, train.p_LH_predicted)
-    seen = apply(X_WL, train.p_LH_seen)
+    predicted = apply(X_SW, train.p_LH_predicted)
+    seen = apply(X_SW, train.p_LH_seen)
     colors = palette.error_colors(accuracy.total, float(accuracy.total.max()))
     items: list[Item] = [
         Markers(

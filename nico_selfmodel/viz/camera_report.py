@@ -9,7 +9,6 @@ from nico_selfmodel.viz import camera_plots, camera_tables, lens_plots
 from nico_selfmodel.viz.camera_gallery import gallery
 from nico_selfmodel.viz.camera_scene import camera_scene
 from nico_selfmodel.viz.camera_views import ShownView, shown_views, view_table
-from nico_selfmodel.viz.drake_backend import static_html
 from nico_selfmodel.viz.parameter_plots import correlations
 from nico_selfmodel.viz.photographs import Photographs
 from nico_selfmodel.viz.plot_style import svg_data_uri
@@ -59,7 +58,6 @@ def camera_report_html(
         views=views,
         eyes=calibration.views.eyes,
         scene=scene,
-        scene_html=static_html(scene),
         figures=_figures(assessment, views),
         gallery=gallery(assessment, views, document, images),
         stroke=0.0034 * calibration.views.image_size[0],

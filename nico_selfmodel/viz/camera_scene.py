@@ -15,11 +15,8 @@ from nico_selfmodel.viz.photographs import Photographs, photograph_of
 from nico_selfmodel.viz.scene import LegendEntry, Scene, path_names
 from nico_selfmodel.viz.scene_items import Item
 from nico_selfmodel.viz.surroundings import camera_from, floor_items
+from nico_selfmodel.viz.upright import X_WL
 
-X_WL = np.array(
-    [[0.0, 0.0, 1.0, 0.0], [-1.0, 0.0, 0.0, 0.0], [0.0, -1.0, 0.0, 0.0], [0.0, 0.0, 0.0, 1.0]]
-)
-"""Pose of the first eye in the scene: it looks along x, and z is up."""
 _SPREAD, _REACH = 0.86, 0.22
 """Width of an image plane in baselines at most, and its distance in those of the boards."""
 _AZIMUTH, _ELEVATION = np.radians(180.0 + 34.0), np.radians(25.0)

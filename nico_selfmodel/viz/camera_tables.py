@@ -10,32 +10,34 @@ from nico_selfmodel.estimation import CameraAssessment
 from nico_selfmodel.model import SelfModel
 from nico_selfmodel.model.camera import INTRINSICS
 from nico_selfmodel.model.stereo_rig import EYES, POSE_NAMES
+from nico_selfmodel.viz.document_tables import (
+    HEADINGS,
+    facts,
+    parameter_table,
+    statistics_cells,
+    statistics_table,
+)
 from nico_selfmodel.viz.numbers_shown import decimals
-from nico_selfmodel.viz.report_tables import SETS, STATISTICS, Cell, Table
+from nico_selfmodel.viz.report_tables import Cell, Table
 
 _SHOWN = {"px": ("px", 1.0), "1": ("", 1.0), "m": ("mm", 1e3), "rad": ("deg", 180.0 / np.pi)}
 
 
-def pixel_error_table(document: Mapping[str, Any]) -> Table:
+def pixel_error_table(document: Mapping[str, Any]) -> Table | None:
     """Return statistics of every set of reprojection errors, the most telling first."""
-    rows = [
-        (label, _statistics(document[key], "pixels", 3))
-        for key, label in SETS
-        if document[key] is not None
-    ]
-    return Table(("reprojection error [px]", "corners", *_HEADINGS), tuple(rows))
+    return statistics_table(document, "pixels", "reprojection error [px]", 3, "corners")
 
 
 def pair_table(document: Mapping[str, Any]) -> Table | None:
     """Return what the eyes do together, None for one eye: epipolar and reconstruction errors."""
     rows = []
     if document.get("epipolar_px") is not None:
-        errors = _statistics(document["epipolar_px"], "pixels", 3)[1:]
+        errors = statistics_cells(document["epipolar_px"], "pixels", 3)[1:]
         rows.append(("distance from the epipolar line [px]", errors))
     found = document.get("reconstruction")
     if found is not None:
-        rows.append(("rebuilt corners [mm]", _statistics(found, "position_mm", 2)[1:]))
-    return Table(("", *_HEADINGS), tuple(rows)) if rows else None
+        rows.append(("rebuilt corners [mm]", statistics_cells(found, "position_mm", 2)[1:]))
+    return Table(("", *HEADINGS), tuple(rows)) if rows else None
 
 
 @dataclass(frozen=True)
@@ -101,18 +103,7 @@ def pose_table(document: Mapping[str, Any]) -> Table | None:
 
 def camera_parameter_list(document: Mapping[str, Any]) -> Table:
     """Return every parameter in SI units and pixels, to the last digit."""
-    rows = []
-    for name, entry in document["parameters"].items():
-        shown = _cell(name, document)
-        known = "" if entry["sigma"] is None or shown.kind == "fixed" else f"{entry['sigma']:.3g}"
-        cells = (
-            Cell(repr(float(entry["value"])), value=entry["value"]),
-            Cell(known, value=entry["sigma"]),
-            Cell("" if entry["unit"] == "1" else entry["unit"]),
-            Cell(shown.kind, kind=shown.kind),
-        )
-        rows.append((name, cells))
-    return Table(("parameter", "value", "sigma", "unit", ""), tuple(rows))
+    return parameter_table(document, lambda name, _: _cell(name, document).kind)
 
 
 def camera_provenance(
@@ -121,37 +112,26 @@ def camera_provenance(
     """Return what the calibration was made of and with."""
     calibration = assessment.calibration
     width, height = calibration.views.image_size
-    facts: dict[str, Any] = {}
+    found: dict[str, Any] = {}
     if model is not None:
-        facts |= {**model.provenance, **model.fit}
+        found |= {**model.provenance, **model.fit}
     detection = document.get("detection") or {}
-    facts |= {
+    found |= {
         f"detection {key}": value
         for key, value in detection.items()
         if key not in ("files", "not_seen")
     }
-    facts["image size"] = f"{width} x {height} px"
-    facts["noise of a coordinate"] = _px(document["pixel_sigma_px"])
-    facts["steps of the solver"] = document["iterations"]
-    facts["seconds"] = f"{document['seconds']:.2f}"
-    return {str(key).replace("_", " "): str(value) for key, value in facts.items()}
+    found["image size"] = f"{width} x {height} px"
+    found["noise of a coordinate"] = _px(document["pixel_sigma_px"])
+    found["steps of the solver"] = document["iterations"]
+    found["seconds"] = f"{document['seconds']:.2f}"
+    return facts(found)
 
 
 def blind_names(document: Mapping[str, Any]) -> frozenset[str]:
     """Return the parameters in directions that the data do not determine."""
     lines: Iterable[str] = document["not_identifiable"]
     return frozenset(name for line in lines for name in line.split(", "))
-
-
-_HEADINGS = tuple({"sd": "SD", "p95": "95 %"}.get(name, name) for name in STATISTICS)
-
-
-def _statistics(block: Mapping[str, Any], quantity: str, digits: int) -> tuple[Cell, ...]:
-    count = block.get("n")
-    cells = [Cell("" if count is None else str(count), value=count)]
-    values = block[quantity]
-    cells += [Cell(f"{values[s]:.{digits}f}", value=values[s]) for s in STATISTICS]
-    return tuple(cells)
 
 
 def _cell(name: str, document: Mapping[str, Any]) -> Cell:

@@ -7,6 +7,7 @@ import numpy as np
 from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
+from nico_selfmodel.viz import palette
 from nico_selfmodel.viz.plot_style import HALF_WIDTH, headline, plain_tick, style
 
 _LOG_FROM, _LOG_TAIL = 8.0, 20.0
@@ -27,6 +28,28 @@ class ErrorSet:
     def __post_init__(self) -> None:
         """Sort the errors."""
         object.__setattr__(self, "errors", np.sort(self.errors))
+
+
+def error_sets(
+    test: NDArray | None, cross_validation: NDArray | None, train: NDArray | None
+) -> list[ErrorSet]:
+    """Return the sets of errors that there are, the most telling first.
+
+    Args:
+        test: Held out. Shape (n,).
+        cross_validation: Left out in turn. Shape (n,).
+        train: Learned from and believed. Shape (n,).
+    """
+    found = (
+        ("held-out", palette.HELD_OUT, test),
+        ("cross-validation", palette.CROSS_VALIDATION, cross_validation),
+        ("training", palette.TRAINING, train),
+    )
+    return [
+        ErrorSet(label, color, errors)
+        for label, color, errors in found
+        if errors is not None and len(errors)
+    ]
 
 
 def distribution(

@@ -6,6 +6,7 @@ from numpy.typing import NDArray
 from nico_selfmodel.dataset import Sweep
 from nico_selfmodel.estimation import KinematicCalibration
 from nico_selfmodel.estimation.circle_points import crossing_of
+from nico_selfmodel.geometry.transform import apply
 from nico_selfmodel.model import SelfModel
 from nico_selfmodel.plant import ArmDescription
 from nico_selfmodel.viz.arm_items import arm_items, arm_legend
@@ -22,6 +23,7 @@ from nico_selfmodel.viz.scene import Scene
 from nico_selfmodel.viz.scene_items import Item, Tube
 from nico_selfmodel.viz.surroundings import camera_on, floor_items
 from nico_selfmodel.viz.uncertainty_items import uncertainty_items, uncertainty_legend
+from nico_selfmodel.viz.upright import turned, upright
 
 
 def calibration_scene(
@@ -30,7 +32,7 @@ def calibration_scene(
     """Describe a calibration as a scene.
 
     The arm stands in the pose that its sweeps share, or in the recorded pose nearest to the middle
-    of the data. All is in the measuring frame W.
+    of the data. All is in the measuring frame W, turned until it stands upright where W is an eye.
 
     Args:
         calibration: What was learned.
@@ -65,12 +67,16 @@ def calibration_scene(
         body = robot_items(robot, calibration.model, q)
         legend += tuple(robot_legend(robot))
     data, arm = _data_points(calibration), _arm_points(calibration.model, q, unit)
-    centers = [item.X_WI[:3, 3] for item in body]
-    points = np.concatenate([data, arm, *([centers] if centers else [])])
     wires = _small_circles(circles, np.concatenate([data, arm]))
-    behind = np.array(centers) if centers else arm
-    view = camera_on(np.concatenate([points, *wires]), data.mean(axis=0) - behind.mean(axis=0))
-    return Scene(calibration.model.name, (*floor_items(points, unit), *items, *body), view, legend)
+    centers = [item.X_WI[None, :3, 3] for item in body]
+    X_SW = upright(calibration.model, robot)
+    points = apply(X_SW, np.concatenate([data, arm, *centers]))
+    behind = np.concatenate(centers) if centers else arm
+    front = X_SW[:3, :3] @ (data.mean(axis=0) - behind.mean(axis=0))
+    view = camera_on(np.concatenate([points, *(apply(X_SW, wire) for wire in wires)]), front)
+    floor = floor_items(points, unit, X_SW)
+    parts = turned([*items, *body], X_SW)
+    return Scene(calibration.model.name, (*floor, *parts), view, legend)
 
 
 def shown_pose(calibration: KinematicCalibration) -> NDArray:

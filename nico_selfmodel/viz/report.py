@@ -6,7 +6,6 @@ from typing import Any
 from nico_selfmodel.estimation import KinematicCalibration, Verdict
 from nico_selfmodel.viz import error_plots, parameter_plots, report_tables
 from nico_selfmodel.viz.arm_shape import arm_length
-from nico_selfmodel.viz.drake_backend import static_html
 from nico_selfmodel.viz.kinematics_scene import calibration_scene
 from nico_selfmodel.viz.plot_style import svg_data_uri
 from nico_selfmodel.viz.report_page import key_statistics, page
@@ -42,14 +41,20 @@ def report_html(
         document=document,
         key=key_statistics(document, "position_mm", "points"),
         notes=_notes(document),
+        refused=_refused(document),
         arm_mm=1e3 * arm_length(calibration.model.chain),
         scene=scene,
-        scene_html=static_html(scene),
         figures=_figures(calibration),
         tables=_tables(calibration, document),
         circle_reasons=() if calibration.circles is None else calibration.circles.reasons,
         provenance=report_tables.provenance(calibration, document),
     )
+
+
+def _refused(document: Mapping[str, Any]) -> tuple[str, ...]:
+    """Return why arm and eyes were not refined together, where that was tried in vain."""
+    refinement = document.get("refinement")
+    return () if refinement is None else tuple(refinement["reasons"])
 
 
 def _notes(document: Mapping[str, Any]) -> list[str]:

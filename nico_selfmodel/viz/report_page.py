@@ -6,6 +6,8 @@ from typing import Any
 from jinja2 import Environment, PackageLoader, StrictUndefined
 
 from nico_selfmodel.estimation import Verdict
+from nico_selfmodel.viz.drake_backend import static_html
+from nico_selfmodel.viz.scene import Scene
 from nico_selfmodel.viz.scene_items import Rgba
 
 _MEANING = {
@@ -15,17 +17,21 @@ _MEANING = {
 }
 
 
-def page(template: str, name: str, verdict: Verdict, **content: Any) -> str:
+def page(template: str, name: str, verdict: Verdict, scene: Scene, **content: Any) -> str:
     """Return a report as one self-contained page.
 
     Args:
         template: File in `templates`.
         name: What the report is about.
         verdict: What is thought of it.
+        scene: What to show.
         content: What else the template asks for.
 
     Returns:
-        HTML.
+        HTML that loads nothing from anywhere.
+
+    Raises:
+        SelfModelError: If the server that makes the interactive scene cannot start.
     """
     environment = Environment(
         loader=PackageLoader("nico_selfmodel.viz"),
@@ -41,6 +47,8 @@ def page(template: str, name: str, verdict: Verdict, **content: Any) -> str:
         status_text=verdict.status.replace("_", " "),
         meaning=_MEANING[verdict.status],
         reasons=verdict.reasons,
+        scene=scene,
+        scene_html=static_html(scene),
         **content,
     )
 
@@ -62,7 +70,7 @@ def key_statistics(document: Mapping[str, Any], quantity: str, things: str) -> d
         ("train", f"on the training {things}"),
     ):
         if document[key] is not None:
-            return {"label": label, "n": document[key]["n"], **document[key][quantity]}
+            return {"set": key, "label": label, "n": document[key]["n"], **document[key][quantity]}
     raise ValueError("the document holds no statistics of errors")
 
 

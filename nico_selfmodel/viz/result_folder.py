@@ -1,7 +1,5 @@
 """The folders that calibrations leave behind."""
 
-import json
-import re
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
@@ -15,23 +13,23 @@ from nico_selfmodel.estimation import (
     camera_document,
     result_document,
 )
-from nico_selfmodel.files import RESULT_FILE, folder_written_whole, refuse_folder
+from nico_selfmodel.files import refuse_folder
 from nico_selfmodel.model import SelfModel
 from nico_selfmodel.plant import ArmDescription
 from nico_selfmodel.viz.camera_report import camera_report_html
 from nico_selfmodel.viz.camera_scene import camera_scene
+from nico_selfmodel.viz.folder import SCENE_FILE, shown, urdf_file, write_folder
 from nico_selfmodel.viz.kinematics_scene import calibration_scene
 from nico_selfmodel.viz.photographs import Photographs
 from nico_selfmodel.viz.report import report_html
 from nico_selfmodel.viz.scene import Scene
-
-SCENE_FILE = "scene.json"
 
 
 def write_result_folder(
     folder: str | Path,
     calibration: KinematicCalibration,
     verdict: Verdict,
+    document: Mapping[str, Any] | None = None,
     *,
     urdf_text: str | None = None,
     robot_name: str | None = None,
@@ -45,6 +43,7 @@ def write_result_folder(
         folder: The folder to make.
         calibration: What was learned.
         verdict: What is thought of it.
+        document: `result_document` of both, with what else `result.json` should tell.
         urdf_text: The learned URDF, written as `<robot>_learned.urdf`.
         robot_name: Name of the robot; the self-model's if omitted.
         robot: The robot that the arm belongs to, to be drawn in the scene.
@@ -62,18 +61,12 @@ def write_result_folder(
     """
     folder = Path(folder)
     refuse_folder(folder, force=force)
-    document = result_document(calibration, verdict)
+    document = result_document(calibration, verdict) if document is None else document
     scene = calibration_scene(calibration, robot)
-    texts = _texts(document, report_html(calibration, verdict, document, scene), scene)
+    texts = shown(report_html(calibration, verdict, document, scene), scene)
     if urdf_text is not None:
-        name = robot_name or calibration.model.name
-        texts[f"{_file_name(name)}_learned.urdf"] = urdf_text
-    with folder_written_whole(folder, force=force) as inside:
-        _write(inside, calibration.model, texts)
-        for name, dataset in (recordings or {}).items():
-            (inside / "recordings").mkdir(exist_ok=True)
-            dataset.save(inside / "recordings" / name)
-    return folder
+        texts[urdf_file(robot_name or calibration.model.name)] = urdf_text
+    return write_folder(folder, calibration.model, document, texts, recordings, force=force)
 
 
 def write_camera_folder(
@@ -111,25 +104,7 @@ def write_camera_folder(
     document = camera_document(assessment, verdict) if document is None else document
     scene = camera_scene(assessment, images, name=model.name)
     report = camera_report_html(assessment, verdict, document, images, scene, model=model)
-    texts = _texts(document, report, scene)
-    with folder_written_whole(folder, force=force) as inside:
-        _write(inside, model, texts)
-    return folder
-
-
-def _texts(document: Mapping[str, Any], report: str, scene: Scene) -> dict[str, str]:
-    """Return what every result folder holds beside its self-model."""
-    return {
-        RESULT_FILE: json.dumps(document, allow_nan=False, indent=1) + "\n",
-        "report.html": report,
-        SCENE_FILE: scene.to_json(),
-    }
-
-
-def _write(inside: Path, model: SelfModel, texts: Mapping[str, str]) -> None:
-    model.save(inside / "self_model.yaml")
-    for name, text in texts.items():
-        (inside / name).write_text(text, encoding="utf-8", newline="\n")
+    return write_folder(folder, model, document, shown(report, scene), force=force)
 
 
 def load_scene(result: str | Path) -> Scene:
@@ -158,8 +133,3 @@ def load_scene(result: str | Path) -> Scene:
         return Scene.from_json(text)
     except ModelError as error:
         raise ModelError(f"{path}: {error}") from error
-
-
-def _file_name(name: str) -> str:
-    """Return a name without what file systems or shells would stumble over."""
-    return re.sub(r"[^\w.-]+", "_", name).strip("._") or "robot"

@@ -14,14 +14,15 @@ _ASPECT, _MARGIN = 1.5, 1.06
 _TURN, _ELEVATION = np.radians(25.0), np.radians(22.0)
 
 
-def floor_items(points: NDArray, unit: float) -> list[Item]:
-    """Return a grid whose lines lie at round coordinates of W, and W's axes where they are near.
+def floor_items(points: NDArray, unit: float, X_SW: NDArray | None = None) -> list[Item]:
+    """Return a grid whose lines lie at round coordinates, and W's axes where they are near.
 
     The grid lies at z = 0 where the data stand on it, else at a round height below them.
 
     Args:
         points: What stands on the floor [m]. Shape (N, 3).
         unit: Length that sizes are fractions of [m].
+        X_SW: How the measuring frame W is turned in the scene; not at all if omitted. Shape (4, 4).
 
     Returns:
         Items under `floor`.
@@ -42,7 +43,9 @@ def floor_items(points: NDArray, unit: float) -> list[Item]:
     if near:
         white = (1.0, 1.0, 1.0, 1.0)
         length, radius = 0.25 * unit, 0.006 * unit
-        items.append(Triad(path="floor/measuring_frame", color=white, length=length, radius=radius))
+        pose = np.eye(4) if X_SW is None else X_SW
+        path = "floor/measuring_frame"
+        items.append(Triad(path=path, color=white, X_WI=pose, length=length, radius=radius))
     return items
 
 

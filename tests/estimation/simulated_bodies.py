@@ -39,22 +39,29 @@ class Truth:
         return SelfModel("truth", table, servos, cameras=cameras, **others)
 
 
-@cache
 def protocol(tracker: str = "fiducial") -> BodyProtocol:
     return BodyProtocol.of_nico(tracker)
 
 
-@cache
 def lesson(seed: int = 0, tracker: str = "fiducial", world=PLAY, random_poses: int = 100) -> Lesson:
     """Return what one individual recorded: 61 poses on circles, 100 random ones, 100 to test."""
+    return _lesson(seed, tracker, world, random_poses)
+
+
+@cache
+def _lesson(seed: int, tracker: str, world, random_poses: int) -> Lesson:
     return simulated_lesson(protocol(tracker), world, seed, tracker, random_poses)
 
 
-@cache
 def learned(
     seed: int = 0, tracker: str = "fiducial", stage: str = "full", variant: str = "anchored"
 ) -> BodyCalibration:
     """Return what one individual learned from its lesson."""
+    return _learned(seed, tracker, stage, variant)
+
+
+@cache
+def _learned(seed: int, tracker: str, stage: str, variant: str) -> BodyCalibration:
     recorded = lesson(seed, tracker)
     return calibrate_body(
         recorded.train,

@@ -11,6 +11,8 @@ from nico_selfmodel.estimation import (
     judge_body,
     rezero,
 )
+from nico_selfmodel.estimation.health import watched
+from nico_selfmodel.estimation.sightings import covariance_of, sightings_of
 from nico_selfmodel.model.link_lengths import link_lengths
 from nico_selfmodel.model.self_model import SelfModel
 
@@ -136,16 +138,37 @@ def test_slips_of_two_degrees_are_seen_soon_and_named():
             for angle in (-2.0, 2.0):
                 one = body(seed)
                 one.slip(joint, np.radians(angle))
-                report = check_health(model, only_eyes(poses(one, 10, 200)))
+                report = check_health(model, only_eyes(poses(one, 15, 200)))
                 assert report.alarm_at is not None
                 seen.setdefault(joint, []).append(report.alarm_at + 1)
                 right += report.diagnoses[0].hypothesis.cause == f"zero of {joint}"
     assert right >= 23
-    # In view, the twist of the upper arm moves the hand by 3 mm in 2 deg, against 2 mm of play:
-    # no test sees that in three poses and never raises a false alarm.
-    twist = seen.pop("right_upper_arm_twist")
-    assert np.mean(twist) <= 7.0
-    assert np.mean(list(seen.values())) <= 3.0
+    delays = {joint: np.mean(found) for joint, found in seen.items()}
+    assert np.mean(list(delays.values())) <= 3.0, delays
+    # The twist of the upper arm moves the hand by 3 mm in 2 deg, against 2 mm of play: see
+    # docs/health.md for why no test sees that in three poses and never raises a false alarm.
+    assert delays.pop("right_upper_arm_twist") <= 5.0
+    assert max(delays.values()) <= 3.0, delays
+
+
+def test_no_test_could_see_the_twist_of_the_upper_arm_within_three_poses():
+    """Lorden's bound on the mean delay, log(poses between false alarms) / information a pose."""
+    information = {}
+    for seed in range(3):
+        model = learned(seed).model
+        sightings = sightings_of(model, only_eyes(poses(body(seed), 150, 300)))
+        new = sightings.innovations(covariance_of(model, sightings.names))
+        which = watched(model, sightings.names)
+        for slopes in new.whitened[1]:
+            squares = 0.5 * np.sum(which.of(slopes)[1] ** 2, axis=0)
+            for joint, found in zip(model.joints, squares, strict=True):
+                information.setdefault(joint, []).append(found)
+    twist = np.mean(information.pop("right_upper_arm_twist"))
+    assert twist == pytest.approx(3.7, rel=0.25)
+    # 40 x 300 poses without a false alarm, 19 times in 20.
+    assert np.log(40 * 300 / 0.05) / twist > 3.0
+    others = [np.log(40 * 300 / 0.05) / np.mean(found) for found in information.values()]
+    assert max(others) < 2.0
 
 
 def test_errors_over_sigma_have_unit_spread():

@@ -1,13 +1,23 @@
 """Chapter 8 beside the thesis: a small run, its tables, charts and documents."""
 
 import json
+from dataclasses import replace
 
 import numpy as np
 import pytest
 
 from nico_selfmodel.experiments import refinement_report, tool_use
-from nico_selfmodel.experiments.refinement import CONDITIONS, row_of, run_refinement
-from nico_selfmodel.systems import WORLDS
+from nico_selfmodel.experiments.body_protocol import BodyProtocol
+from nico_selfmodel.experiments.eyes_lesson import Counts
+from nico_selfmodel.experiments.refinement import (
+    CONDITIONS,
+    row_of,
+    run_refinement,
+    simulated_lesson,
+)
+from nico_selfmodel.experiments.rendered_lesson import rendered_lessons
+from nico_selfmodel.systems import NICO_EYES, WORLDS, looking_arm
+from nico_selfmodel.systems.individual import Individual
 
 PLAY = WORLDS["clean"].with_noise(play_deg=0.5)
 
@@ -59,6 +69,59 @@ def test_measures_that_some_bodies_lack_are_averaged_over_the_others():
     assert row.edge_mm == (1.5, 1.2)
     assert row.true_mm is None
     assert (row.refused, row.runs) == (1, 2)
+
+
+def test_lessons_may_come_from_elsewhere_one_body_after_the_other(tmp_path, monkeypatch):
+    """As with `--rendered`; here the lessons are simulated, so that nothing need be rendered."""
+    some = {"full, anchored": CONDITIONS["full, anchored"]}
+    monkeypatch.setattr("nico_selfmodel.experiments.refinement.CONDITIONS", some)
+    asked, told = [], []
+
+    def source(seed, trackers, stage):
+        asked.append((seed, trackers))
+        stage("training poses", 1, 1)
+        lesson = simulated_lesson(BodyProtocol.of_nico(), PLAY, seed, "fiducial", random_poses=40)
+        unseen = replace(lesson.test, p_WH_measured=np.full_like(lesson.test.p_WH_measured, np.nan))
+        return {"fiducial": replace(lesson, test=unseen, links=None)}
+
+    found = run_refinement(
+        PLAY, 2, 4, ("fiducial",), lambda *words: told.append(words), rendered=source
+    )
+    assert asked == [(4, ("fiducial",)), (5, ("fiducial",))]
+    assert ("body 2 of 2: training poses", 1, 1) in told
+    assert found.rendered
+    (row,) = found.rows
+    assert (row.runs, row.true_mm, row.links_mm) == (2, None, None)
+    refinement_report.write_report(found, tmp_path / "out")
+    text = (tmp_path / "out" / "tables.md").read_text()
+    assert "found in rendered pictures" in text
+    assert "0 of 2 |" in text
+    lost = replace(found, individuals=3)
+    assert refinement_report.table_rows(lost)[1][0][-1] == "0 of 2, 1 without an end"
+    assert not (tmp_path / "out" / "true.png").exists()
+
+
+@pytest.mark.slow
+def test_one_nico_records_for_all_trackers_through_rendered_pictures():
+    counts = Counts(boards=6, circle=8, random=6, test=6, test_boards=3)
+    found = rendered_lessons(PLAY, 0, ("fiducial", "color"), None, counts)
+    assert set(found) == {"fiducial", "color"}
+    for lesson in found.values():
+        assert len(lesson.boards) == 6
+        assert len(lesson.test_boards) == 3
+        assert not np.isfinite(lesson.train.p_WH_measured).any()
+        assert np.isfinite(lesson.test.pixels).all(axis=1).sum() >= 6
+    # What the outsider measured lies where the true left eye saw it.
+    test, left = (
+        found["fiducial"].test,
+        Individual.build(looking_arm(), PLAY, 0, NICO_EYES).rig.left,
+    )
+    seen = left.at(np.eye(4)).project(test.p_WH_measured)
+    assert np.abs(seen - test.pixels[:, :2]).max() < 1.0
+    assert found["fiducial"].links == pytest.approx((0.13, 0.14), abs=0.02)
+    # Nobody can measure the middle of a patch of colour.
+    assert found["color"].links is None
+    assert not np.isfinite(found["color"].test.p_WH_measured).any()
 
 
 def test_a_tracker_that_is_none_is_refused():

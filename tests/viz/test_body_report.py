@@ -34,10 +34,19 @@ def found(lesson):
     )
 
 
-def test_the_folder_holds_model_report_scene_numbers_and_urdf(found, tmp_path):
-    verdict = judge_body(found)
-    document = body_document(found, verdict)
-    folder = write_body_folder(tmp_path / "body", found, verdict, document)
+@pytest.fixture(scope="module")
+def document(found):
+    return body_document(found, judge_body(found))
+
+
+@pytest.fixture(scope="module")
+def folder(found, document, tmp_path_factory):
+    """The result folder, written once for all that look into it."""
+    place = tmp_path_factory.mktemp("results") / "body"
+    return write_body_folder(place, found, judge_body(found), document)
+
+
+def test_the_folder_holds_model_report_scene_numbers_and_urdf(found, document, folder):
     names = {path.name for path in folder.iterdir()}
     assert names == {
         "self_model.yaml",
@@ -50,13 +59,11 @@ def test_the_folder_holds_model_report_scene_numbers_and_urdf(found, tmp_path):
     assert json.loads((folder / "result.json").read_text()) == document
     assert len(load_scene(folder).items) == len(body_scene(found).items)
     with pytest.raises(FileExistsError):
-        write_body_folder(folder, found, verdict, document)
+        write_body_folder(folder, found, judge_body(found), document)
 
 
-def test_the_report_shows_the_numbers_of_the_document_and_loads_nothing(found):
-    verdict = judge_body(found)
-    document = body_document(found, verdict)
-    html = body_report_html(found, verdict, document)
+def test_the_report_shows_the_numbers_of_the_document_and_loads_nothing(document, folder):
+    html = (folder / "report.html").read_text(encoding="utf-8")
     page = re.sub(r'srcdoc="[^"]*"', "", html)
     for value in (
         document["test"]["pixels"]["mean"],
@@ -64,6 +71,8 @@ def test_the_report_shows_the_numbers_of_the_document_and_loads_nothing(found):
         document["boards"]["after"]["edge_mm"]["sd"],
         document["workspace"]["learned_mm"]["mean"],
         document["parameters"]["right.fx"]["value"],
+        document["before"]["pixels"]["mean"],
+        document["before"]["changes"]["baseline"]["before"],
     ):
         assert f'data-value="{value}"' in page
     assert "PASS" in page
@@ -71,7 +80,8 @@ def test_the_report_shows_the_numbers_of_the_document_and_loads_nothing(found):
     assert "Samples not believed" in page
 
 
-def test_a_body_without_boards_says_so_and_has_no_board_table(lesson):
+def test_a_body_without_boards_says_so_and_has_no_board_table(lesson, monkeypatch):
+    monkeypatch.setattr("nico_selfmodel.viz.body_report.svg_data_uri", lambda _: "data:,")
     found = calibrate_body(
         lesson.train, lesson.eyes, None, BodyOptions("intrinsics-pinned", "unanchored")
     )

@@ -1,0 +1,69 @@
+"""What learning anew changed in a self-model: every number before and after, beside its sigma."""
+
+from collections.abc import Iterable
+from typing import Any
+
+import numpy as np
+
+from nico_selfmodel.model.link_lengths import link_lengths
+from nico_selfmodel.model.self_model import SelfModel
+
+
+def parameter_changes(
+    before: SelfModel, after: SelfModel, names: Iterable[str]
+) -> dict[str, dict[str, Any]]:
+    """Hold parameters of a model against what they were.
+
+    Args:
+        before: The model as it was.
+        after: The model as learned, with its covariance.
+        names: Parameters of both to compare; those that one of them lacks are left out.
+
+    Returns:
+        Name -> `before`, `after`, `sigma` (of `after`, None where it is not known) and `unit`.
+    """
+    old, new = named_values(before), named_values(after)
+    sigma: dict[str, float] = {}
+    if after.covariance is not None:
+        spread = np.sqrt(np.maximum(np.diag(after.covariance.matrix), 0.0))
+        sigma = dict(zip(after.covariance.names, spread.tolist(), strict=True))
+    found = {}
+    for name in names:
+        if name in old and name in new:
+            known = sigma.get(name)
+            found[name] = {
+                "before": old[name][0],
+                "after": new[name][0],
+                "sigma": known if known is not None and np.isfinite(known) else None,
+                "unit": new[name][1],
+            }
+    return found
+
+
+def named_values(model: SelfModel) -> dict[str, tuple[float, str]]:
+    """Return value and unit of every parameter of arm and eyes, and of the lengths in them."""
+    values: dict[str, tuple[float, str]] = {}
+    if model.has_arm:
+        arm = model.parameters
+        values |= dict(
+            zip(arm.names, zip(arm.values.tolist(), arm.units, strict=True), strict=True)
+        )
+        values |= {name: (length, "m") for name, length in links_of(model)}
+    if len(model.cameras) == 2:
+        rig = model.rig
+        values |= dict(
+            zip(rig.names, zip(rig.values.tolist(), rig.units, strict=True), strict=True)
+        )
+        values["baseline"] = (rig.baseline, "m")
+    return values
+
+
+def links_of(model: SelfModel) -> list[tuple[str, float]]:
+    """Return the lengths of the links of a paired arm [m]; nothing for another."""
+    if len(model.joints) != 4:
+        return []
+    try:
+        upper, lower = link_lengths(model.chain)
+    except ValueError:
+        return []
+    return [("link.upper", upper), ("link.lower", lower)]

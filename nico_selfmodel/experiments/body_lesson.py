@@ -1,0 +1,102 @@
+"""After eyes and arm are learned one after the other, they refine each other (thesis chapter 8)."""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+from nico_selfmodel.dataset import BoardViews
+from nico_selfmodel.errors import EstimationError
+from nico_selfmodel.estimation import BodyCalibration, Verdict, calibrate_body, judge_body
+from nico_selfmodel.experiments.eyes_lesson import (
+    ArmLesson,
+    Counts,
+    EyesLesson,
+    NicoBeforeItsEyes,
+    Stage,
+    learn_through_the_eyes,
+)
+from nico_selfmodel.model import SelfModel
+from nico_selfmodel.systems import World
+
+TEST_SESSION = 3
+"""Day on which boards are shown that nobody learns from."""
+
+
+@dataclass(frozen=True, eq=False)
+class BodyLesson:
+    """Eyes and arm learned one after the other, and then together."""
+
+    eyes: EyesLesson
+    """One after the other."""
+    arm: ArmLesson
+    """The arm among them that the body has."""
+    test_boards: BoardViews
+    """Boards that nobody learned from."""
+    refined: BodyCalibration | None
+    """Together; None where that came to no end."""
+    verdict: Verdict
+    """What is thought of that."""
+
+    @property
+    def accepted(self) -> bool:
+        """Whether the refinement is kept."""
+        return self.verdict.status != "FAIL"
+
+    @property
+    def model(self) -> SelfModel:
+        """What is kept: the refined body, or the one before if the refinement was refused."""
+        if self.refined is None or not self.accepted:
+            return self.arm.model
+        return self.refined.model
+
+
+def learn_body_through_the_eyes(
+    world: World | str,
+    seed: int = 0,
+    *,
+    marker: str = "fiducial",
+    counts: Counts | None = None,
+    stage: Stage | None = None,
+) -> BodyLesson:
+    """Calibrate the eyes, move the arm before them, learn it, and refine both together.
+
+    Args:
+        world: What is wrong with the body.
+        seed: Which individual.
+        marker: What is tracked on the hand: `fiducial` or `finger_tip`.
+        counts: How much is recorded.
+        stage: Told what is going on.
+
+    Returns:
+        Everything that was recorded and learned.
+    """
+    counts = counts or Counts()
+    lesson = learn_through_the_eyes(world, seed, markers=(marker,), counts=counts, stage=stage)
+
+    def report(what: str) -> Callable[[int, int], None]:
+        return lambda done, total: stage(what, done, total) if stage else None
+
+    boards = NicoBeforeItsEyes(world, seed, (marker,)).board_views(
+        counts.test_boards, TEST_SESSION, progress=report("more boards, kept for judging")
+    )
+    report("refining arm and eyes together")(0, 1)
+    found = refine(lesson, marker, boards)
+    report("refining arm and eyes together")(1, 1)
+    return found
+
+
+def refine(lesson: EyesLesson, marker: str, test_boards: BoardViews) -> BodyLesson:
+    """Let arm and eyes refine each other on what they were learned from.
+
+    Args:
+        lesson: Eyes and arm, learned one after the other.
+        marker: The arm to take.
+        test_boards: Boards that nobody learned from.
+    """
+    arm = lesson.arms[marker]
+    try:
+        found = calibrate_body(
+            arm.train, arm.model, lesson.views, test=arm.test, test_boards=test_boards
+        )
+    except EstimationError as error:
+        return BodyLesson(lesson, arm, test_boards, None, Verdict("FAIL", (str(error),)))
+    return BodyLesson(lesson, arm, test_boards, found, judge_body(found))

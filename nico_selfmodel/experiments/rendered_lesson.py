@@ -1,0 +1,76 @@
+"""What one Nico records for chapter 8 through rendered pictures: by fiducial and by colour."""
+
+from collections.abc import Callable
+from dataclasses import replace
+
+import numpy as np
+
+from nico_selfmodel.dataset import Dataset
+from nico_selfmodel.estimation import calibrate_cameras
+from nico_selfmodel.experiments.eyes_lesson import Counts, NicoBeforeItsEyes, Stage, of_marker
+from nico_selfmodel.experiments.outsider import Outsider
+from nico_selfmodel.experiments.refinement import SEED, Lesson
+from nico_selfmodel.systems import World
+
+MARKERS = {"fiducial": "fiducial", "color": "finger_tip"}
+"""How the hand is tracked -> what is tracked."""
+COUNTS = Counts(boards=13, test_boards=12)
+"""The thesis' 13 boards, 60 circle, 100 random and 100 test poses; boards to judge by beside them.
+"""
+
+
+def rendered_lessons(
+    world: World,
+    seed: int,
+    trackers: tuple[str, ...],
+    stage: Stage | None = None,
+    counts: Counts = COUNTS,
+) -> dict[str, Lesson]:
+    """Let one Nico record what it learns from; all trackers look at the same pictures.
+
+    Args:
+        world: What is wrong with the body.
+        seed: Which individual.
+        trackers: How the hand is tracked: `fiducial`, `color`.
+        stage: Told what is going on.
+        counts: How much is recorded.
+
+    Returns:
+        Tracker -> what was recorded, and what an outsider knows of it: nothing of colour, since
+        no instrument touches the middle of a patch.
+    """
+
+    def report(what: str) -> Callable[[int, int], None]:
+        return lambda done, total: stage(what, done, total) if stage else None
+
+    nico = NicoBeforeItsEyes(world, seed, tuple(MARKERS[tracker] for tracker in trackers))
+    outsider = Outsider(nico.arm, world, seed)
+    boards = nico.board_views(counts.boards, 0, progress=report("looking at a chessboard"))
+    held_out = nico.board_views(counts.test_boards, 3, progress=report("boards kept for judging"))
+    eyes = calibrate_cameras(boards, SEED)
+    train = nico.record(
+        "train", 1, counts.circle, counts.random, rig=eyes.rig, progress=report("training poses")
+    )
+    test = nico.record(
+        "test",
+        2,
+        0,
+        counts.test,
+        rig=eyes.rig,
+        outsider=outsider,
+        progress=report("poses kept for judging"),
+    )
+    found = {}
+    for tracker in trackers:
+        marker = MARKERS[tracker]
+        shown, links = of_marker(test, marker), outsider.calipers(marker)
+        if tracker == "color":
+            shown, links = unmeasured(shown), None
+        learned = eyes.self_model("eyes")
+        found[tracker] = Lesson(of_marker(train, marker), shown, learned, boards, held_out, links)
+    return found
+
+
+def unmeasured(data: Dataset) -> Dataset:
+    """Return data without what an outsider measured."""
+    return replace(data, p_WH_measured=np.full_like(data.p_WH_measured, np.nan))

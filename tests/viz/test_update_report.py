@@ -1,0 +1,207 @@
+"""The report on a tool, on new zeros, and on what `check` learned anew."""
+
+import json
+import re
+
+import numpy as np
+import pytest
+
+from nico_selfmodel.estimation import calibrate_body, calibrate_tool, check_health, rezero
+from nico_selfmodel.estimation.adaptation import joined
+from nico_selfmodel.estimation.relearning import relearn_cause, since_change
+from nico_selfmodel.estimation.tool import with_marker
+from nico_selfmodel.estimation.update_document import (
+    judge_tool,
+    judge_update,
+    relearned_document,
+    rezero_document,
+    tool_document,
+)
+from nico_selfmodel.estimation.update_evaluation import evaluate_update, marked
+from nico_selfmodel.experiments.body_protocol import BodyProtocol
+from nico_selfmodel.experiments.refinement import simulated_lesson
+from nico_selfmodel.model import SelfModel
+from nico_selfmodel.systems import WORLDS
+from nico_selfmodel.viz.health_plot import health_plot
+from nico_selfmodel.viz.result_folder import load_scene
+from nico_selfmodel.viz.update_report import update_report_html, write_update_folder
+from nico_selfmodel.viz.update_scene import update_scene
+
+WORLD = WORLDS["clean"].with_noise(play_deg=0.5)
+TOOL = np.array([0.025, 0.0, -0.08])
+SLIPPED = "right_shoulder_roll"
+
+
+@pytest.fixture(scope="module")
+def model():
+    lesson = simulated_lesson(BodyProtocol.of_nico(), WORLD, 0, "fiducial", random_poses=40)
+    return calibrate_body(lesson.train, lesson.eyes, lesson.boards).model
+
+
+def poses(count, change=lambda body: None, shift=None, session=1):
+    """Record random poses of the body, changed."""
+    protocol = BodyProtocol.of_nico()
+    body = protocol.body(WORLD, 0, session=session)
+    change(body)
+    rng = np.random.default_rng(session)
+    return protocol.record(body, "poses", protocol.random_poses(count, rng, shift))
+
+
+@pytest.fixture(scope="module")
+def tool(model):
+    train, test = (
+        poses(count, lambda body: body.take_tool(TOOL), TOOL, session)
+        for count, session in ((12, 2), (15, 3))
+    )
+    found = calibrate_tool(model, train, tool="driver", test=test)
+    parts = (marked(data, "driver") for data in (train, test))
+    evaluation = evaluate_update(with_marker(model, "driver"), found.update, *_both(*parts))
+    return evaluation, judge_tool(found), tool_document(found, judge_tool(found), evaluation)
+
+
+def _both(train, test):
+    return train, "pixels", test
+
+
+@pytest.fixture(scope="module")
+def zeros(model):
+    data = poses(5, lambda body: body.restart(4), session=4)
+    found = rezero(model, data)
+    evaluation = evaluate_update(model, found.update, data)
+    verdict = judge_update(found.update)
+    return evaluation, verdict, rezero_document(found, verdict, evaluation)
+
+
+@pytest.fixture(scope="module")
+def relearned(model):
+    slipped = poses(15, lambda body: body.slip(SLIPPED, np.radians(3.0)), session=6)
+    data = joined(poses(10, session=5), slipped)
+    health = check_health(model, data)
+    update = relearn_cause(model, data, health)
+    evaluation = evaluate_update(model, update, since_change(model, data, health))
+    verdict = judge_update(update)
+    cause = health.diagnoses[0].hypothesis.cause
+    return evaluation, verdict, relearned_document(update, cause, verdict, evaluation), health
+
+
+def page_of(evaluation, verdict, document, health=None):
+    html = update_report_html(evaluation, verdict, document, update_scene(evaluation), health)
+    page = re.sub(r'srcdoc="[^"]*"', "", html)
+    assert not re.search(r'(?:src|href)="(?!data:|#)', page)
+    return page
+
+
+def test_a_tools_page_says_what_moved_and_what_it_was_worth_on_held_out_poses(tool):
+    _, verdict, document = tool
+    page = page_of(*tool)
+    assert page.index(verdict.status) < page.index("What changed, and by how much")
+    for value in (
+        document["before"]["test"]["pixels"]["mean"],
+        document["test"]["pixels"]["mean"],
+        document["cross_validation"]["pixels"]["mean"],
+        document["changes"]["hand.driver.x"]["before"],
+        document["changes"]["hand.driver.x"]["after"],
+        document["changes"]["hand.driver.x"]["sigma"],
+    ):
+        assert f'data-value="{value}"' in page
+    assert document["before"]["test"]["pixels"]["mean"] > 50.0
+    assert document["test"]["pixels"]["mean"] < 6.0
+    assert "driver" in page
+    assert "held out, before" in page
+
+
+def test_new_zeros_are_judged_by_poses_left_out_in_turn(zeros):
+    _, _, document = zeros
+    assert document["status"] == "NOT_EVALUATED"
+    found = document["cross_validation"]
+    # Five poses, both eyes: one pose is left out at a time.
+    assert found["n"] == 10
+    assert document["train"]["pixels"]["mean"] < found["pixels"]["mean"] < 12.0
+    assert document["before"]["train"]["pixels"]["mean"] > 3.0 * found["pixels"]["mean"]
+    page = page_of(*zeros)
+    assert "left out in turn, after" in page
+    assert "Nothing was held out" in page
+    shift = document["shift_deg"]["right_elbow"]
+    assert f"{shift:+.2f}".replace("-", "−") + "°" in page
+
+
+def test_three_poses_are_left_out_one_by_one_and_one_pose_not_at_all(model):
+    data = poses(3, lambda body: body.restart(4), session=4)
+    found = rezero(model, data)
+    assert len(evaluate_update(model, found.update, data).cross_validation) == 6
+    alone = poses(1, lambda body: body.slip("right_elbow", 0.2), session=8)
+    lone = rezero(model, alone, joints=("right_elbow",))
+    evaluation = evaluate_update(model, lone.update, alone)
+    assert evaluation.cross_validation is None
+    verdict = judge_update(lone.update)
+    document = rezero_document(lone, verdict, evaluation)
+    assert document["cross_validation"] is None
+    assert "too few poses to leave any out" in page_of(evaluation, verdict, document)
+
+
+def test_what_check_learned_anew_shows_what_told_it(relearned):
+    _, _, document, health = relearned
+    page = page_of(*relearned)
+    assert f"zero of {SLIPPED}" in page
+    assert "What told that something had changed" in page
+    assert f'data-value="{health.diagnoses[0].statistic}"' in page
+    (change,) = document["changes"].values()
+    assert abs(change["after"] - change["before"]) > 3.0 * change["sigma"]
+
+
+def test_the_plot_of_health_ends_its_sums_at_the_alarm(relearned):
+    *_, health = relearned
+    above, below = health_plot(health).axes
+    assert len(above.lines[0].get_xdata()) == len(health.nis)
+    sums = below.lines[: len(health.sums)]
+    assert all(len(line.get_xdata()) == health.alarm_at + 1 for line in sums)
+    assert max(line.get_ydata()[-1] for line in sums) > 100.0
+
+
+def test_a_healthy_body_has_a_plot_without_an_alarm(model):
+    figure = health_plot(check_health(model, poses(20, session=9)))
+    assert "20 sightings fit" in figure.get_suptitle()
+
+
+def test_the_scene_shows_where_the_hand_was_thought_before_and_the_arm_as_it_was(relearned):
+    evaluation, *_ = relearned
+    items = {item.path: item for item in update_scene(evaluation).items}
+    before, after = evaluation.held["train"]
+    moved = items["hand/moved"]
+    assert len(items["hand/now"].centers) == len(after.p_WH_predicted)
+    assert moved.ends - moved.starts == pytest.approx(
+        (after.p_WH_predicted - before.p_WH_predicted) @ _turn().T
+    )
+    assert any(path.startswith("before/arm/link") for path in items)
+    assert {"eyes/left/outline", "eyes/right/outline"} <= set(items)
+
+
+def _turn():
+    """Return how the left eye's frame is turned in the scene."""
+    return np.array([[0.0, 0.0, 1.0], [-1.0, 0.0, 0.0], [0.0, -1.0, 0.0]])
+
+
+def test_measured_points_make_a_page_too(model):
+    protocol = BodyProtocol.of_nico()
+    body = protocol.body(WORLD, 0, session=7)
+    body.restart(5)
+    q = protocol.random_poses(6, np.random.default_rng(7))
+    data = protocol.record(body, "points", q, observed=True)
+    found = rezero(model, data, sensor="points")
+    evaluation = evaluate_update(model, found.update, data, "points")
+    verdict = judge_update(found.update)
+    document = rezero_document(found, verdict, evaluation)
+    assert "pixels" not in document["train"]
+    assert "in space [mm]" in page_of(evaluation, verdict, document)
+
+
+def test_the_folder_holds_model_numbers_report_scene_and_urdf(tool, tmp_path):
+    evaluation, verdict, document = tool
+    folder = write_update_folder(tmp_path / "held", evaluation, verdict, document)
+    names = {path.name for path in folder.iterdir()}
+    assert {"self_model.yaml", "result.json", "report.html", "scene.json"} <= names
+    assert json.loads((folder / "result.json").read_text()) == document
+    assert SelfModel.load(folder).markers == ("hand", "driver")
+    assert load_scene(folder).paths == update_scene(evaluation).paths
+    with pytest.raises(FileExistsError):
+        write_update_folder(folder, evaluation, verdict, document)
