@@ -73,9 +73,15 @@ def mirror(
         stage("learning mirrors", 1, 1)
         stage("writing the result", 0, 1)
         # Drawing is slow to load, and only needed once there is something to draw.
+        from nico_selfmodel.plant import ArmDescription
+        from nico_selfmodel.viz.mirror_picture import recorded_pictures
         from nico_selfmodel.viz.mirror_report import write_mirror_folder
 
-        write_mirror_folder(out, found, verdict, document, force=force)
+        pictures = recorded_pictures(dataset, train)
+        robot = ArmDescription.of_model(body) if pictures else None
+        write_mirror_folder(
+            out, found, verdict, document, pictures=pictures, robot=robot, force=force
+        )
         stage("writing the result", 1, 1)
     if as_json:
         console.print_json(document)

@@ -100,14 +100,24 @@ def motion_capture(
 def mirror(
     out: Annotated[Path, typer.Option("--out", help="Folder for tables and charts to make.")],
     individuals: Annotated[
-        int, typer.Option("--individuals", min=2, help="Simulated robots to average over.")
-    ] = 5,
+        int | None,
+        typer.Option(
+            "--individuals", min=1, help="Simulated robots to average over: 5, 1 if --rendered."
+        ),
+    ] = None,
     pixel_sigma: Annotated[
-        float, typer.Option("--pixel-sigma", help="Noise of the tracked marker [px].")
-    ] = 0.3,
+        float | None,
+        typer.Option("--pixel-sigma", help="Noise of the tracked marker [px]; 0.3 if omitted."),
+    ] = None,
     play_deg: Annotated[
         float, typer.Option("--play-deg", min=0.0, help="Half the width of the joints' play.")
     ] = 0.5,
+    rendered: Annotated[
+        bool, typer.Option("--rendered", help="Through rendered pictures; minutes a robot.")
+    ] = False,
+    world: Annotated[
+        str, typer.Option("--world", help="Of the rendered robots: thesis or clean.")
+    ] = "thesis",
     seed: Annotated[int, typer.Option("--seed", min=0, help="Of the first individual.")] = 0,
     force: Annotated[bool, typer.Option("--force", help="Replace an existing folder.")] = False,
     as_json: Annotated[bool, typer.Option("--json", help="Print JSON.")] = False,
@@ -123,17 +133,29 @@ def mirror(
     from nico_selfmodel.files import refuse_folder
 
     refuse_folder(out, force=force)
+    if rendered and pixel_sigma is not None:
+        raise ValueError("--pixel-sigma has no meaning with --rendered: pictures have their noise")
+    pixel_sigma = 0.3 if pixel_sigma is None else pixel_sigma
     if not 0.0 < pixel_sigma < 10.0:
         raise ValueError(f"--pixel-sigma must lie between 0 and 10 px, got {pixel_sigma}")
     if not play_deg <= 10.0:
         raise ValueError(f"--play-deg must be at most 10, got {play_deg}")
     with console.progress_bar() as stage:
-        results = run_mirror(individuals, pixel_sigma, play_deg, seed, stage)
+        if rendered:
+            # The renderer is slow to load.
+            from nico_selfmodel.experiments.mirror_rendered import run_rendered_mirror
+            from nico_selfmodel.systems import world_named
+
+            chosen = world_named(world).with_noise(play_deg=play_deg)
+            results = run_rendered_mirror(chosen, individuals or 1, seed, progress=stage)
+        else:
+            results = run_mirror(individuals or 5, pixel_sigma, play_deg, seed, stage)
     write_report(results, out, force=force)
     if as_json:
         console.print_json(document_of(results))
         return
-    title = f"Reflections in 100 test poses, {individuals} simulated robots, {pixel_sigma:g} px"
+    kind = "rendered" if rendered else f"{pixel_sigma:g} px"
+    title = f"Reflections in 100 test poses, {results.individuals} simulated robot(s), {kind}"
     console.print_table(title, *table_rows(results))
     console.print_table("What stereo depth alone allows", *depth_rows(results))
     console.print_where(out)

@@ -35,6 +35,10 @@ def learn(
             "another robot or arm is named.",
         ),
     ] = None,
+    mirror: Annotated[
+        bool,
+        typer.Option("--mirror", help="Put a mirror before the robot at last; needs its eyes."),
+    ] = False,
     robot: Robot = "nico",
     arm: Arm = None,
     base: Base = None,
@@ -44,7 +48,7 @@ def learn(
     force: Annotated[bool, typer.Option("--force", help="Replace an existing folder.")] = False,
     as_json: Annotated[bool, typer.Option("--json", help="Print result.json instead.")] = False,
 ) -> None:
-    """Let a simulated robot look at its hand while it moves its arm, and learn eyes and arm."""
+    """Let a simulated robot watch its hand as it moves its arm; it learns eyes, arm, then both."""
     from nico_selfmodel.files import refuse_folder
 
     refuse_folder(out, force=force)
@@ -58,7 +62,9 @@ def learn(
     if sensor != "motion-capture":
         from nico_selfmodel.cli.learn_by_sight import learn_by_sight
 
-        learn_by_sight(out, sensor, chosen_world, seed, random_poses, force, as_json)
+        learn_by_sight(out, sensor, chosen_world, seed, random_poses, force, as_json, mirror)
+    elif mirror:
+        raise ValueError("--mirror needs eyes: --sensor stereo-fiducial or stereo-color")
     else:
         description = chosen_arm(robot or "nico", *chain)
         _by_motion_capture(out, chosen_world, seed, random_poses, description, force, as_json)

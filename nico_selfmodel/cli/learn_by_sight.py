@@ -1,5 +1,6 @@
 """The part of `nico-selfmodel learn` that goes through the eyes."""
 
+from collections.abc import Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -8,8 +9,14 @@ import typer
 from nico_selfmodel.cli import console
 
 if TYPE_CHECKING:
-    from nico_selfmodel.experiments.eyes_lesson import ArmLesson, EyesLesson
+    from nico_selfmodel.experiments.body_lesson import BodyLesson
     from nico_selfmodel.systems import World
+
+THESIS = {
+    "stereo-fiducial": ("thesis, refined (real robot)", ("1.99", "1.24"), (2.61, 1.71)),
+    "stereo-color": ("thesis, kinematics by sight (real robot)", ("3.77", "2.30"), (5.78, 4.50)),
+}
+"""Sensor -> what the thesis reports in chapter 8, by colour in chapter 7: mm and px, mean, SD."""
 
 
 def learn_by_sight(
@@ -20,78 +27,154 @@ def learn_by_sight(
     random_poses: int,
     force: bool,
     as_json: bool,
+    mirror: bool = False,
 ) -> None:
-    """Calibrate the eyes, watch the hand, learn the arm, and write the result folder."""
-    from nico_selfmodel.experiments.eyes_lesson import (
-        MARKERS,
-        Counts,
-        learn_through_the_eyes,
-    )
+    """Calibrate the eyes, watch the hand, learn the arm, refine both, write the result folder."""
+    from nico_selfmodel.cli.learn_mirror import print_mirror_lesson, write_mirror_lesson
+    from nico_selfmodel.experiments.body_lesson import learn_body_through_the_eyes
+    from nico_selfmodel.experiments.eyes_lesson import MARKERS, Counts
 
     marker = MARKERS[sensor]
     with console.progress_bar() as stage:
-        lesson = learn_through_the_eyes(
-            world, seed, markers=(marker,), counts=Counts(random=random_poses), stage=stage
+        lesson = learn_body_through_the_eyes(
+            world, seed, marker=marker, counts=Counts(random=random_poses), stage=stage
         )
+        seen = None
+        if mirror:
+            from nico_selfmodel.experiments.mirror_lesson import learn_mirror, with_mirror
+
+            familiar = lesson.arm.train.encoders
+            seen = learn_mirror(
+                lesson.model, world, seed, marker=marker, familiar=familiar, stage=stage
+            )
+            lesson = with_mirror(lesson, seen)
         stage("writing the result", 0, 1)
-        document = _write(out, lesson, marker, force)
+        document = write_lesson(out, lesson, marker, force)
+        if seen is not None:
+            document = write_mirror_lesson(out, document, seen)
         stage("writing the result", 1, 1)
     if as_json:
         console.print_json(document)
     else:
-        _print(lesson.arms[marker], document, sensor, out)
+        if seen is not None:
+            print_mirror_lesson(document)
+        _print(lesson, document, sensor, out)
     raise typer.Exit(1 if document["status"] == "FAIL" else 0)
 
 
-def _write(out: Path, lesson: "EyesLesson", marker: str, force: bool) -> dict[str, Any]:
-    """Write the result folder; return what is in its `result.json`."""
+def write_lesson(out: Path, lesson: "BodyLesson", marker: str, force: bool) -> dict[str, Any]:
+    """Write the refined body, or the arm as it was before where the refinement was refused.
+
+    Args:
+        out: The folder to make.
+        lesson: What was learned.
+        marker: What was tracked.
+        force: Replace an existing folder.
+
+    Returns:
+        What is in its `result.json`.
+    """
+    from nico_selfmodel.estimation import body_document
+    from nico_selfmodel.systems import looking_arm
+    from nico_selfmodel.viz.body_report import write_body_folder
+
+    if lesson.refined is None or not lesson.accepted:
+        return _write_unrefined(out, lesson, marker, force)
+    document = body_document(lesson.refined, lesson.verdict) | _told(lesson)
+    write_body_folder(
+        out,
+        lesson.refined,
+        lesson.verdict,
+        document,
+        robot=looking_arm(marker),
+        recordings={"train": lesson.arm.train, "test": lesson.arm.test},
+        force=force,
+    )
+    return document
+
+
+def _write_unrefined(out: Path, lesson: "BodyLesson", marker: str, force: bool) -> dict[str, Any]:
+    """Write the arm as it was learned after the eyes, and why nothing better came of it."""
     from nico_selfmodel.estimation import judge, result_document
     from nico_selfmodel.plant import learned_urdf
     from nico_selfmodel.systems import looking_arm
     from nico_selfmodel.viz import write_result_folder
 
-    arm = lesson.arms[marker]
+    arm, robot = lesson.arm, looking_arm(marker)
     verdict = judge(arm.calibration)
-    robot = looking_arm(marker)
+    document = result_document(arm.calibration, verdict) | _told(lesson)
+    arm.sight.add_pixels(document, arm.model)
     write_result_folder(
         out,
         arm.calibration,
         verdict,
+        document,
         urdf_text=learned_urdf(arm.model, robot, folder=out),
         robot_name="nico",
         robot=robot,
         recordings={"train": arm.train, "test": arm.test},
         force=force,
     )
-    document = result_document(arm.calibration, verdict)
-    arm.sight.add_pixels(document, arm.model)
-    document["eyes"] = {
-        "boards": len(lesson.views),
-        "rms_px": lesson.eyes.rms,
-        "baseline_mm": 1e3 * lesson.eyes.rig.baseline,
-    }
-    console.write_document(out, document)
     return document
 
 
-def _print(arm: "ArmLesson", document: dict[str, Any], sensor: str, out: Path) -> None:
-    thesis = {"stereo-fiducial": ("2.74", "1.39"), "stereo-color": ("3.77", "2.30")}[sensor]
+def _told(lesson: "BodyLesson") -> dict[str, Any]:
+    """Return what `result.json` tells of the eyes, and of the refinement."""
+    from nico_selfmodel.estimation.body_document import refinement_block
+
+    eyes = lesson.eyes
+    return {
+        "refinement": refinement_block(lesson.arm.seen, lesson.refined, lesson.verdict),
+        "eyes": {
+            "boards": len(eyes.views),
+            "rms_px": eyes.eyes.rms,
+            "baseline_mm": 1e3 * lesson.model.rig.baseline,
+        },
+    }
+
+
+def _print(lesson: "BodyLesson", document: Mapping[str, Any], sensor: str, out: Path) -> None:
+    label, mm, px = THESIS[sensor]
+    refinement = document["refinement"]
+    before, after = refinement["before"], refinement["after"]
+    kept = "held out, arm and eyes refined" + ("" if lesson.accepted else " (refused)")
     console.print_table(
-        f"{arm.model.name}: error of the predicted hand position",
+        f"{lesson.model.name}: error of the predicted hand position",
         console.STATISTICS_HEADINGS,
         [
-            console.statistics_row("held out", document["test"]),
+            console.statistics_row("held out, arm learned after the eyes", before),
+            console.statistics_row(kept, after),
             console.statistics_row("training", document["train"]),
-            ["thesis, kinematics by sight (real robot)", "100", *thesis, "-", "-", "-"],
+            [label, "100", *mm, "-", "-", "-"],
         ],
     )
-    seen = document["test"].get("pixels")
-    if seen:
+    console.out.print(
+        f"in the images: {_px(before)} before, {_px(after)} after (thesis {px[0]:.2f}, SD "
+        f"{px[1]:.2f}); eyes learned from {document['eyes']['boards']} boards to "
+        f"{document['eyes']['rms_px']:.2f} px"
+    )
+    boards = refinement["boards"]
+    if boards is not None and boards["after"] is not None:
+        edges = [boards[k]["edge_mm"]["sd"] for k in ("before", "after")]
+        scale = [100.0 * (boards[k]["scale"]["mean"] - 1.0) for k in ("before", "after")]
         console.out.print(
-            f"in the images: {seen['mean']:.2f} px (SD {seen['sd']:.2f}) on new poses; eyes "
-            f"learned from {document['eyes']['boards']} boards to "
-            f"{document['eyes']['rms_px']:.2f} px"
+            f"{boards['after']['boards']} held-out boards: SD of edges {edges[0]:.3f} -> "
+            f"{edges[1]:.3f} mm, scale {scale[0]:+.3f} -> {scale[1]:+.3f} %"
         )
+    if lesson.accepted:
+        mechanics = document["workspace"]["mechanics_mm"]["mean"]
+        console.out.print(
+            f"the play of the joints alone leaves {mechanics:.2f} mm (rms), more data would cure "
+            f"{document['workspace']['learned_mm']['mean']:.2f} mm"
+        )
+    for reason in refinement["reasons"]:
+        console.out.print(f"refinement refused, the arm before it is kept: {reason}", markup=False)
     console.print_outliers(document)
     console.print_verdict(document["status"], document["reasons"])
     console.print_where(out)
+
+
+def _px(block: Mapping[str, Any] | None) -> str:
+    if block is None:
+        return "-"
+    return f"{block['pixels']['mean']:.2f} px (SD {block['pixels']['sd']:.2f})"

@@ -1,4 +1,4 @@
-"""`nico-selfmodel record`: watch a simulated robot move, by motion capture or by its own eyes."""
+"""`nico-selfmodel record`: watch a robot move, by motion capture or by its own eyes."""
 
 from dataclasses import replace
 from pathlib import Path
@@ -7,8 +7,24 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from nico_selfmodel.cli import console
+from nico_selfmodel.cli.record_hardware import (
+    REAL,
+    Baud,
+    Config,
+    Hardware,
+    LeftCamera,
+    MotionCapture,
+    RightCamera,
+    Speed,
+    TrustZero,
+    Yes,
+    record_hardware,
+)
+from nico_selfmodel.cli.record_mirror import POSES, Mirrors, record_before_mirrors
 
 if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
     from nico_selfmodel.dataset import Dataset
     from nico_selfmodel.systems import World
 
@@ -28,9 +44,24 @@ def record(
         int, typer.Option("--session", min=0, help="Which recording of it: poses and noise.")
     ] = 0,
     circle: Annotated[
-        int, typer.Option("--circle", min=0, help="Poses on the joints' circles in all.")
-    ] = 60,
-    random_poses: Annotated[int, typer.Option("--random", min=0, help="Random poses.")] = 100,
+        int | None,
+        typer.Option(
+            "--circle", min=0, help="Poses on the joints' circles in all; 60, with --mirror none."
+        ),
+    ] = None,
+    random_poses: Annotated[
+        int | None,
+        typer.Option(
+            "--random",
+            min=0,
+            help=f"Random poses; 100, with --mirror {POSES} in each mirror and {POSES} without.",
+        ),
+    ] = None,
+    poses: Annotated[
+        Path | None,
+        typer.Option("--poses", help="CSV of `choose-poses`: visited instead of random ones."),
+    ] = None,
+    mirror: Mirrors = None,
     boards: Annotated[
         int, typer.Option("--boards", min=1, help="Pairs of pictures of the chessboard.")
     ] = 16,
@@ -39,21 +70,58 @@ def record(
         typer.Option("--eyes", help="Result of `calibrate stereo`: fiducials behind its lenses."),
     ] = None,
     images: Annotated[bool, typer.Option("--images", help="Keep the pictures too.")] = False,
+    port: Annotated[
+        str | None,
+        typer.Option("--port", help="Serial port of a real robot.", rich_help_panel=REAL),
+    ] = None,
+    config: Config = None,
+    baud: Baud = None,
+    left_camera: LeftCamera = None,
+    right_camera: RightCamera = None,
+    motion_capture: MotionCapture = None,
+    speed: Speed = None,
+    trust_zero: TrustZero = False,
+    yes: Yes = False,
 ) -> None:
-    """Move a simulated Nico and record what is seen; an interrupted recording goes on."""
+    """Move a simulated Nico, or a real one, and record what is seen.
+
+    An interrupted recording goes on.
+    """
     from nico_selfmodel.systems import world_named
 
     if sensor not in SENSORS:
         raise ValueError(f"no sensor {sensor!r}; there are {', '.join(SENSORS)}")
+    _check_poses(poses, random_poses, sensor, bool(mirror))
+    circle = (0 if mirror or poses else 60) if circle is None else circle
+    random_poses = (POSES if mirror else 100) if random_poses is None else random_poses
     _check(sensor, circle, random_poses, eyes, images)
+    hardware = Hardware(
+        *(port, config, baud, left_camera, right_camera, motion_capture, speed, trust_zero, yes)
+    )
+    if mirror:
+        _check_mirror(sensor, circle, random_poses, hardware.is_meant(world, sensor))
+        chosen = world_named(world)
+        data = record_before_mirrors(
+            *(out, sensor, chosen, seed, session, mirror, random_poses, eyes, images)
+        )
+        console.out.print(f"{len(data)} rows, {len(data.joints)} joints: {out}", markup=False)
+        return
+    if hardware.is_meant(world, sensor):
+        data = record_hardware(
+            *(out, sensor, hardware, seed, session, circle, random_poses, eyes, images, poses)
+        )
+        console.out.print(f"{len(data)} rows, {len(data.joints)} joints: {out}", markup=False)
+        return
     chosen = world_named(world)
     if sensor == "chessboard":
         _boards(out, chosen, seed, session, boards)
         return
     data = (
-        _motion_capture(out, chosen, seed, session, circle, random_poses)
+        _motion_capture(out, chosen, seed, session, circle, random_poses, poses)
         if sensor == "motion-capture"
-        else _by_sight(out, sensor, chosen, seed, session, circle, random_poses, eyes, images)
+        else _by_sight(
+            out, sensor, chosen, seed, session, circle, random_poses, eyes, images, poses
+        )
     )
     console.out.print(f"{len(data)} rows, {len(data.joints)} joints: {out}", markup=False)
 
@@ -66,6 +134,33 @@ def _check(sensor: str, circle: int, free: int, eyes: Path | None, images: bool)
         raise ValueError("nothing to record: give --circle or --random")
 
 
+def _check_poses(poses: Path | None, free: int | None, sensor: str, mirror: bool) -> None:
+    """Refuse chosen poses where they would not be visited, or beside random ones."""
+    if poses is None:
+        return
+    if sensor == "chessboard" or mirror:
+        raise ValueError("--poses moves the arm before motion capture or eyes, without a mirror")
+    if free is not None:
+        raise ValueError("--poses are visited instead of random ones: leave out --random")
+
+
+def _chosen(poses: Path | None, joints: tuple[str, ...]) -> "NDArray | None":
+    """Read the poses of a file."""
+    from nico_selfmodel.model.readings import readings_from_table
+
+    return None if poses is None else readings_from_table(poses.read_text("utf-8"), joints)
+
+
+def _check_mirror(sensor: str, circle: int, free: int, real: bool) -> None:
+    """Refuse what cannot be done before a mirror."""
+    if real:
+        raise ValueError("--mirror is for the simulated robot: a real one needs a real mirror")
+    if not sensor.startswith("stereo-"):
+        raise ValueError("--mirror needs --sensor stereo-fiducial or stereo-color")
+    if circle or not free:
+        raise ValueError("--mirror records random poses: leave out --circle, give --random")
+
+
 def _by_sight(
     out: Path,
     sensor: str,
@@ -76,6 +171,7 @@ def _by_sight(
     free: int,
     eyes: Path | None,
     images: bool,
+    poses: Path | None,
 ) -> "Dataset":
     from nico_selfmodel.experiments.eyes_lesson import MARKERS, NicoBeforeItsEyes
     from nico_selfmodel.model import SelfModel
@@ -91,12 +187,19 @@ def _by_sight(
             rig=rig,
             folder=out,
             keep_images=images,
+            poses=_chosen(poses, nico.arm.joints),
             progress=lambda done, total: stage("moving and looking", done, total),
         )
 
 
 def _motion_capture(
-    out: Path, world: "World", seed: int, session: int, circle: int, free: int
+    out: Path,
+    world: "World",
+    seed: int,
+    session: int,
+    circle: int,
+    free: int,
+    poses: Path | None,
 ) -> "Dataset":
     from nico_selfmodel.experiments.protocol import Protocol, simulated_session
     from nico_selfmodel.plant import ArmDescription
@@ -114,6 +217,7 @@ def _motion_capture(
             session=session,
             sweeps=circle > 0,
             folder=out,
+            poses=_chosen(poses, arm.joints),
             progress=lambda done, total: stage("moving", done, total),
         )
 

@@ -46,6 +46,7 @@ def plan_mirror_poses(
     clearance: float = 0.05,
     margin: float = 20.0,
     pool: int = 2000,
+    candidates: ArrayLike | None = None,
 ) -> MirrorPoses:
     """Choose poses that tell most of where a mirror stands, without touching it.
 
@@ -63,6 +64,7 @@ def plan_mirror_poses(
         clearance: How far every point of the arm keeps from the glass [m].
         margin: How far pixels keep from the images' edges [px].
         pool: Random poses to choose from.
+        candidates: Readings to choose from instead, as where a marker faces the glass. (P, n).
 
     Returns:
         The poses.
@@ -77,7 +79,10 @@ def plan_mirror_poses(
         raise ValueError("limits must be finite, lower < upper, and count at least one")
     rig = MirrorRig(model.rig, mirror)
     index = 0 if marker is None else model.chain.marker_index(marker)
-    readings = rng.uniform(low, high, (pool, len(model.joints)))
+    if candidates is None:
+        readings = rng.uniform(low, high, (pool, len(model.joints)))
+    else:
+        readings = np.clip(np.asarray(candidates, dtype=float), low, high)
     q = model.servos.to_joint(readings)
     p_WH = model.chain.forward(q, index)
     pixels = rig.project(p_WH)

@@ -11,8 +11,8 @@ from nico_selfmodel.experiments.mirror import (
     POSES,
     TEST_POSES,
     MirrorExperiment,
+    Spread,
 )
-from nico_selfmodel.experiments.mirror_body import MIRRORS
 from nico_selfmodel.experiments.report_files import Table, as_markdown, write_experiment
 from nico_selfmodel.viz import BarSeries, bar_chart
 
@@ -28,18 +28,22 @@ def table_rows(results: MirrorExperiment) -> Table:
             row.mirror,
             str(row.poses),
             f"{row.pixels[0]:.2f}",
-            f"{row.pixels[1]:.2f}",
+            _sd(row.pixels, 2),
             f"{row.position_mm[0]:.1f}",
-            f"{row.position_mm[1]:.1f}",
+            _sd(row.position_mm, 1),
             f"{row.arm_share:.3f}",
-            f"{row.angle_deg:.2f}",
-            f"{row.distance_mm:.1f}",
+            "-" if row.angle_deg is None else f"{row.angle_deg:.2f}",
+            "-" if row.distance_mm is None else f"{row.distance_mm:.1f}",
             f"{row.cameras_px:.2f}",
             f"{row.seconds:.2f}",
         ]
         for row in results.rows
     ]
     return headings, rows
+
+
+def _sd(spread: Spread, digits: int) -> str:
+    return "-" if spread[1] is None else f"{spread[1]:.{digits}f}"
 
 
 def depth_rows(results: MirrorExperiment) -> Table:
@@ -50,9 +54,9 @@ def depth_rows(results: MirrorExperiment) -> Table:
             row.view,
             f"{row.depth_mm:.0f}",
             f"{row.pixels[0]:.2f}",
-            f"{row.pixels[1]:.2f}",
+            _sd(row.pixels, 2),
             f"{row.position_mm[0]:.1f}",
-            f"{row.position_mm[1]:.1f}",
+            _sd(row.position_mm, 1),
             f"{row.stereo_mm:.1f}",
         ]
         for row in results.depth
@@ -75,12 +79,17 @@ def write_report(results: MirrorExperiment, out: Path, *, force: bool = False) -
 
 
 def _markdown(results: MirrorExperiment) -> str:
-    places = ", ".join(f"{name} {1e3 * mirror.distance:.0f} mm" for name, mirror in MIRRORS.items())
+    places = ", ".join(f"{name} {distance:.0f} mm" for name, distance in results.places_mm.items())
+    seen = (
+        f"found in rendered pictures, where a marker is located to about {results.pixel_sigma:g} px"
+        if results.rendered
+        else f"marker found to {results.pixel_sigma:g} px; nothing rendered"
+    )
     head = (
         "# Inferring the visual perspective of a mirror (thesis, chapter 9)\n\n"
         f"Ours: {results.individuals} simulated robots that learned eyes and arm by themselves, "
-        f"marker found to {results.pixel_sigma:g} px, joint play +-{results.play_deg:g} deg, arm "
-        f"{results.arm_mm:.0f} mm; nothing rendered. Mirrors before the left eye: {places}. Mean "
+        f"joint play +-{results.play_deg:g} deg, arm {results.arm_mm:.0f} mm, {seen}. "
+        f"Mirrors before the left eye: {places}. Mean "
         f"over {TEST_POSES} test poses, SD over robots. Thesis: figures 9.4 and 9.5 are charts "
         "without numbers; it works after 10 poses, and comparable systems without a mirror report "
         f"about {COMPARABLE_MM:.0f} mm. `deg` and `off`: error of the mirror's plane; `cameras`: "
@@ -117,17 +126,23 @@ def _chart(
     groups = [*(str(count) for count in POSES), "seen directly"]
     nothing = (np.nan, np.nan)
     series = []
-    for color, name in enumerate(MIRRORS):
-        pairs = [getattr(row, what) for row in results.rows if row.mirror == name]
-        label = f"mirror {name}, {1e3 * MIRRORS[name].distance:.0f} mm"
+    for color, (name, distance) in enumerate(results.places_mm.items()):
+        pairs = [_drawn(getattr(row, what)) for row in results.rows if row.mirror == name]
+        label = f"mirror {name}, {distance:.0f} mm"
         series.append(BarSeries(label, *np.array([*pairs, nothing]).T, color=color))
     blank = [nothing] * len(POSES)
-    direct = next(getattr(row, what) for row in results.depth if row.view == "direct")
-    series.append(BarSeries("no mirror", *np.array([*blank, direct]).T, color=len(MIRRORS)))
+    direct = next(_drawn(getattr(row, what)) for row in results.depth if row.view == "direct")
+    series.append(
+        BarSeries("no mirror", *np.array([*blank, direct]).T, color=len(results.places_mm))
+    )
     if published is not None:
         pair = np.array([*blank, (published, np.nan)]).T
         label = "comparable systems, no mirror (thesis)"
-        series.append(BarSeries(label, *pair, published=True, color=len(MIRRORS)))
+        series.append(BarSeries(label, *pair, published=True, color=len(results.places_mm)))
     return bar_chart(
         groups, series, title=title, ylabel=ylabel, xlabel="poses of training", log=False
     )
+
+
+def _drawn(spread: Spread) -> tuple[float, float]:
+    return spread[0], np.nan if spread[1] is None else spread[1]

@@ -31,6 +31,16 @@ class _Sample:
     """Shape (m, 3), nan where lost."""
     pixels: NDArray
     """Shape (m, 4), nan where not seen."""
+    mirror: str = ""
+    """Name of the mirror before the body, empty where there was none."""
+    reflected: NDArray | None = None
+    """Pixels in that mirror. Shape (m, 4), nan where not seen."""
+
+    @property
+    def views(self) -> dict[str, NDArray]:
+        """Mirror, empty for the direct view, -> pixels."""
+        shown = {"": self.pixels}
+        return shown if self.reflected is None else {**shown, self.mirror: self.reflected}
 
 
 class RecordedSamples:
@@ -85,14 +95,23 @@ class RecordedSamples:
         for i in np.unique(index):
             rows = data.select(index == i)
             self._check_plan(plan, int(i), str(rows.sweep[0]), rows.encoders[0])
-            order = [rows.marker.tolist().index(marker) for marker in self._markers]
-            self._samples[int(i)] = _Sample(
-                int(i),
-                str(rows.sweep[0]),
-                rows.encoders[0],
-                rows.p_WH_measured[order],
-                rows.pixels[order],
-            )
+            self._samples[int(i)] = self._sample(int(i), rows)
+
+    def _sample(self, index: int, rows: Dataset) -> _Sample:
+        """Return the sample that rows of a folder describe."""
+        mirror = max(rows.mirror.tolist())
+        views = [rows.select(rows.mirror == name) for name in ("", mirror)]
+        order = [[v.marker.tolist().index(marker) for marker in self._markers] for v in views]
+        direct, reflected = views
+        return _Sample(
+            index,
+            str(rows.sweep[0]),
+            rows.encoders[0],
+            direct.p_WH_measured[order[0]],
+            direct.pixels[order[0]],
+            mirror,
+            reflected.pixels[order[1]] if mirror else None,
+        )
 
     def _check_plan(
         self, plan: Sequence[tuple[str, NDArray]], index: int, label: str, encoders: NDArray
@@ -113,8 +132,19 @@ class RecordedSamples:
             "another name, or the same seed and numbers as before"
         )
 
-    def add(self, index: int, label: str, sighting: Sighting) -> bool:
+    def complete_in(self, mirror: str) -> int:
+        """Return how many poses there are in which both eyes saw every marker in a mirror."""
+        views = [s.views[mirror] for s in self._samples.values() if s.mirror == mirror]
+        return sum(bool(np.isfinite(pixels).all()) for pixels in views)
+
+    def add(self, index: int, label: str, sighting: Sighting, mirror: str = "") -> bool:
         """Keep what was sensed at a pose, unless nothing was seen.
+
+        Args:
+            index: Of the pose in the plan.
+            label: Its sweep label.
+            sighting: What was sensed.
+            mirror: Name of the mirror before the body; its reflections are kept too.
 
         Returns:
             Whether it was kept.
@@ -130,9 +160,15 @@ class RecordedSamples:
                 points[k] = p
             if isinstance(sighting, EyeSighting):
                 pixels[k] = sighting.pixels[marker]
-        if np.isnan(points).all() and np.isnan(pixels).all():
+        reflected = None
+        if mirror and isinstance(sighting, EyeSighting):
+            reflected = np.array([sighting.reflected[marker] for marker in self._markers])
+        seen = [points, pixels] + ([] if reflected is None else [reflected])
+        if all(np.isnan(values).all() for values in seen):
             return False
-        self._samples[index] = _Sample(index, label, sighting.encoders, points, pixels)
+        self._samples[index] = _Sample(
+            index, label, sighting.encoders, points, pixels, mirror, reflected
+        )
         if self._folder is not None:
             try:
                 self._write(index, sighting)
@@ -174,21 +210,32 @@ class RecordedSamples:
         """
         samples = [self._samples[index] for index in sorted(self._samples)]
         m, n = len(self._markers), len(self._joints)
+        # One row for each sample, view and marker.
+        views = [
+            (k, sample, mirror, pixels)
+            for k, sample in enumerate(samples, start=1)
+            for mirror, pixels in sample.views.items()
+        ]
+        nowhere = np.full((m, 3), np.nan)
         about = dict(self._about)
         if self._images:
             about["cameras"] = {"images": f"{IMAGES}/<eye><pose>.png"}
         if self._folder is not None:
-            about["extra"] = {POSE: tuple(str(s.index + 1) for s in samples for _ in range(m))}
-        if not any(np.isfinite(s.pixels).any() for s in samples):
+            poses = [str(sample.index + 1) for _, sample, _, _ in views]
+            about["extra"] = {POSE: tuple(pose for pose in poses for _ in range(m))}
+        if not any(np.isfinite(pixels).any() for *_, pixels in views):
             about["image_size"] = None
         return Dataset(
             joints=self._joints,
-            sample=np.repeat(np.arange(1, len(samples) + 1), m),
-            encoders=np.repeat(np.reshape([s.encoders for s in samples], (-1, n)), m, axis=0),
-            p_WH_measured=np.reshape([s.points for s in samples], (-1, 3)),
-            pixels=np.reshape([s.pixels for s in samples], (-1, 4)),
-            sweep=np.repeat(np.array([s.label for s in samples], dtype=str), m),
-            marker=np.tile(np.array(self._markers), len(samples)),
+            sample=np.repeat(np.array([k for k, *_ in views], dtype=int), m),
+            encoders=np.repeat(np.reshape([s.encoders for _, s, *_ in views], (-1, n)), m, axis=0),
+            p_WH_measured=np.reshape(
+                [nowhere if mirror else s.points for _, s, mirror, _ in views], (-1, 3)
+            ),
+            pixels=np.reshape([pixels for *_, pixels in views], (-1, 4)),
+            sweep=np.repeat(np.array([s.label for _, s, *_ in views], dtype=str), m),
+            marker=np.tile(np.array(self._markers), len(views)),
+            mirror=np.repeat(np.array([mirror for _, _, mirror, _ in views], dtype=str), m),
             **about,
         )
 

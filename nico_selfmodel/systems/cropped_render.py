@@ -11,6 +11,8 @@ from numpy.typing import NDArray
 from pydrake.geometry import (
     ClippingRange,
     ColorRenderCamera,
+    DepthRange,
+    DepthRenderCamera,
     FrameId,
     QueryObject,
     RenderCameraCore,
@@ -23,7 +25,8 @@ _COARSE = 4
 """Pixels to the side of one of the coarse picture."""
 _STEP = 64
 """Sides of what is rendered are multiples of this, so that buffers can be used again [px]."""
-_NEAR, _FAR = 0.01, 5.0
+_NEAR, _FAR = 0.01, 4.99
+"""What is nearer is cut off, unless told otherwise, and how much farther is rendered [m]."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -40,6 +43,8 @@ class CroppedRender:
     """What the camera is mounted on."""
     X_FC: RigidTransform
     """How."""
+    near: float = _NEAR
+    """What is nearer along the optical axis is cut off [m]."""
 
     def __call__(self, query: QueryObject) -> NDArray:
         """Render. Red, green, blue, opacity, 8 bits, shape (height, width, 4).
@@ -49,7 +54,25 @@ class CroppedRender:
         Raises:
             RuntimeError: If the scene graph has no such renderer.
         """
+        return self._whole(query, self._window(query))
+
+    def with_depth(self, query: QueryObject) -> tuple[NDArray, NDArray]:
+        """Render colours and the distance along the optical axis [m], inf where nothing is.
+
+        Raises:
+            RuntimeError: If the scene graph has no such renderer.
+        """
         left, top, right, bottom = window = self._window(query)
+        core = self._camera(self._cropped(window), (right - left, bottom - top)).core()
+        camera = DepthRenderCamera(core, DepthRange(self.near, self.near + _FAR))
+        depth = np.full((self.size[1], self.size[0]), np.inf, np.float32)
+        found = query.RenderDepthImage(camera, self.frame, self.X_FC)
+        depth[top:bottom, left:right] = found.data[:, :, 0]
+        return self._whole(query, window), depth
+
+    def _whole(self, query: QueryObject, window: tuple[int, int, int, int]) -> NDArray:
+        """Return the whole picture after rendering a part of it."""
+        left, top, right, bottom = window
         if window == (0, 0, *self.size):
             return self._render(query, window)
         part = self._render(query, window)
@@ -57,8 +80,10 @@ class CroppedRender:
         color = self._plain_border(part, window)
         if color is None:
             return self._render(query, (0, 0, *self.size))
-        whole = np.empty((self.size[1], self.size[0], 4), np.uint8)
-        whole[:] = color
+        # Four bytes at once: filling a large picture colour by colour takes longer than rendering.
+        plain = np.ascontiguousarray(color).view(np.uint32)
+        whole = np.full((self.size[1], self.size[0]), plain).view(np.uint8)
+        whole = whole.reshape(self.size[1], self.size[0], 4)
         whole[top:bottom, left:right] = part
         return whole
 
@@ -87,13 +112,17 @@ class CroppedRender:
 
     def _render(self, query: QueryObject, window: tuple[int, int, int, int]) -> NDArray:
         left, top, right, bottom = window
-        K = self.K - np.array([[0.0, 0.0, left], [0.0, 0.0, top], [0.0, 0.0, 0.0]])
-        camera = self._camera(K, (right - left, bottom - top))
+        camera = self._camera(self._cropped(window), (right - left, bottom - top))
         return query.RenderColorImage(camera, self.frame, self.X_FC).data.copy()
+
+    def _cropped(self, window: tuple[int, int, int, int]) -> NDArray:
+        """Return the intrinsic matrix of a part of the picture."""
+        return self.K - np.array([[0.0, 0.0, window[0]], [0.0, 0.0, window[1]], [0.0, 0.0, 0.0]])
 
     def _camera(self, K: NDArray, size: tuple[int, int]) -> ColorRenderCamera:
         info = CameraInfo(*size, K[0, 0], K[1, 1], K[0, 2], K[1, 2])
-        core = RenderCameraCore(self.renderer, info, ClippingRange(_NEAR, _FAR), RigidTransform())
+        clipping = ClippingRange(self.near, self.near + _FAR)
+        core = RenderCameraCore(self.renderer, info, clipping, RigidTransform())
         return ColorRenderCamera(core, False)
 
     def _plain_border(self, part: NDArray, window: tuple[int, int, int, int]) -> NDArray | None:

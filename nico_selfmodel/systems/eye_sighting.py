@@ -19,3 +19,7 @@ class EyeSighting(Sighting):
     """Pictures of the left and the right eye, BGR, if they were asked for."""
     reasons: tuple[str, ...] = ()
     """Why a marker was not seen, left and right eye of each in turn; empty where it was."""
+    reflected: Mapping[str, NDArray] = field(default_factory=lambda: MappingProxyType({}))
+    """Pixels of the reflection of each marker, as `pixels`; empty where no mirror is looked for."""
+    reflected_reasons: tuple[str, ...] = ()
+    """Why a reflection was not seen, as `reasons`."""

@@ -6,7 +6,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 from pydrake.common.value import AbstractValue
-from pydrake.systems.framework import BasicVector, Context, LeafSystem, ValueProducer
+from pydrake.systems.framework import BasicVector, Context, InputPort, LeafSystem, ValueProducer
 
 from nico_selfmodel.model import Camera
 from nico_selfmodel.model.stereo_rig import EYES
@@ -22,6 +22,14 @@ Detector = Callable[[NDArray], NDArray | NotSeen]
 """From a picture (BGR, 8 bits, shape (h, w, 3)) to a pixel (u, v), or why there is none."""
 Detectors = Mapping[str, Detector | tuple[Detector, Detector]]
 """Marker -> what finds it in a picture of either eye, or one for the left and one for the right."""
+Found = NDArray | NotSeen
+"""A pixel (u, v), or why there is none."""
+MirrorDetector = Callable[[NDArray, NDArray], tuple[Found, Found]]
+"""From a picture and the pixel where the marker is expected, nan where out of view or not known, to
+the marker itself and its reflection."""
+MirrorDetectors = Mapping[str, MirrorDetector | tuple[MirrorDetector, MirrorDetector]]
+"""Marker -> what finds both in a picture of either eye, or one for the left and one for the right.
+"""
 
 RED_TAPE = ColorModel("red", (20.0, 20.0), 0.0, 20.0, 0.5, least_area_px=25.0)
 """Nico's red tape in the light of the simulated room."""
@@ -73,15 +81,32 @@ class HandTracker(LeafSystem):
     | `seen` | out | 1 where an eye sees a marker, else 0: left and right of each marker in turn |
     | `reasons` | out | in words, why one was not seen: a tuple, empty text where it was seen |
 
+    A tracker before a mirror has four ports more:
+
+    | port | | carries |
+    |---|---|---|
+    | `expected_pixels` | in | where the body expects the markers themselves, nan for nowhere [px] |
+    | `reflected_pixels` | out | as `pixels`, of the reflections [px] |
+    | `reflected_seen` | out | as `seen`, of the reflections |
+    | `reflected_reasons` | out | as `reasons`, of the reflections |
+
     A detector that sees nothing says so: there is never a pixel that nobody saw.
     """
 
-    def __init__(self, detectors: Detectors, image_size: tuple[int, int] = (640, 480)) -> None:
+    def __init__(
+        self,
+        detectors: Detectors | MirrorDetectors,
+        image_size: tuple[int, int] = (640, 480),
+        *,
+        before_mirror: bool = False,
+    ) -> None:
         """Choose what to look for.
 
         Args:
             detectors: Marker -> what finds it, for either eye or for each.
             image_size: Width and height of the pictures [px].
+            before_mirror: Look for reflections too; the detectors are then `MirrorDetectors`, as
+                `reflection_detectors` makes them.
 
         Raises:
             ValueError: If there is nothing to look for.
@@ -90,23 +115,24 @@ class HandTracker(LeafSystem):
         if not detectors:
             raise ValueError("a tracker needs at least one marker to look for")
         self.markers = tuple(detectors)
-        self._detectors = [d if isinstance(d, tuple) else (d, d) for d in detectors.values()]
+        pairs: Any = [d if isinstance(d, tuple) else (d, d) for d in detectors.values()]
+        self._detectors = pairs
         self._images = [
             self.DeclareAbstractInputPort(f"{eye}_image", image_value(*image_size)) for eye in EYES
         ]
-        found = self.DeclareCacheEntry(
+        self._expected: InputPort | None = None
+        needs = {port.ticket() for port in self._images}
+        if before_mirror:
+            width = 4 * len(self.markers)
+            self._expected = self.DeclareVectorInputPort("expected_pixels", width)
+            needs.add(self._expected.ticket())
+        self._found = self.DeclareCacheEntry(
             "detections",
             ValueProducer(lambda: AbstractValue.Make([]), self._detect),
-            {port.ticket() for port in self._images},
+            needs,
         )
-        self._found = found
-        needs = {found.ticket()}
-        m = len(self.markers)
-        self.DeclareVectorOutputPort("pixels", BasicVector(4 * m), self._pixels, needs)
-        self.DeclareVectorOutputPort("seen", BasicVector(2 * m), self._seen, needs)
-        self.DeclareAbstractOutputPort(
-            "reasons", lambda: AbstractValue.Make(()), self._reasons, needs
-        )
+        for kind in range(2 if before_mirror else 1):
+            self._declare_outputs(kind)
 
     @classmethod
     def fiducial(cls, marker: int = FIDUCIAL_ID, name: str = "fiducial") -> "HandTracker":
@@ -118,31 +144,55 @@ class HandTracker(LeafSystem):
         """Return a tracker of a patch of colour."""
         return cls({name: color_detector(model)})
 
+    def _declare_outputs(self, kind: int) -> None:
+        """Declare the ports of the markers themselves (0) or of their reflections (1)."""
+        prefix, m, needs = ("", "reflected_")[kind], len(self.markers), {self._found.ticket()}
+
+        def pixels(context: Context, vector: BasicVector) -> None:
+            nowhere, found = np.full(2, np.nan), self._detections(context, kind)
+            vector.SetFromVector(
+                np.concatenate([nowhere if isinstance(f, NotSeen) else f for f in found])
+            )
+
+        def seen(context: Context, vector: BasicVector) -> None:
+            found = self._detections(context, kind)
+            vector.SetFromVector([float(not isinstance(f, NotSeen)) for f in found])
+
+        def reasons(context: Context, value: AbstractValue) -> None:
+            found = self._detections(context, kind)
+            value.set_value(tuple(f.reason if isinstance(f, NotSeen) else "" for f in found))
+
+        self.DeclareVectorOutputPort(f"{prefix}pixels", BasicVector(4 * m), pixels, needs)
+        self.DeclareVectorOutputPort(f"{prefix}seen", BasicVector(2 * m), seen, needs)
+        self.DeclareAbstractOutputPort(
+            f"{prefix}reasons", lambda: AbstractValue.Make(()), reasons, needs
+        )
+
     def _detect(self, context: Context, value: AbstractValue) -> None:
-        """Run every detector on both pictures: a list by marker, then by eye."""
+        """Run every detector on both pictures: for each marker and eye, it and its reflection."""
         pictures = [bgr_of(port.Eval(context)) for port in self._images]
-        value.set_value(
-            [
-                [find(picture) for find, picture in zip(pair, pictures, strict=True)]
+        if self._expected is None:
+            found = [
+                (find(picture),)
                 for pair in self._detectors
+                for find, picture in zip(pair, pictures, strict=True)
             ]
-        )
+        else:
+            expected = self._expected_pixels(context)
+            found = [
+                find(picture, expected[2 * marker + eye])
+                for marker, pair in enumerate(self._detectors)
+                for eye, (find, picture) in enumerate(zip(pair, pictures, strict=True))
+            ]
+        value.set_value(found)
 
-    def _detections(self, context: Context) -> list[NDArray | NotSeen]:
+    def _expected_pixels(self, context: Context) -> NDArray:
+        """Return where each marker itself is expected in each eye. Shape (2 m, 2)."""
+        port = self._expected
+        if port is None or not port.HasValue(context):
+            return np.full((2 * len(self.markers), 2), np.nan)
+        return np.asarray(port.Eval(context), dtype=float).reshape(-1, 2)
+
+    def _detections(self, context: Context, kind: int) -> list[Found]:
         detections: Any = self._found.Eval(context)
-        return [found for pair in detections for found in pair]
-
-    def _pixels(self, context: Context, vector: BasicVector) -> None:
-        nowhere = np.full(2, np.nan)
-        found = self._detections(context)
-        vector.SetFromVector(
-            np.concatenate([nowhere if isinstance(f, NotSeen) else np.asarray(f) for f in found])
-        )
-
-    def _seen(self, context: Context, vector: BasicVector) -> None:
-        found = self._detections(context)
-        vector.SetFromVector([float(not isinstance(f, NotSeen)) for f in found])
-
-    def _reasons(self, context: Context, value: AbstractValue) -> None:
-        found = self._detections(context)
-        value.set_value(tuple(f.reason if isinstance(f, NotSeen) else "" for f in found))
+        return [found[kind] for found in detections]

@@ -9,21 +9,25 @@ from pydrake.systems.framework import Diagram, DiagramBuilder
 from pydrake.systems.rendering import MultibodyPositionToGeometryPose
 
 from nico_selfmodel.dataset import JointInfo
-from nico_selfmodel.model import StereoRig
+from nico_selfmodel.model import SelfModel, StereoRig
 from nico_selfmodel.plant import ArmDescription, SelfModelPlant
 from nico_selfmodel.systems.encoder_model import EncoderModel
 from nico_selfmodel.systems.hand_tracker import (
     FIDUCIAL_ID,
     Detectors,
     HandTracker,
+    MirrorDetectors,
     color_detector,
     fiducial_detector,
 )
 from nico_selfmodel.systems.image_values import bgr_of
 from nico_selfmodel.systems.individual import Individual
 from nico_selfmodel.systems.looking import looking_arm
+from nico_selfmodel.systems.mirror_expectation import connect_expectation
+from nico_selfmodel.systems.mirror_scene import MirrorPlate, MirrorScene
 from nico_selfmodel.systems.motion_capture import MotionCapture
 from nico_selfmodel.systems.reach import MOUNTS
+from nico_selfmodel.systems.reflection_detectors import default_mirror_detectors
 from nico_selfmodel.systems.simulated_eyes import NICO_EYES
 from nico_selfmodel.systems.station_scene import (
     BoardHolder,
@@ -55,6 +59,10 @@ class NicoStation(Diagram):
     | `measured_positions` | out | x y z of each point that motion capture sees [m], nan if lost |
     | `frame_number` | out | frames that motion capture has taken |
 
+    A station with a mirror has `mirror_pose` (in: pose of the mirror in the frame of the arm's
+    base, a `RigidTransform`; away if not connected) and `reflected_pixels`, `reflected_seen`,
+    `reflected_reasons` (out: as the `hand_` ports, of the reflections).
+
     A station of real servos and cameras can have the same ports. What only the simulation knows,
     the true geometry, pose and lenses, has none; nor has the light, nor who holds the chessboard.
     Everything random comes from `seed` (the individual) and `session` (what happens to it).
@@ -67,10 +75,12 @@ class NicoStation(Diagram):
         session: int = 0,
         *,
         arm: ArmDescription | None = None,
-        detectors: Detectors | None = None,
+        detectors: Detectors | MirrorDetectors | None = None,
         quality: ImageQuality | None = None,
         eyes: StereoRig = NICO_EYES,
         board: Board = BOARD,
+        mirror: MirrorPlate | None = None,
+        knows: SelfModel | None = None,
     ) -> None:
         """Build the robot and its surroundings.
 
@@ -80,9 +90,13 @@ class NicoStation(Diagram):
             session: Which day: play, noise, drop-outs.
             arm: The robot and its arm, head turned to where it looks; `looking_arm()` by default.
             detectors: Marker -> what finds it in a picture; `fiducial` and `finger_tip` by default.
+                Before a mirror, what tells each from its reflection (`reflection_detectors`).
             quality: Of the pictures.
             eyes: The eyes as designed.
             board: The chessboard that can be held up.
+            mirror: A mirror that can be put somewhere, if any.
+            knows: What the body has learned of arm and eyes; before a mirror it tells a patch of
+                colour on the hand from the reflection by where it expects its hand.
 
         Raises:
             ModelError: If the robot lacks a link that carries an eye.
@@ -91,7 +105,8 @@ class NicoStation(Diagram):
         world = world_named(world) if isinstance(world, str) else world
         arm = arm or looking_arm()
         body = Individual.build(arm, world, seed, eyes)
-        detectors = default_detectors() if detectors is None else detectors
+        if detectors is None:
+            detectors = default_detectors() if mirror is None else default_mirror_detectors()
         self.arm, self.world, self.seed, self.session = arm, world, seed, session
         self.tracked = tuple(detectors)
         self.image_size = eyes.left.image_size
@@ -102,15 +117,23 @@ class NicoStation(Diagram):
         start = body.mechanics.servos.to_encoder(np.zeros(len(arm.joints)))
         servos = EncoderModel(body.mechanics, world, start, seed=noise)
         builder.AddNamedSystem("servos", servos)
-        self.__holder, cameras = _add_scene(builder, servos, arm, body, board, quality, noise)
+        self.__holder, cameras = _add_scene(
+            builder, servos, arm, body, board, quality, noise, mirror
+        )
         _add_motion_capture(builder, servos, body, world, noise)
-        tracker = builder.AddNamedSystem("tracker", HandTracker(detectors, self.image_size))
+        tracker = HandTracker(detectors, self.image_size, before_mirror=mirror is not None)
+        builder.AddNamedSystem("tracker", tracker)
         for eye in ("left", "right"):
             port = cameras.GetOutputPort(f"{eye}_image")
             builder.Connect(port, tracker.GetInputPort(f"{eye}_image"))
             builder.ExportOutput(port, f"{eye}_image")
         for port in ("pixels", "seen", "reasons"):
             builder.ExportOutput(tracker.GetOutputPort(port), f"hand_{port}")
+            if mirror is not None:
+                reflected = f"reflected_{port}"
+                builder.ExportOutput(tracker.GetOutputPort(reflected), reflected)
+        if mirror is not None and knows is not None:
+            connect_expectation(builder, servos.GetOutputPort("encoders"), tracker, knows)
         builder.ExportInput(servos.GetInputPort("command"), "command")
         builder.ExportOutput(servos.GetOutputPort("encoders"), "encoders")
         builder.BuildInto(self)
@@ -158,12 +181,13 @@ def _add_scene(
     board: Board,
     quality: ImageQuality | None,
     seed: tuple[int, int],
+    mirror: MirrorPlate | None,
 ) -> tuple[BoardHolder, StereoCameras]:
     """Add what is to be seen, and what sees it."""
     scene_graph = SceneGraph()
     builder.AddNamedSystem("scene", scene_graph)
     built = SelfModelPlant.from_urdf(arm, body.model, scene_graph=scene_graph)
-    add_renderer(scene_graph)
+    add_renderer(scene_graph, glare=mirror is not None)
     if "fiducial" in arm.points:
         print_fiducial(
             scene_graph, built, arm.points["fiducial"], FIDUCIAL_ID, "right_wrist_marker"
@@ -177,7 +201,9 @@ def _add_scene(
     positions = builder.AddNamedSystem("positions", PlantPositions(built, body.held))
     poses = builder.AddNamedSystem("poses", MultibodyPositionToGeometryPose(built.plant))
     holder = BoardHolder(scene_graph, board)
-    cameras = StereoCameras(body.rig, frames, quality, seed=seed)
+    mirrors = None if mirror is None else MirrorScene(scene_graph, [mirror])
+    glasses = () if mirrors is None else mirrors.glasses
+    cameras = StereoCameras(body.rig, frames, quality, seed=seed, glasses=glasses)
     builder.AddNamedSystem("board", holder)
     builder.AddNamedSystem("eyes", cameras)
     builder.Connect(servos.GetOutputPort("joint_angles"), positions.get_input_port())
@@ -187,6 +213,10 @@ def _add_scene(
     )
     builder.Connect(holder.get_output_port(), scene_graph.get_source_pose_port(holder.source))
     builder.Connect(scene_graph.get_query_output_port(), cameras.get_input_port())
+    if mirrors is not None:
+        builder.AddNamedSystem("mirrors", mirrors)
+        builder.Connect(mirrors.get_output_port(), scene_graph.get_source_pose_port(mirrors.source))
+        builder.ExportInput(mirrors.get_input_port(), "mirror_pose")
     return holder, cameras
 
 

@@ -280,12 +280,23 @@ class _Body:
         """Return whether the arm touches the body or itself."""
         return bool(self._pairs(q) - self._touching)
 
-    def _pairs(self, q: NDArray) -> set[frozenset[Any]]:
+    def covers(self, q: NDArray, p_BQ: NDArray, room: float) -> bool:
+        """Return whether any of some points is inside the robot or nearer to it. Shape (k, 3)."""
+        query = self._posed(q)
+        plant = self._built.plant
+        base = plant.GetFrameByName(self._built.arm.base_link, self._built.instance)
+        X_WB = base.CalcPoseInWorld(self._own).GetAsMatrix4()
+        return any(query.ComputeSignedDistanceToPoint(p, room) for p in apply(X_WB, p_BQ))
+
+    def _posed(self, q: NDArray) -> Any:
+        """Return the scene graph's query object with the arm at a pose."""
         self._built.set_joint_angles(self._own, q)
-        query: Any = self._query.Eval(self._scene)
+        return self._query.Eval(self._scene)
+
+    def _pairs(self, q: NDArray) -> set[frozenset[Any]]:
         return {
             frozenset((pair.id_A, pair.id_B))
-            for pair in query.ComputePointPairPenetration()
+            for pair in self._posed(q).ComputePointPairPenetration()
             if pair.id_A in self._moving or pair.id_B in self._moving
         }
 

@@ -1,6 +1,8 @@
 """Driving any station with named ports: go there, wait until it stands still, look."""
 
+import time
 from collections.abc import Sequence
+from dataclasses import dataclass
 from types import MappingProxyType
 
 import numpy as np
@@ -20,6 +22,24 @@ _NUDGE = 0.02
 """Share of a joint's range that it leaves a pose by, before it comes back to it."""
 
 
+@dataclass(frozen=True)
+class Patience:
+    """When a station counts as standing still, and how long it is waited for."""
+
+    settle: float = 0.1
+    """How long the encoders must not change before a sample [s]."""
+    dither: float = 0.0
+    """Change that counts as none, as a share of a joint's range: a servo holds by correcting."""
+    astray: float = np.inf
+    """How far from its command a joint may come to rest, as a share of its range."""
+    timeout: float = 20.0
+    """How long a motion may take [s]."""
+    look_again: float = 0.0
+    """How long to look again where no marker was located, before the pose is given up [s]."""
+    real_time: bool = False
+    """Whether the station lives in real time: then time is waited for, never caught up with."""
+
+
 class StationBody:
     """A station that can be sent to poses and asked what it senses.
 
@@ -34,8 +54,7 @@ class StationBody:
         markers: Sequence[str],
         *,
         sensor: str = "eyes",
-        settle: float = 0.1,
-        timeout: float = 20.0,
+        patience: Patience | None = None,
         keep_images: bool = False,
     ) -> None:
         """Take a station.
@@ -45,8 +64,7 @@ class StationBody:
             joints: Names, units and stops.
             markers: In the order of the sensor's port.
             sensor: `eyes` or `motion-capture`.
-            settle: How long the encoders must not change before a sample [s].
-            timeout: How long a motion may take [s].
+            patience: When it stands still; that of simulated servos if omitted.
             keep_images: Keep the pictures in the sightings; needs `left_image`, `right_image`.
 
         Raises:
@@ -56,7 +74,13 @@ class StationBody:
         if sensor not in ("eyes", "motion-capture"):
             raise ValueError(f"sensor must be eyes or motion-capture, got {sensor!r}")
         self.joints, self.markers, self.sensor = tuple(joints), tuple(markers), sensor
-        self._settle, self._timeout, self._keep_images = settle, timeout, keep_images
+        self._patience, self._keep_images = patience or Patience(), keep_images
+        self._span = np.array(
+            [
+                np.inf if j.lower is None or j.upper is None else j.upper - j.lower
+                for j in self.joints
+            ]
+        )
         self._station = station
         self._command = station.GetInputPort(_named(station, "command", "input"))
         self._check("encoders", len(self.joints))
@@ -99,7 +123,12 @@ class StationBody:
             self._go(self._beside(command))
         self._go(command)
         self._last = command
-        return self._look()
+        sighting = self._look()
+        end = self.context.get_time() + self._patience.look_again
+        while not _located(sighting) and self.context.get_time() < end:
+            self._tick()
+            sighting = self._look()
+        return sighting
 
     def _beside(self, command: NDArray) -> NDArray:
         """Return a pose a little way off, towards the middle of the joints' ranges."""
@@ -115,24 +144,42 @@ class StationBody:
     def _go(self, command: NDArray) -> None:
         """Command and wait until the encoders stand still."""
         self._command.FixValue(self.context, command)
-        still, before, end = 0.0, self._read("encoders"), self.context.get_time() + self._timeout
+        patience, end = self._patience, self.context.get_time() + self._patience.timeout
+        still, before = 0.0, self._read("encoders")
+        dither = patience.dither * np.where(np.isfinite(self._span), self._span, 0.0)
         # The first tick starts the motion.
         self._tick()
-        while still < self._settle:
+        while still < patience.settle:
             now = self._read("encoders")
-            still = still + _TICK if np.array_equal(now, before) else 0.0
-            before = now
+            if (np.abs(now - before) <= dither).all():
+                still += _TICK
+            else:
+                still, before = 0.0, now
             if self.context.get_time() > end:
-                away = np.abs(now - command)
-                worst = self.joints[int(np.argmax(away))].name
                 raise RobotError(
-                    f"the joints did not come to rest within {self._timeout:g} s: {worst} reads "
-                    f"{away.max():.0f} units away from its command; is it blocked or off?"
+                    f"the joints did not come to rest within {patience.timeout:g} s: "
+                    f"{self._farthest(now - command)}; is it blocked or off?"
                 )
             self._tick()
+        away = self._read("encoders") - command
+        if (np.abs(away) > patience.astray * self._span).any():
+            raise RobotError(
+                f"the joints came to rest elsewhere: {self._farthest(away)}; is it blocked, off, "
+                "or overloaded?"
+            )
+
+    def _farthest(self, away: NDArray) -> str:
+        distance = np.where(np.isfinite(away), np.abs(away), np.inf)
+        worst = int(np.argmax(distance))
+        if not np.isfinite(distance[worst]):
+            return f"{self.joints[worst].name} is not read"
+        return f"{self.joints[worst].name} reads {distance[worst]:.0f} units away from its command"
 
     def _tick(self) -> None:
+        begin = time.monotonic()
         self.simulator.AdvanceTo(self.context.get_time() + _TICK)
+        if self._patience.real_time:
+            time.sleep(max(0.0, begin + _TICK - time.monotonic()))
 
     def _look(self) -> Sighting:
         encoders = self._read("encoders")
@@ -155,13 +202,22 @@ class StationBody:
             MappingProxyType(dict.fromkeys(self.markers)),
             MappingProxyType(dict(zip(self.markers, values, strict=True))),
             images,
-            self._reasons(),
+            self._reasons("hand_reasons"),
+            MappingProxyType(self._reflected()),
+            self._reasons("reflected_reasons"),
         )
 
-    def _reasons(self) -> tuple[str, ...]:
-        if not self._station.HasOutputPort("hand_reasons"):
+    def _reflected(self) -> dict[str, NDArray]:
+        """Return the pixels of each marker's reflection, of a station before a mirror."""
+        if not self._station.HasOutputPort("reflected_pixels"):
+            return {}
+        values = self._read("reflected_pixels").reshape(len(self.markers), 4)
+        return dict(zip(self.markers, values, strict=True))
+
+    def _reasons(self, port: str) -> tuple[str, ...]:
+        if not self._station.HasOutputPort(port):
             return ()
-        return tuple(self._station.GetOutputPort("hand_reasons").Eval(self.context))
+        return tuple(self._station.GetOutputPort(port).Eval(self.context))
 
     def _read(self, port: str) -> NDArray:
         return np.array(self._station.GetOutputPort(port).Eval(self.context), dtype=float)
@@ -173,6 +229,13 @@ class StationBody:
                 f"output port {port!r} of the station has {found} values, expected {size}: "
                 f"{len(self.joints)} joints, markers {', '.join(self.markers)}"
             )
+
+
+def _located(sighting: Sighting) -> bool:
+    """Return whether an instrument located some marker."""
+    if isinstance(sighting, EyeSighting):
+        return any(np.isfinite(pixels).any() for pixels in sighting.pixels.values())
+    return any(p is not None for p in sighting.points.values())
 
 
 def _named(station: System, port: str, kind: str) -> str:

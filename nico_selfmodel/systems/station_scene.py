@@ -44,6 +44,8 @@ _LIGHTS = (
     ((0.2, -0.6, -0.4), 0.30),
     ((-0.7, 0.0, -0.2), 0.25),
 )
+_GLARE = ((-0.8, 0.0, -0.35), 0.7)
+"""What a mirror before the robot throws back of the light from behind its head."""
 _TAPE = (0.0104, 0.0104, 0.0145)
 """Sides of the tape around a finger of 10 mm: the thesis' 14 x 9 x 8 mm, but not inside it [m]."""
 _RED = (0.85, 0.08, 0.08, 1.0)
@@ -52,13 +54,22 @@ _AWAY = RigidTransform(p=[0.0, 0.0, -50.0])
 """Where a board is that nobody holds."""
 
 
-def add_renderer(scene_graph: SceneGraph, name: str = RENDERER) -> None:
-    """Add a renderer with lights that stand still in the room."""
+def add_renderer(scene_graph: SceneGraph, name: str = RENDERER, *, glare: bool = False) -> None:
+    """Add a renderer with lights that stand still in the room.
+
+    Args:
+        scene_graph: Where to add it.
+        name: What it is called.
+        glare: Whether a mirror before the robot throws light back at it.
+
+    Raises:
+        RobotError: If nothing can be rendered here.
+    """
     lights = [
         LightParameter(
             type="directional", frame="world", direction=np.array(way), intensity=intensity
         )
-        for way, intensity in _LIGHTS
+        for way, intensity in (*_LIGHTS, *([_GLARE] if glare else []))
     ]
     parameters = RenderEngineVtkParams(default_clear_color=np.array(_ROOM), lights=lights)
     check_renderer()

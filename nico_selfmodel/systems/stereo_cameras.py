@@ -1,5 +1,6 @@
 """A pair of eyes that render what is before them, with lens, noise and motion blur."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import lru_cache
 from typing import Any
@@ -16,6 +17,7 @@ from nico_selfmodel.model import Camera, StereoRig
 from nico_selfmodel.model.stereo_rig import EYES
 from nico_selfmodel.systems.cropped_render import CroppedRender
 from nico_selfmodel.systems.image_values import image_value, write_bgr
+from nico_selfmodel.systems.mirror_scene import Glass, show_mirrors
 from nico_selfmodel.vision.lens_warp import LensWarp
 
 RENDERER = "eyes"
@@ -74,6 +76,7 @@ class StereoCameras(LeafSystem):
         *,
         seed: int | tuple[int, ...] = 0,
         renderer: str = RENDERER,
+        glasses: Sequence[Glass] = (),
     ) -> None:
         """Mount the cameras.
 
@@ -83,6 +86,7 @@ class StereoCameras(LeafSystem):
             quality: Sampling, noise, exposure.
             seed: Of the noise.
             renderer: Name of the renderer in the scene graph.
+            glasses: Mirrors in the scene graph: `MirrorScene.glasses`.
 
         Raises:
             ModelError: If a lens sees too wide to be rendered.
@@ -91,7 +95,7 @@ class StereoCameras(LeafSystem):
         self.quality = quality or ImageQuality()
         self._seed = np.ravel(seed)
         self.__eyes = [
-            _Eye(camera, frame, self.quality.supersample, renderer)
+            _Eye(camera, frame, self.quality.supersample, renderer, tuple(glasses))
             for camera, frame in zip(rig.eyes, frames, strict=True)
         ]
         self._query = self.DeclareAbstractInputPort(
@@ -172,19 +176,35 @@ def _lens_warp(
 class _Eye:
     """One camera and its lens."""
 
-    def __init__(self, camera: Camera, frame: FrameId, supersample: int, renderer: str) -> None:
+    def __init__(
+        self,
+        camera: Camera,
+        frame: FrameId,
+        supersample: int,
+        renderer: str,
+        glasses: tuple[Glass, ...],
+    ) -> None:
         self._warp = _lens_warp(tuple(camera.values.tolist()), camera.image_size, supersample)
         X_FC = RigidTransform(pose=camera.X_WC)
         warp = self._warp
         self._pinhole = CroppedRender(renderer, warp.render_size, warp.render_K, frame, X_FC)
+        self._glasses = glasses
 
     def render(self, query: QueryObject) -> NDArray:
         """Return the bent picture. BGR, shape (h, w, 3)."""
         try:
-            rendered = self._pinhole(query)
+            rendered = self._through_pinhole(query)
         except RuntimeError as error:
             raise RobotError(
                 f"the eyes cannot render with {self._pinhole.renderer!r}: "
                 f"{' '.join(str(error).split())}"
             ) from error
         return np.ascontiguousarray(self._warp.apply(rendered)[:, :, 2::-1])
+
+    def _through_pinhole(self, query: QueryObject) -> NDArray:
+        """Return what falls through, before the lens bends it. RGBA."""
+        pinhole = self._pinhole
+        if not self._glasses:
+            return pinhole(query)
+        X_WC = (query.GetPoseInWorld(pinhole.frame) @ pinhole.X_FC).GetAsMatrix4()
+        return show_mirrors(query, pinhole, self._glasses, X_WC)

@@ -55,31 +55,44 @@ def find_color_blob(
     Raises:
         ValueError: If the image has another shape or type.
     """
-    mask = color_mask(image, model)
-    count, labels, table, centroids = cv2.connectedComponentsWithStats(
-        mask.astype(np.uint8), connectivity=8
-    )
-    if count < 2:
+    blobs = color_blobs(image, model)
+    if not blobs:
         return NotSeen("no pixels of the colour")
-    areas = table[1:, cv2.CC_STAT_AREA]
-    order = 1 + np.argsort(-areas, kind="stable")
-    largest = order[0]
-    area = int(areas[largest - 1])
-    if area < model.least_area_px:
+    blob = blobs[0]
+    if blob.area_px < model.least_area_px:
         return NotSeen(
-            f"the largest patch of the colour has {area} pixels, fewer than {model.least_area_px:g}"
+            f"the largest patch of the colour has {blob.area_px} pixels, fewer than "
+            f"{model.least_area_px:g}"
         )
-    blob = _blob(labels == largest, table[largest], centroids[largest], model)
-    if len(order) > 1 and areas[order[1] - 1] >= _RIVAL * area:
-        u, v = centroids[order[1]]
+    if len(blobs) > 1 and blobs[1].area_px >= _RIVAL * blob.area_px:
+        u, v = blobs[1].centroid
         return NotSeen(
-            f"two patches of nearly the same size: {area} pixels at"
-            f" ({blob.centroid[0]:.0f}, {blob.centroid[1]:.0f}) and {areas[order[1] - 1]} at"
+            f"two patches of nearly the same size: {blob.area_px} pixels at"
+            f" ({blob.centroid[0]:.0f}, {blob.centroid[1]:.0f}) and {blobs[1].area_px} at"
             f" ({u:.0f}, {v:.0f})"
         )
     if blob.touches_border and not accept_cut:
         return NotSeen("the patch is cut by the border of the image: its centre is not known")
     return blob
+
+
+def color_blobs(image: NDArray, model: ColorModel) -> tuple[ColorBlob, ...]:
+    """Return all patches of a colour, the largest first, however small.
+
+    Args:
+        image: BGR, 8 bits. Shape (h, w, 3).
+        model: The colour.
+
+    Raises:
+        ValueError: If the image has another shape or type.
+    """
+    mask = color_mask(image, model)
+    count, labels, table, centroids = cv2.connectedComponentsWithStats(
+        mask.astype(np.uint8), connectivity=8
+    )
+    areas = table[1:count, cv2.CC_STAT_AREA]
+    order = (1 + np.argsort(-areas, kind="stable")).tolist()
+    return tuple(_blob(labels == k, table[k], centroids[k], model) for k in order)
 
 
 def color_mask(image: NDArray, model: ColorModel) -> NDArray:

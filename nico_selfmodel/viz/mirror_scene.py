@@ -4,39 +4,60 @@ import numpy as np
 from numpy.typing import NDArray
 
 from nico_selfmodel.estimation.mirror import MirrorCalibration
-from nico_selfmodel.geometry.transform import apply
+from nico_selfmodel.geometry.transform import apply, inverse
 from nico_selfmodel.model import Mirror, MirrorRig, StereoRig
+from nico_selfmodel.plant import ArmDescription
 from nico_selfmodel.viz import palette
-from nico_selfmodel.viz.camera_scene import X_WL
 from nico_selfmodel.viz.eye_items import ImagePlane, eye_items
+from nico_selfmodel.viz.mirror_picture import MirrorPicture, Pictures, on_glass
+from nico_selfmodel.viz.robot_items import robot_items
 from nico_selfmodel.viz.scene import LegendEntry, Scene, path_names
 from nico_selfmodel.viz.scene_items import Item, Markers, Segments, Surface, Tube
 from nico_selfmodel.viz.surroundings import camera_from, floor_items
+from nico_selfmodel.viz.upright import X_WL, turned, upright
 
 _DOT = 0.004
 _PLANE = 0.045
 """Distance of image planes from their eyes [m]."""
 _MARGIN = 0.03
 """Glass drawn beyond where it was looked into [m]."""
+_PICTURED = 0.07
+"""The same where it carries a picture, which shows more than the hand [m]."""
+_BEHIND = 0.002
+"""How far behind its picture the glass is drawn [m]."""
+_RAY = 0.0011
+"""Radius of a ray [m]."""
 _RAYS = 3
 """Poses of each mirror whose rays are drawn."""
 _GLASS, _REFLECTED = palette.rgba("#8fb4d9", 0.45), palette.rgba("#4477aa", 0.75)
 _AZIMUTH, _ELEVATION = np.radians(235.0), np.radians(32.0)
+_FROM_BEHIND = np.radians(217.0)
+"""Over the shoulder of a robot that is drawn, into the glass."""
 
 
-def mirror_scene(calibration: MirrorCalibration) -> Scene:
-    """Describe learned mirrors as a scene; x is where the left eye looks, z is up.
+def mirror_scene(
+    calibration: MirrorCalibration,
+    pictures: Pictures | None = None,
+    robot: ArmDescription | None = None,
+) -> Scene:
+    """Describe learned mirrors as a scene; z is up.
 
     Args:
         calibration: What was learned.
+        pictures: What was seen in the mirrors, if pictures were kept: the glass shows them.
+        robot: The robot that looked, if it is known: it is drawn as it stood for the first one.
 
     Returns:
         Eyes and their reflections, a plate for each mirror, the hand where the arm says it is and
         where its reflections appear, and for some poses the rays from the hand over the glass into
         both eyes. Rows that were not believed are red.
     """
+    pictures = pictures or {}
     rig = StereoRig(*calibration.solution.reflections.cameras)
-    eyes = rig.moved(rig.left.X_WC @ np.linalg.inv(X_WL))
+    model = calibration.model
+    shown = robot is not None and bool(pictures)
+    X_SW = upright(model, robot) if shown else X_WL @ inverse(rig.left.X_WC)
+    eyes = rig.moved(inverse(X_SW))
     planes = {
         eye: ImagePlane(camera, _PLANE)
         for eye, camera in zip(("left", "right"), eyes.eyes, strict=True)
@@ -47,30 +68,42 @@ def mirror_scene(calibration: MirrorCalibration) -> Scene:
     points = [plane.corners for plane in planes.values()]
     names = path_names(calibration.mirrors)
     for name, (known, mirror) in zip(names, calibration.mirrors.items(), strict=True):
-        found, seen = _mirror_items(name, calibration, known, MirrorRig(eyes, mirror))
+        rig_here = MirrorRig(eyes, mirror)
+        found, seen = _mirror_items(name, calibration, known, rig_here, pictures.get(known))
         items += found
         points.append(seen)
+    if robot is not None and shown:
+        q = model.servos.to_joint(next(iter(pictures.values())).encoders)
+        body = turned(robot_items(robot, model, q), X_SW)
+        items += body
+        points.append(np.array([item.X_WI[:3, 3] for item in body]))
     everything = np.concatenate(points)
     grid, *_ = floor_items(everything, 1.0)
-    view = camera_from(everything, float(_AZIMUTH), float(_ELEVATION))
+    azimuth = _FROM_BEHIND if shown else _AZIMUTH
+    view = camera_from(everything, float(azimuth), float(_ELEVATION))
     return Scene(calibration.model.name, (grid, *items), view, _legend(calibration))
 
 
 def _mirror_items(
-    path: str, calibration: MirrorCalibration, name: str, rig: MirrorRig
+    path: str,
+    calibration: MirrorCalibration,
+    name: str,
+    rig: MirrorRig,
+    picture: MirrorPicture | None,
 ) -> tuple[list[Item], NDArray]:
     """Return the items of one mirror, and points that the first view must hold."""
     solution = calibration.solution
     rows = solution.reflections.mirror == solution.reflections.mirrors.index(name)
-    hand = apply(X_WL, solution.reflections.p_LQ[rows])
+    X_SL = rig.rig.left.X_WC
+    hand = apply(X_SL, solution.reflections.p_LQ[rows])
     believed = ~solution.outliers[rows]
-    virtual = apply(X_WL, rig.mirror.reflect(solution.reflections.p_LQ[rows]))
-    plate = _plate(rig, virtual)
+    virtual = apply(X_SL, rig.mirror.reflect(solution.reflections.p_LQ[rows]))
+    plate = _plate(rig, virtual, _MARGIN if picture is None else _PICTURED)
     items: list[Item] = [
         Surface(
             path=f"mirrors/{path}/glass",
-            color=_GLASS,
-            vertices=plate,
+            color=_GLASS if picture is None else palette.rgba(palette.MUTED),
+            vertices=plate if picture is None else plate - _BEHIND * rig.plane.normal,
             faces=np.array([[0, 1, 2], [0, 2, 3]]),
         ),
         Tube(
@@ -88,13 +121,21 @@ def _mirror_items(
                 shade = palette.rgba(palette.OUTLIER) if label == "outliers" else shade
                 place = f"mirrors/{path}/{kind}_{label}"
                 items.append(Markers(path=place, color=shade, centers=points[chosen], radius=_DOT))
-    items += _rays(path, rig, hand[believed], virtual[believed])
+    shown = np.linspace(0, believed.sum() - 1, min(_RAYS, believed.sum())).astype(int)
+    if picture is not None:
+        image = picture.images[0][:, :, ::-1]
+        items.append(on_glass(f"mirrors/{path}/picture", rig.rig.left, plate, image))
+        samples = solution.reflections.sample[rows][believed]
+        shown = (
+            np.flatnonzero(samples == picture.sample)[:1] if picture.sample in samples else shown
+        )
+    items += _rays(path, rig, hand[believed][shown], virtual[believed][shown])
     items += _reflected_eyes(path, rig)
     centers = np.stack([eye.X_WC[:3, 3] for eye in rig.virtual.eyes])
     return items, np.concatenate([plate, hand, virtual, centers])
 
 
-def _plate(rig: MirrorRig, virtual: NDArray) -> NDArray:
+def _plate(rig: MirrorRig, virtual: NDArray, margin: float) -> NDArray:
     """Return the corners of the glass that lines of sight go through. Shape (4, 3)."""
     meets = np.concatenate([_on_glass(rig, eye, virtual) for eye in _centres(rig.rig)])
     normal = rig.plane.normal
@@ -102,7 +143,7 @@ def _plate(rig: MirrorRig, virtual: NDArray) -> NDArray:
     across = across / np.linalg.norm(across) if np.linalg.norm(across) > 1e-6 else X_WL[:3, 0]
     axes = np.stack([across, np.cross(normal, across)])
     flat = meets @ axes.T
-    low, high = flat.min(axis=0) - _MARGIN, flat.max(axis=0) + _MARGIN
+    low, high = flat.min(axis=0) - margin, flat.max(axis=0) + margin
     foot = -rig.plane.offset * normal
     corners = np.array([[low[0], low[1]], [high[0], low[1]], high, [low[0], high[1]]])
     return foot + corners @ axes
@@ -110,18 +151,17 @@ def _plate(rig: MirrorRig, virtual: NDArray) -> NDArray:
 
 def _rays(path: str, rig: MirrorRig, hand: NDArray, virtual: NDArray) -> list[Item]:
     """Return rays from hand over glass to the eyes, and on to the reflections behind it."""
-    shown = np.linspace(0, len(hand) - 1, min(_RAYS, len(hand))).astype(int)
     items: list[Item] = []
-    if not len(shown):
+    if not len(hand):
         return items
     for eye, center in zip(("left", "right"), _centres(rig.rig), strict=True):
-        meets = _on_glass(rig, center, virtual[shown])
-        centers = np.repeat(center[None], len(shown), axis=0)
+        meets = _on_glass(rig, center, virtual)
+        centers = np.repeat(center[None], len(hand), axis=0)
         color = palette.EYES[eye]
         for kind, starts, ends, opacity in (
-            ("from_hand", hand[shown], meets, 1.0),
+            ("from_hand", hand, meets, 1.0),
             ("to_eye", meets, centers, 1.0),
-            ("behind", meets, virtual[shown], 0.4),
+            ("behind", meets, virtual, 0.4),
         ):
             items.append(
                 Segments(
@@ -131,6 +171,10 @@ def _rays(path: str, rig: MirrorRig, hand: NDArray, virtual: NDArray) -> list[It
                     ends=ends,
                 )
             )
+        for k, points in enumerate(np.stack([hand, meets, centers], axis=1)):
+            place = f"mirrors/{path}/rays/{eye}_{k + 1}"
+            shade = palette.rgba(color)
+            items.append(Tube(path=place, color=shade, points=points, radius=_RAY))
     return items
 
 

@@ -36,6 +36,25 @@ def test_motion_capture_is_recorded_into_a_folder_that_can_be_resumed(tmp_path, 
     assert "choose another name" in other.stderr
 
 
+def test_chosen_poses_are_visited_instead_of_random_ones(tmp_path, command):
+    first, arm, table, more = (tmp_path / name for name in ("first", "arm", "poses.csv", "more"))
+    words = ("record", first, "--sensor", "motion-capture", "--circle", 12, "--random", 20)
+    assert command(*words).returncode == 0
+    assert command("calibrate", "kinematics", first, "--out", arm).returncode == 0
+    assert command("choose-poses", arm, first, "--count", 5, "--out", table).returncode == 0
+    words = ("record", more, "--sensor", "motion-capture", "--poses", table)
+    done = command(*words)
+    assert done.returncode == 0, done.stderr
+    data = Dataset.load(more)
+    assert len(data.samples) == 5
+    assert set(data.sweep.tolist()) == {""}
+    chosen = np.loadtxt(table, delimiter=",", skiprows=1)
+    assert np.abs(data.encoders - chosen).max() < 200.0  # counts of 16384: play, not another pose
+    refused = command(*words, "--random", 3)
+    assert refused.returncode == 2
+    assert "leave out --random" in refused.stderr
+
+
 @pytest.mark.parametrize(
     ("words", "reason"),
     [
@@ -90,4 +109,8 @@ def test_learn_goes_through_the_eyes_by_default(tmp_path, command):
     assert document["status"] == "PASS"
     assert document["eyes"]["rms_px"] < 0.2
     assert document["test"]["pixels"]["mean"] < 7.0
+    assert document["refinement"]["accepted"]
+    assert document["refinement"]["boards"]["held_out"]
+    assert "left.fx" in SelfModel.load(out).covariance.names
+    assert "thesis, refined (real robot)" in done.stdout
     assert (out / "nico_learned.urdf").exists()

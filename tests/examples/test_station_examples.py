@@ -49,3 +49,19 @@ def test_motion_capture_comes_from_another_process(run):
     out = run("08_motion_capture_from_another_process.py")
     assert out.startswith("40 frames")
     assert int(re.search(r"moved (\d+) mm", out)[1]) > 30
+
+
+def test_servos_follow_a_diagram_of_ones_own(run):
+    out = run("09_servos_in_a_diagram.py")
+    low, high = re.search(r"from (-[\d.]+) to ([\d.]+) rad", out).groups()
+    assert -0.31 < float(low) < -0.2
+    assert 0.2 < float(high) < 0.31
+    assert "wrist: holding" in out
+    assert "the wrist moved by 0.00 rad" in out
+
+
+def test_a_hand_before_a_mirror_is_seen_about_where_it_was_put(run):
+    out = run("10_before_a_mirror.py").splitlines()[-1]
+    seen, off = re.match(r"(\d) of 3 seen, (\d+) px off", out).groups()
+    assert int(seen) >= 2
+    assert 0 < int(off) < 80

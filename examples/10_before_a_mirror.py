@@ -1,0 +1,54 @@
+"""Nico holds up its hand before a mirror and finds the marker in its own reflection.
+
+A station with a mirror has four ports more than one without: `mirror_pose`, through which the glass
+can be put anywhere, and `reflected_pixels`, `reflected_seen` and `reflected_reasons`. A first guess
+of the body, with the mirror where it was put, predicts the reflection to some ten pixels; `record
+--mirror` and `calibrate mirror` learn the rest.
+"""
+
+import numpy as np
+
+from nico_selfmodel.experiments.mirror_recording import DEFAULT_MIRROR
+from nico_selfmodel.model import MirrorRig
+from nico_selfmodel.recording import commands_of_angles
+from nico_selfmodel.systems import (
+    EyeSighting,
+    MirrorPlate,
+    NicoStation,
+    Reach,
+    StationBody,
+    looking_arm,
+)
+from nico_selfmodel.systems.mirror_scene import put_mirror
+from nico_selfmodel.systems.mirror_view import MirrorView
+from nico_selfmodel.systems.reflection_detectors import default_mirror_detectors
+
+
+def main() -> None:
+    """Look into a mirror from three poses."""
+    arm, plate = looking_arm("fiducial"), MirrorPlate(width=0.40, height=0.30)
+    reach = Reach.of(arm)
+    view = MirrorView.of(reach, DEFAULT_MIRROR, plate, np.random.default_rng(0))
+    detectors = {"fiducial": default_mirror_detectors()["fiducial"]}
+    station = NicoStation("thesis", 5, arm=arm, detectors=detectors, mirror=plate)
+    body = StationBody(station, station.joints, arm.markers)
+    put_mirror(station, body.context, view.X_BM)
+
+    expected = MirrorRig(reach.rig, DEFAULT_MIRROR)
+    errors = []
+    for q in view.q[:3]:
+        (command,) = commands_of_angles(station.joints, arm.lower, arm.upper, [q])
+        sighting = body.visit(command)
+        assert isinstance(sighting, EyeSighting)
+        seen = sighting.reflected["fiducial"]
+        guess = expected.project(arm.chain.forward(q))
+        if np.isfinite(seen).all():
+            errors.append(np.linalg.norm((seen - guess).reshape(2, 2), axis=1).mean())
+            print(f"the reflection at {np.round(seen, 1)}, expected at {np.round(guess, 1)}")
+        else:
+            print(f"not seen: {', '.join(filter(None, sighting.reflected_reasons))}")
+    print(f"{len(errors)} of 3 seen, {np.mean(errors):.0f} px off on average")
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,114 @@
+"""A Nico that knows its eyes and its arm meets a mirror, and learns where it stands (chapter 9)."""
+
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from nico_selfmodel.dataset import Dataset
+from nico_selfmodel.estimation.mirror import MirrorCalibration, calibrate_mirrors
+from nico_selfmodel.estimation.mirror_document import mirror_document
+from nico_selfmodel.estimation.mirror_verdict import judge_mirrors
+from nico_selfmodel.estimation.verdict import Verdict
+from nico_selfmodel.experiments.body_lesson import BodyLesson
+from nico_selfmodel.experiments.eyes_lesson import NicoBeforeItsEyes, Stage
+from nico_selfmodel.experiments.mirror_recording import DEFAULT_MIRROR, NicoBeforeMirrors
+from nico_selfmodel.model import SelfModel
+from nico_selfmodel.systems import World
+from nico_selfmodel.viz.mirror_picture import MirrorPicture
+
+MIRROR = "mirror"
+"""What the mirror is called in the self-model."""
+DAY = 4
+POSES = 20
+
+
+@dataclass(frozen=True, eq=False)
+class MirrorLesson:
+    """A mirror learned by looking into it."""
+
+    calibration: MirrorCalibration
+    """Of the mirror; its model knows it."""
+    verdict: Verdict
+    """What is thought of that."""
+    train: Dataset
+    """The hand in the mirror, to learn from."""
+    test: Dataset
+    """The same, held out."""
+    picture: MirrorPicture
+    """What the robot saw of itself at one of the poses."""
+
+    @property
+    def model(self) -> SelfModel:
+        """Arm, eyes and mirror."""
+        return self.calibration.model
+
+    @property
+    def document(self) -> dict[str, Any]:
+        """What `result.json` tells of the mirror."""
+        return mirror_document(self.calibration, self.verdict)
+
+
+def learn_mirror(
+    model: SelfModel,
+    world: World | str,
+    seed: int = 0,
+    *,
+    marker: str = "fiducial",
+    familiar: NDArray | None = None,
+    poses: int = POSES,
+    stage: Stage | None = None,
+) -> MirrorLesson:
+    """Put a mirror before the robot, let it look at its hand in it, and learn where it stands.
+
+    Args:
+        model: What the robot has learned of arm and eyes.
+        world: What is wrong with its body.
+        seed: Which individual.
+        marker: What is tracked on the hand.
+        familiar: Readings at which the arm was learned: poses near them are preferred. (K, n).
+        poses: To learn from; as many are held out.
+        stage: Told what is going on.
+
+    Returns:
+        What was recorded and learned.
+
+    Raises:
+        EstimationError: If no plane fits.
+    """
+
+    def report(what: str) -> Callable[[int, int], None]:
+        return lambda done, total: stage(what, done, total) if stage else None
+
+    nico = NicoBeforeItsEyes(world, seed, (marker,))
+    before = NicoBeforeMirrors(
+        nico, {MIRROR: DEFAULT_MIRROR}, knows=model, rig=model.rig, familiar=familiar
+    )
+    data = before.record(
+        "mirror", DAY, 2 * poses, progress=report("looking at its hand in a mirror")
+    )
+    # Every other pose is held out, so that both halves cover the same places.
+    held_out = np.isin(data.sample, np.unique(data.sample)[1::2])
+    train, test = data.select(~held_out), data.select(held_out)
+    report("learning the mirror")(0, 1)
+    calibration = calibrate_mirrors(train, model, test=test)
+    report("learning the mirror")(1, 1)
+    row = int(np.flatnonzero((train.mirror == MIRROR) & np.isfinite(train.pixels).all(axis=1))[0])
+    images = before.look(DAY, MIRROR, train.encoders[row])
+    picture = MirrorPicture(int(train.sample[row]), train.encoders[row], images)
+    return MirrorLesson(calibration, judge_mirrors(calibration), train, test, picture)
+
+
+def with_mirror(lesson: BodyLesson, mirror: MirrorLesson) -> BodyLesson:
+    """Return what was learned of a body, its self-model now with the mirror.
+
+    Args:
+        lesson: Eyes and arm.
+        mirror: Learned with the model of that lesson.
+    """
+    if lesson.refined is not None and lesson.accepted:
+        return replace(lesson, refined=replace(lesson.refined, model=mirror.model))
+    calibration = replace(lesson.arm.calibration, model=mirror.model)
+    return replace(lesson, arm=replace(lesson.arm, calibration=calibration))

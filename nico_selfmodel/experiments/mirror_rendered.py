@@ -1,0 +1,116 @@
+"""Chapter 9 of the thesis through rendered pictures: the hand found in three mirrors."""
+
+from collections.abc import Callable, Mapping
+
+import numpy as np
+
+from nico_selfmodel.dataset import Dataset
+from nico_selfmodel.errors import DataError
+from nico_selfmodel.experiments.body_lesson import learn_body_through_the_eyes
+from nico_selfmodel.experiments.eyes_lesson import Counts, NicoBeforeItsEyes, Stage
+from nico_selfmodel.experiments.mirror import (
+    POSES,
+    TEST_POSES,
+    MirrorExperiment,
+    Trial,
+    experiment_of,
+)
+from nico_selfmodel.experiments.mirror_recording import NicoBeforeMirrors
+from nico_selfmodel.model import Mirror
+from nico_selfmodel.systems import World
+
+MARKER = "fiducial"
+RENDERED_MIRRORS: Mapping[str, Mirror] = {
+    "near": Mirror.from_values([*np.radians([0.0, -20.0]), 0.28]),
+    "middle": Mirror.from_values([*np.radians([10.0, -15.0]), 0.34]),
+    "far": Mirror.from_values([*np.radians([-10.0, -25.0]), 0.40]),
+}
+"""Where mirrors are meant to stand so that a fiducial of 29 mm can be read in them."""
+PIXEL_SIGMA = 0.1
+"""What the centre of a rendered fiducial is off by in a mirror, each coordinate [px]."""
+TRAIN_DAY, TEST_DAY = 4, 5
+
+
+def run_rendered_mirror(
+    world: World,
+    individuals: int = 1,
+    seed: int = 0,
+    counts: Counts | None = None,
+    progress: Stage | None = None,
+) -> MirrorExperiment:
+    """Let robots learn eyes and arm by sight, then three mirrors by looking into them.
+
+    Args:
+        world: What is wrong with the bodies.
+        individuals: Simulated robots; minutes each.
+        seed: Of the first one.
+        counts: How much eyes and arm are learned from.
+        progress: Told how far it is.
+
+    Returns:
+        The tables' rows.
+
+    Raises:
+        DataError: If too few poses showed the hand in a mirror.
+    """
+    trials = []
+    for i in range(individuals):
+        number = f"robot {i + 1} of {individuals}: " if individuals > 1 else ""
+
+        def stage(what: str, done: int, total: int, number: str = number) -> None:
+            if progress:
+                progress(number + what, done, total)
+
+        trials.append(rendered_trial(world, seed + i, counts, stage))
+    play = float(np.degrees(world.play))
+    return experiment_of(trials, PIXEL_SIGMA, play, RENDERED_MIRRORS, rendered=True)
+
+
+def rendered_trial(world: World, seed: int, counts: Counts | None, stage: Stage) -> Trial:
+    """Let one robot learn.
+
+    Args:
+        world: What is wrong with the body.
+        seed: Which individual.
+        counts: How much eyes and arm are learned from.
+        stage: Told how far it is.
+
+    Raises:
+        DataError: If too few poses showed the hand in a mirror.
+    """
+    lesson = learn_body_through_the_eyes(world, seed, marker=MARKER, counts=counts, stage=stage)
+    nico = NicoBeforeItsEyes(world, seed, (MARKER,))
+    before = NicoBeforeMirrors(nico, RENDERED_MIRRORS, rig=lesson.model.rig)
+
+    def watched(what: str) -> Callable[[int, int], None]:
+        return lambda done, total: stage(what, done, total)
+
+    train = before.record("train", TRAIN_DAY, max(POSES), progress=watched("looking into mirrors"))
+    test = before.record(
+        "test", TEST_DAY, TEST_POSES, best=False, progress=watched("mirrors, kept for judging")
+    )
+    stage("learning mirrors", 0, 1)
+    found = Trial.of(
+        lesson.model,
+        seen_by_both(lesson.arm.test, "", TEST_POSES),
+        {name: seen_by_both(train, name, max(POSES)) for name in RENDERED_MIRRORS},
+        {name: seen_by_both(test, name, TEST_POSES) for name in RENDERED_MIRRORS},
+        PIXEL_SIGMA,
+    )
+    stage("learning mirrors", 1, 1)
+    return found
+
+
+def seen_by_both(data: Dataset, mirror: str, count: int) -> Dataset:
+    """Return the first rows of a view that both eyes saw.
+
+    Raises:
+        DataError: If there are fewer.
+    """
+    rows = np.flatnonzero((data.mirror == mirror) & np.isfinite(data.pixels).all(axis=1))
+    if len(rows) < count:
+        raise DataError(
+            f"only {len(rows)} of {count} poses show the hand to both eyes "
+            + (f"in mirror {mirror!r}" if mirror else "directly")
+        )
+    return data.select(rows[:count])

@@ -1,0 +1,127 @@
+"""Nico before a mirror, recorded through rendered pixels."""
+
+import numpy as np
+import pytest
+
+from nico_selfmodel.dataset import Dataset
+from nico_selfmodel.errors import ModelError
+from nico_selfmodel.estimation.mirror import calibrate_mirrors
+from nico_selfmodel.estimation.mirror_poses import free_space
+from nico_selfmodel.experiments.eyes_lesson import NicoBeforeItsEyes
+from nico_selfmodel.experiments.mirror_recording import (
+    DEFAULT_MIRROR,
+    NicoBeforeMirrors,
+    mirror_of_words,
+)
+from nico_selfmodel.model import Mirror, MirrorRig
+from nico_selfmodel.systems import ImageQuality
+from nico_selfmodel.systems.mirror_scene import MirrorPlate
+from nico_selfmodel.systems.mirror_view import MirrorView
+
+from ..true_nico import true_model
+
+ROUGH = ImageQuality(1)
+
+
+@pytest.fixture(scope="module")
+def nico():
+    return NicoBeforeItsEyes("clean", 3, ("fiducial",))
+
+
+@pytest.fixture(scope="module")
+def recording(nico, tmp_path_factory):
+    """Return a folder of a few poses, recorded in two sittings, and who recorded it."""
+    folder = tmp_path_factory.mktemp("before") / "mirror"
+    before = NicoBeforeMirrors(nico, {"glass": DEFAULT_MIRROR})
+    before.record("seen", 0, 3, 1, folder=folder)
+    return folder, before
+
+
+def test_a_mirror_is_learned_from_the_hand_seen_in_it(nico, recording):
+    folder, before = recording
+    data = Dataset.load(folder)
+    reflected = data.select(data.mirror == "glass")
+    assert np.isfinite(reflected.pixels).all(axis=1).sum() >= 3
+    direct = data.select((data.mirror == "") & np.isfinite(data.pixels).all(axis=1))
+    assert len(direct) >= 1
+    model = true_model(nico.arm, "clean", 3)
+    assert (
+        np.abs(model.rig.project(model.predict(direct.encoders).p_WH) - direct.pixels).max() < 1.0
+    )
+    found = calibrate_mirrors(reflected, model)
+    # Where the mirror was put by who thinks the head stands as designed.
+    view = before.views["glass"]
+    plane = found.mirrors["glass"].plane_in(model.rig.left.X_WC)
+    assert abs(plane.distance_to(view.X_BM[:3, 3])) < 1.5e-3
+    assert np.degrees(np.arccos(plane.normal @ -view.X_BM[:3, 2])) < 0.3
+    assert found.solution.distances[~found.solution.outliers].mean() < 0.5
+
+
+def test_a_recording_before_a_mirror_can_be_resumed(recording):
+    folder, before = recording
+    first = Dataset.load(folder)
+    again = before.record("seen", 0, 3, 1, folder=folder)
+    assert again.sha256 == first.sha256
+    assert set(again.mirror.tolist()) == {"", "glass"}
+
+
+def test_planned_poses_show_the_marker_in_the_glass_and_keep_off_it(nico, recording):
+    _, before = recording
+    view, reach = before.views["glass"], nico.reach
+    rig = MirrorRig(reach.rig, DEFAULT_MIRROR)
+    pixels = rig.project(reach.arm.chain.forward(view.q))
+    assert ((pixels > 59.0) & (pixels < np.array([640, 480, 640, 480]) - 60.0)).all()
+    station = before.station(0)
+    plan, where = before.plan(station, 5, 0, np.random.default_rng(0), best=True)
+    assert where == ["glass"] * len(plan)
+    assert len(plan) >= 5
+    guess = reach.first_guess(station.joints)
+    q = guess.servos.to_joint(np.array([command for _, command in plan]))
+    assert free_space(guess.chain, rig, q).min() >= 0.05 - 1e-9
+
+
+def test_the_station_before_a_mirror_has_three_ports_more_and_one_to_move_it(recording):
+    _, before = recording
+    station = before.station(0)
+    outputs = {station.get_output_port(i).get_name() for i in range(station.num_output_ports())}
+    assert {"reflected_pixels", "reflected_seen", "reflected_reasons"} <= outputs
+    assert station.HasInputPort("mirror_pose")
+    assert all(f"`{port}`" in type(station).__doc__ for port in ("mirror_pose", "reflected_pixels"))
+
+
+def test_the_same_seed_before_the_same_mirror_is_the_same_to_the_last_byte():
+    rough = NicoBeforeItsEyes("thesis", 4, ("fiducial",), ROUGH)
+    pictures = []
+    for _ in range(2):
+        before = NicoBeforeMirrors(rough, {"m": DEFAULT_MIRROR})
+        data = before.record("seen", 0, 1)
+        pictures.append((data.sha256, before.views["m"].X_BM.tobytes()))
+    assert pictures[0] == pictures[1]
+
+
+def test_a_mirror_in_which_nothing_can_be_seen_is_refused_by_name_of_a_better_place(nico):
+    far = Mirror.from_values([0.0, 0.0, 3.0])
+    with pytest.raises(ModelError, match="300 mm"):
+        MirrorView.of(nico.reach, far, MirrorPlate(), np.random.default_rng(0))
+
+
+def test_familiar_poses_are_preferred(recording):
+    _, before = recording
+    view = before.views["glass"]
+    familiar = view.q[7:9] + 1e-6
+    near = view.near(familiar, 5)
+    assert len(near.q) == 5
+    assert all((near.q == q).all(axis=1).any() for q in view.q[7:9])
+
+
+def test_mirrors_are_read_from_the_command_line():
+    name, mirror = mirror_of_words("near=280,5,-20")
+    assert name == "near"
+    assert mirror.values == pytest.approx([np.radians(5.0), np.radians(-20.0), 0.28])
+    assert mirror_of_words("glass") == ("glass", DEFAULT_MIRROR)
+
+
+@pytest.mark.parametrize("words", ["", "=300,0,0", "a=1,2", "a=0,0,0", "a=x,0,0", "a=nan,0,0"])
+def test_words_that_are_no_mirror_are_refused(words):
+    with pytest.raises(ValueError, match="--mirror"):
+        mirror_of_words(words)

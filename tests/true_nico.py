@@ -1,0 +1,23 @@
+"""What only the simulation knows of a Nico, as a self-model; for judging, never for learning."""
+
+from dataclasses import replace
+
+from nico_selfmodel.plant import SelfModelPlant
+from nico_selfmodel.systems import NICO_EYES, WORLDS
+from nico_selfmodel.systems.individual import Individual
+from nico_selfmodel.systems.reach import MOUNTS
+
+
+def true_model(arm, world, seed):
+    """Return arm and eyes as they really are, in the world of the station."""
+    body = Individual.build(arm, WORLDS[world], seed, NICO_EYES)
+    built = SelfModelPlant.from_urdf(arm, body.model)
+    context = built.plant.CreateDefaultContext()
+    for joint, value in body.held.items():
+        built.plant.GetJointByName(joint, built.instance).set_angle(context, value)
+    cameras = {}
+    for name, camera, link in zip(("left", "right"), body.rig.eyes, MOUNTS, strict=True):
+        frame = built.plant.GetFrameByName(link, built.instance)
+        X_WF = frame.CalcPoseInWorld(context).GetAsMatrix4()
+        cameras[name] = camera.at(X_WF @ camera.X_WC)
+    return replace(body.model, cameras=cameras, pixel_sigma=0.2, noise_sigma=1e-4)
