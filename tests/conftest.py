@@ -45,14 +45,6 @@ def real_data_folder() -> Path:
     return folder
 
 
-@pytest.fixture
-def undrawn(monkeypatch):
-    """Leave the figures of a report empty, for tests of what stands around them."""
-    monkeypatch.setattr(
-        "nico_selfmodel.viz.report.svg_data_uri", lambda _: "data:image/svg+xml;base64,"
-    )
-
-
 @pytest.fixture(scope="session")
 def process():
     """Return a function that runs `nico-selfmodel` as a process of its own."""
@@ -76,7 +68,8 @@ def process():
 def command():
     """Return a function that runs `nico-selfmodel` here, which saves loading what it imports.
 
-    It sees the same words and streams as `process` and ends with the same exit code.
+    It sees the same words and streams as `process` and ends with the same exit code, and draws
+    nothing in its reports: what a command costs most is its figures, which other tests look at.
     """
 
     def run(*words, stdin=""):
@@ -88,6 +81,7 @@ def command():
             mock.patch.object(sys, "stdin", io.StringIO(stdin)),
             mock.patch.object(sys, "argv", ["nico-selfmodel", *words]),
             mock.patch.dict(os.environ, SURROUNDINGS),
+            mock.patch("nico_selfmodel.viz.plot_style.image_bytes", return_value=b"<svg/>"),
             warnings.catch_warnings(),
         ):
             # A warning is a line to a person here, not an error as in the other tests.

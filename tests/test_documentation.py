@@ -73,7 +73,6 @@ def test_the_plant_of_the_second_example_agrees_with_its_self_model(project_root
 
 
 @pytest.mark.real_data
-@pytest.mark.usefixtures("undrawn")
 @pytest.mark.parametrize(
     ("script", "source", "options", "bound_mm"),
     [

@@ -30,7 +30,6 @@ def test_the_result_folder_is_complete_and_consistent(result):
         assert document["parameters"][name]["value"] == values[name]
 
 
-@pytest.mark.usefixtures("undrawn")
 def test_nothing_held_out_is_not_evaluated(recorded, tmp_path, command):
     out = tmp_path / "arm"
     done = command("calibrate", "kinematics", recorded[0], "--out", out, "--json")
@@ -41,7 +40,6 @@ def test_nothing_held_out_is_not_evaluated(recorded, tmp_path, command):
     assert document["cross_validation"]["n"] > 100
 
 
-@pytest.mark.usefixtures("undrawn")
 def test_a_bound_that_is_missed_fails_with_exit_code_1_and_a_whole_folder(
     recorded, tmp_path, command
 ):
@@ -57,7 +55,6 @@ def test_a_bound_that_is_missed_fails_with_exit_code_1_and_a_whole_folder(
     assert (out / "report.html").is_file()
 
 
-@pytest.mark.usefixtures("undrawn")
 def test_a_freed_gauge_is_named_and_fails(recorded, tmp_path, command):
     out = tmp_path / "arm"
     done = command(
@@ -152,7 +149,6 @@ def test_the_exported_urdf_holds_the_learned_arm(result, tmp_path, command):
 
 
 @pytest.mark.parametrize("arm", ["left_arm", "neck"])
-@pytest.mark.usefixtures("undrawn")
 def test_other_chains_of_nico_are_learned_the_same_way(arm, tmp_path, command):
     out = tmp_path / "arm"
     done = command("learn", "--arm", arm, "--out", out, "--random", 60, "--json")

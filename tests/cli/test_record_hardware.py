@@ -54,6 +54,7 @@ def assert_one_clear_line(done, *words):
     assert all(word in line for word in words), line
 
 
+@pytest.mark.slow
 def test_a_recording_is_announced_made_and_resumed(homed, command, tmp_path):
     words, tracker, _ = homed
     poses = ("--circle", 0, "--random", 2, "--seed", 5)
@@ -76,6 +77,7 @@ def test_a_recording_is_announced_made_and_resumed(homed, command, tmp_path):
     assert Dataset.load(tmp_path / "data").sha256 == data.sha256
 
 
+@pytest.mark.slow
 def test_real_eyes_may_be_folders_of_pictures(homed, command, tmp_path):
     station = NicoStation("thesis", SEED, quality=ImageQuality(1))
     simulator = Simulator(station)
@@ -143,6 +145,7 @@ def test_a_port_that_does_not_exist_is_named(robot, command, tmp_path):
     assert_one_clear_line(done, "ttyNothing does not exist")
 
 
+@pytest.mark.slow
 def test_a_fault_keeps_what_was_recorded_and_says_how_to_go_on(homed, command, tmp_path):
     words, tracker, bus = homed
     few = ("--circle", 0, "--random", 1, "--seed", 7, "--yes")
@@ -167,6 +170,7 @@ def test_a_fault_keeps_what_was_recorded_and_says_how_to_go_on(homed, command, t
     assert len(Dataset.load(tmp_path / "data").samples) == 3
 
 
+@pytest.mark.slow
 def test_ctrl_c_stops_the_arm_and_keeps_what_was_recorded(homed, tmp_path):
     words, tracker, bus = homed
     poses = ("--circle", "0", "--random", "20", "--speed-deg-s", "20", "--yes")

@@ -12,6 +12,7 @@ from nico_selfmodel.systems import looking_arm
 from ..true_nico import true_model
 
 
+@pytest.mark.slow
 def test_a_mirror_is_recorded_and_learned_one_command_after_the_other(tmp_path, command):
     seen, body, out = tmp_path / "seen", tmp_path / "body.yaml", tmp_path / "out"
     true_model(looking_arm("fiducial"), "clean", 3).save(body)

@@ -129,6 +129,7 @@ def test_a_tracker_that_is_none_is_refused():
         run_refinement(PLAY, trackers=("touch",))
 
 
+@pytest.mark.slow
 def test_a_tool_takes_three_poses_and_a_restart_five(tmp_path):
     told = []
     found = tool_use.run_tool(PLAY, individuals=1, progress=lambda *told_: told.append(told_))
