@@ -2,6 +2,8 @@
 
 import sys
 import warnings
+from functools import cache
+from typing import Any
 
 import typer
 
@@ -67,7 +69,7 @@ def _describe() -> None:
 def run() -> None:
     """Run the command line; an error is one clear line and exit code 2."""
     warnings.showwarning = _show_warning
-    command = typer.main.get_command(app)
+    command = _tree()
     try:
         _refuse_empty(sys.argv[1:])
         code = command.main(prog_name="nico-selfmodel", standalone_mode=False)
@@ -79,6 +81,12 @@ def run() -> None:
     except Exception as error:
         code = _usage(error)
     raise SystemExit(code if isinstance(code, int) else 0)
+
+
+@cache
+def _tree() -> Any:
+    # Typer carries a copy of click of its own, so that a command's type has no public name.
+    return typer.main.get_command(app)
 
 
 def _refuse_empty(words: list[str]) -> None:
@@ -99,7 +107,7 @@ def _complain(reason: str, code: int = 2) -> int:
 
 def _usage(error: Exception) -> int:
     """Say in one line what is wrong with the words of a command; anything else is a bug."""
-    # Typer carries a copy of click of its own, so that its exceptions have no public name.
+    # Typer's copy of click again: its exceptions have no public name either.
     format_message = getattr(error, "format_message", None)
     if format_message is None:
         raise error

@@ -212,6 +212,7 @@ def test_models_and_data_that_do_not_suit_are_refused(recorded, body, command, t
     assert not out.exists()
 
 
+@pytest.mark.slow
 def test_the_experiments_of_chapter_8_run(command, tmp_path, monkeypatch):
     some = {"full, anchored": CONDITIONS["full, anchored"]}
     monkeypatch.setattr("nico_selfmodel.experiments.refinement.CONDITIONS", some)

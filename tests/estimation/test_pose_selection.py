@@ -34,13 +34,12 @@ def model_of(joints):
     return SelfModel("nominal", DhTable.from_chain(ARM.chain), servos)
 
 
-def drawn(joints, count, rng, everywhere=False):
-    """Return readings between the stops, or in the protocol's part of them."""
+def drawn(joints, count, rng):
+    """Return readings in the protocol's part of the joints' ranges."""
     low, high = (np.array([getattr(j, k) for j in joints]) for k in ("lower", "upper"))
-    if not everywhere:
-        protocol = Protocol.for_arm(ARM)
-        home, half = low + protocol.home * (high - low), 0.5 * protocol.ranges * (high - low)
-        low, high = np.maximum(low, home - half), np.minimum(high, home + half)
+    protocol = Protocol.for_arm(ARM)
+    home, half = low + protocol.home * (high - low), 0.5 * protocol.ranges * (high - low)
+    low, high = np.maximum(low, home - half), np.minimum(high, home + half)
     return rng.uniform(low, high, (count, len(low)))
 
 
@@ -143,18 +142,29 @@ def test_what_makes_no_sense_is_refused(pool):
 @pytest.mark.parametrize(
     ("changes", "sigmas"),
     [
-        ({"marker_mm": 1.0}, {}),
+        ({"play_deg": 0.5, "marker_mm": 0.5}, {"joint_sigma": PLAY / 1.2, "point_sigma": 5e-4}),
         ({"play_deg": 0.6}, {"joint_sigma": PLAY, "point_sigma": 6e-4}),
     ],
-    ids=["marker noise", "joint play"],
+    ids=["play and marker noise", "joint play"],
 )
 def test_twenty_chosen_poses_are_as_good_as_fifty_by_chance(changes, sigmas):
-    world = replace(WORLDS["clean"], counts_per_turn=16384).with_noise(**changes)
-    errors = np.array([held_out(world, seed, sigmas) for seed in range(10)])
+    chosen, by_chance = held_out_of_ten(changes, sigmas).mean(axis=0)
+    assert chosen <= by_chance
+
+
+@pytest.mark.slow
+def test_with_marker_noise_alone_they_are_as_good_but_for_chance():
+    """The best design leaves 20 poses the `hand_sigma` of 50 by chance, to 1 %: no less."""
+    errors = held_out_of_ten({"marker_mm": 1.0}, {})
     worse = errors[:, 0] - errors[:, 1]
-    # The best design leaves 20 poses the hand_sigma of 50 by chance, to 1 %: no less is possible.
     assert worse.mean() <= 2.0 * worse.std(ddof=1) / np.sqrt(len(worse))
     assert worse.mean() < 0.02 * errors[:, 1].mean()
+
+
+def held_out_of_ten(changes, sigmas):
+    """Return what `held_out` does, for ten individuals. Shape (10, 2)."""
+    world = replace(WORLDS["clean"], counts_per_turn=16384).with_noise(**changes)
+    return np.array([held_out(world, seed, sigmas) for seed in range(10)])
 
 
 def held_out(world, seed, sigmas):
@@ -162,15 +172,18 @@ def held_out(world, seed, sigmas):
     rng = np.random.default_rng(seed)
     joints = simulated_arm(ARM, world, seed).joints
     model, usual = model_of(joints), drawn(joints, 400, rng)
-    pool = drawn(joints, 1500, rng, everywhere=True)
+    low, high = (np.array([getattr(j, k) for j in joints]) for k in ("lower", "upper"))
+    pool = low + (high - low) * rng.beta(0.4, 0.4, (6000, len(low)))
     chosen = choose_poses(
         position_jacobians(model, pool, **sigmas), 20, targets=position_jacobians(model, usual)
     )
     test = visited(world, seed, 1, drawn(joints, 300, rng))
-    plans = pool[chosen.rows], usual[:50]
-    trains = [visited(world, seed, 2, plan) for plan in plans]
+    trains = [visited(world, seed, 2, plan) for plan in (pool[chosen.rows], usual[:50])]
     nominal = nominal_of(ARM)
-    results = [calibrate_kinematics(train, test=test, nominal=nominal) for train in trains]
+    # Nothing here is an outlier: in few poses that all matter, none is to be set aside.
+    results = [
+        calibrate_kinematics(train, test=test, nominal=nominal, loss="none") for train in trains
+    ]
     return [result.test.statistics.mean for result in results]
 
 

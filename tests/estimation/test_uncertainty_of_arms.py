@@ -28,6 +28,7 @@ def recordings(request, make_truth, joined):
     return truth, [one(seed) for seed in range(RECORDINGS)]
 
 
+@pytest.mark.slow
 def test_the_sigma_of_every_parameter_is_its_spread_over_recordings(recordings):
     _, results = recordings
     names = results[0].uncertainty.names

@@ -65,6 +65,7 @@ def test_a_recording_before_a_mirror_can_be_resumed(recording):
     assert set(again.mirror.tolist()) == {"", "glass"}
 
 
+@pytest.mark.slow
 def test_planned_poses_show_the_marker_in_the_glass_and_keep_off_it(nico, recording):
     _, before = recording
     view, reach = before.views["glass"], nico.reach

@@ -263,6 +263,7 @@ class Lame(NicoBehindBus):
         return super().__call__(time, commanded)
 
 
+@pytest.mark.slow
 def test_a_joint_that_stays_behind_is_named():
     with MotionCaptureServer(MARKERS) as server:
         nico = Lame(NicoStation("thesis", 3, quality=ImageQuality(1)), server)

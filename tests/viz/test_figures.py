@@ -33,6 +33,7 @@ def test_every_figure_states_its_point_and_is_an_svg(calibration, draw):
     assert image_bytes(figure, "svg").startswith(b"<?xml")
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("draw", ALL, ids=lambda f: f.__name__)
 def test_no_figure_stumbles_over_names_or_open_directions(renamed, failed, draw):
     for calibration in (renamed, failed):

@@ -16,6 +16,12 @@ def page(html):
     return Page(html)
 
 
+@pytest.fixture
+def undrawn(monkeypatch):
+    """Leave the figures empty, for tests of what stands around them."""
+    monkeypatch.setattr("nico_selfmodel.viz.report.svg_data_uri", lambda _: "data:,")
+
+
 def numbers_in(value):
     if isinstance(value, dict):
         return [n for entry in value.values() for n in numbers_in(entry)]

@@ -69,6 +69,7 @@ def test_the_report_shows_its_verdict_and_the_scene(browser, tmp_path, html):
         assert np.sum((strong >= low) & (strong <= high)) > 300, (low, high)
 
 
+@pytest.mark.slow
 def test_a_failure_is_red_at_a_glance_also_in_a_narrow_window(browser, tmp_path, failed_html):
     picture = screenshot(browser, failed_html, tmp_path, 520, 700).astype(int)
     red = (picture[..., 2] > 150) & (picture[..., :2].max(axis=2) < 60)
@@ -77,6 +78,7 @@ def test_a_failure_is_red_at_a_glance_also_in_a_narrow_window(browser, tmp_path,
     assert np.all(picture[150:500, -8:] == 255)
 
 
+@pytest.mark.slow
 def test_the_eyes_their_boards_and_the_epipolar_plane_are_seen(browser, tmp_path, camera_html):
     picture = screenshot(browser, camera_html, tmp_path, 1400, 1500)
     hue, saturation, value = cv2.split(cv2.cvtColor(picture[600:], cv2.COLOR_BGR2HSV))
