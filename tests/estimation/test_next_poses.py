@@ -32,6 +32,7 @@ def learned(recorded):
     return calibrate_kinematics(recorded).model
 
 
+@pytest.mark.slow
 def test_they_teach_more_than_as_many_by_chance(learned, recorded):
     chosen = choose_next_poses(learned, recorded, 10, np.random.default_rng(1))
     assert chosen.sigma_after < 0.8 * chosen.sigma_before

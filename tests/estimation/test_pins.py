@@ -85,6 +85,7 @@ def test_only_the_wrong_one_of_several_pins_is_named(make_truth, learn):
     assert {pin.name for pin in gears.contradicted_pins} <= {f"joint_{i}.gear" for i in range(4)}
 
 
+@pytest.mark.slow
 def test_true_pins_are_hardly_ever_called_wrong(make_truth):
     truth = make_truth(3, 2, unit="counts", kind="elbow")
     dh = DhTable.from_chain(truth.chain)

@@ -43,6 +43,7 @@ def test_the_sigma_of_every_parameter_is_its_spread_over_recordings(recordings):
     assert ratio.max() < 1.45
 
 
+@pytest.mark.slow
 def test_the_stated_covariance_of_the_hand_is_that_of_its_errors(recordings):
     truth, results = recordings
     readings = truth.servos.to_encoder(truth.poses(40, 77))

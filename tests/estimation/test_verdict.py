@@ -139,6 +139,7 @@ def test_held_out_poses_far_from_the_training_poses_fail(truth, joined):
     assert any("do not cover where the arm is used" in reason for reason in verdict.reasons)
 
 
+@pytest.mark.slow
 def test_a_good_calibration_hardly_ever_fails(truth, joined):
     """The held-out check is a test at one in 2000; twenty recordings must all pass."""
     q, labels = truth.sweeps(6)

@@ -51,6 +51,7 @@ def test_motion_capture_comes_from_another_process(run):
     assert int(re.search(r"moved (\d+) mm", out)[1]) > 30
 
 
+@pytest.mark.slow
 def test_servos_follow_a_diagram_of_ones_own(run):
     out = run("09_servos_in_a_diagram.py")
     low, high = re.search(r"from (-[\d.]+) to ([\d.]+) rad", out).groups()
@@ -60,6 +61,7 @@ def test_servos_follow_a_diagram_of_ones_own(run):
     assert "the wrist moved by 0.00 rad" in out
 
 
+@pytest.mark.slow
 def test_a_hand_before_a_mirror_is_seen_about_where_it_was_put(run):
     out = run("10_before_a_mirror.py").splitlines()[-1]
     seen, off = re.match(r"(\d) of 3 seen, (\d+) px off", out).groups()

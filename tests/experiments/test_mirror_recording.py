@@ -37,6 +37,7 @@ def recording(nico, tmp_path_factory):
     return folder, before
 
 
+@pytest.mark.slow
 def test_a_mirror_is_learned_from_the_hand_seen_in_it(nico, recording):
     folder, before = recording
     data = Dataset.load(folder)

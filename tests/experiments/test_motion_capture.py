@@ -41,6 +41,7 @@ def small():
     return results, steps
 
 
+@pytest.mark.slow
 def test_every_condition_has_a_row_with_the_thesis_beside_it(small):
     results, _ = small
     rows = {(r.circle_samples, r.method, r.random_samples): r for r in results.rows}

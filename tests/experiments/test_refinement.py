@@ -71,6 +71,7 @@ def test_measures_that_some_bodies_lack_are_averaged_over_the_others():
     assert (row.refused, row.runs) == (1, 2)
 
 
+@pytest.mark.slow
 def test_lessons_may_come_from_elsewhere_one_body_after_the_other(tmp_path, monkeypatch):
     """As with `--rendered`; here the lessons are simulated, so that nothing need be rendered."""
     some = {"full, anchored": CONDITIONS["full, anchored"]}

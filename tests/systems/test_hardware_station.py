@@ -204,6 +204,7 @@ def homes(config):
     return np.array([j.home.at * j.counts_per_radian for j in config.joints])
 
 
+@pytest.mark.slow
 def test_a_body_of_real_servos_goes_where_it_is_sent_and_looks(robot):
     bus, config, address = robot
     with (

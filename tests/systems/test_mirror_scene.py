@@ -54,6 +54,7 @@ def card(p, mirror=MIRROR, turn=None):
     return X if turn is None else X @ transform(rotation_from_vector(turn), np.zeros(3))
 
 
+@pytest.mark.slow
 def test_reflected_markers_are_where_the_mirror_projects_them():
     world, rng, errors = MirrorWorld(RIG, NOISY), np.random.default_rng(0), []
     find = [fiducial_in_mirror(camera=camera) for camera in RIG.eyes]

@@ -26,6 +26,7 @@ def test_rendering_is_refused_with_what_to_install():
         renderer.check_renderer()
 
 
+@pytest.mark.slow
 def test_learn_takes_motion_capture_where_nothing_can_be_rendered(tmp_path, command, monkeypatch):
     monkeypatch.setattr(renderer, "can_render", lambda: False)
     done = command("learn", "--out", tmp_path / "arm", "--random", 60)

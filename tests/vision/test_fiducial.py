@@ -26,6 +26,7 @@ def located(april_tags):
     return np.array(centers), np.array(corners)
 
 
+@pytest.mark.slow
 def test_the_centre_of_a_marker_is_found_without_bias(located):
     centers, _ = located
     assert np.abs(centers.mean(axis=0)).max() <= 0.02

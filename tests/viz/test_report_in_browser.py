@@ -55,6 +55,7 @@ def screenshot(browser, html, folder, width, height):
     return cv2.imread(str(picture))
 
 
+@pytest.mark.slow
 def test_the_report_shows_its_verdict_and_the_scene(browser, tmp_path, html):
     picture = screenshot(browser, html, tmp_path, 1400, 1250)
     assert picture.shape == (1250, 1400, 3)
