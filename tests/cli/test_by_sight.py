@@ -98,19 +98,3 @@ def test_boards_eyes_hand_arm_and_the_live_scene_one_command_after_the_other(tmp
     text = page.read_text()
     assert text.lstrip().lower().startswith("<!doctype html>")
     assert "http://" not in text.split("<body")[0]
-
-
-@pytest.mark.slow
-def test_learn_goes_through_the_eyes_by_default(tmp_path, command):
-    out = tmp_path / "first_arm"
-    done = command("learn", "--out", out, "--random", 60)
-    assert done.returncode == 0, done.stdout + done.stderr
-    document = json.loads((out / "result.json").read_text())
-    assert document["status"] == "PASS"
-    assert document["eyes"]["rms_px"] < 0.2
-    assert document["test"]["pixels"]["mean"] < 7.0
-    assert document["refinement"]["accepted"]
-    assert document["refinement"]["boards"]["held_out"]
-    assert "left.fx" in SelfModel.load(out).covariance.names
-    assert "thesis, refined (real robot)" in done.stdout
-    assert (out / "nico_learned.urdf").exists()

@@ -69,11 +69,19 @@ def test_mirrors_need_eyes(words, reason, tmp_path, command):
 
 
 @pytest.mark.slow
-def test_learn_ends_before_a_mirror(tmp_path, command):
+def test_learn_goes_through_the_eyes_refines_both_and_ends_before_a_mirror(tmp_path, command):
     out = tmp_path / "body"
     done = command("learn", "--mirror", "--out", out, "--random", 60, "--seed", 4)
     assert done.returncode == 0, done.stdout + done.stderr
     document = json.loads((out / "result.json").read_text())
+    assert document["status"] == "PASS"
+    assert document["eyes"]["rms_px"] < 0.2
+    assert document["test"]["pixels"]["mean"] < 7.0
+    assert document["refinement"]["accepted"]
+    assert document["refinement"]["boards"]["held_out"]
+    assert "left.fx" in SelfModel.load(out).covariance.names
+    assert "thesis, refined (real robot)" in done.stdout
+    assert (out / "nico_learned.urdf").exists()
     found = document["mirror"]
     assert found["status"] == "PASS"
     assert found["test"]["pixels"]["mean"] < document["test"]["pixels"]["mean"] + 1.5
