@@ -72,6 +72,7 @@ def test_the_plant_of_the_second_example_agrees_with_its_self_model(project_root
     assert float(process.stdout.split()[-1]) < 1e-12
 
 
+@pytest.mark.slow
 @pytest.mark.real_data
 @pytest.mark.parametrize(
     ("script", "source", "options", "bound_mm"),

@@ -45,6 +45,7 @@ def test_a_refusal_loads_no_more_than_it_looks_at(tmp_path):
         assert not packages & {"matplotlib", "meshcat"}
 
 
+@pytest.mark.slow
 def test_learn_writes_a_result_that_passes(tmp_path, process, command):
     out = tmp_path / "arm"
     done = process("learn", "--sensor", "motion-capture", "--out", out, "--random", 60)

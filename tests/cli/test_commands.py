@@ -148,6 +148,7 @@ def test_the_exported_urdf_holds_the_learned_arm(result, tmp_path, command):
     assert command("export-urdf", result, "--out", out, "--force").returncode == 0
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("arm", ["left_arm", "neck"])
 def test_other_chains_of_nico_are_learned_the_same_way(arm, tmp_path, command):
     out = tmp_path / "arm"

@@ -45,6 +45,7 @@ def test_an_arm_of_ones_own_is_learned(run):
     assert run("07_your_own_urdf_arm.py").startswith("PASS")
 
 
+@pytest.mark.slow
 def test_motion_capture_comes_from_another_process(run):
     out = run("08_motion_capture_from_another_process.py")
     assert out.startswith("40 frames")

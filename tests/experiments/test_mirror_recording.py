@@ -91,6 +91,7 @@ def test_the_station_before_a_mirror_has_three_ports_more_and_one_to_move_it(rec
     assert all(f"`{port}`" in type(station).__doc__ for port in ("mirror_pose", "reflected_pixels"))
 
 
+@pytest.mark.slow
 def test_the_same_seed_before_the_same_mirror_is_the_same_to_the_last_byte():
     rough = NicoBeforeItsEyes("thesis", 4, ("fiducial",), ROUGH)
     pictures = []

@@ -27,6 +27,7 @@ def refined():
     return run_refinement(PLAY, individuals=1, trackers=("fiducial",))
 
 
+@pytest.mark.slow
 def test_the_anchored_row_has_the_least_true_error_and_is_never_refused(refined):
     rows = {row.condition: row for row in refined.rows}
     assert set(rows) == set(CONDITIONS)
