@@ -3,14 +3,14 @@
 Everything goes through rendered pixels: boards, fiducial and red tape are found in pictures.
 """
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
 
-from nico_selfmodel.dataset import BoardViews, Dataset
+from nico_selfmodel.dataset import BoardViews, Dataset, JointInfo
 from nico_selfmodel.errors import DataError
 from nico_selfmodel.estimation import (
     CameraCalibration,
@@ -112,6 +112,29 @@ class EyesLesson:
     """Marker -> the arm learned by it."""
 
 
+def plan_in_view(
+    reach: Reach, joints: Sequence[JointInfo], circle: int, free: int, rng: np.random.Generator
+) -> Plan:
+    """Plan circles and free poses in view of both eyes, some free ones to spare.
+
+    Args:
+        reach: The arm before its eyes as described.
+        joints: Its joints with stops, which stand for the limits of the description.
+        circle: Poses on circles, home not counted.
+        free: Free poses wanted.
+        rng: Source of the free poses.
+    """
+    arm, n = reach.arm, len(reach.arm.joints)
+
+    def to(q: NDArray) -> NDArray:
+        return commands_of_angles(joints, arm.lower, arm.upper, q)
+
+    count = int(np.ceil(SPARE * free))
+    poses = reach.random_poses(count, rng) if count else np.zeros((0, n))
+    home, ends = reach.home_and_arcs() if circle else (arm.lower, np.zeros((n, 2)))
+    return pose_plan(joints, to(home), to(ends.T).T, circle, to(poses), home_repeats=HOME_REPEATS)
+
+
 class NicoBeforeItsEyes:
     """One simulated Nico that can be recorded: its plans, its stations of several days."""
 
@@ -149,16 +172,7 @@ class NicoBeforeItsEyes:
 
     def plan(self, station: NicoStation, circle: int, free: int, rng: np.random.Generator) -> Plan:
         """Plan circles and free poses, some to spare."""
-
-        def to(q: NDArray) -> NDArray:
-            return commands_of_angles(station.joints, self.arm.lower, self.arm.upper, q)
-
-        count = int(np.ceil(SPARE * free))
-        poses = self.reach.random_poses(count, rng) if count else np.zeros((0, len(self.arm.lower)))
-        home, ends = self.reach.home_and_arcs() if circle else (self.arm.lower, np.zeros((4, 2)))
-        return pose_plan(
-            station.joints, to(home), to(ends.T).T, circle, to(poses), home_repeats=HOME_REPEATS
-        )
+        return plan_in_view(self.reach, station.joints, circle, free, rng)
 
     def record(
         self,

@@ -5,11 +5,10 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
 
 from nico_selfmodel.dataset import Dataset, JointInfo
 from nico_selfmodel.errors import DataError
-from nico_selfmodel.experiments.eyes_lesson import HOME_REPEATS, MARKERS, SPARE
+from nico_selfmodel.experiments.eyes_lesson import MARKERS, plan_in_view
 from nico_selfmodel.experiments.protocol import Protocol
 from nico_selfmodel.model.readings import readings_from_table
 from nico_selfmodel.plant import ROBOTS, ArmDescription
@@ -17,9 +16,7 @@ from nico_selfmodel.recording import (
     HOME,
     Plan,
     Progress,
-    commands_of_angles,
     given_commands,
-    pose_plan,
     record,
 )
 from nico_selfmodel.systems import NicoHardwareStation, Reach, looking_arm
@@ -151,14 +148,7 @@ def _by_sight(
     free: int,
     rng: np.random.Generator,
 ) -> Plan:
-    def to(q: NDArray) -> NDArray:
-        return commands_of_angles(joints, arm.lower, arm.upper, q)
-
-    reach, n = Reach.of(arm), len(arm.joints)
-    count = int(np.ceil(SPARE * free))
-    poses = reach.random_poses(count, rng) if count else np.zeros((0, n))
-    home, ends = reach.home_and_arcs() if circle else (arm.lower, np.zeros((n, 2)))
-    return pose_plan(joints, to(home), to(ends.T).T, circle, to(poses), home_repeats=HOME_REPEATS)
+    return plan_in_view(Reach.of(arm), joints, circle, free, rng)
 
 
 def _by_motion_capture(
