@@ -8,11 +8,14 @@ from pathlib import Path
 from typing import Any, Protocol
 
 from rich.console import Console
+from rich.measure import Measurement
 from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn
 from rich.table import Table
 from rich.text import Text
 
 out = Console(soft_wrap=True)
+_WIDEST = 400
+"""Width that a table may have where nobody looks at it on a terminal [characters]."""
 _COLOURS = {"PASS": "green", "FAIL": "red", "NOT_EVALUATED": "yellow"}
 
 
@@ -41,10 +44,17 @@ def print_table(title: str, headings: Sequence[str], rows: Sequence[Sequence[str
     # As Text: in a plain string Rich would take [mm] for markup and drop it.
     table = Table(title=Text(title), title_justify="left", title_style="bold", header_style="dim")
     for index, heading in enumerate(headings):
-        table.add_column(Text(heading), justify="left" if index == 0 else "right")
+        side = "left" if index == 0 else "right"
+        table.add_column(Text(heading), justify=side, overflow="fold")
     for row in rows:
         table.add_row(*map(Text, row))
-    out.print(table)
+    if out.is_terminal:
+        out.print(table)
+        return
+    # A file or a pipe is as wide as the table.
+    wide = Console(file=out.file, width=_WIDEST)
+    wide.width = max(out.width, Measurement.get(wide, wide.options, table).maximum)
+    wide.print(table)
 
 
 def print_verdict(status: str, reasons: Sequence[str]) -> None:
