@@ -9,6 +9,7 @@ from nico_selfmodel.dataset import Dataset
 from nico_selfmodel.model import SelfModel
 
 
+@pytest.mark.slow
 def test_a_short_recording_by_sight_is_a_data_set_and_can_be_gone_on_with(tmp_path, command):
     out = tmp_path / "seen"
     words = ("record", out, "--circle", 0, "--seed", 1, "--images", "--random")

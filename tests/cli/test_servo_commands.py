@@ -164,6 +164,7 @@ def test_ctrl_c_stops_the_arm(bus, config):
     assert bus.shafts()[0] == at
 
 
+@pytest.mark.slow
 def test_a_simulated_bus_can_be_used_from_elsewhere_and_a_server_lends_it_out(command, config):
     environment = {**os.environ, "PYTHONUNBUFFERED": "1"}
     options = {"stdout": subprocess.PIPE, "text": True, "env": environment}

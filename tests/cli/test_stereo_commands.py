@@ -180,6 +180,7 @@ def test_options_that_mean_nothing_are_refused(photographs, tmp_path, command, w
     assert expected in refused(command, photographs, tmp_path, *BOARD, *words)
 
 
+@pytest.mark.slow
 def test_the_stereo_experiment_writes_tables_and_charts(tmp_path, command, monkeypatch):
     monkeypatch.setattr("nico_selfmodel.experiments.stereo.COUNTS", (6, 13))
     out = tmp_path / "experiment"

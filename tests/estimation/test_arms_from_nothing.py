@@ -49,6 +49,7 @@ def learned(seed, joints, markers, poses):
     return calibrate_kinematics(train, test=test)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("seed", "joints", "markers", "poses"),
     [(65, 3, 2, 130), (211, 5, 2, 129), (277, 3, 1, 43), (0, 2, 1, 40), (1, 7, 2, 90)],

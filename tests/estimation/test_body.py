@@ -103,6 +103,7 @@ def test_without_boards_only_the_scale_is_open():
     assert ratio == pytest.approx(np.full(known.sum(), ratio[0]), rel=1e-5)
 
 
+@pytest.mark.slow
 def test_anchored_the_true_error_falls_and_the_eyes_measure_better():
     found = learned(0)
     alone = learned(0, stage="kinematics")

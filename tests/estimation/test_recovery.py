@@ -98,6 +98,7 @@ def test_every_loss_finds_the_arm_in_clean_data(make_truth, joined, loss):
     assert result.outliers.sum() <= 1
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("loss", ["trimmed", "huber", "cauchy", "tukey"])
 def test_robust_losses_find_the_arm_and_the_outliers(make_truth, joined, loss):
     truth = make_truth(4, 6, unit="counts", kind="elbow", markers=2)
@@ -179,6 +180,7 @@ def test_a_description_of_another_chain_is_refused(make_truth):
         calibrate_kinematics(truth.dataset(truth.poses(60)), nominal=nominal)
 
 
+@pytest.mark.slow
 def test_the_same_data_and_seed_give_the_same_arm(make_truth, joined):
     truth = make_truth(4, 2, unit="counts")
     train, _ = train_and_test(truth, joined, sweeps=False, sigma=SIGMA)

@@ -46,6 +46,7 @@ def points_only(data, sigma=1e-3):
     return replace(data, pixels=None, p_WH_measured=noisy, point_sigma_m=sigma)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("sensor", ["pixels", "points"])
 @pytest.mark.parametrize("free", ["point", "body"])
 def test_five_poses_place_the_tip(model, tipped, sensor, free):

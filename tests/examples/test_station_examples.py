@@ -30,6 +30,7 @@ def run(project_root, tmp_path):
     return run_example
 
 
+@pytest.mark.slow
 def test_a_station_in_a_diagram_sees_its_hand_about_where_its_description_puts_it(run):
     out = run("05_station_in_a_diagram.py")
     errors = [float(x) for x in re.search(r"off by \[([\d. ]+)\]", out)[1].split()]
@@ -37,6 +38,7 @@ def test_a_station_in_a_diagram_sees_its_hand_about_where_its_description_puts_i
     assert 0.5 < max(errors) < 80.0
 
 
+@pytest.mark.slow
 def test_a_tracker_of_ones_own_finds_the_red_tape(run):
     assert int(run("06_your_own_tracker.py").splitlines()[-1].split()[0]) >= 4
 

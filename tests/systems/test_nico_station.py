@@ -124,6 +124,7 @@ def test_motion_capture_sees_the_hand_where_the_true_arm_has_it_up_to_its_frame(
         assert np.linalg.norm(measured[i] - measured[j]) == pytest.approx(expected, abs=1e-9)
 
 
+@pytest.mark.slow
 def test_pixels_are_where_the_true_eyes_project_the_true_hand():
     station = NicoStation("clean", 3, quality=ImageQuality(noise=0.0))
     body = Individual.build(station.arm, WORLDS["clean"], 3, NICO_EYES)
