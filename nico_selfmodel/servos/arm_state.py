@@ -1,8 +1,8 @@
 """What a controller knows of its arm at one moment."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass
-from typing import Any
+from dataclasses import dataclass, field
+from typing import Any, ClassVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -14,6 +14,9 @@ from nico_selfmodel.servos.axis import Axis
 @dataclass(frozen=True, eq=False)
 class ArmState:
     """Where the joints are and what ails them. What was not read is nan and not valid."""
+
+    ROWS: ClassVar = ("q", "readings", "valid", "age", "moving", "enabled", "zero_known")
+    """What `rows` holds of each joint, in this order."""
 
     time: float
     """Monotonic time of the port [s]."""
@@ -35,13 +38,18 @@ class ArmState:
     """Whether its zero was set since power-up, or is trusted. Shape (n,)."""
     trouble: tuple[str | None, ...]
     """What is wrong with each joint, None where nothing is."""
+    rows: NDArray = field(init=False)
+    """The arrays as one of numbers, for whoever copies them often. Shape (len(ROWS), n)."""
 
     def __post_init__(self) -> None:
         """Make the arrays read-only."""
-        for name in ("q", "readings", "age", "valid", "moving", "enabled", "zero_known"):
-            array = np.array(getattr(self, name))
-            array.flags.writeable = False
-            object.__setattr__(self, name, array)
+        for name in self.ROWS:
+            self._freeze(name, np.array(getattr(self, name)))
+        self._freeze("rows", np.array([getattr(self, name) for name in self.ROWS], dtype=float))
+
+    def _freeze(self, name: str, array: NDArray) -> None:
+        array.flags.writeable = False
+        object.__setattr__(self, name, array)
 
     @classmethod
     def of(
