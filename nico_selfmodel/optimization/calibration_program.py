@@ -182,6 +182,32 @@ class CalibrationProgram:
             return term.block.residuals(values)
         return term.block.evaluate(values)[0]
 
+    def spreads(self, number: int, x: NDArray) -> NDArray:
+        """Return what a solution's own uncertainty adds to each observation's residual.
+
+        J H^-1 J' of each observation (its leverage, where it has weight 1): zero where an
+        observation has variables of its own, which nothing else tells about.
+
+        Args:
+            number: Of the block.
+            x: The solution. Shape (p,).
+
+        Returns:
+            Covariances in units of the observations' variance. Shape (N, k, k).
+        """
+        term = self._terms[number]
+        if isinstance(term.block, SeparableBlock):
+            coordinates, count = self.residuals(number, x).shape
+            return np.zeros((count, coordinates, coordinates))
+        jacobian = term.block.evaluate(np.asarray(x)[term.columns])[1]
+        free = self.free
+        inverse = np.zeros((len(x), len(x)))
+        inverse[np.ix_(free, free)] = np.linalg.pinv(
+            self.normal_equations(x)[2][np.ix_(free, free)], hermitian=True
+        )
+        J = jacobian.transpose(2, 1, 0)
+        return J @ inverse[np.ix_(term.columns, term.columns)] @ J.transpose(0, 2, 1)
+
     def normal_equations(self, x: NDArray) -> NormalEquations:
         """Return cost, gradient and Gauss-Newton matrix of the whole (robust) sum of squares.
 

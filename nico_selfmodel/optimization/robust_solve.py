@@ -128,8 +128,13 @@ class _Attempt:
         keep = (~outliers).astype(float) if outliers.any() else None
         self.program.set_loss(self.block, Loss(), keep)
         solution = self.solve(rough=False)
-        scale = self.scale_at(solution.x, ~outliers)
-        return solution, scale, self.beyond(solution.x, scale)
+        spreads = self.program.spreads(self.block, solution.x)
+        taken = np.trace(spreads[~outliers], axis1=1, axis2=2).mean() / self.coordinates
+        scale = self.scale_at(solution.x, ~outliers) / np.sqrt(1.0 - min(taken, 0.9))
+        residuals = self.program.residuals(self.block, solution.x).T
+        norms = np.linalg.norm(residuals, axis=1)
+        norms[outliers] = whitened_norms(residuals[outliers], spreads[outliers])
+        return solution, scale, norms > self.limit(scale)
 
     def scale_at(self, x: NDArray, believed: NDArray | None = None) -> float:
         """Return the robust scale of a coordinate at x, of the believed observations alone."""
@@ -139,4 +144,25 @@ class _Attempt:
     def beyond(self, x: NDArray, scale: float) -> NDArray:
         """Return which observations are outliers at x; residuals at rounding level are none."""
         norms = np.linalg.norm(self.program.residuals(self.block, x), axis=0)
-        return norms > self.outlier_at * np.sqrt(self.coordinates / 3.0) * max(scale, 1e-6)
+        return norms > self.limit(scale)
+
+    def limit(self, scale: float) -> float:
+        """Return the norm from which on an observation is an outlier."""
+        return self.outlier_at * np.sqrt(self.coordinates / 3.0) * max(scale, 1e-6)
+
+
+def whitened_norms(residuals: NDArray, spreads: NDArray) -> NDArray:
+    """Return sqrt(r' (I + S)^-1 r) of observations that had no part in the solution.
+
+    Where a left out pose is the only one of its kind, the others say little of it (externally
+    studentised residuals; Cook, Weisberg 1982).
+
+    Args:
+        residuals: r, in whitened units. Shape (N, k).
+        spreads: S = J H^-1 J'. Shape (N, k, k).
+
+    Returns:
+        Norms. Shape (N,).
+    """
+    solved = np.linalg.solve(np.eye(residuals.shape[1]) + spreads, residuals[..., None])[..., 0]
+    return np.sqrt(np.sum(residuals * solved, axis=1))

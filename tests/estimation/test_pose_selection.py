@@ -180,10 +180,7 @@ def held_out(world, seed, sigmas):
     test = visited(world, seed, 1, drawn(joints, 300, rng))
     trains = [visited(world, seed, 2, plan) for plan in (pool[chosen.rows], usual[:50])]
     nominal = nominal_of(ARM)
-    # Nothing here is an outlier: in few poses that all matter, none is to be set aside.
-    results = [
-        calibrate_kinematics(train, test=test, nominal=nominal, loss="none") for train in trains
-    ]
+    results = [calibrate_kinematics(train, test=test, nominal=nominal) for train in trains]
     return [result.test.statistics.mean for result in results]
 
 

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from nico_selfmodel.optimization import CalibrationProgram, RobustSolution, solve_robustly
+from nico_selfmodel.optimization import CalibrationProgram, Loss, RobustSolution, solve_robustly
 from nico_selfmodel.optimization.robust_solve import ROBUST_METHODS
 
 SIGMA = 0.01
@@ -167,3 +167,51 @@ def test_unknown_methods_and_solvers_are_refused(make_case):
         solve_robustly(case.program, 0, "median")
     with pytest.raises(ValueError, match="no solver 'magic'"):
         solve_robustly(case.program, 0, solver="magic")
+
+
+class LinearBlock:
+    """Twenty observations of three coordinates, each with slopes of its own."""
+
+    names = tuple(f"x{k}" for k in range(23))
+
+    def __init__(self, seed):
+        rng = np.random.default_rng(seed)
+        self.slopes = rng.normal(size=(23, 3, 20)) * rng.gamma(0.7, 1.0, 20)
+        self.measured = rng.normal(size=(3, 20))
+
+    def evaluate(self, x):
+        return np.tensordot(x, self.slopes, axes=1) - self.measured, self.slopes
+
+
+def linear_program(seed):
+    program = CalibrationProgram()
+    program.add_variables(LinearBlock.names, np.zeros(23))
+    program.add_residuals(LinearBlock(seed))
+    return program
+
+
+def test_few_good_observations_that_all_matter_are_kept():
+    """23 parameters take 23 of 60 coordinates, and some observations stand alone."""
+    found = [solve_robustly(linear_program(seed), 0) for seed in range(200)]
+    assert np.mean([f.outliers.any() for f in found]) <= 0.06
+    assert np.median([f.scale for f in found]) == pytest.approx(1.0, abs=0.1)
+
+
+def test_spreads_of_all_observations_add_up_to_the_parameters():
+    program = linear_program(1)
+    x = program.solve().x
+    assert np.trace(program.spreads(0, x), axis1=1, axis2=2).sum() == pytest.approx(23.0)
+    program.pin("x3")
+    assert np.trace(program.spreads(0, x), axis1=1, axis2=2).sum() == pytest.approx(22.0)
+
+
+def test_an_observation_left_out_is_judged_by_what_the_others_say_of_it():
+    program = linear_program(2)
+    keep = np.ones(20)
+    keep[4] = 0.0
+    program.set_loss(0, Loss(), keep)
+    x = program.solve().x
+    J = LinearBlock(2).slopes.transpose(2, 1, 0)
+    others = np.einsum("nik,nil->kl", J[keep > 0.0], J[keep > 0.0])
+    expected = J[4] @ np.linalg.solve(others, J[4].T)
+    assert program.spreads(0, x)[4] == pytest.approx(expected, rel=1e-6)
