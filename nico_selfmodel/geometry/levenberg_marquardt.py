@@ -90,7 +90,7 @@ def levenberg_marquardt(
         new_cost, new_gradient, new_hessian = evaluate(x + dx)
         if np.isfinite(new_cost) and new_cost < cost:
             gain = (cost - new_cost) / predicted
-            damping = max(damping * max(0.1, 1.0 - (2.0 * gain - 1.0) ** 3), 1e-13)
+            damping = max(damping * max(0.01, 1.0 - (2.0 * gain - 1.0) ** 3), 1e-13)
             growth = 2.0
             x, cost, gradient, hessian = x + dx, new_cost, new_gradient, new_hessian
             scale = np.maximum(scale, np.diag(hessian))

@@ -1,7 +1,6 @@
 """Speed against named peers, in one run: 604 poses and 23 parameters, and 104 circle points."""
 
 from dataclasses import replace
-from time import perf_counter
 
 import numpy as np
 import pytest
@@ -15,6 +14,8 @@ from nico_selfmodel.experiments.protocol import Protocol, simulated_session
 from nico_selfmodel.model.line_kinematics import hand_points
 from nico_selfmodel.plant import ArmDescription
 from nico_selfmodel.systems import WORLDS
+
+from .timing import best_ratio
 
 pytestmark = pytest.mark.benchmark
 SIGMA = 1e-3
@@ -38,16 +39,6 @@ def problem():
         return analyse_circle_points(on_circles, sweeps, known, np.random.default_rng(0))
 
     return observations, analyse
-
-
-def fastest(function, rounds=15):
-    """Return the shortest time of several runs [s]: what the machine can do undisturbed."""
-    times = []
-    for _ in range(rounds):
-        begin = perf_counter()
-        function()
-        times.append(perf_counter() - begin)
-    return min(times)
 
 
 def scipy_peer(block, observations, start):
@@ -74,7 +65,7 @@ def test_refining_604_poses_takes_half_of_scipys_time_and_reaches_its_minimum(pr
     peer = scipy_peer(block, observations, block.start)
     ours, theirs = program.solve(), peer()
     assert ours.cost == pytest.approx(theirs.cost, rel=1e-8)
-    ratio = min(fastest(program.solve) / fastest(peer) for _ in range(3))
+    ratio = best_ratio(program.solve, peer)
     benchmark.extra_info["ratio_to_scipy_lm"] = ratio
     benchmark(program.solve)
     assert ratio <= 0.5
