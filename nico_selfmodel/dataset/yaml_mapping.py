@@ -10,8 +10,11 @@ import yaml
 
 from nico_selfmodel.dataset.text_file import read_text
 from nico_selfmodel.errors import DataError
+from nico_selfmodel.unique_keys import UniqueKeys
 
-_LOADER = getattr(yaml, "CSafeLoader", yaml.SafeLoader)
+
+class _Loader(UniqueKeys, getattr(yaml, "CSafeLoader", yaml.SafeLoader)):  # pyright: ignore
+    """Safe loading, fast where the C library is there."""
 
 
 def read_yaml_mapping(path: Path) -> dict[str, Any]:
@@ -28,7 +31,7 @@ def read_yaml_mapping(path: Path) -> dict[str, Any]:
     """
     text = read_text(path)
     try:
-        content = yaml.load(text, Loader=_LOADER)
+        content = yaml.load(text, Loader=_Loader)
     except yaml.YAMLError as error:
         raise DataError(f"{_place(path, error)}: not valid YAML: {_problem(error)}") from None
     # PyYAML lets these through for impossible dates, values that do not fit a tag and deep nests.

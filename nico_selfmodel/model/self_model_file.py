@@ -14,6 +14,7 @@ from nico_selfmodel.model.dh_table import DhTable
 from nico_selfmodel.model.mirror import Mirror
 from nico_selfmodel.model.self_model import ParameterCovariance, SelfModel
 from nico_selfmodel.model.servo_map import ServoMap
+from nico_selfmodel.unique_keys import UniqueKeys
 
 FORMAT = "nico-selfmodel/1"
 _ROW = ("D", "theta_zero", "r", "alpha", "beta")
@@ -188,7 +189,7 @@ def _one_line(error: Exception) -> str:
 _NUMBER = re.compile(r"^[-+]?(?:\d[\d_]*)(?:\.\d*)?[eE][-+]?\d+$")
 
 
-class _Loader(yaml.SafeLoader):
+class _Loader(UniqueKeys, yaml.SafeLoader):
     """Safe loading that also reads `1e-3`, which YAML 1.1 takes for text."""
 
 

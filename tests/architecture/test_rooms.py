@@ -12,6 +12,7 @@ ALLOWED = {
     "__init__": set(),
     "errors": set(),
     "files": set(),
+    "unique_keys": {"yaml"},
     "geometry": {"numpy"},
     "model": {"numpy", "yaml"},
     "dataset": {"numpy", "yaml"},

@@ -234,6 +234,7 @@ def test_a_misspelt_optional_column_is_kept_with_a_warning(folder):
         ("", "dataset.yaml: the file is empty"),
         ("- a\n- b\n", "expected a mapping ('key: value' lines), got list"),
         ("name: a\njoints: [\n", "dataset.yaml, line 3: not valid YAML"),
+        ("name: a\nname: b\n", "line 2: not valid YAML: key 'name' stands here and in line 1"),
         ("when: 2024-99-99\n", "not valid YAML: month must be in 1..12"),
         ("when: !!timestamp noon\n", "not valid YAML"),
         (METADATA.replace("format", "Format"), "'format' is missing, but 'Format' looks like it"),
