@@ -64,8 +64,10 @@ def _move(
     as_json: bool,
 ) -> None:
     from nico_selfmodel.servos import FINGERS, Hand
+    from nico_selfmodel.servos.hand import check_motion
 
     fingers = tuple(finger or FINGERS)
+    check_motion(way, fingers, seconds, power, current_limit)
     with Hand.open_port(port) as hand:
         what = " and ".join(fingers)
         if not as_json:

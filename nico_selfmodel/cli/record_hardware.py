@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from nico_selfmodel.cli import console
-from nico_selfmodel.cli.servo_options import ask
+from nico_selfmodel.cli.servo_options import ask, speed_of
 
 if TYPE_CHECKING:
     from nico_selfmodel.dataset import Dataset
@@ -159,13 +159,13 @@ def _servos(hardware: Hardware, config: "ServoConfig") -> "ServoDriver":
     from nico_selfmodel.servos import BusSettings
     from nico_selfmodel.systems import ServoDriver
 
-    speed = hardware.speed_deg_s
+    largest = max(joint.max_velocity for joint in config.joints)
     assert hardware.port is not None
     return ServoDriver(
         hardware.port,
         config,
         trust_zero=hardware.trust_zero,
-        speed=None if speed is None else math.radians(speed),
+        speed=speed_of(hardware.speed_deg_s, largest),
         period=_PERIOD,
         settings=BusSettings(_ATTEMPTS, _SLACK, config.latency),
     )
@@ -179,7 +179,7 @@ def _motion_capture(sensor: str, hardware: Hardware) -> "MotionCaptureClient | N
             raise ValueError("--motion-capture needs --sensor motion-capture")
         return None
     host, _, port = (hardware.motion_capture or "").rpartition(":")
-    if not (host and port.isdecimal()):
+    if not (host and port.isdecimal() and int(port) < 65536):
         raise ValueError(
             "--sensor motion-capture with --port needs --motion-capture HOST:PORT, got "
             f"{hardware.motion_capture!r}"
@@ -231,7 +231,7 @@ def _announce(planned: "RealRecording", servos: "ServoDriver", hardware: Hardwar
                 joint.name,
                 f"{math.degrees(q):.1f}" if zero else "not homed",
                 f"{math.degrees(joint.lower):.1f} to {math.degrees(joint.upper):.1f}",
-                f"{hardware.speed_deg_s or math.degrees(joint.max_velocity):.0f}",
+                f"{min(hardware.speed_deg_s or math.inf, math.degrees(joint.max_velocity)):.0f}",
                 "moves" if joint.name in moved else "stays",
             ]
         )

@@ -12,7 +12,7 @@ from nico_selfmodel.cli import console, servo_motion, servo_simulation
 from nico_selfmodel.cli.servo_options import Config, Json, Model, Port, TrustZero, Yes, ask, opened
 
 if TYPE_CHECKING:
-    from nico_selfmodel.servos import ArmState, FoundModule
+    from nico_selfmodel.servos import ArmController, ArmState, FoundModule
 
 app = typer.Typer(help="Drive the real servos.", no_args_is_help=True)
 # A negative angle is no option.
@@ -119,16 +119,30 @@ def stop(
     yes: Yes = False,
 ) -> None:
     """Stop every joint smoothly; the joints that were on go on holding."""
+    from nico_selfmodel.errors import BusError
+
     if release:
         ask("Switch the motors off? What gravity pulls falls.", yes=yes)
     with opened(port, config) as arm:
-        arm.connect()
+        try:
+            arm.connect()
+        except BusError as error:
+            raise BusError(f"{error}. {_stop_the_rest(arm, release)}") from error
         arm.stop()
         if release:
             arm.release()
         state = arm.cycle()
     held = [name for name, on in zip(state.joints, state.enabled, strict=True) if on]
     console.out.print(f"stopped; holding: {', '.join(held) or 'none'}", markup=False)
+
+
+def _stop_the_rest(arm: "ArmController", release: bool) -> str:
+    """Stop or release the joints that answer though others do not; return what came of it."""
+    from nico_selfmodel.servos import stop_what_answers
+
+    done, _ = stop_what_answers(arm.axes, release=release)
+    what = "switched off" if release else "stopped"
+    return f"{what.capitalize()} all the same: {', '.join(done)}" if done else f"None was {what}"
 
 
 @app.command("serve")

@@ -7,7 +7,17 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from nico_selfmodel.cli import console
-from nico_selfmodel.cli.servo_options import Config, Json, Model, Port, TrustZero, Yes, ask, opened
+from nico_selfmodel.cli.servo_options import (
+    Config,
+    Json,
+    Model,
+    Port,
+    TrustZero,
+    Yes,
+    ask,
+    opened,
+    speed_of,
+)
 
 if TYPE_CHECKING:
     from nico_selfmodel.servos import ArmController, ArmState
@@ -30,12 +40,13 @@ def move(
     with opened(port, config, model, trust_zero=trust_zero) as arm:
         arm.connect()
         arm.check_targets({joint: math.radians(angle)})
+        arm.check_zero([joint])
         k = arm.joints.index(joint)
+        rate = speed_of(speed, float(arm.limits.speeds[k]))
         if not as_json:
             _print_limits(arm, k)
         ask(f"Move {joint} to {angle:g} deg?", yes=yes)
         arm.enable([joint])
-        rate = None if speed is None else math.radians(speed)
         arm.move({joint: math.radians(angle)}, speed=rate)
         state = _until_there(arm)
     if as_json:
@@ -58,14 +69,22 @@ def home(
 
     with opened(port, config) as arm:
         arm.connect()
-        for name in joints or arm.joints:
+        names = tuple(joints or arm.joints)
+        for name in names:
+            arm.axis(name)  # a name that does not exist is told before anything is homed
+        for name in names:
             plan = arm.axis(name).joint.home
             place = f"{math.degrees(plan.at):g} deg"
             if here or plan.method == "here":
                 ask(f"Does {name} stand at its home, {place}?", yes=yes)
                 zero_here(arm, name)
             else:
-                speed = math.degrees(plan.speed)
+                speed, travel = math.degrees(plan.speed), math.degrees(plan.travel)
+                console.out.print(
+                    f"{name}: looks for {plan.method} at {speed:g} deg/s for at most {travel:g} "
+                    "deg, without regard to its limits",
+                    markup=False,
+                )
                 ask(f"Move {name} at {speed:g} deg/s until {plan.method} ({place})?", yes=yes)
                 arm.enable([name])
                 _stopping(arm, lambda name=name: find_home(arm, name))

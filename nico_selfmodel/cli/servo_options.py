@@ -1,5 +1,6 @@
 """The options that choose an arm of real servos, and the question before it moves."""
 
+import math
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -39,6 +40,27 @@ def opened(
 
     servos = None if model is None else SelfModel.load(model).servos
     return ArmController.open(port, ServoConfig.load(config), servos, trust_zero=trust_zero)
+
+
+def speed_of(speed_deg_s: float | None, largest: float) -> float | None:
+    """Return a speed that an option gives [rad/s], None if it was not given.
+
+    Args:
+        speed_deg_s: What was given [deg/s].
+        largest: The limit [rad/s].
+
+    Raises:
+        ValueError: If it is not positive or beyond the limit.
+    """
+    if speed_deg_s is None:
+        return None
+    # A limit that was read off a table must be accepted.
+    if not 0.0 < speed_deg_s <= math.degrees(largest) * (1.0 + 1e-9):
+        raise ValueError(
+            f"--speed-deg-s must be above 0, at most {math.degrees(largest):g} (the limit of the "
+            f"servo configuration), got {speed_deg_s:g}"
+        )
+    return min(math.radians(speed_deg_s), largest)
 
 
 def ask(question: str, *, yes: bool) -> None:

@@ -19,6 +19,7 @@ from nico_selfmodel.servos.motor_server import MotorServer
 from nico_selfmodel.servos.pic_servo import PicServo
 from nico_selfmodel.servos.ports import PortLostError, SerialPort, SimulatedPort
 from nico_selfmodel.servos.servo_config import JointServo, ServoConfig
+from nico_selfmodel.servos.shutdown import stop_what_answers
 from nico_selfmodel.servos.simulated_bus import SimulatedBus
 from nico_selfmodel.servos.simulated_hand import SimulatedHand
 from nico_selfmodel.servos.simulated_line import SimulatedLine, WireFaults
@@ -51,5 +52,6 @@ __all__ = [
     "find_home",
     "hard_reset",
     "scan",
+    "stop_what_answers",
     "zero_here",
 ]

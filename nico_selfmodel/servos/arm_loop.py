@@ -207,14 +207,14 @@ class ArmLoop:
             alive, self._alive = self._alive, False
         if alive:
             self.arm.heartbeat()
+        if command is not None:  # before the jobs: a stop must have the last word
+            q, speed, joints = command
+            self.arm.command(q, speed=speed, joints=joints)
         for action, future in jobs:
             try:
                 future.set_result(action(self.arm))
             except Exception as error:  # it belongs to who asked
                 future.set_exception(error)
-        if command is not None:
-            q, speed, joints = command
-            self.arm.command(q, speed=speed, joints=joints)
 
     def _refuse_jobs(self) -> None:
         with self._lock:

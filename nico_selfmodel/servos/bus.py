@@ -164,7 +164,7 @@ class Bus:
             try:
                 status = self._attempt(packet, items, attempt, counts)
             except DamagedPacketError as error:
-                failure, self._doubtful = error, True
+                failure = error
                 if again:
                     continue
                 counts.failures += 1
@@ -192,6 +192,8 @@ class Bus:
         """Send once and read exactly the reply."""
         counts.stray_bytes += len(self.port.read(4096, 0.0))
         length = reply_length(items)
+        # Until the reply is here: who interrupts this must not leave it to the next who asks.
+        self._doubtful = True
         self.port.write(packet)
         reply = self.port.read(length, self._patience(len(packet) + length, attempt))
         if len(reply) < length:
@@ -211,6 +213,7 @@ class Bus:
         if extra := self.port.read(4096, 0.0):
             counts.stray_bytes += len(extra)
             raise DamagedPacketError(f"{len(extra)} bytes too many")
+        self._doubtful = False
         return status
 
     def _patience(self, bytes_under_way: int, attempt: int) -> float:

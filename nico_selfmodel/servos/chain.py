@@ -7,7 +7,7 @@ from nico_selfmodel.errors import BusError
 from nico_selfmodel.servos import commands as nmc
 from nico_selfmodel.servos.bus import Bus, NoReplyError, UncertainError
 from nico_selfmodel.servos.commands import StopMode
-from nico_selfmodel.servos.packets import EVERYONE, UNADDRESSED
+from nico_selfmodel.servos.packets import EVERYONE, FIRST_GROUP, UNADDRESSED
 from nico_selfmodel.servos.pic_servo import DeviceId, PicServo, is_marked
 from nico_selfmodel.servos.status import AuxiliaryFlag, Status, StatusItem
 
@@ -141,6 +141,14 @@ def join_group(module: PicServo, group: int) -> None:
     """
     # Not at address 0 any more, so that repeating it harms nobody.
     module.ask(nmc.SetAddress(module.address, group), repeatable=True)
+
+
+def group_of(addresses: Sequence[int]) -> int:
+    """Return the group in which the modules at these addresses move together.
+
+    Another arm on the same chain has another one: what is sent to one never starts the other.
+    """
+    return FIRST_GROUP + min(addresses) - 1
 
 
 def start_together(bus: Bus, group: int) -> None:

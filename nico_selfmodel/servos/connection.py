@@ -27,7 +27,7 @@ def find_modules(bus: Bus, config: ServoConfig) -> list[FoundModule]:
     wanted = sorted(joint.address for joint in config.joints)
     # A busy host may miss a reply: before a module is called missing it is asked again.
     found = _look_everywhere(bus, config, wanted, 2) or _look_everywhere(bus, config, wanted, 4)
-    if len(found) < len(wanted):
+    if found and len(found) < len(wanted):
         found = scan(bus, wanted, attempts=4) or found
     _check_complete(bus, config, found)
     _check_types(config, found)

@@ -11,18 +11,17 @@ from nico_selfmodel.model import ServoMap
 from nico_selfmodel.servos.arm_state import ArmState
 from nico_selfmodel.servos.axis import Axis
 from nico_selfmodel.servos.bus import Bus, BusSettings
-from nico_selfmodel.servos.chain import join_group, start_together
+from nico_selfmodel.servos.chain import group_of, join_group, start_together
 from nico_selfmodel.servos.connection import find_modules, take_over
 from nico_selfmodel.servos.motion_plan import common_duration, speed_for
-from nico_selfmodel.servos.packets import FIRST_GROUP
+from nico_selfmodel.servos.packets import EVERYONE
 from nico_selfmodel.servos.pic_servo import PicServo
 from nico_selfmodel.servos.ports import PortLostError
 from nico_selfmodel.servos.pose_limits import PoseLimits
+from nico_selfmodel.servos.readiness import require_ready, require_zero
 from nico_selfmodel.servos.servo_config import ServoConfig
 from nico_selfmodel.servos.shutdown import release_each, stop_each
 
-ARM_GROUP = FIRST_GROUP
-"""The group of the modules that are enabled; packets to it reach no other board."""
 _STALE = 0.1
 
 
@@ -60,6 +59,8 @@ class ArmController:
         self.axes = [
             Axis(joint, PicServo(bus, joint.address), config.heartbeat) for joint in config.joints
         ]
+        self.group = group_of([joint.address for joint in config.joints])
+        """Of the modules that are enabled; packets to it reach no other board."""
         self._connected = False
         self._alive = -math.inf
         self._silent = False
@@ -129,8 +130,8 @@ class ArmController:
         find_modules(self.bus, self.config)
         for axis in self.axes:
             take_over(axis)
-            if axis.enabled:
-                join_group(axis.module, ARM_GROUP)
+            # One that an earlier program left in the group would start or hold with the others.
+            join_group(axis.module, self.group if axis.enabled else EVERYONE)
         self._connected = True
         self.heartbeat()
         return self.rezero_due
@@ -154,13 +155,15 @@ class ArmController:
         Raises:
             RobotError: If one cannot be switched on; those that were are switched off again.
         """
-        axes = [axis for axis in self._chosen(joints) if axis.lost or not axis.enabled]
         self._require_connection()
         done: list[Axis] = []
         try:
-            for axis in axes:
-                done.append(axis)
-                self._switch_on(axis)
+            for axis in self._chosen(joints):
+                if axis.lost:
+                    take_over(axis)  # switching on would let go of what it may still hold
+                if not axis.enabled:
+                    done.append(axis)
+                    self._switch_on(axis)
         except RobotError:
             release_each(done)
             raise
@@ -175,7 +178,7 @@ class ArmController:
         module.hold()
         status = module.clear_faults()
         axis.enabled, axis.lost = True, None
-        join_group(module, ARM_GROUP)
+        join_group(module, self.group)
         axis.believe(status if status.position is None else module.poll())
 
     def move(
@@ -206,12 +209,13 @@ class ArmController:
         scale = self.limits.counts_per_radian
         v = (self.limits.speed(speed) * scale)[chosen]
         a = (self.limits.braking(speed, acceleration) * scale)[chosen]
-        self._require_ready(axes)
+        self._require_connection()
+        require_ready(axes, trusted=self.trust_zero)
         self._read_anew()
         seconds = _aim_together(axes, goals, v.tolist(), a.tolist())
         self.heartbeat()
         self._guard([axis for axis in self.axes if axis.enabled], lambda axis: axis.load())
-        start_together(self.bus, ARM_GROUP)
+        start_together(self.bus, self.group)
         return seconds
 
     def _read_anew(self) -> None:
@@ -237,6 +241,15 @@ class ArmController:
             q[self.joints.index(name)] = value
         return self.limits.registers(q, chosen)
 
+    def check_zero(self, joints: Sequence[str]) -> None:
+        """Refuse joints that do not know where they are; sends nothing.
+
+        Raises:
+            ValueError: If a joint does not exist.
+            ServoFault: If a zero is not known, or a reading cannot be true.
+        """
+        require_zero(self._chosen(joints), trusted=self.trust_zero)
+
     def command(
         self, q: ArrayLike, *, speed: float | None = None, joints: Sequence[int] | None = None
     ) -> None:
@@ -258,7 +271,8 @@ class ArmController:
         goals = self.limits.registers(q, chosen)
         scale = self.limits.counts_per_radian
         speeds, accelerations = self.limits.speed(speed) * scale, self.limits.accelerations * scale
-        self._require_ready([self.axes[k] for k in chosen])
+        self._require_connection()
+        require_ready([self.axes[k] for k in chosen], trusted=self.trust_zero)
         for k, goal in zip(chosen, goals, strict=True):
             self.axes[k].aim(goal, float(speeds[k]), float(accelerations[k]))
         self.heartbeat()
@@ -311,7 +325,7 @@ class ArmController:
     def _stop_others(self, failed: Axis) -> str:
         """Stop every axis but one; return what came of it."""
         others = [axis for axis in self.axes if axis is not failed and axis.enabled]
-        failures = stop_each(self.bus, ARM_GROUP, others)
+        failures = stop_each(self.bus, self.group, others)
         if failures:
             return f"Not stopped either: {'; '.join(failures)}"
         return "The other joints were stopped and hold" if others else "No other joint is enabled"
@@ -324,7 +338,7 @@ class ArmController:
         """
         self._require_connection()
         axes = [axis for axis in self.axes if axis.enabled]
-        failures = stop_each(self.bus, ARM_GROUP, axes, smoothly=smoothly)
+        failures = stop_each(self.bus, self.group, axes, smoothly=smoothly)
         if failures:
             raise BusError(f"not every joint confirmed the stop: {'; '.join(failures)}")
 
@@ -366,20 +380,6 @@ class ArmController:
     def _require_connection(self) -> None:
         if not self._connected:
             raise BusError("the arm is not connected: call connect first")
-
-    def _require_ready(self, axes: Sequence[Axis]) -> None:
-        self._require_connection()
-        for axis in axes:
-            if axis.lost:
-                raise ServoFault(f"{axis.lost}; connect anew before moving")
-            if not axis.enabled:
-                raise ServoFault(f"{axis} is not enabled: enable it before moving")
-        unknown = [axis.joint.name for axis in axes if not axis.zero_known]
-        if unknown and not self.trust_zero:
-            raise ServoFault(
-                f"rezero is due: the zero of {', '.join(unknown)} is not known since the boards "
-                "were switched on; home the arm, or trust the zero that it has"
-            )
 
 
 def _aim_together(

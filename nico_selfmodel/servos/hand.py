@@ -125,7 +125,7 @@ class Hand:
             ServoFault: If a motor does not stop in time, or another cause stopped it.
             BusError: If the hand does not answer.
         """
-        _check(way, fingers, seconds, power, current_limit)
+        check_motion(way, fingers, seconds, power, current_limit)
         try:
             for finger in fingers:
                 self._expect_ok(f"LIMIT {finger} {current_limit}")
@@ -186,6 +186,8 @@ class Hand:
             self.port.read(4096, 0.0)
             self.port.write(encode_line(body))
             line = self._read_line()
+            if not line:
+                continue
             try:
                 answer = decode_line(line)
             except BusError as error:
@@ -235,9 +237,14 @@ def _exclusive_or(data: bytes) -> int:
     return total
 
 
-def _check(
+def check_motion(
     way: str, fingers: Sequence[str], seconds: float, power: float, current_limit: int
 ) -> None:
+    """Refuse what `Hand.move` cannot do; its arguments.
+
+    Raises:
+        ValueError: If an argument is out of range.
+    """
     if way not in WAYS:
         raise ValueError(f"way must be one of {', '.join(WAYS)}, got {way!r}")
     if not fingers or set(fingers) - set(FINGERS):

@@ -2,8 +2,9 @@
 
 import math
 from collections.abc import Callable
+from contextlib import suppress
 
-from nico_selfmodel.errors import ServoFault
+from nico_selfmodel.errors import RobotError, ServoFault
 from nico_selfmodel.servos.axis import Axis
 from nico_selfmodel.servos.commands import HomingMode
 from nico_selfmodel.servos.controller import ArmController
@@ -70,6 +71,19 @@ def find_home(
         abs(home.speed) * scale,
         axis.joint.max_acceleration * scale,
     )
+    try:
+        _look_for_mark(arm, axis, watch)
+    except (RobotError, KeyboardInterrupt):
+        _give_up(arm, axis)
+        raise
+    arm.stop()
+    _take_capture(arm, axis)
+
+
+def _look_for_mark(
+    arm: ArmController, axis: Axis, watch: Callable[[ArmController], object] | None
+) -> None:
+    home = axis.joint.home
     until = arm.bus.port.now() + home.travel / abs(home.speed) + _EXTRA_TIME
     while _searching(axis):
         arm.heartbeat()
@@ -77,13 +91,18 @@ def find_home(
         if watch is not None:
             watch(arm)
         if not axis.on_its_way or arm.bus.port.now() > until:
-            arm.stop()
             raise ServoFault(
                 f"{axis}: no {home.method} within {math.degrees(home.travel):g} deg; check the "
                 "switch, and 'home' in the servo configuration"
             )
-    arm.stop()
-    _take_capture(arm, axis)
+
+
+def _give_up(arm: ArmController, axis: Axis) -> None:
+    """Stop, and disarm the board: it would brake at its mark in the midst of a later motion."""
+    with suppress(RobotError):
+        arm.stop()
+    with suppress(RobotError):
+        axis.module.capture_home(0)
 
 
 def _searching(axis: Axis) -> bool:

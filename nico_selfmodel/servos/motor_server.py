@@ -10,12 +10,13 @@ import socket
 import socketserver
 import threading
 import time
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from contextlib import suppress
 from typing import Any
 
 from nico_selfmodel.errors import BusError, RobotError, SelfModelError
 from nico_selfmodel.servos.arm_loop import ArmLoop
+from nico_selfmodel.servos.controller import ArmController
 
 LOOPBACK = "127.0.0.1"
 DEFAULT_PORT = 4747
@@ -158,7 +159,10 @@ class MotorServer:
 
     def _op_enable(self, request: Mapping[str, Any], client: object) -> dict[str, Any]:
         self._require_lease(request)
-        self.loop.call(lambda arm: arm.enable(request.get("joints")))
+        joints = request.get("joints")
+        if not (joints is None or isinstance(joints, list)):
+            raise _RefusedError(f'"joints" must be a list of names, got {joints!r}')
+        self._do(request, lambda arm: arm.enable(joints))
         return {}
 
     def _op_move(self, request: Mapping[str, Any], client: object) -> dict[str, Any]:
@@ -169,7 +173,19 @@ class MotorServer:
         for name, value in targets.items():
             if isinstance(value, bool) or not isinstance(value, int | float):
                 raise _RefusedError(f"the target of {name} must be a number, got {value!r}")
-        return {"seconds": self.loop.move(targets, speed=request.get("speed_rad_s"))}
+        speed = request.get("speed_rad_s")
+        if isinstance(speed, bool) or not isinstance(speed, int | float | None):
+            raise _RefusedError(f'"speed_rad_s" must be a number, got {speed!r}')
+        return {"seconds": self._do(request, lambda arm: arm.move(targets, speed=speed))}
+
+    def _do(self, request: Mapping[str, Any], action: Callable[[ArmController], Any]) -> Any:
+        """Let the loop do something, unless the lease ends before it comes to it."""
+
+        def still_leased(arm: ArmController) -> Any:
+            self._require_lease(request)
+            return action(arm)
+
+        return self.loop.call(still_leased)
 
     def _op_stop(self, request: Mapping[str, Any], client: object) -> dict[str, Any]:
         self.loop.stop()

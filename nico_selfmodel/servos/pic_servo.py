@@ -290,7 +290,7 @@ class PicServo:
             with suppress(UncertainError):  # the reading tells
                 self.ask(nmc.SaveHome())
             status = self.read(StatusItem.HOME | StatusItem.POSITION)
-            if is_marked(status):
+            if _has_mark(status):
                 break
         else:
             raise ServoFault(f"module {self.address} does not keep its home register")
@@ -304,9 +304,18 @@ class PicServo:
         Raises:
             BusError: If there is no good reply.
         """
-        return is_marked(self.read(StatusItem.HOME))
+        return is_marked(self.read(StatusItem.HOME | StatusItem.POSITION))
 
 
 def is_marked(status: Status) -> bool:
-    """Return whether the home register says that the zero is known."""
+    """Return whether the registers say that the zero is known.
+
+    Where a program died while it wrote the mark, the position still is the mark: no zero at all.
+    """
+    if status.position is None or abs(status.position - ZERO_MARK) < _MARK_TOLERANCE:
+        return False
+    return _has_mark(status)
+
+
+def _has_mark(status: Status) -> bool:
     return status.home is not None and abs(status.home - ZERO_MARK) < _MARK_TOLERANCE

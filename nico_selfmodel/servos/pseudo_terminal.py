@@ -83,14 +83,14 @@ class PseudoTerminal(Generic[DeviceT]):
         os.close(self._master)
 
     def _serve(self) -> None:
-        waiting, last = bytearray(), 0.0
+        waiting, last, event = bytearray(), 0.0, None
         while True:
             with self.lock:
                 now = time.monotonic()
                 arrived = self.device.due(now)
-                event = self.device.next_event()
-            if arrived:
-                waiting, last = waiting + arrived, now
+                event, expected = self.device.next_event(), event
+            if arrived:  # at the time it was expected: this thread may wake up late
+                waiting, last = waiting + arrived, min(now, expected or now)
             # As an adapter does: what has arrived is handed on together.
             if waiting and (now - last >= self.latency or len(waiting) >= _BUFFER):
                 os.write(self._master, waiting)

@@ -65,6 +65,8 @@ class JointServo:
 
     def __post_init__(self) -> None:
         """Check the values."""
+        if not self.name.strip():
+            raise ValueError("'name' must not be empty")
         if not 1 <= self.address <= LAST_ADDRESS:
             raise ValueError(f"'address' must be 1 to {LAST_ADDRESS}, got {self.address}")
         if self.sign not in (1, -1):
@@ -87,6 +89,11 @@ class JointServo:
             raise ValueError("the limits do not fit the position register of the board")
         if not (self.max_velocity > 0.0 and self.max_acceleration > 0.0):
             raise ValueError("'max_velocity_deg_s' and 'max_acceleration_deg_s2' must be positive")
+        if self.max_velocity * self.counts_per_radian < 1.0:
+            raise ValueError(
+                f"'max_velocity_deg_s' must be at least a count a second, got "
+                f"{math.degrees(self.max_velocity):g}"
+            )
         if 1.5 * self.max_velocity / self.max_acceleration > LONGEST_STOP + 1e-9:
             raise ValueError(
                 f"from 'max_velocity_deg_s' {math.degrees(self.max_velocity):g} it cannot stop in "
@@ -107,8 +114,19 @@ class JointServo:
             raise ValueError(
                 f"home 'method' must be one of {', '.join(HOME_METHODS)}, got {home.method!r}"
             )
+        turn = 2.0 * math.pi
+        if not self.lower - turn <= home.at <= self.upper + turn:
+            raise ValueError(
+                f"home 'at_deg' must lie less than a turn beyond the limits, got "
+                f"{math.degrees(home.at):g}"
+            )
         if home.method == "here":
             return
+        if home.travel > self.upper - self.lower + turn:
+            raise ValueError(
+                f"home 'travel_deg' must be at most a turn more than the joint's range, got "
+                f"{math.degrees(home.travel):g}"
+            )
         if not (0.0 < abs(home.speed) <= self.max_velocity and home.travel > 0.0):
             raise ValueError(
                 f"home by {home.method} needs 'speed_deg_s' (not zero, at most "
@@ -164,6 +182,8 @@ class ServoConfig:
 
     def __post_init__(self) -> None:
         """Check the values."""
+        if not self.name.strip():
+            raise ValueError("'name' must not be empty")
         if not self.joints:
             raise ValueError("'joints' must not be empty")
         for what in ("name", "address"):

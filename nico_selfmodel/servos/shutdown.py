@@ -6,6 +6,7 @@ from nico_selfmodel.errors import RobotError
 from nico_selfmodel.servos.axis import Axis
 from nico_selfmodel.servos.bus import Bus
 from nico_selfmodel.servos.chain import join_group, stop_together
+from nico_selfmodel.servos.connection import take_over
 from nico_selfmodel.servos.packets import EVERYONE
 
 
@@ -49,6 +50,26 @@ def release_each(axes: Sequence[Axis]) -> list[str]:
         failures += attempt(axis, axis.module.release)
         failures += attempt(axis, lambda axis=axis: join_group(axis.module, EVERYONE))
     return failures
+
+
+def stop_what_answers(axes: Sequence[Axis], *, release: bool) -> tuple[list[str], list[str]]:
+    """Stop or release axes of an arm that cannot be connected as a whole.
+
+    Args:
+        axes: All of the arm.
+        release: Switch motors off too: what gravity pulls falls.
+
+    Returns:
+        Names of the joints that confirmed, and what failed, in words.
+    """
+    done, failures = [], []
+    for axis in axes:
+        failed = attempt(axis, lambda axis=axis: take_over(axis))
+        if release and not failed:
+            failed = release_each([axis])
+        failures += failed
+        done += [] if failed else [axis.joint.name]
+    return done, failures
 
 
 def attempt(axis: Axis, action: Callable[[], object]) -> list[str]:

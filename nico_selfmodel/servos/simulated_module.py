@@ -96,6 +96,8 @@ class SimulatedModule:
             self._time = time
         tick = TICK * max(1, self.gains.rate_divisor)
         ticks = int((time - self._time) / tick)
+        if not ticks:
+            return
         self._time += ticks * tick
         path_ticks = 16 if self.output & OutputMode.FAST_PATH else 32
         for _ in range(ticks):

@@ -17,6 +17,7 @@ from pydrake.systems.framework import (
 from nico_selfmodel.errors import RobotError
 from nico_selfmodel.model import ServoMap
 from nico_selfmodel.servos import ArmController, ArmLoop, ArmState, BusSettings, ServoConfig
+from nico_selfmodel.servos.pose_limits import PoseLimits
 
 PERIOD = 0.02
 """Time between two looks at what the bus thread knows [s]."""
@@ -68,8 +69,8 @@ class ServoDriver(LeafSystem):
             settings: How patient the bus is; a lost board is noticed later by a patient one.
 
         Raises:
-            ValueError: If the self-model is about other joints or encoders, or the period is not
-                positive.
+            ValueError: If the self-model is about other joints or encoders, the speed is beyond
+                every limit, or the period is not positive.
         """
         super().__init__()
         if not period > 0.0:
@@ -77,6 +78,7 @@ class ServoDriver(LeafSystem):
         self.port, self.config, self.period = port, config, period
         self.servos = config.servo_map(servos)
         self.joints = config.joint_names
+        PoseLimits(config, self.servos).speed(speed)
         self._trust_zero, self._speed, self._settings = trust_zero, speed, settings
         self._loop: ArmLoop | None = None
         self._handed = b""
@@ -133,12 +135,12 @@ class ServoDriver(LeafSystem):
             trust_zero=self._trust_zero,
             settings=self._settings,
         )
+        loop = ArmLoop(arm, self.period)
         try:
             due = arm.connect()
-            loop = ArmLoop(arm, self.period)
             loop.start()
         except BaseException:
-            arm.close()
+            loop.close()  # the thread too, if it runs
             raise
         self._loop, self._handed = loop, b""
         return due

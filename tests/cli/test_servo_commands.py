@@ -10,7 +10,14 @@ import time
 
 import pytest
 
-from nico_selfmodel.servos import MotorClient, SimulatedBus, SimulatedHand, SimulatedModule
+from nico_selfmodel.servos import (
+    ArmController,
+    MotorClient,
+    ServoConfig,
+    SimulatedBus,
+    SimulatedHand,
+    SimulatedModule,
+)
 
 JOINT = """
   - name: {name}
@@ -112,11 +119,55 @@ def test_nothing_moves_without_a_yes(servo, bus):
         (("elbow", 120), ("elbow cannot go to 120.0 deg", "-90.0 to 90.0 deg")),
         (("elbow", "nan"), ("elbow", "finite")),
         (("knee", 10), ("'knee'", "elbow, wrist")),
-        (("elbow", 10, "--speed-deg-s", 500), ("speed must be at most 1.05 rad/s",)),
+        (("elbow", 10, "--speed-deg-s", 500), ("--speed-deg-s", "at most 60", "got 500")),
+        (("elbow", 10, "--speed-deg-s", "nan"), ("--speed-deg-s", "above 0")),
+        (("elbow", 10, "--speed-deg-s", -3), ("--speed-deg-s", "above 0")),
     ],
 )
 def test_a_bad_move_is_explained_and_nothing_moves(servo, bus, words, expected):
-    assert_one_clear_line(servo("move", *words, "--trust-zero", "--yes"), *expected)
+    done = servo("move", *words, "--trust-zero", "--yes")
+    assert_one_clear_line(done, *expected)
+    assert done.stdout == ""
+    assert bus.shafts() == [0, 0]
+    assert not any(module.amplifier for module in bus.modules)
+
+
+def test_a_joint_without_a_zero_is_refused_before_anything_is_asked_or_switched_on(servo, bus):
+    done = servo("move", "elbow", 10)
+    assert_one_clear_line(done, "rezero is due", "elbow")
+    assert not any(module.amplifier for module in bus.modules)
+
+
+def test_a_name_that_does_not_exist_is_told_before_any_joint_is_homed(servo):
+    assert_one_clear_line(servo("home", "elbow", "knee", "--yes"), "'knee'", "elbow, wrist")
+    assert json.loads(servo("status", "--json").stdout)["rezero_due"] == ["elbow", "wrist"]
+
+
+def test_where_a_board_is_missing_the_others_can_still_be_let_go(servo, bus, config):
+    with ArmController.open(bus.name, ServoConfig.load(config)) as arm:
+        arm.connect()
+        arm.enable(["elbow"])
+    with bus.lock:
+        bus.modules[1].silent = True
+    stopped = servo("stop")
+    assert_one_clear_line(stopped, "missing: wrist (module 2)", "Stopped all the same: elbow")
+    assert bus.modules[0].servo_on
+    released = servo("stop", "--release", "--yes")
+    assert_one_clear_line(released, "missing: wrist", "Switched off all the same: elbow")
+    assert not bus.modules[0].amplifier
+
+
+def test_a_search_for_a_mark_says_how_far_it_goes_before_it_asks(servo, config, bus):
+    mark = "{method: limit_1, speed_deg_s: 5, travel_deg: 40}"
+    config.write_text(
+        config.read_text().replace(
+            "output: three_phase", f"output: three_phase\n    home: {mark}", 1
+        )
+    )
+    done = servo("home", "elbow", stdin="n\n")
+    assert done.returncode == 130
+    assert "looks for limit_1 at 5 deg/s for at most 40 deg" in done.stdout
+    assert "Move elbow at 5 deg/s until limit_1" in done.stderr
     assert bus.shafts() == [0, 0]
 
 
@@ -204,7 +255,8 @@ def test_the_hand_opens_and_closes(command):
         assert "current limit 500" in refused.stdout
         done = command("hand", "close", *words, "--finger", "index", "--yes", "--json")
         assert json.loads(done.stdout) == {"stopped_by": {"index": "time"}}
-        assert_one_clear_line(
-            command("hand", "open", *words, "--finger", "thumb", "--yes"), "thumb"
-        )
+        for wrong in (("--finger", "thumb"), ("--power", "nan"), ("--current-limit", 5000)):
+            asked = command("hand", "open", *words, *wrong)
+            assert_one_clear_line(asked, wrong[0].strip("-").split("-")[0])
+            assert asked.stdout == ""
     assert_one_clear_line(command("hand", "open", "--port", "/dev/null", "--yes"), "/dev/null")

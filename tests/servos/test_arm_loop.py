@@ -125,6 +125,15 @@ def test_bad_commands_are_refused_before_they_are_handed_over(loop):
     loop.check()
 
 
+def test_a_stop_has_the_last_word_over_a_command_that_was_just_handed_over(loop, bus):
+    for target in (1.0, -1.0, 1.0):
+        loop.command(np.full(6, target))
+        loop.stop()
+        assert stopped(bus) < 0.3
+        assert not loop.state().moving.any()
+    assert np.abs(bus.shafts()).max() < 1000.0
+
+
 def test_a_pulled_cable_is_raised_with_its_cause_within_a_second(loop, bus):
     loop.move({"right_elbow": 1.2})
     bus.unplug()
@@ -199,6 +208,32 @@ def test_a_lease_that_expires_stops_the_arm(server, bus):
             client.move({"right_elbow": 0.0})
 
 
+def test_a_move_that_comes_to_its_turn_after_its_lease_ended_is_not_made(server, loop, bus):
+    with MotorClient(server.port) as one, MotorClient(server.port) as two:
+        one.take_lease(0.1)
+        busy, free = threading.Event(), threading.Event()
+        waiting = threading.Thread(target=loop.call, args=(lambda _: (busy.set(), free.wait()),))
+        waiting.start()
+        busy.wait(SOON)
+        refused = []
+        late = threading.Thread(target=lambda: refused.append(_refusal(one, {"right_elbow": 1.0})))
+        late.start()
+        wait_for(lambda: server._lease is None)
+        two.take_lease(10.0)  # whose heartbeat would keep the motion of the other going
+        free.set()
+        late.join()
+        waiting.join()
+        assert "not the lease" in refused[0]
+        stopped(bus)
+        assert bus.shafts() == [0.0] * 6
+
+
+def _refusal(client, targets):
+    with pytest.raises(RobotError) as caught:
+        client.move(targets)
+    return str(caught.value)
+
+
 def test_a_client_that_dies_stops_the_arm(server, bus):
     client = MotorClient(server.port)
     client.take_lease(10.0)
@@ -257,10 +292,30 @@ def test_a_bad_request_gets_one_clear_answer(patient_server, line, word):
     ],
 )
 def test_bad_targets_are_explained_to_the_client(patient_server, targets, word):
+    wait_for(lambda: patient_server._lease is None)  # the test before has hung up
     with MotorClient(patient_server.port) as client:
         client.take_lease()
         with pytest.raises(RobotError, match=word):
             client.ask("move", targets=targets)
+
+
+@pytest.mark.parametrize(
+    ("op", "values", "word"),
+    [
+        ("enable", {"joints": "right_elbow"}, '"joints" must be a list of names'),
+        ("enable", {"joints": 5}, '"joints" must be a list of names'),
+        ("enable", {"joints": ["knee"]}, "no joint 'knee'"),
+        ("move", {"targets": {"right_elbow": 0.1}, "speed_rad_s": "fast"}, "must be a number"),
+        ("move", {"targets": {"right_elbow": 0.1}, "speed_rad_s": True}, "must be a number"),
+        ("move", {"targets": {"right_elbow": 0.1}, "speed_rad_s": 9}, "speed must be at most"),
+    ],
+)
+def test_bad_values_are_explained_to_the_client(patient_server, op, values, word):
+    wait_for(lambda: patient_server._lease is None)  # the test before has hung up
+    with MotorClient(patient_server.port) as client:
+        client.take_lease()
+        with pytest.raises(RobotError, match=word):
+            client.ask(op, **values)
 
 
 def test_two_servers_cannot_share_a_port(patient_server):

@@ -7,7 +7,7 @@ import pytest
 
 from nico_selfmodel.errors import BusError
 from nico_selfmodel.servos import Bus, BusSettings, SimulatedLine, SimulatedModule, SimulatedPort
-from nico_selfmodel.servos.bus import NoReplyError, UncertainError
+from nico_selfmodel.servos.bus import FLUSH, NoReplyError, UncertainError
 from nico_selfmodel.servos.chain import scan
 from nico_selfmodel.servos.commands import NoOperation, ReadStatus, ResetPosition, SetBaud
 from nico_selfmodel.servos.ports import PortLostError
@@ -107,6 +107,27 @@ def test_a_late_reply_is_never_taken_for_anothers(two, late):
     for _ in range(20):
         assert position(bus, 2) == 222
         assert position(bus, 1) == 111
+
+
+def test_an_interrupted_exchange_does_not_leave_its_reply_to_the_next(two, monkeypatch):
+    """Ctrl-C comes between a command and its reply, which arrives when the next module is asked."""
+    bus, _ = two
+    written = []
+    with monkeypatch.context() as interrupted:
+
+        def read(count, timeout):
+            if timeout > 0.0:
+                raise KeyboardInterrupt
+            return b""
+
+        interrupted.setattr(bus.port, "read", read)
+        with pytest.raises(KeyboardInterrupt):
+            position(bus, 1)
+    original = bus.port.write
+    monkeypatch.setattr(bus.port, "write", lambda data: (written.append(data), original(data)))
+    assert position(bus, 2) == 222
+    assert written[0] == FLUSH
+    assert bus.counts[2].stray_bytes == 6  # the reply of module 1
 
 
 def test_garbage_before_a_command_is_thrown_away_and_counted(two):

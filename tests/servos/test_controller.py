@@ -528,6 +528,7 @@ def test_a_soak_on_a_bad_line_accepts_no_wrong_position_and_recovers(seed):
     moves = recovered = 0
     before = made.bus.total().exchanges
     while made.bus.total().exchanges - before < 10_000:
+        begin = made.port.time
         try:
             made.arm.heartbeat()
             if not made.arm.moving:
@@ -544,6 +545,10 @@ def test_a_soak_on_a_bad_line_accepts_no_wrong_position_and_recovers(seed):
         wrong = [p for p, positions in zip(accepted, said, strict=True) if p not in positions]
         assert wrong == []
         assert state.valid.all()
+        assert made.port.time - begin < 5.0  # no hang
+        for axis, module in zip(made.arm.axes, made.modules, strict=True):
+            since = made.port.time - axis.seen + 0.1
+            assert abs(axis.position - module.position) < 20 + 1.3 * axis.largest_velocity * since
         for positions, position in zip(said, accepted, strict=True):
             positions.intersection_update({position})
     total, faults = made.bus.total(), made.line.faults

@@ -88,6 +88,21 @@ def test_a_switch_that_does_not_show_is_a_fault_and_the_joint_stands():
     assert made.seconds_to_rest() < 0.3
     assert made.modules[0].shaft + 8000 <= 0.6 * COUNTS_PER_RADIAN + 1
     assert made.arm.rezero_due == ("elbow",)
+    assert made.modules[0].homing == 0  # the board would brake there in a later motion
+
+
+def test_a_search_that_is_interrupted_stops_and_does_not_stay_armed():
+    made = homing_arm(HomePlan("limit_1", at=0.0, speed=0.5, travel=6.0))
+
+    def interrupt(arm):
+        if made.port.time > 3.0:
+            raise KeyboardInterrupt
+
+    with pytest.raises(KeyboardInterrupt):
+        find_home(made.arm, "elbow", interrupt)
+    assert made.seconds_to_rest() < 0.3
+    assert made.modules[0].homing == 0
+    assert made.modules[0].servo_on
 
 
 def test_a_host_that_dies_while_homing_leaves_a_joint_that_stops():

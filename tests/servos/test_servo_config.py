@@ -65,6 +65,7 @@ def test_a_configuration_is_read_in_degrees_and_kept_in_radians(tmp_path):
     ("change", "words"),
     [
         ({"address": 0}, ("'address'", "1 to 127")),
+        ({"address": 128}, ("'address'", "1 to 127")),
         ({"address": "four"}, ("'address'", "whole number")),
         ({"adress": 4}, ("'adress'", "did you mean 'address'")),
         ({"counts_per_turn": None}, ("'counts_per_turn' is missing",)),
@@ -76,6 +77,7 @@ def test_a_configuration_is_read_in_degrees_and_kept_in_radians(tmp_path):
         ({"lower_deg": ".nan"}, ("'lower_deg' must be a finite number",)),
         ({"upper_deg": 1e9}, ("position register",)),
         ({"max_velocity_deg_s": 0}, ("'max_velocity_deg_s'", "must be positive")),
+        ({"max_velocity_deg_s": 1e-9}, ("'max_velocity_deg_s'", "a count a second")),
         ({"max_acceleration_deg_s2": 100}, ("'max_acceleration_deg_s2' must be at least 180",)),
         ({"max_velocity_deg_s": 1e7, "max_acceleration_deg_s2": 1e8}, ("cannot count that fast",)),
         ({"gains": {"kq": 5}}, ("gains", "'kq'")),
@@ -84,6 +86,11 @@ def test_a_configuration_is_read_in_degrees_and_kept_in_radians(tmp_path):
         ({"home": {"method": "magic"}}, ("home 'method'", "limit_1")),
         ({"home": {"method": "index", "speed_deg_s": 5}}, ("'travel_deg'",)),
         ({"home": {"method": "index", "travel_deg": 5, "speed_deg_s": 90}}, ("at most 60",)),
+        ({"home": {"method": "here", "at_deg": 1e9}}, ("'at_deg'", "less than a turn beyond")),
+        (
+            {"home": {"method": "index", "travel_deg": 1e9, "speed_deg_s": 9}},
+            ("'travel_deg'", "a turn more than the joint's range"),
+        ),
         ({"home": "here"}, ("'method' and 'at_deg'",)),
     ],
 )
@@ -107,6 +114,8 @@ def test_a_mistake_in_a_joint_is_named_with_file_joint_and_key(change, words, tm
         ({"heartbeat_s": 9}, ("'heartbeat_s' must be 0.1 to 2",)),
         ({"latency_ms": 0}, ("'latency_ms'",)),
         ({"name": None}, ("'name' is missing",)),
+        ({"name": " "}, ("'name' must not be empty",)),
+        ({"joints": [{**JOINT, "name": ""}]}, ("'name' must not be empty",)),
         ({"bauds": 5}, ("'bauds'",)),
     ],
 )

@@ -227,6 +227,8 @@ def test_a_port_that_does_not_exist_and_a_self_model_of_others_are_refused(bus, 
         ServoDriver(bus.name, configuration(), stranger)
     with pytest.raises(ValueError, match="period must be positive"):
         ServoDriver(bus.name, configuration(), period=0.0)
+    with pytest.raises(ValueError, match="speed must be at most"):
+        ServoDriver(bus.name, configuration(), speed=5.0)
     six = ServoDriver(bus.name, configuration((*JOINTS, "neck"), baud=115200))
     with pytest.raises(BusError, match=r"missing: .*neck"):
         six.open()
