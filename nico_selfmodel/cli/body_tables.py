@@ -40,7 +40,8 @@ def print_tool(name: str, document: Mapping[str, Any], folder: Path) -> None:
         rows.append(_row(f"{label}, {unit}", block, quantity))
     console.print_table(f"{name}: {document['tool']}", ("error", "n", *_STATISTICS), rows)
     reach = document["reach_mm"]
-    console.out.print(f"tip {reach['value']:.1f} +- {reach['sigma']:.1f} mm from the hand's point")
+    place = "where it was" if document["known"] else "the hand's point"
+    console.out.print(f"tip {reach['value']:.1f} +- {reach['sigma']:.1f} mm from {place}")
     console.print_verdict(document["status"], document["reasons"])
     console.print_where(folder)
 
@@ -51,7 +52,7 @@ def print_rezero(name: str, document: Mapping[str, Any], folder: Path) -> None:
     for joint, shift in document["shift_deg"].items():
         entry = document["parameters"].get(f"{joint}.theta_offset")
         sigma = "held" if entry is None else f"{57.29578 * entry['sigma']:.2f}"
-        rows.append([joint, f"{shift:+.2f}", sigma])
+        rows.append([joint, f"{shift:+z.2f}", sigma])
     console.print_table(name, ("zero of", "moved by [deg]", "sigma [deg]"), rows)
     console.print_verdict(document["status"], document["reasons"])
     console.print_where(folder)
@@ -95,7 +96,7 @@ def _print_boards(document: Mapping[str, Any]) -> None:
                     label,
                     str(found["boards"]),
                     f"{found['edge_mm']['sd']:.2f}",
-                    f"{100.0 * (found['scale']['mean'] - 1.0):+.2f}",
+                    f"{100.0 * (found['scale']['mean'] - 1.0):+z.2f}",
                     f"{found['position_mm']['mean']:.2f}",
                 ]
             )

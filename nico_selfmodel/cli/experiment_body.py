@@ -17,7 +17,13 @@ PlayDeg = Annotated[
     float | None, typer.Option("--play-deg", min=0.0, help="Half the joint play, instead.")
 ]
 Individuals = Annotated[
-    int, typer.Option("--individuals", min=1, help="Simulated bodies to average over.")
+    int | None,
+    typer.Option(
+        "--individuals", min=1, help="Simulated bodies to average over: 8, 1 if --rendered."
+    ),
+]
+Rendered = Annotated[
+    bool, typer.Option("--rendered", help="Through rendered pictures; minutes a body.")
 ]
 Seed = Annotated[int, typer.Option("--seed", min=0, help="Of the first individual.")]
 Force = Annotated[bool, typer.Option("--force", help="Replace an existing folder.")]
@@ -28,15 +34,8 @@ def refinement(
     out: Out,
     world: WorldName = "clean",
     play_deg: PlayDeg = 0.5,
-    individuals: Annotated[
-        int | None,
-        typer.Option(
-            "--individuals", min=1, help="Simulated bodies to average over: 8, 1 if --rendered."
-        ),
-    ] = None,
-    rendered: Annotated[
-        bool, typer.Option("--rendered", help="Through rendered pictures; minutes a body.")
-    ] = False,
+    individuals: Individuals = None,
+    rendered: Rendered = False,
     tracker: Annotated[
         list[str] | None, typer.Option("--tracker", help="fiducial or color; both if omitted.")
     ] = None,
@@ -47,6 +46,7 @@ def refinement(
     """Let arm and eyes refine each other, as published and anchored to boards (chapter 8)."""
     from nico_selfmodel.experiments.refinement import run_refinement
     from nico_selfmodel.experiments.refinement_report import document_of, table_rows, write_report
+    from nico_selfmodel.experiments.report_files import bodies
     from nico_selfmodel.files import refuse_folder
 
     refuse_folder(out, force=force)
@@ -65,7 +65,7 @@ def refinement(
     if as_json:
         console.print_json(document_of(results))
         return
-    title = f"Held-out poses and boards, {individuals} simulated bodies; ours / thesis"
+    title = f"Held-out poses and boards, {bodies(individuals)}; ours / thesis"
     console.print_table(title, *table_rows(results))
     console.print_where(out)
 
@@ -74,25 +74,41 @@ def tool(
     out: Out,
     world: WorldName = "clean",
     play_deg: PlayDeg = 0.5,
-    individuals: Individuals = 8,
+    individuals: Individuals = None,
+    rendered: Rendered = False,
     seed: Seed = 0,
     force: Force = False,
     as_json: AsJson = False,
 ) -> None:
     """Take a tool, and restart the encoders (section 8.4.4)."""
-    from nico_selfmodel.experiments.tool_use import document_of, run_tool, table_rows, write_report
+    from nico_selfmodel.experiments.report_files import bodies
+    from nico_selfmodel.experiments.tool_report import (
+        document_of,
+        restart_table,
+        tool_table,
+        write_report,
+    )
+    from nico_selfmodel.experiments.tool_use import run_tool
     from nico_selfmodel.files import refuse_folder
 
     refuse_folder(out, force=force)
+    chosen, source = _world(world, play_deg), None
+    individuals = individuals or (1 if rendered else 8)
+    if rendered:
+        # The renderer is slow to load.
+        from nico_selfmodel.experiments.rendered_tool import rendered_tool_lesson
+
+        source = partial(rendered_tool_lesson, chosen)
     with console.progress_bar() as stage:
-        results = run_tool(_world(world, play_deg), individuals, seed, stage)
+        results = run_tool(chosen, individuals, seed, stage, source)
     write_report(results, out, force=force)
     if as_json:
         console.print_json(document_of(results))
         return
-    title = f"Held-out poses, {individuals} simulated bodies"
-    console.print_table(f"{title}: a tool", *table_rows(results.tool))
-    console.print_table(f"{title}: a restart", *table_rows(results.restart))
+    title = f"Held-out poses, {bodies(individuals)}"
+    console.print_table(f"{title}: a tool", *tool_table(results))
+    if results.restart:
+        console.print_table(f"{title}: a restart", *restart_table(results))
     console.print_where(out)
 
 

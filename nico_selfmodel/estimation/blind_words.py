@@ -31,13 +31,18 @@ def describe_blind(direction: BlindDirection) -> str:
     Returns:
         For example "right_elbow.gear (gear) cannot be told from ...: move right_elbow ...".
     """
+    return f"{name_blind(direction)}: {_cure(direction.names[0])}"
+
+
+def name_blind(direction: BlindDirection) -> str:
+    """Say which parameters a direction joins, without what would cure it."""
     first, *others = direction.names
     words = f"`{first}` ({_meaning(first)})"
     if others:
         words += " cannot be told from " + ", ".join(f"`{name}`" for name in others)
     else:
         words += " has no effect on what was measured"
-    return f"{words}: {_cure(first)}"
+    return words
 
 
 def _meaning(name: str) -> str:

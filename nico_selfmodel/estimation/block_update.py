@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from nico_selfmodel.errors import NotIdentifiableError
-from nico_selfmodel.estimation.blind_words import describe_blind
+from nico_selfmodel.estimation.blind_words import name_blind
 from nico_selfmodel.estimation.sightings import Sightings, covariance_of, with_values
 from nico_selfmodel.model.self_model import ParameterCovariance, SelfModel
 from nico_selfmodel.optimization import CalibrationProgram, Loss, ProgramSolution, Uncertainty
@@ -240,8 +240,11 @@ def _require_known(
     blind = Uncertainty.from_jacobian(names, stacked, scales, 0.0, 0).blind
     if not blind:
         return
-    words = "; ".join(describe_blind(direction) for direction in blind)
-    raise NotIdentifiableError(f"{len(sightings)} sightings are too few or too alike: {words}")
+    found = "1 sighting is" if len(sightings) == 1 else f"{len(sightings)} sightings are"
+    words = "; ".join(name_blind(direction) for direction in blind)
+    raise NotIdentifiableError(
+        f"{found} too few or too alike: {words}: record more poses, spread over the workspace"
+    )
 
 
 def _joint_covariance(

@@ -3,7 +3,7 @@
 Each new sighting gives a normalised innovation squared (NIS), chi-square distributed while the
 model holds. Three sums watch it: the cumulative excess of NIS (CUSUM, Page 1954), which sees any
 change; the likelihood ratio of one parameter's change over the last sightings; and for each joint,
-either way, a CUSUM matched to a slip of 2 deg, which sees that sooner than any other test could.
+either way, a CUSUM matched to a slip of 2 deg, which sees that sooner than the others.
 How soon, and what no test can do, is in docs/health.md. No single sighting raises an alarm: that is
 how a false detection looks.
 """

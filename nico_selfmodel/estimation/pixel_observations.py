@@ -89,11 +89,16 @@ class PixelObservations:
         both = int(self.by_both.sum())
         if both >= fewest:
             return
+        poses = "1 pose" if both == 1 else f"{both} poses"
+        words = (
+            f"in data set {name!r} both eyes saw the hand in {poses}, at least {fewest} are needed"
+        )
+        if both == len(self):
+            raise DataError(f"{words}: record more")
         counts = {eye: int(self.seen[:, 2 * i].sum()) for i, eye in enumerate(EYES)}
         blind = min(counts, key=lambda eye: counts[eye])
         raise DataError(
-            f"in data set {name!r} both eyes saw the hand in {both} poses, at least {fewest} are "
-            f"needed: the {blind} eye saw it in {counts[blind]} of {len(self)}; record poses in "
+            f"{words}: the {blind} eye saw it in {counts[blind]} of {len(self)}; record poses in "
             "view of both eyes"
         )
 

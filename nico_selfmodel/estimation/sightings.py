@@ -135,8 +135,15 @@ def sightings_of(
     dataset = columns_of(model, dataset)
     _check_markers(model, dataset)
     has_pixels = bool(np.isfinite(dataset.pixels).any())
-    if sensor == "pixels" or (sensor == "auto" and has_pixels and set(model.cameras) == set(EYES)):
+    has_eyes = set(model.cameras) == set(EYES)
+    if sensor == "pixels" or (sensor == "auto" and has_pixels and has_eyes):
         return _by_pixels(model, dataset, sigma)
+    if sensor == "auto" and has_pixels and not dataset.measured.any():
+        raise ModelError(
+            f"self-model {model.name!r} has no eyes, and data set {dataset.name!r} holds nothing "
+            "but pixels: learn arm and eyes together with `nico-selfmodel calibrate body`, or "
+            "record measured points"
+        )
     return _by_points(model, dataset, sigma)
 
 

@@ -40,8 +40,10 @@ class ToolCalibration:
     """The same on held-out data."""
     sensor: str
     """`pixels` or `points`."""
+    known: bool
+    """Whether the tip was a tracked point before, which has moved."""
     reach: float
-    """Distance of the tip from the hand's own point [m]."""
+    """Distance of the tip from the hand's own point, of a known point from where it was [m]."""
     reach_sigma: float
     """Standard deviation of `reach` [m]."""
     seconds: float
@@ -56,7 +58,7 @@ class ToolCalibration:
                 f"{self.update.redundancy} +- {np.sqrt(2.0 * self.update.redundancy):.0f} was to "
                 "be expected; run `nico-selfmodel check` to see what changed"
             )
-        if self.reach < _DIFFERENT * self.reach_sigma:
+        if not self.known and self.reach < _DIFFERENT * self.reach_sigma:
             words.append(
                 f"the tip lies {1e3 * self.reach:.1f} mm from the hand's own point, known to "
                 f"{1e3 * self.reach_sigma:.1f} mm: no tool can be told from the bare hand"
@@ -124,7 +126,8 @@ def calibrate_tool(
     learn = learn_block if free == "point" else learn_with_prior
     update = learn(held, sightings, names, scales=scales, loss=loss)
     learned = update.model
-    reach, reach_sigma = _reach(learned, tool, update)
+    known = tool in model.markers
+    reach, reach_sigma = _reach(model if known else learned, learned, tool, update)
     kind = "pixels" if sightings.seen.shape[1] == 4 else "points"
     tested = None
     if test is not None:
@@ -137,6 +140,7 @@ def calibrate_tool(
         errors_of(sightings_of(learned, data, kind)),
         tested,
         kind,
+        known,
         reach,
         reach_sigma,
         time.perf_counter() - clock,
@@ -223,18 +227,22 @@ def _require_motion(sightings: Sightings) -> None:
         return
     pixels = sightings.seen.shape[1] == 4
     scale, unit = (1.0, "px") if pixels else (1e3, "mm")
+    poses = "1 pose" if len(sightings) == 1 else f"{len(sightings)} poses"
     raise NotIdentifiableError(
-        f"the hand moved by {scale * moved:.1f} {unit} in {len(sightings)} poses, one pose alone "
+        f"the hand moved by {scale * moved:.1f} {unit} in {poses}, one pose alone "
         f"is uncertain by {scale * noise:.1f} {unit}: record poses that spread over the workspace"
     )
 
 
-def _reach(model: SelfModel, tool: str, update: BlockUpdate) -> tuple[float, float]:
-    """Return how far the tip is from the hand, and how well that is known [m]."""
-    table = model.dh
-    arm = table.p_NH[table.markers.index(tool)] - table.p_NH[0]
+def _reach(
+    before: SelfModel, learned: SelfModel, tool: str, update: BlockUpdate
+) -> tuple[float, float]:
+    """Return how far the tip is from where it was, else from the hand, and its sigma [m]."""
+    old, new = before.dh, learned.dh
+    place = old.p_NH[old.markers.index(tool)] if before is not learned else new.p_NH[0]
+    arm = new.p_NH[new.markers.index(tool)] - place
     reach = float(np.linalg.norm(arm))
-    covariance = model.covariance
+    covariance = learned.covariance
     assert covariance is not None
     own = [covariance.names.index(name) for name in update.learned]
     spread = covariance.matrix[np.ix_(own, own)]

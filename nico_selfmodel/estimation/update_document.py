@@ -56,6 +56,7 @@ def tool_document(
     return {
         **_document("tool", calibration.update, verdict, calibration.model),
         "tool": calibration.tool,
+        "known": calibration.known,
         "reach_mm": {
             "value": 1e3 * calibration.reach,
             "sigma": 1e3 * calibration.reach_sigma,

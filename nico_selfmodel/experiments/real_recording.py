@@ -8,7 +8,8 @@ import numpy as np
 
 from nico_selfmodel.dataset import Dataset, JointInfo
 from nico_selfmodel.errors import DataError
-from nico_selfmodel.experiments.eyes_lesson import MARKERS, plan_in_view
+from nico_selfmodel.experiments.eyes_lesson import MARKERS
+from nico_selfmodel.experiments.nico_before_its_eyes import plan_in_view
 from nico_selfmodel.experiments.protocol import Protocol
 from nico_selfmodel.model.readings import readings_from_table
 from nico_selfmodel.plant import ROBOTS, ArmDescription

@@ -19,6 +19,7 @@ from nico_selfmodel.estimation import (
     judge_body,
 )
 from nico_selfmodel.experiments.body_protocol import BodyProtocol
+from nico_selfmodel.experiments.limits import Limit
 from nico_selfmodel.experiments.stereo import BOARDS, TEST_BOARDS, board_points
 from nico_selfmodel.model import SelfModel
 from nico_selfmodel.model.link_lengths import link_lengths
@@ -58,6 +59,8 @@ class Lesson:
     """Boards that nobody learns from."""
     links: tuple[float, float] | None
     """Lengths of the links by calipers [m]."""
+    limit: Limit | None = None
+    """What the mechanics leave of the test's errors."""
 
 
 @dataclass(frozen=True)
@@ -106,6 +109,8 @@ class RefinementExperiment:
     """Whether the eyes saw pictures, not numbers with noise on them."""
     rows: tuple[RefinementRow, ...]
     """By tracker, then by condition."""
+    limits: tuple[Limit, ...] = ()
+    """What the mechanics leave, of every tracker for which that is known."""
 
 
 LessonSource = Callable[[int, tuple[str, ...], Progress | None], Mapping[str, Lesson]]
@@ -137,12 +142,13 @@ def run_refinement(
     Raises:
         ValueError: If there is no such tracker.
     """
-    unknown = set(trackers) - set(TRACKERS)
-    if unknown:
-        raise ValueError(f"no tracker {sorted(unknown)}; there are {', '.join(TRACKERS)}")
+    for tracker in trackers:
+        if tracker not in TRACKERS:
+            raise ValueError(f"no tracker {tracker!r}; there are {', '.join(TRACKERS)}")
     found: dict[tuple[str, str], list[dict[str, Any]]] = {
         (tracker, name): [] for tracker in trackers for name in CONDITIONS
     }
+    limits: dict[str, list[Limit]] = {tracker: [] for tracker in trackers}
     for i in range(individuals):
         if rendered is None:
             lessons = _simulated(world, seed + i, trackers)
@@ -150,6 +156,7 @@ def run_refinement(
             number = f"body {i + 1} of {individuals}: " if individuals > 1 else ""
             lessons = rendered(seed + i, trackers, _numbered(progress, number))
         for tracker, lesson in lessons.items():
+            limits[tracker] += [] if lesson.limit is None else [lesson.limit]
             for name, options in CONDITIONS.items():
                 measured = measure(lesson, options)
                 found[tracker, name] += [] if measured is None else [measured]
@@ -157,7 +164,8 @@ def run_refinement(
             progress("bodies learning", i + 1, individuals)
     rows = tuple(row_of(*key, runs) for key, runs in found.items() if runs)
     play = float(np.degrees(world.play))
-    return RefinementExperiment(world.name, play, individuals, rendered is not None, rows)
+    left = tuple(Limit.mean(found) for found in limits.values() if found)
+    return RefinementExperiment(world.name, play, individuals, rendered is not None, rows, left)
 
 
 def _simulated(world: World, seed: int, trackers: tuple[str, ...]) -> dict[str, Lesson]:
@@ -196,7 +204,8 @@ def simulated_lesson(
     boards = body.look_at_boards(board_points(), BOARDS)
     eyes = calibrate_cameras(boards, SEED).self_model("eyes")
     held_out = body.look_at_boards(board_points(), TEST_BOARDS, session=1)
-    return Lesson(train, test, eyes, boards, held_out, body.calipers())
+    limit = Limit.of(tracker, test, *body.expected(test.encoders))
+    return Lesson(train, test, eyes, boards, held_out, body.calipers(), limit)
 
 
 def measure(

@@ -6,8 +6,9 @@ from typing import Any
 
 import numpy as np
 
+from nico_selfmodel.experiments.limits import Limit
 from nico_selfmodel.experiments.refinement import RefinementExperiment, RefinementRow
-from nico_selfmodel.experiments.report_files import Table, as_markdown, write_experiment
+from nico_selfmodel.experiments.report_files import Table, as_markdown, bodies, write_experiment
 from nico_selfmodel.viz import BarSeries, bar_chart
 
 THESIS: dict[str, dict[str, dict[str, tuple[float, float]]]] = {
@@ -27,6 +28,8 @@ THESIS: dict[str, dict[str, dict[str, tuple[float, float]]]] = {
     },
 }
 """The thesis' own: mean and SD on its real robot; edges before and after, links off calipers."""
+KNOWN = "what the mechanics leave"
+"""Errors of a body that knows itself exactly: play of the joints and the tracker's noise."""
 _EYES = {
     True: "boards and hand found in rendered pictures",
     False: "hand tracked without rendering",
@@ -37,6 +40,7 @@ _SHORT = {
     "full, as published": "full,\nas published",
     "full, whitened, without boards": "full,\nno boards",
     "full, anchored": "full,\nanchored",
+    KNOWN: "what the\nmechanics leave",
 }
 
 
@@ -57,7 +61,8 @@ def table_rows(results: RefinementExperiment) -> Table:
         "links off [mm]",
         "refused",
     )
-    rows = []
+    rows, left = [], {limit.tracker: limit for limit in results.limits}
+    last = {row.tracker: row for row in results.rows}
     for row in results.rows:
         thesis = THESIS.get(row.tracker, {}).get(row.condition, {})
         rows.append(
@@ -72,7 +77,15 @@ def table_rows(results: RefinementExperiment) -> Table:
                 _refused(row, results.individuals),
             ]
         )
+        if row is last[row.tracker] and row.tracker in left:
+            rows.append(_limit_row(left[row.tracker]))
     return headings, rows
+
+
+def _limit_row(limit: Limit) -> list[str]:
+    """Return what is left to a body that knows itself exactly."""
+    known = [_spread(limit.px), _spread(limit.true_mm)]
+    return [f"{limit.tracker}, {KNOWN}", "-", *known, "-", "-", "-", "-"]
 
 
 def write_report(results: RefinementExperiment, out: Path, *, force: bool = False) -> None:
@@ -83,13 +96,15 @@ def write_report(results: RefinementExperiment, out: Path, *, force: bool = Fals
     """
     head = (
         "# Arm and eyes refine each other (thesis, chapter 8)\n\n"
-        f"Ours: {results.individuals} simulated bodies, world {results.world!r}, joints play by "
+        f"Ours: {bodies(results.individuals)}, world {results.world!r}, joints play by "
         f"+-{results.play_deg:g} deg; {_EYES[results.rendered]}. Mean (SD) on 100 random "
         "poses that were held out, edges and scale on held-out boards before -> after. After the "
         "bar: the thesis' real robot.\n\n"
         "`own 3D` is the thesis' measure, the predicted hand against the body's own stereo: it "
         "may fall while the true error grows. `refused`: the built-in check found that the eyes "
-        "measure held-out boards worse than before, or lost their scale.\n\n"
+        "measure held-out boards worse than before, or lost their scale. "
+        f"`{KNOWN}`: the true body, told of everything but where in their play the joints rest, on "
+        "the same poses; nothing that is learned does better in the mean.\n\n"
     )
     charts = {
         "own_3d": _chart(results, "own_mm", "The thesis' 3D error [mm]"),
@@ -105,9 +120,14 @@ def write_report(results: RefinementExperiment, out: Path, *, force: bool = Fals
 def _chart(results: RefinementExperiment, quantity: str, ylabel: str) -> Any:
     """Draw one bar a condition and tracker, the thesis' beside it; None where nothing is known."""
     conditions = list(dict.fromkeys(row.condition for row in results.rows))
+    left = {} if quantity == "own_mm" else {limit.tracker: limit for limit in results.limits}
+    conditions += [KNOWN] if left else []
     series = []
     for k, tracker in enumerate(dict.fromkeys(row.tracker for row in results.rows)):
-        rows = {row.condition: row for row in results.rows if row.tracker == tracker}
+        rows: dict[str, RefinementRow | Limit | None] = {
+            row.condition: row for row in results.rows if row.tracker == tracker
+        }
+        rows[KNOWN] = left.get(tracker)
         ours = np.array([_pair(rows.get(name), quantity) for name in conditions])
         series.append(BarSeries(f"{tracker}, ours, simulated", *ours.T, color=k))
         known = THESIS.get(tracker, {})
@@ -128,7 +148,7 @@ def _chart(results: RefinementExperiment, quantity: str, ylabel: str) -> Any:
 _NONE = (np.nan, np.nan)
 
 
-def _pair(row: RefinementRow | None, quantity: str) -> tuple[float, float]:
+def _pair(row: RefinementRow | Limit | None, quantity: str) -> tuple[float, float]:
     found = None if row is None else getattr(row, quantity)
     return _NONE if found is None else found
 

@@ -8,6 +8,7 @@ import numpy as np
 from nico_selfmodel.dataset import Dataset
 from nico_selfmodel.estimation import calibrate_cameras
 from nico_selfmodel.experiments.eyes_lesson import Counts, NicoBeforeItsEyes, Stage, of_marker
+from nico_selfmodel.experiments.limits import Limit
 from nico_selfmodel.experiments.outsider import Outsider
 from nico_selfmodel.experiments.refinement import SEED, Lesson
 from nico_selfmodel.systems import World
@@ -63,11 +64,16 @@ def rendered_lessons(
     found = {}
     for tracker in trackers:
         marker = MARKERS[tracker]
-        shown, links = of_marker(test, marker), outsider.calipers(marker)
+        shown, links, limit = of_marker(test, marker), None, None
         if tracker == "color":
-            shown, links = unmeasured(shown), None
+            shown = unmeasured(shown)
+        else:
+            links = outsider.calipers(marker)
+            limit = Limit.of(tracker, shown, *outsider.expected(shown.encoders, marker))
         learned = eyes.self_model("eyes")
-        found[tracker] = Lesson(of_marker(train, marker), shown, learned, boards, held_out, links)
+        found[tracker] = Lesson(
+            of_marker(train, marker), shown, learned, boards, held_out, links, limit
+        )
     return found
 
 

@@ -12,6 +12,11 @@ Table = tuple[tuple[str, ...], list[list[str]]]
 """Headings and rows."""
 
 
+def bodies(count: int) -> str:
+    """Say how many simulated bodies something is averaged over."""
+    return "1 simulated body" if count == 1 else f"{count} simulated bodies"
+
+
 def as_markdown(table: Table) -> str:
     """Return a table as Markdown."""
     headings, rows = table

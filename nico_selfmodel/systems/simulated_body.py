@@ -13,7 +13,7 @@ from numpy.typing import ArrayLike, NDArray
 from nico_selfmodel.dataset import BoardViews, JointInfo
 from nico_selfmodel.geometry.rotation import rotation_from_vector
 from nico_selfmodel.geometry.transform import apply, inverse, transform
-from nico_selfmodel.model import Chain, StereoRig
+from nico_selfmodel.model import Chain, ServoMap, StereoRig
 from nico_selfmodel.model.link_lengths import link_lengths
 from nico_selfmodel.systems.simulated_arm import (
     _individual,
@@ -46,7 +46,7 @@ class HandSighting:
 class SimulatedBody:
     """Encoders that can be commanded and eyes that find markers; nothing else shows to a learner.
 
-    `observe` and `calipers` are what an outsider's instruments would say, for judging only.
+    `observe`, `expected` and `calipers` are what an outsider would say, for judging only.
     """
 
     def __init__(
@@ -163,6 +163,22 @@ class SimulatedBody:
         named = dict(zip(self.markers, pixels, strict=True))
         return HandSighting(encoders, MappingProxyType(named)), p_LH
 
+    def expected(self, encoders: ArrayLike) -> tuple[NDArray, NDArray]:
+        """Say what a body that knew itself exactly would expect: all but what is left to chance.
+
+        Args:
+            encoders: Readings [counts]. Shape (N, n).
+
+        Returns:
+            Pixels of the first marker in both eyes, nan where out of view, shape (N, 4), and its
+            place in the left eye's frame [m], shape (N, 3).
+        """
+        q = expected_angles(
+            self.__true_chain, self.__servos, encoders, self.world, self.__largest_torque
+        )
+        p_LH = apply(inverse(self.__X_BL), self.__true_chain.forward(q))
+        return self.__rig.project(p_LH), p_LH
+
     def look_at_boards(self, p_GQ: NDArray, count: int, session: int = 0) -> BoardViews:
         """Hold a board before the eyes; see `SimulatedEyes.look_at_boards`."""
         return self.__eyes.look_at_boards(p_GQ, count, session)
@@ -224,3 +240,23 @@ class SimulatedBody:
         with np.errstate(invalid="ignore"):
             inside = ((noisy > _EDGE) & (noisy < limit)).reshape(-1, 2, 2).all(axis=2)
         return np.where(np.repeat(inside, 2, axis=1), noisy, np.nan)
+
+
+def expected_angles(
+    chain: Chain, servos: ServoMap, encoders: ArrayLike, world: World, largest_torque: float
+) -> NDArray:
+    """Return where joints stand in the mean over what is left to chance: sag, but no play.
+
+    Args:
+        chain: The arm as it is built, z up.
+        servos: Its gears and encoder zeros.
+        encoders: Readings [encoder units]. Shape (N, n).
+        world: What is wrong with the body.
+        largest_torque: As for `disturbed_angles`.
+
+    Returns:
+        Joint angles [rad]. Shape (N, n).
+    """
+    certain, unused = replace(world, play=0.0, wobble_share=0.0), np.random.default_rng(0)
+    q = servos.to_joint(np.atleast_2d(encoders))
+    return np.array([disturbed_angles(chain, row, certain, largest_torque, unused) for row in q])

@@ -27,6 +27,7 @@ from nico_selfmodel.viz.document_tables import (
 )
 from nico_selfmodel.viz.folder import shown
 from nico_selfmodel.viz.model_folder import write_model_folder
+from nico_selfmodel.viz.numbers_shown import signed
 from nico_selfmodel.viz.parameter_plots import correlations
 from nico_selfmodel.viz.plot_style import FULL_WIDTH, headline, style, svg_data_uri
 from nico_selfmodel.viz.report_page import key_statistics, page
@@ -212,7 +213,7 @@ def _board_table(document: Mapping[str, Any]) -> Table | None:
             cells = (
                 Cell(str(found["boards"]), value=found["boards"]),
                 Cell(f"{found['edge_mm']['sd']:.2f}", value=found["edge_mm"]["sd"]),
-                Cell(f"{scale:+.2f}", value=scale),
+                Cell(signed(scale, 2), value=scale),
                 Cell(f"{found['position_mm']['mean']:.2f}", value=found["position_mm"]["mean"]),
             )
             rows.append((label, cells))

@@ -17,7 +17,7 @@ from nico_selfmodel.viz.document_tables import (
     statistics_cells,
     statistics_table,
 )
-from nico_selfmodel.viz.numbers_shown import decimals
+from nico_selfmodel.viz.numbers_shown import decimals, signed
 from nico_selfmodel.viz.report_tables import Cell, Table
 
 _SHOWN = {"px": ("px", 1.0), "1": ("", 1.0), "m": ("mm", 1e3), "rad": ("deg", 180.0 / np.pi)}
@@ -76,7 +76,7 @@ def pair_tiles(document: Mapping[str, Any]) -> tuple[Tile, ...]:
         tiles.append(Tile(f"{edge['sd']:.2f} mm", "SD of edges", note))
         off, spread = 100.0 * (scale["mean"] - 1.0), 100.0 * scale["sd"]
         note = f"size of the rebuilt boards over the true one, SD {spread:.2f} %"
-        tiles.append(Tile(f"{off:+.2f} %".replace("-", "−"), "off in scale", note))
+        tiles.append(Tile(f"{signed(off, 2)} %", "off in scale", note))
     return tuple(tiles)
 
 

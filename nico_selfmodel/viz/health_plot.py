@@ -2,6 +2,7 @@
 
 import numpy as np
 from matplotlib.figure import Figure
+from matplotlib.ticker import MaxNLocator
 
 from nico_selfmodel.estimation.health import HealthReport
 from nico_selfmodel.viz import palette
@@ -38,6 +39,7 @@ def health_plot(report: HealthReport) -> Figure:
         below.axhline(100.0, color=palette.OUTLIER, linewidth=1.0)
         below.set_ylabel("share of its\nthreshold [%]")
         below.set_xlabel("sighting")
+        below.xaxis.set_major_locator(MaxNLocator(integer=True))
         for axes in (above, below):
             if report.changed_at is not None:
                 axes.axvline(report.changed_at - 0.5, color=palette.OUTLIER, linestyle=":")

@@ -41,7 +41,16 @@ def decimals(value: float, sigma: float | None) -> str:
     digits = 3
     if sigma is not None and sigma > 0.0:
         digits = int(np.clip(1 - np.floor(np.log10(sigma)), 0, 6))
-    return f"{value:.{digits}f}".replace("-", "−")
+    return f"{value:z.{digits}f}".replace("-", "−")
+
+
+def signed(value: float, digits: int) -> str:
+    """Write a deviation with its sign; what rounds to zero is not negative.
+
+    >>> signed(0.126, 2), signed(-0.126, 2), signed(-0.001, 2)
+    ('+0.13', '−0.13', '+0.00')
+    """
+    return f"{value:+z.{digits}f}".replace("-", "−")
 
 
 def short(value: float) -> str:

@@ -7,6 +7,7 @@ from jinja2 import Environment, PackageLoader, StrictUndefined
 
 from nico_selfmodel.estimation import Verdict
 from nico_selfmodel.viz.drake_backend import static_html
+from nico_selfmodel.viz.numbers_shown import signed
 from nico_selfmodel.viz.scene import Scene
 from nico_selfmodel.viz.scene_items import Rgba
 
@@ -41,6 +42,7 @@ def page(template: str, name: str, verdict: Verdict, scene: Scene, **content: An
         lstrip_blocks=True,
     )
     environment.filters["css"] = _css_color
+    environment.filters["signed"] = signed
     return environment.get_template(template).render(
         name=name,
         status=verdict.status,

@@ -7,6 +7,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
+from nico_selfmodel.dataset import Dataset
 from nico_selfmodel.experiments.body_protocol import BodyProtocol
 from nico_selfmodel.experiments.refinement import CONDITIONS, simulated_lesson
 from nico_selfmodel.model import SelfModel
@@ -129,6 +130,20 @@ def test_a_tool_from_the_command_line(recorded, body, command, tmp_path):
     assert SelfModel.load(tmp_path / "held").markers == ("hand", "screwdriver")
 
 
+def test_a_point_that_moved_is_learned_anew_as_check_says(recorded, body, command, tmp_path):
+    folder, _ = recorded
+    ill = json.loads(command("check", body, folder / "tool", "--json").stdout)
+    words = ill["causes"][0]["command"].split()
+    assert words[:5] == ["nico-selfmodel", "calibrate", "tool", "MODEL", "DATASET"]
+    places = {"MODEL": body, "DATASET": folder / "tool", "OUT": tmp_path / "moved"}
+    done = command(*(places.get(word, word) for word in words[1:]))
+    assert done.returncode == 0, done.stdout + done.stderr
+    assert "from where it was" in done.stdout
+    reach = document_of(tmp_path / "moved")["reach_mm"]
+    assert reach["value"] == pytest.approx(1e3 * np.linalg.norm(TOOL), abs=4.0 * reach["sigma"])
+    assert command("check", tmp_path / "moved", folder / "tool").returncode == 0
+
+
 def test_a_bare_hand_as_a_tool_ends_with_one(recorded, body, command, tmp_path):
     folder, _ = recorded
     done = command("calibrate", "tool", body, folder / "later", "--out", tmp_path / "none")
@@ -206,6 +221,21 @@ def test_models_and_data_that_do_not_suit_are_refused(recorded, body, command, t
     )
     assert done.returncode == 2
     assert "no pair of eyes" in done.stderr
+    blind = command("check", tmp_path / "arm.yaml", folder / "later")
+    assert blind.returncode == 2
+    assert "has no eyes, and data set 'later' holds nothing but pixels" in blind.stderr
+    once = tmp_path / "once"
+    Dataset.load(folder / "later").select(np.arange(1)).save(once)
+    lost = command("rezero", body, once, "--out", out)
+    assert lost.returncode == 2
+    assert "1 sighting is too few or too alike: `right_" in lost.stderr
+    assert lost.stderr.rstrip().endswith("record more poses, spread over the workspace")
+    few = command(
+        *("calibrate", "body", once, "--model", folder / "eyes.yaml", "--stage", "kinematics"),
+        *("--out", out),
+    )
+    assert few.returncode == 2
+    assert "both eyes saw the hand in 1 pose, at least 8 are needed: record more" in few.stderr
     assert command("check", folder / "eyes.yaml", folder / "later").returncode == 2
     lone = command("check", body, folder / "slipped", "--relearn")
     assert "--relearn and --out belong together" in lone.stderr

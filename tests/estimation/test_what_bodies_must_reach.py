@@ -146,12 +146,12 @@ def test_slips_of_two_degrees_are_seen_soon_and_named():
     delays = {joint: np.mean(found) for joint, found in seen.items()}
     assert np.mean(list(delays.values())) <= 3.0, delays
     # The twist of the upper arm moves the hand by 3 mm in 2 deg, against 2 mm of play: see
-    # docs/health.md for why no test sees that in three poses and never raises a false alarm.
+    # docs/health.md for why no test sees that in three poses that one false detection cannot fool.
     assert delays.pop("right_upper_arm_twist") <= 5.0
     assert max(delays.values()) <= 3.0, delays
 
 
-def test_no_test_could_see_the_twist_of_the_upper_arm_within_three_poses():
+def test_no_test_that_takes_play_as_normal_could_see_the_twist_within_three_poses():
     """Lorden's bound on the mean delay, log(poses between false alarms) / information a pose."""
     information = {}
     for seed in range(3):

@@ -60,7 +60,7 @@ def test_what_a_learner_gets_is_encoders_and_pixels(protocol, body):
     public = [name for name in dir(SimulatedBody) if not name.startswith("_")]
     methods = [name for name in public if inspect.isfunction(getattr(SimulatedBody, name))]
     happenings = {"bump_eye", "change_gear", "restart", "slip", "take_tool"}
-    outsiders = {"calipers", "observe"}
+    outsiders = {"calipers", "expected", "observe"}
     assert set(methods) == {"visit", "look_at_boards"} | happenings | outsiders
 
 
