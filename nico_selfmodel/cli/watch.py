@@ -25,6 +25,14 @@ def watch(
         Path | None,
         typer.Option("--html", help="Visit random poses, write the recording as one page, end."),
     ] = None,
+    mirror: Annotated[
+        str | None,
+        typer.Option(
+            "--mirror",
+            metavar="ID[=MM,DEG,DEG]",
+            help="Put a mirror that the self-model knows before the eyes, placed as for `record`.",
+        ),
+    ] = None,
     poses: Annotated[int, typer.Option("--poses", min=1, help="Poses of the recording.")] = 12,
     force: Annotated[bool, typer.Option("--force", help="Replace an existing page.")] = False,
 ) -> None:
@@ -37,10 +45,15 @@ def watch(
     if html is not None:
         refuse_existing(html, force=force)
     model = SelfModel.load(result)
+    from nico_selfmodel.experiments.mirror_recording import mirror_of_words
     from nico_selfmodel.experiments.watching import Watching
 
     individual = int(model.provenance.get("seed", 0)) if seed is None else seed
-    watching = Watching(model, chosen, individual, recording=html is not None)
+    put = None
+    if mirror is not None:
+        name, place = mirror_of_words(mirror)
+        put = (name, place if "=" in mirror else None)
+    watching = Watching(model, chosen, individual, mirror=put, recording=html is not None)
     if html is not None:
         with console.progress_bar() as stage:
             watching.visit_random_poses(
@@ -56,8 +69,9 @@ def watch(
 
 def _tell(errors: "NDArray") -> None:
     """Say on one line, written over and over, how far prediction and observation are apart."""
+    eyes = ("L", "R", "in the mirror L", "R")[: len(errors)]
     words = [
         f"{eye} {'not seen' if e != e else f'{e:.1f} px'}"
-        for eye, e in zip("LR", errors, strict=True)
+        for eye, e in zip(eyes, errors, strict=True)
     ]
     console.out.print("  " + "   ".join(words) + "      ", end="\r", markup=False)

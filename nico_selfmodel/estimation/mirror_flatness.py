@@ -2,10 +2,10 @@
 
 In a flat mirror each eye becomes a reflected camera, and both follow from three numbers. Two such
 cameras with six parameters each can follow what a bent mirror does to the eyes; whether they fit
-better than chance is the test.
+better than chance is the test (docs/mirrors.md).
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -23,6 +23,8 @@ _FEWEST_REDUNDANT = 8
 """Pixel coordinates more than camera parameters that the test needs."""
 _BY_CHANCE = 1e-3
 """A flat mirror fails the test this often."""
+_ALIKE = 1.0
+"""Joints of poses this far apart err nearly independently, of nearer ones alike [rad]."""
 
 
 @dataclass(frozen=True)
@@ -50,8 +52,9 @@ def flatness_of(
     """Test whether one mirror is flat.
 
     Errors that the arm's and the eyes' uncertainty brings to all poses alike are whitened together,
-    or else a slightly wrong arm would look like a bent mirror. Both models are linearised at the
-    plane that was found.
+    or else a slightly wrong arm would look like a bent mirror. So are errors that neighbouring
+    poses share, such as sag; the noise of the pixels is measured where the arm cannot disturb it.
+    Both models are linearised at the plane that was found.
 
     Args:
         reflections: Believed rows of this mirror, their points in front of it.
@@ -70,8 +73,11 @@ def flatness_of(
     by_cameras = _by_cameras(reflections, mirror)[
         :, :, np.repeat(6 * np.array(eyes), 6) + np.tile(np.arange(6), len(eyes))
     ]
+    miss = np.nan_to_num(reflections.pixels - shown.pixels)
+    sigma = _pixel_sigma(reflections, miss, shown.by_point, by_cameras, noise.pixel_sigma)
+    noise = replace(noise, pixel_sigma=sigma)
     white = _whitener(reflections, x, shown.by_point, noise)[np.ix_(seen, seen)]
-    miss = np.nan_to_num(reflections.pixels - shown.pixels).ravel()[seen]
+    miss = miss.ravel()[seen]
 
     def left_over(jacobian: NDArray) -> float:
         """Return what a linear model leaves of the whitened residuals."""
@@ -130,9 +136,55 @@ def _whitener(
     blocks = independent_covariance(reflections, by_point, noise)
     full = np.zeros((n, k, n, k))
     full[np.arange(n), :, np.arange(n), :] = blocks
+    if reflections.q is not None:
+        full = full + noise.joint_sigma**2 * _alike(reflections.q, by_point @ reflections.by_angle)
     full = full.reshape(n * k, n * k)
     factor = shared_factor(reflections, x, by_point)
     if factor is not None:
         flat = factor.reshape(n * k, -1)
         full = full + flat @ flat.T
     return np.linalg.cholesky(full)
+
+
+def _alike(q: NDArray, by_angle: NDArray) -> NDArray:
+    """Return the covariance of pixels from joints that err alike at poses that are alike.
+
+    What gravity, eccentric gears and one-sided play do to a joint is a smooth function of the pose,
+    unknown where the arm was not learned: a Gaussian process, as large as the joints' scatter.
+
+    Args:
+        q: Joint angles [rad]. Shape (N, n).
+        by_angle: Derivatives of the pixels by them. Shape (N, 2 C, n).
+
+    Returns:
+        For joints that err by one radian. Shape (N, 2 C, N, 2 C).
+    """
+    near = np.exp(-0.5 * np.sum(((q[:, None] - q) / _ALIKE) ** 2, axis=2))
+    flat = by_angle.reshape(-1, by_angle.shape[2])
+    pairs = (flat @ flat.T).reshape(*by_angle.shape[:2], *by_angle.shape[:2])
+    return near[:, None, :, None] * pairs
+
+
+def _pixel_sigma(
+    reflections: Reflections, miss: NDArray, by_point: NDArray, by_cameras: NDArray, stated: float
+) -> float:
+    """Return the noise of a pixel coordinate as the two eyes' disagreement shows it [px].
+
+    Wherever the arm puts the hand, both eyes see one point: of a row's four coordinates one
+    direction is moved by no point at all, and shows pixel noise alone, once two free cameras have
+    taken what is wrong with the eyes. The stated noise counts as some rows too.
+    """
+    both = np.asarray(reflections.seen.all(axis=1))
+    if by_point.shape[1] != 4 or both.sum() < 2:
+        return stated
+    across = np.linalg.svd(by_point[both])[0][:, :, 3]
+    r = np.einsum("ni,ni->n", across, miss[both])
+    columns = np.einsum("ni,nik->nk", across, by_cameras[both])
+    basis, size, _ = np.linalg.svd(
+        columns / np.maximum(np.linalg.norm(columns, axis=0), 1e-12), full_matrices=False
+    )
+    basis = basis[:, size > 1e-3 * size[0]]
+    left_over = r - basis @ (basis.T @ r)
+    rows = len(r) - basis.shape[1]
+    squares = _FEWEST_REDUNDANT * stated**2 + float(left_over @ left_over)
+    return float(np.sqrt(squares / (_FEWEST_REDUNDANT + rows)))

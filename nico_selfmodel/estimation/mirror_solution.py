@@ -15,6 +15,8 @@ from nico_selfmodel.estimation.reflection_residuals import (
     whitening_of,
 )
 from nico_selfmodel.estimation.reflections import ReflectionNoise, Reflections
+from nico_selfmodel.geometry.reflection import reflect
+from nico_selfmodel.geometry.transform import apply
 from nico_selfmodel.model.mirror import Mirror
 from nico_selfmodel.optimization import (
     CalibrationProgram,
@@ -152,6 +154,7 @@ def _solution(
                 f"no mirror fits the reflections in {name!r}: the plane that fits them best stands "
                 "behind the left eye; are these pixels reflections of this hand?"
             ) from error
+    _require_sight(reflections, mirrors, ~found.outliers)
     shown = project_reflections(reflections, x).pixels
     return MirrorSolution(
         reflections,
@@ -164,6 +167,26 @@ def _solution(
         found.iterations,
         found.solution.history,
     )
+
+
+def _require_sight(reflections: Reflections, mirrors: list[Mirror], believed: NDArray) -> None:
+    """Refuse planes whose reflections an eye would have to see behind itself.
+
+    Raises:
+        NotConvergedError: Naming the mirror.
+    """
+    X_WL = reflections.cameras[0].X_WC
+    for m, name in enumerate(reflections.mirrors):
+        rows = believed & (reflections.mirror == m)
+        virtual = reflect(mirrors[m].plane_in(X_WL), reflections.p_WQ[rows])
+        depths = [apply(eye.X_CW, virtual)[:, 2] for eye in reflections.cameras]
+        behind = np.asarray(np.min(depths, axis=0) <= 0.0)
+        if behind.any():
+            raise NotConvergedError(
+                f"no mirror fits the reflections in {name!r}: in the plane that fits them best "
+                f"{int(behind.sum())} of {len(behind)} would appear behind the eyes; are left and "
+                "right exchanged, or are these pixels of another thing?"
+            )
 
 
 def _uncertainty(

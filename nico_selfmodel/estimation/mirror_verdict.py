@@ -74,6 +74,11 @@ def mirror_warnings(calibration: MirrorCalibration) -> tuple[str, ...]:
             "the self-model has no covariance: what the arm and the eyes are uncertain by is "
             "missing from the mirrors' sigmas"
         )
+    elif not solution.reflections.shared.eye_columns:
+        words.append(
+            "the self-model does not say what its eyes are uncertain by, they count as exact: "
+            "`nico-selfmodel calibrate body` would tell"
+        )
     if len(calibration.misplaced):
         listed = ", ".join(str(sample) for sample in calibration.misplaced[:8].tolist())
         words.append(
@@ -104,7 +109,7 @@ def _blind_reasons(calibration: MirrorCalibration) -> list[str]:
 
 def _flatness_reasons(calibration: MirrorCalibration) -> list[str]:
     return [
-        f"mirror {name!r} is not flat, or the arm is not what the self-model says: two free "
+        f"mirror {name!r} is not flat, or the body is not what the self-model says: two free "
         f"cameras fit better than one plane, chi-square {test.chi_square:.0f} for {test.freedom} "
         f"parameters more ({test.by_chance:.1g} by chance)"
         for name, test in calibration.flatness.items()

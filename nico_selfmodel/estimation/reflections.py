@@ -59,6 +59,8 @@ class Reflections:
     """Row of the data set behind each row here. Shape (N,)."""
     shared: SharedErrors | None = field(default=None)
     """What is wrong with all rows alike; None where that is not known."""
+    q: NDArray | None = field(default=None)
+    """Joint angles by the encoders; None where no arm holds the points [rad]. Shape (N, n)."""
 
     @classmethod
     def from_dataset(cls, dataset: Dataset, model: SelfModel) -> "Reflections":
@@ -95,6 +97,7 @@ class Reflections:
             dataset.sample[rows],
             rows,
             points.shared,
+            points.q,
         )
 
     def __len__(self) -> int:
@@ -117,7 +120,10 @@ class Reflections:
         shared = self.shared
         if shared is not None:
             shared = replace(shared, by_parameter=shared.by_parameter[keep])
-        return replace(self, shared=shared, **{name: getattr(self, name)[keep] for name in arrays})
+        q = None if self.q is None else self.q[keep]
+        return replace(
+            self, shared=shared, q=q, **{name: getattr(self, name)[keep] for name in arrays}
+        )
 
     def of(self, mirror: str) -> "Reflections":
         """Return the rows of one mirror, which is then the only one."""
@@ -135,6 +141,8 @@ class KnownPoints:
     """Derivatives by the joint angles [m/rad]. Shape (N, 3, n)."""
     shared: SharedErrors | None
     """From the model's covariance; None where it has none."""
+    q: NDArray
+    """Joint angles by the encoders [rad]. Shape (N, n)."""
 
 
 def known_points(dataset: Dataset, model: SelfModel, rows: NDArray) -> KnownPoints:
@@ -173,7 +181,8 @@ def known_points(dataset: Dataset, model: SelfModel, rows: NDArray) -> KnownPoin
     offsets = [names.index(f"{joint}.theta_offset") for joint in model.joints]
     # q = (encoder - theta_offset) / gear
     by_angle = -slopes[:, :, offsets] * model.servos.gear
-    return KnownPoints(p, by_angle, _shared_errors(model, slopes))
+    q = model.servos.to_joint(dataset.encoders[rows][:, columns])
+    return KnownPoints(p, by_angle, _shared_errors(model, slopes), q)
 
 
 def _shared_errors(model: SelfModel, slopes: NDArray) -> SharedErrors | None:

@@ -16,6 +16,7 @@ from nico_selfmodel.experiments.mirror import (
     experiment_of,
 )
 from nico_selfmodel.experiments.mirror_recording import NicoBeforeMirrors
+from nico_selfmodel.experiments.outsider import Outsider
 from nico_selfmodel.model import Mirror
 from nico_selfmodel.systems import World
 
@@ -79,6 +80,8 @@ def rendered_trial(world: World, seed: int, counts: Counts | None, stage: Stage)
         DataError: If too few poses showed the hand in a mirror.
     """
     lesson = learn_body_through_the_eyes(world, seed, marker=MARKER, counts=counts, stage=stage)
+    # One eye is enough for a pose to count, so that both may have seen fewer.
+    direct = seen_by_both(lesson.arm.test, "", TEST_POSES, TEST_POSES // 2)
     nico = NicoBeforeItsEyes(world, seed, (MARKER,))
     before = NicoBeforeMirrors(nico, RENDERED_MIRRORS, rig=lesson.model.rig)
 
@@ -89,28 +92,39 @@ def rendered_trial(world: World, seed: int, counts: Counts | None, stage: Stage)
     test = before.record(
         "test", TEST_DAY, TEST_POSES, best=False, progress=watched("mirrors, kept for judging")
     )
+    # Who knows how the mirrors stand before the true eye judges, and tells nobody.
+    outsider = Outsider(nico.arm, world, seed)
+    true = {name: outsider.mirror(view.X_BM) for name, view in before.views.items()}
     stage("learning mirrors", 0, 1)
     found = Trial.of(
         lesson.model,
-        seen_by_both(lesson.arm.test, "", TEST_POSES),
+        direct,
         {name: seen_by_both(train, name, max(POSES)) for name in RENDERED_MIRRORS},
         {name: seen_by_both(test, name, TEST_POSES) for name in RENDERED_MIRRORS},
         PIXEL_SIGMA,
+        true,
     )
     stage("learning mirrors", 1, 1)
     return found
 
 
-def seen_by_both(data: Dataset, mirror: str, count: int) -> Dataset:
+def seen_by_both(data: Dataset, mirror: str, count: int, fewest: int | None = None) -> Dataset:
     """Return the first rows of a view that both eyes saw.
+
+    Args:
+        data: Of all views.
+        mirror: Name of the mirror; empty for the hand seen directly.
+        count: How many to take.
+        fewest: How many are enough; as many as are taken if omitted.
 
     Raises:
         DataError: If there are fewer.
     """
     rows = np.flatnonzero((data.mirror == mirror) & np.isfinite(data.pixels).all(axis=1))
-    if len(rows) < count:
+    fewest = count if fewest is None else fewest
+    if len(rows) < fewest:
         raise DataError(
-            f"only {len(rows)} of {count} poses show the hand to both eyes "
+            f"only {len(rows)} of {fewest} poses show the hand to both eyes "
             + (f"in mirror {mirror!r}" if mirror else "directly")
         )
     return data.select(rows[:count])

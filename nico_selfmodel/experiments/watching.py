@@ -6,21 +6,37 @@ from collections.abc import Callable
 import numpy as np
 from numpy.typing import NDArray
 
+from nico_selfmodel.errors import ModelError
 from nico_selfmodel.experiments.eyes_lesson import NicoBeforeItsEyes
-from nico_selfmodel.model import SelfModel
+from nico_selfmodel.experiments.mirror_recording import DEFAULT_MIRROR, NicoBeforeMirrors
+from nico_selfmodel.geometry.transform import inverse
+from nico_selfmodel.model import Mirror, SelfModel
 from nico_selfmodel.model.stereo_rig import EYES
 from nico_selfmodel.systems import NicoStation, StationBody, World
+from nico_selfmodel.systems.mirror_scene import put_mirror
+from nico_selfmodel.viz.station_mirror import StandingGlass
 from nico_selfmodel.viz.station_view import StationView
 
 STOP = "stop"
 """Label of the button that ends the show."""
+_DAY = 99
+
+
+_ELSEWHERE_M, _ELSEWHERE = 0.04, np.radians(10.0)
+"""A learned mirror farther from where it is put stood elsewhere; heads are degrees off."""
 
 
 class Watching:
     """A station and its view."""
 
     def __init__(
-        self, model: SelfModel, world: World, seed: int, *, recording: bool = False
+        self,
+        model: SelfModel,
+        world: World,
+        seed: int,
+        *,
+        mirror: tuple[str, Mirror | None] | None = None,
+        recording: bool = False,
     ) -> None:
         """Wake the robot up and draw it.
 
@@ -28,42 +44,72 @@ class Watching:
             model: What it has learned: arm and eyes.
             world: What is wrong with it.
             seed: Which individual; the one that learned the model.
+            mirror: A mirror that the model knows and where it is put before the left eye as
+                designed; None as place for where `learn --mirror` puts it.
             recording: Keep an animation.
 
         Raises:
-            ModelError: If the model lacks arm or eyes, or tracks something else.
+            ModelError: If the model lacks arm, eyes or that mirror, or tracks something else; or if
+                the mirror was learned at another place and nobody says where to put it.
         """
+        if mirror is not None:
+            _check_mirror(model, *mirror)
         self.marker = model.markers[0]
         self._nico = NicoBeforeItsEyes(world, seed, (self.marker,))
         self._nico.arm.check_joints(model.joints)
-        self.station: NicoStation = self._nico.station(99, model.rig)
+        self._before = None if mirror is None else _before(self._nico, model, *mirror)
+        self.station: NicoStation = (
+            self._nico.station(_DAY, model.rig)
+            if self._before is None
+            else self._before.station(_DAY)
+        )
         self.body = StationBody(self.station, self.station.joints, (self.marker,))
         self.model = model
-        self.view = StationView(self._nico.arm, model, recording=recording)
+        glass = None if self._before is None else self._put_glass(self._before)
+        self.mirror = None if glass is None else glass.mirror
+        self.view = StationView(self._nico.arm, model, glass=glass, recording=recording)
+
+    def _put_glass(self, before: NicoBeforeMirrors) -> StandingGlass:
+        ((name, view),) = before.views.items()
+        put_mirror(self.station, self.body.context, view.X_BM)
+        X_RM = inverse(before.nico.arm.links.X_BR) @ view.X_BM
+        return StandingGlass(name, X_RM, before.plate.width, before.plate.height)
 
     def show(self) -> NDArray:
         """Show the station as it is now.
 
         Returns:
-            Distance of the predicted from the tracked pixels in each eye, nan where not seen [px].
+            Distance of the predicted from the tracked pixels in each eye, then the same of the
+            reflection where there is a mirror; nan where not seen [px]. Shape (2,) or (4,).
         """
         context = self.body.context
         readings = self._read("encoders")
         pixels = self._read("hand_pixels")
         images = [self.station.picture(context, eye) for eye in EYES]
-        self.view.show(readings, images, pixels)
-        expected = self.model.rig.project(self.model.predict(readings).p_WH)[0]
-        return np.linalg.norm((pixels - expected).reshape(2, 2), axis=1)
+        p_WH = self.model.predict(readings).p_WH
+        expected = self.model.rig.project(p_WH)[0]
+        if self.mirror is None:
+            self.view.show(readings, images, pixels)
+            return np.linalg.norm((pixels - expected).reshape(2, 2), axis=1)
+        reflected = self._read("reflected_pixels")
+        self.view.show(readings, images, pixels, reflected)
+        behind = self.model.mirror_rig(self.mirror).project(p_WH)[0]
+        miss = np.concatenate([pixels - expected, reflected - behind])
+        return np.linalg.norm(miss.reshape(4, 2), axis=1)
 
     def visit_random_poses(
         self, count: int, progress: Callable[[int, int], None] | None = None
     ) -> list[NDArray]:
-        """Visit poses in view and show each.
+        """Visit poses in view, in the mirror if there is one, and show each.
 
         Returns:
             What `show` returned at each pose.
         """
-        plan = self._nico.plan(self.station, 0, count, np.random.default_rng(7))
+        rng = np.random.default_rng(7)
+        if self._before is None:
+            plan = self._nico.plan(self.station, 0, count, rng)
+        else:
+            plan, _ = self._before.plan(self.station, count, 0, rng, best=False)
         errors = []
         for done, (_, command) in enumerate(plan[:count], start=1):
             self.body.visit(command)
@@ -109,3 +155,28 @@ class Watching:
     def _degrees(ends: NDArray) -> tuple[float, float]:
         low, high = np.sort(np.degrees(ends))
         return float(low), float(high)
+
+
+def _before(
+    nico: NicoBeforeItsEyes, model: SelfModel, name: str, place: Mirror | None
+) -> NicoBeforeMirrors:
+    return NicoBeforeMirrors(nico, {name: place or DEFAULT_MIRROR}, knows=model, rig=model.rig)
+
+
+def _check_mirror(model: SelfModel, name: str, place: Mirror | None) -> None:
+    """Refuse mirrors that the model does not know, and guesses about where they stood.
+
+    Raises:
+        ModelError: Saying which there are, or where it was learned to stand.
+    """
+    learned = model.mirror_rig(name).mirror
+    if place is not None:
+        return
+    apart = abs(learned.distance - DEFAULT_MIRROR.distance)
+    if apart > _ELSEWHERE_M or learned.angle_to(DEFAULT_MIRROR) > _ELSEWHERE:
+        tilt_x, tilt_y = np.degrees(learned.values[:2])
+        raise ModelError(
+            f"mirror {name!r} was learned {1e3 * learned.distance:.0f} mm before the left eye, "
+            f"turned by {tilt_x:.0f} and {tilt_y:.0f} deg, not where `learn --mirror` puts one: "
+            f"say where to put it as it was recorded, --mirror {name}=MM,DEG,DEG"
+        )

@@ -131,8 +131,8 @@ def _mirror_table(document: Mapping[str, Any]) -> Table:
         )
         rows.append((name, cells))
     headings = (
-        "mirror", "poses", "from the left eye [mm]", "normal known to [deg]",
-        "hand before it [mm]", "flatness", "one plane [px]", "two free cameras [px]",
+        "mirror", "poses", "from left eye [mm]", "normal ± [deg]",
+        "hand before it [mm]", "flatness", "plane [px]", "free cameras [px]",
     )  # fmt: skip
     return Table(headings, tuple(rows))
 

@@ -2,6 +2,7 @@
 
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
+from types import MappingProxyType
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -19,6 +20,7 @@ from nico_selfmodel.viz.robot_items import robot_items
 from nico_selfmodel.viz.scene import ROOT, LegendEntry, Scene
 from nico_selfmodel.viz.scene_items import Item, Markers, Picture, Rgba
 from nico_selfmodel.viz.screens import screens_beside
+from nico_selfmodel.viz.station_mirror import StandingGlass, StationMirror
 from nico_selfmodel.viz.surroundings import camera_from, floor_items
 
 _SPREAD = 1.5
@@ -27,6 +29,8 @@ _HAND = 0.006
 """Radius of what marks the hand [m]."""
 _MARK, _GAP, _THICK = 44, 18, 2
 """Half a cross, the hole in its middle, and half its thickness, in images [px]."""
+_RING, _ARC = 26, np.tan(np.radians(21.0))
+"""Radius of a ring in images [px], and the tangent of half the angle of its arcs."""
 _CYAN, _ORANGE = "#33bbee", "#ee7733"
 TRACKED, PREDICTED = palette.rgba(_CYAN), palette.rgba(_ORANGE)
 _FLESH = 0.09
@@ -35,11 +39,16 @@ _SECONDS_A_FRAME = 1.0 / 8.0
 _AZIMUTH = np.radians(252.0)
 """The first view is from the robot's right and a little behind: it looks towards its screens."""
 
+_INTO_MIRROR = np.radians(232.0)
+"""Before a mirror it is more from behind, so that one can look into the glass."""
+
 
 class StationView:
     """The moving robot with the frusta of both eyes, their images, the tracked and predicted hand.
 
     The robot stands upright on its own root link, whatever frame its self-model is expressed in.
+    Before a mirror, the glass carries what the left eye sees in it, the hand's reflection stands
+    behind it, and rays go from the hand over the glass into the eyes.
     """
 
     def __init__(
@@ -48,6 +57,7 @@ class StationView:
         model: SelfModel,
         meshcat: Meshcat | None = None,
         *,
+        glass: StandingGlass | None = None,
         recording: bool = False,
     ) -> None:
         """Draw everything once.
@@ -56,16 +66,19 @@ class StationView:
             arm: The robot as described.
             model: Arm and eyes as learned.
             meshcat: Where to draw; a new server that only this machine reaches if omitted.
+            glass: A mirror before the robot that the model knows, if any.
             recording: Keep every `show` as a frame of an animation, for `html`.
 
         Raises:
-            ModelError: If the model lacks arm or eyes, or the robot cannot be read.
+            ModelError: If the model lacks arm, eyes or that mirror, or the robot cannot be read.
             SelfModelError: If the server cannot start.
         """
         self.model = _upright(arm, model)
         self.marker = self.model.markers[0]
         self._built = SelfModelPlant.from_urdf(arm, self.model)
         self._context = self._built.plant.CreateDefaultContext()
+        self._mirror = None if glass is None else StationMirror(glass, self.model)
+        self._shown: dict[str, str] = {}
         q = np.zeros(len(arm.joints))
         body = robot_items(arm, self.model, q)
         self._links = sorted({item.path.split("/")[1] for item in body})
@@ -76,7 +89,8 @@ class StationView:
             for eye, camera in zip(EYES, self.model.rig.eyes, strict=True)
         }
         sizes = {eye: plane.camera.image_size for eye, plane in self._planes.items()}
-        self._screens = screens_beside(self._extent(body), _AZIMUTH, sizes)
+        self._azimuth = float(_AZIMUTH if glass is None else _INTO_MIRROR)
+        self._screens = screens_beside(self._extent(body), self._azimuth, sizes)
         self._recording, self._frames = recording, 0
         self.meshcat = draw_in_drake(self._scene(body), meshcat)
         if recording:
@@ -93,6 +107,12 @@ class StationView:
         last = self._screens[EYES[1]]
         items.append(last.words("screens/tracked", "+  hand as tracked", _CYAN, 0))
         items.append(last.words("screens/predicted", "\u00d7  hand as predicted", _ORANGE, 1))
+        if self._mirror is not None:
+            items += self._mirror.frame_items()
+            items += [_ball("reflection/tracked", TRACKED, 1.0)]
+            items += [_ball("reflection/predicted", PREDICTED, 0.8)]
+            words = "\u25cb  its reflection"
+            items.append(last.words("screens/reflected", words, palette.INK, 2))
         points = self._extent(body)
         grid = floor_items(points, 0.2)
         legend = (
@@ -100,13 +120,15 @@ class StationView:
             LegendEntry("hand as predicted", PREDICTED),
         )
         corners = [screen.corners for screen in self._screens.values()]
-        view = camera_from(np.concatenate([points, *corners]), _AZIMUTH, np.radians(18.0))
+        view = camera_from(np.concatenate([points, *corners]), self._azimuth, np.radians(18.0))
         return Scene(self.model.name, (*grid, *items), view, legend)
 
     def _extent(self, body: list[Item]) -> NDArray:
         """Return points that the robot and what its eyes see lie between. Shape (N, 3)."""
         links = np.concatenate([apply(item.X_WI, np.zeros((1, 3))) for item in body])
         planes = [plane.corners for plane in self._planes.values()]
+        if self._mirror is not None:
+            planes.append(self._mirror.corners)
         return np.concatenate([links - _FLESH, links + _FLESH, *planes])
 
     def show(
@@ -114,6 +136,7 @@ class StationView:
         readings: ArrayLike,
         images: Sequence[NDArray] | None = None,
         pixels: ArrayLike | None = None,
+        reflected: ArrayLike | None = None,
     ) -> None:
         """Move the robot and show what it sees.
 
@@ -122,26 +145,61 @@ class StationView:
             images: Pictures of the left and right eye, BGR, 8 bits. Shape (h, w, 3) each.
             pixels: Where the eyes tracked the hand, nan where not; for the marks and the tracked
                 hand. Shape (4,).
+            reflected: Where they tracked its reflection, before a mirror. Shape (4,).
 
         Raises:
-            ValueError: If a shape is wrong.
+            ValueError: If a shape is wrong, or there is no mirror to be reflected in.
         """
         time = self._frames * _SECONDS_A_FRAME if self._recording else None
         q = self.model.servos.to_joint(np.asarray(readings, dtype=float))
+        seen, in_mirror = _four(pixels, "pixels"), _four(reflected, "reflected")
+        if self._mirror is None and reflected is not None:
+            raise ValueError("reflected pixels were given, but the view was made without a glass")
         for link, X_DL in self._link_poses(q).items():
             self._place(f"robot/{link}", X_DL @ self._X_LD[link], time)
         predicted = self.model.chain.forward(q)
         self._place("hand/predicted", transform(np.eye(3), predicted), time)
-        seen = np.full(4, np.nan) if pixels is None else np.asarray(pixels, dtype=float)
-        if seen.shape != (4,):
-            raise ValueError(f"pixels must have shape (4,), got {seen.shape}")
-        self._show_tracked(seen, time)
+        self._show_tracked("hand/tracked", seen, time)
+        if self._mirror is not None:
+            self._show_reflection(self._mirror, predicted, in_mirror, time)
         if images is not None:
-            expected = self.model.rig.project(predicted)
-            for k, eye in enumerate(EYES):
-                marks = {TRACKED: seen[2 * k :][:2], PREDICTED: expected[2 * k :][:2]}
-                self._show_image(eye, marked(images[k][:, :, ::-1], marks), time)
+            self._show_images(images, predicted, seen, in_mirror, time)
         self._frames += 1
+
+    def _show_images(
+        self,
+        images: Sequence[NDArray],
+        predicted: NDArray,
+        seen: NDArray,
+        in_mirror: NDArray,
+        time: float | None,
+    ) -> None:
+        """Show both pictures with the hand and its reflection marked, and what the glass shows."""
+        mirror = self._mirror
+        if mirror is not None:
+            self._show_item("mirror/picture", mirror.picture(images[0][:, :, ::-1]), time)
+        expected = self.model.rig.project(predicted)
+        behind = np.full(4, np.nan) if mirror is None else mirror.rig.project(predicted)
+        for k, eye in enumerate(EYES):
+            own = slice(2 * k, 2 * k + 2)
+            marks = {TRACKED: seen[own], PREDICTED: expected[own]}
+            rings = {TRACKED: in_mirror[own], PREDICTED: behind[own]}
+            self._show_image(eye, marked(images[k][:, :, ::-1], marks, rings), time)
+
+    def _show_reflection(
+        self, mirror: StationMirror, predicted: NDArray, pixels: NDArray, time: float | None
+    ) -> None:
+        """Show where the reflection is expected and tracked, and how its light goes."""
+        behind = transform(np.eye(3), mirror.reflection(predicted))
+        in_front = float(mirror.rig.plane.distance_to(predicted)) > 0.0
+        self._place("reflection/predicted", behind, time)
+        self._set_visible("reflection/predicted", in_front, time)
+        self._show_tracked("reflection/tracked", pixels, time)
+        rays = mirror.rays(predicted)
+        for eye in EYES:
+            for kind in ("ray", "behind"):
+                name = f"{eye}_{kind}"
+                self._show_item(f"mirror/{name}", rays.get(name), time)
 
     def html(self) -> str:
         """Return what was shown as one page, with its animation if it was recorded."""
@@ -150,8 +208,7 @@ class StationView:
             self.meshcat.PublishRecording()
         return self.meshcat.StaticHtml()
 
-    def _show_tracked(self, pixels: NDArray, time: float | None) -> None:
-        path = "hand/tracked"
+    def _show_tracked(self, path: str, pixels: NDArray, time: float | None) -> None:
         there = bool(np.isfinite(pixels).all())
         if there:
             p = self.model.rig.triangulate(pixels[None]).p_WQ[0]
@@ -162,20 +219,28 @@ class StationView:
         """Draw an image on its plane and on its screen."""
         items = eye_items(eye, self._planes[eye], image)
         (picture,) = (item for item in items if isinstance(item, Picture) and "image" in item.path)
-        self._show_picture(f"eyes/{eye}", picture, time)
-        self._show_picture(f"screens/{eye}", self._screens[eye].picture(image, "image"), time)
+        self._show_item(f"eyes/{eye}/image", picture, time)
+        self._show_item(f"screens/{eye}/image", self._screens[eye].picture(image, "image"), time)
 
-    def _show_picture(self, folder: str, picture: Picture, time: float | None) -> None:
-        """Draw a picture. A recording keeps all, one visible at a time."""
-        path = f"{folder}/image" if time is None else f"{folder}/frame_{self._frames}"
+    def _show_item(self, name: str, item: Item | None, time: float | None) -> None:
+        """Draw what is new at every moment, None for nothing.
+
+        A recording holds motions, not shapes: it keeps all of them, one visible at a time.
+        """
+        before = self._shown.pop(name, None)
+        folder = name.rpartition("/")[0]
+        stem = folder if name.endswith("/image") else name
+        path = name if time is None else f"{stem}/frame_{self._frames}"
+        if before is not None and (time is not None or item is None):
+            self._set_visible(before, False, time)
+        if item is None:
+            return
+        self._shown[name] = path
+        _draw(self.meshcat, f"{ROOT}/{path}", replace(item, path=path))
+        self._place(path, item.X_WI, None)
         if time is not None and self._frames:
-            self._set_visible(f"{folder}/frame_{self._frames - 1}", False, time)
-        _draw(self.meshcat, f"{ROOT}/{path}", replace(picture, path=path))
-        self._place(path, picture.X_WI, None)
-        if time is not None:
-            if self._frames:
-                self._set_visible(path, False, 0.0)
-            self._set_visible(path, True, time)
+            self._set_visible(path, False, 0.0)
+        self._set_visible(path, True, time)
 
     def _place(self, path: str, X: NDArray, time: float | None) -> None:
         self.meshcat.SetTransform(f"{ROOT}/{path}", RigidTransform(pose=X), time_in_recording=time)
@@ -193,29 +258,54 @@ class StationView:
         return poses
 
 
-def marked(image: NDArray, marks: Mapping[Rgba, ArrayLike]) -> NDArray:
-    """Return an image with a cross at each mark, open in the middle.
+def marked(
+    image: NDArray,
+    marks: Mapping[Rgba, ArrayLike],
+    rings: Mapping[Rgba, ArrayLike] = MappingProxyType({}),
+) -> NDArray:
+    """Return an image with a cross at each mark, open in the middle, and with rings.
 
     Args:
         image: Red, green, blue, 8 bits. Shape (h, w, 3).
         marks: Colour -> pixel (u, v); nan for none.
+        rings: The same of what is marked by a ring.
 
     Returns:
         A copy. Shape (h, w, 3).
     """
     drawn = np.array(image)
     v, u = np.ogrid[: drawn.shape[0], : drawn.shape[1]]
-    for turn, (color, pixel) in enumerate(marks.items()):
-        at = np.asarray(pixel, dtype=float)
-        if not np.isfinite(at).all():
-            continue
-        x, y = u - round(at[0]), v - round(at[1])
-        # Every other cross stands on its corner, so that both show where they coincide.
-        x, y = (x, y) if turn % 2 == 0 else (x + y, x - y)
-        far = np.maximum(np.abs(x), np.abs(y))
-        cross = (np.minimum(np.abs(x), np.abs(y)) <= _THICK) & (far <= _MARK) & (far >= _GAP)
-        drawn[cross] = np.round(255.0 * np.array(color[:3])).astype(np.uint8)
+    for shape, places in ((_cross, marks), (_ring, rings)):
+        for turn, (color, pixel) in enumerate(places.items()):
+            at = np.asarray(pixel, dtype=float)
+            if not np.isfinite(at).all():
+                continue
+            x, y = u - round(at[0]), v - round(at[1])
+            # Every other mark stands on its corner, so that both show where they coincide.
+            x, y = (x, y) if turn % 2 == 0 else (x + y, x - y)
+            drawn[shape(x, y, turn % 2)] = np.round(255.0 * np.array(color[:3])).astype(np.uint8)
     return drawn
+
+
+def _cross(x: NDArray, y: NDArray, _turned: int) -> NDArray:
+    """Return the pixels of a cross that is open in the middle."""
+    far = np.maximum(np.abs(x), np.abs(y))
+    return (np.minimum(np.abs(x), np.abs(y)) <= _THICK) & (far <= _MARK) & (far >= _GAP)
+
+
+def _ring(x: NDArray, y: NDArray, turned: int) -> NDArray:
+    """Return the pixels of a ring's four arcs about the axes; turned axes are longer by root 2."""
+    radius = np.hypot(x, y) / np.sqrt(1.0 + turned)
+    near_axis = np.minimum(np.abs(x), np.abs(y)) < _ARC * np.maximum(np.abs(x), np.abs(y))
+    return (np.abs(radius - _RING) <= _THICK) & near_axis
+
+
+def _four(pixels: ArrayLike | None, name: str) -> NDArray:
+    """Return pixels of both eyes; nan for none."""
+    found = np.full(4, np.nan) if pixels is None else np.asarray(pixels, dtype=float)
+    if found.shape != (4,):
+        raise ValueError(f"{name} must have shape (4,), got {found.shape}")
+    return found
 
 
 def _upright(arm: ArmDescription, model: SelfModel) -> SelfModel:

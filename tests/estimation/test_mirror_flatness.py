@@ -119,3 +119,57 @@ def test_a_flat_mirror_in_another_place_is_no_bent_one():
     moved = Mirror.from_values(MIRROR.values + np.array([0.02, 0.0, 0.01]))
     reflections = Reflections.from_dataset(recording(poses(12)), body())
     assert flatness_of(reflections, moved, NOISE).flat
+
+
+def smooth_errors(q, seed, sigma):
+    """Return joint angles off by a smooth function of the pose, as sag and gears make it."""
+    rng = np.random.default_rng((seed, 9))
+    turn, phase = rng.normal(0.0, 0.7, (4, 4)), rng.uniform(0.0, 2.0 * np.pi, 4)
+    return q + sigma * np.sqrt(2.0) * np.sin(q @ turn + phase)
+
+
+def seen_with_smooth_errors(seed, radius=None, count=50):
+    q = poses(count, seed)
+    p = CHAIN.forward(smooth_errors(q, seed, np.radians(0.5)))
+    eyes = [
+        eye.project(MIRROR.reflect(p))
+        if radius is None
+        else curved_reflection(eye, MIRROR, radius, p, eye.X_WC)
+        for eye in RIG.eyes
+    ]
+    noise = np.random.default_rng((seed, 3)).normal(0.0, 0.3, (count, 4))
+    data = replace(recording(q), pixels=np.concatenate(eyes, axis=1) + noise)
+    return Reflections.from_dataset(data, body(True))
+
+
+def test_joints_that_err_alike_in_neighbouring_poses_do_not_bend_a_mirror():
+    noise = ReflectionNoise(0.3, np.radians(0.5))
+    alarms = {"alike": 0, "drawn anew": 0}
+    for seed in range(40):
+        reflections = seen_with_smooth_errors(seed)
+        (mirror,) = solve_mirrors(reflections, (MIRROR,), noise).mirrors
+        alarms["alike"] += not flatness_of(reflections, mirror, noise).flat
+        anew = replace(reflections, q=None)
+        alarms["drawn anew"] += not flatness_of(anew, mirror, noise).flat
+    assert alarms["alike"] < 1
+    assert alarms["drawn anew"] > 4
+
+
+@pytest.mark.parametrize("radius", [3.0, -3.0])
+def test_a_bent_mirror_is_recognised_by_joints_that_err_alike(radius):
+    noise = ReflectionNoise(0.3, np.radians(0.5))
+    for seed in range(10):
+        reflections = seen_with_smooth_errors(seed, radius, count=10)
+        (mirror,) = solve_mirrors(reflections, (MIRROR,), noise).mirrors
+        assert not flatness_of(reflections, mirror, noise).flat
+
+
+def test_pixel_noise_that_was_stated_too_small_is_measured():
+    stated, chances = ReflectionNoise(0.05, np.radians(0.3)), []
+    for seed in range(30):
+        data = recording(poses(50, seed), seed=seed, play=np.radians(0.5))
+        reflections = Reflections.from_dataset(data, body())
+        (mirror,) = solve_mirrors(reflections, (MIRROR,), stated).mirrors
+        chances.append(flatness_of(reflections, mirror, stated).by_chance)
+    # With the stated noise it is 0.2 of them.
+    assert np.mean(np.array(chances) < 0.05) < 0.12

@@ -1,13 +1,18 @@
 """The live scene: a robot that moves, images with marks, and a recording in one page."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
 from nico_selfmodel.dataset import JointInfo
 from nico_selfmodel.errors import ModelError
+from nico_selfmodel.geometry.transform import inverse, transform
+from nico_selfmodel.model import Mirror
 from nico_selfmodel.systems import Reach, looking_arm
 from nico_selfmodel.viz.scene import ROOT
 from nico_selfmodel.viz.screens import screens_beside
+from nico_selfmodel.viz.station_mirror import StandingGlass
 from nico_selfmodel.viz.station_view import PREDICTED, TRACKED, StationView, marked
 
 ARM = looking_arm("fiducial")
@@ -90,9 +95,50 @@ def test_a_recording_keeps_every_image():
     assert len(view.html()) > 500_000
 
 
-def test_a_model_without_eyes_and_pixels_that_are_none_are_refused():
-    from dataclasses import replace
+def before_glass():
+    """Return a model that knows a mirror 0.3 m before its eyes, and the glass."""
+    mirror = Mirror.from_values([0.0, np.radians(-20.0), 0.3])
+    X_BL = MODEL.rig.left.X_WC
+    X_LM = transform(np.stack([[1.0, 0.0, 0.0], np.cross(-mirror.normal, [1.0, 0.0, 0.0]),
+                               -mirror.normal], axis=1), -0.25 * mirror.normal)  # fmt: skip
+    X_RM = inverse(ARM.links.X_BR) @ X_BL @ X_LM
+    return replace(MODEL, mirrors={"glass": mirror}), StandingGlass("glass", X_RM, 0.4, 0.3)
 
+
+def test_a_glass_stands_in_the_learned_plane_and_carries_picture_reflection_and_rays():
+    model, glass = before_glass()
+    view = StationView(ARM, model, glass=glass)
+    mirror = view._mirror
+    assert mirror.rig.plane.distance_to(mirror.corners) == pytest.approx(np.zeros(4), abs=1e-12)
+    sides = np.linalg.norm(np.diff(mirror.corners, axis=0), axis=1)
+    assert sides == pytest.approx([0.4, 0.3, 0.4], abs=1e-9)
+    readings = np.radians([-100.0, 5.0, -50.0, -60.0])
+    p = view.model.chain.forward(readings)
+    reflected = mirror.rig.project(p)
+    assert np.isfinite(reflected).all()
+    view.show(readings, IMAGES, None, reflected)
+    names = ("picture", "left_ray", "right_ray", "left_behind", "glass")
+    for path in (*(f"mirror/{name}" for name in names), "reflection/tracked"):
+        assert view.meshcat.HasPath(f"{ROOT}/{path}"), path
+    # Light from the hand meets the glass under the angle at which it leaves to the eye.
+    hand, on, eye = mirror.rays(p)["left_ray"].points
+    normal = mirror.rig.plane.normal
+    come, go = (hand - on) / np.linalg.norm(hand - on), (eye - on) / np.linalg.norm(eye - on)
+    assert come @ normal == pytest.approx(go @ normal, abs=1e-9)
+    assert abs(float(mirror.rig.plane.distance_to(on))) < 1e-9
+
+
+def test_reflections_are_marked_by_rings_and_need_a_glass():
+    image = np.zeros((100, 120, 3), np.uint8)
+    drawn = marked(image, {}, {TRACKED: (60.0, 50.0), PREDICTED: (60.0, 50.0)})
+    assert len(np.unique(drawn.reshape(-1, 3), axis=0)) == 3
+    far = np.hypot(*(np.argwhere(drawn.any(axis=2)) - [50, 60]).T)
+    assert 22.0 < far.min() < far.max() < 30.0
+    with pytest.raises(ValueError, match="without a glass"):
+        StationView(ARM, MODEL).show(READINGS, None, None, np.zeros(4))
+
+
+def test_a_model_without_eyes_and_pixels_that_are_none_are_refused():
     with pytest.raises(ModelError, match="no pair of eyes"):
         StationView(ARM, replace(MODEL, cameras={}))
     with pytest.raises(ValueError, match=r"shape \(4,\)"):
