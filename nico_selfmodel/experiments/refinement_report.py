@@ -9,7 +9,7 @@ import numpy as np
 from nico_selfmodel.experiments.limits import Limit
 from nico_selfmodel.experiments.refinement import RefinementExperiment, RefinementRow
 from nico_selfmodel.experiments.report_files import Table, as_markdown, bodies, write_experiment
-from nico_selfmodel.viz import BarSeries, bar_chart
+from nico_selfmodel.viz import BarSeries, Level, bar_chart
 
 THESIS: dict[str, dict[str, dict[str, tuple[float, float]]]] = {
     "fiducial": {
@@ -40,7 +40,6 @@ _SHORT = {
     "full, as published": "full,\nas published",
     "full, whitened, without boards": "full,\nno boards",
     "full, anchored": "full,\nanchored",
-    KNOWN: "what the\nmechanics leave",
 }
 
 
@@ -70,7 +69,7 @@ def table_rows(results: RefinementExperiment) -> Table:
                 f"{row.tracker}, {row.condition}",
                 _beside(_spread(row.own_mm), thesis.get("own_mm")),
                 _beside(_spread(row.px), thesis.get("px")),
-                "-" if row.true_mm is None else _spread(row.true_mm),
+                "-" if row.true_mm is None else _over_bodies(row.true_mm, results.individuals),
                 _beside(_change(row.edge_mm), thesis.get("edge_mm"), _change),
                 "-" if row.scale_error is None else f"{100.0 * row.scale_error:.2f}",
                 _beside(_links(row.links_mm), thesis.get("links_mm"), _links),
@@ -78,13 +77,13 @@ def table_rows(results: RefinementExperiment) -> Table:
             ]
         )
         if row is last[row.tracker] and row.tracker in left:
-            rows.append(_limit_row(left[row.tracker]))
+            rows.append(_limit_row(left[row.tracker], results.individuals))
     return headings, rows
 
 
-def _limit_row(limit: Limit) -> list[str]:
+def _limit_row(limit: Limit, individuals: int) -> list[str]:
     """Return what is left to a body that knows itself exactly."""
-    known = [_spread(limit.px), _spread(limit.true_mm)]
+    known = [_spread(limit.px), _over_bodies(limit.true_mm, individuals)]
     return [f"{limit.tracker}, {KNOWN}", "-", *known, "-", "-", "-", "-"]
 
 
@@ -120,21 +119,22 @@ def write_report(results: RefinementExperiment, out: Path, *, force: bool = Fals
 def _chart(results: RefinementExperiment, quantity: str, ylabel: str) -> Any:
     """Draw one bar a condition and tracker, the thesis' beside it; None where nothing is known."""
     conditions = list(dict.fromkeys(row.condition for row in results.rows))
-    left = {} if quantity == "own_mm" else {limit.tracker: limit for limit in results.limits}
-    conditions += [KNOWN] if left else []
-    series = []
+    series, levels = [], []
     for k, tracker in enumerate(dict.fromkeys(row.tracker for row in results.rows)):
-        rows: dict[str, RefinementRow | Limit | None] = {
-            row.condition: row for row in results.rows if row.tracker == tracker
-        }
-        rows[KNOWN] = left.get(tracker)
+        rows = {row.condition: row for row in results.rows if row.tracker == tracker}
+        levels += [
+            Level(f"{tracker}, {KNOWN}", getattr(limit, quantity)[0], _DASHES[k % len(_DASHES)])
+            for limit in results.limits
+            if limit.tracker == tracker and quantity != "own_mm"
+        ]
         ours = np.array([_pair(rows.get(name), quantity) for name in conditions])
-        series.append(BarSeries(f"{tracker}, ours, simulated", *ours.T, color=k))
+        if np.isfinite(ours).any():
+            series.append(BarSeries(f"{tracker}, ours, simulated", *ours.T, color=k))
         known = THESIS.get(tracker, {})
         theirs = np.array([known.get(name, {}).get(quantity, _NONE) for name in conditions])
         if np.isfinite(theirs).any():
             series.append(BarSeries(f"{tracker}, thesis", *theirs.T, published=True, color=k))
-    if not any(np.isfinite(s.means).any() for s in series):
+    if not series:
         return None
     titles = {
         "own_mm": "Unanchored learning flatters itself",
@@ -142,13 +142,14 @@ def _chart(results: RefinementExperiment, quantity: str, ylabel: str) -> Any:
         "true_mm": "Only boards in the same problem bring the true error down",
     }
     groups = [_SHORT.get(name, name) for name in conditions]
-    return bar_chart(groups, series, title=titles[quantity], ylabel=ylabel)
+    return bar_chart(groups, series, title=titles[quantity], ylabel=ylabel, levels=levels)
 
 
 _NONE = (np.nan, np.nan)
+_DASHES = ("--", ":")
 
 
-def _pair(row: RefinementRow | Limit | None, quantity: str) -> tuple[float, float]:
+def _pair(row: RefinementRow | None, quantity: str) -> tuple[float, float]:
     found = None if row is None else getattr(row, quantity)
     return _NONE if found is None else found
 
@@ -161,6 +162,11 @@ def _refused(row: RefinementRow, individuals: int) -> str:
 
 def _spread(pair: tuple[float, float]) -> str:
     return f"{pair[0]:.2f} ({pair[1]:.2f})"
+
+
+def _over_bodies(pair: tuple[float, float], individuals: int) -> str:
+    """One body has no spread."""
+    return _spread(pair) if individuals > 1 else f"{pair[0]:.2f}"
 
 
 def _change(pair: tuple[float, float] | None) -> str:

@@ -3,7 +3,7 @@
 from nico_selfmodel.viz.camera_report import camera_report_html
 from nico_selfmodel.viz.camera_scene import camera_scene
 from nico_selfmodel.viz.drake_backend import draw_in_drake, static_html
-from nico_selfmodel.viz.experiment_charts import BarSeries, bar_chart, save_figure
+from nico_selfmodel.viz.experiment_charts import BarSeries, Level, bar_chart, save_figure
 from nico_selfmodel.viz.kinematics_scene import calibration_scene
 from nico_selfmodel.viz.meshcat_backend import publish
 from nico_selfmodel.viz.report import report_html
@@ -12,6 +12,7 @@ from nico_selfmodel.viz.scene import Scene
 
 __all__ = [
     "BarSeries",
+    "Level",
     "Scene",
     "bar_chart",
     "calibration_scene",

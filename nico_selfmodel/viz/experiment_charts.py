@@ -48,6 +48,18 @@ class BarSeries:
             object.__setattr__(self, name, value)
 
 
+@dataclass(frozen=True)
+class Level:
+    """A height that holds for all groups."""
+
+    name: str
+    """For the legend."""
+    height: float
+    """Where the line is drawn."""
+    dashes: str = "--"
+    """How the line is drawn, as matplotlib has it: more than one need different ones."""
+
+
 def bar_chart(
     groups: Sequence[str],
     series: Sequence[BarSeries],
@@ -56,6 +68,7 @@ def bar_chart(
     ylabel: str,
     xlabel: str = "",
     log: bool | None = None,
+    levels: Sequence[Level] = (),
 ) -> Figure:
     """Draw bars in groups, with their standard deviations and their heights in figures.
 
@@ -66,6 +79,7 @@ def bar_chart(
         ylabel: What the heights are, with their unit.
         xlabel: What the groups are.
         log: Whether the axis is logarithmic; by default where the heights differ much.
+        levels: Heights to hold every group against, as dashed lines.
 
     Returns:
         The chart.
@@ -92,6 +106,9 @@ def bar_chart(
         places = _places(heights, width)
         for place, one in zip(places, series, strict=True):
             _bars(axes, place, one, width, log)
+        for level in levels:
+            label = f"{level.name}: {level.height:.3g}"
+            axes.axhline(level.height, label=label, color=palette.INK, ls=level.dashes, lw=1.2)
         axes.set_xticks(np.arange(len(groups)), groups)
         axes.tick_params(axis="x", length=0)
         axes.set_xlabel(xlabel)
