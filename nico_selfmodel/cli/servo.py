@@ -119,15 +119,15 @@ def stop(
     yes: Yes = False,
 ) -> None:
     """Stop every joint smoothly; the joints that were on go on holding."""
-    from nico_selfmodel.errors import BusError
+    from nico_selfmodel.errors import RobotError
 
     if release:
         ask("Switch the motors off? What gravity pulls falls.", yes=yes)
     with opened(port, config) as arm:
         try:
             arm.connect()
-        except BusError as error:
-            raise BusError(f"{error}. {_stop_the_rest(arm, release)}") from error
+        except RobotError as error:
+            raise type(error)(f"{error}. {_stop_the_rest(arm, release)}") from error
         arm.stop()
         if release:
             arm.release()

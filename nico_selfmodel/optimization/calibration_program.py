@@ -200,11 +200,13 @@ class CalibrationProgram:
             coordinates, count = self.residuals(number, x).shape
             return np.zeros((count, coordinates, coordinates))
         jacobian = term.block.evaluate(np.asarray(x)[term.columns])[1]
-        free = self.free
+        free = np.ix_(self.free, self.free)
+        information = self.normal_equations(x)[2][free]
+        # Units differ by orders of magnitude: what is singular must not depend on them.
+        unit = np.sqrt(np.maximum(np.diag(information), np.finfo(float).tiny))
+        units = np.outer(unit, unit)
         inverse = np.zeros((len(x), len(x)))
-        inverse[np.ix_(free, free)] = np.linalg.pinv(
-            self.normal_equations(x)[2][np.ix_(free, free)], hermitian=True
-        )
+        inverse[free] = np.linalg.pinv(information / units, hermitian=True) / units
         J = jacobian.transpose(2, 1, 0)
         return J @ inverse[np.ix_(term.columns, term.columns)] @ J.transpose(0, 2, 1)
 

@@ -209,7 +209,12 @@ class ArmLoop:
             self.arm.heartbeat()
         if command is not None:  # before the jobs: a stop must have the last word
             q, speed, joints = command
-            self.arm.command(q, speed=speed, joints=joints)
+            try:
+                self.arm.command(q, speed=speed, joints=joints)
+            except Exception:
+                with self._lock:  # who waits for one must hear of it
+                    self._jobs = jobs + self._jobs
+                raise
         for action, future in jobs:
             try:
                 future.set_result(action(self.arm))

@@ -110,8 +110,8 @@ class Axis:
         self.goal, self.velocity, self.acceleration = goal, velocity, acceleration
 
     def forget_goal(self) -> None:
-        """Have nowhere to go; sends nothing."""
-        self.goal = self._sent = None
+        """Have nowhere to go, and know nothing of what the board holds; sends nothing."""
+        self.goal = self._sent = self._sent_speeds = None
 
     def next_goal(self) -> int | None:
         """Return the goal to send now [register], None where the board has the right one."""

@@ -2,6 +2,7 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from zlib import crc32
 
 from nico_selfmodel.errors import BusError
 from nico_selfmodel.servos import commands as nmc
@@ -146,9 +147,10 @@ def join_group(module: PicServo, group: int) -> None:
 def group_of(addresses: Sequence[int]) -> int:
     """Return the group in which the modules at these addresses move together.
 
-    Another arm on the same chain has another one: what is sent to one never starts the other.
+    Others, of another arm or of a part of this one, have another (but for one chance in 127): what
+    is sent to these never starts a board that is not watched.
     """
-    return FIRST_GROUP + min(addresses) - 1
+    return FIRST_GROUP + crc32(bytes(sorted(addresses))) % (EVERYONE - FIRST_GROUP)
 
 
 def start_together(bus: Bus, group: int) -> None:

@@ -9,7 +9,7 @@ from nico_selfmodel.servos.chain import FoundModule, join_group, scan
 from nico_selfmodel.servos.packets import EVERYONE
 from nico_selfmodel.servos.pic_servo import FIRST_SC_VERSION, SERVO_TYPE, PicServo
 from nico_selfmodel.servos.servo_config import ServoConfig
-from nico_selfmodel.servos.status import AuxiliaryFlag
+from nico_selfmodel.servos.status import AuxiliaryFlag, StatusFlag
 
 POWER_UP_RATE = 19200
 _OTHER_RATES = (115200, 57600)
@@ -94,7 +94,9 @@ def _change_rate(bus: Bus, rate: int, addresses: Sequence[int]) -> None:
 
 
 def take_over(axis: Axis) -> None:
-    """Look at a board, and stop it where it is still moving. It is not switched on or off.
+    """Look at a board, and stop it where it is still moving or looks for its home.
+
+    It is not switched on or off.
 
     Raises:
         BusError: If it does not answer.
@@ -111,5 +113,8 @@ def take_over(axis: Axis) -> None:
         # A joint with a fault has to be enabled anew, and for that to be connected first.
         axis.enabled = True
         axis.enabled = axis.fault(status) is None
+    if status.flags & StatusFlag.HOMING:
+        # Who armed it is gone: at its mark it would brake, and lose what says that it is homed.
+        module.capture_home(0)
     axis.zero_known = module.knows_its_zero()
     axis.believe(module.poll())

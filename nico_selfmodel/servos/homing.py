@@ -62,18 +62,9 @@ def find_home(
         raise ValueError(f"{joint} has no mark to look for: put it at its home and zero it there")
     if not axis.enabled:
         raise ServoFault(f"{axis} is not enabled: enable it before homing")
-    scale = axis.joint.counts_per_radian
-    axis.module.capture_home(_EVENTS[home.method] | HomingMode.SMOOTH)
-    axis.refresh()
-    way = math.copysign(home.travel, home.speed) * scale
-    axis.aim(
-        axis.position + axis.joint.register(way),
-        abs(home.speed) * scale,
-        axis.joint.max_acceleration * scale,
-    )
     try:
         _look_for_mark(arm, axis, watch)
-    except (RobotError, KeyboardInterrupt):
+    except BaseException:
         _give_up(arm, axis)
         raise
     arm.stop()
@@ -83,7 +74,15 @@ def find_home(
 def _look_for_mark(
     arm: ArmController, axis: Axis, watch: Callable[[ArmController], object] | None
 ) -> None:
-    home = axis.joint.home
+    home, scale = axis.joint.home, axis.joint.counts_per_radian
+    axis.module.capture_home(_EVENTS[home.method] | HomingMode.SMOOTH)
+    axis.refresh()
+    way = math.copysign(home.travel, home.speed) * scale
+    axis.aim(
+        axis.position + axis.joint.register(way),
+        abs(home.speed) * scale,
+        axis.joint.max_acceleration * scale,
+    )
     until = arm.bus.port.now() + home.travel / abs(home.speed) + _EXTRA_TIME
     while _searching(axis):
         arm.heartbeat()

@@ -110,9 +110,7 @@ class MotorServer:
 
     def hung_up(self, client: object) -> None:
         """Note that a connection closed; the arm stops if it held the lease."""
-        with self._lock:
-            if self._holder is client:
-                self._end_lease()
+        self._end_lease(client)
 
     def _op_state(self, request: Mapping[str, Any], client: object) -> dict[str, Any]:
         state = self.loop.state()
@@ -203,10 +201,14 @@ class MotorServer:
         self._ends = time.monotonic() + self._seconds
         self.loop.heartbeat()
 
-    def _end_lease(self) -> None:
+    def _end_lease(self, holder: object | None = None) -> None:
+        """End the lease, if `holder` is given only where it is theirs, and stop the arm."""
         with self._lock:
+            if holder is not None and self._holder is not holder:
+                return
             self._lease = self._holder = None
             self._ends = -math.inf
+        # Not under the lock, for which the arm's thread may wait: see `_do`.
         with suppress(RobotError):  # without heartbeats it stops all the same
             self.loop.stop()
 

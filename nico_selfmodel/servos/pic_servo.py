@@ -240,13 +240,13 @@ class PicServo:
         """Arm the capture of the home position; the motion itself is another command.
 
         Args:
-            mode: Events and what to do at them, a combination of `HomingMode`.
+            mode: Events and what to do at them, a combination of `HomingMode`; 0 disarms.
 
         Raises:
-            UncertainError: If the reply was lost.
+            UncertainError: If the reply to arming was lost.
             BusError: If there is no good reply.
         """
-        return self.ask(nmc.SetHoming(mode))
+        return self.ask(nmc.SetHoming(mode), repeatable=not mode)
 
     def set_position(self, position: int, tolerance: int = 50) -> Status:
         """Call the place where the motor stands `position` [counts]. Not during a move.

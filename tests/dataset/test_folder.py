@@ -11,6 +11,7 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis.extra.numpy import arrays
 
 from nico_selfmodel.dataset import Dataset, JointInfo, load_dataset, save_dataset
+from nico_selfmodel.dataset.yaml_mapping import read_yaml_mapping
 from nico_selfmodel.errors import DataError
 
 from .conftest import METADATA, SAMPLES
@@ -235,6 +236,7 @@ def test_a_misspelt_optional_column_is_kept_with_a_warning(folder):
         ("- a\n- b\n", "expected a mapping ('key: value' lines), got list"),
         ("name: a\njoints: [\n", "dataset.yaml, line 3: not valid YAML"),
         ("name: a\nname: b\n", "line 2: not valid YAML: key 'name' stands here and in line 1"),
+        ("joints:\n- {a: 1, a: 2}\n", "line 2: not valid YAML: key 'a' stands here and in line 2"),
         ("when: 2024-99-99\n", "not valid YAML: month must be in 1..12"),
         ("when: !!timestamp noon\n", "not valid YAML"),
         (METADATA.replace("format", "Format"), "'format' is missing, but 'Format' looks like it"),
@@ -265,6 +267,20 @@ def test_bad_metadata_are_refused_with_their_place(folder, metadata, message):
         load_dataset(path)
     assert str(path) in str(caught.value)
     assert "\n" not in str(caught.value)
+
+
+def test_what_is_merged_may_be_overridden_and_stands_once(tmp_path):
+    """Merging writes into what it takes from, which here is read only afterwards."""
+    path = tmp_path / "merged.yaml"
+    path.write_text("z: &z {x: 1}\na:\n  b: &b\n    <<: *z\n    x: 2\nc:\n  <<: *b\n1: d\n'1': e\n")
+    merged = {"x": 2}
+    assert read_yaml_mapping(path) == {
+        "z": {"x": 1},
+        "a": {"b": merged},
+        "c": merged,
+        1: "d",
+        "1": "e",
+    }
 
 
 def test_a_missing_folder_or_file_is_named(folder, tmp_path):

@@ -174,19 +174,20 @@ class LinearBlock:
 
     names = tuple(f"x{k}" for k in range(23))
 
-    def __init__(self, seed):
+    def __init__(self, seed, units=1.0):
         rng = np.random.default_rng(seed)
         self.slopes = rng.normal(size=(23, 3, 20)) * rng.gamma(0.7, 1.0, 20)
+        self.slopes *= np.reshape(units, (-1, 1, 1))
         self.measured = rng.normal(size=(3, 20))
 
     def evaluate(self, x):
         return np.tensordot(x, self.slopes, axes=1) - self.measured, self.slopes
 
 
-def linear_program(seed):
+def linear_program(seed, units=1.0):
     program = CalibrationProgram()
     program.add_variables(LinearBlock.names, np.zeros(23))
-    program.add_residuals(LinearBlock(seed))
+    program.add_residuals(LinearBlock(seed, units))
     return program
 
 
@@ -203,6 +204,19 @@ def test_spreads_of_all_observations_add_up_to_the_parameters():
     assert np.trace(program.spreads(0, x), axis1=1, axis2=2).sum() == pytest.approx(23.0)
     program.pin("x3")
     assert np.trace(program.spreads(0, x), axis1=1, axis2=2).sum() == pytest.approx(22.0)
+
+
+def test_spreads_do_not_depend_on_the_units_of_the_parameters():
+    x, units = np.zeros(23), np.geomspace(1.0, 1e10, 23)
+    spreads = linear_program(1, units).spreads(0, x)
+    assert spreads == pytest.approx(linear_program(1).spreads(0, x), abs=1e-6)
+
+
+def test_what_nothing_is_known_of_spreads_nothing():
+    program = linear_program(1)
+    program.add_variables(["unseen"], [0.0])
+    x = np.zeros(24)
+    assert np.trace(program.spreads(0, x), axis1=1, axis2=2).sum() == pytest.approx(23.0)
 
 
 def test_an_observation_left_out_is_judged_by_what_the_others_say_of_it():

@@ -134,6 +134,18 @@ def test_a_stop_has_the_last_word_over_a_command_that_was_just_handed_over(loop,
     assert np.abs(bus.shafts()).max() < 1000.0
 
 
+def test_who_waits_for_a_stop_hears_at_once_that_a_command_ended_the_thread(loop, bus):
+    loop.call(lambda arm: arm.release(["right_elbow"]))
+    begin = time.monotonic()
+    loop.command(np.zeros(6))
+    with pytest.raises(RobotError):
+        loop.stop()
+    assert time.monotonic() - begin < SOON
+    with pytest.raises(ServoFault, match=r"right_elbow .* is not enabled"):
+        loop.check()
+    assert stopped(bus) < 0.3
+
+
 def test_a_pulled_cable_is_raised_with_its_cause_within_a_second(loop, bus):
     loop.move({"right_elbow": 1.2})
     bus.unplug()
@@ -224,6 +236,34 @@ def test_a_move_that_comes_to_its_turn_after_its_lease_ended_is_not_made(server,
         late.join()
         waiting.join()
         assert "not the lease" in refused[0]
+        stopped(bus)
+        assert bus.shafts() == [0.0] * 6
+
+
+def test_a_holder_that_hangs_up_while_its_move_waits_does_not_hold_the_arms_thread_up(
+    server, loop, bus
+):
+    """Whoever ends a lease waits for the arm's thread, which asks for the lease: not at once."""
+    with MotorClient(server.port) as other:
+        holder = MotorClient(server.port)
+        holder.take_lease(10.0)
+        other.lease = holder.lease
+        busy, free = threading.Event(), threading.Event()
+        waiting = threading.Thread(target=loop.call, args=(lambda _: (busy.set(), free.wait()),))
+        waiting.start()
+        busy.wait(SOON)
+        refused = []
+        late = threading.Thread(
+            target=lambda: refused.append(_refusal(other, {"right_elbow": 1.0}))
+        )
+        late.start()
+        wait_for(lambda: len(loop._jobs) == 1)
+        holder.close()
+        wait_for(lambda: len(loop._jobs) == 2)  # the stop
+        free.set()
+        late.join(SOON)
+        waiting.join(SOON)
+        assert "no lease" in refused[0]
         stopped(bus)
         assert bus.shafts() == [0.0] * 6
 

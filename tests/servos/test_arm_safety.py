@@ -44,25 +44,26 @@ def test_a_board_that_an_earlier_program_left_in_its_group_neither_starts_nor_ho
     assert [module.servo_on for module in again.modules] == [False] * 5 + [True]
 
 
-def test_two_arms_on_one_chain_never_start_each_other():
+@pytest.mark.parametrize("part", [slice(2, 4), slice(0, 2)], ids=["another arm", "a part of it"])
+def test_two_arms_on_one_chain_never_start_each_other(part):
     boards = [SimulatedModule() for _ in range(4)]
     one = virtual_arm(boards, joints=("a", "b", "c", "d"))
     one.arm.connect()
     one.arm.enable()
-    one.arm.move({"a": 1.0})
+    one.arm.move({"a": 1.0, "d": 1.0})
     cycles(one, 4)
     one.arm.stop()  # the goal that its board holds lies ahead of it
     one.port.sleep(0.5)
     other = next_program(one, joints=("a", "b", "c", "d"))
     config = other.arm.config
-    half = type(config)("other", config.joints[2:])
+    half = type(config)("other", config.joints[part])
     other.arm.__init__(other.bus, half, trust_zero=True)
     other.arm.connect()
     before = other.shafts()
     other.arm.enable()
-    other.arm.move({"c": 0.1})
+    other.arm.move({half.joint_names[0]: 0.1})
     other.cycle_until_there()
-    assert np.flatnonzero(np.subtract(other.shafts(), before)).tolist() == [2]
+    assert np.flatnonzero(np.subtract(other.shafts(), before)).tolist() == [part.start]
 
 
 class KilledError(Exception):
@@ -147,3 +148,18 @@ def test_stopping_what_answers_switches_no_servo_on():
     again = next_program(made)
     assert stop_what_answers(again.arm.axes, release=False) == (list(JOINTS), [])
     assert not any(module.amplifier or module.servo_on for module in made.modules)
+
+
+def test_boards_that_lost_their_power_are_told_again_how_fast_to_go(virtual):
+    virtual.arm.move({"right_elbow": 0.3})
+    virtual.cycle_until_there()
+    for module in virtual.modules:
+        module.power_cycle()
+    with pytest.raises(BusError, match="is lost"):
+        virtual.arm.cycle()
+    virtual.arm.connect()
+    virtual.arm.enable()
+    before = virtual.shafts()
+    virtual.arm.move({"right_elbow": 0.3})
+    virtual.cycle_until_there()
+    assert np.flatnonzero(np.subtract(virtual.shafts(), before)).tolist() == [3]

@@ -13,6 +13,7 @@ from nico_selfmodel.servos import (
     SimulatedModule,
     SimulatedPort,
     find_home,
+    homing,
     zero_here,
 )
 from nico_selfmodel.servos.servo_config import HomePlan
@@ -91,22 +92,39 @@ def test_a_switch_that_does_not_show_is_a_fault_and_the_joint_stands():
     assert made.modules[0].homing == 0  # the board would brake there in a later motion
 
 
-def test_a_search_that_is_interrupted_stops_and_does_not_stay_armed():
+@pytest.mark.parametrize("error", [KeyboardInterrupt, ValueError])
+def test_a_search_that_is_interrupted_stops_and_does_not_stay_armed(error):
     made = homing_arm(HomePlan("limit_1", at=0.0, speed=0.5, travel=6.0))
 
     def interrupt(arm):
         if made.port.time > 3.0:
-            raise KeyboardInterrupt
+            raise error
 
-    with pytest.raises(KeyboardInterrupt):
+    with pytest.raises(error):
         find_home(made.arm, "elbow", interrupt)
     assert made.seconds_to_rest() < 0.3
     assert made.modules[0].homing == 0
     assert made.modules[0].servo_on
 
 
-def test_a_host_that_dies_while_homing_leaves_a_joint_that_stops():
+def test_a_search_that_is_interrupted_before_it_moves_does_not_stay_armed(monkeypatch):
     made = homing_arm(HomePlan("limit_1", at=0.0, speed=0.5, travel=6.0))
+    armed = []
+
+    def interrupt():
+        armed.append(made.modules[0].homing)
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr(made.arm.axis("elbow"), "refresh", interrupt)
+    with pytest.raises(KeyboardInterrupt):
+        find_home(made.arm, "elbow")
+    assert armed != [0]
+    assert made.modules[0].homing == 0
+
+
+def test_a_host_that_dies_while_homing_leaves_a_joint_that_stops(monkeypatch):
+    made = homing_arm(HomePlan("limit_1", at=0.0, speed=0.5, travel=6.0))
+    monkeypatch.setattr(homing, "_give_up", lambda *_: None)  # who is dead does not tidy up
 
     class HostDiedError(Exception):
         pass
@@ -119,6 +137,10 @@ def test_a_host_that_dies_while_homing_leaves_a_joint_that_stops():
         find_home(made.arm, "elbow", die)
     assert made.modules[0].profile.velocity != 0
     assert made.seconds_to_rest() <= 0.3 + 0.5
+    assert made.modules[0].homing != 0
+    again = virtual_arm(made.modules, joints=("elbow",))
+    again.arm.connect()
+    assert again.modules[0].homing == 0  # it would brake there, and its zero would not be known
 
 
 def test_homing_is_refused_where_it_makes_no_sense():
