@@ -37,6 +37,7 @@ LEARNED_ANYWAY = {("kinematics", "anchored"), ("full", "anchored"), ("full", "th
 @pytest.fixture
 def uncrossed(monkeypatch):
     """Leave out the cross-validation, half of the time, where a test does not look at it."""
+    learned(0)  # is kept for all tests: never without what others look at
     monkeypatch.setattr("nico_selfmodel.estimation.body.cross_validate_body", lambda *_: None)
 
 
