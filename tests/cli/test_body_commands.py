@@ -151,6 +151,7 @@ def test_a_bare_hand_as_a_tool_ends_with_one(recorded, body, command, tmp_path):
     assert "no tool can be told" in done.stdout
 
 
+@pytest.mark.slow
 def test_check_says_what_changed_and_learns_just_that(recorded, body, command, tmp_path):
     folder, _ = recorded
     fine = command("check", body, folder / "later")
@@ -168,6 +169,7 @@ def test_check_says_what_changed_and_learns_just_that(recorded, body, command, t
     assert command("check", tmp_path / "cured", folder / "slipped").returncode == 0
 
 
+@pytest.mark.slow
 def test_rezero_of_one_joint_and_of_all(recorded, body, command, tmp_path):
     folder, _ = recorded
     one = command(

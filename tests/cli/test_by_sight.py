@@ -37,6 +37,7 @@ def test_motion_capture_is_recorded_into_a_folder_that_can_be_resumed(tmp_path, 
     assert "choose another name" in other.stderr
 
 
+@pytest.mark.slow
 def test_chosen_poses_are_visited_instead_of_random_ones(tmp_path, command):
     first, arm, table, more = (tmp_path / name for name in ("first", "arm", "poses.csv", "more"))
     words = ("record", first, "--sensor", "motion-capture", "--circle", 12, "--random", 20)

@@ -56,6 +56,7 @@ def test_a_bound_that_is_missed_fails_with_exit_code_1_and_a_whole_folder(
     assert (out / "report.html").is_file()
 
 
+@pytest.mark.slow
 def test_a_freed_gauge_is_named_and_fails(recorded, tmp_path, command):
     out = tmp_path / "arm"
     done = command(

@@ -198,6 +198,7 @@ def test_ctrl_c_stops_the_arm_and_keeps_what_was_recorded(homed, tmp_path):
     assert all(module.servo_on for module in bus.modules)
 
 
+@pytest.mark.slow
 def test_a_simulated_body_gets_a_configuration_of_its_own(command, tmp_path):
     file = tmp_path / "servos.yaml"
     done = command("servo", "simulate", "--body", file, "--seconds", 0.05)

@@ -143,6 +143,7 @@ def test_a_name_that_does_not_exist_is_told_before_any_joint_is_homed(servo):
     assert json.loads(servo("status", "--json").stdout)["rezero_due"] == ["elbow", "wrist"]
 
 
+@pytest.mark.slow
 def test_where_a_board_is_missing_the_others_can_still_be_let_go(servo, bus, config):
     with ArmController.open(bus.name, ServoConfig.load(config)) as arm:
         arm.connect()

@@ -83,6 +83,7 @@ def test_one_eye_alone_is_a_command_of_its_own(photographs, tmp_path, command):
     assert set(SelfModel.load(out).cameras) == {"right"}
 
 
+@pytest.mark.slow
 def test_a_bound_that_is_missed_fails_and_is_written(photographs, tmp_path, command):
     out = tmp_path / "eyes"
     words = ("--test-fraction", 0.2, "--require-test-px", 0.001, "--out", out)
@@ -115,6 +116,7 @@ def test_a_photograph_that_is_none_is_named(spoilt, tmp_path, command):
     assert "left02.png" in refused(command, spoilt, tmp_path)
 
 
+@pytest.mark.slow
 def test_a_wrong_board_is_refused_with_the_one_that_is_there(photographs, tmp_path, command):
     message = refused(command, photographs, tmp_path, "--board", "9x6", "--square-mm", 30)
     assert "no 9x6 board" in message
@@ -156,6 +158,7 @@ def test_two_images_of_one_camera_are_no_pair(spoilt, tmp_path, command):
     assert "same camera" in refused(command, spoilt, tmp_path)
 
 
+@pytest.mark.slow
 def test_a_board_whose_pair_does_not_match_is_set_aside_by_name(spoilt, tmp_path, command):
     shutil.copy(spoilt / "right03.png", spoilt / "right04.png")
     out = tmp_path / "eyes"

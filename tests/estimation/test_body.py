@@ -57,6 +57,7 @@ def exact_case():
     return only_eyes(data), data, truth, replace(boards, pixels=seen)
 
 
+@pytest.mark.slow
 def test_without_noise_everything_comes_back_exactly():
     blind, data, truth, boards = exact_case()
     seed = lesson().eyes

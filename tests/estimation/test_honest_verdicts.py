@@ -41,6 +41,7 @@ def test_a_gear_that_contradicts_its_unit_is_named_first_and_freeing_it_cures(se
     assert values["right_elbow.gear"] == pytest.approx(1.6, rel=0.05)
 
 
+@pytest.mark.slow
 def test_readings_that_do_not_belong_to_their_points_fail_with_the_misfit_first(session):
     shuffled = np.random.default_rng(0).permutation(session.encoders)
     data = replace(session, encoders=shuffled, sweep=np.full(len(session), ""))

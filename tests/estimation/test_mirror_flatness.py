@@ -31,6 +31,7 @@ def bent(radius, count=12, seed=0):
     return Reflections.from_dataset(replace(recording(q), pixels=noisy), body())
 
 
+@pytest.mark.slow
 def test_flat_mirrors_pass_as_often_as_they_should():
     chances = []
     for seed in range(60):
@@ -142,6 +143,7 @@ def seen_with_smooth_errors(seed, radius=None, count=50):
     return Reflections.from_dataset(data, body(True))
 
 
+@pytest.mark.slow
 def test_joints_that_err_alike_in_neighbouring_poses_do_not_bend_a_mirror():
     noise = ReflectionNoise(0.3, np.radians(0.5))
     alarms = {"alike": 0, "drawn anew": 0}

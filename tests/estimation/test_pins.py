@@ -52,6 +52,7 @@ def test_a_pinned_parameter_stays_at_its_value_and_has_no_uncertainty(make_truth
     assert result.converged
 
 
+@pytest.mark.slow
 def test_a_true_pin_helps_and_a_wrong_one_hurts(make_truth, learn):
     truth = make_truth(4, 2, unit="counts", kind="elbow")
     dh = DhTable.from_chain(truth.chain)

@@ -90,6 +90,7 @@ def test_a_franka_arm_is_learned_from_nothing_but_poses(franka, seed):
     assert result.search.agreeing >= 3
 
 
+@pytest.mark.slow
 def test_a_franka_arm_is_learned_with_the_projects_own_split_too(franka):
     train, test = franka.split(34 / 114, 0)
     assert (len(train), len(test)) == (80, 34)

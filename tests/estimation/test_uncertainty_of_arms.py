@@ -57,6 +57,7 @@ def test_the_stated_covariance_of_the_hand_is_that_of_its_errors(recordings):
     assert 0.85 < np.mean(scores) < 1.15
 
 
+@pytest.mark.slow
 def test_the_noise_is_the_one_that_was_added(recordings):
     _, results = recordings
     noise = np.array([result.model.noise_sigma for result in results])
@@ -87,6 +88,7 @@ def test_cross_validation_foretells_the_held_out_error(recordings):
         assert len(result.cross_validation) == len(result.train.observations)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("unit", ["rad", "counts"])
 def test_more_poses_make_everything_surer(make_truth, unit):
     truth = make_truth(4, 6, unit=unit, kind="elbow")

@@ -113,6 +113,7 @@ def test_a_refinement_without_an_end_is_told_too(eyes, recorded, tmp_path, monke
     assert document["status"] == "PASS"
 
 
+@pytest.mark.slow
 @pytest.mark.usefixtures("undrawn")
 def test_what_was_learned_by_sight_stands_upright_in_both_scenes(lesson, tmp_path):
     """The robot's own z is up, though its world is its left eye's frame."""

@@ -58,6 +58,7 @@ def test_a_mirror_is_learned_from_the_hand_seen_in_it(nico, recording):
     assert found.solution.distances[~found.solution.outliers].mean() < 0.5
 
 
+@pytest.mark.slow
 def test_a_recording_before_a_mirror_can_be_resumed(recording):
     folder, before = recording
     first = Dataset.load(folder)

@@ -191,6 +191,7 @@ def linear_program(seed, units=1.0):
     return program
 
 
+@pytest.mark.slow
 def test_few_good_observations_that_all_matter_are_kept():
     """23 parameters take 23 of 60 coordinates, and some observations stand alone."""
     found = [solve_robustly(linear_program(seed), 0) for seed in range(200)]

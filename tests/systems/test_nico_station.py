@@ -74,6 +74,7 @@ def test_the_same_seed_twice_is_the_same_to_the_last_byte(station):
         assert value.tobytes() == second[port].tobytes(), port
 
 
+@pytest.mark.slow
 def test_another_individual_and_another_day_are_others(station):
     here = sensed(station)
     other = sensed(NicoStation("thesis", 4, quality=ROUGH))

@@ -186,6 +186,7 @@ def test_a_silent_board_is_named_and_the_others_stop(driver, bus):
     assert (np.abs(np.delete(before, 2)) < 1.1).all()
 
 
+@pytest.mark.slow
 def test_a_diagram_that_stands_still_stops_the_arm_and_one_that_goes_on_moves_it(driver, bus):
     driver.enable()
     simulator = running(driver, np.full(6, 0.9))

@@ -47,6 +47,7 @@ def poses(rng, count, near, far, spread, tilt, inside, margin):
             yield X, pixels
 
 
+@pytest.mark.slow
 def test_distorted_boards_are_where_the_camera_projects_them():
     board = Board(9, 6, 0.028)
     world = CardWorld(RIG, ImageQuality(noise=1.0), board)

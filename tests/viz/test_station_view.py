@@ -86,6 +86,7 @@ def test_the_screens_face_the_viewer_and_hide_nothing_of_the_robot():
         assert screen.corners[:, 2].max() < 0.9
 
 
+@pytest.mark.slow
 def test_a_recording_keeps_every_image():
     view = StationView(ARM, MODEL, recording=True)
     for k in range(3):
