@@ -65,6 +65,7 @@ def test_the_noise_is_the_one_that_was_added(recordings):
     assert np.abs(noise / SIGMA - 1.0).max() < 0.2
 
 
+@pytest.mark.slow
 def test_a_new_measurement_falls_within_the_total_sigma(recordings):
     truth, results = recordings
     inside = []
@@ -77,6 +78,7 @@ def test_a_new_measurement_falls_within_the_total_sigma(recordings):
     assert np.mean(inside) == pytest.approx(0.683, abs=0.02)
 
 
+@pytest.mark.slow
 def test_cross_validation_foretells_the_held_out_error(recordings):
     _, results = recordings
     foretold = np.mean([np.mean(result.cross_validation) for result in results])
