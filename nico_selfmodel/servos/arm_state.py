@@ -40,12 +40,15 @@ class ArmState:
     """What is wrong with each joint, None where nothing is."""
     rows: NDArray = field(init=False)
     """The arrays as one of numbers, for whoever copies them often. Shape (len(ROWS), n)."""
+    oldest: float = field(init=False)
+    """Largest age [s]."""
 
     def __post_init__(self) -> None:
         """Make the arrays read-only."""
         for name in self.ROWS:
             self._freeze(name, np.array(getattr(self, name)))
         self._freeze("rows", np.array([getattr(self, name) for name in self.ROWS], dtype=float))
+        object.__setattr__(self, "oldest", float(self.age.max(initial=0.0)))
 
     def _freeze(self, name: str, array: NDArray) -> None:
         array.flags.writeable = False

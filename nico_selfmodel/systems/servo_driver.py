@@ -188,9 +188,10 @@ class ServoDriver(LeafSystem):
     def _take_over(self, context: Context, update: DiscreteValues) -> EventStatus:
         """Copy what the bus thread knows."""
         state = self.state()
+        since = self._running().arm.bus.port.now() - state.time
         rows = state.rows.copy()
-        rows[_AGE] += self._running().arm.bus.port.now() - state.time
-        if any(state.trouble) or rows[_AGE].max() >= _STALE:  # each array operation costs 20 us
+        rows[_AGE] += since
+        if any(state.trouble) or state.oldest + since >= _STALE:
             rows[_VALID, rows[_AGE] >= _STALE] = 0.0
             rows[:_VALID, rows[_VALID] == 0.0] = np.nan
         update.set_value(rows.ravel())
