@@ -182,23 +182,22 @@ class CalibrationProgram:
             return term.block.residuals(values)
         return term.block.evaluate(values)[0]
 
-    def spreads(self, number: int, x: NDArray) -> NDArray:
+    def spreads(self, number: int, x: NDArray) -> NDArray | None:
         """Return what a solution's own uncertainty adds to each observation's residual.
 
-        J H^-1 J' of each observation (its leverage, where it has weight 1): zero where an
-        observation has variables of its own, which nothing else tells about.
+        J H^-1 J' of each observation (its leverage, where it has weight 1). None where observations
+        have variables of their own, of which the others tell nothing.
 
         Args:
             number: Of the block.
             x: The solution. Shape (p,).
 
         Returns:
-            Covariances in units of the observations' variance. Shape (N, k, k).
+            Covariances in units of the observations' variance, shape (N, k, k), or None.
         """
         term = self._terms[number]
         if isinstance(term.block, SeparableBlock):
-            coordinates, count = self.residuals(number, x).shape
-            return np.zeros((count, coordinates, coordinates))
+            return None
         jacobian = term.block.evaluate(np.asarray(x)[term.columns])[1]
         free = np.ix_(self.free, self.free)
         information = self.normal_equations(x)[2][free]

@@ -128,9 +128,12 @@ class _Attempt:
         keep = (~outliers).astype(float) if outliers.any() else None
         self.program.set_loss(self.block, Loss(), keep)
         solution = self.solve(rough=False)
+        scale = self.scale_at(solution.x, ~outliers)
         spreads = self.program.spreads(self.block, solution.x)
+        if spreads is None:
+            return solution, scale, self.beyond(solution.x, scale)
         taken = np.trace(spreads[~outliers], axis1=1, axis2=2).mean() / self.coordinates
-        scale = self.scale_at(solution.x, ~outliers) / np.sqrt(1.0 - min(taken, 0.9))
+        scale /= np.sqrt(1.0 - min(float(taken), 0.9))
         residuals = self.program.residuals(self.block, solution.x).T
         norms = np.linalg.norm(residuals, axis=1)
         norms[outliers] = whitened_norms(residuals[outliers], spreads[outliers])
