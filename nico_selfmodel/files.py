@@ -144,5 +144,9 @@ def refuse_existing(path: str | Path, *, force: bool = False) -> None:
         above = above.parent
     if not above.is_dir():
         raise NotADirectoryError(f"{path} cannot be made: {above} is not a folder")
-    if not os.access(above, os.W_OK):
-        raise PermissionError(f"{path} cannot be made: {above} cannot be written to")
+    try:  # permission bits do not tell all: not to root, and not of every file system
+        tempfile.TemporaryDirectory(prefix=".", dir=above).cleanup()
+    except OSError as error:
+        raise PermissionError(
+            f"{path} cannot be made: {above} cannot be written to ({error.strerror})"
+        ) from error

@@ -153,9 +153,15 @@ def test_force_never_replaces_a_folder_that_holds_what_is_read(result):
 
 
 def test_a_place_where_nothing_can_be_written_is_refused_before_any_work(result, monkeypatch):
+    before = sorted(path.name for path in result.iterdir())
     refuse_existing(result / "far" / "away")
     with pytest.raises(NotADirectoryError, match=r"old\.txt is not a folder"):
         refuse_existing(result / "old.txt" / "new")
-    monkeypatch.setattr("os.access", lambda path, mode: path != result)
-    with pytest.raises(PermissionError, match="result cannot be written to"):
+    assert sorted(path.name for path in result.iterdir()) == before
+
+    def read_only(*_, **__):
+        raise OSError(30, "Read-only file system")
+
+    monkeypatch.setattr("os.mkdir", read_only)
+    with pytest.raises(PermissionError, match=r"result cannot be written to \(Read-only"):
         refuse_existing(result / "far" / "away")
