@@ -8,7 +8,13 @@ import numpy as np
 
 from nico_selfmodel.experiments.limits import Limit
 from nico_selfmodel.experiments.refinement import RefinementExperiment, RefinementRow
-from nico_selfmodel.experiments.report_files import Table, as_markdown, bodies, write_experiment
+from nico_selfmodel.experiments.report_files import (
+    Table,
+    as_markdown,
+    bodies,
+    spread,
+    write_experiment,
+)
 from nico_selfmodel.viz import BarSeries, Level, bar_chart
 
 THESIS: dict[str, dict[str, dict[str, tuple[float, float]]]] = {
@@ -67,8 +73,8 @@ def table_rows(results: RefinementExperiment) -> Table:
         rows.append(
             [
                 f"{row.tracker}, {row.condition}",
-                _beside(_spread(row.own_mm), thesis.get("own_mm")),
-                _beside(_spread(row.px), thesis.get("px")),
+                _beside(spread(row.own_mm), thesis.get("own_mm")),
+                _beside(spread(row.px), thesis.get("px")),
                 "-" if row.true_mm is None else _over_bodies(row.true_mm, results.individuals),
                 _beside(_change(row.edge_mm), thesis.get("edge_mm"), _change),
                 "-" if row.scale_error is None else f"{100.0 * row.scale_error:.2f}",
@@ -83,7 +89,7 @@ def table_rows(results: RefinementExperiment) -> Table:
 
 def _limit_row(limit: Limit, individuals: int) -> list[str]:
     """Return what is left to a body that knows itself exactly."""
-    known = [_spread(limit.px), _over_bodies(limit.true_mm, individuals)]
+    known = [spread(limit.px), _over_bodies(limit.true_mm, individuals)]
     return [f"{limit.tracker}, {KNOWN}", "-", *known, "-", "-", "-", "-"]
 
 
@@ -160,13 +166,9 @@ def _refused(row: RefinementRow, individuals: int) -> str:
     return f"{row.refused} of {row.runs}" + (f", {lost} without an end" if lost else "")
 
 
-def _spread(pair: tuple[float, float]) -> str:
-    return f"{pair[0]:.2f} ({pair[1]:.2f})"
-
-
 def _over_bodies(pair: tuple[float, float], individuals: int) -> str:
     """One body has no spread."""
-    return _spread(pair) if individuals > 1 else f"{pair[0]:.2f}"
+    return spread(pair) if individuals > 1 else f"{pair[0]:.2f}"
 
 
 def _change(pair: tuple[float, float] | None) -> str:
@@ -177,5 +179,5 @@ def _links(pair: tuple[float, float] | None) -> str:
     return "-" if pair is None else f"{pair[0]:.1f}, {pair[1]:.1f}"
 
 
-def _beside(ours: str, thesis: tuple[float, float] | None, show: Any = _spread) -> str:
+def _beside(ours: str, thesis: tuple[float, float] | None, show: Any = spread) -> str:
     return ours if thesis is None else f"{ours} / {show(thesis)}"

@@ -17,6 +17,11 @@ def bodies(count: int) -> str:
     return "1 simulated body" if count == 1 else f"{count} simulated bodies"
 
 
+def spread(pair: tuple[float, float] | None) -> str:
+    """Return a mean and its SD, or a dash where there is none."""
+    return "-" if pair is None else f"{pair[0]:.2f} ({pair[1]:.2f})"
+
+
 def as_markdown(table: Table) -> str:
     """Return a table as Markdown."""
     headings, rows = table

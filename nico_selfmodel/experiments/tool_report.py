@@ -6,7 +6,13 @@ from typing import Any
 
 import numpy as np
 
-from nico_selfmodel.experiments.report_files import Table, as_markdown, bodies, write_experiment
+from nico_selfmodel.experiments.report_files import (
+    Table,
+    as_markdown,
+    bodies,
+    spread,
+    write_experiment,
+)
 from nico_selfmodel.experiments.tool_use import COUNTS, FREED, ToolExperiment, ToolRow
 from nico_selfmodel.viz import BarSeries, bar_chart
 
@@ -35,7 +41,7 @@ def document_of(results: ToolExperiment) -> dict[str, Any]:
 def tool_table(results: ToolExperiment) -> Table:
     """Return headings and rows with the tool: ours, then the thesis'."""
     theirs = [
-        [f"the thesis: {name}", _spread(found["mm"]), _spread(found["px"]), "-", "-"]
+        [f"the thesis: {name}", spread(found["mm"]), spread(found["px"]), "-", "-"]
         for name, found in THESIS.items()
     ]
     return _HEADINGS, [*map(_cells, results.tool), *theirs]
@@ -88,8 +94,4 @@ def _chart(results: ToolExperiment) -> Any:
 
 def _cells(row: ToolRow) -> list[str]:
     true = ("-", "-") if row.true_mm is None else tuple(f"{x:.2f}" for x in row.true_mm)
-    return [row.what, _spread(row.own_mm), _spread(row.px), *true]
-
-
-def _spread(pair: tuple[float, float] | None) -> str:
-    return "-" if pair is None else f"{pair[0]:.2f} ({pair[1]:.2f})"
+    return [row.what, spread(row.own_mm), spread(row.px), *true]
