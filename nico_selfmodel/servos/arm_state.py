@@ -39,7 +39,8 @@ class ArmState:
     trouble: tuple[str | None, ...]
     """What is wrong with each joint, None where nothing is."""
     rows: NDArray = field(init=False)
-    """The arrays as one of numbers, for whoever copies them often. Shape (len(ROWS), n)."""
+    """The arrays as one of numbers, for whoever copies them often; where a joint is not valid, its
+    q and reading are nan. Shape (len(ROWS), n)."""
     oldest: float = field(init=False)
     """Largest age [s]."""
 
@@ -47,7 +48,9 @@ class ArmState:
         """Make the arrays read-only."""
         for name in self.ROWS:
             self._freeze(name, np.array(getattr(self, name)))
-        self._freeze("rows", np.array([getattr(self, name) for name in self.ROWS], dtype=float))
+        rows = np.array([getattr(self, name) for name in self.ROWS], dtype=float)
+        rows[: self.ROWS.index("valid"), ~self.valid] = np.nan
+        self._freeze("rows", rows)
         object.__setattr__(self, "oldest", float(self.age.max(initial=0.0)))
 
     def _freeze(self, name: str, array: NDArray) -> None:

@@ -10,7 +10,6 @@ from pydrake.systems.framework import (
     BasicVector,
     Context,
     DiscreteValues,
-    EventStatus,
     LeafSystem,
 )
 
@@ -185,32 +184,31 @@ class ServoDriver(LeafSystem):
             )
         return self._loop
 
-    def _take_over(self, context: Context, update: DiscreteValues) -> EventStatus:
-        """Copy what the bus thread knows."""
-        state = self.state()
-        since = self._running().arm.bus.port.now() - state.time
+    def _take_over(self, context: Context, update: DiscreteValues) -> None:
+        """Copy what the bus thread knows, which took care of all but the time since then."""
+        loop = self._running()
+        state = loop.state()
+        assert state is not None  # the thread was started, which waits for the first
+        since = loop.arm.bus.port.now() - state.time
         rows = state.rows.copy()
         rows[_AGE] += since
-        if any(state.trouble) or state.oldest + since >= _STALE:
+        if state.oldest + since >= _STALE:
             rows[_VALID, rows[_AGE] >= _STALE] = 0.0
             rows[:_VALID, rows[_VALID] == 0.0] = np.nan
         update.set_value(rows.ravel())
-        return EventStatus.Succeeded()
 
-    def _hand_over(self, context: Context) -> EventStatus:
+    def _hand_over(self, context: Context) -> None:
         """Give the bus thread the command; it is also a sign of life."""
         loop = self._running()
-        if not self._command.HasValue(context):
+        q = self._command.Eval(context) if self._command.HasValue(context) else None
+        if q is None:
             loop.heartbeat()
-            return EventStatus.Succeeded()
-        q = np.asarray(self._command.Eval(context), dtype=float)
-        if (handed := q.tobytes()) == self._handed:
+        elif (handed := q.tobytes()) == self._handed:
             loop.repeat()
-            return EventStatus.Succeeded()
-        meant = np.flatnonzero(~np.isnan(q))
-        loop.command(q, speed=self._speed, joints=meant.tolist())
-        self._handed = handed
-        return EventStatus.Succeeded()
+        else:
+            meant = np.flatnonzero(~np.isnan(q))
+            loop.command(q, speed=self._speed, joints=meant.tolist())
+            self._handed = handed
 
     def _row(self, context: Context, row: int) -> NDArray:
         n = len(self.joints)
