@@ -117,6 +117,9 @@ def _usage(error: Exception) -> int:
     context = getattr(error, "ctx", None)
     path = context.command_path if context else "nico-selfmodel"
     message = " ".join(str(format_message()).split())
+    commands = getattr(context and context.command, "commands", None)
+    if commands and message.startswith("No such command") and "Did you mean" not in message:
+        message += f" There are {', '.join(commands)}."
     return _complain(f"{message} See: {path} --help")
 
 

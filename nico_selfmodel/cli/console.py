@@ -68,7 +68,8 @@ def print_outliers(document: Mapping[str, Any]) -> None:
     """Say how many training poses were set aside."""
     if document["outliers"]:
         count = len(document["outliers"])
-        out.print(f"{count} training poses set aside as outliers (listed in result.json)")
+        poses = "training pose" if count == 1 else "training poses"
+        out.print(f"{count} {poses} set aside as outliers (listed in result.json)")
 
 
 def print_where(folder: Path) -> None:
@@ -85,8 +86,13 @@ def statistics_row(label: str, block: Mapping[str, Any] | None) -> list[str]:
     if block is None:
         return [label, *["-"] * 6]
     mm = block["position_mm"]
-    numbers = [f"{mm[name]:.3g}" for name in ("mean", "sd", "rms", "median", "max")]
+    numbers = [three_digits(mm[name]) for name in ("mean", "sd", "rms", "median", "max")]
     return [label, str(block["n"]), *numbers]
+
+
+def three_digits(value: float) -> str:
+    """Return a number with three significant digits, zeros at its end too: 2.00, not 2."""
+    return f"{value:#.3g}".rstrip(".")
 
 
 def print_calibration(name: str, document: Mapping[str, Any], folder: Path) -> None:

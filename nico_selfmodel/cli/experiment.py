@@ -71,6 +71,7 @@ def motion_capture(
         table_rows,
         write_report,
     )
+    from nico_selfmodel.experiments.report_files import bodies
     from nico_selfmodel.files import refuse_folder
     from nico_selfmodel.plant import ArmDescription
     from nico_selfmodel.systems import world_named
@@ -90,7 +91,7 @@ def motion_capture(
     if as_json:
         console.print_json(document_of(results))
         return
-    title = f"Error on 100 random poses [mm], {individuals} simulated robots, world {world}"
+    title = f"Error on 100 random poses [mm], {bodies(individuals)}, world {world}"
     console.print_table(title, *table_rows(results))
     console.print_table(f"{repeats} random subsets", *repeat_rows(results))
     console.print_where(out)

@@ -10,7 +10,8 @@ from nico_selfmodel.cli.servo_options import Json, Port, Yes, ask
 app = typer.Typer(help="Open and close the hand.", no_args_is_help=True)
 
 Finger = Annotated[
-    list[str] | None, typer.Option("--finger", help="index or fingers; both if omitted.")
+    list[str] | None,
+    typer.Option("--finger", metavar="NAME", help="index or fingers; both if omitted."),
 ]
 Seconds = Annotated[float, typer.Option("--seconds", help="How long to run the motors.")]
 Power = Annotated[float, typer.Option("--power", help="Share of full power, 0 to 1.")]

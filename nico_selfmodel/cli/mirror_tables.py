@@ -47,4 +47,4 @@ def _row(label: str, block: Mapping[str, Any] | None, quantity: str) -> list[str
     if block is None:
         return [label, *["-"] * (1 + len(_STATISTICS))]
     values = block[quantity]
-    return [label, str(block["n"]), *(f"{values[s.lower()]:.3g}" for s in _STATISTICS)]
+    return [label, str(block["n"]), *(console.three_digits(values[s.lower()]) for s in _STATISTICS)]

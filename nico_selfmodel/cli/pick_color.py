@@ -13,7 +13,9 @@ def pick_color(
     out: Annotated[Path, typer.Option("--out", help="YAML of thresholds to make.")],
     at: Annotated[
         list[str] | None,
-        typer.Option("--at", help="A pixel of the colour, u,v; again for more. No window opens."),
+        typer.Option(
+            "--at", metavar="U,V", help="A pixel of the colour; again for more. No window opens."
+        ),
     ] = None,
     radius: Annotated[
         float, typer.Option("--radius", min=0.0, help="Pixels around each that count too.")

@@ -178,12 +178,11 @@ def _motion_capture(sensor: str, hardware: Hardware) -> "MotionCaptureClient | N
         if hardware.motion_capture is not None:
             raise ValueError("--motion-capture needs --sensor motion-capture")
         return None
-    host, _, port = (hardware.motion_capture or "").rpartition(":")
+    if hardware.motion_capture is None:
+        raise ValueError("--sensor motion-capture with --port needs --motion-capture HOST:PORT")
+    host, _, port = hardware.motion_capture.rpartition(":")
     if not (host and port.isdecimal() and int(port) < 65536):
-        raise ValueError(
-            "--sensor motion-capture with --port needs --motion-capture HOST:PORT, got "
-            f"{hardware.motion_capture!r}"
-        )
+        raise ValueError(f"--motion-capture takes HOST:PORT, got {hardware.motion_capture!r}")
     return MotionCaptureClient((host, int(port)))
 
 

@@ -13,7 +13,7 @@ from nico_selfmodel.experiments.mirror import (
     MirrorExperiment,
     Spread,
 )
-from nico_selfmodel.experiments.report_files import Table, as_markdown, write_experiment
+from nico_selfmodel.experiments.report_files import Table, as_markdown, bodies, write_experiment
 from nico_selfmodel.viz import BarSeries, bar_chart
 
 
@@ -87,7 +87,7 @@ def _markdown(results: MirrorExperiment) -> str:
     )
     head = (
         "# Inferring the visual perspective of a mirror (thesis, chapter 9)\n\n"
-        f"Ours: {_robots(results.individuals)} that learned eyes and arm by themselves, "
+        f"Ours: {bodies(results.individuals)} that learned eyes and arm by themselves, "
         f"joint play +-{results.play_deg:g} deg, arm {results.arm_mm:.0f} mm, {seen}. "
         f"Mirrors before the left eye: {places}. Mean "
         f"over {TEST_POSES} test poses, SD over robots. Thesis: figures 9.4 and 9.5 are charts "
@@ -99,10 +99,6 @@ def _markdown(results: MirrorExperiment) -> str:
     )
     note = "\nA reflection is as far away as hand, glass and eye together: stereo sets the limit.\n"
     return head + as_markdown(table_rows(results)) + note + as_markdown(depth_rows(results))
-
-
-def _robots(count: int) -> str:
-    return "one simulated robot" if count == 1 else f"{count} simulated robots"
 
 
 def _charts(results: MirrorExperiment) -> dict[str, Any]:

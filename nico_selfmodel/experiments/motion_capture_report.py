@@ -12,7 +12,7 @@ from nico_selfmodel.experiments.motion_capture import (
     MotionCaptureExperiment,
     Row,
 )
-from nico_selfmodel.experiments.report_files import Table, as_markdown, write_experiment
+from nico_selfmodel.experiments.report_files import Table, as_markdown, bodies, write_experiment
 from nico_selfmodel.viz import BarSeries, bar_chart
 
 _THESIS_LINKS_MM = ((126.82, 0.45), (115.66, 0.84))
@@ -67,7 +67,7 @@ def write_report(results: MotionCaptureExperiment, out: Path, *, force: bool = F
 def _markdown(results: MotionCaptureExperiment) -> str:
     head = (
         "# Learning an arm under motion capture (thesis, chapter 6)\n\n"
-        f"Ours: {results.individuals} simulated robots in the world `{results.world}`, mean over "
+        f"Ours: {bodies(results.individuals)} in the world `{results.world}`, mean over "
         "100 random test poses [mm]. Thesis: the real robot, one run. Samples: on circles + random."
         "\n\n"
     )

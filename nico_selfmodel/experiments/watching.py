@@ -12,6 +12,7 @@ from nico_selfmodel.experiments.mirror_recording import DEFAULT_MIRROR, NicoBefo
 from nico_selfmodel.geometry.transform import inverse
 from nico_selfmodel.model import Mirror, SelfModel
 from nico_selfmodel.model.stereo_rig import EYES
+from nico_selfmodel.plant import ArmDescription
 from nico_selfmodel.systems import NicoStation, StationBody, World
 from nico_selfmodel.systems.mirror_scene import put_mirror
 from nico_selfmodel.viz.station_mirror import StandingGlass
@@ -20,10 +21,10 @@ from nico_selfmodel.viz.station_view import StationView
 STOP = "stop"
 """Label of the button that ends the show."""
 _DAY = 99
-
-
 _ELSEWHERE_M, _ELSEWHERE = 0.04, np.radians(10.0)
 """A learned mirror farther from where it is put stood elsewhere; heads are degrees off."""
+_TURNED = np.radians(1.0)
+"""A joint held farther from where it was while learning is another pose."""
 
 
 class Watching:
@@ -50,13 +51,15 @@ class Watching:
 
         Raises:
             ModelError: If the model lacks arm, eyes or that mirror, or tracks something else; or if
-                the mirror was learned at another place and nobody says where to put it.
+                the mirror was learned at another place and nobody says where to put it; or if its
+                head was turned elsewhere, so that it knows nothing of what these eyes see.
         """
         if mirror is not None:
             _check_mirror(model, *mirror)
         self.marker = model.markers[0]
         self._nico = NicoBeforeItsEyes(world, seed, (self.marker,))
         self._nico.arm.check_joints(model.joints)
+        _check_head(model, self._nico.arm)
         self._before = None if mirror is None else _before(self._nico, model, *mirror)
         self.station: NicoStation = (
             self._nico.station(_DAY, model.rig)
@@ -161,6 +164,18 @@ def _before(
     nico: NicoBeforeItsEyes, model: SelfModel, name: str, place: Mirror | None
 ) -> NicoBeforeMirrors:
     return NicoBeforeMirrors(nico, {name: place or DEFAULT_MIRROR}, knows=model, rig=model.rig)
+
+
+def _check_head(model: SelfModel, arm: ArmDescription) -> None:
+    """Refuse a model that was learned with joints of the head or the hand held elsewhere."""
+    for joint, held in model.robot.get("held", {}).items():
+        here = arm.held.get(joint, held)
+        if abs(here - held) > _TURNED:
+            raise ModelError(
+                f"self-model {model.name!r} was learned with {joint} at {np.degrees(held):.0f} "
+                f"deg, and this Nico holds it at {np.degrees(here):.0f} deg: learn it anew with "
+                "`nico-selfmodel learn`"
+            )
 
 
 def _check_mirror(model: SelfModel, name: str, place: Mirror | None) -> None:

@@ -8,12 +8,13 @@ pseudo-terminal. Importing opens nothing, making an object sends nothing, connec
 
 from nico_selfmodel.servos.arm_loop import ArmLoop
 from nico_selfmodel.servos.arm_state import ArmState
-from nico_selfmodel.servos.bus import Bus, BusSettings, LinkCounts
+from nico_selfmodel.servos.bus import Bus, BusSettings
 from nico_selfmodel.servos.chain import FoundModule, hard_reset, scan
 from nico_selfmodel.servos.commands import BAUD_CODES
 from nico_selfmodel.servos.controller import ArmController
 from nico_selfmodel.servos.hand import FINGERS, Hand
 from nico_selfmodel.servos.homing import find_home, zero_here
+from nico_selfmodel.servos.link_counts import LinkCounts
 from nico_selfmodel.servos.motor_client import MotorClient
 from nico_selfmodel.servos.motor_server import MotorServer
 from nico_selfmodel.servos.pic_servo import PicServo

@@ -134,6 +134,10 @@ class ArmLoop:
     def move(self, targets: Mapping[str, float], *, speed: float | None = None) -> float:
         """Send joints to displacements; waits until they have started, not until they arrive.
 
+        Args:
+            targets: Joint -> displacement [rad]; joints that are not named stay.
+            speed: Largest joint speed [rad/s]; the limits if omitted.
+
         Returns:
             How long it will take [s].
 
@@ -153,6 +157,10 @@ class ArmLoop:
 
     def call(self, action: Callable[[ArmController], _T], timeout: float = 10.0) -> _T:
         """Do something with the controller between two cycles, and wait for its result.
+
+        Args:
+            action: Is given the controller, in the arm's own thread.
+            timeout: How long to wait [s].
 
         Raises:
             RobotError: If the thread has failed or does not come to it in time.

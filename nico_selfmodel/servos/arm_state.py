@@ -49,7 +49,8 @@ class ArmState:
         for name in self.ROWS:
             self._freeze(name, np.array(getattr(self, name)))
         rows = np.array([getattr(self, name) for name in self.ROWS], dtype=float)
-        rows[: self.ROWS.index("valid"), ~self.valid] = np.nan
+        valid = self.ROWS.index("valid")
+        rows[:valid, rows[valid] == 0.0] = np.nan
         self._freeze("rows", rows)
         object.__setattr__(self, "oldest", float(self.age.max(initial=0.0)))
 

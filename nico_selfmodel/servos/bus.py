@@ -2,19 +2,12 @@
 
 import threading
 from collections import defaultdict
-from collections.abc import Callable
-from dataclasses import asdict, dataclass
-from typing import TypeVar
+from dataclasses import dataclass
 
 from nico_selfmodel.errors import BusError
-from nico_selfmodel.servos.commands import (
-    BAUD_CODES,
-    Command,
-    ReadStatus,
-    SetBaud,
-    encode_command,
-    may_repeat,
-)
+from nico_selfmodel.servos.command_packets import encode_command, may_repeat
+from nico_selfmodel.servos.commands import BAUD_CODES, Command, ReadStatus, SetBaud
+from nico_selfmodel.servos.link_counts import LinkCounts
 from nico_selfmodel.servos.packets import EVERYONE, DamagedPacketError
 from nico_selfmodel.servos.ports import Port, SerialPort
 from nico_selfmodel.servos.status import Status, StatusFlag, StatusItem, decode_status, reply_length
@@ -23,7 +16,6 @@ from nico_selfmodel.servos.trajectory import TICK
 FLUSH = bytes(30)
 """Longer than the rest of any packet: ends a half-heard one with a wrong checksum."""
 _NOISE_LIMIT = 1.0
-_T = TypeVar("_T")
 
 
 class NoReplyError(BusError):
@@ -46,30 +38,6 @@ class BusSettings:
     """Latency timer of the adapter [s]; 16 ms where it has no low-latency mode."""
 
 
-@dataclass
-class LinkCounts:
-    """What happened on the way to one module."""
-
-    exchanges: int = 0
-    """Commands that were answered in the end."""
-    timeouts: int = 0
-    """Replies that never came, or came short."""
-    damaged: int = 0
-    """Replies with a wrong checksum."""
-    refused: int = 0
-    """Commands that the module received damaged and said so."""
-    stray_bytes: int = 0
-    """Bytes that nobody had asked for."""
-    implausible: int = 0
-    """Positions that a second reading did not confirm."""
-    failures: int = 0
-    """Commands that failed for good."""
-
-    def to_mapping(self) -> dict[str, int]:
-        """Return the counts by name."""
-        return asdict(self)
-
-
 class Bus:
     """Exchanges with modules, one at a time, from any thread."""
 
@@ -90,6 +58,11 @@ class Bus:
     @classmethod
     def open(cls, name: str, rate: int = 19200, settings: BusSettings | None = None) -> "Bus":
         """Open a serial port for this process alone; sends nothing.
+
+        Args:
+            name: `/dev/serial/by-id/...`, or of a `SimulatedBus`.
+            rate: Of the line [baud].
+            settings: How patient to be.
 
         Raises:
             PortLostError: If the port cannot be opened; says why.
@@ -225,6 +198,10 @@ class Bus:
     def send(self, address: int, command: Command) -> None:
         """Send a command that nobody answers: to a group without a leader, or a reset.
 
+        Args:
+            address: Of the group, or of a module.
+            command: What to do.
+
         Raises:
             PortLostError: If the port is gone.
         """
@@ -301,11 +278,6 @@ class Bus:
         with self._lock:
             self.port.reopen()
             self._doubtful = True
-
-    def holding(self, action: Callable[[], _T]) -> _T:
-        """Run an action of several exchanges that no other thread may come between."""
-        with self._lock:
-            return action()
 
     def total(self) -> LinkCounts:
         """Return the sum of the counts of all modules."""

@@ -118,3 +118,24 @@ def take_over(axis: Axis) -> None:
         module.capture_home(0)
     axis.zero_known = module.knows_its_zero()
     axis.believe(module.poll())
+
+
+def switch_on(axis: Axis, group: int) -> None:
+    """Switch a servo on where the joint stands, and let it obey the packets to a group.
+
+    Nothing moves; faults are cleared, and what the joint was to do before is forgotten.
+
+    Raises:
+        BusError: If the board does not answer.
+        ServoFault: If it reports a fault still.
+    """
+    module = axis.module
+    axis.forget_goal()
+    module.set_output(axis.joint.output_mode)
+    module.set_gains(axis.joint.gains)
+    module.arm_amplifier()
+    module.hold()
+    status = module.clear_faults()
+    axis.enabled, axis.lost = True, None
+    join_group(module, group)
+    axis.believe(status if status.position is None else module.poll())

@@ -12,8 +12,8 @@ from nico_selfmodel.servos.arm_state import ArmState
 from nico_selfmodel.servos.axis import Axis
 from nico_selfmodel.servos.bus import Bus, BusSettings
 from nico_selfmodel.servos.chain import group_of, join_group, start_together
-from nico_selfmodel.servos.connection import find_modules, take_over
-from nico_selfmodel.servos.motion_plan import common_duration, speed_for
+from nico_selfmodel.servos.connection import find_modules, switch_on, take_over
+from nico_selfmodel.servos.motion_plan import aim_together
 from nico_selfmodel.servos.packets import EVERYONE
 from nico_selfmodel.servos.pic_servo import PicServo
 from nico_selfmodel.servos.ports import PortLostError
@@ -76,6 +76,13 @@ class ArmController:
         settings: BusSettings | None = None,
     ) -> "ArmController":
         """Open the port of an arm; sends nothing.
+
+        Args:
+            port: `/dev/serial/by-id/...`, or of a `SimulatedBus`.
+            config: Its boards.
+            servos: Of its self-model; gears of 1 and zeros of 0 if omitted.
+            trust_zero: Accept poses though a zero was not set since power-up.
+            settings: How patient the bus is; the configuration's latency if omitted.
 
         Raises:
             PortLostError: If the port cannot be opened.
@@ -163,23 +170,11 @@ class ArmController:
                     take_over(axis)  # switching on would let go of what it may still hold
                 if not axis.enabled:
                     done.append(axis)
-                    self._switch_on(axis)
+                    switch_on(axis, self.group)
         except RobotError:
             release_each(done)
             raise
         self.heartbeat()
-
-    def _switch_on(self, axis: Axis) -> None:
-        module = axis.module
-        axis.forget_goal()
-        module.set_output(axis.joint.output_mode)
-        module.set_gains(axis.joint.gains)
-        module.arm_amplifier()
-        module.hold()
-        status = module.clear_faults()
-        axis.enabled, axis.lost = True, None
-        join_group(module, self.group)
-        axis.believe(status if status.position is None else module.poll())
 
     def move(
         self,
@@ -212,7 +207,7 @@ class ArmController:
         self._require_connection()
         require_ready(axes, trusted=self.trust_zero)
         self._read_anew()
-        seconds = _aim_together(axes, goals, v.tolist(), a.tolist())
+        seconds = aim_together(axes, goals, v.tolist(), a.tolist())
         self.heartbeat()
         self._guard([axis for axis in self.axes if axis.enabled], lambda axis: axis.load())
         start_together(self.bus, self.group)
@@ -380,14 +375,3 @@ class ArmController:
     def _require_connection(self) -> None:
         if not self._connected:
             raise BusError("the arm is not connected: call connect first")
-
-
-def _aim_together(
-    axes: Sequence[Axis], goals: Sequence[int], speeds: Sequence[float], rates: Sequence[float]
-) -> float:
-    """Aim axes so that all arrive when the slowest does; return how long it takes [s]."""
-    distances = [abs(goal - axis.position) for axis, goal in zip(axes, goals, strict=True)]
-    seconds = common_duration(distances, speeds, rates)
-    for axis, goal, d, v, a in zip(axes, goals, distances, speeds, rates, strict=True):
-        axis.aim(goal, speed_for(d, seconds, v, a), a)
-    return seconds

@@ -3,6 +3,8 @@
 import math
 from collections.abc import Sequence
 
+from nico_selfmodel.servos.axis import Axis
+
 _SLOWEST = 0.02
 """No joint is slower than this share of its speed, lest a rounding make it crawl."""
 
@@ -45,3 +47,27 @@ def speed_for(distance: float, seconds: float, speed: float, acceleration: float
     if half + root == 0.0:
         return speed
     return min(speed, max(distance / (half + root) * acceleration, speed * _SLOWEST))
+
+
+def aim_together(
+    axes: Sequence[Axis], goals: Sequence[int], speeds: Sequence[float], rates: Sequence[float]
+) -> float:
+    """Aim axes so that all arrive when the slowest does; sends nothing.
+
+    Args:
+        axes: Which joints; read lately.
+        goals: Where to, within their limits [register].
+        speeds: At most the limits [counts/s].
+        rates: Accelerations, at most the limits [counts/s^2].
+
+    Returns:
+        How long it will take [s].
+
+    Raises:
+        ServoFault: If a joint was not read yet.
+    """
+    distances = [abs(goal - axis.position) for axis, goal in zip(axes, goals, strict=True)]
+    seconds = common_duration(distances, speeds, rates)
+    for axis, goal, d, v, a in zip(axes, goals, distances, speeds, rates, strict=True):
+        axis.aim(goal, speed_for(d, seconds, v, a), a)
+    return seconds

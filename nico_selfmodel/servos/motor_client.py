@@ -46,6 +46,10 @@ class MotorClient:
     def ask(self, op: str, **values: Any) -> dict[str, Any]:
         """Send a request and return the answer, the lease with it if there is one.
 
+        Args:
+            op: What is asked, as `docs/servos.md` lists.
+            values: What belongs to it.
+
         Raises:
             RobotError: If the server refuses, fails or is gone; says why.
         """
@@ -81,7 +85,14 @@ class MotorClient:
         return self.ask("state")["state"]
 
     def move(self, targets: Mapping[str, float], speed: float | None = None) -> float:
-        """Send joints to displacements [rad]; return how long it takes [s].
+        """Send joints to displacements.
+
+        Args:
+            targets: Joint -> displacement [rad]; joints that are not named stay.
+            speed: Largest joint speed [rad/s]; the limits if omitted.
+
+        Returns:
+            How long it will take [s].
 
         Raises:
             RobotError: If the server refuses.

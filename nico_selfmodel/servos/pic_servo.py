@@ -56,6 +56,11 @@ class PicServo:
     def ask(self, command: Command, *, repeatable: bool | None = None) -> Status:
         """Send a command and return the reply, laid out by this module's status mask.
 
+        Args:
+            command: What to do.
+            repeatable: Whether it may be sent again when its reply is lost; as the command itself
+                says if omitted.
+
         Raises:
             BusError: If there is no good reply.
         """

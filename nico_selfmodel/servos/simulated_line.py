@@ -9,7 +9,8 @@ from itertools import zip_longest
 import numpy as np
 from numpy.typing import NDArray
 
-from nico_selfmodel.servos.commands import HardReset, command_of
+from nico_selfmodel.servos.command_packets import command_of
+from nico_selfmodel.servos.commands import HardReset
 from nico_selfmodel.servos.packets import (
     EVERYONE,
     FIRST_GROUP,

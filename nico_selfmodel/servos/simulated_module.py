@@ -73,7 +73,6 @@ class SimulatedModule:
         self.profile, self.buffered = SimulatedProfile(), LoadTrajectory(flags=0)
         self.zero, self.home, self.homing = round(self.shaft), 0, 0
         self._sticky, self._aux_sticky = StatusFlag(0), AuxiliaryFlag(0)
-        self._reversed_pwm = False
 
     @property
     def position(self) -> int:

@@ -2,19 +2,19 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
-from pydrake.systems.framework import Context, Diagram, DiagramBuilder
 
 from nico_selfmodel.dataset import JointInfo
 from nico_selfmodel.errors import ModelError
 from nico_selfmodel.geometry.rotation import rotation_from_vector
 from nico_selfmodel.geometry.transform import apply, transform
 from nico_selfmodel.model import Chain, DhTable, SelfModel, ServoMap, StereoRig
-from nico_selfmodel.plant import ArmDescription, SelfModelPlant
+from nico_selfmodel.plant import ArmDescription
+from nico_selfmodel.systems.collisions import CollisionShapes
 from nico_selfmodel.systems.simulated_eyes import NICO_EYES
+from nico_selfmodel.systems.sweeps_in_view import widest_sweeps
 from nico_selfmodel.vision.chessboard import Board
 
 MOUNTS = ("left_wide_camera", "right_wide_camera")
@@ -27,8 +27,6 @@ _FACING = np.cos(np.radians(60.0))
 """Least cosine between a fiducial's normal and the way to an eye."""
 _ARC = np.radians(110.0)
 """Largest arc of a sweep."""
-_RADIUS = 0.06
-"""Smallest circle that a sweep should make [m]."""
 _BOARD_NEAR, _BOARD_FAR = 0.24, 0.45
 _BOARD_TILT = 0.38
 """Standard deviation of a board's attitude about each axis [rad]."""
@@ -46,7 +44,7 @@ class Reach:
     """The eyes as designed, in the frame of the arm's base."""
     markers: tuple[str, ...]
     """Points that must be in view."""
-    body: "_Body"
+    body: CollisionShapes
     """The robot's collision shapes."""
 
     @classmethod
@@ -69,7 +67,7 @@ class Reach:
         markers = arm.markers if markers is None else markers
         if set(markers) - set(arm.markers):
             raise ModelError(f"the arm has the points {', '.join(arm.markers)}, got {markers}")
-        body = _Body(arm)
+        body = CollisionShapes(arm)
         X_BE = [body.pose(link) for link in MOUNTS]
         rig = StereoRig(*(eye.at(X) for eye, X in zip(eyes.eyes, X_BE, strict=True)))
         return cls(arm, rig, markers, body)
@@ -161,17 +159,8 @@ class Reach:
         Returns:
             Home [rad], shape (n,), and lower and upper end of each joint's sweep [rad], (n, 2).
         """
-        rng = np.random.default_rng(0)
-        n = len(self.arm.lower)
-        best, home, arcs = -1.0, np.zeros(n), np.zeros((n, 2))
-        for q in self.random_poses(candidates, rng):
-            if (self._radii(q) < _RADIUS).any():
-                continue
-            found = np.array([self._arc(q, i) for i in range(n)])
-            size = float(np.ptp(found, axis=1).min())
-            if size > best:
-                best, home, arcs = size, q, found
-        return home, arcs
+        poses = self.random_poses(candidates, np.random.default_rng(0))
+        return widest_sweeps(self.arm, poses, self.usable, _ARC, self.markers)
 
     def board_poses(self, board: Board, count: int, rng: np.random.Generator) -> NDArray:
         """Draw poses in which a board should be seen whole by both eyes, before the body.
@@ -231,87 +220,3 @@ class Reach:
             cosine = np.sum(way * normal, axis=1) / np.linalg.norm(way, axis=1)
             faces &= cosine > _FACING
         return faces
-
-    def _arc(self, q: NDArray, i: int) -> tuple[float, float]:
-        """Return how far a joint may turn about a pose with the hand in view [rad]."""
-        steps = np.linspace(-0.5 * _ARC, 0.5 * _ARC, 61)
-        values = np.clip(q[i] + steps, self.arm.lower[i], self.arm.upper[i])
-        poses = np.tile(q, (len(values), 1))
-        poses[:, i] = values
-        hidden = np.flatnonzero(~self.usable(poses))
-        below, above = hidden[hidden < 30], hidden[hidden > 30]
-        first = below.max() + 1 if len(below) else 0
-        last = above.min() - 1 if len(above) else 60
-        return float(values[first]), float(values[last])
-
-    def _radii(self, q: NDArray) -> NDArray:
-        """Return the radius of each joint's circle at a pose, the least of all points [m]."""
-        at = self.arm.chain.rezeroed(q)
-        rows = [self.arm.markers.index(marker) for marker in self.markers]
-        arms = at.p_WH_zero[rows][:, None] - at.points
-        return np.linalg.norm(np.cross(at.directions, arms), axis=2).min(axis=0)
-
-
-class _Body:
-    """The robot's collision shapes, posed by the arm's joints."""
-
-    def __init__(self, arm: ArmDescription) -> None:
-        builder = DiagramBuilder()
-        self._built = SelfModelPlant.from_urdf(arm, builder=builder)
-        self._diagram: Diagram = builder.Build()
-        self._root: Context = self._diagram.CreateDefaultContext()
-        self._own = self._built.own_context(self._root)
-        scene = self._built.scene_graph
-        assert scene is not None
-        self._query = scene.get_query_output_port()
-        self._scene = scene.GetMyContextFromRoot(self._root)
-        self._moving = self._geometries_beyond(arm.joints[0])
-        # Neighbours touch where a joint joins them; that is no collision.
-        self._touching = self._pairs(0.5 * (arm.lower + arm.upper)) & self._pairs(arm.upper)
-
-    def pose(self, link: str) -> NDArray:
-        """Return a link's pose in the arm's base, which does not depend on the arm."""
-        plant = self._built.plant
-        base = plant.GetFrameByName(self._built.arm.base_link, self._built.instance)
-        frame = plant.GetFrameByName(link, self._built.instance)
-        return np.asarray(plant.CalcRelativeTransform(self._own, base, frame).GetAsMatrix4())
-
-    def collides(self, q: NDArray) -> bool:
-        """Return whether the arm touches the body or itself."""
-        return bool(self._pairs(q) - self._touching)
-
-    def covers(self, q: NDArray, p_BQ: NDArray, room: float) -> bool:
-        """Return whether any of some points is inside the robot or nearer to it. Shape (k, 3)."""
-        query = self._posed(q)
-        plant = self._built.plant
-        base = plant.GetFrameByName(self._built.arm.base_link, self._built.instance)
-        X_WB = base.CalcPoseInWorld(self._own).GetAsMatrix4()
-        return any(query.ComputeSignedDistanceToPoint(p, room) for p in apply(X_WB, p_BQ))
-
-    def _posed(self, q: NDArray) -> Any:
-        """Return the scene graph's query object with the arm at a pose."""
-        self._built.set_joint_angles(self._own, q)
-        return self._query.Eval(self._scene)
-
-    def _pairs(self, q: NDArray) -> set[frozenset[Any]]:
-        return {
-            frozenset((pair.id_A, pair.id_B))
-            for pair in self._posed(q).ComputePointPairPenetration()
-            if pair.id_A in self._moving or pair.id_B in self._moving
-        }
-
-    def _geometries_beyond(self, joint: str) -> set[Any]:
-        """Return the collision shapes that the arm's joints move."""
-        plant = self._built.plant
-        first = plant.GetJointByName(joint, self._built.instance).child_body()
-        moved, grown = {first.index()}, True
-        joints = [plant.get_joint(index) for index in plant.GetJointIndices(self._built.instance)]
-        while grown:
-            beyond = {j.child_body().index() for j in joints if j.parent_body().index() in moved}
-            grown = not beyond <= moved
-            moved |= beyond
-        return {
-            geometry
-            for index in moved
-            for geometry in plant.GetCollisionGeometriesForBody(plant.get_body(index))
-        }

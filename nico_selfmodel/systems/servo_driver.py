@@ -200,10 +200,11 @@ class ServoDriver(LeafSystem):
     def _hand_over(self, context: Context) -> None:
         """Give the bus thread the command; it is also a sign of life."""
         loop = self._running()
-        q = self._command.Eval(context) if self._command.HasValue(context) else None
-        if q is None:
+        if not self._command.HasValue(context):
             loop.heartbeat()
-        elif (handed := q.tobytes()) == self._handed:
+            return
+        q = np.asarray(self._command.Eval(context), dtype=float)
+        if (handed := q.tobytes()) == self._handed:
             loop.repeat()
         else:
             meant = np.flatnonzero(~np.isnan(q))

@@ -17,7 +17,7 @@ from nico_selfmodel.viz.plot_style import (
     MANY,
     grid_along,
     headline,
-    plain_tick,
+    log_ticks,
     style,
 )
 
@@ -91,7 +91,7 @@ def view_errors(views: tuple[ShownView, ...]) -> Figure:
             axes.plot(at, one, "o", label=f"{eye.eye} eye alone", **mark)
         if values.max() > _LOG_FROM * np.median(values):
             axes.set_yscale("log")
-            axes.yaxis.set_major_formatter(plain_tick)
+            log_ticks(axes.yaxis)
         turned = {"rotation": 90} if len(shown) * max(len(v.name) for v in shown) > 110 else {}
         axes.set_xticks(range(len(shown)), [view.name for view in shown], **turned)
         axes.tick_params(axis="x", length=0)

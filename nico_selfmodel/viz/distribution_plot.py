@@ -8,7 +8,7 @@ from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
 from nico_selfmodel.viz import palette
-from nico_selfmodel.viz.plot_style import HALF_WIDTH, headline, plain_tick, style
+from nico_selfmodel.viz.plot_style import HALF_WIDTH, headline, log_ticks, style
 
 _LOG_FROM, _LOG_TAIL = 8.0, 20.0
 """Ratios, of the medians and of largest to median, from which the axis is logarithmic."""
@@ -82,7 +82,7 @@ def distribution(
         if _spread_wide(sets):
             axes.set_xscale("log")
             axes.set_xlim(left=min(float(np.percentile(one.errors, 1.0)) for one in sets))
-            axes.xaxis.set_major_formatter(plain_tick)
+            log_ticks(axes.xaxis)
         else:
             axes.set_xlim(0.0, 1.03 * max(float(one.errors[-1]) for one in sets))
         axes.set_ylim(0.0, 101.0)

@@ -7,12 +7,11 @@ from pathlib import Path
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
-from matplotlib.ticker import LogLocator, NullFormatter
 from numpy.typing import NDArray
 
 from nico_selfmodel.files import write_bytes_whole
 from nico_selfmodel.viz import palette
-from nico_selfmodel.viz.plot_style import grid_along, headline, image_bytes, plain_tick, style
+from nico_selfmodel.viz.plot_style import grid_along, headline, image_bytes, log_ticks, style
 
 FORMATS = (".png", ".svg")
 _LOG_FROM = 12.0
@@ -98,10 +97,6 @@ def bar_chart(
         axes = figure.add_subplot()
         if log:
             axes.set_yscale("log")
-            # Also an axis of less than a decade has some of these.
-            axes.yaxis.set_major_locator(LogLocator(subs=(1.0, 2.0, 5.0)))
-            axes.yaxis.set_major_formatter(plain_tick)
-            axes.yaxis.set_minor_formatter(NullFormatter())
         width = 0.84 / len(series)
         places = _places(heights, width)
         for place, one in zip(places, series, strict=True):
@@ -118,6 +113,7 @@ def bar_chart(
             lows = heights - np.minimum(tops - heights, 0.9 * heights)
             lowest = max(0.8 * np.nanmin(lows), 0.3 * np.nanmin(heights))
             axes.set_ylim(lowest, 1.6 * np.nanmax(tops))
+            log_ticks(axes.yaxis)
         else:
             axes.set_ylim(0.0, 1.12 * np.nanmax(tops))
         grid_along(axes, "y")

@@ -6,7 +6,7 @@ from matplotlib.ticker import MaxNLocator
 
 from nico_selfmodel.estimation.health import HealthReport
 from nico_selfmodel.viz import palette
-from nico_selfmodel.viz.plot_style import FULL_WIDTH, headline, plain_tick, style
+from nico_selfmodel.viz.plot_style import FULL_WIDTH, headline, log_ticks, style
 
 
 def health_plot(report: HealthReport) -> Figure:
@@ -26,7 +26,7 @@ def health_plot(report: HealthReport) -> Figure:
         above.plot(rows, report.nis / report.dof, "o", color=palette.MUTED, markersize=3.5)
         above.axhline(1.0, color=palette.INK, linewidth=0.8)
         above.set_yscale("log")
-        above.yaxis.set_major_formatter(plain_tick)
+        log_ticks(above.yaxis)
         above.set_ylabel("innovation² over\nits expectation")
         last = len(rows) if report.alarm_at is None else report.alarm_at + 1
         for color, (name, sums, threshold) in zip(

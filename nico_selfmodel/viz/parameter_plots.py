@@ -19,7 +19,7 @@ from nico_selfmodel.viz.plot_style import (
     HALF_WIDTH,
     grid_along,
     headline,
-    plain_tick,
+    log_ticks,
     style,
 )
 
@@ -139,7 +139,7 @@ def convergence(calibration: KinematicCalibration) -> Figure | None:
         # What is left at the end is rounding.
         excess = np.maximum(excess, 1e-16)
         top.semilogy(np.arange(len(history)), excess, "o-", color=palette.HELD_OUT, markersize=5)
-        top.yaxis.set_major_formatter(plain_tick)
+        log_ticks(top.yaxis)
         top.xaxis.set_major_locator(MaxNLocator(integer=True, min_n_ticks=1))
         top.set_xlim(-0.3, len(history) - 0.7)
         top.set_xlabel("step of the final solution")
@@ -165,7 +165,7 @@ def _starts_panel(axes: Axes, search: StartSearch) -> None:
             axes.plot(numbers[rows], ratio[rows], "o", color=color, markersize=6, label=label)
     if ratio.max() > 3.0:
         axes.set_yscale("log")
-        axes.yaxis.set_major_formatter(plain_tick)
+        log_ticks(axes.yaxis)
     else:
         axes.set_ylim(0.9, max(1.5, 1.1 * float(ratio.max())))
     axes.xaxis.set_major_locator(MaxNLocator(integer=True, min_n_ticks=1))

@@ -8,8 +8,10 @@ from typing import Any
 
 from matplotlib import rc_context
 from matplotlib.axes import Axes
+from matplotlib.axis import Axis
 from matplotlib.backends.backend_svg import FigureCanvasSVG
 from matplotlib.figure import Figure
+from matplotlib.ticker import LogLocator, MaxNLocator, NullFormatter
 
 from nico_selfmodel.viz import palette
 
@@ -90,6 +92,17 @@ def headline(figure: Figure, text: str) -> None:
 def plain_tick(value: float, _position: int) -> str:
     """Write a tick: names of joints may hold a $, so that no text is read as mathematics."""
     return f"{value:g}"
+
+
+def log_ticks(axis: Axis) -> None:
+    """Label a logarithmic axis plainly, however little it spans; after everything is drawn."""
+    low, high = sorted(axis.get_view_interval())
+    if high < 4.0 * low:
+        axis.set_major_locator(MaxNLocator(4))
+    elif high < 1000.0 * low:
+        axis.set_major_locator(LogLocator(subs=(1.0, 2.0, 5.0)))
+    axis.set_major_formatter(plain_tick)
+    axis.set_minor_formatter(NullFormatter())  # by default mathematics, which is not read
 
 
 def grid_along(axes: Axes, axis: str) -> None:

@@ -1,8 +1,7 @@
 """A robot at work in Meshcat: its body as it believes it to be, and what its eyes see right now."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import replace
-from types import MappingProxyType
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -16,6 +15,7 @@ from nico_selfmodel.plant import ArmDescription, SelfModelPlant, learned_frames
 from nico_selfmodel.viz import palette
 from nico_selfmodel.viz.drake_backend import _draw, draw_in_drake
 from nico_selfmodel.viz.eye_items import ImagePlane, eye_items
+from nico_selfmodel.viz.image_marks import marked
 from nico_selfmodel.viz.robot_items import robot_items
 from nico_selfmodel.viz.scene import ROOT, LegendEntry, Scene
 from nico_selfmodel.viz.scene_items import Item, Markers, Picture, Rgba
@@ -27,10 +27,6 @@ _SPREAD = 1.5
 """Width of an image in baselines: they overlap, as what the eyes see does."""
 _HAND = 0.006
 """Radius of what marks the hand [m]."""
-_MARK, _GAP, _THICK = 44, 18, 2
-"""Half a cross, the hole in its middle, and half its thickness, in images [px]."""
-_RING, _ARC = 26, np.tan(np.radians(21.0))
-"""Radius of a ring in images [px], and the tangent of half the angle of its arcs."""
 _CYAN, _ORANGE = "#33bbee", "#ee7733"
 TRACKED, PREDICTED = palette.rgba(_CYAN), palette.rgba(_ORANGE)
 _FLESH = 0.09
@@ -256,48 +252,6 @@ class StationView:
             body = plant.GetBodyByName(link, self._built.instance)
             poses[link] = plant.EvalBodyPoseInWorld(self._context, body).GetAsMatrix4()
         return poses
-
-
-def marked(
-    image: NDArray,
-    marks: Mapping[Rgba, ArrayLike],
-    rings: Mapping[Rgba, ArrayLike] = MappingProxyType({}),
-) -> NDArray:
-    """Return an image with a cross at each mark, open in the middle, and with rings.
-
-    Args:
-        image: Red, green, blue, 8 bits. Shape (h, w, 3).
-        marks: Colour -> pixel (u, v); nan for none.
-        rings: The same of what is marked by a ring.
-
-    Returns:
-        A copy. Shape (h, w, 3).
-    """
-    drawn = np.array(image)
-    v, u = np.ogrid[: drawn.shape[0], : drawn.shape[1]]
-    for shape, places in ((_cross, marks), (_ring, rings)):
-        for turn, (color, pixel) in enumerate(places.items()):
-            at = np.asarray(pixel, dtype=float)
-            if not np.isfinite(at).all():
-                continue
-            x, y = u - round(at[0]), v - round(at[1])
-            # Every other mark stands on its corner, so that both show where they coincide.
-            x, y = (x, y) if turn % 2 == 0 else (x + y, x - y)
-            drawn[shape(x, y, turn % 2)] = np.round(255.0 * np.array(color[:3])).astype(np.uint8)
-    return drawn
-
-
-def _cross(x: NDArray, y: NDArray, _turned: int) -> NDArray:
-    """Return the pixels of a cross that is open in the middle."""
-    far = np.maximum(np.abs(x), np.abs(y))
-    return (np.minimum(np.abs(x), np.abs(y)) <= _THICK) & (far <= _MARK) & (far >= _GAP)
-
-
-def _ring(x: NDArray, y: NDArray, turned: int) -> NDArray:
-    """Return the pixels of a ring's four arcs about the axes; turned axes are longer by root 2."""
-    radius = np.hypot(x, y) / np.sqrt(1.0 + turned)
-    near_axis = np.minimum(np.abs(x), np.abs(y)) < _ARC * np.maximum(np.abs(x), np.abs(y))
-    return (np.abs(radius - _RING) <= _THICK) & near_axis
 
 
 def _four(pixels: ArrayLike | None, name: str) -> NDArray:

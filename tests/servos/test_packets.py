@@ -4,8 +4,13 @@ import pytest
 from hypothesis import example, given
 from hypothesis import strategies as st
 
-from nico_selfmodel.servos.commands import (
+from nico_selfmodel.servos.command_packets import (
     COMMANDS,
+    decode_command,
+    encode_command,
+    may_repeat,
+)
+from nico_selfmodel.servos.commands import (
     ClearBits,
     DefineStatus,
     HardReset,
@@ -21,9 +26,6 @@ from nico_selfmodel.servos.commands import (
     SetHoming,
     StartMotion,
     StopMotor,
-    decode_command,
-    encode_command,
-    may_repeat,
 )
 from nico_selfmodel.servos.gains import Gains
 from nico_selfmodel.servos.packets import DamagedPacketError, Frame, decode_frame

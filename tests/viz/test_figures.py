@@ -1,6 +1,7 @@
 import matplotlib
 import numpy as np
 import pytest
+from matplotlib.figure import Figure
 
 from nico_selfmodel.viz.blind_parameters import blind_parameters
 from nico_selfmodel.viz.error_plots import (
@@ -10,7 +11,7 @@ from nico_selfmodel.viz.error_plots import (
 )
 from nico_selfmodel.viz.numbers_shown import decimals, nice_below, nice_factor, short
 from nico_selfmodel.viz.parameter_plots import convergence, correlation_matrix, parameter_sigmas
-from nico_selfmodel.viz.plot_style import image_bytes, svg_data_uri
+from nico_selfmodel.viz.plot_style import image_bytes, log_ticks, style, svg_data_uri
 
 ALL = (
     error_distribution,
@@ -153,3 +154,21 @@ def test_factors_and_steps_are_round():
     assert nice_factor(0.03, 0.0) == 1.0
     assert [nice_below(x) for x in (0.37, 1.0, 9.99, 0.0499)] == [0.2, 1.0, 5.0, 0.02]
     assert [short(x) for x in (0.0876, 2.6, 114.2)] == ["0.088", "2.6", "110"]
+
+
+@pytest.mark.parametrize("highest", [1.5, 3.0, 7.6, 90.0, 2e3, 1e12])
+def test_a_logarithmic_axis_has_plain_ticks_however_little_it_spans(highest):
+    with style():
+        figure = Figure()
+        axes = figure.add_subplot()
+        axes.semilogy([0.0, 1.0, 2.0], [1.0, 1.2, highest])
+        log_ticks(axes.yaxis)
+        figure.draw_without_rendering()
+        low, high = axes.get_ylim()
+        texts = [
+            tick.label1.get_text()
+            for tick in (*axes.yaxis.get_major_ticks(), *axes.yaxis.get_minor_ticks())
+            if low <= tick.get_loc() <= high and tick.label1.get_text()
+        ]
+    assert 2 <= len(texts) <= 12
+    assert all(float(text) > 0.0 for text in texts)  # mathematics is no number

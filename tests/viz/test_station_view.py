@@ -10,10 +10,11 @@ from nico_selfmodel.errors import ModelError
 from nico_selfmodel.geometry.transform import inverse, transform
 from nico_selfmodel.model import Mirror
 from nico_selfmodel.systems import Reach, looking_arm
+from nico_selfmodel.viz.image_marks import marked
 from nico_selfmodel.viz.scene import ROOT
 from nico_selfmodel.viz.screens import screens_beside
 from nico_selfmodel.viz.station_mirror import StandingGlass
-from nico_selfmodel.viz.station_view import PREDICTED, TRACKED, StationView, marked
+from nico_selfmodel.viz.station_view import PREDICTED, TRACKED, StationView
 
 ARM = looking_arm("fiducial")
 JOINTS = tuple(
