@@ -12,16 +12,11 @@ from nico_selfmodel.geometry.transform import apply, inverse
 from nico_selfmodel.model import Chain, StereoRig
 from nico_selfmodel.plant import ArmDescription
 from nico_selfmodel.plant.kinematic_tree import KinematicTree
+from nico_selfmodel.recording import commands_of_angles
 from nico_selfmodel.systems import NICO_EYES, TRACKERS, HandSighting, SimulatedBody, World
+from nico_selfmodel.systems.looking import looking
+from nico_selfmodel.systems.sweeps_in_view import widest_sweeps
 
-HELD = {"right_forearm_twist": -0.5 * np.pi, "right_wrist": 0.0, "right_index": 0.0}
-"""Joints of the arm that stand still, the back of the hand towards the eyes [rad]."""
-LOOKING = {
-    "neck_yaw": np.radians(-20.0),
-    "neck_pitch": np.radians(15.0),
-    "eyes_tilt": np.radians(20.0),
-}
-"""How the head is turned to look at where the right hand works [rad]."""
 POINTS = {"fiducial": "right_hand_fiducial", "color": "right_finger_tip"}
 """What each tracker looks at."""
 _NEAR, _FAR = 0.17, 0.38
@@ -30,8 +25,6 @@ _MARGIN = 45.0
 """Poses are planned so that the hand stays this far from the images' edges [px]."""
 _ARC = np.radians(90.0)
 """Largest arc of a sweep."""
-_RADIUS = 0.06
-"""Smallest circle that a sweep should make [m]."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -115,9 +108,8 @@ class BodyProtocol:
         """
         labels, poses = ["home"], [self.home]
         for i, joint in enumerate(self.arm.joints):
-            for value in np.linspace(self.arcs[i, 0], self.arcs[i, 1], points + 1):
-                if len(labels) - 1 == (i + 1) * points:
-                    break
+            low, high = self.arcs[i]
+            for value in np.linspace(low, high, points, endpoint=False):
                 labels.append(joint)
                 poses.append(np.where(np.arange(len(self.home)) == i, value, self.home))
         return labels, np.array(poses)
@@ -150,11 +142,9 @@ class BodyProtocol:
         Returns:
             The data set; poses in which no eye saw a marker are left out.
         """
-        low = np.array([joint.lower for joint in body.joints], dtype=float)
-        high = np.array([joint.upper for joint in body.joints], dtype=float)
-        share = (q - self.arm.lower) / (self.arm.upper - self.arm.lower)
         rows: list[tuple[str, HandSighting, NDArray]] = []
-        for done, command in enumerate(low + share * (high - low), start=1):
+        commands = commands_of_angles(body.joints, self.arm.lower, self.arm.upper, q)
+        for done, command in enumerate(commands, start=1):
             sighting, p_LH = body.observe(command)
             if any(np.isfinite(p).any() for p in sighting.pixels.values()):
                 rows.append(("" if labels is None else labels[done - 1], sighting, p_LH))
@@ -162,45 +152,17 @@ class BodyProtocol:
                 progress(done, len(q))
         return _dataset(body, name, rows, observed, seed)
 
-    def _best_home(self) -> tuple[NDArray, NDArray]:
-        """Return the home whose smallest sweep in view is largest, and the sweeps."""
-        rng = np.random.default_rng(0)
-        best, home, arcs = -1.0, np.zeros(4), np.zeros((4, 2))
-        for q in self.random_poses(150, rng):
-            found = np.array([self._arc(q, i) for i in range(len(q))])
-            size = np.ptp(found, axis=1).min()
-            if size > best and (self._radii(q) > _RADIUS).all():
-                best, home, arcs = size, q, found
-        return home, arcs
-
-    def _arc(self, q: NDArray, i: int) -> tuple[float, float]:
-        """Return how far a joint may turn about a pose with the hand in view [rad]."""
-        steps = np.linspace(-0.5 * _ARC, 0.5 * _ARC, 61)
-        values = np.clip(q[i] + steps, self.arm.lower[i], self.arm.upper[i])
-        poses = np.tile(q, (len(values), 1))
-        poses[:, i] = values
-        hidden = np.flatnonzero(~self.in_view(poses))
-        below, above = hidden[hidden < 30], hidden[hidden > 30]
-        first = below.max() + 1 if len(below) else 0
-        last = above.min() - 1 if len(above) else 60
-        return float(values[first]), float(values[last])
-
-    def _radii(self, q: NDArray) -> NDArray:
-        """Return the radius of each joint's circle at a pose [m]. Shape (n,)."""
-        at = self.arm.chain.rezeroed(q)
-        arm = at.p_WH_zero[0] - at.points
-        return np.linalg.norm(np.cross(at.directions, arm), axis=1)
-
 
 @cache
 def _of_nico(tracker: str) -> BodyProtocol:
     """Plan home and sweeps once: nothing in them is random, and nobody can change them."""
     points = {"hand": POINTS[tracker]}
-    arm = ArmDescription.from_urdf("nico", "chest", "right_hand", HELD, points)
+    arm = ArmDescription.from_urdf("nico", "chest", "right_hand", looking(), points)
     tree = KinematicTree.from_urdf(arm.urdf)
-    X_BL = tree.poses(LOOKING, "chest", [tree.frame("left_wide_camera")])[0]
+    X_BL = tree.poses(looking(), "chest", [tree.frame("left_wide_camera")])[0]
     blank = BodyProtocol(arm, X_BL, NICO_EYES, np.zeros(4), np.zeros((4, 2)))
-    home, arcs = blank._best_home()
+    poses = blank.random_poses(150, np.random.default_rng(0))
+    home, arcs = widest_sweeps(arm, poses, blank.in_view, _ARC, ["hand"])
     return replace(blank, home=home, arcs=arcs)
 
 

@@ -136,12 +136,22 @@ class HandTracker(LeafSystem):
 
     @classmethod
     def fiducial(cls, marker: int = FIDUCIAL_ID, name: str = "fiducial") -> "HandTracker":
-        """Return a tracker of a square marker."""
+        """Return a tracker of a square marker.
+
+        Args:
+            marker: Its id.
+            name: What it is called in the ports.
+        """
         return cls({name: fiducial_detector(marker)})
 
     @classmethod
     def color(cls, model: ColorModel = RED_TAPE, name: str = "finger_tip") -> "HandTracker":
-        """Return a tracker of a patch of colour."""
+        """Return a tracker of a patch of colour.
+
+        Args:
+            model: The colour.
+            name: What the patch is called in the ports.
+        """
         return cls({name: color_detector(model)})
 
     def _declare_outputs(self, kind: int) -> None:

@@ -188,7 +188,15 @@ class SimulatedBody:
         return link_lengths(self.__true_chain)
 
     def slip(self, joint: str, angle: float) -> None:
-        """Let a joint slip against its encoder [rad]; its stops are then read elsewhere."""
+        """Let a joint slip against its encoder; its stops are then read elsewhere.
+
+        Args:
+            joint: Its name.
+            angle: How far, in the joint's own direction [rad].
+
+        Raises:
+            ValueError: If there is no such joint.
+        """
         i = self._index(joint)
         offset = self.__servos.offset.copy()
         offset[i] -= self.__servos.gear[i] * angle
@@ -198,7 +206,15 @@ class SimulatedBody:
         self._stops = (moved[0], moved[1])
 
     def change_gear(self, joint: str, factor: float) -> None:
-        """Multiply a gear, about the middle of the joint's range."""
+        """Multiply a gear, about the middle of the joint's range.
+
+        Args:
+            joint: Its name.
+            factor: New gear over old.
+
+        Raises:
+            ValueError: If there is no such joint.
+        """
         i = self._index(joint)
         gear, offset = self.__servos.gear.copy(), self.__servos.offset.copy()
         middle = self.__servos.to_joint(np.mean(self._stops, axis=0))[i]
@@ -207,7 +223,12 @@ class SimulatedBody:
         self.__servos = replace(self.__servos, gear=gear, offset=offset)
 
     def restart(self, seed: int, spread: float = np.radians(10.0)) -> None:
-        """Switch off and on again: every encoder has another zero, the joints stay [rad]."""
+        """Switch off and on again: every encoder has another zero, the joints stay.
+
+        Args:
+            seed: Of the zeros.
+            spread: Their standard deviation about the old ones [rad].
+        """
         change = np.random.default_rng((seed, 11)).normal(0.0, spread, len(self.joints))
         for joint, angle in zip(self.__servos.joints, change, strict=True):
             self.slip(joint, float(angle))

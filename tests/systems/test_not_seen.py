@@ -15,7 +15,7 @@ from .card_world import CardWorld
 
 EYE = Camera(381.0, 381.0, 319.5, 239.5, (640, 480), k1=-0.25, k2=0.06)
 RIG = StereoRig(EYE, replace(EYE, X_WC=transform(np.eye(3), [0.07, 0.0, 0.0])))
-LOOKING_POSE = np.radians([-40.0, 15.0, -35.0, -55.0])
+LOOKING_POSE = np.radians([-30.0, 50.0, 0.0, -70.0])
 
 
 def track(images, detectors=None):

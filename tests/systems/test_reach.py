@@ -7,7 +7,7 @@ from nico_selfmodel.errors import ModelError
 from nico_selfmodel.geometry.transform import apply
 from nico_selfmodel.systems import BOARD, Reach, looking_arm
 
-LOOKING_POSE = np.radians([[-40.0, 15.0, -35.0, -55.0]])
+LOOKING_POSE = np.radians([[-30.0, 50.0, 0.0, -70.0]])
 
 
 @pytest.fixture(scope="module")
@@ -30,6 +30,11 @@ def test_an_arm_in_the_body_collides_and_one_before_it_does_not(reach):
     assert reach.body.collides(np.radians([0.0, -15.0, -80.0, -125.0]))
     assert not reach.body.collides(LOOKING_POSE[0])
     assert not reach.body.collides(np.zeros(4))
+
+
+def test_the_head_looks_at_where_the_hand_works(reach):
+    q = np.random.default_rng(0).uniform(reach.arm.lower, reach.arm.upper, (4000, 4))
+    assert reach.in_view(q).mean() > 0.045
 
 
 def test_random_poses_are_usable_within_limits_and_come_from_the_seed(reach):

@@ -30,13 +30,13 @@ CAMERA_FRAMES = ("wide_camera", "foveal_camera")
 FRAME_LINKS = {f"{side}_{name}" for side in SIDES for name in (*HAND_FRAMES, *CAMERA_FRAMES)}
 # In urdf/README.md: the right hand before the eyes, the back of the hand towards them.
 LOOKING_AT_THE_HAND = {
-    "neck_pitch": 25.0,
-    "neck_yaw": -10.0,
-    "eyes_tilt": 20.0,
-    "right_shoulder_pitch": -40.0,
-    "right_shoulder_roll": 15.0,
-    "right_upper_arm_twist": -35.0,
-    "right_elbow": -55.0,
+    "neck_yaw": -40.0,
+    "neck_pitch": 0.0,
+    "eyes_tilt": 30.0,
+    "right_shoulder_pitch": -30.0,
+    "right_shoulder_roll": 50.0,
+    "right_upper_arm_twist": 0.0,
+    "right_elbow": -70.0,
     "right_forearm_twist": -90.0,
 }
 MIRROR = np.diag([1.0, -1.0, 1.0])
