@@ -15,7 +15,7 @@ from nico_selfmodel.dataset.row_checks import (
     PIXEL_COLUMNS,
     check_plausible,
     check_rows,
-    warn_of_degrees,
+    warn_of_units,
 )
 from nico_selfmodel.dataset.yaml_mapping import (
     check_keys,
@@ -101,7 +101,7 @@ def import_csv(
     except (ValueError, DataError) as error:
         raise DataError(f"{path}: {error}") from None
     check_plausible(dataset, str(path))
-    warn_of_degrees(dataset, str(path))
+    warn_of_units(dataset, str(path))
     return dataset
 
 

@@ -8,7 +8,7 @@ from pathlib import Path
 
 from nico_selfmodel.dataset.dataset import Dataset
 from nico_selfmodel.dataset.metadata_file import metadata_text, read_metadata
-from nico_selfmodel.dataset.row_checks import check_plausible, warn_of_degrees
+from nico_selfmodel.dataset.row_checks import check_plausible, warn_of_units
 from nico_selfmodel.dataset.samples_file import read_samples, samples_text
 from nico_selfmodel.errors import DataError
 
@@ -50,7 +50,7 @@ def load_dataset(folder: str | PathLike[str]) -> Dataset:
     except (ValueError, DataError) as error:
         raise DataError(f"{folder}: {error}") from None
     check_plausible(dataset, str(table_path))
-    warn_of_degrees(dataset, str(table_path))
+    warn_of_units(dataset, str(table_path))
     return dataset
 
 

@@ -15,6 +15,8 @@ if TYPE_CHECKING:
 
 # An arm whose measured points lie further apart than this was not measured in metres.
 _MAX_SPREAD_M = 20.0
+# An arm whose points stay within this was hardly measured in metres.
+_MIN_SPREAD_M = 2e-3
 # A joint that turned further than this was hardly read in radians.
 _MAX_TURN_RAD = 4.0 * np.pi
 POINT_COLUMNS = ("x_m", "y_m", "z_m")
@@ -172,16 +174,31 @@ def check_plausible(dataset: "Dataset", place: str) -> None:
         _check_sweep_moved(dataset, joint, place)
 
 
-def warn_of_degrees(dataset: "Dataset", place: str) -> None:
-    """Warn of readings that look like degrees though they are said to be radians.
+def warn_of_units(dataset: "Dataset", place: str) -> None:
+    """Warn of numbers that look like another unit than the one they are said to have.
 
     Args:
         dataset: The data.
         place: The file, for the message.
 
     Warns:
-        UserWarning: If a joint read in `rad` turned by more than two whole turns.
+        UserWarning: If a joint read in `rad` turned by more than two whole turns, or all points,
+            and more than two, lie within 2 mm.
     """
+    _warn_of_degrees(dataset, place)
+    points = dataset.p_WH_measured[dataset.measured]
+    if len(points) < 3:
+        return
+    spread = 2.0 * float(np.abs(points - np.median(points, axis=0)).max())
+    if 0.0 < spread < _MIN_SPREAD_M:
+        warnings.warn(
+            f"{place}: all points lie within {1e3 * spread:.2g} mm: were metres given as "
+            f"millimetres? {', '.join(POINT_COLUMNS)} are metres",
+            stacklevel=3,
+        )
+
+
+def _warn_of_degrees(dataset: "Dataset", place: str) -> None:
     encoders = 0.5 * dataset.encoders  # a difference of halves cannot overflow
     half_spans = (encoders.max(axis=0) - encoders.min(axis=0)).tolist()
     for info, half in zip(dataset.joints, half_spans, strict=True):
@@ -190,7 +207,7 @@ def warn_of_degrees(dataset: "Dataset", place: str) -> None:
             warnings.warn(
                 f"{place}: encoder.{info.name} spans {span:.4g} rad, {span / (2 * np.pi):.3g} "
                 "turns: if these are degrees, set encoder_unit: deg",
-                stacklevel=3,
+                stacklevel=4,
             )
 
 

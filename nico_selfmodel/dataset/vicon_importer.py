@@ -11,7 +11,7 @@ import numpy.typing as npt
 from nico_selfmodel.dataset.csv_table import CsvTable
 from nico_selfmodel.dataset.dataset import Dataset
 from nico_selfmodel.dataset.joint_info import JointInfo
-from nico_selfmodel.dataset.row_checks import check_plausible, check_rows, warn_of_degrees
+from nico_selfmodel.dataset.row_checks import check_plausible, check_rows, warn_of_units
 from nico_selfmodel.dataset.vicon_trajectories import Trajectories, read_trajectories
 from nico_selfmodel.errors import DataError
 
@@ -75,7 +75,7 @@ def import_vicon(
     except (ValueError, DataError) as error:
         raise DataError(f"{path}: {error}") from None
     check_plausible(dataset, str(path))
-    warn_of_degrees(dataset, str(path))
+    warn_of_units(dataset, str(path))
     return dataset
 
 

@@ -9,6 +9,10 @@ from nico_selfmodel.dataset import Dataset
 from nico_selfmodel.errors import DataError
 from nico_selfmodel.estimation.observations import Observations
 from nico_selfmodel.model import SelfModel
+from nico_selfmodel.optimization.robust_solve import OUTLIER_AT
+
+_ROUNDING_M = 1e-9
+"""Errors below this are rounding, not noise [m]."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -58,6 +62,9 @@ class Evaluation:
     """What was measured."""
     p_WH_predicted: NDArray
     """What the model says [m]. Shape (N, 3)."""
+    sigma: NDArray | None = None
+    """Standard deviation of a coordinate that the model expects, noise included [m]; None where it
+    does not know its noise. Shape (N,)."""
 
     @property
     def residuals(self) -> NDArray:
@@ -68,6 +75,13 @@ class Evaluation:
     def distances(self) -> NDArray:
         """Euclidean errors [m]. Shape (N,)."""
         return np.linalg.norm(self.residuals, axis=1)
+
+    @property
+    def outliers(self) -> NDArray:
+        """Points further off than the model's own uncertainty and noise can explain. Shape (N,)."""
+        if self.sigma is None:
+            return np.zeros(len(self.observations), dtype=bool)
+        return self.distances > OUTLIER_AT * np.maximum(self.sigma, _ROUNDING_M)
 
     @property
     def statistics(self) -> ErrorStatistics:
@@ -100,7 +114,10 @@ def evaluate(model: SelfModel, dataset: Dataset) -> Evaluation:
     observations = Observations.from_dataset(dataset, model.markers)
     readings = dataset.encoders[observations.rows][:, columns]
     prediction = model.predict(readings, observations.marker)
-    return Evaluation(observations, prediction.p_WH)
+    expected = prediction.total_sigma
+    if expected is None and prediction.noise_sigma is not None:
+        expected = np.full(len(observations), prediction.noise_sigma)
+    return Evaluation(observations, prediction.p_WH, expected)
 
 
 def reading_columns(model: SelfModel, dataset: Dataset) -> list[int]:

@@ -16,6 +16,8 @@ from nico_selfmodel.estimation.error_statistics import Evaluation, evaluate
 from nico_selfmodel.estimation.gear_check import DoubtfulGear, doubtful_gears
 from nico_selfmodel.estimation.kinematic_task import KinematicTask
 from nico_selfmodel.estimation.learned_model import learned_model, training_of
+from nico_selfmodel.estimation.misfit_causes import causes_of_misfit
+from nico_selfmodel.estimation.nominal_check import robot_reason
 from nico_selfmodel.estimation.nominal_start import NominalArm
 from nico_selfmodel.estimation.pin_check import ContradictedPin, contradicted_pins
 from nico_selfmodel.estimation.pinned_refinement import PinnedSolution, refine_pinned
@@ -39,6 +41,8 @@ class KinematicCalibration:
     """The model on its own training data, outliers included."""
     outliers: NDArray
     """Rows of `train` that were not believed. Boolean, shape (N,)."""
+    free_poses: NDArray
+    """Rows of `train` that are marked as no sweep's. Boolean, shape (N,)."""
     test: Evaluation | None
     """The model on held-out data."""
     cross_validation: NDArray
@@ -57,6 +61,10 @@ class KinematicCalibration:
     """Gears held at 1 that the data contradict."""
     contradicted_pins: tuple[ContradictedPin, ...]
     """Parameters pinned by name that the data contradict."""
+    contradicted_robot: str | None
+    """How the learned arm is not the described robot, in words; None where it may be."""
+    causes: tuple[str, ...]
+    """What would make the data fit, where they do not; in words."""
     converged: bool
     """Whether the solver reached a minimum."""
     iterations: int
@@ -110,7 +118,7 @@ def calibrate_kinematics(
         parameters = task.parameters_of(arm)
         pins.check(parameters)
         solved = PinnedSolution.unrefined(task.observations, parameters)
-        search, unseen, contradicted = None, np.zeros(0), ()
+        search, unseen, contradicted, causes = None, np.zeros(0), (), ()
     else:
         task.require_enough(pins)
         loss = loss if task.redundant else "none"
@@ -118,6 +126,7 @@ def calibrate_kinematics(
         solved = _refined(task, search.best, pins, loss)
         unseen = cross_validate(task.observations, solved, task.sigma)
         contradicted = _contradicted_pins(task, search.best, solved, pins)
+        causes = _causes(task, search, loss)
     training = training_of(dataset, task.observations, solved, unseen)
     fit = {"method": method, "loss": loss, **training}
     model = learned_model(solved, dataset, name or dataset.name, nominal, fit)
@@ -126,6 +135,7 @@ def calibrate_kinematics(
         method,
         evaluate(model, dataset),
         solved.outliers,
+        dataset.sweep[task.observations.rows] == "",
         None if test is None else evaluate(model, test),
         unseen,
         solved.uncertainty,
@@ -135,6 +145,8 @@ def calibrate_kinematics(
         dataset.point_sigma_m,
         _doubtful_gears(task, solved),
         contradicted,
+        None if nominal is None else robot_reason(nominal.chain, model.dh, task.gear_known),
+        causes,
         solved.converged,
         solved.iterations,
         solved.history,
@@ -178,6 +190,21 @@ def _doubtful_gears(task: KinematicTask, solved: PinnedSolution) -> tuple[Doubtf
     held = frozenset(f"{joint}.gear" for joint, known in joints if known)
     held -= solved.free
     return doubtful_gears(task.observations, solved.parameters, solved.free, held, ~solved.outliers)
+
+
+def _causes(task: KinematicTask, search: StartSearch, loss: str) -> tuple[str, ...]:
+    """Return what would make the data fit, where they do not."""
+    if not task.redundant:
+        return ()
+    return causes_of_misfit(
+        task.observations,
+        search,
+        task.gear_pinned,
+        task.gear_known,
+        task.zero,
+        task.sigma,
+        loss,
+    )
 
 
 def _contradicted_pins(

@@ -8,18 +8,28 @@ from numpy.typing import NDArray
 from nico_selfmodel.estimation.blind_words import describe_blind
 from nico_selfmodel.estimation.error_statistics import Evaluation
 from nico_selfmodel.estimation.kinematics import KinematicCalibration
+from nico_selfmodel.estimation.outlier_words import (
+    chance_of_more,
+    describe_outliers,
+    foreign_markers,
+)
+from nico_selfmodel.estimation.residual_patterns import pose_dependence, step_in_time
 from nico_selfmodel.model import SelfModel
 
 _MOST_OUTLIERS = 0.25
 """A larger share of points that are not believed is no accident."""
 _LARGEST_NOISE = 0.05
 """Residuals above this share of the workspace's size explain nothing."""
+_PATTERNED_NOISE, _PATTERN = 0.02, 5.0
+"""... as do residuals above this smaller share that depend on the pose with this standard score."""
 _LARGEST_RATIO = 10.0
 """Residuals above this many stated sigmas are not joint play."""
 _SIGNIFICANT = 3.3
 """Standard scores of a rank test beyond which held-out errors count as larger: one in 2000."""
 _BLIND_SHOWN = 3
 """Blind directions among the reasons; the result lists them all."""
+_RARE = 1.0 / 2000.0
+"""The same as a chance."""
 _NOTABLE = 1.3
 """And the ratio of the medians that makes it worth a failure."""
 _WHAT_CHANGED = (
@@ -48,15 +58,24 @@ def judge(calibration: KinematicCalibration, require_test_mm: float | None = Non
         FAIL where a check fails; PASS where held-out data were evaluated and nothing failed;
         NOT_EVALUATED where nothing was held out.
     """
+    misfit = _misfit_reasons(calibration)
+    if calibration.causes:
+        # All else that is wrong follows from it.
+        return Verdict("FAIL", tuple(misfit))
     checks = [
+        calibration.contradicted_robot,
         *_gear_reasons(calibration),
         *_pin_reasons(calibration),
-        _misfit_reason(calibration),
+        *misfit,
         _outlier_reason(calibration),
+        *foreign_markers(calibration.train.observations, calibration.outliers),
+        _step_reason(calibration) if not misfit else None,
         _solver_reason(calibration),
         _starts_reason(calibration),
-        *_blind_reasons(calibration),
+        # What a model that explains nothing can tell says nothing of the arm.
+        *(_blind_reasons(calibration) if not misfit else ()),
         _held_out_reason(calibration),
+        _held_out_outlier_reason(calibration),
         _bound_reason(calibration, require_test_mm),
     ]
     failed = tuple(reason for reason in checks if reason)
@@ -64,9 +83,35 @@ def judge(calibration: KinematicCalibration, require_test_mm: float | None = Non
         return Verdict("FAIL", failed)
     if calibration.test is None:
         return Verdict("NOT_EVALUATED", ("nothing was held out: give --test or --test-fraction",))
-    mean = 1e3 * calibration.test.statistics.mean
-    n = calibration.test.statistics.n
-    return Verdict("PASS", (f"{mean:.2f} mm mean error on {n} points that were held out",))
+    return Verdict("PASS", (_held_out_words(calibration.test), *_set_aside_words(calibration)))
+
+
+def _held_out_words(test: Evaluation) -> str:
+    """State the held-out error; where no noise explains some of it, without that and with it."""
+    wrong = test.outliers
+    n, mean = len(wrong), 1e3 * test.statistics.mean
+    if not wrong.any():
+        return f"{_rounded(mean)} mm mean error on {n} points that were held out"
+    good, worst = 1e3 * test.distances[~wrong].mean(), 1e3 * test.distances[wrong].max()
+    return (
+        f"{_rounded(good)} mm mean error on {n - wrong.sum()} of {n} points that were held out; the"
+        f" other {wrong.sum()} are up to {worst:.3g} mm off, which no noise explains"
+        f" ({describe_outliers(test.observations, wrong)}): {mean:.2f} mm with them"
+    )
+
+
+def _rounded(mm: float) -> str:
+    """Return a length that a small arm does not round to nothing."""
+    return f"{mm:.2f}" if mm >= 0.1 else f"{mm:.3g}"
+
+
+def _set_aside_words(calibration: KinematicCalibration) -> list[str]:
+    """Say which training points were not believed, if any."""
+    wrong, rows = calibration.outliers, calibration.train.observations
+    if not wrong.any():
+        return []
+    which = describe_outliers(rows, wrong)
+    return [f"{wrong.sum()} of {len(rows)} training points were set aside: {which}"]
 
 
 def _solver_reason(calibration: KinematicCalibration) -> str | None:
@@ -111,8 +156,13 @@ def _pin_reasons(calibration: KinematicCalibration) -> list[str]:
     ]
 
 
+def _misfit_reasons(calibration: KinematicCalibration) -> list[str]:
+    """Say when the model leaves so much unexplained that nothing else about it counts, and why."""
+    misfit = _misfit_reason(calibration)
+    return [*calibration.causes, *([misfit] if misfit else [])]
+
+
 def _misfit_reason(calibration: KinematicCalibration) -> str | None:
-    """Say when the model leaves so much unexplained that nothing else about it counts."""
     noise, size = calibration.model.noise_sigma, calibration.train.observations.size
     stated = calibration.point_sigma
     advice = (
@@ -125,6 +175,11 @@ def _misfit_reason(calibration: KinematicCalibration) -> str | None:
         return f"the residuals are {1e3 * noise:.1f} mm a coordinate in a workspace of " + (
             f"{1e3 * size:.0f} mm: {advice}"
         )
+    if noise > _PATTERNED_NOISE * size and _pattern(calibration) > _PATTERN:
+        return (
+            f"the residuals depend on the pose and are {1e3 * noise:.1f} mm a coordinate in a "
+            f"workspace of {1e3 * size:.0f} mm: {advice}"
+        )
     if stated is not None and noise > _LARGEST_RATIO * stated:
         return (
             f"the residuals are {1e3 * noise:.2f} mm a coordinate, {noise / stated:.0f} times the "
@@ -133,13 +188,35 @@ def _misfit_reason(calibration: KinematicCalibration) -> str | None:
     return None
 
 
+def _pattern(calibration: KinematicCalibration) -> float:
+    """Return how surely the residuals of believed points depend on the pose."""
+    believed, train = ~calibration.outliers, calibration.train
+    rows = train.observations.select(believed)
+    return pose_dependence(rows, train.residuals[believed], calibration.model.parameters)
+
+
+def _step_reason(calibration: KinematicCalibration) -> str | None:
+    """Say when all points shifted in the middle of the recording."""
+    believed, train = ~calibration.outliers, calibration.train
+    free = calibration.free_poses[believed]
+    step = step_in_time(train.observations.select(believed), train.residuals[believed], free)
+    if step is None:
+        return None
+    mm = ", ".join(f"{value:.2f}" for value in 1e3 * step.shift)
+    return (
+        f"after sample {step.after} the points are shifted by about ({mm}) mm: tracker or base "
+        "moved, or drifted, during the recording; learn from one part alone, or record again"
+    )
+
+
 def _outlier_reason(calibration: KinematicCalibration) -> str | None:
     share = float(np.mean(calibration.outliers))
     if share <= _MOST_OUTLIERS:
         return None
     return (
-        f"{100 * share:.0f} % of the training points contradict the rest: the arm, or what was "
-        "recorded, is not what the data set says"
+        f"{100 * share:.0f} % of the training points contradict the rest "
+        f"({describe_outliers(calibration.train.observations, calibration.outliers)}): the arm, or "
+        "what was recorded, is not what the data set says"
     )
 
 
@@ -158,6 +235,22 @@ def _held_out_reason(calibration: KinematicCalibration) -> str | None:
     )
 
 
+def _held_out_outlier_reason(calibration: KinematicCalibration) -> str | None:
+    """Say when held-out points contradict the model far more often than training points do."""
+    test = calibration.test
+    if test is None or not test.outliers.any():
+        return None
+    found, n = int(test.outliers.sum()), len(test.outliers)
+    before, m = int(calibration.outliers.sum()), len(calibration.outliers)
+    if found <= _MOST_OUTLIERS * n and chance_of_more(found, n, before, m) > _RARE:
+        return None
+    return (
+        f"{found} of {n} held-out points are further off than model and noise explain "
+        f"({describe_outliers(test.observations, test.outliers)}), against {before} of {m} training"
+        f" points: {_WHAT_CHANGED}"
+    )
+
+
 def _bound_reason(calibration: KinematicCalibration, require_test_mm: float | None) -> str | None:
     if require_test_mm is None:
         return None
@@ -166,7 +259,12 @@ def _bound_reason(calibration: KinematicCalibration, require_test_mm: float | No
     mean = 1e3 * calibration.test.statistics.mean
     if mean <= require_test_mm:
         return None
-    return f"mean held-out error {mean:.3f} mm, required at most {require_test_mm:g} mm"
+    words = f"mean held-out error {mean:.3f} mm, required at most {require_test_mm:g} mm"
+    return (
+        f"{words}: {_held_out_words(calibration.test)}"
+        if calibration.test.outliers.any()
+        else words
+    )
 
 
 def judge_evaluation(model: SelfModel, evaluation: Evaluation) -> Verdict:
@@ -191,7 +289,14 @@ def judge_evaluation(model: SelfModel, evaluation: Evaluation) -> Verdict:
     if score >= _SIGNIFICANT and np.median(found) >= _NOTABLE * median:
         above = f"the error ({medians}) is significantly above that of the training poses"
         return Verdict("FAIL", (f"{above}: {_WHAT_CHANGED}",))
-    return Verdict("PASS", (f"the error ({medians}) is that of the training poses",))
+    wrong = evaluation.outliers
+    if not wrong.any():
+        return Verdict("PASS", (f"the error ({medians}) is that of the training poses",))
+    which = describe_outliers(evaluation.observations, wrong)
+    off = f"{wrong.sum()} of {n} points are further off than model and noise explain ({which})"
+    if wrong.mean() > _MOST_OUTLIERS:
+        return Verdict("FAIL", (f"{off}: {_WHAT_CHANGED}",))
+    return Verdict("PASS", (f"the error ({medians}) is that of the training poses; {off}",))
 
 
 def rank_score(a: NDArray, b: NDArray) -> float:

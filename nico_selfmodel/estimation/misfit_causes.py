@@ -1,0 +1,243 @@
+"""Why an arm does not explain its data: what the residuals would be if the readings were mended.
+
+Each suspicion mends the readings in one way and searches again from random axes. What then explains
+the data is named. Nothing of it goes into the result: the data are the user's to correct.
+"""
+
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
+from itertools import islice
+
+import numpy as np
+from numpy.typing import NDArray
+
+from nico_selfmodel.estimation.axis_search import random_starts
+from nico_selfmodel.estimation.observations import Observations
+from nico_selfmodel.estimation.start_search import (
+    ENOUGH_AGREE,
+    LineSolution,
+    StartSearch,
+    refine_lines,
+)
+
+_STARTS = 10
+_STARTS_AT_A_GAP = 30
+"""A gap in the middle of a turn is rarely there by chance."""
+_BETTER = 3.0
+"""The residuals must fall to this part of what they were, inverse."""
+_EXPLAINED = 0.02
+"""... and below this share of the workspace."""
+_FEWER_OUTLIERS = 0.5
+"""Or, at the same residuals, outliers to this share."""
+_LEAST_GAP = 0.1
+"""Of a turn: readings that leave out less are spread over the whole turn."""
+_WORTH_A_LOOK = 0.01
+"""Residuals over the workspace's size above which causes are looked for."""
+_MANY_OUTLIERS, _MOST_OUTLIERS = 0.1, 0.25
+"""... as above the first share of outliers, in readings that left out a gap; above the second, all
+causes are looked for."""
+_UNIT_HINTS = ((180.0 / np.pi, "rad stated as deg"), (np.pi / 180.0, "deg stated as rad"))
+
+
+@dataclass(frozen=True, eq=False)
+class _Suspicion:
+    """Readings mended in one way."""
+
+    words: str
+    observations: Observations
+    gear_pinned: NDArray
+    gears_in_question: bool = False
+    starts: int = _STARTS
+
+
+def causes_of_misfit(
+    observations: Observations,
+    search: StartSearch,
+    gear_pinned: NDArray,
+    gear_known: NDArray,
+    zero: NDArray,
+    sigma: float,
+    loss: str,
+) -> tuple[str, ...]:
+    """Name what would make the data fit, where they do not.
+
+    Args:
+        observations: What was measured.
+        search: The best arm, and how many starts reached it.
+        gear_pinned: Gears that are held. Shape (n,).
+        gear_known: Joints said to be read in rad or deg. Shape (n,).
+        zero: Encoder angles of the zero configuration [rad]. Shape (n,).
+        sigma: Whitening of the residuals [m].
+        loss: One of `optimization.robust_solve.ROBUST_METHODS`.
+
+    Returns:
+        Sentences, empty where the arm explains the data or nothing tried does.
+    """
+    before = _Misfit.of(search.best, sigma)
+    bad = before.noise > _WORTH_A_LOOK * observations.size or before.wrong > _MANY_OUTLIERS
+    lonely = search.agreeing < 2 <= len(search.labels)
+    if not bad and not lonely:
+        return ()
+    held, robust = gear_pinned & gear_known, "none" if loss == "none" else "cauchy"
+    gaps_only = before.noise < _WORTH_A_LOOK * observations.size and before.wrong < _MOST_OUTLIERS
+    for suspicion in _suspicions(observations, gear_pinned, held, gaps_only=gaps_only):
+        mended, pinned = suspicion.observations, suspicion.gear_pinned
+        at = mended.angles[np.argmin(np.abs(mended.angles - zero).sum(axis=1))]
+        wild = random_starts(mended, pinned & gear_known, at, np.random.default_rng(0))
+        reached = 0
+        for start in islice(wild, suspicion.starts):
+            found = refine_lines(mended, start, pinned, sigma, robust, rough=True)
+            after = _Misfit.of(found, sigma)
+            reached += after.explains(before, observations.size, lonely=not bad)
+            if reached == (1 if bad else ENOUGH_AGREE):
+                gears = suspicion.gears_in_question
+                asked = _gears_in_words(observations.joints, found.arm.gear, held) if gears else ""
+                words = f"{suspicion.words}{asked}; then {after} remain instead of {before}"
+                return (words if bad else f"{suspicion.words}; then the starts agree",)
+    return ()
+
+
+@dataclass(frozen=True)
+class _Misfit:
+    """What an arm leaves unexplained."""
+
+    noise: float
+    """Standard deviation of a believed coordinate [m]."""
+    wrong: float
+    """Share of outliers."""
+
+    @classmethod
+    def of(cls, solution: LineSolution, sigma: float) -> "_Misfit":
+        """Return what a solution leaves."""
+        robust = solution.robust
+        return cls(sigma * robust.scale, float(np.mean(robust.outliers)))
+
+    def explains(self, before: "_Misfit", size: float, *, lonely: bool) -> bool:
+        """Return whether this is so much less that the readings were to blame."""
+        if lonely:
+            return self.noise < 1.1 * before.noise
+        less = self.noise < before.noise / _BETTER and self.noise < _EXPLAINED * size
+        less = less and self.wrong <= max(_MANY_OUTLIERS, before.wrong)
+        fewer = self.noise < 1.5 * before.noise and self.wrong < _FEWER_OUTLIERS * before.wrong
+        return less or (fewer and before.wrong > _MANY_OUTLIERS)
+
+    def __str__(self) -> str:
+        """Say it in words."""
+        outliers = f" and {100.0 * self.wrong:.0f} % outliers" if self.wrong else ""
+        return f"{1e3 * self.noise:.3g} mm a coordinate{outliers}"
+
+
+def _suspicions(
+    observations: Observations, gear_pinned: NDArray, held: NDArray, *, gaps_only: bool
+) -> Iterator[_Suspicion]:
+    """Yield what may be wrong with the readings; where most fit, only jumps."""
+    unwrapped, joints = unwrapped_readings(observations)
+    if joints:
+        yield _Suspicion(
+            _wrap_words(observations, unwrapped, joints),
+            replace(observations, angles=unwrapped),
+            gear_pinned,
+            starts=_STARTS_AT_A_GAP,
+        )
+    if gaps_only:
+        return
+    if held.any():
+        yield _Suspicion(
+            "the encoders do not read joint angles: the data ask for the gears ",
+            observations,
+            gear_pinned & ~held,
+            gears_in_question=True,
+        )
+    for k, marker in enumerate(observations.markers if len(observations.markers) > 1 else ()):
+        yield _Suspicion(
+            f"marker {marker} does not move with the hand, or is called by another's name: leave "
+            "it out",
+            _without_marker(observations, k),
+            gear_pinned,
+        )
+    for shift, words in ((-1, "before"), (1, "after")):
+        shifted = _shifted(observations, shift)
+        if shifted is not None:
+            yield _Suspicion(
+                f"the readings lag: each point fits the readings of the sample {words} its own; "
+                "pair them by the time they were taken",
+                shifted,
+                gear_pinned,
+            )
+
+
+def _without_marker(observations: Observations, k: int) -> Observations:
+    """Return the rows of all other markers."""
+    kept = observations.select(observations.marker != k)
+    markers = (*observations.markers[:k], *observations.markers[k + 1 :])
+    return replace(kept, markers=markers, marker=kept.marker - (kept.marker > k))
+
+
+def unwrapped_readings(observations: Observations) -> tuple[NDArray, list[int]]:
+    """Undo a jump of one turn of the encoder in the middle of a joint's range.
+
+    Readings that were folded into one turn leave out an arc in their middle and reach to both ends
+    of the turn. Those below the widest gap are carried on by one turn.
+
+    Args:
+        observations: What was measured.
+
+    Returns:
+        Encoder angles [rad], shape (N, n), and the joints that were changed.
+    """
+    angles, turn = observations.angles.copy(), 2.0 * np.pi
+    changed = []
+    for i in range(angles.shape[1]):
+        values = np.unique(angles[:, i])
+        span = values[-1] - values[0]
+        if len(values) < 3 or span > turn * (1.0 + 1e-9):
+            continue
+        gaps = np.diff(values)
+        widest = int(np.argmax(gaps))
+        if gaps[widest] < max(turn - span, _LEAST_GAP * turn):
+            continue
+        angles[angles[:, i] <= values[widest], i] += turn
+        changed.append(i)
+    return angles, changed
+
+
+def _wrap_words(observations: Observations, unwrapped: NDArray, joints: list[int]) -> str:
+    words = []
+    for i in joints:
+        unit = observations.units.radians_per_unit[i]
+        moved = unwrapped[:, i] != observations.angles[:, i]
+        low, high = observations.angles[moved, i], observations.angles[~moved, i]
+        # A stated sign of -1 makes the larger angle the smaller reading.
+        side = "below" if unit > 0.0 else "above"
+        middle = 0.5 * (low.max() + high.min()) / unit
+        words.append(
+            f"add {2.0 * np.pi / unit:+.6g} to readings of {observations.joints[i]} {side} "
+            f"{middle:.4g} {observations.units.unit[i]}"
+        )
+    return (
+        "encoders jump by a whole turn in the middle of their range: unwrap them "
+        f"({', '.join(words)}), here and in all readings to come"
+    )
+
+
+def _gears_in_words(joints: tuple[str, ...], gear: NDArray, held: NDArray) -> str:
+    listed = ", ".join(f"{joints[i]}.gear {gear[i]:.4g}" for i in np.flatnonzero(held))
+    for ratio, words in _UNIT_HINTS:
+        if (np.abs(gear[held] * ratio - 1.0) < 0.05).all():
+            return f"{listed}, as readings in {words} do: correct encoder_unit"
+    frees = " ".join(f"--free {joints[i]}.gear" for i in np.flatnonzero(held))
+    return f"{listed}: correct the unit, or add {frees}"
+
+
+def _shifted(observations: Observations, shift: int) -> Observations | None:
+    """Pair each point with the readings of the sample before (-1) or after (+1) its own."""
+    first = dict(zip(observations.sample.tolist(), range(len(observations)), strict=True))
+    partner = [first.get(s + shift, -1) for s in observations.sample.tolist()]
+    has = np.array(partner) >= 0
+    unknowns = 5 * len(observations.joints) + 3 * len(observations.markers)
+    if 3 * has.sum() < 2 * unknowns or len(np.unique(observations.marker[has])) < len(
+        observations.markers
+    ):
+        return None
+    kept = observations.select(has)
+    return replace(kept, angles=observations.angles[np.array(partner)[has]])

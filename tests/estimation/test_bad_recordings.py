@@ -1,0 +1,171 @@
+"""Recordings that went wrong: each fails, or passes with a word on what was set aside, and why."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from nico_selfmodel.dataset import Dataset
+from nico_selfmodel.estimation import calibrate_kinematics, evaluate, judge, judge_evaluation
+from nico_selfmodel.estimation.misfit_causes import unwrapped_readings
+from nico_selfmodel.estimation.nominal_check import robot_reason
+from nico_selfmodel.estimation.observations import Observations
+from nico_selfmodel.estimation.outlier_words import (
+    chance_of_more,
+    describe_outliers,
+    foreign_markers,
+)
+from nico_selfmodel.model import Chain, DhTable
+
+SIGMA = 3e-4
+POSES = 70
+
+
+@pytest.fixture(scope="module")
+def truth(make_truth):
+    return make_truth(3, 2)
+
+
+@pytest.fixture(scope="module")
+def counting(make_truth):
+    return make_truth(3, 2, unit="counts")
+
+
+@pytest.fixture(scope="module")
+def train(truth):
+    return truth.dataset(truth.poses(POSES, 1), sigma=SIGMA, seed=2)
+
+
+@pytest.fixture(scope="module")
+def test_data(truth):
+    return truth.dataset(truth.poses(40, 2), sigma=SIGMA, seed=3)
+
+
+def moved(data: Dataset, rows, shift) -> Dataset:
+    points = data.p_WH_measured.copy()
+    points[rows] += shift
+    return replace(data, p_WH_measured=points)
+
+
+def failing(data: Dataset, **options) -> str:
+    verdict = judge(calibrate_kinematics(data, **options))
+    assert verdict.status == "FAIL"
+    return verdict.reasons[0]
+
+
+def test_held_out_outliers_are_told_apart_from_the_error_of_the_model(train, test_data):
+    spoiled_train = moved(train, [4, 20, 33, 50], [0.1, 0.0, 0.0])
+    spoiled_test = moved(test_data, [7, 12], [0.0, 0.2, 0.0])
+    result = calibrate_kinematics(spoiled_train, test=spoiled_test)
+    verdict = judge(result)
+    assert verdict.status == "PASS"
+    assert "mean error on 38 of 40 points" in verdict.reasons[0]
+    assert "samples 8, 13" in verdict.reasons[0]
+    assert verdict.reasons[1].startswith("4 of 70 training points were set aside: samples 5, 21,")
+    again = judge_evaluation(result.model, evaluate(result.model, spoiled_test))
+    assert again.status == "PASS"
+    assert "2 of 40 points are further off" in again.reasons[0]
+
+
+def test_held_out_points_that_are_wrong_far_more_often_than_training_points_fail(train, test_data):
+    spoiled = moved(test_data, np.arange(8), [0.0, 0.2, 0.0])
+    result = calibrate_kinematics(train, test=spoiled)
+    assert "8 of 40 held-out points are further off" in judge(result).reasons[0]
+    most = moved(test_data, np.arange(12), [0.0, 0.2, 0.0])
+    assert judge_evaluation(result.model, evaluate(result.model, most)).status == "FAIL"
+
+
+def test_a_frozen_encoder_is_named(train):
+    encoders = train.encoders.copy()
+    encoders[10:24, 1] = encoders[10, 1]
+    result = calibrate_kinematics(replace(train, encoders=encoders))
+    words = describe_outliers(result.train.observations, result.outliers)
+    assert "encoder of joint_1 stands at" in words
+    assert "frozen" in words
+
+
+@pytest.mark.slow
+def test_a_marker_that_is_not_on_the_hand_is_named(make_truth):
+    truth = make_truth(2, 5, markers=3)
+    data = truth.dataset(truth.poses(30, 1), sigma=SIGMA, seed=2)
+    ahead = truth.poses(30, 1)
+    ahead[:, -1] = 0.0  # what a point on the link before the last sees
+    other = truth.dataset(ahead, sigma=SIGMA, seed=3)
+    own = data.marker == "wrist"
+    points = np.where(own[:, None], other.p_WH_measured, data.p_WH_measured)
+    reason = failing(replace(data, p_WH_measured=points), starts=1)
+    assert reason.startswith("marker wrist does not move with the hand")
+    assert "leave it out" in reason
+
+
+def test_a_marker_whose_points_are_all_set_aside_is_named(train):
+    rows = Observations.from_dataset(train)
+    labelled = replace(rows, markers=("hand", "wrist"), marker=np.arange(POSES) % 2)
+    reasons = foreign_markers(labelled, labelled.marker == 1)
+    assert reasons[0].startswith("35 of 35 points of marker wrist contradict the other markers")
+    assert not foreign_markers(labelled, np.arange(POSES) < 20)
+
+
+def test_a_tracker_that_was_pushed_in_the_middle_fails_and_says_when(train):
+    pushed = moved(train, np.arange(POSES) >= 40, [5 * SIGMA, 0.0, 0.0])
+    reason = failing(pushed)
+    assert "the points are shifted by about" in reason
+    after = int(reason.split()[2])
+    assert abs(after - 40) <= 2
+    assert judge(calibrate_kinematics(train)).status == "NOT_EVALUATED"
+
+
+def test_an_encoder_that_wraps_in_the_middle_of_its_range_is_named_with_the_cure(counting):
+    data = counting.dataset(counting.poses(POSES, 1), sigma=SIGMA, seed=2)
+    wrapped = data.encoders.copy()
+    wrapped[:, 2] = (wrapped[:, 2] - np.median(wrapped[:, 2])) % 10000.0
+    reason = failing(replace(data, encoders=wrapped))
+    assert "unwrap them (add " in reason
+    assert "10000 to readings of joint_2" in reason
+    unwrapped, joints = unwrapped_readings(
+        Observations.from_dataset(replace(data, encoders=wrapped))
+    )
+    assert joints == [2]
+    good = Observations.from_dataset(data).angles
+    assert np.ptp(unwrapped - good, axis=0) == pytest.approx(np.zeros(3), abs=1e-9)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(("shift", "words"), [(1, "before"), (-1, "after")])
+def test_readings_that_lag_by_a_row_are_named(train, shift, words):
+    reason = failing(replace(train, encoders=np.roll(train.encoders, -shift, axis=0)), starts=1)
+    assert f"the readings of the sample {words} its own" in reason
+
+
+def test_radians_stated_as_degrees_are_named(train):
+    joints = tuple(replace(joint, encoder_unit="deg") for joint in train.joints)
+    assert "rad stated as deg" in failing(replace(train, joints=joints), starts=1)
+
+
+def test_a_mirrored_or_rescaled_robot_is_told_from_a_described_one(make_truth):
+    nominal = make_truth(6, 3, kind="elbow").chain
+    for known in (np.ones(6, dtype=bool), np.zeros(6, dtype=bool)):
+        for scale, word in ((1.0, None), (-1.0, "left-handed"), (1e-3, "0.001 times"), (1.2, None)):
+            # Mirrored points turn every sense of rotation: a scale of -1 with directions as before.
+            learned = Chain(
+                nominal.joints,
+                nominal.directions,
+                scale * nominal.points,
+                nominal.markers,
+                scale * nominal.p_WH_zero,
+            )
+            reason = robot_reason(nominal, DhTable.from_chain(learned), known)
+            assert (reason is None) == (word is None)
+            assert word is None or word in str(reason)
+
+
+def test_points_within_two_millimetres_are_asked_about_when_they_are_read(train, tmp_path):
+    replace(train, p_WH_measured=1e-3 * train.p_WH_measured).save(tmp_path / "tiny")
+    with pytest.warns(UserWarning, match="were metres given as millimetres"):
+        Dataset.load(tmp_path / "tiny")
+
+
+def test_the_chance_of_more_outliers_is_that_of_fishers_exact_test():
+    # 3 of 4 against 1 of 4: 17 / 70.
+    assert chance_of_more(3, 4, 1, 4) == pytest.approx(17.0 / 70.0)
+    assert chance_of_more(0, 4, 1, 4) == pytest.approx(1.0)
