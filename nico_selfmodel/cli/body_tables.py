@@ -106,9 +106,12 @@ def _print_boards(document: Mapping[str, Any]) -> None:
 
 
 def _facts(document: Mapping[str, Any]) -> list[list[str]]:
+    from nico_selfmodel.estimation.body_document import noise_words
+
+    tracker, play = noise_words(document)
     rows = [
-        ["tracker", f"{document['pixel_sigma_px']:.2f} px"],
-        ["joint play, standard deviation", f"{document['joint_sigma_deg']:.2f} deg"],
+        ["tracker", tracker],
+        ["joint play, standard deviation", play],
         ["scale held by", document["scale_from"]],
     ]
     work = document["workspace"]

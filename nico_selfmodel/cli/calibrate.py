@@ -89,7 +89,7 @@ def kinematics(
     _check_held_out(test, test_fraction)
     pins = Pins.from_text(pin or (), free or ())
     train, held_out = _parts(dataset, test, test_fraction, seed)
-    sight = None if eyes is None else _by_sight(eyes, train, held_out)
+    sight = None if eyes is None else _by_sight(eyes, train, held_out, frozenset(pins.pinned))
     if sight is not None:
         train, held_out = sight.train, sight.test
     description, nominal = None, None
@@ -157,12 +157,14 @@ def _parts(
     return train, held_out
 
 
-def _by_sight(eyes: Path, train: "Dataset", held_out: "Dataset | None") -> "Sight":
+def _by_sight(
+    eyes: Path, train: "Dataset", held_out: "Dataset | None", pinned: frozenset[str]
+) -> "Sight":
     """Reconstruct the hand from its pixels with calibrated eyes."""
     from nico_selfmodel.estimation.sight import Sight
     from nico_selfmodel.model import SelfModel
 
-    return Sight.of(SelfModel.load(eyes), train, held_out)
+    return Sight.of(SelfModel.load(eyes), train, held_out, pinned)
 
 
 def _check_options(

@@ -196,10 +196,14 @@ def _boards(
     """Return the boards to learn from and those held out."""
     if folder is None:
         return None, None
+    from nico_selfmodel.estimation.stereo import FEWEST_VIEWS
     from nico_selfmodel.vision import Board, detect_boards
 
     found = detect_boards(folder, Board.parse(board, square_mm), progress=stage).seen_views
-    return found.split(fraction, seed) if fraction else (found, None)
+    if not fraction or len(found) <= FEWEST_VIEWS:
+        # So few are all needed to learn from; the result says that none was held out.
+        return found, None
+    return found.split(fraction, seed)
 
 
 def _nominal(

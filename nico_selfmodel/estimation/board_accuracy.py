@@ -128,13 +128,19 @@ def epipolar_errors(rig: StereoRig, views: BoardViews) -> NDArray:
         views: Corners in both eyes.
 
     Returns:
-        In the left and the right image, nan where an eye did not see the corner. Shape (V, P, 2).
+        In the left and the right image, nan where an eye did not see the corner or its lens has no
+        ray for it. Shape (V, P, 2).
     """
     flat = views.pixels.reshape(-1, 4)
-    both = np.isfinite(flat).all(axis=1)
+    both = have_rays(rig, flat)
     errors = np.full((len(flat), len(EYES)), np.nan)
     errors[both] = rig.epipolar_errors(flat[both])
     return errors.reshape(len(views), len(views.p_GQ), len(EYES))
+
+
+def have_rays(rig: StereoRig, pixels: NDArray) -> NDArray:
+    """Return which corners lie within the reach of both lenses; False for nan. (n, 4) -> (n,)."""
+    return np.asarray(rig.left.has_rays(pixels[:, :2]) & rig.right.has_rays(pixels[:, 2:]))
 
 
 def corner_distances(residuals: NDArray) -> NDArray:

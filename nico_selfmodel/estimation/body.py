@@ -22,8 +22,13 @@ from nico_selfmodel.estimation.body_cross_validation import cross_validate_body
 from nico_selfmodel.estimation.body_options import BodyOptions
 from nico_selfmodel.estimation.body_problem import BodyProblem, BodySolution
 from nico_selfmodel.estimation.body_start import body_start, lines_of, named_like
-from nico_selfmodel.estimation.body_uncertainty import body_uncertainty, position_sigma
+from nico_selfmodel.estimation.body_uncertainty import (
+    body_uncertainty,
+    noise_sigmas,
+    position_sigma,
+)
 from nico_selfmodel.estimation.camera_adjustment import OUTLIER_RATIO
+from nico_selfmodel.estimation.few_poses import open_at
 from nico_selfmodel.estimation.hand_noise import HandNoise
 from nico_selfmodel.estimation.nominal_start import NominalArm
 from nico_selfmodel.estimation.observations import gears_known
@@ -41,6 +46,7 @@ from nico_selfmodel.optimization import Uncertainty
 FIRST_NOISE = HandNoise(0.5, np.radians(0.3))
 """Where the search for the variances starts."""
 FEWEST_ROWS = 8
+"""Poses seen by both eyes below which nothing is left to tell an error by."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -67,6 +73,8 @@ class BodyCalibration:
     """Rows of `train` that were not believed. Boolean, shape (N,)."""
     noise: HandNoise
     """Most likely tracker noise and joint play."""
+    noise_sigmas: tuple[float, float]
+    """Standard deviation of each, [px] and [rad]; inf where the data do not tell."""
     corner_sigma: float | None
     """Standard deviation of a corner's coordinate [px]; None without boards."""
     uncertainty: Uncertainty
@@ -125,11 +133,12 @@ def calibrate_body(
     """
     clock, options = time.perf_counter(), options or BodyOptions()
     _require_boards(options, boards)
-    start, dataset, label = body_start(dataset, start, nominal, seed)
+    pinned = frozenset(options.pinned)
+    start, dataset, label = body_start(dataset, start, nominal, seed, pinned)
     observations = PixelObservations.from_dataset(dataset)
-    observations.require_both_eyes(FEWEST_ROWS, dataset.name)
     boards, wild = _believed_boards(boards, start.rig)
     task = _Task(observations, start, boards if options.anchored else None, options)
+    task.require_poses(dataset.name)
     parameters, solved = task.solve()
     uncertainty = task.uncertainty(parameters, solved)
     crossed = task.cross_validation(parameters, solved)
@@ -150,6 +159,7 @@ def calibrate_body(
         crossed,
         solved.outliers,
         solved.noise,
+        noise_sigmas(observations, parameters, solved),
         solved.corner_sigma,
         uncertainty,
         check,
@@ -237,6 +247,19 @@ class _Task:
         if self.options.stage == "kinematics":
             return "eyes"
         return self.options.scale_name(self.start.rig)
+
+    def require_poses(self, name: str) -> None:
+        """Refuse too few poses, and name what they would leave blind.
+
+        Raises:
+            DataError: If so.
+        """
+        free = self.free_names(self.start.parameters)
+        of_arm = free & frozenset(self.start.parameters.names)
+        fewest = max(FEWEST_ROWS, -(-len(of_arm) // 3))
+        if self.observations.by_both.sum() < fewest:
+            blind = open_at(self.start, self.observations, free, self.boards, FIRST_NOISE)
+            self.observations.require_both_eyes(fewest, name, blind)
 
     def solve(self) -> tuple[DhParameters, BodySolution]:
         """Refine the arm alone, then what the stage frees; as lines, then by name if pinned."""

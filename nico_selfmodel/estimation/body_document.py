@@ -47,6 +47,7 @@ def body_document(calibration: BodyCalibration, verdict: Verdict) -> dict[str, A
         "outliers": sorted(set(outliers.tolist())),
         "pixel_sigma_px": calibration.noise.sensor_sigma,
         "joint_sigma_deg": float(np.degrees(calibration.noise.joint_sigma)),
+        "noise_known_to": _noise_known_to(calibration),
         "corner_sigma_px": calibration.corner_sigma,
         "noise_sigma_mm": None
         if calibration.model.noise_sigma is None
@@ -142,6 +143,25 @@ def pixel_block(
     if points is not None:
         block["position_mm"] = points.as_mm()
     return block
+
+
+def _noise_known_to(calibration: BodyCalibration) -> dict[str, float | None]:
+    """Return the standard deviations of both noises' estimates; null where the data do not tell."""
+    sensor, joint = calibration.noise_sigmas
+    return {
+        "pixel_sigma_px": _finite(sensor),
+        "joint_sigma_deg": _finite(float(np.degrees(joint))),
+    }
+
+
+def noise_words(document: Mapping[str, Any]) -> tuple[str, str]:
+    """Return tracker noise and joint play of a document in words, with their error bars."""
+    words = []
+    for name, unit in (("pixel_sigma_px", "px"), ("joint_sigma_deg", "deg")):
+        known = document["noise_known_to"][name]
+        bar = "" if known is None else f" +- {known:.2f}"
+        words.append(f"{document[name]:.2f}{bar} {unit}")
+    return words[0], words[1]
 
 
 def _before(calibration: BodyCalibration) -> dict[str, Any]:

@@ -20,7 +20,7 @@ from nico_selfmodel.model.camera import Camera
 from nico_selfmodel.model.stereo_rig import StereoRig
 from nico_selfmodel.optimization import CalibrationProgram, RobustSolution, solve_robustly
 
-_FIRST_CORNER_SIGMA = 0.2
+FIRST_CORNER_SIGMA = 0.2
 """Noise of a corner, until it is estimated [px]."""
 
 
@@ -76,7 +76,7 @@ class BodyProblem:
         self.boards: BoardResiduals | None = None
         if boards is not None:
             X_LG = pose_of_seen_boards(rig.eyes, boards) if X_LG is None else X_LG
-            self.boards = BoardResiduals(boards, X_LG, _FIRST_CORNER_SIGMA)
+            self.boards = BoardResiduals(boards, X_LG, FIRST_CORNER_SIGMA)
             start = self.boards.start_of(rig.eyes, X_LG)[len(rig.names) :]
             self.program.add_variables(self.boards.names[len(rig.names) :], start)
             self._board_number = self.program.add_residuals(self.boards)
@@ -160,12 +160,18 @@ class BodyProblem:
         seen = self.observations.seen[keep]
         residuals = np.where(seen, self.observations.pixels[keep] - pixels[keep], 0.0)
         slopes = self.hand.by_angle(x)
-        likely = HandNoise.most_likely(residuals, slopes[keep], seen)
-        # Likelihood forgets that the residuals were fitted; what boards hold was not fitted here.
-        fitted = self.program.free[: self._split if self.boards is not None else len(x)].sum()
-        count = int(seen.sum())
-        spread = float(np.sqrt(count / max(count - int(fitted), 1)))
-        return HandNoise(spread * likely.sensor_sigma, spread * likely.joint_sigma)
+        return HandNoise.most_likely(residuals, slopes[keep], seen, self._fitted(found)[keep])
+
+    def _fitted(self, found: RobustSolution) -> NDArray:
+        """Return what the fit itself makes the predicted pixels uncertain by [px^2]. (N, 4, 4)."""
+        x, keep = found.solution.x, ~found.outliers
+        spreads = self.program.spreads(self._hand_number, x)
+        assert spreads is not None
+        r = self.program.residuals(self._hand_number, x)[:, keep]
+        taken = float(np.trace(spreads[keep], axis1=1, axis2=2).sum())
+        left = max(float(self.observations.seen[keep].sum()) - taken, 1.0)
+        root = np.linalg.pinv(self.hand.whitening)
+        return float(np.sum(r * r)) / left * (root @ spreads @ np.swapaxes(root, 1, 2))
 
     def _board_poses(self, x: NDArray) -> NDArray:
         assert self.boards is not None

@@ -9,6 +9,7 @@ from nico_selfmodel.dataset import Dataset
 from nico_selfmodel.estimation.arm_hypothesis import ArmHypothesis
 from nico_selfmodel.estimation.kinematics import calibrate_kinematics
 from nico_selfmodel.estimation.nominal_start import NominalArm
+from nico_selfmodel.estimation.observations import gears_known
 from nico_selfmodel.estimation.pixel_observations import (
     PixelObservations,
     columns_of,
@@ -17,9 +18,6 @@ from nico_selfmodel.estimation.pixel_observations import (
 from nico_selfmodel.model.dh_parameters import DhParameters
 from nico_selfmodel.model.dh_table import DhTable
 from nico_selfmodel.model.self_model import SelfModel
-
-FEWEST_POSES = 8
-"""Poses seen by both eyes below which no arm can be learned by sight (23 parameters)."""
 
 
 def in_left_eye(model: SelfModel) -> SelfModel:
@@ -39,7 +37,7 @@ def in_left_eye(model: SelfModel) -> SelfModel:
     return replace(model, table=table, cameras=cameras, covariance=None)
 
 
-def reconstructed(dataset: Dataset, model: SelfModel) -> Dataset:
+def reconstructed(dataset: Dataset, model: SelfModel, pinned: frozenset[str] | None) -> Dataset:
     """Return the rows that both eyes saw, with the points that they reconstruct from them.
 
     The thesis' chapter 7: what stereo measures takes the place of motion capture.
@@ -47,6 +45,8 @@ def reconstructed(dataset: Dataset, model: SelfModel) -> Dataset:
     Args:
         dataset: Data with pixels.
         model: With both eyes.
+        pinned: Parameters that are known where an arm is to be learned from the points alone;
+            None where nothing is to be learned.
 
     Returns:
         Data with measured points in the left eye's frame and without pixels.
@@ -57,7 +57,10 @@ def reconstructed(dataset: Dataset, model: SelfModel) -> Dataset:
     """
     model = in_left_eye(model)
     observations = PixelObservations.from_dataset(dataset)
-    observations.require_both_eyes(FEWEST_POSES, dataset.name)
+    unknown = () if pinned is None else _unknown(observations, pinned)
+    # Each pose that both eyes saw gives three equations.
+    fewest = max(-(-len(unknown) // 3), 1)
+    observations.require_both_eyes(fewest, dataset.name, unknown)
     p_LH = seen_points(observations, model.rig, dataset.pixel_sigma_px or 1.0)
     there = np.isfinite(p_LH).all(axis=1)
     chosen = dataset.select(observations.arm.rows[there])
@@ -65,7 +68,11 @@ def reconstructed(dataset: Dataset, model: SelfModel) -> Dataset:
 
 
 def body_start(
-    dataset: Dataset, model: SelfModel, nominal: NominalArm | None, seed: int
+    dataset: Dataset,
+    model: SelfModel,
+    nominal: NominalArm | None,
+    seed: int,
+    pinned: frozenset[str] = frozenset(),
 ) -> tuple[SelfModel, Dataset, str]:
     """Return an arm with its eyes to start from.
 
@@ -74,6 +81,7 @@ def body_start(
         model: Eyes, and the arm if it is known already.
         nominal: The robot as described, for the zero of the joints and as a start.
         seed: Of random starts, where the arm is learned from scratch.
+        pinned: Parameters that are known.
 
     Returns:
         A self-model in the left eye's frame, the data with its joints in the model's order, and
@@ -86,10 +94,26 @@ def body_start(
     model = in_left_eye(model)
     if model.has_arm:
         return model, columns_of(model, dataset), "model"
-    points = reconstructed(dataset, model)
+    points = reconstructed(dataset, model, pinned)
     learned = calibrate_kinematics(points, nominal=nominal, seed=seed).model
     arm = replace(learned, name=model.name, cameras=model.cameras, pixel_sigma=model.pixel_sigma)
     return arm, dataset, "stereo"
+
+
+def _unknown(observations: PixelObservations, pinned: frozenset[str]) -> tuple[str, ...]:
+    """Return the parameters of an arm of which nothing is known but its joints and points.
+
+    Fewer equations than these leave all of them open, each at least in part.
+    """
+    arm = observations.arm
+    n = len(arm.joints)
+    twist, still = np.full(n, 0.5 * np.pi), np.zeros(n)
+    hands = np.zeros((len(arm.markers), 3))
+    table = DhTable(arm.joints, np.eye(4), still, still, still, twist, still, arm.markers, hands)
+    parameters = DhParameters(table, arm.units)
+    known = zip(arm.joints, gears_known(arm.units), strict=True)
+    held = parameters.gauge | pinned | {f"{joint}.gear" for joint, gear in known if gear}
+    return tuple(name for name in parameters.names if name not in held)
 
 
 def lines_of(model: SelfModel, markers: tuple[str, ...]) -> ArmHypothesis:

@@ -1,5 +1,7 @@
 """How well arm and eyes are known together, and what the mechanics leave."""
 
+from dataclasses import dataclass
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -14,6 +16,22 @@ from nico_selfmodel.estimation.pixel_observations import PixelObservations
 from nico_selfmodel.model.dh_parameters import DhParameters
 from nico_selfmodel.model.stereo_rig import EYES, StereoRig
 from nico_selfmodel.optimization import Uncertainty
+
+
+@dataclass(frozen=True, eq=False)
+class WhitenedRows:
+    """What hand and boards say of the free parameters at a solution."""
+
+    names: tuple[str, ...]
+    """Free parameters. Length k."""
+    jacobian: NDArray
+    """Derivatives of the whitened residuals, the boards' poses eliminated. Shape (m, k)."""
+    scales: NDArray
+    """Natural scale of each parameter. Shape (k,)."""
+    squares: float
+    """Sum of squared whitened residuals."""
+    count: int
+    """How many residuals carry weight."""
 
 
 def body_uncertainty(
@@ -37,6 +55,25 @@ def body_uncertainty(
     Returns:
         Covariance in the names of arm and eyes, the boards' poses eliminated.
     """
+    rows = whitened_rows(observations, parameters, solved, free, boards, whitened)
+    return Uncertainty.from_jacobian(
+        rows.names, rows.jacobian, rows.scales, rows.squares, rows.count
+    )
+
+
+def whitened_rows(
+    observations: PixelObservations,
+    parameters: DhParameters,
+    solved: BodySolution,
+    free: frozenset[str],
+    boards: BoardViews | None,
+    whitened: bool,
+    size: float | None = None,
+) -> WhitenedRows:
+    """Return what `body_uncertainty` analyses; the arguments are its own.
+
+    `size` is what lengths are held against, that of the poses' workspace if omitted [m].
+    """
     believed = observations.select(~solved.outliers)
     block = HandPixels(believed, RowsView(believed.arm, parameters))
     x = np.concatenate([parameters.values, solved.rig.values])
@@ -51,8 +88,18 @@ def body_uncertainty(
         part, more, extra = _board_rows(boards, solved, names)
         rows.append(part)
         squares, count = squares + more, count + extra
-    scales = _natural(names, parameters, solved.rig, _size(x, block))
-    return Uncertainty.from_jacobian(names, np.vstack(rows), scales, squares, count)
+    scales = _natural(names, parameters, solved.rig, size or _size(x, block))
+    return WhitenedRows(names, np.vstack(rows), scales, squares, count)
+
+
+def noise_sigmas(
+    observations: PixelObservations, parameters: DhParameters, solved: BodySolution
+) -> tuple[float, float]:
+    """Return how surely the believed rows tell tracker noise [px] and joint play [rad]."""
+    believed = observations.select(~solved.outliers)
+    block = HandPixels(believed, RowsView(believed.arm, parameters))
+    slopes = block.by_angle(np.concatenate([parameters.values, solved.rig.values]))
+    return solved.noise.sigmas(slopes, believed.seen)
 
 
 def position_sigma(

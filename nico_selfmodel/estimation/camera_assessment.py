@@ -11,6 +11,7 @@ from nico_selfmodel.estimation.board_accuracy import (
     corner_distances,
     cross_validation,
     epipolar_errors,
+    have_rays,
     held_out_residuals,
 )
 from nico_selfmodel.estimation.camera_adjustment import CameraCalibration
@@ -18,6 +19,7 @@ from nico_selfmodel.estimation.camera_options import CameraOptions
 from nico_selfmodel.estimation.verdict import Verdict, rank_score
 from nico_selfmodel.model import lens
 from nico_selfmodel.model.camera import Camera
+from nico_selfmodel.model.stereo_rig import StereoRig
 
 _MOST_OUTLIERS = 0.25
 _SIGNIFICANT, _NOTABLE = 3.3, 1.3
@@ -73,7 +75,7 @@ class CameraAssessment:
             test,
             None if test is None else held_out_residuals(calibration.cameras, test),
             epipolar_errors(calibration.rig, views) if pair else None,
-            Reconstruction.from_views(calibration.rig, shown) if pair else None,
+            _rebuilt(calibration.rig, shown) if pair else None,
         )
 
     @property
@@ -95,6 +97,12 @@ class CameraAssessment:
     def warnings(self) -> tuple[str, ...]:
         """What the data cannot support, in words, though nothing fails."""
         return (*_weak_parameters(self.calibration), *_coverage_warnings(self.calibration))
+
+
+def _rebuilt(rig: StereoRig, views: BoardViews) -> Reconstruction:
+    """Rebuild the boards for all corners of which both lenses have a ray."""
+    rays = have_rays(rig, views.pixels.reshape(-1, 4)).reshape(len(views), -1)
+    return Reconstruction.from_views(rig, views.select(rays.all(axis=1)))
 
 
 def judge_cameras(assessment: CameraAssessment, require_test_px: float | None = None) -> Verdict:

@@ -156,6 +156,8 @@ def _homographies(plane: NDArray, pixels: NDArray) -> NDArray:
 def pose_of_seen_boards(cameras: tuple[Camera, ...], views: BoardViews) -> NDArray:
     """Place boards before calibrated eyes, each by the first eye that saw it.
 
+    Corners beyond the fold of a lens have no ray and do not count.
+
     Args:
         cameras: The eyes, the first one at the world.
         views: Corners.
@@ -164,17 +166,18 @@ def pose_of_seen_boards(cameras: tuple[Camera, ...], views: BoardViews) -> NDArr
         X_LG. Shape (V, 4, 4).
 
     Raises:
-        EstimationError: If no eye saw a board.
+        EstimationError: If no eye saw a board, or not within the reach of its lens.
     """
     X_LG = np.full((len(views), 4, 4), np.nan)
     for eye, camera in reversed(list(zip(views.eyes, cameras, strict=True))):
         pixels = views.of_eye(eye)
-        rows = np.flatnonzero(np.isfinite(pixels).all(axis=2).sum(axis=1) >= 4)
+        rays = camera.has_rays(pixels.reshape(-1, 2)).reshape(pixels.shape[:2])
+        rows = np.flatnonzero(rays.sum(axis=1) >= 4)
         ideal = np.full((len(rows), *pixels.shape[1:]), np.nan)
         for i, row in enumerate(rows):
-            ideal[i] = camera.undistort(pixels[row])
+            ideal[i, rays[row]] = camera.undistort(pixels[row, rays[row]])
         maps = _homographies(views.p_GQ[:, :2], ideal)
         X_LG[rows] = camera.X_WC @ board_poses(maps, 1.0, 1.0)
     if not np.isfinite(X_LG).all():
-        raise EstimationError("a board was seen by neither eye")
+        raise EstimationError("a board was seen by neither eye, or beyond the fold of its lens")
     return X_LG

@@ -51,7 +51,13 @@ class HandNoise:
         return whitening_of(self.covariance(by_angle), seen)
 
     @classmethod
-    def most_likely(cls, residuals: NDArray, by_angle: NDArray, seen: NDArray) -> "HandNoise":
+    def most_likely(
+        cls,
+        residuals: NDArray,
+        by_angle: NDArray,
+        seen: NDArray,
+        fitted: NDArray | None = None,
+    ) -> "HandNoise":
         """Estimate both standard deviations by maximum likelihood.
 
         With S / ss^2 = I + t A A' diagonal in the eigenvectors of A A', ss^2 follows in closed
@@ -61,6 +67,9 @@ class HandNoise:
             residuals: Measured minus predicted coordinates. Shape (N, k).
             by_angle: Their derivatives by the joint angles. Shape (N, k, n).
             seen: Which coordinates were measured. Shape (N, k).
+            fitted: Covariance of what the prediction itself is uncertain by, where it was fitted to
+                these residuals and took as much out of them. With it the likelihood is that of what
+                no fit could take (Patterson, Thompson 1971). Shape (N, k, k).
 
         Returns:
             The most likely noise; a joint sigma of zero where the data show no play.
@@ -68,13 +77,33 @@ class HandNoise:
         Raises:
             ValueError: If nothing was seen.
         """
-        lever, squared = _principal(residuals, by_angle, seen)
+        lever, squared = _principal(residuals, by_angle, seen, fitted)
         if not len(lever):
             raise ValueError("no sighting, no noise: at least one row must be seen")
         ratio = _best_ratio(lever, squared)
         sensor_sigma = float(np.sqrt(np.mean(squared / (1.0 + ratio * lever))))
         sensor_sigma = max(sensor_sigma, _FLOOR)
         return cls(sensor_sigma, float(np.sqrt(ratio)) * sensor_sigma)
+
+    def sigmas(self, by_angle: NDArray, seen: NDArray) -> tuple[float, float]:
+        """Return how surely sightings like these tell both standard deviations (Fisher, Rao).
+
+        Args:
+            by_angle: Derivatives of the coordinates by the joint angles. Shape (N, k, n).
+            seen: Which coordinates were measured. Shape (N, k).
+
+        Returns:
+            Standard deviation of `sensor_sigma` and of `joint_sigma`; inf where nothing tells.
+        """
+        lever, _ = _principal(np.zeros(seen.shape), by_angle, seen, None)
+        variance = self.sensor_sigma**2 + self.joint_sigma**2 * lever
+        slopes = 2.0 * np.stack([self.sensor_sigma / variance, self.joint_sigma * lever / variance])
+        information = 0.5 * slopes @ slopes.T
+        if np.linalg.det(information) <= 1e-12 * information[0, 0] * information[1, 1]:
+            alone = information[0, 0]
+            return float(alone**-0.5) if alone > 0.0 else np.inf, np.inf
+        first, second = np.sqrt(np.diag(np.linalg.inv(information))).tolist()
+        return first, second
 
     def close_to(self, other: "HandNoise", tolerance: float = 0.01) -> bool:
         """Return whether both sigmas agree within a relative tolerance."""
@@ -92,16 +121,27 @@ def whitening_of(covariance: NDArray, seen: NDArray) -> NDArray:
         seen: Which coordinates were measured. Shape (N, k).
 
     Returns:
-        Lower triangular matrices. Shape (N, k, k).
+        Matrices, lower triangular where S is not singular to rounding. Shape (N, k, k).
     """
     # What was not seen gets a variance of its own that nothing is correlated with.
     both = seen[:, :, None] & seen[:, None, :]
-    whitening = np.linalg.inv(np.linalg.cholesky(np.where(both, covariance, np.eye(seen.shape[1]))))
-    return whitening * both
+    whole = np.where(both, covariance, np.eye(seen.shape[1]))
+    try:
+        return np.linalg.inv(np.linalg.cholesky(whole)) * both
+    except np.linalg.LinAlgError:
+        # A hand beside an eye, as wrong readings put it: play drowns the sensor to rounding.
+        values, vectors = np.linalg.eigh(whole)
+        values = np.maximum(values, np.finfo(float).eps * values[:, -1:])
+        return (vectors / np.sqrt(values)[:, None, :]) @ np.swapaxes(vectors, 1, 2) * both
 
 
-def _principal(residuals: NDArray, by_angle: NDArray, seen: NDArray) -> tuple[NDArray, NDArray]:
-    """Return eigenvalues of A A' and squared residuals along their eigenvectors, as (k,) each."""
+def _principal(
+    residuals: NDArray, by_angle: NDArray, seen: NDArray, fitted: NDArray | None
+) -> tuple[NDArray, NDArray]:
+    """Return eigenvalues of A A' and squared residuals along their eigenvectors, as (k,) each.
+
+    What a fit took out of the squares is put back.
+    """
     levers, squares = [], []
     for pattern in np.unique(seen, axis=0):
         rows = (seen == pattern).all(axis=1)
@@ -110,8 +150,12 @@ def _principal(residuals: NDArray, by_angle: NDArray, seen: NDArray) -> tuple[ND
         a = by_angle[rows][:, pattern]
         values, vectors = np.linalg.eigh(a @ np.swapaxes(a, 1, 2))
         along = np.einsum("nij,ni->nj", vectors, residuals[rows][:, pattern])
+        square = along**2
+        if fitted is not None:
+            own = fitted[np.ix_(rows, pattern, pattern)]
+            square += np.einsum("nij,nik,nkj->nj", vectors, own, vectors)
         levers.append(np.maximum(values, 0.0).ravel())
-        squares.append(along.ravel() ** 2)
+        squares.append(square.ravel())
     if not levers:
         return np.zeros(0), np.zeros(0)
     return np.concatenate(levers), np.concatenate(squares)

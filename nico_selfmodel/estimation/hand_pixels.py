@@ -23,6 +23,7 @@ class HandPixels:
     Attributes:
         names: Variables of the arm, then those of the eyes.
         measured: Pixels, zero where not seen. Shape (4, N).
+        whitening: Of the rows, zero where not seen. Shape (N, 4, 4).
     """
 
     def __init__(
@@ -48,7 +49,7 @@ class HandPixels:
 
     def whiten(self, whitening: NDArray) -> None:
         """Replace the whitening of the rows. Shape (N, 4, 4)."""
-        self._whitening = np.ascontiguousarray(whitening)
+        self.whitening = np.ascontiguousarray(whitening)
         # Rows last, as everything else; the transpose serves residuals and derivatives at once.
         self._plain = bool((whitening == np.eye(4)).all())
 
@@ -60,7 +61,7 @@ class HandPixels:
             return r, jacobian
         # One product per row: its whitening times residual and derivatives side by side.
         both = np.concatenate([r[None], jacobian]).transpose(2, 1, 0)
-        whitened = np.ascontiguousarray((self._whitening @ both).transpose(2, 1, 0))
+        whitened = np.ascontiguousarray((self.whitening @ both).transpose(2, 1, 0))
         return whitened[0], whitened[1:]
 
     def by_angle(self, x: NDArray) -> NDArray:

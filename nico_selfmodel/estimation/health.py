@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 
 from nico_selfmodel.dataset import Dataset
 from nico_selfmodel.estimation.diagnosis import Diagnosis, diagnose
+from nico_selfmodel.estimation.large_slips import with_large_slips
 from nico_selfmodel.estimation.sightings import covariance_of, sightings_of
 from nico_selfmodel.model.self_model import SelfModel
 
@@ -242,4 +243,5 @@ def check_health(model: SelfModel, dataset: Dataset, sensor: str = "auto") -> He
         for start in starts
     }
     changed_at = max(found, key=lambda start: found[start][0].score)
-    return replace(report, changed_at=changed_at, diagnoses=found[changed_at])
+    diagnoses = with_large_slips(model, dataset, sensor, innovations, changed_at, found[changed_at])
+    return replace(report, changed_at=changed_at, diagnoses=diagnoses)

@@ -50,7 +50,9 @@ def check_pair(calibration: CameraCalibration, alone_rms: float) -> None:
 
 
 def check_start(rig: StereoRig, views: BoardViews, alone_rms: float) -> None:
-    """Refuse pairs of which most do not belong together, before they spoil an adjustment.
+    """Refuse pairs of which most do not belong together, where no adjustment could tell.
+
+    It alone is no judgement: small boards far away place two good eyes as badly.
 
     Args:
         rig: The eyes as the closed forms place them.

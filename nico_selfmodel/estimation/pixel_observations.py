@@ -80,11 +80,16 @@ class PixelObservations:
         """Return the chosen rows. `keep` is a boolean mask or an index."""
         return replace(self, arm=self.arm.select(keep), pixels=self.pixels[keep])
 
-    def require_both_eyes(self, fewest: int, name: str) -> None:
+    def require_both_eyes(self, fewest: int, name: str, unknown: tuple[str, ...] = ()) -> None:
         """Refuse data in which too few poses were seen by both eyes.
 
+        Args:
+            fewest: Poses that are needed.
+            name: Of the data set.
+            unknown: Parameters that so few poses leave open.
+
         Raises:
-            DataError: If so; it names the eye that saw less.
+            DataError: If so; it names the eye that saw less, and what stays blind.
         """
         both = int(self.by_both.sum())
         if both >= fewest:
@@ -93,6 +98,8 @@ class PixelObservations:
         words = (
             f"in data set {name!r} both eyes saw the hand in {poses}, at least {fewest} are needed"
         )
+        if unknown:
+            words += f", or these stay blind, wholly or in part: {', '.join(unknown)}"
         if both == len(self):
             raise DataError(f"{words}: record more")
         counts = {eye: int(self.seen[:, 2 * i].sum()) for i, eye in enumerate(EYES)}

@@ -7,12 +7,20 @@ and the arm's predictions can be held against the pictures themselves (eq. 7.4).
 from dataclasses import dataclass, replace
 from typing import Any
 
+import numpy as np
+from numpy.typing import NDArray
+
 from nico_selfmodel.dataset import Dataset
 from nico_selfmodel.estimation.body_start import in_left_eye, reconstructed
 from nico_selfmodel.estimation.error_statistics import ErrorStatistics
+from nico_selfmodel.estimation.hand_pixels import project_to_eyes
 from nico_selfmodel.estimation.kinematics import KinematicCalibration
+from nico_selfmodel.estimation.observations import Observations
 from nico_selfmodel.estimation.pixel_evaluation import PixelEvaluation, evaluate_pixels
-from nico_selfmodel.model import SelfModel
+from nico_selfmodel.estimation.sightings import covariance_of
+from nico_selfmodel.model import ParameterCovariance, SelfModel
+from nico_selfmodel.model.stereo_rig import StereoRig
+from nico_selfmodel.optimization import Uncertainty
 
 
 @dataclass(frozen=True, eq=False)
@@ -29,13 +37,20 @@ class Sight:
     """What was seen, under `train` and, if held out, `test`."""
 
     @classmethod
-    def of(cls, eyes: SelfModel, train: Dataset, test: Dataset | None = None) -> "Sight":
+    def of(
+        cls,
+        eyes: SelfModel,
+        train: Dataset,
+        test: Dataset | None = None,
+        pinned: frozenset[str] = frozenset(),
+    ) -> "Sight":
         """Reconstruct the hand.
 
         Args:
             eyes: A self-model with both eyes.
             train: Data with pixels.
             test: Held-out data.
+            pinned: Parameters of the arm that are known.
 
         Raises:
             DataError: If too few poses were seen by both eyes.
@@ -43,15 +58,51 @@ class Sight:
         """
         seeing = in_left_eye(eyes)
         seen = {"train": train} | ({} if test is None else {"test": test})
-        points = {name: reconstructed(data, seeing) for name, data in seen.items()}
+        points = {"train": reconstructed(train, seeing, pinned)}
+        if test is not None:
+            points["test"] = reconstructed(test, seeing, None)
         return cls(seeing, points["train"], points.get("test"), seen)
 
     def complete(self, calibration: KinematicCalibration) -> KinematicCalibration:
-        """Return an arm's calibration with the eyes in its self-model."""
+        """Return an arm's calibration with the eyes in its self-model.
+
+        What the eyes are uncertain by moved the points that the arm was learned from: it is in the
+        arm's sigmas too, and arm and eyes are correlated.
+        """
         model = replace(
             calibration.model, cameras=self.eyes.cameras, pixel_sigma=self.eyes.pixel_sigma
         )
-        return replace(calibration, model=model)
+        known, arm = self.eyes.covariance, calibration.uncertainty
+        if known is None or arm is None:
+            return replace(calibration, model=model)
+        eyes = tuple(name for name in StereoRig.names_of() if name in known.names)
+        together = _together(arm, self._gain(calibration, arm.names, eyes), self.eyes, eyes)
+        split = len(arm.names)
+        own = together[:split, :split]
+        sigma = np.where(np.isfinite(arm.sigma), np.sqrt(np.diag(own)), np.inf)
+        return replace(
+            calibration,
+            model=replace(model, covariance=ParameterCovariance((*arm.names, *eyes), together)),
+            uncertainty=replace(arm, covariance=own, sigma=sigma),
+        )
+
+    def _gain(
+        self, calibration: KinematicCalibration, arm: tuple[str, ...], eyes: tuple[str, ...]
+    ) -> NDArray:
+        """Return by how much parameters of the arm follow those of the eyes. Shape (k, e)."""
+        observations = Observations.from_dataset(self.train, calibration.model.markers)
+        observations = observations.select(~calibration.outliers)
+        parameters = calibration.model.parameters
+        p, slopes = parameters.predict(observations.angles, observations.marker)
+        _, by_point, by_eyes = project_to_eyes(p.T, self.eyes.rig.values)
+        # Pixels stay: the point moves so that it makes up for the eyes, as well as one point can.
+        by_point = by_point.transpose(2, 0, 1)
+        columns = [StereoRig.names_of().index(name) for name in eyes]
+        moved = -np.linalg.pinv(by_point) @ by_eyes[columns].transpose(2, 1, 0)
+        rows = slopes[:, :, [parameters.names.index(name) for name in arm]].reshape(-1, len(arm))
+        size = np.maximum(np.linalg.norm(rows, axis=0), np.finfo(float).tiny)
+        follows = np.linalg.lstsq(rows / size, moved.reshape(len(rows), -1), rcond=1e-9)[0]
+        return follows / size[:, None]
 
     def evaluate(self, model: SelfModel, part: str = "test") -> PixelEvaluation:
         """Hold a completed model against what the eyes saw."""
@@ -63,6 +114,13 @@ class Sight:
             statistics = self.evaluate(model, part).pixel_statistics
             if document.get(part) is not None and statistics is not None:
                 document[part]["pixels"] = as_pixels(statistics)
+
+
+def _together(arm: Uncertainty, gain: NDArray, model: SelfModel, eyes: tuple[str, ...]) -> NDArray:
+    """Return the covariance of an arm and of the eyes it was learned through. (k + e, k + e)."""
+    own = covariance_of(model, eyes)
+    cross = gain @ own
+    return np.block([[arm.covariance + cross @ gain.T, cross], [cross.T, own]])
 
 
 def as_pixels(statistics: ErrorStatistics) -> dict[str, float]:

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from nico_selfmodel.dataset.board_views import BoardViews
-from nico_selfmodel.errors import NotIdentifiableError
+from nico_selfmodel.errors import ModelError, NotConvergedError, NotIdentifiableError
 from nico_selfmodel.estimation.camera_adjustment import Adjustment, CameraCalibration
 from nico_selfmodel.estimation.camera_options import CameraOptions, by_full_name
 from nico_selfmodel.estimation.camera_start import check_tilts, pair_start, zhang_start
@@ -54,10 +54,14 @@ def calibrate_cameras(views: BoardViews, options: CameraOptions | None = None) -
     left, right = (_among(views, found) for found in alone)
     right_camera, X_LG = pair_start(left, right, views)
     alone_rms = max(found.rms for found in alone)
-    check_start(StereoRig(left[0], right_camera), views, alone_rms)
     adjustment = Adjustment(views, (left[0], right_camera), X_LG, options)
-    adjustment.solve(options.loss)
-    result = adjustment.result(time.perf_counter() - began)
+    try:
+        adjustment.solve(options.loss)
+        result = adjustment.result(time.perf_counter() - began)
+    except (NotConvergedError, ModelError):
+        # Pairs that do not belong together may end in eyes that cannot be: say that of them.
+        check_start(StereoRig(left[0], right_camera), views, alone_rms)
+        raise
     check_pair(result, alone_rms)
     return result
 

@@ -5,23 +5,27 @@ above its own hand's error: 23 parameters where the tip needs three.
 """
 
 import time
+from collections.abc import Iterator
 from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
 from nico_selfmodel.dataset import Dataset
-from nico_selfmodel.errors import NotIdentifiableError
+from nico_selfmodel.errors import ModelError, NotIdentifiableError
 from nico_selfmodel.estimation.block_update import BlockUpdate, learn_block, learn_with_prior
 from nico_selfmodel.estimation.natural_scales import arm_size
 from nico_selfmodel.estimation.sightings import Sightings, sightings_of
 from nico_selfmodel.model.dh_table import DhTable
 from nico_selfmodel.model.self_model import SelfModel
+from nico_selfmodel.model.servo_map import ServoMap
 
 _SPREAD = 3.0
 """The hand must move by this many times what one pose is uncertain by."""
 _DIFFERENT = 3.0
 """Standard deviations by which a tip must lie off the hand to be one."""
+_RANDOM_ZEROS = 60
+"""Starts tried where zeros near the old ones do not fit."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -120,8 +124,8 @@ def calibrate_tool(
     held = with_marker(model, tool)
     data = replace(dataset, marker=np.full(len(dataset), tool))
     sightings = sightings_of(held, data, sensor)
-    _require_motion(sightings)
     names = tuple(f"hand.{tool}.{axis}" for axis in "xyz")
+    _require_motion(sightings, names)
     scales = np.full(3, arm_size(model))
     learn = learn_block if free == "point" else learn_with_prior
     update = learn(held, sightings, names, scales=scales, loss=loss)
@@ -181,9 +185,62 @@ def rezero(
     sightings = sightings_of(model, dataset, sensor)
     names = tuple(f"{joint}.theta_offset" for joint in joints)
     update = learn_block(model, sightings, names, scales=np.ones(len(names)), loss=loss)
-    before, after = model.servos, update.model.servos
-    shifts = (before.offset - after.offset) / after.gear
-    return Rezeroing(update.model, update, shifts, time.perf_counter() - clock)
+    if not update.fits:
+        update = _from_other_zeros(model, dataset, joints, update, sensor, loss)
+    after = update.model.servos
+    shifts = (model.servos.offset - after.offset) / after.gear
+    # Whole turns of a joint are no shift: the hand is where it was.
+    turns = 2.0 * np.pi * np.round(shifts / (2.0 * np.pi))
+    nearest = replace(after, offset=after.offset + after.gear * turns)
+    update = replace(update, model=replace(update.model, servo_map=nearest))
+    return Rezeroing(update.model, update, shifts - turns, time.perf_counter() - clock)
+
+
+def _from_other_zeros(
+    model: SelfModel,
+    dataset: Dataset,
+    joints: tuple[str, ...],
+    update: BlockUpdate,
+    sensor: str,
+    loss: str,
+) -> BlockUpdate:
+    """Look for zeros far from the old ones: readings that lost a turn, and then anywhere.
+
+    Returns:
+        The first that fits; where none does, the one that leaves fewest outliers and least misfit.
+    """
+    best = update
+    for servos in _other_servos(model, joints):
+        start = replace(model, servo_map=servos)
+        try:
+            found = learn_block(
+                start,
+                sightings_of(start, dataset, sensor),
+                update.learned,
+                scales=np.ones(len(joints)),
+                loss=loss,
+            )
+        except (NotIdentifiableError, ModelError):
+            continue
+        if found.fits:
+            return found
+        best = min(best, found, key=lambda u: (int(u.outliers.sum()), u.misfit))
+    return best
+
+
+def _other_servos(model: SelfModel, joints: tuple[str, ...]) -> Iterator[ServoMap]:
+    """Yield encoders with other zeros: each a turn off, then all off by anything."""
+    servos = model.servos
+    lost = np.isin(model.joints, joints)
+    for joint in np.flatnonzero(lost):
+        for turn in (2.0 * np.pi, -2.0 * np.pi):
+            offset = servos.offset.copy()
+            offset[joint] += turn
+            yield replace(servos, offset=offset)
+    rng = np.random.default_rng(0)
+    for _ in range(_RANDOM_ZEROS):
+        angle = rng.uniform(-np.pi, np.pi, len(lost)) * lost
+        yield replace(servos, offset=servos.offset + servos.gear * angle)
 
 
 def errors_of(sightings: Sightings) -> NDArray:
@@ -217,8 +274,8 @@ def with_marker(model: SelfModel, tool: str) -> SelfModel:
     return replace(model, table=wider)
 
 
-def _require_motion(sightings: Sightings) -> None:
-    """Refuse poses that are all alike: what was said of them holds nowhere else."""
+def _require_motion(sightings: Sightings, names: tuple[str, ...]) -> None:
+    """Refuse poses that are all alike: what they say of `names` holds nowhere else."""
     predicted, _ = sightings.block.project(sightings.x)
     slopes = sightings.block.by_angle(sightings.x)
     noise = np.sqrt(np.mean(np.trace(sightings.noise.covariance(slopes), axis1=1, axis2=2)))
@@ -230,7 +287,8 @@ def _require_motion(sightings: Sightings) -> None:
     poses = "1 pose" if len(sightings) == 1 else f"{len(sightings)} poses"
     raise NotIdentifiableError(
         f"the hand moved by {scale * moved:.1f} {unit} in {poses}, one pose alone "
-        f"is uncertain by {scale * noise:.1f} {unit}: record poses that spread over the workspace"
+        f"is uncertain by {scale * noise:.1f} {unit}: {', '.join(names)} cannot be told from what "
+        "disturbs the joints; record poses that spread over the workspace"
     )
 
 

@@ -5,12 +5,12 @@ from dataclasses import replace
 
 import numpy as np
 
-from nico_selfmodel.dataset import Dataset
 from nico_selfmodel.estimation import calibrate_cameras, calibrate_kinematics
+from nico_selfmodel.estimation.sight import Sight
 from nico_selfmodel.experiments.first_arm import nominal_of
 from nico_selfmodel.experiments.stereo import board_points
 from nico_selfmodel.geometry.transform import inverse
-from nico_selfmodel.model import Mirror, ParameterCovariance, SelfModel, StereoRig
+from nico_selfmodel.model import Mirror, SelfModel
 from nico_selfmodel.plant import ArmDescription
 from nico_selfmodel.plant.kinematic_tree import KinematicTree
 from nico_selfmodel.systems.simulated_mirror import SimulatedMirrors
@@ -74,32 +74,7 @@ def learned_body(body: SimulatedMirrors) -> SelfModel:
     """
     eyes = calibrate_cameras(body.look_at_boards(board_points(), BOARDS))
     seen = body.watch("", LEARNING_POSES, session=1, name="hand seen directly")
+    sight = Sight.of(eyes.self_model("nico"), seen)
     nominal = nominal_of(ArmDescription.named("nico"))
-    learned = calibrate_kinematics(_with_points(seen, eyes.rig), nominal=nominal).model
-    return replace(
-        learned,
-        name="nico",
-        cameras={"left": eyes.rig.left, "right": eyes.rig.right},
-        covariance=_together(learned.covariance, eyes.self_model("eyes").covariance),
-        pixel_sigma=body.pixel_sigma,
-    )
-
-
-def _together(
-    arm: ParameterCovariance | None, eyes: ParameterCovariance | None
-) -> ParameterCovariance | None:
-    """Return the covariance of arm and eyes, learned one after the other."""
-    if arm is None or eyes is None:
-        return arm or eyes
-    split = len(arm.names)
-    matrix = np.zeros((split + len(eyes.names),) * 2)
-    matrix[:split, :split], matrix[split:, split:] = arm.matrix, eyes.matrix
-    return ParameterCovariance((*arm.names, *eyes.names), matrix)
-
-
-def _with_points(seen: Dataset, rig: StereoRig) -> Dataset:
-    """Return the data with the hand's positions as stereo rebuilds them, in place of pixels."""
-    usable = rig.left.has_rays(seen.pixels[:, :2]) & rig.right.has_rays(seen.pixels[:, 2:])
-    seen = seen.select(np.asarray(usable))
-    points = rig.triangulate(seen.pixels, seen.pixel_sigma_px or 1.0).p_WQ
-    return replace(seen, p_WH_measured=points, pixels=None)
+    arm = calibrate_kinematics(sight.train, nominal=nominal, name="nico")
+    return replace(sight.complete(arm).model, pixel_sigma=body.pixel_sigma)

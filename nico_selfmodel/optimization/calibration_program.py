@@ -16,7 +16,7 @@ from nico_selfmodel.optimization.levenberg_marquardt_solver import (
 )
 from nico_selfmodel.optimization.losses import Loss
 from nico_selfmodel.optimization.residual_block import ResidualBlock
-from nico_selfmodel.optimization.separable_block import SeparableBlock
+from nico_selfmodel.optimization.separable_block import SeparableBlock, shared_information
 
 SOLVERS = ("lm", "snopt", "ipopt")
 
@@ -199,15 +199,27 @@ class CalibrationProgram:
         if isinstance(term.block, SeparableBlock):
             return None
         jacobian = term.block.evaluate(np.asarray(x)[term.columns])[1]
-        free = np.ix_(self.free, self.free)
-        information = self.normal_equations(x)[2][free]
+        known, information = self._information_of(term.columns, x)
         # Units differ by orders of magnitude: what is singular must not depend on them.
         unit = np.sqrt(np.maximum(np.diag(information), np.finfo(float).tiny))
         units = np.outer(unit, unit)
         inverse = np.zeros((len(x), len(x)))
-        inverse[free] = np.linalg.pinv(information / units, hermitian=True) / units
+        inverse[np.ix_(known, known)] = np.linalg.pinv(information / units, hermitian=True) / units
         J = jacobian.transpose(2, 1, 0)
         return J @ inverse[np.ix_(term.columns, term.columns)] @ J.transpose(0, 2, 1)
+
+    def _information_of(self, columns: NDArray, x: NDArray) -> tuple[NDArray, NDArray]:
+        """Return free variables, `columns` among them, and what is known of them at x.
+
+        Variables that only one observation depends on are eliminated where there are any.
+        """
+        free = np.flatnonzero(self.free)
+        information = self.normal_equations(x)[2][np.ix_(free, free)]
+        own = self.own_variables
+        if own is None or np.isin(own, columns).any() or not np.isin(own, free).all():
+            return free, information
+        reduced = shared_information(information, np.searchsorted(free, own))
+        return (free, information) if reduced is None else (free[reduced[0]], reduced[1])
 
     def normal_equations(self, x: NDArray) -> NormalEquations:
         """Return cost, gradient and Gauss-Newton matrix of the whole (robust) sum of squares.

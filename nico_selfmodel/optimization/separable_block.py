@@ -117,6 +117,45 @@ def eliminated_step(
     Returns:
         The step, shape (p,); None where the matrix is not positive definite.
     """
+    try:
+        shared, matrix, right, solved = _eliminate(hessian, gradient, damping, own)
+        np.linalg.cholesky(matrix)
+    except np.linalg.LinAlgError:
+        return None
+    step = np.empty_like(gradient)
+    step[shared] = -np.linalg.solve(matrix, right)
+    step[own] = -(solved[:, :, -1] + solved[:, :, :-1] @ step[shared])
+    return step
+
+
+def shared_information(hessian: NDArray, own: NDArray) -> tuple[NDArray, NDArray] | None:
+    """Return what is known of the shared variables once each observation has its own freely.
+
+    The inverse of A - B' C^-1 B is the shared part of the inverse of the whole matrix.
+
+    Args:
+        hessian: Gauss-Newton matrix. Shape (p, p).
+        own: Indices of the blocks of C. Shape (V, m).
+
+    Returns:
+        Indices of the shared variables, shape (s,), and the matrix, shape (s, s); None where an
+        observation leaves its own variables open.
+    """
+    nothing = np.zeros(len(hessian))
+    try:
+        return _eliminate(hessian, nothing, nothing, own)[:2]
+    except np.linalg.LinAlgError:
+        return None
+
+
+def _eliminate(
+    hessian: NDArray, gradient: NDArray, damping: NDArray, own: NDArray
+) -> tuple[NDArray, NDArray, NDArray, NDArray]:
+    """Return the shared indices, A - B' C^-1 B, g_a - B' C^-1 g_c, and C^-1 [B g_c].
+
+    Raises:
+        LinAlgError: If C is not positive definite.
+    """
     rest = np.ones(len(gradient), dtype=bool)
     rest[own.ravel()] = False
     shared = np.flatnonzero(rest)
@@ -124,20 +163,10 @@ def eliminated_step(
     m = own.shape[1]
     blocks[:, np.arange(m), np.arange(m)] += damping[own]
     border = hessian[np.ix_(own.ravel(), shared)].reshape(*own.shape, len(shared))
-    try:
-        np.linalg.cholesky(blocks)
-        right = np.concatenate([border, gradient[own][:, :, None]], axis=2)
-        solved = np.linalg.solve(blocks, right)
-        # One product for all blocks: B' C^-1 [B g_c]
-        reduced = border.reshape(own.size, len(shared)).T @ solved.reshape(
-            own.size, len(shared) + 1
-        )
-        matrix = hessian[np.ix_(shared, shared)] - reduced[:, :-1]
-        matrix.flat[:: len(shared) + 1] += damping[shared]
-        np.linalg.cholesky(matrix)
-    except np.linalg.LinAlgError:
-        return None
-    step = np.empty_like(gradient)
-    step[shared] = -np.linalg.solve(matrix, gradient[shared] - reduced[:, -1])
-    step[own] = -(solved[:, :, -1] + solved[:, :, :-1] @ step[shared])
-    return step
+    np.linalg.cholesky(blocks)
+    solved = np.linalg.solve(blocks, np.concatenate([border, gradient[own][:, :, None]], axis=2))
+    # One product for all blocks: B' C^-1 [B g_c]
+    reduced = border.reshape(own.size, len(shared)).T @ solved.reshape(own.size, len(shared) + 1)
+    matrix = hessian[np.ix_(shared, shared)] - reduced[:, :-1]
+    matrix.flat[:: len(shared) + 1] += damping[shared]
+    return shared, matrix, gradient[shared] - reduced[:, -1], solved

@@ -12,6 +12,7 @@ from matplotlib.figure import Figure
 
 from nico_selfmodel.dataset import Dataset
 from nico_selfmodel.estimation import BodyCalibration, Verdict, WorkspaceAccuracy
+from nico_selfmodel.estimation.body_document import noise_words
 from nico_selfmodel.files import refuse_folder
 from nico_selfmodel.plant import ArmDescription
 from nico_selfmodel.viz import palette
@@ -240,14 +241,15 @@ def _workspace_table(document: Mapping[str, Any]) -> Table:
 
 def _provenance(calibration: BodyCalibration, document: Mapping[str, Any]) -> dict[str, str]:
     """Return what the body was learned from and with."""
+    tracker, play = (words.replace("+-", "±") for words in noise_words(document))
     found = {
         **calibration.model.provenance,
         "stage": document["stage"],
         "variant": document["variant"],
         "arm_started_from": document["start"]["arm"],
         "scale_held_by": document["scale_from"],
-        "noise_of_the_tracker": f"{document['pixel_sigma_px']:.2f} px",
-        "play_of_a_joint,_standard_deviation": f"{document['joint_sigma_deg']:.2f} deg",
+        "noise_of_the_tracker": tracker,
+        "play_of_a_joint,_standard_deviation": play,
         "robot": json.dumps(dict(calibration.model.robot)) if calibration.model.robot else "none",
         "steps_of_the_solver": document["iterations"],
         "seconds": f"{document['seconds']:.2f}",

@@ -116,6 +116,23 @@ def test_kinematics_alone_need_no_boards(recorded, command, tmp_path):
     assert document_of(tmp_path / "arm")["scale_from"] == "eyes"
 
 
+def test_three_boards_are_all_learned_from(recorded, photographs, monkeypatch, command, tmp_path):
+    folder, boards = recorded
+    found = SimpleNamespace(seen_views=boards.select(np.arange(3)))
+    monkeypatch.setattr("nico_selfmodel.vision.detect_boards", lambda *_, **__: found)
+    done = command(
+        *("calibrate", "body", folder / "train", "--model", folder / "eyes.yaml"),
+        *("--boards", photographs, "--out", tmp_path / "out", "--json"),
+    )
+    assert done.returncode in (0, 1), done.stderr
+    document = json.loads(done.stdout)
+    assert not document["boards"]["held_out"]
+    assert any("no board was held out" in words for words in document["warnings"])
+    known = document["noise_known_to"]
+    assert 0.0 < known["pixel_sigma_px"] < 0.1 * document["pixel_sigma_px"]
+    assert 0.0 < known["joint_sigma_deg"] < 0.1 * document["joint_sigma_deg"]
+
+
 def test_a_tool_from_the_command_line(recorded, body, command, tmp_path):
     folder, _ = recorded
     done = command(
@@ -232,16 +249,67 @@ def test_models_and_data_that_do_not_suit_are_refused(recorded, body, command, t
     assert lost.returncode == 2
     assert "1 sighting is too few or too alike: `right_" in lost.stderr
     assert lost.stderr.rstrip().endswith("record more poses, spread over the workspace")
-    few = command(
-        *("calibrate", "body", once, "--model", folder / "eyes.yaml", "--stage", "kinematics"),
-        *("--out", out),
-    )
-    assert few.returncode == 2
-    assert "both eyes saw the hand in 1 pose, at least 8 are needed: record more" in few.stderr
     assert command("check", folder / "eyes.yaml", folder / "later").returncode == 2
     lone = command("check", body, folder / "slipped", "--relearn")
     assert "--relearn and --out belong together" in lone.stderr
     assert not out.exists()
+
+
+ANY_ARM = 23
+"""Parameters of four joints with unknown gears that points can tell."""
+
+
+def named_blind(done):
+    """Return the parameters that a refusal names."""
+    assert done.returncode == 2
+    assert done.stderr.count("\n") == 1
+    words = done.stderr.rpartition("wholly or in part: ")[2]
+    return words.rpartition(":")[0].split(", ")
+
+
+@pytest.mark.parametrize("count", [1, 2, 5, 7])
+def test_too_few_poses_for_a_body_name_what_stays_blind(recorded, body, command, tmp_path, count):
+    folder, _ = recorded
+    few, out = tmp_path / "few", tmp_path / "out"
+    Dataset.load(folder / "later").select(np.arange(count)).save(few)
+    task = ("--stage", "kinematics", "--out", out)
+    unknown = command("calibrate", "body", few, "--model", folder / "eyes.yaml", *task)
+    poses = "1 pose" if count == 1 else f"{count} poses"
+    assert f"both eyes saw the hand in {poses}, at least 8 are needed" in unknown.stderr
+    names = named_blind(unknown)
+    assert len(set(names)) == len(names) == ANY_ARM
+    assert {"M0.x", "right_elbow.gear", "right_elbow.theta_offset"} <= set(names)
+    known = command("calibrate", "body", few, "--model", body, *task)
+    # Each direction that few poses leave open has a part of every parameter.
+    assert set(named_blind(known)) == set(names)
+    pixels = command("calibrate", "kinematics", few, "--eyes", folder / "eyes.yaml", *task[2:])
+    assert named_blind(pixels) == names
+    assert not out.exists()
+
+
+def test_only_what_is_blind_is_named(recorded, body, command, tmp_path):
+    folder, _ = recorded
+    out, free = tmp_path / "out", {"right_elbow.gear", "right_elbow.theta_offset"}
+    held = [n for n in SelfModel.load(body).parameters.names if n not in free]
+    task = ("--model", body, "--stage", "kinematics", "--out", out)
+    pins = [word for name in held for word in ("--pin", name)]
+    data = Dataset.load(folder / "later")
+    data.select(np.arange(1)).save(tmp_path / "one")
+    data.select(np.arange(5)).save(tmp_path / "five")
+    one = command("calibrate", "body", tmp_path / "one", *task, *pins)
+    assert set(named_blind(one)) == free
+    five = command("calibrate", "body", tmp_path / "five", *task, *pins)
+    assert five.returncode == 2
+    assert "blind" not in five.stderr
+    assert "in 5 poses, at least 8 are needed: record more" in five.stderr
+
+
+def test_a_tool_seen_once_names_what_one_pose_cannot_tell(recorded, body, command, tmp_path):
+    folder, _ = recorded
+    Dataset.load(folder / "tool").select(np.arange(1)).save(tmp_path / "once")
+    done = command("calibrate", "tool", body, tmp_path / "once", "--out", tmp_path / "out")
+    assert done.returncode == 2
+    assert "hand.tool.x, hand.tool.y, hand.tool.z cannot be told" in done.stderr
 
 
 @pytest.mark.slow

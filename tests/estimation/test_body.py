@@ -202,7 +202,7 @@ def test_the_world_may_be_anywhere_before_learning():
     moved = in_left_eye(replace(recorded.eyes, cameras=elsewhere))
     np.testing.assert_allclose(moved.rig.right.X_WC, rig.right.X_WC, atol=1e-12)
     assert np.array_equal(moved.rig.left.X_WC, np.eye(4))
-    points = reconstructed(recorded.train, recorded.eyes)
+    points = reconstructed(recorded.train, recorded.eyes, None)
     assert np.isfinite(points.p_WH_measured).all()
     assert not np.isfinite(points.pixels).any()
 

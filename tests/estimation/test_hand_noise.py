@@ -48,6 +48,42 @@ def test_it_is_the_minimum_of_the_likelihood():
         assert surprise(other) > least
 
 
+@pytest.mark.parametrize("noise", [NOISE, HandNoise(2.0, 0.005)])
+def test_the_error_bars_of_both_are_those_of_many_recordings(noise):
+    found = []
+    for seed in range(120):
+        best = HandNoise.most_likely(*drawn(count=60, noise=noise, seed=seed))
+        found.append([best.sensor_sigma, best.joint_sigma])
+    _, slopes, seen = drawn(count=60, noise=noise)
+    assert np.std(found, axis=0) == pytest.approx(noise.sigmas(slopes, seen), rel=0.25)
+
+
+def test_without_play_nothing_tells_how_much_there_is():
+    _, slopes, seen = drawn(count=60)
+    sensor, joint = HandNoise(0.5, 0.0).sigmas(slopes, seen)
+    assert sensor == pytest.approx(0.5 / np.sqrt(2.0 * seen.sum()))
+    assert joint == np.inf
+
+
+def test_what_a_fit_took_out_of_the_residuals_is_put_back():
+    """Thirty parameters fitted to forty sightings take a fifth of their squares."""
+    kept, put_back = [], []
+    for seed in range(60):
+        r, slopes, seen = drawn(count=40, seed=seed)
+        w = NOISE.whitening(slopes, seen)
+        x = slopes @ np.random.default_rng((seed, 1)).normal(size=(40, 4, 30))
+        white = (w @ x).reshape(160, 30)
+        step, covariance = np.linalg.lstsq(white, (w @ r[:, :, None]).ravel())[0], white.T @ white
+        left, fitted = r - x @ step, x @ np.linalg.inv(covariance) @ x.transpose(0, 2, 1)
+        kept.append(HandNoise.most_likely(left, slopes, seen))
+        put_back.append(HandNoise.most_likely(left, slopes, seen, fitted))
+    assert np.mean([n.joint_sigma for n in kept]) < 0.9 * NOISE.joint_sigma
+    assert np.mean([n.joint_sigma for n in put_back]) == pytest.approx(NOISE.joint_sigma, rel=0.04)
+    assert np.mean([n.sensor_sigma for n in put_back]) == pytest.approx(
+        NOISE.sensor_sigma, rel=0.04
+    )
+
+
 def test_whitened_sightings_have_unit_covariance_and_gaps_stay_zero():
     r, slopes, seen = drawn(count=4000, hidden=1000)
     w = NOISE.whitening(slopes, seen)
@@ -68,3 +104,11 @@ def test_closeness_is_relative_to_the_larger():
     assert NOISE.close_to(HandNoise(0.302, 0.005))
     assert not NOISE.close_to(HandNoise(0.31, 0.005))
     assert HandNoise(0.3, 0.0).close_to(HandNoise(0.3, 0.0))
+
+
+def test_a_hand_beside_an_eye_is_whitened_too():
+    _, slopes, seen = drawn(count=3)
+    slopes[1] *= 1e12
+    w = NOISE.whitening(slopes, seen)
+    assert np.isfinite(w).all()
+    np.testing.assert_allclose(w[0].T @ w[0], np.linalg.inv(NOISE.covariance(slopes)[0]), rtol=1e-6)

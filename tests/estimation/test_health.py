@@ -263,3 +263,16 @@ def test_twice_the_data_cure_half_of_the_learned_variance():
     ]
     assert found[1].learned.mean() < 0.95 * found[0].learned.mean()
     assert found[1].mechanics.mean() == pytest.approx(found[0].mechanics.mean(), rel=0.1)
+
+
+@pytest.mark.parametrize("angle", [15.0, 40.0, -70.0])
+@pytest.mark.parametrize("joint", ["right_elbow", "right_shoulder_roll"])
+def test_a_slip_of_any_size_is_laid_to_its_joint(model, angle, joint):
+    """The hand goes round a circle: what follows its chord is a point, or the base."""
+    data = only_eyes(changed("slip", joint, np.radians(angle)))
+    report = check_health(model, data)
+    best = report.diagnoses[0]
+    assert best.hypothesis.cause == f"zero of {joint}"
+    gear = model.servos.gear[model.joints.index(joint)]
+    off = -best.change[0] / gear - np.radians(angle)
+    assert abs((off + np.pi) % (2.0 * np.pi) - np.pi) < np.radians(4.0)

@@ -12,14 +12,28 @@ from nico_selfmodel.errors import (
     NotIdentifiableError,
     SelfModelError,
 )
+from nico_selfmodel.estimation.board_accuracy import epipolar_errors, held_out_residuals
 from nico_selfmodel.estimation.camera_options import CameraOptions
+from nico_selfmodel.estimation.camera_start import pose_of_seen_boards
 from nico_selfmodel.estimation.stereo import calibrate_cameras
 from nico_selfmodel.geometry.rotation import rotation_from_vector
-from nico_selfmodel.geometry.transform import transform
+from nico_selfmodel.geometry.transform import apply, transform
+from nico_selfmodel.model.camera import Camera
 from nico_selfmodel.model.stereo_rig import StereoRig
 
 from .real_boards import stereo_chessboard
-from .simulated_boards import LEFT, P_GQ, RIG, RIGHT, TRUTH, boards, changed, pictures, unseen
+from .simulated_boards import (
+    LEFT,
+    P_GQ,
+    RIG,
+    RIGHT,
+    SIZE,
+    TRUTH,
+    boards,
+    changed,
+    pictures,
+    unseen,
+)
 
 SIGMA = 0.2
 PLAIN = CameraOptions(loss="none")
@@ -304,3 +318,44 @@ def test_the_real_pair_fits_and_has_its_baseline(real_data_folder):
     assert found.rms <= 0.446
     assert 83.4e-3 <= found.rig.baseline <= 83.5e-3
     assert found.rig.epipolar_errors(views.pixels.reshape(-1, 4)).mean() <= 0.27
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_small_boards_far_away_start_badly_and_end_well(seed):
+    """Each eye alone hardly knows its principal point then: no sign of pairs mixed up."""
+    rng, found = np.random.default_rng(seed), []
+    while len(found) < 14:
+        turn = rotation_from_vector(rng.normal(0.0, 0.6, 3))
+        middle = rng.uniform([-1.0, -0.7, 2.0], [1.0, 0.7, 3.5])
+        X_LG = transform(turn, middle - turn @ P_GQ.mean(axis=0))
+        pixels = RIG.project(apply(X_LG, P_GQ))
+        if ((pixels >= 0.0) & (pixels <= np.tile(SIZE, 2) - 1.0)).all():
+            found.append(X_LG)
+    result = calibrate_cameras(pictures(np.array(found), 0.15, seed))
+    assert result.converged
+    assert result.rms < 0.25
+    baseline = float(np.linalg.norm(RIG.X_LR[:3, 3]))
+    assert result.rig.baseline == pytest.approx(baseline, rel=0.1)
+
+
+def test_corners_beyond_the_fold_of_a_lens_do_not_stop_its_judgement():
+    """Learned without the outermost board, a lens may fold before its corners."""
+    eyes = [
+        Camera(
+            *(eye.fx, eye.fy, eye.cx, eye.cy, SIZE),
+            k1=eye.k[0],
+            k2=eye.k[1],
+            k3=-0.13,
+            X_WC=eye.X_WC,
+        )
+        for eye in RIG.eyes
+    ]
+    folding, views = StereoRig(*eyes), pictures(boards(12))
+    assert np.isfinite(views.pixels).all()
+    reach = folding.left.has_rays(views.of_eye("left").reshape(-1, 2))
+    placed = pose_of_seen_boards(folding.eyes, views)
+    assert not reach.all()
+    assert np.isfinite(placed).all()
+    assert np.isnan(epipolar_errors(folding, views)).any()
+    left = held_out_residuals(folding.eyes, views)
+    assert np.isfinite(left).all()

@@ -207,6 +207,20 @@ def test_one_pose_leaves_zeros_open_and_names_them(model):
         rezero(model, only_eyes(poses(body(), 1)))
 
 
+@pytest.mark.parametrize("joint", ["right_shoulder_roll", "right_elbow"])
+def test_readings_that_lost_a_turn_find_their_zeros(model, joint):
+    def wrapped(data):
+        column = data.joint_names.index(joint)
+        lost = np.eye(4)[column] * data.joints[column].counts_per_turn
+        return replace(data, encoders=data.encoders + lost)
+
+    found = rezero(model, only_eyes(wrapped(poses(body(), 5))))
+    assert found.update.fits
+    assert np.all(np.abs(found.shifts) <= np.pi)
+    again = wrapped(poses(body(), 30, seed=3))
+    assert 1e3 * evaluate(found.model, again).statistics.mean < 5.0
+
+
 def test_zeros_of_another_body_do_not_fit(model):
     one = body()
     one.bump_eye([0.03, 0.02, 0.0])

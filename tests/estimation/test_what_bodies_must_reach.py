@@ -11,8 +11,6 @@ from nico_selfmodel.estimation import (
     judge_body,
     rezero,
 )
-from nico_selfmodel.estimation.health import watched
-from nico_selfmodel.estimation.sightings import covariance_of, sightings_of
 from nico_selfmodel.model.link_lengths import link_lengths
 from nico_selfmodel.model.self_model import SelfModel
 
@@ -85,14 +83,18 @@ def test_what_is_not_anchored_is_refused():
 @pytest.mark.parametrize(("tracker", "sigma"), [("fiducial", 0.3), ("color", 2.0)])
 def test_both_noises_are_estimated(tracker, sigma):
     play = np.radians(0.5) / np.sqrt(3.0)
-    sensor, joint = np.array(
-        [(n.sensor_sigma, n.joint_sigma) for n in (learned(s, tracker).noise for s in SEEDS)]
-    ).T
+    bodies = [learned(seed, tracker) for seed in SEEDS]
+    sensor, joint = np.array([(b.noise.sensor_sigma, b.noise.joint_sigma) for b in bodies]).T
     assert np.mean(sensor) == pytest.approx(sigma, rel=0.05)
-    assert np.mean(joint) == pytest.approx(play, rel=0.1)
+    assert np.mean(joint) == pytest.approx(play, rel=0.05)
     assert sensor == pytest.approx(np.full(len(sensor), sigma), rel=0.15)
-    # Blobs of 2 px drown half of what play does: one body alone is not known to 15 %.
-    assert joint == pytest.approx(np.full(len(joint), play), rel=0.15 if sigma < 1.0 else 0.35)
+    # Blobs of 2 px drown half of what play does: one body alone is not always known to 15 %.
+    assert joint == pytest.approx(np.full(len(joint), play), rel=0.15 if sigma < 1.0 else 0.3)
+    bars = np.array([b.noise_sigmas for b in bodies])
+    off = (np.column_stack([sensor, joint]) - [sigma, play]) / bars
+    # Play is uniform and not normal: its squares scatter by less, so its error bars are too wide.
+    assert np.all(np.mean(off**2, axis=0) < 3.5)
+    assert bars[:, 1].mean() == pytest.approx(0.06 * play if sigma > 1.0 else 0.04 * play, rel=0.25)
 
 
 def test_a_tool_from_three_and_from_ten_poses():
@@ -145,30 +147,8 @@ def test_slips_of_two_degrees_are_seen_soon_and_named():
     assert right >= 23
     delays = {joint: np.mean(found) for joint, found in seen.items()}
     assert np.mean(list(delays.values())) <= 3.0, delays
-    # The twist of the upper arm moves the hand by 3 mm in 2 deg, against 2 mm of play: see
-    # docs/health.md for why no test sees that in three poses that one false detection cannot fool.
-    assert delays.pop("right_upper_arm_twist") <= 5.0
-    assert max(delays.values()) <= 3.0, delays
-
-
-def test_no_test_that_takes_play_as_normal_could_see_the_twist_within_three_poses():
-    """Lorden's bound on the mean delay, log(poses between false alarms) / information a pose."""
-    information = {}
-    for seed in range(3):
-        model = learned(seed).model
-        sightings = sightings_of(model, only_eyes(poses(body(seed), 150, 300)))
-        new = sightings.innovations(covariance_of(model, sightings.names))
-        which = watched(model, sightings.names)
-        for slopes in new.whitened[1]:
-            squares = 0.5 * np.sum(which.of(slopes)[1] ** 2, axis=0)
-            for joint, found in zip(model.joints, squares, strict=True):
-                information.setdefault(joint, []).append(found)
-    twist = np.mean(information.pop("right_upper_arm_twist"))
-    assert twist == pytest.approx(3.7, rel=0.25)
-    # 40 x 300 poses without a false alarm, 19 times in 20.
-    assert np.log(40 * 300 / 0.05) / twist > 3.0
-    others = [np.log(40 * 300 / 0.05) / np.mean(found) for found in information.values()]
-    assert max(others) < 2.0
+    # Each is a mean of six; the twist of the upper arm moves the hand least (docs/health.md).
+    assert max(delays.values()) <= 4.0, delays
 
 
 def test_errors_over_sigma_have_unit_spread():

@@ -212,6 +212,23 @@ def test_another_block_may_tie_two_observations_together(block, linear_block):
     assert mine.cost == pytest.approx(other.cost, rel=1e-6)
 
 
+@pytest.mark.parametrize("change", ["nothing", "pinned shared", "pinned own", "no weight"])
+def test_spreads_of_another_block_are_those_beside_a_dense_block(block, linear_block, change):
+    slopes = np.random.default_rng(4).normal(size=(2, 3, 6))
+    beside = linear_block(("rate", "other"), slopes, np.zeros((3, 6)))
+    found = []
+    for each in (block, DenseBlock(block)):
+        program = program_of(each, beside, extra=["other"])
+        if change.startswith("pinned"):
+            program.pin("rate" if change == "pinned shared" else "track_1.height")
+        if change == "no weight":
+            program.set_loss(0, Loss(), np.array([0.0, 1.0, 1.0, 1.0, 1.0]))
+        found.append(program.spreads(1, program.start))
+    assert found[0].shape == (6, 3, 3)
+    assert np.trace(found[0], axis1=1, axis2=2).sum() > 0.9
+    np.testing.assert_allclose(found[0], found[1], atol=1e-10)
+
+
 @given(SEED)
 def test_the_eliminated_step_is_the_dense_step(seed):
     hessian, gradient, damping, own = random_system(seed)

@@ -1,0 +1,76 @@
+"""Arms learned through eyes that are themselves uncertain."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from nico_selfmodel.estimation import calibrate_cameras, calibrate_kinematics
+from nico_selfmodel.estimation.body_problem import rig_of
+from nico_selfmodel.estimation.sight import Sight
+from nico_selfmodel.model.stereo_rig import StereoRig
+
+from .simulated_bodies import Truth, body, lesson
+
+
+def through(eyes, seed=0):
+    """Return the eyes' sight and the arm that is learned through it."""
+    sight = Sight.of(eyes, lesson(seed).train)
+    return sight, calibrate_kinematics(sight.train, loss="none", starts=3)
+
+
+@pytest.mark.parametrize(
+    ("name", "step"), [("right.pose.x", 1e-4), ("left.cx", 0.5), ("right.pose.ry", 1e-3)]
+)
+def test_an_arm_follows_its_eyes_as_their_covariance_says(name, step):
+    eyes = lesson().eyes
+    values = eyes.rig.values
+    values[StereoRig.names_of().index(name)] += step
+    rig = rig_of(values, eyes.rig.left.image_size)
+    moved = replace(eyes, cameras={"left": rig.left, "right": rig.right}, covariance=None)
+    (sight, before), (_, after) = through(eyes), through(moved)
+    free = before.uncertainty.names
+    index = [before.model.parameters.names.index(n) for n in free]
+    found = (after.model.parameters.values - before.model.parameters.values)[index] / step
+    gain = sight._gain(before, free, (name,))[:, 0]
+    sigma = before.uncertainty.sigma
+    # In units of what is not known anyway.
+    assert np.linalg.norm(gain / sigma) > 2.0
+    np.testing.assert_allclose(found / sigma, gain / sigma, atol=0.03 * np.abs(gain / sigma).max())
+
+
+def test_a_completed_arm_carries_the_uncertainty_of_its_eyes():
+    sight, arm = through(lesson().eyes)
+    whole = sight.complete(arm)
+    names = whole.model.covariance.names
+    assert names[: len(arm.uncertainty.names)] == arm.uncertainty.names
+    assert {"left.fx", "right.k1", "right.pose.x"} <= set(names)
+    assert np.all(whole.uncertainty.sigma >= arm.uncertainty.sigma)
+    values = np.linalg.eigvalsh(whole.model.covariance.matrix)
+    assert values.min() > -1e-9 * values.max()
+
+
+@pytest.mark.slow
+def test_errors_of_arms_learned_by_sight_are_as_large_as_their_sigmas():
+    """Points in space: the true hand against the arm, play discounted."""
+    before, after = [], []
+    for seed in range(8):
+        eyes = calibrate_cameras(lesson(seed).boards).self_model("eyes")
+        sight, arm = through(eyes, seed)
+        true = Truth.of(body(seed)).parameters
+        readings = lesson(seed).test.encoders[:20]
+        p = true.table.forward(true.servos.to_joint(readings))
+        for model, squares in ((arm.model, before), (sight.complete(arm).model, after)):
+            found = model.predict(readings)
+            miss = (found.p_WH - p)[:, :, None]
+            squares += (miss.mT @ np.linalg.solve(found.covariance, miss)).ravel().tolist()
+    # Without the eyes the arm takes itself for nearly twice as sure as it is.
+    assert np.mean(before) / 3.0 > 2.5
+    assert 0.5 < np.mean(after) / 3.0 < 1.6
+
+
+def test_eyes_without_a_covariance_count_as_exact():
+    sight, arm = through(replace(lesson().eyes, covariance=None))
+    whole = sight.complete(arm)
+    assert whole.uncertainty is arm.uncertainty
+    assert whole.model.covariance.names == arm.uncertainty.names
