@@ -5,7 +5,6 @@ above its own hand's error: 23 parameters where the tip needs three.
 """
 
 import time
-from collections.abc import Iterator
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -16,16 +15,14 @@ from nico_selfmodel.errors import ModelError, NotIdentifiableError
 from nico_selfmodel.estimation.block_update import BlockUpdate, learn_block, learn_with_prior
 from nico_selfmodel.estimation.natural_scales import arm_size
 from nico_selfmodel.estimation.sightings import Sightings, sightings_of
+from nico_selfmodel.estimation.zero_search import likely_offsets
 from nico_selfmodel.model.dh_table import DhTable
 from nico_selfmodel.model.self_model import SelfModel
-from nico_selfmodel.model.servo_map import ServoMap
 
 _SPREAD = 3.0
 """The hand must move by this many times what one pose is uncertain by."""
 _DIFFERENT = 3.0
 """Standard deviations by which a tip must lie off the hand to be one."""
-_RANDOM_ZEROS = 60
-"""Starts tried where zeros near the old ones do not fit."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -204,43 +201,24 @@ def _from_other_zeros(
     sensor: str,
     loss: str,
 ) -> BlockUpdate:
-    """Look for zeros far from the old ones: readings that lost a turn, and then anywhere.
+    """Look for zeros far from the old ones.
 
     Returns:
         The first that fits; where none does, the one that leaves fewest outliers and least misfit.
     """
     best = update
-    for servos in _other_servos(model, joints):
-        start = replace(model, servo_map=servos)
+    for offset in likely_offsets(model, sightings_of(model, dataset, sensor), joints):
+        start = replace(model, servo_map=replace(model.servos, offset=offset))
+        sightings = sightings_of(start, dataset, sensor)
+        scales = np.ones(len(joints))
         try:
-            found = learn_block(
-                start,
-                sightings_of(start, dataset, sensor),
-                update.learned,
-                scales=np.ones(len(joints)),
-                loss=loss,
-            )
+            found = learn_block(start, sightings, update.learned, scales=scales, loss=loss)
         except (NotIdentifiableError, ModelError):
             continue
         if found.fits:
             return found
         best = min(best, found, key=lambda u: (int(u.outliers.sum()), u.misfit))
     return best
-
-
-def _other_servos(model: SelfModel, joints: tuple[str, ...]) -> Iterator[ServoMap]:
-    """Yield encoders with other zeros: each a turn off, then all off by anything."""
-    servos = model.servos
-    lost = np.isin(model.joints, joints)
-    for joint in np.flatnonzero(lost):
-        for turn in (2.0 * np.pi, -2.0 * np.pi):
-            offset = servos.offset.copy()
-            offset[joint] += turn
-            yield replace(servos, offset=offset)
-    rng = np.random.default_rng(0)
-    for _ in range(_RANDOM_ZEROS):
-        angle = rng.uniform(-np.pi, np.pi, len(lost)) * lost
-        yield replace(servos, offset=servos.offset + servos.gear * angle)
 
 
 def errors_of(sightings: Sightings) -> NDArray:
