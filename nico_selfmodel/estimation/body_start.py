@@ -95,7 +95,7 @@ def body_start(
     if model.has_arm:
         return model, columns_of(model, dataset), "model"
     points = reconstructed(dataset, model, pinned)
-    learned = calibrate_kinematics(points, nominal=nominal, seed=seed).model
+    learned = calibrate_kinematics(points, nominal=nominal, seed=seed, explain=False).model
     arm = replace(learned, name=model.name, cameras=model.cameras, pixel_sigma=model.pixel_sigma)
     return arm, dataset, "stereo"
 

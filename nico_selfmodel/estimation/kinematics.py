@@ -86,6 +86,7 @@ def calibrate_kinematics(
     starts: int = 10,
     seed: int = 0,
     name: str | None = None,
+    explain: bool = True,
 ) -> KinematicCalibration:
     """Learn an arm from encoder readings and measured points of the hand.
 
@@ -100,6 +101,8 @@ def calibrate_kinematics(
         starts: Random starts allowed beside circle points and the robot.
         seed: Of the random starts.
         name: Name of the self-model; the data set's if omitted.
+        explain: Look for what would make the data fit, where they do not; that takes longer than
+            the calibration.
 
     Returns:
         The calibration. A failed check does not raise: see `verdict`.
@@ -126,7 +129,7 @@ def calibrate_kinematics(
         solved = _refined(task, search.best, pins, loss)
         unseen = cross_validate(task.observations, solved, task.sigma)
         contradicted = _contradicted_pins(task, search.best, solved, pins)
-        causes = _causes(task, search, loss)
+        causes = _causes(task, search, loss) if explain else ()
     training = training_of(dataset, task.observations, solved, unseen)
     fit = {"method": method, "loss": loss, **training}
     model = learned_model(solved, dataset, name or dataset.name, nominal, fit)

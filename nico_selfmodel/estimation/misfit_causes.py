@@ -31,8 +31,9 @@ _FEWER_OUTLIERS = 0.5
 """Or, at the same residuals, outliers to this share."""
 _LEAST_GAP = 0.1
 """Of a turn: readings that leave out less are spread over the whole turn."""
-_WORTH_A_LOOK = 0.01
-"""Residuals over the workspace's size above which causes are looked for."""
+_WORTH_A_LOOK, _WORTH_A_SEARCH = 0.01, 0.025
+"""Residuals over the workspace's size above which readings that leave out a gap are looked at, and
+above which all causes are."""
 _MANY_OUTLIERS, _MOST_OUTLIERS = 0.1, 0.25
 """... as above the first share of outliers, in readings that left out a gap; above the second, all
 causes are looked for."""
@@ -79,8 +80,8 @@ def causes_of_misfit(
     if not bad and not lonely:
         return ()
     held, robust = gear_pinned & gear_known, "none" if loss == "none" else "cauchy"
-    gaps_only = before.noise < _WORTH_A_LOOK * observations.size and before.wrong < _MOST_OUTLIERS
-    for suspicion in _suspicions(observations, gear_pinned, held, gaps_only=gaps_only):
+    searched = before.noise > _WORTH_A_SEARCH * observations.size or before.wrong > _MOST_OUTLIERS
+    for suspicion in _suspicions(observations, gear_pinned, held, gaps_only=not searched):
         mended, pinned = suspicion.observations, suspicion.gear_pinned
         at = mended.angles[np.argmin(np.abs(mended.angles - zero).sum(axis=1))]
         wild = random_starts(mended, pinned & gear_known, at, np.random.default_rng(0))
