@@ -49,6 +49,7 @@ def test_a_point_on_the_axis_is_never_silently_used(make_truth, axis_through_han
         assert np.isnan(analysis.directions[joint:]).all()
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("unit", ["rad", "counts"])
 def test_an_axis_near_the_point_is_refused_or_as_good_as_it_says(
     make_truth, axis_through_hand, unit

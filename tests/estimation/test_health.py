@@ -59,6 +59,7 @@ def test_a_slip_of_two_degrees_is_seen_and_named(model, joint, angle):
     assert shift == pytest.approx(angle, abs=4.0 * np.degrees(best.sigma[0] / gear))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("what", "arguments", "cause"),
     [
@@ -265,6 +266,7 @@ def test_twice_the_data_cure_half_of_the_learned_variance():
     assert found[1].mechanics.mean() == pytest.approx(found[0].mechanics.mean(), rel=0.1)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("angle", [15.0, 40.0, -70.0])
 @pytest.mark.parametrize("joint", ["right_elbow", "right_shoulder_roll"])
 def test_a_slip_of_any_size_is_laid_to_its_joint(model, angle, joint):

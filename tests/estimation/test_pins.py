@@ -148,6 +148,7 @@ def test_a_freed_gauge_is_blind_named_in_words_and_fails(make_truth, learn, name
     assert document["parameters"]["joint_1.gear"]["sigma"] < 0.01
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("seed", [2, 3, 4])
 def test_a_hand_on_the_last_axis_makes_the_last_joint_blind(
     make_truth, hand_on_last_axis, learn, seed

@@ -225,6 +225,7 @@ def test_a_body_of_real_servos_goes_where_it_is_sent_and_looks(robot):
         assert far is None or np.linalg.norm(far - p) > 0.03
 
 
+@pytest.mark.slow
 def test_a_body_with_real_eyes_keeps_pixels_and_pictures(robot, eyes, pose):
     bus, config, _ = robot
     driver, _ = eyes

@@ -27,6 +27,7 @@ def title(figure):
     return figure.get_suptitle()
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("draw", ALL, ids=lambda f: f.__name__)
 def test_every_figure_states_its_point_and_is_an_svg(calibration, draw):
     figure = draw(calibration)
