@@ -20,7 +20,7 @@ diagram = builder.Build()
 
 simulator = Simulator(diagram)
 context = simulator.get_mutable_context()
-pose = np.radians([[-40.0, 15.0, -35.0, -55.0]])
+pose = np.radians([[-30.0, 50.0, 0.0, -70.0]])
 command = commands_of_angles(nico.joints, arm.lower, arm.upper, pose)[0]
 nico.GetInputPort("command").FixValue(nico.GetMyMutableContextFromRoot(context), command)
 simulator.AdvanceTo(2.0)

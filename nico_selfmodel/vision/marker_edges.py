@@ -19,6 +19,9 @@ _PASSES = 6
 _SETTLED = 0.003  # [px]
 _LEAST_CONTRAST = 12.0  # grey levels between black and white
 _LEAST_VISIBLE = 0.6  # of the positions along a side
+_PIECES = 8  # of a side, that lie on one line ...
+_STRAIGHT = 0.22  # ... within this [px]
+_BENT_FROM = 60.0  # but for lenses, which bend longer sides, with the length squared [px]
 
 
 def corners_from_edges(gray: NDArray, corners: NDArray, cells: int) -> NDArray | None:
@@ -32,14 +35,15 @@ def corners_from_edges(gray: NDArray, corners: NDArray, cells: int) -> NDArray |
     Returns:
         Shape (4, 2); None where the edges are not plain to see or lead somewhere else.
     """
-    refined = corners.astype(float)
+    refined, straight = corners.astype(float), False
     for _ in range(_PASSES):
         before = refined
         inner = _inner_corners(refined, cells)
         edges = [_edge(gray, refined, inner, side) for side in range(4)]
-        lines = [line for line in edges if line is not None]
+        lines = [edge[:2] for edge in edges if edge is not None]
         if len(lines) < 4:
             return None
+        straight = all(edge[2] for edge in edges if edge is not None)
         meets = [_meet(lines[side - 1], lines[side]) for side in range(4)]
         refined = np.stack(meets)
         if not np.isfinite(refined).all():
@@ -49,13 +53,13 @@ def corners_from_edges(gray: NDArray, corners: NDArray, cells: int) -> NDArray |
             return None
         if np.abs(refined - before).max() < _SETTLED:
             break
-    return refined
+    return refined if straight else None
 
 
 def _edge(
     gray: NDArray, corners: NDArray, inner: NDArray, side: int
-) -> tuple[NDArray, NDArray] | None:
-    """Return a point on the edge after corner `side` and its direction."""
+) -> tuple[NDArray, NDArray, bool] | None:
+    """Return a point on the edge after corner `side`, its direction, and if it is straight."""
     start, end = corners[side], corners[(side + 1) % 4]
     length = np.linalg.norm(end - start)
     along = (end - start) / length
@@ -77,9 +81,12 @@ def _edge(
     offsets = _offsets(profiles, positions[visible], depths)
     if offsets is None:
         return None
-    slope, shift = _robust_line(positions[visible] - 0.5 * length, offsets)
+    x = positions[visible] - 0.5 * length
+    slope, shift = _robust_line(x, offsets)
+    bent = max(1.0, (length / _BENT_FROM) ** 2)
+    straight = bool(_off_line(offsets - slope * x - shift) < _STRAIGHT * bent)
     middle = start + 0.5 * length * along + shift * outwards
-    return middle, along + slope * outwards
+    return middle, along + slope * outwards, straight
 
 
 def _inner_corners(corners: NDArray, cells: int) -> NDArray:
@@ -111,6 +118,15 @@ def _robust_line(x: NDArray, y: NDArray) -> tuple[float, float]:
         scale = max(1.4826 * float(np.median(residuals)), 0.01)
         weights = 1.0 / (1.0 + (residuals / (2.4 * scale)) ** 2)
     return float(slope), float(shift)
+
+
+def _off_line(residuals: NDArray) -> float:
+    """Return by how much pieces of a side lie off its line, all but those a finger hides [px].
+
+    Where a corner was taken for that of the paper, the side is black and white only in part.
+    """
+    pieces = [piece.mean() for piece in np.array_split(residuals, _PIECES)]
+    return float(np.quantile(np.abs(pieces), 0.7))
 
 
 def _line(x: NDArray, y: NDArray, weights: NDArray) -> tuple[NDArray, NDArray]:

@@ -148,7 +148,7 @@ def test_slips_of_two_degrees_are_seen_soon_and_named():
     delays = {joint: np.mean(found) for joint, found in seen.items()}
     assert np.mean(list(delays.values())) <= 3.0, delays
     # Each is a mean of six; the twist of the upper arm moves the hand least (docs/health.md).
-    assert max(delays.values()) <= 4.0, delays
+    assert max(delays.values()) <= 5.0, delays
 
 
 def test_errors_over_sigma_have_unit_spread():
