@@ -31,7 +31,7 @@ def test_a_station_with_tracker_predictor_and_logger_renders_three_pairs_a_secon
     LogVectorOutput(predictor.GetOutputPort("pixels"), builder, 1.0 / FPS)
     simulator = Simulator(builder.Build())
     context = simulator.get_mutable_context()
-    arm, pose = nico.arm, np.radians([[-40.0, 15.0, -35.0, -55.0]])
+    arm, pose = nico.arm, np.radians([[-30.0, 50.0, 0.0, -70.0]])
     command = commands_of_angles(nico.joints, arm.lower, arm.upper, pose)[0]
     nico.GetInputPort("command").FixValue(nico.GetMyMutableContextFromRoot(context), command)
     simulator.Initialize()
