@@ -5,6 +5,7 @@ import numpy as np
 from nico_selfmodel.estimation.blind_words import describe_blind
 from nico_selfmodel.estimation.body import BodyCalibration
 from nico_selfmodel.estimation.camera_assessment import fold_reasons_of
+from nico_selfmodel.estimation.pixel_evaluation import PixelEvaluation
 from nico_selfmodel.estimation.verdict import Verdict, rank_score
 from nico_selfmodel.model.stereo_rig import EYES
 
@@ -50,15 +51,17 @@ def judge_body(
         return Verdict("FAIL", failed)
     if calibration.test is None or calibration.test.statistics is None:
         return Verdict("NOT_EVALUATED", ("nothing was held out: give --test or --test-fraction",))
-    pixels = calibration.test.pixel_statistics
+    return Verdict("PASS", (_held_out_words(calibration.test),))
+
+
+def _held_out_words(test: PixelEvaluation) -> str:
+    """State the held-out errors, and of how many poses where one eye alone saw some."""
+    points, pixels, n = test.statistics, test.pixel_statistics, len(test.observations)
+    assert points is not None
     assert pixels is not None
-    return Verdict(
-        "PASS",
-        (
-            f"{1e3 * calibration.test.statistics.mean:.2f} mm and {pixels.mean:.2f} px mean error "
-            f"on {calibration.test.statistics.n} poses that were held out",
-        ),
-    )
+    words = f"{1e3 * points.mean:.2f} mm and {pixels.mean:.2f} px mean error on {n} poses that were"
+    both = "" if points.n == n else f", {points.n} of them seen by both eyes"
+    return f"{words} held out{both}"
 
 
 def body_warnings(calibration: BodyCalibration) -> tuple[str, ...]:
