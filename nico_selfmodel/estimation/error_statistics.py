@@ -64,7 +64,7 @@ class Evaluation:
     """What the model says [m]. Shape (N, 3)."""
     sigma: NDArray | None = None
     """Standard deviation of a coordinate that the model expects, noise included [m]; None where it
-    does not know its noise. Shape (N,)."""
+    does not know how well it knows itself, as after circle points alone. Shape (N,)."""
 
     @property
     def residuals(self) -> NDArray:
@@ -114,10 +114,7 @@ def evaluate(model: SelfModel, dataset: Dataset) -> Evaluation:
     observations = Observations.from_dataset(dataset, model.markers)
     readings = dataset.encoders[observations.rows][:, columns]
     prediction = model.predict(readings, observations.marker)
-    expected = prediction.total_sigma
-    if expected is None and prediction.noise_sigma is not None:
-        expected = np.full(len(observations), prediction.noise_sigma)
-    return Evaluation(observations, prediction.p_WH, expected)
+    return Evaluation(observations, prediction.p_WH, prediction.total_sigma)
 
 
 def reading_columns(model: SelfModel, dataset: Dataset) -> list[int]:
