@@ -119,6 +119,7 @@ def test_options_that_do_not_fit_are_explained(command, words, expected, tmp_pat
     assert not (tmp_path / "out").exists()
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("words", "expected"),
     [

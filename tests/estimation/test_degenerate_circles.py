@@ -134,6 +134,7 @@ def test_a_second_marker_off_the_axis_rescues_the_circle(make_truth, hand_on_las
     assert max(ratios) < 4.0
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("unit", ["rad", "counts"])
 @pytest.mark.parametrize("joint", [0, 1, 2])
 def test_the_refinement_learns_the_arm_all_the_same(

@@ -51,6 +51,7 @@ def test_readings_that_do_not_belong_to_their_points_fail_with_the_misfit_first(
     assert len(verdict.reasons) < 8
 
 
+@pytest.mark.slow
 def test_a_base_that_moved_half_way_fails(session):
     points = session.p_WH_measured.copy()
     points[::2] += [0.03, 0.0, 0.0]
@@ -58,6 +59,7 @@ def test_a_base_that_moved_half_way_fails(session):
     assert judge(calibrate_kinematics(data)).status == "FAIL"
 
 
+@pytest.mark.slow
 def test_too_many_outliers_fail(session):
     points = session.p_WH_measured.copy()
     rng = np.random.default_rng(1)

@@ -63,6 +63,7 @@ def test_the_positioner_is_refined_to_its_noise(positioner, loss):
     assert judge(result).status == "NOT_EVALUATED"
 
 
+@pytest.mark.slow
 def test_a_positioner_whose_tilt_and_turn_are_swapped_in_order_does_not_fit(positioner):
     """A chain has an order: the base's joint comes first."""
     order = [1, 0]

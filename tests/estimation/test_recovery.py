@@ -58,6 +58,7 @@ def test_an_arm_is_recovered_from_sweeps_and_free_poses(make_truth, joined, n, u
     assert result.model.servos.gear == pytest.approx(truth.servos.gear, rel=0.02)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("n", "unit", "kind"),
     [
@@ -78,6 +79,7 @@ def test_an_arm_is_recovered_without_sweeps_and_without_a_robot(make_truth, join
     assert_as_good_as_theory(result, truth)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("unit", ["rad", "counts"])
 def test_data_without_noise_give_the_exact_arm(make_truth, joined, unit):
     truth = make_truth(4, 4, unit=unit, markers=2)
@@ -139,6 +141,7 @@ def with_limits(dataset, truth):
     return replace(dataset, joints=joints)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("unit", ["rad", "counts"])
 @pytest.mark.parametrize("n", [4, 7])
 def test_a_described_robot_replaces_sweeps(make_truth, joined, n, unit):

@@ -37,6 +37,7 @@ ALL = (
 )
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("draw", ALL, ids=lambda f: f.__name__)
 def test_every_figure_states_its_point_whatever_was_lost(flawed_eyes, draw):
     figure = draw(flawed_eyes)
