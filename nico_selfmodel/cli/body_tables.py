@@ -24,9 +24,7 @@ def print_body(name: str, document: Mapping[str, Any], folder: Path) -> None:
         "what disturbs the hand's pixels, and lengths", ("", "value"), _facts(document)
     )
     console.print_outliers(document)
-    for warning in document["warnings"]:
-        console.out.print(f"note: {warning}", markup=False)
-    console.print_verdict(document["status"], document["reasons"])
+    console.print_verdict(document["status"], document["reasons"], document.get("warnings", ()))
     console.print_where(folder)
 
 
@@ -42,7 +40,7 @@ def print_tool(name: str, document: Mapping[str, Any], folder: Path) -> None:
     reach = document["reach_mm"]
     place = "where it was" if document["known"] else "the hand's point"
     console.out.print(f"tip {reach['value']:.1f} +- {reach['sigma']:.1f} mm from {place}")
-    console.print_verdict(document["status"], document["reasons"])
+    console.print_verdict(document["status"], document["reasons"], document.get("warnings", ()))
     console.print_where(folder)
 
 
@@ -54,7 +52,7 @@ def print_rezero(name: str, document: Mapping[str, Any], folder: Path) -> None:
         sigma = "held" if entry is None else f"{57.29578 * entry['sigma']:.2f}"
         rows.append([joint, f"{shift:+z.2f}", sigma])
     console.print_table(name, ("zero of", "moved by [deg]", "sigma [deg]"), rows)
-    console.print_verdict(document["status"], document["reasons"])
+    console.print_verdict(document["status"], document["reasons"], document.get("warnings", ()))
     console.print_where(folder)
 
 
@@ -78,7 +76,7 @@ def print_health(name: str, document: Mapping[str, Any]) -> None:
     ]
     if causes:
         console.print_table("what may have changed", ("cause", "ratio", "dof", "score"), causes)
-    console.print_verdict(document["status"], document["reasons"])
+    console.print_verdict(document["status"], document["reasons"], document.get("warnings", ()))
     if document["causes"]:
         console.out.print(f"learn just that: {document['causes'][0]['command']}", markup=False)
 

@@ -57,11 +57,13 @@ def print_table(title: str, headings: Sequence[str], rows: Sequence[Sequence[str
     wide.print(table)
 
 
-def print_verdict(status: str, reasons: Sequence[str]) -> None:
-    """Print a verdict with its reasons."""
+def print_verdict(status: str, reasons: Sequence[str], warnings: Sequence[str] = ()) -> None:
+    """Print a verdict with its reasons, and after it what is doubtful though nothing fails."""
     out.print(f"[bold {_COLOURS[status]}]{status}[/]")
     for reason in reasons:
         out.print(f"  {reason}", markup=False)
+    for warning in warnings:
+        out.print(f"  note: {warning}", markup=False)
 
 
 def print_outliers(document: Mapping[str, Any]) -> None:
@@ -105,7 +107,7 @@ def print_calibration(name: str, document: Mapping[str, Any], folder: Path) -> N
     rows = [statistics_row(label, document[key]) for label, key in parts]
     print_table(name, STATISTICS_HEADINGS, rows)
     print_outliers(document)
-    print_verdict(document["status"], document["reasons"])
+    print_verdict(document["status"], document["reasons"], document.get("warnings", ()))
     print_where(folder)
 
 
@@ -124,9 +126,7 @@ def print_cameras(name: str, document: Mapping[str, Any], folder: Path) -> None:
         files = document["detection"]["files"]
         names = (" and ".join(f[view] for f in files.values()) for view in document["outliers"])
         out.print(f"boards set aside: {'; '.join(names)}", markup=False)
-    for warning in document["warnings"]:
-        out.print(f"note: {warning}", markup=False)
-    print_verdict(document["status"], document["reasons"])
+    print_verdict(document["status"], document["reasons"], document.get("warnings", ()))
     print_where(folder)
 
 

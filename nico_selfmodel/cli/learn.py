@@ -152,5 +152,5 @@ def _print(first: "FirstArm", document: Mapping[str, Any], out: Path) -> None:
         ],
     )
     console.print_outliers(document)
-    console.print_verdict(document["status"], document["reasons"])
+    console.print_verdict(document["status"], document["reasons"], document.get("warnings", ()))
     console.print_where(out)

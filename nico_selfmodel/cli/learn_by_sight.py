@@ -170,7 +170,7 @@ def _print(lesson: "BodyLesson", document: Mapping[str, Any], sensor: str, out: 
     for reason in refinement["reasons"]:
         console.out.print(f"refinement refused, the arm before it is kept: {reason}", markup=False)
     console.print_outliers(document)
-    console.print_verdict(document["status"], document["reasons"])
+    console.print_verdict(document["status"], document["reasons"], document.get("warnings", ()))
     console.print_where(out)
 
 

@@ -25,9 +25,7 @@ def print_mirrors(name: str, document: Mapping[str, Any], folder: Path) -> None:
     headings = ("mirror", "poses", "from left eye, mm", "normal, deg", "flat")
     console.print_table("mirrors", headings, _mirror_rows(document))
     console.print_outliers(document)
-    for warning in document["warnings"]:
-        console.out.print(f"note: {warning}", markup=False)
-    console.print_verdict(document["status"], document["reasons"])
+    console.print_verdict(document["status"], document["reasons"], document.get("warnings", ()))
     console.print_where(folder)
 
 

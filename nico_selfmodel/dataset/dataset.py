@@ -4,6 +4,7 @@ import copy
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
+from functools import cached_property
 from os import PathLike
 from typing import Any
 
@@ -11,6 +12,7 @@ import numpy as np
 import numpy.typing as npt
 
 from nico_selfmodel.dataset.joint_info import HOME, JointInfo, check_label
+from nico_selfmodel.dataset.poses import pose_numbers
 from nico_selfmodel.dataset.row_checks import (
     PIXEL_COLUMNS,
     POINT_COLUMNS,
@@ -160,6 +162,16 @@ class Dataset:
         """Numbers of the poses, each once, ascending."""
         return np.unique(self.sample)
 
+    @cached_property
+    def pose(self) -> npt.NDArray[np.int64]:
+        """Number of each row's pose: rows with equal readings are one (see `poses`). Shape (N,)."""
+        return pose_numbers(self.sample, self.encoders)[0]
+
+    @cached_property
+    def visit(self) -> npt.NDArray[np.int64]:
+        """Number of each row's visit: each time the robot came to a pose is one. Shape (N,)."""
+        return pose_numbers(self.sample, self.encoders)[1]
+
     @property
     def measured(self) -> npt.NDArray[np.bool_]:
         """Rows in which the point itself was measured (x, y, z). Shape (N,)."""
@@ -248,9 +260,9 @@ class Dataset:
     ) -> tuple["Dataset", "Dataset"]:
         """Split into training and test data by pose, never rows of one pose apart.
 
-        The test part is drawn from the free poses (empty `sweep`), so that circles stay whole;
-        only where there are none, from all poses but `home`. Poses of which nothing was seen
-        stay in the training part.
+        Samples with equal readings are one pose. The test part is drawn from the free poses (empty
+        `sweep`), so that circles stay whole; only where there are none, from all poses but `home`.
+        Poses of which nothing was seen stay in the training part.
 
         Args:
             fraction: Share of the poses drawn from that goes into the test part, 0 to 1
@@ -267,17 +279,20 @@ class Dataset:
         if not 0.0 < fraction < 1.0:
             raise ValueError(f"fraction must be between 0 and 1, exclusive, got {fraction}")
         seen = self.measured | np.isfinite(self.pixels).any(axis=1)
-        pool = np.unique(self.sample[seen & (self.sweep == "")])
+        poses = self.pose
+        swept = np.unique(poses[self.sweep != ""])
+        pool = np.setdiff1d(poses[seen], swept)
         if pool.size == 0:
-            pool = np.unique(self.sample[seen & (self.sweep != HOME)])
-        largest = min(pool.size, self.samples.size - 1)
+            pool = np.setdiff1d(poses[seen], poses[self.sweep == HOME])
+        count_of_all = int(poses.max()) + 1
+        largest = min(pool.size, count_of_all - 1)
         if largest < 1:
             raise DataError(
-                f"cannot split: {self.samples.size} poses, {pool.size} of them measured and not"
+                f"cannot split: {count_of_all} poses, {pool.size} of them measured and not"
                 f" '{HOME}'; a test part needs one of these, and the training part one more pose"
             )
         count = min(max(round(fraction * pool.size), 1), largest)
-        test = np.isin(self.sample, np.random.default_rng(seed).permutation(pool)[:count])
+        test = np.isin(poses, np.random.default_rng(seed).permutation(pool)[:count])
         return self.select(~test), self.select(test)
 
 

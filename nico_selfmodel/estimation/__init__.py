@@ -1,6 +1,7 @@
 """The theory, one file per estimator: circle points, kinematics, stereo, body, tool; verdicts."""
 
 from nico_selfmodel.estimation.adaptation import RecursiveAdaptation, WindowAdaptation
+from nico_selfmodel.estimation.arm_verdict import judge, judge_evaluation
 from nico_selfmodel.estimation.board_accuracy import Reconstruction
 from nico_selfmodel.estimation.board_mirrors import (
     BoardMirrorCalibration,
@@ -37,7 +38,7 @@ from nico_selfmodel.estimation.pixel_evaluation import PixelEvaluation, evaluate
 from nico_selfmodel.estimation.result_document import parameter_table, result_document
 from nico_selfmodel.estimation.stereo import calibrate_cameras
 from nico_selfmodel.estimation.tool import Rezeroing, ToolCalibration, calibrate_tool, rezero
-from nico_selfmodel.estimation.verdict import Verdict, judge, judge_evaluation
+from nico_selfmodel.estimation.verdict import Verdict
 from nico_selfmodel.estimation.workspace_accuracy import WorkspaceAccuracy, workspace_accuracy
 
 __all__ = [

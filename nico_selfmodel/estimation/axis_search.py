@@ -22,6 +22,8 @@ from nico_selfmodel.model.line_kinematics import carried_rotations, hand_derivat
 from nico_selfmodel.optimization import Loss, robust_scale
 
 _ROUNDS = 3
+_SINGULAR = 1e-8
+"""Ratio of pivots below which what is linear is not determined."""
 _ITERATIONS = 25
 
 
@@ -143,7 +145,7 @@ class _Projection:
     def solve(
         self, directions: NDArray, gear: NDArray, weights: NDArray
     ) -> tuple[Chain, NDArray, NDArray, NDArray]:
-        """Return chain, residuals (3, N), weighted design (3N, 2n + 3m), carried rotations."""
+        """Return chain, residuals (3, N), basis of the design (3N, 2n + 3m), carried rotations."""
         n, count, basis = len(gear), len(self._observations), tangent_basis(directions)
         carried = carried_rotations(directions, self._moved / gear[:, None])
         by_point = np.swapaxes(basis, 1, 2)[:, None] @ (carried[:-1] - carried[1:])
@@ -154,7 +156,12 @@ class _Projection:
         root = np.sqrt(weights)
         weighted = (design * root).transpose(0, 2, 1).reshape(3 * count, -1)
         target = (self._measured * root).ravel()
-        solution = np.linalg.lstsq(weighted, target, rcond=1e-10)[0]
+        basis_of_all, triangle = np.linalg.qr(weighted)
+        size = np.abs(np.diag(triangle))
+        if size.min() > _SINGULAR * size.max():
+            solution = np.linalg.solve(triangle, basis_of_all.T @ target)
+        else:
+            solution = np.linalg.lstsq(weighted, target, rcond=1e-10)[0]
         points = np.einsum("nij,nj->ni", basis, solution[: 2 * n].reshape(n, 2))
         observations = self._observations
         chain = Chain(
@@ -165,7 +172,7 @@ class _Projection:
             solution[2 * n :].reshape(-1, 3),
         )
         residuals = np.einsum("ijk,j->ik", design, solution) - self._measured
-        return chain, residuals, weighted, carried
+        return chain, residuals, basis_of_all, carried
 
     def normal_equations(
         self,
@@ -176,7 +183,7 @@ class _Projection:
         weights: NDArray,
     ) -> NormalEquations:
         """Return the normal equations of directions and log gears, J = (I - Q Q') dr."""
-        chain, residuals, weighted, carried = self.solve(directions, gear, weights)
+        chain, residuals, orthonormal, carried = self.solve(directions, gear, weights)
         n, count = len(gear), len(self._observations)
         q = self._moved / gear[:, None]
         p_zero = chain.p_WH_zero[self._observations.marker].T
@@ -187,7 +194,6 @@ class _Projection:
         nonlinear = np.concatenate([d.by_direction.reshape(3, 2 * n, count), by_gear], axis=1)
         root = np.sqrt(weights)
         jacobian = (nonlinear * root).transpose(0, 2, 1).reshape(3 * count, -1)
-        orthonormal = np.linalg.qr(weighted)[0]
         jacobian = jacobian - orthonormal @ (orthonormal.T @ jacobian)
         r = (residuals * root).ravel()
         return 0.5 * float(r @ r), jacobian.T @ r, jacobian.T @ jacobian

@@ -14,6 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from nico_selfmodel.dataset import BoardViews, Dataset
+from nico_selfmodel.dataset.poses import held_out_of
 from nico_selfmodel.errors import NotConvergedError
 from nico_selfmodel.estimation.arm_views import LinesView, RowsView
 from nico_selfmodel.estimation.board_accuracy import held_out_residuals
@@ -132,6 +133,7 @@ def calibrate_body(
         ValueError: If an option names no parameter, or boards are missing.
     """
     clock, options = time.perf_counter(), options or BodyOptions()
+    test = None if test is None else held_out_of(dataset, test)
     _require_boards(options, boards)
     pinned = frozenset(options.pinned)
     start, dataset, label = body_start(dataset, start, nominal, seed, pinned)

@@ -37,8 +37,8 @@ def cross_validate_body(
         Believed rows beside predictions that never saw them; None with too few poses.
     """
     believed = observations.select(~solved.outliers)
-    poses = np.unique(believed.arm.sample)
-    fold = np.searchsorted(poses, believed.arm.sample) % FOLDS
+    poses = believed.arm.poses
+    fold = np.searchsorted(poses, believed.arm.pose) % FOLDS
     fewest = min(int(believed.seen[fold != k].sum()) for k in range(FOLDS))
     if len(poses) < FOLDS or fewest <= len(free):
         return None

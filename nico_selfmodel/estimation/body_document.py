@@ -9,7 +9,6 @@ from numpy.typing import NDArray
 from nico_selfmodel.estimation.blind_words import describe_blind
 from nico_selfmodel.estimation.board_accuracy import Reconstruction
 from nico_selfmodel.estimation.body import BodyCalibration
-from nico_selfmodel.estimation.body_verdict import body_warnings
 from nico_selfmodel.estimation.error_statistics import ErrorStatistics
 from nico_selfmodel.estimation.model_changes import links_of, parameter_changes
 from nico_selfmodel.estimation.pixel_evaluation import PixelEvaluation
@@ -32,7 +31,7 @@ def body_document(calibration: BodyCalibration, verdict: Verdict) -> dict[str, A
     return {
         "status": verdict.status,
         "reasons": list(verdict.reasons),
-        "warnings": list(body_warnings(calibration)),
+        "warnings": list(verdict.warnings),
         "method": "body",
         "stage": calibration.options.stage,
         "variant": calibration.options.variant,

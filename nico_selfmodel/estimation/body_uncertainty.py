@@ -145,13 +145,7 @@ def _natural(
     names: tuple[str, ...], parameters: DhParameters, rig: StereoRig, size: float
 ) -> NDArray:
     """Return the scale of each parameter on which its sigma says whether it is known at all."""
-    by_unit = {"m": size, "rad": 1.0, "1": 1.0}
-    scale = {
-        name: value if name.endswith(".gear") else by_unit[unit]
-        for name, unit, value in zip(
-            parameters.names, parameters.units, parameters.values.tolist(), strict=True
-        )
-    }
+    scale = dict(zip(parameters.names, parameters.scales(size).tolist(), strict=True))
     # A board as large as the workspace, for the scales of the eyes.
     corners = size * np.array([[0.0, 0.0, 0.0], [1.0, 0.0, 0.0]])
     views = BoardViews(corners, (), EYES, np.zeros((0, 2, 4)), rig.left.image_size)

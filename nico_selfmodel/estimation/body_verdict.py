@@ -6,15 +6,18 @@ from nico_selfmodel.estimation.blind_words import describe_blind
 from nico_selfmodel.estimation.body import BodyCalibration
 from nico_selfmodel.estimation.camera_assessment import fold_reasons_of
 from nico_selfmodel.estimation.pixel_evaluation import PixelEvaluation
-from nico_selfmodel.estimation.verdict import Verdict, rank_score
+from nico_selfmodel.estimation.verdict import (
+    Verdict,
+    bound_reason,
+    conclude,
+    held_out_is_worse,
+    outliers_are_many,
+    shortened,
+)
 from nico_selfmodel.model.stereo_rig import EYES
 
-_MOST_OUTLIERS = 0.25
 _LARGEST_PLAY = np.radians(5.0)
 """A joint that is this uncertain about its encoder is not play."""
-_BLIND_SHOWN = 3
-_SIGNIFICANT, _NOTABLE, _FEWEST = 3.3, 1.3, 10
-"""As in the verdict on an arm: standard score and ratio of medians of a larger held-out error."""
 _MOST_LOST = 0.02
 """Share of believed poses that may lack a point in front of both eyes."""
 
@@ -35,36 +38,38 @@ def judge_body(
         FAIL where a check fails, above all where the eyes measure boards worse than before or
         lost their scale; PASS where held-out data were evaluated; else NOT_EVALUATED.
     """
+    test = calibration.test
+    points = None if test is None else test.statistics
+    pixels = None if test is None else test.pixel_statistics
     checks = [
         *(calibration.boards.reasons if calibration.boards else ()),
         _ray_reason(calibration),
         _noise_reason(calibration),
         _outlier_reason(calibration),
         None if calibration.converged else "the solver stopped without reaching a minimum",
-        *_blind_reasons(calibration),
+        *shortened([describe_blind(d) for d in calibration.uncertainty.blind]),
         _held_out_reason(calibration),
-        _bound_reason(calibration, require_test_mm, "mm"),
-        _bound_reason(calibration, require_test_px, "px"),
+        bound_reason(None if points is None else 1e3 * points.mean, require_test_mm, "mm"),
+        bound_reason(None if pixels is None else pixels.mean, require_test_px, "px"),
     ]
-    failed = tuple(reason for reason in checks if reason)
-    if failed:
-        return Verdict("FAIL", failed)
-    if calibration.test is None or calibration.test.statistics is None:
-        return Verdict("NOT_EVALUATED", ("nothing was held out: give --test or --test-fraction",))
-    return Verdict("PASS", (_held_out_words(calibration.test),))
+    if test is None or points is None:
+        return conclude(checks, 0, "poses", (), _warnings(calibration))
+    poses = len(test.observations.arm.poses)
+    said = (_held_out_words(test),)
+    return conclude(checks, poses, "poses", said, _warnings(calibration))
 
 
 def _held_out_words(test: PixelEvaluation) -> str:
     """State the held-out errors, and of how many poses where one eye alone saw some."""
-    points, pixels, n = test.statistics, test.pixel_statistics, len(test.observations)
+    points, pixels, arm = test.statistics, test.pixel_statistics, test.observations.arm
     assert points is not None
     assert pixels is not None
+    n, both = len(arm.poses), len(np.unique(arm.pose[test.observations.by_both]))
     words = f"{1e3 * points.mean:.2f} mm and {pixels.mean:.2f} px mean error on {n} poses that were"
-    both = "" if points.n == n else f", {points.n} of them seen by both eyes"
-    return f"{words} held out{both}"
+    return f"{words} held out" + ("" if both == n else f", {both} of them seen by both eyes")
 
 
-def body_warnings(calibration: BodyCalibration) -> tuple[str, ...]:
+def _warnings(calibration: BodyCalibration) -> tuple[str, ...]:
     """Return what the method cannot promise, in words, though nothing fails."""
     options, words = calibration.options, []
     if options.stage != "kinematics" and not options.anchored:
@@ -108,19 +113,13 @@ def _noise_reason(calibration: BodyCalibration) -> str | None:
 
 
 def _outlier_reason(calibration: BodyCalibration) -> str | None:
-    share = float(np.mean(calibration.outliers))
-    if share <= _MOST_OUTLIERS:
+    share = outliers_are_many(calibration.outliers)
+    if share is None:
         return None
     return (
-        f"{100 * share:.0f} % of the poses contradict the rest: arm, eyes, or what was recorded "
-        "are not what the data set says"
+        f"{100 * share:.0f} % of the observations contradict the rest: arm, eyes, or what was "
+        "recorded are not what the data set says"
     )
-
-
-def _blind_reasons(calibration: BodyCalibration) -> list[str]:
-    words = [describe_blind(direction) for direction in calibration.uncertainty.blind]
-    more = len(words) - _BLIND_SHOWN
-    return words if more <= 0 else [*words[:_BLIND_SHOWN], f"and {more} more blind directions"]
 
 
 def _held_out_reason(calibration: BodyCalibration) -> str | None:
@@ -128,27 +127,11 @@ def _held_out_reason(calibration: BodyCalibration) -> str | None:
     test, turn = calibration.test, calibration.cross_validation
     if test is None or turn is None:
         return None
-    found, expected = test.pixel_distances, turn.pixel_distances
-    if min(len(found), len(expected)) < _FEWEST:
-        return None
-    ratio = float(np.median(found) / max(np.median(expected), 1e-12))
-    if rank_score(expected, found) < _SIGNIFICANT or ratio < _NOTABLE:
+    worse = held_out_is_worse(turn.pixels_by_pose, test.pixels_by_pose)
+    if worse is None:
         return None
     return (
-        f"the held-out error (median {np.median(found):.2f} px) is significantly above that of the "
-        f"training poses in cross-validation ({np.median(expected):.2f} px): the training poses do "
-        "not cover where the arm is used, or something moved between recordings"
+        f"the held-out error (median {worse[0]:.2f} px) is significantly above that of the "
+        f"training poses in cross-validation ({worse[1]:.2f} px): the training poses do not cover "
+        "where the arm is used, or something moved between recordings"
     )
-
-
-def _bound_reason(calibration: BodyCalibration, bound: float | None, unit: str) -> str | None:
-    if bound is None:
-        return None
-    test = calibration.test
-    found = None if test is None else (test.statistics if unit == "mm" else test.pixel_statistics)
-    if found is None:
-        return f"--require-test-{unit} was given but nothing was held out"
-    mean = found.mean * (1e3 if unit == "mm" else 1.0)
-    if mean <= bound:
-        return None
-    return f"mean held-out error {mean:.3f} {unit}, required at most {bound:g} {unit}"

@@ -3,46 +3,71 @@
 import numpy as np
 from numpy.typing import NDArray
 
+from nico_selfmodel.estimation.arm_solution import ArmSolution, Linearised
+from nico_selfmodel.estimation.hand_residuals import DhResiduals
 from nico_selfmodel.estimation.observations import Observations
-from nico_selfmodel.estimation.pinned_refinement import PinnedSolution, dh_program
+from nico_selfmodel.estimation.pose_refinement import PoseWhitened, arm_program
 from nico_selfmodel.model import DhParameters
 
 FOLDS = 5
+_LARGEST_STEP = 0.3
+"""Change of the other poses' residuals, in their standard deviations, up to which one step does."""
 
 
-def cross_validate(
-    observations: Observations, solved: PinnedSolution, sigma: float, folds: int = FOLDS
-) -> NDArray:
+def cross_validate(observations: Observations, solved: ArmSolution, folds: int = FOLDS) -> NDArray:
     """Predict each pose by a model refined without its fold.
 
-    Whole poses are left out, in turn; outliers take no part. Each fold starts from the solution of
-    all data, whose minimum it shares.
+    Whole poses are left out, in turn; outliers take no part. The minimum without a fold is one
+    Gauss-Newton step from that of all: dx = -(H - H_f)^-1 U_f' u_f, whitened by pose.
 
     Args:
         observations: The training data.
         solved: The solution of all of it.
-        sigma: Whitening of the residuals [m].
         folds: Number of folds.
 
     Returns:
         Errors of the believed rows [m]; empty where a fold would leave too few equations.
     """
-    believed = observations.select(~solved.outliers)
-    poses = np.unique(believed.sample)
-    fold_of = dict(zip(poses.tolist(), (np.arange(len(poses)) % folds).tolist(), strict=True))
-    fold = np.array([fold_of[int(pose)] for pose in believed.sample])
-    fewest = min((int(np.sum(fold != k)) for k in range(folds)), default=0)
-    if len(poses) < folds or 3 * fewest <= len(solved.free):
+    if solved.noise is None:
         return np.zeros(0)
+    linear = Linearised.at(observations, solved.parameters, ~solved.outliers, solved.noise)
+    groups = linear.whitening.groups
+    U = linear.weights * linear.columns(solved.free)
+    u = linear.weights[:, 0] * linear.whitened_residuals
+    size = np.linalg.norm(U, axis=0)
+    size = np.where(size > 0.0, size, 1.0)
+    places, place = np.unique(groups.place, return_inverse=True)
+    fold_of_visit = place % folds
+    fold_of_row = fold_of_visit[groups.pose]
+    fewest = min((int(np.sum(fold_of_row != k)) for k in range(folds)), default=0)
+    if len(places) < folds or 3 * fewest <= len(solved.free):
+        return np.zeros(0)
+    fold = np.repeat(fold_of_visit, len(u) // groups.poses)
+    believed = observations.select(groups.rows)
+    chosen = [i for i, name in enumerate(linear.names) if name in solved.free]
     errors = np.zeros(len(believed))
     for k in range(folds):
-        kept, left = believed.select(fold != k), believed.select(fold == k)
-        parameters = _refit(kept, solved, sigma)
+        rest = U[fold != k] / size
+        step = -np.linalg.lstsq(rest.T @ rest, (U[fold == k] / size).T @ u[fold == k], 1e-10)[0]
+        values = solved.parameters.values.copy()
+        values[chosen] += step / size
+        parameters = solved.parameters.with_values(values)
+        if np.sqrt(np.mean((rest @ step) ** 2)) > _LARGEST_STEP:
+            parameters = _refit(believed.select(fold_of_row != k), parameters, solved)
+        left = believed.select(fold_of_row == k)
         predicted = parameters.predict(left.angles, left.marker)[0]
-        errors[fold == k] = np.linalg.norm(predicted - left.p_WH, axis=1)
+        errors[fold_of_row == k] = np.linalg.norm(predicted - left.p_WH, axis=1)
     return errors
 
 
-def _refit(observations: Observations, solved: PinnedSolution, sigma: float) -> DhParameters:
-    program = dh_program(observations, solved.parameters, solved.free, sigma)
-    return solved.parameters.with_values(program.solve(max_iterations=30, tolerance=1e-6).x)
+def _refit(rest: Observations, start: DhParameters, solved: ArmSolution) -> DhParameters:
+    """Return the arm refined without a fold, where one step goes too far to be straight."""
+    assert solved.noise is not None
+    everything = np.ones(len(rest), dtype=bool)
+    linear = Linearised.at(rest, solved.parameters, everything, solved.noise)
+    block = PoseWhitened(DhResiduals(rest, solved.parameters, 1.0), linear.whitening)
+    program = arm_program(block, solved.parameters, solved.free)
+    far = program.normal_equations(start.values)[0] > program.normal_equations(program.start)[0]
+    if not far:
+        program.move_start(start.values)
+    return start.with_values(program.solve(max_iterations=20, tolerance=1e-6).x)

@@ -7,7 +7,9 @@ from numpy.typing import NDArray
 
 from nico_selfmodel.dataset import Dataset
 from nico_selfmodel.errors import DataError
+from nico_selfmodel.estimation.arm_solution import slopes_by_angle
 from nico_selfmodel.estimation.observations import Observations
+from nico_selfmodel.estimation.pose_noise import PoseNoise
 from nico_selfmodel.model import SelfModel
 from nico_selfmodel.optimization.robust_solve import OUTLIER_AT
 
@@ -62,9 +64,9 @@ class Evaluation:
     """What was measured."""
     p_WH_predicted: NDArray
     """What the model says [m]. Shape (N, 3)."""
-    sigma: NDArray | None = None
-    """Standard deviation of a coordinate that the model expects, noise included [m]; None where it
-    does not know how well it knows itself, as after circle points alone. Shape (N,)."""
+    covariance: NDArray | None = None
+    """Of each point about its prediction as the model expects it, noise included [m^2]; None where
+    it does not know how well it knows itself, as after circle points alone. Shape (N, 3, 3)."""
 
     @property
     def residuals(self) -> NDArray:
@@ -79,9 +81,11 @@ class Evaluation:
     @property
     def outliers(self) -> NDArray:
         """Points further off than the model's own uncertainty and noise can explain. Shape (N,)."""
-        if self.sigma is None:
+        if self.covariance is None:
             return np.zeros(len(self.observations), dtype=bool)
-        return self.distances > OUTLIER_AT * np.maximum(self.sigma, _ROUNDING_M)
+        expected = self.covariance + _ROUNDING_M**2 * np.eye(3)
+        solved = np.linalg.solve(expected, self.residuals[:, :, None])[:, :, 0]
+        return np.sum(self.residuals * solved, axis=1) > OUTLIER_AT**2
 
     @property
     def statistics(self) -> ErrorStatistics:
@@ -114,7 +118,20 @@ def evaluate(model: SelfModel, dataset: Dataset) -> Evaluation:
     observations = Observations.from_dataset(dataset, model.markers)
     readings = dataset.encoders[observations.rows][:, columns]
     prediction = model.predict(readings, observations.marker)
-    return Evaluation(observations, prediction.p_WH, prediction.total_sigma)
+    known, noise = prediction.covariance, _noise_at(model, readings, observations.marker)
+    expected = None if known is None or noise is None else known + noise
+    return Evaluation(observations, prediction.p_WH, expected)
+
+
+def _noise_at(model: SelfModel, readings: NDArray, marker: NDArray) -> NDArray | None:
+    """Return the covariance of what sensor and joints add to each point [m^2]. (N, 3, 3)."""
+    noise = PoseNoise.of(model)
+    if noise is None:
+        sigma = model.noise_sigma
+        return None if sigma is None else np.tile(sigma**2 * np.eye(3), (len(readings), 1, 1))
+    parameters = model.parameters
+    jacobian = parameters.predict(model.servos.to_radians(readings), marker)[1]
+    return noise.covariance(slopes_by_angle(parameters, jacobian))
 
 
 def reading_columns(model: SelfModel, dataset: Dataset) -> list[int]:

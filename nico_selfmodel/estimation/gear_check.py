@@ -1,15 +1,15 @@
 """Whether joints said to be read in rad or deg really are: what a freed gear would say."""
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 
-import numpy as np
-from numpy.typing import NDArray
-
-from nico_selfmodel.estimation.observations import Observations
+from nico_selfmodel.estimation.score_test import Score, ScoreTest
 from nico_selfmodel.model import DhParameters
 
 _LEAST_CHANGE = 0.02
 _LEAST_SIGMAS = 5.0
+_AS_MUCH = 0.8
+"""Part of what waves in a joint's angle explain that its gear must explain by itself."""
 
 
 @dataclass(frozen=True)
@@ -25,45 +25,31 @@ class DoubtfulGear:
 
 
 def doubtful_gears(
-    observations: Observations,
-    parameters: DhParameters,
-    free: frozenset[str],
-    held: frozenset[str],
-    believed: NDArray,
+    test: ScoreTest, parameters: DhParameters, held: frozenset[str], ripples: Mapping[str, Score]
 ) -> tuple[DoubtfulGear, ...]:
     """Test held gears: one step of least squares in which they may move.
 
     Args:
-        observations: The training data.
+        test: Residuals at the solution.
         parameters: The solution.
-        free: Parameters that were estimated.
         held: Gears held because their encoders read joint angles.
-        believed: Rows that count. Boolean, shape (N,).
+        ripples: What waves in a joint's angle explain, by joint: over a part of the turn they look
+            like a gear.
 
     Returns:
         Gears that would move by more than 2 % and five standard deviations, the worst first.
     """
-    names = [name for name in parameters.names if name in free | held]
-    columns = [parameters.names.index(name) for name in names]
-    rows = observations.select(believed)
-    p, jacobian = parameters.predict(rows.angles, rows.marker)
-    design = jacobian[:, :, columns].reshape(-1, len(columns))
-    residuals = (rows.p_WH - p).ravel()
-    if len(residuals) <= len(columns) or not held:
+    columns = [i for i, name in enumerate(parameters.names) if name in held]
+    if not columns:
         return ()
-    scale = np.linalg.norm(design, axis=0)
-    scale = np.where(scale > 0.0, scale, 1.0)
-    step, _, rank, _ = np.linalg.lstsq(design / scale, residuals, rcond=1e-9)
-    if rank < len(columns):
-        return ()
-    left = residuals - design / scale @ step
-    variance = left @ left / (len(residuals) - len(columns))
-    covariance = variance * np.linalg.inv((design / scale).T @ (design / scale))
-    sigma, step = np.sqrt(np.diag(covariance)) / scale, step / scale
-    values = parameters.values[columns]
-    found = [
-        DoubtfulGear(name, float(values[i] + step[i]), float(sigma[i]))
-        for i, name in enumerate(names)
-        if name in held and abs(step[i]) > max(_LEAST_CHANGE * values[i], _LEAST_SIGMAS * sigma[i])
-    ]
+    by_gear = test.linear.jacobian
+    score = test.of(by_gear[:, :, columns])
+    found = []
+    for i, step, sigma in zip(columns, score.values, score.sigma, strict=True):
+        value, name = float(parameters.values[i]), parameters.names[i]
+        if abs(step) <= max(_LEAST_CHANGE * value, _LEAST_SIGMAS * sigma):
+            continue
+        wave = ripples.get(name.removesuffix(".gear"))
+        if wave is None or test.of(by_gear[:, :, [i]]).gain > _AS_MUCH * wave.gain:
+            found.append(DoubtfulGear(name, value + float(step), float(sigma)))
     return tuple(sorted(found, key=lambda gear: -abs(gear.value - 1.0)))

@@ -49,14 +49,6 @@ class LineResiduals:
         joints[:, 4] = self._start.gear
         return np.concatenate([joints.ravel(), chain.p_WH_zero.ravel()])
 
-    @property
-    def natural_scale(self) -> NDArray:
-        """Typical sizes: 1 rad, the size of the workspace, the gear. Shape (5n + 3m,)."""
-        size, chain = self._observations.size, self._start.chain
-        joints = np.tile([1.0, 1.0, size, size, 1.0], (len(chain.joints), 1))
-        joints[:, 4] = self._start.gear
-        return np.concatenate([joints.ravel(), np.full(3 * len(chain.markers), size)])
-
     def hypothesis(self, x: NDArray) -> ArmHypothesis:
         """Return the arm at chart coordinates x; a negative gear turns its axis round instead."""
         directions, _, points, gear, hands = self._unpack(x)
@@ -104,15 +96,6 @@ class DhResiduals:
         """
         self._observations, self._start, self._sigma = observations, start, sigma
         self.names = start.names
-
-    @property
-    def natural_scale(self) -> NDArray:
-        """Typical sizes: 1 rad, the size of the workspace, the gear. Shape (P,)."""
-        size = self._observations.size
-        by_unit = {"m": size, "rad": 1.0, "1": 1.0}
-        scale = np.array([by_unit[unit] for unit in self._start.units])
-        gears = [name.endswith(".gear") for name in self.names]
-        return np.where(gears, self._start.values, scale)
 
     def evaluate(self, x: NDArray) -> tuple[NDArray, NDArray]:
         """Return residuals, shape (3, N), and derivatives, shape (P, 3, N)."""

@@ -19,7 +19,7 @@ from nico_selfmodel.estimation.circle_points import (
 from nico_selfmodel.estimation.nominal_start import NominalArm, first_joint_zero, nominal_start
 from nico_selfmodel.estimation.observations import Observations, gears_known
 from nico_selfmodel.estimation.pins import Pins
-from nico_selfmodel.estimation.start_search import RANDOM
+from nico_selfmodel.estimation.start_search import RANDOM, few_rows
 from nico_selfmodel.estimation.zeroing import meaningful_parameters
 from nico_selfmodel.model import DhParameters
 
@@ -42,6 +42,8 @@ class KinematicTask:
     circles: CirclePointAnalysis | None
     random_starts: int
     seed: int
+    few: Observations
+    """The part of the observations on which starts are tried."""
 
     @classmethod
     def prepare(
@@ -89,6 +91,7 @@ class KinematicTask:
             circles,
             starts,
             seed,
+            few_rows(observations, seed),
         )
 
     def starts(self) -> Iterator[tuple[str, ArmHypothesis]]:
@@ -98,7 +101,7 @@ class KinematicTask:
             trusted += 1
             yield "circle points", self.circles.arm
         elif self.nominal is not None:
-            placed = nominal_start(self.nominal, self.dataset, self.observations, self.gear_known)
+            placed = nominal_start(self.nominal, self.dataset, self.few, self.gear_known)
             if placed is not None:
                 trusted += 1
                 yield "robot", at_zero(placed, self.zero)
@@ -111,7 +114,7 @@ class KinematicTask:
             directions = np.where(trusted_axes[:, None], self.circles.directions, np.nan)
             gear = np.where(trusted_axes, self.circles.gear, np.nan)
         wild = random_starts(
-            self.observations,
+            self.few,
             self.gear_pinned & self.gear_known,
             self.zero,
             np.random.default_rng((self.seed, 1)),

@@ -10,23 +10,37 @@ import numpy as np
 from numpy.typing import NDArray
 
 from nico_selfmodel.dataset import Dataset
+from nico_selfmodel.dataset.poses import held_out_of
+from nico_selfmodel.estimation.arm_solution import ArmSolution, Linearised
 from nico_selfmodel.estimation.circle_points import CirclePointAnalysis, require_arm
 from nico_selfmodel.estimation.cross_validation import cross_validate
 from nico_selfmodel.estimation.error_statistics import Evaluation, evaluate
 from nico_selfmodel.estimation.gear_check import DoubtfulGear, doubtful_gears
 from nico_selfmodel.estimation.kinematic_task import KinematicTask
 from nico_selfmodel.estimation.learned_model import learned_model, training_of
-from nico_selfmodel.estimation.misfit_causes import causes_of_misfit
+from nico_selfmodel.estimation.misfit_causes import causes_of_misfit, foreign_marker
 from nico_selfmodel.estimation.nominal_check import robot_reason
 from nico_selfmodel.estimation.nominal_start import NominalArm
 from nico_selfmodel.estimation.pin_check import ContradictedPin, contradicted_pins
-from nico_selfmodel.estimation.pinned_refinement import PinnedSolution, refine_pinned
+from nico_selfmodel.estimation.pinned_refinement import Held, refine_pinned
 from nico_selfmodel.estimation.pins import Pins
+from nico_selfmodel.estimation.pose_noise import PoseNoise
+from nico_selfmodel.estimation.score_test import ScoreTest
+from nico_selfmodel.estimation.stability import Change, change_in_time, lag_in_time
 from nico_selfmodel.estimation.start_search import LineSolution, StartSearch, search_starts
+from nico_selfmodel.estimation.systematic_residuals import (
+    Pattern,
+    backlash_columns,
+    systematic_patterns,
+)
 from nico_selfmodel.model import DhTable, SelfModel
 from nico_selfmodel.optimization import Uncertainty
 
 METHODS = ("refine", "circle-points")
+_EXPLAINS = 2.0
+"""Ratio of the mean residuals without and with a lag from which on it is the cause of a misfit."""
+_PATTERNS = 4
+"""Patterns of the residuals that a change in time is told from."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -65,6 +79,14 @@ class KinematicCalibration:
     """How the learned arm is not the described robot, in words; None where it may be."""
     causes: tuple[str, ...]
     """What would make the data fit, where they do not; in words."""
+    noise: PoseNoise | None
+    """Of the sensor and of the joints; None for circle points alone."""
+    patterns: tuple[Pattern, ...]
+    """What the residuals depend on, which the model does not have; the surest first."""
+    change: Change | None
+    """What changed while the data were recorded."""
+    lag: Change | None
+    """Whether points and readings are of different moments."""
     converged: bool
     """Whether the solver reached a minimum."""
     iterations: int
@@ -115,21 +137,27 @@ def calibrate_kinematics(
     if method not in METHODS:
         raise ValueError(f"no method {method!r}; there are {', '.join(METHODS)}")
     clock, pins = time.perf_counter(), pins or Pins()
+    test = None if test is None else held_out_of(dataset, test)
     task = KinematicTask.prepare(dataset, nominal, pins, starts, seed)
     if method == "circle-points":
         arm = require_arm(task.circles or task.without_sweeps())
         parameters = task.parameters_of(arm)
         pins.check(parameters)
-        solved = PinnedSolution.unrefined(task.observations, parameters)
-        search, unseen, contradicted, causes = None, np.zeros(0), (), ()
+        solved = ArmSolution.unrefined(task.observations, parameters)
+        search, unseen, contradicted = None, np.zeros(0), ()
     else:
         task.require_enough(pins)
         loss = loss if task.redundant else "none"
-        search = search_starts(task.observations, task.starts(), task.gear_pinned, task.sigma, loss)
+        search = search_starts(
+            task.observations, task.few, task.starts(), task.gear_pinned, task.sigma, loss
+        )
         solved = _refined(task, search.best, pins, loss)
-        unseen = cross_validate(task.observations, solved, task.sigma)
+        unseen = cross_validate(task.observations, solved)
         contradicted = _contradicted_pins(task, search.best, solved, pins)
-        causes = _causes(task, search, loss) if explain else ()
+    doubts = _Doubts.of(task, solved)
+    causes = ()
+    if search is not None and explain and task.redundant:
+        causes = _causes(task, search, doubts, loss)
     training = training_of(dataset, task.observations, solved, unseen)
     fit = {"method": method, "loss": loss, **training}
     model = learned_model(solved, dataset, name or dataset.name, nominal, fit)
@@ -146,10 +174,14 @@ def calibrate_kinematics(
         task.circles,
         search,
         dataset.point_sigma_m,
-        _doubtful_gears(task, solved),
+        doubts.gears,
         contradicted,
         None if nominal is None else robot_reason(nominal.chain, model.dh, task.gear_known),
         causes,
+        solved.noise,
+        doubts.patterns,
+        doubts.change,
+        doubts.lag,
         solved.converged,
         solved.iterations,
         solved.history,
@@ -157,21 +189,47 @@ def calibrate_kinematics(
     )
 
 
-def _refined(task: KinematicTask, best: LineSolution, pins: Pins, loss: str) -> PinnedSolution:
-    """Turn the best lines into named parameters, solved again where names are pinned or freed."""
+def _refined(task: KinematicTask, best: LineSolution, pins: Pins, loss: str) -> ArmSolution:
+    """Turn the best lines into named parameters and refine them by poses."""
     parameters = task.parameters_of(best.arm)
     pins.check(parameters)
-    gear_pinned = frozenset(
+    gears = frozenset(
         f"{joint}.gear"
         for joint, pinned in zip(task.observations.joints, task.gear_pinned, strict=True)
         if pinned
     )
-    if pins.only_gears and not any(v is not None for v in pins.pinned.values()):
-        return PinnedSolution.from_lines(
-            task.observations, parameters, best, task.sigma, gear_pinned
+    held = Held(pins, _nominal_values(task.nominal, pins), gears)
+    return refine_pinned(task.observations, parameters, held, best.robust, task.sigma, loss)
+
+
+@dataclass(frozen=True, eq=False)
+class _Doubts:
+    """What residuals at a solution say against it."""
+
+    gears: tuple[DoubtfulGear, ...] = ()
+    patterns: tuple[Pattern, ...] = ()
+    change: Change | None = None
+    lag: Change | None = None
+
+    @classmethod
+    def of(cls, task: KinematicTask, solved: ArmSolution) -> "_Doubts":
+        if solved.noise is None or solved.uncertainty is None or not task.redundant:
+            return cls()
+        observations = task.observations
+        linear = Linearised.at(observations, solved.parameters, ~solved.outliers, solved.noise)
+        test = ScoreTest.at(linear, solved.free)
+        joints = zip(observations.joints, task.gear_known & task.gear_pinned, strict=True)
+        held = frozenset(f"{joint}.gear" for joint, known in joints if known) - solved.free
+        patterns = systematic_patterns(observations, solved.parameters, test)
+        ripples = {p.ripple_of: p.score for p in patterns if p.ripple_of is not None}
+        backlash = backlash_columns(observations, linear.by_angle)
+        known = np.concatenate([backlash, *(p.columns for p in patterns[:_PATTERNS])], axis=2)
+        return cls(
+            doubtful_gears(test, solved.parameters, held, ripples),
+            patterns,
+            change_in_time(observations, solved, known, patterns),
+            lag_in_time(observations, solved.parameters, test),
         )
-    values = _nominal_values(task.nominal, pins)
-    return refine_pinned(task.observations, parameters, pins, values, gear_pinned, task.sigma, loss)
 
 
 def _nominal_values(nominal: NominalArm | None, pins: Pins) -> dict[str, float]:
@@ -187,18 +245,15 @@ def _nominal_values(nominal: NominalArm | None, pins: Pins) -> dict[str, float]:
     return values
 
 
-def _doubtful_gears(task: KinematicTask, solved: PinnedSolution) -> tuple[DoubtfulGear, ...]:
-    """Return gears held because of their unit, which the data contradict."""
-    joints = zip(task.observations.joints, task.gear_known & task.gear_pinned, strict=True)
-    held = frozenset(f"{joint}.gear" for joint, known in joints if known)
-    held -= solved.free
-    return doubtful_gears(task.observations, solved.parameters, solved.free, held, ~solved.outliers)
-
-
-def _causes(task: KinematicTask, search: StartSearch, loss: str) -> tuple[str, ...]:
-    """Return what would make the data fit, where they do not."""
-    if not task.redundant:
-        return ()
+def _causes(
+    task: KinematicTask, search: StartSearch, doubts: _Doubts, loss: str
+) -> tuple[str, ...]:
+    """Return what would make the data fit, where they do not; what is plain to see first."""
+    foreign = foreign_marker(task.observations)
+    if foreign is not None:
+        return (foreign,)
+    if doubts.lag is not None and doubts.lag.ratio > _EXPLAINS:
+        return (doubts.lag.what,)
     return causes_of_misfit(
         task.observations,
         search,
@@ -211,15 +266,16 @@ def _causes(task: KinematicTask, search: StartSearch, loss: str) -> tuple[str, .
 
 
 def _contradicted_pins(
-    task: KinematicTask, best: LineSolution, solved: PinnedSolution, pins: Pins
+    task: KinematicTask, best: LineSolution, solved: ArmSolution, pins: Pins
 ) -> tuple[ContradictedPin, ...]:
     """Return pins without which the believed rows would fit significantly better."""
     joints = zip(task.observations.joints, task.gear_known, strict=True)
     by_unit = frozenset(f"{joint}.gear" for joint, known in joints if known)
     return contradicted_pins(
-        task.observations.select(~best.robust.outliers),
+        task.observations,
         task.parameters_of(best.arm),
         solved,
         frozenset(pins.pinned) - by_unit,
-        task.sigma,
+        best.robust.outliers,
+        task.sigma * best.robust.scale,
     )

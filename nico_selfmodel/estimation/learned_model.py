@@ -6,15 +6,16 @@ import numpy as np
 from numpy.typing import NDArray
 
 from nico_selfmodel.dataset import Dataset
+from nico_selfmodel.estimation.arm_solution import ArmSolution
 from nico_selfmodel.estimation.nominal_start import NominalArm
 from nico_selfmodel.estimation.observations import Observations
-from nico_selfmodel.estimation.pinned_refinement import PinnedSolution
+from nico_selfmodel.estimation.pose_noise import POSE_NOISE
 from nico_selfmodel.estimation.provenance import data_named, package_versions
 from nico_selfmodel.model import ParameterCovariance, SelfModel
 
 
 def learned_model(
-    solved: PinnedSolution,
+    solved: ArmSolution,
     dataset: Dataset,
     name: str,
     nominal: NominalArm | None,
@@ -46,7 +47,7 @@ def learned_model(
 
 
 def training_of(
-    dataset: Dataset, observations: Observations, solved: PinnedSolution, unseen: NDArray
+    dataset: Dataset, observations: Observations, solved: ArmSolution, unseen: NDArray
 ) -> dict[str, Any]:
     """Return what tells later whether a model is used beyond what it was trained for.
 
@@ -58,16 +59,20 @@ def training_of(
             none. Shape (K,).
 
     Returns:
-        Rows, the median error to expect with the number of points behind it, and the range of
-        every encoder's readings.
+        Rows, the noise, the median error of a pose to expect with the number of poses behind it,
+        and the range of every encoder's readings.
     """
+    believed = observations.select(~solved.outliers)
     if not len(unseen):
-        predicted = solved.parameters.predict(observations.angles, observations.marker)[0]
-        unseen = np.linalg.norm(predicted - observations.p_WH, axis=1)[~solved.outliers]
+        predicted = solved.parameters.predict(believed.angles, believed.marker)[0]
+        unseen = np.linalg.norm(predicted - believed.p_WH, axis=1)
+    swept = dataset.sweep[believed.rows] != ""
+    errors = believed.by_pose(unseen, swept if swept.all() else ~swept)
     readings = dataset.encoders[observations.rows]
     ranges = np.stack([readings.min(axis=0), readings.max(axis=0)], axis=1).tolist()
     return {
         "rows": len(observations),
-        "expected_error": {"n": len(unseen), "median_m": float(np.median(unseen))},
+        "expected_error": {"n": len(errors), "median_m": float(np.median(errors))},
         "readings": dict(zip(dataset.joint_names, ranges, strict=True)),
+        **({} if solved.noise is None else {POSE_NOISE: solved.noise.as_plain()}),
     }

@@ -17,12 +17,16 @@ from nico_selfmodel.estimation.start_search import (
     ENOUGH_AGREE,
     LineSolution,
     StartSearch,
+    distances_between,
+    few_rows,
     refine_lines,
 )
 
 _STARTS = 10
 _STARTS_AT_A_GAP = 30
 """A gap in the middle of a turn is rarely there by chance."""
+_MOST_STARTS = 60
+"""Starts that the search may cost in all, on `SEARCH_ROWS` rows each."""
 _BETTER = 3.0
 """The residuals must fall to this part of what they were, inverse."""
 _EXPLAINED = 0.02
@@ -37,6 +41,8 @@ above which all causes are."""
 _MANY_OUTLIERS, _MOST_OUTLIERS = 0.1, 0.25
 """... as above the first share of outliers, in readings that left out a gap; above the second, all
 causes are looked for."""
+_RIGID = 0.02
+"""Scatter of a distance over the workspace's size above which two markers are not on one link."""
 _UNIT_HINTS = ((180.0 / np.pi, "rad stated as deg"), (np.pi / 180.0, "deg stated as rad"))
 
 
@@ -81,12 +87,17 @@ def causes_of_misfit(
         return ()
     held, robust = gear_pinned & gear_known, "none" if loss == "none" else "cauchy"
     searched = before.noise > _WORTH_A_SEARCH * observations.size or before.wrong > _MOST_OUTLIERS
+    left = _MOST_STARTS
     for suspicion in _suspicions(observations, gear_pinned, held, gaps_only=not searched):
-        mended, pinned = suspicion.observations, suspicion.gear_pinned
+        mended, pinned = few_rows(suspicion.observations, 0), suspicion.gear_pinned
         at = mended.angles[np.argmin(np.abs(mended.angles - zero).sum(axis=1))]
         wild = random_starts(mended, pinned & gear_known, at, np.random.default_rng(0))
         reached = 0
-        for start in islice(wild, suspicion.starts):
+        if left <= 0:
+            stopped = f"the search for the cause of the misfit stopped after {_MOST_STARTS} starts"
+            return (stopped,) if bad else ()
+        for start in islice(wild, min(suspicion.starts, left)):
+            left -= 1
             found = refine_lines(mended, start, pinned, sigma, robust, rough=True)
             after = _Misfit.of(found, sigma)
             reached += after.explains(before, observations.size, lonely=not bad)
@@ -149,29 +160,49 @@ def _suspicions(
             gear_pinned & ~held,
             gears_in_question=True,
         )
-    for k, marker in enumerate(observations.markers if len(observations.markers) > 1 else ()):
-        yield _Suspicion(
-            f"marker {marker} does not move with the hand, or is called by another's name: leave "
-            "it out",
-            _without_marker(observations, k),
-            gear_pinned,
-        )
-    for shift, words in ((-1, "before"), (1, "after")):
+    for shift in (-1, 1, -2, 2):
         shifted = _shifted(observations, shift)
         if shifted is not None:
+            words = "before" if shift < 0 else "after"
+            which = "the sample" if abs(shift) == 1 else f"{abs(shift)} samples"
             yield _Suspicion(
-                f"the readings lag: each point fits the readings of the sample {words} its own; "
+                f"the readings lag: each point fits the readings of {which} {words} its own; "
                 "pair them by the time they were taken",
                 shifted,
                 gear_pinned,
             )
 
 
-def _without_marker(observations: Observations, k: int) -> Observations:
-    """Return the rows of all other markers."""
-    kept = observations.select(observations.marker != k)
-    markers = (*observations.markers[:k], *observations.markers[k + 1 :])
-    return replace(kept, markers=markers, marker=kept.marker - (kept.marker > k))
+def foreign_marker(observations: Observations) -> str | None:
+    """Say which markers are not on one link: the hand is rigid, their distances must not change.
+
+    Args:
+        observations: What was measured.
+
+    Returns:
+        A sentence, or None where all distances stay.
+    """
+    m = len(observations.markers)
+    scatter = np.full((m, m), np.nan)
+    for (i, j), apart in distances_between(observations).items():
+        scatter[i, j] = scatter[j, i] = 1.4826 * np.median(np.abs(apart - np.median(apart)))
+    loose = scatter > _RIGID * observations.size
+    if not loose.any():
+        return None
+    largest = float(np.nanmax(scatter))
+    # Who is at odds with most others is the stranger; of two nobody can tell.
+    odds = loose.sum(axis=1)
+    worst = np.flatnonzero(odds == odds.max())
+    if len(worst) == 1 or odds.max() > np.median(odds):
+        named = ", ".join(observations.markers[k] for k in worst)
+        words = f"{'marker' if len(worst) == 1 else 'markers'} {named} not fixed to the hand"
+        words = words.replace(" not", " is not" if len(worst) == 1 else " are not")
+    else:
+        words = f"markers {', '.join(observations.markers[k] for k in worst)} are not on one link"
+    return (
+        f"{words}: distances between them scatter by up to {1e3 * largest:.2g} mm, or labels are "
+        "exchanged; leave them out, or track markers of the last link only"
+    )
 
 
 def unwrapped_readings(observations: Observations) -> tuple[NDArray, list[int]]:

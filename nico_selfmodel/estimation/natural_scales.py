@@ -16,15 +16,11 @@ def natural_scales_of(model: SelfModel, names: tuple[str, ...]) -> NDArray:
     Returns:
         Shape (k,).
     """
-    gears = dict(zip(model.joints, model.servos.gear.tolist(), strict=True))
-    size, scales = arm_size(model), []
-    for name in names:
-        joint, _, part = name.rpartition(".")
-        if part == "gear":
-            scales.append(gears[joint])
-        else:
-            scales.append(1.0 if part in ("theta_offset", "rx", "ry", "rz", "alpha") else size)
-    return np.array(scales)
+    arm = model.parameters
+    known = dict(zip(arm.names, arm.scales(arm_size(model)).tolist(), strict=True))
+    poses = {"rx": 1.0, "ry": 1.0, "rz": 1.0}
+    size = arm_size(model)
+    return np.array([known.get(name, poses.get(name.rpartition(".")[2], size)) for name in names])
 
 
 def arm_size(model: SelfModel) -> float:

@@ -25,7 +25,11 @@ class Observations:
     p_WH: NDArray
     """Measured points [m]. Shape (N, 3)."""
     sample: NDArray
-    """Number of the pose of each row. Shape (N,)."""
+    """Number of the sample of each row. Shape (N,)."""
+    pose: NDArray
+    """Number of the pose of each row: samples with equal readings are one pose. Shape (N,)."""
+    visit: NDArray
+    """Number of the visit of each row: each time the robot came to a pose. Shape (N,)."""
     rows: NDArray
     """Row of the data set behind each row here. Shape (N,)."""
     units: ServoMap
@@ -66,6 +70,8 @@ class Observations:
             np.array([index[name] for name in dataset.marker[rows].tolist()]),
             dataset.p_WH_measured[rows],
             dataset.sample[rows],
+            dataset.pose[rows],
+            dataset.visit[rows],
             rows,
             units,
         )
@@ -81,8 +87,36 @@ class Observations:
 
     def select(self, keep: NDArray) -> "Observations":
         """Return the chosen rows. `keep` is a boolean mask or an index."""
-        arrays = ("angles", "marker", "p_WH", "sample", "rows")
+        arrays = ("angles", "marker", "p_WH", "sample", "pose", "visit", "rows")
         return replace(self, **{name: getattr(self, name)[keep] for name in arrays})
+
+    @property
+    def poses(self) -> NDArray:
+        """Numbers of the poses, each once, ascending."""
+        return np.unique(self.pose)
+
+    def by_pose(self, errors: NDArray, chosen: NDArray | None = None) -> NDArray:
+        """Return the mean error of each pose over its chosen rows.
+
+        Args:
+            errors: Of all rows. Shape (N,).
+            chosen: Boolean, shape (N,); all if omitted.
+
+        Returns:
+            Shape (poses with a chosen row,).
+        """
+        pose = self.pose if chosen is None else self.pose[chosen]
+        errors = errors if chosen is None else errors[chosen]
+        of = np.unique(pose, return_inverse=True)[1]
+        return np.bincount(of, errors) / np.maximum(np.bincount(of), 1)
+
+    def thinned(self, rows: int, rng: np.random.Generator) -> "Observations":
+        """Return whole poses drawn at random, about so many rows of them in all."""
+        if len(self) <= rows:
+            return self
+        poses = self.poses
+        count = max(round(rows * len(poses) / len(self)), 1)
+        return self.select(np.isin(self.pose, rng.permutation(poses)[:count]))
 
 
 def servo_units(dataset: Dataset) -> ServoMap:

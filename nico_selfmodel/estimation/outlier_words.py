@@ -11,8 +11,8 @@ _SHOWN = 6
 """Samples that are listed by number."""
 _FEWEST = 5
 """Poses in a row that make a standing encoder no accident."""
-_MOST_OF_MARKER = 0.5
-"""A marker of which more is not believed does not move with the others."""
+_MOST_OF_MARKER = 0.3
+"""A marker of which so much is not believed does not move with the others, or moved on the hand."""
 
 
 def describe_outliers(observations: Observations, outliers: NDArray) -> str:
@@ -79,11 +79,11 @@ def foreign_markers(observations: Observations, outliers: NDArray) -> list[str]:
     for k, marker in enumerate(observations.markers):
         own = observations.marker == k
         count, total = int(np.sum(outliers & own)), int(own.sum())
-        if len(observations.markers) > 1 and count >= 3 and count > _MOST_OF_MARKER * total:
+        if len(observations.markers) > 1 and count >= 3 and count >= _MOST_OF_MARKER * total:
             found.append(
                 f"{count} of {total} points of marker {marker} contradict the other markers: it is "
-                "not fixed to the last link, or its label is not always on the same point; leave "
-                "it out"
+                "not fixed to the last link, moved on it, or its label is not always on the same "
+                "point; leave it out"
             )
     return found
 

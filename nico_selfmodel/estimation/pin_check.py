@@ -5,8 +5,11 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from nico_selfmodel.estimation.arm_solution import ArmSolution, Linearised
+from nico_selfmodel.estimation.hand_residuals import DhResiduals
 from nico_selfmodel.estimation.observations import Observations
-from nico_selfmodel.estimation.pinned_refinement import PinnedSolution, dh_program
+from nico_selfmodel.estimation.pose_noise import PoseNoise, PoseWhitening
+from nico_selfmodel.estimation.pose_refinement import PoseWhitened, arm_program, refine_by_pose
 from nico_selfmodel.model import DhParameters
 
 _SIGNIFICANT = 3.3
@@ -34,8 +37,9 @@ class ContradictedPin:
 def contradicted_pins(
     observations: Observations,
     start: DhParameters,
-    solved: PinnedSolution,
+    solved: ArmSolution,
     pinned: frozenset[str],
+    outliers: NDArray,
     sigma: float,
 ) -> tuple[ContradictedPin, ...]:
     """Name the pins without which the data would fit significantly better.
@@ -44,22 +48,24 @@ def contradicted_pins(
     it falls further, the one that lowers it most is let go, until the others are right.
 
     Args:
-        observations: Rows believed by the fit without pins.
+        observations: What was measured.
         start: The best arm without pins.
         solved: The solution with them.
         pinned: Names of the pinned parameters. Gauges are not tested: they move no point.
-        sigma: Whitening of the residuals [m].
+        outliers: Rows that the fit without pins does not believe. Boolean, shape (N,).
+        sigma: Standard deviation of a coordinate about it [m].
 
     Returns:
         The pins, empty where they agree with the data or the data are too few to tell.
     """
     tested = sorted(pinned - start.gauge - solved.free)
-    redundancy = 3 * len(observations) - len(solved.free) - len(tested)
+    free = solved.free | frozenset(tested)
+    redundancy = 3 * int((~outliers).sum()) - len(free)
     if not tested or redundancy < 10:
         return ()
-    fits = _Fits(observations, solved, sigma)
-    least, free_values = fits.without(tested, start)
-    least = max(least, redundancy * (_ROUNDING_M / sigma) ** 2)
+    loose = refine_by_pose(observations, start, free, outliers, sigma, trim=False)
+    fits = _Fits.about(observations, loose, solved)
+    least, free_values = fits.without(tested, loose.parameters)
     held, _ = fits.without([], solved.parameters)
     cost, wrong = held, list[str]()
     while _contradicts(cost, least, redundancy, len(tested) - len(wrong)):
@@ -77,21 +83,31 @@ def contradicted_pins(
 
 @dataclass(frozen=True, eq=False)
 class _Fits:
-    """Least squares over one set of rows, with one set of pins or less."""
+    """Least squares over one set of rows and one noise, with one set of pins or less."""
 
     observations: Observations
-    solved: PinnedSolution
-    sigma: float
+    solved: ArmSolution
+    whitening: PoseWhitening
+
+    @classmethod
+    def about(cls, observations: Observations, loose: ArmSolution, solved: ArmSolution) -> "_Fits":
+        """Take the noise that is there without pins; what pins do must not count as noise."""
+        noise = loose.noise
+        assert noise is not None
+        noise = PoseNoise(max(noise.sensor_sigma, _ROUNDING_M), noise.joint_sigma)
+        linear = Linearised.at(observations, loose.parameters, ~loose.outliers, noise)
+        return cls(observations, solved, linear.whitening)
 
     def without(self, loose: list[str], start: DhParameters) -> tuple[float, NDArray]:
         """Return the sum of squares and the values where these pins too may move."""
         free = self.solved.free | frozenset(loose)
-        program = dh_program(self.observations, start, free, self.sigma)
+        block = PoseWhitened(DhResiduals(self.observations, start, 1.0), self.whitening)
+        program = arm_program(block, start, free)
         for name, value in zip(start.names, self.solved.parameters.values, strict=True):
             if name not in free:
                 program.pin(name, float(value))
         solution = program.solve()
-        return 2.0 * solution.cost, solution.x
+        return max(2.0 * solution.cost, np.finfo(float).tiny), solution.x
 
 
 def _contradicts(cost: float, least: float, redundancy: int, count: int) -> bool:

@@ -49,6 +49,14 @@ class PixelEvaluation:
         return distances[np.isfinite(distances)]
 
     @property
+    def pixels_by_pose(self) -> NDArray:
+        """Mean error of each pose over what both eyes saw there [px]. Shape (poses,)."""
+        distances = np.linalg.norm(self.residuals.reshape(-1, 2, 2), axis=2)
+        seen = np.isfinite(distances)
+        mean = np.where(seen, distances, 0.0).sum(axis=1) / np.maximum(seen.sum(axis=1), 1)
+        return self.observations.arm.by_pose(mean, seen.any(axis=1))
+
+    @property
     def distances(self) -> NDArray:
         """Distances of predicted points from the eyes' own [m]. Shape (n,).
 

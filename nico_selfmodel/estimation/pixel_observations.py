@@ -56,6 +56,8 @@ class PixelObservations:
             np.array([index[name] for name in dataset.marker[rows].tolist()]),
             np.zeros((len(rows), 3)),
             dataset.sample[rows],
+            dataset.pose[rows],
+            dataset.visit[rows],
             rows,
             units,
         )

@@ -75,8 +75,7 @@ def position_jacobians(
     _, jacobian = parameters.predict(angles, np.full(len(angles), index))
     names, free = parameters.names, _free(model, index)
     size = _lever(model, index)
-    scale = np.array([{"m": size, "rad": 1.0, "1": 1.0}[parameters.units[i]] for i in free])
-    rows = jacobian[:, :, free] * scale
+    rows = jacobian[:, :, free] * parameters.scales(size)[free]
     # d(hand) / d(joint angle) = -gear d(hand) / d(theta_offset)
     offsets = [names.index(f"{joint}.theta_offset") for joint in model.joints]
     by_angle = jacobian[:, :, offsets] * -model.servos.gear

@@ -25,6 +25,7 @@ def result_document(calibration: KinematicCalibration, verdict: Verdict) -> dict
     return {
         "status": verdict.status,
         "reasons": list(verdict.reasons),
+        "warnings": list(verdict.warnings),
         "method": calibration.method,
         "train": _statistics(calibration.train, ~calibration.outliers),
         "test": _statistics(calibration.test),

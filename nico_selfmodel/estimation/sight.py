@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from nico_selfmodel.dataset import Dataset
+from nico_selfmodel.estimation.arm_solution import Linearised
 from nico_selfmodel.estimation.body_start import in_left_eye, reconstructed
 from nico_selfmodel.estimation.error_statistics import ErrorStatistics
 from nico_selfmodel.estimation.hand_pixels import project_to_eyes
@@ -91,17 +92,18 @@ class Sight:
     ) -> NDArray:
         """Return by how much parameters of the arm follow those of the eyes. Shape (k, e)."""
         observations = Observations.from_dataset(self.train, calibration.model.markers)
-        observations = observations.select(~calibration.outliers)
-        parameters = calibration.model.parameters
-        p, slopes = parameters.predict(observations.angles, observations.marker)
+        parameters, noise = calibration.model.parameters, calibration.noise
+        assert noise is not None
+        linear = Linearised.at(observations, parameters, ~calibration.outliers, noise)
+        p = observations.p_WH - linear.residuals
         _, by_point, by_eyes = project_to_eyes(p.T, self.eyes.rig.values)
         # Pixels stay: the point moves so that it makes up for the eyes, as well as one point can.
         by_point = by_point.transpose(2, 0, 1)
         columns = [StereoRig.names_of().index(name) for name in eyes]
         moved = -np.linalg.pinv(by_point) @ by_eyes[columns].transpose(2, 1, 0)
-        rows = slopes[:, :, [parameters.names.index(name) for name in arm]].reshape(-1, len(arm))
+        rows = linear.weights * linear.columns(frozenset(arm))
         size = np.maximum(np.linalg.norm(rows, axis=0), np.finfo(float).tiny)
-        follows = np.linalg.lstsq(rows / size, moved.reshape(len(rows), -1), rcond=1e-9)[0]
+        follows = np.linalg.lstsq(rows / size, linear.weights * linear.whitened(moved), 1e-9)[0]
         return follows / size[:, None]
 
     def evaluate(self, model: SelfModel, part: str = "test") -> PixelEvaluation:

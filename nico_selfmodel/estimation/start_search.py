@@ -18,14 +18,22 @@ from nico_selfmodel.optimization import (
 )
 
 ENOUGH_AGREE = 3
-"""The search ends when this many starts have reached the best minimum."""
+"""The search ends when this many starts have reached the best minimum ..."""
 RANDOM = "random axes"
 """Label of a start from nothing."""
+_NOISE = 3.0
+"""... and it leaves less than this many standard deviations of the tracker, where several markers
+of one hand tell them: a wrong minimum may attract more starts than the right one."""
+_EXPLAINS = 0.005
+"""... or less than this share of the workspace ..."""
 _TRIED = 8
-"""... and, where all starts are random, this many were tried."""
-_EXPLAINS = 0.02
-"""... and it leaves less than this share of the workspace: a wrong minimum may attract more starts
-than the right one."""
+"""... after this many starts where all are random; or so many agree."""
+_MOST_LEFT = 0.02
+"""Above this share of the workspace only many that agree end the search."""
+_SEEN_TOGETHER = 5
+"""Samples with both of two markers that tell how their distance scatters."""
+SEARCH_ROWS = 150
+"""Rows on which starts are tried: enough to tell one minimum from another."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -100,6 +108,7 @@ def line_program(
 
 def search_starts(
     observations: Observations,
+    few: Observations,
     starts: Iterable[tuple[str, ArmHypothesis]],
     pinned_gears: NDArray,
     sigma: float,
@@ -109,6 +118,7 @@ def search_starts(
 
     Args:
         observations: What was measured.
+        few: The part of it on which starts are tried.
         starts: Labelled starts, the most trusted first; at least one.
         pinned_gears: Gears that stay. Shape (n,).
         sigma: Whitening of the residuals [m].
@@ -121,19 +131,80 @@ def search_starts(
     found: list[tuple[str, LineSolution]] = []
     scores, agree = np.zeros(0), np.zeros(0, dtype=bool)
     for label, start in starts:
-        refined = refine_lines(observations, start, pinned_gears, sigma, first_pass, rough=True)
+        refined = refine_lines(few, start, pinned_gears, sigma, first_pass, rough=True)
         found.append((label, refined))
         scores = _scores([solution for _, solution in found], loss)
         agree = _agree([solution for _, solution in found], int(np.argmin(scores)))
         best = found[int(np.argmin(scores))][1]
-        tried = len(found) >= _TRIED or found[0][0] != RANDOM
-        explained = _noise(best) < _EXPLAINS * observations.size
-        if agree.sum() >= ENOUGH_AGREE and tried and explained:
+        if _enough(best, int(agree.sum()), len(found), found[0][0] != RANDOM, few):
             break
     label, solution = found[int(np.argmax(agree))]
     solution = refine_lines(observations, solution.arm, pinned_gears, sigma, loss)
     labels = tuple(name for name, _ in found)
     return StartSearch(solution, label, labels, scores, int(agree.sum()))
+
+
+def _enough(
+    best: LineSolution, agreeing: int, tried: int, trusted: bool, few: Observations
+) -> bool:
+    """Return whether a search may end: enough agree, and what they leave is explained."""
+    noise = _noise(best)
+    if agreeing >= _TRIED:
+        return True
+    if agreeing < ENOUGH_AGREE or noise > _MOST_LEFT * few.size:
+        return False
+    tracker = tracker_noise(few)
+    if trusted or (tracker is not None and noise < _NOISE * tracker):
+        return True
+    return tried >= _TRIED and noise < _EXPLAINS * few.size
+
+
+def tracker_noise(observations: Observations) -> float | None:
+    """Return the standard deviation of a coordinate, from distances of markers of one sample.
+
+    The hand is rigid: whatever its joints do, the distance of two markers is always the same, and
+    scatters by sqrt(2) of a coordinate's noise.
+
+    Args:
+        observations: What was measured.
+
+    Returns:
+        The noise by the median absolute deviation [m]; None with one marker.
+    """
+    found = [np.median(np.abs(d - np.median(d))) for d in distances_between(observations).values()]
+    return float(1.4826 * np.median(found) / np.sqrt(2.0)) if found else None
+
+
+def distances_between(observations: Observations) -> dict[tuple[int, int], NDArray]:
+    """Return the distances of two markers in all samples that have both, of pairs seen often [m].
+
+    Args:
+        observations: What was measured.
+
+    Returns:
+        By the markers' indices; each of shape (samples with both,).
+    """
+    own = [observations.select(observations.marker == k) for k in range(len(observations.markers))]
+    found = {}
+    for i, a in enumerate(own):
+        for j, b in enumerate(own[i + 1 :], start=i + 1):
+            _, first, second = np.intersect1d(a.sample, b.sample, return_indices=True)
+            if len(first) >= _SEEN_TOGETHER:
+                found[i, j] = np.linalg.norm(a.p_WH[first] - b.p_WH[second], axis=1)
+    return found
+
+
+def few_rows(observations: Observations, seed: int) -> Observations:
+    """Return whole poses enough to tell one minimum from another.
+
+    They have three times as many equations as unknowns.
+
+    Args:
+        observations: What was measured.
+        seed: Of the choice.
+    """
+    unknowns = 5 * len(observations.joints) + 3 * len(observations.markers)
+    return observations.thinned(max(SEARCH_ROWS, unknowns), np.random.default_rng((seed, 2)))
 
 
 def _scores(solutions: list[LineSolution], loss: str) -> NDArray:

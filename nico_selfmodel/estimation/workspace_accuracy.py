@@ -130,6 +130,8 @@ def _observations(model: SelfModel, readings: NDArray, marker: str | None) -> Ob
         np.zeros((count, 3)),
         np.arange(count),
         np.arange(count),
+        np.arange(count),
+        np.arange(count),
         model.servos,
     )
 

@@ -26,22 +26,17 @@ class DhRows:
     beta: NDArray
 
 
-NO_NORMAL_WITHIN = 1e-6
-"""Axes closer to parallel than this [rad] have no common normal that floating point could hold."""
-
-
-def parallel_rows(directions: NDArray, within: float = PARALLEL_WITHIN) -> NDArray:
-    """Return for each axis whether it is parallel to the next one within an angle.
+def parallel_rows(directions: NDArray) -> NDArray:
+    """Return for each axis whether it is parallel to the next one within `PARALLEL_WITHIN`.
 
     Args:
         directions: Unit directions. Shape (n, 3).
-        within: The angle [rad].
 
     Returns:
         Boolean, shape (n,); the last axis has no next one.
     """
     sines = np.linalg.norm(np.cross(directions[:-1], directions[1:]), axis=1)
-    return np.append(sines < np.sin(within), False)
+    return np.append(sines < np.sin(PARALLEL_WITHIN), False)
 
 
 def dh_rows_of_lines(

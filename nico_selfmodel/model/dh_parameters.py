@@ -56,6 +56,25 @@ class DhParameters:
         joints = [_UNITS[part] for _ in self.table.joints for part in JOINT_PARTS]
         return ("m",) * 3 + ("rad",) * 3 + tuple(joints) + ("m",) * (3 * len(self.table.markers))
 
+    def scales(self, size: float) -> NDArray:
+        """Return the natural size of each parameter, on which a sigma says if it is known at all.
+
+        A radian of the joint, which is as many gears of the encoder; the arm's own lengths; the
+        gear itself. What is read in other units, or through another gear, is known as well.
+
+        Args:
+            size: Of the arm or of its workspace [m].
+
+        Returns:
+            Shape (P,).
+        """
+        by_unit = {"m": size, "rad": 1.0, "1": 1.0}
+        scales = np.array([by_unit[unit] for unit in self.units])
+        joints = scales[6 : 6 + 6 * len(self.servos.gear)].reshape(-1, len(JOINT_PARTS))
+        for part in ("theta_offset", "gear"):
+            joints[:, JOINT_PARTS.index(part)] = self.servos.gear
+        return scales
+
     @property
     def values(self) -> NDArray:
         """Values in the order of `names`."""

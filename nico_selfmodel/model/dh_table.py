@@ -9,7 +9,7 @@ from nico_selfmodel.geometry.rotation import rotation_about
 from nico_selfmodel.geometry.transform import transform
 from nico_selfmodel.model.arrays import frozen_array
 from nico_selfmodel.model.chain import Chain
-from nico_selfmodel.model.dh_conversion import NO_NORMAL_WITHIN, dh_rows_of_lines, parallel_rows
+from nico_selfmodel.model.dh_conversion import dh_rows_of_lines, parallel_rows
 
 _X, _Y, _Z = np.eye(3)
 
@@ -64,21 +64,24 @@ class DhTable:
 
         Args:
             chain: The lines.
-            like: A table whose kinds of rows, signs and gauge are followed, so that two versions
-                of one arm can be compared number by number. Only where axes have become exactly
-                parallel the row is Hayati's all the same.
+            like: A table whose signs and gauge are followed, so that two versions of one arm can
+                be compared number by number. Which rows are Hayati's is told by these lines alone:
+                a row made like one of other axes would put its feet tens of metres away.
 
         Returns:
             The table of the same arm.
         """
+        parallel = parallel_rows(chain.directions)
+        flip = np.zeros(len(parallel), dtype=bool)
+        if like is not None:
+            # Another kind of row has another sense of turned round.
+            flip = like.flipped & (like.parallel == parallel)
         rows = dh_rows_of_lines(
             chain.directions,
             chain.points,
             chain.p_WH_zero[0],
-            parallel=like.parallel | parallel_rows(chain.directions, NO_NORMAL_WITHIN)
-            if like
-            else parallel_rows(chain.directions),
-            flip=like.flipped if like else np.zeros(len(chain.joints), dtype=bool),
+            parallel=parallel,
+            flip=flip,
             first=(like.D[0], like.theta_zero[0]) if like else (0.0, 0.0),
         )
         frames = cls(

@@ -124,6 +124,9 @@ def test_a_real_table_is_imported_without_a_change_to_it(real_data_folder):
     }
     dataset = import_csv(real_data_folder / "franka_fr3" / "measurements.csv", column_map)
     train, test = dataset.split(0.3, 0)
-    assert (len(train), len(test)) == (80, 34)
+    # The arm was measured again where it stood, six times: 108 poses, 32 of them held out.
+    assert len(np.unique(dataset.pose)) == 108
+    assert len(np.unique(test.pose)) == 32
+    assert (len(train), len(test)) == (81, 33)
     assert dataset.measured.all()
     assert np.linalg.norm(dataset.encoder_span) > 1.0

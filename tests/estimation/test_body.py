@@ -18,7 +18,6 @@ from nico_selfmodel.estimation import (
 from nico_selfmodel.estimation.arm_views import LinesView
 from nico_selfmodel.estimation.board_check import BoardCheck
 from nico_selfmodel.estimation.body_start import in_left_eye, lines_of, reconstructed
-from nico_selfmodel.estimation.body_verdict import body_warnings
 from nico_selfmodel.estimation.camera_start import pose_of_seen_boards
 from nico_selfmodel.estimation.hand_pixels import HandPixels
 from nico_selfmodel.estimation.pixel_evaluation import evaluate_pixels
@@ -131,8 +130,8 @@ def test_the_thesis_own_variant_is_flagged_and_refused():
     verdict = judge_body(found)
     assert verdict.status == "FAIL"
     assert any("boards" in reason for reason in verdict.reasons)
-    assert any("the thesis' own variant" in words for words in body_warnings(found))
-    assert "`right.pose.x` holds the scale" in " ".join(body_warnings(found))
+    assert any("the thesis' own variant" in words for words in judge_body(found).warnings)
+    assert "`right.pose.x` holds the scale" in " ".join(judge_body(found).warnings)
 
 
 @pytest.mark.parametrize(
@@ -364,7 +363,7 @@ class TestBadInput:
         found = calibrate_body(lesson().train, lesson().eyes, wild)
         assert np.flatnonzero(found.board_outliers).tolist() == [3]
         assert 1e3 * evaluate(found.model, lesson().test).statistics.mean < 2.3
-        assert "1 boards contradict" in " ".join(body_warnings(found))
+        assert "1 boards contradict" in " ".join(judge_body(found).warnings)
 
     def test_boards_of_nobody(self):
         views = lesson().boards

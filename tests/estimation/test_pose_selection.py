@@ -97,7 +97,7 @@ def test_jacobians_are_the_derivatives_of_the_prediction(pool):
     size = np.sqrt(np.mean(np.sum(arms**2, axis=1)))
     for k, name in enumerate(free):
         i = parameters.names.index(name)
-        scale = size if parameters.units[i] == "m" else 1.0
+        scale = parameters.scales(size)[i]
         sides = []
         for sign in (1.0, -1.0):
             values = parameters.values.copy()

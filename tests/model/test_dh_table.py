@@ -167,21 +167,26 @@ def test_a_table_that_follows_itself_is_itself(make_chain, kinds, seed, hand_on_
     assert followed.p_NH == pytest.approx(table.p_NH, abs=1e-12)
 
 
-def test_axes_that_became_parallel_cannot_follow_a_table_that_crosses_them():
+@pytest.mark.parametrize("like_deg", [None, 0.1, 6.5, 10.0])
+@pytest.mark.parametrize(
+    ("tilt_deg", "hayati"), [(0.0, True), (1e-6, True), (0.09, True), (4.9, True), (5.1, False)]
+)
+def test_rows_between_nearly_parallel_axes_are_hayatis_whatever_table_is_followed(
+    tilt_deg, hayati, like_deg
+):
     def chain(tilt_deg):
         tilt = np.radians(tilt_deg)
         directions = np.array([[0, 0, 1], [0, np.sin(tilt), np.cos(tilt)], [1, 0, 0]])
         points = np.array([[0, 0, 0], [0.3, 0, 0.1], [0.5, 0.2, 0.1]])
         return Chain(("a", "b", "c"), directions, points, ("hand",), np.array([[0.7, 0.1, 0.2]]))
 
-    like = DhTable.from_chain(chain(10.0))
-    assert not like.parallel.any()
+    like = None if like_deg is None else DhTable.from_chain(chain(like_deg))
+    table = DhTable.from_chain(chain(tilt_deg), like)
+    assert table.parallel.tolist() == [hayati, False, False]
     q = np.random.default_rng(0).uniform(-1.0, 1.0, (20, 3))
-    for tilt_deg in (0.0, 1e-6):
-        table = DhTable.from_chain(chain(tilt_deg), like)
-        assert table.parallel.tolist() == [True, False, False]
-        assert table.forward(q) == pytest.approx(chain(tilt_deg).forward(q), abs=1e-12)
-    assert not DhTable.from_chain(chain(0.1), like).beta.any()
+    assert table.forward(q) == pytest.approx(chain(tilt_deg).forward(q), abs=1e-12)
+    # The feet of a common normal would lie as far away as the axes are from parallel.
+    assert np.abs([*table.D, *table.r]).max() < 6.0
 
 
 def test_a_gauge_of_ones_own_is_followed(make_chain):

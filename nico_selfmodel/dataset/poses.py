@@ -1,0 +1,100 @@
+"""Which rows belong to one pose: what noise belongs to, and what splits and counts go by."""
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import NDArray
+
+from nico_selfmodel.errors import DataError
+
+if TYPE_CHECKING:
+    from nico_selfmodel.dataset.dataset import Dataset
+
+_STANDING = 1e-4
+"""Part of a joint's span within which the readings of successive samples are those of a standing
+robot."""
+
+
+def pose_numbers(sample: NDArray, encoders: NDArray) -> tuple[NDArray, NDArray]:
+    """Number the poses of rows, and the visits to them.
+
+    Rows with equal readings are one pose, wherever they stand, and so are successive samples of a
+    robot that stands still but for the last digits: what is off there is off in all of them. Each
+    time that it came there is a visit, with a draw of joint noise of its own.
+
+    Args:
+        sample: Number of each row's sample, in the order of time. Shape (N,).
+        encoders: Readings. Shape (N, n).
+
+    Returns:
+        Numbers of poses and of visits, both from 0 in the order of the samples. Shape (N,) each.
+    """
+    samples, first, of_row = np.unique(sample, return_index=True, return_inverse=True)
+    of_row = of_row.reshape(len(sample))
+    standing = _run_starts(encoders[first])
+    visit = np.unique(standing, return_inverse=True)[1].reshape(len(samples))
+    _, lead, same = np.unique(
+        encoders[first][standing], axis=0, return_index=True, return_inverse=True
+    )
+    # In the order of time: the first sample of each pose numbers it.
+    rank = np.empty(len(lead), dtype=np.int64)
+    rank[np.argsort(lead, kind="stable")] = np.arange(len(lead))
+    return rank[same.reshape(len(samples))][of_row], visit[of_row]
+
+
+def _run_starts(readings: NDArray) -> NDArray:
+    """Return for each sample the first of the run in which the robot stands still. Shape (S,)."""
+    tolerance = _STANDING * np.ptp(readings, axis=0)
+    starts = np.arange(len(readings))
+    close = (np.abs(np.diff(readings, axis=0)) <= tolerance).all(axis=1)
+    for i in np.flatnonzero(close) + 1:
+        start = starts[i - 1]
+        if (np.abs(readings[i] - readings[start]) <= tolerance).all():
+            starts[i] = start
+    return starts
+
+
+def held_out_of(train: "Dataset", test: "Dataset") -> "Dataset":
+    """Return what of a test set is held out: the poses that the training does not have.
+
+    Args:
+        train: What is learned from.
+        test: What is to judge.
+
+    Returns:
+        The rows of `test` whose readings are those of no training row.
+
+    Raises:
+        DataError: If rows stand in both sets, or nothing else is left.
+    """
+    if train.joint_names != test.joint_names:
+        return test
+    known = {tuple(row) for row in train.encoders.tolist()}
+    shared = np.array([tuple(row) in known for row in test.encoders.tolist()])
+    if not shared.any():
+        return test
+    seen = set(_measured_rows(train, np.arange(len(train))))
+    same = sum(row in seen for row in _measured_rows(test, np.flatnonzero(shared)))
+    if same:
+        raise DataError(
+            f"{same} of {len(test)} rows of data set {test.name!r} stand in {train.name!r} too: "
+            "what was learned from shows nothing; hold out other data, or use --test-fraction"
+        )
+    if shared.all():
+        raise DataError(
+            f"data set {test.name!r} has no pose that {train.name!r} has not: its errors would say "
+            "nothing of other poses; record other poses to judge by"
+        )
+    return test.select(~shared)
+
+
+def _measured_rows(dataset: "Dataset", rows: NDArray) -> list[tuple[object, ...]]:
+    """Return readings, point, pixels and marker of rows in which anything was measured."""
+    measured = np.concatenate([dataset.p_WH_measured, dataset.pixels], axis=1)
+    rows = rows[np.isfinite(measured[rows]).any(axis=1)]
+    numbers = np.concatenate([dataset.encoders, measured], axis=1)[rows]
+    numbers = np.where(np.isnan(numbers), np.inf, numbers)
+    return [
+        (*values, marker)
+        for values, marker in zip(numbers.tolist(), dataset.marker[rows].tolist(), strict=True)
+    ]

@@ -1,0 +1,138 @@
+"""Residuals that depend on the pose: what an arm that bends, or gears off centre, leave.
+
+Noise of joints and tracker takes up what the model lacks, so that its size says nothing; whether
+it depends on joint angles, gravity, the other joints or the direction of approach does.
+"""
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from nico_selfmodel.estimation.observations import Observations
+from nico_selfmodel.estimation.score_test import Score, ScoreTest
+from nico_selfmodel.model import DhParameters
+
+LARGEST_CHANCE = 1e-5
+"""Of a pattern in noise alone; some fifty are looked for."""
+_FEWEST = 20
+"""Poses below which no pattern is looked for."""
+
+
+@dataclass(frozen=True, eq=False)
+class Pattern:
+    """Something that residuals depend on."""
+
+    cause: str
+    """In words: `the angle of elbow (eccentric gear or encoder, 0.4 deg)`."""
+    score: Score
+    """How sure, and how large."""
+    columns: NDArray
+    """What its numbers change of the predictions. Shape (N, 3, m)."""
+    ripple_of: str | None = None
+    """The joint, where it is waves in that joint's angle."""
+
+    def __str__(self) -> str:
+        """Say it in words."""
+        return (
+            f"the residuals depend on {self.cause}, by {1e3 * self.score.rms:.2g} mm at the hand "
+            f"(chance {self.score.chance:.0e})"
+        )
+
+
+def systematic_patterns(
+    observations: Observations, parameters: DhParameters, test: ScoreTest
+) -> tuple[Pattern, ...]:
+    """Name what the residuals depend on.
+
+    Args:
+        observations: What was measured.
+        parameters: The arm at its solution.
+        test: Residuals there.
+
+    Returns:
+        Patterns that noise does not make, the surest first.
+    """
+    if test.linear.whitening.groups.poses < _FEWEST:
+        return ()
+    found = []
+    for cause, columns, joint in _effects(observations, parameters, test.linear.by_angle):
+        score = test.of(columns)
+        if score.chance < LARGEST_CHANCE:
+            found.append(Pattern(_in_words(cause, score), score, columns, joint))
+    return tuple(sorted(found, key=lambda pattern: -pattern.score.gain / pattern.score.dof))
+
+
+def _effects(
+    observations: Observations, parameters: DhParameters, by_angle: NDArray
+) -> Iterator[tuple[str, NDArray, str | None]]:
+    """Yield what an arm may do that lines and gears do not have, as changes of its points."""
+    q = (observations.angles - parameters.servos.offset) / parameters.servos.gear
+    joints = parameters.table.joints
+    waves = np.stack([np.sin(q), np.cos(q), np.sin(2.0 * q), np.cos(2.0 * q)], axis=2)
+    for i, joint in enumerate(joints):
+        yield (
+            f"the angle of {joint} (eccentric gear or encoder, {{:.2g}} deg)",
+            by_angle[:, :, i, None] * waves[:, None, i],
+            joint,
+        )
+    moments = _moments(observations, parameters, q)
+    for i, joint in enumerate(joints):
+        yield (
+            f"gravity (sag of {joint}, {{:.2g}} deg)",
+            by_angle[:, :, i, None] * moments[:, None, i],
+            None,
+        )
+    for i, joint in enumerate(joints):
+        others = np.delete(q, i, axis=1)
+        if others.shape[1]:
+            yield (
+                f"the other joints at {joint} (coupling)",
+                by_angle[:, :, i, None] * (others - others.mean(axis=0))[:, None, :],
+                None,
+            )
+    backlash = backlash_columns(observations, by_angle)
+    for i, joint in enumerate(joints):
+        yield (
+            f"the direction from which {joint} came (backlash, half width {{:.2g}} deg)",
+            backlash[:, :, i, None],
+            None,
+        )
+
+
+def _in_words(cause: str, score: Score) -> str:
+    """Put the size of an effect into its words: the largest of its numbers, in degrees."""
+    return cause.format(np.degrees(np.abs(score.values).max(initial=0.0)))
+
+
+def _moments(observations: Observations, parameters: DhParameters, q: NDArray) -> NDArray:
+    """Return the moment about each joint of the hand's weight, for weights along x, y and z.
+
+    d_i . ((p - c_i) x e) = e . (d_i x (p - c_i)), over its largest length. Shape (N, n, 3).
+    """
+    frames = parameters.table.frames(q)
+    axes, places = frames[:-1, :, :3, 2], frames[:-1, :, :3, 3]
+    p = parameters.predict(observations.angles, observations.marker)[0]
+    moments = np.cross(axes, p - places).transpose(1, 0, 2)
+    return moments / np.maximum(np.abs(moments).max(axis=(0, 2), keepdims=True), 1e-12)
+
+
+def backlash_columns(observations: Observations, by_angle: NDArray) -> NDArray:
+    """Return what a radian of half width does, by the side from which each joint came.
+
+    The sample before tells it; a joint that stands still is where its last motion left it.
+
+    Args:
+        observations: What was measured; samples are numbered in the order of time.
+        by_angle: Derivatives of its points by the joint angles. Shape (N, 3, n).
+
+    Returns:
+        Shape (N, 3, n).
+    """
+    samples, first, of = np.unique(observations.sample, return_index=True, return_inverse=True)
+    side = np.zeros((len(samples), by_angle.shape[2]))
+    side[1:] = np.sign(np.diff(observations.angles[first], axis=0))
+    last = np.maximum.accumulate(np.where(side != 0.0, np.arange(len(side))[:, None], 0))
+    side = np.take_along_axis(side, last, axis=0)
+    return by_angle * side[of.reshape(-1)][:, None]
