@@ -16,6 +16,8 @@ from nico_selfmodel.model import DhParameters
 
 LARGEST_CHANCE = 1e-5
 """Of a pattern in noise alone; some fifty are looked for."""
+_SIMPLER = 7.0
+"""Chi square that each further number of a pattern must bring to be named first."""
 _FEWEST = 20
 """Poses below which no pattern is looked for."""
 
@@ -61,7 +63,7 @@ def systematic_patterns(
         score = test.of(columns)
         if score.chance < LARGEST_CHANCE:
             found.append(Pattern(_in_words(cause, score), score, columns, joint))
-    return tuple(sorted(found, key=lambda pattern: -pattern.score.gain / pattern.score.dof))
+    return tuple(sorted(found, key=lambda p: _SIMPLER * p.score.dof - p.score.gain))
 
 
 def _effects(
@@ -77,7 +79,7 @@ def _effects(
             by_angle[:, :, i, None] * waves[:, None, i],
             joint,
         )
-    moments = _moments(observations, parameters, q)
+    moments = _moments(parameters, q)
     for i, joint in enumerate(joints):
         yield (
             f"gravity (sag of {joint}, {{:.2g}} deg)",
@@ -106,15 +108,15 @@ def _in_words(cause: str, score: Score) -> str:
     return cause.format(np.degrees(np.abs(score.values).max(initial=0.0)))
 
 
-def _moments(observations: Observations, parameters: DhParameters, q: NDArray) -> NDArray:
-    """Return the moment about each joint of the hand's weight, for weights along x, y and z.
+def _moments(parameters: DhParameters, q: NDArray) -> NDArray:
+    """Return the moment about each joint of a load in the hand, for weights along x, y and z.
 
-    d_i . ((p - c_i) x e) = e . (d_i x (p - c_i)), over its largest length. Shape (N, n, 3).
+    d_i . ((p - c_i) x e) = e . (d_i x (p - c_i)), over its largest length. The load is the same
+    whichever marker was seen. Shape (N, n, 3).
     """
     frames = parameters.table.frames(q)
-    axes, places = frames[:-1, :, :3, 2], frames[:-1, :, :3, 3]
-    p = parameters.predict(observations.angles, observations.marker)[0]
-    moments = np.cross(axes, p - places).transpose(1, 0, 2)
+    axes, places = frames[:-1, :, :3, 2], frames[:, :, :3, 3]
+    moments = np.cross(axes, places[-1] - places[:-1]).transpose(1, 0, 2)
     return moments / np.maximum(np.abs(moments).max(axis=(0, 2), keepdims=True), 1e-12)
 
 

@@ -134,17 +134,15 @@ def _imperfect(rng, arm, kind):
     if kind == "backlash":
         return replace(arm, backlash=np.radians(rng.uniform(0.05, 0.5, n)))
     if kind == "eccentricity":
-        return replace(
-            arm, eccentricity=np.radians(rng.uniform(0.2, 3.0, n)) * (rng.random(n) < 0.7)
-        )
+        size = np.radians(rng.uniform(0.2, 3.0, n))
+        return replace(arm, eccentricity=size * (rng.random(n) < 0.7))
     if kind == "coupling":
         pairs = rng.uniform(-0.02, 0.02, (n, n)) * (rng.random((n, n)) < 0.5)
         return replace(arm, coupling=pairs * ~np.eye(n, dtype=bool))
     if kind == "sag":
         # At most so much at the joint, stretched out.
-        return replace(
-            arm, sag=np.radians(rng.uniform(0.1, 1.5, n)) / (arm.reach * arm.masses.sum())
-        )
+        weight = arm.reach * arm.masses.sum()
+        return replace(arm, sag=np.radians(rng.uniform(0.1, 1.5, n)) / weight)
     return arm
 
 
@@ -204,7 +202,6 @@ class Recording:
     """Measured there, marker 0. Shape (500, 3)."""
     p_WH_exact: np.ndarray
     """Where a rigid arm without any noise has it. Shape (500, 3)."""
-    effect: str = ""
 
 
 def random_recording(kind, seed, fresh=500):
@@ -217,8 +214,7 @@ def random_recording(kind, seed, fresh=500):
     """
     rng = np.random.default_rng([KINDS.index(kind), seed])
     arm = random_arm(rng, kind)
-    n, m = len(arm.gear), len(arm.hands)
-    unknowns = 5 * n + 3 * m
+    n, unknowns = len(arm.gear), 5 * len(arm.gear) + 3 * len(arm.hands)
     count = int(rng.integers(max(40, unknowns), 160))
     q, sweep = _poses(rng, arm, count, kind)
     noise = np.random.default_rng([KINDS.index(kind), seed, 1])
@@ -229,8 +225,6 @@ def random_recording(kind, seed, fresh=500):
     true = arm.bent(q_fresh, approach) + arm.joint_sigma * rng.normal(size=(fresh, n))
     first = np.zeros(fresh, dtype=int)
     p = arm.hand(true, first) + arm.tracker_sigma * rng.normal(size=(fresh, 3))
-    names = sorted(dataset.markers)
-    assert names[0] == "m0"
     readings, exact = arm.readings(q_fresh), arm.hand(q_fresh, first)
     return Recording(kind, seed, arm, dataset, sound, readings, p, exact)
 
@@ -270,11 +264,9 @@ def _recorded(arm, q, sweep, kind, rng):
     joint = arm.joint_sigma * rng.normal(size=q.shape)
     if kind == "repeats":
         # Frames of a standing arm share what its joints are off by.
-        same = np.r_[True, (np.diff(q, axis=0) != 0.0).any(axis=1)]
-        level = np.radians(rng.uniform(0.1, 0.4))
-        joint = (level * rng.normal(size=q.shape))[
-            np.maximum.accumulate(np.where(same, np.arange(count), 0))
-        ]
+        moved = np.r_[True, (np.diff(q, axis=0) != 0.0).any(axis=1)]
+        stand = np.maximum.accumulate(np.where(moved, np.arange(count), 0))
+        joint = np.radians(rng.uniform(0.1, 0.4)) * rng.normal(size=q.shape)[stand]
     true = arm.bent(q, approach) + joint
     markers = np.repeat(np.arange(m)[None], count, axis=0)
     noise = arm.tracker_sigma * rng.normal(size=(count, m, 3))
@@ -296,13 +288,8 @@ def _faulty(arm, q, true, readings, p, noise, kind, rng):
         by = arm.readings(np.full((1, n), np.radians(rng.uniform(1.0, 10.0)) * rng.choice([-1, 1])))
         readings[half:, i] += (by - arm.readings(np.zeros((1, n))))[0, i]
     elif kind == "marker slip":
-        p[half:, rng.integers(m)] += (
-            _unit(rng.normal(size=3)) @ np.eye(3) * rng.uniform(0.003, 0.02)
-        )
-        shift = _unit(rng.normal(size=3)) * size * rng.uniform(0.003, 0.02)
-        k = rng.integers(m)
+        shift, k = _unit(rng.normal(size=3)) * size * rng.uniform(0.003, 0.02), rng.integers(m)
         moved = replace(arm, hands=arm.hands + shift * (np.arange(m) == k)[:, None])
-        p = np.stack([arm.hand(true, np.full(count, i)) for i in range(m)], axis=1) + noise
         p[half:, k] = (moved.hand(true, np.full(count, k)) + noise[:, k])[half:]
     elif kind == "drift":
         way = _unit(rng.normal(size=3)) * size * rng.uniform(0.005, 0.03)
@@ -313,14 +300,12 @@ def _faulty(arm, q, true, readings, p, noise, kind, rng):
         at = np.arange(count) - late
         delayed = np.stack([np.interp(at, np.arange(count), true[:, i]) for i in range(n)], axis=1)
         p = np.stack([arm.hand(delayed, np.full(count, i)) for i in range(m)], axis=1) + noise
+    elif kind == "wrong unit" and arm.unit == "counts":
+        # Some of the rows of one joint were read at another resolution.
+        high = q[:, 0] > np.median(q[:, 0])
+        readings[:, 0] = np.where(high, 2.0 * readings[:, 0], readings[:, 0])
     elif kind == "wrong unit":
-        if arm.unit == "counts":
-            unit = {"counts_per_turn": arm.counts_per_turn * 1.0}
-            readings[:, 0] = np.where(
-                q[:, 0] > np.median(q[:, 0]), readings[:, 0] * 2.0, readings[:, 0]
-            )
-        else:
-            unit = {"unit": "deg" if arm.unit == "rad" else "rad"}
+        unit = "deg" if arm.unit == "rad" else "rad"
     elif kind == "exchanged columns":
         i = int(rng.integers(n - 1))
         readings[:, [i, i + 1]] = readings[:, [i + 1, i]]
@@ -328,23 +313,17 @@ def _faulty(arm, q, true, readings, p, noise, kind, rng):
         k, link = int(rng.integers(1, m)), int(rng.integers(0, n - 1))
         p[:, k] = arm.hand(true, np.full(count, k), link) + noise[:, k]
     elif kind.startswith("outliers"):
-        share = float(kind.split()[1]) / 100.0
-        wrong = rng.random((count, m)) < share
-        p[wrong] += (
-            size
-            * rng.uniform(0.05, 0.5, (int(wrong.sum()), 1))
-            * np.array([_unit(v) for v in rng.normal(size=(int(wrong.sum()), 3))]).reshape(-1, 3)
-        )
+        wrong = rng.random((count, m)) < float(kind.split()[1]) / 100.0
+        ways = rng.normal(size=(int(wrong.sum()), 3))
+        ways /= np.linalg.norm(ways, axis=1, keepdims=True)
+        p[wrong] += size * rng.uniform(0.05, 0.5, (len(ways), 1)) * ways
     return readings, p, unit
 
 
-def _dataset(arm, readings, p, sweep, other=None):
-    n, (count, m) = len(arm.gear), p.shape[:2]
-    unit = (other or {}).get("unit", arm.unit)
-    turns = arm.counts_per_turn if unit == "counts" else [None] * n
-    joints = tuple(
-        JointInfo(f"j{i}", unit, None if turns[i] is None else float(turns[i])) for i in range(n)
-    )
+def _dataset(arm, readings, p, sweep, unit=None):
+    n, (count, m), unit = len(arm.gear), p.shape[:2], unit or arm.unit
+    turns = arm.counts_per_turn.tolist() if unit == "counts" else [None] * n
+    joints = tuple(JointInfo(f"j{i}", unit, turns[i]) for i in range(n))
     rows = np.repeat(np.arange(count), m)
     return Dataset(
         "set",
@@ -354,5 +333,4 @@ def _dataset(arm, readings, p, sweep, other=None):
         p.reshape(-1, 3),
         sweep=sweep[rows].astype(str),
         marker=np.tile([f"m{k}" for k in range(m)], count),
-        point_sigma_m=None,
     )

@@ -1,0 +1,116 @@
+"""Noise of sensor and joints: one draw a pose, whitened together, variances by likelihood."""
+
+import numpy as np
+import pytest
+
+from nico_selfmodel.estimation.noise_variances import LinearResiduals, most_likely_noise
+from nico_selfmodel.estimation.pose_noise import PoseGroups, PoseNoise, PoseWhitening
+
+
+def grouped(seed=0, visits=30, markers=3, joints=4, missing=0.3):
+    """Return visits, which rows count, and slopes by the joint angles."""
+    rng = np.random.default_rng(seed)
+    visit = np.repeat(np.arange(visits), markers)
+    order = rng.permutation(len(visit))
+    keep = rng.random(len(visit)) > missing
+    return visit[order], keep, rng.normal(size=(len(visit), 3, joints))
+
+
+def dense(visit, rows, by_angle, noise):
+    """Return S of the rows that count, formed as it is written. Shape (3K, 3K)."""
+    A = by_angle[rows] * noise.joint_sigma
+    S = np.einsum("aij,bkj->aibk", A, A) * (visit[rows][:, None] == visit[rows])[:, None, :, None]
+    return S.reshape(3 * len(rows), -1) + noise.sensor_sigma**2 * np.eye(3 * len(rows))
+
+
+@pytest.mark.parametrize("joint", [0.0, 1e-6, 0.01, 3.0])
+def test_whitening_and_inverse_are_those_of_the_whole_covariance(joint):
+    visit, keep, by_angle = grouped()
+    noise = PoseNoise(0.02, joint * np.array([1.0, 0.0, 2.0, 0.5]))
+    groups = PoseGroups(visit, keep, 3)
+    whitening = PoseWhitening(groups, by_angle, noise)
+    S = dense(visit, groups.rows, by_angle, noise)
+    x = np.random.default_rng(1).normal(size=(len(visit), 3, 2))
+    flat = x[groups.rows].reshape(-1, 2)
+    white = groups.scatter(whitening.root(groups.gather(x)))
+    solved = groups.scatter(whitening.inverse(groups.gather(x)))
+    assert not white[~keep].any()
+    assert solved[keep].reshape(-1, 2) == pytest.approx(np.linalg.solve(S, flat), rel=1e-8)
+    white = white[keep].reshape(-1, 2)
+    assert white.T @ white == pytest.approx(flat.T @ np.linalg.solve(S, flat), rel=1e-9)
+    assert whitening.log_determinant == pytest.approx(np.linalg.slogdet(S)[1], rel=1e-9)
+    trace = noise.sensor_sigma**2 * np.trace(np.linalg.inv(S))
+    assert whitening.inverse_trace == pytest.approx(trace, rel=1e-9)
+
+
+def test_the_order_of_rows_does_not_matter():
+    visit, keep, by_angle = grouped(2)
+    noise = PoseNoise(0.02, np.full(4, 0.01))
+    x = np.random.default_rng(1).normal(size=(len(visit), 3, 2))
+    order = np.random.default_rng(5).permutation(len(visit))
+
+    def whitened(rows):
+        groups = PoseGroups(visit[rows], keep[rows], 3)
+        found = PoseWhitening(groups, by_angle[rows], noise)
+        return groups.scatter(found.inverse(groups.gather(x[rows])))
+
+    assert whitened(order) == pytest.approx(whitened(np.arange(len(visit)))[order], rel=1e-9)
+
+
+def test_all_visits_of_a_pose_together_count_as_one():
+    groups = PoseGroups(np.array([0, 1, 1, 2, 3]), np.ones(5, bool), 3, np.array([0, 1, 1, 0, 0]))
+    assert groups.weight == pytest.approx([1 / 3, 1.0, 1 / 3, 1 / 3])
+
+
+def drawn(seed, sensor, joint, visits=80, markers=2, parameters=12):
+    """Return residuals of a linear fit whose noise has these standard deviations."""
+    rng = np.random.default_rng(seed)
+    joint = np.asarray(joint, dtype=float)
+    visit = np.repeat(np.arange(visits), markers)
+    by_angle = rng.normal(scale=0.3, size=(len(visit), 3, len(joint)))
+    delta = rng.normal(size=(visits, len(joint))) * joint
+    r = np.einsum("nij,nj->ni", by_angle, delta[visit]) + sensor * rng.normal(size=(len(visit), 3))
+    J = rng.normal(size=(len(visit), 3, parameters))
+    flat, target = J.reshape(-1, parameters), r.ravel()
+    r = (target - flat @ np.linalg.lstsq(flat, target)[0]).reshape(-1, 3)
+    groups = PoseGroups(visit, np.ones(len(visit), dtype=bool), 3)
+    return LinearResiduals(groups, groups.gather(r[:, :, None]), groups.gather(J), by_angle)
+
+
+def test_variances_are_found_without_the_bias_of_what_the_fit_took():
+    start = PoseNoise(1e-3, np.full(4, 1e-3))
+    found = [
+        most_likely_noise(drawn(seed, 2e-4, [4e-3] * 4, visits=30), start, np.zeros(4))
+        for seed in range(60)
+    ]
+    sensor = np.array([noise.sensor_sigma**2 for noise in found])
+    joint = np.array([noise.joint_sigma[0] ** 2 for noise in found])
+    assert sensor.mean() == pytest.approx(4e-8, rel=0.06)
+    assert joint.mean() == pytest.approx(16e-6, rel=0.06)
+
+
+def test_joints_have_variances_of_their_own_only_where_the_data_ask_for_it():
+    start = PoseNoise(1e-3, np.full(3, 1e-3))
+    alike = [
+        most_likely_noise(drawn(s, 2e-4, [3e-3] * 3), start, np.zeros(3), apart=True)
+        for s in range(40)
+    ]
+    assert sum(np.ptp(noise.joint_sigma) > 1e-9 for noise in alike) <= 1
+    differing = most_likely_noise(
+        drawn(0, 2e-4, [1e-3, 1e-2, 3e-3]), start, np.zeros(3), apart=True
+    )
+    assert differing.joint_sigma == pytest.approx([1e-3, 1e-2, 3e-3], rel=0.35)
+
+
+def test_what_is_known_of_the_joints_is_part_of_their_noise():
+    start = PoseNoise(1e-3, np.full(3, 1e-3))
+    known = np.array([9e-6, 0.0, 0.0])
+    found = most_likely_noise(drawn(0, 2e-4, [3e-3, 1e-9, 1e-9]), start, known)
+    assert found.joint_sigma[0] == pytest.approx(3e-3, rel=0.05)
+    assert found.joint_sigma[1:].max() < 3e-4
+
+
+def test_a_sensor_that_is_given_is_not_estimated():
+    start = PoseNoise(1e-3, np.full(2, 1e-3))
+    found = most_likely_noise(drawn(0, 2e-4, [3e-3] * 2), start, np.zeros(2), sensor_sigma=5e-4)
+    assert found.sensor_sigma == 5e-4
