@@ -146,9 +146,12 @@ def _check_poses(poses: Path | None, free: int | None, sensor: str, mirror: bool
 
 def _chosen(poses: Path | None, joints: tuple[str, ...]) -> "NDArray | None":
     """Read the poses of a file."""
+    from nico_selfmodel.files.reading import LARGEST_TABLE, read_text
     from nico_selfmodel.model.readings import readings_from_table
 
-    return None if poses is None else readings_from_table(poses.read_text("utf-8"), joints)
+    if poses is None:
+        return None
+    return readings_from_table(read_text(poses, LARGEST_TABLE), joints, str(poses))
 
 
 def _check_mirror(sensor: str, circle: int, free: int, real: bool) -> None:

@@ -127,10 +127,11 @@ def record_hardware(
     import numpy as np
 
     from nico_selfmodel.experiments.real_recording import RealRecording
+    from nico_selfmodel.files.reading import LARGEST_TABLE, read_text
 
     config = _configuration(hardware)
     rng = np.random.default_rng((seed, session, 2))
-    table = None if poses is None else poses.read_text(encoding="utf-8")
+    table = None if poses is None else read_text(poses, LARGEST_TABLE)
     planned = RealRecording.planned(sensor, config.joint_infos, circle, free, rng, table)
     servos = _servos(hardware, config)
     motion_capture = _motion_capture(sensor, hardware)

@@ -7,15 +7,15 @@ from dataclasses import asdict, fields
 from pathlib import Path
 from typing import Any
 
-from nico_selfmodel.dataset.yaml_mapping import (
+from nico_selfmodel.errors import DataError
+from nico_selfmodel.files import write_whole
+from nico_selfmodel.files.yaml_mapping import (
     check_keys,
     integer_value,
     number_value,
     read_yaml_mapping,
     text_value,
 )
-from nico_selfmodel.errors import DataError
-from nico_selfmodel.files import write_whole
 from nico_selfmodel.servos.gains import Gains
 from nico_selfmodel.servos.servo_config import HomePlan, JointServo, ServoConfig
 

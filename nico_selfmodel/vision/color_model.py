@@ -8,14 +8,14 @@ import cv2
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from nico_selfmodel.dataset.yaml_mapping import (
+from nico_selfmodel.errors import DataError
+from nico_selfmodel.files import write_whole
+from nico_selfmodel.files.yaml_mapping import (
     check_keys,
     number_value,
     read_yaml_mapping,
     text_value,
 )
-from nico_selfmodel.errors import DataError
-from nico_selfmodel.files import write_whole
 from nico_selfmodel.vision.image_array import as_color
 
 FORMAT = "nico-color/1"
