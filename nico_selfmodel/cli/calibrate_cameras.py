@@ -46,6 +46,9 @@ Name = Annotated[str | None, typer.Option("--name", help="Name of the self-model
 RequireTestPx = Annotated[
     float | None, typer.Option("--require-test-px", help="FAIL above this rms on held-out boards.")
 ]
+SwapEyes = Annotated[
+    bool, typer.Option("--swap-eyes", help="Take left* for the right eye, and right* for the left.")
+]
 Force = Annotated[bool, typer.Option("--force", help="Replace an existing folder.")]
 AsJson = Annotated[bool, typer.Option("--json", help="Print result.json instead.")]
 
@@ -80,12 +83,13 @@ def stereo(
     seed: Seed = 0,
     name: Name = None,
     require_test_px: RequireTestPx = None,
+    swap_eyes: SwapEyes = False,
     force: Force = False,
     as_json: AsJson = False,
 ) -> None:
     """Learn a pair of eyes from pairs of photographs, left* and right*, of a chessboard."""
     from nico_selfmodel.files import refuse_folder
-    from nico_selfmodel.vision import Board, detect_boards
+    from nico_selfmodel.vision import Board, detect_boards, stereo_pairs
 
     refuse_folder(out, force=force, inputs=[images])
     request = _Request(
@@ -99,7 +103,10 @@ def stereo(
         as_json,
     )
     with console.progress_bar() as stage:
-        found = detect_boards(images, Board.parse(board, square_mm), window, stage)
+        pairs = stereo_pairs(images)
+        if swap_eyes:
+            pairs = [(name, right, left) for name, left, right in pairs]
+        found = detect_boards(pairs, Board.parse(board, square_mm), window, stage)
         document = _learn(found, request, stage)
     _report(document, request)
 

@@ -11,9 +11,10 @@ from nico_selfmodel.estimation.body_document import body_document
 from nico_selfmodel.estimation.body_options import BodyOptions
 from nico_selfmodel.estimation.body_verdict import judge_body
 from nico_selfmodel.estimation.camera_adjustment import CameraCalibration
-from nico_selfmodel.estimation.camera_assessment import CameraAssessment, judge_cameras
+from nico_selfmodel.estimation.camera_assessment import CameraAssessment
 from nico_selfmodel.estimation.camera_document import camera_document
 from nico_selfmodel.estimation.camera_options import CameraOptions
+from nico_selfmodel.estimation.camera_verdict import judge_cameras
 from nico_selfmodel.estimation.circle_points import (
     CirclePointAnalysis,
     SweepCircle,

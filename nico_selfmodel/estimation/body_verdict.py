@@ -4,7 +4,7 @@ import numpy as np
 
 from nico_selfmodel.estimation.blind_words import describe_blind
 from nico_selfmodel.estimation.body import BodyCalibration
-from nico_selfmodel.estimation.camera_assessment import fold_reasons_of
+from nico_selfmodel.estimation.lens_folds import folds_of
 from nico_selfmodel.estimation.pixel_evaluation import PixelEvaluation
 from nico_selfmodel.estimation.verdict import Verdict, rank_score
 from nico_selfmodel.model.stereo_rig import EYES
@@ -80,7 +80,7 @@ def body_warnings(calibration: BodyCalibration) -> tuple[str, ...]:
             f"{int(calibration.board_outliers.sum())} boards contradict the rest: left out"
         )
     rig = calibration.model.rig
-    words += fold_reasons_of(EYES, rig.eyes, rig.left.image_size)
+    words += folds_of(EYES, rig.eyes, rig.left.image_size).values()
     return tuple(words)
 
 

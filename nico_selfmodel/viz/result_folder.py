@@ -129,7 +129,8 @@ def load_scene(result: str | Path) -> Scene:
     try:
         text = read_text(path, LARGEST_SCENE)
     except DataError as error:
-        raise ModelError(str(error)) from error
+        reason = str(error).removeprefix(f"{path}: ").removeprefix("cannot be read: ")
+        raise ModelError(f"{path} cannot be read: {reason}") from error
     try:
         return Scene.from_json(text)
     except ModelError as error:
