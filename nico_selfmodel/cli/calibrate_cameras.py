@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from nico_selfmodel.cli import console
+from nico_selfmodel.cli.given_names import ModelName, name_after
 
 if TYPE_CHECKING:
     from nico_selfmodel.estimation import CameraOptions
@@ -42,7 +43,6 @@ TestFraction = Annotated[
     typer.Option("--test-fraction", min=0.0, max=1.0, help="Share of the boards to hold out."),
 ]
 Seed = Annotated[int, typer.Option("--seed", min=0, help="Of the boards held out.")]
-Name = Annotated[str | None, typer.Option("--name", help="Name of the self-model.")]
 RequireTestPx = Annotated[
     float | None, typer.Option("--require-test-px", help="FAIL above this rms on held-out boards.")
 ]
@@ -81,7 +81,7 @@ def stereo(
     loss: LossName = "trimmed",
     test_fraction: TestFraction = None,
     seed: Seed = 0,
-    name: Name = None,
+    name: ModelName = None,
     require_test_px: RequireTestPx = None,
     swap_eyes: SwapEyes = False,
     force: Force = False,
@@ -96,7 +96,7 @@ def stereo(
         _options(pin, free, prior, tangential, fixed_aspect, loss),
         test_fraction,
         seed,
-        name or images.resolve().name,
+        name or name_after(images),
         require_test_px,
         out,
         force,
@@ -128,7 +128,7 @@ def camera(
     loss: LossName = "trimmed",
     test_fraction: TestFraction = None,
     seed: Seed = 0,
-    name: Name = None,
+    name: ModelName = None,
     require_test_px: RequireTestPx = None,
     force: Force = False,
     as_json: AsJson = False,
@@ -144,7 +144,7 @@ def camera(
         _options(pin, free, prior, tangential, fixed_aspect, loss),
         test_fraction,
         seed,
-        name or images.resolve().name,
+        name or name_after(images),
         require_test_px,
         out,
         force,

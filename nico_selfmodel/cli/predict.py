@@ -8,6 +8,7 @@ from typing import Annotated
 import typer
 
 from nico_selfmodel.cli import console
+from nico_selfmodel.names import listed
 
 
 def predict(
@@ -39,7 +40,7 @@ def predict(
     learned = SelfModel.load(model)
     if (encoders is None) == (table is None):
         raise ValueError(
-            f"give --encoders or --table; the joints are {', '.join(learned.joints)}, in "
+            f"give --encoders or --table; the joints are {listed(learned.joints)}, in "
             f"{', '.join(learned.servos.unit)}"
         )
     if table is None:

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from nico_selfmodel.cli import console
+from nico_selfmodel.cli.given_names import name_after
 from nico_selfmodel.cli.servo_options import ask, speed_of
 
 if TYPE_CHECKING:
@@ -264,7 +265,7 @@ def _record(
         with console.progress_bar() as stage:
             return planned.run(
                 station,
-                out.name,
+                name_after(out),
                 source=source,
                 folder=out,
                 keep_images=images,

@@ -8,6 +8,7 @@ from numpy.typing import NDArray
 from nico_selfmodel.dataset import Dataset
 from nico_selfmodel.errors import DataError
 from nico_selfmodel.model import ServoMap
+from nico_selfmodel.names import listed
 
 
 @dataclass(frozen=True, eq=False)
@@ -55,7 +56,7 @@ class Observations:
         if not rows.size:
             raise DataError(
                 f"data set {dataset.name!r} has no measured point (x_m, y_m, z_m) of "
-                f"{', '.join(known) or 'any marker'}: kinematics needs positions"
+                f"{listed(known) or 'any marker'}: kinematics needs positions"
             )
         index = {name: i for i, name in enumerate(known)}
         units = servo_units(dataset)

@@ -19,6 +19,7 @@ from nico_selfmodel.estimation.observations import Observations
 from nico_selfmodel.estimation.pixel_observations import PixelObservations, columns_of
 from nico_selfmodel.model.self_model import SelfModel
 from nico_selfmodel.model.stereo_rig import EYES
+from nico_selfmodel.names import listed
 
 SENSORS = ("auto", "pixels", "points")
 """`auto`: pixels where the model has eyes and the data have pixels, else points."""
@@ -193,8 +194,8 @@ def _check_markers(model: SelfModel, dataset: Dataset) -> None:
     unknown = sorted(set(dataset.marker[seen].tolist()) - set(model.markers))
     if unknown:
         raise DataError(
-            f"data set {dataset.name!r} tracks {', '.join(unknown)}, which the self-model does not "
-            f"know; it knows {', '.join(model.markers)}"
+            f"data set {dataset.name!r} tracks {listed(unknown)}, which the self-model does not "
+            f"know; it knows {listed(model.markers)}"
         )
 
 

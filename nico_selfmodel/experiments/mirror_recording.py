@@ -13,6 +13,7 @@ from nico_selfmodel.estimation.mirror_poses import MirrorPoses, plan_mirror_pose
 from nico_selfmodel.experiments.eyes_lesson import NicoBeforeItsEyes
 from nico_selfmodel.model import Mirror, SelfModel, StereoRig
 from nico_selfmodel.model.stereo_rig import EYES
+from nico_selfmodel.names import check_name
 from nico_selfmodel.recording import Plan, RecordedSamples, commands_of_angles
 from nico_selfmodel.systems import NicoStation, StationBody
 from nico_selfmodel.systems.mirror_scene import MirrorPlate, put_mirror
@@ -229,6 +230,7 @@ def mirror_of_words(words: str) -> tuple[str, Mirror]:
     name, _, place = words.partition("=")
     if not name.strip():
         raise ValueError(f"--mirror {words}: a mirror needs a name, as in glass=300,0,-20")
+    check_name(name.strip(), "the name of a mirror")
     if not place:
         return name.strip(), DEFAULT_MIRROR
     try:

@@ -221,7 +221,7 @@ class SelfModel:
         if readings.ndim != 2 or readings.shape[1] != len(self.joints):
             raise ValueError(
                 f"readings must have shape (N, {len(self.joints)}) for the joints "
-                f"{', '.join(self.joints)}, got {readings.shape}"
+                f"{listed(self.joints)}, got {readings.shape}"
             )
         index = self.chain.marker_index(marker) if isinstance(marker, str) else marker
         index = np.broadcast_to(np.asarray(0 if index is None else index), (len(readings),))

@@ -16,6 +16,7 @@ from nico_selfmodel.files.yaml_mapping import (
     read_yaml_mapping,
     text_value,
 )
+from nico_selfmodel.names import shown
 from nico_selfmodel.vision.image_array import as_color
 
 FORMAT = "nico-color/1"
@@ -188,12 +189,12 @@ class ColorModel:
         content = read_yaml_mapping(path)
         if content.get("format") != FORMAT:
             raise DataError(
-                f"{path}: 'format' must be {FORMAT}, got {content.get('format')!r}; make such a"
-                " file with nico-selfmodel pick-color"
+                f"{path}: 'format' must be {FORMAT}, got {shown(content.get('format'))}; make such"
+                " a file with nico-selfmodel pick-color"
             )
         dominant = text_value(content, "dominant", str(path))
         if dominant not in CHANNELS:
-            raise DataError(f"{path}: 'dominant' must be red, green or blue, got {dominant!r}")
+            raise DataError(f"{path}: 'dominant' must be red, green or blue, got {shown(dominant)}")
         over = [f"over_{name}" for name in CHANNELS if name != dominant]
         needed = [*over, "hue_deg", "hue_range_deg", "saturation"]
         keys = [*needed, "least_area_px", "blur_px"]

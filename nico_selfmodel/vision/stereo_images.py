@@ -253,7 +253,7 @@ def _find(
         if progress:
             progress("looking for boards", done, len(files))
     if len(sizes) > 1:
-        seen = ", ".join(f"{path.name} has {w}x{h}" for (w, h), path in sizes.items())
+        seen = listed(f"{path.name} has {w}x{h}" for (w, h), path in sizes.items())
         raise DataError(f"{files[0].parent}: images of different sizes: {seen} pixels")
     detections = [item for item in found if isinstance(item, ChessboardDetection)]
     if not detections:

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from nico_selfmodel.errors import DataError, ModelError
 from nico_selfmodel.files.json_text import parse_json
 from nico_selfmodel.model.arrays import frozen_array
-from nico_selfmodel.names import shown
+from nico_selfmodel.names import listed, shown
 from nico_selfmodel.viz.scene_items import ITEM_KINDS, Item, Rgba
 
 FORMAT = "nico-scene/1"
@@ -69,7 +69,7 @@ class Scene:
         paths = [item.path for item in self.items]
         repeated = sorted({path for path in paths if paths.count(path) > 1})
         if repeated:
-            raise ValueError(f"paths must differ, got {', '.join(repeated)} more than once")
+            raise ValueError(f"paths must differ, got {listed(repeated)} more than once")
 
     @property
     def paths(self) -> tuple[str, ...]:
