@@ -60,8 +60,8 @@ def detectable(image: NDArray) -> NDArray:
     gray = as_gray(image)
     if min(gray.shape) < SMALLEST_SIDE or max(gray.shape) > LARGEST_SIDE:
         raise ValueError(
-            f"an image must have {SMALLEST_SIDE} to {LARGEST_SIDE} pixels a side, got "
-            f"{gray.shape[1]}x{gray.shape[0]}"
+            f"{gray.shape[1]}x{gray.shape[0]} pixels; an image must have at least {SMALLEST_SIDE} "
+            f"a side for anything to be seen in it, and at most {LARGEST_SIDE}"
         )
     return gray
 

@@ -92,10 +92,12 @@ def looking_at(path: Path) -> Iterator[None]:
     """Let what OpenCV or a detector does not like in a picture be said with the picture's name.
 
     Raises:
-        DataError: In place of OpenCV's errors.
+        DataError: In place of their errors.
     """
     try:
         yield
+    except ValueError as error:
+        raise DataError(f"{path}: {error}") from error
     except cv2.error as error:
         reason = " ".join(str(error).split())
         raise DataError(f"{path}: OpenCV cannot look at this picture: {reason}") from error

@@ -27,7 +27,7 @@ def check_header(content: bytes) -> tuple[int, int]:
         content: The file.
 
     Raises:
-        ValueError: If it is neither PNG nor JPEG, cut off, too small or too large.
+        ValueError: If it is neither PNG nor JPEG, cut off, empty or too large.
     """
     if content.startswith(_PNG):
         width, height = _size_of_png(content)
@@ -36,8 +36,8 @@ def check_header(content: bytes) -> tuple[int, int]:
     else:
         raise ValueError("not an image that can be read; save it as PNG or JPEG")
     size = f"{width}x{height} pixels"
-    if min(width, height) < SMALLEST_SIDE:
-        raise ValueError(f"{size}; at least {SMALLEST_SIDE} a side are needed to see anything")
+    if not width or not height:
+        raise ValueError(f"{size}; an image was expected")
     if max(width, height) > LARGEST_SIDE or width * height > MOST_PIXELS:
         raise ValueError(
             f"{size}; at most {MOST_PIXELS // 10**6} megapixels and {LARGEST_SIDE} a side are read:"

@@ -281,7 +281,10 @@ def _not_seen(
 
 def _no_board(files: Sequence[Path], board: Board, tried: dict[str, str]) -> str:
     """Say in which images what was tried, and which board may have been meant."""
-    guesses = [size_of_board(read_image(path)) for path in files[:_IMAGES_FOR_A_HINT]]
+    guesses = []
+    for path in files[:_IMAGES_FOR_A_HINT]:
+        with looking_at(path):
+            guesses.append(size_of_board(read_image(path)))
     sizes = Counter(guess for guess in guesses if guess)
     hint = "the size counts inner corners: 10x7 squares have 9x6"
     if sizes:

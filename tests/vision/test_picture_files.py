@@ -58,12 +58,10 @@ def test_the_size_is_found_behind_what_a_camera_writes_before_it():
 @pytest.mark.parametrize(
     ("content", "message"),
     [
-        (empty_png(1, 4000), "1x4000 pixels; at least 16 a side"),
-        (empty_png(15, 15), "at least 16 a side"),
         (empty_png(9000, 9000), "9000x9000 pixels; at most 40 megapixels"),
         (empty_png(40_000, 20), "30000 a side"),
         (empty_png(2**31 - 1, 2**31 - 1), "at most 40 megapixels"),
-        (empty_png(0, 100), "at least 16 a side"),
+        (empty_png(0, 100), "0x100 pixels; an image was expected"),
         (encoded(64, 48, ".jpg")[:-200], "cut off"),
         (encoded(64, 48, ".jpg")[:10], "a JPEG without a header"),
         (encoded(64, 48)[:20], "a PNG without a header"),
@@ -116,6 +114,27 @@ def test_what_is_no_file_is_neither_waited_for_nor_left_half_done(tmp_path, monk
     assert [left.name for left in tmp_path.iterdir()] == ["a.png"]
 
 
+@pytest.mark.parametrize(("width", "height"), [(1, 4000), (4000, 1), (15, 15)])
+def test_a_picture_too_narrow_to_see_in_is_refused_by_name(tmp_path, command, width, height):
+    (tmp_path / "left1.png").write_bytes(encoded(width, height))
+    RED.save(tmp_path / "red.yaml")
+    eye = ("calibrate", "camera", tmp_path, "--board", "9x6", "--square-mm", 25)
+    picture = ("detect", tmp_path / "left1.png")
+    looks = [
+        (*picture, "--fiducial"),
+        (*picture, "--chessboard", "9x6"),
+        (*picture, "--color", tmp_path / "red.yaml"),
+    ]
+    before = sorted(tmp_path.iterdir())
+    for words in (eye, *looks):
+        done = command(*words, "--out", tmp_path / "out")
+        assert done.returncode == 2, done.stdout
+        assert done.stderr.count("\n") == 1
+        assert "left1.png: " in done.stderr
+        assert "at least 16 a side" in done.stderr
+    assert sorted(tmp_path.iterdir()) == before
+
+
 @pytest.mark.parametrize("shape", [(15, 40), (40, 15), (1, 1), (0, 0), (20, 30_001)])
 def test_detectors_say_what_size_they_need(shape):
     image = np.zeros((*shape, 3), dtype=np.uint8)
@@ -125,7 +144,9 @@ def test_detectors_say_what_size_they_need(shape):
         lambda: size_of_board(image),
         lambda: find_color_blob(image, RED),
     ):
-        with pytest.raises(ValueError, match="image must have"):
+        with pytest.raises(
+            ValueError, match=r"image must have at least 16 a side|8 bits and shape"
+        ):
             look()
 
 
