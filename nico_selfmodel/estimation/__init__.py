@@ -36,6 +36,7 @@ from nico_selfmodel.estimation.observations import Observations
 from nico_selfmodel.estimation.pins import Pins
 from nico_selfmodel.estimation.pixel_evaluation import PixelEvaluation, evaluate_pixels
 from nico_selfmodel.estimation.result_document import parameter_table, result_document
+from nico_selfmodel.estimation.sight_verdict import judge_sight
 from nico_selfmodel.estimation.stereo import calibrate_cameras
 from nico_selfmodel.estimation.tool import Rezeroing, ToolCalibration, calibrate_tool, rezero
 from nico_selfmodel.estimation.verdict import Verdict, judge, judge_evaluation
@@ -85,6 +86,7 @@ __all__ = [
     "judge_cameras",
     "judge_evaluation",
     "judge_mirrors",
+    "judge_sight",
     "mirror_document",
     "parameter_table",
     "plan_mirror_poses",

@@ -138,6 +138,7 @@ def pixel_block(
     names = ("mean", "sd", "rms", "median", "p95", "max")
     block: dict[str, Any] = {
         "n": len(evaluation.observations),
+        "poses": evaluation.poses,
         "pixels": {name: getattr(pixels, name) for name in names},
     }
     if points is not None:

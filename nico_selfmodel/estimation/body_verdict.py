@@ -1,12 +1,14 @@
 """PASS, FAIL or NOT_EVALUATED for arm and eyes that refined each other."""
 
 import numpy as np
+from numpy.typing import NDArray
 
 from nico_selfmodel.estimation.blind_words import describe_blind
 from nico_selfmodel.estimation.body import BodyCalibration
 from nico_selfmodel.estimation.lens_folds import folds_of
 from nico_selfmodel.estimation.pixel_evaluation import PixelEvaluation
 from nico_selfmodel.estimation.verdict import Verdict, rank_score
+from nico_selfmodel.model.camera import DISTORTION, INTRINSICS
 from nico_selfmodel.model.stereo_rig import EYES
 
 _MOST_OUTLIERS = 0.25
@@ -56,11 +58,12 @@ def judge_body(
 
 def _held_out_words(test: PixelEvaluation) -> str:
     """State the held-out errors, and of how many poses where one eye alone saw some."""
-    points, pixels, n = test.statistics, test.pixel_statistics, len(test.observations)
+    points, pixels, n = test.statistics, test.pixel_statistics, test.poses
     assert points is not None
     assert pixels is not None
     words = f"{1e3 * points.mean:.2f} mm and {pixels.mean:.2f} px mean error on {n} poses that were"
-    both = "" if points.n == n else f", {points.n} of them seen by both eyes"
+    by_both = test.select(np.flatnonzero(np.isfinite(test.p_LH_seen).all(axis=1))).poses
+    both = "" if by_both == n else f", {by_both} of them seen by both eyes"
     return f"{words} held out{both}"
 
 
@@ -70,8 +73,9 @@ def body_warnings(calibration: BodyCalibration) -> tuple[str, ...]:
     if options.stage != "kinematics" and not options.anchored:
         name = "the thesis' own variant" if options.variant == "thesis" else "without boards"
         words.append(
-            f"{name}: nothing but `{calibration.scale_from}` holds the scale, and lenses bend to "
-            "fit the arm; its own 3D error may fall while the true one grows. Anchor it with boards"
+            f"{name}: nothing but `{calibration.scale_from}` holds the scale"
+            f"{_gives_way(calibration)}; its own 3D "
+            "error may fall while the true one grows. Anchor it with boards"
         )
     if calibration.boards is not None and not calibration.boards.held_out:
         words.append("no board was held out: the check of the eyes used boards they learned from")
@@ -84,11 +88,21 @@ def body_warnings(calibration: BodyCalibration) -> tuple[str, ...]:
     return tuple(words)
 
 
+def _gives_way(calibration: BodyCalibration) -> str:
+    """Say what inside the eyes was free to fit the arm, if anything."""
+    free = {n.partition(".")[2] for n in calibration.free if n.partition(".")[0] in EYES}
+    if free & set(DISTORTION):
+        return ", and lenses bend to fit the arm"
+    if free & set(INTRINSICS):
+        return ", and focal lengths and image centres shift to fit the arm"
+    return ""
+
+
 def _ray_reason(calibration: BodyCalibration) -> str | None:
     """Say where the lenses fold the image within the reach of the hand."""
     observations = calibration.train.observations
     lost = observations.by_both & ~np.isfinite(calibration.train.p_LH_seen).all(axis=1)
-    share = float(np.mean(lost[~calibration.outliers]))
+    share = _share_of_poses(calibration, lost & ~calibration.outliers)
     if share <= _MOST_LOST:
         return None
     return (
@@ -108,13 +122,19 @@ def _noise_reason(calibration: BodyCalibration) -> str | None:
 
 
 def _outlier_reason(calibration: BodyCalibration) -> str | None:
-    share = float(np.mean(calibration.outliers))
+    share = _share_of_poses(calibration, calibration.outliers)
     if share <= _MOST_OUTLIERS:
         return None
     return (
         f"{100 * share:.0f} % of the poses contradict the rest: arm, eyes, or what was recorded "
         "are not what the data set says"
     )
+
+
+def _share_of_poses(calibration: BodyCalibration, rows: NDArray) -> float:
+    """Return the share of the training poses that have one of some rows. Shape (N,)."""
+    train = calibration.train
+    return train.select(rows).poses / train.poses
 
 
 def _blind_reasons(calibration: BodyCalibration) -> list[str]:

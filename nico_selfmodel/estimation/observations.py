@@ -71,6 +71,17 @@ class Observations:
             units,
         )
 
+    @property
+    def poses(self) -> int:
+        """How many poses the rows are of; several tracked points share one."""
+        return int(np.unique(self.sample).size)
+
+    @property
+    def pose_words(self) -> str:
+        """How many poses the rows are of, and how many rows where these are more."""
+        words = "1 pose" if self.poses == 1 else f"{self.poses} poses"
+        return words if len(self) == self.poses else f"{len(self)} sightings in {words}"
+
     def __len__(self) -> int:
         """Return the number of rows N."""
         return len(self.rows)

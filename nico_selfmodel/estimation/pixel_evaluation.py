@@ -39,6 +39,11 @@ class PixelEvaluation:
         )
 
     @property
+    def poses(self) -> int:
+        """How many poses the rows are of; several markers share one."""
+        return self.observations.arm.poses
+
+    @property
     def residuals(self) -> NDArray:
         """Measured minus predicted pixels [px]. Shape (N, 4)."""
         return self.observations.pixels - self.pixels_predicted

@@ -95,7 +95,7 @@ class PixelObservations:
         both = int(self.by_both.sum())
         if both >= fewest:
             return
-        poses = "1 pose" if both == 1 else f"{both} poses"
+        poses = self.arm.select(self.by_both).pose_words
         words = (
             f"in data set {name!r} both eyes saw the hand in {poses}, at least {fewest} are needed"
         )

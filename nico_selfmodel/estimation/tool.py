@@ -263,7 +263,8 @@ def _require_motion(sightings: Sightings, names: tuple[str, ...]) -> None:
         return
     pixels = sightings.seen.shape[1] == 4
     scale, unit = (1.0, "px") if pixels else (1e3, "mm")
-    poses = "1 pose" if len(sightings) == 1 else f"{len(sightings)} poses"
+    count = np.unique(sightings.sample).size
+    poses = "1 pose" if count == 1 else f"{count} poses"
     raise NotIdentifiableError(
         f"the hand moved by {scale * moved:.1f} {unit} in {poses}, one pose alone "
         f"is uncertain by {scale * noise:.1f} {unit}: {', '.join(names)} cannot be told from what "

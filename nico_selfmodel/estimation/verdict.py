@@ -8,6 +8,7 @@ from numpy.typing import NDArray
 from nico_selfmodel.estimation.blind_words import describe_blind
 from nico_selfmodel.estimation.error_statistics import Evaluation
 from nico_selfmodel.estimation.kinematics import KinematicCalibration
+from nico_selfmodel.estimation.observations import Observations
 from nico_selfmodel.estimation.outlier_words import (
     chance_of_more,
     describe_outliers,
@@ -283,20 +284,54 @@ def judge_evaluation(model: SelfModel, evaluation: Evaluation) -> Verdict:
     if not expected or min(expected["n"], len(found)) < 5:
         return Verdict("NOT_EVALUATED", ("there is too little to compare the error with",))
     n, median = len(found), float(expected["median_m"])
-    # A sign test: half of the points should lie above the median, itself known from a sample.
-    score = (np.sum(found > median) - 0.5 * n) / np.sqrt(0.25 * n * (1.0 + n / expected["n"]))
     medians = f"median {1e3 * np.median(found):.2f} mm, expected {1e3 * median:.2f} mm"
-    if score >= _SIGNIFICANT and np.median(found) >= _NOTABLE * median:
-        above = f"the error ({medians}) is significantly above that of the training poses"
-        return Verdict("FAIL", (f"{above}: {_WHAT_CHANGED}",))
-    wrong = evaluation.outliers
+    above = significantly_above(found, median, n, expected["n"])
+    return beside_training(
+        medians, evaluation.observations, evaluation.outliers, "points", above=above
+    )
+
+
+def beside_training(
+    medians: str, observations: Observations, wrong: NDArray, things: str, *, above: bool
+) -> Verdict:
+    """Return the verdict on new errors beside those of the training.
+
+    Args:
+        medians: Found and expected ones in words.
+        observations: What was held against the model.
+        wrong: Rows of it that neither model nor noise explains. Boolean, shape (N,).
+        things: What a row is.
+        above: Whether the errors are significantly above those of the training.
+    """
+    if above:
+        words = f"the error ({medians}) is significantly above that of the training poses"
+        return Verdict("FAIL", (f"{words}: {_WHAT_CHANGED}",))
+    within = f"the error ({medians}) is that of the training poses"
     if not wrong.any():
-        return Verdict("PASS", (f"the error ({medians}) is that of the training poses",))
-    which = describe_outliers(evaluation.observations, wrong)
-    off = f"{wrong.sum()} of {n} points are further off than model and noise explain ({which})"
+        return Verdict("PASS", (within,))
+    off = (
+        f"{wrong.sum()} of {len(wrong)} {things} are further off than model and noise explain "
+        f"({describe_outliers(observations, wrong)})"
+    )
     if wrong.mean() > _MOST_OUTLIERS:
         return Verdict("FAIL", (f"{off}: {_WHAT_CHANGED}",))
-    return Verdict("PASS", (f"the error ({medians}) is that of the training poses; {off}",))
+    return Verdict("PASS", (f"{within}; {off}",))
+
+
+def significantly_above(errors: NDArray, median: float, n: float, known_from: float) -> bool:
+    """Return whether errors are significantly, and notably, above an expected median.
+
+    A sign test: half of them should lie above the median, which is itself known from a sample.
+
+    Args:
+        errors: What was found. Shape (k,).
+        median: What was expected, in the same unit.
+        n: How many independent ones there are among them.
+        known_from: How many there were in the sample.
+    """
+    share = float(np.mean(errors > median))
+    score = (share - 0.5) / np.sqrt(0.25 * (1.0 / n + 1.0 / known_from))
+    return bool(score >= _SIGNIFICANT and np.median(errors) >= _NOTABLE * median)
 
 
 def rank_score(a: NDArray, b: NDArray) -> float:

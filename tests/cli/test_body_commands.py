@@ -86,6 +86,23 @@ def test_a_body_leaves_model_numbers_and_urdf(body):
     assert document["cross_validation"]["n"] > 150
 
 
+def test_a_body_is_evaluated_by_what_its_eyes_saw(recorded, body, command):
+    test = recorded[0] / "test"
+    done = command("evaluate", body, test, "--json")
+    assert done.returncode == 0, done.stderr
+    found = json.loads(done.stdout)
+    assert found["status"] == "PASS"
+    assert "px, expected" in found["reasons"][0]
+    assert found["poses"] == document_of(body)["test"]["poses"]
+    assert found["pixels"] == document_of(body)["test"]["pixels"]
+    assert found["position_mm"] == document_of(body)["test"]["position_mm"]
+    done = command("evaluate", body, test)
+    assert [words in done.stdout for words in ("mm from its own eyes", "px", "PASS")] == [True] * 3
+    refused = command("evaluate", body, test, "--sensor", "nose")
+    assert refused.returncode == 2
+    assert "no sensor 'nose'" in refused.stderr
+
+
 def test_the_thesis_own_variant_ends_with_one_where_it_harmed_the_eyes(
     recorded, photographs, command, tmp_path
 ):
