@@ -1,5 +1,7 @@
 """The command tree, and what an error looks like."""
 
+import io
+import logging
 import sys
 import warnings
 from functools import cache
@@ -30,6 +32,9 @@ from nico_selfmodel.cli import (
     watch,
 )
 from nico_selfmodel.errors import SelfModelError
+
+_LONGEST_LINE = 1000
+"""Of what is said to a person [characters]; paths may take most of it."""
 
 app = typer.Typer(
     name="nico-selfmodel",
@@ -69,6 +74,10 @@ def _describe() -> None:
 def run() -> None:
     """Run the command line; an error is one clear line and exit code 2."""
     warnings.showwarning = _show_warning
+    _let_drake_warn_in_one_line()
+    for stream in (sys.stdout, sys.stderr):
+        if isinstance(stream, io.TextIOWrapper):  # a name may hold what a terminal cannot show
+            stream.reconfigure(errors="backslashreplace")
     command = _tree()
     try:
         _refuse_empty(sys.argv[1:])
@@ -76,6 +85,8 @@ def run() -> None:
     except (SelfModelError, ValueError, OSError) as error:
         sys.stdout.flush()
         code = _complain(_one_line(error))
+    except MemoryError:
+        code = _complain("there is not enough memory for this")
     except (KeyboardInterrupt, typer.Abort):
         code = _complain("stopped", 130)
     except Exception as error:
@@ -101,8 +112,32 @@ def _refuse_empty(words: list[str]) -> None:
 
 
 def _complain(reason: str, code: int = 2) -> int:
-    print(f"nico-selfmodel: {reason}", file=sys.stderr)
+    print(f"nico-selfmodel: {_harmless(reason)}", file=sys.stderr)
     return code
+
+
+def _harmless(text: str) -> str:
+    """Return text in one line of bearable length that no terminal obeys."""
+    plain = " ".join(text.split())
+    plain = "".join(c if c.isprintable() else c.encode("unicode_escape").decode() for c in plain)
+    if len(plain) <= _LONGEST_LINE:
+        return plain
+    half = _LONGEST_LINE // 2
+    return f"{plain[:half]} ... {plain[-half:]}"
+
+
+class _OneLine(logging.Handler):
+    """Shows what Drake has to say as a warning of ours."""
+
+    def emit(self, record: logging.LogRecord) -> None:
+        if record.levelno >= logging.WARNING:
+            _show_warning(record.getMessage())
+
+
+def _let_drake_warn_in_one_line() -> None:
+    drake = logging.getLogger("drake")
+    drake.propagate = False
+    drake.handlers = [_OneLine()]
 
 
 def _usage(error: Exception) -> int:
@@ -126,8 +161,8 @@ def _usage(error: Exception) -> int:
 def _one_line(error: Exception) -> str:
     if isinstance(error, OSError) and error.strerror and error.filename:
         return f"{error.filename}: {error.strerror}"
-    return " ".join(str(error).split()) or type(error).__name__
+    return str(error).strip() or type(error).__name__
 
 
 def _show_warning(message: Warning | str, *_: object, **__: object) -> None:
-    print(f"nico-selfmodel: warning: {' '.join(str(message).split())}", file=sys.stderr)
+    print(f"nico-selfmodel: warning: {_harmless(str(message))}", file=sys.stderr)

@@ -28,6 +28,13 @@ def print_body(name: str, document: Mapping[str, Any], folder: Path) -> None:
     console.print_where(folder)
 
 
+def print_sight(title: str, label: str, block: Mapping[str, Any]) -> None:
+    """Print the errors of a body on new sightings, in space where both eyes saw, and in images."""
+    rows = [_row(f"{label}, mm from its own eyes", block, "position_mm")]
+    rows.append(_row(f"{label}, px", block, "pixels"))
+    console.print_table(title, ("error", "poses", *_STATISTICS), rows)
+
+
 def print_tool(name: str, document: Mapping[str, Any], folder: Path) -> None:
     """Print a result document of a tool."""
     rows = []
@@ -128,4 +135,5 @@ def _row(label: str, block: Mapping[str, Any] | None, quantity: str) -> list[str
     if block is None or quantity not in block:
         return [label, *["-"] * (1 + len(_STATISTICS))]
     values = block[quantity]
-    return [label, str(block["n"]), *(f"{values[name.lower()]:.2f}" for name in _STATISTICS)]
+    count = block.get("poses", block["n"])
+    return [label, str(count), *(f"{values[name.lower()]:.2f}" for name in _STATISTICS)]

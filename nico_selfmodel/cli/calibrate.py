@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from nico_selfmodel.cli import calibrate_body, calibrate_cameras, calibrate_mirror, console
+from nico_selfmodel.cli.given_names import ModelName
 from nico_selfmodel.cli.robot_options import (
     Arm,
     Base,
@@ -73,7 +74,7 @@ def kinematics(
             "frame.",
         ),
     ] = None,
-    name: Annotated[str | None, typer.Option("--name", help="Name of the self-model.")] = None,
+    name: ModelName = None,
     require_test_mm: Annotated[
         float | None, typer.Option("--require-test-mm", help="FAIL above this mean test error.")
     ] = None,

@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from nico_selfmodel.cli import body_tables, console
+from nico_selfmodel.cli.given_names import ModelName
 from nico_selfmodel.cli.robot_options import Arm, Base, Hold, Point, Robot, Tip, chosen_arm
 
 if TYPE_CHECKING:
@@ -20,7 +21,6 @@ TestFraction = Annotated[
 ]
 Seed = Annotated[int, typer.Option("--seed", min=0, help="Of what is held out, and of starts.")]
 LossName = Annotated[str, typer.Option("--loss", help="trimmed, none, huber, cauchy or tukey.")]
-Name = Annotated[str | None, typer.Option("--name", help="Name of the self-model.")]
 Force = Annotated[bool, typer.Option("--force", help="Replace an existing folder.")]
 AsJson = Annotated[bool, typer.Option("--json", help="Print result.json instead.")]
 
@@ -63,7 +63,7 @@ def body(
     tip: Tip = None,
     hold: Hold = None,
     point: Point = None,
-    name: Name = None,
+    name: ModelName = None,
     require_test_mm: Annotated[
         float | None, typer.Option("--require-test-mm", help="FAIL above this mean test error.")
     ] = None,

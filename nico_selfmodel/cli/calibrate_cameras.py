@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from nico_selfmodel.cli import console
+from nico_selfmodel.cli.given_names import ModelName, name_after
 
 if TYPE_CHECKING:
     from nico_selfmodel.estimation import CameraOptions
@@ -42,9 +43,11 @@ TestFraction = Annotated[
     typer.Option("--test-fraction", min=0.0, max=1.0, help="Share of the boards to hold out."),
 ]
 Seed = Annotated[int, typer.Option("--seed", min=0, help="Of the boards held out.")]
-Name = Annotated[str | None, typer.Option("--name", help="Name of the self-model.")]
 RequireTestPx = Annotated[
     float | None, typer.Option("--require-test-px", help="FAIL above this rms on held-out boards.")
+]
+SwapEyes = Annotated[
+    bool, typer.Option("--swap-eyes", help="Take left* for the right eye, and right* for the left.")
 ]
 Force = Annotated[bool, typer.Option("--force", help="Replace an existing folder.")]
 AsJson = Annotated[bool, typer.Option("--json", help="Print result.json instead.")]
@@ -78,28 +81,32 @@ def stereo(
     loss: LossName = "trimmed",
     test_fraction: TestFraction = None,
     seed: Seed = 0,
-    name: Name = None,
+    name: ModelName = None,
     require_test_px: RequireTestPx = None,
+    swap_eyes: SwapEyes = False,
     force: Force = False,
     as_json: AsJson = False,
 ) -> None:
     """Learn a pair of eyes from pairs of photographs, left* and right*, of a chessboard."""
     from nico_selfmodel.files import refuse_folder
-    from nico_selfmodel.vision import Board, detect_boards
+    from nico_selfmodel.vision import Board, detect_boards, stereo_pairs
 
     refuse_folder(out, force=force, inputs=[images])
     request = _Request(
         _options(pin, free, prior, tangential, fixed_aspect, loss),
         test_fraction,
         seed,
-        name or images.resolve().name,
+        name or name_after(images),
         require_test_px,
         out,
         force,
         as_json,
     )
     with console.progress_bar() as stage:
-        found = detect_boards(images, Board.parse(board, square_mm), window, stage)
+        pairs = stereo_pairs(images)
+        if swap_eyes:
+            pairs = [(name, right, left) for name, left, right in pairs]
+        found = detect_boards(pairs, Board.parse(board, square_mm), window, stage)
         document = _learn(found, request, stage)
     _report(document, request)
 
@@ -121,7 +128,7 @@ def camera(
     loss: LossName = "trimmed",
     test_fraction: TestFraction = None,
     seed: Seed = 0,
-    name: Name = None,
+    name: ModelName = None,
     require_test_px: RequireTestPx = None,
     force: Force = False,
     as_json: AsJson = False,
@@ -137,7 +144,7 @@ def camera(
         _options(pin, free, prior, tangential, fixed_aspect, loss),
         test_fraction,
         seed,
-        name or images.resolve().name,
+        name or name_after(images),
         require_test_px,
         out,
         force,

@@ -6,6 +6,7 @@ from typing import Annotated
 import typer
 
 from nico_selfmodel.cli import console
+from nico_selfmodel.cli.given_names import ModelName
 from nico_selfmodel.cli.mirror_tables import print_mirrors
 
 
@@ -30,7 +31,7 @@ def mirror(
     loss: Annotated[
         str, typer.Option("--loss", help="trimmed, none, huber, cauchy or tukey.")
     ] = "trimmed",
-    name: Annotated[str | None, typer.Option("--name", help="Name of the self-model.")] = None,
+    name: ModelName = None,
     require_test_px: Annotated[
         float | None, typer.Option("--require-test-px", help="FAIL above this mean test error.")
     ] = None,

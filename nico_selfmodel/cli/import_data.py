@@ -6,12 +6,12 @@ from typing import Annotated
 import typer
 
 from nico_selfmodel.cli import console
+from nico_selfmodel.cli.given_names import DatasetName, name_after
 
 app = typer.Typer(help="Make a data set of files recorded elsewhere.", no_args_is_help=True)
 
 Out = Annotated[Path, typer.Option("--out", help="Folder of the data set to make.")]
 Force = Annotated[bool, typer.Option("--force", help="Replace an existing data set.")]
-Name = Annotated[str | None, typer.Option("--name", help="Name of the data set.")]
 
 
 @app.callback()
@@ -24,7 +24,7 @@ def from_csv(
     table: Annotated[Path, typer.Argument(help="The CSV file.")],
     columns: Annotated[Path, typer.Option("--map", help="YAML that says which column holds what.")],
     out: Out,
-    name: Name = None,
+    name: DatasetName = None,
     force: Force = False,
 ) -> None:
     """Import a plain CSV by a column map."""
@@ -32,7 +32,8 @@ def from_csv(
     from nico_selfmodel.files import refuse_existing
 
     refuse_existing(out, force=force)
-    data = import_csv(table, columns, name=name or out.name)
+    name = name or name_after(out)
+    data = import_csv(table, columns, name=name)
     data.save(out, force=force)
     console.out.print(f"{len(data)} rows, {len(data.joints)} joints: {out}", markup=False)
 
@@ -51,7 +52,7 @@ def from_vicon(
     marker: Annotated[
         list[str] | None, typer.Option("--marker", help="Only these markers; all by default.")
     ] = None,
-    name: Name = None,
+    name: DatasetName = None,
     force: Force = False,
 ) -> None:
     """Import a Vicon Nexus trajectory export with encoder readings beside it."""
@@ -59,13 +60,14 @@ def from_vicon(
     from nico_selfmodel.files import refuse_existing
 
     refuse_existing(out, force=force)
+    name = name or name_after(out)
     data = import_vicon(
         trajectories,
         encoders,
         encoder_unit=encoder_unit,
         counts_per_turn=counts_per_turn,
         markers=marker or None,
-        name=name or out.name,
+        name=name,
     )
     data.save(out, force=force)
     console.out.print(f"{len(data)} rows, {len(data.joints)} joints: {out}", markup=False)

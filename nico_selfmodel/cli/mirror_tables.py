@@ -37,7 +37,8 @@ def _mirror_rows(document: Mapping[str, Any]) -> list[list[str]]:
         test = entry["flatness"]
         flat = "not tested" if test is None else "yes" if test["flat"] else "no"
         distance = f"{entry['distance_mm']:.1f}{known}"
-        rows.append([name, str(entry["rows"]), distance, f"{entry['normal_sigma_deg']:.2f}", flat])
+        poses = str(entry["poses"])
+        rows.append([name, poses, distance, f"{entry['normal_sigma_deg']:.2f}", flat])
     return rows
 
 

@@ -35,6 +35,7 @@ def pick_color(
         read_image,
         write_image,
     )
+    from nico_selfmodel.vision.image_file import looking_at
 
     for path in filter(None, (out, mask)):
         refuse_existing(path, force=force)
@@ -48,10 +49,11 @@ def pick_color(
         from nico_selfmodel.viz.color_picker import pick_color as open_window
 
         model = open_window(photograph, image.name, radius)
+    with looking_at(image):
+        seen, blob = color_mask(photograph, model), find_color_blob(photograph, model)
     if mask is not None:
-        write_image(mask, color_mask(photograph, model).astype("uint8") * 255)
+        write_image(mask, seen.astype("uint8") * 255)
     model.save(out)
-    blob = find_color_blob(photograph, model)
     if isinstance(blob, NotSeen):
         words = f"but no patch of it is seen for certain in {image}: {blob.reason}"
     else:

@@ -8,6 +8,7 @@ from typing import Annotated
 import typer
 
 from nico_selfmodel.cli import console
+from nico_selfmodel.names import listed
 
 
 def predict(
@@ -28,6 +29,7 @@ def predict(
     as_json: Annotated[bool, typer.Option("--json", help="Print JSON.")] = False,
 ) -> None:
     """Predict where the hand is: x, y, z [m], sigma of the model and with noise [mm]."""
+    from nico_selfmodel.files.reading import LARGEST_TABLE, read_standard_input, read_text
     from nico_selfmodel.model import SelfModel
     from nico_selfmodel.model.readings import (
         readings_from_table,
@@ -38,14 +40,16 @@ def predict(
     learned = SelfModel.load(model)
     if (encoders is None) == (table is None):
         raise ValueError(
-            f"give --encoders or --table; the joints are {', '.join(learned.joints)}, in "
+            f"give --encoders or --table; the joints are {listed(learned.joints)}, in "
             f"{', '.join(learned.servos.unit)}"
         )
     if table is None:
         readings = readings_from_words(encoders or [], learned.joints)
     else:
-        text = sys.stdin.read() if str(table) == "-" else table.read_text(encoding="utf-8")
-        readings = readings_from_table(text, learned.joints)
+        piped = str(table) == "-"
+        text = read_standard_input(LARGEST_TABLE) if piped else read_text(table, LARGEST_TABLE)
+        where = "standard input" if piped else str(table)
+        readings = readings_from_table(text, learned.joints, where)
     prediction = learned.predict(readings, marker)
     warn_beyond(readings, learned.joints, learned.fit.get("readings", {}))
     sigma, total = prediction.sigma, prediction.total_sigma

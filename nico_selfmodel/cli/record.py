@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from nico_selfmodel.cli import console
+from nico_selfmodel.cli.given_names import name_after
 from nico_selfmodel.cli.record_hardware import (
     REAL,
     Baud,
@@ -87,8 +88,11 @@ def record(
 
     An interrupted recording goes on.
     """
+    from nico_selfmodel.files import refuse_existing
     from nico_selfmodel.systems import world_named
 
+    refuse_existing(out, force=True)  # what is there is gone on with, or refused by name
+    name_after(out)
     if sensor not in SENSORS:
         raise ValueError(f"no sensor {sensor!r}; there are {', '.join(SENSORS)}")
     _check_poses(poses, random_poses, sensor, bool(mirror))
@@ -146,9 +150,12 @@ def _check_poses(poses: Path | None, free: int | None, sensor: str, mirror: bool
 
 def _chosen(poses: Path | None, joints: tuple[str, ...]) -> "NDArray | None":
     """Read the poses of a file."""
+    from nico_selfmodel.files.reading import LARGEST_TABLE, read_text
     from nico_selfmodel.model.readings import readings_from_table
 
-    return None if poses is None else readings_from_table(poses.read_text("utf-8"), joints)
+    if poses is None:
+        return None
+    return readings_from_table(read_text(poses, LARGEST_TABLE), joints, str(poses))
 
 
 def _check_mirror(sensor: str, circle: int, free: int, real: bool) -> None:
@@ -180,7 +187,7 @@ def _by_sight(
     nico = NicoBeforeItsEyes(world, seed, (MARKERS[sensor],))
     with console.progress_bar() as stage:
         return nico.record(
-            out.name,
+            name_after(out),
             session,
             circle,
             free,
@@ -212,7 +219,7 @@ def _motion_capture(
             arm,
             world,
             protocol,
-            out.name,
+            name_after(out),
             seed=seed,
             session=session,
             sweeps=circle > 0,

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from nico_selfmodel.cli import console
+from nico_selfmodel.cli.given_names import name_after
 from nico_selfmodel.cli.servo_options import ask, speed_of
 
 if TYPE_CHECKING:
@@ -127,10 +128,11 @@ def record_hardware(
     import numpy as np
 
     from nico_selfmodel.experiments.real_recording import RealRecording
+    from nico_selfmodel.files.reading import LARGEST_TABLE, read_text
 
     config = _configuration(hardware)
     rng = np.random.default_rng((seed, session, 2))
-    table = None if poses is None else poses.read_text(encoding="utf-8")
+    table = None if poses is None else read_text(poses, LARGEST_TABLE)
     planned = RealRecording.planned(sensor, config.joint_infos, circle, free, rng, table)
     servos = _servos(hardware, config)
     motion_capture = _motion_capture(sensor, hardware)
@@ -263,7 +265,7 @@ def _record(
         with console.progress_bar() as stage:
             return planned.run(
                 station,
-                out.name,
+                name_after(out),
                 source=source,
                 folder=out,
                 keep_images=images,

@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from nico_selfmodel.cli import console
+from nico_selfmodel.cli.given_names import name_after
 
 if TYPE_CHECKING:
     from nico_selfmodel.dataset import Dataset
@@ -74,7 +75,7 @@ def record_before_mirrors(
     body = NicoBeforeMirrors(nico, dict(places), knows=knows, rig=rig)
     with console.progress_bar() as stage:
         return body.record(
-            out.name,
+            name_after(out),
             session,
             poses,
             poses,

@@ -4,6 +4,8 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
+from nico_selfmodel.names import listed
+
 if TYPE_CHECKING:
     from nico_selfmodel.plant import ArmDescription
 
@@ -60,7 +62,8 @@ def check_points(point: list[str] | None, markers: tuple[str, ...]) -> None:
         marker = _pair(word, "--point")[0]
         if marker not in markers:
             raise ValueError(
-                f"--point {word}: the data set tracks no {marker!r}; it tracks {', '.join(markers)}"
+                f"--point {word}: the data set tracks no {marker!r}; it tracks "
+                f"{listed(markers, marker)}"
             )
 
 

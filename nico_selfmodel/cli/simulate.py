@@ -7,6 +7,7 @@ from typing import Annotated
 import typer
 
 from nico_selfmodel.cli import console
+from nico_selfmodel.cli.given_names import name_after
 from nico_selfmodel.cli.robot_options import Arm, Base, Hold, Point, Robot, Tip, chosen_arm
 
 app = typer.Typer(help="Record data of a simulated body.", no_args_is_help=True)
@@ -54,6 +55,7 @@ def motion_capture(
     from nico_selfmodel.systems import world_named
 
     refuse_existing(out, force=force)
+    name = name_after(out)
     if circle_points == 0 and random_poses == 0:
         raise ValueError("nothing to record: give --circle-points or --random")
     chosen = world_named(world).with_noise(play_deg=play_deg, marker_mm=marker_mm)
@@ -71,7 +73,7 @@ def motion_capture(
             description,
             chosen,
             protocol,
-            out.name,
+            name,
             seed=seed,
             session=session,
             sweeps=circle_points > 0,

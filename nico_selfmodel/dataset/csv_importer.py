@@ -17,13 +17,14 @@ from nico_selfmodel.dataset.row_checks import (
     check_rows,
     warn_of_units,
 )
-from nico_selfmodel.dataset.yaml_mapping import (
+from nico_selfmodel.errors import DataError
+from nico_selfmodel.files.yaml_mapping import (
     check_keys,
     number_value,
     read_yaml_mapping,
     text_value,
 )
-from nico_selfmodel.errors import DataError
+from nico_selfmodel.names import shown
 
 UNITS_PER_METRE = {"m": 1.0, "cm": 100.0, "mm": 1000.0}
 """How many of each unit of length make a metre."""
@@ -86,7 +87,7 @@ def import_csv(
     check_keys(column_map, _KEYS, where)
     header = column_map.get("header", True)
     if not isinstance(header, bool):
-        raise DataError(f"{where}: 'header' must be true or false, got {header!r}")
+        raise DataError(f"{where}: 'header' must be true or false, got {shown(header)}")
     table = _emptied(CsvTable.read(path, header), column_map, where)
     joints, columns = _columns(table, column_map, where)
     check_rows(columns, [joint.name for joint in joints], table.where)
@@ -131,7 +132,7 @@ def _emptied(table: CsvTable, column_map: Mapping[str, Any], where: str) -> CsvT
     """Return the table with the texts that mean "not measured" replaced by empty cells."""
     texts = column_map.get("not_measured", [])
     if not isinstance(texts, list | tuple):
-        raise DataError(f"{where}: 'not_measured' must be a list of texts, got {texts!r}")
+        raise DataError(f"{where}: 'not_measured' must be a list of texts, got {shown(texts)}")
     # YAML reads .nan and -9999 as numbers: compare what they look like.
     marks = {str(text).lower() for text in texts}
     columns = {
@@ -150,7 +151,7 @@ def _column(table: CsvTable, reference: Any, where: str) -> str:
             )
         return list(table.columns)[reference - 1]
     if not isinstance(reference, str):
-        raise DataError(f"{where}: a column is a name or a number from 1, got {reference!r}")
+        raise DataError(f"{where}: a column is a name or a number from 1, got {shown(reference)}")
     table.cells(reference)
     return reference
 
@@ -162,13 +163,15 @@ def _joints(
     if not isinstance(entries, list | tuple) or not entries:
         raise DataError(
             f"{where}: 'joints' must be a list with 'name', 'column' and 'encoder_unit' of each"
-            f" joint, got {entries!r}"
+            f" joint, got {shown(entries)}"
         )
     joints, readings = [], []
     for number, entry in enumerate(entries, 1):
         place = f"{where}, joint {number}"
         if not isinstance(entry, Mapping) or "column" not in entry:
-            raise DataError(f"{place}: expected 'name', 'column' and 'encoder_unit', got {entry!r}")
+            raise DataError(
+                f"{place}: expected 'name', 'column' and 'encoder_unit', got {shown(entry)}"
+            )
         info = {key: value for key, value in entry.items() if key != "column"}
         joints.append(JointInfo.from_mapping(info, place))
         readings.append(table.numbers(_column(table, entry["column"], place)))
@@ -183,7 +186,7 @@ def _points(table: CsvTable, column_map: Mapping[str, Any], where: str) -> npt.N
     if unit not in UNITS_PER_METRE:
         raise DataError(
             f"{where}: the unit of the point must be one of {', '.join(UNITS_PER_METRE)},"
-            f" got {unit!r}"
+            f" got {shown(unit)}"
         )
     return _optional_numbers(table, point, ("x", "y", "z"), where) / UNITS_PER_METRE[unit]
 
@@ -205,7 +208,7 @@ def _section(
         return None
     if not isinstance(section, Mapping):
         raise DataError(
-            f"{where}: {key!r} must be a mapping of {', '.join(known)}, got {section!r}"
+            f"{where}: {key!r} must be a mapping of {', '.join(known)}, got {shown(section)}"
         )
     check_keys(section, known, f"{where}, {key!r}")
     return section

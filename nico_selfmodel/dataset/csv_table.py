@@ -1,9 +1,7 @@
 """A comma separated file as named columns of text, each cell traceable to its line."""
 
-import csv
-import io
-import math
 import re
+from collections import Counter
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -11,9 +9,9 @@ import numpy as np
 import numpy.typing as npt
 
 from nico_selfmodel.dataset.row_checks import PIXEL_COLUMNS, POINT_COLUMNS
-from nico_selfmodel.dataset.text_file import read_text
-from nico_selfmodel.dataset.yaml_mapping import found_instead
 from nico_selfmodel.errors import DataError
+from nico_selfmodel.files.csv_rows import parse_number, read_csv_rows
+from nico_selfmodel.names import found_instead, listed
 
 _INTEGER = re.compile(r"[+-]?[0-9]{1,19}")
 STANDARD_COLUMNS = {"sample", "sweep", "marker", "mirror", *POINT_COLUMNS, *PIXEL_COLUMNS}
@@ -56,7 +54,7 @@ class CsvTable:
         names = [name or f"column {number}" for number, name in enumerate(names, 1)]
         if not rows:
             raise DataError(f"{path}: no rows below the header; expected at least one")
-        repeated = {name for name in names if names.count(name) > 1}
+        repeated = [name for name, count in Counter(names).items() if count > 1]
         if repeated:
             raise DataError(f"{path}: column {min(repeated)!r} appears more than once")
         for row, line in zip(rows, lines, strict=True):
@@ -99,7 +97,7 @@ class CsvTable:
         if column not in self.columns:
             raise DataError(
                 f"{self.path}: column {column!r} is missing"
-                f"{self._hint(column)}; columns are {', '.join(self.columns)}"
+                f"{self._hint(column)}; columns are {listed(self.columns, column)}"
             )
         return self.columns[column]
 
@@ -170,60 +168,6 @@ class CsvTable:
             row = int(np.flatnonzero(np.isnan(values))[0])
             raise DataError(f"{self.where(row, column)}: the cell is empty; expected a number")
         return values
-
-
-def read_csv_rows(path: Path) -> tuple[list[list[str]], list[int]]:
-    """Read the cells of a comma separated file, without its blank lines.
-
-    Args:
-        path: The file.
-
-    Returns:
-        Rows of cells, and the line (from 1) that each row starts on.
-
-    Raises:
-        DataError: If the file cannot be read or its quotes do not match.
-    """
-    reader = csv.reader(io.StringIO(read_text(path), newline=""), strict=True)
-    rows: list[list[str]] = []
-    lines: list[int] = []
-    start = 1
-    try:
-        for row in reader:
-            if len(row) > 1 or (row and row[0].strip()):
-                rows.append(row)
-                lines.append(start)
-            start = reader.line_num + 1
-    except csv.Error as error:
-        raise DataError(f"{path}, line {start}: not a valid CSV row: {error}") from None
-    return rows, lines
-
-
-def parse_number(cell: str) -> float:
-    """Return the finite number in a cell, nan for an empty one.
-
-    Args:
-        cell: Its text.
-
-    Returns:
-        The number.
-
-    Raises:
-        ValueError: If the text is not a finite number.
-    """
-    text = cell.strip()
-    if not text:
-        return math.nan
-    try:
-        value = float(text)
-    except ValueError:
-        hint = "; use a decimal point" if re.fullmatch(r"[-+0-9]+,[0-9]+", text) else ""
-        raise ValueError(f"{text[:40]!r} is not a number{hint}") from None
-    if not math.isfinite(value):
-        raise ValueError(f"{text[:40]!r} is not a finite number; an empty cell means not measured")
-    if "_" in text:
-        raise ValueError(f"{text[:40]!r} is not a number; write it without underscores")
-    return value
 
 
 def _check_separator(path: Path, names: list[str]) -> None:

@@ -1,7 +1,6 @@
 """What a body sensed: encoder readings and, beside them, where its hand was seen."""
 
 import copy
-import math
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
@@ -11,7 +10,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from nico_selfmodel.dataset.joint_info import HOME, JointInfo, check_label
+from nico_selfmodel.dataset.joint_info import HOME, JointInfo
 from nico_selfmodel.dataset.poses import pose_numbers
 from nico_selfmodel.dataset.row_checks import (
     PIXEL_COLUMNS,
@@ -20,8 +19,13 @@ from nico_selfmodel.dataset.row_checks import (
     row_place,
 )
 from nico_selfmodel.errors import DataError
+from nico_selfmodel.files.yaml_mapping import LARGEST
+from nico_selfmodel.names import check_name, shown
 
 DEFAULT_MARKER = "hand"
+SIGMA_RANGES = {"point_sigma_m": (1e-9, 1.0), "pixel_sigma_px": (1e-4, 100.0)}
+"""What a sensor's noise can be: from an interferometer's nanometre to satellite positioning, and
+from a ten-thousandth of a pixel to a hand that points at a picture."""
 _TABLE_COLUMNS = ("sample", "sweep", "marker", "mirror", *POINT_COLUMNS, *PIXEL_COLUMNS)
 # A default that type checkers take for an array; the constructor fills it in.
 _NOT_GIVEN: Any = None
@@ -78,8 +82,8 @@ class Dataset:
         self._check_metadata()
         count = self._set_sample()
         self._set("encoders", _floats(self.encoders, count, len(self.joints), "encoders"))
-        if not np.isfinite(self.encoders).all():
-            row, joint = (int(i) for i in np.argwhere(~np.isfinite(self.encoders))[0])
+        if np.isnan(self.encoders).any():
+            row, joint = (int(i) for i in np.argwhere(np.isnan(self.encoders))[0])
             raise DataError(
                 f"{row_place(row)}: the reading of joint {self.joint_names[joint]!r} is"
                 f" {self.encoders[row, joint]}; expected a finite number"
@@ -109,19 +113,24 @@ class Dataset:
         return sample.size
 
     def _check_metadata(self) -> None:
-        check_label(self.name, "the name of a data set")
+        check_name(self.name, "the name of a data set")
         if not self.joints or not all(isinstance(joint, JointInfo) for joint in self.joints):
             raise ValueError(f"joints must be one or more JointInfo, got {self.joints!r}")
         names = self.joint_names
         repeated = [name for name in names if names.count(name) > 1]
         if repeated:
             raise DataError(f"joint {repeated[0]!r} appears more than once; names must differ")
-        for key in ("point_sigma_m", "pixel_sigma_px"):
+        for key, (least, most) in SIGMA_RANGES.items():
             value = getattr(self, key)
             if value is not None:
-                if not (math.isfinite(value) and value > 0.0):
-                    raise ValueError(f"{key} must be positive, got {value}")
+                if not least <= value <= most:
+                    raise ValueError(
+                        f"{key} must be positive, between {least:g} and {most:g}, got {value:g}; "
+                        "leave it out where it is not known"
+                    )
                 self._set(key, float(value))
+        if self.seed is not None and not abs(self.seed) < 2**128:
+            raise ValueError(f"seed must have at most 128 bits, got {shown(self.seed)}")
         if self.image_size is not None:
             size = tuple(int(side) for side in self.image_size)
             if len(size) != 2 or min(size) <= 0:
@@ -134,12 +143,14 @@ class Dataset:
         used = {*_TABLE_COLUMNS, *(f"encoder.{name}" for name in self.joint_names)}
         extra = {}
         for name, cells in self.extra.items():
-            check_label(name, "the name of an extra column")
+            check_name(name, "the name of an extra column")
             if name in used or len(cells) != count or not all(isinstance(c, str) for c in cells):
                 raise ValueError(
                     f"extra column {name!r} must have a name of its own and {count} texts,"
                     f" got {len(cells)} cells"
                 )
+            if "\0" in "".join(cells):
+                raise ValueError(f"extra column {name!r} holds a NUL byte, which no table can")
             extra[name] = tuple(cells)
         return extra
 
@@ -308,8 +319,12 @@ def _floats(values: Any, count: int, width: int, name: str) -> npt.NDArray[np.fl
     array = np.asarray(values, dtype=np.float64)
     if array.shape != (count, width):
         raise ValueError(f"{name} must have shape ({count}, {width}), got {array.shape}")
-    if np.isinf(array).any():
-        raise DataError(f"{name} must be finite (nan where not measured), got an infinite number")
+    largest = float(np.nanmax(np.abs(array), initial=0.0))
+    if largest > LARGEST:
+        raise DataError(
+            f"{name} must be finite (nan where not measured) and at most {LARGEST:g}, got"
+            f" {largest:g}"
+        )
     return _read_only(array)
 
 

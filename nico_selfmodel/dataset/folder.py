@@ -1,8 +1,6 @@
 """A data set as a folder: `dataset.yaml` beside `samples.csv`."""
 
 import hashlib
-import shutil
-import uuid
 from os import PathLike
 from pathlib import Path
 
@@ -11,6 +9,7 @@ from nico_selfmodel.dataset.metadata_file import metadata_text, read_metadata
 from nico_selfmodel.dataset.row_checks import check_plausible, warn_of_units
 from nico_selfmodel.dataset.samples_file import read_samples, samples_text
 from nico_selfmodel.errors import DataError
+from nico_selfmodel.files import folder_in_place_of
 
 METADATA_NAME = "dataset.yaml"
 SAMPLES_NAME = "samples.csv"
@@ -74,7 +73,9 @@ def save_dataset(dataset: Dataset, folder: str | PathLike[str], force: bool = Fa
     check_plausible(dataset, str(folder))
     texts = {METADATA_NAME: metadata_text(dataset), SAMPLES_NAME: samples_text(dataset)}
     try:
-        _write_whole(folder, texts)
+        with folder_in_place_of(folder, keep_others=True) as fresh:
+            for name, text in texts.items():
+                (fresh / name).write_bytes(text.encode())
     except OSError as error:
         which = f" ({error.filename})" if error.filename else ""
         raise DataError(f"{folder}: cannot be written: {error.strerror or error}{which}") from error
@@ -107,33 +108,3 @@ def _check_target(folder: Path, force: bool) -> None:
             f"{folder}: the folder exists and holds something that is not a data set; it is not"
             " replaced, choose another name"
         )
-
-
-def _write_whole(folder: Path, texts: dict[str, str]) -> None:
-    folder.parent.mkdir(parents=True, exist_ok=True)
-    fresh = folder.with_name(f".{folder.name}.{uuid.uuid4().hex}")
-    fresh.mkdir()
-    try:
-        for name, text in texts.items():
-            (fresh / name).write_bytes(text.encode())
-        _put_in_place(fresh, folder)
-    except BaseException:
-        shutil.rmtree(fresh, ignore_errors=True)
-        raise
-
-
-def _put_in_place(fresh: Path, folder: Path) -> None:
-    if not folder.exists():
-        fresh.rename(folder)
-        return
-    old = folder.with_name(f"{fresh.name}.old")
-    folder.rename(old)
-    try:
-        fresh.rename(folder)
-    except BaseException:
-        old.rename(folder)
-        raise
-    for other in old.iterdir():
-        if not (folder / other.name).exists():
-            other.rename(folder / other.name)
-    shutil.rmtree(old)

@@ -5,8 +5,9 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any
 
-from nico_selfmodel.dataset.yaml_mapping import check_keys, integer_value, number_value, text_value
 from nico_selfmodel.errors import DataError
+from nico_selfmodel.files.yaml_mapping import check_keys, integer_value, number_value, text_value
+from nico_selfmodel.names import check_name, shown
 
 ENCODER_UNITS = ("counts", "rad", "deg")
 HOME = "home"
@@ -38,13 +39,13 @@ class JointInfo:
 
     def __post_init__(self) -> None:
         """Check the values."""
-        check_label(self.name, "the name of a joint")
+        check_name(self.name, "the name of a joint")
         if self.name == HOME:
             raise ValueError(f"a joint cannot be called {HOME!r}: the sweep column uses that word")
         if self.encoder_unit not in ENCODER_UNITS:
             raise ValueError(
                 f"joint {self.name!r}: encoder_unit must be one of {', '.join(ENCODER_UNITS)},"
-                f" got {self.encoder_unit!r}"
+                f" got {shown(self.encoder_unit)}"
             )
         self._check_numbers()
 
@@ -105,7 +106,8 @@ class JointInfo:
         """
         if not isinstance(entry, Mapping):
             raise DataError(
-                f"{where}: a joint must be a mapping with 'name' and 'encoder_unit', got {entry!r}"
+                f"{where}: a joint must be a mapping with 'name' and 'encoder_unit', got"
+                f" {shown(entry)}"
             )
         check_keys(entry, _KEYS, where)
         sign = integer_value(entry, "sign", where)
@@ -127,17 +129,3 @@ class JointInfo:
         if self.sign == 1:
             del entry["sign"]
         return {key: value for key, value in entry.items() if value is not None}
-
-
-def check_label(text: object, what: str) -> None:
-    """Check a name that goes into a table: printable, not empty, no spaces at its ends.
-
-    Args:
-        text: The name.
-        what: What it names, for the message.
-
-    Raises:
-        ValueError: If it is not such a name.
-    """
-    if not isinstance(text, str) or not text or not text.isprintable() or text != text.strip():
-        raise ValueError(f"{what} must be printable text without spaces at its ends, got {text!r}")

@@ -7,15 +7,16 @@ import yaml
 
 from nico_selfmodel.dataset.dataset import Dataset
 from nico_selfmodel.dataset.joint_info import JointInfo
-from nico_selfmodel.dataset.yaml_mapping import (
+from nico_selfmodel.errors import DataError
+from nico_selfmodel.files.yaml_mapping import (
     check_keys,
-    found_instead,
     integer_value,
     number_value,
     read_yaml_mapping,
     text_value,
 )
-from nico_selfmodel.errors import DataError
+from nico_selfmodel.files.yaml_text import yaml_text
+from nico_selfmodel.names import found_instead, shown
 
 FORMAT = "nico-dataset/1"
 _KEYS = (
@@ -29,21 +30,6 @@ _KEYS = (
     "source",
     "seed",
 )
-
-
-class _Dumper(yaml.SafeDumper):
-    """Writes text that does not print plainly with escapes.
-
-    PyYAML on its own writes a "next line" character such that it reads back as a space.
-    """
-
-
-def _represent_text(dumper: yaml.SafeDumper, text: str) -> yaml.ScalarNode:
-    style = None if text.isprintable() else '"'
-    return dumper.represent_scalar("tag:yaml.org,2002:str", text, style=style)
-
-
-_Dumper.add_representer(str, _represent_text)
 
 
 def read_metadata(path: Path) -> dict[str, Any]:
@@ -63,7 +49,7 @@ def read_metadata(path: Path) -> dict[str, Any]:
     check_keys(content, _KEYS, str(path))
     cameras = content.get("cameras")
     if not isinstance(cameras, dict | None):
-        raise DataError(f"{path}: 'cameras' must be a mapping, got {cameras!r}")
+        raise DataError(f"{path}: 'cameras' must be a mapping, got {shown(cameras)}")
     return {
         "name": text_value(content, "name", str(path)),
         "joints": read_joint_list(content, str(path)),
@@ -93,7 +79,7 @@ def read_joint_list(content: dict[str, Any], where: str) -> tuple[JointInfo, ...
     if not isinstance(entries, list) or not entries:
         raise DataError(
             f"{where}: 'joints' must be a list with one entry per joint ('name' and"
-            f" 'encoder_unit'), got {entries!r}"
+            f" 'encoder_unit'), got {shown(entries)}"
         )
     joints: dict[str, JointInfo] = {}
     for number, entry in enumerate(entries, 1):
@@ -130,14 +116,7 @@ def metadata_text(dataset: Dataset) -> str:
     }
     content = {key: value for key, value in content.items() if value is not None}
     try:
-        return yaml.dump(
-            content,
-            Dumper=_Dumper,
-            sort_keys=False,
-            allow_unicode=True,
-            default_flow_style=None,
-            width=100,
-        )
+        return yaml_text(content)
     except yaml.YAMLError as error:
         raise ValueError(f"cameras must be plain data (numbers, text, lists): {error}") from None
 
@@ -152,10 +131,10 @@ def _check_format(content: dict[str, Any], path: Path) -> None:
     kind, _, version = str(found).partition("/")
     if kind == FORMAT.partition("/")[0] and version:
         raise DataError(
-            f"{path}: version {version} of the format ({found!r}) is not supported; this"
+            f"{path}: version {version} of the format ({shown(found)}) is not supported; this"
             f" program reads {FORMAT!r}: use a newer one"
         )
-    raise DataError(f"{path}: not a data set: format is {found!r}, expected {FORMAT!r}")
+    raise DataError(f"{path}: not a data set: format is {shown(found)}, expected {FORMAT!r}")
 
 
 def _image_size(content: dict[str, Any], path: Path) -> tuple[int, int] | None:
@@ -164,5 +143,7 @@ def _image_size(content: dict[str, Any], path: Path) -> tuple[int, int] | None:
         return None
     whole = isinstance(size, list) and all(type(side) is int and side > 0 for side in size)
     if not whole or len(size) != 2:
-        raise DataError(f"{path}: 'image_size' must be [width, height] in pixels, got {size!r}")
+        raise DataError(
+            f"{path}: 'image_size' must be [width, height] in pixels, got {shown(size)}"
+        )
     return (size[0], size[1])

@@ -7,8 +7,9 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 import numpy.typing as npt
 
-from nico_selfmodel.dataset.joint_info import HOME, JointInfo, check_label
+from nico_selfmodel.dataset.joint_info import HOME, JointInfo
 from nico_selfmodel.errors import DataError
+from nico_selfmodel.names import check_name, listed, shown
 
 if TYPE_CHECKING:
     from nico_selfmodel.dataset.dataset import Dataset
@@ -63,10 +64,11 @@ def check_rows(columns: dict[str, Any], joint_names: Sequence[str], where: Place
 
 
 def _check_labels(labels: npt.NDArray[np.str_], key: str, where: Place) -> None:
-    for row, label in enumerate(labels.tolist()):
+    names, rows = np.unique(labels, return_index=True)
+    for row, label in sorted(zip(rows.tolist(), names.tolist(), strict=True)):
         try:
             if label or key == "marker":
-                check_label(label, f"a {key}")
+                check_name(label, f"a {key}")
         except ValueError as error:
             raise DataError(f"{where(row, key)}: {error}") from None
 
@@ -77,9 +79,10 @@ def _check_sweep_names(
     valid = ["", HOME, *joint_names]
     bad = np.flatnonzero(~np.isin(sweep, valid))
     if bad.size:
+        name = str(sweep[bad[0]])
         raise DataError(
-            f"{where(int(bad[0]), 'sweep')}: there is no joint {str(sweep[bad[0]])!r}; joints are"
-            f" {', '.join(joint_names)}; '{HOME}' marks the shared home pose, an empty cell a"
+            f"{where(int(bad[0]), 'sweep')}: there is no joint {shown(name)}; joints are"
+            f" {listed(joint_names, name)}; '{HOME}' marks the shared home pose, an empty cell a"
             " free pose"
         )
 

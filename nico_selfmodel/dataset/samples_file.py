@@ -12,7 +12,8 @@ import numpy.typing as npt
 from nico_selfmodel.dataset.csv_table import CsvTable
 from nico_selfmodel.dataset.dataset import DEFAULT_MARKER, Dataset
 from nico_selfmodel.dataset.row_checks import PIXEL_COLUMNS, POINT_COLUMNS, check_rows
-from nico_selfmodel.dataset.yaml_mapping import did_you_mean
+from nico_selfmodel.files.csv_cells import quoted_cell, safe_cell
+from nico_selfmodel.names import did_you_mean
 
 _OPTIONAL = ("sweep", "marker", "mirror", *POINT_COLUMNS, *PIXEL_COLUMNS)
 
@@ -69,11 +70,11 @@ def samples_text(dataset: Dataset) -> str:
     """
     columns: dict[str, Iterable[str]] = {
         "sample": [str(number) for number in dataset.sample.tolist()],
-        "sweep": dataset.sweep.tolist(),
-        "marker": dataset.marker.tolist(),
+        "sweep": map(safe_cell, dataset.sweep.tolist()),
+        "marker": map(safe_cell, dataset.marker.tolist()),
     }
     if (dataset.mirror != "").any():
-        columns["mirror"] = dataset.mirror.tolist()
+        columns["mirror"] = map(safe_cell, dataset.mirror.tolist())
     for name, readings in zip(dataset.joint_names, dataset.encoders.T, strict=True):
         columns[f"encoder.{name}"] = _cells(readings)
     for names, values in (
@@ -83,9 +84,9 @@ def samples_text(dataset: Dataset) -> str:
     ):
         if np.isfinite(values).any():
             columns.update(zip(names, map(_cells, values.T), strict=True))
-    columns.update(dataset.extra)
-    rows = [list(columns), *zip(*columns.values(), strict=True)]
-    return "".join(",".join(map(_quoted, row)) + "\n" for row in rows)
+    columns |= {name: map(safe_cell, cells) for name, cells in dataset.extra.items()}
+    rows = [map(safe_cell, columns), *zip(*columns.values(), strict=True)]
+    return "".join(",".join(map(quoted_cell, row)) + "\n" for row in rows)
 
 
 def _texts(table: CsvTable, column: str) -> npt.NDArray[np.str_]:
@@ -111,10 +112,3 @@ def _warn_of_misspelt(table: CsvTable, extra: Iterable[str]) -> None:
 
 def _cells(values: npt.NDArray[np.float64]) -> list[str]:
     return ["" if math.isnan(value) else repr(value) for value in values.tolist()]
-
-
-def _quoted(cell: str) -> str:
-    # The csv module leaves a lone carriage return unquoted, which then reads as a line end.
-    if any(character in cell for character in ',"\r\n'):
-        return '"' + cell.replace('"', '""') + '"'
-    return cell

@@ -10,6 +10,7 @@ import numpy.typing as npt
 
 from nico_selfmodel.dataset.dataset import Dataset
 from nico_selfmodel.dataset.joint_info import HOME
+from nico_selfmodel.names import listed
 
 _SHARE_OF_SPAN = 0.002
 _MIN_VALUES = 3
@@ -134,7 +135,7 @@ def _pose_rows(dataset: Dataset, marker: str | None) -> npt.NDArray[np.int64]:
     """Return one measured row per pose of one marker, in the order of the data set."""
     marker = dataset.markers[0] if marker is None else marker
     if marker not in dataset.markers:
-        raise ValueError(f"marker must be one of {', '.join(dataset.markers)}, got {marker!r}")
+        raise ValueError(f"marker must be one of {listed(dataset.markers)}, got {marker!r}")
     rows = np.flatnonzero((dataset.marker == marker) & dataset.measured)
     _, first = np.unique(dataset.sample[rows], return_index=True)
     return rows[np.sort(first)]

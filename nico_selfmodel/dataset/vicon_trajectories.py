@@ -20,9 +20,9 @@ from pathlib import Path
 import numpy as np
 import numpy.typing as npt
 
-from nico_selfmodel.dataset.csv_table import parse_number, read_csv_rows
-from nico_selfmodel.dataset.yaml_mapping import did_you_mean
 from nico_selfmodel.errors import DataError
+from nico_selfmodel.files.csv_rows import parse_number, read_csv_rows
+from nico_selfmodel.names import did_you_mean, listed, shown
 
 _TITLE = "Trajectories"
 _OTHER_SEPARATOR = "the cells are not separated by commas; export with commas"
@@ -119,7 +119,7 @@ def _title_row(rows: list[list[str]], path: Path) -> int:
             raise DataError(f"{path}: {_OTHER_SEPARATOR}")
         if row[0] and not any(row[1:]) and not _is_number(row[0]):
             titles.append(row[0][:40])
-    found = ", ".join(titles) or "none"
+    found = listed(titles) or "none"
     raise DataError(
         f"{path}: no block {_TITLE!r} (blocks found: {found}); export the trajectories from Vicon"
         " Nexus as ASCII with commas"
@@ -161,8 +161,8 @@ def _marker_columns(names: list[str], markers: Sequence[str] | None, where: str)
             if not matches:
                 valid = list(labels.values())
                 raise DataError(
-                    f"{where}: there is no marker {marker!r}{did_you_mean(marker, valid)};"
-                    f" markers are {', '.join(valid)}"
+                    f"{where}: there is no marker {shown(marker)}{did_you_mean(marker, valid)};"
+                    f" markers are {listed(valid, marker)}"
                 )
             chosen += matches
     if not chosen:

@@ -12,9 +12,10 @@ from nico_selfmodel.estimation.body_document import body_document
 from nico_selfmodel.estimation.body_options import BodyOptions
 from nico_selfmodel.estimation.body_verdict import judge_body
 from nico_selfmodel.estimation.camera_adjustment import CameraCalibration
-from nico_selfmodel.estimation.camera_assessment import CameraAssessment, judge_cameras
+from nico_selfmodel.estimation.camera_assessment import CameraAssessment
 from nico_selfmodel.estimation.camera_document import camera_document
 from nico_selfmodel.estimation.camera_options import CameraOptions
+from nico_selfmodel.estimation.camera_verdict import judge_cameras
 from nico_selfmodel.estimation.circle_points import (
     CirclePointAnalysis,
     SweepCircle,
@@ -36,6 +37,7 @@ from nico_selfmodel.estimation.observations import Observations
 from nico_selfmodel.estimation.pins import Pins
 from nico_selfmodel.estimation.pixel_evaluation import PixelEvaluation, evaluate_pixels
 from nico_selfmodel.estimation.result_document import parameter_table, result_document
+from nico_selfmodel.estimation.sight_verdict import judge_sight
 from nico_selfmodel.estimation.stereo import calibrate_cameras
 from nico_selfmodel.estimation.tool import Rezeroing, ToolCalibration, calibrate_tool, rezero
 from nico_selfmodel.estimation.verdict import Verdict
@@ -85,6 +87,7 @@ __all__ = [
     "judge_cameras",
     "judge_evaluation",
     "judge_mirrors",
+    "judge_sight",
     "mirror_document",
     "parameter_table",
     "plan_mirror_poses",

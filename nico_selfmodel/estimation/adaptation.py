@@ -19,6 +19,7 @@ from nico_selfmodel.estimation.sightings import (
     with_values,
 )
 from nico_selfmodel.model.self_model import ParameterCovariance, SelfModel
+from nico_selfmodel.names import listed
 
 _UNKNOWN = {"rad": np.radians(20.0), "m": 0.15, "1": 0.1, "px": 30.0}
 """Standard deviations of a parameter that was forgotten."""
@@ -214,7 +215,7 @@ def forgotten(model: SelfModel, names: tuple[str, ...]) -> SelfModel:
         units |= dict(zip(model.rig.names, model.rig.units, strict=True))
     for name in names:
         if name not in units:
-            raise ValueError(f"no parameter {name!r}; there are {', '.join(units)}")
+            raise ValueError(f"no parameter {name!r}; there are {listed(units, name)}")
     old = model.covariance
     known = () if old is None else old.names
     every = (*known, *(name for name in names if name not in known))

@@ -15,14 +15,13 @@ from nico_selfmodel.estimation.outlier_words import (
 from nico_selfmodel.estimation.verdict import (
     FEWEST_COMPARED,
     MOST_OUTLIERS,
-    NOTABLE,
-    SIGNIFICANT,
     Verdict,
     bound_reason,
     conclude,
     held_out_is_worse,
     outliers_are_many,
     shortened,
+    significantly_above,
 )
 from nico_selfmodel.model import SelfModel
 
@@ -325,18 +324,34 @@ def judge_evaluation(model: SelfModel, evaluation: Evaluation) -> Verdict:
     if not expected or min(expected["n"], len(found)) < FEWEST_COMPARED:
         return Verdict("NOT_EVALUATED", ("there is too little to compare the error with",))
     n, median = len(found), float(expected["median_m"])
-    # A sign test: half of the poses should lie above the median, itself known from a sample.
-    score = (np.sum(found > median) - 0.5 * n) / np.sqrt(0.25 * n * (1.0 + n / expected["n"]))
     medians = f"median {1e3 * np.median(found):.2f} mm, expected {1e3 * median:.2f} mm"
-    if score >= SIGNIFICANT and np.median(found) >= NOTABLE * median:
-        above = f"the error ({medians}) is significantly above that of the training poses"
-        return Verdict("FAIL", (f"{above}: {_WHAT_CHANGED}",))
-    wrong = evaluation.outliers
+    above = significantly_above(found, median, n, expected["n"])
+    rows, wrong = evaluation.observations, evaluation.outliers
+    return beside_training(medians, rows, wrong, "points", above=above)
+
+
+def beside_training(
+    medians: str, observations: Observations, wrong: NDArray, things: str, *, above: bool
+) -> Verdict:
+    """Return the verdict on new errors beside those of the training.
+
+    Args:
+        medians: Found and expected ones in words.
+        observations: What was held against the model.
+        wrong: Rows of it that neither model nor noise explains. Boolean, shape (N,).
+        things: What a row is.
+        above: Whether the errors are significantly above those of the training.
+    """
+    if above:
+        words = f"the error ({medians}) is significantly above that of the training poses"
+        return Verdict("FAIL", (f"{words}: {_WHAT_CHANGED}",))
+    within = f"the error ({medians}) is that of the training poses"
     if not wrong.any():
-        return Verdict("PASS", (f"the error ({medians}) is that of the training poses",))
-    which = describe_outliers(evaluation.observations, wrong)
-    off = f"{wrong.sum()} of {len(wrong)} points are further off than model and noise explain"
+        return Verdict("PASS", (within,))
+    off = (
+        f"{wrong.sum()} of {len(wrong)} {things} are further off than model and noise explain "
+        f"({describe_outliers(observations, wrong)})"
+    )
     if wrong.mean() > MOST_OUTLIERS:
-        return Verdict("FAIL", (f"{off} ({which}): {_WHAT_CHANGED}",))
-    said = f"the error ({medians}) is that of the training poses; {off} ({which})"
-    return Verdict("PASS", (said,))
+        return Verdict("FAIL", (f"{off}: {_WHAT_CHANGED}",))
+    return Verdict("PASS", (f"{within}; {off}",))

@@ -210,7 +210,12 @@ def _training_of(
     }
     errors = np.zeros(0) if crossed is None else crossed.distances
     if len(errors):
-        training["expected_error"] = {"n": len(errors), "median_m": float(np.median(errors))}
+        assert crossed is not None
+        training["expected_error"] = {
+            "n": len(errors),
+            "median_m": float(np.median(errors)),
+            "median_px": float(np.median(crossed.pixel_distances)),
+        }
     return training
 
 

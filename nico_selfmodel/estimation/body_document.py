@@ -137,6 +137,7 @@ def pixel_block(
     names = ("mean", "sd", "rms", "median", "p95", "max")
     block: dict[str, Any] = {
         "n": len(evaluation.observations),
+        "poses": evaluation.pose_count,
         "pixels": {name: getattr(pixels, name) for name in names},
     }
     if points is not None:

@@ -1,10 +1,11 @@
 """PASS, FAIL or NOT_EVALUATED for arm and eyes that refined each other."""
 
 import numpy as np
+from numpy.typing import NDArray
 
 from nico_selfmodel.estimation.blind_words import describe_blind
 from nico_selfmodel.estimation.body import BodyCalibration
-from nico_selfmodel.estimation.camera_assessment import fold_reasons_of
+from nico_selfmodel.estimation.lens_folds import folds_of
 from nico_selfmodel.estimation.pixel_evaluation import PixelEvaluation
 from nico_selfmodel.estimation.verdict import (
     Verdict,
@@ -14,6 +15,7 @@ from nico_selfmodel.estimation.verdict import (
     outliers_are_many,
     shortened,
 )
+from nico_selfmodel.model.camera import DISTORTION, INTRINSICS
 from nico_selfmodel.model.stereo_rig import EYES
 
 _LARGEST_PLAY = np.radians(5.0)
@@ -61,11 +63,12 @@ def judge_body(
 
 def _held_out_words(test: PixelEvaluation) -> str:
     """State the held-out errors, and of how many poses where one eye alone saw some."""
-    points, pixels, arm = test.statistics, test.pixel_statistics, test.observations.arm
+    points, pixels, n = test.statistics, test.pixel_statistics, test.pose_count
     assert points is not None
     assert pixels is not None
-    n, both = len(arm.poses), len(np.unique(arm.pose[test.observations.by_both]))
     words = f"{1e3 * points.mean:.2f} mm and {pixels.mean:.2f} px mean error on {n} poses that were"
+    rebuilt = np.flatnonzero(np.isfinite(test.p_LH_seen).all(axis=1))
+    both = test.select(rebuilt).pose_count
     return f"{words} held out" + ("" if both == n else f", {both} of them seen by both eyes")
 
 
@@ -75,8 +78,9 @@ def _warnings(calibration: BodyCalibration) -> tuple[str, ...]:
     if options.stage != "kinematics" and not options.anchored:
         name = "the thesis' own variant" if options.variant == "thesis" else "without boards"
         words.append(
-            f"{name}: nothing but `{calibration.scale_from}` holds the scale, and lenses bend to "
-            "fit the arm; its own 3D error may fall while the true one grows. Anchor it with boards"
+            f"{name}: nothing but `{calibration.scale_from}` holds the scale"
+            f"{_gives_way(calibration)}; its own 3D "
+            "error may fall while the true one grows. Anchor it with boards"
         )
     if calibration.boards is not None and not calibration.boards.held_out:
         words.append("no board was held out: the check of the eyes used boards they learned from")
@@ -85,15 +89,25 @@ def _warnings(calibration: BodyCalibration) -> tuple[str, ...]:
             f"{int(calibration.board_outliers.sum())} boards contradict the rest: left out"
         )
     rig = calibration.model.rig
-    words += fold_reasons_of(EYES, rig.eyes, rig.left.image_size)
+    words += folds_of(EYES, rig.eyes, rig.left.image_size).values()
     return tuple(words)
+
+
+def _gives_way(calibration: BodyCalibration) -> str:
+    """Say what inside the eyes was free to fit the arm, if anything."""
+    free = {n.partition(".")[2] for n in calibration.free if n.partition(".")[0] in EYES}
+    if free & set(DISTORTION):
+        return ", and lenses bend to fit the arm"
+    if free & set(INTRINSICS):
+        return ", and focal lengths and image centres shift to fit the arm"
+    return ""
 
 
 def _ray_reason(calibration: BodyCalibration) -> str | None:
     """Say where the lenses fold the image within the reach of the hand."""
     observations = calibration.train.observations
     lost = observations.by_both & ~np.isfinite(calibration.train.p_LH_seen).all(axis=1)
-    share = float(np.mean(lost[~calibration.outliers]))
+    share = _share_of_poses(calibration, lost & ~calibration.outliers)
     if share <= _MOST_LOST:
         return None
     return (
@@ -120,6 +134,11 @@ def _outlier_reason(calibration: BodyCalibration) -> str | None:
         f"{100 * share:.0f} % of the observations contradict the rest: arm, eyes, or what was "
         "recorded are not what the data set says"
     )
+
+
+def _share_of_poses(calibration: BodyCalibration, rows: NDArray) -> float:
+    """Return the share of the training poses that have one of some rows. Boolean, shape (N,)."""
+    return calibration.train.select(rows).pose_count / calibration.train.pose_count
 
 
 def _held_out_reason(calibration: BodyCalibration) -> str | None:

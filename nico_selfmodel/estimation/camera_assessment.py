@@ -16,18 +16,16 @@ from nico_selfmodel.estimation.board_accuracy import (
 )
 from nico_selfmodel.estimation.camera_adjustment import CameraCalibration
 from nico_selfmodel.estimation.camera_options import CameraOptions
-from nico_selfmodel.estimation.verdict import Verdict, rank_score
-from nico_selfmodel.model import lens
-from nico_selfmodel.model.camera import Camera
+from nico_selfmodel.estimation.lens_folds import folds_by_chance, folds_of
+from nico_selfmodel.estimation.lens_misfit import LensMisfit, lens_misfits
 from nico_selfmodel.model.stereo_rig import StereoRig
 
-_MOST_OUTLIERS = 0.25
-_SIGNIFICANT, _NOTABLE = 3.3, 1.3
-"""As in the verdict on an arm: standard score and ratio of medians of a larger held-out error."""
-_EXCESSIVE = 5.0
-"""Ratio that needs no statistics, for a handful of boards."""
 _COVERED = 0.75
 """Corners should reach this far from the image's centre towards its corner."""
+_SLIGHT, _MOSTLY = 0.2, 0.5
+"""Share of the squared residuals that a misfit of the lens is mentioned from, and fails from ..."""
+_SLIGHT_PX, _NOTABLE_PX = 0.05, 0.1
+"""... where it moves corners by so much in the root mean square [px]."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -46,6 +44,8 @@ class CameraAssessment:
     """Distances from epipolar lines in both images [px], of a pair. Shape (V, P, 2)."""
     reconstruction: Reconstruction | None
     """Boards rebuilt by triangulation, of a pair; the held-out ones where there are some."""
+    misfits: tuple[LensMisfit, ...]
+    """What the residuals of each eye have in common over the image."""
 
     @classmethod
     def from_calibration(
@@ -76,6 +76,7 @@ class CameraAssessment:
             None if test is None else held_out_residuals(calibration.cameras, test),
             epipolar_errors(calibration.rig, views) if pair else None,
             _rebuilt(calibration.rig, shown) if pair else None,
+            tuple(lens_misfits(calibration, options.aspect)),
         )
 
     @property
@@ -96,118 +97,18 @@ class CameraAssessment:
     @property
     def warnings(self) -> tuple[str, ...]:
         """What the data cannot support, in words, though nothing fails."""
-        return (*_weak_parameters(self.calibration), *_coverage_warnings(self.calibration))
+        return (
+            *_folds_by_chance(self.calibration),
+            *_weak_parameters(self.calibration),
+            *_coverage_warnings(self.calibration),
+            *(words_of_misfit(misfit) for misfit in self.misfits if _is_slight(misfit)),
+        )
 
 
 def _rebuilt(rig: StereoRig, views: BoardViews) -> Reconstruction:
     """Rebuild the boards for all corners of which both lenses have a ray."""
     rays = have_rays(rig, views.pixels.reshape(-1, 4)).reshape(len(views), -1)
     return Reconstruction.from_views(rig, views.select(rays.all(axis=1)))
-
-
-def judge_cameras(assessment: CameraAssessment, require_test_px: float | None = None) -> Verdict:
-    """Judge a camera calibration.
-
-    Args:
-        assessment: What it is worth.
-        require_test_px: Largest rms reprojection error of held-out boards allowed [px].
-
-    Returns:
-        FAIL where a check fails; PASS where boards were held out and nothing failed;
-        NOT_EVALUATED where none were.
-    """
-    calibration = assessment.calibration
-    checks = [
-        None if calibration.converged else "the solver stopped without reaching a minimum",
-        *_blind_reasons(calibration),
-        _outlier_reason(calibration),
-        *_fold_reasons(calibration),
-        _held_out_reason(assessment),
-        _bound_reason(assessment, require_test_px),
-    ]
-    failed = tuple(reason for reason in checks if reason)
-    if failed:
-        return Verdict("FAIL", failed)
-    distances = assessment.test_distances
-    if distances is None or assessment.test_views is None:
-        return Verdict("NOT_EVALUATED", ("no board was held out: give --test-fraction",))
-    rms = float(np.sqrt(np.mean(distances**2)))
-    boards = len(assessment.test_views)
-    return Verdict("PASS", (f"{rms:.3f} px rms on {boards} boards that were held out",))
-
-
-def _blind_reasons(calibration: CameraCalibration) -> list[str]:
-    return [
-        f"the boards do not determine {', '.join(f'`{name}`' for name in direction.names)}: "
-        "tilt the board more, bring it nearer to the image's edges and to other distances, or hold "
-        f"a value with --pin {direction.names[0]}"
-        for direction in calibration.uncertainty.blind
-    ]
-
-
-def _outlier_reason(calibration: CameraCalibration) -> str | None:
-    share = float(calibration.outliers.mean())
-    if share <= _MOST_OUTLIERS:
-        return None
-    return (
-        f"{100 * share:.0f} % of the boards contradict the rest: is the board flat and of the size "
-        "given, and were the images of a pair taken together?"
-    )
-
-
-def _fold_reasons(calibration: CameraCalibration) -> list[str]:
-    views = calibration.views
-    return fold_reasons_of(views.eyes, calibration.cameras, views.image_size)
-
-
-def fold_reasons_of(
-    eyes: tuple[str, ...], cameras: tuple[Camera, ...], image_size: tuple[int, int]
-) -> list[str]:
-    """Say where a lens folds its image: pixels to which no ray belongs."""
-    reasons = []
-    width, height = image_size
-    edge = np.array([[0, 0], [width - 1, 0], [0, height - 1], [width - 1, height - 1]], dtype=float)
-    for eye, camera in zip(eyes, cameras, strict=True):
-        if not camera.has_rays(edge).all():
-            reasons.append(
-                f"the distortion of the {eye} eye is not monotone up to the image's corners (it "
-                f"turns at a radius of {lens.largest_radius(camera.k):.2f}): pin {eye}.k3=0, or "
-                "record boards in the corners"
-            )
-    return reasons
-
-
-def _held_out_reason(assessment: CameraAssessment) -> str | None:
-    """Compare boards, not corners: what is wrong with one corner of a board is with all."""
-    if assessment.test_residuals is None or len(assessment.left_out_residuals) == 0:
-        return None
-    found = _rms_of_boards(assessment.test_residuals)
-    expected = _rms_of_boards(assessment.left_out_residuals)
-    ratio = float(np.median(found) / max(np.median(expected), 1e-12))
-    significant = rank_score(expected, found) >= _SIGNIFICANT and ratio >= _NOTABLE
-    if not significant and ratio < _EXCESSIVE:
-        return None
-    return (
-        f"held-out boards fit significantly worse (median rms {np.median(found):.3f} px) than "
-        f"boards left out in turn ({np.median(expected):.3f} px)"
-    )
-
-
-def _rms_of_boards(residuals: NDArray) -> NDArray:
-    """Return the root mean square error of each board. Shape (V, P, 2 C) -> (V,)."""
-    return np.sqrt(2.0 * np.nanmean(residuals**2, axis=(1, 2)))
-
-
-def _bound_reason(assessment: CameraAssessment, require_test_px: float | None) -> str | None:
-    if require_test_px is None:
-        return None
-    distances = assessment.test_distances
-    if distances is None:
-        return "--require-test-px was given but no board was held out"
-    rms = float(np.sqrt(np.mean(distances**2)))
-    if rms <= require_test_px:
-        return None
-    return f"held-out boards fit to {rms:.3f} px rms, required at most {require_test_px:g} px"
 
 
 def _weak_parameters(calibration: CameraCalibration) -> list[str]:
@@ -239,3 +140,35 @@ def _coverage_warnings(calibration: CameraCalibration) -> list[str]:
                 "to the image's corner: beyond, its distortion is extrapolated"
             )
     return words
+
+
+def _folds_by_chance(calibration: CameraCalibration) -> list[str]:
+    views, by_chance = calibration.views, folds_by_chance(calibration)
+    folds = folds_of(views.eyes, calibration.cameras, views.image_size)
+    return [words for eye, words in folds.items() if eye in by_chance]
+
+
+def fails_the_lens(misfit: LensMisfit) -> bool:
+    """Tell whether most of an eye's residuals are its lens' misfit, and more than a trifle."""
+    large = misfit.share >= _MOSTLY and misfit.size_px >= _NOTABLE_PX
+    return misfit.is_certain and large
+
+
+def _is_slight(misfit: LensMisfit) -> bool:
+    known = misfit.is_certain and misfit.share >= _SLIGHT and misfit.size_px >= _SLIGHT_PX
+    return known and not fails_the_lens(misfit)
+
+
+def words_of_misfit(misfit: LensMisfit) -> str:
+    """Say what a lens does that its model does not, and what may cure it."""
+    share = round(100 * misfit.share)
+    words = (
+        f"the lens of the {misfit.eye} eye bends light as its model does not: corners lie "
+        f"{misfit.size_px:.2f} px off in a pattern over the image, {share} % of their squared error"
+    )
+    if misfit.held:
+        return f"{words}; let {' and '.join(f'`{name}`' for name in misfit.held)} move"
+    return (
+        f"{words}; fisheyes and other wide lenses are not described by k1 to k3: use the middle of "
+        "the image alone, or straighten the photographs first"
+    )

@@ -3,10 +3,10 @@
 import math
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from difflib import get_close_matches
 from typing import TypeVar
 
 from nico_selfmodel.model.stereo_rig import StereoRig
+from nico_selfmodel.names import did_you_mean, listed
 from nico_selfmodel.optimization.robust_solve import ROBUST_METHODS
 
 T = TypeVar("T")
@@ -127,9 +127,8 @@ def by_full_name(chosen: Mapping[str, T], names: tuple[str, ...]) -> dict[str, T
 
 def _hint(word: str, names: Iterable[str]) -> str:
     names = list(names)
-    close = get_close_matches(word, [*names, *(n.partition(".")[2] for n in names)], 1)
-    meant = f", did you mean {close[0]!r}?" if close else "."
-    return f"{meant} There are: {', '.join(names)}"
+    meant = did_you_mean(word, [*names, *(n.partition(".")[2] for n in names)]) or "."
+    return f"{meant} There are: {listed(names)}"
 
 
 def _number(text: str, where: str) -> float:

@@ -11,6 +11,7 @@ from nico_selfmodel.estimation.arm_solution import slopes_by_angle
 from nico_selfmodel.estimation.observations import Observations
 from nico_selfmodel.estimation.pose_noise import PoseNoise
 from nico_selfmodel.model import SelfModel
+from nico_selfmodel.names import listed
 from nico_selfmodel.optimization.robust_solve import OUTLIER_AT
 
 _ROUNDING_M = 1e-9
@@ -112,8 +113,8 @@ def evaluate(model: SelfModel, dataset: Dataset) -> Evaluation:
     unknown = [m for m in seen if m not in model.markers]
     if unknown:
         raise DataError(
-            f"data set {dataset.name!r} tracks {', '.join(unknown)}, which the self-model does not "
-            f"know; it knows {', '.join(model.markers)}"
+            f"data set {dataset.name!r} tracks {listed(unknown)}, which the self-model does not "
+            f"know; it knows {listed(model.markers)}"
         )
     observations = Observations.from_dataset(dataset, model.markers)
     readings = dataset.encoders[observations.rows][:, columns]
@@ -142,8 +143,8 @@ def reading_columns(model: SelfModel, dataset: Dataset) -> list[int]:
     """
     if set(model.joints) != set(dataset.joint_names):
         raise DataError(
-            f"data set {dataset.name!r} has the joints {', '.join(dataset.joint_names)}, the "
-            f"self-model {', '.join(model.joints)}: they must be the same"
+            f"data set {dataset.name!r} has the joints {listed(dataset.joint_names)}, the "
+            f"self-model {listed(model.joints)}: they must be the same"
         )
     return [dataset.joint_names.index(joint) for joint in model.joints]
 

@@ -22,6 +22,7 @@ from nico_selfmodel.estimation.pins import Pins
 from nico_selfmodel.estimation.start_search import RANDOM, few_rows
 from nico_selfmodel.estimation.zeroing import meaningful_parameters
 from nico_selfmodel.model import DhParameters
+from nico_selfmodel.names import listed
 
 _ASSUMED_SIGMA = 1e-3
 _WITHOUT_SWEEPS = 6
@@ -179,7 +180,7 @@ class KinematicTask:
         ]
         if still:
             raise DataError(
-                f"{', '.join(still)} never moved in data set {self.dataset.name!r}: move every "
+                f"{listed(still)} never moved in data set {self.dataset.name!r}: move every "
                 "joint of the chain, or leave it out of the data set"
             )
         unknown = self.unknowns - sum(not name.endswith(".gear") for name in pins.pinned)

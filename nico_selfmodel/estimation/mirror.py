@@ -21,6 +21,7 @@ from nico_selfmodel.estimation.provenance import data_named, package_versions
 from nico_selfmodel.estimation.reflections import ReflectionNoise, Reflections, known_points
 from nico_selfmodel.model.mirror import Mirror
 from nico_selfmodel.model.self_model import ParameterCovariance, SelfModel
+from nico_selfmodel.names import listed
 from nico_selfmodel.optimization.robust_solve import ROBUST_METHODS
 
 _ASSUMED_PIXEL_SIGMA = 1.0
@@ -136,8 +137,8 @@ def evaluate_mirrors(
     unknown = [name for name in reflections.mirrors if name not in mirrors]
     if unknown:
         raise DataError(
-            f"data set {dataset.name!r} has reflections in {', '.join(unknown)}, which was not "
-            f"learned; there are: {', '.join(mirrors)}"
+            f"data set {dataset.name!r} has reflections in {listed(unknown)}, which was not "
+            f"learned; there are: {listed(mirrors)}"
         )
     planes = tuple(mirrors[name] for name in reflections.mirrors)
     return MirrorEvaluation.from_reflections(reflections, planes)

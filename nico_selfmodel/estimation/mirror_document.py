@@ -84,6 +84,7 @@ def _mirror(calibration: MirrorCalibration, name: str) -> dict[str, Any]:
     distances = solution.distances[believed]
     found: dict[str, Any] = {
         "rows": int(rows.sum()),
+        "poses": int(np.unique(solution.reflections.sample[rows]).size),
         "distance_mm": 1e3 * mirror.distance,
         "normal_sigma_deg": float(np.degrees(mirror.normal_sigma or 0.0)),
         "hand_in_front_mm": [1e3 * float(f(solution.in_front_by[rows])) for f in (np.min, np.max)],

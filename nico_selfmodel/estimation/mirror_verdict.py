@@ -125,7 +125,7 @@ def _behind_reasons(calibration: MirrorCalibration) -> list[str]:
         rows = behind & (solution.reflections.mirror == m)
         if rows.any():
             reasons.append(
-                f"{int(rows.sum())} poses put the hand up to "
+                f"{np.unique(solution.reflections.sample[rows]).size} poses put the hand up to "
                 f"{-1e3 * solution.in_front_by[rows].min():.0f} mm behind mirror {name!r}, where "
                 "it has no reflection: the arm or the eyes are not what the self-model says"
             )

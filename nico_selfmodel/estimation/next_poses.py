@@ -18,6 +18,7 @@ from nico_selfmodel.estimation.pose_selection import (
     position_jacobians,
 )
 from nico_selfmodel.model import SelfModel
+from nico_selfmodel.names import listed
 
 POOL = 3000
 """Poses to choose from."""
@@ -76,8 +77,8 @@ def choose_next_poses(
     """
     if data.joint_names != model.joints:
         raise DataError(
-            f"the data are of the joints {', '.join(data.joint_names)}, the model of "
-            f"{', '.join(model.joints)}"
+            f"the data are of the joints {listed(data.joint_names)}, the model of "
+            f"{listed(model.joints)}"
         )
     marker = model.markers[0] if marker is None else marker
     recorded = data.encoders[(data.marker == marker) & (data.mirror == "")]

@@ -15,6 +15,7 @@ from nico_selfmodel.estimation.observations import Observations
 from nico_selfmodel.geometry import Alignment
 from nico_selfmodel.geometry.transform import transform
 from nico_selfmodel.model import Chain
+from nico_selfmodel.names import listed
 
 
 @dataclass(frozen=True, eq=False)
@@ -38,8 +39,8 @@ class NominalArm:
         """
         if self.chain.joints != joints:
             raise ModelError(
-                f"the robot's chain has the joints {', '.join(self.chain.joints)}, the data set "
-                f"{', '.join(joints)}: choose base, tip and held joints so that they agree"
+                f"the robot's chain has the joints {listed(self.chain.joints)}, the data set "
+                f"{listed(joints)}: choose base, tip and held joints so that they agree"
             )
         return self
 

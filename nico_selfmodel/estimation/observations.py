@@ -8,6 +8,7 @@ from numpy.typing import NDArray
 from nico_selfmodel.dataset import Dataset
 from nico_selfmodel.errors import DataError
 from nico_selfmodel.model import ServoMap
+from nico_selfmodel.names import listed
 
 
 @dataclass(frozen=True, eq=False)
@@ -59,7 +60,7 @@ class Observations:
         if not rows.size:
             raise DataError(
                 f"data set {dataset.name!r} has no measured point (x_m, y_m, z_m) of "
-                f"{', '.join(known) or 'any marker'}: kinematics needs positions"
+                f"{listed(known) or 'any marker'}: kinematics needs positions"
             )
         index = {name: i for i, name in enumerate(known)}
         units = servo_units(dataset)
@@ -75,6 +76,13 @@ class Observations:
             rows,
             units,
         )
+
+    @property
+    def pose_words(self) -> str:
+        """How many poses the rows are of, and how many rows where these are more."""
+        count = len(self.poses)
+        words = "1 pose" if count == 1 else f"{count} poses"
+        return words if len(self) == count else f"{len(self)} sightings in {words}"
 
     def __len__(self) -> int:
         """Return the number of rows N."""

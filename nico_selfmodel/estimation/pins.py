@@ -3,9 +3,9 @@
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass, field
-from difflib import get_close_matches
 
 from nico_selfmodel.model import DhParameters
+from nico_selfmodel.names import did_you_mean, listed
 
 
 @dataclass(frozen=True)
@@ -56,6 +56,5 @@ class Pins:
         """
         known = parameters.names
         for name in sorted(self.names - set(known)):
-            close = get_close_matches(name, known, 1)
-            hint = f", did you mean {close[0]!r}?" if close else "."
-            raise ValueError(f"no parameter {name!r}{hint} There are: {', '.join(known)}")
+            hint = did_you_mean(name, known) or "."
+            raise ValueError(f"no parameter {name!r}{hint} There are: {listed(known)}")

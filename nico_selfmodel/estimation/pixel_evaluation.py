@@ -13,6 +13,7 @@ from nico_selfmodel.estimation.pixel_observations import (
     seen_points,
 )
 from nico_selfmodel.model.self_model import SelfModel
+from nico_selfmodel.names import listed
 
 
 @dataclass(frozen=True, eq=False)
@@ -36,6 +37,11 @@ class PixelEvaluation:
             self.p_LH_predicted[keep],
             self.p_LH_seen[keep],
         )
+
+    @property
+    def pose_count(self) -> int:
+        """How many poses the rows are of; several markers share one."""
+        return len(self.observations.arm.poses)
 
     @property
     def residuals(self) -> NDArray:
@@ -112,7 +118,7 @@ def _markers_of(model: SelfModel, dataset: Dataset) -> tuple[str, ...]:
     unknown = sorted(set(dataset.marker[seen].tolist()) - set(model.markers))
     if unknown:
         raise DataError(
-            f"data set {dataset.name!r} tracks {', '.join(unknown)}, which the self-model does not "
-            f"know; it knows {', '.join(model.markers)}"
+            f"data set {dataset.name!r} tracks {listed(unknown)}, which the self-model does not "
+            f"know; it knows {listed(model.markers)}"
         )
     return model.markers

@@ -10,6 +10,7 @@ from nico_selfmodel.errors import DataError
 from nico_selfmodel.estimation.observations import Observations, servo_units
 from nico_selfmodel.model.self_model import SelfModel
 from nico_selfmodel.model.stereo_rig import EYES, StereoRig
+from nico_selfmodel.names import listed
 
 
 @dataclass(frozen=True, eq=False)
@@ -45,7 +46,7 @@ class PixelObservations:
         if not rows.size:
             raise DataError(
                 f"data set {dataset.name!r} has no pixels (left_u, left_v, right_u, right_v) of "
-                f"{', '.join(known) or 'any marker'}: record it with eyes that track the hand"
+                f"{listed(known) or 'any marker'}: record it with eyes that track the hand"
             )
         index = {name: i for i, name in enumerate(known)}
         units = servo_units(dataset)
@@ -96,12 +97,12 @@ class PixelObservations:
         both = int(self.by_both.sum())
         if both >= fewest:
             return
-        poses = "1 pose" if both == 1 else f"{both} poses"
+        poses = self.arm.select(self.by_both).pose_words
         words = (
             f"in data set {name!r} both eyes saw the hand in {poses}, at least {fewest} are needed"
         )
         if unknown:
-            words += f", or these stay blind, wholly or in part: {', '.join(unknown)}"
+            words += f", or these stay blind, wholly or in part: {listed(unknown)}"
         if both == len(self):
             raise DataError(f"{words}: record more")
         counts = {eye: int(self.seen[:, 2 * i].sum()) for i, eye in enumerate(EYES)}

@@ -11,6 +11,7 @@ from nico_selfmodel.estimation.error_statistics import check_units, reading_colu
 from nico_selfmodel.geometry.transform import apply
 from nico_selfmodel.model.camera import INTRINSICS, Camera
 from nico_selfmodel.model.self_model import SelfModel
+from nico_selfmodel.names import listed
 
 
 @dataclass(frozen=True)
@@ -171,8 +172,8 @@ def known_points(dataset: Dataset, model: SelfModel, rows: NDArray) -> KnownPoin
     unknown = set(dataset.marker[rows].tolist()) - set(model.markers)
     if unknown:
         raise DataError(
-            f"data set {dataset.name!r} tracks {', '.join(sorted(unknown))}, which the self-model "
-            f"does not know; it knows {', '.join(model.markers)}"
+            f"data set {dataset.name!r} tracks {listed(sorted(unknown))}, which the self-model "
+            f"does not know; it knows {listed(model.markers)}"
         )
     marker = np.array([model.markers.index(name) for name in dataset.marker[rows].tolist()])
     angles = model.servos.to_radians(dataset.encoders[rows][:, columns])

@@ -19,6 +19,7 @@ from nico_selfmodel.estimation.observations import Observations
 from nico_selfmodel.estimation.pixel_observations import PixelObservations, columns_of
 from nico_selfmodel.model.self_model import SelfModel
 from nico_selfmodel.model.stereo_rig import EYES
+from nico_selfmodel.names import listed
 
 SENSORS = ("auto", "pixels", "points")
 """`auto`: pixels where the model has eyes and the data have pixels, else points."""
@@ -130,21 +131,30 @@ def sightings_of(
         ModelError: If the model does not say what noise to expect, or its world is not its eye's.
         ValueError: If there is no such sensor.
     """
-    if sensor not in SENSORS:
-        raise ValueError(f"no sensor {sensor!r}; there are {', '.join(SENSORS)}")
+    pixels = by_pixels(model, dataset, sensor)
     dataset = columns_of(model, dataset)
     _check_markers(model, dataset)
+    return (_by_pixels if pixels else _by_points)(model, dataset, sigma)
+
+
+def by_pixels(model: SelfModel, dataset: Dataset, sensor: str = "auto") -> bool:
+    """Return whether data are held against a model by their pixels, not by their measured points.
+
+    Raises:
+        ModelError: If there are nothing but pixels, and the model has no eyes.
+        ValueError: If there is no such sensor.
+    """
+    if sensor not in SENSORS:
+        raise ValueError(f"no sensor {sensor!r}; there are {', '.join(SENSORS)}")
     has_pixels = bool(np.isfinite(dataset.pixels).any())
     has_eyes = set(model.cameras) == set(EYES)
-    if sensor == "pixels" or (sensor == "auto" and has_pixels and has_eyes):
-        return _by_pixels(model, dataset, sigma)
-    if sensor == "auto" and has_pixels and not dataset.measured.any():
+    if sensor == "auto" and has_pixels and not has_eyes and not dataset.measured.any():
         raise ModelError(
             f"self-model {model.name!r} has no eyes, and data set {dataset.name!r} holds nothing "
             "but pixels: learn arm and eyes together with `nico-selfmodel calibrate body`, or "
             "record measured points"
         )
-    return _by_points(model, dataset, sigma)
+    return sensor == "pixels" or (sensor == "auto" and has_pixels and has_eyes)
 
 
 def covariance_of(model: SelfModel, names: tuple[str, ...]) -> NDArray:
@@ -193,8 +203,8 @@ def _check_markers(model: SelfModel, dataset: Dataset) -> None:
     unknown = sorted(set(dataset.marker[seen].tolist()) - set(model.markers))
     if unknown:
         raise DataError(
-            f"data set {dataset.name!r} tracks {', '.join(unknown)}, which the self-model does not "
-            f"know; it knows {', '.join(model.markers)}"
+            f"data set {dataset.name!r} tracks {listed(unknown)}, which the self-model does not "
+            f"know; it knows {listed(model.markers)}"
         )
 
 

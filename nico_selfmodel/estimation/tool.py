@@ -18,6 +18,7 @@ from nico_selfmodel.estimation.sightings import Sightings, sightings_of
 from nico_selfmodel.estimation.zero_search import likely_offsets
 from nico_selfmodel.model.dh_table import DhTable
 from nico_selfmodel.model.self_model import SelfModel
+from nico_selfmodel.names import listed
 
 _SPREAD = 3.0
 """The hand must move by this many times what one pose is uncertain by."""
@@ -178,7 +179,7 @@ def rezero(
     joints = joints or model.joints
     unknown = [joint for joint in joints if joint not in model.joints]
     if unknown:
-        raise ValueError(f"no joint {unknown[0]!r}; there are {', '.join(model.joints)}")
+        raise ValueError(f"no joint {unknown[0]!r}; there are {listed(model.joints, unknown[0])}")
     sightings = sightings_of(model, dataset, sensor)
     names = tuple(f"{joint}.theta_offset" for joint in joints)
     update = learn_block(model, sightings, names, scales=np.ones(len(names)), loss=loss)
@@ -262,7 +263,8 @@ def _require_motion(sightings: Sightings, names: tuple[str, ...]) -> None:
         return
     pixels = sightings.seen.shape[1] == 4
     scale, unit = (1.0, "px") if pixels else (1e3, "mm")
-    poses = "1 pose" if len(sightings) == 1 else f"{len(sightings)} poses"
+    count = np.unique(sightings.sample).size
+    poses = "1 pose" if count == 1 else f"{count} poses"
     raise NotIdentifiableError(
         f"the hand moved by {scale * moved:.1f} {unit} in {poses}, one pose alone "
         f"is uncertain by {scale * noise:.1f} {unit}: {', '.join(names)} cannot be told from what "

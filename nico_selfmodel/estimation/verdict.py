@@ -113,6 +113,22 @@ def shortened(words: list[str]) -> list[str]:
     return words if more <= 0 else [*words[:_BLIND_SHOWN], f"and {more} more blind directions"]
 
 
+def significantly_above(errors: NDArray, median: float, n: float, known_from: float) -> bool:
+    """Return whether errors are significantly, and notably, above an expected median.
+
+    A sign test: half of them should lie above the median, which is itself known from a sample.
+
+    Args:
+        errors: What was found. Shape (k,).
+        median: What was expected, in the same unit.
+        n: How many independent ones there are among them.
+        known_from: How many there were in the sample.
+    """
+    share = float(np.mean(errors > median))
+    score = (share - 0.5) / np.sqrt(0.25 * (1.0 / n + 1.0 / known_from))
+    return bool(score >= SIGNIFICANT and np.median(errors) >= NOTABLE * median)
+
+
 def rank_score(a: NDArray, b: NDArray) -> float:
     """Return the standard score of b's ranks over a's (Mann and Whitney 1947).
 

@@ -13,7 +13,8 @@ from nico_selfmodel.estimation.mirror_poses import MirrorPoses, plan_mirror_pose
 from nico_selfmodel.experiments.eyes_lesson import NicoBeforeItsEyes
 from nico_selfmodel.model import Mirror, SelfModel, StereoRig
 from nico_selfmodel.model.stereo_rig import EYES
-from nico_selfmodel.recording import Plan, RecordedSamples, commands_of_angles
+from nico_selfmodel.names import check_name
+from nico_selfmodel.recording import Plan, RecordedSamples, commands_of_angles, live_again
 from nico_selfmodel.systems import NicoStation, StationBody
 from nico_selfmodel.systems.mirror_scene import MirrorPlate, put_mirror
 from nico_selfmodel.systems.mirror_view import MirrorView
@@ -26,7 +27,6 @@ SPARE = 2.0
 _FAMILIAR = 120
 """Poses to choose from where those near familiar ones are preferred."""
 _TRIES = 2
-_RESUMED = 100_000
 _NOISE = {"pixel_sigma": 0.3, "noise_sigma": 4e-3}
 """What choosing poses reckons with: a marker found in the image [px], an arm known [m]."""
 
@@ -160,8 +160,7 @@ class NicoBeforeMirrors:
         Raises:
             DataError: If nothing was seen at all, or the folder holds something else.
         """
-        began = 0 if folder is None or not folder.exists() else len(Dataset.load(folder).samples)
-        station = self.station(session + _RESUMED * began)
+        station = self.station(session)
         body = StationBody(station, station.joints, self.nico.markers, keep_images=keep_images)
         rng = np.random.default_rng((self.nico.seed, session, 22))
         plan, where = self.plan(station, poses, direct, rng, best)
@@ -171,13 +170,14 @@ class NicoBeforeMirrors:
         kept.resume(plan)
         standing = None
         for index, ((label, command), mirror) in enumerate(zip(plan, where, strict=True)):
-            enough = kept.complete_in(mirror) >= poses if mirror else kept.free_poses >= direct
-            if not enough and not kept.has(index):
+            found = kept.complete_in(mirror, index) if mirror else kept.free_poses(index)
+            if found < (poses if mirror else direct):
                 if mirror != standing:
                     X_BM = self.views[mirror].X_BM if mirror else None
                     put_mirror(station, body.context, X_BM)
                     standing = mirror
-                for _ in range(_TRIES):
+                relived = live_again(body, command, kept.visits(index))
+                for _ in range(0 if relived else _TRIES):
                     if kept.add(index, label, body.visit(command), mirror):
                         break
             if progress:
@@ -229,6 +229,7 @@ def mirror_of_words(words: str) -> tuple[str, Mirror]:
     name, _, place = words.partition("=")
     if not name.strip():
         raise ValueError(f"--mirror {words}: a mirror needs a name, as in glass=300,0,-20")
+    check_name(name.strip(), "the name of a mirror")
     if not place:
         return name.strip(), DEFAULT_MIRROR
     try:

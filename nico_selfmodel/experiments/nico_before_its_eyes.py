@@ -34,8 +34,6 @@ from nico_selfmodel.vision import NotSeen, find_chessboard, write_image
 SPARE = 1.25
 """Poses planned for each that is wanted: some hide the marker after all."""
 HOME_REPEATS = 4
-_RESUMED = 100_000
-"""Sessions that a resumed recording skips for each pose it has: what is random must not repeat."""
 WINDOW = 5
 """Half side of the window in which corners are refined: squares are as small as 16 px."""
 
@@ -138,7 +136,7 @@ class NicoBeforeItsEyes:
         Raises:
             ValueError: If a given pose lies beyond a joint's stop.
         """
-        station = self.station(session + _RESUMED * _recorded(folder), rig)
+        station = self.station(session, rig)
         body = StationBody(station, station.joints, self.markers, keep_images=keep_images)
         rng = np.random.default_rng((self.seed, session, 2))
         plan = self.plan(station, circle, free if poses is None else 0, rng)
@@ -207,10 +205,3 @@ class NicoBeforeItsEyes:
             )
         names = tuple(f"{i + 1:02d}" for i in range(count))
         return BoardViews(BOARD.points, names, EYES, np.array(pixels), station.image_size)
-
-
-def _recorded(folder: Path | None) -> int:
-    """Return how many poses an interrupted recording has."""
-    if folder is None or not folder.exists():
-        return 0
-    return len(Dataset.load(folder).samples)

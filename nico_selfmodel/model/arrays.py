@@ -1,4 +1,4 @@
-"""Read-only copies of arrays, checked for shape and finiteness."""
+"""Read-only copies of arrays, checked for shape, finiteness and what a covariance must be."""
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -25,3 +25,39 @@ def frozen_array(value: ArrayLike, shape: tuple[int, ...], name: str) -> NDArray
         raise ValueError(f"{name} must be finite")
     array.flags.writeable = False
     return array
+
+
+def frozen_covariance(value: ArrayLike, count: int, name: str) -> NDArray:
+    """Return a read-only copy of a covariance.
+
+    It must be symmetric and have no negative eigenvalue, each to a millionth of the standard
+    deviations: rounding is forgiven, whatever the units are.
+
+    Args:
+        value: The matrix.
+        count: Of the variables.
+        name: What the message calls it.
+
+    Returns:
+        A copy that cannot be written to. Shape (count, count).
+
+    Raises:
+        ValueError: If the shape differs, an entry is not finite, or it is no covariance.
+    """
+    matrix = frozen_array(value, (count, count), name)
+    variances = np.diag(matrix)
+    if (variances < 0.0).any():
+        raise ValueError(f"{name} has a negative variance: {variances.min():g}")
+    scale = np.sqrt(np.where(variances > 0.0, variances, 1.0))
+    correlation = matrix / scale / scale[:, None]
+    if np.abs(correlation - correlation.T).max(initial=0.0) > _ROUNDING:
+        raise ValueError(f"{name} is not symmetric")
+    if count and np.linalg.eigvalsh(correlation)[0] < -_ROUNDING * count:
+        raise ValueError(
+            f"{name} is not positive semi-definite: no errors are correlated like that"
+        )
+    return matrix
+
+
+_ROUNDING = 1e-6
+"""Of a correlation."""

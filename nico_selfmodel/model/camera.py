@@ -15,6 +15,9 @@ from nico_selfmodel.model.arrays import frozen_array
 INTRINSICS = ("fx", "fy", "skew", "cx", "cy", "k1", "k2", "k3", "p1", "p2")
 """Names of what lies inside a camera, in the order of `Camera.values`."""
 
+DISTORTION = INTRINSICS[5:]
+"""Those of them that bend light."""
+
 INTRINSIC_UNITS = ("px", "px", "px", "px", "px", "1", "1", "1", "1", "1")
 """Units of `INTRINSICS`."""
 

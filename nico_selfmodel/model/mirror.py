@@ -9,7 +9,7 @@ from nico_selfmodel.geometry.plane import Plane
 from nico_selfmodel.geometry.reflection import reflect, reflection
 from nico_selfmodel.geometry.rotation import move_on_sphere, tangent_basis
 from nico_selfmodel.geometry.transform import inverse
-from nico_selfmodel.model.arrays import frozen_array
+from nico_selfmodel.model.arrays import frozen_array, frozen_covariance
 from nico_selfmodel.model.camera import Camera
 
 MIRROR_PARTS = ("tilt_x", "tilt_y", "distance")
@@ -50,7 +50,7 @@ class Mirror:
                 "the glass, and the normal points to it"
             )
         if self.covariance is not None:
-            covariance = frozen_array(self.covariance, (3, 3), "covariance")
+            covariance = frozen_covariance(self.covariance, 3, "covariance")
             object.__setattr__(self, "covariance", covariance)
 
     @classmethod

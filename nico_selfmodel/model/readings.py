@@ -1,7 +1,5 @@
 """Encoder readings written as text."""
 
-import csv
-import io
 import warnings
 from collections.abc import Mapping, Sequence
 
@@ -9,6 +7,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from nico_selfmodel.errors import DataError
+from nico_selfmodel.files.csv_cells import quoted_cell
+from nico_selfmodel.files.csv_rows import parse_number, rows_of_text
+from nico_selfmodel.names import listed, shown
 
 _FAR = 0.25
 """Share of the trained range that a reading may lie beyond it."""
@@ -27,15 +28,16 @@ def readings_from_words(words: list[str], joints: tuple[str, ...]) -> NDArray:
     Raises:
         DataError: If a pose has another number of numbers, or one is not finite.
     """
-    return np.array([_pose(word.split(","), joints, f"pose {word!r}") for word in words])
+    return np.array([_pose(word.split(","), joints, f"pose {shown(word)}") for word in words])
 
 
-def readings_from_table(text: str, joints: tuple[str, ...]) -> NDArray:
+def readings_from_table(text: str, joints: tuple[str, ...], where: str = "the table") -> NDArray:
     """Read poses from CSV text with a column per joint, named `<joint>` or `encoder.<joint>`.
 
     Args:
         text: The table, header first; other columns are ignored.
         joints: Names of the joints.
+        where: Place for messages.
 
     Returns:
         Readings. Shape (N, n).
@@ -43,24 +45,26 @@ def readings_from_table(text: str, joints: tuple[str, ...]) -> NDArray:
     Raises:
         DataError: If a column is missing, a cell is no finite number, or there is no row.
     """
-    reader = csv.DictReader(io.StringIO(text.removeprefix("\ufeff")))
-    header = reader.fieldnames or []
+    rows, lines = rows_of_text(text, where)
+    header = [name.strip() for name in rows[0]] if rows else []
     columns = []
     for joint in joints:
         found = [name for name in (f"encoder.{joint}", joint) if name in header]
         if not found:
             raise DataError(
-                f"the table has no column {joint!r} or 'encoder.{joint}'; it has "
-                f"{', '.join(header) or 'no header'}"
+                f"{where} has no column {joint!r} or 'encoder.{joint}'; it has "
+                f"{listed(header, joint) or 'no header'}"
             )
-        columns.append(found[0])
-    rows = [
-        _pose([row[name] or "" for name in columns], joints, f"line {number}")
-        for number, row in enumerate(reader, start=2)
-    ]
-    if not rows:
-        raise DataError("the table has no row below its header")
-    return np.array(rows)
+        if header.count(found[0]) > 1:
+            raise DataError(f"{where} has column {found[0]!r} more than once")
+        columns.append(header.index(found[0]))
+    if len(rows) < 2:
+        raise DataError(f"{where} has no row below its header")
+    poses = []
+    for row, line in zip(rows[1:], lines[1:], strict=True):
+        cells = [row[column] if column < len(row) else "" for column in columns]
+        poses.append(_pose(cells, joints, f"{where}, line {line}"))
+    return np.array(poses)
 
 
 def readings_table(readings: NDArray, joints: tuple[str, ...]) -> str:
@@ -73,7 +77,7 @@ def readings_table(readings: NDArray, joints: tuple[str, ...]) -> str:
     Returns:
         The table, with a column `encoder.<joint>` for each joint.
     """
-    header = ",".join(f"encoder.{joint}" for joint in joints)
+    header = ",".join(quoted_cell(f"encoder.{joint}") for joint in joints)
     rows = [",".join(repr(value) for value in row) for row in readings.tolist()]
     return "\n".join([header, *rows]) + "\n"
 
@@ -112,15 +116,15 @@ def warn_beyond(
 def _pose(cells: list[str], joints: tuple[str, ...], where: str) -> list[float]:
     if len(cells) != len(joints):
         raise DataError(
-            f"{where} has {len(cells)} numbers, expected {len(joints)}: {', '.join(joints)}"
+            f"{where} has {len(cells)} numbers, expected {len(joints)}: {listed(joints)}"
         )
     values = []
     for joint, cell in zip(joints, cells, strict=True):
         try:
-            value = float(cell)
-        except ValueError:
-            value = np.nan
-        if not np.isfinite(value):
+            value = parse_number(cell)
+        except ValueError as error:
+            raise DataError(f"{where}: the reading of {joint}: {error}") from None
+        if np.isnan(value):
             raise DataError(f"{where}: the reading of {joint} is {cell!r}, expected a number")
         values.append(value)
     return values

@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from nico_selfmodel.errors import ModelError
-from nico_selfmodel.model.arrays import frozen_array
+from nico_selfmodel.model.arrays import frozen_covariance
 from nico_selfmodel.model.camera import Camera
 from nico_selfmodel.model.chain import Chain
 from nico_selfmodel.model.dh_parameters import DhParameters
@@ -20,6 +20,7 @@ from nico_selfmodel.model.mirror import Mirror
 from nico_selfmodel.model.mirror_rig import MirrorRig
 from nico_selfmodel.model.servo_map import ServoMap
 from nico_selfmodel.model.stereo_rig import EYES, StereoRig
+from nico_selfmodel.names import check_name, listed
 
 
 @dataclass(frozen=True, eq=False)
@@ -32,9 +33,11 @@ class ParameterCovariance:
     """Shape (k, k), in the squared units of the parameters."""
 
     def __post_init__(self) -> None:
-        """Check the shape and make the array read-only."""
-        k = len(self.names)
-        object.__setattr__(self, "matrix", frozen_array(self.matrix, (k, k), "covariance"))
+        """Check the matrix and make it read-only."""
+        if len(set(self.names)) != len(self.names):
+            raise ValueError("the covariance names a parameter twice")
+        matrix = frozen_covariance(self.matrix, len(self.names), "covariance")
+        object.__setattr__(self, "matrix", matrix)
 
 
 @dataclass(frozen=True, eq=False)
@@ -102,16 +105,25 @@ class SelfModel:
             _check_arm(self.table, self.servo_map)
         if set(self.cameras) - set(EYES):
             raise ValueError(f"eyes are called left and right, got {sorted(self.cameras)}")
-        if not all(isinstance(name, str) and name for name in self.mirrors):
-            raise ValueError(f"mirrors must have names, got {list(self.mirrors)}")
+        self._check_names()
         strangers = set(self.covariance.names if self.covariance else ()) - set(self._known_names())
         if strangers:
-            raise ValueError(f"the covariance names unknown parameters: {sorted(strangers)}")
+            raise ValueError(
+                f"the covariance names unknown parameters: {listed(sorted(strangers))}"
+            )
         for name in ("noise_sigma", "pixel_sigma"):
             if getattr(self, name) is not None:
                 object.__setattr__(self, name, float(getattr(self, name)))
         for name in ("robot", "fit", "provenance", "cameras", "mirrors"):
             object.__setattr__(self, name, MappingProxyType(dict(getattr(self, name))))
+
+    def _check_names(self) -> None:
+        """Refuse names that a terminal would obey."""
+        check_name(self.name, "the name of a self-model", in_table=False)
+        parts = {"joint": self.table.joints, "marker": self.table.markers} if self.table else {}
+        for what, names in {**parts, "mirror": tuple(self.mirrors)}.items():
+            for name in names:
+                check_name(name, f"names of {what}s", in_table=False)
 
     @property
     def has_arm(self) -> bool:
@@ -160,7 +172,7 @@ class SelfModel:
         if not self.mirrors:
             raise ModelError(self._lack("mirror", "calibrate mirror"))
         if mirror not in self.mirrors:
-            raise ModelError(f"no mirror {mirror!r}; there are: {', '.join(self.mirrors)}")
+            raise ModelError(f"no mirror {mirror!r}; there are: {listed(self.mirrors, mirror)}")
         return MirrorRig(self.rig, self.mirrors[mirror])
 
     def _lack(self, what: str, command: str) -> str:
@@ -209,7 +221,7 @@ class SelfModel:
         if readings.ndim != 2 or readings.shape[1] != len(self.joints):
             raise ValueError(
                 f"readings must have shape (N, {len(self.joints)}) for the joints "
-                f"{', '.join(self.joints)}, got {readings.shape}"
+                f"{listed(self.joints)}, got {readings.shape}"
             )
         index = self.chain.marker_index(marker) if isinstance(marker, str) else marker
         index = np.broadcast_to(np.asarray(0 if index is None else index), (len(readings),))

@@ -1,22 +1,35 @@
 """Self-models on disk: one YAML, `format: nico-selfmodel/1`."""
 
-import re
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
 import numpy as np
-import yaml
 
-from nico_selfmodel.errors import ModelError
+from nico_selfmodel.errors import DataError, ModelError
 from nico_selfmodel.files import write_whole
+from nico_selfmodel.files.reading import LARGEST_DOCUMENT, read_text
+from nico_selfmodel.files.yaml_text import parse_yaml, yaml_text
 from nico_selfmodel.model.camera import INTRINSICS, Camera
 from nico_selfmodel.model.dh_table import DhTable
+from nico_selfmodel.model.document_values import (
+    LARGEST_SIGMA_M,
+    LARGEST_SIGMA_PX,
+    fit,
+    mapping,
+    numbers,
+    sigma,
+)
 from nico_selfmodel.model.mirror import Mirror
 from nico_selfmodel.model.self_model import ParameterCovariance, SelfModel
 from nico_selfmodel.model.servo_map import ServoMap
-from nico_selfmodel.unique_keys import UniqueKeys
+from nico_selfmodel.names import shown
 
 FORMAT = "nico-selfmodel/1"
+LARGEST_VARIANCE = 1e24
+"""Of a parameter, in its own units squared."""
+LARGEST_SIDE = 100_000
+"""Of an image [px]."""
 _ROW = ("D", "theta_zero", "r", "alpha", "beta")
 
 
@@ -25,9 +38,9 @@ def save_self_model(model: SelfModel, path: str | Path) -> None:
 
     Raises:
         OSError: If the folder cannot be written to.
+        yaml.YAMLError: If what is kept for people is not plain data.
     """
-    text = yaml.dump(_document(model), Dumper=_FlowDumper, sort_keys=False, width=100)
-    write_whole(path, text)
+    write_whole(path, yaml_text(_document(model)))
 
 
 def load_self_model(path: str | Path) -> SelfModel:
@@ -44,12 +57,12 @@ def load_self_model(path: str | Path) -> SelfModel:
     """
     path = Path(path)
     path = path / "self_model.yaml" if path.is_dir() else path
+    if not path.exists():
+        raise ModelError(f"{path} does not exist: give a self_model.yaml")
     try:
-        document = yaml.load(path.read_text(encoding="utf-8"), Loader=_Loader)
-    except FileNotFoundError as error:
-        raise ModelError(f"{path} does not exist: give a self_model.yaml") from error
-    except (OSError, UnicodeDecodeError, yaml.YAMLError) as error:
-        raise ModelError(f"{path} cannot be read as YAML: {_one_line(error)}") from error
+        document = parse_yaml(read_text(path, LARGEST_DOCUMENT), str(path))
+    except DataError as error:
+        raise ModelError(f"{error}: a self-model was expected") from error
     _check_format(document, path)
     try:
         return _model(document)
@@ -64,7 +77,7 @@ def _check_format(document: Any, path: Path) -> None:
         return
     if isinstance(found, str) and found.startswith("nico-selfmodel/"):
         raise ModelError(f"{path} has format {found}, this version reads {FORMAT}: learn it anew")
-    raise ModelError(f"{path} is not a self-model: expected `format: {FORMAT}`, got {found!r}")
+    raise ModelError(f"{path} is not a self-model: expected `format: {FORMAT}`, got {shown(found)}")
 
 
 def _document(model: SelfModel) -> dict[str, Any]:
@@ -124,55 +137,74 @@ def _mirror_document(mirror: Mirror) -> dict[str, Any]:
 def _model(document: dict[str, Any]) -> SelfModel:
     known = document.get("covariance")
     arm = "chain" in document or "servos" in document
+    cameras, mirrors = (mapping(document.get(part), part) for part in ("cameras", "mirrors"))
     return SelfModel(
         document["name"],
         _chain(document["chain"]) if arm else None,
         _servo_map(document["servos"]) if arm else None,
-        ParameterCovariance(tuple(known["names"]), known["matrix"]) if known else None,
-        document.get("noise_sigma_m"),
-        document.get("robot", {}),
-        document.get("fit", {}),
-        document.get("provenance", {}),
-        {eye: _camera(entry) for eye, entry in (document.get("cameras") or {}).items()},
-        document.get("pixel_sigma_px"),
-        {name: _mirror(entry) for name, entry in (document.get("mirrors") or {}).items()},
+        _covariance(known) if known else None,
+        sigma(document.get("noise_sigma_m"), "noise_sigma_m", LARGEST_SIGMA_M),
+        mapping(document.get("robot"), "robot"),
+        fit(document.get("fit")),
+        mapping(document.get("provenance"), "provenance"),
+        {eye: _camera(entry, eye) for eye, entry in cameras.items()},
+        sigma(document.get("pixel_sigma_px"), "pixel_sigma_px", LARGEST_SIGMA_PX),
+        {name: _mirror(entry, name) for name, entry in mirrors.items()},
     )
 
 
-def _chain(chain: dict[str, Any]) -> DhTable:
-    rows, hands = chain["rows"], chain["hand"]
+def _covariance(known: Mapping[str, Any]) -> ParameterCovariance:
+    names = known["names"]
+    if not isinstance(names, list) or not all(isinstance(name, str) for name in names):
+        raise ValueError(f"covariance.names must be a list of names, got {shown(names)}")
+    matrix = numbers(known["matrix"], "covariance.matrix", LARGEST_VARIANCE)
+    return ParameterCovariance(tuple(names), matrix)
+
+
+def _chain(chain: Mapping[str, Any]) -> DhTable:
+    rows, hands = chain["rows"], mapping(chain["hand"], "chain.hand")
+    columns = {name: [row[name] for row in rows] for name in _ROW}
     table = DhTable(
         tuple(row["joint"] for row in rows),
-        np.array(chain["X_W0"], dtype=float),
-        **{name: np.array([row[name] for row in rows], dtype=float) for name in _ROW},
+        numbers(chain["X_W0"], "chain.X_W0"),
+        **{name: numbers(column, f"{name} of the rows") for name, column in columns.items()},
         markers=tuple(hands),
-        p_NH=np.array(list(hands.values()), dtype=float),
+        p_NH=numbers(list(hands.values()), "chain.hand"),
     )
     _check_rigid(table.X_W0, "chain.X_W0")
     return table
 
 
-def _servo_map(servos: list[dict[str, Any]]) -> ServoMap:
+def _servo_map(servos: Sequence[Mapping[str, Any]]) -> ServoMap:
+    in_counts = [servo for servo in servos if servo["unit"] == "counts"]
+    numbers([servo["counts_per_turn"] for servo in in_counts], "counts_per_turn")
     return ServoMap(
         tuple(servo["joint"] for servo in servos),
-        offset=np.array([servo["offset"] for servo in servos]),
-        gear=np.array([servo["gear"] for servo in servos]),
+        offset=numbers([servo["offset"] for servo in servos], "offset"),
+        gear=numbers([servo["gear"] for servo in servos], "gear"),
         unit=tuple(servo["unit"] for servo in servos),
         counts_per_turn=np.array([servo.get("counts_per_turn", np.nan) for servo in servos]),
-        sign=np.array([servo.get("sign", 1) for servo in servos]),
+        sign=numbers([servo.get("sign", 1) for servo in servos], "sign"),
     )
 
 
-def _camera(entry: dict[str, Any]) -> Camera:
+def _camera(entry: Mapping[str, Any], eye: str) -> Camera:
     width, height = entry["image_size"]
-    values = [entry[name] for name in INTRINSICS]
-    camera = Camera.from_values(values, (width, height), entry["X_WC"])
+    numbers([width, height], f"image_size of {eye}", LARGEST_SIDE)
+    values = numbers([entry[name] for name in INTRINSICS], f"intrinsics of {eye}")
+    pose = numbers(entry["X_WC"], f"X_WC of {eye}")
+    camera = Camera.from_values(values, (width, height), pose)
     _check_rigid(camera.X_WC, "a camera's X_WC")
     return camera
 
 
-def _mirror(entry: dict[str, Any]) -> Mirror:
-    return Mirror(np.array(entry["normal"], float), entry["distance"], entry.get("covariance"))
+def _mirror(entry: Mapping[str, Any], name: str) -> Mirror:
+    known = entry.get("covariance")
+    return Mirror(
+        numbers(entry["normal"], f"normal of {name}"),
+        float(numbers(entry["distance"], f"distance of {name}")),
+        None if known is None else numbers(known, f"covariance of {name}", LARGEST_VARIANCE),
+    )
 
 
 def _check_rigid(x: np.ndarray, name: str) -> None:
@@ -184,38 +216,3 @@ def _check_rigid(x: np.ndarray, name: str) -> None:
 
 def _one_line(error: Exception) -> str:
     return " ".join(str(error).split())
-
-
-_NUMBER = re.compile(r"^[-+]?(?:\d[\d_]*)(?:\.\d*)?[eE][-+]?\d+$")
-
-
-class _Loader(UniqueKeys, yaml.SafeLoader):
-    """Safe loading that also reads `1e-3`, which YAML 1.1 takes for text."""
-
-
-_Loader.add_implicit_resolver(
-    "tag:yaml.org,2002:float",
-    _NUMBER,
-    list("-+0123456789"),
-)
-
-
-class _FlowDumper(yaml.SafeDumper):
-    """Block style for mappings, one line for lists of numbers."""
-
-
-def _represent_text(dumper: yaml.SafeDumper, value: str) -> yaml.Node:
-    """Quote what this reader would take for a number."""
-    style = "'" if _NUMBER.match(value) else None
-    return dumper.represent_scalar("tag:yaml.org,2002:str", value, style=style)
-
-
-_FlowDumper.add_representer(str, _represent_text)
-
-
-def _represent_list(dumper: yaml.SafeDumper, value: list[Any]) -> yaml.Node:
-    flat = all(isinstance(item, (int, float, str)) for item in value)
-    return dumper.represent_sequence("tag:yaml.org,2002:seq", value, flow_style=flat)
-
-
-_FlowDumper.add_representer(list, _represent_list)

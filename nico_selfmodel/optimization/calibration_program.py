@@ -10,6 +10,7 @@ from pydrake.autodiffutils import AutoDiffXd, ExtractGradient, ExtractValue, Ini
 from pydrake.solvers import IpoptSolver, MathematicalProgram, SnoptSolver, SolverOptions
 
 from nico_selfmodel.geometry.levenberg_marquardt import NormalEquations
+from nico_selfmodel.names import listed
 from nico_selfmodel.optimization.levenberg_marquardt_solver import (
     LevenbergMarquardtSolver,
     bounds_of,
@@ -112,7 +113,7 @@ class CalibrationProgram:
             ValueError: If there is none of that name; the message lists those there are.
         """
         if name not in self._names:
-            raise ValueError(f"no parameter {name!r}; there are: {', '.join(self._names)}")
+            raise ValueError(f"no parameter {name!r}; there are: {listed(self._names, name)}")
         return self._names.index(name)
 
     def pin(self, name: str, value: float | None = None) -> None:

@@ -15,6 +15,7 @@ from nico_selfmodel.errors import ModelError
 from nico_selfmodel.geometry.rotation import rotation_from_vector, rotation_vector_of
 from nico_selfmodel.geometry.transform import transform
 from nico_selfmodel.model import DhParameters, DhTable, ParameterCovariance, SelfModel
+from nico_selfmodel.names import listed
 from nico_selfmodel.plant.learned_frames import ON_THE_AXIS, comparable_tables
 
 EVIDENCE = 0.005
@@ -47,8 +48,8 @@ def aligned_to(model: SelfModel, nominal: DhTable, X_WB: ArrayLike | None = None
     """
     if model.joints != nominal.joints:
         raise ModelError(
-            f"the self-model has the joints {', '.join(model.joints)}, the robot "
-            f"{', '.join(nominal.joints)}"
+            f"the self-model has the joints {listed(model.joints)}, the robot "
+            f"{listed(nominal.joints)}"
         )
     counts = np.array(model.servos.unit) == "counts"
     described, learned = comparable_tables(nominal.to_chain(), model.chain)

@@ -6,6 +6,7 @@ import numpy as np
 from pydrake.multibody.tree import Joint, PrismaticJoint, RevoluteJoint, WeldJoint
 
 from nico_selfmodel.errors import ModelError
+from nico_selfmodel.names import listed
 from nico_selfmodel.plant.kinematic_tree import KinematicTree
 from nico_selfmodel.plant.urdf_document import child, children, read_document, robot_element
 
@@ -23,7 +24,7 @@ def only_link(tree: KinematicTree, links: list[str], kind: str, argument: str) -
         option = argument.removesuffix("_link")
         raise ModelError(
             f"{tree.urdf} has {len(links)} {kind} links, choose {argument} (--{option}) among "
-            f"{', '.join(links)}"
+            f"{listed(links)}"
         )
     return links[0]
 
@@ -125,6 +126,6 @@ def _refuse_mimics(tree: KinematicTree, learned: list[RevoluteJoint]) -> None:
     following = [joint.name() for joint in learned if joint.name() in mimics]
     if following:
         raise ModelError(
-            f"joint {', '.join(following)} mimics another joint and cannot be learned on its own: "
+            f"joint {listed(following)} mimics another joint and cannot be learned on its own: "
             "hold it or choose other links"
         )

@@ -12,6 +12,7 @@ from pydrake.multibody.tree import RevoluteJoint
 
 from nico_selfmodel.errors import ModelError
 from nico_selfmodel.model import Chain, SelfModel
+from nico_selfmodel.names import listed
 from nico_selfmodel.plant.chain_choice import (
     check_point,
     checked_held,
@@ -185,8 +186,8 @@ class ArmDescription:
         """
         if joints != self.joints:
             raise ModelError(
-                f"the self-model has the joints {', '.join(joints)}, the chain from "
-                f"{self.base_link} to {self.tip_link} of {self.urdf.name} {', '.join(self.joints)}"
+                f"the self-model has the joints {listed(joints)}, the chain from "
+                f"{self.base_link} to {self.tip_link} of {self.urdf.name} {listed(self.joints)}"
             )
 
 

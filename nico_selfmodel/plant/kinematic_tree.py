@@ -1,6 +1,6 @@
 """A URDF as Drake reads it: links, the joint each hangs on, and the way between two links."""
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -12,8 +12,9 @@ from pydrake.multibody.plant import MultibodyPlant
 from pydrake.multibody.tree import Frame, Joint, ModelInstanceIndex
 
 from nico_selfmodel.errors import ModelError
-
-WORLD = "world"
+from nico_selfmodel.names import listed
+from nico_selfmodel.plant.urdf_checks import WORLD, check_urdf
+from nico_selfmodel.plant.urdf_document import read_document
 
 
 def rigid(matrix: NDArray) -> RigidTransform:
@@ -39,6 +40,7 @@ def parse_urdf(urdf: Path, plant: MultibodyPlant) -> ModelInstanceIndex:
     """
     if urdf.suffix.lower() != ".urdf":
         raise ModelError(f"{urdf} is not a URDF: its name must end with .urdf")
+    check_urdf(read_document(urdf), urdf)
     parser = Parser(plant)
     packages = parser.package_map()
     try:
@@ -47,7 +49,7 @@ def parse_urdf(urdf: Path, plant: MultibodyPlant) -> ModelInstanceIndex:
                 packages.AddPackageXml(str(folder / "package.xml"))
         packages.PopulateFromRosPackagePath()
         instances = parser.AddModels(str(urdf))
-    except RuntimeError as error:
+    except (RuntimeError, ValueError) as error:
         reason = " ".join(str(error).split()).removeprefix(f"{urdf}:")
         raise ModelError(f"{urdf} is not a URDF that Drake can read: {reason}") from error
     return instances[0]
@@ -85,7 +87,11 @@ class KinematicTree:
         tree = cls(urdf, plant, instance, joint_above)
         if not tree.links:
             raise ModelError(f"{urdf} describes a robot without links")
-        plant.Finalize()
+        try:
+            plant.Finalize()
+        except RuntimeError as error:
+            reason = " ".join(str(error).split())
+            raise ModelError(f"{urdf} is not a robot that Drake can move: {reason}") from error
         return tree
 
     @property
@@ -115,7 +121,9 @@ class KinematicTree:
         """
         joints = {joint.name(): joint for joint in self.joint_above.values()}
         if name not in joints:
-            raise ModelError(f"{self.urdf} has no joint {name!r}; it has {_listed(joints)}")
+            raise ModelError(
+                f"{self.urdf} has no joint {name!r}; it has {listed(sorted(joints), name)}"
+            )
         return joints[name]
 
     def check_link(self, name: str) -> None:
@@ -125,7 +133,9 @@ class KinematicTree:
             ModelError: If there is none of this name; the message lists those there are.
         """
         if name not in self.links:
-            raise ModelError(f"{self.urdf} has no link {name!r}; it has {_listed(self.links)}")
+            raise ModelError(
+                f"{self.urdf} has no link {name!r}; it has {listed(sorted(self.links), name)}"
+            )
 
     def frame(self, name: str) -> Frame:
         """Return the frame of a link, or a frame of its own, by name.
@@ -137,7 +147,9 @@ class KinematicTree:
             return self.plant.GetFrameByName(name, self.instance)
         if name == WORLD and WORLD in self.links:
             return self.plant.world_frame()
-        raise ModelError(f"{self.urdf} has no link or frame {name!r}; it has {_listed(self.links)}")
+        raise ModelError(
+            f"{self.urdf} has no link or frame {name!r}; it has {listed(sorted(self.links), name)}"
+        )
 
     def joints_down_to(self, link: str) -> list[Joint]:
         """Return the joints from the link's root down to it."""
@@ -195,7 +207,3 @@ class KinematicTree:
         reference = self.frame(link)
         poses = [self.plant.CalcRelativeTransform(context, reference, frame) for frame in frames]
         return np.stack([x.GetAsMatrix4() for x in poses])
-
-
-def _listed(names: Iterable[str]) -> str:
-    return ", ".join(sorted(names))

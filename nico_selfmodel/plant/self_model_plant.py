@@ -13,6 +13,7 @@ from pydrake.multibody.tree import FixedOffsetFrame, Frame, ModelInstanceIndex
 
 from nico_selfmodel.errors import ModelError
 from nico_selfmodel.model import SelfModel
+from nico_selfmodel.names import listed
 from nico_selfmodel.plant.description import ArmDescription
 from nico_selfmodel.plant.frames import (
     JointFrames,
@@ -117,8 +118,8 @@ class SelfModelPlant:
         unknown = set(frames.markers) - set(self.markers)
         if unknown:
             raise ModelError(
-                f"the plant has no frame for {', '.join(sorted(unknown))}, only for "
-                f"{', '.join(self.markers)}: build it with this self-model"
+                f"the plant has no frame for {listed(sorted(unknown))}, only for "
+                f"{listed(self.markers)}: build it with this self-model"
             )
         self._write_frames(self.own_context(context), frames)
 
@@ -157,7 +158,7 @@ class SelfModelPlant:
         """
         marker = self.markers[0] if marker is None else marker
         if marker not in self.markers:
-            raise ValueError(f"no marker {marker!r}; the plant has {', '.join(self.markers)}")
+            raise ValueError(f"no marker {marker!r}; the plant has {listed(self.markers, marker)}")
         return self._hand_frame(marker)
 
     def joint_frames(self, joint: str) -> tuple[Frame, Frame]:
@@ -167,7 +168,7 @@ class SelfModelPlant:
             ValueError: If it is not one of the chain's joints; the message lists those there are.
         """
         if joint not in self.arm.joints:
-            raise ValueError(f"no joint {joint!r}; the chain has {', '.join(self.arm.joints)}")
+            raise ValueError(f"no joint {joint!r}; the chain has {listed(self.arm.joints, joint)}")
         name_F, name_M = frame_names(joint)
         return self._joint_frame(name_F), self._joint_frame(name_M)
 

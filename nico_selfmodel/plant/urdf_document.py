@@ -5,13 +5,14 @@ from collections.abc import Iterator
 from pathlib import Path
 from xml.dom import expatbuilder
 from xml.dom.minidom import Document, Element
-from xml.parsers.expat import ExpatError
+from xml.parsers.expat import ExpatError, ParserCreate
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from pydrake.math import RollPitchYaw, RotationMatrix
 
-from nico_selfmodel.errors import ModelError
+from nico_selfmodel.errors import DataError, ModelError
+from nico_selfmodel.files.reading import LARGEST_ROBOT, read_bytes
 from nico_selfmodel.geometry.rotation import rotation_from_rpy
 from nico_selfmodel.geometry.transform import transform
 
@@ -19,6 +20,7 @@ SAME = 1e-14
 """Poses that differ by rounding only [m, and entries of the rotation]."""
 
 
+_DEEPEST = 50
 _COMMENT = re.compile(rb"<!--(.*?)-->", re.DOTALL)
 
 
@@ -29,16 +31,47 @@ def read_document(urdf: Path) -> Document:
     and hyphens in comments that XML forbids, so those are put apart.
 
     Raises:
-        ModelError: If it is not XML or has no `<robot>`.
+        ModelError: If it is not XML, has no `<robot>`, or entities and nests that no robot needs.
     """
     try:
-        content = _COMMENT.sub(_tamed_comment, urdf.read_bytes())
+        content = _COMMENT.sub(_tamed_comment, read_bytes(urdf, LARGEST_ROBOT))
+        _check_nesting(content)
         document = expatbuilder.parseString(content, namespaces=False)
-    except (OSError, ExpatError, ValueError) as error:
+    except DataError as error:
+        raise ModelError(str(error)) from error
+    except (ExpatError, LookupError, ValueError) as error:
         raise ModelError(f"{urdf} is not valid XML: {error}") from error
     if document.documentElement is None or document.documentElement.tagName != "robot":
         raise ModelError(f"{urdf} is not a URDF: its root element must be <robot>")
     return document
+
+
+def _check_nesting(content: bytes) -> None:
+    """Refuse entities, which may stand for gigabytes, and nests deeper than the stack.
+
+    Raises:
+        ValueError: Where there are some.
+        ExpatError: If it is not XML.
+    """
+    depth = 0
+
+    def start(*_: object) -> None:
+        nonlocal depth
+        depth += 1
+        if depth > _DEEPEST:
+            raise ValueError(f"elements are nested more than {_DEEPEST} deep")
+
+    def end(*_: object) -> None:
+        nonlocal depth
+        depth -= 1
+
+    def refuse(*_: object) -> None:
+        raise ValueError("a robot has no document type and no entities (<!DOCTYPE ...>)")
+
+    parser = ParserCreate()
+    parser.StartElementHandler, parser.EndElementHandler = start, end
+    parser.StartDoctypeDeclHandler = refuse
+    parser.Parse(content, True)
 
 
 def _tamed_comment(found: re.Match[bytes]) -> bytes:

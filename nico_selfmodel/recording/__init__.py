@@ -15,7 +15,7 @@ from nico_selfmodel.recording.poses import (
     sweep_commands,
 )
 from nico_selfmodel.recording.recorded_samples import RecordedSamples
-from nico_selfmodel.recording.session import Body, Progress, record
+from nico_selfmodel.recording.session import Body, Progress, live_again, record
 
 __all__ = [
     "HOME",
@@ -25,6 +25,7 @@ __all__ = [
     "RecordedSamples",
     "commands_of_angles",
     "given_commands",
+    "live_again",
     "pose_plan",
     "random_commands",
     "record",

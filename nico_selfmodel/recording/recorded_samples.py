@@ -1,5 +1,6 @@
 """The samples of a recording under way, in memory and, if asked for, on disk after every pose."""
 
+from collections import Counter
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -10,11 +11,14 @@ from numpy.typing import NDArray
 
 from nico_selfmodel.dataset import Dataset, JointInfo
 from nico_selfmodel.errors import DataError
+from nico_selfmodel.files import recover
+from nico_selfmodel.model.stereo_rig import EYES
 from nico_selfmodel.systems import EyeSighting, Sighting
 from nico_selfmodel.vision.image_file import write_image
 
-POSE = "pose"
-"""Extra column of a recording in a folder: which pose of the plan a sample is, from 1."""
+POSE, VISITS = "pose", "visits"
+"""Extra columns of a recording in a folder: which pose of the plan a sample is, from 1, and how
+often it was visited until something was seen."""
 IMAGES = "images"
 _STRAY = 0.02
 """Share of a joint's range within which a reading may belong to a command."""
@@ -35,6 +39,8 @@ class _Sample:
     """Name of the mirror before the body, empty where there was none."""
     reflected: NDArray | None = None
     """Pixels in that mirror. Shape (m, 4), nan where not seen."""
+    visits: int = 1
+    """How often the pose was visited until something was seen."""
 
     @property
     def views(self) -> dict[str, NDArray]:
@@ -64,16 +70,23 @@ class RecordedSamples:
         self._joints, self._markers = tuple(joints), tuple(markers)
         self._about, self._folder = dict(about), folder
         self._samples: dict[int, _Sample] = {}
+        self._visits: Counter[int] = Counter()
         self._images = False
 
-    @property
-    def free_poses(self) -> int:
-        """How many free poses there are in which every marker was located."""
-        return sum(s.label == "" and _complete(s) for s in self._samples.values())
+    def free_poses(self, before: int | None = None) -> int:
+        """Return in how many free poses, of those before one of the plan, all markers were located.
 
-    def has(self, index: int) -> bool:
-        """Return whether a pose of the plan was recorded."""
-        return index in self._samples
+        Args:
+            before: Index of that pose; all poses count if omitted.
+        """
+        return sum(s.label == "" and _complete(s) for s in self._until(before))
+
+    def _until(self, before: int | None) -> list[_Sample]:
+        return [s for s in self._samples.values() if before is None or s.index < before]
+
+    def visits(self, index: int) -> int:
+        """Return how often a pose of the plan was visited until it was recorded, 0 if it is not."""
+        return self._samples[index].visits if index in self._samples else 0
 
     def resume(self, plan: Sequence[tuple[str, NDArray]]) -> None:
         """Take over what an earlier recording of the same plan left in the folder.
@@ -81,7 +94,10 @@ class RecordedSamples:
         Raises:
             DataError: If the folder holds something else, or a recording of another plan.
         """
-        if self._folder is None or not self._folder.exists():
+        if self._folder is None:
+            return
+        recover(self._folder)
+        if not self._folder.exists():
             return
         data = Dataset.load(self._folder)
         if POSE not in data.extra:
@@ -95,7 +111,8 @@ class RecordedSamples:
         for i in np.unique(index):
             rows = data.select(index == i)
             self._check_plan(plan, int(i), str(rows.sweep[0]), rows.encoders[0])
-            self._samples[int(i)] = self._sample(int(i), rows)
+            if not self._images or all(path.exists() for path in self._image_paths(int(i))):
+                self._samples[int(i)] = self._sample(int(i), rows)
 
     def _sample(self, index: int, rows: Dataset) -> _Sample:
         """Return the sample that rows of a folder describe."""
@@ -111,6 +128,7 @@ class RecordedSamples:
             direct.pixels[order[0]],
             mirror,
             reflected.pixels[order[1]] if mirror else None,
+            int(rows.extra[VISITS][0]) if VISITS in rows.extra else 1,
         )
 
     def _check_plan(
@@ -132,9 +150,14 @@ class RecordedSamples:
             "another name, or the same seed and numbers as before"
         )
 
-    def complete_in(self, mirror: str) -> int:
-        """Return how many poses there are in which both eyes saw every marker in a mirror."""
-        views = [s.views[mirror] for s in self._samples.values() if s.mirror == mirror]
+    def complete_in(self, mirror: str, before: int | None = None) -> int:
+        """Return in how many poses, of those before one of the plan, both eyes saw every marker.
+
+        Args:
+            mirror: In which mirror.
+            before: Index of that pose; all poses count if omitted.
+        """
+        views = [s.views[mirror] for s in self._until(before) if s.mirror == mirror]
         return sum(bool(np.isfinite(pixels).all()) for pixels in views)
 
     def add(self, index: int, label: str, sighting: Sighting, mirror: str = "") -> bool:
@@ -152,6 +175,7 @@ class RecordedSamples:
         Raises:
             DataError: If the folder cannot be written; earlier samples stay as they are.
         """
+        self._visits[index] += 1
         m = len(self._markers)
         points, pixels = np.full((m, 3), np.nan), np.full((m, 4), np.nan)
         for k, marker in enumerate(self._markers):
@@ -167,7 +191,8 @@ class RecordedSamples:
         if all(np.isnan(values).all() for values in seen):
             return False
         self._samples[index] = _Sample(
-            index, label, sighting.encoders, points, pixels, mirror, reflected
+            *(index, label, sighting.encoders, points, pixels, mirror, reflected),
+            visits=self._visits[index],
         )
         if self._folder is not None:
             try:
@@ -195,8 +220,12 @@ class RecordedSamples:
     def _write_images(self, index: int, images: tuple[NDArray, NDArray]) -> None:
         assert self._folder is not None
         (self._folder / IMAGES).mkdir(exist_ok=True)
-        for eye, image in zip(("left", "right"), images, strict=True):
-            write_image(self._folder / IMAGES / f"{eye}{index + 1:04d}.png", image)
+        for path, image in zip(self._image_paths(index), images, strict=True):
+            write_image(path, image)
+
+    def _image_paths(self, index: int) -> list[Path]:
+        assert self._folder is not None
+        return [self._folder / IMAGES / f"{eye}{index + 1:04d}.png" for eye in EYES]
 
     def partial(self) -> Dataset | None:
         """Return what there is, None if nothing."""
@@ -221,8 +250,14 @@ class RecordedSamples:
         if self._images:
             about["cameras"] = {"images": f"{IMAGES}/<eye><pose>.png"}
         if self._folder is not None:
-            poses = [str(sample.index + 1) for _, sample, _, _ in views]
-            about["extra"] = {POSE: tuple(pose for pose in poses for _ in range(m))}
+            columns = {
+                POSE: [str(sample.index + 1) for _, sample, _, _ in views],
+                VISITS: [str(sample.visits) for _, sample, _, _ in views],
+            }
+            about["extra"] = {
+                name: tuple(cell for cell in cells for _ in range(m))
+                for name, cells in columns.items()
+            }
         if not any(np.isfinite(pixels).any() for *_, pixels in views):
             about["image_size"] = None
         return Dataset(

@@ -2,7 +2,7 @@
 
 from collections.abc import Callable, Iterable
 from pathlib import Path
-from typing import Protocol
+from typing import Protocol, runtime_checkable
 
 from numpy.typing import ArrayLike, NDArray
 
@@ -33,6 +33,15 @@ class Body(Protocol):
         ...
 
 
+@runtime_checkable
+class Simulated(Protocol):
+    """A body whose play and noise hang on where it was before."""
+
+    def relive(self, command: ArrayLike) -> None:
+        """Go through a visit again without keeping what is seen."""
+        ...
+
+
 def record(
     body: Body,
     plan: Iterable[tuple[str, NDArray]],
@@ -51,6 +60,9 @@ def record(
     """Visit poses and return what was sensed.
 
     A pose whose markers are all lost is visited again, up to `until_seen` times, then left out.
+
+    Where a simulated body's recording goes on, it first lives through the poses that are there
+    again: what comes is then what would have come.
 
     Args:
         body: What moves and sees.
@@ -91,15 +103,23 @@ def record(
     )
     kept.resume(plan)
     for index, (label, command) in enumerate(plan):
-        if enough is not None and label == "" and kept.free_poses >= enough:
+        if enough is not None and label == "" and kept.free_poses() >= enough:
             if progress is not None:
                 progress(len(plan), len(plan))
             break
-        if not kept.has(index):
+        if not live_again(body, command, kept.visits(index)):
             _sample(body, kept, index, label, command, until_seen)
         if progress is not None:
             progress(index + 1, len(plan))
     return kept.dataset()
+
+
+def live_again(body: object, command: NDArray, visits: int) -> bool:
+    """Let a simulated body go through earlier visits of a pose; return whether there were any."""
+    if isinstance(body, Simulated):
+        for _ in range(visits):
+            body.relive(command)
+    return visits > 0
 
 
 def _sample(

@@ -7,15 +7,16 @@ from dataclasses import asdict, fields
 from pathlib import Path
 from typing import Any
 
-from nico_selfmodel.dataset.yaml_mapping import (
+from nico_selfmodel.errors import DataError
+from nico_selfmodel.files import write_whole
+from nico_selfmodel.files.yaml_mapping import (
     check_keys,
     integer_value,
     number_value,
     read_yaml_mapping,
     text_value,
 )
-from nico_selfmodel.errors import DataError
-from nico_selfmodel.files import write_whole
+from nico_selfmodel.names import check_name, shown
 from nico_selfmodel.servos.gains import Gains
 from nico_selfmodel.servos.servo_config import HomePlan, JointServo, ServoConfig
 
@@ -44,14 +45,16 @@ def load_servo_config(path: Path) -> ServoConfig:
     content = read_yaml_mapping(path)
     if content.get("format") != FORMAT:
         raise DataError(
-            f"{path}: not a servo configuration: format is {content.get('format')!r}, expected "
-            f"{FORMAT!r}"
+            f"{path}: not a servo configuration: format is {shown(content.get('format'))}, "
+            f"expected {FORMAT!r}"
         )
     where = str(path)
     check_keys(content, _KEYS, where)
     entries = content.get("joints")
     if not isinstance(entries, list) or not entries:
-        raise DataError(f"{where}: 'joints' must be a list with one entry a joint, got {entries!r}")
+        raise DataError(
+            f"{where}: 'joints' must be a list with one entry a joint, got {shown(entries)}"
+        )
     joints = tuple(_joint(entry, f"{where}, joint {k}") for k, entry in enumerate(entries, 1))
     options = {}
     if (baud := integer_value(content, "baud", where)) is not None:
@@ -61,7 +64,7 @@ def load_servo_config(path: Path) -> ServoConfig:
     if (latency := number_value(content, "latency_ms", where)) is not None:
         options["latency"] = latency * 1e-3
     try:
-        return ServoConfig(text_value(content, "name", where), joints, **options)
+        return ServoConfig(_name(content, where), joints, **options)
     except ValueError as error:
         raise DataError(f"{where}: {error}") from None
 
@@ -108,8 +111,10 @@ def _entry(joint: JointServo) -> dict[str, Any]:
 
 def _joint(entry: Any, where: str) -> JointServo:
     if not isinstance(entry, Mapping):
-        raise DataError(f"{where}: must be a mapping with 'name', 'address', ..., got {entry!r}")
-    name = text_value(entry, "name", where)
+        raise DataError(
+            f"{where}: must be a mapping with 'name', 'address', ..., got {shown(entry)}"
+        )
+    name = _name(entry, where)
     where = f"{where} ({name})"
     check_keys(entry, _JOINT_KEYS, where)
     address = integer_value(entry, "address", where)
@@ -137,10 +142,21 @@ def _joint(entry: Any, where: str) -> JointServo:
         raise DataError(f"{where}: {error}") from None
 
 
+def _name(entry: Mapping[str, Any], where: str) -> str:
+    name = text_value(entry, "name", where)
+    if not name.strip():
+        raise DataError(f"{where}: 'name' must not be empty")
+    try:
+        check_name(name, "'name'")
+    except ValueError as error:
+        raise DataError(f"{where}: {error}") from None
+    return name
+
+
 def _gains(entry: Any, where: str) -> Gains:
     entry = {} if entry is None else entry
     if not isinstance(entry, Mapping):
-        raise DataError(f"{where}: must be a mapping of gains, got {entry!r}")
+        raise DataError(f"{where}: must be a mapping of gains, got {shown(entry)}")
     names = [field.name for field in fields(Gains)]
     check_keys(entry, names, where)
     values = {name: integer_value(entry, name, where) for name in names}
@@ -151,7 +167,9 @@ def _home(entry: Any, where: str) -> HomePlan:
     if entry is None:
         return HomePlan()
     if not isinstance(entry, Mapping):
-        raise DataError(f"{where}: must be a mapping with 'method' and 'at_deg', got {entry!r}")
+        raise DataError(
+            f"{where}: must be a mapping with 'method' and 'at_deg', got {shown(entry)}"
+        )
     check_keys(entry, _HOME_KEYS, where)
     angles = [
         math.radians(number_value(entry, key, where) or 0.0)

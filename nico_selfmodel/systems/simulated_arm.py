@@ -113,6 +113,10 @@ class SimulatedArm:
             points[marker] = None if lost else p
         return Sighting(encoders, MappingProxyType(points))
 
+    def relive(self, command: ArrayLike) -> None:
+        """Go through a visit again: play and noise are drawn one after the other."""
+        self.visit(command)
+
     def __joint_angles(self, encoders: NDArray) -> NDArray:
         """Return true joint angles: encoder, then sag, play and wobble on the link's side."""
         return disturbed_angles(

@@ -116,19 +116,36 @@ class StationBody:
             RobotError: If the joints do not come to rest in time.
             ValueError: If the command has another length or is not finite.
         """
-        command = np.asarray(command, dtype=float)
-        if command.shape != (len(self.joints),) or not np.isfinite(command).all():
-            raise ValueError(f"command must be {len(self.joints)} finite readings, got {command}")
-        if np.array_equal(np.round(command), np.round(self._last)):
-            self._go(self._beside(command))
-        self._go(command)
-        self._last = command
+        self._move(np.asarray(command, dtype=float))
         sighting = self._look()
         end = self.context.get_time() + self._patience.look_again
         while not _located(sighting) and self.context.get_time() < end:
             self._tick()
             sighting = self._look()
         return sighting
+
+    def relive(self, command: ArrayLike) -> None:
+        """Move as in an earlier visit, without a look: time and play then stand where they stood.
+
+        A station that lives in real time cannot: for it nothing happens.
+
+        Args:
+            command: Where to go [encoder units]. Shape (n,).
+
+        Raises:
+            RobotError: If the joints do not come to rest in time.
+            ValueError: If the command has another length or is not finite.
+        """
+        if not self._patience.real_time:
+            self._move(np.asarray(command, dtype=float))
+
+    def _move(self, command: NDArray) -> None:
+        if command.shape != (len(self.joints),) or not np.isfinite(command).all():
+            raise ValueError(f"command must be {len(self.joints)} finite readings, got {command}")
+        if np.array_equal(np.round(command), np.round(self._last)):
+            self._go(self._beside(command))
+        self._go(command)
+        self._last = command
 
     def _beside(self, command: NDArray) -> NDArray:
         """Return a pose a little way off, towards the middle of the joints' ranges."""

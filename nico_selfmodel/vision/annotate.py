@@ -17,6 +17,7 @@ from nico_selfmodel.vision.not_seen import NotSeen
 Seen = ChessboardDetection | Fiducial | ColorBlob
 
 _WIDTH = 1200  # that small images are enlarged to, by a whole number [px]
+_MOST_ENLARGED = 4_000_000  # pixels of an image that is enlarged: it may be narrow and tall
 _SHIFT = 4  # OpenCV draws at fractions of 1/16 px
 _GREEN, _ORANGE, _BLUE = (80, 220, 60), (40, 150, 255), (255, 150, 40)
 _WHITE, _BLACK, _RED = (255, 255, 255), (20, 20, 20), (60, 60, 235)
@@ -54,7 +55,9 @@ class _Canvas:
     """An enlarged image that takes the pixel coordinates of the original."""
 
     def __init__(self, image: NDArray) -> None:
-        self.scale = max(1, round(_WIDTH / image.shape[1]))
+        height, width = image.shape[:2]
+        most = int((_MOST_ENLARGED / (width * height)) ** 0.5)
+        self.scale = max(1, min(round(_WIDTH / width), most))
         size = (image.shape[1] * self.scale, image.shape[0] * self.scale)
         self.image = cv2.resize(image, size, interpolation=cv2.INTER_CUBIC)
         self.unit = max(1.0, self.image.shape[1] / 1280)

@@ -6,13 +6,15 @@ than the one in the image may answer with a part of it, or with corners picked h
 
 import cv2
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
 from nico_selfmodel.geometry.homography import apply_homography, homography
 
 _ALTERNATING = 0.95  # of the pairs of neighbouring squares
 _UNEVEN = 0.5  # of a step along a row, by which the next one may differ: perspective, distortion
 _CONTINUES = 0.5  # of the contrast between the inner squares
+_DARK_IN_LIGHT = 0.15  # of a light square that is as dark as the dark ones ...
+_SPOILT = 0.3  # ... in so many of them: more than glare, dirt and fingers spoil
 _BEYOND = 1.25  # squares behind the last corners: printed boards often end in half squares
 
 
@@ -31,7 +33,8 @@ def is_regular(grid: NDArray, gray: NDArray) -> bool:
         change = np.linalg.norm(along[2:] - 2.0 * along[1:-1] + along[:-2], axis=2)
         if np.any(change > _UNEVEN * mean_step):
             return False
-    squares = np.stack([_brightness(gray, points) for points in _inside_squares(grid)])
+    inside = _points_in_squares(grid, (0.3, 0.7), (0.3, 0.7))
+    squares = np.stack([_brightness(gray, points) for points in inside])
     sign = 1.0 - 2.0 * (np.indices(squares.shape[1:]).sum(axis=0) % 2)
     lighter = [
         (sign[:, 1:] * np.diff(squares, axis=2)).ravel(),
@@ -39,6 +42,31 @@ def is_regular(grid: NDArray, gray: NDArray) -> bool:
     ]
     share = float(np.mean(np.concatenate(lighter) > 0.0))
     return max(share, 1.0 - share) >= _ALTERNATING
+
+
+def is_plain(grid: NDArray, gray: NDArray) -> bool:
+    """Tell whether the light squares between corners are light all over.
+
+    Those of a ChArUco board have markers in them, whose edges draw a chessboard's corners aside.
+
+    Args:
+        grid: Corners [px]. Shape (rows, columns, 2).
+        gray: The image.
+
+    Returns:
+        True if nothing dark stands in most of the light squares.
+    """
+    shares = np.linspace(0.3, 0.7, 5)
+    values = np.stack([_brightness(gray, p) for p in _points_in_squares(grid, shares, shares)])
+    light = np.indices(values.shape[1:]).sum(axis=0) % 2 == 1
+    if values[:, light].mean() < values[:, ~light].mean():
+        light = ~light
+    # Light falls unevenly: each light square is compared with the dark ones beside it.
+    dark = np.pad(np.where(light, np.nan, np.median(values, axis=0)), 1, constant_values=np.nan)
+    beside = np.stack([dark[:-2, 1:-1], dark[2:, 1:-1], dark[1:-1, :-2], dark[1:-1, 2:]])
+    middle = 0.5 * (np.nanmean(beside[:, light], axis=0) + np.quantile(values[:, light], 0.9, 0))
+    spoilt = np.mean(values[:, light] < middle, axis=0) > _DARK_IN_LIGHT
+    return bool(spoilt.mean() <= _SPOILT)
 
 
 def continues_beyond(grid: NDArray, gray: NDArray) -> bool:
@@ -61,6 +89,8 @@ def continues_beyond(grid: NDArray, gray: NDArray) -> bool:
         *(_rectangle([u], down) for u in (-_BEYOND, columns - 1 + _BEYOND)),
     ]
     inner = contrast(grid, gray)
+    if inner == 0.0:
+        return False
     return any(contrast(grid, gray, side) / inner > _CONTINUES for side in sides)
 
 
@@ -102,14 +132,17 @@ def _rectangle(across: NDArray | list[float], down: NDArray | list[float]) -> ND
     return np.stack(np.meshgrid(across, down), axis=-1).reshape(-1, 2)
 
 
-def _inside_squares(grid: NDArray) -> list[NDArray]:
-    """Return four points in every square, each (rows - 1, columns - 1, 2): squares are plain."""
+def _points_in_squares(grid: NDArray, across: ArrayLike, down: ArrayLike) -> list[NDArray]:
+    """Return points in every square by their shares of its sides, each (rows - 1, columns - 1, 2).
+
+    One for each pair of shares.
+    """
     corners = grid[:-1, :-1], grid[:-1, 1:], grid[1:, :-1], grid[1:, 1:]
     return [
         (1 - t) * ((1 - s) * corners[0] + s * corners[1])
         + t * ((1 - s) * corners[2] + s * corners[3])
-        for s in (0.3, 0.7)
-        for t in (0.3, 0.7)
+        for s in np.asarray(across)
+        for t in np.asarray(down)
     ]
 
 

@@ -7,10 +7,17 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from nico_selfmodel.vision.board_pattern import continues_beyond, is_regular, smallest_square
+from nico_selfmodel.vision.board_pattern import (
+    continues_beyond,
+    is_plain,
+    is_regular,
+    smallest_square,
+)
+from nico_selfmodel.vision.board_search import SECTOR, rough_boards
 from nico_selfmodel.vision.corner_order import same_order, standard_order
-from nico_selfmodel.vision.image_array import as_gray
+from nico_selfmodel.vision.image_array import detectable, reduced
 from nico_selfmodel.vision.not_seen import NotSeen
+from nico_selfmodel.vision.stray_corners import stray_corners
 
 WINDOW = 11
 """Default half side of the sub-pixel window [px]; a corner sees 2 x 11 + 1 pixels each way."""
@@ -19,7 +26,7 @@ WINDOW = 11
 # this size holds the neighbours of small boards, and fit `stereo_chessboard` worse: 0.409 px rms
 # in place of 0.393.
 _SUBPIXEL_END = (cv2.TERM_CRITERIA_EPS + cv2.TERM_CRITERIA_MAX_ITER, 30, 0.1)
-_CLASSIC_FLAGS = cv2.CALIB_CB_ADAPTIVE_THRESH + cv2.CALIB_CB_NORMALIZE_IMAGE
+_GUESSED = 2_500_000  # pixels of the copy in which the size of a board is guessed
 
 
 @dataclass(frozen=True)
@@ -114,7 +121,8 @@ def find_chessboard(
 
     OpenCV's `findChessboardCorners` (adaptive threshold, normalised image) with `cornerSubPix`
     comes first; where it fails, `findChessboardCornersSB`, which refines by itself. A smaller board
-    inside a larger one is refused, as are corners that form no board.
+    inside a larger one is refused, as are corners that form no board, squares with something in
+    them, and boards of which a corner could not be located.
 
     Args:
         image: Grey or BGR, 8 bits. Shape (h, w) or (h, w, 3).
@@ -129,25 +137,64 @@ def find_chessboard(
     """
     if window < 1:
         raise ValueError(f"window must be at least 1 px, got {window}")
-    gray = as_gray(image)
+    gray = detectable(image)
     reasons = []
-    for method, find in (("findChessboardCorners", _classic), ("findChessboardCornersSB", _sector)):
-        found = find(gray, board, window)
-        if found is None:
+    for method, rough, scale in rough_boards(gray, board.columns, board.rows):
+        if rough is None:
             reasons.append(f"{method} found no {board} board")
             continue
-        corners, used = found
+        corners, used = _refined(gray, rough, board, method, scale, window)
         grid = corners.astype(float).reshape(board.rows, board.columns, 2)
-        if not is_regular(grid, gray):
-            reasons.append(f"{method} found no {board} board but scattered corners")
-            continue
-        if continues_beyond(grid, gray):
-            reasons.append(f"{method} found only a part of a board larger than {board}")
+        try:
+            problem = _problem(grid, gray, board, rough, used)
+        except ValueError:  # corners on one line have no homography
+            problem = f"no {board} board but scattered corners"
+        if problem:
+            reasons.append(f"{method} found {problem}")
             continue
         corners = standard_order(grid, gray).reshape(-1, 2).copy()
         corners.flags.writeable = False
         return ChessboardDetection(board, corners, method, used)
     return NotSeen("; ".join(reasons))
+
+
+def _refined(
+    gray: NDArray, rough: NDArray, board: Board, method: str, scale: float, window: int
+) -> tuple[NDArray, int | None]:
+    """Return corners to a fraction of a pixel, and the window they were refined with."""
+    if method == SECTOR and scale == 1.0:
+        return rough, None
+    corners = rough.reshape(-1, 1, 2).copy()
+    if scale > 1.0:
+        # A corner of a copy is uncertain by a pixel of it, which may be more than the window.
+        square = smallest_square(rough.astype(float).reshape(board.rows, board.columns, 2))
+        wide = int(max(min(2.0 * scale, 0.4 * square), 2.0))
+        corners = cv2.cornerSubPix(gray, corners, (wide, wide), (-1, -1), _SUBPIXEL_END)
+    corners = cv2.cornerSubPix(gray, corners, (window, window), (-1, -1), _SUBPIXEL_END)
+    return corners.reshape(-1, 2), window
+
+
+def _problem(
+    grid: NDArray, gray: NDArray, board: Board, rough: NDArray, window: int | None
+) -> str | None:
+    """Say what speaks against corners that a detector found; None where nothing does."""
+    if not is_regular(grid, gray):
+        return f"no {board} board but scattered corners"
+    if not is_plain(grid, gray):
+        return f"a {board} board whose squares are not plain (is it a ChArUco board?)"
+    if continues_beyond(grid, gray):
+        return f"only a part of a board larger than {board}"
+    stray = stray_corners(grid, gray.shape[::-1], window).ravel()
+    if window is not None:  # a search that left its window comes back to where it began
+        stray |= (grid.reshape(-1, 2) == rough).all(axis=1)
+    if stray.any():
+        u, v = grid.reshape(-1, 2)[int(np.argmax(stray))]
+        count = int(stray.sum())
+        return (
+            f"a {board} board, but {count} of its corners could not be located (near {u:.0f}, "
+            f"{v:.0f}): glare, a shadow, dirt, or a window too large for the squares"
+        )
+    return None
 
 
 def size_of_board(image: NDArray) -> tuple[int, int] | None:
@@ -159,25 +206,17 @@ def size_of_board(image: NDArray) -> tuple[int, int] | None:
     Returns:
         Inner corners the long way and the short way, or None if no board is seen.
     """
-    found, _, meta = cv2.findChessboardCornersSBWithMeta(
-        as_gray(image), (3, 3), cv2.CALIB_CB_LARGER + cv2.CALIB_CB_NORMALIZE_IMAGE
+    gray, _ = reduced(detectable(image), _GUESSED)
+    found, corners, meta = cv2.findChessboardCornersSBWithMeta(
+        gray, (3, 3), cv2.CALIB_CB_LARGER + cv2.CALIB_CB_NORMALIZE_IMAGE
     )
     if not found:
+        return None
+    grid = corners.reshape(*meta.shape[:2], 2).astype(float)
+    # It answers dots, separate squares and noise with a few corners too.
+    if not is_regular(grid, gray) or not is_plain(grid, gray):
+        return None
+    if stray_corners(grid, gray.shape[::-1]).any():
         return None
     rows, columns = sorted(meta.shape[:2])
     return int(columns), int(rows)
-
-
-def _classic(gray: NDArray, board: Board, window: int) -> tuple[NDArray, int | None] | None:
-    size = (board.columns, board.rows)
-    found, corners = cv2.findChessboardCorners(gray, size, flags=_CLASSIC_FLAGS)
-    if not found:
-        return None
-    return cv2.cornerSubPix(gray, corners, (window, window), (-1, -1), _SUBPIXEL_END), window
-
-
-def _sector(gray: NDArray, board: Board, _window: int) -> tuple[NDArray, int | None] | None:
-    found, corners = cv2.findChessboardCornersSB(
-        gray, (board.columns, board.rows), flags=cv2.CALIB_CB_NORMALIZE_IMAGE
-    )
-    return (corners, None) if found else None

@@ -7,10 +7,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from nico_selfmodel.vision.color_model import ColorModel
-from nico_selfmodel.vision.image_array import as_color
+from nico_selfmodel.vision.image_array import as_color, detectable
 from nico_selfmodel.vision.not_seen import NotSeen
 
 _PASSES = 10
+_MOST_PATCHES = 1000
 _LEAN = 0.1  # towards the colour, where the neighbours are divided
 _RIVAL = 0.7  # of the largest patch: a second one of this size might be meant as well
 _NEIGHBOURS = np.array([[1.0, 1, 1], [1, 0, 1], [1, 1, 1]], dtype=np.float32) / 8.0
@@ -30,10 +31,17 @@ class ColorBlob:
     """First column, first row, width and height of the bounding box [px]."""
     area_px: int
     """Number of its pixels."""
-    mask: NDArray
-    """Its pixels. Booleans, shape (h, w)."""
+    labels: NDArray
+    """Number of the patch that each pixel of the image belongs to. Shape (h, w)."""
+    label: int
+    """The number of this one."""
     touches_border: bool
     """True if it goes on outside the image, so that its centre is somewhere else."""
+
+    @property
+    def mask(self) -> NDArray:
+        """Its pixels. Booleans, shape (h, w)."""
+        return self.labels == self.label
 
 
 def find_color_blob(
@@ -77,7 +85,7 @@ def find_color_blob(
 
 
 def color_blobs(image: NDArray, model: ColorModel) -> tuple[ColorBlob, ...]:
-    """Return all patches of a colour, the largest first, however small.
+    """Return the patches of a colour, the largest first, however small; a thousand at most.
 
     Args:
         image: BGR, 8 bits. Shape (h, w, 3).
@@ -90,9 +98,10 @@ def color_blobs(image: NDArray, model: ColorModel) -> tuple[ColorBlob, ...]:
     count, labels, table, centroids = cv2.connectedComponentsWithStats(
         mask.astype(np.uint8), connectivity=8
     )
+    labels.flags.writeable = False
     areas = table[1:count, cv2.CC_STAT_AREA]
-    order = (1 + np.argsort(-areas, kind="stable")).tolist()
-    return tuple(_blob(labels == k, table[k], centroids[k], model) for k in order)
+    order = (1 + np.argsort(-areas, kind="stable")[:_MOST_PATCHES]).tolist()
+    return tuple(_blob(labels, k, table[k], centroids[k], model) for k in order)
 
 
 def color_mask(image: NDArray, model: ColorModel) -> NDArray:
@@ -119,25 +128,50 @@ def color_mask(image: NDArray, model: ColorModel) -> NDArray:
     Raises:
         ValueError: If the image has another shape or type.
     """
-    p = model.matches(as_color(image)).astype(np.float32)
-    if model.blur_px > 0.0:
-        p = cv2.GaussianBlur(p, (0, 0), model.blur_px)
+    detectable(image)
+    matches = model.matches(as_color(image))
+    mask = np.zeros(matches.shape, dtype=bool)
+    rows, columns = np.flatnonzero(matches.any(axis=1)), np.flatnonzero(matches.any(axis=0))
+    if not rows.size:
+        return mask
+    # What lies further from every match than blur and passes reach stays off.
+    reach = int(np.ceil(4.0 * model.blur_px)) + _PASSES + 1
+    box = tuple(slice(max(i[0] - reach, 0), i[-1] + reach + 1) for i in (rows, columns))
+    mask[box] = _relaxed(matches[box].astype(np.float32), model.blur_px) > 0.5
+    return mask
+
+
+def _relaxed(p: NDArray, blur_px: float) -> NDArray:
+    """Return the probabilities after the blur and all passes. Shape (h, w)."""
+    if blur_px > 0.0:
+        p = cv2.GaussianBlur(p, (0, 0), blur_px)
     for _ in range(_PASSES):
-        mean = cv2.filter2D(p, -1, _NEIGHBOURS, borderType=cv2.BORDER_REPLICATE)
-        support = np.clip(2.0 * mean - 1.0 + _LEAN, -1.0, 1.0)
-        on, off = p * (1.0 + support), (1.0 - p) * (1.0 - support)
+        support = cv2.filter2D(p, -1, _NEIGHBOURS, borderType=cv2.BORDER_REPLICATE)
+        support *= 2.0
+        support += _LEAN - 1.0
+        np.clip(support, -1.0, 1.0, out=support)
+        both = p * support  # p (1 + s) + (1 - p) (1 - s) = 1 - s + 2 p s
+        p += both
+        both *= 2.0
+        both += 1.0
+        both -= support
         # A pixel whose neighbours all say the opposite of it has nothing left to go by: they win.
-        p = np.where(on + off > 1e-6, on / np.maximum(on + off, 1e-6), 0.5 * (1.0 + support))
-    return p > 0.5
+        lost = both <= 1e-6
+        np.maximum(both, 1e-6, out=both)
+        p /= both
+        p[lost] = 0.5 * (1.0 + support[lost])
+    return p
 
 
-def _blob(mask: NDArray, row: NDArray, centroid: NDArray, model: ColorModel) -> ColorBlob:
+def _blob(
+    labels: NDArray, label: int, row: NDArray, centroid: NDArray, model: ColorModel
+) -> ColorBlob:
     left, top, width, height = (int(value) for value in row[:4])
     middle = np.array([left + 0.5 * (width - 1), top + 0.5 * (height - 1)])
-    rows, columns = mask.shape
+    rows, columns = labels.shape
     cut = left == 0 or top == 0 or left + width == columns or top + height == rows
     centroid = np.array(centroid)
-    for array in (middle, centroid, mask):
+    for array in (middle, centroid):
         array.flags.writeable = False
     return ColorBlob(
         center=middle if model.center == "box" else centroid,
@@ -145,6 +179,7 @@ def _blob(mask: NDArray, row: NDArray, centroid: NDArray, model: ColorModel) -> 
         centroid=centroid,
         box=(left, top, width, height),
         area_px=int(row[cv2.CC_STAT_AREA]),
-        mask=mask,
+        labels=labels,
+        label=label,
         touches_border=cut,
     )

@@ -8,18 +8,21 @@ import cv2
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from nico_selfmodel.dataset.yaml_mapping import (
+from nico_selfmodel.errors import DataError
+from nico_selfmodel.files import write_whole
+from nico_selfmodel.files.yaml_mapping import (
     check_keys,
     number_value,
     read_yaml_mapping,
     text_value,
 )
-from nico_selfmodel.errors import DataError
-from nico_selfmodel.files import write_whole
+from nico_selfmodel.names import shown
 from nico_selfmodel.vision.image_array import as_color
 
 FORMAT = "nico-color/1"
 CHANNELS = ("red", "green", "blue")
+_BAND = 256  # rows of an image that are looked at at once
+_LARGEST_BLUR = 50.0  # [px]
 _GREYISH = 0.15  # a saturation that light alone gives to white paper
 _SPREAD_DEG = 40.0  # of hue, beyond which clicks were on different colours
 
@@ -60,9 +63,13 @@ class ColorModel:
             raise ValueError(f"saturation must be between 0 and 1, got {self.saturation}")
         if not 0.0 < self.hue_range_deg <= 180.0:
             raise ValueError(f"hue_range_deg must be in (0, 180], got {self.hue_range_deg}")
-        if self.least_area_px < 1.0 or self.blur_px < 0.0:
+        if not all(abs(least) <= 255.0 for least in self.excess):
+            raise ValueError(f"differences of grey levels are at most 255, got {self.excess}")
+        if not abs(self.hue_deg) <= 360.0:
+            raise ValueError(f"hue_deg must lie between -360 and 360, got {self.hue_deg}")
+        if not (self.least_area_px >= 1.0 and 0.0 <= self.blur_px <= _LARGEST_BLUR):
             raise ValueError(
-                "least_area_px must be at least 1 and blur_px not negative,"
+                f"least_area_px must be at least 1 and blur_px between 0 and {_LARGEST_BLUR:g},"
                 f" got {self.least_area_px} and {self.blur_px}"
             )
 
@@ -75,7 +82,16 @@ class ColorModel:
         Returns:
             Booleans. Shape (h, w).
         """
-        dominant, others, hue, saturation = _measures(as_color(image), self.dominant)
+        image = as_color(image)
+        found = np.zeros(image.shape[:2], dtype=bool)
+        # In bands: its measures take twenty times the room of an image.
+        for first in range(0, len(image), _BAND):
+            band = slice(first, first + _BAND)
+            found[band] = self._matches(image[band])
+        return found
+
+    def _matches(self, image: NDArray) -> NDArray:
+        dominant, others, hue, saturation = _measures(image, self.dominant)
         near = np.abs(_turned(hue - self.hue_deg)) <= self.hue_range_deg
         more = [dominant - other >= least for other, least in zip(others, self.excess, strict=True)]
         return near & more[0] & more[1] & (saturation >= self.saturation)
@@ -173,12 +189,12 @@ class ColorModel:
         content = read_yaml_mapping(path)
         if content.get("format") != FORMAT:
             raise DataError(
-                f"{path}: 'format' must be {FORMAT}, got {content.get('format')!r}; make such a"
-                " file with nico-selfmodel pick-color"
+                f"{path}: 'format' must be {FORMAT}, got {shown(content.get('format'))}; make such"
+                " a file with nico-selfmodel pick-color"
             )
         dominant = text_value(content, "dominant", str(path))
         if dominant not in CHANNELS:
-            raise DataError(f"{path}: 'dominant' must be red, green or blue, got {dominant!r}")
+            raise DataError(f"{path}: 'dominant' must be red, green or blue, got {shown(dominant)}")
         over = [f"over_{name}" for name in CHANNELS if name != dominant]
         needed = [*over, "hue_deg", "hue_range_deg", "saturation"]
         keys = [*needed, "least_area_px", "blur_px"]

@@ -1,6 +1,5 @@
 """A detector run over many photographs, and the folder that tells what it saw."""
 
-import csv
 import json
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
@@ -11,6 +10,7 @@ from numpy.typing import NDArray
 
 from nico_selfmodel.errors import DataError
 from nico_selfmodel.files import RESULT_FILE, folder_written_whole, refuse_folder
+from nico_selfmodel.files.csv_cells import quoted_cell, safe_cell
 from nico_selfmodel.vision.annotate import Seen, annotated
 from nico_selfmodel.vision.chessboard import (
     WINDOW,
@@ -20,14 +20,15 @@ from nico_selfmodel.vision.chessboard import (
 )
 from nico_selfmodel.vision.color_blob import ColorBlob, find_color_blob
 from nico_selfmodel.vision.color_model import ColorModel
-from nico_selfmodel.vision.fiducial import find_fiducial, find_fiducials
+from nico_selfmodel.vision.fiducial import fiducials_or_reason
 from nico_selfmodel.vision.fiducial_family import FiducialFamily
-from nico_selfmodel.vision.image_file import image_files, read_image, write_image
+from nico_selfmodel.vision.image_file import image_files, looking_at, read_image, write_image
 from nico_selfmodel.vision.not_seen import NotSeen
 from nico_selfmodel.vision.stereo_images import Progress
 
 FORMAT = "nico-detections/1"
 TABLE = "detections.csv"
+_LONGEST_STEM = 230  # of the name of a copy [bytes]
 COLUMNS = (
     *("image", "detector", "seen", "id", "mirrored", "u", "v"),
     *(f"corner_{i}_{axis}" for i in range(4) for axis in "uv"),
@@ -51,11 +52,8 @@ class Detector:
         chosen = FiducialFamily(family)
 
         def look(image: NDArray) -> list[Seen] | NotSeen:
-            seen = find_fiducials(image, chosen)
-            if seen:
-                return list(seen)
-            nothing = find_fiducial(image, chosen)
-            return nothing if isinstance(nothing, NotSeen) else [nothing]
+            seen = fiducials_or_reason(image, chosen)
+            return seen if isinstance(seen, NotSeen) else list(seen)
 
         return cls(f"fiducial {family}", look)
 
@@ -144,8 +142,9 @@ def write_detections(
     with folder_written_whole(folder, force=force) as new:
         for done, (file, name) in enumerate(zip(files, _names(files), strict=True), start=1):
             image = read_image(file)
-            seen = detector.look(image)
-            write_image(new / name, annotated(image, seen))
+            with looking_at(file):
+                seen = detector.look(image)
+                write_image(new / name, annotated(image, seen))
             rows += _rows(str(file), detector.name, seen)
             if isinstance(seen, NotSeen):
                 not_seen[str(file)] = seen.reason
@@ -171,20 +170,20 @@ def _names(files: Sequence[Path]) -> list[str]:
     names: list[str] = []
     taken: set[str] = set()
     for file in files:
-        name, number = file.stem, 1
+        # Room for a number and the ending, in what a file system takes.
+        stem = file.stem.encode()[:_LONGEST_STEM].decode("utf-8", "ignore")
+        name, number = stem, 1
         while name.lower() in taken:
             number += 1
-            name = f"{file.stem}_{number}"
+            name = f"{stem}_{number}"
         taken.add(name.lower())
         names.append(f"{name}.png")
     return names
 
 
 def _write_table(path: Path, rows: Sequence[dict[str, str]]) -> None:
-    with path.open("w", encoding="utf-8", newline="") as file:
-        writer = csv.DictWriter(file, COLUMNS, restval="", lineterminator="\n")
-        writer.writeheader()
-        writer.writerows(rows)
+    cells = [COLUMNS, *([safe_cell(row.get(name, "")) for name in COLUMNS] for row in rows)]
+    path.write_bytes("".join(",".join(map(quoted_cell, row)) + "\n" for row in cells).encode())
 
 
 def _rows(image: str, detector: str, seen: list[Seen] | NotSeen) -> list[dict[str, str]]:

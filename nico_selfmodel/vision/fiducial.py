@@ -13,9 +13,11 @@ from nico_selfmodel.vision.fiducial_family import (
     ERROR_CORRECTION,
     FiducialFamily,
 )
-from nico_selfmodel.vision.image_array import as_gray
+from nico_selfmodel.vision.image_array import detectable, reduced
 from nico_selfmodel.vision.marker_edges import corners_from_edges
 from nico_selfmodel.vision.not_seen import NotSeen
+
+_MOST_READ = 8_000_000  # pixels of the copy of a large image in which markers are read
 
 
 @dataclass(frozen=True, eq=False)
@@ -42,8 +44,8 @@ def find_fiducials(
 
     OpenCV finds and reads the markers; the corners are then located from the edges (OpenCV's own
     refinement of AprilTags is off by 0.45 px). Reflections are read in the flipped image. An image
-    in which nothing is found is searched again at twice its size, which small markers need. A
-    marker in `FiducialFamily.mirror_twins` counts as seen directly.
+    of up to 8 megapixels in which nothing is found is searched again at twice its size, which small
+    markers need. A marker in `FiducialFamily.mirror_twins` counts as seen directly.
 
     Args:
         image: Grey or BGR, 8 bits. Shape (h, w) or (h, w, 3).
@@ -56,7 +58,20 @@ def find_fiducials(
     Raises:
         ValueError: If the image has another shape or type, or there is no such family.
     """
-    return _search(as_gray(image), _family(family), mirrors=mirrors)[0]
+    return _search(detectable(image), _family(family), mirrors=mirrors)[0]
+
+
+def fiducials_or_reason(
+    image: NDArray, family: FiducialFamily | str = DEFAULT_FAMILY
+) -> tuple[Fiducial, ...] | NotSeen:
+    """Find all markers of a family as `find_fiducials` does, or say why there is none.
+
+    Raises:
+        ValueError: If the image has another shape or type, or there is no such family.
+    """
+    family = _family(family)
+    seen, blurred = _search(detectable(image), family, mirrors=True)
+    return seen or NotSeen(f"no {family.name} marker" + (f"; {blurred}" if blurred else ""))
 
 
 def find_fiducial(
@@ -83,7 +98,7 @@ def find_fiducial(
     family = _family(family)
     if marker is not None:
         family.pattern(marker)
-    seen, blurred = _search(as_gray(image), family, mirrors=mirrored is not False)
+    seen, blurred = _search(detectable(image), family, mirrors=mirrored is not False)
     wanted = [
         item
         for item in seen
@@ -146,11 +161,15 @@ def _in_image(
 
 def _read(gray: NDArray, family: FiducialFamily) -> list[tuple[int, NDArray]]:
     """Return ids and rough corners as OpenCV sees them."""
-    for enlarged in (1, 2):
-        fine = cv2.resize(gray, None, fx=enlarged, fy=enlarged) if enlarged > 1 else gray
+    # The smallest marker that OpenCV looks for is a share of the image: in a large one its cells
+    # are large enough in a smaller copy.
+    copy, scale = reduced(gray, _MOST_READ)
+    for enlarged in (1, 2) if scale == 1.0 else (1,):
+        fine = cv2.resize(copy, None, fx=enlarged, fy=enlarged) if enlarged > 1 else copy
         corners, ids, _ = _detector(family.name).detectMarkers(fine)
         if ids is not None and len(ids):
-            pixels = [(c.reshape(4, 2).astype(float) + 0.5) / enlarged - 0.5 for c in corners]
+            size = scale / enlarged  # of a pixel that was read
+            pixels = [(c.reshape(4, 2).astype(float) + 0.5) * size - 0.5 for c in corners]
             return list(zip((int(i) for i in np.ravel(ids)), pixels, strict=True))
     return []
 

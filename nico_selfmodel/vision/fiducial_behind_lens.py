@@ -19,6 +19,8 @@ from nico_selfmodel.vision.not_seen import NotSeen
 
 _ROOM = 0.35
 """Of the marker's size, kept around it in the patch."""
+_LARGEST_PATCH = 2.0
+"""Side of the patch over that of the image."""
 
 
 def center_behind_lens(image: NDArray, seen: Fiducial, camera: Camera) -> NDArray | NotSeen:
@@ -44,6 +46,8 @@ def center_behind_lens(image: NDArray, seen: Fiducial, camera: Camera) -> NDArra
     scale = np.ptp(seen.corners, axis=0).max() / span
     low = ideal.min(axis=0) - _ROOM * span
     size = np.ceil((ideal.max(axis=0) + _ROOM * span - low) * scale).astype(int)
+    if not 1 <= size.max() <= _LARGEST_PATCH * max(gray.shape):
+        return NotSeen("the calibrated lens draws the marker out of all proportion")
     grid = np.stack(np.meshgrid(*(np.arange(n) for n in size)), axis=-1) / scale + low
     u, v = camera.pixels_of(np.moveaxis(grid, -1, 0)).astype(np.float32)
     patch = cv2.remap(gray, u, v, cv2.INTER_CUBIC, borderMode=cv2.BORDER_REPLICATE)

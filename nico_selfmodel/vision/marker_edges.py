@@ -17,6 +17,7 @@ _REACH = 0.75  # of a cell, to both sides of an edge: black within, white withou
 _WIDEST, _NARROWEST = 4.0, 1.2  # that reach [px]
 _PASSES = 6
 _SETTLED = 0.003  # [px]
+_NEARLY_SETTLED = 0.1  # after all passes; what still moves has no end [px]
 _LEAST_CONTRAST = 12.0  # grey levels between black and white
 _LEAST_VISIBLE = 0.6  # of the positions along a side
 _PIECES = 8  # of a side, that lie on one line ...
@@ -35,7 +36,8 @@ def corners_from_edges(gray: NDArray, corners: NDArray, cells: int) -> NDArray |
     Returns:
         Shape (4, 2); None where the edges are not plain to see or lead somewhere else.
     """
-    refined, straight = corners.astype(float), False
+    before = refined = corners.astype(float)
+    straight = False
     for _ in range(_PASSES):
         before = refined
         inner = _inner_corners(refined, cells)
@@ -53,7 +55,8 @@ def corners_from_edges(gray: NDArray, corners: NDArray, cells: int) -> NDArray |
             return None
         if np.abs(refined - before).max() < _SETTLED:
             break
-    return refined if straight else None
+    settled = np.abs(refined - before).max() < _NEARLY_SETTLED
+    return refined if straight and settled else None
 
 
 def _edge(

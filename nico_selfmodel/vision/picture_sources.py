@@ -195,6 +195,6 @@ def opener(
         names = [file.stem.lower() for file in image_files(path)]
         prefix = eye if any(name.startswith(eye) for name in names) else ""
         return lambda begin: ImageFolder(path, begin, fps, prefix)
-    if not path.exists():
+    if not path.is_file():  # a pipe would be waited for
         raise CameraLostError(f"{source}: no camera's number, no video and no folder of images")
     return lambda begin: VideoFile(path, begin)

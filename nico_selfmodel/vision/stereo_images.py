@@ -3,7 +3,7 @@
 import hashlib
 import warnings
 from collections import Counter
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Protocol
@@ -13,6 +13,8 @@ from numpy.typing import NDArray
 
 from nico_selfmodel.dataset.board_views import BoardViews
 from nico_selfmodel.errors import DataError
+from nico_selfmodel.files.reading import LARGEST_PICTURE, read_bytes
+from nico_selfmodel.names import listed
 from nico_selfmodel.vision.chessboard import (
     WINDOW,
     Board,
@@ -20,7 +22,7 @@ from nico_selfmodel.vision.chessboard import (
     find_chessboard,
     size_of_board,
 )
-from nico_selfmodel.vision.image_file import image_files, read_image
+from nico_selfmodel.vision.image_file import image_files, looking_at, read_image
 from nico_selfmodel.vision.not_seen import NotSeen
 
 _IMAGES_FOR_A_HINT = 6
@@ -75,19 +77,37 @@ class BoardDetections:
         """Where the corners come from, for a self-model: folder, board and hash of all images."""
         digest = hashlib.sha256()
         for path in (path for files in self.files.values() for path in files):
-            digest.update(path.read_bytes())
+            digest.update(read_bytes(path, LARGEST_PICTURE))
         folder = next(iter(self.files.values()))[0].parent.resolve().name
         return {"images": folder, "board": str(self.board), "images_sha256": digest.hexdigest()}
 
-    def read_images(self) -> dict[str, dict[str, NDArray]]:
-        """Read the photographs again. Eye -> view -> red, green, blue, shape (height, width, 3)."""
+    def read_images(self) -> dict[str, "Photographs"]:
+        """Return the photographs again, each read when it is asked for. Eye -> view -> image."""
         return {
-            eye: {
-                name: np.ascontiguousarray(read_image(path)[:, :, ::-1])
-                for name, path in zip(self.views.names, files, strict=True)
-            }
+            eye: Photographs(dict(zip(self.views.names, files, strict=True)))
             for eye, files in self.files.items()
         }
+
+
+class Photographs(Mapping[str, NDArray]):
+    """View -> red, green and blue, shape (height, width, 3); one is in memory at a time."""
+
+    def __init__(self, files: Mapping[str, Path]) -> None:
+        """Remember where they are.
+
+        Args:
+            files: View -> photograph.
+        """
+        self._files = files
+
+    def __getitem__(self, view: str) -> NDArray:
+        return np.ascontiguousarray(read_image(self._files[view])[:, :, ::-1])
+
+    def __iter__(self) -> Iterator[str]:
+        return iter(self._files)
+
+    def __len__(self) -> int:
+        return len(self._files)
 
 
 def camera_images(folder: str | Path, prefix: str) -> list[tuple[str, Path]]:
@@ -150,8 +170,8 @@ def stereo_pairs(folder: str | Path) -> list[tuple[str, Path, Path]]:
     alone += [path.name for name, path in right.items() if name not in left]
     if alone:
         raise DataError(
-            f"{folder}: images without a partner in the other eye: {_list(alone)}; pairs are named"
-            " alike after left and right, as left01 and right01"
+            f"{folder}: images without a partner in the other eye: {listed(alone, most=6)}; pairs"
+            " are named alike after left and right, as left01 and right01"
         )
     return [(name, path, right[name]) for name, path in left.items()]
 
@@ -228,11 +248,12 @@ def _find(
     for done, path in enumerate(files, start=1):
         image = read_image(path)
         sizes.setdefault((image.shape[1], image.shape[0]), path)
-        found.append(find_chessboard(image, board, window))
+        with looking_at(path):
+            found.append(find_chessboard(image, board, window))
         if progress:
             progress("looking for boards", done, len(files))
     if len(sizes) > 1:
-        seen = ", ".join(f"{path.name} has {w}x{h}" for (w, h), path in sizes.items())
+        seen = listed(f"{path.name} has {w}x{h}" for (w, h), path in sizes.items())
         raise DataError(f"{files[0].parent}: images of different sizes: {seen} pixels")
     detections = [item for item in found if isinstance(item, ChessboardDetection)]
     if not detections:
@@ -260,7 +281,10 @@ def _not_seen(
 
 def _no_board(files: Sequence[Path], board: Board, tried: dict[str, str]) -> str:
     """Say in which images what was tried, and which board may have been meant."""
-    guesses = [size_of_board(read_image(path)) for path in files[:_IMAGES_FOR_A_HINT]]
+    guesses = []
+    for path in files[:_IMAGES_FOR_A_HINT]:
+        with looking_at(path):
+            guesses.append(size_of_board(read_image(path)))
     sizes = Counter(guess for guess in guesses if guess)
     hint = "the size counts inner corners: 10x7 squares have 9x6"
     if sizes:
@@ -269,7 +293,7 @@ def _no_board(files: Sequence[Path], board: Board, tried: dict[str, str]) -> str
     reason, _ = Counter(tried.values()).most_common(1)[0]
     return (
         f"{files[0].parent}: no {board} board in any of {len(files)} images"
-        f" ({_list([path.name for path in files])}): {reason}; {hint}"
+        f" ({listed((path.name for path in files), most=6)}): {reason}; {hint}"
     )
 
 
@@ -286,9 +310,4 @@ def _warn_of_small_squares(detections: Sequence[ChessboardDetection], window: in
 
 def _holds(folder: str | Path) -> str:
     names = sorted(path.name for path in Path(folder).iterdir() if not path.name.startswith("."))
-    return f"it holds {_list(names)}" if names else "it is empty"
-
-
-def _list(names: Sequence[str], most: int = 6) -> str:
-    more = f" and {len(names) - most} more" if len(names) > most else ""
-    return ", ".join(names[:most]) + more
+    return f"it holds {listed(names, most=6)}" if names else "it is empty"

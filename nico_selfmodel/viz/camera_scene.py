@@ -6,6 +6,7 @@ from numpy.typing import NDArray
 
 from nico_selfmodel.estimation import CameraAssessment, CameraCalibration
 from nico_selfmodel.geometry.transform import apply
+from nico_selfmodel.names import listed
 from nico_selfmodel.viz import palette
 from nico_selfmodel.viz.board_items import board_extent, board_item, board_name, board_outline
 from nico_selfmodel.viz.epipolar_items import epipolar_items, epipolar_legend
@@ -93,7 +94,7 @@ def chosen_point(calibration: CameraCalibration, point: tuple[str, int] | None) 
         return view, int(np.argmax(seen[view]))
     name, corner = point
     if name not in calibration.views.names:
-        raise ValueError(f"no view {name!r}; there are {', '.join(calibration.views.names)}")
+        raise ValueError(f"no view {name!r}; there are {listed(calibration.views.names, name)}")
     view = calibration.views.names.index(name)
     if not 0 <= corner < seen.shape[1] or not seen[view, corner]:
         raise ValueError(f"corner {corner} of view {name} was not seen by every eye")

@@ -21,7 +21,7 @@ def statistics_cells(block: Mapping[str, Any], quantity: str, digits: int) -> tu
         digits: Decimals that are shown.
     """
     values = block[quantity]
-    count = block.get("n")
+    count = block.get("poses", block.get("n"))
     found = (Cell(f"{values[s]:.{digits}f}", value=values[s]) for s in STATISTICS)
     return (Cell("" if count is None else str(count), value=count), *found)
 

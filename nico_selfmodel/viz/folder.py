@@ -13,6 +13,7 @@ from nico_selfmodel.viz.scene import Scene
 
 SCENE_FILE = "scene.json"
 REPORT_FILE = "report.html"
+_LONGEST_ROBOT = 200  # of a robot's name in that of a file [bytes]
 
 
 def write_folder(
@@ -61,5 +62,5 @@ def shown(report: str, scene: Scene) -> dict[str, str]:
 
 def urdf_file(robot: str) -> str:
     """Return the name of a learned URDF, without what file systems or shells would stumble over."""
-    plain = re.sub(r"[^\w.-]+", "_", robot).strip("._")
-    return f"{plain or 'robot'}_learned.urdf"
+    plain = re.sub(r"[^\w.-]+", "_", robot).strip("._").encode()[:_LONGEST_ROBOT]
+    return f"{plain.decode('utf-8', 'ignore') or 'robot'}_learned.urdf"

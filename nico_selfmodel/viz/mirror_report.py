@@ -117,7 +117,7 @@ def _mirror_table(document: Mapping[str, Any]) -> Table:
         note = "" if test is None else f"{test['by_chance']:.2g} by chance"
         near, far = entry["hand_in_front_mm"]
         cells = (
-            Cell(str(entry["rows"]), value=entry["rows"]),
+            Cell(str(entry["poses"]), value=entry["poses"]),
             Cell(
                 decimals(entry["distance_mm"], known),
                 "" if known is None else f"± {decimals(known, known)}",

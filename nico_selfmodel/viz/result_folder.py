@@ -5,7 +5,7 @@ from pathlib import Path
 from typing import Any
 
 from nico_selfmodel.dataset import Dataset
-from nico_selfmodel.errors import ModelError
+from nico_selfmodel.errors import DataError, ModelError
 from nico_selfmodel.estimation import (
     CameraAssessment,
     KinematicCalibration,
@@ -14,6 +14,7 @@ from nico_selfmodel.estimation import (
     result_document,
 )
 from nico_selfmodel.files import refuse_folder
+from nico_selfmodel.files.reading import LARGEST_SCENE, read_text
 from nico_selfmodel.model import SelfModel
 from nico_selfmodel.plant import ArmDescription
 from nico_selfmodel.viz.camera_report import camera_report_html
@@ -121,14 +122,15 @@ def load_scene(result: str | Path) -> Scene:
     """
     path = Path(result)
     path = path / SCENE_FILE if path.is_dir() else path
-    try:
-        text = path.read_text(encoding="utf-8")
-    except FileNotFoundError as error:
+    if not path.exists():
         raise ModelError(
             f"{path} does not exist: give the folder that `calibrate` or `learn` wrote"
-        ) from error
-    except (OSError, UnicodeDecodeError) as error:
-        raise ModelError(f"{path} cannot be read: {error}") from error
+        )
+    try:
+        text = read_text(path, LARGEST_SCENE)
+    except DataError as error:
+        reason = str(error).removeprefix(f"{path}: ").removeprefix("cannot be read: ")
+        raise ModelError(f"{path} cannot be read: {reason}") from error
     try:
         return Scene.from_json(text)
     except ModelError as error:

@@ -11,8 +11,10 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from nico_selfmodel.errors import ModelError
+from nico_selfmodel.errors import DataError, ModelError
+from nico_selfmodel.files.json_text import parse_json
 from nico_selfmodel.model.arrays import frozen_array
+from nico_selfmodel.names import listed, shown
 from nico_selfmodel.viz.scene_items import ITEM_KINDS, Item, Rgba
 
 FORMAT = "nico-scene/1"
@@ -67,7 +69,7 @@ class Scene:
         paths = [item.path for item in self.items]
         repeated = sorted({path for path in paths if paths.count(path) > 1})
         if repeated:
-            raise ValueError(f"paths must differ, got {', '.join(repeated)} more than once")
+            raise ValueError(f"paths must differ, got {listed(repeated)} more than once")
 
     @property
     def paths(self) -> tuple[str, ...]:
@@ -103,12 +105,14 @@ class Scene:
             ModelError: If the text is not a scene, or one of another version.
         """
         try:
-            document = json.loads(text)
-        except ValueError as error:
-            raise ModelError(f"the scene is not valid JSON: {error}") from error
+            document = parse_json(text, "the scene")
+        except DataError as error:
+            raise ModelError(str(error)) from error
         found = document.get("format") if isinstance(document, dict) else None
         if found != FORMAT:
-            raise ModelError(f"a scene must have format {FORMAT}, got {found!r}: learn it anew")
+            raise ModelError(
+                f"a scene must have format {FORMAT}, got {shown(found)}: learn it anew"
+            )
         try:
             return cls(
                 document["title"],
@@ -116,7 +120,7 @@ class Scene:
                 Camera(**document["camera"]),
                 tuple(_legend_entry(entry) for entry in document["legend"]),
             )
-        except (KeyError, TypeError, ValueError) as error:
+        except (AttributeError, KeyError, OverflowError, TypeError, ValueError) as error:
             raise ModelError(f"the scene is damaged: {error}") from error
 
 

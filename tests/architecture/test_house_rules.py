@@ -79,6 +79,17 @@ def test_annotations_are_not_postponed(sources):
     assert postponed == []
 
 
+def test_one_module_reads_yaml_and_one_reads_json(sources):
+    readers = {
+        call: {str(source.path) for source in sources if call in source.text}
+        for call in ("yaml.load", "json.loads(")
+    }
+    assert readers["yaml.load"] == {"files/yaml_text.py"}
+    # Lines that come over a socket are short, and read by those who know what they may be.
+    sockets = {path for path in readers["json.loads("] if path.startswith(("servos/", "systems/"))}
+    assert readers["json.loads("] - sockets == {"files/json_text.py"}
+
+
 @pytest.fixture(scope="module")
 def project_texts(project_root):
     """Return path -> text of every text file that git knows or would add."""

@@ -11,10 +11,10 @@ import tomllib
 ALLOWED = {
     "__init__": set(),
     "errors": set(),
-    "files": set(),
-    "unique_keys": {"yaml"},
+    "files": {"yaml"},
+    "names": set(),
     "geometry": {"numpy"},
-    "model": {"numpy", "yaml"},
+    "model": {"numpy"},
     "dataset": {"numpy", "yaml"},
     "optimization": {
         "numpy",

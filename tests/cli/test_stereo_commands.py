@@ -136,7 +136,44 @@ def test_swapped_eyes_are_recognised(spoilt, tmp_path, command):
         path.rename(spoilt / "aside.png")
         other.rename(path)
         (spoilt / "aside.png").rename(other)
-    assert "left and right are swapped" in refused(command, spoilt, tmp_path)
+    message = refused(command, spoilt, tmp_path)
+    assert "left and right are swapped" in message
+    assert "--swap-eyes" in message
+    out = tmp_path / "eyes"
+    done = command("calibrate", "stereo", spoilt, *BOARD, "--swap-eyes", "--out", out)
+    assert done.returncode == 0, done.stdout + done.stderr
+    found, truth = SelfModel.load(out).rig, drawn_boards.SMALL_RIG
+    assert found.baseline == pytest.approx(truth.baseline, rel=0.02)
+
+
+@pytest.fixture(scope="module")
+def fisheye_photographs(tmp_path_factory):
+    """Return drawn photographs by OpenCV's fisheye, whose image's corners look 115 deg aside."""
+    folder, rng = tmp_path_factory.mktemp("fisheye"), np.random.default_rng(0)
+    fine = np.arange(3) / 3.0 - 1.0 / 3.0
+    u, v = ((np.arange(n)[:, None] + fine).ravel() for n in (320, 240))
+    angle = np.stack(np.meshgrid(u - 159.5, v - 119.5), axis=-1) / 125.0
+    off = np.linalg.norm(angle, axis=2, keepdims=True)
+    lines = np.concatenate([angle * np.sinc(off / np.pi), np.cos(off)], axis=2)
+    camera = drawn_boards.SMALL_RIG.left
+    for number, place in enumerate(np.linspace(0.0, 2.0 * np.pi, 14, endpoint=False)):
+        turn = drawn_boards.rotation_from_vector(rng.normal(0.0, 0.3, 3))
+        middle = np.array([0.14 * np.cos(place), 0.09 * np.sin(place), rng.uniform(0.1, 0.2)])
+        center = 0.03 * np.array([3.0, 2.0, 0.0])
+        pose = drawn_boards.transform(turn, middle - turn @ center)
+        image = drawn_boards.drawn(camera, lines, pose, rng=rng)
+        drawn_boards.cv2.imwrite(str(folder / f"left{number:02d}.png"), image)
+    return folder
+
+
+@pytest.mark.parametrize("pins", [(), ("--pin", "k3=0")])
+def test_photographs_of_a_fisheye_do_not_pass(fisheye_photographs, tmp_path, command, pins):
+    out = tmp_path / "eye"
+    words = ("--board", "7x5", "--square-mm", 30, "--window", 4, "--test-fraction", 0.25)
+    done = command("calibrate", "camera", fisheye_photographs, *words, *pins, "--out", out)
+    assert done.returncode == 1, done.stdout + done.stderr
+    reasons = json.loads((out / "result.json").read_text())["reasons"]
+    assert "bends light as its model does not" in reasons[0]
 
 
 def test_pairs_that_were_not_taken_together_are_refused_by_their_epipolar_error(

@@ -1,10 +1,19 @@
 """Files and folders are written whole or not at all."""
 
+import subprocess
+import sys
 from pathlib import Path
 
 import pytest
 
-from nico_selfmodel.files import folder_written_whole, refuse_existing, refuse_folder, write_whole
+from nico_selfmodel.files import (
+    folder_in_place_of,
+    folder_written_whole,
+    recover,
+    refuse_existing,
+    refuse_folder,
+    write_whole,
+)
 
 
 @pytest.fixture
@@ -165,3 +174,93 @@ def test_a_place_where_nothing_can_be_written_is_refused_before_any_work(result,
     monkeypatch.setattr("os.mkdir", read_only)
     with pytest.raises(PermissionError, match=r"result cannot be written to \(Read-only"):
         refuse_existing(result / "far" / "away")
+
+
+KILLED = """
+import os, signal, sys
+from pathlib import Path
+from nico_selfmodel.files import folder_in_place_of, write_whole
+from nico_selfmodel.files import whole
+path, when = Path(sys.argv[1]), sys.argv[2]
+real, calls = Path.replace, []
+def replace(self, target):
+    calls.append(self)
+    if when == str(len(calls)):
+        os.kill(os.getpid(), signal.SIGKILL)
+    return real(self, target)
+Path.replace = replace
+if when == "file":
+    Path.chmod = lambda *_: os.kill(os.getpid(), signal.SIGKILL)
+    write_whole(path, "new")
+with folder_in_place_of(path, keep_others=True) as folder:
+    (folder / "result.json").write_text("new")
+    if when == "0":
+        os.kill(os.getpid(), signal.SIGKILL)
+"""
+
+
+def killed(path, when):
+    done = subprocess.run([sys.executable, "-c", KILLED, str(path), when], check=False)
+    assert done.returncode == -9
+
+
+@pytest.mark.parametrize("when", ["0", "1", "2", "3"])
+def test_what_a_killed_process_left_is_tidied_up_by_the_next_one(tmp_path, result, when):
+    """Killed while it writes, or before the old folder, the new one or another file is moved."""
+    killed(result, when)
+    assert len(names_in(tmp_path)) > 1 or not result.exists()
+    recover(result)
+    assert names_in(tmp_path) == ["result"]
+    assert names_in(result) == ["old.txt", "result.json"]
+    assert (result / "result.json").read_text() == ("new" if when == "3" else "{}")
+
+
+def test_a_killed_file_is_tidied_up_too(tmp_path):
+    path = tmp_path / "a.yaml"
+    killed(path, "file")
+    assert len(names_in(tmp_path)) == 1
+    write_whole(path, "text")
+    assert names_in(tmp_path) == ["a.yaml"]
+
+
+def test_what_a_living_process_writes_is_left_to_it(result):
+    with folder_in_place_of(result) as folder:
+        recover(result)
+        assert folder.exists()
+        (folder / "result.json").write_text("new")
+    assert (result / "result.json").read_text() == "new"
+
+
+def test_what_only_looks_like_left_over_stays(tmp_path):
+    others = [".result.part.txt", ".results.abc.part", "result.abc.part", ".result"]
+    for name in others:
+        (tmp_path / name).write_text("mine")
+    recover(tmp_path / "result")
+    assert names_in(tmp_path) == sorted(others)
+
+
+@pytest.mark.parametrize("name", ["a" * 255, "ü" * 127, "a" * 250 + ".txt"])
+def test_a_name_may_be_as_long_as_the_file_system_takes(tmp_path, name):
+    write_whole(tmp_path / name, "text")
+    assert names_in(tmp_path) == [name]
+    (tmp_path / name).unlink()
+    with folder_written_whole(tmp_path / name) as folder:
+        (folder / "a.txt").write_text("1")
+    assert names_in(tmp_path) == [name]
+
+
+@pytest.mark.parametrize(
+    ("path", "message"),
+    [
+        ("a" * 256, "a name of 256 bytes"),
+        ("ü" * 128, "a name of 256 bytes"),
+        ("a" * 300 + "/b", "a name of 300 bytes"),
+        ("/".join(["a" * 200] * 20), "a path has at most 3900 bytes"),
+        ("a\udc80", "is not a name in UTF-8"),
+    ],
+)
+def test_a_name_that_is_too_long_is_refused_before_any_work(tmp_path, path, message):
+    with pytest.raises(ValueError, match=message) as caught:
+        refuse_folder(tmp_path / path)
+    assert len(str(caught.value)) < 300
+    assert names_in(tmp_path) == []

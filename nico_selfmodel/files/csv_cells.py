@@ -1,0 +1,34 @@
+"""Cells of text in the tables we write: a spreadsheet must not take them for formulas.
+
+A cell that begins with = + - @ or a tab is a formula to spreadsheets, whatever quotes stand around
+it (CWE-1236); an apostrophe before it makes it text. Reading takes the apostrophe away again.
+"""
+
+import re
+
+_STARTS = ("=", "+", "-", "@", "\t")
+_NUMBER = re.compile(r"[-+]?[0-9]*\.?[0-9]+(?:[eE][-+]?[0-9]+)?")
+
+
+def safe_cell(text: str) -> str:
+    """Return a cell of text that is a formula to no spreadsheet; numbers stay as they are."""
+    return f"'{text}" if _is_guarded(text) and not _NUMBER.fullmatch(text) else text
+
+
+def original_cell(cell: str) -> str:
+    """Return the text that `safe_cell` made a cell of."""
+    return cell[1:] if cell.startswith("'") and _is_guarded(cell) else cell
+
+
+def quoted_cell(cell: str) -> str:
+    """Return a cell as it stands in the file.
+
+    The csv module leaves a lone carriage return unquoted, which then reads as a line end.
+    """
+    if any(character in cell for character in ',"\r\n'):
+        return '"' + cell.replace('"', '""') + '"'
+    return cell
+
+
+def _is_guarded(cell: str) -> bool:
+    return cell.lstrip("'").startswith(_STARTS)

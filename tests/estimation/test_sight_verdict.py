@@ -1,0 +1,160 @@
+"""A self-model with eyes held against what they saw of the hand, and how its poses are counted."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from nico_selfmodel.errors import DataError, ModelError
+from nico_selfmodel.estimation import (
+    BodyOptions,
+    calibrate_kinematics,
+    evaluate_pixels,
+    judge_sight,
+)
+from nico_selfmodel.estimation.body_document import pixel_block
+from nico_selfmodel.estimation.body_verdict import _held_out_words, body_warnings
+from nico_selfmodel.estimation.pixel_observations import PixelObservations
+from nico_selfmodel.estimation.sight import Sight
+from nico_selfmodel.estimation.sightings import by_pixels
+from nico_selfmodel.estimation.verdict import significantly_above
+
+from .simulated_bodies import blinded, body, learned, lesson, only_eyes, poses
+
+
+@pytest.fixture(scope="module")
+def refined():
+    """Return a body, and what its eyes saw in new poses."""
+    return learned(0).model, only_eyes(lesson().test)
+
+
+@pytest.fixture(scope="module")
+def arm_by_sight():
+    """Return an arm that was learned from points its eyes rebuilt, with the eyes in it."""
+    sight = Sight.of(lesson().eyes, lesson().train)
+    return sight.complete(calibrate_kinematics(sight.train, loss="none", starts=3)).model
+
+
+def judged(model, data):
+    return judge_sight(model, data, evaluate_pixels(model, data))
+
+
+def twice(data, marker="thumb"):
+    """Return data in which every pose shows a second point, where the first is."""
+    arrays = ("encoders", "p_WH_measured", "sample", "sweep", "marker", "pixels", "mirror")
+    both = {name: np.repeat(getattr(data, name), 2, axis=0) for name in arrays}
+    both["marker"] = np.array(["hand", marker] * len(data))
+    return replace(data, **both, extra={})
+
+
+def with_thumb(model):
+    """Return the model with a second point, where the first is."""
+    hand = np.repeat(model.table.p_NH, 2, axis=0)
+    table = replace(model.table, markers=("hand", "thumb"), p_NH=hand)
+    return replace(model, table=table, covariance=None)
+
+
+def test_new_poses_of_the_same_body_pass_in_space_and_in_the_images(refined):
+    verdict = judged(*refined)
+    assert verdict.status == "PASS"
+    assert "mm and" in verdict.reasons[0]
+    assert "px, expected" in verdict.reasons[0]
+
+
+def test_a_joint_that_slipped_fails(refined):
+    model, data = refined
+    slipped = data.encoders.copy()
+    slipped[:, 1] += 0.03 * np.ptp(slipped[:, 1])
+    assert judged(model, replace(data, encoders=slipped)).status == "FAIL"
+
+
+def test_pixels_alone_tell_of_an_eye_that_turned(refined):
+    """One eye sees no depth: what moved shows in its image alone."""
+    model, data = refined
+    one_eyed = blinded(data, slice(None), 1)
+    assert judged(model, one_eyed).status == "PASS"
+    pixels = one_eyed.pixels + np.array([8.0, 0.0, 0.0, 0.0])
+    assert judged(model, replace(one_eyed, pixels=pixels)).status == "FAIL"
+
+
+def test_a_sighting_that_nothing_explains_is_named_though_the_rest_is_well(refined):
+    model, data = refined
+    pixels = data.pixels.copy()
+    pixels[7, 0] += 60.0
+    verdict = judged(model, replace(data, pixels=pixels))
+    assert verdict.status == "PASS"
+    assert f"1 of {len(data)} sightings" in verdict.reasons[0]
+    assert f"sample {data.sample[7]}" in verdict.reasons[0]
+
+
+def test_an_arm_learned_through_eyes_is_held_against_points_that_they_rebuild(
+    arm_by_sight, refined
+):
+    data = refined[1]
+    assert judged(arm_by_sight, data).status == "PASS"
+    pixels = data.pixels.copy()
+    pixels[7] += [60.0, 0.0, 0.0, 0.0]
+    wrong = judged(arm_by_sight, replace(data, pixels=pixels))
+    assert f"sample {data.sample[7]}" in wrong.reasons[0]
+
+
+def test_a_model_that_does_not_say_what_to_expect_is_not_judged(refined):
+    model, data = refined
+    assert judged(replace(model, fit={}), data).status == "NOT_EVALUATED"
+    assert judged(model, data.select(np.arange(len(data)) < 4)).status == "NOT_EVALUATED"
+
+
+def test_pixels_of_a_model_without_eyes_are_refused_with_what_to_do(refined):
+    model, data = refined
+    blind = replace(model, cameras={}, covariance=None)
+    with pytest.raises(ModelError, match="learn arm and eyes together"):
+        by_pixels(blind, data)
+    assert by_pixels(model, data)
+    assert not by_pixels(model, lesson().test, "points")
+    with pytest.raises(ValueError, match="no sensor"):
+        by_pixels(model, data, "nose")
+
+
+def test_a_sign_test_counts_its_witnesses():
+    errors = np.repeat([0.5, 2.0], [30, 70])
+    assert significantly_above(errors, 1.0, 100, 1000)
+    assert not significantly_above(errors, 1.0, 30, 1000)
+    assert not significantly_above(errors, 1.0, 100, 20)
+    assert not significantly_above(errors, 1.9, 100, 1000)  # not by enough to matter
+
+
+def test_two_points_in_a_pose_are_one_pose(refined):
+    model, data = with_thumb(refined[0]), twice(refined[1])
+    found = evaluate_pixels(model, data)
+    assert len(found.observations) == 2 * found.poses == 2 * len(refined[1])
+    assert pixel_block(found)["poses"] == found.poses
+    assert f"on {found.poses} poses that were held out" in _held_out_words(found)
+    half = blinded(data, np.arange(len(data)) < 20, 0)
+    assert f"{found.poses - 10} of them seen by both" in _held_out_words(
+        evaluate_pixels(model, half)
+    )
+
+
+@pytest.mark.parametrize(
+    ("free", "words"),
+    [
+        ({"left.k1", "hand.x"}, "lenses bend to fit the arm"),
+        ({"right.fx"}, "focal lengths and image centres shift to fit the arm"),
+        ({"right.pose.x", "hand.x"}, "holds the scale; its own"),
+    ],
+)
+def test_lenses_bend_only_where_they_were_free_to(free, words):
+    found = replace(
+        learned(0),
+        options=BodyOptions(variant="unanchored"),
+        uncertainty=replace(learned(0).uncertainty, names=tuple(sorted(free))),
+    )
+    said = body_warnings(found)[0]
+    assert words in said
+    assert ("bend" in said) == ("k1" in str(free))
+
+
+def test_a_refusal_counts_poses_not_rows():
+    few = twice(only_eyes(poses(body(), 3)))
+    with pytest.raises(DataError, match="6 sightings in 3 poses, at least 8"):
+        PixelObservations.from_dataset(few).require_both_eyes(8, few.name)

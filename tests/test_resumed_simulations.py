@@ -1,0 +1,129 @@
+"""A simulated recording that was interrupted ends as if it had not been."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from nico_selfmodel.dataset import Dataset
+from nico_selfmodel.experiments.eyes_lesson import NicoBeforeItsEyes
+from nico_selfmodel.experiments.mirror_recording import DEFAULT_MIRROR, NicoBeforeMirrors
+from nico_selfmodel.experiments.protocol import Protocol, simulated_session
+from nico_selfmodel.plant import ArmDescription
+from nico_selfmodel.recording import record
+from nico_selfmodel.systems import WORLDS, NicoStation, StationBody
+from nico_selfmodel.systems.renderer import can_render
+
+LOSSY = replace(WORLDS["thesis"], dropout_share=0.5)
+
+
+def stopping_after(*poses):
+    """Return a progress callback that stops the recording when so many poses are done."""
+    left = list(poses)
+
+    def progress(done, _total):
+        if left and done == left[0]:
+            del left[0]
+            raise KeyboardInterrupt
+
+    return progress
+
+
+def interrupted(run, folder, *poses):
+    """Run a recording that is stopped after each of some poses, until it ends."""
+    progress = stopping_after(*poses)
+    for _ in poses:
+        with pytest.raises(KeyboardInterrupt):
+            run(folder, progress)
+    return run(folder, progress)
+
+
+def assert_same_files(one, other):
+    for name in ("dataset.yaml", "samples.csv"):
+        assert (one / name).read_bytes() == (other / name).read_bytes()
+    images = [sorted(p for p in folder.glob("images/*")) for folder in (one, other)]
+    assert [p.name for p in images[0]] == [p.name for p in images[1]]
+    assert all(a.read_bytes() == b.read_bytes() for a, b in zip(*images, strict=True))
+
+
+@pytest.mark.parametrize("stops", [(1,), (7,), (3, 11, 19)])
+@pytest.mark.parametrize("world", [WORLDS["thesis"], LOSSY], ids=["thesis", "markers often lost"])
+def test_under_motion_capture(tmp_path, world, stops):
+    arm = ArmDescription.named("nico")
+    protocol = replace(Protocol.for_arm(arm), random_poses=15, circle_points=2)
+
+    def run(folder, progress=None):
+        return simulated_session(
+            arm, world, protocol, "x", seed=3, session=1, folder=folder, progress=progress
+        )
+
+    whole = run(tmp_path / "whole")
+    data = interrupted(run, tmp_path / "parts", *stops)
+    assert data.sha256 == whole.sha256
+    assert_same_files(tmp_path / "whole", tmp_path / "parts")
+    if world is LOSSY:
+        assert max(map(int, data.extra["visits"])) > 1
+
+
+def test_at_a_station(tmp_path):
+    def run(folder, progress=None):
+        station = NicoStation(LOSSY, 5, 2)
+        body = StationBody(station, station.joints, station.arm.markers, sensor=SENSOR)
+        rng = np.random.default_rng(0)
+        low, high = np.array([[j.lower, j.upper] for j in body.joints]).T
+        plan = [("", rng.uniform(low, high)) for _ in range(6)]
+        plan.insert(3, plan[2])  # where it stands already: it leaves and comes back
+        return record(body, plan, "x", folder=folder, progress=progress)
+
+    whole = run(tmp_path / "whole")
+    assert interrupted(run, tmp_path / "parts", 2, 5).sha256 == whole.sha256
+
+
+SENSOR = "motion-capture"
+
+
+@pytest.mark.slow
+def test_before_its_eyes_and_with_pictures(tmp_path):
+    if not can_render():
+        pytest.skip("nothing can be rendered here")
+    nico = NicoBeforeItsEyes("thesis", 2, ("fiducial",))
+
+    def run(folder, progress=None):
+        return nico.record("x", 0, 4, 5, folder=folder, keep_images=True, progress=progress)
+
+    run(tmp_path / "whole")
+    interrupted(run, tmp_path / "parts", 3, 8)
+    assert_same_files(tmp_path / "whole", tmp_path / "parts")
+
+
+@pytest.mark.slow
+def test_before_a_mirror(tmp_path):
+    if not can_render():
+        pytest.skip("nothing can be rendered here")
+    before = NicoBeforeMirrors(NicoBeforeItsEyes("thesis", 2, ("fiducial",)), {"a": DEFAULT_MIRROR})
+
+    def run(folder, progress=None):
+        return before.record("x", 0, 3, 2, best=False, folder=folder, progress=progress)
+
+    run(tmp_path / "whole")
+    interrupted(run, tmp_path / "parts", 2, 5)
+    assert_same_files(tmp_path / "whole", tmp_path / "parts")
+
+
+def test_a_pose_whose_pictures_are_missing_is_taken_again(tmp_path):
+    """A process killed between a pose and its pictures leaves the one without the other."""
+    arm = ArmDescription.named("nico")
+    protocol = replace(Protocol.for_arm(arm), random_poses=3, circle_points=1)
+    folder = tmp_path / "x"
+    simulated_session(arm, LOSSY, protocol, "x", seed=3, session=1, folder=folder)
+    data = Dataset.load(folder)
+    replace(data, cameras={"images": "images/<eye><pose>.png"}).save(folder, force=True)
+    visited = []
+    simulated_session(
+        *(arm, LOSSY, protocol, "x"),
+        seed=3,
+        session=1,
+        folder=folder,
+        progress=lambda done, _: visited.append(done),
+    )
+    assert Dataset.load(folder).p_WH_measured.tolist() == data.p_WH_measured.tolist()
