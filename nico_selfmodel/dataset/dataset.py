@@ -23,9 +23,9 @@ from nico_selfmodel.files.yaml_mapping import LARGEST
 from nico_selfmodel.names import check_name, shown
 
 DEFAULT_MARKER = "hand"
-SIGMA_RANGES = {"point_sigma_m": (1e-9, 1.0), "pixel_sigma_px": (1e-4, 100.0)}
+SIGMA_RANGES = {"point_sigma_m": (1e-9, 1.0), "pixel_sigma_px": (1e-9, 100.0)}
 """What a sensor's noise can be: from an interferometer's nanometre to satellite positioning, and
-from a ten-thousandth of a pixel to a hand that points at a picture."""
+from the rounding of exact pixels to a hand that points at a picture."""
 _TABLE_COLUMNS = ("sample", "sweep", "marker", "mirror", *POINT_COLUMNS, *PIXEL_COLUMNS)
 # A default that type checkers take for an array; the constructor fills it in.
 _NOT_GIVEN: Any = None

@@ -50,6 +50,7 @@ def board_reflections(boards: MirroredBoards, camera: Camera, sigma: float = 0.5
         np.zeros((len(views), 3, 3)),
         np.zeros((len(views), 3, 0)),
         views,
+        views,
         corners,
         SharedErrors(_root(sigma**2 * covariance), slopes.reshape(len(views), 3, -1)),
     )

@@ -27,7 +27,7 @@ def camera_document(assessment: CameraAssessment, verdict: Verdict) -> dict[str,
     document = {
         "status": verdict.status,
         "reasons": list(verdict.reasons),
-        "warnings": list(assessment.warnings),
+        "warnings": list(verdict.warnings),
         "method": "stereo" if len(calibration.cameras) == 2 else "camera",
         "train": _block(assessment.train_distances),
         "test": _block(assessment.test_distances),

@@ -10,11 +10,15 @@ from nico_selfmodel.estimation.camera_assessment import (
     words_of_misfit,
 )
 from nico_selfmodel.estimation.lens_folds import folds_by_chance, folds_of
-from nico_selfmodel.estimation.verdict import Verdict, rank_score
+from nico_selfmodel.estimation.verdict import (
+    FEWEST_BOARDS,
+    Verdict,
+    bound_reason,
+    conclude,
+    held_out_is_worse,
+    outliers_are_many,
+)
 
-_MOST_OUTLIERS = 0.25
-_SIGNIFICANT, _NOTABLE = 3.3, 1.3
-"""As in the verdict on an arm: standard score and ratio of medians of a larger held-out error."""
 _EXCESSIVE = 5.0
 """Ratio of medians that needs no statistics, for a handful of boards, ..."""
 _EXCESSIVE_RMS = 3.0
@@ -32,10 +36,11 @@ def judge_cameras(assessment: CameraAssessment, require_test_px: float | None = 
         require_test_px: Largest rms reprojection error of held-out boards allowed [px].
 
     Returns:
-        FAIL where a check fails; PASS where boards were held out and nothing failed;
-        NOT_EVALUATED where none were.
+        FAIL where a check fails; PASS where enough boards were held out and nothing failed; else
+        NOT_EVALUATED.
     """
-    calibration = assessment.calibration
+    calibration, distances = assessment.calibration, assessment.test_distances
+    rms = None if distances is None else float(np.sqrt(np.mean(distances**2)))
     checks = [
         None if calibration.converged else "the solver stopped without reaching a minimum",
         *_blind_reasons(calibration),
@@ -44,17 +49,12 @@ def judge_cameras(assessment: CameraAssessment, require_test_px: float | None = 
         _worst_reason(assessment),
         *_fold_reasons(assessment),
         _held_out_reason(assessment),
-        _bound_reason(assessment, require_test_px),
+        bound_reason(rms, require_test_px, "px"),
     ]
-    failed = tuple(reason for reason in checks if reason)
-    if failed:
-        return Verdict("FAIL", failed)
-    distances = assessment.test_distances
-    if distances is None or assessment.test_views is None:
-        return Verdict("NOT_EVALUATED", ("no board was held out: give --test-fraction",))
-    rms = float(np.sqrt(np.mean(distances**2)))
-    boards = len(assessment.test_views)
-    return Verdict("PASS", (f"{rms:.3f} px rms on {boards} boards that were held out",))
+    boards = 0 if assessment.test_views is None else len(assessment.test_views)
+    said = [] if rms is None else [f"{rms:.3f} px rms on {boards} boards that were held out"]
+    warned = assessment.warnings
+    return conclude(checks, boards, "boards", said, warned, fewest=FEWEST_BOARDS)
 
 
 def _blind_reasons(calibration: CameraCalibration) -> list[str]:
@@ -67,8 +67,8 @@ def _blind_reasons(calibration: CameraCalibration) -> list[str]:
 
 
 def _outlier_reason(calibration: CameraCalibration) -> str | None:
-    share = float(calibration.outliers.mean())
-    if share <= _MOST_OUTLIERS:
+    share = outliers_are_many(calibration.outliers)
+    if share is None:
         return None
     return (
         f"{100 * share:.0f} % of the boards contradict the rest: is the board flat and of the size "
@@ -116,8 +116,7 @@ def _held_out_reason(assessment: CameraAssessment) -> str | None:
     expected = _rms_of_boards(assessment.left_out_residuals)
     ratio = float(np.median(found) / max(np.median(expected), 1e-12))
     rms, before = (float(np.sqrt(np.mean(r**2))) for r in (found, expected))
-    significant = rank_score(expected, found) >= _SIGNIFICANT and ratio >= _NOTABLE
-    if significant or ratio >= _EXCESSIVE:
+    if held_out_is_worse(expected, found) or ratio >= _EXCESSIVE:
         return (
             f"held-out boards fit significantly worse (median rms {np.median(found):.3f} px) than "
             f"boards left out in turn ({np.median(expected):.3f} px)"
@@ -133,15 +132,3 @@ def _held_out_reason(assessment: CameraAssessment) -> str | None:
 def _rms_of_boards(residuals: NDArray) -> NDArray:
     """Return the root mean square error of each board. Shape (V, P, 2 C) -> (V,)."""
     return np.sqrt(2.0 * np.nanmean(residuals**2, axis=(1, 2)))
-
-
-def _bound_reason(assessment: CameraAssessment, require_test_px: float | None) -> str | None:
-    if require_test_px is None:
-        return None
-    distances = assessment.test_distances
-    if distances is None:
-        return "--require-test-px was given but no board was held out"
-    rms = float(np.sqrt(np.mean(distances**2)))
-    if rms <= require_test_px:
-        return None
-    return f"held-out boards fit to {rms:.3f} px rms, required at most {require_test_px:g} px"

@@ -21,6 +21,7 @@ from nico_selfmodel.estimation.learned_model import learned_model, training_of
 from nico_selfmodel.estimation.misfit_causes import causes_of_misfit, foreign_marker
 from nico_selfmodel.estimation.nominal_check import robot_reason
 from nico_selfmodel.estimation.nominal_start import NominalArm
+from nico_selfmodel.estimation.outliers_in_time import outliers_in_time
 from nico_selfmodel.estimation.pin_check import ContradictedPin, contradicted_pins
 from nico_selfmodel.estimation.pinned_refinement import Held, refine_pinned
 from nico_selfmodel.estimation.pins import Pins
@@ -157,7 +158,7 @@ def calibrate_kinematics(
     doubts = _Doubts.of(task, solved)
     causes = ()
     if search is not None and explain and task.redundant:
-        causes = _causes(task, search, doubts, loss)
+        causes = _causes(task, search, doubts, loss, solved.noise_sigma)
     training = training_of(dataset, task.observations, solved, unseen)
     fit = {"method": method, "loss": loss, **training}
     model = learned_model(solved, dataset, name or dataset.name, nominal, fit)
@@ -227,9 +228,18 @@ class _Doubts:
         return cls(
             doubtful_gears(test, solved.parameters, held, ripples),
             patterns,
-            change_in_time(observations, solved, known, patterns),
+            _notable(
+                change_in_time(observations, solved, known, patterns),
+                outliers_in_time(observations, solved.outliers),
+            ),
             lag_in_time(observations, solved.parameters, test),
         )
+
+
+def _notable(*changes: Change | None) -> Change | None:
+    """Return the first change that matters, else the first there is."""
+    there = [change for change in changes if change is not None]
+    return next((change for change in there if change.notable), there[0] if there else None)
 
 
 def _nominal_values(nominal: NominalArm | None, pins: Pins) -> dict[str, float]:
@@ -246,7 +256,7 @@ def _nominal_values(nominal: NominalArm | None, pins: Pins) -> dict[str, float]:
 
 
 def _causes(
-    task: KinematicTask, search: StartSearch, doubts: _Doubts, loss: str
+    task: KinematicTask, search: StartSearch, doubts: _Doubts, loss: str, scatter: float | None
 ) -> tuple[str, ...]:
     """Return what would make the data fit, where they do not; what is plain to see first."""
     foreign = foreign_marker(task.observations)
@@ -262,6 +272,7 @@ def _causes(
         task.zero,
         task.sigma,
         loss,
+        scatter or 0.0,
     )
 
 

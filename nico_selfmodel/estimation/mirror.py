@@ -8,13 +8,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from nico_selfmodel.dataset import Dataset
+from nico_selfmodel.dataset.poses import held_out_of
 from nico_selfmodel.errors import DataError
 from nico_selfmodel.estimation.mirror_checks import (
     misplaced_rows,
     require_reflections,
     unnamed_reflections,
 )
-from nico_selfmodel.estimation.mirror_evaluation import MirrorEvaluation, left_out_errors
+from nico_selfmodel.estimation.mirror_evaluation import MirrorEvaluation, left_out
 from nico_selfmodel.estimation.mirror_flatness import Flatness, flatness_of
 from nico_selfmodel.estimation.mirror_solution import MirrorSolution, solve_mirrors, start_mirrors
 from nico_selfmodel.estimation.provenance import data_named, package_versions
@@ -43,8 +44,8 @@ class MirrorCalibration:
     """The mirrors on their own data, outliers included."""
     test: MirrorEvaluation | None
     """The mirrors on held-out data."""
-    cross_validation: NDArray
-    """Errors of believed rows predicted without their own fold, each eye [px]. Shape (K,)."""
+    cross_validation: MirrorEvaluation | None
+    """Believed rows predicted without their own fold; None where a mirror has one pose alone."""
     misplaced: NDArray
     """Samples of rows called direct views that are reflections. Shape (k,)."""
     loss: str
@@ -85,8 +86,8 @@ def calibrate_mirrors(
         The calibration. A failed check does not raise: see `judge_mirrors`.
 
     Raises:
-        DataError: If the reflections are direct views, no row names a mirror, or the hand lies
-            behind one.
+        DataError: If the reflections are direct views, no row names a mirror, the hand lies
+            behind one, or held-out rows stand in the data too.
         ModelError: If the model has no arm or no eyes.
         NotIdentifiableError: If the reflections leave a plane open.
         NotConvergedError: If no plane fits.
@@ -95,6 +96,7 @@ def calibrate_mirrors(
     if loss not in ROBUST_METHODS:
         raise ValueError(f"no loss {loss!r}; there are {', '.join(ROBUST_METHODS)}")
     began = time.perf_counter()
+    test = None if test is None else held_out_of(dataset, test)
     noise = _noise_of(dataset, model, joint_sigma)
     reflections = _reflections_of(dataset, model, noise)
     require_reflections(reflections, noise)
@@ -109,7 +111,7 @@ def calibrate_mirrors(
         {mirror: _flatness(solution, m) for m, mirror in enumerate(reflections.mirrors)},
         MirrorEvaluation.from_reflections(reflections, solution.mirrors),
         None if test is None else evaluate_mirrors(test, model, mirrors),
-        left_out_errors(solution),
+        left_out(solution),
         np.unique(dataset.sample[misplaced]),
         loss,
         time.perf_counter() - began,

@@ -134,6 +134,7 @@ def _views(dataset: Dataset, model: SelfModel, rows: NDArray) -> Reflections:
         np.zeros((len(rows), 3, 3)),
         points.by_angle,
         dataset.sample[rows],
+        dataset.pose[rows],
         rows,
         points.shared,
     )

@@ -12,7 +12,6 @@ from nico_selfmodel.estimation.error_statistics import ErrorStatistics
 from nico_selfmodel.estimation.mirror import MirrorCalibration
 from nico_selfmodel.estimation.mirror_cameras import fit_mirror_cameras
 from nico_selfmodel.estimation.mirror_evaluation import MirrorEvaluation
-from nico_selfmodel.estimation.mirror_verdict import mirror_warnings
 from nico_selfmodel.estimation.verdict import Verdict
 from nico_selfmodel.model.mirror import MIRROR_UNITS, Mirror, plane_of_values
 
@@ -31,14 +30,15 @@ def mirror_document(calibration: MirrorCalibration, verdict: Verdict) -> dict[st
     """
     solution = calibration.solution
     outliers = solution.reflections.sample[solution.outliers]
+    turn = calibration.cross_validation
     return {
         "status": verdict.status,
         "reasons": list(verdict.reasons),
-        "warnings": list(mirror_warnings(calibration)),
+        "warnings": list(verdict.warnings),
         "method": "mirror",
         "train": _block(calibration.train.select(~solution.outliers)),
         "test": None if calibration.test is None else _block(calibration.test),
-        "cross_validation": _pixels(calibration.cross_validation),
+        "cross_validation": None if turn is None else _pixels(turn.distances_px),
         "parameters": mirror_parameters(calibration),
         "not_identifiable": [", ".join(d.names) for d in solution.uncertainty.blind],
         "outliers": sorted(set(outliers.tolist())),
@@ -84,7 +84,7 @@ def _mirror(calibration: MirrorCalibration, name: str) -> dict[str, Any]:
     distances = solution.distances[believed]
     found: dict[str, Any] = {
         "rows": int(rows.sum()),
-        "poses": int(np.unique(solution.reflections.sample[rows]).size),
+        "poses": int(np.unique(solution.reflections.pose[rows]).size),
         "distance_mm": 1e3 * mirror.distance,
         "normal_sigma_deg": float(np.degrees(mirror.normal_sigma or 0.0)),
         "hand_in_front_mm": [1e3 * float(f(solution.in_front_by[rows])) for f in (np.min, np.max)],

@@ -54,6 +54,15 @@ class MirrorEvaluation:
         return distances[np.isfinite(distances)]
 
     @property
+    def by_pose_px(self) -> NDArray:
+        """Mean reprojection error of each pose over its rows and eyes [px]. Shape (poses,)."""
+        distances = np.linalg.norm(self.residuals.reshape(len(self.residuals), -1, 2), axis=2)
+        _, pose = np.unique(self.reflections.pose, return_inverse=True)
+        seen = np.isfinite(distances)
+        total = np.bincount(pose, np.where(seen, distances, 0.0).sum(axis=1))
+        return total / np.bincount(pose, seen.sum(axis=1))
+
+    @property
     def distances(self) -> NDArray:
         """Distance of rebuilt points from where the body expects them [m]. Shape (K,)."""
         found = np.linalg.norm(self.p_LQ_rebuilt - self.reflections.p_LQ, axis=1)
@@ -74,25 +83,26 @@ class MirrorEvaluation:
         )
 
 
-def left_out_errors(solution: MirrorSolution) -> NDArray:
+def left_out(solution: MirrorSolution) -> MirrorEvaluation | None:
     """Predict each fifth of the believed poses from planes learned on the rest.
 
     Args:
         solution: Planes of all believed rows.
 
     Returns:
-        Errors in each eye [px], shape (K,); empty where a mirror has fewer than two poses.
+        The believed rows, each predicted without its fold; None where a mirror has one pose alone.
     """
     kept = solution.reflections.select(~solution.outliers)
     fold = _folds(kept)
     if fold is None:
-        return np.zeros(0)
-    errors = []
+        return None
+    residuals, rebuilt = np.full(kept.pixels.shape, np.nan), np.full((len(kept), 3), np.nan)
     for k in range(int(fold.max()) + 1):
         rest, held = kept.select(fold != k), kept.select(fold == k)
         learned = solve_mirrors(rest, solution.mirrors, solution.noise, "none").mirrors
-        errors.append(MirrorEvaluation.from_reflections(held, learned).distances_px)
-    return np.concatenate(errors)
+        found = MirrorEvaluation.from_reflections(held, learned)
+        residuals[fold == k], rebuilt[fold == k] = found.residuals, found.p_LQ_rebuilt
+    return MirrorEvaluation(kept, residuals, rebuilt)
 
 
 def _folds(reflections: Reflections) -> NDArray | None:
@@ -100,8 +110,8 @@ def _folds(reflections: Reflections) -> NDArray | None:
     fold = np.zeros(len(reflections), dtype=int)
     for m in range(len(reflections.mirrors)):
         rows = reflections.mirror == m
-        samples, which = np.unique(reflections.sample[rows], return_inverse=True)
-        if len(samples) < 2:
+        poses, which = np.unique(reflections.pose[rows], return_inverse=True)
+        if len(poses) < 2:
             return None
-        fold[rows] = which % min(_FOLDS, len(samples))
+        fold[rows] = which % min(_FOLDS, len(poses))
     return fold

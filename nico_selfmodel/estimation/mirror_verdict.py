@@ -4,13 +4,16 @@ import numpy as np
 from numpy.typing import NDArray
 
 from nico_selfmodel.estimation.mirror import MirrorCalibration
-from nico_selfmodel.estimation.verdict import Verdict, rank_score
+from nico_selfmodel.estimation.verdict import (
+    Verdict,
+    bound_reason,
+    conclude,
+    held_out_is_worse,
+    outliers_are_many,
+)
 
-_MOST_OUTLIERS = 0.25
 _LARGEST_RATIO = 5.0
 """Residuals above this many expected sigmas say that something else is wrong."""
-_SIGNIFICANT, _NOTABLE = 3.3, 1.3
-"""As in the verdict on an arm: standard score and ratio of medians of a larger held-out error."""
 _GRAZING = np.radians(5.0)
 """Lines of sight that meet the glass at less than this see it edge-on."""
 _ONE_POINT = 0.01
@@ -25,9 +28,11 @@ def judge_mirrors(calibration: MirrorCalibration, require_test_px: float | None 
         require_test_px: Largest mean reprojection error of held-out reflections allowed [px].
 
     Returns:
-        FAIL where a check fails; PASS where reflections were held out and nothing failed;
-        NOT_EVALUATED where none were.
+        FAIL where a check fails; PASS where enough poses were held out and nothing failed; else
+        NOT_EVALUATED.
     """
+    test = calibration.test
+    statistics = None if test is None else test.pixel_statistics
     checks = [
         None if calibration.solution.converged else "the solver stopped before reaching a minimum",
         *_blind_reasons(calibration),
@@ -37,26 +42,24 @@ def judge_mirrors(calibration: MirrorCalibration, require_test_px: float | None 
         _outlier_reason(calibration),
         _misfit_reason(calibration),
         _held_out_reason(calibration),
-        _bound_reason(calibration, require_test_px),
+        bound_reason(None if statistics is None else statistics.mean, require_test_px, "px"),
     ]
-    failed = tuple(reason for reason in checks if reason)
-    if failed:
-        return Verdict("FAIL", failed)
-    if calibration.test is None:
-        return Verdict("NOT_EVALUATED", ("nothing was held out: give --test or --test-fraction",))
-    statistics = calibration.test.pixel_statistics
-    return Verdict(
-        "PASS", (f"{statistics.mean:.2f} px mean error on {statistics.n} held-out reflections",)
-    )
+    poses = 0 if test is None else len(np.unique(test.reflections.pose))
+    said = [
+        f"{found.mean:.2f} px mean error on {found.n} held-out reflections"
+        for found in (statistics,)
+        if found is not None
+    ]
+    return conclude(checks, poses, "poses", said, _warnings(calibration))
 
 
-def mirror_warnings(calibration: MirrorCalibration) -> tuple[str, ...]:
+def _warnings(calibration: MirrorCalibration) -> tuple[str, ...]:
     """Say in words what the data cannot support, though nothing fails."""
     words, solution = [], calibration.solution
     for m, (name, mirror) in enumerate(calibration.mirrors.items()):
         rows = (solution.reflections.mirror == m) & ~solution.outliers
         points = solution.reflections.p_LQ[rows]
-        poses = len(np.unique(solution.reflections.sample[rows]))
+        poses = len(np.unique(solution.reflections.pose[rows]))
         spread = float(np.sqrt(np.sum(np.var(points, axis=0)))) if len(points) else 0.0
         tilt = np.degrees(mirror.normal_sigma or 0.0)
         known = f"its normal is known to {tilt:.2f} deg"
@@ -125,7 +128,7 @@ def _behind_reasons(calibration: MirrorCalibration) -> list[str]:
         rows = behind & (solution.reflections.mirror == m)
         if rows.any():
             reasons.append(
-                f"{np.unique(solution.reflections.sample[rows]).size} poses put the hand up to "
+                f"{np.unique(solution.reflections.pose[rows]).size} poses put the hand up to "
                 f"{-1e3 * solution.in_front_by[rows].min():.0f} mm behind mirror {name!r}, where "
                 "it has no reflection: the arm or the eyes are not what the self-model says"
             )
@@ -143,8 +146,8 @@ def _grazing_reasons(calibration: MirrorCalibration) -> list[str]:
 
 
 def _outlier_reason(calibration: MirrorCalibration) -> str | None:
-    share = float(np.mean(calibration.solution.outliers))
-    if share <= _MOST_OUTLIERS:
+    share = outliers_are_many(calibration.solution.outliers)
+    if share is None:
         return None
     return (
         f"{100 * share:.0f} % of the reflections contradict the rest: did the mirror move, or were "
@@ -163,26 +166,14 @@ def _misfit_reason(calibration: MirrorCalibration) -> str | None:
 
 
 def _held_out_reason(calibration: MirrorCalibration) -> str | None:
-    expected = calibration.cross_validation
-    if calibration.test is None or len(expected) < 5 or len(calibration.test.distances_px) < 5:
+    test, turn = calibration.test, calibration.cross_validation
+    if test is None or turn is None:
         return None
-    found = calibration.test.distances_px
-    ratio = float(np.median(found) / max(np.median(expected), 1e-12))
-    if rank_score(expected, found) < _SIGNIFICANT or ratio < _NOTABLE:
+    worse = held_out_is_worse(turn.by_pose_px, test.by_pose_px)
+    if worse is None:
         return None
     return (
-        f"held-out reflections fit significantly worse (median {np.median(found):.2f} px) than "
-        f"poses left out in turn ({np.median(expected):.2f} px): the mirror moved, or the poses "
-        "learned from do not cover where it is used"
+        f"held-out reflections fit significantly worse (median {worse[0]:.2f} px) than poses left "
+        f"out in turn ({worse[1]:.2f} px): the mirror moved, or the poses learned from do not "
+        "cover where it is used"
     )
-
-
-def _bound_reason(calibration: MirrorCalibration, require_test_px: float | None) -> str | None:
-    if require_test_px is None:
-        return None
-    if calibration.test is None:
-        return "--require-test-px was given but nothing was held out"
-    mean = calibration.test.pixel_statistics.mean
-    if mean <= require_test_px:
-        return None
-    return f"mean held-out error {mean:.3f} px, required at most {require_test_px:g} px"

@@ -33,6 +33,8 @@ _EXPLAINED = 0.02
 """... and below this share of the workspace."""
 _FEWER_OUTLIERS = 0.5
 """Or, at the same residuals, outliers to this share."""
+_STARTS_EXCHANGED = 3
+"""Of two columns: where they are right most starts agree."""
 _LEAST_GAP = 0.1
 """Of a turn: readings that leave out less are spread over the whole turn."""
 _WORTH_A_LOOK, _WORTH_A_SEARCH = 0.01, 0.025
@@ -65,6 +67,7 @@ def causes_of_misfit(
     zero: NDArray,
     sigma: float,
     loss: str,
+    scatter: float,
 ) -> tuple[str, ...]:
     """Name what would make the data fit, where they do not.
 
@@ -76,17 +79,19 @@ def causes_of_misfit(
         zero: Encoder angles of the zero configuration [rad]. Shape (n,).
         sigma: Whitening of the residuals [m].
         loss: One of `optimization.robust_solve.ROBUST_METHODS`.
+        scatter: Of a believed coordinate about the refined arm, whatever is said to explain it [m].
 
     Returns:
         Sentences, empty where the arm explains the data or nothing tried does.
     """
     before = _Misfit.of(search.best, sigma)
-    bad = before.noise > _WORTH_A_LOOK * observations.size or before.wrong > _MANY_OUTLIERS
+    unexplained = max(before.noise, scatter) / observations.size
+    bad = unexplained > _WORTH_A_LOOK or before.wrong > _MANY_OUTLIERS
     lonely = search.agreeing < 2 <= len(search.labels)
     if not bad and not lonely:
         return ()
     held, robust = gear_pinned & gear_known, "none" if loss == "none" else "cauchy"
-    searched = before.noise > _WORTH_A_SEARCH * observations.size or before.wrong > _MOST_OUTLIERS
+    searched = unexplained > _WORTH_A_SEARCH or before.wrong > _MOST_OUTLIERS
     left = _MOST_STARTS
     for suspicion in _suspicions(observations, gear_pinned, held, gaps_only=not searched):
         mended, pinned = few_rows(suspicion.observations, 0), suspicion.gear_pinned
@@ -151,6 +156,7 @@ def _suspicions(
             gear_pinned,
             starts=_STARTS_AT_A_GAP,
         )
+    yield from _exchanged(observations, gear_pinned, neighbours=gaps_only)
     if gaps_only:
         return
     if held.any():
@@ -171,6 +177,23 @@ def _suspicions(
                 shifted,
                 gear_pinned,
             )
+
+
+def _exchanged(
+    observations: Observations, gear_pinned: NDArray, *, neighbours: bool
+) -> Iterator[_Suspicion]:
+    """Yield readings with two joints' columns exchanged, neighbours first."""
+    n = len(observations.joints)
+    pairs = [(i, i + step) for step in range(1, 2 if neighbours else n) for i in range(n - step)]
+    for i, j in pairs:
+        order = np.arange(n)
+        order[[i, j]] = j, i
+        yield _Suspicion(
+            f"the readings of {observations.joints[i]} and {observations.joints[j]} are exchanged",
+            replace(observations, angles=observations.angles[:, order]),
+            gear_pinned[order],
+            starts=_STARTS_EXCHANGED,
+        )
 
 
 def foreign_marker(observations: Observations) -> str | None:

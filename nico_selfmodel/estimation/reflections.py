@@ -55,7 +55,9 @@ class Reflections:
     by_angle: NDArray
     """Derivatives of the points by the joint angles [m/rad]. Shape (N, 3, n)."""
     sample: NDArray
-    """Number of the pose of each row. Shape (N,)."""
+    """Number of the sample of each row. Shape (N,)."""
+    pose: NDArray
+    """Number of the pose of each row; samples with equal readings are one pose. Shape (N,)."""
     rows: NDArray
     """Row of the data set behind each row here. Shape (N,)."""
     shared: SharedErrors | None = field(default=None)
@@ -96,6 +98,7 @@ class Reflections:
             np.zeros((len(rows), 3, 3)),
             points.by_angle,
             dataset.sample[rows],
+            dataset.pose[rows],
             rows,
             points.shared,
             points.q,
@@ -117,7 +120,7 @@ class Reflections:
 
     def select(self, keep: NDArray) -> "Reflections":
         """Return the chosen rows. `keep` is a boolean mask or an index."""
-        arrays = ("mirror", "pixels", "p_WQ", "covariance", "by_angle", "sample", "rows")
+        arrays = ("mirror", "pixels", "p_WQ", "covariance", "by_angle", "sample", "pose", "rows")
         shared = self.shared
         if shared is not None:
             shared = replace(shared, by_parameter=shared.by_parameter[keep])

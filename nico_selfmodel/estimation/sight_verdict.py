@@ -7,7 +7,7 @@ from numpy.typing import NDArray
 
 from nico_selfmodel.dataset import Dataset
 from nico_selfmodel.estimation.arm_verdict import beside_training
-from nico_selfmodel.estimation.error_statistics import Evaluation
+from nico_selfmodel.estimation.error_statistics import Evaluation, expected_covariance
 from nico_selfmodel.estimation.pixel_evaluation import PixelEvaluation
 from nico_selfmodel.estimation.sightings import JOINT_SIGMA, covariance_of, sightings_of
 from nico_selfmodel.estimation.verdict import FEWEST_COMPARED, Verdict, significantly_above
@@ -72,6 +72,6 @@ def _contradicting(model: SelfModel, dataset: Dataset, evaluation: PixelEvaluati
         return lost | (np.sqrt(found.nis) > OUTLIER_AT * np.sqrt(found.dof / 3.0))
     rows = evaluation.observations.arm
     readings = rows.angles / model.servos.radians_per_unit
-    sigma = model.predict(readings, rows.marker).total_sigma
+    expected = expected_covariance(model, readings, rows.marker)
     rebuilt = replace(rows, p_WH=evaluation.p_LH_seen)
-    return lost | Evaluation(rebuilt, evaluation.p_LH_predicted, sigma).outliers
+    return lost | Evaluation(rebuilt, evaluation.p_LH_predicted, expected).outliers

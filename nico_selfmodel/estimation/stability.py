@@ -99,13 +99,15 @@ def change_in_time(
     if chance > LARGEST_CHANCE:
         return None
     what = f"{words(found.size, found.drift)} {sums.when(found)}"
-    alike = _mixed(observations, found.course[np.searchsorted(sums.last, observations.sample)])
+    alike = mixed_in_time(
+        observations, found.course[np.searchsorted(sums.last, observations.sample)]
+    )
     most = max((pattern.score.gain for pattern in patterns), default=0.0)
     told = alike and found.statistic > most
     return Change(what, chance, sums.improvement(columns, found), told)
 
 
-def _mixed(observations: Observations, course: NDArray) -> bool:
+def mixed_in_time(observations: Observations, course: NDArray) -> bool:
     """Return whether poses of all times are mixed: no joint's reading follows the course of time.
 
     Args:

@@ -10,6 +10,8 @@ MOST_OUTLIERS = 0.25
 """A larger share of what was measured that is not believed is no accident."""
 FEWEST_HELD_OUT = 8
 """Held-out poses below which nothing is shown."""
+FEWEST_BOARDS = 2
+"""The same of boards, each of which shows dozens of corners."""
 FEWEST_COMPARED = 5
 """Errors of either kind below which held-out and cross-validated ones are not compared."""
 SIGNIFICANT = 3.3
@@ -38,6 +40,8 @@ def conclude(
     what: str,
     passed: Iterable[str],
     warnings: Iterable[str] = (),
+    *,
+    fewest: int = FEWEST_HELD_OUT,
 ) -> Verdict:
     """Return the verdict that checks come to.
 
@@ -47,6 +51,7 @@ def conclude(
         what: What is held out: `poses`, `boards`.
         passed: What to say where nothing fails, the held-out error first.
         warnings: What is doubtful though nothing fails.
+        fewest: Of what is held out, below which nothing is shown.
 
     Returns:
         FAIL where a check fails; NOT_EVALUATED where too little was held out; else PASS.
@@ -58,11 +63,8 @@ def conclude(
     if not held_out:
         reason = "nothing was held out: give --test or --test-fraction"
         return Verdict("NOT_EVALUATED", (reason,), doubts)
-    if held_out < FEWEST_HELD_OUT:
-        reason = (
-            f"only {held_out} {what} were held out, which show nothing: hold out "
-            f"{FEWEST_HELD_OUT} or more"
-        )
+    if held_out < fewest:
+        reason = f"only {held_out} {what} held out, too few to show anything: hold out {fewest}"
         return Verdict("NOT_EVALUATED", (reason, *passed), doubts)
     return Verdict("PASS", tuple(passed), doubts)
 

@@ -102,7 +102,8 @@ def _distribution(calibration: MirrorCalibration) -> Figure:
     """Draw the distribution of errors: held out, left out in turn, learned from."""
     train = calibration.train.select(~calibration.solution.outliers).distances_px
     test = None if calibration.test is None else calibration.test.distances_px
-    sets = error_sets(test, calibration.cross_validation, train)
+    turn = calibration.cross_validation
+    sets = error_sets(test, None if turn is None else turn.distances_px, train)
     return distribution(sets, unit="px", digits=2, what="reprojection error", thing="reflection")
 
 

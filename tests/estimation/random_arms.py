@@ -100,6 +100,11 @@ class RandomArm:
             return np.round(angle * self.counts_per_turn / (2.0 * np.pi))
         return np.degrees(angle) if self.unit == "deg" else angle
 
+    def angles(self, readings):
+        """Return the joint angles that readings mean."""
+        by_unit = {"counts": 2.0 * np.pi / self.counts_per_turn, "deg": np.pi / 180.0, "rad": 1.0}
+        return (readings * by_unit[self.unit] - self.offset) / self.gear
+
 
 def random_arm(rng, kind="clean"):
     """Draw an arm with the imperfections of a kind."""
@@ -201,7 +206,7 @@ class Recording:
     p_WH: np.ndarray
     """Measured there, marker 0. Shape (500, 3)."""
     p_WH_exact: np.ndarray
-    """Where a rigid arm without any noise has it. Shape (500, 3)."""
+    """Where a rigid arm has it at the angles that the readings mean. Shape (500, 3)."""
 
 
 def random_recording(kind, seed, fresh=500):
@@ -225,7 +230,8 @@ def random_recording(kind, seed, fresh=500):
     true = arm.bent(q_fresh, approach) + arm.joint_sigma * rng.normal(size=(fresh, n))
     first = np.zeros(fresh, dtype=int)
     p = arm.hand(true, first) + arm.tracker_sigma * rng.normal(size=(fresh, 3))
-    readings, exact = arm.readings(q_fresh), arm.hand(q_fresh, first)
+    readings = arm.readings(q_fresh)
+    exact = arm.hand(arm.angles(readings), first)
     return Recording(kind, seed, arm, dataset, sound, readings, p, exact)
 
 

@@ -241,7 +241,7 @@ def test_the_document_says_it_all_in_plain_numbers():
     found = learned(0)
     document = json.loads(json.dumps(body_document(found, judge_body(found)), allow_nan=False))
     assert document["status"] == "PASS"
-    assert set(document["test"]) == {"n", "pixels", "position_mm"}
+    assert set(document["test"]) == {"n", "poses", "pixels", "position_mm"}
     assert document["cross_validation"]["n"] == 161
     assert document["parameters"]["right.fx"]["sigma"] > 0.0
     assert document["parameters"]["left.p1"] == {

@@ -13,7 +13,7 @@ from nico_selfmodel.estimation import (
     judge_sight,
 )
 from nico_selfmodel.estimation.body_document import pixel_block
-from nico_selfmodel.estimation.body_verdict import _held_out_words, body_warnings
+from nico_selfmodel.estimation.body_verdict import _held_out_words, _warnings
 from nico_selfmodel.estimation.pixel_observations import PixelObservations
 from nico_selfmodel.estimation.sight import Sight
 from nico_selfmodel.estimation.sightings import by_pixels
@@ -126,11 +126,11 @@ def test_a_sign_test_counts_its_witnesses():
 def test_two_points_in_a_pose_are_one_pose(refined):
     model, data = with_thumb(refined[0]), twice(refined[1])
     found = evaluate_pixels(model, data)
-    assert len(found.observations) == 2 * found.poses == 2 * len(refined[1])
-    assert pixel_block(found)["poses"] == found.poses
-    assert f"on {found.poses} poses that were held out" in _held_out_words(found)
+    assert len(found.observations) == 2 * found.pose_count == 2 * len(refined[1])
+    assert pixel_block(found)["poses"] == found.pose_count
+    assert f"on {found.pose_count} poses that were held out" in _held_out_words(found)
     half = blinded(data, np.arange(len(data)) < 20, 0)
-    assert f"{found.poses - 10} of them seen by both" in _held_out_words(
+    assert f"{found.pose_count - 10} of them seen by both" in _held_out_words(
         evaluate_pixels(model, half)
     )
 
@@ -149,7 +149,7 @@ def test_lenses_bend_only_where_they_were_free_to(free, words):
         options=BodyOptions(variant="unanchored"),
         uncertainty=replace(learned(0).uncertainty, names=tuple(sorted(free))),
     )
-    said = body_warnings(found)[0]
+    said = _warnings(found)[0]
     assert words in said
     assert ("bend" in said) == ("k1" in str(free))
 

@@ -57,7 +57,7 @@ def test_a_lost_marker_is_nowhere():
 def test_nothing_public_holds_the_truth():
     arm = body("clean", seed=1)
     public = {name for name in dir(arm) if not name.startswith("_")}
-    assert public == {"joints", "markers", "visit", "world"}
+    assert public == {"joints", "markers", "relive", "visit", "world"}
     assert {name for name in vars(arm) if "__" not in name} == {"world", "_rng", "_stops"}
 
 
