@@ -192,6 +192,8 @@ class LineServer:
 
     def _make_room(self) -> None:
         """Hang up on whoever was silent for longest, where there are too many."""
-        others = [client for client in self._clients.values() if not client.kept]
+        others = [task for task, client in self._clients.items() if not client.kept]
         if len(self._clients) >= MOST_CLIENTS and others:
-            min(others, key=lambda client: client.heard).cut()
+            silent = min(others, key=lambda task: self._clients[task].heard)
+            # Not when its task ends: who comes at the same time would hang up on it again.
+            self._clients.pop(silent).cut()
