@@ -19,13 +19,13 @@ def middle_of_red(image):
 
 
 arm = looking_arm("finger_tip")
-station = NicoStation(
+with NicoStation(
     "thesis", 2, arm=arm, detectors={"finger_tip": middle_of_red}, quality=ImageQuality(1)
-)
-body = StationBody(station, station.joints, ("finger_tip",))
-poses = Reach.of(arm).random_poses(6, np.random.default_rng(0))
-commands = commands_of_angles(station.joints, arm.lower, arm.upper, poses)
-data = record(body, [("", c) for c in commands], "mine", image_size=station.image_size)
+) as station:
+    body = StationBody(station, station.joints, ("finger_tip",))
+    poses = Reach.of(arm).random_poses(6, np.random.default_rng(0))
+    commands = commands_of_angles(station.joints, arm.lower, arm.upper, poses)
+    data = record(body, [("", c) for c in commands], "mine", image_size=station.image_size)
 for encoders, pixels in zip(data.encoders, data.pixels, strict=True):
     print("encoders", encoders.astype(int), "pixels", pixels.round(1))
 print(np.isfinite(data.pixels).all(axis=1).sum(), "poses seen by both eyes")

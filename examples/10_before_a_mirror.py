@@ -30,23 +30,22 @@ def main() -> None:
     reach = Reach.of(arm)
     view = MirrorView.of(reach, DEFAULT_MIRROR, plate, np.random.default_rng(0))
     detectors = {"fiducial": default_mirror_detectors()["fiducial"]}
-    station = NicoStation("thesis", 5, arm=arm, detectors=detectors, mirror=plate)
-    body = StationBody(station, station.joints, arm.markers)
-    put_mirror(station, body.context, view.X_BM)
-
     expected = MirrorRig(reach.rig, DEFAULT_MIRROR)
     errors = []
-    for q in view.q[:3]:
-        (command,) = commands_of_angles(station.joints, arm.lower, arm.upper, [q])
-        sighting = body.visit(command)
-        assert isinstance(sighting, EyeSighting)
-        seen = sighting.reflected["fiducial"]
-        guess = expected.project(arm.chain.forward(q))
-        if np.isfinite(seen).all():
-            errors.append(np.linalg.norm((seen - guess).reshape(2, 2), axis=1).mean())
-            print(f"the reflection at {np.round(seen, 1)}, expected at {np.round(guess, 1)}")
-        else:
-            print(f"not seen: {', '.join(filter(None, sighting.reflected_reasons))}")
+    with NicoStation("thesis", 5, arm=arm, detectors=detectors, mirror=plate) as station:
+        body = StationBody(station, station.joints, arm.markers)
+        put_mirror(station, body.context, view.X_BM)
+        for q in view.q[:3]:
+            (command,) = commands_of_angles(station.joints, arm.lower, arm.upper, [q])
+            sighting = body.visit(command)
+            assert isinstance(sighting, EyeSighting)
+            seen = sighting.reflected["fiducial"]
+            guess = expected.project(arm.chain.forward(q))
+            if np.isfinite(seen).all():
+                errors.append(np.linalg.norm((seen - guess).reshape(2, 2), axis=1).mean())
+                print(f"the reflection at {np.round(seen, 1)}, expected at {np.round(guess, 1)}")
+            else:
+                print(f"not seen: {', '.join(filter(None, sighting.reflected_reasons))}")
     print(f"{len(errors)} of 3 seen, {np.mean(errors):.0f} px off on average")
 
 

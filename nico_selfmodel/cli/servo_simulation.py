@@ -60,7 +60,7 @@ def _body(stack: ExitStack, file: Path, seed: int, session: int) -> "NicoBehindB
     from nico_selfmodel.systems import MotionCaptureServer, NicoBehindBus, NicoStation
 
     refuse_existing(file, force=False)
-    station = NicoStation("thesis", seed, session)
+    station = stack.enter_context(NicoStation("thesis", seed, session))
     server = stack.enter_context(MotionCaptureServer(station.arm.markers))
     plant = NicoBehindBus(station, server)
     plant.configuration.save(file)

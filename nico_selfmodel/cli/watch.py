@@ -53,18 +53,18 @@ def watch(
     if mirror is not None:
         name, place = mirror_of_words(mirror)
         put = (name, place if "=" in mirror else None)
-    watching = Watching(model, chosen, individual, mirror=put, recording=html is not None)
-    if html is not None:
-        with console.progress_bar() as stage:
-            watching.visit_random_poses(
-                poses, lambda done, total: stage("moving and looking", done, total)
-            )
-        write_whole(html, watching.view.html())
-        console.out.print(f"{html}", markup=False)
-        return
-    url = watching.view.meshcat.web_url()
-    console.out.print(f"open {url} (its stop button or Ctrl-C ends)", markup=False)
-    watching.run(_tell, seconds or float("inf"))
+    with Watching(model, chosen, individual, mirror=put, recording=html is not None) as watching:
+        if html is not None:
+            with console.progress_bar() as stage:
+                watching.visit_random_poses(
+                    poses, lambda done, total: stage("moving and looking", done, total)
+                )
+            write_whole(html, watching.view.html())
+            console.out.print(f"{html}", markup=False)
+            return
+        url = watching.view.meshcat.web_url()
+        console.out.print(f"open {url} (its stop button or Ctrl-C ends)", markup=False)
+        watching.run(_tell, seconds or float("inf"))
 
 
 def _tell(errors: "NDArray") -> None:

@@ -70,7 +70,8 @@ class NicoBeforeMirrors:
             for name, mirror in mirrors.items()
         }
         if familiar is not None:
-            q = nico.reach.first_guess(self.station(0).joints).servos.to_joint(familiar)
+            with self.station(0) as station:
+                q = nico.reach.first_guess(station.joints).servos.to_joint(familiar)
             self.views = {name: view.near(q, _FAMILIAR) for name, view in self.views.items()}
 
     def station(self, session: int) -> NicoStation:
@@ -160,28 +161,28 @@ class NicoBeforeMirrors:
         Raises:
             DataError: If nothing was seen at all, or the folder holds something else.
         """
-        station = self.station(session)
-        body = StationBody(station, station.joints, self.nico.markers, keep_images=keep_images)
-        rng = np.random.default_rng((self.nico.seed, session, 22))
-        plan, where = self.plan(station, poses, direct, rng, best)
-        kept = RecordedSamples(
-            station.joints, self.nico.markers, self._about(station, name, session), folder
-        )
-        kept.resume(plan)
-        standing = None
-        for index, ((label, command), mirror) in enumerate(zip(plan, where, strict=True)):
-            found = kept.complete_in(mirror, index) if mirror else kept.free_poses(index)
-            if found < (poses if mirror else direct):
-                if mirror != standing:
-                    X_BM = self.views[mirror].X_BM if mirror else None
-                    put_mirror(station, body.context, X_BM)
-                    standing = mirror
-                relived = live_again(body, command, kept.visits(index))
-                for _ in range(0 if relived else _TRIES):
-                    if kept.add(index, label, body.visit(command), mirror):
-                        break
-            if progress:
-                progress(index + 1, len(plan))
+        with self.station(session) as station:
+            body = StationBody(station, station.joints, self.nico.markers, keep_images=keep_images)
+            rng = np.random.default_rng((self.nico.seed, session, 22))
+            plan, where = self.plan(station, poses, direct, rng, best)
+            kept = RecordedSamples(
+                station.joints, self.nico.markers, self._about(station, name, session), folder
+            )
+            kept.resume(plan)
+            standing = None
+            for index, ((label, command), mirror) in enumerate(zip(plan, where, strict=True)):
+                found = kept.complete_in(mirror, index) if mirror else kept.free_poses(index)
+                if found < (poses if mirror else direct):
+                    if mirror != standing:
+                        X_BM = self.views[mirror].X_BM if mirror else None
+                        put_mirror(station, body.context, X_BM)
+                        standing = mirror
+                    relived = live_again(body, command, kept.visits(index))
+                    for _ in range(0 if relived else _TRIES):
+                        if kept.add(index, label, body.visit(command), mirror):
+                            break
+                if progress:
+                    progress(index + 1, len(plan))
         return kept.dataset()
 
     def look(self, session: int, mirror: str, command: NDArray) -> tuple[NDArray, NDArray]:
@@ -195,11 +196,11 @@ class NicoBeforeMirrors:
         Returns:
             Pictures of the left and the right eye, BGR. Shape (h, w, 3) each.
         """
-        station = self.station(session)
-        body = StationBody(station, station.joints, self.nico.markers)
-        put_mirror(station, body.context, self.views[mirror].X_BM)
-        body.visit(command)
-        left, right = (station.picture(body.context, eye) for eye in EYES)
+        with self.station(session) as station:
+            body = StationBody(station, station.joints, self.nico.markers)
+            put_mirror(station, body.context, self.views[mirror].X_BM)
+            body.visit(command)
+            left, right = (station.picture(body.context, eye) for eye in EYES)
         return left, right
 
     def _about(self, station: NicoStation, name: str, session: int) -> dict[str, object]:

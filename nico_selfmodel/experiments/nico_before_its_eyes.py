@@ -1,6 +1,6 @@
 """One simulated Nico that can be recorded, day after day, through rendered pictures."""
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from pathlib import Path
 
 import numpy as np
@@ -136,6 +136,7 @@ class NicoBeforeItsEyes:
         Raises:
             ValueError: If a given pose lies beyond a joint's stop.
         """
+<<<<<<< HEAD
         station = self.station(session, rig)
         body = StationBody(station, station.joints, self.markers, keep_images=keep_images)
         rng = np.random.default_rng((self.seed, session, 2))
@@ -155,6 +156,27 @@ class NicoBeforeItsEyes:
             folder=folder,
             progress=progress,
         )
+=======
+        with self.station(session + _RESUMED * _recorded(folder), rig) as station:
+            body = StationBody(station, station.joints, self.markers, keep_images=keep_images)
+            rng = np.random.default_rng((self.seed, session, 2))
+            plan = self.plan(station, circle, free if poses is None else 0, rng)
+            if poses is not None:
+                plan += given_commands(station.joints, poses)
+            world = station.world.name
+            return record(
+                body if outsider is None else ObservedBody(body, station, outsider),
+                plan,
+                name,
+                source=f"rendered nico, world {world!r}, individual {self.seed}, session {session}",
+                seed=self.seed,
+                image_size=station.image_size,
+                until_seen=2,
+                enough=free if poses is None else None,
+                folder=folder,
+                progress=progress,
+            )
+>>>>>>> robot
 
     def board_views(
         self,
@@ -178,30 +200,48 @@ class NicoBeforeItsEyes:
         Raises:
             DataError: If the board is hardly ever found.
         """
-        station = self.station(session)
-        context = station.CreateDefaultContext()
         rng = np.random.default_rng((self.seed, session, 8))
+        board_poses = self.reach.board_poses(BOARD, 3 * count, rng)
         pixels: list[NDArray] = []
-        for tries, X_BG in enumerate(self.reach.board_poses(BOARD, 3 * count, rng)):
-            context.SetTime(float(tries))
-            station.hold_board(context, X_BG)
-            pair = [station.picture(context, eye) for eye in EYES]
-            found = [find_chessboard(image, BOARD, WINDOW) for image in pair]
-            left, right = found
-            if isinstance(left, NotSeen) or isinstance(right, NotSeen):
-                continue
-            pixels.append(np.hstack([left.corners, BOARD.same_order(left.corners, right.corners)]))
-            for eye, image in zip(EYES, pair, strict=True):
-                if folder is not None:
-                    write_image(folder / f"{eye}{len(pixels):02d}.png", image)
-            if progress:
-                progress(len(pixels), count)
-            if len(pixels) == count:
-                break
-        else:
+        with self.station(session) as station:
+            size = station.image_size
+            for pair in _pictures(station, board_poses):
+                left, right = (find_chessboard(image, BOARD, WINDOW) for image in pair)
+                if isinstance(left, NotSeen) or isinstance(right, NotSeen):
+                    continue
+                same = BOARD.same_order(left.corners, right.corners)
+                pixels.append(np.hstack([left.corners, same]))
+                for eye, image in zip(EYES, pair, strict=True):
+                    if folder is not None:
+                        write_image(folder / f"{eye}{len(pixels):02d}.png", image)
+                if progress:
+                    progress(len(pixels), count)
+                if len(pixels) == count:
+                    break
+        if len(pixels) < max(count, 1):
             raise DataError(
                 f"the {BOARD} board was found in {len(pixels)} of {3 * count} pairs of pictures, "
                 f"{count} are wanted"
             )
         names = tuple(f"{i + 1:02d}" for i in range(count))
+<<<<<<< HEAD
         return BoardViews(BOARD.points, names, EYES, np.array(pixels), station.image_size)
+=======
+        return BoardViews(BOARD.points, names, EYES, np.array(pixels), size)
+
+
+def _pictures(station: NicoStation, board_poses: Iterable[NDArray]) -> Iterator[list[NDArray]]:
+    """Hold a chessboard before the eyes, and give what both see of it."""
+    context = station.CreateDefaultContext()
+    for second, X_BG in enumerate(board_poses):
+        context.SetTime(float(second))
+        station.hold_board(context, X_BG)
+        yield [station.picture(context, eye) for eye in EYES]
+
+
+def _recorded(folder: Path | None) -> int:
+    """Return how many poses an interrupted recording has."""
+    if folder is None or not folder.exists():
+        return 0
+    return len(Dataset.load(folder).samples)
+>>>>>>> robot

@@ -14,6 +14,7 @@ from nico_selfmodel.model import Mirror, SelfModel
 from nico_selfmodel.model.stereo_rig import EYES
 from nico_selfmodel.plant import ArmDescription
 from nico_selfmodel.systems import NicoStation, StationBody, World
+from nico_selfmodel.systems.closing import Closable
 from nico_selfmodel.systems.mirror_scene import put_mirror
 from nico_selfmodel.viz.station_mirror import StandingGlass
 from nico_selfmodel.viz.station_view import StationView
@@ -27,8 +28,8 @@ _TURNED = np.radians(1.0)
 """A joint held farther from where it was while learning is another pose."""
 
 
-class Watching:
-    """A station and its view."""
+class Watching(Closable):
+    """A station and its view; closing gives the station back."""
 
     def __init__(
         self,
@@ -71,6 +72,9 @@ class Watching:
         glass = None if self._before is None else self._put_glass(self._before)
         self.mirror = None if glass is None else glass.mirror
         self.view = StationView(self._nico.arm, model, glass=glass, recording=recording)
+
+    def _give_back(self) -> None:
+        self.station.close()
 
     def _put_glass(self, before: NicoBeforeMirrors) -> StandingGlass:
         ((name, view),) = before.views.items()

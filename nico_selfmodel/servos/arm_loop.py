@@ -224,9 +224,17 @@ class ArmLoop:
                     self._jobs = jobs + self._jobs
                 raise
         for action, future in jobs:
+            result = error = None
             try:
-                future.set_result(action(self.arm))
-            except Exception as error:  # it belongs to who asked
+                result = action(self.arm)
+            except Exception as raised:  # it belongs to who asked
+                error = raised
+            if self._state is not None:
+                # Else a motion would count as over until the next cycle.
+                self._state = self.arm.state()
+            if error is None:
+                future.set_result(result)
+            else:
                 future.set_exception(error)
 
     def _refuse_jobs(self) -> None:

@@ -1,21 +1,18 @@
-"""One joint on its board: goals that never lie far ahead, positions that are believed, faults.
-
-A board has no watchdog: it carries out the goal it has, whoever sent it. So it is never given a
-goal further ahead than it may travel in the heartbeat time and stop. A host that lives moves the
-goal on; when it dies, by whatever cause, the board arrives and stands still by itself.
-"""
+"""One joint on its board: goals that are moved on, positions that are believed, faults."""
 
 import math
 
 from nico_selfmodel.errors import BusError, ServoFault
+from nico_selfmodel.servos.goals import Goals
 from nico_selfmodel.servos.pic_servo import PicServo
+from nico_selfmodel.servos.progress import Progress
 from nico_selfmodel.servos.servo_config import JointServo
 from nico_selfmodel.servos.status import AuxiliaryFlag, Status, StatusFlag
 
 _STILL = 16
 """What a joint that stands may move between two readings without a second look [counts]."""
-_FRESH = 0.5
-"""Share of the heartbeat that is left when a goal is moved on."""
+_OFTEN = 0.25
+"""Share of the heartbeat within which a board must be read to be served without a pause."""
 _LOOKS = 5
 
 
@@ -40,18 +37,13 @@ class Axis:
         self.zero_known = False
         self.lost: str | None = None
         """Why the board cannot be reached any more."""
-        self.goal: int | None = None
-        """Where the motion is to end [register]."""
-        self.velocity = joint.max_velocity * joint.counts_per_radian
-        """Of the motion under way [counts/s]."""
-        self.acceleration = joint.max_acceleration * joint.counts_per_radian
-        """[counts/s^2]."""
-        self._sent: int | None = None
-        """The goal that the board has."""
+        self.goals = Goals(joint, heartbeat)
+        """Where the joint is to go, and what its board was told of it."""
+        self._progress = Progress(joint.counts_per_radian)
         self._sent_speeds: tuple[float, float] | None = None
-        self._loaded = False
-        """Whether the last reply came before the motion was started."""
         self._moving_until = -math.inf
+        self._due_known = True
+        """Whether it was worked out when the motion under way will be over."""
 
     def __str__(self) -> str:
         return f"{self.joint.name} (module {self.module.address})"
@@ -68,34 +60,25 @@ class Axis:
         return self.status.position
 
     @property
+    def commanded(self) -> int:
+        """Where the board wanted the joint to be at the last reading [register].
+
+        Raises:
+            ServoFault: If there is none yet.
+        """
+        return self.position + ((self.status and self.status.position_error) or 0)
+
+    @property
     def largest_velocity(self) -> float:
         """The limit of the configuration [counts/s]."""
         return self.joint.max_velocity * self.joint.counts_per_radian
 
     @property
-    def reach(self) -> float:
-        """How far ahead a goal may lie [counts]: the heartbeat at full speed, and the braking."""
-        return self.velocity * self.heartbeat + self.velocity**2 / (2.0 * self.acceleration)
-
-    @property
     def on_its_way(self) -> bool:
         """Whether the goal has not been reached."""
-        if self.goal is None:
+        if self.goals.goal is None:
             return False
-        return self._sent != self.goal or not self._stands_at(self.goal)
-
-    def _stands_at(self, goal: int) -> bool:
-        status = self.status
-        if status is None or not status.flags & StatusFlag.MOVE_DONE:
-            return False
-        return abs(self.position + (status.position_error or 0) - goal) <= 1
-
-    @property
-    def _idle_elsewhere(self) -> bool:
-        """Whether the board stands, but not at the goal it was sent: it missed the start."""
-        if self._loaded or self.status is None or self._sent is None:
-            return False
-        return bool(self.status.flags & StatusFlag.MOVE_DONE) and not self._stands_at(self._sent)
+        return self.status is None or not self.goals.reached or self._progress.behind
 
     def aim(self, goal: int, velocity: float, acceleration: float) -> None:
         """Set where to go; sends nothing.
@@ -105,30 +88,19 @@ class Axis:
             velocity: At most the limit [counts/s].
             acceleration: At most the limit [counts/s^2].
         """
-        if goal != self.goal:
-            self._sent = None
-        self.goal, self.velocity, self.acceleration = goal, velocity, acceleration
+        if self.goals.aim(goal, velocity, acceleration, self._now()):
+            self._due_known = False
+            self._progress.arrived()
 
     def forget_goal(self) -> None:
         """Have nowhere to go, and know nothing of what the board holds; sends nothing."""
-        self.goal = self._sent = self._sent_speeds = None
+        self.goals.forget()
+        self._sent_speeds, self._due_known = None, True
+        self._progress.arrived()
 
-    def next_goal(self) -> int | None:
-        """Return the goal to send now [register], None where the board has the right one."""
-        if self.goal is None:
-            return None
-        if self._sent == self.goal and not self._idle_elsewhere:
-            return None
-        ahead = max(-self.reach, min(self.reach, self.goal - self.position))
-        wanted = round(self.position + ahead)
-        if self._sent is None or self._idle_elsewhere:
-            return wanted
-        # A stale reading must not pull the goal back.
-        if abs(self.goal - wanted) >= abs(self.goal - self._sent):
-            return None
-        # A goal costs the wire half as much again as a reading: not in every cycle.
-        ahead_for = self.heartbeat - (self.reach - abs(self._sent - self.position)) / self.velocity
-        return wanted if ahead_for < _FRESH * self.heartbeat else None
+    def begin_anew(self) -> None:
+        """Note that the board's command is where the joint stands: switched on, or zeroed."""
+        self._progress.forget()
 
     def load(self) -> None:
         """Give the board the first goal of a motion, to be started with the group.
@@ -140,12 +112,13 @@ class Axis:
             BusError: If the board does not answer.
             ServoFault: If it reports a fault.
         """
-        goal = self.next_goal()
-        if goal is None:
-            error = self.status.position_error if self.status else 0
-            goal = self._sent if self._sent is not None else self.position + (error or 0)
-        self._send(goal, start=False)
-        self._loaded = True
+        goals, now = self.goals, self._now()
+        goal = goals.next(now)
+        if goals.brakes_first(now):
+            self._brake(start=False)
+            return
+        goal = goals.sent if goal is None else goal
+        self._send(self.commanded if goal is None else goal, start=False)
 
     def refresh(self, *, alive: bool = True) -> None:
         """Move the goal on, or just read.
@@ -155,27 +128,40 @@ class Axis:
 
         Raises:
             BusError: If the board does not answer.
-            ServoFault: If it reports a fault or a position that cannot be.
+            ServoFault: If it reports a fault or a position that cannot be, or the joint is blocked.
         """
-        goal = self.next_goal() if alive and self.enabled else None
-        if goal is None:
+        goals, now = self.goals, self._now()
+        goal = goals.next(now) if alive and self.enabled else None
+        too_fast = goal is not None and goals.brakes_first(now)
+        if too_fast and not goals.braking:
+            self._brake(start=True)
+        elif goal is None or too_fast or (goals.braking and goals.loaded):
             self.believe(self.module.poll())
         else:
             self._send(goal, start=True)
+        if not self._due_known:
+            self._progress.expect(self._now(), goals.longest(self._now()))
+            self._due_known = True
+
+    def _brake(self, *, start: bool) -> None:
+        """Slow down; the goal is sent when the joint is slow enough for it."""
+        self._sent_speeds, self._moving_until = None, math.inf
+        self.believe(self.module.brake(self.goals.acceleration, start=start))
+        self.goals.was_braked(start=start)
 
     def _send(self, goal: int, *, start: bool) -> None:
-        speeds = (self.velocity, self.acceleration)
+        speeds = (self.goals.velocity, self.goals.acceleration)
         fresh = (None, None) if self._sent_speeds == speeds else speeds
-        self._sent_speeds = None
-        self._moving_until = math.inf
+        self._sent_speeds, self._moving_until = None, math.inf
         status = self.module.move_to(goal, *fresh, start=start)
-        self._sent, self._sent_speeds = goal, speeds
+        self._sent_speeds = speeds
         self.believe(status)
+        self.goals.was_sent(goal, start=start)
 
     def stopped(self) -> None:
         """Note that the board was told to stop: it may still brake for a while."""
         self.forget_goal()
-        brake = self.velocity / self.acceleration
+        brake = self.goals.velocity / self.goals.acceleration
         self._moving_until = self._now() + brake + 0.1
 
     def believe(self, status: Status) -> None:
@@ -185,7 +171,6 @@ class Axis:
             BusError: If the second look fails, or readings keep contradicting each other.
             ServoFault: If the board reports a fault.
         """
-        self._loaded = False
         for _ in range(_LOOKS):
             if not self._surprising(status):
                 break
@@ -197,11 +182,30 @@ class Axis:
             status = again
         else:
             raise BusError(f"{self}: its positions contradict each other: check the wiring")
-        self.status, self.seen = status, self._now()
+        now = self._now()
+        pause, self.status, self.seen = now - self.seen, status, now
+        standing = bool(status.flags & StatusFlag.MOVE_DONE)
+        self.goals.note(now, self.commanded, self.position, standing=standing)
         if not self.on_its_way:
             self._moving_until = min(self._moving_until, self.seen + 0.1)
-        if fault := self.fault(status):
+        if fault := self.fault(status) or self._stuck(pause):
             raise ServoFault(f"{self}: {fault}")
+
+    def _stuck(self, pause: float) -> str | None:
+        """Return what keeps the joint from getting on after the reading just made, if anything.
+
+        Args:
+            pause: Time since the one before [s].
+        """
+        if not self.enabled:
+            self._progress.forget()
+            return None
+        blocked = self._progress.note(self.seen, self.commanded, self.position, self.goals.velocity)
+        if pause > _OFTEN * self.heartbeat:
+            self._progress.delay(pause)
+        if not self.on_its_way:
+            self._progress.arrived()
+        return blocked or self._progress.overdue(self.seen)
 
     def _now(self) -> float:
         return self.module.bus.port.now()
@@ -213,7 +217,7 @@ class Axis:
             return True
         now = self._now()
         moving = now <= self._moving_until
-        allowed = _STILL + (1.2 * self.velocity * (now - self.seen + 0.05) if moving else 0.0)
+        allowed = _STILL + (1.2 * self.goals.velocity * (now - self.seen + 0.05) if moving else 0.0)
         return abs(status.position - self.status.position) > allowed
 
     def _agree(self, one: Status, other: Status) -> bool:

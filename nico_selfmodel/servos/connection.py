@@ -104,6 +104,7 @@ def take_over(axis: Axis) -> None:
     module = axis.module
     axis.lost, axis.enabled = None, False
     axis.forget_goal()
+    axis.begin_anew()
     axis.status = None
     status = module.watch()
     if status.auxiliary is not None and status.auxiliary & AuxiliaryFlag.SERVO_ON:
@@ -137,5 +138,6 @@ def switch_on(axis: Axis, group: int) -> None:
     module.hold()
     status = module.clear_faults()
     axis.enabled, axis.lost = True, None
+    axis.begin_anew()
     join_group(module, group)
     axis.believe(status if status.position is None else module.poll())

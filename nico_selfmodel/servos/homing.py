@@ -86,7 +86,13 @@ def _look_for_mark(
     until = arm.bus.port.now() + home.travel / abs(home.speed) + _EXTRA_TIME
     while _searching(axis):
         arm.heartbeat()
-        arm.cycle()
+        try:
+            arm.cycle()
+        except ServoFault as error:
+            raise ServoFault(
+                f"{error}. It was looking for {home.method}: does it stand behind a hard stop?",
+                partial=error.partial,
+            ) from error
         if watch is not None:
             watch(arm)
         if not axis.on_its_way or arm.bus.port.now() > until:
@@ -127,6 +133,7 @@ def _differs(axis: Axis, position: int | None) -> bool:
 def _set_zero(axis: Axis, register: int) -> None:
     axis.forget_goal()
     axis.module.zero_at(register)
+    axis.begin_anew()
     axis.zero_known = True
     axis.status = None  # what was believed before counts from another zero
     axis.believe(axis.module.poll())

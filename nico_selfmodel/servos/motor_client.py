@@ -6,11 +6,17 @@ from collections.abc import Mapping
 from typing import Any
 
 from nico_selfmodel.errors import RobotError
-from nico_selfmodel.servos.motor_server import DEFAULT_PORT, LOOPBACK
+from nico_selfmodel.servos.line_server import LOOPBACK
+from nico_selfmodel.servos.motor_server import DEFAULT_PORT
+
+_LONGEST_ANSWER = 1 << 20
 
 
 class MotorClient:
-    """Talks to the motor server of this machine, one request at a time."""
+    """Talks to the motor server of this machine, one request at a time.
+
+    A server hangs up on who is silent for long; one without a lease then connects again by itself.
+    """
 
     def __init__(self, port: int = DEFAULT_PORT, timeout: float = 10.0) -> None:
         """Connect.
@@ -22,15 +28,20 @@ class MotorClient:
         Raises:
             RobotError: If no server listens there.
         """
-        try:
-            self._socket = socket.create_connection((LOOPBACK, port), timeout)
-        except OSError as error:
-            raise RobotError(
-                f"no motor server on {LOOPBACK}:{port}: start one with nico-selfmodel servo serve"
-            ) from error
-        self._lines = self._socket.makefile("rb")
+        self._port, self._timeout = port, timeout
         self.lease: str | None = None
         """What `take_lease` was given."""
+        self._connect()
+
+    def _connect(self) -> None:
+        try:
+            self._socket = socket.create_connection((LOOPBACK, self._port), self._timeout)
+        except OSError as error:
+            raise RobotError(
+                f"no motor server on {LOOPBACK}:{self._port}: start one with nico-selfmodel "
+                "servo serve"
+            ) from error
+        self._lines = self._socket.makefile("rb")
 
     def __enter__(self) -> "MotorClient":
         return self
@@ -56,16 +67,40 @@ class MotorClient:
         request = {"op": op, **values}
         if self.lease is not None:
             request.setdefault("lease", self.lease)
-        try:
-            self._socket.sendall(json.dumps(request).encode() + b"\n")
-            line = self._lines.readline()
-        except OSError as error:
-            raise RobotError(f"the motor server does not answer: {error}") from error
+        sent = json.dumps(request).encode() + b"\n"
+        line = self._exchange(sent)
+        if not line and self.lease is None:
+            self.close()
+            self._connect()
+            line = self._exchange(sent)
         if not line:
             raise RobotError("the motor server has hung up")
-        answer = json.loads(line)
-        if not answer.pop("ok"):
-            raise RobotError(answer["error"])
+        return self._understood(line)
+
+    def _exchange(self, sent: bytes) -> bytes:
+        """Send a line and return the one that comes back, nothing where the server hung up."""
+        try:
+            self._socket.sendall(sent)
+            return self._lines.readline(_LONGEST_ANSWER)
+        except TimeoutError as error:
+            raise RobotError(
+                f"the motor server does not answer within {self._timeout:g} s"
+            ) from error
+        except ConnectionError:
+            return b""
+        except (OSError, ValueError) as error:
+            raise RobotError(f"the motor server cannot be asked: {error}") from error
+
+    def _understood(self, line: bytes) -> dict[str, Any]:
+        try:
+            answer = json.loads(line)
+            done = answer.pop("ok")
+        except (ValueError, RecursionError, AttributeError, KeyError, TypeError) as error:
+            raise RobotError(
+                f"what listens on {LOOPBACK}:{self._port} is no motor server: {line[:60]!r}"
+            ) from error
+        if not done:
+            raise RobotError(str(answer.get("error")))
         return answer
 
     def take_lease(self, seconds: float = 1.0) -> None:

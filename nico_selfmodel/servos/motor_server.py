@@ -3,82 +3,93 @@
 One JSON object a line over TCP on this machine, each answered by one line: see docs/servos.md.
 """
 
-import json
+import asyncio
 import math
 import secrets
-import socket
-import socketserver
 import threading
 import time
 from collections.abc import Callable, Mapping
+from concurrent.futures import ThreadPoolExecutor
 from contextlib import suppress
 from typing import Any
 
 from nico_selfmodel.errors import BusError, RobotError, SelfModelError
 from nico_selfmodel.servos.arm_loop import ArmLoop
 from nico_selfmodel.servos.controller import ArmController
+from nico_selfmodel.servos.line_server import IDLE, LOOPBACK, LineClient, LineServer
+from nico_selfmodel.servos.motor_requests import (
+    NotARequestError,
+    RefusedError,
+    brief,
+    number,
+    read_request,
+)
 
-LOOPBACK = "127.0.0.1"
 DEFAULT_PORT = 4747
-LONGEST_LINE = 65536
 SHORTEST_LEASE, LONGEST_LEASE = 0.1, 10.0
-_MOST_CLIENTS = 32
+_LONGEST_ERROR = 300
 
-
-class _RefusedError(SelfModelError):
-    """A request that cannot be granted; its message is the answer."""
+_Answer = dict[str, Any]
 
 
 class MotorServer:
     """Serves one arm to the processes of this machine.
 
     Whoever holds the lease may command; it must speak in time, or the lease ends and the arm
-    stops, as it does when its connection closes. Anybody may read, and anybody may stop.
+    stops, as it does when its connection closes. Anybody may read, and anybody may stop: a stop
+    waits for no other request, whoever sent it.
     """
 
-    def __init__(self, loop: ArmLoop, port: int = DEFAULT_PORT) -> None:
+    def __init__(self, loop: ArmLoop, port: int = DEFAULT_PORT, *, idle: float = IDLE) -> None:
         """Take an arm over; nothing listens before it is entered.
 
         Args:
             loop: A running loop; the server gives it its heartbeat.
             port: TCP port on the loopback interface; 0 lets the system choose.
+            idle: After how long without a request a client is hung up on [s].
         """
         self.loop, self.port = loop, port
         self._lock = threading.RLock()
         self._lease: str | None = None
         self._seconds = 1.0
         self._ends = -math.inf
-        self._holder: object | None = None
+        self._holder: LineClient | None = None
         self._closing = threading.Event()
-        self._clients: set[socket.socket] = set()
-        self._server: socketserver.ThreadingTCPServer | None = None
-        self._threads: list[threading.Thread] = []
+        self._lines = LineServer(self._answer, self._end_lease_of, idle=idle)
+        self._watcher = threading.Thread(target=self._watch, name="motor server", daemon=True)
+        # A stop must not wait behind a command that waits for the arm.
+        self._stopper = ThreadPoolExecutor(1, "motor server stop")
+        self._commander = ThreadPoolExecutor(1, "motor server command")
+        self._stopping: asyncio.Task | None = None
+        self._next_stop: asyncio.Task | None = None
+        self._ops: Mapping[str, Callable[..., Any]] = {
+            "describe": self._describe,
+            "enable": self._enable,
+            "lease": self._give_lease,
+            "move": self._move,
+            "release": self._release,
+            "renew": self._renew,
+            "state": self._state,
+            "stop": self._stop,
+        }
 
     def __enter__(self) -> "MotorServer":
         try:
-            self._server = _Server((LOOPBACK, self.port), _Handler)
+            self.port = self._lines.start(self.port)
         except OSError as error:
             raise BusError(
                 f"the motor server cannot listen on {LOOPBACK}:{self.port}: {error.strerror}; "
                 "another one may be running, or give another --tcp-port"
             ) from error
-        self._server.motor_server = self  # type: ignore[attr-defined]
-        self.port = self._server.server_address[1]
-        for target in (lambda: self._server and self._server.serve_forever(0.05), self._watch):
-            thread = threading.Thread(target=target, name="motor server", daemon=True)
-            thread.start()
-            self._threads.append(thread)
+        self._watcher.start()
         return self
 
     def __exit__(self, *_: object) -> None:
         self._closing.set()
-        if self._server is not None:
-            self._server.shutdown()
-            for client in list(self._clients):
-                _hang_up(client)
-            self._server.server_close()
-        for thread in self._threads:
-            thread.join()
+        self._lines.stop()
+        self._watcher.join()
+        self._commander.shutdown(cancel_futures=True)
+        self._stopper.shutdown()  # whoever held the lease was hung up on: the arm stops
 
     def wait(self, timeout: float | None = None) -> None:
         """Serve until the arm fails, or for a time [s].
@@ -90,35 +101,39 @@ class MotorServer:
         while time.monotonic() < until and not self._closing.wait(0.1):
             self.loop.check()
 
-    def answer(self, request: Any, client: object) -> dict[str, Any]:
-        """Return the answer to one request.
+    async def _answer(self, line: bytes, client: LineClient) -> tuple[_Answer, bool]:
+        """Return the answer to a line, and whether to listen to its sender any longer."""
+        try:
+            request = await self._read_in_turn(line)
+            return {"ok": True, **await self._ops[request["op"]](request, client)}, True
+        except NotARequestError as error:
+            return _refusal(error), False
+        except (SelfModelError, ValueError, TypeError) as error:
+            return _refusal(error), True
+        except Exception as error:  # one clear answer, whatever it was
+            return _refusal(RobotError(f"the request failed: {error!r}")), True
 
-        Args:
-            request: What the line held.
-            client: Whose connection it came from.
+    async def _read_in_turn(self, line: bytes) -> Mapping[str, Any]:
+        """Read a line; all but a stop and the holder of the lease wait for their turn.
+
+        So do lines that are refused: a flood of them must leave time, too.
         """
         try:
-            if not isinstance(request, Mapping) or not isinstance(request.get("op"), str):
-                raise _RefusedError('a request is an object with an "op"')
-            handler = getattr(self, f"_op_{request['op']}", None)
-            if handler is None:
-                known = ", ".join(name[4:] for name in sorted(dir(self)) if name[:4] == "_op_")
-                raise _RefusedError(f"no op {request['op']!r}; there are {known}")
-            return {"ok": True, **handler(request, client)}
-        except (SelfModelError, ValueError, TypeError) as error:
-            return {"ok": False, "error": " ".join(str(error).split())}
+            request = read_request(line)
+        except RefusedError:
+            await self._lines.wait_turn(line)
+            raise
+        if request["op"] != "stop" and not self._holds_lease(request):
+            await self._lines.wait_turn(line)
+        return request
 
-    def hung_up(self, client: object) -> None:
-        """Note that a connection closed; the arm stops if it held the lease."""
-        self._end_lease(client)
-
-    def _op_state(self, request: Mapping[str, Any], client: object) -> dict[str, Any]:
+    async def _state(self, request: Mapping[str, Any], client: LineClient) -> _Answer:
         state = self.loop.state()
         if state is None:
-            raise _RefusedError("the arm was not read yet")
+            raise RefusedError("the arm was not read yet")
         return {"state": state.to_mapping(), "leased": self._lease is not None}
 
-    def _op_describe(self, request: Mapping[str, Any], client: object) -> dict[str, Any]:
+    async def _describe(self, request: Mapping[str, Any], client: LineClient) -> _Answer:
         arm = self.loop.arm
         joints = {
             name: {
@@ -132,83 +147,112 @@ class MotorServer:
         }
         return {"robot": arm.config.name, "joints": joints}
 
-    def _op_lease(self, request: Mapping[str, Any], client: object) -> dict[str, Any]:
-        seconds = float(request.get("seconds", 1.0))
+    async def _give_lease(self, request: Mapping[str, Any], client: LineClient) -> _Answer:
+        seconds = number(
+            request.get("seconds", 1.0),
+            f'"seconds", which is {SHORTEST_LEASE} to {LONGEST_LEASE},',
+        )
         if not SHORTEST_LEASE <= seconds <= LONGEST_LEASE:
-            raise _RefusedError(
-                f"seconds must be {SHORTEST_LEASE} to {LONGEST_LEASE}, got {seconds}"
+            raise RefusedError(
+                f'"seconds" must be {SHORTEST_LEASE} to {LONGEST_LEASE}, got {seconds:g}'
             )
         with self._lock:
             if self._lease is not None:
-                raise _RefusedError("another process holds the lease; wait until it gives it back")
+                raise RefusedError("another process holds the lease; wait until it gives it back")
             self._lease, self._holder = secrets.token_hex(8), client
-            self._seconds = seconds
+            self._seconds, client.kept = seconds, True
             self._extend()
             return {"lease": self._lease, "seconds": seconds}
 
-    def _op_renew(self, request: Mapping[str, Any], client: object) -> dict[str, Any]:
+    async def _renew(self, request: Mapping[str, Any], client: LineClient) -> _Answer:
         self._require_lease(request)
         return {}
 
-    def _op_release(self, request: Mapping[str, Any], client: object) -> dict[str, Any]:
+    async def _release(self, request: Mapping[str, Any], client: LineClient) -> _Answer:
         self._require_lease(request)
-        self._end_lease()
+        self._forget_lease()
+        with suppress(RobotError):  # without heartbeats it stops all the same
+            await self._stop(request, client)
         return {}
 
-    def _op_enable(self, request: Mapping[str, Any], client: object) -> dict[str, Any]:
+    async def _enable(self, request: Mapping[str, Any], client: LineClient) -> _Answer:
         self._require_lease(request)
         joints = request.get("joints")
         if not (joints is None or isinstance(joints, list)):
-            raise _RefusedError(f'"joints" must be a list of names, got {joints!r}')
-        self._do(request, lambda arm: arm.enable(joints))
+            raise RefusedError(f'"joints" must be a list of names, got {brief(joints)}')
+        await self._do(request, lambda arm: arm.enable(joints))
         return {}
 
-    def _op_move(self, request: Mapping[str, Any], client: object) -> dict[str, Any]:
+    async def _move(self, request: Mapping[str, Any], client: LineClient) -> _Answer:
         self._require_lease(request)
-        targets = request.get("targets")
-        if not isinstance(targets, Mapping) or not targets:
-            raise _RefusedError('"targets" must be an object: joint -> angle [rad]')
-        for name, value in targets.items():
-            if isinstance(value, bool) or not isinstance(value, int | float):
-                raise _RefusedError(f"the target of {name} must be a number, got {value!r}")
+        asked = request.get("targets")
+        if not isinstance(asked, Mapping) or not asked:
+            raise RefusedError('"targets" must be an object: joint -> angle [rad]')
+        targets = {
+            name: number(value, f"the target of {brief(name)}") for name, value in asked.items()
+        }
         speed = request.get("speed_rad_s")
-        if isinstance(speed, bool) or not isinstance(speed, int | float | None):
-            raise _RefusedError(f'"speed_rad_s" must be a number, got {speed!r}')
-        return {"seconds": self._do(request, lambda arm: arm.move(targets, speed=speed))}
+        speed = None if speed is None else number(speed, '"speed_rad_s"')
+        return {"seconds": await self._do(request, lambda arm: arm.move(targets, speed=speed))}
 
-    def _do(self, request: Mapping[str, Any], action: Callable[[ArmController], Any]) -> Any:
+    async def _do(self, request: Mapping[str, Any], action: Callable[[ArmController], Any]) -> Any:
         """Let the loop do something, unless the lease ends before it comes to it."""
 
         def still_leased(arm: ArmController) -> Any:
             self._require_lease(request)
             return action(arm)
 
-        return self.loop.call(still_leased)
+        events = asyncio.get_running_loop()
+        return await events.run_in_executor(self._commander, self.loop.call, still_leased)
 
-    def _op_stop(self, request: Mapping[str, Any], client: object) -> dict[str, Any]:
-        self.loop.stop()
+    async def _stop(self, request: Mapping[str, Any], client: LineClient) -> _Answer:
+        # Who comes while a stop is under way waits for the next one, all of them for the same:
+        # something may have started the arm in between.
+        if self._next_stop is None:
+            self._next_stop = self._lines.spawn(self._stop_after(self._stopping))
+            # Who asked may be gone by then.
+            self._next_stop.add_done_callback(lambda task: task.cancelled() or task.exception())
+        await asyncio.shield(self._next_stop)
         return {}
+
+    async def _stop_after(self, earlier: asyncio.Task | None) -> None:
+        if earlier is not None:
+            await asyncio.wait([earlier])
+        self._stopping, self._next_stop = self._next_stop, None
+        await asyncio.get_running_loop().run_in_executor(self._stopper, self.loop.stop)
+
+    def _holds_lease(self, request: Mapping[str, Any]) -> bool:
+        with self._lock:
+            return self._lease is not None and request.get("lease") == self._lease
 
     def _require_lease(self, request: Mapping[str, Any]) -> None:
         with self._lock:
             if self._lease is None:
-                raise _RefusedError('no lease: ask for one with {"op": "lease"}')
+                raise RefusedError('no lease: ask for one with {"op": "lease"}')
             if request.get("lease") != self._lease:
-                raise _RefusedError("this is not the lease that is valid now")
+                raise RefusedError("this is not the lease that is valid now")
             self._extend()
 
     def _extend(self) -> None:
         self._ends = time.monotonic() + self._seconds
         self.loop.heartbeat()
 
-    def _end_lease(self, holder: object | None = None) -> None:
-        """End the lease, if `holder` is given only where it is theirs, and stop the arm."""
+    def _end_lease_of(self, client: LineClient) -> None:
+        """Note that a connection closed; the arm stops if it held the lease."""
         with self._lock:
-            if holder is not None and self._holder is not holder:
+            if self._holder is not client:
                 return
+            self._forget_lease()
+        self._stopper.submit(self._stop_somehow)
+
+    def _forget_lease(self) -> None:
+        with self._lock:
+            if self._holder is not None:
+                self._holder.kept = False
             self._lease = self._holder = None
             self._ends = -math.inf
-        # Not under the lock, for which the arm's thread may wait: see `_do`.
+
+    def _stop_somehow(self) -> None:
         with suppress(RobotError):  # without heartbeats it stops all the same
             self.loop.stop()
 
@@ -220,48 +264,15 @@ class MotorServer:
                 leased, valid = self._lease is not None, time.monotonic() < self._ends
                 if leased and valid:
                     self.loop.heartbeat()
+                elif leased:
+                    self._forget_lease()
             if leased and not valid:
-                self._end_lease()
+                # Not under the lock, for which the arm's thread may wait: see `_do`.
+                self._stopper.submit(self._stop_somehow)
 
 
-class _Server(socketserver.ThreadingTCPServer):
-    allow_reuse_address = True
-    daemon_threads = True
-    request_queue_size = _MOST_CLIENTS
-
-
-class _Handler(socketserver.StreamRequestHandler):
-    def handle(self) -> None:
-        """Answer line after line until the client hangs up."""
-        owner: MotorServer = self.server.motor_server  # type: ignore[attr-defined]
-        clients = owner._clients
-        if len(clients) >= _MOST_CLIENTS:
-            self._say({"ok": False, "error": "too many clients"})
-            return
-        clients.add(self.connection)
-        try:
-            while line := self.rfile.readline(LONGEST_LINE + 1):
-                if len(line) > LONGEST_LINE:
-                    self._say({"ok": False, "error": f"a line has at most {LONGEST_LINE} bytes"})
-                    return
-                self._say(owner.answer(_parsed(line), self))
-        except OSError:
-            pass  # the client is gone
-        finally:
-            clients.discard(self.connection)
-            owner.hung_up(self)
-
-    def _say(self, answer: Mapping[str, Any]) -> None:
-        self.wfile.write(json.dumps(answer, allow_nan=False).encode() + b"\n")
-
-
-def _parsed(line: bytes) -> Any:
-    try:
-        return json.loads(line)
-    except (ValueError, RecursionError):
-        return None
-
-
-def _hang_up(client: socket.socket) -> None:
-    with suppress(OSError):  # it was quicker
-        client.shutdown(socket.SHUT_RDWR)
+def _refusal(error: Exception) -> _Answer:
+    words = " ".join(str(error).split())
+    if len(words) > _LONGEST_ERROR:
+        words = f"{words[:_LONGEST_ERROR]}..."
+    return {"ok": False, "error": words}

@@ -207,6 +207,22 @@ class PicServo:
             )
         )
 
+    def brake(self, acceleration: float, *, start: bool = True) -> Status:
+        """Decelerate to a standstill and hold.
+
+        Args:
+            acceleration: [counts/s^2].
+            start: Now, or at the next `start` of the group.
+
+        Raises:
+            ValueError: If the acceleration does not fit the chip.
+            BusError: If there is no good reply.
+        """
+        now = TrajectoryFlag.START_NOW if start else 0
+        units = acceleration_units(acceleration, self.rate_divisor)
+        flags = TrajectoryFlag.SERVO | TrajectoryFlag.VELOCITY_MODE | now
+        return self.ask(LoadTrajectory(flags, velocity=0, acceleration=units))
+
     def move_at(self, velocity: float, acceleration: float) -> Status:
         """Move at a velocity until told otherwise: whoever calls it must see to the end.
 

@@ -78,9 +78,15 @@ class PoseLimits:
         """Return the speed of each joint when `asked` [rad/s], its limit if None. Shape (n,).
 
         Raises:
-            ValueError: If it is not positive or beyond every limit.
+            ValueError: If it is not positive, too slow for a board or beyond every limit.
         """
-        return _within(asked, self.speeds, "speed", "rad/s")
+        speeds = _within(asked, self.speeds, "speed", "rad/s")
+        slowest = float((1.0 / self.counts_per_radian).max())
+        if asked is not None and asked < slowest:
+            raise ValueError(
+                f"speed must be at least {slowest:.3g} rad/s, a count a second, got {asked:g}"
+            )
+        return speeds
 
     def acceleration(self, asked: float | None) -> NDArray:
         """Return the acceleration of each joint when `asked` [rad/s^2]. Shape (n,).

@@ -7,6 +7,7 @@ from numpy.typing import ArrayLike, NDArray
 from pydrake.systems.framework import BasicVector, Context, DiscreteValues, LeafSystem
 
 from nico_selfmodel.model import Chain, ServoMap
+from nico_selfmodel.systems.closing import Closable
 from nico_selfmodel.systems.simulated_arm import disturbed_angles
 from nico_selfmodel.systems.worlds import World
 
@@ -32,7 +33,7 @@ class Mechanics:
     """Torque that makes a joint sag by `World.sag`, as `gravity_torques` counts it."""
 
 
-class EncoderModel(LeafSystem):
+class EncoderModel(Closable, LeafSystem):
     """Servos with encoders on the motor's side, and play, sag and wobble on the link's.
 
     | port | | carries |
@@ -97,6 +98,7 @@ class EncoderModel(LeafSystem):
         update.set_value(np.concatenate([place, goal, [moves]]))
 
     def _state(self, context: Context) -> tuple[NDArray, NDArray, float]:
+        self.require_open()
         value = context.get_discrete_state_vector().value()
         return value[: self._n].copy(), value[self._n : 2 * self._n].copy(), float(value[-1])
 

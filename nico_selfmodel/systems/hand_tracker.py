@@ -96,7 +96,6 @@ class HandTracker(LeafSystem):
     def __init__(
         self,
         detectors: Detectors | MirrorDetectors,
-        image_size: tuple[int, int] = (640, 480),
         *,
         before_mirror: bool = False,
     ) -> None:
@@ -104,7 +103,6 @@ class HandTracker(LeafSystem):
 
         Args:
             detectors: Marker -> what finds it, for either eye or for each.
-            image_size: Width and height of the pictures [px].
             before_mirror: Look for reflections too; the detectors are then `MirrorDetectors`, as
                 `reflection_detectors` makes them.
 
@@ -118,7 +116,9 @@ class HandTracker(LeafSystem):
         pairs: Any = [d if isinstance(d, tuple) else (d, d) for d in detectors.values()]
         self._detectors = pairs
         self._images = [
-            self.DeclareAbstractInputPort(f"{eye}_image", image_value(*image_size)) for eye in EYES
+            # A value tells only the type, and lives as long as the system: a small one does.
+            self.DeclareAbstractInputPort(f"{eye}_image", image_value(1, 1))
+            for eye in EYES
         ]
         self._expected: InputPort | None = None
         needs = {port.ticket() for port in self._images}

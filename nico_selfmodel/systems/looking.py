@@ -1,5 +1,7 @@
 """Nico looking at its right hand: which joints stand still, and which points it sees."""
 
+from functools import cache
+
 import numpy as np
 
 from nico_selfmodel.plant import ArmDescription
@@ -29,6 +31,7 @@ def looking() -> dict[str, float]:
     return {joint: float(np.radians(angle)) for joint, angle in LOOKING_DEG.items()}
 
 
+@cache
 def looking_arm(*markers: str) -> ArmDescription:
     """Return Nico's right arm of four joints, with the head turned to look at the hand.
 

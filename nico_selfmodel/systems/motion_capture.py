@@ -8,9 +8,10 @@ from pydrake.systems.framework import BasicVector, Context, LeafSystem
 
 from nico_selfmodel.geometry.transform import apply
 from nico_selfmodel.model.arrays import frozen_array
+from nico_selfmodel.systems.closing import Closable
 
 
-class MotionCapture(LeafSystem):
+class MotionCapture(Closable, LeafSystem):
     """Measures markers as the thesis' Vicon does: in its own frame, with noise and drop-outs.
 
     | port | | carries |
@@ -68,6 +69,7 @@ class MotionCapture(LeafSystem):
         )
 
     def _frame(self, context: Context) -> int:
+        self.require_open()
         # A frame begins a hair early, so that rounding never puts time n/rate into frame n - 1.
         return int(np.floor(context.get_time() * self.rate + 1e-6))
 

@@ -174,7 +174,7 @@ def _add_eyes(
     """Export pictures, and what is found in them."""
     eyes = _Missing("cameras", {}, image_size) if cameras is None else cameras
     builder.AddNamedSystem("eyes", eyes)
-    tracker = builder.AddNamedSystem("tracker", HandTracker(detectors, image_size))
+    tracker = builder.AddNamedSystem("tracker", HandTracker(detectors))
     for eye in EYES:
         port = eyes.GetOutputPort(f"{eye}_image")
         builder.Connect(port, tracker.GetInputPort(f"{eye}_image"))

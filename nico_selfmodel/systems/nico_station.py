@@ -6,11 +6,11 @@ import numpy as np
 from numpy.typing import NDArray
 from pydrake.geometry import SceneGraph
 from pydrake.systems.framework import Diagram, DiagramBuilder
-from pydrake.systems.rendering import MultibodyPositionToGeometryPose
 
 from nico_selfmodel.dataset import JointInfo
 from nico_selfmodel.model import SelfModel, StereoRig
 from nico_selfmodel.plant import ArmDescription, SelfModelPlant
+from nico_selfmodel.systems.closing import Closable, free_memory
 from nico_selfmodel.systems.encoder_model import EncoderModel
 from nico_selfmodel.systems.hand_tracker import (
     FIDUCIAL_ID,
@@ -31,10 +31,10 @@ from nico_selfmodel.systems.reflection_detectors import default_mirror_detectors
 from nico_selfmodel.systems.simulated_eyes import NICO_EYES
 from nico_selfmodel.systems.station_scene import (
     BoardHolder,
-    MarkerPositions,
-    PlantPositions,
+    BodyPoses,
     add_renderer,
     print_fiducial,
+    remove_scene,
     wrap_tape,
 )
 from nico_selfmodel.systems.stereo_cameras import ImageQuality, StereoCameras
@@ -45,7 +45,7 @@ BOARD = Board(9, 6, 0.028)
 """The thesis' chessboard: squares of 28 mm."""
 
 
-class NicoStation(Diagram):
+class NicoStation(Closable, Diagram):
     """One individual of Nico, with everything that it can sense.
 
     | port | | carries |
@@ -66,6 +66,9 @@ class NicoStation(Diagram):
     A station of real servos and cameras can have the same ports. What only the simulation knows,
     the true geometry, pose and lenses, has none; nor has the light, nor who holds the chessboard.
     Everything random comes from `seed` (the individual) and `session` (what happens to it).
+
+    Use it in a `with` block, or `close` it: its renderer takes 50 MB. A station that was closed
+    raises `RobotError`, also from the ports of a diagram that it is part of.
     """
 
     def __init__(
@@ -117,11 +120,11 @@ class NicoStation(Diagram):
         start = body.mechanics.servos.to_encoder(np.zeros(len(arm.joints)))
         servos = EncoderModel(body.mechanics, world, start, seed=noise)
         builder.AddNamedSystem("servos", servos)
-        self.__holder, cameras = _add_scene(
+        self.__holder, cameras, poses = _add_scene(
             builder, servos, arm, body, board, quality, noise, mirror
         )
-        _add_motion_capture(builder, servos, body, world, noise)
-        tracker = HandTracker(detectors, self.image_size, before_mirror=mirror is not None)
+        _add_motion_capture(builder, poses, body, world, noise)
+        tracker = HandTracker(detectors, before_mirror=mirror is not None)
         builder.AddNamedSystem("tracker", tracker)
         for eye in ("left", "right"):
             port = cameras.GetOutputPort(f"{eye}_image")
@@ -139,6 +142,14 @@ class NicoStation(Diagram):
         builder.BuildInto(self)
         self.set_name("nico")
 
+    def _give_back(self) -> None:
+        for part in self.GetSystems():
+            if isinstance(part, Closable):
+                part.close()
+            elif isinstance(part, SceneGraph):
+                remove_scene(part)
+        free_memory()
+
     @property
     def joints(self) -> tuple[JointInfo, ...]:
         """Names, units and stops of the arm's joints, as a data set states them."""
@@ -155,10 +166,16 @@ class NicoStation(Diagram):
             X_BG: Pose of the board in the frame of the arm's base: corners in the plane z = 0,
                 the first one at the origin, seen along z; None puts it away. Shape (4, 4).
         """
+        self.require_open()
         self.__holder.hold(self.__holder.GetMyMutableContextFromRoot(context), X_BG)
 
     def picture(self, context: Any, eye: str) -> NDArray:
-        """Return what an eye sees, BGR of shape (h, w, 3), in the station's own context."""
+        """Return what an eye sees, BGR of shape (h, w, 3), in the station's own context.
+
+        Raises:
+            RobotError: If the station was closed, or nothing can be rendered.
+        """
+        self.require_open()
         return bgr_of(self.GetOutputPort(f"{eye}_image").Eval(context))
 
 
@@ -182,7 +199,7 @@ def _add_scene(
     quality: ImageQuality | None,
     seed: tuple[int, int],
     mirror: MirrorPlate | None,
-) -> tuple[BoardHolder, StereoCameras]:
+) -> tuple[BoardHolder, StereoCameras, BodyPoses]:
     """Add what is to be seen, and what sees it."""
     scene_graph = SceneGraph()
     builder.AddNamedSystem("scene", scene_graph)
@@ -198,18 +215,18 @@ def _add_scene(
         built.plant.GetBodyFrameIdOrThrow(built.plant.GetBodyByName(link).index())
         for link in MOUNTS
     )
-    positions = builder.AddNamedSystem("positions", PlantPositions(built, body.held))
-    poses = builder.AddNamedSystem("poses", MultibodyPositionToGeometryPose(built.plant))
+    poses = BodyPoses(built, body.held, body.mechanics.chain)
+    builder.AddNamedSystem("poses", poses)
     holder = BoardHolder(scene_graph, board)
     mirrors = None if mirror is None else MirrorScene(scene_graph, [mirror])
     glasses = () if mirrors is None else mirrors.glasses
     cameras = StereoCameras(body.rig, frames, quality, seed=seed, glasses=glasses)
     builder.AddNamedSystem("board", holder)
     builder.AddNamedSystem("eyes", cameras)
-    builder.Connect(servos.GetOutputPort("joint_angles"), positions.get_input_port())
-    builder.Connect(positions.get_output_port(), poses.get_input_port())
+    builder.Connect(servos.GetOutputPort("joint_angles"), poses.get_input_port())
     builder.Connect(
-        poses.get_output_port(), scene_graph.get_source_pose_port(built.plant.get_source_id())
+        poses.GetOutputPort("geometry_pose"),
+        scene_graph.get_source_pose_port(built.plant.get_source_id()),
     )
     builder.Connect(holder.get_output_port(), scene_graph.get_source_pose_port(holder.source))
     builder.Connect(scene_graph.get_query_output_port(), cameras.get_input_port())
@@ -217,29 +234,26 @@ def _add_scene(
         builder.AddNamedSystem("mirrors", mirrors)
         builder.Connect(mirrors.get_output_port(), scene_graph.get_source_pose_port(mirrors.source))
         builder.ExportInput(mirrors.get_input_port(), "mirror_pose")
-    return holder, cameras
+    return holder, cameras, poses
 
 
 def _add_motion_capture(
     builder: DiagramBuilder,
-    servos: EncoderModel,
+    poses: BodyPoses,
     body: Individual,
     world: World,
     seed: tuple[int, int],
 ) -> None:
-    chain = body.mechanics.chain
-    markers = builder.AddNamedSystem("markers", MarkerPositions(chain))
     tracker = builder.AddNamedSystem(
         "motion_capture",
         MotionCapture(
-            chain.markers,
+            body.mechanics.chain.markers,
             X_TW=body.X_TB,
             sigma=world.marker_sigma,
             dropout_share=world.dropout_share,
             seed=seed,
         ),
     )
-    builder.Connect(servos.GetOutputPort("joint_angles"), markers.get_input_port())
-    builder.Connect(markers.get_output_port(), tracker.get_input_port())
+    builder.Connect(poses.GetOutputPort("marker_positions"), tracker.get_input_port())
     for port in ("measured_positions", "frame_number"):
         builder.ExportOutput(tracker.GetOutputPort(port), port)

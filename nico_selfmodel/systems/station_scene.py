@@ -22,10 +22,12 @@ from pydrake.geometry import (
     SourceId,
 )
 from pydrake.math import RigidTransform, RotationMatrix
+from pydrake.multibody.plant import MultibodyPlant
 from pydrake.systems.framework import BasicVector, Context, LeafSystem
 
 from nico_selfmodel.model import Chain
 from nico_selfmodel.plant import SelfModelPlant
+from nico_selfmodel.systems.closing import Closable
 from nico_selfmodel.systems.renderer import check_renderer
 from nico_selfmodel.systems.stereo_cameras import RENDERER
 from nico_selfmodel.systems.textured_card import textured_card
@@ -74,6 +76,21 @@ def add_renderer(scene_graph: SceneGraph, name: str = RENDERER, *, glare: bool =
     parameters = RenderEngineVtkParams(default_clear_color=np.array(_ROOM), lights=lights)
     check_renderer()
     scene_graph.AddRenderer(name, MakeRenderEngineVtk(parameters))
+
+
+def remove_scene(scene_graph: SceneGraph, name: str = RENDERER) -> None:
+    """Take a renderer and everything that is to be seen out of a scene graph that is done with.
+
+    Args:
+        scene_graph: Nothing may look at it any more.
+        name: What the renderer is called.
+    """
+    scene_graph.RemoveRenderer(name)
+    inspector = scene_graph.model_inspector()
+    for source in inspector.GetAllSourceIds():
+        for frame in inspector.FramesForSource(source):
+            for geometry in inspector.GetGeometries(frame):
+                scene_graph.RemoveGeometry(source, geometry)
 
 
 def print_fiducial(
@@ -184,56 +201,49 @@ class BoardHolder(LeafSystem):
         value.set_value(poses)
 
 
-class PlantPositions(LeafSystem):
-    """The robot's joint positions from those of the arm; all other joints stand still.
+class BodyPoses(Closable, LeafSystem):
+    """Where the robot and its tracked points are; joints other than those of the arm stand still.
 
     | port | | carries |
     |---|---|---|
     | `joint_angles` | in | of the arm [rad] |
-    | `positions` | out | of the whole plant [rad] |
+    | `geometry_pose` | out | poses of the robot's bodies for the scene graph |
+    | `marker_positions` | out | x y z of each tracked point in turn, in the frame of the base [m] |
     """
 
-    def __init__(self, built: SelfModelPlant, held: Mapping[str, float]) -> None:
-        """Take the robot, and where its other joints stand [rad]."""
+    def __init__(self, built: SelfModelPlant, held: Mapping[str, float], chain: Chain) -> None:
+        """Take the robot, where its other joints stand [rad], and the arm as it is built."""
         super().__init__()
-        self.__rest = built.plant.GetDefaultPositions()
+        plant = built.plant
+        self.__chain, self.__rest = chain, plant.GetDefaultPositions()
         for joint, value in held.items():
-            start = built.plant.GetJointByName(joint, built.instance).position_start()
+            start = plant.GetJointByName(joint, built.instance).position_start()
             self.__rest[start] = value
         self._columns = built.columns
-        angles = self.DeclareVectorInputPort("joint_angles", len(built.arm.joints))
-        self._angles = angles
-        self.DeclareVectorOutputPort(
-            "positions", BasicVector(len(self.__rest)), self._fill, {angles.ticket()}
+        # As a system of the diagram the plant could not be given back.
+        self.__plant: MultibodyPlant | None = plant
+        self.__context: Context | None = plant.CreateDefaultContext()
+        self._angles = self.DeclareVectorInputPort("joint_angles", len(built.arm.joints))
+        needs = {self._angles.ticket()}
+        self.DeclareAbstractOutputPort(
+            "geometry_pose", lambda: AbstractValue.Make(FramePoseVector()), self._pose, needs
         )
+        size = 3 * len(chain.markers)
+        self.DeclareVectorOutputPort("marker_positions", BasicVector(size), self._place, needs)
 
-    def _fill(self, context: Context, vector: BasicVector) -> None:
+    def _pose(self, context: Context, value: AbstractValue) -> None:
+        self.require_open()
+        plant, inner = self.__plant, self.__context
+        assert plant is not None
         q = self.__rest.copy()
         q[self._columns] = self._angles.Eval(context)
-        vector.SetFromVector(q)
-
-
-class MarkerPositions(LeafSystem):
-    """Where a chain's tracked points are.
-
-    | port | | carries |
-    |---|---|---|
-    | `joint_angles` | in | of the chain [rad] |
-    | `marker_positions` | out | x y z of each tracked point in turn, in the chain's frame [m] |
-    """
-
-    def __init__(self, chain: Chain) -> None:
-        """Take the chain."""
-        super().__init__()
-        self.__chain = chain
-        angles = self.DeclareVectorInputPort("joint_angles", len(chain.joints))
-        self._angles = angles
-        size = 3 * len(chain.markers)
-        self.DeclareVectorOutputPort(
-            "marker_positions", BasicVector(size), self._place, {angles.ticket()}
-        )
+        plant.SetPositions(inner, q)
+        value.set_value(plant.get_geometry_pose_output_port().Eval(inner))
 
     def _place(self, context: Context, vector: BasicVector) -> None:
         m = len(self.__chain.markers)
         q = np.tile(self._angles.Eval(context), (m, 1))
         vector.SetFromVector(self.__chain.forward(q, np.arange(m)).ravel())
+
+    def _give_back(self) -> None:
+        self.__plant = self.__context = None

@@ -15,6 +15,7 @@ from pydrake.systems.framework import Context, LeafSystem
 from nico_selfmodel.errors import RobotError
 from nico_selfmodel.model import Camera, StereoRig
 from nico_selfmodel.model.stereo_rig import EYES
+from nico_selfmodel.systems.closing import Closable
 from nico_selfmodel.systems.cropped_render import CroppedRender
 from nico_selfmodel.systems.image_values import image_value, write_bgr
 from nico_selfmodel.systems.mirror_scene import Glass, show_mirrors
@@ -54,7 +55,7 @@ class ImageQuality:
             )
 
 
-class StereoCameras(LeafSystem):
+class StereoCameras(Closable, LeafSystem):
     """Two cameras of a scene graph.
 
     | port | | carries |
@@ -136,12 +137,16 @@ class StereoCameras(LeafSystem):
 
     def _render(self, context: Context, eye: int) -> NDArray:
         """Return what falls on a sensor, without noise. BGR, shape (h, w, 3)."""
+        self.require_open()
         if not self._query.HasValue(context):
             raise RobotError(
                 f"input port {self.get_name()}.geometry_query is not connected: connect the query "
                 "output port of the scene graph that holds what the eyes shall see"
             )
         return self.__eyes[eye].render(self._query.Eval(context))
+
+    def _give_back(self) -> None:
+        self.__eyes.clear()  # the maps of the lenses are megabytes
 
     def _develop(self, light: NDArray, time: float, eye: int) -> NDArray:
         """Apply gain and noise. BGR, 8 bits."""
@@ -165,7 +170,7 @@ def _noise(size: int) -> NDArray:
     return np.random.default_rng(12).standard_normal(4 * size, dtype=np.float32)
 
 
-@lru_cache(maxsize=4)
+@lru_cache(maxsize=2)
 def _lens_warp(
     values: tuple[float, ...], image_size: tuple[int, int], supersample: int
 ) -> LensWarp:

@@ -144,6 +144,15 @@ def test_a_name_that_does_not_exist_is_told_before_any_joint_is_homed(servo):
 
 
 @pytest.mark.slow
+@pytest.mark.parametrize("stop", [5, 19])
+def test_a_joint_that_is_blocked_on_its_way_or_near_its_goal_is_told(servo, bus, stop):
+    bus.modules[0].mechanics.upper_stop = stop * COUNTS_PER_DEGREE
+    moved = servo("move", "elbow", 20, "--speed-deg-s", 20, "--trust-zero", "--yes", "--json")
+    assert_one_clear_line(moved, "elbow (module 1): blocked", "free it, then enable it again")
+    assert not bus.modules[0].servo_on
+
+
+@pytest.mark.slow
 def test_where_a_board_is_missing_the_others_can_still_be_let_go(servo, bus, config):
     with ArmController.open(bus.name, ServoConfig.load(config)) as arm:
         arm.connect()

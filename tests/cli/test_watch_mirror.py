@@ -47,8 +47,8 @@ def test_a_body_that_knows_its_mirror_predicts_what_it_sees_in_it():
     (view,) = NicoBeforeMirrors(nico, {"glass": DEFAULT_MIRROR}).views.values()
     true = Outsider(looking_arm("fiducial"), WORLDS["clean"], 3).mirror(view.X_BM)
     model = model_before({"glass": true})
-    watching = Watching(model, WORLDS["clean"], 3, mirror=("glass", None))
-    errors = np.array(watching.visit_random_poses(2))
+    with Watching(model, WORLDS["clean"], 3, mirror=("glass", None)) as watching:
+        errors = np.array(watching.visit_random_poses(2))
     assert errors.shape == (2, 4)
     assert np.isfinite(errors[:, 2:]).any()
     assert np.nanmax(errors[:, 2:]) < 1.0

@@ -1,10 +1,13 @@
 """Simulated arms: on a line in virtual time, where nothing waits, or as boards for a terminal."""
 
 import math
+import time
+from contextlib import contextmanager
 from dataclasses import dataclass
 
 from nico_selfmodel.servos import (
     ArmController,
+    ArmLoop,
     Bus,
     BusSettings,
     JointServo,
@@ -19,6 +22,8 @@ JOINTS = (
     *("right_elbow", "right_forearm_twist", "right_wrist"),
 )
 COUNTS_PER_TURN = 200_000
+SOON = 5.0
+"""What takes longer than this never happens [s]."""
 
 
 def configuration(joints=JOINTS, **options):
@@ -95,3 +100,33 @@ def addressed_modules(baud=19200):
     for address, module in enumerate(modules, 1):
         module.address, module.was_addressed, module.baud = address, True, baud
     return modules
+
+
+def wait_for(condition, seconds=SOON):
+    """Wait until a condition holds; fail if it never does."""
+    until = time.monotonic() + seconds
+    while not condition():
+        assert time.monotonic() < until, "it never happened"
+        time.sleep(0.005)
+
+
+def stopped(bus):
+    """Wait until the simulated arm stands, and return how long that took [s]."""
+    begin = last = time.monotonic()
+    before = bus.shafts()
+    while time.monotonic() - last < 0.15:
+        time.sleep(0.005)
+        if (after := bus.shafts()) != before:
+            before, last = after, time.monotonic()
+        assert last - begin < SOON
+    return last - begin
+
+
+@contextmanager
+def loop_on(bus):
+    """Give a loop of an arm that is connected and enabled."""
+    arm = ArmController.open(bus.name, configuration(baud=115200), trust_zero=True)
+    arm.connect()
+    arm.enable()
+    with ArmLoop(arm, period=0.02) as running:
+        yield running

@@ -6,9 +6,18 @@ from pathlib import Path
 
 import pytest
 
-from nico_selfmodel.servos import Bus, PicServo, SimulatedLine, SimulatedModule, SimulatedPort, scan
+from nico_selfmodel.servos import (
+    Bus,
+    MotorServer,
+    PicServo,
+    SimulatedBus,
+    SimulatedLine,
+    SimulatedModule,
+    SimulatedPort,
+    scan,
+)
 
-from .arms import virtual_arm
+from .arms import addressed_modules, loop_on, virtual_arm
 
 
 @pytest.fixture
@@ -30,6 +39,38 @@ def module():
     servo = PicServo(bus, 1)
     servo.watch()
     return board, servo, port
+
+
+@pytest.fixture
+def bus():
+    """Return six boards behind a pseudo-terminal, in real time."""
+    with SimulatedBus(addressed_modules(115200)) as simulated:
+        yield simulated
+
+
+@pytest.fixture
+def loop(bus):
+    """Return the thread of an arm that is enabled."""
+    with loop_on(bus) as running:
+        yield running
+
+
+@pytest.fixture
+def server(loop):
+    """Return a server of that arm."""
+    with MotorServer(loop, 0) as running:
+        yield running
+
+
+@pytest.fixture(scope="module")
+def patient_server():
+    """Return a server for requests that it refuses."""
+    with (
+        SimulatedBus(addressed_modules(115200)) as bus,
+        loop_on(bus) as loop,
+        MotorServer(loop, 0) as running,
+    ):
+        yield running
 
 
 @pytest.fixture(scope="session")

@@ -597,3 +597,40 @@ def test_a_joint_that_holds_with_a_fault_can_be_connected_and_enabled_again(virt
     virtual.arm.move({"right_elbow": 0.2})
     virtual.cycle_until_there()
     assert virtual.arm.cycle().enabled.all()
+
+
+@pytest.mark.parametrize("seed", range(8))
+def test_a_host_that_dies_after_any_motions_leaves_an_arm_that_stops_in_time(seed):
+    """Also where a fast motion was just replaced by a slow one, ahead of the joint or behind it."""
+    rng = np.random.default_rng((3, seed))
+    heartbeat = float(rng.choice([0.1, 0.3]))
+    made = virtual_arm(heartbeat=heartbeat, baud=int(rng.choice([19200, 115200])))
+    made.arm.connect()
+    made.arm.enable()
+    for _ in range(6):
+        for _ in range(rng.integers(1, 4)):
+            speed = float(np.exp(rng.uniform(np.log(0.01), np.log(1.0))))
+            targets = {name: float(rng.uniform(-1.5, 1.5)) for name in JOINTS}
+            made.arm.move(targets, speed=speed)
+            for _ in range(rng.integers(0, 12)):
+                made.arm.heartbeat()
+                made.arm.cycle()
+        assert made.seconds_to_rest() <= heartbeat + 0.5
+        assert max(map(abs, made.shafts())) <= 1.58 * COUNTS_PER_RADIAN
+        made.arm.connect()
+
+
+def test_a_fast_joint_that_is_to_go_on_slowly_never_turns_round(virtual):
+    virtual.arm.move({"right_wrist": 1.5})
+    for _ in range(8):
+        virtual.arm.heartbeat()
+        virtual.arm.cycle()
+    shafts = [virtual.shafts()[5]]
+    virtual.arm.move({"right_wrist": 1.5}, speed=0.05)
+    for _ in range(20):
+        virtual.arm.heartbeat()
+        virtual.arm.cycle()
+        shafts.append(virtual.shafts()[5])
+    way = -np.diff(shafts)  # it is wired the other way round
+    assert way.min() > -10.0
+    assert way[-5:] == pytest.approx(way[-1], rel=0.1)

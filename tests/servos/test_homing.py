@@ -92,6 +92,31 @@ def test_a_switch_that_does_not_show_is_a_fault_and_the_joint_stands():
     assert made.modules[0].homing == 0  # the board would brake there in a later motion
 
 
+@pytest.mark.parametrize("speed", [0.1, 0.5])
+def test_a_hard_stop_right_behind_the_switch_does_not_keep_a_joint_from_homing(speed):
+    made = homing_arm(HomePlan("limit_1", at=0.3, speed=speed, travel=2.0))
+    made.modules[0].mechanics.upper_switch, made.modules[0].mechanics.upper_stop = 1000.0, 1003.0
+    find_home(made.arm, "elbow")
+    assert made.arm.rezero_due == ()
+    assert made.arm.cycle().q[0] == pytest.approx(0.3, abs=5 / COUNTS_PER_RADIAN)
+    for _ in range(40):
+        made.arm.heartbeat()
+        assert made.arm.cycle().valid.all()
+
+
+@pytest.mark.parametrize("speed", [0.05, 0.5])
+def test_a_hard_stop_before_the_switch_is_a_fault_and_does_not_leave_the_search_armed(speed):
+    made = homing_arm(HomePlan("limit_1", at=0.3, speed=speed, travel=2.0))
+    made.modules[0].mechanics.upper_stop = -7000.0
+    begin = made.port.time
+    words = r"elbow .module 1.: (blocked|position error).*It was looking for limit_1"
+    with pytest.raises(ServoFault, match=words):
+        find_home(made.arm, "elbow")
+    assert made.port.time - begin < 1000.0 / (speed * COUNTS_PER_RADIAN) + 1.5
+    assert made.modules[0].homing == 0
+    assert made.arm.rezero_due == ("elbow",)
+
+
 @pytest.mark.parametrize("error", [KeyboardInterrupt, ValueError])
 def test_a_search_that_is_interrupted_stops_and_does_not_stay_armed(error):
     made = homing_arm(HomePlan("limit_1", at=0.0, speed=0.5, travel=6.0))
