@@ -10,6 +10,7 @@ from nico_selfmodel.estimation.nominal_start import NominalArm
 from nico_selfmodel.estimation.observations import Observations
 from nico_selfmodel.estimation.pinned_refinement import PinnedSolution
 from nico_selfmodel.estimation.provenance import data_named, package_versions
+from nico_selfmodel.estimation.training_noise import with_training_noise
 from nico_selfmodel.model import ParameterCovariance, SelfModel
 
 
@@ -33,7 +34,7 @@ def learned_model(
     if solved.uncertainty is not None:
         uncertainty = solved.uncertainty
         covariance = ParameterCovariance(uncertainty.names, uncertainty.covariance)
-    return SelfModel(
+    model = SelfModel(
         name,
         solved.parameters.table,
         solved.parameters.servos,
@@ -43,6 +44,8 @@ def learned_model(
         fit,
         {**data_named(dataset), **package_versions("drake")},
     )
+    rows = Observations.from_dataset(dataset, model.markers)
+    return with_training_noise(model, dataset, "points", rows.sample[solved.outliers])
 
 
 def training_of(

@@ -18,6 +18,7 @@ from nico_selfmodel.model.dh_parameters import DhParameters
 from nico_selfmodel.model.dh_table import DhTable
 from nico_selfmodel.model.mirror import Mirror
 from nico_selfmodel.model.mirror_rig import MirrorRig
+from nico_selfmodel.model.noise_mixture import NoiseMixture, mixtures_of
 from nico_selfmodel.model.servo_map import ServoMap
 from nico_selfmodel.model.stereo_rig import EYES, StereoRig
 
@@ -112,6 +113,7 @@ class SelfModel:
                 object.__setattr__(self, name, float(getattr(self, name)))
         for name in ("robot", "fit", "provenance", "cameras", "mirrors"):
             object.__setattr__(self, name, MappingProxyType(dict(getattr(self, name))))
+        mixtures_of(self.fit)
 
     @property
     def has_arm(self) -> bool:
@@ -176,6 +178,11 @@ class SelfModel:
     def chain(self) -> Chain:
         """The same arm as lines in space."""
         return self.dh.to_chain()
+
+    @property
+    def noise_mixtures(self) -> dict[str, NoiseMixture]:
+        """The noise that the training left, by sensor, `points` or `pixels`; empty if not told."""
+        return mixtures_of(self.fit)
 
     @property
     def parameters(self) -> DhParameters:
