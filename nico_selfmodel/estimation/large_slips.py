@@ -15,6 +15,7 @@ from nico_selfmodel.estimation.diagnosis import Diagnosis, Hypothesis, diagnosed
 from nico_selfmodel.estimation.mixture_density import MixtureDensity
 from nico_selfmodel.estimation.pose_residuals import PoseResiduals
 from nico_selfmodel.estimation.sightings import covariance_of, sightings_of, with_values
+from nico_selfmodel.geometry.angles import nearest_turn
 from nico_selfmodel.model.noise_mixture import NoiseMixture
 from nico_selfmodel.model.self_model import SelfModel
 
@@ -128,7 +129,7 @@ class _Jump:
             found = self.estimate(column, change)
             if abs(found.change[0]) < _SETTLED * found.sigma[0]:
                 break
-        found = replace(found, change=found.change + change)
+        found = replace(found, change=nearest_turn(found.change + change, 0.0, turn))
         return diagnosed(hypothesis, found, unchanged.log_likelihood)
 
 
