@@ -22,6 +22,9 @@ from nico_selfmodel.model.noise_mixture import NoiseMixture, mixtures_of
 from nico_selfmodel.model.servo_map import ServoMap
 from nico_selfmodel.model.stereo_rig import EYES, StereoRig
 
+MIRROR_FAILURES = "mirror_failures"
+"""Key of `SelfModel.fit`: name of a mirror -> why its calibration failed."""
+
 
 @dataclass(frozen=True, eq=False)
 class ParameterCovariance:
@@ -164,6 +167,12 @@ class SelfModel:
         if mirror not in self.mirrors:
             raise ModelError(f"no mirror {mirror!r}; there are: {', '.join(self.mirrors)}")
         return MirrorRig(self.rig, self.mirrors[mirror])
+
+    def mirror_failure(self, mirror: str) -> str | None:
+        """Return why a mirror failed its calibration; None where it did not."""
+        failures = self.fit.get(MIRROR_FAILURES)
+        reason = failures.get(mirror) if isinstance(failures, Mapping) else None
+        return None if reason is None else str(reason)
 
     def _lack(self, what: str, command: str) -> str:
         return f"self-model {self.name!r} has no {what}: learn it with `nico-selfmodel {command}`"
