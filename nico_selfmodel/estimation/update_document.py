@@ -32,7 +32,7 @@ def judge_update(update: BlockUpdate) -> Verdict:
     """Judge parameters learned anew: FAIL where the rest of the body no longer fits."""
     if not update.converged:
         return Verdict("FAIL", ("the solver stopped without reaching a minimum",))
-    words = f"misfit {update.misfit:.0f}, {update.redundancy} was to be expected"
+    words = f"misfit {update.misfit:.0f}, {update.expected:.0f} was to be expected"
     if update.fits:
         return Verdict("NOT_EVALUATED", (f"the rest of the body fits ({words})",))
     return Verdict("FAIL", (f"the rest of the body no longer fits ({words}): run `check`",))
@@ -151,7 +151,7 @@ def _document(
         "parameters": _parameters(model, update.learned),
         "not_identifiable": [],
         "outliers": np.flatnonzero(update.outliers).tolist(),
-        "misfit": {"value": update.misfit, "expected": update.redundancy},
+        "misfit": {"value": update.misfit, "expected": update.expected},
         "body_fits": update.fits,
         "iterations": update.iterations,
         "converged": update.converged,
