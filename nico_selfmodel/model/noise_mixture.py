@@ -62,6 +62,12 @@ class NoiseMixture:
         if not (wider and self.tail_joint_sigma >= self.joint_sigma):
             raise ValueError("the tail of the noise must not be narrower than its core")
 
+    @property
+    def rms_joint_sigma(self) -> float:
+        """Root of the mean variance of a joint angle, core and tail together [rad]."""
+        e = self.tail_share
+        return float(np.hypot((1.0 - e) ** 0.5 * self.joint_sigma, e**0.5 * self.tail_joint_sigma))
+
     def as_document(self, sensor: str) -> dict[str, float | int]:
         """Return it as `fit.noise` of a self-model's file holds it, under the sensor's name."""
         name = SENSORS[sensor]

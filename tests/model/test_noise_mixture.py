@@ -75,3 +75,7 @@ def test_a_tail_is_wider_and_rarer_than_its_core():
 
 def _yaml(value):
     return {"nan": ".nan", "inf": ".inf", "True": "true"}.get(str(value), value)
+
+
+def test_core_and_tail_have_one_variance_together():
+    assert NOISE.rms_joint_sigma == pytest.approx((0.9 * 0.006**2 + 0.1 * 0.02**2) ** 0.5)
