@@ -65,18 +65,12 @@ def print_rezero(name: str, document: Mapping[str, Any], folder: Path) -> None:
 
 def print_health(name: str, document: Mapping[str, Any]) -> None:
     """Print a health report."""
+    found = document["log_ratio"]
     rows = [
         ["innovation squared, a coordinate", f"{document['nis_per_coordinate']:.2f}", "1"],
-        *(
-            [word, f"{document[key]['largest']:.1f}", f"{document[key]['threshold']:.0f}"]
-            for word, key in (
-                ("cumulative excess", "excess"),
-                ("likelihood ratio", "ratio"),
-                ("log-likelihood ratio of a slip", "slip"),
-            )
-        ),
+        ["ln R (Shiryaev, Roberts)", f"{found['largest']:.1f}", f"{found['threshold']:.0f}"],
     ]
-    console.print_table(f"{name}: {document['sightings']} sightings", ("", "found", "limit"), rows)
+    console.print_table(f"{name}: {document['poses']} poses", ("", "found", "limit"), rows)
     causes = [
         [c["cause"], f"{c['statistic']:.1f}", str(c["dof"]), f"{c['score']:.1f}"]
         for c in document["causes"]

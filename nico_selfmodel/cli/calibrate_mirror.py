@@ -44,7 +44,7 @@ def mirror(
     from nico_selfmodel.dataset import Dataset
     from nico_selfmodel.estimation.mirror import calibrate_mirrors
     from nico_selfmodel.estimation.mirror_document import mirror_document
-    from nico_selfmodel.estimation.mirror_verdict import judge_mirrors
+    from nico_selfmodel.estimation.mirror_verdict import judge_mirrors, judged
     from nico_selfmodel.files import refuse_folder
     from nico_selfmodel.model import SelfModel
 
@@ -70,6 +70,7 @@ def mirror(
             name=name,
         )
         verdict = judge_mirrors(found, require_test_px)
+        found = judged(found, verdict)
         document = mirror_document(found, verdict)
         stage("learning mirrors", 1, 1)
         stage("writing the result", 0, 1)

@@ -26,14 +26,21 @@ def locate(
     as_json: Annotated[bool, typer.Option("--json", help="Print JSON.")] = False,
 ) -> None:
     """Say where things are that are seen in a mirror: x, y, z [m] and how surely [mm]."""
+    from nico_selfmodel.errors import ModelError
     from nico_selfmodel.model import SelfModel
     from nico_selfmodel.model.mirror_location import locate_in_mirror
 
     body = SelfModel.load(model)
+    rig, failure = body.mirror_rig(mirror), body.mirror_failure(mirror)
+    if failure is not None:
+        raise ModelError(
+            f"mirror {mirror!r} failed its calibration ({failure}): what is seen in it is not "
+            "where it seems; cure that and run `nico-selfmodel calibrate mirror` again"
+        )
     sigma = pixel_sigma if pixel_sigma is not None else body.pixel_sigma or 1.0
     if not 0.0 < sigma < float("inf"):
         raise ValueError(f"--pixel-sigma must be a positive number, got {sigma}")
-    found = locate_in_mirror(body.mirror_rig(mirror), [_pixels(word) for word in pixels], sigma)
+    found = locate_in_mirror(rig, [_pixels(word) for word in pixels], sigma)
     rows = [place.as_document() for place in found]
     if as_json:
         console.print_json({"mirror": mirror, "pixel_sigma_px": sigma, "places": rows})

@@ -7,6 +7,7 @@ from numpy.typing import NDArray
 
 from nico_selfmodel.errors import NotIdentifiableError
 from nico_selfmodel.estimation.blind_words import name_blind
+from nico_selfmodel.estimation.expected_misfit import expected_misfit
 from nico_selfmodel.estimation.sightings import Sightings, covariance_of, with_values
 from nico_selfmodel.model.self_model import ParameterCovariance, SelfModel
 from nico_selfmodel.optimization import CalibrationProgram, Loss, ProgramSolution, Uncertainty
@@ -32,17 +33,17 @@ class BlockUpdate:
     """Rows not believed. Boolean, shape (N,)."""
     misfit: float
     """Sum of squared innovations of the believed rows, what the rest is uncertain by included."""
-    redundancy: int
+    expected: float
     """What `misfit` is to be expected to be."""
+    spread: float
+    """Standard deviation of `misfit` about that."""
     converged: bool
     iterations: int
 
     @property
     def score(self) -> float:
         """How many standard deviations the misfit lies above what was to be expected."""
-        if self.redundancy <= 0:
-            return 0.0
-        return float((self.misfit - self.redundancy) / np.sqrt(2.0 * self.redundancy))
+        return (self.misfit - self.expected) / self.spread if self.spread > 0.0 else 0.0
 
     @property
     def fits(self) -> bool:
@@ -95,14 +96,14 @@ def learn_block(
     updated = with_values(model, sightings.names, x)
     covariance = _joint_covariance(model, sightings.names, stacked, columns, uncertainty)
     updated = replace(updated, covariance=covariance)
-    misfit, redundancy = _misfit(model, at, believed, columns)
+    misfit = _misfit(model, at, believed, columns)
     return BlockUpdate(
         updated,
         names,
         uncertainty,
         outliers,
         misfit,
-        redundancy,
+        *expected_misfit(model, at, believed, len(names)),
         solution.converged,
         solution.iterations,
     )
@@ -165,14 +166,14 @@ def learn_with_prior(
     sigma = np.sqrt(np.diag(covariance))
     uncertainty = Uncertainty(free_names, covariance, sigma, np.nan, len(free), np.nan, ())
     misfit = float(np.sum(r[:, believed] ** 2))
-    redundancy = int(sightings.seen[believed].sum()) - len(names)
+    at = replace(sightings, x=x)
     return BlockUpdate(
         updated,
         names,
         uncertainty,
         outliers,
         misfit,
-        redundancy,
+        *expected_misfit(model, at, believed, len(names)),
         solution.converged,
         solution.iterations,
     )
@@ -274,10 +275,8 @@ def _joint_covariance(
     return ParameterCovariance((*kept, *learned), 0.5 * (matrix + matrix.T))
 
 
-def _misfit(
-    model: SelfModel, sightings: Sightings, believed: NDArray, columns: NDArray
-) -> tuple[float, int]:
-    """Return the sum of squared innovations and what it should be.
+def _misfit(model: SelfModel, sightings: Sightings, believed: NDArray, columns: NDArray) -> float:
+    """Return the sum of squared innovations.
 
     The rest of the body is one unknown for all rows, so the rows are taken together.
     """
@@ -296,4 +295,4 @@ def _misfit(
         size = 1.0 / np.sqrt(np.diag(root))
         scaled = (root + j @ j.T) * np.outer(size, size)
         misfit -= float((size * b) @ np.linalg.solve(scaled, size * b))
-    return misfit, int(sightings.seen[believed].sum()) - len(columns)
+    return misfit

@@ -39,6 +39,7 @@ from nico_selfmodel.estimation.pixel_observations import PixelObservations
 from nico_selfmodel.estimation.provenance import data_named, package_versions
 from nico_selfmodel.estimation.sightings import JOINT_SIGMA
 from nico_selfmodel.estimation.stereo import FEWEST_VIEWS
+from nico_selfmodel.estimation.training_noise import with_training_noise
 from nico_selfmodel.model.dh_parameters import DhParameters
 from nico_selfmodel.model.self_model import ParameterCovariance, SelfModel
 from nico_selfmodel.model.stereo_rig import StereoRig
@@ -351,7 +352,7 @@ class _Task:
             **training,
             JOINT_SIGMA: solved.noise.joint_sigma,
         }
-        return SelfModel(
+        model = SelfModel(
             name,
             parameters.table,
             parameters.servos,
@@ -367,3 +368,5 @@ class _Task:
             {"left": solved.rig.left, "right": solved.rig.right},
             solved.noise.sensor_sigma,
         )
+        outliers = self.observations.arm.sample[solved.outliers]
+        return with_training_noise(model, dataset, "pixels", outliers)

@@ -5,20 +5,26 @@ gear, each tracked point, the arm's base, each eye. Where two say the same, the 
 named: a point moved about the last axis is that joint's slip, and nothing could tell them apart.
 """
 
-from dataclasses import dataclass
+from collections.abc import Iterable
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
-from nico_selfmodel.estimation.sightings import Innovations
-from nico_selfmodel.geometry.rotation import rotation_vector_slope, skew
+from nico_selfmodel.estimation.change_likelihood import ChangeEstimate, ChangeLikelihood
+from nico_selfmodel.estimation.monitored_changes import RIGHT_POSE, left_camera
+from nico_selfmodel.estimation.pose_residuals import PoseResiduals
+from nico_selfmodel.estimation.sightings import covariance_of
+from nico_selfmodel.geometry.rotation import skew
 from nico_selfmodel.model.dh_parameters import M0_NAMES
+from nico_selfmodel.model.noise_mixture import NoiseMixture
 from nico_selfmodel.model.self_model import SelfModel
-from nico_selfmodel.model.stereo_rig import POSE_NAMES
 
 PENALTY = 7.0
-"""Fall of the sum of squares that a further parameter must bring: chance does once in 100."""
-_RIGHT_POSE = tuple(f"right.pose.{name}" for name in POSE_NAMES)
+"""What a further parameter must bring: chance does once in 100."""
+_ALIKE = 5e-3
+"""Or this share of what the best explanation brings: explanations of a large change differ by what
+the model leaves out, which is no chance."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -42,47 +48,62 @@ class Diagnosis:
     hypothesis: Hypothesis
     """The change."""
     statistic: float
-    """Fall of the sum of squared innovations, chi-square of `dof` if nothing changed."""
+    """Twice the logarithm of the likelihood ratio, chi-square of `dof` if nothing changed."""
     dof: int
-    """Parameters of the change."""
+    """Parameters of the change that the poses show."""
     score: float
-    """`statistic` less `PENALTY` for each parameter: the largest wins."""
+    """`statistic` less what each parameter must bring: the largest wins."""
     change: NDArray
-    """Most likely change along the basis. Shape (dof,)."""
+    """Most likely change along the basis. Shape (d,)."""
     sigma: NDArray
-    """Standard deviation of `change`. Shape (dof,)."""
+    """Standard deviation of `change`. Shape (d,)."""
+    of_pose: NDArray
+    """What each pose says for having been taken after the change, the logarithm of a likelihood
+    ratio. Shape (N,)."""
 
 
 def diagnose(
-    model: SelfModel, names: tuple[str, ...], innovations: Innovations
+    model: SelfModel, poses: PoseResiduals, noise: NoiseMixture, since: int
 ) -> tuple[Diagnosis, ...]:
-    """Rank what may have changed by how well it explains innovations.
+    """Rank what may have changed by how well it explains the poses.
 
     Args:
         model: The body as it was.
-        names: Parameters that the innovations speak of.
-        innovations: Sightings after the change.
+        poses: Before and after the change; those before tell the model's own errors.
+        noise: What disturbs them.
+        since: First pose after the change.
 
     Returns:
         Explanations, the best first.
     """
-    r, slopes = innovations.whitened
-    r, slopes = r.ravel(), slopes.reshape(-1, slopes.shape[2])
-    found = []
-    for hypothesis in hypotheses(model, names):
-        h = slopes @ hypothesis.basis
-        information = h.T @ h
-        size = np.sqrt(np.maximum(np.diag(information), 1e-300))
-        # Directions that these sightings do not show explain nothing.
-        values, vectors = np.linalg.eigh(information / np.outer(size, size))
-        kept = values > 1e-9
-        inverse = (vectors[:, kept] / values[kept]) @ vectors[:, kept].T / np.outer(size, size)
-        gain = h.T @ r
-        statistic, m = float(gain @ inverse @ gain), int(kept.sum())
-        score = statistic - m * PENALTY
-        sigma = np.sqrt(np.maximum(np.diag(inverse), 0.0))
-        found.append(Diagnosis(hypothesis, statistic, m, score, inverse @ gain, sigma))
-    return tuple(sorted(found, key=lambda d: -d.score))
+    likelihood = ChangeLikelihood(poses, noise, covariance_of(model, poses.names))
+    unchanged = likelihood.of(np.zeros((len(poses.names), 0)), since).log_likelihood
+    return ranked(
+        diagnosed(hypothesis, likelihood.of(hypothesis.basis, since), unchanged)
+        for hypothesis in hypotheses(model, poses.names)
+    )
+
+
+def diagnosed(hypothesis: Hypothesis, found: ChangeEstimate, unchanged: float) -> Diagnosis:
+    """Return what a change explains, not yet held against others.
+
+    Args:
+        hypothesis: The change.
+        found: Its most likely size.
+        unchanged: Logarithm of the likelihood of no change.
+    """
+    statistic = 2.0 * (found.log_likelihood - unchanged)
+    return Diagnosis(
+        hypothesis, statistic, found.dof, statistic, found.change, found.sigma, found.of_pose
+    )
+
+
+def ranked(diagnoses: Iterable[Diagnosis]) -> tuple[Diagnosis, ...]:
+    """Return explanations with their scores, the best first."""
+    found = tuple(diagnoses)
+    penalty = max(PENALTY, _ALIKE * max(d.statistic for d in found))
+    scored = (replace(d, score=d.statistic - d.dof * penalty) for d in found)
+    return tuple(sorted(scored, key=lambda d: -d.score))
 
 
 def hypotheses(model: SelfModel, names: tuple[str, ...]) -> tuple[Hypothesis, ...]:
@@ -107,10 +128,14 @@ def hypotheses(model: SelfModel, names: tuple[str, ...]) -> tuple[Hypothesis, ..
         own = tuple(f"hand.{marker}.{axis}" for axis in "xyz")
         command = f"nico-selfmodel calibrate tool MODEL DATASET --tool {marker} --out OUT"
         found.append(_simple(f"point {marker} on the hand", own, names, command))
+    if len(model.markers) > 1:
+        found.append(_hand(model, names, relearn))
     found.append(_simple("base of the arm against the eyes", M0_NAMES, names, relearn))
-    if set(_RIGHT_POSE) <= set(names):
-        found.append(_simple("pose of the right eye", _RIGHT_POSE, names, relearn))
-        found.append(_left_eye(model, names, relearn))
+    if set(RIGHT_POSE) <= set(names):
+        found.append(_simple("pose of the right eye", RIGHT_POSE, names, relearn))
+        both = (*M0_NAMES, *RIGHT_POSE)
+        left = left_camera(model, names)
+        found.append(Hypothesis("pose of the left eye", both, left, relearn))
     return tuple(found)
 
 
@@ -120,28 +145,16 @@ def _simple(cause: str, own: tuple[str, ...], names: tuple[str, ...], command: s
     return Hypothesis(cause, own, basis, command)
 
 
+def _hand(model: SelfModel, names: tuple[str, ...], command: str) -> Hypothesis:
+    """All points move together, p -> p + w x p + t: what carries them sits otherwise."""
+    own = tuple(f"hand.{marker}.{axis}" for marker in model.markers for axis in "xyz")
+    moved = [np.hstack([-skew(p), np.eye(3)]) for p in model.dh.p_NH]
+    basis = np.zeros((len(names), 6))
+    basis[[names.index(name) for name in own]] = np.vstack(moved)
+    return Hypothesis("all points on the hand together", own, basis, command)
+
+
 def _gear(joint: str, names: tuple[str, ...], command: str) -> Hypothesis:
     """A gear changes about the zero at which it was mounted: both of its numbers move."""
     own = (f"{joint}.gear", f"{joint}.theta_offset")
     return _simple(f"gear of {joint}", own, names, command)
-
-
-def _left_eye(model: SelfModel, names: tuple[str, ...], command: str) -> Hypothesis:
-    """The left eye is the world: when it turns, arm and right eye seem to move together.
-
-    x -> x + w x x + t moves M0 and the right eye's pose alike, their rotation vectors by the
-    inverse of `rotation_vector_slope`.
-    """
-    basis = np.zeros((len(names), 6))
-    parameters, rig = model.parameters, model.rig
-    frames = (
-        (M0_NAMES[3:], M0_NAMES[:3], parameters.base_turn, model.dh.X_W0[:3, 3]),
-        (_RIGHT_POSE[:3], _RIGHT_POSE[3:], rig.values[20:23], rig.X_LR[:3, 3]),
-    )
-    for turns, places, vector, place in frames:
-        rows = [names.index(name) for name in turns]
-        basis[np.ix_(rows, range(3))] = np.linalg.inv(rotation_vector_slope(vector))
-        rows = [names.index(name) for name in places]
-        basis[np.ix_(rows, range(3))] = -skew(place)
-        basis[np.ix_(rows, range(3, 6))] = np.eye(3)
-    return Hypothesis("pose of the left eye", (*M0_NAMES, *_RIGHT_POSE), basis, command)

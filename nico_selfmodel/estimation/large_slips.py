@@ -1,7 +1,7 @@
-"""Slips too large for a straight line: a joint's zero that is lost by tens of degrees.
+"""Encoder jumps too large for a straight line: a joint's zero that is lost by tens of degrees.
 
-A likelihood ratio of small changes takes the slip of a joint by 40 deg for a point that moved, or a
-base: the hand goes round a circle, and they follow its chord.
+A likelihood ratio of small changes takes a jump of 40 deg for a point that moved, or a base: the
+hand goes round a circle, and they follow its chord.
 """
 
 from dataclasses import replace
@@ -10,123 +10,133 @@ import numpy as np
 from numpy.typing import NDArray
 
 from nico_selfmodel.dataset import Dataset
-from nico_selfmodel.estimation.diagnosis import PENALTY, Diagnosis
-from nico_selfmodel.estimation.hand_noise import whitening_of
-from nico_selfmodel.estimation.sightings import (
-    Innovations,
-    Sightings,
-    covariance_of,
-    sightings_of,
-    with_values,
-)
+from nico_selfmodel.estimation.change_likelihood import ChangeEstimate, ChangeLikelihood
+from nico_selfmodel.estimation.diagnosis import Diagnosis, Hypothesis, diagnosed, ranked
+from nico_selfmodel.estimation.mixture_density import MixtureDensity
+from nico_selfmodel.estimation.pose_residuals import PoseResiduals
+from nico_selfmodel.estimation.sightings import covariance_of, sightings_of, with_values
+from nico_selfmodel.geometry.angles import nearest_turn
+from nico_selfmodel.model.noise_mixture import NoiseMixture
 from nico_selfmodel.model.self_model import SelfModel
 
 _LARGE = 10.0
 """Squared innovations of a coordinate from which on a change is no small one."""
-_ALL = 4.0
-"""Standard deviations by which what a slip leaves may exceed noise, if it explains all."""
-_STEPS = 36
-"""Sizes of a slip that are tried, over a whole turn of the joint."""
-_ROUNDS = 20
+_SIZES = 36
+"""Sizes of a jump that are tried, over a whole turn of the joint."""
+_ENOUGH = 30
+"""Poses after the change by which the sizes are tried."""
+_ROUNDS, _SETTLED = 20, 0.1
+"""Most steps to the best size, and the step in standard deviations at which they end."""
 
 
 def with_large_slips(
     model: SelfModel,
     dataset: Dataset,
     sensor: str,
-    innovations: Innovations,
-    start: int,
+    noise: NoiseMixture,
+    since: int,
     found: tuple[Diagnosis, ...],
 ) -> tuple[Diagnosis, ...]:
-    """Judge slips of any size, where no small change explains what was seen.
+    """Judge encoder jumps of any size, where what was measured is no small change.
 
     Args:
         model: The body as it was.
-        dataset: The sightings.
+        dataset: All poses.
         sensor: As for `sightings_of`.
-        innovations: Of all sightings.
-        start: First sighting after the change.
+        noise: What disturbs the poses.
+        since: First pose after the change.
         found: What small changes explain, the best first.
 
     Returns:
-        Explanations, the best first. A slip that leaves nothing but noise comes before what needs
-        more parameters to say the same.
+        Explanations, the best first.
     """
-    after = innovations.select(slice(start, None))
-    squares = float(np.sum(after.nis))
-    if squares < _LARGE * float(after.dof.sum()):
+    jump = _Jump(model, dataset, sensor, noise, since)
+    if not jump.large:
         return found
-    whitening = whitening_of(after.covariance, after.seen)
     again = []
     for diagnosis in found:
         names = diagnosis.hypothesis.names
         if len(names) == 1 and names[0].endswith(".theta_offset"):
-            slip = _Slip(model, dataset, sensor, names[0], start, whitening)
-            diagnosis = slip.diagnosis(diagnosis, squares)
+            diagnosis = jump.diagnosis(diagnosis.hypothesis)
         again.append(diagnosis)
-    return tuple(sorted(again, key=lambda d: -d.score))
+    return ranked(again)
 
 
-class _Slip:
-    """The squares that are left when one zero is elsewhere."""
+class _Jump:
+    """Poses as they are likely when one zero is elsewhere since a change."""
 
     def __init__(
-        self,
-        model: SelfModel,
-        dataset: Dataset,
-        sensor: str,
-        name: str,
-        start: int,
-        whitening: NDArray,
+        self, model: SelfModel, dataset: Dataset, sensor: str, noise: NoiseMixture, since: int
     ) -> None:
-        self.model, self.dataset, self.sensor = model, dataset, sensor
-        self.whitening, self.start = whitening, start
-        self.sightings = sightings_of(model, dataset, sensor)
-        self.column = self.sightings.names.index(name)
-        joint = model.joints.index(name.rpartition(".")[0])
-        self.turn = 2.0 * np.pi * float(model.servos.gear[joint])
+        self.model, self.sensor, self.noise, self.since = model, sensor, noise, since
+        sightings = sightings_of(model, dataset, sensor)
+        self.x, self.names = sightings.x, sightings.names
+        self.covariance = covariance_of(model, self.names)
+        poses = PoseResiduals.of(sightings)
+        self.before = poses.select(slice(None, since))
+        self.after = poses.select(slice(since, None))
+        self.rows = _from(dataset, self.after.sample)
 
-    def _moved(self, change: float) -> tuple[NDArray, Sightings]:
-        x = self.sightings.x.copy()
-        x[self.column] += change
-        moved = with_values(self.model, self.sightings.names, x)
-        return x, replace(sightings_of(moved, self.dataset, self.sensor), x=x)
+    @property
+    def large(self) -> bool:
+        """Whether the poses after the change are further off than small changes put them."""
+        density = MixtureDensity(self.after, self.noise, self.covariance)
+        return bool(density.nis(self.after.residuals).sum() > _LARGE * self.after.dof.sum())
 
-    def at(self, change: float) -> tuple[NDArray, NDArray]:
-        """Return whitened residuals and their derivatives with the zero changed. (n,), (n,)."""
-        x, there = self._moved(change)
-        now = there.innovations(np.zeros((len(x), len(x)))).select(slice(self.start, None))
-        r = (self.whitening @ now.residuals[:, :, None]).ravel()
-        return r, (self.whitening @ now.slopes[:, :, self.column, None]).ravel()
+    def moved(self, column: int, change: float, rows: Dataset | None = None) -> PoseResiduals:
+        """Return poses after the change, all or those of some rows, with the zero changed.
 
-    def explains_all(self, change: float) -> bool:
-        """Return whether a slip leaves no more than noise, by what is to be expected then."""
-        _, there = self._moved(change)
-        covariance = covariance_of(self.model, there.names)
-        now = there.innovations(covariance).select(slice(self.start, None))
-        dof = float(now.dof.sum())
-        return float(now.nis.sum()) < dof + _ALL * np.sqrt(2.0 * dof)
+        Their noise stays that of the poses as they were: where a wrong zero puts the hand beside a
+        camera, anything would be noise.
+        """
+        x = self.x.copy()
+        x[column] += change
+        body = with_values(self.model, self.names, x)
+        there = PoseResiduals.of(sightings_of(body, rows or self.rows, self.sensor))
+        kept = self.after.select(slice(len(there)))
+        slopes = kept.slopes.copy()
+        slopes[:, :, column] = there.slopes[:, :, column]
+        return replace(kept, residuals=there.residuals, slopes=slopes)
 
-    def diagnosis(self, small: Diagnosis, squares: float) -> Diagnosis:
-        """Return what the best slip of any size explains."""
-        sizes = self.turn * (np.arange(_STEPS) / _STEPS - 0.5)
-        left = [float(np.sum(self.at(size)[0] ** 2)) for size in sizes]
-        change = float(sizes[int(np.argmin(left))])
-        for _ in range(_ROUNDS):
-            r, slope = self.at(change)
-            step = float(slope @ r) / max(float(slope @ slope), 1e-300)
-            change += step
-            if abs(step) < 1e-9 * self.turn:
-                break
-        r, slope = self.at(change)
-        statistic = squares - float(r @ r)
-        explained = squares if self.explains_all(change) else statistic
-        sigma = float(slope @ slope) ** -0.5
-        return replace(
-            small,
-            statistic=statistic,
-            dof=1,
-            score=explained - PENALTY,
-            change=np.array([change]),
-            sigma=np.array([sigma]),
+    def most_likely(self, column: int, sizes: NDArray) -> float:
+        """Return the size of a jump with which the first poses after the change are likeliest."""
+        first = _from(self.rows, self.after.sample[:_ENOUGH], whole=False)
+        density = MixtureDensity(self.after.select(slice(_ENOUGH)), self.noise, self.covariance)
+        logs = [density.log(self.moved(column, size, first).residuals).sum() for size in sizes]
+        return float(sizes[int(np.argmax(np.nan_to_num(logs, nan=-np.inf, neginf=-np.inf)))])
+
+    def estimate(self, column: int, change: float) -> ChangeEstimate:
+        """Return how a further small change explains all poses, with the zero changed."""
+        poses = PoseResiduals.together((self.before, self.moved(column, change)))
+        basis = np.eye(len(self.names))[:, [column]]
+        return ChangeLikelihood(poses, self.noise, self.covariance).of(basis, self.since)
+
+    def diagnosis(self, hypothesis: Hypothesis) -> Diagnosis:
+        """Return what the best jump of any size explains."""
+        column = self.names.index(hypothesis.names[0])
+        poses, nothing = (
+            PoseResiduals.together((self.before, self.after)),
+            np.zeros((len(self.x), 0)),
         )
+        unchanged = ChangeLikelihood(poses, self.noise, self.covariance).of(nothing, self.since)
+        joint = self.model.joints.index(hypothesis.names[0].rpartition(".")[0])
+        turn = 2.0 * np.pi * float(self.model.servos.gear[joint])
+        sizes = turn * (np.arange(_SIZES) / _SIZES - 0.5)
+        change = self.most_likely(column, sizes)
+        found = self.estimate(column, change)
+        for _ in range(_ROUNDS):
+            change += float(found.change[0])
+            found = self.estimate(column, change)
+            if abs(found.change[0]) < _SETTLED * found.sigma[0]:
+                break
+        found = replace(found, change=nearest_turn(found.change + change, 0.0, turn))
+        return diagnosed(hypothesis, found, unchanged.log_likelihood)
+
+
+def _from(dataset: Dataset, samples: NDArray, *, whole: bool = True) -> Dataset:
+    """Return the rows from the first of some samples on, to the data's end or to their last."""
+    own, first = np.unique(dataset.sample, return_index=True)
+    place = dict(zip(own.tolist(), first.tolist(), strict=True))
+    low = place[int(samples[0])]
+    high = len(dataset) if whole else place[int(samples[-1])]
+    return dataset.select(np.isin(dataset.sample, own[(first >= low) & (first <= high)]))

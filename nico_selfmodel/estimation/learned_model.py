@@ -11,6 +11,7 @@ from nico_selfmodel.estimation.nominal_start import NominalArm
 from nico_selfmodel.estimation.observations import Observations
 from nico_selfmodel.estimation.pose_noise import POSE_NOISE
 from nico_selfmodel.estimation.provenance import data_named, package_versions
+from nico_selfmodel.estimation.training_noise import with_training_noise
 from nico_selfmodel.model import ParameterCovariance, SelfModel
 
 
@@ -34,7 +35,7 @@ def learned_model(
     if solved.uncertainty is not None:
         uncertainty = solved.uncertainty
         covariance = ParameterCovariance(uncertainty.names, uncertainty.covariance)
-    return SelfModel(
+    model = SelfModel(
         name,
         solved.parameters.table,
         solved.parameters.servos,
@@ -44,6 +45,8 @@ def learned_model(
         fit,
         {**data_named(dataset), **package_versions("drake")},
     )
+    rows = Observations.from_dataset(dataset, model.markers)
+    return with_training_noise(model, dataset, "points", rows.sample[solved.outliers])
 
 
 def training_of(

@@ -77,8 +77,8 @@ def calibrate_mirrors(
         dataset: Poses with pixels; rows that name a mirror are reflections in it.
         model: The body, with arm and eyes.
         test: Held-out data, for judging only.
-        joint_sigma: Standard deviation of a joint's play [rad]; by default what explains the
-            model's `noise_sigma`.
+        joint_sigma: Standard deviation of a joint's play [rad]; by default what the model's
+            training left, or what explains its `noise_sigma`.
         loss: One of `optimization.robust_solve.ROBUST_METHODS`.
         name: Name of the new self-model; the old one's if omitted.
 
@@ -149,12 +149,15 @@ def evaluate_mirrors(
 def _noise_of(dataset: Dataset, model: SelfModel, joint_sigma: float | None) -> ReflectionNoise:
     """Return what the data set and the model say of noise; the joints' from the hand's if need be.
 
-    A hand that scatters by sigma about the model is explained by joints that scatter by sigma over
-    the mean lever.
+    What the training left is joint noise with its tail. A model without that says how the hand
+    scatters: joints that scatter by as much over the mean lever explain it.
     """
     if joint_sigma is not None and not 0.0 <= joint_sigma < np.inf:
         raise ValueError(f"joint_sigma must be zero or positive, got {joint_sigma}")
     pixel_sigma = dataset.pixel_sigma_px or model.pixel_sigma or _ASSUMED_PIXEL_SIGMA
+    known = model.noise_mixtures
+    if joint_sigma is None and known:
+        joint_sigma = known.get("pixels", next(iter(known.values()))).rms_joint_sigma
     if joint_sigma is None:
         by_angle = known_points(dataset, model, np.arange(len(dataset))).by_angle
         lever = float(np.sqrt(np.mean(np.sum(by_angle**2, axis=(1, 2))) / 3.0))

@@ -76,7 +76,9 @@ def flatness_of(
     miss = np.nan_to_num(reflections.pixels - shown.pixels)
     sigma = _pixel_sigma(reflections, miss, shown.by_point, by_cameras, noise.pixel_sigma)
     noise = replace(noise, pixel_sigma=sigma)
-    white = _whitener(reflections, x, shown.by_point, noise)[np.ix_(seen, seen)]
+    # What an eye did not see is left out of the covariance, not of its factor.
+    whole = _covariance(reflections, x, shown.by_point, noise)
+    white = np.linalg.cholesky(whole[np.ix_(seen, seen)])
     miss = miss.ravel()[seen]
 
     def left_over(jacobian: NDArray) -> float:
@@ -128,10 +130,10 @@ def _by_cameras(reflections: Reflections, mirror: Mirror) -> NDArray:
     return slopes
 
 
-def _whitener(
+def _covariance(
     reflections: Reflections, x: NDArray, by_point: NDArray, noise: ReflectionNoise
 ) -> NDArray:
-    """Return the Cholesky factor of the covariance of all pixels together. (2 C N, 2 C N)."""
+    """Return the covariance of all pixels together. (2 C N, 2 C N)."""
     n, k = reflections.pixels.shape
     blocks = independent_covariance(reflections, by_point, noise)
     full = np.zeros((n, k, n, k))
@@ -143,7 +145,7 @@ def _whitener(
     if factor is not None:
         flat = factor.reshape(n * k, -1)
         full = full + flat @ flat.T
-    return np.linalg.cholesky(full)
+    return full
 
 
 def _alike(q: NDArray, by_angle: NDArray) -> NDArray:

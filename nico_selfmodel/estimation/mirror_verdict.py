@@ -1,5 +1,7 @@
 """PASS, FAIL or NOT_EVALUATED for mirrors, and what their data cannot support."""
 
+from dataclasses import replace
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -11,6 +13,7 @@ from nico_selfmodel.estimation.verdict import (
     held_out_is_worse,
     outliers_are_many,
 )
+from nico_selfmodel.model.self_model import MIRROR_FAILURES
 
 _LARGEST_RATIO = 5.0
 """Residuals above this many expected sigmas say that something else is wrong."""
@@ -51,6 +54,31 @@ def judge_mirrors(calibration: MirrorCalibration, require_test_px: float | None 
         if found is not None
     ]
     return conclude(checks, poses, "poses", said, _warnings(calibration))
+
+
+def judged(calibration: MirrorCalibration, verdict: Verdict) -> MirrorCalibration:
+    """Return a calibration whose self-model says which of its mirrors failed, and why.
+
+    Args:
+        calibration: What was learned.
+        verdict: What is thought of it.
+    """
+    model, names = calibration.model, tuple(calibration.mirrors)
+    known = model.fit.get(MIRROR_FAILURES) or {}
+    failures = {name: reason for name, reason in known.items() if name not in names}
+    if verdict.status == "FAIL":
+        for name in names:
+            # A reason that names other mirrors alone is none against this one.
+            others = [f"mirror {other!r}" for other in names if other != name]
+            own = [
+                reason
+                for reason in verdict.reasons
+                if f"mirror {name!r}" in reason or not any(other in reason for other in others)
+            ]
+            failures |= {name: own[0]} if own else {}
+    fit = {key: value for key, value in model.fit.items() if key != MIRROR_FAILURES}
+    fit |= {MIRROR_FAILURES: failures} if failures else {}
+    return replace(calibration, model=replace(model, fit=fit))
 
 
 def _warnings(calibration: MirrorCalibration) -> tuple[str, ...]:

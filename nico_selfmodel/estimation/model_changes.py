@@ -5,8 +5,14 @@ from typing import Any
 
 import numpy as np
 
+from nico_selfmodel.geometry.angles import nearest_rotation_vector, nearest_turn
+from nico_selfmodel.model.dh_parameters import M0_NAMES
 from nico_selfmodel.model.link_lengths import link_lengths
 from nico_selfmodel.model.self_model import SelfModel
+from nico_selfmodel.model.stereo_rig import POSE_NAMES
+
+_ROTATIONS = (M0_NAMES[3:], tuple(f"right.pose.{name}" for name in POSE_NAMES[:3]))
+"""Parameters that are a rotation vector together."""
 
 
 def parameter_changes(
@@ -20,13 +26,15 @@ def parameter_changes(
         names: Parameters of both to compare; those that one of them lacks are left out.
 
     Returns:
-        Name -> `before`, `after`, `sigma` (of `after`, None where it is not known) and `unit`.
+        Name -> `before`, `after`, `change` (whole turns left out), `sigma` (of `after`, None where
+        it is not known) and `unit`.
     """
     old, new = named_values(before), named_values(after)
     sigma: dict[str, float] = {}
     if after.covariance is not None:
         spread = np.sqrt(np.maximum(np.diag(after.covariance.matrix), 0.0))
         sigma = dict(zip(after.covariance.names, spread.tolist(), strict=True))
+    near = nearest_values(before, after)
     found = {}
     for name in names:
         if name in old and name in new:
@@ -34,10 +42,36 @@ def parameter_changes(
             found[name] = {
                 "before": old[name][0],
                 "after": new[name][0],
+                "change": near[name] - old[name][0],
                 "sigma": known if known is not None and np.isfinite(known) else None,
                 "unit": new[name][1],
             }
     return found
+
+
+def nearest_values(before: SelfModel, after: SelfModel) -> dict[str, float]:
+    """Return the values of a model, its angles by whole turns nearest to those of another.
+
+    Args:
+        before: The other model.
+        after: The model.
+    """
+    old = {name: value for name, (value, _) in named_values(before).items()}
+    new = {name: (value, unit) for name, (value, unit) in named_values(after).items()}
+    near = {name: value for name, (value, _) in new.items()}
+    gears = {name: value for name, (value, _) in new.items() if name.endswith(".gear")}
+    for name, (value, unit) in new.items():
+        if unit == "rad" and name in old:
+            # A joint's whole turn is as many of its encoder's as the gear says.
+            gear = gears.get(name.replace(".theta_offset", ".gear"), 1.0)
+            near[name] = float(nearest_turn(value, old[name], 2.0 * np.pi * gear))
+    for turn in _ROTATIONS:
+        if set(turn) <= set(old) & set(new):
+            vector = nearest_rotation_vector(
+                [new[name][0] for name in turn], [old[name] for name in turn]
+            )
+            near |= dict(zip(turn, vector.tolist(), strict=True))
+    return near
 
 
 def named_values(model: SelfModel) -> dict[str, tuple[float, str]]:

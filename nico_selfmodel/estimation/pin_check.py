@@ -10,6 +10,7 @@ from nico_selfmodel.estimation.hand_residuals import DhResiduals
 from nico_selfmodel.estimation.observations import Observations
 from nico_selfmodel.estimation.pose_noise import PoseNoise, PoseWhitening
 from nico_selfmodel.estimation.pose_refinement import PoseWhitened, arm_program, refine_by_pose
+from nico_selfmodel.geometry.angles import nearest_turn
 from nico_selfmodel.model import DhParameters
 
 _SIGNIFICANT = 3.3
@@ -76,9 +77,21 @@ def contradicted_pins(
     names, values = solved.parameters.names, solved.parameters.values
     rise = float(np.sqrt(held / least))
     return tuple(
-        ContradictedPin(name, float(values[at]), float(free_values[at]), rise)
+        ContradictedPin(name, float(values[at]), _near(solved, at, free_values), rise)
         for name, at in ((name, names.index(name)) for name in wrong)
     )
+
+
+def _near(solved: ArmSolution, at: int, wanted: NDArray) -> float:
+    """Return where a parameter wants to be; an angle on the turn nearest to where it is held."""
+    parameters = solved.parameters
+    if parameters.units[at] != "rad":
+        return float(wanted[at])
+    name = parameters.names[at]
+    joint = name.rpartition(".")[0]
+    geared = name.endswith(".theta_offset")
+    gear = parameters.servos.gear[parameters.table.joints.index(joint)] if geared else 1.0
+    return float(nearest_turn(wanted[at], parameters.values[at], 2.0 * np.pi * gear))
 
 
 @dataclass(frozen=True, eq=False)

@@ -19,6 +19,7 @@ from nico_selfmodel.estimation.kinematics import KinematicCalibration
 from nico_selfmodel.estimation.observations import Observations
 from nico_selfmodel.estimation.pixel_evaluation import PixelEvaluation, evaluate_pixels
 from nico_selfmodel.estimation.sightings import covariance_of
+from nico_selfmodel.estimation.training_noise import with_training_noise
 from nico_selfmodel.model import ParameterCovariance, SelfModel
 from nico_selfmodel.model.stereo_rig import StereoRig
 from nico_selfmodel.optimization import Uncertainty
@@ -75,15 +76,16 @@ class Sight:
         )
         known, arm = self.eyes.covariance, calibration.uncertainty
         if known is None or arm is None:
-            return replace(calibration, model=model)
+            return replace(calibration, model=self._with_noise(model, calibration.outliers))
         eyes = tuple(name for name in StereoRig.names_of() if name in known.names)
         together = _together(arm, self._gain(calibration, arm.names, eyes), self.eyes, eyes)
         split = len(arm.names)
         own = together[:split, :split]
         sigma = np.where(np.isfinite(arm.sigma), np.sqrt(np.diag(own)), np.inf)
+        model = replace(model, covariance=ParameterCovariance((*arm.names, *eyes), together))
         return replace(
             calibration,
-            model=replace(model, covariance=ParameterCovariance((*arm.names, *eyes), together)),
+            model=self._with_noise(model, calibration.outliers),
             uncertainty=replace(arm, covariance=own, sigma=sigma),
         )
 
@@ -105,6 +107,14 @@ class Sight:
         size = np.maximum(np.linalg.norm(rows, axis=0), np.finfo(float).tiny)
         follows = np.linalg.lstsq(rows / size, linear.weights * linear.whitened(moved), 1e-9)[0]
         return follows / size[:, None]
+
+    def _with_noise(self, model: SelfModel, outliers: NDArray) -> SelfModel:
+        """Return a completed model that says what noise its training left in the images."""
+        rows = Observations.from_dataset(self.train, model.markers)
+        seen = self.pixels["train"]
+        own = seen.select(np.isin(seen.sample, rows.sample))
+        aside, scatter = rows.sample[outliers], model.noise_sigma or 0.0
+        return with_training_noise(model, own, "pixels", aside, scatter)
 
     def evaluate(self, model: SelfModel, part: str = "test") -> PixelEvaluation:
         """Hold a completed model against what the eyes saw."""

@@ -54,6 +54,17 @@ class Sightings:
         """Which coordinates were measured. Boolean, shape (N, k)."""
         return self.block.seen
 
+    @property
+    def sensor(self) -> str:
+        """What measured the hand: `pixels` or `points`."""
+        return "pixels" if isinstance(self.block, HandPixels) else "points"
+
+    @property
+    def arm(self) -> Observations:
+        """Encoder angles, tracked points and samples of the rows."""
+        rows = self.block.observations
+        return rows if isinstance(rows, Observations) else rows.arm
+
     def whitening(self) -> NDArray:
         """Return the whitening by the noise alone. Shape (N, k, k)."""
         return self.noise.whitening(self.block.by_angle(self.x), self.seen)
@@ -87,12 +98,6 @@ class Innovations:
     """Of the residuals, where the model holds. Shape (N, k, k)."""
     seen: NDArray
     """Which coordinates were measured. Boolean, shape (N, k)."""
-
-    def select(self, rows: slice | NDArray) -> "Innovations":
-        """Return the chosen rows."""
-        return Innovations(
-            self.residuals[rows], self.slopes[rows], self.covariance[rows], self.seen[rows]
-        )
 
     @property
     def whitened(self) -> tuple[NDArray, NDArray]:
@@ -159,13 +164,27 @@ def by_pixels(model: SelfModel, dataset: Dataset, sensor: str = "auto") -> bool:
 
 def covariance_of(model: SelfModel, names: tuple[str, ...]) -> NDArray:
     """Return the covariance of named parameters, zero for those the model takes as known."""
-    matrix = np.zeros((len(names), len(names)))
-    if model.covariance is None:
-        return matrix
-    index = {name: i for i, name in enumerate(names)}
-    own = [i for i, name in enumerate(model.covariance.names) if name in index]
-    places = [index[model.covariance.names[i]] for i in own]
-    matrix[np.ix_(places, places)] = model.covariance.matrix[np.ix_(own, own)]
+    known = model.covariance
+    if known is None:
+        return np.zeros((len(names), len(names)))
+    return laid_out(known.names, known.matrix, names)
+
+
+def laid_out(own: tuple[str, ...], covariance: NDArray, names: tuple[str, ...]) -> NDArray:
+    """Return a covariance in the order of other names, zero for those it does not speak of.
+
+    Args:
+        own: Names of the covariance. Length k.
+        covariance: Shape (k, k).
+        names: Wanted names. Length P.
+
+    Returns:
+        Shape (P, P).
+    """
+    matrix, index = np.zeros((len(names), len(names))), {name: i for i, name in enumerate(names)}
+    kept = [i for i, name in enumerate(own) if name in index]
+    places = [index[own[i]] for i in kept]
+    matrix[np.ix_(places, places)] = covariance[np.ix_(kept, kept)]
     return matrix
 
 

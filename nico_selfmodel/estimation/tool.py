@@ -57,7 +57,7 @@ class ToolCalibration:
         if not self.update.fits:
             words.append(
                 f"the body no longer fits: misfit {self.update.misfit:.0f} where "
-                f"{self.update.redundancy} +- {np.sqrt(2.0 * self.update.redundancy):.0f} was to "
+                f"{self.update.expected:.0f} +- {self.update.spread:.0f} was to "
                 "be expected; run `nico-selfmodel check` to see what changed"
             )
         if not self.known and self.reach < _DIFFERENT * self.reach_sigma:

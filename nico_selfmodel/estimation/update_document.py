@@ -8,12 +8,7 @@ from numpy.typing import NDArray
 
 from nico_selfmodel.estimation.block_update import BlockUpdate
 from nico_selfmodel.estimation.error_statistics import ErrorStatistics
-from nico_selfmodel.estimation.health import (
-    RATIO_THRESHOLD,
-    SLIP_THRESHOLD,
-    THRESHOLD,
-    HealthReport,
-)
+from nico_selfmodel.estimation.health import HealthReport
 from nico_selfmodel.estimation.model_changes import parameter_changes
 from nico_selfmodel.estimation.tool import Rezeroing, ToolCalibration
 from nico_selfmodel.estimation.update_evaluation import UpdateEvaluation
@@ -37,7 +32,7 @@ def judge_update(update: BlockUpdate) -> Verdict:
     """Judge parameters learned anew: FAIL where the rest of the body no longer fits."""
     if not update.converged:
         return Verdict("FAIL", ("the solver stopped without reaching a minimum",))
-    words = f"misfit {update.misfit:.0f}, {update.redundancy} was to be expected"
+    words = f"misfit {update.misfit:.0f}, {update.expected:.0f} was to be expected"
     if update.fits:
         return Verdict("NOT_EVALUATED", (f"the rest of the body fits ({words})",))
     return Verdict("FAIL", (f"the rest of the body no longer fits ({words}): run `check`",))
@@ -107,7 +102,12 @@ def relearned_document(
 
 def health_document(report: HealthReport) -> dict[str, Any]:
     """Return a health report as plain data; `status` is FAIL where something changed."""
-    reasons = [f"{len(report.nis)} sightings fit what is known of the body"]
+    chance = report.false_alarm_chance
+    reasons = [
+        f"{len(report.nis)} poses fit what is known of the body; with noise as in the "
+        f"{report.noise.poses} poses that it was learned from, at most {100.0 * chance:.2g} % of "
+        "such recordings raise a false alarm"
+    ]
     if report.alarm_at is not None and report.changed_at is not None:
         best = report.diagnoses[0]
         reasons = [
@@ -116,15 +116,14 @@ def health_document(report: HealthReport) -> dict[str, Any]:
             f"{best.statistic:.0f}, chi-square of {best.dof})"
         ]
         if not report.sure:
-            reasons.append("few sightings since: the cause may be another, record 10 or more")
+            reasons.append("few poses since: the cause may be another, record 10 or more")
     return {
         "status": "PASS" if report.healthy else "FAIL",
         "reasons": reasons,
-        "sightings": len(report.nis),
+        "poses": len(report.nis),
         "nis_per_coordinate": float(report.nis.sum() / report.dof.sum()),
-        "excess": {"largest": float(report.excess.max()), "threshold": THRESHOLD},
-        "ratio": {"largest": float(report.ratio.max()), "threshold": RATIO_THRESHOLD},
-        "slip": {"largest": float(report.slip.max()), "threshold": SLIP_THRESHOLD},
+        "log_ratio": {"largest": float(report.log_ratio.max()), "threshold": report.threshold},
+        "false_alarm_chance": chance,
         "changed_at": _sample(report, report.changed_at),
         "alarm_at": _sample(report, report.alarm_at),
         "causes": [
@@ -152,7 +151,7 @@ def _document(
         "parameters": _parameters(model, update.learned),
         "not_identifiable": [],
         "outliers": np.flatnonzero(update.outliers).tolist(),
-        "misfit": {"value": update.misfit, "expected": update.redundancy},
+        "misfit": {"value": update.misfit, "expected": update.expected},
         "body_fits": update.fits,
         "iterations": update.iterations,
         "converged": update.converged,

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from nico_selfmodel.dataset import Dataset
 from nico_selfmodel.estimation.mirror import MirrorCalibration, calibrate_mirrors
 from nico_selfmodel.estimation.mirror_document import mirror_document
-from nico_selfmodel.estimation.mirror_verdict import judge_mirrors
+from nico_selfmodel.estimation.mirror_verdict import judge_mirrors, judged
 from nico_selfmodel.estimation.verdict import Verdict
 from nico_selfmodel.experiments.body_lesson import BodyLesson
 from nico_selfmodel.experiments.eyes_lesson import NicoBeforeItsEyes, Stage
@@ -98,7 +98,8 @@ def learn_mirror(
     row = int(np.flatnonzero((train.mirror == MIRROR) & np.isfinite(train.pixels).all(axis=1))[0])
     images = before.look(DAY, MIRROR, train.encoders[row])
     picture = MirrorPicture(int(train.sample[row]), train.encoders[row], images)
-    return MirrorLesson(calibration, judge_mirrors(calibration), train, test, picture)
+    verdict = judge_mirrors(calibration)
+    return MirrorLesson(judged(calibration, verdict), verdict, train, test, picture)
 
 
 def with_mirror(lesson: BodyLesson, mirror: MirrorLesson) -> BodyLesson:

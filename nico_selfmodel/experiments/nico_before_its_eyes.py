@@ -136,28 +136,7 @@ class NicoBeforeItsEyes:
         Raises:
             ValueError: If a given pose lies beyond a joint's stop.
         """
-<<<<<<< HEAD
-        station = self.station(session, rig)
-        body = StationBody(station, station.joints, self.markers, keep_images=keep_images)
-        rng = np.random.default_rng((self.seed, session, 2))
-        plan = self.plan(station, circle, free if poses is None else 0, rng)
-        if poses is not None:
-            plan += given_commands(station.joints, poses)
-        world = station.world.name
-        return record(
-            body if outsider is None else ObservedBody(body, station, outsider),
-            plan,
-            name,
-            source=f"rendered nico, world {world!r}, individual {self.seed}, session {session}",
-            seed=self.seed,
-            image_size=station.image_size,
-            until_seen=2,
-            enough=free if poses is None else None,
-            folder=folder,
-            progress=progress,
-        )
-=======
-        with self.station(session + _RESUMED * _recorded(folder), rig) as station:
+        with self.station(session, rig) as station:
             body = StationBody(station, station.joints, self.markers, keep_images=keep_images)
             rng = np.random.default_rng((self.seed, session, 2))
             plan = self.plan(station, circle, free if poses is None else 0, rng)
@@ -176,7 +155,6 @@ class NicoBeforeItsEyes:
                 folder=folder,
                 progress=progress,
             )
->>>>>>> robot
 
     def board_views(
         self,
@@ -224,9 +202,6 @@ class NicoBeforeItsEyes:
                 f"{count} are wanted"
             )
         names = tuple(f"{i + 1:02d}" for i in range(count))
-<<<<<<< HEAD
-        return BoardViews(BOARD.points, names, EYES, np.array(pixels), station.image_size)
-=======
         return BoardViews(BOARD.points, names, EYES, np.array(pixels), size)
 
 
@@ -237,11 +212,3 @@ def _pictures(station: NicoStation, board_poses: Iterable[NDArray]) -> Iterator[
         context.SetTime(float(second))
         station.hold_board(context, X_BG)
         yield [station.picture(context, eye) for eye in EYES]
-
-
-def _recorded(folder: Path | None) -> int:
-    """Return how many poses an interrupted recording has."""
-    if folder is None or not folder.exists():
-        return 0
-    return len(Dataset.load(folder).samples)
->>>>>>> robot

@@ -8,6 +8,12 @@ from numpy.typing import ArrayLike, NDArray
 from nico_selfmodel.errors import ModelError
 from nico_selfmodel.model.mirror_rig import MirrorRig
 
+_LEFT_OUT = 0.1
+"""What lenses and detectors leave out, beside the noise of a pixel coordinate [px]."""
+_LARGEST_CHI_SQUARE = 25.0
+"""Of one degree of freedom: two lines of sight to one thing pass each other by so much once in two
+million times."""
+
 
 @dataclass(frozen=True, eq=False)
 class MirrorLocation:
@@ -16,11 +22,14 @@ class MirrorLocation:
     p_WQ: NDArray
     """The thing, in front of the glass [m]. Shape (3,)."""
     covariance: NDArray
-    """From the pixels and from what is not known of the mirror [m^2]. Shape (3, 3)."""
+    """From the pixels and from what is not known of the mirror; larger where the lines of sight
+    miss each other by more than the noise lets them [m^2]. Shape (3, 3)."""
     sight: NDArray
     """Unit vector of the last stretch of the left eye's line of sight. Shape (3,)."""
     miss: float
     """Distance of the pixels from where such a thing would be seen, rms of the eyes [px]."""
+    chi_square: float
+    """The squared miss over its expectation, of one degree of freedom."""
     in_front_by: float
     """Distance from the glass [m]."""
 
@@ -52,6 +61,7 @@ class MirrorLocation:
             "sigma_across_mm": 1e3 * self.sigma_across,
             "in_front_mm": 1e3 * self.in_front_by,
             "miss_px": self.miss,
+            "chi_square": self.chi_square,
         }
 
 
@@ -63,6 +73,10 @@ def locate_in_mirror(
     The depth is that of stereo at the distance of the reflection: 15 mm at half a metre for 0.3 px,
     however well the mirror is known. Across the line of sight it is some millimetres.
 
+    Four pixel coordinates tell three of a place; the fourth tells whether the two lines of sight
+    meet. Where they pass each other by more than is to be expected, the covariance grows with the
+    square of that (Birge's ratio), and far beyond it there is no place to tell.
+
     Args:
         rig: Eyes and mirror.
         pixels: Left u, v and right u, v of each reflection [px]. Shape (N, 4).
@@ -73,7 +87,7 @@ def locate_in_mirror(
 
     Raises:
         ModelError: If pixels are no reflection: their sights meet in front of the glass or behind
-            the eyes.
+            the eyes, or pass each other.
         ValueError: If the shape is wrong or a pixel is not finite.
     """
     pixels = np.asarray(pixels, dtype=float)
@@ -90,6 +104,30 @@ def locate_in_mirror(
     sights = found.p_WQ - rig.virtual.left.X_WC[:3, 3]
     sights /= np.linalg.norm(sights, axis=1, keepdims=True)
     room = rig.plane.distance_to(found.p_WQ)
-    miss = np.sqrt(np.sum(found.residuals**2, axis=1) / 2.0)
-    rows = zip(found.p_WQ, found.covariance, sights, miss.tolist(), room.tolist(), strict=True)
+    squares = np.sum(found.residuals**2, axis=1)
+    chi_square = squares / (pixel_sigma**2 + _LEFT_OUT**2)
+    _require_meeting(pixels, squares, chi_square, pixel_sigma)
+    covariance = found.covariance * np.maximum(chi_square, 1.0)[:, None, None]
+    miss = np.sqrt(squares / 2.0)
+    columns = (sights, miss.tolist(), chi_square.tolist(), room.tolist())
+    rows = zip(found.p_WQ, covariance, *columns, strict=True)
     return tuple(MirrorLocation(*row) for row in rows)
+
+
+def _require_meeting(
+    pixels: NDArray, squares: NDArray, chi_square: NDArray, pixel_sigma: float
+) -> None:
+    """Refuse pixels whose lines of sight pass each other.
+
+    Raises:
+        ModelError: Naming the pixels.
+    """
+    row = int(np.argmax(chi_square)) if len(chi_square) else 0
+    if len(chi_square) and chi_square[row] > _LARGEST_CHI_SQUARE:
+        raise ModelError(
+            f"pixels {', '.join(f'{v:g}' for v in pixels[row])} are not of one thing in this "
+            f"mirror: the two lines of sight pass each other by {np.sqrt(squares[row]):.1f} px, "
+            f"where {np.hypot(pixel_sigma, _LEFT_OUT):.2f} px are to be expected; is it the same "
+            "thing in both images, is the mirror flat, is a pixel known as well as "
+            "--pixel-sigma says?"
+        )

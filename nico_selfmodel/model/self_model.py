@@ -18,9 +18,13 @@ from nico_selfmodel.model.dh_parameters import DhParameters
 from nico_selfmodel.model.dh_table import DhTable
 from nico_selfmodel.model.mirror import Mirror
 from nico_selfmodel.model.mirror_rig import MirrorRig
+from nico_selfmodel.model.noise_mixture import NoiseMixture, mixtures_of
 from nico_selfmodel.model.servo_map import ServoMap
 from nico_selfmodel.model.stereo_rig import EYES, StereoRig
 from nico_selfmodel.names import check_name, listed
+
+MIRROR_FAILURES = "mirror_failures"
+"""Key of `SelfModel.fit`: name of a mirror -> why its calibration failed."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -116,6 +120,7 @@ class SelfModel:
                 object.__setattr__(self, name, float(getattr(self, name)))
         for name in ("robot", "fit", "provenance", "cameras", "mirrors"):
             object.__setattr__(self, name, MappingProxyType(dict(getattr(self, name))))
+        mixtures_of(self.fit)
 
     def _check_names(self) -> None:
         """Refuse names that a terminal would obey."""
@@ -175,6 +180,12 @@ class SelfModel:
             raise ModelError(f"no mirror {mirror!r}; there are: {listed(self.mirrors, mirror)}")
         return MirrorRig(self.rig, self.mirrors[mirror])
 
+    def mirror_failure(self, mirror: str) -> str | None:
+        """Return why a mirror failed its calibration; None where it did not."""
+        failures = self.fit.get(MIRROR_FAILURES)
+        reason = failures.get(mirror) if isinstance(failures, Mapping) else None
+        return None if reason is None else str(reason)
+
     def _lack(self, what: str, command: str) -> str:
         return f"self-model {self.name!r} has no {what}: learn it with `nico-selfmodel {command}`"
 
@@ -188,6 +199,11 @@ class SelfModel:
     def chain(self) -> Chain:
         """The same arm as lines in space."""
         return self.dh.to_chain()
+
+    @property
+    def noise_mixtures(self) -> dict[str, NoiseMixture]:
+        """The noise that the training left, by sensor, `points` or `pixels`; empty if not told."""
+        return mixtures_of(self.fit)
 
     @property
     def parameters(self) -> DhParameters:

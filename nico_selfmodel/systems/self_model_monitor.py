@@ -1,7 +1,7 @@
 """A body that watches itself while it works."""
 
 from collections.abc import Callable
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -12,46 +12,51 @@ from pydrake.systems.framework import BasicVector, Context, LeafSystem, State
 from nico_selfmodel.dataset import Dataset, JointInfo
 from nico_selfmodel.errors import ModelError
 from nico_selfmodel.estimation.diagnosis import Diagnosis, diagnose
-from nico_selfmodel.estimation.health import Watch, watched
-from nico_selfmodel.estimation.sightings import Innovations, covariance_of, sightings_of
+from nico_selfmodel.estimation.health import dated
+from nico_selfmodel.estimation.mixture_density import MixtureDensity
+from nico_selfmodel.estimation.monitor import Monitor
+from nico_selfmodel.estimation.monitored_changes import monitored_changes
+from nico_selfmodel.estimation.pose_residuals import PoseResiduals
+from nico_selfmodel.estimation.sightings import covariance_of, sightings_of
+from nico_selfmodel.estimation.training_noise import expected_noise
 from nico_selfmodel.model import SelfModel
-from nico_selfmodel.model.stereo_rig import EYES
+from nico_selfmodel.model.stereo_rig import EYES, StereoRig
 
 REMEMBERED = 100
-"""Sightings kept to tell the cause of a change."""
+"""Poses kept to tell the cause of a change."""
 
 
 @dataclass(frozen=True, eq=False)
 class MonitorState:
     """What a monitor remembers."""
 
-    watch: Watch = field(default_factory=Watch)
-    """The sums; they stand still after the alarm."""
+    monitor: Monitor
+    """The statistic; it stands still after the alarm."""
     nis: float = np.nan
-    """Of the last sighting; nan where the hand was not seen."""
-    recent: tuple[Innovations, ...] = ()
-    """The last sightings, for the diagnosis."""
+    """Of the last pose; nan where the hand was not seen."""
+    recent: PoseResiduals | None = None
+    """The last poses, for the diagnosis."""
+    since: int | None = None
+    """First of them after the change; None before the alarm."""
     diagnosis: Diagnosis | None = None
     """What changed, after the alarm."""
 
 
 class SelfModelMonitor(LeafSystem):
-    """Hold each new sighting of the hand against a self-model, and say when it no longer fits.
+    """Hold each new pose of the hand against a self-model, and say when it no longer fits.
 
     | port | | carries |
     |---|---|---|
     | `encoders` | in | encoder readings, in the encoders' units |
     | `pixels` | in | left u, v and right u, v of the hand, nan where an eye did not see it [px] |
-    | `nis` | out | normalised innovation squared of the last sighting, nan where there was none |
-    | `excess` | out | cumulative excess of it; above `health.THRESHOLD` something changed |
-    | `ratio` | out | likelihood ratio of a change; above `health.RATIO_THRESHOLD` likewise |
-    | `slip` | out | log-likelihood of a joint's slip; above `health.SLIP_THRESHOLD` likewise |
+    | `nis` | out | normalised innovation squared of the last pose, nan where nothing was seen |
+    | `log_ratio` | out | statistic ln R; above `estimation.monitor.THRESHOLD` something changed |
     | `alarm` | out | 1 once something changed, else 0 |
     | `cause` | out | what changed in words, empty before the alarm (abstract, str) |
 
     A model without eyes has the port `p_WH` instead of `pixels`, the hand's measured point [m].
-    It looks every `period` seconds. Only what changes from sighting to sighting is news to it: a
-    hand that stands still should be looked at once.
+    It looks every `period` seconds. Only what changes from pose to pose is news to it: a hand that
+    stands still should be looked at once.
     """
 
     def __init__(self, model: SelfModel, period: float = 0.1, marker: str | None = None) -> None:
@@ -63,7 +68,7 @@ class SelfModelMonitor(LeafSystem):
             marker: Which tracked point; the first one if omitted.
 
         Raises:
-            ModelError: If the model does not say how well it is known.
+            ModelError: If the model does not say how well it is known, or what noise to expect.
             ValueError: If there is no such marker, or the period is not positive.
         """
         super().__init__()
@@ -76,14 +81,20 @@ class SelfModelMonitor(LeafSystem):
         self.model = model
         self.marker = model.markers[model.chain.marker_index(marker or model.markers[0])]
         self._by_pixels = set(model.cameras) == set(EYES)
+        self._sensor = "pixels" if self._by_pixels else "points"
         self._joints = _joints_of(model)
+        names = model.parameters.names + (StereoRig.names_of() if self._by_pixels else ())
+        self._covariance = covariance_of(model, names)
+        self._changes = monitored_changes(model, names)
+        self._noise = expected_noise(model, self._sensor)
         self._encoders = self.DeclareVectorInputPort("encoders", len(model.joints))
         name, size = ("pixels", 4) if self._by_pixels else ("p_WH", 3)
         self._sighting = self.DeclareVectorInputPort(name, size)
-        self._state = self.DeclareAbstractState(Value(MonitorState()))
+        first = MonitorState(Monitor.of(self._changes.weights))
+        self._state = self.DeclareAbstractState(Value(first))
         self.DeclarePeriodicUnrestrictedUpdateEvent(period, 0.0, self._look)
         needs = {self.abstract_state_ticket(self._state)}
-        for port in ("nis", "excess", "ratio", "slip", "alarm"):
+        for port in ("nis", "log_ratio", "alarm"):
             self.DeclareVectorOutputPort(port, BasicVector(1), _writer(self, port), needs)
         self.DeclareAbstractOutputPort("cause", lambda: Value(""), self._say, needs)
 
@@ -103,20 +114,28 @@ class SelfModelMonitor(LeafSystem):
             holder.set_value(replace(before, nis=np.nan))
             return
         pose = self._pose(np.asarray(self._encoders.Eval(context), dtype=float), seen)
-        sightings = sightings_of(self.model, pose, "pixels" if self._by_pixels else "points")
-        names = sightings.names
-        new = sightings.innovations(covariance_of(self.model, names))
-        watch = before.watch
-        if not watch.alarm:
-            r, slopes = new.whitened
-            own = new.seen[0]
-            watch = watch.after(r[0, own], *watched(self.model, names).of(slopes[0][own]))
-        recent = (*before.recent, new)[-REMEMBERED:]
-        diagnosis = before.diagnosis
-        if watch.alarm:
-            recent, since = _since(before, watch, recent)
-            diagnosis = diagnose(self.model, names, _together(since))[0]
-        holder.set_value(MonitorState(watch, float(new.nis[0]), recent, diagnosis))
+        new = PoseResiduals.of(sightings_of(self.model, pose, self._sensor))
+        density = MixtureDensity(new, self._noise, self._covariance)
+        nis = float(density.nis(new.residuals)[0])
+        step = self._changes.steps(density, new.residuals, new.slopes)[0]
+        holder.set_value(replace(self._after(before, new, step), nis=nis))
+
+    def _after(self, before: MonitorState, new: PoseResiduals, step: NDArray) -> MonitorState:
+        """Return what is remembered after one more pose."""
+        monitor = before.monitor if before.monitor.alarm else before.monitor.after(step)
+        recent = new if before.recent is None else PoseResiduals.together((before.recent, new))
+        lost = max(len(recent) - REMEMBERED, 0)
+        recent = recent.select(slice(lost, None))
+        if not monitor.alarm:
+            return MonitorState(monitor, recent=recent)
+        if before.since is None:
+            count = len(recent)
+            first = max(count - (monitor.poses - monitor.changed_at), 0)
+            since, found = dated(self.model, recent, self._noise, first, count - 1)
+        else:
+            since = max(before.since - lost, 0)
+            found = diagnose(self.model, recent, self._noise, since)
+        return MonitorState(monitor, np.nan, recent, since, found[0])
 
     def _pose(self, encoders: NDArray, seen: NDArray) -> Dataset:
         column = {"pixels": seen[None]} if self._by_pixels else {"p_WH_measured": seen[None]}
@@ -137,25 +156,10 @@ class SelfModelMonitor(LeafSystem):
 def _writer(monitor: SelfModelMonitor, port: str) -> Callable[[Context, BasicVector], None]:
     def write(context: Context, vector: BasicVector) -> None:
         state = monitor.state_of(context)
-        value = state.nis if port == "nis" else float(getattr(state.watch, port))
+        value = state.nis if port == "nis" else float(getattr(state.monitor, port))
         vector.SetFromVector([value])
 
     return write
-
-
-def _since(
-    before: MonitorState, watch: Watch, recent: tuple[Innovations, ...]
-) -> tuple[tuple[Innovations, ...], tuple[Innovations, ...]]:
-    """Return what to keep, and the sightings after the change: all that is kept from then on."""
-    if before.watch.alarm:
-        return recent, recent
-    after = recent[-(watch.sightings - watch.changed_at) :]
-    return after, after
-
-
-def _together(rows: tuple[Innovations, ...]) -> Innovations:
-    parts = ("residuals", "slopes", "covariance", "seen")
-    return Innovations(*(np.concatenate([getattr(row, p) for row in rows]) for p in parts))
 
 
 def _joints_of(model: SelfModel) -> tuple[JointInfo, ...]:

@@ -193,7 +193,7 @@ def _largest(changes: Mapping[str, Mapping[str, Any]]) -> dict[str, Mapping[str,
     def size(name: str) -> float:
         entry = changes[name]
         sigma = entry["sigma"]
-        return abs(entry["after"] - entry["before"]) / sigma if sigma else 0.0
+        return abs(entry["change"]) / sigma if sigma else 0.0
 
     lengths = [name for name in changes if name == "baseline" or name.startswith("link.")]
     others = sorted((n for n in changes if n not in lengths and size(n) > 0.0), key=size)

@@ -80,13 +80,14 @@ def change_table(changes: Mapping[str, Mapping[str, Any]], heading: str = "param
         unit, factor = _SHOWN[entry["unit"]]
         sigma = None if entry["sigma"] is None else factor * entry["sigma"]
         before, after = factor * entry["before"], factor * entry["after"]
+        change = factor * entry["change"]
         # A change is worth as many digits as its sigma, or as it is large itself.
-        scale = sigma if sigma else 0.1 * abs(after - before) or None
-        over = abs(after - before) / sigma if sigma else None
+        scale = sigma if sigma else 0.1 * abs(change) or None
+        over = abs(change) / sigma if sigma else None
         cells = (
             Cell(decimals(before, scale), value=entry["before"]),
             Cell(decimals(after, scale), value=entry["after"]),
-            Cell(f"{'+' if after > before else ''}{decimals(after - before, scale)}"),
+            Cell(f"{'+' if change > 0.0 else ''}{decimals(change, scale)}"),
             Cell("" if sigma is None else f"± {decimals(sigma, sigma)}", value=entry["sigma"]),
             Cell("" if over is None else f"{over:.1f}"),
             Cell(unit),

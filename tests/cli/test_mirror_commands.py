@@ -71,6 +71,23 @@ def test_a_thing_seen_in_the_mirror_is_located(command, result, body):
     assert "seen in mirror middle" in shown.stdout
 
 
+def test_nothing_is_located_in_a_mirror_that_failed(command, inputs, body, tmp_path):
+    """The self-model says so itself, until the mirror passes."""
+    out, again = tmp_path / "failed", tmp_path / "passed"
+    words = ("--model", inputs / "body.yaml", "--test", inputs / "test")
+    command(
+        "calibrate", "mirror", inputs / "train", *words, "--out", out, "--require-test-px", 0.01
+    )
+    seen = ",".join(f"{v:.3f}" for v in body.watch("middle", 1, session=5).pixels[0])
+    done = command("locate", out, "--mirror", "middle", f"--pixels={seen}")
+    assert done.returncode == 2
+    assert "mirror 'middle' failed its calibration (mean held-out error" in done.stderr
+    assert len(done.stderr.strip().splitlines()) == 1
+    words = ("--model", out, "--test", inputs / "test", "--out", again)
+    assert command("calibrate", "mirror", inputs / "train", *words).returncode == 0
+    assert command("locate", again, "--mirror", "middle", f"--pixels={seen}").returncode == 0
+
+
 def test_json_is_the_result_file(command, inputs, tmp_path):
     out = tmp_path / "result"
     words = ("--model", inputs / "body.yaml", "--test-fraction", "0.3", "--out", out, "--json")

@@ -143,6 +143,24 @@ def seen_with_smooth_errors(seed, radius=None, count=50):
     return Reflections.from_dataset(data, body(True))
 
 
+@pytest.mark.parametrize("seed", range(8))
+def test_a_pose_that_one_eye_missed_does_not_bend_a_mirror(seed):
+    """What was not seen is no part of the covariance of what was."""
+    rng = np.random.default_rng((seed, 5))
+    data = recording(poses(20, seed), sigma=0.03, play=np.radians(0.8), seed=seed)
+    reflections = Reflections.from_dataset(data, body(True))
+    pixels = reflections.pixels.copy()
+    for row in np.flatnonzero(rng.random(20) < 0.25):
+        eye = 2 * int(rng.integers(2))
+        pixels[row, eye : eye + 2] = np.nan
+    noise = ReflectionNoise(0.03, np.radians(0.8) / np.sqrt(3.0))
+    partly = replace(reflections, pixels=pixels)
+    (mirror,) = solve_mirrors(partly, (MIRROR,), noise).mirrors
+    test = flatness_of(partly, mirror, noise)
+    assert test.by_chance > 0.003, (seed, test)
+    assert test.redundancy == int(partly.seen.sum()) - 12
+
+
 @pytest.mark.slow
 def test_joints_that_err_alike_in_neighbouring_poses_do_not_bend_a_mirror():
     noise = ReflectionNoise(0.3, np.radians(0.5))

@@ -11,7 +11,7 @@ from nico_selfmodel.estimation import (
     judge_body,
     rezero,
 )
-from nico_selfmodel.estimation.health import watched
+from nico_selfmodel.estimation.monitored_changes import JUMPS
 from nico_selfmodel.estimation.sightings import covariance_of, sightings_of
 from nico_selfmodel.model.link_lengths import link_lengths
 from nico_selfmodel.model.self_model import SelfModel
@@ -154,18 +154,17 @@ def test_slips_of_two_degrees_are_seen_soon_and_named():
     assert max(delays.values()) <= 3.0, delays
 
 
-def test_what_a_sighting_tells_of_a_slip_is_as_documented():
+def test_what_a_pose_tells_of_a_jump_is_as_documented():
     """Lorden's bound on the mean delay, log(poses between false alarms) / information a pose."""
     information = {}
     for seed in range(3):
         model = learned(seed).model
         sightings = sightings_of(model, only_eyes(poses(body(seed), 150, 300)))
-        new = sightings.innovations(covariance_of(model, sightings.names))
-        which = watched(model, sightings.names)
-        for slopes in new.whitened[1]:
-            squares = 0.5 * np.sum(which.of(slopes)[1] ** 2, axis=0)
-            for joint, found in zip(model.joints, squares, strict=True):
-                information.setdefault(joint, []).append(found)
+        whitened = sightings.innovations(covariance_of(model, sightings.names)).whitened[1]
+        for joint, gear in zip(model.joints, model.servos.gear, strict=True):
+            column = sightings.names.index(f"{joint}.theta_offset")
+            h = whitened[:, :, column] * JUMPS[0] * gear
+            information.setdefault(joint, []).append(0.5 * np.mean(np.sum(h * h, axis=1)))
     twist = np.mean(information.pop("right_upper_arm_twist"))
     assert twist == pytest.approx(6.8, rel=0.25)
     # 40 x 300 poses without a false alarm, 19 times in 20.

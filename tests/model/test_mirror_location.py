@@ -59,3 +59,41 @@ def test_what_is_no_reflection_is_refused():
         locate_in_mirror(BEFORE, np.zeros((1, 2)))
     with pytest.raises(ValueError, match="finite"):
         locate_in_mirror(BEFORE, np.full((1, 4), np.nan))
+
+
+def apart(miss):
+    """Return pixels whose lines of sight pass each other by so many pixels in all."""
+    pixels = BEFORE.project(THINGS[:1])
+    # The direction that no place moves: along it the triangulation leaves everything.
+    free = BEFORE.projection(THINGS[:1]).by_point[0]
+    return pixels + miss * np.linalg.svd(free)[0][:, 3]
+
+
+def test_lines_of_sight_that_pass_each_other_make_the_place_unsure():
+    meeting, passing = (locate_in_mirror(BEFORE, apart(m), 0.3)[0] for m in (0.0, 1.2))
+    assert meeting.chi_square < 1e-9
+    assert passing.chi_square == pytest.approx(1.2**2 / 0.1, rel=1e-3)
+    assert passing.miss == pytest.approx(1.2 / np.sqrt(2.0), rel=1e-3)
+    assert passing.sigma / meeting.sigma == pytest.approx(np.sqrt(passing.chi_square), rel=1e-3)
+    # Closer than was to be expected is no surer.
+    near = locate_in_mirror(BEFORE, apart(0.1), 0.3)[0]
+    assert near.sigma == pytest.approx(meeting.sigma, rel=1e-3)
+    assert near.as_document()["chi_square"] == near.chi_square
+
+
+def test_lines_of_sight_far_apart_are_not_of_one_thing():
+    with pytest.raises(ModelError, match=r"pass each other by 8\.7 px, where 0\.32 px are"):
+        locate_in_mirror(BEFORE, np.concatenate([apart(0.0), apart(8.7)]), 0.3)
+    # Five standard deviations are the limit; pixels known worse may miss by more.
+    limit = 5.0 * np.hypot(0.3, 0.1)
+    assert locate_in_mirror(BEFORE, apart(0.99 * limit), 0.3)[0].sigma > 0.02
+    with pytest.raises(ModelError, match="not of one thing"):
+        locate_in_mirror(BEFORE, apart(1.01 * limit), 0.3)
+    assert locate_in_mirror(BEFORE, apart(8.7), 3.0)[0].chi_square < 9.0
+
+
+def test_the_miss_of_noisy_pixels_is_chi_square_of_one():
+    rng = np.random.default_rng(1)
+    pixels = np.tile(BEFORE.project(THINGS[:1]), (400, 1)) + rng.normal(0.0, 0.3, (400, 4))
+    found = np.array([place.chi_square for place in locate_in_mirror(BEFORE, pixels, 0.3)])
+    assert np.mean(found) == pytest.approx(0.9, abs=0.2)

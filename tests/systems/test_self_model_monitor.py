@@ -13,6 +13,7 @@ from nico_selfmodel.estimation import calibrate_body, check_health
 from nico_selfmodel.experiments.body_protocol import BodyProtocol
 from nico_selfmodel.experiments.refinement import simulated_lesson
 from nico_selfmodel.systems import WORLDS, SelfModelMonitor
+from nico_selfmodel.systems.self_model_monitor import REMEMBERED
 
 PERIOD = 0.1
 
@@ -45,7 +46,7 @@ def watch(monitor, data, column="pixels"):
         monitor.GetInputPort("encoders").FixValue(context, data.encoders[i])
         monitor.GetInputPort(column).FixValue(context, seen[i])
         simulator.AdvanceTo(PERIOD * (i + 0.5))
-        names = ("nis", "excess", "ratio", "alarm")
+        names = ("nis", "log_ratio", "alarm")
         values = [monitor.GetOutputPort(name).Eval(context)[0] for name in names]
         outputs.append((*values, monitor.GetOutputPort("cause").Eval(context)))
     return outputs, context
@@ -55,10 +56,9 @@ def test_it_says_what_the_check_of_a_recording_says(case):
     model, data = case[2], replace(poses(case, 20), pixel_sigma_px=None)
     outputs, _ = watch(SelfModelMonitor(model, PERIOD), data)
     report = check_health(model, data)
-    nis, excess, ratio, alarm, cause = zip(*outputs, strict=True)
+    nis, log_ratio, alarm, cause = zip(*outputs, strict=True)
     assert np.array(nis) == pytest.approx(report.nis)
-    assert np.array(excess) == pytest.approx(report.excess)
-    assert np.array(ratio) == pytest.approx(report.ratio)
+    assert np.array(log_ratio) == pytest.approx(report.log_ratio)
     assert not any(alarm)
     assert set(cause) == {""}
 
@@ -70,8 +70,19 @@ def test_a_slip_raises_the_alarm_and_its_cause_becomes_clear(case):
     assert 1.0 in alarms[:4]
     first = alarms.index(1.0)
     assert all(alarms[first:])
-    assert outputs[first - 1][4] == ""
-    assert outputs[-1][4] == "zero of right_shoulder_roll"
+    assert outputs[first - 1][-1] == ""
+    assert outputs[-1][-1] == "zero of right_shoulder_roll"
+
+
+def test_it_forgets_the_oldest_poses_and_keeps_the_cause(case):
+    """More poses after the alarm than are kept: what changed stays the same."""
+    model = case[2]
+    monitor = SelfModelMonitor(model, PERIOD)
+    outputs, context = watch(monitor, poses(case, REMEMBERED + 20, np.radians(3.0)))
+    state = monitor.state_of(context)
+    assert len(state.recent) == REMEMBERED
+    assert state.since == 0
+    assert outputs[-1][-1] == "zero of right_shoulder_roll"
 
 
 def test_contexts_remember_for_themselves(case):
@@ -79,7 +90,7 @@ def test_contexts_remember_for_themselves(case):
     watch(monitor, poses(case, 6, np.radians(5.0)))
     outputs, context = watch(monitor, poses(case, 6))
     assert not any(alarm for *_, alarm, _ in outputs)
-    assert monitor.state_of(context).watch.sightings == 6
+    assert monitor.state_of(context).monitor.poses == 6
 
 
 def test_a_hand_that_is_not_seen_is_no_sighting(case):
@@ -90,9 +101,9 @@ def test_a_hand_that_is_not_seen_is_no_sighting(case):
     monitor = SelfModelMonitor(case[2], PERIOD)
     outputs, context = watch(monitor, replace(data, pixels=pixels))
     assert np.isnan(outputs[2][0])
-    assert outputs[2][1:3] == outputs[1][1:3]
+    assert outputs[2][1] == outputs[1][1]
     assert np.isfinite(outputs[4][0])
-    assert monitor.state_of(context).watch.sightings == 5
+    assert monitor.state_of(context).monitor.poses == 5
 
 
 def test_a_model_without_eyes_watches_points(case):
@@ -109,7 +120,7 @@ def test_a_model_without_eyes_watches_points(case):
     assert monitor.GetInputPort("p_WH").size() == 3
     data = poses(case, 8, np.radians(4.0), observed=True)
     outputs, _ = watch(monitor, replace(data, pixels=None), "p_WH")
-    assert outputs[-1][3] == 1.0
+    assert outputs[-1][2] == 1.0
 
 
 def test_it_stands_in_a_diagram(case):
@@ -125,13 +136,16 @@ def test_it_stands_in_a_diagram(case):
     simulator.AdvanceTo(0.35)
     assert diagram.GetOutputPort("alarm").Eval(simulator.get_context())[0] == 0.0
     state = monitor.state_of(monitor.GetMyContextFromRoot(simulator.get_context()))
-    assert state.watch.sightings == 4
+    assert state.monitor.poses == 4
 
 
 def test_what_it_cannot_watch_is_refused(case):
     model = case[2]
     with pytest.raises(ModelError, match="does not say how well"):
         SelfModelMonitor(replace(model, covariance=None))
+    untold = {key: value for key, value in model.fit.items() if key != "noise"}
+    with pytest.raises(ModelError, match="what noise its training left"):
+        SelfModelMonitor(replace(model, fit=untold))
     with pytest.raises(ValueError, match="period must be positive"):
         SelfModelMonitor(model, 0.0)
     with pytest.raises(ValueError, match="no marker 'thumb'"):

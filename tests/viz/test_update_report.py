@@ -149,18 +149,18 @@ def test_what_check_learned_anew_shows_what_told_it(relearned):
     assert abs(change["after"] - change["before"]) > 3.0 * change["sigma"]
 
 
-def test_the_plot_of_health_ends_its_sums_at_the_alarm(relearned):
+def test_the_plot_of_health_ends_its_statistic_at_the_alarm(relearned):
     *_, health = relearned
     above, below = health_plot(health).axes
     assert len(above.lines[0].get_xdata()) == len(health.nis)
-    sums = below.lines[: len(health.sums)]
-    assert all(len(line.get_xdata()) == health.alarm_at + 1 for line in sums)
-    assert max(line.get_ydata()[-1] for line in sums) > 100.0
+    course, limit = below.lines[:2]
+    assert len(course.get_xdata()) == health.alarm_at + 1
+    assert course.get_ydata()[-1] > limit.get_ydata()[0] == health.threshold
 
 
 def test_a_healthy_body_has_a_plot_without_an_alarm(model):
     figure = health_plot(check_health(model, poses(20, session=9)))
-    assert "20 sightings fit" in figure.get_suptitle()
+    assert "20 poses fit" in figure.get_suptitle()
 
 
 def test_the_scene_shows_where_the_hand_was_thought_before_and_the_arm_as_it_was(relearned):

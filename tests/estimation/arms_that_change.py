@@ -1,0 +1,70 @@
+"""Simulated arms under motion capture, their sessions, and what may happen to them in between."""
+
+from dataclasses import replace
+from functools import cache
+
+import numpy as np
+
+from nico_selfmodel.dataset import Dataset
+from nico_selfmodel.estimation import calibrate_kinematics
+from nico_selfmodel.experiments.protocol import Protocol
+from nico_selfmodel.model import SelfModel
+from nico_selfmodel.plant import ArmDescription
+from nico_selfmodel.systems import WORLDS, SimulatedArm, World
+
+THESIS, CLEAN = WORLDS["thesis"], WORLDS["clean"]
+CELLS = {
+    "clean": CLEAN,
+    "thesis": THESIS,
+    "joint noise": replace(CLEAN, name="joint noise", play=THESIS.play),
+    "sag": replace(CLEAN, name="sag", sag=THESIS.sag),
+    "wobble": replace(CLEAN, name="wobble", wobble=THESIS.wobble, wobble_share=THESIS.wobble_share),
+    "tracker noise": replace(
+        CLEAN,
+        name="tracker noise",
+        marker_sigma=THESIS.marker_sigma,
+        dropout_share=THESIS.dropout_share,
+    ),
+}
+"""The worlds, and each imperfection alone."""
+
+
+@cache
+def arm() -> ArmDescription:
+    return ArmDescription.named("nico", "right_arm")
+
+
+def session(
+    world: World,
+    seed: int,
+    number: int,
+    count: int = 100,
+    *,
+    sweeps: bool = False,
+    tags: int = 1,
+) -> Dataset:
+    """Return random poses of one robot; the tags lie within centimetres of its hand's marker."""
+    chain = arm().chain
+    if tags > 1:
+        off = np.random.default_rng(tags).normal(0.0, 0.02, (tags, 3))
+        names = tuple(f"tag{k}" for k in range(tags))
+        chain = replace(chain, markers=names, p_WH_zero=chain.p_WH_zero + off)
+    body = SimulatedArm(chain, arm().lower, arm().upper, world, seed, number)
+    protocol = replace(Protocol.for_arm(arm()), random_poses=count)
+    rng = np.random.default_rng((seed, number, 2))
+    return protocol.run(body, "session", rng, sweeps=sweeps)
+
+
+@cache
+def learned_arm(world: World, seed: int, tags: int = 1) -> SelfModel:
+    """Return what one robot learned from its circles and 100 random poses."""
+    train = session(world, seed, 0, sweeps=True, tags=tags)
+    return calibrate_kinematics(train, explain=False).model
+
+
+def jumped(data: Dataset, model: SelfModel, joint: int, degrees: float, at: int = 0) -> Dataset:
+    """Return data whose encoder of a joint jumped before a row, by so much of the joint's angle."""
+    servos, encoders = model.servos, data.encoders.copy()
+    moved = np.radians(degrees) * servos.gear[joint] / servos.radians_per_unit[joint]
+    encoders[at:, joint] += moved
+    return replace(data, encoders=encoders)

@@ -1,0 +1,110 @@
+"""The statistic of Shiryaev and Roberts, and what a pose says for a change."""
+
+import numpy as np
+import pytest
+
+from nico_selfmodel.estimation.mixture_density import MixtureDensity
+from nico_selfmodel.estimation.monitor import (
+    HEAD_START,
+    THRESHOLD,
+    Monitor,
+    chance_of_false_alarm,
+)
+from nico_selfmodel.estimation.monitored_changes import LARGEST_STEP, monitored_changes
+from nico_selfmodel.estimation.pose_residuals import PoseResiduals
+from nico_selfmodel.estimation.sightings import covariance_of, sightings_of
+
+from .simulated_bodies import body, learned, only_eyes, poses
+
+JUMPS = np.array([-2.0, -1.0, 1.0, 2.0])
+
+
+def steps_of(x):
+    """Return ln N(x; h, 1) / N(x; 0, 1) for every h."""
+    return np.outer(x, JUMPS) - 0.5 * JUMPS**2
+
+
+def test_no_more_false_alarms_than_theory_allows_and_not_far_fewer():
+    rng, limit, poses_each, runs = np.random.default_rng(0), 5.0, 60, 1500
+    alarms = 0
+    for _ in range(runs):
+        monitor = Monitor.of(np.full(4, 0.25))
+        for step in steps_of(rng.normal(size=poses_each)):
+            monitor = monitor.after(step)
+            if monitor.log_ratio > limit:
+                alarms += 1
+                break
+    bound = (poses_each + HEAD_START) * np.exp(-limit)
+    assert 0.2 * bound < alarms / runs < bound
+    assert chance_of_false_alarm(60) == pytest.approx(bound * np.exp(limit - THRESHOLD))
+    assert chance_of_false_alarm(10**9) == 1.0
+    assert chance_of_false_alarm(100) < 0.006
+
+
+def test_a_change_raises_the_alarm_and_its_first_pose_is_found():
+    rng = np.random.default_rng(1)
+    delays, first = [], []
+    for _ in range(50):
+        x = np.concatenate([rng.normal(size=40), 2.0 + rng.normal(size=40)])
+        monitor = Monitor.of(np.full(4, 0.25))
+        for step in steps_of(x):
+            monitor = monitor.after(step)
+            if monitor.alarm:
+                break
+        delays.append(monitor.poses - 40)
+        first.append(monitor.changed_at)
+    # Lorden: at least (threshold + what four hypotheses cost) / information of 2 nats a pose.
+    assert 5.0 < np.mean(delays) < 8.0
+    assert np.median(first) == pytest.approx(40, abs=1)
+
+
+def test_a_change_before_the_first_pose_is_seen_sooner_than_one_in_between():
+    late = Monitor.of(np.ones(1))
+    for _ in range(40):
+        late = late.after(np.full(1, -2.0))
+    early = Monitor.of(np.ones(1))
+    assert early.log_ratio == pytest.approx(np.log(HEAD_START))
+    assert early.after(np.full(1, 3.0)).log_ratio > late.after(np.full(1, 3.0)).log_ratio + 2.0
+
+
+@pytest.fixture(scope="module")
+def watched():
+    model = learned(0).model
+    seen = PoseResiduals.of(sightings_of(model, only_eyes(poses(body(), 60))))
+    return model, seen, monitored_changes(model, seen.names)
+
+
+def test_the_changes_looked_for_weigh_one_in_all(watched):
+    _, seen, changes = watched
+    assert changes.weights.sum() == pytest.approx(1.0)
+    assert (changes.weights > 0.0).all()
+    # Jumps and gears of four joints, 28 shifts of the point, two cameras, anything.
+    assert len(changes) == 4 * 4 + 4 * 2 + 28 + 12 + 2
+    moved = seen.slopes @ changes.basis
+    assert (np.abs(moved).max(axis=(0, 1)) > 1.0).all()
+
+
+def test_what_healthy_poses_say_is_no_larger_than_chance_in_the_mean(watched):
+    """E exp(l) is 1 at most while nothing changed: that is what bounds the false alarms."""
+    model, seen, changes = watched
+    noise = model.noise_mixtures["pixels"]
+    density = MixtureDensity(seen, noise, covariance_of(model, seen.names))
+    steps = changes.steps(density, seen.residuals, seen.slopes)
+    assert changes.weights @ np.exp(steps).mean(axis=0) < 1.2
+
+
+def test_no_pose_says_more_than_that_it_may_be_an_outlier(watched):
+    model, seen, changes = watched
+    noise = model.noise_mixtures["pixels"]
+    density = MixtureDensity(seen, noise, covariance_of(model, seen.names))
+    wild = seen.residuals + 300.0
+    most = changes.steps(density, wild, seen.slopes).max()
+    assert most == pytest.approx(-np.log(noise.outlier_share))
+    assert most < LARGEST_STEP
+    # Two of them in a row are none's alarm, whatever they speak for.
+    monitor = Monitor.of(changes.weights)
+    for _ in range(2):
+        monitor = monitor.after(np.full(len(changes), -3.0))
+    for _ in range(1):
+        monitor = monitor.after(np.full(len(changes), most))
+    assert not monitor.alarm
