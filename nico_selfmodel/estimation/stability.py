@@ -40,6 +40,8 @@ _FOLLOWS = 0.9
 """Correlation of a reading with time above which place and time cannot be told apart ..."""
 _OVERLAP = 0.2
 """... as where less of the poses before a step lies within the range of those after, or back."""
+_EXPLAINS_MORE = 1.5
+"""Ratio of what a change and what a pattern make the residuals smaller by, beyond which it is one."""
 _SIMPLER = 7.0
 """Chi square that each further number of a change must bring to be named."""
 
@@ -102,9 +104,12 @@ def change_in_time(
     alike = mixed_in_time(
         observations, found.course[np.searchsorted(sums.last, observations.sample)]
     )
-    most = max((pattern.score.gain for pattern in patterns), default=0.0)
-    told = alike and found.statistic > most
-    return Change(what, chance, sums.improvement(columns, found), told)
+    ratio = sums.improvement(columns, found)
+    # Sums of scores are cut and swelled, so that a pattern may gain more and explain much less.
+    gain = max((pattern.score.gain for pattern in patterns), default=0.0)
+    explained = max((pattern.score.improvement for pattern in patterns), default=1.0)
+    surely = found.statistic > gain or ratio > _EXPLAINS_MORE * explained
+    return Change(what, chance, ratio, alike and surely)
 
 
 def mixed_in_time(observations: Observations, course: NDArray) -> bool:

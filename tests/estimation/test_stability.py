@@ -8,6 +8,8 @@ import pytest
 from nico_selfmodel.dataset import Dataset
 from nico_selfmodel.estimation import calibrate_kinematics, judge
 
+from .random_arms import random_recording
+
 SIGMA = 3e-4
 POSES = 90
 
@@ -114,3 +116,12 @@ def test_points_that_lag_behind_the_readings_are_named_with_how_far(truth, late_
     assert "the points lag behind the readings by about" in words
     size = float(words.split("by about ")[-1].split()[0])
     assert size == pytest.approx(late_by, rel=0.35)
+
+
+def test_a_jump_that_looks_like_an_eccentric_gear_is_told_by_what_it_explains():
+    recording = random_recording("encoder jump", 5003, fresh=1)
+    train, _ = recording.dataset.split(0.3, 1)
+    result = calibrate_kinematics(train, explain=False)
+    assert result.patterns
+    assert result.change is not None
+    assert result.change.notable
