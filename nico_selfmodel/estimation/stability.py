@@ -41,7 +41,7 @@ _FOLLOWS = 0.9
 _OVERLAP = 0.2
 """... as where less of the poses before a step lies within the range of those after, or back."""
 _EXPLAINS_MORE = 1.5
-"""Ratio of what a change and what a pattern make the residuals smaller by, beyond which it is one."""
+"""How many times more than a pattern a change must explain that the pattern outdoes in gain."""
 _SIMPLER = 7.0
 """Chi square that each further number of a change must bring to be named."""
 
