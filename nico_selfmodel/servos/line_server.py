@@ -19,6 +19,8 @@ _UNFINISHED = 5.0
 """Time from the first byte of a line to its last, and for a client to read its answers [s]."""
 _LAST_WORDS = 0.5
 """How long a client that is hung up on may go on talking [s], lest it miss why."""
+_NEXT_LOOK = 0.05
+"""How long a server that ends waits before it looks who is still there [s]."""
 _PACE = 2e-3
 """Time from one ordinary request to the next, whoever asks [s]."""
 _ORDINARY = 2048
@@ -154,11 +156,16 @@ class LineServer:
     async def _serve(self, listener: socket.socket) -> None:
         server = await asyncio.start_server(self._attend, sock=listener, limit=LONGEST_LINE)
         await self._ended.wait()
+        # Let nobody in before it is closed: asyncio would lose those who are half inside.
+        with suppress(NotImplementedError):  # Windows' own loop lets in otherwise
+            asyncio.get_running_loop().remove_reader(listener)
+        await asyncio.sleep(0)
         server.close()
-        attended = list(self._clients)
-        for task in attended:
-            task.cancel()
-        await asyncio.gather(*attended, return_exceptions=True)
+        # Some may have been let in whom nobody attends to yet: their turn comes, and ends.
+        while others := asyncio.all_tasks() - {asyncio.current_task()}:
+            for task in list(self._clients):
+                task.cancel()
+            await asyncio.wait(others, timeout=_NEXT_LOOK)
 
     async def _attend(self, reader: asyncio.StreamReader, writer: asyncio.StreamWriter) -> None:
         """Answer line after line until the client hangs up, or has to."""

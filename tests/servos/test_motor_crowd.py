@@ -1,5 +1,6 @@
 """A stop is heard whatever other clients do: idle ones, half lines, floods, crowds, web pages."""
 
+import gc
 import http.client
 import json
 import socket
@@ -274,3 +275,21 @@ def test_a_flood_does_not_keep_whoever_holds_the_lease_from_commanding(server, b
         flood.kill()
         flood.wait()
         flood.stdout.close()
+
+
+def test_a_server_that_ends_while_a_crowd_comes_loses_nobody_half_inside(monkeypatch):
+    async def answer(line, client):
+        return {"ok": True}, True
+
+    lost = []
+    monkeypatch.setattr(sys, "unraisablehook", lambda found: lost.append(found.exc_value))
+    for _ in range(20):
+        lines = line_server.LineServer(answer, lambda client: None)
+        port = lines.start(0)
+        for _ in range(40):
+            with socket.create_connection(("127.0.0.1", port)) as connection:
+                connection.sendall(b'{"op')
+        lines.stop()
+        del lines
+        gc.collect()
+    assert lost == []
