@@ -218,7 +218,7 @@ def moving(server, bus):
     """Return a client whose move is under way."""
     holder = MotorClient(server.port)
     holder.take_lease(10.0)
-    holder.move({"right_elbow": 1.4}, speed=0.5)
+    holder.move({"right_elbow": 1.4}, speed=0.2)
     wait_for(lambda: bus.shafts()[3] != 0.0)
     return holder
 
