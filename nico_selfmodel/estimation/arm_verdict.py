@@ -55,7 +55,7 @@ def judge(calibration: KinematicCalibration, require_test_mm: float | None = Non
         failed; else NOT_EVALUATED.
     """
     misfit = _misfit_reasons(calibration)
-    if calibration.causes:
+    if calibration.causes.words:
         # All else that is wrong follows from it.
         return Verdict("FAIL", tuple(misfit))
     test = calibration.test
@@ -102,6 +102,11 @@ def _warnings(calibration: KinematicCalibration) -> list[str]:
             "as one pose, in splits as in sigmas"
         )
     words += _joint_noise_words(calibration)
+    if calibration.causes.stopped_after is not None:
+        words.append(
+            "the search for what would make the data fit stopped after "
+            f"{calibration.causes.stopped_after} starts"
+        )
     return words
 
 
@@ -207,7 +212,7 @@ def _pin_reasons(calibration: KinematicCalibration) -> list[str]:
 def _misfit_reasons(calibration: KinematicCalibration) -> list[str]:
     """Say when the model leaves so much unexplained that nothing else about it counts, and why."""
     misfit = _misfit_reason(calibration)
-    return [*calibration.causes, *([misfit] if misfit else [])]
+    return [*calibration.causes.words, *([misfit] if misfit else [])]
 
 
 def _misfit_reason(calibration: KinematicCalibration) -> str | None:

@@ -28,6 +28,8 @@ LEAST_RADIUS = 6.0
 """Radius over noise below which a circle is one of noise: a ball of noise alone makes it two."""
 LEAST_SAGITTA = 2.0
 """Arc height over noise below which a plane is noise (see `Circle.sagitta`)."""
+_STILL = 1e-6
+"""Part of what another joint's readings move in a sweep below which its own stand still."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -158,13 +160,15 @@ def _fit_sweeps(
     gear_known: bool,
     rng: np.random.Generator,
 ) -> list[SweepCircle]:
-    """Fit a circle to each sweep of a joint; sweeps without three different points are skipped."""
+    """Fit a circle to each sweep of a joint; those without three points or readings are skipped."""
     fits = []
     for sweep in sweeps:
         if sweep.joint != joint or len(sweep.rows) < 3:
             continue
         rows = sweep.rows
         angles, points = observations.angles[rows, joint], carried[rows]
+        if np.ptp(angles) <= _STILL * np.ptp(observations.angles[rows], axis=0).max():
+            continue  # the readings of another joint move: columns or labels are exchanged
         try:
             circle, inliers = robust_circle(points, rng, sigma=1.0)
             if gear_known:
@@ -188,7 +192,10 @@ def _slope(circle: Circle, points: NDArray, angles: NDArray) -> tuple[float, flo
 def _reason_against(fits: list[SweepCircle], joint: str) -> str | None:
     """Say why the circles of a joint cannot be used, or None if one can."""
     if not fits:
-        return f"{joint} has no sweep with three different points: sweep it, or give a robot"
+        return (
+            f"{joint} has no sweep with three different points and readings: sweep it, give a "
+            "robot, or see whether columns are exchanged"
+        )
     noise = _noise_of(fits)
     widest = max(fit.circle.radius for fit in fits)
     if widest < LEAST_RADIUS * noise:

@@ -18,7 +18,7 @@ from nico_selfmodel.estimation.error_statistics import Evaluation, evaluate
 from nico_selfmodel.estimation.gear_check import DoubtfulGear, doubtful_gears
 from nico_selfmodel.estimation.kinematic_task import KinematicTask
 from nico_selfmodel.estimation.learned_model import learned_model, training_of
-from nico_selfmodel.estimation.misfit_causes import causes_of_misfit, foreign_marker
+from nico_selfmodel.estimation.misfit_causes import Causes, causes_of_misfit, foreign_marker
 from nico_selfmodel.estimation.nominal_check import robot_reason
 from nico_selfmodel.estimation.nominal_start import NominalArm
 from nico_selfmodel.estimation.outliers_in_time import outliers_in_time
@@ -78,8 +78,8 @@ class KinematicCalibration:
     """Parameters pinned by name that the data contradict."""
     contradicted_robot: str | None
     """How the learned arm is not the described robot, in words; None where it may be."""
-    causes: tuple[str, ...]
-    """What would make the data fit, where they do not; in words."""
+    causes: Causes
+    """What would make the data fit, where they do not."""
     noise: PoseNoise | None
     """Of the sensor and of the joints; None for circle points alone."""
     patterns: tuple[Pattern, ...]
@@ -156,7 +156,7 @@ def calibrate_kinematics(
         unseen = cross_validate(task.observations, solved)
         contradicted = _contradicted_pins(task, search.best, solved, pins)
     doubts = _Doubts.of(task, solved)
-    causes = ()
+    causes = Causes()
     if search is not None and explain and task.redundant:
         causes = _causes(task, search, doubts, loss, solved.noise_sigma)
     training = training_of(dataset, task.observations, solved, unseen)
@@ -257,13 +257,13 @@ def _nominal_values(nominal: NominalArm | None, pins: Pins) -> dict[str, float]:
 
 def _causes(
     task: KinematicTask, search: StartSearch, doubts: _Doubts, loss: str, scatter: float | None
-) -> tuple[str, ...]:
+) -> Causes:
     """Return what would make the data fit, where they do not; what is plain to see first."""
     foreign = foreign_marker(task.observations)
     if foreign is not None:
-        return (foreign,)
+        return Causes((foreign,))
     if doubts.lag is not None and doubts.lag.ratio > _EXPLAINS:
-        return (doubts.lag.what,)
+        return Causes((doubts.lag.what,))
     return causes_of_misfit(
         task.observations,
         search,

@@ -6,6 +6,7 @@ the data is named. Nothing of it goes into the result: the data are the user's t
 
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
+from enum import Enum
 from itertools import islice
 
 import numpy as np
@@ -48,6 +49,24 @@ _RIGID = 0.02
 _UNIT_HINTS = ((180.0 / np.pi, "rad stated as deg"), (np.pi / 180.0, "deg stated as rad"))
 
 
+@dataclass(frozen=True)
+class Causes:
+    """What a search for the cause of a misfit came to."""
+
+    words: tuple[str, ...] = ()
+    """What would make the data fit, a sentence each."""
+    stopped_after: int | None = None
+    """Starts after which the search gave up; None where it tried all it knows."""
+
+
+class _Worth(Enum):
+    """What a misfit is worth looking for."""
+
+    GAPS = "readings that leave out a gap"
+    NEIGHBOURS = "these, and neighbouring columns that are exchanged"
+    EVERYTHING = "all there is"
+
+
 @dataclass(frozen=True, eq=False)
 class _Suspicion:
     """Readings mended in one way."""
@@ -68,7 +87,7 @@ def causes_of_misfit(
     sigma: float,
     loss: str,
     scatter: float,
-) -> tuple[str, ...]:
+) -> Causes:
     """Name what would make the data fit, where they do not.
 
     Args:
@@ -82,25 +101,26 @@ def causes_of_misfit(
         scatter: Of a believed coordinate about the refined arm, whatever is said to explain it [m].
 
     Returns:
-        Sentences, empty where the arm explains the data or nothing tried does.
+        What was found; empty where the arm explains the data or nothing tried does.
     """
     before = _Misfit.of(search.best, sigma)
     unexplained = max(before.noise, scatter) / observations.size
     bad = unexplained > _WORTH_A_LOOK or before.wrong > _MANY_OUTLIERS
     lonely = search.agreeing < 2 <= len(search.labels)
     if not bad and not lonely:
-        return ()
+        return Causes()
     held, robust = gear_pinned & gear_known, "none" if loss == "none" else "cauchy"
     searched = unexplained > _WORTH_A_SEARCH or before.wrong > _MOST_OUTLIERS
     left = _MOST_STARTS
-    for suspicion in _suspicions(observations, gear_pinned, held, gaps_only=not searched):
+    worth = _Worth.NEIGHBOURS if unexplained > _WORTH_A_LOOK else _Worth.GAPS
+    worth = _Worth.EVERYTHING if searched else worth
+    for suspicion in _suspicions(observations, gear_pinned, held, worth):
         mended, pinned = few_rows(suspicion.observations, 0), suspicion.gear_pinned
         at = mended.angles[np.argmin(np.abs(mended.angles - zero).sum(axis=1))]
         wild = random_starts(mended, pinned & gear_known, at, np.random.default_rng(0))
         reached = 0
         if left <= 0:
-            stopped = f"the search for the cause of the misfit stopped after {_MOST_STARTS} starts"
-            return (stopped,) if bad else ()
+            return Causes(stopped_after=_MOST_STARTS)
         for start in islice(wild, min(suspicion.starts, left)):
             left -= 1
             found = refine_lines(mended, start, pinned, sigma, robust, rough=True)
@@ -110,8 +130,8 @@ def causes_of_misfit(
                 gears = suspicion.gears_in_question
                 asked = _gears_in_words(observations.joints, found.arm.gear, held) if gears else ""
                 words = f"{suspicion.words}{asked}; then {after} remain instead of {before}"
-                return (words if bad else f"{suspicion.words}; then the starts agree",)
-    return ()
+                return Causes((words if bad else f"{suspicion.words}; then the starts agree",))
+    return Causes()
 
 
 @dataclass(frozen=True)
@@ -145,9 +165,9 @@ class _Misfit:
 
 
 def _suspicions(
-    observations: Observations, gear_pinned: NDArray, held: NDArray, *, gaps_only: bool
+    observations: Observations, gear_pinned: NDArray, held: NDArray, worth: _Worth
 ) -> Iterator[_Suspicion]:
-    """Yield what may be wrong with the readings; where most fit, only jumps."""
+    """Yield what may be wrong with the readings, as far as it is worth a search."""
     unwrapped, joints = unwrapped_readings(observations)
     if joints:
         yield _Suspicion(
@@ -156,8 +176,9 @@ def _suspicions(
             gear_pinned,
             starts=_STARTS_AT_A_GAP,
         )
-    yield from _exchanged(observations, gear_pinned, neighbours=gaps_only)
-    if gaps_only:
+    if worth is not _Worth.GAPS:
+        yield from _exchanged(observations, gear_pinned, all_pairs=worth is _Worth.EVERYTHING)
+    if worth is not _Worth.EVERYTHING:
         return
     if held.any():
         yield _Suspicion(
@@ -180,11 +201,11 @@ def _suspicions(
 
 
 def _exchanged(
-    observations: Observations, gear_pinned: NDArray, *, neighbours: bool
+    observations: Observations, gear_pinned: NDArray, *, all_pairs: bool
 ) -> Iterator[_Suspicion]:
     """Yield readings with two joints' columns exchanged, neighbours first."""
     n = len(observations.joints)
-    pairs = [(i, i + step) for step in range(1, 2 if neighbours else n) for i in range(n - step)]
+    pairs = [(i, i + step) for step in range(1, n if all_pairs else 2) for i in range(n - step)]
     for i, j in pairs:
         order = np.arange(n)
         order[[i, j]] = j, i

@@ -202,7 +202,8 @@ class CalibrationProgram:
         jacobian = term.block.evaluate(np.asarray(x)[term.columns])[1]
         known, information = self._information_of(term.columns, x)
         # Units differ by orders of magnitude: what is singular must not depend on them.
-        unit = np.sqrt(np.maximum(np.diag(information), np.finfo(float).tiny))
+        size = np.sqrt(np.maximum(np.diag(information), 0.0))
+        unit = np.where(size > 0.0, size, 1.0)
         units = np.outer(unit, unit)
         inverse = np.zeros((len(x), len(x)))
         inverse[np.ix_(known, known)] = np.linalg.pinv(information / units, hermitian=True) / units

@@ -167,5 +167,7 @@ def whitened_norms(residuals: NDArray, spreads: NDArray) -> NDArray:
     Returns:
         Norms. Shape (N,).
     """
-    solved = np.linalg.solve(np.eye(residuals.shape[1]) + spreads, residuals[..., None])[..., 0]
-    return np.sqrt(np.sum(residuals * solved, axis=1))
+    values, vectors = np.linalg.eigh(0.5 * (spreads + np.swapaxes(spreads, 1, 2)))
+    along = np.einsum("nij,ni->nj", vectors, residuals)
+    # Rounding makes the spreads of a direction that nothing tells negative.
+    return np.sqrt(np.sum(along**2 / (1.0 + np.maximum(values, 0.0)), axis=1))
