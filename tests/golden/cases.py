@@ -1,0 +1,111 @@
+"""One calibration of each kind, from stored data: what a change that changes nothing must keep.
+
+`python -m tests.golden.cases` writes the results anew, where a change means to change them.
+"""
+
+import json
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from nico_selfmodel.dataset import Dataset
+from nico_selfmodel.dataset.board_views import BoardViews
+from nico_selfmodel.estimation import (
+    BodyOptions,
+    CameraAssessment,
+    body_document,
+    calibrate_body,
+    calibrate_cameras,
+    calibrate_kinematics,
+    calibrate_mirrors,
+    calibrate_tool,
+    camera_document,
+    judge,
+    judge_body,
+    judge_cameras,
+    judge_mirrors,
+    mirror_document,
+    result_document,
+    rezero,
+)
+from nico_selfmodel.estimation.update_document import (
+    judge_tool,
+    judge_update,
+    rezero_document,
+    tool_document,
+)
+from nico_selfmodel.model import SelfModel
+
+FOLDER = Path(__file__).parent
+
+
+def data(name: str) -> Dataset:
+    return Dataset.load(FOLDER / name)
+
+
+def boards(name: str) -> BoardViews:
+    with np.load(FOLDER / f"{name}.npz") as stored:
+        names, eyes = tuple(stored["names"].tolist()), tuple(stored["eyes"].tolist())
+        width, height = stored["size"].tolist()
+        return BoardViews(stored["p_GQ"], names, eyes, stored["pixels"], (width, height))
+
+
+def arm() -> dict[str, Any]:
+    train, test = data("arm").split(0.3, 1)
+    found = calibrate_kinematics(train, test=test)
+    return result_document(found, judge(found))
+
+
+def cameras() -> dict[str, Any]:
+    views = boards("boards")
+    train, test = views.select(np.arange(12)), views.select(np.arange(12, 16))
+    found = CameraAssessment.from_calibration(calibrate_cameras(train), None, test)
+    return camera_document(found, judge_cameras(found))
+
+
+def body_model():
+    eyes = SelfModel.load(FOLDER / "eyes.yaml")
+    options, test = BodyOptions(), data("body_test")
+    return calibrate_body(data("body_train"), eyes, boards("body_boards"), options, test=test)
+
+
+def body() -> dict[str, Any]:
+    found = body_model()
+    return body_document(found, judge_body(found))
+
+
+def tool() -> dict[str, Any]:
+    found = calibrate_tool(body_model().model, data("tool"))
+    return tool_document(found, judge_tool(found))
+
+
+def rezeroed() -> dict[str, Any]:
+    found = rezero(body_model().model, data("rezero"))
+    return rezero_document(found, judge_update(found.update))
+
+
+def mirror() -> dict[str, Any]:
+    model = SelfModel.load(FOLDER / "mirror_body.yaml")
+    found = calibrate_mirrors(data("mirror"), model, test=data("mirror_test"))
+    return mirror_document(found, judge_mirrors(found))
+
+
+CASES = {
+    "arm": arm,
+    "cameras": cameras,
+    "body": body,
+    "tool": tool,
+    "rezeroed": rezeroed,
+    "mirror": mirror,
+}
+
+
+def stored(name: str) -> Path:
+    return FOLDER / f"{name}.result.json"
+
+
+if __name__ == "__main__":
+    for name, case in CASES.items():
+        text = json.dumps(case(), indent=1, allow_nan=False, sort_keys=True)
+        stored(name).write_text(text + "\n")
