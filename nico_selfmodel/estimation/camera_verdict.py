@@ -19,10 +19,8 @@ from nico_selfmodel.estimation.verdict import (
     outliers_are_many,
 )
 
-_EXCESSIVE = 5.0
-"""Ratio of medians that needs no statistics, for a handful of boards, ..."""
-_EXCESSIVE_RMS = 3.0
-"""... and of root mean squares, in which one wrong board counts."""
+_EXCESSIVE = 3.0
+"""Ratio of root mean squares that needs no statistics: of a handful of boards, or one wrong one."""
 _WORST_PX, _WORST = 6.0, 20.0
 """A corner further off than both, in pixels and in standard deviations, is no corner of the board:
 a detector's corner lies within, whatever its window holds."""
@@ -114,14 +112,13 @@ def _held_out_reason(assessment: CameraAssessment) -> str | None:
         return None
     found = _rms_of_boards(assessment.test_residuals)
     expected = _rms_of_boards(assessment.left_out_residuals)
-    ratio = float(np.median(found) / max(np.median(expected), 1e-12))
     rms, before = (float(np.sqrt(np.mean(r**2))) for r in (found, expected))
-    if held_out_is_worse(expected, found) or ratio >= _EXCESSIVE:
+    if held_out_is_worse(expected, found):
         return (
             f"held-out boards fit significantly worse (median rms {np.median(found):.3f} px) than "
             f"boards left out in turn ({np.median(expected):.3f} px)"
         )
-    if rms < _EXCESSIVE_RMS * before:
+    if rms < _EXCESSIVE * before:
         return None
     return (
         f"held-out boards fit to {rms:.3f} px rms, boards left out in turn to {before:.3f} px: some"

@@ -1,0 +1,221 @@
+"""Each threshold of a verdict, from both sides: a test fails where one moves."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from nico_selfmodel.estimation import (
+    CameraAssessment,
+    calibrate_cameras,
+    calibrate_kinematics,
+    calibrate_mirrors,
+    judge,
+    judge_body,
+    judge_cameras,
+    judge_mirrors,
+)
+from nico_selfmodel.estimation.pose_noise import PoseNoise
+from nico_selfmodel.estimation.score_test import Score
+from nico_selfmodel.estimation.systematic_residuals import Pattern
+from nico_selfmodel.estimation.verdict import (
+    FEWEST_BOARDS,
+    bound_reason,
+    conclude,
+    held_out_is_worse,
+    outliers_are_many,
+    shortened,
+)
+
+from .mirror_scenes import body, poses, recording
+from .simulated_boards import boards, pictures
+from .simulated_bodies import learned
+
+SIGMA = 3e-4
+
+
+@pytest.mark.parametrize(("share", "many"), [(0.24, False), (0.25, False), (0.26, True)])
+def test_a_quarter_of_outliers_is_no_accident(share, many):
+    outliers = np.arange(100) < 100 * share
+    assert (outliers_are_many(outliers) is not None) is many
+    assert outliers_are_many(np.zeros(0, dtype=bool)) is None
+
+
+@pytest.mark.parametrize(
+    ("held_out", "status"), [(0, "NOT_EVALUATED"), (7, "NOT_EVALUATED"), (8, "PASS")]
+)
+def test_eight_held_out_poses_show_something(held_out, status):
+    verdict = conclude([None, ""], held_out, "poses", ["good"], ["but"])
+    assert verdict.status == status
+    assert verdict.warnings == ("but",)
+    if held_out == 7:
+        assert verdict.reasons[0].startswith("only 7 poses held out")
+        assert verdict.reasons[1] == "good"
+
+
+@pytest.mark.parametrize(("held_out", "status"), [(1, "NOT_EVALUATED"), (2, "PASS")])
+def test_two_held_out_boards_show_something(held_out, status):
+    verdict = conclude([], held_out, "boards", ["good"], fewest=FEWEST_BOARDS)
+    assert verdict.status == status
+
+
+def spread_about(median: float, count: int = 41) -> np.ndarray:
+    return median * np.linspace(0.9, 1.1, count)
+
+
+@pytest.mark.parametrize(("ratio", "worse"), [(1.28, False), (1.32, True)])
+def test_a_held_out_error_is_worse_from_a_ratio_of_medians_on(ratio, worse):
+    assert (held_out_is_worse(spread_about(1.0), spread_about(ratio)) is not None) is worse
+
+
+@pytest.mark.parametrize(("count", "worse"), [(4, False), (5, True)])
+def test_five_errors_can_be_compared(count, worse):
+    found = held_out_is_worse(spread_about(1.0, 400), spread_about(3.0, count))
+    assert (found is not None) is worse
+    assert (
+        held_out_is_worse(spread_about(1.0, count), spread_about(3.0, 400)) is None
+    ) is not worse
+
+
+@pytest.mark.parametrize(("above", "worse"), [(11, False), (14, True)])
+def test_a_held_out_error_is_worse_from_a_chance_of_one_in_two_thousand_on(above, worse):
+    # Of 14 errors so many are larger than all 20 expected ones, the rest smaller: scores of rank
+    # tests of 2.4 and 4.9.
+    found = np.concatenate([np.full(14 - above, 0.5), np.full(above, 2.0)])
+    assert (held_out_is_worse(np.linspace(0.9, 1.1, 20), found) is not None) is worse
+
+
+def test_three_unobservable_directions_are_shown():
+    words = ["a", "b", "c", "d", "e"]
+    assert shortened(words[:3]) == words[:3]
+    assert shortened(words) == ["a", "b", "c", "and 2 more blind directions"]
+
+
+def test_a_bound_is_met_where_it_is_reached():
+    assert bound_reason(1.0, 1.0, "mm") is None
+    assert bound_reason(1.001, 1.0, "mm") is not None
+
+
+@pytest.fixture(scope="module")
+def arm(make_truth):
+    truth = make_truth(4, 2, unit="counts", kind="elbow")
+    train = truth.dataset(truth.poses(60, 1), sigma=SIGMA, seed=1, known_sigma=True)
+    test = truth.dataset(truth.poses(20, 2), sigma=SIGMA, seed=2)
+    return calibrate_kinematics(train, test=test)
+
+
+def with_noise(arm, *, of_size=None, sensor=None, joint=None):
+    """Return a calibration that found other noise."""
+    noise = arm.noise
+    if of_size is not None:
+        sigma = of_size * arm.train.observations.size
+        return replace(arm, point_sigma=None, model=replace(arm.model, noise_sigma=sigma))
+    sensor = noise.sensor_sigma if sensor is None else sensor
+    joints = noise.joint_sigma if joint is None else np.array([0.0, joint, 0.0, 0.0])
+    return replace(arm, noise=PoseNoise(sensor, joints))
+
+
+@pytest.mark.parametrize(
+    ("changes", "words"),
+    [
+        ({"of_size": 0.049}, None),
+        ({"of_size": 0.051}, "the residuals are"),
+        ({"sensor": 9.9 * SIGMA}, None),
+        ({"sensor": 10.1 * SIGMA}, "10 times the stated point_sigma_m"),
+        ({"joint": np.radians(4.9)}, None),
+        ({"joint": np.radians(5.1)}, "would have to be off by 5.1 deg"),
+    ],
+)
+def test_noise_that_explains_nothing_fails(arm, changes, words):
+    verdict = judge(with_noise(arm, **changes))
+    assert (verdict.status == "FAIL") is (words is not None)
+    assert words is None or words in verdict.reasons[0]
+
+
+@pytest.mark.parametrize(("of_size", "fails"), [(0.019, False), (0.021, True)])
+def test_residuals_that_depend_on_the_pose_fail_where_they_are_large(arm, of_size, fails):
+    score = Score(50.0, 1, 0.2, np.ones(1), np.ones(1), 1e-3, 1.1)
+    bent = replace(with_noise(arm, of_size=of_size), patterns=(Pattern("x", score, np.zeros(0)),))
+    assert (judge(bent).status == "FAIL") is fails
+    assert judge(with_noise(arm, of_size=of_size)).status == "PASS"
+
+
+@pytest.mark.parametrize(("stated", "said"), [(2.9, False), (3.1, True)])
+def test_scatter_above_three_stated_sigmas_is_told_to_be_joint_noise(arm, stated, said):
+    model = replace(arm.model, noise_sigma=stated * SIGMA)
+    noise = PoseNoise(SIGMA, np.full(4, 1e-3))
+    words = judge(replace(arm, model=model, noise=noise)).warnings
+    assert any("joint noise of" in warning for warning in words) is said
+
+
+@pytest.fixture(scope="module")
+def pair():
+    views = pictures(boards(16), sigma=0.2)
+    found = calibrate_cameras(views.select(np.arange(12)))
+    return CameraAssessment.from_calibration(found, None, views.select(np.arange(12, 16)))
+
+
+@pytest.mark.parametrize(("count", "fails"), [(3, False), (4, True)])
+def test_cameras_fail_where_more_than_a_quarter_of_the_boards_are_outliers(pair, count, fails):
+    outliers = np.arange(12) < count
+    bent = replace(pair, calibration=replace(pair.calibration, outliers=outliers))
+    said = any("of the boards contradict" in reason for reason in judge_cameras(bent).reasons)
+    assert said is fails
+
+
+@pytest.mark.parametrize(("factor", "fails"), [(2.9, False), (3.1, True)])
+def test_cameras_fail_where_few_held_out_boards_fit_far_worse(pair, factor, fails):
+    three = pair.left_out_residuals[:3]  # too few to be told by their ranks
+    rms = [np.sqrt(np.nanmean(r**2)) for r in (three, pair.test_residuals)]
+    worse = pair.test_residuals * (factor * rms[0] / rms[1])
+    bent = replace(pair, left_out_residuals=three, test_residuals=worse)
+    words = " ".join(judge_cameras(bent).reasons)
+    assert ("some of them contradict the others" in words) is fails
+
+
+@pytest.mark.parametrize(("degrees", "fails"), [(4.9, False), (5.1, True)])
+def test_a_body_fails_where_its_joints_would_have_to_be_loose(degrees, fails):
+    found = learned(0)
+    bent = replace(found, noise=replace(found.noise, joint_sigma=np.radians(degrees)))
+    assert any("would have to play" in reason for reason in judge_body(bent).reasons) is fails
+
+
+@pytest.mark.parametrize(("share", "fails"), [(0.24, False), (0.27, True)])
+def test_a_body_fails_where_more_than_a_quarter_are_outliers(share, fails):
+    found = learned(0)
+    outliers = np.arange(len(found.outliers)) < share * len(found.outliers)
+    words = " ".join(judge_body(replace(found, outliers=outliers)).reasons)
+    assert ("of the observations contradict" in words) is fails
+
+
+@pytest.mark.parametrize(("share", "fails"), [(0.015, False), (0.025, True)])
+def test_a_body_fails_where_lenses_lose_the_hand(share, fails):
+    found = learned(0)
+    seen = found.train.p_LH_seen.copy()
+    both = np.flatnonzero(found.train.observations.by_both & ~found.outliers)
+    poses_in_all = found.train.pose_count
+    seen[both[: round(share * poses_in_all)]] = np.nan
+    bent = replace(found, train=replace(found.train, p_LH_seen=seen))
+    words = " ".join(judge_body(bent).reasons)
+    assert ("no point in front of the refined eyes" in words) is fails
+
+
+@pytest.fixture(scope="module")
+def mirror():
+    data, test = recording(poses(20, 1)), recording(poses(10, 2), seed=5, first=101)
+    return calibrate_mirrors(data, body(), test=test)
+
+
+@pytest.mark.parametrize(("share", "fails"), [(0.25, False), (0.3, True)])
+def test_a_mirror_fails_where_more_than_a_quarter_are_outliers(mirror, share, fails):
+    outliers = np.arange(20) < share * 20
+    bent = replace(mirror, solution=replace(mirror.solution, outliers=outliers))
+    words = " ".join(judge_mirrors(bent).reasons)
+    assert ("of the reflections contradict" in words) is fails
+
+
+@pytest.mark.parametrize(("ratio", "fails"), [(4.9, False), (5.1, True)])
+def test_a_mirror_fails_where_reflections_miss_by_more_than_explained(mirror, ratio, fails):
+    uncertainty = replace(mirror.solution.uncertainty, variance_factor=ratio**2)
+    bent = replace(mirror, solution=replace(mirror.solution, uncertainty=uncertainty))
+    assert any("miss their plane" in reason for reason in judge_mirrors(bent).reasons) is fails
