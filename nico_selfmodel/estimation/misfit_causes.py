@@ -46,6 +46,8 @@ _MANY_OUTLIERS, _MOST_OUTLIERS = 0.1, 0.25
 causes are looked for."""
 _RIGID = 0.02
 """Scatter of a distance over the workspace's size above which two markers are not on one link."""
+_NORMAL_THIRD = 2.3219
+"""Standard deviation over the deviation that a third of normal values lie within."""
 _UNIT_HINTS = ((180.0 / np.pi, "rad stated as deg"), (np.pi / 180.0, "deg stated as rad"))
 
 
@@ -229,7 +231,9 @@ def foreign_marker(observations: Observations) -> str | None:
     m = len(observations.markers)
     scatter = np.full((m, m), np.nan)
     for (i, j), apart in distances_between(observations).items():
-        scatter[i, j] = scatter[j, i] = 1.4826 * np.median(np.abs(apart - np.median(apart)))
+        # Of two points with outliers each, fewer than half of the distances may be sound.
+        off = np.abs(apart - np.median(apart))
+        scatter[i, j] = scatter[j, i] = _NORMAL_THIRD * np.quantile(off, 1.0 / 3.0)
     loose = scatter > _RIGID * observations.size
     if not loose.any():
         return None

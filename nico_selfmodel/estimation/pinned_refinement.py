@@ -96,9 +96,11 @@ def refine_pinned(
 
 def _require_gears(parameters: DhParameters, pins: Pins) -> None:
     if np.any(parameters.servos.gear <= 0.0):
+        asked = f" with {', '.join(sorted(pins.names))} as asked" if pins.names else ""
+        advice = "check the values and what the data say without them"
         raise NotConvergedError(
-            f"no arm fits the data with {', '.join(sorted(pins.names))} as asked: a gear turned "
-            "negative on the way; check the values and what the data say without them"
+            f"no arm fits the data{asked}: a gear turned negative on the way; "
+            f"{advice if asked else 'record more poses that differ'}"
         )
 
 

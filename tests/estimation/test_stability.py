@@ -125,3 +125,14 @@ def test_a_jump_that_looks_like_an_eccentric_gear_is_told_by_what_it_explains():
     assert result.patterns
     assert result.change is not None
     assert result.change.notable
+
+
+def test_a_jump_that_joint_noise_took_for_its_own_is_told_by_what_it_explains():
+    recording = random_recording("encoder jump", 6115, fresh=1)
+    train, _ = recording.dataset.split(0.3, 1)
+    result = calibrate_kinematics(train, explain=False)
+    assert "the encoder of j1 jumped by about 2.8 deg after sample 18" in reason_of(result)
+
+
+def reason_of(result) -> str:
+    return " ".join(judge(result).reasons)

@@ -14,6 +14,7 @@ from nico_selfmodel.estimation import (
     judge_body,
     judge_cameras,
     judge_mirrors,
+    mirror_verdict,
 )
 from nico_selfmodel.estimation.pose_noise import PoseNoise
 from nico_selfmodel.estimation.score_test import Score
@@ -219,3 +220,37 @@ def test_a_mirror_fails_where_reflections_miss_by_more_than_explained(mirror, ra
     uncertainty = replace(mirror.solution.uncertainty, variance_factor=ratio**2)
     bent = replace(mirror, solution=replace(mirror.solution, uncertainty=uncertainty))
     assert any("miss their plane" in reason for reason in judge_mirrors(bent).reasons) is fails
+
+
+@pytest.mark.parametrize(("degrees", "fails"), [(4.9, True), (5.1, False)])
+def test_a_mirror_fails_where_it_is_seen_edge_on(mirror, monkeypatch, degrees, fails):
+    angles = np.full(20, np.radians(degrees))
+    monkeypatch.setattr(mirror_verdict, "grazing_angles", lambda calibration: angles)
+    assert any("seen edge-on" in reason for reason in judge_mirrors(mirror).reasons) is fails
+
+
+@pytest.mark.parametrize(("spread", "warns"), [(0.0098, True), (0.0102, False)])
+def test_poses_within_a_centimetre_are_one_point_to_a_mirror(mirror, spread, warns):
+    rows = mirror.solution.reflections
+    about = rows.p_WQ - rows.p_WQ.mean(axis=0)
+    factor = spread / np.sqrt(np.sum(np.var(about, axis=0)))
+    near = replace(rows, p_WQ=rows.p_WQ.mean(axis=0) + factor * about)
+    bent = replace(mirror, solution=replace(mirror.solution, reflections=near))
+    assert any("of one point" in warning for warning in judge_mirrors(bent).warnings) is warns
+
+
+@pytest.mark.parametrize(("count", "fails"), [(5, False), (6, True)])
+def test_held_out_outliers_fail_where_chance_does_not_make_so_many(arm, count, fails):
+    covariance = arm.test.covariance.copy()
+    covariance[:count] *= 1e-4
+    bent = replace(arm, test=replace(arm.test, covariance=covariance))
+    assert bent.test.outliers.sum() == count
+    words = " ".join(judge(bent).reasons)
+    assert ("held-out points are further off" in words) is fails
+
+
+def test_three_patterns_are_named(arm):
+    score = Score(50.0, 1, 0.2, np.ones(1), np.ones(1), 1e-3, 1.1)
+    patterns = tuple(Pattern(f"cause {i}", score, np.zeros(0)) for i in range(5))
+    words = " ".join(judge(replace(arm, patterns=patterns)).warnings)
+    assert [f"cause {i}" in words for i in range(5)] == [True, True, True, False, False]
