@@ -62,6 +62,13 @@ class ScoreSums:
 
     @classmethod
     def of(cls, observations: Observations, solved: ArmSolution, granted: NDArray) -> "ScoreSums":
+        """Sum scores and information of a solution over spans of time, its outliers included.
+
+        Args:
+            observations: What was measured; samples are numbered in the order of time.
+            solved: The arm, with its noise.
+            granted: What the residuals may depend on besides. Shape (N, 3, m).
+        """
         assert solved.noise is not None
         samples = np.unique(observations.sample)
         chosen = samples[:: max(len(samples) // _MOST_SAMPLES, 1)]

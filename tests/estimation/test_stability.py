@@ -80,6 +80,7 @@ def test_a_change_too_small_to_matter_is_a_note(data):
 def test_a_notable_change_fails(data, ratio, status):
     shift = late(data) * np.array([0.002, 0.0, 0.0])
     result = calibrate_kinematics(replace(data, p_WH_measured=data.p_WH_measured + shift))
+    assert result.change is not None
     changed = replace(result, change=replace(result.change, ratio=ratio))
     assert judge(changed).status == status
 
