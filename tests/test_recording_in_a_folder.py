@@ -1,5 +1,7 @@
 """A recording in a folder is whole after every pose and goes on where it stopped."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -76,6 +78,24 @@ def test_a_recording_of_other_poses_or_another_body_is_not_gone_on_with(tmp_path
     record(Body(), PLAN, "plain").save(tmp_path / "plain")
     with pytest.raises(DataError, match="cannot be resumed"):
         record(Body(), PLAN, "trial", folder=tmp_path / "plain")
+
+
+@pytest.mark.parametrize(
+    ("column", "cell", "message"),
+    [
+        *[("pose", cell, "a whole number from 1 was expected") for cell in ("x", "1.5", "0", "-3")],
+        ("pose", "99", "other poses"),
+        ("pose", "1", "pose 1 does not have one row for each of hand"),
+        *[("visits", cell, "a whole number from 1 was expected") for cell in ("", "-1", "1e9")],
+    ],
+)
+def test_a_recording_that_somebody_edited_is_refused_by_its_place(tmp_path, column, cell, message):
+    out = tmp_path / "out"
+    record(Body(), PLAN[:2], "trial", folder=out)
+    data = Dataset.load(out)
+    replace(data, extra={**data.extra, column: ("1", cell)}).save(out, force=True)
+    with pytest.raises(DataError, match=message):
+        record(Body(), PLAN, "trial", folder=out)
 
 
 def test_a_full_disk_is_an_error_and_what_was_recorded_stays(tmp_path, monkeypatch):

@@ -161,6 +161,11 @@ def _usage(error: Exception) -> int:
 def _one_line(error: Exception) -> str:
     if isinstance(error, OSError) and error.strerror and error.filename:
         return f"{error.filename}: {error.strerror}"
+    if type(error).__name__ == "LinAlgError":  # numpy is not loaded for this
+        return (
+            f"the calculation broke down ({error}): a number in what was read must be far "
+            "from what it stands for; check units, and the self-model if it was edited"
+        )
     return str(error).strip() or type(error).__name__
 
 

@@ -5,6 +5,7 @@ from typing import Annotated
 
 import typer
 
+from nico_selfmodel.files.reading import real_path
 from nico_selfmodel.names import LONGEST_NAME, check_name
 
 
@@ -25,7 +26,7 @@ def name_after(path: Path) -> str:
     Raises:
         ValueError: If that is no name.
     """
-    name = path.resolve().name[:LONGEST_NAME].strip()
+    name = real_path(path).name[:LONGEST_NAME].strip()
     check_name(name, f"the name of {path}, by which it would be called,")
     return name
 

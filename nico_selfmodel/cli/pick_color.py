@@ -27,6 +27,7 @@ def pick_color(
 ) -> None:
     """Learn thresholds of a colour from pixels that you click on, or name with --at."""
     from nico_selfmodel.files import refuse_existing
+    from nico_selfmodel.files.reading import real_path
     from nico_selfmodel.vision import (
         ColorModel,
         NotSeen,
@@ -39,7 +40,7 @@ def pick_color(
 
     for path in filter(None, (out, mask)):
         refuse_existing(path, force=force)
-        if path.resolve() == image.resolve():
+        if real_path(path) == real_path(image):
             raise ValueError(f"{path} is the photograph: choose another name")
     photograph = read_image(image)
     if at:

@@ -48,7 +48,7 @@ def watch(
     from nico_selfmodel.experiments.mirror_recording import mirror_of_words
     from nico_selfmodel.experiments.watching import Watching
 
-    individual = int(model.provenance.get("seed", 0)) if seed is None else seed
+    individual = int(model.provenance.get("seed") or 0) if seed is None else seed
     put = None
     if mirror is not None:
         name, place = mirror_of_words(mirror)

@@ -10,6 +10,7 @@ from nico_selfmodel.dataset.row_checks import check_plausible, warn_of_units
 from nico_selfmodel.dataset.samples_file import read_samples, samples_text
 from nico_selfmodel.errors import DataError
 from nico_selfmodel.files import folder_in_place_of
+from nico_selfmodel.files.reading import real_path
 
 METADATA_NAME = "dataset.yaml"
 SAMPLES_NAME = "samples.csv"
@@ -68,7 +69,7 @@ def save_dataset(dataset: Dataset, folder: str | PathLike[str], force: bool = Fa
             or the data could not be loaded again.
         ValueError: If `cameras` holds something that is not plain data.
     """
-    folder = Path(folder).resolve()
+    folder = real_path(folder)
     _check_target(folder, force)
     check_plausible(dataset, str(folder))
     texts = {METADATA_NAME: metadata_text(dataset), SAMPLES_NAME: samples_text(dataset)}

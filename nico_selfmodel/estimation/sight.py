@@ -75,9 +75,10 @@ class Sight:
             calibration.model, cameras=self.eyes.cameras, pixel_sigma=self.eyes.pixel_sigma
         )
         known, arm = self.eyes.covariance, calibration.uncertainty
-        if known is None or arm is None:
+        # A covariance may speak of an arm alone, whose eyes counted as exact.
+        eyes = tuple(n for n in StereoRig.names_of() if known is not None and n in known.names)
+        if not eyes or arm is None:
             return replace(calibration, model=self._with_noise(model, calibration.outliers))
-        eyes = tuple(name for name in StereoRig.names_of() if name in known.names)
         together = _together(arm, self._gain(calibration, arm.names, eyes), self.eyes, eyes)
         split = len(arm.names)
         own = together[:split, :split]

@@ -1,7 +1,9 @@
 """Files that are read: regular ones of a size that fits, with failures in one plain line."""
 
+import os
 import stat
 import sys
+from os import PathLike
 from pathlib import Path
 
 from nico_selfmodel.errors import DataError
@@ -54,6 +56,14 @@ def read_bytes(path: Path, most: int) -> bytes:
     if len(content) > most:
         raise DataError(f"{path}: larger than {most // MEGABYTE} MB, which is more than is read")
     return content
+
+
+def real_path(path: str | PathLike[str]) -> Path:
+    """Return where a path leads, as far as it does: a link that leads to itself stays one.
+
+    `Path.resolve` raises a `RuntimeError` there.
+    """
+    return Path(os.path.realpath(path))
 
 
 def read_text(path: Path, most: int) -> str:

@@ -13,6 +13,7 @@ from collections.abc import Iterable, Iterator
 from contextlib import contextmanager, suppress
 from pathlib import Path
 
+from nico_selfmodel.files.reading import real_path
 from nico_selfmodel.names import shown
 
 _NEW, _OLD, _KEPT = ".part", ".old", ".kept"
@@ -241,8 +242,8 @@ def refuse_folder(
         return
     if not path.is_dir():
         raise FileExistsError(f"{path} is a file, a folder is to be made: choose another name")
-    for source in (Path(source).resolve() for source in inputs if source is not None):
-        if path.resolve() in (source, *source.parents):
+    for source in (real_path(source) for source in inputs if source is not None):
+        if real_path(path) in (source, *source.parents):
             raise FileExistsError(f"{path} holds {source}, which is read: choose another name")
     if any(path.iterdir()) and not (path / RESULT_FILE).is_file():
         raise FileExistsError(

@@ -28,9 +28,8 @@ def read_yaml_mapping(path: Path) -> dict[str, Any]:
     """
     content = parse_yaml(read_text(path, LARGEST_DOCUMENT), str(path))
     if not isinstance(content, dict):
-        raise DataError(
-            f"{path}: expected a mapping ('key: value' lines), got {type(content).__name__}"
-        )
+        got = "nothing but comments" if content is None else shown(content)
+        raise DataError(f"{path}: expected a mapping ('key: value' lines), got {got}")
     return content
 
 

@@ -164,9 +164,11 @@ def _check_events(text: str) -> None:
 
 
 def _note_key(nest: _Nest, event: yaml.NodeEvent, loader: Any) -> None:
-    """Refuse a key that stands twice in its mapping, of which the last would win."""
+    """Refuse a key that stands twice in its mapping, of which the last would win, or is no word."""
     if not nest.is_mapping:
         return
+    if nest.key_is_next and isinstance(event, yaml.CollectionStartEvent):
+        raise _refused(event.start_mark, "a list or mapping stands where a key belongs")
     if nest.key_is_next and isinstance(event, yaml.ScalarEvent):
         tag = event.tag or loader.resolve(yaml.ScalarNode, event.value, event.implicit)
         key, line = (tag, event.value), event.start_mark.line + 1

@@ -3,6 +3,29 @@
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from nico_selfmodel.names import shown
+
+
+def as_floats(value: ArrayLike, name: str) -> NDArray:
+    """Return a copy of numbers as an array of floats.
+
+    Args:
+        value: A number, or rows of them.
+        name: What the message calls it.
+
+    Returns:
+        The copy.
+
+    Raises:
+        ValueError: If something else is among them, or the rows are of different lengths.
+    """
+    try:
+        return np.array(value, dtype=float)
+    except (OverflowError, TypeError, ValueError):  # what numpy says of it is not for people
+        raise ValueError(
+            f"{name} must be numbers, in rows of equally many, got {shown(value)}"
+        ) from None
+
 
 def frozen_array(value: ArrayLike, shape: tuple[int, ...], name: str) -> NDArray:
     """Return a read-only float copy.
@@ -16,9 +39,9 @@ def frozen_array(value: ArrayLike, shape: tuple[int, ...], name: str) -> NDArray
         A copy that cannot be written to.
 
     Raises:
-        ValueError: If the shape differs or an entry is not finite.
+        ValueError: If the shape differs or an entry is no finite number.
     """
-    array = np.array(value, dtype=float)
+    array = as_floats(value, name)
     if array.shape != shape:
         raise ValueError(f"{name} must have shape {shape}, got {array.shape}")
     if not np.isfinite(array).all():

@@ -4,10 +4,10 @@ import math
 from collections.abc import Iterator, Mapping
 from typing import Any
 
-import numpy as np
 from numpy.typing import NDArray
 
 from nico_selfmodel.files.yaml_mapping import LARGEST
+from nico_selfmodel.model.arrays import as_floats
 from nico_selfmodel.names import shown
 
 LARGEST_SIGMA_M = 100.0
@@ -37,7 +37,19 @@ def numbers(values: Any, name: str, most: float = LARGEST) -> NDArray:
             raise ValueError(f"{name} must be finite, got {value}")
         if abs(value) > most:
             raise ValueError(f"{name} must be at most {most:g}, got {value:g}")
-    return np.array(values, dtype=float)
+    return as_floats(values, name)
+
+
+def number(value: Any, name: str, most: float = LARGEST) -> float:
+    """Return one number.
+
+    Raises:
+        ValueError: If it is none, or too large.
+    """
+    found = numbers(value, name, most)
+    if found.shape != ():
+        raise ValueError(f"{name} must be a number, got {shown(value)}")
+    return float(found)
 
 
 def sigma(value: Any, name: str, most: float) -> float | None:
@@ -48,7 +60,7 @@ def sigma(value: Any, name: str, most: float) -> float | None:
     """
     if value is None:
         return None
-    found = float(numbers(value, name, most))
+    found = number(value, name, most)
     if found < 0.0:
         raise ValueError(f"{name} must not be negative, got {found:g}")
     return found
@@ -69,22 +81,35 @@ def mapping(value: Any, name: str) -> dict[str, Any]:
     return value
 
 
-def fit(value: Any) -> dict[str, Any]:
-    """Return the statistics of a fit; what commands go by is checked.
+def mappings(value: Any, name: str) -> list[dict[str, Any]]:
+    """Return a list of mappings.
 
     Raises:
-        ValueError: If `readings`, `expected_error` or `joint_sigma_rad` is not what it should be.
+        ValueError: If it is something else.
     """
-    found = mapping(value, "fit")
-    for joint, ends in mapping(found.get("readings"), "fit.readings").items():
-        lowest_and_highest = numbers(ends, f"fit.readings of {joint}")
-        if lowest_and_highest.shape != (2,):
-            raise ValueError(f"fit.readings of {joint} must be two numbers, got {shown(ends)}")
-    expected = mapping(found.get("expected_error"), "fit.expected_error")
-    if expected and not all(float(numbers(expected[key], key)) > 0.0 for key in ("n", "median_m")):
-        raise ValueError(f"fit.expected_error must have positive numbers, got {shown(expected)}")
-    sigma(found.get("joint_sigma_rad"), "fit.joint_sigma_rad", math.pi)
-    return found
+    if not isinstance(value, list) or not all(isinstance(entry, dict) for entry in value):
+        raise ValueError(f"{name} must be a list of mappings, got {shown(value)}")
+    return value
+
+
+def texts(values: Any, name: str) -> tuple[str, ...]:
+    """Return words.
+
+    Raises:
+        ValueError: If something else is among them.
+    """
+    if not isinstance(values, list) or not all(isinstance(value, str) for value in values):
+        raise ValueError(f"{name} must be a list of names, got {shown(values)}")
+    return tuple(values)
+
+
+def damage(error: Exception) -> str:
+    """Return what is wrong with a document, in the words of people, by what reading it raised."""
+    if isinstance(error, KeyError):
+        return f"{error} is missing"
+    if isinstance(error, ValueError):
+        return " ".join(str(error).split())
+    return "a value in it is of another kind than what belongs there"
 
 
 def _leaves(value: Any) -> Iterator[Any]:

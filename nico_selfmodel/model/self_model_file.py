@@ -10,15 +10,19 @@ from nico_selfmodel.errors import DataError, ModelError
 from nico_selfmodel.files import write_whole
 from nico_selfmodel.files.reading import LARGEST_DOCUMENT, read_text
 from nico_selfmodel.files.yaml_text import parse_yaml, yaml_text
+from nico_selfmodel.model import kept_values
 from nico_selfmodel.model.camera import INTRINSICS, Camera
 from nico_selfmodel.model.dh_table import DhTable
 from nico_selfmodel.model.document_values import (
     LARGEST_SIGMA_M,
     LARGEST_SIGMA_PX,
-    fit,
+    damage,
     mapping,
+    mappings,
+    number,
     numbers,
     sigma,
+    texts,
 )
 from nico_selfmodel.model.mirror import Mirror
 from nico_selfmodel.model.self_model import ParameterCovariance, SelfModel
@@ -67,8 +71,7 @@ def load_self_model(path: str | Path) -> SelfModel:
     try:
         return _model(document)
     except (AttributeError, KeyError, TypeError, ValueError) as error:
-        reason = f"{error} is missing" if isinstance(error, KeyError) else _one_line(error)
-        raise ModelError(f"{path} is not a valid self-model: {reason}") from error
+        raise ModelError(f"{path} is not a valid self-model: {damage(error)}") from error
 
 
 def _check_format(document: Any, path: Path) -> None:
@@ -140,32 +143,30 @@ def _model(document: dict[str, Any]) -> SelfModel:
     cameras, mirrors = (mapping(document.get(part), part) for part in ("cameras", "mirrors"))
     return SelfModel(
         document["name"],
-        _chain(document["chain"]) if arm else None,
-        _servo_map(document["servos"]) if arm else None,
-        _covariance(known) if known else None,
+        _chain(mapping(document["chain"], "chain")) if arm else None,
+        _servo_map(mappings(document["servos"], "servos")) if arm else None,
+        _covariance(mapping(known, "covariance")) if known else None,
         sigma(document.get("noise_sigma_m"), "noise_sigma_m", LARGEST_SIGMA_M),
-        mapping(document.get("robot"), "robot"),
-        fit(document.get("fit")),
-        mapping(document.get("provenance"), "provenance"),
-        {eye: _camera(entry, eye) for eye, entry in cameras.items()},
+        kept_values.robot(document.get("robot")),
+        kept_values.fit(document.get("fit"), len(document["servos"]) if arm else 0),
+        kept_values.provenance(document.get("provenance")),
+        {eye: _camera(mapping(entry, eye), eye) for eye, entry in cameras.items()},
         sigma(document.get("pixel_sigma_px"), "pixel_sigma_px", LARGEST_SIGMA_PX),
-        {name: _mirror(entry, name) for name, entry in mirrors.items()},
+        {name: _mirror(mapping(entry, name), name) for name, entry in mirrors.items()},
     )
 
 
 def _covariance(known: Mapping[str, Any]) -> ParameterCovariance:
-    names = known["names"]
-    if not isinstance(names, list) or not all(isinstance(name, str) for name in names):
-        raise ValueError(f"covariance.names must be a list of names, got {shown(names)}")
+    names = texts(known["names"], "covariance.names")
     matrix = numbers(known["matrix"], "covariance.matrix", LARGEST_VARIANCE)
-    return ParameterCovariance(tuple(names), matrix)
+    return ParameterCovariance(names, matrix)
 
 
 def _chain(chain: Mapping[str, Any]) -> DhTable:
-    rows, hands = chain["rows"], mapping(chain["hand"], "chain.hand")
+    rows, hands = mappings(chain["rows"], "chain.rows"), mapping(chain["hand"], "chain.hand")
     columns = {name: [row[name] for row in rows] for name in _ROW}
     table = DhTable(
-        tuple(row["joint"] for row in rows),
+        texts([row["joint"] for row in rows], "joints of the rows"),
         numbers(chain["X_W0"], "chain.X_W0"),
         **{name: numbers(column, f"{name} of the rows") for name, column in columns.items()},
         markers=tuple(hands),
@@ -176,21 +177,27 @@ def _chain(chain: Mapping[str, Any]) -> DhTable:
 
 
 def _servo_map(servos: Sequence[Mapping[str, Any]]) -> ServoMap:
-    in_counts = [servo for servo in servos if servo["unit"] == "counts"]
-    numbers([servo["counts_per_turn"] for servo in in_counts], "counts_per_turn")
+    unit = texts([servo["unit"] for servo in servos], "units of the servos")
+    counts = [
+        servo["counts_per_turn"] if own == "counts" else 1.0
+        for servo, own in zip(servos, unit, strict=True)
+    ]
+    counts_per_turn = numbers(counts, "counts_per_turn")
     return ServoMap(
-        tuple(servo["joint"] for servo in servos),
+        texts([servo["joint"] for servo in servos], "joints of the servos"),
         offset=numbers([servo["offset"] for servo in servos], "offset"),
         gear=numbers([servo["gear"] for servo in servos], "gear"),
-        unit=tuple(servo["unit"] for servo in servos),
-        counts_per_turn=np.array([servo.get("counts_per_turn", np.nan) for servo in servos]),
+        unit=unit,
+        counts_per_turn=np.where(np.array(unit) == "counts", counts_per_turn, np.nan),
         sign=numbers([servo.get("sign", 1) for servo in servos], "sign"),
     )
 
 
 def _camera(entry: Mapping[str, Any], eye: str) -> Camera:
-    width, height = entry["image_size"]
-    numbers([width, height], f"image_size of {eye}", LARGEST_SIDE)
+    size = entry["image_size"]
+    if numbers(size, f"image_size of {eye}", LARGEST_SIDE).shape != (2,):
+        raise ValueError(f"image_size of {eye} must be two numbers, got {shown(size)}")
+    width, height = size
     values = numbers([entry[name] for name in INTRINSICS], f"intrinsics of {eye}")
     pose = numbers(entry["X_WC"], f"X_WC of {eye}")
     camera = Camera.from_values(values, (width, height), pose)
@@ -202,7 +209,7 @@ def _mirror(entry: Mapping[str, Any], name: str) -> Mirror:
     known = entry.get("covariance")
     return Mirror(
         numbers(entry["normal"], f"normal of {name}"),
-        float(numbers(entry["distance"], f"distance of {name}")),
+        number(entry["distance"], f"distance of {name}"),
         None if known is None else numbers(known, f"covariance of {name}", LARGEST_VARIANCE),
     )
 
@@ -212,7 +219,3 @@ def _check_rigid(x: np.ndarray, name: str) -> None:
     orthonormal = np.abs(r @ r.T - np.eye(3)).max() <= 1e-9 and np.linalg.det(r) > 0.0
     if not (orthonormal and np.array_equal(x[3], [0.0, 0.0, 0.0, 1.0])):
         raise ValueError(f"{name} is not a rigid transform")
-
-
-def _one_line(error: Exception) -> str:
-    return " ".join(str(error).split())

@@ -12,6 +12,7 @@ from pydrake.multibody.plant import MultibodyPlant
 from pydrake.multibody.tree import Frame, Joint, ModelInstanceIndex
 
 from nico_selfmodel.errors import ModelError
+from nico_selfmodel.files.reading import real_path
 from nico_selfmodel.names import listed
 from nico_selfmodel.plant.urdf_checks import WORLD, check_urdf
 from nico_selfmodel.plant.urdf_document import read_document
@@ -44,7 +45,7 @@ def parse_urdf(urdf: Path, plant: MultibodyPlant) -> ModelInstanceIndex:
     parser = Parser(plant)
     packages = parser.package_map()
     try:
-        for folder in urdf.resolve().parents:
+        for folder in real_path(urdf).parents:
             if (folder / "package.xml").is_file():
                 packages.AddPackageXml(str(folder / "package.xml"))
         packages.PopulateFromRosPackagePath()

@@ -6,6 +6,7 @@ from pathlib import Path
 from types import MappingProxyType
 
 from nico_selfmodel.errors import ModelError
+from nico_selfmodel.files.reading import real_path
 
 _PACKAGE = Path(__file__).resolve().parents[1]
 # In a wheel the descriptions lie inside the package, in a source checkout beside it.
@@ -69,7 +70,7 @@ def find_robot(name_or_path: str | Path) -> Path:
         candidates = [Path(name_or_path).expanduser()]
     for path in candidates:
         if path.is_file():
-            return path.resolve()
+            return real_path(path)
     if candidates[0].is_dir():
         raise ModelError(f"{candidates[0]} is a folder: give a URDF file in it")
     raise ModelError(

@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from nico_selfmodel.errors import ModelError
+from nico_selfmodel.files.reading import real_path
 from nico_selfmodel.geometry.transform import inverse
 from nico_selfmodel.model import SelfModel
 from nico_selfmodel.plant.description import ArmDescription
@@ -181,5 +182,5 @@ def _lead_from(robot: Element, original: Path, folder: Path) -> None:
         for element in robot.getElementsByTagName(tag):
             name = element.getAttribute("filename")
             if name and not Path(name).is_absolute() and not name.startswith(_PACKAGED):
-                path = os.path.relpath(original / name, folder.resolve())
+                path = os.path.relpath(original / name, real_path(folder))
                 element.setAttribute("filename", Path(path).as_posix())

@@ -1,5 +1,6 @@
 """The samples of a recording under way, in memory and, if asked for, on disk after every pose."""
 
+import re
 from collections import Counter
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
@@ -13,6 +14,7 @@ from nico_selfmodel.dataset import Dataset, JointInfo
 from nico_selfmodel.errors import DataError
 from nico_selfmodel.files import recover
 from nico_selfmodel.model.stereo_rig import EYES
+from nico_selfmodel.names import shown
 from nico_selfmodel.systems import EyeSighting, Sighting
 from nico_selfmodel.vision.image_file import write_image
 
@@ -106,18 +108,38 @@ class RecordedSamples:
             )
         if data.joints != self._joints or set(data.marker.tolist()) - set(self._markers):
             raise DataError(f"{self._folder}: was recorded with another body; choose another name")
-        index = np.array([int(text) - 1 for text in data.extra[POSE]])
+        index = self._counts(data, POSE) - 1
+        visits = self._counts(data, VISITS) if VISITS in data.extra else np.ones(len(data), int)
         self._images = data.cameras is not None
         for i in np.unique(index):
             rows = data.select(index == i)
             self._check_plan(plan, int(i), str(rows.sweep[0]), rows.encoders[0])
             if not self._images or all(path.exists() for path in self._image_paths(int(i))):
-                self._samples[int(i)] = self._sample(int(i), rows)
+                self._samples[int(i)] = self._sample(int(i), rows, int(visits[index == i][0]))
 
-    def _sample(self, index: int, rows: Dataset) -> _Sample:
-        """Return the sample that rows of a folder describe."""
+    def _counts(self, data: Dataset, column: str) -> NDArray:
+        """Return an extra column of the folder, whole numbers from 1."""
+        for sample, cell in zip(data.sample, data.extra[column], strict=True):
+            if not re.fullmatch("[1-9][0-9]{0,8}", cell):
+                raise DataError(
+                    f"{self._folder}: sample {sample} has {column} {shown(cell)}, a whole number "
+                    "from 1 was expected; choose another name"
+                )
+        return np.array(data.extra[column], dtype=int)
+
+    def _sample(self, index: int, rows: Dataset, visits: int) -> _Sample:
+        """Return the sample that rows of a folder describe.
+
+        Raises:
+            DataError: If they are not the rows that one pose leaves.
+        """
         mirror = max(rows.mirror.tolist())
         views = [rows.select(rows.mirror == name) for name in ("", mirror)]
+        if any(sorted(view.marker.tolist()) != sorted(self._markers) for view in views):
+            raise DataError(
+                f"{self._folder}: pose {index + 1} does not have one row for each of "
+                f"{', '.join(self._markers)}; choose another name"
+            )
         order = [[v.marker.tolist().index(marker) for marker in self._markers] for v in views]
         direct, reflected = views
         return _Sample(
@@ -128,7 +150,7 @@ class RecordedSamples:
             direct.pixels[order[0]],
             mirror,
             reflected.pixels[order[1]] if mirror else None,
-            int(rows.extra[VISITS][0]) if VISITS in rows.extra else 1,
+            visits,
         )
 
     def _check_plan(

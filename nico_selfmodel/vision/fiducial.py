@@ -132,8 +132,8 @@ def _search(
         reflection = np.ascontiguousarray(gray[:, ::-1])
         flipped, vague_in_mirror = _in_image(reflection, family, mirrored=True)
         vague += vague_in_mirror
-    kept = [item for item in direct if not any(_wins(gray, r, item) for r in flipped)]
-    kept += [item for item in flipped if not any(_overlap(item, other) for other in kept)]
+    kept = [d for d in direct if not any(_wins(gray, r, d) for r in _overlapping(d, flipped))]
+    kept += [item for item in flipped if not _overlapping(item, kept)]
     ids = ", ".join(str(marker) for marker in sorted(set(vague)))
     return tuple(kept), f"the edges of {ids} are not plain to see" if vague else ""
 
@@ -154,7 +154,7 @@ def _in_image(
         center = marker_center(corners)
         corners.flags.writeable = center.flags.writeable = False
         fiducial = Fiducial(family.name, marker, corners, center, mirrored)
-        if not any(other.id == marker and _overlap(fiducial, other) for other in found):
+        if not any(other.id == marker for other in _overlapping(fiducial, found)):
             found.append(fiducial)
     return sorted(found, key=lambda item: item.id), vague
 
@@ -184,16 +184,18 @@ def _detector(name: str) -> cv2.aruco.ArucoDetector:
     return cv2.aruco.ArucoDetector(FiducialFamily(name).dictionary, parameters)
 
 
-def _overlap(first: Fiducial, second: Fiducial) -> bool:
-    size = np.linalg.norm(first.corners[0] - first.corners[2])
-    return bool(np.linalg.norm(first.center - second.center) < 0.2 * size)
+def _overlapping(one: Fiducial, others: list[Fiducial]) -> list[Fiducial]:
+    """Return those of many markers that lie where one does."""
+    if not others:
+        return []
+    away = np.linalg.norm(np.array([other.center for other in others]) - one.center, axis=1)
+    size = np.linalg.norm(one.corners[0] - one.corners[2])
+    return [others[k] for k in np.flatnonzero(away < 0.2 * size)]
 
 
 def _wins(gray: NDArray, reflection: Fiducial, direct: Fiducial) -> bool:
     """Tell whether a place is rather a reflection, where noise let it be read both ways."""
-    return _overlap(reflection, direct) and (
-        _wrong_cells(gray, reflection) < _wrong_cells(gray, direct)
-    )
+    return _wrong_cells(gray, reflection) < _wrong_cells(gray, direct)
 
 
 def _wrong_cells(gray: NDArray, fiducial: Fiducial) -> int:

@@ -16,7 +16,7 @@ _DEPTHS = 25  # across it
 _REACH = 0.75  # of a cell, to both sides of an edge: black within, white without
 _WIDEST, _NARROWEST = 4.0, 1.2  # that reach [px]
 _PASSES = 6
-_SETTLED = 0.003  # [px]
+_SETTLED = 0.005  # [px]; OpenCV looks at places rounded to 1/32 px, which never settles further
 _NEARLY_SETTLED = 0.1  # after all passes; what still moves has no end [px]
 _LEAST_CONTRAST = 12.0  # grey levels between black and white
 _LEAST_VISIBLE = 0.6  # of the positions along a side
@@ -40,12 +40,10 @@ def corners_from_edges(gray: NDArray, corners: NDArray, cells: int) -> NDArray |
     straight = False
     for _ in range(_PASSES):
         before = refined
-        inner = _inner_corners(refined, cells)
-        edges = [_edge(gray, refined, inner, side) for side in range(4)]
-        lines = [edge[:2] for edge in edges if edge is not None]
-        if len(lines) < 4:
+        edges = _edges(gray, refined, _inner_corners(refined, cells))
+        if edges is None:
             return None
-        straight = all(edge[2] for edge in edges if edge is not None)
+        lines, straight = edges
         meets = [_meet(lines[side - 1], lines[side]) for side in range(4)]
         refined = np.stack(meets)
         if not np.isfinite(refined).all():
@@ -59,37 +57,52 @@ def corners_from_edges(gray: NDArray, corners: NDArray, cells: int) -> NDArray |
     return refined if straight and settled else None
 
 
-def _edge(
-    gray: NDArray, corners: NDArray, inner: NDArray, side: int
-) -> tuple[NDArray, NDArray, bool] | None:
-    """Return a point on the edge after corner `side`, its direction, and if it is straight."""
-    start, end = corners[side], corners[(side + 1) % 4]
-    length = np.linalg.norm(end - start)
-    along = (end - start) / length
-    outwards = np.array([along[1], -along[0]])
-    if outwards @ (corners.mean(axis=0) - start) > 0.0:
-        outwards = -outwards
-    border = np.abs((inner[[side, (side + 1) % 4]] - start) @ outwards).min()
+def _edges(
+    gray: NDArray, corners: NDArray, inner: NDArray
+) -> tuple[list[tuple[NDArray, NDArray]], bool] | None:
+    """Return a point on the edge after each corner, its direction, and if all are straight.
+
+    None where one of them is not plain to see.
+    """
+    ends = np.roll(corners, -1, axis=0)
+    length = np.linalg.norm(ends - corners, axis=1)
+    along = (ends - corners) / length[:, None]
+    outwards = np.stack([along[:, 1], -along[:, 0]], axis=1)
+    inwards = np.sum(outwards * (corners.mean(axis=0) - corners), axis=1) > 0.0
+    outwards[inwards] *= -1.0
+    far = np.stack([inner, np.roll(inner, -1, axis=0)], axis=1) - corners[:, None]
+    border = np.abs(np.sum(far * outwards[:, None], axis=2)).min(axis=1)
     reach = np.clip(_REACH * border, _NARROWEST, _WIDEST)
-    margin = min(max(0.06, 2.5 / length), 0.3)  # of the side, at corners that blur has rounded
-    positions = np.linspace(margin, 1.0 - margin, _POSITIONS) * length
-    depths = np.linspace(-reach, reach, _DEPTHS)
-    points = start + positions[:, None, None] * along + depths[:, None] * outwards
+    margin = np.clip(2.5 / length, 0.06, 0.3)  # of the side, at corners that blur has rounded
+    share = np.linspace(margin, 1.0 - margin, _POSITIONS, axis=1)
+    positions = share * length[:, None]
+    depths = np.linspace(-reach, reach, _DEPTHS, axis=1)
+    points = corners[:, None, None] + positions[:, :, None, None] * along[:, None, None]
+    points = points + depths[:, None, :, None] * outwards[:, None, None]
     height, width = gray.shape
-    visible = np.all((points >= 0.0) & (points <= (width - 1.0, height - 1.0)), axis=(1, 2))
-    if visible.mean() < _LEAST_VISIBLE:
+    visible = np.all((points >= 0.0) & (points <= (width - 1.0, height - 1.0)), axis=(2, 3))
+    if visible.mean(axis=1).min() < _LEAST_VISIBLE:
         return None
-    maps = points[visible].astype(np.float32)
-    profiles = cv2.remap(gray, maps[..., 0], maps[..., 1], cv2.INTER_LINEAR).astype(float)
-    offsets = _offsets(profiles, positions[visible], depths)
-    if offsets is None:
-        return None
-    x = positions[visible] - 0.5 * length
-    slope, shift = _robust_line(x, offsets)
-    bent = max(1.0, (length / _BENT_FROM) ** 2)
-    straight = bool(_off_line(offsets - slope * x - shift) < _STRAIGHT * bent)
-    middle = start + 0.5 * length * along + shift * outwards
-    return middle, along + slope * outwards, straight
+    # All four at once; a side that leaves the image has fewer positions than the others.
+    whole = bool(visible.all())
+    lines, straight = [], True
+    for sides in [np.arange(4)] if whole else np.arange(4)[:, None]:
+        there = slice(None) if whole else visible[sides[0]]
+        maps = points[sides][:, there].astype(np.float32).reshape(-1, _DEPTHS, 2)
+        profiles = cv2.remap(gray, maps[..., 0], maps[..., 1], cv2.INTER_LINEAR).astype(float)
+        seen = positions[sides][:, there]
+        offsets = _offsets(profiles.reshape(*seen.shape, _DEPTHS), seen, depths[sides])
+        if offsets is None:
+            return None
+        x = seen - 0.5 * length[sides, None]
+        slope, shift = _robust_line(x, offsets)
+        off = _off_line(offsets - slope[:, None] * x - shift[:, None])
+        bent = np.maximum(1.0, (length[sides] / _BENT_FROM) ** 2)
+        straight &= bool(np.all(off < _STRAIGHT * bent))
+        middles = corners[sides] + 0.5 * length[sides, None] * along[sides]
+        middles = middles + shift[:, None] * outwards[sides]
+        lines += zip(middles, along[sides] + slope[:, None] * outwards[sides], strict=True)
+    return lines, straight
 
 
 def _inner_corners(corners: NDArray, cells: int) -> NDArray:
@@ -100,44 +113,48 @@ def _inner_corners(corners: NDArray, cells: int) -> NDArray:
 
 
 def _offsets(profiles: NDArray, positions: NDArray, depths: NDArray) -> NDArray | None:
-    """Return where along each profile black ends [px], or None if it is not black then white."""
-    x = positions - positions.mean()
-    ends = np.stack([profiles[:, :3].mean(axis=1), profiles[:, -3:].mean(axis=1)])
+    """Return where along each profile black ends [px], or None if it is not black then white.
+
+    Shapes (sides, n, depths), (sides, n) and (sides, depths).
+    """
+    x = (positions - positions.mean(axis=1, keepdims=True))[:, None]
+    ends = np.stack([profiles[:, :, :3].mean(axis=2), profiles[:, :, -3:].mean(axis=2)], axis=1)
     slopes, levels = _line(x, ends, np.ones_like(x))
-    black, white = slopes[:, None] * x + levels[:, None]  # light may fall off along the edge
+    fitted = slopes[..., None] * x + levels[..., None]  # light may fall off along the edge
+    black, white = fitted[:, 0], fitted[:, 1]
     if np.min(white - black) < _LEAST_CONTRAST:
         return None
-    dark = (white[:, None] - profiles) / (white - black)[:, None]
-    return depths[0] + np.trapezoid(dark, depths, axis=1)
+    dark = (white[..., None] - profiles) / (white - black)[..., None]
+    return depths[:, :1] + np.trapezoid(dark, depths[:, None], axis=2)
 
 
-def _robust_line(x: NDArray, y: NDArray) -> tuple[float, float]:
-    """Return slope and value at x = 0 of a line; points far from the others do not count."""
+def _robust_line(x: NDArray, y: NDArray) -> tuple[NDArray, NDArray]:
+    """Return slopes and values at x = 0 of lines; points far from the others do not count."""
     weights = np.ones_like(x)
-    slope = shift = np.zeros(())
+    slope = shift = np.zeros(len(x))
     for _ in range(4):
         slope, shift = _line(x, y, weights)
-        residuals = np.abs(y - slope * x - shift)
-        scale = max(1.4826 * float(np.median(residuals)), 0.01)
+        residuals = np.abs(y - slope[:, None] * x - shift[:, None])
+        scale = np.maximum(1.4826 * np.median(residuals, axis=1, keepdims=True), 0.01)
         weights = 1.0 / (1.0 + (residuals / (2.4 * scale)) ** 2)
-    return float(slope), float(shift)
+    return slope, shift
 
 
-def _off_line(residuals: NDArray) -> float:
+def _off_line(residuals: NDArray) -> NDArray:
     """Return by how much pieces of a side lie off its line, all but those a finger hides [px].
 
     Where a corner was taken for that of the paper, the side is black and white only in part.
     """
-    pieces = [piece.mean() for piece in np.array_split(residuals, _PIECES)]
-    return float(np.quantile(np.abs(pieces), 0.7))
+    pieces = [piece.mean(axis=1) for piece in np.array_split(residuals, _PIECES, axis=1)]
+    return np.quantile(np.abs(pieces), 0.7, axis=0)
 
 
 def _line(x: NDArray, y: NDArray, weights: NDArray) -> tuple[NDArray, NDArray]:
-    """Return slopes and values at x = 0 of weighted least squares lines. y: shape (..., n)."""
-    total = weights.sum()
-    x_mean, y_mean = x @ weights / total, y @ weights / total
-    centred = (x - x_mean) * weights
-    slope = (y @ centred) / (x @ centred)
+    """Return slopes and values at x = 0 of weighted least squares lines along the last axis."""
+    total = weights.sum(axis=-1)
+    x_mean, y_mean = np.sum(x * weights, axis=-1) / total, np.sum(y * weights, axis=-1) / total
+    centred = (x - x_mean[..., None]) * weights
+    slope = np.sum(y * centred, axis=-1) / np.sum(x * centred, axis=-1)
     return slope, y_mean - slope * x_mean
 
 

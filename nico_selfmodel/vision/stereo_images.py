@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from nico_selfmodel.dataset.board_views import BoardViews
 from nico_selfmodel.errors import DataError
-from nico_selfmodel.files.reading import LARGEST_PICTURE, read_bytes
+from nico_selfmodel.files.reading import LARGEST_PICTURE, read_bytes, real_path
 from nico_selfmodel.names import listed
 from nico_selfmodel.vision.chessboard import (
     WINDOW,
@@ -78,7 +78,7 @@ class BoardDetections:
         digest = hashlib.sha256()
         for path in (path for files in self.files.values() for path in files):
             digest.update(read_bytes(path, LARGEST_PICTURE))
-        folder = next(iter(self.files.values()))[0].parent.resolve().name
+        folder = real_path(next(iter(self.files.values()))[0].parent).name
         return {"images": folder, "board": str(self.board), "images_sha256": digest.hexdigest()}
 
     def read_images(self) -> dict[str, "Photographs"]:

@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 from nico_selfmodel.errors import DataError, ModelError
 from nico_selfmodel.files.json_text import parse_json
 from nico_selfmodel.model.arrays import frozen_array
+from nico_selfmodel.model.document_values import damage
 from nico_selfmodel.names import listed, shown
 from nico_selfmodel.viz.scene_items import ITEM_KINDS, Item, Rgba
 
@@ -121,7 +122,7 @@ class Scene:
                 tuple(_legend_entry(entry) for entry in document["legend"]),
             )
         except (AttributeError, KeyError, OverflowError, TypeError, ValueError) as error:
-            raise ModelError(f"the scene is damaged: {error}") from error
+            raise ModelError(f"the scene is damaged: {damage(error)}") from error
 
 
 def path_names(texts: Iterable[str]) -> list[str]:

@@ -5,7 +5,7 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import NDArray
 
-from nico_selfmodel.model.arrays import frozen_array
+from nico_selfmodel.model.arrays import as_floats, frozen_array
 
 Rgba = tuple[float, float, float, float]
 
@@ -30,7 +30,7 @@ class Item:
         parts = self.path.split("/")
         if not all(parts) or any(part != part.strip() for part in parts):
             raise ValueError(f"path must be names joined by '/', got {self.path!r}")
-        color = tuple(float(c) for c in self.color)
+        color = tuple(as_floats(self.color, "color").ravel().tolist())
         if len(color) != 4 or not all(0.0 <= c <= 1.0 for c in color):
             raise ValueError(f"color must be four numbers from 0 to 1, got {self.color}")
         object.__setattr__(self, "color", color)
@@ -41,7 +41,7 @@ class Item:
 
     def _freeze_list(self, name: str) -> int:
         """Freeze a list of points or colours of any length, and return its length."""
-        value = np.asarray(getattr(self, name), dtype=float)
+        value = as_floats(getattr(self, name), name)
         if value.ndim != 2 or value.shape[1] != 3 or not len(value):
             raise ValueError(f"{name} must have shape (n >= 1, 3), got {value.shape}")
         self._freeze(name, value.shape)
@@ -53,10 +53,10 @@ class Item:
 
     def _check_positive(self, *names: str) -> None:
         for name in names:
-            value = float(getattr(self, name))
-            if not (np.isfinite(value) and value > 0.0):
+            value = as_floats(getattr(self, name), name)
+            if value.shape != () or not (np.isfinite(value) and value > 0.0):
                 raise ValueError(f"{name} must be positive, got {value}")
-            object.__setattr__(self, name, value)
+            object.__setattr__(self, name, float(value))
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)

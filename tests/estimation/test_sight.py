@@ -8,6 +8,7 @@ import pytest
 from nico_selfmodel.estimation import calibrate_cameras, calibrate_kinematics
 from nico_selfmodel.estimation.body_problem import rig_of
 from nico_selfmodel.estimation.sight import Sight
+from nico_selfmodel.model import ParameterCovariance
 from nico_selfmodel.model.stereo_rig import StereoRig
 
 from .simulated_bodies import Truth, body, lesson
@@ -67,6 +68,17 @@ def test_errors_of_arms_learned_by_sight_are_as_large_as_their_sigmas():
     # Without the eyes the arm takes itself for nearly twice as sure as it is.
     assert np.mean(before) / 3.0 > 2.5
     assert 0.5 < np.mean(after) / 3.0 < 1.6
+
+
+def test_eyes_beside_an_arm_that_alone_is_uncertain_count_as_exact():
+    sight, arm = through(lesson().eyes)
+    whole = sight.complete(arm).model
+    names = tuple(n for n in whole.covariance.names if n.partition(".")[0] not in ("left", "right"))
+    of_arm = ParameterCovariance(names, np.eye(len(names)) * 1e-9)
+    sight, again = through(replace(whole, covariance=of_arm))
+    completed = sight.complete(again)
+    assert completed.model.covariance.names == again.uncertainty.names
+    np.testing.assert_array_equal(completed.uncertainty.sigma, again.uncertainty.sigma)
 
 
 def test_eyes_without_a_covariance_count_as_exact():

@@ -10,7 +10,7 @@ import pytest
 from nico_selfmodel.errors import DataError
 from nico_selfmodel.files.csv_rows import MOST_CELLS, MOST_COLUMNS, rows_of_text
 from nico_selfmodel.files.json_text import parse_json
-from nico_selfmodel.files.reading import read_bytes, read_text
+from nico_selfmodel.files.reading import read_bytes, read_text, real_path
 
 
 def test_a_named_pipe_is_refused_and_not_waited_for(tmp_path):
@@ -71,6 +71,15 @@ def test_a_name_that_no_file_can_have_is_refused(tmp_path):
     for name in ("a" * 300, "a\0b"):
         with pytest.raises(DataError, match="cannot be read"):
             read_bytes(tmp_path / name, 100)
+
+
+def test_a_link_that_leads_to_itself_is_no_riddle(tmp_path, command):
+    path = tmp_path / "a.png"
+    path.symlink_to("a.png")
+    assert real_path(path) == path
+    done = command("pick-color", path, "--at", "2,2", "--out", tmp_path / "red.yaml")
+    assert done.returncode == 2
+    assert done.stderr.startswith(f"nico-selfmodel: {path}: cannot be read: Too many levels")
 
 
 def test_tables_have_limits():

@@ -39,6 +39,8 @@ HOSTILE = {
     "a set": ("a: !!set {b, c}", "is not read here"),
     "a control character": ("a: \x01", "control characters are not allowed"),
     "two documents": ("a: 1\n---\nb: 2\n", "another document"),
+    "a key that is a list": ("? [a, b]\n: c\n", "stands where a key belongs"),
+    "a key that is a mapping": ("{{0}: 1}", "stands where a key belongs"),
     "a key twice": ("{a: 1, b: {c: 1, c: 2}}", "key 'c' stands here and in line 1"),
 }
 

@@ -11,6 +11,7 @@ from hypothesis import strategies as st
 
 from nico_selfmodel.errors import ModelError
 from nico_selfmodel.model import Chain, DhTable, ParameterCovariance, SelfModel, ServoMap
+from nico_selfmodel.model.document_values import damage
 
 
 @pytest.fixture(scope="module")
@@ -100,6 +101,12 @@ def test_a_person_may_write_numbers_as_people_do(document, tmp_path):
     assert loaded.servos.gear[1] == document["servos"][1]["gear"]
 
 
+def test_pythons_own_words_are_for_nobody():
+    assert damage(TypeError("'float' object is not subscriptable")).startswith("a value in it is")
+    assert damage(KeyError("gear")) == "'gear' is missing"
+    assert damage(ValueError("gear\n is 0")) == "gear is 0"
+
+
 def without(*keys):
     def spoil(document):
         for key in keys[:-1]:
@@ -138,9 +145,15 @@ SPOILT = {
     "no matrix": (without("covariance", "matrix"), "'matrix' is missing"),
     "one servo less": (without("servos", 3), "different joints"),
     "one covariance row less": (without("covariance", "matrix", 1), "not a valid self-model"),
-    "chain is a number": (with_value(3, "chain"), "not a valid self-model"),
-    "rows are a word": (with_value("none", "chain", "rows"), "not a valid self-model"),
-    "servos are nothing": (with_value(None, "servos"), "not a valid self-model"),
+    "chain is a number": (with_value(3, "chain"), "chain must be a mapping of names, got 3"),
+    "rows are a word": (with_value("none", "chain", "rows"), "chain.rows must be a list of map"),
+    "a row is a number": (with_value(1.0, "chain", "rows", 1), "chain.rows must be a list of map"),
+    "a joint is a number": (with_value(1, "chain", "rows", 0, "joint"), "must be a list of names"),
+    "servos are nothing": (with_value(None, "servos"), "servos must be a list of mappings"),
+    "a unit is a list": (with_value(["rad"], "servos", 0, "unit"), "must be a list of names"),
+    "a gear is a list": (with_value([1.0], "servos", 0, "gear"), "gear must be numbers, in rows"),
+    "an eye is a word": (with_value("blue", "cameras", "left"), "left must be a mapping"),
+    "noise is a list": (with_value([1.0], "noise_sigma_m"), "noise_sigma_m must be a number"),
     "hand is a list": (with_value([[0.0, 0.0, 0.1]], "chain", "hand"), "not a valid self-model"),
     "hand is nowhere": (with_value({}, "chain", "hand"), "not a valid self-model"),
     "robot is a word": (with_value("nico", "robot"), "not a valid self-model"),
@@ -163,6 +176,30 @@ SPOILT = {
     "no joints": (with_no_joints, "joint"),
     "covariance of a stranger": (with_value("joint_9.r", "covariance", "names", 0), "joint_9.r"),
     "noise is a word": (with_value("small", "noise_sigma_m"), "not a valid self-model"),
+    "pose noise is a word": (
+        with_value({"sensor_sigma": "hand", "joint_sigma_rad": [0.0] * 4}, "fit", "pose_noise"),
+        "fit.pose_noise.sensor_sigma must be numbers, got 'hand'",
+    ),
+    "pose noise of other joints": (
+        with_value({"sensor_sigma": 1e-3, "joint_sigma_rad": [0.0] * 9}, "fit", "pose_noise"),
+        "fit.pose_noise.joint_sigma_rad must be",
+    ),
+    "pose noise below zero": (
+        with_value({"sensor_sigma": 1e-3, "joint_sigma_rad": -1.0}, "fit", "pose_noise"),
+        "fit.pose_noise.joint_sigma_rad must be",
+    ),
+    "a mirror failed for a number": (with_value({"m": 1}, "fit", "mirror_failures"), "fit.m must"),
+    "no median in pixels": (
+        with_value({"n": 9, "median_m": 1e-3, "median_px": "x"}, "fit", "expected_error"),
+        "median_px must be numbers",
+    ),
+    "a robot without a description": (with_value({"held": {}}, "robot"), "robot.urdf must be"),
+    "a link is a number": (with_value({"urdf": "nico", "tip_link": 3}, "robot"), "robot.tip_link"),
+    "held by a word": (
+        with_value({"urdf": "nico", "held": {"a": "b"}}, "robot"),
+        "robot.held of a",
+    ),
+    "a seed is a word": (with_value("x", "provenance", "seed"), "provenance.seed must be"),
     "another version": (with_value("nico-selfmodel/2", "format"), "nico-selfmodel/2, this version"),
     "another format": (with_value("nico-dataset/1", "format"), "not a self-model"),
     "no format": (without("format"), "expected `format: nico-selfmodel/1`"),
