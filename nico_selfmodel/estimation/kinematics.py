@@ -31,7 +31,7 @@ from nico_selfmodel.estimation.stability import Change, change_in_time, lag_in_t
 from nico_selfmodel.estimation.start_search import LineSolution, StartSearch, search_starts
 from nico_selfmodel.estimation.systematic_residuals import (
     Pattern,
-    backlash_columns,
+    likeliest_backlash,
     systematic_patterns,
 )
 from nico_selfmodel.model import DhTable, SelfModel
@@ -223,7 +223,7 @@ class _Doubts:
         held = frozenset(f"{joint}.gear" for joint, known in joints if known) - solved.free
         patterns = systematic_patterns(observations, solved.parameters, test)
         ripples = {p.ripple_of: p.score for p in patterns if p.ripple_of is not None}
-        backlash = backlash_columns(observations, linear.by_angle)
+        backlash = likeliest_backlash(observations, test)
         known = np.concatenate([backlash, *(p.columns for p in patterns[:_PATTERNS])], axis=2)
         return cls(
             doubtful_gears(test, solved.parameters, held, ripples),

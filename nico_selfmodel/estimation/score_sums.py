@@ -159,22 +159,26 @@ class ScoreSums:
     def improvement(self, columns: list[int], found: CourseFound) -> float:
         """Return the mean distance of all rows from the arm over that with the change.
 
-        Its size is that which explains outliers, if they are part of it, or that which does not.
+        What the residuals may depend on besides is taken off both. The size of the change is that
+        which explains outliers, if they are part of it, or that which does not.
         """
         cross = np.einsum("t,tij->ij", found.course, self.h[:, columns][:, :, self.free])
         own = np.einsum("t,tij->ij", found.course**2, self.h[:, columns][:, :, columns])
-        before = np.linalg.norm(self.linear.residuals, axis=1).mean()
-        after = [before]
+        before, after = [], []
         for s in (self.s, self.plain):
             fitted = s.sum(axis=0)[self.free]
+            before.append(self._mean_distance(self.inverse @ fitted, 0.0))
             along = found.course @ s[:, columns] - cross @ self.inverse @ fitted
             size = np.linalg.lstsq(own - cross @ self.inverse @ cross.T, along, rcond=1e-9)[0]
             taken = self.inverse @ (fitted - cross.T @ size)
-            moved = self.linear.jacobian[:, :, self.free] @ (taken * self.scale[self.free])
             changed = self.linear.jacobian[:, :, columns] @ (size * self.scale[columns])
-            moved += found.course[self.span, None] * changed
-            after.append(np.linalg.norm(self.linear.residuals - moved, axis=1).mean())
-        return float(before / max(min(after), np.finfo(float).tiny))
+            after.append(self._mean_distance(taken, found.course[self.span, None] * changed))
+        return float(min(before) / max(min(*before, *after), np.finfo(float).tiny))
+
+    def _mean_distance(self, taken: NDArray, changed: NDArray | float) -> float:
+        """Return the mean residual when the free parameters take a step and something changed."""
+        moved = self.linear.jacobian[:, :, self.free] @ (taken * self.scale[self.free])
+        return float(np.linalg.norm(self.linear.residuals - moved - changed, axis=1).mean())
 
     def chance_of(self, ratio: float) -> float:
         """Return how often noise of poses makes residuals fall by a ratio after some sample.

@@ -32,8 +32,8 @@ _FOLLOWS = 0.9
 """Correlation of a reading with time above which place and time cannot be told apart ..."""
 _OVERLAP = 0.2
 """... as where less of the poses before a step lies within the range of those after, or back."""
-_EXPLAINS_MORE = 1.5
-"""How many times more than a pattern a change must explain that the pattern outdoes in gain."""
+_EXPLAINS_MUCH = 1.5
+"""Ratio beyond which a change is one, though a pattern gains more or its own gain is small."""
 _SIMPLER = 7.0
 """Chi square that each further number of a change must bring to be named."""
 
@@ -89,18 +89,17 @@ def change_in_time(
         return None
     best = max(candidates, key=lambda one: one.found.statistic - _SIMPLER * len(one.columns))
     chance = chi_square_tail(best.found.statistic, len(best.columns))
-    explained = max((pattern.score.improvement for pattern in patterns), default=1.0)
     if chance > LARGEST_CHANCE:
         best = max(candidates, key=lambda one: one.ratio)
         chance = sums.chance_of(best.ratio) * len(candidates)
-        if chance > LARGEST_CHANCE or best.ratio < _EXPLAINS_MORE * explained:
+        if chance > LARGEST_CHANCE or best.ratio < _EXPLAINS_MUCH:
             return None
     found = best.found
     what = f"{best.words(found.size, found.drift)} {sums.when(found)}"
     course = found.course[np.searchsorted(sums.last, observations.sample)]
     # Sums of scores are cut and swelled, so that a pattern may gain more and explain much less.
     gain = max((pattern.score.gain for pattern in patterns), default=0.0)
-    surely = found.statistic > gain or best.ratio > _EXPLAINS_MORE * explained
+    surely = found.statistic > gain or best.ratio > _EXPLAINS_MUCH
     return Change(what, chance, best.ratio, mixed_in_time(observations, course) and surely)
 
 

@@ -132,9 +132,36 @@ def backlash_columns(observations: Observations, by_angle: NDArray) -> NDArray:
     Returns:
         Shape (N, 3, n).
     """
+    return by_angle * _sides(observations)[:, None]
+
+
+def likeliest_backlash(observations: Observations, test: ScoreTest) -> NDArray:
+    """Return `backlash_columns` where joints that have not moved yet stand on the likelier side.
+
+    No sample tells from which side a joint came before its first motion; the half width is that of
+    all other samples.
+
+    Args:
+        observations: What was measured; samples are numbered in the order of time.
+        test: Residuals at the solution.
+
+    Returns:
+        Shape (N, 3, n).
+    """
+    by_angle, sides = test.linear.by_angle, _sides(observations)
+    likeliest = []
+    for i, side in enumerate(sides.T):
+        cases = [np.where(side == 0.0, first, side) for first in (0.0, -1.0, 1.0)]
+        columns = [by_angle[:, :, i] * case[:, None] for case in cases]
+        gains = [test.of(column[:, :, None]).gain for column in columns]
+        likeliest.append(columns[int(np.argmax(gains))])
+    return np.stack(likeliest, axis=2)
+
+
+def _sides(observations: Observations) -> NDArray:
+    """Return from which side each joint came; 0 before its first motion. Shape (N, n)."""
     samples, first, of = np.unique(observations.sample, return_index=True, return_inverse=True)
-    side = np.zeros((len(samples), by_angle.shape[2]))
+    side = np.zeros((len(samples), observations.angles.shape[1]))
     side[1:] = np.sign(np.diff(observations.angles[first], axis=0))
     last = np.maximum.accumulate(np.where(side != 0.0, np.arange(len(side))[:, None], 0))
-    side = np.take_along_axis(side, last, axis=0)
-    return by_angle * side[of.reshape(-1)][:, None]
+    return np.take_along_axis(side, last, axis=0)[of.reshape(-1)]

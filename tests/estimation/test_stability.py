@@ -137,3 +137,11 @@ def test_a_jump_that_joint_noise_took_for_its_own_is_told_by_what_it_explains():
 
 def reason_of(result) -> str:
     return " ".join(judge(result).reasons)
+
+
+@pytest.mark.parametrize("seed", [6100, 6109, 6113])
+def test_backlash_in_sweeps_is_no_jump(seed):
+    """A joint stands on one side of its play before its own sweep, and on the other after it."""
+    train, _ = random_recording("backlash", seed, fresh=1).dataset.split(0.3, 1)
+    result = calibrate_kinematics(train, explain=False)
+    assert result.change is None or not result.change.notable
