@@ -163,8 +163,8 @@ def _one_line(error: Exception) -> str:
         return f"{error.filename}: {error.strerror}"
     if type(error).__name__ == "LinAlgError":  # numpy is not loaded for this
         return (
-            f"the calculation broke down ({error}): a number in what was read must be far "
-            "from what it stands for; check units, and the self-model if it was edited"
+            "the calculation broke down: a number in what was read must be far from what it stands "
+            "for; check units, and the self-model if it was edited"
         )
     return str(error).strip() or type(error).__name__
 

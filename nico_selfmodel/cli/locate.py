@@ -67,11 +67,10 @@ def _pixels(word: str) -> list[float]:
     Raises:
         ValueError: If there are others.
     """
+    from nico_selfmodel.files.csv_rows import number_of_word
+
     cells = word.split(",")
-    try:
-        values = [float(cell) for cell in cells]
-    except ValueError as error:
-        raise ValueError(f"--pixels {word}: {error}") from error
+    values = [number_of_word(cell, f"--pixels {word}") for cell in cells]
     if len(values) != 4:
         raise ValueError(
             f"--pixels {word}: got {len(values)} numbers, expected left u, v and right u, v"

@@ -68,13 +68,12 @@ def check_points(point: list[str] | None, markers: tuple[str, ...]) -> None:
 
 
 def _held(words: list[str] | None) -> dict[str, float]:
+    from nico_selfmodel.files.csv_rows import number_of_word
+
     held = {}
     for word in words or []:
         joint, equals, value = word.partition("=")
-        try:
-            held[joint] = float(value) if equals else 0.0
-        except ValueError as error:
-            raise ValueError(f"--hold {word}: {value!r} is not a number") from error
+        held[joint] = number_of_word(value, f"--hold {word}") if equals else 0.0
     return held
 
 

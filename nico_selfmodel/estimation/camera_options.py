@@ -1,10 +1,10 @@
 """Which camera parameters are held, freed or given a prior."""
 
-import math
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from typing import TypeVar
 
+from nico_selfmodel.files.csv_rows import number_of_word
 from nico_selfmodel.model.stereo_rig import StereoRig
 from nico_selfmodel.names import did_you_mean, listed
 from nico_selfmodel.optimization.robust_solve import ROBUST_METHODS
@@ -56,14 +56,16 @@ class CameraOptions:
         pinned = {}
         for word in pin:
             name, equals, value = word.partition("=")
-            pinned[name.strip()] = _number(value, f"--pin {word}") if equals else None
+            pinned[name.strip()] = number_of_word(value, f"--pin {word}") if equals else None
         priors = {}
         for word in prior:
             name, _, value = word.partition("=")
             mean, comma, sigma = value.partition(",")
             if not comma:
                 raise ValueError(f"--prior {word}: give NAME=MEAN,SIGMA")
-            priors[name.strip()] = tuple(_number(v, f"--prior {word}") for v in (mean, sigma))
+            priors[name.strip()] = tuple(
+                number_of_word(v, f"--prior {word}") for v in (mean, sigma)
+            )
             if not priors[name.strip()][1] > 0.0:
                 raise ValueError(f"--prior {word}: sigma must be positive")
         both = set(pinned) & set(free)
@@ -129,13 +131,3 @@ def _hint(word: str, names: Iterable[str]) -> str:
     names = list(names)
     meant = did_you_mean(word, [*names, *(n.partition(".")[2] for n in names)]) or "."
     return f"{meant} There are: {listed(names)}"
-
-
-def _number(text: str, where: str) -> float:
-    try:
-        value = float(text)
-    except ValueError as error:
-        raise ValueError(f"{where}: {text!r} is not a number") from error
-    if not math.isfinite(value):
-        raise ValueError(f"{where}: {text!r} is not a finite number")
-    return value

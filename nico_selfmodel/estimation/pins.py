@@ -1,9 +1,9 @@
 """What the user holds fixed or lets move: `--pin NAME`, `--pin NAME=VALUE`, `--free NAME`."""
 
-import math
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 
+from nico_selfmodel.files.csv_rows import number_of_word
 from nico_selfmodel.model import DhParameters
 from nico_selfmodel.names import did_you_mean, listed
 
@@ -27,12 +27,7 @@ class Pins:
         pinned: dict[str, float | None] = {}
         for word in pin:
             name, equals, value = word.partition("=")
-            try:
-                pinned[name.strip()] = float(value) if equals else None
-            except ValueError as error:
-                raise ValueError(f"--pin {word}: {value!r} is not a number") from error
-            if equals and not math.isfinite(float(value)):
-                raise ValueError(f"--pin {word}: {value!r} is not a finite number")
+            pinned[name.strip()] = number_of_word(value, f"--pin {word}") if equals else None
         both = set(pinned) & set(free)
         if both:
             raise ValueError(f"{', '.join(sorted(both))} cannot be both pinned and freed")

@@ -7,6 +7,7 @@ it (CWE-1236); an apostrophe before it makes it text. Reading takes the apostrop
 import re
 
 _STARTS = ("=", "+", "-", "@", "\t")
+_SPECIAL = re.compile('[,"\r\n]')
 _NUMBER = re.compile(r"[-+]?[0-9]*\.?[0-9]+(?:[eE][-+]?[0-9]+)?")
 
 
@@ -25,7 +26,7 @@ def quoted_cell(cell: str) -> str:
 
     The csv module leaves a lone carriage return unquoted, which then reads as a line end.
     """
-    if any(character in cell for character in ',"\r\n'):
+    if _SPECIAL.search(cell):
         return '"' + cell.replace('"', '""') + '"'
     return cell
 

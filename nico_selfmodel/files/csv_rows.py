@@ -16,6 +16,8 @@ MOST_CELLS = 4_000_000
 MOST_COLUMNS = 10_000
 """Columns that a table may have."""
 
+_OF_CELLS = "; an empty cell means not measured"
+
 
 def read_csv_rows(path: Path) -> tuple[list[list[str]], list[int]]:
     """Read the cells of a comma separated file, without its blank lines.
@@ -67,6 +69,24 @@ def rows_of_text(text: str, where: str) -> tuple[list[list[str]], list[int]]:
     return rows, lines
 
 
+def number_of_word(word: str, where: str) -> float:
+    """Return the finite number that a word of the command line is.
+
+    Args:
+        word: The word.
+        where: The option that it belongs to, for the message.
+
+    Raises:
+        ValueError: If it is none, or larger than anything measured.
+    """
+    if not word.strip():
+        raise ValueError(f"{where}: '' is not a number")
+    try:
+        return parse_number(word)
+    except ValueError as error:
+        raise ValueError(f"{where}: {str(error).removesuffix(_OF_CELLS)}") from None
+
+
 def parse_number(cell: str) -> float:
     """Return the finite number in a cell, nan for an empty one.
 
@@ -88,7 +108,7 @@ def parse_number(cell: str) -> float:
         hint = "; use a decimal point" if re.fullmatch(r"[-+0-9]+,[0-9]+", text) else ""
         raise ValueError(f"{text[:40]!r} is not a number{hint}") from None
     if not math.isfinite(value):
-        raise ValueError(f"{text[:40]!r} is not a finite number; an empty cell means not measured")
+        raise ValueError(f"{text[:40]!r} is not a finite number{_OF_CELLS}")
     if "_" in text:
         raise ValueError(f"{text[:40]!r} is not a number; write it without underscores")
     if abs(value) > LARGEST:

@@ -28,7 +28,7 @@ def read_yaml_mapping(path: Path) -> dict[str, Any]:
     """
     content = parse_yaml(read_text(path, LARGEST_DOCUMENT), str(path))
     if not isinstance(content, dict):
-        got = "nothing but comments" if content is None else shown(content)
+        got = "nothing" if content is None else type(content).__name__
         raise DataError(f"{path}: expected a mapping ('key: value' lines), got {got}")
     return content
 

@@ -170,6 +170,9 @@ def test_a_world_that_does_not_exist_is_explained(tmp_path, command):
     [
         (("--base", "chest"), "--robot"),
         (("--pin", "right_elbow.r=nan"), "finite"),
+        (("--pin", "right_elbow.r=1e308"), "'1e308' is larger than anything measured"),
+        (("--pin", "right_elbow.r="), "--pin right_elbow.r=: '' is not a number"),
+        ((*RIGHT_ARM, "--hold", "right_wrist=up"), "--hold right_wrist=up: 'up' is not a number"),
         (("--require-test-mm", "nan"), "--require-test-mm"),
         (("--require-test-mm", "-2"), "--require-test-mm"),
         ((*RIGHT_ARM, "--point", "ear=right_hand"), "tracks no 'ear'; it tracks hand"),

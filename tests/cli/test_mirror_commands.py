@@ -150,7 +150,7 @@ def test_a_place_that_cannot_be_is_refused(command, result, inputs):
     for words, message in (
         (("--mirror", "wall", "--pixels", "1,2,3,4"), "there are: middle"),
         (("--mirror", "middle", "--pixels", "1,2,3"), "got 3 numbers"),
-        (("--mirror", "middle", "--pixels", "a,2,3,4"), "could not convert"),
+        (("--mirror", "middle", "--pixels", "a,2,3,4"), "--pixels a,2,3,4: 'a' is not a number"),
         (("--mirror", "middle", "--pixels", "100,200,500,200"), "no reflection"),
         (("--mirror", "middle", "--pixels", "1,2,3,4", "--pixel-sigma", "0"), "positive number"),
     ):

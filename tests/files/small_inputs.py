@@ -177,6 +177,47 @@ _TO_VISIT = _readers(
     "record {out}/r --sensor motion-capture --circle 0 --poses {it}/poses.csv",
 )
 _RESULT = _readers("view {it} --html {out}/scene.html")
+WORDS = _readers(
+    "calibrate kinematics {sound}/data --name {odd} --out {out}/a",
+    "calibrate kinematics {sound}/data --pin {odd} --out {out}/a",
+    "calibrate kinematics {sound}/data --pin elbow.r={odd} --out {out}/a",
+    "calibrate kinematics {sound}/data --free {odd} --out {out}/a",
+    "calibrate kinematics {sound}/data --test-fraction {odd} --out {out}/a",
+    "calibrate kinematics {sound}/data --require-test-mm {odd} --test-fraction 0.3 --out {out}/a",
+    "calibrate kinematics {sound}/data --robot {odd} --out {out}/a",
+    "calibrate kinematics {sound}/data " + ROBOT + " --hold {odd} --out {out}/a",
+    "calibrate kinematics {sound}/data " + ROBOT + " --point {odd} --out {out}/a",
+    "calibrate kinematics {odd} --out {out}/a",
+    "evaluate {odd} {sound}/data",
+    "predict " + ARM + " --encoders {odd}",
+    "predict " + ARM + " --encoders 0.1,{odd},0.3 --json",
+    "predict " + ARM + " --encoders 0,0,0 --marker {odd}",
+    "locate " + BODY + " --mirror {odd} --pixels {pixels}",
+    "locate " + BODY + " --mirror middle --pixels 250,{odd},230,250 --json",
+    "locate " + BODY + " --mirror middle --pixels {pixels} --pixel-sigma {odd} --json",
+    "export-urdf " + ARM + " --out {out}/{odd}",
+    "calibrate camera {sound}/boards --board {odd} --square-mm 30 --out {out}/a",
+    "calibrate camera {sound}/boards --board 7x5 --square-mm {odd} --out {out}/a",
+    "calibrate stereo {sound}/boards " + " ".join(BOARD) + " --prior left.cx={odd} --out {out}/a",
+    "calibrate mirror {sound}/seen --model " + BODY + " --joint-sigma-deg {odd} --out {out}/a",
+    "pick-color {sound}/picture/a.png --at {odd} --out {out}/a.yaml",
+    "pick-color {sound}/picture/a.png --at 20,20 --radius {odd} --out {out}/a.yaml",
+    "detect {sound}/picture/a.png --fiducial --family {odd} --out {out}/a",
+    "import csv {sound}/table/table.csv --map {sound}/table/map.yaml --name {odd} --out {out}/a",
+    "import vicon {sound}/vicon/trial.csv --encoders {sound}/vicon/readings.csv --encoder-unit"
+    " counts --counts-per-turn {odd} --out {out}/a",
+    "import vicon {sound}/vicon/trial.csv --encoders {sound}/vicon/readings.csv --encoder-unit"
+    " rad --marker {odd} --out {out}/a",
+    "record {out}/r --sensor motion-capture --circle 0 --random 2 --world {odd}",
+    "markers sheet --out {out}/a.svg --ids {odd}",
+    "markers sheet --out {out}/a.svg --size-mm {odd}",
+    "servo move elbow {odd} --port {port} --config {sound}/servos/servos.yaml",
+    "servo move {odd} 10 --port {port} --config {sound}/servos/servos.yaml",
+    "rezero " + ARM + " {sound}/data --joint {odd} --out {out}/a",
+    "calibrate tool " + ARM + " {sound}/data --tool {odd} --out {out}/a",
+    "check " + ARM + " {sound}/data --sensor {odd}",
+)
+"""Commands with an odd word."""
 KINDS = (
     Kind("data set, head", "data", "dataset.yaml", _DATA),
     Kind("data set, rows", "data", "samples.csv", _DATA),

@@ -89,6 +89,14 @@ def runs_of(
     shutil.rmtree(spoilt)
 
 
+def run_of_word(reader: Reader, odd: str, sound: Path, fill: dict[str, str], room: Path) -> Run:
+    """Return a run of a command with an odd word in an empty folder."""
+    (room / "out").mkdir()
+    plain = {**fill, "sound": sound, "out": room / "out"}
+    words = tuple(w.replace("{odd}", "\0").format(**plain).replace("\0", odd) for w in reader.words)
+    return Run(f"{odd[:60]!r} for {{odd}} in {' '.join(reader.words)}", words, "", room)
+
+
 def _copied(spoilt: Path, target: Path) -> Path:
     """Copy a folder in which not everything is a file."""
     target.mkdir()

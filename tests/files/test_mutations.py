@@ -16,9 +16,17 @@ import pytest
 
 from nico_selfmodel.servos import SimulatedBus, SimulatedModule
 
-from .mutations import spoil
-from .small_inputs import KINDS, make_sound_inputs
-from .spoilt_runs import Run, complaint, complaint_of_process, judged, listing, runs_of
+from .mutations import NUMBERS, TEXTS, spoil
+from .small_inputs import KINDS, WORDS, make_sound_inputs
+from .spoilt_runs import (
+    Run,
+    complaint,
+    complaint_of_process,
+    judged,
+    listing,
+    run_of_word,
+    runs_of,
+)
 
 FILES = int(os.environ.get("NICO_MUTATIONS", "150"))
 FIRST = int(os.environ.get("NICO_MUTATION_SEED", "0"))
@@ -61,6 +69,20 @@ def test_spoilt_files_are_read_or_refused_in_one_line(sound, tmp_path, command):
                 found.append(f"{run.label}\n    {wrong}")
                 print(found[-1], flush=True)
     assert not found, report(found, runs)
+
+
+@pytest.mark.slow
+def test_odd_words_are_taken_or_refused_in_one_line(sound, tmp_path, command):
+    odd = [word for word in (*NUMBERS, *TEXTS) if "\0" not in word]  # which no process is given
+    rng, found = np.random.default_rng(FIRST), []
+    for number in range(FILES):
+        reader = WORDS[number % len(WORDS)]
+        room = room_for(tmp_path, number)
+        run = run_of_word(reader, odd[rng.integers(len(odd))], *sound, room)
+        if wrong := complaint(run, command):
+            found.append(f"{run.label}\n    {wrong}")
+            print(found[-1], flush=True)
+    assert not found, report(found, FILES)
 
 
 @pytest.mark.slow

@@ -8,7 +8,12 @@ import sys
 import pytest
 
 from nico_selfmodel.errors import DataError
-from nico_selfmodel.files.csv_rows import MOST_CELLS, MOST_COLUMNS, rows_of_text
+from nico_selfmodel.files.csv_rows import (
+    MOST_CELLS,
+    MOST_COLUMNS,
+    number_of_word,
+    rows_of_text,
+)
 from nico_selfmodel.files.json_text import parse_json
 from nico_selfmodel.files.reading import read_bytes, read_text, real_path
 
@@ -108,3 +113,19 @@ def test_hostile_json_is_refused(text, message):
     with pytest.raises(DataError, match=message) as caught:
         parse_json(text, "the scene")
     assert len(str(caught.value)) < 200
+
+
+@pytest.mark.parametrize(
+    ("word", "message"),
+    [
+        ("", "--at: '' is not a number"),
+        ("x", "--at: 'x' is not a number"),
+        ("nan", "--at: 'nan' is not a finite number$"),
+        ("1e308", "--at: '1e308' is larger than anything measured"),
+        ("1,5", "use a decimal point"),
+    ],
+)
+def test_a_word_that_is_no_number_is_refused_with_its_option(word, message):
+    with pytest.raises(ValueError, match=message):
+        number_of_word(word, "--at")
+    assert number_of_word(" -1.5e3", "--at") == -1500.0
