@@ -27,8 +27,8 @@ def test_a_self_model_carries_its_noise_through_its_file(tmp_path):
 @pytest.mark.parametrize(
     ("key", "value", "message"),
     [
-        ("sensor_sigma_m", float("nan"), "finite numbers"),
-        ("sensor_sigma_m", float("inf"), "finite numbers"),
+        ("sensor_sigma_m", float("nan"), "between 0 and 10"),
+        ("sensor_sigma_m", float("inf"), "between 0 and 10"),
         ("sensor_sigma_m", 5e3, "between 0 and 10"),
         ("sensor_sigma_m", 0.0, "must be positive"),
         ("sensor_sigma_m", "wide", "between 0 and 10, got 'wide'"),
