@@ -234,7 +234,7 @@ def test_a_misspelt_optional_column_is_kept_with_a_warning(folder):
     ("metadata", "message"),
     [
         ("", "dataset.yaml: the file is empty"),
-        ("- a\n- b\n", "expected a mapping ('key: value' lines), got ['a', 'b']"),
+        ("- a\n- b\n", "expected a mapping ('key: value' lines), got list"),
         ("name: a\njoints: [\n", "dataset.yaml, line 3: not valid YAML"),
         ("name: a\nname: b\n", "line 2: not valid YAML: key 'name' stands here and in line 1"),
         ("joints:\n- {a: 1, a: 2}\n", "line 2: not valid YAML: key 'a' stands here and in line 2"),
