@@ -51,7 +51,8 @@ def pick_color(
 
         model = open_window(photograph, image.name, radius)
     with looking_at(image):
-        seen, blob = color_mask(photograph, model), find_color_blob(photograph, model)
+        seen = color_mask(photograph, model)
+        blob = find_color_blob(photograph, model, mask=seen)
     if mask is not None:
         write_image(mask, seen.astype("uint8") * 255)
     model.save(out)

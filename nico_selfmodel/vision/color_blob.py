@@ -12,6 +12,7 @@ from nico_selfmodel.vision.not_seen import NotSeen
 
 _PASSES = 10
 _MOST_PATCHES = 1000
+_BAND = 100  # rows
 _LEAN = 0.1  # towards the colour, where the neighbours are divided
 _RIVAL = 0.7  # of the largest patch: a second one of this size might be meant as well
 _NEIGHBOURS = np.array([[1.0, 1, 1], [1, 0, 1], [1, 1, 1]], dtype=np.float32) / 8.0
@@ -45,7 +46,7 @@ class ColorBlob:
 
 
 def find_color_blob(
-    image: NDArray, model: ColorModel, *, accept_cut: bool = False
+    image: NDArray, model: ColorModel, *, accept_cut: bool = False, mask: NDArray | None = None
 ) -> ColorBlob | NotSeen:
     """Find the largest patch of a colour.
 
@@ -55,6 +56,7 @@ def find_color_blob(
         image: BGR, 8 bits. Shape (h, w, 3).
         model: The colour.
         accept_cut: Return a patch that the border of the image cuts; `touches_border` tells.
+        mask: What `color_mask` returned of them, where it is at hand. Shape (h, w).
 
     Returns:
         The patch; or why none is vouched for: nothing of the colour, too small, cut by the border
@@ -63,7 +65,7 @@ def find_color_blob(
     Raises:
         ValueError: If the image has another shape or type.
     """
-    blobs = color_blobs(image, model)
+    blobs = _blobs(color_mask(image, model) if mask is None else mask, model)
     if not blobs:
         return NotSeen("no pixels of the colour")
     blob = blobs[0]
@@ -94,7 +96,10 @@ def color_blobs(image: NDArray, model: ColorModel) -> tuple[ColorBlob, ...]:
     Raises:
         ValueError: If the image has another shape or type.
     """
-    mask = color_mask(image, model)
+    return _blobs(color_mask(image, model), model)
+
+
+def _blobs(mask: NDArray, model: ColorModel) -> tuple[ColorBlob, ...]:
     count, labels, table, centroids = cv2.connectedComponentsWithStats(
         mask.astype(np.uint8), connectivity=8
     )
@@ -145,6 +150,18 @@ def _relaxed(p: NDArray, blur_px: float) -> NDArray:
     """Return the probabilities after the blur and all passes. Shape (h, w)."""
     if blur_px > 0.0:
         p = cv2.GaussianBlur(p, (0, 0), blur_px)
+    # In bands, which the processor's cache holds; a pass reaches one row into the next band.
+    relaxed = np.zeros_like(p)
+    for first in range(0, len(p), _BAND):
+        start = max(first - _PASSES, 0)
+        band = p[start : first + _BAND + _PASSES]
+        if band.any():  # else it stays as it is
+            relaxed[first : first + _BAND] = _passes(band.copy())[first - start :][:_BAND]
+    return relaxed
+
+
+def _passes(p: NDArray) -> NDArray:
+    """Return the probabilities after all passes. Shape (h, w)."""
     for _ in range(_PASSES):
         support = cv2.filter2D(p, -1, _NEIGHBOURS, borderType=cv2.BORDER_REPLICATE)
         support *= 2.0

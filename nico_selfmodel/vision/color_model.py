@@ -234,13 +234,20 @@ def _clicked(images: Sequence[NDArray], points: Sequence[ArrayLike], radius: flo
     disks = []
     for image, clicks in zip(images, points, strict=True):
         height, width = image.shape[:2]
-        v, u = np.indices((height, width))
         for click in np.asarray(clicks, dtype=float).reshape(-1, 2):
             if not (-0.5 <= click[0] < width - 0.5 and -0.5 <= click[1] < height - 0.5):
                 raise ValueError(
                     f"{click[0]:g},{click[1]:g} lies outside the image of {width}x{height} pixels"
                 )
-            disks.append(as_color(image)[np.hypot(u - click[0], v - click[1]) <= max(radius, 0.8)])
+            reach = min(max(radius, 0.8), float(width + height))
+            low = np.maximum(np.floor(click - reach), 0.0).astype(int)
+            # Of a large image the part around the click alone.
+            part = as_color(image)[
+                low[1] : int(click[1] + reach) + 2, low[0] : int(click[0] + reach) + 2
+            ]
+            v, u = np.indices(part.shape[:2])
+            away = np.hypot(u + low[0] - click[0], v + low[1] - click[1])
+            disks.append(part[away <= reach])
     if not disks:
         raise ValueError("no pixel was clicked: at least one is needed")
     return np.concatenate(disks)[:, None]
