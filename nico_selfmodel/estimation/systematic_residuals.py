@@ -59,53 +59,55 @@ def systematic_patterns(
     if test.linear.whitening.groups.poses < _FEWEST:
         return ()
     found = []
-    for cause, columns, joint in _effects(observations, parameters, test.linear.by_angle):
+    for effect in _effects(observations, parameters):
+        by_angle = test.linear.by_angle[:, :, effect.joint, None]
+        columns = by_angle * effect.turns[:, None]
         score = test.of(columns)
         if score.chance < LARGEST_CHANCE:
-            found.append(Pattern(_in_words(cause, score), score, columns, joint))
+            joint = parameters.table.joints[effect.joint] if effect.ripple else None
+            found.append(Pattern(effect.in_words(score), score, columns, joint))
     return tuple(sorted(found, key=lambda p: _SIMPLER * p.score.dof - p.score.gain))
 
 
-def _effects(
-    observations: Observations, parameters: DhParameters, by_angle: NDArray
-) -> Iterator[tuple[str, NDArray, str | None]]:
-    """Yield what an arm may do that lines and gears do not have, as changes of its points."""
+@dataclass(frozen=True, eq=False)
+class _Effect:
+    """Something that turns a joint, and that lines and gears do not have."""
+
+    cause: str
+    """In words, with a place for its size in degrees."""
+    joint: int
+    """Index of the joint."""
+    turns: NDArray
+    """What its numbers turn the joint by [rad]. Shape (N, m)."""
+    taken: NDArray
+    """What the fit has for the joint's angle: its zero, and of a ripple its gear. Shape (N, k)."""
+    ripple: bool = False
+    """Whether it is waves in the joint's angle."""
+
+    def in_words(self, score: Score) -> str:
+        """Put half of what it turns the joint by into words, beside what a fit takes of it."""
+        turned = self.turns @ score.values
+        turned = turned - self.taken @ np.linalg.lstsq(self.taken, turned, rcond=None)[0]
+        return self.cause.format(np.degrees(0.5 * np.ptp(turned)))
+
+
+def _effects(observations: Observations, parameters: DhParameters) -> Iterator[_Effect]:
+    """Yield what an arm may do."""
     q = (observations.angles - parameters.servos.offset) / parameters.servos.gear
-    joints = parameters.table.joints
+    zero = np.ones((len(q), 1))
     waves = np.stack([np.sin(q), np.cos(q), np.sin(2.0 * q), np.cos(2.0 * q)], axis=2)
-    for i, joint in enumerate(joints):
-        yield (
-            f"the angle of {joint} (eccentric gear or encoder, {{:.2g}} deg)",
-            by_angle[:, :, i, None] * waves[:, None, i],
-            joint,
-        )
-    moments = _moments(parameters, q)
-    for i, joint in enumerate(joints):
-        yield (
-            f"gravity (sag of {joint}, {{:.2g}} deg)",
-            by_angle[:, :, i, None] * moments[:, None, i],
-            None,
-        )
-    for i, joint in enumerate(joints):
+    moments, sides = _moments(parameters, q), _sides(observations)
+    for i, joint in enumerate(parameters.table.joints):
+        words = f"the angle of {joint} (eccentric gear or encoder, {{:.2g}} deg)"
+        line = np.column_stack([zero, q[:, i]])
+        yield _Effect(words, i, waves[:, i], line, ripple=True)
+        yield _Effect(f"gravity (sag of {joint}, {{:.2g}} deg)", i, moments[:, i], zero)
         others = np.delete(q, i, axis=1)
         if others.shape[1]:
-            yield (
-                f"the other joints at {joint} (coupling)",
-                by_angle[:, :, i, None] * (others - others.mean(axis=0))[:, None, :],
-                None,
-            )
-    backlash = backlash_columns(observations, by_angle)
-    for i, joint in enumerate(joints):
-        yield (
-            f"the direction from which {joint} came (backlash, half width {{:.2g}} deg)",
-            backlash[:, :, i, None],
-            None,
-        )
-
-
-def _in_words(cause: str, score: Score) -> str:
-    """Put the size of an effect into its words: the largest of its numbers, in degrees."""
-    return cause.format(np.degrees(np.abs(score.values).max(initial=0.0)))
+            words = f"the other joints at {joint} (coupling)"
+            yield _Effect(words, i, others - others.mean(axis=0), zero)
+        words = f"the direction from which {joint} came (backlash, half width {{:.2g}} deg)"
+        yield _Effect(words, i, sides[:, i, None], zero)
 
 
 def _moments(parameters: DhParameters, q: NDArray) -> NDArray:

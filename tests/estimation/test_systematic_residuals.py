@@ -37,7 +37,13 @@ def test_an_eccentric_gear_is_named_by_its_joint(truth):
     true = q.copy()
     true[:, 2] += np.radians(1.0) * np.sin(2.0 * q[:, 2])
     result = calibrate_kinematics(recorded(truth, q, true))
-    assert causes(result)[0].startswith("the angle of joint_2 (eccentric gear or encoder")
+    (words, _, size) = causes(result)[0].partition("encoder, ")
+    assert words == "the angle of joint_2 (eccentric gear or "
+    # Waves of 1 deg over less than a turn, less what zero and gear take of them.
+    wave = np.sin(2.0 * q[:, 2])
+    line = np.column_stack([np.ones(len(q)), q[:, 2]])
+    left = wave - line @ np.linalg.lstsq(line, wave, rcond=None)[0]
+    assert float(size.split()[0]) == pytest.approx(0.5 * np.ptp(left), rel=0.15)
     warnings = judge(result).warnings
     assert any("the residuals depend on the angle of joint_2" in words for words in warnings)
     assert any("sigmas of parameters and predictions are too small" in w for w in warnings)
@@ -94,8 +100,9 @@ def test_noise_makes_a_pattern_as_rarely_as_is_said():
             rows, parameters = Observations.from_dataset(data), result.model.parameters
             linear = Linearised.at(rows, parameters, ~result.outliers, result.noise)
             test = ScoreTest.at(linear, result.free)
-            effects = _effects(rows, parameters, linear.by_angle)
-            chances += [test.of(columns).chance for _, columns, _ in effects]
+            for effect in _effects(rows, parameters):
+                by_angle = linear.by_angle[:, :, effect.joint, None]
+                chances.append(test.of(by_angle * effect.turns[:, None]).chance)
     chances = np.array(chances)
     for level, slack in ((0.1, 0.03), (0.01, 0.008)):
         assert np.mean(chances < level) == pytest.approx(level, abs=slack)
