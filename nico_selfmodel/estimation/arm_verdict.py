@@ -31,6 +31,8 @@ _PATTERNED_NOISE = 0.02
 """... as do residuals above this smaller share that depend on the pose."""
 _LARGEST_RATIO = 10.0
 """Noise of the sensor above this many stated sigmas is something else."""
+_NOTABLE_RATIO = 3.0
+"""Scatter above this many stated sigmas is more than the sensor's."""
 _LARGEST_JOINT_NOISE = np.radians(5.0)
 """A joint that is this uncertain about its encoder is not noisy but wrong."""
 _LONELY_NOISE = 0.005
@@ -111,9 +113,16 @@ def _warnings(calibration: KinematicCalibration) -> list[str]:
 
 
 def _joint_noise_words(calibration: KinematicCalibration) -> list[str]:
-    """Say when points scatter by more than their stated sigma, which the joints explain."""
+    """Say when points scatter by more than their stated sigma, or by much less."""
     noise, stated, total = calibration.noise, calibration.point_sigma, calibration.model.noise_sigma
-    if noise is None or stated is None or total is None or total < 3.0 * stated:
+    if noise is None or stated is None or total is None:
+        return []
+    if total < stated / _LARGEST_RATIO:
+        return [
+            f"the points scatter by {1e3 * total:.2g} mm a coordinate, the stated point_sigma_m is "
+            f"{stated / total:.0f} times that: is its unit metres?"
+        ]
+    if total < _NOTABLE_RATIO * stated:
         return []
     if noise.sensor_sigma > _LARGEST_RATIO * stated:
         return []

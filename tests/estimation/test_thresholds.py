@@ -149,6 +149,13 @@ def test_scatter_above_three_stated_sigmas_is_told_to_be_joint_noise(arm, stated
     assert any("joint noise of" in warning for warning in words) is said
 
 
+@pytest.mark.parametrize(("part", "said"), [(9.0, False), (11.0, True)])
+def test_scatter_far_below_the_stated_sigma_asks_for_its_unit(arm, part, said):
+    model = replace(arm.model, noise_sigma=SIGMA / part)
+    words = judge(replace(arm, model=model)).warnings
+    assert any("is its unit metres?" in warning for warning in words) is said
+
+
 @pytest.fixture(scope="module")
 def pair():
     views = pictures(boards(16), sigma=0.2)
