@@ -38,7 +38,9 @@ _LARGEST_JOINT_NOISE = np.radians(5.0)
 _LONELY_NOISE = 0.005
 """Residuals above this share of the workspace may be those of a wrong minimum."""
 _RARE = 1.0 / 2000.0
-"""Chance of a held-out share of outliers beyond which it is no accident."""
+"""Chance of a held-out share of outliers beyond which it is no accident ..."""
+_RARE_OF_MANY = 0.01
+"""... and of one that is large: the training may have as many, and be told so itself."""
 _PATTERNS_SHOWN = 3
 _WHAT_CHANGED = (
     "the training poses do not cover where the arm is used, or something moved between recordings"
@@ -308,7 +310,8 @@ def _held_out_outlier_reason(calibration: KinematicCalibration) -> str | None:
         return None
     found, n = _count_poses(test.observations, test.outliers)
     before, m = _count_poses(calibration.train.observations, calibration.outliers)
-    if outliers_are_many(test.outliers) is None and chance_of_more(found, n, before, m) > _RARE:
+    rare = _RARE if outliers_are_many(test.outliers) is None else _RARE_OF_MANY
+    if chance_of_more(found, n, before, m) > rare:
         return None
     return (
         f"{test.outliers.sum()} of {len(test.outliers)} held-out points are further off than model "

@@ -256,6 +256,18 @@ def test_held_out_outliers_fail_where_chance_does_not_make_so_many(arm, count, f
     assert ("held-out points are further off" in words) is fails
 
 
+@pytest.mark.parametrize(("before", "fails"), [(3, True), (4, False)])
+def test_many_held_out_outliers_fail_where_the_training_has_fewer(arm, before, fails):
+    """Six of 20 poses are many: the chance of so many beside 3 and 4 of 60 is 0.006 and 0.013."""
+    covariance = arm.test.covariance.copy()
+    covariance[:6] *= 1e-4
+    bent = replace(arm, test=replace(arm.test, covariance=covariance))
+    outliers = np.arange(len(arm.outliers)) < before
+    bent = replace(bent, outliers=outliers, cross_validation=np.zeros(0))
+    words = " ".join(judge(bent).reasons)
+    assert ("held-out points are further off" in words) is fails
+
+
 def test_three_patterns_are_named(arm):
     score = Score(50.0, 1, 0.2, np.ones(1), np.ones(1), 1e-3, 1.1)
     patterns = tuple(Pattern(f"cause {i}", score, np.zeros(0)) for i in range(5))
