@@ -89,11 +89,14 @@ def change_in_time(
         return None
     best = max(candidates, key=lambda one: one.found.statistic - _SIMPLER * len(one.columns))
     chance = chi_square_tail(best.found.statistic, len(best.columns))
+    # What joint noise took for its own explains much, though its scores are small.
+    most = max(candidates, key=lambda one: one.ratio)
+    by_ratio = sums.chance_of(most.ratio) * len(candidates)
+    rival = best.ratio if chance <= LARGEST_CHANCE else 1.0
+    if by_ratio < LARGEST_CHANCE and most.ratio > _EXPLAINS_MUCH * rival:
+        best, chance = most, by_ratio
     if chance > LARGEST_CHANCE:
-        best = max(candidates, key=lambda one: one.ratio)
-        chance = sums.chance_of(best.ratio) * len(candidates)
-        if chance > LARGEST_CHANCE or best.ratio < _EXPLAINS_MUCH:
-            return None
+        return None
     found = best.found
     what = f"{best.words(found.size, found.drift)} {sums.when(found)}"
     course = found.course[np.searchsorted(sums.last, observations.sample)]
