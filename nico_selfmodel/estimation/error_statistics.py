@@ -119,23 +119,26 @@ def evaluate(model: SelfModel, dataset: Dataset) -> Evaluation:
     observations = Observations.from_dataset(dataset, model.markers)
     readings = dataset.encoders[observations.rows][:, columns]
     prediction = model.predict(readings, observations.marker)
-    expected = expected_covariance(model, readings, observations.marker)
+    expected = expected_covariance(model, readings, observations.marker, prediction.covariance)
     return Evaluation(observations, prediction.p_WH, expected)
 
 
-def expected_covariance(model: SelfModel, readings: NDArray, marker: NDArray) -> NDArray | None:
+def expected_covariance(
+    model: SelfModel, readings: NDArray, marker: NDArray, known: NDArray | None
+) -> NDArray | None:
     """Return the covariance of measured points about their predictions [m^2].
 
     Args:
         model: The self-model.
         readings: Of its joints, in its units. Shape (N, n).
         marker: Index of each row's marker. Shape (N,).
+        known: Covariance of the predictions themselves, if the model has one. Shape (N, 3, 3).
 
     Returns:
         What is uncertain about the model and the noise that its training showed, shape (N, 3, 3);
         None where it does not know how well it knows itself.
     """
-    known, noise = model.predict(readings, marker).covariance, _noise_at(model, readings, marker)
+    noise = _noise_at(model, readings, marker)
     return None if known is None or noise is None else known + noise
 
 

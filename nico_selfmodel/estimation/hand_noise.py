@@ -35,8 +35,7 @@ class HandNoise:
         Returns:
             In squared units of the sensor. Shape (N, k, k).
         """
-        play = by_angle @ np.swapaxes(by_angle, 1, 2)
-        return self.sensor_sigma**2 * np.eye(by_angle.shape[1]) + self.joint_sigma**2 * play
+        return noise_covariance(by_angle, self.sensor_sigma, self.joint_sigma)
 
     def whitening(self, by_angle: NDArray, seen: NDArray) -> NDArray:
         """Return W with W S W' = I over the coordinates that were seen; zero for the others.
@@ -111,6 +110,23 @@ class HandNoise:
             np.array([noise.sensor_sigma, noise.joint_sigma]) for noise in (self, other)
         )
         return bool(np.all(np.abs(mine - theirs) <= tolerance * np.maximum(mine, theirs)))
+
+
+def noise_covariance(
+    by_angle: NDArray, sensor_sigma: float, joint_sigma: float | NDArray
+) -> NDArray:
+    """Return S = ss^2 I + A D^2 A' of observations, D the standard deviations of the joints.
+
+    Args:
+        by_angle: A, derivatives of the coordinates by the joint angles. Shape (N, k, n).
+        sensor_sigma: ss, of each coordinate.
+        joint_sigma: D, of all joints alike, or of each [rad]. Shape (n,).
+
+    Returns:
+        In squared units of the sensor. Shape (N, k, k).
+    """
+    moved = by_angle * joint_sigma
+    return moved @ np.swapaxes(moved, 1, 2) + sensor_sigma**2 * np.eye(by_angle.shape[1])
 
 
 def whitening_of(covariance: NDArray, seen: NDArray) -> NDArray:

@@ -18,6 +18,7 @@ _FEWEST, _MARGIN = 4, 3
 _ORDERS = 4000
 """Random orders that are drawn."""
 _MOST_SAMPLES = 2000
+"""Samples beyond which nobody asks: so many random orders cost more than they tell."""
 
 
 def outliers_in_time(observations: Observations, outliers: NDArray) -> Change | None:

@@ -13,6 +13,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from nico_selfmodel.estimation.hand_noise import noise_covariance
 from nico_selfmodel.model.self_model import SelfModel
 
 POSE_NOISE = "pose_noise"
@@ -37,8 +38,7 @@ class PoseNoise:
         Returns:
             Shape (N, k, k).
         """
-        moved = by_angle * self.joint_sigma
-        return moved @ np.swapaxes(moved, 1, 2) + self.sensor_sigma**2 * np.eye(by_angle.shape[1])
+        return noise_covariance(by_angle, self.sensor_sigma, self.joint_sigma)
 
     def as_plain(self) -> dict[str, Any]:
         """Return it as `SelfModel.fit` holds it."""

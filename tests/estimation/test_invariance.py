@@ -33,7 +33,7 @@ COUNTS = 2.0**24
 """A turn of an encoder so fine that its rounding is no part of the question."""
 
 
-def in_counts(data: Dataset, gear: np.ndarray) -> Dataset:
+def in_counts(data: Dataset, gear: np.ndarray | float) -> Dataset:
     """Write angles down as counts of encoders before a gear."""
     joints = tuple(JointInfo(joint.name, "counts", COUNTS) for joint in data.joints)
     return replace(data, joints=joints, encoders=data.encoders * gear * COUNTS / (2.0 * np.pi))
@@ -44,13 +44,24 @@ def in_degrees(data: Dataset) -> Dataset:
     return replace(data, joints=joints, encoders=np.degrees(data.encoders))
 
 
+def other_names(count: int) -> tuple[str, ...]:
+    """Return names in an order of letters that is not that of the joints."""
+    return tuple(f"a{count - i}" for i in range(count))
+
+
 def renamed(data: Dataset) -> Dataset:
-    """Give joints other names, in an order of letters that is not theirs."""
-    n = len(data.joints)
-    joints = tuple(replace(joint, name=f"a{n - i}") for i, joint in enumerate(data.joints))
+    """Give joints other names."""
+    names = other_names(len(data.joints))
+    joints = tuple(replace(j, name=name) for j, name in zip(data.joints, names, strict=True))
     names = dict(zip(data.joint_names, (joint.name for joint in joints), strict=True))
     sweep = [names.get(name, name) for name in data.sweep.tolist()]
     return replace(data, joints=joints, sweep=np.array(sweep))
+
+
+def finer(data: Dataset) -> Dataset:
+    """Read the same angles by encoders of three times the counts."""
+    joints = tuple(replace(j, counts_per_turn=3.0 * (j.counts_per_turn or 0)) for j in data.joints)
+    return replace(data, joints=joints, encoders=3.0 * data.encoders)
 
 
 def turned(data: Dataset, by: list[float], shift: list[float]) -> Dataset:
@@ -95,7 +106,7 @@ def written(request) -> tuple[Dataset, tuple]:
 def test_a_gear_changes_no_verdict(written, gear):
     data, before = written
     drawn = np.exp(np.random.default_rng(1).uniform(0.0, np.log(200.0), len(data.joints)))
-    status, doubts, error = found(in_counts(data, drawn if gear is None else np.full(4, gear)[0]))
+    status, doubts, error = found(in_counts(data, drawn if gear is None else gear))
     assert (status, doubts) == before[:2]
     assert error == pytest.approx(before[2], rel=1e-3)
 
@@ -150,20 +161,27 @@ def test_order_and_size_of_boards_change_no_verdict_on_cameras():
 def test_order_names_and_units_change_no_verdict_on_a_mirror(seed):
     data, test = recording(poses(14, 1)), recording(poses(10, 2), seed=5, first=101)
     before = calibrate_mirrors(data, body(), test=test)
+    names, model = other_names(4), body()
+    servos = replace(model.servos, joints=names, unit=("deg",) * 4)
+    model = replace(model, table=replace(model.table, joints=names), servo_map=servos)
     order = np.random.default_rng(seed).permutation(len(data))
-    after = calibrate_mirrors(data.select(order), body(), test=test)
-    assert judge_mirrors(after) == judge_mirrors(before)
-    assert judge_mirrors(before).status == "PASS"
+    other, other_test = (in_degrees(renamed(part)) for part in (data.select(order), test))
+    after = calibrate_mirrors(other, model, test=other_test)
+    assert judge_mirrors(after).status == judge_mirrors(before).status == "PASS"
+    assert after.test is not None
+    assert before.test is not None
+    means = [found.test.pixel_statistics.mean for found in (before, after)]
+    assert means[0] == pytest.approx(means[1], rel=1e-6)
     assert after.mirrors["glass"].angle_to(before.mirrors["glass"]) < 1e-6
 
 
 @pytest.mark.slow
-def test_order_names_and_units_change_no_verdict_on_a_body():
+def test_order_names_and_counts_change_no_verdict_on_a_body():
     recorded, results = lesson(), []
     order = np.random.default_rng(3).permutation(len(recorded.train))
     for train, test in (
         (recorded.train, recorded.test),
-        (renamed(recorded.train.select(order)), renamed(recorded.test)),
+        (finer(renamed(recorded.train.select(order))), finer(renamed(recorded.test))),
     ):
         found = calibrate_body(train, recorded.eyes, recorded.boards, BodyOptions(), test=test)
         results.append((judge_body(found).status, found.test.pixel_statistics.mean))

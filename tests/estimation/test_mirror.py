@@ -14,7 +14,7 @@ from nico_selfmodel.estimation import calibrate_mirrors, evaluate_mirrors, judge
 from nico_selfmodel.estimation.mirror_cameras import fit_mirror_cameras
 from nico_selfmodel.estimation.mirror_document import mirror_document
 from nico_selfmodel.estimation.mirror_solution import solve_mirrors, start_mirrors
-from nico_selfmodel.estimation.mirror_verdict import _warnings, grazing_angles
+from nico_selfmodel.estimation.mirror_verdict import grazing_angles
 from nico_selfmodel.estimation.reflections import ReflectionNoise, Reflections
 from nico_selfmodel.geometry.rotation import rotation_from_vector
 from nico_selfmodel.geometry.transform import transform
@@ -180,15 +180,15 @@ def test_an_uncertain_arm_makes_an_uncertain_mirror_that_more_poses_do_not_cure(
     assert shared.mirrors["glass"].normal_sigma > 2.0 * plain.mirrors["glass"].normal_sigma
     few = calibrate_mirrors(data.select(np.arange(10)), body(True))
     assert shared.mirrors["glass"].normal_sigma > 0.5 * few.mirrors["glass"].normal_sigma
-    assert any("no covariance" in word for word in _warnings(plain))
-    assert not any("no covariance" in word for word in _warnings(shared))
+    assert any("no covariance" in word for word in judge_mirrors(plain).warnings)
+    assert not any("no covariance" in word for word in judge_mirrors(shared).warnings)
 
 
 def test_one_pose_is_enough_and_says_how_little_it_is():
     found = calibrate_mirrors(recording(poses(1, 7)), body())
     assert angle_deg(found.mirrors["glass"]) < 3.0
     assert judge_mirrors(found).status == "NOT_EVALUATED"
-    assert any("rests on one pose" in word for word in _warnings(found))
+    assert any("rests on one pose" in word for word in judge_mirrors(found).warnings)
     assert found.cross_validation is None
     assert found.flatness["glass"] is None
     assert found.mirrors["glass"].normal_sigma > np.radians(0.03)
@@ -197,7 +197,7 @@ def test_one_pose_is_enough_and_says_how_little_it_is():
 def test_poses_at_one_point_are_said_to_be_so():
     q = np.repeat(poses(1, 7), 12, axis=0) + 1e-4 * np.random.default_rng(0).normal(size=(12, 4))
     found = calibrate_mirrors(recording(q), body())
-    assert any("of one point" in word for word in _warnings(found))
+    assert any("of one point" in word for word in judge_mirrors(found).warnings)
     spread = calibrate_mirrors(recording(poses(12, 7)), body())
     assert found.mirrors["glass"].normal_sigma > spread.mirrors["glass"].normal_sigma
 
@@ -229,7 +229,7 @@ def test_rows_whose_mirror_was_forgotten_are_listed():
     data = together(recording(poses(10)), recording(poses(4, 9), mirror="", seed=5, first=50))
     found = calibrate_mirrors(data, body())
     assert found.misplaced.tolist() == [50, 51, 52, 53]
-    assert any("samples without a mirror's name" in word for word in _warnings(found))
+    assert any("samples without a mirror's name" in word for word in judge_mirrors(found).warnings)
 
 
 def test_a_hand_behind_the_mirror_is_refused():

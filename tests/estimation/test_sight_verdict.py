@@ -10,10 +10,11 @@ from nico_selfmodel.estimation import (
     BodyOptions,
     calibrate_kinematics,
     evaluate_pixels,
+    judge_body,
     judge_sight,
 )
 from nico_selfmodel.estimation.body_document import pixel_block
-from nico_selfmodel.estimation.body_verdict import _held_out_words, _warnings
+from nico_selfmodel.estimation.body_verdict import _held_out_words
 from nico_selfmodel.estimation.pixel_observations import PixelObservations
 from nico_selfmodel.estimation.sight import Sight
 from nico_selfmodel.estimation.sightings import by_pixels
@@ -149,7 +150,7 @@ def test_lenses_bend_only_where_they_were_free_to(free, words):
         options=BodyOptions(variant="unanchored"),
         uncertainty=replace(learned(0).uncertainty, names=tuple(sorted(free))),
     )
-    said = _warnings(found)[0]
+    said = judge_body(found).warnings[0]
     assert words in said
     assert ("bend" in said) == ("k1" in str(free))
 
