@@ -47,6 +47,7 @@ def outliers_in_time(observations: Observations, outliers: NDArray) -> Change | 
         f"{inside.sum()} of {outliers.sum()} outliers lie {'up to' if before else 'after'} sample "
         f"{samples[at[0]]}: something moved or jumped there"
     )
+    # The believed poses are explained already: there is no ratio that could be too small.
     return Change(words, float(chance), np.inf, mixed_in_time(observations, late.astype(float)))
 
 
