@@ -241,15 +241,16 @@ def foreign_marker(observations: Observations) -> str | None:
     # Who is at odds with most others is the stranger; of two nobody can tell.
     odds = loose.sum(axis=1)
     worst = np.flatnonzero(odds == odds.max())
-    if len(worst) == 1 or odds.max() > np.median(odds):
-        named = ", ".join(observations.markers[k] for k in worst)
-        words = f"{'marker' if len(worst) == 1 else 'markers'} {named} not fixed to the hand"
-        words = words.replace(" not", " is not" if len(worst) == 1 else " are not")
+    named = ", ".join(observations.markers[k] for k in worst)
+    if len(worst) == 1:
+        words, them = f"marker {named} does not move with the hand", "it"
+    elif odds.max() > np.median(odds):
+        words, them = f"markers {named} do not move with the hand", "them"
     else:
-        words = f"markers {', '.join(observations.markers[k] for k in worst)} are not on one link"
+        words, them = f"markers {named} are not on one link", "them"
     return (
-        f"{words}: distances between them scatter by up to {1e3 * largest:.2g} mm, or labels are "
-        "exchanged; leave them out, or track markers of the last link only"
+        f"{words}: distances between markers scatter by up to {1e3 * largest:.2g} mm, or labels "
+        f"are exchanged; leave {them} out, or track markers of the last link only"
     )
 
 

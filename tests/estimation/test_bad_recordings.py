@@ -95,7 +95,7 @@ def test_a_marker_that_is_not_on_the_hand_is_named(make_truth):
     own = data.marker == "wrist"
     points = np.where(own[:, None], other.p_WH_measured, data.p_WH_measured)
     reason = failing(replace(data, p_WH_measured=points), starts=1)
-    assert reason.startswith("marker wrist is not fixed to the hand")
+    assert reason.startswith("marker wrist does not move with the hand")
     assert "leave it out" in reason
 
 
