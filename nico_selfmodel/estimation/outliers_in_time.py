@@ -14,11 +14,11 @@ from nico_selfmodel.estimation.stability import Change, mixed_in_time
 LARGEST_CHANCE = 1e-3
 """Of outliers that gather so by chance."""
 _FEWEST, _MARGIN = 4, 3
-"""Samples with outliers below which nothing gathers, and samples on either side of a split."""
+"""Visits with outliers below which nothing gathers, and visits on either side of a split."""
 _ORDERS = 4000
 """Random orders that are drawn."""
-_MOST_SAMPLES = 2000
-"""Samples beyond which nobody asks: so many random orders cost more than they tell."""
+_MOST_VISITS = 2000
+"""Visits beyond which nobody asks: so many random orders cost more than they tell."""
 
 
 def outliers_in_time(observations: Observations, outliers: NDArray) -> Change | None:
@@ -31,21 +31,22 @@ def outliers_in_time(observations: Observations, outliers: NDArray) -> Change | 
     Returns:
         What it says, or None where they are strewn over the recording, or few.
     """
-    samples, of = np.unique(observations.sample, return_inverse=True)
+    # Frames of one visit are off together: chance strews visits, not frames.
+    visits, of = np.unique(observations.visit, return_inverse=True)
     wrong = np.bincount(of.reshape(-1), outliers) > 0
-    if not _FEWEST <= wrong.sum() <= len(wrong) - _FEWEST or len(wrong) > _MOST_SAMPLES:
+    if not _FEWEST <= wrong.sum() <= len(wrong) - _FEWEST or len(wrong) > _MOST_VISITS:
         return None
     found, at = _excess(wrong[None])
     orders = np.random.default_rng(0).permuted(np.tile(wrong, (_ORDERS, 1)), axis=1)
     chance = (1.0 + np.sum(_excess(orders)[0] >= found[0])) / (1.0 + _ORDERS)
     if chance > LARGEST_CHANCE:
         return None
-    late = observations.sample > samples[at[0]]
+    late = observations.visit > visits[at[0]]
     before = wrong[: at[0] + 1].mean() > wrong[at[0] + 1 :].mean()
     inside = outliers & ~late if before else outliers & late
     words = (
         f"{inside.sum()} of {outliers.sum()} outliers lie {'up to' if before else 'after'} sample "
-        f"{samples[at[0]]}: something moved or jumped there"
+        f"{observations.sample[~late].max()}: something moved or jumped there"
     )
     # The believed poses are explained already: there is no ratio that could be too small.
     return Change(words, float(chance), np.inf, mixed_in_time(observations, late.astype(float)))

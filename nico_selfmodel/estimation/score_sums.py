@@ -10,11 +10,11 @@ from nico_selfmodel.estimation.observations import Observations
 from nico_selfmodel.estimation.pose_noise import PoseGroups, PoseWhitening
 
 _MARGIN = 4
-"""Samples that lie before and after any change."""
+"""Visits that lie before and after any change."""
 _CLIPPED = 2.5
-"""Whitened residuals of a sample count up to this rms: a single outlier is no change."""
-_MOST_SAMPLES, _MOST_SPANS = 2000, 400
-"""Samples that are looked at, and spans of time between which a change may lie."""
+"""Whitened residuals of a visit count up to this rms: a single outlier is no change."""
+_MOST_VISITS, _MOST_SPANS = 2000, 400
+"""Visits that are looked at, and spans of time between which a change may lie."""
 _LAGS = 12
 """Spans over which residuals may be alike for another reason: poses in an order."""
 
@@ -38,7 +38,7 @@ class ScoreSums:
     """Scores J'S^-1 r and information J'S^-1 J of spans of time."""
 
     linear: Linearised
-    """Residuals of the samples that are looked at."""
+    """Residuals of the visits that are looked at."""
     span: NDArray
     """Span of each of its rows. Shape (N,)."""
     free: NDArray
@@ -70,15 +70,16 @@ class ScoreSums:
             granted: What the residuals may depend on besides. Shape (N, 3, m).
         """
         assert solved.noise is not None
-        samples = np.unique(observations.sample)
-        chosen = samples[:: max(len(samples) // _MOST_SAMPLES, 1)]
-        looked_at = np.isin(observations.sample, chosen)
+        # Frames of one visit share its joint noise: together they are one witness of time.
+        visits = np.unique(observations.visit)
+        chosen = visits[:: max(len(visits) // _MOST_VISITS, 1)]
+        looked_at = np.isin(observations.visit, chosen)
         rows = observations.select(looked_at)
         everything = np.ones(len(rows), dtype=bool)
         linear = Linearised.at(rows, solved.parameters, everything, solved.noise)
         jacobian = np.concatenate([linear.jacobian, granted[looked_at]], axis=2)
         linear = replace(linear, jacobian=jacobian)
-        groups = PoseGroups(rows.sample, everything, 3)
+        groups = PoseGroups(rows.visit, everything, 3)
         whitening = PoseWhitening(groups, linear.by_angle, solved.noise)
         w = whitening.root(groups.gather(linear.residuals[:, :, None]))[:, :, 0]
         large = np.sqrt(np.sum(w**2, axis=1) / (3.0 * np.bincount(groups.pose))) / _CLIPPED
@@ -95,7 +96,10 @@ class ScoreSums:
         squares = float(np.sum(w**2) - score @ inverse @ score)
         redundancy = max(3 * len(rows) - len(free), 1)
         variance = max(squares / redundancy, np.finfo(float).tiny)
-        last = chosen[np.append(starts[1:], len(chosen)) - 1]
+        ends = chosen[np.append(starts[1:], len(chosen)) - 1]
+        order = np.argsort(rows.visit, kind="stable")
+        ending = np.searchsorted(rows.visit, ends, side="right", sorter=order) - 1
+        last = np.maximum.accumulate(rows.sample[order])[ending]
         span = np.searchsorted(starts, groups.pose, side="right") - 1
         return cls(linear, span, free, s, plain, h, inverse, squares, variance, scale, last)
 

@@ -25,7 +25,7 @@ LARGEST_CHANCE = 1e-7
 NOTABLE = 1.1
 """Ratio of the mean residuals without and with it that makes a change worth a failure."""
 _FEWEST = 20
-"""Samples below which no change is looked for."""
+"""Visits below which no change, and samples below which no lag is looked for."""
 _LEAST_LAG = 0.01
 """Part of the time between two samples below which a lag is something else, such as backlash."""
 _FOLLOWS = 0.9
@@ -76,7 +76,7 @@ def change_in_time(
     Returns:
         The change that explains most, or None where there is none.
     """
-    if solved.noise is None or len(np.unique(observations.sample)) < _FEWEST:
+    if solved.noise is None or len(np.unique(observations.visit)) < _FEWEST:
         return None
     sums = ScoreSums.of(observations, solved, granted)
     candidates = [

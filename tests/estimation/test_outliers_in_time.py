@@ -46,3 +46,12 @@ def test_strewn_outliers_are_named_as_rarely_as_is_said(observations):
 
 def test_few_outliers_gather_nowhere(observations):
     assert outliers_in_time(observations, of_samples(observations, [1, 2, 3])) is None
+
+
+def test_frames_of_one_visit_are_one_witness(make_truth):
+    truth = make_truth(3, 2, unit="rad", kind="elbow", markers=2)
+    visits = np.repeat(truth.poses(12, 1), 5, axis=0)
+    observations = Observations.from_dataset(truth.dataset(visits, sigma=1e-4, seed=1))
+    last = np.isin(observations.visit, [10, 11])
+    assert last.sum() == 20
+    assert outliers_in_time(observations, last) is None
