@@ -1,4 +1,4 @@
-"""A recording in a folder is whole after every pose and goes on where it stopped."""
+"""A recording in a folder is whole at any time and goes on where it stopped."""
 
 from dataclasses import replace
 
@@ -7,7 +7,7 @@ import pytest
 
 from nico_selfmodel.dataset import Dataset, JointInfo
 from nico_selfmodel.errors import DataError, RobotError
-from nico_selfmodel.recording import commands_of_angles, pose_plan, record
+from nico_selfmodel.recording import commands_of_angles, pose_plan, record, recorded_samples
 from nico_selfmodel.systems import EyeSighting, Sighting
 from nico_selfmodel.vision import read_image
 
@@ -108,9 +108,37 @@ def test_a_full_disk_is_an_error_and_what_was_recorded_stays(tmp_path, monkeypat
         save(self, folder, force)
 
     monkeypatch.setattr(Dataset, "save", save_until_full)
+    monkeypatch.setattr(recorded_samples, "_WRITING", 1.0)
     with pytest.raises(DataError, match="No space left on device; the 2 poses") as failure:
         record(Body(), PLAN, "trial", folder=tmp_path / "out")
     assert len(Dataset.load(tmp_path / "out")) == len(failure.value.partial) == 2
+
+
+def test_poses_that_come_fast_are_written_together_and_none_is_lost(tmp_path, monkeypatch):
+    saved, save = [], Dataset.save
+
+    def counted(self, folder, force=False):
+        saved.append(len(self))
+        save(self, folder, force)
+
+    monkeypatch.setattr(Dataset, "save", counted)
+    plan = [("", np.array([float(i), 0.0])) for i in range(200)]
+    with pytest.raises(RobotError) as failure:
+        record(Body(fails_at=190), plan, "trial", folder=tmp_path / "out")
+    assert len(Dataset.load(tmp_path / "out")) == len(failure.value.partial) == 190
+    assert len(saved) < 50
+
+
+def test_a_body_that_is_interrupted_leaves_every_pose(tmp_path):
+    class Interrupted(Body):
+        def visit(self, command):
+            if len(self.visits) == 5:
+                raise KeyboardInterrupt
+            return super().visit(command)
+
+    with pytest.raises(KeyboardInterrupt):
+        record(Interrupted(), PLAN, "trial", folder=tmp_path / "out")
+    assert len(Dataset.load(tmp_path / "out")) == 5
 
 
 def test_pictures_are_kept_beside_the_samples(tmp_path):

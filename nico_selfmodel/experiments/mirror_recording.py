@@ -170,19 +170,20 @@ class NicoBeforeMirrors:
             )
             kept.resume(plan)
             standing = None
-            for index, ((label, command), mirror) in enumerate(zip(plan, where, strict=True)):
-                found = kept.complete_in(mirror, index) if mirror else kept.free_poses(index)
-                if found < (poses if mirror else direct):
-                    if mirror != standing:
-                        X_BM = self.views[mirror].X_BM if mirror else None
-                        put_mirror(station, body.context, X_BM)
-                        standing = mirror
-                    relived = live_again(body, command, kept.visits(index))
-                    for _ in range(0 if relived else _TRIES):
-                        if kept.add(index, label, body.visit(command), mirror):
-                            break
-                if progress:
-                    progress(index + 1, len(plan))
+            with kept:
+                for index, ((label, command), mirror) in enumerate(zip(plan, where, strict=True)):
+                    found = kept.complete_in(mirror, index) if mirror else kept.free_poses(index)
+                    if found < (poses if mirror else direct):
+                        if mirror != standing:
+                            X_BM = self.views[mirror].X_BM if mirror else None
+                            put_mirror(station, body.context, X_BM)
+                            standing = mirror
+                        relived = live_again(body, command, kept.visits(index))
+                        for _ in range(0 if relived else _TRIES):
+                            if kept.add(index, label, body.visit(command), mirror):
+                                break
+                    if progress:
+                        progress(index + 1, len(plan))
         return kept.dataset()
 
     def look(self, session: int, mirror: str, command: NDArray) -> tuple[NDArray, NDArray]:

@@ -1,11 +1,13 @@
-"""The samples of a recording under way, in memory and, if asked for, on disk after every pose."""
+"""The samples of a recording under way, in memory and, if asked for, on disk."""
 
 import re
+import time
 from collections import Counter
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from functools import cached_property
 from pathlib import Path
-from typing import Any
+from typing import Any, Self
 
 import numpy as np
 from numpy.typing import NDArray
@@ -24,6 +26,9 @@ often it was visited until something was seen."""
 IMAGES = "images"
 _STRAY = 0.02
 """Share of a joint's range within which a reading may belong to a command."""
+_WRITING = 0.1
+"""Largest part of the time that is spent on writing. A folder is written as a whole: of poses that
+come faster than that, several are written together."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -50,9 +55,18 @@ class _Sample:
         shown = {"": self.pixels}
         return shown if self.reflected is None else {**shown, self.mirror: self.reflected}
 
+    @cached_property
+    def complete(self) -> bool:
+        """Whether every marker was located, by both eyes where there are eyes."""
+        by_pixels = np.isfinite(self.pixels).all(axis=1)
+        return bool((np.isfinite(self.points).all(axis=1) | by_pixels).all())
+
 
 class RecordedSamples:
-    """What a recording has so far."""
+    """What a recording has so far.
+
+    Leaving its `with` block, for whatever reason, writes what is not in the folder yet.
+    """
 
     def __init__(
         self,
@@ -74,6 +88,23 @@ class RecordedSamples:
         self._samples: dict[int, _Sample] = {}
         self._visits: Counter[int] = Counter()
         self._images = False
+        self._saved = 0
+        """Samples that are in the folder."""
+        self._due = -np.inf
+        """When the folder is to be written next, by the monotonic clock [s]."""
+
+    def __enter__(self) -> Self:
+        """Begin to record."""
+        return self
+
+    def __exit__(self, *raised: object) -> None:
+        """Write what is not in the folder yet.
+
+        Raises:
+            DataError: If the folder cannot be written.
+        """
+        if self._folder is not None and np.isfinite(self._due) and self._saved < len(self._samples):
+            self._save(max(self._samples))
 
     def free_poses(self, before: int | None = None) -> int:
         """Return in how many free poses, of those before one of the plan, all markers were located.
@@ -81,7 +112,7 @@ class RecordedSamples:
         Args:
             before: Index of that pose; all poses count if omitted.
         """
-        return sum(s.label == "" and _complete(s) for s in self._until(before))
+        return sum(s.label == "" and s.complete for s in self._until(before))
 
     def _until(self, before: int | None) -> list[_Sample]:
         return [s for s in self._samples.values() if before is None or s.index < before]
@@ -116,6 +147,7 @@ class RecordedSamples:
             self._check_plan(plan, int(i), str(rows.sweep[0]), rows.encoders[0])
             if not self._images or all(path.exists() for path in self._image_paths(int(i))):
                 self._samples[int(i)] = self._sample(int(i), rows, int(visits[index == i][0]))
+        self._saved = len(self._samples)
 
     def _counts(self, data: Dataset, column: str) -> NDArray:
         """Return an extra column of the folder, whole numbers from 1."""
@@ -217,22 +249,36 @@ class RecordedSamples:
             visits=self._visits[index],
         )
         if self._folder is not None:
-            try:
-                self._write(index, sighting)
-            except (OSError, DataError) as error:
-                del self._samples[index]
-                reason = error.strerror if isinstance(error, OSError) else str(error)
-                raise DataError(
-                    f"{self._folder}: pose {index + 1} could not be written: {reason}; the "
-                    f"{len(self._samples)} poses before it are kept, start again to go on",
-                    partial=self.partial(),
-                ) from error
+            images = sighting.images if isinstance(sighting, EyeSighting) else None
+            self._images |= images is not None
+            if images is not None or time.monotonic() >= self._due:
+                self._save(index, images)
         return True
 
-    def _write(self, index: int, sighting: Sighting) -> None:
+    def _save(self, index: int, images: tuple[NDArray, NDArray] | None = None) -> None:
+        """Write the folder, and the pictures of its last sample.
+
+        Raises:
+            DataError: If it cannot be written; what was written before stays as it is.
+        """
+        begun = time.monotonic()
+        try:
+            self._write(index, images)
+        except (OSError, DataError) as error:
+            del self._samples[index]
+            self._due = np.inf
+            reason = error.strerror if isinstance(error, OSError) else str(error)
+            raise DataError(
+                f"{self._folder}: pose {index + 1} could not be written: {reason}; the "
+                f"{self._saved} poses before it are kept, start again to go on",
+                partial=self.partial(),
+            ) from error
+        self._saved = len(self._samples)
+        now = time.monotonic()
+        self._due = now + (now - begun) * (1.0 / _WRITING - 1.0)
+
+    def _write(self, index: int, images: tuple[NDArray, NDArray] | None) -> None:
         assert self._folder is not None
-        images = sighting.images if isinstance(sighting, EyeSighting) else None
-        self._images |= images is not None
         if images is not None and self._folder.exists():
             self._write_images(index, images)
         self.dataset().save(self._folder, force=True)
@@ -295,9 +341,3 @@ class RecordedSamples:
             mirror=np.repeat(np.array([mirror for _, _, mirror, _ in views], dtype=str), m),
             **about,
         )
-
-
-def _complete(sample: _Sample) -> bool:
-    """Return whether every marker was located, by both eyes where there are eyes."""
-    located = np.isfinite(sample.points).all(axis=1) | np.isfinite(sample.pixels).all(axis=1)
-    return bool(located.all())

@@ -102,15 +102,16 @@ def record(
         None if folder is None else Path(folder),
     )
     kept.resume(plan)
-    for index, (label, command) in enumerate(plan):
-        if enough is not None and label == "" and kept.free_poses() >= enough:
+    with kept:
+        for index, (label, command) in enumerate(plan):
+            if enough is not None and label == "" and kept.free_poses() >= enough:
+                if progress is not None:
+                    progress(len(plan), len(plan))
+                break
+            if not live_again(body, command, kept.visits(index)):
+                _sample(body, kept, index, label, command, until_seen)
             if progress is not None:
-                progress(len(plan), len(plan))
-            break
-        if not live_again(body, command, kept.visits(index)):
-            _sample(body, kept, index, label, command, until_seen)
-        if progress is not None:
-            progress(index + 1, len(plan))
+                progress(index + 1, len(plan))
     return kept.dataset()
 
 

@@ -128,8 +128,7 @@ def _spoil_lines(path: Path, content: bytes, rng) -> str:
     elif way == "indent":
         lines[at] = _pick(rng, ("  ", "\t", " " * 300)) + lines[at]
     elif way == "many":
-        # A robot that visits thousands of poses is busy, and not stuck.
-        lines[at:at] = [lines[at]] * (200 if path.name == "poses.csv" else 5000)
+        lines[at:at] = [lines[at]] * 5000
     elif way == "keep":
         lines = lines[: at + 1]
     else:
@@ -335,7 +334,7 @@ def _spoil_picture(path: Path, content: bytes, rng) -> str:
         h, w = image.shape[:2]
         image = rng.integers(0, 256, (h, w, 3), dtype=np.uint8) if way == "noise" else image * 0
     elif way == "large":
-        image = np.tile(image, (1 + 2000 // image.shape[0], 1 + 3000 // image.shape[1], 1))
+        image = np.tile(image, (1 + 3000 // image.shape[0], 1 + 4000 // image.shape[1], 1))
     elif way == "other":
         content = cv2.imencode(_pick(rng, (".bmp", ".tiff", ".webp", ".ppm")), image)[1].tobytes()
         path.write_bytes(content)
