@@ -74,13 +74,13 @@ def write_lesson(out: Path, lesson: "BodyLesson", marker: str, force: bool) -> d
     Returns:
         What is in its `result.json`.
     """
-    from nico_selfmodel.estimation import body_document
+    from nico_selfmodel.estimation import to_json
     from nico_selfmodel.systems import looking_arm
     from nico_selfmodel.viz.body_report import write_body_folder
 
     if lesson.refined is None or not lesson.accepted:
         return _write_unrefined(out, lesson, marker, force)
-    document = body_document(lesson.refined, lesson.verdict) | _told(lesson)
+    document = to_json(lesson.refined, lesson.verdict) | _told(lesson)
     write_body_folder(
         out,
         lesson.refined,
@@ -95,15 +95,15 @@ def write_lesson(out: Path, lesson: "BodyLesson", marker: str, force: bool) -> d
 
 def _write_unrefined(out: Path, lesson: "BodyLesson", marker: str, force: bool) -> dict[str, Any]:
     """Write the arm as it was learned after the eyes, and why nothing better came of it."""
-    from nico_selfmodel.estimation import judge, result_document
+    from nico_selfmodel.estimation import judge, result_of, to_json
     from nico_selfmodel.plant import learned_urdf
     from nico_selfmodel.systems import looking_arm
     from nico_selfmodel.viz import write_result_folder
 
     arm, robot = lesson.arm, looking_arm(marker)
-    verdict = judge(arm.calibration)
-    document = result_document(arm.calibration, verdict) | _told(lesson)
-    arm.sight.add_pixels(document, arm.model)
+    result = arm.sight.with_pixels(result_of(arm.calibration), arm.model)
+    verdict = judge(result)
+    document = to_json(result, verdict) | _told(lesson)
     write_result_folder(
         out,
         arm.calibration,
@@ -120,7 +120,7 @@ def _write_unrefined(out: Path, lesson: "BodyLesson", marker: str, force: bool) 
 
 def _told(lesson: "BodyLesson") -> dict[str, Any]:
     """Return what `result.json` tells of the eyes, and of the refinement."""
-    from nico_selfmodel.estimation.body_document import refinement_block
+    from nico_selfmodel.estimation.body_result import refinement_block
 
     eyes = lesson.eyes
     return {

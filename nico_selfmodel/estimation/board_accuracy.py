@@ -9,12 +9,11 @@ from nico_selfmodel.dataset.board_views import BoardViews
 from nico_selfmodel.estimation.camera_adjustment import Adjustment
 from nico_selfmodel.estimation.camera_options import CameraOptions
 from nico_selfmodel.estimation.camera_start import pose_of_seen_boards
+from nico_selfmodel.estimation.folds import fold_of, splits
 from nico_selfmodel.estimation.stereo import FEWEST_VIEWS, calibrate_cameras
 from nico_selfmodel.geometry.alignment import Alignment
 from nico_selfmodel.model.camera import Camera
 from nico_selfmodel.model.stereo_rig import EYES, StereoRig
-
-_FOLDS = 5
 
 
 @dataclass(frozen=True, eq=False)
@@ -93,31 +92,28 @@ def held_out_residuals(cameras: tuple[Camera, ...], views: BoardViews) -> NDArra
     return adjustment.block.pixel_residuals(adjustment.block.evaluate_parts(adjustment.x)[0])
 
 
-def cross_validation(
-    views: BoardViews, options: CameraOptions, believed: NDArray, seed: int = 0
-) -> NDArray:
+def cross_validate_cameras(views: BoardViews, options: CameraOptions, inliers: NDArray) -> NDArray:
     """Calibrate five times without a fifth of the boards, and return what these leave.
 
     Args:
         views: All views.
         options: As the calibration was made.
-        believed: Views that were not outliers. Boolean, shape (V,).
-        seed: Of the folds.
+        inliers: Views that were no outliers. Boolean, shape (V,).
 
     Returns:
-        Measured minus predicted pixels of each believed view, shape (n, P, 2 C); empty with too
-        few boards.
+        Measured minus predicted pixels of each inlier, shape (n, P, 2 C); empty with too few
+        boards.
     """
-    rows = np.flatnonzero(believed)
-    folds = min(_FOLDS, len(rows))
-    if folds < 2 or len(rows) - -(-len(rows) // folds) < FEWEST_VIEWS:
+    kept = views.select(inliers)
+    fold = fold_of(np.arange(len(kept)))
+    fewest = min((int(rest.sum()) for rest, _ in splits(fold)), default=0)
+    if fewest < FEWEST_VIEWS:
         return np.zeros((0, len(views.p_GQ), 2 * len(views.eyes)))
-    order = np.random.default_rng(seed).permutation(rows)
-    found = np.full(views.pixels.shape, np.nan)
-    for part in np.array_split(order, folds):
-        rest = calibrate_cameras(views.select(np.setdiff1d(rows, part)), options)
-        found[np.sort(part)] = held_out_residuals(rest.cameras, views.select(np.sort(part)))
-    return found[rows]
+    found = np.full(kept.pixels.shape, np.nan)
+    for rest, left in splits(fold):
+        cameras = calibrate_cameras(kept.select(rest), options).cameras
+        found[left] = held_out_residuals(cameras, kept.select(left))
+    return found
 
 
 def epipolar_errors(rig: StereoRig, views: BoardViews) -> NDArray:

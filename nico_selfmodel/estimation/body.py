@@ -40,6 +40,7 @@ from nico_selfmodel.estimation.provenance import data_named, package_versions
 from nico_selfmodel.estimation.sightings import JOINT_SIGMA
 from nico_selfmodel.estimation.stereo import FEWEST_VIEWS
 from nico_selfmodel.estimation.training_noise import with_training_noise
+from nico_selfmodel.estimation.workspace_accuracy import WorkspaceAccuracy, workspace_accuracy
 from nico_selfmodel.model.dh_parameters import DhParameters
 from nico_selfmodel.model.self_model import ParameterCovariance, SelfModel
 from nico_selfmodel.model.stereo_rig import StereoRig
@@ -85,6 +86,8 @@ class BodyCalibration:
     """Boards rebuilt before and after."""
     board_outliers: NDArray
     """Boards not believed. Boolean, shape (V,); empty without boards."""
+    workspace: WorkspaceAccuracy
+    """How surely the hand is known at the training poses, and what more data would cure."""
     scale_from: str
     """What holds the scale: `boards`, the `eyes` that were pinned, or a pinned parameter's name."""
     converged: bool
@@ -167,6 +170,7 @@ def calibrate_body(
         uncertainty,
         check,
         wild,
+        workspace_accuracy(model, dataset.encoders[observations.arm.rows]),
         task.scale_from,
         solved.converged,
         solved.iterations,

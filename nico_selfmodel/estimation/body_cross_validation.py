@@ -5,11 +5,10 @@ import numpy as np
 from nico_selfmodel.dataset import BoardViews
 from nico_selfmodel.estimation.arm_views import RowsView
 from nico_selfmodel.estimation.body_problem import BodyProblem, BodySolution, rig_of
+from nico_selfmodel.estimation.folds import FOLDS, fold_of, splits
 from nico_selfmodel.estimation.pixel_evaluation import PixelEvaluation
 from nico_selfmodel.estimation.pixel_observations import PixelObservations, seen_points
 from nico_selfmodel.model.dh_parameters import DhParameters
-
-FOLDS = 5
 
 
 def cross_validate_body(
@@ -37,15 +36,14 @@ def cross_validate_body(
         Believed rows beside predictions that never saw them; None with too few poses.
     """
     believed = observations.select(~solved.outliers)
-    poses = believed.arm.poses
-    fold = np.searchsorted(poses, believed.arm.pose) % FOLDS
-    fewest = min(int(believed.seen[fold != k].sum()) for k in range(FOLDS))
-    if len(poses) < FOLDS or fewest <= len(free):
+    fold = fold_of(believed.arm.pose)
+    fewest = min((int(believed.seen[rest].sum()) for rest, _ in splits(fold)), default=0)
+    if fold.max(initial=0) < FOLDS - 1 or fewest <= len(free):
         return None
     pixels = np.full(believed.pixels.shape, np.nan)
     predicted, seen = np.full((2, len(believed), 3), np.nan)
-    for k in range(FOLDS):
-        kept, left = believed.select(fold != k), believed.select(fold == k)
+    for rest, rows in splits(fold):
+        kept, left = believed.select(rest), believed.select(rows)
         view = RowsView(kept.arm, parameters)
         problem = BodyProblem(kept, view, solved.rig, boards, {}, solved.X_LG)
         for name in problem.hand.names:
@@ -58,7 +56,6 @@ def cross_validate_body(
             rig = rig_of(x[split : split + 26], solved.rig.left.image_size)
         except ValueError:
             return None
-        rows = fold == k
         pixels[rows], predicted[rows] = rig.project(p_LH), p_LH
         seen[rows] = seen_points(left, rig, solved.noise.sensor_sigma)
     return PixelEvaluation(believed, pixels, predicted, seen)

@@ -9,7 +9,7 @@ from nico_selfmodel.dataset.board_views import BoardViews
 from nico_selfmodel.estimation.board_accuracy import (
     Reconstruction,
     corner_distances,
-    cross_validation,
+    cross_validate_cameras,
     epipolar_errors,
     have_rays,
     held_out_residuals,
@@ -66,7 +66,7 @@ class CameraAssessment:
         """
         options = options or CameraOptions()
         views, believed = calibration.views, ~calibration.outliers
-        left_over = cross_validation(views, options, believed)
+        left_over = cross_validate_cameras(views, options, believed)
         pair = len(calibration.cameras) == 2
         shown = test if test is not None else views.select(believed)
         return cls(

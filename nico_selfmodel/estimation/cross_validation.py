@@ -4,12 +4,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from nico_selfmodel.estimation.arm_solution import ArmSolution, Linearised
+from nico_selfmodel.estimation.folds import FOLDS, fold_of, splits
 from nico_selfmodel.estimation.hand_residuals import DhResiduals
 from nico_selfmodel.estimation.observations import Observations
 from nico_selfmodel.estimation.pose_refinement import PoseWhitened, arm_program
 from nico_selfmodel.model import DhParameters
 
-FOLDS = 5
 _LARGEST_STEP = 0.3
 """Change of the other poses' residuals, in their standard deviations, up to which one step does."""
 
@@ -36,11 +36,10 @@ def cross_validate(observations: Observations, solved: ArmSolution, folds: int =
     u = linear.weights[:, 0] * linear.whitened_residuals
     size = np.linalg.norm(U, axis=0)
     size = np.where(size > 0.0, size, 1.0)
-    places, place = np.unique(groups.place, return_inverse=True)
-    fold_of_visit = place % folds
+    fold_of_visit = fold_of(groups.place, folds)
     fold_of_row = fold_of_visit[groups.pose]
-    fewest = min((int(np.sum(fold_of_row != k)) for k in range(folds)), default=0)
-    if len(places) < folds or 3 * fewest <= len(solved.free):
+    fewest = min((int(rest.sum()) for rest, _ in splits(fold_of_row)), default=0)
+    if fold_of_visit.max(initial=0) < folds - 1 or 3 * fewest <= len(solved.free):
         return np.zeros(0)
     fold = np.repeat(fold_of_visit, len(u) // groups.poses)
     believed = observations.select(groups.rows)

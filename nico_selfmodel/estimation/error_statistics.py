@@ -53,8 +53,12 @@ class ErrorStatistics:
 
     def as_mm(self) -> dict[str, float]:
         """Return the statistics in millimetres, keyed as in `result.json`."""
+        return {name: 1e3 * value for name, value in self.as_dict().items()}
+
+    def as_dict(self) -> dict[str, float]:
+        """Return the statistics in their own unit, keyed as in `result.json`."""
         names = ("mean", "sd", "rms", "median", "p95", "max")
-        return {name: 1e3 * getattr(self, name) for name in names}
+        return {name: float(getattr(self, name)) for name in names}
 
 
 @dataclass(frozen=True, eq=False)

@@ -9,13 +9,14 @@ from numpy.typing import NDArray
 
 from nico_selfmodel.dataset import Dataset
 from nico_selfmodel.dataset.poses import held_out_of
-from nico_selfmodel.errors import DataError
+from nico_selfmodel.errors import DataError, NotIdentifiableError
+from nico_selfmodel.estimation.mirror_cameras import fit_mirror_cameras
 from nico_selfmodel.estimation.mirror_checks import (
     misplaced_rows,
     require_reflections,
     unnamed_reflections,
 )
-from nico_selfmodel.estimation.mirror_evaluation import MirrorEvaluation, left_out
+from nico_selfmodel.estimation.mirror_evaluation import MirrorEvaluation, cross_validate_mirrors
 from nico_selfmodel.estimation.mirror_flatness import Flatness, flatness_of
 from nico_selfmodel.estimation.mirror_solution import MirrorSolution, solve_mirrors, start_mirrors
 from nico_selfmodel.estimation.provenance import data_named, package_versions
@@ -46,6 +47,8 @@ class MirrorCalibration:
     """The mirrors on held-out data."""
     cross_validation: MirrorEvaluation | None
     """Believed rows predicted without their own fold; None where a mirror has one pose alone."""
+    free_cameras: Mapping[str, MirrorEvaluation | None]
+    """The thesis' two free cameras on the inliers of each mirror; None with too few rows."""
     misplaced: NDArray
     """Samples of rows called direct views that are reflections. Shape (k,)."""
     loss: str
@@ -111,7 +114,8 @@ def calibrate_mirrors(
         {mirror: _flatness(solution, m) for m, mirror in enumerate(reflections.mirrors)},
         MirrorEvaluation.from_reflections(reflections, solution.mirrors),
         None if test is None else evaluate_mirrors(test, model, mirrors),
-        left_out(solution),
+        cross_validate_mirrors(solution),
+        {mirror: _free_cameras(solution, mirror) for mirror in reflections.mirrors},
         np.unique(dataset.sample[misplaced]),
         loss,
         time.perf_counter() - began,
@@ -183,6 +187,15 @@ def _flatness(solution: MirrorSolution, m: int) -> Flatness | None:
         return None
     own = reflections.select(rows).of(reflections.mirrors[m])
     return flatness_of(own, solution.mirrors[m], solution.noise)
+
+
+def _free_cameras(solution: MirrorSolution, mirror: str) -> MirrorEvaluation | None:
+    """Hold the thesis' free cameras against the reflections that they were fitted to."""
+    own = solution.reflections.select(~solution.outliers).of(mirror)
+    try:
+        return fit_mirror_cameras(own).evaluate(own)
+    except NotIdentifiableError:
+        return None
 
 
 def _learned(

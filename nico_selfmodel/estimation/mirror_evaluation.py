@@ -6,13 +6,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from nico_selfmodel.estimation.error_statistics import ErrorStatistics
+from nico_selfmodel.estimation.folds import fold_of, splits
 from nico_selfmodel.estimation.mirror_solution import MirrorSolution, solve_mirrors
 from nico_selfmodel.estimation.mirror_start import virtual_points
 from nico_selfmodel.estimation.reflection_residuals import project_reflections, values_of
 from nico_selfmodel.estimation.reflections import Reflections
 from nico_selfmodel.model.mirror import Mirror
-
-_FOLDS = 5
 
 
 @dataclass(frozen=True, eq=False)
@@ -83,25 +82,25 @@ class MirrorEvaluation:
         )
 
 
-def left_out(solution: MirrorSolution) -> MirrorEvaluation | None:
-    """Predict each fifth of the believed poses from planes learned on the rest.
+def cross_validate_mirrors(solution: MirrorSolution) -> MirrorEvaluation | None:
+    """Predict each fifth of the poses from planes learned on the rest, outliers left out.
 
     Args:
-        solution: Planes of all believed rows.
+        solution: Planes of all inliers.
 
     Returns:
-        The believed rows, each predicted without its fold; None where a mirror has one pose alone.
+        The inliers, each predicted without its fold; None where a mirror has one pose alone.
     """
     kept = solution.reflections.select(~solution.outliers)
     fold = _folds(kept)
     if fold is None:
         return None
     residuals, rebuilt = np.full(kept.pixels.shape, np.nan), np.full((len(kept), 3), np.nan)
-    for k in range(int(fold.max()) + 1):
-        rest, held = kept.select(fold != k), kept.select(fold == k)
-        learned = solve_mirrors(rest, solution.mirrors, solution.noise, "none").mirrors
-        found = MirrorEvaluation.from_reflections(held, learned)
-        residuals[fold == k], rebuilt[fold == k] = found.residuals, found.p_LQ_rebuilt
+    for rest, left in splits(fold):
+        start, noise = solution.mirrors, solution.noise
+        learned = solve_mirrors(kept.select(rest), start, noise, "none").mirrors
+        found = MirrorEvaluation.from_reflections(kept.select(left), learned)
+        residuals[left], rebuilt[left] = found.residuals, found.p_LQ_rebuilt
     return MirrorEvaluation(kept, residuals, rebuilt)
 
 
@@ -110,8 +109,7 @@ def _folds(reflections: Reflections) -> NDArray | None:
     fold = np.zeros(len(reflections), dtype=int)
     for m in range(len(reflections.mirrors)):
         rows = reflections.mirror == m
-        poses, which = np.unique(reflections.pose[rows], return_inverse=True)
-        if len(poses) < 2:
+        fold[rows] = fold_of(reflections.pose[rows])
+        if not fold[rows].any():
             return None
-        fold[rows] = which % min(_FOLDS, len(poses))
     return fold

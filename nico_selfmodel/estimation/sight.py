@@ -5,7 +5,6 @@ and the arm's predictions can be held against the pictures themselves (eq. 7.4).
 """
 
 from dataclasses import dataclass, replace
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -13,11 +12,11 @@ from numpy.typing import NDArray
 from nico_selfmodel.dataset import Dataset
 from nico_selfmodel.estimation.arm_solution import Linearised
 from nico_selfmodel.estimation.body_start import in_left_eye, reconstructed
-from nico_selfmodel.estimation.error_statistics import ErrorStatistics
 from nico_selfmodel.estimation.hand_pixels import project_to_eyes
 from nico_selfmodel.estimation.kinematics import KinematicCalibration
 from nico_selfmodel.estimation.observations import Observations
 from nico_selfmodel.estimation.pixel_evaluation import PixelEvaluation, evaluate_pixels
+from nico_selfmodel.estimation.results.calibration_result import CalibrationResult
 from nico_selfmodel.estimation.sightings import covariance_of
 from nico_selfmodel.estimation.training_noise import with_training_noise
 from nico_selfmodel.model import ParameterCovariance, SelfModel
@@ -121,12 +120,13 @@ class Sight:
         """Hold a completed model against what the eyes saw."""
         return evaluate_pixels(model, self.pixels[part])
 
-    def add_pixels(self, document: dict[str, Any], model: SelfModel) -> None:
-        """Add the errors in the images to the content of `result.json`."""
+    def with_pixels(self, result: CalibrationResult, model: SelfModel) -> CalibrationResult:
+        """Return an arm's result with the errors in the images beside those in space."""
+        known = {"train": result.train, "test": result.test}
         for part in self.pixels:
-            statistics = self.evaluate(model, part).pixel_statistics
-            if document.get(part) is not None and statistics is not None:
-                document[part]["pixels"] = as_pixels(statistics)
+            errors, pixels = known[part], self.evaluate(model, part).pixel_distances
+            known[part] = errors if errors is None else replace(errors, pixels=pixels)
+        return replace(result, **known)
 
 
 def _together(arm: Uncertainty, gain: NDArray, model: SelfModel, eyes: tuple[str, ...]) -> NDArray:
@@ -134,9 +134,3 @@ def _together(arm: Uncertainty, gain: NDArray, model: SelfModel, eyes: tuple[str
     own = covariance_of(model, eyes)
     cross = gain @ own
     return np.block([[arm.covariance + cross @ gain.T, cross], [cross.T, own]])
-
-
-def as_pixels(statistics: ErrorStatistics) -> dict[str, float]:
-    """Return statistics of distances in images as `result.json` has them [px]."""
-    names = ("mean", "sd", "rms", "median", "p95", "max")
-    return {name: float(getattr(statistics, name)) for name in names}

@@ -40,6 +40,8 @@ class ToolCalibration:
     """Errors of the sightings: in the images [px], or in space [m]. Shape (n,)."""
     test: NDArray | None
     """The same on held-out data."""
+    test_poses: int
+    """Held-out poses."""
     sensor: str
     """`pixels` or `points`."""
     known: bool
@@ -65,8 +67,6 @@ class ToolCalibration:
                 f"the tip lies {1e3 * self.reach:.1f} mm from the hand's own point, known to "
                 f"{1e3 * self.reach_sigma:.1f} mm: no tool can be told from the bare hand"
             )
-        if not self.update.converged:
-            words.append("the solver stopped without reaching a minimum")
         return tuple(words)
 
 
@@ -131,16 +131,18 @@ def calibrate_tool(
     known = tool in model.markers
     reach, reach_sigma = _reach(model if known else learned, learned, tool, update)
     kind = "pixels" if sightings.seen.shape[1] == 4 else "points"
-    tested = None
+    tested, poses = None, 0
     if test is not None:
         marked = replace(test, marker=np.full(len(test), tool))
-        tested = errors_of(sightings_of(learned, marked, kind))
+        held_out = sightings_of(learned, marked, kind)
+        tested, poses = errors_of(held_out), len(np.unique(held_out.sample))
     return ToolCalibration(
         learned,
         tool,
         update,
         errors_of(sightings_of(learned, data, kind)),
         tested,
+        poses,
         kind,
         known,
         reach,

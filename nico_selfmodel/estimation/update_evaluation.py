@@ -10,13 +10,12 @@ from nico_selfmodel.dataset import Dataset
 from nico_selfmodel.errors import DataError, NotIdentifiableError
 from nico_selfmodel.estimation.block_update import BlockUpdate, learn_block, learn_with_prior
 from nico_selfmodel.estimation.error_statistics import evaluate
+from nico_selfmodel.estimation.folds import fold_of, splits
 from nico_selfmodel.estimation.natural_scales import natural_scales_of
 from nico_selfmodel.estimation.pixel_evaluation import evaluate_pixels
 from nico_selfmodel.estimation.pixel_observations import columns_of
 from nico_selfmodel.estimation.sightings import sightings_of
 from nico_selfmodel.model.self_model import SelfModel
-
-FOLDS = 5
 
 
 @dataclass(frozen=True, eq=False)
@@ -113,16 +112,15 @@ def _cross_validate(
     """Return the errors of poses, each by a body learned without it; None with too few of them."""
     learn = learn_with_prior if with_prior else learn_block
     scales = natural_scales_of(before, names)
-    folds = np.arange(len(poses)) % FOLDS
     errors = []
-    for k in range(min(FOLDS, len(poses))):
+    for others, own in splits(fold_of(poses)):
         try:
-            kept = train.select(np.isin(train.sample, poses[folds != k]))
+            kept = train.select(np.isin(train.sample, poses[others]))
             rest = sightings_of(before, kept, sensor)
             model = learn(before, rest, names, scales=scales, loss="none").model
         except (DataError, NotIdentifiableError):
             return None
-        left = train.select(np.isin(train.sample, poses[folds == k]))
+        left = train.select(np.isin(train.sample, poses[own]))
         errors.append(HeldAgainst.of(model, left, sensor).errors)
     return np.concatenate(errors) if errors else None
 

@@ -5,7 +5,7 @@ from dataclasses import dataclass
 
 from nico_selfmodel.dataset import BoardViews
 from nico_selfmodel.errors import EstimationError
-from nico_selfmodel.estimation import BodyCalibration, Verdict, calibrate_body, judge_body
+from nico_selfmodel.estimation import BodyCalibration, Verdict, calibrate_body, judge
 from nico_selfmodel.experiments.eyes_lesson import (
     ArmLesson,
     Counts,
@@ -99,4 +99,4 @@ def refine(lesson: EyesLesson, marker: str, test_boards: BoardViews) -> BodyLess
         )
     except EstimationError as error:
         return BodyLesson(lesson, arm, test_boards, None, Verdict("FAIL", (str(error),)))
-    return BodyLesson(lesson, arm, test_boards, found, judge_body(found))
+    return BodyLesson(lesson, arm, test_boards, found, judge(found))

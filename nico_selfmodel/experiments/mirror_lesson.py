@@ -8,9 +8,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from nico_selfmodel.dataset import Dataset
+from nico_selfmodel.estimation import judge, to_json
 from nico_selfmodel.estimation.mirror import MirrorCalibration, calibrate_mirrors
-from nico_selfmodel.estimation.mirror_document import mirror_document
-from nico_selfmodel.estimation.mirror_verdict import judge_mirrors, judged
+from nico_selfmodel.estimation.mirror_findings import judged
 from nico_selfmodel.estimation.verdict import Verdict
 from nico_selfmodel.experiments.body_lesson import BodyLesson
 from nico_selfmodel.experiments.eyes_lesson import NicoBeforeItsEyes, Stage
@@ -48,7 +48,7 @@ class MirrorLesson:
     @property
     def document(self) -> dict[str, Any]:
         """What `result.json` tells of the mirror."""
-        return mirror_document(self.calibration, self.verdict)
+        return to_json(self.calibration, self.verdict)
 
 
 def learn_mirror(
@@ -98,7 +98,7 @@ def learn_mirror(
     row = int(np.flatnonzero((train.mirror == MIRROR) & np.isfinite(train.pixels).all(axis=1))[0])
     images = before.look(DAY, MIRROR, train.encoders[row])
     picture = MirrorPicture(int(train.sample[row]), train.encoders[row], images)
-    verdict = judge_mirrors(calibration)
+    verdict = judge(calibration)
     return MirrorLesson(judged(calibration, verdict), verdict, train, test, picture)
 
 

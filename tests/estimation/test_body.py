@@ -8,13 +8,7 @@ import pytest
 
 from nico_selfmodel.dataset import BoardViews
 from nico_selfmodel.errors import DataError, ModelError
-from nico_selfmodel.estimation import (
-    BodyOptions,
-    body_document,
-    calibrate_body,
-    evaluate,
-    judge_body,
-)
+from nico_selfmodel.estimation import BodyOptions, calibrate_body, evaluate, judge, to_json
 from nico_selfmodel.estimation.arm_views import LinesView
 from nico_selfmodel.estimation.board_check import BoardCheck
 from nico_selfmodel.estimation.body_start import in_left_eye, lines_of, reconstructed
@@ -108,7 +102,7 @@ def test_without_boards_only_the_scale_is_open():
 def test_anchored_the_true_error_falls_and_the_eyes_measure_better():
     found = learned(0)
     alone = learned(0, stage="kinematics")
-    assert judge_body(found).status == "PASS"
+    assert judge(found).status == "PASS"
     assert true_mm(found) < 2.6 < true_mm(alone)
     assert found.boards is not None
     assert found.boards.after.edge_sd < found.boards.before.edge_sd
@@ -127,11 +121,11 @@ def test_the_thesis_own_variant_is_flagged_and_refused():
     alone = learned(0, stage="kinematics")
     assert found.test.statistics.mean < alone.test.statistics.mean
     assert true_mm(found) > 5.0
-    verdict = judge_body(found)
+    verdict = judge(found)
     assert verdict.status == "FAIL"
     assert any("boards" in reason for reason in verdict.reasons)
-    assert any("the thesis' own variant" in words for words in judge_body(found).warnings)
-    assert "`right.pose.x` holds the scale" in " ".join(judge_body(found).warnings)
+    assert any("the thesis' own variant" in words for words in judge(found).warnings)
+    assert "`right.pose.x` holds the scale" in " ".join(judge(found).warnings)
 
 
 @pytest.mark.parametrize(
@@ -239,7 +233,7 @@ def test_the_model_survives_the_file_with_its_covariance(tmp_path):
 
 def test_the_document_says_it_all_in_plain_numbers():
     found = learned(0)
-    document = json.loads(json.dumps(body_document(found, judge_body(found)), allow_nan=False))
+    document = json.loads(json.dumps(to_json(found, judge(found)), allow_nan=False))
     assert document["status"] == "PASS"
     assert set(document["test"]) == {"n", "poses", "pixels", "position_mm"}
     assert document["cross_validation"]["n"] == 161
@@ -259,13 +253,13 @@ def test_the_document_says_it_all_in_plain_numbers():
 
 def test_bounds_of_the_user_are_checked():
     found = learned(0)
-    assert judge_body(found, require_test_mm=5.0, require_test_px=5.0).status == "PASS"
-    refused = judge_body(found, require_test_mm=0.5, require_test_px=0.5)
+    assert judge(found, require_test_mm=5.0, require_test_px=5.0).status == "PASS"
+    refused = judge(found, require_test_mm=0.5, require_test_px=0.5)
     assert refused.status == "FAIL"
     assert len(refused.reasons) == 2
     nothing = replace(found, test=None)
-    assert judge_body(nothing).status == "NOT_EVALUATED"
-    assert "nothing was held out" in judge_body(nothing, require_test_px=1.0).reasons[0]
+    assert judge(nothing).status == "NOT_EVALUATED"
+    assert "nothing was held out" in judge(nothing, require_test_px=1.0).reasons[0]
 
 
 def test_poses_from_elsewhere_that_fit_worse_are_noticed():
@@ -273,7 +267,7 @@ def test_poses_from_elsewhere_that_fit_worse_are_noticed():
     slipped.slip("right_elbow", np.radians(4.0))
     found = learned(0)
     found = replace(found, test=evaluate_pixels(found.model, poses(slipped, 60)))
-    assert any("significantly above" in reason for reason in judge_body(found).reasons)
+    assert any("significantly above" in reason for reason in judge(found).reasons)
 
 
 def test_boards_that_the_eyes_before_have_no_ray_for_are_not_compared():
@@ -349,7 +343,7 @@ class TestBadInput:
         home = recorded.train.select(recorded.train.sweep != "")
         few = home.select(np.isin(home.sweep, ["home", *home.joint_names[:2]]))
         found = calibrate_body(few, start, recorded.boards)
-        verdict = judge_body(found)
+        verdict = judge(found)
         assert verdict.status == "FAIL"
         blind = {name for direction in found.uncertainty.blind for name in direction.names}
         assert {"right_elbow.gear", "right_upper_arm_twist.gear"} <= blind
@@ -363,7 +357,7 @@ class TestBadInput:
         found = calibrate_body(lesson().train, lesson().eyes, wild)
         assert np.flatnonzero(found.board_outliers).tolist() == [3]
         assert 1e3 * evaluate(found.model, lesson().test).statistics.mean < 2.3
-        assert "1 boards contradict" in " ".join(judge_body(found).warnings)
+        assert "1 boards contradict" in " ".join(judge(found).warnings)
 
     def test_boards_of_nobody(self):
         views = lesson().boards

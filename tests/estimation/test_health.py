@@ -15,10 +15,10 @@ from nico_selfmodel.estimation import (
 )
 from nico_selfmodel.estimation.adaptation import forgotten, joined
 from nico_selfmodel.estimation.health import ENOUGH
+from nico_selfmodel.estimation.health_document import health_document
 from nico_selfmodel.estimation.monitor import Monitor
 from nico_selfmodel.estimation.relearning import relearn_cause
 from nico_selfmodel.estimation.sightings import covariance_of, sightings_of
-from nico_selfmodel.estimation.update_document import health_document
 from nico_selfmodel.estimation.workspace_accuracy import workspace_readings
 
 from .simulated_bodies import blinded, body, learned, lesson, only_eyes, poses

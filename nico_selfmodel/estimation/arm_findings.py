@@ -1,9 +1,8 @@
-"""The verdict on an arm, and on a self-model held against new data."""
+"""What speaks for and against a learned arm."""
 
 import numpy as np
 from numpy.typing import NDArray
 
-from nico_selfmodel.estimation.blind_words import describe_blind
 from nico_selfmodel.estimation.error_statistics import Evaluation
 from nico_selfmodel.estimation.kinematics import KinematicCalibration
 from nico_selfmodel.estimation.observations import Observations
@@ -12,18 +11,17 @@ from nico_selfmodel.estimation.outlier_words import (
     describe_outliers,
     foreign_markers,
 )
-from nico_selfmodel.estimation.verdict import (
-    FEWEST_COMPARED,
-    MOST_OUTLIERS,
-    Verdict,
-    bound_reason,
-    conclude,
-    held_out_is_worse,
-    outliers_are_many,
-    shortened,
-    significantly_above,
+from nico_selfmodel.estimation.results.calibration_result import (
+    CAUSE,
+    FAILURE,
+    HELD_OUT,
+    MISFIT,
+    NOTE,
+    WARNING,
+    Finding,
+    findings,
 )
-from nico_selfmodel.model import SelfModel
+from nico_selfmodel.estimation.verdict import outliers_are_many
 
 _LARGEST_NOISE = 0.05
 """Residuals above this share of the workspace's size explain nothing."""
@@ -42,47 +40,38 @@ _RARE = 1.0 / 2000.0
 _RARE_OF_MANY = 0.01
 """... and of one that is large: the training may have as many, and be told so itself."""
 _PATTERNS_SHOWN = 3
-_WHAT_CHANGED = (
+WHAT_CHANGED = (
     "the training poses do not cover where the arm is used, or something moved between recordings"
 )
 
 
-def judge(calibration: KinematicCalibration, require_test_mm: float | None = None) -> Verdict:
-    """Judge a calibration.
+def arm_findings(calibration: KinematicCalibration) -> tuple[Finding, ...]:
+    """Return what speaks for and against a learned arm beyond what every calibration is asked.
 
     Args:
         calibration: What was learned.
-        require_test_mm: Largest mean held-out error allowed [mm].
-
-    Returns:
-        FAIL where a check fails; PASS where enough held-out poses were evaluated and nothing
-        failed; else NOT_EVALUATED.
     """
-    misfit = _misfit_reasons(calibration)
-    if calibration.causes.words:
-        # All else that is wrong follows from it.
-        return Verdict("FAIL", tuple(misfit))
-    test = calibration.test
-    checks = [
+    misfit = _misfit_reason(calibration)
+    explained = misfit is None and not calibration.causes.words
+    foreign = foreign_markers(calibration.train.observations, calibration.outliers)
+    failures = [
         calibration.contradicted_robot,
         *_gear_reasons(calibration),
-        *_pin_reasons(calibration),
-        *misfit,
-        _outlier_reason(calibration),
-        *foreign_markers(calibration.train.observations, calibration.outliers),
-        *(_timing_reasons(calibration) if not misfit else ()),
-        _solver_reason(calibration),
+        *_fixed_reasons(calibration),
+        *foreign,
+        *(_timing_reasons(calibration) if explained else ()),
         _starts_reason(calibration),
-        # What a model that explains nothing can tell says nothing of the arm.
-        *(_blind_reasons(calibration) if not misfit else ()),
-        _held_out_reason(calibration),
-        _held_out_outlier_reason(calibration),
-        bound_reason(None if test is None else 1e3 * test.statistics.mean, require_test_mm, "mm"),
     ]
-    poses = 0 if test is None else len(test.observations.poses)
-    said = [] if test is None else [_held_out_words(calibration, test)]
-    passed = [*said, *_set_aside_words(calibration)]
-    return conclude(checks, poses, "poses", passed, _warnings(calibration))
+    held_out = calibration.test
+    said = [] if held_out is None else [_held_out_words(calibration, held_out)]
+    return (
+        *findings(CAUSE, calibration.causes.words),
+        *findings(MISFIT, [misfit]),
+        *findings(FAILURE, failures),
+        *findings(HELD_OUT, [_held_out_outlier_reason(calibration)]),
+        *findings(WARNING, _warnings(calibration)),
+        *findings(NOTE, [*said, *_set_aside_words(calibration)]),
+    )
 
 
 def _warnings(calibration: KinematicCalibration) -> list[str]:
@@ -177,12 +166,6 @@ def _set_aside_words(calibration: KinematicCalibration) -> list[str]:
     return [f"{wrong.sum()} of {len(rows)} training points were set aside: {which}"]
 
 
-def _solver_reason(calibration: KinematicCalibration) -> str | None:
-    if calibration.converged:
-        return None
-    return f"the solver stopped after {calibration.iterations} steps without reaching a minimum"
-
-
 def _starts_reason(calibration: KinematicCalibration) -> str | None:
     """Say when the minimum may be a wrong one: reached once, and something is left unexplained."""
     search, noise = calibration.search, calibration.model.noise_sigma
@@ -196,12 +179,6 @@ def _starts_reason(calibration: KinematicCalibration) -> str | None:
     )
 
 
-def _blind_reasons(calibration: KinematicCalibration) -> list[str]:
-    if calibration.uncertainty is None:
-        return []
-    return shortened([describe_blind(direction) for direction in calibration.uncertainty.blind])
-
-
 def _gear_reasons(calibration: KinematicCalibration) -> list[str]:
     return [
         f"`{gear.name}` is held at 1 because the encoder is said to read joint angles, but the "
@@ -211,19 +188,13 @@ def _gear_reasons(calibration: KinematicCalibration) -> list[str]:
     ]
 
 
-def _pin_reasons(calibration: KinematicCalibration) -> list[str]:
+def _fixed_reasons(calibration: KinematicCalibration) -> list[str]:
     return [
         f"`{pin.name}` is pinned at {pin.value:.6g}, which contradicts the data: without pins they "
         f"ask for {pin.wanted:.6g} and the rms residual falls to 1 / {pin.rise:.3g}; correct the "
         "value, or leave the pin out"
         for pin in calibration.contradicted_pins
     ]
-
-
-def _misfit_reasons(calibration: KinematicCalibration) -> list[str]:
-    """Say when the model leaves so much unexplained that nothing else about it counts, and why."""
-    misfit = _misfit_reason(calibration)
-    return [*calibration.causes.words, *([misfit] if misfit else [])]
 
 
 def _misfit_reason(calibration: KinematicCalibration) -> str | None:
@@ -273,36 +244,6 @@ def _timing_reasons(calibration: KinematicCalibration) -> list[str]:
     return reasons
 
 
-def _outlier_reason(calibration: KinematicCalibration) -> str | None:
-    share = outliers_are_many(calibration.outliers)
-    if share is None:
-        return None
-    return (
-        f"{100 * share:.0f} % of the training points contradict the rest "
-        f"({describe_outliers(calibration.train.observations, calibration.outliers)}): the arm, or "
-        "what was recorded, is not what the data set says"
-    )
-
-
-def _held_out_reason(calibration: KinematicCalibration) -> str | None:
-    """Compare poses with poses, and free ones with free ones: sweeps say less of other poses."""
-    test, rows = calibration.test, calibration.train.observations
-    if test is None or not len(calibration.cross_validation):
-        return None
-    believed = ~calibration.outliers
-    free = calibration.free_poses[believed]
-    alike = free if free.any() else ~free
-    expected = rows.select(believed).by_pose(calibration.cross_validation, alike)
-    found = test.observations.by_pose(test.distances, ~test.outliers)
-    worse = held_out_is_worse(expected, found)
-    if worse is None:
-        return None
-    return (
-        f"the held-out error (median {1e3 * worse[0]:.2f} mm) is significantly above that of the "
-        f"training poses in cross-validation ({1e3 * worse[1]:.2f} mm): {_WHAT_CHANGED}"
-    )
-
-
 def _held_out_outlier_reason(calibration: KinematicCalibration) -> str | None:
     """Say when held-out points contradict the model far more often than training points do."""
     test = calibration.test
@@ -316,59 +257,10 @@ def _held_out_outlier_reason(calibration: KinematicCalibration) -> str | None:
     return (
         f"{test.outliers.sum()} of {len(test.outliers)} held-out points are further off than model "
         f"and noise explain ({describe_outliers(test.observations, test.outliers)}), in {found} of "
-        f"{n} poses, against {before} of {m} training poses: {_WHAT_CHANGED}"
+        f"{n} poses, against {before} of {m} training poses: {WHAT_CHANGED}"
     )
 
 
 def _count_poses(observations: Observations, outliers: NDArray) -> tuple[int, int]:
     """Return how many poses have an outlier, and how many there are."""
     return len(np.unique(observations.pose[outliers])), len(observations.poses)
-
-
-def judge_evaluation(model: SelfModel, evaluation: Evaluation) -> Verdict:
-    """Judge a self-model by new data, against the error that its training lets expect.
-
-    Args:
-        model: The self-model.
-        evaluation: It, held against the data.
-
-    Returns:
-        FAIL where the error is significantly above what was expected; NOT_EVALUATED where the
-        model does not say what to expect, or the poses are too few.
-    """
-    expected = model.fit.get("expected_error")
-    found = evaluation.observations.by_pose(evaluation.distances)
-    if not expected or min(expected["n"], len(found)) < FEWEST_COMPARED:
-        return Verdict("NOT_EVALUATED", ("there is too little to compare the error with",))
-    n, median = len(found), float(expected["median_m"])
-    medians = f"median {1e3 * np.median(found):.2f} mm, expected {1e3 * median:.2f} mm"
-    above = significantly_above(found, median, n, expected["n"])
-    rows, wrong = evaluation.observations, evaluation.outliers
-    return beside_training(medians, rows, wrong, "points", above=above)
-
-
-def beside_training(
-    medians: str, observations: Observations, wrong: NDArray, things: str, *, above: bool
-) -> Verdict:
-    """Return the verdict on new errors beside those of the training.
-
-    Args:
-        medians: Found and expected ones in words.
-        observations: What was held against the model.
-        wrong: Rows of it that neither model nor noise explains. Boolean, shape (N,).
-        things: What a row is.
-        above: Whether the errors are significantly above those of the training.
-    """
-    if above:
-        words = f"the error ({medians}) is significantly above that of the training poses"
-        return Verdict("FAIL", (f"{words}: {_WHAT_CHANGED}",))
-    within = f"the error ({medians}) is that of the training poses"
-    if not wrong.any():
-        return Verdict("PASS", (within,))
-    off = (
-        f"{wrong.sum()} of {len(wrong)} {things} are further off than model and noise explain "
-        f"({describe_outliers(observations, wrong)})"
-    )
-    if wrong.mean() > MOST_OUTLIERS:
-        return Verdict("FAIL", (f"{off}: {_WHAT_CHANGED}",))
-    return Verdict("PASS", (f"{within}; {off}",))

@@ -1,19 +1,17 @@
-"""PASS, FAIL or NOT_EVALUATED for arm and eyes that refined each other."""
+"""What speaks for and against arm and cameras that were refined together."""
 
 import numpy as np
 from numpy.typing import NDArray
 
-from nico_selfmodel.estimation.blind_words import describe_blind
 from nico_selfmodel.estimation.body import BodyCalibration
 from nico_selfmodel.estimation.lens_folds import folds_of
 from nico_selfmodel.estimation.pixel_evaluation import PixelEvaluation
-from nico_selfmodel.estimation.verdict import (
-    Verdict,
-    bound_reason,
-    conclude,
-    held_out_is_worse,
-    outliers_are_many,
-    shortened,
+from nico_selfmodel.estimation.results.calibration_result import (
+    FAILURE,
+    NOTE,
+    WARNING,
+    Finding,
+    findings,
 )
 from nico_selfmodel.model.camera import DISTORTION, INTRINSICS
 from nico_selfmodel.model.stereo_rig import EYES
@@ -24,41 +22,26 @@ _MOST_LOST = 0.02
 """Share of believed poses that may lack a point in front of both eyes."""
 
 
-def judge_body(
-    calibration: BodyCalibration,
-    require_test_mm: float | None = None,
-    require_test_px: float | None = None,
-) -> Verdict:
-    """Judge a calibration.
+def body_findings(calibration: BodyCalibration) -> tuple[Finding, ...]:
+    """Return what speaks for and against a body beyond what every calibration is asked.
+
+    Above all whether the cameras measure boards worse than before, or lost their scale.
 
     Args:
         calibration: What was learned.
-        require_test_mm: Largest mean 3D error on held-out data allowed [mm].
-        require_test_px: Largest mean error in the images on held-out data allowed [px].
-
-    Returns:
-        FAIL where a check fails, above all where the eyes measure boards worse than before or
-        lost their scale; PASS where held-out data were evaluated; else NOT_EVALUATED.
     """
     test = calibration.test
-    points = None if test is None else test.statistics
-    pixels = None if test is None else test.pixel_statistics
-    checks = [
+    failures = [
         *(calibration.boards.reasons if calibration.boards else ()),
         _ray_reason(calibration),
         _noise_reason(calibration),
-        _outlier_reason(calibration),
-        None if calibration.converged else "the solver stopped without reaching a minimum",
-        *shortened([describe_blind(d) for d in calibration.uncertainty.blind]),
-        _held_out_reason(calibration),
-        bound_reason(None if points is None else 1e3 * points.mean, require_test_mm, "mm"),
-        bound_reason(None if pixels is None else pixels.mean, require_test_px, "px"),
     ]
-    if test is None or points is None:
-        return conclude(checks, 0, "poses", (), _warnings(calibration))
-    poses = len(test.observations.arm.poses)
-    said = (_held_out_words(test),)
-    return conclude(checks, poses, "poses", said, _warnings(calibration))
+    said = [] if test is None or test.statistics is None else [_held_out_words(test)]
+    return (
+        *findings(FAILURE, failures),
+        *findings(WARNING, _warnings(calibration)),
+        *findings(NOTE, said),
+    )
 
 
 def _held_out_words(test: PixelEvaluation) -> str:
@@ -126,31 +109,6 @@ def _noise_reason(calibration: BodyCalibration) -> str | None:
     )
 
 
-def _outlier_reason(calibration: BodyCalibration) -> str | None:
-    share = outliers_are_many(calibration.outliers)
-    if share is None:
-        return None
-    return (
-        f"{100 * share:.0f} % of the observations contradict the rest: arm, eyes, or what was "
-        "recorded are not what the data set says"
-    )
-
-
 def _share_of_poses(calibration: BodyCalibration, rows: NDArray) -> float:
     """Return the share of the training poses that have one of some rows. Boolean, shape (N,)."""
     return calibration.train.select(rows).pose_count / calibration.train.pose_count
-
-
-def _held_out_reason(calibration: BodyCalibration) -> str | None:
-    """Say when held-out poses fit significantly worse than poses left out in turn."""
-    test, turn = calibration.test, calibration.cross_validation
-    if test is None or turn is None:
-        return None
-    worse = held_out_is_worse(turn.pixels_by_pose, test.pixels_by_pose)
-    if worse is None:
-        return None
-    return (
-        f"the held-out error (median {worse[0]:.2f} px) is significantly above that of the "
-        f"training poses in cross-validation ({worse[1]:.2f} px): the training poses do not cover "
-        "where the arm is used, or something moved between recordings"
-    )

@@ -1,4 +1,4 @@
-"""PASS, FAIL or NOT_EVALUATED for mirrors, and what their data cannot support."""
+"""What speaks for and against mirrors, and what their data cannot support."""
 
 from dataclasses import replace
 
@@ -6,13 +6,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from nico_selfmodel.estimation.mirror import MirrorCalibration
-from nico_selfmodel.estimation.verdict import (
-    Verdict,
-    bound_reason,
-    conclude,
-    held_out_is_worse,
-    outliers_are_many,
+from nico_selfmodel.estimation.results.calibration_result import (
+    FAILURE,
+    NOTE,
+    WARNING,
+    Finding,
+    findings,
 )
+from nico_selfmodel.estimation.verdict import Verdict
 from nico_selfmodel.model.self_model import MIRROR_FAILURES
 
 _LARGEST_RATIO = 5.0
@@ -23,37 +24,27 @@ _ONE_POINT = 0.01
 """Poses whose points lie within this rms distance of their mean are one point [m]."""
 
 
-def judge_mirrors(calibration: MirrorCalibration, require_test_px: float | None = None) -> Verdict:
-    """Judge mirrors.
+def mirror_findings(calibration: MirrorCalibration) -> tuple[Finding, ...]:
+    """Return what speaks for and against mirrors beyond what every calibration is asked.
 
     Args:
         calibration: What was learned.
-        require_test_px: Largest mean reprojection error of held-out reflections allowed [px].
-
-    Returns:
-        FAIL where a check fails; PASS where enough poses were held out and nothing failed; else
-        NOT_EVALUATED.
     """
-    test = calibration.test
-    statistics = None if test is None else test.pixel_statistics
-    checks = [
-        None if calibration.solution.converged else "the solver stopped before reaching a minimum",
-        *_blind_reasons(calibration),
+    failures = [
         *_flatness_reasons(calibration),
         *_behind_reasons(calibration),
         *_grazing_reasons(calibration),
-        _outlier_reason(calibration),
         _misfit_reason(calibration),
-        _held_out_reason(calibration),
-        bound_reason(None if statistics is None else statistics.mean, require_test_px, "px"),
     ]
-    poses = 0 if test is None else len(np.unique(test.reflections.pose))
-    said = [
-        f"{found.mean:.2f} px mean error on {found.n} held-out reflections"
-        for found in (statistics,)
-        if found is not None
-    ]
-    return conclude(checks, poses, "poses", said, _warnings(calibration))
+    said = []
+    if calibration.test is not None:
+        found = calibration.test.pixel_statistics
+        said = [f"{found.mean:.2f} px mean error on {found.n} held-out reflections"]
+    return (
+        *findings(FAILURE, failures),
+        *findings(WARNING, _warnings(calibration)),
+        *findings(NOTE, said),
+    )
 
 
 def judged(calibration: MirrorCalibration, verdict: Verdict) -> MirrorCalibration:
@@ -130,14 +121,6 @@ def grazing_angles(calibration: MirrorCalibration) -> NDArray:
     return angles
 
 
-def _blind_reasons(calibration: MirrorCalibration) -> list[str]:
-    return [
-        f"the reflections do not determine {', '.join(f'`{n}`' for n in direction.names)}: record "
-        "poses that both eyes see, farther apart from each other and from the glass"
-        for direction in calibration.solution.uncertainty.blind
-    ]
-
-
 def _flatness_reasons(calibration: MirrorCalibration) -> list[str]:
     return [
         f"mirror {name!r} is not flat, or the body is not what the self-model says: two free "
@@ -173,16 +156,6 @@ def _grazing_reasons(calibration: MirrorCalibration) -> list[str]:
     ]
 
 
-def _outlier_reason(calibration: MirrorCalibration) -> str | None:
-    share = outliers_are_many(calibration.solution.outliers)
-    if share is None:
-        return None
-    return (
-        f"{100 * share:.0f} % of the reflections contradict the rest: did the mirror move, or were "
-        "other things taken for the hand?"
-    )
-
-
 def _misfit_reason(calibration: MirrorCalibration) -> str | None:
     ratio = float(np.sqrt(calibration.solution.uncertainty.variance_factor))
     if ratio <= _LARGEST_RATIO:
@@ -190,18 +163,4 @@ def _misfit_reason(calibration: MirrorCalibration) -> str | None:
     return (
         f"the reflections miss their plane by {ratio:.0f} times what pixel noise, joint play and "
         "the arm's own uncertainty explain: do arm and eyes still fit the robot?"
-    )
-
-
-def _held_out_reason(calibration: MirrorCalibration) -> str | None:
-    test, turn = calibration.test, calibration.cross_validation
-    if test is None or turn is None:
-        return None
-    worse = held_out_is_worse(turn.by_pose_px, test.by_pose_px)
-    if worse is None:
-        return None
-    return (
-        f"held-out reflections fit significantly worse (median {worse[0]:.2f} px) than poses left "
-        f"out in turn ({worse[1]:.2f} px): the mirror moved, or the poses learned from do not "
-        "cover where it is used"
     )
