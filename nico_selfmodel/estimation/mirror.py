@@ -156,8 +156,10 @@ def _noise_of(dataset: Dataset, model: SelfModel, joint_sigma: float | None) -> 
     What the training left is joint noise with its tail. A model without that says how the hand
     scatters: joints that scatter by as much over the mean lever explain it.
     """
-    if joint_sigma is not None and not 0.0 <= joint_sigma < np.inf:
-        raise ValueError(f"joint_sigma must be zero or positive, got {joint_sigma}")
+    if joint_sigma is not None and not 0.0 <= joint_sigma <= np.pi:
+        raise ValueError(
+            f"joint_sigma must lie between 0 and pi rad (180 deg), got {joint_sigma:.6g} rad"
+        )
     pixel_sigma = dataset.pixel_sigma_px or model.pixel_sigma or _ASSUMED_PIXEL_SIGMA
     known = model.noise_mixtures
     if joint_sigma is None and known:
