@@ -16,7 +16,8 @@ from nico_selfmodel.estimation.circle_points import (
     SweepCircle,
     analyse_circle_points,
 )
-from nico_selfmodel.estimation.error_statistics import ErrorStatistics, Evaluation, evaluate
+from nico_selfmodel.estimation.errors import ErrorStatistics
+from nico_selfmodel.estimation.evaluation import Evaluation, evaluate
 from nico_selfmodel.estimation.health import HealthReport, check_health
 from nico_selfmodel.estimation.judging import Calibration, judge, result_of, to_json
 from nico_selfmodel.estimation.kinematics import KinematicCalibration, calibrate_kinematics

@@ -3,7 +3,7 @@
 import numpy as np
 from numpy.typing import NDArray
 
-from nico_selfmodel.estimation.error_statistics import Evaluation
+from nico_selfmodel.estimation.evaluation import Evaluation
 from nico_selfmodel.estimation.kinematics import KinematicCalibration
 from nico_selfmodel.estimation.observations import Observations
 from nico_selfmodel.estimation.outlier_words import (

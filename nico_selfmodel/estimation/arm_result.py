@@ -6,7 +6,7 @@ import numpy as np
 
 from nico_selfmodel.estimation.arm_findings import WHAT_CHANGED, arm_findings
 from nico_selfmodel.estimation.blind_words import describe_blind
-from nico_selfmodel.estimation.error_statistics import Evaluation
+from nico_selfmodel.estimation.evaluation import Evaluation
 from nico_selfmodel.estimation.kinematics import KinematicCalibration
 from nico_selfmodel.estimation.outlier_words import describe_outliers
 from nico_selfmodel.estimation.results.calibration_result import (

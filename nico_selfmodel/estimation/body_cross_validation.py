@@ -4,11 +4,12 @@ import numpy as np
 
 from nico_selfmodel.dataset import BoardViews
 from nico_selfmodel.estimation.arm_views import RowsView
-from nico_selfmodel.estimation.body_problem import BodyProblem, BodySolution, rig_of
+from nico_selfmodel.estimation.body_problem import BodyProblem, BodySolution
 from nico_selfmodel.estimation.folds import FOLDS, fold_of, splits
 from nico_selfmodel.estimation.pixel_evaluation import PixelEvaluation
 from nico_selfmodel.estimation.pixel_observations import PixelObservations, seen_points
 from nico_selfmodel.model.dh_parameters import DhParameters
+from nico_selfmodel.model.stereo_rig import StereoRig
 
 
 def cross_validate_body(
@@ -53,7 +54,7 @@ def cross_validate_body(
         split = len(view.names)
         p_LH = RowsView(left.arm, parameters).evaluate(x[:split])[0].T
         try:
-            rig = rig_of(x[split : split + 26], solved.rig.left.image_size)
+            rig = StereoRig.from_values(x[split : split + 26], solved.rig.left.image_size)
         except ValueError:
             return None
         pixels[rows], predicted[rows] = rig.project(p_LH), p_LH

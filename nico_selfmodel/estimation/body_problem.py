@@ -14,9 +14,6 @@ from nico_selfmodel.estimation.camera_start import pose_of_seen_boards
 from nico_selfmodel.estimation.hand_noise import HandNoise
 from nico_selfmodel.estimation.hand_pixels import HandPixels
 from nico_selfmodel.estimation.pixel_observations import PixelObservations
-from nico_selfmodel.geometry.rotation import rotation_from_vector
-from nico_selfmodel.geometry.transform import transform
-from nico_selfmodel.model.camera import Camera
 from nico_selfmodel.model.stereo_rig import StereoRig
 from nico_selfmodel.optimization import CalibrationProgram, RobustSolution, solve_robustly
 
@@ -90,7 +87,7 @@ class BodyProblem:
             NotConvergedError: If they have become eyes that cannot be.
         """
         try:
-            return rig_of(x[self._split : self._split + 26], self._image_size)
+            return StereoRig.from_values(x[self._split : self._split + 26], self._image_size)
         except ValueError as error:
             raise NotConvergedError(f"no plausible eyes fit the hand: {error}") from error
 
@@ -184,10 +181,3 @@ class BodyProblem:
         r = self.boards.sigma * self.program.residuals(self._board_number, x)
         redundancy = 2 * int(self.boards.views.seen.sum()) - 6 * len(self.boards.views)
         return max(float(np.sqrt(np.sum(r * r) / max(redundancy, 1))), 1e-3)
-
-
-def rig_of(values: NDArray, image_size: tuple[int, int]) -> StereoRig:
-    """Return the eyes of the values of `StereoRig.names`, the left one at the world."""
-    pose = transform(rotation_from_vector(values[20:23]), values[23:])
-    left = Camera.from_values(values[:10], image_size)
-    return StereoRig(left, Camera.from_values(values[10:20], image_size, pose))

@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 from nico_selfmodel.estimation.board_accuracy import Reconstruction
 from nico_selfmodel.estimation.camera_assessment import CameraAssessment
 from nico_selfmodel.estimation.camera_findings import camera_findings, rms_of_boards
-from nico_selfmodel.estimation.error_statistics import ErrorStatistics
+from nico_selfmodel.estimation.errors import ErrorStatistics
 from nico_selfmodel.estimation.results.calibration_result import (
     CalibrationResult,
     Errors,

@@ -14,7 +14,7 @@ from nico_selfmodel.dataset.poses import held_out_of
 from nico_selfmodel.estimation.arm_solution import ArmSolution, Linearised
 from nico_selfmodel.estimation.circle_points import CirclePointAnalysis, require_arm
 from nico_selfmodel.estimation.cross_validation import cross_validate
-from nico_selfmodel.estimation.error_statistics import Evaluation, evaluate
+from nico_selfmodel.estimation.evaluation import Evaluation, evaluate
 from nico_selfmodel.estimation.gear_check import DoubtfulGear, doubtful_gears
 from nico_selfmodel.estimation.kinematic_task import KinematicTask
 from nico_selfmodel.estimation.learned_model import learned_model, training_of

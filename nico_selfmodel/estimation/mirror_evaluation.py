@@ -5,7 +5,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from nico_selfmodel.estimation.error_statistics import ErrorStatistics
+from nico_selfmodel.estimation.errors import ErrorStatistics
 from nico_selfmodel.estimation.folds import fold_of, splits
 from nico_selfmodel.estimation.mirror_solution import MirrorSolution, solve_mirrors
 from nico_selfmodel.estimation.mirror_start import virtual_points

@@ -7,7 +7,7 @@ from numpy.typing import NDArray
 
 from nico_selfmodel.dataset import Dataset
 from nico_selfmodel.estimation.arm_findings import WHAT_CHANGED
-from nico_selfmodel.estimation.error_statistics import Evaluation, expected_covariance
+from nico_selfmodel.estimation.evaluation import Evaluation, expected_covariance
 from nico_selfmodel.estimation.observations import Observations
 from nico_selfmodel.estimation.outlier_words import describe_outliers
 from nico_selfmodel.estimation.pixel_evaluation import PixelEvaluation

@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from nico_selfmodel.dataset import Dataset
-from nico_selfmodel.estimation.error_statistics import ErrorStatistics
+from nico_selfmodel.estimation.errors import ErrorStatistics
 from nico_selfmodel.estimation.pixel_observations import (
     PixelObservations,
     columns_of,

@@ -140,7 +140,7 @@ def columns_of(model: SelfModel, dataset: Dataset) -> Dataset:
     Raises:
         DataError: If the joints, their units or the tracked points are others.
     """
-    from nico_selfmodel.estimation.error_statistics import check_units, reading_columns
+    from nico_selfmodel.estimation.matching import check_units, reading_columns
 
     columns = reading_columns(model, dataset)
     check_units(model, dataset)

@@ -18,7 +18,7 @@ from nico_selfmodel.estimation.hand_points import HandPoints
 from nico_selfmodel.estimation.observations import Observations
 from nico_selfmodel.estimation.pixel_observations import PixelObservations, columns_of
 from nico_selfmodel.model.self_model import SelfModel
-from nico_selfmodel.model.stereo_rig import EYES
+from nico_selfmodel.model.stereo_rig import EYES, StereoRig
 from nico_selfmodel.names import listed
 
 SENSORS = ("auto", "pixels", "points")
@@ -238,14 +238,12 @@ def with_values(model: SelfModel, names: tuple[str, ...], x: NDArray) -> SelfMod
     Raises:
         ModelError: If a gear or a focal length is not positive.
     """
-    from nico_selfmodel.estimation.body_problem import rig_of
-
     split = len(model.parameters.names)
     parameters = model.parameters.with_values(x[:split])
     try:
         cameras = dict(model.cameras)
         if len(names) > split:
-            rig = rig_of(x[split:], model.rig.left.image_size)
+            rig = StereoRig.from_values(x[split:], model.rig.left.image_size)
             cameras = {"left": rig.left, "right": rig.right}
         return replace(model, table=parameters.table, servo_map=parameters.servos, cameras=cameras)
     except ValueError as error:

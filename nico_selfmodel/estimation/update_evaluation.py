@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 from nico_selfmodel.dataset import Dataset
 from nico_selfmodel.errors import DataError, NotIdentifiableError
 from nico_selfmodel.estimation.block_update import BlockUpdate, learn_block, learn_with_prior
-from nico_selfmodel.estimation.error_statistics import evaluate
+from nico_selfmodel.estimation.evaluation import evaluate
 from nico_selfmodel.estimation.folds import fold_of, splits
 from nico_selfmodel.estimation.natural_scales import natural_scales_of
 from nico_selfmodel.estimation.pixel_evaluation import evaluate_pixels

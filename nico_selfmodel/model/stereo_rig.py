@@ -11,8 +11,8 @@ from nico_selfmodel.geometry.epipolar import (
     essential,
     homogeneous,
 )
-from nico_selfmodel.geometry.rotation import rotation_vector_of
-from nico_selfmodel.geometry.transform import apply, inverse
+from nico_selfmodel.geometry.rotation import rotation_from_vector, rotation_vector_of
+from nico_selfmodel.geometry.transform import apply, inverse, transform
 from nico_selfmodel.model.camera import INTRINSIC_UNITS, INTRINSICS, Camera, project_in_camera
 
 EYES = ("left", "right")
@@ -84,6 +84,21 @@ class StereoRig:
     def units(self) -> tuple[str, ...]:
         """Units of `names`."""
         return (*INTRINSIC_UNITS, *INTRINSIC_UNITS, *("rad",) * 3, *("m",) * 3)
+
+    @classmethod
+    def from_values(cls, values: NDArray, image_size: tuple[int, int]) -> "StereoRig":
+        """Return the cameras that have given `values`, the left one at the world.
+
+        Args:
+            values: Both cameras' intrinsics, then the right one's pose. Shape (26,).
+            image_size: Width and height [px].
+
+        Raises:
+            ValueError: If a focal length is not positive.
+        """
+        pose = transform(rotation_from_vector(values[20:23]), values[23:])
+        left = Camera.from_values(values[:10], image_size)
+        return cls(left, Camera.from_values(values[10:20], image_size, pose))
 
     def moved(self, X_WV: ArrayLike) -> "StereoRig":
         """Return the rig seen from another world V, whose pose in W is given. Shape (4, 4)."""

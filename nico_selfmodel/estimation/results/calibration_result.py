@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from nico_selfmodel.estimation.error_statistics import ErrorStatistics
+from nico_selfmodel.estimation.errors import ErrorStatistics
 from nico_selfmodel.estimation.verdict import FEWEST_HELD_OUT
 
 CAUSE, MISFIT, FAILURE, HELD_OUT = "cause", "misfit", "failure", "held out"

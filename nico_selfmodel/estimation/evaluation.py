@@ -1,4 +1,4 @@
-"""Errors of predicted points, and what is said of them."""
+"""A self-model held against measured points."""
 
 from dataclasses import dataclass
 
@@ -8,6 +8,8 @@ from numpy.typing import NDArray
 from nico_selfmodel.dataset import Dataset
 from nico_selfmodel.errors import DataError
 from nico_selfmodel.estimation.arm_solution import slopes_by_angle
+from nico_selfmodel.estimation.errors import ErrorStatistics
+from nico_selfmodel.estimation.matching import check_units, reading_columns
 from nico_selfmodel.estimation.observations import Observations
 from nico_selfmodel.estimation.pose_noise import PoseNoise
 from nico_selfmodel.model import SelfModel
@@ -16,49 +18,6 @@ from nico_selfmodel.optimization.robust_solve import OUTLIER_AT
 
 _ROUNDING_M = 1e-9
 """Errors below this are rounding, not noise [m]."""
-
-
-@dataclass(frozen=True, eq=False)
-class ErrorStatistics:
-    """Statistics of Euclidean distances between predicted and measured points."""
-
-    n: int
-    """Number of points."""
-    mean: float
-    """[m]."""
-    sd: float
-    """Standard deviation of the distances [m]."""
-    rms: float
-    """Root of the mean squared distance [m]."""
-    median: float
-    """[m]."""
-    p95: float
-    """95th percentile [m]."""
-    max: float
-    """[m]."""
-
-    @classmethod
-    def from_distances(cls, distances: NDArray) -> "ErrorStatistics":
-        """Summarise distances [m]. Shape (N,), N >= 1."""
-        d = np.asarray(distances, dtype=float)
-        return cls(
-            len(d),
-            float(d.mean()),
-            float(d.std(ddof=1)) if len(d) > 1 else 0.0,
-            float(np.sqrt(np.mean(d * d))),
-            float(np.median(d)),
-            float(np.percentile(d, 95.0)),
-            float(d.max()),
-        )
-
-    def as_mm(self) -> dict[str, float]:
-        """Return the statistics in millimetres, keyed as in `result.json`."""
-        return {name: 1e3 * value for name, value in self.as_dict().items()}
-
-    def as_dict(self) -> dict[str, float]:
-        """Return the statistics in their own unit, keyed as in `result.json`."""
-        names = ("mean", "sd", "rms", "median", "p95", "max")
-        return {name: float(getattr(self, name)) for name in names}
 
 
 @dataclass(frozen=True, eq=False)
@@ -155,36 +114,3 @@ def _noise_at(model: SelfModel, readings: NDArray, marker: NDArray) -> NDArray |
     parameters = model.parameters
     jacobian = parameters.predict(model.servos.to_radians(readings), marker)[1]
     return noise.covariance(slopes_by_angle(parameters, jacobian))
-
-
-def reading_columns(model: SelfModel, dataset: Dataset) -> list[int]:
-    """Return the data set's columns of readings in the order of the model's joints.
-
-    Raises:
-        DataError: If the two have different joints.
-    """
-    if set(model.joints) != set(dataset.joint_names):
-        raise DataError(
-            f"data set {dataset.name!r} has the joints {listed(dataset.joint_names)}, the "
-            f"self-model {listed(model.joints)}: they must be the same"
-        )
-    return [dataset.joint_names.index(joint) for joint in model.joints]
-
-
-def check_units(model: SelfModel, dataset: Dataset) -> None:
-    """Refuse readings in other units than the model's servos have.
-
-    Raises:
-        DataError: If a joint's unit, counts per turn or sign differ.
-    """
-    for joint in dataset.joints:
-        i = model.joints.index(joint.name)
-        expected = (model.servos.unit[i], model.servos.counts_per_turn[i], model.servos.sign[i])
-        got = (joint.encoder_unit, float(joint.counts_per_turn or np.nan), float(joint.sign))
-        same = got[0] == expected[0] and got[2] == expected[2]
-        if not same or (got[0] == "counts" and got[1] != expected[1]):
-            raise DataError(
-                f"joint {joint.name} is read in {got[0]} ({got[1]} a turn, sign {got[2]:+.0f}) in "
-                f"data set {dataset.name!r} but in {expected[0]} ({expected[1]} a turn, sign "
-                f"{expected[2]:+.0f}) in the self-model"
-            )
