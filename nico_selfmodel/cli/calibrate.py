@@ -20,7 +20,7 @@ from nico_selfmodel.cli.robot_options import (
 
 if TYPE_CHECKING:
     from nico_selfmodel.dataset import Dataset
-    from nico_selfmodel.estimation.sight import Sight
+    from nico_selfmodel.estimation.body.arm_through_cameras import Sight
 
 app = typer.Typer(help="Learn a self-model from recorded data.", no_args_is_help=True)
 app.command("stereo")(calibrate_cameras.stereo)
@@ -163,7 +163,7 @@ def _by_sight(
     eyes: Path, train: "Dataset", held_out: "Dataset | None", pinned: frozenset[str]
 ) -> "Sight":
     """Reconstruct the hand from its pixels with calibrated eyes."""
-    from nico_selfmodel.estimation.sight import Sight
+    from nico_selfmodel.estimation.body.arm_through_cameras import Sight
     from nico_selfmodel.model import SelfModel
 
     return Sight.of(SelfModel.load(eyes), train, held_out, pinned)

@@ -134,9 +134,9 @@ def tool(
 ) -> None:
     """Make a tool in the hand part of the body: three numbers, from three poses on."""
     from nico_selfmodel.estimation import calibrate_tool, judge, to_json
-    from nico_selfmodel.estimation.tool import with_marker
-    from nico_selfmodel.estimation.update_evaluation import evaluate_update, marked
-    from nico_selfmodel.estimation.update_result import tool_result
+    from nico_selfmodel.estimation.monitoring.tool import with_marker
+    from nico_selfmodel.estimation.monitoring.update_evaluation import evaluate_update, marked
+    from nico_selfmodel.estimation.monitoring.update_result import tool_result
     from nico_selfmodel.files import refuse_folder
     from nico_selfmodel.model import SelfModel
 
@@ -195,7 +195,7 @@ def _boards(
     """Return the boards to learn from and those held out."""
     if folder is None:
         return None, None
-    from nico_selfmodel.estimation.stereo import FEWEST_VIEWS
+    from nico_selfmodel.estimation.cameras.stereo import FEWEST_VIEWS
     from nico_selfmodel.vision import Board, detect_boards
 
     found = detect_boards(folder, Board.parse(board, square_mm), progress=stage).seen_views

@@ -43,8 +43,8 @@ def mirror(
 
     from nico_selfmodel.dataset import Dataset
     from nico_selfmodel.estimation import judge, to_json
-    from nico_selfmodel.estimation.mirror import calibrate_mirrors
-    from nico_selfmodel.estimation.mirror_findings import judged
+    from nico_selfmodel.estimation.mirrors.mirror import calibrate_mirrors
+    from nico_selfmodel.estimation.mirrors.mirror_findings import judged
     from nico_selfmodel.files import refuse_folder
     from nico_selfmodel.model import SelfModel
 

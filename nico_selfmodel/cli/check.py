@@ -24,10 +24,10 @@ def check(
     """Watch a body over new sightings; exit code 1 where something changed."""
     from nico_selfmodel.dataset import Dataset
     from nico_selfmodel.estimation import check_health, judge, to_json
-    from nico_selfmodel.estimation.health_document import health_document
-    from nico_selfmodel.estimation.relearning import relearn_cause, since_change
-    from nico_selfmodel.estimation.update_evaluation import evaluate_update
-    from nico_selfmodel.estimation.update_result import relearned_result
+    from nico_selfmodel.estimation.monitoring.health_document import health_document
+    from nico_selfmodel.estimation.monitoring.relearning import relearn_cause, since_change
+    from nico_selfmodel.estimation.monitoring.update_evaluation import evaluate_update
+    from nico_selfmodel.estimation.monitoring.update_result import relearned_result
     from nico_selfmodel.files import refuse_folder
     from nico_selfmodel.model import SelfModel
 

@@ -21,7 +21,7 @@ def evaluate(
 ) -> None:
     """Print the error of a self-model's predictions on a data set, beside that of its training."""
     from nico_selfmodel.dataset import Dataset
-    from nico_selfmodel.estimation.sightings import by_pixels
+    from nico_selfmodel.estimation.noise.hand_observations import by_pixels
     from nico_selfmodel.model import SelfModel
 
     learned, data = SelfModel.load(model), Dataset.load(dataset)
@@ -54,7 +54,7 @@ def _of_pixels(learned: "SelfModel", data: "Dataset") -> "tuple[Verdict, dict[st
     """Return the verdict by what the model's eyes saw, and the errors in images and space."""
     from nico_selfmodel.errors import DataError
     from nico_selfmodel.estimation import evaluate_pixels, judge_evaluation
-    from nico_selfmodel.estimation.body_result import pixel_errors
+    from nico_selfmodel.estimation.body.body_result import pixel_errors
 
     evaluation = evaluate_pixels(learned, data)
     block = pixel_errors(evaluation).to_json()

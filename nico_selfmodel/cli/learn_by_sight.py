@@ -120,7 +120,7 @@ def _write_unrefined(out: Path, lesson: "BodyLesson", marker: str, force: bool) 
 
 def _told(lesson: "BodyLesson") -> dict[str, Any]:
     """Return what `result.json` tells of the eyes, and of the refinement."""
-    from nico_selfmodel.estimation.body_result import refinement_block
+    from nico_selfmodel.estimation.body.body_result import refinement_block
 
     eyes = lesson.eyes
     return {

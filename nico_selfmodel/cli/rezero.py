@@ -26,8 +26,8 @@ def rezero(
     from nico_selfmodel.dataset import Dataset
     from nico_selfmodel.estimation import judge, to_json
     from nico_selfmodel.estimation import rezero as find_zeros
-    from nico_selfmodel.estimation.update_evaluation import evaluate_update
-    from nico_selfmodel.estimation.update_result import rezero_result
+    from nico_selfmodel.estimation.monitoring.update_evaluation import evaluate_update
+    from nico_selfmodel.estimation.monitoring.update_result import rezero_result
     from nico_selfmodel.files import refuse_folder
     from nico_selfmodel.model import SelfModel
 

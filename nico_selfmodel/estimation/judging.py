@@ -2,20 +2,20 @@
 
 from typing import Any
 
-from nico_selfmodel.estimation.arm_result import arm_result
-from nico_selfmodel.estimation.body import BodyCalibration
-from nico_selfmodel.estimation.body_result import body_result
-from nico_selfmodel.estimation.camera_assessment import CameraAssessment
-from nico_selfmodel.estimation.camera_result import camera_result
-from nico_selfmodel.estimation.kinematics import KinematicCalibration
-from nico_selfmodel.estimation.mirror import MirrorCalibration
-from nico_selfmodel.estimation.mirror_result import mirror_result
+from nico_selfmodel.estimation.arm.arm_result import arm_result
+from nico_selfmodel.estimation.arm.kinematics import KinematicCalibration
+from nico_selfmodel.estimation.body.body import BodyCalibration
+from nico_selfmodel.estimation.body.body_result import body_result
+from nico_selfmodel.estimation.cameras.camera_assessment import CameraAssessment
+from nico_selfmodel.estimation.cameras.camera_result import camera_result
+from nico_selfmodel.estimation.mirrors.mirror import MirrorCalibration
+from nico_selfmodel.estimation.mirrors.mirror_result import mirror_result
+from nico_selfmodel.estimation.monitoring.tool import Rezeroing, ToolCalibration
+from nico_selfmodel.estimation.monitoring.update_result import rezero_result, tool_result
 from nico_selfmodel.estimation.results.calibration_result import CalibrationResult
 from nico_selfmodel.estimation.results.document import document_of
 from nico_selfmodel.estimation.results.judge import verdict_on
-from nico_selfmodel.estimation.tool import Rezeroing, ToolCalibration
-from nico_selfmodel.estimation.update_result import rezero_result, tool_result
-from nico_selfmodel.estimation.verdict import Verdict
+from nico_selfmodel.estimation.results.verdict import Verdict
 
 Calibration = (
     KinematicCalibration

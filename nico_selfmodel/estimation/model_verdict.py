@@ -6,13 +6,17 @@ import numpy as np
 from numpy.typing import NDArray
 
 from nico_selfmodel.dataset import Dataset
-from nico_selfmodel.estimation.arm_findings import WHAT_CHANGED
-from nico_selfmodel.estimation.evaluation import Evaluation, expected_covariance
-from nico_selfmodel.estimation.observations import Observations
-from nico_selfmodel.estimation.outlier_words import describe_outliers
-from nico_selfmodel.estimation.pixel_evaluation import PixelEvaluation
-from nico_selfmodel.estimation.sightings import JOINT_SIGMA, covariance_of, sightings_of
-from nico_selfmodel.estimation.verdict import (
+from nico_selfmodel.estimation.arm.arm_findings import WHAT_CHANGED
+from nico_selfmodel.estimation.arm.evaluation import Evaluation, expected_covariance
+from nico_selfmodel.estimation.noise.hand_observations import (
+    JOINT_SIGMA,
+    covariance_of,
+    sightings_of,
+)
+from nico_selfmodel.estimation.observations.observations import Observations
+from nico_selfmodel.estimation.observations.outlier_words import describe_outliers
+from nico_selfmodel.estimation.observations.pixel_evaluation import PixelEvaluation
+from nico_selfmodel.estimation.results.verdict import (
     FEWEST_COMPARED,
     MOST_OUTLIERS,
     Verdict,

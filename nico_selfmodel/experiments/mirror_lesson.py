@@ -9,9 +9,9 @@ from numpy.typing import NDArray
 
 from nico_selfmodel.dataset import Dataset
 from nico_selfmodel.estimation import judge, to_json
-from nico_selfmodel.estimation.mirror import MirrorCalibration, calibrate_mirrors
-from nico_selfmodel.estimation.mirror_findings import judged
-from nico_selfmodel.estimation.verdict import Verdict
+from nico_selfmodel.estimation.mirrors.mirror import MirrorCalibration, calibrate_mirrors
+from nico_selfmodel.estimation.mirrors.mirror_findings import judged
+from nico_selfmodel.estimation.results.verdict import Verdict
 from nico_selfmodel.experiments.body_lesson import BodyLesson
 from nico_selfmodel.experiments.eyes_lesson import NicoBeforeItsEyes, Stage
 from nico_selfmodel.experiments.mirror_recording import DEFAULT_MIRROR, NicoBeforeMirrors

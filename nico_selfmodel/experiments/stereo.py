@@ -13,7 +13,7 @@ from nico_selfmodel.estimation import (
     Reconstruction,
     calibrate_cameras,
 )
-from nico_selfmodel.estimation.board_accuracy import corner_distances, held_out_residuals
+from nico_selfmodel.estimation.cameras.board_accuracy import corner_distances, held_out_residuals
 from nico_selfmodel.experiments.report_files import Table, as_markdown, write_experiment
 from nico_selfmodel.systems import SimulatedEyes
 from nico_selfmodel.viz import BarSeries, bar_chart

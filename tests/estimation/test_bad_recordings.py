@@ -8,10 +8,10 @@ import pytest
 
 from nico_selfmodel.dataset import Dataset
 from nico_selfmodel.estimation import calibrate_kinematics, evaluate, judge, judge_evaluation
-from nico_selfmodel.estimation.misfit_causes import unwrapped_readings
-from nico_selfmodel.estimation.nominal_check import robot_reason
-from nico_selfmodel.estimation.observations import Observations
-from nico_selfmodel.estimation.outlier_words import (
+from nico_selfmodel.estimation.diagnosis.fault_hypotheses import unwrapped_readings
+from nico_selfmodel.estimation.diagnosis.nominal_check import robot_reason
+from nico_selfmodel.estimation.observations.observations import Observations
+from nico_selfmodel.estimation.observations.outlier_words import (
     chance_of_more,
     describe_outliers,
     foreign_markers,

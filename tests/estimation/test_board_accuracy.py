@@ -6,15 +6,15 @@ import numpy as np
 import pytest
 
 from nico_selfmodel.errors import EstimationError
-from nico_selfmodel.estimation.board_accuracy import (
+from nico_selfmodel.estimation.cameras.board_accuracy import (
     Reconstruction,
     corner_distances,
     cross_validate_cameras,
     epipolar_errors,
     held_out_residuals,
 )
-from nico_selfmodel.estimation.camera_options import CameraOptions
-from nico_selfmodel.estimation.stereo import calibrate_cameras
+from nico_selfmodel.estimation.cameras.camera_options import CameraOptions
+from nico_selfmodel.estimation.cameras.stereo import calibrate_cameras
 from nico_selfmodel.geometry.transform import apply
 from nico_selfmodel.model.stereo_rig import StereoRig
 

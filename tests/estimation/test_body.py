@@ -9,13 +9,13 @@ import pytest
 from nico_selfmodel.dataset import BoardViews
 from nico_selfmodel.errors import DataError, ModelError
 from nico_selfmodel.estimation import BodyOptions, calibrate_body, evaluate, judge, to_json
-from nico_selfmodel.estimation.arm_views import LinesView
-from nico_selfmodel.estimation.board_check import BoardCheck
-from nico_selfmodel.estimation.body_start import in_left_eye, lines_of, reconstructed
-from nico_selfmodel.estimation.camera_start import pose_of_seen_boards
-from nico_selfmodel.estimation.hand_pixels import HandPixels
-from nico_selfmodel.estimation.pixel_evaluation import evaluate_pixels
-from nico_selfmodel.estimation.pixel_observations import PixelObservations
+from nico_selfmodel.estimation.body.body_initialization import in_left_eye, lines_of, reconstructed
+from nico_selfmodel.estimation.cameras.board_check import BoardCheck
+from nico_selfmodel.estimation.cameras.camera_initialization import pose_of_seen_boards
+from nico_selfmodel.estimation.observations.arm_views import LinesView
+from nico_selfmodel.estimation.observations.hand_pixels import HandPixels
+from nico_selfmodel.estimation.observations.pixel_evaluation import evaluate_pixels
+from nico_selfmodel.estimation.observations.pixel_observations import PixelObservations
 from nico_selfmodel.geometry.rotation import rotation_from_vector
 from nico_selfmodel.geometry.transform import apply, transform
 from nico_selfmodel.model import SelfModel, StereoRig
@@ -31,7 +31,7 @@ LEARNED_ANYWAY = {("kinematics", "anchored"), ("full", "anchored"), ("full", "th
 def uncrossed(monkeypatch):
     """Leave out the cross-validation, half of the time, where a test does not look at it."""
     learned(0)  # is kept for all tests: never without what others look at
-    monkeypatch.setattr("nico_selfmodel.estimation.body.cross_validate_body", lambda *_: None)
+    monkeypatch.setattr("nico_selfmodel.estimation.body.body.cross_validate_body", lambda *_: None)
 
 
 def true_mm(calibration, seed=0):

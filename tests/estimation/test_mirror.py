@@ -11,10 +11,10 @@ from numpy.testing import assert_allclose
 
 from nico_selfmodel.errors import DataError, NotIdentifiableError
 from nico_selfmodel.estimation import calibrate_mirrors, evaluate_mirrors, judge, to_json
-from nico_selfmodel.estimation.mirror_cameras import fit_mirror_cameras
-from nico_selfmodel.estimation.mirror_findings import grazing_angles, mirror_findings
-from nico_selfmodel.estimation.mirror_solution import solve_mirrors, start_mirrors
-from nico_selfmodel.estimation.reflections import ReflectionNoise, Reflections
+from nico_selfmodel.estimation.mirrors.mirror_cameras import fit_mirror_cameras
+from nico_selfmodel.estimation.mirrors.mirror_findings import grazing_angles, mirror_findings
+from nico_selfmodel.estimation.mirrors.mirror_solution import solve_mirrors, start_mirrors
+from nico_selfmodel.estimation.mirrors.reflections import ReflectionNoise, Reflections
 from nico_selfmodel.geometry.rotation import rotation_from_vector
 from nico_selfmodel.geometry.transform import transform
 from nico_selfmodel.model import Camera, Mirror, MirrorRig, ParameterCovariance, SelfModel

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from nico_selfmodel.estimation import calibrate_cameras, calibrate_kinematics
-from nico_selfmodel.estimation.sight import Sight
+from nico_selfmodel.estimation.body.arm_through_cameras import Sight
 from nico_selfmodel.model import ParameterCovariance
 from nico_selfmodel.model.stereo_rig import StereoRig
 

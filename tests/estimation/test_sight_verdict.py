@@ -12,12 +12,12 @@ from nico_selfmodel.estimation import (
     evaluate_pixels,
     judge_evaluation,
 )
-from nico_selfmodel.estimation.body_findings import _held_out_words, body_findings
-from nico_selfmodel.estimation.body_result import pixel_errors
-from nico_selfmodel.estimation.pixel_observations import PixelObservations
-from nico_selfmodel.estimation.sight import Sight
-from nico_selfmodel.estimation.sightings import by_pixels
-from nico_selfmodel.estimation.verdict import significantly_above
+from nico_selfmodel.estimation.body.arm_through_cameras import Sight
+from nico_selfmodel.estimation.body.body_findings import _held_out_words, body_findings
+from nico_selfmodel.estimation.body.body_result import pixel_errors
+from nico_selfmodel.estimation.noise.hand_observations import by_pixels
+from nico_selfmodel.estimation.observations.pixel_observations import PixelObservations
+from nico_selfmodel.estimation.results.verdict import significantly_above
 
 from .simulated_bodies import blinded, body, learned, lesson, only_eyes, poses
 

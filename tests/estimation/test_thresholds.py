@@ -11,9 +11,11 @@ from nico_selfmodel.estimation import (
     calibrate_kinematics,
     calibrate_mirrors,
     judge,
-    mirror_findings,
 )
-from nico_selfmodel.estimation.pose_noise import PoseNoise
+from nico_selfmodel.estimation.diagnosis.score_test import Score
+from nico_selfmodel.estimation.diagnosis.systematic_residuals import Pattern
+from nico_selfmodel.estimation.mirrors import mirror_findings
+from nico_selfmodel.estimation.noise.pose_noise import PoseNoise
 from nico_selfmodel.estimation.results.calibration_result import (
     CAUSE,
     MISFIT,
@@ -24,9 +26,7 @@ from nico_selfmodel.estimation.results.calibration_result import (
     Finding,
     Terms,
 )
-from nico_selfmodel.estimation.score_test import Score
-from nico_selfmodel.estimation.systematic_residuals import Pattern
-from nico_selfmodel.estimation.verdict import (
+from nico_selfmodel.estimation.results.verdict import (
     FEWEST_BOARDS,
     held_out_is_worse,
     outliers_are_many,

@@ -9,9 +9,9 @@ from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 
 from nico_selfmodel.estimation import calibrate_kinematics, evaluate, judge, judge_evaluation
-from nico_selfmodel.estimation.score_test import Score
-from nico_selfmodel.estimation.systematic_residuals import Pattern
-from nico_selfmodel.estimation.verdict import rank_score
+from nico_selfmodel.estimation.diagnosis.score_test import Score
+from nico_selfmodel.estimation.diagnosis.systematic_residuals import Pattern
+from nico_selfmodel.estimation.results.verdict import rank_score
 
 SIGMA = 3e-4
 SAMPLE = arrays(float, st.integers(1, 40), elements=st.integers(0, 50).map(float))

@@ -5,8 +5,8 @@ import pytest
 
 from nico_selfmodel.errors import EstimationError
 from nico_selfmodel.estimation import calibrate_tool, check_health, evaluate, judge, rezero
-from nico_selfmodel.estimation.monitored_changes import JUMPS
-from nico_selfmodel.estimation.sightings import covariance_of, sightings_of
+from nico_selfmodel.estimation.monitoring.monitored_changes import JUMPS
+from nico_selfmodel.estimation.noise.hand_observations import covariance_of, sightings_of
 from nico_selfmodel.model.link_lengths import link_lengths
 from nico_selfmodel.model.self_model import SelfModel
 

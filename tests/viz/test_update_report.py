@@ -14,11 +14,15 @@ from nico_selfmodel.estimation import (
     rezero,
     to_json,
 )
-from nico_selfmodel.estimation.adaptation import joined
-from nico_selfmodel.estimation.relearning import relearn_cause, since_change
-from nico_selfmodel.estimation.tool import with_marker
-from nico_selfmodel.estimation.update_evaluation import evaluate_update, marked
-from nico_selfmodel.estimation.update_result import relearned_result, rezero_result, tool_result
+from nico_selfmodel.estimation.monitoring.adaptation import joined
+from nico_selfmodel.estimation.monitoring.relearning import relearn_cause, since_change
+from nico_selfmodel.estimation.monitoring.tool import with_marker
+from nico_selfmodel.estimation.monitoring.update_evaluation import evaluate_update, marked
+from nico_selfmodel.estimation.monitoring.update_result import (
+    relearned_result,
+    rezero_result,
+    tool_result,
+)
 from nico_selfmodel.experiments.body_protocol import BodyProtocol
 from nico_selfmodel.experiments.refinement import simulated_lesson
 from nico_selfmodel.model import SelfModel

@@ -7,8 +7,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from nico_selfmodel.estimation.errors import ErrorStatistics
-from nico_selfmodel.estimation.verdict import FEWEST_HELD_OUT
+from nico_selfmodel.estimation.results.errors import ErrorStatistics
+from nico_selfmodel.estimation.results.verdict import FEWEST_HELD_OUT
 
 CAUSE, MISFIT, FAILURE, HELD_OUT = "cause", "misfit", "failure", "held out"
 WARNING, NOTE = "warning", "note"

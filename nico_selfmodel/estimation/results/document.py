@@ -3,7 +3,7 @@
 from typing import Any
 
 from nico_selfmodel.estimation.results.calibration_result import CalibrationResult, Errors
-from nico_selfmodel.estimation.verdict import Verdict
+from nico_selfmodel.estimation.results.verdict import Verdict
 
 
 def document_of(result: CalibrationResult, verdict: Verdict) -> dict[str, Any]:

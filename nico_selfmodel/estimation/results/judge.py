@@ -9,7 +9,7 @@ from nico_selfmodel.estimation.results.calibration_result import (
     WARNING,
     CalibrationResult,
 )
-from nico_selfmodel.estimation.verdict import Verdict, held_out_is_worse, outliers_are_many
+from nico_selfmodel.estimation.results.verdict import Verdict, held_out_is_worse, outliers_are_many
 
 _UNOBSERVABLE_SHOWN = 3
 """Unobservable directions among the reasons; the result lists them all."""
