@@ -14,7 +14,7 @@ from nico_selfmodel.estimation.observations.outlier_words import (
 from nico_selfmodel.estimation.results.calibration_result import (
     CAUSE,
     FAILURE,
-    HELD_OUT,
+    LAST,
     MISFIT,
     NOTE,
     WARNING,
@@ -60,15 +60,15 @@ def arm_findings(calibration: KinematicCalibration) -> tuple[Finding, ...]:
         *_fixed_reasons(calibration),
         *foreign,
         *(_timing_reasons(calibration) if explained else ()),
-        _starts_reason(calibration),
     ]
+    last = [_starts_reason(calibration), _held_out_outlier_reason(calibration)]
     held_out = calibration.test
     said = [] if held_out is None else [_held_out_words(calibration, held_out)]
     return (
         *findings(CAUSE, calibration.causes.words),
         *findings(MISFIT, [misfit]),
         *findings(FAILURE, failures),
-        *findings(HELD_OUT, [_held_out_outlier_reason(calibration)]),
+        *findings(LAST, last),
         *findings(WARNING, _warnings(calibration)),
         *findings(NOTE, [*said, *_set_aside_words(calibration)]),
     )

@@ -11,7 +11,7 @@ from nico_selfmodel.estimation.cameras.camera_assessment import (
 from nico_selfmodel.estimation.cameras.lens_folds import folds_by_chance, folds_of
 from nico_selfmodel.estimation.results.calibration_result import (
     FAILURE,
-    HELD_OUT,
+    LAST,
     NOTE,
     WARNING,
     Finding,
@@ -42,7 +42,7 @@ def camera_findings(assessment: CameraAssessment) -> tuple[Finding, ...]:
         said = [f"{rms:.3f} px rms on {boards} boards that were held out"]
     return (
         *findings(FAILURE, failures),
-        *findings(HELD_OUT, [_excess_reason(assessment)]),
+        *findings(LAST, [_excess_reason(assessment)]),
         *findings(WARNING, assessment.warnings),
         *findings(NOTE, said),
     )

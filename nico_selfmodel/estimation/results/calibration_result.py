@@ -10,11 +10,11 @@ from numpy.typing import NDArray
 from nico_selfmodel.estimation.results.errors import ErrorStatistics
 from nico_selfmodel.estimation.results.verdict import FEWEST_HELD_OUT
 
-CAUSE, MISFIT, FAILURE, HELD_OUT = "cause", "misfit", "failure", "held out"
+CAUSE, MISFIT, FAILURE, LAST = "cause", "misfit", "failure", "last"
 WARNING, NOTE = "warning", "note"
 """Severities of a finding. All else that is wrong follows from a cause; of a misfit no direction
-is called unobservable; a failure of held-out data is told after those of the training; a note says
-what passed."""
+is called unobservable; what is told last follows from the rest, or
+concerns held-out data; a note says what passed."""
 
 
 @dataclass(frozen=True)
@@ -22,7 +22,7 @@ class Finding:
     """What an estimator alone can say of its result."""
 
     severity: str
-    """`CAUSE`, `MISFIT`, `FAILURE`, `HELD_OUT`, `WARNING` or `NOTE`."""
+    """`CAUSE`, `MISFIT`, `FAILURE`, `LAST`, `WARNING` or `NOTE`."""
     text: str
     """What was found, and what to do about it."""
 

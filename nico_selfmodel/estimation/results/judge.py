@@ -3,7 +3,7 @@
 from nico_selfmodel.estimation.results.calibration_result import (
     CAUSE,
     FAILURE,
-    HELD_OUT,
+    LAST,
     MISFIT,
     NOTE,
     WARNING,
@@ -42,7 +42,7 @@ def verdict_on(
         # What a model that explains nothing cannot tell says nothing of the body.
         *(_unobservable_reasons(result) if not misfit else ()),
         _held_out_reason(result),
-        *result.texts(HELD_OUT),
+        *result.texts(LAST),
         _bound_reason(result, require_test_mm, "mm"),
         _bound_reason(result, require_test_px, "px"),
     ]
