@@ -6,7 +6,7 @@ from nico_selfmodel.model.dh_parameters import DhParameters
 from nico_selfmodel.model.dh_table import DhTable
 from nico_selfmodel.model.mirror import Mirror, mirror_camera
 from nico_selfmodel.model.mirror_location import MirrorLocation, locate_in_mirror
-from nico_selfmodel.model.mirror_rig import MirrorRig, Recognition
+from nico_selfmodel.model.mirror_rig import MirrorRig
 from nico_selfmodel.model.self_model import ParameterCovariance, Prediction, SelfModel
 from nico_selfmodel.model.servo_map import ServoMap
 from nico_selfmodel.model.stereo_rig import StereoRig, Triangulation
@@ -23,7 +23,6 @@ __all__ = [
     "Prediction",
     "Projection",
     "Rays",
-    "Recognition",
     "SelfModel",
     "ServoMap",
     "StereoRig",

@@ -8,7 +8,6 @@ from numpy.typing import ArrayLike, NDArray
 from nico_selfmodel.geometry.plane import Plane
 from nico_selfmodel.geometry.reflection import reflect, reflection
 from nico_selfmodel.geometry.rotation import move_on_sphere, tangent_basis
-from nico_selfmodel.geometry.transform import inverse
 from nico_selfmodel.model.arrays import frozen_array, frozen_covariance
 from nico_selfmodel.model.camera import Camera
 
@@ -111,10 +110,6 @@ class Mirror:
         """Reflect points given in L. Shape (..., 3) -> (..., 3)."""
         return reflect(self.plane, p_LQ)
 
-    def reflect_pose(self, X_LA: ArrayLike) -> NDArray:
-        """Reflect a pose given in L; its frame becomes left-handed. Shape (..., 4, 4)."""
-        return reflection(self.plane) @ np.asarray(X_LA, dtype=float)
-
     def angle_to(self, other: "Mirror") -> float:
         """Return the angle between two mirrors' normals [rad]."""
         cross = np.linalg.norm(np.cross(self.normal, other.normal))
@@ -154,9 +149,9 @@ def mirror_camera(camera: Camera, plane: Plane) -> Camera:
 
     Both are one homogeneous matrix, hence one X/Z, Y/Z, and lens distortion, which acts on these,
     is the same. This is the first form: a `Camera` whose pose is reflected, and whose frame is
-    therefore left-handed. Its centre is the reflected centre (thesis eq. 9.10). The second one is
-    `turned_mirror_extrinsics`; the thesis' eq. 9.12 misses it by half a turn about the optical axis
-    (the least rotation from z to the new axis is not -S).
+    therefore left-handed. Its centre is the reflected centre (thesis eq. 9.10). The thesis' eq.
+    9.12 misses the second by half a turn about the optical axis (the least rotation from z to the
+    new axis is not -S).
 
     Args:
         camera: The real camera.
@@ -166,20 +161,3 @@ def mirror_camera(camera: Camera, plane: Plane) -> Camera:
         A camera for `project`, `projection`, `rays` and a `StereoRig` to triangulate with.
     """
     return replace(camera, X_WC=reflection(plane) @ camera.X_WC)
-
-
-def turned_mirror_extrinsics(camera: Camera, plane: Plane) -> NDArray:
-    """Return [-R S | -(t - 2 d R n)], the mirror camera as a proper rotation.
-
-    Points in front of the glass have negative depth; divide by it with its sign, then distort.
-
-    Args:
-        camera: The real camera.
-        plane: The mirror, in the same world as the camera.
-
-    Returns:
-        X_CW of the looking-away camera. Shape (4, 4).
-    """
-    extrinsics = inverse(mirror_camera(camera, plane).X_WC)
-    extrinsics[:3] *= -1.0
-    return extrinsics

@@ -33,23 +33,6 @@ class ReflectedProjection:
 
 
 @dataclass(frozen=True, eq=False)
-class Recognition:
-    """What pixels may be: the body itself, its reflection, or something else."""
-
-    direct: NDArray
-    """Chi-square of the body seen directly, 4 degrees of freedom. Shape (N,)."""
-    reflected: NDArray
-    """Chi-square of its reflection; inf where it cannot be seen. Shape (N,)."""
-
-    @property
-    def verdict(self) -> NDArray:
-        """`direct`, `reflected`, `either` where both fit, or `neither` (99 %). Shape (N,)."""
-        direct, reflected = self.direct <= GATE_99, self.reflected <= GATE_99
-        words = np.where(direct, "direct", np.where(reflected, "reflected", "neither"))
-        return np.where(direct & reflected, "either", words)
-
-
-@dataclass(frozen=True, eq=False)
 class MirrorRig:
     """A pair of eyes and a mirror before them."""
 
@@ -123,39 +106,6 @@ class MirrorRig:
             covariance = covariance + slopes @ self.mirror.covariance @ np.swapaxes(slopes, 1, 2)
         return replace(found, covariance=covariance, in_front=front)
 
-    def recognise(
-        self,
-        pixels: ArrayLike,
-        p_WH: ArrayLike,
-        covariance: ArrayLike | None = None,
-        pixel_sigma: float = 1.0,
-    ) -> Recognition:
-        """Tell a reflection of the body from the body itself, and both from something else.
-
-        Args:
-            pixels: What was seen. Shape (N, 4).
-            p_WH: Where the body knows its point to be [m]. Shape (N, 3).
-            covariance: Of these points [m^2]; they are taken as exact if omitted. Shape (N, 3, 3).
-            pixel_sigma: Standard deviation of a pixel coordinate [px].
-
-        Returns:
-            Chi-squares of both hypotheses; nan where a pixel is nan.
-        """
-        pixels, p_WH = np.asarray(pixels, dtype=float), np.asarray(p_WH, dtype=float)
-        spread = np.zeros((len(p_WH), 3, 3)) if covariance is None else np.asarray(covariance)
-        noise = pixel_sigma**2 * np.eye(4)
-        shown = self.projection(p_WH)
-        a, b = shown.by_point, shown.by_mirror
-        predicted = noise + a @ spread @ np.swapaxes(a, 1, 2)
-        if self.mirror.covariance is not None:
-            predicted = predicted + b @ self.mirror.covariance @ np.swapaxes(b, 1, 2)
-        seen = np.asarray(np.isfinite(self.project(p_WH)).all(axis=1))
-        reflected = _chi_square(pixels - shown.pixels, predicted, seen)
-        direct_pixels, a = projected(self.rig.eyes, p_WH)
-        predicted = noise + a @ spread @ np.swapaxes(a, 1, 2)
-        seen = np.asarray(np.isfinite(self.rig.project(p_WH)).all(axis=1))
-        return Recognition(_chi_square(pixels - direct_pixels, predicted, seen), reflected)
-
 
 def projected(cameras: tuple[Camera, ...], p_WQ: NDArray) -> tuple[NDArray, NDArray]:
     """Project points without asking who can see them.
@@ -202,8 +152,3 @@ def reflected_projection(
     turned = by_point - 2.0 * (by_point @ plane.normal)[:, :, None] * plane.normal
     by_mirror = by_point @ (reflection_slopes(plane, p_WQ) @ by_values)
     return ReflectedProjection(pixels, turned, by_mirror)
-
-
-def _chi_square(miss: NDArray, covariance: NDArray, seen: NDArray) -> NDArray:
-    weighted = np.linalg.solve(covariance, miss[:, :, None])[:, :, 0]
-    return np.where(seen | np.isnan(miss).any(axis=1), np.sum(miss * weighted, axis=1), np.inf)

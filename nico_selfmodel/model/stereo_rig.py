@@ -163,14 +163,6 @@ class StereoRig:
         """Return F = K_R^-T E K_L^-1 for undistorted pixels; thesis eq. 5.15, put right."""
         return np.linalg.inv(self.right.K).T @ self.essential() @ np.linalg.inv(self.left.K)
 
-    def epipoles(self) -> tuple[NDArray, NDArray]:
-        """Return where each eye's image would show the other's centre, homogeneous [px].
-
-        Homogeneous, because for parallel eyes they lie at infinity. Two arrays of shape (3,).
-        """
-        in_left, in_right = self.X_LR[:3, 3], inverse(self.X_LR)[:3, 3]
-        return self.left.K @ in_left, self.right.K @ in_right
-
     def undistorted_pixels(self, pixels: ArrayLike) -> NDArray:
         """Return where pinhole eyes would see the same rays. Shape (N, 4) -> (N, 4)."""
         pixels = np.asarray(pixels, dtype=float)

@@ -1,6 +1,5 @@
 """The self-model as a Drake plant, and the robots it may belong to."""
 
-from nico_selfmodel.plant.alignment import aligned_to
 from nico_selfmodel.plant.description import ArmDescription, LinkPoses
 from nico_selfmodel.plant.learned_frames import LearnedFrames, learned_frames
 from nico_selfmodel.plant.robots import ROBOTS, NamedArm, find_robot, named_arm
@@ -15,7 +14,6 @@ __all__ = [
     "LinkPoses",
     "NamedArm",
     "SelfModelPlant",
-    "aligned_to",
     "find_robot",
     "hand_frame_name",
     "learned_frames",

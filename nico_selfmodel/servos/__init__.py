@@ -9,22 +9,22 @@ pseudo-terminal. Importing opens nothing, making an object sends nothing, connec
 from nico_selfmodel.servos.arm_loop import ArmLoop
 from nico_selfmodel.servos.arm_state import ArmState
 from nico_selfmodel.servos.bus import Bus, BusSettings
-from nico_selfmodel.servos.chain import FoundModule, hard_reset, scan
+from nico_selfmodel.servos.chain import FoundModule, scan
 from nico_selfmodel.servos.commands import BAUD_CODES
 from nico_selfmodel.servos.controller import ArmController
 from nico_selfmodel.servos.hand import FINGERS, Hand
 from nico_selfmodel.servos.homing import find_home, zero_here
 from nico_selfmodel.servos.link_counts import LinkCounts
-from nico_selfmodel.servos.motor_client import MotorClient
 from nico_selfmodel.servos.motor_server import MotorServer
 from nico_selfmodel.servos.pic_servo import PicServo
-from nico_selfmodel.servos.ports import PortLostError, SerialPort, SimulatedPort
+from nico_selfmodel.servos.ports import PortLostError, SerialPort
 from nico_selfmodel.servos.servo_config import JointServo, ServoConfig
 from nico_selfmodel.servos.shutdown import stop_what_answers
 from nico_selfmodel.servos.simulated_bus import SimulatedBus
 from nico_selfmodel.servos.simulated_hand import SimulatedHand
 from nico_selfmodel.servos.simulated_line import SimulatedLine, WireFaults
 from nico_selfmodel.servos.simulated_module import SimulatedModule
+from nico_selfmodel.servos.simulated_port import SimulatedPort
 
 __all__ = [
     "BAUD_CODES",
@@ -38,7 +38,6 @@ __all__ = [
     "Hand",
     "JointServo",
     "LinkCounts",
-    "MotorClient",
     "MotorServer",
     "PicServo",
     "PortLostError",
@@ -51,7 +50,6 @@ __all__ = [
     "SimulatedPort",
     "WireFaults",
     "find_home",
-    "hard_reset",
     "scan",
     "stop_what_answers",
     "zero_here",

@@ -143,16 +143,6 @@ class ArmController:
         self.heartbeat()
         return self.rezero_due
 
-    def reattach(self) -> tuple[str, ...]:
-        """Connect again after the cable was unplugged. Moves and resets nothing.
-
-        Raises:
-            PortLostError: If the port is still away.
-            BusError: As for `connect`.
-        """
-        self.bus.reattach()
-        return self.connect()
-
     def enable(self, joints: Sequence[str] | None = None) -> None:
         """Switch servos on where the joints stand. Nothing moves.
 

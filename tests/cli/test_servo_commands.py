@@ -12,12 +12,13 @@ import pytest
 
 from nico_selfmodel.servos import (
     ArmController,
-    MotorClient,
     ServoConfig,
     SimulatedBus,
     SimulatedHand,
     SimulatedModule,
 )
+
+from ..servos.motor_client import MotorClient
 
 JOINT = """
   - name: {name}

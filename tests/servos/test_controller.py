@@ -302,7 +302,7 @@ def test_a_cable_that_is_pulled_is_an_error_and_the_arm_stops(virtual):
     virtual.arm.close()
     virtual.port.unplugged = False
     at = virtual.shafts()
-    assert virtual.arm.reattach() == JOINTS  # never homed: only trusted
+    assert virtual.arm.connect() == JOINTS  # never homed: only trusted
     state = virtual.arm.cycle()
     assert state.enabled.all()  # they hold, nothing was reset
     assert virtual.shafts() == at

@@ -5,7 +5,7 @@ import pytest
 from nico_selfmodel.servos.commands import PathPoints
 from nico_selfmodel.servos.gains import Gains
 from nico_selfmodel.servos.status import AuxiliaryFlag, StatusItem
-from nico_selfmodel.servos.trajectory import LoadTrajectory, TrajectoryFlag, path_word
+from nico_selfmodel.servos.trajectory import LoadTrajectory, TrajectoryFlag
 
 
 def switch_on(servo):
@@ -17,8 +17,8 @@ def switch_on(servo):
 def test_a_path_is_followed_point_by_point(module):
     _board, servo, port = module
     switch_on(servo)
-    words = tuple(path_word(delta) for delta in (100, 200, -50))
-    servo.ask(PathPoints(words))
+    # Counts of a point times four, with the bits "backwards" and "slow".
+    servo.ask(PathPoints((400 | 2, 800 | 2, 200 | 3)))
     assert servo.read(StatusItem.PATH_POINTS).path_points == 3
     assert servo.ask(PathPoints()).auxiliary & AuxiliaryFlag.PATH_MODE
     port.sleep(0.2)
@@ -50,6 +50,7 @@ def test_a_stop_in_the_mechanics_holds_the_shaft(module, way):
     board, servo, port = module
     board.mechanics.lower_stop, board.mechanics.upper_stop = -500.0, 500.0
     switch_on(servo)
-    servo.drive(200 * way)
+    back = TrajectoryFlag.REVERSE if way < 0 else 0
+    servo.ask(LoadTrajectory(TrajectoryFlag.START_NOW | back, pwm=200))
     port.sleep(0.5)
     assert servo.poll().position == 500 * way
