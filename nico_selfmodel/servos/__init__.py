@@ -14,17 +14,11 @@ from nico_selfmodel.servos.commands import BAUD_CODES
 from nico_selfmodel.servos.controller import ArmController
 from nico_selfmodel.servos.hand import FINGERS, Hand
 from nico_selfmodel.servos.homing import find_home, zero_here
-from nico_selfmodel.servos.link_counts import LinkCounts
 from nico_selfmodel.servos.motor_server import MotorServer
-from nico_selfmodel.servos.pic_servo import PicServo
-from nico_selfmodel.servos.ports import PortLostError, SerialPort
 from nico_selfmodel.servos.servo_config import JointServo, ServoConfig
 from nico_selfmodel.servos.shutdown import stop_what_answers
 from nico_selfmodel.servos.simulated_bus import SimulatedBus
 from nico_selfmodel.servos.simulated_hand import SimulatedHand
-from nico_selfmodel.servos.simulated_line import SimulatedLine, WireFaults
-from nico_selfmodel.servos.simulated_module import SimulatedModule
-from nico_selfmodel.servos.simulated_port import SimulatedPort
 
 __all__ = [
     "BAUD_CODES",
@@ -37,18 +31,10 @@ __all__ = [
     "FoundModule",
     "Hand",
     "JointServo",
-    "LinkCounts",
     "MotorServer",
-    "PicServo",
-    "PortLostError",
-    "SerialPort",
     "ServoConfig",
     "SimulatedBus",
     "SimulatedHand",
-    "SimulatedLine",
-    "SimulatedModule",
-    "SimulatedPort",
-    "WireFaults",
     "find_home",
     "scan",
     "stop_what_answers",

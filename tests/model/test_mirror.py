@@ -13,8 +13,9 @@ from nico_selfmodel.geometry.plane import Plane
 from nico_selfmodel.geometry.reflection import reflect, reflection, reflection_slopes
 from nico_selfmodel.geometry.rotation import rotation_from_vector
 from nico_selfmodel.geometry.transform import apply, inverse, transform
-from nico_selfmodel.model import Camera, Mirror, MirrorRig, SelfModel, StereoRig, mirror_camera
+from nico_selfmodel.model import Camera, Mirror, MirrorRig, SelfModel, StereoRig
 from nico_selfmodel.model.camera import project_in_camera
+from nico_selfmodel.model.mirror import mirror_camera
 from nico_selfmodel.model.mirror_rig import reflected_projection
 
 SIZE = (640, 480)

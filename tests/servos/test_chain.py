@@ -3,18 +3,15 @@
 import pytest
 
 from nico_selfmodel.errors import BusError
-from nico_selfmodel.servos import (
-    Bus,
-    PicServo,
-    SimulatedLine,
-    SimulatedModule,
-    SimulatedPort,
-    scan,
-)
+from nico_selfmodel.servos import Bus, scan
 from nico_selfmodel.servos.bus import UncertainError
 from nico_selfmodel.servos.chain import join_group
 from nico_selfmodel.servos.commands import HardReset
 from nico_selfmodel.servos.packets import EVERYONE
+from nico_selfmodel.servos.pic_servo import PicServo
+from nico_selfmodel.servos.simulated_line import SimulatedLine
+from nico_selfmodel.servos.simulated_module import SimulatedModule
+from nico_selfmodel.servos.simulated_port import SimulatedPort
 
 
 def bus_of(*modules):

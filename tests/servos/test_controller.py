@@ -8,7 +8,10 @@ import pytest
 
 from nico_selfmodel.errors import BusError, ServoFault
 from nico_selfmodel.model import ServoMap
-from nico_selfmodel.servos import BusSettings, PortLostError, SimulatedModule, WireFaults
+from nico_selfmodel.servos import BusSettings
+from nico_selfmodel.servos.ports import PortLostError
+from nico_selfmodel.servos.simulated_line import WireFaults
+from nico_selfmodel.servos.simulated_module import SimulatedModule
 
 from .arms import COUNTS_PER_TURN, JOINTS, virtual_arm
 

@@ -5,10 +5,14 @@ import math
 import pytest
 
 from nico_selfmodel.errors import ServoFault
-from nico_selfmodel.servos import Bus, PicServo, SimulatedLine, SimulatedModule, SimulatedPort, scan
+from nico_selfmodel.servos import Bus, scan
 from nico_selfmodel.servos.chain import join_group, start_together, stop_together
 from nico_selfmodel.servos.commands import HomingMode, OutputMode, StopMode, StopMotor
 from nico_selfmodel.servos.gains import Gains
+from nico_selfmodel.servos.pic_servo import PicServo
+from nico_selfmodel.servos.simulated_line import SimulatedLine
+from nico_selfmodel.servos.simulated_module import SimulatedModule
+from nico_selfmodel.servos.simulated_port import SimulatedPort
 from nico_selfmodel.servos.status import AuxiliaryFlag, StatusFlag, StatusItem
 from nico_selfmodel.servos.trajectory import (
     LoadTrajectory,
