@@ -5,9 +5,9 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from nico_selfmodel.arrays import frozen_array
 from nico_selfmodel.geometry.rotation import rotation_about
 from nico_selfmodel.geometry.transform import transform
-from nico_selfmodel.model.arrays import frozen_array
 from nico_selfmodel.model.chain import Chain
 from nico_selfmodel.model.dh_conversion import dh_rows_of_lines, parallel_rows
 

@@ -5,10 +5,10 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from nico_selfmodel.arrays import frozen_array, frozen_covariance
 from nico_selfmodel.geometry.plane import Plane
 from nico_selfmodel.geometry.reflection import reflect, reflection
 from nico_selfmodel.geometry.rotation import move_on_sphere, tangent_basis
-from nico_selfmodel.model.arrays import frozen_array, frozen_covariance
 from nico_selfmodel.model.camera import Camera
 
 MIRROR_PARTS = ("tilt_x", "tilt_y", "distance")

@@ -10,8 +10,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from nico_selfmodel.arrays import frozen_covariance
 from nico_selfmodel.errors import ModelError
-from nico_selfmodel.model.arrays import frozen_covariance
 from nico_selfmodel.model.camera import Camera
 from nico_selfmodel.model.chain import Chain
 from nico_selfmodel.model.dh_parameters import DhParameters

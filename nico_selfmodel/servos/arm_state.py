@@ -7,6 +7,7 @@ from typing import Any, ClassVar
 import numpy as np
 from numpy.typing import NDArray
 
+from nico_selfmodel.arrays import read_only
 from nico_selfmodel.model import ServoMap
 from nico_selfmodel.servos.axis import Axis
 
@@ -47,16 +48,12 @@ class ArmState:
     def __post_init__(self) -> None:
         """Make the arrays read-only."""
         for name in self.ROWS:
-            self._freeze(name, np.array(getattr(self, name)))
+            object.__setattr__(self, name, read_only(getattr(self, name)))
         rows = np.array([getattr(self, name) for name in self.ROWS], dtype=float)
         valid = self.ROWS.index("valid")
         rows[:valid, rows[valid] == 0.0] = np.nan
-        self._freeze("rows", rows)
+        object.__setattr__(self, "rows", read_only(rows))
         object.__setattr__(self, "oldest", float(self.age.max(initial=0.0)))
-
-    def _freeze(self, name: str, array: NDArray) -> None:
-        array.flags.writeable = False
-        object.__setattr__(self, name, array)
 
     @classmethod
     def of(

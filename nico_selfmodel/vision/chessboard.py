@@ -7,6 +7,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
+from nico_selfmodel.arrays import read_only
 from nico_selfmodel.vision.board_pattern import (
     continues_beyond,
     is_plain,
@@ -152,8 +153,7 @@ def find_chessboard(
         if problem:
             reasons.append(f"{method} found {problem}")
             continue
-        corners = standard_order(grid, gray).reshape(-1, 2).copy()
-        corners.flags.writeable = False
+        corners = read_only(standard_order(grid, gray).reshape(-1, 2))
         return ChessboardDetection(board, corners, method, used)
     return NotSeen("; ".join(reasons))
 

@@ -11,6 +11,7 @@ import tomllib
 ALLOWED = {
     "__init__": set(),
     "errors": set(),
+    "arrays": {"numpy"},
     "files": {"yaml"},
     "names": set(),
     "geometry": {"numpy"},
