@@ -256,9 +256,9 @@ class SelfModel:
         Raises:
             OSError: If the folder cannot be written to.
         """
-        from nico_selfmodel.model.self_model_file import save_self_model
+        from nico_selfmodel.model.self_model_file import save_model
 
-        save_self_model(self, path)
+        save_model(self, path)
 
     @classmethod
     def load(cls, path: str | Path) -> "SelfModel":
@@ -267,9 +267,9 @@ class SelfModel:
         Raises:
             ModelError: If the file is missing, of another format or version, or not valid.
         """
-        from nico_selfmodel.model.self_model_file import load_self_model
+        from nico_selfmodel.model.self_model_file import load_model
 
-        return load_self_model(path)
+        return load_model(path)
 
 
 def _check_arm(table: DhTable, servos: ServoMap) -> None:

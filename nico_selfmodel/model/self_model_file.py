@@ -37,7 +37,7 @@ LARGEST_SIDE = 100_000
 _ROW = ("D", "theta_zero", "r", "alpha", "beta")
 
 
-def save_self_model(model: SelfModel, path: str | Path) -> None:
+def save_model(model: SelfModel, path: str | Path) -> None:
     """Write a self-model, whole or not at all.
 
     Raises:
@@ -47,7 +47,7 @@ def save_self_model(model: SelfModel, path: str | Path) -> None:
     write_whole(path, yaml_text(_document(model)))
 
 
-def load_self_model(path: str | Path) -> SelfModel:
+def load_model(path: str | Path) -> SelfModel:
     """Read a self-model.
 
     Args:
