@@ -16,6 +16,7 @@ from nico_selfmodel.servos.hand import FINGERS, Hand
 from nico_selfmodel.servos.homing import find_home, zero_here
 from nico_selfmodel.servos.motor_server import MotorServer
 from nico_selfmodel.servos.servo_config import JointServo, ServoConfig
+from nico_selfmodel.servos.servo_config_file import load_servo_config
 from nico_selfmodel.servos.shutdown import stop_what_answers
 from nico_selfmodel.servos.simulated_bus import SimulatedBus
 from nico_selfmodel.servos.simulated_hand import SimulatedHand
@@ -36,6 +37,7 @@ __all__ = [
     "SimulatedBus",
     "SimulatedHand",
     "find_home",
+    "load_servo_config",
     "scan",
     "stop_what_answers",
     "zero_here",
