@@ -6,7 +6,7 @@ from collections import Counter
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, Protocol
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -15,6 +15,7 @@ from nico_selfmodel.dataset.board_views import BoardViews
 from nico_selfmodel.errors import DataError
 from nico_selfmodel.files.reading import LARGEST_PICTURE, read_bytes, real_path
 from nico_selfmodel.names import listed
+from nico_selfmodel.progress import Progress
 from nico_selfmodel.vision.chessboard import (
     WINDOW,
     Board,
@@ -27,14 +28,6 @@ from nico_selfmodel.vision.not_seen import NotSeen
 
 _IMAGES_FOR_A_HINT = 6
 _WIDEST_WINDOW = 0.7  # of a square; from 0.85 on, corners are drawn to their neighbours
-
-
-class Progress(Protocol):
-    """What long jobs call to tell how far they are."""
-
-    def __call__(self, what: str, done: int, total: int) -> None:
-        """Show that `done` of `total` steps of `what` are done."""
-        ...
 
 
 @dataclass(frozen=True, eq=False)

@@ -12,6 +12,7 @@ ALLOWED = {
     "__init__": set(),
     "errors": set(),
     "arrays": {"numpy"},
+    "progress": set(),
     "files": {"yaml"},
     "names": set(),
     "geometry": {"numpy"},

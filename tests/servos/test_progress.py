@@ -5,7 +5,7 @@ import math
 import numpy as np
 import pytest
 
-from nico_selfmodel.servos.progress import Progress
+from nico_selfmodel.servos.progress import JamWatch
 
 DEGREE = 1000.0
 PERIOD = 0.02
@@ -20,7 +20,7 @@ def watched(commanded, position, *, speed=10.0, period=PERIOD):
         speed: Of the motion [deg/s].
         period: Time between readings [s].
     """
-    progress = Progress(DEGREE * 180.0 / math.pi)
+    progress = JamWatch(DEGREE * 180.0 / math.pi)
     for k, (c, p) in enumerate(zip(commanded, position, strict=True)):
         place = round(DEGREE * c), round(DEGREE * p)
         if progress.note(k * period, *place, speed * DEGREE) is not None:
@@ -113,7 +113,7 @@ def test_a_joint_that_lags_and_rubs_may_be_turned_round_on_the_way(back):
 
 
 def test_a_host_that_slept_does_not_count_as_a_joint_that_stayed_behind():
-    progress = Progress(DEGREE * 180.0 / math.pi)
+    progress = JamWatch(DEGREE * 180.0 / math.pi)
     assert progress.note(0.0, 0, 0, DEGREE) is None
     assert progress.note(0.1, 3000, 1000, DEGREE) is None
     assert progress.note(60.0, 3000, 1000, DEGREE) is None  # and now it catches up
@@ -122,7 +122,7 @@ def test_a_host_that_slept_does_not_count_as_a_joint_that_stayed_behind():
 
 
 def test_a_motion_may_end_half_a_second_late():
-    progress = Progress(DEGREE)
+    progress = JamWatch(DEGREE)
     assert progress.overdue(1e9) is None
     progress.expect(10.0, 2.0)
     assert progress.overdue(12.5) is None
