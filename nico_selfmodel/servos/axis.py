@@ -1,8 +1,13 @@
 """One joint on its board: goals that are moved on, positions that are believed, faults."""
 
 import math
+from collections.abc import Sequence
+
+import numpy as np
 
 from nico_selfmodel.errors import BusError, ServoFault
+from nico_selfmodel.model import ServoMap
+from nico_selfmodel.servos.arm_state import ArmState
 from nico_selfmodel.servos.goals import Goals
 from nico_selfmodel.servos.pic_servo import PicServo
 from nico_selfmodel.servos.progress import JamWatch
@@ -248,3 +253,35 @@ class Axis:
         if not servo_on:
             return "its servo is off though nobody switched it off; enable it again"
         return None
+
+
+def state_of(
+    axes: Sequence[Axis], servos: ServoMap, now: float, *, trusted: bool = False
+) -> ArmState:
+    """Return what is known of axes.
+
+    Args:
+        axes: In the order of `servos`.
+        servos: Readings <-> displacements.
+        now: Time of the port [s].
+        trusted: Whether zeros count as known though they were not set since power-up.
+    """
+    readings = np.array(
+        [a.joint.reading(a.position) if a.status is not None else np.nan for a in axes]
+    )
+    zero_known = np.array([axis.zero_known or trusted for axis in axes])
+    trouble = tuple(
+        axis.lost or (axis.fault(axis.status) if axis.status else "not read yet") for axis in axes
+    )
+    return ArmState(
+        time=now,
+        joints=servos.joints,
+        q=np.where(zero_known, servos.to_joint(readings), np.nan),
+        readings=readings,
+        age=np.array([now - axis.seen for axis in axes]),
+        valid=np.array([reason is None for reason in trouble]),
+        moving=np.array([axis.on_its_way for axis in axes]),
+        enabled=np.array([axis.enabled for axis in axes]),
+        zero_known=zero_known,
+        trouble=trouble,
+    )
