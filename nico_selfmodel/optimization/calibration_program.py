@@ -278,21 +278,6 @@ class CalibrationProgram:
                 return None
         return own
 
-    def whitened_jacobian(self, x: NDArray) -> NDArray:
-        """Return the stacked derivatives of all weighted residuals and priors. Shape (m, p)."""
-        rows = []
-        for term in self._terms:
-            r, jacobian = term.block.evaluate(x[term.columns])
-            root = np.sqrt(_weigh(term, r)[1])
-            full = np.zeros((r.size, len(x)))
-            full[:, term.columns] = (jacobian * root).reshape(len(term.columns), -1).T
-            rows.append(full)
-        for index, _, sigma in self._priors:
-            row = np.zeros((1, len(x)))
-            row[0, index] = 1.0 / sigma
-            rows.append(row)
-        return np.vstack(rows)
-
     def solve(
         self, solver: str = "lm", *, max_iterations: int = 100, tolerance: float = 1e-9
     ) -> ProgramSolution:

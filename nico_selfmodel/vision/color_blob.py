@@ -25,8 +25,6 @@ class ColorBlob:
 
     center: NDArray
     """The point that counts, by `ColorModel.center` [px]. Shape (2,)."""
-    box_center: NDArray
-    """Middle of the bounding box [px]. Shape (2,)."""
     centroid: NDArray
     """Mean of its pixels [px]. Shape (2,)."""
     box: tuple[int, int, int, int]
@@ -185,13 +183,12 @@ def _blob(
     labels: NDArray, label: int, row: NDArray, centroid: NDArray, model: ColorModel
 ) -> ColorBlob:
     left, top, width, height = (int(value) for value in row[:4])
-    middle = read_only([left + 0.5 * (width - 1), top + 0.5 * (height - 1)])
+    middle = [left + 0.5 * (width - 1), top + 0.5 * (height - 1)]
     rows, columns = labels.shape
     cut = left == 0 or top == 0 or left + width == columns or top + height == rows
     centroid = read_only(centroid)
     return ColorBlob(
-        center=middle if model.center == "box" else centroid,
-        box_center=middle,
+        center=read_only(middle) if model.center == "box" else centroid,
         centroid=centroid,
         box=(left, top, width, height),
         area_px=int(row[cv2.CC_STAT_AREA]),

@@ -2,9 +2,7 @@
 
 import pytest
 
-from nico_selfmodel.servos.commands import PathPoints
 from nico_selfmodel.servos.gains import Gains
-from nico_selfmodel.servos.status import AuxiliaryFlag, StatusItem
 from nico_selfmodel.servos.trajectory import LoadTrajectory, TrajectoryFlag
 
 
@@ -12,19 +10,6 @@ def switch_on(servo):
     servo.set_gains(Gains())
     servo.arm_amplifier()
     servo.hold()
-
-
-def test_a_path_is_followed_point_by_point(module):
-    _board, servo, port = module
-    switch_on(servo)
-    # Counts of a point times four, with the bits "backwards" and "slow".
-    servo.ask(PathPoints((400 | 2, 800 | 2, 200 | 3)))
-    assert servo.read(StatusItem.PATH_POINTS).path_points == 3
-    assert servo.ask(PathPoints()).auxiliary & AuxiliaryFlag.PATH_MODE
-    port.sleep(0.2)
-    status = servo.poll()
-    assert status.position == 250
-    assert not status.auxiliary & AuxiliaryFlag.PATH_MODE
 
 
 def test_a_relative_goal_counts_from_the_last(module):
