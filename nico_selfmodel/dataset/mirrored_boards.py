@@ -1,4 +1,4 @@
-"""Corners of a flat board as one eye saw them directly and in mirrors."""
+"""Corners of a flat board as one camera saw them directly and in mirrors."""
 
 from dataclasses import dataclass, replace
 
@@ -25,7 +25,7 @@ class MirroredBoards:
     image_size: tuple[int, int]
     """Width and height [px]."""
     eye: str = "left"
-    """Which eye saw them."""
+    """Which camera saw them."""
 
     def __post_init__(self) -> None:
         """Check shapes and make the arrays read-only."""

@@ -1,4 +1,4 @@
-"""What a body knows of itself: chain, servo map, eyes, self-model. Plain numpy."""
+"""What a body knows of itself: chain, servo map, cameras, self-model. Plain numpy."""
 
 from nico_selfmodel.model.camera import Camera
 from nico_selfmodel.model.chain import Chain

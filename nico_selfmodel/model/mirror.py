@@ -1,4 +1,4 @@
-"""A flat mirror: its plane before the left eye, and what cameras become when reflected in it."""
+"""A flat mirror: its plane before the left camera, and what cameras become when reflected in it."""
 
 from dataclasses import dataclass, replace
 
@@ -22,17 +22,17 @@ _FACING = np.array([0.0, 0.0, -1.0])
 class Mirror:
     """The plane n.x + d = 0 in the left camera's frame L.
 
-    n points out of the glass to where the eyes are, so that d is the left eye's distance from the
+    n points out of the glass to the cameras, so that d is the left camera's distance from the
     glass and n.x + d > 0 in front of it. Three parameters: n follows the great circle from (0, 0,
-    -1), a mirror that faces the left eye, towards the image's right by `tilt_x` and upwards by
+    -1), a mirror that faces the left camera, towards the image's right by `tilt_x` and upwards by
     `tilt_y` (`geometry.rotation.move_on_sphere`); this chart fails only for a mirror that faces
     away. `distance` is d.
     """
 
     normal: NDArray
-    """Unit normal n in L, towards the eyes. Shape (3,)."""
+    """Unit normal n in L, towards the cameras. Shape (3,)."""
     distance: float
-    """d, the left eye's distance from the glass [m]."""
+    """d, the left camera's distance from the glass [m]."""
     covariance: NDArray | None = None
     """Of `values`; None where it is not known. Shape (3, 3)."""
 
@@ -45,7 +45,7 @@ class Mirror:
         object.__setattr__(self, "distance", float(self.distance))
         if not (self.distance > 0.0 and np.isfinite(self.distance)):
             raise ValueError(
-                f"distance must be positive, got {self.distance:g}: the left eye is in front of "
+                f"distance must be positive, got {self.distance:g}: the left camera is in front of "
                 "the glass, and the normal points to it"
             )
         if self.covariance is not None:
@@ -64,7 +64,7 @@ class Mirror:
         """Build a mirror from a plane in L, whichever way its normal points.
 
         Raises:
-            ValueError: If the left eye lies in the plane.
+            ValueError: If the left camera lies in the plane.
         """
         side = np.copysign(1.0, plane.offset)
         return cls(side * plane.normal, side * plane.offset)

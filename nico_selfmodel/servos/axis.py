@@ -1,4 +1,4 @@
-"""One joint on its board: goals that are moved on, positions that are believed, faults."""
+"""One joint on its board: goals that are moved on, positions that are trusted, faults."""
 
 import math
 from collections.abc import Sequence
@@ -34,7 +34,7 @@ class Axis:
         """
         self.joint, self.module, self.heartbeat = joint, module, heartbeat
         self.status: Status | None = None
-        """The last reply that was believed."""
+        """The last reply that was trusted."""
         self.seen = -math.inf
         """When it came [s]."""
         self.enabled = False
@@ -55,7 +55,7 @@ class Axis:
 
     @property
     def position(self) -> int:
-        """The last position that was believed [register].
+        """The last position that was trusted [register].
 
         Raises:
             ServoFault: If there is none yet.

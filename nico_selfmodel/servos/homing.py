@@ -135,5 +135,5 @@ def _set_zero(axis: Axis, register: int) -> None:
     axis.module.zero_at(register)
     axis.begin_anew()
     axis.zero_known = True
-    axis.status = None  # what was believed before counts from another zero
+    axis.status = None  # what was read before counts from another zero
     axis.believe(axis.module.poll())

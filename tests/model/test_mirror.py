@@ -254,7 +254,7 @@ def test_a_mirror_that_was_not_learned_is_named():
         SelfModel("eyes", cameras=cameras).mirror_rig("glass")
     with pytest.raises(ModelError, match="there are: wall"):
         SelfModel("eyes", cameras=cameras, mirrors={"wall": mirror_at()}).mirror_rig("glass")
-    with pytest.raises(ModelError, match="no pair of eyes"):
+    with pytest.raises(ModelError, match="no pair of cameras"):
         SelfModel("blind", mirrors={"wall": mirror_at()}).mirror_rig("wall")
     with pytest.raises(ValueError, match="names"):
         SelfModel("eyes", mirrors={"": mirror_at()})
