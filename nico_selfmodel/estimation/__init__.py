@@ -4,7 +4,10 @@ from nico_selfmodel.estimation.arm.evaluation import Evaluation, evaluate
 from nico_selfmodel.estimation.arm.kinematics import KinematicCalibration, calibrate_kinematics
 from nico_selfmodel.estimation.body.body import BodyCalibration, calibrate_body
 from nico_selfmodel.estimation.body.body_options import BodyOptions
-from nico_selfmodel.estimation.body.workspace_accuracy import WorkspaceAccuracy, workspace_accuracy
+from nico_selfmodel.estimation.body.workspace_accuracy import (
+    WorkspaceAccuracy,
+    workspace_accuracy,
+)
 from nico_selfmodel.estimation.cameras.board_accuracy import Reconstruction
 from nico_selfmodel.estimation.cameras.camera_adjustment import CameraCalibration
 from nico_selfmodel.estimation.cameras.camera_assessment import CameraAssessment
@@ -37,7 +40,10 @@ from nico_selfmodel.estimation.monitoring.tool import (
     rezero,
 )
 from nico_selfmodel.estimation.observations.observations import Observations
-from nico_selfmodel.estimation.observations.pixel_evaluation import PixelEvaluation, evaluate_pixels
+from nico_selfmodel.estimation.observations.pixel_evaluation import (
+    PixelEvaluation,
+    evaluate_pixels,
+)
 from nico_selfmodel.estimation.results.calibration_result import CalibrationResult
 from nico_selfmodel.estimation.results.errors import ErrorStatistics
 from nico_selfmodel.estimation.results.fixed_parameters import Pins

@@ -9,7 +9,11 @@ import pytest
 from nico_selfmodel.dataset import BoardViews
 from nico_selfmodel.errors import DataError, ModelError
 from nico_selfmodel.estimation import BodyOptions, calibrate_body, evaluate, judge, to_json
-from nico_selfmodel.estimation.body.body_initialization import in_left_eye, lines_of, reconstructed
+from nico_selfmodel.estimation.body.body_initialization import (
+    in_left_eye,
+    lines_of,
+    reconstructed,
+)
 from nico_selfmodel.estimation.cameras.board_check import BoardCheck
 from nico_selfmodel.estimation.cameras.camera_initialization import pose_of_seen_boards
 from nico_selfmodel.estimation.observations.arm_views import LinesView
@@ -288,13 +292,13 @@ def test_boards_that_the_eyes_before_have_no_ray_for_are_not_compared():
 class TestBadInput:
     def test_a_model_without_eyes(self):
         arm_only = replace(learned(0).model, cameras={}, covariance=None)
-        with pytest.raises(ModelError, match=r"no pair of eyes.*calibrate stereo"):
+        with pytest.raises(ModelError, match=r"no pair of cameras.*calibrate stereo"):
             calibrate_body(lesson().train, arm_only, lesson().boards)
 
     def test_a_model_with_one_eye(self):
         eyes = lesson().eyes
         one = replace(eyes, cameras={"left": eyes.rig.left}, covariance=None)
-        with pytest.raises(ModelError, match="no pair of eyes"):
+        with pytest.raises(ModelError, match="no pair of cameras"):
             calibrate_body(lesson().train, one, lesson().boards)
 
     def test_data_without_pixels(self):

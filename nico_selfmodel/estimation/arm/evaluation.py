@@ -9,7 +9,10 @@ from nico_selfmodel.dataset import Dataset
 from nico_selfmodel.errors import DataError
 from nico_selfmodel.estimation.noise.arm_solution import slopes_by_angle
 from nico_selfmodel.estimation.noise.pose_noise import PoseNoise
-from nico_selfmodel.estimation.observations.matching import check_units, reading_columns
+from nico_selfmodel.estimation.observations.matching import (
+    check_units,
+    reading_columns,
+)
 from nico_selfmodel.estimation.observations.observations import Observations
 from nico_selfmodel.estimation.results.errors import ErrorStatistics
 from nico_selfmodel.model import SelfModel

@@ -23,7 +23,10 @@ from nico_selfmodel.estimation.initialization.nominal_arm import (
 )
 from nico_selfmodel.estimation.initialization.start_search import RANDOM, few_rows
 from nico_selfmodel.estimation.observations.arm_estimate import ArmHypothesis
-from nico_selfmodel.estimation.observations.observations import Observations, gears_known
+from nico_selfmodel.estimation.observations.observations import (
+    Observations,
+    gears_known,
+)
 from nico_selfmodel.estimation.results.fixed_parameters import Pins
 from nico_selfmodel.model import DhParameters
 from nico_selfmodel.names import listed

@@ -10,13 +10,17 @@ import numpy as np
 from numpy.typing import NDArray
 
 from nico_selfmodel.dataset import Dataset
-from nico_selfmodel.dataset.poses import held_out_of
+from nico_selfmodel.dataset.held_out import held_out_of
 from nico_selfmodel.estimation.arm.cross_validation import cross_validate
 from nico_selfmodel.estimation.arm.evaluation import Evaluation, evaluate
 from nico_selfmodel.estimation.arm.kinematic_task import KinematicTask
 from nico_selfmodel.estimation.arm.learned_model import learned_model, training_of
 from nico_selfmodel.estimation.arm.named_refinement import Held, refine_pinned
-from nico_selfmodel.estimation.diagnosis.changes_in_time import Change, change_in_time, lag_in_time
+from nico_selfmodel.estimation.diagnosis.changes_in_time import (
+    Change,
+    change_in_time,
+    lag_in_time,
+)
 from nico_selfmodel.estimation.diagnosis.fault_hypotheses import (
     Causes,
     causes_of_misfit,

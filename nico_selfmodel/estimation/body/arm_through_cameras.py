@@ -17,7 +17,10 @@ from nico_selfmodel.estimation.noise.hand_observations import covariance_of
 from nico_selfmodel.estimation.noise.training_noise import with_training_noise
 from nico_selfmodel.estimation.observations.hand_pixels import project_to_eyes
 from nico_selfmodel.estimation.observations.observations import Observations
-from nico_selfmodel.estimation.observations.pixel_evaluation import PixelEvaluation, evaluate_pixels
+from nico_selfmodel.estimation.observations.pixel_evaluation import (
+    PixelEvaluation,
+    evaluate_pixels,
+)
 from nico_selfmodel.estimation.results.calibration_result import CalibrationResult
 from nico_selfmodel.model import ParameterCovariance, SelfModel
 from nico_selfmodel.model.stereo_rig import StereoRig

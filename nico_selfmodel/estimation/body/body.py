@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from nico_selfmodel.dataset import BoardViews, Dataset
-from nico_selfmodel.dataset.poses import held_out_of
+from nico_selfmodel.dataset.held_out import held_out_of
 from nico_selfmodel.errors import NotConvergedError
 from nico_selfmodel.estimation.body.body_cross_validation import cross_validate_body
 from nico_selfmodel.estimation.body.body_initialization import body_start, lines_of, named_like
@@ -26,7 +26,10 @@ from nico_selfmodel.estimation.body.body_uncertainty import (
     position_sigma,
 )
 from nico_selfmodel.estimation.body.few_poses import open_at
-from nico_selfmodel.estimation.body.workspace_accuracy import WorkspaceAccuracy, workspace_accuracy
+from nico_selfmodel.estimation.body.workspace_accuracy import (
+    WorkspaceAccuracy,
+    workspace_accuracy,
+)
 from nico_selfmodel.estimation.cameras.board_accuracy import held_out_residuals
 from nico_selfmodel.estimation.cameras.board_check import BoardCheck
 from nico_selfmodel.estimation.cameras.camera_adjustment import OUTLIER_RATIO
@@ -37,7 +40,10 @@ from nico_selfmodel.estimation.noise.hand_observations import JOINT_SIGMA
 from nico_selfmodel.estimation.noise.training_noise import with_training_noise
 from nico_selfmodel.estimation.observations.arm_views import LinesView, RowsView
 from nico_selfmodel.estimation.observations.observations import gears_known
-from nico_selfmodel.estimation.observations.pixel_evaluation import PixelEvaluation, evaluate_pixels
+from nico_selfmodel.estimation.observations.pixel_evaluation import (
+    PixelEvaluation,
+    evaluate_pixels,
+)
 from nico_selfmodel.estimation.observations.pixel_observations import PixelObservations
 from nico_selfmodel.estimation.results.fixed_parameters import Pins
 from nico_selfmodel.estimation.results.provenance import data_named, package_versions

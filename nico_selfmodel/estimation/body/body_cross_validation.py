@@ -6,7 +6,10 @@ from nico_selfmodel.dataset import BoardViews
 from nico_selfmodel.estimation.body.body_problem import BodyProblem, BodySolution
 from nico_selfmodel.estimation.observations.arm_views import RowsView
 from nico_selfmodel.estimation.observations.pixel_evaluation import PixelEvaluation
-from nico_selfmodel.estimation.observations.pixel_observations import PixelObservations, seen_points
+from nico_selfmodel.estimation.observations.pixel_observations import (
+    PixelObservations,
+    seen_points,
+)
 from nico_selfmodel.estimation.results.folds import FOLDS, fold_of, splits
 from nico_selfmodel.model.dh_parameters import DhParameters
 from nico_selfmodel.model.stereo_rig import StereoRig

@@ -14,7 +14,10 @@ from numpy.typing import NDArray
 
 from nico_selfmodel.estimation.diagnosis.score_sums import CourseFound, ScoreSums
 from nico_selfmodel.estimation.diagnosis.score_test import ScoreTest
-from nico_selfmodel.estimation.diagnosis.systematic_residuals import Pattern, backlash_columns
+from nico_selfmodel.estimation.diagnosis.systematic_residuals import (
+    Pattern,
+    backlash_columns,
+)
 from nico_selfmodel.estimation.noise.arm_solution import ArmSolution
 from nico_selfmodel.estimation.observations.observations import Observations
 from nico_selfmodel.model import DhParameters

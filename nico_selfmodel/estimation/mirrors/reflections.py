@@ -7,7 +7,10 @@ from numpy.typing import NDArray
 
 from nico_selfmodel.dataset import Dataset
 from nico_selfmodel.errors import DataError, ModelError
-from nico_selfmodel.estimation.observations.matching import check_units, reading_columns
+from nico_selfmodel.estimation.observations.matching import (
+    check_units,
+    reading_columns,
+)
 from nico_selfmodel.geometry.transform import apply
 from nico_selfmodel.model.camera import INTRINSICS, Camera
 from nico_selfmodel.model.self_model import SelfModel

@@ -16,7 +16,10 @@ from nico_selfmodel.estimation.observations.arm_views import RowsView
 from nico_selfmodel.estimation.observations.hand_pixels import HandPixels
 from nico_selfmodel.estimation.observations.hand_points import HandPoints
 from nico_selfmodel.estimation.observations.observations import Observations
-from nico_selfmodel.estimation.observations.pixel_observations import PixelObservations, columns_of
+from nico_selfmodel.estimation.observations.pixel_observations import (
+    PixelObservations,
+    columns_of,
+)
 from nico_selfmodel.model.self_model import SelfModel
 from nico_selfmodel.model.stereo_rig import EYES, StereoRig
 from nico_selfmodel.names import listed

@@ -16,7 +16,10 @@ from nico_selfmodel.estimation.noise.arm_solution import (
 from nico_selfmodel.estimation.noise.noise_variances import LinearResiduals, most_likely_noise
 from nico_selfmodel.estimation.noise.pose_noise import PoseNoise, PoseWhitening
 from nico_selfmodel.estimation.observations.hand_residuals import DhResiduals
-from nico_selfmodel.estimation.observations.observations import Observations, gears_known
+from nico_selfmodel.estimation.observations.observations import (
+    Observations,
+    gears_known,
+)
 from nico_selfmodel.model import DhParameters
 from nico_selfmodel.optimization import CalibrationProgram, ProgramSolution, ResidualBlock
 from nico_selfmodel.optimization.robust_solve import OUTLIER_AT

@@ -6,7 +6,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from nico_selfmodel.estimation.observations.arm_estimate import ArmHypothesis
-from nico_selfmodel.estimation.observations.hand_residuals import DhResiduals, LineResiduals
+from nico_selfmodel.estimation.observations.hand_residuals import (
+    DhResiduals,
+    LineResiduals,
+)
 from nico_selfmodel.estimation.observations.observations import Observations
 from nico_selfmodel.geometry.rotation import tangent_basis
 from nico_selfmodel.model.dh_parameters import DhParameters

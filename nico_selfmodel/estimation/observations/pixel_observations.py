@@ -7,7 +7,10 @@ from numpy.typing import NDArray
 
 from nico_selfmodel.dataset import Dataset
 from nico_selfmodel.errors import DataError
-from nico_selfmodel.estimation.observations.observations import Observations, servo_units
+from nico_selfmodel.estimation.observations.observations import (
+    Observations,
+    servo_units,
+)
 from nico_selfmodel.model.self_model import SelfModel
 from nico_selfmodel.model.stereo_rig import EYES, StereoRig
 from nico_selfmodel.names import listed
@@ -140,7 +143,10 @@ def columns_of(model: SelfModel, dataset: Dataset) -> Dataset:
     Raises:
         DataError: If the joints, their units or the tracked points are others.
     """
-    from nico_selfmodel.estimation.observations.matching import check_units, reading_columns
+    from nico_selfmodel.estimation.observations.matching import (
+        check_units,
+        reading_columns,
+    )
 
     columns = reading_columns(model, dataset)
     check_units(model, dataset)
