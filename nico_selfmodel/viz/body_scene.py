@@ -16,8 +16,7 @@ from nico_selfmodel.viz.eye_items import ImagePlane, eye_items
 from nico_selfmodel.viz.robot_items import robot_items, robot_legend
 from nico_selfmodel.viz.scene import LegendEntry, Scene
 from nico_selfmodel.viz.scene_items import Item, Markers, Needles
-from nico_selfmodel.viz.surroundings import camera_from, floor_items
-from nico_selfmodel.viz.upright import upright
+from nico_selfmodel.viz.surroundings import camera_from, floor_items, upright
 
 _DOT = 0.003
 _PLANE = 0.05

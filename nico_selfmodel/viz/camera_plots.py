@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 from nico_selfmodel.estimation import CameraAssessment
 from nico_selfmodel.viz import palette
 from nico_selfmodel.viz.camera_views import USE_COLORS, USES, ShownView
-from nico_selfmodel.viz.distribution_plot import ErrorSet, distribution
+from nico_selfmodel.viz.distribution_plot import distribution, error_sets
 from nico_selfmodel.viz.numbers_shown import short
 from nico_selfmodel.viz.plot_style import (
     FULL_WIDTH,
@@ -27,15 +27,10 @@ _LOG_FROM = 8.0
 
 
 def pixel_errors(assessment: CameraAssessment) -> Figure:
-    """Draw the distribution of reprojection errors, held out, left out in turn and learned from."""
-    sets = []
-    if assessment.test_distances is not None and len(assessment.test_distances):
-        sets.append(ErrorSet("held-out", palette.HELD_OUT, assessment.test_distances))
-    if len(assessment.cross_validation):
-        found = assessment.cross_validation
-        sets.append(ErrorSet("cross-validation", palette.CROSS_VALIDATION, found))
-    if len(assessment.train_distances):
-        sets.append(ErrorSet("training", palette.TRAINING, assessment.train_distances))
+    """Draw the distribution of reprojection errors: held out, cross-validated and learned from."""
+    sets = error_sets(
+        assessment.test_distances, assessment.cross_validation, assessment.train_distances
+    )
     return distribution(sets, unit="px", digits=2, what="reprojection error", thing="corner")
 
 

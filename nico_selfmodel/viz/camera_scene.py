@@ -15,8 +15,7 @@ from nico_selfmodel.viz.numbers_shown import short
 from nico_selfmodel.viz.photographs import Photographs, photograph_of
 from nico_selfmodel.viz.scene import LegendEntry, Scene, path_names
 from nico_selfmodel.viz.scene_items import Item
-from nico_selfmodel.viz.surroundings import camera_from, floor_items
-from nico_selfmodel.viz.upright import X_WL
+from nico_selfmodel.viz.surroundings import X_WL, camera_from, floor_items
 
 _SPREAD, _REACH = 0.86, 0.22
 """Width of an image plane in baselines at most, and its distance in those of the boards."""

@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 from nico_selfmodel.estimation import CameraAssessment
 from nico_selfmodel.model import Camera, lens
 from nico_selfmodel.viz import palette
-from nico_selfmodel.viz.distribution_plot import ErrorSet, distribution
+from nico_selfmodel.viz.distribution_plot import distribution, error_sets
 from nico_selfmodel.viz.plot_style import HALF_WIDTH, MANY, headline, style
 
 _STEPS = 200
@@ -40,15 +40,13 @@ def epipolar_distribution(assessment: CameraAssessment) -> Figure | None:
     """Draw how far corners lie from epipolar lines in each image; None for one eye."""
     if assessment.epipolar is None:
         return None
-    calibration, sets = assessment.calibration, []
+    calibration, test = assessment.calibration, None
     if assessment.test_views is not None:
         flat = assessment.test_views.pixels.reshape(-1, 4)
         both = flat[np.isfinite(flat).all(axis=1)]
-        errors = calibration.rig.epipolar_errors(both).ravel()
-        sets.append(ErrorSet("held-out", palette.HELD_OUT, errors))
-    errors = assessment.epipolar[~calibration.outliers].ravel()
-    sets.append(ErrorSet("training", palette.TRAINING, errors[np.isfinite(errors)]))
-    sets = [one for one in sets if len(one.errors)]
+        test = calibration.rig.epipolar_errors(both).ravel()
+    train = assessment.epipolar[~calibration.outliers].ravel()
+    sets = error_sets(test, None, train[np.isfinite(train)])
     if not sets:
         return None
     what = "distance of a corner from its epipolar line"

@@ -13,8 +13,7 @@ from nico_selfmodel.viz.mirror_picture import MirrorPicture, Pictures, on_glass
 from nico_selfmodel.viz.robot_items import robot_items
 from nico_selfmodel.viz.scene import LegendEntry, Scene, path_names
 from nico_selfmodel.viz.scene_items import Item, Markers, Segments, Surface, Tube
-from nico_selfmodel.viz.surroundings import camera_from, floor_items
-from nico_selfmodel.viz.upright import X_WL, turned, upright
+from nico_selfmodel.viz.surroundings import X_WL, camera_from, floor_items, turned, upright
 
 _DOT = 0.004
 _PLANE = 0.045

@@ -16,7 +16,8 @@ from nico_selfmodel.files.json_text import parse_json
 from nico_selfmodel.model.arrays import frozen_array
 from nico_selfmodel.model.document_values import damage
 from nico_selfmodel.names import listed, shown
-from nico_selfmodel.viz.scene_items import ITEM_KINDS, Item, Rgba
+from nico_selfmodel.viz.figures.rgba import Rgba
+from nico_selfmodel.viz.scene_items import ITEM_KINDS, Item
 
 FORMAT = "nico-scene/1"
 ROOT = "/self_model"

@@ -15,10 +15,11 @@ from nico_selfmodel.plant import ArmDescription, SelfModelPlant, learned_frames
 from nico_selfmodel.viz import palette
 from nico_selfmodel.viz.drake_backend import _draw, draw_in_drake
 from nico_selfmodel.viz.eye_items import ImagePlane, eye_items
+from nico_selfmodel.viz.figures.rgba import Rgba
 from nico_selfmodel.viz.image_marks import marked
 from nico_selfmodel.viz.robot_items import robot_items
 from nico_selfmodel.viz.scene import ROOT, LegendEntry, Scene
-from nico_selfmodel.viz.scene_items import Item, Markers, Picture, Rgba
+from nico_selfmodel.viz.scene_items import Item, Markers, Picture
 from nico_selfmodel.viz.screens import screens_beside
 from nico_selfmodel.viz.station_mirror import StandingGlass, StationMirror
 from nico_selfmodel.viz.surroundings import camera_from, floor_items

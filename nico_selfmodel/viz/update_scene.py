@@ -16,7 +16,7 @@ from nico_selfmodel.viz.arm_shape import arm_length
 from nico_selfmodel.viz.body_scene import standing, with_body
 from nico_selfmodel.viz.scene import LegendEntry, Scene
 from nico_selfmodel.viz.scene_items import Item, Markers, Needles
-from nico_selfmodel.viz.upright import upright
+from nico_selfmodel.viz.surroundings import upright
 
 _DOT = 0.003
 _ENLARGED = 10.0

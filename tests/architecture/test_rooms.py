@@ -52,6 +52,7 @@ ALLOWED = {
         "pydrake.perception",
     },
     "recording": {"numpy"},
+    "result_folder": set(),
     "experiments": {"numpy", "pydrake.common", "yaml"},
     "cli": {"numpy", "rich", "typer"},
 }
