@@ -1,6 +1,7 @@
 """The report on an arm that was learned from measured points."""
 
 from collections.abc import Mapping
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -10,29 +11,19 @@ from nico_selfmodel.plant import ArmDescription
 from nico_selfmodel.viz import error_plots, parameter_plots
 from nico_selfmodel.viz.arm_shape import arm_length
 from nico_selfmodel.viz.kinematics_scene import calibration_scene
+from nico_selfmodel.viz.reports import parts, shared_sections
 from nico_selfmodel.viz.reports.page import Report, key_number, telling_set
 from nico_selfmodel.viz.reports.parameter_tables import joint_table, place_table
-from nico_selfmodel.viz.reports.sections import (
-    Bullets,
-    Section,
-    Text,
-    beside,
-    drawing,
-    numbers,
-    section,
-)
-from nico_selfmodel.viz.reports.shared_sections import (
-    all_parameters,
-    correlation_figure,
-    missing_errors_text,
-    outlier_text,
-    parameters_of,
-    provenance_section,
-    scene_section,
-    unobservable_section,
-)
-from nico_selfmodel.viz.reports.tables import Cell, Table, held_out_table, number_cell
-from nico_selfmodel.viz.scene import Scene
+from nico_selfmodel.viz.reports.tables import Cell, Table, error_table, held_out, number_cell
+
+_CIRCLE_COLUMNS = {
+    "points": ("points", 0),
+    "radius_mm": ("radius [mm]", 1),
+    "arc_deg": ("arc [deg]", 0),
+    "rms_mm": ("rms [mm]", 3),
+    "sagitta_mm": ("height [mm]", 2),
+}
+"""Key of a circle in `result.json` -> heading and decimals."""
 
 
 def arm_report(
@@ -40,7 +31,7 @@ def arm_report(
     document: Mapping[str, Any],
     robot: ArmDescription | None = None,
 ) -> Report:
-    """Return the report on an arm.
+    """Return what measured points tell of an arm.
 
     Args:
         calibration: What was learned.
@@ -54,25 +45,23 @@ def arm_report(
     length = 1e3 * arm_length(calibration.model.chain)
     mean = document[telling_set(document, "points")[0]]["position_mm"]["mean"]
     share = f"{100.0 * mean / length:.2f} % of the arm"
-    key = key_number(document, "position_mm", "points", statistics=("mean", "sd"), notes=(share,))
-    sections = arm_sections(calibration, document, scene)
-    return Report(calibration.model.name, _about(calibration), document, key, sections, scene)
-
-
-def arm_sections(
-    calibration: KinematicCalibration, document: Mapping[str, Any], scene: Scene
-) -> tuple[Section, ...]:
-    """Return what measured points tell of an arm, section by section."""
-    refused = _refused(document)
-    return (
-        *((refused,) if refused else ()),
-        _errors(calibration, document),
-        scene_section("The arm and its data", scene),
+    key = key_number(document, "position_mm", "points", statistics=("mean", "sd"), note=share)
+    sections = (
+        *_refused(document),
+        _errors(document, length),
+        shared_sections.scene_section("The arm and its data", scene),
         _where(calibration),
-        _parameters(calibration, document),
-        _search(calibration, document),
-        _provenance(calibration, document),
+        _learned(calibration, document),
+        parts.section(
+            "How it was learned",
+            parts.Beside(
+                (_outliers(calibration, document), *_starts(calibration, document)), "beside"
+            ),
+            *_circles(calibration, document),
+        ),
+        _provenance(calibration, document, length),
     )
+    return Report(calibration.model.name, _about(calibration), document, key, sections, scene)
 
 
 def _about(calibration: KinematicCalibration) -> str:
@@ -84,177 +73,132 @@ def _about(calibration: KinematicCalibration) -> str:
     return f"What {len(model.joints)} joints learned about themselves{data}, by {means}"
 
 
-def _refused(document: Mapping[str, Any]) -> Section | None:
+def _refused(document: Mapping[str, Any]) -> list[parts.Section]:
     """Return why arm and cameras were not refined together, where that was tried in vain."""
     reasons = (document.get("refinement") or {}).get("reasons")
     if not reasons:
-        return None
-    return section(
-        "Arm and cameras were refined together, and that was refused",
-        Bullets(tuple(reasons)),
-        Text("Kept is what this page shows: the arm as it was learned after the cameras."),
-        id="refused",
-        kind="warnings",
+        return []
+    title = "Arm and cameras were refined together, and that was refused"
+    kept = "Kept is what this page shows: the arm as it was learned after the cameras."
+    why = parts.Bullets(tuple(reasons))
+    return [parts.section(title, why, parts.Text(kept), id="refused", kind="warnings")]
+
+
+def _errors(document: Mapping[str, Any], length: float) -> parts.Section:
+    errors = held_out(document, "position_mm")
+    table = error_table(errors, "error [mm]", 2, "points", length)
+    words = (
+        "Euclidean distance of each predicted point from the measured one. The arm, as learned, "
+        f"is {length:.1f} mm long, from its first axis over all axes to the hand."
     )
-
-
-def _errors(calibration: KinematicCalibration, document: Mapping[str, Any]) -> Section:
-    length = 1e3 * arm_length(calibration.model.chain)
-    unsure = " Its length rests on unobservable directions." if document["not_identifiable"] else ""
+    if document["not_identifiable"]:
+        words += " Its length rests on unobservable directions."
     alone = document["method"] == "circle-points"
-    return section(
-        "",
-        numbers(_error_table(document, length), "errors"),
-        Text(
-            "Euclidean distance of each predicted point from the measured one. The arm, as "
-            f"learned, is {length:.1f} mm long, from its first axis over all axes to the hand."
-            + unsure,
-            "hint",
-        ),
-        missing_errors_text(document, "of circle points alone" if alone else "with so few poses"),
-        outlier_text(document, "outliers"),
-        id="errors",
-    )
+    few = "of circle points alone" if alone else "with so few poses"
+    return shared_sections.errors_section(document, (table, words), few=few, more="outliers")
 
 
-def _error_table(document: Mapping[str, Any], length: float) -> Table:
-    """Return the errors in space, and their means as shares of the arm."""
-    table = held_out_table(document, "position_mm", "error [mm]", 2, "points")
-    assert table is not None
-    rows = tuple(
-        (label, (*cells, Cell(f"{cells[1].value / length:.4f}")))  # type: ignore[operator]
-        for label, cells in table.rows
-    )
-    return Table((*table.headings, "mean / arm"), rows)
-
-
-def _where(calibration: KinematicCalibration) -> Section:
-    return section(
+def _where(calibration: KinematicCalibration) -> parts.Section:
+    return parts.section(
         "How large the errors are, and where",
-        beside(
-            drawing(
-                error_plots.error_distribution(calibration), "Distribution of the errors", "half"
-            ),
-            drawing(parameter_plots.convergence(calibration), "Convergence and starts", "half"),
+        parts.halves(
+            ("Distribution of the errors", error_plots.error_distribution(calibration)),
+            ("Convergence and starts", parameter_plots.convergence(calibration)),
         ),
-        drawing(error_plots.error_over_workspace(calibration), "Errors over the workspace"),
-        drawing(error_plots.residuals_over_angles(calibration), "Residuals over the joint angles"),
-        Text(
+        parts.drawing("Errors over the workspace", error_plots.error_over_workspace(calibration)),
+        parts.drawing(
+            "Residuals over the joint angles", error_plots.residuals_over_angles(calibration)
+        ),
+        parts.hint(
             "Black: means over stretches of the joint's angle, with their standard errors. "
-            "Triangles lie beyond the axis.",
-            "hint",
+            "Triangles lie beyond the axis."
         ),
     )
 
 
-def _parameters(calibration: KinematicCalibration, document: Mapping[str, Any]) -> Section:
-    parameters = parameters_of(document, calibration.uncertainty)
-    joints = joint_table(parameters, calibration.model.joints)
-    hayati = " Ry(β)" if "β [deg]" in joints.headings else ""
-    sigmas = drawing(
-        parameter_plots.parameter_sigmas(calibration), "Standard deviations of the parameters"
+def _learned(calibration: KinematicCalibration, document: Mapping[str, Any]) -> parts.Section:
+    model = calibration.model
+    hayati = " Ry(β)" if any(name.endswith(".beta") for name in document["parameters"]) else ""
+    sigmas = parts.drawing(
+        "Standard deviations of the parameters", parameter_plots.parameter_sigmas(calibration)
     )
-    return section(
-        "What was learned",
-        numbers(joints),
-        numbers(place_table(parameters, calibration.model.markers)),
-        all_parameters(parameters),
-        sigmas or Text("No standard deviations: circle points alone do not give any."),
-        unobservable_section(document, analysed=sigmas is not None),
-        correlation_figure(document, calibration.uncertainty),
+    none = parts.Text("No standard deviations: circle points alone do not give any.")
+    return shared_sections.learned_section(
+        document,
+        calibration.uncertainty,
+        partial(joint_table, joints=model.joints),
+        partial(place_table, markers=model.markers),
         message=f"Joint i turns about z of frame i − 1: `M = Tz(D) Rz(θ) Tx(r) Rx(α){hayati}`; "
         "encoder angle = θ offset + gear · θ. Below each value its standard deviation; fixed "
         "values are chosen, not measured.",
-        id="parameters",
+        details=(sigmas or none,),
     )
 
 
-def _search(calibration: KinematicCalibration, document: Mapping[str, Any]) -> Section:
-    outliers = numbers(outlier_table(calibration), rows="rows")
-    none = "Not looked for: circle points alone only leave points out of single circles."
-    found = (
-        (Text("Measurements that contradict the others; not used.", "hint"), outliers)
-        if outliers
-        else (Text(none if document["method"] == "circle-points" else "None."),)
-    )
-    return section(
-        "How it was learned",
-        beside(
-            section("Outliers", *found, id="outliers"),
-            _starts(calibration, document),
-            kind="beside",
-        ),
-        _circles(calibration, document),
-    )
+def _outliers(calibration: KinematicCalibration, document: Mapping[str, Any]) -> parts.Section:
+    """Return the rows that are outliers, the worst first."""
+    train = calibration.train
+    worst = np.argsort(-train.distances, kind="stable")
+    rows = []
+    for row in worst[calibration.outliers[worst]].tolist():
+        marker = train.observations.markers[train.observations.marker[row]]
+        cells = (Cell(marker), number_cell(1e3 * float(train.distances[row]), 2))
+        rows.append((str(int(train.observations.sample[row])), cells))
+    table = parts.numbers(Table(("sample", "point", "error [mm]"), tuple(rows)), rows="rows")
+    words = "Measurements that contradict the others; held against the model, but not used."
+    if table is None:
+        alone = document["method"] == "circle-points"
+        unsought = "Not looked for: circle points alone only leave points out of single circles."
+        words = unsought if alone else "None."
+    text = parts.hint(words) if table else parts.Text(words)
+    return parts.section("Outliers", text, table, id="outliers")
 
 
-def _starts(calibration: KinematicCalibration, document: Mapping[str, Any]) -> Section | None:
+def _starts(calibration: KinematicCalibration, document: Mapping[str, Any]) -> list[parts.Section]:
     """Return how every initial guess fared, in the order in which they were tried."""
     search, starts = calibration.search, document["starts"]
     if search is None:
-        return None
+        return []
     best = float(np.min(search.scores)) or 1.0
     rows = tuple(
         (f"{k + 1}", (Cell(label), Cell(f"{score / best:.4g}", value=score)))
         for k, (label, score) in enumerate(zip(search.labels, search.scores.tolist(), strict=True))
     )
-    return section(
-        "Starts",
-        Text(
-            f"{starts['agreeing']} of {starts['tried']} starts reached the best minimum, the "
-            f"first of them from {starts['best']}."
-        ),
-        numbers(Table(("start", "from", "cost over the best"), rows), rows="starts"),
+    words = (
+        f"{starts['agreeing']} of {starts['tried']} starts reached the best minimum, the first of "
+        f"them from {starts['best']}."
     )
+    table = Table(("start", "from", "cost over the best"), rows)
+    return [parts.section("Starts", parts.Text(words), parts.numbers(table, rows="starts"))]
 
 
-def _circles(calibration: KinematicCalibration, document: Mapping[str, Any]) -> Section | None:
-    """Return the fitted circles; None where no joint was swept."""
+def _circles(calibration: KinematicCalibration, document: Mapping[str, Any]) -> list[parts.Section]:
+    """Return the fitted circles; nothing where no joint was swept."""
     circles = calibration.circles
     if circles is None or not (circles.reasons or document["circles"]):
-        return None
+        return []
     sigma = dict(zip(calibration.model.joints, circles.axis_sigma.tolist(), strict=True))
-    columns = {
-        "points": ("points", 0),
-        "radius_mm": ("radius [mm]", 1),
-        "arc_deg": ("arc [deg]", 0),
-        "rms_mm": ("rms [mm]", 3),
-        "sagitta_mm": ("height [mm]", 2),
-    }
     rows = []
     for circle in document["circles"]:
-        cells = [number_cell(circle[key], digits) for key, (_, digits) in columns.items()]
+        cells = [number_cell(circle[key], digits) for key, (_, digits) in _CIRCLE_COLUMNS.items()]
         known = np.degrees(sigma[circle["joint"]])
         cells.append(Cell(f"{known:.3f}" if np.isfinite(known) else "not known"))
         rows.append((circle["joint"], tuple(cells)))
-    headings = ("circle of", *(title for title, _ in columns.values()), "axis known to [deg]")
-    return section(
-        "Circles",
-        *(Text(reason, "warn") for reason in circles.reasons),
-        numbers(Table(headings, tuple(rows)), rows="circles"),
-    )
+    titles = (title for title, _ in _CIRCLE_COLUMNS.values())
+    table = Table(("circle of", *titles, "axis known to [deg]"), tuple(rows))
+    reasons = (parts.Text(reason, "warn") for reason in circles.reasons)
+    return [parts.section("Circles", *reasons, parts.numbers(table, rows="circles"))]
 
 
-def outlier_table(calibration: KinematicCalibration) -> Table:
-    """Return the rows that are outliers, the worst first."""
-    rows = np.flatnonzero(calibration.outliers)
-    train = calibration.train
-    rows = rows[np.argsort(-train.distances[rows], kind="stable")]
-    found = []
-    for row in rows.tolist():
-        marker = train.observations.markers[train.observations.marker[row]]
-        cells = (Cell(marker), number_cell(1e3 * float(train.distances[row]), 2))
-        found.append((str(int(train.observations.sample[row])), cells))
-    return Table(("sample", "point", "error [mm]"), tuple(found))
-
-
-def _provenance(calibration: KinematicCalibration, document: Mapping[str, Any]) -> Section:
+def _provenance(
+    calibration: KinematicCalibration, document: Mapping[str, Any], length: float
+) -> parts.Section:
     model, noise = calibration.model, document["noise_sigma_mm"]
     found = {
         **model.provenance,
         **model.fit,
         **{f"robot {key}": value for key, value in model.robot.items()},
-        "arm length": f"{1e3 * arm_length(model.chain):.2f} mm",
+        "arm length": f"{length:.2f} mm",
         "noise of a coordinate": "not known" if noise is None else f"{noise:.3f} mm",
     }
-    return provenance_section(document, found)
+    return shared_sections.provenance_section(document, found)

@@ -1,6 +1,7 @@
 """The report on cameras that were learned from views of a flat board."""
 
 from collections.abc import Mapping
+from functools import partial
 from typing import Any
 
 from nico_selfmodel.estimation import CameraAssessment
@@ -11,38 +12,19 @@ from nico_selfmodel.viz.camera_scene import camera_scene
 from nico_selfmodel.viz.camera_views import ShownView, shown_views
 from nico_selfmodel.viz.numbers_shown import decimals, signed
 from nico_selfmodel.viz.photographs import Photographs
+from nico_selfmodel.viz.reports import parts, shared_sections
 from nico_selfmodel.viz.reports.page import Report, key_number
 from nico_selfmodel.viz.reports.parameter_tables import lens_table, pose_table
-from nico_selfmodel.viz.reports.sections import (
-    Section,
-    Text,
-    Tile,
-    Tiles,
-    beside,
-    drawing,
-    numbers,
-    section,
-)
-from nico_selfmodel.viz.reports.shared_sections import (
-    all_parameters,
-    correlation_figure,
-    missing_errors_text,
-    outlier_text,
-    parameters_of,
-    provenance_section,
-    scene_section,
-    unobservable_section,
-)
 from nico_selfmodel.viz.reports.tables import (
     HEADINGS,
     Cell,
     Table,
-    held_out_table,
+    error_table,
+    held_out,
     number_cell,
     statistics_cells,
 )
 from nico_selfmodel.viz.residual_field import residual_field
-from nico_selfmodel.viz.scene import Scene
 
 
 def camera_report(
@@ -51,7 +33,7 @@ def camera_report(
     images: Photographs | None = None,
     model: SelfModel | None = None,
 ) -> Report:
-    """Return the report on one camera or two.
+    """Return what views of a board tell of one camera or two.
 
     Args:
         assessment: What was learned and what it is worth.
@@ -66,63 +48,53 @@ def camera_report(
     name = "cameras" if model is None else model.name
     scene = camera_scene(assessment, images, name=name)
     key = key_number(document, "pixels", "corners", statistics=("rms", "mean"), digits=3)
-    sections = camera_sections(assessment, document, images, scene, model)
-    limits = "What these images cannot support"
-    return Report(name, _about(assessment, document), document, key, sections, scene, limits)
-
-
-def camera_sections(
-    assessment: CameraAssessment,
-    document: Mapping[str, Any],
-    images: Photographs | None,
-    scene: Scene,
-    model: SelfModel | None = None,
-) -> tuple[Section, ...]:
-    """Return what views of a board tell of cameras, section by section."""
-    views, pair = shown_views(assessment, document, images), _together(assessment, document)
-    cameras = "cameras" if len(assessment.calibration.views.eyes) > 1 else "camera"
-    return (
+    views = shown_views(assessment, document, images)
+    cameras = assessment.calibration.views.eyes
+    plural = "s" if len(cameras) > 1 else ""
+    sections = (
         _errors(document),
-        scene_section(f"The {cameras} and the boards", scene),
+        shared_sections.scene_section(f"The camera{plural} and the boards", scene),
         _where(assessment, views),
-        *((pair,) if pair else ()),
-        _parameters(assessment, document),
+        *_together(assessment, document),
+        shared_sections.learned_section(
+            document,
+            assessment.calibration.uncertainty,
+            partial(lens_table, cameras=cameras),
+            pose_table,
+            message="Pixel = K · distort(X/Z, Y/Z), in OpenCV's conventions. Below each value its "
+            "standard deviation; fixed values are chosen, not measured.",
+        ),
         _views(assessment, document, images, views),
         _provenance(assessment, document, model),
     )
+    limits = "What these images cannot support"
+    return Report(name, _about(cameras, document), document, key, sections, scene, limits)
 
 
-def _about(assessment: CameraAssessment, document: Mapping[str, Any]) -> str:
-    names = assessment.calibration.views.eyes
-    who = "Two cameras" if len(names) > 1 else f"The {names[0]} camera"
-    detection = document.get("detection")
-    board = (
-        ""
-        if detection is None
-        else f" ({detection['board']}, squares of {detection['square_mm']:g} mm)"
+def _about(cameras: tuple[str, ...], document: Mapping[str, Any]) -> str:
+    who = f"The {' and '.join(cameras)} camera{'s' * (len(cameras) > 1)}"
+    what = f"{who}, calibrated from {len(document['views'])} views of a flat board"
+    board = document.get("detection")
+    if board is None:
+        return what
+    return f"{what} ({board['board']}, squares of {board['square_mm']:g} mm)"
+
+
+def _errors(document: Mapping[str, Any]) -> parts.Section:
+    errors = held_out(document, "pixels")
+    table = error_table(errors, "reprojection error [px]", 3, "corners")
+    words = (
+        "Euclidean distance of each detected corner from where the model puts it, a corner in each "
+        "camera counted by itself, so that rms is OpenCV's."
     )
-    return f"{who}, calibrated from {len(document['views'])} views of a flat board{board}"
-
-
-def _errors(document: Mapping[str, Any]) -> Section:
     tiles = pair_tiles(document)
-    table = held_out_table(document, "pixels", "reprojection error [px]", 3, "corners")
-    return section(
-        "",
-        numbers(table, "errors"),
-        Text(
-            "Euclidean distance of each detected corner from where the model puts it, a corner in "
-            "each camera counted by itself, so that rms is OpenCV's.",
-            "hint",
-        ),
-        missing_errors_text(document, "with so few views"),
-        outlier_text(document, "views"),
-        Tiles(tiles) if tiles else None,
-        id="errors",
+    ending = parts.Tiles(tiles) if tiles else None
+    return shared_sections.errors_section(
+        document, (table, words), few="with so few views", more="views", ending=ending
     )
 
 
-def pair_tiles(document: Mapping[str, Any]) -> tuple[Tile, ...]:
+def pair_tiles(document: Mapping[str, Any]) -> tuple[parts.Tile, ...]:
     """Return the numbers by which pairs of cameras are compared; none for one camera."""
     tiles = []
     baseline = document["parameters"].get("baseline")
@@ -130,16 +102,16 @@ def pair_tiles(document: Mapping[str, Any]) -> tuple[Tile, ...]:
         sigma = None if baseline["sigma"] is None else 1e3 * baseline["sigma"]
         known = "" if sigma is None else f" ± {decimals(sigma, sigma)}"
         length = decimals(1e3 * baseline["value"], sigma)
-        tiles.append(Tile(f"{length}{known} mm", "baseline", "from camera to camera"))
+        tiles.append(parts.Tile(f"{length}{known} mm", "baseline", "from camera to camera"))
     if document.get("epipolar_px") is not None:
         mean = document["epipolar_px"]["pixels"]["mean"]
         note = f"mean in each image; OpenCV's sample adds both: {2 * mean:.3f} px"
-        tiles.append(Tile(f"{mean:.3f} px", "off the epipolar line", note))
+        tiles.append(parts.Tile(f"{mean:.3f} px", "off the epipolar line", note))
     found = document.get("reconstruction")
     return (*tiles, *(() if found is None else _board_tiles(found)))
 
 
-def _board_tiles(found: Mapping[str, Any]) -> tuple[Tile, Tile]:
+def _board_tiles(found: Mapping[str, Any]) -> tuple[parts.Tile, parts.Tile]:
     """Return how boards are rebuilt by triangulation."""
     boards = f"{found['boards']} {'held-out ' if found['held_out'] else ''}boards"
     edge, scale = found["edge_mm"], found["scale"]
@@ -150,85 +122,50 @@ def _board_tiles(found: Mapping[str, Any]) -> tuple[Tile, Tile]:
     off, spread = 100.0 * (scale["mean"] - 1.0), 100.0 * scale["sd"]
     size = f"size of the rebuilt boards over the true one, SD {spread:.2f} %"
     return (
-        Tile(f"{edge['sd']:.2f} mm", "SD of edges", edges),
-        Tile(f"{signed(off, 2)} %", "off in scale", size),
+        parts.Tile(f"{edge['sd']:.2f} mm", "SD of edges", edges),
+        parts.Tile(f"{signed(off, 2)} %", "off in scale", size),
     )
 
 
-def _where(assessment: CameraAssessment, views: tuple[ShownView, ...]) -> Section:
-    one = len(assessment.calibration.cameras) == 1
-    width = "half" if one else "wide"
+def _where(assessment: CameraAssessment, views: tuple[ShownView, ...]) -> parts.Section:
     fields = (
-        drawing(residual_field(assessment), "Residuals over the image", width),
-        drawing(camera_plots.coverage(assessment), "Coverage of the image by corners", width),
+        ("Residuals over the image", residual_field(assessment)),
+        ("Coverage of the image by corners", camera_plots.coverage(assessment)),
     )
-    return section(
+    one = len(assessment.calibration.views.eyes) == 1
+    return parts.section(
         "How large the errors are, and where",
-        drawing(camera_plots.view_errors(views), "Errors of the views"),
-        *((beside(*fields),) if one else fields),
-        Text(
+        parts.drawing("Errors of the views", camera_plots.view_errors(views)),
+        *((parts.halves(*fields),) if one else (parts.drawing(*field) for field in fields)),
+        parts.hint(
             "Arrows point from predicted to detected corners. Black: means over cells in which at "
-            "least three views have corners. What a lens model cannot express is left as a "
-            "pattern.",
-            "hint",
+            "least three views have corners. What a lens model cannot express is left as a pattern."
         ),
-        beside(
-            drawing(
-                camera_plots.pixel_errors(assessment),
-                "Distribution of the reprojection errors",
-                "half",
-            ),
-            drawing(
-                lens_plots.distortion_profile(assessment), "Distortion over the radius", "half"
-            ),
+        parts.halves(
+            ("Distribution of the reprojection errors", camera_plots.pixel_errors(assessment)),
+            ("Distortion over the radius", lens_plots.distortion_profile(assessment)),
         ),
     )
 
 
-def _together(assessment: CameraAssessment, document: Mapping[str, Any]) -> Section | None:
-    """Return what the cameras do together; None for one camera."""
-    rows = []
-    if document.get("epipolar_px") is not None:
-        cells = statistics_cells(document["epipolar_px"], "pixels", 3)[1:]
-        rows.append(("distance from the epipolar line [px]", cells))
-    if document.get("reconstruction") is not None:
-        cells = statistics_cells(document["reconstruction"], "position_mm", 2)[1:]
-        rows.append(("rebuilt corners [mm]", cells))
+def _together(assessment: CameraAssessment, document: Mapping[str, Any]) -> list[parts.Section]:
+    """Return what the cameras do together; nothing for one camera."""
+    rows = tuple(
+        (label, statistics_cells(document[key], quantity, digits)[1:])
+        for key, label, quantity, digits in (
+            ("epipolar_px", "distance from the epipolar line [px]", "pixels", 3),
+            ("reconstruction", "rebuilt corners [mm]", "position_mm", 2),
+        )
+        if document.get(key) is not None
+    )
     if not rows:
-        return None
-    return section(
-        "How the cameras work together",
-        numbers(Table(("", *HEADINGS), tuple(rows))),
-        beside(
-            drawing(
-                lens_plots.epipolar_distribution(assessment),
-                "Distribution of the epipolar errors",
-                "half",
-            ),
-            drawing(
-                lens_plots.reconstruction_by_range(assessment),
-                "Reconstruction error by range",
-                "half",
-            ),
-        ),
-        id="pair",
+        return []
+    figures = parts.halves(
+        ("Distribution of the epipolar errors", lens_plots.epipolar_distribution(assessment)),
+        ("Reconstruction error by range", lens_plots.reconstruction_by_range(assessment)),
     )
-
-
-def _parameters(assessment: CameraAssessment, document: Mapping[str, Any]) -> Section:
-    uncertainty = assessment.calibration.uncertainty
-    parameters = parameters_of(document, uncertainty)
-    return section(
-        "What was learned",
-        numbers(lens_table(parameters, assessment.calibration.views.eyes)),
-        numbers(pose_table(parameters)),
-        all_parameters(parameters),
-        unobservable_section(document),
-        correlation_figure(document, uncertainty),
-        message="Pixel = K · distort(X/Z, Y/Z), in OpenCV's conventions. Below each value its "
-        "standard deviation; fixed values are chosen, not measured.",
-        id="parameters",
-    )
+    table = parts.numbers(Table(("", *HEADINGS), rows))
+    return [parts.section("How the cameras work together", table, figures, id="pair")]
 
 
 def _views(
@@ -236,20 +173,15 @@ def _views(
     document: Mapping[str, Any],
     images: Photographs | None,
     views: tuple[ShownView, ...],
-) -> Section:
+) -> parts.Section:
     pictures = gallery(assessment, views, document, images)
-    hint = (
+    words = (
         "Crosses are the corners as detected; the line runs along their first row, so that left "
         "and right must show it in the same place on the board. Rings: corners with errors of "
         "more than four times the rms."
     )
-    return section(
-        "What was seen",
-        numbers(view_table(views), "views"),
-        None if pictures is None else Text(hint, "hint"),
-        pictures,
-        id="views",
-    )
+    seen = () if pictures is None else (parts.hint(words), pictures)
+    return parts.section("What was seen", parts.numbers(view_table(views)), *seen, id="views")
 
 
 def view_table(views: tuple[ShownView, ...]) -> Table:
@@ -274,18 +206,14 @@ def view_table(views: tuple[ShownView, ...]) -> Table:
 
 def _provenance(
     assessment: CameraAssessment, document: Mapping[str, Any], model: SelfModel | None
-) -> Section:
+) -> parts.Section:
     width, height = assessment.calibration.views.image_size
-    noise = document["pixel_sigma_px"]
-    detection = document.get("detection") or {}
+    noise, detection = document["pixel_sigma_px"], document.get("detection") or {}
+    told = {key: value for key, value in detection.items() if key not in ("files", "not_seen")}
     found = {
         **({} if model is None else {**model.provenance, **model.fit}),
-        **{
-            f"detection {key}": value
-            for key, value in detection.items()
-            if key not in ("files", "not_seen")
-        },
+        **{f"detection {key}": value for key, value in told.items()},
         "image size": f"{width} x {height} px",
         "noise of a coordinate": "not known" if noise is None else f"{noise:.3f} px",
     }
-    return provenance_section(document, found)
+    return shared_sections.provenance_section(document, found)

@@ -9,7 +9,7 @@ from jinja2 import Environment, PackageLoader, StrictUndefined
 from nico_selfmodel.viz.drake_backend import static_html
 from nico_selfmodel.viz.figures.rgba import Rgba
 from nico_selfmodel.viz.plot_style import svg_data_uri
-from nico_selfmodel.viz.reports.sections import Bullets, Section
+from nico_selfmodel.viz.reports.parts import Bullets, Section
 from nico_selfmodel.viz.scene import Scene
 from nico_selfmodel.viz.scene_file import SCENE_FILE
 
@@ -94,7 +94,7 @@ def key_number(
     *,
     statistics: tuple[str, str] = ("mean", "rms"),
     digits: int = 2,
-    notes: tuple[str, ...] = (),
+    note: str = "",
 ) -> Key:
     """Return the error that matters most: held out, else cross-validated, else of training.
 
@@ -104,7 +104,7 @@ def key_number(
         things: What the errors are of.
         statistics: What is shown large, and what small.
         digits: Decimals that are shown.
-        notes: What else to show small.
+        note: What else to show small.
 
     Raises:
         ValueError: If there are no errors.
@@ -113,8 +113,8 @@ def key_number(
     block, unit = document[name], "mm" if quantity == "position_mm" else "px"
     large, small = (f"{block[quantity][one]:.{digits}f} {unit}" for one in statistics)
     shown = {"sd": "SD"}.get(statistics[1], statistics[1])
-    note = " · ".join([f"{shown} {small}", f"{block['n']} {things}", *notes])
-    return Key(large, f"{statistics[0]} error {label}", note)
+    beside = [f"{shown} {small}", f"{block['n']} {things}", note]
+    return Key(large, f"{statistics[0]} error {label}", " · ".join(filter(None, beside)))
 
 
 def telling_set(document: Mapping[str, Any], things: str) -> tuple[str, str]:

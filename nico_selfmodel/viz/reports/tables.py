@@ -16,6 +16,10 @@ UNITS = {"m": ("mm", 1e3), "rad": ("deg", 180.0 / np.pi), "px": ("px", 1.0), "1"
 """Unit of a parameter -> unit and factor that people read."""
 
 
+ErrorBlock = tuple[str, Mapping[str, Any] | None, str]
+"""Label, set of errors of a document, and the quantity to show: `position_mm` or `pixels`."""
+
+
 @dataclass(frozen=True)
 class Cell:
     """A number as it is shown, beside what it is exactly."""
@@ -55,42 +59,36 @@ def statistics_cells(block: Mapping[str, Any], quantity: str, digits: int) -> tu
     return (number_cell(count), *(number_cell(values[name], digits) for name in STATISTICS))
 
 
+def held_out(document: Mapping[str, Any], quantity: str) -> list[ErrorBlock]:
+    """Return the held-out, the cross-validated and the training errors of a document."""
+    return [(label, document[key], quantity) for key, label in SETS]
+
+
 def error_table(
-    blocks: Iterable[tuple[str, Mapping[str, Any] | None, str]],
+    blocks: Iterable[ErrorBlock],
     heading: str,
     digits: int,
     things: str = "poses",
+    arm_mm: float | None = None,
 ) -> Table | None:
     """Return statistics of sets of errors; None where there are none.
 
     Args:
-        blocks: Label, set of errors and the quantity to show; sets without it are left out.
+        blocks: What to show; sets without the quantity are left out.
         heading: Of the column that names the sets.
         digits: Decimals that are shown.
         things: What there are n of.
+        arm_mm: Length of an arm of which the means are shares [mm].
     """
-    rows = tuple(
-        (label, statistics_cells(block, quantity, digits))
-        for label, block, quantity in blocks
-        if block is not None and quantity in block
-    )
-    return Table((heading, things, *HEADINGS), rows) if rows else None
-
-
-def held_out_table(
-    document: Mapping[str, Any], quantity: str, heading: str, digits: int, things: str = "poses"
-) -> Table | None:
-    """Return statistics of the held-out, the cross-validated and the training errors.
-
-    Args:
-        document: Content of `result.json`.
-        quantity: `position_mm` or `pixels`.
-        heading: Of the column that names the sets.
-        digits: Decimals that are shown.
-        things: What there are n of.
-    """
-    blocks = [(label, document[key], quantity) for key, label in SETS]
-    return error_table(blocks, heading, digits, things)
+    rows = []
+    for label, block, quantity in blocks:
+        if block is not None and quantity in block:
+            cells = statistics_cells(block, quantity, digits)
+            if arm_mm is not None:
+                cells += (Cell(f"{block[quantity]['mean'] / arm_mm:.4f}"),)
+            rows.append((label, cells))
+    share = () if arm_mm is None else ("mean / arm",)
+    return Table((heading, things, *HEADINGS, *share), tuple(rows)) if rows else None
 
 
 def change_table(changes: Mapping[str, Mapping[str, Any]], heading: str = "parameter") -> Table:
@@ -120,7 +118,8 @@ def _change_cells(entry: Mapping[str, Any]) -> tuple[Cell, ...]:
     )
 
 
-def facts(found: Mapping[str, Any]) -> dict[str, str]:
-    """Return facts as text, without those that have parts of their own."""
+def fact_table(found: Mapping[str, Any]) -> Table:
+    """Return names and what they stand for, without what has parts of its own."""
     plain = {key: fact for key, fact in found.items() if not isinstance(fact, Mapping)}
-    return {str(key).replace("_", " "): str(value) for key, value in plain.items()}
+    rows = ((str(key).replace("_", " "), (Cell(str(fact)),)) for key, fact in plain.items())
+    return Table((), tuple(rows))

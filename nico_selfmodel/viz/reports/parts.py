@@ -1,6 +1,5 @@
 """What a report is made of: sections, and the parts that stand in them."""
 
-from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from typing import Any
 
@@ -39,16 +38,9 @@ class Numbers:
     table: Table
     """Rows under headings."""
     kind: str = ""
-    """`errors` where the first row is the one that counts."""
+    """`errors` where the first row is the one that counts, `text` for words."""
     rows: str = ""
     """What its rows are, where more than anybody reads at once are folded away."""
-
-
-@dataclass(frozen=True)
-class Facts:
-    """Names and what they stand for."""
-
-    rows: Mapping[str, str]
 
 
 @dataclass(frozen=True, eq=False)
@@ -130,12 +122,12 @@ def section(title: str, *parts: Any, **more: str) -> Section:
         parts: What stands in it.
         more: `message`, `id` and `kind`.
     """
-    return Section(title, present(parts), **more)
+    return Section(title, tuple(part for part in parts if part is not None), **more)
 
 
-def present(parts: Iterable[Any]) -> tuple[Any, ...]:
-    """Return the parts that there are."""
-    return tuple(part for part in parts if part is not None)
+def hint(words: str, more: str = "") -> Text:
+    """Return small print."""
+    return Text(words, "hint", more)
 
 
 def numbers(table: Table | None, kind: str = "", rows: str = "") -> Numbers | None:
@@ -143,12 +135,12 @@ def numbers(table: Table | None, kind: str = "", rows: str = "") -> Numbers | No
     return Numbers(table, kind, rows) if table is not None and table.rows else None
 
 
-def drawing(figure: Figure | None, about: str, width: str = "wide") -> Drawing | None:
+def drawing(about: str, figure: Figure | None, width: str = "wide") -> Drawing | None:
     """Return a figure as a part, None where there is none."""
     return None if figure is None else Drawing(figure, about, width)
 
 
-def beside(*parts: Any, kind: str = "pair") -> Beside | None:
-    """Return parts side by side, None where there are none."""
-    found = present(parts)
-    return Beside(found, kind) if found else None
+def halves(*drawings: tuple[str, Figure | None]) -> Beside:
+    """Return figures of half the page's width side by side: what they show, and the figure."""
+    found = (Drawing(figure, about, "half") for about, figure in drawings if figure is not None)
+    return Beside(tuple(found))
