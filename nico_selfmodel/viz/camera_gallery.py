@@ -30,7 +30,7 @@ class Thumbnail:
     file: str
     """Name of the photograph."""
     color: str
-    """Of the eye."""
+    """Of the camera."""
     rms: float | None
     """Of its corners [px]."""
     note: str
@@ -56,7 +56,7 @@ class GalleryRow:
     use: str
     """One of `camera_views.USES`."""
     pictures: tuple[Thumbnail, ...]
-    """One an eye."""
+    """One a camera."""
 
 
 @dataclass(frozen=True)

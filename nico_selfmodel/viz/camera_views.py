@@ -24,12 +24,12 @@ USE_COLORS = dict(
 
 @dataclass(frozen=True, eq=False)
 class EyeView:
-    """What one eye saw of a board."""
+    """What one camera saw of a board."""
 
     eye: str
     """`left` or `right`."""
     file: str
-    """Name of the photograph; the eye and the view where it is not known."""
+    """Name of the photograph; the camera and the view where it is not known."""
     pixels: NDArray
     """Corners, nan where not seen [px]. Shape (P, 2)."""
     residuals: NDArray
@@ -49,7 +49,7 @@ class EyeView:
 
 @dataclass(frozen=True, eq=False)
 class ShownView:
-    """One moment, as each eye saw it."""
+    """One moment, as each camera saw it."""
 
     name: str
     """As in the data."""
@@ -60,7 +60,7 @@ class ShownView:
 
     @property
     def rms(self) -> float | None:
-        """Root mean square error over the eyes [px]."""
+        """Root mean square error over the cameras [px]."""
         return root_mean_square(np.concatenate([eye.errors for eye in self.eyes]))
 
 
@@ -69,12 +69,12 @@ def shown_views(
     document: Mapping[str, Any] | None = None,
     images: Photographs | None = None,
 ) -> tuple[ShownView, ...]:
-    """Return all views: learned from, not believed, held out, or without a board.
+    """Return all views: learned from, outliers, held out, or without a board.
 
     Args:
         assessment: What was learned.
-        document: Content of `result.json`; its `detection` may hold `files`, eye -> view -> name,
-            and `not_seen`, name of a file -> what was tried.
+        document: Content of `result.json`; its `detection` may hold `files`, camera -> view ->
+            name, and `not_seen`, name of a file -> what was tried.
         images: Photographs, which may show views in which no board was found.
 
     Returns:

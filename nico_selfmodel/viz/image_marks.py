@@ -1,4 +1,4 @@
-"""Crosses and rings on what the eyes see: where the hand is, and where it is expected."""
+"""Crosses and rings on what the cameras see: where the hand is, and where it is expected."""
 
 from collections.abc import Mapping
 from types import MappingProxyType

@@ -31,7 +31,8 @@ def calibration_scene(
     """Describe a calibration as a scene.
 
     The arm stands in the pose that its sweeps share, or in the recorded pose nearest to the middle
-    of the data. All is in the measuring frame W, turned until it stands upright where W is an eye.
+    of the data. All is in the measuring frame W, turned until it stands upright where W is a
+    camera.
 
     Args:
         calibration: What was learned.

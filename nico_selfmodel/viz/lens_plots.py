@@ -37,7 +37,7 @@ def distortion_profile(assessment: CameraAssessment) -> Figure:
 
 
 def epipolar_distribution(assessment: CameraAssessment) -> Figure | None:
-    """Draw how far corners lie from epipolar lines in each image; None for one eye."""
+    """Draw how far corners lie from epipolar lines in each image; None for one camera."""
     if assessment.epipolar is None:
         return None
     calibration, test = assessment.calibration, None
@@ -78,7 +78,7 @@ def reconstruction_by_range(assessment: CameraAssessment) -> Figure | None:
             sigma = f"σ = {calibration.pixel_sigma:.2f} px"
             text = f"expected of the depth: √2 z² σ / (f b), {sigma}"
             axes.plot(z, np.sqrt(2.0) * z**2 * factor, color=palette.HELD_OUT, label=text)
-        axes.set_xlabel("distance from the left eye [mm]")
+        axes.set_xlabel("distance from the left camera [mm]")
         axes.set_ylabel("error of a corner [mm]")
         axes.set_xlim(z[0], z[-1])
         axes.set_ylim(0.0, 1.03 * float(errors.max()) or 1.0)
@@ -88,7 +88,7 @@ def reconstruction_by_range(assessment: CameraAssessment) -> Figure | None:
 
 
 def _profile_panel(axes: Axes, assessment: CameraAssessment, eye: str, camera: Camera) -> float:
-    """Draw one eye's profile; return how far the lens moves the image's furthest corner [px]."""
+    """Draw one camera's profile; return how far the lens moves the image's furthest corner [px]."""
     calibration = assessment.calibration
     focal = 0.5 * (camera.fx + camera.fy)
     center = np.array([camera.cx, camera.cy])

@@ -34,21 +34,21 @@ def point_items(calibration: KinematicCalibration, unit: float) -> list[Item]:
     if calibration.test is not None:
         held_out = calibration.test.observations.p_WH
         items.append(_points("held_out/points", held_out, palette.HELD_OUT, unit))
-    wild = np.flatnonzero(calibration.outliers)
-    if wild.size:
+    outliers = np.flatnonzero(calibration.outliers)
+    if outliers.size:
         color = palette.rgba(palette.OUTLIER)
         marks = Markers(
             path="outliers/points",
             color=color,
-            centers=measured[wild],
+            centers=measured[outliers],
             radius=_OUTLIER_RADIUS * unit,
             shape="diamond",
         )
         misses = Needles(
             path="outliers/residuals_x1",
             color=color,
-            starts=calibration.train.p_WH_predicted[wild],
-            ends=measured[wild],
+            starts=calibration.train.p_WH_predicted[outliers],
+            ends=measured[outliers],
             radius=_NEEDLE_RADIUS * unit,
         )
         items += [marks, misses]

@@ -43,7 +43,7 @@ class Camera:
     """Where a scene is first seen from."""
 
     p_WC: NDArray
-    """The eye [m]. Shape (3,)."""
+    """The camera [m]. Shape (3,)."""
     p_WT: NDArray
     """What it looks at [m]. Shape (3,)."""
 

@@ -23,14 +23,15 @@ _TURN, _ELEVATION = np.radians(25.0), np.radians(22.0)
 X_WL = np.array(
     [[0.0, 0.0, 1.0, 0.0], [-1.0, 0.0, 0.0, 0.0], [0.0, -1.0, 0.0, 0.0], [0.0, 0.0, 0.0, 1.0]]
 )
-"""Pose of an eye in a scene that is about eyes: it looks along x, and z is up."""
+"""Pose of a camera in a scene that is about cameras: it looks along x, and z is up."""
 
 
 def upright(model: SelfModel, robot: ArmDescription | None = None) -> NDArray:
     """Return the pose of a model's world in a scene whose z is up. Shape (4, 4).
 
-    Only a model whose world is its left eye needs to be turned: others were measured by something
-    that stood upright itself. Its robot knows how it stands; without one the eye is taken as level.
+    Only a model whose world is its left camera needs to be turned: others were measured by
+    something that stood upright itself. Its robot knows how it stands; without one the camera is
+    taken as level.
 
     Args:
         model: The self-model.
@@ -116,8 +117,8 @@ def camera_from(points: NDArray, azimuth: float, elevation: float = _ELEVATION) 
 
     Args:
         points: What must be seen [m]. Shape (N, 3).
-        azimuth: Of the eye as seen from the points, from x towards y [rad].
-        elevation: Of the eye as seen from the points [rad].
+        azimuth: Of the camera as seen from the points, from x towards y [rad].
+        elevation: Of the camera as seen from the points [rad].
     """
     right = np.array([-np.sin(azimuth), np.cos(azimuth), 0.0])
     away = np.cos(elevation) * np.array([right[1], -right[0], np.tan(elevation)])

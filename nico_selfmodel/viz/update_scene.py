@@ -31,13 +31,13 @@ def update_scene(evaluation: UpdateEvaluation, robot: ArmDescription | None = No
     """Describe a change as a scene; z is up.
 
     Args:
-        evaluation: The body before and after, and its sightings.
+        evaluation: The body before and after, and its observations.
         robot: The robot that the arm belongs to, to be drawn around it.
 
     Returns:
-        The arm at the pose nearest to the middle of the sightings as it is and, thinner, as it was;
-        eyes where there are any; the hand at every pose, where it was thought before, and tenfold
-        where it was seen.
+        The arm at the pose nearest to the middle of the observations as it is and, thinner, as it
+        was; cameras where there are any; the hand at every pose, where it was thought before, and
+        tenfold where it was seen.
 
     Raises:
         ModelError: If the robot cannot be read, or its chain has other joints.

@@ -31,9 +31,9 @@ def lesson():
 def found(lesson):
     train = lesson.train.pixels.copy()
     train[70] += 40.0
-    wild = replace(lesson.train, pixels=train)
+    spoilt = replace(lesson.train, pixels=train)
     return calibrate_body(
-        wild, lesson.eyes, lesson.boards, test=lesson.test, test_boards=lesson.test_boards
+        spoilt, lesson.eyes, lesson.boards, test=lesson.test, test_boards=lesson.test_boards
     )
 
 
@@ -96,7 +96,7 @@ def test_a_body_without_boards_says_so_and_has_no_board_table(lesson, monkeypatc
     assert "holds the scale" in html
 
 
-def test_the_scene_shows_every_believed_hand_and_the_wild_one(found):
+def test_the_scene_shows_every_inlier_and_the_outlier(found):
     scene = body_scene(found)
     items = {item.path: item for item in scene.items}
     assert len(items["hand/known_to"].centers) == int((~found.outliers).sum())
