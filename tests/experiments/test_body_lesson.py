@@ -17,7 +17,7 @@ from nico_selfmodel.experiments.eyes_lesson import EyesLesson, learn_arm, nomina
 from nico_selfmodel.experiments.refinement import simulated_lesson
 from nico_selfmodel.model import SelfModel
 from nico_selfmodel.systems import WORLDS, looking_arm
-from nico_selfmodel.viz.scene_file import load_scene
+from nico_selfmodel.viz.scene import load_scene
 
 MARKER = "fiducial"
 

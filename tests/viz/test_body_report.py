@@ -18,7 +18,7 @@ from nico_selfmodel.systems import WORLDS
 from nico_selfmodel.viz.body_scene import accuracy_at, body_scene
 from nico_selfmodel.viz.figures.workspace_map import workspace_map
 from nico_selfmodel.viz.reports.body import body_report
-from nico_selfmodel.viz.scene_file import load_scene
+from nico_selfmodel.viz.scene import load_scene
 
 
 @pytest.fixture(scope="module")

@@ -8,7 +8,7 @@ from nico_selfmodel.estimation import camera_document, judge_cameras
 from nico_selfmodel.model import SelfModel
 from nico_selfmodel.viz.camera_scene import camera_scene
 from nico_selfmodel.viz.reports.cameras import camera_report
-from nico_selfmodel.viz.scene_file import load_scene
+from nico_selfmodel.viz.scene import load_scene
 
 FILES = {"self_model.yaml", "result.json", "report.html", "scene.json"}
 

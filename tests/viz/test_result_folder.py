@@ -8,7 +8,7 @@ from nico_selfmodel.errors import ModelError
 from nico_selfmodel.model import SelfModel
 from nico_selfmodel.viz.kinematics_scene import calibration_scene
 from nico_selfmodel.viz.reports.arm import arm_report
-from nico_selfmodel.viz.scene_file import load_scene
+from nico_selfmodel.viz.scene import load_scene
 
 FILES = {"self_model.yaml", "result.json", "report.html", "scene.json"}
 

@@ -25,7 +25,7 @@ from nico_selfmodel.model import SelfModel
 from nico_selfmodel.systems import WORLDS
 from nico_selfmodel.viz.health_plot import health_plot
 from nico_selfmodel.viz.reports.updates import update_report
-from nico_selfmodel.viz.scene_file import load_scene
+from nico_selfmodel.viz.scene import load_scene
 from nico_selfmodel.viz.update_scene import update_scene
 
 WORLD = WORLDS["clean"].with_noise(play_deg=0.5)

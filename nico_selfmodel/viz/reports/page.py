@@ -10,8 +10,7 @@ from nico_selfmodel.viz.drake_backend import static_html
 from nico_selfmodel.viz.figures.rgba import Rgba
 from nico_selfmodel.viz.plot_style import svg_data_uri
 from nico_selfmodel.viz.reports.parts import Bullets, Section
-from nico_selfmodel.viz.scene import Scene
-from nico_selfmodel.viz.scene_file import SCENE_FILE
+from nico_selfmodel.viz.scene import SCENE_FILE, Scene
 
 REPORT_FILE = "report.html"
 _MEANING = {
