@@ -114,7 +114,12 @@ def _middle_pose(calibration: BodyCalibration) -> NDArray:
     """Return the joint displacements of the training pose nearest to the middle [rad]."""
     servos = calibration.model.servos
     q = (calibration.train.observations.arm.angles - servos.offset) / servos.gear
-    return q[int(np.argmin(np.sum((q - np.median(q, axis=0)) ** 2, axis=1)))]
+    return q[middle_row(q)]
+
+
+def middle_row(q: NDArray) -> int:
+    """Return the row of the pose nearest to the middle of poses. Shape (N, n)."""
+    return int(np.argmin(np.sum((q - np.median(q, axis=0)) ** 2, axis=1)))
 
 
 def _cameras(model: SelfModel) -> list[Item]:
@@ -165,8 +170,7 @@ def _hands(calibration: BodyCalibration, accuracy: WorkspaceAccuracy, X_SW: NDAr
 
 
 def _legend(accuracy: WorkspaceAccuracy) -> list[LegendEntry]:
-    scale = palette.error_colors(np.linspace(0.0, 1.0, 5), 1.0)
-    colors = tuple((float(r), float(g), float(b), 1.0) for r, g, b in scale)
+    colors = palette.scale(palette.ERRORS)
     return [
         LegendEntry(f"hand known to 0 ... {1e3 * accuracy.total.max():.1f} mm", colors[-1], colors),
         LegendEntry("where the cameras saw it, tenfold", palette.rgba(palette.MUTED, 0.7)),

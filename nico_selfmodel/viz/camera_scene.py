@@ -149,7 +149,7 @@ def _boards(calibration: CameraCalibration, chosen: int) -> list[Item]:
 
 
 def _board_legend(calibration: CameraCalibration) -> list[LegendEntry]:
-    scale = tuple(palette.BOARDS(share) for share in np.linspace(0.0, 1.0, 9))
+    scale = palette.scale(palette.BOARDS)
     inliers = int((~calibration.outliers).sum())
     label = f"boards ({inliers}), by their rms (0 to {short(largest_rms(calibration))} px)"
     entries = [LegendEntry(label, scale[-1], scale)]

@@ -2,7 +2,7 @@
 
 import numpy as np
 from matplotlib import colormaps
-from matplotlib.colors import LinearSegmentedColormap, to_rgb
+from matplotlib.colors import Colormap, LinearSegmentedColormap, to_rgb
 from numpy.typing import ArrayLike, NDArray
 
 from nico_selfmodel.viz.figures.rgba import Rgba
@@ -38,6 +38,11 @@ def rgba(color: str, opacity: float = 1.0) -> Rgba:
     """Return a colour as numbers."""
     red, green, blue = to_rgb(color)
     return float(red), float(green), float(blue), opacity
+
+
+def scale(colors: Colormap) -> tuple[Rgba, ...]:
+    """Return a few colours of a scale for a legend, from the least to the largest."""
+    return tuple(colors(share) for share in np.linspace(0.0, 1.0, 9))
 
 
 def error_colors(values: ArrayLike, largest: float) -> NDArray:
