@@ -7,6 +7,7 @@ import typer
 
 from nico_selfmodel.cli import calibrate_body, calibrate_cameras, calibrate_mirror, console
 from nico_selfmodel.cli.given_names import ModelName
+from nico_selfmodel.cli.result_files import write_with_report
 from nico_selfmodel.cli.robot_options import (
     Arm,
     Base,
@@ -123,19 +124,10 @@ def kinematics(
         document = to_json(result, verdict)
         stage("writing the result", 0, 1)
         # Drawing is slow to load, and only needed once there is something to draw.
-        from nico_selfmodel.plant import learned_urdf
-        from nico_selfmodel.viz import write_result_folder
+        from nico_selfmodel.viz.reports.arm import arm_report
 
-        write_result_folder(
-            out,
-            calibration,
-            verdict,
-            document,
-            urdf_text=learned_urdf(calibration.model, description, folder=out),
-            robot_name=Path(description.robot).stem if description else None,
-            robot=description,
-            force=force,
-        )
+        report = arm_report(calibration, document, description)
+        write_with_report(out, calibration.model, report, robot=description, force=force)
         stage("writing the result", 1, 1)
     if as_json:
         console.print_json(document)

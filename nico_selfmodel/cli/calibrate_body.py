@@ -7,6 +7,7 @@ import typer
 
 from nico_selfmodel.cli import body_tables, console
 from nico_selfmodel.cli.given_names import ModelName
+from nico_selfmodel.cli.result_files import write_with_report
 from nico_selfmodel.cli.robot_options import Arm, Base, Hold, Point, Robot, Tip, chosen_arm
 
 if TYPE_CHECKING:
@@ -103,9 +104,9 @@ def body(
         stage_bar("learning", 1, 1)
         stage_bar("writing the result", 0, 1)
         # Drawing is slow to load, and only needed once there is something to draw.
-        from nico_selfmodel.viz.body_report import write_body_folder
+        from nico_selfmodel.viz.reports.body import body_report
 
-        write_body_folder(out, found, verdict, document, force=force)
+        write_with_report(out, found.model, body_report(found, document), force=force)
         stage_bar("writing the result", 1, 1)
     if as_json:
         console.print_json(document)
@@ -157,9 +158,10 @@ def tool(
     )
     document = to_json(tool_result(found, evaluation), verdict)
     # Drawing is slow to load, and only needed once there is something to draw.
-    from nico_selfmodel.viz.update_report import write_update_folder
+    from nico_selfmodel.viz.reports.updates import update_report
 
-    write_update_folder(out, evaluation, verdict, document, force=force)
+    report = update_report(evaluation, document)
+    write_with_report(out, evaluation.after, report, force=force)
     if as_json:
         console.print_json(document)
     else:

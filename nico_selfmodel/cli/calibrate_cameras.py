@@ -8,6 +8,7 @@ import typer
 
 from nico_selfmodel.cli import console
 from nico_selfmodel.cli.given_names import ModelName, name_after
+from nico_selfmodel.cli.result_files import write_with_report
 
 if TYPE_CHECKING:
     from nico_selfmodel.estimation import CameraOptions
@@ -194,17 +195,11 @@ def _learn(found: "BoardDetections", request: _Request, stage: console.Stage) ->
     stage("learning the eyes", 2, 2)
     stage("writing the result", 0, 1)
     # Drawing is slow to load, and only needed once there is something to draw.
-    from nico_selfmodel.viz import write_camera_folder
+    from nico_selfmodel.viz.reports.cameras import camera_report
 
-    write_camera_folder(
-        request.out,
-        assessment,
-        verdict,
-        document,
-        model=calibration.self_model(request.name, found.provenance),
-        images=found.read_images(),
-        force=request.force,
-    )
+    model = calibration.self_model(request.name, found.provenance)
+    report = camera_report(assessment, document, found.read_images(), model)
+    write_with_report(request.out, model, report, force=request.force)
     stage("writing the result", 1, 1)
     return document
 

@@ -6,6 +6,7 @@ from typing import Annotated
 import typer
 
 from nico_selfmodel.cli import body_tables, console
+from nico_selfmodel.cli.result_files import write_with_report
 
 
 def check(
@@ -49,11 +50,11 @@ def check(
         learned = relearned_result(update, cause.cause, evaluation)
         verdict = judge(learned)
         # Drawing is slow to load, and only needed once there is something to draw.
-        from nico_selfmodel.viz.update_report import write_update_folder
+        from nico_selfmodel.viz.reports.updates import update_report
 
-        write_update_folder(
-            out, evaluation, verdict, to_json(learned, verdict), report, force=force
-        )
+        relearned = to_json(learned, verdict)
+        page = update_report(evaluation, relearned, report)
+        write_with_report(out, evaluation.after, page, force=force)
         if not as_json:
             console.print_verdict(verdict.status, verdict.reasons)
             console.print_where(out)

@@ -32,13 +32,6 @@ def print_json(document: Mapping[str, Any]) -> None:
     sys.stdout.write(json.dumps(document, indent=1, allow_nan=False) + "\n")
 
 
-def write_document(folder: Path, document: Mapping[str, Any]) -> None:
-    """Write a result folder's `result.json` anew, with what only a command knows."""
-    from nico_selfmodel.files import RESULT_FILE, write_whole
-
-    write_whole(folder / RESULT_FILE, json.dumps(document, allow_nan=False, indent=1) + "\n")
-
-
 def print_table(title: str, headings: Sequence[str], rows: Sequence[Sequence[str]]) -> None:
     """Print a table; all but the first column are aligned to the right."""
     # As Text: in a plain string Rich would take [mm] for markup and drop it.

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from nico_selfmodel.cli import console
+from nico_selfmodel.cli.result_files import write_with_report
 from nico_selfmodel.cli.robot_options import Arm, Base, Hold, Point, Robot, Tip, chosen_arm
 
 if TYPE_CHECKING:
@@ -110,8 +111,7 @@ def _by_motion_capture(
     """Learn an arm from what motion capture sees of it (chapter 6)."""
     from nico_selfmodel.estimation import judge, to_json
     from nico_selfmodel.experiments.first_arm import learn_first_arm
-    from nico_selfmodel.plant import learned_urdf
-    from nico_selfmodel.viz import write_result_folder
+    from nico_selfmodel.viz.reports.arm import arm_report
 
     with console.progress_bar() as stage:
         first = learn_first_arm(
@@ -119,18 +119,16 @@ def _by_motion_capture(
         )
         stage("writing the result", 0, 1)
         verdict = judge(first.refined)
-        write_result_folder(
+        document = to_json(first.refined, verdict)
+        write_with_report(
             out,
-            first.refined,
-            verdict,
-            urdf_text=learned_urdf(first.refined.model, description, folder=out),
-            robot_name=Path(description.robot).stem,
+            first.refined.model,
+            arm_report(first.refined, document, description),
             robot=description,
             recordings={"train": first.train, "test": first.test},
             force=force,
         )
         stage("writing the result", 1, 1)
-    document = to_json(first.refined, verdict)
     if as_json:
         console.print_json(document)
     else:

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Any
 import typer
 
 from nico_selfmodel.cli import console
+from nico_selfmodel.cli.result_files import write_with_report
 
 if TYPE_CHECKING:
     from nico_selfmodel.experiments.body_lesson import BodyLesson
@@ -76,17 +77,15 @@ def write_lesson(out: Path, lesson: "BodyLesson", marker: str, force: bool) -> d
     """
     from nico_selfmodel.estimation import to_json
     from nico_selfmodel.systems import looking_arm
-    from nico_selfmodel.viz.body_report import write_body_folder
+    from nico_selfmodel.viz.reports.body import body_report
 
     if lesson.refined is None or not lesson.accepted:
         return _write_unrefined(out, lesson, marker, force)
     document = to_json(lesson.refined, lesson.verdict) | _told(lesson)
-    write_body_folder(
+    write_with_report(
         out,
-        lesson.refined,
-        lesson.verdict,
-        document,
-        robot=looking_arm(marker),
+        lesson.refined.model,
+        body_report(lesson.refined, document, looking_arm(marker)),
         recordings={"train": lesson.arm.train, "test": lesson.arm.test},
         force=force,
     )
@@ -96,21 +95,17 @@ def write_lesson(out: Path, lesson: "BodyLesson", marker: str, force: bool) -> d
 def _write_unrefined(out: Path, lesson: "BodyLesson", marker: str, force: bool) -> dict[str, Any]:
     """Write the arm as it was learned after the eyes, and why nothing better came of it."""
     from nico_selfmodel.estimation import judge, result_of, to_json
-    from nico_selfmodel.plant import learned_urdf
     from nico_selfmodel.systems import looking_arm
-    from nico_selfmodel.viz import write_result_folder
+    from nico_selfmodel.viz.reports.arm import arm_report
 
     arm, robot = lesson.arm, looking_arm(marker)
     result = arm.sight.with_pixels(result_of(arm.calibration), arm.model)
     verdict = judge(result)
     document = to_json(result, verdict) | _told(lesson)
-    write_result_folder(
+    write_with_report(
         out,
-        arm.calibration,
-        verdict,
-        document,
-        urdf_text=learned_urdf(arm.model, robot, folder=out),
-        robot_name="nico",
+        arm.model,
+        arm_report(arm.calibration, document, robot),
         robot=robot,
         recordings={"train": arm.train, "test": arm.test},
         force=force,

@@ -27,25 +27,21 @@ def write_mirror_lesson(
         What is in `result.json` now: the mirror's own document under `mirror`.
     """
     from nico_selfmodel.plant import ArmDescription
-    from nico_selfmodel.viz.mirror_report import write_mirror_folder
+    from nico_selfmodel.result_folder.writing import replace_document, write_result
+    from nico_selfmodel.viz.reports.mirrors import mirror_report
 
     found = lesson.document
     (name,) = lesson.calibration.mirrors
-    write_mirror_folder(
-        out / FOLDER,
-        lesson.calibration,
-        lesson.verdict,
-        found,
-        pictures={name: lesson.picture},
-        robot=ArmDescription.of_model(lesson.model),
-    )
+    robot = ArmDescription.of_model(lesson.model)
+    report = mirror_report(lesson.calibration, found, {name: lesson.picture}, robot)
+    write_result(out / FOLDER, lesson.calibration.model, found, report.files())
     for name, data in (("mirror", lesson.train), ("mirror_test", lesson.test)):
         data.save(out / "recordings" / name)
     whole = {**document, "mirror": found}
     if found["status"] == "FAIL":
         reasons = [f"the mirror: {reason}" for reason in found["reasons"]]
         whole |= {"status": "FAIL", "reasons": [*document["reasons"], *reasons]}
-    console.write_document(out, whole)
+    replace_document(out, whole)
     return whole
 
 

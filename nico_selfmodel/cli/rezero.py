@@ -6,6 +6,7 @@ from typing import Annotated
 import typer
 
 from nico_selfmodel.cli import body_tables, console
+from nico_selfmodel.cli.result_files import write_with_report
 
 
 def rezero(
@@ -40,9 +41,10 @@ def rezero(
     evaluation = evaluate_update(known, found.update, data, sensor)
     document = to_json(rezero_result(found, evaluation), verdict)
     # Drawing is slow to load, and only needed once there is something to draw.
-    from nico_selfmodel.viz.update_report import write_update_folder
+    from nico_selfmodel.viz.reports.updates import update_report
 
-    write_update_folder(out, evaluation, verdict, document, force=force)
+    report = update_report(evaluation, document)
+    write_with_report(out, evaluation.after, report, force=force)
     if as_json:
         console.print_json(document)
     else:

@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 from nico_selfmodel.estimation import CameraAssessment
 from nico_selfmodel.model import Camera, lens
 from nico_selfmodel.viz import palette
-from nico_selfmodel.viz.distribution_plot import ErrorSet, distribution
+from nico_selfmodel.viz.distribution_plot import distribution, error_sets
 from nico_selfmodel.viz.plot_style import HALF_WIDTH, MANY, headline, style
 
 _STEPS = 200
@@ -20,14 +20,14 @@ _MOST_BINS, _LEAST_IN_BIN = 8, 25
 def distortion_profile(assessment: CameraAssessment) -> Figure:
     """Draw how far the lens moves a pixel, over its distance from the principal point."""
     calibration = assessment.calibration
-    eyes = list(zip(calibration.views.eyes, calibration.cameras, strict=True))
+    cameras = list(zip(calibration.views.eyes, calibration.cameras, strict=True))
     with style():
         figure = Figure(figsize=(HALF_WIDTH, 4.2))
-        panels = figure.subplots(len(eyes), 1, squeeze=False)[:, 0]
+        panels = figure.subplots(len(cameras), 1, squeeze=False)[:, 0]
         words = []
-        for axes, (eye, camera) in zip(panels, eyes, strict=True):
-            end = _profile_panel(axes, assessment, eye, camera)
-            words.append(f"{end:+.0f} px ({eye})".replace("-", "−"))
+        for axes, (side, camera) in zip(panels, cameras, strict=True):
+            end = _profile_panel(axes, assessment, side, camera)
+            words.append(f"{end:+.0f} px ({side})".replace("-", "−"))
         farthest = max(axes.get_xlim()[1] for axes in panels)
         for axes in panels:
             axes.set_xlim(0.0, farthest)
@@ -37,18 +37,16 @@ def distortion_profile(assessment: CameraAssessment) -> Figure:
 
 
 def epipolar_distribution(assessment: CameraAssessment) -> Figure | None:
-    """Draw how far corners lie from epipolar lines in each image; None for one eye."""
+    """Draw how far corners lie from epipolar lines in each image; None for one camera."""
     if assessment.epipolar is None:
         return None
-    calibration, sets = assessment.calibration, []
+    calibration, test = assessment.calibration, None
     if assessment.test_views is not None:
         flat = assessment.test_views.pixels.reshape(-1, 4)
         both = flat[np.isfinite(flat).all(axis=1)]
-        errors = calibration.rig.epipolar_errors(both).ravel()
-        sets.append(ErrorSet("held-out", palette.HELD_OUT, errors))
-    errors = assessment.epipolar[~calibration.outliers].ravel()
-    sets.append(ErrorSet("training", palette.TRAINING, errors[np.isfinite(errors)]))
-    sets = [one for one in sets if len(one.errors)]
+        test = calibration.rig.epipolar_errors(both).ravel()
+    train = assessment.epipolar[~calibration.outliers].ravel()
+    sets = error_sets(test, None, train[np.isfinite(train)])
     if not sets:
         return None
     what = "distance of a corner from its epipolar line"
@@ -80,7 +78,7 @@ def reconstruction_by_range(assessment: CameraAssessment) -> Figure | None:
             sigma = f"σ = {calibration.pixel_sigma:.2f} px"
             text = f"expected of the depth: √2 z² σ / (f b), {sigma}"
             axes.plot(z, np.sqrt(2.0) * z**2 * factor, color=palette.HELD_OUT, label=text)
-        axes.set_xlabel("distance from the left eye [mm]")
+        axes.set_xlabel("distance from the left camera [mm]")
         axes.set_ylabel("error of a corner [mm]")
         axes.set_xlim(z[0], z[-1])
         axes.set_ylim(0.0, 1.03 * float(errors.max()) or 1.0)
@@ -89,8 +87,8 @@ def reconstruction_by_range(assessment: CameraAssessment) -> Figure | None:
     return figure
 
 
-def _profile_panel(axes: Axes, assessment: CameraAssessment, eye: str, camera: Camera) -> float:
-    """Draw one eye's profile; return how far the lens moves the image's furthest corner [px]."""
+def _profile_panel(axes: Axes, assessment: CameraAssessment, side: str, camera: Camera) -> float:
+    """Draw one camera's profile; return how far the lens moves the image's furthest corner [px]."""
     calibration = assessment.calibration
     focal = 0.5 * (camera.fx + camera.fy)
     center = np.array([camera.cx, camera.cy])
@@ -100,9 +98,9 @@ def _profile_panel(axes: Axes, assessment: CameraAssessment, eye: str, camera: C
     r = _radii_up_to(camera, reach / focal)
     moved = focal * (lens.distort(np.stack([r, np.zeros_like(r)]), camera.k, np.zeros(2))[0] - r)
     place = focal * r + moved
-    sigma = _BAND * focal * _profile_sigma(assessment, eye, r)
-    color = palette.EYES[eye]
-    pixels = calibration.views.of_eye(eye)[~calibration.outliers].reshape(-1, 2)
+    sigma = _BAND * focal * _profile_sigma(assessment, side, r)
+    color = palette.CAMERAS[side]
+    pixels = calibration.views.of_eye(side)[~calibration.outliers].reshape(-1, 2)
     covered = float(np.nanmax(np.linalg.norm(pixels - center, axis=1), initial=0.0))
     axes.axvspan(0.0, covered, color=palette.FAINT, alpha=0.45, linewidth=0.0)
     axes.axhline(0.0, color=palette.MUTED, linewidth=0.8)
@@ -122,7 +120,7 @@ def _profile_panel(axes: Axes, assessment: CameraAssessment, eye: str, camera: C
         color=palette.MUTED,
     )  # fmt: skip
     axes.set_xlim(0.0, 1.02 * reach)
-    axes.set_ylabel(f"{eye}: moved by [px]")
+    axes.set_ylabel(f"{side}: moved by [px]")
     band = f"band: ± {_BAND:g} σ; dotted: the image's corner"
     axes.set_title(band, fontsize=7.5, fontweight="normal", color=palette.MUTED)
     return float(moved[-1])
@@ -137,10 +135,10 @@ def _radii_up_to(camera: Camera, distorted: float) -> NDArray:
     return np.linspace(0.0, r[past[0]] if len(past) else limit, _STEPS)
 
 
-def _profile_sigma(assessment: CameraAssessment, eye: str, r: NDArray) -> NDArray:
+def _profile_sigma(assessment: CameraAssessment, side: str, r: NDArray) -> NDArray:
     """Return the standard deviation of the distorted radius, from that of k1, k2, k3."""
     calibration = assessment.calibration
-    names = [f"{eye}.k{power}" for power in (1, 2, 3)]
+    names = [f"{side}.k{power}" for power in (1, 2, 3)]
     slopes = np.stack([r**3, r**5, r**7])
     free = [k for k, name in enumerate(names) if name in calibration.names]
     columns = [calibration.names.index(names[k]) for k in free]

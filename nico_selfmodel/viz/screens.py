@@ -1,4 +1,4 @@
-"""Screens beside a scene: what each eye sees, large and facing the viewer."""
+"""Screens beside a scene: what each camera sees, large and facing the viewer."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -24,9 +24,9 @@ _WIRE = 0.006
 
 @dataclass(frozen=True, eq=False)
 class Screen:
-    """An upright rectangle on which one eye's pictures are shown as they are, lens and all."""
+    """An upright rectangle on which one camera's pictures are shown as they are, lens and all."""
 
-    eye: str
+    side: str
     """`left` or `right`."""
     X_WI: NDArray
     """Its middle; x to the viewer's right, y down, z away from the viewer. Shape (4, 4)."""
@@ -42,10 +42,10 @@ class Screen:
         return apply(self.X_WI, np.array([[-x, -y, 0.0], [x, -y, 0.0], [x, y, 0.0], [-x, y, 0.0]]))
 
     def frame_items(self) -> list[Item]:
-        """Return its frame and its name, under `screens/<eye>`."""
-        path, color = f"screens/{self.eye}", palette.EYES[self.eye]
+        """Return its frame and its name, under `screens/<camera>`."""
+        path, color = f"screens/{self.side}", palette.CAMERAS[self.side]
         above = self.X_WI @ transform(np.eye(3), [0.0, -0.52 * self.height, 0.0])
-        words = f"{self.eye} eye"
+        words = f"{self.side} camera"
         return [
             Tube(
                 path=f"{path}/frame",
@@ -90,15 +90,15 @@ class Screen:
 def screens_beside(
     points: NDArray, azimuth: float, sizes: Mapping[str, tuple[int, int]]
 ) -> dict[str, Screen]:
-    """Return a screen for each eye, in a row to the viewer's right of a scene.
+    """Return a screen for each camera, in a row to the viewer's right of a scene.
 
     Args:
         points: The scene [m]. Shape (N, 3).
         azimuth: Of the viewer as seen from the scene, from x towards y [rad].
-        sizes: Eye -> width and height of its images [px], in the order of the row.
+        sizes: Camera -> width and height of its images [px], in the order of the row.
 
     Returns:
-        Eye -> screen.
+        Camera -> screen.
     """
     right, down = np.array([-np.sin(azimuth), np.cos(azimuth), 0.0]), np.array([0.0, 0.0, -1.0])
     R_WI = np.stack([right, down, np.cross(right, down)], axis=1)
@@ -107,9 +107,9 @@ def screens_beside(
     middle = points.mean(axis=0)
     start = middle + right * (float(np.max((points - middle) @ right)) + _GAP * width)
     screens: dict[str, Screen] = {}
-    for k, (eye, (w, h)) in enumerate(sizes.items()):
+    for k, (side, (w, h)) in enumerate(sizes.items()):
         height = width * h / w
         p = start + right * (0.5 + k * (1.0 + _GAP)) * width
         p[2] = top - _BELOW * tall - 0.5 * height
-        screens[eye] = Screen(eye, transform(R_WI, p), width, height)
+        screens[side] = Screen(side, transform(R_WI, p), width, height)
     return screens

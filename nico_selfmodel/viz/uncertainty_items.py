@@ -24,7 +24,7 @@ def uncertainty_items(calibration: KinematicCalibration, q: NDArray, unit: float
 
     Returns:
         One item under `uncertainty`, its path ending in the factor. None where nothing is known of
-        the errors, or where blind directions would make it too small.
+        the errors, or where unobservable directions would make it too small.
     """
     known = _principal_axes(calibration, q)
     if known is None:
@@ -54,7 +54,7 @@ def uncertainty_legend(
         label = f"1σ of the predicted hand, drawn ×{factor:g} ({short(1e3 * largest)} mm at most)"
         return [LegendEntry(label, color)]
     if calibration.uncertainty is not None and calibration.uncertainty.blind:
-        return [LegendEntry("no ellipsoid: the data leave directions open", (0.0, 0.0, 0.0, 0.0))]
+        return [LegendEntry("no ellipsoid: some directions are unobservable", (0.0, 0.0, 0.0, 0.0))]
     return []
 
 

@@ -13,10 +13,10 @@ from nico_selfmodel.plant import ArmDescription
 from nico_selfmodel.viz import palette
 from nico_selfmodel.viz.arm_items import arm_items
 from nico_selfmodel.viz.arm_shape import arm_length
-from nico_selfmodel.viz.body_scene import standing, with_body
+from nico_selfmodel.viz.body_scene import middle_row, standing, with_body
 from nico_selfmodel.viz.scene import LegendEntry, Scene
 from nico_selfmodel.viz.scene_items import Item, Markers, Needles
-from nico_selfmodel.viz.upright import upright
+from nico_selfmodel.viz.surroundings import upright
 
 _DOT = 0.003
 _ENLARGED = 10.0
@@ -31,13 +31,13 @@ def update_scene(evaluation: UpdateEvaluation, robot: ArmDescription | None = No
     """Describe a change as a scene; z is up.
 
     Args:
-        evaluation: The body before and after, and its sightings.
+        evaluation: The body before and after, and its observations.
         robot: The robot that the arm belongs to, to be drawn around it.
 
     Returns:
-        The arm at the pose nearest to the middle of the sightings as it is and, thinner, as it was;
-        eyes where there are any; the hand at every pose, where it was thought before, and tenfold
-        where it was seen.
+        The arm at the pose nearest to the middle of the observations as it is and, thinner, as it
+        was; cameras where there are any; the hand at every pose, where it was thought before, and
+        tenfold where it was seen.
 
     Raises:
         ModelError: If the robot cannot be read, or its chain has other joints.
@@ -55,7 +55,7 @@ def _middle_reading(evaluation: UpdateEvaluation) -> NDArray:
     """Return the readings of the pose nearest to the middle [encoder units]. Shape (n,)."""
     data = columns_of(evaluation.after, evaluation.train)
     q = evaluation.after.servos.to_joint(data.encoders)
-    return data.encoders[int(np.argmin(np.sum((q - np.median(q, axis=0)) ** 2, axis=1)))]
+    return data.encoders[middle_row(q)]
 
 
 def _ghost(model: SelfModel, q: NDArray, unit: float) -> list[Item]:

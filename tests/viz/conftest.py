@@ -9,7 +9,8 @@ import pytest
 from nico_selfmodel.dataset import Dataset, JointInfo
 from nico_selfmodel.estimation import calibrate_kinematics, judge, to_json
 from nico_selfmodel.model import Chain, ServoMap
-from nico_selfmodel.viz import camera_report_html, report_html
+from nico_selfmodel.viz.reports.arm import arm_report
+from nico_selfmodel.viz.reports.cameras import camera_report
 
 from . import seen_boards
 
@@ -148,9 +149,9 @@ def document(calibration, verdict):
 
 
 @pytest.fixture(scope="session")
-def html(calibration, verdict, document):
+def html(calibration, document):
     """The report of the good calibration, with all its figures."""
-    return report_html(calibration, verdict, document)
+    return arm_report(calibration, document).html()
 
 
 @pytest.fixture(scope="session")
@@ -158,8 +159,8 @@ def failed_html(failed):
     """The report of the failed calibration, with empty figures: those are drawn elsewhere."""
     verdict = judge(failed)
     assert verdict.status == "FAIL"
-    with mock.patch("nico_selfmodel.viz.report.svg_data_uri", return_value="data:,"):
-        return report_html(failed, verdict, to_json(failed, verdict))
+    with mock.patch("nico_selfmodel.viz.reports.page.svg_data_uri", return_value="data:,"):
+        return arm_report(failed, to_json(failed, verdict)).html()
 
 
 @pytest.fixture(scope="session")
@@ -200,4 +201,4 @@ def camera_result(eyes, photographs):
 def camera_html(eyes, camera_result, photographs):
     """The report on the good eyes, with all its figures."""
     model = eyes.calibration.self_model("my <i>eyes</i>", {"images": "boards"})
-    return camera_report_html(eyes, judge(eyes), camera_result, photographs, model=model)
+    return camera_report(eyes, camera_result, photographs, model).html()
