@@ -28,4 +28,4 @@ with NicoStation(
     data = record(body, [("", c) for c in commands], "mine", image_size=station.image_size)
 for encoders, pixels in zip(data.encoders, data.pixels, strict=True):
     print("encoders", encoders.astype(int), "pixels", pixels.round(1))
-print(np.isfinite(data.pixels).all(axis=1).sum(), "poses seen by both eyes")
+print(np.isfinite(data.pixels).all(axis=1).sum(), "poses seen by both cameras")

@@ -38,10 +38,10 @@ def test_the_readmes_python_runs(project_root, tmp_path):
     assert process.stdout.startswith("PASS")
 
 
-def test_the_readmes_eyes_see_a_point_before_them(project_root, tmp_path):
-    eyes = {"left": NICO_EYES.left, "right": NICO_EYES.right}
-    (tmp_path / "eyes").mkdir()
-    SelfModel("eyes", cameras=eyes).save(tmp_path / "eyes" / "self_model.yaml")
+def test_the_readmes_cameras_see_a_point_before_them(project_root, tmp_path):
+    cameras = {"left": NICO_EYES.left, "right": NICO_EYES.right}
+    (tmp_path / "cameras").mkdir()
+    SelfModel("cameras", cameras=cameras).save(tmp_path / "cameras" / "self_model.yaml")
     _, block = python_of_the_readme(project_root)
     process = run(["-c", block + "print(*points.p_WQ[0])"], tmp_path, project_root)
     assert process.returncode == 0, process.stderr

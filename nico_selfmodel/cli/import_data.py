@@ -5,44 +5,31 @@ from typing import Annotated
 
 import typer
 
-from nico_selfmodel.cli import console
-from nico_selfmodel.cli.given_names import DatasetName, name_after
-
-app = typer.Typer(help="Make a data set of files recorded elsewhere.", no_args_is_help=True)
-
-Out = Annotated[Path, typer.Option("--out", help="Folder of the data set to make.")]
-Force = Annotated[bool, typer.Option("--force", help="Replace an existing data set.")]
+from nico_selfmodel.cli import inputs, options, printer
 
 
-@app.callback()
-def _describe() -> None:
-    """Make a data set of files recorded elsewhere."""
-
-
-@app.command("csv")
 def from_csv(
     table: Annotated[Path, typer.Argument(help="The CSV file.")],
     columns: Annotated[Path, typer.Option("--map", help="YAML that says which column holds what.")],
-    out: Out,
-    name: DatasetName = None,
-    force: Force = False,
+    out: options.Out,
+    name: options.DatasetName = None,
+    force: options.Force = False,
 ) -> None:
     """Import a plain CSV by a column map."""
     from nico_selfmodel.dataset import import_csv
     from nico_selfmodel.files import refuse_existing
 
     refuse_existing(out, force=force)
-    name = name or name_after(out)
+    name = name or inputs.name_after(out)
     data = import_csv(table, columns, name=name)
     data.save(out, force=force)
-    console.out.print(f"{len(data)} rows, {len(data.joints)} joints: {out}", markup=False)
+    printer.dataset(data, out)
 
 
-@app.command("vicon")
 def from_vicon(
     trajectories: Annotated[Path, typer.Argument(help="Trajectory CSV exported by Vicon Nexus.")],
     encoders: Annotated[Path, typer.Option("--encoders", help="CSV of encoder readings by frame.")],
-    out: Out,
+    out: options.Out,
     encoder_unit: Annotated[
         str, typer.Option("--encoder-unit", help="counts, rad or deg.")
     ] = "counts",
@@ -52,15 +39,15 @@ def from_vicon(
     marker: Annotated[
         list[str] | None, typer.Option("--marker", help="Only these markers; all by default.")
     ] = None,
-    name: DatasetName = None,
-    force: Force = False,
+    name: options.DatasetName = None,
+    force: options.Force = False,
 ) -> None:
     """Import a Vicon Nexus trajectory export with encoder readings beside it."""
     from nico_selfmodel.dataset import import_vicon
     from nico_selfmodel.files import refuse_existing
 
     refuse_existing(out, force=force)
-    name = name or name_after(out)
+    name = name or inputs.name_after(out)
     data = import_vicon(
         trajectories,
         encoders,
@@ -70,4 +57,4 @@ def from_vicon(
         name=name,
     )
     data.save(out, force=force)
-    console.out.print(f"{len(data)} rows, {len(data.joints)} joints: {out}", markup=False)
+    printer.dataset(data, out)

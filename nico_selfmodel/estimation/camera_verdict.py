@@ -59,7 +59,7 @@ def _blind_reasons(calibration: CameraCalibration) -> list[str]:
     return [
         f"the boards do not determine {', '.join(f'`{name}`' for name in direction.names)}: "
         "tilt the board more, bring it nearer to the image's edges and to other distances, or hold "
-        f"a value with --pin {direction.names[0]}"
+        f"a value with --fix {direction.names[0]}"
         for direction in calibration.uncertainty.blind
     ]
 

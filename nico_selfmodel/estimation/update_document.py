@@ -35,7 +35,7 @@ def judge_update(update: BlockUpdate) -> Verdict:
     words = f"misfit {update.misfit:.0f}, {update.expected:.0f} was to be expected"
     if update.fits:
         return Verdict("NOT_EVALUATED", (f"the rest of the body fits ({words})",))
-    return Verdict("FAIL", (f"the rest of the body no longer fits ({words}): run `check`",))
+    return Verdict("FAIL", (f"the rest of the body no longer fits ({words}): run `monitor`",))
 
 
 def tool_document(
@@ -87,7 +87,7 @@ def rezero_document(
 def relearned_document(
     update: BlockUpdate, cause: str, verdict: Verdict, evaluation: UpdateEvaluation | None = None
 ) -> dict[str, Any]:
-    """Return the content of the `result.json` of what `check` learned anew.
+    """Return the content of the `result.json` of what `monitor` learned anew.
 
     Args:
         update: What was learned.
@@ -133,7 +133,6 @@ def health_document(report: HealthReport) -> dict[str, Any]:
                 "dof": found.dof,
                 "score": float(found.score),
                 "parameters": list(found.hypothesis.names),
-                "command": found.hypothesis.command,
             }
             for found in report.diagnoses[:_CAUSES_SHOWN]
         ],

@@ -31,7 +31,7 @@ RANDOM_POSES = 100
 TEST_POSES = 100
 CONDITIONS = {
     "kinematics only": BodyOptions("kinematics"),
-    "intrinsics pinned, as published": BodyOptions("intrinsics-pinned", "thesis"),
+    "intrinsics pinned, as published": BodyOptions("intrinsics-fixed", "thesis"),
     "full, as published": BodyOptions("full", "thesis"),
     "full, whitened, without boards": BodyOptions("full", "unanchored"),
     "full, anchored": BodyOptions("full", "anchored"),

@@ -77,5 +77,5 @@ def world_named(name: str) -> World:
         ValueError: If there is none of that name; the message lists those there are.
     """
     if name not in WORLDS:
-        raise ValueError(f"no world {name!r}; there are {', '.join(WORLDS)}")
+        raise ValueError(f"no imperfections {name!r}; there are {', '.join(WORLDS)}")
     return WORLDS[name]

@@ -1,4 +1,4 @@
-"""The report on a change of a known body: a tool, new zeros, or what `check` learned anew."""
+"""The report on a change of a known body: a tool, new zeros, or what `monitor` learned anew."""
 
 from collections.abc import Mapping
 from pathlib import Path
@@ -54,7 +54,7 @@ def write_update_folder(
         evaluation: The body before and after.
         verdict: What is thought of it.
         document: `tool_document`, `rezero_document` or `relearned_document` of both.
-        health: What `check` found, where it was what asked for the change.
+        health: What `monitor` found, where it was what asked for the change.
         force: Replace an existing folder.
 
     Returns:
@@ -86,7 +86,7 @@ def update_report_html(
         verdict: What is thought of it.
         document: What goes into `result.json`; the numbers shown are these.
         scene: The scene to embed.
-        health: What `check` found, if it did.
+        health: What `monitor` found, if it did.
     """
     quantity, unit = ("pixels", "px") if evaluation.sensor == "pixels" else ("position_mm", "mm")
     key = key_statistics(document, quantity, "sightings")

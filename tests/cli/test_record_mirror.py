@@ -16,7 +16,7 @@ from ..true_nico import true_model
 def test_a_mirror_is_recorded_and_learned_one_command_after_the_other(tmp_path, command):
     seen, body, out = tmp_path / "seen", tmp_path / "body.yaml", tmp_path / "out"
     true_model(looking_arm("fiducial"), "clean", 3).save(body)
-    words = ("record", seen, "--world", "clean", "--seed", 3, "--random", 2)
+    words = ("record", "--out", seen, "--imperfections", "clean", "--seed", 3, "--random", 2)
     done = command(*words, "--mirror", "glass=290,0,-20", "--images")
     assert done.returncode == 0, done.stderr
     data = Dataset.load(seen)
@@ -47,7 +47,7 @@ def test_a_mirror_is_recorded_and_learned_one_command_after_the_other(tmp_path, 
     ],
 )
 def test_mirrors_that_cannot_be_recorded_are_refused_in_one_line(words, reason, tmp_path, command):
-    done = command("record", tmp_path / "out", *words)
+    done = command("record", "--out", tmp_path / "out", *words)
     assert done.returncode == 2
     assert reason in done.stderr
     assert len(done.stderr.strip().splitlines()) == 1
@@ -57,7 +57,7 @@ def test_mirrors_that_cannot_be_recorded_are_refused_in_one_line(words, reason, 
 @pytest.mark.parametrize(
     ("words", "reason"),
     [
-        (("learn", "--mirror", "--sensor", "motion-capture"), "--mirror needs eyes"),
+        (("learn", "--mirror", "--sensor", "motion-capture"), "--mirror needs cameras"),
         (("experiment", "mirror", "--rendered", "--pixel-sigma", "1"), "has no meaning"),
     ],
 )

@@ -33,8 +33,8 @@ def test_mirrors_that_cannot_be_watched_are_refused_in_one_line(words, reason, t
     far = Mirror.from_values([0.3, 0.0, 0.5])
     model_before({"glass": DEFAULT_MIRROR, "far": far}).save(tmp_path / "body.yaml")
     page = tmp_path / "page.html"
-    body = ("--world", "clean", "--seed", 3)
-    done = command("watch", tmp_path / "body.yaml", *body, "--mirror", words, "--html", page)
+    body = ("--imperfections", "clean", "--seed", 3)
+    done = command("live", tmp_path / "body.yaml", *body, "--mirror", words, "--out", page)
     assert done.returncode == 2
     assert reason in done.stderr
     assert len(done.stderr.strip().splitlines()) == 1

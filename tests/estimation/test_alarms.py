@@ -162,7 +162,7 @@ def test_other_changes_are_found_as_soon_as_documented(what, expected):
             causes.append(report.diagnoses[0].hypothesis.cause)
     text = said(sorted(set(causes), key=causes.count), f"{what}: {np.mean(delays):.2f} poses")
     assert np.mean(delays) <= expected, text
-    right = "point hand on the hand" if what.startswith("a tool") else "pose of the right eye"
+    right = "point hand on the hand" if what.startswith("a tool") else "pose of the right camera"
     assert causes.count(right) >= (0.5 if what.startswith("a tool") else 0.85) * len(causes), text
 
 

@@ -138,8 +138,8 @@ def test_the_thesis_own_variant_is_flagged_and_refused():
     ("stage", "variant", "free"),
     [
         ("kinematics", "anchored", 23),
-        ("intrinsics-pinned", "anchored", 29),
-        ("intrinsics-pinned", "unanchored", 28),
+        ("intrinsics-fixed", "anchored", 29),
+        ("intrinsics-fixed", "unanchored", 28),
         ("full", "thesis", 36),
         ("full", "unanchored", 42),
         ("full", "anchored", 43),

@@ -6,7 +6,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from nico_selfmodel.cli.learn_by_sight import write_lesson
+from nico_selfmodel.cli.learn.by_cameras import write_lesson
 from nico_selfmodel.dataset import Dataset
 from nico_selfmodel.errors import NotConvergedError
 from nico_selfmodel.estimation import calibrate_cameras

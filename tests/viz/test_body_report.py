@@ -83,7 +83,7 @@ def test_the_report_shows_the_numbers_of_the_document_and_loads_nothing(document
 def test_a_body_without_boards_says_so_and_has_no_board_table(lesson, monkeypatch):
     monkeypatch.setattr("nico_selfmodel.viz.body_report.svg_data_uri", lambda _: "data:,")
     found = calibrate_body(
-        lesson.train, lesson.eyes, None, BodyOptions("intrinsics-pinned", "unanchored")
+        lesson.train, lesson.eyes, None, BodyOptions("intrinsics-fixed", "unanchored")
     )
     verdict = judge_body(found)
     html = body_report_html(found, verdict, body_document(found, verdict))

@@ -1,0 +1,49 @@
+"""`nico-selfmodel experiment motion-capture`: chapter 6 of the thesis."""
+
+from typing import Annotated
+
+import typer
+
+from nico_selfmodel.cli import options, printer
+from nico_selfmodel.cli.experiment.running import told
+
+
+def motion_capture(
+    out: options.Out,
+    imperfections: options.Imperfections = "thesis",
+    robots: options.Robots = 5,
+    repeats: Annotated[
+        int, typer.Option("--repeats", min=2, help="Random subsets of the repeat test.")
+    ] = 100,
+    seed: options.FirstSeed = 0,
+    force: options.Force = False,
+    as_json: options.AsJson = False,
+) -> None:
+    """Learn an arm under motion capture from few and from many samples (chapter 6)."""
+    from nico_selfmodel.experiments.motion_capture import run_motion_capture
+    from nico_selfmodel.experiments.motion_capture_report import (
+        document_of,
+        repeat_rows,
+        table_rows,
+        write_report,
+    )
+    from nico_selfmodel.experiments.report_files import bodies
+    from nico_selfmodel.files import refuse_folder
+    from nico_selfmodel.plant import ArmDescription
+    from nico_selfmodel.systems import world_named
+
+    refuse_folder(out, force=force)
+    chosen = world_named(imperfections)
+    with printer.progress_bar() as progress:
+        results = run_motion_capture(
+            ArmDescription.named("nico"),
+            chosen,
+            individuals=robots,
+            repeats=repeats,
+            seed=seed,
+            progress=progress,
+        )
+    write_report(results, out, force=force)
+    title = f"Error on 100 random poses [mm], {bodies(robots)}, imperfections {imperfections}"
+    tables = [(title, *table_rows(results)), (f"{repeats} random subsets", *repeat_rows(results))]
+    told(document_of(results), tables, out, as_json)

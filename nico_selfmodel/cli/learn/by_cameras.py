@@ -1,0 +1,157 @@
+"""The part of `nico-selfmodel learn` that goes through the robot's cameras."""
+
+from collections.abc import Mapping
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, NoReturn
+
+from nico_selfmodel.cli import printer
+
+if TYPE_CHECKING:
+    from nico_selfmodel.experiments.body_lesson import BodyLesson
+    from nico_selfmodel.systems import World
+
+THESIS = {
+    "stereo-fiducial": (
+        "thesis, refined (real robot)",
+        {"position_mm": {"mean": 1.99, "sd": 1.24}, "pixels": {"mean": 2.61, "sd": 1.71}},
+    ),
+    "stereo-color": (
+        "thesis, kinematics from cameras (real robot)",
+        {"position_mm": {"mean": 3.77, "sd": 2.30}, "pixels": {"mean": 5.78, "sd": 4.50}},
+    ),
+}
+"""Sensor -> what the thesis reports in chapter 8, by colour in chapter 7."""
+
+
+def learn_by_cameras(
+    out: Path,
+    sensor: str,
+    world: "World",
+    seed: int,
+    random_poses: int,
+    force: bool,
+    as_json: bool,
+    mirror: bool = False,
+) -> NoReturn:
+    """Calibrate the cameras, watch the hand, learn the arm, refine both, write the result."""
+    from nico_selfmodel.cli.learn.mirror import mirror_parts, write_mirror_lesson
+    from nico_selfmodel.experiments.body_lesson import learn_body_through_the_eyes
+    from nico_selfmodel.experiments.eyes_lesson import MARKERS, Counts
+
+    marker = MARKERS[sensor]
+    with printer.progress_bar() as progress:
+        lesson = learn_body_through_the_eyes(
+            world, seed, marker=marker, counts=Counts(random=random_poses), stage=progress
+        )
+        seen = None
+        if mirror:
+            from nico_selfmodel.experiments.mirror_lesson import learn_mirror, with_mirror
+
+            familiar = lesson.arm.train.encoders
+            seen = learn_mirror(
+                lesson.model, world, seed, marker=marker, familiar=familiar, stage=progress
+            )
+            lesson = with_mirror(lesson, seen)
+        progress("writing the result", 0, 1)
+        document = write_lesson(out, lesson, marker, force)
+        if seen is not None:
+            document = write_mirror_lesson(out, document, seen)
+        progress("writing the result", 1, 1)
+    parts = _parts(lesson, document, sensor) + mirror_parts(document)
+    more = _told_in_words(document)
+    printer.result(lesson.model.name, document, out, parts=parts, more=more, json_instead=as_json)
+
+
+def write_lesson(out: Path, lesson: "BodyLesson", marker: str, force: bool) -> dict[str, Any]:
+    """Write the refined body, or the arm as it was before where the refinement was refused.
+
+    Args:
+        out: The folder to make.
+        lesson: What was learned.
+        marker: What was tracked.
+        force: Replace an existing folder.
+
+    Returns:
+        What is in its `result.json`.
+    """
+    from nico_selfmodel.estimation import body_document
+    from nico_selfmodel.systems import looking_arm
+    from nico_selfmodel.viz.body_report import write_body_folder
+
+    if lesson.refined is None or not lesson.accepted:
+        return _write_unrefined(out, lesson, marker, force)
+    document = body_document(lesson.refined, lesson.verdict) | _told(lesson)
+    write_body_folder(
+        out,
+        lesson.refined,
+        lesson.verdict,
+        document,
+        robot=looking_arm(marker),
+        recordings={"train": lesson.arm.train, "test": lesson.arm.test},
+        force=force,
+    )
+    return document
+
+
+def _write_unrefined(out: Path, lesson: "BodyLesson", marker: str, force: bool) -> dict[str, Any]:
+    """Write the arm as it was learned after the cameras, and why nothing better came of it."""
+    from nico_selfmodel.estimation import judge, result_document
+    from nico_selfmodel.plant import learned_urdf
+    from nico_selfmodel.systems import looking_arm
+    from nico_selfmodel.viz import write_result_folder
+
+    arm, robot = lesson.arm, looking_arm(marker)
+    verdict = judge(arm.calibration)
+    document = result_document(arm.calibration, verdict) | _told(lesson)
+    arm.sight.add_pixels(document, arm.model)
+    write_result_folder(
+        out,
+        arm.calibration,
+        verdict,
+        document,
+        urdf_text=learned_urdf(arm.model, robot, folder=out),
+        robot_name="nico",
+        robot=robot,
+        recordings={"train": arm.train, "test": arm.test},
+        force=force,
+    )
+    return document
+
+
+def _told(lesson: "BodyLesson") -> dict[str, Any]:
+    """Return what `result.json` tells of the cameras, and of the refinement."""
+    from nico_selfmodel.estimation.body_document import refinement_block
+
+    eyes = lesson.eyes
+    return {
+        "refinement": refinement_block(lesson.arm.seen, lesson.refined, lesson.verdict),
+        "eyes": {
+            "boards": len(eyes.views),
+            "rms_px": eyes.eyes.rms,
+            "baseline_mm": 1e3 * lesson.model.rig.baseline,
+        },
+    }
+
+
+def _parts(
+    lesson: "BodyLesson", document: Mapping[str, Any], sensor: str
+) -> list[tuple[str, printer.Block]]:
+    """Return the errors on held-out poses before and after the refinement, beside the thesis'."""
+    label, published = THESIS[sensor]
+    refinement = document["refinement"]
+    kept = "held out, arm and cameras refined" + ("" if lesson.accepted else " (refused)")
+    return [
+        ("held out, arm learned after the cameras", refinement["before"]),
+        (kept, refinement["after"]),
+        ("training", document["train"]),
+        (label, {"n": 100, **published}),
+    ]
+
+
+def _told_in_words(document: Mapping[str, Any]) -> list[str]:
+    cameras = document["eyes"]
+    refused = document["refinement"]["reasons"]
+    return [
+        f"cameras learned from {cameras['boards']} boards to {cameras['rms_px']:.2f} px",
+        *(f"refinement refused, the arm before it is kept: {reason}" for reason in refused),
+    ]
