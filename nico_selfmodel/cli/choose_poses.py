@@ -5,7 +5,7 @@ from typing import Annotated
 
 import typer
 
-from nico_selfmodel.cli import options, printer
+from nico_selfmodel.cli import inputs, options, printer
 
 
 def choose_poses(
@@ -51,7 +51,7 @@ def choose_poses(
         sigmas = {"sigma_before_mm": before, "sigma_after_mm": after}
         printer.as_json({"poses": chosen.readings.tolist(), **sigmas})
         return
-    recording = shlex.join(["--poses", str(out), "--out", str(out.with_suffix(""))])
+    recording = shlex.join(map(str, ["--poses", out, "--out", inputs.beside(out, "recorded")]))
     printer.line(
         f"{count} poses: {out}\n"
         f"reducible error of the predicted hand, rms: now {before:.3g} mm, with these poses "

@@ -26,6 +26,23 @@ def name_after(path: Path) -> str:
     return name
 
 
+def beside(path: Path, ending: str) -> Path:
+    """Return a path beside another that does not exist yet, to be suggested: `data_relearned`.
+
+    Args:
+        path: What is there.
+        ending: What its name goes on with.
+    """
+    if path.name in ("", ".."):
+        path = real_path(path)
+    name = f"{path.name.removesuffix('.csv')}_{ending}"
+    made, number = path.with_name(name), 1
+    while made.exists():
+        number += 1
+        made = path.with_name(f"{name}_{number}")
+    return made
+
+
 def train_and_test(
     dataset: Path, test: Path | None, fraction: float | None, seed: int
 ) -> "tuple[Dataset, Dataset | None]":

@@ -7,7 +7,7 @@ from typing import Annotated, Any
 
 import typer
 
-from nico_selfmodel.cli import options, printer
+from nico_selfmodel.cli import inputs, options, printer
 
 
 def monitor(
@@ -82,16 +82,9 @@ def remedy(parameters: Sequence[str], model: Path, dataset: Path) -> str:
         words = ["calibrate", "tool", dataset, "--model", model, "--tool", marker]
     else:
         words = ["monitor", model, dataset, "--relearn"]
-    return shlex.join(map(str, ["nico-selfmodel", *words, "--out", _beside(dataset)]))
-
-
-def _beside(dataset: Path) -> Path:
-    """Return a folder beside a data set that does not exist yet."""
-    folder, number = dataset.with_name(f"{dataset.name}_relearned"), 1
-    while folder.exists():
-        number += 1
-        folder = dataset.with_name(f"{dataset.name}_relearned_{number}")
-    return folder
+    return shlex.join(
+        map(str, ["nico-selfmodel", *words, "--out", inputs.beside(dataset, "relearned")])
+    )
 
 
 def _print(name: str, document: Mapping[str, Any]) -> None:

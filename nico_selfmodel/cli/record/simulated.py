@@ -39,7 +39,7 @@ def record_boards(request: "Request", world: "World", count: int) -> None:
             folder=folder,
             progress=lambda done, total: progress("looking at a chessboard", done, total),
         )
-    cameras = out.with_name(f"{out.name}_cameras")
+    cameras = inputs.beside(out, "cameras")
     printer.line(
         f"{count} pairs: {out}\n"
         f"next  nico-selfmodel calibrate stereo {shlex.quote(str(out))} --board 9x6 --square-mm 28 "
