@@ -21,7 +21,7 @@ TOOL = np.array([0.025, 0.0, -0.08])
 
 @pytest.fixture(scope="module")
 def recorded(tmp_path_factory):
-    """Return a folder of data sets and the seed's eyes, and the boards they learned from."""
+    """Return a folder of data sets and the seed's cameras, and the boards they learned from."""
     folder = tmp_path_factory.mktemp("bodies")
     protocol = BodyProtocol.of_nico()
     lesson = simulated_lesson(protocol, PLAY, 0, "fiducial")
@@ -44,7 +44,7 @@ def recorded(tmp_path_factory):
 
 @pytest.fixture
 def photographs(recorded, monkeypatch):
-    """Let a folder of photographs show the boards that the eyes learned from."""
+    """Let a folder of photographs show the boards that the cameras learned from."""
     folder, boards = recorded
     found = SimpleNamespace(seen_views=boards)
     monkeypatch.setattr("nico_selfmodel.vision.detect_boards", lambda *_, **__: found)
@@ -88,7 +88,7 @@ def test_a_body_leaves_model_numbers_and_urdf(body):
     assert document["cross_validation"]["n"] > 150
 
 
-def test_a_body_is_evaluated_by_what_its_eyes_saw(recorded, body, command):
+def test_a_body_is_evaluated_by_what_its_cameras_saw(recorded, body, command):
     test = recorded[0] / "test"
     done = command("evaluate", body, test, "--json")
     assert done.returncode == 0, done.stderr
@@ -105,7 +105,7 @@ def test_a_body_is_evaluated_by_what_its_eyes_saw(recorded, body, command):
     assert "no sensor 'nose'" in refused.stderr
 
 
-def test_the_thesis_own_variant_ends_with_one_where_it_harmed_the_eyes(
+def test_the_thesis_own_variant_ends_with_one_where_it_harmed_the_cameras(
     recorded, photographs, command, tmp_path
 ):
     folder, _ = recorded
@@ -252,8 +252,8 @@ def test_what_cannot_be_done_is_one_line_and_writes_nothing(
 
 def test_models_and_data_that_do_not_suit_are_refused(recorded, body, command, tmp_path):
     folder, _ = recorded
-    eyeless = SelfModel.load(body)
-    replace(eyeless, cameras={}, covariance=None).save(tmp_path / "arm.yaml")
+    without = SelfModel.load(body)
+    replace(without, cameras={}, covariance=None).save(tmp_path / "arm.yaml")
     out = tmp_path / "out"
     done = command(
         *("calibrate", "body", folder / "train", "--model", tmp_path / "arm.yaml"),
@@ -261,9 +261,9 @@ def test_models_and_data_that_do_not_suit_are_refused(recorded, body, command, t
     )
     assert done.returncode == 2
     assert "no pair of eyes" in done.stderr
-    blind = command("monitor", tmp_path / "arm.yaml", folder / "later")
-    assert blind.returncode == 2
-    assert "has no eyes, and data set 'later' holds nothing but pixels" in blind.stderr
+    lacking = command("monitor", tmp_path / "arm.yaml", folder / "later")
+    assert lacking.returncode == 2
+    assert "has no eyes, and data set 'later' holds nothing but pixels" in lacking.stderr
     once = tmp_path / "once"
     Dataset.load(folder / "later").select(np.arange(1)).save(once)
     lost = command("rezero", body, once, "--out", out)
@@ -280,7 +280,7 @@ ANY_ARM = 23
 """Parameters of four joints with unknown gears that points can tell."""
 
 
-def named_blind(done):
+def named_unobservable(done):
     """Return the parameters that a refusal names, and how many there are in all."""
     assert done.returncode == 2
     assert done.stderr.count("\n") == 1
@@ -291,7 +291,9 @@ def named_blind(done):
 
 
 @pytest.mark.parametrize("count", [1, 2, 5, 7])
-def test_too_few_poses_for_a_body_name_what_stays_blind(recorded, body, command, tmp_path, count):
+def test_too_few_poses_for_a_body_name_what_is_unobservable(
+    recorded, body, command, tmp_path, count
+):
     folder, _ = recorded
     few, out = tmp_path / "few", tmp_path / "out"
     Dataset.load(folder / "later").select(np.arange(count)).save(few)
@@ -299,19 +301,19 @@ def test_too_few_poses_for_a_body_name_what_stays_blind(recorded, body, command,
     unknown = command("calibrate", "body", few, "--model", folder / "eyes.yaml", *task)
     poses = "1 pose" if count == 1 else f"{count} poses"
     assert f"both eyes saw the hand in {poses}, at least 8 are needed" in unknown.stderr
-    names, total = named_blind(unknown)
+    names, total = named_unobservable(unknown)
     assert total == ANY_ARM
     assert len(set(names)) == len(names) == 8
     assert "M0.x" in names
     known = command("calibrate", "body", few, "--model", body, *task)
     # Each direction that few poses leave open has a part of every parameter.
-    assert named_blind(known)[1] == total
+    assert named_unobservable(known)[1] == total
     pixels = command("calibrate", "kinematics", few, "--cameras", folder / "eyes.yaml", *task[2:])
-    assert named_blind(pixels) == (names, total)
+    assert named_unobservable(pixels) == (names, total)
     assert not out.exists()
 
 
-def test_only_what_is_blind_is_named(recorded, body, command, tmp_path):
+def test_only_what_is_unobservable_is_named(recorded, body, command, tmp_path):
     folder, _ = recorded
     out, free = tmp_path / "out", {"right_elbow.gear", "right_elbow.theta_offset"}
     held = [n for n in SelfModel.load(body).parameters.names if n not in free]
@@ -321,7 +323,7 @@ def test_only_what_is_blind_is_named(recorded, body, command, tmp_path):
     data.select(np.arange(1)).save(tmp_path / "one")
     data.select(np.arange(5)).save(tmp_path / "five")
     one = command("calibrate", "body", tmp_path / "one", *task, *pins)
-    assert set(named_blind(one)[0]) == free
+    assert set(named_unobservable(one)[0]) == free
     five = command("calibrate", "body", tmp_path / "five", *task, *pins)
     assert five.returncode == 2
     assert "blind" not in five.stderr

@@ -1,4 +1,4 @@
-"""Recording and learning through rendered eyes, from the command line."""
+"""Recording and learning through rendered cameras, from the command line."""
 
 import json
 
@@ -85,14 +85,14 @@ def test_what_makes_no_sense_is_refused_in_one_line(words, reason, tmp_path, com
 
 
 @pytest.mark.slow
-def test_boards_eyes_hand_arm_and_the_live_scene_one_command_after_the_other(tmp_path, command):
-    boards, eyes, seen, arm = (tmp_path / name for name in ("boards", "eyes", "seen", "arm"))
+def test_boards_cameras_hand_arm_and_the_live_scene_one_command_after_the_other(tmp_path, command):
+    boards, pair, seen, arm = (tmp_path / name for name in ("boards", "pair", "seen", "arm"))
     assert (
         command("record", "--out", boards, "--sensor", "chessboard", "--board-views", 12).returncode
         == 0
     )
     words = ("calibrate", "stereo", boards, "--board", "9x6", "--square-mm", 28, "--window", 5)
-    done = command(*words, "--out", eyes)
+    done = command(*words, "--out", pair)
     assert done.returncode == 0, done.stdout + done.stderr
     words = (
         "record",
@@ -103,12 +103,12 @@ def test_boards_eyes_hand_arm_and_the_live_scene_one_command_after_the_other(tmp
         "--random",
         40,
         "--cameras",
-        eyes,
+        pair,
         "--session",
         1,
     )
     assert command(*words).returncode == 0
-    words = ("calibrate", "kinematics", seen, "--cameras", eyes, "--test-fraction", 0.3)
+    words = ("calibrate", "kinematics", seen, "--cameras", pair, "--test-fraction", 0.3)
     done = command(*words, "--out", arm, "--json")
     assert done.returncode == 0, done.stdout + done.stderr
     document = json.loads((arm / "result.json").read_text())
@@ -116,7 +116,7 @@ def test_boards_eyes_hand_arm_and_the_live_scene_one_command_after_the_other(tmp
     assert document["test"]["position_mm"]["mean"] < 5.0
     assert document["test"]["pixels"]["mean"] < 8.0
     assert set(SelfModel.load(arm).cameras) == {"left", "right"}
-    page = tmp_path / "watch.html"
+    page = tmp_path / "live.html"
     assert command("live", arm, "--out", page, "--count", 2).returncode == 0
     text = page.read_text()
     assert text.lstrip().lower().startswith("<!doctype html>")

@@ -224,7 +224,7 @@ def test_the_motion_capture_experiment_writes_tables_and_charts(tmp_path, comman
 
 def test_a_table_in_a_pipe_is_as_wide_as_it_must_be_and_loses_no_word(capsys):
     words = [
-        "fiducial, arm and eyes refined together",
+        "fiducial, arm and cameras refined together",
         *(f"{k}.00 (0.50) / 3.00" for k in range(9)),
     ]
     printer.table("errors [mm]", [f"column {k}" for k in range(10)], [words])

@@ -1,4 +1,4 @@
-"""`watch --mirror`: the live scene before a mirror, and mirrors that it refuses."""
+"""`live --mirror`: the live scene before a mirror, and mirrors that it refuses."""
 
 from dataclasses import replace
 
@@ -29,7 +29,7 @@ def model_before(mirrors):
         ("glass=3000,0,0", "hardly any pose"),
     ],
 )
-def test_mirrors_that_cannot_be_watched_are_refused_in_one_line(words, reason, tmp_path, command):
+def test_mirrors_that_cannot_be_shown_are_refused_in_one_line(words, reason, tmp_path, command):
     far = Mirror.from_values([0.3, 0.0, 0.5])
     model_before({"glass": DEFAULT_MIRROR, "far": far}).save(tmp_path / "body.yaml")
     page = tmp_path / "page.html"

@@ -80,19 +80,19 @@ def test_a_recording_is_announced_made_and_resumed(homed, command, tmp_path):
 
 
 @pytest.mark.slow
-def test_real_eyes_may_be_folders_of_pictures(homed, command, tmp_path):
+def test_real_cameras_may_be_folders_of_pictures(homed, command, tmp_path):
     station = NicoStation("thesis", SEED, quality=ImageQuality(1))
     simulator = Simulator(station)
     q = np.radians([-40.0, 15.0, -35.0, -55.0])
     there = commands_of_angles(station.joints, station.arm.lower, station.arm.upper, [q])[0]
     station.GetInputPort("command").FixValue(simulator.get_mutable_context(), there)
     simulator.AdvanceTo(1.5)
-    (tmp_path / "eyes").mkdir()
-    for eye in ("left", "right"):
-        write_image(tmp_path / f"{eye}.jpg", station.picture(simulator.get_context(), eye))
+    (tmp_path / "seen").mkdir()
+    for side in ("left", "right"):
+        write_image(tmp_path / f"{side}.jpg", station.picture(simulator.get_context(), side))
         for k in range(900):  # half a minute
-            (tmp_path / "eyes" / f"{eye}{k}.jpg").symlink_to(tmp_path / f"{eye}.jpg")
-    cameras = ("--left-camera", tmp_path / "eyes", "--right-camera", tmp_path / "eyes")
+            (tmp_path / "seen" / f"{side}{k}.jpg").symlink_to(tmp_path / f"{side}.jpg")
+    cameras = ("--left-camera", tmp_path / "seen", "--right-camera", tmp_path / "seen")
     few = ("--circle", 0, "--random", 1, "--yes", "--images")
     done = command("record", "--out", tmp_path / "data", *homed[0], *cameras, *few)
     assert done.returncode == 0, done.stderr

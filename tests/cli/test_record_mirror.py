@@ -26,7 +26,7 @@ def test_a_mirror_is_recorded_and_learned_one_command_after_the_other(tmp_path, 
     done = command("calibrate", "mirror", seen, "--model", body, "--out", out, "--json")
     assert done.returncode == 0, done.stdout + done.stderr
     document = json.loads(done.stdout)
-    # Meant at 290 mm before eyes as designed; the true head stands a degree off.
+    # Meant at 290 mm before cameras as designed; the true head stands a degree off.
     assert document["mirrors"]["glass"]["distance_mm"] == pytest.approx(290.0, abs=15.0)
     assert document["train"]["pixels"]["mean"] < 0.5
     assert set(SelfModel.load(out).mirrors) == {"glass"}
@@ -61,7 +61,7 @@ def test_mirrors_that_cannot_be_recorded_are_refused_in_one_line(words, reason, 
         (("experiment", "mirror", "--rendered", "--pixel-sigma", "1"), "has no meaning"),
     ],
 )
-def test_mirrors_need_eyes(words, reason, tmp_path, command):
+def test_mirrors_need_cameras(words, reason, tmp_path, command):
     done = command(*words, "--out", tmp_path / "out")
     assert done.returncode == 2
     assert reason in done.stderr
@@ -69,7 +69,7 @@ def test_mirrors_need_eyes(words, reason, tmp_path, command):
 
 
 @pytest.mark.slow
-def test_learn_goes_through_the_eyes_refines_both_and_ends_before_a_mirror(tmp_path, command):
+def test_learn_goes_through_the_cameras_refines_both_and_ends_before_a_mirror(tmp_path, command):
     out = tmp_path / "body"
     done = command("learn", "--mirror", "--out", out, "--random", 60, "--seed", 4)
     assert done.returncode == 0, done.stdout + done.stderr

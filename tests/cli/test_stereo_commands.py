@@ -1,4 +1,4 @@
-"""Learning eyes at the command line: the whole way from photographs, and what goes wrong."""
+"""Learning cameras at the command line: the whole way from photographs, and what goes wrong."""
 
 import importlib.util
 import json
@@ -32,9 +32,9 @@ def spoilt(photographs, tmp_path):
 
 
 @pytest.fixture(scope="session")
-def eyes(tmp_path_factory, photographs, command):
+def cameras(tmp_path_factory, photographs, command):
     """Return the result folder of a calibration with two boards held out."""
-    out = tmp_path_factory.mktemp("eyes") / "eyes"
+    out = tmp_path_factory.mktemp("cameras") / "cameras"
     words = ("--fix", "k3=0", "--test-fraction", 0.2, "--out", out)
     done = command("calibrate", "stereo", photographs, *BOARD, *words)
     assert done.returncode == 0, done.stdout + done.stderr
@@ -53,9 +53,9 @@ def refused(command, folder, tmp_path, *words):
     return lines[0]
 
 
-def test_photographs_become_eyes_that_are_where_they_were_drawn(eyes):
-    model, truth = SelfModel.load(eyes), drawn_boards.SMALL_RIG
-    document = json.loads((eyes / "result.json").read_text())
+def test_photographs_become_cameras_that_are_where_they_were_drawn(cameras):
+    model, truth = SelfModel.load(cameras), drawn_boards.SMALL_RIG
+    document = json.loads((cameras / "result.json").read_text())
     assert document["status"] == "PASS"
     assert document["test"]["pixels"]["rms"] < 0.2
     files = document["detection"].pop("files")
@@ -67,12 +67,12 @@ def test_photographs_become_eyes_that_are_where_they_were_drawn(eyes):
     assert model.rig.left.fx == pytest.approx(truth.left.fx, abs=2.0)
     assert model.rig.right.cy == pytest.approx(truth.right.cy, abs=2.5)
     assert "left.k3" not in model.covariance.names
-    names = {path.name for path in eyes.iterdir()}
+    names = {path.name for path in cameras.iterdir()}
     assert names == {"self_model.yaml", "result.json", "report.html", "scene.json"}
 
 
-def test_one_eye_alone_is_a_command_of_its_own(photographs, tmp_path, command):
-    out = tmp_path / "eye"
+def test_one_camera_alone_is_a_command_of_its_own(photographs, tmp_path, command):
+    out = tmp_path / "camera"
     words = ("--fixed-aspect", "--tangential", "--fix", "k3=0", "--camera", "right", "--json")
     done = command("calibrate", "camera", photographs, *BOARD, *words, "--out", out)
     assert done.returncode == 0, done.stderr
@@ -85,7 +85,7 @@ def test_one_eye_alone_is_a_command_of_its_own(photographs, tmp_path, command):
 
 @pytest.mark.slow
 def test_a_bound_that_is_missed_fails_and_is_written(photographs, tmp_path, command):
-    out = tmp_path / "eyes"
+    out = tmp_path / "cameras"
     words = ("--test-fraction", 0.2, "--require-test-px", 0.001, "--out", out)
     done = command("calibrate", "stereo", photographs, *BOARD, *words)
     assert done.returncode == 1
@@ -98,7 +98,7 @@ def test_an_image_without_its_partner_is_named(spoilt, tmp_path, command):
     assert "left03.png" in refused(command, spoilt, tmp_path)
 
 
-def test_images_of_one_eye_only_are_refused(spoilt, tmp_path, command):
+def test_images_of_one_camera_only_are_refused(spoilt, tmp_path, command):
     for path in spoilt.glob("right*"):
         path.unlink()
     assert "one eye only" in refused(command, spoilt, tmp_path)
@@ -130,7 +130,7 @@ def test_two_boards_are_too_few(spoilt, tmp_path, command):
     assert "saw 2 boards, at least 3" in refused(command, spoilt, tmp_path)
 
 
-def test_swapped_eyes_are_recognised(spoilt, tmp_path, command):
+def test_swapped_cameras_are_recognised(spoilt, tmp_path, command):
     for path in sorted(spoilt.glob("left*")):
         other = spoilt / path.name.replace("left", "right")
         path.rename(spoilt / "aside.png")
@@ -139,7 +139,7 @@ def test_swapped_eyes_are_recognised(spoilt, tmp_path, command):
     message = refused(command, spoilt, tmp_path)
     assert "left and right are swapped" in message
     assert "--swap-cameras" in message
-    out = tmp_path / "eyes"
+    out = tmp_path / "cameras"
     done = command("calibrate", "stereo", spoilt, *BOARD, "--swap-cameras", "--out", out)
     assert done.returncode == 0, done.stdout + done.stderr
     found, truth = SelfModel.load(out).rig, drawn_boards.SMALL_RIG
@@ -168,7 +168,7 @@ def fisheye_photographs(tmp_path_factory):
 
 @pytest.mark.parametrize("pins", [(), ("--fix", "k3=0")])
 def test_photographs_of_a_fisheye_do_not_pass(fisheye_photographs, tmp_path, command, pins):
-    out = tmp_path / "eye"
+    out = tmp_path / "camera"
     words = ("--board", "7x5", "--square-mm", 30, "--window", 4, "--test-fraction", 0.25)
     done = command("calibrate", "camera", fisheye_photographs, *words, *pins, "--out", out)
     assert done.returncode == 1, done.stdout + done.stderr
@@ -198,7 +198,7 @@ def test_two_images_of_one_camera_are_no_pair(spoilt, tmp_path, command):
 @pytest.mark.slow
 def test_a_board_whose_pair_does_not_match_is_set_aside_by_name(spoilt, tmp_path, command):
     shutil.copy(spoilt / "right03.png", spoilt / "right04.png")
-    out = tmp_path / "eyes"
+    out = tmp_path / "cameras"
     done = command("calibrate", "stereo", spoilt, *BOARD, "--fix", "k3=0", "--out", out)
     assert done.returncode == 0, done.stdout + done.stderr
     assert json.loads((out / "result.json").read_text())["outliers"] == ["04"]
