@@ -16,7 +16,8 @@ from nico_selfmodel.cli import (
     evaluate,
     export_urdf,
     hand,
-    import_data,
+    import_csv,
+    import_vicon,
     live,
     locate,
     markers,
@@ -63,7 +64,7 @@ _GROUPS: dict[str, tuple[str, dict[str, Callable[..., None]]]] = {
     ),
     "import": (
         "Make a data set of files recorded elsewhere.",
-        {"csv": import_data.from_csv, "vicon": import_data.from_vicon},
+        {"csv": import_csv.from_csv, "vicon": import_vicon.from_vicon},
     ),
     "calibrate": (
         "Learn a self-model from recorded data.",

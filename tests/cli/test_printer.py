@@ -1,6 +1,7 @@
 """One printer for all results: what it says of the golden ones."""
 
 import json
+from pathlib import Path
 
 import pytest
 import typer
@@ -73,3 +74,10 @@ def test_what_changed_is_cured_by_a_command_with_real_paths(tmp_path, parameters
     expected = command.replace("MODEL", str(model)).replace("DATA", f"'{data}'")
     out = f"'{data}_relearned_2'"
     assert remedy(parameters, model, data) == f"nico-selfmodel {expected} --out {out}"
+
+
+def test_a_command_within_a_data_set_makes_its_folder_beside_it(tmp_path, monkeypatch):
+    (tmp_path / "data").mkdir()
+    monkeypatch.chdir(tmp_path / "data")
+    words = remedy(["elbow.theta_offset"], Path("../arm"), Path())
+    assert words.endswith(f"--out {tmp_path.resolve() / 'data_relearned'}")
