@@ -36,9 +36,9 @@ def live(
     """
     from nico_selfmodel.files import refuse_existing, write_whole
     from nico_selfmodel.model import SelfModel
-    from nico_selfmodel.systems import world_named
+    from nico_selfmodel.systems import imperfections_named
 
-    chosen = world_named(imperfections)
+    chosen = imperfections_named(imperfections)
     if out is not None:
         refuse_existing(out, force=force)
     known = SelfModel.load(model)

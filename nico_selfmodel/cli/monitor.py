@@ -8,6 +8,7 @@ from typing import Annotated, Any
 import typer
 
 from nico_selfmodel.cli import inputs, options, printer
+from nico_selfmodel.cli.result_files import write_with_report
 
 
 def monitor(
@@ -56,10 +57,11 @@ def monitor(
     verdict = judge_update(update)
     evaluation = evaluate_update(known, update, since_change(known, data, report), sensor)
     # Drawing is slow to load, and only needed once there is something to draw.
-    from nico_selfmodel.viz.update_report import write_update_folder
+    from nico_selfmodel.viz.reports.updates import update_report
 
     relearned = relearned_document(update, cause.cause, verdict, evaluation)
-    write_update_folder(out, evaluation, verdict, relearned, report, force=force)
+    page = update_report(evaluation, relearned, report)
+    write_with_report(out, evaluation.after, page, force=force)
     if not as_json:
         printer.result(known.name, relearned, out)
     printer.end(relearned)

@@ -5,7 +5,7 @@ import sys
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, NoReturn, Protocol
+from typing import TYPE_CHECKING, Any, NoReturn
 
 import typer
 from rich.console import Console
@@ -16,6 +16,7 @@ from rich.table import Table
 from rich.text import Text
 
 from nico_selfmodel.cli.result_facts import derived_rows, fact_rows
+from nico_selfmodel.progress import Progress
 
 if TYPE_CHECKING:
     from nico_selfmodel.dataset import Dataset
@@ -36,14 +37,6 @@ _console = Console(soft_wrap=True)
 
 Block = Mapping[str, Any] | None
 """Error statistics as `result.json` has them: `n`, `position_mm` and/or `pixels`; None for none."""
-
-
-class Progress(Protocol):
-    """What long jobs call to tell how far they are."""
-
-    def __call__(self, what: str, done: int, total: int) -> None:
-        """Show that `done` of `total` steps of `what` are done."""
-        ...
 
 
 @contextmanager

@@ -6,6 +6,8 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from nico_selfmodel.cli import inputs, options, printer
+from nico_selfmodel.cli.result_files import write_with_report
+from nico_selfmodel.progress import Progress
 
 if TYPE_CHECKING:
     from nico_selfmodel.dataset import BoardViews
@@ -81,9 +83,9 @@ def body(
         progress("learning", 1, 1)
         progress("writing the result", 0, 1)
         # Drawing is slow to load, and only needed once there is something to draw.
-        from nico_selfmodel.viz.body_report import write_body_folder
+        from nico_selfmodel.viz.reports.body import body_report
 
-        write_body_folder(out, found, verdict, document, force=force)
+        write_with_report(out, found.model, body_report(found, document), force=force)
         progress("writing the result", 1, 1)
     printer.result(found.model.name, document, out, json_instead=as_json)
 
@@ -94,7 +96,7 @@ def _boards(
     square_mm: float,
     fraction: float,
     seed: int,
-    progress: printer.Progress,
+    progress: Progress,
 ) -> tuple["BoardViews | None", "BoardViews | None"]:
     """Return the boards to learn from and those held out."""
     if folder is None:

@@ -1,11 +1,11 @@
 """`nico-selfmodel calibrate kinematics`: learn an arm."""
 
-from pathlib import Path
 from typing import Annotated
 
 import typer
 
 from nico_selfmodel.cli import inputs, options, printer
+from nico_selfmodel.cli.result_files import write_with_report
 
 
 def kinematics(
@@ -73,18 +73,9 @@ def kinematics(
             sight.add_pixels(document, calibration.model)
         progress("writing the result", 0, 1)
         # Drawing is slow to load, and only needed once there is something to draw.
-        from nico_selfmodel.plant import learned_urdf
-        from nico_selfmodel.viz import write_result_folder
+        from nico_selfmodel.viz.reports.arm import arm_report
 
-        write_result_folder(
-            out,
-            calibration,
-            verdict,
-            document,
-            urdf_text=learned_urdf(calibration.model, description, folder=out),
-            robot_name=Path(description.robot).stem if description else None,
-            robot=description,
-            force=force,
-        )
+        report = arm_report(calibration, document, description)
+        write_with_report(out, calibration.model, report, robot=description, force=force)
         progress("writing the result", 1, 1)
     printer.result(calibration.model.name, document, out, json_instead=as_json)

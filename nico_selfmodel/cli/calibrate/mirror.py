@@ -59,13 +59,13 @@ def mirror(
         progress("writing the result", 0, 1)
         # Drawing is slow to load, and only needed once there is something to draw.
         from nico_selfmodel.plant import ArmDescription
+        from nico_selfmodel.result_folder.writing import write_result
         from nico_selfmodel.viz.mirror_picture import recorded_pictures
-        from nico_selfmodel.viz.mirror_report import write_mirror_folder
+        from nico_selfmodel.viz.reports.mirrors import mirror_report
 
         pictures = recorded_pictures(dataset, train)
         robot = ArmDescription.of_model(body) if pictures else None
-        write_mirror_folder(
-            out, found, verdict, document, pictures=pictures, robot=robot, force=force
-        )
+        texts = mirror_report(found, document, pictures, robot).files()
+        write_result(out, found.model, document, texts, force=force)
         progress("writing the result", 1, 1)
     printer.result(found.model.name, document, out, json_instead=as_json)

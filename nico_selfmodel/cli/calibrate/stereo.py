@@ -7,6 +7,8 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from nico_selfmodel.cli import inputs, options, printer
+from nico_selfmodel.cli.result_files import write_with_report
+from nico_selfmodel.progress import Progress
 
 if TYPE_CHECKING:
     from nico_selfmodel.estimation import CameraOptions
@@ -90,7 +92,7 @@ class CameraTask:
     out: Path
     force: bool
 
-    def run(self, found: "BoardDetections", progress: printer.Progress) -> dict[str, Any]:
+    def run(self, found: "BoardDetections", progress: Progress) -> dict[str, Any]:
         """Calibrate, judge and write the result folder; return its document."""
         from nico_selfmodel.estimation import (
             CameraAssessment,
@@ -111,16 +113,10 @@ class CameraTask:
         progress("learning the cameras", 2, 2)
         progress("writing the result", 0, 1)
         # Drawing is slow to load, and only needed once there is something to draw.
-        from nico_selfmodel.viz import write_camera_folder
+        from nico_selfmodel.viz.reports.cameras import camera_report
 
-        write_camera_folder(
-            self.out,
-            assessment,
-            verdict,
-            document,
-            model=calibration.self_model(self.name, found.provenance),
-            images=found.read_images(),
-            force=self.force,
-        )
+        model = calibration.self_model(self.name, found.provenance)
+        report = camera_report(assessment, document, found.read_images(), model)
+        write_with_report(self.out, model, report, force=self.force)
         progress("writing the result", 1, 1)
         return document

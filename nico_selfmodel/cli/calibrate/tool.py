@@ -5,6 +5,7 @@ from typing import Annotated
 import typer
 
 from nico_selfmodel.cli import inputs, options, printer
+from nico_selfmodel.cli.result_files import write_with_report
 
 
 def tool(
@@ -51,7 +52,7 @@ def tool(
     )
     document = tool_document(found, verdict, evaluation)
     # Drawing is slow to load, and only needed once there is something to draw.
-    from nico_selfmodel.viz.update_report import write_update_folder
+    from nico_selfmodel.viz.reports.updates import update_report
 
-    write_update_folder(out, evaluation, verdict, document, force=force)
+    write_with_report(out, evaluation.after, update_report(evaluation, document), force=force)
     printer.result(found.model.name, document, out, json_instead=as_json)

@@ -1,7 +1,7 @@
 """`nico-selfmodel experiment mirror`: chapter 9 of the thesis."""
 
 from nico_selfmodel.cli import options, printer
-from nico_selfmodel.cli.experiment.running import imperfect, plausible_pixel_sigma, told
+from nico_selfmodel.cli.experiment.running import finish, imperfect, plausible_pixel_sigma
 
 
 def mirror(
@@ -21,12 +21,7 @@ def mirror(
     joints and of the tracked marker, 0.3 px, are all there is.
     """
     from nico_selfmodel.experiments.mirror import run_mirror
-    from nico_selfmodel.experiments.mirror_report import (
-        depth_rows,
-        document_of,
-        table_rows,
-        write_report,
-    )
+    from nico_selfmodel.experiments.mirror_report import report_of
     from nico_selfmodel.files import refuse_folder
 
     refuse_folder(out, force=force)
@@ -45,11 +40,4 @@ def mirror(
             results = run_rendered_mirror(chosen, robots or 1, seed, progress=progress)
         else:
             results = run_mirror(robots or 5, sigma, noise, seed, progress)
-    write_report(results, out, force=force)
-    kind = "rendered" if rendered else f"{sigma:g} px"
-    title = f"Reflections in 100 test poses, {results.individuals} simulated robot(s), {kind}"
-    tables = [
-        (title, *table_rows(results)),
-        ("What stereo depth alone allows", *depth_rows(results)),
-    ]
-    told(document_of(results), tables, out, as_json)
+    finish(report_of(results), out, force, as_json)

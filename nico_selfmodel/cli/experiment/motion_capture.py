@@ -5,7 +5,7 @@ from typing import Annotated
 import typer
 
 from nico_selfmodel.cli import options, printer
-from nico_selfmodel.cli.experiment.running import told
+from nico_selfmodel.cli.experiment.running import finish
 
 
 def motion_capture(
@@ -21,19 +21,13 @@ def motion_capture(
 ) -> None:
     """Learn an arm under motion capture from few and from many samples (chapter 6)."""
     from nico_selfmodel.experiments.motion_capture import run_motion_capture
-    from nico_selfmodel.experiments.motion_capture_report import (
-        document_of,
-        repeat_rows,
-        table_rows,
-        write_report,
-    )
-    from nico_selfmodel.experiments.report_files import bodies
+    from nico_selfmodel.experiments.motion_capture_report import report_of
     from nico_selfmodel.files import refuse_folder
     from nico_selfmodel.plant import ArmDescription
-    from nico_selfmodel.systems import world_named
+    from nico_selfmodel.systems import imperfections_named
 
     refuse_folder(out, force=force)
-    chosen = world_named(imperfections)
+    chosen = imperfections_named(imperfections)
     with printer.progress_bar() as progress:
         results = run_motion_capture(
             ArmDescription.named("nico"),
@@ -43,7 +37,4 @@ def motion_capture(
             seed=seed,
             progress=progress,
         )
-    write_report(results, out, force=force)
-    title = f"Error on 100 random poses [mm], {bodies(robots)}, imperfections {imperfections}"
-    tables = [(title, *table_rows(results)), (f"{repeats} random subsets", *repeat_rows(results))]
-    told(document_of(results), tables, out, as_json)
+    finish(report_of(results), out, force, as_json)

@@ -6,7 +6,7 @@ from typing import Annotated
 import typer
 
 from nico_selfmodel.cli import options, printer
-from nico_selfmodel.cli.experiment.running import imperfect, told
+from nico_selfmodel.cli.experiment.running import finish, imperfect
 
 
 def refinement(
@@ -24,8 +24,7 @@ def refinement(
 ) -> None:
     """Jointly refine arm and cameras, as published and anchored to boards (chapter 8)."""
     from nico_selfmodel.experiments.refinement import run_refinement
-    from nico_selfmodel.experiments.refinement_report import document_of, table_rows, write_report
-    from nico_selfmodel.experiments.report_files import bodies
+    from nico_selfmodel.experiments.refinement_report import report_of
     from nico_selfmodel.files import refuse_folder
 
     refuse_folder(out, force=force)
@@ -33,13 +32,11 @@ def refinement(
     robots = robots or (1 if rendered else 8)
     if rendered:
         # The renderer is slow to load.
-        from nico_selfmodel.experiments.rendered_lesson import rendered_lessons
+        from nico_selfmodel.experiments.rendered_lesson import rendered_scenarios
 
-        source = partial(rendered_lessons, chosen)
+        source = partial(rendered_scenarios, chosen)
     with printer.progress_bar() as progress:
         results = run_refinement(
             chosen, robots, seed, tuple(tracker or ("fiducial", "color")), progress, source
         )
-    write_report(results, out, force=force)
-    title = f"Held-out poses and boards, {bodies(robots)}; ours / thesis"
-    told(document_of(results), [(title, *table_rows(results))], out, as_json)
+    finish(report_of(results), out, force, as_json)

@@ -1,37 +1,35 @@
 """What every experiment's command does: refuse, run, write, print."""
 
-from collections.abc import Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 from nico_selfmodel.cli import printer
 
 if TYPE_CHECKING:
-    from nico_selfmodel.systems import World
-
-Table = tuple[str, Sequence[str], Sequence[Sequence[str]]]
-"""Title, headings and rows."""
+    from nico_selfmodel.experiments.experiment_report import ExperimentReport
+    from nico_selfmodel.systems import Imperfections
 
 
-def told(document: dict[str, Any], tables: Sequence[Table], out: Path, as_json: bool) -> None:
-    """Print an experiment's tables and where they lie, or its document."""
+def finish(report: "ExperimentReport", out: Path, force: bool, as_json: bool) -> None:
+    """Write what an experiment found, and print its tables or its document."""
+    report.write(out, force=force)
     if as_json:
-        printer.as_json(document)
+        printer.as_json(report.document)
         return
-    for title, headings, rows in tables:
-        printer.table(title, headings, rows)
+    for table in report.tables:
+        printer.table(table.title, table.headings, table.rows)
     printer.folder(out)
 
 
-def imperfect(name: str, joint_noise_deg: float | None) -> "World":
+def imperfect(name: str, joint_noise_deg: float | None) -> "Imperfections":
     """Return the imperfections that options name.
 
     Raises:
         ValueError: If there are none of that name.
     """
-    from nico_selfmodel.systems import world_named
+    from nico_selfmodel.systems import imperfections_named
 
-    return world_named(name).with_noise(play_deg=joint_noise_deg)
+    return imperfections_named(name).with_noise(play_deg=joint_noise_deg)
 
 
 def plausible_pixel_sigma(sigma: float) -> float:

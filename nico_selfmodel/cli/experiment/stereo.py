@@ -1,7 +1,7 @@
 """`nico-selfmodel experiment stereo`: chapters 5 and 8 of the thesis."""
 
 from nico_selfmodel.cli import options, printer
-from nico_selfmodel.cli.experiment.running import plausible_pixel_sigma, told
+from nico_selfmodel.cli.experiment.running import finish, plausible_pixel_sigma
 
 
 def stereo(
@@ -13,7 +13,7 @@ def stereo(
     as_json: options.AsJson = False,
 ) -> None:
     """Learn a pair of cameras with several lens models and numbers of boards (chapters 5, 8)."""
-    from nico_selfmodel.experiments.stereo import document_of, run_stereo, table_rows, write_report
+    from nico_selfmodel.experiments.stereo import report_of, run_stereo
     from nico_selfmodel.files import refuse_folder
 
     refuse_folder(out, force=force)
@@ -22,10 +22,4 @@ def stereo(
     sigma = plausible_pixel_sigma(pixel_sigma or 0.2)
     with printer.progress_bar() as progress:
         results = run_stereo(robots, sigma, seed, progress)
-    write_report(results, out, force=force)
-    title = f"Held-out boards, {robots} simulated pairs of cameras, {sigma:g} px"
-    tables = [
-        (f"{title}: lens models", *table_rows(results.by_lens)),
-        ("Number of boards", *table_rows(results.by_boards)),
-    ]
-    told(document_of(results), tables, out, as_json)
+    finish(report_of(results), out, force, as_json)

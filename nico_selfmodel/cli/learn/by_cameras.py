@@ -5,10 +5,11 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, NoReturn
 
 from nico_selfmodel.cli import printer
+from nico_selfmodel.cli.result_files import write_with_report
 
 if TYPE_CHECKING:
-    from nico_selfmodel.experiments.body_lesson import BodyLesson
-    from nico_selfmodel.systems import World
+    from nico_selfmodel.experiments.body_lesson import BodyScenario
+    from nico_selfmodel.systems import Imperfections
 
 THESIS = {
     "stereo-fiducial": (
@@ -26,7 +27,7 @@ THESIS = {
 def learn_by_cameras(
     out: Path,
     sensor: str,
-    world: "World",
+    world: "Imperfections",
     seed: int,
     random_poses: int,
     force: bool,
@@ -34,40 +35,40 @@ def learn_by_cameras(
     mirror: bool = False,
 ) -> NoReturn:
     """Calibrate the cameras, watch the hand, learn the arm, refine both, write the result."""
-    from nico_selfmodel.cli.learn.mirror import mirror_parts, write_mirror_lesson
-    from nico_selfmodel.experiments.body_lesson import learn_body_through_the_eyes
+    from nico_selfmodel.cli.learn.mirror import mirror_parts, write_mirror_scenario
+    from nico_selfmodel.experiments.body_lesson import learn_body
     from nico_selfmodel.experiments.eyes_lesson import MARKERS, Counts
 
     marker = MARKERS[sensor]
     with printer.progress_bar() as progress:
-        lesson = learn_body_through_the_eyes(
+        scenario = learn_body(
             world, seed, marker=marker, counts=Counts(random=random_poses), stage=progress
         )
         seen = None
         if mirror:
             from nico_selfmodel.experiments.mirror_lesson import learn_mirror, with_mirror
 
-            familiar = lesson.arm.train.encoders
+            familiar = scenario.arm.train.encoders
             seen = learn_mirror(
-                lesson.model, world, seed, marker=marker, familiar=familiar, stage=progress
+                scenario.model, world, seed, marker=marker, familiar=familiar, stage=progress
             )
-            lesson = with_mirror(lesson, seen)
+            scenario = with_mirror(scenario, seen)
         progress("writing the result", 0, 1)
-        document = write_lesson(out, lesson, marker, force)
+        document = write_scenario(out, scenario, marker, force)
         if seen is not None:
-            document = write_mirror_lesson(out, document, seen)
+            document = write_mirror_scenario(out, document, seen)
         progress("writing the result", 1, 1)
-    parts = _parts(lesson, document, sensor) + mirror_parts(document)
+    parts = _parts(scenario, document, sensor) + mirror_parts(document)
     more = _told_in_words(document)
-    printer.result(lesson.model.name, document, out, parts=parts, more=more, json_instead=as_json)
+    printer.result(scenario.model.name, document, out, parts=parts, more=more, json_instead=as_json)
 
 
-def write_lesson(out: Path, lesson: "BodyLesson", marker: str, force: bool) -> dict[str, Any]:
+def write_scenario(out: Path, scenario: "BodyScenario", marker: str, force: bool) -> dict[str, Any]:
     """Write the refined body, or the arm as it was before where the refinement was refused.
 
     Args:
         out: The folder to make.
-        lesson: What was learned.
+        scenario: What was learned.
         marker: What was tracked.
         force: Replace an existing folder.
 
@@ -76,41 +77,37 @@ def write_lesson(out: Path, lesson: "BodyLesson", marker: str, force: bool) -> d
     """
     from nico_selfmodel.estimation import body_document
     from nico_selfmodel.systems import looking_arm
-    from nico_selfmodel.viz.body_report import write_body_folder
+    from nico_selfmodel.viz.reports.body import body_report
 
-    if lesson.refined is None or not lesson.accepted:
-        return _write_unrefined(out, lesson, marker, force)
-    document = body_document(lesson.refined, lesson.verdict) | _told(lesson)
-    write_body_folder(
+    if scenario.refined is None or not scenario.accepted:
+        return _write_unrefined(out, scenario, marker, force)
+    document = body_document(scenario.refined, scenario.verdict) | _told(scenario)
+    write_with_report(
         out,
-        lesson.refined,
-        lesson.verdict,
-        document,
-        robot=looking_arm(marker),
-        recordings={"train": lesson.arm.train, "test": lesson.arm.test},
+        scenario.refined.model,
+        body_report(scenario.refined, document, looking_arm(marker)),
+        recordings={"train": scenario.arm.train, "test": scenario.arm.test},
         force=force,
     )
     return document
 
 
-def _write_unrefined(out: Path, lesson: "BodyLesson", marker: str, force: bool) -> dict[str, Any]:
+def _write_unrefined(
+    out: Path, scenario: "BodyScenario", marker: str, force: bool
+) -> dict[str, Any]:
     """Write the arm as it was learned after the cameras, and why nothing better came of it."""
     from nico_selfmodel.estimation import judge, result_document
-    from nico_selfmodel.plant import learned_urdf
     from nico_selfmodel.systems import looking_arm
-    from nico_selfmodel.viz import write_result_folder
+    from nico_selfmodel.viz.reports.arm import arm_report
 
-    arm, robot = lesson.arm, looking_arm(marker)
+    arm, robot = scenario.arm, looking_arm(marker)
     verdict = judge(arm.calibration)
-    document = result_document(arm.calibration, verdict) | _told(lesson)
+    document = result_document(arm.calibration, verdict) | _told(scenario)
     arm.sight.add_pixels(document, arm.model)
-    write_result_folder(
+    write_with_report(
         out,
-        arm.calibration,
-        verdict,
-        document,
-        urdf_text=learned_urdf(arm.model, robot, folder=out),
-        robot_name="nico",
+        arm.model,
+        arm_report(arm.calibration, document, robot),
         robot=robot,
         recordings={"train": arm.train, "test": arm.test},
         force=force,
@@ -118,28 +115,28 @@ def _write_unrefined(out: Path, lesson: "BodyLesson", marker: str, force: bool) 
     return document
 
 
-def _told(lesson: "BodyLesson") -> dict[str, Any]:
+def _told(scenario: "BodyScenario") -> dict[str, Any]:
     """Return what `result.json` tells of the cameras, and of the refinement."""
     from nico_selfmodel.estimation.body_document import refinement_block
 
-    eyes = lesson.eyes
+    eyes = scenario.eyes
     return {
-        "refinement": refinement_block(lesson.arm.seen, lesson.refined, lesson.verdict),
+        "refinement": refinement_block(scenario.arm.seen, scenario.refined, scenario.verdict),
         "eyes": {
             "boards": len(eyes.views),
             "rms_px": eyes.eyes.rms,
-            "baseline_mm": 1e3 * lesson.model.rig.baseline,
+            "baseline_mm": 1e3 * scenario.model.rig.baseline,
         },
     }
 
 
 def _parts(
-    lesson: "BodyLesson", document: Mapping[str, Any], sensor: str
+    scenario: "BodyScenario", document: Mapping[str, Any], sensor: str
 ) -> list[tuple[str, printer.Block]]:
     """Return the errors on held-out poses before and after the refinement, beside the thesis'."""
     label, published = THESIS[sensor]
     refinement = document["refinement"]
-    kept = "held out, arm and cameras refined" + ("" if lesson.accepted else " (refused)")
+    kept = "held out, arm and cameras refined" + ("" if scenario.accepted else " (refused)")
     return [
         ("held out, arm learned after the cameras", refinement["before"]),
         (kept, refinement["after"]),

@@ -7,10 +7,11 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from nico_selfmodel.cli import inputs, options, printer
+from nico_selfmodel.cli.result_files import write_with_report
 
 if TYPE_CHECKING:
     from nico_selfmodel.plant import ArmDescription
-    from nico_selfmodel.systems import World
+    from nico_selfmodel.systems import Imperfections
 
 SENSORS = ("stereo-fiducial", "stereo-color", "motion-capture")
 
@@ -46,9 +47,9 @@ def learn(
 
     refuse_folder(out, force=force)
     # What learns and draws is slow to load, and only needed once the input is known to be right.
-    from nico_selfmodel.systems import world_named
+    from nico_selfmodel.systems import imperfections_named
 
-    world = world_named(imperfections)
+    world = imperfections_named(imperfections)
     chain = (arm, base, tip, hold, point)
     sensor = _chosen_sensor(sensor, robot not in (None, "nico") or any(chain))
     if sensor != "motion-capture":
@@ -91,7 +92,7 @@ def _cameras_or_else() -> str:
 
 def _by_motion_capture(
     out: Path,
-    world: "World",
+    world: "Imperfections",
     seed: int,
     random_poses: int,
     description: "ArmDescription",
@@ -100,24 +101,20 @@ def _by_motion_capture(
 ) -> None:
     """Learn an arm from what motion capture sees of it (chapter 6)."""
     from nico_selfmodel.estimation import judge, result_document
-    from nico_selfmodel.experiments.first_arm import learn_first_arm
-    from nico_selfmodel.plant import learned_urdf
-    from nico_selfmodel.viz import write_result_folder
+    from nico_selfmodel.experiments.first_arm import learn_by_motion_capture
+    from nico_selfmodel.viz.reports.arm import arm_report
 
     with printer.progress_bar() as progress:
-        first = learn_first_arm(
+        first = learn_by_motion_capture(
             description, world, seed=seed, random_poses=random_poses, stage=progress
         )
         progress("writing the result", 0, 1)
         verdict = judge(first.refined)
         document = result_document(first.refined, verdict)
-        write_result_folder(
+        write_with_report(
             out,
-            first.refined,
-            verdict,
-            document,
-            urdf_text=learned_urdf(first.refined.model, description, folder=out),
-            robot_name=Path(description.robot).stem,
+            first.refined.model,
+            arm_report(first.refined, document, description),
             robot=description,
             recordings={"train": first.train, "test": first.test},
             force=force,

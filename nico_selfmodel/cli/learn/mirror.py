@@ -1,51 +1,45 @@
 """What `nico-selfmodel learn --mirror` leaves behind and prints of the mirror."""
 
-import json
 from collections.abc import Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
-    from nico_selfmodel.experiments.mirror_lesson import MirrorLesson
+    from nico_selfmodel.experiments.mirror_lesson import MirrorScenario
 
 FOLDER = "mirror"
 """Folder within the result folder: the mirror's own report."""
 
 
-def write_mirror_lesson(
-    out: Path, document: Mapping[str, Any], lesson: "MirrorLesson"
+def write_mirror_scenario(
+    out: Path, document: Mapping[str, Any], scenario: "MirrorScenario"
 ) -> dict[str, Any]:
     """Add the mirror to a result folder: its recordings, its report, its figures.
 
     Args:
         out: The folder, whose self-model knows the mirror already.
         document: What is in its `result.json`.
-        lesson: What was learned of the mirror.
+        scenario: What was learned of the mirror.
 
     Returns:
         What is in `result.json` now: the mirror's own document under `mirror`.
     """
-    from nico_selfmodel.files import RESULT_FILE, write_whole
     from nico_selfmodel.plant import ArmDescription
-    from nico_selfmodel.viz.mirror_report import write_mirror_folder
+    from nico_selfmodel.result_folder.writing import replace_document, write_result
+    from nico_selfmodel.viz.reports.mirrors import mirror_report
 
-    found = lesson.document
-    (name,) = lesson.calibration.mirrors
-    write_mirror_folder(
-        out / FOLDER,
-        lesson.calibration,
-        lesson.verdict,
-        found,
-        pictures={name: lesson.picture},
-        robot=ArmDescription.of_model(lesson.model),
-    )
-    for name, data in (("mirror", lesson.train), ("mirror_test", lesson.test)):
+    found = scenario.document
+    (name,) = scenario.calibration.mirrors
+    robot = ArmDescription.of_model(scenario.model)
+    report = mirror_report(scenario.calibration, found, {name: scenario.picture}, robot)
+    write_result(out / FOLDER, scenario.calibration.model, found, report.files())
+    for name, data in (("mirror", scenario.train), ("mirror_test", scenario.test)):
         data.save(out / "recordings" / name)
     whole = {**document, "mirror": found}
     if found["status"] == "FAIL":
         reasons = [f"the mirror: {reason}" for reason in found["reasons"]]
         whole |= {"status": "FAIL", "reasons": [*document["reasons"], *reasons]}
-    write_whole(out / RESULT_FILE, json.dumps(whole, allow_nan=False, indent=1) + "\n")
+    replace_document(out, whole)
     return whole
 
 

@@ -73,7 +73,7 @@ def record(
     An interrupted recording goes on.
     """
     from nico_selfmodel.files import refuse_existing
-    from nico_selfmodel.systems import world_named
+    from nico_selfmodel.systems import imperfections_named
 
     refuse_existing(out, force=True)  # what is there is gone on with, or refused by name
     inputs.name_after(out)
@@ -91,7 +91,7 @@ def record(
     # The renderer is slow to load.
     from nico_selfmodel.cli.record import simulated
 
-    chosen = world_named(imperfections)
+    chosen = imperfections_named(imperfections)
     if sensor == "chessboard":
         simulated.record_boards(request, chosen, board_views)
     else:

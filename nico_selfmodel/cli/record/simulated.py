@@ -9,10 +9,10 @@ from nico_selfmodel.cli import inputs, printer
 if TYPE_CHECKING:
     from nico_selfmodel.cli.record.request import Request
     from nico_selfmodel.dataset import Dataset
-    from nico_selfmodel.systems import World
+    from nico_selfmodel.systems import Imperfections
 
 
-def record_hand(request: "Request", world: "World") -> "Dataset":
+def record_hand(request: "Request", world: "Imperfections") -> "Dataset":
     """Record the hand: by motion capture, by the robot's cameras, or in mirrors too.
 
     Raises:
@@ -25,14 +25,14 @@ def record_hand(request: "Request", world: "World") -> "Dataset":
     return by(request, world)
 
 
-def record_boards(request: "Request", world: "World", count: int) -> None:
+def record_boards(request: "Request", world: "Imperfections", count: int) -> None:
     """Record photographs of a chessboard by both cameras."""
-    from nico_selfmodel.experiments.eyes_lesson import NicoBeforeItsEyes
+    from nico_selfmodel.experiments.eyes_lesson import RenderedNico
     from nico_selfmodel.files import folder_written_whole
 
     out = request.out
     with folder_written_whole(out) as folder, printer.progress_bar() as progress:
-        nico = NicoBeforeItsEyes(world, request.seed, ("fiducial",))
+        nico = RenderedNico(world, request.seed, ("fiducial",))
         nico.board_views(
             count,
             request.session,
@@ -47,11 +47,11 @@ def record_boards(request: "Request", world: "World", count: int) -> None:
     )
 
 
-def _by_cameras(request: "Request", world: "World") -> "Dataset":
-    from nico_selfmodel.experiments.eyes_lesson import MARKERS, NicoBeforeItsEyes
+def _by_cameras(request: "Request", world: "Imperfections") -> "Dataset":
+    from nico_selfmodel.experiments.eyes_lesson import MARKERS, RenderedNico
 
     rig = inputs.cameras_of(request.cameras)
-    nico = NicoBeforeItsEyes(world, request.seed, (MARKERS[request.sensor],))
+    nico = RenderedNico(world, request.seed, (MARKERS[request.sensor],))
     with printer.progress_bar() as progress:
         return nico.record(
             inputs.name_after(request.out),
@@ -66,7 +66,7 @@ def _by_cameras(request: "Request", world: "World") -> "Dataset":
         )
 
 
-def _by_motion_capture(request: "Request", world: "World") -> "Dataset":
+def _by_motion_capture(request: "Request", world: "Imperfections") -> "Dataset":
     from nico_selfmodel.experiments.protocol import Protocol, simulated_session
     from nico_selfmodel.plant import ArmDescription
 
@@ -89,13 +89,13 @@ def _by_motion_capture(request: "Request", world: "World") -> "Dataset":
         )
 
 
-def _before_mirrors(request: "Request", world: "World") -> "Dataset":
+def _before_mirrors(request: "Request", world: "Imperfections") -> "Dataset":
     """Record the hand directly, then in every mirror.
 
     Red tape needs a self-model with an arm: only a body that knows where its hand is can tell tape
     from its reflection.
     """
-    from nico_selfmodel.experiments.eyes_lesson import MARKERS, NicoBeforeItsEyes
+    from nico_selfmodel.experiments.eyes_lesson import MARKERS, RenderedNico
     from nico_selfmodel.experiments.mirror_recording import NicoBeforeMirrors, mirror_of_words
     from nico_selfmodel.model import SelfModel
 
@@ -110,7 +110,7 @@ def _before_mirrors(request: "Request", world: "World") -> "Dataset":
             "red tape and its reflection look alike: give --cameras a self-model with an arm that "
             "was learned by --sensor stereo-color, or take --sensor stereo-fiducial"
         )
-    nico = NicoBeforeItsEyes(world, request.seed, (marker,))
+    nico = RenderedNico(world, request.seed, (marker,))
     rig = None if model is None else model.rig
     body = NicoBeforeMirrors(nico, dict(places), knows=knows, rig=rig)
     with printer.progress_bar() as progress:

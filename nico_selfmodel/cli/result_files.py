@@ -1,0 +1,43 @@
+"""What a command that learns leaves behind: a result folder with its report."""
+
+from collections.abc import Mapping
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from nico_selfmodel.dataset import Dataset
+    from nico_selfmodel.model import SelfModel
+    from nico_selfmodel.plant import ArmDescription
+    from nico_selfmodel.viz.reports.page import Report
+
+
+def write_with_report(
+    out: Path,
+    model: "SelfModel",
+    report: "Report",
+    *,
+    robot: "ArmDescription | None" = None,
+    recordings: "Mapping[str, Dataset] | None" = None,
+    force: bool = False,
+) -> None:
+    """Write self-model, `result.json`, report, scene, and the URDF of an arm, or nothing.
+
+    Args:
+        out: The folder to make.
+        model: The self-model.
+        report: With the content of `result.json`.
+        robot: The robot that the arm belongs to; the one that the model names if omitted.
+        recordings: Data sets to keep beside the result, in `recordings/<name>`.
+        force: Replace an existing folder.
+
+    Raises:
+        FileExistsError: If the folder exists and `force` is not set.
+        OSError: If it cannot be written.
+        ModelError: If the robot that the model names is gone, or has other joints.
+        SelfModelError: If the server that makes the interactive scene cannot start.
+    """
+    from nico_selfmodel.result_folder.urdf import urdf_file
+    from nico_selfmodel.result_folder.writing import write_result
+
+    texts = {**report.files(), **urdf_file(model, out, robot)}
+    write_result(out, model, report.document, texts, recordings, force=force)
