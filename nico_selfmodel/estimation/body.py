@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from nico_selfmodel.dataset import BoardViews, Dataset
-from nico_selfmodel.dataset.poses import held_out_of
+from nico_selfmodel.dataset.held_out import held_out_of
 from nico_selfmodel.errors import NotConvergedError
 from nico_selfmodel.estimation.arm_views import LinesView, RowsView
 from nico_selfmodel.estimation.board_accuracy import held_out_residuals

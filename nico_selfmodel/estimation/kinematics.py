@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from nico_selfmodel.dataset import Dataset
-from nico_selfmodel.dataset.poses import held_out_of
+from nico_selfmodel.dataset.held_out import held_out_of
 from nico_selfmodel.estimation.arm_solution import ArmSolution, Linearised
 from nico_selfmodel.estimation.circle_points import CirclePointAnalysis, require_arm
 from nico_selfmodel.estimation.cross_validation import cross_validate

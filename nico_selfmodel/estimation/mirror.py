@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from nico_selfmodel.dataset import Dataset
-from nico_selfmodel.dataset.poses import held_out_of
+from nico_selfmodel.dataset.held_out import held_out_of
 from nico_selfmodel.errors import DataError
 from nico_selfmodel.estimation.mirror_checks import (
     misplaced_rows,

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from numpy.testing import assert_allclose
 
-from nico_selfmodel.dataset import MirroredBoards
+from nico_selfmodel.dataset.mirrored_boards import MirroredBoards
 from nico_selfmodel.errors import DataError, EstimationError, NotIdentifiableError
 from nico_selfmodel.estimation import CameraOptions, calibrate_board_mirrors
 from nico_selfmodel.estimation.board_mirror_residuals import BoardMirrorResiduals

@@ -294,13 +294,13 @@ def test_boards_that_the_eyes_before_have_no_ray_for_are_not_compared():
 class TestBadInput:
     def test_a_model_without_eyes(self):
         arm_only = replace(learned(0).model, cameras={}, covariance=None)
-        with pytest.raises(ModelError, match=r"no pair of eyes.*calibrate stereo"):
+        with pytest.raises(ModelError, match=r"no pair of cameras.*calibrate stereo"):
             calibrate_body(lesson().train, arm_only, lesson().boards)
 
     def test_a_model_with_one_eye(self):
         eyes = lesson().eyes
         one = replace(eyes, cameras={"left": eyes.rig.left}, covariance=None)
-        with pytest.raises(ModelError, match="no pair of eyes"):
+        with pytest.raises(ModelError, match="no pair of cameras"):
             calibrate_body(lesson().train, one, lesson().boards)
 
     def test_data_without_pixels(self):

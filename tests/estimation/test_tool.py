@@ -160,7 +160,7 @@ def test_what_does_not_suit_is_refused(model, tipped):
     with pytest.raises(ValueError, match="no loss"):
         calibrate_tool(model, few, loss="l7")
     blind = replace(model, cameras={}, covariance=None)
-    with pytest.raises(ModelError, match="no pair of eyes"):
+    with pytest.raises(ModelError, match="no pair of cameras"):
         calibrate_tool(blind, few, sensor="pixels")
 
 

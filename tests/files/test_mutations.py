@@ -15,7 +15,8 @@ from subprocess import CompletedProcess
 import numpy as np
 import pytest
 
-from nico_selfmodel.servos import SimulatedBus, SimulatedModule
+from nico_selfmodel.servos import SimulatedBus
+from nico_selfmodel.servos.simulated_module import SimulatedModule
 
 from .mutations import NUMBERS, TEXTS, spoil
 from .small_inputs import KINDS, WORDS, make_sound_inputs

@@ -50,7 +50,7 @@ def test_what_cannot_be_seen_is_nan(body, model):
 
 
 def test_a_body_without_eyes_or_with_another_marker_is_refused(model):
-    with pytest.raises(ModelError, match="no pair of eyes"):
+    with pytest.raises(ModelError, match="no pair of cameras"):
         MirrorPredictor(replace(model, cameras={}, mirrors={}))
     with pytest.raises(ValueError, match="no marker 'tool'"):
         MirrorPredictor(model, "tool")

@@ -1,5 +1,7 @@
 """Read-only copies of arrays, checked for shape, finiteness and what a covariance must be."""
 
+from typing import Any
+
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
@@ -27,6 +29,13 @@ def as_floats(value: ArrayLike, name: str) -> NDArray:
         ) from None
 
 
+def read_only(value: ArrayLike, dtype: Any = None) -> NDArray:
+    """Return a copy that cannot be written to, of another type if one is asked for."""
+    array = np.array(value, dtype=dtype)
+    array.flags.writeable = False
+    return array
+
+
 def frozen_array(value: ArrayLike, shape: tuple[int, ...], name: str) -> NDArray:
     """Return a read-only float copy.
 
@@ -46,8 +55,7 @@ def frozen_array(value: ArrayLike, shape: tuple[int, ...], name: str) -> NDArray
         raise ValueError(f"{name} must have shape {shape}, got {array.shape}")
     if not np.isfinite(array).all():
         raise ValueError(f"{name} must be finite")
-    array.flags.writeable = False
-    return array
+    return read_only(array)
 
 
 def frozen_covariance(value: ArrayLike, count: int, name: str) -> NDArray:
