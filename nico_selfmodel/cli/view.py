@@ -26,7 +26,7 @@ def view(
     from nico_selfmodel.files import refuse_existing, write_whole
     from nico_selfmodel.viz.drake_backend import draw_in_drake, static_html
     from nico_selfmodel.viz.meshcat_backend import publish
-    from nico_selfmodel.viz.scene_file import load_scene
+    from nico_selfmodel.viz.scene import load_scene
 
     scene = load_scene(result)
     if out is not None:

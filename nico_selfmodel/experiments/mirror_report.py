@@ -14,7 +14,7 @@ from nico_selfmodel.experiments.mirror import (
     Spread,
 )
 from nico_selfmodel.experiments.report_files import Table, as_markdown, bodies, write_experiment
-from nico_selfmodel.viz import BarSeries, bar_chart
+from nico_selfmodel.viz.experiment_charts import BarSeries, bar_chart
 
 
 def table_rows(results: MirrorExperiment) -> Table:

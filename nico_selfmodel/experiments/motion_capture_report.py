@@ -13,7 +13,7 @@ from nico_selfmodel.experiments.motion_capture import (
     Row,
 )
 from nico_selfmodel.experiments.report_files import Table, as_markdown, bodies, write_experiment
-from nico_selfmodel.viz import BarSeries, bar_chart
+from nico_selfmodel.viz.experiment_charts import BarSeries, bar_chart
 
 _THESIS_LINKS_MM = ((126.82, 0.45), (115.66, 0.84))
 _THESIS_REPEAT_SECONDS = 2.52

@@ -15,7 +15,7 @@ from nico_selfmodel.experiments.report_files import (
     spread,
     write_experiment,
 )
-from nico_selfmodel.viz import BarSeries, Level, bar_chart
+from nico_selfmodel.viz.experiment_charts import BarSeries, Level, bar_chart
 
 THESIS: dict[str, dict[str, dict[str, tuple[float, float]]]] = {
     "fiducial": {

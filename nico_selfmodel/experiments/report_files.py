@@ -6,7 +6,7 @@ from pathlib import Path
 from typing import Any
 
 from nico_selfmodel.files import folder_written_whole
-from nico_selfmodel.viz import save_figure
+from nico_selfmodel.viz.experiment_charts import save_figure
 
 Table = tuple[tuple[str, ...], list[list[str]]]
 """Headings and rows."""

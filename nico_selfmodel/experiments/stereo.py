@@ -16,7 +16,7 @@ from nico_selfmodel.estimation import (
 from nico_selfmodel.estimation.board_accuracy import corner_distances, held_out_residuals
 from nico_selfmodel.experiments.report_files import Table, as_markdown, write_experiment
 from nico_selfmodel.systems import SimulatedEyes
-from nico_selfmodel.viz import BarSeries, bar_chart
+from nico_selfmodel.viz.experiment_charts import BarSeries, bar_chart
 
 SQUARE = 0.028
 """Side of a square of the thesis' board [m]."""

@@ -14,7 +14,7 @@ from nico_selfmodel.experiments.report_files import (
     write_experiment,
 )
 from nico_selfmodel.experiments.tool_use import COUNTS, FREED, ToolExperiment, ToolRow
-from nico_selfmodel.viz import BarSeries, bar_chart
+from nico_selfmodel.viz.experiment_charts import BarSeries, bar_chart
 
 THESIS = {
     "hand before": {"mm": (5.72, 5.00), "px": (3.82, 2.33)},

@@ -11,7 +11,7 @@ from nico_selfmodel.estimation import ErrorStatistics
 from nico_selfmodel.experiments.eyes_lesson import ArmLesson, Counts, learn_through_the_eyes
 from nico_selfmodel.experiments.report_files import Table, as_markdown, write_experiment
 from nico_selfmodel.systems import World
-from nico_selfmodel.viz import BarSeries, bar_chart
+from nico_selfmodel.viz.experiment_charts import BarSeries, bar_chart
 
 ROWS = {"color": "finger_tip", "fiducial": "fiducial"}
 """How the hand is tracked -> what is tracked."""

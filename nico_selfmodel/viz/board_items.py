@@ -46,7 +46,7 @@ def board_item(
 def board_name(
     path: str, name: str, p_GQ: NDArray, X_WG: NDArray, color: str, R_WL: NDArray
 ) -> Item:
-    """Return the name of a board over its highest corner, turned towards the first eye.
+    """Return the name of a board over its highest corner, turned towards the first camera.
 
     Args:
         path: Of the item.
@@ -54,7 +54,7 @@ def board_name(
         p_GQ: Corners on the board [m]. Shape (P, 3).
         X_WG: Pose of the board. Shape (4, 4).
         color: Of the letters.
-        R_WL: Attitude of the first eye. Shape (3, 3).
+        R_WL: Attitude of the first camera. Shape (3, 3).
     """
     outline = board_outline(p_GQ, X_WG)
     top = outline[np.argmax(outline[:, 2])]

@@ -1,4 +1,4 @@
-"""What a learned body looks like: arm, eyes, and how surely it knows where its hand is."""
+"""What a learned body looks like: arm, cameras, and how surely it knows where its hand is."""
 
 from dataclasses import replace
 
@@ -16,29 +16,28 @@ from nico_selfmodel.viz.eye_items import ImagePlane, eye_items
 from nico_selfmodel.viz.robot_items import robot_items, robot_legend
 from nico_selfmodel.viz.scene import LegendEntry, Scene
 from nico_selfmodel.viz.scene_items import Item, Markers, Needles
-from nico_selfmodel.viz.surroundings import camera_from, floor_items
-from nico_selfmodel.viz.upright import upright
+from nico_selfmodel.viz.surroundings import camera_from, floor_items, upright
 
 _DOT = 0.003
 _PLANE = 0.05
-"""Distance of image planes from their eyes [m]."""
+"""Distance of image planes from their cameras [m]."""
 _ENLARGED = 10.0
 """Residuals are drawn this many times as long."""
 _AZIMUTH, _ELEVATION = np.radians(250.0), np.radians(30.0)
 
 
 def body_scene(calibration: BodyCalibration, robot: ArmDescription | None = None) -> Scene:
-    """Describe a learned body as a scene; z is up, and the left eye stands at its origin.
+    """Describe a learned body as a scene; z is up, and the left camera stands at its origin.
 
     Args:
         calibration: What was learned.
         robot: The robot that the arm belongs to, to be drawn around it. It stands as it does;
-            without it the left eye looks along x.
+            without it the left camera looks along x.
 
     Returns:
-        The arm at the training pose nearest to their middle, both eyes, the hand at every training
-        pose in the colour of its whole uncertainty, and its distance from where the eyes saw it,
-        tenfold.
+        The arm at the training pose nearest to their middle, both cameras, the hand at every
+        training pose in the colour of its whole uncertainty, and its distance from where the
+        cameras saw it, tenfold.
 
     Raises:
         ModelError: If the robot cannot be read, or its chain has other joints.
@@ -62,7 +61,7 @@ def with_body(
     legend: list[LegendEntry],
     robot: ArmDescription | None,
 ) -> Scene:
-    """Return a scene of an arm, its eyes, its robot and whatever belongs to them.
+    """Return a scene of an arm, its cameras, its robot and whatever belongs to them.
 
     Args:
         body: The body, standing in the scene.
@@ -103,7 +102,7 @@ def standing(model: SelfModel, X_SW: NDArray) -> SelfModel:
     """Return a body in a scene's frame.
 
     Args:
-        model: Arm and eyes.
+        model: Arm and cameras.
         X_SW: Pose of its world in the scene. Shape (4, 4).
     """
     table = replace(model.dh, X_W0=X_SW @ model.dh.X_W0)
@@ -127,8 +126,8 @@ def _eyes(model: SelfModel) -> list[Item]:
 
 
 def _hands(calibration: BodyCalibration, accuracy: WorkspaceAccuracy, X_SW: NDArray) -> list[Item]:
-    """Return the hand at every pose, and where the eyes saw it."""
-    train, believed = calibration.train, ~calibration.outliers
+    """Return the hand at every pose, and where the cameras saw it."""
+    train, inliers = calibration.train, ~calibration.outliers
     predicted = apply(X_SW, train.p_LH_predicted)
     seen = apply(X_SW, train.p_LH_seen)
     colors = palette.error_colors(accuracy.total, float(accuracy.total.max()))
@@ -136,14 +135,14 @@ def _hands(calibration: BodyCalibration, accuracy: WorkspaceAccuracy, X_SW: NDAr
         Markers(
             path="hand/known_to",
             color=palette.rgba(palette.HAND),
-            centers=predicted[believed],
-            colors=colors[believed],
+            centers=predicted[inliers],
+            colors=colors[inliers],
             radius=_DOT,
         )
     ]
     both = np.isfinite(seen).all(axis=1)
-    if (both & believed).any():
-        rows = both & believed
+    if (both & inliers).any():
+        rows = both & inliers
         items.append(
             Needles(
                 path="hand/residuals_tenfold",
@@ -153,12 +152,12 @@ def _hands(calibration: BodyCalibration, accuracy: WorkspaceAccuracy, X_SW: NDAr
                 radius=0.25 * _DOT,
             )
         )
-    if (both & ~believed).any():
+    if (both & ~inliers).any():
         items.append(
             Markers(
                 path="hand/outliers",
                 color=palette.rgba(palette.OUTLIER),
-                centers=seen[both & ~believed],
+                centers=seen[both & ~inliers],
                 radius=_DOT,
             )
         )
@@ -170,8 +169,8 @@ def _legend(accuracy: WorkspaceAccuracy) -> list[LegendEntry]:
     colors = tuple((float(r), float(g), float(b), 1.0) for r, g, b in scale)
     return [
         LegendEntry(f"hand known to 0 ... {1e3 * accuracy.total.max():.1f} mm", colors[-1], colors),
-        LegendEntry("where the eyes saw it, tenfold", palette.rgba(palette.MUTED, 0.7)),
-        LegendEntry("left eye", palette.rgba(palette.EYES["left"])),
-        LegendEntry("right eye", palette.rgba(palette.EYES["right"])),
-        LegendEntry("not believed", palette.rgba(palette.OUTLIER)),
+        LegendEntry("where the cameras saw it, tenfold", palette.rgba(palette.MUTED, 0.7)),
+        LegendEntry("left camera", palette.rgba(palette.EYES["left"])),
+        LegendEntry("right camera", palette.rgba(palette.EYES["right"])),
+        LegendEntry("outliers", palette.rgba(palette.OUTLIER)),
     ]

@@ -19,6 +19,8 @@ _FAR = 4.0
 """Corners with errors of so many rms are ringed."""
 _CROSS = 0.009
 """Half the size of a cross in widths of the image."""
+_STROKE = 0.0034
+"""Width of lines in widths of the image."""
 
 
 @dataclass(frozen=True)
@@ -28,7 +30,7 @@ class Thumbnail:
     file: str
     """Name of the photograph."""
     color: str
-    """Of the eye."""
+    """Of the camera."""
     rms: float | None
     """Of its corners [px]."""
     note: str
@@ -54,7 +56,17 @@ class GalleryRow:
     use: str
     """One of `camera_views.USES`."""
     pictures: tuple[Thumbnail, ...]
-    """One an eye."""
+    """One a camera."""
+
+
+@dataclass(frozen=True)
+class Gallery:
+    """Photographs as a part of a report."""
+
+    rows: tuple[GalleryRow, ...]
+    """One a view."""
+    stroke: float
+    """Width of the lines drawn over them [px]."""
 
 
 def gallery(
@@ -62,7 +74,7 @@ def gallery(
     views: tuple[ShownView, ...],
     document: Mapping[str, Any],
     images: Photographs | None,
-) -> tuple[GalleryRow, ...]:
+) -> Gallery | None:
     """Return all photographs with their corners.
 
     Args:
@@ -72,14 +84,14 @@ def gallery(
         images: The photographs.
 
     Returns:
-        One row a view; none where there are no photographs.
+        One row a view; None where there are no photographs.
 
     Raises:
         ValueError: If an image is not one, or not of the size that was calibrated.
     """
     count = sum(len(of_eye) for of_eye in (images or {}).values())
     if not images or not count:
-        return ()
+        return None
     width = round(_WIDTH * min(1.0, _MANY / count) ** 0.5)
     calibration = assessment.calibration
     far = _FAR * calibration.rms if np.isfinite(calibration.rms) else np.inf
@@ -91,10 +103,11 @@ def gallery(
         small = None if image is None else shrunk(image, width)
         return _thumbnail(eye, small, calibration.views.image_size, columns, far, notes)
 
-    return tuple(
+    rows = tuple(
         GalleryRow(view.name, view.use, tuple(thumbnail(eye, view.name) for eye in view.eyes))
         for view in views
     )
+    return Gallery(rows, _STROKE * calibration.views.image_size[0])
 
 
 def _thumbnail(

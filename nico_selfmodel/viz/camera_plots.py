@@ -1,4 +1,4 @@
-"""Figures of what the eyes saw: errors, where corners lie in the images, which views fit badly."""
+"""Figures of what cameras saw: errors, where corners lie in the images, which views fit badly."""
 
 import numpy as np
 from matplotlib.axes import Axes
@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 from nico_selfmodel.estimation import CameraAssessment
 from nico_selfmodel.viz import palette
 from nico_selfmodel.viz.camera_views import USE_COLORS, USES, ShownView
-from nico_selfmodel.viz.distribution_plot import ErrorSet, distribution
+from nico_selfmodel.viz.distribution_plot import distribution, error_sets
 from nico_selfmodel.viz.numbers_shown import short
 from nico_selfmodel.viz.plot_style import (
     FULL_WIDTH,
@@ -27,27 +27,22 @@ _LOG_FROM = 8.0
 
 
 def pixel_errors(assessment: CameraAssessment) -> Figure:
-    """Draw the distribution of reprojection errors, held out, left out in turn and learned from."""
-    sets = []
-    if assessment.test_distances is not None and len(assessment.test_distances):
-        sets.append(ErrorSet("held-out", palette.HELD_OUT, assessment.test_distances))
-    if len(assessment.cross_validation):
-        found = assessment.cross_validation
-        sets.append(ErrorSet("cross-validation", palette.CROSS_VALIDATION, found))
-    if len(assessment.train_distances):
-        sets.append(ErrorSet("training", palette.TRAINING, assessment.train_distances))
+    """Draw the distribution of reprojection errors: held out, cross-validated and learned from."""
+    sets = error_sets(
+        assessment.test_distances, assessment.cross_validation, assessment.train_distances
+    )
     return distribution(sets, unit="px", digits=2, what="reprojection error", thing="corner")
 
 
 def coverage(assessment: CameraAssessment) -> Figure:
     """Draw where in each image there were corners, and where there were none."""
     views = assessment.calibration.views
-    believed = ~assessment.calibration.outliers
+    inliers = ~assessment.calibration.outliers
     with style():
         figure, panels = image_panels(assessment)
         shares, empty_corners = [], 0
         for axes, eye in zip(panels, views.eyes, strict=True):
-            pixels = views.of_eye(eye)[believed].reshape(-1, 2)
+            pixels = views.of_eye(eye)[inliers].reshape(-1, 2)
             pixels = pixels[np.isfinite(pixels).all(axis=1)]
             counts, u, v = cell_counts(pixels, views.image_size)
             shares.append(f"{100.0 * np.mean(counts > 0):.0f} %")
@@ -72,7 +67,7 @@ def coverage(assessment: CameraAssessment) -> Figure:
 
 
 def view_errors(views: tuple[ShownView, ...]) -> Figure:
-    """Draw the rms of every view and of each eye in it."""
+    """Draw the rms of every view and of each camera in it."""
     shown = [view for view in views if view.rms is not None]
     with style():
         figure = Figure(figsize=(FULL_WIDTH, 3.4))
@@ -88,7 +83,7 @@ def view_errors(views: tuple[ShownView, ...]) -> Figure:
             one = [np.nan if v.eyes[k].rms is None else v.eyes[k].rms for v in shown]
             mark = {"color": palette.EYES[eye.eye], "markeredgecolor": "white", "markersize": 7}
             at = np.arange(len(shown)) + (0.16 if k else -0.16)
-            axes.plot(at, one, "o", label=f"{eye.eye} eye alone", **mark)
+            axes.plot(at, one, "o", label=f"{eye.eye} camera alone", **mark)
         if values.max() > _LOG_FROM * np.median(values):
             axes.set_yscale("log")
             log_ticks(axes.yaxis)
@@ -119,7 +114,7 @@ def _coverage_words(eyes: tuple[str, ...], shares: list[str], reached: int) -> s
 
 
 def image_panels(assessment: CameraAssessment) -> tuple[Figure, list[Axes]]:
-    """Return a figure with one panel an eye, laid out as its image."""
+    """Return a figure with one panel a camera, laid out as its image."""
     width, height = assessment.calibration.views.image_size
     eyes = assessment.calibration.views.eyes
     inches = FULL_WIDTH if len(eyes) > 1 else HALF_WIDTH

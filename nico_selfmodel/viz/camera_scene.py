@@ -1,4 +1,4 @@
-"""What calibrated eyes look like: the eyes, their images, and the boards that they saw."""
+"""What calibrated cameras look like: the cameras, their images, and the boards that they saw."""
 
 import numpy as np
 from matplotlib.colors import to_rgb
@@ -15,8 +15,7 @@ from nico_selfmodel.viz.numbers_shown import short
 from nico_selfmodel.viz.photographs import Photographs, photograph_of
 from nico_selfmodel.viz.scene import LegendEntry, Scene, path_names
 from nico_selfmodel.viz.scene_items import Item
-from nico_selfmodel.viz.surroundings import camera_from, floor_items
-from nico_selfmodel.viz.upright import X_WL
+from nico_selfmodel.viz.surroundings import X_WL, camera_from, floor_items
 
 _SPREAD, _REACH = 0.86, 0.22
 """Width of an image plane in baselines at most, and its distance in those of the boards."""
@@ -29,21 +28,21 @@ def camera_scene(
     images: Photographs | None = None,
     point: tuple[str, int] | None = None,
     *,
-    name: str = "eyes",
+    name: str = "cameras",
 ) -> Scene:
-    """Describe calibrated eyes as a scene.
+    """Describe calibrated cameras as a scene.
 
-    W stands at the first eye, with x where it looks and z up.
+    W stands at the first camera, with x where it looks and z up.
 
     Args:
         assessment: What was learned.
-        images: Photographs: eye -> view -> red, green and blue. Those of one view are shown.
+        images: Photographs: camera -> view -> red, green and blue. Those of one view are shown.
         point: View and number of the corner whose rays are drawn; by default the first corner of
             the nearest of the better boards.
-        name: What the eyes are called.
+        name: What the cameras are called.
 
     Returns:
-        Eyes with their images, boards coloured by their errors, and of a pair the rays and the
+        Cameras with their images, boards coloured by their errors, and of a pair the rays and the
         epipolar plane of one corner.
 
     Raises:
@@ -62,7 +61,7 @@ def camera_scene(
         image = photograph_of(images, eye, calibration.views.names[view], size)
         items += eye_items(eye, plane, image)
     items += _boards(calibration, view)
-    legend = [LegendEntry(f"{eye} eye", palette.rgba(palette.EYES[eye])) for eye in planes]
+    legend = [LegendEntry(f"{eye} camera", palette.rgba(palette.EYES[eye])) for eye in planes]
     legend += _board_legend(calibration)
     if len(planes) == 2 and calibration.views.seen[view, :, corner].all():
         items += epipolar_items(calibration, planes, X_WL, view, corner)
@@ -74,7 +73,7 @@ def camera_scene(
 
 
 def chosen_point(calibration: CameraCalibration, point: tuple[str, int] | None) -> tuple[int, int]:
-    """Return the number of a view and of a corner that every eye saw in it.
+    """Return the number of a view and of a corner that every camera saw in it.
 
     Args:
         calibration: What was learned.
@@ -97,7 +96,7 @@ def chosen_point(calibration: CameraCalibration, point: tuple[str, int] | None) 
         raise ValueError(f"no view {name!r}; there are {listed(calibration.views.names, name)}")
     view = calibration.views.names.index(name)
     if not 0 <= corner < seen.shape[1] or not seen[view, corner]:
-        raise ValueError(f"corner {corner} of view {name} was not seen by every eye")
+        raise ValueError(f"corner {corner} of view {name} was not seen by every camera")
     return view, corner
 
 
@@ -107,15 +106,15 @@ def apply_each(poses: NDArray, point: NDArray) -> NDArray:
 
 
 def largest_rms(calibration: CameraCalibration) -> float:
-    """Return the largest root mean square error of a believed board [px]."""
+    """Return the largest root mean square error of a board that is no outlier [px]."""
     rms = calibration.view_rms[~calibration.outliers]
     return float(rms.max()) if len(rms) and rms.max() > 0.0 else 1.0
 
 
 def _held_in_view(calibration: CameraCalibration, planes: list[ImagePlane]) -> NDArray:
-    """Return the corners of eyes, believed boards and their names [m]. Shape (n, 3)."""
-    believed = ~calibration.outliers
-    poses = calibration.X_LG[believed if believed.any() else slice(None)]
+    """Return the corners of cameras, boards without outliers and their names [m]. Shape (n, 3)."""
+    inliers = ~calibration.outliers
+    poses = calibration.X_LG[inliers if inliers.any() else slice(None)]
     p_GQ = calibration.views.p_GQ
     edges = [board_outline(p_GQ, X_WL @ X_LG) for X_LG in poses]
     above = np.array([0.0, 0.0, 1.5 * board_extent(p_GQ)[2]])
@@ -125,7 +124,7 @@ def _held_in_view(calibration: CameraCalibration, planes: list[ImagePlane]) -> N
 
 
 def _plane_distance(calibration: CameraCalibration) -> float:
-    """Return how far in front of the eyes their images are drawn [m]."""
+    """Return how far in front of the cameras their images are drawn [m]."""
     centers = apply_each(calibration.X_LG, calibration.views.p_GQ.mean(axis=0))
     distance = _REACH * float(np.median(np.linalg.norm(centers, axis=1)))
     if len(calibration.cameras) < 2:
@@ -151,8 +150,8 @@ def _boards(calibration: CameraCalibration, chosen: int) -> list[Item]:
 
 def _board_legend(calibration: CameraCalibration) -> list[LegendEntry]:
     scale = tuple(palette.BOARDS(share) for share in np.linspace(0.0, 1.0, 9))
-    believed = int((~calibration.outliers).sum())
-    label = f"boards ({believed}), by their rms (0 to {short(largest_rms(calibration))} px)"
+    inliers = int((~calibration.outliers).sum())
+    label = f"boards ({inliers}), by their rms (0 to {short(largest_rms(calibration))} px)"
     entries = [LegendEntry(label, scale[-1], scale)]
     if calibration.outliers.any():
         names = [
@@ -160,6 +159,6 @@ def _board_legend(calibration: CameraCalibration) -> list[LegendEntry]:
             for name, out in zip(calibration.views.names, calibration.outliers, strict=True)
             if out
         ]
-        text = f"boards that were not believed ({', '.join(names)})"
+        text = f"boards that are outliers ({', '.join(names)})"
         entries.append(LegendEntry(text, palette.rgba(palette.OUTLIER)))
     return entries

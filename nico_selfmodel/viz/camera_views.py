@@ -11,7 +11,6 @@ from numpy.typing import NDArray
 from nico_selfmodel.estimation import CameraAssessment
 from nico_selfmodel.viz import palette
 from nico_selfmodel.viz.photographs import Photographs
-from nico_selfmodel.viz.report_tables import Cell, Table
 
 USES = ("training", "held-out", "outlier", "no board found")
 """What became of a view."""
@@ -25,12 +24,12 @@ USE_COLORS = dict(
 
 @dataclass(frozen=True, eq=False)
 class EyeView:
-    """What one eye saw of a board."""
+    """What one camera saw of a board."""
 
     eye: str
     """`left` or `right`."""
     file: str
-    """Name of the photograph; the eye and the view where it is not known."""
+    """Name of the photograph; the camera and the view where it is not known."""
     pixels: NDArray
     """Corners, nan where not seen [px]. Shape (P, 2)."""
     residuals: NDArray
@@ -50,7 +49,7 @@ class EyeView:
 
 @dataclass(frozen=True, eq=False)
 class ShownView:
-    """One moment, as each eye saw it."""
+    """One moment, as each camera saw it."""
 
     name: str
     """As in the data."""
@@ -61,7 +60,7 @@ class ShownView:
 
     @property
     def rms(self) -> float | None:
-        """Root mean square error over the eyes [px]."""
+        """Root mean square error over the cameras [px]."""
         return root_mean_square(np.concatenate([eye.errors for eye in self.eyes]))
 
 
@@ -70,12 +69,12 @@ def shown_views(
     document: Mapping[str, Any] | None = None,
     images: Photographs | None = None,
 ) -> tuple[ShownView, ...]:
-    """Return all views: learned from, not believed, held out, or without a board.
+    """Return all views: learned from, outliers, held out, or without a board.
 
     Args:
         assessment: What was learned.
-        document: Content of `result.json`; its `detection` may hold `files`, eye -> view -> name,
-            and `not_seen`, name of a file -> what was tried.
+        document: Content of `result.json`; its `detection` may hold `files`, camera -> view ->
+            name, and `not_seen`, name of a file -> what was tried.
         images: Photographs, which may show views in which no board was found.
 
     Returns:
@@ -106,28 +105,6 @@ def shown_views(
     )
 
 
-def view_table(views: tuple[ShownView, ...]) -> Table:
-    """Return one row a view: its files, what it was used for, corners and errors."""
-    rows = []
-    for view in views:
-        seen = [len(eye.errors) for eye in view.eyes]
-        cells = [
-            Cell(", ".join(eye.file for eye in view.eyes)),
-            Cell(view.use, kind="blind" if view.use == "outlier" else ""),
-            Cell(" + ".join(str(count) for count in seen)),
-            *(_px_cell(eye.rms) for eye in view.eyes),
-        ]
-        if len(view.eyes) > 1:
-            cells.append(_px_cell(view.rms))
-        largest = max(
-            (float(eye.errors.max()) for eye in view.eyes if len(eye.errors)), default=None
-        )
-        rows.append((view.name, (*cells, _px_cell(largest))))
-    eyes = [f"rms {eye.eye} [px]" for eye in views[0].eyes]
-    both = ["rms [px]"] if len(eyes) > 1 else []
-    return Table(("view", "files", "used as", "corners", *eyes, *both, "largest [px]"), tuple(rows))
-
-
 def root_mean_square(errors: NDArray) -> float | None:
     """Return the root mean square of numbers, None where there are none."""
     return float(np.sqrt(np.mean(errors**2))) if len(errors) else None
@@ -155,7 +132,3 @@ def _ordered(rows: Mapping[str, Any]) -> list[tuple[str, Any]]:
         return [(int(part), "") if part.isdecimal() else (-1, part) for part in parts]
 
     return sorted(rows.items(), key=key)
-
-
-def _px_cell(value: float | None) -> Cell:
-    return Cell("" if value is None else f"{value:.3f}", value=value)

@@ -37,8 +37,8 @@ def error_sets(
 
     Args:
         test: Held out. Shape (n,).
-        cross_validation: Left out in turn. Shape (n,).
-        train: Learned from and believed. Shape (n,).
+        cross_validation: Each by a model learned without it. Shape (n,).
+        train: Learned from, without outliers. Shape (n,).
     """
     found = (
         ("held-out", palette.HELD_OUT, test),

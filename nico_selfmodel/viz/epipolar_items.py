@@ -1,4 +1,4 @@
-"""One corner in both eyes: its rays, its epipolar plane, and its epipolar lines."""
+"""One corner in both cameras: its rays, its epipolar plane, and its epipolar lines."""
 
 from collections.abc import Mapping
 
@@ -28,10 +28,10 @@ def epipolar_items(
 
     Args:
         calibration: What was learned of a pair.
-        planes: Where each eye's image is drawn.
-        X_WL: Pose of the first eye in the scene. Shape (4, 4).
+        planes: Where each camera's image is drawn.
+        X_WL: Pose of the first camera in the scene. Shape (4, 4).
         view: Number of the view.
-        corner: Number of the corner, seen by both eyes in it.
+        corner: Number of the corner, seen by both cameras in it.
 
     Returns:
         Items under `point`.

@@ -9,35 +9,28 @@ from numpy.typing import NDArray
 
 from nico_selfmodel.estimation import KinematicCalibration
 from nico_selfmodel.viz import palette
-from nico_selfmodel.viz.distribution_plot import ErrorSet, distribution
+from nico_selfmodel.viz.distribution_plot import distribution, error_sets
+from nico_selfmodel.viz.figures.inlier_errors import inlier_rows, largest_shown
 from nico_selfmodel.viz.plot_style import (
     FULL_WIDTH,
     MANY,
     headline,
     style,
 )
-from nico_selfmodel.viz.residual_items import believed_rows, largest_shown
 
 _MOST_BINS, _LEAST_IN_BIN = 9, 5
 _STANDS_OUT = 3.7
 """Standard scores from which a bin's mean is a trend: noise in 100 bins gets there once in 50."""
 
 
-def error_sets(calibration: KinematicCalibration) -> list[ErrorSet]:
-    """Return errors [mm] of every set there is, the most telling first."""
-    sets = []
-    if calibration.test is not None:
-        sets.append(("held-out", palette.HELD_OUT, calibration.test.distances))
-    if len(calibration.cross_validation):
-        sets.append(("cross-validation", palette.CROSS_VALIDATION, calibration.cross_validation))
-    believed = calibration.train.distances[~calibration.outliers]
-    sets.append(("training", palette.TRAINING, believed))
-    return [ErrorSet(label, color, 1e3 * errors) for label, color, errors in sets]
-
-
 def error_distribution(calibration: KinematicCalibration) -> Figure:
     """Draw the share of points whose error is below each value, means and rms marked."""
-    sets = error_sets(calibration)
+    found = (
+        None if calibration.test is None else calibration.test.distances,
+        calibration.cross_validation,
+        calibration.train.distances[~calibration.outliers],
+    )
+    sets = error_sets(*(None if errors is None else 1e3 * errors for errors in found))
     return distribution(sets, unit="mm", digits=2, what="error of a point", thing="point")
 
 
@@ -48,7 +41,7 @@ def error_over_workspace(calibration: KinematicCalibration) -> Figure:
         figure = Figure(figsize=(FULL_WIDTH, 4.0))
         panels = figure.subplots(1, 3)
         for axes, (a, b) in zip(panels, ((0, 1), (0, 2), (1, 2)), strict=True):
-            for name, evaluation, rows in believed_rows(calibration):
+            for name, evaluation, rows in inlier_rows(calibration):
                 ringed = name == "held_out"
                 # The large errors are drawn last, on top.
                 order = rows[np.argsort(evaluation.distances[rows])]
@@ -80,13 +73,13 @@ def error_over_workspace(calibration: KinematicCalibration) -> Figure:
 def residuals_over_angles(calibration: KinematicCalibration) -> Figure:
     """Draw residual components against every joint angle, with the means of bins.
 
-    What a model cannot express (play, sag, a wrong gear) shows as a curve. Residuals far beyond
+    What a model cannot express (backlash, sag, a wrong gear) shows as a curve. Residuals far beyond
     the others are drawn as triangles at the edge, and count as lying there.
     """
-    believed = ~calibration.outliers
-    residuals = 1e3 * calibration.train.residuals[believed]
+    inliers = ~calibration.outliers
+    residuals = 1e3 * calibration.train.residuals[inliers]
     servos = calibration.model.servos
-    angles = calibration.train.observations.angles[believed]
+    angles = calibration.train.observations.angles[inliers]
     q = np.degrees((angles - servos.offset) / servos.gear)
     joints = calibration.model.joints
     with style():
@@ -162,8 +155,8 @@ def _strongest_trend(trends: list[tuple[float, str]], rms: float) -> str:
 
 
 def _worst(calibration: KinematicCalibration) -> str:
-    """Say which believed point is predicted worst, of the held-out ones where there are some."""
-    name, evaluation, rows = believed_rows(calibration)[-1]
+    """Say which inlier is predicted worst, of the held-out ones where there are some."""
+    name, evaluation, rows = inlier_rows(calibration)[-1]
     worst = rows[np.argmax(evaluation.distances[rows])]
     x, y, z = 1e3 * evaluation.observations.p_WH[worst]
     error = 1e3 * evaluation.distances[worst]

@@ -1,4 +1,4 @@
-"""Eyes in a scene: frusta with the image of each on its image plane."""
+"""Cameras in a scene: frusta with the image of each on its image plane."""
 
 from dataclasses import dataclass
 
@@ -21,10 +21,10 @@ _WIRE, _CENTER = 0.012, 0.04
 
 @dataclass(frozen=True, eq=False)
 class ImagePlane:
-    """The rectangle that an eye's image covers at some distance in front of it."""
+    """The rectangle that a camera's image covers at some distance in front of it."""
 
     camera: Camera
-    """The eye."""
+    """The camera."""
     distance: float
     """From its centre [m]."""
 
@@ -55,7 +55,7 @@ class ImagePlane:
         return apply(self.camera.X_WC, np.concatenate([plane_points, depth], axis=1))
 
     def line(self, p_WQ: NDArray, p_WR: NDArray) -> NDArray | None:
-        """Return where the plane through the eye's centre and two points cuts the rectangle.
+        """Return where the plane through the camera's centre and two points cuts the rectangle.
 
         Returns:
             Two points in the world [m], shape (2, 3); None where it passes by.
@@ -95,7 +95,7 @@ class ImagePlane:
 
 
 def eye_items(eye: str, plane: ImagePlane, image: NDArray | None) -> list[Item]:
-    """Return an eye's frustum, its name, and its image where there is one.
+    """Return a camera's frustum, its name, and its image where there is one.
 
     Args:
         eye: `left` or `right`.
@@ -103,7 +103,7 @@ def eye_items(eye: str, plane: ImagePlane, image: NDArray | None) -> list[Item]:
         image: Red, green and blue, 8 bits. Shape (h, w, 3).
 
     Returns:
-        Items under `eyes/<eye>`.
+        Items under `eyes/<camera>`.
     """
     center, corners = plane.camera.X_WC[:3, 3], plane.corners
     width, height = plane.size.tolist()

@@ -1,4 +1,4 @@
-"""Crosses and rings on what the eyes see: where the hand is, and where it is expected."""
+"""Crosses and rings on what the cameras see: where the hand is, and where it is expected."""
 
 from collections.abc import Mapping
 from types import MappingProxyType
@@ -6,7 +6,7 @@ from types import MappingProxyType
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from nico_selfmodel.viz.scene_items import Rgba
+from nico_selfmodel.viz.figures.rgba import Rgba
 
 _MARK, _GAP, _THICK = 44, 18, 2
 """Half a cross, the hole in its middle, and half its thickness, in images [px]."""

@@ -21,9 +21,8 @@ from nico_selfmodel.viz.residual_items import (
 from nico_selfmodel.viz.robot_items import robot_items, robot_legend
 from nico_selfmodel.viz.scene import Scene
 from nico_selfmodel.viz.scene_items import Item, Tube
-from nico_selfmodel.viz.surroundings import camera_on, floor_items
+from nico_selfmodel.viz.surroundings import camera_on, floor_items, turned, upright
 from nico_selfmodel.viz.uncertainty_items import uncertainty_items, uncertainty_legend
-from nico_selfmodel.viz.upright import turned, upright
 
 
 def calibration_scene(
@@ -32,7 +31,8 @@ def calibration_scene(
     """Describe a calibration as a scene.
 
     The arm stands in the pose that its sweeps share, or in the recorded pose nearest to the middle
-    of the data. All is in the measuring frame W, turned until it stands upright where W is an eye.
+    of the data. All is in the measuring frame W, turned until it stands upright where W is a
+    camera.
 
     Args:
         calibration: What was learned.

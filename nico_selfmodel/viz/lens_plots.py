@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 from nico_selfmodel.estimation import CameraAssessment
 from nico_selfmodel.model import Camera, lens
 from nico_selfmodel.viz import palette
-from nico_selfmodel.viz.distribution_plot import ErrorSet, distribution
+from nico_selfmodel.viz.distribution_plot import distribution, error_sets
 from nico_selfmodel.viz.plot_style import HALF_WIDTH, MANY, headline, style
 
 _STEPS = 200
@@ -37,18 +37,16 @@ def distortion_profile(assessment: CameraAssessment) -> Figure:
 
 
 def epipolar_distribution(assessment: CameraAssessment) -> Figure | None:
-    """Draw how far corners lie from epipolar lines in each image; None for one eye."""
+    """Draw how far corners lie from epipolar lines in each image; None for one camera."""
     if assessment.epipolar is None:
         return None
-    calibration, sets = assessment.calibration, []
+    calibration, test = assessment.calibration, None
     if assessment.test_views is not None:
         flat = assessment.test_views.pixels.reshape(-1, 4)
         both = flat[np.isfinite(flat).all(axis=1)]
-        errors = calibration.rig.epipolar_errors(both).ravel()
-        sets.append(ErrorSet("held-out", palette.HELD_OUT, errors))
-    errors = assessment.epipolar[~calibration.outliers].ravel()
-    sets.append(ErrorSet("training", palette.TRAINING, errors[np.isfinite(errors)]))
-    sets = [one for one in sets if len(one.errors)]
+        test = calibration.rig.epipolar_errors(both).ravel()
+    train = assessment.epipolar[~calibration.outliers].ravel()
+    sets = error_sets(test, None, train[np.isfinite(train)])
     if not sets:
         return None
     what = "distance of a corner from its epipolar line"
@@ -80,7 +78,7 @@ def reconstruction_by_range(assessment: CameraAssessment) -> Figure | None:
             sigma = f"σ = {calibration.pixel_sigma:.2f} px"
             text = f"expected of the depth: √2 z² σ / (f b), {sigma}"
             axes.plot(z, np.sqrt(2.0) * z**2 * factor, color=palette.HELD_OUT, label=text)
-        axes.set_xlabel("distance from the left eye [mm]")
+        axes.set_xlabel("distance from the left camera [mm]")
         axes.set_ylabel("error of a corner [mm]")
         axes.set_xlim(z[0], z[-1])
         axes.set_ylim(0.0, 1.03 * float(errors.max()) or 1.0)
@@ -90,7 +88,7 @@ def reconstruction_by_range(assessment: CameraAssessment) -> Figure | None:
 
 
 def _profile_panel(axes: Axes, assessment: CameraAssessment, eye: str, camera: Camera) -> float:
-    """Draw one eye's profile; return how far the lens moves the image's furthest corner [px]."""
+    """Draw one camera's profile; return how far the lens moves the image's furthest corner [px]."""
     calibration = assessment.calibration
     focal = 0.5 * (camera.fx + camera.fy)
     center = np.array([camera.cx, camera.cy])

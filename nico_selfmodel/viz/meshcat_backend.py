@@ -8,6 +8,7 @@ from numpy.typing import NDArray
 from nico_selfmodel.errors import SelfModelError
 from nico_selfmodel.geometry.transform import transform
 from nico_selfmodel.viz.drake_backend import AMBIENT, BACKGROUND
+from nico_selfmodel.viz.figures.rgba import Rgba
 from nico_selfmodel.viz.meshing import mesh_of
 from nico_selfmodel.viz.picture_mesh import picture_object
 from nico_selfmodel.viz.scene import FIELD_OF_VIEW, ROOT, Camera, Scene
@@ -18,7 +19,6 @@ from nico_selfmodel.viz.scene_items import (
     Ellipsoid,
     Item,
     Picture,
-    Rgba,
     Segments,
 )
 

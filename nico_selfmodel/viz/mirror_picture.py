@@ -1,4 +1,4 @@
-"""What an eye sees in a mirror, drawn on the glass."""
+"""What a camera sees in a mirror, drawn on the glass."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -21,14 +21,14 @@ _PIXELS = 640
 
 @dataclass(frozen=True, eq=False)
 class MirrorPicture:
-    """What both eyes saw before a mirror at one pose."""
+    """What both cameras saw before a mirror at one pose."""
 
     sample: int
     """Of the data set."""
     encoders: NDArray
     """Readings there [encoder units]. Shape (n,)."""
     images: tuple[NDArray, NDArray]
-    """Of the left and the right eye, BGR, 8 bits. Shape (h, w, 3) each."""
+    """Of the left and the right camera, BGR, 8 bits. Shape (h, w, 3) each."""
 
 
 def recorded_pictures(folder: str | Path, dataset: Dataset) -> dict[str, MirrorPicture]:
@@ -39,8 +39,8 @@ def recorded_pictures(folder: str | Path, dataset: Dataset) -> dict[str, MirrorP
         dataset: It, or a part of it.
 
     Returns:
-        Mirror -> the picture of the first pose in which both eyes saw the reflection; empty where
-        no pictures were kept.
+        Mirror -> the picture of the first pose in which both cameras saw the reflection; empty
+        where no pictures were kept.
     """
     kept = Path(folder) / "images"
     poses = dataset.extra.get("pose")
@@ -62,7 +62,7 @@ def recorded_pictures(folder: str | Path, dataset: Dataset) -> dict[str, MirrorP
 
 
 def on_glass(path: str, eye: Camera, corners: NDArray, image: NDArray) -> Picture:
-    """Return the picture that an eye sees on a rectangle of glass.
+    """Return the picture that a camera sees on a rectangle of glass.
 
     Args:
         path: Of the item.

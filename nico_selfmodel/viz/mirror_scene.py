@@ -1,4 +1,4 @@
-"""What learned mirrors look like: eyes, glass, hand and reflection, and the rays between them."""
+"""What learned mirrors look like: cameras, glass, hand and reflection, and the rays between."""
 
 import numpy as np
 from numpy.typing import NDArray
@@ -13,12 +13,11 @@ from nico_selfmodel.viz.mirror_picture import MirrorPicture, Pictures, on_glass
 from nico_selfmodel.viz.robot_items import robot_items
 from nico_selfmodel.viz.scene import LegendEntry, Scene, path_names
 from nico_selfmodel.viz.scene_items import Item, Markers, Segments, Surface, Tube
-from nico_selfmodel.viz.surroundings import camera_from, floor_items
-from nico_selfmodel.viz.upright import X_WL, turned, upright
+from nico_selfmodel.viz.surroundings import X_WL, camera_from, floor_items, turned, upright
 
 _DOT = 0.004
 _PLANE = 0.045
-"""Distance of image planes from their eyes [m]."""
+"""Distance of image planes from their cameras [m]."""
 _MARGIN = 0.03
 """Glass drawn beyond where it was looked into [m]."""
 _PICTURED = 0.07
@@ -48,9 +47,9 @@ def mirror_scene(
         robot: The robot that looked, if it is known: it is drawn as it stood for the first one.
 
     Returns:
-        Eyes and their reflections, a plate for each mirror, the hand where the arm says it is and
-        where its reflections appear, and for some poses the rays from the hand over the glass into
-        both eyes. Rows that were not believed are red.
+        Cameras and their reflections, a plate for each mirror, the hand where the arm says it is
+        and where its reflections appear, and for some poses the rays from the hand over the glass
+        into both cameras. Outliers are red.
     """
     pictures = pictures or {}
     rig = StereoRig(*calibration.solution.reflections.cameras)
@@ -96,7 +95,7 @@ def _mirror_items(
     rows = solution.reflections.mirror == solution.reflections.mirrors.index(name)
     X_SL = rig.rig.left.X_WC
     hand = apply(X_SL, solution.reflections.p_LQ[rows])
-    believed = ~solution.outliers[rows]
+    inliers = ~solution.outliers[rows]
     virtual = apply(X_SL, rig.mirror.reflect(solution.reflections.p_LQ[rows]))
     plate = _plate(rig, virtual, _MARGIN if picture is None else _PICTURED)
     items: list[Item] = [
@@ -115,21 +114,21 @@ def _mirror_items(
         ),
     ]
     for kind, points, color in (("hand", hand, palette.HAND), ("reflection", virtual, None)):
-        for label, chosen in (("believed", believed), ("outliers", ~believed)):
+        for label, chosen in (("inliers", inliers), ("outliers", ~inliers)):
             if chosen.any():
                 shade = _REFLECTED if color is None else palette.rgba(color)
                 shade = palette.rgba(palette.OUTLIER) if label == "outliers" else shade
                 place = f"mirrors/{path}/{kind}_{label}"
                 items.append(Markers(path=place, color=shade, centers=points[chosen], radius=_DOT))
-    shown = np.linspace(0, believed.sum() - 1, min(_RAYS, believed.sum())).astype(int)
+    shown = np.linspace(0, inliers.sum() - 1, min(_RAYS, inliers.sum())).astype(int)
     if picture is not None:
         image = picture.images[0][:, :, ::-1]
         items.append(on_glass(f"mirrors/{path}/picture", rig.rig.left, plate, image))
-        samples = solution.reflections.sample[rows][believed]
+        samples = solution.reflections.sample[rows][inliers]
         shown = (
             np.flatnonzero(samples == picture.sample)[:1] if picture.sample in samples else shown
         )
-    items += _rays(path, rig, hand[believed][shown], virtual[believed][shown])
+    items += _rays(path, rig, hand[inliers][shown], virtual[inliers][shown])
     items += _reflected_eyes(path, rig)
     centers = np.stack([eye.X_WC[:3, 3] for eye in rig.virtual.eyes])
     return items, np.concatenate([plate, hand, virtual, centers])
@@ -150,7 +149,7 @@ def _plate(rig: MirrorRig, virtual: NDArray, margin: float) -> NDArray:
 
 
 def _rays(path: str, rig: MirrorRig, hand: NDArray, virtual: NDArray) -> list[Item]:
-    """Return rays from hand over glass to the eyes, and on to the reflections behind it."""
+    """Return rays from hand over glass to the cameras, and on to the reflections behind it."""
     items: list[Item] = []
     if not len(hand):
         return items
@@ -179,7 +178,7 @@ def _rays(path: str, rig: MirrorRig, hand: NDArray, virtual: NDArray) -> list[It
 
 
 def _reflected_eyes(path: str, rig: MirrorRig) -> list[Item]:
-    """Return the frusta of the reflected eyes, which see the hand as the eyes see it."""
+    """Return the frusta of the reflected cameras, which see the hand as the cameras see it."""
     items: list[Item] = []
     for eye, camera in zip(("left", "right"), rig.virtual.eyes, strict=True):
         plane = ImagePlane(camera, _PLANE)
@@ -205,16 +204,18 @@ def _on_glass(rig: MirrorRig, eye: NDArray, virtual: NDArray) -> NDArray:
 
 def _legend(calibration: MirrorCalibration) -> tuple[LegendEntry, ...]:
     entries = [
-        LegendEntry("left eye, its rays and its reflection", palette.rgba(palette.EYES["left"])),
-        LegendEntry("right eye, its rays and its reflection", palette.rgba(palette.EYES["right"])),
+        LegendEntry("left camera, its rays and its reflection", palette.rgba(palette.EYES["left"])),
+        LegendEntry(
+            "right camera, its rays and its reflection", palette.rgba(palette.EYES["right"])
+        ),
         *(LegendEntry(_words(name, m), _GLASS) for name, m in calibration.mirrors.items()),
         LegendEntry("hand, where the arm says it is", palette.rgba(palette.HAND)),
         LegendEntry("its reflection behind the glass", _REFLECTED),
     ]
     if calibration.solution.outliers.any():
-        entries.append(LegendEntry("poses not believed", palette.rgba(palette.OUTLIER)))
+        entries.append(LegendEntry("outliers", palette.rgba(palette.OUTLIER)))
     return tuple(entries)
 
 
 def _words(name: str, mirror: Mirror) -> str:
-    return f"mirror {name}, {1e3 * mirror.distance:.0f} mm from the left eye"
+    return f"mirror {name}, {1e3 * mirror.distance:.0f} mm from the left camera"

@@ -5,7 +5,7 @@ from matplotlib import colormaps
 from matplotlib.colors import LinearSegmentedColormap, to_rgb
 from numpy.typing import ArrayLike, NDArray
 
-from nico_selfmodel.viz.scene_items import Rgba
+from nico_selfmodel.viz.figures.rgba import Rgba
 
 # Paul Tol's "bright" and "vibrant" schemes, without their reds: red means an outlier or a failure.
 _JOINTS = ("#4477aa", "#ee7733", "#228833", "#aa3377", "#33bbee", "#ccaa22", "#775599", "#667788")

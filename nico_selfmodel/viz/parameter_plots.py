@@ -12,7 +12,6 @@ from nico_selfmodel.estimation import KinematicCalibration
 from nico_selfmodel.estimation.start_search import StartSearch
 from nico_selfmodel.optimization import Uncertainty
 from nico_selfmodel.viz import palette
-from nico_selfmodel.viz.blind_parameters import blind_parameters
 from nico_selfmodel.viz.numbers_shown import decimals
 from nico_selfmodel.viz.plot_style import (
     FULL_WIDTH,
@@ -45,7 +44,7 @@ def parameter_sigmas(calibration: KinematicCalibration) -> Figure | None:
         for axes, (unit, names) in zip(panels, groups.items(), strict=True):
             _sigma_panel(axes, calibration, uncertainty, unit, names)
             axes.set_ylim(tallest - 0.4, -0.6)
-        headline(figure, _least_known(uncertainty, unit_of, blind_parameters(calibration)))
+        headline(figure, _least_known(uncertainty, unit_of, unobservable_parameters(uncertainty)))
     return figure
 
 
@@ -62,17 +61,18 @@ def _sigma_panel(
         parameters = calibration.model.parameters
         value = dict(zip(parameters.names, parameters.values.tolist(), strict=True))
         sigma = sigma / np.array([value[name] for name in names])
-    blind = blind_parameters(calibration)
-    known = np.array([name not in blind for name in names])
+    unobservable = unobservable_parameters(uncertainty)
+    known = np.array([name not in unobservable for name in names])
     reach = 1.3 * float(sigma[known].max()) if known.any() else 1.0
     for row, (name, size) in enumerate(zip(names, sigma.tolist(), strict=True)):
-        if name not in blind:
+        if name not in unobservable:
             axes.barh(row, size, height=0.68, color=_color_of(name, calibration))
             axes.text(size + 0.01 * reach, row, decimals(size, size), va="center", fontsize=7.5)
         else:
             stripes = {"color": "white", "hatch": "////", "edgecolor": palette.OUTLIER}
             axes.barh(row, reach, height=0.68, **stripes)
-            text = axes.text(0.5 * reach, row, "blind", va="center", ha="center", fontsize=7.5)
+            word = {"va": "center", "ha": "center", "fontsize": 7.5}
+            text = axes.text(0.5 * reach, row, "unobservable", **word)
             text.set_color(palette.OUTLIER)
             text.set_bbox({"facecolor": "white", "edgecolor": "none", "pad": 1.0})
     axes.set_yticks(range(len(names)), names, fontsize=7.5)
@@ -84,9 +84,23 @@ def _sigma_panel(
     grid_along(axes, "x")
 
 
-def correlation_matrix(calibration: KinematicCalibration) -> Figure | None:
-    """Draw the correlations of the free parameters; None where none are known."""
-    return None if calibration.uncertainty is None else correlations(calibration.uncertainty)
+def unobservable_parameters(uncertainty: Uncertainty | None) -> frozenset[str]:
+    """Return the parameters that take part in a direction which the data do not determine.
+
+    Their standard deviations may be finite, where something does determine them a little; what is
+    known of an unobservable direction is still less than its natural scale.
+
+    Args:
+        uncertainty: What is known of the parameters; None where nothing is.
+
+    Returns:
+        Names of parameters; none where no uncertainty is known.
+    """
+    if uncertainty is None:
+        return frozenset()
+    pairs = zip(uncertainty.names, uncertainty.sigma.tolist(), strict=True)
+    unknown = {name for name, sigma in pairs if not np.isfinite(sigma)}
+    return frozenset(unknown.union(*(direction.names for direction in uncertainty.blind)))
 
 
 def correlations(uncertainty: Uncertainty) -> Figure | None:
@@ -188,11 +202,13 @@ def _color_of(name: str, calibration: KinematicCalibration) -> str:
     return palette.joint_color(joints.index(joint)) if joint in joints else palette.TRAINING
 
 
-def _least_known(uncertainty: Uncertainty, unit_of: dict[str, str], blind: frozenset[str]) -> str:
-    """Say which length and which angle are known worst, or how many parameters are blind."""
+def _least_known(
+    uncertainty: Uncertainty, unit_of: dict[str, str], unobservable: frozenset[str]
+) -> str:
+    """Say which length and which angle are known worst, or how many are unobservable."""
     sigma = uncertainty.sigma
-    if blind:
-        return f"{len(blind)} of {len(sigma)} parameters are not determined by these data"
+    if unobservable:
+        return f"{len(unobservable)} of {len(sigma)} parameters are not determined by these data"
     parts = []
     for unit in ("m", "rad"):
         rows = [i for i, name in enumerate(uncertainty.names) if unit_of[name] == unit]

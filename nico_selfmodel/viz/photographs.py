@@ -8,7 +8,7 @@ from matplotlib.image import imsave
 from numpy.typing import ArrayLike, NDArray
 
 Photographs = Mapping[str, Mapping[str, NDArray]]
-"""Eye -> view -> red, green and blue, or grey; 8 bits. Shape (h, w, 3) or (h, w)."""
+"""Camera -> view -> red, green and blue, or grey; 8 bits. Shape (h, w, 3) or (h, w)."""
 
 _QUALITY, _OUTSIDE = 82, 215
 
@@ -20,7 +20,7 @@ def photograph_of(
 
     Args:
         photographs: All there are.
-        eye: Which eye.
+        eye: Which camera.
         view: Which view.
         image_size: Width and height that were calibrated [px].
 

@@ -26,7 +26,7 @@ _MAD_TO_SIGMA = 1.4826
 
 @dataclass(frozen=True, eq=False)
 class Field:
-    """Residuals of one eye, and their means over cells of its image."""
+    """Residuals of one camera, and their means over cells of its image."""
 
     pixels: NDArray
     """Where the corners lie [px]. Shape (n, 2)."""
@@ -66,11 +66,11 @@ def residual_field(assessment: CameraAssessment) -> Figure:
 
 
 def field_of(assessment: CameraAssessment, eye: int) -> Field:
-    """Return the residuals of the believed views in one eye, given by its number."""
+    """Return the residuals of the views without outliers in one camera, given by its number."""
     calibration = assessment.calibration
-    believed, columns = ~calibration.outliers, slice(2 * eye, 2 * eye + 2)
-    pixels = calibration.views.pixels[believed][:, :, columns]
-    residuals = calibration.residuals[believed][:, :, columns]
+    inliers, columns = ~calibration.outliers, slice(2 * eye, 2 * eye + 2)
+    pixels = calibration.views.pixels[inliers][:, :, columns]
+    residuals = calibration.residuals[inliers][:, :, columns]
     seen = np.isfinite(pixels).all(axis=2) & np.isfinite(residuals).all(axis=2)
     view = np.nonzero(seen)[0]
     pixels, residuals = pixels[seen], residuals[seen]

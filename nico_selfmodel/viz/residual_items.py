@@ -3,9 +3,10 @@
 import numpy as np
 from numpy.typing import NDArray
 
-from nico_selfmodel.estimation import Evaluation, KinematicCalibration
+from nico_selfmodel.estimation import KinematicCalibration
 from nico_selfmodel.viz import palette
 from nico_selfmodel.viz.circle_items import samples_by_owner
+from nico_selfmodel.viz.figures.inlier_errors import inlier_lengths, inlier_rows, largest_shown
 from nico_selfmodel.viz.numbers_shown import nice_factor, short
 from nico_selfmodel.viz.scene import LegendEntry
 from nico_selfmodel.viz.scene_items import Item, Markers, Needles
@@ -33,21 +34,21 @@ def point_items(calibration: KinematicCalibration, unit: float) -> list[Item]:
     if calibration.test is not None:
         held_out = calibration.test.observations.p_WH
         items.append(_points("held_out/points", held_out, palette.HELD_OUT, unit))
-    wild = np.flatnonzero(calibration.outliers)
-    if wild.size:
+    outliers = np.flatnonzero(calibration.outliers)
+    if outliers.size:
         color = palette.rgba(palette.OUTLIER)
         marks = Markers(
             path="outliers/points",
             color=color,
-            centers=measured[wild],
+            centers=measured[outliers],
             radius=_OUTLIER_RADIUS * unit,
             shape="diamond",
         )
         misses = Needles(
             path="outliers/residuals_x1",
             color=color,
-            starts=calibration.train.p_WH_predicted[wild],
-            ends=measured[wild],
+            starts=calibration.train.p_WH_predicted[outliers],
+            ends=measured[outliers],
             radius=_NEEDLE_RADIUS * unit,
         )
         items += [marks, misses]
@@ -83,7 +84,7 @@ def residual_items(calibration: KinematicCalibration, unit: float) -> list[Item]
     """
     factor, largest = residual_factor(calibration, unit), largest_shown(calibration)
     items: list[Item] = []
-    for name, evaluation, rows in believed_rows(calibration):
+    for name, evaluation, rows in inlier_rows(calibration):
         far = factor * evaluation.distances[rows] > _LONGEST * unit
         for chosen, scale, word in ((rows[~far], factor, ""), (rows[far], 1.0, "large_")):
             if chosen.size:
@@ -107,7 +108,7 @@ def residual_legend(calibration: KinematicCalibration, unit: float) -> list[Lege
     scale = tuple(palette.ERRORS(share) for share in np.linspace(0.0, 1.0, 9))
     label = f"residuals, drawn ×{factor:g} (0 to {short(1e3 * largest)} mm)"
     entries = [LegendEntry(label, scale[-1], scale)]
-    far = int(np.sum(factor * _believed_lengths(calibration) > _LONGEST * unit))
+    far = int(np.sum(factor * inlier_lengths(calibration) > _LONGEST * unit))
     if far and factor > 1.0:
         limit = short(1e3 * _LONGEST * unit / factor)
         label = f"residuals over {limit} mm, drawn ×1 ({far})"
@@ -120,36 +121,13 @@ def residual_factor(calibration: KinematicCalibration, unit: float) -> float:
     return nice_factor(_DRAWN_LENGTH * unit, largest_shown(calibration))
 
 
-def largest_shown(calibration: KinematicCalibration) -> float:
-    """Return the length at the dark end of the colour scale [m].
-
-    1.3 times the 90th percentile: about the 99th of Gaussian errors, and outliers that nobody
-    has sorted out do not stretch it.
-    """
-    return 1.3 * float(np.percentile(_believed_lengths(calibration), 90.0))
-
-
 def free_rows(calibration: KinematicCalibration) -> NDArray:
-    """Return believed training rows that lie on no circle."""
+    """Return training rows, without outliers, that lie on no circle."""
     on_circle = list(samples_by_owner(calibration).values())
-    believed = np.flatnonzero(~calibration.outliers)
-    return np.setdiff1d(believed, np.concatenate(on_circle)) if on_circle else believed
+    inliers = np.flatnonzero(~calibration.outliers)
+    return np.setdiff1d(inliers, np.concatenate(on_circle)) if on_circle else inliers
 
 
 def _points(path: str, centers: NDArray, color: str, unit: float) -> Markers:
     radius = _POINT_RADIUS * unit
     return Markers(path=path, color=palette.rgba(color), centers=centers, radius=radius)
-
-
-def believed_rows(
-    calibration: KinematicCalibration,
-) -> list[tuple[str, Evaluation, NDArray]]:
-    """Return name, evaluation and rows of training without outliers, and of held-out data."""
-    found = [("training", calibration.train, np.flatnonzero(~calibration.outliers))]
-    if calibration.test is not None:
-        found.append(("held_out", calibration.test, np.arange(len(calibration.test.observations))))
-    return found
-
-
-def _believed_lengths(calibration: KinematicCalibration) -> NDArray:
-    return np.concatenate([e.distances[rows] for _, e, rows in believed_rows(calibration)])

@@ -16,8 +16,9 @@ from nico_selfmodel.plant.urdf_document import (
     robot_element,
 )
 from nico_selfmodel.viz import palette
+from nico_selfmodel.viz.figures.rgba import Rgba
 from nico_selfmodel.viz.scene import LegendEntry, path_names
-from nico_selfmodel.viz.scene_items import Box, Capsule, Cylinder, Ellipsoid, Item, Rgba
+from nico_selfmodel.viz.scene_items import Box, Capsule, Cylinder, Ellipsoid, Item
 
 _OPACITY = 0.3
 _LEGEND = (*palette.rgba(palette.MUTED)[:3], _OPACITY)

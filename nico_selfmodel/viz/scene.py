@@ -6,6 +6,7 @@ import json
 import re
 from collections.abc import Iterable
 from dataclasses import dataclass, fields
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -14,11 +15,15 @@ from numpy.typing import NDArray
 from nico_selfmodel.arrays import frozen_array
 from nico_selfmodel.errors import DataError, ModelError
 from nico_selfmodel.files.json_text import parse_json
+from nico_selfmodel.files.reading import LARGEST_SCENE, read_text
 from nico_selfmodel.model.document_values import damage
 from nico_selfmodel.names import listed, shown
-from nico_selfmodel.viz.scene_items import ITEM_KINDS, Item, Rgba
+from nico_selfmodel.viz.figures.rgba import Rgba
+from nico_selfmodel.viz.scene_items import ITEM_KINDS, Item
 
 FORMAT = "nico-scene/1"
+SCENE_FILE = "scene.json"
+"""Beside a result's report."""
 ROOT = "/self_model"
 """Every viewer hangs a scene here, so that a new one replaces the old one."""
 FIELD_OF_VIEW = float(np.radians(40.0))
@@ -42,7 +47,7 @@ class Camera:
     """Where a scene is first seen from."""
 
     p_WC: NDArray
-    """The eye [m]. Shape (3,)."""
+    """The camera [m]. Shape (3,)."""
     p_WT: NDArray
     """What it looks at [m]. Shape (3,)."""
 
@@ -123,6 +128,35 @@ class Scene:
             )
         except (AttributeError, KeyError, OverflowError, TypeError, ValueError) as error:
             raise ModelError(f"the scene is damaged: {damage(error)}") from error
+
+
+def load_scene(result: str | Path) -> Scene:
+    """Read the scene of a result folder, so that it can be drawn without learning again.
+
+    Args:
+        result: The folder, or its `scene.json`.
+
+    Returns:
+        The scene.
+
+    Raises:
+        ModelError: If there is none, or it is not valid.
+    """
+    path = Path(result)
+    path = path / SCENE_FILE if path.is_dir() else path
+    if not path.exists():
+        raise ModelError(
+            f"{path} does not exist: give the folder that `calibrate` or `learn` wrote"
+        )
+    try:
+        text = read_text(path, LARGEST_SCENE)
+    except DataError as error:
+        reason = str(error).removeprefix(f"{path}: ").removeprefix("cannot be read: ")
+        raise ModelError(f"{path} cannot be read: {reason}") from error
+    try:
+        return Scene.from_json(text)
+    except ModelError as error:
+        raise ModelError(f"{path}: {error}") from error
 
 
 def path_names(texts: Iterable[str]) -> list[str]:

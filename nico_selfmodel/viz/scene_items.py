@@ -6,8 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from nico_selfmodel.arrays import as_floats, frozen_array
-
-Rgba = tuple[float, float, float, float]
+from nico_selfmodel.viz.figures.rgba import Rgba
 
 MARKER_SHAPES = ("sphere", "diamond")
 IMAGE_KINDS = {b"\x89PNG": "image/png", b"\xff\xd8\xff": "image/jpeg"}

@@ -1,4 +1,4 @@
-"""Screens beside a scene: what each eye sees, large and facing the viewer."""
+"""Screens beside a scene: what each camera sees, large and facing the viewer."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -24,7 +24,7 @@ _WIRE = 0.006
 
 @dataclass(frozen=True, eq=False)
 class Screen:
-    """An upright rectangle on which one eye's pictures are shown as they are, lens and all."""
+    """An upright rectangle on which one camera's pictures are shown as they are, lens and all."""
 
     eye: str
     """`left` or `right`."""
@@ -42,10 +42,10 @@ class Screen:
         return apply(self.X_WI, np.array([[-x, -y, 0.0], [x, -y, 0.0], [x, y, 0.0], [-x, y, 0.0]]))
 
     def frame_items(self) -> list[Item]:
-        """Return its frame and its name, under `screens/<eye>`."""
+        """Return its frame and its name, under `screens/<camera>`."""
         path, color = f"screens/{self.eye}", palette.EYES[self.eye]
         above = self.X_WI @ transform(np.eye(3), [0.0, -0.52 * self.height, 0.0])
-        words = f"{self.eye} eye"
+        words = f"{self.eye} camera"
         return [
             Tube(
                 path=f"{path}/frame",
@@ -90,15 +90,15 @@ class Screen:
 def screens_beside(
     points: NDArray, azimuth: float, sizes: Mapping[str, tuple[int, int]]
 ) -> dict[str, Screen]:
-    """Return a screen for each eye, in a row to the viewer's right of a scene.
+    """Return a screen for each camera, in a row to the viewer's right of a scene.
 
     Args:
         points: The scene [m]. Shape (N, 3).
         azimuth: Of the viewer as seen from the scene, from x towards y [rad].
-        sizes: Eye -> width and height of its images [px], in the order of the row.
+        sizes: Camera -> width and height of its images [px], in the order of the row.
 
     Returns:
-        Eye -> screen.
+        Camera -> screen.
     """
     right, down = np.array([-np.sin(azimuth), np.cos(azimuth), 0.0]), np.array([0.0, 0.0, -1.0])
     R_WI = np.stack([right, down, np.cross(right, down)], axis=1)

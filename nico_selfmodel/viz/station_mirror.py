@@ -42,7 +42,7 @@ class StationMirror:
 
         Args:
             glass: Where somebody put it.
-            model: Arm, eyes and mirror, in the robot's root link.
+            model: Arm, cameras and mirror, in the robot's root link.
 
         Raises:
             ModelError: If the model does not know that mirror.
@@ -80,21 +80,21 @@ class StationMirror:
         return reflect(self.rig.plane, p_RH)
 
     def picture(self, image: NDArray) -> Picture:
-        """Return on the glass what the left eye sees there.
+        """Return on the glass what the left camera sees there.
 
         Args:
-            image: Of the left eye, red, green, blue, 8 bits. Shape (h, w, 3).
+            image: Of the left camera, red, green, blue, 8 bits. Shape (h, w, 3).
         """
         return on_glass("mirror/picture", self.rig.rig.left, self.corners, image)
 
     def rays(self, p_RH: NDArray) -> dict[str, Item]:
-        """Return how light goes from the hand over the glass into each eye that sees it.
+        """Return how light goes from the hand over the glass into each camera that sees it.
 
         Args:
             p_RH: The hand, as predicted. Shape (3,).
 
         Returns:
-            Name -> item: of each eye the way of the light, and where it seems to come from.
+            Name -> item: of each camera the way of the light, and where it seems to come from.
         """
         expected, found = self.rig.project(p_RH), {}
         behind = self.reflection(p_RH)

@@ -1,4 +1,4 @@
-"""A robot at work in Meshcat: its body as it believes it to be, and what its eyes see right now."""
+"""A robot at work in Meshcat: its body as it knows itself, and what its cameras see right now."""
 
 from collections.abc import Sequence
 from dataclasses import replace
@@ -15,16 +15,17 @@ from nico_selfmodel.plant import ArmDescription, SelfModelPlant, learned_frames
 from nico_selfmodel.viz import palette
 from nico_selfmodel.viz.drake_backend import _draw, draw_in_drake
 from nico_selfmodel.viz.eye_items import ImagePlane, eye_items
+from nico_selfmodel.viz.figures.rgba import Rgba
 from nico_selfmodel.viz.image_marks import marked
 from nico_selfmodel.viz.robot_items import robot_items
 from nico_selfmodel.viz.scene import ROOT, LegendEntry, Scene
-from nico_selfmodel.viz.scene_items import Item, Markers, Picture, Rgba
+from nico_selfmodel.viz.scene_items import Item, Markers, Picture
 from nico_selfmodel.viz.screens import screens_beside
 from nico_selfmodel.viz.station_mirror import StandingGlass, StationMirror
 from nico_selfmodel.viz.surroundings import camera_from, floor_items
 
 _SPREAD = 1.5
-"""Width of an image in baselines: they overlap, as what the eyes see does."""
+"""Width of an image in baselines: they overlap, as what the cameras see does."""
 _HAND = 0.006
 """Radius of what marks the hand [m]."""
 _CYAN, _ORANGE = "#33bbee", "#ee7733"
@@ -40,11 +41,11 @@ _INTO_MIRROR = np.radians(232.0)
 
 
 class StationView:
-    """The moving robot with the frusta of both eyes, their images, the tracked and predicted hand.
+    """The moving robot, the frusta of its cameras, their images, the tracked and predicted hand.
 
     The robot stands upright on its own root link, whatever frame its self-model is expressed in.
-    Before a mirror, the glass carries what the left eye sees in it, the hand's reflection stands
-    behind it, and rays go from the hand over the glass into the eyes.
+    Before a mirror, the glass carries what the left camera sees in it, the hand's reflection stands
+    behind it, and rays go from the hand over the glass into the cameras.
     """
 
     def __init__(
@@ -60,13 +61,13 @@ class StationView:
 
         Args:
             arm: The robot as described.
-            model: Arm and eyes as learned.
+            model: Arm and cameras as learned.
             meshcat: Where to draw; a new server that only this machine reaches if omitted.
             glass: A mirror before the robot that the model knows, if any.
             recording: Keep every `show` as a frame of an animation, for `html`.
 
         Raises:
-            ModelError: If the model lacks arm, eyes or that mirror, or the robot cannot be read.
+            ModelError: If the model lacks arm, cameras or that mirror, or the robot cannot be read.
             SelfModelError: If the server cannot start.
         """
         self.model = _upright(arm, model)
@@ -120,7 +121,7 @@ class StationView:
         return Scene(self.model.name, (*grid, *items), view, legend)
 
     def _extent(self, body: list[Item]) -> NDArray:
-        """Return points that the robot and what its eyes see lie between. Shape (N, 3)."""
+        """Return points that the robot and what its cameras see lie between. Shape (N, 3)."""
         links = np.concatenate([apply(item.X_WI, np.zeros((1, 3))) for item in body])
         planes = [plane.corners for plane in self._planes.values()]
         if self._mirror is not None:
@@ -138,8 +139,8 @@ class StationView:
 
         Args:
             readings: Encoder readings [encoder units]. Shape (n,).
-            images: Pictures of the left and right eye, BGR, 8 bits. Shape (h, w, 3) each.
-            pixels: Where the eyes tracked the hand, nan where not; for the marks and the tracked
+            images: Pictures of the left and right camera, BGR, 8 bits. Shape (h, w, 3) each.
+            pixels: Where the cameras tracked the hand, nan where not; for the marks and the tracked
                 hand. Shape (4,).
             reflected: Where they tracked its reflection, before a mirror. Shape (4,).
 
@@ -255,7 +256,7 @@ class StationView:
 
 
 def _four(pixels: ArrayLike | None, name: str) -> NDArray:
-    """Return pixels of both eyes; nan for none."""
+    """Return pixels of both cameras; nan for none."""
     found = np.full(4, np.nan) if pixels is None else np.asarray(pixels, dtype=float)
     if found.shape != (4,):
         raise ValueError(f"{name} must have shape (4,), got {found.shape}")

@@ -1,8 +1,14 @@
-"""What stands around a scene: the floor of the measuring frame and the first view."""
+"""What stands around a scene: which way is up, the floor of the measuring frame, the first view."""
+
+from collections.abc import Iterable
+from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
 
+from nico_selfmodel.geometry.transform import transform
+from nico_selfmodel.model import SelfModel
+from nico_selfmodel.plant import ArmDescription, learned_frames
 from nico_selfmodel.viz import palette
 from nico_selfmodel.viz.numbers_shown import nice_below
 from nico_selfmodel.viz.scene import FIELD_OF_VIEW, Camera
@@ -12,6 +18,45 @@ _NEAR = 2.0
 """W itself is shown where it lies within this many sizes of the data."""
 _ASPECT, _MARGIN = 1.5, 1.06
 _TURN, _ELEVATION = np.radians(25.0), np.radians(22.0)
+
+
+X_WL = np.array(
+    [[0.0, 0.0, 1.0, 0.0], [-1.0, 0.0, 0.0, 0.0], [0.0, -1.0, 0.0, 0.0], [0.0, 0.0, 0.0, 1.0]]
+)
+"""Pose of a camera in a scene that is about cameras: it looks along x, and z is up."""
+
+
+def upright(model: SelfModel, robot: ArmDescription | None = None) -> NDArray:
+    """Return the pose of a model's world in a scene whose z is up. Shape (4, 4).
+
+    Only a model whose world is its left camera needs to be turned: others were measured by
+    something that stood upright itself. Its robot knows how it stands; without one the camera is
+    taken as level.
+
+    Args:
+        model: The self-model.
+        robot: The robot that the arm belongs to.
+
+    Raises:
+        ModelError: If the robot cannot be read, or its chain has other joints.
+    """
+    left = model.cameras.get("left")
+    if left is None or not np.allclose(left.X_WC, np.eye(4), atol=1e-12):
+        return np.eye(4)
+    if robot is None or not model.has_arm:
+        return X_WL
+    X_WR = learned_frames(robot, model.chain).X_WR
+    return transform(X_WR[:3, :3].T, np.zeros(3))
+
+
+def turned(items: Iterable[Item], X_SW: NDArray) -> list[Item]:
+    """Return items of a world in a scene.
+
+    Args:
+        items: As in the world.
+        X_SW: Pose of the world in the scene. Shape (4, 4).
+    """
+    return [replace(item, X_WI=X_SW @ item.X_WI) for item in items]
 
 
 def floor_items(points: NDArray, unit: float, X_SW: NDArray | None = None) -> list[Item]:
@@ -72,8 +117,8 @@ def camera_from(points: NDArray, azimuth: float, elevation: float = _ELEVATION) 
 
     Args:
         points: What must be seen [m]. Shape (N, 3).
-        azimuth: Of the eye as seen from the points, from x towards y [rad].
-        elevation: Of the eye as seen from the points [rad].
+        azimuth: Of the camera as seen from the points, from x towards y [rad].
+        elevation: Of the camera as seen from the points [rad].
     """
     right = np.array([-np.sin(azimuth), np.cos(azimuth), 0.0])
     away = np.cos(elevation) * np.array([right[1], -right[0], np.tan(elevation)])

@@ -24,7 +24,7 @@ def uncertainty_items(calibration: KinematicCalibration, q: NDArray, unit: float
 
     Returns:
         One item under `uncertainty`, its path ending in the factor. None where nothing is known of
-        the errors, or where blind directions would make it too small.
+        the errors, or where unobservable directions would make it too small.
     """
     known = _principal_axes(calibration, q)
     if known is None:

@@ -16,7 +16,7 @@ from nico_selfmodel.viz.arm_shape import arm_length
 from nico_selfmodel.viz.body_scene import standing, with_body
 from nico_selfmodel.viz.scene import LegendEntry, Scene
 from nico_selfmodel.viz.scene_items import Item, Markers, Needles
-from nico_selfmodel.viz.upright import upright
+from nico_selfmodel.viz.surroundings import upright
 
 _DOT = 0.003
 _ENLARGED = 10.0
@@ -31,13 +31,13 @@ def update_scene(evaluation: UpdateEvaluation, robot: ArmDescription | None = No
     """Describe a change as a scene; z is up.
 
     Args:
-        evaluation: The body before and after, and its sightings.
+        evaluation: The body before and after, and its observations.
         robot: The robot that the arm belongs to, to be drawn around it.
 
     Returns:
-        The arm at the pose nearest to the middle of the sightings as it is and, thinner, as it was;
-        eyes where there are any; the hand at every pose, where it was thought before, and tenfold
-        where it was seen.
+        The arm at the pose nearest to the middle of the observations as it is and, thinner, as it
+        was; cameras where there are any; the hand at every pose, where it was thought before, and
+        tenfold where it was seen.
 
     Raises:
         ModelError: If the robot cannot be read, or its chain has other joints.

@@ -54,6 +54,7 @@ ALLOWED = {
         "pydrake.perception",
     },
     "recording": {"numpy"},
+    "result_folder": set(),
     "experiments": {"numpy", "pydrake.common", "yaml"},
     "cli": {"numpy", "rich", "typer"},
 }

@@ -17,7 +17,7 @@ from nico_selfmodel.experiments.eyes_lesson import EyesLesson, learn_arm, nomina
 from nico_selfmodel.experiments.refinement import simulated_lesson
 from nico_selfmodel.model import SelfModel
 from nico_selfmodel.systems import WORLDS, looking_arm
-from nico_selfmodel.viz import load_scene
+from nico_selfmodel.viz.scene import load_scene
 
 MARKER = "fiducial"
 
@@ -51,9 +51,8 @@ def lesson(eyes, recorded):
 @pytest.fixture
 def undrawn(monkeypatch):
     """Spare the figures and the interactive scene, which other tests look at."""
-    for page in ("report", "body_report"):
-        monkeypatch.setattr(f"nico_selfmodel.viz.{page}.svg_data_uri", lambda _: "data:,")
-    monkeypatch.setattr("nico_selfmodel.viz.report_page.static_html", lambda _: "")
+    monkeypatch.setattr("nico_selfmodel.viz.reports.page.svg_data_uri", lambda _: "data:,")
+    monkeypatch.setattr("nico_selfmodel.viz.reports.page.static_html", lambda _: "")
 
 
 @pytest.mark.usefixtures("undrawn")

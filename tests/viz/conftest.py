@@ -15,7 +15,8 @@ from nico_selfmodel.estimation import (
     result_document,
 )
 from nico_selfmodel.model import Chain, ServoMap
-from nico_selfmodel.viz import camera_report_html, report_html
+from nico_selfmodel.viz.reports.arm import arm_report
+from nico_selfmodel.viz.reports.cameras import camera_report
 
 from . import seen_boards
 
@@ -154,9 +155,9 @@ def document(calibration, verdict):
 
 
 @pytest.fixture(scope="session")
-def html(calibration, verdict, document):
+def html(calibration, document):
     """The report of the good calibration, with all its figures."""
-    return report_html(calibration, verdict, document)
+    return arm_report(calibration, document).html()
 
 
 @pytest.fixture(scope="session")
@@ -164,8 +165,8 @@ def failed_html(failed):
     """The report of the failed calibration, with empty figures: those are drawn elsewhere."""
     verdict = judge(failed)
     assert verdict.status == "FAIL"
-    with mock.patch("nico_selfmodel.viz.report.svg_data_uri", return_value="data:,"):
-        return report_html(failed, verdict, result_document(failed, verdict))
+    with mock.patch("nico_selfmodel.viz.reports.page.svg_data_uri", return_value="data:,"):
+        return arm_report(failed, result_document(failed, verdict)).html()
 
 
 @pytest.fixture(scope="session")
@@ -206,4 +207,4 @@ def camera_result(eyes, photographs):
 def camera_html(eyes, camera_result, photographs):
     """The report on the good eyes, with all its figures."""
     model = eyes.calibration.self_model("my <i>eyes</i>", {"images": "boards"})
-    return camera_report_html(eyes, judge_cameras(eyes), camera_result, photographs, model=model)
+    return camera_report(eyes, camera_result, photographs, model).html()

@@ -7,15 +7,18 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from nico_selfmodel.cli.result_files import write_with_report
 from nico_selfmodel.estimation import BodyOptions, body_document, calibrate_body, judge_body
 from nico_selfmodel.experiments.body_protocol import BodyProtocol
 from nico_selfmodel.experiments.refinement import simulated_lesson
 from nico_selfmodel.model import SelfModel
+from nico_selfmodel.result_folder.urdf import urdf_file
+from nico_selfmodel.result_folder.writing import write_result
 from nico_selfmodel.systems import WORLDS
-from nico_selfmodel.viz.body_report import body_report_html, workspace_map, write_body_folder
 from nico_selfmodel.viz.body_scene import accuracy_at, body_scene
-from nico_selfmodel.viz.model_folder import write_model_folder
-from nico_selfmodel.viz.result_folder import load_scene
+from nico_selfmodel.viz.figures.workspace_map import workspace_map
+from nico_selfmodel.viz.reports.body import body_report
+from nico_selfmodel.viz.scene import load_scene
 
 
 @pytest.fixture(scope="module")
@@ -28,9 +31,9 @@ def lesson():
 def found(lesson):
     train = lesson.train.pixels.copy()
     train[70] += 40.0
-    wild = replace(lesson.train, pixels=train)
+    spoilt = replace(lesson.train, pixels=train)
     return calibrate_body(
-        wild, lesson.eyes, lesson.boards, test=lesson.test, test_boards=lesson.test_boards
+        spoilt, lesson.eyes, lesson.boards, test=lesson.test, test_boards=lesson.test_boards
     )
 
 
@@ -43,7 +46,8 @@ def document(found):
 def folder(found, document, tmp_path_factory):
     """The result folder, written once for all that look into it."""
     place = tmp_path_factory.mktemp("results") / "body"
-    return write_body_folder(place, found, judge_body(found), document)
+    write_with_report(place, found.model, body_report(found, document))
+    return place
 
 
 def test_the_folder_holds_model_report_scene_numbers_and_urdf(found, document, folder):
@@ -59,7 +63,7 @@ def test_the_folder_holds_model_report_scene_numbers_and_urdf(found, document, f
     assert json.loads((folder / "result.json").read_text()) == document
     assert len(load_scene(folder).items) == len(body_scene(found).items)
     with pytest.raises(FileExistsError):
-        write_body_folder(folder, found, judge_body(found), document)
+        write_with_report(folder, found.model, body_report(found, document))
 
 
 def test_the_report_shows_the_numbers_of_the_document_and_loads_nothing(document, folder):
@@ -77,22 +81,22 @@ def test_the_report_shows_the_numbers_of_the_document_and_loads_nothing(document
         assert f'data-value="{value}"' in page
     assert "PASS" in page
     assert not re.search(r'(?:src|href)="(?!data:|#)', page)
-    assert "Samples not believed" in page
+    assert "Outliers, left out of all but the held-out errors" in page
 
 
 def test_a_body_without_boards_says_so_and_has_no_board_table(lesson, monkeypatch):
-    monkeypatch.setattr("nico_selfmodel.viz.body_report.svg_data_uri", lambda _: "data:,")
+    monkeypatch.setattr("nico_selfmodel.viz.reports.page.svg_data_uri", lambda _: "data:,")
     found = calibrate_body(
         lesson.train, lesson.eyes, None, BodyOptions("intrinsics-fixed", "unanchored")
     )
     verdict = judge_body(found)
-    html = body_report_html(found, verdict, body_document(found, verdict))
-    assert "Do the eyes still measure" not in html
+    html = body_report(found, body_document(found, verdict)).html()
+    assert "Do the cameras still measure" not in html
     assert "right.pose.x" in html
     assert "holds the scale" in html
 
 
-def test_the_scene_shows_every_believed_hand_and_the_wild_one(found):
+def test_the_scene_shows_every_inlier_and_the_outlier(found):
     scene = body_scene(found)
     items = {item.path: item for item in scene.items}
     assert len(items["hand/known_to"].centers) == int((~found.outliers).sum())
@@ -113,6 +117,7 @@ def test_the_map_has_one_scale_and_says_what_more_data_would_cure(found):
 
 
 def test_a_model_of_eyes_alone_has_no_urdf(lesson, tmp_path):
-    folder = write_model_folder(tmp_path / "eyes", lesson.eyes, {"status": "PASS"})
+    assert urdf_file(lesson.eyes, tmp_path) == {}
+    folder = write_result(tmp_path / "eyes", lesson.eyes, {"status": "PASS"})
     assert {path.name for path in folder.iterdir()} == {"self_model.yaml", "result.json"}
     assert np.isfinite(SelfModel.load(folder).rig.baseline)

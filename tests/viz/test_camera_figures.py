@@ -75,10 +75,10 @@ def test_corners_of_the_image_without_a_corner_are_named(eyes, flawed_eyes):
             reached += sum(bool(np.any(a & b)) for b in (v < 39.5, v > 199.5))
     title = coverage(eyes).get_suptitle()
     assert title.endswith(f"and {reached} of their 8 corners")
-    # Boards that were not believed cover nothing.
-    believed = ~flawed_eyes.calibration.outliers
+    # Outliers cover nothing.
+    inliers = ~flawed_eyes.calibration.outliers
     shown = [axes.get_title(loc="left") for axes in coverage(flawed_eyes).axes]
-    counts = flawed_eyes.calibration.views.seen[believed].sum(axis=(0, 2))
+    counts = flawed_eyes.calibration.views.seen[inliers].sum(axis=(0, 2))
     assert shown == [f"left: {counts[0]} corners", f"right: {counts[1]} corners"]
 
 

@@ -3,9 +3,12 @@ import json
 import numpy as np
 import pytest
 
+from nico_selfmodel.cli.result_files import write_with_report
 from nico_selfmodel.estimation import camera_document, judge_cameras
 from nico_selfmodel.model import SelfModel
-from nico_selfmodel.viz import camera_scene, load_scene, write_camera_folder
+from nico_selfmodel.viz.camera_scene import camera_scene
+from nico_selfmodel.viz.reports.cameras import camera_report
+from nico_selfmodel.viz.scene import load_scene
 
 FILES = {"self_model.yaml", "result.json", "report.html", "scene.json"}
 
@@ -13,13 +16,14 @@ FILES = {"self_model.yaml", "result.json", "report.html", "scene.json"}
 @pytest.fixture
 def write(monkeypatch):
     """Return a function that writes a result without drawing its figures."""
-    monkeypatch.setattr("nico_selfmodel.viz.camera_report.svg_data_uri", lambda _: "data:,")
+    monkeypatch.setattr("nico_selfmodel.viz.reports.page.svg_data_uri", lambda _: "data:,")
 
-    def written(folder, assessment, **more):
+    def written(folder, assessment, document=None, images=None, force=False):
         model = assessment.calibration.self_model("eyes")
-        return write_camera_folder(
-            folder, assessment, judge_cameras(assessment), model=model, **more
-        )
+        document = document or camera_document(assessment, judge_cameras(assessment))
+        report = camera_report(assessment, document, images, model)
+        write_with_report(folder, model, report, force=force)
+        return folder
 
     return written
 

@@ -2,7 +2,7 @@ import numpy as np
 import pytest
 
 from nico_selfmodel.estimation import camera_document, judge_cameras
-from nico_selfmodel.viz import camera_report_html
+from nico_selfmodel.viz.reports.cameras import camera_report
 
 from .page import LOADING, Page
 from .seen_boards import OUTLIER, UNSEEN
@@ -16,12 +16,12 @@ def page(camera_html):
 @pytest.fixture
 def report(monkeypatch):
     """Return a function that writes a report without its figures."""
-    monkeypatch.setattr("nico_selfmodel.viz.camera_report.svg_data_uri", lambda _: "data:,")
+    monkeypatch.setattr("nico_selfmodel.viz.reports.page.svg_data_uri", lambda _: "data:,")
 
     def write(assessment, images=None, **bounds):
         verdict = judge_cameras(assessment, **bounds)
         document = camera_document(assessment, verdict)
-        return Page(camera_report_html(assessment, verdict, document, images))
+        return Page(camera_report(assessment, document, images).html())
 
     return write
 

@@ -34,7 +34,7 @@ def test_both_eyes_with_images_all_boards_and_one_point_are_there(scene, eyes):
     assert wanted <= set(scene.paths)
     labels = " ".join(entry.label for entry in scene.legend)
     assert f"boards ({len(views)})" in labels
-    assert "left eye" in labels
+    assert "left camera" in labels
 
 
 def test_the_boards_lie_where_they_were_found(scene, eyes):
@@ -44,7 +44,7 @@ def test_the_boards_lie_where_they_were_found(scene, eyes):
         np.testing.assert_allclose(found, board_outline(P_GQ, X_WL @ X_LG), atol=1e-12)
 
 
-def test_all_that_was_believed_is_in_the_first_view(scene, eyes):
+def test_all_inliers_are_in_the_first_view(scene, eyes):
     forward = scene.camera.p_WT - scene.camera.p_WC
     forward /= np.linalg.norm(forward)
     right = np.cross(forward, [0.0, 0.0, 1.0])

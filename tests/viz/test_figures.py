@@ -3,24 +3,37 @@ import numpy as np
 import pytest
 from matplotlib.figure import Figure
 
-from nico_selfmodel.viz.blind_parameters import blind_parameters
 from nico_selfmodel.viz.error_plots import (
     error_distribution,
     error_over_workspace,
     residuals_over_angles,
 )
 from nico_selfmodel.viz.numbers_shown import decimals, nice_below, nice_factor, short
-from nico_selfmodel.viz.parameter_plots import convergence, correlation_matrix, parameter_sigmas
+from nico_selfmodel.viz.parameter_plots import (
+    convergence,
+    correlations,
+    parameter_sigmas,
+    unobservable_parameters,
+)
 from nico_selfmodel.viz.plot_style import image_bytes, log_ticks, style, svg_data_uri
+
+
+def correlations_drawn(calibration):
+    return correlations(calibration.uncertainty)
+
 
 ALL = (
     error_distribution,
     error_over_workspace,
     residuals_over_angles,
     parameter_sigmas,
-    correlation_matrix,
+    correlations_drawn,
     convergence,
 )
+
+
+def unobservable(calibration):
+    return unobservable_parameters(calibration.uncertainty)
 
 
 def title(figure):
@@ -79,12 +92,12 @@ def test_errors_that_differ_much_are_shown_on_a_logarithmic_axis(calibration, fa
     assert error_distribution(failed).axes[0].get_xscale() == "log"
 
 
-def test_every_believed_point_is_in_each_projection(calibration):
+def test_every_inlier_is_in_each_projection(calibration):
     figure = error_over_workspace(calibration)
-    believed = int(np.sum(~calibration.outliers))
+    inliers = int(np.sum(~calibration.outliers))
     for axes in figure.axes[:3]:
         counts = [len(group.get_offsets()) for group in axes.collections]
-        assert counts == [believed, len(calibration.test.distances)]
+        assert counts == [inliers, len(calibration.test.distances)]
 
 
 def test_a_trend_over_a_joint_angle_is_found(calibration):
@@ -100,13 +113,13 @@ def test_a_trend_over_a_joint_angle_is_found(calibration):
     assert found.endswith("in y over elbow is left")
 
 
-def test_blind_parameters_are_called_blind(failed):
+def test_unobservable_parameters_are_called_unobservable(failed):
     figure = parameter_sigmas(failed)
     words = [text.get_text() for axes in figure.axes for text in axes.texts]
-    blind = len(blind_parameters(failed))
-    assert blind >= len({name for way in failed.uncertainty.blind for name in way.names}) > 1
-    assert words.count("blind") == blind
-    assert title(figure).startswith(f"{blind} of {len(failed.uncertainty.names)} parameters")
+    count = len(unobservable(failed))
+    assert count >= len({name for way in failed.uncertainty.blind for name in way.names}) > 1
+    assert words.count("unobservable") == count
+    assert title(figure).startswith(f"{count} of {len(failed.uncertainty.names)} parameters")
 
 
 def test_sigmas_are_grouped_by_unit(calibration):
@@ -120,12 +133,12 @@ def test_the_strongest_correlation_is_named(calibration):
     correlation = np.abs(np.tril(calibration.uncertainty.correlation, -1))
     i, j = np.unravel_index(np.argmax(correlation), correlation.shape)
     names = calibration.uncertainty.names
-    assert f"{names[j]} with {names[i]}" in title(correlation_matrix(calibration))
+    assert f"{names[j]} with {names[i]}" in title(correlations_drawn(calibration))
 
 
 def test_circle_points_alone_have_no_figures_of_what_they_do_not_know(circles_alone):
     assert parameter_sigmas(circles_alone) is None
-    assert correlation_matrix(circles_alone) is None
+    assert unobservable(circles_alone) == frozenset()
     assert convergence(circles_alone) is None
 
 

@@ -53,9 +53,9 @@ def test_every_circle_sample_is_drawn_in_the_colour_of_its_joint(scene, calibrat
     colors = set()
     for joint in JOINTS:
         samples = at(scene, f"circles/{joint}/samples")
-        believed = ~calibration.outliers & (training.sweep == joint)
+        inliers = ~calibration.outliers & (training.sweep == joint)
         # The middle of a sweep is another measurement of the home pose, but of this sweep alone.
-        assert rows_of(samples.centers) == rows_of(training.p_WH_measured[believed])
+        assert rows_of(samples.centers) == rows_of(training.p_WH_measured[inliers])
         (circle,) = [i for i in scene.under(f"circles/{joint}") if i is not samples]
         assert circle.color[:3] == samples.color[:3]
         assert at(scene, f"arm/joint_{joint}").color[:3] == samples.color[:3]

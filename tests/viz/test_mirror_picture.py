@@ -78,7 +78,7 @@ def test_the_robot_stands_upright_before_its_mirror(seen):
     picture = MirrorPicture(int(data.sample[0]), data.encoders[0], (grey(), grey()))
     scene = mirror_scene(found, {"near": picture}, arm)
     assert scene.under("robot")
-    (hand,) = scene.under("mirrors/near/hand_believed")
+    (hand,) = scene.under("mirrors/near/hand_inliers")
     (glass,) = scene.under("mirrors/near/glass")
     # The robot looks along x: its hand is this side of the glass.
     assert hand.centers[:, 0].max() < glass.vertices[:, 0].max()

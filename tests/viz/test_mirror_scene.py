@@ -10,7 +10,7 @@ from nico_selfmodel.estimation import calibrate_mirrors
 from nico_selfmodel.experiments.mirror_body import mirror_body
 from nico_selfmodel.viz.mirror_scene import mirror_scene
 from nico_selfmodel.viz.scene import Scene
-from nico_selfmodel.viz.upright import X_WL
+from nico_selfmodel.viz.surroundings import X_WL
 
 
 @pytest.fixture(scope="module")
@@ -38,11 +38,11 @@ def test_the_glass_lies_in_the_plane_that_was_learned(scene, calibration):
 
 
 def test_hand_and_reflection_lie_symmetrically_and_outliers_apart(scene):
-    hand = item(scene, "mirrors/near/hand_believed").centers @ X_WL[:3, :3]
-    virtual = item(scene, "mirrors/near/reflection_believed").centers @ X_WL[:3, :3]
+    hand = item(scene, "mirrors/near/hand_inliers").centers @ X_WL[:3, :3]
+    virtual = item(scene, "mirrors/near/reflection_inliers").centers @ X_WL[:3, :3]
     assert len(hand) == len(virtual) == 9
     assert len(item(scene, "mirrors/near/hand_outliers").centers) == 1
-    assert any("not believed" in entry.label for entry in scene.legend)
+    assert any("outliers" in entry.label for entry in scene.legend)
     gap = virtual - hand
     direction = gap / np.linalg.norm(gap, axis=1)[:, None]
     assert_allclose(direction, np.broadcast_to(direction[0], direction.shape), atol=1e-9)

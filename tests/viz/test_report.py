@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 
 from nico_selfmodel.estimation import Verdict, judge, result_document
-from nico_selfmodel.viz import report_html
+from nico_selfmodel.viz.reports.arm import arm_report
 
 from .conftest import JOINTS, OUTLIERS
 from .page import LOADING, Page
@@ -19,7 +19,7 @@ def page(html):
 @pytest.fixture
 def undrawn(monkeypatch):
     """Leave the figures empty, for tests of what stands around them."""
-    monkeypatch.setattr("nico_selfmodel.viz.report.svg_data_uri", lambda _: "data:,")
+    monkeypatch.setattr("nico_selfmodel.viz.reports.page.svg_data_uri", lambda _: "data:,")
 
 
 def numbers_in(value):
@@ -119,14 +119,20 @@ def test_a_failure_is_red_and_says_why(failed_html, failed):
     assert "FAIL" in page.words
     assert any("cannot be told from" in word for word in page.words)
     cells = [attributes for tag, attributes in page.tags if tag == "td"]
-    blind = [cell for cell in cells if cell.get("class") == "blind" and "data-value" in cell]
-    assert len(blind) >= len({name for way in failed.uncertainty.blind for name in way.names}) > 1
+    unobservable = [
+        cell for cell in cells if cell.get("class") == "unobservable" and "data-value" in cell
+    ]
+    assert (
+        len(unobservable)
+        >= len({name for way in failed.uncertainty.blind for name in way.names})
+        > 1
+    )
 
 
 @pytest.mark.usefixtures("undrawn")
 def test_names_from_outside_stay_text(renamed):
     verdict = judge(renamed)
-    html = report_html(renamed, verdict, result_document(renamed, verdict))
+    html = arm_report(renamed, result_document(renamed, verdict)).html()
     page = Page(html)
     assert "<script>alert(1)</script>" in page.words
     assert "a<b>" in page.words
@@ -144,7 +150,7 @@ def test_backticks_in_reasons_become_code_and_names_stay_escaped(failed_html):
 @pytest.mark.usefixtures("undrawn")
 def test_circle_points_alone_are_reported_without_pretending(circles_alone):
     verdict = Verdict("NOT_EVALUATED", ("nothing was held out",))
-    page = Page(report_html(circles_alone, verdict, result_document(circles_alone, verdict)))
+    page = Page(arm_report(circles_alone, result_document(circles_alone, verdict)).html())
     assert "NOT EVALUATED" in page.words
     assert "Nothing was held out." in page.text
     assert "No standard deviations: circle points alone do not give any." in page.words
@@ -153,6 +159,6 @@ def test_circle_points_alone_are_reported_without_pretending(circles_alone):
 
 
 @pytest.mark.usefixtures("undrawn")
-def test_the_document_may_come_back_from_its_file(calibration, verdict, document, html):
+def test_the_document_may_come_back_from_its_file(calibration, document, html):
     again = json.loads(json.dumps(document, allow_nan=False))
-    assert Page(report_html(calibration, verdict, again)).values == Page(html).values
+    assert Page(arm_report(calibration, again).html()).values == Page(html).values

@@ -3,9 +3,12 @@ from unittest import mock
 
 import pytest
 
+from nico_selfmodel.cli.result_files import write_with_report
 from nico_selfmodel.errors import ModelError
 from nico_selfmodel.model import SelfModel
-from nico_selfmodel.viz import calibration_scene, load_scene, result_folder, write_result_folder
+from nico_selfmodel.viz.kinematics_scene import calibration_scene
+from nico_selfmodel.viz.reports.arm import arm_report
+from nico_selfmodel.viz.scene import load_scene
 
 FILES = {"self_model.yaml", "result.json", "report.html", "scene.json"}
 
@@ -15,18 +18,17 @@ def names(folder):
 
 
 @pytest.fixture(scope="module")
-def written(tmp_path_factory, calibration, verdict):
+def written(tmp_path_factory, calibration, document):
     folder = tmp_path_factory.mktemp("results") / "deep" / "result"
-    with mock.patch("nico_selfmodel.viz.report.svg_data_uri", return_value="data:,"):
-        return write_result_folder(
-            folder, calibration, verdict, urdf_text="<robot/>", robot_name="nico"
-        )
+    with mock.patch("nico_selfmodel.viz.reports.page.svg_data_uri", return_value="data:,"):
+        write_with_report(folder, calibration.model, arm_report(calibration, document))
+    return folder
 
 
 def test_the_folder_holds_everything(written):
-    assert names(written) == FILES | {"nico_learned.urdf"}
+    assert names(written) == FILES | {"sweeps_learned.urdf"}
     assert names(written.parent) == {"result"}
-    assert (written / "nico_learned.urdf").read_text() == "<robot/>"
+    assert "<robot" in (written / "sweeps_learned.urdf").read_text()
 
 
 def test_the_result_is_the_document_without_nan(written, document):
@@ -45,61 +47,6 @@ def test_the_self_model_can_be_loaded_from_it(written, calibration):
 def test_the_scene_can_be_drawn_again_without_learning(written, calibration):
     assert load_scene(written).to_json() == calibration_scene(calibration).to_json()
     assert load_scene(written / "scene.json").paths == load_scene(written).paths
-
-
-@pytest.fixture
-def short_report(monkeypatch):
-    """Spare the pages that a test does not look at."""
-    monkeypatch.setattr(result_folder, "report_html", lambda *_: "<!doctype html>")
-
-
-@pytest.mark.usefixtures("short_report")
-def test_without_a_robot_there_is_no_urdf(tmp_path, circles_alone, verdict):
-    folder = write_result_folder(tmp_path / "result", circles_alone, verdict)
-    assert names(folder) == FILES
-
-
-@pytest.mark.usefixtures("short_report")
-def test_a_robots_name_cannot_lead_out_of_the_folder(tmp_path, circles_alone, verdict):
-    folder = write_result_folder(
-        tmp_path / "result", circles_alone, verdict, urdf_text="x", robot_name="../../my robot"
-    )
-    assert names(folder) - FILES == {"my_robot_learned.urdf"}
-
-
-@pytest.mark.usefixtures("short_report")
-def test_an_existing_folder_is_kept_unless_forced(tmp_path, circles_alone, verdict):
-    folder = tmp_path / "result"
-    folder.mkdir()
-    (folder / "result.json").write_text("{}")
-    (folder / "notes.txt").write_text("mine")
-    with pytest.raises(FileExistsError, match="exists already"):
-        write_result_folder(folder, circles_alone, verdict)
-    assert names(folder) == {"notes.txt", "result.json"}
-    write_result_folder(folder, circles_alone, verdict, force=True)
-    assert names(folder) == FILES
-
-
-@pytest.mark.usefixtures("short_report")
-@pytest.mark.parametrize("broken", ["report_html", "calibration_scene", "save"])
-def test_a_failure_on_the_way_leaves_nothing_new(
-    tmp_path, circles_alone, verdict, monkeypatch, broken
-):
-    def fail(*_args, **_kwargs):
-        raise OSError("disk full")
-
-    if broken == "save":
-        monkeypatch.setattr(SelfModel, "save", fail)
-    else:
-        monkeypatch.setattr(result_folder, broken, fail)
-    old = tmp_path / "old"
-    old.mkdir()
-    (old / "result.json").write_text("{}")
-    for folder, force in ((tmp_path / "new", False), (old, True)):
-        with pytest.raises(OSError, match="disk full"):
-            write_result_folder(folder, circles_alone, verdict, force=force)
-    assert names(tmp_path) == {"old"}
-    assert names(old) == {"result.json"}
 
 
 @pytest.mark.parametrize(

@@ -6,6 +6,7 @@ import re
 import numpy as np
 import pytest
 
+from nico_selfmodel.cli.result_files import write_with_report
 from nico_selfmodel.estimation import calibrate_body, calibrate_tool, check_health, rezero
 from nico_selfmodel.estimation.adaptation import joined
 from nico_selfmodel.estimation.relearning import relearn_cause, since_change
@@ -23,8 +24,8 @@ from nico_selfmodel.experiments.refinement import simulated_lesson
 from nico_selfmodel.model import SelfModel
 from nico_selfmodel.systems import WORLDS
 from nico_selfmodel.viz.health_plot import health_plot
-from nico_selfmodel.viz.result_folder import load_scene
-from nico_selfmodel.viz.update_report import update_report_html, write_update_folder
+from nico_selfmodel.viz.reports.updates import update_report
+from nico_selfmodel.viz.scene import load_scene
 from nico_selfmodel.viz.update_scene import update_scene
 
 WORLD = WORLDS["clean"].with_noise(play_deg=0.5)
@@ -84,16 +85,16 @@ def relearned(model):
     return evaluation, verdict, relearned_document(update, cause, verdict, evaluation), health
 
 
-def page_of(evaluation, verdict, document, health=None):
-    html = update_report_html(evaluation, verdict, document, update_scene(evaluation), health)
+def page_of(evaluation, document, health=None):
+    html = update_report(evaluation, document, health).html()
     page = re.sub(r'srcdoc="[^"]*"', "", html)
     assert not re.search(r'(?:src|href)="(?!data:|#)', page)
     return page
 
 
 def test_a_tools_page_says_what_moved_and_what_it_was_worth_on_held_out_poses(tool):
-    _, verdict, document = tool
-    page = page_of(*tool)
+    evaluation, verdict, document = tool
+    page = page_of(evaluation, document)
     assert page.index(verdict.status) < page.index("What changed, and by how much")
     for value in (
         document["before"]["test"]["pixels"]["mean"],
@@ -111,15 +112,15 @@ def test_a_tools_page_says_what_moved_and_what_it_was_worth_on_held_out_poses(to
 
 
 def test_new_zeros_are_judged_by_poses_left_out_in_turn(zeros):
-    _, _, document = zeros
+    evaluation, _, document = zeros
     assert document["status"] == "NOT_EVALUATED"
     found = document["cross_validation"]
     # Five poses, both eyes: one pose is left out at a time.
     assert found["n"] == 10
     assert document["train"]["pixels"]["mean"] < found["pixels"]["mean"] < 12.0
     assert document["before"]["train"]["pixels"]["mean"] > 3.0 * found["pixels"]["mean"]
-    page = page_of(*zeros)
-    assert "left out in turn, after" in page
+    page = page_of(evaluation, document)
+    assert "cross-validated, after" in page
     assert "Nothing was held out" in page
     shift = document["shift_deg"]["right_elbow"]
     assert f"{shift:+.2f}".replace("-", "−") + "°" in page
@@ -136,12 +137,12 @@ def test_three_poses_are_left_out_one_by_one_and_one_pose_not_at_all(model):
     verdict = judge_update(lone.update)
     document = rezero_document(lone, verdict, evaluation)
     assert document["cross_validation"] is None
-    assert "too few poses to leave any out" in page_of(evaluation, verdict, document)
+    assert "too few poses for a cross-validation" in page_of(evaluation, document)
 
 
 def test_what_check_learned_anew_shows_what_told_it(relearned):
-    _, _, document, health = relearned
-    page = page_of(*relearned)
+    evaluation, _, document, health = relearned
+    page = page_of(evaluation, document, health)
     assert f"zero of {SLIPPED}" in page
     assert "What told that something had changed" in page
     assert f'data-value="{health.diagnoses[0].statistic}"' in page
@@ -192,16 +193,18 @@ def test_measured_points_make_a_page_too(model):
     verdict = judge_update(found.update)
     document = rezero_document(found, verdict, evaluation)
     assert "pixels" not in document["train"]
-    assert "in space [mm]" in page_of(evaluation, verdict, document)
+    assert "in space [mm]" in page_of(evaluation, document)
 
 
 def test_the_folder_holds_model_numbers_report_scene_and_urdf(tool, tmp_path):
-    evaluation, verdict, document = tool
-    folder = write_update_folder(tmp_path / "held", evaluation, verdict, document)
+    evaluation, _, document = tool
+    folder = tmp_path / "held"
+    report = update_report(evaluation, document)
+    write_with_report(folder, evaluation.after, report)
     names = {path.name for path in folder.iterdir()}
     assert {"self_model.yaml", "result.json", "report.html", "scene.json"} <= names
     assert json.loads((folder / "result.json").read_text()) == document
     assert SelfModel.load(folder).markers == ("hand", "driver")
     assert load_scene(folder).paths == update_scene(evaluation).paths
     with pytest.raises(FileExistsError):
-        write_update_folder(folder, evaluation, verdict, document)
+        write_with_report(folder, evaluation.after, report)

@@ -1,0 +1,1 @@
+"""Figures: matplotlib drawings of one question each, the answer in the headline."""

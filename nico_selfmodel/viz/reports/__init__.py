@@ -1,0 +1,1 @@
+"""The report: one page, made of sections that each kind of evidence offers."""

@@ -1,0 +1,204 @@
+"""The report on an arm that was learned from measured points."""
+
+from collections.abc import Mapping
+from functools import partial
+from typing import Any
+
+import numpy as np
+
+from nico_selfmodel.estimation import KinematicCalibration
+from nico_selfmodel.plant import ArmDescription
+from nico_selfmodel.viz import error_plots, parameter_plots
+from nico_selfmodel.viz.arm_shape import arm_length
+from nico_selfmodel.viz.kinematics_scene import calibration_scene
+from nico_selfmodel.viz.reports import parts, shared_sections
+from nico_selfmodel.viz.reports.page import Report, key_number, telling_set
+from nico_selfmodel.viz.reports.parameter_tables import joint_table, place_table
+from nico_selfmodel.viz.reports.tables import Cell, Table, error_table, held_out, number_cell
+
+_CIRCLE_COLUMNS = {
+    "points": ("points", 0),
+    "radius_mm": ("radius [mm]", 1),
+    "arc_deg": ("arc [deg]", 0),
+    "rms_mm": ("rms [mm]", 3),
+    "sagitta_mm": ("height [mm]", 2),
+}
+"""Key of a circle in `result.json` -> heading and decimals."""
+
+
+def arm_report(
+    calibration: KinematicCalibration,
+    document: Mapping[str, Any],
+    robot: ArmDescription | None = None,
+) -> Report:
+    """Return what measured points tell of an arm.
+
+    Args:
+        calibration: What was learned.
+        document: `estimation.result_document` of it; the numbers shown are these.
+        robot: The robot that the arm belongs to, to be drawn in the scene.
+
+    Raises:
+        ModelError: If the robot cannot be read, or its chain has other joints.
+    """
+    scene = calibration_scene(calibration, robot)
+    length = 1e3 * arm_length(calibration.model.chain)
+    mean = document[telling_set(document, "points")[0]]["position_mm"]["mean"]
+    share = f"{100.0 * mean / length:.2f} % of the arm"
+    key = key_number(document, "position_mm", "points", statistics=("mean", "sd"), note=share)
+    sections = (
+        *_refused(document),
+        _errors(document, length),
+        shared_sections.scene_section("The arm and its data", scene),
+        _where(calibration),
+        _learned(calibration, document),
+        parts.section(
+            "How it was learned",
+            parts.Beside(
+                (_outliers(calibration, document), *_starts(calibration, document)), "beside"
+            ),
+            *_circles(calibration, document),
+        ),
+        _provenance(calibration, document, length),
+    )
+    return Report(calibration.model.name, _about(calibration), document, key, sections, scene)
+
+
+def _about(calibration: KinematicCalibration) -> str:
+    model = calibration.model
+    source = model.provenance.get("dataset")
+    data = "" if source is None else f" from the data set {source}"
+    alone = calibration.method == "circle-points"
+    means = "circle point analysis alone" if alone else "circle points and refinement"
+    return f"What {len(model.joints)} joints learned about themselves{data}, by {means}"
+
+
+def _refused(document: Mapping[str, Any]) -> list[parts.Section]:
+    """Return why arm and cameras were not refined together, where that was tried in vain."""
+    reasons = (document.get("refinement") or {}).get("reasons")
+    if not reasons:
+        return []
+    title = "Arm and cameras were refined together, and that was refused"
+    kept = "Kept is what this page shows: the arm as it was learned after the cameras."
+    why = parts.Bullets(tuple(reasons))
+    return [parts.section(title, why, parts.Text(kept), id="refused", kind="warnings")]
+
+
+def _errors(document: Mapping[str, Any], length: float) -> parts.Section:
+    errors = held_out(document, "position_mm")
+    table = error_table(errors, "error [mm]", 2, "points", length)
+    words = (
+        "Euclidean distance of each predicted point from the measured one. The arm, as learned, "
+        f"is {length:.1f} mm long, from its first axis over all axes to the hand."
+    )
+    if document["not_identifiable"]:
+        words += " Its length rests on unobservable directions."
+    alone = document["method"] == "circle-points"
+    few = "of circle points alone" if alone else "with so few poses"
+    return shared_sections.errors_section(document, (table, words), few=few, more="outliers")
+
+
+def _where(calibration: KinematicCalibration) -> parts.Section:
+    return parts.section(
+        "How large the errors are, and where",
+        parts.halves(
+            ("Distribution of the errors", error_plots.error_distribution(calibration)),
+            ("Convergence and starts", parameter_plots.convergence(calibration)),
+        ),
+        parts.drawing("Errors over the workspace", error_plots.error_over_workspace(calibration)),
+        parts.drawing(
+            "Residuals over the joint angles", error_plots.residuals_over_angles(calibration)
+        ),
+        parts.hint(
+            "Black: means over stretches of the joint's angle, with their standard errors. "
+            "Triangles lie beyond the axis."
+        ),
+    )
+
+
+def _learned(calibration: KinematicCalibration, document: Mapping[str, Any]) -> parts.Section:
+    model = calibration.model
+    hayati = " Ry(β)" if any(name.endswith(".beta") for name in document["parameters"]) else ""
+    sigmas = parts.drawing(
+        "Standard deviations of the parameters", parameter_plots.parameter_sigmas(calibration)
+    )
+    none = parts.Text("No standard deviations: circle points alone do not give any.")
+    return shared_sections.learned_section(
+        document,
+        calibration.uncertainty,
+        partial(joint_table, joints=model.joints),
+        partial(place_table, markers=model.markers),
+        message=f"Joint i turns about z of frame i − 1: `M = Tz(D) Rz(θ) Tx(r) Rx(α){hayati}`; "
+        "encoder angle = θ offset + gear · θ. Below each value its standard deviation; fixed "
+        "values are chosen, not measured.",
+        details=(sigmas or none,),
+    )
+
+
+def _outliers(calibration: KinematicCalibration, document: Mapping[str, Any]) -> parts.Section:
+    """Return the rows that are outliers, the worst first."""
+    train = calibration.train
+    worst = np.argsort(-train.distances, kind="stable")
+    rows = []
+    for row in worst[calibration.outliers[worst]].tolist():
+        marker = train.observations.markers[train.observations.marker[row]]
+        cells = (Cell(marker), number_cell(1e3 * float(train.distances[row]), 2))
+        rows.append((str(int(train.observations.sample[row])), cells))
+    table = parts.numbers(Table(("sample", "point", "error [mm]"), tuple(rows)), rows="rows")
+    words = "Measurements that contradict the others; held against the model, but not used."
+    if table is None:
+        alone = document["method"] == "circle-points"
+        unsought = "Not looked for: circle points alone only leave points out of single circles."
+        words = unsought if alone else "None."
+    text = parts.hint(words) if table else parts.Text(words)
+    return parts.section("Outliers", text, table, id="outliers")
+
+
+def _starts(calibration: KinematicCalibration, document: Mapping[str, Any]) -> list[parts.Section]:
+    """Return how every initial guess fared, in the order in which they were tried."""
+    search, starts = calibration.search, document["starts"]
+    if search is None:
+        return []
+    best = float(np.min(search.scores)) or 1.0
+    rows = tuple(
+        (f"{k + 1}", (Cell(label), Cell(f"{score / best:.4g}", value=score)))
+        for k, (label, score) in enumerate(zip(search.labels, search.scores.tolist(), strict=True))
+    )
+    words = (
+        f"{starts['agreeing']} of {starts['tried']} starts reached the best minimum, the first of "
+        f"them from {starts['best']}."
+    )
+    table = Table(("start", "from", "cost over the best"), rows)
+    return [parts.section("Starts", parts.Text(words), parts.numbers(table, rows="starts"))]
+
+
+def _circles(calibration: KinematicCalibration, document: Mapping[str, Any]) -> list[parts.Section]:
+    """Return the fitted circles; nothing where no joint was swept."""
+    circles = calibration.circles
+    if circles is None or not (circles.reasons or document["circles"]):
+        return []
+    sigma = dict(zip(calibration.model.joints, circles.axis_sigma.tolist(), strict=True))
+    rows = []
+    for circle in document["circles"]:
+        cells = [number_cell(circle[key], digits) for key, (_, digits) in _CIRCLE_COLUMNS.items()]
+        known = np.degrees(sigma[circle["joint"]])
+        cells.append(Cell(f"{known:.3f}" if np.isfinite(known) else "not known"))
+        rows.append((circle["joint"], tuple(cells)))
+    titles = (title for title, _ in _CIRCLE_COLUMNS.values())
+    table = Table(("circle of", *titles, "axis known to [deg]"), tuple(rows))
+    reasons = (parts.Text(reason, "warn") for reason in circles.reasons)
+    return [parts.section("Circles", *reasons, parts.numbers(table, rows="circles"))]
+
+
+def _provenance(
+    calibration: KinematicCalibration, document: Mapping[str, Any], length: float
+) -> parts.Section:
+    model, noise = calibration.model, document["noise_sigma_mm"]
+    found = {
+        **model.provenance,
+        **model.fit,
+        **{f"robot {key}": value for key, value in model.robot.items()},
+        "arm length": f"{length:.2f} mm",
+        "noise of a coordinate": "not known" if noise is None else f"{noise:.3f} mm",
+    }
+    return shared_sections.provenance_section(document, found)

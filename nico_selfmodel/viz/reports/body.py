@@ -1,0 +1,196 @@
+"""The report on a body: arm and cameras that refined each other by watching the hand."""
+
+import json
+from collections.abc import Mapping
+from functools import partial
+from typing import Any
+
+from nico_selfmodel.estimation import BodyCalibration
+from nico_selfmodel.estimation.body_document import noise_words
+from nico_selfmodel.plant import ArmDescription
+from nico_selfmodel.viz.body_scene import accuracy_at, body_scene
+from nico_selfmodel.viz.distribution_plot import distribution, error_sets
+from nico_selfmodel.viz.figures.workspace_map import workspace_map
+from nico_selfmodel.viz.numbers_shown import signed
+from nico_selfmodel.viz.reports import parts, shared_sections
+from nico_selfmodel.viz.reports.page import Report, key_number
+from nico_selfmodel.viz.reports.parameter_tables import (
+    joint_table,
+    lens_table,
+    place_table,
+    pose_table,
+)
+from nico_selfmodel.viz.reports.tables import (
+    Cell,
+    Table,
+    change_table,
+    error_table,
+    held_out,
+    number_cell,
+)
+
+_MOST_CHANGES = 8
+"""Changes that are shown unfolded, beside the lengths."""
+
+
+def body_report(
+    calibration: BodyCalibration,
+    document: Mapping[str, Any],
+    robot: ArmDescription | None = None,
+) -> Report:
+    """Return what observations of the hand tell of a body.
+
+    Args:
+        calibration: What was learned.
+        document: `estimation.body_document` of it; the numbers shown are these.
+        robot: The robot that the arm belongs to, to be drawn; the model's own if omitted.
+
+    Raises:
+        ModelError: If the robot is gone, or has other joints.
+    """
+    model = calibration.model
+    scene = body_scene(calibration, ArmDescription.of_model(model) if robot is None else robot)
+    about = "What a body learned about its arm and its cameras by watching its own hand"
+    sections = (
+        _errors(calibration, document),
+        *_boards(document),
+        _changes(document),
+        _workspace(calibration, document),
+        shared_sections.scene_section("The body", scene),
+        shared_sections.learned_section(
+            document,
+            calibration.uncertainty,
+            partial(joint_table, joints=model.joints),
+            partial(place_table, markers=model.markers),
+            partial(lens_table, cameras=tuple(model.cameras)),
+            pose_table,
+            message="Below each value its standard deviation; fixed values are chosen, not "
+            "measured.",
+        ),
+        _provenance(calibration, document),
+    )
+    key = key_number(document, "pixels", "observations")
+    return Report(model.name, about, document, key, sections, scene)
+
+
+def _errors(calibration: BodyCalibration, document: Mapping[str, Any]) -> parts.Section:
+    train = calibration.train.select(~calibration.outliers)
+    found = (calibration.test, calibration.cross_validation, train)
+    sets = error_sets(*(None if one is None else one.pixel_distances for one in found))
+    figure = distribution(sets, unit="px", digits=2, what="error in an image", thing="observation")
+    return shared_sections.errors_section(
+        document,
+        (
+            error_table(held_out(document, "pixels"), "in the images [px]", 2),
+            "Distance of each observation from where the body expects it, each camera counted by "
+            "itself.",
+        ),
+        (
+            error_table(held_out(document, "position_mm"), "from its own cameras [mm]", 2),
+            "Distance of the expected hand from where the body's own cameras rebuild it. It is no "
+            "ground truth: an arm and cameras that err alike look perfect here, so look at the "
+            "boards as well.",
+        ),
+        few="with so few poses",
+        ending=parts.halves(("Distribution of the errors in the images", figure)),
+    )
+
+
+def _boards(document: Mapping[str, Any]) -> list[parts.Section]:
+    """Return how boards are rebuilt before and after; nothing without boards."""
+    boards = document["boards"]
+    if boards is None:
+        return []
+    pairs = ((label, boards[label]) for label in ("before", "after"))
+    rows = tuple((label, _board_cells(found)) for label, found in pairs if found is not None)
+    kind = "held-out boards" if boards["held_out"] else "boards learned from"
+    table = Table((kind, "boards", "edges' SD [mm]", "scale [%]", "corner [mm]"), rows)
+    words = (
+        "A chessboard rebuilt by triangulation, by the cameras that the refinement started from "
+        "and by those it ended with. The result is refused where the second row is worse."
+    )
+    title = "Do the cameras still measure?"
+    return [parts.section(title, parts.numbers(table), parts.hint(words), id="boards")]
+
+
+def _board_cells(found: Mapping[str, Any]) -> tuple[Cell, ...]:
+    scale = 100.0 * (found["scale"]["mean"] - 1.0)
+    return (
+        number_cell(found["boards"]),
+        number_cell(found["edge_mm"]["sd"], 2),
+        Cell(signed(scale, 2), value=scale),
+        number_cell(found["position_mm"]["mean"], 2),
+    )
+
+
+def _changes(document: Mapping[str, Any]) -> parts.Section:
+    before, changes = document["before"], document["before"]["changes"]
+    errors = [
+        (f"{label} [{unit}]", block, quantity)
+        for quantity, unit in (("pixels", "px"), ("position_mm", "mm"))
+        for label, block in (("before", before), ("after", document[before["on"]]))
+    ]
+    kind = "held-out poses" if before["on"] == "test" else "training poses"
+    return parts.section(
+        "What learning together changed",
+        parts.numbers(error_table(errors, kind, 2)),
+        parts.hint(
+            "Before: arm and cameras as they were learned one after the other, or as they were "
+            "given. Errors that stay the same say that what is left is joint noise and the "
+            "tracker, not the model of the body."
+        ),
+        parts.numbers(change_table(_largest(changes))),
+        parts.hint(
+            "The numbers that moved most for what they are still uncertain by, and the lengths."
+        ),
+        parts.Folded(f"All {len(changes)} changes", (parts.Numbers(change_table(changes)),)),
+        id="before",
+    )
+
+
+def _largest(changes: Mapping[str, Mapping[str, Any]]) -> dict[str, Mapping[str, Any]]:
+    """Return the changes of lengths, and of what moved most for what it is uncertain by."""
+
+    def size(name: str) -> float:
+        entry = changes[name]
+        sigma = entry["sigma"]
+        return abs(entry["change"]) / sigma if sigma else 0.0
+
+    lengths = [name for name in changes if name == "baseline" or name.startswith("link.")]
+    others = sorted((n for n in changes if n not in lengths and size(n) > 0.0), key=size)
+    chosen = [*reversed(others[-_MOST_CHANGES:]), *lengths]
+    return {name: changes[name] for name in chosen}
+
+
+def _workspace(calibration: BodyCalibration, document: Mapping[str, Any]) -> parts.Section:
+    """Return what the hand is uncertain by, and why."""
+    work, rows = document["workspace"], []
+    causes = {"learned": "reducible by more data", "mechanics": "irreducible: joint noise"}
+    for key, label in causes.items():
+        blocks = [work.get(f"{key}_{unit}") or {} for unit in ("mm", "px")]
+        cells = [number_cell(block.get(part), 2) for block in blocks for part in ("mean", "max")]
+        rows.append((label, tuple(cells)))
+    headings = ("hand known to, rms", "mean [mm]", "largest", "mean [px]", "largest")
+    about = "Uncertainty of the hand over the workspace, from above"
+    return parts.section(
+        "How surely the hand is known",
+        parts.numbers(Table(headings, tuple(rows))),
+        parts.drawing(about, workspace_map(accuracy_at(calibration))),
+        id="workspace",
+    )
+
+
+def _provenance(calibration: BodyCalibration, document: Mapping[str, Any]) -> parts.Section:
+    tracker, joints = (words.replace("+-", "±") for words in noise_words(document))
+    robot = calibration.model.robot
+    found = {
+        **calibration.model.provenance,
+        "stage": document["stage"],
+        "variant": document["variant"],
+        "arm started from": document["start"]["arm"],
+        "scale held by": document["scale_from"],
+        "noise of the tracker": tracker,
+        "joint noise, standard deviation": joints,
+        "robot": json.dumps(dict(robot)) if robot else "none",
+    }
+    return shared_sections.provenance_section(document, found)

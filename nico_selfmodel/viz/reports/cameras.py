@@ -1,0 +1,219 @@
+"""The report on cameras that were learned from views of a flat board."""
+
+from collections.abc import Mapping
+from functools import partial
+from typing import Any
+
+from nico_selfmodel.estimation import CameraAssessment
+from nico_selfmodel.model import SelfModel
+from nico_selfmodel.viz import camera_plots, lens_plots
+from nico_selfmodel.viz.camera_gallery import gallery
+from nico_selfmodel.viz.camera_scene import camera_scene
+from nico_selfmodel.viz.camera_views import ShownView, shown_views
+from nico_selfmodel.viz.numbers_shown import decimals, signed
+from nico_selfmodel.viz.photographs import Photographs
+from nico_selfmodel.viz.reports import parts, shared_sections
+from nico_selfmodel.viz.reports.page import Report, key_number
+from nico_selfmodel.viz.reports.parameter_tables import lens_table, pose_table
+from nico_selfmodel.viz.reports.tables import (
+    HEADINGS,
+    Cell,
+    Table,
+    error_table,
+    held_out,
+    number_cell,
+    statistics_cells,
+)
+from nico_selfmodel.viz.residual_field import residual_field
+
+
+def camera_report(
+    assessment: CameraAssessment,
+    document: Mapping[str, Any],
+    images: Photographs | None = None,
+    model: SelfModel | None = None,
+) -> Report:
+    """Return what views of a board tell of one camera or two.
+
+    Args:
+        assessment: What was learned and what it is worth.
+        document: `estimation.camera_document` of it; the numbers shown are these. Its
+            `detection` may hold `files`, camera -> view -> name.
+        images: Photographs: camera -> view -> red, green and blue.
+        model: The self-model with these cameras, for its name and provenance.
+
+    Raises:
+        ValueError: If an image is not one, or not of the size that was calibrated.
+    """
+    name = "cameras" if model is None else model.name
+    scene = camera_scene(assessment, images, name=name)
+    key = key_number(document, "pixels", "corners", statistics=("rms", "mean"), digits=3)
+    views = shown_views(assessment, document, images)
+    cameras = assessment.calibration.views.eyes
+    plural = "s" if len(cameras) > 1 else ""
+    sections = (
+        _errors(document),
+        shared_sections.scene_section(f"The camera{plural} and the boards", scene),
+        _where(assessment, views),
+        *_together(assessment, document),
+        shared_sections.learned_section(
+            document,
+            assessment.calibration.uncertainty,
+            partial(lens_table, cameras=cameras),
+            pose_table,
+            message="Pixel = K · distort(X/Z, Y/Z), in OpenCV's conventions. Below each value its "
+            "standard deviation; fixed values are chosen, not measured.",
+        ),
+        _views(assessment, document, images, views),
+        _provenance(assessment, document, model),
+    )
+    limits = "What these images cannot support"
+    return Report(name, _about(cameras, document), document, key, sections, scene, limits)
+
+
+def _about(cameras: tuple[str, ...], document: Mapping[str, Any]) -> str:
+    who = f"The {' and '.join(cameras)} camera{'s' * (len(cameras) > 1)}"
+    what = f"{who}, calibrated from {len(document['views'])} views of a flat board"
+    board = document.get("detection")
+    if board is None:
+        return what
+    return f"{what} ({board['board']}, squares of {board['square_mm']:g} mm)"
+
+
+def _errors(document: Mapping[str, Any]) -> parts.Section:
+    errors = held_out(document, "pixels")
+    table = error_table(errors, "reprojection error [px]", 3, "corners")
+    words = (
+        "Euclidean distance of each detected corner from where the model puts it, a corner in each "
+        "camera counted by itself, so that rms is OpenCV's."
+    )
+    tiles = pair_tiles(document)
+    ending = parts.Tiles(tiles) if tiles else None
+    return shared_sections.errors_section(
+        document, (table, words), few="with so few views", more="views", ending=ending
+    )
+
+
+def pair_tiles(document: Mapping[str, Any]) -> tuple[parts.Tile, ...]:
+    """Return the numbers by which pairs of cameras are compared; none for one camera."""
+    tiles = []
+    baseline = document["parameters"].get("baseline")
+    if baseline is not None:
+        sigma = None if baseline["sigma"] is None else 1e3 * baseline["sigma"]
+        known = "" if sigma is None else f" ± {decimals(sigma, sigma)}"
+        length = decimals(1e3 * baseline["value"], sigma)
+        tiles.append(parts.Tile(f"{length}{known} mm", "baseline", "from camera to camera"))
+    if document.get("epipolar_px") is not None:
+        mean = document["epipolar_px"]["pixels"]["mean"]
+        note = f"mean in each image; OpenCV's sample adds both: {2 * mean:.3f} px"
+        tiles.append(parts.Tile(f"{mean:.3f} px", "off the epipolar line", note))
+    found = document.get("reconstruction")
+    return (*tiles, *(() if found is None else _board_tiles(found)))
+
+
+def _board_tiles(found: Mapping[str, Any]) -> tuple[parts.Tile, parts.Tile]:
+    """Return how boards are rebuilt by triangulation."""
+    boards = f"{found['boards']} {'held-out ' if found['held_out'] else ''}boards"
+    edge, scale = found["edge_mm"], found["scale"]
+    edges = (
+        f"of the rebuilt squares of {edge['true']:.4g} mm, {boards}; the thesis reports "
+        "1.59 mm, with squares of 28 mm"
+    )
+    off, spread = 100.0 * (scale["mean"] - 1.0), 100.0 * scale["sd"]
+    size = f"size of the rebuilt boards over the true one, SD {spread:.2f} %"
+    return (
+        parts.Tile(f"{edge['sd']:.2f} mm", "SD of edges", edges),
+        parts.Tile(f"{signed(off, 2)} %", "off in scale", size),
+    )
+
+
+def _where(assessment: CameraAssessment, views: tuple[ShownView, ...]) -> parts.Section:
+    fields = (
+        ("Residuals over the image", residual_field(assessment)),
+        ("Coverage of the image by corners", camera_plots.coverage(assessment)),
+    )
+    one = len(assessment.calibration.views.eyes) == 1
+    return parts.section(
+        "How large the errors are, and where",
+        parts.drawing("Errors of the views", camera_plots.view_errors(views)),
+        *((parts.halves(*fields),) if one else (parts.drawing(*field) for field in fields)),
+        parts.hint(
+            "Arrows point from predicted to detected corners. Black: means over cells in which at "
+            "least three views have corners. What a lens model cannot express is left as a pattern."
+        ),
+        parts.halves(
+            ("Distribution of the reprojection errors", camera_plots.pixel_errors(assessment)),
+            ("Distortion over the radius", lens_plots.distortion_profile(assessment)),
+        ),
+    )
+
+
+def _together(assessment: CameraAssessment, document: Mapping[str, Any]) -> list[parts.Section]:
+    """Return what the cameras do together; nothing for one camera."""
+    rows = tuple(
+        (label, statistics_cells(document[key], quantity, digits)[1:])
+        for key, label, quantity, digits in (
+            ("epipolar_px", "distance from the epipolar line [px]", "pixels", 3),
+            ("reconstruction", "rebuilt corners [mm]", "position_mm", 2),
+        )
+        if document.get(key) is not None
+    )
+    if not rows:
+        return []
+    figures = parts.halves(
+        ("Distribution of the epipolar errors", lens_plots.epipolar_distribution(assessment)),
+        ("Reconstruction error by range", lens_plots.reconstruction_by_range(assessment)),
+    )
+    table = parts.numbers(Table(("", *HEADINGS), rows))
+    return [parts.section("How the cameras work together", table, figures, id="pair")]
+
+
+def _views(
+    assessment: CameraAssessment,
+    document: Mapping[str, Any],
+    images: Photographs | None,
+    views: tuple[ShownView, ...],
+) -> parts.Section:
+    pictures = gallery(assessment, views, document, images)
+    words = (
+        "Crosses are the corners as detected; the line runs along their first row, so that left "
+        "and right must show it in the same place on the board. Rings: corners with errors of "
+        "more than four times the rms."
+    )
+    seen = () if pictures is None else (parts.hint(words), pictures)
+    return parts.section("What was seen", parts.numbers(view_table(views)), *seen, id="views")
+
+
+def view_table(views: tuple[ShownView, ...]) -> Table:
+    """Return one row a view: its files, what it was used for, corners and errors."""
+    rows = []
+    for view in views:
+        errors = [eye.errors for eye in view.eyes]
+        largest = max((float(found.max()) for found in errors if len(found)), default=None)
+        rms = [eye.rms for eye in view.eyes] + [view.rms] * (len(view.eyes) > 1)
+        cells = (
+            Cell(", ".join(eye.file for eye in view.eyes)),
+            Cell(view.use, kind="warn" if view.use == "outlier" else ""),
+            Cell(" + ".join(str(len(found)) for found in errors)),
+            *(number_cell(value, 3) for value in (*rms, largest)),
+        )
+        rows.append((view.name, cells))
+    cameras = [f"rms {eye.eye} [px]" for eye in views[0].eyes]
+    both = ["rms [px]"] * (len(cameras) > 1)
+    headings = ("view", "files", "used as", "corners", *cameras, *both, "largest [px]")
+    return Table(headings, tuple(rows))
+
+
+def _provenance(
+    assessment: CameraAssessment, document: Mapping[str, Any], model: SelfModel | None
+) -> parts.Section:
+    width, height = assessment.calibration.views.image_size
+    noise, detection = document["pixel_sigma_px"], document.get("detection") or {}
+    told = {key: value for key, value in detection.items() if key not in ("files", "not_seen")}
+    found = {
+        **({} if model is None else {**model.provenance, **model.fit}),
+        **{f"detection {key}": value for key, value in told.items()},
+        "image size": f"{width} x {height} px",
+        "noise of a coordinate": "not known" if noise is None else f"{noise:.3f} px",
+    }
+    return shared_sections.provenance_section(document, found)

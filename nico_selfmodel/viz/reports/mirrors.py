@@ -1,0 +1,128 @@
+"""The report on mirrors that were learned from the reflected hand."""
+
+from collections.abc import Mapping
+from typing import Any
+
+from nico_selfmodel.estimation.mirror import MirrorCalibration
+from nico_selfmodel.plant import ArmDescription
+from nico_selfmodel.viz.distribution_plot import distribution, error_sets
+from nico_selfmodel.viz.mirror_picture import Pictures
+from nico_selfmodel.viz.mirror_scene import mirror_scene
+from nico_selfmodel.viz.numbers_shown import decimals
+from nico_selfmodel.viz.reports import parts, shared_sections
+from nico_selfmodel.viz.reports.page import Report, key_number
+from nico_selfmodel.viz.reports.tables import Cell, Table, error_table, held_out, number_cell
+
+
+def mirror_report(
+    calibration: MirrorCalibration,
+    document: Mapping[str, Any],
+    pictures: Pictures | None = None,
+    robot: ArmDescription | None = None,
+) -> Report:
+    """Return what reflections of the hand tell of mirrors.
+
+    Args:
+        calibration: What was learned.
+        document: `estimation.mirror_document` of it; the numbers shown are these.
+        pictures: What was seen in the mirrors, if pictures were kept.
+        robot: The robot that looked, if it is known.
+    """
+    scene = mirror_scene(calibration, pictures, robot)
+    count = len(document["mirrors"])
+    what, where = ("a mirror", "it") if count == 1 else (f"{count} mirrors", "them")
+    about = f"What a body learned about {what} by watching its own hand in {where}"
+    sections = (
+        _errors(calibration, document),
+        shared_sections.scene_section(
+            f"The cameras before the mirror{'' if count == 1 else 's'}", scene
+        ),
+        _planes(document),
+        shared_sections.learned_section(
+            document,
+            calibration.solution.uncertainty,
+            message="The normal follows the great circle from a mirror that faces the left camera, "
+            "by `tilt_x` to the image's right and `tilt_y` upwards; `distance` is from the left "
+            "camera to the glass.",
+        ),
+        _provenance(calibration, document),
+    )
+    key = key_number(document, "pixels", "reflections")
+    return Report(calibration.model.name, about, document, key, sections, scene)
+
+
+def _errors(calibration: MirrorCalibration, document: Mapping[str, Any]) -> parts.Section:
+    train = calibration.train.select(~calibration.solution.outliers)
+    found = (calibration.test, calibration.cross_validation, train)
+    sets = error_sets(*(None if one is None else one.distances_px for one in found))
+    figure = distribution(sets, unit="px", digits=2, what="reprojection error", thing="reflection")
+    return shared_sections.errors_section(
+        document,
+        (
+            error_table(held_out(document, "pixels"), "reflection [px]", 3, "n"),
+            "Distance of each observed reflection from where the body expects it, each camera "
+            "counted by itself.",
+        ),
+        (
+            error_table(
+                held_out(document, "position_mm"), "hand rebuilt in the mirror [mm]", 2, "n"
+            ),
+            "Distance of the hand as both cameras rebuild it through the mirror from where the arm "
+            "says it is. A reflection is as far away as camera, glass and hand together: most of "
+            "this is stereo's depth, which no knowledge of the mirror improves.",
+        ),
+        few="with so few poses",
+        ending=parts.halves(("Distribution of the reprojection errors", figure)),
+    )
+
+
+def _planes(document: Mapping[str, Any]) -> parts.Section:
+    """Return one row a mirror."""
+    headings = (
+        "mirror", "poses", "from left camera [mm]", "normal ± [deg]",
+        "hand before it [mm]", "flatness", "plane [px]", "free cameras [px]",
+    )  # fmt: skip
+    rows = tuple(
+        (name, _mirror_cells(entry, document["parameters"][f"mirror.{name}.distance"]["sigma"]))
+        for name, entry in document["mirrors"].items()
+    )
+    angles = document["angles_deg"].items()
+    return parts.section(
+        "Where the glass is, and whether it is flat",
+        parts.numbers(Table(headings, rows)),
+        parts.hint(
+            "A plane is three numbers for both cameras. Two free cameras are the thesis' way, six "
+            "numbers a camera: where they fit better than chance allows, the glass is not flat, or "
+            "the body is not what the self-model says."
+        ),
+        *(parts.Text(f"Angle between {pair}: {angle:.3f}°.") for pair, angle in angles),
+        id="mirrors",
+    )
+
+
+def _mirror_cells(entry: Mapping[str, Any], sigma: float | None) -> tuple[Cell, ...]:
+    known = None if sigma is None else 1e3 * sigma
+    test, distance = entry["flatness"], entry["distance_mm"]
+    flat = "not tested" if test is None else "flat" if test["flat"] else "not flat"
+    note = "" if test is None else f"{test['by_chance']:.2g} by chance"
+    near, far = entry["hand_in_front_mm"]
+    spread = "" if known is None else f"± {decimals(known, known)}"
+    fits = (entry["pixels"], entry["free_cameras"])
+    return (
+        number_cell(entry["poses"]),
+        Cell(decimals(distance, known), spread, value=distance),
+        number_cell(entry["normal_sigma_deg"], 3),
+        Cell(f"{near:.0f} to {far:.0f}"),
+        Cell(flat, note, "warn" if flat == "not flat" else ""),
+        *(number_cell(None if fit is None else fit["pixels"]["mean"], 2) for fit in fits),
+    )
+
+
+def _provenance(calibration: MirrorCalibration, document: Mapping[str, Any]) -> parts.Section:
+    found = {
+        **calibration.model.provenance.get("mirrors", {}),
+        "noise of a pixel coordinate": f"{document['pixel_sigma_px']:g} px",
+        "joint noise": f"{document['joint_sigma_deg']:.2f} deg",
+        "misfit over what noise explains": f"{document['noise_ratio']:.2f}",
+    }
+    return shared_sections.provenance_section(document, found)

@@ -1,0 +1,141 @@
+"""The one page of every report: the verdict first, then sections, nothing loaded."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any
+
+from jinja2 import Environment, PackageLoader, StrictUndefined
+
+from nico_selfmodel.viz.drake_backend import static_html
+from nico_selfmodel.viz.figures.rgba import Rgba
+from nico_selfmodel.viz.plot_style import svg_data_uri
+from nico_selfmodel.viz.reports.parts import Bullets, Section
+from nico_selfmodel.viz.scene import SCENE_FILE, Scene
+
+REPORT_FILE = "report.html"
+_MEANING = {
+    "PASS": "Held-out data were evaluated and no check failed.",
+    "FAIL": "Do not rely on this model before the points below are settled.",
+    "NOT_EVALUATED": "No check failed, but nothing was held out to test the model on.",
+}
+
+
+@dataclass(frozen=True)
+class Key:
+    """The number that matters most."""
+
+    number: str
+    """With its unit."""
+    what: str
+    """What it is, and of which data."""
+    note: str
+    """What to know beside it."""
+
+
+@dataclass(frozen=True, eq=False)
+class Report:
+    """A report on one calibration."""
+
+    name: str
+    """What it is about."""
+    about: str
+    """What was done, in a line."""
+    document: Mapping[str, Any]
+    """Content of `result.json`: its status, reasons and warnings stand first."""
+    key: Key
+    """Beside the verdict."""
+    sections: tuple[Section, ...]
+    """In this order."""
+    scene: Scene
+    """Kept beside the page, for `view`."""
+    limits: str = "What these data cannot support"
+    """Heading of the warnings."""
+
+    def files(self) -> dict[str, str]:
+        """Return the files that show a result: its report, and its scene for `view`.
+
+        Raises:
+            SelfModelError: If the server that makes the interactive scene cannot start.
+        """
+        return {REPORT_FILE: self.html(), SCENE_FILE: self.scene.to_json()}
+
+    def html(self) -> str:
+        """Return the report as one self-contained page, which loads nothing from anywhere.
+
+        Raises:
+            SelfModelError: If the server that makes the interactive scene cannot start.
+        """
+        environment = Environment(
+            loader=PackageLoader("nico_selfmodel.viz.reports"),
+            autoescape=True,
+            undefined=StrictUndefined,
+            trim_blocks=True,
+            lstrip_blocks=True,
+        )
+        environment.filters["css"] = _css_color
+        environment.filters["kind"] = lambda part: type(part).__name__
+        environment.filters["svg"] = lambda figure: svg_data_uri(figure)
+        environment.filters["viewer"] = lambda scene: static_html(scene)
+        status, warnings = self.document["status"], tuple(self.document.get("warnings", ()))
+        limits = Section(self.limits, (Bullets(warnings),), id="warnings", kind="warnings")
+        return environment.get_template("report.html.j2").render(
+            report=self,
+            status=status,
+            meaning=_MEANING[status],
+            sections=(limits, *self.sections) if warnings else self.sections,
+        )
+
+
+def key_number(
+    document: Mapping[str, Any],
+    quantity: str,
+    things: str,
+    *,
+    statistics: tuple[str, str] = ("mean", "rms"),
+    digits: int = 2,
+    note: str = "",
+) -> Key:
+    """Return the error that matters most: held out, else cross-validated, else of training.
+
+    Args:
+        document: Content of `result.json`.
+        quantity: `position_mm` or `pixels`.
+        things: What the errors are of.
+        statistics: What is shown large, and what small.
+        digits: Decimals that are shown.
+        note: What else to show small.
+
+    Raises:
+        ValueError: If there are no errors.
+    """
+    name, label = telling_set(document, things)
+    block, unit = document[name], "mm" if quantity == "position_mm" else "px"
+    large, small = (f"{block[quantity][one]:.{digits}f} {unit}" for one in statistics)
+    shown = {"sd": "SD"}.get(statistics[1], statistics[1])
+    beside = [f"{shown} {small}", f"{block['n']} {things}", note]
+    return Key(large, f"{statistics[0]} error {label}", " · ".join(filter(None, beside)))
+
+
+def telling_set(document: Mapping[str, Any], things: str) -> tuple[str, str]:
+    """Return the most telling set of errors that there is, and what it is called.
+
+    Args:
+        document: Content of `result.json`.
+        things: What the errors are of.
+
+    Raises:
+        ValueError: If there are none.
+    """
+    for name, label in (
+        ("test", f"on held-out {things}"),
+        ("cross_validation", "in cross-validation"),
+        ("train", f"on the training {things}"),
+    ):
+        if document[name] is not None:
+            return name, label
+    raise ValueError("the document holds no statistics of errors")
+
+
+def _css_color(color: Rgba) -> str:
+    red, green, blue = (round(255 * c) for c in color[:3])
+    return f"rgb({red} {green} {blue} / {color[3]:.2f})"

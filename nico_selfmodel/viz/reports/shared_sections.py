@@ -1,0 +1,114 @@
+"""Sections that every kind of evidence has: parameters, what stays open, where it came from."""
+
+from collections.abc import Callable, Mapping, Sequence
+from typing import Any
+
+from nico_selfmodel.optimization import Uncertainty
+from nico_selfmodel.viz.parameter_plots import correlations, unobservable_parameters
+from nico_selfmodel.viz.reports import parts
+from nico_selfmodel.viz.reports.parameter_tables import ParameterTables
+from nico_selfmodel.viz.reports.tables import Table, fact_table
+from nico_selfmodel.viz.scene import Scene
+
+
+def errors_section(
+    document: Mapping[str, Any],
+    *shown: tuple[Table | None, str],
+    few: str,
+    more: str = "",
+    ending: Any = None,
+) -> parts.Section:
+    """Return the errors, what they are, and which samples are left out of them.
+
+    Args:
+        document: Content of `result.json`.
+        shown: Tables and what their numbers are, the most telling first; None are left out.
+        few: Why there might be no cross-validation.
+        more: `id` of the section that tells more of the outliers.
+        ending: A part that stands last.
+    """
+    tables = [
+        part
+        for table, words in shown
+        if table is not None
+        for part in (parts.numbers(table, "errors"), parts.hint(words))
+    ]
+    notes = []
+    if document["test"] is None:
+        notes.append("Nothing was held out.")
+    if document["cross_validation"] is None:
+        notes.append(f"There is no cross-validation {few}.")
+    missing = parts.hint(" ".join(notes)) if notes else None
+    return parts.section("", *tables, missing, _outliers(document, more), ending, id="errors")
+
+
+def _outliers(document: Mapping[str, Any], more: str) -> parts.Text | None:
+    if not document["outliers"]:
+        return None
+    named = ", ".join(map(str, document["outliers"]))
+    return parts.hint(f"Outliers, left out of all but the held-out errors: {named}", more)
+
+
+def scene_section(title: str, scene: Scene) -> parts.Section:
+    """Return the section with the interactive scene."""
+    return parts.section(title, parts.Stage(scene), id="scene")
+
+
+def learned_section(
+    document: Mapping[str, Any],
+    uncertainty: Uncertainty | None,
+    *tables: Callable[[ParameterTables], Table | None],
+    message: str = "",
+    details: Sequence[Any] = (),
+) -> parts.Section:
+    """Return the parameters, how well they are known, and the unobservable directions.
+
+    Args:
+        document: Content of `result.json`.
+        uncertainty: What is known of the parameters; None where nothing is.
+        tables: What to show unfolded, made of the parameters.
+        message: What to know before reading them.
+        details: Parts that follow the tables.
+    """
+    parameters = ParameterTables(document["parameters"], unobservable_parameters(uncertainty))
+    everything = parts.Numbers(parameters.everything())
+    summary = f"All {len(parameters.entries)} parameters, in SI units and pixels"
+    return parts.section(
+        "What was learned",
+        *(parts.numbers(table(parameters)) for table in tables),
+        parts.Folded(summary, (everything,)),
+        *details,
+        _unobservable(document, uncertainty),
+        None if uncertainty is None else _correlations(document, uncertainty),
+        message=message,
+        id="parameters",
+    )
+
+
+def _unobservable(document: Mapping[str, Any], uncertainty: Uncertainty | None) -> parts.Section:
+    """Return the directions that the data do not determine."""
+    lines = tuple(document["not_identifiable"])
+    none = "Not analysed." if uncertainty is None else "None: every free parameter is determined."
+    found = parts.Bullets(lines, "warn") if lines else parts.Text(none)
+    return parts.section("Unobservable directions", found, id="unobservable")
+
+
+def _correlations(document: Mapping[str, Any], uncertainty: Uncertainty) -> parts.Folded | None:
+    """Return the correlations of the free parameters, open where directions are unobservable."""
+    figure = parts.drawing("Correlations of the parameters", correlations(uncertainty), "matrix")
+    if figure is None:
+        return None
+    return parts.Folded("Correlations", (figure,), bool(document["not_identifiable"]))
+
+
+def provenance_section(document: Mapping[str, Any], found: Mapping[str, Any]) -> parts.Section:
+    """Return what a result was learned from and with.
+
+    Args:
+        document: Content of `result.json`.
+        found: What is known beside it: name -> fact.
+    """
+    solver = {"steps of the solver": document["iterations"]}
+    if document.get("seconds") is not None:
+        solver["seconds"] = f"{document['seconds']:.2f}"
+    return parts.section("Provenance", parts.numbers(fact_table({**found, **solver}), "text"))

@@ -1,0 +1,176 @@
+"""The report on a change of a known body: a tool, new zeros, or what monitoring learned anew."""
+
+from collections.abc import Mapping
+from typing import Any
+
+import numpy as np
+from matplotlib.figure import Figure
+
+from nico_selfmodel.estimation.health import HealthReport
+from nico_selfmodel.estimation.update_evaluation import UpdateEvaluation
+from nico_selfmodel.plant import ArmDescription
+from nico_selfmodel.viz import palette
+from nico_selfmodel.viz.distribution_plot import ErrorSet, distribution
+from nico_selfmodel.viz.health_plot import health_plot
+from nico_selfmodel.viz.numbers_shown import signed
+from nico_selfmodel.viz.reports import parts, shared_sections
+from nico_selfmodel.viz.reports.page import Report, key_number, telling_set
+from nico_selfmodel.viz.reports.tables import Table, change_table, error_table, number_cell
+from nico_selfmodel.viz.update_scene import update_scene
+
+_WHAT = {
+    "tool": "A tool in the hand becomes part of a body that is known",
+    "rezero": "The zeros of the encoders of a body that is known, found again",
+    "relearn": "What changed in a body that was known, and only that, learned anew",
+}
+_SETS = (
+    ("test", "held out", "before"),
+    ("test", "held out", "after"),
+    ("cross_validation", "cross-validated", "after"),
+    ("train", "learned from", "before"),
+    ("train", "learned from", "after"),
+)
+_MOST_CAUSES = 8
+
+
+def update_report(
+    evaluation: UpdateEvaluation,
+    document: Mapping[str, Any],
+    health: HealthReport | None = None,
+) -> Report:
+    """Return what new observations tell of a known body.
+
+    Args:
+        evaluation: The body before and after.
+        document: `tool_document`, `rezero_document` or `relearned_document` of it.
+        health: What monitoring found, where it was what asked for the change.
+
+    Raises:
+        ModelError: If the robot that the model names is gone, or has other joints.
+    """
+    scene = update_scene(evaluation, ArmDescription.of_model(evaluation.after))
+    quantity, unit = ("pixels", "px") if evaluation.sensor == "pixels" else ("position_mm", "mm")
+    name, _ = telling_set(document, "observations")
+    # What is cross-validated after the change was learned from before it.
+    was = document["before"]["train" if name == "cross_validation" else name][quantity]["mean"]
+    key = key_number(document, quantity, "observations", note=f"{was:.2f} {unit} before")
+    sections = (
+        _changes(document),
+        _errors(evaluation, document, quantity, unit),
+        *(() if health is None else (_causes(health),)),
+        shared_sections.scene_section("The body", scene),
+        _provenance(evaluation, document),
+    )
+    cause = f": {document['cause']}" if "cause" in document else ""
+    about = f"{_WHAT[document['method']]}{cause}"
+    return Report(evaluation.after.name, about, document, key, sections, scene)
+
+
+def _changes(document: Mapping[str, Any]) -> parts.Section:
+    misfit, expected = document["misfit"]["value"], document["misfit"]["expected"]
+    still = "still fits" if document["body_fits"] else "no longer fits"
+    return parts.section(
+        "What changed, and by how much",
+        parts.numbers(change_table(document["changes"], "learned anew")),
+        _reach(document),
+        _shifts(document),
+        parts.hint(
+            "Everything else of the body was held, and what it is uncertain by is part of each "
+            f"sigma. The rest {still}: misfit {misfit:.0f} where {expected:.0f} was to be expected."
+        ),
+        id="changes",
+    )
+
+
+def _reach(document: Mapping[str, Any]) -> parts.Text | None:
+    """Return how far away a tool's tip is; None without a tool."""
+    if "reach_mm" not in document:
+        return None
+    reach = f"{document['reach_mm']['value']:.1f} ± {document['reach_mm']['sigma']:.1f} mm"
+    unknown = "from the hand's own point. Before it was learned, the tip is taken to be there."
+    where = "from where it was." if document["known"] else unknown
+    return parts.Text(f"The tip of {document['tool']} lies {reach} {where}")
+
+
+def _shifts(document: Mapping[str, Any]) -> parts.Text | None:
+    """Return by what angles the joints' zeros moved; None where that was not asked."""
+    if "shift_deg" not in document:
+        return None
+    shifts = (f"{joint} by {signed(shift, 2)}°" for joint, shift in document["shift_deg"].items())
+    return parts.Text(f"{', '.join(shifts)}, as angles of the joints.")
+
+
+def _errors(
+    evaluation: UpdateEvaluation, document: Mapping[str, Any], quantity: str, unit: str
+) -> parts.Section:
+    when = {"before": document["before"], "after": document}
+    blocks = [(f"{label}, {time}", when[time].get(name), quantity) for name, label, time in _SETS]
+    where, what = "in space", "Distance of each measured point from where the body expects it."
+    if unit == "px":
+        where = "in the images"
+        what = (
+            "Distance of each observation from where the body expects it, each camera counted by "
+            "itself."
+        )
+    missing = []
+    if document["cross_validation"] is None:
+        missing.append("There are too few poses for a cross-validation.")
+    if document["test"] is None:
+        missing.append("Nothing was held out: cross-validated poses stand for new ones.")
+    figure = _distribution(evaluation, unit)
+    return parts.section(
+        "Before and after",
+        parts.numbers(error_table(blocks, f"{where} [{unit}]", 2, "n")),
+        parts.hint(" ".join([what, *missing])),
+        parts.halves(("Distribution of the errors before and after", figure)),
+        id="errors",
+    )
+
+
+def _distribution(evaluation: UpdateEvaluation, unit: str) -> Figure:
+    """Draw errors after and before: held out, else cross-validated, else learned from."""
+    name = "train" if evaluation.test is None else "test"
+    before, after = (one.errors for one in evaluation.held[name])
+    if name == "train" and evaluation.cross_validation is not None:
+        after = evaluation.cross_validation
+    scale = 1.0 if unit == "px" else 1e3
+    sets = [
+        ErrorSet("after", palette.HELD_OUT, scale * np.asarray(after)),
+        ErrorSet("before", palette.TRAINING, scale * before),
+    ]
+    what = "error in an image" if unit == "px" else "error in space"
+    return distribution(sets, unit=unit, digits=2, what=what, thing="observation")
+
+
+def _causes(health: HealthReport) -> parts.Section:
+    """Return what else might have changed, the likeliest first."""
+    rows = tuple(
+        (
+            one.hypothesis.cause,
+            (number_cell(one.statistic, 1), number_cell(one.dof), number_cell(one.score, 1)),
+        )
+        for one in health.diagnoses[:_MOST_CAUSES]
+    )
+    about = "Innovations and the statistic of the alarm, pose by pose"
+    headings = ("may have changed", "likelihood ratio", "parameters", "score")
+    return parts.section(
+        "What told that something had changed",
+        parts.drawing(about, health_plot(health)),
+        parts.numbers(Table(headings, rows)),
+        parts.hint(
+            "A likelihood ratio is twice its logarithm; a score is that less what each further "
+            "parameter must bring."
+        ),
+        id="health",
+    )
+
+
+def _provenance(evaluation: UpdateEvaluation, document: Mapping[str, Any]) -> parts.Section:
+    train, test = evaluation.train, evaluation.test
+    found = {
+        "body": f"{evaluation.before.name}, {evaluation.before.provenance.get('dataset', '')}",
+        "learned from": f"{train.name}, {len(train)} rows, sha256 {train.sha256}",
+        "held out": "nothing" if test is None else f"{test.name}, sha256 {test.sha256}",
+        "sensor": evaluation.sensor,
+    }
+    return shared_sections.provenance_section(document, found)
