@@ -9,7 +9,7 @@ import sys
 import pytest
 
 from nico_selfmodel.model import SelfModel
-from nico_selfmodel.systems import NICO_EYES
+from nico_selfmodel.systems import NICO_CAMERAS
 
 
 def run(words, folder, root):
@@ -39,7 +39,7 @@ def test_the_readmes_python_runs(project_root, tmp_path):
 
 
 def test_the_readmes_eyes_see_a_point_before_them(project_root, tmp_path):
-    eyes = {"left": NICO_EYES.left, "right": NICO_EYES.right}
+    eyes = {"left": NICO_CAMERAS.left, "right": NICO_CAMERAS.right}
     (tmp_path / "eyes").mkdir()
     SelfModel("eyes", cameras=eyes).save(tmp_path / "eyes" / "self_model.yaml")
     _, block = python_of_the_readme(project_root)

@@ -74,10 +74,10 @@ def motion_capture(
     from nico_selfmodel.experiments.report_files import bodies
     from nico_selfmodel.files import refuse_folder
     from nico_selfmodel.plant import ArmDescription
-    from nico_selfmodel.systems import world_named
+    from nico_selfmodel.systems import imperfections_named
 
     refuse_folder(out, force=force)
-    chosen = world_named(world)
+    chosen = imperfections_named(world)
     with console.progress_bar() as stage:
         results = run_motion_capture(
             ArmDescription.named("nico"),
@@ -145,9 +145,9 @@ def mirror(
         if rendered:
             # The renderer is slow to load.
             from nico_selfmodel.experiments.mirror_rendered import run_rendered_mirror
-            from nico_selfmodel.systems import world_named
+            from nico_selfmodel.systems import imperfections_named
 
-            chosen = world_named(world).with_noise(play_deg=play_deg)
+            chosen = imperfections_named(world).with_noise(play_deg=play_deg)
             results = run_rendered_mirror(chosen, individuals or 1, seed, progress=stage)
         else:
             results = run_mirror(individuals or 5, pixel_sigma, play_deg, seed, stage)
@@ -175,10 +175,10 @@ def vision(
 ) -> None:
     """Learn eyes and arm by sight, through rendered pictures (chapter 7); minutes a robot."""
     from nico_selfmodel.files import refuse_folder
-    from nico_selfmodel.systems import world_named
+    from nico_selfmodel.systems import imperfections_named
 
     refuse_folder(out, force=force)
-    chosen = world_named(world)
+    chosen = imperfections_named(world)
     from nico_selfmodel.experiments.vision import document_of, run_vision, table_rows, write_report
 
     with console.progress_bar() as stage:

@@ -9,7 +9,7 @@ import typer
 from nico_selfmodel.cli import console
 
 if TYPE_CHECKING:
-    from nico_selfmodel.systems import World
+    from nico_selfmodel.systems import Imperfections
 
 Out = Annotated[Path, typer.Option("--out", help="Folder for tables and charts to make.")]
 WorldName = Annotated[str, typer.Option("--world", help="clean or thesis.")]
@@ -54,9 +54,9 @@ def refinement(
     individuals = individuals or (1 if rendered else 8)
     if rendered:
         # The renderer is slow to load.
-        from nico_selfmodel.experiments.rendered_lesson import rendered_lessons
+        from nico_selfmodel.experiments.rendered_lesson import rendered_scenarios
 
-        source = partial(rendered_lessons, chosen)
+        source = partial(rendered_scenarios, chosen)
     with console.progress_bar() as stage:
         results = run_refinement(
             chosen, individuals, seed, tuple(tracker or ("fiducial", "color")), stage, source
@@ -96,9 +96,9 @@ def tool(
     individuals = individuals or (1 if rendered else 8)
     if rendered:
         # The renderer is slow to load.
-        from nico_selfmodel.experiments.rendered_tool import rendered_tool_lesson
+        from nico_selfmodel.experiments.rendered_tool import rendered_tool_scenario
 
-        source = partial(rendered_tool_lesson, chosen)
+        source = partial(rendered_tool_scenario, chosen)
     with console.progress_bar() as stage:
         results = run_tool(chosen, individuals, seed, stage, source)
     write_report(results, out, force=force)
@@ -112,7 +112,7 @@ def tool(
     console.print_where(out)
 
 
-def _world(name: str, play_deg: float | None) -> "World":
-    from nico_selfmodel.systems import world_named
+def _world(name: str, play_deg: float | None) -> "Imperfections":
+    from nico_selfmodel.systems import imperfections_named
 
-    return world_named(name).with_noise(play_deg=play_deg)
+    return imperfections_named(name).with_noise(play_deg=play_deg)

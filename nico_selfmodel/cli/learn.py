@@ -11,9 +11,9 @@ from nico_selfmodel.cli import console
 from nico_selfmodel.cli.robot_options import Arm, Base, Hold, Point, Robot, Tip, chosen_arm
 
 if TYPE_CHECKING:
-    from nico_selfmodel.experiments.first_arm import FirstArm
+    from nico_selfmodel.experiments.first_arm import MotionCaptureScenario
     from nico_selfmodel.plant import ArmDescription
-    from nico_selfmodel.systems import World
+    from nico_selfmodel.systems import Imperfections
 
 SENSORS = ("stereo-fiducial", "stereo-color", "motion-capture")
 
@@ -53,9 +53,9 @@ def learn(
 
     refuse_folder(out, force=force)
     # What learns and draws is slow to load, and only needed once the input is known to be right.
-    from nico_selfmodel.systems import world_named
+    from nico_selfmodel.systems import imperfections_named
 
-    chosen_world = world_named(world)
+    chosen_world = imperfections_named(world)
     chain = (arm, base, tip, hold, point)
     elsewhere = robot not in (None, "nico") or any(chain)
     sensor = _chosen_sensor(sensor, elsewhere)
@@ -100,7 +100,7 @@ def _eyes_or_else() -> str:
 
 def _by_motion_capture(
     out: Path,
-    world: "World",
+    world: "Imperfections",
     seed: int,
     random_poses: int,
     description: "ArmDescription",
@@ -109,12 +109,12 @@ def _by_motion_capture(
 ) -> None:
     """Learn an arm from what motion capture sees of it (chapter 6)."""
     from nico_selfmodel.estimation import judge, result_document
-    from nico_selfmodel.experiments.first_arm import learn_first_arm
+    from nico_selfmodel.experiments.first_arm import learn_by_motion_capture
     from nico_selfmodel.plant import learned_urdf
     from nico_selfmodel.viz import write_result_folder
 
     with console.progress_bar() as stage:
-        first = learn_first_arm(
+        first = learn_by_motion_capture(
             description, world, seed=seed, random_poses=random_poses, stage=stage
         )
         stage("writing the result", 0, 1)
@@ -138,7 +138,7 @@ def _by_motion_capture(
     raise typer.Exit(1 if verdict.status == "FAIL" else 0)
 
 
-def _print(first: "FirstArm", document: Mapping[str, Any], out: Path) -> None:
+def _print(first: "MotionCaptureScenario", document: Mapping[str, Any], out: Path) -> None:
     circles = first.circle_points.test if first.circle_points else None
     alone = circles and {"n": circles.statistics.n, "position_mm": circles.statistics.as_mm()}
     console.print_table(

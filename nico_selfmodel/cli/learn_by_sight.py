@@ -9,8 +9,8 @@ import typer
 from nico_selfmodel.cli import console
 
 if TYPE_CHECKING:
-    from nico_selfmodel.experiments.body_lesson import BodyLesson
-    from nico_selfmodel.systems import World
+    from nico_selfmodel.experiments.body_lesson import BodyScenario
+    from nico_selfmodel.systems import Imperfections
 
 THESIS = {
     "stereo-fiducial": ("thesis, refined (real robot)", ("1.99", "1.24"), (2.61, 1.71)),
@@ -22,7 +22,7 @@ THESIS = {
 def learn_by_sight(
     out: Path,
     sensor: str,
-    world: "World",
+    world: "Imperfections",
     seed: int,
     random_poses: int,
     force: bool,
@@ -30,44 +30,44 @@ def learn_by_sight(
     mirror: bool = False,
 ) -> None:
     """Calibrate the eyes, watch the hand, learn the arm, refine both, write the result folder."""
-    from nico_selfmodel.cli.learn_mirror import print_mirror_lesson, write_mirror_lesson
-    from nico_selfmodel.experiments.body_lesson import learn_body_through_the_eyes
+    from nico_selfmodel.cli.learn_mirror import print_mirror_scenario, write_mirror_scenario
+    from nico_selfmodel.experiments.body_lesson import learn_body
     from nico_selfmodel.experiments.eyes_lesson import MARKERS, Counts
 
     marker = MARKERS[sensor]
     with console.progress_bar() as stage:
-        lesson = learn_body_through_the_eyes(
+        scenario = learn_body(
             world, seed, marker=marker, counts=Counts(random=random_poses), stage=stage
         )
         seen = None
         if mirror:
             from nico_selfmodel.experiments.mirror_lesson import learn_mirror, with_mirror
 
-            familiar = lesson.arm.train.encoders
+            familiar = scenario.arm.train.encoders
             seen = learn_mirror(
-                lesson.model, world, seed, marker=marker, familiar=familiar, stage=stage
+                scenario.model, world, seed, marker=marker, familiar=familiar, stage=stage
             )
-            lesson = with_mirror(lesson, seen)
+            scenario = with_mirror(scenario, seen)
         stage("writing the result", 0, 1)
-        document = write_lesson(out, lesson, marker, force)
+        document = write_scenario(out, scenario, marker, force)
         if seen is not None:
-            document = write_mirror_lesson(out, document, seen)
+            document = write_mirror_scenario(out, document, seen)
         stage("writing the result", 1, 1)
     if as_json:
         console.print_json(document)
     else:
         if seen is not None:
-            print_mirror_lesson(document)
-        _print(lesson, document, sensor, out)
+            print_mirror_scenario(document)
+        _print(scenario, document, sensor, out)
     raise typer.Exit(1 if document["status"] == "FAIL" else 0)
 
 
-def write_lesson(out: Path, lesson: "BodyLesson", marker: str, force: bool) -> dict[str, Any]:
+def write_scenario(out: Path, scenario: "BodyScenario", marker: str, force: bool) -> dict[str, Any]:
     """Write the refined body, or the arm as it was before where the refinement was refused.
 
     Args:
         out: The folder to make.
-        lesson: What was learned.
+        scenario: What was learned.
         marker: What was tracked.
         force: Replace an existing folder.
 
@@ -78,31 +78,33 @@ def write_lesson(out: Path, lesson: "BodyLesson", marker: str, force: bool) -> d
     from nico_selfmodel.systems import looking_arm
     from nico_selfmodel.viz.body_report import write_body_folder
 
-    if lesson.refined is None or not lesson.accepted:
-        return _write_unrefined(out, lesson, marker, force)
-    document = body_document(lesson.refined, lesson.verdict) | _told(lesson)
+    if scenario.refined is None or not scenario.accepted:
+        return _write_unrefined(out, scenario, marker, force)
+    document = body_document(scenario.refined, scenario.verdict) | _told(scenario)
     write_body_folder(
         out,
-        lesson.refined,
-        lesson.verdict,
+        scenario.refined,
+        scenario.verdict,
         document,
         robot=looking_arm(marker),
-        recordings={"train": lesson.arm.train, "test": lesson.arm.test},
+        recordings={"train": scenario.arm.train, "test": scenario.arm.test},
         force=force,
     )
     return document
 
 
-def _write_unrefined(out: Path, lesson: "BodyLesson", marker: str, force: bool) -> dict[str, Any]:
+def _write_unrefined(
+    out: Path, scenario: "BodyScenario", marker: str, force: bool
+) -> dict[str, Any]:
     """Write the arm as it was learned after the eyes, and why nothing better came of it."""
     from nico_selfmodel.estimation import judge, result_document
     from nico_selfmodel.plant import learned_urdf
     from nico_selfmodel.systems import looking_arm
     from nico_selfmodel.viz import write_result_folder
 
-    arm, robot = lesson.arm, looking_arm(marker)
+    arm, robot = scenario.arm, looking_arm(marker)
     verdict = judge(arm.calibration)
-    document = result_document(arm.calibration, verdict) | _told(lesson)
+    document = result_document(arm.calibration, verdict) | _told(scenario)
     arm.sight.add_pixels(document, arm.model)
     write_result_folder(
         out,
@@ -118,28 +120,28 @@ def _write_unrefined(out: Path, lesson: "BodyLesson", marker: str, force: bool) 
     return document
 
 
-def _told(lesson: "BodyLesson") -> dict[str, Any]:
+def _told(scenario: "BodyScenario") -> dict[str, Any]:
     """Return what `result.json` tells of the eyes, and of the refinement."""
     from nico_selfmodel.estimation.body_document import refinement_block
 
-    eyes = lesson.eyes
+    eyes = scenario.eyes
     return {
-        "refinement": refinement_block(lesson.arm.seen, lesson.refined, lesson.verdict),
+        "refinement": refinement_block(scenario.arm.seen, scenario.refined, scenario.verdict),
         "eyes": {
             "boards": len(eyes.views),
             "rms_px": eyes.eyes.rms,
-            "baseline_mm": 1e3 * lesson.model.rig.baseline,
+            "baseline_mm": 1e3 * scenario.model.rig.baseline,
         },
     }
 
 
-def _print(lesson: "BodyLesson", document: Mapping[str, Any], sensor: str, out: Path) -> None:
+def _print(scenario: "BodyScenario", document: Mapping[str, Any], sensor: str, out: Path) -> None:
     label, mm, px = THESIS[sensor]
     refinement = document["refinement"]
     before, after = refinement["before"], refinement["after"]
-    kept = "held out, arm and eyes refined" + ("" if lesson.accepted else " (refused)")
+    kept = "held out, arm and eyes refined" + ("" if scenario.accepted else " (refused)")
     console.print_table(
-        f"{lesson.model.name}: error of the predicted hand position",
+        f"{scenario.model.name}: error of the predicted hand position",
         console.STATISTICS_HEADINGS,
         [
             console.statistics_row("held out, arm learned after the eyes", before),
@@ -161,7 +163,7 @@ def _print(lesson: "BodyLesson", document: Mapping[str, Any], sensor: str, out: 
             f"{boards['after']['boards']} held-out boards: SD of edges {edges[0]:.3f} -> "
             f"{edges[1]:.3f} mm, scale {scale[0]:+.3f} -> {scale[1]:+.3f} %"
         )
-    if lesson.accepted:
+    if scenario.accepted:
         mechanics = document["workspace"]["mechanics_mm"]["mean"]
         console.out.print(
             f"the play of the joints alone leaves {mechanics:.2f} mm (rms), more data would cure "

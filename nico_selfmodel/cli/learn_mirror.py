@@ -7,21 +7,21 @@ from typing import TYPE_CHECKING, Any
 from nico_selfmodel.cli import console
 
 if TYPE_CHECKING:
-    from nico_selfmodel.experiments.mirror_lesson import MirrorLesson
+    from nico_selfmodel.experiments.mirror_lesson import MirrorScenario
 
 FOLDER = "mirror"
 """Folder within the result folder: the mirror's own report."""
 
 
-def write_mirror_lesson(
-    out: Path, document: Mapping[str, Any], lesson: "MirrorLesson"
+def write_mirror_scenario(
+    out: Path, document: Mapping[str, Any], scenario: "MirrorScenario"
 ) -> dict[str, Any]:
     """Add the mirror to a result folder: its recordings, its report, its figures.
 
     Args:
         out: The folder, whose self-model knows the mirror already.
         document: What is in its `result.json`.
-        lesson: What was learned of the mirror.
+        scenario: What was learned of the mirror.
 
     Returns:
         What is in `result.json` now: the mirror's own document under `mirror`.
@@ -29,17 +29,17 @@ def write_mirror_lesson(
     from nico_selfmodel.plant import ArmDescription
     from nico_selfmodel.viz.mirror_report import write_mirror_folder
 
-    found = lesson.document
-    (name,) = lesson.calibration.mirrors
+    found = scenario.document
+    (name,) = scenario.calibration.mirrors
     write_mirror_folder(
         out / FOLDER,
-        lesson.calibration,
-        lesson.verdict,
+        scenario.calibration,
+        scenario.verdict,
         found,
-        pictures={name: lesson.picture},
-        robot=ArmDescription.of_model(lesson.model),
+        pictures={name: scenario.picture},
+        robot=ArmDescription.of_model(scenario.model),
     )
-    for name, data in (("mirror", lesson.train), ("mirror_test", lesson.test)):
+    for name, data in (("mirror", scenario.train), ("mirror_test", scenario.test)):
         data.save(out / "recordings" / name)
     whole = {**document, "mirror": found}
     if found["status"] == "FAIL":
@@ -49,7 +49,7 @@ def write_mirror_lesson(
     return whole
 
 
-def print_mirror_lesson(document: Mapping[str, Any]) -> None:
+def print_mirror_scenario(document: Mapping[str, Any]) -> None:
     """Print how well the hand is predicted in the mirror, beside the direct view."""
     found = document["mirror"]
     rows = []

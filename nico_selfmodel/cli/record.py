@@ -27,7 +27,7 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from nico_selfmodel.dataset import Dataset
-    from nico_selfmodel.systems import World
+    from nico_selfmodel.systems import Imperfections
 
 SENSORS = ("motion-capture", "stereo-fiducial", "stereo-color", "chessboard")
 
@@ -89,7 +89,7 @@ def record(
     An interrupted recording goes on.
     """
     from nico_selfmodel.files import refuse_existing
-    from nico_selfmodel.systems import world_named
+    from nico_selfmodel.systems import imperfections_named
 
     refuse_existing(out, force=True)  # what is there is gone on with, or refused by name
     name_after(out)
@@ -104,7 +104,7 @@ def record(
     )
     if mirror:
         _check_mirror(sensor, circle, random_poses, hardware.is_meant(world, sensor))
-        chosen = world_named(world)
+        chosen = imperfections_named(world)
         data = record_before_mirrors(
             *(out, sensor, chosen, seed, session, mirror, random_poses, eyes, images)
         )
@@ -116,7 +116,7 @@ def record(
         )
         console.out.print(f"{len(data)} rows, {len(data.joints)} joints: {out}", markup=False)
         return
-    chosen = world_named(world)
+    chosen = imperfections_named(world)
     if sensor == "chessboard":
         _boards(out, chosen, seed, session, boards)
         return
@@ -171,7 +171,7 @@ def _check_mirror(sensor: str, circle: int, free: int, real: bool) -> None:
 def _by_sight(
     out: Path,
     sensor: str,
-    world: "World",
+    world: "Imperfections",
     seed: int,
     session: int,
     circle: int,
@@ -180,11 +180,11 @@ def _by_sight(
     images: bool,
     poses: Path | None,
 ) -> "Dataset":
-    from nico_selfmodel.experiments.eyes_lesson import MARKERS, NicoBeforeItsEyes
+    from nico_selfmodel.experiments.eyes_lesson import MARKERS, RenderedNico
     from nico_selfmodel.model import SelfModel
 
     rig = None if eyes is None else SelfModel.load(eyes).rig
-    nico = NicoBeforeItsEyes(world, seed, (MARKERS[sensor],))
+    nico = RenderedNico(world, seed, (MARKERS[sensor],))
     with console.progress_bar() as stage:
         return nico.record(
             name_after(out),
@@ -201,7 +201,7 @@ def _by_sight(
 
 def _motion_capture(
     out: Path,
-    world: "World",
+    world: "Imperfections",
     seed: int,
     session: int,
     circle: int,
@@ -229,12 +229,12 @@ def _motion_capture(
         )
 
 
-def _boards(out: Path, world: "World", seed: int, session: int, count: int) -> None:
-    from nico_selfmodel.experiments.eyes_lesson import NicoBeforeItsEyes
+def _boards(out: Path, world: "Imperfections", seed: int, session: int, count: int) -> None:
+    from nico_selfmodel.experiments.eyes_lesson import RenderedNico
     from nico_selfmodel.files import folder_written_whole
 
     with folder_written_whole(out) as folder, console.progress_bar() as stage:
-        nico = NicoBeforeItsEyes(world, seed, ("fiducial",))
+        nico = RenderedNico(world, seed, ("fiducial",))
         nico.board_views(
             count,
             session,

@@ -189,7 +189,7 @@ def _motion_capture(sensor: str, hardware: Hardware) -> "MotionCaptureClient | N
 
 
 def _cameras(sensor: str, hardware: Hardware) -> "CameraDriver | None":
-    from nico_selfmodel.systems import NICO_EYES, CameraDriver
+    from nico_selfmodel.systems import NICO_CAMERAS, CameraDriver
     from nico_selfmodel.vision.stereo_capture import StereoCapture
 
     left, right = hardware.left_camera, hardware.right_camera
@@ -199,7 +199,7 @@ def _cameras(sensor: str, hardware: Hardware) -> "CameraDriver | None":
         return None
     if left is None or right is None:
         raise ValueError(f"--sensor {sensor} with --port needs --left-camera and --right-camera")
-    return CameraDriver(StereoCapture(left, right, NICO_EYES.left.image_size))
+    return CameraDriver(StereoCapture(left, right, NICO_CAMERAS.left.image_size))
 
 
 def _station(

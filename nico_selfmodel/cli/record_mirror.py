@@ -10,7 +10,7 @@ from nico_selfmodel.cli.given_names import name_after
 
 if TYPE_CHECKING:
     from nico_selfmodel.dataset import Dataset
-    from nico_selfmodel.systems import World
+    from nico_selfmodel.systems import Imperfections
 
 Mirrors = Annotated[
     list[str] | None,
@@ -28,7 +28,7 @@ POSES = 20
 def record_before_mirrors(
     out: Path,
     sensor: str,
-    world: "World",
+    world: "Imperfections",
     seed: int,
     session: int,
     mirrors: list[str],
@@ -56,7 +56,7 @@ def record_before_mirrors(
     Raises:
         ValueError: If two mirrors have one name, or tape is to be told without a self-model.
     """
-    from nico_selfmodel.experiments.eyes_lesson import MARKERS, NicoBeforeItsEyes
+    from nico_selfmodel.experiments.eyes_lesson import MARKERS, RenderedNico
     from nico_selfmodel.experiments.mirror_recording import NicoBeforeMirrors, mirror_of_words
     from nico_selfmodel.model import SelfModel
 
@@ -70,7 +70,7 @@ def record_before_mirrors(
             "red tape and its reflection look alike: give --eyes a self-model with an arm that was "
             "learned by --sensor stereo-color, or take --sensor stereo-fiducial"
         )
-    nico = NicoBeforeItsEyes(world, seed, (MARKERS[sensor],))
+    nico = RenderedNico(world, seed, (MARKERS[sensor],))
     rig = None if model is None else model.rig
     body = NicoBeforeMirrors(nico, dict(places), knows=knows, rig=rig)
     with console.progress_bar() as stage:

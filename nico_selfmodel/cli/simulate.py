@@ -52,13 +52,13 @@ def motion_capture(
     """Sweep and pose a simulated arm under motion capture; writes a data set."""
     from nico_selfmodel.experiments.protocol import Protocol, simulated_session
     from nico_selfmodel.files import refuse_existing
-    from nico_selfmodel.systems import world_named
+    from nico_selfmodel.systems import imperfections_named
 
     refuse_existing(out, force=force)
     name = name_after(out)
     if circle_points == 0 and random_poses == 0:
         raise ValueError("nothing to record: give --circle-points or --random")
-    chosen = world_named(world).with_noise(play_deg=play_deg, marker_mm=marker_mm)
+    chosen = imperfections_named(world).with_noise(play_deg=play_deg, marker_mm=marker_mm)
     description = chosen_arm(robot or "nico", arm, base, tip, hold, point)
     protocol = Protocol.for_arm(description).on_share_of_arcs(arc_share)
     repeats = 1 if circle_points <= 3 else protocol.home_repeats

@@ -39,9 +39,9 @@ def watch(
     """Move a simulated Nico by sliders; see what it sees, and where it expects its hand."""
     from nico_selfmodel.files import refuse_existing, write_whole
     from nico_selfmodel.model import SelfModel
-    from nico_selfmodel.systems import world_named
+    from nico_selfmodel.systems import imperfections_named
 
-    chosen = world_named(world)
+    chosen = imperfections_named(world)
     if html is not None:
         refuse_existing(html, force=force)
     model = SelfModel.load(result)

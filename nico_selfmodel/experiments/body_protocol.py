@@ -13,7 +13,13 @@ from nico_selfmodel.model import Chain, StereoRig
 from nico_selfmodel.plant import ArmDescription
 from nico_selfmodel.plant.kinematic_tree import KinematicTree
 from nico_selfmodel.recording import commands_of_angles
-from nico_selfmodel.systems import NICO_EYES, TRACKERS, HandSighting, SimulatedBody, World
+from nico_selfmodel.systems import (
+    NICO_CAMERAS,
+    TRACKERS,
+    HandSighting,
+    Imperfections,
+    SimulatedBody,
+)
 from nico_selfmodel.systems.looking import looking
 from nico_selfmodel.systems.sweeps_in_view import widest_sweeps
 
@@ -57,7 +63,7 @@ class BodyProtocol:
         return _of_nico(tracker)
 
     def body(
-        self, world: World, seed: int, session: int = 0, tracker: str = "fiducial"
+        self, world: Imperfections, seed: int, session: int = 0, tracker: str = "fiducial"
     ) -> SimulatedBody:
         """Return one individual."""
         return SimulatedBody(
@@ -160,7 +166,7 @@ def _of_nico(tracker: str) -> BodyProtocol:
     arm = ArmDescription.from_urdf("nico", "chest", "right_hand", looking(), points)
     tree = KinematicTree.from_urdf(arm.urdf)
     X_BL = tree.poses(looking(), "chest", [tree.frame("left_wide_camera")])[0]
-    blank = BodyProtocol(arm, X_BL, NICO_EYES, np.zeros(4), np.zeros((4, 2)))
+    blank = BodyProtocol(arm, X_BL, NICO_CAMERAS, np.zeros(4), np.zeros((4, 2)))
     poses = blank.random_poses(150, np.random.default_rng(0))
     home, arcs = widest_sweeps(arm, poses, blank.in_view, _ARC, ["hand"])
     return replace(blank, home=home, arcs=arcs)

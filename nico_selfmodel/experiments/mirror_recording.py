@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from nico_selfmodel.dataset import Dataset
 from nico_selfmodel.errors import EstimationError
 from nico_selfmodel.estimation.mirror_poses import MirrorPoses, plan_mirror_poses
-from nico_selfmodel.experiments.eyes_lesson import NicoBeforeItsEyes
+from nico_selfmodel.experiments.eyes_lesson import RenderedNico
 from nico_selfmodel.model import Mirror, SelfModel, StereoRig
 from nico_selfmodel.model.stereo_rig import EYES
 from nico_selfmodel.names import check_name
@@ -39,7 +39,7 @@ class NicoBeforeMirrors:
 
     def __init__(
         self,
-        nico: NicoBeforeItsEyes,
+        nico: RenderedNico,
         mirrors: Mapping[str, Mirror],
         *,
         plate: MirrorPlate | None = None,
@@ -180,7 +180,7 @@ class NicoBeforeMirrors:
                             standing = mirror
                         relived = live_again(body, command, kept.visits(index))
                         for _ in range(0 if relived else _TRIES):
-                            if kept.add(index, label, body.visit(command), mirror):
+                            if kept.add(index, label, body.move_and_measure(command), mirror):
                                 break
                     if progress:
                         progress(index + 1, len(plan))
@@ -200,7 +200,7 @@ class NicoBeforeMirrors:
         with self.station(session) as station:
             body = StationBody(station, station.joints, self.nico.markers)
             put_mirror(station, body.context, self.views[mirror].X_BM)
-            body.visit(command)
+            body.move_and_measure(command)
             left, right = (station.picture(body.context, eye) for eye in EYES)
         return left, right
 

@@ -22,10 +22,10 @@ from nico_selfmodel.recording import (
 from nico_selfmodel.systems import (
     BOARD,
     ImageQuality,
+    Imperfections,
     NicoStation,
-    Reach,
     StationBody,
-    World,
+    VisibleWorkspace,
     default_detectors,
     looking_arm,
 )
@@ -39,7 +39,11 @@ WINDOW = 5
 
 
 def plan_in_view(
-    reach: Reach, joints: Sequence[JointInfo], circle: int, free: int, rng: np.random.Generator
+    reach: VisibleWorkspace,
+    joints: Sequence[JointInfo],
+    circle: int,
+    free: int,
+    rng: np.random.Generator,
 ) -> Plan:
     """Plan circles and free poses in view of both eyes, some free ones to spare.
 
@@ -61,12 +65,12 @@ def plan_in_view(
     return pose_plan(joints, to(home), to(ends.T).T, circle, to(poses), home_repeats=HOME_REPEATS)
 
 
-class NicoBeforeItsEyes:
+class RenderedNico:
     """One simulated Nico that can be recorded: its plans, its stations of several days."""
 
     def __init__(
         self,
-        world: World | str,
+        world: Imperfections | str,
         seed: int,
         markers: tuple[str, ...] = ("fiducial", "finger_tip"),
         quality: ImageQuality | None = None,
@@ -83,7 +87,7 @@ class NicoBeforeItsEyes:
         """
         self.world, self.seed, self.markers, self.quality = world, seed, markers, quality
         self.arm: ArmDescription = arm or looking_arm(*markers)
-        self.reach = Reach.of(self.arm)
+        self.reach = VisibleWorkspace.of(self.arm)
 
     def station(self, session: int, rig: StereoRig | None = None) -> NicoStation:
         """Return its station of one day; calibrated eyes locate fiducials behind their lenses."""

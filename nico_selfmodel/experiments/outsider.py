@@ -13,12 +13,12 @@ from nico_selfmodel.model import Mirror, StereoRig
 from nico_selfmodel.model.link_lengths import link_lengths
 from nico_selfmodel.plant import ArmDescription, SelfModelPlant
 from nico_selfmodel.systems import (
-    NICO_EYES,
-    EyeSighting,
+    NICO_CAMERAS,
+    CameraMeasurement,
+    Imperfections,
+    Measurement,
     NicoStation,
-    Sighting,
     StationBody,
-    World,
 )
 from nico_selfmodel.systems.individual import Individual
 from nico_selfmodel.systems.reach import MOUNTS
@@ -28,7 +28,7 @@ from nico_selfmodel.systems.simulated_body import expected_angles
 class Outsider:
     """What outside instruments say of one individual. Nobody learns from it."""
 
-    def __init__(self, arm: ArmDescription, world: World, seed: int) -> None:
+    def __init__(self, arm: ArmDescription, world: Imperfections, seed: int) -> None:
         """Stand beside an individual.
 
         Args:
@@ -36,7 +36,7 @@ class Outsider:
             world: What is wrong with the body.
             seed: Which individual.
         """
-        body = Individual.build(arm, world, seed, NICO_EYES)
+        body = Individual.build(arm, world, seed, NICO_CAMERAS)
         self._mechanics, self._world = body.mechanics, world
         built = SelfModelPlant.from_urdf(arm, body.model)
         context = built.plant.CreateDefaultContext()
@@ -112,10 +112,10 @@ class ObservedBody:
         """Names of the tracked points."""
         return self._body.markers
 
-    def visit(self, command: ArrayLike) -> Sighting:
+    def move_and_measure(self, command: ArrayLike) -> Measurement:
         """Move, look, and be measured in the left eye's frame; a point that is lost is None."""
-        sighting = self._body.visit(command)
-        assert isinstance(sighting, EyeSighting)
+        sighting = self._body.move_and_measure(command)
+        assert isinstance(sighting, CameraMeasurement)
         port = self._station.GetOutputPort("measured_positions")
         p_TH = np.array(port.Eval(self._body.context), dtype=float).reshape(-1, 3)
         p_LH = self._outsider.locate(p_TH)

@@ -17,7 +17,7 @@ from nico_selfmodel.recording import (
     record,
     sweep_commands,
 )
-from nico_selfmodel.systems import SimulatedArm, World
+from nico_selfmodel.systems import Imperfections, SimulatedArm
 
 _NICO_HOME = {
     "shoulder_pitch": -50.0,
@@ -146,14 +146,16 @@ class Protocol:
         )
 
 
-def simulated_arm(arm: ArmDescription, world: World, seed: int, session: int = 0) -> SimulatedArm:
+def simulated_arm(
+    arm: ArmDescription, world: Imperfections, seed: int, session: int = 0
+) -> SimulatedArm:
     """Return one individual of a described arm, in a world, for a session."""
     return SimulatedArm(arm.chain, arm.lower, arm.upper, world, seed, session)
 
 
 def simulated_session(
     arm: ArmDescription,
-    world: World,
+    world: Imperfections,
     protocol: Protocol,
     name: str,
     *,

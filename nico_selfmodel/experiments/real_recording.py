@@ -20,7 +20,7 @@ from nico_selfmodel.recording import (
     given_commands,
     record,
 )
-from nico_selfmodel.systems import NicoHardwareStation, Reach, looking_arm
+from nico_selfmodel.systems import NicoHardwareStation, VisibleWorkspace, looking_arm
 
 
 @dataclass(frozen=True, eq=False)
@@ -149,7 +149,7 @@ def _by_sight(
     free: int,
     rng: np.random.Generator,
 ) -> Plan:
-    return plan_in_view(Reach.of(arm), joints, circle, free, rng)
+    return plan_in_view(VisibleWorkspace.of(arm), joints, circle, free, rng)
 
 
 def _by_motion_capture(
@@ -173,6 +173,6 @@ def _by_motion_capture(
 
 def _touching(arm: ArmDescription, joints: tuple[JointInfo, ...], plan: Plan) -> list[bool]:
     """Return at which poses the arm touches its body or itself, by its description."""
-    reach = Reach.of(arm)
+    reach = VisibleWorkspace.of(arm)
     q = reach.first_guess(joints).servos.to_joint(np.array([command for _, command in plan]))
     return [bool(reach.body.collides(angles)) for angles in q]

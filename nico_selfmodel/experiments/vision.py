@@ -8,9 +8,9 @@ from typing import Any
 import numpy as np
 
 from nico_selfmodel.estimation import ErrorStatistics
-from nico_selfmodel.experiments.eyes_lesson import ArmLesson, Counts, learn_through_the_eyes
+from nico_selfmodel.experiments.eyes_lesson import ArmScenario, Counts, learn_cameras_and_arm
 from nico_selfmodel.experiments.report_files import Table, as_markdown, write_experiment
-from nico_selfmodel.systems import World
+from nico_selfmodel.systems import Imperfections
 from nico_selfmodel.viz import BarSeries, bar_chart
 
 ROWS = {"color": "finger_tip", "fiducial": "fiducial"}
@@ -62,7 +62,7 @@ class VisionExperiment:
 
 
 def run_vision(
-    world: World,
+    world: Imperfections,
     *,
     individuals: int = 1,
     seed: int = 0,
@@ -81,7 +81,7 @@ def run_vision(
     Returns:
         The results.
     """
-    lessons = []
+    scenarios = []
     for i in range(individuals):
         number = f"robot {i + 1} of {individuals}: " if individuals > 1 else ""
 
@@ -90,25 +90,25 @@ def run_vision(
                 progress(number + what, done, total)
 
         markers = tuple(ROWS.values())
-        lessons.append(
-            learn_through_the_eyes(world, seed + i, markers=markers, counts=counts, stage=stage)
+        scenarios.append(
+            learn_cameras_and_arm(world, seed + i, markers=markers, counts=counts, stage=stage)
         )
     rows = tuple(
-        _row(tracked, [lesson.arms[marker] for lesson in lessons])
+        _row(tracked, [scenario.arms[marker] for scenario in scenarios])
         for tracked, marker in ROWS.items()
     )
-    boards = float(np.mean([lesson.eyes.rms for lesson in lessons]))
+    boards = float(np.mean([scenario.eyes.rms for scenario in scenarios]))
     return VisionExperiment(world.name, individuals, boards, rows)
 
 
-def _row(tracked: str, lessons: list[ArmLesson]) -> VisionRow:
-    space = [_required(lesson.seen.statistics) for lesson in lessons]
-    image = [_required(lesson.seen.pixel_statistics) for lesson in lessons]
+def _row(tracked: str, scenarios: list[ArmScenario]) -> VisionRow:
+    space = [_required(scenario.seen.statistics) for scenario in scenarios]
+    image = [_required(scenario.seen.pixel_statistics) for scenario in scenarios]
     mm = (1e3 * _mean(space, "mean"), 1e3 * _mean(space, "sd"))
     return VisionRow(
         tracked,
-        float(np.mean([len(lesson.train) for lesson in lessons])),
-        float(np.mean([len(lesson.test) for lesson in lessons])),
+        float(np.mean([len(scenario.train) for scenario in scenarios])),
+        float(np.mean([len(scenario.test) for scenario in scenarios])),
         mm,
         (mm[0] / ARM_MM[tracked], mm[1] / ARM_MM[tracked]),
         (_mean(image, "mean"), _mean(image, "sd")),

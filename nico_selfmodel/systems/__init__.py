@@ -8,17 +8,17 @@ from pose to pose.
 
 from typing import TYPE_CHECKING, Any
 
-from nico_selfmodel.systems.eye_sighting import EyeSighting
+from nico_selfmodel.systems.eye_sighting import CameraMeasurement
 from nico_selfmodel.systems.motion_capture_stream import (
     MarkerFrame,
     MotionCaptureClient,
     MotionCaptureServer,
 )
-from nico_selfmodel.systems.simulated_arm import Sighting, SimulatedArm
+from nico_selfmodel.systems.simulated_arm import Measurement, SimulatedArm
 from nico_selfmodel.systems.simulated_body import TRACKERS, HandSighting, SimulatedBody
-from nico_selfmodel.systems.simulated_eyes import NICO_EYES, SimulatedEyes
+from nico_selfmodel.systems.simulated_eyes import NICO_CAMERAS, SimulatedEyes
 from nico_selfmodel.systems.simulated_mirror import SimulatedMirrors
-from nico_selfmodel.systems.worlds import WORLDS, World, world_named
+from nico_selfmodel.systems.worlds import IMPERFECTIONS, Imperfections, imperfections_named
 
 if TYPE_CHECKING:
     from nico_selfmodel.systems.diagrams import (
@@ -38,13 +38,13 @@ if TYPE_CHECKING:
         NicoBehindBus,
         NicoHardwareStation,
         NicoStation,
-        Patience,
-        Reach,
         SelfModelMonitor,
         SelfModelPredictor,
         ServoDriver,
+        SettleTimeouts,
         StationBody,
         StereoCameras,
+        VisibleWorkspace,
         color_detector,
         default_detectors,
         fiducial_detector,
@@ -53,17 +53,19 @@ if TYPE_CHECKING:
 
 __all__ = [
     "BOARD",
-    "NICO_EYES",
+    "IMPERFECTIONS",
+    "NICO_CAMERAS",
     "TRACKERS",
-    "WORLDS",
     "CameraDriver",
+    "CameraMeasurement",
     "Detector",
     "EncoderModel",
-    "EyeSighting",
     "HandSighting",
     "HandTracker",
     "ImageQuality",
+    "Imperfections",
     "MarkerFrame",
+    "Measurement",
     "Mechanics",
     "MirrorPlate",
     "MirrorPredictor",
@@ -76,24 +78,22 @@ __all__ = [
     "NicoBehindBus",
     "NicoHardwareStation",
     "NicoStation",
-    "Patience",
-    "Reach",
     "SelfModelMonitor",
     "SelfModelPredictor",
     "ServoDriver",
-    "Sighting",
+    "SettleTimeouts",
     "SimulatedArm",
     "SimulatedBody",
     "SimulatedEyes",
     "SimulatedMirrors",
     "StationBody",
     "StereoCameras",
-    "World",
+    "VisibleWorkspace",
     "color_detector",
     "default_detectors",
     "fiducial_detector",
+    "imperfections_named",
     "looking_arm",
-    "world_named",
 ]
 
 

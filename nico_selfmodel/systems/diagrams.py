@@ -19,11 +19,11 @@ from nico_selfmodel.systems.motion_capture_link import (
 from nico_selfmodel.systems.nico_behind_bus import NicoBehindBus
 from nico_selfmodel.systems.nico_hardware_station import NicoHardwareStation
 from nico_selfmodel.systems.nico_station import BOARD, NicoStation, default_detectors
-from nico_selfmodel.systems.reach import Reach
+from nico_selfmodel.systems.reach import VisibleWorkspace
 from nico_selfmodel.systems.self_model_monitor import SelfModelMonitor
 from nico_selfmodel.systems.self_model_predictor import SelfModelPredictor
 from nico_selfmodel.systems.servo_driver import ServoDriver
-from nico_selfmodel.systems.station_body import Patience, StationBody
+from nico_selfmodel.systems.station_body import SettleTimeouts, StationBody
 from nico_selfmodel.systems.stereo_cameras import ImageQuality, StereoCameras
 
 __all__ = [
@@ -43,13 +43,13 @@ __all__ = [
     "NicoBehindBus",
     "NicoHardwareStation",
     "NicoStation",
-    "Patience",
-    "Reach",
     "SelfModelMonitor",
     "SelfModelPredictor",
     "ServoDriver",
+    "SettleTimeouts",
     "StationBody",
     "StereoCameras",
+    "VisibleWorkspace",
     "color_detector",
     "default_detectors",
     "fiducial_detector",

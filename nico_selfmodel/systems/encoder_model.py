@@ -9,7 +9,7 @@ from pydrake.systems.framework import BasicVector, Context, DiscreteValues, Leaf
 from nico_selfmodel.model import Chain, ServoMap
 from nico_selfmodel.systems.closing import Closable
 from nico_selfmodel.systems.simulated_arm import disturbed_angles
-from nico_selfmodel.systems.worlds import World
+from nico_selfmodel.systems.worlds import Imperfections
 
 PERIOD = 0.01
 """Time between two steps of the servos [s]."""
@@ -30,7 +30,7 @@ class Mechanics:
     upper: NDArray
     """Largest readings between the stops [encoder units]. Shape (n,)."""
     largest_torque: float
-    """Torque that makes a joint sag by `World.sag`, as `gravity_torques` counts it."""
+    """Torque that makes a joint sag by `Imperfections.sag`, as `gravity_torques` counts it."""
 
 
 class EncoderModel(Closable, LeafSystem):
@@ -49,7 +49,7 @@ class EncoderModel(Closable, LeafSystem):
     def __init__(
         self,
         mechanics: Mechanics,
-        world: World,
+        world: Imperfections,
         start: ArrayLike,
         *,
         seed: int | tuple[int, ...] = 0,

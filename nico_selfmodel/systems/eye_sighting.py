@@ -6,11 +6,11 @@ from types import MappingProxyType
 
 from numpy.typing import NDArray
 
-from nico_selfmodel.systems.simulated_arm import Sighting
+from nico_selfmodel.systems.simulated_arm import Measurement
 
 
 @dataclass(frozen=True, eq=False)
-class EyeSighting(Sighting):
+class CameraMeasurement(Measurement):
     """What a body with eyes senses at one pose; `points` holds None for every marker."""
 
     pixels: Mapping[str, NDArray] = field(default_factory=lambda: MappingProxyType({}))

@@ -13,7 +13,7 @@ from nico_selfmodel.model import DhTable, SelfModel, StereoRig
 from nico_selfmodel.plant import ArmDescription
 from nico_selfmodel.systems import simulated_arm, simulated_eyes
 from nico_selfmodel.systems.encoder_model import Mechanics
-from nico_selfmodel.systems.worlds import World
+from nico_selfmodel.systems.worlds import Imperfections
 
 _HEAD_SIGMA = np.radians(1.0)
 """How far the joints of neck and eyes stand from where they should [rad]."""
@@ -34,7 +34,9 @@ class Individual:
     """Pose of the arm's base in the motion tracker's frame. Shape (4, 4)."""
 
     @classmethod
-    def build(cls, arm: ArmDescription, world: World, seed: int, eyes: StereoRig) -> "Individual":
+    def build(
+        cls, arm: ArmDescription, world: Imperfections, seed: int, eyes: StereoRig
+    ) -> "Individual":
         """Build one.
 
         Args:

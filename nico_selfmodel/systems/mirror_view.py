@@ -12,7 +12,7 @@ from nico_selfmodel.errors import ModelError
 from nico_selfmodel.geometry.transform import apply, inverse, transform
 from nico_selfmodel.model import Chain, Mirror, MirrorRig
 from nico_selfmodel.systems.mirror_scene import MirrorPlate
-from nico_selfmodel.systems.reach import Reach
+from nico_selfmodel.systems.reach import VisibleWorkspace
 
 _MARGIN = 60.0
 """Planned reflections stay this far from the images' edges: a true head is degrees off [px]."""
@@ -37,7 +37,7 @@ _OFF = 0.055
 class MirrorView:
     """A mirror before a robot as described; an individual differs by degrees."""
 
-    reach: Reach
+    reach: VisibleWorkspace
     """The arm before its eyes."""
     mirror: Mirror
     """The mirror, before the left eye as designed."""
@@ -50,7 +50,7 @@ class MirrorView:
 
     @classmethod
     def of(
-        cls, reach: Reach, mirror: Mirror, plate: MirrorPlate, rng: np.random.Generator
+        cls, reach: VisibleWorkspace, mirror: Mirror, plate: MirrorPlate, rng: np.random.Generator
     ) -> "MirrorView":
         """Put the middle of the glass where most reflections are seen, and look for poses.
 
@@ -100,7 +100,7 @@ class MirrorView:
         return replace(self, q=self.q[np.sort(nearest)])
 
 
-def _shown(reach: Reach, rig: MirrorRig, q: NDArray) -> NDArray:
+def _shown(reach: VisibleWorkspace, rig: MirrorRig, q: NDArray) -> NDArray:
     """Return which poses show all markers in a mirror to both eyes. Shapes (N, n) -> (N,)."""
     shown = np.ones(len(q), dtype=bool)
     limit = np.tile(rig.rig.left.image_size, 2) - 1.0 - _MARGIN
@@ -116,7 +116,7 @@ def _shown(reach: Reach, rig: MirrorRig, q: NDArray) -> NDArray:
     return shown
 
 
-def _width_in_mirror(reach: Reach, rig: MirrorRig, q: NDArray, k: int) -> NDArray:
+def _width_in_mirror(reach: VisibleWorkspace, rig: MirrorRig, q: NDArray, k: int) -> NDArray:
     """Return how wide a metre along z of a point's frame looks, at its angle [px]. Shape (N,)."""
     chain = reach.arm.chain
     p_BH = chain.forward(q, k)
@@ -130,7 +130,7 @@ def _width_in_mirror(reach: Reach, rig: MirrorRig, q: NDArray, k: int) -> NDArra
     return np.min(widths, axis=0)
 
 
-def _spots(reach: Reach, rig: MirrorRig, q: NDArray) -> NDArray:
+def _spots(reach: VisibleWorkspace, rig: MirrorRig, q: NDArray) -> NDArray:
     """Return where lines of sight meet the glass, in the base's frame. Shape (E m, N, 3)."""
     spots = []
     for marker in reach.markers:
@@ -142,7 +142,7 @@ def _spots(reach: Reach, rig: MirrorRig, q: NDArray) -> NDArray:
     return np.array(spots)
 
 
-def _open_sight(reach: Reach, q: NDArray, spots: NDArray) -> bool:
+def _open_sight(reach: VisibleWorkspace, q: NDArray, spots: NDArray) -> bool:
     """Return whether nothing of the robot stands between its markers, the glass and its eyes.
 
     Args:
@@ -160,7 +160,7 @@ def _open_sight(reach: Reach, q: NDArray, spots: NDArray) -> bool:
     return not reach.body.covers(q, np.concatenate(points), _ROOM)
 
 
-def _pose(reach: Reach, mirror: Mirror, middle: NDArray) -> NDArray:
+def _pose(reach: VisibleWorkspace, mirror: Mirror, middle: NDArray) -> NDArray:
     """Return the pose of a glass about a point of it, upright to the left eye. Shape (4, 4)."""
     X_BL = reach.rig.left.X_WC
     into = -X_BL[:3, :3] @ mirror.normal

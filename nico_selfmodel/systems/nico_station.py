@@ -28,7 +28,7 @@ from nico_selfmodel.systems.mirror_scene import MirrorPlate, MirrorScene
 from nico_selfmodel.systems.motion_capture import MotionCapture
 from nico_selfmodel.systems.reach import MOUNTS
 from nico_selfmodel.systems.reflection_detectors import default_mirror_detectors
-from nico_selfmodel.systems.simulated_eyes import NICO_EYES
+from nico_selfmodel.systems.simulated_eyes import NICO_CAMERAS
 from nico_selfmodel.systems.station_scene import (
     BoardHolder,
     BodyPoses,
@@ -38,7 +38,7 @@ from nico_selfmodel.systems.station_scene import (
     wrap_tape,
 )
 from nico_selfmodel.systems.stereo_cameras import ImageQuality, StereoCameras
-from nico_selfmodel.systems.worlds import World, world_named
+from nico_selfmodel.systems.worlds import Imperfections, imperfections_named
 from nico_selfmodel.vision.chessboard import Board
 
 BOARD = Board(9, 6, 0.028)
@@ -73,14 +73,14 @@ class NicoStation(Closable, Diagram):
 
     def __init__(
         self,
-        world: World | str = "thesis",
+        world: Imperfections | str = "thesis",
         seed: int = 0,
         session: int = 0,
         *,
         arm: ArmDescription | None = None,
         detectors: Detectors | MirrorDetectors | None = None,
         quality: ImageQuality | None = None,
-        eyes: StereoRig = NICO_EYES,
+        eyes: StereoRig = NICO_CAMERAS,
         board: Board = BOARD,
         mirror: MirrorPlate | None = None,
         knows: SelfModel | None = None,
@@ -105,7 +105,7 @@ class NicoStation(Closable, Diagram):
             ModelError: If the robot lacks a link that carries an eye.
         """
         super().__init__()
-        world = world_named(world) if isinstance(world, str) else world
+        world = imperfections_named(world) if isinstance(world, str) else world
         arm = arm or looking_arm()
         body = Individual.build(arm, world, seed, eyes)
         if detectors is None:
@@ -241,7 +241,7 @@ def _add_motion_capture(
     builder: DiagramBuilder,
     poses: BodyPoses,
     body: Individual,
-    world: World,
+    world: Imperfections,
     seed: tuple[int, int],
 ) -> None:
     tracker = builder.AddNamedSystem(

@@ -13,7 +13,7 @@ from nico_selfmodel.geometry.transform import apply, transform
 from nico_selfmodel.model import Chain, DhTable, SelfModel, ServoMap, StereoRig
 from nico_selfmodel.plant import ArmDescription
 from nico_selfmodel.systems.collisions import CollisionShapes
-from nico_selfmodel.systems.simulated_eyes import NICO_EYES
+from nico_selfmodel.systems.simulated_eyes import NICO_CAMERAS
 from nico_selfmodel.systems.sweeps_in_view import widest_sweeps
 from nico_selfmodel.vision.chessboard import Board
 
@@ -35,7 +35,7 @@ _BOARD_ROOM = 0.09
 
 
 @dataclass(frozen=True, eq=False)
-class Reach:
+class VisibleWorkspace:
     """An arm before its eyes as described; all of it is only nearly true of an individual."""
 
     arm: ArmDescription
@@ -52,8 +52,8 @@ class Reach:
         cls,
         arm: ArmDescription,
         markers: tuple[str, ...] | None = None,
-        eyes: StereoRig = NICO_EYES,
-    ) -> "Reach":
+        eyes: StereoRig = NICO_CAMERAS,
+    ) -> "VisibleWorkspace":
         """Build it.
 
         Args:

@@ -11,13 +11,13 @@ from nico_selfmodel.dataset import JointInfo
 from nico_selfmodel.geometry.rotation import move_on_sphere, rotation_from_vector, tangent_basis
 from nico_selfmodel.geometry.transform import transform
 from nico_selfmodel.model import Chain, ServoMap
-from nico_selfmodel.systems.worlds import World
+from nico_selfmodel.systems.worlds import Imperfections
 
 _GRAVITY = np.array([0.0, 0.0, -1.0])
 
 
 @dataclass(frozen=True, eq=False)
-class Sighting:
+class Measurement:
     """What the body senses at one pose."""
 
     encoders: NDArray
@@ -38,7 +38,7 @@ class SimulatedArm:
         nominal: Chain,
         lower: ArrayLike,
         upper: ArrayLike,
-        world: World,
+        world: Imperfections,
         seed: int,
         session: int = 0,
     ) -> None:
@@ -88,7 +88,7 @@ class SimulatedArm:
         """Names of the markers that the tracker can see."""
         return self.__true_chain.markers
 
-    def visit(self, command: ArrayLike) -> Sighting:
+    def move_and_measure(self, command: ArrayLike) -> Measurement:
         """Move to encoder readings, settle, and look.
 
         Args:
@@ -111,11 +111,11 @@ class SimulatedArm:
             p = p + self.__to_tracker[:3, 3] + self._rng.normal(0.0, self.world.marker_sigma, 3)
             lost = self._rng.random() < self.world.dropout_share
             points[marker] = None if lost else p
-        return Sighting(encoders, MappingProxyType(points))
+        return Measurement(encoders, MappingProxyType(points))
 
     def relive(self, command: ArrayLike) -> None:
         """Go through a visit again: play and noise are drawn one after the other."""
-        self.visit(command)
+        self.move_and_measure(command)
 
     def __joint_angles(self, encoders: NDArray) -> NDArray:
         """Return true joint angles: encoder, then sag, play and wobble on the link's side."""
@@ -129,7 +129,7 @@ class SimulatedArm:
 
 
 def disturbed_angles(
-    chain: Chain, q: NDArray, world: World, largest_torque: float, rng: np.random.Generator
+    chain: Chain, q: NDArray, world: Imperfections, largest_torque: float, rng: np.random.Generator
 ) -> NDArray:
     """Return where joints really stand: what the encoders say, then sag, play and wobble.
 
@@ -170,7 +170,7 @@ def gravity_torques(chain: Chain, q: NDArray) -> NDArray:
     return torque
 
 
-def _individual(nominal: Chain, world: World, rng: np.random.Generator) -> Chain:
+def _individual(nominal: Chain, world: Imperfections, rng: np.random.Generator) -> Chain:
     """Return the arm as this individual was really built."""
     n, m = len(nominal.joints), len(nominal.markers)
     tilt = rng.normal(0.0, 1.0, (n, 2)) * world.axis_sigma
@@ -186,7 +186,7 @@ def _individual(nominal: Chain, world: World, rng: np.random.Generator) -> Chain
     )
 
 
-def _servos(joints: tuple[str, ...], world: World, rng: np.random.Generator) -> ServoMap:
+def _servos(joints: tuple[str, ...], world: Imperfections, rng: np.random.Generator) -> ServoMap:
     n = len(joints)
     gear = np.ones(n)
     gear[-1] = world.extra_gear
@@ -201,7 +201,7 @@ def _servos(joints: tuple[str, ...], world: World, rng: np.random.Generator) -> 
 
 
 def _stops(
-    servos: ServoMap, lower: NDArray, upper: NDArray, world: World, rng: np.random.Generator
+    servos: ServoMap, lower: NDArray, upper: NDArray, world: Imperfections, rng: np.random.Generator
 ) -> tuple[NDArray, NDArray]:
     """Return where the joints stop, in whole counts inside the limits described."""
     # On the very limits they would tell gears and zeros to whoever has the description.

@@ -22,8 +22,8 @@ from nico_selfmodel.systems.simulated_arm import (
     _stops,
     disturbed_angles,
 )
-from nico_selfmodel.systems.simulated_eyes import NICO_EYES, SimulatedEyes, _individual_rig
-from nico_selfmodel.systems.worlds import World
+from nico_selfmodel.systems.simulated_eyes import NICO_CAMERAS, SimulatedEyes, _individual_rig
+from nico_selfmodel.systems.worlds import Imperfections
 
 TRACKERS: Mapping[str, float] = MappingProxyType({"fiducial": 0.3, "color": 2.0})
 """Noise of a tracked pixel coordinate, independent in both eyes [px]."""
@@ -55,12 +55,12 @@ class SimulatedBody:
         lower: ArrayLike,
         upper: ArrayLike,
         X_BL: ArrayLike,
-        world: World,
+        world: Imperfections,
         seed: int,
         session: int = 0,
         *,
         pixel_sigma: float = TRACKERS["fiducial"],
-        eyes: StereoRig = NICO_EYES,
+        eyes: StereoRig = NICO_CAMERAS,
     ) -> None:
         """Build one individual of a robot.
 
@@ -119,7 +119,7 @@ class SimulatedBody:
         """Width and height of the images [px]."""
         return self.__rig.left.image_size
 
-    def visit(self, command: ArrayLike) -> HandSighting:
+    def move_and_measure(self, command: ArrayLike) -> HandSighting:
         """Move to encoder readings, settle, and look.
 
         Args:
@@ -137,13 +137,13 @@ class SimulatedBody:
         """Visit a pose while an outsider measures the markers exactly, in the left eye's frame.
 
         Args:
-            command: As for `visit`.
+            command: As for `move_and_measure`.
 
         Returns:
             What the body senses, and where the markers are [m], shape (m, 3).
 
         Raises:
-            ValueError: As `visit`.
+            ValueError: As `move_and_measure`.
         """
         command = np.asarray(command, dtype=float)
         if command.shape != (len(self.__servos.joints),) or not np.isfinite(command).all():
@@ -264,7 +264,7 @@ class SimulatedBody:
 
 
 def expected_angles(
-    chain: Chain, servos: ServoMap, encoders: ArrayLike, world: World, largest_torque: float
+    chain: Chain, servos: ServoMap, encoders: ArrayLike, world: Imperfections, largest_torque: float
 ) -> NDArray:
     """Return where joints stand in the mean over what is left to chance: sag, but no play.
 

@@ -14,7 +14,7 @@ _NEAR, _FAR = 0.22, 0.5
 _TILT = 0.4
 """Standard deviation of a board's attitude about each axis [rad]."""
 
-NICO_EYES = StereoRig(
+NICO_CAMERAS = StereoRig(
     Camera(381.0, 381.0, 319.5, 239.5, (640, 480), k1=-0.28, k2=0.09, k3=-0.012),
     Camera(
         381.0, 381.0, 319.5, 239.5, (640, 480), k1=-0.28, k2=0.09, k3=-0.012,
@@ -27,7 +27,9 @@ NICO_EYES = StereoRig(
 class SimulatedEyes:
     """Two eyes and the noise of finding corners in their images; the true rig is private."""
 
-    def __init__(self, seed: int, pixel_sigma: float = 0.2, nominal: StereoRig = NICO_EYES) -> None:
+    def __init__(
+        self, seed: int, pixel_sigma: float = 0.2, nominal: StereoRig = NICO_CAMERAS
+    ) -> None:
         """Build one individual of a pair of eyes.
 
         Args:

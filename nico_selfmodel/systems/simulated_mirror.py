@@ -11,7 +11,7 @@ from nico_selfmodel.geometry.transform import apply, transform
 from nico_selfmodel.model import Camera, Chain, DhTable, Mirror, SelfModel, ServoMap, StereoRig
 from nico_selfmodel.model.mirror_rig import MirrorRig
 from nico_selfmodel.systems.curved_mirror import curved_reflection
-from nico_selfmodel.systems.simulated_eyes import NICO_EYES
+from nico_selfmodel.systems.simulated_eyes import NICO_CAMERAS
 
 _MARGIN = 5.0
 """Markers nearer to the image's edge are not found [px]."""
@@ -67,7 +67,8 @@ class SimulatedMirrors:
             sign=np.ones(n),
         )
         self.__rig = StereoRig(
-            _individual_eye(NICO_EYES.left, rng, 0.0), _individual_eye(NICO_EYES.right, rng, 1.0)
+            _individual_eye(NICO_CAMERAS.left, rng, 0.0),
+            _individual_eye(NICO_CAMERAS.right, rng, 1.0),
         )
         spread = [np.radians(2.0), np.radians(2.0), 5e-3]
         self.__mirrors = {
@@ -118,7 +119,7 @@ class SimulatedMirrors:
             raise ValueError(f"hardly any pose shows the hand in {mirror or 'the eyes'!r}")
         return self._dataset(mirror, encoders[:count], pixels[:count], name)
 
-    def visit(self, mirror: str, encoders: ArrayLike, session: int = 0) -> NDArray:
+    def move_and_measure(self, mirror: str, encoders: ArrayLike, session: int = 0) -> NDArray:
         """Return what the eyes see of chosen poses, nan where they do not see the hand.
 
         Args:

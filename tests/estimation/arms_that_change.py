@@ -10,9 +10,9 @@ from nico_selfmodel.estimation import calibrate_kinematics
 from nico_selfmodel.experiments.protocol import Protocol
 from nico_selfmodel.model import SelfModel
 from nico_selfmodel.plant import ArmDescription
-from nico_selfmodel.systems import WORLDS, SimulatedArm, World
+from nico_selfmodel.systems import IMPERFECTIONS, Imperfections, SimulatedArm
 
-THESIS, CLEAN = WORLDS["thesis"], WORLDS["clean"]
+THESIS, CLEAN = IMPERFECTIONS["thesis"], IMPERFECTIONS["clean"]
 CELLS = {
     "clean": CLEAN,
     "thesis": THESIS,
@@ -35,7 +35,7 @@ def arm() -> ArmDescription:
 
 
 def session(
-    world: World,
+    world: Imperfections,
     seed: int,
     number: int,
     count: int = 100,
@@ -56,7 +56,7 @@ def session(
 
 
 @cache
-def learned_arm(world: World, seed: int, tags: int = 1) -> SelfModel:
+def learned_arm(world: Imperfections, seed: int, tags: int = 1) -> SelfModel:
     """Return what one robot learned from its circles and 100 random poses."""
     train = session(world, seed, 0, sweeps=True, tags=tags)
     return calibrate_kinematics(train, explain=False).model

@@ -8,13 +8,13 @@ import numpy as np
 from nico_selfmodel.dataset import Dataset
 from nico_selfmodel.estimation import BodyCalibration, BodyOptions, calibrate_body
 from nico_selfmodel.experiments.body_protocol import BodyProtocol
-from nico_selfmodel.experiments.refinement import Lesson, simulated_lesson
+from nico_selfmodel.experiments.refinement import Scenario, simulated_scenario
 from nico_selfmodel.geometry.transform import inverse
 from nico_selfmodel.model import DhParameters, DhTable, SelfModel, StereoRig
-from nico_selfmodel.systems import WORLDS, SimulatedBody
+from nico_selfmodel.systems import IMPERFECTIONS, SimulatedBody
 
-PLAY = WORLDS["clean"].with_noise(play_deg=0.5)
-CLEAN = WORLDS["clean"]
+PLAY = IMPERFECTIONS["clean"].with_noise(play_deg=0.5)
+CLEAN = IMPERFECTIONS["clean"]
 
 
 @dataclass(frozen=True, eq=False)
@@ -43,26 +43,28 @@ def protocol(tracker: str = "fiducial") -> BodyProtocol:
     return BodyProtocol.of_nico(tracker)
 
 
-def lesson(seed: int = 0, tracker: str = "fiducial", world=PLAY, random_poses: int = 100) -> Lesson:
+def scenario(
+    seed: int = 0, tracker: str = "fiducial", world=PLAY, random_poses: int = 100
+) -> Scenario:
     """Return what one individual recorded: 61 poses on circles, 100 random ones, 100 to test."""
-    return _lesson(seed, tracker, world, random_poses)
+    return _scenario(seed, tracker, world, random_poses)
 
 
 @cache
-def _lesson(seed: int, tracker: str, world, random_poses: int) -> Lesson:
-    return simulated_lesson(protocol(tracker), world, seed, tracker, random_poses)
+def _scenario(seed: int, tracker: str, world, random_poses: int) -> Scenario:
+    return simulated_scenario(protocol(tracker), world, seed, tracker, random_poses)
 
 
 def learned(
     seed: int = 0, tracker: str = "fiducial", stage: str = "full", variant: str = "anchored"
 ) -> BodyCalibration:
-    """Return what one individual learned from its lesson."""
+    """Return what one individual learned from its scenario."""
     return _learned(seed, tracker, stage, variant)
 
 
 @cache
 def _learned(seed: int, tracker: str, stage: str, variant: str) -> BodyCalibration:
-    recorded = lesson(seed, tracker)
+    recorded = scenario(seed, tracker)
     return calibrate_body(
         recorded.train,
         recorded.eyes,

@@ -15,7 +15,7 @@ import pytest
 from nico_selfmodel.estimation import calibrate_body, calibrate_kinematics, check_health
 from nico_selfmodel.estimation.monitor import chance_of_false_alarm
 from nico_selfmodel.experiments.body_protocol import BodyProtocol
-from nico_selfmodel.experiments.refinement import simulated_lesson
+from nico_selfmodel.experiments.refinement import simulated_scenario
 
 from .arms_that_change import CELLS, THESIS, jumped, learned_arm, session
 
@@ -34,8 +34,8 @@ LATE = 30
 
 @cache
 def learned_body(world, seed):
-    lesson = simulated_lesson(BodyProtocol.of_nico(), world, seed, "fiducial")
-    return calibrate_body(lesson.train, lesson.eyes, lesson.boards).model
+    scenario = simulated_scenario(BodyProtocol.of_nico(), world, seed, "fiducial")
+    return calibrate_body(scenario.train, scenario.eyes, scenario.boards).model
 
 
 def learned(sensor, world, seed):

@@ -16,7 +16,7 @@ from nico_selfmodel.estimation.mirror import calibrate_mirrors
 from nico_selfmodel.estimation.sight import Sight
 from nico_selfmodel.experiments.body_protocol import BodyProtocol
 from nico_selfmodel.experiments.mirror_body import MIRRORS
-from nico_selfmodel.experiments.refinement import simulated_lesson
+from nico_selfmodel.experiments.refinement import simulated_scenario
 from nico_selfmodel.geometry.transform import apply, inverse
 from nico_selfmodel.model import Mirror, MirrorRig
 from nico_selfmodel.recording import commands_of_angles
@@ -34,10 +34,10 @@ POSES, PIXEL_SIGMA, MARGIN = 20, 0.3, 15.0
 
 @cache
 def learned_body(kind, seed):
-    lesson = simulated_lesson(BodyProtocol.of_nico(), THESIS, seed, "fiducial")
+    scenario = simulated_scenario(BodyProtocol.of_nico(), THESIS, seed, "fiducial")
     if kind == "refined":
-        return calibrate_body(lesson.train, lesson.eyes, lesson.boards).model
-    sight = Sight.of(calibrate_cameras(lesson.boards).self_model("eyes"), lesson.train)
+        return calibrate_body(scenario.train, scenario.eyes, scenario.boards).model
+    sight = Sight.of(calibrate_cameras(scenario.boards).self_model("eyes"), scenario.train)
     return sight.complete(calibrate_kinematics(sight.train, explain=False)).model
 
 

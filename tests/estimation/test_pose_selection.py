@@ -17,7 +17,7 @@ from nico_selfmodel.experiments.protocol import Protocol, simulated_arm
 from nico_selfmodel.model import DhTable, SelfModel, ServoMap
 from nico_selfmodel.plant import ArmDescription
 from nico_selfmodel.recording import record
-from nico_selfmodel.systems import WORLDS
+from nico_selfmodel.systems import IMPERFECTIONS
 
 ARM = ArmDescription.named("nico")
 PLAY = np.radians(0.6) / np.sqrt(3.0)
@@ -45,7 +45,7 @@ def drawn(joints, count, rng):
 
 @pytest.fixture(scope="module")
 def pool():
-    joints = simulated_arm(ARM, WORLDS["clean"], 0).joints
+    joints = simulated_arm(ARM, IMPERFECTIONS["clean"], 0).joints
     model = model_of(joints)
     return model, drawn(joints, 400, np.random.default_rng(0))
 
@@ -163,7 +163,7 @@ def test_with_marker_noise_alone_they_are_as_good_but_for_chance():
 
 def held_out_of_ten(changes, sigmas):
     """Return what `held_out` does, for ten individuals. Shape (10, 2)."""
-    world = replace(WORLDS["clean"], counts_per_turn=16384).with_noise(**changes)
+    world = replace(IMPERFECTIONS["clean"], counts_per_turn=16384).with_noise(**changes)
     return np.array([held_out(world, seed, sigmas) for seed in range(10)])
 
 

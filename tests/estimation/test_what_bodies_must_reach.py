@@ -16,7 +16,7 @@ from nico_selfmodel.estimation.sightings import covariance_of, sightings_of
 from nico_selfmodel.model.link_lengths import link_lengths
 from nico_selfmodel.model.self_model import SelfModel
 
-from .simulated_bodies import Truth, body, learned, lesson, only_eyes, poses, protocol
+from .simulated_bodies import Truth, body, learned, only_eyes, poses, protocol, scenario
 
 pytestmark = pytest.mark.slow
 SEEDS = range(10)
@@ -24,7 +24,7 @@ TOOL = np.array([0.025, 0.0, -0.08])
 
 
 def true_mm(calibration, seed, tracker="fiducial"):
-    return 1e3 * evaluate(calibration.model, lesson(seed, tracker).test).statistics.mean
+    return 1e3 * evaluate(calibration.model, scenario(seed, tracker).test).statistics.mean
 
 
 def test_kinematics_alone_leave_the_error_of_the_eyes_and_anchored_it_is_gone():
@@ -37,7 +37,7 @@ def test_kinematics_alone_leave_the_error_of_the_eyes_and_anchored_it_is_gone():
 
 def test_links_are_within_two_millimetres():
     errors = np.array(
-        [np.subtract(link_lengths(learned(s).model.chain), lesson(s).links) for s in SEEDS]
+        [np.subtract(link_lengths(learned(s).model.chain), scenario(s).links) for s in SEEDS]
     )
     assert 1e3 * np.abs(errors).mean(axis=0).max() <= 2.0
     # The worst of all ten bodies is no more than twice as far off.

@@ -7,7 +7,7 @@ from nico_selfmodel.dataset import Dataset
 from nico_selfmodel.errors import ModelError
 from nico_selfmodel.estimation.mirror import calibrate_mirrors
 from nico_selfmodel.estimation.mirror_poses import free_space
-from nico_selfmodel.experiments.eyes_lesson import NicoBeforeItsEyes
+from nico_selfmodel.experiments.eyes_lesson import RenderedNico
 from nico_selfmodel.experiments.mirror_recording import (
     DEFAULT_MIRROR,
     NicoBeforeMirrors,
@@ -25,7 +25,7 @@ ROUGH = ImageQuality(1)
 
 @pytest.fixture(scope="module")
 def nico():
-    return NicoBeforeItsEyes("clean", 3, ("fiducial",))
+    return RenderedNico("clean", 3, ("fiducial",))
 
 
 @pytest.fixture(scope="module")
@@ -94,7 +94,7 @@ def test_the_station_before_a_mirror_has_three_ports_more_and_one_to_move_it(rec
 
 @pytest.mark.slow
 def test_the_same_seed_before_the_same_mirror_is_the_same_to_the_last_byte():
-    rough = NicoBeforeItsEyes("thesis", 4, ("fiducial",), ROUGH)
+    rough = RenderedNico("thesis", 4, ("fiducial",), ROUGH)
     pictures = []
     for _ in range(2):
         before = NicoBeforeMirrors(rough, {"m": DEFAULT_MIRROR})

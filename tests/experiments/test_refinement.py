@@ -10,20 +10,20 @@ from nico_selfmodel.experiments import refinement_report, tool_report, tool_use
 from nico_selfmodel.experiments.body_protocol import BodyProtocol
 from nico_selfmodel.experiments.eyes_lesson import Counts
 from nico_selfmodel.experiments.limits import Limit
-from nico_selfmodel.experiments.nico_before_its_eyes import NicoBeforeItsEyes
+from nico_selfmodel.experiments.nico_before_its_eyes import RenderedNico
 from nico_selfmodel.experiments.outsider import Outsider
 from nico_selfmodel.experiments.refinement import (
     CONDITIONS,
     row_of,
     run_refinement,
-    simulated_lesson,
+    simulated_scenario,
 )
-from nico_selfmodel.experiments.rendered_lesson import rendered_lessons
+from nico_selfmodel.experiments.rendered_lesson import rendered_scenarios
 from nico_selfmodel.experiments.rendered_tool import arm_with_tool
-from nico_selfmodel.systems import NICO_EYES, WORLDS, looking_arm
+from nico_selfmodel.systems import IMPERFECTIONS, NICO_CAMERAS, looking_arm
 from nico_selfmodel.systems.individual import Individual
 
-PLAY = WORLDS["clean"].with_noise(play_deg=0.5)
+PLAY = IMPERFECTIONS["clean"].with_noise(play_deg=0.5)
 
 
 @pytest.fixture(scope="module")
@@ -79,7 +79,7 @@ def test_measures_that_some_bodies_lack_are_averaged_over_the_others():
 
 @pytest.mark.slow
 def test_lessons_may_come_from_elsewhere_one_body_after_the_other(tmp_path, monkeypatch):
-    """As with `--rendered`; here the lessons are simulated, so that nothing need be rendered."""
+    """As with `--rendered`; here the scenarios are simulated, so that nothing need be rendered."""
     some = {"full, anchored": CONDITIONS["full, anchored"]}
     monkeypatch.setattr("nico_selfmodel.experiments.refinement.CONDITIONS", some)
     asked, told = [], []
@@ -87,9 +87,13 @@ def test_lessons_may_come_from_elsewhere_one_body_after_the_other(tmp_path, monk
     def source(seed, trackers, stage):
         asked.append((seed, trackers))
         stage("training poses", 1, 1)
-        lesson = simulated_lesson(BodyProtocol.of_nico(), PLAY, seed, "fiducial", random_poses=40)
-        unseen = replace(lesson.test, p_WH_measured=np.full_like(lesson.test.p_WH_measured, np.nan))
-        return {"fiducial": replace(lesson, test=unseen, links=None)}
+        scenario = simulated_scenario(
+            BodyProtocol.of_nico(), PLAY, seed, "fiducial", random_poses=40
+        )
+        unseen = replace(
+            scenario.test, p_WH_measured=np.full_like(scenario.test.p_WH_measured, np.nan)
+        )
+        return {"fiducial": replace(scenario, test=unseen, links=None)}
 
     found = run_refinement(
         PLAY, 2, 4, ("fiducial",), lambda *words: told.append(words), rendered=source
@@ -111,20 +115,20 @@ def test_lessons_may_come_from_elsewhere_one_body_after_the_other(tmp_path, monk
 @pytest.mark.slow
 def test_one_nico_records_for_all_trackers_through_rendered_pictures():
     counts = Counts(boards=6, circle=8, random=6, test=6, test_boards=3)
-    found = rendered_lessons(PLAY, 0, ("fiducial", "color"), None, counts)
+    found = rendered_scenarios(PLAY, 0, ("fiducial", "color"), None, counts)
     assert set(found) == {"fiducial", "color"}
-    for lesson in found.values():
-        assert len(lesson.boards) == 6
-        assert len(lesson.test_boards) == 3
-        assert not np.isfinite(lesson.train.p_WH_measured).any()
-        assert np.isfinite(lesson.test.pixels).all(axis=1).sum() >= 6
+    for scenario in found.values():
+        assert len(scenario.boards) == 6
+        assert len(scenario.test_boards) == 3
+        assert not np.isfinite(scenario.train.p_WH_measured).any()
+        assert np.isfinite(scenario.test.pixels).all(axis=1).sum() >= 6
     # Of four joints with half a degree of play nobody knows where they rest.
     assert 1.0 < found["fiducial"].limit.px[0] < 4.0
     assert found["color"].limit is None
     # What the outsider measured lies where the true left eye saw it.
     test, left = (
         found["fiducial"].test,
-        Individual.build(looking_arm(), PLAY, 0, NICO_EYES).rig.left,
+        Individual.build(looking_arm(), PLAY, 0, NICO_CAMERAS).rig.left,
     )
     seen = left.at(np.eye(4)).project(test.p_WH_measured)
     assert np.nanmax(np.abs(seen - test.pixels[:, :2])) < 0.6
@@ -147,7 +151,7 @@ def test_the_mechanics_leave_play_and_the_tracker_and_no_body_does_better(refine
 @pytest.mark.parametrize("sag", [0.0, 2.0])
 def test_a_body_without_play_that_knows_itself_is_left_with_its_tracker(sag):
     """0.3 px in each coordinate are 0.376 px on average; how a joint sags can be known."""
-    world = replace(WORLDS["clean"], play=0.0, sag=np.radians(sag))
+    world = replace(IMPERFECTIONS["clean"], play=0.0, sag=np.radians(sag))
     protocol = BodyProtocol.of_nico()
     body = protocol.body(world, 3)
     poses = protocol.random_poses(150, np.random.default_rng(0))
@@ -171,7 +175,7 @@ def test_a_tool_is_where_the_finger_was_and_longer(tmp_path):
     before, after = (one.urdf.read_text().count('"red_tape"') for one in (bare, arm))
     assert before - after == 1
     # All that an individual's arm is built from stays, so that it is the same body.
-    chains = [Individual.build(a, PLAY, 4, NICO_EYES).mechanics.chain for a in (bare, arm)]
+    chains = [Individual.build(a, PLAY, 4, NICO_CAMERAS).mechanics.chain for a in (bare, arm)]
     assert chains[0].points == pytest.approx(chains[1].points)
     assert chains[0].directions == pytest.approx(chains[1].directions)
 
@@ -180,10 +184,10 @@ def test_a_tool_is_where_the_finger_was_and_longer(tmp_path):
 def test_the_tip_of_a_tool_is_found_in_pictures(tmp_path):
     arm = arm_with_tool(tmp_path)
     outsider = Outsider(arm, PLAY, 0)
-    nico = NicoBeforeItsEyes(PLAY, 0, ("finger_tip",), arm=arm)
+    nico = RenderedNico(PLAY, 0, ("finger_tip",), arm=arm)
     seen = nico.record("tip", 4, 0, 5, outsider=outsider)
     assert len(seen) == 5
-    left = Individual.build(arm, PLAY, 0, NICO_EYES).rig.left.at(np.eye(4))
+    left = Individual.build(arm, PLAY, 0, NICO_CAMERAS).rig.left.at(np.eye(4))
     off = np.linalg.norm(left.project(seen.p_WH_measured) - seen.pixels[:, :2], axis=1)
     # The side of the tape that is seen is not its middle.
     assert off.max() < 3.0
@@ -194,13 +198,13 @@ def test_the_tip_of_a_tool_is_found_in_pictures(tmp_path):
 
 @pytest.mark.slow
 def test_a_tool_may_come_from_pictures_and_then_nothing_restarts(tmp_path, monkeypatch):
-    """As with `--rendered`; here the lesson is simulated, so that nothing need be rendered."""
+    """As with `--rendered`; here the scenario is simulated, so that nothing need be rendered."""
     monkeypatch.setattr(tool_use, "COUNTS", (3,))
     monkeypatch.setattr(tool_report, "COUNTS", (3,))
-    lesson = tool_use.simulated_tool_lesson(PLAY, 0)
-    unseen = np.full_like(lesson.hand.p_WH_measured, np.nan)
-    lesson = replace(lesson, hand=replace(lesson.hand, p_WH_measured=unseen))
-    found = tool_use.run_tool(PLAY, 1, 7, rendered=lambda seed, _: lesson)
+    scenario = tool_use.simulated_tool_scenario(PLAY, 0)
+    unseen = np.full_like(scenario.hand.p_WH_measured, np.nan)
+    scenario = replace(scenario, hand=replace(scenario.hand, p_WH_measured=unseen))
+    found = tool_use.run_tool(PLAY, 1, 7, rendered=lambda seed, _: scenario)
     assert found.rendered
     assert found.restart == ()
     rows = {row.what: row for row in found.tool}

@@ -116,7 +116,7 @@ def nico():
 def visit(nico, q):
     body, station = nico
     arm = station.arm
-    return body.visit(commands_of_angles(station.joints, arm.lower, arm.upper, [q])[0])
+    return body.move_and_measure(commands_of_angles(station.joints, arm.lower, arm.upper, [q])[0])
 
 
 def test_nico_sees_its_hand_before_its_eyes(nico):

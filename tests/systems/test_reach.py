@@ -5,14 +5,14 @@ import pytest
 
 from nico_selfmodel.errors import ModelError
 from nico_selfmodel.geometry.transform import apply
-from nico_selfmodel.systems import BOARD, Reach, looking_arm
+from nico_selfmodel.systems import BOARD, VisibleWorkspace, looking_arm
 
 LOOKING_POSE = np.radians([[-30.0, 50.0, 0.0, -70.0]])
 
 
 @pytest.fixture(scope="module")
 def reach():
-    return Reach.of(looking_arm("fiducial", "finger_tip"))
+    return VisibleWorkspace.of(looking_arm("fiducial", "finger_tip"))
 
 
 def test_the_pose_that_the_robots_description_names_is_in_view(reach):
@@ -67,6 +67,6 @@ def test_boards_are_whole_in_both_images_and_before_the_body(reach):
 
 def test_points_that_are_not_there_are_refused():
     with pytest.raises(ModelError, match="has the points fiducial"):
-        Reach.of(looking_arm("fiducial"), ("nose",))
+        VisibleWorkspace.of(looking_arm("fiducial"), ("nose",))
     with pytest.raises(ValueError, match="no point"):
         looking_arm("nose")

@@ -11,8 +11,8 @@ from pydrake.systems.primitives import ConstantVectorSource
 from nico_selfmodel.errors import ModelError
 from nico_selfmodel.estimation import calibrate_body, check_health
 from nico_selfmodel.experiments.body_protocol import BodyProtocol
-from nico_selfmodel.experiments.refinement import simulated_lesson
-from nico_selfmodel.systems import WORLDS, SelfModelMonitor
+from nico_selfmodel.experiments.refinement import simulated_scenario
+from nico_selfmodel.systems import IMPERFECTIONS, SelfModelMonitor
 from nico_selfmodel.systems.self_model_monitor import REMEMBERED
 
 PERIOD = 0.1
@@ -20,10 +20,10 @@ PERIOD = 0.1
 
 @pytest.fixture(scope="module")
 def case():
-    world = WORLDS["clean"].with_noise(play_deg=0.5)
+    world = IMPERFECTIONS["clean"].with_noise(play_deg=0.5)
     protocol = BodyProtocol.of_nico()
-    lesson = simulated_lesson(protocol, world, 0, "fiducial")
-    model = calibrate_body(lesson.train, lesson.eyes, lesson.boards).model
+    scenario = simulated_scenario(protocol, world, 0, "fiducial")
+    model = calibrate_body(scenario.train, scenario.eyes, scenario.boards).model
     return protocol, world, model
 
 

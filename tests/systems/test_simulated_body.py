@@ -7,11 +7,17 @@ import numpy as np
 import pytest
 
 from nico_selfmodel.experiments.body_protocol import BodyProtocol
-from nico_selfmodel.systems import NICO_EYES, TRACKERS, WORLDS, SimulatedBody, SimulatedEyes
+from nico_selfmodel.systems import (
+    IMPERFECTIONS,
+    NICO_CAMERAS,
+    TRACKERS,
+    SimulatedBody,
+    SimulatedEyes,
+)
 
 from .test_truth_stays_hidden import numbers_in
 
-CLEAN = WORLDS["clean"]
+CLEAN = IMPERFECTIONS["clean"]
 
 
 @pytest.fixture(scope="module")
@@ -44,7 +50,7 @@ def test_no_public_number_is_one_of_the_truth(protocol, body):
     truth += [X_BL[:3], rig.values]
     truth = np.concatenate([np.ravel(part) for part in truth])
     truth = truth[np.abs(truth - np.round(truth)) > 1e-6]
-    seen = [body.visit(c) for c in commands(protocol, body, 20)]
+    seen = [body.move_and_measure(c) for c in commands(protocol, body, 20)]
     shown = numbers_in(body) + [x for one in seen for x in numbers_in(one)]
     assert len(truth) > 50
     assert len(shown) > 100
@@ -52,7 +58,7 @@ def test_no_public_number_is_one_of_the_truth(protocol, body):
 
 
 def test_what_a_learner_gets_is_encoders_and_pixels(protocol, body):
-    sighting = body.visit(commands(protocol, body, 1)[0])
+    sighting = body.move_and_measure(commands(protocol, body, 1)[0])
     assert {f.name for f in fields(sighting)} == {"encoders", "pixels"}
     assert set(sighting.pixels) == {"hand"}
     with pytest.raises(TypeError):
@@ -61,7 +67,7 @@ def test_what_a_learner_gets_is_encoders_and_pixels(protocol, body):
     methods = [name for name in public if inspect.isfunction(getattr(SimulatedBody, name))]
     happenings = {"bump_eye", "change_gear", "restart", "slip", "take_tool"}
     outsiders = {"calipers", "expected", "observe"}
-    assert set(methods) == {"visit", "look_at_boards"} | happenings | outsiders
+    assert set(methods) == {"move_and_measure", "look_at_boards"} | happenings | outsiders
 
 
 def test_an_outsider_measures_the_hand_where_the_true_eyes_see_it(protocol, body):
@@ -83,7 +89,7 @@ def test_the_individual_is_not_what_its_description_says(protocol, body):
     chain, servos, X_BL, rig = hidden(body)
     assert np.linalg.norm(chain.points - protocol.arm.chain.points, axis=1).min() > 1e-5
     assert np.linalg.norm(X_BL[:3, 3] - protocol.X_BL[:3, 3]) > 1e-4
-    assert abs(rig.left.cx - NICO_EYES.left.cx) > 1e-2
+    assert abs(rig.left.cx - NICO_CAMERAS.left.cx) > 1e-2
     assert np.abs(servos.offset).min() > 1e-3
 
 
@@ -91,12 +97,12 @@ def test_noise_is_as_stated_and_what_lies_outside_an_image_is_not_seen(protocol)
     noisy = protocol.body(CLEAN, 5, tracker="color")
     assert noisy.pixel_sigma == TRACKERS["color"] == 2.0
     command = commands(protocol, noisy, 1)[0]
-    seen = np.array([noisy.visit(command).pixels["hand"] for _ in range(400)])
+    seen = np.array([noisy.move_and_measure(command).pixels["hand"] for _ in range(400)])
     assert seen.std(axis=0) == pytest.approx([2.0] * 4, rel=0.15)
     low = np.array([joint.lower for joint in noisy.joints])
     high = np.array([joint.upper for joint in noisy.joints])
     anywhere = np.random.default_rng(0).uniform(low, high, (200, 4))
-    found = np.array([noisy.visit(c).pixels["hand"] for c in anywhere])
+    found = np.array([noisy.move_and_measure(c).pixels["hand"] for c in anywhere])
     by_eye = np.isfinite(found).reshape(-1, 2, 2)
     assert np.array_equal(by_eye[:, :, 0], by_eye[:, :, 1])
     assert 0.1 < by_eye.all(axis=(1, 2)).mean() < 0.5
@@ -123,7 +129,7 @@ def test_whatever_happens_to_it_shows_in_its_pixels(protocol, what, arguments):
     reading = np.clip(
         command, *(np.array([getattr(j, e) for j in after.joints]) for e in ("lower", "upper"))
     )
-    one, other = (b.visit(reading).pixels["hand"] for b in (before, after))
+    one, other = (b.move_and_measure(reading).pixels["hand"] for b in (before, after))
     moved = np.abs(one - other)
     assert np.nanmax(moved) > 1.0
     if what == "bump_eye":
@@ -165,9 +171,9 @@ def test_play_comes_back_in_every_session_and_differs_between_them(protocol):
 
 def test_commands_and_stops_that_are_none_are_refused(protocol, body):
     with pytest.raises(ValueError, match="finite counts"):
-        body.visit([1.0, 2.0])
+        body.move_and_measure([1.0, 2.0])
     with pytest.raises(ValueError, match="finite counts"):
-        body.visit([np.nan] * 4)
+        body.move_and_measure([np.nan] * 4)
     arm = protocol.arm
     with pytest.raises(ValueError, match="finite lower < upper"):
         SimulatedBody(arm.chain, arm.upper, arm.lower, protocol.X_BL, CLEAN, 0)

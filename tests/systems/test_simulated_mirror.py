@@ -59,9 +59,9 @@ def test_no_public_number_is_one_of_the_truth(body):
 
 def test_commanded_poses_can_be_visited(body):
     seen = body.watch("far", 6)
-    again = body.visit("far", seen.encoders, session=4)
+    again = body.move_and_measure("far", seen.encoders, session=4)
     assert np.linalg.norm(again - seen.pixels, axis=1).max() < 10.0
-    assert np.isnan(body.visit("", seen.encoders)).any()
+    assert np.isnan(body.move_and_measure("", seen.encoders)).any()
 
 
 def test_what_does_not_exist_is_refused(body):
@@ -72,7 +72,7 @@ def test_what_does_not_exist_is_refused(body):
 def test_a_curved_mirror_shows_other_reflections():
     flat, bent = mirror_body(3), mirror_body(3, radius=3.0)
     seen = flat.watch("middle", 8)
-    moved = np.linalg.norm(bent.visit("middle", seen.encoders) - seen.pixels, axis=1)
+    moved = np.linalg.norm(bent.move_and_measure("middle", seen.encoders) - seen.pixels, axis=1)
     assert np.nanmin(moved) > 5.0
     found = calibrate_mirrors(bent.watch("middle", 10), bent.calibrated())
     assert not found.flatness["middle"].flat

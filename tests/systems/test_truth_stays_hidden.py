@@ -9,11 +9,11 @@ import numpy as np
 import pytest
 
 from nico_selfmodel.plant import ArmDescription
-from nico_selfmodel.systems import WORLDS, SimulatedArm
+from nico_selfmodel.systems import IMPERFECTIONS, SimulatedArm
 from nico_selfmodel.systems.simulated_arm import gravity_torques
 
 ARM = ArmDescription.named("nico")
-QUIET = WORLDS["clean"]
+QUIET = IMPERFECTIONS["clean"]
 
 
 def body(world=QUIET, seed=5, session=0, markers=1):
@@ -55,14 +55,14 @@ def numbers_in(thing, depth=0):
 
 @pytest.mark.parametrize("world", ["clean", "thesis"])
 def test_no_public_number_is_one_of_the_truth(world):
-    arm = body(WORLDS[world])
+    arm = body(IMPERFECTIONS[world])
     chain, servos, to_tracker = hidden(arm)
     truth = [chain.directions, chain.points, chain.p_WH_zero, servos.gear, servos.offset]
     truth = np.concatenate([np.ravel(part) for part in [*truth, to_tracker[:3]]])
     # Ones and zeros are nobody's secret.
     truth = truth[np.abs(truth - np.round(truth)) > 1e-6]
     shown = numbers_in(arm) + [
-        x for command in commands(arm, 20) for x in numbers_in(arm.visit(command))
+        x for command in commands(arm, 20) for x in numbers_in(arm.move_and_measure(command))
     ]
     assert len(truth) > 30
     assert len(shown) > 100
@@ -97,8 +97,8 @@ def test_stops_and_a_description_tell_gears_and_zeros_only_roughly():
 def test_no_method_takes_or_gives_joint_angles():
     public = [name for name in dir(SimulatedArm) if not name.startswith("_")]
     methods = [name for name in public if inspect.isfunction(getattr(SimulatedArm, name))]
-    assert methods == ["relive", "visit"]
-    sighting = body().visit(np.zeros(4))
+    assert methods == ["move_and_measure", "relive"]
+    sighting = body().move_and_measure(np.zeros(4))
     assert {f.name for f in fields(sighting)} == {"encoders", "points"}
     with pytest.raises(TypeError):
         sighting.points["hand"] = np.zeros(3)
@@ -107,17 +107,19 @@ def test_no_method_takes_or_gives_joint_angles():
 def test_what_is_seen_cannot_be_used_to_change_the_body():
     arm, twin = body(), body()
     command = commands(arm, 1)[0]
-    first = arm.visit(command)
+    first = arm.move_and_measure(command)
     first.encoders[:] = 0.0
     first.points["hand"][:] = 0.0
     command[:] = 0.0
     command = commands(arm, 1)[0]
-    twin.visit(command)
-    assert np.array_equal(arm.visit(command).points["hand"], twin.visit(command).points["hand"])
+    twin.move_and_measure(command)
+    assert np.array_equal(
+        arm.move_and_measure(command).points["hand"], twin.move_and_measure(command).points["hand"]
+    )
 
 
 def test_one_individual_lives_in_many_worlds_and_sessions():
-    a, b = body(QUIET, seed=3, session=0), body(WORLDS["thesis"], seed=3, session=8)
+    a, b = body(QUIET, seed=3, session=0), body(IMPERFECTIONS["thesis"], seed=3, session=8)
     for mine, theirs in zip(hidden(a)[:1], hidden(b)[:1], strict=True):
         assert np.array_equal(mine.points, theirs.points)
     other = hidden(body(QUIET, seed=4))[0]
@@ -125,11 +127,11 @@ def test_one_individual_lives_in_many_worlds_and_sessions():
 
 
 def test_encoders_are_whole_counts_between_the_stops():
-    arm = body(WORLDS["thesis"])
+    arm = body(IMPERFECTIONS["thesis"])
     low = np.array([joint.lower for joint in arm.joints])
     high = np.array([joint.upper for joint in arm.joints])
     for command in commands(arm, 50) * 1.6:
-        read = arm.visit(command).encoders
+        read = arm.move_and_measure(command).encoders
         assert np.array_equal(read, np.round(read))
         assert np.array_equal(read, np.clip(np.round(command), low, high))
     assert np.array_equal(low, np.round(low))
@@ -142,10 +144,10 @@ def test_play_is_as_wide_as_the_world_says_and_centred():
     arm = body(world)
     still = body()
     command = commands(arm, 1, seed=3)[0]
-    center = still.visit(command).points["hand"]
-    seen = np.array([arm.visit(command).points["hand"] for _ in range(600)])
+    center = still.move_and_measure(command).points["hand"]
+    seen = np.array([arm.move_and_measure(command).points["hand"] for _ in range(600)])
     chain, servos, to_tracker = hidden(arm)
-    q = servos.to_joint(still.visit(command).encoders)
+    q = servos.to_joint(still.move_and_measure(command).encoders)
     step = 1e-6
     moved = np.stack([chain.forward(q + step * unit) - chain.forward(q) for unit in np.eye(4)])
     slopes = moved / step @ to_tracker[:3, :3].T
@@ -159,8 +161,8 @@ def test_markers_are_noisy_and_lost_each_on_its_own():
     world = replace(QUIET, marker_sigma=1e-3, dropout_share=0.3)
     arm, still = body(world, markers=3), body(markers=3)
     command = commands(arm, 1, seed=3)[0]
-    exact = still.visit(command).points
-    sightings = [arm.visit(command).points for _ in range(400)]
+    exact = still.move_and_measure(command).points
+    sightings = [arm.move_and_measure(command).points for _ in range(400)]
     lost = np.array([[points[m] is None for m in arm.markers] for points in sightings])
     assert lost.mean() == pytest.approx(0.3, abs=0.05)
     assert np.abs(np.corrcoef(lost.T)[np.triu_indices(3, 1)]).max() < 0.15
@@ -175,8 +177,8 @@ def test_only_the_shoulder_wobbles_and_only_now_and_then():
     world = replace(QUIET, wobble=np.radians(1.0), wobble_share=0.2)
     arm, still = body(world), body()
     command = commands(arm, 1, seed=3)[0]
-    center = still.visit(command).points["hand"]
-    off = np.array([arm.visit(command).points["hand"] - center for _ in range(500)])
+    center = still.move_and_measure(command).points["hand"]
+    off = np.array([arm.move_and_measure(command).points["hand"] - center for _ in range(500)])
     loose = np.linalg.norm(off, axis=1) > 1e-9
     assert loose.mean() == pytest.approx(0.2, abs=0.06)
     # Two joints move the hand in a plane, to first order.

@@ -19,23 +19,23 @@ from nico_selfmodel.estimation.update_document import (
 )
 from nico_selfmodel.estimation.update_evaluation import evaluate_update, marked
 from nico_selfmodel.experiments.body_protocol import BodyProtocol
-from nico_selfmodel.experiments.refinement import simulated_lesson
+from nico_selfmodel.experiments.refinement import simulated_scenario
 from nico_selfmodel.model import SelfModel
-from nico_selfmodel.systems import WORLDS
+from nico_selfmodel.systems import IMPERFECTIONS
 from nico_selfmodel.viz.health_plot import health_plot
 from nico_selfmodel.viz.result_folder import load_scene
 from nico_selfmodel.viz.update_report import update_report_html, write_update_folder
 from nico_selfmodel.viz.update_scene import update_scene
 
-WORLD = WORLDS["clean"].with_noise(play_deg=0.5)
+WORLD = IMPERFECTIONS["clean"].with_noise(play_deg=0.5)
 TOOL = np.array([0.025, 0.0, -0.08])
 SLIPPED = "right_shoulder_roll"
 
 
 @pytest.fixture(scope="module")
 def model():
-    lesson = simulated_lesson(BodyProtocol.of_nico(), WORLD, 0, "fiducial", random_poses=40)
-    return calibrate_body(lesson.train, lesson.eyes, lesson.boards).model
+    scenario = simulated_scenario(BodyProtocol.of_nico(), WORLD, 0, "fiducial", random_poses=40)
+    return calibrate_body(scenario.train, scenario.eyes, scenario.boards).model
 
 
 def poses(count, change=lambda body: None, shift=None, session=1):
