@@ -2,14 +2,10 @@
 
 import numpy as np
 
-from nico_selfmodel.recording import commands_of_angles, record
-from nico_selfmodel.systems import (
-    ImageQuality,
-    NicoStation,
-    StationBody,
-    VisibleWorkspace,
-    looking_arm,
-)
+from nico_selfmodel.planning.plans import commands_of_angles
+from nico_selfmodel.planning.visible_workspace import VisibleWorkspace
+from nico_selfmodel.recording import record
+from nico_selfmodel.systems import ImageQuality, NicoStation, StationBody, looking_arm
 from nico_selfmodel.vision import NotSeen
 
 

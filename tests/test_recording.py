@@ -7,7 +7,8 @@ import pytest
 
 from nico_selfmodel.dataset import JointInfo
 from nico_selfmodel.errors import DataError
-from nico_selfmodel.recording import given_commands, random_commands, record, sweep_commands
+from nico_selfmodel.planning.plans import given_commands, random_commands, sweep_commands
+from nico_selfmodel.recording import record
 from nico_selfmodel.systems import Measurement
 
 JOINTS = (

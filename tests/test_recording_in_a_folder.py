@@ -7,7 +7,8 @@ import pytest
 
 from nico_selfmodel.dataset import Dataset, JointInfo
 from nico_selfmodel.errors import DataError, RobotError
-from nico_selfmodel.recording import commands_of_angles, pose_plan, record, recorded_samples
+from nico_selfmodel.planning.plans import commands_of_angles, pose_plan
+from nico_selfmodel.recording import record, recorded_samples
 from nico_selfmodel.systems import CameraMeasurement, Measurement
 from nico_selfmodel.vision import read_image
 

@@ -16,7 +16,6 @@ from nico_selfmodel.experiments.mirror import (
     experiment_of,
 )
 from nico_selfmodel.experiments.mirror_recording import NicoBeforeMirrors
-from nico_selfmodel.experiments.outsider import Outsider
 from nico_selfmodel.model import Mirror
 from nico_selfmodel.systems import Imperfections
 
@@ -92,9 +91,8 @@ def rendered_trial(world: Imperfections, seed: int, counts: Counts | None, stage
     test = before.record(
         "test", TEST_DAY, TEST_POSES, best=False, progress=watched("mirrors, kept for judging")
     )
-    # Who knows how the mirrors stand before the true eye judges, and tells nobody.
-    outsider = Outsider(nico.arm, world, seed)
-    true = {name: outsider.mirror(view.X_BM) for name, view in before.views.items()}
+    truth = nico.ground_truth
+    true = {name: truth.mirror(view.X_BM) for name, view in before.views.items()}
     stage("learning mirrors", 0, 1)
     found = Trial.of(
         scenario.model,

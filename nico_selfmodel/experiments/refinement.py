@@ -18,12 +18,12 @@ from nico_selfmodel.estimation import (
     evaluate,
     judge_body,
 )
-from nico_selfmodel.experiments.body_protocol import BodyProtocol
 from nico_selfmodel.experiments.limits import Limit
+from nico_selfmodel.experiments.projected_nico import TRACKERS, ProjectedNico
 from nico_selfmodel.experiments.stereo import BOARDS, TEST_BOARDS, board_points
 from nico_selfmodel.model import SelfModel
 from nico_selfmodel.model.link_lengths import link_lengths
-from nico_selfmodel.systems import TRACKERS, Imperfections
+from nico_selfmodel.systems import Imperfections, SimulatedCameras
 
 CIRCLE_POINTS = 15
 """Poses on each of the four circles, home not counted."""
@@ -170,7 +170,7 @@ def run_refinement(
 
 def _simulated(world: Imperfections, seed: int, trackers: tuple[str, ...]) -> dict[str, Scenario]:
     return {
-        tracker: simulated_scenario(BodyProtocol.of_nico(tracker), world, seed, tracker)
+        tracker: simulated_scenario(ProjectedNico.tracked_by(tracker), world, seed)
         for tracker in trackers
     }
 
@@ -182,34 +182,28 @@ def _numbered(progress: Progress | None, number: str) -> Progress | None:
 
 
 def simulated_scenario(
-    protocol: BodyProtocol,
-    world: Imperfections,
-    seed: int,
-    tracker: str,
-    random_poses: int = RANDOM_POSES,
+    nico: ProjectedNico, world: Imperfections, seed: int, random_poses: int = RANDOM_POSES
 ) -> Scenario:
-    """Record one individual.
+    """Record one robot.
 
     Args:
-        protocol: The robot as described.
+        nico: The robot as described, and how its hand is tracked.
         world: What is wrong with the body.
-        seed: Of the individual.
-        tracker: How the hand is tracked.
+        seed: Which robot.
         random_poses: Poses to learn from beside the circles.
     """
-    body = protocol.body(world, seed, tracker=tracker)
+    robot = nico.robot(world, seed)
     rng = np.random.default_rng((seed, 12))
-    labels, sweeps = protocol.sweeps(CIRCLE_POINTS)
-    poses = np.vstack([sweeps, protocol.random_poses(random_poses, rng)])
-    train = protocol.record(body, "train", poses, labels + [""] * random_poses, seed=seed)
-    test = protocol.record(
-        body, "test", protocol.random_poses(TEST_POSES, rng), observed=True, seed=seed
-    )
-    boards = body.look_at_boards(board_points(), BOARDS)
+    labels, sweeps = nico.sweeps(CIRCLE_POINTS)
+    poses = np.vstack([sweeps, nico.random_poses(random_poses, rng)])
+    train = nico.record(robot, "train", poses, labels + [""] * random_poses, seed=seed)
+    test = nico.record(robot, "test", nico.random_poses(TEST_POSES, rng), observed=True, seed=seed)
+    cameras, truth = SimulatedCameras(seed), robot.ground_truth
+    boards = cameras.look_at_boards(board_points(), BOARDS)
     eyes = calibrate_cameras(boards, SEED).self_model("eyes")
-    held_out = body.look_at_boards(board_points(), TEST_BOARDS, session=1)
-    limit = Limit.of(tracker, test, *body.expected(test.encoders))
-    return Scenario(train, test, eyes, boards, held_out, body.calipers(), limit)
+    held_out = cameras.look_at_boards(board_points(), TEST_BOARDS, session=1)
+    limit = Limit.of(nico.tracker, test, *truth.expected(test.encoders))
+    return Scenario(train, test, eyes, boards, held_out, truth.link_lengths(), limit)
 
 
 def measure(

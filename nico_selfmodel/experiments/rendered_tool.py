@@ -10,7 +10,6 @@ from numpy.typing import NDArray
 from nico_selfmodel.estimation import calibrate_body
 from nico_selfmodel.experiments.eyes_lesson import Counts, Stage, of_marker
 from nico_selfmodel.experiments.nico_before_its_eyes import RenderedNico
-from nico_selfmodel.experiments.outsider import Outsider
 from nico_selfmodel.experiments.rendered_lesson import COUNTS, MARKERS, rendered_scenarios
 from nico_selfmodel.experiments.tool_use import COUNTS as TOOL_COUNTS
 from nico_selfmodel.experiments.tool_use import TOOL, ToolScenario
@@ -57,7 +56,7 @@ def rendered_tool_scenario(
             0,
             counts.test,
             rig=model.rig,
-            outsider=Outsider(arm, world, seed),
+            observed=True,
             progress=lambda *done: tell("the tool, kept for judging", *done),
         )
         taken = nico.record(

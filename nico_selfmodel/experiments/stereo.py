@@ -15,7 +15,7 @@ from nico_selfmodel.estimation import (
 )
 from nico_selfmodel.estimation.board_accuracy import corner_distances, held_out_residuals
 from nico_selfmodel.experiments.report_files import Table, as_markdown, write_experiment
-from nico_selfmodel.systems import SimulatedEyes
+from nico_selfmodel.systems import SimulatedCameras
 from nico_selfmodel.viz import BarSeries, bar_chart
 
 SQUARE = 0.028
@@ -90,7 +90,7 @@ def run_stereo(
     conditions += [("full", count) for count in COUNTS if count != BOARDS]
     rows = {}
     for done, (lens, count) in enumerate(conditions, start=1):
-        eyes = [SimulatedEyes(seed + i, pixel_sigma) for i in range(individuals)]
+        eyes = [SimulatedCameras(seed + i, pixel_sigma) for i in range(individuals)]
         rows[lens, count] = _row(lens, count, eyes)
         if progress:
             progress("learning eyes", done, len(conditions))
@@ -108,7 +108,7 @@ def board_points(columns: int = 9, rows: int = 6, square: float = SQUARE) -> np.
     return square * np.stack([across, down, np.zeros_like(across)], axis=-1).reshape(-1, 3)
 
 
-def _row(lens: str, count: int, eyes: list[SimulatedEyes]) -> StereoRow:
+def _row(lens: str, count: int, eyes: list[SimulatedCameras]) -> StereoRow:
     corners = board_points()
     found = [
         _measure(

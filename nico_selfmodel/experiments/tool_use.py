@@ -9,10 +9,11 @@ import numpy as np
 from nico_selfmodel.dataset import Dataset
 from nico_selfmodel.estimation import calibrate_body, calibrate_tool, evaluate, rezero
 from nico_selfmodel.estimation.pixel_evaluation import evaluate_pixels
-from nico_selfmodel.experiments.body_protocol import BodyProtocol
+from nico_selfmodel.experiments.projected_nico import ProjectedNico
 from nico_selfmodel.experiments.refinement import TEST_POSES, Progress, simulated_scenario
 from nico_selfmodel.model import SelfModel
-from nico_selfmodel.systems import Imperfections, SimulatedBody
+from nico_selfmodel.systems import Imperfections, SimulatedRobot
+from nico_selfmodel.systems.simulated.sensors import StereoPixels
 
 TOOL = np.array([0.025, 0.0, -0.08])
 """From the finger tip to the screwdriver's, along the base's axes at q = 0 [m]."""
@@ -114,24 +115,24 @@ def run_tool(
 
 
 def learned_body(
-    protocol: BodyProtocol, world: Imperfections, seed: int, tracker: str
-) -> tuple[SimulatedBody, SelfModel, Dataset]:
-    """Return a body, what it learned of itself, and poses to test it on."""
-    scenario = simulated_scenario(protocol, world, seed, tracker)
+    nico: ProjectedNico, world: Imperfections, seed: int
+) -> tuple[SimulatedRobot, SelfModel, Dataset]:
+    """Return a robot, what it learned of itself, and poses to test it on."""
+    scenario = simulated_scenario(nico, world, seed)
     model = calibrate_body(scenario.train, scenario.eyes, scenario.boards).model
-    return protocol.body(world, seed, session=1, tracker=tracker), model, scenario.test
+    return nico.robot(world, seed, session=1), model, scenario.test
 
 
 def simulated_tool_scenario(world: Imperfections, seed: int) -> ToolScenario:
-    """Let one body learn itself by colour, take a tool, and look at its tip."""
-    protocol = BodyProtocol.of_nico("color")
-    body, model, hand = learned_body(protocol, world, seed, "color")
+    """Let one robot learn itself by colour, take a tool, and look at its tip."""
+    nico = ProjectedNico.tracked_by("color")
+    robot, model, hand = learned_body(nico, world, seed)
     rng = np.random.default_rng((seed, 13))
-    body.take_tool(TOOL)
-    body.pixel_sigma = TIP_SIGMA
-    tests = protocol.random_poses(TEST_POSES, rng, TOOL)
-    shown = protocol.record(body, "tip", tests, observed=True)
-    taken = protocol.record(body, "tool", protocol.random_poses(COUNTS[-1], rng, TOOL))
+    robot.faults.take_tool(TOOL)
+    robot.sensor = StereoPixels(TIP_SIGMA)
+    tests = nico.random_poses(TEST_POSES, rng, TOOL)
+    shown = nico.record(robot, "tip", tests, observed=True)
+    taken = nico.record(robot, "tool", nico.random_poses(COUNTS[-1], rng, TOOL))
     return ToolScenario(model, hand, taken, shown)
 
 
@@ -156,15 +157,15 @@ def with_tool(scenario: ToolScenario) -> dict[str, dict[str, Any]]:
 
 
 def _after_restart(world: Imperfections, seed: int) -> dict[str, dict[str, Any]]:
-    protocol = BodyProtocol.of_nico("fiducial")
-    body, model, test = learned_body(protocol, world, seed, "fiducial")
+    nico = ProjectedNico.tracked_by("fiducial")
+    robot, model, test = learned_body(nico, world, seed)
     rng = np.random.default_rng((seed, 14))
     rows = {"before the restart": {"poses": 0, **_errors(model, test)}}
-    body.restart(seed)
-    shown = protocol.record(body, "after", protocol.random_poses(TEST_POSES, rng), observed=True)
+    robot.faults.restart(seed)
+    shown = nico.record(robot, "after", nico.random_poses(TEST_POSES, rng), observed=True)
     rows["after the restart"] = {"poses": 0, **_errors(model, shown)}
     for count in ZERO_COUNTS:
-        poses = protocol.record(body, "zeros", protocol.random_poses(count, rng))
+        poses = nico.record(robot, "zeros", nico.random_poses(count, rng))
         found = rezero(model, poses).model
         rows[f"zeros from {count} poses"] = {"poses": count, **_errors(found, shown)}
     return rows

@@ -8,16 +8,18 @@ from pose to pose.
 
 from typing import TYPE_CHECKING, Any
 
-from nico_selfmodel.systems.eye_sighting import CameraMeasurement
+from nico_selfmodel.systems.measurements import CameraMeasurement, Measurement
 from nico_selfmodel.systems.motion_capture_stream import (
     MarkerFrame,
     MotionCaptureClient,
     MotionCaptureServer,
 )
-from nico_selfmodel.systems.simulated_arm import Measurement, SimulatedArm
-from nico_selfmodel.systems.simulated_body import TRACKERS, HandSighting, SimulatedBody
-from nico_selfmodel.systems.simulated_eyes import NICO_CAMERAS, SimulatedEyes
-from nico_selfmodel.systems.simulated_mirror import SimulatedMirrors
+from nico_selfmodel.systems.nico_cameras import NICO_CAMERAS
+from nico_selfmodel.systems.simulated.cameras import SimulatedCameras
+from nico_selfmodel.systems.simulated.ground_truth import GroundTruth
+from nico_selfmodel.systems.simulated.mechanics import Mechanics
+from nico_selfmodel.systems.simulated.mirrors import SimulatedMirrors
+from nico_selfmodel.systems.simulated.robot import SimulatedRobot
 from nico_selfmodel.systems.worlds import IMPERFECTIONS, Imperfections, imperfections_named
 
 if TYPE_CHECKING:
@@ -28,9 +30,7 @@ if TYPE_CHECKING:
         EncoderModel,
         HandTracker,
         ImageQuality,
-        Mechanics,
         MirrorPlate,
-        MirrorPredictor,
         MirrorScene,
         MotionCapture,
         MotionCaptureReceiver,
@@ -44,7 +44,6 @@ if TYPE_CHECKING:
         SettleTimeouts,
         StationBody,
         StereoCameras,
-        VisibleWorkspace,
         color_detector,
         default_detectors,
         fiducial_detector,
@@ -55,12 +54,11 @@ __all__ = [
     "BOARD",
     "IMPERFECTIONS",
     "NICO_CAMERAS",
-    "TRACKERS",
     "CameraDriver",
     "CameraMeasurement",
     "Detector",
     "EncoderModel",
-    "HandSighting",
+    "GroundTruth",
     "HandTracker",
     "ImageQuality",
     "Imperfections",
@@ -68,7 +66,6 @@ __all__ = [
     "Measurement",
     "Mechanics",
     "MirrorPlate",
-    "MirrorPredictor",
     "MirrorScene",
     "MotionCapture",
     "MotionCaptureClient",
@@ -82,13 +79,11 @@ __all__ = [
     "SelfModelPredictor",
     "ServoDriver",
     "SettleTimeouts",
-    "SimulatedArm",
-    "SimulatedBody",
-    "SimulatedEyes",
+    "SimulatedCameras",
     "SimulatedMirrors",
+    "SimulatedRobot",
     "StationBody",
     "StereoCameras",
-    "VisibleWorkspace",
     "color_detector",
     "default_detectors",
     "fiducial_detector",

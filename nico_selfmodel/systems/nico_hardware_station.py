@@ -17,9 +17,9 @@ from nico_selfmodel.systems.image_values import image_value
 from nico_selfmodel.systems.looking import POINTS
 from nico_selfmodel.systems.motion_capture_link import MotionCaptureReceiver
 from nico_selfmodel.systems.motion_capture_stream import MotionCaptureClient
+from nico_selfmodel.systems.nico_cameras import NICO_CAMERAS
 from nico_selfmodel.systems.nico_station import default_detectors
 from nico_selfmodel.systems.servo_driver import ServoDriver
-from nico_selfmodel.systems.simulated_eyes import NICO_CAMERAS
 from nico_selfmodel.systems.station_body import SettleTimeouts, StationBody
 
 REAL = SettleTimeouts(

@@ -12,9 +12,8 @@ from pydrake.systems.framework import Context, System
 
 from nico_selfmodel.dataset import JointInfo
 from nico_selfmodel.errors import RobotError
-from nico_selfmodel.systems.eye_sighting import CameraMeasurement
 from nico_selfmodel.systems.image_values import bgr_of
-from nico_selfmodel.systems.simulated_arm import Measurement
+from nico_selfmodel.systems.measurements import CameraMeasurement, Measurement
 
 _TICK = 0.02
 """Time between two looks at the encoders [s]."""

@@ -52,6 +52,7 @@ ALLOWED = {
         "pydrake.perception",
     },
     "recording": {"numpy"},
+    "planning": {"numpy"},
     "experiments": {"numpy", "pydrake.common", "yaml"},
     "cli": {"numpy", "rich", "typer"},
 }

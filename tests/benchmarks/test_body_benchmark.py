@@ -9,7 +9,7 @@ from nico_selfmodel.estimation.body_problem import BodyProblem
 from nico_selfmodel.estimation.body_start import body_start, lines_of
 from nico_selfmodel.estimation.hand_noise import HandNoise
 from nico_selfmodel.estimation.pixel_observations import PixelObservations
-from nico_selfmodel.experiments.body_protocol import BodyProtocol
+from nico_selfmodel.experiments.projected_nico import ProjectedNico
 from nico_selfmodel.experiments.refinement import simulated_scenario
 from nico_selfmodel.model.line_kinematics import hand_points
 from nico_selfmodel.systems import IMPERFECTIONS
@@ -25,7 +25,7 @@ HELD = [f"{eye}.{name}" for eye in ("left", "right") for name in ("skew", "p1", 
 def problem():
     """Return the unanchored problem of chapter 8, whitened, from a start learned by stereo."""
     world = IMPERFECTIONS["clean"].with_noise(play_deg=0.5)
-    scenario = simulated_scenario(BodyProtocol.of_nico(), world, 0, "fiducial", random_poses=139)
+    scenario = simulated_scenario(ProjectedNico.tracked_by(), world, 0, random_poses=139)
     start, dataset, _ = body_start(scenario.train, scenario.eyes, None, 0)
     observations = PixelObservations.from_dataset(dataset)
     assert len(observations) == 200

@@ -11,8 +11,9 @@ from pydrake.systems.analysis import Simulator
 from pydrake.systems.framework import DiagramBuilder
 from pydrake.systems.primitives import LogVectorOutput
 
-from nico_selfmodel.recording import commands_of_angles
-from nico_selfmodel.systems import NicoStation, SelfModelPredictor, VisibleWorkspace
+from nico_selfmodel.planning.plans import commands_of_angles
+from nico_selfmodel.planning.visible_workspace import VisibleWorkspace
+from nico_selfmodel.systems import NicoStation, SelfModelPredictor
 
 FPS = 30.0
 SECONDS = float(os.environ.get("NICO_STATION_SECONDS", "2"))

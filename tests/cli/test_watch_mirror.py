@@ -7,7 +7,6 @@ import pytest
 
 from nico_selfmodel.experiments.eyes_lesson import RenderedNico
 from nico_selfmodel.experiments.mirror_recording import DEFAULT_MIRROR, NicoBeforeMirrors
-from nico_selfmodel.experiments.outsider import Outsider
 from nico_selfmodel.experiments.watching import Watching
 from nico_selfmodel.model import Mirror
 from nico_selfmodel.systems import IMPERFECTIONS, looking_arm
@@ -45,7 +44,7 @@ def test_mirrors_that_cannot_be_watched_are_refused_in_one_line(words, reason, t
 def test_a_body_that_knows_its_mirror_predicts_what_it_sees_in_it():
     nico = RenderedNico(IMPERFECTIONS["clean"], 3, ("fiducial",))
     (view,) = NicoBeforeMirrors(nico, {"glass": DEFAULT_MIRROR}).views.values()
-    true = Outsider(looking_arm("fiducial"), IMPERFECTIONS["clean"], 3).mirror(view.X_BM)
+    true = nico.ground_truth.mirror(view.X_BM)
     model = model_before({"glass": true})
     with Watching(model, IMPERFECTIONS["clean"], 3, mirror=("glass", None)) as watching:
         errors = np.array(watching.visit_random_poses(2))

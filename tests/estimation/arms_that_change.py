@@ -10,7 +10,7 @@ from nico_selfmodel.estimation import calibrate_kinematics
 from nico_selfmodel.experiments.protocol import Protocol
 from nico_selfmodel.model import SelfModel
 from nico_selfmodel.plant import ArmDescription
-from nico_selfmodel.systems import IMPERFECTIONS, Imperfections, SimulatedArm
+from nico_selfmodel.systems import IMPERFECTIONS, Imperfections, SimulatedRobot
 
 THESIS, CLEAN = IMPERFECTIONS["thesis"], IMPERFECTIONS["clean"]
 CELLS = {
@@ -49,7 +49,7 @@ def session(
         off = np.random.default_rng(tags).normal(0.0, 0.02, (tags, 3))
         names = tuple(f"tag{k}" for k in range(tags))
         chain = replace(chain, markers=names, p_WH_zero=chain.p_WH_zero + off)
-    body = SimulatedArm(chain, arm().lower, arm().upper, world, seed, number)
+    body = SimulatedRobot.under_motion_capture(replace(arm(), chain=chain), world, seed, number)
     protocol = replace(Protocol.for_arm(arm()), random_poses=count)
     rng = np.random.default_rng((seed, number, 2))
     return protocol.run(body, "session", rng, sweeps=sweeps)

@@ -26,6 +26,7 @@ from nico_selfmodel.geometry.rotation import rotation_from_vector
 from nico_selfmodel.geometry.transform import apply, transform
 from nico_selfmodel.model import SelfModel, StereoRig
 from nico_selfmodel.model.link_lengths import link_lengths
+from nico_selfmodel.systems.simulated.sensors import StereoPixels
 
 from .simulated_bodies import CLEAN, Truth, blinded, body, learned, only_eyes, poses, scenario
 
@@ -47,7 +48,7 @@ def true_mm(calibration, seed=0):
 def exact_case():
     """Return noise-free pixels of 40 poses, exact boards, and the truth."""
     one = body(world=CLEAN)
-    one.pixel_sigma = 0.0
+    one.sensor = StereoPixels(0.0)
     data = poses(one, 40)
     truth = Truth.of(one)
     boards = scenario().boards
@@ -270,7 +271,7 @@ def test_bounds_of_the_user_are_checked():
 
 def test_poses_from_elsewhere_that_fit_worse_are_noticed():
     slipped = body()
-    slipped.slip("right_elbow", np.radians(4.0))
+    slipped.faults.slip("right_elbow", np.radians(4.0))
     found = learned(0)
     found = replace(found, test=evaluate_pixels(found.model, poses(slipped, 60)))
     assert any("significantly above" in reason for reason in judge_body(found).reasons)

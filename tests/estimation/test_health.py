@@ -31,7 +31,7 @@ def model():
 
 def changed(what, *arguments, count=15, seed=3):
     one = body()
-    getattr(one, what)(*arguments)
+    getattr(one.faults, what)(*arguments)
     return poses(one, count, seed=seed)
 
 
@@ -65,7 +65,7 @@ def test_a_slip_of_two_degrees_is_seen_and_named(model, joint, angle):
     ("what", "arguments", "cause"),
     [
         ("take_tool", ([0.0, 0.01, -0.03],), "point hand on the hand"),
-        ("bump_eye", ([0.01, 0.01, 0.0],), "pose of the right eye"),
+        ("bump_camera", ([0.01, 0.01, 0.0],), "pose of the right eye"),
         ("change_gear", ("right_elbow", 1.06), "gear of right_elbow"),
     ],
 )
@@ -160,10 +160,10 @@ def test_just_what_changed_is_learned_anew(model):
 
 
 def test_an_eye_that_was_bumped_is_learned_anew(model):
-    data = only_eyes(changed("bump_eye", [0.01, 0.02, 0.0], count=30))
+    data = only_eyes(changed("bump_camera", [0.01, 0.02, 0.0], count=30))
     update = relearn_cause(model, data, check_health(model, data))
     assert update.learned[0].startswith("right.pose")
-    fresh = only_eyes(changed("bump_eye", [0.01, 0.02, 0.0], seed=9, count=40))
+    fresh = only_eyes(changed("bump_camera", [0.01, 0.02, 0.0], seed=9, count=40))
     assert check_health(update.model, fresh).healthy
 
 

@@ -12,8 +12,8 @@ from nico_selfmodel.errors import NotConvergedError
 from nico_selfmodel.estimation import calibrate_cameras
 from nico_selfmodel.experiments import body_lesson
 from nico_selfmodel.experiments.body_lesson import refine
-from nico_selfmodel.experiments.body_protocol import BodyProtocol
 from nico_selfmodel.experiments.eyes_lesson import CameraScenario, learn_arm, nominal_with
+from nico_selfmodel.experiments.projected_nico import ProjectedNico
 from nico_selfmodel.experiments.refinement import simulated_scenario
 from nico_selfmodel.model import SelfModel
 from nico_selfmodel.systems import IMPERFECTIONS, looking_arm
@@ -31,7 +31,7 @@ def marked(data: Dataset) -> Dataset:
 @pytest.fixture(scope="module")
 def recorded():
     world = IMPERFECTIONS["clean"].with_noise(play_deg=0.5)
-    return simulated_scenario(BodyProtocol.of_nico(), world, 0, "fiducial", random_poses=40)
+    return simulated_scenario(ProjectedNico.tracked_by(), world, 0, random_poses=40)
 
 
 @pytest.fixture(scope="module")

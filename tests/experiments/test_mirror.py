@@ -59,7 +59,7 @@ def test_one_plane_reaches_its_bounds_over_ten_seeds(poses, bound_px):
         found = calibrate_mirrors(
             body.watch("middle", poses, 1), body.calibrated(), test=body.watch("middle", 100, 2)
         )
-        true, plane = body.true_mirror("middle"), found.mirrors["middle"]
+        true, plane = body.ground_truth.mirrors["middle"], found.mirrors["middle"]
         ours.append(found.test.distances_px.mean())
         cameras = fit_mirror_cameras(found.solution.reflections)
         free.append(cameras.evaluate(found.test.reflections).distances_px.mean())
@@ -115,7 +115,7 @@ def test_bodies_that_learned_themselves_are_honest_about_their_mirrors():
         for name in MIRRORS:
             found = calibrate_mirrors(body.watch(name, 10, 8), model)
             plane = found.mirrors[name]
-            miss = plane.values - body.true_mirror(name).values
+            miss = plane.values - body.ground_truth.mirrors[name].values
             scores.append(miss @ np.linalg.solve(plane.covariance, miss) / 3.0)
             assert found.flatness[name].flat
     assert 0.5 < np.mean(scores) < 2.0

@@ -14,9 +14,9 @@ from nico_selfmodel.experiments.mirror_recording import (
     mirror_of_words,
 )
 from nico_selfmodel.model import Mirror, MirrorRig
+from nico_selfmodel.planning.mirror_view import MirrorView
 from nico_selfmodel.systems import ImageQuality
 from nico_selfmodel.systems.mirror_scene import MirrorPlate
-from nico_selfmodel.systems.mirror_view import MirrorView
 
 from ..true_nico import true_model
 

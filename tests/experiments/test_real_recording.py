@@ -9,6 +9,7 @@ from nico_selfmodel.dataset import JointInfo
 from nico_selfmodel.errors import DataError
 from nico_selfmodel.estimation import calibrate_kinematics
 from nico_selfmodel.experiments.real_recording import RealRecording
+from nico_selfmodel.planning.visible_workspace import VisibleWorkspace
 from nico_selfmodel.recording import record
 from nico_selfmodel.servos import ArmController, BusSettings, SimulatedBus, zero_here
 from nico_selfmodel.systems import (
@@ -21,7 +22,6 @@ from nico_selfmodel.systems import (
     NicoStation,
     ServoDriver,
     StationBody,
-    VisibleWorkspace,
 )
 
 SEED = 3

@@ -7,11 +7,10 @@ import numpy as np
 import pytest
 
 from nico_selfmodel.experiments import refinement_report, tool_report, tool_use
-from nico_selfmodel.experiments.body_protocol import BodyProtocol
 from nico_selfmodel.experiments.eyes_lesson import Counts
 from nico_selfmodel.experiments.limits import Limit
 from nico_selfmodel.experiments.nico_before_its_eyes import RenderedNico
-from nico_selfmodel.experiments.outsider import Outsider
+from nico_selfmodel.experiments.projected_nico import ProjectedNico
 from nico_selfmodel.experiments.refinement import (
     CONDITIONS,
     row_of,
@@ -21,7 +20,7 @@ from nico_selfmodel.experiments.refinement import (
 from nico_selfmodel.experiments.rendered_lesson import rendered_scenarios
 from nico_selfmodel.experiments.rendered_tool import arm_with_tool
 from nico_selfmodel.systems import IMPERFECTIONS, NICO_CAMERAS, looking_arm
-from nico_selfmodel.systems.individual import Individual
+from nico_selfmodel.systems.nico_instance import NicoInstance
 
 PLAY = IMPERFECTIONS["clean"].with_noise(play_deg=0.5)
 
@@ -87,9 +86,7 @@ def test_lessons_may_come_from_elsewhere_one_body_after_the_other(tmp_path, monk
     def source(seed, trackers, stage):
         asked.append((seed, trackers))
         stage("training poses", 1, 1)
-        scenario = simulated_scenario(
-            BodyProtocol.of_nico(), PLAY, seed, "fiducial", random_poses=40
-        )
+        scenario = simulated_scenario(ProjectedNico.tracked_by(), PLAY, seed, random_poses=40)
         unseen = replace(
             scenario.test, p_WH_measured=np.full_like(scenario.test.p_WH_measured, np.nan)
         )
@@ -128,7 +125,7 @@ def test_one_nico_records_for_all_trackers_through_rendered_pictures():
     # What the outsider measured lies where the true left eye saw it.
     test, left = (
         found["fiducial"].test,
-        Individual.build(looking_arm(), PLAY, 0, NICO_CAMERAS).rig.left,
+        NicoInstance.build(looking_arm(), PLAY, 0, NICO_CAMERAS).rig.left,
     )
     seen = left.at(np.eye(4)).project(test.p_WH_measured)
     assert np.nanmax(np.abs(seen - test.pixels[:, :2])) < 0.6
@@ -152,11 +149,11 @@ def test_the_mechanics_leave_play_and_the_tracker_and_no_body_does_better(refine
 def test_a_body_without_play_that_knows_itself_is_left_with_its_tracker(sag):
     """0.3 px in each coordinate are 0.376 px on average; how a joint sags can be known."""
     world = replace(IMPERFECTIONS["clean"], play=0.0, sag=np.radians(sag))
-    protocol = BodyProtocol.of_nico()
-    body = protocol.body(world, 3)
+    protocol = ProjectedNico.tracked_by()
+    body = protocol.robot(world, 3)
     poses = protocol.random_poses(150, np.random.default_rng(0))
     data = protocol.record(body, "test", poses, observed=True)
-    limit = Limit.of("fiducial", data, *body.expected(data.encoders))
+    limit = Limit.of("fiducial", data, *body.ground_truth.expected(data.encoders))
     assert limit.px[0] == pytest.approx(0.376, rel=0.1)
     assert limit.true_mm[0] < 1e-6
 
@@ -175,7 +172,7 @@ def test_a_tool_is_where_the_finger_was_and_longer(tmp_path):
     before, after = (one.urdf.read_text().count('"red_tape"') for one in (bare, arm))
     assert before - after == 1
     # All that an individual's arm is built from stays, so that it is the same body.
-    chains = [Individual.build(a, PLAY, 4, NICO_CAMERAS).mechanics.chain for a in (bare, arm)]
+    chains = [NicoInstance.build(a, PLAY, 4, NICO_CAMERAS).mechanics.chain for a in (bare, arm)]
     assert chains[0].points == pytest.approx(chains[1].points)
     assert chains[0].directions == pytest.approx(chains[1].directions)
 
@@ -183,16 +180,15 @@ def test_a_tool_is_where_the_finger_was_and_longer(tmp_path):
 @pytest.mark.slow
 def test_the_tip_of_a_tool_is_found_in_pictures(tmp_path):
     arm = arm_with_tool(tmp_path)
-    outsider = Outsider(arm, PLAY, 0)
     nico = RenderedNico(PLAY, 0, ("finger_tip",), arm=arm)
-    seen = nico.record("tip", 4, 0, 5, outsider=outsider)
+    seen = nico.record("tip", 4, 0, 5, observed=True)
     assert len(seen) == 5
-    left = Individual.build(arm, PLAY, 0, NICO_CAMERAS).rig.left.at(np.eye(4))
+    left = NicoInstance.build(arm, PLAY, 0, NICO_CAMERAS).rig.left.at(np.eye(4))
     off = np.linalg.norm(left.project(seen.p_WH_measured) - seen.pixels[:, :2], axis=1)
     # The side of the tape that is seen is not its middle.
     assert off.max() < 3.0
     # Half a degree of play in four joints, 0.2 m away.
-    expected, _ = outsider.expected(seen.encoders, "finger_tip")
+    expected, _ = nico.ground_truth.expected(seen.encoders, "finger_tip")
     assert np.linalg.norm(expected[:, :2] - seen.pixels[:, :2], axis=1).max() < 15.0
 
 

@@ -8,7 +8,7 @@ import pytest
 from nico_selfmodel.geometry.rotation import rotation_from_vector
 from nico_selfmodel.geometry.transform import transform
 from nico_selfmodel.model import Camera, StereoRig
-from nico_selfmodel.recording import commands_of_angles
+from nico_selfmodel.planning.plans import commands_of_angles
 from nico_selfmodel.systems import HandTracker, ImageQuality, NicoStation, StationBody
 
 from .card_world import CardWorld

@@ -6,15 +6,14 @@ import numpy as np
 import pytest
 
 from nico_selfmodel.plant import ArmDescription
-from nico_selfmodel.systems import IMPERFECTIONS, SimulatedArm, imperfections_named
+from nico_selfmodel.systems import IMPERFECTIONS, SimulatedRobot, imperfections_named
 
 ARM = ArmDescription.named("nico")
 
 
 def body(world="thesis", seed=0, session=0, **changes):
-    return SimulatedArm(
-        ARM.chain, ARM.lower, ARM.upper, replace(IMPERFECTIONS[world], **changes), seed, session
-    )
+    flaws = replace(IMPERFECTIONS[world], **changes)
+    return SimulatedRobot.under_motion_capture(ARM, flaws, seed, session)
 
 
 def middle(arm):
@@ -59,8 +58,12 @@ def test_a_lost_marker_is_nowhere():
 def test_nothing_public_holds_the_truth():
     arm = body("clean", seed=1)
     public = {name for name in dir(arm) if not name.startswith("_")}
-    assert public == {"joints", "markers", "relive", "move_and_measure", "world"}
-    assert {name for name in vars(arm) if "__" not in name} == {"world", "_rng", "_stops"}
+    doors = {"faults", "ground_truth"}
+    builders = {"under_motion_capture", "with_cameras"}
+    assert (
+        public == {"joints", "markers", "relive", "move_and_measure", "sensor"} | doors | builders
+    )
+    assert {name for name in vars(arm) if "__" not in name} == {"sensor", "_rng"}
 
 
 def test_play_moves_the_hand_and_not_the_encoders():
@@ -80,7 +83,9 @@ def test_sag_is_the_same_every_time():
 
 def test_an_arm_without_stops_cannot_be_simulated():
     with pytest.raises(ValueError, match="finite"):
-        SimulatedArm(ARM.chain, ARM.lower, np.full(4, np.inf), IMPERFECTIONS["clean"], 0)
+        SimulatedRobot.under_motion_capture(
+            replace(ARM, upper=np.full(4, np.inf)), IMPERFECTIONS["clean"], 0
+        )
 
 
 def test_a_world_that_does_not_exist_is_explained():

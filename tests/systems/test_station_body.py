@@ -32,13 +32,18 @@ SERVOS = ServoMap(
     counts_per_turn=np.full(2, 4096.0),
     sign=np.ones(2),
 )
-MECHANICS = Mechanics(CHAIN, SERVOS, np.full(2, -800.0), np.full(2, 900.0), 0.4)
+
+
+def mechanics(world="clean"):
+    return Mechanics(
+        CHAIN, SERVOS, np.full(2, -800.0), np.full(2, 900.0), IMPERFECTIONS[world], 0.4
+    )
 
 
 def station(world="clean", seed=0, drop=(), extra=None):
     """Compose a station of bare servos, whose motion capture repeats the true angles."""
     builder = DiagramBuilder()
-    servos = builder.AddSystem(EncoderModel(MECHANICS, IMPERFECTIONS[world], [0.0, 0.0], seed=seed))
+    servos = builder.AddSystem(EncoderModel(mechanics(world), [0.0, 0.0], seed=seed))
     measured = builder.AddSystem(_Angles())
     builder.Connect(servos.GetOutputPort("joint_angles"), measured.get_input_port())
     builder.ExportInput(servos.GetInputPort("command"), "command")
@@ -148,6 +153,6 @@ def test_a_command_that_is_none_is_refused(command):
 
 def test_servos_that_cannot_be_are_refused():
     with pytest.raises(ValueError, match="start must be 2 readings"):
-        EncoderModel(MECHANICS, IMPERFECTIONS["clean"], [0.0])
+        EncoderModel(mechanics(), [0.0])
     with pytest.raises(ValueError, match="speed positive"):
-        EncoderModel(MECHANICS, IMPERFECTIONS["clean"], [0.0, 0.0], speed=0.0)
+        EncoderModel(mechanics(), [0.0, 0.0], speed=0.0)

@@ -9,8 +9,8 @@ import numpy as np
 import pytest
 
 from nico_selfmodel.plant import ArmDescription
-from nico_selfmodel.systems import IMPERFECTIONS, SimulatedArm
-from nico_selfmodel.systems.simulated_arm import gravity_torques
+from nico_selfmodel.systems import IMPERFECTIONS, SimulatedRobot
+from nico_selfmodel.systems.simulated.mechanics import gravity_torques
 
 ARM = ArmDescription.named("nico")
 QUIET = IMPERFECTIONS["clean"]
@@ -22,7 +22,7 @@ def body(world=QUIET, seed=5, session=0, markers=1):
         hands = chain.p_WH_zero[0] + 0.03 * np.arange(markers)[:, None]
         names = tuple(f"marker_{k}" for k in range(markers))
         chain = replace(chain, markers=names, p_WH_zero=hands)
-    return SimulatedArm(chain, ARM.lower, ARM.upper, world, seed, session)
+    return SimulatedRobot.under_motion_capture(replace(ARM, chain=chain), world, seed, session)
 
 
 def commands(arm, count, seed=0):
@@ -32,13 +32,13 @@ def commands(arm, count, seed=0):
 
 
 def hidden(arm):
-    """Return chain, servos and the tracker's place, which only a test may look at."""
-    names = ("true_chain", "servos", "to_tracker")
-    return [getattr(arm, f"_SimulatedArm__{name}") for name in names]
+    """Return chain, servos and the tracker's place."""
+    truth = arm.ground_truth.instance
+    return [truth.mechanics.chain, truth.mechanics.servos, truth.X_TB]
 
 
 def numbers_in(thing, depth=0):
-    """Return every number that can be reached through public names."""
+    """Return every number that can be reached through public names, but for the one door."""
     if depth > 6 or callable(thing) or isinstance(thing, str | bytes | None):
         return []
     if isinstance(thing, int | float | np.ndarray | np.generic):
@@ -49,7 +49,7 @@ def numbers_in(thing, depth=0):
     if isinstance(thing, list | tuple | set | frozenset):
         return [x for value in thing for x in numbers_in(value, depth + 1)]
     names = [f.name for f in fields(thing)] if is_dataclass(thing) else dir(thing)
-    public = [name for name in names if not name.startswith("_")]
+    public = [name for name in names if not name.startswith("_") and name != "ground_truth"]
     return [x for name in public for x in numbers_in(getattr(thing, name), depth + 1)]
 
 
@@ -95,8 +95,8 @@ def test_stops_and_a_description_tell_gears_and_zeros_only_roughly():
 
 
 def test_no_method_takes_or_gives_joint_angles():
-    public = [name for name in dir(SimulatedArm) if not name.startswith("_")]
-    methods = [name for name in public if inspect.isfunction(getattr(SimulatedArm, name))]
+    public = [name for name in dir(SimulatedRobot) if not name.startswith("_")]
+    methods = [name for name in public if inspect.isfunction(getattr(SimulatedRobot, name))]
     assert methods == ["move_and_measure", "relive"]
     sighting = body().move_and_measure(np.zeros(4))
     assert {f.name for f in fields(sighting)} == {"encoders", "points"}
@@ -208,4 +208,6 @@ def test_gravity_pulls_along_minus_z_and_not_on_vertical_axes():
 )
 def test_stops_that_are_none_are_refused(lower, upper):
     with pytest.raises(ValueError, match="finite lower < upper"):
-        SimulatedArm(ARM.chain, lower, upper, QUIET, 0)
+        SimulatedRobot.under_motion_capture(
+            replace(ARM, lower=np.array(lower), upper=np.array(upper)), QUIET, 0
+        )

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from nico_selfmodel.estimation import BodyOptions, body_document, calibrate_body, judge_body
-from nico_selfmodel.experiments.body_protocol import BodyProtocol
+from nico_selfmodel.experiments.projected_nico import ProjectedNico
 from nico_selfmodel.experiments.refinement import simulated_scenario
 from nico_selfmodel.model import SelfModel
 from nico_selfmodel.systems import IMPERFECTIONS
@@ -21,7 +21,7 @@ from nico_selfmodel.viz.result_folder import load_scene
 @pytest.fixture(scope="module")
 def scenario():
     world = IMPERFECTIONS["clean"].with_noise(play_deg=0.5)
-    return simulated_scenario(BodyProtocol.of_nico(), world, 0, "fiducial", random_poses=40)
+    return simulated_scenario(ProjectedNico.tracked_by(), world, 0, random_poses=40)
 
 
 @pytest.fixture(scope="module")
