@@ -31,7 +31,7 @@ def stereo(
     as_json: Annotated[bool, typer.Option("--json", help="Print JSON.")] = False,
 ) -> None:
     """Learn a pair of eyes with several lens models and numbers of boards (chapters 5, 8)."""
-    from nico_selfmodel.experiments.stereo import document_of, run_stereo, table_rows, write_report
+    from nico_selfmodel.experiments.stereo import report_of, run_stereo
     from nico_selfmodel.files import refuse_folder
 
     refuse_folder(out, force=force)
@@ -39,14 +39,7 @@ def stereo(
         raise ValueError(f"--pixel-sigma must lie between 0 and 10 px, got {pixel_sigma}")
     with console.progress_bar() as stage:
         results = run_stereo(individuals, pixel_sigma, seed, stage)
-    write_report(results, out, force=force)
-    if as_json:
-        console.print_json(document_of(results))
-        return
-    title = f"Held-out boards, {individuals} simulated pairs of eyes, {pixel_sigma:g} px"
-    console.print_table(f"{title}: lens models", *table_rows(results.by_lens))
-    console.print_table("Number of boards", *table_rows(results.by_boards))
-    console.print_where(out)
+    experiment_body.finish(report_of(results), out, force, as_json)
 
 
 @app.command("motion-capture")
@@ -65,13 +58,7 @@ def motion_capture(
 ) -> None:
     """Learn an arm under motion capture from few and from many samples (chapter 6)."""
     from nico_selfmodel.experiments.motion_capture import run_motion_capture
-    from nico_selfmodel.experiments.motion_capture_report import (
-        document_of,
-        repeat_rows,
-        table_rows,
-        write_report,
-    )
-    from nico_selfmodel.experiments.report_files import bodies
+    from nico_selfmodel.experiments.motion_capture_report import report_of
     from nico_selfmodel.files import refuse_folder
     from nico_selfmodel.plant import ArmDescription
     from nico_selfmodel.systems import imperfections_named
@@ -87,14 +74,7 @@ def motion_capture(
             seed=seed,
             progress=stage,
         )
-    write_report(results, out, force=force)
-    if as_json:
-        console.print_json(document_of(results))
-        return
-    title = f"Error on 100 random poses [mm], {bodies(individuals)}, world {world}"
-    console.print_table(title, *table_rows(results))
-    console.print_table(f"{repeats} random subsets", *repeat_rows(results))
-    console.print_where(out)
+    experiment_body.finish(report_of(results), out, force, as_json)
 
 
 @app.command("mirror")
@@ -125,12 +105,7 @@ def mirror(
 ) -> None:
     """Learn three mirrors from 10 to 50 poses and predict the hand in them (chapter 9)."""
     from nico_selfmodel.experiments.mirror import run_mirror
-    from nico_selfmodel.experiments.mirror_report import (
-        depth_rows,
-        document_of,
-        table_rows,
-        write_report,
-    )
+    from nico_selfmodel.experiments.mirror_report import report_of
     from nico_selfmodel.files import refuse_folder
 
     refuse_folder(out, force=force)
@@ -151,15 +126,7 @@ def mirror(
             results = run_rendered_mirror(chosen, individuals or 1, seed, progress=stage)
         else:
             results = run_mirror(individuals or 5, pixel_sigma, play_deg, seed, stage)
-    write_report(results, out, force=force)
-    if as_json:
-        console.print_json(document_of(results))
-        return
-    kind = "rendered" if rendered else f"{pixel_sigma:g} px"
-    title = f"Reflections in 100 test poses, {results.individuals} simulated robot(s), {kind}"
-    console.print_table(title, *table_rows(results))
-    console.print_table("What stereo depth alone allows", *depth_rows(results))
-    console.print_where(out)
+    experiment_body.finish(report_of(results), out, force, as_json)
 
 
 @app.command("vision")
@@ -179,14 +146,8 @@ def vision(
 
     refuse_folder(out, force=force)
     chosen = imperfections_named(world)
-    from nico_selfmodel.experiments.vision import document_of, run_vision, table_rows, write_report
+    from nico_selfmodel.experiments.vision import report_of, run_vision
 
     with console.progress_bar() as stage:
         results = run_vision(chosen, individuals=individuals, seed=seed, progress=stage)
-    write_report(results, out, force=force)
-    if as_json:
-        console.print_json(document_of(results))
-        return
-    title = f"Predicted against tracked hand, new poses, {individuals} simulated, world {world}"
-    console.print_table(title, *table_rows(results))
-    console.print_where(out)
+    experiment_body.finish(report_of(results), out, force, as_json)

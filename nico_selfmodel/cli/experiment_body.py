@@ -9,6 +9,7 @@ import typer
 from nico_selfmodel.cli import console
 
 if TYPE_CHECKING:
+    from nico_selfmodel.experiments.experiment_report import ExperimentReport
     from nico_selfmodel.systems import Imperfections
 
 Out = Annotated[Path, typer.Option("--out", help="Folder for tables and charts to make.")]
@@ -45,8 +46,7 @@ def refinement(
 ) -> None:
     """Let arm and eyes refine each other, as published and anchored to boards (chapter 8)."""
     from nico_selfmodel.experiments.refinement import run_refinement
-    from nico_selfmodel.experiments.refinement_report import document_of, table_rows, write_report
-    from nico_selfmodel.experiments.report_files import bodies
+    from nico_selfmodel.experiments.refinement_report import report_of
     from nico_selfmodel.files import refuse_folder
 
     refuse_folder(out, force=force)
@@ -61,13 +61,7 @@ def refinement(
         results = run_refinement(
             chosen, individuals, seed, tuple(tracker or ("fiducial", "color")), stage, source
         )
-    write_report(results, out, force=force)
-    if as_json:
-        console.print_json(document_of(results))
-        return
-    title = f"Held-out poses and boards, {bodies(individuals)}; ours / thesis"
-    console.print_table(title, *table_rows(results))
-    console.print_where(out)
+    finish(report_of(results), out, force, as_json)
 
 
 def tool(
@@ -81,13 +75,7 @@ def tool(
     as_json: AsJson = False,
 ) -> None:
     """Take a tool, and restart the encoders (section 8.4.4)."""
-    from nico_selfmodel.experiments.report_files import bodies
-    from nico_selfmodel.experiments.tool_report import (
-        document_of,
-        restart_table,
-        tool_table,
-        write_report,
-    )
+    from nico_selfmodel.experiments.tool_report import report_of
     from nico_selfmodel.experiments.tool_use import run_tool
     from nico_selfmodel.files import refuse_folder
 
@@ -101,18 +89,21 @@ def tool(
         source = partial(rendered_tool_scenario, chosen)
     with console.progress_bar() as stage:
         results = run_tool(chosen, individuals, seed, stage, source)
-    write_report(results, out, force=force)
-    if as_json:
-        console.print_json(document_of(results))
-        return
-    title = f"Held-out poses, {bodies(individuals)}"
-    console.print_table(f"{title}: a tool", *tool_table(results))
-    if results.restart:
-        console.print_table(f"{title}: a restart", *restart_table(results))
-    console.print_where(out)
+    finish(report_of(results), out, force, as_json)
 
 
 def _world(name: str, play_deg: float | None) -> "Imperfections":
     from nico_selfmodel.systems import imperfections_named
 
     return imperfections_named(name).with_noise(play_deg=play_deg)
+
+
+def finish(report: "ExperimentReport", out: Path, force: bool, as_json: bool) -> None:
+    """Write what an experiment found, and print its tables or its document."""
+    report.write(out, force=force)
+    if as_json:
+        console.print_json(report.document)
+        return
+    for table in report.tables:
+        console.print_table(table.title, table.headings, table.rows)
+    console.print_where(out)

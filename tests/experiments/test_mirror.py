@@ -37,7 +37,7 @@ def test_reflections_are_predicted_and_stereo_explains_the_rest(results):
 
 
 def test_tables_charts_and_json_are_written(results, tmp_path):
-    mirror_report.write_report(results, tmp_path / "out")
+    mirror_report.report_of(results).write(tmp_path / "out")
     assert {p.name for p in (tmp_path / "out").iterdir()} == {
         "result.json", "tables.md", "position.png", "pixels.png",
     }  # fmt: skip
@@ -46,7 +46,8 @@ def test_tables_charts_and_json_are_written(results, tmp_path):
     text = (tmp_path / "out" / "tables.md").read_text("utf-8")
     assert "| middle | 10 |" in text
     assert "stereo sets the limit" in text
-    headings, rows = mirror_report.table_rows(results)
+    table, _ = mirror_report.report_of(results).tables
+    headings, rows = table.headings, table.rows
     assert all(len(row) == len(headings) for row in rows)
 
 

@@ -47,12 +47,13 @@ def test_the_anchored_row_has_the_least_true_error_and_is_never_refused(refined)
 
 
 def test_the_tables_stand_beside_the_thesis(refined, tmp_path):
-    headings, rows = refinement_report.table_rows(refined)
+    (table,) = refinement_report.report_of(refined).tables
+    headings, rows = table.headings, table.rows
     assert len(rows) == len(CONDITIONS) + 1
     assert all(len(row) == len(headings) for row in rows)
     assert rows[0][1].endswith("/ 2.74 (1.39)")
     assert rows[2][6].endswith("/ 9.5, 5.6")
-    refinement_report.write_report(refined, tmp_path / "out")
+    refinement_report.report_of(refined).write(tmp_path / "out")
     document = json.loads((tmp_path / "out" / "result.json").read_text())
     assert document["individuals"] == 1
     assert document["thesis"]["fiducial"]["full, as published"]["own_mm"] == [1.99, 1.24]
@@ -100,12 +101,12 @@ def test_lessons_may_come_from_elsewhere_one_body_after_the_other(tmp_path, monk
     assert found.rendered
     (row,) = found.rows
     assert (row.runs, row.true_mm, row.links_mm) == (2, None, None)
-    refinement_report.write_report(found, tmp_path / "out")
+    refinement_report.report_of(found).write(tmp_path / "out")
     text = (tmp_path / "out" / "tables.md").read_text()
     assert "found in rendered pictures" in text
     assert "0 of 2 |" in text
     lost = replace(found, individuals=3)
-    assert refinement_report.table_rows(lost)[1][0][-1] == "0 of 2, 1 without an end"
+    assert refinement_report.report_of(lost).tables[0].rows[0][-1] == "0 of 2, 1 without an end"
     assert not (tmp_path / "out" / "true.png").exists()
 
 
@@ -140,7 +141,7 @@ def test_the_mechanics_leave_play_and_the_tracker_and_no_body_does_better(refine
     best = {row.condition: row for row in refined.rows}["full, anchored"]
     assert 0.9 * best.px[0] < limit.px[0] < 1.02 * best.px[0]
     assert 0.8 * best.true_mm[0] < limit.true_mm[0] < 1.02 * best.true_mm[0]
-    _, rows = refinement_report.table_rows(refined)
+    rows = refinement_report.report_of(refined).tables[0].rows
     assert rows[-1][0] == f"fiducial, {refinement_report.KNOWN}"
     assert rows[-1][2] == f"{limit.px[0]:.2f} ({limit.px[1]:.2f})"
 
@@ -206,7 +207,7 @@ def test_a_tool_may_come_from_pictures_and_then_nothing_restarts(tmp_path, monke
     rows = {row.what: row for row in found.tool}
     assert rows["hand before"].true_mm is None
     assert rows["tool, 3 poses, tip alone"].px[0] < 6.0 < rows["tool, nothing learned"].px[0]
-    tool_report.write_report(found, tmp_path / "out")
+    tool_report.report_of(found).write(tmp_path / "out")
     text = (tmp_path / "out" / "tables.md").read_text()
     assert "found in rendered pictures" in text
     assert "After a restart" not in text
@@ -233,7 +234,7 @@ def test_a_tool_takes_three_poses_and_a_restart_five(tmp_path):
     zeros = {row.what: row.true_mm[0] for row in found.restart}
     assert zeros["after the restart"] > 20.0
     assert zeros["zeros from 10 poses"] < 3.0
-    tool_report.write_report(found, tmp_path / "out")
+    tool_report.report_of(found).write(tmp_path / "out")
     text = (tmp_path / "out" / "tables.md").read_text()
     assert "7.42 (5.99)" in text
     document = json.loads((tmp_path / "out" / "result.json").read_text())
