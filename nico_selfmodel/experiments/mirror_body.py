@@ -53,8 +53,7 @@ def mirror_body(
     eye = tree.frame("left_wide_camera")
     X_BL = tree.poses({**arm.held, **HEAD}, arm.base_link, [eye])[0]
     return SimulatedMirrors(
-        arm.chain.moved(inverse(X_BL)),
-        (arm.lower, arm.upper),
+        replace(arm, chain=arm.chain.moved(inverse(X_BL))),
         mirrors,
         seed,
         pixel_sigma=pixel_sigma,

@@ -53,8 +53,7 @@ class NicoInstance:
             ValueError: If a joint of the arm has no limits.
         """
         rng = np.random.default_rng((seed, 20))
-        mechanics = Mechanics.build(arm.chain, arm.lower, arm.upper, imperfections, seed, rng)
-        mechanics = mechanics.weighed(arm.lower, arm.upper, rng)
+        mechanics = Mechanics.build(arm, imperfections, seed, rng).weighed(arm, rng)
         lenses = np.random.default_rng((seed, 7))
         rig = StereoRig(*(built_camera(c.at(np.eye(4)), lenses) for c in cameras.eyes))
         held = {

@@ -20,6 +20,7 @@ from nico_selfmodel.systems import (
     ImageQuality,
     NicoStation,
     SelfModelPredictor,
+    fiducial_detector,
     looking_arm,
 )
 from nico_selfmodel.systems.nico_instance import NicoInstance
@@ -173,7 +174,7 @@ def test_a_users_own_diagram_predicts_and_logs_and_leaves_no_thread(station):
     nico = builder.AddSystem(NicoStation("thesis", 3, 7, quality=ROUGH))
     guess = VisibleWorkspace.of(nico.arm).first_guess(nico.joints)
     predictor = builder.AddSystem(SelfModelPredictor(guess, "fiducial"))
-    tracker = builder.AddSystem(HandTracker.fiducial())
+    tracker = builder.AddSystem(HandTracker({"fiducial": fiducial_detector()}))
     builder.Connect(nico.GetOutputPort("encoders"), predictor.GetInputPort("encoders"))
     for eye in ("left_image", "right_image"):
         builder.Connect(nico.GetOutputPort(eye), tracker.GetInputPort(eye))

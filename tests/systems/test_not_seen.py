@@ -9,7 +9,13 @@ from nico_selfmodel.geometry.rotation import rotation_from_vector
 from nico_selfmodel.geometry.transform import transform
 from nico_selfmodel.model import Camera, StereoRig
 from nico_selfmodel.planning.plans import commands_of_angles
-from nico_selfmodel.systems import HandTracker, ImageQuality, NicoStation, StationBody
+from nico_selfmodel.systems import (
+    HandTracker,
+    ImageQuality,
+    NicoStation,
+    StationBody,
+    fiducial_detector,
+)
 
 from .card_world import CardWorld
 
@@ -22,7 +28,7 @@ def track(images, detectors=None):
     """Run the tracker on a pair of pictures: pixels, seen, reasons."""
     from nico_selfmodel.systems.image_values import image_value, write_bgr
 
-    tracker = HandTracker.fiducial() if detectors is None else HandTracker(detectors)
+    tracker = HandTracker(detectors or {"fiducial": fiducial_detector()})
     context = tracker.CreateDefaultContext()
     for eye, image in zip(("left", "right"), images, strict=True):
         value = image_value(*image.shape[1::-1])

@@ -1,6 +1,7 @@
 """An arm as it was really built, and where its joints stand when the encoders say something."""
 
 from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -9,6 +10,10 @@ from nico_selfmodel.dataset import JointInfo
 from nico_selfmodel.geometry.rotation import move_on_sphere, tangent_basis
 from nico_selfmodel.model import Chain, ServoMap
 from nico_selfmodel.systems.worlds import Imperfections
+
+if TYPE_CHECKING:
+    # The plant is slow to load.
+    from nico_selfmodel.plant import ArmDescription
 
 _GRAVITY = np.array([0.0, 0.0, -1.0])
 
@@ -33,9 +38,7 @@ class Mechanics:
     @classmethod
     def build(
         cls,
-        nominal: Chain,
-        lower: ArrayLike,
-        upper: ArrayLike,
+        arm: "ArmDescription",
         imperfections: Imperfections,
         seed: int,
         rng: np.random.Generator,
@@ -43,9 +46,7 @@ class Mechanics:
         """Build one instance of an arm.
 
         Args:
-            nominal: The arm as described, z up.
-            lower: Lower joint limits of the description [rad]. Shape (n,).
-            upper: Upper joint limits [rad]. Shape (n,).
+            arm: The arm as described.
             imperfections: How far it may be from that.
             seed: Which one; its stops come from this alone.
             rng: Source of geometry, gears and encoder zeros.
@@ -53,24 +54,23 @@ class Mechanics:
         Raises:
             ValueError: If a limit is missing or crossed, or a joint has no room to move.
         """
-        lower, upper = np.asarray(lower, dtype=float), np.asarray(upper, dtype=float)
+        lower, upper = arm.lower, arm.upper
         if not (np.isfinite(lower) & np.isfinite(upper) & (lower < upper)).all():
             raise ValueError("a simulated arm needs finite lower < upper limits of every joint")
-        chain = _built_chain(nominal, imperfections, rng)
-        servos = _built_servos(nominal.joints, imperfections, rng)
+        chain = _built_chain(arm.chain, imperfections, rng)
+        servos = _built_servos(arm.joints, imperfections, rng)
         inset = np.random.default_rng((seed, 2)).uniform(0.0, 1.0, (2, len(lower)))
         stops = _stops(servos, lower, upper, imperfections.stop_spread * inset)
         return cls(chain, servos, *stops, imperfections)
 
-    def weighed(self, lower: NDArray, upper: NDArray, rng: np.random.Generator) -> "Mechanics":
+    def weighed(self, arm: "ArmDescription", rng: np.random.Generator) -> "Mechanics":
         """Return the arm with its largest gravity torque known, from a sample of poses.
 
         Args:
-            lower: Lower joint limits of the description [rad]. Shape (n,).
-            upper: Upper joint limits [rad]. Shape (n,).
+            arm: The arm as described, between whose limits they lie.
             rng: Source of the poses.
         """
-        poses = rng.uniform(lower, upper, (50, len(lower)))
+        poses = rng.uniform(arm.lower, arm.upper, (50, len(arm.lower)))
         torque = max(float(np.abs(gravity_torques(self.chain, q)).max()) for q in poses)
         return replace(self, largest_torque=torque or 1.0)
 

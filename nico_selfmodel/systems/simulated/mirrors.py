@@ -1,6 +1,7 @@
 """A simulated robot before mirrors; nothing rendered, the truth hidden."""
 
 from collections.abc import Mapping
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -15,6 +16,10 @@ from nico_selfmodel.systems.simulated.ground_truth import GroundTruth
 from nico_selfmodel.systems.simulated.instance import RobotInstance
 from nico_selfmodel.systems.simulated.mechanics import Mechanics
 from nico_selfmodel.systems.worlds import Imperfections
+
+if TYPE_CHECKING:
+    # The plant is slow to load.
+    from nico_selfmodel.plant import ArmDescription
 
 _EDGE = 5.0
 """Markers nearer to the image's edge are not found [px]."""
@@ -31,8 +36,7 @@ class SimulatedMirrors:
 
     def __init__(
         self,
-        nominal: Chain,
-        limits: tuple[ArrayLike, ArrayLike],
+        arm: "ArmDescription",
         mirrors: Mapping[str, Mirror],
         seed: int,
         *,
@@ -44,8 +48,7 @@ class SimulatedMirrors:
         """Build one robot and put mirrors before it, each a little off from where intended.
 
         Args:
-            nominal: The arm as described, in the left camera's frame.
-            limits: Lower and upper joint limits [rad]. Shape (n,) each.
+            arm: The arm as described, its chain in the left camera's frame.
             mirrors: Where the mirrors are meant to stand.
             seed: Which robot.
             pixel_sigma: Noise of each pixel coordinate [px].
@@ -57,9 +60,9 @@ class SimulatedMirrors:
         rng = np.random.default_rng((seed, 11))
         self.pixel_sigma, self.play, self.clearance = pixel_sigma, play, clearance
         self._seed, self._radius = seed, radius
-        self._limits = np.array([np.asarray(limit, dtype=float) for limit in limits])
+        self._limits = arm.lower, arm.upper
         flaws = Imperfections("before mirrors", extra_gear=1.0, stop_spread=0.0, play=play)
-        self.__mechanics = Mechanics.build(nominal, *self._limits, flaws, seed, rng)
+        self.__mechanics = Mechanics.build(arm, flaws, seed, rng)
         # The left camera is the world.
         left = built_camera(NICO_CAMERAS.left, rng).at(NICO_CAMERAS.left.X_WC)
         self.__rig = StereoRig(left, built_camera(NICO_CAMERAS.right, rng))

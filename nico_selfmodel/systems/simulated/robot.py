@@ -7,18 +7,26 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from nico_selfmodel.dataset import JointInfo
+from nico_selfmodel.geometry.rotation import rotation_from_vector
+from nico_selfmodel.geometry.transform import transform
 from nico_selfmodel.model import StereoRig
 from nico_selfmodel.systems.measurements import Measurement
 from nico_selfmodel.systems.nico_cameras import NICO_CAMERAS
+from nico_selfmodel.systems.simulated.cameras import built_rig
 from nico_selfmodel.systems.simulated.faults import Change, FaultInjector
 from nico_selfmodel.systems.simulated.ground_truth import GroundTruth
-from nico_selfmodel.systems.simulated.instance import RobotInstance
+from nico_selfmodel.systems.simulated.instance import RobotInstance, tracker_pose
+from nico_selfmodel.systems.simulated.mechanics import Mechanics
 from nico_selfmodel.systems.simulated.sensors import MotionCaptureSensor, Sensor, StereoPixels
 from nico_selfmodel.systems.worlds import Imperfections
 
 if TYPE_CHECKING:
     # The plant is slow to load.
     from nico_selfmodel.plant import ArmDescription
+
+
+_NECK_TURN, _NECK_SHIFT = np.radians(2.0), 3e-3
+"""How far the head stands from where the description has it [rad, m]."""
 
 
 @dataclass(eq=False)
@@ -65,9 +73,10 @@ class SimulatedRobot:
         Raises:
             ValueError: If a joint limit is missing or crossed, or a joint has no room to move.
         """
-        robot = RobotInstance.under_motion_capture(
-            arm.chain, arm.lower, arm.upper, imperfections, seed
-        )
+        rng = np.random.default_rng(seed)
+        mechanics = Mechanics.build(arm, imperfections, seed, rng)
+        X_TB = tracker_pose(rng)
+        robot = RobotInstance(mechanics.weighed(arm, rng), X_TB=X_TB)
         sensor = MotionCaptureSensor(imperfections.marker_sigma, imperfections.dropout_share)
         return cls(robot, sensor, (seed, session, 1))
 
@@ -98,9 +107,15 @@ class SimulatedRobot:
         Raises:
             ValueError: If a joint limit is missing or crossed, or a joint has no room to move.
         """
-        robot = RobotInstance.with_cameras(
-            arm.chain, arm.lower, arm.upper, imperfections, seed, X_BL, cameras
-        )
+        rng = np.random.default_rng((seed, 9))
+        mechanics = Mechanics.build(arm, imperfections, seed, rng)
+        if imperfections.sag:
+            mechanics = mechanics.weighed(arm, np.random.default_rng((seed, 15)))
+        neck = rotation_from_vector(rng.normal(0.0, _NECK_TURN, 3))
+        X_BE = np.asarray(X_BL, dtype=float) @ transform(neck, rng.normal(0.0, _NECK_SHIFT, 3))
+        # The rig stands only nearly at its own world: what counts is the true left camera.
+        rig = built_rig(cameras, np.random.default_rng((seed, 7)))
+        robot = RobotInstance(mechanics, rig.moved(rig.left.X_WC), X_BE @ rig.left.X_WC)
         return cls(robot, StereoPixels(pixel_sigma), (seed, session, 10))
 
     @property
