@@ -10,7 +10,7 @@ import pytest
 
 from nico_selfmodel.cli.app import _tree
 from nico_selfmodel.model import SelfModel
-from nico_selfmodel.systems import NICO_EYES
+from nico_selfmodel.systems import NICO_CAMERAS
 
 
 def run(words, folder, root):
@@ -40,7 +40,7 @@ def test_the_readmes_python_runs(project_root, tmp_path):
 
 
 def test_the_readmes_cameras_see_a_point_before_them(project_root, tmp_path):
-    cameras = {"left": NICO_EYES.left, "right": NICO_EYES.right}
+    cameras = {"left": NICO_CAMERAS.left, "right": NICO_CAMERAS.right}
     (tmp_path / "cameras").mkdir()
     SelfModel("cameras", cameras=cameras).save(tmp_path / "cameras" / "self_model.yaml")
     _, block = python_of_the_readme(project_root)

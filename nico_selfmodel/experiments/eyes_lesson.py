@@ -18,10 +18,10 @@ from nico_selfmodel.estimation import (
 )
 from nico_selfmodel.estimation.pixel_evaluation import PixelEvaluation
 from nico_selfmodel.estimation.sight import Sight
-from nico_selfmodel.experiments.nico_before_its_eyes import NicoBeforeItsEyes
+from nico_selfmodel.experiments.nico_before_its_eyes import RenderedNico
 from nico_selfmodel.model import SelfModel
 from nico_selfmodel.plant import ArmDescription
-from nico_selfmodel.systems import World
+from nico_selfmodel.systems import Imperfections
 
 Stage = Callable[[str, int, int], None]
 """Called with what is going on, steps done and steps in all."""
@@ -46,7 +46,7 @@ class Counts:
 
 
 @dataclass(frozen=True, eq=False)
-class ArmLesson:
+class ArmScenario:
     """An arm learned by sight of one marker."""
 
     calibration: KinematicCalibration
@@ -73,25 +73,25 @@ class ArmLesson:
 
 
 @dataclass(frozen=True, eq=False)
-class EyesLesson:
+class CameraScenario:
     """Eyes and arm, as learned."""
 
     views: BoardViews
     """What was seen of the chessboard."""
     eyes: CameraCalibration
     """The eyes."""
-    arms: Mapping[str, ArmLesson]
+    arms: Mapping[str, ArmScenario]
     """Marker -> the arm learned by it."""
 
 
-def learn_through_the_eyes(
-    world: World | str,
+def learn_cameras_and_arm(
+    world: Imperfections | str,
     seed: int = 0,
     *,
     markers: tuple[str, ...] = ("fiducial",),
     counts: Counts | None = None,
     stage: Stage | None = None,
-) -> EyesLesson:
+) -> CameraScenario:
     """Calibrate the eyes, move the arm before them, and learn it.
 
     Args:
@@ -109,7 +109,7 @@ def learn_through_the_eyes(
         return lambda done, total: stage(what, done, total) if stage else None
 
     counts = counts or Counts()
-    nico = NicoBeforeItsEyes(world, seed, markers)
+    nico = RenderedNico(world, seed, markers)
     views = nico.board_views(counts.boards, 0, progress=report("looking at a chessboard"))
     report("learning the eyes")(0, 1)
     eyes = calibrate_cameras(views)
@@ -133,7 +133,7 @@ def learn_through_the_eyes(
             of_marker(train, marker), of_marker(test, marker), eyes, nominal, "nico"
         )
         report("learning the arm")(done, len(markers))
-    return EyesLesson(views, eyes, arms)
+    return CameraScenario(views, eyes, arms)
 
 
 def learn_arm(
@@ -142,7 +142,7 @@ def learn_arm(
     eyes: CameraCalibration,
     nominal: NominalArm | None,
     name: str,
-) -> ArmLesson:
+) -> ArmScenario:
     """Learn an arm from what calibrated eyes reconstruct of its hand.
 
     Args:
@@ -156,7 +156,7 @@ def learn_arm(
     calibration = sight.complete(
         calibrate_kinematics(sight.train, test=sight.test, nominal=nominal, name=name)
     )
-    return ArmLesson(calibration, sight, sight.evaluate(calibration.model))
+    return ArmScenario(calibration, sight, sight.evaluate(calibration.model))
 
 
 def of_marker(data: Dataset, marker: str) -> Dataset:

@@ -9,11 +9,11 @@ from nico_selfmodel.errors import NotIdentifiableError
 from nico_selfmodel.estimation import KinematicCalibration, NominalArm, calibrate_kinematics
 from nico_selfmodel.experiments.protocol import Protocol, simulated_session
 from nico_selfmodel.plant import ArmDescription
-from nico_selfmodel.systems import World
+from nico_selfmodel.systems import Imperfections
 
 
 @dataclass(frozen=True, eq=False)
-class FirstArm:
+class MotionCaptureScenario:
     """What was recorded and what was learned from it."""
 
     train: Dataset
@@ -26,15 +26,15 @@ class FirstArm:
     """The arm refined over all poses."""
 
 
-def learn_first_arm(
+def learn_by_motion_capture(
     arm: ArmDescription,
-    world: World,
+    world: Imperfections,
     *,
     seed: int = 0,
     random_poses: int = 100,
     test_poses: int = 100,
     stage: Callable[[str, int, int], None] | None = None,
-) -> FirstArm:
+) -> MotionCaptureScenario:
     """Record a simulated arm and learn it.
 
     Args:
@@ -84,7 +84,7 @@ def learn_first_arm(
     learning(1, 2)
     refined = calibrate_kinematics(train, test=test, nominal=nominal, name=f"{arm.robot} arm")
     learning(2, 2)
-    return FirstArm(train, test, circles, refined)
+    return MotionCaptureScenario(train, test, circles, refined)
 
 
 def nominal_of(arm: ArmDescription) -> NominalArm:

@@ -12,7 +12,7 @@ from nico_selfmodel.estimation.mirror_cameras import fit_mirror_cameras
 from nico_selfmodel.experiments.mirror_body import MIRRORS, learned_body, mirror_body
 from nico_selfmodel.model import Mirror, SelfModel, StereoRig
 from nico_selfmodel.plant import ArmDescription
-from nico_selfmodel.systems.simulated_mirror import SimulatedMirrors
+from nico_selfmodel.systems.simulated.mirrors import SimulatedMirrors
 
 POSES = (10, 20, 30, 40, 50)
 TEST_POSES = 100
@@ -204,7 +204,7 @@ def _simulated(body: SimulatedMirrors) -> Trial:
         {name: body.watch(name, max(POSES), session=2) for name in MIRRORS},
         {name: body.watch(name, TEST_POSES, session=3) for name in MIRRORS},
         body.pixel_sigma,
-        {name: body.true_mirror(name) for name in MIRRORS},
+        body.ground_truth.mirrors,
     )
 
 

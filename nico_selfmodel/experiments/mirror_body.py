@@ -13,7 +13,7 @@ from nico_selfmodel.geometry.transform import inverse
 from nico_selfmodel.model import Mirror, SelfModel
 from nico_selfmodel.plant import ArmDescription
 from nico_selfmodel.plant.kinematic_tree import KinematicTree
-from nico_selfmodel.systems.simulated_mirror import SimulatedMirrors
+from nico_selfmodel.systems.simulated.mirrors import SimulatedMirrors
 
 HEAD = {"neck_yaw": -1.0, "neck_pitch": 0.4, "eyes_tilt": 0.3}
 """The head looks at the right hand [rad]."""
@@ -53,8 +53,7 @@ def mirror_body(
     eye = tree.frame("left_wide_camera")
     X_BL = tree.poses({**arm.held, **HEAD}, arm.base_link, [eye])[0]
     return SimulatedMirrors(
-        arm.chain.moved(inverse(X_BL)),
-        (arm.lower, arm.upper),
+        replace(arm, chain=arm.chain.moved(inverse(X_BL))),
         mirrors,
         seed,
         pixel_sigma=pixel_sigma,

@@ -12,11 +12,11 @@ from nico_selfmodel.estimation.mirror import MirrorCalibration, calibrate_mirror
 from nico_selfmodel.estimation.mirror_document import mirror_document
 from nico_selfmodel.estimation.mirror_verdict import judge_mirrors, judged
 from nico_selfmodel.estimation.verdict import Verdict
-from nico_selfmodel.experiments.body_lesson import BodyLesson
-from nico_selfmodel.experiments.eyes_lesson import NicoBeforeItsEyes, Stage
+from nico_selfmodel.experiments.body_lesson import BodyScenario
+from nico_selfmodel.experiments.eyes_lesson import RenderedNico, Stage
 from nico_selfmodel.experiments.mirror_recording import DEFAULT_MIRROR, NicoBeforeMirrors
 from nico_selfmodel.model import SelfModel
-from nico_selfmodel.systems import World
+from nico_selfmodel.systems import Imperfections
 from nico_selfmodel.viz.mirror_picture import MirrorPicture
 
 MIRROR = "mirror"
@@ -26,7 +26,7 @@ POSES = 20
 
 
 @dataclass(frozen=True, eq=False)
-class MirrorLesson:
+class MirrorScenario:
     """A mirror learned by looking into it."""
 
     calibration: MirrorCalibration
@@ -53,14 +53,14 @@ class MirrorLesson:
 
 def learn_mirror(
     model: SelfModel,
-    world: World | str,
+    world: Imperfections | str,
     seed: int = 0,
     *,
     marker: str = "fiducial",
     familiar: NDArray | None = None,
     poses: int = POSES,
     stage: Stage | None = None,
-) -> MirrorLesson:
+) -> MirrorScenario:
     """Put a mirror before the robot, let it look at its hand in it, and learn where it stands.
 
     Args:
@@ -82,7 +82,7 @@ def learn_mirror(
     def report(what: str) -> Callable[[int, int], None]:
         return lambda done, total: stage(what, done, total) if stage else None
 
-    nico = NicoBeforeItsEyes(world, seed, (marker,))
+    nico = RenderedNico(world, seed, (marker,))
     before = NicoBeforeMirrors(
         nico, {MIRROR: DEFAULT_MIRROR}, knows=model, rig=model.rig, familiar=familiar
     )
@@ -99,17 +99,17 @@ def learn_mirror(
     images = before.look(DAY, MIRROR, train.encoders[row])
     picture = MirrorPicture(int(train.sample[row]), train.encoders[row], images)
     verdict = judge_mirrors(calibration)
-    return MirrorLesson(judged(calibration, verdict), verdict, train, test, picture)
+    return MirrorScenario(judged(calibration, verdict), verdict, train, test, picture)
 
 
-def with_mirror(lesson: BodyLesson, mirror: MirrorLesson) -> BodyLesson:
+def with_mirror(scenario: BodyScenario, mirror: MirrorScenario) -> BodyScenario:
     """Return what was learned of a body, its self-model now with the mirror.
 
     Args:
-        lesson: Eyes and arm.
-        mirror: Learned with the model of that lesson.
+        scenario: Eyes and arm.
+        mirror: Learned with the model of that scenario.
     """
-    if lesson.refined is not None and lesson.accepted:
-        return replace(lesson, refined=replace(lesson.refined, model=mirror.model))
-    calibration = replace(lesson.arm.calibration, model=mirror.model)
-    return replace(lesson, arm=replace(lesson.arm, calibration=calibration))
+    if scenario.refined is not None and scenario.accepted:
+        return replace(scenario, refined=replace(scenario.refined, model=mirror.model))
+    calibration = replace(scenario.arm.calibration, model=mirror.model)
+    return replace(scenario, arm=replace(scenario.arm, calibration=calibration))

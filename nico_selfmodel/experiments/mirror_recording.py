@@ -10,14 +10,15 @@ from numpy.typing import NDArray
 from nico_selfmodel.dataset import Dataset
 from nico_selfmodel.errors import EstimationError
 from nico_selfmodel.estimation.mirror_poses import MirrorPoses, plan_mirror_poses
-from nico_selfmodel.experiments.eyes_lesson import NicoBeforeItsEyes
+from nico_selfmodel.experiments.eyes_lesson import RenderedNico
 from nico_selfmodel.model import Mirror, SelfModel, StereoRig
 from nico_selfmodel.model.stereo_rig import EYES
 from nico_selfmodel.names import check_name
-from nico_selfmodel.recording import Plan, RecordedSamples, commands_of_angles, live_again
+from nico_selfmodel.planning.mirror_view import MirrorView
+from nico_selfmodel.planning.plans import Plan, commands_of_angles
+from nico_selfmodel.recording import RecordedSamples, live_again
 from nico_selfmodel.systems import NicoStation, StationBody
 from nico_selfmodel.systems.mirror_scene import MirrorPlate, put_mirror
-from nico_selfmodel.systems.mirror_view import MirrorView
 from nico_selfmodel.systems.reflection_detectors import default_mirror_detectors
 
 DEFAULT_MIRROR = Mirror.from_values([0.0, np.radians(-20.0), 0.30])
@@ -39,7 +40,7 @@ class NicoBeforeMirrors:
 
     def __init__(
         self,
-        nico: NicoBeforeItsEyes,
+        nico: RenderedNico,
         mirrors: Mapping[str, Mirror],
         *,
         plate: MirrorPlate | None = None,
@@ -65,13 +66,13 @@ class NicoBeforeMirrors:
         self.plate = plate or MirrorPlate()
         self.views = {
             name: MirrorView.of(
-                nico.reach, mirror, self.plate, np.random.default_rng((nico.seed, 21))
+                nico.workspace, mirror, self.plate, np.random.default_rng((nico.seed, 21))
             )
             for name, mirror in mirrors.items()
         }
         if familiar is not None:
             with self.station(0) as station:
-                q = nico.reach.first_guess(station.joints).servos.to_joint(familiar)
+                q = nico.workspace.first_guess(station.joints).servos.to_joint(familiar)
             self.views = {name: view.near(q, _FAMILIAR) for name, view in self.views.items()}
 
     def station(self, session: int) -> NicoStation:
@@ -109,7 +110,7 @@ class NicoBeforeMirrors:
         plan = self.nico.plan(station, 0, direct, rng) if direct else []
         where = [""] * len(plan)
         arm = self.nico.arm
-        guess = replace(self.nico.reach.first_guess(station.joints), **_NOISE)
+        guess = replace(self.nico.workspace.first_guess(station.joints), **_NOISE)
         limits = tuple(np.array([[j.lower, j.upper] for j in station.joints], dtype=float).T)
         for name, view in self.views.items():
             commands = commands_of_angles(station.joints, arm.lower, arm.upper, view.q)
@@ -180,7 +181,7 @@ class NicoBeforeMirrors:
                             standing = mirror
                         relived = live_again(body, command, kept.visits(index))
                         for _ in range(0 if relived else _TRIES):
-                            if kept.add(index, label, body.visit(command), mirror):
+                            if kept.add(index, label, body.move_and_measure(command), mirror):
                                 break
                     if progress:
                         progress(index + 1, len(plan))
@@ -200,7 +201,7 @@ class NicoBeforeMirrors:
         with self.station(session) as station:
             body = StationBody(station, station.joints, self.nico.markers)
             put_mirror(station, body.context, self.views[mirror].X_BM)
-            body.visit(command)
+            body.move_and_measure(command)
             left, right = (station.picture(body.context, eye) for eye in EYES)
         return left, right
 

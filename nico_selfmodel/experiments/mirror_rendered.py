@@ -6,8 +6,8 @@ import numpy as np
 
 from nico_selfmodel.dataset import Dataset
 from nico_selfmodel.errors import DataError
-from nico_selfmodel.experiments.body_lesson import learn_body_through_the_eyes
-from nico_selfmodel.experiments.eyes_lesson import Counts, NicoBeforeItsEyes, Stage
+from nico_selfmodel.experiments.body_lesson import learn_body
+from nico_selfmodel.experiments.eyes_lesson import Counts, RenderedNico, Stage
 from nico_selfmodel.experiments.mirror import (
     POSES,
     TEST_POSES,
@@ -16,9 +16,8 @@ from nico_selfmodel.experiments.mirror import (
     experiment_of,
 )
 from nico_selfmodel.experiments.mirror_recording import NicoBeforeMirrors
-from nico_selfmodel.experiments.outsider import Outsider
 from nico_selfmodel.model import Mirror
-from nico_selfmodel.systems import World
+from nico_selfmodel.systems import Imperfections
 
 MARKER = "fiducial"
 RENDERED_MIRRORS: Mapping[str, Mirror] = {
@@ -33,7 +32,7 @@ TRAIN_DAY, TEST_DAY = 4, 5
 
 
 def run_rendered_mirror(
-    world: World,
+    world: Imperfections,
     individuals: int = 1,
     seed: int = 0,
     counts: Counts | None = None,
@@ -67,7 +66,7 @@ def run_rendered_mirror(
     return experiment_of(trials, PIXEL_SIGMA, play, RENDERED_MIRRORS, rendered=True)
 
 
-def rendered_trial(world: World, seed: int, counts: Counts | None, stage: Stage) -> Trial:
+def rendered_trial(world: Imperfections, seed: int, counts: Counts | None, stage: Stage) -> Trial:
     """Let one robot learn.
 
     Args:
@@ -79,11 +78,11 @@ def rendered_trial(world: World, seed: int, counts: Counts | None, stage: Stage)
     Raises:
         DataError: If too few poses showed the hand in a mirror.
     """
-    lesson = learn_body_through_the_eyes(world, seed, marker=MARKER, counts=counts, stage=stage)
+    scenario = learn_body(world, seed, marker=MARKER, counts=counts, stage=stage)
     # One eye is enough for a pose to count, so that both may have seen fewer.
-    direct = seen_by_both(lesson.arm.test, "", TEST_POSES, TEST_POSES // 2)
-    nico = NicoBeforeItsEyes(world, seed, (MARKER,))
-    before = NicoBeforeMirrors(nico, RENDERED_MIRRORS, rig=lesson.model.rig)
+    direct = seen_by_both(scenario.arm.test, "", TEST_POSES, TEST_POSES // 2)
+    nico = RenderedNico(world, seed, (MARKER,))
+    before = NicoBeforeMirrors(nico, RENDERED_MIRRORS, rig=scenario.model.rig)
 
     def watched(what: str) -> Callable[[int, int], None]:
         return lambda done, total: stage(what, done, total)
@@ -92,12 +91,11 @@ def rendered_trial(world: World, seed: int, counts: Counts | None, stage: Stage)
     test = before.record(
         "test", TEST_DAY, TEST_POSES, best=False, progress=watched("mirrors, kept for judging")
     )
-    # Who knows how the mirrors stand before the true eye judges, and tells nobody.
-    outsider = Outsider(nico.arm, world, seed)
-    true = {name: outsider.mirror(view.X_BM) for name, view in before.views.items()}
+    truth = nico.ground_truth
+    true = {name: truth.mirror(view.X_BM) for name, view in before.views.items()}
     stage("learning mirrors", 0, 1)
     found = Trial.of(
-        lesson.model,
+        scenario.model,
         direct,
         {name: seen_by_both(train, name, max(POSES)) for name in RENDERED_MIRRORS},
         {name: seen_by_both(test, name, TEST_POSES) for name in RENDERED_MIRRORS},

@@ -9,7 +9,7 @@ from nico_selfmodel.dataset import Dataset
 from nico_selfmodel.estimation import KinematicCalibration, calibrate_kinematics
 from nico_selfmodel.experiments.protocol import Protocol, simulated_session
 from nico_selfmodel.plant import ArmDescription
-from nico_selfmodel.systems import World
+from nico_selfmodel.systems import Imperfections
 
 MANY, FEW = 104, 9
 ARCS = {MANY: 0.5, FEW: 0.25}
@@ -85,7 +85,7 @@ class MotionCaptureExperiment:
 
 def run_motion_capture(
     arm: ArmDescription,
-    world: World,
+    world: Imperfections,
     *,
     individuals: int = 5,
     repeats: int = 100,
@@ -122,7 +122,7 @@ def run_motion_capture(
 class _Sessions:
     """The recordings of one individual, made when first asked for."""
 
-    def __init__(self, arm: ArmDescription, world: World, seed: int) -> None:
+    def __init__(self, arm: ArmDescription, world: Imperfections, seed: int) -> None:
         def session(protocol: Protocol, number: int, sweeps: bool = True) -> Dataset:
             return simulated_session(
                 arm, world, protocol, f"session {number}", seed=seed, session=number, sweeps=sweeps

@@ -8,16 +8,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from nico_selfmodel.dataset import Dataset, JointInfo
+from nico_selfmodel.planning.plans import Plan, given_commands, random_commands, sweep_commands
 from nico_selfmodel.plant import ArmDescription
-from nico_selfmodel.recording import (
-    Plan,
-    Progress,
-    given_commands,
-    random_commands,
-    record,
-    sweep_commands,
-)
-from nico_selfmodel.systems import SimulatedArm, World
+from nico_selfmodel.recording import Progress, record
+from nico_selfmodel.systems import Imperfections, SimulatedRobot
 
 _NICO_HOME = {
     "shoulder_pitch": -50.0,
@@ -100,7 +94,7 @@ class Protocol:
 
     def run(
         self,
-        body: SimulatedArm,
+        robot: SimulatedRobot,
         name: str,
         rng: np.random.Generator,
         *,
@@ -114,7 +108,7 @@ class Protocol:
         """Visit the poses with a body and return what it sensed.
 
         Args:
-            body: The arm to move.
+            robot: The arm to move, under motion capture.
             name: Name of the data set.
             rng: Source of the random poses.
             sweeps: Visit the circles too.
@@ -130,12 +124,12 @@ class Protocol:
         Raises:
             ValueError: If a given pose lies beyond a joint's stop.
         """
-        plan = self.plan(body.joints, rng, sweeps=sweeps)
+        plan = self.plan(robot.joints, rng, sweeps=sweeps)
         if poses is not None:
-            plan = [pose for pose in plan if pose[0]] + given_commands(body.joints, poses)
-        sigma = body.world.marker_sigma or None
+            plan = [pose for pose in plan if pose[0]] + given_commands(robot.joints, poses)
+        sigma = robot.sensor.sigma or None
         return record(
-            body,
+            robot,
             plan,
             name,
             source=source,
@@ -146,14 +140,9 @@ class Protocol:
         )
 
 
-def simulated_arm(arm: ArmDescription, world: World, seed: int, session: int = 0) -> SimulatedArm:
-    """Return one individual of a described arm, in a world, for a session."""
-    return SimulatedArm(arm.chain, arm.lower, arm.upper, world, seed, session)
-
-
 def simulated_session(
     arm: ArmDescription,
-    world: World,
+    world: Imperfections,
     protocol: Protocol,
     name: str,
     *,
@@ -181,11 +170,11 @@ def simulated_session(
     Returns:
         The data set.
     """
-    body = simulated_arm(arm, world, seed, session)
+    robot = SimulatedRobot.under_motion_capture(arm, world, seed, session)
     source = f"simulated {arm.robot}, world {world.name!r}, individual {seed}, session {session}"
     rng = np.random.default_rng((seed, session, 2))
     return protocol.run(
-        body,
+        robot,
         name,
         rng,
         sweeps=sweeps,

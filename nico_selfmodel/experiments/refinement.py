@@ -18,12 +18,12 @@ from nico_selfmodel.estimation import (
     evaluate,
     judge_body,
 )
-from nico_selfmodel.experiments.body_protocol import BodyProtocol
 from nico_selfmodel.experiments.limits import Limit
+from nico_selfmodel.experiments.projected_nico import TRACKERS, ProjectedNico
 from nico_selfmodel.experiments.stereo import BOARDS, TEST_BOARDS, board_points
 from nico_selfmodel.model import SelfModel
 from nico_selfmodel.model.link_lengths import link_lengths
-from nico_selfmodel.systems import TRACKERS, World
+from nico_selfmodel.systems import Imperfections, SimulatedCameras
 
 CIRCLE_POINTS = 15
 """Poses on each of the four circles, home not counted."""
@@ -44,7 +44,7 @@ Progress = Callable[[str, int, int], None]
 
 
 @dataclass(frozen=True, eq=False)
-class Lesson:
+class Scenario:
     """What one individual recorded, and what outsiders know of it."""
 
     train: Dataset
@@ -113,17 +113,17 @@ class RefinementExperiment:
     """What the mechanics leave, of every tracker for which that is known."""
 
 
-LessonSource = Callable[[int, tuple[str, ...], Progress | None], Mapping[str, Lesson]]
+ScenarioSource = Callable[[int, tuple[str, ...], Progress | None], Mapping[str, Scenario]]
 """Records one individual: its seed, its trackers, whom to tell -> what each tracker saw."""
 
 
 def run_refinement(
-    world: World,
+    world: Imperfections,
     individuals: int = 8,
     seed: int = 0,
     trackers: tuple[str, ...] = ("fiducial", "color"),
     progress: Progress | None = None,
-    rendered: LessonSource | None = None,
+    rendered: ScenarioSource | None = None,
 ) -> RefinementExperiment:
     """Let simulated bodies learn under every condition.
 
@@ -151,14 +151,14 @@ def run_refinement(
     limits: dict[str, list[Limit]] = {tracker: [] for tracker in trackers}
     for i in range(individuals):
         if rendered is None:
-            lessons = _simulated(world, seed + i, trackers)
+            scenarios = _simulated(world, seed + i, trackers)
         else:
             number = f"body {i + 1} of {individuals}: " if individuals > 1 else ""
-            lessons = rendered(seed + i, trackers, _numbered(progress, number))
-        for tracker, lesson in lessons.items():
-            limits[tracker] += [] if lesson.limit is None else [lesson.limit]
+            scenarios = rendered(seed + i, trackers, _numbered(progress, number))
+        for tracker, scenario in scenarios.items():
+            limits[tracker] += [] if scenario.limit is None else [scenario.limit]
             for name, options in CONDITIONS.items():
-                measured = measure(lesson, options)
+                measured = measure(scenario, options)
                 found[tracker, name] += [] if measured is None else [measured]
         if progress:
             progress("bodies learning", i + 1, individuals)
@@ -168,9 +168,9 @@ def run_refinement(
     return RefinementExperiment(world.name, play, individuals, rendered is not None, rows, left)
 
 
-def _simulated(world: World, seed: int, trackers: tuple[str, ...]) -> dict[str, Lesson]:
+def _simulated(world: Imperfections, seed: int, trackers: tuple[str, ...]) -> dict[str, Scenario]:
     return {
-        tracker: simulated_lesson(BodyProtocol.of_nico(tracker), world, seed, tracker)
+        tracker: simulated_scenario(ProjectedNico.tracked_by(tracker), world, seed)
         for tracker in trackers
     }
 
@@ -181,40 +181,38 @@ def _numbered(progress: Progress | None, number: str) -> Progress | None:
     return lambda what, done, total: progress(number + what, done, total)
 
 
-def simulated_lesson(
-    protocol: BodyProtocol, world: World, seed: int, tracker: str, random_poses: int = RANDOM_POSES
-) -> Lesson:
-    """Record one individual.
+def simulated_scenario(
+    nico: ProjectedNico, world: Imperfections, seed: int, random_poses: int = RANDOM_POSES
+) -> Scenario:
+    """Record one robot.
 
     Args:
-        protocol: The robot as described.
+        nico: The robot as described, and how its hand is tracked.
         world: What is wrong with the body.
-        seed: Of the individual.
-        tracker: How the hand is tracked.
+        seed: Which robot.
         random_poses: Poses to learn from beside the circles.
     """
-    body = protocol.body(world, seed, tracker=tracker)
+    robot = nico.robot(world, seed)
     rng = np.random.default_rng((seed, 12))
-    labels, sweeps = protocol.sweeps(CIRCLE_POINTS)
-    poses = np.vstack([sweeps, protocol.random_poses(random_poses, rng)])
-    train = protocol.record(body, "train", poses, labels + [""] * random_poses, seed=seed)
-    test = protocol.record(
-        body, "test", protocol.random_poses(TEST_POSES, rng), observed=True, seed=seed
-    )
-    boards = body.look_at_boards(board_points(), BOARDS)
+    labels, sweeps = nico.sweeps(CIRCLE_POINTS)
+    poses = np.vstack([sweeps, nico.random_poses(random_poses, rng)])
+    train = nico.record(robot, "train", poses, labels + [""] * random_poses, seed=seed)
+    test = nico.record(robot, "test", nico.random_poses(TEST_POSES, rng), observed=True, seed=seed)
+    cameras, truth = SimulatedCameras(seed), robot.ground_truth
+    boards = cameras.look_at_boards(board_points(), BOARDS)
     eyes = calibrate_cameras(boards, SEED).self_model("eyes")
-    held_out = body.look_at_boards(board_points(), TEST_BOARDS, session=1)
-    limit = Limit.of(tracker, test, *body.expected(test.encoders))
-    return Lesson(train, test, eyes, boards, held_out, body.calipers(), limit)
+    held_out = cameras.look_at_boards(board_points(), TEST_BOARDS, session=1)
+    limit = Limit.of(nico.tracker, test, *truth.expected(test.encoders))
+    return Scenario(train, test, eyes, boards, held_out, truth.link_lengths(), limit)
 
 
 def measure(
-    lesson: Lesson, options: BodyOptions, nominal: NominalArm | None = None
+    scenario: Scenario, options: BodyOptions, nominal: NominalArm | None = None
 ) -> dict[str, Any] | None:
     """Learn one body under one condition and measure it from inside and outside.
 
     Args:
-        lesson: What was recorded.
+        scenario: What was recorded.
         options: The condition.
         nominal: The robot as described, as a start.
 
@@ -223,12 +221,12 @@ def measure(
     """
     try:
         found = calibrate_body(
-            lesson.train,
-            lesson.eyes,
-            lesson.boards,
+            scenario.train,
+            scenario.eyes,
+            scenario.boards,
             options,
-            test=lesson.test,
-            test_boards=lesson.test_boards,
+            test=scenario.test,
+            test_boards=scenario.test_boards,
             nominal=nominal,
         )
     except (EstimationError, ModelError):
@@ -245,9 +243,9 @@ def measure(
         "refused": judge_body(found).status == "FAIL",
         "seconds": found.seconds,
     }
-    if lesson.test.measured.any():
-        measured["true_mm"] = 1e3 * evaluate(found.model, lesson.test).statistics.mean
-    return measured | _from_boards(found) | _links(found, lesson)
+    if scenario.test.measured.any():
+        measured["true_mm"] = 1e3 * evaluate(found.model, scenario.test).statistics.mean
+    return measured | _from_boards(found) | _links(found, scenario)
 
 
 def _from_boards(found: BodyCalibration) -> dict[str, Any]:
@@ -260,10 +258,10 @@ def _from_boards(found: BodyCalibration) -> dict[str, Any]:
     }
 
 
-def _links(found: BodyCalibration, lesson: Lesson) -> dict[str, Any]:
-    if lesson.links is None:
+def _links(found: BodyCalibration, scenario: Scenario) -> dict[str, Any]:
+    if scenario.links is None:
         return {}
-    errors = np.abs(np.subtract(link_lengths(found.model.chain), lesson.links))
+    errors = np.abs(np.subtract(link_lengths(found.model.chain), scenario.links))
     return {"links_mm": (1e3 * float(errors[0]), 1e3 * float(errors[1]))}
 
 

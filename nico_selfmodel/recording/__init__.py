@@ -6,29 +6,13 @@ loadable, and goes on where it stopped; poses that come faster than they are wri
 together.
 """
 
-from nico_selfmodel.recording.poses import (
-    HOME,
-    Plan,
-    commands_of_angles,
-    given_commands,
-    pose_plan,
-    random_commands,
-    sweep_commands,
-)
 from nico_selfmodel.recording.recorded_samples import RecordedSamples
 from nico_selfmodel.recording.session import Body, Progress, live_again, record
 
 __all__ = [
-    "HOME",
     "Body",
-    "Plan",
     "Progress",
     "RecordedSamples",
-    "commands_of_angles",
-    "given_commands",
     "live_again",
-    "pose_plan",
-    "random_commands",
     "record",
-    "sweep_commands",
 ]

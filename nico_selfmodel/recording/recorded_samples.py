@@ -17,7 +17,7 @@ from nico_selfmodel.errors import DataError
 from nico_selfmodel.files import recover
 from nico_selfmodel.model.stereo_rig import EYES
 from nico_selfmodel.names import shown
-from nico_selfmodel.systems import EyeSighting, Sighting
+from nico_selfmodel.systems import CameraMeasurement, Measurement
 from nico_selfmodel.vision.image_file import write_image
 
 POSE, VISITS = "pose", "visits"
@@ -214,7 +214,7 @@ class RecordedSamples:
         views = [s.views[mirror] for s in self._until(before) if s.mirror == mirror]
         return sum(bool(np.isfinite(pixels).all()) for pixels in views)
 
-    def add(self, index: int, label: str, sighting: Sighting, mirror: str = "") -> bool:
+    def add(self, index: int, label: str, sighting: Measurement, mirror: str = "") -> bool:
         """Keep what was sensed at a pose, unless nothing was seen.
 
         Args:
@@ -236,10 +236,10 @@ class RecordedSamples:
             p = sighting.points[marker]
             if p is not None:
                 points[k] = p
-            if isinstance(sighting, EyeSighting):
+            if isinstance(sighting, CameraMeasurement):
                 pixels[k] = sighting.pixels[marker]
         reflected = None
-        if mirror and isinstance(sighting, EyeSighting):
+        if mirror and isinstance(sighting, CameraMeasurement):
             reflected = np.array([sighting.reflected[marker] for marker in self._markers])
         seen = [points, pixels] + ([] if reflected is None else [reflected])
         if all(np.isnan(values).all() for values in seen):
@@ -249,7 +249,7 @@ class RecordedSamples:
             visits=self._visits[index],
         )
         if self._folder is not None:
-            images = sighting.images if isinstance(sighting, EyeSighting) else None
+            images = sighting.images if isinstance(sighting, CameraMeasurement) else None
             self._images |= images is not None
             if images is not None or time.monotonic() >= self._due:
                 self._save(index, images)

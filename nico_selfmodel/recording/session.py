@@ -9,7 +9,7 @@ from numpy.typing import ArrayLike, NDArray
 from nico_selfmodel.dataset import Dataset, JointInfo
 from nico_selfmodel.errors import RobotError
 from nico_selfmodel.recording.recorded_samples import RecordedSamples
-from nico_selfmodel.systems import Sighting
+from nico_selfmodel.systems import Measurement
 
 Progress = Callable[[int, int], None]
 """Called with the number of poses done and their total."""
@@ -28,7 +28,7 @@ class Body(Protocol):
         """Names of the tracked points."""
         ...
 
-    def visit(self, command: ArrayLike) -> Sighting:
+    def move_and_measure(self, command: ArrayLike) -> Measurement:
         """Move to encoder readings, settle, and look."""
         ...
 
@@ -129,7 +129,7 @@ def _sample(
     """Visit one pose until something is seen, and keep it."""
     for _ in range(until_seen):
         try:
-            sighting = body.visit(command)
+            sighting = body.move_and_measure(command)
         except RobotError as error:
             error.partial = kept.partial()
             raise

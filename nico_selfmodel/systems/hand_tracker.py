@@ -134,26 +134,6 @@ class HandTracker(LeafSystem):
         for kind in range(2 if before_mirror else 1):
             self._declare_outputs(kind)
 
-    @classmethod
-    def fiducial(cls, marker: int = FIDUCIAL_ID, name: str = "fiducial") -> "HandTracker":
-        """Return a tracker of a square marker.
-
-        Args:
-            marker: Its id.
-            name: What it is called in the ports.
-        """
-        return cls({name: fiducial_detector(marker)})
-
-    @classmethod
-    def color(cls, model: ColorModel = RED_TAPE, name: str = "finger_tip") -> "HandTracker":
-        """Return a tracker of a patch of colour.
-
-        Args:
-            model: The colour.
-            name: What the patch is called in the ports.
-        """
-        return cls({name: color_detector(model)})
-
     def _declare_outputs(self, kind: int) -> None:
         """Declare the ports of the markers themselves (0) or of their reflections (1)."""
         prefix, m, needs = ("", "reflected_")[kind], len(self.markers), {self._found.ticket()}

@@ -17,12 +17,14 @@ from nico_selfmodel.systems.image_values import image_value
 from nico_selfmodel.systems.looking import POINTS
 from nico_selfmodel.systems.motion_capture_link import MotionCaptureReceiver
 from nico_selfmodel.systems.motion_capture_stream import MotionCaptureClient
+from nico_selfmodel.systems.nico_cameras import NICO_CAMERAS
 from nico_selfmodel.systems.nico_station import default_detectors
 from nico_selfmodel.systems.servo_driver import ServoDriver
-from nico_selfmodel.systems.simulated_eyes import NICO_EYES
-from nico_selfmodel.systems.station_body import Patience, StationBody
+from nico_selfmodel.systems.station_body import SettleTimeouts, StationBody
 
-REAL = Patience(settle=0.4, dither=2e-4, astray=0.02, timeout=60.0, look_again=1.0, real_time=True)
+REAL = SettleTimeouts(
+    settle=0.4, dither=2e-4, astray=0.02, timeout=60.0, look_again=1.0, real_time=True
+)
 """How long a body of real servos is waited for."""
 
 
@@ -75,7 +77,7 @@ class NicoHardwareStation(Diagram):
         self.servos, self.cameras, self.motion_capture = servos, cameras, motion_capture
         detectors = default_detectors() if detectors is None else detectors
         self.tracked = tuple(detectors)
-        self.image_size = NICO_EYES.left.image_size if cameras is None else cameras.image_size
+        self.image_size = NICO_CAMERAS.left.image_size if cameras is None else cameras.image_size
         chosen = [servos.joints.index(name) for name in names]
         infos = servos.config.joint_infos
         self.joints: tuple[JointInfo, ...] = tuple(infos[k] for k in chosen)

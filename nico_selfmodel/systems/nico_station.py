@@ -21,14 +21,14 @@ from nico_selfmodel.systems.hand_tracker import (
     fiducial_detector,
 )
 from nico_selfmodel.systems.image_values import bgr_of
-from nico_selfmodel.systems.individual import Individual
 from nico_selfmodel.systems.looking import looking_arm
 from nico_selfmodel.systems.mirror_expectation import connect_expectation
 from nico_selfmodel.systems.mirror_scene import MirrorPlate, MirrorScene
 from nico_selfmodel.systems.motion_capture import MotionCapture
-from nico_selfmodel.systems.reach import MOUNTS
+from nico_selfmodel.systems.nico_cameras import MOUNTS, NICO_CAMERAS
+from nico_selfmodel.systems.nico_instance import NicoInstance
 from nico_selfmodel.systems.reflection_detectors import default_mirror_detectors
-from nico_selfmodel.systems.simulated_eyes import NICO_EYES
+from nico_selfmodel.systems.simulated.ground_truth import GroundTruth
 from nico_selfmodel.systems.station_scene import (
     BoardHolder,
     BodyPoses,
@@ -38,7 +38,7 @@ from nico_selfmodel.systems.station_scene import (
     wrap_tape,
 )
 from nico_selfmodel.systems.stereo_cameras import ImageQuality, StereoCameras
-from nico_selfmodel.systems.worlds import World, world_named
+from nico_selfmodel.systems.worlds import Imperfections, imperfections_named
 from nico_selfmodel.vision.chessboard import Board
 
 BOARD = Board(9, 6, 0.028)
@@ -73,14 +73,14 @@ class NicoStation(Closable, Diagram):
 
     def __init__(
         self,
-        world: World | str = "thesis",
+        world: Imperfections | str = "thesis",
         seed: int = 0,
         session: int = 0,
         *,
         arm: ArmDescription | None = None,
         detectors: Detectors | MirrorDetectors | None = None,
         quality: ImageQuality | None = None,
-        eyes: StereoRig = NICO_EYES,
+        eyes: StereoRig = NICO_CAMERAS,
         board: Board = BOARD,
         mirror: MirrorPlate | None = None,
         knows: SelfModel | None = None,
@@ -105,20 +105,20 @@ class NicoStation(Closable, Diagram):
             ModelError: If the robot lacks a link that carries an eye.
         """
         super().__init__()
-        world = world_named(world) if isinstance(world, str) else world
+        world = imperfections_named(world) if isinstance(world, str) else world
         arm = arm or looking_arm()
-        body = Individual.build(arm, world, seed, eyes)
+        body = NicoInstance.build(arm, world, seed, eyes)
         if detectors is None:
             detectors = default_detectors() if mirror is None else default_mirror_detectors()
         self.arm, self.world, self.seed, self.session = arm, world, seed, session
         self.tracked = tuple(detectors)
         self.image_size = eyes.left.image_size
         self.board = board
-        self.__stops = body.mechanics.lower, body.mechanics.upper
+        self.__instance = body
         builder = DiagramBuilder()
         noise = (seed, session)
         start = body.mechanics.servos.to_encoder(np.zeros(len(arm.joints)))
-        servos = EncoderModel(body.mechanics, world, start, seed=noise)
+        servos = EncoderModel(body.mechanics, start, seed=noise)
         builder.AddNamedSystem("servos", servos)
         self.__holder, cameras, poses = _add_scene(
             builder, servos, arm, body, board, quality, noise, mirror
@@ -153,10 +153,12 @@ class NicoStation(Closable, Diagram):
     @property
     def joints(self) -> tuple[JointInfo, ...]:
         """Names, units and stops of the arm's joints, as a data set states them."""
-        return tuple(
-            JointInfo(name, "counts", self.world.counts_per_turn, float(low), float(high))
-            for name, low, high in zip(self.arm.joints, *self.__stops, strict=True)
-        )
+        return self.__instance.mechanics.joints
+
+    @property
+    def ground_truth(self) -> GroundTruth:
+        """What only the simulation knows: for judging and for tests, never for learning."""
+        return self.__instance.ground_truth
 
     def hold_board(self, context: Any, X_BG: NDArray | None) -> None:
         """Hold the chessboard before the robot.
@@ -194,7 +196,7 @@ def _add_scene(
     builder: DiagramBuilder,
     servos: EncoderModel,
     arm: ArmDescription,
-    body: Individual,
+    body: NicoInstance,
     board: Board,
     quality: ImageQuality | None,
     seed: tuple[int, int],
@@ -240,8 +242,8 @@ def _add_scene(
 def _add_motion_capture(
     builder: DiagramBuilder,
     poses: BodyPoses,
-    body: Individual,
-    world: World,
+    body: NicoInstance,
+    world: Imperfections,
     seed: tuple[int, int],
 ) -> None:
     tracker = builder.AddNamedSystem(

@@ -12,9 +12,8 @@ from pydrake.systems.framework import Context, System
 
 from nico_selfmodel.dataset import JointInfo
 from nico_selfmodel.errors import RobotError
-from nico_selfmodel.systems.eye_sighting import EyeSighting
 from nico_selfmodel.systems.image_values import bgr_of
-from nico_selfmodel.systems.simulated_arm import Sighting
+from nico_selfmodel.systems.measurements import CameraMeasurement, Measurement
 
 _TICK = 0.02
 """Time between two looks at the encoders [s]."""
@@ -23,7 +22,7 @@ _NUDGE = 0.02
 
 
 @dataclass(frozen=True)
-class Patience:
+class SettleTimeouts:
     """When a station counts as standing still, and how long it is waited for."""
 
     settle: float = 0.1
@@ -54,7 +53,7 @@ class StationBody:
         markers: Sequence[str],
         *,
         sensor: str = "eyes",
-        patience: Patience | None = None,
+        patience: SettleTimeouts | None = None,
         keep_images: bool = False,
     ) -> None:
         """Take a station.
@@ -74,7 +73,7 @@ class StationBody:
         if sensor not in ("eyes", "motion-capture"):
             raise ValueError(f"sensor must be eyes or motion-capture, got {sensor!r}")
         self.joints, self.markers, self.sensor = tuple(joints), tuple(markers), sensor
-        self._patience, self._keep_images = patience or Patience(), keep_images
+        self._patience, self._keep_images = patience or SettleTimeouts(), keep_images
         self._span = np.array(
             [
                 np.inf if j.lower is None or j.upper is None else j.upper - j.lower
@@ -101,7 +100,7 @@ class StationBody:
         """The station's context."""
         return self.simulator.get_mutable_context()
 
-    def visit(self, command: ArrayLike) -> Sighting:
+    def move_and_measure(self, command: ArrayLike) -> Measurement:
         """Move to encoder readings, settle, and look.
 
         A body that is sent to where it stands leaves and comes back, so that every visit is one.
@@ -110,7 +109,7 @@ class StationBody:
             command: Where to go [encoder units]. Shape (n,).
 
         Returns:
-            What was sensed there; `EyeSighting` from eyes.
+            What was sensed there; `CameraMeasurement` from eyes.
 
         Raises:
             RobotError: If the joints do not come to rest in time.
@@ -198,7 +197,7 @@ class StationBody:
         if self._patience.real_time:
             time.sleep(max(0.0, begin + _TICK - time.monotonic()))
 
-    def _look(self) -> Sighting:
+    def _look(self) -> Measurement:
         encoders = self._read("encoders")
         values = self._read(self._port).reshape(len(self.markers), -1)
         if self.sensor == "motion-capture":
@@ -206,7 +205,7 @@ class StationBody:
                 marker: p if np.isfinite(p).all() else None
                 for marker, p in zip(self.markers, values, strict=True)
             }
-            return Sighting(encoders, MappingProxyType(points))
+            return Measurement(encoders, MappingProxyType(points))
         images = None
         if self._keep_images:
             left, right = (
@@ -214,7 +213,7 @@ class StationBody:
                 for eye in ("left", "right")
             )
             images = left, right
-        return EyeSighting(
+        return CameraMeasurement(
             encoders,
             MappingProxyType(dict.fromkeys(self.markers)),
             MappingProxyType(dict(zip(self.markers, values, strict=True))),
@@ -248,9 +247,9 @@ class StationBody:
             )
 
 
-def _located(sighting: Sighting) -> bool:
+def _located(sighting: Measurement) -> bool:
     """Return whether an instrument located some marker."""
-    if isinstance(sighting, EyeSighting):
+    if isinstance(sighting, CameraMeasurement):
         return any(np.isfinite(pixels).any() for pixels in sighting.pixels.values())
     return any(p is not None for p in sighting.points.values())
 

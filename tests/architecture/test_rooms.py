@@ -55,6 +55,7 @@ ALLOWED = {
     },
     "recording": {"numpy"},
     "result_folder": set(),
+    "planning": {"numpy"},
     "experiments": {"numpy", "pydrake.common", "yaml"},
     "cli": {"numpy", "rich", "typer"},
 }

@@ -10,12 +10,12 @@ import numpy as np
 import pytest
 
 from nico_selfmodel.dataset import Dataset
-from nico_selfmodel.experiments.body_protocol import BodyProtocol
-from nico_selfmodel.experiments.refinement import CONDITIONS, simulated_lesson
+from nico_selfmodel.experiments.projected_nico import ProjectedNico
+from nico_selfmodel.experiments.refinement import CONDITIONS, simulated_scenario
 from nico_selfmodel.model import SelfModel
-from nico_selfmodel.systems import WORLDS
+from nico_selfmodel.systems import IMPERFECTIONS
 
-PLAY = WORLDS["clean"].with_noise(play_deg=0.5)
+PLAY = IMPERFECTIONS["clean"].with_noise(play_deg=0.5)
 TOOL = np.array([0.025, 0.0, -0.08])
 
 
@@ -23,23 +23,23 @@ TOOL = np.array([0.025, 0.0, -0.08])
 def recorded(tmp_path_factory):
     """Return a folder of data sets and the seed's cameras, and the boards they learned from."""
     folder = tmp_path_factory.mktemp("bodies")
-    protocol = BodyProtocol.of_nico()
-    lesson = simulated_lesson(protocol, PLAY, 0, "fiducial")
-    lesson.train.save(folder / "train")
-    lesson.test.save(folder / "test")
-    lesson.eyes.save(folder / "eyes.yaml")
+    protocol = ProjectedNico.tracked_by()
+    scenario = simulated_scenario(protocol, PLAY, 0)
+    scenario.train.save(folder / "train")
+    scenario.test.save(folder / "test")
+    scenario.eyes.save(folder / "eyes.yaml")
     (folder / "photographs").mkdir()
-    one = protocol.body(PLAY, 0, session=2)
+    one = protocol.robot(PLAY, 0, session=2)
     rng = np.random.default_rng(0)
     protocol.record(one, "later", protocol.random_poses(30, rng)).save(folder / "later")
-    one.slip("right_elbow", np.radians(3.0))
+    one.faults.slip("right_elbow", np.radians(3.0))
     protocol.record(one, "slipped", protocol.random_poses(20, rng)).save(folder / "slipped")
-    one.take_tool(TOOL)
-    held = protocol.body(PLAY, 0, session=3)
-    held.take_tool(TOOL)
+    one.faults.take_tool(TOOL)
+    held = protocol.robot(PLAY, 0, session=3)
+    held.faults.take_tool(TOOL)
     poses = protocol.random_poses(25, rng, TOOL)
     protocol.record(held, "tool", poses).save(folder / "tool")
-    return folder, lesson.boards
+    return folder, scenario.boards
 
 
 @pytest.fixture

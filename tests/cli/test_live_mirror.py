@@ -5,12 +5,11 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from nico_selfmodel.experiments.eyes_lesson import NicoBeforeItsEyes
+from nico_selfmodel.experiments.eyes_lesson import RenderedNico
 from nico_selfmodel.experiments.mirror_recording import DEFAULT_MIRROR, NicoBeforeMirrors
-from nico_selfmodel.experiments.outsider import Outsider
 from nico_selfmodel.experiments.watching import Watching
 from nico_selfmodel.model import Mirror
-from nico_selfmodel.systems import WORLDS, looking_arm
+from nico_selfmodel.systems import IMPERFECTIONS, looking_arm
 
 from ..true_nico import true_model
 
@@ -43,11 +42,11 @@ def test_mirrors_that_cannot_be_shown_are_refused_in_one_line(words, reason, tmp
 
 @pytest.mark.slow
 def test_a_body_that_knows_its_mirror_predicts_what_it_sees_in_it():
-    nico = NicoBeforeItsEyes(WORLDS["clean"], 3, ("fiducial",))
+    nico = RenderedNico(IMPERFECTIONS["clean"], 3, ("fiducial",))
     (view,) = NicoBeforeMirrors(nico, {"glass": DEFAULT_MIRROR}).views.values()
-    true = Outsider(looking_arm("fiducial"), WORLDS["clean"], 3).mirror(view.X_BM)
+    true = nico.ground_truth.mirror(view.X_BM)
     model = model_before({"glass": true})
-    with Watching(model, WORLDS["clean"], 3, mirror=("glass", None)) as watching:
+    with Watching(model, IMPERFECTIONS["clean"], 3, mirror=("glass", None)) as watching:
         errors = np.array(watching.visit_random_poses(2))
     assert errors.shape == (2, 4)
     assert np.isfinite(errors[:, 2:]).any()

@@ -42,7 +42,7 @@ def test_a_mirror_is_learned_and_lies_in_the_self_model(result, body):
         "self_model.yaml", "result.json", "report.html", "scene.json",
     }  # fmt: skip
     mirror = SelfModel.load(out).mirrors["middle"]
-    assert np.degrees(mirror.angle_to(body.true_mirror("middle"))) < 0.15
+    assert np.degrees(mirror.angle_to(body.ground_truth.mirrors["middle"])) < 0.15
     assert mirror.covariance is not None
     document = json.loads((out / "result.json").read_text(encoding="utf-8"))
     assert document["status"] == "PASS"

@@ -13,7 +13,7 @@ import pytest
 from pydrake.systems.analysis import Simulator
 
 from nico_selfmodel.dataset import Dataset
-from nico_selfmodel.recording import commands_of_angles
+from nico_selfmodel.planning.plans import commands_of_angles
 from nico_selfmodel.servos import ServoConfig, SimulatedBus
 from nico_selfmodel.systems import ImageQuality, MotionCaptureServer, NicoBehindBus, NicoStation
 from nico_selfmodel.vision import write_image

@@ -10,9 +10,9 @@ from numpy.typing import NDArray
 
 from nico_selfmodel.errors import ModelError
 from nico_selfmodel.geometry.transform import apply, inverse, transform
-from nico_selfmodel.model import Chain, Mirror, MirrorRig
+from nico_selfmodel.model import Mirror, MirrorRig
+from nico_selfmodel.planning.visible_workspace import VisibleWorkspace
 from nico_selfmodel.systems.mirror_scene import MirrorPlate
-from nico_selfmodel.systems.reach import Reach
 
 _MARGIN = 60.0
 """Planned reflections stay this far from the images' edges: a true head is degrees off [px]."""
@@ -37,7 +37,7 @@ _OFF = 0.055
 class MirrorView:
     """A mirror before a robot as described; an individual differs by degrees."""
 
-    reach: Reach
+    workspace: VisibleWorkspace
     """The arm before its eyes."""
     mirror: Mirror
     """The mirror, before the left eye as designed."""
@@ -50,12 +50,16 @@ class MirrorView:
 
     @classmethod
     def of(
-        cls, reach: Reach, mirror: Mirror, plate: MirrorPlate, rng: np.random.Generator
+        cls,
+        workspace: VisibleWorkspace,
+        mirror: Mirror,
+        plate: MirrorPlate,
+        rng: np.random.Generator,
     ) -> "MirrorView":
         """Put the middle of the glass where most reflections are seen, and look for poses.
 
         Args:
-            reach: The arm before its eyes.
+            workspace: The arm before its eyes.
             mirror: Where the mirror shall stand before the left eye.
             plate: The glass.
             rng: Source of random poses.
@@ -63,26 +67,26 @@ class MirrorView:
         Raises:
             ModelError: If hardly any pose shows a reflection.
         """
-        arm, rig = reach.arm, MirrorRig(reach.rig, mirror)
+        arm, rig = workspace.arm, MirrorRig(workspace.rig, mirror)
         q = rng.uniform(arm.lower, arm.upper, (_POOL, len(arm.lower)))
-        q = q[_shown(reach, rig, q)]
+        q = q[_shown(workspace, rig, q)]
         if not len(q):
             raise ModelError(_nothing(mirror))
-        spots = _spots(reach, rig, q)
-        X_BM = _pose(reach, mirror, np.median(spots.reshape(-1, 3), axis=0))
+        spots = _spots(workspace, rig, q)
+        X_BM = _pose(workspace, mirror, np.median(spots.reshape(-1, 3), axis=0))
         half = 0.5 * np.array([plate.width, plate.height]) - _EDGE
         on_glass = (np.abs(apply(inverse(X_BM), spots)[..., :2]) < half).all(axis=(0, 2))
         q, spots = q[on_glass], spots[:, on_glass]
         usable = []
         for k, pose in enumerate(q):
-            if not reach.body.collides(pose) and _open_sight(reach, pose, spots[:, k]):
+            if not workspace.body.collides(pose) and _open_sight(workspace, pose, spots[:, k]):
                 usable.append(k)
                 if len(usable) == _ENOUGH:
                     break
         if not usable:
             raise ModelError(_nothing(mirror))
         q = q[usable]
-        return cls(reach, mirror, plate, X_BM, q)
+        return cls(workspace, mirror, plate, X_BM, q)
 
     def near(self, q: NDArray, count: int) -> "MirrorView":
         """Return the view with only the poses next to some others.
@@ -100,28 +104,25 @@ class MirrorView:
         return replace(self, q=self.q[np.sort(nearest)])
 
 
-def _shown(reach: Reach, rig: MirrorRig, q: NDArray) -> NDArray:
+def _shown(workspace: VisibleWorkspace, rig: MirrorRig, q: NDArray) -> NDArray:
     """Return which poses show all markers in a mirror to both eyes. Shapes (N, n) -> (N,)."""
     shown = np.ones(len(q), dtype=bool)
     limit = np.tile(rig.rig.left.image_size, 2) - 1.0 - _MARGIN
-    for marker in reach.markers:
-        k = reach.arm.markers.index(marker)
-        p_BH = reach.arm.chain.forward(q, k)
+    for marker in workspace.markers:
+        k = workspace.arm.markers.index(marker)
+        p_BH = workspace.arm.chain.forward(q, k)
         pixels = rig.project(p_BH)
         with np.errstate(invalid="ignore"):
             shown &= ((pixels > _MARGIN) & (pixels < limit)).all(axis=1)
         shown &= rig.plane.distance_to(p_BH) > _CLEARANCE
         if marker in _SIDE:
-            shown &= _width_in_mirror(reach, rig, q, k) * _SIDE[marker] > _LEAST_SIDE[marker]
+            shown &= _width_in_mirror(workspace, rig, q, k) * _SIDE[marker] > _LEAST_SIDE[marker]
     return shown
 
 
-def _width_in_mirror(reach: Reach, rig: MirrorRig, q: NDArray, k: int) -> NDArray:
+def _width_in_mirror(workspace: VisibleWorkspace, rig: MirrorRig, q: NDArray, k: int) -> NDArray:
     """Return how wide a metre along z of a point's frame looks, at its angle [px]. Shape (N,)."""
-    chain = reach.arm.chain
-    p_BH = chain.forward(q, k)
-    tip = apply(reach.arm.links.X_BH[k], np.array([[0.0, 0.0, 1.0]]))
-    normal = Chain(chain.joints, chain.directions, chain.points, ("z",), tip).forward(q) - p_BH
+    p_BH, normal = workspace.arm.chain.forward(q, k), workspace.normals(q, k)
     widths = []
     for eye in rig.virtual.eyes:
         way = eye.X_WC[:3, 3] - p_BH
@@ -130,11 +131,11 @@ def _width_in_mirror(reach: Reach, rig: MirrorRig, q: NDArray, k: int) -> NDArra
     return np.min(widths, axis=0)
 
 
-def _spots(reach: Reach, rig: MirrorRig, q: NDArray) -> NDArray:
+def _spots(workspace: VisibleWorkspace, rig: MirrorRig, q: NDArray) -> NDArray:
     """Return where lines of sight meet the glass, in the base's frame. Shape (E m, N, 3)."""
     spots = []
-    for marker in reach.markers:
-        p_BH = reach.arm.chain.forward(q, reach.arm.markers.index(marker))
+    for marker in workspace.markers:
+        p_BH = workspace.arm.chain.forward(q, workspace.arm.markers.index(marker))
         for twin in rig.virtual.eyes:
             center = twin.X_WC[:3, 3]
             near, far = rig.plane.distance_to(center), rig.plane.distance_to(p_BH)
@@ -142,27 +143,27 @@ def _spots(reach: Reach, rig: MirrorRig, q: NDArray) -> NDArray:
     return np.array(spots)
 
 
-def _open_sight(reach: Reach, q: NDArray, spots: NDArray) -> bool:
+def _open_sight(workspace: VisibleWorkspace, q: NDArray, spots: NDArray) -> bool:
     """Return whether nothing of the robot stands between its markers, the glass and its eyes.
 
     Args:
-        reach: The arm before its eyes.
+        workspace: The arm before its eyes.
         q: A pose [rad]. Shape (n,).
         spots: Where lines of sight meet the glass, by marker, then eye. Shape (2 m, 3).
     """
     steps, points = np.linspace(0.0, 1.0, _STEPS)[:, None], []
-    for k, marker in enumerate(reach.markers):
-        p_BH = reach.arm.chain.forward(q, reach.arm.markers.index(marker))
-        for eye, spot in zip(reach.rig.eyes, spots[2 * k : 2 * k + 2], strict=True):
+    for k, marker in enumerate(workspace.markers):
+        p_BH = workspace.arm.chain.forward(q, workspace.arm.markers.index(marker))
+        for eye, spot in zip(workspace.rig.eyes, spots[2 * k : 2 * k + 2], strict=True):
             for end in (p_BH, eye.X_WC[:3, 3]):
                 way = spot - end
                 points.append(end + _OFF * way / np.linalg.norm(way) + steps * (spot - end))
-    return not reach.body.covers(q, np.concatenate(points), _ROOM)
+    return not workspace.body.covers(q, np.concatenate(points), _ROOM)
 
 
-def _pose(reach: Reach, mirror: Mirror, middle: NDArray) -> NDArray:
+def _pose(workspace: VisibleWorkspace, mirror: Mirror, middle: NDArray) -> NDArray:
     """Return the pose of a glass about a point of it, upright to the left eye. Shape (4, 4)."""
-    X_BL = reach.rig.left.X_WC
+    X_BL = workspace.rig.left.X_WC
     into = -X_BL[:3, :3] @ mirror.normal
     right = np.cross(X_BL[:3, 1], into)
     right = right / np.linalg.norm(right)

@@ -1,12 +1,12 @@
-"""What an outsider knows of mirrors, and the robot does not."""
+"""What instruments beside a robot know of mirrors, and the robot does not."""
 
 import numpy as np
 import pytest
 
-from nico_selfmodel.experiments.outsider import Outsider
 from nico_selfmodel.geometry.transform import apply, inverse
-from nico_selfmodel.systems import WORLDS, Reach, looking_arm
-from nico_selfmodel.systems.individual import Individual
+from nico_selfmodel.planning.visible_workspace import VisibleWorkspace
+from nico_selfmodel.systems import IMPERFECTIONS, NICO_CAMERAS, looking_arm
+from nico_selfmodel.systems.nico_instance import NicoInstance
 
 ARM = looking_arm("fiducial")
 X_BM = np.array(
@@ -23,21 +23,20 @@ def glass():
     return X
 
 
-def test_an_outsider_says_where_a_glass_stands_before_the_true_eye():
+def test_ground_truth_says_where_a_glass_stands_before_the_true_eye():
     X = glass()
-    outsider = Outsider(ARM, WORLDS["thesis"], 1)
-    mirror = outsider.mirror(X)
+    body = NicoInstance.build(ARM, IMPERFECTIONS["thesis"], 1, NICO_CAMERAS)
+    mirror = body.ground_truth.mirror(X)
     # Points of the glass, and one in front of it, as the motion tracker has them.
     points = apply(X, np.array([[0.0, 0.0, 0.0], [0.2, 0.1, 0.0], [-0.1, 0.2, 0.0], [0, 0, -0.1]]))
-    body = Individual.build(ARM, WORLDS["thesis"], 1, Reach.of(ARM).rig)
-    p_LQ = outsider.locate(apply(body.X_TB, points))
+    p_LQ = body.ground_truth.locate(apply(body.X_TB, points))
     assert mirror.in_front_by(p_LQ) == pytest.approx([0.0, 0.0, 0.0, 0.1], abs=1e-9)
 
 
 def test_a_true_head_is_not_where_the_description_has_it():
     X = glass()
-    designed = Reach.of(ARM).rig.left.X_WC
+    designed = VisibleWorkspace.of(ARM).rig.left.X_WC
     X_LM = inverse(designed) @ X
-    true = Outsider(ARM, WORLDS["thesis"], 1).mirror(X)
+    true = NicoInstance.build(ARM, IMPERFECTIONS["thesis"], 1, NICO_CAMERAS).ground_truth.mirror(X)
     turned = np.degrees(np.arccos(np.clip(-X_LM[:3, 2] @ true.normal, -1.0, 1.0)))
     assert 0.2 < turned < 15.0
