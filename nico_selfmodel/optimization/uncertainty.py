@@ -89,10 +89,10 @@ class Uncertainty:
         values = np.concatenate([values, np.zeros(len(names) - len(values))])
         exact = values <= 1e-12 * max(values[0], 1e-300)
         sigma = np.where(exact, np.inf, spread / np.where(exact, 1.0, values))
-        blind = exact | (sigma > BLIND_SIGMA)
-        kept = vt[~blind] * sigma[~blind, None] * natural
+        unobservable = exact | (sigma > BLIND_SIGMA)
+        kept = vt[~unobservable] * sigma[~unobservable, None] * natural
         directions = [
-            _blind_direction(names, vt[i], float(sigma[i])) for i in np.flatnonzero(blind)
+            _blind_direction(names, vt[i], float(sigma[i])) for i in np.flatnonzero(unobservable)
         ]
         lost = (np.abs(vt[exact]) > 1e-6).any(axis=0)
         lost |= np.isin(names, [name for direction in directions for name in direction.names])
@@ -101,7 +101,7 @@ class Uncertainty:
             kept.T @ kept,
             np.where(lost, np.inf, np.sqrt(np.sum(kept**2, axis=0))),
             float(factor),
-            int(np.sum(~blind)),
+            int(np.sum(~unobservable)),
             float(values[0] / values[-1]) if values[-1] > 0.0 else np.inf,
             tuple(sorted(directions, key=lambda d: -d.sigma)),
         )
