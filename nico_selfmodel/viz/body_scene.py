@@ -12,7 +12,7 @@ from nico_selfmodel.plant import ArmDescription
 from nico_selfmodel.viz import palette
 from nico_selfmodel.viz.arm_items import arm_items, arm_legend
 from nico_selfmodel.viz.arm_shape import arm_length
-from nico_selfmodel.viz.eye_items import ImagePlane, eye_items
+from nico_selfmodel.viz.eye_items import ImagePlane, camera_items
 from nico_selfmodel.viz.robot_items import robot_items, robot_legend
 from nico_selfmodel.viz.scene import LegendEntry, Scene
 from nico_selfmodel.viz.scene_items import Item, Markers, Needles
@@ -81,11 +81,11 @@ def with_body(
         [
             apply(X_SW, p_WH),
             body.chain.rezeroed(q).points,
-            *(eye.X_WC[None, :3, 3] for eye in body.cameras.values()),
+            *(camera.X_WC[None, :3, 3] for camera in body.cameras.values()),
             *(item.X_WI[None, :3, 3] for item in shell),
         ]
     )
-    parts = [*arm_items(body, q, unit), *_eyes(body), *items, *shell]
+    parts = [*arm_items(body, q, unit), *_cameras(body), *items, *shell]
     entries = (*arm_legend(body), *legend, *(robot_legend(robot) if robot else ()))
     view = camera_from(points, float(_AZIMUTH), float(_ELEVATION))
     return Scene(body.name, (*floor_items(points, unit, X_SW), *parts), view, entries)
@@ -106,7 +106,7 @@ def standing(model: SelfModel, X_SW: NDArray) -> SelfModel:
         X_SW: Pose of its world in the scene. Shape (4, 4).
     """
     table = replace(model.dh, X_W0=X_SW @ model.dh.X_W0)
-    cameras = {name: eye.at(X_SW @ eye.X_WC) for name, eye in model.cameras.items()}
+    cameras = {name: camera.at(X_SW @ camera.X_WC) for name, camera in model.cameras.items()}
     return replace(model, table=table, cameras=cameras, covariance=None)
 
 
@@ -114,14 +114,19 @@ def _middle_pose(calibration: BodyCalibration) -> NDArray:
     """Return the joint displacements of the training pose nearest to the middle [rad]."""
     servos = calibration.model.servos
     q = (calibration.train.observations.arm.angles - servos.offset) / servos.gear
-    return q[int(np.argmin(np.sum((q - np.median(q, axis=0)) ** 2, axis=1)))]
+    return q[middle_row(q)]
 
 
-def _eyes(model: SelfModel) -> list[Item]:
+def middle_row(q: NDArray) -> int:
+    """Return the row of the pose nearest to the middle of poses. Shape (N, n)."""
+    return int(np.argmin(np.sum((q - np.median(q, axis=0)) ** 2, axis=1)))
+
+
+def _cameras(model: SelfModel) -> list[Item]:
     return [
         item
-        for name, eye in model.cameras.items()
-        for item in eye_items(name, ImagePlane(eye, _PLANE), None)
+        for name, camera in model.cameras.items()
+        for item in camera_items(name, ImagePlane(camera, _PLANE), None)
     ]
 
 
@@ -165,12 +170,11 @@ def _hands(calibration: BodyCalibration, accuracy: WorkspaceAccuracy, X_SW: NDAr
 
 
 def _legend(accuracy: WorkspaceAccuracy) -> list[LegendEntry]:
-    scale = palette.error_colors(np.linspace(0.0, 1.0, 5), 1.0)
-    colors = tuple((float(r), float(g), float(b), 1.0) for r, g, b in scale)
+    colors = palette.scale(palette.ERRORS)
     return [
         LegendEntry(f"hand known to 0 ... {1e3 * accuracy.total.max():.1f} mm", colors[-1], colors),
         LegendEntry("where the cameras saw it, tenfold", palette.rgba(palette.MUTED, 0.7)),
-        LegendEntry("left camera", palette.rgba(palette.EYES["left"])),
-        LegendEntry("right camera", palette.rgba(palette.EYES["right"])),
+        LegendEntry("left camera", palette.rgba(palette.CAMERAS["left"])),
+        LegendEntry("right camera", palette.rgba(palette.CAMERAS["right"])),
         LegendEntry("outliers", palette.rgba(palette.OUTLIER)),
     ]

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from nico_selfmodel.estimation import CameraAssessment
 from nico_selfmodel.viz import palette
-from nico_selfmodel.viz.camera_views import EyeView, ShownView
+from nico_selfmodel.viz.camera_views import CameraView, ShownView
 from nico_selfmodel.viz.photographs import Photographs, jpeg, photograph_of, shrunk
 from nico_selfmodel.viz.picture_mesh import data_uri
 
@@ -89,7 +89,7 @@ def gallery(
     Raises:
         ValueError: If an image is not one, or not of the size that was calibrated.
     """
-    count = sum(len(of_eye) for of_eye in (images or {}).values())
+    count = sum(len(of_camera) for of_camera in (images or {}).values())
     if not images or not count:
         return None
     width = round(_WIDTH * min(1.0, _MANY / count) ** 0.5)
@@ -98,43 +98,45 @@ def gallery(
     notes = (document.get("detection") or {}).get("not_seen") or {}
     columns = _columns(calibration.views.p_GQ)
 
-    def thumbnail(eye: EyeView, name: str) -> Thumbnail:
-        image = photograph_of(images, eye.eye, name, calibration.views.image_size)
+    def thumbnail(camera: CameraView, name: str) -> Thumbnail:
+        image = photograph_of(images, camera.side, name, calibration.views.image_size)
         small = None if image is None else shrunk(image, width)
-        return _thumbnail(eye, small, calibration.views.image_size, columns, far, notes)
+        return _thumbnail(camera, small, calibration.views.image_size, columns, far, notes)
 
     rows = tuple(
-        GalleryRow(view.name, view.use, tuple(thumbnail(eye, view.name) for eye in view.eyes))
+        GalleryRow(
+            view.name, view.use, tuple(thumbnail(camera, view.name) for camera in view.cameras)
+        )
         for view in views
     )
     return Gallery(rows, _STROKE * calibration.views.image_size[0])
 
 
 def _thumbnail(
-    eye: EyeView,
+    camera: CameraView,
     small: NDArray | None,
     image_size: tuple[int, int],
     columns: int,
     far: float,
     notes: Mapping[str, str],
 ) -> Thumbnail:
-    seen = np.asarray(np.isfinite(eye.pixels).all(axis=1))
+    seen = np.asarray(np.isfinite(camera.pixels).all(axis=1))
     size = _CROSS * image_size[0]
     crosses = "".join(
         f"M{u - size:.1f} {v:.1f}h{2 * size:.1f}M{u:.1f} {v - size:.1f}v{2 * size:.1f}"
-        for u, v in eye.pixels[seen].tolist()
+        for u, v in camera.pixels[seen].tolist()
     )
-    row = [f"{u:.1f} {v:.1f}" for u, v in eye.pixels[:columns][seen[:columns]].tolist()]
-    beyond = eye.pixels[seen & (np.linalg.norm(eye.residuals, axis=1) > far)]
+    row = [f"{u:.1f} {v:.1f}" for u, v in camera.pixels[:columns][seen[:columns]].tolist()]
+    beyond = camera.pixels[seen & (np.linalg.norm(camera.residuals, axis=1) > far)]
     covered = image_size
     if small is not None:
         step = image_size[0] // small.shape[1]
         covered = (step * small.shape[1], step * small.shape[0])
     return Thumbnail(
-        eye.file,
-        palette.EYES[eye.eye],
-        eye.rms,
-        "" if seen.any() else notes.get(eye.file, "no board found"),
+        camera.file,
+        palette.CAMERAS[camera.side],
+        camera.rms,
+        "" if seen.any() else notes.get(camera.file, "no board found"),
         None if small is None else data_uri("image/jpeg", jpeg(small)),
         covered,
         crosses,

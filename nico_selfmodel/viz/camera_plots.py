@@ -41,17 +41,17 @@ def coverage(assessment: CameraAssessment) -> Figure:
     with style():
         figure, panels = image_panels(assessment)
         shares, empty_corners = [], 0
-        for axes, eye in zip(panels, views.eyes, strict=True):
-            pixels = views.of_eye(eye)[inliers].reshape(-1, 2)
+        for axes, side in zip(panels, views.eyes, strict=True):
+            pixels = views.of_eye(side)[inliers].reshape(-1, 2)
             pixels = pixels[np.isfinite(pixels).all(axis=1)]
             counts, u, v = cell_counts(pixels, views.image_size)
             shares.append(f"{100.0 * np.mean(counts > 0):.0f} %")
             empty_corners += int(np.sum(counts[[0, 0, -1, -1], [0, -1, 0, -1]] == 0))
             _density(axes, counts, u, v)
             many = len(pixels) > MANY
-            color = palette.EYES[eye]
+            color = palette.CAMERAS[side]
             axes.plot(*pixels.T, ".", color=color, markersize=2.6, alpha=0.8, rasterized=many)
-            axes.set_title(f"{eye}: {len(pixels)} corners")
+            axes.set_title(f"{side}: {len(pixels)} corners")
         stripes = {"facecolor": "white", "hatch": "////"}
         handles = [
             Patch(**stripes, edgecolor=palette.FAINT, label="no corner in this cell"),
@@ -79,11 +79,15 @@ def view_errors(views: tuple[ShownView, ...]) -> Figure:
                 axes.bar(
                     rows, values[rows], 0.74, color=USE_COLORS[use], label=f"{use} ({len(rows)})"
                 )
-        for k, eye in enumerate(shown[0].eyes if len(shown[0].eyes) > 1 else ()):
-            one = [np.nan if v.eyes[k].rms is None else v.eyes[k].rms for v in shown]
-            mark = {"color": palette.EYES[eye.eye], "markeredgecolor": "white", "markersize": 7}
+        for k, camera in enumerate(shown[0].cameras if len(shown[0].cameras) > 1 else ()):
+            one = [np.nan if v.cameras[k].rms is None else v.cameras[k].rms for v in shown]
+            mark = {
+                "color": palette.CAMERAS[camera.side],
+                "markeredgecolor": "white",
+                "markersize": 7,
+            }
             at = np.arange(len(shown)) + (0.16 if k else -0.16)
-            axes.plot(at, one, "o", label=f"{eye.eye} camera alone", **mark)
+            axes.plot(at, one, "o", label=f"{camera.side} camera alone", **mark)
         if values.max() > _LOG_FROM * np.median(values):
             axes.set_yscale("log")
             log_ticks(axes.yaxis)
@@ -105,22 +109,22 @@ def view_errors(views: tuple[ShownView, ...]) -> Figure:
     return figure
 
 
-def _coverage_words(eyes: tuple[str, ...], shares: list[str], reached: int) -> str:
+def _coverage_words(sides: tuple[str, ...], shares: list[str], reached: int) -> str:
     """Say how much of the images is covered, and how many of their own corners."""
-    if len(eyes) == 1:
+    if len(sides) == 1:
         return f"{shares[0]} of the image is covered, and {reached} of its 4 corners"
-    first, second = (f"{share} of the {eye}" for share, eye in zip(shares, eyes, strict=True))
+    first, second = (f"{share} of the {side}" for share, side in zip(shares, sides, strict=True))
     return f"{first} and {second} image is covered, and {reached} of their 8 corners"
 
 
 def image_panels(assessment: CameraAssessment) -> tuple[Figure, list[Axes]]:
     """Return a figure with one panel a camera, laid out as its image."""
     width, height = assessment.calibration.views.image_size
-    eyes = assessment.calibration.views.eyes
-    inches = FULL_WIDTH if len(eyes) > 1 else HALF_WIDTH
-    panel = (inches - 0.6 * len(eyes)) / len(eyes)
+    sides = assessment.calibration.views.eyes
+    inches = FULL_WIDTH if len(sides) > 1 else HALF_WIDTH
+    panel = (inches - 0.6 * len(sides)) / len(sides)
     figure = Figure(figsize=(inches, 1.35 + panel * height / width))
-    panels = list(figure.subplots(1, len(eyes), squeeze=False)[0])
+    panels = list(figure.subplots(1, len(sides), squeeze=False)[0])
     for axes in panels:
         axes.set_xlim(-0.03 * width, 1.03 * width)
         axes.set_ylim(1.03 * height, -0.03 * height)

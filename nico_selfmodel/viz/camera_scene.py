@@ -10,7 +10,7 @@ from nico_selfmodel.names import listed
 from nico_selfmodel.viz import palette
 from nico_selfmodel.viz.board_items import board_extent, board_item, board_name, board_outline
 from nico_selfmodel.viz.epipolar_items import epipolar_items, epipolar_legend
-from nico_selfmodel.viz.eye_items import ImagePlane, eye_items
+from nico_selfmodel.viz.eye_items import ImagePlane, camera_items
 from nico_selfmodel.viz.numbers_shown import short
 from nico_selfmodel.viz.photographs import Photographs, photograph_of
 from nico_selfmodel.viz.scene import LegendEntry, Scene, path_names
@@ -52,16 +52,16 @@ def camera_scene(
     calibration = assessment.calibration
     view, corner = chosen_point(calibration, point)
     planes = {
-        eye: ImagePlane(camera.at(X_WL @ camera.X_WC), _plane_distance(calibration))
-        for eye, camera in zip(calibration.views.eyes, calibration.cameras, strict=True)
+        side: ImagePlane(camera.at(X_WL @ camera.X_WC), _plane_distance(calibration))
+        for side, camera in zip(calibration.views.eyes, calibration.cameras, strict=True)
     }
     items: list[Item] = []
-    for eye, plane in planes.items():
+    for side, plane in planes.items():
         size = calibration.views.image_size
-        image = photograph_of(images, eye, calibration.views.names[view], size)
-        items += eye_items(eye, plane, image)
+        image = photograph_of(images, side, calibration.views.names[view], size)
+        items += camera_items(side, plane, image)
     items += _boards(calibration, view)
-    legend = [LegendEntry(f"{eye} camera", palette.rgba(palette.EYES[eye])) for eye in planes]
+    legend = [LegendEntry(f"{side} camera", palette.rgba(palette.CAMERAS[side])) for side in planes]
     legend += _board_legend(calibration)
     if len(planes) == 2 and calibration.views.seen[view, :, corner].all():
         items += epipolar_items(calibration, planes, X_WL, view, corner)
@@ -119,8 +119,8 @@ def _held_in_view(calibration: CameraCalibration, planes: list[ImagePlane]) -> N
     edges = [board_outline(p_GQ, X_WL @ X_LG) for X_LG in poses]
     above = np.array([0.0, 0.0, 1.5 * board_extent(p_GQ)[2]])
     names = [edge + above for edge in edges]
-    eyes = [np.vstack([plane.corners, plane.camera.X_WC[:3, 3]]) for plane in planes]
-    return np.concatenate([*eyes, *edges, *names])
+    near = [np.vstack([plane.corners, plane.camera.X_WC[:3, 3]]) for plane in planes]
+    return np.concatenate([*near, *edges, *names])
 
 
 def _plane_distance(calibration: CameraCalibration) -> float:
@@ -149,7 +149,7 @@ def _boards(calibration: CameraCalibration, chosen: int) -> list[Item]:
 
 
 def _board_legend(calibration: CameraCalibration) -> list[LegendEntry]:
-    scale = tuple(palette.BOARDS(share) for share in np.linspace(0.0, 1.0, 9))
+    scale = palette.scale(palette.BOARDS)
     inliers = int((~calibration.outliers).sum())
     label = f"boards ({inliers}), by their rms (0 to {short(largest_rms(calibration))} px)"
     entries = [LegendEntry(label, scale[-1], scale)]

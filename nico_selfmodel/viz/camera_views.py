@@ -23,10 +23,10 @@ USE_COLORS = dict(
 
 
 @dataclass(frozen=True, eq=False)
-class EyeView:
+class CameraView:
     """What one camera saw of a board."""
 
-    eye: str
+    side: str
     """`left` or `right`."""
     file: str
     """Name of the photograph; the camera and the view where it is not known."""
@@ -55,13 +55,13 @@ class ShownView:
     """As in the data."""
     use: str
     """One of `USES`."""
-    eyes: tuple[EyeView, ...]
+    cameras: tuple[CameraView, ...]
     """Left and right, or one of them."""
 
     @property
     def rms(self) -> float | None:
         """Root mean square error over the cameras [px]."""
-        return root_mean_square(np.concatenate([eye.errors for eye in self.eyes]))
+        return root_mean_square(np.concatenate([camera.errors for camera in self.cameras]))
 
 
 def shown_views(
@@ -82,7 +82,7 @@ def shown_views(
     """
     calibration = assessment.calibration
     files = ((document or {}).get("detection") or {}).get("files") or {}
-    eyes = calibration.views.eyes
+    sides = calibration.views.eyes
     rows: dict[str, tuple[str, NDArray, NDArray]] = {}
     for name, out, pixels, residuals in zip(
         calibration.views.names,
@@ -96,11 +96,11 @@ def shown_views(
         held_out = assessment.test_views
         triples = zip(held_out.names, held_out.pixels, assessment.test_residuals, strict=True)
         rows |= {name: ("held-out", pixels, residuals) for name, pixels, residuals in triples}
-    nothing = np.full((len(calibration.views.p_GQ), 2 * len(eyes)), np.nan)
-    for name in (name for eye in (images or {}).values() for name in eye):
+    nothing = np.full((len(calibration.views.p_GQ), 2 * len(sides)), np.nan)
+    for name in (name for of_camera in (images or {}).values() for name in of_camera):
         rows.setdefault(name, ("no board found", nothing, nothing))
     return tuple(
-        ShownView(name, use, _eye_views(name, eyes, files, pixels, residuals))
+        ShownView(name, use, _camera_views(name, sides, files, pixels, residuals))
         for name, (use, pixels, residuals) in _ordered(rows)
     )
 
@@ -110,17 +110,17 @@ def root_mean_square(errors: NDArray) -> float | None:
     return float(np.sqrt(np.mean(errors**2))) if len(errors) else None
 
 
-def _eye_views(
-    name: str, eyes: tuple[str, ...], files: Mapping[str, Any], pixels: NDArray, residuals: NDArray
-) -> tuple[EyeView, ...]:
+def _camera_views(
+    name: str, sides: tuple[str, ...], files: Mapping[str, Any], pixels: NDArray, residuals: NDArray
+) -> tuple[CameraView, ...]:
     return tuple(
-        EyeView(
-            eye,
-            str(files.get(eye, {}).get(name, f"{eye} {name}")),
+        CameraView(
+            side,
+            str(files.get(side, {}).get(name, f"{side} {name}")),
             pixels[:, 2 * k : 2 * k + 2],
             residuals[:, 2 * k : 2 * k + 2],
         )
-        for k, eye in enumerate(eyes)
+        for k, side in enumerate(sides)
     )
 
 

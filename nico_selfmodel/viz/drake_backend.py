@@ -52,7 +52,7 @@ def draw_in_drake(scene: Scene, meshcat: Meshcat | None = None) -> Meshcat:
     meshcat.SetProperty("/Lights/AmbientLight/<object>", "intensity", AMBIENT)
     for item in scene.items:
         path = f"{ROOT}/{item.path}"
-        _draw(meshcat, path, item)
+        draw_item(meshcat, path, item)
         if not np.array_equal(item.X_WI, np.eye(4)):
             meshcat.SetTransform(path, np.asfortranarray(item.X_WI))
     fov = float(np.degrees(FIELD_OF_VIEW))
@@ -70,7 +70,8 @@ def static_html(scene: Scene) -> str:
     return draw_in_drake(scene).StaticHtml()
 
 
-def _draw(meshcat: Meshcat, path: str, item: Item) -> None:
+def draw_item(meshcat: Meshcat, path: str, item: Item) -> None:
+    """Draw one item at a path, without its pose."""
     color = DrakeRgba(*item.color)
     if isinstance(item, Segments):
         starts, ends = np.asfortranarray(item.starts.T), np.asfortranarray(item.ends.T)

@@ -38,7 +38,7 @@ def epipolar_items(
     """
     pixels = calibration.views.pixels[view, corner]
     p_WQ = apply(X_WL, calibration.rig.triangulate(pixels[None]).p_WQ[0])
-    centers = {eye: plane.camera.X_WC[:3, 3] for eye, plane in planes.items()}
+    centers = {side: plane.camera.X_WC[:3, 3] for side, plane in planes.items()}
     width = min(float(plane.size[0]) for plane in planes.values())
     ray = _RAY * width
     yellow = palette.rgba(_LINE)
@@ -57,15 +57,15 @@ def epipolar_items(
         ),
         Markers(path="point/corner", color=yellow, centers=p_WQ[None], radius=_POINT * width),
     ]
-    for eye, plane in planes.items():
-        color, center = palette.rgba(palette.EYES[eye]), centers[eye]
+    for side, plane in planes.items():
+        color, center = palette.rgba(palette.CAMERAS[side]), centers[side]
         points = np.stack([center, p_WQ])
-        items.append(Tube(path=f"point/{eye}_ray", color=color, points=points, radius=ray))
-        other = next(c for name, c in centers.items() if name != eye)
+        items.append(Tube(path=f"point/{side}_ray", color=color, points=points, radius=ray))
+        other = next(c for name, c in centers.items() if name != side)
         line = plane.line(other, p_WQ)
         if line is not None:
             tube = Tube(
-                path=f"point/{eye}_epipolar_line", color=yellow, points=line, radius=1.2 * ray
+                path=f"point/{side}_epipolar_line", color=yellow, points=line, radius=1.2 * ray
             )
             items.append(tube)
     return items

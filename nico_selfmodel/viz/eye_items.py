@@ -94,29 +94,29 @@ class ImagePlane:
         return (blocks.sum(axis=1).sum(axis=2) // _SUPERSAMPLED**2).astype(np.uint8)
 
 
-def eye_items(eye: str, plane: ImagePlane, image: NDArray | None) -> list[Item]:
+def camera_items(side: str, plane: ImagePlane, image: NDArray | None) -> list[Item]:
     """Return a camera's frustum, its name, and its image where there is one.
 
     Args:
-        eye: `left` or `right`.
+        side: `left` or `right`.
         plane: Where the image is drawn.
         image: Red, green and blue, 8 bits. Shape (h, w, 3).
 
     Returns:
-        Items under `eyes/<camera>`.
+        Items under `cameras/<camera>`.
     """
     center, corners = plane.camera.X_WC[:3, 3], plane.corners
     width, height = plane.size.tolist()
-    color, wire = palette.rgba(palette.EYES[eye]), _WIRE * width
+    color, wire = palette.rgba(palette.CAMERAS[side]), _WIRE * width
     items: list[Item] = [
-        Tube(path=f"eyes/{eye}/outline", color=color, points=corners, radius=wire, closed=True),
+        Tube(path=f"cameras/{side}/outline", color=color, points=corners, radius=wire, closed=True),
         Markers(
-            path=f"eyes/{eye}/centre", color=color, centers=center[None], radius=_CENTER * width
+            path=f"cameras/{side}/centre", color=color, centers=center[None], radius=_CENTER * width
         ),
     ]
     items += [
         Tube(
-            path=f"eyes/{eye}/edge_{k + 1}",
+            path=f"cameras/{side}/edge_{k + 1}",
             color=color,
             points=np.stack([center, corner]),
             radius=0.6 * wire,
@@ -126,7 +126,7 @@ def eye_items(eye: str, plane: ImagePlane, image: NDArray | None) -> list[Item]:
     middle = np.array([*(plane.low + 0.5 * plane.size), plane.distance])
     if image is not None:
         picture = Picture(
-            path=f"eyes/{eye}/image",
+            path=f"cameras/{side}/image",
             color=(1.0, 1.0, 1.0, 1.0),
             X_WI=plane.camera.X_WC @ transform(np.eye(3), middle),
             width=width,
@@ -136,5 +136,7 @@ def eye_items(eye: str, plane: ImagePlane, image: NDArray | None) -> list[Item]:
         items.append(picture)
     above = middle - [0.0, 0.5 * height + 2.0 * wire, 0.0]
     pose = plane.camera.X_WC @ transform(np.eye(3), above)
-    name = label(f"eyes/{eye}/name", eye, palette.EYES[eye], 0.28 * height, pose, (0.5, 1.0))
+    name = label(
+        f"cameras/{side}/name", side, palette.CAMERAS[side], 0.28 * height, pose, (0.5, 1.0)
+    )
     return [*items, name]

@@ -20,14 +20,14 @@ _MOST_BINS, _LEAST_IN_BIN = 8, 25
 def distortion_profile(assessment: CameraAssessment) -> Figure:
     """Draw how far the lens moves a pixel, over its distance from the principal point."""
     calibration = assessment.calibration
-    eyes = list(zip(calibration.views.eyes, calibration.cameras, strict=True))
+    cameras = list(zip(calibration.views.eyes, calibration.cameras, strict=True))
     with style():
         figure = Figure(figsize=(HALF_WIDTH, 4.2))
-        panels = figure.subplots(len(eyes), 1, squeeze=False)[:, 0]
+        panels = figure.subplots(len(cameras), 1, squeeze=False)[:, 0]
         words = []
-        for axes, (eye, camera) in zip(panels, eyes, strict=True):
-            end = _profile_panel(axes, assessment, eye, camera)
-            words.append(f"{end:+.0f} px ({eye})".replace("-", "−"))
+        for axes, (side, camera) in zip(panels, cameras, strict=True):
+            end = _profile_panel(axes, assessment, side, camera)
+            words.append(f"{end:+.0f} px ({side})".replace("-", "−"))
         farthest = max(axes.get_xlim()[1] for axes in panels)
         for axes in panels:
             axes.set_xlim(0.0, farthest)
@@ -87,7 +87,7 @@ def reconstruction_by_range(assessment: CameraAssessment) -> Figure | None:
     return figure
 
 
-def _profile_panel(axes: Axes, assessment: CameraAssessment, eye: str, camera: Camera) -> float:
+def _profile_panel(axes: Axes, assessment: CameraAssessment, side: str, camera: Camera) -> float:
     """Draw one camera's profile; return how far the lens moves the image's furthest corner [px]."""
     calibration = assessment.calibration
     focal = 0.5 * (camera.fx + camera.fy)
@@ -98,9 +98,9 @@ def _profile_panel(axes: Axes, assessment: CameraAssessment, eye: str, camera: C
     r = _radii_up_to(camera, reach / focal)
     moved = focal * (lens.distort(np.stack([r, np.zeros_like(r)]), camera.k, np.zeros(2))[0] - r)
     place = focal * r + moved
-    sigma = _BAND * focal * _profile_sigma(assessment, eye, r)
-    color = palette.EYES[eye]
-    pixels = calibration.views.of_eye(eye)[~calibration.outliers].reshape(-1, 2)
+    sigma = _BAND * focal * _profile_sigma(assessment, side, r)
+    color = palette.CAMERAS[side]
+    pixels = calibration.views.of_eye(side)[~calibration.outliers].reshape(-1, 2)
     covered = float(np.nanmax(np.linalg.norm(pixels - center, axis=1), initial=0.0))
     axes.axvspan(0.0, covered, color=palette.FAINT, alpha=0.45, linewidth=0.0)
     axes.axhline(0.0, color=palette.MUTED, linewidth=0.8)
@@ -120,7 +120,7 @@ def _profile_panel(axes: Axes, assessment: CameraAssessment, eye: str, camera: C
         color=palette.MUTED,
     )  # fmt: skip
     axes.set_xlim(0.0, 1.02 * reach)
-    axes.set_ylabel(f"{eye}: moved by [px]")
+    axes.set_ylabel(f"{side}: moved by [px]")
     band = f"band: ± {_BAND:g} σ; dotted: the image's corner"
     axes.set_title(band, fontsize=7.5, fontweight="normal", color=palette.MUTED)
     return float(moved[-1])
@@ -135,10 +135,10 @@ def _radii_up_to(camera: Camera, distorted: float) -> NDArray:
     return np.linspace(0.0, r[past[0]] if len(past) else limit, _STEPS)
 
 
-def _profile_sigma(assessment: CameraAssessment, eye: str, r: NDArray) -> NDArray:
+def _profile_sigma(assessment: CameraAssessment, side: str, r: NDArray) -> NDArray:
     """Return the standard deviation of the distorted radius, from that of k1, k2, k3."""
     calibration = assessment.calibration
-    names = [f"{eye}.k{power}" for power in (1, 2, 3)]
+    names = [f"{side}.k{power}" for power in (1, 2, 3)]
     slopes = np.stack([r**3, r**5, r**7])
     free = [k for k, name in enumerate(names) if name in calibration.names]
     columns = [calibration.names.index(names[k]) for k in free]

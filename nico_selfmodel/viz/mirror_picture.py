@@ -53,7 +53,7 @@ def recorded_pictures(folder: str | Path, dataset: Dataset) -> dict[str, MirrorP
         if name in found:
             continue
         try:
-            left, right = (read_image(kept / f"{e}{int(poses[row]):04d}.png") for e in _EYES)
+            left, right = (read_image(kept / f"{side}{int(poses[row]):04d}.png") for side in _SIDES)
         except DataError:
             continue
         encoders = dataset.encoders[row]
@@ -61,12 +61,12 @@ def recorded_pictures(folder: str | Path, dataset: Dataset) -> dict[str, MirrorP
     return found
 
 
-def on_glass(path: str, eye: Camera, corners: NDArray, image: NDArray) -> Picture:
+def on_glass(path: str, camera: Camera, corners: NDArray, image: NDArray) -> Picture:
     """Return the picture that a camera sees on a rectangle of glass.
 
     Args:
         path: Of the item.
-        eye: Who sees it, in the scene.
+        camera: Who sees it, in the scene.
         corners: Of the glass: bottom left, bottom right, top right, top left, as seen. (4, 3).
         image: What it sees, red, green, blue, 8 bits. Shape (h, w, 3).
 
@@ -78,7 +78,7 @@ def on_glass(path: str, eye: Camera, corners: NDArray, image: NDArray) -> Pictur
     rows = max(round(_PIXELS * height / width), 1)
     u, v = ((np.arange(n) + 0.5) / n for n in (_PIXELS, rows))
     points = corners[3] + u[None, :, None] * across + v[:, None, None] * down
-    pixels = eye.project(points.reshape(-1, 3)).reshape(rows, _PIXELS, 2)
+    pixels = camera.project(points.reshape(-1, 3)).reshape(rows, _PIXELS, 2)
     right, below = across / width, down / height
     rotation = np.stack([right, below, np.cross(right, below)], axis=1)
     return Picture(
@@ -91,6 +91,6 @@ def on_glass(path: str, eye: Camera, corners: NDArray, image: NDArray) -> Pictur
     )
 
 
-_EYES = ("left", "right")
+_SIDES = ("left", "right")
 Pictures = Mapping[str, MirrorPicture]
 """Mirror -> what was seen in it."""

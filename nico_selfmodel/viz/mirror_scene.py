@@ -8,7 +8,7 @@ from nico_selfmodel.geometry.transform import apply, inverse
 from nico_selfmodel.model import Mirror, MirrorRig, StereoRig
 from nico_selfmodel.plant import ArmDescription
 from nico_selfmodel.viz import palette
-from nico_selfmodel.viz.eye_items import ImagePlane, eye_items
+from nico_selfmodel.viz.eye_items import ImagePlane, camera_items
 from nico_selfmodel.viz.mirror_picture import MirrorPicture, Pictures, on_glass
 from nico_selfmodel.viz.robot_items import robot_items
 from nico_selfmodel.viz.scene import LegendEntry, Scene, path_names
@@ -56,18 +56,18 @@ def mirror_scene(
     model = calibration.model
     shown = robot is not None and bool(pictures)
     X_SW = upright(model, robot) if shown else X_WL @ inverse(rig.left.X_WC)
-    eyes = rig.moved(inverse(X_SW))
+    cameras = rig.moved(inverse(X_SW))
     planes = {
-        eye: ImagePlane(camera, _PLANE)
-        for eye, camera in zip(("left", "right"), eyes.eyes, strict=True)
+        side: ImagePlane(camera, _PLANE)
+        for side, camera in zip(("left", "right"), cameras.eyes, strict=True)
     }
     items: list[Item] = []
-    for eye, plane in planes.items():
-        items += eye_items(eye, plane, None)
+    for side, plane in planes.items():
+        items += camera_items(side, plane, None)
     points = [plane.corners for plane in planes.values()]
     names = path_names(calibration.mirrors)
     for name, (known, mirror) in zip(names, calibration.mirrors.items(), strict=True):
-        rig_here = MirrorRig(eyes, mirror)
+        rig_here = MirrorRig(cameras, mirror)
         found, seen = _mirror_items(name, calibration, known, rig_here, pictures.get(known))
         items += found
         points.append(seen)
@@ -129,14 +129,14 @@ def _mirror_items(
             np.flatnonzero(samples == picture.sample)[:1] if picture.sample in samples else shown
         )
     items += _rays(path, rig, hand[inliers][shown], virtual[inliers][shown])
-    items += _reflected_eyes(path, rig)
-    centers = np.stack([eye.X_WC[:3, 3] for eye in rig.virtual.eyes])
+    items += _reflected_cameras(path, rig)
+    centers = np.stack([camera.X_WC[:3, 3] for camera in rig.virtual.eyes])
     return items, np.concatenate([plate, hand, virtual, centers])
 
 
 def _plate(rig: MirrorRig, virtual: NDArray, margin: float) -> NDArray:
     """Return the corners of the glass that lines of sight go through. Shape (4, 3)."""
-    meets = np.concatenate([_on_glass(rig, eye, virtual) for eye in _centres(rig.rig)])
+    meets = np.concatenate([_on_glass(rig, center, virtual) for center in _centres(rig.rig)])
     normal = rig.plane.normal
     across = np.cross([0.0, 0.0, 1.0], normal)
     across = across / np.linalg.norm(across) if np.linalg.norm(across) > 1e-6 else X_WL[:3, 0]
@@ -153,60 +153,62 @@ def _rays(path: str, rig: MirrorRig, hand: NDArray, virtual: NDArray) -> list[It
     items: list[Item] = []
     if not len(hand):
         return items
-    for eye, center in zip(("left", "right"), _centres(rig.rig), strict=True):
+    for side, center in zip(("left", "right"), _centres(rig.rig), strict=True):
         meets = _on_glass(rig, center, virtual)
         centers = np.repeat(center[None], len(hand), axis=0)
-        color = palette.EYES[eye]
+        color = palette.CAMERAS[side]
         for kind, starts, ends, opacity in (
             ("from_hand", hand, meets, 1.0),
-            ("to_eye", meets, centers, 1.0),
+            ("to_camera", meets, centers, 1.0),
             ("behind", meets, virtual, 0.4),
         ):
             items.append(
                 Segments(
-                    path=f"mirrors/{path}/rays/{eye}_{kind}",
+                    path=f"mirrors/{path}/rays/{side}_{kind}",
                     color=palette.rgba(color, opacity),
                     starts=starts,
                     ends=ends,
                 )
             )
         for k, points in enumerate(np.stack([hand, meets, centers], axis=1)):
-            place = f"mirrors/{path}/rays/{eye}_{k + 1}"
+            place = f"mirrors/{path}/rays/{side}_{k + 1}"
             shade = palette.rgba(color)
             items.append(Tube(path=place, color=shade, points=points, radius=_RAY))
     return items
 
 
-def _reflected_eyes(path: str, rig: MirrorRig) -> list[Item]:
+def _reflected_cameras(path: str, rig: MirrorRig) -> list[Item]:
     """Return the frusta of the reflected cameras, which see the hand as the cameras see it."""
     items: list[Item] = []
-    for eye, camera in zip(("left", "right"), rig.virtual.eyes, strict=True):
+    for side, camera in zip(("left", "right"), rig.virtual.eyes, strict=True):
         plane = ImagePlane(camera, _PLANE)
         center = np.repeat(camera.X_WC[None, :3, 3], 4, axis=0)
         starts = np.concatenate([center, plane.corners])
         ends = np.concatenate([plane.corners, np.roll(plane.corners, -1, axis=0)])
-        color = palette.rgba(palette.EYES[eye], 0.6)
+        color = palette.rgba(palette.CAMERAS[side], 0.6)
         items.append(
-            Segments(path=f"mirrors/{path}/reflected_{eye}", color=color, starts=starts, ends=ends)
+            Segments(path=f"mirrors/{path}/reflected_{side}", color=color, starts=starts, ends=ends)
         )
     return items
 
 
 def _centres(rig: StereoRig) -> list[NDArray]:
-    return [eye.X_WC[:3, 3] for eye in rig.eyes]
+    return [camera.X_WC[:3, 3] for camera in rig.eyes]
 
 
-def _on_glass(rig: MirrorRig, eye: NDArray, virtual: NDArray) -> NDArray:
+def _on_glass(rig: MirrorRig, center: NDArray, virtual: NDArray) -> NDArray:
     """Return where lines of sight to reflections meet the glass. Shape (n, 3)."""
-    near, far = rig.plane.distance_to(eye), rig.plane.distance_to(virtual)
-    return eye + (near / (near - far))[:, None] * (virtual - eye)
+    near, far = rig.plane.distance_to(center), rig.plane.distance_to(virtual)
+    return center + (near / (near - far))[:, None] * (virtual - center)
 
 
 def _legend(calibration: MirrorCalibration) -> tuple[LegendEntry, ...]:
     entries = [
-        LegendEntry("left camera, its rays and its reflection", palette.rgba(palette.EYES["left"])),
         LegendEntry(
-            "right camera, its rays and its reflection", palette.rgba(palette.EYES["right"])
+            "left camera, its rays and its reflection", palette.rgba(palette.CAMERAS["left"])
+        ),
+        LegendEntry(
+            "right camera, its rays and its reflection", palette.rgba(palette.CAMERAS["right"])
         ),
         *(LegendEntry(_words(name, m), _GLASS) for name, m in calibration.mirrors.items()),
         LegendEntry("hand, where the arm says it is", palette.rgba(palette.HAND)),

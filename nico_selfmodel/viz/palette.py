@@ -2,7 +2,7 @@
 
 import numpy as np
 from matplotlib import colormaps
-from matplotlib.colors import LinearSegmentedColormap, to_rgb
+from matplotlib.colors import Colormap, LinearSegmentedColormap, to_rgb
 from numpy.typing import ArrayLike, NDArray
 
 from nico_selfmodel.viz.figures.rgba import Rgba
@@ -18,7 +18,7 @@ CROSS_VALIDATION = "#ee7733"
 HELD_OUT = "#0b5fa5"
 OUTLIER = "#cc3311"
 UNCERTAINTY = "#009988"
-EYES = {"left": "#009988", "right": "#aa3377"}
+CAMERAS = {"left": "#009988", "right": "#aa3377"}
 LINK = "#c3cad2"
 HAND = "#1c2733"
 GRID = "#b9c2cb"
@@ -38,6 +38,11 @@ def rgba(color: str, opacity: float = 1.0) -> Rgba:
     """Return a colour as numbers."""
     red, green, blue = to_rgb(color)
     return float(red), float(green), float(blue), opacity
+
+
+def scale(colors: Colormap) -> tuple[Rgba, ...]:
+    """Return a few colours of a scale for a legend, from the least to the largest."""
+    return tuple(colors(share) for share in np.linspace(0.0, 1.0, 9))
 
 
 def error_colors(values: ArrayLike, largest: float) -> NDArray:

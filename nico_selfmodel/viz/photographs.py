@@ -14,13 +14,13 @@ _QUALITY, _OUTSIDE = 82, 215
 
 
 def photograph_of(
-    photographs: Photographs | None, eye: str, view: str, image_size: tuple[int, int]
+    photographs: Photographs | None, side: str, view: str, image_size: tuple[int, int]
 ) -> NDArray | None:
     """Return one photograph, or None where there is none.
 
     Args:
         photographs: All there are.
-        eye: Which camera.
+        side: Which camera.
         view: Which view.
         image_size: Width and height that were calibrated [px].
 
@@ -30,13 +30,13 @@ def photograph_of(
     Raises:
         ValueError: If it is not an image, or one of another size.
     """
-    image = (photographs or {}).get(eye, {}).get(view)
+    image = (photographs or {}).get(side, {}).get(view)
     if image is None:
         return None
     image = in_colour(image)
     if image.shape[:2] != image_size[::-1]:
         raise ValueError(
-            f"the {eye} image of view {view} is {image.shape[1]} x {image.shape[0]}, the "
+            f"the {side} image of view {view} is {image.shape[1]} x {image.shape[0]}, the "
             f"camera was calibrated for {image_size[0]} x {image_size[1]}"
         )
     return image

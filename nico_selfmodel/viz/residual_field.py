@@ -51,24 +51,24 @@ def residual_field(assessment: CameraAssessment) -> Figure:
     mean_factor = _factor(float(means.max(initial=0.0)), _MEAN_ARROW * width)
     with style():
         figure, panels = image_panels(assessment)
-        for axes, eye, field in zip(panels, views.eyes, fields, strict=True):
+        for axes, side, field in zip(panels, views.eyes, fields, strict=True):
             look = {"width": 0.002, "alpha": 0.75, "rasterized": len(field.pixels) > MANY}
-            color = palette.EYES[eye]
+            color = palette.CAMERAS[side]
             _arrows(axes, field.pixels, field.residuals, factor, color, "", 0.66, **look)
             _arrows(
                 axes, field.cells, field.means, mean_factor, palette.INK, "mean ", 0.9, width=0.005
             )
             squares = np.sum(field.residuals**2, axis=1)
             rms = f"{np.sqrt(squares.mean()):.3f} px rms" if len(squares) else "nothing seen"
-            axes.set_title(f"{eye}: {rms}")
+            axes.set_title(f"{side}: {rms}")
         headline(figure, _words(views.eyes, fields))
     return figure
 
 
-def field_of(assessment: CameraAssessment, eye: int) -> Field:
+def field_of(assessment: CameraAssessment, camera: int) -> Field:
     """Return the residuals of the views without outliers in one camera, given by its number."""
     calibration = assessment.calibration
-    inliers, columns = ~calibration.outliers, slice(2 * eye, 2 * eye + 2)
+    inliers, columns = ~calibration.outliers, slice(2 * camera, 2 * camera + 2)
     pixels = calibration.views.pixels[inliers][:, :, columns]
     residuals = calibration.residuals[inliers][:, :, columns]
     seen = np.isfinite(pixels).all(axis=2) & np.isfinite(residuals).all(axis=2)
@@ -129,13 +129,13 @@ def _factor(length: float, drawn: float) -> float:
     return nice_below(drawn / length) if length > 0.0 else 1.0
 
 
-def _words(eyes: tuple[str, ...], fields: list[Field]) -> str:
+def _words(sides: tuple[str, ...], fields: list[Field]) -> str:
     """Say whether the mean of a cell stands out of the noise."""
     if not any(len(field.cells) for field in fields):
         return "Too few corners to show a pattern of the residuals"
     loud = [
-        f"{np.linalg.norm(field.means, axis=1).max():.2f} px ({eye})"
-        for eye, field in zip(eyes, fields, strict=True)
+        f"{np.linalg.norm(field.means, axis=1).max():.2f} px ({side})"
+        for side, field in zip(sides, fields, strict=True)
         if field.score > _STANDS_OUT
     ]
     if not loud:

@@ -105,7 +105,7 @@ def residual_items(calibration: KinematicCalibration, unit: float) -> list[Item]
 def residual_legend(calibration: KinematicCalibration, unit: float) -> list[LegendEntry]:
     """Return the factor and the colour scale of the residuals."""
     factor, largest = residual_factor(calibration, unit), largest_shown(calibration)
-    scale = tuple(palette.ERRORS(share) for share in np.linspace(0.0, 1.0, 9))
+    scale = palette.scale(palette.ERRORS)
     label = f"residuals, drawn ×{factor:g} (0 to {short(1e3 * largest)} mm)"
     entries = [LegendEntry(label, scale[-1], scale)]
     far = int(np.sum(factor * inlier_lengths(calibration) > _LONGEST * unit))

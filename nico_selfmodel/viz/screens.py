@@ -26,7 +26,7 @@ _WIRE = 0.006
 class Screen:
     """An upright rectangle on which one camera's pictures are shown as they are, lens and all."""
 
-    eye: str
+    side: str
     """`left` or `right`."""
     X_WI: NDArray
     """Its middle; x to the viewer's right, y down, z away from the viewer. Shape (4, 4)."""
@@ -43,9 +43,9 @@ class Screen:
 
     def frame_items(self) -> list[Item]:
         """Return its frame and its name, under `screens/<camera>`."""
-        path, color = f"screens/{self.eye}", palette.EYES[self.eye]
+        path, color = f"screens/{self.side}", palette.CAMERAS[self.side]
         above = self.X_WI @ transform(np.eye(3), [0.0, -0.52 * self.height, 0.0])
-        words = f"{self.eye} camera"
+        words = f"{self.side} camera"
         return [
             Tube(
                 path=f"{path}/frame",
@@ -107,9 +107,9 @@ def screens_beside(
     middle = points.mean(axis=0)
     start = middle + right * (float(np.max((points - middle) @ right)) + _GAP * width)
     screens: dict[str, Screen] = {}
-    for k, (eye, (w, h)) in enumerate(sizes.items()):
+    for k, (side, (w, h)) in enumerate(sizes.items()):
         height = width * h / w
         p = start + right * (0.5 + k * (1.0 + _GAP)) * width
         p[2] = top - _BELOW * tall - 0.5 * height
-        screens[eye] = Screen(eye, transform(R_WI, p), width, height)
+        screens[side] = Screen(side, transform(R_WI, p), width, height)
     return screens

@@ -98,16 +98,16 @@ class StationMirror:
         """
         expected, found = self.rig.project(p_RH), {}
         behind = self.reflection(p_RH)
-        for k, (eye, camera) in enumerate(zip(EYES, self.rig.rig.eyes, strict=True)):
+        for k, (side, camera) in enumerate(zip(EYES, self.rig.rig.eyes, strict=True)):
             if not np.isfinite(expected[2 * k : 2 * k + 2]).all():
                 continue
             center = camera.X_WC[:3, 3]
             near, far = self.rig.plane.distance_to(center), self.rig.plane.distance_to(behind)
             on = center + near / (near - far) * (behind - center)
             for name, points, radius, opacity in (
-                (f"{eye}_ray", np.stack([p_RH, on, center]), _RAY, 1.0),
-                (f"{eye}_behind", np.stack([on, behind]), _BEHIND_RAY, 0.5),
+                (f"{side}_ray", np.stack([p_RH, on, center]), _RAY, 1.0),
+                (f"{side}_behind", np.stack([on, behind]), _BEHIND_RAY, 0.5),
             ):
-                color = palette.rgba(palette.EYES[eye], opacity)
+                color = palette.rgba(palette.CAMERAS[side], opacity)
                 found[name] = Tube(path=f"mirror/{name}", color=color, points=points, radius=radius)
         return found

@@ -9,12 +9,13 @@ from pydrake.geometry import Meshcat
 from pydrake.math import RigidTransform
 
 from nico_selfmodel.geometry.transform import apply, inverse, transform
-from nico_selfmodel.model import SelfModel, StereoRig
+from nico_selfmodel.model import SelfModel
 from nico_selfmodel.model.stereo_rig import EYES
 from nico_selfmodel.plant import ArmDescription, SelfModelPlant, learned_frames
 from nico_selfmodel.viz import palette
-from nico_selfmodel.viz.drake_backend import _draw, draw_in_drake
-from nico_selfmodel.viz.eye_items import ImagePlane, eye_items
+from nico_selfmodel.viz.body_scene import standing
+from nico_selfmodel.viz.drake_backend import draw_in_drake, draw_item
+from nico_selfmodel.viz.eye_items import ImagePlane, camera_items
 from nico_selfmodel.viz.figures.rgba import Rgba
 from nico_selfmodel.viz.image_marks import marked
 from nico_selfmodel.viz.robot_items import robot_items
@@ -70,7 +71,7 @@ class StationView:
             ModelError: If the model lacks arm, cameras or that mirror, or the robot cannot be read.
             SelfModelError: If the server cannot start.
         """
-        self.model = _upright(arm, model)
+        self.model = standing(model, inverse(learned_frames(arm, model.chain).X_WR))
         self.marker = self.model.markers[0]
         self._built = SelfModelPlant.from_urdf(arm, self.model)
         self._context = self._built.plant.CreateDefaultContext()
@@ -80,12 +81,12 @@ class StationView:
         body = robot_items(arm, self.model, q)
         self._links = sorted({item.path.split("/")[1] for item in body})
         self._X_LD = {link: inverse(X) for link, X in self._link_poses(q).items()}
-        width = max(eye.image_size[0] / eye.fx for eye in self.model.rig.eyes)
+        width = max(camera.image_size[0] / camera.fx for camera in self.model.rig.eyes)
         self._planes = {
-            eye: ImagePlane(camera, _SPREAD * self.model.rig.baseline / width)
-            for eye, camera in zip(EYES, self.model.rig.eyes, strict=True)
+            side: ImagePlane(camera, _SPREAD * self.model.rig.baseline / width)
+            for side, camera in zip(EYES, self.model.rig.eyes, strict=True)
         }
-        sizes = {eye: plane.camera.image_size for eye, plane in self._planes.items()}
+        sizes = {side: plane.camera.image_size for side, plane in self._planes.items()}
         self._azimuth = float(_AZIMUTH if glass is None else _INTO_MIRROR)
         self._screens = screens_beside(self._extent(body), self._azimuth, sizes)
         self._recording, self._frames = recording, 0
@@ -97,8 +98,8 @@ class StationView:
 
     def _scene(self, body: list[Item]) -> Scene:
         items: list[Item] = [*body]
-        for eye, plane in self._planes.items():
-            items += eye_items(eye, plane, None)
+        for side, plane in self._planes.items():
+            items += camera_items(side, plane, None)
         items += [_ball("hand/tracked", TRACKED, 1.0), _ball("hand/predicted", PREDICTED, 0.8)]
         items += [item for screen in self._screens.values() for item in screen.frame_items()]
         last = self._screens[EYES[1]]
@@ -177,11 +178,11 @@ class StationView:
             self._show_item("mirror/picture", mirror.picture(images[0][:, :, ::-1]), time)
         expected = self.model.rig.project(predicted)
         behind = np.full(4, np.nan) if mirror is None else mirror.rig.project(predicted)
-        for k, eye in enumerate(EYES):
+        for k, side in enumerate(EYES):
             own = slice(2 * k, 2 * k + 2)
             marks = {TRACKED: seen[own], PREDICTED: expected[own]}
             rings = {TRACKED: in_mirror[own], PREDICTED: behind[own]}
-            self._show_image(eye, marked(images[k][:, :, ::-1], marks, rings), time)
+            self._show_image(side, marked(images[k][:, :, ::-1], marks, rings), time)
 
     def _show_reflection(
         self, mirror: StationMirror, predicted: NDArray, pixels: NDArray, time: float | None
@@ -193,9 +194,9 @@ class StationView:
         self._set_visible("reflection/predicted", in_front, time)
         self._show_tracked("reflection/tracked", pixels, time)
         rays = mirror.rays(predicted)
-        for eye in EYES:
+        for side in EYES:
             for kind in ("ray", "behind"):
-                name = f"{eye}_{kind}"
+                name = f"{side}_{kind}"
                 self._show_item(f"mirror/{name}", rays.get(name), time)
 
     def html(self) -> str:
@@ -212,12 +213,12 @@ class StationView:
             self._place(path, transform(np.eye(3), p), time)
         self._set_visible(path, there, time)
 
-    def _show_image(self, eye: str, image: NDArray, time: float | None) -> None:
+    def _show_image(self, side: str, image: NDArray, time: float | None) -> None:
         """Draw an image on its plane and on its screen."""
-        items = eye_items(eye, self._planes[eye], image)
+        items = camera_items(side, self._planes[side], image)
         (picture,) = (item for item in items if isinstance(item, Picture) and "image" in item.path)
-        self._show_item(f"eyes/{eye}/image", picture, time)
-        self._show_item(f"screens/{eye}/image", self._screens[eye].picture(image, "image"), time)
+        self._show_item(f"cameras/{side}/image", picture, time)
+        self._show_item(f"screens/{side}/image", self._screens[side].picture(image, "image"), time)
 
     def _show_item(self, name: str, item: Item | None, time: float | None) -> None:
         """Draw what is new at every moment, None for nothing.
@@ -233,7 +234,7 @@ class StationView:
         if item is None:
             return
         self._shown[name] = path
-        _draw(self.meshcat, f"{ROOT}/{path}", replace(item, path=path))
+        draw_item(self.meshcat, f"{ROOT}/{path}", replace(item, path=path))
         self._place(path, item.X_WI, None)
         if time is not None and self._frames:
             self._set_visible(path, False, 0.0)
@@ -261,15 +262,6 @@ def _four(pixels: ArrayLike | None, name: str) -> NDArray:
     if found.shape != (4,):
         raise ValueError(f"{name} must have shape (4,), got {found.shape}")
     return found
-
-
-def _upright(arm: ArmDescription, model: SelfModel) -> SelfModel:
-    """Return the model expressed in its robot's root link."""
-    X_WR = learned_frames(arm, model.chain).X_WR
-    table = replace(model.dh, X_W0=inverse(X_WR) @ model.dh.X_W0)
-    rig: StereoRig = model.rig.moved(X_WR)
-    cameras = dict(zip(EYES, rig.eyes, strict=True))
-    return replace(model, table=table, cameras=cameras, covariance=None)
 
 
 def _ball(path: str, color: Rgba, size: float) -> Item:

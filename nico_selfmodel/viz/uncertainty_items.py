@@ -54,7 +54,7 @@ def uncertainty_legend(
         label = f"1σ of the predicted hand, drawn ×{factor:g} ({short(1e3 * largest)} mm at most)"
         return [LegendEntry(label, color)]
     if calibration.uncertainty is not None and calibration.uncertainty.blind:
-        return [LegendEntry("no ellipsoid: the data leave directions open", (0.0, 0.0, 0.0, 0.0))]
+        return [LegendEntry("no ellipsoid: some directions are unobservable", (0.0, 0.0, 0.0, 0.0))]
     return []
 
 

@@ -13,7 +13,7 @@ from nico_selfmodel.plant import ArmDescription
 from nico_selfmodel.viz import palette
 from nico_selfmodel.viz.arm_items import arm_items
 from nico_selfmodel.viz.arm_shape import arm_length
-from nico_selfmodel.viz.body_scene import standing, with_body
+from nico_selfmodel.viz.body_scene import middle_row, standing, with_body
 from nico_selfmodel.viz.scene import LegendEntry, Scene
 from nico_selfmodel.viz.scene_items import Item, Markers, Needles
 from nico_selfmodel.viz.surroundings import upright
@@ -55,7 +55,7 @@ def _middle_reading(evaluation: UpdateEvaluation) -> NDArray:
     """Return the readings of the pose nearest to the middle [encoder units]. Shape (n,)."""
     data = columns_of(evaluation.after, evaluation.train)
     q = evaluation.after.servos.to_joint(data.encoders)
-    return data.encoders[int(np.argmin(np.sum((q - np.median(q, axis=0)) ** 2, axis=1)))]
+    return data.encoders[middle_row(q)]
 
 
 def _ghost(model: SelfModel, q: NDArray, unit: float) -> list[Item]:

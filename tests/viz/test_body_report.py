@@ -101,7 +101,7 @@ def test_the_scene_shows_every_inlier_and_the_outlier(found):
     items = {item.path: item for item in scene.items}
     assert len(items["hand/known_to"].centers) == int((~found.outliers).sum())
     assert len(items["hand/outliers"].centers) == 1
-    assert {"eyes/left/outline", "eyes/right/outline"} <= set(items)
+    assert {"cameras/left/outline", "cameras/right/outline"} <= set(items)
     # The scene looks along x where the left eye looks along z.
     ahead = found.train.p_LH_predicted[~found.outliers][:, 2]
     assert items["hand/known_to"].centers[:, 0] == pytest.approx(ahead)

@@ -28,7 +28,7 @@ def at(scene, path):
 def test_both_eyes_with_images_all_boards_and_one_point_are_there(scene, eyes):
     views = eyes.calibration.views.names
     wanted = {f"boards/{view}/{part}" for view in views for part in ("board", "name")}
-    wanted |= {f"eyes/{e}/{p}" for e in ("left", "right") for p in ("image", "outline", "name")}
+    wanted |= {f"cameras/{e}/{p}" for e in ("left", "right") for p in ("image", "outline", "name")}
     wanted |= {"point/epipolar_plane", "point/left_ray", "point/right_ray"}
     wanted |= {"point/left_epipolar_line", "point/right_epipolar_line"}
     assert wanted <= set(scene.paths)
@@ -82,7 +82,7 @@ def test_the_epipolar_lines_run_through_both_images_of_the_corner(eyes):
     np.testing.assert_allclose(plane.vertices[2], on_board, atol=2e-3)
     for eye, camera in zip(("left", "right"), eyes.calibration.cameras, strict=True):
         line = at(scene, f"point/{eye}_epipolar_line").points
-        center, outline = X_WL @ camera.X_WC[:, 3], at(scene, f"eyes/{eye}/outline").points
+        center, outline = X_WL @ camera.X_WC[:, 3], at(scene, f"cameras/{eye}/outline").points
         normal = np.cross(*(plane.vertices[1:] - plane.vertices[0]))
         np.testing.assert_allclose((line - center[:3]) @ normal, 0.0, atol=1e-9)
         # The ends lie on the image's edge: outside of no side and on at least one of them.
@@ -107,9 +107,9 @@ def test_an_outlier_is_red_and_stands_apart(flawed_eyes):
 def test_one_eye_has_no_epipolar_plane_and_without_photographs_there_is_no_image(one_eye):
     scene = camera_scene(one_eye)
     assert scene.under("point") == ()
-    assert scene.under("eyes/left") == ()
-    assert "eyes/right/image" not in scene.paths
-    assert "eyes/right/outline" in scene.paths
+    assert scene.under("cameras/left") == ()
+    assert "cameras/right/image" not in scene.paths
+    assert "cameras/right/outline" in scene.paths
 
 
 def test_the_pictures_in_a_file_are_small_and_come_back(scene):

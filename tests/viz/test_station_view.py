@@ -53,7 +53,12 @@ def test_the_robot_moves_and_its_hand_and_eyes_are_drawn():
     view = StationView(ARM, MODEL)
     for q in (READINGS, np.zeros(4)):
         view.show(q, IMAGES, pixels())
-    drawn = ("eyes/left/image", "screens/left/image", "screens/right/image", "screens/right/name")
+    drawn = (
+        "cameras/left/image",
+        "screens/left/image",
+        "screens/right/image",
+        "screens/right/name",
+    )
     for path in ("hand/tracked", "hand/predicted", "robot/right_hand", *drawn):
         assert view.meshcat.HasPath(f"{ROOT}/{path}"), path
     view.show(READINGS)
@@ -93,7 +98,7 @@ def test_a_recording_keeps_every_image():
     view = StationView(ARM, MODEL, recording=True)
     for k in range(3):
         view.show(READINGS + 0.1 * k, IMAGES, pixels() if k else None)
-    paths = [f"{ROOT}/eyes/{eye}/frame_{k}" for eye in ("left", "right") for k in range(3)]
+    paths = [f"{ROOT}/cameras/{eye}/frame_{k}" for eye in ("left", "right") for k in range(3)]
     assert all(view.meshcat.HasPath(path) for path in paths)
     assert len(view.html()) > 500_000
 

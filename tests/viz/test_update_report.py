@@ -174,7 +174,7 @@ def test_the_scene_shows_where_the_hand_was_thought_before_and_the_arm_as_it_was
         (after.p_WH_predicted - before.p_WH_predicted) @ _turn().T
     )
     assert any(path.startswith("before/arm/link") for path in items)
-    assert {"eyes/left/outline", "eyes/right/outline"} <= set(items)
+    assert {"cameras/left/outline", "cameras/right/outline"} <= set(items)
 
 
 def _turn():

@@ -188,17 +188,17 @@ def view_table(views: tuple[ShownView, ...]) -> Table:
     """Return one row a view: its files, what it was used for, corners and errors."""
     rows = []
     for view in views:
-        errors = [eye.errors for eye in view.eyes]
+        errors = [camera.errors for camera in view.cameras]
         largest = max((float(found.max()) for found in errors if len(found)), default=None)
-        rms = [eye.rms for eye in view.eyes] + [view.rms] * (len(view.eyes) > 1)
+        rms = [camera.rms for camera in view.cameras] + [view.rms] * (len(view.cameras) > 1)
         cells = (
-            Cell(", ".join(eye.file for eye in view.eyes)),
+            Cell(", ".join(camera.file for camera in view.cameras)),
             Cell(view.use, kind="warn" if view.use == "outlier" else ""),
             Cell(" + ".join(str(len(found)) for found in errors)),
             *(number_cell(value, 3) for value in (*rms, largest)),
         )
         rows.append((view.name, cells))
-    cameras = [f"rms {eye.eye} [px]" for eye in views[0].eyes]
+    cameras = [f"rms {camera.side} [px]" for camera in views[0].cameras]
     both = ["rms [px]"] * (len(cameras) > 1)
     headings = ("view", "files", "used as", "corners", *cameras, *both, "largest [px]")
     return Table(headings, tuple(rows))

@@ -6,13 +6,19 @@ from typing import Any
 
 from jinja2 import Environment, PackageLoader, StrictUndefined
 
+from nico_selfmodel.viz.camera_gallery import Gallery
 from nico_selfmodel.viz.drake_backend import static_html
 from nico_selfmodel.viz.figures.rgba import Rgba
 from nico_selfmodel.viz.plot_style import svg_data_uri
-from nico_selfmodel.viz.reports.parts import Bullets, Section
+from nico_selfmodel.viz.reports import parts
 from nico_selfmodel.viz.scene import SCENE_FILE, Scene
 
 REPORT_FILE = "report.html"
+_PARTS = (
+    *(parts.Section, parts.Text, parts.Bullets, parts.Numbers, parts.Drawing, parts.Tiles),
+    *(parts.Stage, parts.Beside, parts.Folded, Gallery),
+)
+"""What `parts.html.j2` has a template for."""
 _MEANING = {
     "PASS": "Held-out data were evaluated and no check failed.",
     "FAIL": "Do not rely on this model before the points below are settled.",
@@ -44,7 +50,7 @@ class Report:
     """Content of `result.json`: its status, reasons and warnings stand first."""
     key: Key
     """Beside the verdict."""
-    sections: tuple[Section, ...]
+    sections: tuple[parts.Section, ...]
     """In this order."""
     scene: Scene
     """Kept beside the page, for `view`."""
@@ -72,12 +78,15 @@ class Report:
             trim_blocks=True,
             lstrip_blocks=True,
         )
-        environment.filters["css"] = _css_color
-        environment.filters["kind"] = lambda part: type(part).__name__
-        environment.filters["svg"] = lambda figure: svg_data_uri(figure)
-        environment.filters["viewer"] = lambda scene: static_html(scene)
+        environment.filters |= {
+            "css": _css_color,
+            "kind": _kind,
+            "svg": svg_data_uri,
+            "viewer": static_html,
+        }
         status, warnings = self.document["status"], tuple(self.document.get("warnings", ()))
-        limits = Section(self.limits, (Bullets(warnings),), id="warnings", kind="warnings")
+        lines = parts.Bullets(warnings)
+        limits = parts.section(self.limits, lines, id="warnings", kind="warnings")
         return environment.get_template("report.html.j2").render(
             report=self,
             status=status,
@@ -134,6 +143,15 @@ def telling_set(document: Mapping[str, Any], things: str) -> tuple[str, str]:
         if document[name] is not None:
             return name, label
     raise ValueError("the document holds no statistics of errors")
+
+
+def _kind(part: Any) -> str:
+    """Return the name under which `parts.html.j2` knows a part."""
+    if type(part) not in _PARTS:
+        raise TypeError(
+            f"a report has no template for a {type(part).__name__}: add one to parts.html.j2"
+        )
+    return type(part).__name__
 
 
 def _css_color(color: Rgba) -> str:
