@@ -53,6 +53,7 @@ ALLOWED = {
     },
     "recording": {"numpy"},
     "planning": {"numpy"},
+    "sessions": {"numpy"},
     "experiments": {"numpy", "pydrake.common", "yaml"},
     "cli": {"numpy", "rich", "typer"},
 }
