@@ -208,7 +208,8 @@ def _motion_capture(
     free: int,
     poses: Path | None,
 ) -> "Dataset":
-    from nico_selfmodel.experiments.protocol import Protocol, simulated_session
+    from nico_selfmodel.experiments.protocol import simulated_session
+    from nico_selfmodel.planning.sweep_protocol import Protocol
     from nico_selfmodel.plant import ArmDescription
 
     arm = ArmDescription.named("nico")

@@ -6,7 +6,8 @@ from dataclasses import dataclass, replace
 from nico_selfmodel.dataset import Dataset
 from nico_selfmodel.errors import NotIdentifiableError
 from nico_selfmodel.estimation import KinematicCalibration, NominalArm, calibrate_kinematics
-from nico_selfmodel.experiments.protocol import Protocol, simulated_session
+from nico_selfmodel.experiments.protocol import simulated_session
+from nico_selfmodel.planning.sweep_protocol import Protocol
 from nico_selfmodel.plant import ArmDescription
 from nico_selfmodel.sessions.progress import Stage, telling
 from nico_selfmodel.systems import Imperfections
