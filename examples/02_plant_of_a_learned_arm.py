@@ -5,7 +5,8 @@ from dataclasses import replace
 import numpy as np
 
 from nico_selfmodel.estimation import NominalArm, calibrate_kinematics
-from nico_selfmodel.experiments.protocol import Protocol, simulated_session
+from nico_selfmodel.experiments.protocol import simulated_session
+from nico_selfmodel.planning.sweep_protocol import Protocol
 from nico_selfmodel.plant import ArmDescription, SelfModelPlant
 from nico_selfmodel.systems import IMPERFECTIONS
 

@@ -8,7 +8,8 @@ import pytest
 from nico_selfmodel.dataset import Dataset
 from nico_selfmodel.experiments.eyes_lesson import RenderedNico
 from nico_selfmodel.experiments.mirror_recording import DEFAULT_MIRROR, NicoBeforeMirrors
-from nico_selfmodel.experiments.protocol import Protocol, simulated_session
+from nico_selfmodel.experiments.protocol import simulated_session
+from nico_selfmodel.planning.sweep_protocol import Protocol
 from nico_selfmodel.plant import ArmDescription
 from nico_selfmodel.recording import record
 from nico_selfmodel.systems import IMPERFECTIONS, NicoStation, StationBody

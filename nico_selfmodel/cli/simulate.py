@@ -33,8 +33,9 @@ def motion_capture(
     force: options.Force = False,
 ) -> None:
     """Sweep and pose a simulated arm under motion capture; writes a data set."""
-    from nico_selfmodel.experiments.protocol import Protocol, simulated_session
+    from nico_selfmodel.experiments.protocol import simulated_session
     from nico_selfmodel.files import refuse_existing
+    from nico_selfmodel.planning.sweep_protocol import Protocol
     from nico_selfmodel.systems import imperfections_named
 
     refuse_existing(out, force=force)

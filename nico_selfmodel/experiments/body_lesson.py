@@ -1,6 +1,5 @@
 """After eyes and arm are learned one after the other, they refine each other (thesis chapter 8)."""
 
-from collections.abc import Callable
 from dataclasses import dataclass
 
 from nico_selfmodel.dataset import BoardViews
@@ -11,10 +10,10 @@ from nico_selfmodel.experiments.eyes_lesson import (
     CameraScenario,
     Counts,
     RenderedNico,
-    Stage,
     learn_cameras_and_arm,
 )
 from nico_selfmodel.model import SelfModel
+from nico_selfmodel.sessions.progress import Stage, telling
 from nico_selfmodel.systems import Imperfections
 
 TEST_SESSION = 3
@@ -72,15 +71,12 @@ def learn_body(
     counts = counts or Counts()
     scenario = learn_cameras_and_arm(world, seed, markers=(marker,), counts=counts, stage=stage)
 
-    def report(what: str) -> Callable[[int, int], None]:
-        return lambda done, total: stage(what, done, total) if stage else None
-
     boards = RenderedNico(world, seed, (marker,)).board_views(
-        counts.test_boards, TEST_SESSION, progress=report("more boards, kept for judging")
+        counts.test_boards, TEST_SESSION, progress=telling(stage, "more boards, kept for judging")
     )
-    report("refining arm and eyes together")(0, 1)
+    telling(stage, "refining arm and eyes together")(0, 1)
     found = refine(scenario, marker, boards)
-    report("refining arm and eyes together")(1, 1)
+    telling(stage, "refining arm and eyes together")(1, 1)
     return found
 
 

@@ -3,7 +3,7 @@
 Everything goes through rendered pixels: boards, fiducial and red tape are found in pictures.
 """
 
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -21,10 +21,9 @@ from nico_selfmodel.estimation.sight import Sight
 from nico_selfmodel.experiments.nico_before_its_eyes import RenderedNico
 from nico_selfmodel.model import SelfModel
 from nico_selfmodel.plant import ArmDescription
+from nico_selfmodel.sessions.progress import Stage, telling
 from nico_selfmodel.systems import Imperfections
 
-Stage = Callable[[str, int, int], None]
-"""Called with what is going on, steps done and steps in all."""
 MARKERS = {"stereo-fiducial": "fiducial", "stereo-color": "finger_tip"}
 """Sensor -> what it looks at."""
 
@@ -104,35 +103,36 @@ def learn_cameras_and_arm(
     Returns:
         Everything that was recorded and learned.
     """
-
-    def report(what: str) -> Callable[[int, int], None]:
-        return lambda done, total: stage(what, done, total) if stage else None
-
     counts = counts or Counts()
     nico = RenderedNico(world, seed, markers)
-    views = nico.board_views(counts.boards, 0, progress=report("looking at a chessboard"))
-    report("learning the eyes")(0, 1)
+    views = nico.board_views(counts.boards, 0, progress=telling(stage, "looking at a chessboard"))
+    telling(stage, "learning the eyes")(0, 1)
     eyes = calibrate_cameras(views)
-    report("learning the eyes")(1, 1)
+    telling(stage, "learning the eyes")(1, 1)
     train = nico.record(
         "train",
         1,
         counts.circle,
         counts.random,
         rig=eyes.rig,
-        progress=report("moving every joint, watching the hand"),
+        progress=telling(stage, "moving every joint, watching the hand"),
     )
     test = nico.record(
-        "test", 2, 0, counts.test, rig=eyes.rig, progress=report("new poses, kept for judging")
+        "test",
+        2,
+        0,
+        counts.test,
+        rig=eyes.rig,
+        progress=telling(stage, "new poses, kept for judging"),
     )
-    report("learning the arm")(0, len(markers))
+    telling(stage, "learning the arm")(0, len(markers))
     arms = {}
     for done, marker in enumerate(markers, start=1):
         nominal = nominal_with(nico.arm, marker)
         arms[marker] = learn_arm(
             of_marker(train, marker), of_marker(test, marker), eyes, nominal, "nico"
         )
-        report("learning the arm")(done, len(markers))
+        telling(stage, "learning the arm")(done, len(markers))
     return CameraScenario(views, eyes, arms)
 
 

@@ -1,14 +1,15 @@
 """A robot wakes up not knowing its arm, moves it, and learns it: the main job."""
 
 import warnings
-from collections.abc import Callable
 from dataclasses import dataclass, replace
 
 from nico_selfmodel.dataset import Dataset
 from nico_selfmodel.errors import NotIdentifiableError
 from nico_selfmodel.estimation import KinematicCalibration, NominalArm, calibrate_kinematics
-from nico_selfmodel.experiments.protocol import Protocol, simulated_session
+from nico_selfmodel.experiments.protocol import simulated_session
+from nico_selfmodel.planning.sweep_protocol import Protocol
 from nico_selfmodel.plant import ArmDescription
+from nico_selfmodel.sessions.progress import Stage, telling
 from nico_selfmodel.systems import Imperfections
 
 
@@ -33,7 +34,7 @@ def learn_by_motion_capture(
     seed: int = 0,
     random_poses: int = 100,
     test_poses: int = 100,
-    stage: Callable[[str, int, int], None] | None = None,
+    stage: Stage | None = None,
 ) -> MotionCaptureScenario:
     """Record a simulated arm and learn it.
 
@@ -49,10 +50,6 @@ def learn_by_motion_capture(
     Returns:
         Data and calibrations.
     """
-
-    def report(what: str) -> Callable[[int, int], None]:
-        return lambda done, total: stage(what, done, total) if stage else None
-
     protocol = Protocol.for_arm(arm)
     train = simulated_session(
         arm,
@@ -61,7 +58,7 @@ def learn_by_motion_capture(
         "train",
         seed=seed,
         session=0,
-        progress=report("moving every joint, watching the hand"),
+        progress=telling(stage, "moving every joint, watching the hand"),
     )
     test = simulated_session(
         arm,
@@ -71,10 +68,10 @@ def learn_by_motion_capture(
         seed=seed,
         session=1,
         sweeps=False,
-        progress=report("new poses, kept for judging"),
+        progress=telling(stage, "new poses, kept for judging"),
     )
     nominal = nominal_of(arm)
-    learning = report("learning")
+    learning = telling(stage, "learning")
     learning(0, 2)
     try:
         circles = calibrate_kinematics(train, method="circle-points", test=test, nominal=nominal)

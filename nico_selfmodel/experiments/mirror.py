@@ -1,6 +1,6 @@
 """Chapter 9 of the thesis: the hand predicted in three mirrors after 10 to 50 poses of training."""
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -12,6 +12,7 @@ from nico_selfmodel.estimation.mirror_cameras import fit_mirror_cameras
 from nico_selfmodel.experiments.mirror_body import MIRRORS, learned_body, mirror_body
 from nico_selfmodel.model import Mirror, SelfModel, StereoRig
 from nico_selfmodel.plant import ArmDescription
+from nico_selfmodel.sessions.progress import Stage
 from nico_selfmodel.systems.simulated.mirrors import SimulatedMirrors
 
 POSES = (10, 20, 30, 40, 50)
@@ -89,7 +90,7 @@ def run_mirror(
     pixel_sigma: float = 0.3,
     play_deg: float = 0.5,
     seed: int = 0,
-    progress: Callable[[str, int, int], None] | None = None,
+    progress: Stage | None = None,
 ) -> MirrorExperiment:
     """Let simulated robots learn arm and eyes, then three mirrors.
 

@@ -1,6 +1,5 @@
 """A Nico that knows its eyes and its arm meets a mirror, and learns where it stands (chapter 9)."""
 
-from collections.abc import Callable
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -13,9 +12,10 @@ from nico_selfmodel.estimation.mirror_document import mirror_document
 from nico_selfmodel.estimation.mirror_verdict import judge_mirrors, judged
 from nico_selfmodel.estimation.verdict import Verdict
 from nico_selfmodel.experiments.body_lesson import BodyScenario
-from nico_selfmodel.experiments.eyes_lesson import RenderedNico, Stage
+from nico_selfmodel.experiments.eyes_lesson import RenderedNico
 from nico_selfmodel.experiments.mirror_recording import DEFAULT_MIRROR, NicoBeforeMirrors
 from nico_selfmodel.model import SelfModel
+from nico_selfmodel.sessions.progress import Stage, telling
 from nico_selfmodel.systems import Imperfections
 from nico_selfmodel.viz.mirror_picture import MirrorPicture
 
@@ -78,23 +78,19 @@ def learn_mirror(
     Raises:
         EstimationError: If no plane fits.
     """
-
-    def report(what: str) -> Callable[[int, int], None]:
-        return lambda done, total: stage(what, done, total) if stage else None
-
     nico = RenderedNico(world, seed, (marker,))
     before = NicoBeforeMirrors(
         nico, {MIRROR: DEFAULT_MIRROR}, knows=model, rig=model.rig, familiar=familiar
     )
     data = before.record(
-        "mirror", DAY, 2 * poses, progress=report("looking at its hand in a mirror")
+        "mirror", DAY, 2 * poses, progress=telling(stage, "looking at its hand in a mirror")
     )
     # Every other pose is held out, so that both halves cover the same places.
     held_out = np.isin(data.sample, np.unique(data.sample)[1::2])
     train, test = data.select(~held_out), data.select(held_out)
-    report("learning the mirror")(0, 1)
+    telling(stage, "learning the mirror")(0, 1)
     calibration = calibrate_mirrors(train, model, test=test)
-    report("learning the mirror")(1, 1)
+    telling(stage, "learning the mirror")(1, 1)
     row = int(np.flatnonzero((train.mirror == MIRROR) & np.isfinite(train.pixels).all(axis=1))[0])
     images = before.look(DAY, MIRROR, train.encoders[row])
     picture = MirrorPicture(int(train.sample[row]), train.encoders[row], images)

@@ -1,13 +1,13 @@
 """Chapter 9 of the thesis through rendered pictures: the hand found in three mirrors."""
 
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 
 import numpy as np
 
 from nico_selfmodel.dataset import Dataset
 from nico_selfmodel.errors import DataError
 from nico_selfmodel.experiments.body_lesson import learn_body
-from nico_selfmodel.experiments.eyes_lesson import Counts, RenderedNico, Stage
+from nico_selfmodel.experiments.eyes_lesson import Counts, RenderedNico
 from nico_selfmodel.experiments.mirror import (
     POSES,
     TEST_POSES,
@@ -17,6 +17,7 @@ from nico_selfmodel.experiments.mirror import (
 )
 from nico_selfmodel.experiments.mirror_recording import NicoBeforeMirrors
 from nico_selfmodel.model import Mirror
+from nico_selfmodel.sessions.progress import Stage, of_robot, telling
 from nico_selfmodel.systems import Imperfections
 
 MARKER = "fiducial"
@@ -55,12 +56,7 @@ def run_rendered_mirror(
     """
     trials = []
     for i in range(individuals):
-        number = f"robot {i + 1} of {individuals}: " if individuals > 1 else ""
-
-        def stage(what: str, done: int, total: int, number: str = number) -> None:
-            if progress:
-                progress(number + what, done, total)
-
+        stage = of_robot(progress, i, individuals)
         trials.append(rendered_trial(world, seed + i, counts, stage))
     play = float(np.degrees(world.play))
     return experiment_of(trials, PIXEL_SIGMA, play, RENDERED_MIRRORS, rendered=True)
@@ -84,12 +80,15 @@ def rendered_trial(world: Imperfections, seed: int, counts: Counts | None, stage
     nico = RenderedNico(world, seed, (MARKER,))
     before = NicoBeforeMirrors(nico, RENDERED_MIRRORS, rig=scenario.model.rig)
 
-    def watched(what: str) -> Callable[[int, int], None]:
-        return lambda done, total: stage(what, done, total)
-
-    train = before.record("train", TRAIN_DAY, max(POSES), progress=watched("looking into mirrors"))
+    train = before.record(
+        "train", TRAIN_DAY, max(POSES), progress=telling(stage, "looking into mirrors")
+    )
     test = before.record(
-        "test", TEST_DAY, TEST_POSES, best=False, progress=watched("mirrors, kept for judging")
+        "test",
+        TEST_DAY,
+        TEST_POSES,
+        best=False,
+        progress=telling(stage, "mirrors, kept for judging"),
     )
     truth = nico.ground_truth
     true = {name: truth.mirror(view.X_BM) for name, view in before.views.items()}

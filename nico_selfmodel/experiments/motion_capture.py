@@ -1,14 +1,15 @@
 """Chapter 6 of the thesis: an arm learned under motion capture, from few and from many samples."""
 
-from collections.abc import Callable
 from dataclasses import dataclass, replace
 
 import numpy as np
 
 from nico_selfmodel.dataset import Dataset
 from nico_selfmodel.estimation import KinematicCalibration, calibrate_kinematics
-from nico_selfmodel.experiments.protocol import Protocol, simulated_session
+from nico_selfmodel.experiments.protocol import simulated_session
+from nico_selfmodel.planning.sweep_protocol import Protocol
 from nico_selfmodel.plant import ArmDescription
+from nico_selfmodel.sessions.progress import Stage
 from nico_selfmodel.systems import Imperfections
 
 MANY, FEW = 104, 9
@@ -90,7 +91,7 @@ def run_motion_capture(
     individuals: int = 5,
     repeats: int = 100,
     seed: int = 0,
-    progress: Callable[[str, int, int], None] | None = None,
+    progress: Stage | None = None,
 ) -> MotionCaptureExperiment:
     """Run the chapter's two charts and its repeat test.
 
@@ -174,7 +175,7 @@ def _row(condition: tuple[int, str, int], results: list[KinematicCalibration]) -
     )
 
 
-def _repeat(sessions: _Sessions, count: int, report: Callable[[str, int, int], None]) -> Repeats:
+def _repeat(sessions: _Sessions, count: int, report: Stage) -> Repeats:
     """Refine from the 104 circle samples and a random half of the random poses, many times."""
     rng = np.random.default_rng((sessions.seed, 9))
     rows = np.arange(len(sessions.random))

@@ -9,9 +9,9 @@ import numpy as np
 from nico_selfmodel.dataset import Dataset, JointInfo
 from nico_selfmodel.errors import DataError
 from nico_selfmodel.experiments.eyes_lesson import MARKERS
-from nico_selfmodel.experiments.protocol import Protocol
 from nico_selfmodel.model.readings import readings_from_table
 from nico_selfmodel.planning.plans import HOME, Plan, given_commands
+from nico_selfmodel.planning.sweep_protocol import Protocol
 from nico_selfmodel.planning.visible_workspace import VisibleWorkspace
 from nico_selfmodel.plant import ROBOTS, ArmDescription
 from nico_selfmodel.recording import Progress, record

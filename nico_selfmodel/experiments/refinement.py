@@ -23,6 +23,7 @@ from nico_selfmodel.experiments.projected_nico import TRACKERS, ProjectedNico
 from nico_selfmodel.experiments.stereo import BOARDS, TEST_BOARDS, board_points
 from nico_selfmodel.model import SelfModel
 from nico_selfmodel.model.link_lengths import link_lengths
+from nico_selfmodel.sessions.progress import Stage, of_robot
 from nico_selfmodel.systems import Imperfections, SimulatedCameras
 
 CIRCLE_POINTS = 15
@@ -39,8 +40,6 @@ CONDITIONS = {
 """What is learned, and how. The seed's principal points are held at the image's centre, as in the
 thesis' first pass."""
 SEED = CameraOptions(pinned={"cx": None, "cy": None})
-Progress = Callable[[str, int, int], None]
-"""Called with what is going on, steps done and steps in all."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -113,7 +112,7 @@ class RefinementExperiment:
     """What the mechanics leave, of every tracker for which that is known."""
 
 
-ScenarioSource = Callable[[int, tuple[str, ...], Progress | None], Mapping[str, Scenario]]
+ScenarioSource = Callable[[int, tuple[str, ...], Stage | None], Mapping[str, Scenario]]
 """Records one individual: its seed, its trackers, whom to tell -> what each tracker saw."""
 
 
@@ -122,7 +121,7 @@ def run_refinement(
     individuals: int = 8,
     seed: int = 0,
     trackers: tuple[str, ...] = ("fiducial", "color"),
-    progress: Progress | None = None,
+    progress: Stage | None = None,
     rendered: ScenarioSource | None = None,
 ) -> RefinementExperiment:
     """Let simulated bodies learn under every condition.
@@ -153,8 +152,8 @@ def run_refinement(
         if rendered is None:
             scenarios = _simulated(world, seed + i, trackers)
         else:
-            number = f"body {i + 1} of {individuals}: " if individuals > 1 else ""
-            scenarios = rendered(seed + i, trackers, _numbered(progress, number))
+            stage = of_robot(progress, i, individuals, "body")
+            scenarios = rendered(seed + i, trackers, stage)
         for tracker, scenario in scenarios.items():
             limits[tracker] += [] if scenario.limit is None else [scenario.limit]
             for name, options in CONDITIONS.items():
@@ -173,12 +172,6 @@ def _simulated(world: Imperfections, seed: int, trackers: tuple[str, ...]) -> di
         tracker: simulated_scenario(ProjectedNico.tracked_by(tracker), world, seed)
         for tracker in trackers
     }
-
-
-def _numbered(progress: Progress | None, number: str) -> Progress | None:
-    if progress is None:
-        return None
-    return lambda what, done, total: progress(number + what, done, total)
 
 
 def simulated_scenario(

@@ -1,15 +1,15 @@
 """What one Nico records for chapter 8 through rendered pictures: by fiducial and by colour."""
 
-from collections.abc import Callable
 from dataclasses import replace
 
 import numpy as np
 
 from nico_selfmodel.dataset import Dataset
 from nico_selfmodel.estimation import calibrate_cameras
-from nico_selfmodel.experiments.eyes_lesson import Counts, RenderedNico, Stage, of_marker
+from nico_selfmodel.experiments.eyes_lesson import Counts, RenderedNico, of_marker
 from nico_selfmodel.experiments.limits import Limit
 from nico_selfmodel.experiments.refinement import SEED, Scenario
+from nico_selfmodel.sessions.progress import Stage, telling
 from nico_selfmodel.systems import Imperfections
 
 MARKERS = {"fiducial": "fiducial", "color": "finger_tip"}
@@ -39,16 +39,19 @@ def rendered_scenarios(
         Tracker -> what was recorded, and what ground truth says of it: nothing of colour, since
         no instrument touches the middle of a patch.
     """
-
-    def report(what: str) -> Callable[[int, int], None]:
-        return lambda done, total: stage(what, done, total) if stage else None
-
     nico = RenderedNico(world, seed, tuple(MARKERS[tracker] for tracker in trackers))
-    boards = nico.board_views(counts.boards, 0, progress=report("looking at a chessboard"))
-    held_out = nico.board_views(counts.test_boards, 3, progress=report("boards kept for judging"))
+    boards = nico.board_views(counts.boards, 0, progress=telling(stage, "looking at a chessboard"))
+    held_out = nico.board_views(
+        counts.test_boards, 3, progress=telling(stage, "boards kept for judging")
+    )
     eyes = calibrate_cameras(boards, SEED)
     train = nico.record(
-        "train", 1, counts.circle, counts.random, rig=eyes.rig, progress=report("training poses")
+        "train",
+        1,
+        counts.circle,
+        counts.random,
+        rig=eyes.rig,
+        progress=telling(stage, "training poses"),
     )
     test = nico.record(
         "test",
@@ -57,7 +60,7 @@ def rendered_scenarios(
         counts.test,
         rig=eyes.rig,
         observed=True,
-        progress=report("poses kept for judging"),
+        progress=telling(stage, "poses kept for judging"),
     )
     found = {}
     for tracker in trackers:

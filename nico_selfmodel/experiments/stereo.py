@@ -1,6 +1,5 @@
 """Chapters 5 and 8.1 of the thesis: how well a pair of eyes measures, by lens model and boards."""
 
-from collections.abc import Callable
 from dataclasses import asdict, dataclass
 from typing import Any
 
@@ -14,6 +13,7 @@ from nico_selfmodel.estimation import (
 )
 from nico_selfmodel.estimation.board_accuracy import corner_distances, held_out_residuals
 from nico_selfmodel.experiments.experiment_report import ExperimentReport, Table, bars, spread
+from nico_selfmodel.sessions.progress import Stage
 from nico_selfmodel.systems import SimulatedCameras
 from nico_selfmodel.viz.experiment_charts import bar_chart
 
@@ -72,7 +72,7 @@ def run_stereo(
     individuals: int = 5,
     pixel_sigma: float = 0.2,
     seed: int = 0,
-    progress: Callable[[str, int, int], None] | None = None,
+    progress: Stage | None = None,
 ) -> StereoExperiment:
     """Learn simulated eyes under every condition.
 

@@ -10,8 +10,9 @@ from nico_selfmodel.dataset import Dataset
 from nico_selfmodel.estimation import calibrate_body, calibrate_tool, evaluate, rezero
 from nico_selfmodel.estimation.pixel_evaluation import evaluate_pixels
 from nico_selfmodel.experiments.projected_nico import ProjectedNico
-from nico_selfmodel.experiments.refinement import TEST_POSES, Progress, simulated_scenario
+from nico_selfmodel.experiments.refinement import TEST_POSES, simulated_scenario
 from nico_selfmodel.model import SelfModel
+from nico_selfmodel.sessions.progress import Stage
 from nico_selfmodel.systems import Imperfections, SimulatedRobot
 from nico_selfmodel.systems.simulated.sensors import StereoPixels
 
@@ -75,7 +76,7 @@ class ToolExperiment:
     """After the encoders lost their zeros; empty if rendered."""
 
 
-ToolScenarioSource = Callable[[int, Progress | None], ToolScenario]
+ToolScenarioSource = Callable[[int, Stage | None], ToolScenario]
 """Records one individual: its seed, whom to tell -> what it recorded."""
 
 
@@ -83,7 +84,7 @@ def run_tool(
     world: Imperfections,
     individuals: int = 8,
     seed: int = 0,
-    progress: Progress | None = None,
+    progress: Stage | None = None,
     rendered: ToolScenarioSource | None = None,
 ) -> ToolExperiment:
     """Let simulated bodies take a tool, and restart them.

@@ -1,6 +1,6 @@
 """Chapter 7 of the thesis: an arm learned by sight of its hand, by fiducial and by colour."""
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import asdict, dataclass
 from typing import Any
 
@@ -9,6 +9,7 @@ import numpy as np
 from nico_selfmodel.estimation import ErrorStatistics
 from nico_selfmodel.experiments.experiment_report import ExperimentReport, Pair, Table, bars, spread
 from nico_selfmodel.experiments.eyes_lesson import ArmScenario, Counts, learn_cameras_and_arm
+from nico_selfmodel.sessions.progress import Stage, of_robot
 from nico_selfmodel.systems import Imperfections
 from nico_selfmodel.viz.experiment_charts import bar_chart
 
@@ -66,7 +67,7 @@ def run_vision(
     individuals: int = 1,
     seed: int = 0,
     counts: Counts | None = None,
-    progress: Callable[[str, int, int], None] | None = None,
+    progress: Stage | None = None,
 ) -> VisionExperiment:
     """Let robots learn eyes and arm by sight. Both markers are tracked in the same pictures.
 
@@ -82,12 +83,7 @@ def run_vision(
     """
     scenarios = []
     for i in range(individuals):
-        number = f"robot {i + 1} of {individuals}: " if individuals > 1 else ""
-
-        def stage(what: str, done: int, total: int, number: str = number) -> None:
-            if progress:
-                progress(number + what, done, total)
-
+        stage = of_robot(progress, i, individuals)
         markers = tuple(ROWS.values())
         scenarios.append(
             learn_cameras_and_arm(world, seed + i, markers=markers, counts=counts, stage=stage)

@@ -56,6 +56,7 @@ ALLOWED = {
     "recording": {"numpy"},
     "result_folder": set(),
     "planning": {"numpy"},
+    "sessions": {"numpy"},
     "experiments": {"numpy", "pydrake.common", "yaml"},
     "cli": {"numpy", "rich", "typer"},
 }

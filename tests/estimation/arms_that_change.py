@@ -7,10 +7,11 @@ import numpy as np
 
 from nico_selfmodel.dataset import Dataset
 from nico_selfmodel.estimation import calibrate_kinematics
-from nico_selfmodel.experiments.protocol import Protocol
+from nico_selfmodel.experiments.protocol import simulated_session
 from nico_selfmodel.model import SelfModel
+from nico_selfmodel.planning.sweep_protocol import Protocol
 from nico_selfmodel.plant import ArmDescription
-from nico_selfmodel.systems import IMPERFECTIONS, Imperfections, SimulatedRobot
+from nico_selfmodel.systems import IMPERFECTIONS, Imperfections
 
 THESIS, CLEAN = IMPERFECTIONS["thesis"], IMPERFECTIONS["clean"]
 CELLS = {
@@ -49,10 +50,11 @@ def session(
         off = np.random.default_rng(tags).normal(0.0, 0.02, (tags, 3))
         names = tuple(f"tag{k}" for k in range(tags))
         chain = replace(chain, markers=names, p_WH_zero=chain.p_WH_zero + off)
-    body = SimulatedRobot.under_motion_capture(replace(arm(), chain=chain), world, seed, number)
     protocol = replace(Protocol.for_arm(arm()), random_poses=count)
-    rng = np.random.default_rng((seed, number, 2))
-    return protocol.run(body, "session", rng, sweeps=sweeps)
+    tagged = replace(arm(), chain=chain)
+    return simulated_session(
+        tagged, world, protocol, "session", seed=seed, session=number, sweeps=sweeps
+    )
 
 
 @cache

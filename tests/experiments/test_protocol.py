@@ -6,9 +6,10 @@ import numpy as np
 import pytest
 
 from nico_selfmodel.estimation import calibrate_kinematics, judge
-from nico_selfmodel.experiments.protocol import Protocol, simulated_session
+from nico_selfmodel.experiments.protocol import simulated_session
+from nico_selfmodel.planning.sweep_protocol import Protocol
 from nico_selfmodel.plant import ArmDescription
-from nico_selfmodel.systems import IMPERFECTIONS, SimulatedRobot
+from nico_selfmodel.systems import IMPERFECTIONS
 
 ARM = ArmDescription.named("nico")
 ARMS = ("right_arm", "left_arm", "neck")
@@ -125,8 +126,7 @@ def test_what_was_not_seen_in_a_session_is_empty():
         ARM.chain, markers=("hand", "elbow"), p_WH_zero=np.tile(ARM.chain.p_WH_zero, (2, 1))
     )
     two = replace(ARM, chain=chain)
-    body = SimulatedRobot.under_motion_capture(two, lossy, seed=0)
-    data = Protocol.for_arm(two).run(body, "lossy", np.random.default_rng(0))
+    data = simulated_session(two, lossy, Protocol.for_arm(two), "lossy", seed=0, session=0)
     assert len(data) == 2 * 104
     lost = ~data.measured.reshape(-1, 2)
     # Both lost means another visit, so only one of the two is.

@@ -67,7 +67,8 @@ def _by_cameras(request: "Request", world: "Imperfections") -> "Dataset":
 
 
 def _by_motion_capture(request: "Request", world: "Imperfections") -> "Dataset":
-    from nico_selfmodel.experiments.protocol import Protocol, simulated_session
+    from nico_selfmodel.experiments.protocol import simulated_session
+    from nico_selfmodel.planning.sweep_protocol import Protocol
     from nico_selfmodel.plant import ArmDescription
 
     arm = ArmDescription.named("nico")
