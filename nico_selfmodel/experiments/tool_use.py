@@ -30,7 +30,7 @@ FREED = {"point": "tip alone", "body": "all else too, as known"}
 
 @dataclass(frozen=True, eq=False)
 class ToolScenario:
-    """What one individual recorded with a tool in its hand."""
+    """What one robot recorded with a tool in its hand."""
 
     model: SelfModel
     """What it knew of itself before, by sight of its bare hand."""
@@ -44,18 +44,18 @@ class ToolScenario:
 
 @dataclass(frozen=True)
 class ToolRow:
-    """One way of learning from some poses, averaged over individuals. Pairs are mean and SD."""
+    """One way of learning from some poses, averaged over robots. Pairs are mean and SD."""
 
     what: str
     """In words."""
     poses: int
     """Learned from; 0 before anything was learned."""
     own_mm: tuple[float, float] | None
-    """Distance of the predicted tip from where the own eyes see it: the thesis' measure."""
+    """Distance of the predicted tip from where the own cameras see it: the thesis' measure."""
     px: tuple[float, float] | None
     """Error in the images on held-out poses."""
     true_mm: tuple[float, float] | None
-    """Distance from the real tip or hand: mean, and largest mean of an individual."""
+    """Distance from the real tip or hand: mean, and largest mean of a robot."""
 
 
 @dataclass(frozen=True)
@@ -69,7 +69,7 @@ class ToolExperiment:
     individuals: int
     """Simulated bodies averaged over."""
     rendered: bool
-    """Whether the eyes saw pictures, not numbers with noise on them."""
+    """Whether the cameras saw pictures, not numbers with noise on them."""
     tool: tuple[ToolRow, ...]
     """With the tool."""
     restart: tuple[ToolRow, ...]
@@ -77,7 +77,7 @@ class ToolExperiment:
 
 
 ToolScenarioSource = Callable[[int, Stage | None], ToolScenario]
-"""Records one individual: its seed, whom to tell -> what it recorded."""
+"""Records one robot: its seed, whom to tell -> what it recorded."""
 
 
 def run_tool(
@@ -197,6 +197,6 @@ def _rows(runs: list[dict[str, dict[str, Any]]]) -> tuple[ToolRow, ...]:
 
 
 def _pair(found: list[dict[str, Any]], name: str) -> tuple[float, float] | None:
-    """Return the mean of means and of SDs over those individuals that have one."""
+    """Return the mean of means and of SDs over those robots that have one."""
     values = np.array([one[name] for one in found if name in one])
     return (float(values[:, 0].mean()), float(values[:, 1].mean())) if len(values) else None

@@ -72,7 +72,7 @@ def record(
         seed: Seed of a simulated body.
         point_sigma_m: Noise of the tracker, if known [m].
         pixel_sigma_px: Noise of tracked pixels, if known [px].
-        image_size: Width and height of the pictures of a body with eyes [px].
+        image_size: Width and height of the pictures of a body with cameras [px].
         until_seen: Visits of a pose before it is given up.
         enough: Free poses that are enough; the plan then holds some to spare.
         folder: Where to keep the samples, and pictures that the body shows, from the first pose
@@ -129,9 +129,9 @@ def _sample(
     """Visit one pose until something is seen, and keep it."""
     for _ in range(until_seen):
         try:
-            sighting = body.move_and_measure(command)
+            measurement = body.move_and_measure(command)
         except RobotError as error:
             error.partial = kept.partial()
             raise
-        if kept.add(index, label, sighting):
+        if kept.add(index, label, measurement):
             return
