@@ -16,7 +16,7 @@ from nico_selfmodel.model.stereo_rig import EYES
 from nico_selfmodel.names import check_name
 from nico_selfmodel.planning.mirror_view import MirrorView
 from nico_selfmodel.planning.plans import Plan, commands_of_angles
-from nico_selfmodel.recording import RecordedSamples, live_again
+from nico_selfmodel.recording import RecordedSamples, sample_pose
 from nico_selfmodel.systems import NicoStation, StationBody
 from nico_selfmodel.systems.mirror_scene import MirrorPlate, put_mirror
 from nico_selfmodel.systems.reflection_detectors import default_mirror_detectors
@@ -179,10 +179,7 @@ class NicoBeforeMirrors:
                             X_BM = self.views[mirror].X_BM if mirror else None
                             put_mirror(station, body.context, X_BM)
                             standing = mirror
-                        relived = live_again(body, command, kept.visits(index))
-                        for _ in range(0 if relived else _TRIES):
-                            if kept.add(index, label, body.move_and_measure(command), mirror):
-                                break
+                        sample_pose(body, kept, index, label, command, _TRIES, mirror)
                     if progress:
                         progress(index + 1, len(plan))
         return kept.dataset()

@@ -1,6 +1,6 @@
 """Chapter 8 of the thesis: arm and cameras jointly refined, anchored to boards or as published."""
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -261,15 +261,11 @@ def _links(found: BodyCalibration, scenario: Scenario) -> dict[str, Any]:
 def row_of(tracker: str, condition: str, runs: list[dict[str, Any]]) -> RefinementRow:
     """Average the measures of several robots."""
 
-    def pair(name: str) -> tuple[float, float] | None:
-        values = np.array([run[name] for run in runs if name in run])
-        return (float(values[:, 0].mean()), float(values[:, 1].mean())) if len(values) else None
-
     def mean(name: str) -> float | None:
         values = [run[name] for run in runs if name in run]
         return float(np.mean(values)) if values else None
 
-    own, pixels = pair("own_mm"), pair("px")
+    own, pixels = mean_pair(runs, "own_mm"), mean_pair(runs, "px")
     assert own is not None
     assert pixels is not None
     true = [run["true_mm"] for run in runs if "true_mm" in run]
@@ -280,11 +276,17 @@ def row_of(tracker: str, condition: str, runs: list[dict[str, Any]]) -> Refineme
         own,
         pixels,
         (float(np.mean(true)), float(np.std(true))) if true else None,
-        pair("edge_mm"),
+        mean_pair(runs, "edge_mm"),
         mean("scale_error"),
-        pair("links_mm"),
+        mean_pair(runs, "links_mm"),
         mean("pixel_sigma") or 0.0,
         mean("joint_sigma_deg") or 0.0,
         sum(run["refused"] for run in runs),
         mean("seconds") or 0.0,
     )
+
+
+def mean_pair(runs: Sequence[Mapping[str, Any]], name: str) -> tuple[float, float] | None:
+    """Return the mean of means and of SDs over those robots that have one."""
+    values = np.array([run[name] for run in runs if name in run])
+    return (float(values[:, 0].mean()), float(values[:, 1].mean())) if len(values) else None

@@ -10,7 +10,7 @@ from nico_selfmodel.dataset import Dataset
 from nico_selfmodel.estimation import calibrate_body, calibrate_tool, evaluate, rezero
 from nico_selfmodel.estimation.pixel_evaluation import evaluate_pixels
 from nico_selfmodel.experiments.projected_nico import ProjectedNico
-from nico_selfmodel.experiments.refinement import TEST_POSES, simulated_scenario
+from nico_selfmodel.experiments.refinement import TEST_POSES, mean_pair, simulated_scenario
 from nico_selfmodel.model import SelfModel
 from nico_selfmodel.sessions.progress import Stage
 from nico_selfmodel.systems import Imperfections, SimulatedRobot
@@ -191,12 +191,6 @@ def _rows(runs: list[dict[str, dict[str, Any]]]) -> tuple[ToolRow, ...]:
         found = [run[what] for run in runs]
         true = [one["true"] for one in found if "true" in one]
         worst = (float(np.mean(true)), float(np.max(true))) if true else None
-        own, px = _pair(found, "own_mm"), _pair(found, "px")
+        own, px = mean_pair(found, "own_mm"), mean_pair(found, "px")
         rows.append(ToolRow(what, found[0]["poses"], own, px, worst))
     return tuple(rows)
-
-
-def _pair(found: list[dict[str, Any]], name: str) -> tuple[float, float] | None:
-    """Return the mean of means and of SDs over those robots that have one."""
-    values = np.array([one[name] for one in found if name in one])
-    return (float(values[:, 0].mean()), float(values[:, 1].mean())) if len(values) else None

@@ -7,12 +7,12 @@ together.
 """
 
 from nico_selfmodel.recording.recorded_samples import RecordedSamples
-from nico_selfmodel.recording.session import Body, Progress, live_again, record
+from nico_selfmodel.recording.session import Body, Progress, record, sample_pose
 
 __all__ = [
     "Body",
     "Progress",
     "RecordedSamples",
-    "live_again",
     "record",
+    "sample_pose",
 ]
