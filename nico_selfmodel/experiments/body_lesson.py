@@ -1,4 +1,4 @@
-"""After eyes and arm are learned one after the other, they refine each other (thesis chapter 8)."""
+"""Cameras and arm, learned one after the other, are jointly refined (thesis, chapter 8)."""
 
 from dataclasses import dataclass
 
@@ -22,7 +22,7 @@ TEST_SESSION = 3
 
 @dataclass(frozen=True, eq=False)
 class BodyScenario:
-    """Eyes and arm learned one after the other, and then together."""
+    """Cameras and arm learned one after the other, and then together."""
 
     eyes: CameraScenario
     """One after the other."""
@@ -56,11 +56,11 @@ def learn_body(
     counts: Counts | None = None,
     stage: Stage | None = None,
 ) -> BodyScenario:
-    """Calibrate the eyes, move the arm before them, learn it, and refine both together.
+    """Calibrate the cameras, move the arm before them, learn it, and refine both together.
 
     Args:
         world: What is wrong with the body.
-        seed: Which individual.
+        seed: Which robot.
         marker: What is tracked on the hand: `fiducial` or `finger_tip`.
         counts: How much is recorded.
         stage: Told what is going on.
@@ -81,10 +81,10 @@ def learn_body(
 
 
 def refine(scenario: CameraScenario, marker: str, test_boards: BoardViews) -> BodyScenario:
-    """Let arm and eyes refine each other on what they were learned from.
+    """Let arm and cameras refine each other on what they were learned from.
 
     Args:
-        scenario: Eyes and arm, learned one after the other.
+        scenario: Cameras and arm, learned one after the other.
         marker: The arm to take.
         test_boards: Boards that nobody learned from.
     """

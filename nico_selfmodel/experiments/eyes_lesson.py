@@ -1,4 +1,4 @@
-"""Nico learns its eyes from a chessboard and then its arm by watching its hand (chapter 7).
+"""Nico learns its cameras from a chessboard and then its arm by watching its hand (chapter 7).
 
 Everything goes through rendered pixels: boards, fiducial and red tape are found in pictures.
 """
@@ -41,7 +41,7 @@ class Counts:
     test: int = 100
     """Random poses to judge by."""
     test_boards: int = 8
-    """Views of the chessboard to judge eyes and arm by that were refined together."""
+    """Views of the chessboard to judge cameras and arm by that were refined together."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -49,9 +49,9 @@ class ArmScenario:
     """An arm learned by sight of one marker."""
 
     calibration: KinematicCalibration
-    """Of the arm; its model has the eyes too."""
+    """Of the arm; its model has the cameras too."""
     sight: Sight
-    """What the eyes saw of the marker, to learn from and held out."""
+    """What the cameras saw of the marker, to learn from and held out."""
     seen: PixelEvaluation
     """The model against the held-out pictures, in the image and in space (eq. 7.4)."""
 
@@ -67,18 +67,18 @@ class ArmScenario:
 
     @property
     def model(self) -> SelfModel:
-        """Arm and eyes, in the left eye's frame."""
+        """Arm and cameras, in the left camera's frame."""
         return self.calibration.model
 
 
 @dataclass(frozen=True, eq=False)
 class CameraScenario:
-    """Eyes and arm, as learned."""
+    """Cameras and arm, as learned."""
 
     views: BoardViews
     """What was seen of the chessboard."""
     eyes: CameraCalibration
-    """The eyes."""
+    """The cameras."""
     arms: Mapping[str, ArmScenario]
     """Marker -> the arm learned by it."""
 
@@ -91,11 +91,11 @@ def learn_cameras_and_arm(
     counts: Counts | None = None,
     stage: Stage | None = None,
 ) -> CameraScenario:
-    """Calibrate the eyes, move the arm before them, and learn it.
+    """Calibrate the cameras, move the arm before them, and learn it.
 
     Args:
         world: What is wrong with the body.
-        seed: Which individual.
+        seed: Which robot.
         markers: What is tracked on the hand: `fiducial`, `finger_tip` or both at once.
         counts: How much is recorded.
         stage: Told what is going on.
@@ -143,12 +143,12 @@ def learn_arm(
     nominal: NominalArm | None,
     name: str,
 ) -> ArmScenario:
-    """Learn an arm from what calibrated eyes reconstruct of its hand.
+    """Learn an arm from what calibrated cameras reconstruct of its hand.
 
     Args:
         train: Rows of one marker with pixels.
         test: Held-out rows.
-        eyes: The eyes.
+        eyes: The cameras.
         nominal: The robot as described, for the zero of its joints.
         name: Of the self-model.
     """
@@ -160,7 +160,7 @@ def learn_arm(
 
 
 def of_marker(data: Dataset, marker: str) -> Dataset:
-    """Return the rows of one marker that an eye saw."""
+    """Return the rows of one marker that a camera saw."""
     seen = np.isfinite(data.pixels).any(axis=1)
     return data.select(seen & (data.marker == marker))
 

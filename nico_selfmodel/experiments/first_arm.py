@@ -42,7 +42,7 @@ def learn_by_motion_capture(
         arm: The robot's arm as described. It shapes the simulated body and the exported URDF; the
             learner starts from the circles.
         world: What is wrong with body and tracker.
-        seed: Of the individual.
+        seed: Of the robot.
         random_poses: Poses recorded for training beside the circles.
         test_poses: Poses recorded for judging.
         stage: Called with what is going on, steps done and steps in all.

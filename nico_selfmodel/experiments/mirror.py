@@ -18,14 +18,14 @@ from nico_selfmodel.systems.simulated.mirrors import SimulatedMirrors
 POSES = (10, 20, 30, 40, 50)
 TEST_POSES = 100
 Spread = tuple[float, float | None]
-"""Mean and SD over individuals; None where there was only one."""
+"""Mean and SD over robots; None where there was only one."""
 COMPARABLE_MM = 50.0
 """What Hersch et al. and Martinez-Cantin et al. report without a mirror (thesis, section 9.2.2)."""
 
 
 @dataclass(frozen=True)
 class MirrorRow:
-    """One mirror after some poses, averaged over individuals; pairs are mean and SD over them."""
+    """One mirror after some poses, averaged over robots; pairs are mean and SD over them."""
 
     mirror: str
     """Which of the mirrors."""
@@ -49,16 +49,16 @@ class MirrorRow:
 
 @dataclass(frozen=True)
 class DepthRow:
-    """How far away the hand seems, and what two eyes can tell at that distance."""
+    """How far away the hand seems, and what two cameras can tell at that distance."""
 
     view: str
     """`direct`, or the mirror."""
     depth_mm: float
-    """Distance of the hand, or of its reflection, from the left eye."""
+    """Distance of the hand, or of its reflection, from the left camera."""
     stereo_mm: float
     """Mean error of stereo with this noise there, were arm and mirror known exactly."""
     pixels: Spread
-    """Error on test poses [px]: mean and SD over individuals."""
+    """Error on test poses [px]: mean and SD over robots."""
     position_mm: Spread
     """The same in space."""
 
@@ -76,7 +76,7 @@ class MirrorExperiment:
     rendered: bool
     """Whether the hand was found in rendered pictures; otherwise its pixels were calculated."""
     places_mm: Mapping[str, float]
-    """Mirror -> distance from the left eye at which it was meant to stand."""
+    """Mirror -> distance from the left camera at which it was meant to stand."""
     arm_mm: float
     """Length of the arm, as described."""
     rows: tuple[MirrorRow, ...]
@@ -92,13 +92,13 @@ def run_mirror(
     seed: int = 0,
     progress: Stage | None = None,
 ) -> MirrorExperiment:
-    """Let simulated robots learn arm and eyes, then three mirrors.
+    """Let simulated robots learn arm and cameras, then three mirrors.
 
     Args:
         individuals: Simulated robots.
         pixel_sigma: Noise of a tracked pixel coordinate [px].
         play_deg: Half the width of the joints' play [deg].
-        seed: Of the first individual.
+        seed: Of the first robot.
         progress: Told how far it is.
 
     Returns:
@@ -120,7 +120,7 @@ def experiment_of(
     mirrors: Mapping[str, Mirror],
     rendered: bool = False,
 ) -> MirrorExperiment:
-    """Average over individuals.
+    """Average over robots.
 
     Args:
         trials: What each of them learned.
@@ -159,7 +159,7 @@ def arm_length() -> float:
 
 @dataclass(frozen=True, eq=False)
 class Trial:
-    """One individual: (mirror, poses) -> figures, and view -> figures."""
+    """One robot: (mirror, poses) -> figures, and view -> figures."""
 
     learned: dict[tuple[str, int], tuple[float, ...]]
     """px, mm, error of the normal [deg] and of the distance [mm], px of free cameras, seconds."""
@@ -179,7 +179,7 @@ class Trial:
         """Learn every mirror from some of the poses, and judge it.
 
         Args:
-            model: What the body knows of arm and eyes.
+            model: What the body knows of arm and cameras.
             direct: Test poses without a mirror.
             training: Mirror -> poses, as many as `POSES` asks for.
             test: Mirror -> test poses.

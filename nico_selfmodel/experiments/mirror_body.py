@@ -1,4 +1,4 @@
-"""A simulated Nico that has learned its arm and eyes by itself and now meets mirrors."""
+"""A simulated Nico that has learned its arm and cameras by itself and now meets mirrors."""
 
 from collections.abc import Mapping
 from dataclasses import replace
@@ -39,11 +39,11 @@ def mirror_body(
     """Build a simulated Nico before mirrors.
 
     Args:
-        seed: Of the individual.
+        seed: Of the robot.
         pixel_sigma: Noise of each pixel coordinate [px].
         play_deg: Half the width of the joints' play [deg].
         radius: Radius of curvature of the mirrors [m]; flat if omitted.
-        mirrors: Where the mirrors are meant to stand before the left eye.
+        mirrors: Where the mirrors are meant to stand before the left camera.
 
     Returns:
         The body.
@@ -63,13 +63,13 @@ def mirror_body(
 
 
 def learned_body(body: SimulatedMirrors) -> SelfModel:
-    """Let a body learn its eyes from boards and its arm from where they see its hand.
+    """Let a body learn its cameras from boards and its arm from where they see its hand.
 
     Args:
         body: The simulated body.
 
     Returns:
-        Arm and eyes in the left eye's frame, without mirrors.
+        Arm and cameras in the left camera's frame, without mirrors.
     """
     eyes = calibrate_cameras(body.look_at_boards(board_points(), BOARDS))
     seen = body.watch("", LEARNING_POSES, session=1, name="hand seen directly")

@@ -1,4 +1,4 @@
-"""A Nico that knows its eyes and its arm meets a mirror, and learns where it stands (chapter 9)."""
+"""A Nico that knows cameras and arm meets a mirror, and learns where it stands (chapter 9)."""
 
 from dataclasses import dataclass, replace
 from typing import Any
@@ -42,7 +42,7 @@ class MirrorScenario:
 
     @property
     def model(self) -> SelfModel:
-        """Arm, eyes and mirror."""
+        """Arm, cameras and mirror."""
         return self.calibration.model
 
     @property
@@ -64,9 +64,9 @@ def learn_mirror(
     """Put a mirror before the robot, let it look at its hand in it, and learn where it stands.
 
     Args:
-        model: What the robot has learned of arm and eyes.
+        model: What the robot has learned of arm and cameras.
         world: What is wrong with its body.
-        seed: Which individual.
+        seed: Which robot.
         marker: What is tracked on the hand.
         familiar: Readings at which the arm was learned: poses near them are preferred. (K, n).
         poses: To learn from; as many are held out.
@@ -102,7 +102,7 @@ def with_mirror(scenario: BodyScenario, mirror: MirrorScenario) -> BodyScenario:
     """Return what was learned of a body, its self-model now with the mirror.
 
     Args:
-        scenario: Eyes and arm.
+        scenario: Cameras and arm.
         mirror: Learned with the model of that scenario.
     """
     if scenario.refined is not None and scenario.accepted:

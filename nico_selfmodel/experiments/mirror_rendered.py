@@ -39,13 +39,13 @@ def run_rendered_mirror(
     counts: Counts | None = None,
     progress: Stage | None = None,
 ) -> MirrorExperiment:
-    """Let robots learn eyes and arm by sight, then three mirrors by looking into them.
+    """Let robots learn cameras and arm by sight, then three mirrors by looking into them.
 
     Args:
         world: What is wrong with the bodies.
         individuals: Simulated robots; minutes each.
         seed: Of the first one.
-        counts: How much eyes and arm are learned from.
+        counts: How much cameras and arm are learned from.
         progress: Told how far it is.
 
     Returns:
@@ -67,15 +67,15 @@ def rendered_trial(world: Imperfections, seed: int, counts: Counts | None, stage
 
     Args:
         world: What is wrong with the body.
-        seed: Which individual.
-        counts: How much eyes and arm are learned from.
+        seed: Which robot.
+        counts: How much cameras and arm are learned from.
         stage: Told how far it is.
 
     Raises:
         DataError: If too few poses showed the hand in a mirror.
     """
     scenario = learn_body(world, seed, marker=MARKER, counts=counts, stage=stage)
-    # One eye is enough for a pose to count, so that both may have seen fewer.
+    # One camera is enough for a pose to count, so that both may have seen fewer.
     direct = seen_by_both(scenario.arm.test, "", TEST_POSES, TEST_POSES // 2)
     nico = RenderedNico(world, seed, (MARKER,))
     before = NicoBeforeMirrors(nico, RENDERED_MIRRORS, rig=scenario.model.rig)
@@ -106,7 +106,7 @@ def rendered_trial(world: Imperfections, seed: int, counts: Counts | None, stage
 
 
 def seen_by_both(data: Dataset, mirror: str, count: int, fewest: int | None = None) -> Dataset:
-    """Return the first rows of a view that both eyes saw.
+    """Return the first rows of a view that both cameras saw.
 
     Args:
         data: Of all views.

@@ -45,11 +45,11 @@ class Row:
     random_samples: int
     """Random poses added to the training data."""
     mean_mm: float
-    """Mean error on the test poses, averaged over individuals."""
+    """Mean error on the test poses, averaged over robots."""
     sd_mm: float
-    """SD of the error over the test poses, averaged over individuals."""
+    """SD of the error over the test poses, averaged over robots."""
     worst_mm: float
-    """Largest mean error of an individual."""
+    """Largest mean error of a robot."""
     seconds: float
     """Mean time of the estimate."""
     thesis_mm: tuple[float, float] | None
@@ -100,7 +100,7 @@ def run_motion_capture(
         world: Its imperfections.
         individuals: Simulated robots to average over.
         repeats: Random subsets of the repeat test.
-        seed: Of the first individual.
+        seed: Of the first robot.
         progress: Called with what is going on, steps done and steps in all.
 
     Returns:
@@ -121,7 +121,7 @@ def run_motion_capture(
 
 
 class _Sessions:
-    """The recordings of one individual, made when first asked for."""
+    """The recordings of one robot, made when first asked for."""
 
     def __init__(self, arm: ArmDescription, world: Imperfections, seed: int) -> None:
         def session(protocol: Protocol, number: int, sweeps: bool = True) -> Dataset:

@@ -46,7 +46,7 @@ class RenderedNico:
         quality: ImageQuality | None = None,
         arm: ArmDescription | None = None,
     ) -> None:
-        """Take an individual.
+        """Take a robot.
 
         Args:
             world: What is wrong with it.
@@ -67,7 +67,7 @@ class RenderedNico:
         return NicoInstance.build(self.arm, flaws, self.seed, NICO_CAMERAS).ground_truth
 
     def station(self, session: int, rig: StereoRig | None = None) -> NicoStation:
-        """Return its station of one day; calibrated eyes locate fiducials behind their lenses."""
+        """Return its station of a day; calibrated cameras locate fiducials behind their lenses."""
         found = default_detectors(rig)
         detectors = {marker: found[marker] for marker in self.markers}
         return NicoStation(
@@ -104,7 +104,7 @@ class RenderedNico:
             session: Which day.
             circle: Poses on circles.
             free: Free poses.
-            rig: Calibrated eyes, if known.
+            rig: Calibrated cameras, if known.
             folder: Where to keep samples from the first one on; resumed if it is there.
             keep_images: Keep the pictures in the folder.
             observed: Let ground truth measure the hand too, in the left camera's frame.
@@ -145,10 +145,10 @@ class RenderedNico:
         folder: Path | None = None,
         progress: Callable[[int, int], None] | None = None,
     ) -> BoardViews:
-        """Hold the chessboard before the eyes, and find its corners.
+        """Hold the chessboard before the cameras, and find its corners.
 
         Args:
-            count: Views in which both eyes find it.
+            count: Views in which both cameras find it.
             session: Which day.
             folder: Where to keep the pictures, as `left01.png` and `right01.png`; it must exist.
             progress: Called after each view.
@@ -197,7 +197,7 @@ def _observed(body: StationBody, station: NicoStation) -> ObservedBody:
 
 
 def _pictures(station: NicoStation, board_poses: Iterable[NDArray]) -> Iterator[list[NDArray]]:
-    """Hold a chessboard before the eyes, and give what both see of it."""
+    """Hold a chessboard before the cameras, and give what both see of it."""
     context = station.CreateDefaultContext()
     for second, X_BG in enumerate(board_poses):
         context.SetTime(float(second))

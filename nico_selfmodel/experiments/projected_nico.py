@@ -60,16 +60,18 @@ class ProjectedNico:
         )
 
     def random_poses(
-        self, count: int, rng: np.random.Generator, shift: ArrayLike = (0.0, 0.0, 0.0)
+        self, count: int, rng: np.random.Generator, shift: ArrayLike | None = None
     ) -> NDArray:
         """Draw poses in which the hand should be seen [rad]. Shape (count, n).
 
         Args:
             count: How many.
             rng: Source.
-            shift: From the hand's marker to a tool's tip, along the base's axes at q = 0 [m].
+            shift: From the hand's marker to a tool's tip, along the base's axes at q = 0 [m]; the
+                bare hand if omitted.
         """
-        return self.workspace.holding(shift).random_poses(count, rng)
+        workspace = self.workspace if shift is None else self.workspace.holding(shift)
+        return workspace.random_poses(count, rng)
 
     def sweeps(self, points: int) -> tuple[list[str], NDArray]:
         """Plan a circle of each joint about home.

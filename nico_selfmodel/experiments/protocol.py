@@ -26,14 +26,14 @@ def simulated_session(
     poses: NDArray | None = None,
     progress: Progress | None = None,
 ) -> Dataset:
-    """Record one session with one individual.
+    """Record one session with one robot.
 
     Args:
         arm: The robot's arm as described.
         world: What is wrong with body and tracker.
         protocol: Which poses to visit.
         name: Name of the data set.
-        seed: Of the individual.
+        seed: Of the robot.
         session: Of poses and noise.
         sweeps: Visit the circles too.
         folder: Where to keep the samples from the first one on; resumed if it is there.

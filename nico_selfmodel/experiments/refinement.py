@@ -1,6 +1,6 @@
-"""Chapter 8 of the thesis: arm and eyes refine each other, anchored to boards and as published."""
+"""Chapter 8 of the thesis: arm and cameras jointly refined, anchored to boards or as published."""
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -44,16 +44,16 @@ SEED = CameraOptions(pinned={"cx": None, "cy": None})
 
 @dataclass(frozen=True, eq=False)
 class Scenario:
-    """What one individual recorded, and what outsiders know of it."""
+    """What one robot recorded, and what ground truth says of it."""
 
     train: Dataset
     """Circles and random poses, with pixels."""
     test: Dataset
-    """Other random poses; with points, measured from outside in the left eye's frame, if any."""
+    """Other random poses; with points, measured from outside in the left camera's frame, if any."""
     eyes: SelfModel
-    """The seed: eyes learned from the boards."""
+    """The seed: cameras learned from the boards."""
     boards: BoardViews
-    """Boards that the eyes were learned from."""
+    """Boards that the cameras were learned from."""
     test_boards: BoardViews
     """Boards that nobody learns from."""
     links: tuple[float, float] | None
@@ -64,7 +64,7 @@ class Scenario:
 
 @dataclass(frozen=True)
 class RefinementRow:
-    """One condition, averaged over individuals. Pairs are mean and SD."""
+    """One condition, averaged over robots. Pairs are mean and SD."""
 
     tracker: str
     """`fiducial` or `color`."""
@@ -73,11 +73,11 @@ class RefinementRow:
     runs: int
     """Individuals that it came to an end with."""
     own_mm: tuple[float, float]
-    """Distance of the predicted hand from where its own eyes see it, over the test poses."""
+    """Distance of the predicted hand from where its own cameras see it, over the test poses."""
     px: tuple[float, float]
     """Error in the images, over the test poses."""
     true_mm: tuple[float, float] | None
-    """Distance of the predicted from the real hand: mean and SD over individuals."""
+    """Distance of the predicted from the real hand: mean and SD over robots."""
     edge_mm: tuple[float, float] | None
     """SD of the edges of held-out boards, before and after."""
     scale_error: float | None
@@ -105,7 +105,7 @@ class RefinementExperiment:
     individuals: int
     """Simulated bodies averaged over."""
     rendered: bool
-    """Whether the eyes saw pictures, not numbers with noise on them."""
+    """Whether the cameras saw pictures, not numbers with noise on them."""
     rows: tuple[RefinementRow, ...]
     """By tracker, then by condition."""
     limits: tuple[Limit, ...] = ()
@@ -113,7 +113,7 @@ class RefinementExperiment:
 
 
 ScenarioSource = Callable[[int, tuple[str, ...], Stage | None], Mapping[str, Scenario]]
-"""Records one individual: its seed, its trackers, whom to tell -> what each tracker saw."""
+"""Records one robot: its seed, its trackers, whom to tell -> what each tracker saw."""
 
 
 def run_refinement(
@@ -133,7 +133,7 @@ def run_refinement(
         trackers: How the hand is tracked.
         progress: Told how far it is.
         rendered: Records a body through rendered pictures; without it nothing is rendered, and what
-            the eyes find is the truth with noise on it.
+            the cameras find is the truth with noise on it.
 
     Returns:
         The table's rows.
@@ -259,17 +259,13 @@ def _links(found: BodyCalibration, scenario: Scenario) -> dict[str, Any]:
 
 
 def row_of(tracker: str, condition: str, runs: list[dict[str, Any]]) -> RefinementRow:
-    """Average the measures of several individuals."""
-
-    def pair(name: str) -> tuple[float, float] | None:
-        values = np.array([run[name] for run in runs if name in run])
-        return (float(values[:, 0].mean()), float(values[:, 1].mean())) if len(values) else None
+    """Average the measures of several robots."""
 
     def mean(name: str) -> float | None:
         values = [run[name] for run in runs if name in run]
         return float(np.mean(values)) if values else None
 
-    own, pixels = pair("own_mm"), pair("px")
+    own, pixels = mean_pair(runs, "own_mm"), mean_pair(runs, "px")
     assert own is not None
     assert pixels is not None
     true = [run["true_mm"] for run in runs if "true_mm" in run]
@@ -280,11 +276,17 @@ def row_of(tracker: str, condition: str, runs: list[dict[str, Any]]) -> Refineme
         own,
         pixels,
         (float(np.mean(true)), float(np.std(true))) if true else None,
-        pair("edge_mm"),
+        mean_pair(runs, "edge_mm"),
         mean("scale_error"),
-        pair("links_mm"),
+        mean_pair(runs, "links_mm"),
         mean("pixel_sigma") or 0.0,
         mean("joint_sigma_deg") or 0.0,
         sum(run["refused"] for run in runs),
         mean("seconds") or 0.0,
     )
+
+
+def mean_pair(runs: Sequence[Mapping[str, Any]], name: str) -> tuple[float, float] | None:
+    """Return the mean of means and of SDs over those robots that have one."""
+    values = np.array([run[name] for run in runs if name in run])
+    return (float(values[:, 0].mean()), float(values[:, 1].mean())) if len(values) else None

@@ -30,7 +30,7 @@ def rendered_scenarios(
 
     Args:
         world: What is wrong with the body.
-        seed: Which individual.
+        seed: Which robot.
         trackers: How the hand is tracked: `fiducial`, `color`.
         stage: Told what is going on.
         counts: How much is recorded.

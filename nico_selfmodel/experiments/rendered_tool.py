@@ -41,7 +41,7 @@ def rendered_tool_scenario(
 
     Args:
         world: What is wrong with the body.
-        seed: Which individual.
+        seed: Which robot.
         stage: Told what is going on.
         counts: How much is recorded of the bare hand, and how many poses judge the tool.
     """
@@ -80,7 +80,7 @@ def arm_with_tool(folder: Path, shift: NDArray = TOOL) -> ArmDescription:
         shift: From the finger's tip to the tool's, along the base's axes at q = 0 [m]. Shape (3,).
 
     Returns:
-        The arm before its eyes, the tip in the place of the marker on the finger.
+        The arm before its cameras, the tip in the place of the marker on the finger.
     """
     arm = looking_arm(_MARKER)
     document = read_document(arm.urdf)

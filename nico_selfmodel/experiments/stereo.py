@@ -1,4 +1,4 @@
-"""Chapters 5 and 8.1 of the thesis: how well a pair of eyes measures, by lens model and boards."""
+"""Chapters 5 and 8.1 of the thesis: how well cameras measure, by lens model and boards."""
 
 from dataclasses import asdict, dataclass
 from typing import Any
@@ -36,7 +36,7 @@ COUNTS = (5, 13, 40)
 
 @dataclass(frozen=True)
 class StereoRow:
-    """One condition, averaged over individuals; lengths in mm, on boards that were held out."""
+    """One condition, averaged over robots; lengths in mm, on boards that were held out."""
 
     lens: str
     """Name of the lens model."""
@@ -45,9 +45,9 @@ class StereoRow:
     rms_px: float
     """Reprojection error of held-out boards."""
     edge_sd_mm: tuple[float, float]
-    """Standard deviation of reconstructed edges: mean and SD over individuals."""
+    """Standard deviation of reconstructed edges: mean and SD over robots."""
     position_mm: tuple[float, float]
-    """Distance of rebuilt corners from the true board: mean and SD over individuals."""
+    """Distance of rebuilt corners from the true board: mean and SD over robots."""
     scale_error: float
     """Mean of |scale - 1| of the rebuilt boards."""
     seconds: float
@@ -59,7 +59,7 @@ class StereoExperiment:
     """All conditions."""
 
     individuals: int
-    """Simulated pairs of eyes averaged over."""
+    """Simulated pairs of cameras averaged over."""
     pixel_sigma: float
     """Noise of a corner [px]."""
     by_lens: tuple[StereoRow, ...]
@@ -74,12 +74,12 @@ def run_stereo(
     seed: int = 0,
     progress: Stage | None = None,
 ) -> StereoExperiment:
-    """Learn simulated eyes under every condition.
+    """Learn simulated cameras under every condition.
 
     Args:
-        individuals: Simulated pairs of eyes.
+        individuals: Simulated pairs of cameras.
         pixel_sigma: Noise of a corner [px].
-        seed: Of the first individual.
+        seed: Of the first robot.
         progress: Told how far it is.
 
     Returns:

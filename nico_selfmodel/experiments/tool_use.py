@@ -10,7 +10,7 @@ from nico_selfmodel.dataset import Dataset
 from nico_selfmodel.estimation import calibrate_body, calibrate_tool, evaluate, rezero
 from nico_selfmodel.estimation.pixel_evaluation import evaluate_pixels
 from nico_selfmodel.experiments.projected_nico import ProjectedNico
-from nico_selfmodel.experiments.refinement import TEST_POSES, simulated_scenario
+from nico_selfmodel.experiments.refinement import TEST_POSES, mean_pair, simulated_scenario
 from nico_selfmodel.model import SelfModel
 from nico_selfmodel.sessions.progress import Stage
 from nico_selfmodel.systems import Imperfections, SimulatedRobot
@@ -30,7 +30,7 @@ FREED = {"point": "tip alone", "body": "all else too, as known"}
 
 @dataclass(frozen=True, eq=False)
 class ToolScenario:
-    """What one individual recorded with a tool in its hand."""
+    """What one robot recorded with a tool in its hand."""
 
     model: SelfModel
     """What it knew of itself before, by sight of its bare hand."""
@@ -44,18 +44,18 @@ class ToolScenario:
 
 @dataclass(frozen=True)
 class ToolRow:
-    """One way of learning from some poses, averaged over individuals. Pairs are mean and SD."""
+    """One way of learning from some poses, averaged over robots. Pairs are mean and SD."""
 
     what: str
     """In words."""
     poses: int
     """Learned from; 0 before anything was learned."""
     own_mm: tuple[float, float] | None
-    """Distance of the predicted tip from where the own eyes see it: the thesis' measure."""
+    """Distance of the predicted tip from where the own cameras see it: the thesis' measure."""
     px: tuple[float, float] | None
     """Error in the images on held-out poses."""
     true_mm: tuple[float, float] | None
-    """Distance from the real tip or hand: mean, and largest mean of an individual."""
+    """Distance from the real tip or hand: mean, and largest mean of a robot."""
 
 
 @dataclass(frozen=True)
@@ -69,7 +69,7 @@ class ToolExperiment:
     individuals: int
     """Simulated bodies averaged over."""
     rendered: bool
-    """Whether the eyes saw pictures, not numbers with noise on them."""
+    """Whether the cameras saw pictures, not numbers with noise on them."""
     tool: tuple[ToolRow, ...]
     """With the tool."""
     restart: tuple[ToolRow, ...]
@@ -77,7 +77,7 @@ class ToolExperiment:
 
 
 ToolScenarioSource = Callable[[int, Stage | None], ToolScenario]
-"""Records one individual: its seed, whom to tell -> what it recorded."""
+"""Records one robot: its seed, whom to tell -> what it recorded."""
 
 
 def run_tool(
@@ -191,12 +191,6 @@ def _rows(runs: list[dict[str, dict[str, Any]]]) -> tuple[ToolRow, ...]:
         found = [run[what] for run in runs]
         true = [one["true"] for one in found if "true" in one]
         worst = (float(np.mean(true)), float(np.max(true))) if true else None
-        own, px = _pair(found, "own_mm"), _pair(found, "px")
+        own, px = mean_pair(found, "own_mm"), mean_pair(found, "px")
         rows.append(ToolRow(what, found[0]["poses"], own, px, worst))
     return tuple(rows)
-
-
-def _pair(found: list[dict[str, Any]], name: str) -> tuple[float, float] | None:
-    """Return the mean of means and of SDs over those individuals that have one."""
-    values = np.array([one[name] for one in found if name in one])
-    return (float(values[:, 0].mean()), float(values[:, 1].mean())) if len(values) else None

@@ -25,7 +25,7 @@ THESIS_PX = {"color": (5.78, 4.50), "fiducial": (4.55, 2.74)}
 
 @dataclass(frozen=True)
 class VisionRow:
-    """One way of tracking, averaged over individuals."""
+    """One way of tracking, averaged over robots."""
 
     tracked: str
     """`color` or `fiducial`."""
@@ -38,9 +38,9 @@ class VisionRow:
     arm: tuple[float, float]
     """The same as a share of the arm's length."""
     px: tuple[float, float]
-    """Mean and SD over the test poses and both eyes of the distance in the image [px]."""
+    """Mean and SD over the test poses and both cameras of the distance in the image [px]."""
     worst: tuple[float, float]
-    """Largest mean of an individual [mm, px]."""
+    """Largest mean of a robot [mm, px]."""
     thesis_mm: tuple[float, float]
     """The thesis' mean and SD [mm]."""
     thesis_px: tuple[float, float]
@@ -56,7 +56,7 @@ class VisionExperiment:
     individuals: int
     """Simulated robots averaged over."""
     boards_px: float
-    """Mean rms of the eyes' own calibration [px]."""
+    """Mean rms of the cameras' own calibration [px]."""
     rows: tuple[VisionRow, ...]
     """By colour and by fiducial."""
 
@@ -69,7 +69,7 @@ def run_vision(
     counts: Counts | None = None,
     progress: Stage | None = None,
 ) -> VisionExperiment:
-    """Let robots learn eyes and arm by sight. Both markers are tracked in the same pictures.
+    """Let robots learn cameras and arm by sight. Both markers are tracked in the same pictures.
 
     Args:
         world: What is wrong with the bodies.

@@ -1,4 +1,4 @@
-"""Nico at work, live: sliders move its joints, its self-model predicts what its eyes see."""
+"""Nico at work, live: sliders move its joints, its self-model predicts what its cameras see."""
 
 import time
 from collections.abc import Callable
@@ -43,17 +43,17 @@ class Watching(Closable):
         """Wake the robot up and draw it.
 
         Args:
-            model: What it has learned: arm and eyes.
+            model: What it has learned: arm and cameras.
             world: What is wrong with it.
-            seed: Which individual; the one that learned the model.
-            mirror: A mirror that the model knows and where it is put before the left eye as
+            seed: Which robot; the one that learned the model.
+            mirror: A mirror that the model knows and where it is put before the left camera as
                 designed; None as place for where `learn --mirror` puts it.
             recording: Keep an animation.
 
         Raises:
-            ModelError: If the model lacks arm, eyes or that mirror, or tracks something else; or if
-                the mirror was learned at another place and nobody says where to put it; or if its
-                head was turned elsewhere, so that it knows nothing of what these eyes see.
+            ModelError: If the model lacks arm, cameras or that mirror, or tracks something else; or
+                if the mirror was learned at another place and nobody says where to put it; or if
+                its head was turned elsewhere, so that it knows nothing of what these cameras see.
         """
         if mirror is not None:
             _check_mirror(model, *mirror)
@@ -86,7 +86,7 @@ class Watching(Closable):
         """Show the station as it is now.
 
         Returns:
-            Distance of the predicted from the tracked pixels in each eye, then the same of the
+            Distance of the predicted from the tracked pixels in each camera, then the same of the
             reflection where there is a mirror; nan where not seen [px]. Shape (2,) or (4,).
         """
         context = self.body.context

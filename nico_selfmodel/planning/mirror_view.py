@@ -30,17 +30,17 @@ _STEPS = 12
 _ROOM = 0.02
 """How far the robot keeps from a line of sight: it is rounder than its collision shapes [m]."""
 _OFF = 0.055
-"""What is this near to a marker or an eye belongs to it [m]."""
+"""What is this near to a marker or a camera belongs to it [m]."""
 
 
 @dataclass(frozen=True, eq=False)
 class MirrorView:
-    """A mirror before a robot as described; an individual differs by degrees."""
+    """A mirror before a robot as described; a true one differs by degrees."""
 
     workspace: VisibleWorkspace
-    """The arm before its eyes."""
+    """The arm before its cameras."""
     mirror: Mirror
-    """The mirror, before the left eye as designed."""
+    """The mirror, before the left camera as designed."""
     plate: MirrorPlate
     """The glass."""
     X_BM: NDArray
@@ -59,8 +59,8 @@ class MirrorView:
         """Put the middle of the glass where most reflections are seen, and look for poses.
 
         Args:
-            workspace: The arm before its eyes.
-            mirror: Where the mirror shall stand before the left eye.
+            workspace: The arm before its cameras.
+            mirror: Where the mirror shall stand before the left camera.
             plate: The glass.
             rng: Source of random poses.
 
@@ -105,7 +105,7 @@ class MirrorView:
 
 
 def _shown(workspace: VisibleWorkspace, rig: MirrorRig, q: NDArray) -> NDArray:
-    """Return which poses show all markers in a mirror to both eyes. Shapes (N, n) -> (N,)."""
+    """Return which poses show all markers in a mirror to both cameras. Shapes (N, n) -> (N,)."""
     shown = np.ones(len(q), dtype=bool)
     limit = np.tile(rig.rig.left.image_size, 2) - 1.0 - _MARGIN
     for marker in workspace.markers:
@@ -144,12 +144,12 @@ def _spots(workspace: VisibleWorkspace, rig: MirrorRig, q: NDArray) -> NDArray:
 
 
 def _open_sight(workspace: VisibleWorkspace, q: NDArray, spots: NDArray) -> bool:
-    """Return whether nothing of the robot stands between its markers, the glass and its eyes.
+    """Return whether nothing of the robot stands between its markers, the glass and its cameras.
 
     Args:
-        workspace: The arm before its eyes.
+        workspace: The arm before its cameras.
         q: A pose [rad]. Shape (n,).
-        spots: Where lines of sight meet the glass, by marker, then eye. Shape (2 m, 3).
+        spots: Where lines of sight meet the glass, by marker, then camera. Shape (2 m, 3).
     """
     steps, points = np.linspace(0.0, 1.0, _STEPS)[:, None], []
     for k, marker in enumerate(workspace.markers):
@@ -162,7 +162,7 @@ def _open_sight(workspace: VisibleWorkspace, q: NDArray, spots: NDArray) -> bool
 
 
 def _pose(workspace: VisibleWorkspace, mirror: Mirror, middle: NDArray) -> NDArray:
-    """Return the pose of a glass about a point of it, upright to the left eye. Shape (4, 4)."""
+    """Return the pose of a glass about a point of it, upright to the left camera. Shape (4, 4)."""
     X_BL = workspace.rig.left.X_WC
     into = -X_BL[:3, :3] @ mirror.normal
     right = np.cross(X_BL[:3, 1], into)

@@ -18,7 +18,7 @@ from nico_selfmodel.systems.simulated.mechanics import Mechanics
 from nico_selfmodel.systems.worlds import Imperfections
 
 _HEAD_SIGMA = np.radians(1.0)
-"""How far the joints of neck and eyes stand from where they should [rad]."""
+"""How far the joints of neck and cameras stand from where they should [rad]."""
 _HEAD = ("neck", "eye")
 
 

@@ -1,4 +1,4 @@
-"""A simulated robot before the world: servos, eyes, trackers, motion capture, in one diagram."""
+"""A simulated robot before the world: servos, cameras, trackers, motion capture, in one diagram."""
 
 from typing import Any
 
@@ -46,15 +46,15 @@ BOARD = Board(9, 6, 0.028)
 
 
 class NicoStation(Closable, Diagram):
-    """One individual of Nico, with everything that it can sense.
+    """One robot of Nico, with everything that it can sense.
 
     | port | | carries |
     |---|---|---|
     | `command` | in | where the arm's joints shall go [encoder units] |
     | `encoders` | out | encoder readings [encoder units] |
-    | `left_image`, `right_image` | out | pictures of the wide eyes, `ImageRgba8U` |
+    | `left_image`, `right_image` | out | pictures of the wide cameras, `ImageRgba8U` |
     | `hand_pixels` | out | left u, v, right u, v of each marker in turn, nan if not seen [px] |
-    | `hand_seen` | out | 1 where an eye sees a marker, else 0: left, right of each in turn |
+    | `hand_seen` | out | 1 where a camera sees a marker, else 0: left, right of each in turn |
     | `hand_reasons` | out | why a marker was not seen: a tuple of texts |
     | `measured_positions` | out | x y z of each point that motion capture sees [m], nan if lost |
     | `frame_number` | out | frames that motion capture has taken |
@@ -65,7 +65,7 @@ class NicoStation(Closable, Diagram):
 
     A station of real servos and cameras can have the same ports. What only the simulation knows,
     the true geometry, pose and lenses, has none; nor has the light, nor who holds the chessboard.
-    Everything random comes from `seed` (the individual) and `session` (what happens to it).
+    Everything random comes from `seed` (the robot) and `session` (what happens to it).
 
     Use it in a `with` block, or `close` it: its renderer takes 50 MB. A station that was closed
     raises `RobotError`, also from the ports of a diagram that it is part of.
@@ -89,20 +89,20 @@ class NicoStation(Closable, Diagram):
 
         Args:
             world: What is wrong with the body, or the name of a documented world.
-            seed: Which individual.
+            seed: Which robot.
             session: Which day: play, noise, drop-outs.
             arm: The robot and its arm, head turned to where it looks; `looking_arm()` by default.
             detectors: Marker -> what finds it in a picture; `fiducial` and `finger_tip` by default.
                 Before a mirror, what tells each from its reflection (`reflection_detectors`).
             quality: Of the pictures.
-            eyes: The eyes as designed.
+            eyes: The cameras as designed.
             board: The chessboard that can be held up.
             mirror: A mirror that can be put somewhere, if any.
-            knows: What the body has learned of arm and eyes; before a mirror it tells a patch of
+            knows: What the body has learned of arm and cameras; before a mirror it tells a patch of
                 colour on the hand from the reflection by where it expects its hand.
 
         Raises:
-            ModelError: If the robot lacks a link that carries an eye.
+            ModelError: If the robot lacks a link that carries a camera.
         """
         super().__init__()
         world = imperfections_named(world) if isinstance(world, str) else world
@@ -172,7 +172,7 @@ class NicoStation(Closable, Diagram):
         self.__holder.hold(self.__holder.GetMyMutableContextFromRoot(context), X_BG)
 
     def picture(self, context: Any, eye: str) -> NDArray:
-        """Return what an eye sees, BGR of shape (h, w, 3), in the station's own context.
+        """Return what a camera sees, BGR of shape (h, w, 3), in the station's own context.
 
         Raises:
             RobotError: If the station was closed, or nothing can be rendered.
@@ -185,7 +185,7 @@ def default_detectors(rig: StereoRig | None = None) -> Detectors:
     """Return detectors of the fiducial on the back of Nico's hand and of the tape on its finger.
 
     Args:
-        rig: The calibrated eyes, whose lenses are then taken out before fiducials are located.
+        rig: The calibrated cameras, whose lenses are then taken out before fiducials are located.
     """
     cameras = (None, None) if rig is None else rig.eyes
     left, right = (fiducial_detector(camera=camera) for camera in cameras)

@@ -43,7 +43,7 @@ class StationBody:
     """A station that can be sent to poses and asked what it senses.
 
     The station needs the ports `command` and `encoders`, and `hand_pixels` to be watched by its own
-    eyes or `measured_positions` to be watched by motion capture, as `NicoStation` documents them.
+    cameras or `measured_positions` to be watched by motion capture, as documented by `NicoStation`.
     """
 
     def __init__(
@@ -64,7 +64,7 @@ class StationBody:
             markers: In the order of the sensor's port.
             sensor: `eyes` or `motion-capture`.
             patience: When it stands still; that of simulated servos if omitted.
-            keep_images: Keep the pictures in the sightings; needs `left_image`, `right_image`.
+            keep_images: Keep the pictures in the measurements; needs `left_image`, `right_image`.
 
         Raises:
             RobotError: If a port is missing or of another size.
@@ -109,19 +109,19 @@ class StationBody:
             command: Where to go [encoder units]. Shape (n,).
 
         Returns:
-            What was sensed there; `CameraMeasurement` from eyes.
+            What was sensed there; `CameraMeasurement` from cameras.
 
         Raises:
             RobotError: If the joints do not come to rest in time.
             ValueError: If the command has another length or is not finite.
         """
         self._move(np.asarray(command, dtype=float))
-        sighting = self._look()
+        measurement = self._look()
         end = self.context.get_time() + self._patience.look_again
-        while not _located(sighting) and self.context.get_time() < end:
+        while not _located(measurement) and self.context.get_time() < end:
             self._tick()
-            sighting = self._look()
-        return sighting
+            measurement = self._look()
+        return measurement
 
     def relive(self, command: ArrayLike) -> None:
         """Move as in an earlier visit, without a look: time and play then stand where they stood.
@@ -247,11 +247,11 @@ class StationBody:
             )
 
 
-def _located(sighting: Measurement) -> bool:
+def _located(measurement: Measurement) -> bool:
     """Return whether an instrument located some marker."""
-    if isinstance(sighting, CameraMeasurement):
-        return any(np.isfinite(pixels).any() for pixels in sighting.pixels.values())
-    return any(p is not None for p in sighting.points.values())
+    if isinstance(measurement, CameraMeasurement):
+        return any(np.isfinite(pixels).any() for pixels in measurement.pixels.values())
+    return any(p is not None for p in measurement.points.values())
 
 
 def _named(station: System, port: str, kind: str) -> str:
