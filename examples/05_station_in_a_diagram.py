@@ -5,13 +5,14 @@ from pydrake.systems.analysis import Simulator
 from pydrake.systems.framework import DiagramBuilder
 from pydrake.systems.primitives import LogVectorOutput
 
-from nico_selfmodel.recording import commands_of_angles
-from nico_selfmodel.systems import NicoStation, Reach, SelfModelPredictor
+from nico_selfmodel.planning.plans import commands_of_angles
+from nico_selfmodel.planning.visible_workspace import VisibleWorkspace
+from nico_selfmodel.systems import NicoStation, SelfModelPredictor
 
 builder = DiagramBuilder()
 nico = builder.AddNamedSystem("nico", NicoStation("thesis", seed=1))
 arm = nico.arm
-guess = Reach.of(arm).first_guess(nico.joints)  # the robot as described, nothing learned
+guess = VisibleWorkspace.of(arm).first_guess(nico.joints)  # the robot as described, nothing learned
 predictor = builder.AddNamedSystem("predictor", SelfModelPredictor(guess, "fiducial"))
 builder.Connect(nico.GetOutputPort("encoders"), predictor.GetInputPort("encoders"))
 seen = LogVectorOutput(nico.GetOutputPort("hand_pixels"), builder, 0.5)

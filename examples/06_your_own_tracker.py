@@ -2,8 +2,10 @@
 
 import numpy as np
 
-from nico_selfmodel.recording import commands_of_angles, record
-from nico_selfmodel.systems import ImageQuality, NicoStation, Reach, StationBody, looking_arm
+from nico_selfmodel.planning.plans import commands_of_angles
+from nico_selfmodel.planning.visible_workspace import VisibleWorkspace
+from nico_selfmodel.recording import record
+from nico_selfmodel.systems import ImageQuality, NicoStation, StationBody, looking_arm
 from nico_selfmodel.vision import NotSeen
 
 
@@ -23,9 +25,9 @@ with NicoStation(
     "thesis", 2, arm=arm, detectors={"finger_tip": middle_of_red}, quality=ImageQuality(1)
 ) as station:
     body = StationBody(station, station.joints, ("finger_tip",))
-    poses = Reach.of(arm).random_poses(6, np.random.default_rng(0))
+    poses = VisibleWorkspace.of(arm).random_poses(6, np.random.default_rng(0))
     commands = commands_of_angles(station.joints, arm.lower, arm.upper, poses)
     data = record(body, [("", c) for c in commands], "mine", image_size=station.image_size)
 for encoders, pixels in zip(data.encoders, data.pixels, strict=True):
     print("encoders", encoders.astype(int), "pixels", pixels.round(1))
-print(np.isfinite(data.pixels).all(axis=1).sum(), "poses seen by both eyes")
+print(np.isfinite(data.pixels).all(axis=1).sum(), "poses seen by both cameras")

@@ -5,9 +5,10 @@ from dataclasses import replace
 from pathlib import Path
 
 from nico_selfmodel.estimation import NominalArm, calibrate_kinematics, judge
-from nico_selfmodel.experiments.protocol import Protocol, simulated_session
+from nico_selfmodel.experiments.protocol import simulated_session
+from nico_selfmodel.planning.sweep_protocol import Protocol
 from nico_selfmodel.plant import ArmDescription, learned_urdf
-from nico_selfmodel.systems import WORLDS
+from nico_selfmodel.systems import IMPERFECTIONS
 
 LINK = """<link name="{0}"><inertial><mass value="0.3"/>
   <inertia ixx="1e-3" ixy="0" ixz="0" iyy="1e-3" iyz="0" izz="1e-3"/></inertial></link>"""
@@ -33,8 +34,10 @@ with tempfile.TemporaryDirectory() as folder:
     arm = ArmDescription.from_urdf(path, "foot", "tip")
     # Here a simulated individual stands in; your own data come with Dataset or import_csv.
     poses = replace(Protocol.for_arm(arm), random_poses=60)
-    train = simulated_session(arm, WORLDS["thesis"], poses, "train", seed=1, session=0)
-    test = simulated_session(arm, WORLDS["thesis"], poses, "test", seed=1, session=1, sweeps=False)
+    train = simulated_session(arm, IMPERFECTIONS["thesis"], poses, "train", seed=1, session=0)
+    test = simulated_session(
+        arm, IMPERFECTIONS["thesis"], poses, "test", seed=1, session=1, sweeps=False
+    )
     nominal = NominalArm(arm.chain, arm.lower, arm.upper, arm.source)
     learned = calibrate_kinematics(train, test=test, nominal=nominal)
     (Path(folder) / "learned.urdf").write_text(learned_urdf(learned.model, arm))

@@ -10,35 +10,35 @@ import numpy as np
 
 from nico_selfmodel.experiments.mirror_recording import DEFAULT_MIRROR
 from nico_selfmodel.model import MirrorRig
-from nico_selfmodel.recording import commands_of_angles
+from nico_selfmodel.planning.mirror_view import MirrorView
+from nico_selfmodel.planning.plans import commands_of_angles
+from nico_selfmodel.planning.visible_workspace import VisibleWorkspace
 from nico_selfmodel.systems import (
-    EyeSighting,
+    CameraMeasurement,
     MirrorPlate,
     NicoStation,
-    Reach,
     StationBody,
     looking_arm,
 )
 from nico_selfmodel.systems.mirror_scene import put_mirror
-from nico_selfmodel.systems.mirror_view import MirrorView
 from nico_selfmodel.systems.reflection_detectors import default_mirror_detectors
 
 
 def main() -> None:
     """Look into a mirror from three poses."""
     arm, plate = looking_arm("fiducial"), MirrorPlate(width=0.40, height=0.30)
-    reach = Reach.of(arm)
-    view = MirrorView.of(reach, DEFAULT_MIRROR, plate, np.random.default_rng(0))
+    workspace = VisibleWorkspace.of(arm)
+    view = MirrorView.of(workspace, DEFAULT_MIRROR, plate, np.random.default_rng(0))
     detectors = {"fiducial": default_mirror_detectors()["fiducial"]}
-    expected = MirrorRig(reach.rig, DEFAULT_MIRROR)
+    expected = MirrorRig(workspace.rig, DEFAULT_MIRROR)
     errors = []
     with NicoStation("thesis", 5, arm=arm, detectors=detectors, mirror=plate) as station:
         body = StationBody(station, station.joints, arm.markers)
         put_mirror(station, body.context, view.X_BM)
         for q in view.q[:3]:
             (command,) = commands_of_angles(station.joints, arm.lower, arm.upper, [q])
-            sighting = body.visit(command)
-            assert isinstance(sighting, EyeSighting)
+            sighting = body.move_and_measure(command)
+            assert isinstance(sighting, CameraMeasurement)
             seen = sighting.reflected["fiducial"]
             guess = expected.project(arm.chain.forward(q))
             if np.isfinite(seen).all():

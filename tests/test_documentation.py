@@ -8,8 +8,9 @@ import sys
 
 import pytest
 
+from nico_selfmodel.cli.app import _tree
 from nico_selfmodel.model import SelfModel
-from nico_selfmodel.systems import NICO_EYES
+from nico_selfmodel.systems import NICO_CAMERAS
 
 
 def run(words, folder, root):
@@ -38,10 +39,10 @@ def test_the_readmes_python_runs(project_root, tmp_path):
     assert process.stdout.startswith("PASS")
 
 
-def test_the_readmes_eyes_see_a_point_before_them(project_root, tmp_path):
-    eyes = {"left": NICO_EYES.left, "right": NICO_EYES.right}
-    (tmp_path / "eyes").mkdir()
-    SelfModel("eyes", cameras=eyes).save(tmp_path / "eyes" / "self_model.yaml")
+def test_the_readmes_cameras_see_a_point_before_them(project_root, tmp_path):
+    cameras = {"left": NICO_CAMERAS.left, "right": NICO_CAMERAS.right}
+    (tmp_path / "cameras").mkdir()
+    SelfModel("cameras", cameras=cameras).save(tmp_path / "cameras" / "self_model.yaml")
     _, block = python_of_the_readme(project_root)
     process = run(["-c", block + "print(*points.p_WQ[0])"], tmp_path, project_root)
     assert process.returncode == 0, process.stderr
@@ -57,6 +58,27 @@ def test_links_and_pictures_of_the_documents_exist(project_root):
         text = document.read_text(encoding="utf-8")
         for target in re.findall(r"\]\(([^)#:]+)\)", text):
             assert (document.parent / target).exists(), (document.name, target)
+
+
+def commands_of_the_documents(root):
+    """Return the words of every command line that README, documents and examples show."""
+    for document in [root / "README.md", *root.glob("docs/*.md"), *root.glob("examples/*.py")]:
+        for line in document.read_text(encoding="utf-8").splitlines():
+            for words in re.findall(r"nico-selfmodel ([a-z][^`#&)]*)", line):
+                yield document.name, words.split()
+
+
+def test_command_lines_of_the_documents_exist(project_root):
+    found = 0
+    for document, words in commands_of_the_documents(project_root):
+        command = _tree()
+        while words and words[0] in getattr(command, "commands", {}):
+            command = command.commands[words.pop(0)]
+            found += 1
+        assert not hasattr(command, "commands") or not words, (document, words)
+        options = {name for p in command.params for name in p.opts} | {"--help"}
+        assert {word for word in words if word.startswith("--")} <= options, (document, words)
+    assert found > 20
 
 
 def test_the_arm_of_the_first_example_is_learned(project_root, tmp_path):

@@ -75,7 +75,7 @@ def test_no_command_takes_one(command, tmp_path, words):
 
 
 def test_a_folder_that_gives_its_name_must_have_one(command, tmp_path):
-    for words in (("record",), ("simulate", "motion-capture", "--out")):
+    for words in (("record", "--out"), ("simulate", "motion-capture", "--out")):
         done = command(*words, tmp_path / "a\x1b[2Jb")
         assert done.returncode == 2
         assert "must be printable text" in done.stderr

@@ -7,8 +7,9 @@ import pytest
 
 from nico_selfmodel.dataset import JointInfo
 from nico_selfmodel.errors import DataError
-from nico_selfmodel.recording import given_commands, random_commands, record, sweep_commands
-from nico_selfmodel.systems import Sighting
+from nico_selfmodel.planning.plans import given_commands, random_commands, sweep_commands
+from nico_selfmodel.recording import record
+from nico_selfmodel.systems import Measurement
 
 JOINTS = (
     JointInfo("base", "counts", 1000.0, -400.0, 400.0),
@@ -25,11 +26,11 @@ class Body:
     markers: tuple = ("hand", "elbow")
     visits: list = field(default_factory=list)
 
-    def visit(self, command):
+    def move_and_measure(self, command):
         self.visits.append(np.asarray(command))
         seen = len(self.visits) > self.lost
         p = np.array([*command, 0.0]) * 1e-3
-        return Sighting(np.asarray(command), {"hand": p if seen else None, "elbow": None})
+        return Measurement(np.asarray(command), {"hand": p if seen else None, "elbow": None})
 
 
 def test_sweeps_turn_one_joint_about_home_and_stay_between_the_stops():

@@ -7,8 +7,9 @@ import pytest
 
 from nico_selfmodel.dataset import Dataset, JointInfo
 from nico_selfmodel.errors import DataError, RobotError
-from nico_selfmodel.recording import commands_of_angles, pose_plan, record, recorded_samples
-from nico_selfmodel.systems import EyeSighting, Sighting
+from nico_selfmodel.planning.plans import commands_of_angles, pose_plan
+from nico_selfmodel.recording import record, recorded_samples
+from nico_selfmodel.systems import CameraMeasurement, Measurement
 from nico_selfmodel.vision import read_image
 
 JOINTS = (
@@ -26,16 +27,16 @@ class Body:
     def __init__(self, fails_at=None, blind_at=(), images=False):
         self.visits, self.fails_at, self.blind_at, self.images = [], fails_at, blind_at, images
 
-    def visit(self, command):
+    def move_and_measure(self, command):
         if self.fails_at is not None and len(self.visits) == self.fails_at:
             raise RobotError("the cable is loose")
         self.visits.append(np.asarray(command))
         seen = tuple(command) not in self.blind_at
         pixels = np.array([*command, *command]) if seen else np.full(4, np.nan)
         if not self.images:
-            return Sighting(np.asarray(command), {"hand": pixels[:3] * 1e-3 if seen else None})
+            return Measurement(np.asarray(command), {"hand": pixels[:3] * 1e-3 if seen else None})
         pictures = tuple(np.full((4, 6, 3), 10 * len(self.visits), np.uint8) for _ in range(2))
-        return EyeSighting(np.asarray(command), {"hand": None}, {"hand": pixels}, pictures)
+        return CameraMeasurement(np.asarray(command), {"hand": None}, {"hand": pixels}, pictures)
 
 
 def test_what_is_on_disk_is_what_is_returned(tmp_path):
@@ -131,10 +132,10 @@ def test_poses_that_come_fast_are_written_together_and_none_is_lost(tmp_path, mo
 
 def test_a_body_that_is_interrupted_leaves_every_pose(tmp_path):
     class Interrupted(Body):
-        def visit(self, command):
+        def move_and_measure(self, command):
             if len(self.visits) == 5:
                 raise KeyboardInterrupt
-            return super().visit(command)
+            return super().move_and_measure(command)
 
     with pytest.raises(KeyboardInterrupt):
         record(Interrupted(), PLAN, "trial", folder=tmp_path / "out")

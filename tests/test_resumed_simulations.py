@@ -6,15 +6,16 @@ import numpy as np
 import pytest
 
 from nico_selfmodel.dataset import Dataset
-from nico_selfmodel.experiments.eyes_lesson import NicoBeforeItsEyes
+from nico_selfmodel.experiments.eyes_lesson import RenderedNico
 from nico_selfmodel.experiments.mirror_recording import DEFAULT_MIRROR, NicoBeforeMirrors
-from nico_selfmodel.experiments.protocol import Protocol, simulated_session
+from nico_selfmodel.experiments.protocol import simulated_session
+from nico_selfmodel.planning.sweep_protocol import Protocol
 from nico_selfmodel.plant import ArmDescription
 from nico_selfmodel.recording import record
-from nico_selfmodel.systems import WORLDS, NicoStation, StationBody
+from nico_selfmodel.systems import IMPERFECTIONS, NicoStation, StationBody
 from nico_selfmodel.systems.renderer import can_render
 
-LOSSY = replace(WORLDS["thesis"], dropout_share=0.5)
+LOSSY = replace(IMPERFECTIONS["thesis"], dropout_share=0.5)
 
 
 def stopping_after(*poses):
@@ -47,7 +48,9 @@ def assert_same_files(one, other):
 
 
 @pytest.mark.parametrize("stops", [(1,), (7,), (3, 11, 19)])
-@pytest.mark.parametrize("world", [WORLDS["thesis"], LOSSY], ids=["thesis", "markers often lost"])
+@pytest.mark.parametrize(
+    "world", [IMPERFECTIONS["thesis"], LOSSY], ids=["thesis", "markers often lost"]
+)
 def test_under_motion_capture(tmp_path, world, stops):
     arm = ArmDescription.named("nico")
     protocol = replace(Protocol.for_arm(arm), random_poses=15, circle_points=2)
@@ -86,7 +89,7 @@ SENSOR = "motion-capture"
 def test_before_its_eyes_and_with_pictures(tmp_path):
     if not can_render():
         pytest.skip("nothing can be rendered here")
-    nico = NicoBeforeItsEyes("thesis", 2, ("fiducial",))
+    nico = RenderedNico("thesis", 2, ("fiducial",))
 
     def run(folder, progress=None):
         return nico.record("x", 0, 4, 5, folder=folder, keep_images=True, progress=progress)
@@ -100,7 +103,7 @@ def test_before_its_eyes_and_with_pictures(tmp_path):
 def test_before_a_mirror(tmp_path):
     if not can_render():
         pytest.skip("nothing can be rendered here")
-    before = NicoBeforeMirrors(NicoBeforeItsEyes("thesis", 2, ("fiducial",)), {"a": DEFAULT_MIRROR})
+    before = NicoBeforeMirrors(RenderedNico("thesis", 2, ("fiducial",)), {"a": DEFAULT_MIRROR})
 
     def run(folder, progress=None):
         return before.record("x", 0, 3, 2, best=False, folder=folder, progress=progress)

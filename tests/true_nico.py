@@ -3,14 +3,14 @@
 from dataclasses import replace
 
 from nico_selfmodel.plant import SelfModelPlant
-from nico_selfmodel.systems import NICO_EYES, WORLDS
-from nico_selfmodel.systems.individual import Individual
-from nico_selfmodel.systems.reach import MOUNTS
+from nico_selfmodel.systems import IMPERFECTIONS, NICO_CAMERAS
+from nico_selfmodel.systems.nico_cameras import MOUNTS
+from nico_selfmodel.systems.nico_instance import NicoInstance
 
 
 def true_model(arm, world, seed):
     """Return arm and eyes as they really are, in the world of the station."""
-    body = Individual.build(arm, WORLDS[world], seed, NICO_EYES)
+    body = NicoInstance.build(arm, IMPERFECTIONS[world], seed, NICO_CAMERAS)
     built = SelfModelPlant.from_urdf(arm, body.model)
     context = built.plant.CreateDefaultContext()
     for joint, value in body.held.items():

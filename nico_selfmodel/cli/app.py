@@ -4,71 +4,122 @@ import io
 import logging
 import sys
 import warnings
+from collections.abc import Callable
 from functools import cache
 from typing import Any
 
 import typer
 
 from nico_selfmodel.cli import (
-    calibrate,
-    check,
     choose_poses,
     detect,
     evaluate,
-    experiment,
     export_urdf,
     hand,
-    import_data,
-    learn,
+    import_csv,
+    import_vicon,
+    live,
     locate,
     markers,
+    monitor,
     pick_color,
     predict,
-    record,
     rezero,
-    servo,
     simulate,
     view,
-    watch,
 )
+from nico_selfmodel.cli.calibrate import body, camera, kinematics, mirror, stereo, tool
+from nico_selfmodel.cli.experiment import mirror as mirror_experiment
+from nico_selfmodel.cli.experiment import motion_capture, refinement, vision
+from nico_selfmodel.cli.experiment import stereo as stereo_experiment
+from nico_selfmodel.cli.experiment import tool as tool_experiment
+from nico_selfmodel.cli.learn import learn
+from nico_selfmodel.cli.record import record
+from nico_selfmodel.cli.servo import home, move, scan, serve, status, stop
+from nico_selfmodel.cli.servo import simulate as servo_simulate
 from nico_selfmodel.errors import SelfModelError
 
 _LONGEST_LINE = 1000
 """Of what is said to a person [characters]; paths may take most of it."""
 
-app = typer.Typer(
-    name="nico-selfmodel",
-    help="A robot learns its own body by watching it move.",
-    no_args_is_help=True,
-    add_completion=False,
-    pretty_exceptions_enable=False,
-    rich_markup_mode=None,
-)
-app.command("learn")(learn.learn)
-app.command("record")(record.record)
-app.command("evaluate")(evaluate.evaluate)
-app.command("check")(check.check)
-app.command("rezero")(rezero.rezero)
-app.command("predict")(predict.predict)
-app.command("choose-poses")(choose_poses.choose_poses)
-app.command("export-urdf")(export_urdf.export_urdf)
-app.command("locate")(locate.locate)
-app.command("view")(view.view)
-app.command("watch")(watch.watch)
-app.command("detect")(detect.detect)
-app.command("pick-color")(pick_color.pick_color)
-app.add_typer(simulate.app, name="simulate")
-app.add_typer(import_data.app, name="import")
-app.add_typer(calibrate.app, name="calibrate")
-app.add_typer(experiment.app, name="experiment")
-app.add_typer(markers.app, name="markers")
-app.add_typer(servo.app, name="servo")
-app.add_typer(hand.app, name="hand")
+_COMMANDS: dict[str, Callable[..., None]] = {
+    "learn": learn.learn,
+    "record": record.record,
+    "evaluate": evaluate.evaluate,
+    "monitor": monitor.monitor,
+    "rezero": rezero.rezero,
+    "predict": predict.predict,
+    "choose-poses": choose_poses.choose_poses,
+    "export-urdf": export_urdf.export_urdf,
+    "locate": locate.locate,
+    "view": view.view,
+    "live": live.live,
+    "detect": detect.detect,
+    "pick-color": pick_color.pick_color,
+}
+_GROUPS: dict[str, tuple[str, dict[str, Callable[..., None]]]] = {
+    "simulate": (
+        "Record data of a simulated body.",
+        {"motion-capture": simulate.motion_capture},
+    ),
+    "import": (
+        "Make a data set of files recorded elsewhere.",
+        {"csv": import_csv.from_csv, "vicon": import_vicon.from_vicon},
+    ),
+    "calibrate": (
+        "Learn a self-model from recorded data.",
+        {
+            "kinematics": kinematics.kinematics,
+            "stereo": stereo.stereo,
+            "camera": camera.camera,
+            "body": body.body,
+            "tool": tool.tool,
+            "mirror": mirror.mirror,
+        },
+    ),
+    "experiment": (
+        "Run an experiment of the thesis.",
+        {
+            "stereo": stereo_experiment.stereo,
+            "motion-capture": motion_capture.motion_capture,
+            "vision": vision.vision,
+            "refinement": refinement.refinement,
+            "tool": tool_experiment.tool,
+            "mirror": mirror_experiment.mirror,
+        },
+    ),
+    "markers": ("Fiducial markers to print.", {"sheet": markers.sheet}),
+    "servo": (
+        "Drive the real servos.",
+        {
+            "scan": scan.scan,
+            "status": status.status,
+            "move": move.move,
+            "home": home.home,
+            "stop": stop.stop,
+            "serve": serve.serve,
+            "simulate": servo_simulate.simulate,
+        },
+    ),
+    "hand": ("Open and close the hand.", {"open": hand.open_hand, "close": hand.close_hand}),
+}
+_WITH_NEGATIVE_NUMBERS = ("move",)
+"""Commands with an argument that may begin with a minus, and is no option then."""
 
 
-@app.callback()
-def _describe() -> None:
-    """A robot learns its own body by watching it move."""
+def _group(text: str, commands: dict[str, Callable[..., None]]) -> typer.Typer:
+    group = typer.Typer(
+        help=text,
+        no_args_is_help=True,
+        add_completion=False,
+        pretty_exceptions_enable=False,
+        rich_markup_mode=None,
+    )
+    group.callback(help=text)(lambda: None)
+    for name, command in commands.items():
+        lenient = name in _WITH_NEGATIVE_NUMBERS
+        group.command(name, context_settings={"ignore_unknown_options": lenient})(command)
+    return group
 
 
 def run() -> None:
@@ -97,6 +148,9 @@ def run() -> None:
 @cache
 def _tree() -> Any:
     # Typer carries a copy of click of its own, so that a command's type has no public name.
+    app = _group("A robot learns its own body by watching it move.", _COMMANDS)
+    for name, (text, commands) in _GROUPS.items():
+        app.add_typer(_group(text, commands), name=name)
     return typer.main.get_command(app)
 
 

@@ -1,31 +1,31 @@
 """`nico-selfmodel choose-poses`: which poses to record next."""
 
-from pathlib import Path
+import shlex
 from typing import Annotated
 
 import typer
 
-from nico_selfmodel.cli import console
+from nico_selfmodel.cli import inputs, options, printer
 
 
 def choose_poses(
-    model: Annotated[Path, typer.Argument(help="self_model.yaml, or a result folder.")],
-    dataset: Annotated[Path, typer.Argument(help="What it was learned from.")],
-    out: Annotated[Path, typer.Option("--out", help="CSV to write: readings to go to.")],
-    count: Annotated[int, typer.Option("--count", min=1, help="How many poses.")] = 20,
+    model: options.Model,
+    dataset: options.Dataset,
+    out: options.OutFile,
+    count: options.Count = 20,
     criterion: Annotated[
         str,
         typer.Option("--criterion", help="I: predict the hand well; D: know all parameters."),
     ] = "I",
-    marker: Annotated[str | None, typer.Option("--marker", help="Which tracked point.")] = None,
+    marker: options.Marker = None,
     seed: Annotated[int, typer.Option("--seed", min=0, help="Of the pool of poses.")] = 0,
-    force: Annotated[bool, typer.Option("--force", help="Replace an existing file.")] = False,
-    as_json: Annotated[bool, typer.Option("--json", help="Print JSON.")] = False,
+    force: options.Force = False,
+    as_json: options.AsJson = False,
 ) -> None:
-    """Choose the poses that would tell a learned arm most beyond what it knows.
+    """Choose the poses that would tell a learned arm most beyond the data it was learned from.
 
-    They lie between the readings that were recorded, and in view of learned eyes. Check before
-    moving there that nothing is in the way.
+    They lie between the readings that were recorded, and in view of learned cameras. See that
+    nothing is in the way before moving there.
     """
     import numpy as np
 
@@ -46,17 +46,15 @@ def choose_poses(
         marker=marker,
     )
     write_whole(out, readings_table(chosen.readings, learned.joints))
-    sigmas = {
-        "sigma_before_mm": 1e3 * chosen.sigma_before,
-        "sigma_after_mm": 1e3 * chosen.sigma_after,
-    }
+    before, after = 1e3 * chosen.sigma_before, 1e3 * chosen.sigma_after
     if as_json:
-        console.print_json({"poses": chosen.readings.tolist(), **sigmas})
+        sigmas = {"sigma_before_mm": before, "sigma_after_mm": after}
+        printer.as_json({"poses": chosen.readings.tolist(), **sigmas})
         return
-    console.out.print(
+    recording = shlex.join(map(str, ["--poses", out, "--out", inputs.beside(out, "recorded")]))
+    printer.line(
         f"{count} poses: {out}\n"
-        f"rms error of the predicted hand, for what data can cure: now "
-        f"{sigmas['sigma_before_mm']:.3g} mm, with these poses {sigmas['sigma_after_mm']:.3g} mm\n"
-        f"next  nico-selfmodel record NAME --poses {out}",
-        markup=False,
+        f"reducible error of the predicted hand, rms: now {before:.3g} mm, with these poses "
+        f"{after:.3g} mm\n"
+        f"next  nico-selfmodel record {recording}"
     )

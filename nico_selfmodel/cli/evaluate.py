@@ -1,11 +1,8 @@
 """`nico-selfmodel evaluate`: hold a self-model against data."""
 
-from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import TYPE_CHECKING, Any
 
-import typer
-
-from nico_selfmodel.cli import body_tables, console
+from nico_selfmodel.cli import options, printer
 
 if TYPE_CHECKING:
     from nico_selfmodel.dataset import Dataset
@@ -14,10 +11,10 @@ if TYPE_CHECKING:
 
 
 def evaluate(
-    model: Annotated[Path, typer.Argument(help="self_model.yaml, or a result folder.")],
-    dataset: Annotated[Path, typer.Argument(help="Folder of the data set.")],
-    sensor: Annotated[str, typer.Option("--sensor", help="auto, pixels or points.")] = "auto",
-    as_json: Annotated[bool, typer.Option("--json", help="Print JSON.")] = False,
+    model: options.Model,
+    dataset: options.Dataset,
+    sensor: options.DataSensor = "auto",
+    as_json: options.AsJson = False,
 ) -> None:
     """Print the error of a self-model's predictions on a data set, beside that of its training."""
     from nico_selfmodel.dataset import Dataset
@@ -27,16 +24,13 @@ def evaluate(
     learned, data = SelfModel.load(model), Dataset.load(dataset)
     seen = by_pixels(learned, data, sensor)
     verdict, block = (_of_pixels if seen else _of_points)(learned, data)
+    document = {"status": verdict.status, "reasons": verdict.reasons, **block}
     if as_json:
-        console.print_json({"status": verdict.status, "reasons": verdict.reasons, **block})
+        printer.as_json(document)
     else:
-        if seen:
-            body_tables.print_sight(f"{model}", str(dataset), block)
-        else:
-            row = console.statistics_row(str(dataset), block)
-            console.print_table(f"{model}", console.STATISTICS_HEADINGS, [row])
-        console.print_verdict(verdict.status, verdict.reasons)
-    raise typer.Exit(1 if verdict.status == "FAIL" else 0)
+        printer.errors(str(model), [(str(dataset), block)])
+        printer.verdict(document)
+    printer.end(document)
 
 
 def _of_points(learned: "SelfModel", data: "Dataset") -> "tuple[Verdict, dict[str, Any]]":
@@ -51,7 +45,7 @@ def _of_points(learned: "SelfModel", data: "Dataset") -> "tuple[Verdict, dict[st
 
 
 def _of_pixels(learned: "SelfModel", data: "Dataset") -> "tuple[Verdict, dict[str, Any]]":
-    """Return the verdict by what the model's eyes saw, and the errors in images and space."""
+    """Return the verdict by what the model's cameras saw, and the errors in images and space."""
     from nico_selfmodel.errors import DataError
     from nico_selfmodel.estimation import evaluate_pixels, judge_evaluation
     from nico_selfmodel.estimation.body.body_result import pixel_errors
@@ -60,7 +54,7 @@ def _of_pixels(learned: "SelfModel", data: "Dataset") -> "tuple[Verdict, dict[st
     block = pixel_errors(evaluation).to_json()
     if block is None:
         raise DataError(
-            f"self-model {learned.name!r} puts the hand out of its eyes' view wherever data set "
-            f"{data.name!r} saw it: it is of another body, or of other eyes"
+            f"self-model {learned.name!r} puts the hand out of its cameras' view wherever data set "
+            f"{data.name!r} saw it: it is of another body, or of other cameras"
         )
     return judge_evaluation(learned, data, evaluation), block

@@ -4,10 +4,8 @@ from typing import Annotated
 
 import typer
 
-from nico_selfmodel.cli import console
-from nico_selfmodel.cli.servo_options import Json, Port, Yes, ask
-
-app = typer.Typer(help="Open and close the hand.", no_args_is_help=True)
+from nico_selfmodel.cli import options, printer
+from nico_selfmodel.cli.servo.opening import ask
 
 Finger = Annotated[
     list[str] | None,
@@ -20,34 +18,27 @@ CurrentLimit = Annotated[
 ]
 
 
-@app.callback()
-def _describe() -> None:
-    """Open and close the hand."""
-
-
-@app.command("open")
 def open_hand(
-    port: Port,
+    port: options.Port,
     finger: Finger = None,
     seconds: Seconds = 1.0,
     power: Power = 0.7,
     current_limit: CurrentLimit = 500,
-    yes: Yes = False,
-    as_json: Json = False,
+    yes: options.Yes = False,
+    as_json: options.AsJson = False,
 ) -> None:
     """Open the hand: run the motors for a time, or until the current is cut off."""
     _move("open", port, finger, seconds, power, current_limit, yes=yes, as_json=as_json)
 
 
-@app.command("close")
 def close_hand(
-    port: Port,
+    port: options.Port,
     finger: Finger = None,
     seconds: Seconds = 1.0,
     power: Power = 0.7,
     current_limit: CurrentLimit = 500,
-    yes: Yes = False,
-    as_json: Json = False,
+    yes: options.Yes = False,
+    as_json: options.AsJson = False,
 ) -> None:
     """Close the hand: run the motors for a time, or until the current is cut off."""
     _move("close", port, finger, seconds, power, current_limit, yes=yes, as_json=as_json)
@@ -72,15 +63,14 @@ def _move(
     with Hand.open_port(port) as hand:
         what = " and ".join(fingers)
         if not as_json:
-            console.out.print(
+            printer.line(
                 f"{what}: {way} for at most {seconds:g} s at {100 * power:g} %, current limit "
-                f"{current_limit}",
-                markup=False,
+                f"{current_limit}"
             )
         ask(f"{way.capitalize()} {what}?", yes=yes)
         causes = hand.move(way, fingers, seconds=seconds, power=power, current_limit=current_limit)
     if as_json:
-        console.print_json({"stopped_by": causes})
+        printer.as_json({"stopped_by": causes})
         return
     for name, cause in causes.items():
-        console.out.print(f"{name}: stopped by {cause}", markup=False)
+        printer.line(f"{name}: stopped by {cause}")

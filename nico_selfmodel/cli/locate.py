@@ -1,31 +1,30 @@
 """`nico-selfmodel locate`: where a thing is that is seen only in a mirror."""
 
-from pathlib import Path
 from typing import Annotated
 
 import typer
 
-from nico_selfmodel.cli import console
+from nico_selfmodel.cli import options, printer
 
 
 def locate(
-    model: Annotated[Path, typer.Argument(help="self_model.yaml, or a result folder.")],
+    model: options.Model,
     mirror: Annotated[str, typer.Option("--mirror", help="Name of the mirror.")],
     pixels: Annotated[
         list[str],
         typer.Option(
             "--pixels",
             metavar="U,V,U,V",
-            help="Where the left and the right eye see the reflection. Repeat for more things.",
+            help="Where the left and the right camera see the reflection. Repeat for more things.",
         ),
     ],
-    pixel_sigma: Annotated[
-        float | None,
-        typer.Option("--pixel-sigma", help="Noise of a pixel coordinate; the model's if omitted."),
-    ] = None,
-    as_json: Annotated[bool, typer.Option("--json", help="Print JSON.")] = False,
+    pixel_sigma: options.PixelSigma = None,
+    as_json: options.AsJson = False,
 ) -> None:
-    """Say where things are that are seen in a mirror: x, y, z [m] and how surely [mm]."""
+    """Say where things are that are seen in a mirror: x, y, z [m] and how surely [mm].
+
+    The noise of a pixel is the model's, where none is given.
+    """
     from nico_selfmodel.errors import ModelError
     from nico_selfmodel.model import SelfModel
     from nico_selfmodel.model.mirror_location import locate_in_mirror
@@ -38,16 +37,14 @@ def locate(
             "where it seems; cure that and run `nico-selfmodel calibrate mirror` again"
         )
     sigma = pixel_sigma if pixel_sigma is not None else body.pixel_sigma or 1.0
-    if not 0.0 < sigma < float("inf"):
-        raise ValueError(f"--pixel-sigma must be a positive number, got {sigma}")
     found = locate_in_mirror(rig, [_pixels(word) for word in pixels], sigma)
     rows = [place.as_document() for place in found]
     if as_json:
-        console.print_json({"mirror": mirror, "pixel_sigma_px": sigma, "places": rows})
+        printer.as_json({"mirror": mirror, "pixel_sigma_px": sigma, "places": rows})
         return
-    headings = ("x m", "y m", "z m", "sigma mm", "along sight", "across", "off by px")
+    headings = ("x m", "y m", "z m", "sigma mm", "along the view", "across", "off by px")
     cells = [[f"{row[key]:.{digits}f}" for key, digits in _SHOWN] for row in rows]
-    console.print_table(f"seen in mirror {mirror}", headings, cells)
+    printer.table(f"seen in mirror {mirror}", headings, cells)
 
 
 _SHOWN = (

@@ -5,12 +5,12 @@ from typing import Annotated
 
 import typer
 
-from nico_selfmodel.cli import console
+from nico_selfmodel.cli import options, printer
 
 
 def pick_color(
     image: Annotated[Path, typer.Argument(help="A photograph that shows the colour.")],
-    out: Annotated[Path, typer.Option("--out", help="YAML of thresholds to make.")],
+    out: options.OutFile,
     at: Annotated[
         list[str] | None,
         typer.Option(
@@ -23,9 +23,9 @@ def pick_color(
     mask: Annotated[
         Path | None, typer.Option("--mask", help="PNG to make, white where the colour is seen.")
     ] = None,
-    force: Annotated[bool, typer.Option("--force", help="Replace existing files.")] = False,
+    force: options.Force = False,
 ) -> None:
-    """Learn thresholds of a colour from pixels that you click on, or name with --at."""
+    """Learn thresholds of a colour, a YAML, from pixels that you click on or name with --at."""
     from nico_selfmodel.files import refuse_existing
     from nico_selfmodel.files.reading import real_path
     from nico_selfmodel.vision import (
@@ -60,7 +60,7 @@ def pick_color(
         words = f"but no patch of it is seen for certain in {image}: {blob.reason}"
     else:
         words = f"seen in {image} at {blob.center[0]:.1f},{blob.center[1]:.1f}"
-    console.out.print(f"{out}: {model.dominant}, hue {model.hue_deg:g} deg; {words}", markup=False)
+    printer.line(f"{out}: {model.dominant}, hue {model.hue_deg:g} deg; {words}")
 
 
 def _pixel(text: str) -> tuple[float, float]:

@@ -7,12 +7,12 @@ from typing import Annotated
 
 import typer
 
-from nico_selfmodel.cli import console
+from nico_selfmodel.cli import options, printer
 from nico_selfmodel.names import listed
 
 
 def predict(
-    model: Annotated[Path, typer.Argument(help="self_model.yaml, or a result folder.")],
+    model: options.Model,
     encoders: Annotated[
         list[str] | None,
         typer.Option(
@@ -25,8 +25,8 @@ def predict(
         Path | None,
         typer.Option("--table", help="CSV with a column per joint; - reads standard input."),
     ] = None,
-    marker: Annotated[str | None, typer.Option("--marker", help="Which tracked point.")] = None,
-    as_json: Annotated[bool, typer.Option("--json", help="Print JSON.")] = False,
+    marker: options.Marker = None,
+    as_json: options.AsJson = False,
 ) -> None:
     """Predict where the hand is: x, y, z [m], sigma of the model and with noise [mm]."""
     from nico_selfmodel.files.reading import LARGEST_TABLE, read_standard_input, read_text
@@ -64,7 +64,7 @@ def predict(
         for k, p in enumerate(prediction.p_WH)
     ]
     if as_json:
-        console.print_json({"marker": marker or learned.markers[0], "poses": rows})
+        printer.as_json({"marker": marker or learned.markers[0], "poses": rows})
         return
     writer = csv.DictWriter(sys.stdout, list(rows[0]), lineterminator="\n")
     writer.writeheader()

@@ -1,29 +1,26 @@
 """`nico-selfmodel rezero`: find the encoders' zeros again after a restart."""
 
-from pathlib import Path
 from typing import Annotated
 
 import typer
 
-from nico_selfmodel.cli import body_tables, console
+from nico_selfmodel.cli import options, printer
 from nico_selfmodel.cli.result_files import write_with_report
 
 
 def rezero(
-    model: Annotated[Path, typer.Argument(help="The body: self_model.yaml, or its folder.")],
-    dataset: Annotated[Path, typer.Argument(help="Folder of three to five poses.")],
-    out: Annotated[Path, typer.Option("--out", help="Result folder to make.")],
+    model: options.Model,
+    dataset: options.Dataset,
+    out: options.Out,
     joint: Annotated[
         list[str] | None, typer.Option("--joint", help="A joint whose zero is lost; else all.")
     ] = None,
-    sensor: Annotated[str, typer.Option("--sensor", help="auto, pixels or points.")] = "auto",
-    loss: Annotated[
-        str, typer.Option("--loss", help="trimmed, none, huber, cauchy or tukey.")
-    ] = "trimmed",
-    force: Annotated[bool, typer.Option("--force", help="Replace an existing folder.")] = False,
-    as_json: Annotated[bool, typer.Option("--json", help="Print result.json instead.")] = False,
+    sensor: options.DataSensor = "auto",
+    loss: options.Loss = "trimmed",
+    force: options.Force = False,
+    as_json: options.AsJson = False,
 ) -> None:
-    """Find the encoders' zeros again, everything else held."""
+    """Find the encoders' zeros again from three to five poses, everything else held."""
     from nico_selfmodel.dataset import Dataset
     from nico_selfmodel.estimation import judge, to_json
     from nico_selfmodel.estimation import rezero as find_zeros
@@ -43,10 +40,5 @@ def rezero(
     # Drawing is slow to load, and only needed once there is something to draw.
     from nico_selfmodel.viz.reports.updates import update_report
 
-    report = update_report(evaluation, document)
-    write_with_report(out, evaluation.after, report, force=force)
-    if as_json:
-        console.print_json(document)
-    else:
-        body_tables.print_rezero(found.model.name, document, out)
-    raise typer.Exit(1 if verdict.status == "FAIL" else 0)
+    write_with_report(out, evaluation.after, update_report(evaluation, document), force=force)
+    printer.result(found.model.name, document, out, json_instead=as_json)

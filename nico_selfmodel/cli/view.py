@@ -6,7 +6,7 @@ from typing import Annotated
 
 import typer
 
-from nico_selfmodel.cli import console
+from nico_selfmodel.cli import options, printer
 
 
 def view(
@@ -19,10 +19,8 @@ def view(
             help="Publish to a running meshcat-server (tcp://127.0.0.1:6000) and return.",
         ),
     ] = None,
-    html: Annotated[
-        Path | None, typer.Option("--html", help="Write the scene as one HTML file and return.")
-    ] = None,
-    force: Annotated[bool, typer.Option("--force", help="Replace an existing file.")] = False,
+    out: options.OutPage = None,
+    force: options.Force = False,
 ) -> None:
     """Show a result in Meshcat, on localhost, until Ctrl-C."""
     from nico_selfmodel.files import refuse_existing, write_whole
@@ -31,15 +29,14 @@ def view(
     from nico_selfmodel.viz.scene import load_scene
 
     scene = load_scene(result)
-    if html is not None:
-        refuse_existing(html, force=force)
-        write_whole(html, static_html(scene))
-        console.out.print(f"{html}", markup=False)
+    if out is not None:
+        refuse_existing(out, force=force)
+        write_whole(out, static_html(scene))
+        printer.line(f"{out}")
         return
     if server is not None:
-        url = publish(scene, server)
-        console.out.print(f"published; open {url}", markup=False)
+        printer.line(f"published; open {publish(scene, server)}")
         return
     meshcat = draw_in_drake(scene)
-    console.out.print(f"open {meshcat.web_url()} (Ctrl-C ends)", markup=False)
+    printer.line(f"open {meshcat.web_url()} (Ctrl-C ends)")
     threading.Event().wait()

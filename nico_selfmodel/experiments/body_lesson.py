@@ -1,33 +1,32 @@
-"""After eyes and arm are learned one after the other, they refine each other (thesis chapter 8)."""
+"""Cameras and arm, learned one after the other, are jointly refined (thesis, chapter 8)."""
 
-from collections.abc import Callable
 from dataclasses import dataclass
 
 from nico_selfmodel.dataset import BoardViews
 from nico_selfmodel.errors import EstimationError
 from nico_selfmodel.estimation import BodyCalibration, Verdict, calibrate_body, judge
 from nico_selfmodel.experiments.eyes_lesson import (
-    ArmLesson,
+    ArmScenario,
+    CameraScenario,
     Counts,
-    EyesLesson,
-    NicoBeforeItsEyes,
-    Stage,
-    learn_through_the_eyes,
+    RenderedNico,
+    learn_cameras_and_arm,
 )
 from nico_selfmodel.model import SelfModel
-from nico_selfmodel.systems import World
+from nico_selfmodel.sessions.progress import Stage, telling
+from nico_selfmodel.systems import Imperfections
 
 TEST_SESSION = 3
 """Day on which boards are shown that nobody learns from."""
 
 
 @dataclass(frozen=True, eq=False)
-class BodyLesson:
-    """Eyes and arm learned one after the other, and then together."""
+class BodyScenario:
+    """Cameras and arm learned one after the other, and then together."""
 
-    eyes: EyesLesson
+    eyes: CameraScenario
     """One after the other."""
-    arm: ArmLesson
+    arm: ArmScenario
     """The arm among them that the body has."""
     test_boards: BoardViews
     """Boards that nobody learned from."""
@@ -49,19 +48,19 @@ class BodyLesson:
         return self.refined.model
 
 
-def learn_body_through_the_eyes(
-    world: World | str,
+def learn_body(
+    world: Imperfections | str,
     seed: int = 0,
     *,
     marker: str = "fiducial",
     counts: Counts | None = None,
     stage: Stage | None = None,
-) -> BodyLesson:
-    """Calibrate the eyes, move the arm before them, learn it, and refine both together.
+) -> BodyScenario:
+    """Calibrate the cameras, move the arm before them, learn it, and refine both together.
 
     Args:
         world: What is wrong with the body.
-        seed: Which individual.
+        seed: Which robot.
         marker: What is tracked on the hand: `fiducial` or `finger_tip`.
         counts: How much is recorded.
         stage: Told what is going on.
@@ -70,33 +69,30 @@ def learn_body_through_the_eyes(
         Everything that was recorded and learned.
     """
     counts = counts or Counts()
-    lesson = learn_through_the_eyes(world, seed, markers=(marker,), counts=counts, stage=stage)
+    scenario = learn_cameras_and_arm(world, seed, markers=(marker,), counts=counts, stage=stage)
 
-    def report(what: str) -> Callable[[int, int], None]:
-        return lambda done, total: stage(what, done, total) if stage else None
-
-    boards = NicoBeforeItsEyes(world, seed, (marker,)).board_views(
-        counts.test_boards, TEST_SESSION, progress=report("more boards, kept for judging")
+    boards = RenderedNico(world, seed, (marker,)).board_views(
+        counts.test_boards, TEST_SESSION, progress=telling(stage, "more boards, kept for judging")
     )
-    report("refining arm and eyes together")(0, 1)
-    found = refine(lesson, marker, boards)
-    report("refining arm and eyes together")(1, 1)
+    telling(stage, "refining arm and eyes together")(0, 1)
+    found = refine(scenario, marker, boards)
+    telling(stage, "refining arm and eyes together")(1, 1)
     return found
 
 
-def refine(lesson: EyesLesson, marker: str, test_boards: BoardViews) -> BodyLesson:
-    """Let arm and eyes refine each other on what they were learned from.
+def refine(scenario: CameraScenario, marker: str, test_boards: BoardViews) -> BodyScenario:
+    """Let arm and cameras refine each other on what they were learned from.
 
     Args:
-        lesson: Eyes and arm, learned one after the other.
+        scenario: Cameras and arm, learned one after the other.
         marker: The arm to take.
         test_boards: Boards that nobody learned from.
     """
-    arm = lesson.arms[marker]
+    arm = scenario.arms[marker]
     try:
         found = calibrate_body(
-            arm.train, arm.model, lesson.views, test=arm.test, test_boards=test_boards
+            arm.train, arm.model, scenario.views, test=arm.test, test_boards=test_boards
         )
     except EstimationError as error:
-        return BodyLesson(lesson, arm, test_boards, None, Verdict("FAIL", (str(error),)))
-    return BodyLesson(lesson, arm, test_boards, found, judge(found))
+        return BodyScenario(scenario, arm, test_boards, None, Verdict("FAIL", (str(error),)))
+    return BodyScenario(scenario, arm, test_boards, found, judge(found))

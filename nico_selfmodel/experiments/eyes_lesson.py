@@ -1,9 +1,9 @@
-"""Nico learns its eyes from a chessboard and then its arm by watching its hand (chapter 7).
+"""Nico learns its cameras from a chessboard and then its arm by watching its hand (chapter 7).
 
 Everything goes through rendered pixels: boards, fiducial and red tape are found in pictures.
 """
 
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -18,13 +18,12 @@ from nico_selfmodel.estimation import (
 )
 from nico_selfmodel.estimation.body.arm_through_cameras import Sight
 from nico_selfmodel.estimation.observations.pixel_evaluation import PixelEvaluation
-from nico_selfmodel.experiments.nico_before_its_eyes import NicoBeforeItsEyes
+from nico_selfmodel.experiments.nico_before_its_eyes import RenderedNico
 from nico_selfmodel.model import SelfModel
 from nico_selfmodel.plant import ArmDescription
-from nico_selfmodel.systems import World
+from nico_selfmodel.sessions.progress import Stage, telling
+from nico_selfmodel.systems import Imperfections
 
-Stage = Callable[[str, int, int], None]
-"""Called with what is going on, steps done and steps in all."""
 MARKERS = {"stereo-fiducial": "fiducial", "stereo-color": "finger_tip"}
 """Sensor -> what it looks at."""
 
@@ -42,17 +41,17 @@ class Counts:
     test: int = 100
     """Random poses to judge by."""
     test_boards: int = 8
-    """Views of the chessboard to judge eyes and arm by that were refined together."""
+    """Views of the chessboard to judge cameras and arm by that were refined together."""
 
 
 @dataclass(frozen=True, eq=False)
-class ArmLesson:
+class ArmScenario:
     """An arm learned by sight of one marker."""
 
     calibration: KinematicCalibration
-    """Of the arm; its model has the eyes too."""
+    """Of the arm; its model has the cameras too."""
     sight: Sight
-    """What the eyes saw of the marker, to learn from and held out."""
+    """What the cameras saw of the marker, to learn from and held out."""
     seen: PixelEvaluation
     """The model against the held-out pictures, in the image and in space (eq. 7.4)."""
 
@@ -68,35 +67,35 @@ class ArmLesson:
 
     @property
     def model(self) -> SelfModel:
-        """Arm and eyes, in the left eye's frame."""
+        """Arm and cameras, in the left camera's frame."""
         return self.calibration.model
 
 
 @dataclass(frozen=True, eq=False)
-class EyesLesson:
-    """Eyes and arm, as learned."""
+class CameraScenario:
+    """Cameras and arm, as learned."""
 
     views: BoardViews
     """What was seen of the chessboard."""
     eyes: CameraCalibration
-    """The eyes."""
-    arms: Mapping[str, ArmLesson]
+    """The cameras."""
+    arms: Mapping[str, ArmScenario]
     """Marker -> the arm learned by it."""
 
 
-def learn_through_the_eyes(
-    world: World | str,
+def learn_cameras_and_arm(
+    world: Imperfections | str,
     seed: int = 0,
     *,
     markers: tuple[str, ...] = ("fiducial",),
     counts: Counts | None = None,
     stage: Stage | None = None,
-) -> EyesLesson:
-    """Calibrate the eyes, move the arm before them, and learn it.
+) -> CameraScenario:
+    """Calibrate the cameras, move the arm before them, and learn it.
 
     Args:
         world: What is wrong with the body.
-        seed: Which individual.
+        seed: Which robot.
         markers: What is tracked on the hand: `fiducial`, `finger_tip` or both at once.
         counts: How much is recorded.
         stage: Told what is going on.
@@ -104,36 +103,37 @@ def learn_through_the_eyes(
     Returns:
         Everything that was recorded and learned.
     """
-
-    def report(what: str) -> Callable[[int, int], None]:
-        return lambda done, total: stage(what, done, total) if stage else None
-
     counts = counts or Counts()
-    nico = NicoBeforeItsEyes(world, seed, markers)
-    views = nico.board_views(counts.boards, 0, progress=report("looking at a chessboard"))
-    report("learning the eyes")(0, 1)
+    nico = RenderedNico(world, seed, markers)
+    views = nico.board_views(counts.boards, 0, progress=telling(stage, "looking at a chessboard"))
+    telling(stage, "learning the eyes")(0, 1)
     eyes = calibrate_cameras(views)
-    report("learning the eyes")(1, 1)
+    telling(stage, "learning the eyes")(1, 1)
     train = nico.record(
         "train",
         1,
         counts.circle,
         counts.random,
         rig=eyes.rig,
-        progress=report("moving every joint, watching the hand"),
+        progress=telling(stage, "moving every joint, watching the hand"),
     )
     test = nico.record(
-        "test", 2, 0, counts.test, rig=eyes.rig, progress=report("new poses, kept for judging")
+        "test",
+        2,
+        0,
+        counts.test,
+        rig=eyes.rig,
+        progress=telling(stage, "new poses, kept for judging"),
     )
-    report("learning the arm")(0, len(markers))
+    telling(stage, "learning the arm")(0, len(markers))
     arms = {}
     for done, marker in enumerate(markers, start=1):
         nominal = nominal_with(nico.arm, marker)
         arms[marker] = learn_arm(
             of_marker(train, marker), of_marker(test, marker), eyes, nominal, "nico"
         )
-        report("learning the arm")(done, len(markers))
-    return EyesLesson(views, eyes, arms)
+        telling(stage, "learning the arm")(done, len(markers))
+    return CameraScenario(views, eyes, arms)
 
 
 def learn_arm(
@@ -142,13 +142,13 @@ def learn_arm(
     eyes: CameraCalibration,
     nominal: NominalArm | None,
     name: str,
-) -> ArmLesson:
-    """Learn an arm from what calibrated eyes reconstruct of its hand.
+) -> ArmScenario:
+    """Learn an arm from what calibrated cameras reconstruct of its hand.
 
     Args:
         train: Rows of one marker with pixels.
         test: Held-out rows.
-        eyes: The eyes.
+        eyes: The cameras.
         nominal: The robot as described, for the zero of its joints.
         name: Of the self-model.
     """
@@ -156,11 +156,11 @@ def learn_arm(
     calibration = sight.complete(
         calibrate_kinematics(sight.train, test=sight.test, nominal=nominal, name=name)
     )
-    return ArmLesson(calibration, sight, sight.evaluate(calibration.model))
+    return ArmScenario(calibration, sight, sight.evaluate(calibration.model))
 
 
 def of_marker(data: Dataset, marker: str) -> Dataset:
-    """Return the rows of one marker that an eye saw."""
+    """Return the rows of one marker that a camera saw."""
     seen = np.isfinite(data.pixels).any(axis=1)
     return data.select(seen & (data.marker == marker))
 

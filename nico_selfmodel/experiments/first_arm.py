@@ -1,19 +1,20 @@
 """A robot wakes up not knowing its arm, moves it, and learns it: the main job."""
 
 import warnings
-from collections.abc import Callable
 from dataclasses import dataclass, replace
 
 from nico_selfmodel.dataset import Dataset
 from nico_selfmodel.errors import NotIdentifiableError
 from nico_selfmodel.estimation import KinematicCalibration, NominalArm, calibrate_kinematics
-from nico_selfmodel.experiments.protocol import Protocol, simulated_session
+from nico_selfmodel.experiments.protocol import simulated_session
+from nico_selfmodel.planning.sweep_protocol import Protocol
 from nico_selfmodel.plant import ArmDescription
-from nico_selfmodel.systems import World
+from nico_selfmodel.sessions.progress import Stage, telling
+from nico_selfmodel.systems import Imperfections
 
 
 @dataclass(frozen=True, eq=False)
-class FirstArm:
+class MotionCaptureScenario:
     """What was recorded and what was learned from it."""
 
     train: Dataset
@@ -26,22 +27,22 @@ class FirstArm:
     """The arm refined over all poses."""
 
 
-def learn_first_arm(
+def learn_by_motion_capture(
     arm: ArmDescription,
-    world: World,
+    world: Imperfections,
     *,
     seed: int = 0,
     random_poses: int = 100,
     test_poses: int = 100,
-    stage: Callable[[str, int, int], None] | None = None,
-) -> FirstArm:
+    stage: Stage | None = None,
+) -> MotionCaptureScenario:
     """Record a simulated arm and learn it.
 
     Args:
         arm: The robot's arm as described. It shapes the simulated body and the exported URDF; the
             learner starts from the circles.
         world: What is wrong with body and tracker.
-        seed: Of the individual.
+        seed: Of the robot.
         random_poses: Poses recorded for training beside the circles.
         test_poses: Poses recorded for judging.
         stage: Called with what is going on, steps done and steps in all.
@@ -49,10 +50,6 @@ def learn_first_arm(
     Returns:
         Data and calibrations.
     """
-
-    def report(what: str) -> Callable[[int, int], None]:
-        return lambda done, total: stage(what, done, total) if stage else None
-
     protocol = Protocol.for_arm(arm)
     train = simulated_session(
         arm,
@@ -61,7 +58,7 @@ def learn_first_arm(
         "train",
         seed=seed,
         session=0,
-        progress=report("moving every joint, watching the hand"),
+        progress=telling(stage, "moving every joint, watching the hand"),
     )
     test = simulated_session(
         arm,
@@ -71,10 +68,10 @@ def learn_first_arm(
         seed=seed,
         session=1,
         sweeps=False,
-        progress=report("new poses, kept for judging"),
+        progress=telling(stage, "new poses, kept for judging"),
     )
     nominal = nominal_of(arm)
-    learning = report("learning")
+    learning = telling(stage, "learning")
     learning(0, 2)
     try:
         circles = calibrate_kinematics(train, method="circle-points", test=test, nominal=nominal)
@@ -84,7 +81,7 @@ def learn_first_arm(
     learning(1, 2)
     refined = calibrate_kinematics(train, test=test, nominal=nominal, name=f"{arm.robot} arm")
     learning(2, 2)
-    return FirstArm(train, test, circles, refined)
+    return MotionCaptureScenario(train, test, circles, refined)
 
 
 def nominal_of(arm: ArmDescription) -> NominalArm:

@@ -20,9 +20,9 @@ class Limit:
     tracker: str
     """How the hand is tracked."""
     px: tuple[float, float]
-    """Error in the images: mean and SD over the test poses and both eyes."""
+    """Error in the images: mean and SD over the test poses and both cameras."""
     true_mm: tuple[float, float]
-    """Distance from the real hand: mean and SD over individuals."""
+    """Distance from the real hand: mean and SD over robots."""
 
     @classmethod
     def of(
@@ -33,8 +33,8 @@ class Limit:
         Args:
             tracker: How the hand is tracked.
             test: Held-out rows of one marker, with points measured from outside.
-            pixels_expected: Pixels in both eyes without play [px]. Shape (N, 4).
-            p_LH_expected: Places without play, in the left eye's frame [m]. Shape (N, 3).
+            pixels_expected: Pixels in both cameras without play [px]. Shape (N, 4).
+            p_LH_expected: Places without play, in the left camera's frame [m]. Shape (N, 3).
         """
         px = np.linalg.norm((test.pixels - pixels_expected).reshape(-1, 2), axis=1)
         mm = 1e3 * np.linalg.norm(test.p_WH_measured - p_LH_expected, axis=1)
@@ -46,7 +46,7 @@ class Limit:
 
     @staticmethod
     def mean(found: Sequence["Limit"]) -> "Limit":
-        """Average over individuals that were tracked alike."""
+        """Average over robots that were tracked alike."""
         px = np.mean([one.px for one in found], axis=0)
         mm = np.array([one.true_mm[0] for one in found])
         return Limit(

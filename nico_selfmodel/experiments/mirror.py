@@ -1,6 +1,6 @@
 """Chapter 9 of the thesis: the hand predicted in three mirrors after 10 to 50 poses of training."""
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -12,19 +12,20 @@ from nico_selfmodel.estimation.mirrors.mirror_cameras import fit_mirror_cameras
 from nico_selfmodel.experiments.mirror_body import MIRRORS, learned_body, mirror_body
 from nico_selfmodel.model import Mirror, SelfModel, StereoRig
 from nico_selfmodel.plant import ArmDescription
-from nico_selfmodel.systems.simulated_mirror import SimulatedMirrors
+from nico_selfmodel.sessions.progress import Stage
+from nico_selfmodel.systems.simulated.mirrors import SimulatedMirrors
 
 POSES = (10, 20, 30, 40, 50)
 TEST_POSES = 100
 Spread = tuple[float, float | None]
-"""Mean and SD over individuals; None where there was only one."""
+"""Mean and SD over robots; None where there was only one."""
 COMPARABLE_MM = 50.0
 """What Hersch et al. and Martinez-Cantin et al. report without a mirror (thesis, section 9.2.2)."""
 
 
 @dataclass(frozen=True)
 class MirrorRow:
-    """One mirror after some poses, averaged over individuals; pairs are mean and SD over them."""
+    """One mirror after some poses, averaged over robots; pairs are mean and SD over them."""
 
     mirror: str
     """Which of the mirrors."""
@@ -48,16 +49,16 @@ class MirrorRow:
 
 @dataclass(frozen=True)
 class DepthRow:
-    """How far away the hand seems, and what two eyes can tell at that distance."""
+    """How far away the hand seems, and what two cameras can tell at that distance."""
 
     view: str
     """`direct`, or the mirror."""
     depth_mm: float
-    """Distance of the hand, or of its reflection, from the left eye."""
+    """Distance of the hand, or of its reflection, from the left camera."""
     stereo_mm: float
     """Mean error of stereo with this noise there, were arm and mirror known exactly."""
     pixels: Spread
-    """Error on test poses [px]: mean and SD over individuals."""
+    """Error on test poses [px]: mean and SD over robots."""
     position_mm: Spread
     """The same in space."""
 
@@ -75,7 +76,7 @@ class MirrorExperiment:
     rendered: bool
     """Whether the hand was found in rendered pictures; otherwise its pixels were calculated."""
     places_mm: Mapping[str, float]
-    """Mirror -> distance from the left eye at which it was meant to stand."""
+    """Mirror -> distance from the left camera at which it was meant to stand."""
     arm_mm: float
     """Length of the arm, as described."""
     rows: tuple[MirrorRow, ...]
@@ -89,15 +90,15 @@ def run_mirror(
     pixel_sigma: float = 0.3,
     play_deg: float = 0.5,
     seed: int = 0,
-    progress: Callable[[str, int, int], None] | None = None,
+    progress: Stage | None = None,
 ) -> MirrorExperiment:
-    """Let simulated robots learn arm and eyes, then three mirrors.
+    """Let simulated robots learn arm and cameras, then three mirrors.
 
     Args:
         individuals: Simulated robots.
         pixel_sigma: Noise of a tracked pixel coordinate [px].
         play_deg: Half the width of the joints' play [deg].
-        seed: Of the first individual.
+        seed: Of the first robot.
         progress: Told how far it is.
 
     Returns:
@@ -119,7 +120,7 @@ def experiment_of(
     mirrors: Mapping[str, Mirror],
     rendered: bool = False,
 ) -> MirrorExperiment:
-    """Average over individuals.
+    """Average over robots.
 
     Args:
         trials: What each of them learned.
@@ -158,7 +159,7 @@ def arm_length() -> float:
 
 @dataclass(frozen=True, eq=False)
 class Trial:
-    """One individual: (mirror, poses) -> figures, and view -> figures."""
+    """One robot: (mirror, poses) -> figures, and view -> figures."""
 
     learned: dict[tuple[str, int], tuple[float, ...]]
     """px, mm, error of the normal [deg] and of the distance [mm], px of free cameras, seconds."""
@@ -178,7 +179,7 @@ class Trial:
         """Learn every mirror from some of the poses, and judge it.
 
         Args:
-            model: What the body knows of arm and eyes.
+            model: What the body knows of arm and cameras.
             direct: Test poses without a mirror.
             training: Mirror -> poses, as many as `POSES` asks for.
             test: Mirror -> test poses.
@@ -204,7 +205,7 @@ def _simulated(body: SimulatedMirrors) -> Trial:
         {name: body.watch(name, max(POSES), session=2) for name in MIRRORS},
         {name: body.watch(name, TEST_POSES, session=3) for name in MIRRORS},
         body.pixel_sigma,
-        {name: body.true_mirror(name) for name in MIRRORS},
+        body.ground_truth.mirrors,
     )
 
 

@@ -1,4 +1,4 @@
-"""A simulated Nico that has learned its arm and eyes by itself and now meets mirrors."""
+"""A simulated Nico that has learned its arm and cameras by itself and now meets mirrors."""
 
 from collections.abc import Mapping
 from dataclasses import replace
@@ -13,7 +13,7 @@ from nico_selfmodel.geometry.transform import inverse
 from nico_selfmodel.model import Mirror, SelfModel
 from nico_selfmodel.plant import ArmDescription
 from nico_selfmodel.plant.kinematic_tree import KinematicTree
-from nico_selfmodel.systems.simulated_mirror import SimulatedMirrors
+from nico_selfmodel.systems.simulated.mirrors import SimulatedMirrors
 
 HEAD = {"neck_yaw": -1.0, "neck_pitch": 0.4, "eyes_tilt": 0.3}
 """The head looks at the right hand [rad]."""
@@ -39,11 +39,11 @@ def mirror_body(
     """Build a simulated Nico before mirrors.
 
     Args:
-        seed: Of the individual.
+        seed: Of the robot.
         pixel_sigma: Noise of each pixel coordinate [px].
         play_deg: Half the width of the joints' play [deg].
         radius: Radius of curvature of the mirrors [m]; flat if omitted.
-        mirrors: Where the mirrors are meant to stand before the left eye.
+        mirrors: Where the mirrors are meant to stand before the left camera.
 
     Returns:
         The body.
@@ -53,8 +53,7 @@ def mirror_body(
     eye = tree.frame("left_wide_camera")
     X_BL = tree.poses({**arm.held, **HEAD}, arm.base_link, [eye])[0]
     return SimulatedMirrors(
-        arm.chain.moved(inverse(X_BL)),
-        (arm.lower, arm.upper),
+        replace(arm, chain=arm.chain.moved(inverse(X_BL))),
         mirrors,
         seed,
         pixel_sigma=pixel_sigma,
@@ -64,13 +63,13 @@ def mirror_body(
 
 
 def learned_body(body: SimulatedMirrors) -> SelfModel:
-    """Let a body learn its eyes from boards and its arm from where they see its hand.
+    """Let a body learn its cameras from boards and its arm from where they see its hand.
 
     Args:
         body: The simulated body.
 
     Returns:
-        Arm and eyes in the left eye's frame, without mirrors.
+        Arm and cameras in the left camera's frame, without mirrors.
     """
     eyes = calibrate_cameras(body.look_at_boards(board_points(), BOARDS))
     seen = body.watch("", LEARNING_POSES, session=1, name="hand seen directly")

@@ -1,6 +1,5 @@
-"""A Nico that knows its eyes and its arm meets a mirror, and learns where it stands (chapter 9)."""
+"""A Nico that knows cameras and arm meets a mirror, and learns where it stands (chapter 9)."""
 
-from collections.abc import Callable
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -12,11 +11,12 @@ from nico_selfmodel.estimation import judge, to_json
 from nico_selfmodel.estimation.mirrors.mirror import MirrorCalibration, calibrate_mirrors
 from nico_selfmodel.estimation.mirrors.mirror_findings import judged
 from nico_selfmodel.estimation.results.verdict import Verdict
-from nico_selfmodel.experiments.body_lesson import BodyLesson
-from nico_selfmodel.experiments.eyes_lesson import NicoBeforeItsEyes, Stage
+from nico_selfmodel.experiments.body_lesson import BodyScenario
+from nico_selfmodel.experiments.eyes_lesson import RenderedNico
 from nico_selfmodel.experiments.mirror_recording import DEFAULT_MIRROR, NicoBeforeMirrors
 from nico_selfmodel.model import SelfModel
-from nico_selfmodel.systems import World
+from nico_selfmodel.sessions.progress import Stage, telling
+from nico_selfmodel.systems import Imperfections
 from nico_selfmodel.viz.mirror_picture import MirrorPicture
 
 MIRROR = "mirror"
@@ -26,7 +26,7 @@ POSES = 20
 
 
 @dataclass(frozen=True, eq=False)
-class MirrorLesson:
+class MirrorScenario:
     """A mirror learned by looking into it."""
 
     calibration: MirrorCalibration
@@ -42,7 +42,7 @@ class MirrorLesson:
 
     @property
     def model(self) -> SelfModel:
-        """Arm, eyes and mirror."""
+        """Arm, cameras and mirror."""
         return self.calibration.model
 
     @property
@@ -53,20 +53,20 @@ class MirrorLesson:
 
 def learn_mirror(
     model: SelfModel,
-    world: World | str,
+    world: Imperfections | str,
     seed: int = 0,
     *,
     marker: str = "fiducial",
     familiar: NDArray | None = None,
     poses: int = POSES,
     stage: Stage | None = None,
-) -> MirrorLesson:
+) -> MirrorScenario:
     """Put a mirror before the robot, let it look at its hand in it, and learn where it stands.
 
     Args:
-        model: What the robot has learned of arm and eyes.
+        model: What the robot has learned of arm and cameras.
         world: What is wrong with its body.
-        seed: Which individual.
+        seed: Which robot.
         marker: What is tracked on the hand.
         familiar: Readings at which the arm was learned: poses near them are preferred. (K, n).
         poses: To learn from; as many are held out.
@@ -78,38 +78,34 @@ def learn_mirror(
     Raises:
         EstimationError: If no plane fits.
     """
-
-    def report(what: str) -> Callable[[int, int], None]:
-        return lambda done, total: stage(what, done, total) if stage else None
-
-    nico = NicoBeforeItsEyes(world, seed, (marker,))
+    nico = RenderedNico(world, seed, (marker,))
     before = NicoBeforeMirrors(
         nico, {MIRROR: DEFAULT_MIRROR}, knows=model, rig=model.rig, familiar=familiar
     )
     data = before.record(
-        "mirror", DAY, 2 * poses, progress=report("looking at its hand in a mirror")
+        "mirror", DAY, 2 * poses, progress=telling(stage, "looking at its hand in a mirror")
     )
     # Every other pose is held out, so that both halves cover the same places.
     held_out = np.isin(data.sample, np.unique(data.sample)[1::2])
     train, test = data.select(~held_out), data.select(held_out)
-    report("learning the mirror")(0, 1)
+    telling(stage, "learning the mirror")(0, 1)
     calibration = calibrate_mirrors(train, model, test=test)
-    report("learning the mirror")(1, 1)
+    telling(stage, "learning the mirror")(1, 1)
     row = int(np.flatnonzero((train.mirror == MIRROR) & np.isfinite(train.pixels).all(axis=1))[0])
     images = before.look(DAY, MIRROR, train.encoders[row])
     picture = MirrorPicture(int(train.sample[row]), train.encoders[row], images)
     verdict = judge(calibration)
-    return MirrorLesson(judged(calibration, verdict), verdict, train, test, picture)
+    return MirrorScenario(judged(calibration, verdict), verdict, train, test, picture)
 
 
-def with_mirror(lesson: BodyLesson, mirror: MirrorLesson) -> BodyLesson:
+def with_mirror(scenario: BodyScenario, mirror: MirrorScenario) -> BodyScenario:
     """Return what was learned of a body, its self-model now with the mirror.
 
     Args:
-        lesson: Eyes and arm.
-        mirror: Learned with the model of that lesson.
+        scenario: Cameras and arm.
+        mirror: Learned with the model of that scenario.
     """
-    if lesson.refined is not None and lesson.accepted:
-        return replace(lesson, refined=replace(lesson.refined, model=mirror.model))
-    calibration = replace(lesson.arm.calibration, model=mirror.model)
-    return replace(lesson, arm=replace(lesson.arm, calibration=calibration))
+    if scenario.refined is not None and scenario.accepted:
+        return replace(scenario, refined=replace(scenario.refined, model=mirror.model))
+    calibration = replace(scenario.arm.calibration, model=mirror.model)
+    return replace(scenario, arm=replace(scenario.arm, calibration=calibration))

@@ -10,14 +10,15 @@ from numpy.typing import NDArray
 from nico_selfmodel.dataset import Dataset
 from nico_selfmodel.errors import EstimationError
 from nico_selfmodel.estimation.mirror_poses import MirrorPoses, plan_mirror_poses
-from nico_selfmodel.experiments.eyes_lesson import NicoBeforeItsEyes
+from nico_selfmodel.experiments.eyes_lesson import RenderedNico
 from nico_selfmodel.model import Mirror, SelfModel, StereoRig
 from nico_selfmodel.model.stereo_rig import EYES
 from nico_selfmodel.names import check_name
-from nico_selfmodel.recording import Plan, RecordedSamples, commands_of_angles, live_again
+from nico_selfmodel.planning.mirror_view import MirrorView
+from nico_selfmodel.planning.plans import Plan, commands_of_angles
+from nico_selfmodel.recording import RecordedSamples, sample_pose
 from nico_selfmodel.systems import NicoStation, StationBody
 from nico_selfmodel.systems.mirror_scene import MirrorPlate, put_mirror
-from nico_selfmodel.systems.mirror_view import MirrorView
 from nico_selfmodel.systems.reflection_detectors import default_mirror_detectors
 
 DEFAULT_MIRROR = Mirror.from_values([0.0, np.radians(-20.0), 0.30])
@@ -34,12 +35,12 @@ _NOISE = {"pixel_sigma": 0.3, "noise_sigma": 4e-3}
 class NicoBeforeMirrors:
     """A simulated Nico, and somebody who puts mirrors before it, one after the other.
 
-    A mirror's place is meant before the left eye as designed: nobody can hold it more exactly.
+    A mirror's place is meant before the left camera as designed: nobody can hold it more exactly.
     """
 
     def __init__(
         self,
-        nico: NicoBeforeItsEyes,
+        nico: RenderedNico,
         mirrors: Mapping[str, Mirror],
         *,
         plate: MirrorPlate | None = None,
@@ -50,11 +51,11 @@ class NicoBeforeMirrors:
         """Choose where mirrors shall stand.
 
         Args:
-            nico: The individual.
-            mirrors: Name -> where that mirror is meant to stand before the left eye.
+            nico: The robot.
+            mirrors: Name -> where that mirror is meant to stand before the left camera.
             plate: The glass.
-            knows: What it has learned of arm and eyes: tells tape from its reflection.
-            rig: Calibrated eyes, if known: fiducials are located behind their lenses.
+            knows: What it has learned of arm and cameras: tells tape from its reflection.
+            rig: Calibrated cameras, if known: fiducials are located behind their lenses.
             familiar: Readings at which the arm was learned: poses near them are preferred.
                 Shape (K, n).
 
@@ -65,13 +66,13 @@ class NicoBeforeMirrors:
         self.plate = plate or MirrorPlate()
         self.views = {
             name: MirrorView.of(
-                nico.reach, mirror, self.plate, np.random.default_rng((nico.seed, 21))
+                nico.workspace, mirror, self.plate, np.random.default_rng((nico.seed, 21))
             )
             for name, mirror in mirrors.items()
         }
         if familiar is not None:
             with self.station(0) as station:
-                q = nico.reach.first_guess(station.joints).servos.to_joint(familiar)
+                q = nico.workspace.first_guess(station.joints).servos.to_joint(familiar)
             self.views = {name: view.near(q, _FAMILIAR) for name, view in self.views.items()}
 
     def station(self, session: int) -> NicoStation:
@@ -109,7 +110,7 @@ class NicoBeforeMirrors:
         plan = self.nico.plan(station, 0, direct, rng) if direct else []
         where = [""] * len(plan)
         arm = self.nico.arm
-        guess = replace(self.nico.reach.first_guess(station.joints), **_NOISE)
+        guess = replace(self.nico.workspace.first_guess(station.joints), **_NOISE)
         limits = tuple(np.array([[j.lower, j.upper] for j in station.joints], dtype=float).T)
         for name, view in self.views.items():
             commands = commands_of_angles(station.joints, arm.lower, arm.upper, view.q)
@@ -148,8 +149,8 @@ class NicoBeforeMirrors:
         Args:
             name: Name of the data set.
             session: Which day.
-            poses: In each mirror, in which both eyes see the reflection of every marker.
-            direct: Poses without a mirror, in which both eyes see every marker.
+            poses: In each mirror, in which both cameras see the reflection of every marker.
+            direct: Poses without a mirror, in which both cameras see every marker.
             best: Choose the poses that tell most of a mirror; otherwise any.
             folder: Where to keep samples from the first one on; resumed if it is there.
             keep_images: Keep the pictures in the folder.
@@ -178,16 +179,13 @@ class NicoBeforeMirrors:
                             X_BM = self.views[mirror].X_BM if mirror else None
                             put_mirror(station, body.context, X_BM)
                             standing = mirror
-                        relived = live_again(body, command, kept.visits(index))
-                        for _ in range(0 if relived else _TRIES):
-                            if kept.add(index, label, body.visit(command), mirror):
-                                break
+                        sample_pose(body, kept, index, label, command, _TRIES, mirror)
                     if progress:
                         progress(index + 1, len(plan))
         return kept.dataset()
 
     def look(self, session: int, mirror: str, command: NDArray) -> tuple[NDArray, NDArray]:
-        """Go to a pose before a mirror and return what both eyes see.
+        """Go to a pose before a mirror and return what both cameras see.
 
         Args:
             session: Which day.
@@ -195,12 +193,12 @@ class NicoBeforeMirrors:
             command: Where to go [encoder units]. Shape (n,).
 
         Returns:
-            Pictures of the left and the right eye, BGR. Shape (h, w, 3) each.
+            Pictures of the left and the right camera, BGR. Shape (h, w, 3) each.
         """
         with self.station(session) as station:
             body = StationBody(station, station.joints, self.nico.markers)
             put_mirror(station, body.context, self.views[mirror].X_BM)
-            body.visit(command)
+            body.move_and_measure(command)
             left, right = (station.picture(body.context, eye) for eye in EYES)
         return left, right
 

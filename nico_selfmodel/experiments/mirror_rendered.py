@@ -1,13 +1,13 @@
 """Chapter 9 of the thesis through rendered pictures: the hand found in three mirrors."""
 
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 
 import numpy as np
 
 from nico_selfmodel.dataset import Dataset
 from nico_selfmodel.errors import DataError
-from nico_selfmodel.experiments.body_lesson import learn_body_through_the_eyes
-from nico_selfmodel.experiments.eyes_lesson import Counts, NicoBeforeItsEyes, Stage
+from nico_selfmodel.experiments.body_lesson import learn_body
+from nico_selfmodel.experiments.eyes_lesson import Counts, RenderedNico
 from nico_selfmodel.experiments.mirror import (
     POSES,
     TEST_POSES,
@@ -16,9 +16,9 @@ from nico_selfmodel.experiments.mirror import (
     experiment_of,
 )
 from nico_selfmodel.experiments.mirror_recording import NicoBeforeMirrors
-from nico_selfmodel.experiments.outsider import Outsider
 from nico_selfmodel.model import Mirror
-from nico_selfmodel.systems import World
+from nico_selfmodel.sessions.progress import Stage, of_robot, telling
+from nico_selfmodel.systems import Imperfections
 
 MARKER = "fiducial"
 RENDERED_MIRRORS: Mapping[str, Mirror] = {
@@ -33,19 +33,19 @@ TRAIN_DAY, TEST_DAY = 4, 5
 
 
 def run_rendered_mirror(
-    world: World,
+    world: Imperfections,
     individuals: int = 1,
     seed: int = 0,
     counts: Counts | None = None,
     progress: Stage | None = None,
 ) -> MirrorExperiment:
-    """Let robots learn eyes and arm by sight, then three mirrors by looking into them.
+    """Let robots learn cameras and arm by sight, then three mirrors by looking into them.
 
     Args:
         world: What is wrong with the bodies.
         individuals: Simulated robots; minutes each.
         seed: Of the first one.
-        counts: How much eyes and arm are learned from.
+        counts: How much cameras and arm are learned from.
         progress: Told how far it is.
 
     Returns:
@@ -56,48 +56,45 @@ def run_rendered_mirror(
     """
     trials = []
     for i in range(individuals):
-        number = f"robot {i + 1} of {individuals}: " if individuals > 1 else ""
-
-        def stage(what: str, done: int, total: int, number: str = number) -> None:
-            if progress:
-                progress(number + what, done, total)
-
+        stage = of_robot(progress, i, individuals)
         trials.append(rendered_trial(world, seed + i, counts, stage))
     play = float(np.degrees(world.play))
     return experiment_of(trials, PIXEL_SIGMA, play, RENDERED_MIRRORS, rendered=True)
 
 
-def rendered_trial(world: World, seed: int, counts: Counts | None, stage: Stage) -> Trial:
+def rendered_trial(world: Imperfections, seed: int, counts: Counts | None, stage: Stage) -> Trial:
     """Let one robot learn.
 
     Args:
         world: What is wrong with the body.
-        seed: Which individual.
-        counts: How much eyes and arm are learned from.
+        seed: Which robot.
+        counts: How much cameras and arm are learned from.
         stage: Told how far it is.
 
     Raises:
         DataError: If too few poses showed the hand in a mirror.
     """
-    lesson = learn_body_through_the_eyes(world, seed, marker=MARKER, counts=counts, stage=stage)
-    # One eye is enough for a pose to count, so that both may have seen fewer.
-    direct = seen_by_both(lesson.arm.test, "", TEST_POSES, TEST_POSES // 2)
-    nico = NicoBeforeItsEyes(world, seed, (MARKER,))
-    before = NicoBeforeMirrors(nico, RENDERED_MIRRORS, rig=lesson.model.rig)
+    scenario = learn_body(world, seed, marker=MARKER, counts=counts, stage=stage)
+    # One camera is enough for a pose to count, so that both may have seen fewer.
+    direct = seen_by_both(scenario.arm.test, "", TEST_POSES, TEST_POSES // 2)
+    nico = RenderedNico(world, seed, (MARKER,))
+    before = NicoBeforeMirrors(nico, RENDERED_MIRRORS, rig=scenario.model.rig)
 
-    def watched(what: str) -> Callable[[int, int], None]:
-        return lambda done, total: stage(what, done, total)
-
-    train = before.record("train", TRAIN_DAY, max(POSES), progress=watched("looking into mirrors"))
-    test = before.record(
-        "test", TEST_DAY, TEST_POSES, best=False, progress=watched("mirrors, kept for judging")
+    train = before.record(
+        "train", TRAIN_DAY, max(POSES), progress=telling(stage, "looking into mirrors")
     )
-    # Who knows how the mirrors stand before the true eye judges, and tells nobody.
-    outsider = Outsider(nico.arm, world, seed)
-    true = {name: outsider.mirror(view.X_BM) for name, view in before.views.items()}
+    test = before.record(
+        "test",
+        TEST_DAY,
+        TEST_POSES,
+        best=False,
+        progress=telling(stage, "mirrors, kept for judging"),
+    )
+    truth = nico.ground_truth
+    true = {name: truth.mirror(view.X_BM) for name, view in before.views.items()}
     stage("learning mirrors", 0, 1)
     found = Trial.of(
-        lesson.model,
+        scenario.model,
         direct,
         {name: seen_by_both(train, name, max(POSES)) for name in RENDERED_MIRRORS},
         {name: seen_by_both(test, name, TEST_POSES) for name in RENDERED_MIRRORS},
@@ -109,7 +106,7 @@ def rendered_trial(world: World, seed: int, counts: Counts | None, stage: Stage)
 
 
 def seen_by_both(data: Dataset, mirror: str, count: int, fewest: int | None = None) -> Dataset:
-    """Return the first rows of a view that both eyes saw.
+    """Return the first rows of a view that both cameras saw.
 
     Args:
         data: Of all views.

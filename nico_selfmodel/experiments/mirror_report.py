@@ -1,11 +1,17 @@
 """The mirror experiment as tables, charts and JSON, in the form of the thesis' figures 9.4, 9.5."""
 
 from dataclasses import asdict
-from pathlib import Path
 from typing import Any
 
 import numpy as np
 
+from nico_selfmodel.experiments.experiment_report import (
+    ExperimentReport,
+    Pair,
+    Table,
+    bars,
+    bodies,
+)
 from nico_selfmodel.experiments.mirror import (
     COMPARABLE_MM,
     POSES,
@@ -13,12 +19,17 @@ from nico_selfmodel.experiments.mirror import (
     MirrorExperiment,
     Spread,
 )
-from nico_selfmodel.experiments.report_files import Table, as_markdown, bodies, write_experiment
-from nico_selfmodel.viz.experiment_charts import BarSeries, bar_chart
+from nico_selfmodel.viz.experiment_charts import bar_chart
 
 
-def table_rows(results: MirrorExperiment) -> Table:
-    """Return headings and rows of every mirror and number of poses."""
+def report_of(results: MirrorExperiment) -> ExperimentReport:
+    """Return the errors in every mirror after every number of poses, and what stereo allows."""
+    document = {**asdict(results), "comparable_mm": COMPARABLE_MM}
+    tables = _rows_table(results), _depth_table(results)
+    return ExperimentReport(_head(results), tables, _charts(results), document)
+
+
+def _rows_table(results: MirrorExperiment) -> Table:
     headings = (
         "mirror", "poses", "px", "SD", "mm", "SD", "of arm", "deg", "off mm",
         "cameras px", "s",
@@ -39,15 +50,12 @@ def table_rows(results: MirrorExperiment) -> Table:
         ]
         for row in results.rows
     ]
-    return headings, rows
+    kind = "rendered" if results.rendered else f"{results.pixel_sigma:g} px"
+    title = f"Reflections in 100 test poses, {results.individuals} simulated robot(s), {kind}"
+    return Table(title, headings, rows)
 
 
-def _sd(spread: Spread, digits: int) -> str:
-    return "-" if spread[1] is None else f"{spread[1]:.{digits}f}"
-
-
-def depth_rows(results: MirrorExperiment) -> Table:
-    """Return headings and rows of what stereo depth alone allows."""
+def _depth_table(results: MirrorExperiment) -> Table:
     headings = ("view", "distance mm", "px", "SD", "mm", "SD", "stereo alone mm")
     rows = [
         [
@@ -61,31 +69,22 @@ def depth_rows(results: MirrorExperiment) -> Table:
         ]
         for row in results.depth
     ]
-    return headings, rows
+    note = "\nA reflection is as far away as hand, glass and eye together: stereo sets the limit.\n"
+    return Table("What stereo depth alone allows", headings, rows, note)
 
 
-def document_of(results: MirrorExperiment) -> dict[str, Any]:
-    """Return the results as plain data."""
-    return {**asdict(results), "comparable_mm": COMPARABLE_MM}
+def _sd(spread: Spread, digits: int) -> str:
+    return "-" if spread[1] is None else f"{spread[1]:.{digits}f}"
 
 
-def write_report(results: MirrorExperiment, out: Path, *, force: bool = False) -> None:
-    """Write tables, charts and `result.json`, whole or not at all.
-
-    Raises:
-        OSError: If the folder exists and `force` is not set, or cannot be written to.
-    """
-    write_experiment(out, document_of(results), _markdown(results), _charts(results), force=force)
-
-
-def _markdown(results: MirrorExperiment) -> str:
+def _head(results: MirrorExperiment) -> str:
     places = ", ".join(f"{name} {distance:.0f} mm" for name, distance in results.places_mm.items())
     seen = (
         f"found in rendered pictures, where a marker is located to about {results.pixel_sigma:g} px"
         if results.rendered
         else f"marker found to {results.pixel_sigma:g} px; nothing rendered"
     )
-    head = (
+    return (
         "# Inferring the visual perspective of a mirror (thesis, chapter 9)\n\n"
         f"Ours: {bodies(results.individuals)} that learned eyes and arm by themselves, "
         f"joint play +-{results.play_deg:g} deg, arm {results.arm_mm:.0f} mm, {seen}. "
@@ -97,8 +96,6 @@ def _markdown(results: MirrorExperiment) -> str:
         "they come nearer in pixels than one plane, their twelve numbers follow what is wrong with "
         "the arm, not with the mirror.\n\n"
     )
-    note = "\nA reflection is as far away as hand, glass and eye together: stereo sets the limit.\n"
-    return head + as_markdown(table_rows(results)) + note + as_markdown(depth_rows(results))
 
 
 def _charts(results: MirrorExperiment) -> dict[str, Any]:
@@ -109,7 +106,7 @@ def _charts(results: MirrorExperiment) -> dict[str, Any]:
             "position_mm",
             "Ten poses are enough; the rest is stereo at that distance",
             "hand rebuilt in the mirror, error [mm]",
-            COMPARABLE_MM,
+            (COMPARABLE_MM, np.nan),
         ),
         "pixels": _chart(
             results,
@@ -121,26 +118,18 @@ def _charts(results: MirrorExperiment) -> dict[str, Any]:
     }
 
 
-def _chart(
-    results: MirrorExperiment, what: str, title: str, ylabel: str, published: float | None
-) -> Any:
+def _chart(results: MirrorExperiment, what: str, title: str, ylabel: str, published: Pair) -> Any:
     """Draw one group a number of poses, the mirrors in it, and the direct view as a last group."""
-    groups = [*(str(count) for count in POSES), "seen directly"]
-    nothing = (np.nan, np.nan)
-    series = []
+    series, blank, last = [], [None] * len(POSES), len(results.places_mm)
     for color, (name, distance) in enumerate(results.places_mm.items()):
         pairs = [_drawn(getattr(row, what)) for row in results.rows if row.mirror == name]
-        label = f"mirror {name}, {distance:.0f} mm"
-        series.append(BarSeries(label, *np.array([*pairs, nothing]).T, color=color))
-    blank = [nothing] * len(POSES)
+        series.append(bars(f"mirror {name}, {distance:.0f} mm", [*pairs, None], color=color))
     direct = next(_drawn(getattr(row, what)) for row in results.depth if row.view == "direct")
-    series.append(
-        BarSeries("no mirror", *np.array([*blank, direct]).T, color=len(results.places_mm))
-    )
+    series.append(bars("no mirror", [*blank, direct], color=last))
     if published is not None:
-        pair = np.array([*blank, (published, np.nan)]).T
         label = "comparable systems, no mirror (thesis)"
-        series.append(BarSeries(label, *pair, published=True, color=len(results.places_mm)))
+        series.append(bars(label, [*blank, published], published=True, color=last))
+    groups = [*(str(count) for count in POSES), "seen directly"]
     return bar_chart(
         groups, series, title=title, ylabel=ylabel, xlabel="poses of training", log=False
     )

@@ -1,15 +1,16 @@
 """Chapter 6 of the thesis: an arm learned under motion capture, from few and from many samples."""
 
-from collections.abc import Callable
 from dataclasses import dataclass, replace
 
 import numpy as np
 
 from nico_selfmodel.dataset import Dataset
 from nico_selfmodel.estimation import KinematicCalibration, calibrate_kinematics
-from nico_selfmodel.experiments.protocol import Protocol, simulated_session
+from nico_selfmodel.experiments.protocol import simulated_session
+from nico_selfmodel.planning.sweep_protocol import Protocol
 from nico_selfmodel.plant import ArmDescription
-from nico_selfmodel.systems import World
+from nico_selfmodel.sessions.progress import Stage
+from nico_selfmodel.systems import Imperfections
 
 MANY, FEW = 104, 9
 ARCS = {MANY: 0.5, FEW: 0.25}
@@ -44,11 +45,11 @@ class Row:
     random_samples: int
     """Random poses added to the training data."""
     mean_mm: float
-    """Mean error on the test poses, averaged over individuals."""
+    """Mean error on the test poses, averaged over robots."""
     sd_mm: float
-    """SD of the error over the test poses, averaged over individuals."""
+    """SD of the error over the test poses, averaged over robots."""
     worst_mm: float
-    """Largest mean error of an individual."""
+    """Largest mean error of a robot."""
     seconds: float
     """Mean time of the estimate."""
     thesis_mm: tuple[float, float] | None
@@ -85,12 +86,12 @@ class MotionCaptureExperiment:
 
 def run_motion_capture(
     arm: ArmDescription,
-    world: World,
+    world: Imperfections,
     *,
     individuals: int = 5,
     repeats: int = 100,
     seed: int = 0,
-    progress: Callable[[str, int, int], None] | None = None,
+    progress: Stage | None = None,
 ) -> MotionCaptureExperiment:
     """Run the chapter's two charts and its repeat test.
 
@@ -99,7 +100,7 @@ def run_motion_capture(
         world: Its imperfections.
         individuals: Simulated robots to average over.
         repeats: Random subsets of the repeat test.
-        seed: Of the first individual.
+        seed: Of the first robot.
         progress: Called with what is going on, steps done and steps in all.
 
     Returns:
@@ -120,9 +121,9 @@ def run_motion_capture(
 
 
 class _Sessions:
-    """The recordings of one individual, made when first asked for."""
+    """The recordings of one robot, made when first asked for."""
 
-    def __init__(self, arm: ArmDescription, world: World, seed: int) -> None:
+    def __init__(self, arm: ArmDescription, world: Imperfections, seed: int) -> None:
         def session(protocol: Protocol, number: int, sweeps: bool = True) -> Dataset:
             return simulated_session(
                 arm, world, protocol, f"session {number}", seed=seed, session=number, sweeps=sweeps
@@ -174,7 +175,7 @@ def _row(condition: tuple[int, str, int], results: list[KinematicCalibration]) -
     )
 
 
-def _repeat(sessions: _Sessions, count: int, report: Callable[[str, int, int], None]) -> Repeats:
+def _repeat(sessions: _Sessions, count: int, report: Stage) -> Repeats:
     """Refine from the 104 circle samples and a random half of the random poses, many times."""
     rng = np.random.default_rng((sessions.seed, 9))
     rows = np.arange(len(sessions.random))

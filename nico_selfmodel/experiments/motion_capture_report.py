@@ -2,25 +2,33 @@
 
 from collections.abc import Callable
 from dataclasses import asdict
-from pathlib import Path
 from typing import Any
 
-import numpy as np
-
+from nico_selfmodel.experiments.experiment_report import ExperimentReport, Table, bars, bodies
 from nico_selfmodel.experiments.motion_capture import (
     THESIS_REPEATS,
     MotionCaptureExperiment,
     Row,
 )
-from nico_selfmodel.experiments.report_files import Table, as_markdown, bodies, write_experiment
-from nico_selfmodel.viz.experiment_charts import BarSeries, bar_chart
+from nico_selfmodel.viz.experiment_charts import bar_chart
 
 _THESIS_LINKS_MM = ((126.82, 0.45), (115.66, 0.84))
 _THESIS_REPEAT_SECONDS = 2.52
 
 
-def table_rows(results: MotionCaptureExperiment) -> Table:
-    """Return headings and rows of both charts, ours beside the thesis' (mean and SD in mm)."""
+def report_of(results: MotionCaptureExperiment) -> ExperimentReport:
+    """Return both charts and the repeat test, ours beside the thesis' (mean and SD in mm)."""
+    head = (
+        "# Learning an arm under motion capture (thesis, chapter 6)\n\n"
+        f"Ours: {bodies(results.individuals)} in the world `{results.world}`, mean over "
+        "100 random test poses [mm]. Thesis: the real robot, one run. Samples: on circles + random."
+        "\n\n"
+    )
+    tables = _rows_table(results), _repeats_table(results)
+    return ExperimentReport(head, tables, _charts(results), asdict(results))
+
+
+def _rows_table(results: MotionCaptureExperiment) -> Table:
     headings = ("samples", "method", "ours", "SD", "worst", "s", "thesis", "SD")
     rows = []
     for row in results.rows:
@@ -29,11 +37,14 @@ def table_rows(results: MotionCaptureExperiment) -> Table:
         data += f" + {row.random_samples}" if row.random_samples else ""
         ours = (f"{row.mean_mm:.2f}", f"{row.sd_mm:.2f}", f"{row.worst_mm:.2f}")
         rows.append([data, row.method, *ours, f"{row.seconds:.2f}", *thesis])
-    return headings, rows
+    title = (
+        f"Error on 100 random poses [mm], {bodies(results.individuals)}, "
+        f"imperfections {results.world}"
+    )
+    return Table(title, headings, rows)
 
 
-def repeat_rows(results: MotionCaptureExperiment) -> Table:
-    """Return headings and rows of the repeat test."""
+def _repeats_table(results: MotionCaptureExperiment) -> Table:
     repeats = results.repeats
     entries = [
         ("training error [mm]", repeats.train_mm, THESIS_REPEATS["train"]),
@@ -41,37 +52,10 @@ def repeat_rows(results: MotionCaptureExperiment) -> Table:
         ("upper arm [mm]", repeats.links_mm[0], _THESIS_LINKS_MM[0]),
         ("forearm to marker [mm]", repeats.links_mm[1], _THESIS_LINKS_MM[1]),
     ]
-    rows = [
-        [label, *(f"{v:.3f}" for v in ours), *(f"{v:.3f}" for v in thesis)]
-        for label, ours, thesis in entries
-    ]
-    seconds = f"{repeats.seconds:.3f}", "-", f"{_THESIS_REPEAT_SECONDS:.3f}", "-"
-    rows.append(["seconds", *seconds])
-    return ("", "ours", "SD", "thesis", "SD"), rows
-
-
-def document_of(results: MotionCaptureExperiment) -> dict[str, Any]:
-    """Return the results as plain data."""
-    return asdict(results)
-
-
-def write_report(results: MotionCaptureExperiment, out: Path, *, force: bool = False) -> None:
-    """Write tables (Markdown), charts (PNG) and `result.json`, whole or not at all.
-
-    Raises:
-        OSError: If the folder exists and `force` is not set, or cannot be written to.
-    """
-    write_experiment(out, document_of(results), _markdown(results), _charts(results), force=force)
-
-
-def _markdown(results: MotionCaptureExperiment) -> str:
-    head = (
-        "# Learning an arm under motion capture (thesis, chapter 6)\n\n"
-        f"Ours: {bodies(results.individuals)} in the world `{results.world}`, mean over "
-        "100 random test poses [mm]. Thesis: the real robot, one run. Samples: on circles + random."
-        "\n\n"
-    )
-    return head + as_markdown(table_rows(results)) + "\n" + as_markdown(repeat_rows(results))
+    rows = [[label, *(f"{v:.3f}" for v in (*ours, *thesis))] for label, ours, thesis in entries]
+    rows.append(["seconds", f"{repeats.seconds:.3f}", "-", f"{_THESIS_REPEAT_SECONDS:.3f}", "-"])
+    headings = ("", "ours", "SD", "thesis", "SD")
+    return Table("Random subsets of the training poses", headings, rows, "\n")
 
 
 def _charts(results: MotionCaptureExperiment) -> dict[str, Any]:
@@ -99,14 +83,11 @@ def _chart(rows: list[Row], label: Callable[[Row], str], title: str, xlabel: str
     groups = list(dict.fromkeys(label(row) for row in rows))
     series = []
     for color, samples in enumerate(dict.fromkeys(row.circle_samples for row in rows)):
-        ours = {label(row): row for row in rows if row.circle_samples == samples}
-        pairs = [(ours[g].mean_mm, ours[g].sd_mm) for g in groups]
-        published = [ours[g].thesis_mm or (np.nan, np.nan) for g in groups]
-        for name, values, is_published in (
-            (f"{samples} on circles, ours", pairs, False),
-            (f"{samples} on circles, thesis", published, True),
-        ):
-            means, sds = np.array(values).T
-            series.append(BarSeries(name, means, sds, is_published, color))
+        by_label = {label(row): row for row in rows if row.circle_samples == samples}
+        found = [by_label[group] for group in groups]
+        ours = [(row.mean_mm, row.sd_mm) for row in found]
+        theirs = [row.thesis_mm for row in found]
+        series.append(bars(f"{samples} on circles, ours", ours, color=color))
+        series.append(bars(f"{samples} on circles, thesis", theirs, published=True, color=color))
     ylabel = "error on new poses [mm]"
     return bar_chart(groups, series, title=title, ylabel=ylabel, xlabel=xlabel, log=True)

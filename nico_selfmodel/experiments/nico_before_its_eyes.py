@@ -1,78 +1,52 @@
 """One simulated Nico that can be recorded, day after day, through rendered pictures."""
 
-from collections.abc import Callable, Iterable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator
 from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
 
-from nico_selfmodel.dataset import BoardViews, Dataset, JointInfo
+from nico_selfmodel.dataset import BoardViews, Dataset
 from nico_selfmodel.errors import DataError
-from nico_selfmodel.experiments.outsider import ObservedBody, Outsider
 from nico_selfmodel.model import StereoRig
 from nico_selfmodel.model.stereo_rig import EYES
+from nico_selfmodel.planning.board_poses import board_poses
+from nico_selfmodel.planning.plans import Plan, given_commands
+from nico_selfmodel.planning.visible_workspace import VisibleWorkspace
 from nico_selfmodel.plant import ArmDescription
-from nico_selfmodel.recording import (
-    Plan,
-    commands_of_angles,
-    given_commands,
-    pose_plan,
-    record,
-)
+from nico_selfmodel.recording import record
+from nico_selfmodel.recording.observed_body import ObservedBody
 from nico_selfmodel.systems import (
     BOARD,
+    NICO_CAMERAS,
+    GroundTruth,
     ImageQuality,
+    Imperfections,
     NicoStation,
-    Reach,
     StationBody,
-    World,
     default_detectors,
+    imperfections_named,
     looking_arm,
 )
+from nico_selfmodel.systems.nico_instance import NicoInstance
 from nico_selfmodel.vision import NotSeen, find_chessboard, write_image
 
-SPARE = 1.25
-"""Poses planned for each that is wanted: some hide the marker after all."""
-HOME_REPEATS = 4
 WINDOW = 5
 """Half side of the window in which corners are refined: squares are as small as 16 px."""
 
 
-def plan_in_view(
-    reach: Reach, joints: Sequence[JointInfo], circle: int, free: int, rng: np.random.Generator
-) -> Plan:
-    """Plan circles and free poses in view of both eyes, some free ones to spare.
-
-    Args:
-        reach: The arm before its eyes as described.
-        joints: Its joints with stops, which stand for the limits of the description.
-        circle: Poses on circles, home not counted.
-        free: Free poses wanted.
-        rng: Source of the free poses.
-    """
-    arm, n = reach.arm, len(reach.arm.joints)
-
-    def to(q: NDArray) -> NDArray:
-        return commands_of_angles(joints, arm.lower, arm.upper, q)
-
-    count = int(np.ceil(SPARE * free))
-    poses = reach.random_poses(count, rng) if count else np.zeros((0, n))
-    home, ends = reach.home_and_arcs() if circle else (arm.lower, np.zeros((n, 2)))
-    return pose_plan(joints, to(home), to(ends.T).T, circle, to(poses), home_repeats=HOME_REPEATS)
-
-
-class NicoBeforeItsEyes:
+class RenderedNico:
     """One simulated Nico that can be recorded: its plans, its stations of several days."""
 
     def __init__(
         self,
-        world: World | str,
+        world: Imperfections | str,
         seed: int,
         markers: tuple[str, ...] = ("fiducial", "finger_tip"),
         quality: ImageQuality | None = None,
         arm: ArmDescription | None = None,
     ) -> None:
-        """Take an individual.
+        """Take a robot.
 
         Args:
             world: What is wrong with it.
@@ -83,10 +57,17 @@ class NicoBeforeItsEyes:
         """
         self.world, self.seed, self.markers, self.quality = world, seed, markers, quality
         self.arm: ArmDescription = arm or looking_arm(*markers)
-        self.reach = Reach.of(self.arm)
+        self.workspace = VisibleWorkspace.of(self.arm)
+
+    @property
+    def ground_truth(self) -> GroundTruth:
+        """What only the simulation knows: for judging and for tests, never for learning."""
+        flaws = self.world
+        flaws = imperfections_named(flaws) if isinstance(flaws, str) else flaws
+        return NicoInstance.build(self.arm, flaws, self.seed, NICO_CAMERAS).ground_truth
 
     def station(self, session: int, rig: StereoRig | None = None) -> NicoStation:
-        """Return its station of one day; calibrated eyes locate fiducials behind their lenses."""
+        """Return its station of a day; calibrated cameras locate fiducials behind their lenses."""
         found = default_detectors(rig)
         detectors = {marker: found[marker] for marker in self.markers}
         return NicoStation(
@@ -100,7 +81,7 @@ class NicoBeforeItsEyes:
 
     def plan(self, station: NicoStation, circle: int, free: int, rng: np.random.Generator) -> Plan:
         """Plan circles and free poses, some to spare."""
-        return plan_in_view(self.reach, station.joints, circle, free, rng)
+        return self.workspace.plan(station.joints, circle, free, rng)
 
     def record(
         self,
@@ -112,7 +93,7 @@ class NicoBeforeItsEyes:
         rig: StereoRig | None = None,
         folder: Path | None = None,
         keep_images: bool = False,
-        outsider: Outsider | None = None,
+        observed: bool = False,
         poses: NDArray | None = None,
         progress: Callable[[int, int], None] | None = None,
     ) -> Dataset:
@@ -123,10 +104,10 @@ class NicoBeforeItsEyes:
             session: Which day.
             circle: Poses on circles.
             free: Free poses.
-            rig: Calibrated eyes, if known.
+            rig: Calibrated cameras, if known.
             folder: Where to keep samples from the first one on; resumed if it is there.
             keep_images: Keep the pictures in the folder.
-            outsider: Who measures the hand too, in the left eye's frame, for judging only.
+            observed: Let ground truth measure the hand too, in the left camera's frame.
             poses: Visited instead of random ones [encoder units]. Shape (N, n).
             progress: Called after each pose.
 
@@ -144,7 +125,7 @@ class NicoBeforeItsEyes:
                 plan += given_commands(station.joints, poses)
             world = station.world.name
             return record(
-                body if outsider is None else ObservedBody(body, station, outsider),
+                _observed(body, station) if observed else body,
                 plan,
                 name,
                 source=f"rendered nico, world {world!r}, individual {self.seed}, session {session}",
@@ -164,10 +145,10 @@ class NicoBeforeItsEyes:
         folder: Path | None = None,
         progress: Callable[[int, int], None] | None = None,
     ) -> BoardViews:
-        """Hold the chessboard before the eyes, and find its corners.
+        """Hold the chessboard before the cameras, and find its corners.
 
         Args:
-            count: Views in which both eyes find it.
+            count: Views in which both cameras find it.
             session: Which day.
             folder: Where to keep the pictures, as `left01.png` and `right01.png`; it must exist.
             progress: Called after each view.
@@ -179,11 +160,11 @@ class NicoBeforeItsEyes:
             DataError: If the board is hardly ever found.
         """
         rng = np.random.default_rng((self.seed, session, 8))
-        board_poses = self.reach.board_poses(BOARD, 3 * count, rng)
+        poses = board_poses(self.workspace, BOARD, 3 * count, rng)
         pixels: list[NDArray] = []
         with self.station(session) as station:
             size = station.image_size
-            for pair in _pictures(station, board_poses):
+            for pair in _pictures(station, poses):
                 left, right = (find_chessboard(image, BOARD, WINDOW) for image in pair)
                 if isinstance(left, NotSeen) or isinstance(right, NotSeen):
                     continue
@@ -205,8 +186,18 @@ class NicoBeforeItsEyes:
         return BoardViews(BOARD.points, names, EYES, np.array(pixels), size)
 
 
+def _observed(body: StationBody, station: NicoStation) -> ObservedBody:
+    """Let the station's motion capture measure the hand, in the true left camera's frame."""
+    truth, port = station.ground_truth, station.GetOutputPort("measured_positions")
+
+    def locate() -> NDArray:
+        return truth.locate(np.array(port.Eval(body.context), dtype=float).reshape(-1, 3))
+
+    return ObservedBody(body, locate, cameras=2)
+
+
 def _pictures(station: NicoStation, board_poses: Iterable[NDArray]) -> Iterator[list[NDArray]]:
-    """Hold a chessboard before the eyes, and give what both see of it."""
+    """Hold a chessboard before the cameras, and give what both see of it."""
     context = station.CreateDefaultContext()
     for second, X_BG in enumerate(board_poses):
         context.SetTime(float(second))

@@ -1,159 +1,21 @@
-"""How a simulated arm is moved for its data: home, sweeps, random poses."""
+"""One recording session of a simulated arm under motion capture."""
 
-from collections.abc import Sequence
-from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
 
-from nico_selfmodel.dataset import Dataset, JointInfo
+from nico_selfmodel.dataset import Dataset
+from nico_selfmodel.planning.plans import given_commands
+from nico_selfmodel.planning.sweep_protocol import Protocol
 from nico_selfmodel.plant import ArmDescription
-from nico_selfmodel.recording import (
-    Plan,
-    Progress,
-    given_commands,
-    random_commands,
-    record,
-    sweep_commands,
-)
-from nico_selfmodel.systems import SimulatedArm, World
-
-_NICO_HOME = {
-    "shoulder_pitch": -50.0,
-    "shoulder_roll": 30.0,
-    "upper_arm_twist": -20.0,
-    "elbow": -75.0,
-}
-"""Elbow bent, so that no joint's axis passes near the hand [deg]."""
-_NICO_ARCS = {
-    "shoulder_pitch": 48.0,
-    "shoulder_roll": 63.0,
-    "upper_arm_twist": 100.0,
-    "elbow": 64.0,
-}
-"""What the tracker sees of each joint's circle [deg]."""
-_NICO_RANGES = {
-    "shoulder_pitch": 90.0,
-    "shoulder_roll": 80.0,
-    "upper_arm_twist": 120.0,
-    "elbow": 100.0,
-}
-"""Where random poses keep the hand in sight [deg]."""
-
-
-@dataclass(frozen=True, eq=False)
-class Protocol:
-    """Which poses a session visits."""
-
-    home: NDArray
-    """Home as a share of each joint's range between its stops. Shape (n,)."""
-    arcs: NDArray
-    """Arc of each joint's sweep, as a share of its range. Shape (n,)."""
-    ranges: NDArray
-    """Range of random poses about home, as a share. Shape (n,)."""
-    circle_points: int = 26
-    """Poses on each joint's circle, home included."""
-    home_repeats: int = 4
-    """Visits of home."""
-    random_poses: int = 0
-    """Random poses."""
-
-    @classmethod
-    def for_arm(cls, arm: ArmDescription) -> "Protocol":
-        """Return a protocol that suits an arm: Nico's own, or up to 120 deg within the stops."""
-        span = np.degrees(arm.upper - arm.lower)
-        lower = np.degrees(arm.lower)
-        home = 0.5 * np.ones(len(span))
-        arcs = np.minimum(1.0, 120.0 / span)
-        ranges = arcs.copy()
-        for i, joint in enumerate(arm.joints):
-            part = joint.split("_", 1)[1] if "_" in joint else joint
-            if arm.robot == "nico" and part in _NICO_HOME:
-                home[i] = (_NICO_HOME[part] - lower[i]) / span[i]
-                arcs[i], ranges[i] = _NICO_ARCS[part] / span[i], _NICO_RANGES[part] / span[i]
-        return cls(home, arcs, ranges)
-
-    def on_share_of_arcs(self, share: float) -> "Protocol":
-        """Return the protocol with shorter sweeps."""
-        return replace(self, arcs=share * self.arcs)
-
-    def minimal(self) -> "Protocol":
-        """Return the protocol of nine samples: home once, two more poses a joint."""
-        return replace(self, circle_points=3, home_repeats=1)
-
-    def plan(
-        self, joints: Sequence[JointInfo], rng: np.random.Generator, *, sweeps: bool = True
-    ) -> Plan:
-        """Return the poses for joints with stops, circles only if wanted."""
-        lower = np.array([joint.lower for joint in joints], dtype=float)
-        upper = np.array([joint.upper for joint in joints], dtype=float)
-        span = upper - lower
-        home = lower + self.home * span
-        plan: Plan = []
-        if sweeps:
-            counts = [self.circle_points - 1] * len(span)
-            plan += sweep_commands(
-                joints, home, self.arcs * span, counts, home_repeats=self.home_repeats
-            )
-        return plan + random_commands(joints, home, self.ranges * span, self.random_poses, rng)
-
-    def run(
-        self,
-        body: SimulatedArm,
-        name: str,
-        rng: np.random.Generator,
-        *,
-        sweeps: bool = True,
-        source: str = "",
-        seed: int | None = None,
-        folder: Path | None = None,
-        poses: NDArray | None = None,
-        progress: Progress | None = None,
-    ) -> Dataset:
-        """Visit the poses with a body and return what it sensed.
-
-        Args:
-            body: The arm to move.
-            name: Name of the data set.
-            rng: Source of the random poses.
-            sweeps: Visit the circles too.
-            source: Where the data come from, for people.
-            seed: Seed of the simulation, kept in the data set.
-            folder: Where to keep the samples from the first one on.
-            poses: Visited instead of random ones [encoder units]. Shape (N, n).
-            progress: Called after each pose.
-
-        Returns:
-            The data set.
-
-        Raises:
-            ValueError: If a given pose lies beyond a joint's stop.
-        """
-        plan = self.plan(body.joints, rng, sweeps=sweeps)
-        if poses is not None:
-            plan = [pose for pose in plan if pose[0]] + given_commands(body.joints, poses)
-        sigma = body.world.marker_sigma or None
-        return record(
-            body,
-            plan,
-            name,
-            source=source,
-            seed=seed,
-            point_sigma_m=sigma,
-            folder=folder,
-            progress=progress,
-        )
-
-
-def simulated_arm(arm: ArmDescription, world: World, seed: int, session: int = 0) -> SimulatedArm:
-    """Return one individual of a described arm, in a world, for a session."""
-    return SimulatedArm(arm.chain, arm.lower, arm.upper, world, seed, session)
+from nico_selfmodel.recording import Progress, record
+from nico_selfmodel.systems import Imperfections, SimulatedRobot
 
 
 def simulated_session(
     arm: ArmDescription,
-    world: World,
+    world: Imperfections,
     protocol: Protocol,
     name: str,
     *,
@@ -164,14 +26,14 @@ def simulated_session(
     poses: NDArray | None = None,
     progress: Progress | None = None,
 ) -> Dataset:
-    """Record one session with one individual.
+    """Record one session with one robot.
 
     Args:
         arm: The robot's arm as described.
         world: What is wrong with body and tracker.
         protocol: Which poses to visit.
         name: Name of the data set.
-        seed: Of the individual.
+        seed: Of the robot.
         session: Of poses and noise.
         sweeps: Visit the circles too.
         folder: Where to keep the samples from the first one on; resumed if it is there.
@@ -180,18 +42,21 @@ def simulated_session(
 
     Returns:
         The data set.
+
+    Raises:
+        ValueError: If a given pose lies beyond a joint's stop.
     """
-    body = simulated_arm(arm, world, seed, session)
-    source = f"simulated {arm.robot}, world {world.name!r}, individual {seed}, session {session}"
-    rng = np.random.default_rng((seed, session, 2))
-    return protocol.run(
-        body,
+    robot = SimulatedRobot.under_motion_capture(arm, world, seed, session)
+    plan = protocol.plan(robot.joints, np.random.default_rng((seed, session, 2)), sweeps=sweeps)
+    if poses is not None:
+        plan = [pose for pose in plan if pose[0]] + given_commands(robot.joints, poses)
+    return record(
+        robot,
+        plan,
         name,
-        rng,
-        sweeps=sweeps,
-        source=source,
+        source=f"simulated {arm.robot}, world {world.name!r}, individual {seed}, session {session}",
         seed=seed,
+        point_sigma_m=world.marker_sigma or None,
         folder=folder,
-        poses=poses,
         progress=progress,
     )

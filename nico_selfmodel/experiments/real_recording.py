@@ -9,18 +9,13 @@ import numpy as np
 from nico_selfmodel.dataset import Dataset, JointInfo
 from nico_selfmodel.errors import DataError
 from nico_selfmodel.experiments.eyes_lesson import MARKERS
-from nico_selfmodel.experiments.nico_before_its_eyes import plan_in_view
-from nico_selfmodel.experiments.protocol import Protocol
 from nico_selfmodel.model.readings import readings_from_table
+from nico_selfmodel.planning.plans import HOME, Plan, given_commands
+from nico_selfmodel.planning.sweep_protocol import Protocol
+from nico_selfmodel.planning.visible_workspace import VisibleWorkspace
 from nico_selfmodel.plant import ROBOTS, ArmDescription
-from nico_selfmodel.recording import (
-    HOME,
-    Plan,
-    Progress,
-    given_commands,
-    record,
-)
-from nico_selfmodel.systems import NicoHardwareStation, Reach, looking_arm
+from nico_selfmodel.recording import Progress, record
+from nico_selfmodel.systems import NicoHardwareStation, looking_arm
 
 
 @dataclass(frozen=True, eq=False)
@@ -149,7 +144,7 @@ def _by_sight(
     free: int,
     rng: np.random.Generator,
 ) -> Plan:
-    return plan_in_view(Reach.of(arm), joints, circle, free, rng)
+    return VisibleWorkspace.of(arm).plan(joints, circle, free, rng)
 
 
 def _by_motion_capture(
@@ -173,6 +168,6 @@ def _by_motion_capture(
 
 def _touching(arm: ArmDescription, joints: tuple[JointInfo, ...], plan: Plan) -> list[bool]:
     """Return at which poses the arm touches its body or itself, by its description."""
-    reach = Reach.of(arm)
-    q = reach.first_guess(joints).servos.to_joint(np.array([command for _, command in plan]))
-    return [bool(reach.body.collides(angles)) for angles in q]
+    workspace = VisibleWorkspace.of(arm)
+    q = workspace.first_guess(joints).servos.to_joint(np.array([command for _, command in plan]))
+    return [bool(workspace.body.collides(angles)) for angles in q]

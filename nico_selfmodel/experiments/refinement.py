@@ -1,6 +1,6 @@
-"""Chapter 8 of the thesis: arm and eyes refine each other, anchored to boards and as published."""
+"""Chapter 8 of the thesis: arm and cameras jointly refined, anchored to boards or as published."""
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -18,12 +18,13 @@ from nico_selfmodel.estimation import (
     evaluate,
     judge,
 )
-from nico_selfmodel.experiments.body_protocol import BodyProtocol
 from nico_selfmodel.experiments.limits import Limit
+from nico_selfmodel.experiments.projected_nico import TRACKERS, ProjectedNico
 from nico_selfmodel.experiments.stereo import BOARDS, TEST_BOARDS, board_points
 from nico_selfmodel.model import SelfModel
 from nico_selfmodel.model.link_lengths import link_lengths
-from nico_selfmodel.systems import TRACKERS, World
+from nico_selfmodel.sessions.progress import Stage, of_robot
+from nico_selfmodel.systems import Imperfections, SimulatedCameras
 
 CIRCLE_POINTS = 15
 """Poses on each of the four circles, home not counted."""
@@ -31,7 +32,7 @@ RANDOM_POSES = 100
 TEST_POSES = 100
 CONDITIONS = {
     "kinematics only": BodyOptions("kinematics"),
-    "intrinsics pinned, as published": BodyOptions("intrinsics-pinned", "thesis"),
+    "intrinsics pinned, as published": BodyOptions("intrinsics-fixed", "thesis"),
     "full, as published": BodyOptions("full", "thesis"),
     "full, whitened, without boards": BodyOptions("full", "unanchored"),
     "full, anchored": BodyOptions("full", "anchored"),
@@ -39,22 +40,20 @@ CONDITIONS = {
 """What is learned, and how. The seed's principal points are held at the image's centre, as in the
 thesis' first pass."""
 SEED = CameraOptions(pinned={"cx": None, "cy": None})
-Progress = Callable[[str, int, int], None]
-"""Called with what is going on, steps done and steps in all."""
 
 
 @dataclass(frozen=True, eq=False)
-class Lesson:
-    """What one individual recorded, and what outsiders know of it."""
+class Scenario:
+    """What one robot recorded, and what ground truth says of it."""
 
     train: Dataset
     """Circles and random poses, with pixels."""
     test: Dataset
-    """Other random poses; with points, measured from outside in the left eye's frame, if any."""
+    """Other random poses; with points, measured from outside in the left camera's frame, if any."""
     eyes: SelfModel
-    """The seed: eyes learned from the boards."""
+    """The seed: cameras learned from the boards."""
     boards: BoardViews
-    """Boards that the eyes were learned from."""
+    """Boards that the cameras were learned from."""
     test_boards: BoardViews
     """Boards that nobody learns from."""
     links: tuple[float, float] | None
@@ -65,7 +64,7 @@ class Lesson:
 
 @dataclass(frozen=True)
 class RefinementRow:
-    """One condition, averaged over individuals. Pairs are mean and SD."""
+    """One condition, averaged over robots. Pairs are mean and SD."""
 
     tracker: str
     """`fiducial` or `color`."""
@@ -74,11 +73,11 @@ class RefinementRow:
     runs: int
     """Individuals that it came to an end with."""
     own_mm: tuple[float, float]
-    """Distance of the predicted hand from where its own eyes see it, over the test poses."""
+    """Distance of the predicted hand from where its own cameras see it, over the test poses."""
     px: tuple[float, float]
     """Error in the images, over the test poses."""
     true_mm: tuple[float, float] | None
-    """Distance of the predicted from the real hand: mean and SD over individuals."""
+    """Distance of the predicted from the real hand: mean and SD over robots."""
     edge_mm: tuple[float, float] | None
     """SD of the edges of held-out boards, before and after."""
     scale_error: float | None
@@ -106,24 +105,24 @@ class RefinementExperiment:
     individuals: int
     """Simulated bodies averaged over."""
     rendered: bool
-    """Whether the eyes saw pictures, not numbers with noise on them."""
+    """Whether the cameras saw pictures, not numbers with noise on them."""
     rows: tuple[RefinementRow, ...]
     """By tracker, then by condition."""
     limits: tuple[Limit, ...] = ()
     """What the mechanics leave, of every tracker for which that is known."""
 
 
-LessonSource = Callable[[int, tuple[str, ...], Progress | None], Mapping[str, Lesson]]
-"""Records one individual: its seed, its trackers, whom to tell -> what each tracker saw."""
+ScenarioSource = Callable[[int, tuple[str, ...], Stage | None], Mapping[str, Scenario]]
+"""Records one robot: its seed, its trackers, whom to tell -> what each tracker saw."""
 
 
 def run_refinement(
-    world: World,
+    world: Imperfections,
     individuals: int = 8,
     seed: int = 0,
     trackers: tuple[str, ...] = ("fiducial", "color"),
-    progress: Progress | None = None,
-    rendered: LessonSource | None = None,
+    progress: Stage | None = None,
+    rendered: ScenarioSource | None = None,
 ) -> RefinementExperiment:
     """Let simulated bodies learn under every condition.
 
@@ -134,7 +133,7 @@ def run_refinement(
         trackers: How the hand is tracked.
         progress: Told how far it is.
         rendered: Records a body through rendered pictures; without it nothing is rendered, and what
-            the eyes find is the truth with noise on it.
+            the cameras find is the truth with noise on it.
 
     Returns:
         The table's rows.
@@ -151,14 +150,14 @@ def run_refinement(
     limits: dict[str, list[Limit]] = {tracker: [] for tracker in trackers}
     for i in range(individuals):
         if rendered is None:
-            lessons = _simulated(world, seed + i, trackers)
+            scenarios = _simulated(world, seed + i, trackers)
         else:
-            number = f"body {i + 1} of {individuals}: " if individuals > 1 else ""
-            lessons = rendered(seed + i, trackers, _numbered(progress, number))
-        for tracker, lesson in lessons.items():
-            limits[tracker] += [] if lesson.limit is None else [lesson.limit]
+            stage = of_robot(progress, i, individuals, "body")
+            scenarios = rendered(seed + i, trackers, stage)
+        for tracker, scenario in scenarios.items():
+            limits[tracker] += [] if scenario.limit is None else [scenario.limit]
             for name, options in CONDITIONS.items():
-                measured = measure(lesson, options)
+                measured = measure(scenario, options)
                 found[tracker, name] += [] if measured is None else [measured]
         if progress:
             progress("bodies learning", i + 1, individuals)
@@ -168,53 +167,45 @@ def run_refinement(
     return RefinementExperiment(world.name, play, individuals, rendered is not None, rows, left)
 
 
-def _simulated(world: World, seed: int, trackers: tuple[str, ...]) -> dict[str, Lesson]:
+def _simulated(world: Imperfections, seed: int, trackers: tuple[str, ...]) -> dict[str, Scenario]:
     return {
-        tracker: simulated_lesson(BodyProtocol.of_nico(tracker), world, seed, tracker)
+        tracker: simulated_scenario(ProjectedNico.tracked_by(tracker), world, seed)
         for tracker in trackers
     }
 
 
-def _numbered(progress: Progress | None, number: str) -> Progress | None:
-    if progress is None:
-        return None
-    return lambda what, done, total: progress(number + what, done, total)
-
-
-def simulated_lesson(
-    protocol: BodyProtocol, world: World, seed: int, tracker: str, random_poses: int = RANDOM_POSES
-) -> Lesson:
-    """Record one individual.
+def simulated_scenario(
+    nico: ProjectedNico, world: Imperfections, seed: int, random_poses: int = RANDOM_POSES
+) -> Scenario:
+    """Record one robot.
 
     Args:
-        protocol: The robot as described.
+        nico: The robot as described, and how its hand is tracked.
         world: What is wrong with the body.
-        seed: Of the individual.
-        tracker: How the hand is tracked.
+        seed: Which robot.
         random_poses: Poses to learn from beside the circles.
     """
-    body = protocol.body(world, seed, tracker=tracker)
+    robot = nico.robot(world, seed)
     rng = np.random.default_rng((seed, 12))
-    labels, sweeps = protocol.sweeps(CIRCLE_POINTS)
-    poses = np.vstack([sweeps, protocol.random_poses(random_poses, rng)])
-    train = protocol.record(body, "train", poses, labels + [""] * random_poses, seed=seed)
-    test = protocol.record(
-        body, "test", protocol.random_poses(TEST_POSES, rng), observed=True, seed=seed
-    )
-    boards = body.look_at_boards(board_points(), BOARDS)
+    labels, sweeps = nico.sweeps(CIRCLE_POINTS)
+    poses = np.vstack([sweeps, nico.random_poses(random_poses, rng)])
+    train = nico.record(robot, "train", poses, labels + [""] * random_poses, seed=seed)
+    test = nico.record(robot, "test", nico.random_poses(TEST_POSES, rng), observed=True, seed=seed)
+    cameras, truth = SimulatedCameras(seed), robot.ground_truth
+    boards = cameras.look_at_boards(board_points(), BOARDS)
     eyes = calibrate_cameras(boards, SEED).self_model("eyes")
-    held_out = body.look_at_boards(board_points(), TEST_BOARDS, session=1)
-    limit = Limit.of(tracker, test, *body.expected(test.encoders))
-    return Lesson(train, test, eyes, boards, held_out, body.calipers(), limit)
+    held_out = cameras.look_at_boards(board_points(), TEST_BOARDS, session=1)
+    limit = Limit.of(nico.tracker, test, *truth.expected(test.encoders))
+    return Scenario(train, test, eyes, boards, held_out, truth.link_lengths(), limit)
 
 
 def measure(
-    lesson: Lesson, options: BodyOptions, nominal: NominalArm | None = None
+    scenario: Scenario, options: BodyOptions, nominal: NominalArm | None = None
 ) -> dict[str, Any] | None:
     """Learn one body under one condition and measure it from inside and outside.
 
     Args:
-        lesson: What was recorded.
+        scenario: What was recorded.
         options: The condition.
         nominal: The robot as described, as a start.
 
@@ -223,12 +214,12 @@ def measure(
     """
     try:
         found = calibrate_body(
-            lesson.train,
-            lesson.eyes,
-            lesson.boards,
+            scenario.train,
+            scenario.eyes,
+            scenario.boards,
             options,
-            test=lesson.test,
-            test_boards=lesson.test_boards,
+            test=scenario.test,
+            test_boards=scenario.test_boards,
             nominal=nominal,
         )
     except (EstimationError, ModelError):
@@ -245,9 +236,9 @@ def measure(
         "refused": judge(found).status == "FAIL",
         "seconds": found.seconds,
     }
-    if lesson.test.measured.any():
-        measured["true_mm"] = 1e3 * evaluate(found.model, lesson.test).statistics.mean
-    return measured | _from_boards(found) | _links(found, lesson)
+    if scenario.test.measured.any():
+        measured["true_mm"] = 1e3 * evaluate(found.model, scenario.test).statistics.mean
+    return measured | _from_boards(found) | _links(found, scenario)
 
 
 def _from_boards(found: BodyCalibration) -> dict[str, Any]:
@@ -260,25 +251,21 @@ def _from_boards(found: BodyCalibration) -> dict[str, Any]:
     }
 
 
-def _links(found: BodyCalibration, lesson: Lesson) -> dict[str, Any]:
-    if lesson.links is None:
+def _links(found: BodyCalibration, scenario: Scenario) -> dict[str, Any]:
+    if scenario.links is None:
         return {}
-    errors = np.abs(np.subtract(link_lengths(found.model.chain), lesson.links))
+    errors = np.abs(np.subtract(link_lengths(found.model.chain), scenario.links))
     return {"links_mm": (1e3 * float(errors[0]), 1e3 * float(errors[1]))}
 
 
 def row_of(tracker: str, condition: str, runs: list[dict[str, Any]]) -> RefinementRow:
-    """Average the measures of several individuals."""
-
-    def pair(name: str) -> tuple[float, float] | None:
-        values = np.array([run[name] for run in runs if name in run])
-        return (float(values[:, 0].mean()), float(values[:, 1].mean())) if len(values) else None
+    """Average the measures of several robots."""
 
     def mean(name: str) -> float | None:
         values = [run[name] for run in runs if name in run]
         return float(np.mean(values)) if values else None
 
-    own, pixels = pair("own_mm"), pair("px")
+    own, pixels = mean_pair(runs, "own_mm"), mean_pair(runs, "px")
     assert own is not None
     assert pixels is not None
     true = [run["true_mm"] for run in runs if "true_mm" in run]
@@ -289,11 +276,17 @@ def row_of(tracker: str, condition: str, runs: list[dict[str, Any]]) -> Refineme
         own,
         pixels,
         (float(np.mean(true)), float(np.std(true))) if true else None,
-        pair("edge_mm"),
+        mean_pair(runs, "edge_mm"),
         mean("scale_error"),
-        pair("links_mm"),
+        mean_pair(runs, "links_mm"),
         mean("pixel_sigma") or 0.0,
         mean("joint_sigma_deg") or 0.0,
         sum(run["refused"] for run in runs),
         mean("seconds") or 0.0,
     )
+
+
+def mean_pair(runs: Sequence[Mapping[str, Any]], name: str) -> tuple[float, float] | None:
+    """Return the mean of means and of SDs over those robots that have one."""
+    values = np.array([run[name] for run in runs if name in run])
+    return (float(values[:, 0].mean()), float(values[:, 1].mean())) if len(values) else None

@@ -1,21 +1,18 @@
 """Tables and charts of chapter 8, ours beside the thesis' figures 8.2 to 8.5."""
 
 from dataclasses import asdict
-from pathlib import Path
 from typing import Any
 
-import numpy as np
-
-from nico_selfmodel.experiments.limits import Limit
-from nico_selfmodel.experiments.refinement import RefinementExperiment, RefinementRow
-from nico_selfmodel.experiments.report_files import (
+from nico_selfmodel.experiments.experiment_report import (
+    ExperimentReport,
     Table,
-    as_markdown,
+    bars,
     bodies,
     spread,
-    write_experiment,
 )
-from nico_selfmodel.viz.experiment_charts import BarSeries, Level, bar_chart
+from nico_selfmodel.experiments.limits import Limit
+from nico_selfmodel.experiments.refinement import RefinementExperiment, RefinementRow
+from nico_selfmodel.viz.experiment_charts import Level, bar_chart
 
 THESIS: dict[str, dict[str, dict[str, tuple[float, float]]]] = {
     "fiducial": {
@@ -49,13 +46,32 @@ _SHORT = {
 }
 
 
-def document_of(results: RefinementExperiment) -> dict[str, Any]:
-    """Return the results as plain data."""
-    return {**asdict(results), "thesis": THESIS}
+def report_of(results: RefinementExperiment) -> ExperimentReport:
+    """Return ours, with the thesis' figure after the bar where there is one."""
+    head = (
+        "# Arm and eyes refine each other (thesis, chapter 8)\n\n"
+        f"Ours: {bodies(results.individuals)}, world {results.world!r}, joints play by "
+        f"+-{results.play_deg:g} deg; {_EYES[results.rendered]}. Mean (SD) on 100 random "
+        "poses that were held out, edges and scale on held-out boards before -> after. After the "
+        "bar: the thesis' real robot.\n\n"
+        "`own 3D` is the thesis' measure, the predicted hand against the body's own stereo: it "
+        "may fall while the true error grows. `refused`: the built-in check found that the eyes "
+        "measure held-out boards worse than before, or lost their scale. "
+        f"`{KNOWN}`: the true body, told of everything but where in their play the joints rest, on "
+        "the same poses; nothing that is learned does better in the mean.\n\n"
+    )
+    charts = {
+        "own_3d": _chart(results, "own_mm", "The thesis' 3D error [mm]"),
+        "pixels": _chart(results, "px", "error in the images [px]"),
+        "true": _chart(results, "true_mm", "distance from the real hand [mm]"),
+    }
+    present = {name: chart for name, chart in charts.items() if chart is not None}
+    return ExperimentReport(
+        head, (_table(results),), present, {**asdict(results), "thesis": THESIS}
+    )
 
 
-def table_rows(results: RefinementExperiment) -> Table:
-    """Return headings and rows: ours, with the thesis' figure after the bar where there is one."""
+def _table(results: RefinementExperiment) -> Table:
     headings = (
         "tracked by, learned",
         "own 3D [mm]",
@@ -84,42 +100,14 @@ def table_rows(results: RefinementExperiment) -> Table:
         )
         if row is last[row.tracker] and row.tracker in left:
             rows.append(_limit_row(left[row.tracker], results.individuals))
-    return headings, rows
+    title = f"Held-out poses and boards, {bodies(results.individuals)}; ours / thesis"
+    return Table(title, headings, rows)
 
 
 def _limit_row(limit: Limit, individuals: int) -> list[str]:
     """Return what is left to a body that knows itself exactly."""
     known = [spread(limit.px), _over_bodies(limit.true_mm, individuals)]
     return [f"{limit.tracker}, {KNOWN}", "-", *known, "-", "-", "-", "-"]
-
-
-def write_report(results: RefinementExperiment, out: Path, *, force: bool = False) -> None:
-    """Write tables, charts and `result.json`, whole or not at all.
-
-    Raises:
-        OSError: If the folder exists and `force` is not set, or cannot be written to.
-    """
-    head = (
-        "# Arm and eyes refine each other (thesis, chapter 8)\n\n"
-        f"Ours: {bodies(results.individuals)}, world {results.world!r}, joints play by "
-        f"+-{results.play_deg:g} deg; {_EYES[results.rendered]}. Mean (SD) on 100 random "
-        "poses that were held out, edges and scale on held-out boards before -> after. After the "
-        "bar: the thesis' real robot.\n\n"
-        "`own 3D` is the thesis' measure, the predicted hand against the body's own stereo: it "
-        "may fall while the true error grows. `refused`: the built-in check found that the eyes "
-        "measure held-out boards worse than before, or lost their scale. "
-        f"`{KNOWN}`: the true body, told of everything but where in their play the joints rest, on "
-        "the same poses; nothing that is learned does better in the mean.\n\n"
-    )
-    charts = {
-        "own_3d": _chart(results, "own_mm", "The thesis' 3D error [mm]"),
-        "pixels": _chart(results, "px", "error in the images [px]"),
-        "true": _chart(results, "true_mm", "distance from the real hand [mm]"),
-    }
-    present = {name: chart for name, chart in charts.items() if chart is not None}
-    write_experiment(
-        out, document_of(results), head + as_markdown(table_rows(results)), present, force=force
-    )
 
 
 def _chart(results: RefinementExperiment, quantity: str, ylabel: str) -> Any:
@@ -133,13 +121,15 @@ def _chart(results: RefinementExperiment, quantity: str, ylabel: str) -> Any:
             for limit in results.limits
             if limit.tracker == tracker and quantity != "own_mm"
         ]
-        ours = np.array([_pair(rows.get(name), quantity) for name in conditions])
-        if np.isfinite(ours).any():
-            series.append(BarSeries(f"{tracker}, ours, simulated", *ours.T, color=k))
+        ours = [
+            None if row is None else getattr(row, quantity) for row in map(rows.get, conditions)
+        ]
+        if any(ours):
+            series.append(bars(f"{tracker}, ours, simulated", ours, color=k))
         known = THESIS.get(tracker, {})
-        theirs = np.array([known.get(name, {}).get(quantity, _NONE) for name in conditions])
-        if np.isfinite(theirs).any():
-            series.append(BarSeries(f"{tracker}, thesis", *theirs.T, published=True, color=k))
+        theirs = [known.get(name, {}).get(quantity) for name in conditions]
+        if any(theirs):
+            series.append(bars(f"{tracker}, thesis", theirs, published=True, color=k))
     if not series:
         return None
     titles = {
@@ -151,13 +141,7 @@ def _chart(results: RefinementExperiment, quantity: str, ylabel: str) -> Any:
     return bar_chart(groups, series, title=titles[quantity], ylabel=ylabel, levels=levels)
 
 
-_NONE = (np.nan, np.nan)
 _DASHES = ("--", ":")
-
-
-def _pair(row: RefinementRow | None, quantity: str) -> tuple[float, float]:
-    found = None if row is None else getattr(row, quantity)
-    return _NONE if found is None else found
 
 
 def _refused(row: RefinementRow, individuals: int) -> str:

@@ -1,17 +1,16 @@
 """What one Nico records for chapter 8 through rendered pictures: by fiducial and by colour."""
 
-from collections.abc import Callable
 from dataclasses import replace
 
 import numpy as np
 
 from nico_selfmodel.dataset import Dataset
 from nico_selfmodel.estimation import calibrate_cameras
-from nico_selfmodel.experiments.eyes_lesson import Counts, NicoBeforeItsEyes, Stage, of_marker
+from nico_selfmodel.experiments.eyes_lesson import Counts, RenderedNico, of_marker
 from nico_selfmodel.experiments.limits import Limit
-from nico_selfmodel.experiments.outsider import Outsider
-from nico_selfmodel.experiments.refinement import SEED, Lesson
-from nico_selfmodel.systems import World
+from nico_selfmodel.experiments.refinement import SEED, Scenario
+from nico_selfmodel.sessions.progress import Stage, telling
+from nico_selfmodel.systems import Imperfections
 
 MARKERS = {"fiducial": "fiducial", "color": "finger_tip"}
 """How the hand is tracked -> what is tracked."""
@@ -20,37 +19,39 @@ COUNTS = Counts(boards=13, test_boards=12)
 """
 
 
-def rendered_lessons(
-    world: World,
+def rendered_scenarios(
+    world: Imperfections,
     seed: int,
     trackers: tuple[str, ...],
     stage: Stage | None = None,
     counts: Counts = COUNTS,
-) -> dict[str, Lesson]:
+) -> dict[str, Scenario]:
     """Let one Nico record what it learns from; all trackers look at the same pictures.
 
     Args:
         world: What is wrong with the body.
-        seed: Which individual.
+        seed: Which robot.
         trackers: How the hand is tracked: `fiducial`, `color`.
         stage: Told what is going on.
         counts: How much is recorded.
 
     Returns:
-        Tracker -> what was recorded, and what an outsider knows of it: nothing of colour, since
+        Tracker -> what was recorded, and what ground truth says of it: nothing of colour, since
         no instrument touches the middle of a patch.
     """
-
-    def report(what: str) -> Callable[[int, int], None]:
-        return lambda done, total: stage(what, done, total) if stage else None
-
-    nico = NicoBeforeItsEyes(world, seed, tuple(MARKERS[tracker] for tracker in trackers))
-    outsider = Outsider(nico.arm, world, seed)
-    boards = nico.board_views(counts.boards, 0, progress=report("looking at a chessboard"))
-    held_out = nico.board_views(counts.test_boards, 3, progress=report("boards kept for judging"))
+    nico = RenderedNico(world, seed, tuple(MARKERS[tracker] for tracker in trackers))
+    boards = nico.board_views(counts.boards, 0, progress=telling(stage, "looking at a chessboard"))
+    held_out = nico.board_views(
+        counts.test_boards, 3, progress=telling(stage, "boards kept for judging")
+    )
     eyes = calibrate_cameras(boards, SEED)
     train = nico.record(
-        "train", 1, counts.circle, counts.random, rig=eyes.rig, progress=report("training poses")
+        "train",
+        1,
+        counts.circle,
+        counts.random,
+        rig=eyes.rig,
+        progress=telling(stage, "training poses"),
     )
     test = nico.record(
         "test",
@@ -58,8 +59,8 @@ def rendered_lessons(
         0,
         counts.test,
         rig=eyes.rig,
-        outsider=outsider,
-        progress=report("poses kept for judging"),
+        observed=True,
+        progress=telling(stage, "poses kept for judging"),
     )
     found = {}
     for tracker in trackers:
@@ -68,15 +69,16 @@ def rendered_lessons(
         if tracker == "color":
             shown = unmeasured(shown)
         else:
-            links = outsider.calipers(marker)
-            limit = Limit.of(tracker, shown, *outsider.expected(shown.encoders, marker))
+            truth = nico.ground_truth
+            links = truth.link_lengths(marker)
+            limit = Limit.of(tracker, shown, *truth.expected(shown.encoders, marker))
         learned = eyes.self_model("eyes")
-        found[tracker] = Lesson(
+        found[tracker] = Scenario(
             of_marker(train, marker), shown, learned, boards, held_out, links, limit
         )
     return found
 
 
 def unmeasured(data: Dataset) -> Dataset:
-    """Return data without what an outsider measured."""
+    """Return data without what was measured from outside."""
     return replace(data, p_WH_measured=np.full_like(data.p_WH_measured, np.nan))

@@ -8,12 +8,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from nico_selfmodel.estimation import calibrate_body
-from nico_selfmodel.experiments.eyes_lesson import Counts, Stage, of_marker
-from nico_selfmodel.experiments.nico_before_its_eyes import NicoBeforeItsEyes
-from nico_selfmodel.experiments.outsider import Outsider
-from nico_selfmodel.experiments.rendered_lesson import COUNTS, MARKERS, rendered_lessons
+from nico_selfmodel.experiments.eyes_lesson import Counts, of_marker
+from nico_selfmodel.experiments.nico_before_its_eyes import RenderedNico
+from nico_selfmodel.experiments.rendered_lesson import COUNTS, MARKERS, rendered_scenarios
 from nico_selfmodel.experiments.tool_use import COUNTS as TOOL_COUNTS
-from nico_selfmodel.experiments.tool_use import TOOL, ToolLesson
+from nico_selfmodel.experiments.tool_use import TOOL, ToolScenario
 from nico_selfmodel.geometry.transform import transform
 from nico_selfmodel.plant import ArmDescription
 from nico_selfmodel.plant.urdf_document import (
@@ -25,7 +24,8 @@ from nico_selfmodel.plant.urdf_document import (
     read_document,
     robot_element,
 )
-from nico_selfmodel.systems import World, looking_arm
+from nico_selfmodel.sessions.progress import Stage
+from nico_selfmodel.systems import Imperfections, looking_arm
 
 _FINGER, _TIP, _TAPE = "right_finger_tip", "right_tool_tip", "red_tape"
 _SHAFT = 0.003
@@ -34,30 +34,30 @@ _MARKER = MARKERS["color"]
 _TEST_DAY, _TRAIN_DAY = 4, 5
 
 
-def rendered_tool_lesson(
-    world: World, seed: int, stage: Stage | None = None, counts: Counts = COUNTS
-) -> ToolLesson:
+def rendered_tool_scenario(
+    world: Imperfections, seed: int, stage: Stage | None = None, counts: Counts = COUNTS
+) -> ToolScenario:
     """Let one Nico learn itself by the tape on its finger, and then see a tool's tip.
 
     Args:
         world: What is wrong with the body.
-        seed: Which individual.
+        seed: Which robot.
         stage: Told what is going on.
         counts: How much is recorded of the bare hand, and how many poses judge the tool.
     """
     tell = stage or (lambda *_: None)
-    lesson = rendered_lessons(world, seed, ("color",), stage, counts)["color"]
-    model = calibrate_body(lesson.train, lesson.eyes, lesson.boards).model
+    scenario = rendered_scenarios(world, seed, ("color",), stage, counts)["color"]
+    model = calibrate_body(scenario.train, scenario.eyes, scenario.boards).model
     with TemporaryDirectory() as folder:
         arm = arm_with_tool(Path(folder))
-        nico = NicoBeforeItsEyes(world, seed, (_MARKER,), arm=arm)
+        nico = RenderedNico(world, seed, (_MARKER,), arm=arm)
         shown = nico.record(
             "tip",
             _TEST_DAY,
             0,
             counts.test,
             rig=model.rig,
-            outsider=Outsider(arm, world, seed),
+            observed=True,
             progress=lambda *done: tell("the tool, kept for judging", *done),
         )
         taken = nico.record(
@@ -68,8 +68,8 @@ def rendered_tool_lesson(
             rig=model.rig,
             progress=lambda *done: tell("moving the tool", *done),
         )
-    hand, shown, taken = lesson.test, of_marker(shown, _MARKER), of_marker(taken, _MARKER)
-    return ToolLesson(model, hand, taken, shown)
+    hand, shown, taken = scenario.test, of_marker(shown, _MARKER), of_marker(taken, _MARKER)
+    return ToolScenario(model, hand, taken, shown)
 
 
 def arm_with_tool(folder: Path, shift: NDArray = TOOL) -> ArmDescription:
@@ -80,7 +80,7 @@ def arm_with_tool(folder: Path, shift: NDArray = TOOL) -> ArmDescription:
         shift: From the finger's tip to the tool's, along the base's axes at q = 0 [m]. Shape (3,).
 
     Returns:
-        The arm before its eyes, the tip in the place of the marker on the finger.
+        The arm before its cameras, the tip in the place of the marker on the finger.
     """
     arm = looking_arm(_MARKER)
     document = read_document(arm.urdf)

@@ -1,8 +1,6 @@
-"""Chapters 5 and 8.1 of the thesis: how well a pair of eyes measures, by lens model and boards."""
+"""Chapters 5 and 8.1 of the thesis: how well cameras measure, by lens model and boards."""
 
-from collections.abc import Callable
 from dataclasses import asdict, dataclass
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -14,9 +12,10 @@ from nico_selfmodel.estimation import (
     calibrate_cameras,
 )
 from nico_selfmodel.estimation.cameras.board_accuracy import corner_distances, held_out_residuals
-from nico_selfmodel.experiments.report_files import Table, as_markdown, write_experiment
-from nico_selfmodel.systems import SimulatedEyes
-from nico_selfmodel.viz.experiment_charts import BarSeries, bar_chart
+from nico_selfmodel.experiments.experiment_report import ExperimentReport, Table, bars, spread
+from nico_selfmodel.sessions.progress import Stage
+from nico_selfmodel.systems import SimulatedCameras
+from nico_selfmodel.viz.experiment_charts import bar_chart
 
 SQUARE = 0.028
 """Side of a square of the thesis' board [m]."""
@@ -37,7 +36,7 @@ COUNTS = (5, 13, 40)
 
 @dataclass(frozen=True)
 class StereoRow:
-    """One condition, averaged over individuals; lengths in mm, on boards that were held out."""
+    """One condition, averaged over robots; lengths in mm, on boards that were held out."""
 
     lens: str
     """Name of the lens model."""
@@ -46,9 +45,9 @@ class StereoRow:
     rms_px: float
     """Reprojection error of held-out boards."""
     edge_sd_mm: tuple[float, float]
-    """Standard deviation of reconstructed edges: mean and SD over individuals."""
+    """Standard deviation of reconstructed edges: mean and SD over robots."""
     position_mm: tuple[float, float]
-    """Distance of rebuilt corners from the true board: mean and SD over individuals."""
+    """Distance of rebuilt corners from the true board: mean and SD over robots."""
     scale_error: float
     """Mean of |scale - 1| of the rebuilt boards."""
     seconds: float
@@ -60,7 +59,7 @@ class StereoExperiment:
     """All conditions."""
 
     individuals: int
-    """Simulated pairs of eyes averaged over."""
+    """Simulated pairs of cameras averaged over."""
     pixel_sigma: float
     """Noise of a corner [px]."""
     by_lens: tuple[StereoRow, ...]
@@ -73,14 +72,14 @@ def run_stereo(
     individuals: int = 5,
     pixel_sigma: float = 0.2,
     seed: int = 0,
-    progress: Callable[[str, int, int], None] | None = None,
+    progress: Stage | None = None,
 ) -> StereoExperiment:
-    """Learn simulated eyes under every condition.
+    """Learn simulated cameras under every condition.
 
     Args:
-        individuals: Simulated pairs of eyes.
+        individuals: Simulated pairs of cameras.
         pixel_sigma: Noise of a corner [px].
-        seed: Of the first individual.
+        seed: Of the first robot.
         progress: Told how far it is.
 
     Returns:
@@ -90,7 +89,7 @@ def run_stereo(
     conditions += [("full", count) for count in COUNTS if count != BOARDS]
     rows = {}
     for done, (lens, count) in enumerate(conditions, start=1):
-        eyes = [SimulatedEyes(seed + i, pixel_sigma) for i in range(individuals)]
+        eyes = [SimulatedCameras(seed + i, pixel_sigma) for i in range(individuals)]
         rows[lens, count] = _row(lens, count, eyes)
         if progress:
             progress("learning eyes", done, len(conditions))
@@ -108,7 +107,7 @@ def board_points(columns: int = 9, rows: int = 6, square: float = SQUARE) -> np.
     return square * np.stack([across, down, np.zeros_like(across)], axis=-1).reshape(-1, 3)
 
 
-def _row(lens: str, count: int, eyes: list[SimulatedEyes]) -> StereoRow:
+def _row(lens: str, count: int, eyes: list[SimulatedCameras]) -> StereoRow:
     corners = board_points()
     found = [
         _measure(
@@ -144,34 +143,8 @@ def _measure(options: CameraOptions, train: BoardViews, test: BoardViews) -> tup
     )
 
 
-def table_rows(rows: tuple[StereoRow, ...]) -> Table:
-    """Return headings and rows of a table."""
-    headings = ("lens model", "boards", "rms [px]", "edge SD [mm]", "corner [mm]", "scale [%]", "s")
-    return headings, [
-        [
-            row.lens,
-            str(row.boards),
-            f"{row.rms_px:.3f}",
-            f"{row.edge_sd_mm[0]:.2f} ({row.edge_sd_mm[1]:.2f})",
-            f"{row.position_mm[0]:.2f} ({row.position_mm[1]:.2f})",
-            f"{100.0 * row.scale_error:.3f}",
-            f"{row.seconds:.2f}",
-        ]
-        for row in rows
-    ]
-
-
-def document_of(results: StereoExperiment) -> dict[str, Any]:
-    """Return the results as plain data."""
-    return {**asdict(results), "thesis_edge_sd_mm": dict(THESIS_EDGE_SD_MM)}
-
-
-def write_report(results: StereoExperiment, out: Path, *, force: bool = False) -> None:
-    """Write tables, charts and `result.json`, whole or not at all.
-
-    Raises:
-        OSError: If the folder exists and `force` is not set, or cannot be written to.
-    """
+def report_of(results: StereoExperiment) -> ExperimentReport:
+    """Return how evenly boards come out, by lens model and by number of boards."""
     thesis = ", ".join(f"{name} {sd} mm" for name, sd in THESIS_EDGE_SD_MM.items())
     head = (
         "# Learning a pair of eyes (thesis, chapters 5 and 8)\n\n"
@@ -180,8 +153,11 @@ def write_report(results: StereoExperiment, out: Path, *, force: bool = False) -
         f"squares, mean (SD over pairs). Thesis: SD of reconstructed edges on its real robot: "
         f"{thesis}.\n\n"
     )
-    tables = as_markdown(table_rows(results.by_lens)) + "\n"
-    tables += as_markdown(table_rows(results.by_boards))
+    pairs = f"{results.individuals} simulated pairs of cameras, {results.pixel_sigma:g} px"
+    tables = (
+        _table(f"Held-out boards, {pairs}: lens models", results.by_lens),
+        _table("Number of boards", results.by_boards, "\n"),
+    )
     charts = {
         "edges_by_lens": _chart(
             results.by_lens,
@@ -195,17 +171,32 @@ def write_report(results: StereoExperiment, out: Path, *, force: bool = False) -
             "boards learned from",
         ),
     }
-    write_experiment(out, document_of(results), head + tables, charts, force=force)
+    document = {**asdict(results), "thesis_edge_sd_mm": dict(THESIS_EDGE_SD_MM)}
+    return ExperimentReport(head, tables, charts, document)
+
+
+def _table(title: str, rows: tuple[StereoRow, ...], before: str = "") -> Table:
+    headings = ("lens model", "boards", "rms [px]", "edge SD [mm]", "corner [mm]", "scale [%]", "s")
+    cells = [
+        [
+            row.lens,
+            str(row.boards),
+            f"{row.rms_px:.3f}",
+            spread(row.edge_sd_mm),
+            spread(row.position_mm),
+            f"{100.0 * row.scale_error:.3f}",
+            f"{row.seconds:.2f}",
+        ]
+        for row in rows
+    ]
+    return Table(title, headings, cells, before)
 
 
 def _chart(rows: tuple[StereoRow, ...], groups: list[str], title: str, xlabel: str = "") -> Any:
     """Draw the SD of edges a group, and the thesis' two figures as a last group."""
-    ours = np.array([row.edge_sd_mm for row in rows] + [(np.nan, np.nan)])
-    blank = np.full(len(rows), np.nan)
-    thesis = [
-        BarSeries(f"thesis, {name}", np.append(blank, sd), np.full(len(rows) + 1, np.nan), True, i)
-        for i, (name, sd) in enumerate(THESIS_EDGE_SD_MM.items())
-    ]
-    series = [BarSeries("ours, simulated", *ours.T), *thesis]
+    series = [bars("ours, simulated", [*(row.edge_sd_mm for row in rows), None])]
+    for i, (name, sd) in enumerate(THESIS_EDGE_SD_MM.items()):
+        theirs = [*[None] * len(rows), (sd, np.nan)]
+        series.append(bars(f"thesis, {name}", theirs, published=True, color=i))
     ylabel = "SD of reconstructed edges [mm]"
     return bar_chart([*groups, "thesis"], series, title=title, ylabel=ylabel, xlabel=xlabel)

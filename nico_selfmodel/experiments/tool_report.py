@@ -1,20 +1,19 @@
 """Tables and a chart of section 8.4.4, ours beside the thesis' figures."""
 
 from dataclasses import asdict
-from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from nico_selfmodel.experiments.report_files import (
+from nico_selfmodel.experiments.experiment_report import (
+    ExperimentReport,
     Table,
-    as_markdown,
+    bars,
     bodies,
     spread,
-    write_experiment,
 )
 from nico_selfmodel.experiments.tool_use import COUNTS, FREED, ToolExperiment, ToolRow
-from nico_selfmodel.viz.experiment_charts import BarSeries, bar_chart
+from nico_selfmodel.viz.experiment_charts import bar_chart
 
 THESIS = {
     "hand before": {"mm": (5.72, 5.00), "px": (3.82, 2.33)},
@@ -33,42 +32,27 @@ _TRUE = {
 }
 
 
-def document_of(results: ToolExperiment) -> dict[str, Any]:
-    """Return the results as plain data."""
-    return {**asdict(results), "thesis": THESIS}
-
-
-def tool_table(results: ToolExperiment) -> Table:
-    """Return headings and rows with the tool: ours, then the thesis'."""
-    theirs = [
-        [f"the thesis: {name}", spread(found["mm"]), spread(found["px"]), "-", "-"]
-        for name, found in THESIS.items()
-    ]
-    return _HEADINGS, [*map(_cells, results.tool), *theirs]
-
-
-def restart_table(results: ToolExperiment) -> Table:
-    """Return headings and rows after a restart."""
-    return _HEADINGS, [_cells(row) for row in results.restart]
-
-
-def write_report(results: ToolExperiment, out: Path, *, force: bool = False) -> None:
-    """Write tables, a chart and `result.json`, whole or not at all.
-
-    Raises:
-        OSError: If the folder exists and `force` is not set, or cannot be written to.
-    """
-    text = (
+def report_of(results: ToolExperiment) -> ExperimentReport:
+    """Return what was learned of the tool, ours and then the thesis', and after a restart."""
+    head = (
         "# A tool becomes part of the body (thesis, section 8.4.4)\n\n"
         f"Ours: {bodies(results.individuals)}, world {results.world!r}, joints play by "
         f"+-{results.play_deg:g} deg; {_EYES[results.rendered]}. The thesis: its real robot, by "
         "colour, every parameter of the arm retrained. Mean (SD) on 100 poses that were held out. "
         "`own 3D`: from where the own eyes see it, the thesis' measure. "
-        f"{_TRUE[results.rendered]}.\n\n" + as_markdown(tool_table(results))
+        f"{_TRUE[results.rendered]}.\n\n"
     )
+    title = f"Held-out poses, {bodies(results.individuals)}"
+    theirs = [
+        [f"the thesis: {name}", spread(found["mm"]), spread(found["px"]), "-", "-"]
+        for name, found in THESIS.items()
+    ]
+    tables = [Table(f"{title}: a tool", _HEADINGS, [*map(_cells, results.tool), *theirs])]
     if results.restart:
-        text += "\n## After a restart\n\n" + as_markdown(restart_table(results))
-    write_experiment(out, document_of(results), text, {"tool": _chart(results)}, force=force)
+        rows, before = [_cells(row) for row in results.restart], "\n## After a restart\n\n"
+        tables.append(Table(f"{title}: a restart", _HEADINGS, rows, before))
+    document = {**asdict(results), "thesis": THESIS}
+    return ExperimentReport(head, tuple(tables), {"tool": _chart(results)}, document)
 
 
 def _chart(results: ToolExperiment) -> Any:
@@ -77,12 +61,10 @@ def _chart(results: ToolExperiment) -> Any:
     series = []
     for k, words in enumerate(FREED.values()):
         found = [by_name[f"tool, {count} poses, {words}"].own_mm for count in COUNTS]
-        pairs = np.array([(np.nan, np.nan) if pair is None else pair for pair in found])
-        series.append(BarSeries(f"{words}, ours, simulated", *pairs.T, color=k))
-    theirs = np.full((2, len(COUNTS)), np.nan)
-    theirs[:, -1] = THESIS["tool, 52 poses"]["mm"]
-    enough = np.nanmin([one.means[0] for one in series]) < theirs[0, -1]
-    series.append(BarSeries("thesis", *theirs, published=True, color=0))
+        series.append(bars(f"{words}, ours, simulated", found, color=k))
+    last = THESIS["tool, 52 poses"]["mm"]
+    enough = np.nanmin([one.means[0] for one in series]) < last[0]
+    series.append(bars("thesis", [*[None] * (len(COUNTS) - 1), last], published=True))
     return bar_chart(
         [str(count) for count in COUNTS],
         series,

@@ -9,10 +9,12 @@ import numpy as np
 from nico_selfmodel.dataset import Dataset
 from nico_selfmodel.estimation import calibrate_body, calibrate_tool, evaluate, rezero
 from nico_selfmodel.estimation.observations.pixel_evaluation import evaluate_pixels
-from nico_selfmodel.experiments.body_protocol import BodyProtocol
-from nico_selfmodel.experiments.refinement import TEST_POSES, Progress, simulated_lesson
+from nico_selfmodel.experiments.projected_nico import ProjectedNico
+from nico_selfmodel.experiments.refinement import TEST_POSES, mean_pair, simulated_scenario
 from nico_selfmodel.model import SelfModel
-from nico_selfmodel.systems import SimulatedBody, World
+from nico_selfmodel.sessions.progress import Stage
+from nico_selfmodel.systems import Imperfections, SimulatedRobot
+from nico_selfmodel.systems.simulated.sensors import StereoPixels
 
 TOOL = np.array([0.025, 0.0, -0.08])
 """From the finger tip to the screwdriver's, along the base's axes at q = 0 [m]."""
@@ -27,8 +29,8 @@ FREED = {"point": "tip alone", "body": "all else too, as known"}
 
 
 @dataclass(frozen=True, eq=False)
-class ToolLesson:
-    """What one individual recorded with a tool in its hand."""
+class ToolScenario:
+    """What one robot recorded with a tool in its hand."""
 
     model: SelfModel
     """What it knew of itself before, by sight of its bare hand."""
@@ -42,18 +44,18 @@ class ToolLesson:
 
 @dataclass(frozen=True)
 class ToolRow:
-    """One way of learning from some poses, averaged over individuals. Pairs are mean and SD."""
+    """One way of learning from some poses, averaged over robots. Pairs are mean and SD."""
 
     what: str
     """In words."""
     poses: int
     """Learned from; 0 before anything was learned."""
     own_mm: tuple[float, float] | None
-    """Distance of the predicted tip from where the own eyes see it: the thesis' measure."""
+    """Distance of the predicted tip from where the own cameras see it: the thesis' measure."""
     px: tuple[float, float] | None
     """Error in the images on held-out poses."""
     true_mm: tuple[float, float] | None
-    """Distance from the real tip or hand: mean, and largest mean of an individual."""
+    """Distance from the real tip or hand: mean, and largest mean of a robot."""
 
 
 @dataclass(frozen=True)
@@ -67,23 +69,23 @@ class ToolExperiment:
     individuals: int
     """Simulated bodies averaged over."""
     rendered: bool
-    """Whether the eyes saw pictures, not numbers with noise on them."""
+    """Whether the cameras saw pictures, not numbers with noise on them."""
     tool: tuple[ToolRow, ...]
     """With the tool."""
     restart: tuple[ToolRow, ...]
     """After the encoders lost their zeros; empty if rendered."""
 
 
-LessonWithTool = Callable[[int, Progress | None], ToolLesson]
-"""Records one individual: its seed, whom to tell -> what it recorded."""
+ToolScenarioSource = Callable[[int, Stage | None], ToolScenario]
+"""Records one robot: its seed, whom to tell -> what it recorded."""
 
 
 def run_tool(
-    world: World,
+    world: Imperfections,
     individuals: int = 8,
     seed: int = 0,
-    progress: Progress | None = None,
-    rendered: LessonWithTool | None = None,
+    progress: Stage | None = None,
+    rendered: ToolScenarioSource | None = None,
 ) -> ToolExperiment:
     """Let simulated bodies take a tool, and restart them.
 
@@ -102,7 +104,7 @@ def run_tool(
     restarts: list[dict[str, dict[str, Any]]] = []
     for i in range(individuals):
         if rendered is None:
-            tools.append(with_tool(simulated_tool_lesson(world, seed + i)))
+            tools.append(with_tool(simulated_tool_scenario(world, seed + i)))
             restarts.append(_after_restart(world, seed + i))
         else:
             tools.append(with_tool(rendered(seed + i, progress)))
@@ -114,38 +116,40 @@ def run_tool(
 
 
 def learned_body(
-    protocol: BodyProtocol, world: World, seed: int, tracker: str
-) -> tuple[SimulatedBody, SelfModel, Dataset]:
-    """Return a body, what it learned of itself, and poses to test it on."""
-    lesson = simulated_lesson(protocol, world, seed, tracker)
-    model = calibrate_body(lesson.train, lesson.eyes, lesson.boards).model
-    return protocol.body(world, seed, session=1, tracker=tracker), model, lesson.test
+    nico: ProjectedNico, world: Imperfections, seed: int
+) -> tuple[SimulatedRobot, SelfModel, Dataset]:
+    """Return a robot, what it learned of itself, and poses to test it on."""
+    scenario = simulated_scenario(nico, world, seed)
+    model = calibrate_body(scenario.train, scenario.eyes, scenario.boards).model
+    return nico.robot(world, seed, session=1), model, scenario.test
 
 
-def simulated_tool_lesson(world: World, seed: int) -> ToolLesson:
-    """Let one body learn itself by colour, take a tool, and look at its tip."""
-    protocol = BodyProtocol.of_nico("color")
-    body, model, hand = learned_body(protocol, world, seed, "color")
+def simulated_tool_scenario(world: Imperfections, seed: int) -> ToolScenario:
+    """Let one robot learn itself by colour, take a tool, and look at its tip."""
+    nico = ProjectedNico.tracked_by("color")
+    robot, model, hand = learned_body(nico, world, seed)
     rng = np.random.default_rng((seed, 13))
-    body.take_tool(TOOL)
-    body.pixel_sigma = TIP_SIGMA
-    tests = protocol.random_poses(TEST_POSES, rng, TOOL)
-    shown = protocol.record(body, "tip", tests, observed=True)
-    taken = protocol.record(body, "tool", protocol.random_poses(COUNTS[-1], rng, TOOL))
-    return ToolLesson(model, hand, taken, shown)
+    robot.faults.take_tool(TOOL)
+    robot.sensor = StereoPixels(TIP_SIGMA)
+    tests = nico.random_poses(TEST_POSES, rng, TOOL)
+    shown = nico.record(robot, "tip", tests, observed=True)
+    taken = nico.record(robot, "tool", nico.random_poses(COUNTS[-1], rng, TOOL))
+    return ToolScenario(model, hand, taken, shown)
 
 
-def with_tool(lesson: ToolLesson) -> dict[str, dict[str, Any]]:
+def with_tool(scenario: ToolScenario) -> dict[str, dict[str, Any]]:
     """Learn the tip from more and more poses, and measure each result."""
-    model = lesson.model
-    bare = replace(lesson.shown, marker=np.full(len(lesson.shown), model.markers[0]))
+    model = scenario.model
+    bare = replace(scenario.shown, marker=np.full(len(scenario.shown), model.markers[0]))
     rows = {
-        "hand before": {"poses": 0, **_errors(model, lesson.hand)},
+        "hand before": {"poses": 0, **_errors(model, scenario.hand)},
         "tool, nothing learned": {"poses": 0, **_errors(model, bare)},
     }
-    tip = replace(lesson.shown, marker=np.full(len(lesson.shown), "tip"))
+    tip = replace(scenario.shown, marker=np.full(len(scenario.shown), "tip"))
     for count in COUNTS:
-        first = lesson.taken.select(np.isin(lesson.taken.sample, lesson.taken.samples[:count]))
+        first = scenario.taken.select(
+            np.isin(scenario.taken.sample, scenario.taken.samples[:count])
+        )
         for free, words in FREED.items():
             found = calibrate_tool(model, first, tool="tip", free=free)
             errors = _errors(found.model, tip)
@@ -153,16 +157,16 @@ def with_tool(lesson: ToolLesson) -> dict[str, dict[str, Any]]:
     return rows
 
 
-def _after_restart(world: World, seed: int) -> dict[str, dict[str, Any]]:
-    protocol = BodyProtocol.of_nico("fiducial")
-    body, model, test = learned_body(protocol, world, seed, "fiducial")
+def _after_restart(world: Imperfections, seed: int) -> dict[str, dict[str, Any]]:
+    nico = ProjectedNico.tracked_by("fiducial")
+    robot, model, test = learned_body(nico, world, seed)
     rng = np.random.default_rng((seed, 14))
     rows = {"before the restart": {"poses": 0, **_errors(model, test)}}
-    body.restart(seed)
-    shown = protocol.record(body, "after", protocol.random_poses(TEST_POSES, rng), observed=True)
+    robot.faults.restart(seed)
+    shown = nico.record(robot, "after", nico.random_poses(TEST_POSES, rng), observed=True)
     rows["after the restart"] = {"poses": 0, **_errors(model, shown)}
     for count in ZERO_COUNTS:
-        poses = protocol.record(body, "zeros", protocol.random_poses(count, rng))
+        poses = nico.record(robot, "zeros", nico.random_poses(count, rng))
         found = rezero(model, poses).model
         rows[f"zeros from {count} poses"] = {"poses": count, **_errors(found, shown)}
     return rows
@@ -187,12 +191,6 @@ def _rows(runs: list[dict[str, dict[str, Any]]]) -> tuple[ToolRow, ...]:
         found = [run[what] for run in runs]
         true = [one["true"] for one in found if "true" in one]
         worst = (float(np.mean(true)), float(np.max(true))) if true else None
-        own, px = _pair(found, "own_mm"), _pair(found, "px")
+        own, px = mean_pair(found, "own_mm"), mean_pair(found, "px")
         rows.append(ToolRow(what, found[0]["poses"], own, px, worst))
     return tuple(rows)
-
-
-def _pair(found: list[dict[str, Any]], name: str) -> tuple[float, float] | None:
-    """Return the mean of means and of SDs over those individuals that have one."""
-    values = np.array([one[name] for one in found if name in one])
-    return (float(values[:, 0].mean()), float(values[:, 1].mean())) if len(values) else None

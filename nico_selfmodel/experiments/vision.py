@@ -1,17 +1,17 @@
 """Chapter 7 of the thesis: an arm learned by sight of its hand, by fiducial and by colour."""
 
-from collections.abc import Callable
+from collections.abc import Sequence
 from dataclasses import asdict, dataclass
-from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from nico_selfmodel.estimation import ErrorStatistics
-from nico_selfmodel.experiments.eyes_lesson import ArmLesson, Counts, learn_through_the_eyes
-from nico_selfmodel.experiments.report_files import Table, as_markdown, write_experiment
-from nico_selfmodel.systems import World
-from nico_selfmodel.viz.experiment_charts import BarSeries, bar_chart
+from nico_selfmodel.experiments.experiment_report import ExperimentReport, Pair, Table, bars, spread
+from nico_selfmodel.experiments.eyes_lesson import ArmScenario, Counts, learn_cameras_and_arm
+from nico_selfmodel.sessions.progress import Stage, of_robot
+from nico_selfmodel.systems import Imperfections
+from nico_selfmodel.viz.experiment_charts import bar_chart
 
 ROWS = {"color": "finger_tip", "fiducial": "fiducial"}
 """How the hand is tracked -> what is tracked."""
@@ -25,7 +25,7 @@ THESIS_PX = {"color": (5.78, 4.50), "fiducial": (4.55, 2.74)}
 
 @dataclass(frozen=True)
 class VisionRow:
-    """One way of tracking, averaged over individuals."""
+    """One way of tracking, averaged over robots."""
 
     tracked: str
     """`color` or `fiducial`."""
@@ -38,9 +38,9 @@ class VisionRow:
     arm: tuple[float, float]
     """The same as a share of the arm's length."""
     px: tuple[float, float]
-    """Mean and SD over the test poses and both eyes of the distance in the image [px]."""
+    """Mean and SD over the test poses and both cameras of the distance in the image [px]."""
     worst: tuple[float, float]
-    """Largest mean of an individual [mm, px]."""
+    """Largest mean of a robot [mm, px]."""
     thesis_mm: tuple[float, float]
     """The thesis' mean and SD [mm]."""
     thesis_px: tuple[float, float]
@@ -56,20 +56,20 @@ class VisionExperiment:
     individuals: int
     """Simulated robots averaged over."""
     boards_px: float
-    """Mean rms of the eyes' own calibration [px]."""
+    """Mean rms of the cameras' own calibration [px]."""
     rows: tuple[VisionRow, ...]
     """By colour and by fiducial."""
 
 
 def run_vision(
-    world: World,
+    world: Imperfections,
     *,
     individuals: int = 1,
     seed: int = 0,
     counts: Counts | None = None,
-    progress: Callable[[str, int, int], None] | None = None,
+    progress: Stage | None = None,
 ) -> VisionExperiment:
-    """Let robots learn eyes and arm by sight. Both markers are tracked in the same pictures.
+    """Let robots learn cameras and arm by sight. Both markers are tracked in the same pictures.
 
     Args:
         world: What is wrong with the bodies.
@@ -81,34 +81,29 @@ def run_vision(
     Returns:
         The results.
     """
-    lessons = []
+    scenarios = []
     for i in range(individuals):
-        number = f"robot {i + 1} of {individuals}: " if individuals > 1 else ""
-
-        def stage(what: str, done: int, total: int, number: str = number) -> None:
-            if progress:
-                progress(number + what, done, total)
-
+        stage = of_robot(progress, i, individuals)
         markers = tuple(ROWS.values())
-        lessons.append(
-            learn_through_the_eyes(world, seed + i, markers=markers, counts=counts, stage=stage)
+        scenarios.append(
+            learn_cameras_and_arm(world, seed + i, markers=markers, counts=counts, stage=stage)
         )
     rows = tuple(
-        _row(tracked, [lesson.arms[marker] for lesson in lessons])
+        _row(tracked, [scenario.arms[marker] for scenario in scenarios])
         for tracked, marker in ROWS.items()
     )
-    boards = float(np.mean([lesson.eyes.rms for lesson in lessons]))
+    boards = float(np.mean([scenario.eyes.rms for scenario in scenarios]))
     return VisionExperiment(world.name, individuals, boards, rows)
 
 
-def _row(tracked: str, lessons: list[ArmLesson]) -> VisionRow:
-    space = [_required(lesson.seen.statistics) for lesson in lessons]
-    image = [_required(lesson.seen.pixel_statistics) for lesson in lessons]
+def _row(tracked: str, scenarios: list[ArmScenario]) -> VisionRow:
+    space = [_required(scenario.seen.statistics) for scenario in scenarios]
+    image = [_required(scenario.seen.pixel_statistics) for scenario in scenarios]
     mm = (1e3 * _mean(space, "mean"), 1e3 * _mean(space, "sd"))
     return VisionRow(
         tracked,
-        float(np.mean([len(lesson.train) for lesson in lessons])),
-        float(np.mean([len(lesson.test) for lesson in lessons])),
+        float(np.mean([len(scenario.train) for scenario in scenarios])),
+        float(np.mean([len(scenario.test) for scenario in scenarios])),
         mm,
         (mm[0] / ARM_MM[tracked], mm[1] / ARM_MM[tracked]),
         (_mean(image, "mean"), _mean(image, "sd")),
@@ -127,44 +122,8 @@ def _mean(statistics: list[ErrorStatistics], name: str) -> float:
     return float(np.mean([getattr(one, name) for one in statistics]))
 
 
-def table_rows(results: VisionExperiment) -> Table:
-    """Return headings and rows, ours beside the thesis': mean (SD)."""
-    headings = ("tracked by", "train", "test", "mm", "thesis", "arm", "thesis", "px", "thesis")
-
-    def pair(values: tuple[float, float], digits: int = 2) -> str:
-        return f"{values[0]:.{digits}f} ({values[1]:.{digits}f})"
-
-    rows = []
-    for row in results.rows:
-        length = ARM_MM[row.tracked]
-        thesis_arm = (row.thesis_mm[0] / length, row.thesis_mm[1] / length)
-        counted = f"{row.train_poses:.0f}", f"{row.test_poses:.0f}"
-        rows.append(
-            [
-                row.tracked,
-                *counted,
-                pair(row.mm),
-                pair(row.thesis_mm),
-                pair(row.arm, 4),
-                pair(thesis_arm, 4),
-                pair(row.px),
-                pair(row.thesis_px),
-            ]
-        )
-    return headings, rows
-
-
-def document_of(results: VisionExperiment) -> dict[str, Any]:
-    """Return the results as plain data."""
-    return asdict(results)
-
-
-def write_report(results: VisionExperiment, out: Path, *, force: bool = False) -> None:
-    """Write the table, charts like figures 7.5 to 7.7, and `result.json`, whole or not at all.
-
-    Raises:
-        OSError: If the folder exists and `force` is not set, or cannot be written to.
-    """
+def report_of(results: VisionExperiment) -> ExperimentReport:
+    """Return ours beside the thesis', with charts like figures 7.5 to 7.7."""
     head = (
         "# Learning an arm by sight (thesis, chapter 7)\n\n"
         f"Ours: {results.individuals} simulated robot(s) in the world `{results.world}`, seen "
@@ -173,40 +132,60 @@ def write_report(results: VisionExperiment, out: Path, *, force: bool = False) -
         "new random poses, mean (SD): in space [mm], as a share of the arm, in the image [px]. "
         "Thesis: the real robot, one run.\n\n"
     )
+    rows = results.rows
     charts = {
         "in_space": _chart(
-            results, lambda r: (r.mm, r.thesis_mm), "error in space [mm]",
+            rows, [(row.mm, row.thesis_mm) for row in rows], "error in space [mm]",
             "The hand is where the arm says, to a few millimetres",
         ),
         "as_share_of_the_arm": _chart(
-            results, _shares, "error / length of the arm [%]",
+            rows, [(_times(100.0, row.arm), _times(100.0, _thesis_arm(row))) for row in rows],
+            "error / length of the arm [%]",
             "To the arm's length, fiducial and colour are nearly alike",
         ),
         "in_the_image": _chart(
-            results, lambda r: (r.px, r.thesis_px), "error in the image [px]",
+            rows, [(row.px, row.thesis_px) for row in rows], "error in the image [px]",
             "And it is seen where arm and eyes together predict it",
         ),
     }  # fmt: skip
-    markdown = head + as_markdown(table_rows(results))
-    write_experiment(out, document_of(results), markdown, charts, force=force)
+    return ExperimentReport(head, (_table(results),), charts, asdict(results))
 
 
-def _shares(row: VisionRow) -> tuple[tuple[float, float], tuple[float, float]]:
-    length = ARM_MM[row.tracked]
-    ours = (100.0 * row.arm[0], 100.0 * row.arm[1])
-    return ours, (100.0 * row.thesis_mm[0] / length, 100.0 * row.thesis_mm[1] / length)
-
-
-def _chart(
-    results: VisionExperiment,
-    values: Callable[[VisionRow], tuple[tuple[float, float], tuple[float, float]]],
-    ylabel: str,
-    title: str,
-) -> Any:
-    pairs = np.array([values(row) for row in results.rows])
-    series = [
-        BarSeries("ours, simulated", pairs[:, 0, 0], pairs[:, 0, 1]),
-        BarSeries("thesis, real robot", pairs[:, 1, 0], pairs[:, 1, 1], True),
+def _table(results: VisionExperiment) -> Table:
+    headings = ("tracked by", "train", "test", "mm", "thesis", "arm", "thesis", "px", "thesis")
+    rows = [
+        [
+            row.tracked,
+            f"{row.train_poses:.0f}",
+            f"{row.test_poses:.0f}",
+            spread(row.mm),
+            spread(row.thesis_mm),
+            spread(row.arm, 4),
+            spread(_thesis_arm(row), 4),
+            spread(row.px),
+            spread(row.thesis_px),
+        ]
+        for row in results.rows
     ]
-    groups = [row.tracked for row in results.rows]
+    title = (
+        f"Predicted against tracked hand, new poses, {results.individuals} simulated, "
+        f"{results.world}"
+    )
+    return Table(title, headings, rows)
+
+
+def _thesis_arm(row: VisionRow) -> tuple[float, float]:
+    """Return the thesis' error as a share of the arm's length."""
+    return _times(1.0 / ARM_MM[row.tracked], row.thesis_mm)
+
+
+def _times(factor: float, pair: tuple[float, float]) -> tuple[float, float]:
+    return factor * pair[0], factor * pair[1]
+
+
+def _chart(rows: Sequence[VisionRow], pairs: Sequence[tuple[Pair, Pair]], *labels: str) -> Any:
+    """Draw ours and the thesis' for every row; labels are that of the axis and the title."""
+    ours, theirs = zip(*pairs, strict=True)
+    series = [bars("ours, simulated", ours), bars("thesis, real robot", theirs, published=True)]
+    groups, (ylabel, title) = [row.tracked for row in rows], labels
     return bar_chart(groups, series, title=title, ylabel=ylabel, xlabel="tracked by")

@@ -1,4 +1,4 @@
-"""Nico at work, live: sliders move its joints, its self-model predicts what its eyes see."""
+"""Nico at work, live: sliders move its joints, its self-model predicts what its cameras see."""
 
 import time
 from collections.abc import Callable
@@ -7,13 +7,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from nico_selfmodel.errors import ModelError
-from nico_selfmodel.experiments.eyes_lesson import NicoBeforeItsEyes
+from nico_selfmodel.experiments.eyes_lesson import RenderedNico
 from nico_selfmodel.experiments.mirror_recording import DEFAULT_MIRROR, NicoBeforeMirrors
 from nico_selfmodel.geometry.transform import inverse
 from nico_selfmodel.model import Mirror, SelfModel
 from nico_selfmodel.model.stereo_rig import EYES
 from nico_selfmodel.plant import ArmDescription
-from nico_selfmodel.systems import NicoStation, StationBody, World
+from nico_selfmodel.systems import Imperfections, NicoStation, StationBody
 from nico_selfmodel.systems.closing import Closable
 from nico_selfmodel.systems.mirror_scene import put_mirror
 from nico_selfmodel.viz.station_mirror import StandingGlass
@@ -34,7 +34,7 @@ class Watching(Closable):
     def __init__(
         self,
         model: SelfModel,
-        world: World,
+        world: Imperfections,
         seed: int,
         *,
         mirror: tuple[str, Mirror | None] | None = None,
@@ -43,22 +43,22 @@ class Watching(Closable):
         """Wake the robot up and draw it.
 
         Args:
-            model: What it has learned: arm and eyes.
+            model: What it has learned: arm and cameras.
             world: What is wrong with it.
-            seed: Which individual; the one that learned the model.
-            mirror: A mirror that the model knows and where it is put before the left eye as
+            seed: Which robot; the one that learned the model.
+            mirror: A mirror that the model knows and where it is put before the left camera as
                 designed; None as place for where `learn --mirror` puts it.
             recording: Keep an animation.
 
         Raises:
-            ModelError: If the model lacks arm, eyes or that mirror, or tracks something else; or if
-                the mirror was learned at another place and nobody says where to put it; or if its
-                head was turned elsewhere, so that it knows nothing of what these eyes see.
+            ModelError: If the model lacks arm, cameras or that mirror, or tracks something else; or
+                if the mirror was learned at another place and nobody says where to put it; or if
+                its head was turned elsewhere, so that it knows nothing of what these cameras see.
         """
         if mirror is not None:
             _check_mirror(model, *mirror)
         self.marker = model.markers[0]
-        self._nico = NicoBeforeItsEyes(world, seed, (self.marker,))
+        self._nico = RenderedNico(world, seed, (self.marker,))
         self._nico.arm.check_joints(model.joints)
         _check_head(model, self._nico.arm)
         self._before = None if mirror is None else _before(self._nico, model, *mirror)
@@ -86,7 +86,7 @@ class Watching(Closable):
         """Show the station as it is now.
 
         Returns:
-            Distance of the predicted from the tracked pixels in each eye, then the same of the
+            Distance of the predicted from the tracked pixels in each camera, then the same of the
             reflection where there is a mirror; nan where not seen [px]. Shape (2,) or (4,).
         """
         context = self.body.context
@@ -119,7 +119,7 @@ class Watching(Closable):
             plan, _ = self._before.plan(self.station, count, 0, rng, best=False)
         errors = []
         for done, (_, command) in enumerate(plan[:count], start=1):
-            self.body.visit(command)
+            self.body.move_and_measure(command)
             errors.append(self.show())
             if progress:
                 progress(done, count)
@@ -165,7 +165,7 @@ class Watching(Closable):
 
 
 def _before(
-    nico: NicoBeforeItsEyes, model: SelfModel, name: str, place: Mirror | None
+    nico: RenderedNico, model: SelfModel, name: str, place: Mirror | None
 ) -> NicoBeforeMirrors:
     return NicoBeforeMirrors(nico, {name: place or DEFAULT_MIRROR}, knows=model, rig=model.rig)
 

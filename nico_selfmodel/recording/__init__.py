@@ -1,34 +1,18 @@
 """Drive a body through poses and return what it sensed as a data set.
 
-Any body will do: a simulated arm under motion capture, or a station with eyes, of real servos or
+Any body will do: a simulated arm under motion capture, or a station with cameras, of real servos or
 simulated ones. A recording that is written to a folder is there from the first pose on, whole and
 loadable, and goes on where it stopped; poses that come faster than they are written are written
 together.
 """
 
-from nico_selfmodel.recording.poses import (
-    HOME,
-    Plan,
-    commands_of_angles,
-    given_commands,
-    pose_plan,
-    random_commands,
-    sweep_commands,
-)
 from nico_selfmodel.recording.recorded_samples import RecordedSamples
-from nico_selfmodel.recording.session import Body, Progress, live_again, record
+from nico_selfmodel.recording.session import Body, Progress, record, sample_pose
 
 __all__ = [
-    "HOME",
     "Body",
-    "Plan",
     "Progress",
     "RecordedSamples",
-    "commands_of_angles",
-    "given_commands",
-    "live_again",
-    "pose_plan",
-    "random_commands",
     "record",
-    "sweep_commands",
+    "sample_pose",
 ]

@@ -17,7 +17,7 @@ from nico_selfmodel.errors import DataError
 from nico_selfmodel.files import recover
 from nico_selfmodel.model.stereo_rig import EYES
 from nico_selfmodel.names import shown
-from nico_selfmodel.systems import EyeSighting, Sighting
+from nico_selfmodel.systems import CameraMeasurement, Measurement
 from nico_selfmodel.vision.image_file import write_image
 
 POSE, VISITS = "pose", "visits"
@@ -57,7 +57,7 @@ class _Sample:
 
     @cached_property
     def complete(self) -> bool:
-        """Whether every marker was located, by both eyes where there are eyes."""
+        """Whether every marker was located, by both cameras where there are cameras."""
         by_pixels = np.isfinite(self.pixels).all(axis=1)
         return bool((np.isfinite(self.points).all(axis=1) | by_pixels).all())
 
@@ -205,7 +205,7 @@ class RecordedSamples:
         )
 
     def complete_in(self, mirror: str, before: int | None = None) -> int:
-        """Return in how many poses, of those before one of the plan, both eyes saw every marker.
+        """Return in how many poses, of those before one of the plan, both cameras saw every marker.
 
         Args:
             mirror: In which mirror.
@@ -214,13 +214,13 @@ class RecordedSamples:
         views = [s.views[mirror] for s in self._until(before) if s.mirror == mirror]
         return sum(bool(np.isfinite(pixels).all()) for pixels in views)
 
-    def add(self, index: int, label: str, sighting: Sighting, mirror: str = "") -> bool:
+    def add(self, index: int, label: str, measurement: Measurement, mirror: str = "") -> bool:
         """Keep what was sensed at a pose, unless nothing was seen.
 
         Args:
             index: Of the pose in the plan.
             label: Its sweep label.
-            sighting: What was sensed.
+            measurement: What was sensed.
             mirror: Name of the mirror before the body; its reflections are kept too.
 
         Returns:
@@ -233,23 +233,23 @@ class RecordedSamples:
         m = len(self._markers)
         points, pixels = np.full((m, 3), np.nan), np.full((m, 4), np.nan)
         for k, marker in enumerate(self._markers):
-            p = sighting.points[marker]
+            p = measurement.points[marker]
             if p is not None:
                 points[k] = p
-            if isinstance(sighting, EyeSighting):
-                pixels[k] = sighting.pixels[marker]
+            if isinstance(measurement, CameraMeasurement):
+                pixels[k] = measurement.pixels[marker]
         reflected = None
-        if mirror and isinstance(sighting, EyeSighting):
-            reflected = np.array([sighting.reflected[marker] for marker in self._markers])
+        if mirror and isinstance(measurement, CameraMeasurement):
+            reflected = np.array([measurement.reflected[marker] for marker in self._markers])
         seen = [points, pixels] + ([] if reflected is None else [reflected])
         if all(np.isnan(values).all() for values in seen):
             return False
         self._samples[index] = _Sample(
-            *(index, label, sighting.encoders, points, pixels, mirror, reflected),
+            *(index, label, measurement.encoders, points, pixels, mirror, reflected),
             visits=self._visits[index],
         )
         if self._folder is not None:
-            images = sighting.images if isinstance(sighting, EyeSighting) else None
+            images = measurement.images if isinstance(measurement, CameraMeasurement) else None
             self._images |= images is not None
             if images is not None or time.monotonic() >= self._due:
                 self._save(index, images)

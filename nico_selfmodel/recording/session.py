@@ -9,7 +9,7 @@ from numpy.typing import ArrayLike, NDArray
 from nico_selfmodel.dataset import Dataset, JointInfo
 from nico_selfmodel.errors import RobotError
 from nico_selfmodel.recording.recorded_samples import RecordedSamples
-from nico_selfmodel.systems import Sighting
+from nico_selfmodel.systems import Measurement
 
 Progress = Callable[[int, int], None]
 """Called with the number of poses done and their total."""
@@ -28,7 +28,7 @@ class Body(Protocol):
         """Names of the tracked points."""
         ...
 
-    def visit(self, command: ArrayLike) -> Sighting:
+    def move_and_measure(self, command: ArrayLike) -> Measurement:
         """Move to encoder readings, settle, and look."""
         ...
 
@@ -72,7 +72,7 @@ def record(
         seed: Seed of a simulated body.
         point_sigma_m: Noise of the tracker, if known [m].
         pixel_sigma_px: Noise of tracked pixels, if known [px].
-        image_size: Width and height of the pictures of a body with eyes [px].
+        image_size: Width and height of the pictures of a body with cameras [px].
         until_seen: Visits of a pose before it is given up.
         enough: Free poses that are enough; the plan then holds some to spare.
         folder: Where to keep the samples, and pictures that the body shows, from the first pose
@@ -108,30 +108,47 @@ def record(
                 if progress is not None:
                     progress(len(plan), len(plan))
                 break
-            if not live_again(body, command, kept.visits(index)):
-                _sample(body, kept, index, label, command, until_seen)
+            sample_pose(body, kept, index, label, command, until_seen)
             if progress is not None:
                 progress(index + 1, len(plan))
     return kept.dataset()
 
 
-def live_again(body: object, command: NDArray, visits: int) -> bool:
-    """Let a simulated body go through earlier visits of a pose; return whether there were any."""
+def sample_pose(
+    body: Body,
+    kept: RecordedSamples,
+    index: int,
+    label: str,
+    command: NDArray,
+    until_seen: int,
+    mirror: str = "",
+) -> None:
+    """Visit one pose of a plan until something is seen, and keep it.
+
+    A simulated body lives again through the visits of a pose that is there already.
+
+    Args:
+        body: What moves and sees.
+        kept: Samples of the recording.
+        index: Of the pose in the plan.
+        label: Its sweep label.
+        command: Where to go [encoder units]. Shape (n,).
+        until_seen: Visits before the pose is given up.
+        mirror: Name of the mirror before the body.
+
+    Raises:
+        DataError: If the folder cannot be written.
+        RobotError: If the body fails; what was recorded so far is in `partial`.
+    """
+    visits = kept.visits(index)
     if isinstance(body, Simulated):
         for _ in range(visits):
             body.relive(command)
-    return visits > 0
-
-
-def _sample(
-    body: Body, kept: RecordedSamples, index: int, label: str, command: NDArray, until_seen: int
-) -> None:
-    """Visit one pose until something is seen, and keep it."""
-    for _ in range(until_seen):
+    for _ in range(0 if visits else until_seen):
         try:
-            sighting = body.visit(command)
+            measurement = body.move_and_measure(command)
         except RobotError as error:
             error.partial = kept.partial()
             raise
-        if kept.add(index, label, sighting):
+        if kept.add(index, label, measurement, mirror):
             return

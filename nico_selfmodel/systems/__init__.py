@@ -8,17 +8,19 @@ from pose to pose.
 
 from typing import TYPE_CHECKING, Any
 
-from nico_selfmodel.systems.eye_sighting import EyeSighting
+from nico_selfmodel.systems.measurements import CameraMeasurement, Measurement
 from nico_selfmodel.systems.motion_capture_stream import (
     MarkerFrame,
     MotionCaptureClient,
     MotionCaptureServer,
 )
-from nico_selfmodel.systems.simulated_arm import Sighting, SimulatedArm
-from nico_selfmodel.systems.simulated_body import TRACKERS, HandSighting, SimulatedBody
-from nico_selfmodel.systems.simulated_eyes import NICO_EYES, SimulatedEyes
-from nico_selfmodel.systems.simulated_mirror import SimulatedMirrors
-from nico_selfmodel.systems.worlds import WORLDS, World, world_named
+from nico_selfmodel.systems.nico_cameras import NICO_CAMERAS
+from nico_selfmodel.systems.simulated.cameras import SimulatedCameras
+from nico_selfmodel.systems.simulated.ground_truth import GroundTruth
+from nico_selfmodel.systems.simulated.mechanics import Mechanics
+from nico_selfmodel.systems.simulated.mirrors import SimulatedMirrors
+from nico_selfmodel.systems.simulated.robot import SimulatedRobot
+from nico_selfmodel.systems.worlds import IMPERFECTIONS, Imperfections, imperfections_named
 
 if TYPE_CHECKING:
     from nico_selfmodel.systems.diagrams import (
@@ -28,9 +30,7 @@ if TYPE_CHECKING:
         EncoderModel,
         HandTracker,
         ImageQuality,
-        Mechanics,
         MirrorPlate,
-        MirrorPredictor,
         MirrorScene,
         MotionCapture,
         MotionCaptureReceiver,
@@ -38,11 +38,10 @@ if TYPE_CHECKING:
         NicoBehindBus,
         NicoHardwareStation,
         NicoStation,
-        Patience,
-        Reach,
         SelfModelMonitor,
         SelfModelPredictor,
         ServoDriver,
+        SettleTimeouts,
         StationBody,
         StereoCameras,
         color_detector,
@@ -53,20 +52,20 @@ if TYPE_CHECKING:
 
 __all__ = [
     "BOARD",
-    "NICO_EYES",
-    "TRACKERS",
-    "WORLDS",
+    "IMPERFECTIONS",
+    "NICO_CAMERAS",
     "CameraDriver",
+    "CameraMeasurement",
     "Detector",
     "EncoderModel",
-    "EyeSighting",
-    "HandSighting",
+    "GroundTruth",
     "HandTracker",
     "ImageQuality",
+    "Imperfections",
     "MarkerFrame",
+    "Measurement",
     "Mechanics",
     "MirrorPlate",
-    "MirrorPredictor",
     "MirrorScene",
     "MotionCapture",
     "MotionCaptureClient",
@@ -76,24 +75,20 @@ __all__ = [
     "NicoBehindBus",
     "NicoHardwareStation",
     "NicoStation",
-    "Patience",
-    "Reach",
     "SelfModelMonitor",
     "SelfModelPredictor",
     "ServoDriver",
-    "Sighting",
-    "SimulatedArm",
-    "SimulatedBody",
-    "SimulatedEyes",
+    "SettleTimeouts",
+    "SimulatedCameras",
     "SimulatedMirrors",
+    "SimulatedRobot",
     "StationBody",
     "StereoCameras",
-    "World",
     "color_detector",
     "default_detectors",
     "fiducial_detector",
+    "imperfections_named",
     "looking_arm",
-    "world_named",
 ]
 
 

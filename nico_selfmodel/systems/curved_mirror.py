@@ -16,12 +16,12 @@ def curved_reflection(
     """Return where a camera sees reflections in a sphere that touches a mirror's plane.
 
     Light takes the path of stationary length over the glass (Fermat), found by Newton. The sphere
-    touches the plane at the left eye's foot.
+    touches the plane at the left camera's foot.
 
     Args:
         camera: Lens of the camera; its own pose is not used.
-        mirror: The plane in the left eye's frame L.
-        radius: Of the sphere [m]; positive bulges towards the eyes, negative away from them.
+        mirror: The plane in the left camera's frame L.
+        radius: Of the sphere [m]; positive bulges towards the cameras, negative away from them.
         p_LQ: Points [m]. Shape (N, 3).
         X_LC: Pose of the camera in L. Shape (4, 4).
 

@@ -1,7 +1,7 @@
 """The rooms' Drake systems under one roof; `nico_selfmodel.systems` loads it when first asked."""
 
 from nico_selfmodel.systems.camera_driver import CameraDriver
-from nico_selfmodel.systems.encoder_model import EncoderModel, Mechanics
+from nico_selfmodel.systems.encoder_model import EncoderModel
 from nico_selfmodel.systems.hand_tracker import (
     Detector,
     HandTracker,
@@ -9,7 +9,6 @@ from nico_selfmodel.systems.hand_tracker import (
     fiducial_detector,
 )
 from nico_selfmodel.systems.looking import looking_arm
-from nico_selfmodel.systems.mirror_predictor import MirrorPredictor
 from nico_selfmodel.systems.mirror_scene import MirrorPlate, MirrorScene
 from nico_selfmodel.systems.motion_capture import MotionCapture
 from nico_selfmodel.systems.motion_capture_link import (
@@ -19,11 +18,10 @@ from nico_selfmodel.systems.motion_capture_link import (
 from nico_selfmodel.systems.nico_behind_bus import NicoBehindBus
 from nico_selfmodel.systems.nico_hardware_station import NicoHardwareStation
 from nico_selfmodel.systems.nico_station import BOARD, NicoStation, default_detectors
-from nico_selfmodel.systems.reach import Reach
 from nico_selfmodel.systems.self_model_monitor import SelfModelMonitor
 from nico_selfmodel.systems.self_model_predictor import SelfModelPredictor
 from nico_selfmodel.systems.servo_driver import ServoDriver
-from nico_selfmodel.systems.station_body import Patience, StationBody
+from nico_selfmodel.systems.station_body import SettleTimeouts, StationBody
 from nico_selfmodel.systems.stereo_cameras import ImageQuality, StereoCameras
 
 __all__ = [
@@ -33,9 +31,7 @@ __all__ = [
     "EncoderModel",
     "HandTracker",
     "ImageQuality",
-    "Mechanics",
     "MirrorPlate",
-    "MirrorPredictor",
     "MirrorScene",
     "MotionCapture",
     "MotionCaptureReceiver",
@@ -43,11 +39,10 @@ __all__ = [
     "NicoBehindBus",
     "NicoHardwareStation",
     "NicoStation",
-    "Patience",
-    "Reach",
     "SelfModelMonitor",
     "SelfModelPredictor",
     "ServoDriver",
+    "SettleTimeouts",
     "StationBody",
     "StereoCameras",
     "color_detector",

@@ -1,36 +1,16 @@
 """Servos that turn joints to where their encoders say, and what lies between encoder and link."""
 
-from dataclasses import dataclass
-
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from pydrake.systems.framework import BasicVector, Context, DiscreteValues, LeafSystem
 
-from nico_selfmodel.model import Chain, ServoMap
 from nico_selfmodel.systems.closing import Closable
-from nico_selfmodel.systems.simulated_arm import disturbed_angles
-from nico_selfmodel.systems.worlds import World
+from nico_selfmodel.systems.simulated.mechanics import Mechanics
 
 PERIOD = 0.01
 """Time between two steps of the servos [s]."""
 _APPROACH = 0.4
 """Share of the way left that a servo covers in a step, near its goal."""
-
-
-@dataclass(frozen=True, eq=False)
-class Mechanics:
-    """An arm as it is really built."""
-
-    chain: Chain
-    """Its axes and tracked points, z up, at its zero."""
-    servos: ServoMap
-    """Its gears and encoder zeros."""
-    lower: NDArray
-    """Least readings between the stops [encoder units]. Shape (n,)."""
-    upper: NDArray
-    """Largest readings between the stops [encoder units]. Shape (n,)."""
-    largest_torque: float
-    """Torque that makes a joint sag by `World.sag`, as `gravity_torques` counts it."""
 
 
 class EncoderModel(Closable, LeafSystem):
@@ -49,7 +29,6 @@ class EncoderModel(Closable, LeafSystem):
     def __init__(
         self,
         mechanics: Mechanics,
-        world: World,
         start: ArrayLike,
         *,
         seed: int | tuple[int, ...] = 0,
@@ -58,8 +37,7 @@ class EncoderModel(Closable, LeafSystem):
         """Build the servos.
 
         Args:
-            mechanics: The arm as it is built.
-            world: Its play, sag and wobble.
+            mechanics: The arm as it is built, with its play, sag and wobble.
             start: Readings to begin at [encoder units]. Shape (n,).
             seed: Of play and wobble.
             speed: Of the links [rad/s].
@@ -72,7 +50,7 @@ class EncoderModel(Closable, LeafSystem):
         start = np.asarray(start, dtype=float)
         if start.shape != (n,) or not np.isfinite(start).all() or not speed > 0.0:
             raise ValueError(f"start must be {n} readings and speed positive, got {start}, {speed}")
-        self.__mechanics, self._world, self._seed = mechanics, world, np.ravel(seed)
+        self.__mechanics, self._seed = mechanics, np.ravel(seed)
         scale = np.abs(mechanics.servos.gear / mechanics.servos.radians_per_unit)
         self._step = speed * PERIOD * scale
         self._n = n
@@ -107,9 +85,5 @@ class EncoderModel(Closable, LeafSystem):
 
     def _stand(self, context: Context, vector: BasicVector) -> None:
         place, _, moves = self._state(context)
-        body = self.__mechanics
         rng = np.random.default_rng([*self._seed, 1, int(moves)])
-        q = disturbed_angles(
-            body.chain, body.servos.to_joint(place), self._world, body.largest_torque, rng
-        )
-        vector.SetFromVector(q)
+        vector.SetFromVector(self.__mechanics.angles(place, rng))

@@ -21,15 +21,14 @@ from nico_selfmodel.vision.not_seen import NotSeen
 Detector = Callable[[NDArray], NDArray | NotSeen]
 """From a picture (BGR, 8 bits, shape (h, w, 3)) to a pixel (u, v), or why there is none."""
 Detectors = Mapping[str, Detector | tuple[Detector, Detector]]
-"""Marker -> what finds it in a picture of either eye, or one for the left and one for the right."""
+"""Marker -> what finds it in a picture of either camera, or one for each."""
 Found = NDArray | NotSeen
 """A pixel (u, v), or why there is none."""
 MirrorDetector = Callable[[NDArray, NDArray], tuple[Found, Found]]
 """From a picture and the pixel where the marker is expected, nan where out of view or not known, to
 the marker itself and its reflection."""
 MirrorDetectors = Mapping[str, MirrorDetector | tuple[MirrorDetector, MirrorDetector]]
-"""Marker -> what finds both in a picture of either eye, or one for the left and one for the right.
-"""
+"""Marker -> what finds both in a picture of either camera, or one for each."""
 
 RED_TAPE = ColorModel("red", (20.0, 20.0), 0.0, 20.0, 0.5, least_area_px=25.0)
 """Nico's red tape in the light of the simulated room."""
@@ -45,7 +44,7 @@ def fiducial_detector(
     Args:
         marker: Its id.
         family: Its family.
-        camera: The calibrated eye, whose lens is then taken out before the centre is located.
+        camera: The calibrated camera, whose lens is then taken out before the centre is located.
 
     Returns:
         What finds the centre in a picture.
@@ -75,10 +74,10 @@ class HandTracker(LeafSystem):
 
     | port | | carries |
     |---|---|---|
-    | `left_image` | in | picture of the left eye, `ImageRgba8U` |
-    | `right_image` | in | picture of the right eye, `ImageRgba8U` |
+    | `left_image` | in | picture of the left camera, `ImageRgba8U` |
+    | `right_image` | in | picture of the right camera, `ImageRgba8U` |
     | `pixels` | out | left u, v and right u, v of each marker in turn, nan where not seen [px] |
-    | `seen` | out | 1 where an eye sees a marker, else 0: left and right of each marker in turn |
+    | `seen` | out | 1 where a camera sees a marker, else 0: left and right of each marker in turn |
     | `reasons` | out | in words, why one was not seen: a tuple, empty text where it was seen |
 
     A tracker before a mirror has four ports more:
@@ -102,7 +101,7 @@ class HandTracker(LeafSystem):
         """Choose what to look for.
 
         Args:
-            detectors: Marker -> what finds it, for either eye or for each.
+            detectors: Marker -> what finds it, for either camera or for each.
             before_mirror: Look for reflections too; the detectors are then `MirrorDetectors`, as
                 `reflection_detectors` makes them.
 
@@ -134,26 +133,6 @@ class HandTracker(LeafSystem):
         for kind in range(2 if before_mirror else 1):
             self._declare_outputs(kind)
 
-    @classmethod
-    def fiducial(cls, marker: int = FIDUCIAL_ID, name: str = "fiducial") -> "HandTracker":
-        """Return a tracker of a square marker.
-
-        Args:
-            marker: Its id.
-            name: What it is called in the ports.
-        """
-        return cls({name: fiducial_detector(marker)})
-
-    @classmethod
-    def color(cls, model: ColorModel = RED_TAPE, name: str = "finger_tip") -> "HandTracker":
-        """Return a tracker of a patch of colour.
-
-        Args:
-            model: The colour.
-            name: What the patch is called in the ports.
-        """
-        return cls({name: color_detector(model)})
-
     def _declare_outputs(self, kind: int) -> None:
         """Declare the ports of the markers themselves (0) or of their reflections (1)."""
         prefix, m, needs = ("", "reflected_")[kind], len(self.markers), {self._found.ticket()}
@@ -179,7 +158,7 @@ class HandTracker(LeafSystem):
         )
 
     def _detect(self, context: Context, value: AbstractValue) -> None:
-        """Run every detector on both pictures: for each marker and eye, it and its reflection."""
+        """Run every detector on both pictures: each marker and its reflection in each camera."""
         pictures = [bgr_of(port.Eval(context)) for port in self._images]
         if self._expected is None:
             found = [
@@ -197,7 +176,7 @@ class HandTracker(LeafSystem):
         value.set_value(found)
 
     def _expected_pixels(self, context: Context) -> NDArray:
-        """Return where each marker itself is expected in each eye. Shape (2 m, 2)."""
+        """Return where each marker itself is expected in each camera. Shape (2 m, 2)."""
         port = self._expected
         if port is None or not port.HasValue(context):
             return np.full((2 * len(self.markers), 2), np.nan)

@@ -16,14 +16,14 @@ LOOKING_DEG = {
     "right_fingers": 0.0,
 }
 """Joints that stand still: the hand turns its back to the head, which looks at where it works. Half
-turned to the right and with the eyes down it sees both of the hand's markers in 6 of 100 random
+turned to the right and with the cameras down it sees both of the hand's markers in 6 of 100 random
 poses; straight ahead with the head bowed (yaw -10, pitch 25, tilt 20 deg) it is 1.4."""
 POINTS = {
     "fiducial": "right_hand_fiducial",
     "finger_tip": "right_finger_tip",
     "hand": "right_wrist_marker",
 }
-"""What eyes and motion capture can track on the hand."""
+"""What cameras and motion capture can track on the hand."""
 
 
 def looking() -> dict[str, float]:

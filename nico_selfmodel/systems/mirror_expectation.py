@@ -18,10 +18,10 @@ def connect_expectation(
         builder: Of the diagram that the tracker is part of.
         encoders: Encoder readings, in the encoders' units.
         tracker: Made with `before_mirror`.
-        model: What the body has learned of arm and eyes.
+        model: What the body has learned of arm and cameras.
 
     Raises:
-        ModelError: If the model has no arm or no eyes.
+        ModelError: If the model has no arm or no cameras.
     """
     together = builder.AddNamedSystem("expectation", Multiplexer([4] * len(tracker.markers)))
     for k, marker in enumerate(tracker.markers):

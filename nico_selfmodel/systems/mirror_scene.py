@@ -1,4 +1,4 @@
-"""Mirrors in the simulated world, and what rendered eyes see in them."""
+"""Mirrors in the simulated world, and what rendered cameras see in them."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass

@@ -79,7 +79,7 @@ class NicoBehindBus:
 
     @property
     def configuration(self) -> ServoConfig:
-        """The servos of this individual."""
+        """The servos of this robot."""
         joints = zip(self.station.joints, self._start, strict=True)
         return ServoConfig(
             "simulated nico",

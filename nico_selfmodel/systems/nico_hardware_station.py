@@ -1,4 +1,4 @@
-"""The real robot before the world: servos, eyes, motion capture, with `NicoStation`'s ports."""
+"""The real robot before the world: servos, cameras, motion capture, with `NicoStation`'s ports."""
 
 from collections.abc import Sequence
 from contextlib import ExitStack
@@ -17,12 +17,14 @@ from nico_selfmodel.systems.image_values import image_value
 from nico_selfmodel.systems.looking import POINTS
 from nico_selfmodel.systems.motion_capture_link import MotionCaptureReceiver
 from nico_selfmodel.systems.motion_capture_stream import MotionCaptureClient
+from nico_selfmodel.systems.nico_cameras import NICO_CAMERAS
 from nico_selfmodel.systems.nico_station import default_detectors
 from nico_selfmodel.systems.servo_driver import ServoDriver
-from nico_selfmodel.systems.simulated_eyes import NICO_EYES
-from nico_selfmodel.systems.station_body import Patience, StationBody
+from nico_selfmodel.systems.station_body import SettleTimeouts, StationBody
 
-REAL = Patience(settle=0.4, dither=2e-4, astray=0.02, timeout=60.0, look_again=1.0, real_time=True)
+REAL = SettleTimeouts(
+    settle=0.4, dither=2e-4, astray=0.02, timeout=60.0, look_again=1.0, real_time=True
+)
 """How long a body of real servos is waited for."""
 
 
@@ -33,9 +35,9 @@ class NicoHardwareStation(Diagram):
     |---|---|---|
     | `command` | in | where the arm's joints shall go [counts]; a joint at nan is not commanded |
     | `encoders` | out | encoder readings [counts]; nan where a joint was not read lately |
-    | `left_image`, `right_image` | out | pictures of the eyes, `ImageRgba8U` |
+    | `left_image`, `right_image` | out | pictures of the cameras, `ImageRgba8U` |
     | `hand_pixels` | out | left u, v, right u, v of each marker in turn, nan if not seen [px] |
-    | `hand_seen` | out | 1 where an eye sees a marker, else 0: left, right of each in turn |
+    | `hand_seen` | out | 1 where a camera sees a marker, else 0: left, right of each in turn |
     | `hand_reasons` | out | why a marker was not seen: a tuple of texts |
     | `measured_positions` | out | x y z of each point that motion capture sees [m], nan if lost |
     | `frame_number` | out | frames that motion capture has taken |
@@ -58,7 +60,7 @@ class NicoHardwareStation(Diagram):
 
         Args:
             servos: Its servos, not open yet.
-            cameras: Its eyes, not open yet; none if omitted.
+            cameras: Its cameras, not open yet; none if omitted.
             motion_capture: Connected to whoever tracks markers; closed by who made it.
             joints: Which joints the ports are about; all of the servos if omitted.
             detectors: Marker -> what finds it in a picture; `fiducial` and `finger_tip` by default.
@@ -75,7 +77,7 @@ class NicoHardwareStation(Diagram):
         self.servos, self.cameras, self.motion_capture = servos, cameras, motion_capture
         detectors = default_detectors() if detectors is None else detectors
         self.tracked = tuple(detectors)
-        self.image_size = NICO_EYES.left.image_size if cameras is None else cameras.image_size
+        self.image_size = NICO_CAMERAS.left.image_size if cameras is None else cameras.image_size
         chosen = [servos.joints.index(name) for name in names]
         infos = servos.config.joint_infos
         self.joints: tuple[JointInfo, ...] = tuple(infos[k] for k in chosen)
@@ -137,7 +139,7 @@ class NicoHardwareStation(Diagram):
 
         Args:
             sensor: `eyes` or `motion-capture`.
-            keep_images: Keep the pictures in the sightings.
+            keep_images: Keep the pictures in the measurements.
 
         Raises:
             RobotError: If that sensor is not there, or the station is not open.

@@ -1,4 +1,4 @@
-"""A simulated robot before the world: servos, eyes, trackers, motion capture, in one diagram."""
+"""A simulated robot before the world: servos, cameras, trackers, motion capture, in one diagram."""
 
 from typing import Any
 
@@ -21,14 +21,14 @@ from nico_selfmodel.systems.hand_tracker import (
     fiducial_detector,
 )
 from nico_selfmodel.systems.image_values import bgr_of
-from nico_selfmodel.systems.individual import Individual
 from nico_selfmodel.systems.looking import looking_arm
 from nico_selfmodel.systems.mirror_expectation import connect_expectation
 from nico_selfmodel.systems.mirror_scene import MirrorPlate, MirrorScene
 from nico_selfmodel.systems.motion_capture import MotionCapture
-from nico_selfmodel.systems.reach import MOUNTS
+from nico_selfmodel.systems.nico_cameras import MOUNTS, NICO_CAMERAS
+from nico_selfmodel.systems.nico_instance import NicoInstance
 from nico_selfmodel.systems.reflection_detectors import default_mirror_detectors
-from nico_selfmodel.systems.simulated_eyes import NICO_EYES
+from nico_selfmodel.systems.simulated.ground_truth import GroundTruth
 from nico_selfmodel.systems.station_scene import (
     BoardHolder,
     BodyPoses,
@@ -38,7 +38,7 @@ from nico_selfmodel.systems.station_scene import (
     wrap_tape,
 )
 from nico_selfmodel.systems.stereo_cameras import ImageQuality, StereoCameras
-from nico_selfmodel.systems.worlds import World, world_named
+from nico_selfmodel.systems.worlds import Imperfections, imperfections_named
 from nico_selfmodel.vision.chessboard import Board
 
 BOARD = Board(9, 6, 0.028)
@@ -46,15 +46,15 @@ BOARD = Board(9, 6, 0.028)
 
 
 class NicoStation(Closable, Diagram):
-    """One individual of Nico, with everything that it can sense.
+    """One robot of Nico, with everything that it can sense.
 
     | port | | carries |
     |---|---|---|
     | `command` | in | where the arm's joints shall go [encoder units] |
     | `encoders` | out | encoder readings [encoder units] |
-    | `left_image`, `right_image` | out | pictures of the wide eyes, `ImageRgba8U` |
+    | `left_image`, `right_image` | out | pictures of the wide cameras, `ImageRgba8U` |
     | `hand_pixels` | out | left u, v, right u, v of each marker in turn, nan if not seen [px] |
-    | `hand_seen` | out | 1 where an eye sees a marker, else 0: left, right of each in turn |
+    | `hand_seen` | out | 1 where a camera sees a marker, else 0: left, right of each in turn |
     | `hand_reasons` | out | why a marker was not seen: a tuple of texts |
     | `measured_positions` | out | x y z of each point that motion capture sees [m], nan if lost |
     | `frame_number` | out | frames that motion capture has taken |
@@ -65,7 +65,7 @@ class NicoStation(Closable, Diagram):
 
     A station of real servos and cameras can have the same ports. What only the simulation knows,
     the true geometry, pose and lenses, has none; nor has the light, nor who holds the chessboard.
-    Everything random comes from `seed` (the individual) and `session` (what happens to it).
+    Everything random comes from `seed` (the robot) and `session` (what happens to it).
 
     Use it in a `with` block, or `close` it: its renderer takes 50 MB. A station that was closed
     raises `RobotError`, also from the ports of a diagram that it is part of.
@@ -73,14 +73,14 @@ class NicoStation(Closable, Diagram):
 
     def __init__(
         self,
-        world: World | str = "thesis",
+        world: Imperfections | str = "thesis",
         seed: int = 0,
         session: int = 0,
         *,
         arm: ArmDescription | None = None,
         detectors: Detectors | MirrorDetectors | None = None,
         quality: ImageQuality | None = None,
-        eyes: StereoRig = NICO_EYES,
+        eyes: StereoRig = NICO_CAMERAS,
         board: Board = BOARD,
         mirror: MirrorPlate | None = None,
         knows: SelfModel | None = None,
@@ -89,36 +89,36 @@ class NicoStation(Closable, Diagram):
 
         Args:
             world: What is wrong with the body, or the name of a documented world.
-            seed: Which individual.
+            seed: Which robot.
             session: Which day: play, noise, drop-outs.
             arm: The robot and its arm, head turned to where it looks; `looking_arm()` by default.
             detectors: Marker -> what finds it in a picture; `fiducial` and `finger_tip` by default.
                 Before a mirror, what tells each from its reflection (`reflection_detectors`).
             quality: Of the pictures.
-            eyes: The eyes as designed.
+            eyes: The cameras as designed.
             board: The chessboard that can be held up.
             mirror: A mirror that can be put somewhere, if any.
-            knows: What the body has learned of arm and eyes; before a mirror it tells a patch of
+            knows: What the body has learned of arm and cameras; before a mirror it tells a patch of
                 colour on the hand from the reflection by where it expects its hand.
 
         Raises:
-            ModelError: If the robot lacks a link that carries an eye.
+            ModelError: If the robot lacks a link that carries a camera.
         """
         super().__init__()
-        world = world_named(world) if isinstance(world, str) else world
+        world = imperfections_named(world) if isinstance(world, str) else world
         arm = arm or looking_arm()
-        body = Individual.build(arm, world, seed, eyes)
+        body = NicoInstance.build(arm, world, seed, eyes)
         if detectors is None:
             detectors = default_detectors() if mirror is None else default_mirror_detectors()
         self.arm, self.world, self.seed, self.session = arm, world, seed, session
         self.tracked = tuple(detectors)
         self.image_size = eyes.left.image_size
         self.board = board
-        self.__stops = body.mechanics.lower, body.mechanics.upper
+        self.__instance = body
         builder = DiagramBuilder()
         noise = (seed, session)
         start = body.mechanics.servos.to_encoder(np.zeros(len(arm.joints)))
-        servos = EncoderModel(body.mechanics, world, start, seed=noise)
+        servos = EncoderModel(body.mechanics, start, seed=noise)
         builder.AddNamedSystem("servos", servos)
         self.__holder, cameras, poses = _add_scene(
             builder, servos, arm, body, board, quality, noise, mirror
@@ -153,10 +153,12 @@ class NicoStation(Closable, Diagram):
     @property
     def joints(self) -> tuple[JointInfo, ...]:
         """Names, units and stops of the arm's joints, as a data set states them."""
-        return tuple(
-            JointInfo(name, "counts", self.world.counts_per_turn, float(low), float(high))
-            for name, low, high in zip(self.arm.joints, *self.__stops, strict=True)
-        )
+        return self.__instance.mechanics.joints
+
+    @property
+    def ground_truth(self) -> GroundTruth:
+        """What only the simulation knows: for judging and for tests, never for learning."""
+        return self.__instance.ground_truth
 
     def hold_board(self, context: Any, X_BG: NDArray | None) -> None:
         """Hold the chessboard before the robot.
@@ -170,7 +172,7 @@ class NicoStation(Closable, Diagram):
         self.__holder.hold(self.__holder.GetMyMutableContextFromRoot(context), X_BG)
 
     def picture(self, context: Any, eye: str) -> NDArray:
-        """Return what an eye sees, BGR of shape (h, w, 3), in the station's own context.
+        """Return what a camera sees, BGR of shape (h, w, 3), in the station's own context.
 
         Raises:
             RobotError: If the station was closed, or nothing can be rendered.
@@ -183,7 +185,7 @@ def default_detectors(rig: StereoRig | None = None) -> Detectors:
     """Return detectors of the fiducial on the back of Nico's hand and of the tape on its finger.
 
     Args:
-        rig: The calibrated eyes, whose lenses are then taken out before fiducials are located.
+        rig: The calibrated cameras, whose lenses are then taken out before fiducials are located.
     """
     cameras = (None, None) if rig is None else rig.eyes
     left, right = (fiducial_detector(camera=camera) for camera in cameras)
@@ -194,7 +196,7 @@ def _add_scene(
     builder: DiagramBuilder,
     servos: EncoderModel,
     arm: ArmDescription,
-    body: Individual,
+    body: NicoInstance,
     board: Board,
     quality: ImageQuality | None,
     seed: tuple[int, int],
@@ -240,8 +242,8 @@ def _add_scene(
 def _add_motion_capture(
     builder: DiagramBuilder,
     poses: BodyPoses,
-    body: Individual,
-    world: World,
+    body: NicoInstance,
+    world: Imperfections,
     seed: tuple[int, int],
 ) -> None:
     tracker = builder.AddNamedSystem(

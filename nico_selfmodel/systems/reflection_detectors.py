@@ -35,7 +35,7 @@ def fiducial_in_mirror(
     Args:
         marker: Its id.
         family: Its family.
-        camera: The calibrated eye, whose lens is then taken out before a centre is located.
+        camera: The calibrated camera, whose lens is then taken out before a centre is located.
 
     Returns:
         What finds both, wherever they are expected.
@@ -97,7 +97,7 @@ def default_mirror_detectors(rig: StereoRig | None = None) -> MirrorDetectors:
     """Return detectors of what Nico's hand carries, and of its reflections.
 
     Args:
-        rig: The calibrated eyes, whose lenses are then taken out before fiducials are located.
+        rig: The calibrated cameras, whose lenses are then taken out before fiducials are located.
     """
     cameras = (None, None) if rig is None else rig.eyes
     left, right = (fiducial_in_mirror(camera=camera) for camera in cameras)

@@ -48,13 +48,13 @@ class SelfModelMonitor(LeafSystem):
     | port | | carries |
     |---|---|---|
     | `encoders` | in | encoder readings, in the encoders' units |
-    | `pixels` | in | left u, v and right u, v of the hand, nan where an eye did not see it [px] |
+    | `pixels` | in | left u, v and right u, v of the hand, nan where a camera did not see it [px] |
     | `nis` | out | normalised innovation squared of the last pose, nan where nothing was seen |
     | `log_ratio` | out | statistic ln R; above `estimation.monitor.THRESHOLD` something changed |
     | `alarm` | out | 1 once something changed, else 0 |
     | `cause` | out | what changed in words, empty before the alarm (abstract, str) |
 
-    A model without eyes has the port `p_WH` instead of `pixels`, the hand's measured point [m].
+    A model without cameras has the port `p_WH` instead of `pixels`, the hand's measured point [m].
     It looks every `period` seconds. Only what changes from pose to pose is news to it: a hand that
     stands still should be looked at once.
     """
@@ -63,8 +63,8 @@ class SelfModelMonitor(LeafSystem):
         """Take a self-model.
 
         Args:
-            model: With its covariance; with both eyes it watches pixels, else points.
-            period: Time between sightings [s].
+            model: With its covariance; with both cameras it watches pixels, else points.
+            period: Time between measurements [s].
             marker: Which tracked point; the first one if omitted.
 
         Raises:
@@ -104,11 +104,11 @@ class SelfModelMonitor(LeafSystem):
         return state.get_value()
 
     def _look(self, context: Context, state: State) -> None:
-        """Take one more sighting in."""
+        """Take one more measurement in."""
         before = self.state_of(context)
         seen = np.asarray(self._sighting.Eval(context), dtype=float)
         holder = state.get_mutable_abstract_state(int(self._state))
-        # An eye needs both of its coordinates, a point all three.
+        # A camera needs both of its coordinates, a point all three.
         by_eye = np.isfinite(seen).reshape((2, 2) if self._by_pixels else (1, 3)).all(axis=1)
         if not by_eye.any():
             holder.set_value(replace(before, nis=np.nan))

@@ -1,4 +1,4 @@
-"""What a self-model expects at encoder readings: where the hand is, and where both eyes see it."""
+"""What a self-model expects at encoder readings: where the hand is and where cameras see it."""
 
 import numpy as np
 from pydrake.systems.framework import BasicVector, Context, LeafSystem
@@ -9,17 +9,17 @@ from nico_selfmodel.model.stereo_rig import EYES
 
 
 class SelfModelPredictor(LeafSystem):
-    """Forward kinematics with uncertainty, and its projection into both eyes (thesis eq. 7.4).
+    """Forward kinematics with uncertainty, and its projection into both cameras (thesis eq. 7.4).
 
     | port | | carries |
     |---|---|---|
     | `encoders` | in | encoder readings, in the encoders' units |
     | `p_WH` | out | predicted point on the hand in the self-model's frame [m] |
     | `covariance` | out | of `p_WH`, 3 x 3 row by row, nan where not known [m^2] |
-    | `pixels` | out | left u, v and right u, v of it, nan where an eye cannot see it [px] |
+    | `pixels` | out | left u, v and right u, v of it, nan where a camera cannot see it [px] |
 
-    `pixels` is there only if the self-model has both eyes. What else blocks the view, as the body
-    itself, is not in the prediction.
+    `pixels` is there only if the self-model has both cameras. What else blocks the view, as the
+    body itself, is not in the prediction.
     """
 
     def __init__(self, model: SelfModel, marker: str | None = None) -> None:

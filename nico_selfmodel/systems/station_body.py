@@ -12,9 +12,8 @@ from pydrake.systems.framework import Context, System
 
 from nico_selfmodel.dataset import JointInfo
 from nico_selfmodel.errors import RobotError
-from nico_selfmodel.systems.eye_sighting import EyeSighting
 from nico_selfmodel.systems.image_values import bgr_of
-from nico_selfmodel.systems.simulated_arm import Sighting
+from nico_selfmodel.systems.measurements import CameraMeasurement, Measurement
 
 _TICK = 0.02
 """Time between two looks at the encoders [s]."""
@@ -23,7 +22,7 @@ _NUDGE = 0.02
 
 
 @dataclass(frozen=True)
-class Patience:
+class SettleTimeouts:
     """When a station counts as standing still, and how long it is waited for."""
 
     settle: float = 0.1
@@ -44,7 +43,7 @@ class StationBody:
     """A station that can be sent to poses and asked what it senses.
 
     The station needs the ports `command` and `encoders`, and `hand_pixels` to be watched by its own
-    eyes or `measured_positions` to be watched by motion capture, as `NicoStation` documents them.
+    cameras or `measured_positions` to be watched by motion capture, as documented by `NicoStation`.
     """
 
     def __init__(
@@ -54,7 +53,7 @@ class StationBody:
         markers: Sequence[str],
         *,
         sensor: str = "eyes",
-        patience: Patience | None = None,
+        patience: SettleTimeouts | None = None,
         keep_images: bool = False,
     ) -> None:
         """Take a station.
@@ -65,7 +64,7 @@ class StationBody:
             markers: In the order of the sensor's port.
             sensor: `eyes` or `motion-capture`.
             patience: When it stands still; that of simulated servos if omitted.
-            keep_images: Keep the pictures in the sightings; needs `left_image`, `right_image`.
+            keep_images: Keep the pictures in the measurements; needs `left_image`, `right_image`.
 
         Raises:
             RobotError: If a port is missing or of another size.
@@ -74,7 +73,7 @@ class StationBody:
         if sensor not in ("eyes", "motion-capture"):
             raise ValueError(f"sensor must be eyes or motion-capture, got {sensor!r}")
         self.joints, self.markers, self.sensor = tuple(joints), tuple(markers), sensor
-        self._patience, self._keep_images = patience or Patience(), keep_images
+        self._patience, self._keep_images = patience or SettleTimeouts(), keep_images
         self._span = np.array(
             [
                 np.inf if j.lower is None or j.upper is None else j.upper - j.lower
@@ -101,7 +100,7 @@ class StationBody:
         """The station's context."""
         return self.simulator.get_mutable_context()
 
-    def visit(self, command: ArrayLike) -> Sighting:
+    def move_and_measure(self, command: ArrayLike) -> Measurement:
         """Move to encoder readings, settle, and look.
 
         A body that is sent to where it stands leaves and comes back, so that every visit is one.
@@ -110,19 +109,19 @@ class StationBody:
             command: Where to go [encoder units]. Shape (n,).
 
         Returns:
-            What was sensed there; `EyeSighting` from eyes.
+            What was sensed there; `CameraMeasurement` from cameras.
 
         Raises:
             RobotError: If the joints do not come to rest in time.
             ValueError: If the command has another length or is not finite.
         """
         self._move(np.asarray(command, dtype=float))
-        sighting = self._look()
+        measurement = self._look()
         end = self.context.get_time() + self._patience.look_again
-        while not _located(sighting) and self.context.get_time() < end:
+        while not _located(measurement) and self.context.get_time() < end:
             self._tick()
-            sighting = self._look()
-        return sighting
+            measurement = self._look()
+        return measurement
 
     def relive(self, command: ArrayLike) -> None:
         """Move as in an earlier visit, without a look: time and play then stand where they stood.
@@ -198,7 +197,7 @@ class StationBody:
         if self._patience.real_time:
             time.sleep(max(0.0, begin + _TICK - time.monotonic()))
 
-    def _look(self) -> Sighting:
+    def _look(self) -> Measurement:
         encoders = self._read("encoders")
         values = self._read(self._port).reshape(len(self.markers), -1)
         if self.sensor == "motion-capture":
@@ -206,7 +205,7 @@ class StationBody:
                 marker: p if np.isfinite(p).all() else None
                 for marker, p in zip(self.markers, values, strict=True)
             }
-            return Sighting(encoders, MappingProxyType(points))
+            return Measurement(encoders, MappingProxyType(points))
         images = None
         if self._keep_images:
             left, right = (
@@ -214,7 +213,7 @@ class StationBody:
                 for eye in ("left", "right")
             )
             images = left, right
-        return EyeSighting(
+        return CameraMeasurement(
             encoders,
             MappingProxyType(dict.fromkeys(self.markers)),
             MappingProxyType(dict(zip(self.markers, values, strict=True))),
@@ -248,11 +247,11 @@ class StationBody:
             )
 
 
-def _located(sighting: Sighting) -> bool:
+def _located(measurement: Measurement) -> bool:
     """Return whether an instrument located some marker."""
-    if isinstance(sighting, EyeSighting):
-        return any(np.isfinite(pixels).any() for pixels in sighting.pixels.values())
-    return any(p is not None for p in sighting.points.values())
+    if isinstance(measurement, CameraMeasurement):
+        return any(np.isfinite(pixels).any() for pixels in measurement.pixels.values())
+    return any(p is not None for p in measurement.points.values())
 
 
 def _named(station: System, port: str, kind: str) -> str:

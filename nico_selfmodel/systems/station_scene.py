@@ -1,4 +1,4 @@
-"""The world that a simulated robot's eyes look at: its body, what it is marked with, a board."""
+"""The world that a simulated robot's cameras look at: its body, what it is marked with, a board."""
 
 from collections.abc import Mapping
 

@@ -1,4 +1,4 @@
-"""A pair of eyes that render what is before them, with lens, noise and motion blur."""
+"""A pair of cameras that render what is before them, with lens, noise and motion blur."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -130,7 +130,7 @@ class StereoCameras(Closable, LeafSystem):
         write_bgr(self._develop(light, context.get_time(), eye), value.get_mutable_value())
 
     def _expose(self, context: Context, state: Any) -> None:
-        """Add one rendering of both eyes to the film, which holds one frame."""
+        """Add one rendering of both cameras to the film, which holds one frame."""
         film = state.get_mutable_abstract_state(self._film)
         pair = tuple(self._render(context, eye) for eye in range(2))
         film.set_value([*film.get_value(), pair][-self.quality.exposures :])
@@ -174,7 +174,7 @@ def _noise(size: int) -> NDArray:
 def _lens_warp(
     values: tuple[float, ...], image_size: tuple[int, int], supersample: int
 ) -> LensWarp:
-    """Prepare a lens; stations of one individual share it."""
+    """Prepare a lens; stations of one robot share it."""
     return LensWarp.from_camera(Camera.from_values(values, image_size), supersample)
 
 

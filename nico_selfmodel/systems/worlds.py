@@ -6,7 +6,7 @@ import numpy as np
 
 
 @dataclass(frozen=True)
-class World:
+class Imperfections:
     """Imperfections of a simulated arm under motion capture.
 
     Angles in radians, lengths in metres. Play is uniform in +-play, everything else Gaussian.
@@ -43,7 +43,7 @@ class World:
 
     def with_noise(
         self, *, play_deg: float | None = None, marker_mm: float | None = None
-    ) -> "World":
+    ) -> "Imperfections":
         """Return the world with other play [deg] or marker noise [mm]."""
         changed = self
         if play_deg is not None:
@@ -53,12 +53,12 @@ class World:
         return changed if changed == self else replace(changed, name=f"{self.name}, changed")
 
 
-WORLDS = {
+IMPERFECTIONS = {
     # Geometry, zeros and gears to be learned, nothing else: what is learned must be exact to the
     # encoders' resolution.
-    "clean": World("clean", counts_per_turn=2**24),
+    "clean": Imperfections("clean", counts_per_turn=2**24),
     # Tuned to the means of the thesis' chapter 6; its marker balls measure 14 mm.
-    "thesis": World(
+    "thesis": Imperfections(
         "thesis",
         play=np.radians(0.6),
         sag=np.radians(0.8),
@@ -70,12 +70,12 @@ WORLDS = {
 }
 
 
-def world_named(name: str) -> World:
+def imperfections_named(name: str) -> Imperfections:
     """Return a documented world.
 
     Raises:
         ValueError: If there is none of that name; the message lists those there are.
     """
-    if name not in WORLDS:
-        raise ValueError(f"no world {name!r}; there are {', '.join(WORLDS)}")
-    return WORLDS[name]
+    if name not in IMPERFECTIONS:
+        raise ValueError(f"no imperfections {name!r}; there are {', '.join(IMPERFECTIONS)}")
+    return IMPERFECTIONS[name]

@@ -55,6 +55,8 @@ ALLOWED = {
     },
     "recording": {"numpy"},
     "result_folder": set(),
+    "planning": {"numpy"},
+    "sessions": {"numpy"},
     "experiments": {"numpy", "pydrake.common", "yaml"},
     "cli": {"numpy", "rich", "typer"},
 }

@@ -9,10 +9,10 @@ from nico_selfmodel.estimation.body.body_problem import BodyProblem
 from nico_selfmodel.estimation.noise.hand_noise import HandNoise
 from nico_selfmodel.estimation.observations.arm_views import LinesView
 from nico_selfmodel.estimation.observations.pixel_observations import PixelObservations
-from nico_selfmodel.experiments.body_protocol import BodyProtocol
-from nico_selfmodel.experiments.refinement import simulated_lesson
+from nico_selfmodel.experiments.projected_nico import ProjectedNico
+from nico_selfmodel.experiments.refinement import simulated_scenario
 from nico_selfmodel.model.line_kinematics import hand_points
-from nico_selfmodel.systems import WORLDS
+from nico_selfmodel.systems import IMPERFECTIONS
 
 from .timing import best_ratio
 
@@ -24,9 +24,9 @@ HELD = [f"{eye}.{name}" for eye in ("left", "right") for name in ("skew", "p1", 
 @pytest.fixture(scope="module")
 def problem():
     """Return the unanchored problem of chapter 8, whitened, from a start learned by stereo."""
-    world = WORLDS["clean"].with_noise(play_deg=0.5)
-    lesson = simulated_lesson(BodyProtocol.of_nico(), world, 0, "fiducial", random_poses=139)
-    start, dataset, _ = body_start(lesson.train, lesson.eyes, None, 0)
+    world = IMPERFECTIONS["clean"].with_noise(play_deg=0.5)
+    scenario = simulated_scenario(ProjectedNico.tracked_by(), world, 0, random_poses=139)
+    start, dataset, _ = body_start(scenario.train, scenario.eyes, None, 0)
     observations = PixelObservations.from_dataset(dataset)
     assert len(observations) == 200
     assert observations.by_both.all()

@@ -9,14 +9,12 @@ from scipy.optimize import least_squares
 from nico_selfmodel.estimation.arm.kinematic_task import sweeps_of
 from nico_selfmodel.estimation.initialization.circle_points import analyse_circle_points
 from nico_selfmodel.estimation.initialization.start_search import line_program
-from nico_selfmodel.estimation.observations.observations import (
-    Observations,
-    gears_known,
-)
-from nico_selfmodel.experiments.protocol import Protocol, simulated_session
+from nico_selfmodel.estimation.observations.observations import Observations, gears_known
+from nico_selfmodel.experiments.protocol import simulated_session
 from nico_selfmodel.model.line_kinematics import hand_points
+from nico_selfmodel.planning.sweep_protocol import Protocol
 from nico_selfmodel.plant import ArmDescription
-from nico_selfmodel.systems import WORLDS
+from nico_selfmodel.systems import IMPERFECTIONS
 
 from .timing import best_ratio
 
@@ -27,7 +25,7 @@ SIGMA = 1e-3
 @pytest.fixture(scope="module")
 def problem():
     arm = ArmDescription.named("nico")
-    world = WORLDS["clean"].with_noise(play_deg=0.5, marker_mm=0.5)
+    world = IMPERFECTIONS["clean"].with_noise(play_deg=0.5, marker_mm=0.5)
     poses = replace(Protocol.for_arm(arm), random_poses=500)
     data = simulated_session(arm, world, poses, "604 poses", seed=0, session=0)
     observations = Observations.from_dataset(data)

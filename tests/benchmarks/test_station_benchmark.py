@@ -11,8 +11,9 @@ from pydrake.systems.analysis import Simulator
 from pydrake.systems.framework import DiagramBuilder
 from pydrake.systems.primitives import LogVectorOutput
 
-from nico_selfmodel.recording import commands_of_angles
-from nico_selfmodel.systems import NicoStation, Reach, SelfModelPredictor
+from nico_selfmodel.planning.plans import commands_of_angles
+from nico_selfmodel.planning.visible_workspace import VisibleWorkspace
+from nico_selfmodel.systems import NicoStation, SelfModelPredictor
 
 FPS = 30.0
 SECONDS = float(os.environ.get("NICO_STATION_SECONDS", "2"))
@@ -24,7 +25,7 @@ def test_a_station_with_tracker_predictor_and_logger_renders_three_pairs_a_secon
     threads, files = threading.active_count(), open_sockets()
     builder = DiagramBuilder()
     nico = builder.AddSystem(NicoStation("thesis", 1))
-    guess = Reach.of(nico.arm).first_guess(nico.joints)
+    guess = VisibleWorkspace.of(nico.arm).first_guess(nico.joints)
     predictor = builder.AddSystem(SelfModelPredictor(guess, "fiducial"))
     builder.Connect(nico.GetOutputPort("encoders"), predictor.GetInputPort("encoders"))
     log = LogVectorOutput(nico.GetOutputPort("hand_pixels"), builder, 1.0 / FPS)

@@ -39,7 +39,10 @@ def test_a_refusal_loads_no_more_than_it_looks_at(tmp_path):
     there.mkdir()
     out = ("--out", tmp_path / "out")
     assert loaded_by(("learn", "--out", there)) == (2, set())
-    for words in (("learn", "--world", "moon"), ("calibrate", "kinematics", tmp_path / "nothing")):
+    for words in (
+        ("learn", "--imperfections", "moon"),
+        ("calibrate", "kinematics", tmp_path / "nothing"),
+    ):
         code, packages = loaded_by((*words, *out))
         assert code == 2
         assert not packages & {"matplotlib", "meshcat"}

@@ -130,8 +130,8 @@ def test_a_self_model_of_another_version_is_refused(result, tmp_path, command, r
         (("--robot", "nico", "--base", "chest", "--tip", "moon"), "moon"),
         (("--robot", "nico", "--base", "head", "--tip", "chest"), "chest"),
         (("--robot", "nico", "--arm", "left_arm"), "left_"),
-        (("--pin", "right_elbow.gaer"), "right_elbow.gear"),
-        (("--pin", "right_elbow.r=long"), "long"),
+        (("--fix", "right_elbow.gaer"), "right_elbow.gear"),
+        (("--fix", "right_elbow.r=long"), "long"),
         (("--method", "magic"), "magic"),
         (("--loss", "magic"), "trimmed"),
         (("--test-fraction", "1.5"), "--test-fraction"),
@@ -161,7 +161,7 @@ def test_a_view_of_nothing_is_explained(tmp_path, command):
 
 
 def test_a_world_that_does_not_exist_is_explained(tmp_path, command):
-    done = command("learn", "--world", "moon", "--out", tmp_path / "out")
+    done = command("learn", "--imperfections", "moon", "--out", tmp_path / "out")
     assert_one_clear_line(done, "moon", "thesis")
 
 
@@ -169,9 +169,9 @@ def test_a_world_that_does_not_exist_is_explained(tmp_path, command):
     ("options", "word"),
     [
         (("--base", "chest"), "--robot"),
-        (("--pin", "right_elbow.r=nan"), "finite"),
-        (("--pin", "right_elbow.r=1e308"), "'1e308' is larger than anything measured"),
-        (("--pin", "right_elbow.r="), "--pin right_elbow.r=: '' is not a number"),
+        (("--fix", "right_elbow.r=nan"), "finite"),
+        (("--fix", "right_elbow.r=1e308"), "'1e308' is larger than anything measured"),
+        (("--fix", "right_elbow.r="), "--fix right_elbow.r=: '' is not a number"),
         ((*RIGHT_ARM, "--hold", "right_wrist=up"), "--hold right_wrist=up: 'up' is not a number"),
         (("--require-test-mm", "nan"), "--require-test-mm"),
         (("--require-test-mm", "-2"), "--require-test-mm"),
@@ -181,7 +181,7 @@ def test_a_world_that_does_not_exist_is_explained(tmp_path, command):
         (("--name=",), "--name is empty"),
         (("--robot", " "), "--robot is empty"),
         (("--test", ""), "--test is empty"),
-        (("--pin", ""), "--pin is empty"),
+        (("--fix", ""), "--fix is empty"),
     ],
 )
 def test_options_that_would_be_ignored_are_refused(options, word, recorded, tmp_path, command):

@@ -1,48 +1,50 @@
-"""`calibrate body`, `calibrate tool`, `rezero`, `check`, and the experiments of chapter 8."""
+"""`calibrate body`, `calibrate tool`, `rezero`, `monitor`, and the experiments of chapter 8."""
 
 import json
+import shlex
 from dataclasses import replace
+from pathlib import Path
 from types import SimpleNamespace
 
 import numpy as np
 import pytest
 
 from nico_selfmodel.dataset import Dataset
-from nico_selfmodel.experiments.body_protocol import BodyProtocol
-from nico_selfmodel.experiments.refinement import CONDITIONS, simulated_lesson
+from nico_selfmodel.experiments.projected_nico import ProjectedNico
+from nico_selfmodel.experiments.refinement import CONDITIONS, simulated_scenario
 from nico_selfmodel.model import SelfModel
-from nico_selfmodel.systems import WORLDS
+from nico_selfmodel.systems import IMPERFECTIONS
 
-PLAY = WORLDS["clean"].with_noise(play_deg=0.5)
+PLAY = IMPERFECTIONS["clean"].with_noise(play_deg=0.5)
 TOOL = np.array([0.025, 0.0, -0.08])
 
 
 @pytest.fixture(scope="module")
 def recorded(tmp_path_factory):
-    """Return a folder of data sets and the seed's eyes, and the boards they learned from."""
+    """Return a folder of data sets and the seed's cameras, and the boards they learned from."""
     folder = tmp_path_factory.mktemp("bodies")
-    protocol = BodyProtocol.of_nico()
-    lesson = simulated_lesson(protocol, PLAY, 0, "fiducial")
-    lesson.train.save(folder / "train")
-    lesson.test.save(folder / "test")
-    lesson.eyes.save(folder / "eyes.yaml")
+    protocol = ProjectedNico.tracked_by()
+    scenario = simulated_scenario(protocol, PLAY, 0)
+    scenario.train.save(folder / "train")
+    scenario.test.save(folder / "test")
+    scenario.eyes.save(folder / "eyes.yaml")
     (folder / "photographs").mkdir()
-    one = protocol.body(PLAY, 0, session=2)
+    one = protocol.robot(PLAY, 0, session=2)
     rng = np.random.default_rng(0)
     protocol.record(one, "later", protocol.random_poses(30, rng)).save(folder / "later")
-    one.slip("right_elbow", np.radians(3.0))
+    one.faults.slip("right_elbow", np.radians(3.0))
     protocol.record(one, "slipped", protocol.random_poses(20, rng)).save(folder / "slipped")
-    one.take_tool(TOOL)
-    held = protocol.body(PLAY, 0, session=3)
-    held.take_tool(TOOL)
+    one.faults.take_tool(TOOL)
+    held = protocol.robot(PLAY, 0, session=3)
+    held.faults.take_tool(TOOL)
     poses = protocol.random_poses(25, rng, TOOL)
     protocol.record(held, "tool", poses).save(folder / "tool")
-    return folder, lesson.boards
+    return folder, scenario.boards
 
 
 @pytest.fixture
 def photographs(recorded, monkeypatch):
-    """Let a folder of photographs show the boards that the eyes learned from."""
+    """Let a folder of photographs show the boards that the cameras learned from."""
     folder, boards = recorded
     found = SimpleNamespace(seen_views=boards)
     monkeypatch.setattr("nico_selfmodel.vision.detect_boards", lambda *_, **__: found)
@@ -86,7 +88,7 @@ def test_a_body_leaves_model_numbers_and_urdf(body):
     assert document["cross_validation"]["n"] > 150
 
 
-def test_a_body_is_evaluated_by_what_its_eyes_saw(recorded, body, command):
+def test_a_body_is_evaluated_by_what_its_cameras_saw(recorded, body, command):
     test = recorded[0] / "test"
     done = command("evaluate", body, test, "--json")
     assert done.returncode == 0, done.stderr
@@ -97,13 +99,13 @@ def test_a_body_is_evaluated_by_what_its_eyes_saw(recorded, body, command):
     assert found["pixels"] == document_of(body)["test"]["pixels"]
     assert found["position_mm"] == document_of(body)["test"]["position_mm"]
     done = command("evaluate", body, test)
-    assert [words in done.stdout for words in ("mm from its own eyes", "px", "PASS")] == [True] * 3
+    assert [words in done.stdout for words in ("[mm]", "[px]", "PASS")] == [True] * 3
     refused = command("evaluate", body, test, "--sensor", "nose")
     assert refused.returncode == 2
     assert "no sensor 'nose'" in refused.stderr
 
 
-def test_the_thesis_own_variant_ends_with_one_where_it_harmed_the_eyes(
+def test_the_thesis_own_variant_ends_with_one_where_it_harmed_the_cameras(
     recorded, photographs, command, tmp_path
 ):
     folder, _ = recorded
@@ -153,7 +155,7 @@ def test_three_boards_are_all_learned_from(recorded, photographs, monkeypatch, c
 def test_a_tool_from_the_command_line(recorded, body, command, tmp_path):
     folder, _ = recorded
     done = command(
-        *("calibrate", "tool", body, folder / "tool", "--test-fraction", 0.5),
+        *("calibrate", "tool", folder / "tool", "--model", body, "--test-fraction", 0.5),
         *("--tool", "screwdriver", "--out", tmp_path / "held"),
     )
     assert done.returncode == 0, done.stdout + done.stderr
@@ -164,43 +166,45 @@ def test_a_tool_from_the_command_line(recorded, body, command, tmp_path):
     assert SelfModel.load(tmp_path / "held").markers == ("hand", "screwdriver")
 
 
-def test_a_point_that_moved_is_learned_anew_as_check_says(recorded, body, command, tmp_path):
+def test_a_point_that_moved_is_learned_anew_as_monitor_says(recorded, body, command):
     folder, _ = recorded
-    ill = json.loads(command("check", body, folder / "tool", "--json").stdout)
-    words = ill["causes"][0]["command"].split()
-    assert words[:5] == ["nico-selfmodel", "calibrate", "tool", "MODEL", "DATASET"]
-    places = {"MODEL": body, "DATASET": folder / "tool", "OUT": tmp_path / "moved"}
-    done = command(*(places.get(word, word) for word in words[1:]))
+    ill = json.loads(command("monitor", body, folder / "tool", "--json").stdout)
+    words = shlex.split(ill["causes"][0]["command"])
+    assert words[:4] == ["nico-selfmodel", "calibrate", "tool", str(folder / "tool")]
+    done = command(*words[1:])
     assert done.returncode == 0, done.stdout + done.stderr
     assert "from where it was" in done.stdout
-    reach = document_of(tmp_path / "moved")["reach_mm"]
+    reach = document_of(Path(words[-1]))["reach_mm"]
     assert reach["value"] == pytest.approx(1e3 * np.linalg.norm(TOOL), abs=4.0 * reach["sigma"])
-    assert command("check", tmp_path / "moved", folder / "tool").returncode == 0
+    assert command("monitor", words[-1], folder / "tool").returncode == 0
 
 
 def test_a_bare_hand_as_a_tool_ends_with_one(recorded, body, command, tmp_path):
     folder, _ = recorded
-    done = command("calibrate", "tool", body, folder / "later", "--out", tmp_path / "none")
+    done = command(
+        "calibrate", "tool", folder / "later", "--model", body, "--out", tmp_path / "none"
+    )
     assert done.returncode == 1
     assert "no tool can be told" in done.stdout
 
 
 @pytest.mark.slow
-def test_check_says_what_changed_and_learns_just_that(recorded, body, command, tmp_path):
+def test_monitor_says_what_changed_and_learns_just_that(recorded, body, command, tmp_path):
     folder, _ = recorded
-    fine = command("check", body, folder / "later")
+    fine = command("monitor", body, folder / "later")
     assert fine.returncode == 0
     assert "PASS" in fine.stdout
-    ill = command("check", body, folder / "slipped")
+    ill = command("monitor", body, folder / "slipped")
     assert ill.returncode == 1
     assert "zero of right_elbow" in ill.stdout
-    assert "nico-selfmodel rezero MODEL DATASET --joint right_elbow" in ill.stdout
-    document = json.loads(command("check", body, folder / "slipped", "--json").stdout)
+    assert f"rezero {body} {folder / 'slipped'} --joint right_elbow" in ill.stdout
+    document = json.loads(command("monitor", body, folder / "slipped", "--json").stdout)
     assert document["causes"][0]["parameters"] == ["right_elbow.theta_offset"]
-    cured = command("check", body, folder / "slipped", "--relearn", "--out", tmp_path / "cured")
+    again = ("--relearn", "--out", tmp_path / "cured")
+    cured = command("monitor", body, folder / "slipped", *again)
     assert cured.returncode == 0, cured.stdout + cured.stderr
     assert document_of(tmp_path / "cured")["cause"] == "zero of right_elbow"
-    assert command("check", tmp_path / "cured", folder / "slipped").returncode == 0
+    assert command("monitor", tmp_path / "cured", folder / "slipped").returncode == 0
 
 
 @pytest.mark.slow
@@ -228,7 +232,7 @@ def test_rezero_of_one_joint_and_of_all(recorded, body, command, tmp_path):
         (("--stage", "all"), "choose one of kinematics"),
         (("--test-fraction", 0.2, "--test", "test"), "give --test or --test-fraction"),
         (("--arm", "right_arm"), "need --robot"),
-        (("--stage", "kinematics", "--pin", "left.f"), "no camera parameter"),
+        (("--stage", "kinematics", "--fix", "left.f"), "no camera parameter"),
     ],
 )
 def test_what_cannot_be_done_is_one_line_and_writes_nothing(
@@ -248,8 +252,8 @@ def test_what_cannot_be_done_is_one_line_and_writes_nothing(
 
 def test_models_and_data_that_do_not_suit_are_refused(recorded, body, command, tmp_path):
     folder, _ = recorded
-    eyeless = SelfModel.load(body)
-    replace(eyeless, cameras={}, covariance=None).save(tmp_path / "arm.yaml")
+    without = SelfModel.load(body)
+    replace(without, cameras={}, covariance=None).save(tmp_path / "arm.yaml")
     out = tmp_path / "out"
     done = command(
         *("calibrate", "body", folder / "train", "--model", tmp_path / "arm.yaml"),
@@ -257,17 +261,17 @@ def test_models_and_data_that_do_not_suit_are_refused(recorded, body, command, t
     )
     assert done.returncode == 2
     assert "no pair of cameras" in done.stderr
-    blind = command("check", tmp_path / "arm.yaml", folder / "later")
-    assert blind.returncode == 2
-    assert "has no eyes, and data set 'later' holds nothing but pixels" in blind.stderr
+    lacking = command("monitor", tmp_path / "arm.yaml", folder / "later")
+    assert lacking.returncode == 2
+    assert "has no eyes, and data set 'later' holds nothing but pixels" in lacking.stderr
     once = tmp_path / "once"
     Dataset.load(folder / "later").select(np.arange(1)).save(once)
     lost = command("rezero", body, once, "--out", out)
     assert lost.returncode == 2
     assert "1 sighting is too few or too alike: `right_" in lost.stderr
     assert lost.stderr.rstrip().endswith("record more poses, spread over the workspace")
-    assert command("check", folder / "eyes.yaml", folder / "later").returncode == 2
-    lone = command("check", body, folder / "slipped", "--relearn")
+    assert command("monitor", folder / "eyes.yaml", folder / "later").returncode == 2
+    lone = command("monitor", body, folder / "slipped", "--relearn")
     assert "--relearn and --out belong together" in lone.stderr
     assert not out.exists()
 
@@ -276,7 +280,7 @@ ANY_ARM = 23
 """Parameters of four joints with unknown gears that points can tell."""
 
 
-def named_blind(done):
+def named_unobservable(done):
     """Return the parameters that a refusal names, and how many there are in all."""
     assert done.returncode == 2
     assert done.stderr.count("\n") == 1
@@ -287,7 +291,9 @@ def named_blind(done):
 
 
 @pytest.mark.parametrize("count", [1, 2, 5, 7])
-def test_too_few_poses_for_a_body_name_what_stays_blind(recorded, body, command, tmp_path, count):
+def test_too_few_poses_for_a_body_name_what_is_unobservable(
+    recorded, body, command, tmp_path, count
+):
     folder, _ = recorded
     few, out = tmp_path / "few", tmp_path / "out"
     Dataset.load(folder / "later").select(np.arange(count)).save(few)
@@ -295,29 +301,29 @@ def test_too_few_poses_for_a_body_name_what_stays_blind(recorded, body, command,
     unknown = command("calibrate", "body", few, "--model", folder / "eyes.yaml", *task)
     poses = "1 pose" if count == 1 else f"{count} poses"
     assert f"both eyes saw the hand in {poses}, at least 8 are needed" in unknown.stderr
-    names, total = named_blind(unknown)
+    names, total = named_unobservable(unknown)
     assert total == ANY_ARM
     assert len(set(names)) == len(names) == 8
     assert "M0.x" in names
     known = command("calibrate", "body", few, "--model", body, *task)
     # Each direction that few poses leave open has a part of every parameter.
-    assert named_blind(known)[1] == total
-    pixels = command("calibrate", "kinematics", few, "--eyes", folder / "eyes.yaml", *task[2:])
-    assert named_blind(pixels) == (names, total)
+    assert named_unobservable(known)[1] == total
+    pixels = command("calibrate", "kinematics", few, "--cameras", folder / "eyes.yaml", *task[2:])
+    assert named_unobservable(pixels) == (names, total)
     assert not out.exists()
 
 
-def test_only_what_is_blind_is_named(recorded, body, command, tmp_path):
+def test_only_what_is_unobservable_is_named(recorded, body, command, tmp_path):
     folder, _ = recorded
     out, free = tmp_path / "out", {"right_elbow.gear", "right_elbow.theta_offset"}
     held = [n for n in SelfModel.load(body).parameters.names if n not in free]
     task = ("--model", body, "--stage", "kinematics", "--out", out)
-    pins = [word for name in held for word in ("--pin", name)]
+    pins = [word for name in held for word in ("--fix", name)]
     data = Dataset.load(folder / "later")
     data.select(np.arange(1)).save(tmp_path / "one")
     data.select(np.arange(5)).save(tmp_path / "five")
     one = command("calibrate", "body", tmp_path / "one", *task, *pins)
-    assert set(named_blind(one)[0]) == free
+    assert set(named_unobservable(one)[0]) == free
     five = command("calibrate", "body", tmp_path / "five", *task, *pins)
     assert five.returncode == 2
     assert "blind" not in five.stderr
@@ -327,7 +333,9 @@ def test_only_what_is_blind_is_named(recorded, body, command, tmp_path):
 def test_a_tool_seen_once_names_what_one_pose_cannot_tell(recorded, body, command, tmp_path):
     folder, _ = recorded
     Dataset.load(folder / "tool").select(np.arange(1)).save(tmp_path / "once")
-    done = command("calibrate", "tool", body, tmp_path / "once", "--out", tmp_path / "out")
+    done = command(
+        "calibrate", "tool", tmp_path / "once", "--model", body, "--out", tmp_path / "out"
+    )
     assert done.returncode == 2
     assert "hand.tool.x, hand.tool.y, hand.tool.z cannot be told" in done.stderr
 
@@ -337,7 +345,7 @@ def test_the_experiments_of_chapter_8_run(command, tmp_path, monkeypatch):
     some = {"full, anchored": CONDITIONS["full, anchored"]}
     monkeypatch.setattr("nico_selfmodel.experiments.refinement.CONDITIONS", some)
     done = command(
-        *("experiment", "refinement", "--individuals", 1, "--tracker", "fiducial"),
+        *("experiment", "refinement", "--robots", 1, "--tracker", "fiducial"),
         *("--out", tmp_path / "refined"),
     )
     assert done.returncode == 0, done.stderr

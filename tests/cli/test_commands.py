@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 import yaml
 
-from nico_selfmodel.cli import console
+from nico_selfmodel.cli import printer
 from nico_selfmodel.dataset import Dataset
 from nico_selfmodel.model import SelfModel
 from nico_selfmodel.plant import ArmDescription
@@ -210,7 +210,7 @@ def test_every_command_explains_itself(words, command):
 @pytest.mark.slow
 def test_the_motion_capture_experiment_writes_tables_and_charts(tmp_path, command):
     out = tmp_path / "chapter6"
-    done = command("experiment", "motion-capture", "--out", out, "--individuals", 1, "--repeats", 3)
+    done = command("experiment", "motion-capture", "--out", out, "--robots", 1, "--repeats", 3)
     assert done.returncode == 0, done.stderr
     names = {path.name for path in out.iterdir()}
     assert names == {
@@ -224,10 +224,10 @@ def test_the_motion_capture_experiment_writes_tables_and_charts(tmp_path, comman
 
 def test_a_table_in_a_pipe_is_as_wide_as_it_must_be_and_loses_no_word(capsys):
     words = [
-        "fiducial, arm and eyes refined together",
+        "fiducial, arm and cameras refined together",
         *(f"{k}.00 (0.50) / 3.00" for k in range(9)),
     ]
-    console.print_table("errors [mm]", [f"column {k}" for k in range(10)], [words])
+    printer.table("errors [mm]", [f"column {k}" for k in range(10)], [words])
     said = capsys.readouterr().out
     assert all(word in said for word in words)
     assert "errors [mm]" in said

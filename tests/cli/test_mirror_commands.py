@@ -42,7 +42,7 @@ def test_a_mirror_is_learned_and_lies_in_the_self_model(result, body):
         "self_model.yaml", "result.json", "report.html", "scene.json",
     }  # fmt: skip
     mirror = SelfModel.load(out).mirrors["middle"]
-    assert np.degrees(mirror.angle_to(body.true_mirror("middle"))) < 0.15
+    assert np.degrees(mirror.angle_to(body.ground_truth.mirrors["middle"])) < 0.15
     assert mirror.covariance is not None
     document = json.loads((out / "result.json").read_text(encoding="utf-8"))
     assert document["status"] == "PASS"
@@ -128,13 +128,13 @@ def test_options_that_make_no_sense_are_refused(command, inputs, tmp_path, optio
 
 
 def test_bad_data_are_one_clear_line(command, inputs, body, tmp_path):
-    eyeless = replace(body.calibrated(), cameras={})
-    eyeless.save(tmp_path / "blind.yaml")
+    arm_alone = replace(body.calibrated(), cameras={})
+    arm_alone.save(tmp_path / "arm.yaml")
     direct = body.watch("", 8)
     replace(direct, mirror=np.full(8, "middle")).save(tmp_path / "direct")
     out = tmp_path / "result"
     for data, model, message in (
-        (inputs / "train", tmp_path / "blind.yaml", "no eyes"),
+        (inputs / "train", tmp_path / "arm.yaml", "no eyes"),
         (tmp_path / "direct", inputs / "body.yaml", "show the hand itself"),
         (inputs / "train", tmp_path / "none.yaml", "does not exist"),
     ):

@@ -13,7 +13,7 @@ import pytest
 from pydrake.systems.analysis import Simulator
 
 from nico_selfmodel.dataset import Dataset
-from nico_selfmodel.recording import commands_of_angles
+from nico_selfmodel.planning.plans import commands_of_angles
 from nico_selfmodel.servos import ServoConfig, SimulatedBus
 from nico_selfmodel.systems import ImageQuality, MotionCaptureServer, NicoBehindBus, NicoStation
 from nico_selfmodel.vision import write_image
@@ -39,7 +39,9 @@ def robot(tmp_path_factory):
 @pytest.fixture(scope="module")
 def homed(robot, command):
     words, tracker, bus = robot
-    refused = command("record", "x", *words, *tracker, "--yes", "--random", 2, "--circle", 0)
+    refused = command(
+        "record", "--out", "x", *words, *tracker, "--yes", "--random", 2, "--circle", 0
+    )
     assert_one_clear_line(refused, "rezero is due", "right_elbow", "servo home")
     assert not any(module.amplifier for module in bus.modules)
     done = command("servo", "home", "--here", "--yes", *words)
@@ -58,41 +60,41 @@ def assert_one_clear_line(done, *words):
 def test_a_recording_is_announced_made_and_resumed(homed, command, tmp_path):
     words, tracker, _ = homed
     poses = ("--circle", 0, "--random", 2, "--seed", 5)
-    asked = command("record", tmp_path / "data", *words, *tracker, *poses, stdin="n\n")
+    asked = command("record", "--out", tmp_path / "data", *words, *tracker, *poses, stdin="n\n")
     assert asked.returncode == 130
     assert "Move the arm through 2 poses?" in asked.stderr
     assert "limits (deg)" in asked.stdout
     assert not (tmp_path / "data").exists()
 
-    made = command("record", tmp_path / "data", *words, *tracker, *poses, "--yes")
+    made = command("record", "--out", tmp_path / "data", *words, *tracker, *poses, "--yes")
     assert made.returncode == 0, made.stderr
     data = Dataset.load(tmp_path / "data")
     assert len(data.samples) == 2
     assert set(data.marker) == {"fiducial", "finger_tip", "hand"}
     assert np.isfinite(data.p_WH_measured).any(axis=1).sum() >= 4
     begin = time.monotonic()
-    again = command("record", tmp_path / "data", *words, *tracker, *poses, "--yes")
+    again = command("record", "--out", tmp_path / "data", *words, *tracker, *poses, "--yes")
     assert again.returncode == 0, again.stderr
     assert time.monotonic() - begin < 8.0
     assert Dataset.load(tmp_path / "data").sha256 == data.sha256
 
 
 @pytest.mark.slow
-def test_real_eyes_may_be_folders_of_pictures(homed, command, tmp_path):
+def test_real_cameras_may_be_folders_of_pictures(homed, command, tmp_path):
     station = NicoStation("thesis", SEED, quality=ImageQuality(1))
     simulator = Simulator(station)
     q = np.radians([-40.0, 15.0, -35.0, -55.0])
     there = commands_of_angles(station.joints, station.arm.lower, station.arm.upper, [q])[0]
     station.GetInputPort("command").FixValue(simulator.get_mutable_context(), there)
     simulator.AdvanceTo(1.5)
-    (tmp_path / "eyes").mkdir()
-    for eye in ("left", "right"):
-        write_image(tmp_path / f"{eye}.jpg", station.picture(simulator.get_context(), eye))
+    (tmp_path / "seen").mkdir()
+    for side in ("left", "right"):
+        write_image(tmp_path / f"{side}.jpg", station.picture(simulator.get_context(), side))
         for k in range(900):  # half a minute
-            (tmp_path / "eyes" / f"{eye}{k}.jpg").symlink_to(tmp_path / f"{eye}.jpg")
-    cameras = ("--left-camera", tmp_path / "eyes", "--right-camera", tmp_path / "eyes")
+            (tmp_path / "seen" / f"{side}{k}.jpg").symlink_to(tmp_path / f"{side}.jpg")
+    cameras = ("--left-camera", tmp_path / "seen", "--right-camera", tmp_path / "seen")
     few = ("--circle", 0, "--random", 1, "--yes", "--images")
-    done = command("record", tmp_path / "data", *homed[0], *cameras, *few)
+    done = command("record", "--out", tmp_path / "data", *homed[0], *cameras, *few)
     assert done.returncode == 0, done.stderr
     data = Dataset.load(tmp_path / "data")
     seen = station.GetOutputPort("hand_pixels").Eval(simulator.get_context())[:4]
@@ -108,14 +110,14 @@ def test_real_eyes_may_be_folders_of_pictures(homed, command, tmp_path):
         (("--config", "x.yaml"), ("need --port",)),
         (("--yes",), ("need --port",)),
         (("--port", "nowhere"), ("needs --config",)),
-        (("--port", "nowhere", "--world", "clean"), ("--world", "leave it out")),
+        (("--port", "nowhere", "--imperfections", "clean"), ("--imperfections", "leave it out")),
         (("--port", "nowhere", "--sensor", "chessboard"), ("calibrate stereo",)),
         (("--port", "nowhere", "--config", "nothing.yaml"), ("nothing.yaml",)),
     ],
 )
 def test_options_that_do_not_fit_are_explained(command, words, expected, tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
-    assert_one_clear_line(command("record", "out", *words), *expected)
+    assert_one_clear_line(command("record", "--out", "out", *words), *expected)
     assert not (tmp_path / "out").exists()
 
 
@@ -136,7 +138,7 @@ def test_options_that_do_not_fit_are_explained(command, words, expected, tmp_pat
 )
 def test_sensors_that_are_missing_are_explained(robot, command, words, expected, tmp_path):
     few = ("--circle", 0, "--random", 1)
-    done = command("record", tmp_path / "out", *robot[0], *words, *few)
+    done = command("record", "--out", tmp_path / "out", *robot[0], *words, *few)
     assert_one_clear_line(done, *expected)
     assert not (tmp_path / "out").exists()
 
@@ -145,7 +147,7 @@ def test_a_port_that_does_not_exist_is_named(robot, command, tmp_path):
     words, tracker, _ = robot
     words = ("--port", tmp_path / "ttyNothing", *words[2:])
     few = ("--circle", 0, "--random", 1, "--yes")
-    done = command("record", tmp_path / "out", *words, *tracker, *few)
+    done = command("record", "--out", tmp_path / "out", *words, *tracker, *few)
     assert_one_clear_line(done, "ttyNothing does not exist")
 
 
@@ -153,7 +155,7 @@ def test_a_port_that_does_not_exist_is_named(robot, command, tmp_path):
 def test_a_fault_keeps_what_was_recorded_and_says_how_to_go_on(homed, command, tmp_path):
     words, tracker, bus = homed
     few = ("--circle", 0, "--random", 1, "--seed", 7, "--yes")
-    made = command("record", tmp_path / "data", *words, *tracker, *few)
+    made = command("record", "--out", tmp_path / "data", *words, *tracker, *few)
     assert made.returncode == 0, made.stderr
     few = ("--circle", 0, "--random", 3, "--seed", 7, "--yes")
 
@@ -165,11 +167,11 @@ def test_a_fault_keeps_what_was_recorded_and_says_how_to_go_on(homed, command, t
 
     failing = threading.Thread(target=fail)
     failing.start()
-    done = command("record", tmp_path / "data", *words, *tracker, *few)
+    done = command("record", "--out", tmp_path / "data", *words, *tracker, *few)
     failing.join()
     assert_one_clear_line(done, "right_upper_arm_twist (module 3): over-current", "goes on from")
     assert 1 <= len(Dataset.load(tmp_path / "data").samples) < 3
-    again = command("record", tmp_path / "data", *words, *tracker, *few)
+    again = command("record", "--out", tmp_path / "data", *words, *tracker, *few)
     assert again.returncode == 0, again.stderr
     assert len(Dataset.load(tmp_path / "data").samples) == 3
 
@@ -178,8 +180,9 @@ def test_a_fault_keeps_what_was_recorded_and_says_how_to_go_on(homed, command, t
 def test_ctrl_c_stops_the_arm_and_keeps_what_was_recorded(homed, tmp_path):
     words, tracker, bus = homed
     poses = ("--circle", "0", "--random", "20", "--speed-deg-s", "20", "--yes")
+    recording = ("record", "--out", tmp_path / "data", *words, *tracker, *poses)
     process = subprocess.Popen(
-        [sys.executable, "-c", CODE, "record", str(tmp_path / "data"), *words, *tracker, *poses],
+        [sys.executable, "-c", CODE, *recording],
         stdout=subprocess.DEVNULL,
         stderr=subprocess.PIPE,
         text=True,
@@ -202,22 +205,25 @@ def test_ctrl_c_stops_the_arm_and_keeps_what_was_recorded(homed, tmp_path):
 @pytest.mark.slow
 def test_a_simulated_body_gets_a_configuration_of_its_own(command, tmp_path):
     file = tmp_path / "servos.yaml"
-    done = command("servo", "simulate", "--body", file, "--seconds", 0.05)
+    done = command("servo", "simulate", "--body", "--out", file, "--seconds", 0.05)
     assert done.returncode == 0, done.stderr
     assert [line.split()[0] for line in done.stdout.splitlines()] == [
         *("config", "motion-capture", "servos")
     ]
     assert len(ServoConfig.load(file).joints) == 4
-    assert_one_clear_line(command("servo", "simulate", "--body", file), str(file), "exists")
-    both = command("servo", "simulate", "--body", tmp_path / "y", "--config", file)
+    assert_one_clear_line(
+        command("servo", "simulate", "--body", "--out", file), str(file), "exists"
+    )
+    both = command("servo", "simulate", "--body", "--out", tmp_path / "y", "--config", file)
     assert_one_clear_line(both, "leave --config out")
 
 
 @pytest.mark.slow
 def test_a_simulated_body_hangs_behind_a_bus_of_another_process(command, tmp_path):
     file = tmp_path / "servos.yaml"
+    words = ("servo", "simulate", "--body", "--out", file, "--seconds", "60")
     with subprocess.Popen(
-        [sys.executable, "-c", CODE, "servo", "simulate", "--body", str(file), "--seconds", "60"],
+        [sys.executable, "-c", CODE, *words],
         stdout=subprocess.PIPE,
         text=True,
         env={**os.environ, "PYTHONUNBUFFERED": "1", "COLUMNS": "200"},

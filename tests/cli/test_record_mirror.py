@@ -16,7 +16,7 @@ from ..true_nico import true_model
 def test_a_mirror_is_recorded_and_learned_one_command_after_the_other(tmp_path, command):
     seen, body, out = tmp_path / "seen", tmp_path / "body.yaml", tmp_path / "out"
     true_model(looking_arm("fiducial"), "clean", 3).save(body)
-    words = ("record", seen, "--world", "clean", "--seed", 3, "--random", 2)
+    words = ("record", "--out", seen, "--imperfections", "clean", "--seed", 3, "--random", 2)
     done = command(*words, "--mirror", "glass=290,0,-20", "--images")
     assert done.returncode == 0, done.stderr
     data = Dataset.load(seen)
@@ -26,7 +26,7 @@ def test_a_mirror_is_recorded_and_learned_one_command_after_the_other(tmp_path, 
     done = command("calibrate", "mirror", seen, "--model", body, "--out", out, "--json")
     assert done.returncode == 0, done.stdout + done.stderr
     document = json.loads(done.stdout)
-    # Meant at 290 mm before eyes as designed; the true head stands a degree off.
+    # Meant at 290 mm before cameras as designed; the true head stands a degree off.
     assert document["mirrors"]["glass"]["distance_mm"] == pytest.approx(290.0, abs=15.0)
     assert document["train"]["pixels"]["mean"] < 0.5
     assert set(SelfModel.load(out).mirrors) == {"glass"}
@@ -47,7 +47,7 @@ def test_a_mirror_is_recorded_and_learned_one_command_after_the_other(tmp_path, 
     ],
 )
 def test_mirrors_that_cannot_be_recorded_are_refused_in_one_line(words, reason, tmp_path, command):
-    done = command("record", tmp_path / "out", *words)
+    done = command("record", "--out", tmp_path / "out", *words)
     assert done.returncode == 2
     assert reason in done.stderr
     assert len(done.stderr.strip().splitlines()) == 1
@@ -57,11 +57,11 @@ def test_mirrors_that_cannot_be_recorded_are_refused_in_one_line(words, reason, 
 @pytest.mark.parametrize(
     ("words", "reason"),
     [
-        (("learn", "--mirror", "--sensor", "motion-capture"), "--mirror needs eyes"),
+        (("learn", "--mirror", "--sensor", "motion-capture"), "--mirror needs cameras"),
         (("experiment", "mirror", "--rendered", "--pixel-sigma", "1"), "has no meaning"),
     ],
 )
-def test_mirrors_need_eyes(words, reason, tmp_path, command):
+def test_mirrors_need_cameras(words, reason, tmp_path, command):
     done = command(*words, "--out", tmp_path / "out")
     assert done.returncode == 2
     assert reason in done.stderr
@@ -69,7 +69,7 @@ def test_mirrors_need_eyes(words, reason, tmp_path, command):
 
 
 @pytest.mark.slow
-def test_learn_goes_through_the_eyes_refines_both_and_ends_before_a_mirror(tmp_path, command):
+def test_learn_goes_through_the_cameras_refines_both_and_ends_before_a_mirror(tmp_path, command):
     out = tmp_path / "body"
     done = command("learn", "--mirror", "--out", out, "--random", 60, "--seed", 4)
     assert done.returncode == 0, done.stdout + done.stderr

@@ -1,4 +1,4 @@
-"""Learning eyes at the command line: the whole way from photographs, and what goes wrong."""
+"""Learning cameras at the command line: the whole way from photographs, and what goes wrong."""
 
 import importlib.util
 import json
@@ -32,10 +32,10 @@ def spoilt(photographs, tmp_path):
 
 
 @pytest.fixture(scope="session")
-def eyes(tmp_path_factory, photographs, command):
+def cameras(tmp_path_factory, photographs, command):
     """Return the result folder of a calibration with two boards held out."""
-    out = tmp_path_factory.mktemp("eyes") / "eyes"
-    words = ("--pin", "k3=0", "--test-fraction", 0.2, "--out", out)
+    out = tmp_path_factory.mktemp("cameras") / "cameras"
+    words = ("--fix", "k3=0", "--test-fraction", 0.2, "--out", out)
     done = command("calibrate", "stereo", photographs, *BOARD, *words)
     assert done.returncode == 0, done.stdout + done.stderr
     assert "PASS" in done.stdout
@@ -53,9 +53,9 @@ def refused(command, folder, tmp_path, *words):
     return lines[0]
 
 
-def test_photographs_become_eyes_that_are_where_they_were_drawn(eyes):
-    model, truth = SelfModel.load(eyes), drawn_boards.SMALL_RIG
-    document = json.loads((eyes / "result.json").read_text())
+def test_photographs_become_cameras_that_are_where_they_were_drawn(cameras):
+    model, truth = SelfModel.load(cameras), drawn_boards.SMALL_RIG
+    document = json.loads((cameras / "result.json").read_text())
     assert document["status"] == "PASS"
     assert document["test"]["pixels"]["rms"] < 0.2
     files = document["detection"].pop("files")
@@ -67,13 +67,13 @@ def test_photographs_become_eyes_that_are_where_they_were_drawn(eyes):
     assert model.rig.left.fx == pytest.approx(truth.left.fx, abs=2.0)
     assert model.rig.right.cy == pytest.approx(truth.right.cy, abs=2.5)
     assert "left.k3" not in model.covariance.names
-    names = {path.name for path in eyes.iterdir()}
+    names = {path.name for path in cameras.iterdir()}
     assert names == {"self_model.yaml", "result.json", "report.html", "scene.json"}
 
 
-def test_one_eye_alone_is_a_command_of_its_own(photographs, tmp_path, command):
-    out = tmp_path / "eye"
-    words = ("--fixed-aspect", "--tangential", "--pin", "k3=0", "--eye", "right", "--json")
+def test_one_camera_alone_is_a_command_of_its_own(photographs, tmp_path, command):
+    out = tmp_path / "camera"
+    words = ("--fixed-aspect", "--tangential", "--fix", "k3=0", "--camera", "right", "--json")
     done = command("calibrate", "camera", photographs, *BOARD, *words, "--out", out)
     assert done.returncode == 0, done.stderr
     parameters = json.loads(done.stdout)["parameters"]
@@ -85,7 +85,7 @@ def test_one_eye_alone_is_a_command_of_its_own(photographs, tmp_path, command):
 
 @pytest.mark.slow
 def test_a_bound_that_is_missed_fails_and_is_written(photographs, tmp_path, command):
-    out = tmp_path / "eyes"
+    out = tmp_path / "cameras"
     words = ("--test-fraction", 0.2, "--require-test-px", 0.001, "--out", out)
     done = command("calibrate", "stereo", photographs, *BOARD, *words)
     assert done.returncode == 1
@@ -98,7 +98,7 @@ def test_an_image_without_its_partner_is_named(spoilt, tmp_path, command):
     assert "left03.png" in refused(command, spoilt, tmp_path)
 
 
-def test_images_of_one_eye_only_are_refused(spoilt, tmp_path, command):
+def test_images_of_one_camera_only_are_refused(spoilt, tmp_path, command):
     for path in spoilt.glob("right*"):
         path.unlink()
     assert "one camera only" in refused(command, spoilt, tmp_path)
@@ -130,7 +130,7 @@ def test_two_boards_are_too_few(spoilt, tmp_path, command):
     assert "saw 2 boards, at least 3" in refused(command, spoilt, tmp_path)
 
 
-def test_swapped_eyes_are_recognised(spoilt, tmp_path, command):
+def test_swapped_cameras_are_recognised(spoilt, tmp_path, command):
     for path in sorted(spoilt.glob("left*")):
         other = spoilt / path.name.replace("left", "right")
         path.rename(spoilt / "aside.png")
@@ -138,9 +138,9 @@ def test_swapped_eyes_are_recognised(spoilt, tmp_path, command):
         (spoilt / "aside.png").rename(other)
     message = refused(command, spoilt, tmp_path)
     assert "left and right are swapped" in message
-    assert "--swap-eyes" in message
-    out = tmp_path / "eyes"
-    done = command("calibrate", "stereo", spoilt, *BOARD, "--swap-eyes", "--out", out)
+    assert "--swap-cameras" in message
+    out = tmp_path / "cameras"
+    done = command("calibrate", "stereo", spoilt, *BOARD, "--swap-cameras", "--out", out)
     assert done.returncode == 0, done.stdout + done.stderr
     found, truth = SelfModel.load(out).rig, drawn_boards.SMALL_RIG
     assert found.baseline == pytest.approx(truth.baseline, rel=0.02)
@@ -166,9 +166,9 @@ def fisheye_photographs(tmp_path_factory):
     return folder
 
 
-@pytest.mark.parametrize("pins", [(), ("--pin", "k3=0")])
+@pytest.mark.parametrize("pins", [(), ("--fix", "k3=0")])
 def test_photographs_of_a_fisheye_do_not_pass(fisheye_photographs, tmp_path, command, pins):
-    out = tmp_path / "eye"
+    out = tmp_path / "camera"
     words = ("--board", "7x5", "--square-mm", 30, "--window", 4, "--test-fraction", 0.25)
     done = command("calibrate", "camera", fisheye_photographs, *words, *pins, "--out", out)
     assert done.returncode == 1, done.stdout + done.stderr
@@ -198,18 +198,18 @@ def test_two_images_of_one_camera_are_no_pair(spoilt, tmp_path, command):
 @pytest.mark.slow
 def test_a_board_whose_pair_does_not_match_is_set_aside_by_name(spoilt, tmp_path, command):
     shutil.copy(spoilt / "right03.png", spoilt / "right04.png")
-    out = tmp_path / "eyes"
-    done = command("calibrate", "stereo", spoilt, *BOARD, "--pin", "k3=0", "--out", out)
+    out = tmp_path / "cameras"
+    done = command("calibrate", "stereo", spoilt, *BOARD, "--fix", "k3=0", "--out", out)
     assert done.returncode == 0, done.stdout + done.stderr
     assert json.loads((out / "result.json").read_text())["outliers"] == ["04"]
-    assert "boards set aside: left04.png and right04.png" in done.stdout
+    assert "boards set aside as outliers: left04.png and right04.png" in done.stdout
 
 
 @pytest.mark.parametrize(
     ("words", "expected"),
     [
-        (("--pin", "left.k9=0"), "no camera parameter 'left.k9'"),
-        (("--pin", "k3=x"), "'x' is not a number"),
+        (("--fix", "left.k9=0"), "no camera parameter 'left.k9'"),
+        (("--fix", "k3=x"), "'x' is not a number"),
         (("--prior", "left.cx=160"), "NAME=MEAN,SIGMA"),
         (("--loss", "cubic"), "cubic"),
         (("--test-fraction", 2), "--test-fraction"),
@@ -224,7 +224,7 @@ def test_options_that_mean_nothing_are_refused(photographs, tmp_path, command, w
 def test_the_stereo_experiment_writes_tables_and_charts(tmp_path, command, monkeypatch):
     monkeypatch.setattr("nico_selfmodel.experiments.stereo.COUNTS", (6, 13))
     out = tmp_path / "experiment"
-    done = command("experiment", "stereo", "--individuals", 2, "--out", out, "--json")
+    done = command("experiment", "stereo", "--robots", 2, "--out", out, "--json")
     assert done.returncode == 0, done.stderr
     rows = {row["lens"]: row for row in json.loads(done.stdout)["by_lens"]}
     assert rows["pinhole"]["edge_sd_mm"][0] > 1.5 * rows["full"]["edge_sd_mm"][0]

@@ -82,7 +82,7 @@ def test_a_colour_is_found_with_a_file_of_pick_color(photographs, tmp_path, comm
 
 def test_a_chessboard_is_a_row_for_each_corner(photographs, tmp_path, command):
     image, out = photographs / "board.png", tmp_path / "seen"
-    done = command("detect", image, "--chessboard", "5x4", "--window", 5, "--out", out)
+    done = command("detect", image, "--board", "5x4", "--window", 5, "--out", out)
     assert done.returncode == 0, done.stderr
     rows = table(out)
     assert [row["id"] for row in rows] == [str(i) for i in range(20)]
@@ -123,12 +123,12 @@ def test_a_sheet_of_markers_is_written(tmp_path, command):
 @pytest.mark.parametrize(
     ("words", "message"),
     [
-        (("marker.png",), "choose one of --fiducial, --color FILE and --chessboard"),
-        (("marker.png", "--fiducial", "--chessboard", "9x6"), "choose one of"),
-        (("marker.png", "--chessboard", "9x6", "--family", "x"), "--family is for --fiducial"),
-        (("marker.png", "--fiducial", "--window", "5"), "--window is for --chessboard"),
+        (("marker.png",), "choose one of --fiducial, --color FILE and --board"),
+        (("marker.png", "--fiducial", "--board", "9x6"), "choose one of"),
+        (("marker.png", "--board", "9x6", "--family", "x"), "--family is for --fiducial"),
+        (("marker.png", "--fiducial", "--window", "5"), "--window is for --board"),
         (("marker.png", "--fiducial", "--family", "tag"), "families are apriltag_16h5"),
-        (("marker.png", "--chessboard", "nine"), "written as 9x6"),
+        (("marker.png", "--board", "nine"), "written as 9x6"),
         (("marker.png", "--color", "marker.png"), "not UTF-8 text"),
         (("nowhere.png", "--fiducial"), "nowhere.png: there is no such file"),
         (("empty", "--fiducial"), "empty: no images"),

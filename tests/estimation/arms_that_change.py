@@ -7,12 +7,13 @@ import numpy as np
 
 from nico_selfmodel.dataset import Dataset
 from nico_selfmodel.estimation import calibrate_kinematics
-from nico_selfmodel.experiments.protocol import Protocol
+from nico_selfmodel.experiments.protocol import simulated_session
 from nico_selfmodel.model import SelfModel
+from nico_selfmodel.planning.sweep_protocol import Protocol
 from nico_selfmodel.plant import ArmDescription
-from nico_selfmodel.systems import WORLDS, SimulatedArm, World
+from nico_selfmodel.systems import IMPERFECTIONS, Imperfections
 
-THESIS, CLEAN = WORLDS["thesis"], WORLDS["clean"]
+THESIS, CLEAN = IMPERFECTIONS["thesis"], IMPERFECTIONS["clean"]
 CELLS = {
     "clean": CLEAN,
     "thesis": THESIS,
@@ -35,7 +36,7 @@ def arm() -> ArmDescription:
 
 
 def session(
-    world: World,
+    world: Imperfections,
     seed: int,
     number: int,
     count: int = 100,
@@ -49,14 +50,15 @@ def session(
         off = np.random.default_rng(tags).normal(0.0, 0.02, (tags, 3))
         names = tuple(f"tag{k}" for k in range(tags))
         chain = replace(chain, markers=names, p_WH_zero=chain.p_WH_zero + off)
-    body = SimulatedArm(chain, arm().lower, arm().upper, world, seed, number)
     protocol = replace(Protocol.for_arm(arm()), random_poses=count)
-    rng = np.random.default_rng((seed, number, 2))
-    return protocol.run(body, "session", rng, sweeps=sweeps)
+    tagged = replace(arm(), chain=chain)
+    return simulated_session(
+        tagged, world, protocol, "session", seed=seed, session=number, sweeps=sweeps
+    )
 
 
 @cache
-def learned_arm(world: World, seed: int, tags: int = 1) -> SelfModel:
+def learned_arm(world: Imperfections, seed: int, tags: int = 1) -> SelfModel:
     """Return what one robot learned from its circles and 100 random poses."""
     train = session(world, seed, 0, sweeps=True, tags=tags)
     return calibrate_kinematics(train, explain=False).model

@@ -7,14 +7,13 @@ import numpy as np
 
 from nico_selfmodel.dataset import Dataset
 from nico_selfmodel.estimation import BodyCalibration, BodyOptions, calibrate_body
-from nico_selfmodel.experiments.body_protocol import BodyProtocol
-from nico_selfmodel.experiments.refinement import Lesson, simulated_lesson
-from nico_selfmodel.geometry.transform import inverse
-from nico_selfmodel.model import DhParameters, DhTable, SelfModel, StereoRig
-from nico_selfmodel.systems import WORLDS, SimulatedBody
+from nico_selfmodel.experiments.projected_nico import ProjectedNico
+from nico_selfmodel.experiments.refinement import Scenario, simulated_scenario
+from nico_selfmodel.model import DhParameters, SelfModel, StereoRig
+from nico_selfmodel.systems import IMPERFECTIONS, SimulatedRobot
 
-PLAY = WORLDS["clean"].with_noise(play_deg=0.5)
-CLEAN = WORLDS["clean"]
+PLAY = IMPERFECTIONS["clean"].with_noise(play_deg=0.5)
+CLEAN = IMPERFECTIONS["clean"]
 
 
 @dataclass(frozen=True, eq=False)
@@ -25,12 +24,9 @@ class Truth:
     rig: StereoRig
 
     @classmethod
-    def of(cls, body: SimulatedBody) -> "Truth":
-        chain = body._SimulatedBody__true_chain
-        X_BL = body._SimulatedBody__X_BL
-        servos = body._SimulatedBody__servos
-        table = DhTable.from_chain(chain.moved(inverse(X_BL)))
-        return cls(DhParameters(table, servos), body._SimulatedBody__rig)
+    def of(cls, body: SimulatedRobot) -> "Truth":
+        model = body.ground_truth.model()
+        return cls(DhParameters(model.dh, model.servos), body.ground_truth.rig)
 
     def model(self, **others) -> SelfModel:
         """Return the truth as a self-model."""
@@ -39,30 +35,32 @@ class Truth:
         return SelfModel("truth", table, servos, cameras=cameras, **others)
 
 
-def protocol(tracker: str = "fiducial") -> BodyProtocol:
-    return BodyProtocol.of_nico(tracker)
+def protocol(tracker: str = "fiducial") -> ProjectedNico:
+    return ProjectedNico.tracked_by(tracker)
 
 
-def lesson(seed: int = 0, tracker: str = "fiducial", world=PLAY, random_poses: int = 100) -> Lesson:
+def scenario(
+    seed: int = 0, tracker: str = "fiducial", world=PLAY, random_poses: int = 100
+) -> Scenario:
     """Return what one individual recorded: 61 poses on circles, 100 random ones, 100 to test."""
-    return _lesson(seed, tracker, world, random_poses)
+    return _scenario(seed, tracker, world, random_poses)
 
 
 @cache
-def _lesson(seed: int, tracker: str, world, random_poses: int) -> Lesson:
-    return simulated_lesson(protocol(tracker), world, seed, tracker, random_poses)
+def _scenario(seed: int, tracker: str, world, random_poses: int) -> Scenario:
+    return simulated_scenario(protocol(tracker), world, seed, random_poses)
 
 
 def learned(
     seed: int = 0, tracker: str = "fiducial", stage: str = "full", variant: str = "anchored"
 ) -> BodyCalibration:
-    """Return what one individual learned from its lesson."""
+    """Return what one individual learned from its scenario."""
     return _learned(seed, tracker, stage, variant)
 
 
 @cache
 def _learned(seed: int, tracker: str, stage: str, variant: str) -> BodyCalibration:
-    recorded = lesson(seed, tracker)
+    recorded = scenario(seed, tracker)
     return calibrate_body(
         recorded.train,
         recorded.eyes,
@@ -73,18 +71,18 @@ def _learned(seed: int, tracker: str, stage: str, variant: str) -> BodyCalibrati
     )
 
 
-def body(seed: int = 0, tracker: str = "fiducial", world=PLAY, session: int = 1) -> SimulatedBody:
-    return protocol(tracker).body(world, seed, session, tracker)
+def body(seed: int = 0, tracker: str = "fiducial", world=PLAY, session: int = 1) -> SimulatedRobot:
+    return protocol(tracker).robot(world, seed, session)
 
 
-def poses(one: SimulatedBody, count: int, seed: int = 0, tracker: str = "fiducial", **others):
-    """Return random poses of a body, with what an outsider measured."""
+def poses(one: SimulatedRobot, count: int, seed: int = 0, tracker: str = "fiducial", **others):
+    """Return random poses of a body, with what was measured from outside."""
     drawn = protocol(tracker).random_poses(count, np.random.default_rng((seed, 40)), **others)
     return protocol(tracker).record(one, "poses", drawn, observed=True)
 
 
 def only_eyes(dataset: Dataset) -> Dataset:
-    """Return data without what an outsider measured."""
+    """Return data without what was measured from outside."""
     return replace(dataset, p_WH_measured=np.full((len(dataset), 3), np.nan))
 
 

@@ -14,8 +14,8 @@ import pytest
 
 from nico_selfmodel.estimation import calibrate_body, calibrate_kinematics, check_health
 from nico_selfmodel.estimation.monitoring.monitor import chance_of_false_alarm
-from nico_selfmodel.experiments.body_protocol import BodyProtocol
-from nico_selfmodel.experiments.refinement import simulated_lesson
+from nico_selfmodel.experiments.projected_nico import ProjectedNico
+from nico_selfmodel.experiments.refinement import simulated_scenario
 
 from .arms_that_change import CELLS, THESIS, jumped, learned_arm, session
 
@@ -34,8 +34,8 @@ LATE = 30
 
 @cache
 def learned_body(world, seed):
-    lesson = simulated_lesson(BodyProtocol.of_nico(), world, seed, "fiducial")
-    return calibrate_body(lesson.train, lesson.eyes, lesson.boards).model
+    scenario = simulated_scenario(ProjectedNico.tracked_by(), world, seed)
+    return calibrate_body(scenario.train, scenario.eyes, scenario.boards).model
 
 
 def learned(sensor, world, seed):
@@ -46,8 +46,8 @@ def recorded(sensor, world, seed, number, count=POSES, change=None):
     """Return a session of a robot; of one that sees its hand, after something happened to it."""
     if sensor == "points":
         return session(world, seed, number, count)
-    protocol = BodyProtocol.of_nico()
-    one = protocol.body(world, seed, 1000 + number)
+    protocol = ProjectedNico.tracked_by()
+    one = protocol.robot(world, seed, 1000 + number)
     if change is not None:
         change(one)
     drawn = protocol.random_poses(count, np.random.default_rng((seed, number, 41)))
@@ -150,9 +150,9 @@ def test_other_changes_are_found_as_soon_as_documented(what, expected):
 
         def happen(one, way=way):
             if what.startswith("a tool"):
-                one.take_tool(0.005 * way)
+                one.faults.take_tool(0.005 * way)
             else:
-                one.bump_eye(np.radians(1.0) * way)
+                one.faults.bump_camera(np.radians(1.0) * way)
 
         model = learned("pixels", THESIS, seed)
         for number in range(400, 404):
@@ -162,7 +162,7 @@ def test_other_changes_are_found_as_soon_as_documented(what, expected):
             causes.append(report.diagnoses[0].hypothesis.cause)
     text = said(sorted(set(causes), key=causes.count), f"{what}: {np.mean(delays):.2f} poses")
     assert np.mean(delays) <= expected, text
-    right = "point hand on the hand" if what.startswith("a tool") else "pose of the right eye"
+    right = "point hand on the hand" if what.startswith("a tool") else "pose of the right camera"
     assert causes.count(right) >= (0.5 if what.startswith("a tool") else 0.85) * len(causes), text
 
 

@@ -193,8 +193,8 @@ def test_the_words_of_a_command_line_are_read():
 @pytest.mark.parametrize(
     ("words", "message"),
     [
-        ({"pin": ["cx=left"]}, "--pin cx=left: 'left' is not a number"),
-        ({"pin": ["cx="]}, "--pin cx=: '' is not a number"),
+        ({"pin": ["cx=left"]}, "--fix cx=left: 'left' is not a number"),
+        ({"pin": ["cx="]}, "--fix cx=: '' is not a number"),
         ({"pin": ["cx=nan"]}, "'nan' is not a finite number"),
         ({"prior": ["fx"]}, "--prior fx: give NAME=MEAN,SIGMA"),
         ({"prior": ["fx=3"]}, "--prior fx=3: give NAME=MEAN,SIGMA"),

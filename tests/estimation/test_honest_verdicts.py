@@ -6,15 +6,16 @@ import numpy as np
 import pytest
 
 from nico_selfmodel.estimation import Pins, calibrate_kinematics, judge
-from nico_selfmodel.experiments.protocol import Protocol, simulated_session
+from nico_selfmodel.experiments.protocol import simulated_session
+from nico_selfmodel.planning.sweep_protocol import Protocol
 from nico_selfmodel.plant import ArmDescription
-from nico_selfmodel.systems import WORLDS
+from nico_selfmodel.systems import IMPERFECTIONS
 
 
 @pytest.fixture(scope="module")
 def session():
     arm = ArmDescription.named("nico")
-    world = WORLDS["clean"].with_noise(marker_mm=0.5)
+    world = IMPERFECTIONS["clean"].with_noise(marker_mm=0.5)
     poses = replace(Protocol.for_arm(arm), random_poses=60)
     return simulated_session(arm, world, poses, "session", seed=4, session=0)
 

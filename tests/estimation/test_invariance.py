@@ -24,7 +24,7 @@ from nico_selfmodel.geometry.rotation import rotation_from_vector
 from .mirror_scenes import body, poses, recording
 from .random_arms import random_recording
 from .simulated_boards import boards, pictures
-from .simulated_bodies import lesson
+from .simulated_bodies import scenario
 
 COUNTS = 2.0**24
 """A turn of an encoder so fine that its rounding is no part of the question."""
@@ -174,7 +174,7 @@ def test_order_names_and_units_change_no_verdict_on_a_mirror(seed):
 
 @pytest.mark.slow
 def test_order_names_and_counts_change_no_verdict_on_a_body():
-    recorded, results = lesson(), []
+    recorded, results = scenario(), []
     order = np.random.default_rng(3).permutation(len(recorded.train))
     for train, test in (
         (recorded.train, recorded.test),

@@ -14,12 +14,12 @@ from nico_selfmodel.dataset import Dataset
 from nico_selfmodel.estimation import calibrate_body, calibrate_cameras, calibrate_kinematics
 from nico_selfmodel.estimation.body.arm_through_cameras import Sight
 from nico_selfmodel.estimation.mirrors.mirror import calibrate_mirrors
-from nico_selfmodel.experiments.body_protocol import BodyProtocol
 from nico_selfmodel.experiments.mirror_body import MIRRORS
-from nico_selfmodel.experiments.refinement import simulated_lesson
+from nico_selfmodel.experiments.projected_nico import ProjectedNico
+from nico_selfmodel.experiments.refinement import simulated_scenario
 from nico_selfmodel.geometry.transform import apply, inverse
 from nico_selfmodel.model import Mirror, MirrorRig
-from nico_selfmodel.recording import commands_of_angles
+from nico_selfmodel.planning.plans import commands_of_angles
 from nico_selfmodel.systems.curved_mirror import curved_reflection
 
 from .arms_that_change import THESIS
@@ -34,22 +34,24 @@ POSES, PIXEL_SIGMA, MARGIN = 20, 0.3, 15.0
 
 @cache
 def learned_body(kind, seed):
-    lesson = simulated_lesson(BodyProtocol.of_nico(), THESIS, seed, "fiducial")
+    scenario = simulated_scenario(ProjectedNico.tracked_by(), THESIS, seed)
     if kind == "refined":
-        return calibrate_body(lesson.train, lesson.eyes, lesson.boards).model
-    sight = Sight.of(calibrate_cameras(lesson.boards).self_model("eyes"), lesson.train)
+        return calibrate_body(scenario.train, scenario.eyes, scenario.boards).model
+    sight = Sight.of(calibrate_cameras(scenario.boards).self_model("eyes"), scenario.train)
     return sight.complete(calibrate_kinematics(sight.train, explain=False)).model
 
 
 def poses_before(mirror, rng):
     """Return angles at which both eyes see the hand in the mirror, 5 cm before glass and eyes."""
-    protocol, found = BodyProtocol.of_nico(), []
+    protocol, found = ProjectedNico.tracked_by(), []
     lower, upper = protocol.arm.lower, protocol.arm.upper
-    largest = np.array([*protocol.eyes.left.image_size] * 2) - 1.0 - MARGIN
+    rig = protocol.workspace.rig
+    X_LB, rig = inverse(rig.left.X_WC), rig.moved(rig.left.X_WC)
+    largest = np.array([*rig.left.image_size] * 2) - 1.0 - MARGIN
     while sum(map(len, found)) < POSES:
         q = rng.uniform(lower, upper, (4000, len(lower)))
-        p = apply(inverse(protocol.X_BL), protocol.arm.chain.forward(q))
-        pixels = MirrorRig(protocol.eyes, mirror).project(p)
+        p = apply(X_LB, protocol.arm.chain.forward(q))
+        pixels = MirrorRig(rig, mirror).project(p)
         with np.errstate(invalid="ignore"):
             inside = ((pixels > MARGIN) & (pixels < largest)).all(axis=1)
         found.append(q[inside & (mirror.in_front_by(p) > 0.05) & (p[:, 2] > 0.05)])
@@ -58,11 +60,11 @@ def poses_before(mirror, rng):
 
 def recording(seed, number, mirror, radius=None):
     """Return what a robot sees of its hand in glass, bent about the plane by a radius if any."""
-    protocol, rng = BodyProtocol.of_nico(), np.random.default_rng((seed, number, 77))
-    one = protocol.body(THESIS, seed, 5000 + number)
+    protocol, rng = ProjectedNico.tracked_by(), np.random.default_rng((seed, number, 77))
+    one = protocol.robot(THESIS, seed, 5000 + number)
     q = poses_before(mirror, rng)
     commands = commands_of_angles(one.joints, protocol.arm.lower, protocol.arm.upper, q)
-    seen = [one.observe(command) for command in commands]
+    seen = [(one.move_and_measure(command), one.ground_truth.p_LH) for command in commands]
     p, eyes = np.concatenate([points for _, points in seen]), Truth.of(one).rig
     if radius is None:
         pixels = MirrorRig(eyes, mirror).project(p)

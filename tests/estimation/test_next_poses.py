@@ -6,22 +6,21 @@ import pytest
 from nico_selfmodel.errors import DataError
 from nico_selfmodel.estimation import calibrate_kinematics
 from nico_selfmodel.estimation.next_poses import choose_next_poses
-from nico_selfmodel.experiments.protocol import simulated_arm
 from nico_selfmodel.plant import ArmDescription
 from nico_selfmodel.recording import record
-from nico_selfmodel.systems import WORLDS
+from nico_selfmodel.systems import IMPERFECTIONS, SimulatedRobot
 
 ARM = ArmDescription.named("nico")
 
 
 def visited(session, commands):
-    body = simulated_arm(ARM, WORLDS["thesis"], 0, session)
+    body = SimulatedRobot.under_motion_capture(ARM, IMPERFECTIONS["thesis"], 0, session)
     return record(body, [("", command) for command in commands], "poses")
 
 
 @pytest.fixture(scope="module")
 def recorded():
-    joints = simulated_arm(ARM, WORLDS["thesis"], 0).joints
+    joints = SimulatedRobot.under_motion_capture(ARM, IMPERFECTIONS["thesis"], 0).joints
     low, high = (np.array([getattr(j, k) for j in joints]) for k in ("lower", "upper"))
     middle, half = 0.5 * (low + high), 0.2 * (high - low)
     return visited(1, np.random.default_rng(0).uniform(middle - half, middle + half, (30, 4)))
@@ -65,7 +64,9 @@ def test_data_of_another_arm_or_point_are_refused(learned, recorded):
     rng = np.random.default_rng(4)
     with pytest.raises(DataError, match="no direct view of 'elbow'"):
         choose_next_poses(learned, recorded, 5, rng, marker="elbow")
-    other = simulated_arm(ArmDescription.named("nico", "left_arm"), WORLDS["clean"], 0)
+    other = SimulatedRobot.under_motion_capture(
+        ArmDescription.named("nico", "left_arm"), IMPERFECTIONS["clean"], 0
+    )
     middle = [0.5 * (joint.lower + joint.upper) for joint in other.joints]
     left = record(other, [("", np.array(middle))], "left")
     with pytest.raises(DataError, match="the data are of the joints left_"):

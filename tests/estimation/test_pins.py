@@ -189,7 +189,7 @@ def test_an_unknown_name_is_answered_with_a_suggestion(make_truth, learn, name, 
 @pytest.mark.parametrize(
     ("pin", "free", "message"),
     [
-        (["a.r=long"], [], "--pin a.r=long: 'long' is not a number"),
+        (["a.r=long"], [], "--fix a.r=long: 'long' is not a number"),
         (["a.r="], [], "'' is not a number"),
         (["a.r=nan"], [], "not a finite number"),
         (["a.r"], ["a.r"], "a.r cannot be both pinned and freed"),

@@ -13,11 +13,11 @@ from nico_selfmodel.estimation.pose_selection import (
     random_poses,
 )
 from nico_selfmodel.experiments.first_arm import nominal_of
-from nico_selfmodel.experiments.protocol import Protocol, simulated_arm
 from nico_selfmodel.model import DhTable, SelfModel, ServoMap
+from nico_selfmodel.planning.sweep_protocol import Protocol
 from nico_selfmodel.plant import ArmDescription
 from nico_selfmodel.recording import record
-from nico_selfmodel.systems import WORLDS
+from nico_selfmodel.systems import IMPERFECTIONS, SimulatedRobot
 
 ARM = ArmDescription.named("nico")
 PLAY = np.radians(0.6) / np.sqrt(3.0)
@@ -45,7 +45,7 @@ def drawn(joints, count, rng):
 
 @pytest.fixture(scope="module")
 def pool():
-    joints = simulated_arm(ARM, WORLDS["clean"], 0).joints
+    joints = SimulatedRobot.under_motion_capture(ARM, IMPERFECTIONS["clean"], 0).joints
     model = model_of(joints)
     return model, drawn(joints, 400, np.random.default_rng(0))
 
@@ -163,14 +163,14 @@ def test_with_marker_noise_alone_they_are_as_good_but_for_chance():
 
 def held_out_of_ten(changes, sigmas):
     """Return what `held_out` does, for ten individuals. Shape (10, 2)."""
-    world = replace(WORLDS["clean"], counts_per_turn=16384).with_noise(**changes)
+    world = replace(IMPERFECTIONS["clean"], counts_per_turn=16384).with_noise(**changes)
     return np.array([held_out(world, seed, sigmas) for seed in range(10)])
 
 
 def held_out(world, seed, sigmas):
     """Return held-out errors of arms learned from 20 chosen and from 50 random poses."""
     rng = np.random.default_rng(seed)
-    joints = simulated_arm(ARM, world, seed).joints
+    joints = SimulatedRobot.under_motion_capture(ARM, world, seed).joints
     model, usual = model_of(joints), drawn(joints, 400, rng)
     low, high = (np.array([getattr(j, k) for j in joints]) for k in ("lower", "upper"))
     pool = low + (high - low) * rng.beta(0.4, 0.4, (6000, len(low)))
@@ -185,5 +185,5 @@ def held_out(world, seed, sigmas):
 
 
 def visited(world, seed, session, commands):
-    body = simulated_arm(ARM, world, seed, session)
+    body = SimulatedRobot.under_motion_capture(ARM, world, seed, session)
     return record(body, [("", command) for command in commands], "poses")

@@ -8,10 +8,11 @@ import pytest
 from nico_selfmodel.errors import ModelError
 from nico_selfmodel.estimation import Pins, calibrate_kinematics, judge
 from nico_selfmodel.experiments.first_arm import nominal_of
-from nico_selfmodel.experiments.protocol import Protocol, simulated_session
+from nico_selfmodel.experiments.protocol import simulated_session
 from nico_selfmodel.model import DhTable
+from nico_selfmodel.planning.sweep_protocol import Protocol
 from nico_selfmodel.plant import ArmDescription
-from nico_selfmodel.systems import WORLDS
+from nico_selfmodel.systems import IMPERFECTIONS
 
 ARM = ArmDescription.named("nico")
 NOMINAL = nominal_of(ARM)
@@ -19,7 +20,7 @@ NOMINAL = nominal_of(ARM)
 
 @pytest.fixture(scope="module")
 def session():
-    world = WORLDS["clean"].with_noise(marker_mm=0.3)
+    world = IMPERFECTIONS["clean"].with_noise(marker_mm=0.3)
     poses = replace(Protocol.for_arm(ARM), random_poses=80)
     return simulated_session(ARM, world, poses, "free", seed=6, session=0, sweeps=False)
 

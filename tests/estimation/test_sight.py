@@ -10,12 +10,12 @@ from nico_selfmodel.estimation.body.arm_through_cameras import Sight
 from nico_selfmodel.model import ParameterCovariance
 from nico_selfmodel.model.stereo_rig import StereoRig
 
-from .simulated_bodies import Truth, body, lesson
+from .simulated_bodies import Truth, body, scenario
 
 
 def through(eyes, seed=0):
     """Return the eyes' sight and the arm that is learned through it."""
-    sight = Sight.of(eyes, lesson(seed).train)
+    sight = Sight.of(eyes, scenario(seed).train)
     return sight, calibrate_kinematics(sight.train, loss="none", starts=3)
 
 
@@ -23,7 +23,7 @@ def through(eyes, seed=0):
     ("name", "step"), [("right.pose.x", 1e-4), ("left.cx", 0.5), ("right.pose.ry", 1e-3)]
 )
 def test_an_arm_follows_its_eyes_as_their_covariance_says(name, step):
-    eyes = lesson().eyes
+    eyes = scenario().eyes
     values = eyes.rig.values
     values[StereoRig.names_of().index(name)] += step
     rig = StereoRig.from_values(values, eyes.rig.left.image_size)
@@ -40,7 +40,7 @@ def test_an_arm_follows_its_eyes_as_their_covariance_says(name, step):
 
 
 def test_a_completed_arm_carries_the_uncertainty_of_its_eyes():
-    sight, arm = through(lesson().eyes)
+    sight, arm = through(scenario().eyes)
     whole = sight.complete(arm)
     names = whole.model.covariance.names
     assert names[: len(arm.uncertainty.names)] == arm.uncertainty.names
@@ -55,10 +55,10 @@ def test_errors_of_arms_learned_by_sight_are_as_large_as_their_sigmas():
     """Points in space: the true hand against the arm, play discounted."""
     before, after = [], []
     for seed in range(8):
-        eyes = calibrate_cameras(lesson(seed).boards).self_model("eyes")
+        eyes = calibrate_cameras(scenario(seed).boards).self_model("eyes")
         sight, arm = through(eyes, seed)
         true = Truth.of(body(seed)).parameters
-        readings = lesson(seed).test.encoders[:20]
+        readings = scenario(seed).test.encoders[:20]
         p = true.table.forward(true.servos.to_joint(readings))
         for model, squares in ((arm.model, before), (sight.complete(arm).model, after)):
             found = model.predict(readings)
@@ -70,7 +70,7 @@ def test_errors_of_arms_learned_by_sight_are_as_large_as_their_sigmas():
 
 
 def test_eyes_beside_an_arm_that_alone_is_uncertain_count_as_exact():
-    sight, arm = through(lesson().eyes)
+    sight, arm = through(scenario().eyes)
     whole = sight.complete(arm).model
     names = tuple(n for n in whole.covariance.names if n.partition(".")[0] not in ("left", "right"))
     of_arm = ParameterCovariance(names, np.eye(len(names)) * 1e-9)
@@ -81,7 +81,7 @@ def test_eyes_beside_an_arm_that_alone_is_uncertain_count_as_exact():
 
 
 def test_eyes_without_a_covariance_count_as_exact():
-    sight, arm = through(replace(lesson().eyes, covariance=None))
+    sight, arm = through(replace(scenario().eyes, covariance=None))
     whole = sight.complete(arm)
     assert whole.uncertainty is arm.uncertainty
     assert whole.model.covariance.names == arm.uncertainty.names

@@ -19,19 +19,19 @@ from nico_selfmodel.estimation.noise.hand_observations import by_pixels
 from nico_selfmodel.estimation.observations.pixel_observations import PixelObservations
 from nico_selfmodel.estimation.results.verdict import significantly_above
 
-from .simulated_bodies import blinded, body, learned, lesson, only_eyes, poses
+from .simulated_bodies import blinded, body, learned, only_eyes, poses, scenario
 
 
 @pytest.fixture(scope="module")
 def refined():
     """Return a body, and what its eyes saw in new poses."""
-    return learned(0).model, only_eyes(lesson().test)
+    return learned(0).model, only_eyes(scenario().test)
 
 
 @pytest.fixture(scope="module")
 def arm_by_sight():
     """Return an arm that was learned from points its eyes rebuilt, with the eyes in it."""
-    sight = Sight.of(lesson().eyes, lesson().train)
+    sight = Sight.of(scenario().eyes, scenario().train)
     return sight.complete(calibrate_kinematics(sight.train, loss="none", starts=3)).model
 
 
@@ -110,7 +110,7 @@ def test_pixels_of_a_model_without_eyes_are_refused_with_what_to_do(refined):
     with pytest.raises(ModelError, match="learn arm and eyes together"):
         by_pixels(blind, data)
     assert by_pixels(model, data)
-    assert not by_pixels(model, lesson().test, "points")
+    assert not by_pixels(model, scenario().test, "points")
     with pytest.raises(ValueError, match="no sensor"):
         by_pixels(model, data, "nose")
 

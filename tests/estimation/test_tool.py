@@ -25,7 +25,7 @@ def model():
 def tipped():
     """Return 60 poses that show a tool's tip, and what an outsider measured of it."""
     one = body()
-    one.take_tool(SHIFT)
+    one.faults.take_tool(SHIFT)
     return poses(one, 60, shift=SHIFT)
 
 
@@ -111,8 +111,8 @@ def test_the_covariance_knows_that_body_and_tip_err_together(model, tipped):
 
 def test_a_body_that_changed_too_is_noticed(model):
     one = body()
-    one.take_tool(SHIFT)
-    one.slip("right_shoulder_roll", np.radians(3.0))
+    one.faults.take_tool(SHIFT)
+    one.faults.slip("right_shoulder_roll", np.radians(3.0))
     found = calibrate_tool(model, only_eyes(poses(one, 20, shift=SHIFT)))
     assert not found.update.fits
     verdict = judge(found)
@@ -170,7 +170,7 @@ def test_an_outlier_among_the_poses_of_a_tool_is_left_out(model, tipped):
 @pytest.mark.parametrize("sensor", ["pixels", "points"])
 def test_five_poses_bring_the_zeros_back(model, sensor):
     one = body()
-    one.restart(7)
+    one.faults.restart(7)
     few, test = poses(one, 5, seed=1), poses(one, 40, seed=2)
     assert 1e3 * evaluate(model, test).statistics.mean > 20.0
     few = only_eyes(few) if sensor == "pixels" else points_only(few)
@@ -188,7 +188,7 @@ def test_five_poses_bring_the_zeros_back(model, sensor):
 
 def test_only_the_joints_named_get_new_zeros(model):
     one = body()
-    one.slip("right_elbow", np.radians(5.0))
+    one.faults.slip("right_elbow", np.radians(5.0))
     found = rezero(model, only_eyes(poses(one, 6)), joints=("right_elbow",))
     assert found.shifts[:3] == pytest.approx([0.0] * 3)
     assert np.degrees(found.shifts[3]) == pytest.approx(5.0, abs=0.8)
@@ -217,7 +217,7 @@ def test_readings_that_lost_a_turn_find_their_zeros(model, joint):
 
 def test_zeros_of_another_body_do_not_fit(model):
     one = body()
-    one.bump_eye([0.03, 0.02, 0.0])
+    one.faults.bump_camera([0.03, 0.02, 0.0])
     found = rezero(model, only_eyes(poses(one, 10)))
     assert judge(found).status == "FAIL"
 

@@ -13,7 +13,7 @@ from nico_selfmodel.estimation.noise.pose_residuals import PoseResiduals
 from nico_selfmodel.estimation.noise.training_noise import FLOOR, expected_noise, without_itself
 
 from .arms_that_change import CELLS, THESIS, jumped, learned_arm, session
-from .simulated_bodies import learned, lesson
+from .simulated_bodies import learned, scenario
 
 SEED = 50
 
@@ -56,7 +56,7 @@ def test_every_estimator_of_an_arm_writes_its_noise(model):
     body = learned(0).model.noise_mixtures
     assert set(body) == {"pixels"}
     assert body["pixels"].sensor_sigma == pytest.approx(0.3, rel=0.1)
-    sight = Sight.of(lesson(0).eyes, lesson(0).train)
+    sight = Sight.of(scenario(0).eyes, scenario(0).train)
     found = sight.complete(calibrate_kinematics(sight.train, explain=False)).model
     assert set(found.noise_mixtures) == {"points", "pixels"}
     circles = calibrate_kinematics(session(THESIS, SEED, 0, sweeps=True), method="circle-points")

@@ -9,8 +9,9 @@ from nico_selfmodel.estimation.monitoring.monitored_changes import JUMPS
 from nico_selfmodel.estimation.noise.hand_observations import covariance_of, sightings_of
 from nico_selfmodel.model.link_lengths import link_lengths
 from nico_selfmodel.model.self_model import SelfModel
+from nico_selfmodel.systems.simulated.sensors import StereoPixels
 
-from .simulated_bodies import Truth, body, learned, lesson, only_eyes, poses, protocol
+from .simulated_bodies import PLAY, Truth, body, learned, only_eyes, poses, protocol, scenario
 
 pytestmark = pytest.mark.slow
 SEEDS = range(10)
@@ -18,7 +19,7 @@ TOOL = np.array([0.025, 0.0, -0.08])
 
 
 def true_mm(calibration, seed, tracker="fiducial"):
-    return 1e3 * evaluate(calibration.model, lesson(seed, tracker).test).statistics.mean
+    return 1e3 * evaluate(calibration.model, scenario(seed, tracker).test).statistics.mean
 
 
 def test_kinematics_alone_leave_the_error_of_the_eyes_and_anchored_it_is_gone():
@@ -31,7 +32,7 @@ def test_kinematics_alone_leave_the_error_of_the_eyes_and_anchored_it_is_gone():
 
 def test_links_are_within_two_millimetres():
     errors = np.array(
-        [np.subtract(link_lengths(learned(s).model.chain), lesson(s).links) for s in SEEDS]
+        [np.subtract(link_lengths(learned(s).model.chain), scenario(s).links) for s in SEEDS]
     )
     assert 1e3 * np.abs(errors).mean(axis=0).max() <= 2.0
     # The worst of all ten bodies is no more than twice as far off.
@@ -97,8 +98,8 @@ def test_a_tool_from_three_and_from_ten_poses():
     errors = {3: [], 10: []}
     for seed in SEEDS:
         one = body(seed, "color")
-        one.take_tool(TOOL)
-        one.pixel_sigma = 1.5
+        one.faults.take_tool(TOOL)
+        one.sensor = StereoPixels(1.5)
         test = poses(one, 100, 99, "color", shift=TOOL)
         for count, found in errors.items():
             few = only_eyes(poses(one, count, 50 + count, "color", shift=TOOL))
@@ -112,7 +113,7 @@ def test_five_poses_after_a_restart():
     errors = []
     for seed in range(20):
         one = body(seed)
-        one.restart(seed)
+        one.faults.restart(seed)
         test = poses(one, 100, 99)
         model = rezero(learned(seed).model, only_eyes(poses(one, 5, 60))).model
         errors.append(1e3 * evaluate(model, test).statistics.mean)
@@ -135,7 +136,7 @@ def test_slips_of_two_degrees_are_seen_soon_and_named():
         for joint in model.joints:
             for angle in (-2.0, 2.0):
                 one = body(seed)
-                one.slip(joint, np.radians(angle))
+                one.faults.slip(joint, np.radians(angle))
                 report = check_health(model, only_eyes(poses(one, 15, 200)))
                 assert report.alarm_at is not None
                 seen.setdefault(joint, []).append(report.alarm_at + 1)
@@ -195,7 +196,7 @@ def test_errors_over_sigma_have_unit_spread():
 
 def hand_nees(model: SelfModel, seed: int) -> float:
     """Return the mean normalised squared error of the model's part of the prediction."""
-    still = protocol().body(body(seed).world.with_noise(play_deg=0.0), seed)
+    still = protocol().robot(PLAY.with_noise(play_deg=0.0), seed)
     exact = poses(still, 60, 77)
     prediction = model.predict(exact.encoders)
     error = prediction.p_WH - exact.p_WH_measured

@@ -6,12 +6,13 @@ import numpy as np
 import pytest
 
 from nico_selfmodel.estimation import calibrate_kinematics, judge
-from nico_selfmodel.experiments.protocol import Protocol, simulated_session
+from nico_selfmodel.experiments.protocol import simulated_session
+from nico_selfmodel.planning.sweep_protocol import Protocol
 from nico_selfmodel.plant import ArmDescription
-from nico_selfmodel.systems import WORLDS
+from nico_selfmodel.systems import IMPERFECTIONS
 
 pytestmark = pytest.mark.slow
-PLAY = WORLDS["clean"].with_noise(play_deg=0.5, marker_mm=0.5)
+PLAY = IMPERFECTIONS["clean"].with_noise(play_deg=0.5, marker_mm=0.5)
 ARM = ArmDescription.named("nico")
 
 
@@ -47,7 +48,9 @@ def test_with_half_a_degree_of_play_the_mean_over_ten_arms_is_small(method, rand
 
 def test_nine_samples_on_short_arcs_and_a_hundred_random_poses_reach_the_best_minimum():
     for seed in range(10):
-        train, test = sessions(seed, world=WORLDS["thesis"], share=0.25, few=True, random_poses=100)
+        train, test = sessions(
+            seed, world=IMPERFECTIONS["thesis"], share=0.25, few=True, random_poses=100
+        )
         calibration = calibrate_kinematics(train, test=test, seed=seed)
         assert mean_mm(calibration) <= 3.3, seed
         assert judge(calibration).status == "PASS"
@@ -66,7 +69,7 @@ def test_a_tenth_of_gross_outliers_costs_at_most_five_percent(loss):
         assert mean_mm(spoilt) <= 1.05 * clean, seed
 
 
-@pytest.mark.parametrize("world", [WORLDS["clean"].with_noise(marker_mm=1.0), PLAY])
+@pytest.mark.parametrize("world", [IMPERFECTIONS["clean"].with_noise(marker_mm=1.0), PLAY])
 def test_the_predicted_covariance_is_that_of_the_errors(world):
     """NEES of the predicted hand over 200 recordings of one arm, its own mean as the truth."""
     protocol = replace(Protocol.for_arm(ARM), random_poses=100)

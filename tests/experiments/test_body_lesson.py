@@ -6,17 +6,17 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from nico_selfmodel.cli.learn_by_sight import write_lesson
+from nico_selfmodel.cli.learn.by_cameras import write_scenario
 from nico_selfmodel.dataset import Dataset
 from nico_selfmodel.errors import NotConvergedError
 from nico_selfmodel.estimation import calibrate_cameras
 from nico_selfmodel.experiments import body_lesson
 from nico_selfmodel.experiments.body_lesson import refine
-from nico_selfmodel.experiments.body_protocol import BodyProtocol
-from nico_selfmodel.experiments.eyes_lesson import EyesLesson, learn_arm, nominal_with
-from nico_selfmodel.experiments.refinement import simulated_lesson
+from nico_selfmodel.experiments.eyes_lesson import CameraScenario, learn_arm, nominal_with
+from nico_selfmodel.experiments.projected_nico import ProjectedNico
+from nico_selfmodel.experiments.refinement import simulated_scenario
 from nico_selfmodel.model import SelfModel
-from nico_selfmodel.systems import WORLDS, looking_arm
+from nico_selfmodel.systems import IMPERFECTIONS, looking_arm
 from nico_selfmodel.viz.scene import load_scene
 
 MARKER = "fiducial"
@@ -30,8 +30,8 @@ def marked(data: Dataset) -> Dataset:
 
 @pytest.fixture(scope="module")
 def recorded():
-    world = WORLDS["clean"].with_noise(play_deg=0.5)
-    return simulated_lesson(BodyProtocol.of_nico(), world, 0, "fiducial", random_poses=40)
+    world = IMPERFECTIONS["clean"].with_noise(play_deg=0.5)
+    return simulated_scenario(ProjectedNico.tracked_by(), world, 0, random_poses=40)
 
 
 @pytest.fixture(scope="module")
@@ -40,11 +40,11 @@ def eyes(recorded):
     found = calibrate_cameras(recorded.boards)
     train, test = marked(recorded.train), marked(recorded.test)
     arm = learn_arm(train, test, found, nominal_with(looking_arm(MARKER), MARKER), "nico")
-    return EyesLesson(recorded.boards, found, {MARKER: arm})
+    return CameraScenario(recorded.boards, found, {MARKER: arm})
 
 
 @pytest.fixture(scope="module")
-def lesson(eyes, recorded):
+def scenario(eyes, recorded):
     return refine(eyes, MARKER, recorded.test_boards)
 
 
@@ -56,27 +56,29 @@ def undrawn(monkeypatch):
 
 
 @pytest.mark.usefixtures("undrawn")
-def test_the_refined_body_is_kept_with_covariance_and_told_beside_what_was_before(lesson, tmp_path):
-    assert lesson.accepted
-    document = write_lesson(tmp_path / "nico", lesson, MARKER, force=False)
+def test_the_refined_body_is_kept_with_covariance_and_told_beside_what_was_before(
+    scenario, tmp_path
+):
+    assert scenario.accepted
+    document = write_scenario(tmp_path / "nico", scenario, MARKER, force=False)
     kept = SelfModel.load(tmp_path / "nico")
-    assert kept.parameters.values.tolist() == lesson.refined.model.parameters.values.tolist()
+    assert kept.parameters.values.tolist() == scenario.refined.model.parameters.values.tolist()
     assert {"left.fx", "right.pose.x", "right_elbow.r"} <= set(kept.covariance.names)
     assert document == json.loads((tmp_path / "nico" / "result.json").read_text())
     told = document["refinement"]
     assert told["accepted"]
     assert told["reasons"] == []
-    assert told["before"]["pixels"]["mean"] == lesson.arm.seen.pixel_statistics.mean
+    assert told["before"]["pixels"]["mean"] == scenario.arm.seen.pixel_statistics.mean
     assert told["after"] == document["test"]
     assert told["boards"]["held_out"]
-    before = lesson.arm.model.rig.baseline
+    before = scenario.arm.model.rig.baseline
     assert document["before"]["changes"]["baseline"]["before"] == pytest.approx(before)
     page = (tmp_path / "nico" / "report.html").read_text()
     assert "What learning together changed" in page
     names = {path.name for path in (tmp_path / "nico").iterdir()}
     assert {"nico_learned.urdf", "recordings", "scene.json"} <= names
     again = Dataset.load(tmp_path / "nico" / "recordings" / "train")
-    assert again.sha256 == lesson.arm.train.sha256
+    assert again.sha256 == scenario.arm.train.sha256
 
 
 @pytest.mark.usefixtures("undrawn")
@@ -84,16 +86,16 @@ def test_boards_that_lie_about_their_size_make_it_refused_and_the_arm_before_is_
     eyes, recorded, tmp_path
 ):
     wrong = replace(recorded.boards, p_GQ=1.03 * recorded.boards.p_GQ)
-    lesson = refine(replace(eyes, views=wrong), MARKER, recorded.test_boards)
-    assert not lesson.accepted
-    assert lesson.model is lesson.arm.model
-    document = write_lesson(tmp_path / "nico", lesson, MARKER, force=False)
+    scenario = refine(replace(eyes, views=wrong), MARKER, recorded.test_boards)
+    assert not scenario.accepted
+    assert scenario.model is scenario.arm.model
+    document = write_scenario(tmp_path / "nico", scenario, MARKER, force=False)
     assert document["status"] == "PASS"
     told = document["refinement"]
     assert not told["accepted"]
     assert "lost the scale" in " ".join(told["reasons"])
     assert told["kept"] == "arm learned after the eyes"
-    assert SelfModel.load(tmp_path / "nico").rig.baseline == lesson.arm.model.rig.baseline
+    assert SelfModel.load(tmp_path / "nico").rig.baseline == scenario.arm.model.rig.baseline
     page = (tmp_path / "nico" / "report.html").read_text()
     assert "refined together, and that was refused" in page
     assert "lost the scale" in page
@@ -105,8 +107,8 @@ def test_a_refinement_without_an_end_is_told_too(eyes, recorded, tmp_path, monke
         raise NotConvergedError("no plausible eyes fit the hand")
 
     monkeypatch.setattr(body_lesson, "calibrate_body", endless)
-    lesson = refine(eyes, MARKER, recorded.test_boards)
-    document = write_lesson(tmp_path / "nico", lesson, MARKER, force=False)
+    scenario = refine(eyes, MARKER, recorded.test_boards)
+    document = write_scenario(tmp_path / "nico", scenario, MARKER, force=False)
     assert document["refinement"]["reasons"] == ["no plausible eyes fit the hand"]
     assert document["refinement"]["after"] is None
     assert document["status"] == "PASS"
@@ -114,11 +116,11 @@ def test_a_refinement_without_an_end_is_told_too(eyes, recorded, tmp_path, monke
 
 @pytest.mark.slow
 @pytest.mark.usefixtures("undrawn")
-def test_what_was_learned_by_sight_stands_upright_in_both_scenes(lesson, tmp_path):
+def test_what_was_learned_by_sight_stands_upright_in_both_scenes(scenario, tmp_path):
     """The robot's own z is up, though its world is its left eye's frame."""
-    write_lesson(tmp_path / "together", lesson, MARKER, force=False)
-    refused = replace(lesson, verdict=replace(lesson.verdict, status="FAIL"))
-    write_lesson(tmp_path / "apart", refused, MARKER, force=False)
+    write_scenario(tmp_path / "together", scenario, MARKER, force=False)
+    refused = replace(scenario, verdict=replace(scenario.verdict, status="FAIL"))
+    write_scenario(tmp_path / "apart", refused, MARKER, force=False)
     for name in ("together", "apart"):
         items = {item.path: item for item in load_scene(tmp_path / name).items}
         height = {p: items[p].X_WI[2, 3] for p in ("robot/base/0", "robot/chest/0", "robot/head/0")}

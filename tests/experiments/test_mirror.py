@@ -37,7 +37,7 @@ def test_reflections_are_predicted_and_stereo_explains_the_rest(results):
 
 
 def test_tables_charts_and_json_are_written(results, tmp_path):
-    mirror_report.write_report(results, tmp_path / "out")
+    mirror_report.report_of(results).write(tmp_path / "out")
     assert {p.name for p in (tmp_path / "out").iterdir()} == {
         "result.json", "tables.md", "position.png", "pixels.png",
     }  # fmt: skip
@@ -46,7 +46,8 @@ def test_tables_charts_and_json_are_written(results, tmp_path):
     text = (tmp_path / "out" / "tables.md").read_text("utf-8")
     assert "| middle | 10 |" in text
     assert "stereo sets the limit" in text
-    headings, rows = mirror_report.table_rows(results)
+    table, _ = mirror_report.report_of(results).tables
+    headings, rows = table.headings, table.rows
     assert all(len(row) == len(headings) for row in rows)
 
 
@@ -59,7 +60,7 @@ def test_one_plane_reaches_its_bounds_over_ten_seeds(poses, bound_px):
         found = calibrate_mirrors(
             body.watch("middle", poses, 1), body.calibrated(), test=body.watch("middle", 100, 2)
         )
-        true, plane = body.true_mirror("middle"), found.mirrors["middle"]
+        true, plane = body.ground_truth.mirrors["middle"], found.mirrors["middle"]
         ours.append(found.test.distances_px.mean())
         cameras = fit_mirror_cameras(found.solution.reflections)
         free.append(cameras.evaluate(found.test.reflections).distances_px.mean())
@@ -115,7 +116,7 @@ def test_bodies_that_learned_themselves_are_honest_about_their_mirrors():
         for name in MIRRORS:
             found = calibrate_mirrors(body.watch(name, 10, 8), model)
             plane = found.mirrors[name]
-            miss = plane.values - body.true_mirror(name).values
+            miss = plane.values - body.ground_truth.mirrors[name].values
             scores.append(miss @ np.linalg.solve(plane.covariance, miss) / 3.0)
             assert found.flatness[name].flat
     assert 0.5 < np.mean(scores) < 2.0

@@ -6,17 +6,16 @@ import pytest
 from nico_selfmodel.dataset import Dataset
 from nico_selfmodel.errors import ModelError
 from nico_selfmodel.estimation.mirror_poses import free_space
-from nico_selfmodel.estimation.mirrors.mirror import calibrate_mirrors
-from nico_selfmodel.experiments.eyes_lesson import NicoBeforeItsEyes
+from nico_selfmodel.experiments.eyes_lesson import RenderedNico
 from nico_selfmodel.experiments.mirror_recording import (
     DEFAULT_MIRROR,
     NicoBeforeMirrors,
     mirror_of_words,
 )
 from nico_selfmodel.model import Mirror, MirrorRig
+from nico_selfmodel.planning.mirror_view import MirrorView
 from nico_selfmodel.systems import ImageQuality
 from nico_selfmodel.systems.mirror_scene import MirrorPlate
-from nico_selfmodel.systems.mirror_view import MirrorView
 
 from ..true_nico import true_model
 
@@ -25,7 +24,7 @@ ROUGH = ImageQuality(1)
 
 @pytest.fixture(scope="module")
 def nico():
-    return NicoBeforeItsEyes("clean", 3, ("fiducial",))
+    return RenderedNico("clean", 3, ("fiducial",))
 
 
 @pytest.fixture(scope="module")
@@ -70,15 +69,15 @@ def test_a_recording_before_a_mirror_can_be_resumed(recording):
 @pytest.mark.slow
 def test_planned_poses_show_the_marker_in_the_glass_and_keep_off_it(nico, recording):
     _, before = recording
-    view, reach = before.views["glass"], nico.reach
-    rig = MirrorRig(reach.rig, DEFAULT_MIRROR)
-    pixels = rig.project(reach.arm.chain.forward(view.q))
+    view, workspace = before.views["glass"], nico.workspace
+    rig = MirrorRig(workspace.rig, DEFAULT_MIRROR)
+    pixels = rig.project(workspace.arm.chain.forward(view.q))
     assert ((pixels > 59.0) & (pixels < np.array([640, 480, 640, 480]) - 60.0)).all()
     station = before.station(0)
     plan, where = before.plan(station, 5, 0, np.random.default_rng(0), best=True)
     assert where == ["glass"] * len(plan)
     assert len(plan) >= 5
-    guess = reach.first_guess(station.joints)
+    guess = workspace.first_guess(station.joints)
     q = guess.servos.to_joint(np.array([command for _, command in plan]))
     assert free_space(guess.chain, rig, q).min() >= 0.05 - 1e-9
 
@@ -94,7 +93,7 @@ def test_the_station_before_a_mirror_has_three_ports_more_and_one_to_move_it(rec
 
 @pytest.mark.slow
 def test_the_same_seed_before_the_same_mirror_is_the_same_to_the_last_byte():
-    rough = NicoBeforeItsEyes("thesis", 4, ("fiducial",), ROUGH)
+    rough = RenderedNico("thesis", 4, ("fiducial",), ROUGH)
     pictures = []
     for _ in range(2):
         before = NicoBeforeMirrors(rough, {"m": DEFAULT_MIRROR})
@@ -106,7 +105,7 @@ def test_the_same_seed_before_the_same_mirror_is_the_same_to_the_last_byte():
 def test_a_mirror_in_which_nothing_can_be_seen_is_refused_by_name_of_a_better_place(nico):
     far = Mirror.from_values([0.0, 0.0, 3.0])
     with pytest.raises(ModelError, match="300 mm"):
-        MirrorView.of(nico.reach, far, MirrorPlate(), np.random.default_rng(0))
+        MirrorView.of(nico.workspace, far, MirrorPlate(), np.random.default_rng(0))
 
 
 def test_familiar_poses_are_preferred(recording):

@@ -16,9 +16,10 @@ from nico_selfmodel.experiments.motion_capture import (
     link_lengths_mm,
     run_motion_capture,
 )
-from nico_selfmodel.experiments.protocol import Protocol, simulated_session
+from nico_selfmodel.experiments.protocol import simulated_session
+from nico_selfmodel.planning.sweep_protocol import Protocol
 from nico_selfmodel.plant import ArmDescription
-from nico_selfmodel.systems import WORLDS
+from nico_selfmodel.systems import IMPERFECTIONS
 
 ARM = ArmDescription.named("nico")
 
@@ -31,7 +32,7 @@ def small():
     patch.setattr(motion_capture, "RANDOM_POSES", (0, 50, 100))
     results = run_motion_capture(
         ARM,
-        WORLDS["thesis"],
+        IMPERFECTIONS["thesis"],
         individuals=1,
         repeats=2,
         seed=0,
@@ -83,7 +84,7 @@ def test_the_links_are_those_of_the_robot(small):
 
 def test_links_are_learned_to_a_micrometre_where_nothing_is_noisy():
     protocol = replace(Protocol.for_arm(ARM), random_poses=20)
-    perfect = replace(WORLDS["clean"], link_sigma=0.0, axis_sigma=0.0)
+    perfect = replace(IMPERFECTIONS["clean"], link_sigma=0.0, axis_sigma=0.0)
     data = simulated_session(ARM, perfect, protocol, "clean", seed=2, session=0)
     upper, forearm = link_lengths_mm(calibrate_kinematics(data))
     chain = ARM.chain
@@ -94,9 +95,9 @@ def test_links_are_learned_to_a_micrometre_where_nothing_is_noisy():
 
 def test_joined_sessions_keep_every_row_and_number_on():
     protocol = replace(Protocol.for_arm(ARM), random_poses=10)
-    first = simulated_session(ARM, WORLDS["thesis"], protocol, "a", seed=0, session=0)
+    first = simulated_session(ARM, IMPERFECTIONS["thesis"], protocol, "a", seed=0, session=0)
     second = simulated_session(
-        ARM, WORLDS["thesis"], protocol, "b", seed=0, session=1, sweeps=False
+        ARM, IMPERFECTIONS["thesis"], protocol, "b", seed=0, session=1, sweeps=False
     )
     both = joined(first, second)
     assert len(both) == len(first) + len(second)
@@ -108,7 +109,7 @@ def test_joined_sessions_keep_every_row_and_number_on():
 
 @pytest.mark.slow
 def test_every_row_is_within_a_factor_of_two_of_the_thesis_or_better():
-    results = run_motion_capture(ARM, WORLDS["thesis"], individuals=3, repeats=10)
+    results = run_motion_capture(ARM, IMPERFECTIONS["thesis"], individuals=3, repeats=10)
     assert {row.random_samples for row in results.rows} == {0, 50, 100, 500}
     for row in results.rows:
         if row.thesis_mm is not None:

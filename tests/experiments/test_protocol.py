@@ -6,16 +6,17 @@ import numpy as np
 import pytest
 
 from nico_selfmodel.estimation import calibrate_kinematics, judge
-from nico_selfmodel.experiments.protocol import Protocol, simulated_arm, simulated_session
+from nico_selfmodel.experiments.protocol import simulated_session
+from nico_selfmodel.planning.sweep_protocol import Protocol
 from nico_selfmodel.plant import ArmDescription
-from nico_selfmodel.systems import WORLDS
+from nico_selfmodel.systems import IMPERFECTIONS
 
 ARM = ArmDescription.named("nico")
 ARMS = ("right_arm", "left_arm", "neck")
 
 
 def session(world="clean", protocol=None, arm=ARM, seed=0, number=0, **options):
-    chosen = WORLDS[world] if isinstance(world, str) else world
+    chosen = IMPERFECTIONS[world] if isinstance(world, str) else world
     protocol = protocol or Protocol.for_arm(arm)
     return simulated_session(arm, chosen, protocol, "session", seed=seed, session=number, **options)
 
@@ -48,7 +49,7 @@ def test_a_session_has_home_circles_and_random_poses():
         **dict.fromkeys(ARM.joints, 25),
     }
     assert data.joint_names == ARM.joints
-    assert data.point_sigma_m == WORLDS["thesis"].marker_sigma
+    assert data.point_sigma_m == IMPERFECTIONS["thesis"].marker_sigma
     assert data.seed == 0
     assert "thesis" in data.source
     assert session("clean", protocol).point_sigma_m is None
@@ -112,7 +113,7 @@ def test_a_clean_arm_is_learned_to_the_resolution_of_its_encoders(name):
     train = session("clean", protocol, arm)
     test = session("clean", protocol, arm, number=1, sweeps=False)
     # A count of the encoder at the end of a 40 cm arm.
-    resolution = 0.4 * 2.0 * np.pi / WORLDS["clean"].counts_per_turn
+    resolution = 0.4 * 2.0 * np.pi / IMPERFECTIONS["clean"].counts_per_turn
     for method in ("circle-points", "refine"):
         result = calibrate_kinematics(train, test=test, method=method)
         assert result.test.statistics.max < resolution
@@ -120,13 +121,12 @@ def test_a_clean_arm_is_learned_to_the_resolution_of_its_encoders(name):
 
 
 def test_what_was_not_seen_in_a_session_is_empty():
-    lossy = replace(WORLDS["clean"], dropout_share=0.4)
+    lossy = replace(IMPERFECTIONS["clean"], dropout_share=0.4)
     chain = replace(
         ARM.chain, markers=("hand", "elbow"), p_WH_zero=np.tile(ARM.chain.p_WH_zero, (2, 1))
     )
     two = replace(ARM, chain=chain)
-    body = simulated_arm(two, lossy, seed=0)
-    data = Protocol.for_arm(two).run(body, "lossy", np.random.default_rng(0))
+    data = simulated_session(two, lossy, Protocol.for_arm(two), "lossy", seed=0, session=0)
     assert len(data) == 2 * 104
     lost = ~data.measured.reshape(-1, 2)
     # Both lost means another visit, so only one of the two is.

@@ -9,17 +9,17 @@ from nico_selfmodel.dataset import JointInfo
 from nico_selfmodel.errors import DataError
 from nico_selfmodel.estimation import calibrate_kinematics
 from nico_selfmodel.experiments.real_recording import RealRecording
+from nico_selfmodel.planning.visible_workspace import VisibleWorkspace
 from nico_selfmodel.recording import record
 from nico_selfmodel.servos import ArmController, BusSettings, SimulatedBus, zero_here
 from nico_selfmodel.systems import (
-    WORLDS,
+    IMPERFECTIONS,
     ImageQuality,
     MotionCaptureClient,
     MotionCaptureServer,
     NicoBehindBus,
     NicoHardwareStation,
     NicoStation,
-    Reach,
     ServoDriver,
     StationBody,
 )
@@ -27,7 +27,12 @@ from nico_selfmodel.systems import (
 SEED = 3
 # What is left of its imperfections is the same each time, so that two recordings can be compared.
 SAGGING = replace(
-    WORLDS["thesis"], play=0.0, wobble=0.0, marker_sigma=0.0, dropout_share=0.0, name="sagging"
+    IMPERFECTIONS["thesis"],
+    play=0.0,
+    wobble=0.0,
+    marker_sigma=0.0,
+    dropout_share=0.0,
+    name="sagging",
 )
 
 
@@ -57,7 +62,7 @@ def test_a_plan_has_circles_and_random_poses_between_the_limits(joints):
 @pytest.mark.parametrize("sensor", ["motion-capture", "stereo-fiducial"])
 def test_no_planned_pose_lets_the_arm_touch_its_body(sensor, joints):
     chosen = planned(sensor, joints, 12, 20)
-    reach = Reach.of(chosen.arm)
+    reach = VisibleWorkspace.of(chosen.arm)
     q = reach.first_guess(chosen.joints).servos.to_joint(np.array([c for _, c in chosen.plan]))
     assert not any(reach.body.collides(angles) for angles in q)
 

@@ -6,7 +6,7 @@ import pytest
 
 from nico_selfmodel.errors import ModelError
 from nico_selfmodel.experiments.watching import Watching
-from nico_selfmodel.systems import WORLDS, looking_arm
+from nico_selfmodel.systems import IMPERFECTIONS, looking_arm
 
 from ..true_nico import true_model
 
@@ -17,4 +17,4 @@ def test_a_body_that_learned_with_its_head_turned_elsewhere_is_refused():
     held = {**ARM.held, "neck_yaw": ARM.held["neck_yaw"] + 0.1}
     model = replace(true_model(ARM, "clean", 3), robot={**ARM.source, "held": held})
     with pytest.raises(ModelError, match=r"learned with neck_yaw at .* deg, and this Nico"):
-        Watching(model, WORLDS["clean"], 3)
+        Watching(model, IMPERFECTIONS["clean"], 3)

@@ -102,28 +102,28 @@ _DATA = _readers(
     "calibrate kinematics {sound}/train --test {it} --out {out}/b",
     "calibrate kinematics {it} " + ROBOT + " --out {out}/c",
     "evaluate " + ARM + " {it} --json",
-    "check " + ARM + " {it} --relearn --out {out}/d --json",
+    "monitor " + ARM + " {it} --relearn --out {out}/d --json",
     "rezero " + ARM + " {it} --out {out}/e --json",
     "choose-poses " + ARM + " {it} --count 3 --out {out}/f.csv --json",
-    "calibrate tool " + ARM + " {it} --tool hand --out {out}/g --json",
+    "calibrate tool {it} --model " + ARM + " --tool hand --out {out}/g --json",
 )
 _SEEN = _readers(
     "calibrate mirror {it} --model " + BODY + " --test-fraction 0.3 --out {out}/a --json",
     "calibrate body {it} --model " + BODY + " --stage kinematics --out {out}/b --json",
-    "calibrate kinematics {it} --eyes " + BODY + " --starts 2 --out {out}/c --json",
+    "calibrate kinematics {it} --cameras " + BODY + " --starts 2 --out {out}/c --json",
     "evaluate " + BODY + " {it}",
-    "check " + BODY + " {it} --json",
-    "calibrate tool " + BODY + " {it} --tool hand --out {out}/d --json",
+    "monitor " + BODY + " {it} --json",
+    "calibrate tool {it} --model " + BODY + " --tool hand --out {out}/d --json",
     "rezero " + BODY + " {it} --out {out}/e --json",
 )
 _ARM = _readers(
     "predict {it} --encoders 0.1,0.2,0.3 --encoders 9,9,9 --json",
     "predict {it} --table {sound}/poses/poses.csv",
     "evaluate {it} {sound}/data --json",
-    "check {it} {sound}/data --json",
+    "monitor {it} {sound}/data --json",
     "rezero {it} {sound}/data --out {out}/a --json",
     "choose-poses {it} {sound}/data --count 3 --out {out}/b.csv --json",
-    "calibrate tool {it} {sound}/data --tool hand --out {out}/c --json",
+    "calibrate tool {sound}/data --model {it} --tool hand --out {out}/c --json",
     "export-urdf {it} --out {out}/d.urdf",
     "servo status --port {port} --config {sound}/servos/servos.yaml --trust-zero --model {it}",
 )
@@ -131,10 +131,10 @@ _BODY = _readers(
     "predict {it} --encoders 1000,2000,300,400 --json",
     "locate {it} --mirror middle --pixels {pixels} --json",
     "evaluate {it} {sound}/seen",
-    "check {it} {sound}/seen --json",
+    "monitor {it} {sound}/seen --json",
     "calibrate mirror {sound}/seen --model {it} --out {out}/a --json",
     "calibrate body {sound}/seen --model {it} --stage kinematics --out {out}/b --json",
-    "calibrate kinematics {sound}/seen --eyes {it} --starts 2 --out {out}/c --json",
+    "calibrate kinematics {sound}/seen --cameras {it} --starts 2 --out {out}/c --json",
     "export-urdf {it} --out {out}/d.urdf",
 )
 _SERVOS = _readers(
@@ -142,18 +142,19 @@ _SERVOS = _readers(
     "servo status --port {port} --config {it}/servos.yaml --trust-zero --json",
     "servo move elbow 10 --port /dev/null --config {it}/servos.yaml",
     "servo home --port /dev/null --config {it}/servos.yaml --yes",
-    "record {out}/r --port /dev/null --config {it}/servos.yaml --motion-capture 127.0.0.1:9 --yes",
+    "record --out {out}/r --port /dev/null --config {it}/servos.yaml --yes"
+    " --motion-capture 127.0.0.1:9",
 )
 _PICTURE = (
     "detect {it}/%s --fiducial --out {out}/a --json",
     "detect {it}/%s --color {sound}/color/red.yaml --out {out}/b",
-    "detect {it}/%s --chessboard 5x4 --out {out}/c --json",
+    "detect {it}/%s --board 5x4 --out {out}/c --json",
     "pick-color {it}/%s --at 20,20 --mask {out}/mask.png --out {out}/d.yaml",
 )
 _BOARDS = _readers(
     "calibrate stereo {it} " + " ".join(BOARD) + " --out {out}/a --json",
     "calibrate camera {it} " + " ".join(BOARD) + " --out {out}/b",
-    "detect {it} --chessboard 7x5 --window 5 --out {out}/c --json",
+    "detect {it} --board 7x5 --window 5 --out {out}/c --json",
 )
 _ROBOT = _readers(
     "calibrate kinematics {sound}/data --robot {it}/small.urdf --base base --tip palm"
@@ -172,15 +173,15 @@ _POSES = (
     ),
     Reader(("predict", ARM, "--table", "-", "--json"), stdin_from="poses.csv"),
 )
-_RECORDED = _readers("record {it} --sensor motion-capture --circle 0 --random 3")
+_RECORDED = _readers("record --out {it} --sensor motion-capture --circle 0 --random 3")
 _TO_VISIT = _readers(
-    "record {out}/r --sensor motion-capture --circle 0 --poses {it}/poses.csv",
+    "record --out {out}/r --sensor motion-capture --circle 0 --poses {it}/poses.csv",
 )
-_RESULT = _readers("view {it} --html {out}/scene.html")
+_RESULT = _readers("view {it} --out {out}/scene.html")
 WORDS = _readers(
     "calibrate kinematics {sound}/data --name {odd} --out {out}/a",
-    "calibrate kinematics {sound}/data --pin {odd} --out {out}/a",
-    "calibrate kinematics {sound}/data --pin elbow.r={odd} --out {out}/a",
+    "calibrate kinematics {sound}/data --fix {odd} --out {out}/a",
+    "calibrate kinematics {sound}/data --fix elbow.r={odd} --out {out}/a",
     "calibrate kinematics {sound}/data --free {odd} --out {out}/a",
     "calibrate kinematics {sound}/data --test-fraction {odd} --out {out}/a",
     "calibrate kinematics {sound}/data --require-test-mm {odd} --test-fraction 0.3 --out {out}/a",
@@ -208,14 +209,14 @@ WORDS = _readers(
     " counts --counts-per-turn {odd} --out {out}/a",
     "import vicon {sound}/vicon/trial.csv --encoders {sound}/vicon/readings.csv --encoder-unit"
     " rad --marker {odd} --out {out}/a",
-    "record {out}/r --sensor motion-capture --circle 0 --random 2 --world {odd}",
+    "record --out {out}/r --sensor motion-capture --circle 0 --random 2 --imperfections {odd}",
     "markers sheet --out {out}/a.svg --ids {odd}",
     "markers sheet --out {out}/a.svg --size-mm {odd}",
     "servo move elbow {odd} --port {port} --config {sound}/servos/servos.yaml",
     "servo move {odd} 10 --port {port} --config {sound}/servos/servos.yaml",
     "rezero " + ARM + " {sound}/data --joint {odd} --out {out}/a",
-    "calibrate tool " + ARM + " {sound}/data --tool {odd} --out {out}/a",
-    "check " + ARM + " {sound}/data --sensor {odd}",
+    "calibrate tool {sound}/data --model " + ARM + " --tool {odd} --out {out}/a",
+    "monitor " + ARM + " {sound}/data --sensor {odd}",
 )
 """Commands with an odd word."""
 KINDS = (
@@ -347,7 +348,7 @@ def _make_recording(sound: Path, command) -> None:
     """Write a recording that was interrupted, and poses for another one."""
     recorded = sound / "recorded"
     words = ("--sensor", "motion-capture", "--circle", "0", "--random", "3")
-    _done(command("record", recorded, *words))
+    _done(command("record", "--out", recorded, *words))
     lines = (recorded / "samples.csv").read_text().splitlines(keepends=True)
     (recorded / "samples.csv").write_text("".join(lines[:-1]))
     (sound / "to_visit").mkdir()

@@ -10,7 +10,7 @@ from pydrake.systems.analysis import Simulator
 from pydrake.systems.framework import DiagramBuilder
 
 from nico_selfmodel.errors import RobotError
-from nico_selfmodel.experiments.nico_before_its_eyes import NicoBeforeItsEyes
+from nico_selfmodel.experiments.nico_before_its_eyes import RenderedNico
 from nico_selfmodel.systems import ImageQuality, MirrorPlate, NicoStation, StationBody
 from nico_selfmodel.systems.closing import Closable
 
@@ -90,7 +90,7 @@ def test_a_diagram_whose_station_was_closed_does_not_go_on():
 @pytest.mark.slow
 def test_whoever_records_closes_the_stations(monkeypatch):
     made = []
-    nico = NicoBeforeItsEyes("clean", 3, ("fiducial",), ROUGH)
+    nico = RenderedNico("clean", 3, ("fiducial",), ROUGH)
     station = nico.station
     monkeypatch.setattr(nico, "station", lambda *a: made.append(station(*a)) or made[-1])
     nico.record("one", 0, 0, 1)

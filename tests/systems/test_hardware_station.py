@@ -215,13 +215,13 @@ def test_a_body_of_real_servos_goes_where_it_is_sent_and_looks(robot):
         body = station.body("motion-capture")
         assert body.markers == MARKERS
         target = np.round(homes(config)) + np.array([-300.0, 200.0, 150.0, -400.0])
-        visits = [body.visit(target) for _ in range(3)]  # it leaves and comes back
+        visits = [body.move_and_measure(target) for _ in range(3)]  # it leaves and comes back
         for seen in visits:
             assert seen.encoders == pytest.approx(target, abs=2)
         # Motion capture of this world loses a marker now and then.
         p, other, *_ = [seen.points["hand"] for seen in visits if seen.points["hand"] is not None]
         assert 0.0 < np.linalg.norm(p - other) < 0.03
-        far = body.visit(target - np.array([0.0, 0.0, 0.0, 1800.0])).points["hand"]
+        far = body.move_and_measure(target - np.array([0.0, 0.0, 0.0, 1800.0])).points["hand"]
         assert far is None or np.linalg.norm(far - p) > 0.03
 
 
@@ -232,7 +232,7 @@ def test_a_body_with_real_eyes_keeps_pixels_and_pictures(robot, eyes, pose):
     with NicoHardwareStation(patient(bus, config), driver) as station:
         station.enable()
         body = station.body(keep_images=True)
-        seen = body.visit(np.round(homes(config)) + np.array([-50.0, 50.0, 50.0, -50.0]))
+        seen = body.move_and_measure(np.round(homes(config)) + np.array([-50.0, 50.0, 50.0, -50.0]))
     assert body.markers == ("fiducial", "finger_tip")
     pixels = np.concatenate([seen.pixels[marker] for marker in body.markers])
     assert np.array_equal(pixels, pose[1], equal_nan=True)
@@ -282,7 +282,7 @@ def test_a_joint_that_stays_behind_is_named():
         ):
             station.enable()
             with pytest.raises(RobotError, match="came to rest elsewhere: right_elbow reads"):
-                station.body("motion-capture").visit([0.0, 0.0, 0.0, -600.0])
+                station.body("motion-capture").move_and_measure([0.0, 0.0, 0.0, -600.0])
 
 
 def test_a_tracker_that_goes_away_is_an_error_of_the_station():

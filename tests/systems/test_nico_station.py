@@ -9,19 +9,21 @@ from pydrake.systems.framework import DiagramBuilder
 from pydrake.systems.primitives import LogVectorOutput
 
 from nico_selfmodel.model import Camera, StereoRig
+from nico_selfmodel.planning.board_poses import board_poses
+from nico_selfmodel.planning.plans import commands_of_angles
+from nico_selfmodel.planning.visible_workspace import VisibleWorkspace
 from nico_selfmodel.plant import ArmDescription
-from nico_selfmodel.recording import commands_of_angles
 from nico_selfmodel.systems import (
-    NICO_EYES,
-    WORLDS,
+    IMPERFECTIONS,
+    NICO_CAMERAS,
     HandTracker,
     ImageQuality,
     NicoStation,
-    Reach,
     SelfModelPredictor,
+    fiducial_detector,
     looking_arm,
 )
-from nico_selfmodel.systems.individual import Individual
+from nico_selfmodel.systems.nico_instance import NicoInstance
 
 ROUGH = ImageQuality(1)
 POSE = np.radians([-40.0, 15.0, -35.0, -55.0])
@@ -86,7 +88,7 @@ def test_another_individual_and_another_day_are_others(station):
 
 
 def test_no_port_and_no_public_attribute_shows_the_truth(station):
-    body = Individual.build(station.arm, WORLDS["thesis"], 3, NICO_EYES)
+    body = NicoInstance.build(station.arm, IMPERFECTIONS["thesis"], 3, NICO_CAMERAS)
     values = sensed(station)
     shown = np.concatenate(
         [np.ravel(values[port]).astype(float) for port in values if "image" not in port]
@@ -105,8 +107,8 @@ def test_no_port_and_no_public_attribute_shows_the_truth(station):
 
 
 def test_true_eyes_are_not_those_that_were_designed():
-    body = Individual.build(looking_arm(), WORLDS["thesis"], 3, NICO_EYES)
-    for true, designed in zip(body.rig.eyes, NICO_EYES.eyes, strict=True):
+    body = NicoInstance.build(looking_arm(), IMPERFECTIONS["thesis"], 3, NICO_CAMERAS)
+    for true, designed in zip(body.rig.eyes, NICO_CAMERAS.eyes, strict=True):
         assert abs(true.cx - designed.cx) + abs(true.cy - designed.cy) > 0.5
         assert abs(true.k1 - designed.k1) > 1e-4
         assert not np.allclose(true.X_WC, np.eye(4), atol=1e-4)
@@ -115,7 +117,7 @@ def test_true_eyes_are_not_those_that_were_designed():
 
 def test_motion_capture_sees_the_hand_where_the_true_arm_has_it_up_to_its_frame(station):
     clean = NicoStation("clean", 3, quality=ROUGH)
-    body = Individual.build(clean.arm, WORLDS["clean"], 3, NICO_EYES)
+    body = NicoInstance.build(clean.arm, IMPERFECTIONS["clean"], 3, NICO_CAMERAS)
     values = sensed(clean)
     q = body.mechanics.servos.to_joint(values["encoders"])
     p = body.mechanics.chain.forward(np.tile(q, (3, 1)), np.arange(3))
@@ -128,7 +130,7 @@ def test_motion_capture_sees_the_hand_where_the_true_arm_has_it_up_to_its_frame(
 @pytest.mark.slow
 def test_pixels_are_where_the_true_eyes_project_the_true_hand():
     station = NicoStation("clean", 3, quality=ImageQuality(noise=0.0))
-    body = Individual.build(station.arm, WORLDS["clean"], 3, NICO_EYES)
+    body = NicoInstance.build(station.arm, IMPERFECTIONS["clean"], 3, NICO_CAMERAS)
     values = sensed(station)
     q = body.mechanics.servos.to_joint(values["encoders"])
     p_BH = body.mechanics.chain.forward(q, station.arm.markers.index("fiducial"))
@@ -156,8 +158,8 @@ def true_rig(station, body):
 def test_a_board_that_is_held_up_is_in_the_pictures_until_it_is_put_away(station):
     context = station.CreateDefaultContext()
     before = station.picture(context, "left").astype(int)
-    reach = Reach.of(station.arm)
-    (X_BG,) = reach.board_poses(station.board, 1, np.random.default_rng(0))
+    reach = VisibleWorkspace.of(station.arm)
+    (X_BG,) = board_poses(reach, station.board, 1, np.random.default_rng(0))
     station.hold_board(context, X_BG)
     held = station.picture(context, "left").astype(int)
     station.hold_board(context, None)
@@ -170,9 +172,9 @@ def test_a_users_own_diagram_predicts_and_logs_and_leaves_no_thread(station):
     threads = threading.active_count()
     builder = DiagramBuilder()
     nico = builder.AddSystem(NicoStation("thesis", 3, 7, quality=ROUGH))
-    guess = Reach.of(nico.arm).first_guess(nico.joints)
+    guess = VisibleWorkspace.of(nico.arm).first_guess(nico.joints)
     predictor = builder.AddSystem(SelfModelPredictor(guess, "fiducial"))
-    tracker = builder.AddSystem(HandTracker.fiducial())
+    tracker = builder.AddSystem(HandTracker({"fiducial": fiducial_detector()}))
     builder.Connect(nico.GetOutputPort("encoders"), predictor.GetInputPort("encoders"))
     for eye in ("left_image", "right_image"):
         builder.Connect(nico.GetOutputPort(eye), tracker.GetInputPort(eye))

@@ -8,8 +8,14 @@ import pytest
 from nico_selfmodel.geometry.rotation import rotation_from_vector
 from nico_selfmodel.geometry.transform import transform
 from nico_selfmodel.model import Camera, StereoRig
-from nico_selfmodel.recording import commands_of_angles
-from nico_selfmodel.systems import HandTracker, ImageQuality, NicoStation, StationBody
+from nico_selfmodel.planning.plans import commands_of_angles
+from nico_selfmodel.systems import (
+    HandTracker,
+    ImageQuality,
+    NicoStation,
+    StationBody,
+    fiducial_detector,
+)
 
 from .card_world import CardWorld
 
@@ -22,7 +28,7 @@ def track(images, detectors=None):
     """Run the tracker on a pair of pictures: pixels, seen, reasons."""
     from nico_selfmodel.systems.image_values import image_value, write_bgr
 
-    tracker = HandTracker.fiducial() if detectors is None else HandTracker(detectors)
+    tracker = HandTracker(detectors or {"fiducial": fiducial_detector()})
     context = tracker.CreateDefaultContext()
     for eye, image in zip(("left", "right"), images, strict=True):
         value = image_value(*image.shape[1::-1])
@@ -116,7 +122,7 @@ def nico():
 def visit(nico, q):
     body, station = nico
     arm = station.arm
-    return body.visit(commands_of_angles(station.joints, arm.lower, arm.upper, [q])[0])
+    return body.move_and_measure(commands_of_angles(station.joints, arm.lower, arm.upper, [q])[0])
 
 
 def test_nico_sees_its_hand_before_its_eyes(nico):

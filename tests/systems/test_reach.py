@@ -5,59 +5,61 @@ import pytest
 
 from nico_selfmodel.errors import ModelError
 from nico_selfmodel.geometry.transform import apply
-from nico_selfmodel.systems import BOARD, Reach, looking_arm
+from nico_selfmodel.planning.board_poses import board_poses
+from nico_selfmodel.planning.visible_workspace import VisibleWorkspace
+from nico_selfmodel.systems import BOARD, looking_arm
 
 LOOKING_POSE = np.radians([[-30.0, 50.0, 0.0, -70.0]])
 
 
 @pytest.fixture(scope="module")
-def reach():
-    return Reach.of(looking_arm("fiducial", "finger_tip"))
+def workspace():
+    return VisibleWorkspace.of(looking_arm("fiducial", "finger_tip"))
 
 
-def test_the_pose_that_the_robots_description_names_is_in_view(reach):
-    assert reach.usable(LOOKING_POSE).tolist() == [True]
+def test_the_pose_that_the_robots_description_names_is_in_view(workspace):
+    assert workspace.usable(LOOKING_POSE).tolist() == [True]
 
 
 @pytest.mark.parametrize(
     "q_deg", [[50.0, 0.0, 0.0, -20.0], [0.0, 0.0, 0.0, 0.0], [-40.0, 15.0, 90.0, -55.0]]
 )
-def test_poses_out_of_view_or_with_the_palm_to_the_eyes_are_not(reach, q_deg):
-    assert not reach.in_view(np.radians([q_deg])).any()
+def test_poses_out_of_view_or_with_the_palm_to_the_eyes_are_not(workspace, q_deg):
+    assert not workspace.in_view(np.radians([q_deg])).any()
 
 
-def test_an_arm_in_the_body_collides_and_one_before_it_does_not(reach):
-    assert reach.body.collides(np.radians([0.0, -15.0, -80.0, -125.0]))
-    assert not reach.body.collides(LOOKING_POSE[0])
-    assert not reach.body.collides(np.zeros(4))
+def test_an_arm_in_the_body_collides_and_one_before_it_does_not(workspace):
+    assert workspace.body.collides(np.radians([0.0, -15.0, -80.0, -125.0]))
+    assert not workspace.body.collides(LOOKING_POSE[0])
+    assert not workspace.body.collides(np.zeros(4))
 
 
-def test_the_head_looks_at_where_the_hand_works(reach):
-    q = np.random.default_rng(0).uniform(reach.arm.lower, reach.arm.upper, (4000, 4))
-    assert reach.in_view(q).mean() > 0.045
+def test_the_head_looks_at_where_the_hand_works(workspace):
+    q = np.random.default_rng(0).uniform(workspace.arm.lower, workspace.arm.upper, (4000, 4))
+    assert workspace.in_view(q).mean() > 0.045
 
 
-def test_random_poses_are_usable_within_limits_and_come_from_the_seed(reach):
-    a, b = (reach.random_poses(20, np.random.default_rng(3)) for _ in range(2))
+def test_random_poses_are_usable_within_limits_and_come_from_the_seed(workspace):
+    a, b = (workspace.random_poses(20, np.random.default_rng(3)) for _ in range(2))
     assert np.array_equal(a, b)
-    assert reach.usable(a).all()
-    assert ((a >= reach.arm.lower) & (a <= reach.arm.upper)).all()
+    assert workspace.usable(a).all()
+    assert ((a >= workspace.arm.lower) & (a <= workspace.arm.upper)).all()
 
 
-def test_sweeps_about_home_are_in_view_and_wide(reach):
-    home, arcs = reach.home_and_arcs(40)
+def test_sweeps_about_home_are_in_view_and_wide(workspace):
+    home, arcs = workspace.home_and_arcs(40)
     assert (np.ptp(arcs, axis=1) > np.radians(35.0)).all()
     assert np.degrees(home[3]) < -20.0  # the elbow is bent
     for i, (low, high) in enumerate(arcs):
         poses = np.tile(home, (9, 1))
         poses[:, i] = np.linspace(low, high, 9)
-        assert reach.in_view(poses).all()
+        assert workspace.in_view(poses).all()
 
 
-def test_boards_are_whole_in_both_images_and_before_the_body(reach):
-    for X_BG in reach.board_poses(BOARD, 8, np.random.default_rng(0)):
+def test_boards_are_whole_in_both_images_and_before_the_body(workspace):
+    for X_BG in board_poses(workspace, BOARD, 8, np.random.default_rng(0)):
         corners = apply(X_BG, BOARD.points)
-        pixels = reach.rig.project(corners)
+        pixels = workspace.rig.project(corners)
         assert ((pixels > 0.0) & (pixels < [640.0, 480.0, 640.0, 480.0])).all()
         assert corners[:, 0].min() > 0.05
         # Seen from the front: x of the board runs to the right in the image, y down.
@@ -67,6 +69,6 @@ def test_boards_are_whole_in_both_images_and_before_the_body(reach):
 
 def test_points_that_are_not_there_are_refused():
     with pytest.raises(ModelError, match="has the points fiducial"):
-        Reach.of(looking_arm("fiducial"), ("nose",))
+        VisibleWorkspace.of(looking_arm("fiducial"), ("nose",))
     with pytest.raises(ValueError, match="no point"):
         looking_arm("nose")

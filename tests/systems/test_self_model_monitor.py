@@ -10,9 +10,9 @@ from pydrake.systems.primitives import ConstantVectorSource
 
 from nico_selfmodel.errors import ModelError
 from nico_selfmodel.estimation import calibrate_body, check_health
-from nico_selfmodel.experiments.body_protocol import BodyProtocol
-from nico_selfmodel.experiments.refinement import simulated_lesson
-from nico_selfmodel.systems import WORLDS, SelfModelMonitor
+from nico_selfmodel.experiments.projected_nico import ProjectedNico
+from nico_selfmodel.experiments.refinement import simulated_scenario
+from nico_selfmodel.systems import IMPERFECTIONS, SelfModelMonitor
 from nico_selfmodel.systems.self_model_monitor import REMEMBERED
 
 PERIOD = 0.1
@@ -20,18 +20,18 @@ PERIOD = 0.1
 
 @pytest.fixture(scope="module")
 def case():
-    world = WORLDS["clean"].with_noise(play_deg=0.5)
-    protocol = BodyProtocol.of_nico()
-    lesson = simulated_lesson(protocol, world, 0, "fiducial")
-    model = calibrate_body(lesson.train, lesson.eyes, lesson.boards).model
+    world = IMPERFECTIONS["clean"].with_noise(play_deg=0.5)
+    protocol = ProjectedNico.tracked_by()
+    scenario = simulated_scenario(protocol, world, 0)
+    model = calibrate_body(scenario.train, scenario.eyes, scenario.boards).model
     return protocol, world, model
 
 
 def poses(case, count, slip=0.0, seed=1, observed=False):
     protocol, world, _ = case
-    body = protocol.body(world, 0, session=seed)
+    body = protocol.robot(world, 0, session=seed)
     if slip:
-        body.slip("right_shoulder_roll", slip)
+        body.faults.slip("right_shoulder_roll", slip)
     q = protocol.random_poses(count, np.random.default_rng(seed))
     return protocol.record(body, "poses", q, observed=observed)
 

@@ -6,15 +6,14 @@ import numpy as np
 import pytest
 
 from nico_selfmodel.plant import ArmDescription
-from nico_selfmodel.systems import WORLDS, SimulatedArm, world_named
+from nico_selfmodel.systems import IMPERFECTIONS, SimulatedRobot, imperfections_named
 
 ARM = ArmDescription.named("nico")
 
 
 def body(world="thesis", seed=0, session=0, **changes):
-    return SimulatedArm(
-        ARM.chain, ARM.lower, ARM.upper, replace(WORLDS[world], **changes), seed, session
-    )
+    flaws = replace(IMPERFECTIONS[world], **changes)
+    return SimulatedRobot.under_motion_capture(ARM, flaws, seed, session)
 
 
 def middle(arm):
@@ -24,46 +23,52 @@ def middle(arm):
 def test_one_seed_and_session_is_one_history():
     first, second = body(seed=3, session=4), body(seed=3, session=4)
     for _ in range(5):
-        a, b = first.visit(middle(first)), second.visit(middle(second))
+        a, b = first.move_and_measure(middle(first)), second.move_and_measure(middle(second))
         assert np.array_equal(a.points["hand"], b.points["hand"])
 
 
 def test_another_session_is_the_same_body_on_another_day():
     quiet = {"play": 0.0, "sag": 0.0, "wobble": 0.0, "marker_sigma": 0.0, "dropout_share": 0.0}
     a, b = body(seed=3, session=0, **quiet), body(seed=3, session=1, **quiet)
-    assert a.visit(middle(a)).points["hand"] == pytest.approx(b.visit(middle(b)).points["hand"])
+    assert a.move_and_measure(middle(a)).points["hand"] == pytest.approx(
+        b.move_and_measure(middle(b)).points["hand"]
+    )
     noisy = body(seed=3, session=0), body(seed=3, session=1)
-    seen = [arm.visit(middle(arm)).points["hand"] for arm in noisy]
+    seen = [arm.move_and_measure(middle(arm)).points["hand"] for arm in noisy]
     assert not np.array_equal(*seen)
 
 
 def test_commands_stop_at_the_stops():
     arm = body()
-    far = arm.visit(np.full(4, 1e9)).encoders
+    far = arm.move_and_measure(np.full(4, 1e9)).encoders
     assert np.array_equal(far, [joint.upper for joint in arm.joints])
 
 
 @pytest.mark.parametrize("command", [[0.0, 0.0], [np.nan] * 4, [np.inf] * 4])
 def test_a_command_that_is_none_is_refused(command):
     with pytest.raises(ValueError, match="4 finite counts"):
-        body().visit(command)
+        body().move_and_measure(command)
 
 
 def test_a_lost_marker_is_nowhere():
     arm = body(dropout_share=1.0)
-    assert arm.visit(middle(arm)).points["hand"] is None
+    assert arm.move_and_measure(middle(arm)).points["hand"] is None
 
 
 def test_nothing_public_holds_the_truth():
     arm = body("clean", seed=1)
     public = {name for name in dir(arm) if not name.startswith("_")}
-    assert public == {"joints", "markers", "relive", "visit", "world"}
-    assert {name for name in vars(arm) if "__" not in name} == {"world", "_rng", "_stops"}
+    doors = {"faults", "ground_truth"}
+    builders = {"under_motion_capture", "with_cameras"}
+    assert (
+        public == {"joints", "markers", "relive", "move_and_measure", "sensor"} | doors | builders
+    )
+    assert {name for name in vars(arm) if "__" not in name} == {"sensor", "_rng"}
 
 
 def test_play_moves_the_hand_and_not_the_encoders():
     arm = body("clean", play=np.radians(1.0))
-    sightings = [arm.visit(middle(arm)) for _ in range(20)]
+    sightings = [arm.move_and_measure(middle(arm)) for _ in range(20)]
     assert len({tuple(s.encoders) for s in sightings}) == 1
     spread = np.std([s.points["hand"] for s in sightings], axis=0)
     assert 1e-4 < np.linalg.norm(spread) < 1e-2
@@ -71,16 +76,18 @@ def test_play_moves_the_hand_and_not_the_encoders():
 
 def test_sag_is_the_same_every_time():
     still, sagging = body("clean"), body("clean", sag=np.radians(2.0))
-    a, b = (arm.visit(middle(arm)).points["hand"] for arm in (still, sagging))
+    a, b = (arm.move_and_measure(middle(arm)).points["hand"] for arm in (still, sagging))
     assert np.linalg.norm(a - b) > 1e-4
-    assert np.array_equal(b, sagging.visit(middle(sagging)).points["hand"])
+    assert np.array_equal(b, sagging.move_and_measure(middle(sagging)).points["hand"])
 
 
 def test_an_arm_without_stops_cannot_be_simulated():
     with pytest.raises(ValueError, match="finite"):
-        SimulatedArm(ARM.chain, ARM.lower, np.full(4, np.inf), WORLDS["clean"], 0)
+        SimulatedRobot.under_motion_capture(
+            replace(ARM, upper=np.full(4, np.inf)), IMPERFECTIONS["clean"], 0
+        )
 
 
 def test_a_world_that_does_not_exist_is_explained():
     with pytest.raises(ValueError, match="clean, thesis"):
-        world_named("moon")
+        imperfections_named("moon")

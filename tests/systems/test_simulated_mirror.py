@@ -18,7 +18,7 @@ def test_reflections_are_those_of_the_true_parts(body):
     quiet = mirror_body(3, pixel_sigma=1e-9, play_deg=0.0)
     seen = quiet.watch("middle", 12)
     known = quiet.calibrated()
-    rig = MirrorRig(known.rig, quiet.true_mirror("middle"))
+    rig = MirrorRig(known.rig, quiet.ground_truth.mirrors["middle"])
     assert_allclose(rig.project(known.predict(seen.encoders).p_WH), seen.pixels, atol=1e-6)
     direct = quiet.watch("", 5)
     assert set(direct.mirror.tolist()) == {""}
@@ -30,7 +30,7 @@ def test_poses_keep_the_hand_off_the_glass_and_inside_both_images(body):
     for name in MIRRORS:
         seen = body.watch(name, 30)
         p = body.calibrated().predict(seen.encoders).p_WH
-        assert body.true_mirror(name).in_front_by(p).min() > 0.04
+        assert body.ground_truth.mirrors[name].in_front_by(p).min() > 0.04
         assert (seen.pixels > 0.0).all()
         assert (seen.pixels < np.array([640, 480, 640, 480])).all()
         assert set(seen.mirror.tolist()) == {name}
@@ -44,7 +44,7 @@ def test_a_session_can_be_repeated_and_another_differs(body):
 
 def test_mirrors_stand_a_little_off_from_where_they_were_meant_to(body):
     for name, meant in MIRRORS.items():
-        assert 0.01 < np.degrees(body.true_mirror(name).angle_to(meant)) < 10.0
+        assert 0.01 < np.degrees(body.ground_truth.mirrors[name].angle_to(meant)) < 10.0
 
 
 def test_no_public_number_is_one_of_the_truth(body):
@@ -59,9 +59,9 @@ def test_no_public_number_is_one_of_the_truth(body):
 
 def test_commanded_poses_can_be_visited(body):
     seen = body.watch("far", 6)
-    again = body.visit("far", seen.encoders, session=4)
+    again = body.move_and_measure("far", seen.encoders, session=4)
     assert np.linalg.norm(again - seen.pixels, axis=1).max() < 10.0
-    assert np.isnan(body.visit("", seen.encoders)).any()
+    assert np.isnan(body.move_and_measure("", seen.encoders)).any()
 
 
 def test_what_does_not_exist_is_refused(body):
@@ -72,7 +72,7 @@ def test_what_does_not_exist_is_refused(body):
 def test_a_curved_mirror_shows_other_reflections():
     flat, bent = mirror_body(3), mirror_body(3, radius=3.0)
     seen = flat.watch("middle", 8)
-    moved = np.linalg.norm(bent.visit("middle", seen.encoders) - seen.pixels, axis=1)
+    moved = np.linalg.norm(bent.move_and_measure("middle", seen.encoders) - seen.pixels, axis=1)
     assert np.nanmin(moved) > 5.0
     found = calibrate_mirrors(bent.watch("middle", 10), bent.calibrated())
     assert not found.flatness["middle"].flat

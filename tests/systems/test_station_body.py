@@ -8,7 +8,13 @@ from pydrake.systems.primitives import ConstantVectorSource, PassThrough
 from nico_selfmodel.dataset import JointInfo
 from nico_selfmodel.errors import RobotError
 from nico_selfmodel.model import Chain, ServoMap
-from nico_selfmodel.systems import WORLDS, EncoderModel, Mechanics, Patience, StationBody
+from nico_selfmodel.systems import (
+    IMPERFECTIONS,
+    EncoderModel,
+    Mechanics,
+    SettleTimeouts,
+    StationBody,
+)
 
 JOINTS = tuple(JointInfo(name, "counts", 4096.0, -800.0, 900.0) for name in ("base", "tip"))
 CHAIN = Chain(
@@ -26,13 +32,18 @@ SERVOS = ServoMap(
     counts_per_turn=np.full(2, 4096.0),
     sign=np.ones(2),
 )
-MECHANICS = Mechanics(CHAIN, SERVOS, np.full(2, -800.0), np.full(2, 900.0), 0.4)
+
+
+def mechanics(world="clean"):
+    return Mechanics(
+        CHAIN, SERVOS, np.full(2, -800.0), np.full(2, 900.0), IMPERFECTIONS[world], 0.4
+    )
 
 
 def station(world="clean", seed=0, drop=(), extra=None):
     """Compose a station of bare servos, whose motion capture repeats the true angles."""
     builder = DiagramBuilder()
-    servos = builder.AddSystem(EncoderModel(MECHANICS, WORLDS[world], [0.0, 0.0], seed=seed))
+    servos = builder.AddSystem(EncoderModel(mechanics(world), [0.0, 0.0], seed=seed))
     measured = builder.AddSystem(_Angles())
     builder.Connect(servos.GetOutputPort("joint_angles"), measured.get_input_port())
     builder.ExportInput(servos.GetInputPort("command"), "command")
@@ -59,7 +70,7 @@ def body(**kinds):
 
 def test_a_visit_ends_where_it_was_sent_and_at_rest():
     driven = body()
-    sighting = driven.visit([300.4, -200.0])
+    sighting = driven.move_and_measure([300.4, -200.0])
     assert sighting.encoders.tolist() == [300.0, -200.0]
     expected = SERVOS.to_joint(np.array([300.0, -200.0]))
     assert sighting.points["hand"][:2] == pytest.approx(expected)
@@ -67,18 +78,18 @@ def test_a_visit_ends_where_it_was_sent_and_at_rest():
 
 def test_a_motion_takes_as_long_as_its_way():
     near, far = body(), body()
-    near.visit([50.0, 0.0])
-    far.visit([880.0, 0.0])
+    near.move_and_measure([50.0, 0.0])
+    far.move_and_measure([880.0, 0.0])
     assert far.context.get_time() > near.context.get_time() + 0.3
 
 
 def test_commands_beyond_the_stops_end_at_the_stops():
-    assert body().visit([5000.0, -5000.0]).encoders.tolist() == [900.0, -800.0]
+    assert body().move_and_measure([5000.0, -5000.0]).encoders.tolist() == [900.0, -800.0]
 
 
 def test_play_is_drawn_anew_at_every_visit_of_the_same_pose():
     loose = body(world="thesis")
-    seen = [loose.visit([300.0, 200.0]) for _ in range(6)]
+    seen = [loose.move_and_measure([300.0, 200.0]) for _ in range(6)]
     assert {tuple(s.encoders) for s in seen} == {(300.0, 200.0)}
     assert len({tuple(s.points["hand"]) for s in seen}) == 6
 
@@ -88,9 +99,9 @@ def test_the_same_seed_has_the_same_history():
     histories = []
     for _ in range(2):
         loose = body(world="thesis", seed=5)
-        histories.append([loose.visit(pose).points["hand"] for pose in path])
+        histories.append([loose.move_and_measure(pose).points["hand"] for pose in path])
     assert np.array_equal(*histories)
-    other = body(world="thesis", seed=6).visit(path[0]).points["hand"]
+    other = body(world="thesis", seed=6).move_and_measure(path[0]).points["hand"]
     assert not np.array_equal(other, histories[0][0])
 
 
@@ -126,22 +137,22 @@ class _Restless(LeafSystem):
 
 
 def test_joints_that_never_come_to_rest_are_an_error():
-    soon = Patience(timeout=0.5)
+    soon = SettleTimeouts(timeout=0.5)
     restless = StationBody(_Restless(), JOINTS, ["hand"], sensor="motion-capture", patience=soon)
     with pytest.raises(RobotError, match=r"did not come to rest within 0\.5 s: base reads"):
-        restless.visit([100.0, 0.0])
+        restless.move_and_measure([100.0, 0.0])
 
 
 @pytest.mark.parametrize("command", [[0.0], [np.nan, 0.0]])
 def test_a_command_that_is_none_is_refused(command):
     with pytest.raises(ValueError, match="2 finite readings"):
-        body().visit(command)
+        body().move_and_measure(command)
     with pytest.raises(ValueError, match="eyes or motion-capture"):
         StationBody(PassThrough(2), JOINTS, ["hand"], sensor="ears")
 
 
 def test_servos_that_cannot_be_are_refused():
     with pytest.raises(ValueError, match="start must be 2 readings"):
-        EncoderModel(MECHANICS, WORLDS["clean"], [0.0])
+        EncoderModel(mechanics(), [0.0])
     with pytest.raises(ValueError, match="speed positive"):
-        EncoderModel(MECHANICS, WORLDS["clean"], [0.0, 0.0], speed=0.0)
+        EncoderModel(mechanics(), [0.0, 0.0], speed=0.0)

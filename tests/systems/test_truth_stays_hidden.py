@@ -9,11 +9,11 @@ import numpy as np
 import pytest
 
 from nico_selfmodel.plant import ArmDescription
-from nico_selfmodel.systems import WORLDS, SimulatedArm
-from nico_selfmodel.systems.simulated_arm import gravity_torques
+from nico_selfmodel.systems import IMPERFECTIONS, SimulatedRobot
+from nico_selfmodel.systems.simulated.mechanics import gravity_torques
 
 ARM = ArmDescription.named("nico")
-QUIET = WORLDS["clean"]
+QUIET = IMPERFECTIONS["clean"]
 
 
 def body(world=QUIET, seed=5, session=0, markers=1):
@@ -22,7 +22,7 @@ def body(world=QUIET, seed=5, session=0, markers=1):
         hands = chain.p_WH_zero[0] + 0.03 * np.arange(markers)[:, None]
         names = tuple(f"marker_{k}" for k in range(markers))
         chain = replace(chain, markers=names, p_WH_zero=hands)
-    return SimulatedArm(chain, ARM.lower, ARM.upper, world, seed, session)
+    return SimulatedRobot.under_motion_capture(replace(ARM, chain=chain), world, seed, session)
 
 
 def commands(arm, count, seed=0):
@@ -32,13 +32,13 @@ def commands(arm, count, seed=0):
 
 
 def hidden(arm):
-    """Return chain, servos and the tracker's place, which only a test may look at."""
-    names = ("true_chain", "servos", "to_tracker")
-    return [getattr(arm, f"_SimulatedArm__{name}") for name in names]
+    """Return chain, servos and the tracker's place."""
+    truth = arm.ground_truth.instance
+    return [truth.mechanics.chain, truth.mechanics.servos, truth.X_TB]
 
 
 def numbers_in(thing, depth=0):
-    """Return every number that can be reached through public names."""
+    """Return every number that can be reached through public names, but for the one door."""
     if depth > 6 or callable(thing) or isinstance(thing, str | bytes | None):
         return []
     if isinstance(thing, int | float | np.ndarray | np.generic):
@@ -49,20 +49,20 @@ def numbers_in(thing, depth=0):
     if isinstance(thing, list | tuple | set | frozenset):
         return [x for value in thing for x in numbers_in(value, depth + 1)]
     names = [f.name for f in fields(thing)] if is_dataclass(thing) else dir(thing)
-    public = [name for name in names if not name.startswith("_")]
+    public = [name for name in names if not name.startswith("_") and name != "ground_truth"]
     return [x for name in public for x in numbers_in(getattr(thing, name), depth + 1)]
 
 
 @pytest.mark.parametrize("world", ["clean", "thesis"])
 def test_no_public_number_is_one_of_the_truth(world):
-    arm = body(WORLDS[world])
+    arm = body(IMPERFECTIONS[world])
     chain, servos, to_tracker = hidden(arm)
     truth = [chain.directions, chain.points, chain.p_WH_zero, servos.gear, servos.offset]
     truth = np.concatenate([np.ravel(part) for part in [*truth, to_tracker[:3]]])
     # Ones and zeros are nobody's secret.
     truth = truth[np.abs(truth - np.round(truth)) > 1e-6]
     shown = numbers_in(arm) + [
-        x for command in commands(arm, 20) for x in numbers_in(arm.visit(command))
+        x for command in commands(arm, 20) for x in numbers_in(arm.move_and_measure(command))
     ]
     assert len(truth) > 30
     assert len(shown) > 100
@@ -95,10 +95,10 @@ def test_stops_and_a_description_tell_gears_and_zeros_only_roughly():
 
 
 def test_no_method_takes_or_gives_joint_angles():
-    public = [name for name in dir(SimulatedArm) if not name.startswith("_")]
-    methods = [name for name in public if inspect.isfunction(getattr(SimulatedArm, name))]
-    assert methods == ["relive", "visit"]
-    sighting = body().visit(np.zeros(4))
+    public = [name for name in dir(SimulatedRobot) if not name.startswith("_")]
+    methods = [name for name in public if inspect.isfunction(getattr(SimulatedRobot, name))]
+    assert methods == ["move_and_measure", "relive"]
+    sighting = body().move_and_measure(np.zeros(4))
     assert {f.name for f in fields(sighting)} == {"encoders", "points"}
     with pytest.raises(TypeError):
         sighting.points["hand"] = np.zeros(3)
@@ -107,17 +107,19 @@ def test_no_method_takes_or_gives_joint_angles():
 def test_what_is_seen_cannot_be_used_to_change_the_body():
     arm, twin = body(), body()
     command = commands(arm, 1)[0]
-    first = arm.visit(command)
+    first = arm.move_and_measure(command)
     first.encoders[:] = 0.0
     first.points["hand"][:] = 0.0
     command[:] = 0.0
     command = commands(arm, 1)[0]
-    twin.visit(command)
-    assert np.array_equal(arm.visit(command).points["hand"], twin.visit(command).points["hand"])
+    twin.move_and_measure(command)
+    assert np.array_equal(
+        arm.move_and_measure(command).points["hand"], twin.move_and_measure(command).points["hand"]
+    )
 
 
 def test_one_individual_lives_in_many_worlds_and_sessions():
-    a, b = body(QUIET, seed=3, session=0), body(WORLDS["thesis"], seed=3, session=8)
+    a, b = body(QUIET, seed=3, session=0), body(IMPERFECTIONS["thesis"], seed=3, session=8)
     for mine, theirs in zip(hidden(a)[:1], hidden(b)[:1], strict=True):
         assert np.array_equal(mine.points, theirs.points)
     other = hidden(body(QUIET, seed=4))[0]
@@ -125,11 +127,11 @@ def test_one_individual_lives_in_many_worlds_and_sessions():
 
 
 def test_encoders_are_whole_counts_between_the_stops():
-    arm = body(WORLDS["thesis"])
+    arm = body(IMPERFECTIONS["thesis"])
     low = np.array([joint.lower for joint in arm.joints])
     high = np.array([joint.upper for joint in arm.joints])
     for command in commands(arm, 50) * 1.6:
-        read = arm.visit(command).encoders
+        read = arm.move_and_measure(command).encoders
         assert np.array_equal(read, np.round(read))
         assert np.array_equal(read, np.clip(np.round(command), low, high))
     assert np.array_equal(low, np.round(low))
@@ -142,10 +144,10 @@ def test_play_is_as_wide_as_the_world_says_and_centred():
     arm = body(world)
     still = body()
     command = commands(arm, 1, seed=3)[0]
-    center = still.visit(command).points["hand"]
-    seen = np.array([arm.visit(command).points["hand"] for _ in range(600)])
+    center = still.move_and_measure(command).points["hand"]
+    seen = np.array([arm.move_and_measure(command).points["hand"] for _ in range(600)])
     chain, servos, to_tracker = hidden(arm)
-    q = servos.to_joint(still.visit(command).encoders)
+    q = servos.to_joint(still.move_and_measure(command).encoders)
     step = 1e-6
     moved = np.stack([chain.forward(q + step * unit) - chain.forward(q) for unit in np.eye(4)])
     slopes = moved / step @ to_tracker[:3, :3].T
@@ -159,8 +161,8 @@ def test_markers_are_noisy_and_lost_each_on_its_own():
     world = replace(QUIET, marker_sigma=1e-3, dropout_share=0.3)
     arm, still = body(world, markers=3), body(markers=3)
     command = commands(arm, 1, seed=3)[0]
-    exact = still.visit(command).points
-    sightings = [arm.visit(command).points for _ in range(400)]
+    exact = still.move_and_measure(command).points
+    sightings = [arm.move_and_measure(command).points for _ in range(400)]
     lost = np.array([[points[m] is None for m in arm.markers] for points in sightings])
     assert lost.mean() == pytest.approx(0.3, abs=0.05)
     assert np.abs(np.corrcoef(lost.T)[np.triu_indices(3, 1)]).max() < 0.15
@@ -175,8 +177,8 @@ def test_only_the_shoulder_wobbles_and_only_now_and_then():
     world = replace(QUIET, wobble=np.radians(1.0), wobble_share=0.2)
     arm, still = body(world), body()
     command = commands(arm, 1, seed=3)[0]
-    center = still.visit(command).points["hand"]
-    off = np.array([arm.visit(command).points["hand"] - center for _ in range(500)])
+    center = still.move_and_measure(command).points["hand"]
+    off = np.array([arm.move_and_measure(command).points["hand"] - center for _ in range(500)])
     loose = np.linalg.norm(off, axis=1) > 1e-9
     assert loose.mean() == pytest.approx(0.2, abs=0.06)
     # Two joints move the hand in a plane, to first order.
@@ -206,4 +208,6 @@ def test_gravity_pulls_along_minus_z_and_not_on_vertical_axes():
 )
 def test_stops_that_are_none_are_refused(lower, upper):
     with pytest.raises(ValueError, match="finite lower < upper"):
-        SimulatedArm(ARM.chain, lower, upper, QUIET, 0)
+        SimulatedRobot.under_motion_capture(
+            replace(ARM, lower=np.array(lower), upper=np.array(upper)), QUIET, 0
+        )

@@ -123,7 +123,7 @@ def test_a_picture_too_narrow_to_see_in_is_refused_by_name(tmp_path, command, wi
     picture = ("detect", tmp_path / "left1.png")
     looks = [
         (*picture, "--fiducial"),
-        (*picture, "--chessboard", "9x6"),
+        (*picture, "--board", "9x6"),
         (*picture, "--color", tmp_path / "red.yaml"),
     ]
     before = sorted(tmp_path.iterdir())

@@ -9,12 +9,12 @@ import pytest
 
 from nico_selfmodel.cli.result_files import write_with_report
 from nico_selfmodel.estimation import BodyOptions, calibrate_body, judge, to_json
-from nico_selfmodel.experiments.body_protocol import BodyProtocol
-from nico_selfmodel.experiments.refinement import simulated_lesson
+from nico_selfmodel.experiments.projected_nico import ProjectedNico
+from nico_selfmodel.experiments.refinement import simulated_scenario
 from nico_selfmodel.model import SelfModel
 from nico_selfmodel.result_folder.urdf import urdf_file
 from nico_selfmodel.result_folder.writing import write_result
-from nico_selfmodel.systems import WORLDS
+from nico_selfmodel.systems import IMPERFECTIONS
 from nico_selfmodel.viz.body_scene import accuracy_at, body_scene
 from nico_selfmodel.viz.figures.workspace_map import workspace_map
 from nico_selfmodel.viz.reports.body import body_report
@@ -22,18 +22,18 @@ from nico_selfmodel.viz.scene import load_scene
 
 
 @pytest.fixture(scope="module")
-def lesson():
-    world = WORLDS["clean"].with_noise(play_deg=0.5)
-    return simulated_lesson(BodyProtocol.of_nico(), world, 0, "fiducial", random_poses=40)
+def scenario():
+    world = IMPERFECTIONS["clean"].with_noise(play_deg=0.5)
+    return simulated_scenario(ProjectedNico.tracked_by(), world, 0, random_poses=40)
 
 
 @pytest.fixture(scope="module")
-def found(lesson):
-    train = lesson.train.pixels.copy()
+def found(scenario):
+    train = scenario.train.pixels.copy()
     train[70] += 40.0
-    spoilt = replace(lesson.train, pixels=train)
+    spoilt = replace(scenario.train, pixels=train)
     return calibrate_body(
-        spoilt, lesson.eyes, lesson.boards, test=lesson.test, test_boards=lesson.test_boards
+        spoilt, scenario.eyes, scenario.boards, test=scenario.test, test_boards=scenario.test_boards
     )
 
 
@@ -84,10 +84,10 @@ def test_the_report_shows_the_numbers_of_the_document_and_loads_nothing(document
     assert "Outliers, left out of all but the held-out errors" in page
 
 
-def test_a_body_without_boards_says_so_and_has_no_board_table(lesson, monkeypatch):
+def test_a_body_without_boards_says_so_and_has_no_board_table(scenario, monkeypatch):
     monkeypatch.setattr("nico_selfmodel.viz.reports.page.svg_data_uri", lambda _: "data:,")
     found = calibrate_body(
-        lesson.train, lesson.eyes, None, BodyOptions("intrinsics-pinned", "unanchored")
+        scenario.train, scenario.eyes, None, BodyOptions("intrinsics-fixed", "unanchored")
     )
     verdict = judge(found)
     html = body_report(found, to_json(found, verdict)).html()
@@ -116,8 +116,8 @@ def test_the_map_has_one_scale_and_says_what_more_data_would_cure(found):
     assert [len(ax.collections[0].get_offsets()) for ax in panels] == [len(accuracy.total)] * 3
 
 
-def test_a_model_of_eyes_alone_has_no_urdf(lesson, tmp_path):
-    assert urdf_file(lesson.eyes, tmp_path) == {}
-    folder = write_result(tmp_path / "eyes", lesson.eyes, {"status": "PASS"})
+def test_a_model_of_eyes_alone_has_no_urdf(scenario, tmp_path):
+    assert urdf_file(scenario.eyes, tmp_path) == {}
+    folder = write_result(tmp_path / "eyes", scenario.eyes, {"status": "PASS"})
     assert {path.name for path in folder.iterdir()} == {"self_model.yaml", "result.json"}
     assert np.isfinite(SelfModel.load(folder).rig.baseline)

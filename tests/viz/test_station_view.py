@@ -9,7 +9,8 @@ from nico_selfmodel.dataset import JointInfo
 from nico_selfmodel.errors import ModelError
 from nico_selfmodel.geometry.transform import inverse, transform
 from nico_selfmodel.model import Mirror
-from nico_selfmodel.systems import Reach, looking_arm
+from nico_selfmodel.planning.visible_workspace import VisibleWorkspace
+from nico_selfmodel.systems import looking_arm
 from nico_selfmodel.viz.image_marks import marked
 from nico_selfmodel.viz.scene import ROOT
 from nico_selfmodel.viz.screens import screens_beside
@@ -21,7 +22,7 @@ JOINTS = tuple(
     JointInfo(name, "rad", None, float(low), float(high))
     for name, low, high in zip(ARM.joints, ARM.lower, ARM.upper, strict=True)
 )
-MODEL = Reach.of(ARM).first_guess(JOINTS)
+MODEL = VisibleWorkspace.of(ARM).first_guess(JOINTS)
 READINGS = np.radians([-40.0, 15.0, -35.0, -55.0])
 IMAGES = [np.full((480, 640, 3), level, np.uint8) for level in (90, 120)]
 

@@ -24,30 +24,30 @@ from nico_selfmodel.estimation.monitoring.update_result import (
     rezero_result,
     tool_result,
 )
-from nico_selfmodel.experiments.body_protocol import BodyProtocol
-from nico_selfmodel.experiments.refinement import simulated_lesson
+from nico_selfmodel.experiments.projected_nico import ProjectedNico
+from nico_selfmodel.experiments.refinement import simulated_scenario
 from nico_selfmodel.model import SelfModel
-from nico_selfmodel.systems import WORLDS
+from nico_selfmodel.systems import IMPERFECTIONS
 from nico_selfmodel.viz.health_plot import health_plot
 from nico_selfmodel.viz.reports.updates import update_report
 from nico_selfmodel.viz.scene import load_scene
 from nico_selfmodel.viz.update_scene import update_scene
 
-WORLD = WORLDS["clean"].with_noise(play_deg=0.5)
+WORLD = IMPERFECTIONS["clean"].with_noise(play_deg=0.5)
 TOOL = np.array([0.025, 0.0, -0.08])
 SLIPPED = "right_shoulder_roll"
 
 
 @pytest.fixture(scope="module")
 def model():
-    lesson = simulated_lesson(BodyProtocol.of_nico(), WORLD, 0, "fiducial", random_poses=40)
-    return calibrate_body(lesson.train, lesson.eyes, lesson.boards).model
+    scenario = simulated_scenario(ProjectedNico.tracked_by(), WORLD, 0, random_poses=40)
+    return calibrate_body(scenario.train, scenario.eyes, scenario.boards).model
 
 
 def poses(count, change=lambda body: None, shift=None, session=1):
     """Record random poses of the body, changed."""
-    protocol = BodyProtocol.of_nico()
-    body = protocol.body(WORLD, 0, session=session)
+    protocol = ProjectedNico.tracked_by()
+    body = protocol.robot(WORLD, 0, session=session)
     change(body)
     rng = np.random.default_rng(session)
     return protocol.record(body, "poses", protocol.random_poses(count, rng, shift))
@@ -56,7 +56,7 @@ def poses(count, change=lambda body: None, shift=None, session=1):
 @pytest.fixture(scope="module")
 def tool(model):
     train, test = (
-        poses(count, lambda body: body.take_tool(TOOL), TOOL, session)
+        poses(count, lambda body: body.faults.take_tool(TOOL), TOOL, session)
         for count, session in ((12, 2), (15, 3))
     )
     found = calibrate_tool(model, train, tool="driver", test=test)
@@ -71,7 +71,7 @@ def _both(train, test):
 
 @pytest.fixture(scope="module")
 def zeros(model):
-    data = poses(5, lambda body: body.restart(4), session=4)
+    data = poses(5, lambda body: body.faults.restart(4), session=4)
     found = rezero(model, data)
     evaluation = evaluate_update(model, found.update, data)
     verdict = judge(found)
@@ -80,7 +80,7 @@ def zeros(model):
 
 @pytest.fixture(scope="module")
 def relearned(model):
-    slipped = poses(15, lambda body: body.slip(SLIPPED, np.radians(3.0)), session=6)
+    slipped = poses(15, lambda body: body.faults.slip(SLIPPED, np.radians(3.0)), session=6)
     data = joined(poses(10, session=5), slipped)
     health = check_health(model, data)
     update = relearn_cause(model, data, health)
@@ -132,10 +132,10 @@ def test_new_zeros_are_judged_by_poses_left_out_in_turn(zeros):
 
 
 def test_three_poses_are_left_out_one_by_one_and_one_pose_not_at_all(model):
-    data = poses(3, lambda body: body.restart(4), session=4)
+    data = poses(3, lambda body: body.faults.restart(4), session=4)
     found = rezero(model, data)
     assert len(evaluate_update(model, found.update, data).cross_validation) == 6
-    alone = poses(1, lambda body: body.slip("right_elbow", 0.2), session=8)
+    alone = poses(1, lambda body: body.faults.slip("right_elbow", 0.2), session=8)
     lone = rezero(model, alone, joints=("right_elbow",))
     evaluation = evaluate_update(model, lone.update, alone)
     assert evaluation.cross_validation is None
@@ -188,9 +188,9 @@ def _turn():
 
 
 def test_measured_points_make_a_page_too(model):
-    protocol = BodyProtocol.of_nico()
-    body = protocol.body(WORLD, 0, session=7)
-    body.restart(5)
+    protocol = ProjectedNico.tracked_by()
+    body = protocol.robot(WORLD, 0, session=7)
+    body.faults.restart(5)
     q = protocol.random_poses(6, np.random.default_rng(7))
     data = protocol.record(body, "points", q, observed=True)
     found = rezero(model, data, sensor="points")

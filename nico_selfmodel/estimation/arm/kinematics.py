@@ -258,7 +258,7 @@ def _notable(*changes: Change | None) -> Change | None:
 
 
 def _nominal_values(nominal: NominalArm | None, pins: Pins) -> dict[str, float]:
-    """Return the values at which `--pin NAME` holds: the robot's, where one was given."""
+    """Return the values at which `--fix NAME` holds: the robot's, where one was given."""
     if nominal is None:
         return {}
     table = DhTable.from_chain(nominal.chain)

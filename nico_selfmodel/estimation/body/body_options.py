@@ -8,7 +8,7 @@ from nico_selfmodel.model.camera import INTRINSICS
 from nico_selfmodel.model.stereo_rig import EYES, StereoRig
 from nico_selfmodel.optimization.robust_solve import ROBUST_METHODS
 
-STAGES = ("kinematics", "intrinsics-pinned", "full")
+STAGES = ("kinematics", "intrinsics-fixed", "full")
 """The thesis' three: the arm before pinned eyes; the right eye's pose too; lenses too."""
 VARIANTS = ("anchored", "unanchored", "thesis")
 """`anchored`: chessboard corners in the same problem. `unanchored`: without them. `thesis`: as
@@ -76,7 +76,7 @@ class BodyOptions:
             fixed = set(HELD_BY_DEFAULT)
             if self.variant == "thesis":
                 fixed |= set(_LENS)
-            if self.stage == "intrinsics-pinned":
+            if self.stage == "intrinsics-fixed":
                 fixed |= set(INTRINSICS)
             held = {n: None for n in names if n.rpartition(".")[2] in fixed}
             if not self.anchored:

@@ -122,7 +122,7 @@ def _weak_parameters(calibration: CameraCalibration) -> list[str]:
         value = getattr(calibration.cameras[calibration.views.eyes.index(eye)], what)
         if abs(value) < 2.0 * sigma:
             words.append(
-                f"`{name}` is {value:.2g} +- {sigma:.1g}: not to be told from zero; --pin {name}=0 "
+                f"`{name}` is {value:.2g} +- {sigma:.1g}: not to be told from zero; --fix {name}=0 "
                 "would lose nothing"
             )
     return words

@@ -56,7 +56,7 @@ class CameraOptions:
         pinned = {}
         for word in pin:
             name, equals, value = word.partition("=")
-            pinned[name.strip()] = number_of_word(value, f"--pin {word}") if equals else None
+            pinned[name.strip()] = number_of_word(value, f"--fix {word}") if equals else None
         priors = {}
         for word in prior:
             name, _, value = word.partition("=")

@@ -77,7 +77,7 @@ def _describe(direction: BlindDirection) -> str:
     return (
         f"the boards do not determine {', '.join(f'`{name}`' for name in direction.names)}: "
         "tilt the board more, bring it nearer to the image's edges and to other distances, or fix "
-        f"a value with --pin {direction.names[0]}"
+        f"a value with --fix {direction.names[0]}"
     )
 
 

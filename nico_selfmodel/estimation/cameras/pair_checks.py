@@ -45,7 +45,7 @@ def check_pair(calibration: CameraCalibration, alone_rms: float) -> None:
     if sideways < -0.5 * rig.baseline:
         raise DataError(
             f"left and right are swapped: the right camera comes out {-1e3 * sideways:.0f} mm to "
-            "the left of the left one; exchange the images, or take them so with --swap-eyes"
+            "the left of the left one; exchange the images, or take them so with --swap-cameras"
         )
 
 

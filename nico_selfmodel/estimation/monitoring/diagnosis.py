@@ -37,8 +37,6 @@ class Hypothesis:
     """Parameters to learn anew if it did."""
     basis: NDArray
     """Directions of change among all parameters. Shape (P, m)."""
-    command: str
-    """The command that learns just that, with MODEL, DATASET and OUT to fill in."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -113,48 +111,38 @@ def hypotheses(model: SelfModel, names: tuple[str, ...]) -> tuple[Hypothesis, ..
         model: The body.
         names: Parameters that the sightings depend on.
     """
-    found = [
-        _simple(
-            f"zero of {joint}",
-            (f"{joint}.theta_offset",),
-            names,
-            f"nico-selfmodel rezero MODEL DATASET --joint {joint} --out OUT",
-        )
-        for joint in model.joints
-    ]
-    relearn = "nico-selfmodel check MODEL DATASET --relearn --out OUT"
-    found += [_gear(joint, names, relearn) for joint in model.joints]
+    found = [_simple(f"zero of {j}", (f"{j}.theta_offset",), names) for j in model.joints]
+    found += [_gear(joint, names) for joint in model.joints]
     for marker in model.markers:
         own = tuple(f"hand.{marker}.{axis}" for axis in "xyz")
-        command = f"nico-selfmodel calibrate tool MODEL DATASET --tool {marker} --out OUT"
-        found.append(_simple(f"point {marker} on the hand", own, names, command))
+        found.append(_simple(f"point {marker} on the hand", own, names))
     if len(model.markers) > 1:
-        found.append(_hand(model, names, relearn))
-    found.append(_simple("base of the arm against the eyes", M0_NAMES, names, relearn))
+        found.append(_hand(model, names))
+    found.append(_simple("base of the arm against the cameras", M0_NAMES, names))
     if set(RIGHT_POSE) <= set(names):
-        found.append(_simple("pose of the right eye", RIGHT_POSE, names, relearn))
+        found.append(_simple("pose of the right camera", RIGHT_POSE, names))
         both = (*M0_NAMES, *RIGHT_POSE)
         left = left_camera(model, names)
-        found.append(Hypothesis("pose of the left eye", both, left, relearn))
+        found.append(Hypothesis("pose of the left camera", both, left))
     return tuple(found)
 
 
-def _simple(cause: str, own: tuple[str, ...], names: tuple[str, ...], command: str) -> Hypothesis:
+def _simple(cause: str, own: tuple[str, ...], names: tuple[str, ...]) -> Hypothesis:
     basis = np.zeros((len(names), len(own)))
     basis[[names.index(name) for name in own], np.arange(len(own))] = 1.0
-    return Hypothesis(cause, own, basis, command)
+    return Hypothesis(cause, own, basis)
 
 
-def _hand(model: SelfModel, names: tuple[str, ...], command: str) -> Hypothesis:
+def _hand(model: SelfModel, names: tuple[str, ...]) -> Hypothesis:
     """All points move together, p -> p + w x p + t: what carries them sits otherwise."""
     own = tuple(f"hand.{marker}.{axis}" for marker in model.markers for axis in "xyz")
     moved = [np.hstack([-skew(p), np.eye(3)]) for p in model.dh.p_NH]
     basis = np.zeros((len(names), 6))
     basis[[names.index(name) for name in own]] = np.vstack(moved)
-    return Hypothesis("all points on the hand together", own, basis, command)
+    return Hypothesis("all points on the hand together", own, basis)
 
 
-def _gear(joint: str, names: tuple[str, ...], command: str) -> Hypothesis:
+def _gear(joint: str, names: tuple[str, ...]) -> Hypothesis:
     """A gear changes about the zero at which it was mounted: both of its numbers move."""
     own = (f"{joint}.gear", f"{joint}.theta_offset")
-    return _simple(f"gear of {joint}", own, names, command)
+    return _simple(f"gear of {joint}", own, names)

@@ -40,7 +40,6 @@ def health_document(report: HealthReport) -> dict[str, Any]:
                 "dof": found.dof,
                 "score": float(found.score),
                 "parameters": list(found.hypothesis.names),
-                "command": found.hypothesis.command,
             }
             for found in report.diagnoses[:_CAUSES_SHOWN]
         ],

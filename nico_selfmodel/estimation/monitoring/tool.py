@@ -64,7 +64,7 @@ class ToolCalibration:
             words.append(
                 f"the body no longer fits: misfit {self.update.misfit:.0f} where "
                 f"{self.update.expected:.0f} +- {self.update.spread:.0f} was to "
-                "be expected; run `nico-selfmodel check` to see what changed"
+                "be expected; run `nico-selfmodel monitor` to see what changed"
             )
         if not self.known and self.reach < _DIFFERENT * self.reach_sigma:
             words.append(

@@ -101,7 +101,9 @@ def update_errors(errors: NDArray, sensor: str) -> Errors:
 def _of_update(method: str, update: BlockUpdate, seconds: float | None) -> CalibrationResult:
     """Return parameters that were learned anew from few poses, which all take part."""
     words = f"misfit {update.misfit:.0f}, {update.expected:.0f} was to be expected"
-    broken = None if update.fits else f"the rest of the body no longer fits ({words}): run `check`"
+    broken = (
+        None if update.fits else f"the rest of the body no longer fits ({words}): run `monitor`"
+    )
     terms = Terms(outlier_cause=_OUTLIER_CAUSE, untested=f"the rest of the body fits ({words})")
     return _result(method, update, update.model, findings(FAILURE, [broken]), terms, seconds)
 

@@ -1,4 +1,4 @@
-"""What the poses of a training say of the noise of new ones: what `check` expects.
+"""What the poses of a training say of the noise of new ones: what `monitor` expects.
 
 A solution has fitted some of the noise of its own poses. Each pose is therefore judged as if it had
 had no part in the solution: with S what weighed it and M = J C J' what the solution made of it,

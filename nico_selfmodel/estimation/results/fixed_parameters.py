@@ -1,4 +1,4 @@
-"""What the user holds fixed or lets move: `--pin NAME`, `--pin NAME=VALUE`, `--free NAME`."""
+"""What the user holds fixed or lets move: `--fix NAME`, `--fix NAME=VALUE`, `--free NAME`."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field
@@ -27,7 +27,7 @@ class Pins:
         pinned: dict[str, float | None] = {}
         for word in pin:
             name, equals, value = word.partition("=")
-            pinned[name.strip()] = number_of_word(value, f"--pin {word}") if equals else None
+            pinned[name.strip()] = number_of_word(value, f"--fix {word}") if equals else None
         both = set(pinned) & set(free)
         if both:
             raise ValueError(f"{', '.join(sorted(both))} cannot be both pinned and freed")

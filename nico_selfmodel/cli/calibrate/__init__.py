@@ -1,0 +1,1 @@
+"""`nico-selfmodel calibrate`: one file a command."""

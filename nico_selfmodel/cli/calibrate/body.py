@@ -1,0 +1,110 @@
+"""`nico-selfmodel calibrate body`: arm and cameras together."""
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from nico_selfmodel.cli import inputs, options, printer
+from nico_selfmodel.cli.result_files import write_with_report
+from nico_selfmodel.progress import Progress
+
+if TYPE_CHECKING:
+    from nico_selfmodel.dataset import BoardViews
+
+
+def body(
+    dataset: options.Dataset,
+    model: options.KnownModel,
+    out: options.Out,
+    boards: Annotated[
+        Path | None, typer.Option("--boards", help="Photographs of a chessboard by both cameras.")
+    ] = None,
+    board: options.Board = "9x6",
+    square_mm: options.SquareMm = 28.0,
+    board_test_fraction: Annotated[
+        float, typer.Option("--board-test-fraction", help="Share of the boards to hold out.")
+    ] = 0.2,
+    stage: Annotated[
+        str, typer.Option("--stage", help="kinematics, intrinsics-fixed or full.")
+    ] = "full",
+    variant: Annotated[
+        str, typer.Option("--variant", help="anchored, unanchored, or the thesis' own: thesis.")
+    ] = "anchored",
+    test: options.Test = None,
+    test_fraction: options.TestFraction = None,
+    seed: options.SplitSeed = 0,
+    fix: options.Fix = None,
+    free: options.Free = None,
+    loss: options.Loss = "trimmed",
+    robot: options.Robot = None,
+    arm: options.Arm = None,
+    base: options.Base = None,
+    tip: options.Tip = None,
+    hold: options.Hold = None,
+    point: options.Point = None,
+    name: options.ModelName = None,
+    require_test_mm: options.RequireTestMm = None,
+    require_test_px: options.RequireTestPx = None,
+    force: options.Force = False,
+    as_json: options.AsJson = False,
+) -> None:
+    """Jointly refine arm and cameras from image observations of the hand (thesis chapter 8).
+
+    The model has both cameras, and the arm if it is known.
+    """
+    from nico_selfmodel.estimation import BodyOptions, Pins, calibrate_body, judge, to_json
+    from nico_selfmodel.files import refuse_folder
+    from nico_selfmodel.model import SelfModel
+
+    refuse_folder(out, force=force, inputs=[dataset, model, boards, test, robot])
+    pins = Pins.from_text(fix or (), free or ())
+    chosen = BodyOptions(stage, variant, pins.pinned, pins.freed, loss)
+    start = SelfModel.load(model)
+    train, held_out = inputs.train_and_test(dataset, test, test_fraction, seed)
+    _, nominal = inputs.described_arm(robot, arm, base, tip, hold, point)
+    with printer.progress_bar() as progress:
+        views, held_boards = _boards(boards, board, square_mm, board_test_fraction, seed, progress)
+        progress("learning", 0, 1)
+        found = calibrate_body(
+            train,
+            start,
+            views,
+            chosen,
+            test=held_out,
+            test_boards=held_boards,
+            nominal=nominal,
+            name=name,
+            seed=seed,
+        )
+        verdict = judge(found, require_test_mm, require_test_px)
+        document = to_json(found, verdict)
+        progress("learning", 1, 1)
+        progress("writing the result", 0, 1)
+        # Drawing is slow to load, and only needed once there is something to draw.
+        from nico_selfmodel.viz.reports.body import body_report
+
+        write_with_report(out, found.model, body_report(found, document), force=force)
+        progress("writing the result", 1, 1)
+    printer.result(found.model.name, document, out, json_instead=as_json)
+
+
+def _boards(
+    folder: Path | None,
+    board: str,
+    square_mm: float,
+    fraction: float,
+    seed: int,
+    progress: Progress,
+) -> tuple["BoardViews | None", "BoardViews | None"]:
+    """Return the boards to learn from and those held out."""
+    if folder is None:
+        return None, None
+    from nico_selfmodel.estimation.cameras.stereo import FEWEST_VIEWS
+    from nico_selfmodel.vision import Board, detect_boards
+
+    found = detect_boards(folder, Board.parse(board, square_mm), progress=progress).seen_views
+    if not fraction or len(found) <= FEWEST_VIEWS:
+        # So few are all needed to learn from; the result says that none was held out.
+        return found, None
+    return found.split(fraction, seed)

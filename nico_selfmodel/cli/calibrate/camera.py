@@ -1,0 +1,49 @@
+"""`nico-selfmodel calibrate camera`: learn one camera alone from a chessboard."""
+
+from typing import Annotated
+
+import typer
+
+from nico_selfmodel.cli import inputs, options, printer
+from nico_selfmodel.cli.calibrate.stereo import CameraTask, lens_options
+
+
+def camera(
+    images: options.Images,
+    board: options.Board,
+    square_mm: options.SquareMm,
+    out: options.Out,
+    camera: Annotated[
+        str, typer.Option("--camera", help="left or right: how the names of its images begin.")
+    ] = "left",
+    window: options.Window = 11,
+    fix: options.Fix = None,
+    free: options.Free = None,
+    prior: options.Prior = None,
+    tangential: options.Tangential = False,
+    fixed_aspect: options.FixedAspect = False,
+    loss: options.Loss = "trimmed",
+    test_fraction: options.TestFraction = None,
+    seed: options.SplitSeed = 0,
+    name: options.ModelName = None,
+    require_test_px: options.RequireTestPx = None,
+    force: options.Force = False,
+    as_json: options.AsJson = False,
+) -> None:
+    """Learn one camera alone from photographs of a chessboard."""
+    from nico_selfmodel.files import refuse_folder
+    from nico_selfmodel.vision import Board, camera_images, detect_boards_of_one_eye
+
+    if camera not in ("left", "right"):
+        raise ValueError(f"--camera must be left or right, got {camera!r}")
+    refuse_folder(out, force=force, inputs=[images])
+    task = CameraTask(
+        lens_options(fix, free, prior, tangential, fixed_aspect, loss),
+        *(test_fraction, seed, name or inputs.name_after(images), require_test_px, out, force),
+    )
+    with printer.progress_bar() as progress:
+        listed = camera_images(images, camera)
+        size = Board.parse(board, square_mm)
+        found = detect_boards_of_one_eye(listed, size, window, progress, camera)
+        document = task.run(found, progress)
+    printer.result(task.name, document, out, json_instead=as_json)

@@ -1,0 +1,81 @@
+"""`nico-selfmodel calibrate kinematics`: learn an arm."""
+
+from typing import Annotated
+
+import typer
+
+from nico_selfmodel.cli import inputs, options, printer
+from nico_selfmodel.cli.result_files import write_with_report
+
+
+def kinematics(
+    dataset: options.Dataset,
+    out: options.Out,
+    test: options.Test = None,
+    test_fraction: options.TestFraction = None,
+    seed: options.SplitSeed = 0,
+    method: Annotated[
+        str, typer.Option("--method", help="refine, or circle-points for the sweeps alone.")
+    ] = "refine",
+    fix: options.Fix = None,
+    free: options.Free = None,
+    loss: options.Loss = "trimmed",
+    starts: Annotated[int, typer.Option("--starts", min=0, help="Random starts allowed.")] = 10,
+    robot: options.Robot = None,
+    arm: options.Arm = None,
+    base: options.Base = None,
+    tip: options.Tip = None,
+    hold: options.Hold = None,
+    point: options.Point = None,
+    cameras: options.Cameras = None,
+    name: options.ModelName = None,
+    require_test_mm: options.RequireTestMm = None,
+    force: options.Force = False,
+    as_json: options.AsJson = False,
+) -> None:
+    """Learn an arm from encoder readings and measured points of the hand.
+
+    With --cameras it learns from the hand's pixels, in the left camera's frame.
+    """
+    from nico_selfmodel.estimation import Pins, calibrate_kinematics, judge, result_of, to_json
+    from nico_selfmodel.estimation.body.arm_through_cameras import Sight
+    from nico_selfmodel.files import refuse_folder
+    from nico_selfmodel.model import SelfModel
+
+    refuse_folder(out, force=force, inputs=[dataset, test, robot, cameras])
+    pins = Pins.from_text(fix or (), free or ())
+    train, held_out = inputs.train_and_test(dataset, test, test_fraction, seed)
+    sight = None
+    if cameras is not None:
+        sight = Sight.of(SelfModel.load(cameras), train, held_out, frozenset(pins.pinned))
+        train, held_out = sight.train, sight.test
+    description, nominal = inputs.described_arm(robot, arm, base, tip, hold, point)
+    inputs.check_points(point, train.markers)
+    with printer.progress_bar() as progress:
+        progress("learning", 0, 1)
+        calibration = calibrate_kinematics(
+            train,
+            method=method,
+            test=held_out,
+            nominal=nominal,
+            pins=pins,
+            loss=loss,
+            starts=starts,
+            seed=seed,
+            name=name,
+        )
+        if sight is not None:
+            calibration = sight.complete(calibration)
+        progress("learning", 1, 1)
+        result = result_of(calibration)
+        if sight is not None:
+            result = sight.with_pixels(result, calibration.model)
+        document = to_json(result, judge(result, require_test_mm))
+        progress("writing the result", 0, 1)
+        # Drawing is slow to load, and only needed once there is something to draw.
+        from nico_selfmodel.viz.reports.arm import arm_report
+
+        report = arm_report(calibration, document, description)
+        write_with_report(out, calibration.model, report, robot=description, force=force)
+        progress("writing the result", 1, 1)
+    printer.result(calibration.model.name, document, out, json_instead=as_json)

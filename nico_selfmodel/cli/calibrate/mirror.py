@@ -1,0 +1,71 @@
+"""`nico-selfmodel calibrate mirror`: learn mirrors from reflections of the hand."""
+
+from typing import Annotated
+
+import typer
+
+from nico_selfmodel.cli import inputs, options, printer
+
+
+def mirror(
+    dataset: options.Dataset,
+    model: options.KnownModel,
+    out: options.Out,
+    test: options.Test = None,
+    test_fraction: options.TestFraction = None,
+    seed: options.SplitSeed = 0,
+    joint_sigma_deg: Annotated[
+        float | None,
+        typer.Option(
+            "--joint-sigma-deg",
+            help="Noise of a joint, standard deviation; the model's noise explains it if left.",
+        ),
+    ] = None,
+    loss: options.Loss = "trimmed",
+    name: options.ModelName = None,
+    require_test_px: options.RequireTestPx = None,
+    force: options.Force = False,
+    as_json: options.AsJson = False,
+) -> None:
+    """Learn where mirrors stand from poses in which the cameras saw the hand in them.
+
+    The model has arm and cameras; rows of the data set name their mirror.
+    """
+    from math import radians
+
+    from nico_selfmodel.estimation import judge, to_json
+    from nico_selfmodel.estimation.mirrors.mirror import calibrate_mirrors
+    from nico_selfmodel.estimation.mirrors.mirror_findings import judged
+    from nico_selfmodel.files import refuse_folder
+    from nico_selfmodel.model import SelfModel
+
+    refuse_folder(out, force=force, inputs=[dataset, test, model])
+    body = SelfModel.load(model)
+    train, held_out = inputs.train_and_test(dataset, test, test_fraction, seed)
+    with printer.progress_bar() as progress:
+        progress("learning mirrors", 0, 1)
+        found = calibrate_mirrors(
+            train,
+            body,
+            test=held_out,
+            joint_sigma=None if joint_sigma_deg is None else radians(joint_sigma_deg),
+            loss=loss,
+            name=name,
+        )
+        verdict = judge(found, require_test_px=require_test_px)
+        found = judged(found, verdict)
+        document = to_json(found, verdict)
+        progress("learning mirrors", 1, 1)
+        progress("writing the result", 0, 1)
+        # Drawing is slow to load, and only needed once there is something to draw.
+        from nico_selfmodel.plant import ArmDescription
+        from nico_selfmodel.result_folder.writing import write_result
+        from nico_selfmodel.viz.mirror_picture import recorded_pictures
+        from nico_selfmodel.viz.reports.mirrors import mirror_report
+
+        pictures = recorded_pictures(dataset, train)
+        robot = ArmDescription.of_model(body) if pictures else None
+        texts = mirror_report(found, document, pictures, robot).files()
+        write_result(out, found.model, document, texts, force=force)
+        progress("writing the result", 1, 1)
+    printer.result(found.model.name, document, out, json_instead=as_json)

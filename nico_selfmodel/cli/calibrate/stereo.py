@@ -1,0 +1,117 @@
+"""`nico-selfmodel calibrate stereo`: learn a pair of cameras from a chessboard."""
+
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any
+
+import typer
+
+from nico_selfmodel.cli import inputs, options, printer
+from nico_selfmodel.cli.result_files import write_with_report
+from nico_selfmodel.progress import Progress
+
+if TYPE_CHECKING:
+    from nico_selfmodel.estimation import CameraOptions
+    from nico_selfmodel.vision import BoardDetections
+
+
+def stereo(
+    images: options.Images,
+    board: options.Board,
+    square_mm: options.SquareMm,
+    out: options.Out,
+    window: options.Window = 11,
+    fix: options.Fix = None,
+    free: options.Free = None,
+    prior: options.Prior = None,
+    tangential: options.Tangential = False,
+    fixed_aspect: options.FixedAspect = False,
+    loss: options.Loss = "trimmed",
+    test_fraction: options.TestFraction = None,
+    seed: options.SplitSeed = 0,
+    name: options.ModelName = None,
+    require_test_px: options.RequireTestPx = None,
+    swap_cameras: Annotated[
+        bool, typer.Option("--swap-cameras", help="Take left* for the right camera's, and so on.")
+    ] = False,
+    force: options.Force = False,
+    as_json: options.AsJson = False,
+) -> None:
+    """Learn a pair of cameras from pairs of photographs, left* and right*, of a chessboard."""
+    from nico_selfmodel.files import refuse_folder
+    from nico_selfmodel.vision import Board, detect_boards, stereo_pairs
+
+    refuse_folder(out, force=force, inputs=[images])
+    task = CameraTask(
+        lens_options(fix, free, prior, tangential, fixed_aspect, loss),
+        *(test_fraction, seed, name or inputs.name_after(images), require_test_px, out, force),
+    )
+    with printer.progress_bar() as progress:
+        pairs = stereo_pairs(images)
+        if swap_cameras:
+            pairs = [(name, right, left) for name, left, right in pairs]
+        found = detect_boards(pairs, Board.parse(board, square_mm), window, progress)
+        document = task.run(found, progress)
+    printer.result(task.name, document, out, json_instead=as_json)
+
+
+def lens_options(
+    fix: list[str] | None,
+    free: list[str] | None,
+    prior: list[str] | None,
+    tangential: bool,
+    fixed_aspect: bool,
+    loss: str,
+) -> "CameraOptions":
+    """Return what is estimated of a lens.
+
+    Raises:
+        ValueError: If a word is not valid.
+    """
+    from nico_selfmodel.estimation import CameraOptions
+
+    return CameraOptions.from_text(
+        fix or (),
+        free or (),
+        prior or (),
+        tangential=tangential,
+        aspect=1.0 if fixed_aspect else None,
+        loss=loss,
+    )
+
+
+@dataclass(frozen=True)
+class CameraTask:
+    """What is asked of one camera or two, once the boards are found."""
+
+    options: "CameraOptions"
+    test_fraction: float | None
+    seed: int
+    name: str
+    require_test_px: float | None
+    out: Path
+    force: bool
+
+    def run(self, found: "BoardDetections", progress: Progress) -> dict[str, Any]:
+        """Calibrate, judge and write the result folder; return its document."""
+        from nico_selfmodel.estimation import CameraAssessment, calibrate_cameras, judge, to_json
+
+        train, test = found.views, None
+        if self.test_fraction is not None:
+            train, test = found.seen_views.split(self.test_fraction, self.seed)
+        progress("learning the cameras", 0, 2)
+        calibration = calibrate_cameras(train, self.options)
+        progress("learning the cameras", 1, 2)
+        assessment = CameraAssessment.from_calibration(calibration, self.options, test)
+        verdict = judge(assessment, require_test_px=self.require_test_px)
+        document = to_json(assessment, verdict) | {"detection": found.document}
+        progress("learning the cameras", 2, 2)
+        progress("writing the result", 0, 1)
+        # Drawing is slow to load, and only needed once there is something to draw.
+        from nico_selfmodel.viz.reports.cameras import camera_report
+
+        model = calibration.self_model(self.name, found.provenance)
+        report = camera_report(assessment, document, found.read_images(), model)
+        write_with_report(self.out, model, report, force=self.force)
+        progress("writing the result", 1, 1)
+        return document

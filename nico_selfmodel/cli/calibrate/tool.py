@@ -1,0 +1,58 @@
+"""`nico-selfmodel calibrate tool`: a tool in the hand becomes part of the body."""
+
+from typing import Annotated
+
+import typer
+
+from nico_selfmodel.cli import inputs, options, printer
+from nico_selfmodel.cli.result_files import write_with_report
+
+
+def tool(
+    dataset: options.Dataset,
+    model: options.KnownModel,
+    out: options.Out,
+    tool: Annotated[
+        str | None, typer.Option("--tool", help="Name of the tip among the tracked points.")
+    ] = None,
+    free_body: Annotated[
+        bool, typer.Option("--free-body", help="Estimate all else too, the model as prior.")
+    ] = False,
+    sensor: options.DataSensor = "auto",
+    test: options.Test = None,
+    test_fraction: options.TestFraction = None,
+    seed: options.SplitSeed = 0,
+    loss: options.Loss = "trimmed",
+    force: options.Force = False,
+    as_json: options.AsJson = False,
+) -> None:
+    """Make a tool in the hand part of the body: three numbers, from three poses on."""
+    from nico_selfmodel.estimation import calibrate_tool, judge, to_json
+    from nico_selfmodel.estimation.monitoring.tool import with_marker
+    from nico_selfmodel.estimation.monitoring.update_evaluation import evaluate_update, marked
+    from nico_selfmodel.estimation.monitoring.update_result import tool_result
+    from nico_selfmodel.files import refuse_folder
+    from nico_selfmodel.model import SelfModel
+
+    refuse_folder(out, force=force, inputs=[dataset, model, test])
+    known = SelfModel.load(model)
+    train, held_out = inputs.train_and_test(dataset, test, test_fraction, seed)
+    free = "body" if free_body else "point"
+    found = calibrate_tool(
+        known, train, tool=tool, free=free, sensor=sensor, test=held_out, loss=loss
+    )
+    verdict = judge(found)
+    evaluation = evaluate_update(
+        with_marker(known, found.tool),
+        found.update,
+        marked(train, found.tool),
+        found.sensor,
+        None if held_out is None else marked(held_out, found.tool),
+        with_prior=free_body,
+    )
+    document = to_json(tool_result(found, evaluation), verdict)
+    # Drawing is slow to load, and only needed once there is something to draw.
+    from nico_selfmodel.viz.reports.updates import update_report
+
+    write_with_report(out, evaluation.after, update_report(evaluation, document), force=force)
+    printer.result(found.model.name, document, out, json_instead=as_json)

@@ -1,0 +1,1 @@
+"""`nico-selfmodel experiment`: one file a chapter of the thesis."""

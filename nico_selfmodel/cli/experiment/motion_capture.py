@@ -1,0 +1,40 @@
+"""`nico-selfmodel experiment motion-capture`: chapter 6 of the thesis."""
+
+from typing import Annotated
+
+import typer
+
+from nico_selfmodel.cli import options, printer
+from nico_selfmodel.cli.experiment.running import finish
+
+
+def motion_capture(
+    out: options.Out,
+    imperfections: options.Imperfections = "thesis",
+    robots: options.Robots = 5,
+    repeats: Annotated[
+        int, typer.Option("--repeats", min=2, help="Random subsets of the repeat test.")
+    ] = 100,
+    seed: options.FirstSeed = 0,
+    force: options.Force = False,
+    as_json: options.AsJson = False,
+) -> None:
+    """Learn an arm under motion capture from few and from many samples (chapter 6)."""
+    from nico_selfmodel.experiments.motion_capture import run_motion_capture
+    from nico_selfmodel.experiments.motion_capture_report import report_of
+    from nico_selfmodel.files import refuse_folder
+    from nico_selfmodel.plant import ArmDescription
+    from nico_selfmodel.systems import imperfections_named
+
+    refuse_folder(out, force=force)
+    chosen = imperfections_named(imperfections)
+    with printer.progress_bar() as progress:
+        results = run_motion_capture(
+            ArmDescription.named("nico"),
+            chosen,
+            individuals=robots,
+            repeats=repeats,
+            seed=seed,
+            progress=progress,
+        )
+    finish(report_of(results), out, force, as_json)

@@ -1,0 +1,34 @@
+"""`nico-selfmodel experiment tool`: section 8.4.4 of the thesis."""
+
+from functools import partial
+
+from nico_selfmodel.cli import options, printer
+from nico_selfmodel.cli.experiment.running import finish, imperfect
+
+
+def tool(
+    out: options.Out,
+    imperfections: options.Imperfections = "clean",
+    joint_noise_deg: options.JointNoise = 0.5,
+    robots: options.RobotsOrOne = None,
+    rendered: options.Rendered = False,
+    seed: options.FirstSeed = 0,
+    force: options.Force = False,
+    as_json: options.AsJson = False,
+) -> None:
+    """Take a tool, and restart the encoders (section 8.4.4)."""
+    from nico_selfmodel.experiments.tool_report import report_of
+    from nico_selfmodel.experiments.tool_use import run_tool
+    from nico_selfmodel.files import refuse_folder
+
+    refuse_folder(out, force=force)
+    chosen, source = imperfect(imperfections, joint_noise_deg), None
+    robots = robots or (1 if rendered else 8)
+    if rendered:
+        # The renderer is slow to load.
+        from nico_selfmodel.experiments.rendered_tool import rendered_tool_scenario
+
+        source = partial(rendered_tool_scenario, chosen)
+    with printer.progress_bar() as progress:
+        results = run_tool(chosen, robots, seed, progress, source)
+    finish(report_of(results), out, force, as_json)

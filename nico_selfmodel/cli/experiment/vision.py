@@ -1,0 +1,25 @@
+"""`nico-selfmodel experiment vision`: chapter 7 of the thesis."""
+
+from nico_selfmodel.cli import options, printer
+from nico_selfmodel.cli.experiment.running import finish
+
+
+def vision(
+    out: options.Out,
+    imperfections: options.Imperfections = "thesis",
+    robots: options.Robots = 3,
+    seed: options.FirstSeed = 0,
+    force: options.Force = False,
+    as_json: options.AsJson = False,
+) -> None:
+    """Learn cameras and arm through rendered pictures (chapter 7); minutes a robot."""
+    from nico_selfmodel.files import refuse_folder
+    from nico_selfmodel.systems import imperfections_named
+
+    refuse_folder(out, force=force)
+    chosen = imperfections_named(imperfections)
+    from nico_selfmodel.experiments.vision import report_of, run_vision
+
+    with printer.progress_bar() as progress:
+        results = run_vision(chosen, individuals=robots, seed=seed, progress=progress)
+    finish(report_of(results), out, force, as_json)

@@ -1,0 +1,42 @@
+"""`nico-selfmodel import vicon`: trajectories of Vicon Nexus with encoder readings beside them."""
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from nico_selfmodel.cli import inputs, options, printer
+
+
+def from_vicon(
+    trajectories: Annotated[Path, typer.Argument(help="Trajectory CSV exported by Vicon Nexus.")],
+    encoders: Annotated[Path, typer.Option("--encoders", help="CSV of encoder readings by frame.")],
+    out: options.Out,
+    encoder_unit: Annotated[
+        str, typer.Option("--encoder-unit", help="counts, rad or deg.")
+    ] = "counts",
+    counts_per_turn: Annotated[
+        float | None, typer.Option("--counts-per-turn", help="Where the unit is counts.")
+    ] = None,
+    marker: Annotated[
+        list[str] | None, typer.Option("--marker", help="Only these markers; all by default.")
+    ] = None,
+    name: options.DatasetName = None,
+    force: options.Force = False,
+) -> None:
+    """Import a Vicon Nexus trajectory export with encoder readings beside it."""
+    from nico_selfmodel.dataset import import_vicon
+    from nico_selfmodel.files import refuse_existing
+
+    refuse_existing(out, force=force)
+    name = name or inputs.name_after(out)
+    data = import_vicon(
+        trajectories,
+        encoders,
+        encoder_unit=encoder_unit,
+        counts_per_turn=counts_per_turn,
+        markers=marker or None,
+        name=name,
+    )
+    data.save(out, force=force)
+    printer.dataset(data, out)

@@ -1,0 +1,164 @@
+"""What options name: loaded and checked before any work is done."""
+
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from nico_selfmodel.files.reading import real_path
+from nico_selfmodel.names import LONGEST_NAME, check_name, listed
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
+    from nico_selfmodel.dataset import Dataset
+    from nico_selfmodel.estimation import NominalArm
+    from nico_selfmodel.model import StereoRig
+    from nico_selfmodel.plant import ArmDescription
+
+
+def name_after(path: Path) -> str:
+    """Return what something is called that has no name of its own: what its folder is called.
+
+    Raises:
+        ValueError: If that is no name.
+    """
+    name = real_path(path).name[:LONGEST_NAME].strip()
+    check_name(name, f"the name of {path}, by which it would be called,")
+    return name
+
+
+def beside(path: Path, ending: str) -> Path:
+    """Return a path beside another that does not exist yet, to be suggested: `data_relearned`.
+
+    Args:
+        path: What is there.
+        ending: What its name goes on with.
+    """
+    if path.name in ("", ".."):
+        path = real_path(path)
+    name = f"{path.name.removesuffix('.csv')}_{ending}"
+    made, number = path.with_name(name), 1
+    while made.exists():
+        number += 1
+        made = path.with_name(f"{name}_{number}")
+    return made
+
+
+def train_and_test(
+    dataset: Path, test: Path | None, fraction: float | None, seed: int
+) -> "tuple[Dataset, Dataset | None]":
+    """Load the training data, and what is held out of them or beside them.
+
+    Raises:
+        ValueError: If two ways of holding out are named, or the training data as test data.
+        DataError: If a data set is not valid.
+    """
+    from nico_selfmodel.dataset import Dataset
+
+    if test is not None and fraction is not None:
+        raise ValueError("give --test or --test-fraction, not both")
+    train = Dataset.load(dataset)
+    if fraction is not None:
+        return train.split(fraction, seed)
+    held_out = None if test is None else Dataset.load(test)
+    if held_out is not None and held_out.sha256 == train.sha256:
+        raise ValueError(f"--test {test} holds the training data: nothing would be held out")
+    return train, held_out
+
+
+def cameras_of(path: Path | None) -> "StereoRig | None":
+    """Load calibrated cameras, where they were named."""
+    from nico_selfmodel.model import SelfModel
+
+    return None if path is None else SelfModel.load(path).rig
+
+
+def poses_of(path: Path | None, joints: tuple[str, ...]) -> "NDArray | None":
+    """Load a table of readings to go to, where one was named. Shape (n, joints)."""
+    from nico_selfmodel.files.reading import LARGEST_TABLE, read_text
+    from nico_selfmodel.model.readings import readings_from_table
+
+    if path is None:
+        return None
+    return readings_from_table(read_text(path, LARGEST_TABLE), joints, str(path))
+
+
+def chosen_arm(
+    robot: str,
+    arm: str | None,
+    base: str | None,
+    tip: str | None,
+    hold: list[str] | None,
+    point: list[str] | None,
+) -> "ArmDescription":
+    """Return the chain that the options name.
+
+    Raises:
+        ModelError: If it does not exist.
+        ValueError: If options contradict each other or a value is no number.
+    """
+    from nico_selfmodel.plant import ROBOTS, ArmDescription
+
+    if robot in ROBOTS and base is None and tip is None:
+        if hold or point:
+            raise ValueError("--hold and --point need --base and --tip")
+        return ArmDescription.named(robot, arm)
+    if arm is not None:
+        raise ValueError("--arm names a chain of a named robot: leave out --base and --tip")
+    points = dict(_pair(word, "--point") for word in point or [])
+    return ArmDescription.from_urdf(robot, base, tip, _held(hold), points or None)
+
+
+def described_arm(
+    robot: str | None,
+    arm: str | None,
+    base: str | None,
+    tip: str | None,
+    hold: list[str] | None,
+    point: list[str] | None,
+) -> "tuple[ArmDescription | None, NominalArm | None]":
+    """Return the robot that the data are of, where one was named, and its nominal arm.
+
+    Raises:
+        ModelError: If it does not exist.
+        ValueError: If options contradict each other.
+    """
+    if robot is None:
+        if any((arm, base, tip, hold, point)):
+            raise ValueError("--arm, --base, --tip, --hold and --point need --robot")
+        return None, None
+    from nico_selfmodel.experiments.first_arm import nominal_of
+
+    description = chosen_arm(robot, arm, base, tip, hold, point)
+    return description, nominal_of(description)
+
+
+def check_points(point: list[str] | None, markers: tuple[str, ...]) -> None:
+    """Refuse a `--point` for a marker that the data do not track.
+
+    Raises:
+        ValueError: If there is one; the message lists the markers of the data.
+    """
+    for word in point or []:
+        marker = _pair(word, "--point")[0]
+        if marker not in markers:
+            raise ValueError(
+                f"--point {word}: the data set tracks no {marker!r}; it tracks "
+                f"{listed(markers, marker)}"
+            )
+
+
+def _held(words: list[str] | None) -> dict[str, float]:
+    from nico_selfmodel.files.csv_rows import number_of_word
+
+    held = {}
+    for word in words or []:
+        joint, equals, value = word.partition("=")
+        held[joint] = number_of_word(value, f"--hold {word}") if equals else 0.0
+    return held
+
+
+def _pair(word: str, option: str) -> tuple[str, str]:
+    name, equals, value = word.partition("=")
+    if not (name and equals and value):
+        raise ValueError(f"{option} {word}: expected NAME=VALUE")
+    return name, value

@@ -1,0 +1,1 @@
+"""`nico-selfmodel learn`: the main job."""

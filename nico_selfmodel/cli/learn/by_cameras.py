@@ -1,0 +1,153 @@
+"""The part of `nico-selfmodel learn` that goes through the robot's cameras."""
+
+from collections.abc import Mapping
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, NoReturn
+
+from nico_selfmodel.cli import printer
+from nico_selfmodel.cli.result_files import write_with_report
+
+if TYPE_CHECKING:
+    from nico_selfmodel.experiments.body_lesson import BodyScenario
+    from nico_selfmodel.systems import Imperfections
+
+THESIS = {
+    "stereo-fiducial": (
+        "thesis, refined (real robot)",
+        {"position_mm": {"mean": 1.99, "sd": 1.24}, "pixels": {"mean": 2.61, "sd": 1.71}},
+    ),
+    "stereo-color": (
+        "thesis, kinematics from cameras (real robot)",
+        {"position_mm": {"mean": 3.77, "sd": 2.30}, "pixels": {"mean": 5.78, "sd": 4.50}},
+    ),
+}
+"""Sensor -> what the thesis reports in chapter 8, by colour in chapter 7."""
+
+
+def learn_by_cameras(
+    out: Path,
+    sensor: str,
+    world: "Imperfections",
+    seed: int,
+    random_poses: int,
+    force: bool,
+    as_json: bool,
+    mirror: bool = False,
+) -> NoReturn:
+    """Calibrate the cameras, watch the hand, learn the arm, refine both, write the result."""
+    from nico_selfmodel.cli.learn.mirror import mirror_parts, write_mirror_scenario
+    from nico_selfmodel.experiments.body_lesson import learn_body
+    from nico_selfmodel.experiments.eyes_lesson import MARKERS, Counts
+
+    marker = MARKERS[sensor]
+    with printer.progress_bar() as progress:
+        scenario = learn_body(
+            world, seed, marker=marker, counts=Counts(random=random_poses), stage=progress
+        )
+        seen = None
+        if mirror:
+            from nico_selfmodel.experiments.mirror_lesson import learn_mirror, with_mirror
+
+            familiar = scenario.arm.train.encoders
+            seen = learn_mirror(
+                scenario.model, world, seed, marker=marker, familiar=familiar, stage=progress
+            )
+            scenario = with_mirror(scenario, seen)
+        progress("writing the result", 0, 1)
+        document = write_scenario(out, scenario, marker, force)
+        if seen is not None:
+            document = write_mirror_scenario(out, document, seen)
+        progress("writing the result", 1, 1)
+    parts = _parts(scenario, document, sensor) + mirror_parts(document)
+    more = _told_in_words(document)
+    printer.result(scenario.model.name, document, out, parts=parts, more=more, json_instead=as_json)
+
+
+def write_scenario(out: Path, scenario: "BodyScenario", marker: str, force: bool) -> dict[str, Any]:
+    """Write the refined body, or the arm as it was before where the refinement was refused.
+
+    Args:
+        out: The folder to make.
+        scenario: What was learned.
+        marker: What was tracked.
+        force: Replace an existing folder.
+
+    Returns:
+        What is in its `result.json`.
+    """
+    from nico_selfmodel.estimation import to_json
+    from nico_selfmodel.systems import looking_arm
+    from nico_selfmodel.viz.reports.body import body_report
+
+    if scenario.refined is None or not scenario.accepted:
+        return _write_unrefined(out, scenario, marker, force)
+    document = to_json(scenario.refined, scenario.verdict) | _told(scenario)
+    write_with_report(
+        out,
+        scenario.refined.model,
+        body_report(scenario.refined, document, looking_arm(marker)),
+        recordings={"train": scenario.arm.train, "test": scenario.arm.test},
+        force=force,
+    )
+    return document
+
+
+def _write_unrefined(
+    out: Path, scenario: "BodyScenario", marker: str, force: bool
+) -> dict[str, Any]:
+    """Write the arm as it was learned after the cameras, and why nothing better came of it."""
+    from nico_selfmodel.estimation import judge, result_of, to_json
+    from nico_selfmodel.systems import looking_arm
+    from nico_selfmodel.viz.reports.arm import arm_report
+
+    arm, robot = scenario.arm, looking_arm(marker)
+    result = arm.sight.with_pixels(result_of(arm.calibration), arm.model)
+    document = to_json(result, judge(result)) | _told(scenario)
+    write_with_report(
+        out,
+        arm.model,
+        arm_report(arm.calibration, document, robot),
+        robot=robot,
+        recordings={"train": arm.train, "test": arm.test},
+        force=force,
+    )
+    return document
+
+
+def _told(scenario: "BodyScenario") -> dict[str, Any]:
+    """Return what `result.json` tells of the cameras, and of the refinement."""
+    from nico_selfmodel.estimation.body.body_result import refinement_block
+
+    eyes = scenario.eyes
+    return {
+        "refinement": refinement_block(scenario.arm.seen, scenario.refined, scenario.verdict),
+        "eyes": {
+            "boards": len(eyes.views),
+            "rms_px": eyes.eyes.rms,
+            "baseline_mm": 1e3 * scenario.model.rig.baseline,
+        },
+    }
+
+
+def _parts(
+    scenario: "BodyScenario", document: Mapping[str, Any], sensor: str
+) -> list[tuple[str, printer.Block]]:
+    """Return the errors on held-out poses before and after the refinement, beside the thesis'."""
+    label, published = THESIS[sensor]
+    refinement = document["refinement"]
+    kept = "held out, arm and cameras refined" + ("" if scenario.accepted else " (refused)")
+    return [
+        ("held out, arm learned after the cameras", refinement["before"]),
+        (kept, refinement["after"]),
+        ("training", document["train"]),
+        (label, {"n": 100, **published}),
+    ]
+
+
+def _told_in_words(document: Mapping[str, Any]) -> list[str]:
+    cameras = document["eyes"]
+    refused = document["refinement"]["reasons"]
+    return [
+        f"cameras learned from {cameras['boards']} boards to {cameras['rms_px']:.2f} px",
+        *(f"refinement refused, the arm before it is kept: {reason}" for reason in refused),
+    ]

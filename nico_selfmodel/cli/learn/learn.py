@@ -1,0 +1,132 @@
+"""`nico-selfmodel learn`: the main job."""
+
+import warnings
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any
+
+import typer
+
+from nico_selfmodel.cli import inputs, options, printer
+from nico_selfmodel.cli.result_files import write_with_report
+
+if TYPE_CHECKING:
+    from nico_selfmodel.plant import ArmDescription
+    from nico_selfmodel.systems import Imperfections
+
+SENSORS = ("stereo-fiducial", "stereo-color", "motion-capture")
+
+
+def learn(
+    out: options.Out = Path("first_arm"),
+    imperfections: options.Imperfections = "thesis",
+    seed: options.RobotSeed = 0,
+    random_poses: options.RandomPoses = 100,
+    sensor: Annotated[
+        str | None,
+        typer.Option(
+            "--sensor",
+            help=f"Who watches: {', '.join(SENSORS)}. By default Nico's cameras; motion capture "
+            "where another robot or arm is named.",
+        ),
+    ] = None,
+    mirror: Annotated[
+        bool,
+        typer.Option("--mirror", help="Put a mirror before the robot at last; needs its cameras."),
+    ] = False,
+    robot: options.Robot = "nico",
+    arm: options.Arm = None,
+    base: options.Base = None,
+    tip: options.Tip = None,
+    hold: options.Hold = None,
+    point: options.Point = None,
+    force: options.Force = False,
+    as_json: options.AsJson = False,
+) -> None:
+    """Let a simulated robot watch its hand move; it learns cameras, arm, then both together."""
+    from nico_selfmodel.files import refuse_folder
+
+    refuse_folder(out, force=force)
+    # What learns and draws is slow to load, and only needed once the input is known to be right.
+    from nico_selfmodel.systems import imperfections_named
+
+    world = imperfections_named(imperfections)
+    chain = (arm, base, tip, hold, point)
+    sensor = _chosen_sensor(sensor, robot not in (None, "nico") or any(chain))
+    if sensor != "motion-capture":
+        from nico_selfmodel.cli.learn.by_cameras import learn_by_cameras
+
+        learn_by_cameras(out, sensor, world, seed, random_poses, force, as_json, mirror)
+    if mirror:
+        raise ValueError("--mirror needs cameras: --sensor stereo-fiducial or stereo-color")
+    description = inputs.chosen_arm(robot or "nico", *chain)
+    _by_motion_capture(out, world, seed, random_poses, description, force, as_json)
+
+
+def _chosen_sensor(sensor: str | None, elsewhere: bool) -> str:
+    """Return who watches; refuse cameras that another robot or arm does not have."""
+    if sensor is None:
+        return "motion-capture" if elsewhere else _cameras_or_else()
+    if sensor not in SENSORS:
+        raise ValueError(f"no sensor {sensor!r}; there are {', '.join(SENSORS)}")
+    if elsewhere and sensor != "motion-capture":
+        raise ValueError(
+            f"--sensor {sensor} is for Nico's own right arm: leave out the options that choose "
+            "another one, or take --sensor motion-capture"
+        )
+    return sensor
+
+
+def _cameras_or_else() -> str:
+    """Return Nico's cameras, or motion capture where nothing can be rendered, and say so."""
+    from nico_selfmodel.systems.renderer import can_render
+
+    if can_render():
+        return "stereo-fiducial"
+    warnings.warn(
+        "nothing can be rendered here (libegl1 and libgl1-mesa-dri are missing): motion capture "
+        "watches instead of the cameras",
+        stacklevel=2,
+    )
+    return "motion-capture"
+
+
+def _by_motion_capture(
+    out: Path,
+    world: "Imperfections",
+    seed: int,
+    random_poses: int,
+    description: "ArmDescription",
+    force: bool,
+    as_json: bool,
+) -> None:
+    """Learn an arm from what motion capture sees of it (chapter 6)."""
+    from nico_selfmodel.estimation import judge, to_json
+    from nico_selfmodel.experiments.first_arm import learn_by_motion_capture
+    from nico_selfmodel.viz.reports.arm import arm_report
+
+    with printer.progress_bar() as progress:
+        first = learn_by_motion_capture(
+            description, world, seed=seed, random_poses=random_poses, stage=progress
+        )
+        progress("writing the result", 0, 1)
+        verdict = judge(first.refined)
+        document = to_json(first.refined, verdict)
+        write_with_report(
+            out,
+            first.refined.model,
+            arm_report(first.refined, document, description),
+            robot=description,
+            recordings={"train": first.train, "test": first.test},
+            force=force,
+        )
+        progress("writing the result", 1, 1)
+    circles = first.circle_points.test if first.circle_points else None
+    alone = circles and {"n": circles.statistics.n, "position_mm": circles.statistics.as_mm()}
+    thesis: dict[str, Any] = {"n": 100, "position_mm": {"mean": 3.19, "sd": 1.71}}
+    parts = [
+        ("held out, circle points", alone),
+        ("held out, refined", document["test"]),
+        ("training, refined", document["train"]),
+        ("thesis, refined (real robot)", thesis),
+    ]
+    printer.result(first.refined.model.name, document, out, parts=parts, json_instead=as_json)

@@ -1,0 +1,51 @@
+"""What `nico-selfmodel learn --mirror` leaves behind and prints of the mirror."""
+
+from collections.abc import Mapping
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    from nico_selfmodel.experiments.mirror_lesson import MirrorScenario
+
+FOLDER = "mirror"
+"""Folder within the result folder: the mirror's own report."""
+
+
+def write_mirror_scenario(
+    out: Path, document: Mapping[str, Any], scenario: "MirrorScenario"
+) -> dict[str, Any]:
+    """Add the mirror to a result folder: its recordings, its report, its figures.
+
+    Args:
+        out: The folder, whose self-model knows the mirror already.
+        document: What is in its `result.json`.
+        scenario: What was learned of the mirror.
+
+    Returns:
+        What is in `result.json` now: the mirror's own document under `mirror`.
+    """
+    from nico_selfmodel.plant import ArmDescription
+    from nico_selfmodel.result_folder.writing import replace_document, write_result
+    from nico_selfmodel.viz.reports.mirrors import mirror_report
+
+    found = scenario.document
+    (name,) = scenario.calibration.mirrors
+    robot = ArmDescription.of_model(scenario.model)
+    report = mirror_report(scenario.calibration, found, {name: scenario.picture}, robot)
+    write_result(out / FOLDER, scenario.calibration.model, found, report.files())
+    for name, data in (("mirror", scenario.train), ("mirror_test", scenario.test)):
+        data.save(out / "recordings" / name)
+    whole = {**document, "mirror": found}
+    if found["status"] == "FAIL":
+        reasons = [f"the mirror: {reason}" for reason in found["reasons"]]
+        whole |= {"status": "FAIL", "reasons": [*document["reasons"], *reasons]}
+    replace_document(out, whole)
+    return whole
+
+
+def mirror_parts(document: Mapping[str, Any]) -> list[tuple[str, Mapping[str, Any] | None]]:
+    """Return the errors of the hand as predicted in the mirror, if one was learned."""
+    found = document.get("mirror")
+    if found is None:
+        return []
+    return [("held out, in the mirror", found["test"]), ("training, in it", found["train"])]

@@ -1,0 +1,74 @@
+"""`nico-selfmodel live`: a simulated Nico live, prediction against observation."""
+
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from nico_selfmodel.cli import options, printer
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
+
+def live(
+    model: options.Model,
+    imperfections: options.Imperfections = "thesis",
+    seed: Annotated[
+        int | None,
+        typer.Option("--seed", min=0, help="Which robot instance; by default the one learned."),
+    ] = None,
+    seconds: options.Seconds = None,
+    out: options.OutPage = None,
+    mirror: Annotated[
+        str | None,
+        typer.Option(
+            "--mirror",
+            metavar=options.MIRROR,
+            help="Put a mirror that the self-model knows before the robot, placed as for `record`.",
+        ),
+    ] = None,
+    count: options.Count = 12,
+    force: options.Force = False,
+) -> None:
+    """Move a simulated Nico by sliders; see what it sees, and where it expects its hand.
+
+    With --out it goes through random poses instead, onto a page.
+    """
+    from nico_selfmodel.files import refuse_existing, write_whole
+    from nico_selfmodel.model import SelfModel
+    from nico_selfmodel.systems import imperfections_named
+
+    chosen = imperfections_named(imperfections)
+    if out is not None:
+        refuse_existing(out, force=force)
+    known = SelfModel.load(model)
+    from nico_selfmodel.experiments.mirror_recording import mirror_of_words
+    from nico_selfmodel.experiments.watching import Watching
+
+    instance = int(known.provenance.get("seed") or 0) if seed is None else seed
+    put = None
+    if mirror is not None:
+        name, place = mirror_of_words(mirror)
+        put = (name, place if "=" in mirror else None)
+    with Watching(known, chosen, instance, mirror=put, recording=out is not None) as watching:
+        if out is not None:
+            with printer.progress_bar() as progress:
+                watching.visit_random_poses(
+                    count, lambda done, total: progress("moving and looking", done, total)
+                )
+            write_whole(out, watching.view.html())
+            printer.line(f"{out}")
+            return
+        url = watching.view.meshcat.web_url()
+        printer.line(f"open {url} (its stop button or Ctrl-C ends)")
+        watching.run(_tell, seconds or float("inf"))
+
+
+def _tell(errors: "NDArray") -> None:
+    """Say on one line, written over and over, how far prediction and observation are apart."""
+    cameras = ("L", "R", "in the mirror L", "R")[: len(errors)]
+    words = [
+        f"{camera} {'not seen' if e != e else f'{e:.1f} px'}"
+        for camera, e in zip(cameras, errors, strict=True)
+    ]
+    printer.line("  " + "   ".join(words) + "      ", end="\r")

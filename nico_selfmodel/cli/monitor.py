@@ -1,0 +1,103 @@
+"""`nico-selfmodel monitor`: does the body still fit, and if not, what changed."""
+
+import shlex
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Annotated, Any
+
+import typer
+
+from nico_selfmodel.cli import inputs, options, printer
+from nico_selfmodel.cli.result_files import write_with_report
+
+
+def monitor(
+    model: options.Model,
+    dataset: options.Dataset,
+    relearn: Annotated[
+        bool, typer.Option("--relearn", help="Learn what changed anew, and nothing else.")
+    ] = False,
+    out: Annotated[
+        Path | None, typer.Option("--out", help="Folder to make, with --relearn.")
+    ] = None,
+    sensor: options.DataSensor = "auto",
+    force: options.Force = False,
+    as_json: options.AsJson = False,
+) -> None:
+    """Hold a body against new observations, in their order; exit code 1 where something changed."""
+    from nico_selfmodel.dataset import Dataset
+    from nico_selfmodel.estimation import check_health, judge, to_json
+    from nico_selfmodel.estimation.monitoring.health_document import health_document
+    from nico_selfmodel.estimation.monitoring.relearning import relearn_cause, since_change
+    from nico_selfmodel.estimation.monitoring.update_evaluation import evaluate_update
+    from nico_selfmodel.estimation.monitoring.update_result import relearned_result
+    from nico_selfmodel.files import refuse_folder
+    from nico_selfmodel.model import SelfModel
+
+    if relearn != (out is not None):
+        raise ValueError("--relearn and --out belong together")
+    if out is not None:
+        refuse_folder(out, force=force, inputs=[dataset, model])
+    known, data = SelfModel.load(model), Dataset.load(dataset)
+    report = check_health(known, data, sensor)
+    document = health_document(report)
+    for cause in document["causes"]:
+        cause["command"] = remedy(cause["parameters"], model, dataset)
+    if as_json:
+        printer.as_json(document)
+    else:
+        _print(known.name, document)
+    if out is None or report.healthy:
+        printer.end(document)
+    cause = report.diagnoses[0].hypothesis
+    update = relearn_cause(known, data, report, sensor)
+    evaluation = evaluate_update(known, update, since_change(known, data, report), sensor)
+    learned = relearned_result(update, cause.cause, evaluation)
+    # Drawing is slow to load, and only needed once there is something to draw.
+    from nico_selfmodel.viz.reports.updates import update_report
+
+    relearned = to_json(learned, judge(learned))
+    page = update_report(evaluation, relearned, report)
+    write_with_report(out, evaluation.after, page, force=force)
+    if not as_json:
+        printer.result(known.name, relearned, out)
+    printer.end(relearned)
+
+
+def remedy(parameters: Sequence[str], model: Path, dataset: Path) -> str:
+    """Return the command that learns anew what changed, and nothing else.
+
+    Args:
+        parameters: Names of what changed.
+        model: The body as it was.
+        dataset: What showed the change.
+    """
+    owners = {name.rpartition(".")[0] for name in parameters}
+    owner = owners.pop() if len(owners) == 1 else ""
+    if list(parameters) == [f"{owner}.theta_offset"]:
+        words = ["rezero", model, dataset, "--joint", owner]
+    elif owner.startswith("hand."):
+        marker = owner.removeprefix("hand.")
+        words = ["calibrate", "tool", dataset, "--model", model, "--tool", marker]
+    else:
+        words = ["monitor", model, dataset, "--relearn"]
+    return shlex.join(
+        map(str, ["nico-selfmodel", *words, "--out", inputs.beside(dataset, "relearned")])
+    )
+
+
+def _print(name: str, document: Mapping[str, Any]) -> None:
+    found = document["log_ratio"]
+    rows = [
+        ["innovation squared, a coordinate", f"{document['nis_per_coordinate']:.2f}", "1"],
+        ["ln R (Shiryaev, Roberts)", f"{found['largest']:.1f}", f"{found['threshold']:.0f}"],
+    ]
+    printer.table(f"{name}: {document['poses']} poses", ("", "found", "limit"), rows)
+    causes = document["causes"]
+    if causes:
+        keys = ("statistic", "dof", "score")
+        rows = [[c["cause"], *(f"{c[key]:.1f}".removesuffix(".0") for key in keys)] for c in causes]
+        printer.table("what may have changed", ("cause", "ratio", "dof", "score"), rows)
+    printer.verdict(document)
+    if causes:
+        printer.line(f"learn just that: {causes[0]['command']}")

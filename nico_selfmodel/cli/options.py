@@ -1,0 +1,171 @@
+"""Every argument and option that two commands share, declared once."""
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from nico_selfmodel.names import check_name
+
+
+def _name(param: typer.CallbackParam, value: str | None) -> str | None:
+    if value is not None:
+        check_name(value, param.opts[-1])
+    return value
+
+
+def _positive(param: typer.CallbackParam, value: float | None) -> float | None:
+    if value is not None and not 0.0 < value < float("inf"):
+        raise ValueError(f"{param.opts[-1]} must be a positive number, got {value:g}")
+    return value
+
+
+def _share(param: typer.CallbackParam, value: float | None) -> float | None:
+    if value is not None and not 0.0 < value < 1.0:
+        raise ValueError(
+            f"{param.opts[-1]} must lie between 0 and 1, both exclusive, got {value:g}"
+        )
+    return value
+
+
+# What is read.
+_MODEL = "self_model.yaml, or a result folder."
+Model = Annotated[Path, typer.Argument(help=_MODEL)]
+KnownModel = Annotated[Path, typer.Option("--model", help=_MODEL)]
+ModelOrNominal = Annotated[
+    Path | None, typer.Option("--model", help=f"{_MODEL[:-1]}; nominal if omitted.")
+]
+Dataset = Annotated[Path, typer.Argument(help="Folder of a data set.")]
+Images = Annotated[Path, typer.Argument(help="Folder of photographs of a chessboard.")]
+Cameras = Annotated[
+    Path | None, typer.Option("--cameras", help="Calibrated cameras, as `calibrate stereo` leaves.")
+]
+Test = Annotated[Path | None, typer.Option("--test", help="Folder of held-out data.")]
+TestFraction = Annotated[
+    float | None,
+    typer.Option("--test-fraction", help="Share of what is recorded to hold out.", callback=_share),
+]
+
+# What is written.
+Out = Annotated[Path, typer.Option("--out", help="Folder to make.")]
+OutFile = Annotated[Path, typer.Option("--out", help="File to make.")]
+OutPage = Annotated[
+    Path | None, typer.Option("--out", help="HTML page to make, in place of a server that runs on.")
+]
+Force = Annotated[bool, typer.Option("--force", help="Replace what --out names.")]
+AsJson = Annotated[bool, typer.Option("--json", help="Print JSON.")]
+ModelName = Annotated[
+    str | None, typer.Option("--name", help="Name of the self-model.", callback=_name)
+]
+DatasetName = Annotated[
+    str | None, typer.Option("--name", help="Name of the data set.", callback=_name)
+]
+
+# How it is learned.
+Fix = Annotated[
+    list[str] | None,
+    typer.Option("--fix", metavar="NAME[=VALUE]", help="Fix a parameter. Repeat for more."),
+]
+Free = Annotated[
+    list[str] | None,
+    typer.Option("--free", metavar="NAME", help="Estimate a parameter. Repeat for more."),
+]
+Prior = Annotated[
+    list[str] | None,
+    typer.Option("--prior", metavar="NAME=MEAN,SIGMA", help="What is known of a parameter."),
+]
+Tangential = Annotated[
+    bool, typer.Option("--tangential", help="Estimate tangential distortion p1, p2.")
+]
+FixedAspect = Annotated[bool, typer.Option("--fixed-aspect", help="Hold fx and fy equal.")]
+Loss = Annotated[str, typer.Option("--loss", help="trimmed, none, huber, cauchy or tukey.")]
+SplitSeed = Annotated[
+    int, typer.Option("--seed", min=0, help="Of what is held out, and of random starts.")
+]
+DataSensor = Annotated[str, typer.Option("--sensor", help="auto, pixels or points.")]
+Count = Annotated[int, typer.Option("--count", min=1, help="How many poses.")]
+Marker = Annotated[str | None, typer.Option("--marker", help="Which tracked point.")]
+RequireTestMm = Annotated[
+    float | None,
+    typer.Option("--require-test-mm", help="FAIL above this test error.", callback=_positive),
+]
+RequireTestPx = Annotated[
+    float | None,
+    typer.Option("--require-test-px", help="FAIL above this test error.", callback=_positive),
+]
+
+# Chessboards and pixels.
+_BOARD = typer.Option("--board", metavar="COLSxROWS", help="Inner corners of the board, as 9x6.")
+_WINDOW = typer.Option("--window", min=2, help="Half side of a corner's sub-pixel window [px]; 11.")
+Board = Annotated[str, _BOARD]
+BoardOrNone = Annotated[str | None, _BOARD]
+SquareMm = Annotated[float, typer.Option("--square-mm", help="Side of a square of the board.")]
+Window = Annotated[int, _WINDOW]
+WindowOrNone = Annotated[int | None, _WINDOW]
+Family = Annotated[
+    str | None, typer.Option("--family", help="Of fiducial markers; apriltag_36h11 by default.")
+]
+PixelSigma = Annotated[
+    float | None,
+    typer.Option("--pixel-sigma", help="Noise of a pixel coordinate [px].", callback=_positive),
+]
+
+# A robot's chain.
+Robot = Annotated[str | None, typer.Option("--robot", help="A robot's name (nico) or a URDF file.")]
+Arm = Annotated[
+    str | None, typer.Option("--arm", help="A named arm of the robot: right_arm, left_arm, neck.")
+]
+Base = Annotated[str | None, typer.Option("--base", help="Link where the chain starts.")]
+Tip = Annotated[str | None, typer.Option("--tip", help="Link where the chain ends.")]
+Hold = Annotated[
+    list[str] | None,
+    typer.Option("--hold", metavar="JOINT[=VALUE]", help="A joint of the chain that stands still."),
+]
+Point = Annotated[
+    list[str] | None,
+    typer.Option("--point", metavar="MARKER=LINK", help="Link or frame that a marker sits on."),
+]
+
+# A simulated robot.
+Imperfections = Annotated[
+    str, typer.Option("--imperfections", help="Of body, trackers and pictures: thesis or clean.")
+]
+RobotSeed = Annotated[int, typer.Option("--seed", min=0, help="Which robot instance.")]
+FirstSeed = Annotated[int, typer.Option("--seed", min=0, help="Of the first robot instance.")]
+Session = Annotated[
+    int, typer.Option("--session", min=0, help="Which recording of it: poses and noise.")
+]
+JointNoise = Annotated[
+    float | None,
+    typer.Option("--joint-noise-deg", min=0.0, help="Half the width of the joints' noise."),
+]
+RandomPoses = Annotated[int, typer.Option("--random", min=0, help="Random poses to train with.")]
+Rendered = Annotated[
+    bool, typer.Option("--rendered", help="Through rendered pictures; minutes a robot.")
+]
+_ROBOTS = "Robot instances to average over"
+Robots = Annotated[int, typer.Option("--robots", min=1, help=f"{_ROBOTS}.")]
+RobotsOrOne = Annotated[
+    int | None, typer.Option("--robots", min=1, help=f"{_ROBOTS}; 1 if --rendered.")
+]
+MIRROR = "ID[=MM,DEG,DEG]"
+"""How a mirror is put before a simulated robot."""
+
+# Real servos.
+_PORT = typer.Option("--port", help="Serial port: /dev/serial/by-id/..., or of servo simulate.")
+_CONFIG = typer.Option("--config", help="Servo configuration (nico-servos/1).")
+Port = Annotated[str, _PORT]
+PortOrNone = Annotated[str | None, _PORT]
+Config = Annotated[Path, _CONFIG]
+ConfigOrNone = Annotated[Path | None, _CONFIG]
+_BAUD = typer.Option("--baud", help="Rate of the line; the configuration's, or 19200.")
+Baud = Annotated[int, _BAUD]
+BaudOrNone = Annotated[int | None, _BAUD]
+Speed = Annotated[
+    float | None, typer.Option("--speed-deg-s", help="Largest joint speed; its limit if omitted.")
+]
+TrustZero = Annotated[
+    bool, typer.Option("--trust-zero", help="Take the zero as it is though it was not homed.")
+]
+Yes = Annotated[bool, typer.Option("--yes", help="Do not ask.")]
+Seconds = Annotated[float | None, typer.Option("--seconds", min=0.0, help="End after this time.")]

@@ -1,0 +1,204 @@
+"""What commands print: tables, results with their verdict, progress."""
+
+import json
+import sys
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import contextmanager
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, NoReturn
+
+import typer
+from rich.console import Console
+from rich.measure import Measurement
+from rich.progress import BarColumn, TextColumn, TimeElapsedColumn
+from rich.progress import Progress as Bars
+from rich.table import Table
+from rich.text import Text
+
+from nico_selfmodel.cli.result_facts import derived_rows, fact_rows
+from nico_selfmodel.progress import Progress
+
+if TYPE_CHECKING:
+    from nico_selfmodel.dataset import Dataset
+
+_WIDEST = 400
+"""Width that a table may have where nobody looks at it on a terminal [characters]."""
+_MOST_PARAMETERS = 30
+"""More of them are read in the report."""
+_COLOURS = {"PASS": "green", "FAIL": "red", "NOT_EVALUATED": "yellow"}
+_STATISTICS = ("mean", "SD", "rms", "median", "max")
+_PARTS = (
+    ("held out", "test"),
+    ("cross-validated", "cross_validation"),
+    ("training", "train"),
+    ("epipolar", "epipolar_px"),
+)
+_console = Console(soft_wrap=True)
+
+Block = Mapping[str, Any] | None
+"""Error statistics as `result.json` has them: `n`, `position_mm` and/or `pixels`; None for none."""
+
+
+@contextmanager
+def progress_bar() -> Iterator[Progress]:
+    """Show a progress bar on standard error while a job runs; quiet where that is no terminal."""
+    console = Console(stderr=True)
+    columns = (TextColumn("{task.description}"), BarColumn(), TimeElapsedColumn())
+    with Bars(*columns, console=console, disable=not console.is_terminal) as bars:
+        tasks: dict[str, Any] = {}
+
+        def progress(what: str, done: int, total: int) -> None:
+            if what not in tasks:
+                tasks[what] = bars.add_task(what, total=total)
+            bars.update(tasks[what], completed=done, total=total)
+
+        yield progress
+
+
+def line(text: str, end: str = "\n") -> None:
+    """Print a line as it is."""
+    _console.print(text, markup=False, end=end)
+
+
+def dataset(data: "Dataset", made: Path) -> None:
+    """Say what lies in a folder of a data set."""
+    line(f"{len(data)} rows, {len(data.joints)} joints: {made}")
+
+
+def as_json(document: Mapping[str, Any]) -> None:
+    """Write a document to standard output for a script to read."""
+    sys.stdout.write(json.dumps(document, indent=1, allow_nan=False) + "\n")
+
+
+def table(title: str, headings: Sequence[str], rows: Sequence[Sequence[str]]) -> None:
+    """Print a table; all but the first column are aligned to the right."""
+    # As Text: in a plain string Rich would take [mm] for markup and drop it.
+    made = Table(title=Text(title), title_justify="left", title_style="bold", header_style="dim")
+    for index, heading in enumerate(headings):
+        side = "left" if index == 0 else "right"
+        made.add_column(Text(heading), justify=side, overflow="fold")
+    for row in rows:
+        made.add_row(*map(Text, row))
+    if _console.is_terminal:
+        _console.print(made)
+        return
+    # A file or a pipe is as wide as the table.
+    wide = Console(file=_console.file, width=_WIDEST)
+    wide.width = max(_console.width, Measurement.get(wide, wide.options, made).maximum)
+    wide.print(made)
+
+
+def errors(title: str, parts: Sequence[tuple[str, Block]]) -> None:
+    """Print how far predictions are off, in space and in images, as each part has it."""
+    rows = []
+    for label, block in parts:
+        known = [(key, unit) for key, unit in _QUANTITIES if block and block.get(key)]
+        for key, unit in known:
+            rows.append([f"{label} [{unit}]", *_statistics(block or {}, key)])
+        if not known:
+            rows.append([label, *["-"] * (1 + len(_STATISTICS))])
+    table(f"{title}: error of the prediction", ("", "n", *_STATISTICS), rows)
+
+
+_QUANTITIES = (("position_mm", "mm"), ("pixels", "px"))
+
+
+def _statistics(block: Mapping[str, Any], key: str) -> list[str]:
+    found = block[key]
+    values = (found.get(name.lower()) for name in _STATISTICS)
+    count = str(block.get("poses", block["n"]))
+    return [count, *("-" if value is None else f"{value:#.3g}".rstrip(".") for value in values)]
+
+
+def parameters(document: Mapping[str, Any]) -> None:
+    """Print what was estimated, with sigmas; of many parameters only what follows from them."""
+    found = document["parameters"]
+    rows = [_parameter(name, entry) for name, entry in found.items() if entry["free"]]
+    count, derived = len(rows), derived_rows(found)
+    if count > _MOST_PARAMETERS:
+        rows = []
+    if rows or derived:
+        rows += [_parameter(name, found[name]) for name in derived]
+        table("parameters", ("", "value", "sigma", "unit"), rows)
+    if count > _MOST_PARAMETERS:
+        line(f"{count} parameters with their sigmas are in report.html")
+
+
+def _parameter(name: str, entry: Mapping[str, Any]) -> list[str]:
+    sigma = "-" if entry["sigma"] is None else f"{entry['sigma']:.2g}"
+    return [name, f"{entry['value']:.6g}", sigma, entry["unit"]]
+
+
+def verdict(document: Mapping[str, Any]) -> None:
+    """Print a verdict with its reasons, and after it what is doubtful though nothing fails."""
+    status = document["status"]
+    _console.print(f"[bold {_COLOURS[status]}]{status}[/]")
+    for reason in document["reasons"]:
+        line(f"  {reason}")
+    for warning in document.get("warnings", ()):
+        line(f"  note: {warning}")
+
+
+def folder(made: Path) -> None:
+    """Say what lies in a folder that was made, and how to look at it."""
+    line(f"\nresult   {made}/")
+    for path in sorted(made.iterdir()):
+        line(f"         {path.name}")
+    if (made / "report.html").exists():
+        line(f"look     open {made / 'report.html'}, or: nico-selfmodel view {made}")
+
+
+def result(
+    name: str,
+    document: Mapping[str, Any],
+    made: Path,
+    *,
+    parts: Sequence[tuple[str, Block]] = (),
+    more: Sequence[str] = (),
+    json_instead: bool = False,
+) -> NoReturn:
+    """Print what a calibration found, or its document; end the command as its verdict says.
+
+    Args:
+        name: Of the self-model.
+        document: What is in its `result.json`.
+        made: The result folder.
+        parts: Rows of errors, where they are others than those of the document.
+        more: Lines to print before the verdict.
+        json_instead: Print the document.
+
+    Raises:
+        typer.Exit: Always, with 1 where the verdict is FAIL, else with 0.
+    """
+    if json_instead:
+        as_json(document)
+        end(document)
+    errors(name, parts or [(label, document[key]) for label, key in _PARTS if key in document])
+    parameters(document)
+    facts = fact_rows(document)
+    if facts:
+        table("what else was found", ("", "value"), facts)
+    for text in more:
+        line(text)
+    _outliers(document)
+    verdict(document)
+    folder(made)
+    end(document)
+
+
+def end(document: Mapping[str, Any]) -> NoReturn:
+    """End the command as the verdict of a document says."""
+    raise typer.Exit(1 if document["status"] == "FAIL" else 0)
+
+
+def _outliers(document: Mapping[str, Any]) -> None:
+    outliers = document["outliers"]
+    if not outliers:
+        return
+    if "detection" in document:
+        files = document["detection"]["files"].values()
+        boards = (" and ".join(names[view] for names in files) for view in outliers)
+        line(f"boards set aside as outliers: {'; '.join(boards)}")
+    else:
+        poses = "training pose" if len(outliers) == 1 else "training poses"
+        line(f"{len(outliers)} {poses} set aside as outliers (listed in result.json)")

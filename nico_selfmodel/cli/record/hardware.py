@@ -1,0 +1,233 @@
+"""`nico-selfmodel record --port`: the same recording, with real servos."""
+
+import math
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import typer
+
+from nico_selfmodel.cli import inputs, printer
+from nico_selfmodel.cli.servo.opening import ask, speed_of
+
+if TYPE_CHECKING:
+    from nico_selfmodel.cli.record.request import Request
+    from nico_selfmodel.dataset import Dataset
+    from nico_selfmodel.experiments.real_recording import RealRecording
+    from nico_selfmodel.servos import ServoConfig
+    from nico_selfmodel.systems import (
+        CameraDriver,
+        MotionCaptureClient,
+        NicoHardwareStation,
+        ServoDriver,
+    )
+
+
+_PERIOD = 0.05
+"""Time between two readings of the joints [s]: poses are waited for, no motion is followed."""
+_ATTEMPTS, _SLACK = 5, 0.05
+"""A recording takes minutes: a reply may be a second late before a board counts as lost. The arm
+stands by then, as no goal lies further ahead than the heartbeat."""
+
+
+@dataclass(frozen=True)
+class Hardware:
+    """What the options of real hardware say."""
+
+    port: str | None
+    config: Path | None
+    baud: int | None
+    left_camera: str | None
+    right_camera: str | None
+    motion_capture: str | None
+    speed_deg_s: float | None
+    trust_zero: bool
+    yes: bool
+
+    def is_meant(self, imperfections: str, sensor: str) -> bool:
+        """Return whether a real robot is to be recorded.
+
+        Raises:
+            ValueError: If options contradict each other.
+        """
+        others = (self.config, self.baud, self.left_camera, self.right_camera)
+        others += (self.motion_capture, self.speed_deg_s)
+        if self.port is None:
+            if any(value is not None for value in others) or self.trust_zero or self.yes:
+                raise ValueError("options of a real robot need --port, its serial port")
+            return False
+        if imperfections != "thesis":
+            raise ValueError("--imperfections is about simulated robots: leave it out with --port")
+        if sensor == "chessboard":
+            raise ValueError(
+                "a chessboard before real cameras needs no servos: take the pictures with any "
+                "program as left01.png and right01.png, then run calibrate stereo"
+            )
+        return True
+
+
+def record_hardware(request: "Request", hardware: Hardware) -> "Dataset":
+    """Move the real arm and record what is seen; an interrupted recording goes on.
+
+    Raises:
+        ValueError: If an option is missing or does not fit.
+        SelfModelError: If the robot fails, or a file is not valid.
+    """
+    import numpy as np
+
+    from nico_selfmodel.experiments.real_recording import RealRecording
+    from nico_selfmodel.files.reading import LARGEST_TABLE, read_text
+
+    config = _configuration(hardware)
+    rng = np.random.default_rng((request.seed, request.session, 2))
+    table = None if request.poses is None else read_text(request.poses, LARGEST_TABLE)
+    planned = RealRecording.planned(
+        request.sensor, config.joint_infos, request.circle, request.random, rng, table
+    )
+    servos = _servos(hardware, config)
+    motion_capture = _motion_capture(request.sensor, hardware)
+    try:
+        cameras = _cameras(request.sensor, hardware)
+        station = _station(planned, servos, cameras, motion_capture, request.cameras)
+        with station:
+            _announce(planned, servos, hardware)
+            ask(f"Move the arm through {len(planned.plan)} poses?", yes=hardware.yes)
+            station.enable()
+            return _record(planned, station, config.name, request)
+    finally:
+        if motion_capture is not None:
+            motion_capture.close()
+
+
+def _configuration(hardware: Hardware) -> "ServoConfig":
+    from nico_selfmodel.servos import ServoConfig
+
+    if hardware.config is None:
+        raise ValueError("--port needs --config, the servo configuration of this robot")
+    config = ServoConfig.load(hardware.config)
+    return config if hardware.baud is None else replace(config, baud=hardware.baud)
+
+
+def _servos(hardware: Hardware, config: "ServoConfig") -> "ServoDriver":
+    from nico_selfmodel.servos import BusSettings
+    from nico_selfmodel.systems import ServoDriver
+
+    largest = max(joint.max_velocity for joint in config.joints)
+    assert hardware.port is not None
+    return ServoDriver(
+        hardware.port,
+        config,
+        trust_zero=hardware.trust_zero,
+        speed=speed_of(hardware.speed_deg_s, largest),
+        period=_PERIOD,
+        settings=BusSettings(_ATTEMPTS, _SLACK, config.latency),
+    )
+
+
+def _motion_capture(sensor: str, hardware: Hardware) -> "MotionCaptureClient | None":
+    from nico_selfmodel.systems import MotionCaptureClient
+
+    if sensor != "motion-capture":
+        if hardware.motion_capture is not None:
+            raise ValueError("--motion-capture needs --sensor motion-capture")
+        return None
+    if hardware.motion_capture is None:
+        raise ValueError("--sensor motion-capture with --port needs --motion-capture HOST:PORT")
+    host, _, port = hardware.motion_capture.rpartition(":")
+    if not (host and port.isdecimal() and int(port) < 65536):
+        raise ValueError(f"--motion-capture takes HOST:PORT, got {hardware.motion_capture!r}")
+    return MotionCaptureClient((host, int(port)))
+
+
+def _cameras(sensor: str, hardware: Hardware) -> "CameraDriver | None":
+    from nico_selfmodel.systems import NICO_CAMERAS, CameraDriver
+    from nico_selfmodel.vision.stereo_capture import StereoCapture
+
+    left, right = hardware.left_camera, hardware.right_camera
+    if sensor == "motion-capture":
+        if left is not None or right is not None:
+            raise ValueError("--left-camera and --right-camera need a sensor stereo-...")
+        return None
+    if left is None or right is None:
+        raise ValueError(f"--sensor {sensor} with --port needs --left-camera and --right-camera")
+    return CameraDriver(StereoCapture(left, right, NICO_CAMERAS.left.image_size))
+
+
+def _station(
+    planned: "RealRecording",
+    servos: "ServoDriver",
+    cameras: "CameraDriver | None",
+    motion_capture: "MotionCaptureClient | None",
+    calibrated: Path | None,
+) -> "NicoHardwareStation":
+    from nico_selfmodel.systems import NicoHardwareStation, default_detectors
+
+    found = default_detectors(inputs.cameras_of(calibrated))
+    detectors = {m: found[m] for m in planned.arm.markers if m in found} or found
+    return NicoHardwareStation(
+        servos, cameras, motion_capture, joints=planned.arm.joints, detectors=detectors
+    )
+
+
+def _announce(planned: "RealRecording", servos: "ServoDriver", hardware: Hardware) -> None:
+    """Print where the joints stand and what limits they have."""
+    state = servos.state()
+    moved = {joint.name for joint in planned.joints}
+    rows = []
+    for k, joint in enumerate(servos.config.joints):
+        q, zero = state.q[k], bool(state.zero_known[k] or hardware.trust_zero)
+        rows.append(
+            [
+                joint.name,
+                f"{math.degrees(q):.1f}" if zero else "not homed",
+                f"{math.degrees(joint.lower):.1f} to {math.degrees(joint.upper):.1f}",
+                f"{min(hardware.speed_deg_s or math.inf, math.degrees(joint.max_velocity)):.0f}",
+                "moves" if joint.name in moved else "stays",
+            ]
+        )
+    headings = ("joint", "at (deg)", "limits (deg)", "deg/s", "in this recording")
+    printer.table(f"servos of {servos.config.name}", headings, rows)
+    due = [
+        name
+        for name, known in zip(state.joints, state.zero_known, strict=True)
+        if name in moved and not known
+    ]
+    if due and not hardware.trust_zero:
+        raise ValueError(
+            f"rezero is due: the zero of {', '.join(due)} is not known since the boards were "
+            "switched on; run `servo home`, or give --trust-zero"
+        )
+
+
+def _record(
+    planned: "RealRecording",
+    station: "NicoHardwareStation",
+    servos: str,
+    request: "Request",
+) -> "Dataset":
+    from nico_selfmodel.errors import RobotError
+
+    source = (
+        f"nico, servos {servos!r}, {planned.sensor}, poses {request.seed}, session "
+        f"{request.session}"
+    )
+    try:
+        with printer.progress_bar() as progress:
+            return planned.run(
+                station,
+                inputs.name_after(request.out),
+                source=source,
+                folder=request.out,
+                keep_images=request.images,
+                progress=lambda done, total: progress("moving and looking", done, total),
+            )
+    except KeyboardInterrupt:
+        station.close()
+        typer.echo("stopped; the arm holds. Start again to go on", err=True)
+        raise
+    except RobotError as error:
+        if not request.out.exists():
+            raise
+        raise type(error)(
+            f"{error}. What was recorded is in {request.out}: the same command goes on from there"
+        ) from error

@@ -1,0 +1,84 @@
+"""What only some results tell, read from the keys of their `result.json`."""
+
+from collections.abc import Iterator, Mapping
+from typing import Any
+
+_DERIVED = ("baseline", "link.upper", "link.lower")
+
+
+def derived_rows(parameters: Mapping[str, Any]) -> list[str]:
+    """Return the names of lengths that follow from what was estimated."""
+    return [name for name in _DERIVED if name in parameters and not parameters[name]["free"]]
+
+
+def fact_rows(document: Mapping[str, Any]) -> list[list[str]]:
+    """Return what a result tells besides errors and parameters, in words and numbers.
+
+    Args:
+        document: What is in a `result.json`.
+    """
+    found = (_noise, _workspace, _boards, _mirrors, _tool, _zeros)
+    return [[name, value] for of in found for name, value in of(document)]
+
+
+def _noise(document: Mapping[str, Any]) -> Iterator[tuple[str, str]]:
+    if "noise_known_to" in document:
+        from nico_selfmodel.estimation.body.body_result import noise_words
+
+        tracker, joints = noise_words(document)
+        yield "noise of the tracker", tracker
+        yield "noise of a joint, standard deviation", joints
+    if "scale_from" in document:
+        yield "scale held by", document["scale_from"]
+
+
+def _workspace(document: Mapping[str, Any]) -> Iterator[tuple[str, str]]:
+    work = document.get("workspace")
+    if work:
+        yield "irreducible error of the hand", f"{work['mechanics_mm']['mean']:.2f} mm"
+        yield "reducible by more data", f"{work['learned_mm']['mean']:.2f} mm"
+
+
+def _boards(document: Mapping[str, Any]) -> Iterator[tuple[str, str]]:
+    boards = document.get("boards")
+    if not boards:
+        return
+    which = "held-out boards" if boards["held_out"] else "boards learned from"
+    for when in ("before", "after"):
+        found = boards[when]
+        if found is not None:
+            edge, scale = found["edge_mm"]["sd"], 100.0 * (found["scale"]["mean"] - 1.0)
+            yield (
+                f"{found['boards']} {which}, {when}",
+                f"edges {edge:.2f} mm (SD), scale {scale:+z.2f} %, corners "
+                f"{found['position_mm']['mean']:.2f} mm",
+            )
+
+
+def _mirrors(document: Mapping[str, Any]) -> Iterator[tuple[str, str]]:
+    mirrors = document.get("mirrors") or document.get("mirror", {}).get("mirrors", {})
+    for name, entry in mirrors.items():
+        test = entry["flatness"]
+        flat = "not tested for flatness" if test is None else "flat" if test["flat"] else "not flat"
+        yield (
+            f"mirror {name}",
+            f"{entry['poses']} poses, {entry['distance_mm']:.0f} mm from the left camera, normal "
+            f"to {entry['normal_sigma_deg']:.2f} deg, {flat}",
+        )
+
+
+def _tool(document: Mapping[str, Any]) -> Iterator[tuple[str, str]]:
+    reach = document.get("reach_mm")
+    if reach:
+        place = "where it was" if document["known"] else "the hand's point"
+        yield (
+            f"tip of {document['tool']}",
+            (f"{reach['value']:.1f} +- {reach['sigma']:.1f} mm from {place}"),
+        )
+
+
+def _zeros(document: Mapping[str, Any]) -> Iterator[tuple[str, str]]:
+    for joint, shift in document.get("shift_deg", {}).items():
+        entry = document["parameters"].get(f"{joint}.theta_offset")
+        sigma = "held" if entry is None else f"+- {57.29578 * entry['sigma']:.2f} deg"
+        yield f"zero of {joint}", f"moved by {shift:+z.2f} deg, {sigma}"

@@ -1,0 +1,1 @@
+"""`nico-selfmodel servo`: one file a command."""

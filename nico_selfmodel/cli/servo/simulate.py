@@ -1,0 +1,75 @@
+"""`nico-selfmodel servo simulate`: a bus to connect to, with or without a body behind it."""
+
+import sys
+import time
+from contextlib import ExitStack
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from nico_selfmodel.cli import options, printer
+
+if TYPE_CHECKING:
+    from nico_selfmodel.systems import NicoBehindBus
+
+
+def simulate(
+    modules: Annotated[
+        int, typer.Option("--modules", min=1, max=32, help="How many, without --config.")
+    ] = 6,
+    config: options.ConfigOrNone = None,
+    hand: Annotated[bool, typer.Option("--hand", help="Simulate a hand too.")] = False,
+    body: Annotated[
+        bool, typer.Option("--body", help="Let the boards turn a simulated Nico; needs --out.")
+    ] = False,
+    out: Annotated[
+        Path | None, typer.Option("--out", help="Servo configuration of that body, to make.")
+    ] = None,
+    seed: options.RobotSeed = 0,
+    session: options.Session = 0,
+    seconds: options.Seconds = None,
+) -> None:
+    """Simulate a bus and print the port to connect to; runs until Ctrl-C."""
+    from nico_selfmodel.servos import ServoConfig, SimulatedBus, SimulatedHand
+
+    if body != (out is not None):
+        raise ValueError("--body and --out belong together")
+    if body and config is not None:
+        raise ValueError("--body writes the configuration of its own: leave --config out")
+    with ExitStack() as stack:
+        plant = None if out is None else _body(stack, out, seed, session)
+        count = modules if config is None else len(ServoConfig.load(config).joints)
+        count = count if plant is None else len(plant.station.joints)
+        bus = stack.enter_context(SimulatedBus(count, plant=plant))
+        printer.line(f"servos {bus.name}")
+        if hand:
+            simulated = stack.enter_context(SimulatedHand())
+            printer.line(f"hand {simulated.name}")
+        sys.stdout.flush()
+        _wait(seconds)
+
+
+def _body(stack: ExitStack, file: Path, seed: int, session: int) -> "NicoBehindBus":
+    """Build a robot, write its configuration, and start its motion capture."""
+    from nico_selfmodel.files import refuse_existing
+    from nico_selfmodel.systems import MotionCaptureServer, NicoBehindBus, NicoStation
+
+    refuse_existing(file, force=False)
+    station = stack.enter_context(NicoStation("thesis", seed, session))
+    server = stack.enter_context(MotionCaptureServer(station.arm.markers))
+    plant = NicoBehindBus(station, server)
+    plant.configuration.save(file)
+    host, port = server.address
+    printer.line(f"config {file}\nmotion-capture {host}:{port}")
+    return plant
+
+
+def _wait(seconds: float | None) -> None:
+    until = None if seconds is None else time.monotonic() + seconds
+    try:
+        while until is None or time.monotonic() < until:
+            left = 3600.0 if until is None else until - time.monotonic()
+            time.sleep(max(0.0, left))
+    except KeyboardInterrupt:
+        pass

@@ -1,0 +1,1 @@
+"""What learn, record, simulate and watch run."""

@@ -1,0 +1,61 @@
+"""The options of all commands, held against each other."""
+
+import re
+from collections import defaultdict
+
+import pytest
+
+from nico_selfmodel.cli.app import _tree
+
+SEVERAL_MEANINGS = {
+    *("--out", "--seed", "--sensor", "--mirror", "--random"),  # what is made; of what; who watches
+    *("--marker", "--encoders", "--seconds", "--robots", "--model", "--name"),
+}
+"""Options that are about another thing where another command has them, as their helps say."""
+PRIVATE_WORDS = r"\b(eyes?|sight(ings?)?|pin(ned)?|play|blind|world|individuals?|believed)\b"
+
+
+def leaves(command=None, path=()):
+    command = command or _tree()
+    for name, below in getattr(command, "commands", {}).items():
+        if hasattr(below, "commands"):
+            yield from leaves(below, (*path, name))
+        else:
+            yield " ".join((*path, name)), below
+
+
+COMMANDS = dict(leaves())
+
+
+def options_of(command):
+    return {p.opts[0]: p.help for p in command.params if p.param_type_name == "option"}
+
+
+def arguments_of(command):
+    return [p.name for p in command.params if p.param_type_name == "argument"]
+
+
+def test_an_option_of_two_commands_has_one_meaning():
+    helps = defaultdict(set)
+    for command in COMMANDS.values():
+        for name, said in options_of(command).items():
+            helps[name].add(said)
+    assert {name for name, said in helps.items() if len(said) > 1} == SEVERAL_MEANINGS
+
+
+@pytest.mark.parametrize("name", COMMANDS)
+def test_help_has_the_words_of_the_field(name):
+    command = COMMANDS[name]
+    said = [command.help, *(p.help or "" for p in command.params), *options_of(command)]
+    found = [words for words in said if re.search(PRIVATE_WORDS, words)]
+    assert found == []
+
+
+def test_what_learns_takes_data_first_and_what_uses_a_model_takes_that_first():
+    for name, command in COMMANDS.items():
+        arguments = arguments_of(command)
+        if name.startswith("calibrate "):
+            assert arguments in (["dataset"], ["images"]), name
+            assert "--out" in options_of(command)
+        elif "dataset" in arguments:
+            assert arguments == ["model", "dataset"], name
