@@ -7,7 +7,7 @@ import pytest
 
 from nico_selfmodel.dataset import Dataset, JointInfo
 from nico_selfmodel.errors import DataError
-from nico_selfmodel.estimation.camera_options import by_full_name
+from nico_selfmodel.estimation.cameras.camera_options import by_full_name
 from nico_selfmodel.model import Chain, DhTable, Mirror, SelfModel, ServoMap
 from nico_selfmodel.names import LONGEST_NAME, check_name, did_you_mean, listed, shown
 

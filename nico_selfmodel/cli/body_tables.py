@@ -105,7 +105,7 @@ def _print_boards(document: Mapping[str, Any]) -> None:
 
 
 def _facts(document: Mapping[str, Any]) -> list[list[str]]:
-    from nico_selfmodel.estimation.body_document import noise_words
+    from nico_selfmodel.estimation.body.body_result import noise_words
 
     tracker, play = noise_words(document)
     rows = [

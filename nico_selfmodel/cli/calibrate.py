@@ -20,7 +20,7 @@ from nico_selfmodel.cli.robot_options import (
 
 if TYPE_CHECKING:
     from nico_selfmodel.dataset import Dataset
-    from nico_selfmodel.estimation.sight import Sight
+    from nico_selfmodel.estimation.body.arm_through_cameras import Sight
 
 app = typer.Typer(help="Learn a self-model from recorded data.", no_args_is_help=True)
 app.command("stereo")(calibrate_cameras.stereo)
@@ -82,7 +82,7 @@ def kinematics(
     as_json: Annotated[bool, typer.Option("--json", help="Print result.json instead.")] = False,
 ) -> None:
     """Learn an arm from encoder readings and measured points of the hand."""
-    from nico_selfmodel.estimation import Pins, calibrate_kinematics, judge, result_document
+    from nico_selfmodel.estimation import Pins, calibrate_kinematics, judge, result_of, to_json
     from nico_selfmodel.files import refuse_folder
 
     refuse_folder(out, force=force, inputs=[dataset, test, robot, eyes])
@@ -116,7 +116,11 @@ def kinematics(
         if sight is not None:
             calibration = sight.complete(calibration)
         stage("learning", 1, 1)
-        verdict = judge(calibration, require_test_mm)
+        result = result_of(calibration)
+        if sight is not None:
+            result = sight.with_pixels(result, calibration.model)
+        verdict = judge(result, require_test_mm)
+        document = to_json(result, verdict)
         stage("writing the result", 0, 1)
         # Drawing is slow to load, and only needed once there is something to draw.
         from nico_selfmodel.plant import learned_urdf
@@ -126,16 +130,13 @@ def kinematics(
             out,
             calibration,
             verdict,
+            document,
             urdf_text=learned_urdf(calibration.model, description, folder=out),
             robot_name=Path(description.robot).stem if description else None,
             robot=description,
             force=force,
         )
         stage("writing the result", 1, 1)
-    document = result_document(calibration, verdict)
-    if sight is not None:
-        sight.add_pixels(document, calibration.model)
-        console.write_document(out, document)
     if as_json:
         console.print_json(document)
     else:
@@ -162,7 +163,7 @@ def _by_sight(
     eyes: Path, train: "Dataset", held_out: "Dataset | None", pinned: frozenset[str]
 ) -> "Sight":
     """Reconstruct the hand from its pixels with calibrated eyes."""
-    from nico_selfmodel.estimation.sight import Sight
+    from nico_selfmodel.estimation.body.arm_through_cameras import Sight
     from nico_selfmodel.model import SelfModel
 
     return Sight.of(SelfModel.load(eyes), train, held_out, pinned)

@@ -74,8 +74,7 @@ def body(
     as_json: AsJson = False,
 ) -> None:
     """Let arm and eyes refine each other by where the eyes saw the hand (thesis chapter 8)."""
-    from nico_selfmodel.estimation import BodyOptions, Pins, calibrate_body, judge_body
-    from nico_selfmodel.estimation.body_document import body_document
+    from nico_selfmodel.estimation import BodyOptions, Pins, calibrate_body, judge, to_json
     from nico_selfmodel.files import refuse_folder
     from nico_selfmodel.model import SelfModel
 
@@ -99,8 +98,8 @@ def body(
             name=name,
             seed=seed,
         )
-        verdict = judge_body(found, require_test_mm, require_test_px)
-        document = body_document(found, verdict)
+        verdict = judge(found, require_test_mm, require_test_px)
+        document = to_json(found, verdict)
         stage_bar("learning", 1, 1)
         stage_bar("writing the result", 0, 1)
         # Drawing is slow to load, and only needed once there is something to draw.
@@ -134,10 +133,10 @@ def tool(
     as_json: AsJson = False,
 ) -> None:
     """Make a tool in the hand part of the body: three numbers, from three poses on."""
-    from nico_selfmodel.estimation import calibrate_tool
-    from nico_selfmodel.estimation.tool import with_marker
-    from nico_selfmodel.estimation.update_document import judge_tool, tool_document
-    from nico_selfmodel.estimation.update_evaluation import evaluate_update, marked
+    from nico_selfmodel.estimation import calibrate_tool, judge, to_json
+    from nico_selfmodel.estimation.monitoring.tool import with_marker
+    from nico_selfmodel.estimation.monitoring.update_evaluation import evaluate_update, marked
+    from nico_selfmodel.estimation.monitoring.update_result import tool_result
     from nico_selfmodel.files import refuse_folder
     from nico_selfmodel.model import SelfModel
 
@@ -147,7 +146,7 @@ def tool(
     found = calibrate_tool(
         known, train, tool=tool, free=free, sensor=sensor, test=held_out, loss=loss
     )
-    verdict = judge_tool(found)
+    verdict = judge(found)
     evaluation = evaluate_update(
         with_marker(known, found.tool),
         found.update,
@@ -156,7 +155,7 @@ def tool(
         None if held_out is None else marked(held_out, found.tool),
         with_prior=free == "body",
     )
-    document = tool_document(found, verdict, evaluation)
+    document = to_json(tool_result(found, evaluation), verdict)
     # Drawing is slow to load, and only needed once there is something to draw.
     from nico_selfmodel.viz.update_report import write_update_folder
 
@@ -196,7 +195,7 @@ def _boards(
     """Return the boards to learn from and those held out."""
     if folder is None:
         return None, None
-    from nico_selfmodel.estimation.stereo import FEWEST_VIEWS
+    from nico_selfmodel.estimation.cameras.stereo import FEWEST_VIEWS
     from nico_selfmodel.vision import Board, detect_boards
 
     found = detect_boards(folder, Board.parse(board, square_mm), progress=stage).seen_views

@@ -180,12 +180,7 @@ def _options(
 
 def _learn(found: "BoardDetections", request: _Request, stage: console.Stage) -> dict[str, Any]:
     """Calibrate, judge and write the result folder; return its document."""
-    from nico_selfmodel.estimation import (
-        CameraAssessment,
-        calibrate_cameras,
-        camera_document,
-        judge_cameras,
-    )
+    from nico_selfmodel.estimation import CameraAssessment, calibrate_cameras, judge, to_json
 
     train, test = found.views, None
     if request.test_fraction is not None:
@@ -194,8 +189,8 @@ def _learn(found: "BoardDetections", request: _Request, stage: console.Stage) ->
     calibration = calibrate_cameras(train, request.options)
     stage("learning the eyes", 1, 2)
     assessment = CameraAssessment.from_calibration(calibration, request.options, test)
-    verdict = judge_cameras(assessment, request.require_test_px)
-    document = camera_document(assessment, verdict) | {"detection": found.document}
+    verdict = judge(assessment, require_test_px=request.require_test_px)
+    document = to_json(assessment, verdict) | {"detection": found.document}
     stage("learning the eyes", 2, 2)
     stage("writing the result", 0, 1)
     # Drawing is slow to load, and only needed once there is something to draw.

@@ -42,9 +42,9 @@ def mirror(
     from math import radians
 
     from nico_selfmodel.dataset import Dataset
-    from nico_selfmodel.estimation.mirror import calibrate_mirrors
-    from nico_selfmodel.estimation.mirror_document import mirror_document
-    from nico_selfmodel.estimation.mirror_verdict import judge_mirrors, judged
+    from nico_selfmodel.estimation import judge, to_json
+    from nico_selfmodel.estimation.mirrors.mirror import calibrate_mirrors
+    from nico_selfmodel.estimation.mirrors.mirror_findings import judged
     from nico_selfmodel.files import refuse_folder
     from nico_selfmodel.model import SelfModel
 
@@ -69,9 +69,9 @@ def mirror(
             loss=loss,
             name=name,
         )
-        verdict = judge_mirrors(found, require_test_px)
+        verdict = judge(found, require_test_px=require_test_px)
         found = judged(found, verdict)
-        document = mirror_document(found, verdict)
+        document = to_json(found, verdict)
         stage("learning mirrors", 1, 1)
         stage("writing the result", 0, 1)
         # Drawing is slow to load, and only needed once there is something to draw.

@@ -23,14 +23,11 @@ def check(
 ) -> None:
     """Watch a body over new sightings; exit code 1 where something changed."""
     from nico_selfmodel.dataset import Dataset
-    from nico_selfmodel.estimation import check_health
-    from nico_selfmodel.estimation.relearning import relearn_cause, since_change
-    from nico_selfmodel.estimation.update_document import (
-        health_document,
-        judge_update,
-        relearned_document,
-    )
-    from nico_selfmodel.estimation.update_evaluation import evaluate_update
+    from nico_selfmodel.estimation import check_health, judge, to_json
+    from nico_selfmodel.estimation.monitoring.health_document import health_document
+    from nico_selfmodel.estimation.monitoring.relearning import relearn_cause, since_change
+    from nico_selfmodel.estimation.monitoring.update_evaluation import evaluate_update
+    from nico_selfmodel.estimation.monitoring.update_result import relearned_result
     from nico_selfmodel.files import refuse_folder
     from nico_selfmodel.model import SelfModel
 
@@ -48,13 +45,15 @@ def check(
     if out is not None and not report.healthy:
         cause = report.diagnoses[0].hypothesis
         update = relearn_cause(known, data, report, sensor)
-        verdict = judge_update(update)
         evaluation = evaluate_update(known, update, since_change(known, data, report), sensor)
+        learned = relearned_result(update, cause.cause, evaluation)
+        verdict = judge(learned)
         # Drawing is slow to load, and only needed once there is something to draw.
         from nico_selfmodel.viz.update_report import write_update_folder
 
-        relearned = relearned_document(update, cause.cause, verdict, evaluation)
-        write_update_folder(out, evaluation, verdict, relearned, report, force=force)
+        write_update_folder(
+            out, evaluation, verdict, to_json(learned, verdict), report, force=force
+        )
         if not as_json:
             console.print_verdict(verdict.status, verdict.reasons)
             console.print_where(out)

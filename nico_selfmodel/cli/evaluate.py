@@ -21,7 +21,7 @@ def evaluate(
 ) -> None:
     """Print the error of a self-model's predictions on a data set, beside that of its training."""
     from nico_selfmodel.dataset import Dataset
-    from nico_selfmodel.estimation.sightings import by_pixels
+    from nico_selfmodel.estimation.noise.hand_observations import by_pixels
     from nico_selfmodel.model import SelfModel
 
     learned, data = SelfModel.load(model), Dataset.load(dataset)
@@ -47,20 +47,20 @@ def _of_points(learned: "SelfModel", data: "Dataset") -> "tuple[Verdict, dict[st
     evaluation = hold_against(learned, data)
     statistics = evaluation.statistics
     block = {"n": statistics.n, "position_mm": statistics.as_mm()}
-    return judge_evaluation(learned, evaluation), block
+    return judge_evaluation(learned, data, evaluation), block
 
 
 def _of_pixels(learned: "SelfModel", data: "Dataset") -> "tuple[Verdict, dict[str, Any]]":
     """Return the verdict by what the model's eyes saw, and the errors in images and space."""
     from nico_selfmodel.errors import DataError
-    from nico_selfmodel.estimation import evaluate_pixels, judge_sight
-    from nico_selfmodel.estimation.body_document import pixel_block
+    from nico_selfmodel.estimation import evaluate_pixels, judge_evaluation
+    from nico_selfmodel.estimation.body.body_result import pixel_errors
 
     evaluation = evaluate_pixels(learned, data)
-    block = pixel_block(evaluation)
+    block = pixel_errors(evaluation).to_json()
     if block is None:
         raise DataError(
             f"self-model {learned.name!r} puts the hand out of its eyes' view wherever data set "
             f"{data.name!r} saw it: it is of another body, or of other eyes"
         )
-    return judge_sight(learned, data, evaluation), block
+    return judge_evaluation(learned, data, evaluation), block

@@ -108,7 +108,7 @@ def _by_motion_capture(
     as_json: bool,
 ) -> None:
     """Learn an arm from what motion capture sees of it (chapter 6)."""
-    from nico_selfmodel.estimation import judge, result_document
+    from nico_selfmodel.estimation import judge, to_json
     from nico_selfmodel.experiments.first_arm import learn_by_motion_capture
     from nico_selfmodel.plant import learned_urdf
     from nico_selfmodel.viz import write_result_folder
@@ -130,7 +130,7 @@ def _by_motion_capture(
             force=force,
         )
         stage("writing the result", 1, 1)
-    document = result_document(first.refined, verdict)
+    document = to_json(first.refined, verdict)
     if as_json:
         console.print_json(document)
     else:

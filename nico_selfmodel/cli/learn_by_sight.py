@@ -74,13 +74,13 @@ def write_scenario(out: Path, scenario: "BodyScenario", marker: str, force: bool
     Returns:
         What is in its `result.json`.
     """
-    from nico_selfmodel.estimation import body_document
+    from nico_selfmodel.estimation import to_json
     from nico_selfmodel.systems import looking_arm
     from nico_selfmodel.viz.body_report import write_body_folder
 
     if scenario.refined is None or not scenario.accepted:
         return _write_unrefined(out, scenario, marker, force)
-    document = body_document(scenario.refined, scenario.verdict) | _told(scenario)
+    document = to_json(scenario.refined, scenario.verdict) | _told(scenario)
     write_body_folder(
         out,
         scenario.refined,
@@ -97,15 +97,15 @@ def _write_unrefined(
     out: Path, scenario: "BodyScenario", marker: str, force: bool
 ) -> dict[str, Any]:
     """Write the arm as it was learned after the eyes, and why nothing better came of it."""
-    from nico_selfmodel.estimation import judge, result_document
+    from nico_selfmodel.estimation import judge, result_of, to_json
     from nico_selfmodel.plant import learned_urdf
     from nico_selfmodel.systems import looking_arm
     from nico_selfmodel.viz import write_result_folder
 
     arm, robot = scenario.arm, looking_arm(marker)
-    verdict = judge(arm.calibration)
-    document = result_document(arm.calibration, verdict) | _told(scenario)
-    arm.sight.add_pixels(document, arm.model)
+    result = arm.sight.with_pixels(result_of(arm.calibration), arm.model)
+    verdict = judge(result)
+    document = to_json(result, verdict) | _told(scenario)
     write_result_folder(
         out,
         arm.calibration,
@@ -122,7 +122,7 @@ def _write_unrefined(
 
 def _told(scenario: "BodyScenario") -> dict[str, Any]:
     """Return what `result.json` tells of the eyes, and of the refinement."""
-    from nico_selfmodel.estimation.body_document import refinement_block
+    from nico_selfmodel.estimation.body.body_result import refinement_block
 
     eyes = scenario.eyes
     return {

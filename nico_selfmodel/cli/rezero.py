@@ -24,9 +24,10 @@ def rezero(
 ) -> None:
     """Find the encoders' zeros again, everything else held."""
     from nico_selfmodel.dataset import Dataset
+    from nico_selfmodel.estimation import judge, to_json
     from nico_selfmodel.estimation import rezero as find_zeros
-    from nico_selfmodel.estimation.update_document import judge_update, rezero_document
-    from nico_selfmodel.estimation.update_evaluation import evaluate_update
+    from nico_selfmodel.estimation.monitoring.update_evaluation import evaluate_update
+    from nico_selfmodel.estimation.monitoring.update_result import rezero_result
     from nico_selfmodel.files import refuse_folder
     from nico_selfmodel.model import SelfModel
 
@@ -35,9 +36,9 @@ def rezero(
     found = find_zeros(
         known, data, joints=tuple(joint) if joint else None, sensor=sensor, loss=loss
     )
-    verdict = judge_update(found.update)
+    verdict = judge(found)
     evaluation = evaluate_update(known, found.update, data, sensor)
-    document = rezero_document(found, verdict, evaluation)
+    document = to_json(rezero_result(found, evaluation), verdict)
     # Drawing is slow to load, and only needed once there is something to draw.
     from nico_selfmodel.viz.update_report import write_update_folder
 

@@ -8,9 +8,7 @@ from a trajectory export of Vicon Nexus; `sweeps` tells in which poses one joint
 from nico_selfmodel.dataset.board_views import BoardViews
 from nico_selfmodel.dataset.csv_importer import import_csv
 from nico_selfmodel.dataset.dataset import Dataset
-from nico_selfmodel.dataset.folder import load_dataset, save_dataset
 from nico_selfmodel.dataset.joint_info import JointInfo
-from nico_selfmodel.dataset.mirrored_boards import MirroredBoards
 from nico_selfmodel.dataset.sweeps import Sweep, find_sweeps, marked_sweeps, unmarked_sweeps
 from nico_selfmodel.dataset.vicon_importer import import_vicon
 
@@ -18,13 +16,10 @@ __all__ = [
     "BoardViews",
     "Dataset",
     "JointInfo",
-    "MirroredBoards",
     "Sweep",
     "find_sweeps",
     "import_csv",
     "import_vicon",
-    "load_dataset",
     "marked_sweeps",
-    "save_dataset",
     "unmarked_sweeps",
 ]

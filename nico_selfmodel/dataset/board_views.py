@@ -1,4 +1,4 @@
-"""Corners of a flat board as one or two eyes saw them."""
+"""Corners of a flat board as one or two cameras saw them."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
@@ -6,6 +6,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from nico_selfmodel.arrays import read_only
 from nico_selfmodel.errors import DataError
 
 _FEWEST_CORNERS = 4
@@ -22,16 +23,14 @@ class BoardViews:
     eyes: tuple[str, ...]
     """`left` and `right`, or one of them. Length C."""
     pixels: NDArray
-    """Corners, u and v of each eye in turn; nan where not seen [px]. Shape (V, P, 2 C)."""
+    """Corners, u and v of each camera in turn; nan where not seen [px]. Shape (V, P, 2 C)."""
     image_size: tuple[int, int]
     """Width and height [px]."""
 
     def __post_init__(self) -> None:
         """Check shapes and make the arrays read-only."""
         for name in ("p_GQ", "pixels"):
-            array = np.array(getattr(self, name), dtype=float)
-            array.flags.writeable = False
-            object.__setattr__(self, name, array)
+            object.__setattr__(self, name, read_only(getattr(self, name), float))
         expected = (len(self.names), len(self.p_GQ), 2 * len(self.eyes))
         if self.pixels.shape != expected or self.p_GQ.shape[1:] != (3,):
             raise ValueError(
@@ -41,7 +40,7 @@ class BoardViews:
         if len(set(self.names)) != len(self.names):
             raise ValueError(f"views must have names of their own, got {self.names}")
         if self.eyes not in (("left", "right"), ("left",), ("right",)):
-            raise ValueError(f"eyes must be left, right or both, got {self.eyes}")
+            raise ValueError(f"cameras must be left, right or both, got {self.eyes}")
 
     def __len__(self) -> int:
         """Return the number of views."""
@@ -49,19 +48,19 @@ class BoardViews:
 
     @property
     def seen(self) -> NDArray:
-        """Which corners each eye saw. Boolean, shape (V, C, P)."""
+        """Which corners each camera saw. Boolean, shape (V, C, P)."""
         both = self.pixels.reshape(len(self), len(self.p_GQ), len(self.eyes), 2)
         return np.swapaxes(np.asarray(np.isfinite(both).all(axis=3)), 1, 2)
 
-    def of_eye(self, eye: str) -> NDArray:
-        """Return the corners that one eye saw. Shape (V, P, 2)."""
-        column = 2 * self.eyes.index(eye)
+    def of_eye(self, side: str) -> NDArray:
+        """Return the corners that one camera saw. Shape (V, P, 2)."""
+        column = 2 * self.eyes.index(side)
         return self.pixels[:, :, column : column + 2]
 
     def placeable(self) -> "BoardViews":
         """Return the views without what cannot place a board.
 
-        An eye's corners count where it saw at least four of them that are not on one line.
+        A camera's corners count where it saw at least four of them that are not on one line.
         """
         pixels = self.pixels.copy()
         seen = self.seen
@@ -78,9 +77,9 @@ class BoardViews:
         index = np.arange(len(self))[np.asarray(rows)]
         return replace(self, names=tuple(self.names[i] for i in index), pixels=self.pixels[index])
 
-    def only(self, eye: str) -> "BoardViews":
-        """Return what one eye saw, without the views in which it saw nothing."""
-        alone = replace(self, eyes=(eye,), pixels=self.of_eye(eye))
+    def only(self, side: str) -> "BoardViews":
+        """Return what one camera saw, without the views in which it saw nothing."""
+        alone = replace(self, eyes=(side,), pixels=self.of_eye(side))
         return alone.select(alone.seen.any(axis=(1, 2)))
 
     def split(self, fraction: float, seed: int) -> tuple["BoardViews", "BoardViews"]:

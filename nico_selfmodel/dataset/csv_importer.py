@@ -8,15 +8,12 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
+from nico_selfmodel.dataset.columns import DEFAULT_MARKER, PIXEL_COLUMNS
 from nico_selfmodel.dataset.csv_table import CsvTable
-from nico_selfmodel.dataset.dataset import DEFAULT_MARKER, Dataset
+from nico_selfmodel.dataset.dataset import Dataset
 from nico_selfmodel.dataset.joint_info import JointInfo
-from nico_selfmodel.dataset.row_checks import (
-    PIXEL_COLUMNS,
-    check_plausible,
-    check_rows,
-    warn_of_units,
-)
+from nico_selfmodel.dataset.plausibility import check_plausible, warn_of_units
+from nico_selfmodel.dataset.row_checks import check_rows
 from nico_selfmodel.errors import DataError
 from nico_selfmodel.files.yaml_mapping import (
     check_keys,

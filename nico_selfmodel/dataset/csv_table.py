@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 import numpy.typing as npt
 
-from nico_selfmodel.dataset.row_checks import PIXEL_COLUMNS, POINT_COLUMNS
+from nico_selfmodel.dataset.columns import PIXEL_COLUMNS, POINT_COLUMNS
 from nico_selfmodel.errors import DataError
 from nico_selfmodel.files.csv_rows import parse_number, read_csv_rows
 from nico_selfmodel.names import found_instead, listed

@@ -10,19 +10,15 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
+from nico_selfmodel.arrays import read_only
+from nico_selfmodel.dataset.columns import DEFAULT_MARKER, PIXEL_COLUMNS, POINT_COLUMNS
 from nico_selfmodel.dataset.joint_info import HOME, JointInfo
 from nico_selfmodel.dataset.poses import pose_numbers
-from nico_selfmodel.dataset.row_checks import (
-    PIXEL_COLUMNS,
-    POINT_COLUMNS,
-    check_rows,
-    row_place,
-)
+from nico_selfmodel.dataset.row_checks import check_rows, row_place
 from nico_selfmodel.errors import DataError
 from nico_selfmodel.files.yaml_mapping import LARGEST
 from nico_selfmodel.names import check_name, shown
 
-DEFAULT_MARKER = "hand"
 SIGMA_RANGES = {"point_sigma_m": (1e-9, 1.0), "pixel_sigma_px": (1e-9, 100.0)}
 """What a sensor's noise can be: from an interferometer's nanometre to satellite positioning, and
 from the rounding of exact pixels to a hand that points at a picture."""
@@ -109,7 +105,7 @@ class Dataset:
             )
         if sample.size == 0:
             raise DataError("the data set has no rows; expected at least one")
-        self._set("sample", _read_only(sample.astype(np.int64)))
+        self._set("sample", read_only(sample, np.int64))
         return sample.size
 
     def _check_metadata(self) -> None:
@@ -307,15 +303,9 @@ class Dataset:
         return self.select(~test), self.select(test)
 
 
-def _read_only(array: npt.NDArray[Any]) -> Any:
-    array = array.copy()
-    array.setflags(write=False)
-    return array
-
-
 def _floats(values: Any, count: int, width: int, name: str) -> npt.NDArray[np.float64]:
     if values is None:
-        return _read_only(np.full((count, width), np.nan))
+        return read_only(np.full((count, width), np.nan))
     array = np.asarray(values, dtype=np.float64)
     if array.shape != (count, width):
         raise ValueError(f"{name} must have shape ({count}, {width}), got {array.shape}")
@@ -325,7 +315,7 @@ def _floats(values: Any, count: int, width: int, name: str) -> npt.NDArray[np.fl
             f"{name} must be finite (nan where not measured) and at most {LARGEST:g}, got"
             f" {largest:g}"
         )
-    return _read_only(array)
+    return read_only(array)
 
 
 def _texts(
@@ -337,4 +327,4 @@ def _texts(
             f"{name} must hold text and have shape ({count},), got {array.dtype} of shape"
             f" {array.shape}"
         )
-    return _read_only(array.astype(np.str_))
+    return read_only(array, np.str_)

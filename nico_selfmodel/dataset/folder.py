@@ -6,7 +6,7 @@ from pathlib import Path
 
 from nico_selfmodel.dataset.dataset import Dataset
 from nico_selfmodel.dataset.metadata_file import metadata_text, read_metadata
-from nico_selfmodel.dataset.row_checks import check_plausible, warn_of_units
+from nico_selfmodel.dataset.plausibility import check_plausible, warn_of_units
 from nico_selfmodel.dataset.samples_file import read_samples, samples_text
 from nico_selfmodel.errors import DataError
 from nico_selfmodel.files import folder_in_place_of
@@ -27,7 +27,7 @@ def load_dataset(folder: str | PathLike[str]) -> Dataset:
 
     Raises:
         DataError: If anything is missing or not valid, or the data cannot be what they say (see
-            `row_checks.check_plausible`); names file, line and column.
+            `plausibility.check_plausible`); names file, line and column.
 
     Warns:
         UserWarning: If a column that nobody reads looks like a misspelt one, or a joint read in

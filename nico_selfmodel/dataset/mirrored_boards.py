@@ -1,10 +1,11 @@
-"""Corners of a flat board as one eye saw them directly and in mirrors."""
+"""Corners of a flat board as one camera saw them directly and in mirrors."""
 
 from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from nico_selfmodel.arrays import read_only
 from nico_selfmodel.dataset.board_views import BoardViews
 
 
@@ -24,14 +25,12 @@ class MirroredBoards:
     image_size: tuple[int, int]
     """Width and height [px]."""
     eye: str = "left"
-    """Which eye saw them."""
+    """Which camera saw them."""
 
     def __post_init__(self) -> None:
         """Check shapes and make the arrays read-only."""
         for name in ("p_GQ", "pixels"):
-            array = np.array(getattr(self, name), dtype=float)
-            array.flags.writeable = False
-            object.__setattr__(self, name, array)
+            object.__setattr__(self, name, read_only(getattr(self, name), float))
         expected = (len(self.names), 1 + len(self.mirrors), len(self.p_GQ), 2)
         if self.pixels.shape != expected or self.p_GQ.shape[1:] != (3,):
             raise ValueError(

@@ -9,9 +9,10 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
+from nico_selfmodel.dataset.columns import DEFAULT_MARKER, PIXEL_COLUMNS, POINT_COLUMNS
 from nico_selfmodel.dataset.csv_table import CsvTable
-from nico_selfmodel.dataset.dataset import DEFAULT_MARKER, Dataset
-from nico_selfmodel.dataset.row_checks import PIXEL_COLUMNS, POINT_COLUMNS, check_rows
+from nico_selfmodel.dataset.dataset import Dataset
+from nico_selfmodel.dataset.row_checks import check_rows
 from nico_selfmodel.files.csv_cells import quoted_cell, safe_cell
 from nico_selfmodel.names import did_you_mean
 

@@ -8,6 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
+from nico_selfmodel.arrays import read_only
 from nico_selfmodel.dataset.dataset import Dataset
 from nico_selfmodel.dataset.joint_info import HOME
 from nico_selfmodel.names import listed
@@ -29,9 +30,7 @@ class Sweep:
 
     def __post_init__(self) -> None:
         """Copy the rows."""
-        rows = np.array(self.rows, dtype=np.int64)
-        rows.setflags(write=False)
-        object.__setattr__(self, "rows", rows)
+        object.__setattr__(self, "rows", read_only(self.rows, np.int64))
 
 
 def find_sweeps(

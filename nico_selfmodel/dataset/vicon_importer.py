@@ -11,7 +11,8 @@ import numpy.typing as npt
 from nico_selfmodel.dataset.csv_table import CsvTable
 from nico_selfmodel.dataset.dataset import Dataset
 from nico_selfmodel.dataset.joint_info import JointInfo
-from nico_selfmodel.dataset.row_checks import check_plausible, check_rows, warn_of_units
+from nico_selfmodel.dataset.plausibility import check_plausible, warn_of_units
+from nico_selfmodel.dataset.row_checks import check_rows
 from nico_selfmodel.dataset.vicon_trajectories import Trajectories, read_trajectories
 from nico_selfmodel.errors import DataError
 

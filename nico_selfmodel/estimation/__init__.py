@@ -1,52 +1,60 @@
 """The theory, one file per estimator: circle points, kinematics, stereo, body, tool; verdicts."""
 
-from nico_selfmodel.estimation.adaptation import RecursiveAdaptation, WindowAdaptation
-from nico_selfmodel.estimation.arm_verdict import judge, judge_evaluation
-from nico_selfmodel.estimation.board_accuracy import Reconstruction
-from nico_selfmodel.estimation.board_mirrors import (
-    BoardMirrorCalibration,
-    calibrate_board_mirrors,
+from nico_selfmodel.estimation.arm.evaluation import Evaluation, evaluate
+from nico_selfmodel.estimation.arm.kinematics import KinematicCalibration, calibrate_kinematics
+from nico_selfmodel.estimation.body.body import BodyCalibration, calibrate_body
+from nico_selfmodel.estimation.body.body_options import BodyOptions
+from nico_selfmodel.estimation.body.workspace_accuracy import (
+    WorkspaceAccuracy,
+    workspace_accuracy,
 )
-from nico_selfmodel.estimation.body import BodyCalibration, calibrate_body
-from nico_selfmodel.estimation.body_document import body_document
-from nico_selfmodel.estimation.body_options import BodyOptions
-from nico_selfmodel.estimation.body_verdict import judge_body
-from nico_selfmodel.estimation.camera_adjustment import CameraCalibration
-from nico_selfmodel.estimation.camera_assessment import CameraAssessment
-from nico_selfmodel.estimation.camera_document import camera_document
-from nico_selfmodel.estimation.camera_options import CameraOptions
-from nico_selfmodel.estimation.camera_verdict import judge_cameras
-from nico_selfmodel.estimation.circle_points import (
+from nico_selfmodel.estimation.cameras.board_accuracy import Reconstruction
+from nico_selfmodel.estimation.cameras.camera_adjustment import CameraCalibration
+from nico_selfmodel.estimation.cameras.camera_assessment import CameraAssessment
+from nico_selfmodel.estimation.cameras.camera_options import CameraOptions
+from nico_selfmodel.estimation.cameras.stereo import calibrate_cameras
+from nico_selfmodel.estimation.initialization.circle_points import (
     CirclePointAnalysis,
     SweepCircle,
     analyse_circle_points,
 )
-from nico_selfmodel.estimation.error_statistics import ErrorStatistics, Evaluation, evaluate
-from nico_selfmodel.estimation.health import HealthReport, check_health
-from nico_selfmodel.estimation.kinematics import KinematicCalibration, calibrate_kinematics
-from nico_selfmodel.estimation.mirror import (
+from nico_selfmodel.estimation.initialization.nominal_arm import NominalArm
+from nico_selfmodel.estimation.judging import Calibration, judge, result_of, to_json
+from nico_selfmodel.estimation.mirror_poses import MirrorPoses, plan_mirror_poses
+from nico_selfmodel.estimation.mirrors.board_mirrors import (
+    BoardMirrorCalibration,
+    calibrate_board_mirrors,
+)
+from nico_selfmodel.estimation.mirrors.mirror import (
     MirrorCalibration,
     calibrate_mirrors,
     evaluate_mirrors,
 )
-from nico_selfmodel.estimation.mirror_document import mirror_document
-from nico_selfmodel.estimation.mirror_poses import MirrorPoses, plan_mirror_poses
-from nico_selfmodel.estimation.mirror_verdict import judge_mirrors
-from nico_selfmodel.estimation.nominal_start import NominalArm
-from nico_selfmodel.estimation.observations import Observations
-from nico_selfmodel.estimation.pins import Pins
-from nico_selfmodel.estimation.pixel_evaluation import PixelEvaluation, evaluate_pixels
-from nico_selfmodel.estimation.result_document import parameter_table, result_document
-from nico_selfmodel.estimation.sight_verdict import judge_sight
-from nico_selfmodel.estimation.stereo import calibrate_cameras
-from nico_selfmodel.estimation.tool import Rezeroing, ToolCalibration, calibrate_tool, rezero
-from nico_selfmodel.estimation.verdict import Verdict
-from nico_selfmodel.estimation.workspace_accuracy import WorkspaceAccuracy, workspace_accuracy
+from nico_selfmodel.estimation.model_verdict import judge_evaluation
+from nico_selfmodel.estimation.monitoring.adaptation import RecursiveAdaptation, WindowAdaptation
+from nico_selfmodel.estimation.monitoring.health import HealthReport, check_health
+from nico_selfmodel.estimation.monitoring.tool import (
+    Rezeroing,
+    ToolCalibration,
+    calibrate_tool,
+    rezero,
+)
+from nico_selfmodel.estimation.observations.observations import Observations
+from nico_selfmodel.estimation.observations.pixel_evaluation import (
+    PixelEvaluation,
+    evaluate_pixels,
+)
+from nico_selfmodel.estimation.results.calibration_result import CalibrationResult
+from nico_selfmodel.estimation.results.errors import ErrorStatistics
+from nico_selfmodel.estimation.results.fixed_parameters import Pins
+from nico_selfmodel.estimation.results.verdict import Verdict
 
 __all__ = [
     "BoardMirrorCalibration",
     "BodyCalibration",
     "BodyOptions",
+    "Calibration",
+    "CalibrationResult",
     "CameraAssessment",
     "CameraCalibration",
     "CameraOptions",
@@ -70,28 +78,21 @@ __all__ = [
     "WindowAdaptation",
     "WorkspaceAccuracy",
     "analyse_circle_points",
-    "body_document",
     "calibrate_board_mirrors",
     "calibrate_body",
     "calibrate_cameras",
     "calibrate_kinematics",
     "calibrate_mirrors",
     "calibrate_tool",
-    "camera_document",
     "check_health",
     "evaluate",
     "evaluate_mirrors",
     "evaluate_pixels",
     "judge",
-    "judge_body",
-    "judge_cameras",
     "judge_evaluation",
-    "judge_mirrors",
-    "judge_sight",
-    "mirror_document",
-    "parameter_table",
     "plan_mirror_poses",
-    "result_document",
+    "result_of",
     "rezero",
+    "to_json",
     "workspace_accuracy",
 ]

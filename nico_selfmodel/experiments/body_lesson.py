@@ -4,7 +4,7 @@ from dataclasses import dataclass
 
 from nico_selfmodel.dataset import BoardViews
 from nico_selfmodel.errors import EstimationError
-from nico_selfmodel.estimation import BodyCalibration, Verdict, calibrate_body, judge_body
+from nico_selfmodel.estimation import BodyCalibration, Verdict, calibrate_body, judge
 from nico_selfmodel.experiments.eyes_lesson import (
     ArmScenario,
     CameraScenario,
@@ -95,4 +95,4 @@ def refine(scenario: CameraScenario, marker: str, test_boards: BoardViews) -> Bo
         )
     except EstimationError as error:
         return BodyScenario(scenario, arm, test_boards, None, Verdict("FAIL", (str(error),)))
-    return BodyScenario(scenario, arm, test_boards, found, judge_body(found))
+    return BodyScenario(scenario, arm, test_boards, found, judge(found))

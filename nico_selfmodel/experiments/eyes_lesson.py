@@ -16,8 +16,8 @@ from nico_selfmodel.estimation import (
     calibrate_cameras,
     calibrate_kinematics,
 )
-from nico_selfmodel.estimation.pixel_evaluation import PixelEvaluation
-from nico_selfmodel.estimation.sight import Sight
+from nico_selfmodel.estimation.body.arm_through_cameras import Sight
+from nico_selfmodel.estimation.observations.pixel_evaluation import PixelEvaluation
 from nico_selfmodel.experiments.nico_before_its_eyes import RenderedNico
 from nico_selfmodel.model import SelfModel
 from nico_selfmodel.plant import ArmDescription

@@ -6,7 +6,7 @@ from dataclasses import replace
 import numpy as np
 
 from nico_selfmodel.estimation import calibrate_cameras, calibrate_kinematics
-from nico_selfmodel.estimation.sight import Sight
+from nico_selfmodel.estimation.body.arm_through_cameras import Sight
 from nico_selfmodel.experiments.first_arm import nominal_of
 from nico_selfmodel.experiments.stereo import board_points
 from nico_selfmodel.geometry.transform import inverse

@@ -7,10 +7,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from nico_selfmodel.dataset import Dataset
-from nico_selfmodel.estimation.mirror import MirrorCalibration, calibrate_mirrors
-from nico_selfmodel.estimation.mirror_document import mirror_document
-from nico_selfmodel.estimation.mirror_verdict import judge_mirrors, judged
-from nico_selfmodel.estimation.verdict import Verdict
+from nico_selfmodel.estimation import judge, to_json
+from nico_selfmodel.estimation.mirrors.mirror import MirrorCalibration, calibrate_mirrors
+from nico_selfmodel.estimation.mirrors.mirror_findings import judged
+from nico_selfmodel.estimation.results.verdict import Verdict
 from nico_selfmodel.experiments.body_lesson import BodyScenario
 from nico_selfmodel.experiments.eyes_lesson import RenderedNico
 from nico_selfmodel.experiments.mirror_recording import DEFAULT_MIRROR, NicoBeforeMirrors
@@ -48,7 +48,7 @@ class MirrorScenario:
     @property
     def document(self) -> dict[str, Any]:
         """What `result.json` tells of the mirror."""
-        return mirror_document(self.calibration, self.verdict)
+        return to_json(self.calibration, self.verdict)
 
 
 def learn_mirror(
@@ -94,7 +94,7 @@ def learn_mirror(
     row = int(np.flatnonzero((train.mirror == MIRROR) & np.isfinite(train.pixels).all(axis=1))[0])
     images = before.look(DAY, MIRROR, train.encoders[row])
     picture = MirrorPicture(int(train.sample[row]), train.encoders[row], images)
-    verdict = judge_mirrors(calibration)
+    verdict = judge(calibration)
     return MirrorScenario(judged(calibration, verdict), verdict, train, test, picture)
 
 

@@ -16,7 +16,7 @@ from nico_selfmodel.estimation import (
     calibrate_body,
     calibrate_cameras,
     evaluate,
-    judge_body,
+    judge,
 )
 from nico_selfmodel.experiments.limits import Limit
 from nico_selfmodel.experiments.projected_nico import TRACKERS, ProjectedNico
@@ -233,7 +233,7 @@ def measure(
         "px": (pixels.mean, pixels.sd),
         "pixel_sigma": found.noise.sensor_sigma,
         "joint_sigma_deg": float(np.degrees(found.noise.joint_sigma)),
-        "refused": judge_body(found).status == "FAIL",
+        "refused": judge(found).status == "FAIL",
         "seconds": found.seconds,
     }
     if scenario.test.measured.any():

@@ -11,7 +11,7 @@ from nico_selfmodel.estimation import (
     Reconstruction,
     calibrate_cameras,
 )
-from nico_selfmodel.estimation.board_accuracy import corner_distances, held_out_residuals
+from nico_selfmodel.estimation.cameras.board_accuracy import corner_distances, held_out_residuals
 from nico_selfmodel.experiments.experiment_report import ExperimentReport, Table, bars, spread
 from nico_selfmodel.sessions.progress import Stage
 from nico_selfmodel.systems import SimulatedCameras

@@ -8,7 +8,7 @@ import numpy as np
 
 from nico_selfmodel.dataset import Dataset
 from nico_selfmodel.estimation import calibrate_body, calibrate_tool, evaluate, rezero
-from nico_selfmodel.estimation.pixel_evaluation import evaluate_pixels
+from nico_selfmodel.estimation.observations.pixel_evaluation import evaluate_pixels
 from nico_selfmodel.experiments.projected_nico import ProjectedNico
 from nico_selfmodel.experiments.refinement import TEST_POSES, mean_pair, simulated_scenario
 from nico_selfmodel.model import SelfModel

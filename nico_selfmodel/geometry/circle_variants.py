@@ -179,8 +179,8 @@ def circles_through(triples: NDArray) -> tuple[NDArray, NDArray, NDArray]:
 def circle_by_appendix_a(points: ArrayLike) -> Circle:
     """Fit a circle by the steps of the thesis' appendix A, with its plane and start corrected.
 
-    Plane; a start in the plane; the plane problem with the radius pinned, then free; the space
-    problem with the radius pinned, then free. The printed start (centroid and mean offset) lies on
+    Plane; a start in the plane; the plane problem with the radius fixed, then free; the space
+    problem with the radius fixed, then free. The printed start (centroid and mean offset) lies on
     the arc, and the printed plane equation defines points: Pratt's circle and the SVD plane stand
     in their places. It ends where `Circle.from_points` ends.
 

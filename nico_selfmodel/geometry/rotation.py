@@ -117,23 +117,6 @@ def rotation_from_rpy(roll: float, pitch: float, yaw: float) -> NDArray:
     return z @ y @ x
 
 
-def rpy_of(rotation: ArrayLike) -> NDArray:
-    """Return URDF's roll, pitch, yaw [rad] of a rotation matrix. Shape (3,).
-
-    At a pitch of +-90 deg only roll -+ yaw is defined: roll is then set to zero.
-    """
-    r = np.asarray(rotation, dtype=float)
-    horizontal = np.hypot(r[0, 0], r[1, 0])
-    pitch = np.arctan2(-r[2, 0], horizontal)
-    if horizontal < 1e-15:
-        return np.array([0.0, pitch, np.arctan2(-r[0, 1], r[1, 1])])
-    yaw = np.arctan2(r[1, 0], r[0, 0])
-    # Undo the yaw first: near +-90 deg it is poorly known, and roll must make up for it.
-    sine, cosine = np.sin(yaw), np.cos(yaw)
-    roll = np.arctan2(sine * r[0, 2] - cosine * r[1, 2], cosine * r[1, 1] - sine * r[0, 1])
-    return np.array([roll, pitch, yaw])
-
-
 def signed_angle(a: ArrayLike, b: ArrayLike, about: ArrayLike) -> NDArray:
     """Return the angle from `a` to `b` about a unit axis, atan2(z.(a x b), a.b) [rad].
 

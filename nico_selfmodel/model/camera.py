@@ -6,11 +6,11 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from nico_selfmodel.arrays import frozen_array
 from nico_selfmodel.errors import ModelError
 from nico_selfmodel.geometry.rotation import skew
 from nico_selfmodel.geometry.transform import apply, inverse
 from nico_selfmodel.model import lens
-from nico_selfmodel.model.arrays import frozen_array
 
 INTRINSICS = ("fx", "fy", "skew", "cx", "cy", "k1", "k2", "k3", "p1", "p2")
 """Names of what lies inside a camera, in the order of `Camera.values`."""

@@ -5,9 +5,9 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from nico_selfmodel.arrays import frozen_array
 from nico_selfmodel.geometry.rotation import rotation_about
 from nico_selfmodel.geometry.transform import apply, transform
-from nico_selfmodel.model.arrays import frozen_array
 from nico_selfmodel.model.line_kinematics import hand_points
 from nico_selfmodel.names import listed
 

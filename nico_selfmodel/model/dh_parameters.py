@@ -86,10 +86,10 @@ class DhParameters:
 
     @property
     def gauge(self) -> frozenset[str]:
-        """Names that no measurement of points can tell from the others; pinned by default."""
+        """Names that no measurement of points can tell from the others; fixed by default."""
         joints = self.table.joints
         names = {f"{joints[0]}.theta_offset", f"{joints[-1]}.alpha"}
-        names |= {f"{j}.D" for j, pinned in zip(joints, self.table.pinned_D, strict=True) if pinned}
+        names |= {f"{j}.D" for j, fixed in zip(joints, self.table.fixed_D, strict=True) if fixed}
         parallel = self.table.parallel
         names |= {f"{j}.beta" for j, near in zip(joints, parallel, strict=True) if not near}
         return frozenset(names | {f"hand.{self.table.markers[0]}.{axis}" for axis in "xyz"})

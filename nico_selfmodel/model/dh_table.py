@@ -5,9 +5,9 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from nico_selfmodel.arrays import frozen_array
 from nico_selfmodel.geometry.rotation import rotation_about
 from nico_selfmodel.geometry.transform import transform
-from nico_selfmodel.model.arrays import frozen_array
 from nico_selfmodel.model.chain import Chain
 from nico_selfmodel.model.dh_conversion import dh_rows_of_lines, parallel_rows
 
@@ -117,16 +117,16 @@ class DhTable:
         return np.where(radial, self.r < -1e-12, np.sin(self.alpha) < 0.0)
 
     @property
-    def pinned_D(self) -> NDArray:
+    def fixed_D(self) -> NDArray:
         """Which D no measurement can tell from other entries. Shape (n,).
 
         D_1 against X_W0; in a parallel row D against the next; after leading parallel rows one
         more.
         """
         parallel = self.parallel
-        pinned = parallel.copy()
-        pinned[: int(np.argmin(parallel)) + 1] = True
-        return pinned
+        fixed = parallel.copy()
+        fixed[: int(np.argmin(parallel)) + 1] = True
+        return fixed
 
     def frames(self, q: ArrayLike) -> NDArray:
         """Return frame 0 and the frame after each row, in W.

@@ -6,8 +6,8 @@ from typing import Any
 
 from numpy.typing import NDArray
 
+from nico_selfmodel.arrays import as_floats
 from nico_selfmodel.files.yaml_mapping import LARGEST
-from nico_selfmodel.model.arrays import as_floats
 from nico_selfmodel.names import shown
 
 LARGEST_SIGMA_M = 100.0

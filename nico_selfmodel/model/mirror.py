@@ -1,15 +1,14 @@
-"""A flat mirror: its plane before the left eye, and what cameras become when reflected in it."""
+"""A flat mirror: its plane before the left camera, and what cameras become when reflected in it."""
 
 from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from nico_selfmodel.arrays import frozen_array, frozen_covariance
 from nico_selfmodel.geometry.plane import Plane
 from nico_selfmodel.geometry.reflection import reflect, reflection
 from nico_selfmodel.geometry.rotation import move_on_sphere, tangent_basis
-from nico_selfmodel.geometry.transform import inverse
-from nico_selfmodel.model.arrays import frozen_array, frozen_covariance
 from nico_selfmodel.model.camera import Camera
 
 MIRROR_PARTS = ("tilt_x", "tilt_y", "distance")
@@ -23,17 +22,17 @@ _FACING = np.array([0.0, 0.0, -1.0])
 class Mirror:
     """The plane n.x + d = 0 in the left camera's frame L.
 
-    n points out of the glass to where the eyes are, so that d is the left eye's distance from the
+    n points out of the glass to the cameras, so that d is the left camera's distance from the
     glass and n.x + d > 0 in front of it. Three parameters: n follows the great circle from (0, 0,
-    -1), a mirror that faces the left eye, towards the image's right by `tilt_x` and upwards by
+    -1), a mirror that faces the left camera, towards the image's right by `tilt_x` and upwards by
     `tilt_y` (`geometry.rotation.move_on_sphere`); this chart fails only for a mirror that faces
     away. `distance` is d.
     """
 
     normal: NDArray
-    """Unit normal n in L, towards the eyes. Shape (3,)."""
+    """Unit normal n in L, towards the cameras. Shape (3,)."""
     distance: float
-    """d, the left eye's distance from the glass [m]."""
+    """d, the left camera's distance from the glass [m]."""
     covariance: NDArray | None = None
     """Of `values`; None where it is not known. Shape (3, 3)."""
 
@@ -46,7 +45,7 @@ class Mirror:
         object.__setattr__(self, "distance", float(self.distance))
         if not (self.distance > 0.0 and np.isfinite(self.distance)):
             raise ValueError(
-                f"distance must be positive, got {self.distance:g}: the left eye is in front of "
+                f"distance must be positive, got {self.distance:g}: the left camera is in front of "
                 "the glass, and the normal points to it"
             )
         if self.covariance is not None:
@@ -65,7 +64,7 @@ class Mirror:
         """Build a mirror from a plane in L, whichever way its normal points.
 
         Raises:
-            ValueError: If the left eye lies in the plane.
+            ValueError: If the left camera lies in the plane.
         """
         side = np.copysign(1.0, plane.offset)
         return cls(side * plane.normal, side * plane.offset)
@@ -111,10 +110,6 @@ class Mirror:
         """Reflect points given in L. Shape (..., 3) -> (..., 3)."""
         return reflect(self.plane, p_LQ)
 
-    def reflect_pose(self, X_LA: ArrayLike) -> NDArray:
-        """Reflect a pose given in L; its frame becomes left-handed. Shape (..., 4, 4)."""
-        return reflection(self.plane) @ np.asarray(X_LA, dtype=float)
-
     def angle_to(self, other: "Mirror") -> float:
         """Return the angle between two mirrors' normals [rad]."""
         cross = np.linalg.norm(np.cross(self.normal, other.normal))
@@ -154,9 +149,9 @@ def mirror_camera(camera: Camera, plane: Plane) -> Camera:
 
     Both are one homogeneous matrix, hence one X/Z, Y/Z, and lens distortion, which acts on these,
     is the same. This is the first form: a `Camera` whose pose is reflected, and whose frame is
-    therefore left-handed. Its centre is the reflected centre (thesis eq. 9.10). The second one is
-    `turned_mirror_extrinsics`; the thesis' eq. 9.12 misses it by half a turn about the optical axis
-    (the least rotation from z to the new axis is not -S).
+    therefore left-handed. Its centre is the reflected centre (thesis eq. 9.10). The thesis' eq.
+    9.12 misses the second by half a turn about the optical axis (the least rotation from z to the
+    new axis is not -S).
 
     Args:
         camera: The real camera.
@@ -166,20 +161,3 @@ def mirror_camera(camera: Camera, plane: Plane) -> Camera:
         A camera for `project`, `projection`, `rays` and a `StereoRig` to triangulate with.
     """
     return replace(camera, X_WC=reflection(plane) @ camera.X_WC)
-
-
-def turned_mirror_extrinsics(camera: Camera, plane: Plane) -> NDArray:
-    """Return [-R S | -(t - 2 d R n)], the mirror camera as a proper rotation.
-
-    Points in front of the glass have negative depth; divide by it with its sign, then distort.
-
-    Args:
-        camera: The real camera.
-        plane: The mirror, in the same world as the camera.
-
-    Returns:
-        X_CW of the looking-away camera. Shape (4, 4).
-    """
-    extrinsics = inverse(mirror_camera(camera, plane).X_WC)
-    extrinsics[:3] *= -1.0
-    return extrinsics

@@ -25,9 +25,9 @@ class MirrorLocation:
     """From the pixels and from what is not known of the mirror; larger where the lines of sight
     miss each other by more than the noise lets them [m^2]. Shape (3, 3)."""
     sight: NDArray
-    """Unit vector of the last stretch of the left eye's line of sight. Shape (3,)."""
+    """Unit vector of the last stretch of the left camera's line of sight. Shape (3,)."""
     miss: float
-    """Distance of the pixels from where such a thing would be seen, rms of the eyes [px]."""
+    """Distance of the pixels from where such a thing would be seen, rms of the cameras [px]."""
     chi_square: float
     """The squared miss over its expectation, of one degree of freedom."""
     in_front_by: float
@@ -78,7 +78,7 @@ def locate_in_mirror(
     square of that (Birge's ratio), and far beyond it there is no place to tell.
 
     Args:
-        rig: Eyes and mirror.
+        rig: Cameras and mirror.
         pixels: Left u, v and right u, v of each reflection [px]. Shape (N, 4).
         pixel_sigma: Standard deviation of a pixel coordinate [px].
 
@@ -87,7 +87,7 @@ def locate_in_mirror(
 
     Raises:
         ModelError: If pixels are no reflection: their sights meet in front of the glass or behind
-            the eyes, or pass each other.
+            the cameras, or pass each other.
         ValueError: If the shape is wrong or a pixel is not finite.
     """
     pixels = np.asarray(pixels, dtype=float)

@@ -1,6 +1,6 @@
-"""Two eyes before a mirror as one instrument: reflections out of points, points out of reflections.
+"""Two cameras before a mirror as one instrument: points to reflections, reflections to points.
 
-A reflection in a mirror is seen as by a pair of reflected eyes (`model.mirror.mirror_camera`).
+A reflection in a mirror is seen as by a pair of reflected cameras (`model.mirror.mirror_camera`).
 """
 
 from dataclasses import dataclass, replace
@@ -25,7 +25,7 @@ class ReflectedProjection:
     """Pixels of reflections and how they move."""
 
     pixels: NDArray
-    """u and v in each eye [px]. Shape (N, 2 C)."""
+    """u and v in each camera [px]. Shape (N, 2 C)."""
     by_point: NDArray
     """By the real point in the world [px/m]. Shape (N, 2 C, 3)."""
     by_mirror: NDArray
@@ -33,30 +33,13 @@ class ReflectedProjection:
 
 
 @dataclass(frozen=True, eq=False)
-class Recognition:
-    """What pixels may be: the body itself, its reflection, or something else."""
-
-    direct: NDArray
-    """Chi-square of the body seen directly, 4 degrees of freedom. Shape (N,)."""
-    reflected: NDArray
-    """Chi-square of its reflection; inf where it cannot be seen. Shape (N,)."""
-
-    @property
-    def verdict(self) -> NDArray:
-        """`direct`, `reflected`, `either` where both fit, or `neither` (99 %). Shape (N,)."""
-        direct, reflected = self.direct <= GATE_99, self.reflected <= GATE_99
-        words = np.where(direct, "direct", np.where(reflected, "reflected", "neither"))
-        return np.where(direct & reflected, "either", words)
-
-
-@dataclass(frozen=True, eq=False)
 class MirrorRig:
-    """A pair of eyes and a mirror before them."""
+    """A pair of cameras and a mirror before them."""
 
     rig: StereoRig
-    """The eyes."""
+    """The cameras."""
     mirror: Mirror
-    """The mirror, in the left eye's frame."""
+    """The mirror, in the left camera's frame."""
 
     @cached_property
     def plane(self) -> Plane:
@@ -65,18 +48,18 @@ class MirrorRig:
 
     @cached_property
     def virtual(self) -> StereoRig:
-        """The eyes reflected: they see a real point where the real eyes see its reflection."""
-        left, right = (mirror_camera(eye, self.plane) for eye in self.rig.eyes)
+        """The reflected cameras: they see a point where the real ones see its reflection."""
+        left, right = (mirror_camera(camera, self.plane) for camera in self.rig.eyes)
         return StereoRig(left, right)
 
     def project(self, p_WQ: ArrayLike) -> NDArray:
-        """Return where both eyes see the reflections of points.
+        """Return where both cameras see the reflections of points.
 
         Args:
             p_WQ: Points [m]. Shape (N, 3) or (3,).
 
         Returns:
-            Pixels; nan where a point is not in front of the glass or an eye cannot see its
+            Pixels; nan where a point is not in front of the glass or a camera cannot see its
             reflection. Shape (N, 4) or (4,).
         """
         pixels = self.virtual.project(p_WQ)
@@ -90,7 +73,7 @@ class MirrorRig:
             p_WQ: Points [m]. Shape (N, 3).
 
         Returns:
-            Pixels and derivatives in both eyes.
+            Pixels and derivatives in both cameras.
         """
         return reflected_projection(self.rig.eyes, self.mirror.values, p_WQ)
 
@@ -105,7 +88,7 @@ class MirrorRig:
 
         Returns:
             Points with covariance, that of the mirror included where it is known; `in_front` is
-            True where the point is in front of the glass and of the reflected eyes.
+            True where the point is in front of the glass and of the reflected cameras.
 
         Raises:
             ModelError: If a pixel has no ray.
@@ -116,52 +99,19 @@ class MirrorRig:
         front[front] &= self.plane.distance_to(found.p_WQ[front]) > 0.0
         covariance = found.covariance
         if self.mirror.covariance is not None:
-            # The virtual point stays where the eyes see it while the mirror moves.
+            # The virtual point stays where the cameras see it while the mirror moves.
             behind = np.nan_to_num(reflect(self.plane, found.p_WQ))
             by_values = plane_of_values(self.mirror.values, self.rig.left.X_WC)[1]
             slopes = reflection_slopes(self.plane, behind) @ by_values
             covariance = covariance + slopes @ self.mirror.covariance @ np.swapaxes(slopes, 1, 2)
         return replace(found, covariance=covariance, in_front=front)
 
-    def recognise(
-        self,
-        pixels: ArrayLike,
-        p_WH: ArrayLike,
-        covariance: ArrayLike | None = None,
-        pixel_sigma: float = 1.0,
-    ) -> Recognition:
-        """Tell a reflection of the body from the body itself, and both from something else.
-
-        Args:
-            pixels: What was seen. Shape (N, 4).
-            p_WH: Where the body knows its point to be [m]. Shape (N, 3).
-            covariance: Of these points [m^2]; they are taken as exact if omitted. Shape (N, 3, 3).
-            pixel_sigma: Standard deviation of a pixel coordinate [px].
-
-        Returns:
-            Chi-squares of both hypotheses; nan where a pixel is nan.
-        """
-        pixels, p_WH = np.asarray(pixels, dtype=float), np.asarray(p_WH, dtype=float)
-        spread = np.zeros((len(p_WH), 3, 3)) if covariance is None else np.asarray(covariance)
-        noise = pixel_sigma**2 * np.eye(4)
-        shown = self.projection(p_WH)
-        a, b = shown.by_point, shown.by_mirror
-        predicted = noise + a @ spread @ np.swapaxes(a, 1, 2)
-        if self.mirror.covariance is not None:
-            predicted = predicted + b @ self.mirror.covariance @ np.swapaxes(b, 1, 2)
-        seen = np.asarray(np.isfinite(self.project(p_WH)).all(axis=1))
-        reflected = _chi_square(pixels - shown.pixels, predicted, seen)
-        direct_pixels, a = projected(self.rig.eyes, p_WH)
-        predicted = noise + a @ spread @ np.swapaxes(a, 1, 2)
-        seen = np.asarray(np.isfinite(self.rig.project(p_WH)).all(axis=1))
-        return Recognition(_chi_square(pixels - direct_pixels, predicted, seen), reflected)
-
 
 def projected(cameras: tuple[Camera, ...], p_WQ: NDArray) -> tuple[NDArray, NDArray]:
     """Project points without asking who can see them.
 
     Args:
-        cameras: C eyes.
+        cameras: C of them.
         p_WQ: Points [m]. Shape (N, 3).
 
     Returns:
@@ -186,10 +136,10 @@ def projected(cameras: tuple[Camera, ...], p_WQ: NDArray) -> tuple[NDArray, NDAr
 def reflected_projection(
     cameras: tuple[Camera, ...], values: ArrayLike, p_WQ: ArrayLike
 ) -> ReflectedProjection:
-    """Project reflections into one or two eyes, without asking who can see them.
+    """Project reflections into one or two cameras, without asking who can see them.
 
     Args:
-        cameras: C eyes; the mirror stands in the frame of the first.
+        cameras: C of them; the mirror stands in the frame of the first.
         values: `Mirror.values`. Shape (3,).
         p_WQ: Points [m]. Shape (N, 3).
 
@@ -202,8 +152,3 @@ def reflected_projection(
     turned = by_point - 2.0 * (by_point @ plane.normal)[:, :, None] * plane.normal
     by_mirror = by_point @ (reflection_slopes(plane, p_WQ) @ by_values)
     return ReflectedProjection(pixels, turned, by_mirror)
-
-
-def _chi_square(miss: NDArray, covariance: NDArray, seen: NDArray) -> NDArray:
-    weighted = np.linalg.solve(covariance, miss[:, :, None])[:, :, 0]
-    return np.where(seen | np.isnan(miss).any(axis=1), np.sum(miss * weighted, axis=1), np.inf)

@@ -10,8 +10,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from nico_selfmodel.arrays import frozen_covariance
 from nico_selfmodel.errors import ModelError
-from nico_selfmodel.model.arrays import frozen_covariance
 from nico_selfmodel.model.camera import Camera
 from nico_selfmodel.model.chain import Chain
 from nico_selfmodel.model.dh_parameters import DhParameters
@@ -29,7 +29,7 @@ MIRROR_FAILURES = "mirror_failures"
 
 @dataclass(frozen=True, eq=False)
 class ParameterCovariance:
-    """Covariance of named parameters; what is not named was pinned."""
+    """Covariance of named parameters; what is not named was fixed."""
 
     names: tuple[str, ...]
     """Parameter names as in `DhParameters.names`. Length k."""
@@ -72,7 +72,7 @@ class Prediction:
 
 @dataclass(frozen=True, eq=False)
 class SelfModel:
-    """A body as learned: arm, servos and eyes, and how well they are known.
+    """A body as learned: arm, servos and cameras, and how well they are known.
 
     What was not learned yet is None, or missing from the cameras; asking for it through `dh`,
     `servos`, `chain` or `rig` says so.
@@ -95,11 +95,11 @@ class SelfModel:
     provenance: Mapping[str, Any] = field(default_factory=dict)
     """Data set name and hash, package versions."""
     cameras: Mapping[str, Camera] = field(default_factory=dict)
-    """Eyes by name, `left` and `right`."""
+    """Cameras by name, `left` and `right`."""
     pixel_sigma: float | None = None
-    """Standard deviation of a pixel coordinate about the model of the eyes [px]."""
+    """Standard deviation of a pixel coordinate about the model of the cameras [px]."""
     mirrors: Mapping[str, Mirror] = field(default_factory=dict)
-    """Mirrors before the eyes, by the name that data sets call them; each has its covariance."""
+    """Mirrors before the cameras, by the name that data sets call them; each has its covariance."""
 
     def __post_init__(self) -> None:
         """Check that chain and servos speak of the same joints, and freeze the mappings."""
@@ -108,7 +108,7 @@ class SelfModel:
         if self.table is not None and self.servo_map is not None:
             _check_arm(self.table, self.servo_map)
         if set(self.cameras) - set(EYES):
-            raise ValueError(f"eyes are called left and right, got {sorted(self.cameras)}")
+            raise ValueError(f"cameras are called left and right, got {sorted(self.cameras)}")
         self._check_names()
         strangers = set(self.covariance.names if self.covariance else ()) - set(self._known_names())
         if strangers:
@@ -159,20 +159,20 @@ class SelfModel:
 
     @property
     def rig(self) -> StereoRig:
-        """Both eyes.
+        """Both cameras.
 
         Raises:
             ModelError: If they were not both learned.
         """
         if set(self.cameras) != set(EYES):
-            raise ModelError(self._lack("pair of eyes", "calibrate stereo"))
+            raise ModelError(self._lack("pair of cameras", "calibrate stereo"))
         return StereoRig(self.cameras["left"], self.cameras["right"])
 
     def mirror_rig(self, mirror: str) -> MirrorRig:
-        """Return the eyes with one of the mirrors before them.
+        """Return the cameras with one of the mirrors before them.
 
         Raises:
-            ModelError: If the eyes or that mirror were not learned; names those there are.
+            ModelError: If the cameras or that mirror were not learned; names those there are.
         """
         if not self.mirrors:
             raise ModelError(self._lack("mirror", "calibrate mirror"))
@@ -191,9 +191,9 @@ class SelfModel:
 
     def _known_names(self) -> tuple[str, ...]:
         arm = self.parameters.names if self.has_arm else ()
-        eyes = tuple(eye for eye in EYES if eye in self.cameras)
+        sides = tuple(side for side in EYES if side in self.cameras)
         mirrors = tuple(name for mirror in self.mirrors for name in Mirror.names_of(mirror))
-        return (*arm, *StereoRig.names_of(eyes), *mirrors)
+        return (*arm, *StereoRig.names_of(sides), *mirrors)
 
     @cached_property
     def chain(self) -> Chain:
@@ -256,9 +256,9 @@ class SelfModel:
         Raises:
             OSError: If the folder cannot be written to.
         """
-        from nico_selfmodel.model.self_model_file import save_self_model
+        from nico_selfmodel.model.self_model_file import save_model
 
-        save_self_model(self, path)
+        save_model(self, path)
 
     @classmethod
     def load(cls, path: str | Path) -> "SelfModel":
@@ -267,9 +267,9 @@ class SelfModel:
         Raises:
             ModelError: If the file is missing, of another format or version, or not valid.
         """
-        from nico_selfmodel.model.self_model_file import load_self_model
+        from nico_selfmodel.model.self_model_file import load_model
 
-        return load_self_model(path)
+        return load_model(path)
 
 
 def _check_arm(table: DhTable, servos: ServoMap) -> None:

@@ -37,7 +37,7 @@ LARGEST_SIDE = 100_000
 _ROW = ("D", "theta_zero", "r", "alpha", "beta")
 
 
-def save_self_model(model: SelfModel, path: str | Path) -> None:
+def save_model(model: SelfModel, path: str | Path) -> None:
     """Write a self-model, whole or not at all.
 
     Raises:
@@ -47,7 +47,7 @@ def save_self_model(model: SelfModel, path: str | Path) -> None:
     write_whole(path, yaml_text(_document(model)))
 
 
-def load_self_model(path: str | Path) -> SelfModel:
+def load_model(path: str | Path) -> SelfModel:
     """Read a self-model.
 
     Args:
@@ -89,7 +89,7 @@ def _document(model: SelfModel) -> dict[str, Any]:
         document["chain"] = _chain_document(model.dh)
         document["servos"] = [_servo_document(model.servos, i) for i in range(len(model.joints))]
     document |= {
-        "cameras": {eye: _camera_document(camera) for eye, camera in model.cameras.items()},
+        "cameras": {side: _camera_document(camera) for side, camera in model.cameras.items()},
         "mirrors": {name: _mirror_document(mirror) for name, mirror in model.mirrors.items()},
         "noise_sigma_m": model.noise_sigma,
         "pixel_sigma_px": model.pixel_sigma,
@@ -150,7 +150,7 @@ def _model(document: dict[str, Any]) -> SelfModel:
         kept_values.robot(document.get("robot")),
         kept_values.fit(document.get("fit"), len(document["servos"]) if arm else 0),
         kept_values.provenance(document.get("provenance")),
-        {eye: _camera(mapping(entry, eye), eye) for eye, entry in cameras.items()},
+        {side: _camera(mapping(entry, side), side) for side, entry in cameras.items()},
         sigma(document.get("pixel_sigma_px"), "pixel_sigma_px", LARGEST_SIGMA_PX),
         {name: _mirror(mapping(entry, name), name) for name, entry in mirrors.items()},
     )
@@ -193,13 +193,13 @@ def _servo_map(servos: Sequence[Mapping[str, Any]]) -> ServoMap:
     )
 
 
-def _camera(entry: Mapping[str, Any], eye: str) -> Camera:
+def _camera(entry: Mapping[str, Any], side: str) -> Camera:
     size = entry["image_size"]
-    if numbers(size, f"image_size of {eye}", LARGEST_SIDE).shape != (2,):
-        raise ValueError(f"image_size of {eye} must be two numbers, got {shown(size)}")
+    if numbers(size, f"image_size of {side}", LARGEST_SIDE).shape != (2,):
+        raise ValueError(f"image_size of {side} must be two numbers, got {shown(size)}")
     width, height = size
-    values = numbers([entry[name] for name in INTRINSICS], f"intrinsics of {eye}")
-    pose = numbers(entry["X_WC"], f"X_WC of {eye}")
+    values = numbers([entry[name] for name in INTRINSICS], f"intrinsics of {side}")
+    pose = numbers(entry["X_WC"], f"X_WC of {side}")
     camera = Camera.from_values(values, (width, height), pose)
     _check_rigid(camera.X_WC, "a camera's X_WC")
     return camera

@@ -5,7 +5,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from nico_selfmodel.model.arrays import frozen_array
+from nico_selfmodel.arrays import frozen_array, read_only
 
 ENCODER_UNITS = ("counts", "rad", "deg")
 
@@ -37,8 +37,7 @@ class ServoMap:
         n = len(self.joints)
         for name in ("offset", "gear", "sign"):
             object.__setattr__(self, name, frozen_array(getattr(self, name), (n,), name))
-        counts = np.array(self.counts_per_turn, dtype=float)
-        counts.flags.writeable = False
+        counts = read_only(self.counts_per_turn, float)
         object.__setattr__(self, "counts_per_turn", counts)
         if len(self.unit) != n or set(self.unit) - set(ENCODER_UNITS):
             raise ValueError(f"unit must name one of {ENCODER_UNITS} a joint, got {self.unit}")

@@ -11,8 +11,8 @@ from nico_selfmodel.geometry.epipolar import (
     essential,
     homogeneous,
 )
-from nico_selfmodel.geometry.rotation import rotation_vector_of
-from nico_selfmodel.geometry.transform import apply, inverse
+from nico_selfmodel.geometry.rotation import rotation_from_vector, rotation_vector_of
+from nico_selfmodel.geometry.transform import apply, inverse, transform
 from nico_selfmodel.model.camera import INTRINSIC_UNITS, INTRINSICS, Camera, project_in_camera
 
 EYES = ("left", "right")
@@ -26,7 +26,7 @@ _INFINITE = 1e5
 
 @dataclass(frozen=True, eq=False)
 class Triangulation:
-    """Points reconstructed from both eyes."""
+    """Points reconstructed from both cameras."""
 
     p_WQ: NDArray
     """Points [m]; nan where a pixel was, or the rays are parallel. Shape (N, 3)."""
@@ -43,9 +43,9 @@ class StereoRig:
     """A left and a right camera; pixels are (left u, left v, right u, right v)."""
 
     left: Camera
-    """The left eye."""
+    """The left camera."""
     right: Camera
-    """The right eye."""
+    """The right camera."""
 
     @property
     def eyes(self) -> tuple[Camera, Camera]:
@@ -63,11 +63,11 @@ class StereoRig:
         return float(np.linalg.norm(self.X_LR[:3, 3]))
 
     @staticmethod
-    def names_of(eyes: tuple[str, ...] = EYES) -> tuple[str, ...]:
+    def names_of(sides: tuple[str, ...] = EYES) -> tuple[str, ...]:
         """Return parameter names: `left.fx` ... `right.p2`, and `right.pose.rx` ... for a pair."""
-        inside = tuple(f"{eye}.{name}" for eye in eyes for name in INTRINSICS)
+        inside = tuple(f"{side}.{name}" for side in sides for name in INTRINSICS)
         pose = tuple(f"right.pose.{name}" for name in POSE_NAMES)
-        return inside + pose if len(eyes) == 2 else inside
+        return inside + pose if len(sides) == 2 else inside
 
     @property
     def names(self) -> tuple[str, ...]:
@@ -85,6 +85,21 @@ class StereoRig:
         """Units of `names`."""
         return (*INTRINSIC_UNITS, *INTRINSIC_UNITS, *("rad",) * 3, *("m",) * 3)
 
+    @classmethod
+    def from_values(cls, values: NDArray, image_size: tuple[int, int]) -> "StereoRig":
+        """Return the cameras that have given `values`, the left one at the world.
+
+        Args:
+            values: Both cameras' intrinsics, then the right one's pose. Shape (26,).
+            image_size: Width and height [px].
+
+        Raises:
+            ValueError: If a focal length is not positive.
+        """
+        pose = transform(rotation_from_vector(values[20:23]), values[23:])
+        left = Camera.from_values(values[:10], image_size)
+        return cls(left, Camera.from_values(values[10:20], image_size, pose))
+
     def moved(self, X_WV: ArrayLike) -> "StereoRig":
         """Return the rig seen from another world V, whose pose in W is given. Shape (4, 4)."""
         X_VW = inverse(X_WV)
@@ -95,7 +110,7 @@ class StereoRig:
         )
 
     def project(self, p_WQ: ArrayLike) -> NDArray:
-        """Project points into both eyes; nan where an eye cannot see one.
+        """Project points into both cameras; nan where a camera cannot see one.
 
         Args:
             p_WQ: Points [m]. Shape (N, 3) or (3,).
@@ -103,7 +118,7 @@ class StereoRig:
         Returns:
             Pixels. Shape (N, 4) or (4,).
         """
-        return np.concatenate([eye.project(p_WQ) for eye in self.eyes], axis=-1)
+        return np.concatenate([camera.project(p_WQ) for camera in self.eyes], axis=-1)
 
     def triangulate(
         self, pixels: ArrayLike, pixel_covariance: ArrayLike | float = 1.0
@@ -138,7 +153,7 @@ class StereoRig:
         points[seen], residuals[seen] = p, pixels[seen] - reprojected
         covariance[seen] = _inverses(np.swapaxes(slopes, 1, 2) @ weight @ slopes)
         points[~np.isfinite(covariance).all(axis=(1, 2))] = np.nan
-        in_front[seen] = np.all([apply(eye.X_CW, p)[:, 2] > 0.0 for eye in self.eyes], axis=0)
+        in_front[seen] = np.all([apply(camera.X_CW, p)[:, 2] > 0.0 for camera in self.eyes], axis=0)
         return Triangulation(points, covariance, residuals, in_front)
 
     def _refine(self, p: NDArray, pixels: NDArray, weight: NDArray) -> NDArray:
@@ -163,21 +178,13 @@ class StereoRig:
         """Return F = K_R^-T E K_L^-1 for undistorted pixels; thesis eq. 5.15, put right."""
         return np.linalg.inv(self.right.K).T @ self.essential() @ np.linalg.inv(self.left.K)
 
-    def epipoles(self) -> tuple[NDArray, NDArray]:
-        """Return where each eye's image would show the other's centre, homogeneous [px].
-
-        Homogeneous, because for parallel eyes they lie at infinity. Two arrays of shape (3,).
-        """
-        in_left, in_right = self.X_LR[:3, 3], inverse(self.X_LR)[:3, 3]
-        return self.left.K @ in_left, self.right.K @ in_right
-
     def undistorted_pixels(self, pixels: ArrayLike) -> NDArray:
-        """Return where pinhole eyes would see the same rays. Shape (N, 4) -> (N, 4)."""
+        """Return where pinhole cameras would see the same rays. Shape (N, 4) -> (N, 4)."""
         pixels = np.asarray(pixels, dtype=float)
         return np.concatenate(
             [
-                homogeneous(eye.undistort(pixels[:, columns])) @ eye.K[:2].T
-                for eye, columns in zip(self.eyes, (slice(0, 2), slice(2, 4)), strict=True)
+                homogeneous(camera.undistort(pixels[:, columns])) @ camera.K[:2].T
+                for camera, columns in zip(self.eyes, (slice(0, 2), slice(2, 4)), strict=True)
             ],
             axis=1,
         )
@@ -188,7 +195,7 @@ class StereoRig:
         return epipolar_lines(self.fundamental(), left)
 
     def epipolar_errors(self, pixels: ArrayLike) -> NDArray:
-        """Return distances of undistorted pixels from the other eye's epipolar lines [px].
+        """Return distances of undistorted pixels from the other camera's epipolar lines [px].
 
         Args:
             pixels: Shape (N, 4).
@@ -200,11 +207,11 @@ class StereoRig:
         return epipolar_distances(self.fundamental(), points[:, :2], points[:, 2:])
 
     def _triangulate_linearly(self, pixels: NDArray) -> NDArray:
-        """Solve x (P3 q) = P1 q, y (P3 q) = P2 q for homogeneous q by SVD, both eyes at once."""
+        """Solve x (P3 q) = P1 q, y (P3 q) = P2 q for homogeneous q by SVD, both cameras at once."""
         rows = []
-        for eye, columns in zip(self.eyes, (slice(0, 2), slice(2, 4)), strict=True):
-            ideal = eye.undistort(pixels[:, columns])
-            matrix = eye.X_CW[:3]
+        for camera, columns in zip(self.eyes, (slice(0, 2), slice(2, 4)), strict=True):
+            ideal = camera.undistort(pixels[:, columns])
+            matrix = camera.X_CW[:3]
             rows.append(ideal[:, :, None] * matrix[2] - matrix[:2])
         _, _, vt = np.linalg.svd(np.concatenate(rows, axis=1))
         far, near = np.linalg.norm(vt[:, 3, :3], axis=1), np.abs(vt[:, 3, 3])
@@ -214,10 +221,10 @@ class StereoRig:
     def _project_anywhere(self, p_WQ: NDArray) -> tuple[NDArray, NDArray]:
         """Project without asking for cheirality. Shapes (N, 4) and (N, 4, 3)."""
         pixels, slopes = [], []
-        for eye in self.eyes:
-            at, by_point, _ = project_in_camera(apply(eye.X_CW, p_WQ).T, eye.values)
+        for camera in self.eyes:
+            at, by_point, _ = project_in_camera(apply(camera.X_CW, p_WQ).T, camera.values)
             pixels.append(at.T)
-            slopes.append(np.einsum("abn,bc->nac", by_point, eye.X_CW[:3, :3]))
+            slopes.append(np.einsum("abn,bc->nac", by_point, camera.X_CW[:3, :3]))
         return np.concatenate(pixels, axis=1), np.concatenate(slopes, axis=1)
 
 

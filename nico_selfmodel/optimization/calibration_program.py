@@ -47,7 +47,7 @@ class _Term:
 
 
 class CalibrationProgram:
-    """Named decision variables, pins, bounds, linear constraints, priors and residual blocks.
+    """Named decision variables, fixed ones, bounds, linear constraints, priors and residual blocks.
 
     `prog` is a genuine MathematicalProgram: SNOPT and IPOPT solve the very same problem as the
     Levenberg-Marquardt solver. It knows nothing of robots.
@@ -79,7 +79,7 @@ class CalibrationProgram:
 
     @property
     def free(self) -> NDArray:
-        """Which variables are not pinned. Boolean, shape (p,)."""
+        """Which variables are not fixed. Boolean, shape (p,)."""
         lower, upper = bounds_of(self.prog)
         return lower < upper
 
@@ -117,7 +117,7 @@ class CalibrationProgram:
         return self._names.index(name)
 
     def pin(self, name: str, value: float | None = None) -> None:
-        """Hold a variable at a value, its start if omitted; replaces an earlier pin."""
+        """Hold a variable at a value, its start if omitted; replaces an earlier value."""
         variable = self._variables[self.index(name)]
         held = self.prog.GetInitialGuess(variable) if value is None else value
         self.unpin(name)
@@ -125,7 +125,7 @@ class CalibrationProgram:
         self.prog.SetInitialGuess(variable, held)
 
     def unpin(self, name: str) -> None:
-        """Let a variable move again; nothing happens where it was not pinned."""
+        """Let a variable move again; nothing happens where it was not fixed."""
         self.index(name)
         pin = self._pins.pop(name, None)
         if pin is not None:
@@ -277,21 +277,6 @@ class CalibrationProgram:
             if other is not term and touched.sum() > 1:
                 return None
         return own
-
-    def whitened_jacobian(self, x: NDArray) -> NDArray:
-        """Return the stacked derivatives of all weighted residuals and priors. Shape (m, p)."""
-        rows = []
-        for term in self._terms:
-            r, jacobian = term.block.evaluate(x[term.columns])
-            root = np.sqrt(_weigh(term, r)[1])
-            full = np.zeros((r.size, len(x)))
-            full[:, term.columns] = (jacobian * root).reshape(len(term.columns), -1).T
-            rows.append(full)
-        for index, _, sigma in self._priors:
-            row = np.zeros((1, len(x)))
-            row[0, index] = 1.0 / sigma
-            rows.append(row)
-        return np.vstack(rows)
 
     def solve(
         self, solver: str = "lm", *, max_iterations: int = 100, tolerance: float = 1e-9

@@ -43,7 +43,7 @@ class LeastSquaresProgram(Protocol):
 class LevenbergMarquardtSolver(SolverInterface):
     """Solves the program of one `CalibrationProgram`; bounds and linear constraints are honoured.
 
-    Variables pinned by equal bounds are left out of the iteration. Where inequality bounds or
+    Variables fixed by equal bounds are left out of the iteration. Where inequality bounds or
     linear constraints are present, each step is a convex quadratic program.
     """
 
@@ -177,12 +177,12 @@ class _Constraints:
     ) -> "_Constraints | None":
         """Gather what constrains the free variables; None where nothing does."""
         rows, lows, highs = [np.eye(len(free))], [lower[free]], [upper[free]]
-        pinned = np.setdiff1d(np.arange(prog.num_vars()), free)
+        held = np.setdiff1d(np.arange(prog.num_vars()), free)
         for binding in [*prog.linear_constraints(), *prog.linear_equality_constraints()]:
             matrix = np.zeros((binding.evaluator().num_constraints(), prog.num_vars()))
             columns = prog.FindDecisionVariableIndices(binding.variables())
             matrix[:, columns] = binding.evaluator().GetDenseA()
-            fixed = matrix[:, pinned] @ lower[pinned]
+            fixed = matrix[:, held] @ lower[held]
             rows.append(matrix[:, free])
             lows.append(binding.evaluator().lower_bound() - fixed)
             highs.append(binding.evaluator().upper_bound() - fixed)

@@ -19,7 +19,7 @@ in 10^6 Gaussian ones is. Other counts are scaled by sqrt(k / 3)."""
 
 @dataclass(frozen=True, eq=False)
 class RobustSolution:
-    """A solution with the observations that it does not believe."""
+    """A solution with its outliers."""
 
     solution: ProgramSolution
     outliers: NDArray
@@ -139,10 +139,10 @@ class _Attempt:
         norms[outliers] = whitened_norms(residuals[outliers], spreads[outliers])
         return solution, scale, norms > self.limit(scale)
 
-    def scale_at(self, x: NDArray, believed: NDArray | None = None) -> float:
-        """Return the robust scale of a coordinate at x, of the believed observations alone."""
+    def scale_at(self, x: NDArray, inliers: NDArray | None = None) -> float:
+        """Return the robust scale of a coordinate at x, of the inliers alone."""
         norms = np.linalg.norm(self.program.residuals(self.block, x), axis=0)
-        return robust_scale(norms if believed is None else norms[believed], self.coordinates)
+        return robust_scale(norms if inliers is None else norms[inliers], self.coordinates)
 
     def beyond(self, x: NDArray, scale: float) -> NDArray:
         """Return which observations are outliers at x; residuals at rounding level are none."""

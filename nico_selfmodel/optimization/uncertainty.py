@@ -1,4 +1,4 @@
-"""How well a solution is known: covariance, correlations, rank, blind directions."""
+"""How well a solution is known: covariance, correlations, rank, unobservable directions."""
 
 from dataclasses import dataclass, replace
 
@@ -6,8 +6,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 BLIND_SIGMA = 0.3
-"""A direction is called blind where its standard deviation exceeds this fraction of the natural
-scale (1 rad, the size of the body, the gear itself): the estimate says nothing then."""
+"""A direction is called unobservable where its standard deviation exceeds this fraction of the
+natural scale (1 rad, the size of the body, the gear itself): the estimate says nothing then."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -29,18 +29,18 @@ class Uncertainty:
     names: tuple[str, ...]
     """Free parameters. Length k."""
     covariance: NDArray
-    """Of the identifiable part; blind directions are left out of it. Shape (k, k)."""
+    """Of the identifiable part; unobservable directions are left out of it. Shape (k, k)."""
     sigma: NDArray
-    """Standard deviations of the parameters; inf for those named in a blind direction, or that take
-    any part in one that nothing determines. Shape (k,)."""
+    """Standard deviations of the parameters; inf for those named in an unobservable direction, or
+    that take any part in one that nothing determines. Shape (k,)."""
     variance_factor: float
     """s^2, the sum of squared whitened residuals over the redundancy; nan without redundancy."""
     rank: int
-    """Number of directions that are not blind."""
+    """Number of directions that are observable."""
     condition: float
     """Ratio of the largest to the smallest singular value, in natural units."""
     blind: tuple[BlindDirection, ...]
-    """Blind directions, the worst first."""
+    """Unobservable directions, the worst first."""
 
     @property
     def correlation(self) -> NDArray:
@@ -49,7 +49,7 @@ class Uncertainty:
         return self.covariance / np.outer(sigma, sigma)
 
     def with_blind(self, names: tuple[str, ...]) -> "Uncertainty":
-        """Return the same with parameters declared blind for a reason the Jacobian cannot see."""
+        """Return the same with parameters unobservable for a reason the Jacobian cannot see."""
         share = np.full(len(names), len(names) ** -0.5)
         return replace(
             self,
@@ -89,10 +89,10 @@ class Uncertainty:
         values = np.concatenate([values, np.zeros(len(names) - len(values))])
         exact = values <= 1e-12 * max(values[0], 1e-300)
         sigma = np.where(exact, np.inf, spread / np.where(exact, 1.0, values))
-        blind = exact | (sigma > BLIND_SIGMA)
-        kept = vt[~blind] * sigma[~blind, None] * natural
+        unobservable = exact | (sigma > BLIND_SIGMA)
+        kept = vt[~unobservable] * sigma[~unobservable, None] * natural
         directions = [
-            _blind_direction(names, vt[i], float(sigma[i])) for i in np.flatnonzero(blind)
+            _blind_direction(names, vt[i], float(sigma[i])) for i in np.flatnonzero(unobservable)
         ]
         lost = (np.abs(vt[exact]) > 1e-6).any(axis=0)
         lost |= np.isin(names, [name for direction in directions for name in direction.names])
@@ -101,7 +101,7 @@ class Uncertainty:
             kept.T @ kept,
             np.where(lost, np.inf, np.sqrt(np.sum(kept**2, axis=0))),
             float(factor),
-            int(np.sum(~blind)),
+            int(np.sum(~unobservable)),
             float(values[0] / values[-1]) if values[-1] > 0.0 else np.inf,
             tuple(sorted(directions, key=lambda d: -d.sigma)),
         )

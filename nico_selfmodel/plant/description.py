@@ -33,8 +33,6 @@ class LinkPoses:
     """The link that the whole robot hangs on."""
     X_BR: NDArray
     """Pose of the root link. Shape (4, 4)."""
-    parent_links: tuple[str, ...]
-    """The link that carries each learned joint. Length n."""
     X_BP: NDArray
     """Poses of the parent links. Shape (n, 4, 4)."""
     child_links: tuple[str, ...]
@@ -229,7 +227,6 @@ def _link_poses(
     return LinkPoses(
         root,
         poses(root)[0],
-        parents,
         poses(*parents),
         children,
         poses(*children),

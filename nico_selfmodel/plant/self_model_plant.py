@@ -161,53 +161,6 @@ class SelfModelPlant:
             raise ValueError(f"no marker {marker!r}; the plant has {listed(self.markers, marker)}")
         return self._hand_frame(marker)
 
-    def joint_frames(self, joint: str) -> tuple[Frame, Frame]:
-        """Return the frames of a joint on its parent and on its child link, z along its axis.
-
-        Raises:
-            ValueError: If it is not one of the chain's joints; the message lists those there are.
-        """
-        if joint not in self.arm.joints:
-            raise ValueError(f"no joint {joint!r}; the chain has {listed(self.arm.joints, joint)}")
-        name_F, name_M = frame_names(joint)
-        return self._joint_frame(name_F), self._joint_frame(name_M)
-
-    def plant_positions(self, q: ArrayLike) -> NDArray:
-        """Return the plant's positions at joint angles, all other joints at their defaults.
-
-        Args:
-            q: Angles of the learned joints [rad]. Shape (n,) or (N, n).
-
-        Returns:
-            Shape (num_positions,) or (N, num_positions).
-
-        Raises:
-            ValueError: If `q` has not n columns.
-        """
-        q = np.asarray(q, dtype=float)
-        if q.ndim not in (1, 2) or q.shape[-1] != len(self.arm.joints):
-            raise ValueError(f"q must have shape (N, {len(self.arm.joints)}), got {q.shape}")
-        default = self.plant.GetDefaultPositions()
-        positions = np.tile(default, (*q.shape[:-1], 1))
-        positions[..., self.columns] = q
-        return positions
-
-    def positions_of_readings(self, readings: ArrayLike, model: SelfModel | None = None) -> NDArray:
-        """Return the plant's positions at encoder readings, other joints at their defaults.
-
-        Args:
-            readings: In the encoders' own units. Shape (n,) or (N, n).
-            model: Whose servo map to use; the plant's own if omitted.
-
-        Returns:
-            Shape (num_positions,) or (N, num_positions).
-
-        Raises:
-            ValueError: If `readings` has not n columns, or there is no model to read them with.
-            ModelError: If the model has other joints.
-        """
-        return self.plant_positions(self._joint_angles(readings, model))
-
     def set_positions(
         self, context: Any, readings: ArrayLike, model: SelfModel | None = None
     ) -> None:
@@ -250,9 +203,10 @@ class SelfModelPlant:
             raise ValueError("the plant was built without a self-model: give the one to read with")
         self.arm.check_joints(model.joints)
         readings = np.asarray(readings, dtype=float)
-        n = len(self.arm.joints)
-        if readings.ndim not in (1, 2) or readings.shape[-1] != n:
-            raise ValueError(f"readings must have shape (N, {n}), got {readings.shape}")
+        if readings.shape != (len(self.arm.joints),):
+            raise ValueError(
+                f"readings must have shape ({len(self.arm.joints)},), got {readings.shape}"
+            )
         return model.servos.to_joint(readings)
 
     def _joint_frame(self, name: str) -> FixedOffsetFrame:

@@ -9,22 +9,17 @@ pseudo-terminal. Importing opens nothing, making an object sends nothing, connec
 from nico_selfmodel.servos.arm_loop import ArmLoop
 from nico_selfmodel.servos.arm_state import ArmState
 from nico_selfmodel.servos.bus import Bus, BusSettings
-from nico_selfmodel.servos.chain import FoundModule, hard_reset, scan
+from nico_selfmodel.servos.chain import FoundModule, scan
 from nico_selfmodel.servos.commands import BAUD_CODES
 from nico_selfmodel.servos.controller import ArmController
 from nico_selfmodel.servos.hand import FINGERS, Hand
 from nico_selfmodel.servos.homing import find_home, zero_here
-from nico_selfmodel.servos.link_counts import LinkCounts
-from nico_selfmodel.servos.motor_client import MotorClient
 from nico_selfmodel.servos.motor_server import MotorServer
-from nico_selfmodel.servos.pic_servo import PicServo
-from nico_selfmodel.servos.ports import PortLostError, SerialPort, SimulatedPort
 from nico_selfmodel.servos.servo_config import JointServo, ServoConfig
+from nico_selfmodel.servos.servo_config_file import load_servo_config
 from nico_selfmodel.servos.shutdown import stop_what_answers
 from nico_selfmodel.servos.simulated_bus import SimulatedBus
 from nico_selfmodel.servos.simulated_hand import SimulatedHand
-from nico_selfmodel.servos.simulated_line import SimulatedLine, WireFaults
-from nico_selfmodel.servos.simulated_module import SimulatedModule
 
 __all__ = [
     "BAUD_CODES",
@@ -37,21 +32,12 @@ __all__ = [
     "FoundModule",
     "Hand",
     "JointServo",
-    "LinkCounts",
-    "MotorClient",
     "MotorServer",
-    "PicServo",
-    "PortLostError",
-    "SerialPort",
     "ServoConfig",
     "SimulatedBus",
     "SimulatedHand",
-    "SimulatedLine",
-    "SimulatedModule",
-    "SimulatedPort",
-    "WireFaults",
     "find_home",
-    "hard_reset",
+    "load_servo_config",
     "scan",
     "stop_what_answers",
     "zero_here",

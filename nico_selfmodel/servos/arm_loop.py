@@ -11,24 +11,24 @@ from numpy.typing import ArrayLike, NDArray
 
 from nico_selfmodel.errors import BusError, RobotError
 from nico_selfmodel.servos.arm_state import ArmState
-from nico_selfmodel.servos.controller import ArmController
+from nico_selfmodel.servos.motor_driver import MotorDriver
 
 DEFAULT_PERIOD = 0.05
 _T = TypeVar("_T")
 
 
 class ArmLoop:
-    """Cycles a controller in a thread of its own; every method returns at once but `call`.
+    """Cycles a driver in a thread of its own; every method returns at once but `call`.
 
     What the thread fails with is raised from `check` and `state` with its cause. The heartbeat is
     whoever calls `heartbeat` or `command`: without one of them the arm stops.
     """
 
-    def __init__(self, arm: ArmController, period: float = DEFAULT_PERIOD) -> None:
-        """Take a controller over; nothing runs before `start`.
+    def __init__(self, arm: MotorDriver, period: float = DEFAULT_PERIOD) -> None:
+        """Take a driver over; nothing runs before `start`.
 
         Args:
-            arm: A controller that nobody else uses from now on; connected, or connected by `call`.
+            arm: A driver that nobody else uses from now on; connected, or connected by `call`.
             period: Shortest time of a cycle [s]; the bus may need longer.
         """
         self.arm, self.period = arm, period
@@ -36,7 +36,7 @@ class ArmLoop:
         """How many were made."""
         self._lock = threading.Lock()
         self._wake = threading.Condition(self._lock)
-        self._jobs: list[tuple[Callable[[ArmController], object], Future]] = []
+        self._jobs: list[tuple[Callable[[MotorDriver], object], Future]] = []
         self._command: tuple[NDArray, float | None, Sequence[int] | None] | None = None
         self._last = self._command
         self._alive = False
@@ -143,7 +143,7 @@ class ArmLoop:
 
         Raises:
             ValueError: If a target is not finite or beyond a limit.
-            RobotError: As of the controller's `move`.
+            RobotError: As of the driver's `move`.
         """
         return self.call(lambda arm: arm.move(targets, speed=speed))
 
@@ -155,11 +155,11 @@ class ArmLoop:
         """
         self.call(lambda arm: arm.stop())
 
-    def call(self, action: Callable[[ArmController], _T], timeout: float = 10.0) -> _T:
-        """Do something with the controller between two cycles, and wait for its result.
+    def call(self, action: Callable[[MotorDriver], _T], timeout: float = 10.0) -> _T:
+        """Do something with the driver between two cycles, and wait for its result.
 
         Args:
-            action: Is given the controller, in the arm's own thread.
+            action: Is given the driver, in the arm's own thread.
             timeout: How long to wait [s].
 
         Raises:
@@ -191,14 +191,14 @@ class ArmLoop:
     def _run(self) -> None:
         try:
             while not self._ending:
-                begin = self.arm.bus.port.now()
+                begin = self.arm.now()
                 self._do_jobs()
                 state = self.arm.cycle()
                 with self._wake:
                     self._state = state
                     self.cycles += 1
                     self._wake.notify_all()
-                    left = begin + self.period - self.arm.bus.port.now()
+                    left = begin + self.period - self.arm.now()
                     self._wake.wait_for(lambda: self._ending or self._jobs, max(0.0, left))
         except Exception as error:  # whatever it is, whoever uses the arm must see it
             with suppress(RobotError):

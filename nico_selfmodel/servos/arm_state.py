@@ -1,14 +1,12 @@
-"""What a controller knows of its arm at one moment."""
+"""What a driver knows of its arm at one moment."""
 
-from collections.abc import Sequence
 from dataclasses import dataclass, field
 from typing import Any, ClassVar
 
 import numpy as np
 from numpy.typing import NDArray
 
-from nico_selfmodel.model import ServoMap
-from nico_selfmodel.servos.axis import Axis
+from nico_selfmodel.arrays import read_only
 
 
 @dataclass(frozen=True, eq=False)
@@ -47,49 +45,12 @@ class ArmState:
     def __post_init__(self) -> None:
         """Make the arrays read-only."""
         for name in self.ROWS:
-            self._freeze(name, np.array(getattr(self, name)))
+            object.__setattr__(self, name, read_only(getattr(self, name)))
         rows = np.array([getattr(self, name) for name in self.ROWS], dtype=float)
         valid = self.ROWS.index("valid")
         rows[:valid, rows[valid] == 0.0] = np.nan
-        self._freeze("rows", rows)
+        object.__setattr__(self, "rows", read_only(rows))
         object.__setattr__(self, "oldest", float(self.age.max(initial=0.0)))
-
-    def _freeze(self, name: str, array: NDArray) -> None:
-        array.flags.writeable = False
-        object.__setattr__(self, name, array)
-
-    @classmethod
-    def of(
-        cls, axes: Sequence[Axis], servos: ServoMap, now: float, *, trusted: bool = False
-    ) -> "ArmState":
-        """Return what is known of axes.
-
-        Args:
-            axes: In the order of `servos`.
-            servos: Readings <-> displacements.
-            now: Time of the port [s].
-            trusted: Whether zeros count as known though they were not set since power-up.
-        """
-        readings = np.array(
-            [a.joint.reading(a.position) if a.status is not None else np.nan for a in axes]
-        )
-        zero_known = np.array([axis.zero_known or trusted for axis in axes])
-        trouble = tuple(
-            axis.lost or (axis.fault(axis.status) if axis.status else "not read yet")
-            for axis in axes
-        )
-        return cls(
-            time=now,
-            joints=servos.joints,
-            q=np.where(zero_known, servos.to_joint(readings), np.nan),
-            readings=readings,
-            age=np.array([now - axis.seen for axis in axes]),
-            valid=np.array([reason is None for reason in trouble]),
-            moving=np.array([axis.on_its_way for axis in axes]),
-            enabled=np.array([axis.enabled for axis in axes]),
-            zero_known=zero_known,
-            trouble=trouble,
-        )
 
     def to_mapping(self) -> dict[str, Any]:
         """Return the state as plain data, for JSON; what is not known is None."""

@@ -1,11 +1,16 @@
-"""One joint on its board: goals that are moved on, positions that are believed, faults."""
+"""One joint on its board: goals that are moved on, positions that are trusted, faults."""
 
 import math
+from collections.abc import Sequence
+
+import numpy as np
 
 from nico_selfmodel.errors import BusError, ServoFault
+from nico_selfmodel.model import ServoMap
+from nico_selfmodel.servos.arm_state import ArmState
 from nico_selfmodel.servos.goals import Goals
 from nico_selfmodel.servos.pic_servo import PicServo
-from nico_selfmodel.servos.progress import Progress
+from nico_selfmodel.servos.progress import JamWatch
 from nico_selfmodel.servos.servo_config import JointServo
 from nico_selfmodel.servos.status import AuxiliaryFlag, Status, StatusFlag
 
@@ -29,7 +34,7 @@ class Axis:
         """
         self.joint, self.module, self.heartbeat = joint, module, heartbeat
         self.status: Status | None = None
-        """The last reply that was believed."""
+        """The last reply that was trusted."""
         self.seen = -math.inf
         """When it came [s]."""
         self.enabled = False
@@ -39,7 +44,7 @@ class Axis:
         """Why the board cannot be reached any more."""
         self.goals = Goals(joint, heartbeat)
         """Where the joint is to go, and what its board was told of it."""
-        self._progress = Progress(joint.counts_per_radian)
+        self._jams = JamWatch(joint.counts_per_radian)
         self._sent_speeds: tuple[float, float] | None = None
         self._moving_until = -math.inf
         self._due_known = True
@@ -50,7 +55,7 @@ class Axis:
 
     @property
     def position(self) -> int:
-        """The last position that was believed [register].
+        """The last position that was trusted [register].
 
         Raises:
             ServoFault: If there is none yet.
@@ -78,7 +83,7 @@ class Axis:
         """Whether the goal has not been reached."""
         if self.goals.goal is None:
             return False
-        return self.status is None or not self.goals.reached or self._progress.behind
+        return self.status is None or not self.goals.reached or self._jams.behind
 
     def aim(self, goal: int, velocity: float, acceleration: float) -> None:
         """Set where to go; sends nothing.
@@ -90,17 +95,17 @@ class Axis:
         """
         if self.goals.aim(goal, velocity, acceleration, self._now()):
             self._due_known = False
-            self._progress.arrived()
+            self._jams.arrived()
 
     def forget_goal(self) -> None:
         """Have nowhere to go, and know nothing of what the board holds; sends nothing."""
         self.goals.forget()
         self._sent_speeds, self._due_known = None, True
-        self._progress.arrived()
+        self._jams.arrived()
 
     def begin_anew(self) -> None:
         """Note that the board's command is where the joint stands: switched on, or zeroed."""
-        self._progress.forget()
+        self._jams.forget()
 
     def load(self) -> None:
         """Give the board the first goal of a motion, to be started with the group.
@@ -140,7 +145,7 @@ class Axis:
         else:
             self._send(goal, start=True)
         if not self._due_known:
-            self._progress.expect(self._now(), goals.longest(self._now()))
+            self._jams.expect(self._now(), goals.longest(self._now()))
             self._due_known = True
 
     def _brake(self, *, start: bool) -> None:
@@ -198,14 +203,14 @@ class Axis:
             pause: Time since the one before [s].
         """
         if not self.enabled:
-            self._progress.forget()
+            self._jams.forget()
             return None
-        blocked = self._progress.note(self.seen, self.commanded, self.position, self.goals.velocity)
+        blocked = self._jams.note(self.seen, self.commanded, self.position, self.goals.velocity)
         if pause > _OFTEN * self.heartbeat:
-            self._progress.delay(pause)
+            self._jams.delay(pause)
         if not self.on_its_way:
-            self._progress.arrived()
-        return blocked or self._progress.overdue(self.seen)
+            self._jams.arrived()
+        return blocked or self._jams.overdue(self.seen)
 
     def _now(self) -> float:
         return self.module.bus.port.now()
@@ -248,3 +253,35 @@ class Axis:
         if not servo_on:
             return "its servo is off though nobody switched it off; enable it again"
         return None
+
+
+def state_of(
+    axes: Sequence[Axis], servos: ServoMap, now: float, *, trusted: bool = False
+) -> ArmState:
+    """Return what is known of axes.
+
+    Args:
+        axes: In the order of `servos`.
+        servos: Readings <-> displacements.
+        now: Time of the port [s].
+        trusted: Whether zeros count as known though they were not set since power-up.
+    """
+    readings = np.array(
+        [a.joint.reading(a.position) if a.status is not None else np.nan for a in axes]
+    )
+    zero_known = np.array([axis.zero_known or trusted for axis in axes])
+    trouble = tuple(
+        axis.lost or (axis.fault(axis.status) if axis.status else "not read yet") for axis in axes
+    )
+    return ArmState(
+        time=now,
+        joints=servos.joints,
+        q=np.where(zero_known, servos.to_joint(readings), np.nan),
+        readings=readings,
+        age=np.array([now - axis.seen for axis in axes]),
+        valid=np.array([reason is None for reason in trouble]),
+        moving=np.array([axis.on_its_way for axis in axes]),
+        enabled=np.array([axis.enabled for axis in axes]),
+        zero_known=zero_known,
+        trouble=trouble,
+    )

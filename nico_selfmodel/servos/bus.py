@@ -269,16 +269,6 @@ class Bus:
             for address in addresses:
                 self.exchange(address, ReadStatus(StatusItem.DEVICE), StatusItem.DEVICE)
 
-    def reattach(self) -> None:
-        """Open the port again after it was lost. Sends nothing to the modules but zeros.
-
-        Raises:
-            PortLostError: If it is still away.
-        """
-        with self._lock:
-            self.port.reopen()
-            self._doubtful = True
-
     def total(self) -> LinkCounts:
         """Return the sum of the counts of all modules."""
         total = LinkCounts()

@@ -13,7 +13,6 @@ from nico_selfmodel.servos.pic_servo import DeviceId, PicServo, is_marked
 from nico_selfmodel.servos.status import AuxiliaryFlag, Status, StatusItem
 
 LONGEST_CHAIN = 32
-_RESET_PAUSE = 0.1
 _SURE = 3
 _LOOKS = StatusItem.POSITION | StatusItem.DEVICE | StatusItem.AUXILIARY | StatusItem.HOME
 
@@ -165,17 +164,3 @@ def stop_together(bus: Bus, group: int, *, smoothly: bool = True) -> None:
     """
     mode = StopMode.SMOOTH if smoothly else StopMode.ABRUPT
     bus.send(group, nmc.StopMotor(StopMode.AMPLIFIER | mode))
-
-
-def hard_reset(bus: Bus) -> None:
-    """Return all modules to the state after power-up.
-
-    Torque is lost on every joint and every zero with it: never on a loaded arm, never to
-    reconnect.
-    """
-    for _ in range(2):
-        bus.send(EVERYONE, nmc.HardReset())
-        bus.wait(_RESET_PAUSE)
-    if bus.rate != 19200:
-        bus.port.set_rate(19200)
-    bus.resynchronise()

@@ -20,7 +20,7 @@ from nico_selfmodel.servos.commands import (
     StartMotion,
     StopMotor,
 )
-from nico_selfmodel.servos.packets import DamagedPacketError, Frame, decode_frame
+from nico_selfmodel.servos.packets import DamagedPacketError, Frame
 from nico_selfmodel.servos.trajectory import LoadTrajectory
 
 COMMANDS: dict[int, type[Command]] = {
@@ -63,13 +63,3 @@ def command_of(frame: Frame) -> Command:
             f"{kind.__name__} with {len(frame.data)} data bytes, expected {expected}"
         )
     return kind.from_payload(frame.data)
-
-
-def decode_command(packet: bytes) -> tuple[int, Command]:
-    """Return address and typed command of a packet.
-
-    Raises:
-        DamagedPacketError: If the bytes are not a whole, undamaged packet of the protocol.
-    """
-    frame = decode_frame(packet)
-    return frame.address, command_of(frame)

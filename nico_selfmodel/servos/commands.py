@@ -286,7 +286,7 @@ class PathPoints:
     lengths: ClassVar[tuple[int, ...]] = (0, 2, 4, 6, 8, 10, 12, 14)
     repeatable: ClassVar[bool] = False
     words: tuple[int, ...] = ()
-    """Up to seven, as `path_word` makes them."""
+    """Up to seven: counts a tick in 8.8 format, whose two low bits are sense and rate."""
 
     def payload(self) -> bytes:
         """Return its data bytes."""

@@ -9,7 +9,7 @@ from numpy.typing import ArrayLike
 from nico_selfmodel.errors import BusError, RobotError, ServoFault
 from nico_selfmodel.model import ServoMap
 from nico_selfmodel.servos.arm_state import ArmState
-from nico_selfmodel.servos.axis import Axis
+from nico_selfmodel.servos.axis import Axis, state_of
 from nico_selfmodel.servos.bus import Bus, BusSettings
 from nico_selfmodel.servos.chain import group_of, join_group, start_together
 from nico_selfmodel.servos.connection import find_modules, switch_on, take_over
@@ -103,6 +103,20 @@ class ArmController:
         """Names in order."""
         return self.config.joint_names
 
+    @property
+    def name(self) -> str:
+        """What the arm is called."""
+        return self.config.name
+
+    @property
+    def longest_silence(self) -> float:
+        """Time between two heartbeats after which the arm stops [s]."""
+        return self.config.heartbeat
+
+    def now(self) -> float:
+        """Return the time of the port, which states are stamped with [s]."""
+        return self.bus.port.now()
+
     def axis(self, joint: str) -> Axis:
         """Return the axis of a joint.
 
@@ -142,16 +156,6 @@ class ArmController:
         self._connected = True
         self.heartbeat()
         return self.rezero_due
-
-    def reattach(self) -> tuple[str, ...]:
-        """Connect again after the cable was unplugged. Moves and resets nothing.
-
-        Raises:
-            PortLostError: If the port is still away.
-            BusError: As for `connect`.
-        """
-        self.bus.reattach()
-        return self.connect()
 
     def enable(self, joints: Sequence[str] | None = None) -> None:
         """Switch servos on where the joints stand. Nothing moves.
@@ -215,7 +219,7 @@ class ArmController:
 
     def _read_anew(self) -> None:
         """Read the joints where the last reading is too old to plan a motion from."""
-        now = self.bus.port.now()
+        now = self.now()
         self._guard(
             [axis for axis in self.axes if axis.enabled and now - axis.seen > _STALE],
             lambda axis: axis.refresh(alive=False),
@@ -274,7 +278,7 @@ class ArmController:
 
     def heartbeat(self) -> None:
         """Say that the host is alive; without it the arm stops after the heartbeat time."""
-        self._alive = self.bus.port.now()
+        self._alive = self.now()
         self._silent = False
 
     def cycle(self) -> ArmState:
@@ -288,7 +292,7 @@ class ArmController:
             ServoFault: If a board reports a fault; the others were stopped.
         """
         self._require_connection()
-        if self.bus.port.now() - self._alive > self.config.heartbeat and not self._silent:
+        if self.now() - self._alive > self.config.heartbeat and not self._silent:
             self._silent = True
             if self.moving:
                 self.stop()
@@ -364,7 +368,7 @@ class ArmController:
 
     def state(self) -> ArmState:
         """Return what is known now; sends nothing."""
-        return ArmState.of(self.axes, self.servos, self.bus.port.now(), trusted=self.trust_zero)
+        return state_of(self.axes, self.servos, self.now(), trusted=self.trust_zero)
 
     def _chosen(self, joints: Sequence[str] | None) -> list[Axis]:
         strangers = [name for name in joints or () if name not in self.joints]

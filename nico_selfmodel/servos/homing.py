@@ -83,7 +83,7 @@ def _look_for_mark(
         abs(home.speed) * scale,
         axis.joint.max_acceleration * scale,
     )
-    until = arm.bus.port.now() + home.travel / abs(home.speed) + _EXTRA_TIME
+    until = arm.now() + home.travel / abs(home.speed) + _EXTRA_TIME
     while _searching(axis):
         arm.heartbeat()
         try:
@@ -95,7 +95,7 @@ def _look_for_mark(
             ) from error
         if watch is not None:
             watch(arm)
-        if not axis.on_its_way or arm.bus.port.now() > until:
+        if not axis.on_its_way or arm.now() > until:
             raise ServoFault(
                 f"{axis}: no {home.method} within {math.degrees(home.travel):g} deg; check the "
                 "switch, and 'home' in the servo configuration"
@@ -135,5 +135,5 @@ def _set_zero(axis: Axis, register: int) -> None:
     axis.module.zero_at(register)
     axis.begin_anew()
     axis.zero_known = True
-    axis.status = None  # what was believed before counts from another zero
+    axis.status = None  # what was read before counts from another zero
     axis.believe(axis.module.poll())

@@ -15,8 +15,8 @@ from typing import Any
 
 from nico_selfmodel.errors import BusError, RobotError, SelfModelError
 from nico_selfmodel.servos.arm_loop import ArmLoop
-from nico_selfmodel.servos.controller import ArmController
 from nico_selfmodel.servos.line_server import IDLE, LOOPBACK, LineClient, LineServer
+from nico_selfmodel.servos.motor_driver import MotorDriver
 from nico_selfmodel.servos.motor_requests import (
     NotARequestError,
     RefusedError,
@@ -145,7 +145,7 @@ class MotorServer:
                 arm.joints, arm.limits.positions, arm.limits.speeds, strict=True
             )
         }
-        return {"robot": arm.config.name, "joints": joints}
+        return {"robot": arm.name, "joints": joints}
 
     async def _give_lease(self, request: Mapping[str, Any], client: LineClient) -> _Answer:
         seconds = number(
@@ -195,10 +195,10 @@ class MotorServer:
         speed = None if speed is None else number(speed, '"speed_rad_s"')
         return {"seconds": await self._do(request, lambda arm: arm.move(targets, speed=speed))}
 
-    async def _do(self, request: Mapping[str, Any], action: Callable[[ArmController], Any]) -> Any:
+    async def _do(self, request: Mapping[str, Any], action: Callable[[MotorDriver], Any]) -> Any:
         """Let the loop do something, unless the lease ends before it comes to it."""
 
-        def still_leased(arm: ArmController) -> Any:
+        def still_leased(arm: MotorDriver) -> Any:
             self._require_lease(request)
             return action(arm)
 
@@ -258,7 +258,7 @@ class MotorServer:
 
     def _watch(self) -> None:
         """Keep the arm alive while a lease is valid, and stop it when it ends."""
-        pause = self.loop.arm.config.heartbeat / 4
+        pause = self.loop.arm.longest_silence / 4
         while not self._closing.wait(pause):
             with self._lock:
                 leased, valid = self._lease is not None, time.monotonic() < self._ends

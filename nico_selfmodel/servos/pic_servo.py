@@ -159,14 +159,6 @@ class PicServo:
         """
         return self.ask(nmc.StopMotor(StopMode.MOTOR_OFF))
 
-    def jump_to(self, position: int) -> Status:
-        """Go to a position without a profile [counts].
-
-        Raises:
-            BusError: If there is no good reply.
-        """
-        return self.ask(nmc.StopMotor(StopMode.AMPLIFIER | StopMode.HERE, position))
-
     def clear_faults(self) -> Status:
         """Clear the status bits that stay.
 
@@ -222,40 +214,6 @@ class PicServo:
         units = acceleration_units(acceleration, self.rate_divisor)
         flags = TrajectoryFlag.SERVO | TrajectoryFlag.VELOCITY_MODE | now
         return self.ask(LoadTrajectory(flags, velocity=0, acceleration=units))
-
-    def move_at(self, velocity: float, acceleration: float) -> Status:
-        """Move at a velocity until told otherwise: whoever calls it must see to the end.
-
-        Args:
-            velocity: [counts/s], negative for backwards.
-            acceleration: [counts/s^2].
-
-        Raises:
-            ValueError: If a number does not fit the chip.
-            BusError: If there is no good reply.
-        """
-        flags = TrajectoryFlag.SERVO | TrajectoryFlag.VELOCITY_MODE | TrajectoryFlag.START_NOW
-        load = LoadTrajectory(
-            flags | (TrajectoryFlag.REVERSE if velocity < 0.0 else 0),
-            velocity=velocity_units(abs(velocity), self.rate_divisor),
-            acceleration=acceleration_units(acceleration, self.rate_divisor),
-        )
-        return self.ask(load)
-
-    def drive(self, pwm: int) -> Status:
-        """Drive the motor with a PWM and no servo: whoever calls it must see to the end.
-
-        Args:
-            pwm: -255 to 255.
-
-        Raises:
-            ValueError: If it is out of range.
-            BusError: If there is no good reply.
-        """
-        if not -255 <= pwm <= 255:
-            raise ValueError(f"pwm must be between -255 and 255, got {pwm}")
-        flags = TrajectoryFlag.START_NOW | (TrajectoryFlag.REVERSE if pwm < 0 else 0)
-        return self.ask(LoadTrajectory(flags, pwm=abs(pwm)))
 
     def capture_home(self, mode: int) -> Status:
         """Arm the capture of the home position; the motion itself is another command.

@@ -2,7 +2,6 @@
 
 import math
 from collections.abc import Sequence
-from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
@@ -21,29 +20,15 @@ class PoseLimits:
         # A stream of poses is checked one by one: the map is worked out once.
         self._at_zero = servos.to_encoder(np.zeros(len(config.joints)))
         self._slope = servos.gear / servos.radians_per_unit
-
-    @cached_property
-    def positions(self) -> NDArray:
+        gear, joints = np.abs(servos.gear), config.joints
+        self.positions: NDArray = np.sort(servos.to_joint(self._readings.T).T, axis=1)
         """Lowest and highest joint displacement [rad]. Shape (n, 2)."""
-        return np.sort(self.servos.to_joint(self._readings.T).T, axis=1)
-
-    @cached_property
-    def speeds(self) -> NDArray:
+        self.speeds: NDArray = np.array([joint.max_velocity for joint in joints]) / gear
         """Largest joint speeds [rad/s]. Shape (n,)."""
-        largest = np.array([joint.max_velocity for joint in self.config.joints])
-        return largest / np.abs(self.servos.gear)
-
-    @cached_property
-    def accelerations(self) -> NDArray:
+        self.accelerations = np.array([joint.max_acceleration for joint in joints]) / gear
         """Largest joint accelerations [rad/s^2]. Shape (n,)."""
-        largest = np.array([joint.max_acceleration for joint in self.config.joints])
-        return largest / np.abs(self.servos.gear)
-
-    @cached_property
-    def counts_per_radian(self) -> NDArray:
+        self.counts_per_radian = np.array([joint.counts_per_radian for joint in joints]) * gear
         """Counts of a radian of each joint. Shape (n,)."""
-        encoder = np.array([joint.counts_per_radian for joint in self.config.joints])
-        return encoder * np.abs(self.servos.gear)
 
     def registers(self, q: NDArray, joints: Sequence[int]) -> list[int]:
         """Return the boards' counts at joint displacements.

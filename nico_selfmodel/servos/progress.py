@@ -29,7 +29,7 @@ _ROUNDING = 1.02
 """Boards round speeds: a planned time may be this much longer."""
 
 
-class Progress:
+class JamWatch:
     """Compares the way that a joint went with the way that its board commanded.
 
     The commanded place is read from the board with every position (position + position error), so

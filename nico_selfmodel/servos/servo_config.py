@@ -207,7 +207,7 @@ class ServoConfig:
         """
         from nico_selfmodel.servos.servo_config_file import load_servo_config
 
-        return load_servo_config(Path(path))
+        return load_servo_config(path)
 
     def save(self, path: str | Path) -> None:
         """Write the configuration; reading it gives the same one.
@@ -217,7 +217,7 @@ class ServoConfig:
         """
         from nico_selfmodel.servos.servo_config_file import save_servo_config
 
-        save_servo_config(self, Path(path))
+        save_servo_config(self, path)
 
     @property
     def joint_names(self) -> tuple[str, ...]:

@@ -30,7 +30,7 @@ _JOINT_KEYS = (
 _HOME_KEYS = ("method", "at_deg", "speed_deg_s", "travel_deg")
 
 
-def load_servo_config(path: Path) -> ServoConfig:
+def load_servo_config(path: str | Path) -> ServoConfig:
     """Read a servo configuration.
 
     Args:
@@ -42,6 +42,7 @@ def load_servo_config(path: Path) -> ServoConfig:
     Raises:
         DataError: If the file is missing or not valid; names file and key.
     """
+    path = Path(path)
     content = read_yaml_mapping(path)
     if content.get("format") != FORMAT:
         raise DataError(
@@ -69,7 +70,7 @@ def load_servo_config(path: Path) -> ServoConfig:
         raise DataError(f"{where}: {error}") from None
 
 
-def save_servo_config(config: ServoConfig, path: Path) -> None:
+def save_servo_config(config: ServoConfig, path: str | Path) -> None:
     """Write a servo configuration, one line a joint; reading it gives the same one.
 
     Raises:
@@ -84,7 +85,7 @@ def save_servo_config(config: ServoConfig, path: Path) -> None:
         "joints:",
         *(f"  - {json.dumps(_entry(joint))}" for joint in config.joints),
     ]
-    write_whole(path, "\n".join(lines) + "\n")
+    write_whole(Path(path), "\n".join(lines) + "\n")
 
 
 def _entry(joint: JointServo) -> dict[str, Any]:

@@ -4,12 +4,11 @@ import math
 from dataclasses import dataclass, replace
 
 from nico_selfmodel.servos import commands as nmc
-from nico_selfmodel.servos.commands import Command, HomingMode, OutputMode, StopMode
+from nico_selfmodel.servos.commands import Command, HomingMode, StopMode
 from nico_selfmodel.servos.gains import Gains
 from nico_selfmodel.servos.packets import EVERYONE, UNADDRESSED
 from nico_selfmodel.servos.simulated_profile import (
     LARGEST_PWM_VELOCITY,
-    PATH_BUFFER,
     Motion,
     SimulatedProfile,
 )
@@ -98,11 +97,10 @@ class SimulatedModule:
         if not ticks:
             return
         self._time += ticks * tick
-        path_ticks = 16 if self.output & OutputMode.FAST_PATH else 32
         for _ in range(ticks):
             if self.profile.at_rest and not self.homing:
                 break
-            self.profile.tick(path_ticks)
+            self.profile.tick()
             if self.homing:  # the only thing that looks at every tick
                 self._follow()
                 self._look_for_home()
@@ -211,8 +209,6 @@ class SimulatedModule:
         flags |= StatusFlag(0) if self.servo_on else StatusFlag.POSITION_ERROR
         flags |= StatusFlag.HOMING if self.homing else StatusFlag(0)
         auxiliary = self._aux_sticky | (AuxiliaryFlag.SERVO_ON if self.servo_on else 0)
-        if self.profile.motion == Motion.PATH:
-            auxiliary |= AuxiliaryFlag.PATH_MODE
         error = max(-32768, min(32767, self.position_error))
         return Status(
             flags=flags,
@@ -224,7 +220,7 @@ class SimulatedModule:
             device_type=self.device_type,
             device_version=self.version,
             position_error=error,
-            path_points=len(self.profile.path),
+            path_points=0,
         )
 
     def _do_ResetPosition(self, command: nmc.ResetPosition) -> None:
@@ -330,11 +326,7 @@ class SimulatedModule:
         self.home = self.position
 
     def _do_PathPoints(self, command: nmc.PathPoints) -> None:
-        if command.words:
-            room = PATH_BUFFER - len(self.profile.path)
-            self.profile.path.extend(command.words[:room])
-        elif self.servo_on:
-            self.profile.motion = Motion.PATH
+        """Follow no path: nothing here sends one."""
 
     def _do_HardReset(self, command: nmc.HardReset) -> None:
         self.power_cycle()

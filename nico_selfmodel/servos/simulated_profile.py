@@ -1,14 +1,12 @@
 """The motion profiles of a simulated module, in the integers of the chip."""
 
 import math
-from collections import deque
 from enum import Enum
 
 from nico_selfmodel.servos.trajectory import UNITS_PER_COUNT
 
 LARGEST_PWM_VELOCITY = 20 * UNITS_PER_COUNT
 """Speed at full PWM, without a load: this simulation's own choice."""
-PATH_BUFFER = 128
 
 
 class Motion(Enum):
@@ -19,7 +17,6 @@ class Motion(Enum):
     TRAPEZOID = "trapezoid"
     VELOCITY = "velocity"
     PWM = "pwm"
-    PATH = "path"
 
 
 class SimulatedProfile:
@@ -38,9 +35,6 @@ class SimulatedProfile:
         self.target_velocity = 0
         """Magnitude in a trapezoid, signed in velocity mode."""
         self.acceleration = UNITS_PER_COUNT
-        self.path: deque[int] = deque()
-        """Words that wait."""
-        self._path_ticks = 0
 
     @property
     def at_rest(self) -> bool:
@@ -64,7 +58,6 @@ class SimulatedProfile:
     def switch_off(self) -> None:
         """Let go of the motor."""
         self.motion, self.velocity = Motion.OFF, 0
-        self.path.clear()
 
     def hold(self) -> None:
         """Stop at once and hold."""
@@ -82,12 +75,8 @@ class SimulatedProfile:
         """Be at a position without having moved there."""
         self.position = counts * UNITS_PER_COUNT
 
-    def tick(self, path_ticks: int) -> None:
-        """Advance by one servo tick.
-
-        Args:
-            path_ticks: How long a path point of the faster rate lasts [ticks].
-        """
+    def tick(self) -> None:
+        """Advance by one servo tick."""
         if self.motion == Motion.TRAPEZOID:
             self._tick_trapezoid()
         elif self.motion == Motion.VELOCITY:
@@ -97,8 +86,6 @@ class SimulatedProfile:
                 self.hold()
         elif self.motion == Motion.PWM:
             self.position += self.velocity
-        elif self.motion == Motion.PATH:
-            self._tick_path(path_ticks)
 
     def _approach(self, wanted: int) -> None:
         a = self.acceleration
@@ -113,16 +100,4 @@ class SimulatedProfile:
             self.position, self.velocity, self.motion = self.goal, 0, Motion.HOLD
             return
         self._approach(speed if distance > 0 else -speed)
-        self.position += self.velocity
-
-    def _tick_path(self, path_ticks: int) -> None:
-        if self._path_ticks == 0:
-            if not self.path:
-                self.hold()
-                return
-            word = self.path.popleft()
-            self._path_ticks = path_ticks * (2 if word & 2 else 1)
-            speed = (word & ~3) << 8
-            self.velocity = -speed if word & 1 else speed
-        self._path_ticks -= 1
         self.position += self.velocity

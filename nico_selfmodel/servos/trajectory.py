@@ -112,32 +112,6 @@ def acceleration_units(counts_per_s2: float, rate_divisor: int = 1) -> int:
     return _units(counts_per_s2 * tick**2, LARGEST_ACCELERATION, "acceleration")
 
 
-def counts_per_second(velocity: int, rate_divisor: int = 1) -> float:
-    """Return the speed [counts/s] of the chip's number."""
-    return velocity / UNITS_PER_COUNT / (TICK * rate_divisor)
-
-
-def path_word(delta_counts: int, *, slow: bool = True, fast_path: bool = False) -> int:
-    """Return the word of one path point: counts a tick in 8.8 format, two low bits reused.
-
-    Args:
-        delta_counts: Change of position during the point [counts].
-        slow: The slower of the two rates, 30 Hz (60 with `fast_path`), else twice that.
-        fast_path: Whether I/O Control has FAST_PATH set.
-
-    Returns:
-        The word.
-
-    Raises:
-        ValueError: If the step is too large for one point.
-    """
-    scale = (4 if slow else 8) * (2 if fast_path else 1)
-    word = abs(delta_counts) * scale
-    if word >= 0x8000:
-        raise ValueError(f"a path point moves at most {0x7FFF // scale} counts, got {delta_counts}")
-    return word | (delta_counts < 0) | slow << 1
-
-
 def _units(counts_per_tick: float, largest: int, what: str) -> int:
     units = counts_per_tick * UNITS_PER_COUNT
     if not 0.0 <= units <= largest:

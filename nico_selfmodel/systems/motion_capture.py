@@ -6,8 +6,8 @@ import numpy as np
 from numpy.typing import ArrayLike
 from pydrake.systems.framework import BasicVector, Context, LeafSystem
 
+from nico_selfmodel.arrays import frozen_array
 from nico_selfmodel.geometry.transform import apply
-from nico_selfmodel.model.arrays import frozen_array
 from nico_selfmodel.systems.closing import Closable
 
 

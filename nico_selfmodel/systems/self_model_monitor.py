@@ -11,14 +11,14 @@ from pydrake.systems.framework import BasicVector, Context, LeafSystem, State
 
 from nico_selfmodel.dataset import Dataset, JointInfo
 from nico_selfmodel.errors import ModelError
-from nico_selfmodel.estimation.diagnosis import Diagnosis, diagnose
-from nico_selfmodel.estimation.health import dated
-from nico_selfmodel.estimation.mixture_density import MixtureDensity
-from nico_selfmodel.estimation.monitor import Monitor
-from nico_selfmodel.estimation.monitored_changes import monitored_changes
-from nico_selfmodel.estimation.pose_residuals import PoseResiduals
-from nico_selfmodel.estimation.sightings import covariance_of, sightings_of
-from nico_selfmodel.estimation.training_noise import expected_noise
+from nico_selfmodel.estimation.monitoring.diagnosis import Diagnosis, diagnose
+from nico_selfmodel.estimation.monitoring.health import dated
+from nico_selfmodel.estimation.monitoring.monitor import Monitor
+from nico_selfmodel.estimation.monitoring.monitored_changes import monitored_changes
+from nico_selfmodel.estimation.noise.hand_observations import covariance_of, sightings_of
+from nico_selfmodel.estimation.noise.mixture_density import MixtureDensity
+from nico_selfmodel.estimation.noise.pose_residuals import PoseResiduals
+from nico_selfmodel.estimation.noise.training_noise import expected_noise
 from nico_selfmodel.model import SelfModel
 from nico_selfmodel.model.stereo_rig import EYES, StereoRig
 

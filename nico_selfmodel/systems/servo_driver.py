@@ -189,7 +189,7 @@ class ServoDriver(LeafSystem):
         loop = self._running()
         state = loop.state()
         assert state is not None  # the thread was started, which waits for the first
-        since = loop.arm.bus.port.now() - state.time
+        since = loop.arm.now() - state.time
         rows = state.rows.copy()
         rows[_AGE] += since
         if state.oldest + since >= _STALE:

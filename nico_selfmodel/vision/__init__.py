@@ -6,12 +6,10 @@ an integer is the centre of a pixel, u to the right, v down. Only files that can
 folders in which nothing was seen at all, raise.
 """
 
-from nico_selfmodel.vision.chessboard import WINDOW, Board, ChessboardDetection, find_chessboard
-from nico_selfmodel.vision.color_blob import ColorBlob, color_mask, find_color_blob
+from nico_selfmodel.vision.chessboard import WINDOW, Board, find_chessboard
+from nico_selfmodel.vision.color_blob import color_mask, find_color_blob
 from nico_selfmodel.vision.color_model import ColorModel
-from nico_selfmodel.vision.fiducial import Fiducial, find_fiducial, find_fiducials
-from nico_selfmodel.vision.fiducial_family import FiducialFamily
-from nico_selfmodel.vision.image_file import image_files, read_image, write_image
+from nico_selfmodel.vision.image_file import read_image, write_image
 from nico_selfmodel.vision.not_seen import NotSeen
 from nico_selfmodel.vision.stereo_images import (
     BoardDetections,
@@ -25,11 +23,7 @@ __all__ = [
     "WINDOW",
     "Board",
     "BoardDetections",
-    "ChessboardDetection",
-    "ColorBlob",
     "ColorModel",
-    "Fiducial",
-    "FiducialFamily",
     "NotSeen",
     "camera_images",
     "color_mask",
@@ -37,9 +31,6 @@ __all__ = [
     "detect_boards_of_one_eye",
     "find_chessboard",
     "find_color_blob",
-    "find_fiducial",
-    "find_fiducials",
-    "image_files",
     "read_image",
     "stereo_pairs",
     "write_image",

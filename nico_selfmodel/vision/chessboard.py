@@ -7,6 +7,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
+from nico_selfmodel.arrays import read_only
 from nico_selfmodel.vision.board_pattern import (
     continues_beyond,
     is_plain,
@@ -77,11 +78,11 @@ class Board:
         return flat * self.square
 
     def same_order(self, left: NDArray, right: NDArray) -> NDArray:
-        """Return the right eye's corners in the order of the left eye's.
+        """Return the right camera's corners in the order of the left camera's.
 
         Boards with an odd and an even number of corners are listed alike in every image anyway.
         Others look the same after half a turn (square ones after a quarter), which this undoes; it
-        takes the eyes to be rolled against each other by less than 90 degrees (45 for a square).
+        takes the cameras to be rolled against each other by less than 90 degrees (45 for a square).
 
         Args:
             left: Corners in the left image [px]. Shape (P, 2).
@@ -152,8 +153,7 @@ def find_chessboard(
         if problem:
             reasons.append(f"{method} found {problem}")
             continue
-        corners = standard_order(grid, gray).reshape(-1, 2).copy()
-        corners.flags.writeable = False
+        corners = read_only(standard_order(grid, gray).reshape(-1, 2))
         return ChessboardDetection(board, corners, method, used)
     return NotSeen("; ".join(reasons))
 

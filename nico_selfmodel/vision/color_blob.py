@@ -6,6 +6,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
+from nico_selfmodel.arrays import read_only
 from nico_selfmodel.vision.color_model import ColorModel
 from nico_selfmodel.vision.image_array import as_color, detectable
 from nico_selfmodel.vision.not_seen import NotSeen
@@ -24,8 +25,6 @@ class ColorBlob:
 
     center: NDArray
     """The point that counts, by `ColorModel.center` [px]. Shape (2,)."""
-    box_center: NDArray
-    """Middle of the bounding box [px]. Shape (2,)."""
     centroid: NDArray
     """Mean of its pixels [px]. Shape (2,)."""
     box: tuple[int, int, int, int]
@@ -103,7 +102,7 @@ def _blobs(mask: NDArray, model: ColorModel) -> tuple[ColorBlob, ...]:
     count, labels, table, centroids = cv2.connectedComponentsWithStats(
         mask.astype(np.uint8), connectivity=8
     )
-    labels.flags.writeable = False
+    labels = read_only(labels)
     areas = table[1:count, cv2.CC_STAT_AREA]
     order = (1 + np.argsort(-areas, kind="stable")[:_MOST_PATCHES]).tolist()
     return tuple(_blob(labels, k, table[k], centroids[k], model) for k in order)
@@ -184,15 +183,12 @@ def _blob(
     labels: NDArray, label: int, row: NDArray, centroid: NDArray, model: ColorModel
 ) -> ColorBlob:
     left, top, width, height = (int(value) for value in row[:4])
-    middle = np.array([left + 0.5 * (width - 1), top + 0.5 * (height - 1)])
+    middle = [left + 0.5 * (width - 1), top + 0.5 * (height - 1)]
     rows, columns = labels.shape
     cut = left == 0 or top == 0 or left + width == columns or top + height == rows
-    centroid = np.array(centroid)
-    for array in (middle, centroid):
-        array.flags.writeable = False
+    centroid = read_only(centroid)
     return ColorBlob(
-        center=middle if model.center == "box" else centroid,
-        box_center=middle,
+        center=read_only(middle) if model.center == "box" else centroid,
         centroid=centroid,
         box=(left, top, width, height),
         area_px=int(row[cv2.CC_STAT_AREA]),

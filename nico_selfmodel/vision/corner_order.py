@@ -5,7 +5,7 @@ and the next from top to bottom. Here the columns turn into the rows as u turns 
 first inner square is dark. With an odd and an even number of corners (9x6) that leaves one order
 only, whichever way up the board is held. With two even or two odd numbers a board looks the same
 after half a turn (a square one perhaps after a quarter), so that no image alone can tell: then the
-first row points to the right, and `same_order` makes the second eye agree with the first.
+first row points to the right, and `same_order` makes the second camera agree with the first.
 
 A grid of corners has shape (rows, columns, 2).
 """
@@ -35,11 +35,11 @@ def standard_order(grid: NDArray, gray: NDArray) -> NDArray:
 
 
 def same_order(left: NDArray, right: NDArray, columns: int, rows: int) -> NDArray:
-    """Return the right eye's corners in the order of the left eye's.
+    """Return the right camera's corners in the order of the left camera's.
 
-    The eyes look in nearly the same direction, so that of the orders that look alike the right one
-    is the nearest to the left one's once both are centred. That holds while one eye is rolled
-    against the other by less than 90 degrees (45 for a square board).
+    The cameras look in nearly the same direction, so that of the orders that look alike the right
+    one is the nearest to the left one's once both are centred. That holds while one camera is
+    rolled against the other by less than 90 degrees (45 for a square board).
 
     Args:
         left: Corners in the left image [px]. Shape (rows * columns, 2).

@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from nico_selfmodel.errors import DataError
 from nico_selfmodel.files import RESULT_FILE, folder_written_whole, refuse_folder
 from nico_selfmodel.files.csv_cells import quoted_cell, safe_cell
+from nico_selfmodel.progress import Progress
 from nico_selfmodel.vision.annotate import Seen, annotated
 from nico_selfmodel.vision.chessboard import (
     WINDOW,
@@ -24,7 +25,6 @@ from nico_selfmodel.vision.fiducial import fiducials_or_reason
 from nico_selfmodel.vision.fiducial_family import FiducialFamily
 from nico_selfmodel.vision.image_file import image_files, looking_at, read_image, write_image
 from nico_selfmodel.vision.not_seen import NotSeen
-from nico_selfmodel.vision.stereo_images import Progress
 
 FORMAT = "nico-detections/1"
 TABLE = "detections.csv"

@@ -7,6 +7,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
+from nico_selfmodel.arrays import read_only
 from nico_selfmodel.geometry.homography import apply_homography, homography, marker_center
 from nico_selfmodel.vision.fiducial_family import (
     DEFAULT_FAMILY,
@@ -152,8 +153,7 @@ def _in_image(
         if mirrored:
             corners[:, 0] = (gray.shape[1] - 1) - corners[:, 0]
         center = marker_center(corners)
-        corners.flags.writeable = center.flags.writeable = False
-        fiducial = Fiducial(family.name, marker, corners, center, mirrored)
+        fiducial = Fiducial(family.name, marker, read_only(corners), read_only(center), mirrored)
         if not any(other.id == marker for other in _overlapping(fiducial, found)):
             found.append(fiducial)
     return sorted(found, key=lambda item: item.id), vague

@@ -7,6 +7,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
+from nico_selfmodel.arrays import read_only
 from nico_selfmodel.errors import ModelError
 from nico_selfmodel.model.camera import Camera
 
@@ -67,8 +68,7 @@ class LensWarp:
         width, height = (int(side) for side in high - low)
         if max(width, height) > _LARGEST:
             raise ModelError(_too_large((width, height)))
-        K = np.array([[focal[0], 0.0, -low[0]], [0.0, focal[1], -low[1]], [0.0, 0.0, 1.0]])
-        K.flags.writeable = False
+        K = read_only([[focal[0], 0.0, -low[0]], [0.0, focal[1], -low[1]], [0.0, 0.0, 1.0]])
         # From the edge of the first pixel to its centre, which is what cv2.remap counts from.
         places = (ideal * focal - low - 0.5).astype(np.float32)
         places[np.isnan(places)] = -_MARGIN * 10.0
@@ -76,8 +76,7 @@ class LensWarp:
         blocks = np.isnan(ideal[..., 0]).reshape(
             camera.image_size[1], supersample, camera.image_size[0], supersample
         )
-        dark = np.asarray(blocks.all(axis=(1, 3)))
-        dark.flags.writeable = False
+        dark = read_only(blocks.all(axis=(1, 3)))
         return cls(camera, supersample, (width, height), K, dark, (maps[0], maps[1]))
 
     def apply(self, rendered: NDArray) -> NDArray:

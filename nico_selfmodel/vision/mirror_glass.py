@@ -1,10 +1,10 @@
 """What a flat mirror does to the picture of a pinhole camera.
 
-Through the glass an eye sees the world as its reflected twin behind the glass sees it through the
+Through the glass a camera sees the world as its reflected twin behind the glass sees it through the
 same glass. That twin is rendered as a camera that looks straight out of the glass: its near
 clipping plane can then be the glass itself, which cuts off all that stands behind the mirror. The
-glass is one plane to both cameras, so that a homography carries the twin's picture into the eye's;
-it also turns left and right round.
+glass is one plane to both cameras, so that a homography carries the twin's picture into the
+camera's; it also turns left and right round.
 """
 
 from dataclasses import dataclass
@@ -23,7 +23,7 @@ _SHARPNESS = 0.75
 _MARGIN = 4
 """Pixels of the twin's picture around the glass, for the interpolation."""
 _NEAREST = 1e-3
-"""An eye nearer to the plane of the glass sees it edge-on [m]."""
+"""A camera nearer to the plane of the glass sees it edge-on [m]."""
 _TOLERANCE = 1e-3
 """What is this little before the glass counts as lying on it [m]."""
 _SUBPIXEL = 4

@@ -173,14 +173,14 @@ class _Pace:
 
 
 def opener(
-    source: int | str | Path, eye: str, size: Size, fps: float
+    source: int | str | Path, side: str, size: Size, fps: float
 ) -> Callable[[float], PictureSource]:
     """Return what opens a source, given the time at which a file begins to play [s, monotonic].
 
     Args:
         source: Number of a V4L2 camera (or `/dev/videoN`), a video file, or a folder of images;
-            a folder with `left*` and `right*` may be given for both eyes.
-        eye: `left` or `right`.
+            a folder with `left*` and `right*` may be given for both cameras.
+        side: `left` or `right`.
         size: Width and height of the pictures [px].
         fps: Pictures a second, for cameras and folders [1/s].
 
@@ -193,7 +193,7 @@ def opener(
     path = Path(str(source))
     if path.is_dir():
         names = [file.stem.lower() for file in image_files(path)]
-        prefix = eye if any(name.startswith(eye) for name in names) else ""
+        prefix = side if any(name.startswith(side) for name in names) else ""
         return lambda begin: ImageFolder(path, begin, fps, prefix)
     if not path.is_file():  # a pipe would be waited for
         raise CameraLostError(f"{source}: no camera's number, no video and no folder of images")

@@ -16,12 +16,12 @@ from nico_selfmodel.vision.picture_sources import CameraLostError, PictureSource
 
 EYES = ("left", "right")
 _KEPT = 4
-"""Pictures of each eye that wait for a partner; older ones are dropped."""
+"""Pictures of each camera that wait for a partner; older ones are dropped."""
 
 
 @dataclass(frozen=True, eq=False)
 class StereoPair:
-    """What both eyes saw at one time."""
+    """What both cameras saw at one time."""
 
     images: tuple[NDArray, NDArray]
     """Left and right picture, BGR, 8 bits. Shape (h, w, 3)."""
@@ -78,7 +78,7 @@ class StereoCapture:
         self.size, self.fps, self.patience = size, fps, patience
         self.tolerance = 0.5 / fps if tolerance is None else tolerance
         self._sources = (left, right)
-        self._eyes: list[_Eye] = []
+        self._cameras: list[_Camera] = []
         self._last: StereoPair | None = None
 
     def __enter__(self) -> Self:
@@ -91,12 +91,14 @@ class StereoCapture:
     @property
     def is_open(self) -> bool:
         """Whether the cameras are read."""
-        return bool(self._eyes)
+        return bool(self._cameras)
 
     @property
     def dropped(self) -> tuple[int, int]:
-        """How many pictures of each eye were never part of a pair that somebody took."""
-        left, right = (eye.count - eye.used for eye in self._eyes) if self._eyes else (0, 0)
+        """How many pictures of each camera were never part of a pair that somebody took."""
+        left, right = (
+            (camera.count - camera.used for camera in self._cameras) if self._cameras else (0, 0)
+        )
         return left, right
 
     def open(self, timeout: float = 10.0) -> StereoPair:
@@ -112,15 +114,15 @@ class StereoCapture:
             RobotError: If they are open already, or a camera cannot be opened, gives nothing, or
                 pictures of another size.
         """
-        if self._eyes:
+        if self._cameras:
             raise RobotError("the cameras are open already: close them first")
         begin, self._last = time.monotonic(), None
         try:
-            for eye, source in zip(EYES, self._sources, strict=True):
-                opened = source if callable(source) else opener(source, eye, self.size, self.fps)
-                self._eyes.append(_Eye(eye, opened(begin), self.size))
-            for eye in self._eyes:
-                eye.start()
+            for side, source in zip(EYES, self._sources, strict=True):
+                opened = source if callable(source) else opener(source, side, self.size, self.fps)
+                self._cameras.append(_Camera(side, opened(begin), self.size))
+            for camera in self._cameras:
+                camera.start()
             while True:
                 pair = self._pair()
                 if pair is not None:
@@ -139,7 +141,7 @@ class StereoCapture:
             RobotError: If the cameras are not open, one has failed or been silent, or the newest
                 pair is older than `patience`; says which and why.
         """
-        if not self._eyes:
+        if not self._cameras:
             raise RobotError("the cameras are not open: call open first")
         pair = self._pair()
         if pair is None or time.monotonic() - pair.time > self.patience:
@@ -148,34 +150,34 @@ class StereoCapture:
 
     def close(self) -> None:
         """Free both devices; never fails. A camera that hangs is freed when it wakes up."""
-        eyes, self._eyes = self._eyes, []
-        for eye in eyes:
-            eye.end()
-        for eye in eyes:
-            eye.join(self.patience)
+        cameras, self._cameras = self._cameras, []
+        for camera in cameras:
+            camera.end()
+        for camera in cameras:
+            camera.join(self.patience)
 
     def _pair(self) -> StereoPair | None:
         """Return the newest pictures that were taken at one time, None if there are none yet."""
-        for eye in self._eyes:
-            eye.check()
-        left, right = ([*eye.pictures] for eye in self._eyes)
+        for camera in self._cameras:
+            camera.check()
+        left, right = ([*camera.pictures] for camera in self._cameras)
         pairs = [(a, b) for a in left for b in right if abs(a.taken - b.taken) <= self.tolerance]
         if not pairs:
             return self._last
         a, b = max(pairs, key=lambda pair: (pair[0].taken + pair[1].taken, -_apart(*pair)))
-        for eye, picture in zip(self._eyes, (a, b), strict=True):
-            eye.note(picture.taken)
+        for camera, picture in zip(self._cameras, (a, b), strict=True):
+            camera.note(picture.taken)
         self._last = StereoPair((a.image, b.image), (a.taken, b.taken))
         return self._last
 
     def _why(self) -> str:
-        now, newest = time.monotonic(), [eye.newest for eye in self._eyes]
-        for eye, taken in zip(self._eyes, newest, strict=True):
+        now, newest = time.monotonic(), [camera.newest for camera in self._cameras]
+        for camera, taken in zip(self._cameras, newest, strict=True):
             if taken is None:
-                return f"the {eye.eye} camera {eye.source.name} gave nothing"
+                return f"the {camera.side} camera {camera.source.name} gave nothing"
             if now - taken > self.patience:
                 return (
-                    f"the {eye.eye} camera {eye.source.name} has been silent for "
+                    f"the {camera.side} camera {camera.source.name} has been silent for "
                     f"{now - taken:.1f} s: check its cable"
                 )
         return (
@@ -188,17 +190,17 @@ def _apart(one: _Picture, other: _Picture) -> float:
     return abs(one.taken - other.taken)
 
 
-class _Eye:
+class _Camera:
     """One source and the thread that reads it. The thread frees the device when it ends."""
 
-    def __init__(self, eye: str, source: PictureSource, size: Size) -> None:
-        self.eye, self.source, self._size = eye, source, size
+    def __init__(self, side: str, source: PictureSource, size: Size) -> None:
+        self.side, self.source, self._size = side, source, size
         self.pictures: deque[_Picture] = deque(maxlen=_KEPT)
         self.count = self.used = 0
         self._last_used = -1.0
         self._failure: BaseException | None = None
         self._ending = False
-        self._thread = threading.Thread(target=self._run, name=f"{eye} camera", daemon=True)
+        self._thread = threading.Thread(target=self._run, name=f"{side} camera", daemon=True)
 
     @property
     def newest(self) -> float | None:
@@ -217,7 +219,7 @@ class _Eye:
     def check(self) -> None:
         """Raise what the thread failed with, with that as its cause."""
         if self._failure is not None:
-            raise CameraLostError(f"{self.eye} eye: {self._failure}") from self._failure
+            raise CameraLostError(f"{self.side} camera: {self._failure}") from self._failure
 
     def end(self) -> None:
         self._ending = True
@@ -240,7 +242,7 @@ class _Eye:
                     )
                 self.pictures.append(_Picture(taken, image))
                 self.count += 1
-        except Exception as error:  # whatever it is, whoever uses the eyes must see it
+        except Exception as error:  # whatever it is, whoever uses the cameras must see it
             self._failure = error
         finally:
             with suppress(SelfModelError, OSError):

@@ -6,7 +6,7 @@ from collections import Counter
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, Protocol
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -15,6 +15,7 @@ from nico_selfmodel.dataset.board_views import BoardViews
 from nico_selfmodel.errors import DataError
 from nico_selfmodel.files.reading import LARGEST_PICTURE, read_bytes, real_path
 from nico_selfmodel.names import listed
+from nico_selfmodel.progress import Progress
 from nico_selfmodel.vision.chessboard import (
     WINDOW,
     Board,
@@ -29,24 +30,16 @@ _IMAGES_FOR_A_HINT = 6
 _WIDEST_WINDOW = 0.7  # of a square; from 0.85 on, corners are drawn to their neighbours
 
 
-class Progress(Protocol):
-    """What long jobs call to tell how far they are."""
-
-    def __call__(self, what: str, done: int, total: int) -> None:
-        """Show that `done` of `total` steps of `what` are done."""
-        ...
-
-
 @dataclass(frozen=True, eq=False)
 class BoardDetections:
-    """One board as one or two eyes saw it."""
+    """One board as one or two cameras saw it."""
 
     board: Board
     """What was looked for."""
     views: BoardViews
-    """The corners, in the same order in both eyes; views are named by what follows `left`."""
+    """The corners, in the same order in both cameras; views are named by what follows `left`."""
     files: Mapping[str, tuple[Path, ...]]
-    """Photograph of each view, by eye."""
+    """Photograph of each view, by camera."""
     window: int
     """Half side of the sub-pixel window [px]."""
     not_seen: Mapping[str, str]
@@ -54,7 +47,7 @@ class BoardDetections:
 
     @property
     def seen_views(self) -> BoardViews:
-        """The views in which some eye saw the board."""
+        """The views in which some camera saw the board."""
         return self.views.select(self.views.seen.any(axis=(1, 2)))
 
     @property
@@ -66,8 +59,8 @@ class BoardDetections:
             "window_px": self.window,
             "images": sum(len(files) for files in self.files.values()),
             "files": {
-                eye: dict(zip(self.views.names, (path.name for path in files), strict=True))
-                for eye, files in self.files.items()
+                side: dict(zip(self.views.names, (path.name for path in files), strict=True))
+                for side, files in self.files.items()
             },
             "not_seen": dict(self.not_seen),
         }
@@ -82,10 +75,10 @@ class BoardDetections:
         return {"images": folder, "board": str(self.board), "images_sha256": digest.hexdigest()}
 
     def read_images(self) -> dict[str, "Photographs"]:
-        """Return the photographs again, each read when it is asked for. Eye -> view -> image."""
+        """Return the photographs again, each read when it is asked for. Camera -> view -> image."""
         return {
-            eye: Photographs(dict(zip(self.views.names, files, strict=True)))
-            for eye, files in self.files.items()
+            side: Photographs(dict(zip(self.views.names, files, strict=True)))
+            for side, files in self.files.items()
         }
 
 
@@ -148,8 +141,8 @@ def stereo_pairs(folder: str | Path) -> list[tuple[str, Path, Path]]:
         Name of the view, left path, right path, with view 2 before view 10.
 
     Raises:
-        DataError: If the folder is missing or holds no images, those of one eye only, two for one
-            view, or images without a partner; names them.
+        DataError: If the folder is missing or holds no images, those of one camera only, two for
+            one view, or images without a partner; names them.
     """
     names = [path.stem.lower() for path in image_files(folder)]
     sides = [any(name.startswith(side) for name in names) for side in ("left", "right")]
@@ -161,7 +154,7 @@ def stereo_pairs(folder: str | Path) -> list[tuple[str, Path, Path]]:
     if not all(sides):
         here, missing = ("left", "right") if sides[0] else ("right", "left")
         raise DataError(
-            f"{folder}: images of one eye only: {here}* without {missing}*; a pair needs both"
+            f"{folder}: images of one camera only: {here}* without {missing}*; a pair needs both"
         )
     left, right = dict(camera_images(folder, "left")), dict(camera_images(folder, "right"))
     if len(left) == len(right) == 1 and set(left) == {"left"} and set(right) == {"right"}:
@@ -170,8 +163,8 @@ def stereo_pairs(folder: str | Path) -> list[tuple[str, Path, Path]]:
     alone += [path.name for name, path in right.items() if name not in left]
     if alone:
         raise DataError(
-            f"{folder}: images without a partner in the other eye: {listed(alone, most=6)}; pairs"
-            " are named alike after left and right, as left01 and right01"
+            f"{folder}: images without a partner in the other camera: {listed(alone, most=6)};"
+            " pairs are named alike after left and right, as left01 and right01"
         )
     return [(name, path, right[name]) for name, path in left.items()]
 
@@ -182,7 +175,7 @@ def detect_boards(
     window: int = WINDOW,
     progress: Progress | None = None,
 ) -> BoardDetections:
-    """Find a board in the photographs of both eyes.
+    """Find a board in the photographs of both cameras.
 
     Args:
         images: A folder (see `stereo_pairs`), or name, left path and right path of each view.
@@ -191,7 +184,7 @@ def detect_boards(
         progress: Told how many images are done.
 
     Returns:
-        The corners, in the same order in both eyes.
+        The corners, in the same order in both cameras.
 
     Raises:
         DataError: If the images cannot be read or paired, differ in size, or show no such board.
@@ -214,7 +207,7 @@ def detect_boards_of_one_eye(
     board: Board,
     window: int = WINDOW,
     progress: Progress | None = None,
-    eye: str = "left",
+    side: str = "left",
 ) -> BoardDetections:
     """Find a board in the photographs of one camera.
 
@@ -223,7 +216,7 @@ def detect_boards_of_one_eye(
         board: What to look for.
         window: Half side of the sub-pixel window [px].
         progress: Told how many images are done.
-        eye: What the camera is called.
+        side: What the camera is called.
 
     Returns:
         The corners.
@@ -234,8 +227,8 @@ def detect_boards_of_one_eye(
     files = [path for _, path in images]
     found, size = _find(files, board, window, progress)
     names = tuple(name for name, _ in images)
-    views = BoardViews(board.points, names, (eye,), _corners(found, board), size)
-    return BoardDetections(board, views, {eye: tuple(files)}, window, _not_seen(files, found))
+    views = BoardViews(board.points, names, (side,), _corners(found, board), size)
+    return BoardDetections(board, views, {side: tuple(files)}, window, _not_seen(files, found))
 
 
 def _find(

@@ -12,7 +12,7 @@ from matplotlib.figure import Figure
 
 from nico_selfmodel.dataset import Dataset
 from nico_selfmodel.estimation import BodyCalibration, Verdict, WorkspaceAccuracy
-from nico_selfmodel.estimation.body_document import noise_words
+from nico_selfmodel.estimation.body.body_result import noise_words
 from nico_selfmodel.files import refuse_folder
 from nico_selfmodel.plant import ArmDescription
 from nico_selfmodel.viz import palette

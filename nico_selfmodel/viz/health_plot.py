@@ -4,7 +4,7 @@ import numpy as np
 from matplotlib.figure import Figure
 from matplotlib.ticker import MaxNLocator
 
-from nico_selfmodel.estimation.health import HealthReport
+from nico_selfmodel.estimation.monitoring.health import HealthReport
 from nico_selfmodel.viz import palette
 from nico_selfmodel.viz.plot_style import FULL_WIDTH, headline, log_ticks, style
 

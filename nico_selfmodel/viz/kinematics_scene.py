@@ -5,7 +5,7 @@ from numpy.typing import NDArray
 
 from nico_selfmodel.dataset import Sweep
 from nico_selfmodel.estimation import KinematicCalibration
-from nico_selfmodel.estimation.circle_points import crossing_of
+from nico_selfmodel.estimation.initialization.circle_points import crossing_of
 from nico_selfmodel.geometry.transform import apply
 from nico_selfmodel.model import SelfModel
 from nico_selfmodel.plant import ArmDescription

@@ -6,8 +6,8 @@ from typing import Any
 
 from matplotlib.figure import Figure
 
-from nico_selfmodel.estimation.mirror import MirrorCalibration
-from nico_selfmodel.estimation.verdict import Verdict
+from nico_selfmodel.estimation.mirrors.mirror import MirrorCalibration
+from nico_selfmodel.estimation.results.verdict import Verdict
 from nico_selfmodel.plant import ArmDescription
 from nico_selfmodel.viz.distribution_plot import distribution, error_sets
 from nico_selfmodel.viz.document_tables import facts, parameter_table, statistics_table

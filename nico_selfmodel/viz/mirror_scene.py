@@ -3,7 +3,7 @@
 import numpy as np
 from numpy.typing import NDArray
 
-from nico_selfmodel.estimation.mirror import MirrorCalibration
+from nico_selfmodel.estimation.mirrors.mirror import MirrorCalibration
 from nico_selfmodel.geometry.transform import apply, inverse
 from nico_selfmodel.model import Mirror, MirrorRig, StereoRig
 from nico_selfmodel.plant import ArmDescription

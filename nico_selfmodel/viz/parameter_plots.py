@@ -9,7 +9,7 @@ from matplotlib.ticker import MaxNLocator
 from numpy.typing import NDArray
 
 from nico_selfmodel.estimation import KinematicCalibration
-from nico_selfmodel.estimation.start_search import StartSearch
+from nico_selfmodel.estimation.initialization.start_search import StartSearch
 from nico_selfmodel.optimization import Uncertainty
 from nico_selfmodel.viz import palette
 from nico_selfmodel.viz.blind_parameters import blind_parameters

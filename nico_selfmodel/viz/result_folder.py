@@ -6,13 +6,7 @@ from typing import Any
 
 from nico_selfmodel.dataset import Dataset
 from nico_selfmodel.errors import DataError, ModelError
-from nico_selfmodel.estimation import (
-    CameraAssessment,
-    KinematicCalibration,
-    Verdict,
-    camera_document,
-    result_document,
-)
+from nico_selfmodel.estimation import CameraAssessment, KinematicCalibration, Verdict, to_json
 from nico_selfmodel.files import refuse_folder
 from nico_selfmodel.files.reading import LARGEST_SCENE, read_text
 from nico_selfmodel.model import SelfModel
@@ -62,7 +56,7 @@ def write_result_folder(
     """
     folder = Path(folder)
     refuse_folder(folder, force=force)
-    document = result_document(calibration, verdict) if document is None else document
+    document = to_json(calibration, verdict) if document is None else document
     scene = calibration_scene(calibration, robot)
     texts = shown(report_html(calibration, verdict, document, scene), scene)
     if urdf_text is not None:
@@ -102,7 +96,7 @@ def write_camera_folder(
     """
     folder = Path(folder)
     refuse_folder(folder, force=force)
-    document = camera_document(assessment, verdict) if document is None else document
+    document = to_json(assessment, verdict) if document is None else document
     scene = camera_scene(assessment, images, name=model.name)
     report = camera_report_html(assessment, verdict, document, images, scene, model=model)
     return write_folder(folder, model, document, shown(report, scene), force=force)

@@ -11,9 +11,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from nico_selfmodel.arrays import frozen_array
 from nico_selfmodel.errors import DataError, ModelError
 from nico_selfmodel.files.json_text import parse_json
-from nico_selfmodel.model.arrays import frozen_array
 from nico_selfmodel.model.document_values import damage
 from nico_selfmodel.names import listed, shown
 from nico_selfmodel.viz.scene_items import ITEM_KINDS, Item, Rgba

@@ -5,7 +5,7 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import NDArray
 
-from nico_selfmodel.model.arrays import as_floats, frozen_array
+from nico_selfmodel.arrays import as_floats, frozen_array
 
 Rgba = tuple[float, float, float, float]
 

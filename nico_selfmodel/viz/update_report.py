@@ -7,9 +7,9 @@ from typing import Any
 import numpy as np
 from matplotlib.figure import Figure
 
-from nico_selfmodel.estimation.health import HealthReport
-from nico_selfmodel.estimation.update_evaluation import UpdateEvaluation
-from nico_selfmodel.estimation.verdict import Verdict
+from nico_selfmodel.estimation.monitoring.health import HealthReport
+from nico_selfmodel.estimation.monitoring.update_evaluation import UpdateEvaluation
+from nico_selfmodel.estimation.results.verdict import Verdict
 from nico_selfmodel.files import refuse_folder
 from nico_selfmodel.plant import ArmDescription
 from nico_selfmodel.viz import palette

@@ -5,8 +5,8 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
-from nico_selfmodel.estimation.pixel_observations import columns_of
-from nico_selfmodel.estimation.update_evaluation import HeldAgainst, UpdateEvaluation
+from nico_selfmodel.estimation.monitoring.update_evaluation import HeldAgainst, UpdateEvaluation
+from nico_selfmodel.estimation.observations.pixel_observations import columns_of
 from nico_selfmodel.geometry.transform import apply
 from nico_selfmodel.model import SelfModel
 from nico_selfmodel.plant import ArmDescription

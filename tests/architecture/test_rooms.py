@@ -11,6 +11,8 @@ import tomllib
 ALLOWED = {
     "__init__": set(),
     "errors": set(),
+    "arrays": {"numpy"},
+    "progress": set(),
     "files": {"yaml"},
     "names": set(),
     "geometry": {"numpy"},

@@ -4,11 +4,11 @@ import numpy as np
 import pytest
 from scipy.optimize import least_squares
 
-from nico_selfmodel.estimation.arm_views import LinesView
-from nico_selfmodel.estimation.body_problem import BodyProblem
-from nico_selfmodel.estimation.body_start import body_start, lines_of
-from nico_selfmodel.estimation.hand_noise import HandNoise
-from nico_selfmodel.estimation.pixel_observations import PixelObservations
+from nico_selfmodel.estimation.body.body_initialization import body_start, lines_of
+from nico_selfmodel.estimation.body.body_problem import BodyProblem
+from nico_selfmodel.estimation.noise.hand_noise import HandNoise
+from nico_selfmodel.estimation.observations.arm_views import LinesView
+from nico_selfmodel.estimation.observations.pixel_observations import PixelObservations
 from nico_selfmodel.experiments.projected_nico import ProjectedNico
 from nico_selfmodel.experiments.refinement import simulated_scenario
 from nico_selfmodel.model.line_kinematics import hand_points

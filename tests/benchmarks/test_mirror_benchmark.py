@@ -2,8 +2,8 @@
 
 import pytest
 
-from nico_selfmodel.estimation.mirror_solution import solve_mirrors, start_mirrors
-from nico_selfmodel.estimation.reflections import ReflectionNoise, Reflections
+from nico_selfmodel.estimation.mirrors.mirror_solution import solve_mirrors, start_mirrors
+from nico_selfmodel.estimation.mirrors.reflections import ReflectionNoise, Reflections
 from nico_selfmodel.experiments.mirror_body import mirror_body
 
 pytestmark = pytest.mark.benchmark

@@ -256,7 +256,7 @@ def test_models_and_data_that_do_not_suit_are_refused(recorded, body, command, t
         *("--stage", "kinematics", "--out", out),
     )
     assert done.returncode == 2
-    assert "no pair of eyes" in done.stderr
+    assert "no pair of cameras" in done.stderr
     blind = command("check", tmp_path / "arm.yaml", folder / "later")
     assert blind.returncode == 2
     assert "has no eyes, and data set 'later' holds nothing but pixels" in blind.stderr

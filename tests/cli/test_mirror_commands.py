@@ -111,7 +111,7 @@ def test_a_missed_bound_fails_and_writes_its_folder(command, inputs, tmp_path):
         (("--require-test-px", "-1"), "must be a positive number"),
         (("--test-fraction", "0.3", "--test", "{test}"), "not both"),
         (("--test", "{train}"), "nothing would be held out"),
-        (("--joint-sigma-deg", "-1"), "joint_sigma must be zero or positive"),
+        (("--joint-sigma-deg", "-1"), "joint_sigma must lie between 0 and pi"),
         (("--loss", "mean"), "no loss 'mean'"),
     ],
 )

@@ -10,14 +10,10 @@ import time
 
 import pytest
 
-from nico_selfmodel.servos import (
-    ArmController,
-    MotorClient,
-    ServoConfig,
-    SimulatedBus,
-    SimulatedHand,
-    SimulatedModule,
-)
+from nico_selfmodel.servos import ArmController, ServoConfig, SimulatedBus, SimulatedHand
+from nico_selfmodel.servos.simulated_module import SimulatedModule
+
+from ..servos.motor_client import MotorClient
 
 JOINT = """
   - name: {name}

@@ -101,7 +101,7 @@ def test_an_image_without_its_partner_is_named(spoilt, tmp_path, command):
 def test_images_of_one_eye_only_are_refused(spoilt, tmp_path, command):
     for path in spoilt.glob("right*"):
         path.unlink()
-    assert "one eye only" in refused(command, spoilt, tmp_path)
+    assert "one camera only" in refused(command, spoilt, tmp_path)
 
 
 def test_images_of_different_sizes_are_refused_with_their_names(spoilt, tmp_path, command):

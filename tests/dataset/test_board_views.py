@@ -79,8 +79,8 @@ def test_a_split_that_leaves_nothing_to_learn_from_is_refused(views):
         ({"eyes": ("left",)}, r"pixels must have shape \(4, 3, 2\)"),
         ({"p_GQ": BOARD[:, :2]}, r"p_GQ \(P, 3\), got .* \(3, 2\)"),
         ({"names": ("01", "01", "02", "03")}, "views must have names of their own"),
-        ({"eyes": ("left", "middle")}, "eyes must be left, right or both"),
-        ({"eyes": (), "pixels": np.zeros((4, 3, 0))}, "eyes must be left, right or both"),
+        ({"eyes": ("left", "middle")}, "cameras must be left, right or both"),
+        ({"eyes": (), "pixels": np.zeros((4, 3, 0))}, "cameras must be left, right or both"),
     ],
 )
 def test_views_that_make_no_sense_are_refused(views, change, message):

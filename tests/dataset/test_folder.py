@@ -10,7 +10,8 @@ import yaml
 from hypothesis import HealthCheck, given, settings
 from hypothesis.extra.numpy import arrays
 
-from nico_selfmodel.dataset import Dataset, JointInfo, load_dataset, save_dataset
+from nico_selfmodel.dataset import Dataset, JointInfo
+from nico_selfmodel.dataset.folder import load_dataset, save_dataset
 from nico_selfmodel.errors import DataError
 from nico_selfmodel.files.yaml_mapping import read_yaml_mapping
 

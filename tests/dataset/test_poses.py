@@ -8,7 +8,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from nico_selfmodel.dataset import Dataset, JointInfo
-from nico_selfmodel.dataset.poses import held_out_of, pose_numbers
+from nico_selfmodel.dataset.held_out import held_out_of
+from nico_selfmodel.dataset.poses import pose_numbers
 from nico_selfmodel.errors import DataError
 
 JOINTS = (JointInfo("a", "rad", None), JointInfo("b", "rad", None))

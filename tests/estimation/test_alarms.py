@@ -13,7 +13,7 @@ import numpy as np
 import pytest
 
 from nico_selfmodel.estimation import calibrate_body, calibrate_kinematics, check_health
-from nico_selfmodel.estimation.monitor import chance_of_false_alarm
+from nico_selfmodel.estimation.monitoring.monitor import chance_of_false_alarm
 from nico_selfmodel.experiments.projected_nico import ProjectedNico
 from nico_selfmodel.experiments.refinement import simulated_scenario
 

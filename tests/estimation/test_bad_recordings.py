@@ -8,10 +8,10 @@ import pytest
 
 from nico_selfmodel.dataset import Dataset
 from nico_selfmodel.estimation import calibrate_kinematics, evaluate, judge, judge_evaluation
-from nico_selfmodel.estimation.misfit_causes import unwrapped_readings
-from nico_selfmodel.estimation.nominal_check import robot_reason
-from nico_selfmodel.estimation.observations import Observations
-from nico_selfmodel.estimation.outlier_words import (
+from nico_selfmodel.estimation.diagnosis.fault_hypotheses import unwrapped_readings
+from nico_selfmodel.estimation.diagnosis.nominal_check import robot_reason
+from nico_selfmodel.estimation.observations.observations import Observations
+from nico_selfmodel.estimation.observations.outlier_words import (
     chance_of_more,
     describe_outliers,
     foreign_markers,
@@ -63,7 +63,7 @@ def test_held_out_outliers_are_told_apart_from_the_error_of_the_model(train, tes
     assert "mean error on 40 poses that were held out, 38 of 40 points" in verdict.reasons[0]
     assert "samples 8, 13" in verdict.reasons[0]
     assert verdict.reasons[1].startswith("4 of 70 training points were set aside: samples 5, 21,")
-    again = judge_evaluation(result.model, evaluate(result.model, spoiled_test))
+    again = judge_evaluation(result.model, spoiled_test, evaluate(result.model, spoiled_test))
     assert again.status == "PASS"
     assert "2 of 40 points are further off" in again.reasons[0]
 
@@ -73,7 +73,7 @@ def test_held_out_points_that_are_wrong_far_more_often_than_training_points_fail
     result = calibrate_kinematics(train, test=spoiled)
     assert "8 of 40 held-out points are further off" in judge(result).reasons[0]
     most = moved(test_data, np.arange(12), [0.0, 0.2, 0.0])
-    assert judge_evaluation(result.model, evaluate(result.model, most)).status == "FAIL"
+    assert judge_evaluation(result.model, most, evaluate(result.model, most)).status == "FAIL"
 
 
 def test_a_frozen_encoder_is_named(train):

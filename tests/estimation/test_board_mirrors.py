@@ -6,15 +6,15 @@ import numpy as np
 import pytest
 from numpy.testing import assert_allclose
 
-from nico_selfmodel.dataset import MirroredBoards
+from nico_selfmodel.dataset.mirrored_boards import MirroredBoards
 from nico_selfmodel.errors import DataError, EstimationError, NotIdentifiableError
 from nico_selfmodel.estimation import CameraOptions, calibrate_board_mirrors
-from nico_selfmodel.estimation.board_mirror_residuals import BoardMirrorResiduals
-from nico_selfmodel.estimation.board_mirrors import place_boards
-from nico_selfmodel.estimation.board_reflections import board_reflections
-from nico_selfmodel.estimation.mirror_evaluation import MirrorEvaluation
-from nico_selfmodel.estimation.mirror_solution import solve_mirrors, start_mirrors
-from nico_selfmodel.estimation.reflections import ReflectionNoise
+from nico_selfmodel.estimation.mirrors.board_mirror_residuals import BoardMirrorResiduals
+from nico_selfmodel.estimation.mirrors.board_mirrors import place_boards
+from nico_selfmodel.estimation.mirrors.board_reflections import board_reflections
+from nico_selfmodel.estimation.mirrors.mirror_evaluation import MirrorEvaluation
+from nico_selfmodel.estimation.mirrors.mirror_solution import solve_mirrors, start_mirrors
+from nico_selfmodel.estimation.mirrors.reflections import ReflectionNoise
 from nico_selfmodel.geometry.rotation import rotation_from_vector
 from nico_selfmodel.geometry.transform import apply, transform
 from nico_selfmodel.model import Camera, Mirror, SelfModel

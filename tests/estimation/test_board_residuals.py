@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from nico_selfmodel.estimation.board_residuals import BoardResiduals
+from nico_selfmodel.estimation.cameras.board_residuals import BoardResiduals
 from nico_selfmodel.geometry.rotation import rotation_from_vector
 from nico_selfmodel.model.camera import INTRINSICS
 

@@ -8,20 +8,18 @@ import pytest
 
 from nico_selfmodel.dataset import BoardViews
 from nico_selfmodel.errors import DataError, ModelError
-from nico_selfmodel.estimation import (
-    BodyOptions,
-    body_document,
-    calibrate_body,
-    evaluate,
-    judge_body,
+from nico_selfmodel.estimation import BodyOptions, calibrate_body, evaluate, judge, to_json
+from nico_selfmodel.estimation.body.body_initialization import (
+    in_left_eye,
+    lines_of,
+    reconstructed,
 )
-from nico_selfmodel.estimation.arm_views import LinesView
-from nico_selfmodel.estimation.board_check import BoardCheck
-from nico_selfmodel.estimation.body_start import in_left_eye, lines_of, reconstructed
-from nico_selfmodel.estimation.camera_start import pose_of_seen_boards
-from nico_selfmodel.estimation.hand_pixels import HandPixels
-from nico_selfmodel.estimation.pixel_evaluation import evaluate_pixels
-from nico_selfmodel.estimation.pixel_observations import PixelObservations
+from nico_selfmodel.estimation.cameras.board_check import BoardCheck
+from nico_selfmodel.estimation.cameras.camera_initialization import pose_of_seen_boards
+from nico_selfmodel.estimation.observations.arm_views import LinesView
+from nico_selfmodel.estimation.observations.hand_pixels import HandPixels
+from nico_selfmodel.estimation.observations.pixel_evaluation import evaluate_pixels
+from nico_selfmodel.estimation.observations.pixel_observations import PixelObservations
 from nico_selfmodel.geometry.rotation import rotation_from_vector
 from nico_selfmodel.geometry.transform import apply, transform
 from nico_selfmodel.model import SelfModel, StereoRig
@@ -38,7 +36,7 @@ LEARNED_ANYWAY = {("kinematics", "anchored"), ("full", "anchored"), ("full", "th
 def uncrossed(monkeypatch):
     """Leave out the cross-validation, half of the time, where a test does not look at it."""
     learned(0)  # is kept for all tests: never without what others look at
-    monkeypatch.setattr("nico_selfmodel.estimation.body.cross_validate_body", lambda *_: None)
+    monkeypatch.setattr("nico_selfmodel.estimation.body.body.cross_validate_body", lambda *_: None)
 
 
 def true_mm(calibration, seed=0):
@@ -109,7 +107,7 @@ def test_without_boards_only_the_scale_is_open():
 def test_anchored_the_true_error_falls_and_the_eyes_measure_better():
     found = learned(0)
     alone = learned(0, stage="kinematics")
-    assert judge_body(found).status == "PASS"
+    assert judge(found).status == "PASS"
     assert true_mm(found) < 2.6 < true_mm(alone)
     assert found.boards is not None
     assert found.boards.after.edge_sd < found.boards.before.edge_sd
@@ -128,11 +126,11 @@ def test_the_thesis_own_variant_is_flagged_and_refused():
     alone = learned(0, stage="kinematics")
     assert found.test.statistics.mean < alone.test.statistics.mean
     assert true_mm(found) > 5.0
-    verdict = judge_body(found)
+    verdict = judge(found)
     assert verdict.status == "FAIL"
     assert any("boards" in reason for reason in verdict.reasons)
-    assert any("the thesis' own variant" in words for words in judge_body(found).warnings)
-    assert "`right.pose.x` holds the scale" in " ".join(judge_body(found).warnings)
+    assert any("the thesis' own variant" in words for words in judge(found).warnings)
+    assert "`right.pose.x` holds the scale" in " ".join(judge(found).warnings)
 
 
 @pytest.mark.parametrize(
@@ -240,7 +238,7 @@ def test_the_model_survives_the_file_with_its_covariance(tmp_path):
 
 def test_the_document_says_it_all_in_plain_numbers():
     found = learned(0)
-    document = json.loads(json.dumps(body_document(found, judge_body(found)), allow_nan=False))
+    document = json.loads(json.dumps(to_json(found, judge(found)), allow_nan=False))
     assert document["status"] == "PASS"
     assert set(document["test"]) == {"n", "poses", "pixels", "position_mm"}
     assert document["cross_validation"]["n"] == 161
@@ -260,13 +258,13 @@ def test_the_document_says_it_all_in_plain_numbers():
 
 def test_bounds_of_the_user_are_checked():
     found = learned(0)
-    assert judge_body(found, require_test_mm=5.0, require_test_px=5.0).status == "PASS"
-    refused = judge_body(found, require_test_mm=0.5, require_test_px=0.5)
+    assert judge(found, require_test_mm=5.0, require_test_px=5.0).status == "PASS"
+    refused = judge(found, require_test_mm=0.5, require_test_px=0.5)
     assert refused.status == "FAIL"
     assert len(refused.reasons) == 2
     nothing = replace(found, test=None)
-    assert judge_body(nothing).status == "NOT_EVALUATED"
-    assert "nothing was held out" in judge_body(nothing, require_test_px=1.0).reasons[0]
+    assert judge(nothing).status == "NOT_EVALUATED"
+    assert "nothing was held out" in judge(nothing, require_test_px=1.0).reasons[0]
 
 
 def test_poses_from_elsewhere_that_fit_worse_are_noticed():
@@ -274,7 +272,7 @@ def test_poses_from_elsewhere_that_fit_worse_are_noticed():
     slipped.faults.slip("right_elbow", np.radians(4.0))
     found = learned(0)
     found = replace(found, test=evaluate_pixels(found.model, poses(slipped, 60)))
-    assert any("significantly above" in reason for reason in judge_body(found).reasons)
+    assert any("significantly above" in reason for reason in judge(found).reasons)
 
 
 def test_boards_that_the_eyes_before_have_no_ray_for_are_not_compared():
@@ -295,13 +293,13 @@ def test_boards_that_the_eyes_before_have_no_ray_for_are_not_compared():
 class TestBadInput:
     def test_a_model_without_eyes(self):
         arm_only = replace(learned(0).model, cameras={}, covariance=None)
-        with pytest.raises(ModelError, match=r"no pair of eyes.*calibrate stereo"):
+        with pytest.raises(ModelError, match=r"no pair of cameras.*calibrate stereo"):
             calibrate_body(scenario().train, arm_only, scenario().boards)
 
     def test_a_model_with_one_eye(self):
         eyes = scenario().eyes
         one = replace(eyes, cameras={"left": eyes.rig.left}, covariance=None)
-        with pytest.raises(ModelError, match="no pair of eyes"):
+        with pytest.raises(ModelError, match="no pair of cameras"):
             calibrate_body(scenario().train, one, scenario().boards)
 
     def test_data_without_pixels(self):
@@ -352,7 +350,7 @@ class TestBadInput:
         home = recorded.train.select(recorded.train.sweep != "")
         few = home.select(np.isin(home.sweep, ["home", *home.joint_names[:2]]))
         found = calibrate_body(few, start, recorded.boards)
-        verdict = judge_body(found)
+        verdict = judge(found)
         assert verdict.status == "FAIL"
         blind = {name for direction in found.uncertainty.blind for name in direction.names}
         assert {"right_elbow.gear", "right_upper_arm_twist.gear"} <= blind
@@ -366,7 +364,7 @@ class TestBadInput:
         found = calibrate_body(scenario().train, scenario().eyes, wild)
         assert np.flatnonzero(found.board_outliers).tolist() == [3]
         assert 1e3 * evaluate(found.model, scenario().test).statistics.mean < 2.3
-        assert "1 boards contradict" in " ".join(judge_body(found).warnings)
+        assert "1 boards contradict" in " ".join(judge(found).warnings)
 
     def test_boards_of_nobody(self):
         views = scenario().boards

@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
-from nico_selfmodel.estimation.camera_options import CameraOptions, by_full_name
-from nico_selfmodel.estimation.stereo import calibrate_cameras
+from nico_selfmodel.estimation.cameras.camera_options import CameraOptions, by_full_name
+from nico_selfmodel.estimation.cameras.stereo import calibrate_cameras
 from nico_selfmodel.model.stereo_rig import StereoRig
 
 from .simulated_boards import RIG, TRUTH, boards, changed, pictures

@@ -7,8 +7,8 @@ import pytest
 
 from nico_selfmodel.dataset import Sweep
 from nico_selfmodel.estimation import Observations, analyse_circle_points, calibrate_kinematics
-from nico_selfmodel.estimation.circle_points import crossing_of
-from nico_selfmodel.estimation.kinematic_task import sweeps_of
+from nico_selfmodel.estimation.arm.kinematic_task import sweeps_of
+from nico_selfmodel.estimation.initialization.circle_points import crossing_of
 
 EXACT = 1e-9
 

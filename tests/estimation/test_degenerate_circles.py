@@ -12,7 +12,7 @@ from nico_selfmodel.estimation import (
     calibrate_kinematics,
     judge,
 )
-from nico_selfmodel.estimation.kinematic_task import sweeps_of
+from nico_selfmodel.estimation.arm.kinematic_task import sweeps_of
 
 SIGMA = 5e-4
 

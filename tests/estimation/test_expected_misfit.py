@@ -5,9 +5,9 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from nico_selfmodel.estimation.expected_misfit import expected_misfit
-from nico_selfmodel.estimation.mixture_density import core_and_tail
-from nico_selfmodel.estimation.sightings import sightings_of
+from nico_selfmodel.estimation.noise.expected_misfit import expected_misfit
+from nico_selfmodel.estimation.noise.hand_observations import sightings_of
+from nico_selfmodel.estimation.noise.mixture_density import core_and_tail
 
 from .arms_that_change import THESIS, learned_arm, session
 

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from nico_selfmodel.estimation.hand_noise import HandNoise
+from nico_selfmodel.estimation.noise.hand_noise import HandNoise
 
 NOISE = HandNoise(0.3, 0.005)
 

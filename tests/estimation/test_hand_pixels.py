@@ -6,12 +6,18 @@ import numpy as np
 import pytest
 
 from nico_selfmodel.errors import DataError
-from nico_selfmodel.estimation.arm_views import LinesView, RowsView
-from nico_selfmodel.estimation.body_start import lines_of
-from nico_selfmodel.estimation.hand_pixels import HandPixels, project_to_eyes
-from nico_selfmodel.estimation.hand_points import HandPoints
-from nico_selfmodel.estimation.observations import Observations
-from nico_selfmodel.estimation.pixel_observations import PixelObservations, seen_points
+from nico_selfmodel.estimation.body.body_initialization import lines_of
+from nico_selfmodel.estimation.observations.arm_views import LinesView, RowsView
+from nico_selfmodel.estimation.observations.hand_pixels import (
+    HandPixels,
+    project_to_eyes,
+)
+from nico_selfmodel.estimation.observations.hand_points import HandPoints
+from nico_selfmodel.estimation.observations.observations import Observations
+from nico_selfmodel.estimation.observations.pixel_observations import (
+    PixelObservations,
+    seen_points,
+)
 from nico_selfmodel.plant import SelfModelPlant
 
 from .simulated_bodies import Truth, blinded, body, poses, protocol

@@ -13,13 +13,13 @@ from nico_selfmodel.estimation import (
     evaluate,
     workspace_accuracy,
 )
-from nico_selfmodel.estimation.adaptation import forgotten, joined
-from nico_selfmodel.estimation.health import ENOUGH
-from nico_selfmodel.estimation.monitor import Monitor
-from nico_selfmodel.estimation.relearning import relearn_cause
-from nico_selfmodel.estimation.sightings import covariance_of, sightings_of
-from nico_selfmodel.estimation.update_document import health_document
-from nico_selfmodel.estimation.workspace_accuracy import workspace_readings
+from nico_selfmodel.estimation.body.workspace_accuracy import workspace_readings
+from nico_selfmodel.estimation.monitoring.adaptation import forgotten, joined
+from nico_selfmodel.estimation.monitoring.health import ENOUGH
+from nico_selfmodel.estimation.monitoring.health_document import health_document
+from nico_selfmodel.estimation.monitoring.monitor import Monitor
+from nico_selfmodel.estimation.monitoring.relearning import relearn_cause
+from nico_selfmodel.estimation.noise.hand_observations import covariance_of, sightings_of
 
 from .simulated_bodies import blinded, body, learned, only_eyes, poses, scenario
 

@@ -18,9 +18,6 @@ from nico_selfmodel.estimation import (
     calibrate_kinematics,
     calibrate_mirrors,
     judge,
-    judge_body,
-    judge_cameras,
-    judge_mirrors,
 )
 from nico_selfmodel.geometry.rotation import rotation_from_vector
 
@@ -142,7 +139,7 @@ def boards_found(views: BoardViews) -> tuple[str, float]:
     train, test = views.select(np.arange(14)), views.select(np.arange(14, 18))
     assessment = CameraAssessment.from_calibration(calibrate_cameras(train), CameraOptions(), test)
     assert assessment.test_distances is not None
-    return judge_cameras(assessment).status, float(np.mean(assessment.test_distances))
+    return judge(assessment).status, float(np.mean(assessment.test_distances))
 
 
 def test_order_and_size_of_boards_change_no_verdict_on_cameras():
@@ -167,7 +164,7 @@ def test_order_names_and_units_change_no_verdict_on_a_mirror(seed):
     order = np.random.default_rng(seed).permutation(len(data))
     other, other_test = (in_degrees(renamed(part)) for part in (data.select(order), test))
     after = calibrate_mirrors(other, model, test=other_test)
-    assert judge_mirrors(after).status == judge_mirrors(before).status == "PASS"
+    assert judge(after).status == judge(before).status == "PASS"
     assert after.test is not None
     assert before.test is not None
     means = [found.test.pixel_statistics.mean for found in (before, after)]
@@ -184,6 +181,6 @@ def test_order_names_and_counts_change_no_verdict_on_a_body():
         (finer(renamed(recorded.train.select(order))), finer(renamed(recorded.test))),
     ):
         found = calibrate_body(train, recorded.eyes, recorded.boards, BodyOptions(), test=test)
-        results.append((judge_body(found).status, found.test.pixel_statistics.mean))
+        results.append((judge(found).status, found.test.pixel_statistics.mean))
     assert results[0][0] == results[1][0] == "PASS"
     assert results[0][1] == pytest.approx(results[1][1], rel=1e-3)

@@ -7,13 +7,8 @@ import numpy as np
 import pytest
 
 from nico_selfmodel.dataset.board_views import BoardViews
-from nico_selfmodel.estimation import (
-    CameraAssessment,
-    CameraOptions,
-    calibrate_cameras,
-    judge_cameras,
-)
-from nico_selfmodel.estimation.lens_misfit import lens_misfits
+from nico_selfmodel.estimation import CameraAssessment, CameraOptions, calibrate_cameras, judge
+from nico_selfmodel.estimation.cameras.lens_misfit import lens_misfits
 from nico_selfmodel.model.camera import Camera
 
 from .real_boards import stereo_chessboard
@@ -61,7 +56,7 @@ def judged(views, options=None, seed=0):
     options = options or CameraOptions()
     train, test = views.split(0.25, seed)
     found = calibrate_cameras(train, options)
-    return judge_cameras(CameraAssessment.from_calibration(found, options, test))
+    return judge(CameraAssessment.from_calibration(found, options, test))
 
 
 @pytest.mark.parametrize("pair", [False, True])
@@ -115,7 +110,7 @@ def test_a_slight_misfit_is_mentioned_and_does_not_fail():
     views = seen_by(lens, 2, near=0.2, far=0.6, aside=0.8, noise=0.12)
     train, test = views.split(0.25, 0)
     assessment = CameraAssessment.from_calibration(calibrate_cameras(train), None, test)
-    assert judge_cameras(assessment).status == "PASS"
+    assert judge(assessment).status == "PASS"
     assert any("let `left.p1` and `left.p2` move" in words for words in assessment.warnings)
 
 
@@ -128,7 +123,7 @@ def test_real_lenses_pass_as_they_are(real_data_folder):
     train, test = found.split(0.2, 0)
     for options in (CameraOptions(), CameraOptions(tangential=True)):
         calibration = calibrate_cameras(train, options)
-        verdict = judge_cameras(CameraAssessment.from_calibration(calibration, options, test))
+        verdict = judge(CameraAssessment.from_calibration(calibration, options, test))
         assert verdict.status == "PASS"
 
 
@@ -167,7 +162,7 @@ def test_held_out_boards_that_contradict_the_rest_do_not_pass(good):
     found = calibrate_cameras(train)
     for held_out, status in ((test, "PASS"), (spoilt, "FAIL")):
         assessment = CameraAssessment.from_calibration(found, None, held_out)
-        assert judge_cameras(assessment).status == status
+        assert judge(assessment).status == status
 
 
 # ------------------------------------------------------------------ terms that fold the image
@@ -182,7 +177,7 @@ def test_a_term_that_folds_the_image_by_chance_is_a_warning():
         train, test = views.split(0.25, 0)
         found = calibrate_cameras(train)
         assessment = CameraAssessment.from_calibration(found, None, test)
-        verdict = judge_cameras(assessment)
+        verdict = judge(assessment)
         assert not any("not monotone" in reason for reason in verdict.reasons)
         if any("not monotone" in words for words in assessment.warnings):
             folded += 1
@@ -194,6 +189,6 @@ def test_a_term_that_folds_the_image_and_is_known_fails():
     known = Camera(500.0, 500.0, 320.0, 240.0, SIZE, k1=-0.5, k2=0.0, k3=-0.3)
     views = seen_by(known.project, 0, near=0.2, far=0.6, aside=0.35, noise=0.02)
     found = calibrate_cameras(views)
-    verdict = judge_cameras(CameraAssessment.from_calibration(found))
+    verdict = judge(CameraAssessment.from_calibration(found))
     assert verdict.status == "FAIL"
     assert "not monotone" in " ".join(verdict.reasons)

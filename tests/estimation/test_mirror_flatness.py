@@ -5,9 +5,9 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from nico_selfmodel.estimation.mirror_flatness import exceeded_by_chance, flatness_of
-from nico_selfmodel.estimation.mirror_solution import solve_mirrors
-from nico_selfmodel.estimation.reflections import ReflectionNoise, Reflections
+from nico_selfmodel.estimation.mirrors.mirror_flatness import exceeded_by_chance, flatness_of
+from nico_selfmodel.estimation.mirrors.mirror_solution import solve_mirrors
+from nico_selfmodel.estimation.mirrors.reflections import ReflectionNoise, Reflections
 from nico_selfmodel.model import Mirror, ParameterCovariance
 from nico_selfmodel.systems.curved_mirror import curved_reflection
 

@@ -10,8 +10,8 @@ from numpy.testing import assert_allclose
 from nico_selfmodel.errors import EstimationError, ModelError
 from nico_selfmodel.estimation import plan_mirror_poses
 from nico_selfmodel.estimation.mirror_poses import free_space
-from nico_selfmodel.estimation.mirror_solution import solve_mirrors
-from nico_selfmodel.estimation.reflections import ReflectionNoise, Reflections
+from nico_selfmodel.estimation.mirrors.mirror_solution import solve_mirrors
+from nico_selfmodel.estimation.mirrors.reflections import ReflectionNoise, Reflections
 from nico_selfmodel.model import Mirror, MirrorRig
 
 from .mirror_scenes import CHAIN, MIRROR, RIG, SERVOS, SIZE, body, poses, recording
@@ -98,7 +98,7 @@ def test_a_mirror_that_cannot_be_used_is_said_to_be_so():
 
 
 def test_what_is_missing_is_named():
-    with pytest.raises(ModelError, match="no pair of eyes"):
+    with pytest.raises(ModelError, match="no pair of cameras"):
         plan_mirror_poses(body(cameras={}), MIRROR, LIMITS, 3, np.random.default_rng(0))
     with pytest.raises(ValueError, match="limits must be finite"):
         plan_mirror_poses(body(), MIRROR, (LIMITS[1], LIMITS[0]), 3, np.random.default_rng(0))

@@ -51,7 +51,7 @@ def test_a_body_without_eyes_or_without_an_arm_cannot_look_into_a_mirror():
     data = recording(poses(3))
     with pytest.raises(ModelError, match="no eyes"):
         calibrate_mirrors(data, body(cameras={}))
-    with pytest.raises(ModelError, match="no pair of eyes"):
+    with pytest.raises(ModelError, match="no pair of cameras"):
         calibrate_mirrors(data, body(cameras={"left": RIG.left}))
     eyes = SelfModel("eyes", cameras={"left": RIG.left, "right": RIG.right})
     with pytest.raises(ModelError, match="no arm"):

@@ -12,8 +12,8 @@ import pytest
 
 from nico_selfmodel.dataset import Dataset
 from nico_selfmodel.estimation import calibrate_body, calibrate_cameras, calibrate_kinematics
-from nico_selfmodel.estimation.mirror import calibrate_mirrors
-from nico_selfmodel.estimation.sight import Sight
+from nico_selfmodel.estimation.body.arm_through_cameras import Sight
+from nico_selfmodel.estimation.mirrors.mirror import calibrate_mirrors
 from nico_selfmodel.experiments.mirror_body import MIRRORS
 from nico_selfmodel.experiments.projected_nico import ProjectedNico
 from nico_selfmodel.experiments.refinement import simulated_scenario

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from nico_selfmodel.estimation.mixture_fit import most_likely_mixture
+from nico_selfmodel.estimation.noise.mixture_fit import most_likely_mixture
 
 LIMITS = (1e-4, 10.0)
 CORE, TAIL, SHARE = (5e-4, 0.006), (1.5e-3, 0.02), 0.12

@@ -3,16 +3,16 @@
 import numpy as np
 import pytest
 
-from nico_selfmodel.estimation.mixture_density import MixtureDensity
-from nico_selfmodel.estimation.monitor import (
+from nico_selfmodel.estimation.monitoring.monitor import (
     HEAD_START,
     THRESHOLD,
     Monitor,
     chance_of_false_alarm,
 )
-from nico_selfmodel.estimation.monitored_changes import LARGEST_STEP, monitored_changes
-from nico_selfmodel.estimation.pose_residuals import PoseResiduals
-from nico_selfmodel.estimation.sightings import covariance_of, sightings_of
+from nico_selfmodel.estimation.monitoring.monitored_changes import LARGEST_STEP, monitored_changes
+from nico_selfmodel.estimation.noise.hand_observations import covariance_of, sightings_of
+from nico_selfmodel.estimation.noise.mixture_density import MixtureDensity
+from nico_selfmodel.estimation.noise.pose_residuals import PoseResiduals
 
 from .simulated_bodies import body, learned, only_eyes, poses
 

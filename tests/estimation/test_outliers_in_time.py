@@ -4,8 +4,11 @@ import numpy as np
 import pytest
 
 from nico_selfmodel.dataset import Dataset
-from nico_selfmodel.estimation.observations import Observations
-from nico_selfmodel.estimation.outliers_in_time import LARGEST_CHANCE, outliers_in_time
+from nico_selfmodel.estimation.diagnosis.outliers_in_time import (
+    LARGEST_CHANCE,
+    outliers_in_time,
+)
+from nico_selfmodel.estimation.observations.observations import Observations
 
 POSES = 60
 

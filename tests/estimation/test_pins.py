@@ -11,8 +11,7 @@ from nico_selfmodel.estimation import (
     Pins,
     calibrate_kinematics,
     judge,
-    parameter_table,
-    result_document,
+    to_json,
 )
 from nico_selfmodel.model import DhTable
 
@@ -33,7 +32,7 @@ def learn(make_truth, joined):
 
 
 def table_of(result):
-    table = parameter_table(result)
+    table = to_json(result, judge(result))["parameters"]
     return {name: entry["value"] for name, entry in table.items()}, table
 
 
@@ -137,7 +136,7 @@ def test_a_freed_gauge_is_blind_named_in_words_and_fails(make_truth, learn, name
     assert name in result.free
     (blind,) = result.uncertainty.blind
     assert name in blind.names
-    document = result_document(result, verdict)
+    document = to_json(result, verdict)
     (words,) = document["not_identifiable"]
     assert words in verdict.reasons
     assert f"`{name}`" in words
@@ -155,7 +154,7 @@ def test_a_hand_on_the_last_axis_makes_the_last_joint_blind(
 ):
     truth = hand_on_last_axis(make_truth(4, seed, unit="counts"), 0.0)
     result = learn(truth)
-    document = result_document(result, judge(result))
+    document = to_json(result, judge(result))
     assert document["status"] == "FAIL"
     assert any("joint_3" in words for words in document["not_identifiable"])
     assert truth.errors(result.model, truth.poses(50)).max() < 4.0 * SIGMA

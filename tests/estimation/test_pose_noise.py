@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
-from nico_selfmodel.estimation.noise_variances import LinearResiduals, most_likely_noise
-from nico_selfmodel.estimation.pose_noise import PoseGroups, PoseNoise, PoseWhitening
+from nico_selfmodel.estimation.noise.noise_variances import LinearResiduals, most_likely_noise
+from nico_selfmodel.estimation.noise.pose_noise import PoseGroups, PoseNoise, PoseWhitening
 
 
 def grouped(seed=0, visits=30, markers=3, joints=4, missing=0.3):

@@ -6,11 +6,14 @@ import numpy as np
 import pytest
 
 from nico_selfmodel.estimation import Observations
-from nico_selfmodel.estimation.arm_hypothesis import ArmHypothesis
-from nico_selfmodel.estimation.axis_search import project_variables, random_starts
-from nico_selfmodel.estimation.hand_residuals import DhResiduals, LineResiduals
-from nico_selfmodel.estimation.pinned_refinement import dh_program
-from nico_selfmodel.estimation.start_search import line_program
+from nico_selfmodel.estimation.arm.named_refinement import dh_program
+from nico_selfmodel.estimation.initialization.axis_search import project_variables, random_starts
+from nico_selfmodel.estimation.initialization.start_search import line_program
+from nico_selfmodel.estimation.observations.arm_estimate import ArmHypothesis
+from nico_selfmodel.estimation.observations.hand_residuals import (
+    DhResiduals,
+    LineResiduals,
+)
 from nico_selfmodel.model import DhParameters, DhTable
 
 SIGMA = 1e-3

@@ -11,8 +11,7 @@ from nico_selfmodel.estimation import (
     Pins,
     calibrate_kinematics,
     judge,
-    parameter_table,
-    result_document,
+    to_json,
 )
 
 SIGMA = 3e-4
@@ -58,7 +57,7 @@ def calibrations(truth, joined):
 @pytest.mark.parametrize("kind", ["good", "not evaluated", "blind", "circles", "exact", "perfect"])
 def test_every_document_is_plain_json_with_all_keys(calibrations, kind):
     calibration = calibrations[kind]
-    document = result_document(calibration, judge(calibration))
+    document = to_json(calibration, judge(calibration))
     again = json.loads(json.dumps(document, allow_nan=False))
     assert again.keys() == document.keys()
     assert document.keys() >= KEYS
@@ -76,7 +75,7 @@ def test_every_document_is_plain_json_with_all_keys(calibrations, kind):
 
 def test_numbers_are_those_of_the_calibration(calibrations, truth):
     good = calibrations["good"]
-    document = result_document(good, judge(good))
+    document = to_json(good, judge(good))
     believed = good.train.distances[~good.outliers]
     assert document["train"]["n"] == len(believed)
     assert document["train"]["position_mm"]["rms"] == pytest.approx(
@@ -95,18 +94,18 @@ def test_numbers_are_those_of_the_calibration(calibrations, truth):
 
 def test_what_was_not_done_is_null(calibrations):
     circles, exact = calibrations["circles"], calibrations["exact"]
-    document = result_document(circles, judge(circles))
+    document = to_json(circles, judge(circles))
     assert document["cross_validation"] is None
     assert document["starts"] is None
     assert document["parameters"]["joint_1.r"]["sigma"] is None
-    assert result_document(exact, judge(exact))["cross_validation"] is None
+    assert to_json(exact, judge(exact))["cross_validation"] is None
     alone = calibrations["not evaluated"]
-    assert result_document(alone, judge(alone))["test"] is None
+    assert to_json(alone, judge(alone))["test"] is None
 
 
 def test_the_table_names_every_parameter_with_unit_and_freedom(calibrations):
     good = calibrations["good"]
-    table = parameter_table(good)
+    table = to_json(good, judge(good))["parameters"]
     names = good.model.parameters.names
     assert [n for n in table if n in names] == [n for n in names if n in table]
     assert set(names) - set(table) <= {n for n in names if n.endswith(".beta")}
@@ -124,7 +123,7 @@ def test_the_table_names_every_parameter_with_unit_and_freedom(calibrations):
 
 def test_a_blind_parameter_has_no_sigma_and_others_have(calibrations):
     blind = calibrations["blind"]
-    document = result_document(blind, judge(blind))
+    document = to_json(blind, judge(blind))
     assert document["status"] == "FAIL"
     assert len(document["not_identifiable"]) == 2
     assert document["parameters"]["joint_2.alpha"]["sigma"] is None

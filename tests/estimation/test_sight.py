@@ -6,8 +6,7 @@ import numpy as np
 import pytest
 
 from nico_selfmodel.estimation import calibrate_cameras, calibrate_kinematics
-from nico_selfmodel.estimation.body_problem import rig_of
-from nico_selfmodel.estimation.sight import Sight
+from nico_selfmodel.estimation.body.arm_through_cameras import Sight
 from nico_selfmodel.model import ParameterCovariance
 from nico_selfmodel.model.stereo_rig import StereoRig
 
@@ -27,7 +26,7 @@ def test_an_arm_follows_its_eyes_as_their_covariance_says(name, step):
     eyes = scenario().eyes
     values = eyes.rig.values
     values[StereoRig.names_of().index(name)] += step
-    rig = rig_of(values, eyes.rig.left.image_size)
+    rig = StereoRig.from_values(values, eyes.rig.left.image_size)
     moved = replace(eyes, cameras={"left": rig.left, "right": rig.right}, covariance=None)
     (sight, before), (_, after) = through(eyes), through(moved)
     free = before.uncertainty.names

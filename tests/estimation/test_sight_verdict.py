@@ -10,15 +10,14 @@ from nico_selfmodel.estimation import (
     BodyOptions,
     calibrate_kinematics,
     evaluate_pixels,
-    judge_body,
-    judge_sight,
+    judge_evaluation,
 )
-from nico_selfmodel.estimation.body_document import pixel_block
-from nico_selfmodel.estimation.body_verdict import _held_out_words
-from nico_selfmodel.estimation.pixel_observations import PixelObservations
-from nico_selfmodel.estimation.sight import Sight
-from nico_selfmodel.estimation.sightings import by_pixels
-from nico_selfmodel.estimation.verdict import significantly_above
+from nico_selfmodel.estimation.body.arm_through_cameras import Sight
+from nico_selfmodel.estimation.body.body_findings import _held_out_words, body_findings
+from nico_selfmodel.estimation.body.body_result import pixel_errors
+from nico_selfmodel.estimation.noise.hand_observations import by_pixels
+from nico_selfmodel.estimation.observations.pixel_observations import PixelObservations
+from nico_selfmodel.estimation.results.verdict import significantly_above
 
 from .simulated_bodies import blinded, body, learned, only_eyes, poses, scenario
 
@@ -37,7 +36,7 @@ def arm_by_sight():
 
 
 def judged(model, data):
-    return judge_sight(model, data, evaluate_pixels(model, data))
+    return judge_evaluation(model, data, evaluate_pixels(model, data))
 
 
 def twice(data, marker="thumb"):
@@ -84,7 +83,7 @@ def test_a_sighting_that_nothing_explains_is_named_though_the_rest_is_well(refin
     pixels[7, 0] += 60.0
     verdict = judged(model, replace(data, pixels=pixels))
     assert verdict.status == "PASS"
-    assert f"1 of {len(data)} sightings" in verdict.reasons[0]
+    assert f"1 of {len(data)} detections" in verdict.reasons[0]
     assert f"sample {data.sample[7]}" in verdict.reasons[0]
 
 
@@ -128,7 +127,7 @@ def test_two_points_in_a_pose_are_one_pose(refined):
     model, data = with_thumb(refined[0]), twice(refined[1])
     found = evaluate_pixels(model, data)
     assert len(found.observations) == 2 * found.pose_count == 2 * len(refined[1])
-    assert pixel_block(found)["poses"] == found.pose_count
+    assert pixel_errors(found).to_json()["poses"] == found.pose_count
     assert f"on {found.pose_count} poses that were held out" in _held_out_words(found)
     half = blinded(data, np.arange(len(data)) < 20, 0)
     assert f"{found.pose_count - 10} of them seen by both" in _held_out_words(
@@ -150,7 +149,7 @@ def test_lenses_bend_only_where_they_were_free_to(free, words):
         options=BodyOptions(variant="unanchored"),
         uncertainty=replace(learned(0).uncertainty, names=tuple(sorted(free))),
     )
-    said = judge_body(found).warnings[0]
+    said = next(known.text for known in body_findings(found) if known.severity == "warning")
     assert words in said
     assert ("bend" in said) == ("k1" in str(free))
 

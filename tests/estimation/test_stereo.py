@@ -12,10 +12,10 @@ from nico_selfmodel.errors import (
     NotIdentifiableError,
     SelfModelError,
 )
-from nico_selfmodel.estimation.board_accuracy import epipolar_errors, held_out_residuals
-from nico_selfmodel.estimation.camera_options import CameraOptions
-from nico_selfmodel.estimation.camera_start import pose_of_seen_boards
-from nico_selfmodel.estimation.stereo import calibrate_cameras
+from nico_selfmodel.estimation.cameras.board_accuracy import epipolar_errors, held_out_residuals
+from nico_selfmodel.estimation.cameras.camera_initialization import pose_of_seen_boards
+from nico_selfmodel.estimation.cameras.camera_options import CameraOptions
+from nico_selfmodel.estimation.cameras.stereo import calibrate_cameras
 from nico_selfmodel.geometry.rotation import rotation_from_vector
 from nico_selfmodel.geometry.transform import apply, transform
 from nico_selfmodel.model.camera import Camera

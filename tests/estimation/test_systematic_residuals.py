@@ -7,9 +7,9 @@ import pytest
 
 from nico_selfmodel.dataset import Dataset
 from nico_selfmodel.estimation import calibrate_kinematics, judge
-from nico_selfmodel.estimation.arm_solution import Linearised
-from nico_selfmodel.estimation.kinematics import KinematicCalibration
-from nico_selfmodel.estimation.score_test import ScoreTest
+from nico_selfmodel.estimation.arm.kinematics import KinematicCalibration
+from nico_selfmodel.estimation.diagnosis.score_test import ScoreTest
+from nico_selfmodel.estimation.noise.arm_solution import Linearised
 
 from .random_arms import random_recording
 
@@ -89,8 +89,8 @@ def test_few_poses_show_no_pattern(truth):
 @pytest.mark.slow
 def test_noise_makes_a_pattern_as_rarely_as_is_said():
     """Chances of all effects of sound arms, with joint noise and many markers, are uniform."""
-    from nico_selfmodel.estimation.observations import Observations
-    from nico_selfmodel.estimation.systematic_residuals import _effects
+    from nico_selfmodel.estimation.diagnosis.systematic_residuals import _effects
+    from nico_selfmodel.estimation.observations.observations import Observations
 
     chances = []
     for kind in ("clean", "joint noise"):

@@ -11,21 +11,25 @@ from nico_selfmodel.estimation import (
     calibrate_kinematics,
     calibrate_mirrors,
     judge,
-    judge_body,
-    judge_cameras,
-    judge_mirrors,
-    mirror_verdict,
 )
-from nico_selfmodel.estimation.pose_noise import PoseNoise
-from nico_selfmodel.estimation.score_test import Score
-from nico_selfmodel.estimation.systematic_residuals import Pattern
-from nico_selfmodel.estimation.verdict import (
+from nico_selfmodel.estimation.diagnosis.score_test import Score
+from nico_selfmodel.estimation.diagnosis.systematic_residuals import Pattern
+from nico_selfmodel.estimation.mirrors import mirror_findings
+from nico_selfmodel.estimation.noise.pose_noise import PoseNoise
+from nico_selfmodel.estimation.results.calibration_result import (
+    CAUSE,
+    MISFIT,
+    NOTE,
+    WARNING,
+    CalibrationResult,
+    Errors,
+    Finding,
+    Terms,
+)
+from nico_selfmodel.estimation.results.verdict import (
     FEWEST_BOARDS,
-    bound_reason,
-    conclude,
     held_out_is_worse,
     outliers_are_many,
-    shortened,
 )
 
 from .mirror_scenes import body, poses, recording
@@ -42,21 +46,29 @@ def test_a_quarter_of_outliers_is_no_accident(share, many):
     assert outliers_are_many(np.zeros(0, dtype=bool)) is None
 
 
-@pytest.mark.parametrize(
-    ("held_out", "status"), [(0, "NOT_EVALUATED"), (7, "NOT_EVALUATED"), (8, "PASS")]
-)
+def held_out_alone(count, terms):
+    """A result of which nothing is known but how much was held out."""
+    test = Errors(np.ones(count), poses=count) if count else None
+    said = (Finding(NOTE, "good"), Finding(WARNING, "but"))
+    nothing = np.zeros(0, dtype=bool)
+    return CalibrationResult(
+        *("refine", {}, None, test, None, nothing, (), "", (), True, 3, 0.1, said, {}, terms)
+    )
+
+
+@pytest.mark.parametrize(("held_out", "status"), [(7, "NOT_EVALUATED"), (8, "PASS")])
 def test_eight_held_out_poses_show_something(held_out, status):
-    verdict = conclude([None, ""], held_out, "poses", ["good"], ["but"])
+    verdict = judge(held_out_alone(held_out, Terms()))
     assert verdict.status == status
     assert verdict.warnings == ("but",)
-    if held_out == 7:
+    if status != "PASS":
         assert verdict.reasons[0].startswith("only 7 poses held out")
         assert verdict.reasons[1] == "good"
 
 
 @pytest.mark.parametrize(("held_out", "status"), [(1, "NOT_EVALUATED"), (2, "PASS")])
 def test_two_held_out_boards_show_something(held_out, status):
-    verdict = conclude([], held_out, "boards", ["good"], fewest=FEWEST_BOARDS)
+    verdict = judge(held_out_alone(held_out, Terms("boards", fewest=FEWEST_BOARDS)))
     assert verdict.status == status
 
 
@@ -86,15 +98,28 @@ def test_a_held_out_error_is_worse_from_a_chance_of_one_in_two_thousand_on(above
     assert (held_out_is_worse(np.linspace(0.9, 1.1, 20), found) is not None) is worse
 
 
-def test_three_unobservable_directions_are_shown():
-    words = ["a", "b", "c", "d", "e"]
-    assert shortened(words[:3]) == words[:3]
-    assert shortened(words) == ["a", "b", "c", "and 2 more blind directions"]
+@pytest.mark.parametrize(("directions", "shown"), [(3, 3), (5, 4)])
+def test_three_unobservable_directions_are_shown(directions, shown):
+    names = tuple("abcde"[:directions])
+    reasons = judge(replace(held_out_alone(9, Terms()), unobservable=names)).reasons
+    assert len(reasons) == shown
+    assert reasons[:3] == names[:3]
+    assert directions == 3 or reasons[3] == "and 2 more unobservable directions"
 
 
-def test_a_bound_is_met_where_it_is_reached():
-    assert bound_reason(1.0, 1.0, "mm") is None
-    assert bound_reason(1.001, 1.0, "mm") is not None
+@pytest.mark.parametrize(("bound", "status"), [(1000.0, "PASS"), (999.0, "FAIL")])
+def test_a_bound_is_met_where_it_is_reached(bound, status):
+    assert judge(held_out_alone(9, Terms()), bound).status == status
+    assert judge(held_out_alone(9, Terms()), None, bound).status == "FAIL"  # no pixels held out
+
+
+def test_a_cause_hides_what_follows_from_it_and_a_misfit_what_cannot_be_told():
+    blind = replace(held_out_alone(9, Terms()), unobservable=("a",), converged=False)
+    misfit = (Finding(MISFIT, "no"), *blind.findings)
+    assert judge(replace(blind, findings=misfit)).reasons[0] == "no"
+    assert "a" not in judge(replace(blind, findings=misfit)).reasons
+    cause = replace(blind, findings=(Finding(CAUSE, "why"), *misfit))
+    assert judge(cause).reasons == ("why", "no")
 
 
 @pytest.fixture(scope="module")
@@ -167,7 +192,7 @@ def pair():
 def test_cameras_fail_where_more_than_a_quarter_of_the_boards_are_outliers(pair, count, fails):
     outliers = np.arange(12) < count
     bent = replace(pair, calibration=replace(pair.calibration, outliers=outliers))
-    said = any("of the boards contradict" in reason for reason in judge_cameras(bent).reasons)
+    said = any("of the boards contradict" in reason for reason in judge(bent).reasons)
     assert said is fails
 
 
@@ -177,7 +202,7 @@ def test_cameras_fail_where_few_held_out_boards_fit_far_worse(pair, factor, fail
     rms = [np.sqrt(np.nanmean(r**2)) for r in (three, pair.test_residuals)]
     worse = pair.test_residuals * (factor * rms[0] / rms[1])
     bent = replace(pair, left_out_residuals=three, test_residuals=worse)
-    words = " ".join(judge_cameras(bent).reasons)
+    words = " ".join(judge(bent).reasons)
     assert ("some of them contradict the others" in words) is fails
 
 
@@ -185,14 +210,14 @@ def test_cameras_fail_where_few_held_out_boards_fit_far_worse(pair, factor, fail
 def test_a_body_fails_where_its_joints_would_have_to_be_loose(degrees, fails):
     found = learned(0)
     bent = replace(found, noise=replace(found.noise, joint_sigma=np.radians(degrees)))
-    assert any("would have to play" in reason for reason in judge_body(bent).reasons) is fails
+    assert any("would have to play" in reason for reason in judge(bent).reasons) is fails
 
 
 @pytest.mark.parametrize(("share", "fails"), [(0.24, False), (0.27, True)])
 def test_a_body_fails_where_more_than_a_quarter_are_outliers(share, fails):
     found = learned(0)
     outliers = np.arange(len(found.outliers)) < share * len(found.outliers)
-    words = " ".join(judge_body(replace(found, outliers=outliers)).reasons)
+    words = " ".join(judge(replace(found, outliers=outliers)).reasons)
     assert ("of the observations contradict" in words) is fails
 
 
@@ -204,7 +229,7 @@ def test_a_body_fails_where_lenses_lose_the_hand(share, fails):
     poses_in_all = found.train.pose_count
     seen[both[: round(share * poses_in_all)]] = np.nan
     bent = replace(found, train=replace(found.train, p_LH_seen=seen))
-    words = " ".join(judge_body(bent).reasons)
+    words = " ".join(judge(bent).reasons)
     assert ("no point in front of the refined eyes" in words) is fails
 
 
@@ -218,7 +243,7 @@ def mirror():
 def test_a_mirror_fails_where_more_than_a_quarter_are_outliers(mirror, share, fails):
     outliers = np.arange(20) < share * 20
     bent = replace(mirror, solution=replace(mirror.solution, outliers=outliers))
-    words = " ".join(judge_mirrors(bent).reasons)
+    words = " ".join(judge(bent).reasons)
     assert ("of the reflections contradict" in words) is fails
 
 
@@ -226,14 +251,14 @@ def test_a_mirror_fails_where_more_than_a_quarter_are_outliers(mirror, share, fa
 def test_a_mirror_fails_where_reflections_miss_by_more_than_explained(mirror, ratio, fails):
     uncertainty = replace(mirror.solution.uncertainty, variance_factor=ratio**2)
     bent = replace(mirror, solution=replace(mirror.solution, uncertainty=uncertainty))
-    assert any("miss their plane" in reason for reason in judge_mirrors(bent).reasons) is fails
+    assert any("miss their plane" in reason for reason in judge(bent).reasons) is fails
 
 
 @pytest.mark.parametrize(("degrees", "fails"), [(4.9, True), (5.1, False)])
 def test_a_mirror_fails_where_it_is_seen_edge_on(mirror, monkeypatch, degrees, fails):
     angles = np.full(20, np.radians(degrees))
-    monkeypatch.setattr(mirror_verdict, "grazing_angles", lambda calibration: angles)
-    assert any("seen edge-on" in reason for reason in judge_mirrors(mirror).reasons) is fails
+    monkeypatch.setattr(mirror_findings, "grazing_angles", lambda calibration: angles)
+    assert any("seen edge-on" in reason for reason in judge(mirror).reasons) is fails
 
 
 @pytest.mark.parametrize(("spread", "warns"), [(0.0098, True), (0.0102, False)])
@@ -243,7 +268,7 @@ def test_poses_within_a_centimetre_are_one_point_to_a_mirror(mirror, spread, war
     factor = spread / np.sqrt(np.sum(np.var(about, axis=0)))
     near = replace(rows, p_WQ=rows.p_WQ.mean(axis=0) + factor * about)
     bent = replace(mirror, solution=replace(mirror.solution, reflections=near))
-    assert any("of one point" in warning for warning in judge_mirrors(bent).warnings) is warns
+    assert any("of one point" in warning for warning in judge(bent).warnings) is warns
 
 
 @pytest.mark.parametrize(("count", "fails"), [(5, False), (6, True)])

@@ -7,13 +7,7 @@ import numpy as np
 import pytest
 
 from nico_selfmodel.errors import DataError, ModelError, NotIdentifiableError
-from nico_selfmodel.estimation import calibrate_tool, evaluate, rezero
-from nico_selfmodel.estimation.update_document import (
-    judge_tool,
-    judge_update,
-    rezero_document,
-    tool_document,
-)
+from nico_selfmodel.estimation import calibrate_tool, evaluate, judge, rezero, to_json
 from nico_selfmodel.model import SelfModel
 
 from .simulated_bodies import blinded, body, learned, only_eyes, poses
@@ -59,7 +53,7 @@ def test_five_poses_place_the_tip(model, tipped, sensor, free):
     assert true_mm(found.model, test) < 5.0
     assert found.reach == pytest.approx(REACH, abs=4.0 * found.reach_sigma)
     assert found.reach_sigma < 4e-3
-    assert judge_tool(found).status == "PASS"
+    assert judge(found).status == "PASS"
     # The hand's own point, and the eyes, are what they were.
     assert found.model.parameters.values[-6:-3] == pytest.approx([0.0] * 3)
     if free == "point":
@@ -121,7 +115,7 @@ def test_a_body_that_changed_too_is_noticed(model):
     one.faults.slip("right_shoulder_roll", np.radians(3.0))
     found = calibrate_tool(model, only_eyes(poses(one, 20, shift=SHIFT)))
     assert not found.update.fits
-    verdict = judge_tool(found)
+    verdict = judge(found)
     assert verdict.status == "FAIL"
     assert "no longer fits" in verdict.reasons[0]
 
@@ -129,7 +123,7 @@ def test_a_body_that_changed_too_is_noticed(model):
 def test_a_bare_hand_is_no_tool(model):
     found = calibrate_tool(model, only_eyes(poses(body(), 10)))
     assert any("no tool can be told from the bare hand" in r for r in found.reasons)
-    assert judge_tool(found).status == "FAIL"
+    assert judge(found).status == "FAIL"
 
 
 def test_a_hand_that_hardly_moved_is_refused(model, tipped):
@@ -160,7 +154,7 @@ def test_what_does_not_suit_is_refused(model, tipped):
     with pytest.raises(ValueError, match="no loss"):
         calibrate_tool(model, few, loss="l7")
     blind = replace(model, cameras={}, covariance=None)
-    with pytest.raises(ModelError, match="no pair of eyes"):
+    with pytest.raises(ModelError, match="no pair of cameras"):
         calibrate_tool(blind, few, sensor="pixels")
 
 
@@ -182,7 +176,7 @@ def test_five_poses_bring_the_zeros_back(model, sensor):
     few = only_eyes(few) if sensor == "pixels" else points_only(few)
     found = rezero(model, few, sensor=sensor)
     assert 1e3 * evaluate(found.model, test).statistics.mean < 4.0
-    assert judge_update(found.update).status == "NOT_EVALUATED"
+    assert judge(found).status == "NOT_EVALUATED"
     change = np.random.default_rng((7, 11)).normal(0.0, np.radians(10.0), 4)
     assert found.shifts == pytest.approx(change, abs=np.radians(1.5))
     names = [f"{joint}.theta_offset" for joint in model.joints]
@@ -225,17 +219,17 @@ def test_zeros_of_another_body_do_not_fit(model):
     one = body()
     one.faults.bump_camera([0.03, 0.02, 0.0])
     found = rezero(model, only_eyes(poses(one, 10)))
-    assert judge_update(found.update).status == "FAIL"
+    assert judge(found).status == "FAIL"
 
 
 def test_the_documents_are_plain_numbers(model, tipped):
     found = calibrate_tool(model, only_eyes(tipped.select(np.arange(5))), test=only_eyes(tipped))
-    document = tool_document(found, judge_tool(found))
+    document = to_json(found, judge(found))
     assert json.loads(json.dumps(document, allow_nan=False)) == document
     assert document["reach_mm"]["value"] == pytest.approx(1e3 * REACH, abs=12.0)
     assert set(document["parameters"]) == {f"hand.tool.{axis}" for axis in "xyz"}
     assert document["test"]["pixels"]["mean"] < 6.0
     again = rezero(model, only_eyes(poses(body(), 5)))
-    document = rezero_document(again, judge_update(again.update))
+    document = to_json(again, judge(again))
     assert json.loads(json.dumps(document, allow_nan=False)) == document
     assert document["body_fits"] is True

@@ -7,10 +7,10 @@ import pytest
 
 from nico_selfmodel.errors import ModelError
 from nico_selfmodel.estimation import calibrate_kinematics, check_health
-from nico_selfmodel.estimation.pose_residuals import PoseResiduals
-from nico_selfmodel.estimation.sight import Sight
-from nico_selfmodel.estimation.sightings import sightings_of
-from nico_selfmodel.estimation.training_noise import FLOOR, expected_noise, without_itself
+from nico_selfmodel.estimation.body.arm_through_cameras import Sight
+from nico_selfmodel.estimation.noise.hand_observations import sightings_of
+from nico_selfmodel.estimation.noise.pose_residuals import PoseResiduals
+from nico_selfmodel.estimation.noise.training_noise import FLOOR, expected_noise, without_itself
 
 from .arms_that_change import CELLS, THESIS, jumped, learned_arm, session
 from .simulated_bodies import learned, scenario

@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
-from nico_selfmodel.estimation.board_accuracy import Reconstruction
-from nico_selfmodel.estimation.stereo import calibrate_cameras
+from nico_selfmodel.estimation.cameras.board_accuracy import Reconstruction
+from nico_selfmodel.estimation.cameras.stereo import calibrate_cameras
 
 from .simulated_boards import RIG, boards, pictures
 

@@ -9,9 +9,9 @@ from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 
 from nico_selfmodel.estimation import calibrate_kinematics, evaluate, judge, judge_evaluation
-from nico_selfmodel.estimation.score_test import Score
-from nico_selfmodel.estimation.systematic_residuals import Pattern
-from nico_selfmodel.estimation.verdict import rank_score
+from nico_selfmodel.estimation.diagnosis.score_test import Score
+from nico_selfmodel.estimation.diagnosis.systematic_residuals import Pattern
+from nico_selfmodel.estimation.results.verdict import rank_score
 
 SIGMA = 3e-4
 SAMPLE = arrays(float, st.integers(1, 40), elements=st.integers(0, 50).map(float))
@@ -47,25 +47,25 @@ def test_a_good_calibration_passes_with_its_held_out_error(good):
 
 
 def test_a_model_is_judged_by_new_data_as_by_held_out_ones(good, held_out_data):
-    verdict = judge_evaluation(good.model, evaluate(good.model, held_out_data))
+    verdict = judge_evaluation(good.model, held_out_data, evaluate(good.model, held_out_data))
     assert verdict.status == "PASS"
     assert f"expected {1e3 * np.median(good.cross_validation[-60:]):.2f} mm" in verdict.reasons[0]
     points = held_out_data.p_WH_measured + np.array([0.001, 0.0, 0.0])
     moved = replace(held_out_data, p_WH_measured=points)
-    verdict = judge_evaluation(good.model, evaluate(good.model, moved))
+    verdict = judge_evaluation(good.model, moved, evaluate(good.model, moved))
     assert verdict.status == "FAIL"
     assert "significantly above that of the training poses" in verdict.reasons[0]
     for data, model in (
         (held_out_data.select(np.arange(4)), good.model),
         (held_out_data, replace(good.model, fit={})),
     ):
-        assert judge_evaluation(model, evaluate(model, data)).status == "NOT_EVALUATED"
+        assert judge_evaluation(model, data, evaluate(model, data)).status == "NOT_EVALUATED"
 
 
 def test_a_good_model_hardly_ever_fails_on_new_data(truth, good):
     for seed in range(40):
         new = truth.dataset(truth.poses(60, 100 + seed), sigma=SIGMA, seed=100 + seed)
-        assert judge_evaluation(good.model, evaluate(good.model, new)).status == "PASS"
+        assert judge_evaluation(good.model, new, evaluate(good.model, new)).status == "PASS"
 
 
 def test_without_held_out_data_nothing_is_evaluated_but_cross_validated(train, good):

@@ -4,15 +4,9 @@ import numpy as np
 import pytest
 
 from nico_selfmodel.errors import EstimationError
-from nico_selfmodel.estimation import (
-    calibrate_tool,
-    check_health,
-    evaluate,
-    judge_body,
-    rezero,
-)
-from nico_selfmodel.estimation.monitored_changes import JUMPS
-from nico_selfmodel.estimation.sightings import covariance_of, sightings_of
+from nico_selfmodel.estimation import calibrate_tool, check_health, evaluate, judge, rezero
+from nico_selfmodel.estimation.monitoring.monitored_changes import JUMPS
+from nico_selfmodel.estimation.noise.hand_observations import covariance_of, sightings_of
 from nico_selfmodel.model.link_lengths import link_lengths
 from nico_selfmodel.model.self_model import SelfModel
 from nico_selfmodel.systems.simulated.sensors import StereoPixels
@@ -69,14 +63,14 @@ def test_held_out_boards_are_measured_no_worse_and_nothing_good_is_refused(track
         assert check.after.edge_sd <= 1.02 * check.before.edge_sd, seed
         before, after = (abs(r.scale.mean() - 1.0) for r in (check.before, check.after))
         assert after <= before + 1.5e-3, seed
-        assert judge_body(found).status == "PASS", (seed, judge_body(found).reasons)
+        assert judge(found).status == "PASS", (seed, judge(found).reasons)
 
 
 def test_what_is_not_anchored_is_refused():
     refused = []
     for seed in SEEDS:
         try:
-            refused.append(judge_body(learned(seed, variant="thesis")).status == "FAIL")
+            refused.append(judge(learned(seed, variant="thesis")).status == "FAIL")
         except EstimationError:
             refused.append(True)
     # Some bodies are lucky: their eyes come out no worse than before.

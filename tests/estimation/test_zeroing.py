@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 from nico_selfmodel.estimation import NominalArm, Observations, calibrate_kinematics
-from nico_selfmodel.estimation.arm_hypothesis import ArmHypothesis
-from nico_selfmodel.estimation.zeroing import meaningful_parameters
+from nico_selfmodel.estimation.initialization.joint_zeros import meaningful_parameters
+from nico_selfmodel.estimation.observations.arm_estimate import ArmHypothesis
 from nico_selfmodel.geometry.rotation import rotation_from_vector
 from nico_selfmodel.geometry.transform import transform
 from nico_selfmodel.model import DhTable

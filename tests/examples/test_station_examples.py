@@ -70,3 +70,15 @@ def test_a_hand_before_a_mirror_is_seen_about_where_it_was_put(run):
     seen, off = re.match(r"(\d) of 3 seen, (\d+) px off", out).groups()
     assert int(seen) >= 2
     assert 0 < int(off) < 80
+
+
+def test_a_client_of_the_motor_server_moves_the_elbow(run):
+    assert run("11_motors_of_another_process.py").endswith("the elbow stands at 0.30 rad\n")
+
+
+def test_a_body_that_watches_itself_names_the_encoder_that_jumped(run):
+    pose, cause = re.match(
+        r"alarm at pose (\d+): (.*)", run("12_a_body_that_watches_itself.py")
+    ).groups()
+    assert 30 <= int(pose) < 45
+    assert cause == "zero of right_elbow"

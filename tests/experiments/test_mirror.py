@@ -5,8 +5,8 @@ import json
 import numpy as np
 import pytest
 
-from nico_selfmodel.estimation import calibrate_mirrors, judge_mirrors
-from nico_selfmodel.estimation.mirror_cameras import fit_mirror_cameras
+from nico_selfmodel.estimation import calibrate_mirrors, judge
+from nico_selfmodel.estimation.mirrors.mirror_cameras import fit_mirror_cameras
 from nico_selfmodel.experiments import mirror, mirror_report
 from nico_selfmodel.experiments.mirror_body import MIRRORS, learned_body, mirror_body
 
@@ -103,8 +103,8 @@ def test_a_mirror_of_three_metres_radius_is_recognised_as_not_flat(radius):
         body = mirror_body(seed, radius=radius)
         found = calibrate_mirrors(body.watch("middle", 10, 1), body.calibrated())
         assert not found.flatness["middle"].flat
-        assert judge_mirrors(found).status == "FAIL"
-        assert any("not flat" in reason for reason in judge_mirrors(found).reasons)
+        assert judge(found).status == "FAIL"
+        assert any("not flat" in reason for reason in judge(found).reasons)
 
 
 @pytest.mark.slow

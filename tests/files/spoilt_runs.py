@@ -226,7 +226,7 @@ def _not_finite(run: Run, stdout: str) -> str | None:
             return f"prints no JSON: {error}: {stdout[:200]!r}"
         if not _finite(document):
             return "prints nan or inf"
-    elif match := _NOT_FINITE.search(stdout):
+    elif (match := _NOT_FINITE.search(stdout)) and match.group().strip() not in run.words:
         return f"prints {stdout[max(0, match.start() - 100) : match.end() + 50]!r}"
     for path in sorted((run.folder / "out").rglob("*")):
         if path.name.startswith("."):

@@ -14,26 +14,14 @@ from nico_selfmodel.dataset.board_views import BoardViews
 from nico_selfmodel.estimation import (
     BodyOptions,
     CameraAssessment,
-    body_document,
     calibrate_body,
     calibrate_cameras,
     calibrate_kinematics,
     calibrate_mirrors,
     calibrate_tool,
-    camera_document,
     judge,
-    judge_body,
-    judge_cameras,
-    judge_mirrors,
-    mirror_document,
-    result_document,
     rezero,
-)
-from nico_selfmodel.estimation.update_document import (
-    judge_tool,
-    judge_update,
-    rezero_document,
-    tool_document,
+    to_json,
 )
 from nico_selfmodel.model import SelfModel
 
@@ -54,14 +42,14 @@ def boards(name: str) -> BoardViews:
 def arm() -> dict[str, Any]:
     train, test = data("arm").split(0.3, 1)
     found = calibrate_kinematics(train, test=test)
-    return result_document(found, judge(found))
+    return to_json(found, judge(found))
 
 
 def cameras() -> dict[str, Any]:
     views = boards("boards")
     train, test = views.select(np.arange(12)), views.select(np.arange(12, 16))
     found = CameraAssessment.from_calibration(calibrate_cameras(train), None, test)
-    return camera_document(found, judge_cameras(found))
+    return to_json(found, judge(found))
 
 
 def body_model():
@@ -72,23 +60,23 @@ def body_model():
 
 def body() -> dict[str, Any]:
     found = body_model()
-    return body_document(found, judge_body(found))
+    return to_json(found, judge(found))
 
 
 def tool() -> dict[str, Any]:
     found = calibrate_tool(body_model().model, data("tool"))
-    return tool_document(found, judge_tool(found))
+    return to_json(found, judge(found))
 
 
 def rezeroed() -> dict[str, Any]:
     found = rezero(body_model().model, data("rezero"))
-    return rezero_document(found, judge_update(found.update))
+    return to_json(found, judge(found))
 
 
 def mirror() -> dict[str, Any]:
     model = SelfModel.load(FOLDER / "mirror_body.yaml")
     found = calibrate_mirrors(data("mirror"), model, test=data("mirror_test"))
-    return mirror_document(found, judge_mirrors(found))
+    return to_json(found, judge(found))
 
 
 CASES = {

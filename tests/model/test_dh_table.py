@@ -88,7 +88,7 @@ def test_the_tables_made_here_pin_what_points_cannot_tell(make_chain, kinds, see
     assert (table.D[0], table.theta_zero[0], table.alpha[-1], table.beta[-1]) == (0, 0, 0, 0)
     assert table.p_NH[0].tolist() == [0.0, 0.0, 0.0]
     assert np.all(table.beta[~table.parallel] == 0.0)
-    assert np.abs(table.D[table.pinned_D]).max() == 0.0
+    assert np.abs(table.D[table.fixed_D]).max() == 0.0
     ordinary = ~table.parallel
     ordinary[-1] = False
     assert np.all((table.alpha[ordinary] > 0.0) & (table.alpha[ordinary] < np.pi))

@@ -6,7 +6,8 @@ from numpy.testing import assert_allclose
 
 from nico_selfmodel.errors import ModelError
 from nico_selfmodel.geometry.transform import transform
-from nico_selfmodel.model import Camera, Mirror, MirrorRig, StereoRig, locate_in_mirror
+from nico_selfmodel.model import Camera, Mirror, MirrorRig, StereoRig
+from nico_selfmodel.model.mirror_location import locate_in_mirror
 
 RIG = StereoRig(
     Camera(381.0, 383.0, 326.0, 233.0, (640, 480), k1=-0.28, k2=0.09),

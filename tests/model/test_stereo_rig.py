@@ -224,12 +224,18 @@ def test_the_matrices_are_what_the_thesis_ought_to_say(seed):
     assert abs(np.linalg.det(F)) < 1e-14 * np.linalg.norm(F) ** 3
 
 
+def epipoles(rig):
+    """Return where each eye's image would show the other's centre, homogeneous [px]."""
+    X_LR = rig.X_LR
+    return rig.left.K @ X_LR[:3, 3], rig.right.K @ inverse(X_LR)[:3, 3]
+
+
 @a_few
 @given(SEED)
 def test_epipoles_are_the_null_vectors_and_lie_on_every_line(seed):
     rig = random_rig(seed)
     F = rig.fundamental()
-    in_left, in_right = (e / np.linalg.norm(e) for e in rig.epipoles())
+    in_left, in_right = (e / np.linalg.norm(e) for e in epipoles(rig))
     size = np.linalg.norm(F)
     assert F @ in_left == pytest.approx(np.zeros(3), abs=1e-12 * size)
     assert F.T @ in_right == pytest.approx(np.zeros(3), abs=1e-12 * size)
@@ -237,19 +243,11 @@ def test_epipoles_are_the_null_vectors_and_lie_on_every_line(seed):
     assert lines @ in_right == pytest.approx(np.zeros(20), abs=1e-8)
 
 
-def test_an_epipole_in_the_image_is_the_image_of_the_other_eye():
-    ahead = parallel_rig()
-    ahead = StereoRig(ahead.left, ahead.left.at(transform(np.eye(3), [0.02, -0.01, 0.1])))
-    in_left, _ = ahead.epipoles()
-    assert in_left[:2] / in_left[2] == pytest.approx(ahead.left.project([0.02, -0.01, 0.1]))
-
-
-def test_parallel_eyes_have_level_lines_and_epipoles_at_infinity():
+def test_parallel_eyes_have_level_lines():
     rig = parallel_rig()
     lines = rig.epipolar_lines([[100.0, 50.0], [400.0, 300.0]])
     assert np.abs(lines[:, 0]).max() < 1e-12
     assert -lines[:, 2] / lines[:, 1] == pytest.approx([50.0, 300.0])
-    assert [e[2] for e in rig.epipoles()] == [0.0, 0.0]
     assert rig.epipolar_errors([[100.0, 50.0, 90.0, 53.0]]) == pytest.approx(np.array([[3.0, 3.0]]))
 
 

@@ -4,7 +4,8 @@ import numpy as np
 import pytest
 from pydrake.solvers import MathematicalProgram, SolutionResult, SolverOptions
 
-from nico_selfmodel.optimization import CalibrationProgram, LevenbergMarquardtSolver, Loss
+from nico_selfmodel.optimization import CalibrationProgram, Loss
+from nico_selfmodel.optimization.levenberg_marquardt_solver import LevenbergMarquardtSolver
 
 SOLVERS = ["lm", "snopt", "ipopt"]
 

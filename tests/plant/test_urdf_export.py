@@ -10,12 +10,8 @@ from pydrake.multibody.plant import AddMultibodyPlantSceneGraph, MultibodyPlant
 from pydrake.systems.framework import DiagramBuilder
 
 from nico_selfmodel.errors import ModelError
-from nico_selfmodel.plant import (
-    MEASURING_FRAME,
-    ArmDescription,
-    SelfModelPlant,
-    learned_urdf,
-)
+from nico_selfmodel.plant import ArmDescription, SelfModelPlant, learned_urdf
+from nico_selfmodel.plant.urdf_export import MEASURING_FRAME
 
 
 def loaded(path):

@@ -5,17 +5,10 @@ import time
 from contextlib import contextmanager
 from dataclasses import dataclass
 
-from nico_selfmodel.servos import (
-    ArmController,
-    ArmLoop,
-    Bus,
-    BusSettings,
-    JointServo,
-    ServoConfig,
-    SimulatedLine,
-    SimulatedModule,
-    SimulatedPort,
-)
+from nico_selfmodel.servos import ArmController, ArmLoop, Bus, BusSettings, JointServo, ServoConfig
+from nico_selfmodel.servos.simulated_line import SimulatedLine
+from nico_selfmodel.servos.simulated_module import SimulatedModule
+from nico_selfmodel.servos.simulated_port import SimulatedPort
 
 JOINTS = (
     *("right_shoulder_pitch", "right_shoulder_roll", "right_upper_arm_twist"),

@@ -6,16 +6,11 @@ from pathlib import Path
 
 import pytest
 
-from nico_selfmodel.servos import (
-    Bus,
-    MotorServer,
-    PicServo,
-    SimulatedBus,
-    SimulatedLine,
-    SimulatedModule,
-    SimulatedPort,
-    scan,
-)
+from nico_selfmodel.servos import Bus, MotorServer, SimulatedBus, scan
+from nico_selfmodel.servos.pic_servo import PicServo
+from nico_selfmodel.servos.simulated_line import SimulatedLine
+from nico_selfmodel.servos.simulated_module import SimulatedModule
+from nico_selfmodel.servos.simulated_port import SimulatedPort
 
 from .arms import addressed_modules, loop_on, virtual_arm
 

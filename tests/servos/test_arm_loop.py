@@ -7,7 +7,8 @@ import numpy as np
 import pytest
 
 from nico_selfmodel.errors import BusError, RobotError, ServoFault
-from nico_selfmodel.servos import ArmController, ArmLoop, PortLostError
+from nico_selfmodel.servos import ArmController, ArmLoop
+from nico_selfmodel.servos.ports import PortLostError
 
 from .arms import JOINTS, SOON, configuration, stopped, wait_for
 

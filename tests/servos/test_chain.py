@@ -3,17 +3,15 @@
 import pytest
 
 from nico_selfmodel.errors import BusError
-from nico_selfmodel.servos import (
-    Bus,
-    PicServo,
-    SimulatedLine,
-    SimulatedModule,
-    SimulatedPort,
-    hard_reset,
-    scan,
-)
+from nico_selfmodel.servos import Bus, scan
 from nico_selfmodel.servos.bus import UncertainError
 from nico_selfmodel.servos.chain import join_group
+from nico_selfmodel.servos.commands import HardReset
+from nico_selfmodel.servos.packets import EVERYONE
+from nico_selfmodel.servos.pic_servo import PicServo
+from nico_selfmodel.servos.simulated_line import SimulatedLine
+from nico_selfmodel.servos.simulated_module import SimulatedModule
+from nico_selfmodel.servos.simulated_port import SimulatedPort
 
 
 def bus_of(*modules):
@@ -114,9 +112,10 @@ def test_a_hard_reset_loses_addresses_positions_and_torque():
     modules[0].shaft = 400.0
     bus.change_rate(115200, [1, 2])
     join_group(PicServo(bus, 1), 0x80)
-    hard_reset(bus)
+    bus.send(EVERYONE, HardReset())
+    bus.wait(0.1)
     assert [m.address for m in modules] == [0, 0]
-    assert bus.rate == 19200
+    bus.port.set_rate(19200)
     found = scan(bus)
     assert [f.newly_addressed for f in found] == [True, True]
     assert found[0].status.position == 0

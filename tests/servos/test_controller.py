@@ -8,7 +8,10 @@ import pytest
 
 from nico_selfmodel.errors import BusError, ServoFault
 from nico_selfmodel.model import ServoMap
-from nico_selfmodel.servos import BusSettings, PortLostError, SimulatedModule, WireFaults
+from nico_selfmodel.servos import BusSettings
+from nico_selfmodel.servos.ports import PortLostError
+from nico_selfmodel.servos.simulated_line import WireFaults
+from nico_selfmodel.servos.simulated_module import SimulatedModule
 
 from .arms import COUNTS_PER_TURN, JOINTS, virtual_arm
 
@@ -302,7 +305,7 @@ def test_a_cable_that_is_pulled_is_an_error_and_the_arm_stops(virtual):
     virtual.arm.close()
     virtual.port.unplugged = False
     at = virtual.shafts()
-    assert virtual.arm.reattach() == JOINTS  # never homed: only trusted
+    assert virtual.arm.connect() == JOINTS  # never homed: only trusted
     state = virtual.arm.cycle()
     assert state.enabled.all()  # they hold, nothing was reset
     assert virtual.shafts() == at

@@ -5,9 +5,10 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from nico_selfmodel.errors import BusError, ServoFault
-from nico_selfmodel.servos import Hand, SimulatedPort
+from nico_selfmodel.servos import Hand
 from nico_selfmodel.servos.hand import decode_line, encode_line
 from nico_selfmodel.servos.simulated_hand import HandFirmware
+from nico_selfmodel.servos.simulated_port import SimulatedPort
 
 
 @pytest.fixture

@@ -6,17 +6,11 @@ from dataclasses import replace
 import pytest
 
 from nico_selfmodel.errors import ServoFault
-from nico_selfmodel.servos import (
-    ArmController,
-    Bus,
-    SimulatedLine,
-    SimulatedModule,
-    SimulatedPort,
-    find_home,
-    homing,
-    zero_here,
-)
+from nico_selfmodel.servos import ArmController, Bus, find_home, homing, zero_here
 from nico_selfmodel.servos.servo_config import HomePlan
+from nico_selfmodel.servos.simulated_line import SimulatedLine
+from nico_selfmodel.servos.simulated_module import SimulatedModule
+from nico_selfmodel.servos.simulated_port import SimulatedPort
 
 from .arms import COUNTS_PER_TURN, VirtualArm, configuration, virtual_arm
 

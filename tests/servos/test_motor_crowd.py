@@ -14,9 +14,10 @@ import numpy as np
 import pytest
 
 from nico_selfmodel.errors import RobotError
-from nico_selfmodel.servos import MotorClient, MotorServer, line_server
+from nico_selfmodel.servos import MotorServer, line_server
 
 from .arms import stopped, wait_for
+from .motor_client import MotorClient
 
 AT_ONCE = 0.1
 """Within this time a stop is answered where this process has the machine to itself [s]."""
@@ -208,17 +209,13 @@ def test_a_server_that_ends_hangs_up_stops_the_arm_and_leaves_no_thread(loop, bu
         assert again.port == server.port
 
 
-def test_a_client_that_was_hung_up_on_asks_again_unless_it_had_the_lease(loop):
-    with MotorServer(loop, 0, idle=0.2) as server:
-        with MotorClient(server.port) as reader:
-            reader.state()
-            time.sleep(0.5)
-            assert reader.state()["joints"]
-        with MotorClient(server.port) as holder:
-            holder.take_lease(0.1)
-            time.sleep(0.5)
-            with pytest.raises(RobotError, match="hung up"):
-                holder.ask("renew")
+@pytest.mark.parametrize("lease", [None, 0.1])
+def test_who_is_silent_for_long_is_hung_up_on(loop, lease):
+    with MotorServer(loop, 0, idle=0.2) as server, MotorClient(server.port) as client:
+        client.take_lease(lease) if lease else client.state()
+        time.sleep(0.5)
+        with pytest.raises(RobotError, match="hung up"):
+            client.state()
 
 
 def moving(server, bus):

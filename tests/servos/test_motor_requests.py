@@ -6,7 +6,6 @@ import time
 
 import pytest
 
-from nico_selfmodel.servos import MotorClient
 from nico_selfmodel.servos.motor_requests import (
     NotARequestError,
     RefusedError,
@@ -16,6 +15,7 @@ from nico_selfmodel.servos.motor_requests import (
 )
 
 from .arms import SOON, wait_for
+from .motor_client import MotorClient
 
 HUGE = "1" + "0" * 400
 

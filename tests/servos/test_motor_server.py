@@ -9,9 +9,10 @@ import numpy as np
 import pytest
 
 from nico_selfmodel.errors import BusError, RobotError
-from nico_selfmodel.servos import MotorClient, MotorServer
+from nico_selfmodel.servos import MotorServer
 
 from .arms import SOON, stopped, wait_for
+from .motor_client import MotorClient
 
 
 def test_one_process_commands_and_all_may_read(server, loop, bus):
@@ -191,13 +192,6 @@ def test_two_servers_cannot_share_a_port(patient_server):
         MotorServer(patient_server.loop, patient_server.port),
     ):
         pass
-
-
-def test_without_a_server_a_client_is_told_how_to_start_one(patient_server):
-    with socket.socket() as free:
-        free.bind(("127.0.0.1", 0))
-        with pytest.raises(RobotError, match="servo serve"):
-            MotorClient(free.getsockname()[1])
 
 
 def test_a_server_passes_on_what_its_arm_failed_with(server, bus):

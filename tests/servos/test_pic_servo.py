@@ -5,11 +5,21 @@ import math
 import pytest
 
 from nico_selfmodel.errors import ServoFault
-from nico_selfmodel.servos import Bus, PicServo, SimulatedLine, SimulatedModule, SimulatedPort, scan
+from nico_selfmodel.servos import Bus, scan
 from nico_selfmodel.servos.chain import join_group, start_together, stop_together
-from nico_selfmodel.servos.commands import HomingMode, OutputMode
+from nico_selfmodel.servos.commands import HomingMode, OutputMode, StopMode, StopMotor
 from nico_selfmodel.servos.gains import Gains
+from nico_selfmodel.servos.pic_servo import PicServo
+from nico_selfmodel.servos.simulated_line import SimulatedLine
+from nico_selfmodel.servos.simulated_module import SimulatedModule
+from nico_selfmodel.servos.simulated_port import SimulatedPort
 from nico_selfmodel.servos.status import AuxiliaryFlag, StatusFlag, StatusItem
+from nico_selfmodel.servos.trajectory import (
+    LoadTrajectory,
+    TrajectoryFlag,
+    acceleration_units,
+    velocity_units,
+)
 
 MOVE_DONE = StatusFlag.MOVE_DONE
 
@@ -19,6 +29,14 @@ def switch_on(servo):
     servo.set_gains(Gains())
     servo.arm_amplifier()
     return servo.hold()
+
+
+def move_at(servo, velocity, acceleration):
+    """Move at a velocity [counts/s, counts/s^2] until told otherwise."""
+    flags = TrajectoryFlag.SERVO | TrajectoryFlag.VELOCITY_MODE | TrajectoryFlag.START_NOW
+    back = TrajectoryFlag.REVERSE if velocity < 0.0 else 0
+    speed, change = velocity_units(abs(velocity)), acceleration_units(acceleration)
+    return servo.ask(LoadTrajectory(flags | back, velocity=speed, acceleration=change))
 
 
 def wait_until_done(servo, port):
@@ -99,7 +117,7 @@ def test_before_version_10_a_goal_on_the_way_counts_from_the_last():
 def test_a_velocity_is_reached_and_held_until_a_smooth_stop(module):
     board, servo, port = module
     switch_on(servo)
-    status = servo.move_at(-5000.0, 10_000.0)
+    status = move_at(servo, -5000.0, 10_000.0)
     assert not status.flags & MOVE_DONE
     port.sleep(0.6)
     assert servo.poll().flags & MOVE_DONE  # the velocity is reached
@@ -116,7 +134,7 @@ def test_a_velocity_is_reached_and_held_until_a_smooth_stop(module):
 def test_an_abrupt_stop_stops_at_once_and_holds(module):
     board, servo, port = module
     switch_on(servo)
-    servo.move_at(5000.0, 10_000.0)
+    move_at(servo, 5000.0, 10_000.0)
     port.sleep(1.0)
     servo.hold()
     at = board.position
@@ -128,25 +146,23 @@ def test_an_abrupt_stop_stops_at_once_and_holds(module):
 def test_a_pwm_drives_both_ways_and_release_ends_it(module):
     board, servo, port = module
     switch_on(servo)
-    servo.drive(100)
+    servo.ask(LoadTrajectory(TrajectoryFlag.START_NOW, pwm=100))
     port.sleep(0.2)
     forward = servo.poll().position
     assert forward > 0
-    servo.drive(-200)
+    servo.ask(LoadTrajectory(TrajectoryFlag.START_NOW | TrajectoryFlag.REVERSE, pwm=200))
     port.sleep(0.4)
     assert servo.release().position < forward
     at = board.shaft
     port.sleep(0.5)
     assert board.shaft == at
     assert not board.amplifier
-    with pytest.raises(ValueError, match="-255 and 255"):
-        servo.drive(256)
 
 
 def test_stop_here_goes_there_without_a_profile(module):
     _board, servo, _ = module
     switch_on(servo)
-    servo.jump_to(37)
+    servo.ask(StopMotor(StopMode.AMPLIFIER | StopMode.HERE, 37))
     assert servo.poll().position == 37
 
 
@@ -238,7 +254,7 @@ def test_the_position_of_the_event_is_captured_and_the_motor_stops(module, event
     board.mechanics.upper_switch = 3000.0
     switch_on(servo)
     assert servo.capture_home(event | HomingMode.SMOOTH).flags & StatusFlag.HOMING
-    servo.move_at(2000.0, 10_000.0)
+    move_at(servo, 2000.0, 10_000.0)
     port.sleep(3.0)
     status = servo.read(StatusItem.HOME | StatusItem.POSITION)
     assert not status.flags & StatusFlag.HOMING

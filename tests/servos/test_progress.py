@@ -5,7 +5,7 @@ import math
 import numpy as np
 import pytest
 
-from nico_selfmodel.servos.progress import Progress
+from nico_selfmodel.servos.progress import JamWatch
 
 DEGREE = 1000.0
 PERIOD = 0.02
@@ -20,10 +20,10 @@ def watched(commanded, position, *, speed=10.0, period=PERIOD):
         speed: Of the motion [deg/s].
         period: Time between readings [s].
     """
-    progress = Progress(DEGREE * 180.0 / math.pi)
+    jams = JamWatch(DEGREE * 180.0 / math.pi)
     for k, (c, p) in enumerate(zip(commanded, position, strict=True)):
         place = round(DEGREE * c), round(DEGREE * p)
-        if progress.note(k * period, *place, speed * DEGREE) is not None:
+        if jams.note(k * period, *place, speed * DEGREE) is not None:
             return k * period
     return None
 
@@ -113,21 +113,21 @@ def test_a_joint_that_lags_and_rubs_may_be_turned_round_on_the_way(back):
 
 
 def test_a_host_that_slept_does_not_count_as_a_joint_that_stayed_behind():
-    progress = Progress(DEGREE * 180.0 / math.pi)
-    assert progress.note(0.0, 0, 0, DEGREE) is None
-    assert progress.note(0.1, 3000, 1000, DEGREE) is None
-    assert progress.note(60.0, 3000, 1000, DEGREE) is None  # and now it catches up
-    assert progress.note(60.1, 3000, 3000, DEGREE) is None
-    assert not progress.behind
+    jams = JamWatch(DEGREE * 180.0 / math.pi)
+    assert jams.note(0.0, 0, 0, DEGREE) is None
+    assert jams.note(0.1, 3000, 1000, DEGREE) is None
+    assert jams.note(60.0, 3000, 1000, DEGREE) is None  # and now it catches up
+    assert jams.note(60.1, 3000, 3000, DEGREE) is None
+    assert not jams.behind
 
 
 def test_a_motion_may_end_half_a_second_late():
-    progress = Progress(DEGREE)
-    assert progress.overdue(1e9) is None
-    progress.expect(10.0, 2.0)
-    assert progress.overdue(12.5) is None
-    assert "over 0.5 s ago" in progress.overdue(12.6)
-    progress.delay(1.0)
-    assert progress.overdue(13.5) is None
-    progress.arrived()
-    assert progress.overdue(1e9) is None
+    jams = JamWatch(DEGREE)
+    assert jams.overdue(1e9) is None
+    jams.expect(10.0, 2.0)
+    assert jams.overdue(12.5) is None
+    assert "over 0.5 s ago" in jams.overdue(12.6)
+    jams.delay(1.0)
+    assert jams.overdue(13.5) is None
+    jams.arrived()
+    assert jams.overdue(1e9) is None

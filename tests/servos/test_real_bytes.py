@@ -8,15 +8,9 @@ import time
 
 import pytest
 
-from nico_selfmodel.servos import (
-    ArmController,
-    Bus,
-    PortLostError,
-    SerialPort,
-    SimulatedBus,
-    SimulatedHand,
-)
+from nico_selfmodel.servos import ArmController, Bus, SimulatedBus, SimulatedHand
 from nico_selfmodel.servos.hand import Hand
+from nico_selfmodel.servos.ports import PortLostError, SerialPort
 
 from .arms import JOINTS, addressed_modules, configuration
 

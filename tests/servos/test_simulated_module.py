@@ -2,29 +2,14 @@
 
 import pytest
 
-from nico_selfmodel.servos.commands import PathPoints
 from nico_selfmodel.servos.gains import Gains
-from nico_selfmodel.servos.status import AuxiliaryFlag, StatusItem
-from nico_selfmodel.servos.trajectory import LoadTrajectory, TrajectoryFlag, path_word
+from nico_selfmodel.servos.trajectory import LoadTrajectory, TrajectoryFlag
 
 
 def switch_on(servo):
     servo.set_gains(Gains())
     servo.arm_amplifier()
     servo.hold()
-
-
-def test_a_path_is_followed_point_by_point(module):
-    _board, servo, port = module
-    switch_on(servo)
-    words = tuple(path_word(delta) for delta in (100, 200, -50))
-    servo.ask(PathPoints(words))
-    assert servo.read(StatusItem.PATH_POINTS).path_points == 3
-    assert servo.ask(PathPoints()).auxiliary & AuxiliaryFlag.PATH_MODE
-    port.sleep(0.2)
-    status = servo.poll()
-    assert status.position == 250
-    assert not status.auxiliary & AuxiliaryFlag.PATH_MODE
 
 
 def test_a_relative_goal_counts_from_the_last(module):
@@ -50,6 +35,7 @@ def test_a_stop_in_the_mechanics_holds_the_shaft(module, way):
     board, servo, port = module
     board.mechanics.lower_stop, board.mechanics.upper_stop = -500.0, 500.0
     switch_on(servo)
-    servo.drive(200 * way)
+    back = TrajectoryFlag.REVERSE if way < 0 else 0
+    servo.ask(LoadTrajectory(TrajectoryFlag.START_NOW | back, pwm=200))
     port.sleep(0.5)
     assert servo.poll().position == 500 * way

@@ -150,7 +150,7 @@ def test_a_lost_camera_is_raised_from_the_diagram_with_its_cause(eyes):
         simulator.set_target_realtime_rate(1.0)
         simulator.AdvanceTo(0.1)
         sources[1].lost = True
-        with pytest.raises(CameraLostError, match="right eye") as caught:
+        with pytest.raises(CameraLostError, match="right camera") as caught:
             simulator.AdvanceTo(2.0)
         assert simulator.get_context().get_time() < 1.0
         assert isinstance(caught.value.__cause__, CameraLostError)

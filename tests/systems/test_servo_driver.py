@@ -11,7 +11,8 @@ from pydrake.systems.primitives import ConstantVectorSource
 
 from nico_selfmodel.errors import BusError, RobotError, ServoFault
 from nico_selfmodel.model import ServoMap
-from nico_selfmodel.servos import PortLostError, SimulatedBus
+from nico_selfmodel.servos import SimulatedBus
+from nico_selfmodel.servos.ports import PortLostError
 from nico_selfmodel.systems import ServoDriver
 
 from ..servos.arms import JOINTS, addressed_modules, configuration

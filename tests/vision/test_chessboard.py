@@ -5,7 +5,6 @@ import pytest
 
 from nico_selfmodel.vision import (
     Board,
-    ChessboardDetection,
     NotSeen,
     detect_boards,
     detect_boards_of_one_eye,
@@ -13,6 +12,7 @@ from nico_selfmodel.vision import (
     read_image,
     stereo_pairs,
 )
+from nico_selfmodel.vision.chessboard import ChessboardDetection
 
 from .rendering import random_view, render_board
 

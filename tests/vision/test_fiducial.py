@@ -4,7 +4,9 @@ import cv2
 import numpy as np
 import pytest
 
-from nico_selfmodel.vision import FiducialFamily, NotSeen, find_fiducial, find_fiducials
+from nico_selfmodel.vision import NotSeen
+from nico_selfmodel.vision.fiducial import find_fiducial, find_fiducials
+from nico_selfmodel.vision.fiducial_family import FiducialFamily
 
 from .rendering import random_view, render_marker
 

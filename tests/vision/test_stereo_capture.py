@@ -103,7 +103,7 @@ def test_cameras_that_are_never_together_are_told_from_lost_ones(pair_of):
 def test_a_lost_camera_is_named_with_its_cause(pair_of):
     capture, left, right = pair_of()
     right.lost.set()
-    with pytest.raises(CameraLostError, match="right eye: camera fake gives no more") as caught:
+    with pytest.raises(CameraLostError, match="right camera: camera fake gives no more") as caught:
         look_for_a_while(capture)
     assert isinstance(caught.value.__cause__, CameraLostError)
     assert right.closed.wait(1.0)

@@ -57,7 +57,7 @@ def test_corners_that_one_eye_did_not_see_are_nan_with_the_reason(folder):
     assert list(found.not_seen) == ["right10.png"]
     assert "no 5x4 board" in found.not_seen["right10.png"]
     assert told[-1] == ("looking for boards", 6, 6)
-    one = detect_boards_of_one_eye(camera_images(folder, "right"), BOARD, 4, eye="right")
+    one = detect_boards_of_one_eye(camera_images(folder, "right"), BOARD, 4, side="right")
     np.testing.assert_array_equal(one.views.of_eye("right"), found.views.of_eye("right"))
 
 
@@ -90,8 +90,8 @@ def spoil(folder, change):
 @pytest.mark.parametrize(
     ("change", "message"),
     [
-        ("unpaired", "without a partner in the other eye: left2.png"),
-        ("one eye", r"images of one eye only: left\* without right\*"),
+        ("unpaired", "without a partner in the other camera: left2.png"),
+        ("one eye", r"images of one camera only: left\* without right\*"),
         ("twice", "left1.jpg and left1.png are the same view"),
         ("size", "different sizes: left1.png has 320x240, right2.png has 200x100"),
         ("text", "left2.png: not an image"),

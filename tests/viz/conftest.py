@@ -7,13 +7,7 @@ import numpy as np
 import pytest
 
 from nico_selfmodel.dataset import Dataset, JointInfo
-from nico_selfmodel.estimation import (
-    calibrate_kinematics,
-    camera_document,
-    judge,
-    judge_cameras,
-    result_document,
-)
+from nico_selfmodel.estimation import calibrate_kinematics, judge, to_json
 from nico_selfmodel.model import Chain, ServoMap
 from nico_selfmodel.viz import camera_report_html, report_html
 
@@ -150,7 +144,7 @@ def verdict(calibration):
 
 @pytest.fixture(scope="session")
 def document(calibration, verdict):
-    return result_document(calibration, verdict)
+    return to_json(calibration, verdict)
 
 
 @pytest.fixture(scope="session")
@@ -165,7 +159,7 @@ def failed_html(failed):
     verdict = judge(failed)
     assert verdict.status == "FAIL"
     with mock.patch("nico_selfmodel.viz.report.svg_data_uri", return_value="data:,"):
-        return report_html(failed, verdict, result_document(failed, verdict))
+        return report_html(failed, verdict, to_json(failed, verdict))
 
 
 @pytest.fixture(scope="session")
@@ -199,11 +193,11 @@ def camera_result(eyes, photographs):
     files = {eye: {name: f"{eye}{name}.jpg" for name in photographs[eye]} for eye in photographs}
     tried = {f"right{seen_boards.UNSEEN}.jpg": "no 5x4 board, <b>whatever</b> was tried"}
     detection = {"board": "5x4", "square_mm": 30.0, "files": files, "not_seen": tried}
-    return camera_document(eyes, judge_cameras(eyes)) | {"detection": detection}
+    return to_json(eyes, judge(eyes)) | {"detection": detection}
 
 
 @pytest.fixture(scope="session")
 def camera_html(eyes, camera_result, photographs):
     """The report on the good eyes, with all its figures."""
     model = eyes.calibration.self_model("my <i>eyes</i>", {"images": "boards"})
-    return camera_report_html(eyes, judge_cameras(eyes), camera_result, photographs, model=model)
+    return camera_report_html(eyes, judge(eyes), camera_result, photographs, model=model)

@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from nico_selfmodel.estimation import BodyOptions, body_document, calibrate_body, judge_body
+from nico_selfmodel.estimation import BodyOptions, calibrate_body, judge, to_json
 from nico_selfmodel.experiments.projected_nico import ProjectedNico
 from nico_selfmodel.experiments.refinement import simulated_scenario
 from nico_selfmodel.model import SelfModel
@@ -36,14 +36,14 @@ def found(scenario):
 
 @pytest.fixture(scope="module")
 def document(found):
-    return body_document(found, judge_body(found))
+    return to_json(found, judge(found))
 
 
 @pytest.fixture(scope="module")
 def folder(found, document, tmp_path_factory):
     """The result folder, written once for all that look into it."""
     place = tmp_path_factory.mktemp("results") / "body"
-    return write_body_folder(place, found, judge_body(found), document)
+    return write_body_folder(place, found, judge(found), document)
 
 
 def test_the_folder_holds_model_report_scene_numbers_and_urdf(found, document, folder):
@@ -59,7 +59,7 @@ def test_the_folder_holds_model_report_scene_numbers_and_urdf(found, document, f
     assert json.loads((folder / "result.json").read_text()) == document
     assert len(load_scene(folder).items) == len(body_scene(found).items)
     with pytest.raises(FileExistsError):
-        write_body_folder(folder, found, judge_body(found), document)
+        write_body_folder(folder, found, judge(found), document)
 
 
 def test_the_report_shows_the_numbers_of_the_document_and_loads_nothing(document, folder):
@@ -85,8 +85,8 @@ def test_a_body_without_boards_says_so_and_has_no_board_table(scenario, monkeypa
     found = calibrate_body(
         scenario.train, scenario.eyes, None, BodyOptions("intrinsics-pinned", "unanchored")
     )
-    verdict = judge_body(found)
-    html = body_report_html(found, verdict, body_document(found, verdict))
+    verdict = judge(found)
+    html = body_report_html(found, verdict, to_json(found, verdict))
     assert "Do the eyes still measure" not in html
     assert "right.pose.x" in html
     assert "holds the scale" in html

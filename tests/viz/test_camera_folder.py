@@ -3,7 +3,7 @@ import json
 import numpy as np
 import pytest
 
-from nico_selfmodel.estimation import camera_document, judge_cameras
+from nico_selfmodel.estimation import judge, to_json
 from nico_selfmodel.model import SelfModel
 from nico_selfmodel.viz import camera_scene, load_scene, write_camera_folder
 
@@ -17,9 +17,7 @@ def write(monkeypatch):
 
     def written(folder, assessment, **more):
         model = assessment.calibration.self_model("eyes")
-        return write_camera_folder(
-            folder, assessment, judge_cameras(assessment), model=model, **more
-        )
+        return write_camera_folder(folder, assessment, judge(assessment), model=model, **more)
 
     return written
 
@@ -28,7 +26,7 @@ def test_the_folder_holds_everything_and_comes_back(tmp_path, write, eyes, photo
     folder = write(tmp_path / "deep" / "result", eyes, images=photographs)
     assert {path.name for path in folder.iterdir()} == FILES
     result = json.loads((folder / "result.json").read_text())
-    assert result == camera_document(eyes, judge_cameras(eyes))
+    assert result == to_json(eyes, judge(eyes))
     rig = SelfModel.load(folder).rig
     assert rig.values.tolist() == eyes.calibration.rig.values.tolist()
     scene = camera_scene(eyes, photographs, name="eyes")
@@ -36,7 +34,7 @@ def test_the_folder_holds_everything_and_comes_back(tmp_path, write, eyes, photo
 
 
 def test_what_else_is_known_is_kept_in_the_result(tmp_path, write, one_eye):
-    document = camera_document(one_eye, judge_cameras(one_eye)) | {"more": 1}
+    document = to_json(one_eye, judge(one_eye)) | {"more": 1}
     folder = write(tmp_path / "result", one_eye, document=document)
     assert json.loads((folder / "result.json").read_text())["more"] == 1
     assert set(SelfModel.load(folder).cameras) == {"right"}

@@ -1,7 +1,7 @@
 import numpy as np
 import pytest
 
-from nico_selfmodel.estimation import camera_document, judge_cameras
+from nico_selfmodel.estimation import judge, to_json
 from nico_selfmodel.viz import camera_report_html
 
 from .page import LOADING, Page
@@ -19,8 +19,8 @@ def report(monkeypatch):
     monkeypatch.setattr("nico_selfmodel.viz.camera_report.svg_data_uri", lambda _: "data:,")
 
     def write(assessment, images=None, **bounds):
-        verdict = judge_cameras(assessment, **bounds)
-        document = camera_document(assessment, verdict)
+        verdict = judge(assessment, **bounds)
+        document = to_json(assessment, verdict)
         return Page(camera_report_html(assessment, verdict, document, images))
 
     return write
@@ -30,7 +30,7 @@ def test_the_verdict_comes_first_with_its_reasons(page, eyes):
     ids = [attributes["id"] for _, attributes in page.tags if "id" in attributes]
     assert ids[0] == "verdict"
     start = page.words.index("PASS")
-    assert judge_cameras(eyes).reasons[0] in page.words[start : start + 4]
+    assert judge(eyes).reasons[0] in page.words[start : start + 4]
 
 
 def test_every_file_is_named_also_those_without_a_board(page, photographs):

@@ -4,7 +4,7 @@ import re
 import numpy as np
 import pytest
 
-from nico_selfmodel.estimation import Verdict, judge, result_document
+from nico_selfmodel.estimation import Verdict, judge, to_json
 from nico_selfmodel.viz import report_html
 
 from .conftest import JOINTS, OUTLIERS
@@ -37,7 +37,8 @@ def test_the_verdict_comes_first_with_its_reasons(page, verdict):
 
 
 def test_the_statistics_are_those_of_the_result_to_the_last_digit(page, document):
-    wanted = [n for key in ("test", "cross_validation", "train") for n in numbers_in(document[key])]
+    parts = [document[key] for key in ("test", "cross_validation", "train")]
+    wanted = [n for part in parts for n in (part["n"], *numbers_in(part["position_mm"]))]
     assert len(wanted) == 21
     assert set(wanted) <= set(page.values)
 
@@ -126,7 +127,7 @@ def test_a_failure_is_red_and_says_why(failed_html, failed):
 @pytest.mark.usefixtures("undrawn")
 def test_names_from_outside_stay_text(renamed):
     verdict = judge(renamed)
-    html = report_html(renamed, verdict, result_document(renamed, verdict))
+    html = report_html(renamed, verdict, to_json(renamed, verdict))
     page = Page(html)
     assert "<script>alert(1)</script>" in page.words
     assert "a<b>" in page.words
@@ -144,7 +145,7 @@ def test_backticks_in_reasons_become_code_and_names_stay_escaped(failed_html):
 @pytest.mark.usefixtures("undrawn")
 def test_circle_points_alone_are_reported_without_pretending(circles_alone):
     verdict = Verdict("NOT_EVALUATED", ("nothing was held out",))
-    page = Page(report_html(circles_alone, verdict, result_document(circles_alone, verdict)))
+    page = Page(report_html(circles_alone, verdict, to_json(circles_alone, verdict)))
     assert "NOT EVALUATED" in page.words
     assert "Nothing was held out." in page.text
     assert "No standard deviations: circle points alone do not give any." in page.words

@@ -142,7 +142,7 @@ def test_reflections_are_marked_by_rings_and_need_a_glass():
 
 
 def test_a_model_without_eyes_and_pixels_that_are_none_are_refused():
-    with pytest.raises(ModelError, match="no pair of eyes"):
+    with pytest.raises(ModelError, match="no pair of cameras"):
         StationView(ARM, replace(MODEL, cameras={}))
     with pytest.raises(ValueError, match=r"shape \(4,\)"):
         StationView(ARM, MODEL).show(READINGS, None, [1.0, 2.0])

@@ -6,18 +6,23 @@ import re
 import numpy as np
 import pytest
 
-from nico_selfmodel.estimation import calibrate_body, calibrate_tool, check_health, rezero
-from nico_selfmodel.estimation.adaptation import joined
-from nico_selfmodel.estimation.relearning import relearn_cause, since_change
-from nico_selfmodel.estimation.tool import with_marker
-from nico_selfmodel.estimation.update_document import (
-    judge_tool,
-    judge_update,
-    relearned_document,
-    rezero_document,
-    tool_document,
+from nico_selfmodel.estimation import (
+    calibrate_body,
+    calibrate_tool,
+    check_health,
+    judge,
+    rezero,
+    to_json,
 )
-from nico_selfmodel.estimation.update_evaluation import evaluate_update, marked
+from nico_selfmodel.estimation.monitoring.adaptation import joined
+from nico_selfmodel.estimation.monitoring.relearning import relearn_cause, since_change
+from nico_selfmodel.estimation.monitoring.tool import with_marker
+from nico_selfmodel.estimation.monitoring.update_evaluation import evaluate_update, marked
+from nico_selfmodel.estimation.monitoring.update_result import (
+    relearned_result,
+    rezero_result,
+    tool_result,
+)
 from nico_selfmodel.experiments.projected_nico import ProjectedNico
 from nico_selfmodel.experiments.refinement import simulated_scenario
 from nico_selfmodel.model import SelfModel
@@ -56,7 +61,7 @@ def tool(model):
     found = calibrate_tool(model, train, tool="driver", test=test)
     parts = (marked(data, "driver") for data in (train, test))
     evaluation = evaluate_update(with_marker(model, "driver"), found.update, *_both(*parts))
-    return evaluation, judge_tool(found), tool_document(found, judge_tool(found), evaluation)
+    return evaluation, judge(found), to_json(tool_result(found, evaluation), judge(found))
 
 
 def _both(train, test):
@@ -68,8 +73,8 @@ def zeros(model):
     data = poses(5, lambda body: body.faults.restart(4), session=4)
     found = rezero(model, data)
     evaluation = evaluate_update(model, found.update, data)
-    verdict = judge_update(found.update)
-    return evaluation, verdict, rezero_document(found, verdict, evaluation)
+    verdict = judge(found)
+    return evaluation, verdict, to_json(rezero_result(found, evaluation), verdict)
 
 
 @pytest.fixture(scope="module")
@@ -79,9 +84,9 @@ def relearned(model):
     health = check_health(model, data)
     update = relearn_cause(model, data, health)
     evaluation = evaluate_update(model, update, since_change(model, data, health))
-    verdict = judge_update(update)
-    cause = health.diagnoses[0].hypothesis.cause
-    return evaluation, verdict, relearned_document(update, cause, verdict, evaluation), health
+    result = relearned_result(update, health.diagnoses[0].hypothesis.cause, evaluation)
+    verdict = judge(result)
+    return evaluation, verdict, to_json(result, verdict), health
 
 
 def page_of(evaluation, verdict, document, health=None):
@@ -133,8 +138,8 @@ def test_three_poses_are_left_out_one_by_one_and_one_pose_not_at_all(model):
     lone = rezero(model, alone, joints=("right_elbow",))
     evaluation = evaluate_update(model, lone.update, alone)
     assert evaluation.cross_validation is None
-    verdict = judge_update(lone.update)
-    document = rezero_document(lone, verdict, evaluation)
+    verdict = judge(lone)
+    document = to_json(rezero_result(lone, evaluation), verdict)
     assert document["cross_validation"] is None
     assert "too few poses to leave any out" in page_of(evaluation, verdict, document)
 
@@ -189,8 +194,8 @@ def test_measured_points_make_a_page_too(model):
     data = protocol.record(body, "points", q, observed=True)
     found = rezero(model, data, sensor="points")
     evaluation = evaluate_update(model, found.update, data, "points")
-    verdict = judge_update(found.update)
-    document = rezero_document(found, verdict, evaluation)
+    verdict = judge(found)
+    document = to_json(rezero_result(found, evaluation), verdict)
     assert "pixels" not in document["train"]
     assert "in space [mm]" in page_of(evaluation, verdict, document)
 

@@ -1,0 +1,94 @@
+"""Read-only copies of arrays, checked for shape, finiteness and what a covariance must be."""
+
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from nico_selfmodel.names import shown
+
+
+def as_floats(value: ArrayLike, name: str) -> NDArray:
+    """Return a copy of numbers as an array of floats.
+
+    Args:
+        value: A number, or rows of them.
+        name: What the message calls it.
+
+    Returns:
+        The copy.
+
+    Raises:
+        ValueError: If something else is among them, or the rows are of different lengths.
+    """
+    try:
+        return np.array(value, dtype=float)
+    except (OverflowError, TypeError, ValueError):  # what numpy says of it is not for people
+        raise ValueError(
+            f"{name} must be numbers, in rows of equally many, got {shown(value)}"
+        ) from None
+
+
+def read_only(value: ArrayLike, dtype: Any = None) -> NDArray:
+    """Return a copy that cannot be written to, of another type if one is asked for."""
+    array = np.array(value, dtype=dtype)
+    array.flags.writeable = False
+    return array
+
+
+def frozen_array(value: ArrayLike, shape: tuple[int, ...], name: str) -> NDArray:
+    """Return a read-only float copy.
+
+    Args:
+        value: The array.
+        shape: The shape it must have.
+        name: What the message calls it.
+
+    Returns:
+        A copy that cannot be written to.
+
+    Raises:
+        ValueError: If the shape differs or an entry is no finite number.
+    """
+    array = as_floats(value, name)
+    if array.shape != shape:
+        raise ValueError(f"{name} must have shape {shape}, got {array.shape}")
+    if not np.isfinite(array).all():
+        raise ValueError(f"{name} must be finite")
+    return read_only(array)
+
+
+def frozen_covariance(value: ArrayLike, count: int, name: str) -> NDArray:
+    """Return a read-only copy of a covariance.
+
+    It must be symmetric and have no negative eigenvalue, each to a millionth of the standard
+    deviations: rounding is forgiven, whatever the units are.
+
+    Args:
+        value: The matrix.
+        count: Of the variables.
+        name: What the message calls it.
+
+    Returns:
+        A copy that cannot be written to. Shape (count, count).
+
+    Raises:
+        ValueError: If the shape differs, an entry is not finite, or it is no covariance.
+    """
+    matrix = frozen_array(value, (count, count), name)
+    variances = np.diag(matrix)
+    if (variances < 0.0).any():
+        raise ValueError(f"{name} has a negative variance: {variances.min():g}")
+    scale = np.sqrt(np.where(variances > 0.0, variances, 1.0))
+    correlation = matrix / scale / scale[:, None]
+    if np.abs(correlation - correlation.T).max(initial=0.0) > _ROUNDING:
+        raise ValueError(f"{name} is not symmetric")
+    if count and np.linalg.eigvalsh(correlation)[0] < -_ROUNDING * count:
+        raise ValueError(
+            f"{name} is not positive semi-definite: no errors are correlated like that"
+        )
+    return matrix
+
+
+_ROUNDING = 1e-6
+"""Of a correlation."""

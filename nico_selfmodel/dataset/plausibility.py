@@ -1,0 +1,113 @@
+"""Data that are well formed but can hardly be what they say: units, sweeps that did not move."""
+
+import warnings
+
+import numpy as np
+
+from nico_selfmodel.dataset.columns import PIXEL_COLUMNS, POINT_COLUMNS
+from nico_selfmodel.dataset.dataset import Dataset
+from nico_selfmodel.dataset.joint_info import HOME, JointInfo
+from nico_selfmodel.errors import DataError
+
+# An arm whose measured points lie further apart than this was not measured in metres.
+_MAX_SPREAD_M = 20.0
+# An arm whose points stay within this was hardly measured in metres.
+_MIN_SPREAD_M = 2e-3
+# A joint that turned further than this was hardly read in radians.
+_MAX_TURN_RAD = 4.0 * np.pi
+
+
+def check_plausible(dataset: Dataset, place: str) -> None:
+    """Refuse data that are well formed but cannot be what they say.
+
+    Args:
+        dataset: The data.
+        place: The file, for messages.
+
+    Raises:
+        DataError: If nothing was measured, points spread over more than 20 m, a sweep did not
+            move its joint, or moved another joint more.
+    """
+    seen = dataset.measured
+    if not seen.any() and np.isnan(dataset.pixels).all():
+        raise DataError(
+            f"{place}: nothing was measured: no row has {', '.join(POINT_COLUMNS)} or"
+            f" {', '.join(PIXEL_COLUMNS)}"
+        )
+    points = dataset.p_WH_measured[seen]
+    if len(points):
+        # The largest coordinate serves as well, and cannot overflow.
+        spread = np.abs(points - np.median(points, axis=0)).max()
+        if spread > _MAX_SPREAD_M:
+            raise DataError(
+                f"{place}: points spread over {spread:.4g} m: were millimetres given as metres?"
+                f" {', '.join(POINT_COLUMNS)} are metres"
+            )
+    for joint in range(len(dataset.joints)):
+        _check_sweep_moved(dataset, joint, place)
+
+
+def warn_of_units(dataset: Dataset, place: str) -> None:
+    """Warn of numbers that look like another unit than the one they are said to have.
+
+    Args:
+        dataset: The data.
+        place: The file, for the message.
+
+    Warns:
+        UserWarning: If a joint read in `rad` turned by more than two whole turns, or all points,
+            and more than two, lie within 2 mm.
+    """
+    _warn_of_degrees(dataset, place)
+    points = dataset.p_WH_measured[dataset.measured]
+    if len(points) < 3:
+        return
+    spread = 2.0 * float(np.abs(points - np.median(points, axis=0)).max())
+    if 0.0 < spread < _MIN_SPREAD_M:
+        warnings.warn(
+            f"{place}: all points lie within {1e3 * spread:.2g} mm: were metres given as "
+            f"millimetres? {', '.join(POINT_COLUMNS)} are metres",
+            stacklevel=3,
+        )
+
+
+def _warn_of_degrees(dataset: Dataset, place: str) -> None:
+    encoders = 0.5 * dataset.encoders  # a difference of halves cannot overflow
+    half_spans = (encoders.max(axis=0) - encoders.min(axis=0)).tolist()
+    for info, half in zip(dataset.joints, half_spans, strict=True):
+        span = 2.0 * half
+        if info.encoder_unit == "rad" and span > _MAX_TURN_RAD:
+            warnings.warn(
+                f"{place}: encoder.{info.name} spans {span:.4g} rad, {span / (2 * np.pi):.3g} "
+                "turns: if these are degrees, set encoder_unit: deg",
+                stacklevel=4,
+            )
+
+
+def _check_sweep_moved(dataset: Dataset, joint: int, place: str) -> None:
+    name = dataset.joints[joint].name
+    marked = dataset.sweep == name
+    rows = marked | (dataset.sweep == HOME)
+    # One pose alone, left over from a split, shows no motion and claims none.
+    if not marked.any() or np.unique(dataset.sample[rows]).size < 2:
+        return
+    span = np.ptp(dataset.encoders[rows], axis=0)
+    if span[joint] == 0.0:
+        raise DataError(
+            f"{place}: the sweep of joint {name!r} did not move it: encoder.{name} is"
+            f" {float(dataset.encoders[rows][0, joint])!r} in all its {int(marked.sum())} rows;"
+            " check the sweep column and the encoder"
+        )
+    radians = span * [info.radians_per_unit for info in dataset.joints]
+    other = int(np.argmax(radians))
+    if radians[other] > radians[joint] + _still_rad(dataset.joints[other]):
+        raise DataError(
+            f"{place}: in the sweep of joint {name!r} joint {dataset.joints[other].name!r} moved"
+            f" more: {np.degrees(radians[other]):.4g} degrees at its encoder against"
+            f" {np.degrees(radians[joint]):.4g}; check the sweep column, and that the"
+            f" '{HOME}' rows have the posture of the sweeps"
+        )
+
+
+def _still_rad(info: JointInfo) -> float:
+    return info.still_tolerance * info.radians_per_unit

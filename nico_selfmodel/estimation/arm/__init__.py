@@ -1,0 +1,1 @@
+"""Kinematics from measured points of the hand."""

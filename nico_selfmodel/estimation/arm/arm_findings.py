@@ -1,0 +1,266 @@
+"""What speaks for and against a learned arm."""
+
+import numpy as np
+from numpy.typing import NDArray
+
+from nico_selfmodel.estimation.arm.evaluation import Evaluation
+from nico_selfmodel.estimation.arm.kinematics import KinematicCalibration
+from nico_selfmodel.estimation.observations.observations import Observations
+from nico_selfmodel.estimation.observations.outlier_words import (
+    chance_of_more,
+    describe_outliers,
+    foreign_markers,
+)
+from nico_selfmodel.estimation.results.calibration_result import (
+    CAUSE,
+    FAILURE,
+    LAST,
+    MISFIT,
+    NOTE,
+    WARNING,
+    Finding,
+    findings,
+)
+from nico_selfmodel.estimation.results.verdict import outliers_are_many
+
+_LARGEST_NOISE = 0.05
+"""Residuals above this share of the workspace's size explain nothing."""
+_PATTERNED_NOISE = 0.02
+"""... as do residuals above this smaller share that depend on the pose."""
+_LARGEST_RATIO = 10.0
+"""Noise of the sensor above this many stated sigmas is something else."""
+_NOTABLE_RATIO = 3.0
+"""Scatter above this many stated sigmas is more than the sensor's."""
+_LARGEST_JOINT_NOISE = np.radians(5.0)
+"""A joint that is this uncertain about its encoder is not noisy but wrong."""
+_LONELY_NOISE = 0.005
+"""Residuals above this share of the workspace may be those of a wrong minimum."""
+_RARE = 1.0 / 2000.0
+"""Chance of a held-out share of outliers beyond which it is no accident ..."""
+_RARE_OF_MANY = 0.01
+"""... and of one that is large: the training may have as many, and be told so itself."""
+_PATTERNS_SHOWN = 3
+WHAT_CHANGED = (
+    "the training poses do not cover where the arm is used, or something moved between recordings"
+)
+
+
+def arm_findings(calibration: KinematicCalibration) -> tuple[Finding, ...]:
+    """Return what speaks for and against a learned arm beyond what every calibration is asked.
+
+    Args:
+        calibration: What was learned.
+    """
+    misfit = _misfit_reason(calibration)
+    explained = misfit is None and not calibration.causes.words
+    foreign = foreign_markers(calibration.train.observations, calibration.outliers)
+    failures = [
+        calibration.contradicted_robot,
+        *_gear_reasons(calibration),
+        *_fixed_reasons(calibration),
+        *foreign,
+        *(_timing_reasons(calibration) if explained else ()),
+    ]
+    last = [_starts_reason(calibration), _held_out_outlier_reason(calibration)]
+    held_out = calibration.test
+    said = [] if held_out is None else [_held_out_words(calibration, held_out)]
+    return (
+        *findings(CAUSE, calibration.causes.words),
+        *findings(MISFIT, [misfit]),
+        *findings(FAILURE, failures),
+        *findings(LAST, last),
+        *findings(WARNING, _warnings(calibration)),
+        *findings(NOTE, [*said, *_set_aside_words(calibration)]),
+    )
+
+
+def _warnings(calibration: KinematicCalibration) -> list[str]:
+    """Say what the model lacks, and what the data cannot support, though nothing fails."""
+    words = [str(pattern) for pattern in calibration.patterns[:_PATTERNS_SHOWN]]
+    if words:
+        words.append(
+            "the model has nothing for it, so that the sigmas of parameters and predictions are "
+            "too small; errors on poses like the held-out ones are as stated"
+        )
+    for change in (calibration.change, calibration.lag):
+        if change is not None and not change.told_from_place:
+            words.append(f"{change.what}, or the arm bends there: the poses do not tell which")
+        elif change is not None and not change.notable:
+            words.append(f"{change.what}; too little to matter beside the noise")
+    rows = calibration.train.observations
+    visits = len(np.unique(rows.sample))
+    if len(rows.poses) < visits:
+        words.append(
+            f"{visits} samples are of {len(rows.poses)} poses: samples with equal readings count "
+            "as one pose, in splits as in sigmas"
+        )
+    words += _joint_noise_words(calibration)
+    if calibration.causes.stopped_after is not None:
+        words.append(
+            "the search for what would make the data fit stopped after "
+            f"{calibration.causes.stopped_after} starts"
+        )
+    return words
+
+
+def _joint_noise_words(calibration: KinematicCalibration) -> list[str]:
+    """Say when points scatter by more than their stated sigma, or by much less."""
+    noise, stated, total = calibration.noise, calibration.point_sigma, calibration.model.noise_sigma
+    if noise is None or stated is None or total is None:
+        return []
+    if total < stated / _LARGEST_RATIO:
+        return [
+            f"the points scatter by {1e3 * total:.2g} mm a coordinate, the stated point_sigma_m is "
+            f"{stated / total:.0f} times that: is its unit metres?"
+        ]
+    if total < _NOTABLE_RATIO * stated:
+        return []
+    if noise.sensor_sigma > _LARGEST_RATIO * stated:
+        return []
+    degrees = np.degrees(noise.joint_sigma)
+    spread = f"{degrees.min():.2g}"
+    if degrees.max() > 1.01 * degrees.min():
+        spread += f" to {degrees.max():.2g}"
+    return [
+        f"the points scatter by {1e3 * total:.2g} mm a coordinate, {total / stated:.0f} times the "
+        f"stated point_sigma_m: joint noise of {spread} deg explains it"
+    ]
+
+
+def _held_out_words(calibration: KinematicCalibration, test: Evaluation) -> str:
+    """State the held-out error; where no noise explains some of it, without that and with it.
+
+    Where residuals depend on the pose, what lies far off is the arm's own, and counts first.
+    """
+    wrong, poses = test.outliers, len(test.observations.poses)
+    mean = 1e3 * test.statistics.mean
+    where = f"{poses} poses that were held out"
+    if not wrong.any():
+        return f"{_rounded(mean)} mm mean error on {where}"
+    worst, which = 1e3 * test.distances[wrong].max(), describe_outliers(test.observations, wrong)
+    far = f"{wrong.sum()} of {len(wrong)} points are up to {worst:.3g} mm off ({which})"
+    if wrong.all():
+        return f"{_rounded(mean)} mm mean error on {where}; {far}"
+    good = 1e3 * test.distances[~wrong].mean()
+    if calibration.patterns:
+        without = f"{_rounded(good)} mm without them"
+        return f"{_rounded(mean)} mm mean error on {where}; {far}, {without}"
+    return (
+        f"{_rounded(good)} mm mean error on {where}, {len(wrong) - wrong.sum()} of {len(wrong)} "
+        f"points; the other {wrong.sum()} are up to {worst:.3g} mm off, which no noise explains "
+        f"({which}): {mean:.2f} mm with them"
+    )
+
+
+def _rounded(mm: float) -> str:
+    """Return a length that a small arm does not round to nothing."""
+    return f"{mm:.2f}" if mm >= 0.1 else f"{mm:.3g}"
+
+
+def _set_aside_words(calibration: KinematicCalibration) -> list[str]:
+    """Say which training points were not believed, if any."""
+    wrong, rows = calibration.outliers, calibration.train.observations
+    if not wrong.any():
+        return []
+    which = describe_outliers(rows, wrong)
+    return [f"{wrong.sum()} of {len(rows)} training points were set aside: {which}"]
+
+
+def _starts_reason(calibration: KinematicCalibration) -> str | None:
+    """Say when the minimum may be a wrong one: reached once, and something is left unexplained."""
+    search, noise = calibration.search, calibration.model.noise_sigma
+    if search is None or len(search.labels) < 3 or search.agreeing >= 2 or noise is None:
+        return None
+    if noise < _LONELY_NOISE * calibration.train.observations.size and not calibration.patterns:
+        return None
+    return (
+        f"only one of {len(search.labels)} starts ({search.best_label}) reached the best minimum: "
+        "it may not be the global one; allow more with --starts, or record more poses"
+    )
+
+
+def _gear_reasons(calibration: KinematicCalibration) -> list[str]:
+    return [
+        f"`{gear.name}` is held at 1 because the encoder is said to read joint angles, but the "
+        f"data ask for about {gear.value:.3g} (+- {gear.sigma:.2g}): correct the unit, or add "
+        f"--free {gear.name}"
+        for gear in calibration.doubtful_gears
+    ]
+
+
+def _fixed_reasons(calibration: KinematicCalibration) -> list[str]:
+    return [
+        f"`{pin.name}` is pinned at {pin.value:.6g}, which contradicts the data: without pins they "
+        f"ask for {pin.wanted:.6g} and the rms residual falls to 1 / {pin.rise:.3g}; correct the "
+        "value, or leave the pin out"
+        for pin in calibration.contradicted_pins
+    ]
+
+
+def _misfit_reason(calibration: KinematicCalibration) -> str | None:
+    noise, size = calibration.model.noise_sigma, calibration.train.observations.size
+    advice = (
+        "the model does not explain the data; check units and gears (--free), the pairing of "
+        "readings and points, marker labels, and whether something moved during the recording"
+    )
+    if noise is None or len(calibration.train.distances) < 10:
+        return None
+    in_size = f"{1e3 * noise:.1f} mm a coordinate in a workspace of {1e3 * size:.0f} mm: {advice}"
+    if noise > _LARGEST_NOISE * size:
+        return f"the residuals are {in_size}"
+    if noise > _PATTERNED_NOISE * size and calibration.patterns:
+        return f"the residuals depend on the pose and are {in_size}"
+    return _noise_reason(calibration, advice)
+
+
+def _noise_reason(calibration: KinematicCalibration, advice: str) -> str | None:
+    """Say when sensor or joints would have to be noisier than they can be."""
+    noise, stated = calibration.noise, calibration.point_sigma
+    if noise is None:
+        return None
+    if stated is not None and noise.sensor_sigma > _LARGEST_RATIO * stated:
+        return (
+            f"the residuals are {1e3 * noise.sensor_sigma:.2f} mm a coordinate beside what joint "
+            f"noise explains, {noise.sensor_sigma / stated:.0f} times the stated point_sigma_m "
+            f"({1e3 * stated:.2g} mm): {advice}"
+        )
+    worst = int(np.argmax(noise.joint_sigma))
+    if noise.joint_sigma[worst] > _LARGEST_JOINT_NOISE:
+        return (
+            f"the angle of {calibration.model.joints[worst]} would have to be off by "
+            f"{np.degrees(noise.joint_sigma[worst]):.1f} deg at random to explain the points: "
+            f"{advice}"
+        )
+    return None
+
+
+def _timing_reasons(calibration: KinematicCalibration) -> list[str]:
+    """Say what changed during the recording, or that readings and points are not of one moment."""
+    reasons = []
+    if calibration.change is not None and calibration.change.notable:
+        reasons.append(f"{calibration.change.what}: learn from one part alone, or record again")
+    if calibration.lag is not None and calibration.lag.notable:
+        reasons.append(calibration.lag.what)
+    return reasons
+
+
+def _held_out_outlier_reason(calibration: KinematicCalibration) -> str | None:
+    """Say when held-out points contradict the model far more often than training points do."""
+    test = calibration.test
+    if test is None or not test.outliers.any():
+        return None
+    found, n = _count_poses(test.observations, test.outliers)
+    before, m = _count_poses(calibration.train.observations, calibration.outliers)
+    rare = _RARE if outliers_are_many(test.outliers) is None else _RARE_OF_MANY
+    if chance_of_more(found, n, before, m) > rare:
+        return None
+    return (
+        f"{test.outliers.sum()} of {len(test.outliers)} held-out points are further off than model "
+        f"and noise explain ({describe_outliers(test.observations, test.outliers)}), in {found} of "
+        f"{n} poses, against {before} of {m} training poses: {WHAT_CHANGED}"
+    )
+
+
+def _count_poses(observations: Observations, outliers: NDArray) -> tuple[int, int]:
+    """Return how many poses have an outlier, and how many there are."""
+    return len(np.unique(observations.pose[outliers])), len(observations.poses)

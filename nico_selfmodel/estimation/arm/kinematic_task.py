@@ -1,0 +1,226 @@
+"""What the calibration of an arm works on, and from where it may start."""
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from itertools import islice
+
+import numpy as np
+from numpy.typing import NDArray
+
+from nico_selfmodel.dataset import Dataset, Sweep, marked_sweeps, unmarked_sweeps
+from nico_selfmodel.errors import DataError
+from nico_selfmodel.estimation.initialization.axis_search import random_starts
+from nico_selfmodel.estimation.initialization.circle_points import (
+    CirclePointAnalysis,
+    analyse_circle_points,
+    crossing_of,
+)
+from nico_selfmodel.estimation.initialization.joint_zeros import meaningful_parameters
+from nico_selfmodel.estimation.initialization.nominal_arm import (
+    NominalArm,
+    first_joint_zero,
+    nominal_start,
+)
+from nico_selfmodel.estimation.initialization.start_search import RANDOM, few_rows
+from nico_selfmodel.estimation.observations.arm_estimate import ArmHypothesis
+from nico_selfmodel.estimation.observations.observations import (
+    Observations,
+    gears_known,
+)
+from nico_selfmodel.estimation.results.fixed_parameters import Pins
+from nico_selfmodel.model import DhParameters
+from nico_selfmodel.names import listed
+
+_ASSUMED_SIGMA = 1e-3
+_WITHOUT_SWEEPS = 6
+"""Without sweeps or a robot every start is random: this many times as many are allowed."""
+
+
+@dataclass(frozen=True, eq=False)
+class KinematicTask:
+    """Observations, sweeps with their circles, and what the options say of the gears."""
+
+    dataset: Dataset
+    observations: Observations
+    nominal: NominalArm | None
+    gear_known: NDArray
+    gear_pinned: NDArray
+    zero: NDArray
+    sigma: float
+    circles: CirclePointAnalysis | None
+    random_starts: int
+    seed: int
+    few: Observations
+    """The part of the observations on which starts are tried."""
+
+    @classmethod
+    def prepare(
+        cls, dataset: Dataset, nominal: NominalArm | None, pins: Pins, starts: int, seed: int
+    ) -> "KinematicTask":
+        """Gather what a data set says before anything is solved.
+
+        Args:
+            dataset: Training data.
+            nominal: The robot as described.
+            pins: Parameters held or freed by name.
+            starts: Random starts allowed.
+            seed: Of the random starts and of the circles' outlier search.
+
+        Returns:
+            The task.
+
+        Raises:
+            DataError: If the data set has no measured point.
+            ValueError: If the robot has other joints.
+        """
+        observations = Observations.from_dataset(dataset)
+        joints = observations.joints
+        if nominal is not None:
+            nominal = nominal.for_joints(joints)
+        known = gears_known(observations.units)
+        freed = np.array([f"{joint}.gear" in pins.freed for joint in joints])
+        pinned = np.array([f"{joint}.gear" in pins.pinned for joint in joints])
+        sweeps = sweeps_of(dataset, observations)
+        rng = np.random.default_rng(seed)
+        zero = np.where(known, 0.0, crossing_of(observations.angles, sweeps))
+        circles = None
+        if sweeps:
+            circles = analyse_circle_points(observations, sweeps, known & ~freed, rng, zero)
+        sigma = dataset.point_sigma_m or _ASSUMED_SIGMA
+        gear_pinned = (known & ~freed) | pinned
+        return cls(
+            dataset,
+            observations,
+            nominal,
+            known,
+            gear_pinned,
+            zero,
+            sigma,
+            circles,
+            starts,
+            seed,
+            few_rows(observations, seed),
+        )
+
+    def starts(self) -> Iterator[tuple[str, ArmHypothesis]]:
+        """Yield labelled starts, the most trusted first."""
+        trusted = 0
+        if self.circles is not None and self.circles.arm is not None:
+            trusted += 1
+            yield "circle points", self.circles.arm
+        elif self.nominal is not None:
+            placed = nominal_start(self.nominal, self.dataset, self.few, self.gear_known)
+            if placed is not None:
+                trusted += 1
+                yield "robot", at_zero(placed, self.zero)
+        if trusted and not self.redundant:
+            return
+        count = max(self.random_starts, 0) * (1 if trusted else _WITHOUT_SWEEPS)
+        directions = gear = None
+        if self.circles is not None and self.circles.trusted.any():
+            trusted_axes = self.circles.trusted
+            directions = np.where(trusted_axes[:, None], self.circles.directions, np.nan)
+            gear = np.where(trusted_axes, self.circles.gear, np.nan)
+        wild = random_starts(
+            self.few,
+            self.gear_pinned & self.gear_known,
+            self.zero,
+            np.random.default_rng((self.seed, 1)),
+            directions=directions,
+            gear=gear,
+        )
+        for arm in islice(wild, count if trusted else max(count, 1)):
+            yield RANDOM, arm
+
+    def parameters_of(self, arm: ArmHypothesis) -> DhParameters:
+        """Write an arm as named parameters."""
+        first = first_joint_zero(self.nominal, self.dataset, self.observations)
+        return meaningful_parameters(
+            arm,
+            self.observations.units,
+            self.gear_known,
+            self.nominal,
+            first,
+            np.median(self.observations.angles, axis=0),
+        )
+
+    def without_sweeps(self) -> CirclePointAnalysis:
+        """Return the analysis of no sweeps at all, which names every joint that needs one."""
+        return analyse_circle_points(
+            self.observations, [], self.gear_known, np.random.default_rng(0), self.zero
+        )
+
+    @property
+    def unknowns(self) -> int:
+        """Number of free line parameters."""
+        observations = self.observations
+        n, m = len(observations.joints), len(observations.markers)
+        return 4 * n + 3 * m + int(np.sum(~self.gear_pinned))
+
+    @property
+    def redundant(self) -> bool:
+        """Whether there are twice as many equations as unknowns.
+
+        With fewer, no observation can be told to be wrong, and the lowest of many minima fits the
+        noise: only trusted starts and plain least squares are used then.
+        """
+        return 3 * len(self.observations) >= 2 * self.unknowns
+
+    def require_enough(self, pins: Pins) -> None:
+        """Check that there are more equations than unknowns, and that joints moved.
+
+        Raises:
+            DataError: If not.
+        """
+        observations = self.observations
+        if observations.size <= 1e-9:
+            raise DataError(
+                f"the measured points of data set {self.dataset.name!r} do not move: they all "
+                "coincide, so that nothing can be learned from them"
+            )
+        still = [
+            joint
+            for joint, span in zip(
+                observations.joints, np.ptp(observations.angles, axis=0), strict=True
+            )
+            if span == 0.0
+        ]
+        if still:
+            raise DataError(
+                f"{listed(still)} never moved in data set {self.dataset.name!r}: move every "
+                "joint of the chain, or leave it out of the data set"
+            )
+        unknown = self.unknowns - sum(not name.endswith(".gear") for name in pins.pinned)
+        if 3 * len(observations) < unknown:
+            raise DataError(
+                f"data set {self.dataset.name!r} has {len(observations)} measured points, which "
+                f"give {3 * len(observations)} equations for {unknown} parameters: record at "
+                f"least {-(-unknown // 3)} points, or pin parameters"
+            )
+
+
+def sweeps_of(dataset: Dataset, observations: Observations) -> list[Sweep]:
+    """Return marked sweeps, and for joints without any those found in the encoders.
+
+    Args:
+        dataset: The data.
+        observations: Its measured points.
+
+    Returns:
+        Sweeps of every marker; their rows index `observations`.
+    """
+    position = {int(row): k for k, row in enumerate(observations.rows)}
+    found: list[Sweep] = []
+    for marker in observations.markers:
+        marked = marked_sweeps(dataset, marker)
+        have = {sweep.joint for sweep in marked}
+        hidden = [] if len(have) == len(observations.joints) else unmarked_sweeps(dataset, marker)
+        found += marked + [sweep for sweep in hidden if sweep.joint not in have]
+    return [
+        Sweep(sweep.joint, np.array([position[int(row)] for row in sweep.rows])) for sweep in found
+    ]
+
+
+def at_zero(arm: ArmHypothesis, zero: NDArray) -> ArmHypothesis:
+    """Return the same arm with its zero configuration at other encoder angles."""
+    return ArmHypothesis(arm.chain.rezeroed((zero - arm.zero) / arm.gear), arm.gear, zero)

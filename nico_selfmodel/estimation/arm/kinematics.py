@@ -1,0 +1,307 @@
+"""Learning an arm: circle points, refinement from many starts, pins, uncertainty, held-out error.
+
+The thesis' sections 6.2.1-6.2.3 with the corrections of `docs/thesis.md`.
+"""
+
+import time
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from nico_selfmodel.dataset import Dataset
+from nico_selfmodel.dataset.held_out import held_out_of
+from nico_selfmodel.estimation.arm.cross_validation import cross_validate
+from nico_selfmodel.estimation.arm.evaluation import Evaluation, evaluate
+from nico_selfmodel.estimation.arm.kinematic_task import KinematicTask
+from nico_selfmodel.estimation.arm.learned_model import learned_model, training_of
+from nico_selfmodel.estimation.arm.named_refinement import Held, refine_pinned
+from nico_selfmodel.estimation.diagnosis.changes_in_time import (
+    Change,
+    change_in_time,
+    lag_in_time,
+)
+from nico_selfmodel.estimation.diagnosis.fault_hypotheses import (
+    Causes,
+    causes_of_misfit,
+    foreign_marker,
+)
+from nico_selfmodel.estimation.diagnosis.fixed_parameter_check import (
+    ContradictedPin,
+    contradicted_pins,
+)
+from nico_selfmodel.estimation.diagnosis.gear_check import DoubtfulGear, doubtful_gears
+from nico_selfmodel.estimation.diagnosis.nominal_check import robot_reason
+from nico_selfmodel.estimation.diagnosis.outliers_in_time import outliers_in_time
+from nico_selfmodel.estimation.diagnosis.score_test import ScoreTest
+from nico_selfmodel.estimation.diagnosis.systematic_residuals import (
+    Pattern,
+    likeliest_backlash,
+    systematic_patterns,
+)
+from nico_selfmodel.estimation.initialization.circle_points import CirclePointAnalysis, require_arm
+from nico_selfmodel.estimation.initialization.nominal_arm import NominalArm
+from nico_selfmodel.estimation.initialization.start_search import (
+    LineSolution,
+    StartSearch,
+    search_starts,
+)
+from nico_selfmodel.estimation.noise.arm_solution import ArmSolution, Linearised
+from nico_selfmodel.estimation.noise.pose_noise import PoseNoise
+from nico_selfmodel.estimation.results.fixed_parameters import Pins
+from nico_selfmodel.model import DhTable, SelfModel
+from nico_selfmodel.optimization import Uncertainty
+
+METHODS = ("refine", "circle-points")
+_EXPLAINS = 2.0
+"""Ratio of the mean residuals without and with a lag from which on it is the cause of a misfit."""
+_PATTERNS = 4
+"""Patterns of the residuals that a change in time is told from."""
+
+
+@dataclass(frozen=True, eq=False)
+class KinematicCalibration:
+    """A learned arm with everything that is known about how it was learned."""
+
+    model: SelfModel
+    """The self-model."""
+    method: str
+    """`refine` or `circle-points`."""
+    train: Evaluation
+    """The model on its own training data, outliers included."""
+    outliers: NDArray
+    """Rows of `train` that were not believed. Boolean, shape (N,)."""
+    free_poses: NDArray
+    """Rows of `train` that are marked as no sweep's. Boolean, shape (N,)."""
+    test: Evaluation | None
+    """The model on held-out data."""
+    cross_validation: NDArray
+    """Errors of believed rows predicted without their own fold [m]. Shape (K,)."""
+    uncertainty: Uncertainty | None
+    """Of the free parameters; None for circle points alone."""
+    free: frozenset[str]
+    """Names of the parameters that were estimated."""
+    circles: CirclePointAnalysis | None
+    """Sweeps and their circles, where there were any."""
+    search: StartSearch | None
+    """How the starts fared."""
+    point_sigma: float | None
+    """Standard deviation of a measured coordinate that the data set states [m]."""
+    doubtful_gears: tuple[DoubtfulGear, ...]
+    """Gears held at 1 that the data contradict."""
+    contradicted_pins: tuple[ContradictedPin, ...]
+    """Parameters pinned by name that the data contradict."""
+    contradicted_robot: str | None
+    """How the learned arm is not the described robot, in words; None where it may be."""
+    causes: Causes
+    """What would make the data fit, where they do not."""
+    noise: PoseNoise | None
+    """Of the sensor and of the joints; None for circle points alone."""
+    patterns: tuple[Pattern, ...]
+    """What the residuals depend on, which the model does not have; the surest first."""
+    change: Change | None
+    """What changed while the data were recorded."""
+    lag: Change | None
+    """Whether points and readings are of different moments."""
+    converged: bool
+    """Whether the solver reached a minimum."""
+    iterations: int
+    """Of the final solution."""
+    history: tuple[float, ...]
+    """Costs of the final solution after each step."""
+    seconds: float
+    """Time taken."""
+
+
+def calibrate_kinematics(
+    dataset: Dataset,
+    *,
+    method: str = "refine",
+    test: Dataset | None = None,
+    nominal: NominalArm | None = None,
+    pins: Pins | None = None,
+    loss: str = "trimmed",
+    starts: int = 10,
+    seed: int = 0,
+    name: str | None = None,
+    explain: bool = True,
+) -> KinematicCalibration:
+    """Learn an arm from encoder readings and measured points of the hand.
+
+    Args:
+        dataset: Training data.
+        method: `refine`, or `circle-points` for the sweeps alone.
+        test: Held-out data, for judging only.
+        nominal: The robot as described, for pins and the zero of its joints, and as a start where
+            sweeps give none.
+        pins: Parameters held or freed by name.
+        loss: One of `optimization.robust_solve.ROBUST_METHODS`.
+        starts: Random starts allowed beside circle points and the robot.
+        seed: Of the random starts.
+        name: Name of the self-model; the data set's if omitted.
+        explain: Look for what would make the data fit, where they do not; that takes longer than
+            the calibration.
+
+    Returns:
+        The calibration. A failed check does not raise: see `verdict`.
+
+    Raises:
+        DataError: If the data cannot serve: no points, fewer equations than parameters.
+        NotIdentifiableError: If `circle-points` meets a joint without a usable circle.
+        ValueError: If a name or a choice is unknown.
+    """
+    if method not in METHODS:
+        raise ValueError(f"no method {method!r}; there are {', '.join(METHODS)}")
+    clock, pins = time.perf_counter(), pins or Pins()
+    test = None if test is None else held_out_of(dataset, test)
+    task = KinematicTask.prepare(dataset, nominal, pins, starts, seed)
+    if method == "circle-points":
+        arm = require_arm(task.circles or task.without_sweeps())
+        parameters = task.parameters_of(arm)
+        pins.check(parameters)
+        solved = ArmSolution.unrefined(task.observations, parameters)
+        search, unseen, contradicted = None, np.zeros(0), ()
+    else:
+        task.require_enough(pins)
+        loss = loss if task.redundant else "none"
+        search = search_starts(
+            task.observations, task.few, task.starts(), task.gear_pinned, task.sigma, loss
+        )
+        solved = _refined(task, search.best, pins, loss)
+        unseen = cross_validate(task.observations, solved)
+        contradicted = _contradicted_pins(task, search.best, solved, pins)
+    doubts = _Doubts.of(task, solved)
+    causes = Causes()
+    if search is not None and explain and task.redundant:
+        causes = _causes(task, search, doubts, loss, solved.noise_sigma)
+    training = training_of(dataset, task.observations, solved, unseen)
+    fit = {"method": method, "loss": loss, **training}
+    model = learned_model(solved, dataset, name or dataset.name, nominal, fit)
+    return KinematicCalibration(
+        model,
+        method,
+        evaluate(model, dataset),
+        solved.outliers,
+        dataset.sweep[task.observations.rows] == "",
+        None if test is None else evaluate(model, test),
+        unseen,
+        solved.uncertainty,
+        solved.free,
+        task.circles,
+        search,
+        dataset.point_sigma_m,
+        doubts.gears,
+        contradicted,
+        None if nominal is None else robot_reason(nominal.chain, model.dh, task.gear_known),
+        causes,
+        solved.noise,
+        doubts.patterns,
+        doubts.change,
+        doubts.lag,
+        solved.converged,
+        solved.iterations,
+        solved.history,
+        time.perf_counter() - clock,
+    )
+
+
+def _refined(task: KinematicTask, best: LineSolution, pins: Pins, loss: str) -> ArmSolution:
+    """Turn the best lines into named parameters and refine them by poses."""
+    parameters = task.parameters_of(best.arm)
+    pins.check(parameters)
+    gears = frozenset(
+        f"{joint}.gear"
+        for joint, pinned in zip(task.observations.joints, task.gear_pinned, strict=True)
+        if pinned
+    )
+    held = Held(pins, _nominal_values(task.nominal, pins), gears)
+    return refine_pinned(task.observations, parameters, held, best.robust, task.sigma, loss)
+
+
+@dataclass(frozen=True, eq=False)
+class _Doubts:
+    """What residuals at a solution say against it."""
+
+    gears: tuple[DoubtfulGear, ...] = ()
+    patterns: tuple[Pattern, ...] = ()
+    change: Change | None = None
+    lag: Change | None = None
+
+    @classmethod
+    def of(cls, task: KinematicTask, solved: ArmSolution) -> "_Doubts":
+        if solved.noise is None or solved.uncertainty is None or not task.redundant:
+            return cls()
+        observations = task.observations
+        linear = Linearised.at(observations, solved.parameters, ~solved.outliers, solved.noise)
+        test = ScoreTest.at(linear, solved.free)
+        joints = zip(observations.joints, task.gear_known & task.gear_pinned, strict=True)
+        held = frozenset(f"{joint}.gear" for joint, known in joints if known) - solved.free
+        patterns = systematic_patterns(observations, solved.parameters, test)
+        ripples = {p.ripple_of: p.score for p in patterns if p.ripple_of is not None}
+        backlash = likeliest_backlash(observations, test)
+        known = np.concatenate([backlash, *(p.columns for p in patterns[:_PATTERNS])], axis=2)
+        return cls(
+            doubtful_gears(test, solved.parameters, held, ripples),
+            patterns,
+            _notable(
+                change_in_time(observations, solved, known, patterns),
+                outliers_in_time(observations, solved.outliers),
+            ),
+            lag_in_time(observations, solved.parameters, test),
+        )
+
+
+def _notable(*changes: Change | None) -> Change | None:
+    """Return the first change that matters, else the first there is."""
+    there = [change for change in changes if change is not None]
+    return next((change for change in there if change.notable), there[0] if there else None)
+
+
+def _nominal_values(nominal: NominalArm | None, pins: Pins) -> dict[str, float]:
+    """Return the values at which `--pin NAME` holds: the robot's, where one was given."""
+    if nominal is None:
+        return {}
+    table = DhTable.from_chain(nominal.chain)
+    values: dict[str, float] = {}
+    for name in pins.pinned:
+        joint, _, part = name.rpartition(".")
+        if joint in table.joints and part in ("D", "r", "alpha", "beta"):
+            values[name] = float(getattr(table, part)[table.joints.index(joint)])
+    return values
+
+
+def _causes(
+    task: KinematicTask, search: StartSearch, doubts: _Doubts, loss: str, scatter: float | None
+) -> Causes:
+    """Return what would make the data fit, where they do not; what is plain to see first."""
+    foreign = foreign_marker(task.observations)
+    if foreign is not None:
+        return Causes((foreign,))
+    if doubts.lag is not None and doubts.lag.ratio > _EXPLAINS:
+        return Causes((doubts.lag.what,))
+    return causes_of_misfit(
+        task.observations,
+        search,
+        task.gear_pinned,
+        task.gear_known,
+        task.zero,
+        task.sigma,
+        loss,
+        scatter or 0.0,
+    )
+
+
+def _contradicted_pins(
+    task: KinematicTask, best: LineSolution, solved: ArmSolution, pins: Pins
+) -> tuple[ContradictedPin, ...]:
+    """Return pins without which the believed rows would fit significantly better."""
+    joints = zip(task.observations.joints, task.gear_known, strict=True)
+    by_unit = frozenset(f"{joint}.gear" for joint, known in joints if known)
+    return contradicted_pins(
+        task.observations,
+        task.parameters_of(best.arm),
+        solved,
+        frozenset(pins.pinned) - by_unit,
+        best.robust.outliers,
+        task.sigma * best.robust.scale,
+    )

@@ -1,0 +1,1 @@
+"""Arm and cameras in one problem, and an arm learned from what cameras saw."""

@@ -1,0 +1,139 @@
+"""Kinematics through vision: an arm learned from what calibrated eyes saw of its hand (chapter 7).
+
+What stereo reconstructs takes the place of motion capture, so that arm and eyes share one frame,
+and the arm's predictions can be held against the pictures themselves (eq. 7.4).
+"""
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from nico_selfmodel.dataset import Dataset
+from nico_selfmodel.estimation.arm.kinematics import KinematicCalibration
+from nico_selfmodel.estimation.body.body_initialization import in_left_eye, reconstructed
+from nico_selfmodel.estimation.noise.arm_solution import Linearised
+from nico_selfmodel.estimation.noise.hand_observations import covariance_of
+from nico_selfmodel.estimation.noise.training_noise import with_training_noise
+from nico_selfmodel.estimation.observations.hand_pixels import project_to_eyes
+from nico_selfmodel.estimation.observations.observations import Observations
+from nico_selfmodel.estimation.observations.pixel_evaluation import (
+    PixelEvaluation,
+    evaluate_pixels,
+)
+from nico_selfmodel.estimation.results.calibration_result import CalibrationResult
+from nico_selfmodel.model import ParameterCovariance, SelfModel
+from nico_selfmodel.model.stereo_rig import StereoRig
+from nico_selfmodel.optimization import Uncertainty
+
+
+@dataclass(frozen=True, eq=False)
+class Sight:
+    """Data with pixels, and the eyes that saw them."""
+
+    eyes: SelfModel
+    """Both eyes, the left one at the world."""
+    train: Dataset
+    """Points that both eyes reconstructed, in the left eye's frame."""
+    test: Dataset | None
+    """The same, held out."""
+    pixels: dict[str, Dataset]
+    """What was seen, under `train` and, if held out, `test`."""
+
+    @classmethod
+    def of(
+        cls,
+        eyes: SelfModel,
+        train: Dataset,
+        test: Dataset | None = None,
+        pinned: frozenset[str] = frozenset(),
+    ) -> "Sight":
+        """Reconstruct the hand.
+
+        Args:
+            eyes: A self-model with both eyes.
+            train: Data with pixels.
+            test: Held-out data.
+            pinned: Parameters of the arm that are known.
+
+        Raises:
+            DataError: If too few poses were seen by both eyes.
+            ModelError: If the model has not both eyes.
+        """
+        seeing = in_left_eye(eyes)
+        seen = {"train": train} | ({} if test is None else {"test": test})
+        points = {"train": reconstructed(train, seeing, pinned)}
+        if test is not None:
+            points["test"] = reconstructed(test, seeing, None)
+        return cls(seeing, points["train"], points.get("test"), seen)
+
+    def complete(self, calibration: KinematicCalibration) -> KinematicCalibration:
+        """Return an arm's calibration with the eyes in its self-model.
+
+        What the eyes are uncertain by moved the points that the arm was learned from: it is in the
+        arm's sigmas too, and arm and eyes are correlated.
+        """
+        model = replace(
+            calibration.model, cameras=self.eyes.cameras, pixel_sigma=self.eyes.pixel_sigma
+        )
+        known, arm = self.eyes.covariance, calibration.uncertainty
+        # A covariance may speak of an arm alone, whose eyes counted as exact.
+        eyes = tuple(n for n in StereoRig.names_of() if known is not None and n in known.names)
+        if not eyes or arm is None:
+            return replace(calibration, model=self._with_noise(model, calibration.outliers))
+        together = _together(arm, self._gain(calibration, arm.names, eyes), self.eyes, eyes)
+        split = len(arm.names)
+        own = together[:split, :split]
+        sigma = np.where(np.isfinite(arm.sigma), np.sqrt(np.diag(own)), np.inf)
+        model = replace(model, covariance=ParameterCovariance((*arm.names, *eyes), together))
+        return replace(
+            calibration,
+            model=self._with_noise(model, calibration.outliers),
+            uncertainty=replace(arm, covariance=own, sigma=sigma),
+        )
+
+    def _gain(
+        self, calibration: KinematicCalibration, arm: tuple[str, ...], eyes: tuple[str, ...]
+    ) -> NDArray:
+        """Return by how much parameters of the arm follow those of the eyes. Shape (k, e)."""
+        observations = Observations.from_dataset(self.train, calibration.model.markers)
+        parameters, noise = calibration.model.parameters, calibration.noise
+        assert noise is not None
+        linear = Linearised.at(observations, parameters, ~calibration.outliers, noise)
+        p = observations.p_WH - linear.residuals
+        _, by_point, by_eyes = project_to_eyes(p.T, self.eyes.rig.values)
+        # Pixels stay: the point moves so that it makes up for the eyes, as well as one point can.
+        by_point = by_point.transpose(2, 0, 1)
+        columns = [StereoRig.names_of().index(name) for name in eyes]
+        moved = -np.linalg.pinv(by_point) @ by_eyes[columns].transpose(2, 1, 0)
+        rows = linear.weights * linear.columns(frozenset(arm))
+        size = np.maximum(np.linalg.norm(rows, axis=0), np.finfo(float).tiny)
+        follows = np.linalg.lstsq(rows / size, linear.weights * linear.whitened(moved), 1e-9)[0]
+        return follows / size[:, None]
+
+    def _with_noise(self, model: SelfModel, outliers: NDArray) -> SelfModel:
+        """Return a completed model that says what noise its training left in the images."""
+        rows = Observations.from_dataset(self.train, model.markers)
+        seen = self.pixels["train"]
+        own = seen.select(np.isin(seen.sample, rows.sample))
+        aside, scatter = rows.sample[outliers], model.noise_sigma or 0.0
+        return with_training_noise(model, own, "pixels", aside, scatter)
+
+    def evaluate(self, model: SelfModel, part: str = "test") -> PixelEvaluation:
+        """Hold a completed model against what the eyes saw."""
+        return evaluate_pixels(model, self.pixels[part])
+
+    def with_pixels(self, result: CalibrationResult, model: SelfModel) -> CalibrationResult:
+        """Return an arm's result with the errors in the images beside those in space."""
+        known = {"train": result.train, "test": result.test}
+        for part in self.pixels:
+            errors, pixels = known[part], self.evaluate(model, part).pixel_distances
+            known[part] = errors if errors is None else replace(errors, pixels=pixels)
+        return replace(result, **known)
+
+
+def _together(arm: Uncertainty, gain: NDArray, model: SelfModel, eyes: tuple[str, ...]) -> NDArray:
+    """Return the covariance of an arm and of the eyes it was learned through. (k + e, k + e)."""
+    own = covariance_of(model, eyes)
+    cross = gain @ own
+    return np.block([[arm.covariance + cross @ gain.T, cross], [cross.T, own]])

@@ -1,0 +1,382 @@
+"""One self-model: arm and eyes refine each other (thesis chapter 8, put right).
+
+The thesis minimises the pixels of the hand alone. That leaves the scale open and so much else
+nearly so that its own 3D error falls while the true one grows tenfold. Here the chessboard corners
+stay in the same problem, which holds scale and lenses, and each pose's pixels are whitened with
+tracker noise and joint play, both estimated.
+"""
+
+import time
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from nico_selfmodel.dataset import BoardViews, Dataset
+from nico_selfmodel.dataset.held_out import held_out_of
+from nico_selfmodel.errors import NotConvergedError
+from nico_selfmodel.estimation.body.body_cross_validation import cross_validate_body
+from nico_selfmodel.estimation.body.body_initialization import body_start, lines_of, named_like
+from nico_selfmodel.estimation.body.body_options import BodyOptions
+from nico_selfmodel.estimation.body.body_problem import BodyProblem, BodySolution
+from nico_selfmodel.estimation.body.body_uncertainty import (
+    body_uncertainty,
+    noise_sigmas,
+    position_sigma,
+)
+from nico_selfmodel.estimation.body.few_poses import open_at
+from nico_selfmodel.estimation.body.workspace_accuracy import (
+    WorkspaceAccuracy,
+    workspace_accuracy,
+)
+from nico_selfmodel.estimation.cameras.board_accuracy import held_out_residuals
+from nico_selfmodel.estimation.cameras.board_check import BoardCheck
+from nico_selfmodel.estimation.cameras.camera_adjustment import OUTLIER_RATIO
+from nico_selfmodel.estimation.cameras.stereo import FEWEST_VIEWS
+from nico_selfmodel.estimation.initialization.nominal_arm import NominalArm
+from nico_selfmodel.estimation.noise.hand_noise import HandNoise
+from nico_selfmodel.estimation.noise.hand_observations import JOINT_SIGMA
+from nico_selfmodel.estimation.noise.training_noise import with_training_noise
+from nico_selfmodel.estimation.observations.arm_views import LinesView, RowsView
+from nico_selfmodel.estimation.observations.observations import gears_known
+from nico_selfmodel.estimation.observations.pixel_evaluation import (
+    PixelEvaluation,
+    evaluate_pixels,
+)
+from nico_selfmodel.estimation.observations.pixel_observations import PixelObservations
+from nico_selfmodel.estimation.results.fixed_parameters import Pins
+from nico_selfmodel.estimation.results.provenance import data_named, package_versions
+from nico_selfmodel.model.dh_parameters import DhParameters
+from nico_selfmodel.model.self_model import ParameterCovariance, SelfModel
+from nico_selfmodel.model.stereo_rig import StereoRig
+from nico_selfmodel.optimization import Uncertainty
+
+FIRST_NOISE = HandNoise(0.5, np.radians(0.3))
+"""Where the search for the variances starts."""
+FEWEST_ROWS = 8
+"""Poses seen by both eyes below which nothing is left to tell an error by."""
+
+
+@dataclass(frozen=True, eq=False)
+class BodyCalibration:
+    """Arm and eyes refined together, with everything known about how it went."""
+
+    model: SelfModel
+    """The self-model, in the left eye's frame."""
+    start: SelfModel
+    """What it was refined from, in the same frame."""
+    start_label: str
+    """Where the arm came from: `model` or `stereo`."""
+    options: BodyOptions
+    """What was asked for."""
+    train: PixelEvaluation
+    """The model on its own training data, outliers included."""
+    test: PixelEvaluation | None
+    """The model on held-out data."""
+    before: PixelEvaluation
+    """The start on the held-out data; on the training data where nothing was held out."""
+    cross_validation: PixelEvaluation | None
+    """Believed rows beside predictions made without them; None with too few poses."""
+    outliers: NDArray
+    """Rows of `train` that were not believed. Boolean, shape (N,)."""
+    noise: HandNoise
+    """Most likely tracker noise and joint play."""
+    noise_sigmas: tuple[float, float]
+    """Standard deviation of each, [px] and [rad]; inf where the data do not tell."""
+    corner_sigma: float | None
+    """Standard deviation of a corner's coordinate [px]; None without boards."""
+    uncertainty: Uncertainty
+    """Of the free parameters."""
+    boards: BoardCheck | None
+    """Boards rebuilt before and after."""
+    board_outliers: NDArray
+    """Boards not believed. Boolean, shape (V,); empty without boards."""
+    workspace: WorkspaceAccuracy
+    """How surely the hand is known at the training poses, and what more data would cure."""
+    scale_from: str
+    """What holds the scale: `boards`, the `eyes` that were pinned, or a pinned parameter's name."""
+    converged: bool
+    iterations: int
+    history: tuple[float, ...]
+    seconds: float
+    """Time taken, the start included."""
+
+    @property
+    def free(self) -> frozenset[str]:
+        """Names of the parameters that were estimated."""
+        return frozenset(self.uncertainty.names)
+
+
+def calibrate_body(
+    dataset: Dataset,
+    start: SelfModel,
+    boards: BoardViews | None = None,
+    options: BodyOptions | None = None,
+    *,
+    test: Dataset | None = None,
+    test_boards: BoardViews | None = None,
+    nominal: NominalArm | None = None,
+    name: str | None = None,
+    seed: int = 0,
+) -> BodyCalibration:
+    """Refine arm and eyes by the pixels in which the eyes saw the hand.
+
+    Args:
+        dataset: Encoder readings and pixels.
+        start: Eyes, and the arm if it is known; else it is learned from what stereo reconstructs.
+        boards: Views of a chessboard by both eyes, for the anchored variant.
+        options: Stage, variant, pins; by default the full anchored model.
+        test: Held-out data, for judging only.
+        test_boards: Held-out boards, for judging only; the training boards judge where missing.
+        nominal: The robot as described, for the zero of the joints and as a start.
+        name: Name of the self-model; the start's if omitted.
+        seed: Of random starts, where the arm is learned from scratch.
+
+    Returns:
+        The calibration. A failed check does not raise: see `judge_body`.
+
+    Raises:
+        DataError: If the data have no pixels, too few seen by both eyes, or other joints.
+        ModelError: If the start has not both eyes.
+        NotConvergedError: If eyes or gears that cannot be come out.
+        ValueError: If an option names no parameter, or boards are missing.
+    """
+    clock, options = time.perf_counter(), options or BodyOptions()
+    test = None if test is None else held_out_of(dataset, test)
+    _require_boards(options, boards)
+    pinned = frozenset(options.pinned)
+    start, dataset, label = body_start(dataset, start, nominal, seed, pinned)
+    observations = PixelObservations.from_dataset(dataset)
+    boards, wild = _believed_boards(boards, start.rig)
+    task = _Task(observations, start, boards if options.anchored else None, options)
+    task.require_poses(dataset.name)
+    parameters, solved = task.solve()
+    uncertainty = task.uncertainty(parameters, solved)
+    crossed = task.cross_validation(parameters, solved)
+    training = _training_of(dataset, observations, crossed)
+    model = task.model(parameters, solved, uncertainty, dataset, name or start.name, training)
+    judged = test_boards if test_boards is not None else boards
+    check = None
+    if judged is not None and options.stage != "kinematics":
+        check = BoardCheck.from_rigs(start.rig, solved.rig, judged, test_boards is not None)
+    return BodyCalibration(
+        model,
+        start,
+        label,
+        options,
+        evaluate_pixels(model, dataset),
+        None if test is None else evaluate_pixels(model, test),
+        evaluate_pixels(start, dataset if test is None else test),
+        crossed,
+        solved.outliers,
+        solved.noise,
+        noise_sigmas(observations, parameters, solved),
+        solved.corner_sigma,
+        uncertainty,
+        check,
+        wild,
+        workspace_accuracy(model, dataset.encoders[observations.arm.rows]),
+        task.scale_from,
+        solved.converged,
+        solved.iterations,
+        solved.history,
+        time.perf_counter() - clock,
+    )
+
+
+def _require_boards(options: BodyOptions, boards: BoardViews | None) -> None:
+    both = 0
+    if boards is not None and len(boards.eyes) == 2:
+        both = int(np.all(boards.seen.any(axis=2), axis=1).sum())
+    if options.anchored and both < FEWEST_VIEWS:
+        raise ValueError(
+            f"the anchored variant needs views of a chessboard by both eyes, {FEWEST_VIEWS} at "
+            f"least, which carry the scale and hold the lenses; got {both}: give boards, or choose "
+            "variant 'unanchored' knowing that its true error may grow while its own falls"
+        )
+
+
+def _believed_boards(
+    boards: BoardViews | None, rig: StereoRig
+) -> tuple[BoardViews | None, NDArray]:
+    """Return the boards that fit the seed's eyes like the rest, and which do not. Shape (V,)."""
+    if boards is None:
+        return None, np.zeros(0, dtype=bool)
+    r = held_out_residuals(rig.eyes, boards)
+    rms = np.sqrt(np.nanmean(r**2, axis=(1, 2)))
+    wild = rms > OUTLIER_RATIO * np.median(rms)
+    return boards.select(~wild), wild
+
+
+def _training_of(
+    dataset: Dataset, observations: PixelObservations, crossed: PixelEvaluation | None
+) -> dict[str, Any]:
+    """Return what tells later whether the model is used beyond what it was trained for."""
+    readings = dataset.encoders[observations.arm.rows]
+    ranges = np.stack([readings.min(axis=0), readings.max(axis=0)], axis=1).tolist()
+    training: dict[str, Any] = {
+        "rows": len(observations),
+        "readings": dict(zip(dataset.joint_names, ranges, strict=True)),
+    }
+    errors = np.zeros(0) if crossed is None else crossed.distances
+    if len(errors):
+        assert crossed is not None
+        training["expected_error"] = {
+            "n": len(errors),
+            "median_m": float(np.median(errors)),
+            "median_px": float(np.median(crossed.pixel_distances)),
+        }
+    return training
+
+
+class _Task:
+    """What one calibration works on."""
+
+    def __init__(
+        self,
+        observations: PixelObservations,
+        start: SelfModel,
+        boards: BoardViews | None,
+        options: BodyOptions,
+    ) -> None:
+        self.observations, self.start, self.boards = observations, start, boards
+        self.options = options
+        self.gear_known = gears_known(observations.arm.units)
+        self.held_eyes = options.held_eyes(start.rig)
+        self.pins = Pins(
+            {n: v for n, v in options.pinned.items() if n in options.arm_names},
+            options.freed & options.arm_names,
+        )
+        self.pins.check(start.parameters)
+
+    @property
+    def held_gears(self) -> frozenset[str]:
+        """Gears that stay: of joints read in rad or deg, and those pinned."""
+        joints = zip(self.observations.arm.joints, self.gear_known, strict=True)
+        held = {f"{joint}.gear" for joint, known in joints if known} | set(self.pins.pinned)
+        return frozenset(n for n in held if n.endswith(".gear") and n not in self.pins.freed)
+
+    @property
+    def scale_from(self) -> str:
+        """What holds the scale."""
+        if self.boards is not None:
+            return "boards"
+        if self.options.stage == "kinematics":
+            return "eyes"
+        return self.options.scale_name(self.start.rig)
+
+    def require_poses(self, name: str) -> None:
+        """Refuse too few poses, and name what they would leave blind.
+
+        Raises:
+            DataError: If so.
+        """
+        free = self.free_names(self.start.parameters)
+        of_arm = free & frozenset(self.start.parameters.names)
+        fewest = max(FEWEST_ROWS, -(-len(of_arm) // 3))
+        if self.observations.by_both.sum() < fewest:
+            blind = open_at(self.start, self.observations, free, self.boards, FIRST_NOISE)
+            self.observations.require_both_eyes(fewest, name, blind)
+
+    def solve(self) -> tuple[DhParameters, BodySolution]:
+        """Refine the arm alone, then what the stage frees; as lines, then by name if pinned."""
+        arm = lines_of(self.start, self.observations.arm.markers)
+        gears = {n: self.pins.pinned.get(n) for n in self.held_gears}
+        noise, rig = FIRST_NOISE, self.start.rig
+        if self.options.stage != "kinematics":
+            alone = self.options.at("kinematics").held_eyes(rig)
+            view = LinesView(self.observations.arm, arm)
+            problem = BodyProblem(self.observations, view, rig, None, {**gears, **alone})
+            first = self._run(problem, noise)
+            arm, noise = view.hypothesis(first.arm), first.noise
+        view = LinesView(self.observations.arm, arm)
+        held = {**gears, **self.held_eyes}
+        problem = BodyProblem(self.observations, view, rig, self.boards, held)
+        solved = self._run(problem, noise)
+        parameters = named_like(view.hypothesis(solved.arm), self.start, self.gear_known)
+        if self.pins.only_gears:
+            return parameters, solved
+        return self._solve_by_name(parameters, solved)
+
+    def _solve_by_name(
+        self, parameters: DhParameters, solved: BodySolution
+    ) -> tuple[DhParameters, BodySolution]:
+        """Solve again in named parameters, some of which are pinned or freed."""
+        view = RowsView(self.observations.arm, parameters)
+        pinned = parameters.gauge | self.held_gears | frozenset(self.pins.pinned)
+        known = dict(zip(self.start.parameters.names, self.start.parameters.values, strict=True))
+        held = dict.fromkeys(pinned - self.pins.freed)
+        for n, value in self.pins.pinned.items():
+            held[n] = float(known[n]) if value is None else value
+        eyes = {**self.held_eyes}
+        problem = BodyProblem(self.observations, view, solved.rig, self.boards, {**held, **eyes})
+        again = self._run(problem, solved.noise)
+        found = view.parameters(again.arm)
+        if np.any(found.servos.gear <= 0.0):
+            raise NotConvergedError(
+                f"no arm fits the data with {', '.join(sorted(self.pins.names))} as asked: a gear "
+                "turned negative on the way"
+            )
+        return DhParameters(found.table, found.servos), again
+
+    def _run(self, problem: BodyProblem, noise: HandNoise) -> BodySolution:
+        rounds = self.options.rounds if self.options.whitened else 0
+        return problem.solve(noise, self.options.loss, rounds)
+
+    def free_names(self, parameters: DhParameters) -> frozenset[str]:
+        """Return the names of everything that was estimated."""
+        pinned = parameters.gauge | self.held_gears | frozenset(self.pins.pinned)
+        arm = frozenset(parameters.names) - (pinned - self.pins.freed)
+        return arm | (frozenset(StereoRig.names_of()) - frozenset(self.held_eyes))
+
+    def uncertainty(self, parameters: DhParameters, solved: BodySolution) -> Uncertainty:
+        """Return the covariance of what was free."""
+        free = self.free_names(parameters)
+        whitened = self.options.whitened
+        return body_uncertainty(self.observations, parameters, solved, free, self.boards, whitened)
+
+    def cross_validation(
+        self, parameters: DhParameters, solved: BodySolution
+    ) -> PixelEvaluation | None:
+        """Return the believed rows, predicted without them."""
+        free, whitened = self.free_names(parameters), self.options.whitened
+        return cross_validate_body(
+            self.observations, parameters, solved, free, self.boards, whitened
+        )
+
+    def model(
+        self,
+        parameters: DhParameters,
+        solved: BodySolution,
+        uncertainty: Uncertainty,
+        dataset: Dataset,
+        name: str,
+        training: dict[str, Any],
+    ) -> SelfModel:
+        """Assemble the self-model."""
+        options = self.options
+        fit = {
+            "method": f"body, {options.stage}, {options.variant}",
+            "loss": options.loss,
+            **training,
+            JOINT_SIGMA: solved.noise.joint_sigma,
+        }
+        model = SelfModel(
+            name,
+            parameters.table,
+            parameters.servos,
+            ParameterCovariance(uncertainty.names, uncertainty.covariance),
+            position_sigma(self.observations, parameters, solved.noise),
+            self.start.robot,
+            fit,
+            {
+                **data_named(dataset),
+                "start": self.start.name,
+                **package_versions("drake"),
+            },
+            {"left": solved.rig.left, "right": solved.rig.right},
+            solved.noise.sensor_sigma,
+        )
+        outliers = self.observations.arm.sample[solved.outliers]
+        return with_training_noise(model, dataset, "pixels", outliers)

@@ -1,0 +1,106 @@
+"""What a refinement of the whole body frees, what it is anchored to, and how it weighs."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field, replace
+
+from nico_selfmodel.estimation.cameras.camera_options import HELD_BY_DEFAULT, by_full_name
+from nico_selfmodel.model.camera import INTRINSICS
+from nico_selfmodel.model.stereo_rig import EYES, StereoRig
+from nico_selfmodel.optimization.robust_solve import ROBUST_METHODS
+
+STAGES = ("kinematics", "intrinsics-pinned", "full")
+"""The thesis' three: the arm before pinned eyes; the right eye's pose too; lenses too."""
+VARIANTS = ("anchored", "unanchored", "thesis")
+"""`anchored`: chessboard corners in the same problem. `unanchored`: without them. `thesis`: as
+published, without boards, lens distortion or whitening."""
+_LENS = ("k1", "k2", "k3")
+
+
+@dataclass(frozen=True)
+class BodyOptions:
+    """How arm and eyes refine each other."""
+
+    stage: str = "full"
+    """One of `STAGES`."""
+    variant: str = "anchored"
+    """One of `VARIANTS`; stage `kinematics` is the same in all but for the whitening."""
+    pinned: Mapping[str, float | None] = field(default_factory=dict)
+    """Parameter -> value at which it is held; None holds it where the start has it."""
+    freed: frozenset[str] = frozenset()
+    """Parameters that move although they are held by default."""
+    loss: str = "trimmed"
+    """Of poses: one of `optimization.robust_solve.ROBUST_METHODS`."""
+    rounds: int = 4
+    """Most alternations between the solution and the variances."""
+
+    def __post_init__(self) -> None:
+        """Check the choices."""
+        for word, known in (
+            (self.stage, STAGES),
+            (self.variant, VARIANTS),
+            (self.loss, ROBUST_METHODS),
+        ):
+            if word not in known:
+                raise ValueError(f"no {word!r}; choose one of {', '.join(known)}")
+        if self.rounds < 1:
+            raise ValueError(f"rounds must be at least 1, got {self.rounds}")
+        both = set(self.pinned) & self.freed
+        if both:
+            raise ValueError(f"{', '.join(sorted(both))} cannot be both pinned and freed")
+
+    @property
+    def anchored(self) -> bool:
+        """Whether chessboard corners take part."""
+        return self.variant == "anchored" and self.stage != "kinematics"
+
+    @property
+    def whitened(self) -> bool:
+        """Whether pixels are weighed by tracker noise and joint play."""
+        return self.variant != "thesis"
+
+    def at(self, stage: str) -> "BodyOptions":
+        """Return the same choices for another stage."""
+        return replace(self, stage=stage)
+
+    def held_eyes(self, rig: StereoRig) -> dict[str, float | None]:
+        """Return the parameters of the eyes that stay, None where they stay as they are.
+
+        Raises:
+            ValueError: If an option names no parameter of the eyes.
+        """
+        names = rig.names
+        pinned = by_full_name(self._of_eyes(self.pinned), names)
+        freed = set(by_full_name(self._of_eyes(dict.fromkeys(self.freed)), names))
+        held: dict[str, float | None] = dict.fromkeys(names)
+        if self.stage != "kinematics":
+            fixed = set(HELD_BY_DEFAULT)
+            if self.variant == "thesis":
+                fixed |= set(_LENS)
+            if self.stage == "intrinsics-pinned":
+                fixed |= set(INTRINSICS)
+            held = {n: None for n in names if n.rpartition(".")[2] in fixed}
+            if not self.anchored:
+                held[self.scale_name(rig)] = None
+        return {n: v for n, v in held.items() if n not in freed} | pinned
+
+    @staticmethod
+    def scale_name(rig: StereoRig) -> str:
+        """Return the component of the baseline that holds the scale where no board does."""
+        place = rig.X_LR[:3, 3]
+        return f"right.pose.{'xyz'[int(abs(place).argmax())]}"
+
+    @property
+    def arm_names(self) -> frozenset[str]:
+        """Names mentioned that do not belong to the eyes."""
+        mentioned = set(self.pinned) | self.freed
+        return frozenset(mentioned - set(self._of_eyes(dict.fromkeys(mentioned))))
+
+    @staticmethod
+    def _of_eyes(words: Mapping[str, float | None]) -> dict[str, float | None]:
+        """Return what speaks of eyes: `left.cx`, `cx`, `right.pose.x`."""
+        bare = {n.partition(".")[2] for n in StereoRig.names_of()}
+        return {
+            word: value
+            for word, value in words.items()
+            if word in bare or word.partition(".")[0] in EYES
+        }

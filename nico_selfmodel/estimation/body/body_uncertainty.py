@@ -1,0 +1,156 @@
+"""How well arm and eyes are known together, and what the mechanics leave."""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from nico_selfmodel.dataset import BoardViews
+from nico_selfmodel.estimation.body.body_problem import BodySolution
+from nico_selfmodel.estimation.cameras.board_residuals import BoardResiduals
+from nico_selfmodel.estimation.cameras.camera_adjustment import natural_scales
+from nico_selfmodel.estimation.noise.hand_noise import HandNoise
+from nico_selfmodel.estimation.observations.arm_views import RowsView
+from nico_selfmodel.estimation.observations.hand_pixels import HandPixels
+from nico_selfmodel.estimation.observations.pixel_observations import PixelObservations
+from nico_selfmodel.model.dh_parameters import DhParameters
+from nico_selfmodel.model.stereo_rig import EYES, StereoRig
+from nico_selfmodel.optimization import Uncertainty
+
+
+@dataclass(frozen=True, eq=False)
+class WhitenedRows:
+    """What hand and boards say of the free parameters at a solution."""
+
+    names: tuple[str, ...]
+    """Free parameters. Length k."""
+    jacobian: NDArray
+    """Derivatives of the whitened residuals, the boards' poses eliminated. Shape (m, k)."""
+    scales: NDArray
+    """Natural scale of each parameter. Shape (k,)."""
+    squares: float
+    """Sum of squared whitened residuals."""
+    count: int
+    """How many residuals carry weight."""
+
+
+def body_uncertainty(
+    observations: PixelObservations,
+    parameters: DhParameters,
+    solved: BodySolution,
+    free: frozenset[str],
+    boards: BoardViews | None,
+    whitened: bool,
+) -> Uncertainty:
+    """Analyse the believed rows and the boards at a solution.
+
+    Args:
+        observations: What was seen.
+        parameters: The arm.
+        solved: Eyes, variances and outliers.
+        free: Parameters that were estimated.
+        boards: Corners in the same problem, if any.
+        whitened: Whether the variances are known; else one for all pixels is estimated.
+
+    Returns:
+        Covariance in the names of arm and eyes, the boards' poses eliminated.
+    """
+    rows = whitened_rows(observations, parameters, solved, free, boards, whitened)
+    return Uncertainty.from_jacobian(
+        rows.names, rows.jacobian, rows.scales, rows.squares, rows.count
+    )
+
+
+def whitened_rows(
+    observations: PixelObservations,
+    parameters: DhParameters,
+    solved: BodySolution,
+    free: frozenset[str],
+    boards: BoardViews | None,
+    whitened: bool,
+    size: float | None = None,
+) -> WhitenedRows:
+    """Return what `body_uncertainty` analyses; the arguments are its own.
+
+    `size` is what lengths are held against, that of the poses' workspace if omitted [m].
+    """
+    believed = observations.select(~solved.outliers)
+    block = HandPixels(believed, RowsView(believed.arm, parameters))
+    x = np.concatenate([parameters.values, solved.rig.values])
+    if whitened:
+        block.whiten(solved.noise.whitening(block.by_angle(x), believed.seen))
+    r, jacobian = block.evaluate(x)
+    names = tuple(name for name in block.names if name in free)
+    columns = [block.names.index(name) for name in names]
+    rows = [jacobian[columns].reshape(len(columns), -1).T]
+    squares, count = float(np.sum(r * r)), int(believed.seen.sum())
+    if boards is not None:
+        part, more, extra = _board_rows(boards, solved, names)
+        rows.append(part)
+        squares, count = squares + more, count + extra
+    scales = _natural(names, parameters, solved.rig, size or _size(x, block))
+    return WhitenedRows(names, np.vstack(rows), scales, squares, count)
+
+
+def noise_sigmas(
+    observations: PixelObservations, parameters: DhParameters, solved: BodySolution
+) -> tuple[float, float]:
+    """Return how surely the believed rows tell tracker noise [px] and joint play [rad]."""
+    believed = observations.select(~solved.outliers)
+    block = HandPixels(believed, RowsView(believed.arm, parameters))
+    slopes = block.by_angle(np.concatenate([parameters.values, solved.rig.values]))
+    return solved.noise.sigmas(slopes, believed.seen)
+
+
+def position_sigma(
+    observations: PixelObservations, parameters: DhParameters, noise: HandNoise
+) -> float:
+    """Return what the play of the joints does to a coordinate of the hand, rms [m].
+
+    Args:
+        observations: Poses to take the mean over.
+        parameters: The arm.
+        noise: Its joint sigma.
+    """
+    view = RowsView(observations.arm, parameters)
+    slopes = view.by_angle(parameters.values)
+    return noise.joint_sigma * float(np.sqrt(np.mean(np.sum(slopes**2, axis=(0, 1))) / 3.0))
+
+
+def _board_rows(
+    boards: BoardViews, solved: BodySolution, names: tuple[str, ...]
+) -> tuple[NDArray, float, int]:
+    """Return what the boards say of the free parameters, their squares and their number."""
+    assert solved.corner_sigma is not None
+    assert solved.X_LG is not None
+    X_LG = solved.X_LG
+    block = BoardResiduals(boards, X_LG, solved.corner_sigma)
+    parts = block.evaluate_parts(block.start_of(solved.rig.eyes, X_LG))
+    reduced = block.reduced_jacobian(parts, np.ones(len(boards)))
+    out = np.zeros((len(reduced), len(names)))
+    for column, name in enumerate(block.shared_names):
+        if name in names:
+            out[:, names.index(name)] = reduced[:, column]
+    count = 2 * int(boards.seen.sum()) - 6 * len(boards)
+    return out, float(np.sum(parts[0] ** 2)), count
+
+
+def _size(x: NDArray, block: HandPixels) -> float:
+    """Return the size of the workspace: rms distance of the hand from its mean [m]."""
+    p = block.arm.evaluate(x[: len(block.arm.names)])[0]
+    return float(np.sqrt(np.sum(np.var(p, axis=1))))
+
+
+def _natural(
+    names: tuple[str, ...], parameters: DhParameters, rig: StereoRig, size: float
+) -> NDArray:
+    """Return the scale of each parameter on which its sigma says whether it is known at all."""
+    scale = dict(zip(parameters.names, parameters.scales(size).tolist(), strict=True))
+    # A board as large as the workspace, for the scales of the eyes.
+    corners = size * np.array([[0.0, 0.0, 0.0], [1.0, 0.0, 0.0]])
+    views = BoardViews(corners, (), EYES, np.zeros((0, 2, 4)), rig.left.image_size)
+    eyes = tuple(name for name in names if name not in scale)
+    scale |= dict(
+        zip(eyes, natural_scales(eyes, views, rig.values, rig.names).tolist(), strict=True)
+    )
+    return np.array([scale[name] for name in names])

@@ -1,0 +1,153 @@
+"""How surely the body knows its hand over the workspace, and what would make it surer.
+
+More data cures what the parameters are uncertain by; play of the joints and noise of the tracker
+stay, however much is learned.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from nico_selfmodel.errors import ModelError
+from nico_selfmodel.estimation.noise.hand_observations import JOINT_SIGMA, covariance_of
+from nico_selfmodel.estimation.observations.arm_views import RowsView
+from nico_selfmodel.estimation.observations.hand_pixels import project_to_eyes
+from nico_selfmodel.estimation.observations.observations import Observations
+from nico_selfmodel.model.self_model import SelfModel
+from nico_selfmodel.model.stereo_rig import EYES
+
+
+@dataclass(frozen=True, eq=False)
+class WorkspaceAccuracy:
+    """Uncertainty of the hand at poses; each figure is the rms length of the error vector."""
+
+    p_LH: NDArray
+    """Where the hand is expected [m]. Shape (N, 3)."""
+    learned: NDArray
+    """From what the parameters are uncertain by: more data cures it [m]. Shape (N,)."""
+    mechanics: NDArray
+    """From what the mechanics leave, play or noise about the model [m]. Shape (N,)."""
+    pixels: NDArray | None
+    """Expected pixels, nan where an eye cannot see the hand; None without eyes. Shape (N, 4)."""
+    learned_px: NDArray | None
+    """Mean over both eyes of what more data cures [px]. Shape (N,)."""
+    mechanics_px: NDArray | None
+    """Mean over both eyes of what the mechanics leave [px]. Shape (N,)."""
+
+    @property
+    def total(self) -> NDArray:
+        """Both parts together [m]. Shape (N,)."""
+        return np.hypot(self.learned, self.mechanics)
+
+    @property
+    def total_px(self) -> NDArray | None:
+        """Both parts together [px]. Shape (N,)."""
+        if self.learned_px is None or self.mechanics_px is None:
+            return None
+        return np.hypot(self.learned_px, self.mechanics_px)
+
+    @property
+    def curable(self) -> float:
+        """Share of the mean squared error in space that more data would cure."""
+        return float(np.sum(self.learned**2) / max(np.sum(self.total**2), 1e-300))
+
+
+def workspace_accuracy(
+    model: SelfModel, readings: ArrayLike, marker: str | None = None
+) -> WorkspaceAccuracy:
+    """Split the hand's uncertainty at poses into what data cure and what mechanics leave.
+
+    Args:
+        model: The body with its covariance; with eyes its world is the left one's frame.
+        readings: Encoder readings, in their own units. Shape (N, n).
+        marker: Which tracked point; the first if omitted.
+
+    Returns:
+        Figures at every pose.
+
+    Raises:
+        ModelError: If the model has no covariance or states no noise.
+        ValueError: If the readings have not n columns, or the marker does not exist.
+    """
+    if model.covariance is None or (model.noise_sigma is None and JOINT_SIGMA not in model.fit):
+        raise ModelError(
+            f"self-model {model.name!r} does not say how well it is known: learn it first"
+        )
+    prediction = model.predict(readings, marker)
+    assert prediction.covariance is not None
+    learned = np.sqrt(np.trace(prediction.covariance, axis1=1, axis2=2))
+    observations = _observations(model, np.atleast_2d(np.asarray(readings, float)), marker)
+    view = RowsView(observations, model.parameters)
+    slopes = view.by_angle(model.parameters.values)
+    play = float(model.fit.get(JOINT_SIGMA, 0.0))
+    mechanics = np.full(len(learned), np.sqrt(3.0) * float(model.noise_sigma or 0.0))
+    if play:
+        mechanics = play * np.sqrt(np.sum(slopes**2, axis=(0, 1)))
+    if set(model.cameras) != set(EYES):
+        return WorkspaceAccuracy(prediction.p_WH, learned, mechanics, None, None, None)
+    pixels = model.rig.project(prediction.p_WH)
+    parts = _in_images(model, view, slopes, play)
+    unseen = np.isnan(pixels).any(axis=1)
+    learned_px, mechanics_px = (np.where(unseen, np.nan, part) for part in parts)
+    return WorkspaceAccuracy(prediction.p_WH, learned, mechanics, pixels, learned_px, mechanics_px)
+
+
+def workspace_readings(model: SelfModel, readings: ArrayLike, count: int, seed: int) -> NDArray:
+    """Draw poses from the box that given readings span.
+
+    Args:
+        model: The body.
+        readings: Poses that reach to the ends of where the hand works. Shape (N, n).
+        count: Poses to draw.
+        seed: Of the draw.
+
+    Returns:
+        Readings; with eyes only those in which both see the hand, if there are any.
+        Shape (<= count, n).
+    """
+    readings = np.atleast_2d(np.asarray(readings, dtype=float))
+    low, high = readings.min(axis=0), readings.max(axis=0)
+    drawn = np.random.default_rng(seed).uniform(low, high, (8 * count, readings.shape[1]))
+    if set(model.cameras) == set(EYES):
+        rig = model.rig
+        pixels = rig.project(model.predict(drawn).p_WH)
+        size = np.array([*rig.left.image_size] * 2)
+        with np.errstate(invalid="ignore"):
+            seen = ((pixels > 0.0) & (pixels < size)).all(axis=1)
+        drawn = drawn[seen] if seen.any() else drawn
+    return drawn[:count]
+
+
+def _observations(model: SelfModel, readings: NDArray, marker: str | None) -> Observations:
+    index = model.chain.marker_index(marker or model.markers[0])
+    count = len(readings)
+    return Observations(
+        model.joints,
+        model.markers,
+        model.servos.to_radians(readings),
+        np.full(count, index),
+        np.zeros((count, 3)),
+        np.arange(count),
+        np.arange(count),
+        np.arange(count),
+        np.arange(count),
+        model.servos,
+    )
+
+
+def _in_images(
+    model: SelfModel, view: RowsView, slopes: NDArray, play: float
+) -> tuple[NDArray, NDArray]:
+    """Return rms errors in the images from parameters and from mechanics [px]. Shape (N,) each."""
+    points, by_arm = view.evaluate(model.parameters.values)
+    _, by_point, by_eyes = project_to_eyes(points, model.rig.values)
+    by_arm = np.einsum("ain,kin->nak", by_point, by_arm)
+    whole = np.concatenate([by_arm, by_eyes.transpose(2, 1, 0)], axis=2)
+    covariance = covariance_of(model, (*view.names, *model.rig.names))
+    variance = np.einsum("nak,kl,nal->na", whole, covariance, whole)
+    moved = np.einsum("ain,ijn->naj", by_point, slopes)
+    sensor = float(model.pixel_sigma or 0.0)
+    left = play**2 * np.sum(moved**2, axis=2) + sensor**2
+    # Two coordinates an eye, the mean of both eyes.
+    return np.sqrt(variance.sum(axis=1) / 2.0), np.sqrt(left.sum(axis=1) / 2.0)

@@ -1,0 +1,1 @@
+"""Cameras from views of boards: bundle adjustment, lenses, held-out boards."""

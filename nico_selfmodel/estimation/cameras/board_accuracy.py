@@ -1,0 +1,153 @@
+"""How well calibrated eyes do: held-out boards, epipolar lines, reconstructed squares."""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from nico_selfmodel.dataset.board_views import BoardViews
+from nico_selfmodel.estimation.cameras.camera_adjustment import Adjustment
+from nico_selfmodel.estimation.cameras.camera_initialization import pose_of_seen_boards
+from nico_selfmodel.estimation.cameras.camera_options import CameraOptions
+from nico_selfmodel.estimation.cameras.stereo import FEWEST_VIEWS, calibrate_cameras
+from nico_selfmodel.estimation.results.folds import fold_of, splits
+from nico_selfmodel.geometry.alignment import Alignment
+from nico_selfmodel.model.camera import Camera
+from nico_selfmodel.model.stereo_rig import EYES, StereoRig
+
+
+@dataclass(frozen=True, eq=False)
+class Reconstruction:
+    """Boards rebuilt from pixels alone by triangulation, held against their true shape."""
+
+    views: tuple[str, ...]
+    """Views that both eyes saw. Length V."""
+    p_LQ: NDArray
+    """Corners in the left eye's frame [m]. Shape (V, P, 3)."""
+    errors: NDArray
+    """Distances from the true board, laid onto the points rigidly [m]. Shape (V, P)."""
+    scale: NDArray
+    """Size of each rebuilt board over its true one, by similarity alignment. Shape (V,)."""
+    edges: NDArray
+    """Lengths of all edges of all squares [m]. Shape (E,)."""
+    square: float
+    """True length of an edge [m]."""
+
+    @property
+    def edge_sd(self) -> float:
+        """Standard deviation of the edges, the thesis' measure of a stereo pair [m]."""
+        return float(self.edges.std(ddof=1))
+
+    @property
+    def depths(self) -> NDArray:
+        """Distance of each corner from the left eye [m]. Shape (V, P)."""
+        return np.linalg.norm(self.p_LQ, axis=2)
+
+    @classmethod
+    def from_views(cls, rig: StereoRig, views: BoardViews) -> "Reconstruction":
+        """Triangulate every board that both eyes saw whole.
+
+        The scale is a similarity's (Umeyama): a mean of edge lengths is biased by noise.
+
+        Args:
+            rig: The eyes.
+            views: Corners in both eyes.
+
+        Returns:
+            The rebuilt boards; none where no board was seen whole by both.
+        """
+        whole = views.select(views.seen.all(axis=(1, 2)))
+        points = whole.p_GQ
+        p = rig.triangulate(whole.pixels.reshape(-1, 4)).p_WQ.reshape(-1, len(points), 3)
+        rigid = [Alignment.from_points(points, found) for found in p]
+        scale = [Alignment.from_points(points, found, with_scale=True).scale for found in p]
+        laid = np.array([a.apply(points) for a in rigid]).reshape(p.shape)
+        first, second, square = _edges(points)
+        edges = np.linalg.norm(p[:, first] - p[:, second], axis=2).ravel()
+        errors = np.linalg.norm(p - laid, axis=2)
+        return cls(whole.names, p, errors, np.array(scale), edges, square)
+
+
+def held_out_residuals(cameras: tuple[Camera, ...], views: BoardViews) -> NDArray:
+    """Return what boards that were not learned from leave unexplained.
+
+    Only the pose of each board is fitted, the cameras stay.
+
+    Args:
+        cameras: The calibrated eyes, the first one at the world.
+        views: Other views, of the same eyes.
+
+    Returns:
+        Measured minus predicted pixels, nan where not seen. Shape (V, P, 2 C).
+
+    Raises:
+        EstimationError: If a board's pose cannot be found.
+    """
+    options = CameraOptions(tangential=True, freed=frozenset(["skew"]), loss="none")
+    start = pose_of_seen_boards(cameras, views)
+    adjustment = Adjustment(views, cameras, start, options)
+    for name in adjustment.block.shared_names:
+        adjustment.program.pin(name)
+    adjustment.solve("none")
+    return adjustment.block.pixel_residuals(adjustment.block.evaluate_parts(adjustment.x)[0])
+
+
+def cross_validate_cameras(views: BoardViews, options: CameraOptions, inliers: NDArray) -> NDArray:
+    """Calibrate five times without a fifth of the boards, and return what these leave.
+
+    Args:
+        views: All views.
+        options: As the calibration was made.
+        inliers: Views that were no outliers. Boolean, shape (V,).
+
+    Returns:
+        Measured minus predicted pixels of each inlier, shape (n, P, 2 C); empty with too few
+        boards.
+    """
+    kept = views.select(inliers)
+    fold = fold_of(np.arange(len(kept)))
+    fewest = min((int(rest.sum()) for rest, _ in splits(fold)), default=0)
+    if fewest < FEWEST_VIEWS:
+        return np.zeros((0, len(views.p_GQ), 2 * len(views.eyes)))
+    found = np.full(kept.pixels.shape, np.nan)
+    for rest, left in splits(fold):
+        cameras = calibrate_cameras(kept.select(rest), options).cameras
+        found[left] = held_out_residuals(cameras, kept.select(left))
+    return found
+
+
+def epipolar_errors(rig: StereoRig, views: BoardViews) -> NDArray:
+    """Return distances of the corners from the other eye's epipolar lines [px].
+
+    Args:
+        rig: The eyes.
+        views: Corners in both eyes.
+
+    Returns:
+        In the left and the right image, nan where an eye did not see the corner or its lens has no
+        ray for it. Shape (V, P, 2).
+    """
+    flat = views.pixels.reshape(-1, 4)
+    both = have_rays(rig, flat)
+    errors = np.full((len(flat), len(EYES)), np.nan)
+    errors[both] = rig.epipolar_errors(flat[both])
+    return errors.reshape(len(views), len(views.p_GQ), len(EYES))
+
+
+def have_rays(rig: StereoRig, pixels: NDArray) -> NDArray:
+    """Return which corners lie within the reach of both lenses; False for nan. (n, 4) -> (n,)."""
+    return np.asarray(rig.left.has_rays(pixels[:, :2]) & rig.right.has_rays(pixels[:, 2:]))
+
+
+def corner_distances(residuals: NDArray) -> NDArray:
+    """Return Euclidean errors of the corners that were seen, of all eyes [px]. Shape (n,)."""
+    distances = np.linalg.norm(residuals.reshape(-1, 2), axis=1)
+    return distances[np.isfinite(distances)]
+
+
+def _edges(points: NDArray) -> tuple[NDArray, NDArray, float]:
+    """Return pairs of neighbouring corners and the length of an edge."""
+    distances = np.linalg.norm(points[:, None] - points, axis=2)
+    square = float(distances[distances > 0.0].min())
+    first, second = np.nonzero(np.triu(np.abs(distances - square) < 1e-6 * square))
+    return first, second, square

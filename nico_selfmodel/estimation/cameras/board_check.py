@@ -1,0 +1,96 @@
+"""Whether eyes measure boards they did not learn from worse than before."""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from nico_selfmodel.dataset import BoardViews
+from nico_selfmodel.errors import ModelError
+from nico_selfmodel.estimation.cameras.board_accuracy import Reconstruction
+from nico_selfmodel.model.camera import Camera
+from nico_selfmodel.model.stereo_rig import StereoRig
+
+_WORSE_EDGES = 1.1
+"""Ratio of the edges' SD beyond which, in most boards, they count as worse."""
+_WORSE_SCALE = 2e-3
+"""Error of the scale by which it must grow to count as worse."""
+
+
+@dataclass(frozen=True, eq=False)
+class BoardCheck:
+    """Boards rebuilt by eyes before and after they were refined."""
+
+    before: Reconstruction
+    """By the eyes that the refinement started from."""
+    after: Reconstruction | None
+    """By the refined eyes; None where their lens gives no ray for a corner."""
+    held_out: bool
+    """Whether the refinement did not use these boards."""
+
+    @classmethod
+    def from_rigs(
+        cls, before: StereoRig, after: StereoRig, boards: BoardViews, held_out: bool
+    ) -> "BoardCheck | None":
+        """Rebuild boards with both; None where there is no board to compare them by.
+
+        Boards that were not seen whole by both eyes, or for which the lenses before have no ray,
+        tell nothing of what became worse.
+        """
+        seen = boards.select(boards.seen.all(axis=(1, 2)))
+        if not len(seen):
+            return None
+        rays = [eye.has_rays(p.reshape(-1, 2)) for eye, p in _by_eye(before, seen)]
+        compared = seen.select(np.all(rays, axis=0).reshape(len(seen), -1).all(axis=1))
+        if not len(compared):
+            return None
+        earlier = Reconstruction.from_views(before, compared)
+        try:
+            return cls(earlier, Reconstruction.from_views(after, compared), held_out)
+        except ModelError:
+            return cls(earlier, None, held_out)
+
+    @property
+    def reasons(self) -> tuple[str, ...]:
+        """Why the refined eyes are refused; empty if they are not."""
+        if self.after is None:
+            return (
+                "the refined lenses fold the image: boards that the eyes saw before have no ray",
+            )
+        return tuple(r for r in (self._edge_reason(), self._scale_reason()) if r)
+
+    def _edge_reason(self) -> str | None:
+        assert self.after is not None
+        before, after = self.before.edge_sd, self.after.edge_sd
+        ratios = _spread_of_each(self.after) / _spread_of_each(self.before)
+        if after <= _WORSE_EDGES * before or np.median(ratios) <= 1.0:
+            return None
+        return (
+            f"the SD of the edges of {self._boards()} rose from {1e3 * before:.2f} to "
+            f"{1e3 * after:.2f} mm: the refinement bent the eyes to fit the arm"
+        )
+
+    def _scale_reason(self) -> str | None:
+        assert self.after is not None
+        before, after = (abs(float(r.scale.mean()) - 1.0) for r in (self.before, self.after))
+        noise = float(self.after.scale.std()) / np.sqrt(len(self.after.scale))
+        if after <= before + max(_WORSE_SCALE, 2.0 * noise):
+            return None
+        now, then = (100.0 * (float(r.scale.mean()) - 1.0) for r in (self.after, self.before))
+        return (
+            f"{self._boards()} came out {abs(now):.1f} % too {'large' if now > 0.0 else 'small'} "
+            f"(before: {abs(then):.1f} %): the refinement lost the scale"
+        )
+
+    def _boards(self) -> str:
+        return f"{len(self.before.views)} {'held-out ' * self.held_out}boards"
+
+
+def _by_eye(rig: StereoRig, boards: BoardViews) -> list[tuple[Camera, NDArray]]:
+    """Return each eye with the pixels of all corners in it. Shapes (V, P, 2)."""
+    return [(rig.left, boards.pixels[:, :, :2]), (rig.right, boards.pixels[:, :, 2:])]
+
+
+def _spread_of_each(rebuilt: Reconstruction) -> NDArray:
+    """Return the SD of each board's edges [m]. Shape (V,)."""
+    return rebuilt.edges.reshape(len(rebuilt.views), -1).std(axis=1)

@@ -1,0 +1,264 @@
+"""One adjustment of cameras and all boards, its result and its uncertainty."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from nico_selfmodel.dataset.board_views import BoardViews
+from nico_selfmodel.errors import NotConvergedError
+from nico_selfmodel.estimation.cameras.board_residuals import BoardResiduals
+from nico_selfmodel.estimation.cameras.camera_options import CameraOptions, by_full_name
+from nico_selfmodel.estimation.results.provenance import package_versions
+from nico_selfmodel.model.camera import Camera
+from nico_selfmodel.model.self_model import ParameterCovariance, SelfModel
+from nico_selfmodel.model.stereo_rig import StereoRig
+from nico_selfmodel.optimization import CalibrationProgram, Loss, Uncertainty
+from nico_selfmodel.optimization.robust_solve import RobustSolution, solve_robustly
+from nico_selfmodel.optimization.separable_block import Parts
+
+OUTLIER_RATIO = 10.0
+"""A board whose rms is this many times the rest's is called an outlier."""
+SUSPICIOUS = 3.0
+"""A board whose rms is this many times the median one makes a robust solution worth its time."""
+
+
+@dataclass(frozen=True, eq=False)
+class CameraCalibration:
+    """Cameras learned from boards."""
+
+    views: BoardViews
+    """What was given."""
+    cameras: tuple[Camera, ...]
+    """The eyes, in the order of `views.eyes`, in the frame of the first."""
+    X_LG: NDArray
+    """Pose of the board in each view, in the frame of the first eye [m]. Shape (V, 4, 4)."""
+    residuals: NDArray
+    """Measured minus predicted pixels, nan where not seen [px]. Shape (V, P, 2 C)."""
+    outliers: NDArray
+    """Views that were not believed. Boolean, shape (V,)."""
+    names: tuple[str, ...]
+    """Camera parameters that were free."""
+    uncertainty: Uncertainty
+    """Of the free camera parameters, with the boards free."""
+    pixel_sigma: float
+    """Standard deviation of a pixel coordinate about the model [px]."""
+    cost: float
+    """Half the sum of squared residuals of the believed views [px^2]."""
+    converged: bool
+    """Whether the solver reached a minimum."""
+    iterations: int
+    """Of the last adjustment."""
+    history: tuple[float, ...]
+    """Cost after each step of the last adjustment [px^2]."""
+    seconds: float
+    """Time of the whole estimation."""
+
+    @property
+    def rig(self) -> StereoRig:
+        """Both eyes.
+
+        Raises:
+            ValueError: If only one eye was calibrated.
+        """
+        if len(self.cameras) != 2:
+            raise ValueError("one camera is no stereo rig")
+        return StereoRig(*self.cameras)
+
+    def self_model(self, name: str, provenance: Mapping[str, Any] | None = None) -> SelfModel:
+        """Return the eyes as a self-model without an arm.
+
+        Args:
+            name: What it is called.
+            provenance: Where it comes from.
+        """
+        return SelfModel(
+            name,
+            covariance=ParameterCovariance(self.names, self.uncertainty.covariance),
+            fit={"boards": int((~self.outliers).sum()), "rms_px": self.rms},
+            provenance={**(provenance or {}), **package_versions("opencv-python-headless")},
+            cameras=dict(zip(self.views.eyes, self.cameras, strict=True)),
+            pixel_sigma=self.pixel_sigma,
+        )
+
+    @property
+    def distances(self) -> NDArray:
+        """Reprojection error of each corner in each eye, nan where not seen [px]. (V, C, P)."""
+        r = self.residuals.reshape(*self.residuals.shape[:2], len(self.cameras), 2)
+        return np.moveaxis(np.linalg.norm(r, axis=3), 2, 1)
+
+    @property
+    def view_rms(self) -> NDArray:
+        """Root mean square error of each view, over its eyes [px]. Shape (V,)."""
+        return np.sqrt(np.nanmean(self.distances**2, axis=(1, 2)))
+
+    @property
+    def rms(self) -> float:
+        """Root mean square error of the believed views, as OpenCV counts it [px]."""
+        return float(np.sqrt(np.nanmean(self.distances[~self.outliers] ** 2)))
+
+
+class Adjustment:
+    """One adjustment of cameras and boards under way."""
+
+    def __init__(
+        self,
+        views: BoardViews,
+        cameras: tuple[Camera, ...],
+        X_LG: NDArray,
+        options: CameraOptions,
+    ) -> None:
+        """Set up the program at a start."""
+        self.views = views
+        self.block = BoardResiduals(views, X_LG, 1.0, options.aspect)
+        self.program = CalibrationProgram()
+        self.program.add_variables(self.block.names, self.block.start_of(cameras, X_LG))
+        self.number = self.program.add_residuals(self.block)
+        self.held = options.held(self.block.shared_names)
+        for name, value in self.held.items():
+            self.program.pin(name, value)
+        for name, (mean, sigma) in by_full_name(options.priors, self.block.shared_names).items():
+            self.program.add_prior(name, mean, sigma)
+        self.solution: RobustSolution | None = None
+
+    @property
+    def x(self) -> NDArray:
+        """All variables where the adjustment stands."""
+        return self.program.start
+
+    @property
+    def cameras(self) -> tuple[Camera, ...]:
+        """The eyes where the adjustment stands.
+
+        Raises:
+            NotConvergedError: If they have become cameras that cannot be.
+        """
+        try:
+            return self.block.cameras(self.x)
+        except ValueError as error:
+            raise NotConvergedError(f"no plausible camera fits the corners: {error}") from error
+
+    @property
+    def X_LG(self) -> NDArray:
+        """Poses of the boards where the adjustment stands. Shape (V, 4, 4)."""
+        return self.block.board_poses(self.x)
+
+    @property
+    def rms(self) -> float:
+        """Median over the views of their root mean square error [px]."""
+        return float(np.median(self._view_rms(self.x)))
+
+    def approach(self, tolerance: float) -> None:
+        """Go near the minimum, close enough for a start."""
+        self.program.move_start(self.program.solve(tolerance=tolerance, max_iterations=30).x)
+
+    def approach_without_outliers(self) -> None:
+        """Go near the minimum of the boards that agree, where some stand out."""
+        if self._suspicious(self.x):
+            solve_robustly(self.program, self.number, "cauchy", rough=True)
+            self.program.set_loss(self.number, Loss())
+
+    def solve(self, loss: str) -> None:
+        """Least squares; where a board stands out and the loss allows, once more without it."""
+        start = self.x
+        found = solve_robustly(self.program, self.number, "none")
+        if loss != "none" and (loss != "trimmed" or self._suspicious(found.solution.x)):
+            limit = OUTLIER_RATIO * np.sqrt(3.0)
+            # A board that is quite wrong has pulled the least squares solution its way.
+            self.program.move_start(start)
+            found = solve_robustly(self.program, self.number, loss, outlier_at=limit)
+        if self.program.priors and self.block.sigma == 1.0:
+            # What a prior weighs against the corners depends on how sharp these are.
+            r = self.program.residuals(self.number, found.solution.x)[:, ~found.outliers]
+            self.block.sigma = float(np.sqrt(np.sum(r * r) / self._redundancy(~found.outliers)))
+            return self.solve(loss)
+        self.solution = found
+        return None
+
+    def result(self, seconds: float) -> CameraCalibration:
+        """Return what was found."""
+        assert self.solution is not None
+        found, outliers = self.solution.solution, self.solution.outliers
+        parts = self.block.evaluate_parts(found.x)
+        uncertainty = self._uncertainty(parts, ~outliers)
+        sigma = self.block.sigma
+        return CameraCalibration(
+            self.views,
+            self.cameras,
+            self.block.board_poses(found.x),
+            self.block.pixel_residuals(parts[0]),
+            outliers,
+            uncertainty.names,
+            uncertainty,
+            sigma * float(np.sqrt(uncertainty.variance_factor)),
+            0.5 * sigma**2 * float(np.sum(parts[0][~outliers] ** 2)),
+            found.converged,
+            self.solution.iterations,
+            tuple(sigma**2 * cost for cost in found.history),
+            seconds,
+        )
+
+    def _suspicious(self, x: NDArray) -> bool:
+        rms = self._view_rms(x)
+        return bool((rms > SUSPICIOUS * np.median(rms)).any())
+
+    def _view_rms(self, x: NDArray) -> NDArray:
+        r = self.block.sigma * self.block.residuals(x)
+        return np.sqrt(np.sum(r * r, axis=0) / self.views.seen.sum(axis=(1, 2)))
+
+    def _redundancy(self, believed: NDArray) -> int:
+        """Return the number of coordinates less that of the boards' variables."""
+        return 2 * int(self.views.seen[believed].sum()) - 6 * int(believed.sum())
+
+    def _uncertainty(self, parts: Parts, believed: NDArray) -> Uncertainty:
+        """Return the covariance of the free camera parameters, boards eliminated."""
+        names = self.block.shared_names
+        columns = np.flatnonzero(self.program.free[: len(names)])
+        free = tuple(names[i] for i in columns)
+        jacobian = self.block.reduced_jacobian(parts, believed.astype(float))[:, columns]
+        priors = [
+            (np.array(free) == name) / sigma
+            for name, (_, sigma) in self.program.priors.items()
+            if name in free
+        ]
+        return Uncertainty.from_jacobian(
+            free,
+            np.vstack([jacobian, *priors]) if priors else jacobian,
+            natural_scales(free, self.views, self.x[: len(names)], names),
+            float(np.sum(parts[0][believed] ** 2)),
+            self._redundancy(believed) + len(priors),
+        )
+
+
+def natural_scales(
+    free: tuple[str, ...], views: BoardViews, values: NDArray, names: tuple[str, ...]
+) -> NDArray:
+    """Return the scale of each parameter on which its sigma says whether it is known at all.
+
+    Focal lengths by themselves; the principal point by half the image; k_i by what bends the
+    image's corner by its own radius; the right eye's pose by one radian and the board's size.
+    """
+    half = 0.5 * np.array(views.image_size)
+    board = float(np.linalg.norm(np.ptp(views.p_GQ, axis=0)))
+    scales = []
+    for name in free:
+        eye, _, what = name.partition(".")
+        focal = values[names.index(f"{eye}.fx")]
+        radius = float(np.hypot(*half)) / focal
+        scales.append(
+            {
+                "fx": focal,
+                "fy": focal,
+                "skew": focal,
+                "cx": half[0],
+                "cy": half[1],
+                "k1": radius**-2,
+                "k2": radius**-4,
+                "k3": radius**-6,
+                "p1": 1.0 / radius,
+                "p2": 1.0 / radius,
+            }.get(what, 1.0 if what[-2:] in ("rx", "ry", "rz") else board)
+        )
+    return np.array(scales)

@@ -1,0 +1,174 @@
+"""A camera calibration with everything that tells how far it may be trusted."""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from nico_selfmodel.dataset.board_views import BoardViews
+from nico_selfmodel.estimation.cameras.board_accuracy import (
+    Reconstruction,
+    corner_distances,
+    cross_validate_cameras,
+    epipolar_errors,
+    have_rays,
+    held_out_residuals,
+)
+from nico_selfmodel.estimation.cameras.camera_adjustment import CameraCalibration
+from nico_selfmodel.estimation.cameras.camera_options import CameraOptions
+from nico_selfmodel.estimation.cameras.lens_folds import folds_by_chance, folds_of
+from nico_selfmodel.estimation.cameras.lens_misfit import LensMisfit, lens_misfits
+from nico_selfmodel.model.stereo_rig import StereoRig
+
+_COVERED = 0.75
+"""Corners should reach this far from the image's centre towards its corner."""
+_SLIGHT, _MOSTLY = 0.2, 0.5
+"""Share of the squared residuals that a misfit of the lens is mentioned from, and fails from ..."""
+_SLIGHT_PX, _NOTABLE_PX = 0.05, 0.1
+"""... where it moves corners by so much in the root mean square [px]."""
+
+
+@dataclass(frozen=True, eq=False)
+class CameraAssessment:
+    """What a calibration is worth."""
+
+    calibration: CameraCalibration
+    """What was learned."""
+    left_out_residuals: NDArray
+    """Measured minus predicted pixels of boards left out in turn [px]. Shape (n, P, 2 C)."""
+    test_views: BoardViews | None
+    """Held-out boards."""
+    test_residuals: NDArray | None
+    """Measured minus predicted pixels of the held-out boards [px]. Shape (V, P, 2 C)."""
+    epipolar: NDArray | None
+    """Distances from epipolar lines in both images [px], of a pair. Shape (V, P, 2)."""
+    reconstruction: Reconstruction | None
+    """Boards rebuilt by triangulation, of a pair; the held-out ones where there are some."""
+    misfits: tuple[LensMisfit, ...]
+    """What the residuals of each eye have in common over the image."""
+
+    @classmethod
+    def from_calibration(
+        cls,
+        calibration: CameraCalibration,
+        options: CameraOptions | None = None,
+        test: BoardViews | None = None,
+    ) -> "CameraAssessment":
+        """Cross-validate, and hold against other views where given.
+
+        Args:
+            calibration: What was learned.
+            options: As it was learned.
+            test: Views that were held out.
+
+        Returns:
+            The assessment.
+        """
+        options = options or CameraOptions()
+        views, believed = calibration.views, ~calibration.outliers
+        left_over = cross_validate_cameras(views, options, believed)
+        pair = len(calibration.cameras) == 2
+        shown = test if test is not None else views.select(believed)
+        return cls(
+            calibration,
+            left_over,
+            test,
+            None if test is None else held_out_residuals(calibration.cameras, test),
+            epipolar_errors(calibration.rig, views) if pair else None,
+            _rebuilt(calibration.rig, shown) if pair else None,
+            tuple(lens_misfits(calibration, options.aspect)),
+        )
+
+    @property
+    def cross_validation(self) -> NDArray:
+        """Reprojection errors of boards left out in turn [px]. Shape (n,)."""
+        return corner_distances(self.left_out_residuals)
+
+    @property
+    def train_distances(self) -> NDArray:
+        """Reprojection errors of the believed boards [px]. Shape (n,)."""
+        return corner_distances(self.calibration.residuals[~self.calibration.outliers])
+
+    @property
+    def test_distances(self) -> NDArray | None:
+        """Reprojection errors of the held-out boards [px]. Shape (n,)."""
+        return None if self.test_residuals is None else corner_distances(self.test_residuals)
+
+    @property
+    def warnings(self) -> tuple[str, ...]:
+        """What the data cannot support, in words, though nothing fails."""
+        return (
+            *_folds_by_chance(self.calibration),
+            *_weak_parameters(self.calibration),
+            *_coverage_warnings(self.calibration),
+            *(words_of_misfit(misfit) for misfit in self.misfits if _is_slight(misfit)),
+        )
+
+
+def _rebuilt(rig: StereoRig, views: BoardViews) -> Reconstruction:
+    """Rebuild the boards for all corners of which both lenses have a ray."""
+    rays = have_rays(rig, views.pixels.reshape(-1, 4)).reshape(len(views), -1)
+    return Reconstruction.from_views(rig, views.select(rays.all(axis=1)))
+
+
+def _weak_parameters(calibration: CameraCalibration) -> list[str]:
+    """Name distortion terms that the data cannot tell from zero."""
+    words = []
+    for i, name in enumerate(calibration.names):
+        eye, _, what = name.partition(".")
+        sigma = float(calibration.uncertainty.sigma[i])
+        if what not in ("k2", "k3", "p1", "p2", "skew") or not np.isfinite(sigma):
+            continue
+        value = getattr(calibration.cameras[calibration.views.eyes.index(eye)], what)
+        if abs(value) < 2.0 * sigma:
+            words.append(
+                f"`{name}` is {value:.2g} +- {sigma:.1g}: not to be told from zero; --pin {name}=0 "
+                "would lose nothing"
+            )
+    return words
+
+
+def _coverage_warnings(calibration: CameraCalibration) -> list[str]:
+    """Say how far the corners reach into the image's corners."""
+    words, half = [], 0.5 * (np.array(calibration.views.image_size) - 1.0)
+    for eye in calibration.views.eyes:
+        pixels = calibration.views.of_eye(eye).reshape(-1, 2)
+        reach = float(np.nanmax(np.linalg.norm(pixels - half, axis=1)) / np.linalg.norm(half))
+        if reach < _COVERED:
+            words.append(
+                f"no corner in the {eye} eye lies further out than {100 * reach:.0f} % of the way "
+                "to the image's corner: beyond, its distortion is extrapolated"
+            )
+    return words
+
+
+def _folds_by_chance(calibration: CameraCalibration) -> list[str]:
+    views, by_chance = calibration.views, folds_by_chance(calibration)
+    folds = folds_of(views.eyes, calibration.cameras, views.image_size)
+    return [words for eye, words in folds.items() if eye in by_chance]
+
+
+def fails_the_lens(misfit: LensMisfit) -> bool:
+    """Tell whether most of an eye's residuals are its lens' misfit, and more than a trifle."""
+    large = misfit.share >= _MOSTLY and misfit.size_px >= _NOTABLE_PX
+    return misfit.is_certain and large
+
+
+def _is_slight(misfit: LensMisfit) -> bool:
+    known = misfit.is_certain and misfit.share >= _SLIGHT and misfit.size_px >= _SLIGHT_PX
+    return known and not fails_the_lens(misfit)
+
+
+def words_of_misfit(misfit: LensMisfit) -> str:
+    """Say what a lens does that its model does not, and what may cure it."""
+    share = round(100 * misfit.share)
+    words = (
+        f"the lens of the {misfit.eye} eye bends light as its model does not: corners lie "
+        f"{misfit.size_px:.2f} px off in a pattern over the image, {share} % of their squared error"
+    )
+    if misfit.held:
+        return f"{words}; let {' and '.join(f'`{name}`' for name in misfit.held)} move"
+    return (
+        f"{words}; fisheyes and other wide lenses are not described by k1 to k3: use the middle of "
+        "the image alone, or straighten the photographs first"
+    )

@@ -1,0 +1,100 @@
+"""What speaks for and against cameras that were learned from boards."""
+
+import numpy as np
+from numpy.typing import NDArray
+
+from nico_selfmodel.estimation.cameras.camera_assessment import (
+    CameraAssessment,
+    fails_the_lens,
+    words_of_misfit,
+)
+from nico_selfmodel.estimation.cameras.lens_folds import folds_by_chance, folds_of
+from nico_selfmodel.estimation.results.calibration_result import (
+    FAILURE,
+    LAST,
+    NOTE,
+    WARNING,
+    Finding,
+    findings,
+)
+
+_EXCESSIVE = 3.0
+"""Ratio of root mean squares that needs no statistics: of a handful of boards, or one wrong one."""
+_WORST_PX, _WORST = 6.0, 20.0
+"""A corner further off than both, in pixels and in standard deviations, is no corner of the board:
+a detector's corner lies within, whatever its window holds."""
+
+
+def camera_findings(assessment: CameraAssessment) -> tuple[Finding, ...]:
+    """Return what speaks for and against cameras beyond what every calibration is asked.
+
+    Args:
+        assessment: What they are worth.
+    """
+    failures = [
+        *(words_of_misfit(misfit) for misfit in assessment.misfits if fails_the_lens(misfit)),
+        _worst_reason(assessment),
+        *_fold_reasons(assessment),
+    ]
+    said, distances = [], assessment.test_distances
+    if distances is not None and assessment.test_views is not None:
+        rms, boards = np.sqrt(np.mean(distances**2)), len(assessment.test_views)
+        said = [f"{rms:.3f} px rms on {boards} boards that were held out"]
+    return (
+        *findings(FAILURE, failures),
+        *findings(LAST, [_excess_reason(assessment)]),
+        *findings(WARNING, assessment.warnings),
+        *findings(NOTE, said),
+    )
+
+
+def _worst_reason(assessment: CameraAssessment) -> str | None:
+    """Say where a corner of a believed or held-out board is none."""
+    calibration = assessment.calibration
+    sigma = float(np.median(assessment.train_distances)) / np.sqrt(2.0 * np.log(2.0))
+    shown = [("", calibration.views.names, calibration.distances, ~calibration.outliers)]
+    if assessment.test_views is not None and assessment.test_residuals is not None:
+        names, r = assessment.test_views.names, assessment.test_residuals
+        pairs = np.linalg.norm(r.reshape(len(r), -1, r.shape[2] // 2, 2), axis=3)
+        everything = np.ones(len(r), dtype=bool)
+        shown.append(("held-out ", names, np.moveaxis(pairs, 2, 1), everything))
+    for kind, names, distances, counts in shown:
+        worst = np.where(counts, np.nanmax(distances, axis=(1, 2), initial=0.0), 0.0)
+        view = int(np.argmax(worst))
+        if worst[view] > max(_WORST_PX, _WORST * sigma):
+            return (
+                f"a corner of {kind}board {names[view]} lies {worst[view]:.1f} px off, typical are "
+                f"{sigma:.2f}: is it a plain chessboard (no ChArUco board), flat and sharp, and "
+                "the lens no fisheye?"
+            )
+    return None
+
+
+def _fold_reasons(assessment: CameraAssessment) -> list[str]:
+    """Say where a lens folds its image and the boards say so; what is by chance is a warning."""
+    calibration = assessment.calibration
+    views, by_chance = calibration.views, folds_by_chance(calibration)
+    folds = folds_of(views.eyes, calibration.cameras, views.image_size)
+    if any(map(fails_the_lens, assessment.misfits)):
+        return [fold.partition(": ")[0] for fold in folds.values()]  # pins would cure nothing
+    return [fold for eye, fold in folds.items() if eye not in by_chance]
+
+
+def _excess_reason(assessment: CameraAssessment) -> str | None:
+    """Say when held-out boards fit so much worse that a handful of them suffices to know."""
+    if assessment.test_residuals is None or len(assessment.left_out_residuals) == 0:
+        return None
+    found = rms_of_boards(assessment.test_residuals)
+    expected = rms_of_boards(assessment.left_out_residuals)
+    rms, before = (float(np.sqrt(np.mean(r**2))) for r in (found, expected))
+    if rms < _EXCESSIVE * before:
+        return None
+    return (
+        f"held-out boards fit to {rms:.3f} px rms, cross-validated ones to {before:.3f} px: some "
+        "of them contradict the others"
+    )
+
+
+def rms_of_boards(residuals: NDArray) -> NDArray:
+    """Return the root mean square error of each board [px]. Shape (V, P, 2 C) -> (V,)."""
+    return np.sqrt(2.0 * np.nanmean(residuals**2, axis=(1, 2)))

@@ -1,0 +1,42 @@
+"""Lenses that fold their image: pixels to which no ray belongs."""
+
+import numpy as np
+
+from nico_selfmodel.estimation.cameras.camera_adjustment import CameraCalibration
+from nico_selfmodel.model import lens
+from nico_selfmodel.model.camera import Camera
+
+_TOLD_FROM_ZERO = 3.0
+"""Standard deviations below which the term that folds an image may as well be zero."""
+
+
+def folds_of(
+    eyes: tuple[str, ...], cameras: tuple[Camera, ...], image_size: tuple[int, int]
+) -> dict[str, str]:
+    """Return eye -> what to say of it, for each lens that folds its image."""
+    words = {}
+    width, height = image_size
+    edge = np.array([[0, 0], [width - 1, 0], [0, height - 1], [width - 1, height - 1]], dtype=float)
+    for eye, camera in zip(eyes, cameras, strict=True):
+        if not camera.has_rays(edge).all():
+            words[eye] = (
+                f"the distortion of the {eye} eye is not monotone up to the image's corners (it "
+                f"turns at a radius of {lens.largest_radius(camera.k):.2f}): pin {eye}.k3=0, or "
+                "record boards in the corners"
+            )
+    return words
+
+
+def folds_by_chance(calibration: CameraCalibration) -> set[str]:
+    """Return the eyes whose fold hangs on a term that is not to be told from zero.
+
+    What the boards leave open bends the image where none was seen; the lens is none the worse.
+    """
+    found = set()
+    for eye, camera in zip(calibration.views.eyes, calibration.cameras, strict=True):
+        free = [k for k in ("k3", "k2") if f"{eye}.{k}" in calibration.names]
+        if free:
+            sigma = calibration.uncertainty.sigma[calibration.names.index(f"{eye}.{free[0]}")]
+            if abs(getattr(camera, free[0])) < _TOLD_FROM_ZERO * float(sigma):
+                found.add(eye)
+    return found

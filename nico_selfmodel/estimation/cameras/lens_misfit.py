@@ -1,0 +1,147 @@
+"""Whether a lens bends light as its model says: what residuals have in common over the image.
+
+Noise of corners knows nothing of the image. Where residuals r depend on the radius or the direction
+from its centre, a field of displacements g_j explains a part of them that no camera and no board of
+the model can: with J the Jacobian of all free variables and M = I - J (J'J)^-1 J',
+
+    E = r'M G (G'M G)^-1 G'M r,    F = (E / k) / ((r'r - E) / (n - k))
+
+which is Fisher's F with k and n - k degrees of freedom if there is no such field (the score test,
+Rao 1948). Its fields are hats over the radius, and hats times cos and sin of one to three times the
+direction.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from nico_selfmodel.estimation.cameras.board_residuals import BoardResiduals
+from nico_selfmodel.estimation.cameras.camera_adjustment import CameraCalibration
+
+_RINGS, _SECTOR_RINGS, _WAVES = 8, 4, 3
+_CERTAIN = 8.0
+"""Standard scores of F: real corners are not quite Gaussian."""
+_HELD = (("k3",), ("p1", "p2"), ("skew",), ("k2",), ("k1",))
+"""What may be held, and its cure be to let it move."""
+
+
+@dataclass(frozen=True)
+class LensMisfit:
+    """What residuals of one eye have in common over the image."""
+
+    eye: str
+    """Which eye."""
+    certain: float
+    """Standard score of the test; large where there is a misfit."""
+    share: float
+    """Of the mean squared residual that the misfit makes up, 0 to 1."""
+    size_px: float
+    """Root mean square displacement [px]."""
+    held: tuple[str, ...]
+    """Parameters that are held and would explain at least half of it."""
+
+    @property
+    def is_certain(self) -> bool:
+        """Whether chance cannot explain it."""
+        return self.certain >= _CERTAIN
+
+
+def lens_misfits(calibration: CameraCalibration, aspect: float | None = None) -> list[LensMisfit]:
+    """Test the lens of each eye.
+
+    Args:
+        calibration: What was learned.
+        aspect: The ratio fy / fx that was held, if one was.
+
+    Returns:
+        One an eye.
+    """
+    views, believed = calibration.views, (~calibration.outliers).astype(float)
+    block = BoardResiduals(views, calibration.X_LG, 1.0, aspect)
+    parts = block.evaluate_parts(block.start_of(calibration.cameras, calibration.X_LG))
+    residuals, by_shared, by_own = parts
+
+    def beyond_boards(columns: NDArray) -> NDArray:
+        return block.reduced_jacobian((residuals, columns, by_own), believed)
+
+    free = [block.shared_names.index(name) for name in calibration.names]
+    known = _basis(beyond_boards(by_shared[:, free]))
+    r = _without(known, beyond_boards(residuals[:, None]))[:, 0]
+
+    def explained_by(columns: NDArray) -> tuple[float, int]:
+        basis = _basis(_without(known, beyond_boards(columns)))
+        return float(np.sum((basis.T @ r) ** 2)), basis.shape[1]
+
+    found = []
+    for e, eye in enumerate(views.eyes):
+        explained, k = explained_by(_fields(calibration, e))
+        seen = np.zeros((len(views), len(views.eyes), 2, len(views.p_GQ)))
+        seen[:, e] = (views.seen[:, e] * believed[:, None])[:, None]
+        total = float(np.sum((r * seen.ravel()) ** 2))
+        # Half of what a board's pose takes up belongs to each eye of a pair.
+        n = max(int(seen.sum()) - 6 * int(believed.sum()) // len(views.eyes), 1)
+        held: tuple[str, ...] = ()
+        for names in ([f"{eye}.{name}" for name in group] for group in _HELD):
+            rows = [block.shared_names.index(name) for name in names if name in block.shared_names]
+            if not held and rows and not set(names) & set(calibration.names):
+                held = tuple(names) if explained_by(by_shared[:, rows])[0] > 0.5 * explained else ()
+        found.append(_misfit(eye, explained, total, n, k, held))
+    return found
+
+
+def _misfit(
+    eye: str, explained: float, total: float, n: int, k: int, held: tuple[str, ...]
+) -> LensMisfit:
+    rest, freedom = max(total - explained, 1e-18), n - k
+    if freedom < k or not total:
+        return LensMisfit(eye, 0.0, 0.0, 0.0, ())
+    fisher = (explained / k) / (rest / freedom)
+    certain = (fisher - 1.0) / np.sqrt(2.0 / k + 2.0 / freedom)
+    # What chance explains as well, k of n coordinates, is taken off.
+    share = max(1.0 - rest / total * n / freedom, 0.0)
+    size = float(np.sqrt(share * 2.0 * total / n))
+    return LensMisfit(eye, float(certain), float(share), size, held)
+
+
+def _fields(calibration: CameraCalibration, eye: int) -> NDArray:
+    """Return displacements of all corners in one eye, zeros in the other. Shape (V, F, 2 C P).
+
+    They are evaluated where the model has the corners: where these were measured, the residuals
+    themselves would be among them.
+    """
+    views = calibration.views
+    sides = slice(2 * eye, 2 * eye + 2)
+    predicted = np.nan_to_num(views.pixels - calibration.residuals)[:, :, sides]
+    out = predicted - 0.5 * (np.array(views.image_size) - 1.0)
+    radius = np.linalg.norm(out, axis=2)
+    along = out / np.maximum(radius, 1e-9)[..., None]
+    across = np.stack([-along[..., 1], along[..., 0]], axis=-1)
+    seen = views.seen[:, eye]
+    share = radius / max(float(radius[seen].max()), 1e-9)
+    fields = [along * hat[..., None] for hat in _hats(share, _RINGS)]
+    angle = np.arctan2(out[..., 1], out[..., 0])
+    for hat in _hats(share, _SECTOR_RINGS):
+        for wave in range(1, _WAVES + 1):
+            for turn in (np.cos(wave * angle), np.sin(wave * angle)):
+                fields += [along * (hat * turn)[..., None], across * (hat * turn)[..., None]]
+    stacked = np.moveaxis(np.stack(fields, axis=1), 3, 2) * seen[:, None, None]
+    both = np.zeros((len(views), len(fields), len(views.eyes), 2, len(views.p_GQ)))
+    both[:, :, eye] = stacked
+    return both.reshape(len(views), len(fields), -1)
+
+
+def _hats(x: NDArray, count: int) -> list[NDArray]:
+    """Return functions of 0 <= x <= 1, each 1 at one knot and 0 at the others; none at 0."""
+    return [np.maximum(0.0, 1.0 - np.abs(x * (count - 1) - j)) for j in range(1, count)]
+
+
+def _basis(columns: NDArray) -> NDArray:
+    """Return an orthonormal basis of what columns span. Shape (n, k) -> (n, rank)."""
+    scale = np.linalg.norm(columns, axis=0)
+    u, s, _ = np.linalg.svd(columns / np.maximum(scale, 1e-12), full_matrices=False)
+    return u[:, s > 1e-6 * max(float(s[0]), 1e-12)]
+
+
+def _without(basis: NDArray, columns: NDArray) -> NDArray:
+    return columns - basis @ (basis.T @ columns)

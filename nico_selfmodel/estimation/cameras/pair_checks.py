@@ -1,0 +1,88 @@
+"""What a pair of eyes must be before its calibration means anything."""
+
+import numpy as np
+from numpy.typing import NDArray
+
+from nico_selfmodel.dataset.board_views import BoardViews
+from nico_selfmodel.errors import DataError, EstimationError
+from nico_selfmodel.estimation.cameras.camera_adjustment import CameraCalibration
+from nico_selfmodel.model.stereo_rig import StereoRig
+
+_LARGEST_EPIPOLAR = 1.5
+"""Distance from epipolar lines [px] above which a pair is looked at twice."""
+_LARGEST_RATIO = 5.0
+"""The same against what each eye alone leaves unexplained."""
+_LARGEST_AT_START = 8.0
+"""Median distance from epipolar lines [px] that a start may have beside what an eye leaves."""
+_SHORTEST_BASELINE = 1e-3
+"""Baseline over the boards' distance below which two eyes are one."""
+
+
+def check_pair(calibration: CameraCalibration, alone_rms: float) -> None:
+    """Refuse what is no stereo pair.
+
+    Args:
+        calibration: Both eyes.
+        alone_rms: What the eyes leave unexplained when each is calibrated alone [px].
+
+    Raises:
+        DataError: If left and right are swapped.
+        EstimationError: If the eyes stand at one place, or do not hold still against each other.
+    """
+    rig, believed = calibration.rig, ~calibration.outliers
+    error = mean_epipolar_error(calibration.views.select(believed), calibration)
+    misfit = max(error, float(np.median(calibration.view_rms)))
+    if misfit > max(_LARGEST_EPIPOLAR, _LARGEST_RATIO * alone_rms):
+        raise _no_pair(error, alone_rms)
+    depth = float(np.median(calibration.X_LG[:, 2, 3]))
+    if rig.baseline < _SHORTEST_BASELINE * depth:
+        raise EstimationError(
+            f"the eyes stand at one place (baseline {1e3 * rig.baseline:.2f} mm, boards at "
+            f"{1e3 * depth:.0f} mm, epipolar error {error:.2f} px): depth cannot be seen; are both "
+            "images from the same camera?"
+        )
+    sideways = float(rig.X_LR[0, 3])
+    if sideways < -0.5 * rig.baseline:
+        raise DataError(
+            f"left and right are swapped: the right camera comes out {-1e3 * sideways:.0f} mm to "
+            "the left of the left one; exchange the images, or take them so with --swap-eyes"
+        )
+
+
+def check_start(rig: StereoRig, views: BoardViews, alone_rms: float) -> None:
+    """Refuse pairs of which most do not belong together, where no adjustment could tell.
+
+    It alone is no judgement: small boards far away place two good eyes as badly.
+
+    Args:
+        rig: The eyes as the closed forms place them.
+        views: Corners in both eyes.
+        alone_rms: What the eyes leave unexplained when each is calibrated alone [px].
+
+    Raises:
+        EstimationError: If half the corners lie far from their epipolar lines.
+    """
+    error = float(np.median(_epipolar_errors(rig, views)))
+    if error > _LARGEST_AT_START + _LARGEST_RATIO * alone_rms:
+        raise _no_pair(error, alone_rms)
+
+
+def _no_pair(error: float, alone_rms: float) -> EstimationError:
+    return EstimationError(
+        f"this is no rigid pair of eyes: corners lie {error:.1f} px from their epipolar lines "
+        f"on average, while each eye alone fits to {alone_rms:.2f} px; were the images of a "
+        "pair taken together, is every left image paired with its own right one, and did the "
+        "cameras keep still against each other?"
+    )
+
+
+def mean_epipolar_error(views: BoardViews, calibration: CameraCalibration) -> float:
+    """Return the mean distance of corners from their epipolar lines, over both images [px]."""
+    return float(np.mean(_epipolar_errors(calibration.rig, views)))
+
+
+def _epipolar_errors(rig: StereoRig, views: BoardViews) -> NDArray:
+    """Return distances in both images [px]; inf where no corner has a ray. Shape (n, 2)."""
+    flat = views.pixels.reshape(-1, 4)
+    usable = rig.left.has_rays(flat[:, :2]) & rig.right.has_rays(flat[:, 2:])
+    return rig.epipolar_errors(flat[usable]) if usable.any() else np.full((1, 2), np.inf)

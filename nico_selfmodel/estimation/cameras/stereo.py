@@ -1,0 +1,106 @@
+"""Calibrate one or two cameras from views of a flat board: the thesis' algorithm 3, put right.
+
+Zhang's start for each eye, a refinement of each eye alone, the relative pose by the essential
+matrix and cheirality, then one adjustment of both cameras and all boards.
+"""
+
+import time
+
+import numpy as np
+from numpy.typing import NDArray
+
+from nico_selfmodel.dataset.board_views import BoardViews
+from nico_selfmodel.errors import ModelError, NotConvergedError, NotIdentifiableError
+from nico_selfmodel.estimation.cameras.camera_adjustment import Adjustment, CameraCalibration
+from nico_selfmodel.estimation.cameras.camera_initialization import (
+    check_tilts,
+    pair_start,
+    zhang_start,
+)
+from nico_selfmodel.estimation.cameras.camera_options import CameraOptions, by_full_name
+from nico_selfmodel.estimation.cameras.pair_checks import check_pair, check_start
+from nico_selfmodel.model.camera import Camera
+from nico_selfmodel.model.stereo_rig import StereoRig
+
+FEWEST_VIEWS = 3
+"""Boards below which a camera with a free principal point is not determined."""
+
+
+def calibrate_cameras(views: BoardViews, options: CameraOptions | None = None) -> CameraCalibration:
+    """Calibrate the eyes that saw a board.
+
+    Args:
+        views: Corners in one or two eyes.
+        options: What is held and free; by default skew and tangential distortion are held at zero.
+
+    Returns:
+        The cameras, the boards and what is known of them.
+
+    Raises:
+        NotIdentifiableError: If there are too few boards, or all are parallel.
+        DataError: If left and right are swapped.
+        EstimationError: If no start can be found, or the eyes are no rigid pair.
+        NotConvergedError: If a camera that cannot be comes out.
+        ValueError: If an option names no parameter.
+    """
+    began = time.perf_counter()
+    options = options or CameraOptions()
+    views = views.placeable()
+    _check_names(views, options)
+    if len(views.eyes) == 1:
+        adjustment = _refine_alone(views, options)
+        adjustment.solve(options.loss)
+        check_tilts(adjustment.X_LG, views.eyes[0])
+        return adjustment.result(time.perf_counter() - began)
+    alone = [_refine_alone(views.only(eye), options) for eye in views.eyes]
+    for eye, found in zip(views.eyes, alone, strict=True):
+        check_tilts(found.X_LG, eye)
+    left, right = (_among(views, found) for found in alone)
+    right_camera, X_LG = pair_start(left, right, views)
+    alone_rms = max(found.rms for found in alone)
+    adjustment = Adjustment(views, (left[0], right_camera), X_LG, options)
+    try:
+        adjustment.solve(options.loss)
+        result = adjustment.result(time.perf_counter() - began)
+    except (NotConvergedError, ModelError):
+        # Pairs that do not belong together may end in eyes that cannot be: say that of them.
+        check_start(StereoRig(left[0], right_camera), views, alone_rms)
+        raise
+    check_pair(result, alone_rms)
+    return result
+
+
+def _check_names(views: BoardViews, options: CameraOptions) -> None:
+    """Raise before any work if an option names a parameter that does not exist."""
+    names = StereoRig.names_of(views.eyes)
+    options.held(names)
+    by_full_name(options.priors, names)
+
+
+def _refine_alone(views: BoardViews, options: CameraOptions) -> Adjustment:
+    """Start one eye and adjust it roughly: first with the principal point held, then as asked."""
+    (eye,) = views.eyes
+    if len(views) < FEWEST_VIEWS:
+        raise NotIdentifiableError(
+            f"the {eye} eye saw {len(views)} board{'s' * (len(views) != 1)}, at least "
+            f"{FEWEST_VIEWS} in different attitudes are needed, 10 to 20 are better"
+        )
+    camera, X_CG = zhang_start(views)
+    adjustment = Adjustment(views, (camera,), X_CG, options.of_eye(eye))
+    free_centre = [n for n in (f"{eye}.cx", f"{eye}.cy") if n not in adjustment.held]
+    for name in free_centre:
+        adjustment.program.pin(name)
+    adjustment.approach(tolerance=0.1)
+    for name in free_centre:
+        adjustment.program.unpin(name)
+    adjustment.approach(tolerance=0.01)
+    if options.loss != "none":
+        adjustment.approach_without_outliers()
+    return adjustment
+
+
+def _among(views: BoardViews, alone: Adjustment) -> tuple[Camera, NDArray]:
+    """Return one eye's camera and its boards among all views, nan where it saw nothing."""
+    X_CG = np.full((len(views), 4, 4), np.nan)
+    X_CG[[views.names.index(name) for name in alone.views.names]] = alone.X_LG
+    return alone.cameras[0], X_CG

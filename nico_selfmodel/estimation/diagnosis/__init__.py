@@ -1,0 +1,1 @@
+"""Why data do not fit: fault hypotheses, systematic residuals, changes in time."""

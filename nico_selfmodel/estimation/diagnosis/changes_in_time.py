@@ -1,0 +1,228 @@
+"""Whether the parameters stayed the same while the data were recorded.
+
+For a change of a group of parameters after a pose, the score test with all parameters as nuisance
+(Andrews 1993): with sums over the poses before it, T = sum J'S^-1 r and H = sum J'S^-1 J,
+T_g' [(H_t - H_t H^-1 H_t)_gg]^-1 T_g is chi square of the group's size where nothing changed.
+A marker that was knocked, an encoder that jumped, a tracker that drifted all show.
+"""
+
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from nico_selfmodel.estimation.diagnosis.score_sums import CourseFound, ScoreSums
+from nico_selfmodel.estimation.diagnosis.score_test import ScoreTest
+from nico_selfmodel.estimation.diagnosis.systematic_residuals import (
+    Pattern,
+    backlash_columns,
+)
+from nico_selfmodel.estimation.noise.arm_solution import ArmSolution
+from nico_selfmodel.estimation.observations.observations import Observations
+from nico_selfmodel.model import DhParameters
+from nico_selfmodel.optimization.chi_square import chi_square_tail
+
+LARGEST_CHANCE = 1e-7
+"""Of a change where there was none; some hundred samples and ten groups are tried."""
+NOTABLE = 1.1
+"""Ratio of the mean residuals without and with it that makes a change worth a failure."""
+_FEWEST = 20
+"""Visits below which no change, and samples below which no lag is looked for."""
+_LEAST_LAG = 0.01
+"""Part of the time between two samples below which a lag is something else, such as backlash."""
+_FOLLOWS = 0.9
+"""Correlation of a reading with time above which place and time cannot be told apart ..."""
+_OVERLAP = 0.2
+"""... as where less of the poses before a step lies within the range of those after, or back."""
+_EXPLAINS_MUCH = 1.5
+"""Ratio beyond which a change is one, though a pattern gains more or its own gain is small."""
+_SIMPLER = 7.0
+"""Chi square that each further number of a change must bring to be named."""
+
+
+@dataclass(frozen=True, eq=False)
+class Change:
+    """A group of parameters that did not stay the same."""
+
+    what: str
+    """In words: `the encoder of elbow jumped by about 2 deg after sample 40`."""
+    chance: float
+    """How often it is found where nothing changed."""
+    ratio: float
+    """The mean residual without it over that with it."""
+    told_from_place: bool = True
+    """Whether it is surely one of time: what depends on the place may look the same."""
+
+    @property
+    def notable(self) -> bool:
+        """Whether other recordings will miss by more than the held-out poses of this one."""
+        return self.ratio > NOTABLE and self.told_from_place
+
+
+def change_in_time(
+    observations: Observations,
+    solved: ArmSolution,
+    granted: NDArray,
+    patterns: Sequence[Pattern] = (),
+) -> Change | None:
+    """Find what changed in the middle of a recording.
+
+    Args:
+        observations: What was measured; samples are numbered in the order of time.
+        solved: The arm. Its outliers take part: what contradicts all that was before is no noise.
+        granted: What the residuals may depend on besides, as changes of the predictions: in poses
+            that follow an order, an error that depends on the place looks like one of time.
+            Shape (N, 3, m).
+        patterns: What they do depend on; a change counts only where it explains more.
+
+    Returns:
+        The change that explains most, or None where there is none.
+    """
+    if solved.noise is None or len(np.unique(observations.visit)) < _FEWEST:
+        return None
+    sums = ScoreSums.of(observations, solved, granted)
+    candidates = [
+        _Candidate(words, columns, found, sums.improvement(columns, found))
+        for words, columns in _groups(solved.parameters, sums.names)
+        for found in (sums.step(columns), sums.drift(columns))
+        if found is not None
+    ]
+    if not candidates:
+        return None
+    best = max(candidates, key=lambda one: one.found.statistic - _SIMPLER * len(one.columns))
+    chance = chi_square_tail(best.found.statistic, len(best.columns))
+    # What joint noise took for its own explains much, though its scores are small.
+    most = max(candidates, key=lambda one: one.ratio)
+    by_ratio = sums.chance_of(most.ratio) * len(candidates)
+    rival = best.ratio if chance <= LARGEST_CHANCE else 1.0
+    if by_ratio < LARGEST_CHANCE and most.ratio > _EXPLAINS_MUCH * rival:
+        best, chance = most, by_ratio
+    if chance > LARGEST_CHANCE:
+        return None
+    found = best.found
+    what = f"{best.words(found.size, found.drift)} {sums.when(found)}"
+    course = found.course[np.searchsorted(sums.last, observations.sample)]
+    # Sums of scores are cut and swelled, so that a pattern may gain more and explain much less.
+    gain = max((pattern.score.gain for pattern in patterns), default=0.0)
+    surely = found.statistic > gain or best.ratio > _EXPLAINS_MUCH
+    return Change(what, chance, best.ratio, mixed_in_time(observations, course) and surely)
+
+
+def mixed_in_time(observations: Observations, course: NDArray) -> bool:
+    """Return whether poses of all times are mixed: no joint's reading follows the course of time.
+
+    Args:
+        observations: What was measured.
+        course: Of the change in time, by row. Shape (N,).
+    """
+    time = course - course.mean()
+    angles = observations.angles - observations.angles.mean(axis=0)
+    sizes = np.linalg.norm(time) * np.linalg.norm(angles, axis=0)
+    if bool((np.abs(time @ angles) > _FOLLOWS * np.maximum(sizes, 1e-300)).any()):
+        return False
+    late = course > 0.5
+    if not late.any() or late.all():
+        return True
+    for column in observations.angles.T:
+        apart = min(
+            np.mean(column[late] >= column[~late].min()),
+            np.mean(column[late] <= column[~late].max()),
+            np.mean(column[~late] >= column[late].min()),
+            np.mean(column[~late] <= column[late].max()),
+        )
+        if apart < _OVERLAP:
+            return False
+    return True
+
+
+Words = Callable[[NDArray, bool], str]
+
+
+@dataclass(frozen=True, eq=False)
+class _Candidate:
+    """A group of parameters and how it may have changed."""
+
+    words: Words
+    columns: list[int]
+    found: CourseFound
+    ratio: float
+    """The mean residual without it over that with it."""
+
+
+def _groups(parameters: DhParameters, names: tuple[str, ...]) -> Iterator[tuple[Words, list[int]]]:
+    """Yield what may change together, with its words."""
+    for joint, gear in zip(parameters.table.joints, parameters.servos.gear, strict=True):
+
+        def jumped(size: NDArray, drift: bool, joint: str = joint, gear: float = gear) -> str:
+            verb = "drifted" if drift else "jumped"
+            degrees = float(np.degrees(abs(size[0]) / gear))
+            return f"the encoder of {joint} {verb} by about {degrees:.2g} deg"
+
+        yield jumped, [names.index(f"{joint}.theta_offset")]
+    for marker in parameters.table.markers:
+
+        def slipped(size: NDArray, drift: bool, marker: str = marker) -> str:
+            verb = "wandered" if drift else "slipped"
+            length = 1e3 * float(np.linalg.norm(size))
+            return f"marker {marker} {verb} on the hand by about {length:.2g} mm"
+
+        yield slipped, [names.index(f"hand.{marker}.{axis}") for axis in "xyz"]
+
+    def moved(size: NDArray, drift: bool) -> str:
+        listed = ", ".join(f"{value:.2g}" for value in 1e3 * size)
+        verb = "drifted" if drift else "moved"
+        return f"tracker or base {verb} by about ({listed}) mm"
+
+    yield moved, [names.index(f"M0.{axis}") for axis in "xyz"]
+
+    def turned(size: NDArray, drift: bool) -> str:
+        verb = "drifted" if drift else "turned"
+        return f"tracker or base {verb} by about {np.degrees(np.linalg.norm(size)):.2g} deg"
+
+    yield turned, [names.index(f"M0.{axis}") for axis in ("rx", "ry", "rz")]
+
+
+def lag_in_time(
+    observations: Observations, parameters: DhParameters, test: ScoreTest
+) -> Change | None:
+    """Find whether points were measured earlier or later than the readings beside them.
+
+    A point that lags by a part t of the time between two samples misses by -t dp/dq (q_k - q_k-1).
+
+    Args:
+        observations: What was measured; samples are numbered in the order of time.
+        parameters: The arm.
+        test: Residuals at the solution, what they are known to depend on granted.
+
+    Returns:
+        The lag, or None where there is none.
+    """
+    samples, first, of = np.unique(observations.sample, return_index=True, return_inverse=True)
+    if len(samples) < _FEWEST:
+        return None
+    # Of samples that are missing in between, the part that one of them would have had.
+    moves = np.diff(observations.angles[first], axis=0) / np.diff(samples)[:, None]
+    zero = np.zeros((1, moves.shape[1]))
+    best, cases = None, ((zero, moves, "lag behind"), (moves, zero, "lead"))
+    for first_part, second_part, verb in cases:
+        move = (np.vstack([first_part, second_part]) / parameters.servos.gear)[of.reshape(-1)]
+        columns = np.einsum("nij,nj->ni", test.linear.by_angle, move)
+        score = test.of(columns[:, :, None])
+        if score.chance < LARGEST_CHANCE and (best is None or score.gain > best[0].gain):
+            best = (score, verb)
+    if best is None:
+        return None
+    score, verb = best
+    # Backlash follows the direction of motion too, but not how far it went.
+    backlash = test.of(backlash_columns(observations, test.linear.by_angle))
+    if backlash.gain - _SIMPLER * backlash.dof > score.gain:
+        return None
+    size = abs(float(score.values[0]))
+    if size < _LEAST_LAG:
+        return None
+    what = (
+        f"the points {verb} the readings by about {size:.2g} of the time between two samples: take "
+        "both at one moment, or let the arm settle before each sample"
+    )
+    return Change(what, score.chance, score.improvement)

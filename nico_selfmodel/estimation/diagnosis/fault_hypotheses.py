@@ -1,0 +1,324 @@
+"""Why an arm does not explain its data: what the residuals would be if the readings were mended.
+
+Each suspicion mends the readings in one way and searches again from random axes. What then explains
+the data is named. Nothing of it goes into the result: the data are the user's to correct.
+"""
+
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
+from enum import Enum
+from itertools import islice
+
+import numpy as np
+from numpy.typing import NDArray
+
+from nico_selfmodel.estimation.initialization.axis_search import random_starts
+from nico_selfmodel.estimation.initialization.start_search import (
+    ENOUGH_AGREE,
+    LineSolution,
+    StartSearch,
+    distances_between,
+    few_rows,
+    refine_lines,
+)
+from nico_selfmodel.estimation.observations.observations import Observations
+
+_STARTS = 10
+_STARTS_AT_A_GAP = 30
+"""A gap in the middle of a turn is rarely there by chance."""
+_MOST_STARTS = 60
+"""Starts that the search may cost in all, on `SEARCH_ROWS` rows each."""
+_BETTER = 3.0
+"""The residuals must fall to this part of what they were, inverse."""
+_EXPLAINED = 0.02
+"""... and below this share of the workspace."""
+_FEWER_OUTLIERS = 0.5
+"""Or, at the same residuals, outliers to this share."""
+_STARTS_EXCHANGED = 3
+"""Of two columns: where they are right most starts agree."""
+_LEAST_GAP = 0.1
+"""Of a turn: readings that leave out less are spread over the whole turn."""
+_WORTH_A_LOOK, _WORTH_A_SEARCH = 0.01, 0.025
+"""Residuals over the workspace's size above which readings that leave out a gap are looked at, and
+above which all causes are."""
+_MANY_OUTLIERS, _MOST_OUTLIERS = 0.1, 0.25
+"""... as above the first share of outliers, in readings that left out a gap; above the second, all
+causes are looked for."""
+_RIGID = 0.02
+"""Scatter of a distance over the workspace's size above which two markers are not on one link."""
+_NORMAL_THIRD = 2.3219
+"""Standard deviation over the deviation that a third of normal values lie within."""
+_UNIT_HINTS = ((180.0 / np.pi, "rad stated as deg"), (np.pi / 180.0, "deg stated as rad"))
+
+
+@dataclass(frozen=True)
+class Causes:
+    """What a search for the cause of a misfit came to."""
+
+    words: tuple[str, ...] = ()
+    """What would make the data fit, a sentence each."""
+    stopped_after: int | None = None
+    """Starts after which the search gave up; None where it tried all it knows."""
+
+
+class _Worth(Enum):
+    """What a misfit is worth looking for."""
+
+    GAPS = "readings that leave out a gap"
+    NEIGHBOURS = "these, and neighbouring columns that are exchanged"
+    EVERYTHING = "all there is"
+
+
+@dataclass(frozen=True, eq=False)
+class _Suspicion:
+    """Readings mended in one way."""
+
+    words: str
+    observations: Observations
+    gear_pinned: NDArray
+    gears_in_question: bool = False
+    starts: int = _STARTS
+
+
+def causes_of_misfit(
+    observations: Observations,
+    search: StartSearch,
+    gear_pinned: NDArray,
+    gear_known: NDArray,
+    zero: NDArray,
+    sigma: float,
+    loss: str,
+    scatter: float,
+) -> Causes:
+    """Name what would make the data fit, where they do not.
+
+    Args:
+        observations: What was measured.
+        search: The best arm, and how many starts reached it.
+        gear_pinned: Gears that are held. Shape (n,).
+        gear_known: Joints said to be read in rad or deg. Shape (n,).
+        zero: Encoder angles of the zero configuration [rad]. Shape (n,).
+        sigma: Whitening of the residuals [m].
+        loss: One of `optimization.robust_solve.ROBUST_METHODS`.
+        scatter: Of a believed coordinate about the refined arm, whatever is said to explain it [m].
+
+    Returns:
+        What was found; empty where the arm explains the data or nothing tried does.
+    """
+    before = _Misfit.of(search.best, sigma)
+    unexplained = max(before.noise, scatter) / observations.size
+    bad = unexplained > _WORTH_A_LOOK or before.wrong > _MANY_OUTLIERS
+    lonely = search.agreeing < 2 <= len(search.labels)
+    if not bad and not lonely:
+        return Causes()
+    held, robust = gear_pinned & gear_known, "none" if loss == "none" else "cauchy"
+    searched = unexplained > _WORTH_A_SEARCH or before.wrong > _MOST_OUTLIERS
+    left = _MOST_STARTS
+    worth = _Worth.NEIGHBOURS if unexplained > _WORTH_A_LOOK else _Worth.GAPS
+    worth = _Worth.EVERYTHING if searched else worth
+    for suspicion in _suspicions(observations, gear_pinned, held, worth):
+        mended, pinned = few_rows(suspicion.observations, 0), suspicion.gear_pinned
+        at = mended.angles[np.argmin(np.abs(mended.angles - zero).sum(axis=1))]
+        wild = random_starts(mended, pinned & gear_known, at, np.random.default_rng(0))
+        reached = 0
+        if left <= 0:
+            return Causes(stopped_after=_MOST_STARTS)
+        for start in islice(wild, min(suspicion.starts, left)):
+            left -= 1
+            found = refine_lines(mended, start, pinned, sigma, robust, rough=True)
+            after = _Misfit.of(found, sigma)
+            reached += after.explains(before, observations.size, lonely=not bad)
+            if reached == (1 if bad else ENOUGH_AGREE):
+                gears = suspicion.gears_in_question
+                asked = _gears_in_words(observations.joints, found.arm.gear, held) if gears else ""
+                words = f"{suspicion.words}{asked}; then {after} remain instead of {before}"
+                return Causes((words if bad else f"{suspicion.words}; then the starts agree",))
+    return Causes()
+
+
+@dataclass(frozen=True)
+class _Misfit:
+    """What an arm leaves unexplained."""
+
+    noise: float
+    """Standard deviation of a believed coordinate [m]."""
+    wrong: float
+    """Share of outliers."""
+
+    @classmethod
+    def of(cls, solution: LineSolution, sigma: float) -> "_Misfit":
+        """Return what a solution leaves."""
+        robust = solution.robust
+        return cls(sigma * robust.scale, float(np.mean(robust.outliers)))
+
+    def explains(self, before: "_Misfit", size: float, *, lonely: bool) -> bool:
+        """Return whether this is so much less that the readings were to blame."""
+        if lonely:
+            return self.noise < 1.1 * before.noise
+        less = self.noise < before.noise / _BETTER and self.noise < _EXPLAINED * size
+        less = less and self.wrong <= max(_MANY_OUTLIERS, before.wrong)
+        fewer = self.noise < 1.5 * before.noise and self.wrong < _FEWER_OUTLIERS * before.wrong
+        return less or (fewer and before.wrong > _MANY_OUTLIERS)
+
+    def __str__(self) -> str:
+        """Say it in words."""
+        outliers = f" and {100.0 * self.wrong:.0f} % outliers" if self.wrong else ""
+        return f"{1e3 * self.noise:.3g} mm a coordinate{outliers}"
+
+
+def _suspicions(
+    observations: Observations, gear_pinned: NDArray, held: NDArray, worth: _Worth
+) -> Iterator[_Suspicion]:
+    """Yield what may be wrong with the readings, as far as it is worth a search."""
+    unwrapped, joints = unwrapped_readings(observations)
+    if joints:
+        yield _Suspicion(
+            _wrap_words(observations, unwrapped, joints),
+            replace(observations, angles=unwrapped),
+            gear_pinned,
+            starts=_STARTS_AT_A_GAP,
+        )
+    if worth is not _Worth.GAPS:
+        yield from _exchanged(observations, gear_pinned, all_pairs=worth is _Worth.EVERYTHING)
+    if worth is not _Worth.EVERYTHING:
+        return
+    if held.any():
+        yield _Suspicion(
+            "the encoders do not read joint angles: the data ask for the gears ",
+            observations,
+            gear_pinned & ~held,
+            gears_in_question=True,
+        )
+    for shift in (-1, 1, -2, 2):
+        shifted = _shifted(observations, shift)
+        if shifted is not None:
+            words = "before" if shift < 0 else "after"
+            which = "the sample" if abs(shift) == 1 else f"{abs(shift)} samples"
+            yield _Suspicion(
+                f"the readings lag: each point fits the readings of {which} {words} its own; "
+                "pair them by the time they were taken",
+                shifted,
+                gear_pinned,
+            )
+
+
+def _exchanged(
+    observations: Observations, gear_pinned: NDArray, *, all_pairs: bool
+) -> Iterator[_Suspicion]:
+    """Yield readings with two joints' columns exchanged, neighbours first."""
+    n = len(observations.joints)
+    pairs = [(i, i + step) for step in range(1, n if all_pairs else 2) for i in range(n - step)]
+    for i, j in pairs:
+        order = np.arange(n)
+        order[[i, j]] = j, i
+        yield _Suspicion(
+            f"the readings of {observations.joints[i]} and {observations.joints[j]} are exchanged",
+            replace(observations, angles=observations.angles[:, order]),
+            gear_pinned[order],
+            starts=_STARTS_EXCHANGED,
+        )
+
+
+def foreign_marker(observations: Observations) -> str | None:
+    """Say which markers are not on one link: the hand is rigid, their distances must not change.
+
+    Args:
+        observations: What was measured.
+
+    Returns:
+        A sentence, or None where all distances stay.
+    """
+    m = len(observations.markers)
+    scatter = np.full((m, m), np.nan)
+    for (i, j), apart in distances_between(observations).items():
+        # Of two points with outliers each, fewer than half of the distances may be sound.
+        off = np.abs(apart - np.median(apart))
+        scatter[i, j] = scatter[j, i] = _NORMAL_THIRD * np.quantile(off, 1.0 / 3.0)
+    loose = scatter > _RIGID * observations.size
+    if not loose.any():
+        return None
+    largest = float(np.nanmax(scatter))
+    # Who is at odds with most others is the stranger; of two nobody can tell.
+    odds = loose.sum(axis=1)
+    worst = np.flatnonzero(odds == odds.max())
+    named = ", ".join(observations.markers[k] for k in worst)
+    if len(worst) == 1:
+        words, them = f"marker {named} does not move with the hand", "it"
+    elif odds.max() > np.median(odds):
+        words, them = f"markers {named} do not move with the hand", "them"
+    else:
+        words, them = f"markers {named} are not on one link", "them"
+    return (
+        f"{words}: distances between markers scatter by up to {1e3 * largest:.2g} mm, or labels "
+        f"are exchanged; leave {them} out, or track markers of the last link only"
+    )
+
+
+def unwrapped_readings(observations: Observations) -> tuple[NDArray, list[int]]:
+    """Undo a jump of one turn of the encoder in the middle of a joint's range.
+
+    Readings that were folded into one turn leave out an arc in their middle and reach to both ends
+    of the turn. Those below the widest gap are carried on by one turn.
+
+    Args:
+        observations: What was measured.
+
+    Returns:
+        Encoder angles [rad], shape (N, n), and the joints that were changed.
+    """
+    angles, turn = observations.angles.copy(), 2.0 * np.pi
+    changed = []
+    for i in range(angles.shape[1]):
+        values = np.unique(angles[:, i])
+        span = values[-1] - values[0]
+        if len(values) < 3 or span > turn * (1.0 + 1e-9):
+            continue
+        gaps = np.diff(values)
+        widest = int(np.argmax(gaps))
+        if gaps[widest] < max(turn - span, _LEAST_GAP * turn):
+            continue
+        angles[angles[:, i] <= values[widest], i] += turn
+        changed.append(i)
+    return angles, changed
+
+
+def _wrap_words(observations: Observations, unwrapped: NDArray, joints: list[int]) -> str:
+    words = []
+    for i in joints:
+        unit = observations.units.radians_per_unit[i]
+        moved = unwrapped[:, i] != observations.angles[:, i]
+        low, high = observations.angles[moved, i], observations.angles[~moved, i]
+        # A stated sign of -1 makes the larger angle the smaller reading.
+        side = "below" if unit > 0.0 else "above"
+        middle = 0.5 * (low.max() + high.min()) / unit
+        words.append(
+            f"add {2.0 * np.pi / unit:+.6g} to readings of {observations.joints[i]} {side} "
+            f"{middle:.4g} {observations.units.unit[i]}"
+        )
+    return (
+        "encoders jump by a whole turn in the middle of their range: unwrap them "
+        f"({', '.join(words)}), here and in all readings to come"
+    )
+
+
+def _gears_in_words(joints: tuple[str, ...], gear: NDArray, held: NDArray) -> str:
+    listed = ", ".join(f"{joints[i]}.gear {gear[i]:.4g}" for i in np.flatnonzero(held))
+    for ratio, words in _UNIT_HINTS:
+        if (np.abs(gear[held] * ratio - 1.0) < 0.05).all():
+            return f"{listed}, as readings in {words} do: correct encoder_unit"
+    frees = " ".join(f"--free {joints[i]}.gear" for i in np.flatnonzero(held))
+    return f"{listed}: correct the unit, or add {frees}"
+
+
+def _shifted(observations: Observations, shift: int) -> Observations | None:
+    """Pair each point with the readings of the sample before (-1) or after (+1) its own."""
+    first = dict(zip(observations.sample.tolist(), range(len(observations)), strict=True))
+    partner = [first.get(s + shift, -1) for s in observations.sample.tolist()]
+    has = np.array(partner) >= 0
+    unknowns = 5 * len(observations.joints) + 3 * len(observations.markers)
+    if 3 * has.sum() < 2 * unknowns or len(np.unique(observations.marker[has])) < len(
+        observations.markers
+    ):
+        return None
+    kept = observations.select(has)
+    return replace(kept, angles=observations.angles[np.array(partner)[has]])

@@ -1,0 +1,55 @@
+"""Whether joints said to be read in rad or deg really are: what a freed gear would say."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+from nico_selfmodel.estimation.diagnosis.score_test import Score, ScoreTest
+from nico_selfmodel.model import DhParameters
+
+_LEAST_CHANGE = 0.02
+_LEAST_SIGMAS = 5.0
+_AS_MUCH = 0.8
+"""Part of what waves in a joint's angle explain that its gear must explain by itself."""
+
+
+@dataclass(frozen=True)
+class DoubtfulGear:
+    """A gear held at 1 that the data contradict."""
+
+    name: str
+    """Its parameter."""
+    value: float
+    """Where it would move, from one Gauss-Newton step."""
+    sigma: float
+    """Standard deviation of that."""
+
+
+def doubtful_gears(
+    test: ScoreTest, parameters: DhParameters, held: frozenset[str], ripples: Mapping[str, Score]
+) -> tuple[DoubtfulGear, ...]:
+    """Test held gears: one step of least squares in which they may move.
+
+    Args:
+        test: Residuals at the solution.
+        parameters: The solution.
+        held: Gears held because their encoders read joint angles.
+        ripples: What waves in a joint's angle explain, by joint: over a part of the turn they look
+            like a gear.
+
+    Returns:
+        Gears that would move by more than 2 % and five standard deviations, the worst first.
+    """
+    columns = [i for i, name in enumerate(parameters.names) if name in held]
+    if not columns:
+        return ()
+    by_gear = test.linear.jacobian
+    score = test.of(by_gear[:, :, columns])
+    found = []
+    for i, step, sigma in zip(columns, score.values, score.sigma, strict=True):
+        value, name = float(parameters.values[i]), parameters.names[i]
+        if abs(step) <= max(_LEAST_CHANGE * value, _LEAST_SIGMAS * sigma):
+            continue
+        wave = ripples.get(name.removesuffix(".gear"))
+        if wave is None or test.of(by_gear[:, :, [i]]).gain > _AS_MUCH * wave.gain:
+            found.append(DoubtfulGear(name, value + float(step), float(sigma)))
+    return tuple(sorted(found, key=lambda gear: -abs(gear.value - 1.0)))

@@ -1,0 +1,222 @@
+"""Sums of scores over the spans of a recording, and the best course of a change in them."""
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from nico_selfmodel.estimation.noise.arm_solution import ArmSolution, Linearised
+from nico_selfmodel.estimation.noise.pose_noise import PoseGroups, PoseWhitening
+from nico_selfmodel.estimation.observations.observations import Observations
+
+_MARGIN = 4
+"""Visits that lie before and after any change."""
+_CLIPPED = 2.5
+"""Whitened residuals of a visit count up to this rms: a single outlier is no change."""
+_MOST_VISITS, _MOST_SPANS = 2000, 400
+"""Visits that are looked at, and spans of time between which a change may lie."""
+_LAGS = 12
+"""Spans over which residuals may be alike for another reason: poses in an order."""
+
+
+@dataclass(frozen=True, eq=False)
+class CourseFound:
+    """The best of one course of time."""
+
+    statistic: float
+    size: NDArray
+    """What changed, in the parameters' own units."""
+    course: NDArray
+    """How it came: 0 and 1 before and after a step, or a steady rise. Shape (spans,)."""
+    span: int
+    """Last span before a step."""
+    drift: bool
+
+
+@dataclass(frozen=True, eq=False)
+class ScoreSums:
+    """Scores J'S^-1 r and information J'S^-1 J of spans of time."""
+
+    linear: Linearised
+    """Residuals of the visits that are looked at."""
+    span: NDArray
+    """Span of each of its rows. Shape (N,)."""
+    free: NDArray
+    """Places of the free parameters, and of patterns. Shape (k,)."""
+    s: NDArray
+    """Shape (spans, P)."""
+    plain: NDArray
+    """The scores with outliers in full. Shape (spans, P)."""
+    h: NDArray
+    """Shape (spans, P, P)."""
+    inverse: NDArray
+    """(sum h)_ff^-1. Shape (k, k)."""
+    squares: float
+    """Of all whitened residuals, what the free parameters could take taken off."""
+    variance: float
+    """Of one of them."""
+    scale: NDArray
+    """What the parameters were divided by. Shape (P,)."""
+    last: NDArray
+    """Last sample of each span. Shape (spans,)."""
+
+    @classmethod
+    def of(cls, observations: Observations, solved: ArmSolution, granted: NDArray) -> "ScoreSums":
+        """Sum scores and information of a solution over spans of time, its outliers included.
+
+        Args:
+            observations: What was measured; samples are numbered in the order of time.
+            solved: The arm, with its noise.
+            granted: What the residuals may depend on besides. Shape (N, 3, m).
+        """
+        assert solved.noise is not None
+        # Frames of one visit share its joint noise: together they are one witness of time.
+        visits = np.unique(observations.visit)
+        chosen = visits[:: max(len(visits) // _MOST_VISITS, 1)]
+        looked_at = np.isin(observations.visit, chosen)
+        rows = observations.select(looked_at)
+        everything = np.ones(len(rows), dtype=bool)
+        linear = Linearised.at(rows, solved.parameters, everything, solved.noise)
+        jacobian = np.concatenate([linear.jacobian, granted[looked_at]], axis=2)
+        linear = replace(linear, jacobian=jacobian)
+        groups = PoseGroups(rows.visit, everything, 3)
+        whitening = PoseWhitening(groups, linear.by_angle, solved.noise)
+        w = whitening.root(groups.gather(linear.residuals[:, :, None]))[:, :, 0]
+        large = np.sqrt(np.sum(w**2, axis=1) / (3.0 * np.bincount(groups.pose))) / _CLIPPED
+        full, w = w, w / np.maximum(large, 1.0)[:, None]
+        scale = 1.0 / np.maximum(np.sqrt(np.sum(linear.jacobian**2, axis=(0, 1))), 1e-300)
+        U = whitening.root(groups.gather(linear.jacobian * scale))
+        starts = np.unique(np.linspace(0, len(chosen), _MOST_SPANS, endpoint=False).astype(int))
+        s, plain = (np.add.reduceat(np.einsum("gkp,gk->gp", U, part), starts) for part in (w, full))
+        h = np.add.reduceat(np.swapaxes(U, 1, 2) @ U, starts)
+        free = [i for i, n in enumerate(linear.names) if n in solved.free]
+        free = np.array([*free, *range(len(linear.names), jacobian.shape[2])])
+        inverse = np.linalg.pinv(h.sum(axis=0)[np.ix_(free, free)], rcond=1e-10, hermitian=True)
+        score = s.sum(axis=0)[free]
+        squares = float(np.sum(w**2) - score @ inverse @ score)
+        redundancy = max(3 * len(rows) - len(free), 1)
+        variance = max(squares / redundancy, np.finfo(float).tiny)
+        ends = chosen[np.append(starts[1:], len(chosen)) - 1]
+        order = np.argsort(rows.visit, kind="stable")
+        ending = np.searchsorted(rows.visit, ends, side="right", sorter=order) - 1
+        last = np.maximum.accumulate(rows.sample[order])[ending]
+        span = np.searchsorted(starts, groups.pose, side="right") - 1
+        return cls(linear, span, free, s, plain, h, inverse, squares, variance, scale, last)
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """All parameters."""
+        return self.linear.names
+
+    def step(self, columns: list[int]) -> CourseFound | None:
+        """Return the best sudden change of some parameters."""
+        T, M = self._efficient(np.cumsum(self.s, axis=0), np.cumsum(self.h, axis=0), columns)
+        inside = slice(_MARGIN, len(T) - _MARGIN)
+        gains = np.full(len(T), -np.inf)
+        gains[inside] = _quadratic(M[inside], T[inside])
+        at = int(np.argmax(gains))
+        size = np.linalg.lstsq(M[at], T[at], rcond=1e-9)[0]
+        after = np.arange(len(T)) > at
+        # The change that is told is that of later poses.
+        return self._found(float(gains[at]), columns, -size, at, after.astype(float), drift=False)
+
+    def drift(self, columns: list[int]) -> CourseFound | None:
+        """Return the best steady change of some parameters, over the whole recording."""
+        course = np.linspace(-0.5, 0.5, len(self.s))
+        T, _ = self._efficient(
+            (course[:, None] * self.s).sum(axis=0)[None],
+            (course[:, None, None] * self.h).sum(axis=0)[None],
+            columns,
+        )
+        own = (course[:, None, None] ** 2 * self.h).sum(axis=0)[columns][:, columns]
+        cross = (course[:, None, None] * self.h).sum(axis=0)[columns][:, self.free]
+        M = own - cross @ self.inverse @ cross.T
+        gain = float(_quadratic(M[None], T)[0])
+        size = np.linalg.lstsq(M, T[0], rcond=1e-9)[0]
+        return self._found(gain, columns, size, len(course) // 2, course, drift=True)
+
+    def _efficient(self, s: NDArray, h: NDArray, columns: list[int]) -> tuple[NDArray, NDArray]:
+        """Return scores and information of columns, what free parameters take taken off."""
+        cross = h[:, columns][:, :, self.free]
+        total = self.inverse @ self.s.sum(axis=0)[self.free]
+        taken = cross @ self.inverse @ np.swapaxes(cross, 1, 2)
+        return s[:, columns] - cross @ total, h[:, columns][:, :, columns] - taken
+
+    def _found(
+        self,
+        gain: float,
+        columns: list[int],
+        size: NDArray,
+        at: int,
+        course: NDArray,
+        *,
+        drift: bool,
+    ) -> CourseFound | None:
+        """Return what was found, with the sums' own scatter taken into account."""
+        if not np.isfinite(gain) or gain <= 0.0:
+            return None
+        own = self.h[:, columns][:, :, columns]
+        expected = course[:, None] * np.einsum("tij,j->ti", own, size)
+        statistic = gain / self.variance / _likeness(self.s[:, columns] - expected)
+        return CourseFound(statistic, size * self.scale[columns], course, at, drift)
+
+    def improvement(self, columns: list[int], found: CourseFound) -> float:
+        """Return the mean distance of all rows from the arm over that with the change.
+
+        What the residuals may depend on besides is taken off both. The size of the change is that
+        which explains outliers, if they are part of it, or that which does not.
+        """
+        cross = np.einsum("t,tij->ij", found.course, self.h[:, columns][:, :, self.free])
+        own = np.einsum("t,tij->ij", found.course**2, self.h[:, columns][:, :, columns])
+        before, after = [], []
+        for s in (self.s, self.plain):
+            fitted = s.sum(axis=0)[self.free]
+            before.append(self._mean_distance(self.inverse @ fitted, 0.0))
+            along = found.course @ s[:, columns] - cross @ self.inverse @ fitted
+            size = np.linalg.lstsq(own - cross @ self.inverse @ cross.T, along, rcond=1e-9)[0]
+            taken = self.inverse @ (fitted - cross.T @ size)
+            changed = self.linear.jacobian[:, :, columns] @ (size * self.scale[columns])
+            after.append(self._mean_distance(taken, found.course[self.span, None] * changed))
+        return float(min(before) / max(min(*before, *after), np.finfo(float).tiny))
+
+    def _mean_distance(self, taken: NDArray, changed: NDArray | float) -> float:
+        """Return the mean residual when the free parameters take a step and something changed."""
+        moved = self.linear.jacobian[:, :, self.free] @ (taken * self.scale[self.free])
+        return float(np.linalg.norm(self.linear.residuals - moved - changed, axis=1).mean())
+
+    def chance_of(self, ratio: float) -> float:
+        """Return how often noise of poses makes residuals fall by a ratio after some sample.
+
+        Where joint noise took the change for its own, scores are small and the residuals fall all
+        the same: a share R^2 of the squares of n poses, by chance (1 - R^2)^(n/2), 1 / (1 - R^2)
+        being the ratio squared (the tail of a beta distribution; Cochran 1934).
+        """
+        poses = len(self.linear.whitening.groups.rows) - len(self.free) / 3.0
+        poses *= self.linear.whitening.groups.poses / len(self.linear.whitening.groups.rows)
+        return float(min(len(self.s) * max(ratio, 1.0) ** -max(poses, 0.0), 1.0))
+
+    def when(self, found: CourseFound) -> str:
+        """Say when."""
+        if found.drift:
+            return "during the recording"
+        return f"after sample {int(self.last[found.span])}"
+
+
+def _quadratic(M: NDArray, T: NDArray) -> NDArray:
+    """Return T' M^-1 T of each; directions that nothing tells count for nothing."""
+    values, vectors = np.linalg.eigh(M)
+    along = np.einsum("tij,ti->tj", vectors, T)
+    largest = np.maximum(values[:, -1:], 1e-300)
+    parts = along**2 / np.maximum(values, 1e-300)
+    return np.sum(np.where(values > 1e-6 * largest, parts, 0.0), axis=1)
+
+
+def _likeness(scores: NDArray) -> float:
+    """Return by how much successive scores being alike swells their sums (Newey, West 1987)."""
+    centred = scores - scores.mean(axis=0)
+    power = np.maximum(np.sum(centred**2, axis=0), 1e-300)
+    swell = 1.0
+    for lag in range(1, min(_LAGS, len(scores) // 4) + 1):
+        alike = np.mean(np.sum(centred[lag:] * centred[:-lag], axis=0) / power)
+        swell += 2.0 * (1.0 - lag / (_LAGS + 1.0)) * float(alike)
+    return max(swell, 1.0)

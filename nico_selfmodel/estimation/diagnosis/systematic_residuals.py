@@ -1,0 +1,169 @@
+"""Residuals that depend on the pose: what an arm that bends, or gears off centre, leave.
+
+Noise of joints and tracker takes up what the model lacks, so that its size says nothing; whether
+it depends on joint angles, gravity, the other joints or the direction of approach does.
+"""
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from nico_selfmodel.estimation.diagnosis.score_test import Score, ScoreTest
+from nico_selfmodel.estimation.observations.observations import Observations
+from nico_selfmodel.model import DhParameters
+
+LARGEST_CHANCE = 1e-5
+"""Of a pattern in noise alone; some fifty are looked for."""
+_SIMPLER = 7.0
+"""Chi square that each further number of a pattern must bring to be named first."""
+_FEWEST = 20
+"""Poses below which no pattern is looked for."""
+
+
+@dataclass(frozen=True, eq=False)
+class Pattern:
+    """Something that residuals depend on."""
+
+    cause: str
+    """In words: `the angle of elbow (eccentric gear or encoder, 0.4 deg)`."""
+    score: Score
+    """How sure, and how large."""
+    columns: NDArray
+    """What its numbers change of the predictions. Shape (N, 3, m)."""
+    ripple_of: str | None = None
+    """The joint, where it is waves in that joint's angle."""
+
+    def __str__(self) -> str:
+        """Say it in words."""
+        return (
+            f"the residuals depend on {self.cause}, by {1e3 * self.score.rms:.2g} mm at the hand "
+            f"(chance {self.score.chance:.0e})"
+        )
+
+
+def systematic_patterns(
+    observations: Observations, parameters: DhParameters, test: ScoreTest
+) -> tuple[Pattern, ...]:
+    """Name what the residuals depend on.
+
+    Args:
+        observations: What was measured.
+        parameters: The arm at its solution.
+        test: Residuals there.
+
+    Returns:
+        Patterns that noise does not make, the surest first.
+    """
+    if test.linear.whitening.groups.poses < _FEWEST:
+        return ()
+    found = []
+    for effect in _effects(observations, parameters):
+        by_angle = test.linear.by_angle[:, :, effect.joint, None]
+        columns = by_angle * effect.turns[:, None]
+        score = test.of(columns)
+        if score.chance < LARGEST_CHANCE:
+            joint = parameters.table.joints[effect.joint] if effect.ripple else None
+            found.append(Pattern(effect.in_words(score), score, columns, joint))
+    return tuple(sorted(found, key=lambda p: _SIMPLER * p.score.dof - p.score.gain))
+
+
+@dataclass(frozen=True, eq=False)
+class _Effect:
+    """Something that turns a joint, and that lines and gears do not have."""
+
+    cause: str
+    """In words, with a place for its size in degrees."""
+    joint: int
+    """Index of the joint."""
+    turns: NDArray
+    """What its numbers turn the joint by [rad]. Shape (N, m)."""
+    taken: NDArray
+    """What the fit has for the joint's angle: its zero, and of a ripple its gear. Shape (N, k)."""
+    ripple: bool = False
+    """Whether it is waves in the joint's angle."""
+
+    def in_words(self, score: Score) -> str:
+        """Put half of what it turns the joint by into words, beside what a fit takes of it."""
+        turned = self.turns @ score.values
+        turned = turned - self.taken @ np.linalg.lstsq(self.taken, turned, rcond=None)[0]
+        return self.cause.format(np.degrees(0.5 * np.ptp(turned)))
+
+
+def _effects(observations: Observations, parameters: DhParameters) -> Iterator[_Effect]:
+    """Yield what an arm may do."""
+    q = (observations.angles - parameters.servos.offset) / parameters.servos.gear
+    zero = np.ones((len(q), 1))
+    waves = np.stack([np.sin(q), np.cos(q), np.sin(2.0 * q), np.cos(2.0 * q)], axis=2)
+    moments, sides = _moments(parameters, q), _sides(observations)
+    for i, joint in enumerate(parameters.table.joints):
+        words = f"the angle of {joint} (eccentric gear or encoder, {{:.2g}} deg)"
+        line = np.column_stack([zero, q[:, i]])
+        yield _Effect(words, i, waves[:, i], line, ripple=True)
+        yield _Effect(f"gravity (sag of {joint}, {{:.2g}} deg)", i, moments[:, i], zero)
+        others = np.delete(q, i, axis=1)
+        if others.shape[1]:
+            words = f"the other joints at {joint} (coupling)"
+            yield _Effect(words, i, others - others.mean(axis=0), zero)
+        words = f"the direction from which {joint} came (backlash, half width {{:.2g}} deg)"
+        yield _Effect(words, i, sides[:, i, None], zero)
+
+
+def _moments(parameters: DhParameters, q: NDArray) -> NDArray:
+    """Return the moment about each joint of a load in the hand, for weights along x, y and z.
+
+    d_i . ((p - c_i) x e) = e . (d_i x (p - c_i)), over its largest length. The load is the same
+    whichever marker was seen. Shape (N, n, 3).
+    """
+    frames = parameters.table.frames(q)
+    axes, places = frames[:-1, :, :3, 2], frames[:, :, :3, 3]
+    moments = np.cross(axes, places[-1] - places[:-1]).transpose(1, 0, 2)
+    return moments / np.maximum(np.abs(moments).max(axis=(0, 2), keepdims=True), 1e-12)
+
+
+def backlash_columns(observations: Observations, by_angle: NDArray) -> NDArray:
+    """Return what a radian of half width does, by the side from which each joint came.
+
+    The sample before tells it; a joint that stands still is where its last motion left it.
+
+    Args:
+        observations: What was measured; samples are numbered in the order of time.
+        by_angle: Derivatives of its points by the joint angles. Shape (N, 3, n).
+
+    Returns:
+        Shape (N, 3, n).
+    """
+    return by_angle * _sides(observations)[:, None]
+
+
+def likeliest_backlash(observations: Observations, test: ScoreTest) -> NDArray:
+    """Return `backlash_columns` where joints that have not moved yet stand on the likelier side.
+
+    No sample tells from which side a joint came before its first motion; the half width is that of
+    all other samples.
+
+    Args:
+        observations: What was measured; samples are numbered in the order of time.
+        test: Residuals at the solution.
+
+    Returns:
+        Shape (N, 3, n).
+    """
+    by_angle, sides = test.linear.by_angle, _sides(observations)
+    likeliest = []
+    for i, side in enumerate(sides.T):
+        cases = [np.where(side == 0.0, first, side) for first in (0.0, -1.0, 1.0)]
+        columns = [by_angle[:, :, i] * case[:, None] for case in cases]
+        gains = [test.of(column[:, :, None]).gain for column in columns]
+        likeliest.append(columns[int(np.argmax(gains))])
+    return np.stack(likeliest, axis=2)
+
+
+def _sides(observations: Observations) -> NDArray:
+    """Return from which side each joint came; 0 before its first motion. Shape (N, n)."""
+    samples, first, of = np.unique(observations.sample, return_index=True, return_inverse=True)
+    side = np.zeros((len(samples), observations.angles.shape[1]))
+    side[1:] = np.sign(np.diff(observations.angles[first], axis=0))
+    last = np.maximum.accumulate(np.where(side != 0.0, np.arange(len(side))[:, None], 0))
+    return np.take_along_axis(side, last, axis=0)[of.reshape(-1)]

@@ -1,0 +1,84 @@
+"""Any calibration: its result, the verdict on it, and what goes into `result.json`."""
+
+from typing import Any
+
+from nico_selfmodel.estimation.arm.arm_result import arm_result
+from nico_selfmodel.estimation.arm.kinematics import KinematicCalibration
+from nico_selfmodel.estimation.body.body import BodyCalibration
+from nico_selfmodel.estimation.body.body_result import body_result
+from nico_selfmodel.estimation.cameras.camera_assessment import CameraAssessment
+from nico_selfmodel.estimation.cameras.camera_result import camera_result
+from nico_selfmodel.estimation.mirrors.mirror import MirrorCalibration
+from nico_selfmodel.estimation.mirrors.mirror_result import mirror_result
+from nico_selfmodel.estimation.monitoring.tool import Rezeroing, ToolCalibration
+from nico_selfmodel.estimation.monitoring.update_result import rezero_result, tool_result
+from nico_selfmodel.estimation.results.calibration_result import CalibrationResult
+from nico_selfmodel.estimation.results.document import document_of
+from nico_selfmodel.estimation.results.judge import verdict_on
+from nico_selfmodel.estimation.results.verdict import Verdict
+
+Calibration = (
+    KinematicCalibration
+    | BodyCalibration
+    | CameraAssessment
+    | MirrorCalibration
+    | ToolCalibration
+    | Rezeroing
+    | CalibrationResult
+)
+"""Whatever was learned, or its result."""
+
+
+def result_of(calibration: Calibration) -> CalibrationResult:
+    """Return a calibration in the form in which all are judged and written down.
+
+    Args:
+        calibration: What was learned: an arm, cameras, a body, mirrors, a tool, new zeros.
+    """
+    match calibration:
+        case KinematicCalibration():
+            return arm_result(calibration)
+        case BodyCalibration():
+            return body_result(calibration)
+        case CameraAssessment():
+            return camera_result(calibration)
+        case MirrorCalibration():
+            return mirror_result(calibration)
+        case ToolCalibration():
+            return tool_result(calibration)
+        case Rezeroing():
+            return rezero_result(calibration)
+        case CalibrationResult():
+            return calibration
+
+
+def judge(
+    calibration: Calibration,
+    require_test_mm: float | None = None,
+    require_test_px: float | None = None,
+) -> Verdict:
+    """Judge a calibration.
+
+    Args:
+        calibration: What was learned.
+        require_test_mm: Largest held-out error in space allowed: the mean [mm].
+        require_test_px: Largest held-out error in the images allowed: the mean, of boards the root
+            mean square [px].
+
+    Returns:
+        FAIL where a check fails; NOT_EVALUATED where too little was held out; else PASS.
+    """
+    return verdict_on(result_of(calibration), require_test_mm, require_test_px)
+
+
+def to_json(calibration: Calibration, verdict: Verdict) -> dict[str, Any]:
+    """Return the content of `result.json`; numbers that do not exist are null.
+
+    Args:
+        calibration: What was learned.
+        verdict: What is thought of it.
+
+    Returns:
+        A mapping of plain Python values.
+    """
+    return document_of(result_of(calibration), verdict)

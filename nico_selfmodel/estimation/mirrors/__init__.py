@@ -1,0 +1,1 @@
+"""Mirrors from reflections of the hand, or of boards."""

@@ -1,0 +1,176 @@
+"""Where a mirror may stand: closed-form planes from reflections, one pose being enough."""
+
+import contextlib
+
+import numpy as np
+from numpy.typing import NDArray
+
+from nico_selfmodel.errors import NotIdentifiableError
+from nico_selfmodel.estimation.mirrors.reflections import Reflections
+from nico_selfmodel.geometry.plane import Plane
+from nico_selfmodel.geometry.transform import apply
+from nico_selfmodel.model.camera import Camera
+from nico_selfmodel.model.stereo_rig import StereoRig
+
+_ALIKE = 3.0
+"""Reflections whose direction differs by this many times the median difference are left out."""
+_NEAREST_TURN = np.radians(10.0)
+"""Directions that differ less are never left out."""
+
+
+def start_plane(reflections: Reflections) -> Plane:
+    """Place one mirror before the first eye, its normal towards the points.
+
+    Two eyes rebuild each reflection behind the glass; the principal direction of reflections minus
+    points is the normal, and their middle lies in the glass (thesis eq. 9.6-9.9, put right: the
+    normal is a unit vector before the offset is taken, and the direction is not a mean of vectors
+    that long ones rule). One eye alone has the law of reflection instead.
+
+    Args:
+        reflections: Of one mirror.
+
+    Returns:
+        The plane in the frame of the first eye.
+
+    Raises:
+        NotIdentifiableError: If the reflections leave the plane open.
+    """
+    virtual = virtual_points(reflections)
+    rebuilt = np.isfinite(virtual).all(axis=1)
+    if not rebuilt.any():
+        return law_of_reflection(reflections)
+    return symmetry_plane(reflections.p_LQ[rebuilt], virtual[rebuilt])
+
+
+def symmetry_plane(p_LQ: NDArray, virtual: NDArray) -> Plane:
+    """Return the plane about which points and their reflections lie symmetrically.
+
+    Args:
+        p_LQ: Points [m]. Shape (N, 3).
+        virtual: Their reflections as rebuilt behind the glass [m]. Shape (N, 3).
+
+    Returns:
+        The plane, its normal towards the points.
+
+    Raises:
+        NotIdentifiableError: If every reflection coincides with its point.
+    """
+    gap = virtual - p_LQ
+    length = np.linalg.norm(gap, axis=1)
+    if not (length > 0.0).any():
+        raise NotIdentifiableError(
+            "every reflection lies at its own point: a hand on the glass does not tell how the "
+            "glass is tilted"
+        )
+    gap, length = gap[length > 0.0], length[length > 0.0]
+    p_LQ, virtual = p_LQ[np.linalg.norm(virtual - p_LQ, axis=1) > 0.0], virtual
+    direction = gap / length[:, None]
+    between = np.arccos(np.clip(direction @ direction.T, -1.0, 1.0))
+    middle = int(np.argmin(np.median(between, axis=1)))
+    limit = max(_ALIKE * float(np.median(between[middle])), _NEAREST_TURN)
+    near = between[middle] <= limit
+    normal = np.linalg.svd(gap[near], full_matrices=False)[2][0]
+    normal = -normal * np.sign(normal @ direction[middle])
+    return Plane(normal, float(-np.median((p_LQ + 0.5 * gap)[near] @ normal)))
+
+
+def mean_plane(p_LQ: NDArray, virtual: NDArray) -> Plane:
+    """Return the thesis' plane, eq. 9.6-9.9, with the normal made a unit vector first.
+
+    Args:
+        p_LQ: Points [m]. Shape (N, 3).
+        virtual: Their reflections as rebuilt behind the glass [m]. Shape (N, 3).
+
+    Returns:
+        The plane, its normal towards the points.
+    """
+    normal = np.mean(p_LQ - virtual, axis=0)
+    normal = normal / np.linalg.norm(normal)
+    return Plane(normal, float(-0.5 * np.mean(p_LQ + virtual, axis=0) @ normal))
+
+
+def law_of_reflection(reflections: Reflections) -> Plane:
+    """Place a mirror from what one eye sees: eye, point, image and normal lie in one plane.
+
+    With c the eye, v the line of sight and x the point, x - 2 (n.x + d) n - c is along v: n is
+    normal to every (x - c) x v, and (x - c) x v = 2 (n.x + d) n x v is linear in d.
+
+    Args:
+        reflections: Of one mirror, in any number of eyes.
+
+    Returns:
+        The plane in the frame of the first eye, its normal towards the points.
+
+    Raises:
+        NotIdentifiableError: If all of these planes contain one direction beside the normal.
+    """
+    rows, sights, points = [], [], []
+    X_LW, p_LQ = reflections.cameras[0].X_CW, reflections.p_LQ
+    for c, camera in enumerate(reflections.cameras):
+        pixels = reflections.pixels[:, 2 * c : 2 * c + 2]
+        usable = has_rays(camera, pixels)
+        sight = camera.rays(pixels[usable]).direction @ X_LW[:3, :3].T
+        rows.append(np.cross(p_LQ[usable] - apply(X_LW, camera.X_WC[:3, 3]), sight))
+        sights.append(sight)
+        points.append(p_LQ[usable])
+    across, sight, point = (np.concatenate(part) for part in (rows, sights, points))
+    length = np.linalg.norm(across, axis=1, keepdims=True)
+    # Two rows of zeros make room for a decomposition of none.
+    padded = np.concatenate([across / np.maximum(length, 1e-12), np.zeros((2, 3))])
+    _, values, vt = np.linalg.svd(padded)
+    if values[1] <= 1e-6 * values[0]:
+        raise NotIdentifiableError(
+            f"{len(across)} sight{'s' * (len(across) != 1)} of reflections by one eye do not tell "
+            "how the mirror is tilted: record poses in which both eyes see the reflection, or more "
+            "of them"
+        )
+    normal = vt[2]
+    lever = 2.0 * np.cross(normal, sight)
+    height = np.sum(across * lever, axis=1) / np.maximum(np.sum(lever * lever, axis=1), 1e-12)
+    side = np.copysign(1.0, float(np.median(height)))
+    return Plane(side * normal, side * float(np.median(height - point @ normal)))
+
+
+def virtual_points(reflections: Reflections) -> NDArray:
+    """Rebuild reflections behind the glass, where both eyes saw them.
+
+    Args:
+        reflections: Of any mirrors.
+
+    Returns:
+        Points in the frame of the first eye [m]; nan where one eye missed it or its pixel has no
+        ray. Shape (N, 3).
+    """
+    found = np.full((len(reflections), 3), np.nan)
+    if len(reflections.cameras) != 2:
+        return found
+    rig = StereoRig(*reflections.cameras)
+    return apply(rig.left.X_CW, rebuilt_points(rig, reflections.pixels))
+
+
+def rebuilt_points(rig: StereoRig, pixels: NDArray) -> NDArray:
+    """Triangulate what can be: nan where an eye saw nothing, or lines of sight do not meet.
+
+    Args:
+        rig: Two eyes.
+        pixels: Shape (N, 4).
+
+    Returns:
+        Points [m]. Shape (N, 3).
+    """
+    found = np.full((len(pixels), 3), np.nan)
+    usable = has_rays(rig.left, pixels[:, :2]) & has_rays(rig.right, pixels[:, 2:])
+    try:
+        found[usable] = rig.triangulate(pixels[usable]).p_WQ
+    except np.linalg.LinAlgError:
+        # One pair of sights that runs apart spoils the whole batch.
+        for row in np.flatnonzero(usable):
+            with contextlib.suppress(np.linalg.LinAlgError):
+                found[row] = rig.triangulate(pixels[row : row + 1]).p_WQ[0]
+    return found
+
+
+def has_rays(camera: Camera, pixels: NDArray) -> NDArray:
+    """Return which pixels were seen and belong to a line of sight. Shape (N, 2) -> (N,)."""
+    seen = np.asarray(np.isfinite(pixels).all(axis=1))
+    return seen & np.asarray(camera.has_rays(np.nan_to_num(pixels)))

@@ -1,0 +1,148 @@
+"""PASS, FAIL or NOT_EVALUATED for a self-model held against new data."""
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from nico_selfmodel.dataset import Dataset
+from nico_selfmodel.estimation.arm.arm_findings import WHAT_CHANGED
+from nico_selfmodel.estimation.arm.evaluation import Evaluation, expected_covariance
+from nico_selfmodel.estimation.noise.hand_observations import (
+    JOINT_SIGMA,
+    covariance_of,
+    sightings_of,
+)
+from nico_selfmodel.estimation.observations.observations import Observations
+from nico_selfmodel.estimation.observations.outlier_words import describe_outliers
+from nico_selfmodel.estimation.observations.pixel_evaluation import PixelEvaluation
+from nico_selfmodel.estimation.results.verdict import (
+    FEWEST_COMPARED,
+    MOST_OUTLIERS,
+    Verdict,
+    significantly_above,
+)
+from nico_selfmodel.model import SelfModel
+from nico_selfmodel.optimization.robust_solve import OUTLIER_AT
+
+
+def judge_evaluation(
+    model: SelfModel, dataset: Dataset, evaluation: Evaluation | PixelEvaluation
+) -> Verdict:
+    """Judge a self-model by new data, against the errors that its training lets expect.
+
+    Args:
+        model: The self-model.
+        dataset: What was measured, or what its cameras saw.
+        evaluation: The model, held against it.
+
+    Returns:
+        FAIL where an error is significantly above what was expected, or many rows are further off
+        than model and noise explain; NOT_EVALUATED where the model does not say what to expect, or
+        the poses are too few.
+    """
+    if isinstance(evaluation, PixelEvaluation):
+        rows, things = evaluation.observations.arm, "detections"
+        compared = _in_images(model, evaluation)
+        wrong = _contradicting(model, dataset, evaluation) if compared else np.zeros(0)
+    else:
+        rows, things = evaluation.observations, "points"
+        compared, wrong = _in_space(model, evaluation), evaluation.outliers
+    if not compared:
+        return Verdict("NOT_EVALUATED", ("there is too little to compare the error with",))
+    return _beside_training(compared, rows, wrong, things)
+
+
+@dataclass(frozen=True)
+class _Compared:
+    """The median of one kind of error, found and expected, in words."""
+
+    found: str
+    expected: str
+    above: bool
+    """Whether it is significantly above."""
+
+    @classmethod
+    def of(
+        cls, errors: NDArray, median: float, n: int, known_from: int, scale: float, unit: str
+    ) -> "_Compared":
+        """Compare errors of n independent poses."""
+        above = significantly_above(errors, median, n, known_from)
+        found = scale * float(np.median(errors))
+        return cls(f"{found:.2f} {unit}", f"{scale * median:.2f} {unit}", above)
+
+
+def _in_space(model: SelfModel, evaluation: Evaluation) -> list[_Compared]:
+    """Compare errors in space, one a pose."""
+    expected = model.fit.get("expected_error")
+    found = evaluation.observations.by_pose(evaluation.distances)
+    if not expected or min(expected["n"], len(found)) < FEWEST_COMPARED:
+        return []
+    median = float(expected["median_m"])
+    return [_Compared.of(found, median, len(found), expected["n"], 1e3, "mm")]
+
+
+def _in_images(model: SelfModel, evaluation: PixelEvaluation) -> list[_Compared]:
+    """Compare errors in space and in the images.
+
+    What a pose shows twice, to both cameras or at two points, is one witness.
+    """
+    expected = model.fit.get("expected_error") or {}
+    both = evaluation.select(np.flatnonzero(np.isfinite(evaluation.p_LH_seen).all(axis=1)))
+    return [
+        _Compared.of(errors, float(expected[key]), poses, expected["n"], scale, unit)
+        for errors, poses, key, scale, unit in (
+            (evaluation.distances, both.pose_count, "median_m", 1e3, "mm"),
+            (evaluation.pixel_distances, evaluation.pose_count, "median_px", 1.0, "px"),
+        )
+        if key in expected and min(expected["n"], poses, len(errors)) >= FEWEST_COMPARED
+    ]
+
+
+def _beside_training(
+    compared: list[_Compared], rows: Observations, wrong: NDArray, things: str
+) -> Verdict:
+    """Return the verdict on new errors beside those of the training.
+
+    Args:
+        compared: Kinds of errors.
+        rows: What was held against the model.
+        wrong: Rows that neither model nor noise explains. Boolean, shape (N,).
+        things: What a row is.
+    """
+    found = " and ".join(one.found for one in compared)
+    expected = " and ".join(one.expected for one in compared)
+    medians = f"median {found}, expected {expected}"
+    if any(one.above for one in compared):
+        words = f"the error ({medians}) is significantly above that of the training poses"
+        return Verdict("FAIL", (f"{words}: {WHAT_CHANGED}",))
+    within = f"the error ({medians}) is that of the training poses"
+    if not wrong.any():
+        return Verdict("PASS", (within,))
+    off = (
+        f"{wrong.sum()} of {len(wrong)} {things} are further off than model and noise explain "
+        f"({describe_outliers(rows, wrong)})"
+    )
+    if wrong.mean() > MOST_OUTLIERS:
+        return Verdict("FAIL", (f"{off}: {WHAT_CHANGED}",))
+    return Verdict("PASS", (f"{within}; {off}",))
+
+
+def _contradicting(model: SelfModel, dataset: Dataset, evaluation: PixelEvaluation) -> NDArray:
+    """Return the rows that neither model nor noise explains. Boolean, shape (N,).
+
+    Where the model puts the hand out of the view of an eye that saw it, nothing explains that.
+    Pixels are whitened with all that is uncertain where the model tells joint play from the
+    tracker's noise; points that its eyes rebuild are taken where it has learned from such.
+    """
+    lost = (evaluation.observations.seen & np.isnan(evaluation.pixels_predicted)).any(axis=1)
+    if JOINT_SIGMA in model.fit and model.pixel_sigma is not None:
+        sightings = sightings_of(model, dataset, "pixels")
+        found = sightings.innovations(covariance_of(model, sightings.names))
+        return lost | (np.sqrt(found.nis) > OUTLIER_AT * np.sqrt(found.dof / 3.0))
+    rows = evaluation.observations.arm
+    readings = rows.angles / model.servos.radians_per_unit
+    known = model.predict(readings, rows.marker).covariance
+    expected = expected_covariance(model, readings, rows.marker, known)
+    rebuilt = replace(rows, p_WH=evaluation.p_LH_seen)
+    return lost | Evaluation(rebuilt, evaluation.p_LH_predicted, expected).outliers

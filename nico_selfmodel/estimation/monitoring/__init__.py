@@ -1,0 +1,1 @@
+"""A body that changes: alarms and their causes, encoder zeros, tools."""

@@ -1,0 +1,298 @@
+"""Learning some parameters of a known body anew, the rest as well as it is known."""
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from nico_selfmodel.errors import NotIdentifiableError
+from nico_selfmodel.estimation.noise.expected_misfit import expected_misfit
+from nico_selfmodel.estimation.noise.hand_observations import Sightings, covariance_of, with_values
+from nico_selfmodel.estimation.results.unobservable_words import name_blind
+from nico_selfmodel.model.self_model import ParameterCovariance, SelfModel
+from nico_selfmodel.optimization import CalibrationProgram, Loss, ProgramSolution, Uncertainty
+from nico_selfmodel.optimization.robust_solve import OUTLIER_AT, ROBUST_METHODS
+
+_ROUNDS = 2
+"""Further solutions, each weighed where the last one ended."""
+_MOST_OUTLIERS = 0.25
+"""A larger share of sightings that are not believed is no accident."""
+
+
+@dataclass(frozen=True, eq=False)
+class BlockUpdate:
+    """A body of which a block of parameters was learned anew."""
+
+    model: SelfModel
+    """The body with the new values and their covariance with all others."""
+    learned: tuple[str, ...]
+    """Names of the block."""
+    uncertainty: Uncertainty
+    """Of the block alone, the rest taken as known."""
+    outliers: NDArray
+    """Rows not believed. Boolean, shape (N,)."""
+    misfit: float
+    """Sum of squared innovations of the believed rows, what the rest is uncertain by included."""
+    expected: float
+    """What `misfit` is to be expected to be."""
+    spread: float
+    """Standard deviation of `misfit` about that."""
+    converged: bool
+    iterations: int
+
+    @property
+    def score(self) -> float:
+        """How many standard deviations the misfit lies above what was to be expected."""
+        return (self.misfit - self.expected) / self.spread if self.spread > 0.0 else 0.0
+
+    @property
+    def fits(self) -> bool:
+        """Whether the rest of the body still fits the data."""
+        return self.score < 4.0 and bool(np.mean(self.outliers) <= _MOST_OUTLIERS)
+
+
+def learn_block(
+    model: SelfModel,
+    sightings: Sightings,
+    names: tuple[str, ...],
+    *,
+    scales: NDArray,
+    loss: str = "trimmed",
+) -> BlockUpdate:
+    """Learn a block of parameters from sightings, all others held.
+
+    The block's covariance includes what the others are uncertain by: with data r = J_z dz + J_b db,
+    dz = -(J_z'J_z)^-1 J_z' (r - J_b db).
+
+    Args:
+        model: The body.
+        sightings: The data, as `sightings_of` this model.
+        names: What to learn.
+        scales: Natural scale of each, on which its sigma says whether it is known. Shape (k,).
+        loss: One of `optimization.robust_solve.ROBUST_METHODS`.
+
+    Returns:
+        The body with the block learned.
+
+    Raises:
+        NotIdentifiableError: If the data leave a parameter of the block open; it names them.
+    """
+    program = CalibrationProgram()
+    program.add_variables(sightings.names, sightings.x)
+    for name in sightings.names:
+        if name not in names:
+            program.pin(name)
+    sightings.block.whiten(sightings.whitening())
+    number = program.add_residuals(sightings.block)
+    columns = np.array([sightings.names.index(name) for name in names], dtype=int)
+    _require_known(sightings, columns, names, scales)
+    solution, outliers = _settle(program, number, sightings, loss)
+    x, believed = solution.x, ~outliers
+    at = replace(sightings, x=x)
+    _, jacobian = sightings.block.evaluate(x)
+    stacked = jacobian[:, :, believed].reshape(len(x), -1).T
+    # The variances are known: nothing is scaled by the misfit of a few poses.
+    uncertainty = Uncertainty.from_jacobian(names, stacked[:, columns], scales, 0.0, 0)
+    updated = with_values(model, sightings.names, x)
+    covariance = _joint_covariance(model, sightings.names, stacked, columns, uncertainty)
+    updated = replace(updated, covariance=covariance)
+    misfit = _misfit(model, at, believed, columns)
+    return BlockUpdate(
+        updated,
+        names,
+        uncertainty,
+        outliers,
+        misfit,
+        *expected_misfit(model, at, believed, len(names)),
+        solution.converged,
+        solution.iterations,
+    )
+
+
+def learn_with_prior(
+    model: SelfModel,
+    sightings: Sightings,
+    names: tuple[str, ...],
+    *,
+    scales: NDArray,
+    loss: str = "trimmed",
+) -> BlockUpdate:
+    """Learn a block of parameters, the rest of the body free under its posterior as prior.
+
+    Args:
+        model: The body; its covariance is the prior.
+        sightings: The data, as `sightings_of` this model.
+        names: What has no prior.
+        scales: Natural scale of each of `names`. Shape (k,).
+        loss: One of `optimization.robust_solve.ROBUST_METHODS`.
+
+    Returns:
+        The body with everything updated.
+
+    Raises:
+        NotIdentifiableError: If the data leave a parameter of the block open.
+    """
+    prior = covariance_of(model, sightings.names)
+    known = np.flatnonzero((np.diag(prior) > 0.0) & ~np.isin(sightings.names, names))
+    program = CalibrationProgram()
+    program.add_variables(sightings.names, sightings.x)
+    columns = np.array([sightings.names.index(name) for name in names], dtype=int)
+    for i, name in enumerate(sightings.names):
+        if i not in known and i not in columns:
+            program.pin(name)
+    sightings.block.whiten(sightings.whitening())
+    number = program.add_residuals(sightings.block)
+    block = _GaussianPrior(
+        tuple(sightings.names[i] for i in known), sightings.x[known], prior[np.ix_(known, known)]
+    )
+    if len(known):
+        program.add_residuals(block)
+    _require_known(sightings, columns, names, scales)
+    solution, outliers = _settle(program, number, sightings, loss)
+    x, believed = solution.x, ~outliers
+    free = np.sort(np.concatenate([known, columns]))
+    r, jacobian = sightings.block.evaluate(x)
+    information = jacobian[free][:, :, believed].reshape(len(free), -1)
+    information = information @ information.T
+    inside = np.isin(free, known)
+    information[np.ix_(inside, inside)] += block.information
+    size = 1.0 / np.sqrt(np.diag(information))
+    covariance = np.linalg.inv(information * np.outer(size, size)) * np.outer(size, size)
+    free_names = tuple(sightings.names[i] for i in free)
+    updated = replace(
+        with_values(model, sightings.names, x),
+        covariance=ParameterCovariance(free_names, covariance),
+    )
+    sigma = np.sqrt(np.diag(covariance))
+    uncertainty = Uncertainty(free_names, covariance, sigma, np.nan, len(free), np.nan, ())
+    misfit = float(np.sum(r[:, believed] ** 2))
+    at = replace(sightings, x=x)
+    return BlockUpdate(
+        updated,
+        names,
+        uncertainty,
+        outliers,
+        misfit,
+        *expected_misfit(model, at, believed, len(names)),
+        solution.converged,
+        solution.iterations,
+    )
+
+
+def _settle(
+    program: CalibrationProgram, number: int, sightings: Sightings, loss: str
+) -> tuple[ProgramSolution, NDArray]:
+    """Solve, and weigh anew where the solution is: play moves a far point more than a near one."""
+    solution, outliers = _solve(program, number, loss)
+    for _ in range(_ROUNDS):
+        program.move_start(solution.x)
+        sightings.block.whiten(replace(sightings, x=solution.x).whitening())
+        solution, outliers = _solve(program, number, loss)
+    return solution, outliers
+
+
+def _solve(program: CalibrationProgram, number: int, loss: str) -> tuple[ProgramSolution, NDArray]:
+    """Solve with the variances taken as known: a few poses cannot tell their own scale.
+
+    Returns:
+        The solution, and which rows are outliers.
+    """
+    if loss not in ROBUST_METHODS:
+        raise ValueError(f"no loss {loss!r}; there are {', '.join(ROBUST_METHODS)}")
+    program.set_loss(number, Loss("cauchy" if loss == "trimmed" else loss))
+    solution = program.solve()
+    r = program.residuals(number, solution.x)
+    if loss == "none":
+        return solution, np.zeros(r.shape[1], dtype=bool)
+    outliers = np.linalg.norm(r, axis=0) > OUTLIER_AT * np.sqrt(len(r) / 3.0)
+    if loss == "trimmed":
+        program.move_start(solution.x)
+        program.set_loss(number, Loss(), (~outliers).astype(float))
+        solution = program.solve()
+    return solution, outliers
+
+
+class _GaussianPrior:
+    """W (x - mean) with W'W the inverse of a covariance, as one observation."""
+
+    def __init__(self, names: tuple[str, ...], mean: NDArray, covariance: NDArray) -> None:
+        self.names, self._mean = names, mean
+        size = np.sqrt(np.diag(covariance))
+        correlation = covariance / np.outer(size, size)
+        # Gauge and blind directions leave a correlation matrix singular to rounding.
+        values, vectors = np.linalg.eigh(correlation)
+        values = np.maximum(values, 1e-10)
+        self._root = (vectors / np.sqrt(values)).T / size
+        self.information = self._root.T @ self._root
+
+    def evaluate(self, x: NDArray) -> tuple[NDArray, NDArray]:
+        """Return the residual, shape (k, 1), and its derivatives, shape (k, k, 1)."""
+        return (self._root @ (x - self._mean))[:, None], self._root.T[:, :, None]
+
+
+def _require_known(
+    sightings: Sightings, columns: NDArray, names: tuple[str, ...], scales: NDArray
+) -> None:
+    """Refuse data that leave a parameter open, before anything is solved."""
+    if not names:
+        return
+    _, jacobian = sightings.block.evaluate(sightings.x)
+    stacked = jacobian[columns].reshape(len(columns), -1).T
+    blind = Uncertainty.from_jacobian(names, stacked, scales, 0.0, 0).blind
+    if not blind:
+        return
+    found = "1 sighting is" if len(sightings) == 1 else f"{len(sightings)} sightings are"
+    words = "; ".join(name_blind(direction) for direction in blind)
+    raise NotIdentifiableError(
+        f"{found} too few or too alike: {words}: record more poses, spread over the workspace"
+    )
+
+
+def _joint_covariance(
+    model: SelfModel,
+    names: tuple[str, ...],
+    stacked: NDArray,
+    columns: NDArray,
+    uncertainty: Uncertainty,
+) -> ParameterCovariance:
+    """Return the covariance of the block with everything else the model knows."""
+    old = model.covariance
+    fresh = uncertainty.covariance
+    learned = uncertainty.names
+    kept = () if old is None else tuple(name for name in old.names if name not in learned)
+    if old is None or not kept:
+        return ParameterCovariance(learned, fresh)
+    own = [old.names.index(name) for name in kept]
+    before = old.matrix[np.ix_(own, own)]
+    # What the data say of the rest acts on the block through gain = -(Jz'Jz)^-1 Jz' Jb.
+    others = np.zeros((len(stacked), len(kept)))
+    for i, name in enumerate(kept):
+        if name in names:
+            others[:, i] = stacked[:, names.index(name)]
+    gain = -fresh @ stacked[:, columns].T @ others
+    cross = gain @ before
+    matrix = np.block([[before, cross.T], [cross, fresh + cross @ gain.T]])
+    return ParameterCovariance((*kept, *learned), 0.5 * (matrix + matrix.T))
+
+
+def _misfit(model: SelfModel, sightings: Sightings, believed: NDArray, columns: NDArray) -> float:
+    """Return the sum of squared innovations.
+
+    The rest of the body is one unknown for all rows, so the rows are taken together.
+    """
+    prior = covariance_of(model, sightings.names)
+    prior[columns] = 0.0
+    prior[:, columns] = 0.0
+    r, jacobian = sightings.block.evaluate(sightings.x)
+    r, rows = r[:, believed].ravel(), jacobian[:, :, believed].reshape(len(jacobian), -1)
+    free = np.flatnonzero(np.diag(prior) > 0.0)
+    misfit = float(r @ r)
+    if len(free):
+        # Woodbury: r' (I + J C J')^-1 r = |r|^2 - b' (C^-1 + J'J)^-1 b
+        j = rows[free]
+        root = _GaussianPrior((), np.zeros(len(free)), prior[np.ix_(free, free)]).information
+        b = j @ r
+        size = 1.0 / np.sqrt(np.diag(root))
+        scaled = (root + j @ j.T) * np.outer(size, size)
+        misfit -= float((size * b) @ np.linalg.solve(scaled, size * b))
+    return misfit

@@ -1,0 +1,135 @@
+"""Whether a body still fits what is known of it, pose by pose; how soon is in docs/health.md.
+
+The noise that a training left (`training_noise`) says how likely each new pose is as the body was,
+and had it changed (`monitored_changes`); the ratios add up to the statistic of Shiryaev and Roberts
+(`monitor`), whose rate of false alarms is theory. No single pose raises the alarm: that is how a
+false detection looks.
+"""
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from nico_selfmodel.dataset import Dataset
+from nico_selfmodel.estimation.monitoring.diagnosis import Diagnosis, diagnose
+from nico_selfmodel.estimation.monitoring.encoder_jumps import with_large_slips
+from nico_selfmodel.estimation.monitoring.monitor import THRESHOLD, Monitor, chance_of_false_alarm
+from nico_selfmodel.estimation.monitoring.monitored_changes import monitored_changes
+from nico_selfmodel.estimation.noise.hand_observations import covariance_of, sightings_of
+from nico_selfmodel.estimation.noise.mixture_density import MixtureDensity
+from nico_selfmodel.estimation.noise.pose_residuals import PoseResiduals
+from nico_selfmodel.estimation.noise.training_noise import expected_noise
+from nico_selfmodel.model.noise_mixture import NoiseMixture
+from nico_selfmodel.model.self_model import SelfModel
+
+ENOUGH = 10
+"""Poses after a change by which its cause is told reliably."""
+_LOOKS = 3
+"""Times that cause and time of a change are sought in turn."""
+
+
+@dataclass(frozen=True, eq=False)
+class HealthReport:
+    """New poses held against a body."""
+
+    sample: NDArray
+    """Number of each pose, the first where a standing robot was measured often. Shape (N,)."""
+    nis: NDArray
+    """Normalised innovations squared, by the second moment of the noise. Shape (N,)."""
+    dof: NDArray
+    """What each is to be expected to be: the coordinates measured there. Shape (N,)."""
+    log_ratio: NDArray
+    """ln R after each pose, as it was at the alarm from there on. Shape (N,)."""
+    alarm_at: int | None
+    """Pose at which the alarm was raised; None for a healthy body."""
+    changed_at: int | None
+    """First pose after the change."""
+    diagnoses: tuple[Diagnosis, ...]
+    """Explanations, the best first; empty for a healthy body."""
+    noise: NoiseMixture
+    """What was expected to disturb the poses."""
+
+    @property
+    def healthy(self) -> bool:
+        """Whether no alarm was raised."""
+        return self.alarm_at is None
+
+    @property
+    def false_alarm_chance(self) -> float:
+        """Largest probability of an alarm in so many poses had nothing changed."""
+        return chance_of_false_alarm(len(self.nis))
+
+    @property
+    def threshold(self) -> float:
+        """Value of ln R beyond which an alarm is raised."""
+        return THRESHOLD
+
+    @property
+    def sure(self) -> bool:
+        """Whether there were enough poses after the change to tell its cause."""
+        return self.changed_at is not None and len(self.nis) - self.changed_at >= ENOUGH
+
+
+def check_health(model: SelfModel, dataset: Dataset, sensor: str = "auto") -> HealthReport:
+    """Watch a body over new poses, in their order.
+
+    Args:
+        model: The body, with its covariance and the noise of its training.
+        dataset: New encoder readings, and pixels or measured points.
+        sensor: `pixels`, `points` or `auto`.
+
+    Returns:
+        Whether it still fits, and what changed if it does not.
+
+    Raises:
+        DataError: If the data do not suit the model, or nothing was measured.
+        ModelError: If the model does not say what noise to expect.
+    """
+    sightings = sightings_of(model, dataset, sensor)
+    poses = PoseResiduals.of(sightings)
+    noise = expected_noise(model, poses.sensor, dataset)
+    density = MixtureDensity(poses, noise, covariance_of(model, poses.names))
+    changes = monitored_changes(model, poses.names)
+    steps = changes.steps(density, poses.residuals, poses.slopes)
+    monitor, alarm_at, course = Monitor.of(changes.weights), None, np.zeros(len(poses))
+    for i, step in enumerate(steps):
+        monitor = monitor.after(step)
+        course[i:] = monitor.log_ratio
+        if monitor.alarm:
+            alarm_at = i
+            break
+    report = HealthReport(
+        poses.sample, density.nis(poses.residuals), poses.dof, course, alarm_at, None, (), noise
+    )
+    if alarm_at is None:
+        return report
+    changed_at, found = dated(model, poses, noise, monitor.changed_at, alarm_at)
+    found = with_large_slips(model, dataset, sensor, noise, changed_at, found)
+    return replace(report, changed_at=changed_at, diagnoses=found)
+
+
+def dated(
+    model: SelfModel, poses: PoseResiduals, noise: NoiseMixture, since: int, alarm_at: int
+) -> tuple[int, tuple[Diagnosis, ...]]:
+    """Return since when a body is another, and why: each by the other, in turn.
+
+    Args:
+        model: The body as it was.
+        poses: All poses.
+        noise: What disturbs them.
+        since: The first guess.
+        alarm_at: The change was no later.
+
+    Returns:
+        First pose after the change, and explanations, the best first.
+    """
+    found = diagnose(model, poses, noise, since)
+    for _ in range(_LOOKS):
+        # The sum over all poses from each one on.
+        said = np.cumsum(found[0].of_pose[::-1])[::-1]
+        after = int(np.argmax(said[: alarm_at + 1]))
+        if after == since:
+            break
+        since, found = after, diagnose(model, poses, noise, after)
+    return since, found

@@ -1,0 +1,51 @@
+"""A health report as plain data: what goes into `result.json`."""
+
+from typing import Any
+
+from nico_selfmodel.estimation.monitoring.health import HealthReport
+
+_CAUSES_SHOWN = 5
+
+
+def health_document(report: HealthReport) -> dict[str, Any]:
+    """Return a health report as plain data; `status` is FAIL where something changed."""
+    chance = report.false_alarm_chance
+    reasons = [
+        f"{len(report.nis)} poses fit what is known of the body; with noise as in the "
+        f"{report.noise.poses} poses that it was learned from, at most {100.0 * chance:.2g} % of "
+        "such recordings raise a false alarm"
+    ]
+    if report.alarm_at is not None and report.changed_at is not None:
+        best = report.diagnoses[0]
+        reasons = [
+            f"something changed at sample {int(report.sample[report.changed_at])}, seen at sample "
+            f"{int(report.sample[report.alarm_at])}: {best.hypothesis.cause} (likelihood ratio "
+            f"{best.statistic:.0f}, chi-square of {best.dof})"
+        ]
+        if not report.sure:
+            reasons.append("few poses since: the cause may be another, record 10 or more")
+    return {
+        "status": "PASS" if report.healthy else "FAIL",
+        "reasons": reasons,
+        "poses": len(report.nis),
+        "nis_per_coordinate": float(report.nis.sum() / report.dof.sum()),
+        "log_ratio": {"largest": float(report.log_ratio.max()), "threshold": report.threshold},
+        "false_alarm_chance": chance,
+        "changed_at": _sample(report, report.changed_at),
+        "alarm_at": _sample(report, report.alarm_at),
+        "causes": [
+            {
+                "cause": found.hypothesis.cause,
+                "statistic": found.statistic,
+                "dof": found.dof,
+                "score": float(found.score),
+                "parameters": list(found.hypothesis.names),
+                "command": found.hypothesis.command,
+            }
+            for found in report.diagnoses[:_CAUSES_SHOWN]
+        ],
+    }
+
+
+def _sample(report: HealthReport, row: int | None) -> int | None:
+    return None if row is None else int(report.sample[row])

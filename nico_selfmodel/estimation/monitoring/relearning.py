@@ -1,0 +1,49 @@
+"""Learning just what changed."""
+
+import numpy as np
+
+from nico_selfmodel.dataset import Dataset
+from nico_selfmodel.errors import EstimationError
+from nico_selfmodel.estimation.monitoring.block_update import BlockUpdate, learn_block
+from nico_selfmodel.estimation.monitoring.health import HealthReport
+from nico_selfmodel.estimation.noise.hand_observations import sightings_of
+from nico_selfmodel.estimation.observations.parameter_scales import natural_scales_of
+from nico_selfmodel.estimation.observations.pixel_observations import columns_of
+from nico_selfmodel.model.self_model import SelfModel
+
+
+def relearn_cause(
+    model: SelfModel, dataset: Dataset, report: HealthReport, sensor: str = "auto"
+) -> BlockUpdate:
+    """Learn the parameters anew that a health report blames, from the sightings since.
+
+    Args:
+        model: The body as it was.
+        dataset: The data that were checked.
+        report: What was found in them.
+        sensor: As they were checked.
+
+    Returns:
+        The body with just that learned.
+
+    Raises:
+        EstimationError: If the body is healthy.
+        NotIdentifiableError: If the sightings since the change are too few.
+    """
+    if report.changed_at is None:
+        raise EstimationError("the body fits what is known of it: there is nothing to learn anew")
+    sightings = sightings_of(model, since_change(model, dataset, report), sensor)
+    names = report.diagnoses[0].hypothesis.names
+    return learn_block(model, sightings, names, scales=natural_scales_of(model, names))
+
+
+def since_change(model: SelfModel, dataset: Dataset, report: HealthReport) -> Dataset:
+    """Return the data since a body changed.
+
+    Args:
+        model: The body as it was.
+        dataset: The data that were checked.
+        report: What was found in them; the body is not healthy.
+    """
+    since = columns_of(model, dataset)
+    return since.select(np.isin(since.sample, report.sample[report.changed_at :]))

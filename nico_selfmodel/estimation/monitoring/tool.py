@@ -1,0 +1,296 @@
+"""A tool in the hand becomes part of the body; encoder zeros come back after a restart.
+
+The thesis retrains every kinematic parameter on 52 poses with the tool (section 8.4.4) and ends
+above its own hand's error: 23 parameters where the tip needs three.
+"""
+
+import time
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from nico_selfmodel.dataset import Dataset
+from nico_selfmodel.errors import ModelError, NotIdentifiableError
+from nico_selfmodel.estimation.monitoring.block_update import (
+    BlockUpdate,
+    learn_block,
+    learn_with_prior,
+)
+from nico_selfmodel.estimation.monitoring.zero_search import likely_offsets
+from nico_selfmodel.estimation.noise.hand_observations import Sightings, sightings_of
+from nico_selfmodel.estimation.observations.parameter_scales import arm_size
+from nico_selfmodel.model.dh_table import DhTable
+from nico_selfmodel.model.self_model import SelfModel
+from nico_selfmodel.names import listed
+
+_SPREAD = 3.0
+"""The hand must move by this many times what one pose is uncertain by."""
+_DIFFERENT = 3.0
+"""Standard deviations by which a tip must lie off the hand to be one."""
+
+
+@dataclass(frozen=True, eq=False)
+class ToolCalibration:
+    """A body with a tool's tip as a further tracked point."""
+
+    model: SelfModel
+    """The body; the tip is one of its markers."""
+    tool: str
+    """Name of the tip among the markers."""
+    update: BlockUpdate
+    """What was learned, and whether the rest still fits."""
+    train: NDArray
+    """Errors of the sightings: in the images [px], or in space [m]. Shape (n,)."""
+    test: NDArray | None
+    """The same on held-out data."""
+    test_poses: int
+    """Held-out poses."""
+    sensor: str
+    """`pixels` or `points`."""
+    known: bool
+    """Whether the tip was a tracked point before, which has moved."""
+    reach: float
+    """Distance of the tip from the hand's own point, of a known point from where it was [m]."""
+    reach_sigma: float
+    """Standard deviation of `reach` [m]."""
+    seconds: float
+
+    @property
+    def reasons(self) -> tuple[str, ...]:
+        """Why the result should not be trusted; empty if it may."""
+        words = []
+        if not self.update.fits:
+            words.append(
+                f"the body no longer fits: misfit {self.update.misfit:.0f} where "
+                f"{self.update.expected:.0f} +- {self.update.spread:.0f} was to "
+                "be expected; run `nico-selfmodel check` to see what changed"
+            )
+        if not self.known and self.reach < _DIFFERENT * self.reach_sigma:
+            words.append(
+                f"the tip lies {1e3 * self.reach:.1f} mm from the hand's own point, known to "
+                f"{1e3 * self.reach_sigma:.1f} mm: no tool can be told from the bare hand"
+            )
+        return tuple(words)
+
+
+@dataclass(frozen=True, eq=False)
+class Rezeroing:
+    """A body whose encoder zeros were found again."""
+
+    model: SelfModel
+    """The body with its new zeros."""
+    update: BlockUpdate
+    """What was learned, and whether the rest still fits."""
+    shifts: NDArray
+    """By how much each zero moved, as an angle of the joint [rad]. Shape (n,)."""
+    seconds: float
+
+
+def calibrate_tool(
+    model: SelfModel,
+    dataset: Dataset,
+    *,
+    tool: str | None = None,
+    free: str = "point",
+    sensor: str = "auto",
+    test: Dataset | None = None,
+    loss: str = "trimmed",
+) -> ToolCalibration:
+    """Learn where a tool's tip is.
+
+    Args:
+        model: The body without the tool.
+        dataset: Encoder readings, and pixels or measured points of the tip.
+        tool: Name of the tip among the markers; that in the data, or `tool` if that is a known
+            marker's.
+        free: `point`: the tip alone. `body`: everything else too, with what is known of it as
+            prior; worth while from about 20 poses.
+        sensor: `pixels`, `points` or `auto`.
+        test: Held-out data of the tip.
+        loss: Of poses: one of `optimization.robust_solve.ROBUST_METHODS`.
+
+    Returns:
+        The calibration; see `reasons` for what speaks against it.
+
+    Raises:
+        DataError: If the data do not suit the model, or nothing was seen.
+        ModelError: If the model knows no noise.
+        NotIdentifiableError: If the hand hardly moved.
+        ValueError: If `free` or `sensor` is unknown.
+    """
+    if free not in ("point", "body"):
+        raise ValueError(f"free must be 'point' or 'body', got {free!r}")
+    clock = time.perf_counter()
+    tool = tool or _tool_name(model, dataset)
+    held = with_marker(model, tool)
+    data = replace(dataset, marker=np.full(len(dataset), tool))
+    sightings = sightings_of(held, data, sensor)
+    names = tuple(f"hand.{tool}.{axis}" for axis in "xyz")
+    _require_motion(sightings, names)
+    scales = np.full(3, arm_size(model))
+    learn = learn_block if free == "point" else learn_with_prior
+    update = learn(held, sightings, names, scales=scales, loss=loss)
+    learned = update.model
+    known = tool in model.markers
+    reach, reach_sigma = _reach(model if known else learned, learned, tool, update)
+    kind = "pixels" if sightings.seen.shape[1] == 4 else "points"
+    tested, poses = None, 0
+    if test is not None:
+        marked = replace(test, marker=np.full(len(test), tool))
+        held_out = sightings_of(learned, marked, kind)
+        tested, poses = errors_of(held_out), len(np.unique(held_out.sample))
+    return ToolCalibration(
+        learned,
+        tool,
+        update,
+        errors_of(sightings_of(learned, data, kind)),
+        tested,
+        poses,
+        kind,
+        known,
+        reach,
+        reach_sigma,
+        time.perf_counter() - clock,
+    )
+
+
+def rezero(
+    model: SelfModel,
+    dataset: Dataset,
+    *,
+    joints: tuple[str, ...] | None = None,
+    sensor: str = "auto",
+    loss: str = "trimmed",
+) -> Rezeroing:
+    """Find the encoders' zeros again after a restart, everything else held.
+
+    Args:
+        model: The body as it was.
+        dataset: Three to five poses: encoder readings, and pixels or measured points.
+        joints: Joints whose zeros are lost; all if omitted.
+        sensor: `pixels`, `points` or `auto`.
+        loss: Of poses: one of `optimization.robust_solve.ROBUST_METHODS`.
+
+    Returns:
+        The body with new zeros.
+
+    Raises:
+        DataError: If the data do not suit the model, or nothing was seen.
+        ModelError: If the model knows no noise.
+        NotIdentifiableError: If the poses leave a zero open; it names them.
+        ValueError: If there is no such joint.
+    """
+    clock = time.perf_counter()
+    joints = joints or model.joints
+    unknown = [joint for joint in joints if joint not in model.joints]
+    if unknown:
+        raise ValueError(f"no joint {unknown[0]!r}; there are {listed(model.joints, unknown[0])}")
+    sightings = sightings_of(model, dataset, sensor)
+    names = tuple(f"{joint}.theta_offset" for joint in joints)
+    update = learn_block(model, sightings, names, scales=np.ones(len(names)), loss=loss)
+    if not update.fits:
+        update = _from_other_zeros(model, dataset, joints, update, sensor, loss)
+    after = update.model.servos
+    shifts = (model.servos.offset - after.offset) / after.gear
+    # Whole turns of a joint are no shift: the hand is where it was.
+    turns = 2.0 * np.pi * np.round(shifts / (2.0 * np.pi))
+    nearest = replace(after, offset=after.offset + after.gear * turns)
+    update = replace(update, model=replace(update.model, servo_map=nearest))
+    return Rezeroing(update.model, update, shifts - turns, time.perf_counter() - clock)
+
+
+def _from_other_zeros(
+    model: SelfModel,
+    dataset: Dataset,
+    joints: tuple[str, ...],
+    update: BlockUpdate,
+    sensor: str,
+    loss: str,
+) -> BlockUpdate:
+    """Look for zeros far from the old ones.
+
+    Returns:
+        The first that fits; where none does, the one that leaves fewest outliers and least misfit.
+    """
+    best = update
+    for offset in likely_offsets(model, sightings_of(model, dataset, sensor), joints):
+        start = replace(model, servo_map=replace(model.servos, offset=offset))
+        sightings = sightings_of(start, dataset, sensor)
+        scales = np.ones(len(joints))
+        try:
+            found = learn_block(start, sightings, update.learned, scales=scales, loss=loss)
+        except (NotIdentifiableError, ModelError):
+            continue
+        if found.fits:
+            return found
+        best = min(best, found, key=lambda u: (int(u.outliers.sum()), u.misfit))
+    return best
+
+
+def errors_of(sightings: Sightings) -> NDArray:
+    """Return the errors of sightings: of each eye's image [px], or in space [m]. Shape (n,)."""
+    predicted, _ = sightings.block.project(sightings.x)
+    miss = np.where(sightings.seen, (sightings.block.measured - predicted).T, np.nan)
+    width = 2 if miss.shape[1] == 4 else 3
+    errors = np.linalg.norm(miss.reshape(-1, width), axis=1)
+    return errors[np.isfinite(errors)]
+
+
+def _tool_name(model: SelfModel, dataset: Dataset) -> str:
+    seen = dataset.measured | np.isfinite(dataset.pixels).any(axis=1)
+    named = list(dict.fromkeys(dataset.marker[seen].tolist()))
+    return named[0] if len(named) == 1 and named[0] not in model.markers else "tool"
+
+
+def with_marker(model: SelfModel, tool: str) -> SelfModel:
+    """Return the body with a tracked point where its first one is, to be learned anew.
+
+    Args:
+        model: The body.
+        tool: Name of the point; the body stays as it is if it has it.
+    """
+    table = model.dh
+    if tool in table.markers:
+        return model
+    hands = np.vstack([table.p_NH, table.p_NH[:1]])
+    rows = {name: getattr(table, name) for name in ("D", "theta_zero", "r", "alpha", "beta")}
+    wider = DhTable(table.joints, table.X_W0, **rows, markers=(*table.markers, tool), p_NH=hands)
+    return replace(model, table=wider)
+
+
+def _require_motion(sightings: Sightings, names: tuple[str, ...]) -> None:
+    """Refuse poses that are all alike: what they say of `names` holds nowhere else."""
+    predicted, _ = sightings.block.project(sightings.x)
+    slopes = sightings.block.by_angle(sightings.x)
+    noise = np.sqrt(np.mean(np.trace(sightings.noise.covariance(slopes), axis1=1, axis2=2)))
+    moved = float(np.sqrt(np.sum(np.var(predicted, axis=1))))
+    if moved >= _SPREAD * noise:
+        return
+    pixels = sightings.seen.shape[1] == 4
+    scale, unit = (1.0, "px") if pixels else (1e3, "mm")
+    count = np.unique(sightings.sample).size
+    poses = "1 pose" if count == 1 else f"{count} poses"
+    raise NotIdentifiableError(
+        f"the hand moved by {scale * moved:.1f} {unit} in {poses}, one pose alone "
+        f"is uncertain by {scale * noise:.1f} {unit}: {', '.join(names)} cannot be told from what "
+        "disturbs the joints; record poses that spread over the workspace"
+    )
+
+
+def _reach(
+    before: SelfModel, learned: SelfModel, tool: str, update: BlockUpdate
+) -> tuple[float, float]:
+    """Return how far the tip is from where it was, else from the hand, and its sigma [m]."""
+    old, new = before.dh, learned.dh
+    place = old.p_NH[old.markers.index(tool)] if before is not learned else new.p_NH[0]
+    arm = new.p_NH[new.markers.index(tool)] - place
+    reach = float(np.linalg.norm(arm))
+    covariance = learned.covariance
+    assert covariance is not None
+    own = [covariance.names.index(name) for name in update.learned]
+    spread = covariance.matrix[np.ix_(own, own)]
+    if reach == 0.0:
+        return 0.0, float(np.sqrt(np.trace(spread)))
+    direction = arm / reach
+    return reach, float(np.sqrt(direction @ spread @ direction))

@@ -1,0 +1,134 @@
+"""What learning a few parameters anew was worth: errors before and after, on poses left out too."""
+
+from dataclasses import dataclass, replace
+from functools import cached_property
+
+import numpy as np
+from numpy.typing import NDArray
+
+from nico_selfmodel.dataset import Dataset
+from nico_selfmodel.errors import DataError, NotIdentifiableError
+from nico_selfmodel.estimation.arm.evaluation import evaluate
+from nico_selfmodel.estimation.monitoring.block_update import (
+    BlockUpdate,
+    learn_block,
+    learn_with_prior,
+)
+from nico_selfmodel.estimation.noise.hand_observations import sightings_of
+from nico_selfmodel.estimation.observations.parameter_scales import natural_scales_of
+from nico_selfmodel.estimation.observations.pixel_evaluation import evaluate_pixels
+from nico_selfmodel.estimation.observations.pixel_observations import columns_of
+from nico_selfmodel.estimation.results.folds import fold_of, splits
+from nico_selfmodel.model.self_model import SelfModel
+
+
+@dataclass(frozen=True, eq=False)
+class HeldAgainst:
+    """A body held against sightings."""
+
+    errors: NDArray
+    """In each eye's image [px], or in space [m]. Shape (n,)."""
+    p_WH_predicted: NDArray
+    """Where it puts the hand [m]. Shape (N, 3)."""
+    p_WH_seen: NDArray
+    """Where its eyes, or the tracker, put it; nan where they cannot tell [m]. Shape (N, 3)."""
+
+    @classmethod
+    def of(cls, model: SelfModel, dataset: Dataset, sensor: str) -> "HeldAgainst":
+        """Hold a body against sightings by one sensor, `pixels` or `points`."""
+        if sensor == "pixels":
+            found = evaluate_pixels(model, dataset)
+            return cls(found.pixel_distances, found.p_LH_predicted, found.p_LH_seen)
+        measured = evaluate(model, columns_of(model, dataset))
+        return cls(measured.distances, measured.p_WH_predicted, measured.observations.p_WH)
+
+
+@dataclass(frozen=True, eq=False)
+class UpdateEvaluation:
+    """A body before and after a few of its parameters were learned anew."""
+
+    before: SelfModel
+    """The body as it was, with all points that were tracked."""
+    update: BlockUpdate
+    """What was learned."""
+    train: Dataset
+    """Sightings that it was learned from."""
+    test: Dataset | None
+    """Sightings that were held out."""
+    sensor: str
+    """`pixels` or `points`."""
+    cross_validation: NDArray | None
+    """Errors of believed poses, each by a body learned without it; None with too few. (n,)."""
+
+    @property
+    def after(self) -> SelfModel:
+        """The body as it is now."""
+        return self.update.model
+
+    @cached_property
+    def held(self) -> dict[str, tuple[HeldAgainst, HeldAgainst]]:
+        """`train` and `test`, where there is one: the body before and after."""
+        sets = {"train": self.train} | ({} if self.test is None else {"test": self.test})
+        both = (self.before, self.after)
+        return {
+            name: (
+                HeldAgainst.of(both[0], data, self.sensor),
+                HeldAgainst.of(both[1], data, self.sensor),
+            )
+            for name, data in sets.items()
+        }
+
+
+def evaluate_update(
+    before: SelfModel,
+    update: BlockUpdate,
+    train: Dataset,
+    sensor: str = "auto",
+    test: Dataset | None = None,
+    *,
+    with_prior: bool = False,
+) -> UpdateEvaluation:
+    """Hold a body before and after an update against its sightings, whole poses left out in turn.
+
+    Args:
+        before: The body as it was, with all points that were tracked.
+        update: What was learned.
+        train: What it was learned from.
+        sensor: As it was learned.
+        test: Held-out sightings.
+        with_prior: Whether the rest of the body was free under its posterior.
+    """
+    sightings = sightings_of(before, train, sensor)
+    kind = "pixels" if sightings.seen.shape[1] == 4 else "points"
+    believed = np.unique(sightings.sample[~update.outliers])
+    crossed = _cross_validate(before, update.learned, train, kind, believed, with_prior)
+    return UpdateEvaluation(before, update, train, test, kind, crossed)
+
+
+def _cross_validate(
+    before: SelfModel,
+    names: tuple[str, ...],
+    train: Dataset,
+    sensor: str,
+    poses: NDArray,
+    with_prior: bool,
+) -> NDArray | None:
+    """Return the errors of poses, each by a body learned without it; None with too few of them."""
+    learn = learn_with_prior if with_prior else learn_block
+    scales = natural_scales_of(before, names)
+    errors = []
+    for others, own in splits(fold_of(poses)):
+        try:
+            kept = train.select(np.isin(train.sample, poses[others]))
+            rest = sightings_of(before, kept, sensor)
+            model = learn(before, rest, names, scales=scales, loss="none").model
+        except (DataError, NotIdentifiableError):
+            return None
+        left = train.select(np.isin(train.sample, poses[own]))
+        errors.append(HeldAgainst.of(model, left, sensor).errors)
+    return np.concatenate(errors) if errors else None
+
+
+def marked(dataset: Dataset, marker: str) -> Dataset:
+    """Return data of which every row shows one point."""
+    return replace(dataset, marker=np.full(len(dataset), marker))

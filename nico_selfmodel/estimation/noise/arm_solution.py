@@ -1,0 +1,180 @@
+"""An arm at a solution: named parameters, what is known of them, and the noise about them."""
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from nico_selfmodel.estimation.noise.pose_noise import PoseGroups, PoseNoise, PoseWhitening
+from nico_selfmodel.estimation.observations.observations import Observations
+from nico_selfmodel.model import DhParameters
+from nico_selfmodel.optimization import Uncertainty
+
+_LEAST_LEVER = 6.0
+"""Distance of the tracked points from an axis, over the noise, below which a joint is blind."""
+
+
+@dataclass(frozen=True, eq=False)
+class ArmSolution:
+    """Named parameters at a solution, with what is known of them."""
+
+    parameters: DhParameters
+    """Table and servos."""
+    free: frozenset[str]
+    """Names that were estimated."""
+    outliers: NDArray
+    """Rows not believed. Boolean, shape (N,)."""
+    uncertainty: Uncertainty | None
+    """Of the free parameters; None where nothing was refined."""
+    noise: PoseNoise | None
+    """Of the sensor and of the joints; None where nothing was refined."""
+    noise_sigma: float | None
+    """Standard deviation of a measured coordinate about the model, rms over the poses [m]."""
+    converged: bool
+    iterations: int
+    history: tuple[float, ...]
+
+    @classmethod
+    def unrefined(cls, observations: Observations, parameters: DhParameters) -> "ArmSolution":
+        """Wrap parameters that were not refined, so that nothing is known of their errors."""
+        residuals = parameters.predict(observations.angles, observations.marker)[0]
+        residuals = residuals - observations.p_WH
+        free = frozenset(parameters.names) - parameters.gauge
+        sigma = float(np.sqrt(np.mean(residuals**2)))
+        nothing = np.zeros(len(observations), dtype=bool)
+        return cls(parameters, free, nothing, None, None, sigma, True, 0, ())
+
+
+@dataclass(frozen=True, eq=False)
+class Linearised:
+    """Residuals and derivatives of all rows at a solution, and their whitening by pose."""
+
+    names: tuple[str, ...]
+    """All parameters, P of them."""
+    residuals: NDArray
+    """Measured minus predicted [m]. Shape (N, 3)."""
+    jacobian: NDArray
+    """Derivatives of the predictions by all parameters. Shape (N, 3, P)."""
+    by_angle: NDArray
+    """Derivatives of the predictions by the joint angles. Shape (N, 3, n)."""
+    noise: PoseNoise
+    """What disturbs the rows."""
+    whitening: PoseWhitening
+    """Of the rows that are believed."""
+
+    @classmethod
+    def at(
+        cls,
+        observations: Observations,
+        parameters: DhParameters,
+        keep: NDArray,
+        noise: PoseNoise,
+    ) -> "Linearised":
+        """Linearise about an arm.
+
+        Args:
+            observations: What was measured.
+            parameters: The arm.
+            keep: Rows that count. Boolean, shape (N,).
+            noise: What disturbs them.
+        """
+        p, jacobian = parameters.predict(observations.angles, observations.marker)
+        by_angle = slopes_by_angle(parameters, jacobian)
+        groups = PoseGroups(observations.visit, keep, 3, observations.pose)
+        return cls(
+            parameters.names,
+            observations.p_WH - p,
+            jacobian,
+            by_angle,
+            noise,
+            PoseWhitening(groups, by_angle, noise),
+        )
+
+    def columns(self, free: frozenset[str]) -> NDArray:
+        """Return the whitened derivatives by some parameters, in their order. Shape (m, k)."""
+        chosen = [i for i, name in enumerate(self.names) if name in free]
+        return self.whitened(self.jacobian[:, :, chosen])
+
+    def whitened(self, columns: NDArray) -> NDArray:
+        """Whiten columns of the rows that count. Shape (N, 3, m) -> (coordinates, m)."""
+        grouped = self.whitening.groups.gather(columns)
+        return self.whitening.root(grouped).reshape(-1, columns.shape[2])
+
+    @property
+    def whitened_residuals(self) -> NDArray:
+        """Whitened residuals of the rows that count. Shape (coordinates,)."""
+        return self.whitened(self.residuals[:, :, None])[:, 0]
+
+    @property
+    def weights(self) -> NDArray:
+        """Roots of what each whitened coordinate counts in a fit. Shape (coordinates, 1)."""
+        groups = self.whitening.groups
+        coordinates = self.whitening.lever.shape[1]
+        return np.repeat(np.sqrt(groups.weight), coordinates)[:, None]
+
+
+def slopes_by_angle(parameters: DhParameters, jacobian: NDArray) -> NDArray:
+    """Return derivatives by the joint angles, dp/dq = -gear dp/d(theta_offset). Shape (N, 3, n)."""
+    at = [parameters.names.index(f"{joint}.theta_offset") for joint in parameters.table.joints]
+    return -jacobian[:, :, at] * parameters.servos.gear
+
+
+def uncertainty_of(
+    linear: Linearised,
+    free: frozenset[str],
+    observations: Observations,
+    parameters: DhParameters,
+    *,
+    variances_known: bool,
+) -> Uncertainty:
+    """Analyse the rows that count at a solution.
+
+    Args:
+        linear: Residuals and derivatives there.
+        free: Parameters that were estimated.
+        observations: What was measured.
+        parameters: The solution.
+        variances_known: Whether the noise is that of the data; else one factor is estimated.
+
+    Returns:
+        Covariance and unobservable directions.
+    """
+    names = tuple(name for name in linear.names if name in free)
+    own = [linear.names.index(name) for name in names]
+    U, u = linear.weights * linear.columns(free), linear.weights[:, 0] * linear.whitened_residuals
+    count = 3 * len(linear.whitening.groups.rows)
+    squares = float(count - len(names)) if variances_known else float(u @ u)
+    scales = parameters.scales(observations.size)[own]
+    found = Uncertainty.from_jacobian(names, U, scales, squares, count)
+    noise = coordinate_sigma(linear) * (
+        float(np.sqrt(found.variance_factor)) if np.isfinite(found.variance_factor) else 1.0
+    )
+    for blind in _levers_of_noise(linear, parameters, free, noise):
+        if not any(set(blind) & set(direction.names) for direction in found.blind):
+            found = found.with_blind(blind)
+        else:
+            found = replace(found, sigma=np.where(np.isin(found.names, blind), np.inf, found.sigma))
+    return found
+
+
+def coordinate_sigma(linear: Linearised) -> float:
+    """Return the standard deviation of a coordinate, rms over the rows that count [m]."""
+    moved = linear.by_angle[linear.whitening.groups.rows] * linear.noise.joint_sigma
+    variance = linear.noise.sensor_sigma**2 + np.mean(np.sum(moved**2, axis=(1, 2))) / 3.0
+    return float(np.sqrt(variance))
+
+
+def _levers_of_noise(
+    linear: Linearised, parameters: DhParameters, free: frozenset[str], noise: float
+) -> list[tuple[str, ...]]:
+    """Return zero and gear of joints whose turning moves no tracked point beyond the noise.
+
+    Such a point circles in its own noise: a gear fits it, with a sigma that means nothing.
+    """
+    found = []
+    levers = np.sqrt(np.mean(np.sum(linear.by_angle**2, axis=1), axis=0))
+    for joint, lever in zip(parameters.table.joints, levers.tolist(), strict=True):
+        names = tuple(n for n in (f"{joint}.gear", f"{joint}.theta_offset") if n in free)
+        if names and lever < _LEAST_LEVER * noise:
+            found.append(names)
+    return found

@@ -1,0 +1,188 @@
+"""The most likely core and tail of the noise of poses, by expectation and maximisation.
+
+Each round gives every pose its chances of being of the core, of the tail, or none of the noise at
+all (a false detection), and moves each variance v of a component by
+
+    v <- v sqrt(sum_i g_i w_i' V_i w_i / sum_i g_i tr(S_i^-1 V_i)),  w_i = S_i^-1 r_i,  V = dS/dv
+
+which never lowers the likelihood (Zhou, Hu, Zhou, Lange 2019, MM algorithms for variance
+components).
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from nico_selfmodel.estimation.noise.hand_noise import HandNoise
+from nico_selfmodel.estimation.noise.mixture_density import core_and_tail
+from nico_selfmodel.model.noise_mixture import LARGEST_JOINT, LARGEST_SHARE, NoiseMixture
+
+_WIDER = 4.0
+"""The tail's variances are at least this many times the core's: what is nearer is core."""
+_PRIOR_TAIL, _PRIOR = 3.0, 20.0
+"""So many poses are counted in, so many of them of the tail: few poses show no tail."""
+_PRIOR_FALSE = 0.5
+"""So many of one pose more are counted in as false: none seen does not say that there are none."""
+_STARTS, _FIRST = (3.0, 10.0, 30.0), 30
+"""How much wider the tail is taken to be at first, and rounds by which these starts are compared.
+"""
+_ROUNDS, _TOLERANCE = 300, 1e-4
+"""Most rounds, and the change of every number at which they end."""
+
+
+@dataclass(frozen=True, eq=False)
+class _Poses:
+    """What a mixture is fitted to."""
+
+    residuals: NDArray
+    """Shape (N, K)."""
+    levers: NDArray
+    """A A', zero where not measured. Shape (N, K, K)."""
+    fitted: NDArray
+    """M, likewise. Shape (N, K, K)."""
+    seen: NDArray
+    """Shape (N, K)."""
+    spread: float
+    """Standard deviation of a coordinate that has nothing to do with the hand [m or px]."""
+
+    def whole(self, noise: HandNoise) -> NDArray:
+        """Return S + M, the unit matrix where nothing was measured. Shape (N, K, K)."""
+        own = np.where(self.seen, noise.sensor_sigma**2, 1.0)
+        sensor = np.eye(self.seen.shape[1]) * own[:, None]
+        return sensor + noise.joint_sigma**2 * self.levers + self.fitted
+
+
+def most_likely_mixture(
+    residuals: NDArray,
+    by_angle: NDArray,
+    seen: NDArray,
+    fitted: NDArray,
+    limits: tuple[float, float],
+    spread: float,
+) -> NoiseMixture:
+    """Estimate core and tail.
+
+    Args:
+        residuals: Of poses that their prediction was not fitted to. Shape (N, K).
+        by_angle: Derivatives of the prediction by the joint angles. Shape (N, K, n).
+        seen: Which coordinates were measured. Shape (N, K).
+        fitted: M, what each prediction itself is uncertain by. Shape (N, K, K).
+        limits: Least and most noise of a coordinate [m or px].
+        spread: Standard deviation of where a false detection lies, which is anywhere [m or px].
+
+    Returns:
+        The mixture. Without any tail in the data its share is that of the prior.
+
+    Raises:
+        ValueError: If no coordinate was measured.
+    """
+    if not seen.any():
+        raise ValueError("no pose, no noise: at least one coordinate must be measured")
+    both = seen[:, :, None] & seen[:, None, :]
+    levers = np.where(both, by_angle @ np.swapaxes(by_angle, 1, 2), 0.0)
+    own = np.where(seen, residuals, 0.0)
+    poses = _Poses(own, levers, np.where(both, fitted, 0.0), seen, spread)
+    found = [_climbed(poses, _start(poses, wider, limits), limits, _FIRST) for wider in _STARTS]
+    _, best = max(found, key=lambda pair: pair[0])
+    return _climbed(poses, best, limits, _ROUNDS)[1]
+
+
+def _climbed(
+    poses: _Poses, noise: NoiseMixture, limits: tuple[float, float], rounds: int
+) -> tuple[float, NoiseMixture]:
+    """Return the mixture after rounds, and the logarithm of its likelihood before the last."""
+    likelihood = -np.inf
+    for _ in range(rounds):
+        before = noise
+        likelihood, noise = _round(poses, noise, limits)
+        if _close(before, noise):
+            break
+    return likelihood, noise
+
+
+def _start(poses: _Poses, wider: float, limits: tuple[float, float]) -> NoiseMixture:
+    """Lay half of the middle squares to the sensor and half to the joints."""
+    squares = np.sum(poses.residuals**2, axis=1) / np.maximum(poses.seen.sum(axis=1), 1)
+    half = 0.5 * float(np.median(squares))
+    lever = float(np.trace(poses.levers, axis1=1, axis2=2).sum() / poses.seen.sum())
+    sensor = np.clip(np.sqrt(half), *limits)
+    joint = min(np.sqrt(half / lever) if lever > 0.0 else 0.0, LARGEST_JOINT)
+    core = HandNoise(float(sensor), float(joint))
+    tail = HandNoise(wider * core.sensor_sigma, wider * core.joint_sigma)
+    return _mixture(core, tail, (0.1, 0.01), len(squares), limits)
+
+
+def _round(
+    poses: _Poses, noise: NoiseMixture, limits: tuple[float, float]
+) -> tuple[float, NoiseMixture]:
+    """Return the logarithm of the likelihood, and the mixture after one round."""
+    inverse = [np.linalg.inv(poses.whole(part)) for part in core_and_tail(noise)]
+    likelihood, chances = _chances(poses, inverse, noise)
+    core, tail = (
+        _moved(poses, part, own, g)
+        for part, own, g in zip(core_and_tail(noise), inverse, chances, strict=True)
+    )
+    count, noisy = len(poses.residuals), float(chances.sum())
+    share = (float(chances[1].sum()) + _PRIOR_TAIL) / (noisy + _PRIOR)
+    false = (count - noisy + _PRIOR_FALSE) / (count + 1.0)
+    return likelihood, _mixture(core, tail, (share, false), count, limits)
+
+
+def _chances(poses: _Poses, inverse: list[NDArray], noise: NoiseMixture) -> tuple[float, NDArray]:
+    """Return the likelihood's logarithm, and each pose's chance of core and tail. Shape (2, N)."""
+    r, dof = poses.residuals, poses.seen.sum(axis=1)
+    squares = np.stack([np.einsum("ni,nij,nj->n", r, own, r) for own in inverse])
+    scale = 0.5 * np.stack([np.linalg.slogdet(own)[1] for own in inverse])
+    false = -0.5 * np.sum(r * r, axis=1) / poses.spread**2 - dof * np.log(poses.spread)
+    false = false + np.log(noise.outlier_share)
+    noisy = 1.0 - noise.outlier_share
+    share = np.log([noisy * (1.0 - noise.tail_share), noisy * noise.tail_share])
+    logs = np.stack([*(share[:, None] + scale - 0.5 * squares), false])
+    total = np.logaddexp.reduce(logs)
+    return float(total.sum()), np.exp(logs - total)[:2]
+
+
+def _moved(poses: _Poses, noise: HandNoise, inverse: NDArray, chance: NDArray) -> HandNoise:
+    """Return a component after one step of both variances."""
+    w = np.where(poses.seen, (inverse @ poses.residuals[:, :, None])[:, :, 0], 0.0)
+    own = np.where(poses.seen, np.diagonal(inverse, axis1=1, axis2=2), 0.0)
+    sensor = _ratio(chance @ np.sum(w * w, axis=1), chance @ own.sum(axis=1))
+    pulled = np.einsum("ni,nij,nj->n", w, poses.levers, w)
+    expected = np.einsum("nij,nji->n", inverse, poses.levers)
+    joint = _ratio(chance @ pulled, chance @ expected)
+    return HandNoise(sensor * noise.sensor_sigma, joint * noise.joint_sigma)
+
+
+def _ratio(found: float, expected: float) -> float:
+    """Return the factor of a standard deviation: the fourth root of the ratio of its squares."""
+    return float((found / expected) ** 0.25) if expected > 0.0 else 1.0
+
+
+def _mixture(
+    core: HandNoise,
+    tail: HandNoise,
+    shares: tuple[float, float],
+    count: int,
+    limits: tuple[float, float],
+) -> NoiseMixture:
+    """Return a mixture within its limits."""
+    root = np.sqrt(_WIDER)
+    sensor = float(np.clip(core.sensor_sigma, limits[0], limits[1] / root))
+    joint = float(min(core.joint_sigma, LARGEST_JOINT / root))
+    return NoiseMixture(
+        sensor,
+        joint,
+        float(np.clip(tail.sensor_sigma, root * sensor, limits[1])),
+        float(np.clip(tail.joint_sigma, root * joint, LARGEST_JOINT)),
+        min(shares[0], LARGEST_SHARE),
+        min(shares[1], LARGEST_SHARE),
+        count,
+    )
+
+
+def _close(before: NoiseMixture, after: NoiseMixture) -> bool:
+    names = ("sensor_sigma", "joint_sigma", "tail_sensor_sigma", "tail_joint_sigma", "tail_share")
+    names = (*names, "outlier_share")
+    pairs = ((getattr(before, name), getattr(after, name)) for name in names)
+    return all(abs(a - b) <= _TOLERANCE * max(a, b) for a, b in pairs)

@@ -1,0 +1,204 @@
+"""Noise belongs to poses: one draw of joint noise moves all that is seen of a pose.
+
+The residuals of a pose, all its markers stacked, have the covariance S = s^2 I + A D^2 A', with s
+of the sensor, A their derivatives by the joint angles and D the joints' standard deviations. It is
+never formed: with B = A D / s and G = I + B'B = V L V', S^-1 = (I - B G^-1 B') / s^2 and
+S^-1/2 = (I - B V f(L) V' B') / s, f(l) = (1 - l^-1/2) / (l - 1) (Woodbury 1950).
+"""
+
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from nico_selfmodel.estimation.noise.hand_noise import noise_covariance
+from nico_selfmodel.model.self_model import SelfModel
+
+POSE_NOISE = "pose_noise"
+"""Key of `SelfModel.fit`: the noise that the data an arm was learned from showed."""
+
+
+@dataclass(frozen=True, eq=False)
+class PoseNoise:
+    """What disturbs measurements: the sensor, each coordinate alone, and the joints, each pose."""
+
+    sensor_sigma: float
+    """Standard deviation of a coordinate, independent of all others [unit of the sensor]."""
+    joint_sigma: NDArray
+    """Standard deviation of each joint angle about its encoder [rad]. Shape (n,)."""
+
+    def covariance(self, by_angle: NDArray) -> NDArray:
+        """Return S of single observations.
+
+        Args:
+            by_angle: Derivatives of the coordinates by the joint angles. Shape (N, k, n).
+
+        Returns:
+            Shape (N, k, k).
+        """
+        return noise_covariance(by_angle, self.sensor_sigma, self.joint_sigma)
+
+    def as_plain(self) -> dict[str, Any]:
+        """Return it as `SelfModel.fit` holds it."""
+        return {"sensor_sigma": self.sensor_sigma, "joint_sigma_rad": self.joint_sigma.tolist()}
+
+    @classmethod
+    def of(cls, model: SelfModel) -> "PoseNoise | None":
+        """Return the noise that a model's training data showed; None where it does not say."""
+        plain = model.fit.get(POSE_NOISE)
+        if plain is None:
+            return None
+        return cls(float(plain["sensor_sigma"]), np.asarray(plain["joint_sigma_rad"], dtype=float))
+
+
+class PoseGroups:
+    """Which observations belong to one visit of a pose: rows <-> (visits, coordinates), padded.
+
+    A visit has one draw of joint noise. Visits of one pose share besides what only that pose has
+    (play, bending), so that all of them together count as one: `weight`.
+    """
+
+    def __init__(
+        self, visit: NDArray, keep: NDArray, coordinates: int, pose: NDArray | None = None
+    ) -> None:
+        """Group rows.
+
+        Args:
+            visit: Number of each row's visit. Shape (N,).
+            keep: Rows that count; the others become zeros. Boolean, shape (N,).
+            coordinates: How many coordinates a row has, k.
+            pose: Number of each row's pose; every visit a pose of its own if omitted. Shape (N,).
+        """
+        self.rows, self.k = np.flatnonzero(keep), coordinates
+        self._numbers, lead, of = np.unique(
+            visit[self.rows], return_index=True, return_inverse=True
+        )
+        self._all = visit
+        self.place = np.arange(len(lead)) if pose is None else pose[self.rows][lead]
+        """Number of each visit's pose. Shape (visits,)."""
+        _, same, visits = np.unique(self.place, return_inverse=True, return_counts=True)
+        self.weight = 1.0 / visits[same]
+        """What each visit counts. Shape (visits,)."""
+        order = np.argsort(of, kind="stable")
+        counts = np.bincount(of)
+        place = np.arange(len(of)) - np.repeat(np.cumsum(counts) - counts, counts)
+        self.pose = of
+        """Index among the visits that count, of each row that counts. Shape (K,)."""
+        self._slot = np.empty(len(of), dtype=int)
+        self._slot[order] = place
+        self.poses, self._most = len(counts), int(counts.max(initial=0))
+        self.count = len(visit)
+
+    def of(self, rows: NDArray) -> NDArray:
+        """Return the index of the pose of any rows; the number of poses where none counts.
+
+        Args:
+            rows: Boolean, shape (N,).
+        """
+        wanted = self._all[rows]
+        at = np.minimum(np.searchsorted(self._numbers, wanted), len(self._numbers) - 1)
+        return np.where(self._numbers[at] == wanted, at, len(self._numbers))
+
+    def gather(self, values: NDArray) -> NDArray:
+        """Return values of rows by pose. Shape (N, k, ...) -> (poses, K, ...), zero where none."""
+        out = np.zeros((self.poses, self._most, *values.shape[1:]))
+        out[self.pose, self._slot] = values[self.rows]
+        return out.reshape(self.poses, self._most * self.k, *values.shape[2:])
+
+    def scatter(self, grouped: NDArray) -> NDArray:
+        """Return values by row. Shape (poses, K, ...) -> (N, k, ...), zero for rows left out."""
+        parts = grouped.reshape(self.poses, self._most, self.k, *grouped.shape[2:])
+        out = np.zeros((self.count, self.k, *grouped.shape[2:]))
+        out[self.rows] = parts[self.pose, self._slot]
+        return out
+
+
+class PoseWhitening:
+    """S^-1/2 and S^-1 of all poses, frozen at one state of the arm and one noise."""
+
+    def __init__(self, groups: PoseGroups, by_angle: NDArray, noise: PoseNoise) -> None:
+        """Prepare the factors.
+
+        Args:
+            groups: Which rows belong together.
+            by_angle: Derivatives of the rows' coordinates by the joint angles. Shape (N, k, n).
+            noise: What disturbs them.
+        """
+        self.groups, self.noise = groups, noise
+        self.lever = groups.gather(by_angle)
+        """Derivatives by the joint angles, by pose. Shape (poses, K, n)."""
+        self.B = self.lever * (noise.joint_sigma / noise.sensor_sigma)
+        self._across = np.swapaxes(self.B, 1, 2)
+        self.G = self._across @ self.B + np.eye(self.B.shape[2])
+        """I + B'B. Shape (poses, n, n)."""
+
+    @cached_property
+    def G_inverse(self) -> NDArray:
+        """Covariance of each pose's joint errors in their standard deviations, given its rows."""
+        return np.linalg.inv(self.G)
+
+    @cached_property
+    def _root(self) -> NDArray:
+        values, vectors = np.linalg.eigh(self.G)
+        spread = np.sqrt(np.maximum(values, 1.0))
+        # (1 - 1 / s) / (s^2 - 1) = 1 / (s (s + 1)), without the loss of digits at s = 1
+        weights = 1.0 / (spread * (spread + 1.0))
+        return (vectors * weights[:, None, :]) @ np.swapaxes(vectors, 1, 2)
+
+    def root(self, x: NDArray) -> NDArray:
+        """Return S^-1/2 x by pose. Shape (poses, K, m) -> the same."""
+        return (x - self.B @ (self._root @ (self._across @ x))) / self.noise.sensor_sigma
+
+    def inverse(self, x: NDArray) -> NDArray:
+        """Return S^-1 x by pose. Shape (poses, K, m) -> the same."""
+        less = self.B @ (self.G_inverse @ (self._across @ x))
+        return (x - less) / self.noise.sensor_sigma**2
+
+    @cached_property
+    def inverse_trace(self) -> float:
+        """Trace of S^-1 over what counts, in units of the sensor: of I - B G^-1 B'."""
+        given = float(np.trace(self.G_inverse, axis1=1, axis2=2).sum())
+        return len(self.groups.rows) * self.groups.k - self.B.shape[2] * self.groups.poses + given
+
+    def joint_errors(self, residuals: NDArray) -> tuple[NDArray, NDArray]:
+        """Return what the rows tell of each pose's joint errors, in their standard deviations.
+
+        The mean G^-1 B' u and the covariance G^-1; the last entry is that of a pose of which
+        nothing was seen.
+
+        Args:
+            residuals: Measured minus predicted. Shape (N, k).
+
+        Returns:
+            Shapes (poses + 1, n) and (poses + 1, n, n).
+        """
+        n = self.B.shape[2]
+        u = self.groups.gather(residuals[:, :, None]) / self.noise.sensor_sigma
+        mean = (self.G_inverse @ (self._across @ u))[:, :, 0]
+        return np.vstack([mean, np.zeros((1, n))]), np.concatenate(
+            [self.G_inverse, np.eye(n)[None]]
+        )
+
+    @cached_property
+    def log_determinant(self) -> float:
+        """Logarithm of |S| of all coordinates that count."""
+        coordinates = len(self.groups.rows) * self.groups.k
+        sensor = 2.0 * coordinates * np.log(self.noise.sensor_sigma)
+        return float(sensor + np.sum(np.linalg.slogdet(self.G)[1]))
+
+    def whiten(self, residuals: NDArray, jacobian: NDArray) -> tuple[NDArray, NDArray]:
+        """Whiten and weigh what a residual block returns.
+
+        Args:
+            residuals: Shape (k, N).
+            jacobian: Shape (P, k, N).
+
+        Returns:
+            The same shapes; rows that do not count are zero.
+        """
+        both = np.concatenate([residuals[None], jacobian]).transpose(2, 1, 0)
+        weight = np.sqrt(self.groups.weight)[:, None, None]
+        white = self.groups.scatter(weight * self.root(self.groups.gather(both))).transpose(2, 1, 0)
+        return np.ascontiguousarray(white[0]), np.ascontiguousarray(white[1:])

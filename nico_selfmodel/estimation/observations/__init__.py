@@ -1,0 +1,1 @@
+"""What was measured, in the form that estimators work on, and what an arm predicts of it."""

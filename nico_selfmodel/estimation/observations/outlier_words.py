@@ -1,0 +1,105 @@
+"""Points that contradict the rest: which they are, and what they have in common."""
+
+from math import comb
+
+import numpy as np
+from numpy.typing import NDArray
+
+from nico_selfmodel.estimation.observations.observations import Observations
+
+_SHOWN = 6
+"""Samples that are listed by number."""
+_FEWEST = 5
+"""Poses in a row that make a standing encoder no accident."""
+_MOST_OF_MARKER = 0.3
+"""A marker of which so much is not believed does not move with the others, or moved on the hand."""
+
+
+def describe_outliers(observations: Observations, outliers: NDArray) -> str:
+    """Name the samples of outliers, and an encoder that stands still in them.
+
+    Args:
+        observations: What was measured.
+        outliers: Rows that are not believed. Boolean, shape (N,).
+
+    Returns:
+        For example "samples 11 to 30, in all of which the encoder of elbow stands at 0.31 rad".
+    """
+    samples = np.unique(observations.sample[outliers])
+    # Frozen readings repeat in poses that were believed only where the arm really was there.
+    stuck = _stuck_encoder(observations, outliers)
+    if samples.size == 1:
+        return f"sample {samples[0]}"
+    if samples[-1] - samples[0] == samples.size - 1 or stuck:
+        words = f"samples {samples[0]} to {samples[-1]}"
+    else:
+        more = samples.size - _SHOWN
+        words = "samples " + ", ".join(str(s) for s in samples[:_SHOWN].tolist())
+        words += f" and {more} more" if more > 0 else ""
+    return words + stuck
+
+
+def _stuck_encoder(observations: Observations, outliers: NDArray) -> str:
+    """Say which encoder reads the same in most outliers though the others move, or nothing."""
+    _, first = np.unique(observations.sample[outliers], return_index=True)
+    angles = observations.angles[outliers][first]
+    if len(angles) < _FEWEST:
+        return ""
+    moving = np.ptp(angles, axis=0) > 0.0
+    for i, joint in enumerate(observations.joints):
+        values, counts = np.unique(angles[:, i], return_counts=True)
+        same = int(counts.max())
+        alone = np.delete(moving, i).any() or len(observations.joints) == 1
+        if same < max(_FEWEST, 0.7 * len(angles)) or not alone:
+            continue
+        stands = observations.angles[:, i] == values[np.argmax(counts)]
+        believed = np.unique(observations.sample[stands & ~outliers]).size
+        if believed > 0.2 * same:
+            continue  # the joint often stands there, and rightly so
+        where = values[np.argmax(counts)] / observations.units.radians_per_unit[i]
+        return (
+            f", in {same} of which the encoder of {joint} stands at "
+            f"{where:.6g} {observations.units.unit[i]} while the hand "
+            "moves: it was frozen, or not read"
+        )
+    return ""
+
+
+def foreign_markers(observations: Observations, outliers: NDArray) -> list[str]:
+    """Say which tracked points do not move with the others.
+
+    Args:
+        observations: What was measured.
+        outliers: Rows that are not believed. Boolean, shape (N,).
+
+    Returns:
+        A sentence for each marker most of whose points are not believed.
+    """
+    found = []
+    for k, marker in enumerate(observations.markers):
+        own = observations.marker == k
+        count, total = int(np.sum(outliers & own)), int(own.sum())
+        if len(observations.markers) > 1 and count >= 3 and count >= _MOST_OF_MARKER * total:
+            found.append(
+                f"{count} of {total} points of marker {marker} contradict the other markers: it is "
+                "not fixed to the last link, moved on it, or its label is not always on the same "
+                "point; leave it out"
+            )
+    return found
+
+
+def chance_of_more(found: int, n: int, before: int, m: int) -> float:
+    """Return the chance that so many outliers fall into one of two samples (Fisher's exact test).
+
+    Args:
+        found: Outliers among the n points in question.
+        n: Number of these points.
+        before: Outliers among the m points to compare with.
+        m: Number of those.
+
+    Returns:
+        Probability of `found` or more of all outliers among the n, were both of one kind.
+    """
+    total = found + before
+    ways = sum(comb(n, k) * comb(m, total - k) for k in range(found, min(n, total) + 1))
+    return ways / comb(n + m, total)

@@ -1,0 +1,124 @@
+"""A self-model with eyes held against what its eyes saw of the hand (thesis sections 7.3, 8.3)."""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from nico_selfmodel.dataset import Dataset
+from nico_selfmodel.estimation.observations.pixel_observations import (
+    PixelObservations,
+    columns_of,
+    seen_points,
+)
+from nico_selfmodel.estimation.results.errors import ErrorStatistics
+from nico_selfmodel.model.self_model import SelfModel
+from nico_selfmodel.names import listed
+
+
+@dataclass(frozen=True, eq=False)
+class PixelEvaluation:
+    """Predicted pixels and points beside those that the eyes found."""
+
+    observations: PixelObservations
+    """What was seen."""
+    pixels_predicted: NDArray
+    """Nan where the model puts the hand out of an eye's view [px]. Shape (N, 4)."""
+    p_LH_predicted: NDArray
+    """Where the model puts the hand [m]. Shape (N, 3)."""
+    p_LH_seen: NDArray
+    """Where the model's own eyes reconstruct it; nan without both eyes [m]. Shape (N, 3)."""
+
+    def select(self, keep: NDArray) -> "PixelEvaluation":
+        """Return the chosen rows. `keep` is a boolean mask or an index."""
+        return PixelEvaluation(
+            self.observations.select(keep),
+            self.pixels_predicted[keep],
+            self.p_LH_predicted[keep],
+            self.p_LH_seen[keep],
+        )
+
+    @property
+    def pose_count(self) -> int:
+        """How many poses the rows are of; several markers share one."""
+        return len(self.observations.arm.poses)
+
+    @property
+    def residuals(self) -> NDArray:
+        """Measured minus predicted pixels [px]. Shape (N, 4)."""
+        return self.observations.pixels - self.pixels_predicted
+
+    @property
+    def pixel_distances(self) -> NDArray:
+        """Errors of all sightings of both eyes, eq. 7.4 against the tracker [px]. Shape (n,)."""
+        distances = np.linalg.norm(self.residuals.reshape(-1, 2), axis=1)
+        return distances[np.isfinite(distances)]
+
+    @property
+    def pixels_by_pose(self) -> NDArray:
+        """Mean error of each pose over what both eyes saw there [px]. Shape (poses,)."""
+        distances = np.linalg.norm(self.residuals.reshape(-1, 2, 2), axis=2)
+        seen = np.isfinite(distances)
+        mean = np.where(seen, distances, 0.0).sum(axis=1) / np.maximum(seen.sum(axis=1), 1)
+        return self.observations.arm.by_pose(mean, seen.any(axis=1))
+
+    @property
+    def distances(self) -> NDArray:
+        """Distances of predicted points from the eyes' own [m]. Shape (n,).
+
+        The thesis' 3D error. It is no external truth: eyes and arm that err alike look perfect.
+        """
+        distances = np.linalg.norm(self.p_LH_predicted - self.p_LH_seen, axis=1)
+        return distances[np.isfinite(distances)]
+
+    @property
+    def pixel_statistics(self) -> ErrorStatistics | None:
+        """Summary of `pixel_distances`; None without any [px]."""
+        found = self.pixel_distances
+        return ErrorStatistics.from_distances(found) if len(found) else None
+
+    @property
+    def statistics(self) -> ErrorStatistics | None:
+        """Summary of `distances`; None without any."""
+        found = self.distances
+        return ErrorStatistics.from_distances(found) if len(found) else None
+
+
+def evaluate_pixels(model: SelfModel, dataset: Dataset) -> PixelEvaluation:
+    """Hold a self-model against what its eyes saw.
+
+    Args:
+        model: Arm and eyes, the left one at the world.
+        dataset: Encoder readings and pixels, of the same joints in any order.
+
+    Returns:
+        Predictions beside what was seen.
+
+    Raises:
+        DataError: If joints, units or markers differ, or nothing was seen.
+        ModelError: If the model lacks arm or eyes.
+    """
+    rig = model.rig
+    dataset = columns_of(model, dataset)
+    observations = PixelObservations.from_dataset(dataset, _markers_of(model, dataset))
+    index = np.array([model.chain.marker_index(m) for m in observations.arm.markers])
+    q = (observations.arm.angles - model.servos.offset) / model.servos.gear
+    p_LH = model.chain.forward(q, index[observations.arm.marker])
+    sigma = model.pixel_sigma or 1.0
+    return PixelEvaluation(
+        observations, rig.project(p_LH), p_LH, seen_points(observations, rig, sigma)
+    )
+
+
+def _markers_of(model: SelfModel, dataset: Dataset) -> tuple[str, ...]:
+    """Return the model's markers; refuse data that track others."""
+    from nico_selfmodel.errors import DataError
+
+    seen = np.isfinite(dataset.pixels).any(axis=1) & (dataset.mirror == "")
+    unknown = sorted(set(dataset.marker[seen].tolist()) - set(model.markers))
+    if unknown:
+        raise DataError(
+            f"data set {dataset.name!r} tracks {listed(unknown)}, which the self-model does not "
+            f"know; it knows {listed(model.markers)}"
+        )
+    return model.markers

@@ -1,0 +1,160 @@
+"""Pixels of the hand in a data set, in the form that estimators of the whole body work on."""
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from nico_selfmodel.dataset import Dataset
+from nico_selfmodel.errors import DataError
+from nico_selfmodel.estimation.observations.observations import (
+    Observations,
+    servo_units,
+)
+from nico_selfmodel.model.self_model import SelfModel
+from nico_selfmodel.model.stereo_rig import EYES, StereoRig
+from nico_selfmodel.names import listed
+
+
+@dataclass(frozen=True, eq=False)
+class PixelObservations:
+    """Rows in which one eye or both saw a tracked point directly, not in a mirror."""
+
+    arm: Observations
+    """Encoder angles, tracked points and samples of the rows. Its positions are all zero, so that
+    residuals of positions are the predicted positions themselves."""
+    pixels: NDArray
+    """Left u, v and right u, v; nan where an eye did not see the point [px]. Shape (N, 4)."""
+
+    @classmethod
+    def from_dataset(
+        cls, dataset: Dataset, markers: tuple[str, ...] | None = None
+    ) -> "PixelObservations":
+        """Take the rows in which an eye saw a point.
+
+        Args:
+            dataset: The data.
+            markers: Only these tracked points, in this order; all by default.
+
+        Returns:
+            The observations.
+
+        Raises:
+            DataError: If no row has pixels.
+        """
+        finite = np.asarray(np.isfinite(dataset.pixels).reshape(-1, 2, 2).all(axis=2))
+        direct = finite.any(axis=1) & (dataset.mirror == "")
+        known = markers or tuple(m for m in dataset.markers if (direct & _of(dataset, m)).any())
+        rows = np.flatnonzero(direct & np.isin(dataset.marker, known))
+        if not rows.size:
+            raise DataError(
+                f"data set {dataset.name!r} has no pixels (left_u, left_v, right_u, right_v) of "
+                f"{listed(known) or 'any marker'}: record it with eyes that track the hand"
+            )
+        index = {name: i for i, name in enumerate(known)}
+        units = servo_units(dataset)
+        arm = Observations(
+            dataset.joint_names,
+            tuple(known),
+            units.to_radians(dataset.encoders[rows]),
+            np.array([index[name] for name in dataset.marker[rows].tolist()]),
+            np.zeros((len(rows), 3)),
+            dataset.sample[rows],
+            dataset.pose[rows],
+            dataset.visit[rows],
+            rows,
+            units,
+        )
+        hidden = ~np.repeat(finite[rows], 2, axis=1)
+        return cls(arm, np.where(hidden, np.nan, dataset.pixels[rows]))
+
+    def __len__(self) -> int:
+        """Return the number of rows N."""
+        return len(self.pixels)
+
+    @property
+    def seen(self) -> NDArray:
+        """Which coordinates were measured. Boolean, shape (N, 4)."""
+        return np.asarray(np.isfinite(self.pixels))
+
+    @property
+    def by_both(self) -> NDArray:
+        """Which rows both eyes saw. Boolean, shape (N,)."""
+        return np.asarray(self.seen.all(axis=1))
+
+    def select(self, keep: NDArray) -> "PixelObservations":
+        """Return the chosen rows. `keep` is a boolean mask or an index."""
+        return replace(self, arm=self.arm.select(keep), pixels=self.pixels[keep])
+
+    def require_both_eyes(self, fewest: int, name: str, unknown: tuple[str, ...] = ()) -> None:
+        """Refuse data in which too few poses were seen by both eyes.
+
+        Args:
+            fewest: Poses that are needed.
+            name: Of the data set.
+            unknown: Parameters that so few poses leave open.
+
+        Raises:
+            DataError: If so; it names the eye that saw less, and what stays blind.
+        """
+        both = int(self.by_both.sum())
+        if both >= fewest:
+            return
+        poses = self.arm.select(self.by_both).pose_words
+        words = (
+            f"in data set {name!r} both eyes saw the hand in {poses}, at least {fewest} are needed"
+        )
+        if unknown:
+            words += f", or these stay blind, wholly or in part: {listed(unknown)}"
+        if both == len(self):
+            raise DataError(f"{words}: record more")
+        counts = {eye: int(self.seen[:, 2 * i].sum()) for i, eye in enumerate(EYES)}
+        blind = min(counts, key=lambda eye: counts[eye])
+        raise DataError(
+            f"{words}: the {blind} eye saw it in {counts[blind]} of {len(self)}; record poses in "
+            "view of both eyes"
+        )
+
+
+def seen_points(observations: PixelObservations, rig: StereoRig, sigma: float) -> NDArray:
+    """Reconstruct the points that both eyes saw.
+
+    Args:
+        observations: Pixels.
+        rig: The eyes.
+        sigma: Standard deviation of a pixel coordinate [px].
+
+    Returns:
+        p_WH, nan where an eye did not see the point or its pixels allow none [m]. Shape (N, 3).
+    """
+    p = np.full((len(observations), 3), np.nan)
+    pixels = observations.pixels
+    usable = observations.by_both
+    usable &= rig.left.has_rays(pixels[:, :2]) & rig.right.has_rays(pixels[:, 2:])
+    if usable.any():
+        found = rig.triangulate(pixels[usable], sigma)
+        p[usable] = np.where(found.in_front[:, None], found.p_WQ, np.nan)
+    return p
+
+
+def columns_of(model: SelfModel, dataset: Dataset) -> Dataset:
+    """Return the data with its joints in the order of a model's.
+
+    Raises:
+        DataError: If the joints, their units or the tracked points are others.
+    """
+    from nico_selfmodel.estimation.observations.matching import (
+        check_units,
+        reading_columns,
+    )
+
+    columns = reading_columns(model, dataset)
+    check_units(model, dataset)
+    if columns == list(range(len(columns))):
+        return dataset
+    joints = tuple(dataset.joints[i] for i in columns)
+    return replace(dataset, joints=joints, encoders=dataset.encoders[:, columns])
+
+
+def _of(dataset: Dataset, marker: str) -> NDArray:
+    return np.asarray(dataset.marker == marker)

@@ -1,0 +1,1 @@
+"""What every calibration returns, how it is judged and how it is written down: once."""

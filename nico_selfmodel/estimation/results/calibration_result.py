@@ -1,0 +1,167 @@
+"""What every calibration returns: parameters, errors, findings, in one form for all evidence."""
+
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from nico_selfmodel.estimation.results.errors import ErrorStatistics
+from nico_selfmodel.estimation.results.verdict import FEWEST_HELD_OUT
+
+CAUSE, MISFIT, FAILURE, LAST = "cause", "misfit", "failure", "last"
+WARNING, NOTE = "warning", "note"
+"""Severities of a finding. All else that is wrong follows from a cause; of a misfit no direction
+is called unobservable; what is told last follows from the rest, or
+concerns held-out data; a note says what passed."""
+
+
+@dataclass(frozen=True)
+class Finding:
+    """What an estimator alone can say of its result."""
+
+    severity: str
+    """`CAUSE`, `MISFIT`, `FAILURE`, `LAST`, `WARNING` or `NOTE`."""
+    text: str
+    """What was found, and what to do about it."""
+
+
+def findings(severity: str, texts: Iterable[str | None]) -> list[Finding]:
+    """Return a finding of each text; None and empty texts say nothing."""
+    return [Finding(severity, text) for text in texts if text]
+
+
+@dataclass(frozen=True)
+class Parameter:
+    """An estimated, fixed or derived number."""
+
+    value: float | None
+    sigma: float | None
+    """Standard deviation; 0 of a fixed parameter, None where it is not known."""
+    unit: str
+    free: bool = False
+    """Whether it was estimated."""
+
+    def to_json(self) -> dict[str, Any]:
+        """Return it as `result.json` has it."""
+        return {"value": self.value, "sigma": self.sigma, "unit": self.unit, "free": self.free}
+
+
+def parameter_table(
+    names: Iterable[str], values: NDArray, units: Iterable[str], sigma: Mapping[str, float]
+) -> dict[str, Parameter]:
+    """Return parameters by name, those of ordinary rows without a second twist left out.
+
+    Args:
+        names: Of all parameters.
+        values: Shape (P,).
+        units: One each.
+        sigma: Standard deviations of those that were free, inf where the data do not tell.
+    """
+    table = {}
+    for name, value, unit in zip(names, values.tolist(), units, strict=True):
+        free = name in sigma
+        if free or not (name.endswith(".beta") and value == 0.0):
+            table[name] = Parameter(value, finite(sigma[name]) if free else 0.0, unit, free)
+    return table
+
+
+@dataclass(frozen=True, eq=False)
+class Errors:
+    """Distances between what a model predicts and what was measured."""
+
+    position: NDArray | None = None
+    """In space [m]. Shape (N,)."""
+    pixels: NDArray | None = None
+    """In the images [px]. Shape (M,)."""
+    n: int | None = None
+    """How many observations; the distances' number if omitted."""
+    poses: int | None = None
+    """Of how many poses, or boards."""
+    compared: NDArray = field(default_factory=lambda: np.zeros(0))
+    """One error a pose, or board, in `unit`: what held-out ones are compared by. Shape (K,)."""
+    unit: str = "mm"
+    """Of `compared`, and of the error that comes first: `mm` or `px`."""
+
+    def statistics(self, unit: str) -> ErrorStatistics | None:
+        """Return the summary of the distances in `mm` (in metres all the same) or `px`."""
+        distances = self.position if unit == "mm" else self.pixels
+        if distances is None or not len(distances):
+            return None
+        return ErrorStatistics.from_distances(distances)
+
+    def to_json(self) -> dict[str, Any] | None:
+        """Return the block of `result.json`; None where nothing was measured."""
+        position, pixels = self.statistics("mm"), self.statistics("px")
+        first = pixels if self.unit == "px" else position
+        if first is None:
+            return None
+        block: dict[str, Any] = {"n": first.n if self.n is None else self.n}
+        if self.poses is not None:
+            block["poses"] = self.poses
+        if pixels is not None:
+            block["pixels"] = pixels.as_dict()
+        if position is not None:
+            block["position_mm"] = position.as_mm()
+        return block
+
+
+@dataclass(frozen=True)
+class Terms:
+    """How one kind of evidence calls things."""
+
+    held_out: str = "poses"
+    """What is held out: `poses`, `boards`."""
+    observed: str = "observations"
+    """What an outlier is one of: `training points`, `reflections`."""
+    outlier_cause: str = ""
+    """What many outliers hint at."""
+    worse_cause: str = ""
+    """What held-out errors hint at that are larger than cross-validated ones."""
+    fewest: int = FEWEST_HELD_OUT
+    """Of what is held out, below which nothing is shown."""
+    untested: str | None = None
+    """What to say where nothing was held out; what to do about it if omitted."""
+    bounded: str = "mean"
+    """Which statistic of the held-out errors a bound of the user's is for: `mean` or `rms`."""
+
+
+@dataclass(frozen=True, eq=False)
+class CalibrationResult:
+    """A calibration with all that it is judged by and that is written down of it."""
+
+    method: str
+    parameters: Mapping[str, Parameter]
+    """All of them by name, derived ones last."""
+    train: Errors | None
+    """Inliers of the training data."""
+    test: Errors | None
+    """Held-out data; None where nothing was held out."""
+    cross_validation: Errors | None
+    """Inliers of the training data, each predicted without its fold."""
+    outliers: NDArray
+    """Training observations that contradict the rest. Boolean, shape (N,)."""
+    outlier_names: tuple[Any, ...]
+    """Samples, or boards, that have one."""
+    outlier_words: str
+    """Which they are, in words; empty where `outlier_names` says it."""
+    unobservable: tuple[str, ...]
+    """Directions that the data do not determine, with what would cure it."""
+    converged: bool
+    iterations: int
+    seconds: float | None
+    findings: tuple[Finding, ...]
+    """What this estimator alone can say."""
+    details: Mapping[str, Any]
+    """Its own blocks of `result.json`."""
+    terms: Terms
+
+    def texts(self, severity: str) -> list[str]:
+        """Return the findings of a severity in words."""
+        return [found.text for found in self.findings if found.severity == severity]
+
+
+def finite(value: float | None, scale: float = 1.0) -> float | None:
+    """Return a number, scaled, or None where there is none: `result.json` knows no nan."""
+    return float(value) * scale if value is not None and np.isfinite(value) else None

@@ -1,0 +1,121 @@
+"""PASS, FAIL or NOT_EVALUATED: the checks that every calibration has to pass."""
+
+from nico_selfmodel.estimation.results.calibration_result import (
+    CAUSE,
+    FAILURE,
+    LAST,
+    MISFIT,
+    NOTE,
+    WARNING,
+    CalibrationResult,
+)
+from nico_selfmodel.estimation.results.verdict import Verdict, held_out_is_worse, outliers_are_many
+
+_UNOBSERVABLE_SHOWN = 3
+"""Unobservable directions among the reasons; the result lists them all."""
+
+
+def verdict_on(
+    result: CalibrationResult,
+    require_test_mm: float | None = None,
+    require_test_px: float | None = None,
+) -> Verdict:
+    """Judge a calibration.
+
+    Args:
+        result: What was learned.
+        require_test_mm: Largest held-out error in space allowed [mm].
+        require_test_px: Largest held-out error in the images allowed [px].
+
+    Returns:
+        FAIL where a check fails; NOT_EVALUATED where too little was held out; else PASS.
+    """
+    causes, misfit = result.texts(CAUSE), result.texts(MISFIT)
+    if causes:
+        # All else that is wrong follows from it.
+        return Verdict("FAIL", (*causes, *misfit))
+    checks = [
+        *result.texts(FAILURE),
+        *misfit,
+        _outlier_reason(result),
+        None if result.converged else _solver_reason(result),
+        # What a model that explains nothing cannot tell says nothing of the body.
+        *(_unobservable_reasons(result) if not misfit else ()),
+        _held_out_reason(result),
+        *result.texts(LAST),
+        _bound_reason(result, require_test_mm, "mm"),
+        _bound_reason(result, require_test_px, "px"),
+    ]
+    failed, warnings = tuple(filter(None, checks)), tuple(result.texts(WARNING))
+    if failed:
+        return Verdict("FAIL", failed, warnings)
+    missing, notes = _missing(result), result.texts(NOTE)
+    if missing is None:
+        return Verdict("PASS", tuple(notes), warnings)
+    return Verdict("NOT_EVALUATED", (missing, *(notes if result.test else ())), warnings)
+
+
+def _missing(result: CalibrationResult) -> str | None:
+    """Say what a verdict would need that nothing speaks against."""
+    terms = result.terms
+    held_out = 0 if result.test is None else result.test.poses or 0
+    if not held_out:
+        return terms.untested or "nothing was held out: give --test or --test-fraction"
+    if held_out >= terms.fewest:
+        return None
+    few = f"only {held_out} {terms.held_out} held out, too few to show anything"
+    return f"{few}: hold out {terms.fewest}"
+
+
+def _solver_reason(result: CalibrationResult) -> str:
+    return f"the solver stopped after {result.iterations} steps without reaching a minimum"
+
+
+def _outlier_reason(result: CalibrationResult) -> str | None:
+    share, terms = outliers_are_many(result.outliers), result.terms
+    if share is None:
+        return None
+    which = f" ({result.outlier_words})" if result.outlier_words else ""
+    return (
+        f"{100 * share:.0f} % of the {terms.observed} contradict the rest{which}: "
+        f"{terms.outlier_cause}"
+    )
+
+
+def _unobservable_reasons(result: CalibrationResult) -> list[str]:
+    """Return the first sentences on unobservable directions, and how many more there are."""
+    words = list(result.unobservable)
+    more = len(words) - _UNOBSERVABLE_SHOWN
+    if more <= 0:
+        return words
+    return [*words[:_UNOBSERVABLE_SHOWN], f"and {more} more unobservable directions"]
+
+
+def _held_out_reason(result: CalibrationResult) -> str | None:
+    """Say when held-out poses fit significantly worse than cross-validated ones."""
+    test, crossed, terms = result.test, result.cross_validation, result.terms
+    if test is None or crossed is None:
+        return None
+    worse = held_out_is_worse(crossed.compared, test.compared)
+    if worse is None:
+        return None
+    scale = 1e3 if test.unit == "mm" else 1.0
+    found, expected = (f"{scale * median:.3g} {test.unit}" for median in worse)
+    return (
+        f"the held-out error (median {found}) is significantly above that of the training "
+        f"{terms.held_out} in cross-validation ({expected}): {terms.worse_cause}"
+    )
+
+
+def _bound_reason(result: CalibrationResult, bound: float | None, unit: str) -> str | None:
+    """Say when a held-out error misses a bound that the user gave."""
+    if bound is None:
+        return None
+    statistics = None if result.test is None else result.test.statistics(unit)
+    if statistics is None:
+        return f"--require-test-{unit} was given but nothing was held out"
+    which = result.terms.bounded
+    error = getattr(statistics, which) * (1e3 if unit == "mm" else 1.0)
+    if error <= bound:
+        return None
+    return f"{which} held-out error {error:.3f} {unit}, required at most {bound:g} {unit}"
