@@ -7,10 +7,9 @@ together.
 """
 
 from nico_selfmodel.recording.recorded_samples import RecordedSamples
-from nico_selfmodel.recording.session import Body, Progress, record, sample_pose
+from nico_selfmodel.recording.session import Progress, record, sample_pose
 
 __all__ = [
-    "Body",
     "Progress",
     "RecordedSamples",
     "record",

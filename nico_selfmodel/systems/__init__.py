@@ -18,7 +18,6 @@ from nico_selfmodel.systems.nico_cameras import NICO_CAMERAS
 from nico_selfmodel.systems.simulated.cameras import SimulatedCameras
 from nico_selfmodel.systems.simulated.ground_truth import GroundTruth
 from nico_selfmodel.systems.simulated.mechanics import Mechanics
-from nico_selfmodel.systems.simulated.mirrors import SimulatedMirrors
 from nico_selfmodel.systems.simulated.robot import SimulatedRobot
 from nico_selfmodel.systems.worlds import IMPERFECTIONS, Imperfections, imperfections_named
 
@@ -26,12 +25,10 @@ if TYPE_CHECKING:
     from nico_selfmodel.systems.diagrams import (
         BOARD,
         CameraDriver,
-        Detector,
         EncoderModel,
         HandTracker,
         ImageQuality,
         MirrorPlate,
-        MirrorScene,
         MotionCapture,
         MotionCaptureReceiver,
         MotionCaptureSender,
@@ -56,7 +53,6 @@ __all__ = [
     "NICO_CAMERAS",
     "CameraDriver",
     "CameraMeasurement",
-    "Detector",
     "EncoderModel",
     "GroundTruth",
     "HandTracker",
@@ -66,7 +62,6 @@ __all__ = [
     "Measurement",
     "Mechanics",
     "MirrorPlate",
-    "MirrorScene",
     "MotionCapture",
     "MotionCaptureClient",
     "MotionCaptureReceiver",
@@ -80,7 +75,6 @@ __all__ = [
     "ServoDriver",
     "SettleTimeouts",
     "SimulatedCameras",
-    "SimulatedMirrors",
     "SimulatedRobot",
     "StationBody",
     "StereoCameras",

@@ -3,13 +3,12 @@
 from nico_selfmodel.systems.camera_driver import CameraDriver
 from nico_selfmodel.systems.encoder_model import EncoderModel
 from nico_selfmodel.systems.hand_tracker import (
-    Detector,
     HandTracker,
     color_detector,
     fiducial_detector,
 )
 from nico_selfmodel.systems.looking import looking_arm
-from nico_selfmodel.systems.mirror_scene import MirrorPlate, MirrorScene
+from nico_selfmodel.systems.mirror_scene import MirrorPlate
 from nico_selfmodel.systems.motion_capture import MotionCapture
 from nico_selfmodel.systems.motion_capture_link import (
     MotionCaptureReceiver,
@@ -27,12 +26,10 @@ from nico_selfmodel.systems.stereo_cameras import ImageQuality, StereoCameras
 __all__ = [
     "BOARD",
     "CameraDriver",
-    "Detector",
     "EncoderModel",
     "HandTracker",
     "ImageQuality",
     "MirrorPlate",
-    "MirrorScene",
     "MotionCapture",
     "MotionCaptureReceiver",
     "MotionCaptureSender",

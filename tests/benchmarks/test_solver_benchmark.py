@@ -9,7 +9,10 @@ from scipy.optimize import least_squares
 from nico_selfmodel.estimation.arm.kinematic_task import sweeps_of
 from nico_selfmodel.estimation.initialization.circle_points import analyse_circle_points
 from nico_selfmodel.estimation.initialization.start_search import line_program
-from nico_selfmodel.estimation.observations.observations import Observations, gears_known
+from nico_selfmodel.estimation.observations.observations import (
+    Observations,
+    gears_known,
+)
 from nico_selfmodel.experiments.protocol import simulated_session
 from nico_selfmodel.model.line_kinematics import hand_points
 from nico_selfmodel.planning.sweep_protocol import Protocol

@@ -82,7 +82,7 @@ def recording(seed, number, mirror, radius=None):
         mirror=np.full(kept.sum(), "A"),
         marker=np.full(kept.sum(), one.markers[0]),
         pixel_sigma_px=PIXEL_SIGMA,
-        image_size=one.image_size,
+        image_size=eyes.left.image_size,
     )
 
 

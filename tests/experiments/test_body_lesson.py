@@ -23,7 +23,7 @@ MARKER = "fiducial"
 
 
 def marked(data: Dataset) -> Dataset:
-    """Return data without an outsider's points, the hand named as a robot's eyes name it."""
+    """Return data without points measured from outside, the hand named as cameras name it."""
     unmeasured = np.full_like(data.p_WH_measured, np.nan)
     return replace(data, marker=np.full(len(data), MARKER), p_WH_measured=unmeasured)
 

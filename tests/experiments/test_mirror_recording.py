@@ -6,6 +6,7 @@ import pytest
 from nico_selfmodel.dataset import Dataset
 from nico_selfmodel.errors import ModelError
 from nico_selfmodel.estimation.mirror_poses import free_space
+from nico_selfmodel.estimation.mirrors.mirror import calibrate_mirrors
 from nico_selfmodel.experiments.eyes_lesson import RenderedNico
 from nico_selfmodel.experiments.mirror_recording import (
     DEFAULT_MIRROR,

@@ -123,7 +123,7 @@ def test_one_nico_records_for_all_trackers_through_rendered_pictures():
     # Of four joints with half a degree of play nobody knows where they rest.
     assert 1.0 < found["fiducial"].limit.px[0] < 4.0
     assert found["color"].limit is None
-    # What the outsider measured lies where the true left eye saw it.
+    # What was measured from outside lies where the true left camera saw it.
     test, left = (
         found["fiducial"].test,
         NicoInstance.build(looking_arm(), PLAY, 0, NICO_CAMERAS).rig.left,
