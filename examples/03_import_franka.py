@@ -10,6 +10,7 @@ are no sweeps in these data, and no robot description is needed: the arm is foun
 import argparse
 
 from nico_selfmodel.dataset import import_csv
+from nico_selfmodel.dataset.folder import save_dataset
 
 COLUMNS = {
     "joints": [
@@ -29,4 +30,4 @@ if __name__ == "__main__":
     parser.add_argument("measurements", help="measurements.csv")
     parser.add_argument("out", help="folder of the data set to make")
     arguments = parser.parse_args()
-    import_csv(arguments.measurements, COLUMNS, name="franka_fr3").save(arguments.out)
+    save_dataset(import_csv(arguments.measurements, COLUMNS, name="franka_fr3"), arguments.out)

@@ -11,6 +11,7 @@ import numpy as np
 import yaml
 
 from nico_selfmodel.dataset import Dataset, JointInfo
+from nico_selfmodel.dataset.folder import save_dataset
 
 
 def read(path: str) -> Dataset:
@@ -32,4 +33,4 @@ if __name__ == "__main__":
     parser.add_argument("measurements", help="measurements.yaml")
     parser.add_argument("out", help="folder of the data set to make")
     arguments = parser.parse_args()
-    read(arguments.measurements).save(arguments.out)
+    save_dataset(read(arguments.measurements), arguments.out)

@@ -9,7 +9,8 @@ import sys
 import pytest
 
 from nico_selfmodel.cli.app import _tree
-from nico_selfmodel.model import SelfModel
+from nico_selfmodel.model.self_model import SelfModel
+from nico_selfmodel.model.self_model_file import save_model
 from nico_selfmodel.systems import NICO_CAMERAS
 
 
@@ -42,7 +43,7 @@ def test_the_readmes_python_runs(project_root, tmp_path):
 def test_the_readmes_cameras_see_a_point_before_them(project_root, tmp_path):
     cameras = {"left": NICO_CAMERAS.left, "right": NICO_CAMERAS.right}
     (tmp_path / "cameras").mkdir()
-    SelfModel("cameras", cameras=cameras).save(tmp_path / "cameras" / "self_model.yaml")
+    save_model(SelfModel("cameras", cameras=cameras), tmp_path / "cameras" / "self_model.yaml")
     _, block = python_of_the_readme(project_root)
     process = run(["-c", block + "print(*points.p_WQ[0])"], tmp_path, project_root)
     assert process.returncode == 0, process.stderr

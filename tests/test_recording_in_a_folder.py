@@ -5,12 +5,13 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from nico_selfmodel.dataset import Dataset, JointInfo
+from nico_selfmodel.dataset import JointInfo
+from nico_selfmodel.dataset.folder import content_hash, load_dataset, save_dataset
 from nico_selfmodel.errors import DataError, RobotError
 from nico_selfmodel.planning.plans import commands_of_angles, pose_plan
 from nico_selfmodel.recording import record, recorded_samples
 from nico_selfmodel.systems import CameraMeasurement, Measurement
-from nico_selfmodel.vision import read_image
+from nico_selfmodel.vision.image_file import read_image
 
 JOINTS = (
     JointInfo("base", "counts", 1000.0, -400.0, 400.0),
@@ -41,7 +42,7 @@ class Body:
 
 def test_what_is_on_disk_is_what_is_returned(tmp_path):
     data = record(Body(), PLAN, "trial", folder=tmp_path / "out")
-    assert Dataset.load(tmp_path / "out").sha256 == data.sha256
+    assert content_hash(load_dataset(tmp_path / "out")) == content_hash(data)
     assert data.extra["pose"] == tuple(str(i + 1) for i in range(len(PLAN)))
 
 
@@ -49,12 +50,12 @@ def test_an_interrupted_recording_goes_on_and_loses_nothing(tmp_path):
     whole = record(Body(), PLAN, "trial", folder=tmp_path / "whole")
     with pytest.raises(RobotError) as failure:
         record(Body(fails_at=3), PLAN, "trial", folder=tmp_path / "out")
-    kept = Dataset.load(tmp_path / "out")
+    kept = load_dataset(tmp_path / "out")
     assert len(kept) == len(failure.value.partial) == 3
     second = Body()
     data = record(second, PLAN, "trial", folder=tmp_path / "out")
     assert len(second.visits) == len(PLAN) - 3
-    assert data.sha256 == whole.sha256
+    assert content_hash(data) == content_hash(whole)
 
 
 def test_poses_that_were_not_seen_are_tried_again(tmp_path):
@@ -76,7 +77,7 @@ def test_a_recording_of_other_poses_or_another_body_is_not_gone_on_with(tmp_path
     stranger.joints = (JOINTS[0], JointInfo("wrist", "counts", 1000.0, -100.0, 300.0))
     with pytest.raises(DataError, match="another body"):
         record(stranger, PLAN, "trial", folder=tmp_path / "out")
-    record(Body(), PLAN, "plain").save(tmp_path / "plain")
+    save_dataset(record(Body(), PLAN, "plain"), tmp_path / "plain")
     with pytest.raises(DataError, match="cannot be resumed"):
         record(Body(), PLAN, "trial", folder=tmp_path / "plain")
 
@@ -93,14 +94,14 @@ def test_a_recording_of_other_poses_or_another_body_is_not_gone_on_with(tmp_path
 def test_a_recording_that_somebody_edited_is_refused_by_its_place(tmp_path, column, cell, message):
     out = tmp_path / "out"
     record(Body(), PLAN[:2], "trial", folder=out)
-    data = Dataset.load(out)
-    replace(data, extra={**data.extra, column: ("1", cell)}).save(out, force=True)
+    data = load_dataset(out)
+    save_dataset(replace(data, extra={**data.extra, column: ("1", cell)}), out, force=True)
     with pytest.raises(DataError, match=message):
         record(Body(), PLAN, "trial", folder=out)
 
 
 def test_a_full_disk_is_an_error_and_what_was_recorded_stays(tmp_path, monkeypatch):
-    saved, save = [], Dataset.save
+    saved, save = [], save_dataset
 
     def save_until_full(self, folder, force=False):
         if len(saved) == 2:
@@ -108,25 +109,25 @@ def test_a_full_disk_is_an_error_and_what_was_recorded_stays(tmp_path, monkeypat
         saved.append(folder)
         save(self, folder, force)
 
-    monkeypatch.setattr(Dataset, "save", save_until_full)
+    monkeypatch.setattr(recorded_samples, "save_dataset", save_until_full)
     monkeypatch.setattr(recorded_samples, "_WRITING", 1.0)
     with pytest.raises(DataError, match="No space left on device; the 2 poses") as failure:
         record(Body(), PLAN, "trial", folder=tmp_path / "out")
-    assert len(Dataset.load(tmp_path / "out")) == len(failure.value.partial) == 2
+    assert len(load_dataset(tmp_path / "out")) == len(failure.value.partial) == 2
 
 
 def test_poses_that_come_fast_are_written_together_and_none_is_lost(tmp_path, monkeypatch):
-    saved, save = [], Dataset.save
+    saved, save = [], save_dataset
 
     def counted(self, folder, force=False):
         saved.append(len(self))
         save(self, folder, force)
 
-    monkeypatch.setattr(Dataset, "save", counted)
+    monkeypatch.setattr(recorded_samples, "save_dataset", counted)
     plan = [("", np.array([float(i), 0.0])) for i in range(200)]
     with pytest.raises(RobotError) as failure:
         record(Body(fails_at=190), plan, "trial", folder=tmp_path / "out")
-    assert len(Dataset.load(tmp_path / "out")) == len(failure.value.partial) == 190
+    assert len(load_dataset(tmp_path / "out")) == len(failure.value.partial) == 190
     assert len(saved) < 50
 
 
@@ -139,7 +140,7 @@ def test_a_body_that_is_interrupted_leaves_every_pose(tmp_path):
 
     with pytest.raises(KeyboardInterrupt):
         record(Interrupted(), PLAN, "trial", folder=tmp_path / "out")
-    assert len(Dataset.load(tmp_path / "out")) == 5
+    assert len(load_dataset(tmp_path / "out")) == 5
 
 
 def test_pictures_are_kept_beside_the_samples(tmp_path):
@@ -148,7 +149,7 @@ def test_pictures_are_kept_beside_the_samples(tmp_path):
     assert len(names) == 2 * len(PLAN)
     assert names[0] == "left0001.png"
     assert (read_image(tmp_path / "out" / "images" / "right0003.png") == 30).all()
-    loaded = Dataset.load(tmp_path / "out")
+    loaded = load_dataset(tmp_path / "out")
     assert loaded.cameras == {"images": "images/<eye><pose>.png"}
     assert loaded.image_size == (6, 4)
     assert np.array_equal(loaded.pixels, data.pixels)

@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from nico_selfmodel.dataset import Dataset
+from nico_selfmodel.dataset.folder import content_hash, load_dataset, save_dataset
 from nico_selfmodel.experiments.eyes_lesson import RenderedNico
 from nico_selfmodel.experiments.mirror_recording import DEFAULT_MIRROR, NicoBeforeMirrors
 from nico_selfmodel.experiments.protocol import simulated_session
@@ -62,7 +62,7 @@ def test_under_motion_capture(tmp_path, world, stops):
 
     whole = run(tmp_path / "whole")
     data = interrupted(run, tmp_path / "parts", *stops)
-    assert data.sha256 == whole.sha256
+    assert content_hash(data) == content_hash(whole)
     assert_same_files(tmp_path / "whole", tmp_path / "parts")
     if world is LOSSY:
         assert max(map(int, data.extra["visits"])) > 1
@@ -79,7 +79,7 @@ def test_at_a_station(tmp_path):
         return record(body, plan, "x", folder=folder, progress=progress)
 
     whole = run(tmp_path / "whole")
-    assert interrupted(run, tmp_path / "parts", 2, 5).sha256 == whole.sha256
+    assert content_hash(interrupted(run, tmp_path / "parts", 2, 5)) == content_hash(whole)
 
 
 SENSOR = "motion-capture"
@@ -119,8 +119,8 @@ def test_a_pose_whose_pictures_are_missing_is_taken_again(tmp_path):
     protocol = replace(Protocol.for_arm(arm), random_poses=3, circle_points=1)
     folder = tmp_path / "x"
     simulated_session(arm, LOSSY, protocol, "x", seed=3, session=1, folder=folder)
-    data = Dataset.load(folder)
-    replace(data, cameras={"images": "images/<eye><pose>.png"}).save(folder, force=True)
+    data = load_dataset(folder)
+    save_dataset(replace(data, cameras={"images": "images/<eye><pose>.png"}), folder, force=True)
     visited = []
     simulated_session(
         *(arm, LOSSY, protocol, "x"),
@@ -129,4 +129,4 @@ def test_a_pose_whose_pictures_are_missing_is_taken_again(tmp_path):
         folder=folder,
         progress=lambda done, _: visited.append(done),
     )
-    assert Dataset.load(folder).p_WH_measured.tolist() == data.p_WH_measured.tolist()
+    assert load_dataset(folder).p_WH_measured.tolist() == data.p_WH_measured.tolist()

@@ -29,17 +29,17 @@ def choose_poses(
     """
     import numpy as np
 
-    from nico_selfmodel.dataset import Dataset
+    from nico_selfmodel.dataset.folder import load_dataset
     from nico_selfmodel.estimation.next_poses import choose_next_poses
-    from nico_selfmodel.files import refuse_existing, write_whole
-    from nico_selfmodel.model import SelfModel
+    from nico_selfmodel.files.whole import refuse_existing, write_whole
     from nico_selfmodel.model.readings import readings_table
+    from nico_selfmodel.model.self_model_file import load_model
 
     refuse_existing(out, force=force)
-    learned = SelfModel.load(model)
+    learned = load_model(model)
     chosen = choose_next_poses(
         learned,
-        Dataset.load(dataset),
+        load_dataset(dataset),
         count,
         np.random.default_rng(seed),
         criterion=criterion,

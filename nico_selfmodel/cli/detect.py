@@ -30,7 +30,7 @@ def detect(
 
     Ends with 1 if nothing was seen in any image.
     """
-    from nico_selfmodel.files import refuse_folder
+    from nico_selfmodel.files.whole import refuse_folder
     from nico_selfmodel.vision.detections import images_of, write_detections
 
     detector = _detector(fiducial, family, color, board, window)
@@ -53,7 +53,8 @@ def _detector(
     board: str | None,
     window: int | None,
 ) -> "Detector":
-    from nico_selfmodel.vision import WINDOW, Board, ColorModel
+    from nico_selfmodel.vision.chessboard import WINDOW, Board
+    from nico_selfmodel.vision.color_model import ColorModel
     from nico_selfmodel.vision.detections import Detector
     from nico_selfmodel.vision.fiducial_family import DEFAULT_FAMILY
 

@@ -7,7 +7,7 @@ from nico_selfmodel.cli import options, printer
 if TYPE_CHECKING:
     from nico_selfmodel.dataset import Dataset
     from nico_selfmodel.estimation import Verdict
-    from nico_selfmodel.model import SelfModel
+    from nico_selfmodel.model.self_model import SelfModel
 
 
 def evaluate(
@@ -17,11 +17,11 @@ def evaluate(
     as_json: options.AsJson = False,
 ) -> None:
     """Print the error of a self-model's predictions on a data set, beside that of its training."""
-    from nico_selfmodel.dataset import Dataset
+    from nico_selfmodel.dataset.folder import load_dataset
     from nico_selfmodel.estimation.noise.hand_observations import by_pixels
-    from nico_selfmodel.model import SelfModel
+    from nico_selfmodel.model.self_model_file import load_model
 
-    learned, data = SelfModel.load(model), Dataset.load(dataset)
+    learned, data = load_model(model), load_dataset(dataset)
     seen = by_pixels(learned, data, sensor)
     verdict, block = (_of_pixels if seen else _of_points)(learned, data)
     document = {"status": verdict.status, "reasons": verdict.reasons, **block}

@@ -55,8 +55,7 @@ def _move(
     yes: bool,
     as_json: bool,
 ) -> None:
-    from nico_selfmodel.servos import FINGERS, Hand
-    from nico_selfmodel.servos.hand import check_motion
+    from nico_selfmodel.servos.hand import FINGERS, Hand, check_motion
 
     fingers = tuple(finger or FINGERS)
     check_motion(way, fingers, seconds, power, current_limit)

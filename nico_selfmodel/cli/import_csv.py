@@ -17,10 +17,11 @@ def from_csv(
 ) -> None:
     """Import a plain CSV by a column map."""
     from nico_selfmodel.dataset import import_csv
-    from nico_selfmodel.files import refuse_existing
+    from nico_selfmodel.dataset.folder import save_dataset
+    from nico_selfmodel.files.whole import refuse_existing
 
     refuse_existing(out, force=force)
     name = name or inputs.name_after(out)
     data = import_csv(table, columns, name=name)
-    data.save(out, force=force)
+    save_dataset(data, out, force=force)
     printer.dataset(data, out)

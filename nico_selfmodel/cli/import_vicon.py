@@ -25,8 +25,9 @@ def from_vicon(
     force: options.Force = False,
 ) -> None:
     """Import a Vicon Nexus trajectory export with encoder readings beside it."""
-    from nico_selfmodel.dataset import import_vicon
-    from nico_selfmodel.files import refuse_existing
+    from nico_selfmodel.dataset.folder import save_dataset
+    from nico_selfmodel.dataset.vicon_importer import import_vicon
+    from nico_selfmodel.files.whole import refuse_existing
 
     refuse_existing(out, force=force)
     name = name or inputs.name_after(out)
@@ -38,5 +39,5 @@ def from_vicon(
         markers=marker or None,
         name=name,
     )
-    data.save(out, force=force)
+    save_dataset(data, out, force=force)
     printer.dataset(data, out)

@@ -11,7 +11,7 @@ if TYPE_CHECKING:
 
     from nico_selfmodel.dataset import Dataset
     from nico_selfmodel.estimation import NominalArm
-    from nico_selfmodel.model import StereoRig
+    from nico_selfmodel.model.stereo_rig import StereoRig
     from nico_selfmodel.plant import ArmDescription
 
 
@@ -52,24 +52,24 @@ def train_and_test(
         ValueError: If two ways of holding out are named, or the training data as test data.
         DataError: If a data set is not valid.
     """
-    from nico_selfmodel.dataset import Dataset
+    from nico_selfmodel.dataset.folder import content_hash, load_dataset
 
     if test is not None and fraction is not None:
         raise ValueError("give --test or --test-fraction, not both")
-    train = Dataset.load(dataset)
+    train = load_dataset(dataset)
     if fraction is not None:
         return train.split(fraction, seed)
-    held_out = None if test is None else Dataset.load(test)
-    if held_out is not None and held_out.sha256 == train.sha256:
+    held_out = None if test is None else load_dataset(test)
+    if held_out is not None and content_hash(held_out) == content_hash(train):
         raise ValueError(f"--test {test} holds the training data: nothing would be held out")
     return train, held_out
 
 
 def cameras_of(path: Path | None) -> "StereoRig | None":
     """Load calibrated cameras, where they were named."""
-    from nico_selfmodel.model import SelfModel
+    from nico_selfmodel.model.self_model_file import load_model
 
-    return None if path is None else SelfModel.load(path).rig
+    return None if path is None else load_model(path).rig
 
 
 def poses_of(path: Path | None, joints: tuple[str, ...]) -> "NDArray | None":
@@ -96,7 +96,8 @@ def chosen_arm(
         ModelError: If it does not exist.
         ValueError: If options contradict each other or a value is no number.
     """
-    from nico_selfmodel.plant import ROBOTS, ArmDescription
+    from nico_selfmodel.plant import ArmDescription
+    from nico_selfmodel.plant.robots import ROBOTS
 
     if robot in ROBOTS and base is None and tip is None:
         if hold or point:

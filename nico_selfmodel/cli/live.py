@@ -34,14 +34,14 @@ def live(
 
     With --out it goes through random poses instead, onto a page.
     """
-    from nico_selfmodel.files import refuse_existing, write_whole
-    from nico_selfmodel.model import SelfModel
+    from nico_selfmodel.files.whole import refuse_existing, write_whole
+    from nico_selfmodel.model.self_model_file import load_model
     from nico_selfmodel.systems import imperfections_named
 
     chosen = imperfections_named(imperfections)
     if out is not None:
         refuse_existing(out, force=force)
-    known = SelfModel.load(model)
+    known = load_model(model)
     from nico_selfmodel.experiments.mirror_recording import mirror_of_words
     from nico_selfmodel.experiments.watching import Watching
 

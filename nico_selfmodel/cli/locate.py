@@ -26,10 +26,10 @@ def locate(
     The noise of a pixel is the model's, where none is given.
     """
     from nico_selfmodel.errors import ModelError
-    from nico_selfmodel.model import SelfModel
     from nico_selfmodel.model.mirror_location import locate_in_mirror
+    from nico_selfmodel.model.self_model_file import load_model
 
-    body = SelfModel.load(model)
+    body = load_model(model)
     rig, failure = body.mirror_rig(mirror), body.mirror_failure(mirror)
     if failure is not None:
         raise ModelError(

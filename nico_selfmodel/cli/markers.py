@@ -18,7 +18,7 @@ def sheet(
     force: options.Force = False,
 ) -> None:
     """Write a sheet of markers with cut lines and a ruler, as .pdf, .svg or .png."""
-    from nico_selfmodel.files import refuse_existing
+    from nico_selfmodel.files.whole import refuse_existing
     from nico_selfmodel.vision.fiducial_family import DEFAULT_FAMILY
     from nico_selfmodel.vision.marker_sheet import MarkerSheet, parse_ids
 

@@ -25,20 +25,20 @@ def monitor(
     as_json: options.AsJson = False,
 ) -> None:
     """Hold a body against new observations, in their order; exit code 1 where something changed."""
-    from nico_selfmodel.dataset import Dataset
+    from nico_selfmodel.dataset.folder import load_dataset
     from nico_selfmodel.estimation import check_health, judge, to_json
     from nico_selfmodel.estimation.monitoring.health_document import health_document
     from nico_selfmodel.estimation.monitoring.relearning import relearn_cause, since_change
     from nico_selfmodel.estimation.monitoring.update_evaluation import evaluate_update
     from nico_selfmodel.estimation.monitoring.update_result import relearned_result
-    from nico_selfmodel.files import refuse_folder
-    from nico_selfmodel.model import SelfModel
+    from nico_selfmodel.files.whole import refuse_folder
+    from nico_selfmodel.model.self_model_file import load_model
 
     if relearn != (out is not None):
         raise ValueError("--relearn and --out belong together")
     if out is not None:
         refuse_folder(out, force=force, inputs=[dataset, model])
-    known, data = SelfModel.load(model), Dataset.load(dataset)
+    known, data = load_model(model), load_dataset(dataset)
     report = check_health(known, data, sensor)
     document = health_document(report)
     for cause in document["causes"]:

@@ -26,17 +26,12 @@ def pick_color(
     force: options.Force = False,
 ) -> None:
     """Learn thresholds of a colour, a YAML, from pixels that you click on or name with --at."""
-    from nico_selfmodel.files import refuse_existing
     from nico_selfmodel.files.reading import real_path
-    from nico_selfmodel.vision import (
-        ColorModel,
-        NotSeen,
-        color_mask,
-        find_color_blob,
-        read_image,
-        write_image,
-    )
-    from nico_selfmodel.vision.image_file import looking_at
+    from nico_selfmodel.files.whole import refuse_existing
+    from nico_selfmodel.vision import NotSeen
+    from nico_selfmodel.vision.color_blob import color_mask, find_color_blob
+    from nico_selfmodel.vision.color_model import ColorModel
+    from nico_selfmodel.vision.image_file import looking_at, read_image, write_image
 
     for path in filter(None, (out, mask)):
         refuse_existing(path, force=force)

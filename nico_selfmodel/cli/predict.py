@@ -30,14 +30,14 @@ def predict(
 ) -> None:
     """Predict where the hand is: x, y, z [m], sigma of the model and with noise [mm]."""
     from nico_selfmodel.files.reading import LARGEST_TABLE, read_standard_input, read_text
-    from nico_selfmodel.model import SelfModel
     from nico_selfmodel.model.readings import (
         readings_from_table,
         readings_from_words,
         warn_beyond,
     )
+    from nico_selfmodel.model.self_model_file import load_model
 
-    learned = SelfModel.load(model)
+    learned = load_model(model)
     if (encoders is None) == (table is None):
         raise ValueError(
             f"give --encoders or --table; the joints are {listed(learned.joints)}, in "

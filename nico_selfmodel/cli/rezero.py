@@ -21,16 +21,16 @@ def rezero(
     as_json: options.AsJson = False,
 ) -> None:
     """Find the encoders' zeros again from three to five poses, everything else held."""
-    from nico_selfmodel.dataset import Dataset
+    from nico_selfmodel.dataset.folder import load_dataset
     from nico_selfmodel.estimation import judge, to_json
     from nico_selfmodel.estimation import rezero as find_zeros
     from nico_selfmodel.estimation.monitoring.update_evaluation import evaluate_update
     from nico_selfmodel.estimation.monitoring.update_result import rezero_result
-    from nico_selfmodel.files import refuse_folder
-    from nico_selfmodel.model import SelfModel
+    from nico_selfmodel.files.whole import refuse_folder
+    from nico_selfmodel.model.self_model_file import load_model
 
     refuse_folder(out, force=force, inputs=[dataset, model])
-    known, data = SelfModel.load(model), Dataset.load(dataset)
+    known, data = load_model(model), load_dataset(dataset)
     found = find_zeros(
         known, data, joints=tuple(joint) if joint else None, sensor=sensor, loss=loss
     )

@@ -33,8 +33,9 @@ def motion_capture(
     force: options.Force = False,
 ) -> None:
     """Sweep and pose a simulated arm under motion capture; writes a data set."""
+    from nico_selfmodel.dataset.folder import save_dataset
     from nico_selfmodel.experiments.protocol import simulated_session
-    from nico_selfmodel.files import refuse_existing
+    from nico_selfmodel.files.whole import refuse_existing
     from nico_selfmodel.planning.sweep_protocol import Protocol
     from nico_selfmodel.systems import imperfections_named
 
@@ -65,5 +66,5 @@ def motion_capture(
             sweeps=circle_points > 0,
             progress=lambda done, total: progress("moving", done, total),
         )
-    data.save(out, force=force)
+    save_dataset(data, out, force=force)
     printer.dataset(data, out)

@@ -23,7 +23,7 @@ def view(
     force: options.Force = False,
 ) -> None:
     """Show a result in Meshcat, on localhost, until Ctrl-C."""
-    from nico_selfmodel.files import refuse_existing, write_whole
+    from nico_selfmodel.files.whole import refuse_existing, write_whole
     from nico_selfmodel.viz.drake_backend import draw_in_drake, static_html
     from nico_selfmodel.viz.meshcat_backend import publish
     from nico_selfmodel.viz.scene import load_scene

@@ -5,21 +5,12 @@ on disk as a folder (`dataset.yaml` and `samples.csv`). Importers make one from 
 from a trajectory export of Vicon Nexus; `sweeps` tells in which poses one joint turned alone.
 """
 
-from nico_selfmodel.dataset.board_views import BoardViews
 from nico_selfmodel.dataset.csv_importer import import_csv
 from nico_selfmodel.dataset.dataset import Dataset
 from nico_selfmodel.dataset.joint_info import JointInfo
-from nico_selfmodel.dataset.sweeps import Sweep, find_sweeps, marked_sweeps, unmarked_sweeps
-from nico_selfmodel.dataset.vicon_importer import import_vicon
 
 __all__ = [
-    "BoardViews",
     "Dataset",
     "JointInfo",
-    "Sweep",
-    "find_sweeps",
     "import_csv",
-    "import_vicon",
-    "marked_sweeps",
-    "unmarked_sweeps",
 ]

@@ -52,7 +52,7 @@ class BoardViews:
         both = self.pixels.reshape(len(self), len(self.p_GQ), len(self.eyes), 2)
         return np.swapaxes(np.asarray(np.isfinite(both).all(axis=3)), 1, 2)
 
-    def of_eye(self, side: str) -> NDArray:
+    def of_camera(self, side: str) -> NDArray:
         """Return the corners that one camera saw. Shape (V, P, 2)."""
         column = 2 * self.eyes.index(side)
         return self.pixels[:, :, column : column + 2]
@@ -79,7 +79,7 @@ class BoardViews:
 
     def only(self, side: str) -> "BoardViews":
         """Return what one camera saw, without the views in which it saw nothing."""
-        alone = replace(self, eyes=(side,), pixels=self.of_eye(side))
+        alone = replace(self, eyes=(side,), pixels=self.of_camera(side))
         return alone.select(alone.seen.any(axis=(1, 2)))
 
     def split(self, fraction: float, seed: int) -> tuple["BoardViews", "BoardViews"]:

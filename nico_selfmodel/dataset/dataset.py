@@ -4,7 +4,6 @@ import copy
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
-from os import PathLike
 from typing import Any
 
 import numpy as np
@@ -188,49 +187,6 @@ class Dataset:
     def encoder_span(self) -> npt.NDArray[np.float64]:
         """Largest minus smallest reading of each joint [encoder unit]. Shape (n,)."""
         return np.ptp(self.encoders, axis=0)
-
-    @property
-    def sha256(self) -> str:
-        """Hash of the contents as `save` would write them, metadata included.
-
-        It does not depend on the order of columns, line ends or notation in the files that the
-        data came from.
-        """
-        from nico_selfmodel.dataset.folder import content_hash
-
-        return content_hash(self)
-
-    @classmethod
-    def load(cls, folder: str | PathLike[str]) -> "Dataset":
-        """Read a data set from its folder.
-
-        Args:
-            folder: The folder, with `dataset.yaml` and `samples.csv`.
-
-        Returns:
-            The data set.
-
-        Raises:
-            DataError: If anything is missing or not valid; names file, line and column.
-        """
-        from nico_selfmodel.dataset.folder import load_dataset
-
-        return load_dataset(folder)
-
-    def save(self, folder: str | PathLike[str], force: bool = False) -> None:
-        """Write the data set to a folder, whole or not at all.
-
-        Args:
-            folder: The folder to make.
-            force: Replace the data set in an existing folder; other files in it are kept.
-
-        Raises:
-            DataError: If the folder exists (without `force`), cannot be written, or could not be
-                loaded again.
-        """
-        from nico_selfmodel.dataset.folder import save_dataset
-
-        save_dataset(self, folder, force)
 
     def select(self, rows: npt.ArrayLike) -> "Dataset":
         """Return a data set of some of the rows.

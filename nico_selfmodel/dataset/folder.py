@@ -9,8 +9,8 @@ from nico_selfmodel.dataset.metadata_file import metadata_text, read_metadata
 from nico_selfmodel.dataset.plausibility import check_plausible, warn_of_units
 from nico_selfmodel.dataset.samples_file import read_samples, samples_text
 from nico_selfmodel.errors import DataError
-from nico_selfmodel.files import folder_in_place_of
 from nico_selfmodel.files.reading import real_path
+from nico_selfmodel.files.whole import folder_in_place_of
 
 METADATA_NAME = "dataset.yaml"
 SAMPLES_NAME = "samples.csv"

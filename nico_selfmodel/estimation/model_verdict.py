@@ -22,7 +22,7 @@ from nico_selfmodel.estimation.results.verdict import (
     Verdict,
     significantly_above,
 )
-from nico_selfmodel.model import SelfModel
+from nico_selfmodel.model.self_model import SelfModel
 from nico_selfmodel.optimization.robust_solve import OUTLIER_AT
 
 

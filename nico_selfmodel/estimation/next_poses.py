@@ -17,7 +17,7 @@ from nico_selfmodel.estimation.pose_selection import (
     hand_sigma,
     position_jacobians,
 )
-from nico_selfmodel.model import SelfModel
+from nico_selfmodel.model.self_model import SelfModel
 from nico_selfmodel.names import listed
 
 POOL = 3000

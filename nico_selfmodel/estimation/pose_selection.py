@@ -11,7 +11,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from nico_selfmodel.errors import NotIdentifiableError
-from nico_selfmodel.model import DhParameters, SelfModel
+from nico_selfmodel.model.dh_parameters import DhParameters
+from nico_selfmodel.model.self_model import SelfModel
 
 CRITERIA = ("I", "D")
 _RIDGE = 1e-6

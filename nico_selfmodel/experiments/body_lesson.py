@@ -2,7 +2,7 @@
 
 from dataclasses import dataclass
 
-from nico_selfmodel.dataset import BoardViews
+from nico_selfmodel.dataset.board_views import BoardViews
 from nico_selfmodel.errors import EstimationError
 from nico_selfmodel.estimation import BodyCalibration, Verdict, calibrate_body, judge
 from nico_selfmodel.experiments.eyes_lesson import (
@@ -12,7 +12,7 @@ from nico_selfmodel.experiments.eyes_lesson import (
     RenderedNico,
     learn_cameras_and_arm,
 )
-from nico_selfmodel.model import SelfModel
+from nico_selfmodel.model.self_model import SelfModel
 from nico_selfmodel.sessions.progress import Stage, telling
 from nico_selfmodel.systems import Imperfections
 

@@ -8,7 +8,8 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from nico_selfmodel.dataset import BoardViews, Dataset
+from nico_selfmodel.dataset import Dataset
+from nico_selfmodel.dataset.board_views import BoardViews
 from nico_selfmodel.estimation import (
     CameraCalibration,
     KinematicCalibration,
@@ -19,7 +20,7 @@ from nico_selfmodel.estimation import (
 from nico_selfmodel.estimation.body.arm_through_cameras import Sight
 from nico_selfmodel.estimation.observations.pixel_evaluation import PixelEvaluation
 from nico_selfmodel.experiments.nico_before_its_eyes import RenderedNico
-from nico_selfmodel.model import SelfModel
+from nico_selfmodel.model.self_model import SelfModel
 from nico_selfmodel.plant import ArmDescription
 from nico_selfmodel.sessions.progress import Stage, telling
 from nico_selfmodel.systems import Imperfections

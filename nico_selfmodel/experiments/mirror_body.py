@@ -10,7 +10,8 @@ from nico_selfmodel.estimation.body.arm_through_cameras import Sight
 from nico_selfmodel.experiments.first_arm import nominal_of
 from nico_selfmodel.experiments.stereo import board_points
 from nico_selfmodel.geometry.transform import inverse
-from nico_selfmodel.model import Mirror, SelfModel
+from nico_selfmodel.model.mirror import Mirror
+from nico_selfmodel.model.self_model import SelfModel
 from nico_selfmodel.plant import ArmDescription
 from nico_selfmodel.plant.kinematic_tree import KinematicTree
 from nico_selfmodel.systems.simulated.mirrors import SimulatedMirrors

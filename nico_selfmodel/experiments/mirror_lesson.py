@@ -14,7 +14,7 @@ from nico_selfmodel.estimation.results.verdict import Verdict
 from nico_selfmodel.experiments.body_lesson import BodyScenario
 from nico_selfmodel.experiments.eyes_lesson import RenderedNico
 from nico_selfmodel.experiments.mirror_recording import DEFAULT_MIRROR, NicoBeforeMirrors
-from nico_selfmodel.model import SelfModel
+from nico_selfmodel.model.self_model import SelfModel
 from nico_selfmodel.sessions.progress import Stage, telling
 from nico_selfmodel.systems import Imperfections
 from nico_selfmodel.viz.mirror_picture import MirrorPicture

@@ -11,8 +11,9 @@ from nico_selfmodel.dataset import Dataset
 from nico_selfmodel.errors import EstimationError
 from nico_selfmodel.estimation.mirror_poses import MirrorPoses, plan_mirror_poses
 from nico_selfmodel.experiments.eyes_lesson import RenderedNico
-from nico_selfmodel.model import Mirror, SelfModel, StereoRig
-from nico_selfmodel.model.stereo_rig import EYES
+from nico_selfmodel.model.mirror import Mirror
+from nico_selfmodel.model.self_model import SelfModel
+from nico_selfmodel.model.stereo_rig import SIDES, StereoRig
 from nico_selfmodel.names import check_name
 from nico_selfmodel.planning.mirror_view import MirrorView
 from nico_selfmodel.planning.plans import Plan, commands_of_angles
@@ -199,7 +200,7 @@ class NicoBeforeMirrors:
             body = StationBody(station, station.joints, self.nico.markers)
             put_mirror(station, body.context, self.views[mirror].X_BM)
             body.move_and_measure(command)
-            left, right = (station.picture(body.context, eye) for eye in EYES)
+            left, right = (station.picture(body.context, eye) for eye in SIDES)
         return left, right
 
     def _about(self, station: NicoStation, name: str, session: int) -> dict[str, object]:

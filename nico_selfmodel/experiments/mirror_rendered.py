@@ -16,7 +16,7 @@ from nico_selfmodel.experiments.mirror import (
     experiment_of,
 )
 from nico_selfmodel.experiments.mirror_recording import NicoBeforeMirrors
-from nico_selfmodel.model import Mirror
+from nico_selfmodel.model.mirror import Mirror
 from nico_selfmodel.sessions.progress import Stage, of_robot, telling
 from nico_selfmodel.systems import Imperfections
 

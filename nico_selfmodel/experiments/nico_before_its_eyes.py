@@ -6,10 +6,10 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from nico_selfmodel.dataset import BoardViews, Dataset
+from nico_selfmodel.dataset import Dataset
+from nico_selfmodel.dataset.board_views import BoardViews
 from nico_selfmodel.errors import DataError
-from nico_selfmodel.model import StereoRig
-from nico_selfmodel.model.stereo_rig import EYES
+from nico_selfmodel.model.stereo_rig import SIDES, StereoRig
 from nico_selfmodel.planning.board_poses import board_poses
 from nico_selfmodel.planning.plans import Plan, given_commands
 from nico_selfmodel.planning.visible_workspace import VisibleWorkspace
@@ -29,7 +29,9 @@ from nico_selfmodel.systems import (
     looking_arm,
 )
 from nico_selfmodel.systems.nico_instance import NicoInstance
-from nico_selfmodel.vision import NotSeen, find_chessboard, write_image
+from nico_selfmodel.vision import NotSeen
+from nico_selfmodel.vision.chessboard import find_chessboard
+from nico_selfmodel.vision.image_file import write_image
 
 WINDOW = 5
 """Half side of the window in which corners are refined: squares are as small as 16 px."""
@@ -170,7 +172,7 @@ class RenderedNico:
                     continue
                 same = BOARD.same_order(left.corners, right.corners)
                 pixels.append(np.hstack([left.corners, same]))
-                for eye, image in zip(EYES, pair, strict=True):
+                for eye, image in zip(SIDES, pair, strict=True):
                     if folder is not None:
                         write_image(folder / f"{eye}{len(pixels):02d}.png", image)
                 if progress:
@@ -183,7 +185,7 @@ class RenderedNico:
                 f"{count} are wanted"
             )
         names = tuple(f"{i + 1:02d}" for i in range(count))
-        return BoardViews(BOARD.points, names, EYES, np.array(pixels), size)
+        return BoardViews(BOARD.points, names, SIDES, np.array(pixels), size)
 
 
 def _observed(body: StationBody, station: NicoStation) -> ObservedBody:
@@ -202,4 +204,4 @@ def _pictures(station: NicoStation, board_poses: Iterable[NDArray]) -> Iterator[
     for second, X_BG in enumerate(board_poses):
         context.SetTime(float(second))
         station.hold_board(context, X_BG)
-        yield [station.picture(context, eye) for eye in EYES]
+        yield [station.picture(context, eye) for eye in SIDES]

@@ -13,7 +13,8 @@ from nico_selfmodel.model.readings import readings_from_table
 from nico_selfmodel.planning.plans import HOME, Plan, given_commands
 from nico_selfmodel.planning.sweep_protocol import Protocol
 from nico_selfmodel.planning.visible_workspace import VisibleWorkspace
-from nico_selfmodel.plant import ROBOTS, ArmDescription
+from nico_selfmodel.plant import ArmDescription
+from nico_selfmodel.plant.robots import ROBOTS
 from nico_selfmodel.recording import Progress, record
 from nico_selfmodel.systems import NicoHardwareStation, looking_arm
 

@@ -6,7 +6,8 @@ from typing import Any
 
 import numpy as np
 
-from nico_selfmodel.dataset import BoardViews, Dataset
+from nico_selfmodel.dataset import Dataset
+from nico_selfmodel.dataset.board_views import BoardViews
 from nico_selfmodel.errors import EstimationError, ModelError
 from nico_selfmodel.estimation import (
     BodyCalibration,
@@ -21,8 +22,8 @@ from nico_selfmodel.estimation import (
 from nico_selfmodel.experiments.limits import Limit
 from nico_selfmodel.experiments.projected_nico import TRACKERS, ProjectedNico
 from nico_selfmodel.experiments.stereo import BOARDS, TEST_BOARDS, board_points
-from nico_selfmodel.model import SelfModel
 from nico_selfmodel.model.link_lengths import link_lengths
+from nico_selfmodel.model.self_model import SelfModel
 from nico_selfmodel.sessions.progress import Stage, of_robot
 from nico_selfmodel.systems import Imperfections, SimulatedCameras
 

@@ -5,7 +5,7 @@ from typing import Any
 
 import numpy as np
 
-from nico_selfmodel.dataset import BoardViews
+from nico_selfmodel.dataset.board_views import BoardViews
 from nico_selfmodel.estimation import (
     CameraOptions,
     Reconstruction,

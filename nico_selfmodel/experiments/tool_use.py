@@ -11,7 +11,7 @@ from nico_selfmodel.estimation import calibrate_body, calibrate_tool, evaluate, 
 from nico_selfmodel.estimation.observations.pixel_evaluation import evaluate_pixels
 from nico_selfmodel.experiments.projected_nico import ProjectedNico
 from nico_selfmodel.experiments.refinement import TEST_POSES, mean_pair, simulated_scenario
-from nico_selfmodel.model import SelfModel
+from nico_selfmodel.model.self_model import SelfModel
 from nico_selfmodel.sessions.progress import Stage
 from nico_selfmodel.systems import Imperfections, SimulatedRobot
 from nico_selfmodel.systems.simulated.sensors import StereoPixels

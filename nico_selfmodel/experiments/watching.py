@@ -10,8 +10,9 @@ from nico_selfmodel.errors import ModelError
 from nico_selfmodel.experiments.eyes_lesson import RenderedNico
 from nico_selfmodel.experiments.mirror_recording import DEFAULT_MIRROR, NicoBeforeMirrors
 from nico_selfmodel.geometry.transform import inverse
-from nico_selfmodel.model import Mirror, SelfModel
-from nico_selfmodel.model.stereo_rig import EYES
+from nico_selfmodel.model.mirror import Mirror
+from nico_selfmodel.model.self_model import SelfModel
+from nico_selfmodel.model.stereo_rig import SIDES
 from nico_selfmodel.plant import ArmDescription
 from nico_selfmodel.systems import Imperfections, NicoStation, StationBody
 from nico_selfmodel.systems.closing import Closable
@@ -92,7 +93,7 @@ class Watching(Closable):
         context = self.body.context
         readings = self._read("encoders")
         pixels = self._read("hand_pixels")
-        images = [self.station.picture(context, eye) for eye in EYES]
+        images = [self.station.picture(context, eye) for eye in SIDES]
         p_WH = self.model.predict(readings).p_WH
         expected = self.model.rig.project(p_WH)[0]
         if self.mirror is None:

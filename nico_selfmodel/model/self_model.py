@@ -3,7 +3,6 @@
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from functools import cached_property
-from pathlib import Path
 from types import MappingProxyType
 from typing import Any
 
@@ -20,7 +19,7 @@ from nico_selfmodel.model.mirror import Mirror
 from nico_selfmodel.model.mirror_rig import MirrorRig
 from nico_selfmodel.model.noise_mixture import NoiseMixture, mixtures_of
 from nico_selfmodel.model.servo_map import ServoMap
-from nico_selfmodel.model.stereo_rig import EYES, StereoRig
+from nico_selfmodel.model.stereo_rig import SIDES, StereoRig
 from nico_selfmodel.names import check_name, listed
 
 MIRROR_FAILURES = "mirror_failures"
@@ -107,7 +106,7 @@ class SelfModel:
             raise ValueError("an arm is a chain and its servos: give both or neither")
         if self.table is not None and self.servo_map is not None:
             _check_arm(self.table, self.servo_map)
-        if set(self.cameras) - set(EYES):
+        if set(self.cameras) - set(SIDES):
             raise ValueError(f"cameras are called left and right, got {sorted(self.cameras)}")
         self._check_names()
         strangers = set(self.covariance.names if self.covariance else ()) - set(self._known_names())
@@ -164,7 +163,7 @@ class SelfModel:
         Raises:
             ModelError: If they were not both learned.
         """
-        if set(self.cameras) != set(EYES):
+        if set(self.cameras) != set(SIDES):
             raise ModelError(self._lack("pair of cameras", "calibrate stereo"))
         return StereoRig(self.cameras["left"], self.cameras["right"])
 
@@ -191,7 +190,7 @@ class SelfModel:
 
     def _known_names(self) -> tuple[str, ...]:
         arm = self.parameters.names if self.has_arm else ()
-        sides = tuple(side for side in EYES if side in self.cameras)
+        sides = tuple(side for side in SIDES if side in self.cameras)
         mirrors = tuple(name for mirror in self.mirrors for name in Mirror.names_of(mirror))
         return (*arm, *StereoRig.names_of(sides), *mirrors)
 
@@ -249,27 +248,6 @@ class SelfModel:
         j = jacobian[:, :, [names.index(self.covariance.names[i]) for i in own]]
         covariance = j @ self.covariance.matrix[np.ix_(own, own)] @ np.swapaxes(j, 1, 2)
         return Prediction(p, covariance, self.noise_sigma)
-
-    def save(self, path: str | Path) -> None:
-        """Write the model as YAML, whole or not at all; floats round-trip exactly.
-
-        Raises:
-            OSError: If the folder cannot be written to.
-        """
-        from nico_selfmodel.model.self_model_file import save_model
-
-        save_model(self, path)
-
-    @classmethod
-    def load(cls, path: str | Path) -> "SelfModel":
-        """Read a model from YAML.
-
-        Raises:
-            ModelError: If the file is missing, of another format or version, or not valid.
-        """
-        from nico_selfmodel.model.self_model_file import load_model
-
-        return load_model(path)
 
 
 def _check_arm(table: DhTable, servos: ServoMap) -> None:

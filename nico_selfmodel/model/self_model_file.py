@@ -7,8 +7,8 @@ from typing import Any
 import numpy as np
 
 from nico_selfmodel.errors import DataError, ModelError
-from nico_selfmodel.files import write_whole
 from nico_selfmodel.files.reading import LARGEST_DOCUMENT, read_text
+from nico_selfmodel.files.whole import write_whole
 from nico_selfmodel.files.yaml_text import parse_yaml, yaml_text
 from nico_selfmodel.model import kept_values
 from nico_selfmodel.model.camera import INTRINSICS, Camera

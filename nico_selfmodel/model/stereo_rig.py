@@ -15,7 +15,7 @@ from nico_selfmodel.geometry.rotation import rotation_from_vector, rotation_vect
 from nico_selfmodel.geometry.transform import apply, inverse, transform
 from nico_selfmodel.model.camera import INTRINSIC_UNITS, INTRINSICS, Camera, project_in_camera
 
-EYES = ("left", "right")
+SIDES = ("left", "right")
 """The two cameras, in the order of the pixel columns."""
 POSE_NAMES = ("rx", "ry", "rz", "x", "y", "z")
 """The right camera's pose in the left one's frame: rotation vector [rad] and position [m]."""
@@ -63,7 +63,7 @@ class StereoRig:
         return float(np.linalg.norm(self.X_LR[:3, 3]))
 
     @staticmethod
-    def names_of(sides: tuple[str, ...] = EYES) -> tuple[str, ...]:
+    def names_of(sides: tuple[str, ...] = SIDES) -> tuple[str, ...]:
         """Return parameter names: `left.fx` ... `right.p2`, and `right.pose.rx` ... for a pair."""
         inside = tuple(f"{side}.{name}" for side in sides for name in INTRINSICS)
         pose = tuple(f"right.pose.{name}" for name in POSE_NAMES)

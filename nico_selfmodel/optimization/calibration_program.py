@@ -60,7 +60,7 @@ class CalibrationProgram:
         self._variables: list[Any] = []
         self._terms: list[_Term] = []
         self._priors: list[tuple[int, float, float]] = []
-        self._pins: dict[str, Any] = {}
+        self._fixed: dict[str, Any] = {}
         self._cost: Any = None
 
     @property
@@ -116,18 +116,18 @@ class CalibrationProgram:
             raise ValueError(f"no parameter {name!r}; there are: {listed(self._names, name)}")
         return self._names.index(name)
 
-    def pin(self, name: str, value: float | None = None) -> None:
+    def fix(self, name: str, value: float | None = None) -> None:
         """Hold a variable at a value, its start if omitted; replaces an earlier value."""
         variable = self._variables[self.index(name)]
         held = self.prog.GetInitialGuess(variable) if value is None else value
-        self.unpin(name)
-        self._pins[name] = self.prog.AddBoundingBoxConstraint(held, held, variable)
+        self.release(name)
+        self._fixed[name] = self.prog.AddBoundingBoxConstraint(held, held, variable)
         self.prog.SetInitialGuess(variable, held)
 
-    def unpin(self, name: str) -> None:
+    def release(self, name: str) -> None:
         """Let a variable move again; nothing happens where it was not fixed."""
         self.index(name)
-        pin = self._pins.pop(name, None)
+        pin = self._fixed.pop(name, None)
         if pin is not None:
             self.prog.RemoveConstraint(pin)
 
@@ -183,7 +183,7 @@ class CalibrationProgram:
             return term.block.residuals(values)
         return term.block.evaluate(values)[0]
 
-    def spreads(self, number: int, x: NDArray) -> NDArray | None:
+    def prediction_covariances(self, number: int, x: NDArray) -> NDArray | None:
         """Return what a solution's own uncertainty adds to each observation's residual.
 
         J H^-1 J' of each observation (its leverage, where it has weight 1). None where observations

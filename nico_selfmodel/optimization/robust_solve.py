@@ -129,7 +129,7 @@ class _Attempt:
         self.program.set_loss(self.block, Loss(), keep)
         solution = self.solve(rough=False)
         scale = self.scale_at(solution.x, ~outliers)
-        spreads = self.program.spreads(self.block, solution.x)
+        spreads = self.program.prediction_covariances(self.block, solution.x)
         if spreads is None:
             return solution, scale, self.beyond(solution.x, scale)
         taken = np.trace(spreads[~outliers], axis1=1, axis2=2).mean() / self.coordinates

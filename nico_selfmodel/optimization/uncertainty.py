@@ -5,13 +5,13 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-BLIND_SIGMA = 0.3
+UNOBSERVABLE_SIGMA = 0.3
 """A direction is called unobservable where its standard deviation exceeds this fraction of the
 natural scale (1 rad, the size of the body, the gear itself): the estimate says nothing then."""
 
 
 @dataclass(frozen=True, eq=False)
-class BlindDirection:
+class UnobservableDirection:
     """A combination of parameters that the data do not determine."""
 
     names: tuple[str, ...]
@@ -39,7 +39,7 @@ class Uncertainty:
     """Number of directions that are observable."""
     condition: float
     """Ratio of the largest to the smallest singular value, in natural units."""
-    blind: tuple[BlindDirection, ...]
+    unobservable: tuple[UnobservableDirection, ...]
     """Unobservable directions, the worst first."""
 
     @property
@@ -48,14 +48,14 @@ class Uncertainty:
         sigma = np.sqrt(np.maximum(np.diag(self.covariance), np.finfo(float).tiny))
         return self.covariance / np.outer(sigma, sigma)
 
-    def with_blind(self, names: tuple[str, ...]) -> "Uncertainty":
+    def with_unobservable(self, names: tuple[str, ...]) -> "Uncertainty":
         """Return the same with parameters unobservable for a reason the Jacobian cannot see."""
         share = np.full(len(names), len(names) ** -0.5)
         return replace(
             self,
             sigma=np.where(np.isin(self.names, names), np.inf, self.sigma),
             rank=self.rank - 1,
-            blind=(*self.blind, BlindDirection(names, share, np.inf)),
+            unobservable=(*self.unobservable, UnobservableDirection(names, share, np.inf)),
         )
 
     @classmethod
@@ -89,10 +89,11 @@ class Uncertainty:
         values = np.concatenate([values, np.zeros(len(names) - len(values))])
         exact = values <= 1e-12 * max(values[0], 1e-300)
         sigma = np.where(exact, np.inf, spread / np.where(exact, 1.0, values))
-        unobservable = exact | (sigma > BLIND_SIGMA)
+        unobservable = exact | (sigma > UNOBSERVABLE_SIGMA)
         kept = vt[~unobservable] * sigma[~unobservable, None] * natural
         directions = [
-            _blind_direction(names, vt[i], float(sigma[i])) for i in np.flatnonzero(unobservable)
+            _unobservable_direction(names, vt[i], float(sigma[i]))
+            for i in np.flatnonzero(unobservable)
         ]
         lost = (np.abs(vt[exact]) > 1e-6).any(axis=0)
         lost |= np.isin(names, [name for direction in directions for name in direction.names])
@@ -107,8 +108,10 @@ class Uncertainty:
         )
 
 
-def _blind_direction(names: tuple[str, ...], vector: NDArray, sigma: float) -> BlindDirection:
+def _unobservable_direction(
+    names: tuple[str, ...], vector: NDArray, sigma: float
+) -> UnobservableDirection:
     """Name the parameters that carry a null vector."""
     order = np.argsort(-np.abs(vector))
     order = order[np.abs(vector[order]) > 0.2 * np.abs(vector).max()]
-    return BlindDirection(tuple(names[i] for i in order), vector[order], sigma)
+    return UnobservableDirection(tuple(names[i] for i in order), vector[order], sigma)

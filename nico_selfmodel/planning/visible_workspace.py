@@ -9,7 +9,9 @@ from numpy.typing import ArrayLike, NDArray
 from nico_selfmodel.dataset import JointInfo
 from nico_selfmodel.errors import ModelError
 from nico_selfmodel.geometry.transform import apply
-from nico_selfmodel.model import Chain, SelfModel, StereoRig
+from nico_selfmodel.model.chain import Chain
+from nico_selfmodel.model.self_model import SelfModel
+from nico_selfmodel.model.stereo_rig import StereoRig
 from nico_selfmodel.planning.first_guess import first_guess
 from nico_selfmodel.planning.plans import Plan, commands_of_angles, pose_plan
 from nico_selfmodel.planning.sweeps_in_view import widest_sweeps

@@ -1,15 +1,11 @@
 """The self-model as a Drake plant, and the robots it may belong to."""
 
 from nico_selfmodel.plant.description import ArmDescription
-from nico_selfmodel.plant.learned_frames import learned_frames
-from nico_selfmodel.plant.robots import ROBOTS
 from nico_selfmodel.plant.self_model_plant import SelfModelPlant
 from nico_selfmodel.plant.urdf_export import learned_urdf
 
 __all__ = [
-    "ROBOTS",
     "ArmDescription",
     "SelfModelPlant",
-    "learned_frames",
     "learned_urdf",
 ]

@@ -11,7 +11,8 @@ from numpy.typing import NDArray
 from pydrake.multibody.tree import RevoluteJoint
 
 from nico_selfmodel.errors import ModelError
-from nico_selfmodel.model import Chain, SelfModel
+from nico_selfmodel.model.chain import Chain
+from nico_selfmodel.model.self_model import SelfModel
 from nico_selfmodel.names import listed
 from nico_selfmodel.plant.chain_choice import (
     check_point,

@@ -12,7 +12,7 @@ from pydrake.multibody.plant import AddMultibodyPlantSceneGraph, MultibodyPlant
 from pydrake.multibody.tree import FixedOffsetFrame, Frame, ModelInstanceIndex
 
 from nico_selfmodel.errors import ModelError
-from nico_selfmodel.model import SelfModel
+from nico_selfmodel.model.self_model import SelfModel
 from nico_selfmodel.names import listed
 from nico_selfmodel.plant.description import ArmDescription
 from nico_selfmodel.plant.frames import (

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from nico_selfmodel.errors import ModelError
 from nico_selfmodel.files.reading import real_path
 from nico_selfmodel.geometry.transform import inverse
-from nico_selfmodel.model import SelfModel
+from nico_selfmodel.model.self_model import SelfModel
 from nico_selfmodel.plant.description import ArmDescription
 from nico_selfmodel.plant.learned_frames import LearnedFrames, learned_frames, nominal_frames
 from nico_selfmodel.plant.plain_urdf import plain_document

@@ -13,9 +13,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from nico_selfmodel.dataset import Dataset, JointInfo
+from nico_selfmodel.dataset.folder import load_dataset, save_dataset
 from nico_selfmodel.errors import DataError
-from nico_selfmodel.files import recover
-from nico_selfmodel.model.stereo_rig import EYES
+from nico_selfmodel.files.whole import recover
+from nico_selfmodel.model.stereo_rig import SIDES
 from nico_selfmodel.names import shown
 from nico_selfmodel.systems import CameraMeasurement, Measurement
 from nico_selfmodel.vision.image_file import write_image
@@ -132,7 +133,7 @@ class RecordedSamples:
         recover(self._folder)
         if not self._folder.exists():
             return
-        data = Dataset.load(self._folder)
+        data = load_dataset(self._folder)
         if POSE not in data.extra:
             raise DataError(
                 f"{self._folder}: a data set that was not recorded pose by pose cannot be resumed"
@@ -281,7 +282,7 @@ class RecordedSamples:
         assert self._folder is not None
         if images is not None and self._folder.exists():
             self._write_images(index, images)
-        self.dataset().save(self._folder, force=True)
+        save_dataset(self.dataset(), self._folder, force=True)
         if images is not None and not (self._folder / IMAGES).exists():
             self._write_images(index, images)
 
@@ -293,7 +294,7 @@ class RecordedSamples:
 
     def _image_paths(self, index: int) -> list[Path]:
         assert self._folder is not None
-        return [self._folder / IMAGES / f"{eye}{index + 1:04d}.png" for eye in EYES]
+        return [self._folder / IMAGES / f"{eye}{index + 1:04d}.png" for eye in SIDES]
 
     def partial(self) -> Dataset | None:
         """Return what there is, None if nothing."""

@@ -3,7 +3,7 @@
 import re
 from pathlib import Path
 
-from nico_selfmodel.model import SelfModel
+from nico_selfmodel.model.self_model import SelfModel
 from nico_selfmodel.plant import ArmDescription, learned_urdf
 
 _LONGEST_NAME = 200  # of a robot in that of a file [bytes]

@@ -6,8 +6,10 @@ from pathlib import Path
 from typing import Any
 
 from nico_selfmodel.dataset import Dataset
-from nico_selfmodel.files import RESULT_FILE, folder_written_whole, write_whole
-from nico_selfmodel.model import SelfModel
+from nico_selfmodel.dataset.folder import save_dataset
+from nico_selfmodel.files.whole import RESULT_FILE, folder_written_whole, write_whole
+from nico_selfmodel.model.self_model import SelfModel
+from nico_selfmodel.model.self_model_file import save_model
 
 
 def write_result(
@@ -39,12 +41,12 @@ def write_result(
     folder = Path(folder)
     contents = {RESULT_FILE: _as_json(document), **(texts or {})}
     with folder_written_whole(folder, force=force) as inside:
-        model.save(inside / "self_model.yaml")
+        save_model(model, inside / "self_model.yaml")
         for name, text in contents.items():
             (inside / name).write_text(text, encoding="utf-8", newline="\n")
         for name, dataset in (recordings or {}).items():
             (inside / "recordings").mkdir(exist_ok=True)
-            dataset.save(inside / "recordings" / name)
+            save_dataset(dataset, inside / "recordings" / name)
     return folder
 
 

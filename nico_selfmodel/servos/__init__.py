@@ -7,38 +7,18 @@ pseudo-terminal. Importing opens nothing, making an object sends nothing, connec
 """
 
 from nico_selfmodel.servos.arm_loop import ArmLoop
-from nico_selfmodel.servos.arm_state import ArmState
-from nico_selfmodel.servos.bus import Bus, BusSettings
-from nico_selfmodel.servos.chain import FoundModule, scan
-from nico_selfmodel.servos.commands import BAUD_CODES
 from nico_selfmodel.servos.controller import ArmController
-from nico_selfmodel.servos.hand import FINGERS, Hand
-from nico_selfmodel.servos.homing import find_home, zero_here
 from nico_selfmodel.servos.motor_server import MotorServer
 from nico_selfmodel.servos.servo_config import JointServo, ServoConfig
 from nico_selfmodel.servos.servo_config_file import load_servo_config
-from nico_selfmodel.servos.shutdown import stop_what_answers
 from nico_selfmodel.servos.simulated_bus import SimulatedBus
-from nico_selfmodel.servos.simulated_hand import SimulatedHand
 
 __all__ = [
-    "BAUD_CODES",
-    "FINGERS",
     "ArmController",
     "ArmLoop",
-    "ArmState",
-    "Bus",
-    "BusSettings",
-    "FoundModule",
-    "Hand",
     "JointServo",
     "MotorServer",
     "ServoConfig",
     "SimulatedBus",
-    "SimulatedHand",
-    "find_home",
     "load_servo_config",
-    "scan",
-    "stop_what_answers",
-    "zero_here",
 ]

@@ -6,7 +6,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from nico_selfmodel.errors import BusError, ServoFault
-from nico_selfmodel.model import ServoMap
+from nico_selfmodel.model.servo_map import ServoMap
 from nico_selfmodel.servos.arm_state import ArmState
 from nico_selfmodel.servos.goals import Goals
 from nico_selfmodel.servos.pic_servo import PicServo

@@ -7,7 +7,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from nico_selfmodel.errors import BusError, RobotError, ServoFault
-from nico_selfmodel.model import ServoMap
+from nico_selfmodel.model.servo_map import ServoMap
 from nico_selfmodel.servos.arm_state import ArmState
 from nico_selfmodel.servos.axis import Axis, state_of
 from nico_selfmodel.servos.bus import Bus, BusSettings

@@ -6,7 +6,7 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from nico_selfmodel.model import ServoMap
+from nico_selfmodel.model.servo_map import ServoMap
 from nico_selfmodel.servos.servo_config import LONGEST_STOP, ServoConfig
 
 

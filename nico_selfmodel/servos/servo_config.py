@@ -2,13 +2,12 @@
 
 import math
 from dataclasses import dataclass, field
-from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
 
 from nico_selfmodel.dataset import JointInfo
-from nico_selfmodel.model import ServoMap
+from nico_selfmodel.model.servo_map import ServoMap
 from nico_selfmodel.servos.commands import BAUD_CODES, OutputMode
 from nico_selfmodel.servos.gains import Gains
 from nico_selfmodel.servos.packets import LAST_ADDRESS
@@ -197,27 +196,6 @@ class ServoConfig:
             raise ValueError(f"'heartbeat_s' must be 0.1 to 2, got {self.heartbeat:g}")
         if not 0.0 < self.latency <= 0.1:
             raise ValueError(f"'latency_ms' must be above 0, at most 100, got {self.latency * 1e3}")
-
-    @classmethod
-    def load(cls, path: str | Path) -> "ServoConfig":
-        """Read a configuration.
-
-        Raises:
-            DataError: If the file is missing or not valid; names file and key.
-        """
-        from nico_selfmodel.servos.servo_config_file import load_servo_config
-
-        return load_servo_config(path)
-
-    def save(self, path: str | Path) -> None:
-        """Write the configuration; reading it gives the same one.
-
-        Raises:
-            OSError: If the folder is missing or cannot be written to.
-        """
-        from nico_selfmodel.servos.servo_config_file import save_servo_config
-
-        save_servo_config(self, path)
 
     @property
     def joint_names(self) -> tuple[str, ...]:

@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import Any
 
 from nico_selfmodel.errors import DataError
-from nico_selfmodel.files import write_whole
+from nico_selfmodel.files.whole import write_whole
 from nico_selfmodel.files.yaml_mapping import (
     check_keys,
     integer_value,

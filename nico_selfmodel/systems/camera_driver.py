@@ -6,7 +6,7 @@ from pydrake.common.value import AbstractValue
 from pydrake.systems.framework import Context, EventStatus, LeafSystem, State
 
 from nico_selfmodel.errors import RobotError
-from nico_selfmodel.model.stereo_rig import EYES
+from nico_selfmodel.model.stereo_rig import SIDES
 from nico_selfmodel.systems.image_values import image_value, write_bgr
 from nico_selfmodel.vision.stereo_capture import StereoCapture, StereoPair
 
@@ -44,7 +44,7 @@ class CameraDriver(LeafSystem):
         self.DeclareInitializationUnrestrictedUpdateEvent(self._take_over)
         self.DeclarePeriodicUnrestrictedUpdateEvent(self.period, 0.0, self._take_over)
         known = {self.abstract_state_ticket(self._pair)}
-        for eye, name in enumerate(EYES):
+        for eye, name in enumerate(SIDES):
             self.DeclareAbstractOutputPort(
                 f"{name}_image",
                 lambda: image_value(*self.image_size),

@@ -4,7 +4,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from nico_selfmodel.geometry.rotation import move_on_sphere
-from nico_selfmodel.model import Camera, Mirror
+from nico_selfmodel.model.camera import Camera
+from nico_selfmodel.model.mirror import Mirror
 
 _NEWTON_STEPS = 30
 _STEP = 1e-7

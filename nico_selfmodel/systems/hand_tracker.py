@@ -8,8 +8,8 @@ from numpy.typing import NDArray
 from pydrake.common.value import AbstractValue
 from pydrake.systems.framework import BasicVector, Context, InputPort, LeafSystem, ValueProducer
 
-from nico_selfmodel.model import Camera
-from nico_selfmodel.model.stereo_rig import EYES
+from nico_selfmodel.model.camera import Camera
+from nico_selfmodel.model.stereo_rig import SIDES
 from nico_selfmodel.systems.image_values import bgr_of, image_value
 from nico_selfmodel.vision.color_blob import find_color_blob
 from nico_selfmodel.vision.color_model import ColorModel
@@ -117,7 +117,7 @@ class HandTracker(LeafSystem):
         self._images = [
             # A value tells only the type, and lives as long as the system: a small one does.
             self.DeclareAbstractInputPort(f"{eye}_image", image_value(1, 1))
-            for eye in EYES
+            for eye in SIDES
         ]
         self._expected: InputPort | None = None
         needs = {port.ticket() for port in self._images}

@@ -10,7 +10,7 @@ from pydrake.systems.framework import BasicVector, Context, Diagram, DiagramBuil
 
 from nico_selfmodel.dataset import JointInfo
 from nico_selfmodel.errors import RobotError
-from nico_selfmodel.model.stereo_rig import EYES
+from nico_selfmodel.model.stereo_rig import SIDES
 from nico_selfmodel.systems.camera_driver import CameraDriver
 from nico_selfmodel.systems.hand_tracker import Detectors, HandTracker
 from nico_selfmodel.systems.image_values import image_value
@@ -177,7 +177,7 @@ def _add_eyes(
     eyes = _Missing("cameras", {}, image_size) if cameras is None else cameras
     builder.AddNamedSystem("eyes", eyes)
     tracker = builder.AddNamedSystem("tracker", HandTracker(detectors))
-    for eye in EYES:
+    for eye in SIDES:
         port = eyes.GetOutputPort(f"{eye}_image")
         builder.Connect(port, tracker.GetInputPort(f"{eye}_image"))
         builder.ExportOutput(port, f"{eye}_image")
@@ -227,7 +227,7 @@ class _Missing(LeafSystem):
             for name, size in {**vectors, "frame_number": 1}.items():
                 self.DeclareVectorOutputPort(name, BasicVector(size), self._refuse)
             return
-        for eye in EYES:
+        for eye in SIDES:
             self.DeclareAbstractOutputPort(
                 f"{eye}_image", lambda: image_value(*image_size), self._refuse
             )

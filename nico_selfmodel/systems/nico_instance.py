@@ -8,7 +8,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from nico_selfmodel.geometry.transform import inverse
-from nico_selfmodel.model import DhTable, SelfModel, StereoRig
+from nico_selfmodel.model.dh_table import DhTable
+from nico_selfmodel.model.self_model import SelfModel
+from nico_selfmodel.model.stereo_rig import StereoRig
 from nico_selfmodel.plant import ArmDescription, SelfModelPlant
 from nico_selfmodel.systems.nico_cameras import MOUNTS
 from nico_selfmodel.systems.simulated.cameras import built_camera

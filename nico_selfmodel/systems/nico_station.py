@@ -8,7 +8,8 @@ from pydrake.geometry import SceneGraph
 from pydrake.systems.framework import Diagram, DiagramBuilder
 
 from nico_selfmodel.dataset import JointInfo
-from nico_selfmodel.model import SelfModel, StereoRig
+from nico_selfmodel.model.self_model import SelfModel
+from nico_selfmodel.model.stereo_rig import StereoRig
 from nico_selfmodel.plant import ArmDescription, SelfModelPlant
 from nico_selfmodel.systems.closing import Closable, free_memory
 from nico_selfmodel.systems.encoder_model import EncoderModel

@@ -8,7 +8,8 @@ the reflection.
 import numpy as np
 from numpy.typing import NDArray
 
-from nico_selfmodel.model import Camera, StereoRig
+from nico_selfmodel.model.camera import Camera
+from nico_selfmodel.model.stereo_rig import StereoRig
 from nico_selfmodel.systems.hand_tracker import (
     FIDUCIAL_ID,
     RED_TAPE,

@@ -19,8 +19,8 @@ from nico_selfmodel.estimation.noise.hand_observations import covariance_of, sig
 from nico_selfmodel.estimation.noise.mixture_density import MixtureDensity
 from nico_selfmodel.estimation.noise.pose_residuals import PoseResiduals
 from nico_selfmodel.estimation.noise.training_noise import expected_noise
-from nico_selfmodel.model import SelfModel
-from nico_selfmodel.model.stereo_rig import EYES, StereoRig
+from nico_selfmodel.model.self_model import SelfModel
+from nico_selfmodel.model.stereo_rig import SIDES, StereoRig
 
 REMEMBERED = 100
 """Poses kept to tell the cause of a change."""
@@ -80,7 +80,7 @@ class SelfModelMonitor(LeafSystem):
             )
         self.model = model
         self.marker = model.markers[model.chain.marker_index(marker or model.markers[0])]
-        self._by_pixels = set(model.cameras) == set(EYES)
+        self._by_pixels = set(model.cameras) == set(SIDES)
         self._sensor = "pixels" if self._by_pixels else "points"
         self._joints = _joints_of(model)
         names = model.parameters.names + (StereoRig.names_of() if self._by_pixels else ())

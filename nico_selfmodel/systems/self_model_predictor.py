@@ -4,8 +4,8 @@ import numpy as np
 from pydrake.systems.framework import BasicVector, Context, LeafSystem
 
 from nico_selfmodel.errors import ModelError
-from nico_selfmodel.model import SelfModel
-from nico_selfmodel.model.stereo_rig import EYES
+from nico_selfmodel.model.self_model import SelfModel
+from nico_selfmodel.model.stereo_rig import SIDES
 
 
 class SelfModelPredictor(LeafSystem):
@@ -43,7 +43,7 @@ class SelfModelPredictor(LeafSystem):
         needs = {self._encoders.ticket()}
         self.DeclareVectorOutputPort("p_WH", BasicVector(3), self._point, needs)
         self.DeclareVectorOutputPort("covariance", BasicVector(9), self._covariance, needs)
-        if set(model.cameras) == set(EYES):
+        if set(model.cameras) == set(SIDES):
             self.DeclareVectorOutputPort("pixels", BasicVector(4), self._pixels, needs)
 
     def _point(self, context: Context, vector: BasicVector) -> None:

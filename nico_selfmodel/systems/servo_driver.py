@@ -14,8 +14,10 @@ from pydrake.systems.framework import (
 )
 
 from nico_selfmodel.errors import RobotError
-from nico_selfmodel.model import ServoMap
-from nico_selfmodel.servos import ArmController, ArmLoop, ArmState, BusSettings, ServoConfig
+from nico_selfmodel.model.servo_map import ServoMap
+from nico_selfmodel.servos import ArmController, ArmLoop, ServoConfig
+from nico_selfmodel.servos.arm_state import ArmState
+from nico_selfmodel.servos.bus import BusSettings
 from nico_selfmodel.servos.pose_limits import PoseLimits
 
 PERIOD = 0.02

@@ -25,7 +25,7 @@ from pydrake.math import RigidTransform, RotationMatrix
 from pydrake.multibody.plant import MultibodyPlant
 from pydrake.systems.framework import BasicVector, Context, LeafSystem
 
-from nico_selfmodel.model import Chain
+from nico_selfmodel.model.chain import Chain
 from nico_selfmodel.plant import SelfModelPlant
 from nico_selfmodel.systems.closing import Closable
 from nico_selfmodel.systems.renderer import check_renderer

@@ -13,8 +13,8 @@ from pydrake.math import RigidTransform
 from pydrake.systems.framework import Context, LeafSystem
 
 from nico_selfmodel.errors import RobotError
-from nico_selfmodel.model import Camera, StereoRig
-from nico_selfmodel.model.stereo_rig import EYES
+from nico_selfmodel.model.camera import Camera
+from nico_selfmodel.model.stereo_rig import SIDES, StereoRig
 from nico_selfmodel.systems.closing import Closable
 from nico_selfmodel.systems.cropped_render import CroppedRender
 from nico_selfmodel.systems.image_values import image_value, write_bgr
@@ -108,7 +108,7 @@ class StereoCameras(Closable, LeafSystem):
             period = 1.0 / (self.quality.fps * self.quality.exposures)
             self.DeclarePeriodicUnrestrictedUpdateEvent(period, 0.0, self._expose)
             needs = {self.all_state_ticket(), self.time_ticket()}
-        for eye, (name, camera) in enumerate(zip(EYES, rig.eyes, strict=True)):
+        for eye, (name, camera) in enumerate(zip(SIDES, rig.eyes, strict=True)):
             self.DeclareAbstractOutputPort(
                 f"{name}_image",
                 lambda size=camera.image_size: image_value(*size),

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from nico_selfmodel.errors import DataError
-from nico_selfmodel.files import write_whole
+from nico_selfmodel.files.whole import write_whole
 from nico_selfmodel.files.yaml_mapping import (
     check_keys,
     number_value,

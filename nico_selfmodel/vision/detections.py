@@ -9,8 +9,8 @@ from typing import Any
 from numpy.typing import NDArray
 
 from nico_selfmodel.errors import DataError
-from nico_selfmodel.files import RESULT_FILE, folder_written_whole, refuse_folder
 from nico_selfmodel.files.csv_cells import quoted_cell, safe_cell
+from nico_selfmodel.files.whole import RESULT_FILE, folder_written_whole, refuse_folder
 from nico_selfmodel.progress import Progress
 from nico_selfmodel.vision.annotate import Seen, annotated
 from nico_selfmodel.vision.chessboard import (

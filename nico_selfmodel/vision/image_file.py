@@ -13,8 +13,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from nico_selfmodel.errors import DataError
-from nico_selfmodel.files import write_bytes_whole
 from nico_selfmodel.files.reading import LARGEST_PICTURE, read_bytes
+from nico_selfmodel.files.whole import write_bytes_whole
 from nico_selfmodel.vision.picture_header import check_header
 
 SUFFIXES = (".png", ".jpg", ".jpeg")

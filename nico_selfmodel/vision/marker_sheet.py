@@ -10,7 +10,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from nico_selfmodel.files import write_bytes_whole
+from nico_selfmodel.files.whole import write_bytes_whole
 from nico_selfmodel.vision.fiducial_family import DEFAULT_FAMILY, FiducialFamily
 from nico_selfmodel.vision.sheet_files import (
     Cells,

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from nico_selfmodel.errors import RobotError, SelfModelError
 from nico_selfmodel.vision.picture_sources import CameraLostError, PictureSource, Size, opener
 
-EYES = ("left", "right")
+SIDES = ("left", "right")
 _KEPT = 4
 """Pictures of each camera that wait for a partner; older ones are dropped."""
 
@@ -118,7 +118,7 @@ class StereoCapture:
             raise RobotError("the cameras are open already: close them first")
         begin, self._last = time.monotonic(), None
         try:
-            for side, source in zip(EYES, self._sources, strict=True):
+            for side, source in zip(SIDES, self._sources, strict=True):
                 opened = source if callable(source) else opener(source, side, self.size, self.fps)
                 self._cameras.append(_Camera(side, opened(begin), self.size))
             for camera in self._cameras:

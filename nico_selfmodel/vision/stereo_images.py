@@ -202,7 +202,7 @@ def detect_boards(
     return BoardDetections(board, views, by_eye, window, _not_seen(files, found))
 
 
-def detect_boards_of_one_eye(
+def detect_boards_of_one_camera(
     images: Sequence[tuple[str, Path]],
     board: Board,
     window: int = WINDOW,

@@ -5,7 +5,7 @@ from numpy.typing import NDArray
 
 from nico_selfmodel.geometry.rotation import tangent_basis
 from nico_selfmodel.geometry.transform import transform
-from nico_selfmodel.model import SelfModel
+from nico_selfmodel.model.self_model import SelfModel
 from nico_selfmodel.viz import palette
 from nico_selfmodel.viz.arm_shape import joint_points
 from nico_selfmodel.viz.scene import LegendEntry, path_names

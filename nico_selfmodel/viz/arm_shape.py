@@ -8,7 +8,7 @@ at the hand. For an arm built of links between joints that is the arm itself.
 import numpy as np
 from numpy.typing import NDArray
 
-from nico_selfmodel.model import Chain
+from nico_selfmodel.model.chain import Chain
 
 _ROUNDS = 60
 

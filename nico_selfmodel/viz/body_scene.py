@@ -7,7 +7,7 @@ from numpy.typing import NDArray
 
 from nico_selfmodel.estimation import BodyCalibration, WorkspaceAccuracy, workspace_accuracy
 from nico_selfmodel.geometry.transform import apply
-from nico_selfmodel.model import SelfModel
+from nico_selfmodel.model.self_model import SelfModel
 from nico_selfmodel.plant import ArmDescription
 from nico_selfmodel.viz import palette
 from nico_selfmodel.viz.arm_items import arm_items, arm_legend

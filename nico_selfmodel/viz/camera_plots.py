@@ -42,7 +42,7 @@ def coverage(assessment: CameraAssessment) -> Figure:
         figure, panels = image_panels(assessment)
         shares, empty_corners = [], 0
         for axes, side in zip(panels, views.eyes, strict=True):
-            pixels = views.of_eye(side)[inliers].reshape(-1, 2)
+            pixels = views.of_camera(side)[inliers].reshape(-1, 2)
             pixels = pixels[np.isfinite(pixels).all(axis=1)]
             counts, u, v = cell_counts(pixels, views.image_size)
             shares.append(f"{100.0 * np.mean(counts > 0):.0f} %")

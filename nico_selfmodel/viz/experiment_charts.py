@@ -9,7 +9,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
-from nico_selfmodel.files import write_bytes_whole
+from nico_selfmodel.files.whole import write_bytes_whole
 from nico_selfmodel.viz import palette
 from nico_selfmodel.viz.plot_style import grid_along, headline, image_bytes, log_ticks, style
 

@@ -6,7 +6,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from nico_selfmodel.geometry.transform import apply, transform
-from nico_selfmodel.model import Camera, lens
+from nico_selfmodel.model import lens
+from nico_selfmodel.model.camera import Camera
 from nico_selfmodel.viz import palette
 from nico_selfmodel.viz.lettering import label
 from nico_selfmodel.viz.photographs import jpeg, resampled

@@ -3,11 +3,11 @@
 import numpy as np
 from numpy.typing import NDArray
 
-from nico_selfmodel.dataset import Sweep
+from nico_selfmodel.dataset.sweeps import Sweep
 from nico_selfmodel.estimation import KinematicCalibration
 from nico_selfmodel.estimation.initialization.circle_points import crossing_of
 from nico_selfmodel.geometry.transform import apply
-from nico_selfmodel.model import SelfModel
+from nico_selfmodel.model.self_model import SelfModel
 from nico_selfmodel.plant import ArmDescription
 from nico_selfmodel.viz.arm_items import arm_items, arm_legend
 from nico_selfmodel.viz.arm_shape import arm_length, joint_points

@@ -6,7 +6,8 @@ from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
 from nico_selfmodel.estimation import CameraAssessment
-from nico_selfmodel.model import Camera, lens
+from nico_selfmodel.model import lens
+from nico_selfmodel.model.camera import Camera
 from nico_selfmodel.viz import palette
 from nico_selfmodel.viz.distribution_plot import distribution, error_sets
 from nico_selfmodel.viz.plot_style import HALF_WIDTH, MANY, headline, style
@@ -100,7 +101,7 @@ def _profile_panel(axes: Axes, assessment: CameraAssessment, side: str, camera: 
     place = focal * r + moved
     sigma = _BAND * focal * _profile_sigma(assessment, side, r)
     color = palette.CAMERAS[side]
-    pixels = calibration.views.of_eye(side)[~calibration.outliers].reshape(-1, 2)
+    pixels = calibration.views.of_camera(side)[~calibration.outliers].reshape(-1, 2)
     covered = float(np.nanmax(np.linalg.norm(pixels - center, axis=1), initial=0.0))
     axes.axvspan(0.0, covered, color=palette.FAINT, alpha=0.45, linewidth=0.0)
     axes.axhline(0.0, color=palette.MUTED, linewidth=0.8)

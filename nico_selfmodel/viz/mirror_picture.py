@@ -10,8 +10,8 @@ from numpy.typing import NDArray
 from nico_selfmodel.dataset import Dataset
 from nico_selfmodel.errors import DataError
 from nico_selfmodel.geometry.transform import transform
-from nico_selfmodel.model import Camera
-from nico_selfmodel.vision import read_image
+from nico_selfmodel.model.camera import Camera
+from nico_selfmodel.vision.image_file import read_image
 from nico_selfmodel.viz.photographs import jpeg, resampled
 from nico_selfmodel.viz.scene_items import Picture
 

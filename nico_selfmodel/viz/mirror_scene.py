@@ -5,7 +5,9 @@ from numpy.typing import NDArray
 
 from nico_selfmodel.estimation.mirrors.mirror import MirrorCalibration
 from nico_selfmodel.geometry.transform import apply, inverse
-from nico_selfmodel.model import Mirror, MirrorRig, StereoRig
+from nico_selfmodel.model import MirrorRig
+from nico_selfmodel.model.mirror import Mirror
+from nico_selfmodel.model.stereo_rig import StereoRig
 from nico_selfmodel.plant import ArmDescription
 from nico_selfmodel.viz import palette
 from nico_selfmodel.viz.eye_items import ImagePlane, camera_items

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from nico_selfmodel.estimation import KinematicCalibration
 from nico_selfmodel.estimation.initialization.start_search import StartSearch
-from nico_selfmodel.optimization import Uncertainty
+from nico_selfmodel.optimization.uncertainty import Uncertainty
 from nico_selfmodel.viz import palette
 from nico_selfmodel.viz.numbers_shown import decimals
 from nico_selfmodel.viz.plot_style import (
@@ -100,7 +100,7 @@ def unobservable_parameters(uncertainty: Uncertainty | None) -> frozenset[str]:
         return frozenset()
     pairs = zip(uncertainty.names, uncertainty.sigma.tolist(), strict=True)
     unknown = {name for name, sigma in pairs if not np.isfinite(sigma)}
-    return frozenset(unknown.union(*(direction.names for direction in uncertainty.blind)))
+    return frozenset(unknown.union(*(direction.names for direction in uncertainty.unobservable)))
 
 
 def correlations(uncertainty: Uncertainty) -> Figure | None:

@@ -6,7 +6,7 @@ from xml.dom.minidom import Element
 import numpy as np
 from numpy.typing import NDArray
 
-from nico_selfmodel.model import SelfModel
+from nico_selfmodel.model.self_model import SelfModel
 from nico_selfmodel.plant import ArmDescription, SelfModelPlant
 from nico_selfmodel.plant.urdf_document import (
     child,

@@ -6,8 +6,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from nico_selfmodel.geometry.reflection import reflect
-from nico_selfmodel.model import SelfModel
-from nico_selfmodel.model.stereo_rig import EYES
+from nico_selfmodel.model.self_model import SelfModel
+from nico_selfmodel.model.stereo_rig import SIDES
 from nico_selfmodel.viz import palette
 from nico_selfmodel.viz.mirror_picture import on_glass
 from nico_selfmodel.viz.scene_items import Item, Picture, Surface, Tube
@@ -98,7 +98,7 @@ class StationMirror:
         """
         expected, found = self.rig.project(p_RH), {}
         behind = self.reflection(p_RH)
-        for k, (side, camera) in enumerate(zip(EYES, self.rig.rig.eyes, strict=True)):
+        for k, (side, camera) in enumerate(zip(SIDES, self.rig.rig.eyes, strict=True)):
             if not np.isfinite(expected[2 * k : 2 * k + 2]).all():
                 continue
             center = camera.X_WC[:3, 3]

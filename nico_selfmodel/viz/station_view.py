@@ -9,9 +9,10 @@ from pydrake.geometry import Meshcat
 from pydrake.math import RigidTransform
 
 from nico_selfmodel.geometry.transform import apply, inverse, transform
-from nico_selfmodel.model import SelfModel
-from nico_selfmodel.model.stereo_rig import EYES
-from nico_selfmodel.plant import ArmDescription, SelfModelPlant, learned_frames
+from nico_selfmodel.model.self_model import SelfModel
+from nico_selfmodel.model.stereo_rig import SIDES
+from nico_selfmodel.plant import ArmDescription, SelfModelPlant
+from nico_selfmodel.plant.learned_frames import learned_frames
 from nico_selfmodel.viz import palette
 from nico_selfmodel.viz.body_scene import standing
 from nico_selfmodel.viz.drake_backend import draw_in_drake, draw_item
@@ -84,7 +85,7 @@ class StationView:
         width = max(camera.image_size[0] / camera.fx for camera in self.model.rig.eyes)
         self._planes = {
             side: ImagePlane(camera, _SPREAD * self.model.rig.baseline / width)
-            for side, camera in zip(EYES, self.model.rig.eyes, strict=True)
+            for side, camera in zip(SIDES, self.model.rig.eyes, strict=True)
         }
         sizes = {side: plane.camera.image_size for side, plane in self._planes.items()}
         self._azimuth = float(_AZIMUTH if glass is None else _INTO_MIRROR)
@@ -102,7 +103,7 @@ class StationView:
             items += camera_items(side, plane, None)
         items += [_ball("hand/tracked", TRACKED, 1.0), _ball("hand/predicted", PREDICTED, 0.8)]
         items += [item for screen in self._screens.values() for item in screen.frame_items()]
-        last = self._screens[EYES[1]]
+        last = self._screens[SIDES[1]]
         items.append(last.words("screens/tracked", "+  hand as tracked", _CYAN, 0))
         items.append(last.words("screens/predicted", "\u00d7  hand as predicted", _ORANGE, 1))
         if self._mirror is not None:
@@ -178,7 +179,7 @@ class StationView:
             self._show_item("mirror/picture", mirror.picture(images[0][:, :, ::-1]), time)
         expected = self.model.rig.project(predicted)
         behind = np.full(4, np.nan) if mirror is None else mirror.rig.project(predicted)
-        for k, side in enumerate(EYES):
+        for k, side in enumerate(SIDES):
             own = slice(2 * k, 2 * k + 2)
             marks = {TRACKED: seen[own], PREDICTED: expected[own]}
             rings = {TRACKED: in_mirror[own], PREDICTED: behind[own]}
@@ -194,7 +195,7 @@ class StationView:
         self._set_visible("reflection/predicted", in_front, time)
         self._show_tracked("reflection/tracked", pixels, time)
         rays = mirror.rays(predicted)
-        for side in EYES:
+        for side in SIDES:
             for kind in ("ray", "behind"):
                 name = f"{side}_{kind}"
                 self._show_item(f"mirror/{name}", rays.get(name), time)

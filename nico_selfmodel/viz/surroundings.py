@@ -7,8 +7,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from nico_selfmodel.geometry.transform import transform
-from nico_selfmodel.model import SelfModel
-from nico_selfmodel.plant import ArmDescription, learned_frames
+from nico_selfmodel.model.self_model import SelfModel
+from nico_selfmodel.plant import ArmDescription
+from nico_selfmodel.plant.learned_frames import learned_frames
 from nico_selfmodel.viz import palette
 from nico_selfmodel.viz.numbers_shown import nice_below
 from nico_selfmodel.viz.scene import FIELD_OF_VIEW, Camera

@@ -53,7 +53,7 @@ def uncertainty_legend(
         factor = nice_factor(_DRAWN_RADIUS * unit, largest)
         label = f"1σ of the predicted hand, drawn ×{factor:g} ({short(1e3 * largest)} mm at most)"
         return [LegendEntry(label, color)]
-    if calibration.uncertainty is not None and calibration.uncertainty.blind:
+    if calibration.uncertainty is not None and calibration.uncertainty.unobservable:
         return [LegendEntry("no ellipsoid: some directions are unobservable", (0.0, 0.0, 0.0, 0.0))]
     return []
 
@@ -63,7 +63,7 @@ def _principal_axes(
 ) -> tuple[NDArray, NDArray, NDArray] | None:
     """Return centre, rotation and standard deviations along its columns, or None."""
     uncertainty = calibration.uncertainty
-    if uncertainty is None or uncertainty.blind:
+    if uncertainty is None or uncertainty.unobservable:
         return None
     prediction = calibration.model.predict(calibration.model.servos.to_encoder(q))
     if prediction.covariance is None:

@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 from nico_selfmodel.estimation.monitoring.update_evaluation import HeldAgainst, UpdateEvaluation
 from nico_selfmodel.estimation.observations.pixel_observations import columns_of
 from nico_selfmodel.geometry.transform import apply
-from nico_selfmodel.model import SelfModel
+from nico_selfmodel.model.self_model import SelfModel
 from nico_selfmodel.plant import ArmDescription
 from nico_selfmodel.viz import palette
 from nico_selfmodel.viz.arm_items import arm_items

@@ -8,7 +8,8 @@ import pytest
 from pydrake.systems.analysis import Simulator
 from pydrake.systems.framework import EventStatus, LeafSystem
 
-from nico_selfmodel.servos import ArmState, JointServo, ServoConfig, SimulatedBus
+from nico_selfmodel.servos import JointServo, ServoConfig, SimulatedBus
+from nico_selfmodel.servos.arm_state import ArmState
 from nico_selfmodel.systems import ServoDriver
 
 pytestmark = pytest.mark.benchmark

@@ -36,7 +36,8 @@ def opencv_peer(views, tangential):
     """Return OpenCV's own calibration of the pair, from nothing but the corners."""
     board = [views.p_GQ.astype(np.float32)] * len(views)
     left, right = (
-        [corners.astype(np.float32)[:, None] for corners in views.of_eye(eye)] for eye in views.eyes
+        [corners.astype(np.float32)[:, None] for corners in views.of_camera(eye)]
+        for eye in views.eyes
     )
     flags = 0 if tangential else cv2.CALIB_ZERO_TANGENT_DIST
     nothing = [None] * 4

@@ -7,8 +7,8 @@ import sys
 
 import pytest
 
-from nico_selfmodel.dataset import Dataset
-from nico_selfmodel.model import SelfModel
+from nico_selfmodel.dataset.folder import load_dataset
+from nico_selfmodel.model.self_model_file import load_model
 
 # What takes longest to load: nobody who asks for help or mistypes a name waits for it.
 SLOW_TO_LOAD = {"cv2", "matplotlib", "meshcat", "numpy", "pydrake"}
@@ -82,7 +82,7 @@ def test_bad_data_end_in_one_line_on_the_error_stream(recorded, tmp_path, proces
 
 
 def test_a_table_goes_in_and_predictions_come_out(result, recorded, process):
-    model, test = SelfModel.load(result), Dataset.load(recorded[1])
+    model, test = load_model(result), load_dataset(recorded[1])
     table = io.StringIO()
     table.write(",".join(model.joints) + "\n")
     table.write(",".join(map(str, test.encoders[0])) + "\n")

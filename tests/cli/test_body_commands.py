@@ -9,10 +9,10 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from nico_selfmodel.dataset import Dataset
+from nico_selfmodel.dataset.folder import load_dataset, save_dataset
 from nico_selfmodel.experiments.projected_nico import ProjectedNico
 from nico_selfmodel.experiments.refinement import CONDITIONS, simulated_scenario
-from nico_selfmodel.model import SelfModel
+from nico_selfmodel.model.self_model_file import load_model, save_model
 from nico_selfmodel.systems import IMPERFECTIONS
 
 PLAY = IMPERFECTIONS["clean"].with_noise(play_deg=0.5)
@@ -25,20 +25,22 @@ def recorded(tmp_path_factory):
     folder = tmp_path_factory.mktemp("bodies")
     protocol = ProjectedNico.tracked_by()
     scenario = simulated_scenario(protocol, PLAY, 0)
-    scenario.train.save(folder / "train")
-    scenario.test.save(folder / "test")
-    scenario.eyes.save(folder / "eyes.yaml")
+    save_dataset(scenario.train, folder / "train")
+    save_dataset(scenario.test, folder / "test")
+    save_model(scenario.eyes, folder / "eyes.yaml")
     (folder / "photographs").mkdir()
     one = protocol.robot(PLAY, 0, session=2)
     rng = np.random.default_rng(0)
-    protocol.record(one, "later", protocol.random_poses(30, rng)).save(folder / "later")
+    save_dataset(protocol.record(one, "later", protocol.random_poses(30, rng)), folder / "later")
     one.faults.slip("right_elbow", np.radians(3.0))
-    protocol.record(one, "slipped", protocol.random_poses(20, rng)).save(folder / "slipped")
+    save_dataset(
+        protocol.record(one, "slipped", protocol.random_poses(20, rng)), folder / "slipped"
+    )
     one.faults.take_tool(TOOL)
     held = protocol.robot(PLAY, 0, session=3)
     held.faults.take_tool(TOOL)
     poses = protocol.random_poses(25, rng, TOOL)
-    protocol.record(held, "tool", poses).save(folder / "tool")
+    save_dataset(protocol.record(held, "tool", poses), folder / "tool")
     return folder, scenario.boards
 
 
@@ -78,7 +80,7 @@ def test_a_body_leaves_model_numbers_and_urdf(body):
     names = {path.name for path in body.iterdir()}
     assert {"self_model.yaml", "result.json"} <= names
     assert any(name.endswith("_learned.urdf") for name in names)
-    model = SelfModel.load(body)
+    model = load_model(body)
     assert model.has_arm
     assert set(model.cameras) == {"left", "right"}
     document = document_of(body)
@@ -163,7 +165,7 @@ def test_a_tool_from_the_command_line(recorded, body, command, tmp_path):
     document = document_of(tmp_path / "held")
     reach = document["reach_mm"]
     assert reach["value"] == pytest.approx(1e3 * np.linalg.norm(TOOL), abs=4.0 * reach["sigma"])
-    assert SelfModel.load(tmp_path / "held").markers == ("hand", "screwdriver")
+    assert load_model(tmp_path / "held").markers == ("hand", "screwdriver")
 
 
 def test_a_point_that_moved_is_learned_anew_as_monitor_says(recorded, body, command):
@@ -221,7 +223,7 @@ def test_rezero_of_one_joint_and_of_all(recorded, body, command, tmp_path):
     every = command("rezero", body, folder / "slipped", "--out", tmp_path / "all", "--json")
     assert every.returncode == 0
     assert set(json.loads(every.stdout)["parameters"]) == {
-        f"{joint}.theta_offset" for joint in SelfModel.load(body).joints
+        f"{joint}.theta_offset" for joint in load_model(body).joints
     }
 
 
@@ -252,8 +254,8 @@ def test_what_cannot_be_done_is_one_line_and_writes_nothing(
 
 def test_models_and_data_that_do_not_suit_are_refused(recorded, body, command, tmp_path):
     folder, _ = recorded
-    without = SelfModel.load(body)
-    replace(without, cameras={}, covariance=None).save(tmp_path / "arm.yaml")
+    without = load_model(body)
+    save_model(replace(without, cameras={}, covariance=None), tmp_path / "arm.yaml")
     out = tmp_path / "out"
     done = command(
         *("calibrate", "body", folder / "train", "--model", tmp_path / "arm.yaml"),
@@ -265,7 +267,7 @@ def test_models_and_data_that_do_not_suit_are_refused(recorded, body, command, t
     assert lacking.returncode == 2
     assert "has no eyes, and data set 'later' holds nothing but pixels" in lacking.stderr
     once = tmp_path / "once"
-    Dataset.load(folder / "later").select(np.arange(1)).save(once)
+    save_dataset(load_dataset(folder / "later").select(np.arange(1)), once)
     lost = command("rezero", body, once, "--out", out)
     assert lost.returncode == 2
     assert "1 sighting is too few or too alike: `right_" in lost.stderr
@@ -296,7 +298,7 @@ def test_too_few_poses_for_a_body_name_what_is_unobservable(
 ):
     folder, _ = recorded
     few, out = tmp_path / "few", tmp_path / "out"
-    Dataset.load(folder / "later").select(np.arange(count)).save(few)
+    save_dataset(load_dataset(folder / "later").select(np.arange(count)), few)
     task = ("--stage", "kinematics", "--out", out)
     unknown = command("calibrate", "body", few, "--model", folder / "eyes.yaml", *task)
     poses = "1 pose" if count == 1 else f"{count} poses"
@@ -316,12 +318,12 @@ def test_too_few_poses_for_a_body_name_what_is_unobservable(
 def test_only_what_is_unobservable_is_named(recorded, body, command, tmp_path):
     folder, _ = recorded
     out, free = tmp_path / "out", {"right_elbow.gear", "right_elbow.theta_offset"}
-    held = [n for n in SelfModel.load(body).parameters.names if n not in free]
+    held = [n for n in load_model(body).parameters.names if n not in free]
     task = ("--model", body, "--stage", "kinematics", "--out", out)
     pins = [word for name in held for word in ("--fix", name)]
-    data = Dataset.load(folder / "later")
-    data.select(np.arange(1)).save(tmp_path / "one")
-    data.select(np.arange(5)).save(tmp_path / "five")
+    data = load_dataset(folder / "later")
+    save_dataset(data.select(np.arange(1)), tmp_path / "one")
+    save_dataset(data.select(np.arange(5)), tmp_path / "five")
     one = command("calibrate", "body", tmp_path / "one", *task, *pins)
     assert set(named_unobservable(one)[0]) == free
     five = command("calibrate", "body", tmp_path / "five", *task, *pins)
@@ -332,7 +334,7 @@ def test_only_what_is_unobservable_is_named(recorded, body, command, tmp_path):
 
 def test_a_tool_seen_once_names_what_one_pose_cannot_tell(recorded, body, command, tmp_path):
     folder, _ = recorded
-    Dataset.load(folder / "tool").select(np.arange(1)).save(tmp_path / "once")
+    save_dataset(load_dataset(folder / "tool").select(np.arange(1)), tmp_path / "once")
     done = command(
         "calibrate", "tool", tmp_path / "once", "--model", body, "--out", tmp_path / "out"
     )

@@ -10,8 +10,8 @@ import pytest
 import yaml
 
 from nico_selfmodel.cli import printer
-from nico_selfmodel.dataset import Dataset
-from nico_selfmodel.model import SelfModel
+from nico_selfmodel.dataset.folder import load_dataset, save_dataset
+from nico_selfmodel.model.self_model_file import load_model
 from nico_selfmodel.plant import ArmDescription
 
 
@@ -25,7 +25,7 @@ def test_the_result_folder_is_complete_and_consistent(result):
         assert set(document[part]["position_mm"]) == statistics
     for entry in document["parameters"].values():
         assert {"value", "sigma", "unit", "free"} == set(entry)
-    model = SelfModel.load(result)
+    model = load_model(result)
     values = dict(zip(model.parameters.names, model.parameters.values, strict=True))
     for name in ("right_elbow.gear", "right_elbow.r", "M0.x"):
         assert document["parameters"][name]["value"] == values[name]
@@ -69,8 +69,8 @@ def test_a_freed_gauge_is_named_and_fails(recorded, tmp_path, command):
 
 
 def test_evaluate_and_predict_agree_with_the_library(result, recorded, command):
-    test = Dataset.load(recorded[1])
-    model = SelfModel.load(result)
+    test = load_dataset(recorded[1])
+    model = load_model(result)
     done = command("evaluate", result, recorded[1], "--json")
     predicted = model.predict(test.encoders)
     distances = np.linalg.norm(predicted.p_WH - test.p_WH_measured, axis=1)
@@ -101,9 +101,9 @@ def test_evaluate_says_whether_the_error_is_that_of_the_training(result, recorde
 
 
 def test_a_body_that_changed_since_fails_with_exit_code_1(result, recorded, tmp_path, command):
-    data = Dataset.load(recorded[1])
+    data = load_dataset(recorded[1])
     moved = replace(data, p_WH_measured=data.p_WH_measured + np.array([0.01, 0.0, 0.0]))
-    moved.save(tmp_path / "moved")
+    save_dataset(moved, tmp_path / "moved")
     done = command("evaluate", result, tmp_path / "moved")
     assert done.returncode == 1
     assert "FAIL" in done.stdout
@@ -127,7 +127,7 @@ def test_poses_worth_recording_are_written_as_a_table_that_predict_reads(
 
 
 def test_a_prediction_far_from_the_training_comes_with_a_warning(result, recorded, command):
-    train = Dataset.load(recorded[0])
+    train = load_dataset(recorded[0])
     within = ",".join(map(str, np.median(train.encoders, axis=0)))
     done = command("predict", result, "--encoders", within)
     assert (done.returncode, done.stderr) == (0, "")
@@ -181,7 +181,7 @@ def test_a_csv_is_imported_by_a_column_map(tmp_path, command):
         tmp_path / "d",
     )
     assert done.returncode == 0, done.stderr
-    data = Dataset.load(tmp_path / "d")
+    data = load_dataset(tmp_path / "d")
     np.testing.assert_allclose(data.p_WH_measured, [[0.1, 0.2, 0.3], [0.11, 0.21, 0.31]])
 
 

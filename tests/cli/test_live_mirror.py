@@ -8,7 +8,8 @@ import pytest
 from nico_selfmodel.experiments.eyes_lesson import RenderedNico
 from nico_selfmodel.experiments.mirror_recording import DEFAULT_MIRROR, NicoBeforeMirrors
 from nico_selfmodel.experiments.watching import Watching
-from nico_selfmodel.model import Mirror
+from nico_selfmodel.model.mirror import Mirror
+from nico_selfmodel.model.self_model_file import save_model
 from nico_selfmodel.systems import IMPERFECTIONS, looking_arm
 
 from ..true_nico import true_model
@@ -30,7 +31,7 @@ def model_before(mirrors):
 )
 def test_mirrors_that_cannot_be_shown_are_refused_in_one_line(words, reason, tmp_path, command):
     far = Mirror.from_values([0.3, 0.0, 0.5])
-    model_before({"glass": DEFAULT_MIRROR, "far": far}).save(tmp_path / "body.yaml")
+    save_model(model_before({"glass": DEFAULT_MIRROR, "far": far}), tmp_path / "body.yaml")
     page = tmp_path / "page.html"
     body = ("--imperfections", "clean", "--seed", 3)
     done = command("live", tmp_path / "body.yaml", *body, "--mirror", words, "--out", page)

@@ -6,8 +6,9 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from nico_selfmodel.dataset.folder import save_dataset
 from nico_selfmodel.experiments.mirror_body import mirror_body
-from nico_selfmodel.model import SelfModel
+from nico_selfmodel.model.self_model_file import load_model, save_model
 
 
 @pytest.fixture(scope="module")
@@ -19,9 +20,9 @@ def body():
 def inputs(body, tmp_path_factory):
     """Return a folder with a body, training and test data."""
     folder = tmp_path_factory.mktemp("mirror")
-    body.calibrated().save(folder / "body.yaml")
-    body.watch("middle", 12, session=1).save(folder / "train")
-    body.watch("middle", 30, session=2).save(folder / "test")
+    save_model(body.calibrated(), folder / "body.yaml")
+    save_dataset(body.watch("middle", 12, session=1), folder / "train")
+    save_dataset(body.watch("middle", 30, session=2), folder / "test")
     return folder
 
 
@@ -41,7 +42,7 @@ def test_a_mirror_is_learned_and_lies_in_the_self_model(result, body):
     assert {p.name for p in out.iterdir()} == {
         "self_model.yaml", "result.json", "report.html", "scene.json",
     }  # fmt: skip
-    mirror = SelfModel.load(out).mirrors["middle"]
+    mirror = load_model(out).mirrors["middle"]
     assert np.degrees(mirror.angle_to(body.ground_truth.mirrors["middle"])) < 0.15
     assert mirror.covariance is not None
     document = json.loads((out / "result.json").read_text(encoding="utf-8"))
@@ -59,7 +60,7 @@ def test_the_report_says_the_verdict_and_loads_nothing(result):
 def test_a_thing_seen_in_the_mirror_is_located(command, result, body):
     out, _ = result
     seen = body.watch("middle", 1, session=5)
-    p = SelfModel.load(out).predict(seen.encoders).p_WH[0]
+    p = load_model(out).predict(seen.encoders).p_WH[0]
     word = ",".join(f"{v:.3f}" for v in seen.pixels[0])
     done = command("locate", out, "--mirror", "middle", f"--pixels={word}", "--json")
     assert done.returncode == 0, done.stderr
@@ -129,9 +130,9 @@ def test_options_that_make_no_sense_are_refused(command, inputs, tmp_path, optio
 
 def test_bad_data_are_one_clear_line(command, inputs, body, tmp_path):
     arm_alone = replace(body.calibrated(), cameras={})
-    arm_alone.save(tmp_path / "arm.yaml")
+    save_model(arm_alone, tmp_path / "arm.yaml")
     direct = body.watch("", 8)
-    replace(direct, mirror=np.full(8, "middle")).save(tmp_path / "direct")
+    save_dataset(replace(direct, mirror=np.full(8, "middle")), tmp_path / "direct")
     out = tmp_path / "result"
     for data, model, message in (
         (inputs / "train", tmp_path / "arm.yaml", "no eyes"),

@@ -12,11 +12,12 @@ import numpy as np
 import pytest
 from pydrake.systems.analysis import Simulator
 
-from nico_selfmodel.dataset import Dataset
+from nico_selfmodel.dataset.folder import content_hash, load_dataset
 from nico_selfmodel.planning.plans import commands_of_angles
-from nico_selfmodel.servos import ServoConfig, SimulatedBus
+from nico_selfmodel.servos import SimulatedBus
+from nico_selfmodel.servos.servo_config_file import load_servo_config, save_servo_config
 from nico_selfmodel.systems import ImageQuality, MotionCaptureServer, NicoBehindBus, NicoStation
-from nico_selfmodel.vision import write_image
+from nico_selfmodel.vision.image_file import write_image
 
 CODE = "from nico_selfmodel.cli import main; main()"
 SEED = 3
@@ -28,7 +29,7 @@ def robot(tmp_path_factory):
     file = tmp_path_factory.mktemp("robot") / "servos.yaml"
     with MotionCaptureServer(("fiducial", "finger_tip", "hand")) as server:
         nico = NicoBehindBus(NicoStation("thesis", SEED, quality=ImageQuality(1)), server)
-        nico.configuration.save(file)
+        save_servo_config(nico.configuration, file)
         with SimulatedBus(4, plant=nico) as bus:
             host, port = server.address
             words = ("--port", bus.name, "--config", str(file))
@@ -68,7 +69,7 @@ def test_a_recording_is_announced_made_and_resumed(homed, command, tmp_path):
 
     made = command("record", "--out", tmp_path / "data", *words, *tracker, *poses, "--yes")
     assert made.returncode == 0, made.stderr
-    data = Dataset.load(tmp_path / "data")
+    data = load_dataset(tmp_path / "data")
     assert len(data.samples) == 2
     assert set(data.marker) == {"fiducial", "finger_tip", "hand"}
     assert np.isfinite(data.p_WH_measured).any(axis=1).sum() >= 4
@@ -76,7 +77,7 @@ def test_a_recording_is_announced_made_and_resumed(homed, command, tmp_path):
     again = command("record", "--out", tmp_path / "data", *words, *tracker, *poses, "--yes")
     assert again.returncode == 0, again.stderr
     assert time.monotonic() - begin < 8.0
-    assert Dataset.load(tmp_path / "data").sha256 == data.sha256
+    assert content_hash(load_dataset(tmp_path / "data")) == content_hash(data)
 
 
 @pytest.mark.slow
@@ -96,7 +97,7 @@ def test_real_cameras_may_be_folders_of_pictures(homed, command, tmp_path):
     few = ("--circle", 0, "--random", 1, "--yes", "--images")
     done = command("record", "--out", tmp_path / "data", *homed[0], *cameras, *few)
     assert done.returncode == 0, done.stderr
-    data = Dataset.load(tmp_path / "data")
+    data = load_dataset(tmp_path / "data")
     seen = station.GetOutputPort("hand_pixels").Eval(simulator.get_context())[:4]
     assert data.marker.tolist() == ["fiducial"]
     assert data.pixels[0] == pytest.approx(seen, abs=1.0)
@@ -170,10 +171,10 @@ def test_a_fault_keeps_what_was_recorded_and_says_how_to_go_on(homed, command, t
     done = command("record", "--out", tmp_path / "data", *words, *tracker, *few)
     failing.join()
     assert_one_clear_line(done, "right_upper_arm_twist (module 3): over-current", "goes on from")
-    assert 1 <= len(Dataset.load(tmp_path / "data").samples) < 3
+    assert 1 <= len(load_dataset(tmp_path / "data").samples) < 3
     again = command("record", "--out", tmp_path / "data", *words, *tracker, *few)
     assert again.returncode == 0, again.stderr
-    assert len(Dataset.load(tmp_path / "data").samples) == 3
+    assert len(load_dataset(tmp_path / "data").samples) == 3
 
 
 @pytest.mark.slow
@@ -210,7 +211,7 @@ def test_a_simulated_body_gets_a_configuration_of_its_own(command, tmp_path):
     assert [line.split()[0] for line in done.stdout.splitlines()] == [
         *("config", "motion-capture", "servos")
     ]
-    assert len(ServoConfig.load(file).joints) == 4
+    assert len(load_servo_config(file).joints) == 4
     assert_one_clear_line(
         command("servo", "simulate", "--body", "--out", file), str(file), "exists"
     )

@@ -5,8 +5,8 @@ import json
 import numpy as np
 import pytest
 
-from nico_selfmodel.dataset import Dataset
-from nico_selfmodel.model import SelfModel
+from nico_selfmodel.dataset.folder import load_dataset
+from nico_selfmodel.model.self_model_file import load_model, save_model
 from nico_selfmodel.systems import looking_arm
 
 from ..true_nico import true_model
@@ -15,11 +15,11 @@ from ..true_nico import true_model
 @pytest.mark.slow
 def test_a_mirror_is_recorded_and_learned_one_command_after_the_other(tmp_path, command):
     seen, body, out = tmp_path / "seen", tmp_path / "body.yaml", tmp_path / "out"
-    true_model(looking_arm("fiducial"), "clean", 3).save(body)
+    save_model(true_model(looking_arm("fiducial"), "clean", 3), body)
     words = ("record", "--out", seen, "--imperfections", "clean", "--seed", 3, "--random", 2)
     done = command(*words, "--mirror", "glass=290,0,-20", "--images")
     assert done.returncode == 0, done.stderr
-    data = Dataset.load(seen)
+    data = load_dataset(seen)
     assert set(data.mirror.tolist()) == {"", "glass"}
     reflected = data.select(data.mirror == "glass")
     assert np.isfinite(reflected.pixels).all(axis=1).sum() >= 2
@@ -29,7 +29,7 @@ def test_a_mirror_is_recorded_and_learned_one_command_after_the_other(tmp_path, 
     # Meant at 290 mm before cameras as designed; the true head stands a degree off.
     assert document["mirrors"]["glass"]["distance_mm"] == pytest.approx(290.0, abs=15.0)
     assert document["train"]["pixels"]["mean"] < 0.5
-    assert set(SelfModel.load(out).mirrors) == {"glass"}
+    assert set(load_model(out).mirrors) == {"glass"}
     assert "mirrors/glass/picture" in (out / "scene.json").read_text()
 
 
@@ -79,13 +79,13 @@ def test_learn_goes_through_the_cameras_refines_both_and_ends_before_a_mirror(tm
     assert document["test"]["pixels"]["mean"] < 7.0
     assert document["refinement"]["accepted"]
     assert document["refinement"]["boards"]["held_out"]
-    assert "left.fx" in SelfModel.load(out).covariance.names
+    assert "left.fx" in load_model(out).covariance.names
     assert "thesis, refined (real robot)" in done.stdout
     assert (out / "nico_learned.urdf").exists()
     found = document["mirror"]
     assert found["status"] == "PASS"
     assert found["test"]["pixels"]["mean"] < document["test"]["pixels"]["mean"] + 1.5
     assert found["test"]["position_mm"]["mean"] < 50.0
-    assert set(SelfModel.load(out).mirrors) == {"mirror"}
+    assert set(load_model(out).mirrors) == {"mirror"}
     assert (out / "mirror" / "report.html").exists()
     assert "mirror" in done.stdout

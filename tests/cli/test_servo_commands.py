@@ -10,7 +10,9 @@ import time
 
 import pytest
 
-from nico_selfmodel.servos import ArmController, ServoConfig, SimulatedBus, SimulatedHand
+from nico_selfmodel.servos import ArmController, SimulatedBus
+from nico_selfmodel.servos.servo_config_file import load_servo_config
+from nico_selfmodel.servos.simulated_hand import SimulatedHand
 from nico_selfmodel.servos.simulated_module import SimulatedModule
 
 from ..servos.motor_client import MotorClient
@@ -150,7 +152,7 @@ def test_a_joint_that_is_blocked_on_its_way_or_near_its_goal_is_told(servo, bus,
 
 @pytest.mark.slow
 def test_where_a_board_is_missing_the_others_can_still_be_let_go(servo, bus, config):
-    with ArmController.open(bus.name, ServoConfig.load(config)) as arm:
+    with ArmController.open(bus.name, load_servo_config(config)) as arm:
         arm.connect()
         arm.enable(["elbow"])
     with bus.lock:

@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from nico_selfmodel.model import SelfModel
+from nico_selfmodel.model.self_model_file import load_model
 
 _SPEC = importlib.util.spec_from_file_location(
     "drawn_boards", Path(__file__).parents[1] / "drawn_boards.py"
@@ -54,7 +54,7 @@ def refused(command, folder, tmp_path, *words):
 
 
 def test_photographs_become_cameras_that_are_where_they_were_drawn(cameras):
-    model, truth = SelfModel.load(cameras), drawn_boards.SMALL_RIG
+    model, truth = load_model(cameras), drawn_boards.SMALL_RIG
     document = json.loads((cameras / "result.json").read_text())
     assert document["status"] == "PASS"
     assert document["test"]["pixels"]["rms"] < 0.2
@@ -80,7 +80,7 @@ def test_one_camera_alone_is_a_command_of_its_own(photographs, tmp_path, command
     assert parameters["right.fx"]["value"] == parameters["right.fy"]["value"]
     assert parameters["right.p1"]["free"]
     assert "baseline" not in parameters
-    assert set(SelfModel.load(out).cameras) == {"right"}
+    assert set(load_model(out).cameras) == {"right"}
 
 
 @pytest.mark.slow
@@ -142,7 +142,7 @@ def test_swapped_cameras_are_recognised(spoilt, tmp_path, command):
     out = tmp_path / "cameras"
     done = command("calibrate", "stereo", spoilt, *BOARD, "--swap-cameras", "--out", out)
     assert done.returncode == 0, done.stdout + done.stderr
-    found, truth = SelfModel.load(out).rig, drawn_boards.SMALL_RIG
+    found, truth = load_model(out).rig, drawn_boards.SMALL_RIG
     assert found.baseline == pytest.approx(truth.baseline, rel=0.02)
 
 

@@ -28,12 +28,12 @@ def test_a_corner_is_seen_where_both_its_coordinates_are_known(views):
 
 
 def test_each_eye_has_its_own_columns(views):
-    assert np.array_equal(views.of_eye("left"), views.pixels[:, :, :2], equal_nan=True)
+    assert np.array_equal(views.of_camera("left"), views.pixels[:, :, :2], equal_nan=True)
     right = views.only("right")
     assert right.names == ("01", "03", "04")
     assert right.eyes == ("right",)
     assert np.array_equal(right.pixels, views.pixels[[0, 2, 3], :, 2:])
-    assert np.array_equal(right.of_eye("right"), right.pixels)
+    assert np.array_equal(right.of_camera("right"), right.pixels)
     assert len(views.only("left")) == 4  # seen in part is seen
 
 

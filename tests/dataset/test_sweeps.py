@@ -4,13 +4,8 @@ import numpy as np
 import pytest
 import yaml
 
-from nico_selfmodel.dataset import (
-    Dataset,
-    JointInfo,
-    find_sweeps,
-    marked_sweeps,
-    unmarked_sweeps,
-)
+from nico_selfmodel.dataset import Dataset, JointInfo
+from nico_selfmodel.dataset.sweeps import find_sweeps, marked_sweeps, unmarked_sweeps
 
 
 def by_joint(sweeps):

@@ -3,7 +3,8 @@ import re
 import numpy as np
 import pytest
 
-from nico_selfmodel.dataset import JointInfo, import_vicon
+from nico_selfmodel.dataset import JointInfo
+from nico_selfmodel.dataset.vicon_importer import import_vicon
 from nico_selfmodel.dataset.vicon_trajectories import read_trajectories
 from nico_selfmodel.errors import DataError
 

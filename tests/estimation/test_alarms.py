@@ -98,7 +98,7 @@ def test_healthy_robots_are_called_healthy(sensor):
 @pytest.mark.parametrize("at", [0, LATE])
 @pytest.mark.parametrize("sensor", SENSORS)
 def test_encoder_jumps_of_two_degrees_are_found_soon_and_named(sensor, at):
-    """World thesis: 24 robots, four joints, either way; before the session, or in its middle."""
+    """Imperfections thesis: 24 robots, four joints, either way; before the session, or in its middle."""
     delays, wrong, early = {}, [], 0
     for seed in CHANGED:
         model = learned(sensor, THESIS, seed)

@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 
 from nico_selfmodel.dataset import Dataset
+from nico_selfmodel.dataset.folder import load_dataset, save_dataset
 from nico_selfmodel.estimation import calibrate_kinematics, evaluate, judge, judge_evaluation
 from nico_selfmodel.estimation.diagnosis.fault_hypotheses import unwrapped_readings
 from nico_selfmodel.estimation.diagnosis.nominal_check import robot_reason
@@ -16,7 +17,8 @@ from nico_selfmodel.estimation.observations.outlier_words import (
     describe_outliers,
     foreign_markers,
 )
-from nico_selfmodel.model import Chain, DhTable
+from nico_selfmodel.model.chain import Chain
+from nico_selfmodel.model.dh_table import DhTable
 
 SIGMA = 3e-4
 POSES = 70
@@ -161,9 +163,9 @@ def test_a_mirrored_or_rescaled_robot_is_told_from_a_described_one(make_truth):
 
 
 def test_points_within_two_millimetres_are_asked_about_when_they_are_read(train, tmp_path):
-    replace(train, p_WH_measured=1e-3 * train.p_WH_measured).save(tmp_path / "tiny")
+    save_dataset(replace(train, p_WH_measured=1e-3 * train.p_WH_measured), tmp_path / "tiny")
     with pytest.warns(UserWarning, match="were metres given as millimetres"):
-        Dataset.load(tmp_path / "tiny")
+        load_dataset(tmp_path / "tiny")
 
 
 def test_the_chance_of_more_outliers_is_that_of_fishers_exact_test():

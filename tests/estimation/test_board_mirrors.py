@@ -17,7 +17,9 @@ from nico_selfmodel.estimation.mirrors.mirror_solution import solve_mirrors, sta
 from nico_selfmodel.estimation.mirrors.reflections import ReflectionNoise
 from nico_selfmodel.geometry.rotation import rotation_from_vector
 from nico_selfmodel.geometry.transform import apply, transform
-from nico_selfmodel.model import Camera, Mirror, SelfModel
+from nico_selfmodel.model.camera import Camera
+from nico_selfmodel.model.mirror import Mirror
+from nico_selfmodel.model.self_model_file import load_model, save_model
 
 SIZE = (1600, 1200)
 EYE = Camera(1500.0, 1495.0, 790.0, 610.0, SIZE, k1=-0.11, k2=0.08)
@@ -119,8 +121,8 @@ def test_a_photograph_of_another_board_is_set_aside(calibrated):
 
 def test_the_result_is_a_self_model_that_survives_the_round_trip(calibrated, tmp_path):
     _, _, found = calibrated
-    found.self_model("corner", {"images": "simulated"}).save(tmp_path / "model.yaml")
-    model = SelfModel.load(tmp_path / "model.yaml")
+    save_model(found.self_model("corner", {"images": "simulated"}), tmp_path / "model.yaml")
+    model = load_model(tmp_path / "model.yaml")
     assert tuple(model.mirrors) == ("left", "right")
     assert "mirror.left.tilt_x" in model.covariance.names
     assert model.provenance["images"] == "simulated"

@@ -55,7 +55,7 @@ def test_the_residuals_are_those_of_the_cameras_that_the_variables_describe(eyes
     shown = np.einsum("vij,pj->vpi", X_LG[:, :3, :3], P_GQ) + X_LG[:, None, :3, 3]
     expected = np.concatenate(
         [
-            camera.project(shown.reshape(-1, 3)).reshape(len(views), -1, 2) - views.of_eye(eye)
+            camera.project(shown.reshape(-1, 3)).reshape(len(views), -1, 2) - views.of_camera(eye)
             for eye, camera in zip(eyes, cameras, strict=True)
         ],
         axis=2,

@@ -6,7 +6,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from nico_selfmodel.dataset import BoardViews
+from nico_selfmodel.dataset.board_views import BoardViews
 from nico_selfmodel.errors import DataError, ModelError
 from nico_selfmodel.estimation import BodyOptions, calibrate_body, evaluate, judge, to_json
 from nico_selfmodel.estimation.body.body_initialization import (
@@ -22,8 +22,9 @@ from nico_selfmodel.estimation.observations.pixel_evaluation import evaluate_pix
 from nico_selfmodel.estimation.observations.pixel_observations import PixelObservations
 from nico_selfmodel.geometry.rotation import rotation_from_vector
 from nico_selfmodel.geometry.transform import apply, transform
-from nico_selfmodel.model import SelfModel, StereoRig
 from nico_selfmodel.model.link_lengths import link_lengths
+from nico_selfmodel.model.self_model_file import load_model, save_model
+from nico_selfmodel.model.stereo_rig import StereoRig
 from nico_selfmodel.systems.simulated.sensors import StereoPixels
 
 from .simulated_bodies import CLEAN, Truth, blinded, body, learned, only_eyes, poses, scenario
@@ -225,8 +226,8 @@ def test_rows_of_one_eye_count_and_wild_ones_do_not():
 
 def test_the_model_survives_the_file_with_its_covariance(tmp_path):
     found = learned(0)
-    found.model.save(tmp_path / "body.yaml")
-    again = SelfModel.load(tmp_path / "body.yaml")
+    save_model(found.model, tmp_path / "body.yaml")
+    again = load_model(tmp_path / "body.yaml")
     assert again.covariance.names == found.model.covariance.names
     assert np.array_equal(again.covariance.matrix, found.model.covariance.matrix)
     assert again.fit["joint_sigma_rad"] == found.noise.joint_sigma
@@ -352,7 +353,7 @@ class TestBadInput:
         found = calibrate_body(few, start, recorded.boards)
         verdict = judge(found)
         assert verdict.status == "FAIL"
-        blind = {name for direction in found.uncertainty.blind for name in direction.names}
+        blind = {name for direction in found.uncertainty.unobservable for name in direction.names}
         assert {"right_elbow.gear", "right_upper_arm_twist.gear"} <= blind
         assert any("right_" in reason for reason in verdict.reasons)
 

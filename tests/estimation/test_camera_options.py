@@ -82,7 +82,7 @@ def test_what_concerns_one_eye_leaves_out_the_other_and_the_pose():
         freed=frozenset(["skew", "right.p1"]),
         priors={"fx": (380.0, 1.0), "right.fy": (380.0, 1.0)},
     )
-    left = options.of_eye("left")
+    left = options.of_camera("left")
     assert left.pinned == {"k3": 0.0, "left.cy": 1.0}
     assert left.freed == {"skew"}
     assert left.priors == {"fx": (380.0, 1.0)}

@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from nico_selfmodel.dataset import Sweep
+from nico_selfmodel.dataset.sweeps import Sweep
 from nico_selfmodel.estimation import Observations, analyse_circle_points, calibrate_kinematics
 from nico_selfmodel.estimation.arm.kinematic_task import sweeps_of
 from nico_selfmodel.estimation.initialization.circle_points import crossing_of

@@ -17,8 +17,11 @@ from nico_selfmodel.estimation.mirrors.mirror_solution import solve_mirrors, sta
 from nico_selfmodel.estimation.mirrors.reflections import ReflectionNoise, Reflections
 from nico_selfmodel.geometry.rotation import rotation_from_vector
 from nico_selfmodel.geometry.transform import transform
-from nico_selfmodel.model import Camera, Mirror, MirrorRig, ParameterCovariance, SelfModel
+from nico_selfmodel.model import MirrorRig
+from nico_selfmodel.model.camera import Camera
+from nico_selfmodel.model.mirror import Mirror
 from nico_selfmodel.model.mirror_rig import reflected_projection
+from nico_selfmodel.model.self_model import ParameterCovariance, SelfModel
 
 from .mirror_scenes import (
     CHAIN,

@@ -12,7 +12,8 @@ from nico_selfmodel.estimation import plan_mirror_poses
 from nico_selfmodel.estimation.mirror_poses import free_space
 from nico_selfmodel.estimation.mirrors.mirror_solution import solve_mirrors
 from nico_selfmodel.estimation.mirrors.reflections import ReflectionNoise, Reflections
-from nico_selfmodel.model import Mirror, MirrorRig
+from nico_selfmodel.model import MirrorRig
+from nico_selfmodel.model.mirror import Mirror
 
 from .mirror_scenes import CHAIN, MIRROR, RIG, SERVOS, SIZE, body, poses, recording
 

@@ -7,7 +7,7 @@ import pytest
 
 from nico_selfmodel.estimation.body.model_changes import parameter_changes
 from nico_selfmodel.geometry.rotation import rotation_from_vector
-from nico_selfmodel.model import ParameterCovariance
+from nico_selfmodel.model.self_model import ParameterCovariance
 from nico_selfmodel.viz.reports.tables import change_table
 
 from .simulated_bodies import learned

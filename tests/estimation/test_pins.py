@@ -13,7 +13,7 @@ from nico_selfmodel.estimation import (
     judge,
     to_json,
 )
-from nico_selfmodel.model import DhTable
+from nico_selfmodel.model.dh_table import DhTable
 
 SIGMA = 3e-4
 
@@ -134,7 +134,7 @@ def test_a_freed_gauge_is_blind_named_in_words_and_fails(make_truth, learn, name
     verdict = judge(result)
     assert verdict.status == "FAIL"
     assert name in result.free
-    (blind,) = result.uncertainty.blind
+    (blind,) = result.uncertainty.unobservable
     assert name in blind.names
     document = to_json(result, verdict)
     (words,) = document["not_identifiable"]

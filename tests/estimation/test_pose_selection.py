@@ -13,7 +13,9 @@ from nico_selfmodel.estimation.pose_selection import (
     random_poses,
 )
 from nico_selfmodel.experiments.first_arm import nominal_of
-from nico_selfmodel.model import DhTable, SelfModel, ServoMap
+from nico_selfmodel.model.dh_table import DhTable
+from nico_selfmodel.model.self_model import SelfModel
+from nico_selfmodel.model.servo_map import ServoMap
 from nico_selfmodel.planning.sweep_protocol import Protocol
 from nico_selfmodel.plant import ArmDescription
 from nico_selfmodel.recording import record

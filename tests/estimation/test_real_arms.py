@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 from nico_selfmodel.dataset import Dataset
+from nico_selfmodel.dataset.folder import load_dataset
 from nico_selfmodel.estimation import calibrate_kinematics, judge
 
 pytestmark = pytest.mark.real_data
@@ -30,7 +31,7 @@ def franka(real_data_folder, project_root, tmp_path_factory):
     out = tmp_path_factory.mktemp("franka") / "dataset"
     example = project_root / "examples" / "03_import_franka.py"
     subprocess.run([sys.executable, example, measurements, out], check=True, timeout=60)
-    return Dataset.load(out)
+    return load_dataset(out)
 
 
 def between_axes_deg(result):
@@ -58,7 +59,7 @@ def test_the_positioner_is_refined_to_its_noise(positioner, loss):
     assert rms_mm(result.train) <= 0.405
     assert 89.95 <= between_axes_deg(result) <= 90.0
     assert not result.outliers.any()
-    assert result.uncertainty.blind == ()
+    assert result.uncertainty.unobservable == ()
     assert np.sqrt(np.mean(result.cross_validation**2)) <= 0.41e-3
     assert judge(result).status == "NOT_EVALUATED"
 

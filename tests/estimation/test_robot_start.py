@@ -9,7 +9,7 @@ from nico_selfmodel.errors import ModelError
 from nico_selfmodel.estimation import Pins, calibrate_kinematics, judge
 from nico_selfmodel.experiments.first_arm import nominal_of
 from nico_selfmodel.experiments.protocol import simulated_session
-from nico_selfmodel.model import DhTable
+from nico_selfmodel.model.dh_table import DhTable
 from nico_selfmodel.planning.sweep_protocol import Protocol
 from nico_selfmodel.plant import ArmDescription
 from nico_selfmodel.systems import IMPERFECTIONS

@@ -116,7 +116,7 @@ def test_noise_moves_everything_by_a_few_sigma(learned, X_LG):
     assert np.sqrt(np.mean(score**2)) == pytest.approx(1.0, abs=0.5)
     assert learned.pixel_sigma == pytest.approx(SIGMA, rel=0.05)
     assert pytest.approx(X_LG, abs=0.02) == learned.X_LG
-    assert learned.uncertainty.blind == ()
+    assert learned.uncertainty.unobservable == ()
 
 
 def test_the_figures_of_a_result_agree_with_each_other(learned, noisy):
@@ -238,7 +238,7 @@ def test_parallel_boards_are_refused_or_their_focal_length_is_called_blind(seed,
     with suppress(NotIdentifiableError):
         found = calibrate_cameras(views)
         assert np.isinf(sigma_of(found)["left.fx"])
-        assert any("left.fx" in blind.names for blind in found.uncertainty.blind)
+        assert any("left.fx" in blind.names for blind in found.uncertainty.unobservable)
 
 
 @pytest.mark.parametrize("count", [0, 1, 2])
@@ -306,7 +306,7 @@ def test_the_real_left_eye_is_opencvs(real_data_folder):
     assert found.converged
     assert found.cameras[0].fx == found.cameras[0].fy == pytest.approx(535.916, abs=0.02)
     assert found.rms == pytest.approx(0.3926, abs=1e-3)
-    assert found.uncertainty.blind == ()
+    assert found.uncertainty.unobservable == ()
 
 
 @pytest.mark.real_data
@@ -352,7 +352,7 @@ def test_corners_beyond_the_fold_of_a_lens_do_not_stop_its_judgement():
     ]
     folding, views = StereoRig(*eyes), pictures(boards(12))
     assert np.isfinite(views.pixels).all()
-    reach = folding.left.has_rays(views.of_eye("left").reshape(-1, 2))
+    reach = folding.left.has_rays(views.of_camera("left").reshape(-1, 2))
     placed = pose_of_seen_boards(folding.eyes, views)
     assert not reach.all()
     assert np.isfinite(placed).all()

@@ -8,7 +8,7 @@ import pytest
 
 from nico_selfmodel.errors import DataError, ModelError, NotIdentifiableError
 from nico_selfmodel.estimation import calibrate_tool, evaluate, judge, rezero, to_json
-from nico_selfmodel.model import SelfModel
+from nico_selfmodel.model.self_model_file import load_model, save_model
 
 from .simulated_bodies import blinded, body, learned, only_eyes, poses
 
@@ -82,8 +82,8 @@ def test_the_tip_is_learned_anew_under_its_own_name_and_survives_the_file(model,
     few = replace(only_eyes(tipped.select(np.arange(5))), marker=np.full(5, "screwdriver"))
     found = calibrate_tool(model, few)
     assert found.tool == "screwdriver"
-    found.model.save(tmp_path / "m.yaml")
-    again = SelfModel.load(tmp_path / "m.yaml")
+    save_model(found.model, tmp_path / "m.yaml")
+    again = load_model(tmp_path / "m.yaml")
     second = calibrate_tool(again, few, tool="screwdriver")
     assert second.model.markers == ("hand", "screwdriver")
     assert second.model.dh.p_NH[1] == pytest.approx(found.model.dh.p_NH[1], abs=1e-5)

@@ -8,6 +8,7 @@ import pytest
 
 from nico_selfmodel.cli.learn.by_cameras import write_scenario
 from nico_selfmodel.dataset import Dataset
+from nico_selfmodel.dataset.folder import content_hash, load_dataset
 from nico_selfmodel.errors import NotConvergedError
 from nico_selfmodel.estimation import calibrate_cameras
 from nico_selfmodel.experiments import body_lesson
@@ -15,7 +16,7 @@ from nico_selfmodel.experiments.body_lesson import refine
 from nico_selfmodel.experiments.eyes_lesson import CameraScenario, learn_arm, nominal_with
 from nico_selfmodel.experiments.projected_nico import ProjectedNico
 from nico_selfmodel.experiments.refinement import simulated_scenario
-from nico_selfmodel.model import SelfModel
+from nico_selfmodel.model.self_model_file import load_model
 from nico_selfmodel.systems import IMPERFECTIONS, looking_arm
 from nico_selfmodel.viz.scene import load_scene
 
@@ -61,7 +62,7 @@ def test_the_refined_body_is_kept_with_covariance_and_told_beside_what_was_befor
 ):
     assert scenario.accepted
     document = write_scenario(tmp_path / "nico", scenario, MARKER, force=False)
-    kept = SelfModel.load(tmp_path / "nico")
+    kept = load_model(tmp_path / "nico")
     assert kept.parameters.values.tolist() == scenario.refined.model.parameters.values.tolist()
     assert {"left.fx", "right.pose.x", "right_elbow.r"} <= set(kept.covariance.names)
     assert document == json.loads((tmp_path / "nico" / "result.json").read_text())
@@ -77,8 +78,8 @@ def test_the_refined_body_is_kept_with_covariance_and_told_beside_what_was_befor
     assert "What learning together changed" in page
     names = {path.name for path in (tmp_path / "nico").iterdir()}
     assert {"nico_learned.urdf", "recordings", "scene.json"} <= names
-    again = Dataset.load(tmp_path / "nico" / "recordings" / "train")
-    assert again.sha256 == scenario.arm.train.sha256
+    again = load_dataset(tmp_path / "nico" / "recordings" / "train")
+    assert content_hash(again) == content_hash(scenario.arm.train)
 
 
 @pytest.mark.usefixtures("undrawn")
@@ -95,7 +96,7 @@ def test_boards_that_lie_about_their_size_make_it_refused_and_the_arm_before_is_
     assert not told["accepted"]
     assert "lost the scale" in " ".join(told["reasons"])
     assert told["kept"] == "arm learned after the eyes"
-    assert SelfModel.load(tmp_path / "nico").rig.baseline == scenario.arm.model.rig.baseline
+    assert load_model(tmp_path / "nico").rig.baseline == scenario.arm.model.rig.baseline
     page = (tmp_path / "nico" / "report.html").read_text()
     assert "refined together, and that was refused" in page
     assert "lost the scale" in page

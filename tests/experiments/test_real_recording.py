@@ -11,7 +11,9 @@ from nico_selfmodel.estimation import calibrate_kinematics
 from nico_selfmodel.experiments.real_recording import RealRecording
 from nico_selfmodel.planning.visible_workspace import VisibleWorkspace
 from nico_selfmodel.recording import record
-from nico_selfmodel.servos import ArmController, BusSettings, SimulatedBus, zero_here
+from nico_selfmodel.servos import ArmController, SimulatedBus
+from nico_selfmodel.servos.bus import BusSettings
+from nico_selfmodel.servos.homing import zero_here
 from nico_selfmodel.systems import (
     IMPERFECTIONS,
     ImageQuality,

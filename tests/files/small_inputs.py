@@ -7,7 +7,9 @@ import cv2
 import numpy as np
 
 from nico_selfmodel.dataset import Dataset, JointInfo
+from nico_selfmodel.dataset.folder import load_dataset, save_dataset
 from nico_selfmodel.experiments.mirror_body import mirror_body
+from nico_selfmodel.model.self_model_file import save_model
 
 from ..drawn_boards import draw_pairs
 
@@ -254,8 +256,8 @@ def make_sound_inputs(sound: Path, command) -> dict[str, str]:
         command: Runs `nico-selfmodel`; it makes what only commands make.
     """
     q, data = _small_data(5)
-    data.save(sound / "data")
-    _small_data(6)[1].save(sound / "train")
+    save_dataset(data, sound / "data")
+    save_dataset(_small_data(6)[1], sound / "train")
     for folder, name, text in (
         ("robot", "small.urdf", URDF),
         ("servos", "servos.yaml", SERVOS),
@@ -352,7 +354,7 @@ def _make_recording(sound: Path, command) -> None:
     lines = (recorded / "samples.csv").read_text().splitlines(keepends=True)
     (recorded / "samples.csv").write_text("".join(lines[:-1]))
     (sound / "to_visit").mkdir()
-    joints = [joint.name for joint in Dataset.load(recorded).joints]
+    joints = [joint.name for joint in load_dataset(recorded).joints]
     rows = [",".join(joints), *(",".join(["100"] * len(joints)) for _ in range(2))]
     (sound / "to_visit" / "poses.csv").write_text("\n".join(rows) + "\n")
 
@@ -381,9 +383,9 @@ def _together(one: Dataset, other: Dataset) -> Dataset:
 def _make_seen(sound: Path, command) -> dict[str, str]:
     """Write a body with eyes that met a mirror, and what it saw."""
     body = mirror_body(2)
-    body.calibrated().save(sound / "eyes.yaml")
-    _together(body.watch("", 12, session=1), body.watch("middle", 8, session=2)).save(
-        sound / "seen"
+    save_model(body.calibrated(), sound / "eyes.yaml")
+    save_dataset(
+        _together(body.watch("", 12, session=1), body.watch("middle", 8, session=2)), sound / "seen"
     )
     words = ("--model", sound / "eyes.yaml", "--stage", "kinematics")
     _done(command("calibrate", "body", sound / "seen", *words, "--out", sound / "nico"))

@@ -6,7 +6,7 @@ from pathlib import Path
 
 import pytest
 
-from nico_selfmodel.files import (
+from nico_selfmodel.files.whole import (
     folder_in_place_of,
     folder_written_whole,
     recover,

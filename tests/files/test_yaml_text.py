@@ -10,9 +10,9 @@ from nico_selfmodel.dataset import import_csv
 from nico_selfmodel.dataset.folder import load_dataset
 from nico_selfmodel.errors import SelfModelError
 from nico_selfmodel.files.yaml_text import DEEPEST, MOST_VALUES, parse_yaml, yaml_text
-from nico_selfmodel.model import SelfModel
-from nico_selfmodel.servos import ServoConfig
-from nico_selfmodel.vision import ColorModel
+from nico_selfmodel.model.self_model_file import load_model
+from nico_selfmodel.servos.servo_config_file import load_servo_config
+from nico_selfmodel.vision.color_model import ColorModel
 
 NINE_DEEP = "\n".join(
     ["a0: &a0 [x, x, x, x, x, x, x, x, x, x]"]
@@ -64,8 +64,8 @@ def _of_data_set(path):
 
 
 READERS = {
-    "self-model": SelfModel.load,
-    "servo configuration": ServoConfig.load,
+    "self-model": load_model,
+    "servo configuration": load_servo_config,
     "colour": ColorModel.load,
     "column map": lambda path: import_csv(path, path),
     "data set": _of_data_set,

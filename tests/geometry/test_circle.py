@@ -5,8 +5,12 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from nico_selfmodel.geometry import Circle, circle_with_angles, robust_circle
-from nico_selfmodel.geometry.circle_variants import circle_by_appendix_a
+from nico_selfmodel.geometry.circle import Circle
+from nico_selfmodel.geometry.circle_variants import (
+    circle_by_appendix_a,
+    circle_with_angles,
+    robust_circle,
+)
 from nico_selfmodel.geometry.rotation import rotation_about, tangent_basis
 
 FITS = {

@@ -5,8 +5,12 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from nico_selfmodel.geometry import Circle, circle_with_angles, robust_circle
-from nico_selfmodel.geometry.circle_variants import circles_through
+from nico_selfmodel.geometry.circle import Circle
+from nico_selfmodel.geometry.circle_variants import (
+    circle_with_angles,
+    circles_through,
+    robust_circle,
+)
 from nico_selfmodel.geometry.rotation import tangent_basis
 
 SEED = st.integers(0, 2**32 - 1)

@@ -5,7 +5,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from nico_selfmodel.geometry import Alignment
+from nico_selfmodel.geometry.alignment import Alignment
 from nico_selfmodel.geometry.line import Line, common_normal_feet
 from nico_selfmodel.geometry.plane import Plane
 from nico_selfmodel.geometry.rotation import nearest_rotation, tangent_basis

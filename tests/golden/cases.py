@@ -11,6 +11,7 @@ import numpy as np
 
 from nico_selfmodel.dataset import Dataset
 from nico_selfmodel.dataset.board_views import BoardViews
+from nico_selfmodel.dataset.folder import load_dataset
 from nico_selfmodel.estimation import (
     BodyOptions,
     CameraAssessment,
@@ -23,13 +24,13 @@ from nico_selfmodel.estimation import (
     rezero,
     to_json,
 )
-from nico_selfmodel.model import SelfModel
+from nico_selfmodel.model.self_model_file import load_model
 
 FOLDER = Path(__file__).parent
 
 
 def data(name: str) -> Dataset:
-    return Dataset.load(FOLDER / name)
+    return load_dataset(FOLDER / name)
 
 
 def boards(name: str) -> BoardViews:
@@ -53,7 +54,7 @@ def cameras() -> dict[str, Any]:
 
 
 def body_model():
-    eyes = SelfModel.load(FOLDER / "eyes.yaml")
+    eyes = load_model(FOLDER / "eyes.yaml")
     options, test = BodyOptions(), data("body_test")
     return calibrate_body(data("body_train"), eyes, boards("body_boards"), options, test=test)
 
@@ -74,7 +75,7 @@ def rezeroed() -> dict[str, Any]:
 
 
 def mirror() -> dict[str, Any]:
-    model = SelfModel.load(FOLDER / "mirror_body.yaml")
+    model = load_model(FOLDER / "mirror_body.yaml")
     found = calibrate_mirrors(data("mirror"), model, test=data("mirror_test"))
     return to_json(found, judge(found))
 

@@ -5,8 +5,9 @@ from dataclasses import replace
 import pytest
 
 from nico_selfmodel.errors import ModelError
-from nico_selfmodel.model import SelfModel
 from nico_selfmodel.model.noise_mixture import NoiseMixture, mixtures_of
+from nico_selfmodel.model.self_model import SelfModel
+from nico_selfmodel.model.self_model_file import load_model, save_model
 
 NOISE = NoiseMixture(6e-4, 0.006, 1.2e-3, 0.02, 0.1, 0.005, 100)
 ENTRY = NOISE.as_document("points")
@@ -20,8 +21,8 @@ def test_what_is_written_is_read_back_to_the_last_bit():
 
 def test_a_self_model_carries_its_noise_through_its_file(tmp_path):
     model = SelfModel("eyes", fit={"noise": {"pixels": NOISE.as_document("pixels")}})
-    model.save(tmp_path / "self_model.yaml")
-    assert SelfModel.load(tmp_path).noise_mixtures == {"pixels": NOISE}
+    save_model(model, tmp_path / "self_model.yaml")
+    assert load_model(tmp_path).noise_mixtures == {"pixels": NOISE}
 
 
 @pytest.mark.parametrize(
@@ -44,12 +45,12 @@ def test_a_self_model_carries_its_noise_through_its_file(tmp_path):
 )
 def test_what_is_no_noise_is_refused_on_loading(tmp_path, key, value, message):
     path = tmp_path / "self_model.yaml"
-    SelfModel("eyes", fit={"noise": {"points": ENTRY}}).save(path)
+    save_model(SelfModel("eyes", fit={"noise": {"points": ENTRY}}), path)
     text = path.read_text()
     assert f"{key}: {ENTRY[key]}" in text
     path.write_text(text.replace(f"  {key}: {ENTRY[key]}", f"  {key}: {_yaml(value)}"))
     with pytest.raises(ModelError, match=message):
-        SelfModel.load(path)
+        load_model(path)
 
 
 @pytest.mark.parametrize(

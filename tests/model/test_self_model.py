@@ -5,7 +5,8 @@ import dataclasses
 import numpy as np
 import pytest
 
-from nico_selfmodel.model import DhTable, ParameterCovariance, SelfModel
+from nico_selfmodel.model.dh_table import DhTable
+from nico_selfmodel.model.self_model import ParameterCovariance, SelfModel
 
 
 @pytest.fixture

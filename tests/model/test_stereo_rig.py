@@ -10,7 +10,7 @@ from nico_selfmodel.errors import ModelError
 from nico_selfmodel.geometry.rotation import rotation_from_vector
 from nico_selfmodel.geometry.transform import apply, inverse, transform
 from nico_selfmodel.model.camera import Camera
-from nico_selfmodel.model.stereo_rig import EYES, POSE_NAMES, StereoRig
+from nico_selfmodel.model.stereo_rig import POSE_NAMES, SIDES, StereoRig
 
 SIZE = (640, 480)
 SEED = st.integers(0, 2**32 - 1)
@@ -277,4 +277,4 @@ def test_every_parameter_has_a_name_a_value_and_a_unit():
     assert dict(zip(rig.names, rig.units, strict=True))["right.pose.rx"] == "rad"
     assert StereoRig.names_of(("left",)) == rig.names[:10]
     assert StereoRig.names_of(("right",)) == rig.names[10:20]
-    assert EYES == ("left", "right")
+    assert SIDES == ("left", "right")

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from nico_selfmodel.optimization import CalibrationProgram
+from nico_selfmodel.optimization.calibration_program import CalibrationProgram
 
 
 class LinearBlock:

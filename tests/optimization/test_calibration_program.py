@@ -6,7 +6,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 from pydrake.autodiffutils import ExtractGradient, ExtractValue, InitializeAutoDiff
 
-from nico_selfmodel.optimization import CalibrationProgram, Loss
+from nico_selfmodel.optimization.calibration_program import CalibrationProgram
+from nico_selfmodel.optimization.losses import Loss
 
 from .dense_jacobian import whitened_jacobian
 
@@ -50,8 +51,8 @@ def test_variables_that_make_no_sense_are_refused(decay, names, start, message):
 @pytest.mark.parametrize(
     "call",
     [
-        lambda program: program.pin("wdith"),
-        lambda program: program.unpin("wdith"),
+        lambda program: program.fix("wdith"),
+        lambda program: program.release("wdith"),
         lambda program: program.add_bounds("wdith", 0, 1),
         lambda program: program.add_prior("wdith", 0, 1),
         lambda program: program.add_linear_constraint({"rate": 1.0, "wdith": 1.0}, 0, 1),
@@ -70,25 +71,25 @@ def test_a_block_of_unknown_variables_is_refused(linear_block):
 
 def test_a_pin_holds_until_it_is_taken_out(decay):
     free = decay.solve()
-    decay.pin("rate", 1.5)
+    decay.fix("rate", 1.5)
     assert decay.free.tolist() == [True, False]
     assert decay.start[1] == 1.5
     held = decay.solve()
     assert held.converged
     assert held.x[1] == 1.5
     assert held.cost > free.cost
-    decay.pin("rate", 0.3)  # replaces the earlier pin
+    decay.fix("rate", 0.3)  # replaces the earlier pin
     assert decay.solve().x[1] == 0.3
-    decay.unpin("rate")
-    decay.unpin("rate")
+    decay.release("rate")
+    decay.release("rate")
     assert decay.free.all()
     assert decay.solve().x == pytest.approx(free.x, rel=1e-6)
 
 
 def test_a_pin_without_a_value_holds_the_start_and_all_pins_leave_nothing_to_do(decay):
-    decay.pin("rate")
+    decay.fix("rate")
     assert decay.solve().x[1] == 0.1
-    decay.pin("height")
+    decay.fix("height")
     solution = decay.solve()
     assert solution.x.tolist() == [0.5, 0.1]
     assert solution.cost == pytest.approx(decay.normal_equations(decay.start)[0])
@@ -127,7 +128,7 @@ def test_a_linear_inequality_holds_from_any_start(distance_to, start):
 
 def test_constraints_know_what_is_pinned(distance_to):
     program = distance_to([2.0, 2.0, 0.0], [0.5, 0.5, 0.5])
-    program.pin("x0", 3.0)
+    program.fix("x0", 3.0)
     program.add_linear_constraint({"x0": 1.0, "x1": 1.0, "x2": 1.0}, 4.0, 4.0)
     solution = program.solve()
     assert solution.x == pytest.approx([3.0, 1.5, -0.5], abs=1e-6)
@@ -140,7 +141,7 @@ def test_demands_that_contradict_each_other_give_no_solution(distance_to):
     assert refuses(apart)
     outside = distance_to([0.0, 0.0], [0.0, 0.0])
     outside.add_bounds("x0", 0.0, 1.0)
-    outside.pin("x0", 5.0)
+    outside.fix("x0", 5.0)
     assert refuses(outside)
 
 

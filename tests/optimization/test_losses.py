@@ -5,8 +5,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from nico_selfmodel.optimization import Loss, robust_scale
-from nico_selfmodel.optimization.losses import LOSSES, TUNING
+from nico_selfmodel.optimization.losses import LOSSES, TUNING, Loss, robust_scale
 
 KIND = st.sampled_from(LOSSES)
 COORDINATES = st.integers(1, 4)

@@ -6,8 +6,9 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from nico_selfmodel.optimization import CalibrationProgram, Loss, RobustSolution, solve_robustly
-from nico_selfmodel.optimization.robust_solve import ROBUST_METHODS
+from nico_selfmodel.optimization.calibration_program import CalibrationProgram
+from nico_selfmodel.optimization.losses import Loss
+from nico_selfmodel.optimization.robust_solve import ROBUST_METHODS, RobustSolution, solve_robustly
 
 from .dense_jacobian import whitened_jacobian
 
@@ -204,22 +205,28 @@ def test_few_good_observations_that_all_matter_are_kept():
 def test_spreads_of_all_observations_add_up_to_the_parameters():
     program = linear_program(1)
     x = program.solve().x
-    assert np.trace(program.spreads(0, x), axis1=1, axis2=2).sum() == pytest.approx(23.0)
-    program.pin("x3")
-    assert np.trace(program.spreads(0, x), axis1=1, axis2=2).sum() == pytest.approx(22.0)
+    assert np.trace(program.prediction_covariances(0, x), axis1=1, axis2=2).sum() == pytest.approx(
+        23.0
+    )
+    program.fix("x3")
+    assert np.trace(program.prediction_covariances(0, x), axis1=1, axis2=2).sum() == pytest.approx(
+        22.0
+    )
 
 
 def test_spreads_do_not_depend_on_the_units_of_the_parameters():
     x, units = np.zeros(23), np.geomspace(1.0, 1e10, 23)
-    spreads = linear_program(1, units).spreads(0, x)
-    assert spreads == pytest.approx(linear_program(1).spreads(0, x), abs=1e-6)
+    spreads = linear_program(1, units).prediction_covariances(0, x)
+    assert spreads == pytest.approx(linear_program(1).prediction_covariances(0, x), abs=1e-6)
 
 
 def test_what_nothing_is_known_of_spreads_nothing():
     program = linear_program(1)
     program.add_variables(["unseen"], [0.0])
     x = np.zeros(24)
-    assert np.trace(program.spreads(0, x), axis1=1, axis2=2).sum() == pytest.approx(23.0)
+    assert np.trace(program.prediction_covariances(0, x), axis1=1, axis2=2).sum() == pytest.approx(
+        23.0
+    )
 
 
 def test_an_observation_left_out_is_judged_by_what_the_others_say_of_it():
@@ -231,4 +238,4 @@ def test_an_observation_left_out_is_judged_by_what_the_others_say_of_it():
     J = LinearBlock(2).slopes.transpose(2, 1, 0)
     others = np.einsum("nik,nil->kl", J[keep > 0.0], J[keep > 0.0])
     expected = J[4] @ np.linalg.solve(others, J[4].T)
-    assert program.spreads(0, x)[4] == pytest.approx(expected, rel=1e-6)
+    assert program.prediction_covariances(0, x)[4] == pytest.approx(expected, rel=1e-6)

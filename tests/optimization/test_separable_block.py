@@ -6,7 +6,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from nico_selfmodel.geometry.levenberg_marquardt import damped_step
-from nico_selfmodel.optimization import CalibrationProgram, Loss
+from nico_selfmodel.optimization.calibration_program import CalibrationProgram
+from nico_selfmodel.optimization.losses import Loss
 from nico_selfmodel.optimization.separable_block import SeparableBlock, eliminated_step
 
 from .dense_jacobian import whitened_jacobian
@@ -157,7 +158,7 @@ def test_pinned_variables_of_one_observation_end_the_elimination_and_nothing_els
     solutions = []
     for each in (block, DenseBlock(block)):
         program = program_of(each)
-        program.pin("track_1.height", 2.0)
+        program.fix("track_1.height", 2.0)
         solutions.append(program.solve())
     mine, other = solutions
     assert mine.converged
@@ -167,8 +168,8 @@ def test_pinned_variables_of_one_observation_end_the_elimination_and_nothing_els
 
 def test_pinned_shared_variables_leave_each_observation_to_itself(block):
     program = program_of(block)
-    program.pin("rate", 0.9)
-    program.pin("drift", 0.1)
+    program.fix("rate", 0.9)
+    program.fix("drift", 0.1)
     solution = program.solve()
     assert solution.converged
     wave = np.stack([np.exp(-0.9 * block.t), np.ones_like(block.t)], axis=1)
@@ -222,10 +223,10 @@ def test_spreads_of_another_block_are_those_beside_a_dense_block(block, linear_b
     for each in (block, DenseBlock(block)):
         program = program_of(each, beside, extra=["other"])
         if change.startswith("pinned"):
-            program.pin("rate" if change == "pinned shared" else "track_1.height")
+            program.fix("rate" if change == "pinned shared" else "track_1.height")
         if change == "no weight":
             program.set_loss(0, Loss(), np.array([0.0, 1.0, 1.0, 1.0, 1.0]))
-        found.append(program.spreads(1, program.start))
+        found.append(program.prediction_covariances(1, program.start))
     assert found[0].shape == (6, 3, 3)
     assert np.trace(found[0], axis1=1, axis2=2).sum() > 0.9
     np.testing.assert_allclose(found[0], found[1], atol=1e-10)

@@ -4,8 +4,9 @@ import numpy as np
 import pytest
 from pydrake.solvers import MathematicalProgram, SolutionResult, SolverOptions
 
-from nico_selfmodel.optimization import CalibrationProgram, Loss
+from nico_selfmodel.optimization.calibration_program import CalibrationProgram
 from nico_selfmodel.optimization.levenberg_marquardt_solver import LevenbergMarquardtSolver
+from nico_selfmodel.optimization.losses import Loss
 
 SOLVERS = ["lm", "snopt", "ipopt"]
 
@@ -27,7 +28,7 @@ def tied(program):
 
 
 def pinned(program):
-    program.pin("height", 1.7)
+    program.fix("height", 1.7)
 
 
 def with_prior(program):
@@ -72,7 +73,7 @@ def test_priors_alone_make_a_program(solver):
 
 
 def test_the_solution_is_a_result_that_drake_can_read(decay):
-    decay.pin("height", 1.7)
+    decay.fix("height", 1.7)
     solver = LevenbergMarquardtSolver(decay)
     result = solver.Solve(decay.prog)
     height, rate = decay.prog.decision_variables()

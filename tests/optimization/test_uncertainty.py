@@ -5,7 +5,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from nico_selfmodel.optimization import Uncertainty
+from nico_selfmodel.optimization.uncertainty import Uncertainty
 
 NAMES = ("a", "b", "c", "d")
 
@@ -29,7 +29,7 @@ def test_it_is_the_closed_form_of_linear_regression(seed, factor):
     expected = factor**2 * np.linalg.inv(a.T @ a)
     assert found.variance_factor == pytest.approx(factor**2)
     assert found.rank == 4
-    assert found.blind == ()
+    assert found.unobservable == ()
     assert found.covariance == pytest.approx(expected, rel=1e-8)
     assert found.sigma == pytest.approx(np.sqrt(np.diag(expected)), rel=1e-8)
     assert np.diag(found.correlation) == pytest.approx(np.ones(4))
@@ -59,7 +59,7 @@ def test_a_direction_that_nothing_determines_is_named():
     a = regression(4)
     a[:, 3] = 2.0 * a[:, 0]  # only d + a / 2 counts
     found = analyse(a, squared=27.0)
-    (blind,) = found.blind
+    (blind,) = found.unobservable
     assert blind.names == ("a", "d")
     assert np.abs(blind.shares) == pytest.approx(np.array([2.0, 1.0]) / np.sqrt(5.0), abs=1e-6)
     assert blind.shares[0] * blind.shares[1] < 0.0
@@ -86,7 +86,7 @@ def test_a_direction_is_blind_where_its_sigma_reaches_the_natural_scale():
     a = np.diag([100.0, 100.0, 100.0, 2.0])
     a = np.vstack([a, np.zeros((4, 4))])
     found = analyse(a, natural=[1.0] * 4, squared=4.0)
-    (blind,) = found.blind
+    (blind,) = found.unobservable
     assert blind.names == ("d",)
     assert blind.sigma == pytest.approx(0.5)
     assert np.isinf(found.sigma).tolist() == [False, False, False, True]
@@ -99,8 +99,8 @@ def test_a_direction_is_blind_where_its_sigma_reaches_the_natural_scale():
 def test_the_worst_direction_comes_first():
     a = np.vstack([np.diag([100.0, 2.0, 0.0, 1.0]), np.zeros((4, 4))])
     found = analyse(a, natural=[1.0] * 4, squared=4.0)
-    assert [direction.names for direction in found.blind] == [("c",), ("d",), ("b",)]
-    assert [d.sigma for d in found.blind] == pytest.approx([np.inf, 1.0, 0.5])
+    assert [direction.names for direction in found.unobservable] == [("c",), ("d",), ("b",)]
+    assert [d.sigma for d in found.unobservable] == pytest.approx([np.inf, 1.0, 0.5])
     assert found.condition == np.inf
 
 
@@ -109,8 +109,8 @@ def test_fewer_residuals_than_parameters_leave_directions_blind():
     found = analyse(a, squared=0.0)
     assert np.isnan(found.variance_factor)
     assert found.rank == 2
-    assert len(found.blind) == 2
-    assert {d.sigma for d in found.blind} == {np.inf}
+    assert len(found.unobservable) == 2
+    assert {d.sigma for d in found.unobservable} == {np.inf}
 
 
 def test_without_redundancy_the_sigma_assumed_beforehand_counts():
@@ -125,7 +125,7 @@ def test_a_blind_direction_of_many_equal_shares_still_has_names():
     names = tuple(f"p{i}" for i in range(count))
     a = np.eye(count) - 1.0 / count  # blind to a common change of all
     found = analyse(np.vstack([a, a]) * 1e3, natural=[1.0] * count, names=names)
-    (blind,) = found.blind
+    (blind,) = found.unobservable
     assert set(blind.names) == set(names)
     assert np.isinf(found.sigma).all()
 
@@ -135,16 +135,16 @@ def test_a_small_share_of_what_nothing_determines_is_still_unknown():
     null /= np.linalg.norm(null)
     a = regression(8) @ (np.eye(4) - np.outer(null, null))
     found = analyse(a, squared=26.0)
-    assert found.blind[0].sigma == np.inf
+    assert found.unobservable[0].sigma == np.inf
     assert np.isinf(found.sigma).tolist() == [True, True, False, False]
 
 
 def test_parameters_may_be_declared_blind_from_outside():
     seen = analyse(regression(9))
-    found = seen.with_blind(("b", "d"))
+    found = seen.with_unobservable(("b", "d"))
     assert np.isinf(found.sigma).tolist() == [False, True, False, True]
     assert found.sigma[[0, 2]].tolist() == seen.sigma[[0, 2]].tolist()
     assert found.rank == seen.rank - 1
-    assert found.blind[-1].names == ("b", "d")
-    assert np.linalg.norm(found.blind[-1].shares) == pytest.approx(1.0)
-    assert seen.blind == ()
+    assert found.unobservable[-1].names == ("b", "d")
+    assert np.linalg.norm(found.unobservable[-1].shares) == pytest.approx(1.0)
+    assert seen.unobservable == ()

@@ -4,7 +4,8 @@ from pydrake.multibody.parsing import Parser
 from pydrake.multibody.plant import MultibodyPlant
 
 from nico_selfmodel.errors import ModelError
-from nico_selfmodel.model import SelfModel
+from nico_selfmodel.model.self_model import SelfModel
+from nico_selfmodel.model.self_model_file import load_model, save_model
 from nico_selfmodel.plant import ArmDescription
 
 
@@ -85,8 +86,8 @@ def test_a_saved_self_model_finds_its_robot_again(arm, learn, tmp_path):
     model = learn(arm.chain)
     assert ArmDescription.of_model(model) is None
     saved = SelfModel(model.name, model.dh, model.servos, robot=arm.source)
-    saved.save(tmp_path / "self_model.yaml")
-    again = ArmDescription.of_model(SelfModel.load(tmp_path / "self_model.yaml"))
+    save_model(saved, tmp_path / "self_model.yaml")
+    again = ArmDescription.of_model(load_model(tmp_path / "self_model.yaml"))
     assert again is not None
     assert again.source == arm.source
     np.testing.assert_array_equal(again.chain.p_WH_zero, arm.chain.p_WH_zero)

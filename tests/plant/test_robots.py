@@ -3,8 +3,8 @@ from pathlib import Path
 import pytest
 
 from nico_selfmodel.errors import ModelError
-from nico_selfmodel.plant import ROBOTS, robots
-from nico_selfmodel.plant.robots import find_robot, named_arm
+from nico_selfmodel.plant import robots
+from nico_selfmodel.plant.robots import ROBOTS, find_robot, named_arm
 
 
 def test_nico_is_found_by_name_and_any_robot_by_its_path(project_root, tmp_path):

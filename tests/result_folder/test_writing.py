@@ -7,7 +7,11 @@ import numpy as np
 import pytest
 
 from nico_selfmodel.dataset import Dataset, JointInfo
-from nico_selfmodel.model import Chain, DhTable, SelfModel, ServoMap
+from nico_selfmodel.dataset.folder import content_hash, load_dataset
+from nico_selfmodel.model.chain import Chain
+from nico_selfmodel.model.dh_table import DhTable
+from nico_selfmodel.model.self_model import SelfModel
+from nico_selfmodel.model.servo_map import ServoMap
 from nico_selfmodel.result_folder.urdf import urdf_file, urdf_name
 from nico_selfmodel.result_folder.writing import replace_document, write_result
 
@@ -57,7 +61,7 @@ def test_what_is_handed_in_lies_beside_model_and_document(model, tmp_path):
     assert names(folder) == {"self_model.yaml", "result.json", "x.txt", "recordings"}
     assert json.loads((folder / "result.json").read_text()) == DOCUMENT
     assert (folder / "x.txt").read_bytes() == "é\n".encode()
-    assert Dataset.load(folder / "recordings" / "train").sha256 == data.sha256
+    assert content_hash(load_dataset(folder / "recordings" / "train")) == content_hash(data)
 
 
 def test_a_robots_name_cannot_lead_out_of_the_folder(model, tmp_path):
@@ -84,7 +88,7 @@ def test_a_failure_on_the_way_leaves_nothing_new(model, tmp_path, monkeypatch, d
         raise OSError("disk full")
 
     if document is DOCUMENT:
-        monkeypatch.setattr(SelfModel, "save", fail)
+        monkeypatch.setattr("nico_selfmodel.result_folder.writing.save_model", fail)
     old = tmp_path / "old"
     old.mkdir()
     (old / "result.json").write_text("{}")

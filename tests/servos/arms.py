@@ -5,7 +5,8 @@ import time
 from contextlib import contextmanager
 from dataclasses import dataclass
 
-from nico_selfmodel.servos import ArmController, ArmLoop, Bus, BusSettings, JointServo, ServoConfig
+from nico_selfmodel.servos import ArmController, ArmLoop, JointServo, ServoConfig
+from nico_selfmodel.servos.bus import Bus, BusSettings
 from nico_selfmodel.servos.simulated_line import SimulatedLine
 from nico_selfmodel.servos.simulated_module import SimulatedModule
 from nico_selfmodel.servos.simulated_port import SimulatedPort

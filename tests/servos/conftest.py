@@ -6,7 +6,9 @@ from pathlib import Path
 
 import pytest
 
-from nico_selfmodel.servos import Bus, MotorServer, SimulatedBus, scan
+from nico_selfmodel.servos import MotorServer, SimulatedBus
+from nico_selfmodel.servos.bus import Bus
+from nico_selfmodel.servos.chain import scan
 from nico_selfmodel.servos.pic_servo import PicServo
 from nico_selfmodel.servos.simulated_line import SimulatedLine
 from nico_selfmodel.servos.simulated_module import SimulatedModule

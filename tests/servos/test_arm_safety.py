@@ -4,8 +4,9 @@ import numpy as np
 import pytest
 
 from nico_selfmodel.errors import BusError, ServoFault
-from nico_selfmodel.servos import stop_what_answers, zero_here
+from nico_selfmodel.servos.homing import zero_here
 from nico_selfmodel.servos.pic_servo import ZERO_MARK
+from nico_selfmodel.servos.shutdown import stop_what_answers
 from nico_selfmodel.servos.simulated_module import SimulatedModule
 
 from .arms import JOINTS, virtual_arm

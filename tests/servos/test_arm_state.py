@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from nico_selfmodel.servos import ArmState
+from nico_selfmodel.servos.arm_state import ArmState
 
 
 def state(valid):

@@ -6,8 +6,7 @@ import numpy as np
 import pytest
 
 from nico_selfmodel.errors import BusError
-from nico_selfmodel.servos import Bus, BusSettings
-from nico_selfmodel.servos.bus import FLUSH, NoReplyError, UncertainError
+from nico_selfmodel.servos.bus import FLUSH, Bus, BusSettings, NoReplyError, UncertainError
 from nico_selfmodel.servos.chain import scan
 from nico_selfmodel.servos.commands import NoOperation, ReadStatus, ResetPosition, SetBaud
 from nico_selfmodel.servos.ports import PortLostError

@@ -3,9 +3,8 @@
 import pytest
 
 from nico_selfmodel.errors import BusError
-from nico_selfmodel.servos import Bus, scan
-from nico_selfmodel.servos.bus import UncertainError
-from nico_selfmodel.servos.chain import join_group
+from nico_selfmodel.servos.bus import Bus, UncertainError
+from nico_selfmodel.servos.chain import join_group, scan
 from nico_selfmodel.servos.commands import HardReset
 from nico_selfmodel.servos.packets import EVERYONE
 from nico_selfmodel.servos.pic_servo import PicServo

@@ -7,8 +7,8 @@ import numpy as np
 import pytest
 
 from nico_selfmodel.errors import BusError, ServoFault
-from nico_selfmodel.model import ServoMap
-from nico_selfmodel.servos import BusSettings
+from nico_selfmodel.model.servo_map import ServoMap
+from nico_selfmodel.servos.bus import BusSettings
 from nico_selfmodel.servos.ports import PortLostError
 from nico_selfmodel.servos.simulated_line import WireFaults
 from nico_selfmodel.servos.simulated_module import SimulatedModule

@@ -5,8 +5,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from nico_selfmodel.errors import BusError, ServoFault
-from nico_selfmodel.servos import Hand
-from nico_selfmodel.servos.hand import decode_line, encode_line
+from nico_selfmodel.servos.hand import Hand, decode_line, encode_line
 from nico_selfmodel.servos.simulated_hand import HandFirmware
 from nico_selfmodel.servos.simulated_port import SimulatedPort
 

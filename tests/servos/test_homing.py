@@ -6,7 +6,9 @@ from dataclasses import replace
 import pytest
 
 from nico_selfmodel.errors import ServoFault
-from nico_selfmodel.servos import ArmController, Bus, find_home, homing, zero_here
+from nico_selfmodel.servos import ArmController, homing
+from nico_selfmodel.servos.bus import Bus
+from nico_selfmodel.servos.homing import find_home, zero_here
 from nico_selfmodel.servos.servo_config import HomePlan
 from nico_selfmodel.servos.simulated_line import SimulatedLine
 from nico_selfmodel.servos.simulated_module import SimulatedModule

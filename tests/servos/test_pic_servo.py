@@ -5,8 +5,8 @@ import math
 import pytest
 
 from nico_selfmodel.errors import ServoFault
-from nico_selfmodel.servos import Bus, scan
-from nico_selfmodel.servos.chain import join_group, start_together, stop_together
+from nico_selfmodel.servos.bus import Bus
+from nico_selfmodel.servos.chain import join_group, scan, start_together, stop_together
 from nico_selfmodel.servos.commands import HomingMode, OutputMode, StopMode, StopMotor
 from nico_selfmodel.servos.gains import Gains
 from nico_selfmodel.servos.pic_servo import PicServo

@@ -8,10 +8,11 @@ import pytest
 import yaml
 
 from nico_selfmodel.errors import DataError
-from nico_selfmodel.model import ServoMap
+from nico_selfmodel.model.servo_map import ServoMap
 from nico_selfmodel.plant import ArmDescription
-from nico_selfmodel.servos import JointServo, ServoConfig
+from nico_selfmodel.servos import JointServo
 from nico_selfmodel.servos.gains import Gains
+from nico_selfmodel.servos.servo_config_file import load_servo_config
 
 from .arms import COUNTS_PER_TURN, configuration
 
@@ -35,7 +36,7 @@ def written(tmp_path, content):
 
 
 def test_the_sample_is_valid_and_about_nicos_right_arm(project_root):
-    config = ServoConfig.load(project_root / "examples" / "nico_servos.yaml")
+    config = load_servo_config(project_root / "examples" / "nico_servos.yaml")
     arm = ArmDescription.named("nico", "right_arm")
     assert set(arm.chain.joints) <= set(config.joint_names)
     assert [joint.address for joint in config.joints] == [1, 2, 3, 4, 5, 6]
@@ -49,7 +50,7 @@ def test_a_configuration_is_read_in_degrees_and_kept_in_radians(tmp_path):
         "gains": {"kp": 7, "rate_divisor": 2},
         "home": {"method": "limit_1", "at_deg": 90, "speed_deg_s": 5, "travel_deg": 200},
     }
-    config = ServoConfig.load(
+    config = load_servo_config(
         written(tmp_path, {**FILE, "joints": [joint], "baud": 57600, "latency_ms": 16})
     )
     (servo,) = config.joints
@@ -97,7 +98,7 @@ def test_a_configuration_is_read_in_degrees_and_kept_in_radians(tmp_path):
 def test_a_mistake_in_a_joint_is_named_with_file_joint_and_key(change, words, tmp_path):
     path = written(tmp_path, {**FILE, "joints": [{**JOINT, **change}]})
     with pytest.raises(DataError) as caught:
-        ServoConfig.load(path)
+        load_servo_config(path)
     for word in (str(path), "elbow", *words):
         assert word in str(caught.value)
 
@@ -122,14 +123,14 @@ def test_a_mistake_in_a_joint_is_named_with_file_joint_and_key(change, words, tm
 def test_a_mistake_in_the_file_is_named(change, words, tmp_path):
     path = written(tmp_path, {**FILE, **change})
     with pytest.raises(DataError) as caught:
-        ServoConfig.load(path)
+        load_servo_config(path)
     for word in (str(path), *words):
         assert word in str(caught.value)
 
 
 def test_a_missing_file_is_named(tmp_path):
     with pytest.raises(DataError, match="nothing"):
-        ServoConfig.load(tmp_path / "nothing.yaml")
+        load_servo_config(tmp_path / "nothing.yaml")
 
 
 def test_readings_become_joint_angles_through_the_self_model():

@@ -9,14 +9,10 @@ from pydrake.systems.analysis import Simulator
 from pydrake.systems.framework import PortDataType
 
 from nico_selfmodel.errors import RobotError
-from nico_selfmodel.servos import (
-    ArmController,
-    BusSettings,
-    JointServo,
-    ServoConfig,
-    SimulatedBus,
-    zero_here,
-)
+from nico_selfmodel.servos import ArmController, JointServo, ServoConfig, SimulatedBus
+from nico_selfmodel.servos.bus import BusSettings
+from nico_selfmodel.servos.homing import zero_here
+from nico_selfmodel.servos.servo_config_file import load_servo_config, save_servo_config
 from nico_selfmodel.systems import (
     CameraDriver,
     ImageQuality,
@@ -242,8 +238,8 @@ def test_a_body_with_real_eyes_keeps_pixels_and_pictures(robot, eyes, pose):
 
 def test_an_individual_keeps_its_zero_and_its_stops_through_the_configuration(robot, tmp_path):
     _, config, _ = robot
-    config.save(tmp_path / "servos.yaml")
-    again = ServoConfig.load(tmp_path / "servos.yaml")
+    save_servo_config(config, tmp_path / "servos.yaml")
+    again = load_servo_config(tmp_path / "servos.yaml")
     for one, other in zip(config.joints, again.joints, strict=True):
         assert other.name == one.name
         assert other.home.at == pytest.approx(one.home.at, rel=1e-12)

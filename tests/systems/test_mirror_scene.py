@@ -7,7 +7,10 @@ from pydrake.geometry import SceneGraph
 
 from nico_selfmodel.geometry.rotation import rotation_from_vector
 from nico_selfmodel.geometry.transform import apply, transform
-from nico_selfmodel.model import Camera, Mirror, MirrorRig, StereoRig
+from nico_selfmodel.model import MirrorRig
+from nico_selfmodel.model.camera import Camera
+from nico_selfmodel.model.mirror import Mirror
+from nico_selfmodel.model.stereo_rig import StereoRig
 from nico_selfmodel.systems import HandTracker, ImageQuality
 from nico_selfmodel.systems.image_values import image_value, write_bgr
 from nico_selfmodel.systems.mirror_scene import MirrorPlate, MirrorScene

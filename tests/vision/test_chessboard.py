@@ -3,16 +3,14 @@
 import numpy as np
 import pytest
 
-from nico_selfmodel.vision import (
-    Board,
-    NotSeen,
+from nico_selfmodel.vision import NotSeen
+from nico_selfmodel.vision.chessboard import Board, ChessboardDetection, find_chessboard
+from nico_selfmodel.vision.image_file import read_image
+from nico_selfmodel.vision.stereo_images import (
     detect_boards,
-    detect_boards_of_one_eye,
-    find_chessboard,
-    read_image,
+    detect_boards_of_one_camera,
     stereo_pairs,
 )
-from nico_selfmodel.vision.chessboard import ChessboardDetection
 
 from .rendering import random_view, render_board
 
@@ -112,9 +110,9 @@ def test_real_photographs_give_opencvs_own_calibration(real_data_folder):
     cv2 = pytest.importorskip("cv2")
     folder = real_data_folder / "stereo_chessboard"
     pairs = [(name, path) for name, path, _ in stereo_pairs(folder)]
-    found = detect_boards_of_one_eye(pairs, BOARD)
+    found = detect_boards_of_one_camera(pairs, BOARD)
     assert (found.window, dict(found.not_seen)) == (11, {})
-    corners = [view.astype(np.float32) for view in found.views.of_eye("left")]
+    corners = [view.astype(np.float32) for view in found.views.of_camera("left")]
     boards = [BOARD.points.astype(np.float32)] * len(corners)
     rms, K, *_ = cv2.calibrateCamera(
         boards, corners, (640, 480), np.eye(3), None, flags=cv2.CALIB_FIX_ASPECT_RATIO
@@ -136,7 +134,7 @@ def test_no_real_photograph_shows_a_board_of_another_size(real_data_folder):
 @pytest.mark.real_data
 def test_both_eyes_list_the_same_corners_in_the_same_order(real_data_folder):
     found = detect_boards(real_data_folder / "stereo_chessboard", BOARD)
-    left, right = (found.views.of_eye(eye) for eye in ("left", "right"))
+    left, right = (found.views.of_camera(eye) for eye in ("left", "right"))
     # The eyes are parallel: from one eye to the other all corners move by nearly the same.
     moved = left - right
     assert np.abs(moved - moved.mean(axis=1, keepdims=True)).max() < 80

@@ -7,8 +7,8 @@ import cv2
 import numpy as np
 import pytest
 
-from nico_selfmodel.vision import read_image
 from nico_selfmodel.vision.fiducial import find_fiducials
+from nico_selfmodel.vision.image_file import read_image
 from nico_selfmodel.vision.marker_sheet import MarkerSheet, parse_ids
 
 

@@ -5,11 +5,11 @@ import numpy as np
 import pytest
 
 from nico_selfmodel.errors import DataError
-from nico_selfmodel.vision import (
-    Board,
+from nico_selfmodel.vision.chessboard import Board
+from nico_selfmodel.vision.stereo_images import (
     camera_images,
     detect_boards,
-    detect_boards_of_one_eye,
+    detect_boards_of_one_camera,
     stereo_pairs,
 )
 
@@ -57,8 +57,8 @@ def test_corners_that_one_eye_did_not_see_are_nan_with_the_reason(folder):
     assert list(found.not_seen) == ["right10.png"]
     assert "no 5x4 board" in found.not_seen["right10.png"]
     assert told[-1] == ("looking for boards", 6, 6)
-    one = detect_boards_of_one_eye(camera_images(folder, "right"), BOARD, 4, side="right")
-    np.testing.assert_array_equal(one.views.of_eye("right"), found.views.of_eye("right"))
+    one = detect_boards_of_one_camera(camera_images(folder, "right"), BOARD, 4, side="right")
+    np.testing.assert_array_equal(one.views.of_camera("right"), found.views.of_camera("right"))
 
 
 def test_a_window_that_sees_neighbouring_corners_is_warned_of(folder):

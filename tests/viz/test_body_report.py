@@ -11,7 +11,7 @@ from nico_selfmodel.cli.result_files import write_with_report
 from nico_selfmodel.estimation import BodyOptions, calibrate_body, judge, to_json
 from nico_selfmodel.experiments.projected_nico import ProjectedNico
 from nico_selfmodel.experiments.refinement import simulated_scenario
-from nico_selfmodel.model import SelfModel
+from nico_selfmodel.model.self_model_file import load_model
 from nico_selfmodel.result_folder.urdf import urdf_file
 from nico_selfmodel.result_folder.writing import write_result
 from nico_selfmodel.systems import IMPERFECTIONS
@@ -59,7 +59,7 @@ def test_the_folder_holds_model_report_scene_numbers_and_urdf(found, document, f
         "scene.json",
         "eyes_learned.urdf",
     }
-    assert SelfModel.load(folder).covariance.names == found.model.covariance.names
+    assert load_model(folder).covariance.names == found.model.covariance.names
     assert json.loads((folder / "result.json").read_text()) == document
     assert len(load_scene(folder).items) == len(body_scene(found).items)
     with pytest.raises(FileExistsError):
@@ -120,4 +120,4 @@ def test_a_model_of_eyes_alone_has_no_urdf(scenario, tmp_path):
     assert urdf_file(scenario.eyes, tmp_path) == {}
     folder = write_result(tmp_path / "eyes", scenario.eyes, {"status": "PASS"})
     assert {path.name for path in folder.iterdir()} == {"self_model.yaml", "result.json"}
-    assert np.isfinite(SelfModel.load(folder).rig.baseline)
+    assert np.isfinite(load_model(folder).rig.baseline)

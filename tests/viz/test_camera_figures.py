@@ -70,7 +70,7 @@ def test_corners_of_the_image_without_a_corner_are_named(eyes, flawed_eyes):
     views = eyes.calibration.views
     reached = 0
     for eye in views.eyes:
-        u, v = views.of_eye(eye).reshape(-1, 2).T
+        u, v = views.of_camera(eye).reshape(-1, 2).T
         for a in (u < 39.5, u > 279.5):
             reached += sum(bool(np.any(a & b)) for b in (v < 39.5, v > 199.5))
     title = coverage(eyes).get_suptitle()

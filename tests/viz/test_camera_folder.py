@@ -5,7 +5,7 @@ import pytest
 
 from nico_selfmodel.cli.result_files import write_with_report
 from nico_selfmodel.estimation import judge, to_json
-from nico_selfmodel.model import SelfModel
+from nico_selfmodel.model.self_model_file import load_model
 from nico_selfmodel.viz.camera_scene import camera_scene
 from nico_selfmodel.viz.reports.cameras import camera_report
 from nico_selfmodel.viz.scene import load_scene
@@ -33,7 +33,7 @@ def test_the_folder_holds_everything_and_comes_back(tmp_path, write, eyes, photo
     assert {path.name for path in folder.iterdir()} == FILES
     result = json.loads((folder / "result.json").read_text())
     assert result == to_json(eyes, judge(eyes))
-    rig = SelfModel.load(folder).rig
+    rig = load_model(folder).rig
     assert rig.values.tolist() == eyes.calibration.rig.values.tolist()
     scene = camera_scene(eyes, photographs, name="eyes")
     assert load_scene(folder).to_json() == scene.to_json()
@@ -43,7 +43,7 @@ def test_what_else_is_known_is_kept_in_the_result(tmp_path, write, one_eye):
     document = to_json(one_eye, judge(one_eye)) | {"more": 1}
     folder = write(tmp_path / "result", one_eye, document=document)
     assert json.loads((folder / "result.json").read_text())["more"] == 1
-    assert set(SelfModel.load(folder).cameras) == {"right"}
+    assert set(load_model(folder).cameras) == {"right"}
 
 
 def test_an_existing_folder_is_kept_unless_forced_and_a_failure_leaves_nothing(

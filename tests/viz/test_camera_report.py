@@ -34,8 +34,8 @@ def test_the_verdict_comes_first_with_its_reasons(page, eyes):
 
 
 def test_every_file_is_named_also_those_without_a_board(page, photographs):
-    for eye, of_eye in photographs.items():
-        for name in of_eye:
+    for eye, of_camera in photographs.items():
+        for name in of_camera:
             assert any(f"{eye}{name}.jpg" in word for word in page.words), (eye, name)
     assert "no 5x4 board, <b>whatever</b> was tried" in page.words
     assert page.words.count("no board found") == 3  # in the table, on its card, for its left image
@@ -43,7 +43,7 @@ def test_every_file_is_named_also_those_without_a_board(page, photographs):
 
 def test_every_photograph_is_shown_with_the_corners_found_in_it(page, photographs):
     shown = [attributes for tag, attributes in page.tags if tag == "image"]
-    assert len(shown) == sum(len(of_eye) for of_eye in photographs.values())
+    assert len(shown) == sum(len(of_camera) for of_camera in photographs.values())
     assert all(image["href"].startswith("data:image/jpeg;base64,/9j/") for image in shown)
     crosses = [a["d"] for tag, a in page.tags if tag == "path" and a.get("stroke") == "white"]
     assert len(crosses) == len(shown) - 2
@@ -53,7 +53,7 @@ def test_every_photograph_is_shown_with_the_corners_found_in_it(page, photograph
 def test_a_cross_lies_on_its_corner(page, eyes):
     paths = [a["d"] for tag, a in page.tags if tag == "path" and a.get("stroke") == "white"]
     name = eyes.calibration.views.names[0]
-    u, v = eyes.calibration.views.of_eye("left")[0, 0]
+    u, v = eyes.calibration.views.of_camera("left")[0, 0]
     half = 0.009 * 320
     assert any(path.startswith(f"M{u - half:.1f} {v:.1f}h{2 * half:.1f}") for path in paths), name
 

@@ -117,7 +117,7 @@ def test_unobservable_parameters_are_called_unobservable(failed):
     figure = parameter_sigmas(failed)
     words = [text.get_text() for axes in figure.axes for text in axes.texts]
     count = len(unobservable(failed))
-    assert count >= len({name for way in failed.uncertainty.blind for name in way.names}) > 1
+    assert count >= len({name for way in failed.uncertainty.unobservable for name in way.names}) > 1
     assert words.count("unobservable") == count
     assert title(figure).startswith(f"{count} of {len(failed.uncertainty.names)} parameters")
 

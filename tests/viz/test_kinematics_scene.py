@@ -4,7 +4,9 @@ import numpy as np
 import pytest
 
 from nico_selfmodel.errors import ModelError
-from nico_selfmodel.model import DhTable, SelfModel, ServoMap
+from nico_selfmodel.model.dh_table import DhTable
+from nico_selfmodel.model.self_model import SelfModel
+from nico_selfmodel.model.servo_map import ServoMap
 from nico_selfmodel.plant import ArmDescription
 from nico_selfmodel.viz.arm_shape import arm_length, joint_points
 from nico_selfmodel.viz.kinematics_scene import calibration_scene, shown_pose
@@ -180,7 +182,7 @@ def test_the_ellipsoid_is_the_predicted_covariance_by_its_factor(scene, calibrat
 
 
 def test_no_ellipsoid_pretends_to_know_what_the_data_leave_open(failed):
-    assert failed.uncertainty.blind
+    assert failed.uncertainty.unobservable
     scene = calibration_scene(failed)
     assert scene.under("uncertainty") == ()
     assert any("no ellipsoid" in entry.label for entry in scene.legend)

@@ -4,6 +4,7 @@ import re
 import numpy as np
 import pytest
 
+from nico_selfmodel.dataset.folder import content_hash
 from nico_selfmodel.estimation import Verdict, judge, to_json
 from nico_selfmodel.viz.reports.arm import arm_report
 
@@ -73,7 +74,7 @@ def test_outliers_circles_starts_and_provenance_are_told(page, document, trainin
     for circle in document["circles"]:
         assert circle["radius_mm"] in page.values
     assert f"{document['starts']['agreeing']} of {document['starts']['tried']} starts" in page.text
-    assert training.sha256 in page.words
+    assert content_hash(training) in page.words
     assert "None: every free parameter is determined." in page.words
 
 
@@ -125,7 +126,7 @@ def test_a_failure_is_red_and_says_why(failed_html, failed):
     ]
     assert (
         len(unobservable)
-        >= len({name for way in failed.uncertainty.blind for name in way.names})
+        >= len({name for way in failed.uncertainty.unobservable for name in way.names})
         > 1
     )
 

@@ -5,7 +5,7 @@ import pytest
 
 from nico_selfmodel.cli.result_files import write_with_report
 from nico_selfmodel.errors import ModelError
-from nico_selfmodel.model import SelfModel
+from nico_selfmodel.model.self_model_file import load_model
 from nico_selfmodel.viz.kinematics_scene import calibration_scene
 from nico_selfmodel.viz.reports.arm import arm_report
 from nico_selfmodel.viz.scene import load_scene
@@ -40,7 +40,7 @@ def test_the_result_is_the_document_without_nan(written, document):
 
 
 def test_the_self_model_can_be_loaded_from_it(written, calibration):
-    model = SelfModel.load(written)
+    model = load_model(written)
     assert model.parameters.values.tolist() == calibration.model.parameters.values.tolist()
 
 

@@ -8,7 +8,7 @@ import pytest
 from nico_selfmodel.dataset import JointInfo
 from nico_selfmodel.errors import ModelError
 from nico_selfmodel.geometry.transform import inverse, transform
-from nico_selfmodel.model import Mirror
+from nico_selfmodel.model.mirror import Mirror
 from nico_selfmodel.planning.visible_workspace import VisibleWorkspace
 from nico_selfmodel.systems import looking_arm
 from nico_selfmodel.viz.image_marks import marked

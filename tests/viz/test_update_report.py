@@ -26,7 +26,7 @@ from nico_selfmodel.estimation.monitoring.update_result import (
 )
 from nico_selfmodel.experiments.projected_nico import ProjectedNico
 from nico_selfmodel.experiments.refinement import simulated_scenario
-from nico_selfmodel.model import SelfModel
+from nico_selfmodel.model.self_model_file import load_model
 from nico_selfmodel.systems import IMPERFECTIONS
 from nico_selfmodel.viz.health_plot import health_plot
 from nico_selfmodel.viz.reports.updates import update_report
@@ -209,7 +209,7 @@ def test_the_folder_holds_model_numbers_report_scene_and_urdf(tool, tmp_path):
     names = {path.name for path in folder.iterdir()}
     assert {"self_model.yaml", "result.json", "report.html", "scene.json"} <= names
     assert json.loads((folder / "result.json").read_text()) == document
-    assert SelfModel.load(folder).markers == ("hand", "driver")
+    assert load_model(folder).markers == ("hand", "driver")
     assert load_scene(folder).paths == update_scene(evaluation).paths
     with pytest.raises(FileExistsError):
         write_with_report(folder, evaluation.after, report)

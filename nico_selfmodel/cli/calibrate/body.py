@@ -10,7 +10,7 @@ from nico_selfmodel.cli.result_files import write_with_report
 from nico_selfmodel.progress import Progress
 
 if TYPE_CHECKING:
-    from nico_selfmodel.dataset import BoardViews
+    from nico_selfmodel.dataset.board_views import BoardViews
 
 
 def body(
@@ -54,13 +54,13 @@ def body(
     The model has both cameras, and the arm if it is known.
     """
     from nico_selfmodel.estimation import BodyOptions, Pins, calibrate_body, judge, to_json
-    from nico_selfmodel.files import refuse_folder
-    from nico_selfmodel.model import SelfModel
+    from nico_selfmodel.files.whole import refuse_folder
+    from nico_selfmodel.model.self_model_file import load_model
 
     refuse_folder(out, force=force, inputs=[dataset, model, boards, test, robot])
     pins = Pins.from_text(fix or (), free or ())
     chosen = BodyOptions(stage, variant, pins.pinned, pins.freed, loss)
-    start = SelfModel.load(model)
+    start = load_model(model)
     train, held_out = inputs.train_and_test(dataset, test, test_fraction, seed)
     _, nominal = inputs.described_arm(robot, arm, base, tip, hold, point)
     with printer.progress_bar() as progress:
@@ -101,7 +101,8 @@ def _boards(
     if folder is None:
         return None, None
     from nico_selfmodel.estimation.cameras.stereo import FEWEST_VIEWS
-    from nico_selfmodel.vision import Board, detect_boards
+    from nico_selfmodel.vision.chessboard import Board
+    from nico_selfmodel.vision.stereo_images import detect_boards
 
     found = detect_boards(folder, Board.parse(board, square_mm), progress=progress).seen_views
     if not fraction or len(found) <= FEWEST_VIEWS:

@@ -31,8 +31,9 @@ def camera(
     as_json: options.AsJson = False,
 ) -> None:
     """Learn one camera alone from photographs of a chessboard."""
-    from nico_selfmodel.files import refuse_folder
-    from nico_selfmodel.vision import Board, camera_images, detect_boards_of_one_eye
+    from nico_selfmodel.files.whole import refuse_folder
+    from nico_selfmodel.vision.chessboard import Board
+    from nico_selfmodel.vision.stereo_images import camera_images, detect_boards_of_one_camera
 
     if camera not in ("left", "right"):
         raise ValueError(f"--camera must be left or right, got {camera!r}")
@@ -44,6 +45,6 @@ def camera(
     with printer.progress_bar() as progress:
         listed = camera_images(images, camera)
         size = Board.parse(board, square_mm)
-        found = detect_boards_of_one_eye(listed, size, window, progress, camera)
+        found = detect_boards_of_one_camera(listed, size, window, progress, camera)
         document = task.run(found, progress)
     printer.result(task.name, document, out, json_instead=as_json)

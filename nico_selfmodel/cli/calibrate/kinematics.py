@@ -39,15 +39,15 @@ def kinematics(
     """
     from nico_selfmodel.estimation import Pins, calibrate_kinematics, judge, result_of, to_json
     from nico_selfmodel.estimation.body.arm_through_cameras import Sight
-    from nico_selfmodel.files import refuse_folder
-    from nico_selfmodel.model import SelfModel
+    from nico_selfmodel.files.whole import refuse_folder
+    from nico_selfmodel.model.self_model_file import load_model
 
     refuse_folder(out, force=force, inputs=[dataset, test, robot, cameras])
     pins = Pins.from_text(fix or (), free or ())
     train, held_out = inputs.train_and_test(dataset, test, test_fraction, seed)
     sight = None
     if cameras is not None:
-        sight = Sight.of(SelfModel.load(cameras), train, held_out, frozenset(pins.pinned))
+        sight = Sight.of(load_model(cameras), train, held_out, frozenset(pins.pinned))
         train, held_out = sight.train, sight.test
     description, nominal = inputs.described_arm(robot, arm, base, tip, hold, point)
     inputs.check_points(point, train.markers)

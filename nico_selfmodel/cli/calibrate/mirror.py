@@ -36,11 +36,11 @@ def mirror(
     from nico_selfmodel.estimation import judge, to_json
     from nico_selfmodel.estimation.mirrors.mirror import calibrate_mirrors
     from nico_selfmodel.estimation.mirrors.mirror_findings import judged
-    from nico_selfmodel.files import refuse_folder
-    from nico_selfmodel.model import SelfModel
+    from nico_selfmodel.files.whole import refuse_folder
+    from nico_selfmodel.model.self_model_file import load_model
 
     refuse_folder(out, force=force, inputs=[dataset, test, model])
-    body = SelfModel.load(model)
+    body = load_model(model)
     train, held_out = inputs.train_and_test(dataset, test, test_fraction, seed)
     with printer.progress_bar() as progress:
         progress("learning mirrors", 0, 1)

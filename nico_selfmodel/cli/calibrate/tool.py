@@ -31,11 +31,11 @@ def tool(
     from nico_selfmodel.estimation.monitoring.tool import with_marker
     from nico_selfmodel.estimation.monitoring.update_evaluation import evaluate_update, marked
     from nico_selfmodel.estimation.monitoring.update_result import tool_result
-    from nico_selfmodel.files import refuse_folder
-    from nico_selfmodel.model import SelfModel
+    from nico_selfmodel.files.whole import refuse_folder
+    from nico_selfmodel.model.self_model_file import load_model
 
     refuse_folder(out, force=force, inputs=[dataset, model, test])
-    known = SelfModel.load(model)
+    known = load_model(model)
     train, held_out = inputs.train_and_test(dataset, test, test_fraction, seed)
     free = "body" if free_body else "point"
     found = calibrate_tool(

@@ -22,7 +22,7 @@ def mirror(
     """
     from nico_selfmodel.experiments.mirror import run_mirror
     from nico_selfmodel.experiments.mirror_report import report_of
-    from nico_selfmodel.files import refuse_folder
+    from nico_selfmodel.files.whole import refuse_folder
 
     refuse_folder(out, force=force)
     if rendered and pixel_sigma is not None:

@@ -22,7 +22,7 @@ def motion_capture(
     """Learn an arm under motion capture from few and from many samples (chapter 6)."""
     from nico_selfmodel.experiments.motion_capture import run_motion_capture
     from nico_selfmodel.experiments.motion_capture_report import report_of
-    from nico_selfmodel.files import refuse_folder
+    from nico_selfmodel.files.whole import refuse_folder
     from nico_selfmodel.plant import ArmDescription
     from nico_selfmodel.systems import imperfections_named
 

@@ -25,7 +25,7 @@ def refinement(
     """Jointly refine arm and cameras, as published and anchored to boards (chapter 8)."""
     from nico_selfmodel.experiments.refinement import run_refinement
     from nico_selfmodel.experiments.refinement_report import report_of
-    from nico_selfmodel.files import refuse_folder
+    from nico_selfmodel.files.whole import refuse_folder
 
     refuse_folder(out, force=force)
     chosen, source = imperfect(imperfections, joint_noise_deg), None

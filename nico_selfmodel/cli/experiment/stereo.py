@@ -14,7 +14,7 @@ def stereo(
 ) -> None:
     """Learn a pair of cameras with several lens models and numbers of boards (chapters 5, 8)."""
     from nico_selfmodel.experiments.stereo import report_of, run_stereo
-    from nico_selfmodel.files import refuse_folder
+    from nico_selfmodel.files.whole import refuse_folder
 
     refuse_folder(out, force=force)
     if robots < 2:

@@ -19,7 +19,7 @@ def tool(
     """Take a tool, and restart the encoders (section 8.4.4)."""
     from nico_selfmodel.experiments.tool_report import report_of
     from nico_selfmodel.experiments.tool_use import run_tool
-    from nico_selfmodel.files import refuse_folder
+    from nico_selfmodel.files.whole import refuse_folder
 
     refuse_folder(out, force=force)
     chosen, source = imperfect(imperfections, joint_noise_deg), None

@@ -13,7 +13,7 @@ def vision(
     as_json: options.AsJson = False,
 ) -> None:
     """Learn cameras and arm through rendered pictures (chapter 7); minutes a robot."""
-    from nico_selfmodel.files import refuse_folder
+    from nico_selfmodel.files.whole import refuse_folder
     from nico_selfmodel.systems import imperfections_named
 
     refuse_folder(out, force=force)

@@ -43,7 +43,7 @@ def learn(
     as_json: options.AsJson = False,
 ) -> None:
     """Let a simulated robot watch its hand move; it learns cameras, arm, then both together."""
-    from nico_selfmodel.files import refuse_folder
+    from nico_selfmodel.files.whole import refuse_folder
 
     refuse_folder(out, force=force)
     # What learns and draws is slow to load, and only needed once the input is known to be right.

@@ -24,6 +24,7 @@ def write_mirror_scenario(
     Returns:
         What is in `result.json` now: the mirror's own document under `mirror`.
     """
+    from nico_selfmodel.dataset.folder import save_dataset
     from nico_selfmodel.plant import ArmDescription
     from nico_selfmodel.result_folder.writing import replace_document, write_result
     from nico_selfmodel.viz.reports.mirrors import mirror_report
@@ -34,7 +35,7 @@ def write_mirror_scenario(
     report = mirror_report(scenario.calibration, found, {name: scenario.picture}, robot)
     write_result(out / FOLDER, scenario.calibration.model, found, report.files())
     for name, data in (("mirror", scenario.train), ("mirror_test", scenario.test)):
-        data.save(out / "recordings" / name)
+        save_dataset(data, out / "recordings" / name)
     whole = {**document, "mirror": found}
     if found["status"] == "FAIL":
         reasons = [f"the mirror: {reason}" for reason in found["reasons"]]

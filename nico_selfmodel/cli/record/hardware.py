@@ -100,16 +100,16 @@ def record_hardware(request: "Request", hardware: Hardware) -> "Dataset":
 
 
 def _configuration(hardware: Hardware) -> "ServoConfig":
-    from nico_selfmodel.servos import ServoConfig
+    from nico_selfmodel.servos.servo_config_file import load_servo_config
 
     if hardware.config is None:
         raise ValueError("--port needs --config, the servo configuration of this robot")
-    config = ServoConfig.load(hardware.config)
+    config = load_servo_config(hardware.config)
     return config if hardware.baud is None else replace(config, baud=hardware.baud)
 
 
 def _servos(hardware: Hardware, config: "ServoConfig") -> "ServoDriver":
-    from nico_selfmodel.servos import BusSettings
+    from nico_selfmodel.servos.bus import BusSettings
     from nico_selfmodel.systems import ServoDriver
 
     largest = max(joint.max_velocity for joint in config.joints)

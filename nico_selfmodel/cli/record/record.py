@@ -72,7 +72,7 @@ def record(
 
     An interrupted recording goes on.
     """
-    from nico_selfmodel.files import refuse_existing
+    from nico_selfmodel.files.whole import refuse_existing
     from nico_selfmodel.systems import imperfections_named
 
     refuse_existing(out, force=True)  # what is there is gone on with, or refused by name

@@ -28,7 +28,7 @@ def record_hand(request: "Request", world: "Imperfections") -> "Dataset":
 def record_boards(request: "Request", world: "Imperfections", count: int) -> None:
     """Record photographs of a chessboard by both cameras."""
     from nico_selfmodel.experiments.eyes_lesson import RenderedNico
-    from nico_selfmodel.files import folder_written_whole
+    from nico_selfmodel.files.whole import folder_written_whole
 
     out = request.out
     with folder_written_whole(out) as folder, printer.progress_bar() as progress:
@@ -98,12 +98,12 @@ def _before_mirrors(request: "Request", world: "Imperfections") -> "Dataset":
     """
     from nico_selfmodel.experiments.eyes_lesson import MARKERS, RenderedNico
     from nico_selfmodel.experiments.mirror_recording import NicoBeforeMirrors, mirror_of_words
-    from nico_selfmodel.model import SelfModel
+    from nico_selfmodel.model.self_model_file import load_model
 
     places = [mirror_of_words(words) for words in request.mirrors]
     if len(dict(places)) < len(places):
         raise ValueError("two mirrors have one name: give each --mirror its own")
-    model = None if request.cameras is None else SelfModel.load(request.cameras)
+    model = None if request.cameras is None else load_model(request.cameras)
     knows = model if model is not None and model.has_arm else None
     marker = MARKERS[request.sensor]
     if request.sensor == "stereo-color" and (knows is None or marker not in knows.markers):

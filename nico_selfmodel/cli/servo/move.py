@@ -9,7 +9,8 @@ from nico_selfmodel.cli import options, printer
 from nico_selfmodel.cli.servo.opening import ask, opened, speed_of, stopping
 
 if TYPE_CHECKING:
-    from nico_selfmodel.servos import ArmController, ArmState
+    from nico_selfmodel.servos import ArmController
+    from nico_selfmodel.servos.arm_state import ArmState
 
 
 def move(

@@ -10,7 +10,8 @@ import typer
 from nico_selfmodel.cli import printer
 
 if TYPE_CHECKING:
-    from nico_selfmodel.servos import ArmController, ArmState
+    from nico_selfmodel.servos import ArmController
+    from nico_selfmodel.servos.arm_state import ArmState
 
 
 def opened(
@@ -24,11 +25,12 @@ def opened(
         ValueError: If the two are about different joints.
         BusError: If the port cannot be opened.
     """
-    from nico_selfmodel.model import SelfModel
-    from nico_selfmodel.servos import ArmController, ServoConfig
+    from nico_selfmodel.model.self_model_file import load_model
+    from nico_selfmodel.servos import ArmController
+    from nico_selfmodel.servos.servo_config_file import load_servo_config
 
-    servos = None if model is None else SelfModel.load(model).servos
-    return ArmController.open(port, ServoConfig.load(config), servos, trust_zero=trust_zero)
+    servos = None if model is None else load_model(model).servos
+    return ArmController.open(port, load_servo_config(config), servos, trust_zero=trust_zero)
 
 
 def speed_of(speed_deg_s: float | None, largest: float) -> float | None:

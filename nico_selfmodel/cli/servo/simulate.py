@@ -31,7 +31,9 @@ def simulate(
     seconds: options.Seconds = None,
 ) -> None:
     """Simulate a bus and print the port to connect to; runs until Ctrl-C."""
-    from nico_selfmodel.servos import ServoConfig, SimulatedBus, SimulatedHand
+    from nico_selfmodel.servos import SimulatedBus
+    from nico_selfmodel.servos.servo_config_file import load_servo_config
+    from nico_selfmodel.servos.simulated_hand import SimulatedHand
 
     if body != (out is not None):
         raise ValueError("--body and --out belong together")
@@ -39,7 +41,7 @@ def simulate(
         raise ValueError("--body writes the configuration of its own: leave --config out")
     with ExitStack() as stack:
         plant = None if out is None else _body(stack, out, seed, session)
-        count = modules if config is None else len(ServoConfig.load(config).joints)
+        count = modules if config is None else len(load_servo_config(config).joints)
         count = count if plant is None else len(plant.station.joints)
         bus = stack.enter_context(SimulatedBus(count, plant=plant))
         printer.line(f"servos {bus.name}")
@@ -52,14 +54,15 @@ def simulate(
 
 def _body(stack: ExitStack, file: Path, seed: int, session: int) -> "NicoBehindBus":
     """Build a robot, write its configuration, and start its motion capture."""
-    from nico_selfmodel.files import refuse_existing
+    from nico_selfmodel.files.whole import refuse_existing
+    from nico_selfmodel.servos.servo_config_file import save_servo_config
     from nico_selfmodel.systems import MotionCaptureServer, NicoBehindBus, NicoStation
 
     refuse_existing(file, force=False)
     station = stack.enter_context(NicoStation("thesis", seed, session))
     server = stack.enter_context(MotionCaptureServer(station.arm.markers))
     plant = NicoBehindBus(station, server)
-    plant.configuration.save(file)
+    save_servo_config(plant.configuration, file)
     host, port = server.address
     printer.line(f"config {file}\nmotion-capture {host}:{port}")
     return plant

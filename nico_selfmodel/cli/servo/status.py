@@ -11,7 +11,7 @@ from nico_selfmodel.cli import options, printer
 from nico_selfmodel.cli.servo.opening import opened, print_state, tell_due
 
 if TYPE_CHECKING:
-    from nico_selfmodel.servos import ArmState
+    from nico_selfmodel.servos.arm_state import ArmState
 
 
 def status(

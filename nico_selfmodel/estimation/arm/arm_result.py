@@ -33,7 +33,7 @@ def arm_result(calibration: KinematicCalibration) -> CalibrationResult:
     """
     rows, outliers, known = calibration.train.observations, calibration.outliers, None
     if calibration.uncertainty is not None:
-        known = calibration.uncertainty.blind
+        known = calibration.uncertainty.unobservable
     return CalibrationResult(
         calibration.method,
         _parameters(calibration),

@@ -15,7 +15,7 @@ from nico_selfmodel.estimation.observations.matching import (
 )
 from nico_selfmodel.estimation.observations.observations import Observations
 from nico_selfmodel.estimation.results.errors import ErrorStatistics
-from nico_selfmodel.model import SelfModel
+from nico_selfmodel.model.self_model import SelfModel
 from nico_selfmodel.names import listed
 from nico_selfmodel.optimization.robust_solve import OUTLIER_AT
 

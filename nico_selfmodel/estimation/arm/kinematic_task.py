@@ -7,7 +7,8 @@ from itertools import islice
 import numpy as np
 from numpy.typing import NDArray
 
-from nico_selfmodel.dataset import Dataset, Sweep, marked_sweeps, unmarked_sweeps
+from nico_selfmodel.dataset import Dataset
+from nico_selfmodel.dataset.sweeps import Sweep, marked_sweeps, unmarked_sweeps
 from nico_selfmodel.errors import DataError
 from nico_selfmodel.estimation.initialization.axis_search import random_starts
 from nico_selfmodel.estimation.initialization.circle_points import (
@@ -28,7 +29,7 @@ from nico_selfmodel.estimation.observations.observations import (
     gears_known,
 )
 from nico_selfmodel.estimation.results.fixed_parameters import Pins
-from nico_selfmodel.model import DhParameters
+from nico_selfmodel.model.dh_parameters import DhParameters
 from nico_selfmodel.names import listed
 
 _ASSUMED_SIGMA = 1e-3

@@ -49,8 +49,9 @@ from nico_selfmodel.estimation.initialization.start_search import (
 from nico_selfmodel.estimation.noise.arm_solution import ArmSolution, Linearised
 from nico_selfmodel.estimation.noise.pose_noise import PoseNoise
 from nico_selfmodel.estimation.results.fixed_parameters import Pins
-from nico_selfmodel.model import DhTable, SelfModel
-from nico_selfmodel.optimization import Uncertainty
+from nico_selfmodel.model.dh_table import DhTable
+from nico_selfmodel.model.self_model import SelfModel
+from nico_selfmodel.optimization.uncertainty import Uncertainty
 
 METHODS = ("refine", "circle-points")
 _EXPLAINS = 2.0

@@ -12,7 +12,7 @@ from nico_selfmodel.estimation.noise.pose_noise import POSE_NOISE
 from nico_selfmodel.estimation.noise.training_noise import with_training_noise
 from nico_selfmodel.estimation.observations.observations import Observations
 from nico_selfmodel.estimation.results.provenance import data_named, package_versions
-from nico_selfmodel.model import ParameterCovariance, SelfModel
+from nico_selfmodel.model.self_model import ParameterCovariance, SelfModel
 
 
 def learned_model(

@@ -10,8 +10,9 @@ from nico_selfmodel.estimation.noise.pose_refinement import arm_program, refine_
 from nico_selfmodel.estimation.observations.hand_residuals import DhResiduals
 from nico_selfmodel.estimation.observations.observations import Observations
 from nico_selfmodel.estimation.results.fixed_parameters import Pins
-from nico_selfmodel.model import DhParameters
-from nico_selfmodel.optimization import CalibrationProgram, RobustSolution, solve_robustly
+from nico_selfmodel.model.dh_parameters import DhParameters
+from nico_selfmodel.optimization.calibration_program import CalibrationProgram
+from nico_selfmodel.optimization.robust_solve import RobustSolution, solve_robustly
 
 
 @dataclass(frozen=True, eq=False)
@@ -77,7 +78,7 @@ def refine_pinned(
         values = held.values_at(observations, start, found, sigma)
         program = dh_program(observations, start, free, sigma)
         for name in pins.pinned:
-            program.pin(name, values.get(name))
+            program.fix(name, values.get(name))
         found = solve_robustly(program, 0, loss)
         # Written anew, so that the base's turn is the shortest one, as in a saved model.
         start = replace(start.with_values(found.solution.x), turn=None)

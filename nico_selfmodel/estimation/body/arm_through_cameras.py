@@ -22,9 +22,9 @@ from nico_selfmodel.estimation.observations.pixel_evaluation import (
     evaluate_pixels,
 )
 from nico_selfmodel.estimation.results.calibration_result import CalibrationResult
-from nico_selfmodel.model import ParameterCovariance, SelfModel
+from nico_selfmodel.model.self_model import ParameterCovariance, SelfModel
 from nico_selfmodel.model.stereo_rig import StereoRig
-from nico_selfmodel.optimization import Uncertainty
+from nico_selfmodel.optimization.uncertainty import Uncertainty
 
 
 @dataclass(frozen=True, eq=False)

@@ -13,7 +13,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from nico_selfmodel.dataset import BoardViews, Dataset
+from nico_selfmodel.dataset import Dataset
+from nico_selfmodel.dataset.board_views import BoardViews
 from nico_selfmodel.dataset.held_out import held_out_of
 from nico_selfmodel.errors import NotConvergedError
 from nico_selfmodel.estimation.body.body_cross_validation import cross_validate_body
@@ -50,7 +51,7 @@ from nico_selfmodel.estimation.results.provenance import data_named, package_ver
 from nico_selfmodel.model.dh_parameters import DhParameters
 from nico_selfmodel.model.self_model import ParameterCovariance, SelfModel
 from nico_selfmodel.model.stereo_rig import StereoRig
-from nico_selfmodel.optimization import Uncertainty
+from nico_selfmodel.optimization.uncertainty import Uncertainty
 
 FIRST_NOISE = HandNoise(0.5, np.radians(0.3))
 """Where the search for the variances starts."""

@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from nico_selfmodel.dataset import BoardViews
+from nico_selfmodel.dataset.board_views import BoardViews
 from nico_selfmodel.estimation.body.body_problem import BodyProblem, BodySolution
 from nico_selfmodel.estimation.observations.arm_views import RowsView
 from nico_selfmodel.estimation.observations.pixel_evaluation import PixelEvaluation
@@ -52,7 +52,7 @@ def cross_validate_body(
         problem = BodyProblem(kept, view, solved.rig, boards, {}, solved.X_LG)
         for name in problem.hand.names:
             if name not in free:
-                problem.program.pin(name)
+                problem.program.fix(name)
         x = problem.solve_weighed(solved.noise if whitened else None)
         split = len(view.names)
         p_LH = RowsView(left.arm, parameters).evaluate(x[:split])[0].T

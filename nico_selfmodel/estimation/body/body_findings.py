@@ -14,7 +14,7 @@ from nico_selfmodel.estimation.results.calibration_result import (
     findings,
 )
 from nico_selfmodel.model.camera import DISTORTION, INTRINSICS
-from nico_selfmodel.model.stereo_rig import EYES
+from nico_selfmodel.model.stereo_rig import SIDES
 
 _LARGEST_PLAY = np.radians(5.0)
 """A joint that is this uncertain about its encoder is not play."""
@@ -72,13 +72,13 @@ def _warnings(calibration: BodyCalibration) -> tuple[str, ...]:
             f"{int(calibration.board_outliers.sum())} boards contradict the rest: left out"
         )
     rig = calibration.model.rig
-    words += folds_of(EYES, rig.eyes, rig.left.image_size).values()
+    words += folds_of(SIDES, rig.eyes, rig.left.image_size).values()
     return tuple(words)
 
 
 def _gives_way(calibration: BodyCalibration) -> str:
     """Say what inside the eyes was free to fit the arm, if anything."""
-    free = {n.partition(".")[2] for n in calibration.free if n.partition(".")[0] in EYES}
+    free = {n.partition(".")[2] for n in calibration.free if n.partition(".")[0] in SIDES}
     if free & set(DISTORTION):
         return ", and lenses bend to fit the arm"
     if free & set(INTRINSICS):

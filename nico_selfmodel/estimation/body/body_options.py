@@ -5,7 +5,7 @@ from dataclasses import dataclass, field, replace
 
 from nico_selfmodel.estimation.cameras.camera_options import HELD_BY_DEFAULT, by_full_name
 from nico_selfmodel.model.camera import INTRINSICS
-from nico_selfmodel.model.stereo_rig import EYES, StereoRig
+from nico_selfmodel.model.stereo_rig import SIDES, StereoRig
 from nico_selfmodel.optimization.robust_solve import ROBUST_METHODS
 
 STAGES = ("kinematics", "intrinsics-fixed", "full")
@@ -102,5 +102,5 @@ class BodyOptions:
         return {
             word: value
             for word, value in words.items()
-            if word in bare or word.partition(".")[0] in EYES
+            if word in bare or word.partition(".")[0] in SIDES
         }

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from nico_selfmodel.dataset import BoardViews
+from nico_selfmodel.dataset.board_views import BoardViews
 from nico_selfmodel.errors import NotConvergedError
 from nico_selfmodel.estimation.cameras.board_residuals import BoardResiduals
 from nico_selfmodel.estimation.cameras.camera_initialization import pose_of_seen_boards
@@ -15,7 +15,8 @@ from nico_selfmodel.estimation.observations.arm_views import ArmView
 from nico_selfmodel.estimation.observations.hand_pixels import HandPixels
 from nico_selfmodel.estimation.observations.pixel_observations import PixelObservations
 from nico_selfmodel.model.stereo_rig import StereoRig
-from nico_selfmodel.optimization import CalibrationProgram, RobustSolution, solve_robustly
+from nico_selfmodel.optimization.calibration_program import CalibrationProgram
+from nico_selfmodel.optimization.robust_solve import RobustSolution, solve_robustly
 
 FIRST_CORNER_SIGMA = 0.2
 """Noise of a corner, until it is estimated [px]."""
@@ -78,7 +79,7 @@ class BodyProblem:
             self.program.add_variables(self.boards.names[len(rig.names) :], start)
             self._board_number = self.program.add_residuals(self.boards)
         for name, value in held.items():
-            self.program.pin(name, value)
+            self.program.fix(name, value)
 
     def rig_at(self, x: NDArray) -> StereoRig:
         """Return the eyes that variables describe.
@@ -162,7 +163,7 @@ class BodyProblem:
     def _fitted(self, found: RobustSolution) -> NDArray:
         """Return what the fit itself makes the predicted pixels uncertain by [px^2]. (N, 4, 4)."""
         x, keep = found.solution.x, ~found.outliers
-        spreads = self.program.spreads(self._hand_number, x)
+        spreads = self.program.prediction_covariances(self._hand_number, x)
         assert spreads is not None
         r = self.program.residuals(self._hand_number, x)[:, keep]
         taken = float(np.trace(spreads[keep], axis1=1, axis2=2).sum())

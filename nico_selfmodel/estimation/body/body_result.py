@@ -46,7 +46,7 @@ def body_result(calibration: BodyCalibration) -> CalibrationResult:
         outliers,
         tuple(sorted(set(samples.tolist()))),
         "",
-        tuple(describe_blind(direction) for direction in calibration.uncertainty.blind),
+        tuple(describe_blind(direction) for direction in calibration.uncertainty.unobservable),
         calibration.converged,
         calibration.iterations,
         calibration.seconds,

@@ -5,7 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from nico_selfmodel.dataset import BoardViews
+from nico_selfmodel.dataset.board_views import BoardViews
 from nico_selfmodel.estimation.body.body_problem import BodySolution
 from nico_selfmodel.estimation.cameras.board_residuals import BoardResiduals
 from nico_selfmodel.estimation.cameras.camera_adjustment import natural_scales
@@ -14,8 +14,8 @@ from nico_selfmodel.estimation.observations.arm_views import RowsView
 from nico_selfmodel.estimation.observations.hand_pixels import HandPixels
 from nico_selfmodel.estimation.observations.pixel_observations import PixelObservations
 from nico_selfmodel.model.dh_parameters import DhParameters
-from nico_selfmodel.model.stereo_rig import EYES, StereoRig
-from nico_selfmodel.optimization import Uncertainty
+from nico_selfmodel.model.stereo_rig import SIDES, StereoRig
+from nico_selfmodel.optimization.uncertainty import Uncertainty
 
 
 @dataclass(frozen=True, eq=False)
@@ -148,7 +148,7 @@ def _natural(
     scale = dict(zip(parameters.names, parameters.scales(size).tolist(), strict=True))
     # A board as large as the workspace, for the scales of the eyes.
     corners = size * np.array([[0.0, 0.0, 0.0], [1.0, 0.0, 0.0]])
-    views = BoardViews(corners, (), EYES, np.zeros((0, 2, 4)), rig.left.image_size)
+    views = BoardViews(corners, (), SIDES, np.zeros((0, 2, 4)), rig.left.image_size)
     eyes = tuple(name for name in names if name not in scale)
     scale |= dict(
         zip(eyes, natural_scales(eyes, views, rig.values, rig.names).tolist(), strict=True)

@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from nico_selfmodel.dataset import BoardViews
+from nico_selfmodel.dataset.board_views import BoardViews
 from nico_selfmodel.estimation.body.body_initialization import lines_of, named_like
 from nico_selfmodel.estimation.body.body_problem import FIRST_CORNER_SIGMA, BodySolution
 from nico_selfmodel.estimation.body.body_uncertainty import whitened_rows
@@ -12,7 +12,7 @@ from nico_selfmodel.estimation.observations.observations import gears_known
 from nico_selfmodel.estimation.observations.parameter_scales import arm_size
 from nico_selfmodel.estimation.observations.pixel_observations import PixelObservations
 from nico_selfmodel.model.self_model import SelfModel
-from nico_selfmodel.optimization import Uncertainty
+from nico_selfmodel.optimization.uncertainty import Uncertainty
 
 
 def open_at(
@@ -46,7 +46,7 @@ def open_at(
     # The variances are given: nothing is scaled by how the start misses what was seen.
     found = Uncertainty.from_jacobian(rows.names, rows.jacobian, rows.scales, 0.0, 0)
     share = dict.fromkeys(found.names, 0.0)
-    for direction in found.blind:
+    for direction in found.unobservable:
         for name, part in zip(direction.names, direction.shares.tolist(), strict=True):
             share[name] += part**2
     unknown = np.array(found.names)[~np.isfinite(found.sigma)].tolist()

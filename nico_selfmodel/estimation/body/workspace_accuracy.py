@@ -15,7 +15,7 @@ from nico_selfmodel.estimation.observations.arm_views import RowsView
 from nico_selfmodel.estimation.observations.hand_pixels import project_to_eyes
 from nico_selfmodel.estimation.observations.observations import Observations
 from nico_selfmodel.model.self_model import SelfModel
-from nico_selfmodel.model.stereo_rig import EYES
+from nico_selfmodel.model.stereo_rig import SIDES
 
 
 @dataclass(frozen=True, eq=False)
@@ -84,7 +84,7 @@ def workspace_accuracy(
     mechanics = np.full(len(learned), np.sqrt(3.0) * float(model.noise_sigma or 0.0))
     if play:
         mechanics = play * np.sqrt(np.sum(slopes**2, axis=(0, 1)))
-    if set(model.cameras) != set(EYES):
+    if set(model.cameras) != set(SIDES):
         return WorkspaceAccuracy(prediction.p_WH, learned, mechanics, None, None, None)
     pixels = model.rig.project(prediction.p_WH)
     parts = _in_images(model, view, slopes, play)
@@ -109,7 +109,7 @@ def workspace_readings(model: SelfModel, readings: ArrayLike, count: int, seed: 
     readings = np.atleast_2d(np.asarray(readings, dtype=float))
     low, high = readings.min(axis=0), readings.max(axis=0)
     drawn = np.random.default_rng(seed).uniform(low, high, (8 * count, readings.shape[1]))
-    if set(model.cameras) == set(EYES):
+    if set(model.cameras) == set(SIDES):
         rig = model.rig
         pixels = rig.project(model.predict(drawn).p_WH)
         size = np.array([*rig.left.image_size] * 2)

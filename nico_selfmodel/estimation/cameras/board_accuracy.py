@@ -13,7 +13,7 @@ from nico_selfmodel.estimation.cameras.stereo import FEWEST_VIEWS, calibrate_cam
 from nico_selfmodel.estimation.results.folds import fold_of, splits
 from nico_selfmodel.geometry.alignment import Alignment
 from nico_selfmodel.model.camera import Camera
-from nico_selfmodel.model.stereo_rig import EYES, StereoRig
+from nico_selfmodel.model.stereo_rig import SIDES, StereoRig
 
 
 @dataclass(frozen=True, eq=False)
@@ -87,7 +87,7 @@ def held_out_residuals(cameras: tuple[Camera, ...], views: BoardViews) -> NDArra
     start = pose_of_seen_boards(cameras, views)
     adjustment = Adjustment(views, cameras, start, options)
     for name in adjustment.block.shared_names:
-        adjustment.program.pin(name)
+        adjustment.program.fix(name)
     adjustment.solve("none")
     return adjustment.block.pixel_residuals(adjustment.block.evaluate_parts(adjustment.x)[0])
 
@@ -129,9 +129,9 @@ def epipolar_errors(rig: StereoRig, views: BoardViews) -> NDArray:
     """
     flat = views.pixels.reshape(-1, 4)
     both = have_rays(rig, flat)
-    errors = np.full((len(flat), len(EYES)), np.nan)
+    errors = np.full((len(flat), len(SIDES)), np.nan)
     errors[both] = rig.epipolar_errors(flat[both])
-    return errors.reshape(len(views), len(views.p_GQ), len(EYES))
+    return errors.reshape(len(views), len(views.p_GQ), len(SIDES))
 
 
 def have_rays(rig: StereoRig, pixels: NDArray) -> NDArray:

@@ -5,7 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from nico_selfmodel.dataset import BoardViews
+from nico_selfmodel.dataset.board_views import BoardViews
 from nico_selfmodel.errors import ModelError
 from nico_selfmodel.estimation.cameras.board_accuracy import Reconstruction
 from nico_selfmodel.model.camera import Camera

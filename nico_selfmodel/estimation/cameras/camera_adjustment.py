@@ -15,9 +15,11 @@ from nico_selfmodel.estimation.results.provenance import package_versions
 from nico_selfmodel.model.camera import Camera
 from nico_selfmodel.model.self_model import ParameterCovariance, SelfModel
 from nico_selfmodel.model.stereo_rig import StereoRig
-from nico_selfmodel.optimization import CalibrationProgram, Loss, Uncertainty
+from nico_selfmodel.optimization.calibration_program import CalibrationProgram
+from nico_selfmodel.optimization.losses import Loss
 from nico_selfmodel.optimization.robust_solve import RobustSolution, solve_robustly
 from nico_selfmodel.optimization.separable_block import Parts
+from nico_selfmodel.optimization.uncertainty import Uncertainty
 
 OUTLIER_RATIO = 10.0
 """A board whose rms is this many times the rest's is called an outlier."""
@@ -118,7 +120,7 @@ class Adjustment:
         self.number = self.program.add_residuals(self.block)
         self.held = options.held(self.block.shared_names)
         for name, value in self.held.items():
-            self.program.pin(name, value)
+            self.program.fix(name, value)
         for name, (mean, sigma) in by_full_name(options.priors, self.block.shared_names).items():
             self.program.add_prior(name, mean, sigma)
         self.solution: RobustSolution | None = None

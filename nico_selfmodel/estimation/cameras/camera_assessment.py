@@ -132,7 +132,7 @@ def _coverage_warnings(calibration: CameraCalibration) -> list[str]:
     """Say how far the corners reach into the image's corners."""
     words, half = [], 0.5 * (np.array(calibration.views.image_size) - 1.0)
     for eye in calibration.views.eyes:
-        pixels = calibration.views.of_eye(eye).reshape(-1, 2)
+        pixels = calibration.views.of_camera(eye).reshape(-1, 2)
         reach = float(np.nanmax(np.linalg.norm(pixels - half, axis=1)) / np.linalg.norm(half))
         if reach < _COVERED:
             words.append(

@@ -111,7 +111,7 @@ def pair_start(
     agreeing = np.zeros(len(views), dtype=bool)
     agreeing[shared] = _agreeing(left[1][shared], right[1][shared])
     both &= agreeing[:, None]
-    pixels = [views.of_eye(eye)[both] for eye in views.eyes]
+    pixels = [views.of_camera(eye)[both] for eye in views.eyes]
     # A rough lens may not reach as far as the image: the rest is enough for a start.
     usable = left[0].has_rays(pixels[0]) & right[0].has_rays(pixels[1])
     try:
@@ -170,7 +170,7 @@ def pose_of_seen_boards(cameras: tuple[Camera, ...], views: BoardViews) -> NDArr
     """
     X_LG = np.full((len(views), 4, 4), np.nan)
     for eye, camera in reversed(list(zip(views.eyes, cameras, strict=True))):
-        pixels = views.of_eye(eye)
+        pixels = views.of_camera(eye)
         rays = camera.has_rays(pixels.reshape(-1, 2)).reshape(pixels.shape[:2])
         rows = np.flatnonzero(rays.sum(axis=1) >= 4)
         ideal = np.full((len(rows), *pixels.shape[1:]), np.nan)

@@ -73,7 +73,7 @@ class CameraOptions:
             raise ValueError(f"{', '.join(sorted(both))} cannot be both pinned and freed")
         return cls(pinned=pinned, freed=frozenset(free), priors=priors, **others)  # type: ignore[arg-type]
 
-    def of_eye(self, eye: str) -> "CameraOptions":
+    def of_camera(self, eye: str) -> "CameraOptions":
         """Return what concerns the inside of one eye."""
         inside = set(StereoRig.names_of((eye,)))
         inside |= {n.partition(".")[2] for n in inside}

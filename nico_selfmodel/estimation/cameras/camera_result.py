@@ -20,7 +20,7 @@ from nico_selfmodel.estimation.results.errors import ErrorStatistics
 from nico_selfmodel.estimation.results.verdict import FEWEST_BOARDS
 from nico_selfmodel.model.camera import INTRINSIC_UNITS
 from nico_selfmodel.model.stereo_rig import StereoRig
-from nico_selfmodel.optimization import BlindDirection
+from nico_selfmodel.optimization.uncertainty import UnobservableDirection
 
 _TERMS = Terms(
     held_out="boards",
@@ -55,7 +55,7 @@ def camera_result(assessment: CameraAssessment) -> CalibrationResult:
         calibration.outliers,
         tuple(name for name, out in named if out),
         "",
-        tuple(map(_describe, calibration.uncertainty.blind)),
+        tuple(map(_describe, calibration.uncertainty.unobservable)),
         calibration.converged,
         calibration.iterations,
         calibration.seconds,
@@ -72,7 +72,7 @@ def _errors(
     return Errors(pixels=distances, poses=boards, compared=compared, unit="px")
 
 
-def _describe(direction: BlindDirection) -> str:
+def _describe(direction: UnobservableDirection) -> str:
     """Say what the boards leave open, and what would cure it."""
     return (
         f"the boards do not determine {', '.join(f'`{name}`' for name in direction.names)}: "

@@ -86,13 +86,13 @@ def _refine_alone(views: BoardViews, options: CameraOptions) -> Adjustment:
             f"{FEWEST_VIEWS} in different attitudes are needed, 10 to 20 are better"
         )
     camera, X_CG = zhang_start(views)
-    adjustment = Adjustment(views, (camera,), X_CG, options.of_eye(eye))
+    adjustment = Adjustment(views, (camera,), X_CG, options.of_camera(eye))
     free_centre = [n for n in (f"{eye}.cx", f"{eye}.cy") if n not in adjustment.held]
     for name in free_centre:
-        adjustment.program.pin(name)
+        adjustment.program.fix(name)
     adjustment.approach(tolerance=0.1)
     for name in free_centre:
-        adjustment.program.unpin(name)
+        adjustment.program.release(name)
     adjustment.approach(tolerance=0.01)
     if options.loss != "none":
         adjustment.approach_without_outliers()

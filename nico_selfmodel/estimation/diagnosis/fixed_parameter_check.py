@@ -15,7 +15,7 @@ from nico_selfmodel.estimation.noise.pose_refinement import (
 from nico_selfmodel.estimation.observations.hand_residuals import DhResiduals
 from nico_selfmodel.estimation.observations.observations import Observations
 from nico_selfmodel.geometry.angles import nearest_turn
-from nico_selfmodel.model import DhParameters
+from nico_selfmodel.model.dh_parameters import DhParameters
 
 _SIGNIFICANT = 3.3
 """Standard score beyond which a rise of the misfit is no accident: one in 2000."""
@@ -122,7 +122,7 @@ class _Fits:
         program = arm_program(block, start, free)
         for name, value in zip(start.names, self.solved.parameters.values, strict=True):
             if name not in free:
-                program.pin(name, float(value))
+                program.fix(name, float(value))
         solution = program.solve()
         return max(2.0 * solution.cost, np.finfo(float).tiny), solution.x
 

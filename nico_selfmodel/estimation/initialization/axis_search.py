@@ -17,9 +17,9 @@ from nico_selfmodel.estimation.observations.arm_estimate import ArmHypothesis
 from nico_selfmodel.estimation.observations.observations import Observations
 from nico_selfmodel.geometry.levenberg_marquardt import NormalEquations, levenberg_marquardt
 from nico_selfmodel.geometry.rotation import move_on_sphere, tangent_basis
-from nico_selfmodel.model import Chain
+from nico_selfmodel.model.chain import Chain
 from nico_selfmodel.model.line_kinematics import carried_rotations, hand_derivatives
-from nico_selfmodel.optimization import Loss, robust_scale
+from nico_selfmodel.optimization.losses import Loss, robust_scale
 
 _ROUNDS = 3
 _SINGULAR = 1e-8

@@ -12,13 +12,14 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from nico_selfmodel.dataset import Sweep
+from nico_selfmodel.dataset.sweeps import Sweep
 from nico_selfmodel.errors import NotIdentifiableError
 from nico_selfmodel.estimation.observations.arm_estimate import ArmHypothesis
 from nico_selfmodel.estimation.observations.observations import Observations
-from nico_selfmodel.geometry import Circle, circle_with_angles, robust_circle
+from nico_selfmodel.geometry.circle import Circle
+from nico_selfmodel.geometry.circle_variants import circle_with_angles, robust_circle
 from nico_selfmodel.geometry.rotation import rotation_about, tangent_basis
-from nico_selfmodel.model import Chain
+from nico_selfmodel.model.chain import Chain
 
 LARGEST_AXIS_SIGMA = np.radians(15.0)
 """An axis known worse than this is not used: the joint counts as not analysed."""

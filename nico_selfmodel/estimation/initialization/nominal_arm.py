@@ -12,9 +12,9 @@ from nico_selfmodel.errors import ModelError
 from nico_selfmodel.estimation.initialization.axis_search import project_variables
 from nico_selfmodel.estimation.observations.arm_estimate import ArmHypothesis
 from nico_selfmodel.estimation.observations.observations import Observations
-from nico_selfmodel.geometry import Alignment
+from nico_selfmodel.geometry.alignment import Alignment
 from nico_selfmodel.geometry.transform import transform
-from nico_selfmodel.model import Chain
+from nico_selfmodel.model.chain import Chain
 from nico_selfmodel.names import listed
 
 

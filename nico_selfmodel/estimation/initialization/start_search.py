@@ -9,13 +9,9 @@ from numpy.typing import NDArray
 from nico_selfmodel.estimation.observations.arm_estimate import ArmHypothesis
 from nico_selfmodel.estimation.observations.hand_residuals import LineResiduals
 from nico_selfmodel.estimation.observations.observations import Observations
-from nico_selfmodel.optimization import (
-    CalibrationProgram,
-    Loss,
-    RobustSolution,
-    robust_scale,
-    solve_robustly,
-)
+from nico_selfmodel.optimization.calibration_program import CalibrationProgram
+from nico_selfmodel.optimization.losses import Loss, robust_scale
+from nico_selfmodel.optimization.robust_solve import RobustSolution, solve_robustly
 
 ENOUGH_AGREE = 3
 """The search ends when this many starts have reached the best minimum ..."""
@@ -101,7 +97,7 @@ def line_program(
     program.add_variables(block.names, block.start)
     for joint, pinned in zip(observations.joints, pinned_gears, strict=True):
         if pinned:
-            program.pin(f"{joint}.gear")
+            program.fix(f"{joint}.gear")
     program.add_residuals(block)
     return program, block
 

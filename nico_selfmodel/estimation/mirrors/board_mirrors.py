@@ -29,8 +29,9 @@ from nico_selfmodel.estimation.results.provenance import package_versions
 from nico_selfmodel.model.camera import Camera
 from nico_selfmodel.model.mirror import Mirror, plane_of_values
 from nico_selfmodel.model.self_model import ParameterCovariance, SelfModel
-from nico_selfmodel.optimization import CalibrationProgram, Uncertainty
+from nico_selfmodel.optimization.calibration_program import CalibrationProgram
 from nico_selfmodel.optimization.robust_solve import RobustSolution, solve_robustly
+from nico_selfmodel.optimization.uncertainty import Uncertainty
 
 _LARGEST_MISFIT, _LARGEST_RATIO = 3.0, 8.0
 """Reflections that fit worse than this [px], and than so many times the direct views, are none."""
@@ -146,7 +147,7 @@ def calibrate_board_mirrors(
     program.add_variables(block.names, block.start_of(camera, mirrors, X_LG))
     number = program.add_residuals(block)
     for name, value in options.held(block.camera_names).items():
-        program.pin(name, value)
+        program.fix(name, value)
     found = _solve(program, number, block, options.loss)
     result = _result(boards, block, program, found, began)
     if result.rms > max(_LARGEST_MISFIT, _LARGEST_RATIO * alone.rms):
@@ -182,7 +183,7 @@ def place_boards(boards: MirroredBoards, camera: Camera) -> tuple[NDArray, NDArr
     program.add_variables(block.names, block.start_of(camera, (), X_LG))
     program.add_residuals(block)
     for name in block.shared_names:
-        program.pin(name)
+        program.fix(name)
     x = program.solve().x
     # About where the boards were found the chart's turn is that about the axes of L.
     settled = BoardMirrorResiduals(alone, block.board_poses(x))

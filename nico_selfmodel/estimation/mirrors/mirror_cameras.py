@@ -25,7 +25,7 @@ from nico_selfmodel.model.camera import Camera
 from nico_selfmodel.model.mirror import Mirror, mirror_camera
 from nico_selfmodel.model.mirror_rig import projected
 from nico_selfmodel.model.stereo_rig import POSE_NAMES, StereoRig
-from nico_selfmodel.optimization import CalibrationProgram
+from nico_selfmodel.optimization.calibration_program import CalibrationProgram
 
 FEWEST_ROWS = 4
 """Points below which a camera's six parameters follow the noise."""

@@ -16,7 +16,7 @@ from nico_selfmodel.estimation.results.calibration_result import (
     parameter_table,
 )
 from nico_selfmodel.model.mirror import MIRROR_UNITS, Mirror, plane_of_values
-from nico_selfmodel.optimization import BlindDirection
+from nico_selfmodel.optimization.uncertainty import UnobservableDirection
 
 _TERMS = Terms(
     observed="reflections",
@@ -41,7 +41,7 @@ def mirror_result(calibration: MirrorCalibration) -> CalibrationResult:
         solution.outliers,
         tuple(sorted(set(solution.reflections.sample[solution.outliers].tolist()))),
         "",
-        tuple(map(_describe, solution.uncertainty.blind)),
+        tuple(map(_describe, solution.uncertainty.unobservable)),
         solution.converged,
         solution.iterations,
         calibration.seconds,
@@ -63,7 +63,7 @@ def _errors(evaluation: MirrorEvaluation) -> Errors:
     )
 
 
-def _describe(direction: BlindDirection) -> str:
+def _describe(direction: UnobservableDirection) -> str:
     """Say what the reflections leave open, and what would cure it."""
     return (
         f"the reflections do not determine {', '.join(f'`{n}`' for n in direction.names)}: record "

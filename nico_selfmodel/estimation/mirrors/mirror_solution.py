@@ -18,14 +18,10 @@ from nico_selfmodel.estimation.mirrors.reflections import ReflectionNoise, Refle
 from nico_selfmodel.geometry.reflection import reflect
 from nico_selfmodel.geometry.transform import apply
 from nico_selfmodel.model.mirror import Mirror
-from nico_selfmodel.optimization import (
-    CalibrationProgram,
-    Loss,
-    Uncertainty,
-    robust_scale,
-    solve_robustly,
-)
-from nico_selfmodel.optimization.robust_solve import RobustSolution
+from nico_selfmodel.optimization.calibration_program import CalibrationProgram
+from nico_selfmodel.optimization.losses import Loss, robust_scale
+from nico_selfmodel.optimization.robust_solve import RobustSolution, solve_robustly
+from nico_selfmodel.optimization.uncertainty import Uncertainty
 
 _FEWEST_ROBUST = 5
 """Rows of a mirror from which on one that contradicts the others can be told."""
@@ -209,7 +205,7 @@ def _uncertainty(
     heights = [max(float(values[2]), 1e-3) for values in x.reshape(-1, 3)]
     natural = np.array([part for height in heights for part in (1.0, 1.0, height)])
     plain = Uncertainty.from_jacobian(block.names, stacked, natural, squares, counted)
-    if plain.blind or reflections.shared is None:
+    if plain.unobservable or reflections.shared is None:
         return plain
     gain = np.linalg.solve(stacked.T @ stacked, stacked.T).reshape(len(x), *rows.shape[:2])
     white, by_point = block.whitening, project_reflections(reflections, x).by_point

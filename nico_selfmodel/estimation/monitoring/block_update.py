@@ -10,8 +10,10 @@ from nico_selfmodel.estimation.noise.expected_misfit import expected_misfit
 from nico_selfmodel.estimation.noise.hand_observations import Sightings, covariance_of, with_values
 from nico_selfmodel.estimation.results.unobservable_words import name_blind
 from nico_selfmodel.model.self_model import ParameterCovariance, SelfModel
-from nico_selfmodel.optimization import CalibrationProgram, Loss, ProgramSolution, Uncertainty
+from nico_selfmodel.optimization.calibration_program import CalibrationProgram, ProgramSolution
+from nico_selfmodel.optimization.losses import Loss
 from nico_selfmodel.optimization.robust_solve import OUTLIER_AT, ROBUST_METHODS
+from nico_selfmodel.optimization.uncertainty import Uncertainty
 
 _ROUNDS = 2
 """Further solutions, each weighed where the last one ended."""
@@ -81,7 +83,7 @@ def learn_block(
     program.add_variables(sightings.names, sightings.x)
     for name in sightings.names:
         if name not in names:
-            program.pin(name)
+            program.fix(name)
     sightings.block.whiten(sightings.whitening())
     number = program.add_residuals(sightings.block)
     columns = np.array([sightings.names.index(name) for name in names], dtype=int)
@@ -139,7 +141,7 @@ def learn_with_prior(
     columns = np.array([sightings.names.index(name) for name in names], dtype=int)
     for i, name in enumerate(sightings.names):
         if i not in known and i not in columns:
-            program.pin(name)
+            program.fix(name)
     sightings.block.whiten(sightings.whitening())
     number = program.add_residuals(sightings.block)
     block = _GaussianPrior(
@@ -238,7 +240,7 @@ def _require_known(
         return
     _, jacobian = sightings.block.evaluate(sightings.x)
     stacked = jacobian[columns].reshape(len(columns), -1).T
-    blind = Uncertainty.from_jacobian(names, stacked, scales, 0.0, 0).blind
+    blind = Uncertainty.from_jacobian(names, stacked, scales, 0.0, 0).unobservable
     if not blind:
         return
     found = "1 sighting is" if len(sightings) == 1 else f"{len(sightings)} sightings are"

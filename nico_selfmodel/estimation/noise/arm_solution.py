@@ -7,8 +7,8 @@ from numpy.typing import NDArray
 
 from nico_selfmodel.estimation.noise.pose_noise import PoseGroups, PoseNoise, PoseWhitening
 from nico_selfmodel.estimation.observations.observations import Observations
-from nico_selfmodel.model import DhParameters
-from nico_selfmodel.optimization import Uncertainty
+from nico_selfmodel.model.dh_parameters import DhParameters
+from nico_selfmodel.optimization.uncertainty import Uncertainty
 
 _LEAST_LEVER = 6.0
 """Distance of the tracked points from an axis, over the noise, below which a joint is blind."""
@@ -150,8 +150,8 @@ def uncertainty_of(
         float(np.sqrt(found.variance_factor)) if np.isfinite(found.variance_factor) else 1.0
     )
     for blind in _levers_of_noise(linear, parameters, free, noise):
-        if not any(set(blind) & set(direction.names) for direction in found.blind):
-            found = found.with_blind(blind)
+        if not any(set(blind) & set(direction.names) for direction in found.unobservable):
+            found = found.with_unobservable(blind)
         else:
             found = replace(found, sigma=np.where(np.isin(found.names, blind), np.inf, found.sigma))
     return found

@@ -21,7 +21,7 @@ from nico_selfmodel.estimation.observations.pixel_observations import (
     columns_of,
 )
 from nico_selfmodel.model.self_model import SelfModel
-from nico_selfmodel.model.stereo_rig import EYES, StereoRig
+from nico_selfmodel.model.stereo_rig import SIDES, StereoRig
 from nico_selfmodel.names import listed
 
 SENSORS = ("auto", "pixels", "points")
@@ -155,7 +155,7 @@ def by_pixels(model: SelfModel, dataset: Dataset, sensor: str = "auto") -> bool:
     if sensor not in SENSORS:
         raise ValueError(f"no sensor {sensor!r}; there are {', '.join(SENSORS)}")
     has_pixels = bool(np.isfinite(dataset.pixels).any())
-    has_eyes = set(model.cameras) == set(EYES)
+    has_eyes = set(model.cameras) == set(SIDES)
     if sensor == "auto" and has_pixels and not has_eyes and not dataset.measured.any():
         raise ModelError(
             f"self-model {model.name!r} has no eyes, and data set {dataset.name!r} holds nothing "

@@ -20,8 +20,9 @@ from nico_selfmodel.estimation.observations.observations import (
     Observations,
     gears_known,
 )
-from nico_selfmodel.model import DhParameters
-from nico_selfmodel.optimization import CalibrationProgram, ProgramSolution, ResidualBlock
+from nico_selfmodel.model.dh_parameters import DhParameters
+from nico_selfmodel.optimization.calibration_program import CalibrationProgram, ProgramSolution
+from nico_selfmodel.optimization.residual_block import ResidualBlock
 from nico_selfmodel.optimization.robust_solve import OUTLIER_AT
 
 _LEAST_REDUNDANCY = 15
@@ -62,7 +63,7 @@ def arm_program(
     program.add_variables(parameters.names, parameters.values)
     for name in parameters.names:
         if name not in free:
-            program.pin(name)
+            program.fix(name)
     program.add_residuals(block)
     return program
 

@@ -14,7 +14,8 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
-from nico_selfmodel.dataset import Dataset, find_sweeps
+from nico_selfmodel.dataset import Dataset
+from nico_selfmodel.dataset.sweeps import find_sweeps
 from nico_selfmodel.errors import ModelError
 from nico_selfmodel.estimation.noise.hand_observations import covariance_of, sightings_of
 from nico_selfmodel.estimation.noise.mixture_fit import most_likely_mixture

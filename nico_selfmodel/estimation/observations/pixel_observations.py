@@ -12,7 +12,7 @@ from nico_selfmodel.estimation.observations.observations import (
     servo_units,
 )
 from nico_selfmodel.model.self_model import SelfModel
-from nico_selfmodel.model.stereo_rig import EYES, StereoRig
+from nico_selfmodel.model.stereo_rig import SIDES, StereoRig
 from nico_selfmodel.names import listed
 
 
@@ -108,7 +108,7 @@ class PixelObservations:
             words += f", or these stay blind, wholly or in part: {listed(unknown)}"
         if both == len(self):
             raise DataError(f"{words}: record more")
-        counts = {eye: int(self.seen[:, 2 * i].sum()) for i, eye in enumerate(EYES)}
+        counts = {eye: int(self.seen[:, 2 * i].sum()) for i, eye in enumerate(SIDES)}
         blind = min(counts, key=lambda eye: counts[eye])
         raise DataError(
             f"{words}: the {blind} eye saw it in {counts[blind]} of {len(self)}; record poses in "

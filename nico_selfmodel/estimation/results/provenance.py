@@ -4,6 +4,7 @@ from importlib.metadata import PackageNotFoundError, version
 from typing import Any
 
 from nico_selfmodel.dataset import Dataset
+from nico_selfmodel.dataset.folder import content_hash
 
 
 def data_named(dataset: Dataset) -> dict[str, Any]:
@@ -15,7 +16,7 @@ def data_named(dataset: Dataset) -> dict[str, Any]:
     Returns:
         Name and hash, and the seed of a simulated body.
     """
-    named = {"dataset": dataset.name, "dataset_sha256": dataset.sha256}
+    named = {"dataset": dataset.name, "dataset_sha256": content_hash(dataset)}
     return named if dataset.seed is None else {**named, "seed": dataset.seed}
 
 

@@ -1,6 +1,6 @@
 """Blind directions in words, with what would cure them."""
 
-from nico_selfmodel.optimization import BlindDirection
+from nico_selfmodel.optimization.uncertainty import UnobservableDirection
 
 _MEANING = {
     "D": "offset along its axis",
@@ -22,7 +22,7 @@ _CURE = {
 }
 
 
-def describe_blind(direction: BlindDirection) -> str:
+def describe_blind(direction: UnobservableDirection) -> str:
     """Say in a sentence which parameters a direction joins and what would cure it.
 
     Args:
@@ -34,7 +34,7 @@ def describe_blind(direction: BlindDirection) -> str:
     return f"{name_blind(direction)}: {_cure(direction.names[0])}"
 
 
-def name_blind(direction: BlindDirection) -> str:
+def name_blind(direction: UnobservableDirection) -> str:
     """Say which parameters a direction joins, without what would cure it."""
     first, *others = direction.names
     words = f"`{first}` ({_meaning(first)})"

@@ -3,11 +3,11 @@
 import numpy as np
 from numpy.typing import NDArray
 
-from nico_selfmodel.dataset import BoardViews
+from nico_selfmodel.dataset.board_views import BoardViews
 from nico_selfmodel.geometry.rotation import rotation_from_vector
 from nico_selfmodel.geometry.transform import apply, transform
-from nico_selfmodel.model import Camera, StereoRig
-from nico_selfmodel.model.stereo_rig import EYES
+from nico_selfmodel.model.camera import Camera
+from nico_selfmodel.model.stereo_rig import SIDES, StereoRig
 from nico_selfmodel.systems.nico_cameras import NICO_CAMERAS
 
 _TRIES_PER_VIEW = 2000
@@ -106,7 +106,7 @@ def views_of_boards(
             seen.append(pixels + rng.normal(0.0, pixel_sigma, pixels.shape))
             if len(seen) == count:
                 names = tuple(f"{i + 1:02d}" for i in range(count))
-                return BoardViews(p_GQ, names, EYES, np.array(seen), size)
+                return BoardViews(p_GQ, names, SIDES, np.array(seen), size)
     width = 1e3 * np.ptp(p_GQ, axis=0).max()
     raise ValueError(f"a board of {width:.0f} mm does not fit into both images")
 

@@ -6,9 +6,13 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from nico_selfmodel.dataset import BoardViews, Dataset, JointInfo
-from nico_selfmodel.model import Chain, Mirror, SelfModel, StereoRig
+from nico_selfmodel.dataset import Dataset, JointInfo
+from nico_selfmodel.dataset.board_views import BoardViews
+from nico_selfmodel.model.chain import Chain
+from nico_selfmodel.model.mirror import Mirror
 from nico_selfmodel.model.mirror_rig import MirrorRig
+from nico_selfmodel.model.self_model import SelfModel
+from nico_selfmodel.model.stereo_rig import StereoRig
 from nico_selfmodel.systems.curved_mirror import curved_reflection
 from nico_selfmodel.systems.nico_cameras import NICO_CAMERAS
 from nico_selfmodel.systems.simulated.cameras import built_camera, inside_images, views_of_boards

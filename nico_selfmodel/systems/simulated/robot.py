@@ -9,7 +9,7 @@ from numpy.typing import ArrayLike, NDArray
 from nico_selfmodel.dataset import JointInfo
 from nico_selfmodel.geometry.rotation import rotation_from_vector
 from nico_selfmodel.geometry.transform import transform
-from nico_selfmodel.model import StereoRig
+from nico_selfmodel.model.stereo_rig import StereoRig
 from nico_selfmodel.systems.measurements import Measurement
 from nico_selfmodel.systems.nico_cameras import NICO_CAMERAS
 from nico_selfmodel.systems.simulated.cameras import built_rig

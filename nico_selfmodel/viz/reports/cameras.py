@@ -5,7 +5,7 @@ from functools import partial
 from typing import Any
 
 from nico_selfmodel.estimation import CameraAssessment
-from nico_selfmodel.model import SelfModel
+from nico_selfmodel.model.self_model import SelfModel
 from nico_selfmodel.viz import camera_plots, lens_plots
 from nico_selfmodel.viz.camera_gallery import gallery
 from nico_selfmodel.viz.camera_scene import camera_scene

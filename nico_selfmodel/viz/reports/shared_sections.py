@@ -3,7 +3,7 @@
 from collections.abc import Callable, Mapping, Sequence
 from typing import Any
 
-from nico_selfmodel.optimization import Uncertainty
+from nico_selfmodel.optimization.uncertainty import Uncertainty
 from nico_selfmodel.viz.parameter_plots import correlations, unobservable_parameters
 from nico_selfmodel.viz.reports import parts
 from nico_selfmodel.viz.reports.parameter_tables import ParameterTables

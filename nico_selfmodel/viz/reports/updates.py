@@ -6,6 +6,7 @@ from typing import Any
 import numpy as np
 from matplotlib.figure import Figure
 
+from nico_selfmodel.dataset.folder import content_hash
 from nico_selfmodel.estimation.monitoring.health import HealthReport
 from nico_selfmodel.estimation.monitoring.update_evaluation import UpdateEvaluation
 from nico_selfmodel.plant import ArmDescription
@@ -169,8 +170,8 @@ def _provenance(evaluation: UpdateEvaluation, document: Mapping[str, Any]) -> pa
     train, test = evaluation.train, evaluation.test
     found = {
         "body": f"{evaluation.before.name}, {evaluation.before.provenance.get('dataset', '')}",
-        "learned from": f"{train.name}, {len(train)} rows, sha256 {train.sha256}",
-        "held out": "nothing" if test is None else f"{test.name}, sha256 {test.sha256}",
+        "learned from": f"{train.name}, {len(train)} rows, sha256 {content_hash(train)}",
+        "held out": "nothing" if test is None else f"{test.name}, sha256 {content_hash(test)}",
         "sensor": evaluation.sensor,
     }
     return shared_sections.provenance_section(document, found)
