@@ -5,9 +5,9 @@ from dataclasses import replace
 import numpy as np
 
 from nico_selfmodel.estimation import NominalArm, calibrate_kinematics
-from nico_selfmodel.experiments.protocol import simulated_session
 from nico_selfmodel.planning.sweep_protocol import Protocol
 from nico_selfmodel.plant import ArmDescription, SelfModelPlant
+from nico_selfmodel.sessions.simulated_session import simulated_session
 from nico_selfmodel.systems import IMPERFECTIONS
 
 arm = ArmDescription.named("nico", "right_arm")

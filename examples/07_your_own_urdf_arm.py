@@ -5,9 +5,9 @@ from dataclasses import replace
 from pathlib import Path
 
 from nico_selfmodel.estimation import NominalArm, calibrate_kinematics, judge
-from nico_selfmodel.experiments.protocol import simulated_session
 from nico_selfmodel.planning.sweep_protocol import Protocol
 from nico_selfmodel.plant import ArmDescription, learned_urdf
+from nico_selfmodel.sessions.simulated_session import simulated_session
 from nico_selfmodel.systems import IMPERFECTIONS
 
 LINK = """<link name="{0}"><inertial><mass value="0.3"/>

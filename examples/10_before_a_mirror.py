@@ -8,11 +8,11 @@ of the body, with the mirror where it was put, predicts the reflection to some t
 
 import numpy as np
 
-from nico_selfmodel.experiments.mirror_recording import DEFAULT_MIRROR
 from nico_selfmodel.model import MirrorRig
 from nico_selfmodel.planning.mirror_view import MirrorView
 from nico_selfmodel.planning.plans import commands_of_angles
 from nico_selfmodel.planning.visible_workspace import VisibleWorkspace
+from nico_selfmodel.sessions.nico_before_mirrors import DEFAULT_MIRROR
 from nico_selfmodel.systems import (
     CameraMeasurement,
     MirrorPlate,
@@ -20,8 +20,8 @@ from nico_selfmodel.systems import (
     StationBody,
     looking_arm,
 )
-from nico_selfmodel.systems.mirror_scene import put_mirror
-from nico_selfmodel.systems.reflection_detectors import default_mirror_detectors
+from nico_selfmodel.systems.rendering.mirror_scene import put_mirror
+from nico_selfmodel.systems.tracking.reflection_detectors import default_mirror_detectors
 
 
 def main() -> None:

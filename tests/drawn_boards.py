@@ -5,8 +5,8 @@ import numpy as np
 
 from nico_selfmodel.geometry.rotation import rotation_from_vector
 from nico_selfmodel.geometry.transform import transform
-from nico_selfmodel.model.camera import Camera
-from nico_selfmodel.model.stereo_rig import StereoRig
+from nico_selfmodel.model.cameras.camera import Camera
+from nico_selfmodel.model.cameras.stereo_rig import StereoRig
 
 COLUMNS, ROWS, SQUARE = 7, 5, 0.03
 FINE = 3

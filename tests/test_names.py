@@ -8,11 +8,11 @@ import pytest
 from nico_selfmodel.dataset import Dataset, JointInfo
 from nico_selfmodel.errors import DataError
 from nico_selfmodel.estimation.cameras.camera_options import by_full_name
-from nico_selfmodel.model.chain import Chain
-from nico_selfmodel.model.dh_table import DhTable
-from nico_selfmodel.model.mirror import Mirror
+from nico_selfmodel.model.arm.chain import Chain
+from nico_selfmodel.model.arm.dh_table import DhTable
+from nico_selfmodel.model.arm.servo_map import ServoMap
+from nico_selfmodel.model.cameras.mirror import Mirror
 from nico_selfmodel.model.self_model import SelfModel
-from nico_selfmodel.model.servo_map import ServoMap
 from nico_selfmodel.names import LONGEST_NAME, check_name, did_you_mean, listed, shown
 
 OBEYED = ["\x1b[31mred", "a\nb", "a\rb", "\x00", "a\u202eb", "\x9b1m", "a\u2028b", "\ud800"]

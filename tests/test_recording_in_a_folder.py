@@ -11,7 +11,7 @@ from nico_selfmodel.errors import DataError, RobotError
 from nico_selfmodel.planning.plans import commands_of_angles, pose_plan
 from nico_selfmodel.recording import record, recorded_samples
 from nico_selfmodel.systems import CameraMeasurement, Measurement
-from nico_selfmodel.vision.image_file import read_image
+from nico_selfmodel.vision.images.image_file import read_image
 
 JOINTS = (
     JointInfo("base", "counts", 1000.0, -400.0, 400.0),

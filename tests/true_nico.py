@@ -5,7 +5,7 @@ from dataclasses import replace
 from nico_selfmodel.plant import SelfModelPlant
 from nico_selfmodel.systems import IMPERFECTIONS, NICO_CAMERAS
 from nico_selfmodel.systems.nico_cameras import MOUNTS
-from nico_selfmodel.systems.nico_instance import NicoInstance
+from nico_selfmodel.systems.stations.nico_instance import NicoInstance
 
 
 def true_model(arm, world, seed):

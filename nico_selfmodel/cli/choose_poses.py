@@ -30,10 +30,10 @@ def choose_poses(
     import numpy as np
 
     from nico_selfmodel.dataset.folder import load_dataset
-    from nico_selfmodel.estimation.next_poses import choose_next_poses
     from nico_selfmodel.files.whole import refuse_existing, write_whole
     from nico_selfmodel.model.readings import readings_table
     from nico_selfmodel.model.self_model_file import load_model
+    from nico_selfmodel.planning.next_poses import choose_next_poses
 
     refuse_existing(out, force=force)
     learned = load_model(model)

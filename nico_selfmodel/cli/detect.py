@@ -53,10 +53,10 @@ def _detector(
     board: str | None,
     window: int | None,
 ) -> "Detector":
-    from nico_selfmodel.vision.chessboard import WINDOW, Board
-    from nico_selfmodel.vision.color_model import ColorModel
+    from nico_selfmodel.vision.boards.chessboard import WINDOW, Board
+    from nico_selfmodel.vision.color.color_model import ColorModel
     from nico_selfmodel.vision.detections import Detector
-    from nico_selfmodel.vision.fiducial_family import DEFAULT_FAMILY
+    from nico_selfmodel.vision.markers.fiducial_family import DEFAULT_FAMILY
 
     if sum([fiducial, color is not None, board is not None]) != 1:
         raise ValueError("choose one of --fiducial, --color FILE and --board 9x6")

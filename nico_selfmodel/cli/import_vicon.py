@@ -26,7 +26,7 @@ def from_vicon(
 ) -> None:
     """Import a Vicon Nexus trajectory export with encoder readings beside it."""
     from nico_selfmodel.dataset.folder import save_dataset
-    from nico_selfmodel.dataset.vicon_importer import import_vicon
+    from nico_selfmodel.dataset.importers.vicon_importer import import_vicon
     from nico_selfmodel.files.whole import refuse_existing
 
     refuse_existing(out, force=force)

@@ -11,7 +11,7 @@ if TYPE_CHECKING:
 
     from nico_selfmodel.dataset import Dataset
     from nico_selfmodel.estimation import NominalArm
-    from nico_selfmodel.model.stereo_rig import StereoRig
+    from nico_selfmodel.model.cameras.stereo_rig import StereoRig
     from nico_selfmodel.plant import ArmDescription
 
 
@@ -127,7 +127,7 @@ def described_arm(
         if any((arm, base, tip, hold, point)):
             raise ValueError("--arm, --base, --tip, --hold and --point need --robot")
         return None, None
-    from nico_selfmodel.experiments.first_arm import nominal_of
+    from nico_selfmodel.sessions.motion_capture_scenario import nominal_of
 
     description = chosen_arm(robot, arm, base, tip, hold, point)
     return description, nominal_of(description)

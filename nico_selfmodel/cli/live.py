@@ -42,8 +42,8 @@ def live(
     if out is not None:
         refuse_existing(out, force=force)
     known = load_model(model)
-    from nico_selfmodel.experiments.mirror_recording import mirror_of_words
-    from nico_selfmodel.experiments.watching import Watching
+    from nico_selfmodel.sessions.nico_before_mirrors import mirror_of_words
+    from nico_selfmodel.sessions.watching import Watching
 
     instance = int(known.provenance.get("seed") or 0) if seed is None else seed
     put = None

@@ -26,7 +26,7 @@ def locate(
     The noise of a pixel is the model's, where none is given.
     """
     from nico_selfmodel.errors import ModelError
-    from nico_selfmodel.model.mirror_location import locate_in_mirror
+    from nico_selfmodel.model.cameras.mirror_location import locate_in_mirror
     from nico_selfmodel.model.self_model_file import load_model
 
     body = load_model(model)

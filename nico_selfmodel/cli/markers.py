@@ -19,8 +19,8 @@ def sheet(
 ) -> None:
     """Write a sheet of markers with cut lines and a ruler, as .pdf, .svg or .png."""
     from nico_selfmodel.files.whole import refuse_existing
-    from nico_selfmodel.vision.fiducial_family import DEFAULT_FAMILY
-    from nico_selfmodel.vision.marker_sheet import MarkerSheet, parse_ids
+    from nico_selfmodel.vision.markers.fiducial_family import DEFAULT_FAMILY
+    from nico_selfmodel.vision.markers.marker_sheet import MarkerSheet, parse_ids
 
     refuse_existing(out, force=force)
     made = MarkerSheet(parse_ids(ids), size_mm, family or DEFAULT_FAMILY, paper)

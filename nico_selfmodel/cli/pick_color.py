@@ -29,9 +29,9 @@ def pick_color(
     from nico_selfmodel.files.reading import real_path
     from nico_selfmodel.files.whole import refuse_existing
     from nico_selfmodel.vision import NotSeen
-    from nico_selfmodel.vision.color_blob import color_mask, find_color_blob
-    from nico_selfmodel.vision.color_model import ColorModel
-    from nico_selfmodel.vision.image_file import looking_at, read_image, write_image
+    from nico_selfmodel.vision.color.color_blob import color_mask, find_color_blob
+    from nico_selfmodel.vision.color.color_model import ColorModel
+    from nico_selfmodel.vision.images.image_file import looking_at, read_image, write_image
 
     for path in filter(None, (out, mask)):
         refuse_existing(path, force=force)
@@ -42,7 +42,7 @@ def pick_color(
         points = [_pixel(text) for text in at]
         model = ColorModel.from_clicks([photograph], [points], radius)
     else:
-        from nico_selfmodel.viz.color_picker import pick_color as open_window
+        from nico_selfmodel.viz.live.color_picker import pick_color as open_window
 
         model = open_window(photograph, image.name, radius)
     with looking_at(image):

@@ -34,9 +34,9 @@ def motion_capture(
 ) -> None:
     """Sweep and pose a simulated arm under motion capture; writes a data set."""
     from nico_selfmodel.dataset.folder import save_dataset
-    from nico_selfmodel.experiments.protocol import simulated_session
     from nico_selfmodel.files.whole import refuse_existing
     from nico_selfmodel.planning.sweep_protocol import Protocol
+    from nico_selfmodel.sessions.simulated_session import simulated_session
     from nico_selfmodel.systems import imperfections_named
 
     refuse_existing(out, force=force)

@@ -24,9 +24,9 @@ def view(
 ) -> None:
     """Show a result in Meshcat, on localhost, until Ctrl-C."""
     from nico_selfmodel.files.whole import refuse_existing, write_whole
-    from nico_selfmodel.viz.drake_backend import draw_in_drake, static_html
-    from nico_selfmodel.viz.meshcat_backend import publish
-    from nico_selfmodel.viz.scene import load_scene
+    from nico_selfmodel.viz.live.drake_backend import draw_in_drake, static_html
+    from nico_selfmodel.viz.live.meshcat_backend import publish
+    from nico_selfmodel.viz.scene.scene import load_scene
 
     scene = load_scene(result)
     if out is not None:

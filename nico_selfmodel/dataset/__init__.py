@@ -5,8 +5,8 @@ on disk as a folder (`dataset.yaml` and `samples.csv`). Importers make one from 
 from a trajectory export of Vicon Nexus; `sweeps` tells in which poses one joint turned alone.
 """
 
-from nico_selfmodel.dataset.csv_importer import import_csv
 from nico_selfmodel.dataset.dataset import Dataset
+from nico_selfmodel.dataset.importers.csv_importer import import_csv
 from nico_selfmodel.dataset.joint_info import JointInfo
 
 __all__ = [

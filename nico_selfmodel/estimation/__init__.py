@@ -20,7 +20,6 @@ from nico_selfmodel.estimation.initialization.circle_points import (
 )
 from nico_selfmodel.estimation.initialization.nominal_arm import NominalArm
 from nico_selfmodel.estimation.judging import Calibration, judge, result_of, to_json
-from nico_selfmodel.estimation.mirror_poses import MirrorPoses, plan_mirror_poses
 from nico_selfmodel.estimation.mirrors.board_mirrors import (
     BoardMirrorCalibration,
     calibrate_board_mirrors,
@@ -64,7 +63,6 @@ __all__ = [
     "HealthReport",
     "KinematicCalibration",
     "MirrorCalibration",
-    "MirrorPoses",
     "NominalArm",
     "Observations",
     "Pins",
@@ -90,7 +88,6 @@ __all__ = [
     "evaluate_pixels",
     "judge",
     "judge_evaluation",
-    "plan_mirror_poses",
     "result_of",
     "rezero",
     "to_json",

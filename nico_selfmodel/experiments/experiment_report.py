@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from nico_selfmodel.files.whole import folder_written_whole
-from nico_selfmodel.viz.experiment_charts import BarSeries, save_figure
+from nico_selfmodel.viz.figures.experiment_charts import BarSeries, save_figure
 
 Pair = tuple[float, float] | None
 """A mean and its SD; None where there is none."""

@@ -10,9 +10,9 @@ from nico_selfmodel.dataset import Dataset
 from nico_selfmodel.estimation.mirrors.mirror import calibrate_mirrors
 from nico_selfmodel.estimation.mirrors.mirror_cameras import fit_mirror_cameras
 from nico_selfmodel.experiments.mirror_body import MIRRORS, learned_body, mirror_body
-from nico_selfmodel.model.mirror import Mirror
+from nico_selfmodel.model.cameras.mirror import Mirror
+from nico_selfmodel.model.cameras.stereo_rig import StereoRig
 from nico_selfmodel.model.self_model import SelfModel
-from nico_selfmodel.model.stereo_rig import StereoRig
 from nico_selfmodel.plant import ArmDescription
 from nico_selfmodel.sessions.progress import Stage
 from nico_selfmodel.systems.simulated.mirrors import SimulatedMirrors

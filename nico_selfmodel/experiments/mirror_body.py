@@ -7,13 +7,13 @@ import numpy as np
 
 from nico_selfmodel.estimation import calibrate_cameras, calibrate_kinematics
 from nico_selfmodel.estimation.body.arm_through_cameras import Sight
-from nico_selfmodel.experiments.first_arm import nominal_of
 from nico_selfmodel.experiments.stereo import board_points
 from nico_selfmodel.geometry.transform import inverse
-from nico_selfmodel.model.mirror import Mirror
+from nico_selfmodel.model.cameras.mirror import Mirror
 from nico_selfmodel.model.self_model import SelfModel
 from nico_selfmodel.plant import ArmDescription
 from nico_selfmodel.plant.kinematic_tree import KinematicTree
+from nico_selfmodel.sessions.motion_capture_scenario import nominal_of
 from nico_selfmodel.systems.simulated.mirrors import SimulatedMirrors
 
 HEAD = {"neck_yaw": -1.0, "neck_pitch": 0.4, "eyes_tilt": 0.3}

@@ -6,8 +6,6 @@ import numpy as np
 
 from nico_selfmodel.dataset import Dataset
 from nico_selfmodel.errors import DataError
-from nico_selfmodel.experiments.body_lesson import learn_body
-from nico_selfmodel.experiments.eyes_lesson import Counts, RenderedNico
 from nico_selfmodel.experiments.mirror import (
     POSES,
     TEST_POSES,
@@ -15,8 +13,10 @@ from nico_selfmodel.experiments.mirror import (
     Trial,
     experiment_of,
 )
-from nico_selfmodel.experiments.mirror_recording import NicoBeforeMirrors
-from nico_selfmodel.model.mirror import Mirror
+from nico_selfmodel.model.cameras.mirror import Mirror
+from nico_selfmodel.sessions.body_scenario import learn_body
+from nico_selfmodel.sessions.camera_scenario import Counts, RenderedNico
+from nico_selfmodel.sessions.nico_before_mirrors import NicoBeforeMirrors
 from nico_selfmodel.sessions.progress import Stage, of_robot, telling
 from nico_selfmodel.systems import Imperfections
 

@@ -19,7 +19,7 @@ from nico_selfmodel.experiments.mirror import (
     MirrorExperiment,
     Spread,
 )
-from nico_selfmodel.viz.experiment_charts import bar_chart
+from nico_selfmodel.viz.figures.experiment_charts import bar_chart
 
 
 def report_of(results: MirrorExperiment) -> ExperimentReport:

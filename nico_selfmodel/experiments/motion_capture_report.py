@@ -10,7 +10,7 @@ from nico_selfmodel.experiments.motion_capture import (
     MotionCaptureExperiment,
     Row,
 )
-from nico_selfmodel.viz.experiment_charts import bar_chart
+from nico_selfmodel.viz.figures.experiment_charts import bar_chart
 
 _THESIS_LINKS_MM = ((126.82, 0.45), (115.66, 0.84))
 _THESIS_REPEAT_SECONDS = 2.52

@@ -19,10 +19,10 @@ from nico_selfmodel.estimation import (
     evaluate,
     judge,
 )
-from nico_selfmodel.experiments.limits import Limit
+from nico_selfmodel.experiments.irreducible_error import Limit
 from nico_selfmodel.experiments.projected_nico import TRACKERS, ProjectedNico
 from nico_selfmodel.experiments.stereo import BOARDS, TEST_BOARDS, board_points
-from nico_selfmodel.model.link_lengths import link_lengths
+from nico_selfmodel.model.arm.link_lengths import link_lengths
 from nico_selfmodel.model.self_model import SelfModel
 from nico_selfmodel.sessions.progress import Stage, of_robot
 from nico_selfmodel.systems import Imperfections, SimulatedCameras

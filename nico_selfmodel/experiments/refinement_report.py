@@ -10,9 +10,9 @@ from nico_selfmodel.experiments.experiment_report import (
     bodies,
     spread,
 )
-from nico_selfmodel.experiments.limits import Limit
+from nico_selfmodel.experiments.irreducible_error import Limit
 from nico_selfmodel.experiments.refinement import RefinementExperiment, RefinementRow
-from nico_selfmodel.viz.experiment_charts import Level, bar_chart
+from nico_selfmodel.viz.figures.experiment_charts import Level, bar_chart
 
 THESIS: dict[str, dict[str, dict[str, tuple[float, float]]]] = {
     "fiducial": {

@@ -8,9 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from nico_selfmodel.estimation import calibrate_body
-from nico_selfmodel.experiments.eyes_lesson import Counts, of_marker
-from nico_selfmodel.experiments.nico_before_its_eyes import RenderedNico
-from nico_selfmodel.experiments.rendered_lesson import COUNTS, MARKERS, rendered_scenarios
+from nico_selfmodel.experiments.rendered_scenario import COUNTS, MARKERS, rendered_scenarios
 from nico_selfmodel.experiments.tool_use import COUNTS as TOOL_COUNTS
 from nico_selfmodel.experiments.tool_use import TOOL, ToolScenario
 from nico_selfmodel.geometry.transform import transform
@@ -24,7 +22,9 @@ from nico_selfmodel.plant.urdf_document import (
     read_document,
     robot_element,
 )
+from nico_selfmodel.sessions.camera_scenario import Counts, of_marker
 from nico_selfmodel.sessions.progress import Stage
+from nico_selfmodel.sessions.rendered_nico import RenderedNico
 from nico_selfmodel.systems import Imperfections, looking_arm
 
 _FINGER, _TIP, _TAPE = "right_finger_tip", "right_tool_tip", "red_tape"

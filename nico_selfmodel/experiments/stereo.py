@@ -15,7 +15,7 @@ from nico_selfmodel.estimation.cameras.board_accuracy import corner_distances, h
 from nico_selfmodel.experiments.experiment_report import ExperimentReport, Table, bars, spread
 from nico_selfmodel.sessions.progress import Stage
 from nico_selfmodel.systems import SimulatedCameras
-from nico_selfmodel.viz.experiment_charts import bar_chart
+from nico_selfmodel.viz.figures.experiment_charts import bar_chart
 
 SQUARE = 0.028
 """Side of a square of the thesis' board [m]."""

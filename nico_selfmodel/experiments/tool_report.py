@@ -13,7 +13,7 @@ from nico_selfmodel.experiments.experiment_report import (
     spread,
 )
 from nico_selfmodel.experiments.tool_use import COUNTS, FREED, ToolExperiment, ToolRow
-from nico_selfmodel.viz.experiment_charts import bar_chart
+from nico_selfmodel.viz.figures.experiment_charts import bar_chart
 
 THESIS = {
     "hand before": {"mm": (5.72, 5.00), "px": (3.82, 2.33)},

@@ -5,9 +5,9 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from nico_selfmodel.geometry.levenberg_marquardt import NormalEquations, levenberg_marquardt
 from nico_selfmodel.geometry.plane import Plane
 from nico_selfmodel.geometry.rotation import signed_angle, tangent_basis
+from nico_selfmodel.least_squares import NormalEquations, levenberg_marquardt
 
 
 @dataclass(frozen=True, eq=False)

@@ -4,9 +4,9 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from nico_selfmodel.geometry.circle import Circle, covariance_of, pratt_circle, refine_circle
-from nico_selfmodel.geometry.levenberg_marquardt import NormalEquations, levenberg_marquardt
 from nico_selfmodel.geometry.plane import Plane
 from nico_selfmodel.geometry.rotation import rotation_from_vector, skew, tangent_basis
+from nico_selfmodel.least_squares import NormalEquations, levenberg_marquardt
 
 _CANDIDATES = 6
 

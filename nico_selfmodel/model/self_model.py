@@ -11,15 +11,15 @@ from numpy.typing import ArrayLike, NDArray
 
 from nico_selfmodel.arrays import frozen_covariance
 from nico_selfmodel.errors import ModelError
-from nico_selfmodel.model.camera import Camera
-from nico_selfmodel.model.chain import Chain
-from nico_selfmodel.model.dh_parameters import DhParameters
-from nico_selfmodel.model.dh_table import DhTable
-from nico_selfmodel.model.mirror import Mirror
-from nico_selfmodel.model.mirror_rig import MirrorRig
+from nico_selfmodel.model.arm.chain import Chain
+from nico_selfmodel.model.arm.dh_parameters import DhParameters
+from nico_selfmodel.model.arm.dh_table import DhTable
+from nico_selfmodel.model.arm.servo_map import ServoMap
+from nico_selfmodel.model.cameras.camera import Camera
+from nico_selfmodel.model.cameras.mirror import Mirror
+from nico_selfmodel.model.cameras.mirror_rig import MirrorRig
+from nico_selfmodel.model.cameras.stereo_rig import SIDES, StereoRig
 from nico_selfmodel.model.noise_mixture import NoiseMixture, mixtures_of
-from nico_selfmodel.model.servo_map import ServoMap
-from nico_selfmodel.model.stereo_rig import SIDES, StereoRig
 from nico_selfmodel.names import check_name, listed
 
 MIRROR_FAILURES = "mirror_failures"

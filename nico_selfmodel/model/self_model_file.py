@@ -11,8 +11,10 @@ from nico_selfmodel.files.reading import LARGEST_DOCUMENT, read_text
 from nico_selfmodel.files.whole import write_whole
 from nico_selfmodel.files.yaml_text import parse_yaml, yaml_text
 from nico_selfmodel.model import kept_values
-from nico_selfmodel.model.camera import INTRINSICS, Camera
-from nico_selfmodel.model.dh_table import DhTable
+from nico_selfmodel.model.arm.dh_table import DhTable
+from nico_selfmodel.model.arm.servo_map import ServoMap
+from nico_selfmodel.model.cameras.camera import INTRINSICS, Camera
+from nico_selfmodel.model.cameras.mirror import Mirror
 from nico_selfmodel.model.document_values import (
     LARGEST_SIGMA_M,
     LARGEST_SIGMA_PX,
@@ -24,9 +26,7 @@ from nico_selfmodel.model.document_values import (
     sigma,
     texts,
 )
-from nico_selfmodel.model.mirror import Mirror
 from nico_selfmodel.model.self_model import ParameterCovariance, SelfModel
-from nico_selfmodel.model.servo_map import ServoMap
 from nico_selfmodel.names import shown
 
 FORMAT = "nico-selfmodel/1"

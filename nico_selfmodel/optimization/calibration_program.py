@@ -9,7 +9,7 @@ from numpy.typing import ArrayLike, NDArray
 from pydrake.autodiffutils import AutoDiffXd, ExtractGradient, ExtractValue, InitializeAutoDiff
 from pydrake.solvers import IpoptSolver, MathematicalProgram, SnoptSolver, SolverOptions
 
-from nico_selfmodel.geometry.levenberg_marquardt import NormalEquations
+from nico_selfmodel.least_squares import NormalEquations
 from nico_selfmodel.names import listed
 from nico_selfmodel.optimization.levenberg_marquardt_solver import (
     LevenbergMarquardtSolver,

@@ -16,7 +16,7 @@ from pydrake.solvers import (
     SolverOptions,
 )
 
-from nico_selfmodel.geometry.levenberg_marquardt import (
+from nico_selfmodel.least_squares import (
     LevenbergMarquardtResult,
     NormalEquations,
     Step,

@@ -7,7 +7,7 @@ from nico_selfmodel.errors import ModelError
 from nico_selfmodel.geometry.rotation import rotation_from_vector
 from nico_selfmodel.geometry.transform import apply, transform
 from nico_selfmodel.planning.visible_workspace import VisibleWorkspace
-from nico_selfmodel.vision.chessboard import Board
+from nico_selfmodel.vision.boards.chessboard import Board
 
 _NEAR, _FAR = 0.24, 0.45
 """Distances at which boards are held before the left camera [m]."""

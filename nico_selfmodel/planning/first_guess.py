@@ -5,10 +5,10 @@ from collections.abc import Sequence
 import numpy as np
 
 from nico_selfmodel.dataset import JointInfo
-from nico_selfmodel.model.dh_table import DhTable
+from nico_selfmodel.model.arm.dh_table import DhTable
+from nico_selfmodel.model.arm.servo_map import ServoMap
+from nico_selfmodel.model.cameras.stereo_rig import StereoRig
 from nico_selfmodel.model.self_model import SelfModel
-from nico_selfmodel.model.servo_map import ServoMap
-from nico_selfmodel.model.stereo_rig import StereoRig
 from nico_selfmodel.plant import ArmDescription
 
 

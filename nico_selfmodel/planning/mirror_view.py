@@ -11,9 +11,9 @@ from numpy.typing import NDArray
 from nico_selfmodel.errors import ModelError
 from nico_selfmodel.geometry.transform import apply, inverse, transform
 from nico_selfmodel.model import MirrorRig
-from nico_selfmodel.model.mirror import Mirror
+from nico_selfmodel.model.cameras.mirror import Mirror
 from nico_selfmodel.planning.visible_workspace import VisibleWorkspace
-from nico_selfmodel.systems.mirror_scene import MirrorPlate
+from nico_selfmodel.systems.rendering.mirror_scene import MirrorPlate
 
 _MARGIN = 60.0
 """Planned reflections stay this far from the images' edges: a true head is degrees off [px]."""

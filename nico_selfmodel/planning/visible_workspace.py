@@ -9,14 +9,14 @@ from numpy.typing import ArrayLike, NDArray
 from nico_selfmodel.dataset import JointInfo
 from nico_selfmodel.errors import ModelError
 from nico_selfmodel.geometry.transform import apply
-from nico_selfmodel.model.chain import Chain
+from nico_selfmodel.model.arm.chain import Chain
+from nico_selfmodel.model.cameras.stereo_rig import StereoRig
 from nico_selfmodel.model.self_model import SelfModel
-from nico_selfmodel.model.stereo_rig import StereoRig
 from nico_selfmodel.planning.first_guess import first_guess
 from nico_selfmodel.planning.plans import Plan, commands_of_angles, pose_plan
 from nico_selfmodel.planning.sweeps_in_view import widest_sweeps
 from nico_selfmodel.plant import ArmDescription
-from nico_selfmodel.systems.collisions import CollisionShapes
+from nico_selfmodel.plant.collisions import CollisionShapes
 from nico_selfmodel.systems.nico_cameras import MOUNTS, NICO_CAMERAS
 
 SPARE = 1.25

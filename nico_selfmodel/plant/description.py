@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from pydrake.multibody.tree import RevoluteJoint
 
 from nico_selfmodel.errors import ModelError
-from nico_selfmodel.model.chain import Chain
+from nico_selfmodel.model.arm.chain import Chain
 from nico_selfmodel.model.self_model import SelfModel
 from nico_selfmodel.names import listed
 from nico_selfmodel.plant.chain_choice import (

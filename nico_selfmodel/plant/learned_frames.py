@@ -13,8 +13,8 @@ from numpy.typing import NDArray
 
 from nico_selfmodel.geometry.rotation import rotation_about
 from nico_selfmodel.geometry.transform import apply, inverse, transform
-from nico_selfmodel.model.chain import Chain
-from nico_selfmodel.model.dh_table import DhTable
+from nico_selfmodel.model.arm.chain import Chain
+from nico_selfmodel.model.arm.dh_table import DhTable
 from nico_selfmodel.plant.description import ArmDescription
 
 ON_THE_AXIS = 1e-3

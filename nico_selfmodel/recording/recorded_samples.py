@@ -16,10 +16,10 @@ from nico_selfmodel.dataset import Dataset, JointInfo
 from nico_selfmodel.dataset.folder import load_dataset, save_dataset
 from nico_selfmodel.errors import DataError
 from nico_selfmodel.files.whole import recover
-from nico_selfmodel.model.stereo_rig import SIDES
+from nico_selfmodel.model.cameras.stereo_rig import SIDES
 from nico_selfmodel.names import shown
 from nico_selfmodel.systems import CameraMeasurement, Measurement
-from nico_selfmodel.vision.image_file import write_image
+from nico_selfmodel.vision.images.image_file import write_image
 
 POSE, VISITS = "pose", "visits"
 """Extra columns of a recording in a folder: which pose of the plan a sample is, from 1, and how

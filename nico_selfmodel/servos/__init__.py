@@ -7,11 +7,11 @@ pseudo-terminal. Importing opens nothing, making an object sends nothing, connec
 """
 
 from nico_selfmodel.servos.arm_loop import ArmLoop
-from nico_selfmodel.servos.controller import ArmController
-from nico_selfmodel.servos.motor_server import MotorServer
-from nico_selfmodel.servos.servo_config import JointServo, ServoConfig
-from nico_selfmodel.servos.servo_config_file import load_servo_config
-from nico_selfmodel.servos.simulated_bus import SimulatedBus
+from nico_selfmodel.servos.pic_servo.arm.controller import ArmController
+from nico_selfmodel.servos.pic_servo.arm.servo_config import JointServo, ServoConfig
+from nico_selfmodel.servos.pic_servo.arm.servo_config_file import load_servo_config
+from nico_selfmodel.servos.pic_servo.simulated.bus import SimulatedBus
+from nico_selfmodel.servos.server.motor_server import MotorServer
 
 __all__ = [
     "ArmController",

@@ -8,18 +8,22 @@ from pose to pose.
 
 from typing import TYPE_CHECKING, Any
 
-from nico_selfmodel.systems.measurements import CameraMeasurement, Measurement
-from nico_selfmodel.systems.motion_capture_stream import (
+from nico_selfmodel.systems.hardware.motion_capture_stream import (
     MarkerFrame,
     MotionCaptureClient,
     MotionCaptureServer,
 )
+from nico_selfmodel.systems.measurements import CameraMeasurement, Measurement
 from nico_selfmodel.systems.nico_cameras import NICO_CAMERAS
 from nico_selfmodel.systems.simulated.cameras import SimulatedCameras
 from nico_selfmodel.systems.simulated.ground_truth import GroundTruth
+from nico_selfmodel.systems.simulated.imperfections import (
+    IMPERFECTIONS,
+    Imperfections,
+    imperfections_named,
+)
 from nico_selfmodel.systems.simulated.mechanics import Mechanics
 from nico_selfmodel.systems.simulated.robot import SimulatedRobot
-from nico_selfmodel.systems.worlds import IMPERFECTIONS, Imperfections, imperfections_named
 
 if TYPE_CHECKING:
     from nico_selfmodel.systems.diagrams import (

@@ -3,8 +3,8 @@
 import numpy as np
 
 from nico_selfmodel.geometry.transform import transform
-from nico_selfmodel.model.camera import Camera
-from nico_selfmodel.model.stereo_rig import StereoRig
+from nico_selfmodel.model.cameras.camera import Camera
+from nico_selfmodel.model.cameras.stereo_rig import StereoRig
 
 NICO_CAMERAS = StereoRig(
     Camera(381.0, 381.0, 319.5, 239.5, (640, 480), k1=-0.28, k2=0.09, k3=-0.012),

@@ -6,7 +6,7 @@ an integer is the centre of a pixel, u to the right, v down. Only files that can
 folders in which nothing was seen at all, raise.
 """
 
-from nico_selfmodel.vision.not_seen import NotSeen
+from nico_selfmodel.vision.images.not_seen import NotSeen
 
 __all__ = [
     "NotSeen",

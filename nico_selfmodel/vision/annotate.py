@@ -8,11 +8,11 @@ import cv2
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from nico_selfmodel.vision.chessboard import ChessboardDetection
-from nico_selfmodel.vision.color_blob import ColorBlob
-from nico_selfmodel.vision.fiducial import Fiducial
-from nico_selfmodel.vision.image_array import as_color
-from nico_selfmodel.vision.not_seen import NotSeen
+from nico_selfmodel.vision.boards.chessboard import ChessboardDetection
+from nico_selfmodel.vision.color.color_blob import ColorBlob
+from nico_selfmodel.vision.images.image_array import as_color
+from nico_selfmodel.vision.images.not_seen import NotSeen
+from nico_selfmodel.vision.markers.fiducial import Fiducial
 
 Seen = ChessboardDetection | Fiducial | ColorBlob
 

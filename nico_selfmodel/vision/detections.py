@@ -13,18 +13,18 @@ from nico_selfmodel.files.csv_cells import quoted_cell, safe_cell
 from nico_selfmodel.files.whole import RESULT_FILE, folder_written_whole, refuse_folder
 from nico_selfmodel.progress import Progress
 from nico_selfmodel.vision.annotate import Seen, annotated
-from nico_selfmodel.vision.chessboard import (
+from nico_selfmodel.vision.boards.chessboard import (
     WINDOW,
     Board,
     ChessboardDetection,
     find_chessboard,
 )
-from nico_selfmodel.vision.color_blob import ColorBlob, find_color_blob
-from nico_selfmodel.vision.color_model import ColorModel
-from nico_selfmodel.vision.fiducial import fiducials_or_reason
-from nico_selfmodel.vision.fiducial_family import FiducialFamily
-from nico_selfmodel.vision.image_file import image_files, looking_at, read_image, write_image
-from nico_selfmodel.vision.not_seen import NotSeen
+from nico_selfmodel.vision.color.color_blob import ColorBlob, find_color_blob
+from nico_selfmodel.vision.color.color_model import ColorModel
+from nico_selfmodel.vision.images.image_file import image_files, looking_at, read_image, write_image
+from nico_selfmodel.vision.images.not_seen import NotSeen
+from nico_selfmodel.vision.markers.fiducial import fiducials_or_reason
+from nico_selfmodel.vision.markers.fiducial_family import FiducialFamily
 
 FORMAT = "nico-detections/1"
 TABLE = "detections.csv"

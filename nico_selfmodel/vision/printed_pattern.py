@@ -4,8 +4,8 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from nico_selfmodel.vision.chessboard import Board
-from nico_selfmodel.vision.fiducial_family import DEFAULT_FAMILY, FiducialFamily
+from nico_selfmodel.vision.boards.chessboard import Board
+from nico_selfmodel.vision.markers.fiducial_family import DEFAULT_FAMILY, FiducialFamily
 
 QUIET = 1
 """Cells of white around a printed marker."""

@@ -11,7 +11,7 @@ from nico_selfmodel.estimation.observations.arm_views import LinesView
 from nico_selfmodel.estimation.observations.pixel_observations import PixelObservations
 from nico_selfmodel.experiments.projected_nico import ProjectedNico
 from nico_selfmodel.experiments.refinement import simulated_scenario
-from nico_selfmodel.model.line_kinematics import hand_points
+from nico_selfmodel.model.arm.line_kinematics import hand_points
 from nico_selfmodel.systems import IMPERFECTIONS
 
 from .timing import best_ratio

@@ -13,10 +13,10 @@ from nico_selfmodel.estimation.observations.observations import (
     Observations,
     gears_known,
 )
-from nico_selfmodel.experiments.protocol import simulated_session
-from nico_selfmodel.model.line_kinematics import hand_points
+from nico_selfmodel.model.arm.line_kinematics import hand_points
 from nico_selfmodel.planning.sweep_protocol import Protocol
 from nico_selfmodel.plant import ArmDescription
+from nico_selfmodel.sessions.simulated_session import simulated_session
 from nico_selfmodel.systems import IMPERFECTIONS
 
 from .timing import best_ratio

@@ -5,11 +5,11 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from nico_selfmodel.experiments.eyes_lesson import RenderedNico
-from nico_selfmodel.experiments.mirror_recording import DEFAULT_MIRROR, NicoBeforeMirrors
-from nico_selfmodel.experiments.watching import Watching
-from nico_selfmodel.model.mirror import Mirror
+from nico_selfmodel.model.cameras.mirror import Mirror
 from nico_selfmodel.model.self_model_file import save_model
+from nico_selfmodel.sessions.camera_scenario import RenderedNico
+from nico_selfmodel.sessions.nico_before_mirrors import DEFAULT_MIRROR, NicoBeforeMirrors
+from nico_selfmodel.sessions.watching import Watching
 from nico_selfmodel.systems import IMPERFECTIONS, looking_arm
 
 from ..true_nico import true_model

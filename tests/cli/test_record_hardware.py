@@ -15,9 +15,12 @@ from pydrake.systems.analysis import Simulator
 from nico_selfmodel.dataset.folder import content_hash, load_dataset
 from nico_selfmodel.planning.plans import commands_of_angles
 from nico_selfmodel.servos import SimulatedBus
-from nico_selfmodel.servos.servo_config_file import load_servo_config, save_servo_config
+from nico_selfmodel.servos.pic_servo.arm.servo_config_file import (
+    load_servo_config,
+    save_servo_config,
+)
 from nico_selfmodel.systems import ImageQuality, MotionCaptureServer, NicoBehindBus, NicoStation
-from nico_selfmodel.vision.image_file import write_image
+from nico_selfmodel.vision.images.image_file import write_image
 
 CODE = "from nico_selfmodel.cli import main; main()"
 SEED = 3

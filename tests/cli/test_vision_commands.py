@@ -7,9 +7,9 @@ import cv2
 import numpy as np
 import pytest
 
-from nico_selfmodel.vision.color_model import ColorModel
+from nico_selfmodel.vision.color.color_model import ColorModel
 from nico_selfmodel.vision.detections import COLUMNS
-from nico_selfmodel.vision.image_file import read_image
+from nico_selfmodel.vision.images.image_file import read_image
 
 RED, GREY = (40, 40, 190), (150, 150, 150)
 

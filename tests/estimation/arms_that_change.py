@@ -7,10 +7,10 @@ import numpy as np
 
 from nico_selfmodel.dataset import Dataset
 from nico_selfmodel.estimation import calibrate_kinematics
-from nico_selfmodel.experiments.protocol import simulated_session
 from nico_selfmodel.model.self_model import SelfModel
 from nico_selfmodel.planning.sweep_protocol import Protocol
 from nico_selfmodel.plant import ArmDescription
+from nico_selfmodel.sessions.simulated_session import simulated_session
 from nico_selfmodel.systems import IMPERFECTIONS, Imperfections
 
 THESIS, CLEAN = IMPERFECTIONS["thesis"], IMPERFECTIONS["clean"]

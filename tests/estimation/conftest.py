@@ -8,9 +8,9 @@ from numpy.typing import NDArray
 
 from nico_selfmodel.dataset import Dataset, JointInfo
 from nico_selfmodel.geometry.rotation import rotation_about
-from nico_selfmodel.model.chain import Chain
+from nico_selfmodel.model.arm.chain import Chain
+from nico_selfmodel.model.arm.servo_map import ServoMap
 from nico_selfmodel.model.self_model import SelfModel
-from nico_selfmodel.model.servo_map import ServoMap
 
 COUNTS = 10000.0
 _ELBOW = np.eye(3)[[2, 1, 0, 1, 0, 1, 2]]

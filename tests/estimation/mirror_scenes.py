@@ -9,13 +9,13 @@ from nico_selfmodel.dataset import Dataset, JointInfo
 from nico_selfmodel.geometry.rotation import rotation_from_vector
 from nico_selfmodel.geometry.transform import transform
 from nico_selfmodel.model import MirrorRig
-from nico_selfmodel.model.camera import Camera
-from nico_selfmodel.model.chain import Chain
-from nico_selfmodel.model.dh_table import DhTable
-from nico_selfmodel.model.mirror import Mirror
+from nico_selfmodel.model.arm.chain import Chain
+from nico_selfmodel.model.arm.dh_table import DhTable
+from nico_selfmodel.model.arm.servo_map import ServoMap
+from nico_selfmodel.model.cameras.camera import Camera
+from nico_selfmodel.model.cameras.mirror import Mirror
+from nico_selfmodel.model.cameras.stereo_rig import StereoRig
 from nico_selfmodel.model.self_model import ParameterCovariance, SelfModel
-from nico_selfmodel.model.servo_map import ServoMap
-from nico_selfmodel.model.stereo_rig import StereoRig
 
 SIZE = (640, 480)
 JOINTS = ("pan", "tilt", "twist", "elbow")

@@ -5,7 +5,7 @@ import pytest
 
 from nico_selfmodel.dataset import Dataset, JointInfo
 from nico_selfmodel.estimation import calibrate_kinematics, judge
-from nico_selfmodel.model.chain import Chain
+from nico_selfmodel.model.arm.chain import Chain
 
 NOISE = 1e-3
 

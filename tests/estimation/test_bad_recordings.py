@@ -17,8 +17,8 @@ from nico_selfmodel.estimation.observations.outlier_words import (
     describe_outliers,
     foreign_markers,
 )
-from nico_selfmodel.model.chain import Chain
-from nico_selfmodel.model.dh_table import DhTable
+from nico_selfmodel.model.arm.chain import Chain
+from nico_selfmodel.model.arm.dh_table import DhTable
 
 SIGMA = 3e-4
 POSES = 70

@@ -16,7 +16,7 @@ from nico_selfmodel.estimation.cameras.board_accuracy import (
 from nico_selfmodel.estimation.cameras.camera_options import CameraOptions
 from nico_selfmodel.estimation.cameras.stereo import calibrate_cameras
 from nico_selfmodel.geometry.transform import apply
-from nico_selfmodel.model.stereo_rig import StereoRig
+from nico_selfmodel.model.cameras.stereo_rig import StereoRig
 
 from .simulated_boards import LEFT, P_GQ, RIG, RIGHT, SQUARE, boards, changed, pictures, unseen
 

@@ -17,8 +17,8 @@ from nico_selfmodel.estimation.mirrors.mirror_solution import solve_mirrors, sta
 from nico_selfmodel.estimation.mirrors.reflections import ReflectionNoise
 from nico_selfmodel.geometry.rotation import rotation_from_vector
 from nico_selfmodel.geometry.transform import apply, transform
-from nico_selfmodel.model.camera import Camera
-from nico_selfmodel.model.mirror import Mirror
+from nico_selfmodel.model.cameras.camera import Camera
+from nico_selfmodel.model.cameras.mirror import Mirror
 from nico_selfmodel.model.self_model_file import load_model, save_model
 
 SIZE = (1600, 1200)

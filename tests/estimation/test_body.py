@@ -22,9 +22,9 @@ from nico_selfmodel.estimation.observations.pixel_evaluation import evaluate_pix
 from nico_selfmodel.estimation.observations.pixel_observations import PixelObservations
 from nico_selfmodel.geometry.rotation import rotation_from_vector
 from nico_selfmodel.geometry.transform import apply, transform
-from nico_selfmodel.model.link_lengths import link_lengths
+from nico_selfmodel.model.arm.link_lengths import link_lengths
+from nico_selfmodel.model.cameras.stereo_rig import StereoRig
 from nico_selfmodel.model.self_model_file import load_model, save_model
-from nico_selfmodel.model.stereo_rig import StereoRig
 from nico_selfmodel.systems.simulated.sensors import StereoPixels
 
 from .simulated_bodies import CLEAN, Truth, blinded, body, learned, only_eyes, poses, scenario

@@ -5,7 +5,7 @@ import pytest
 
 from nico_selfmodel.estimation.cameras.camera_options import CameraOptions, by_full_name
 from nico_selfmodel.estimation.cameras.stereo import calibrate_cameras
-from nico_selfmodel.model.stereo_rig import StereoRig
+from nico_selfmodel.model.cameras.stereo_rig import StereoRig
 
 from .simulated_boards import RIG, TRUTH, boards, changed, pictures
 

@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 
 from nico_selfmodel.estimation import Pins, calibrate_kinematics, judge
-from nico_selfmodel.experiments.protocol import simulated_session
 from nico_selfmodel.planning.sweep_protocol import Protocol
 from nico_selfmodel.plant import ArmDescription
+from nico_selfmodel.sessions.simulated_session import simulated_session
 from nico_selfmodel.systems import IMPERFECTIONS
 
 

@@ -9,7 +9,7 @@ import pytest
 from nico_selfmodel.dataset.board_views import BoardViews
 from nico_selfmodel.estimation import CameraAssessment, CameraOptions, calibrate_cameras, judge
 from nico_selfmodel.estimation.cameras.lens_misfit import lens_misfits
-from nico_selfmodel.model.camera import Camera
+from nico_selfmodel.model.cameras.camera import Camera
 
 from .real_boards import stereo_chessboard
 from .simulated_boards import boards, pictures

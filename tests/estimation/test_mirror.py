@@ -18,9 +18,9 @@ from nico_selfmodel.estimation.mirrors.reflections import ReflectionNoise, Refle
 from nico_selfmodel.geometry.rotation import rotation_from_vector
 from nico_selfmodel.geometry.transform import transform
 from nico_selfmodel.model import MirrorRig
-from nico_selfmodel.model.camera import Camera
-from nico_selfmodel.model.mirror import Mirror
-from nico_selfmodel.model.mirror_rig import reflected_projection
+from nico_selfmodel.model.cameras.camera import Camera
+from nico_selfmodel.model.cameras.mirror import Mirror
+from nico_selfmodel.model.cameras.mirror_rig import reflected_projection
 from nico_selfmodel.model.self_model import ParameterCovariance, SelfModel
 
 from .mirror_scenes import (

@@ -8,9 +8,9 @@ import pytest
 from nico_selfmodel.estimation.mirrors.mirror_flatness import exceeded_by_chance, flatness_of
 from nico_selfmodel.estimation.mirrors.mirror_solution import solve_mirrors
 from nico_selfmodel.estimation.mirrors.reflections import ReflectionNoise, Reflections
-from nico_selfmodel.model.mirror import Mirror
+from nico_selfmodel.model.cameras.mirror import Mirror
 from nico_selfmodel.model.self_model import ParameterCovariance
-from nico_selfmodel.systems.curved_mirror import curved_reflection
+from nico_selfmodel.systems.simulated.curved_mirror import curved_reflection
 
 from .mirror_scenes import CHAIN, MIRROR, RIG, body, poses, recording
 

@@ -19,9 +19,9 @@ from nico_selfmodel.experiments.projected_nico import ProjectedNico
 from nico_selfmodel.experiments.refinement import simulated_scenario
 from nico_selfmodel.geometry.transform import apply, inverse
 from nico_selfmodel.model import MirrorRig
-from nico_selfmodel.model.mirror import Mirror
+from nico_selfmodel.model.cameras.mirror import Mirror
 from nico_selfmodel.planning.plans import commands_of_angles
-from nico_selfmodel.systems.curved_mirror import curved_reflection
+from nico_selfmodel.systems.simulated.curved_mirror import curved_reflection
 
 from .arms_that_change import THESIS
 from .simulated_bodies import Truth

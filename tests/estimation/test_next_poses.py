@@ -5,7 +5,7 @@ import pytest
 
 from nico_selfmodel.errors import DataError
 from nico_selfmodel.estimation import calibrate_kinematics
-from nico_selfmodel.estimation.next_poses import choose_next_poses
+from nico_selfmodel.planning.next_poses import choose_next_poses
 from nico_selfmodel.plant import ArmDescription
 from nico_selfmodel.recording import record
 from nico_selfmodel.systems import IMPERFECTIONS, SimulatedRobot

@@ -13,7 +13,7 @@ from nico_selfmodel.estimation import (
     judge,
     to_json,
 )
-from nico_selfmodel.model.dh_table import DhTable
+from nico_selfmodel.model.arm.dh_table import DhTable
 
 SIGMA = 3e-4
 

@@ -7,18 +7,18 @@ import pytest
 
 from nico_selfmodel.errors import NotIdentifiableError
 from nico_selfmodel.estimation import calibrate_kinematics
-from nico_selfmodel.estimation.pose_selection import (
+from nico_selfmodel.model.arm.dh_table import DhTable
+from nico_selfmodel.model.arm.servo_map import ServoMap
+from nico_selfmodel.model.self_model import SelfModel
+from nico_selfmodel.planning.pose_selection import (
     choose_poses,
     position_jacobians,
     random_poses,
 )
-from nico_selfmodel.experiments.first_arm import nominal_of
-from nico_selfmodel.model.dh_table import DhTable
-from nico_selfmodel.model.self_model import SelfModel
-from nico_selfmodel.model.servo_map import ServoMap
 from nico_selfmodel.planning.sweep_protocol import Protocol
 from nico_selfmodel.plant import ArmDescription
 from nico_selfmodel.recording import record
+from nico_selfmodel.sessions.motion_capture_scenario import nominal_of
 from nico_selfmodel.systems import IMPERFECTIONS, SimulatedRobot
 
 ARM = ArmDescription.named("nico")
@@ -69,7 +69,7 @@ def test_chosen_poses_beat_random_ones_by_their_own_measure(pool, criterion):
 def test_the_exchange_never_makes_a_greedy_choice_worse(pool, monkeypatch):
     J = position_jacobians(*pool)
     with_exchange = choose_poses(J, 12, criterion="I")
-    monkeypatch.setattr("nico_selfmodel.estimation.pose_selection._exchange", lambda *_: 0)
+    monkeypatch.setattr("nico_selfmodel.planning.pose_selection._exchange", lambda *_: 0)
     greedy = choose_poses(J, 12, criterion="I")
     assert with_exchange.exchanges > 0
     assert with_exchange.hand_sigma <= greedy.hand_sigma

@@ -14,8 +14,8 @@ from nico_selfmodel.estimation.observations.hand_residuals import (
     DhResiduals,
     LineResiduals,
 )
-from nico_selfmodel.model.dh_parameters import DhParameters
-from nico_selfmodel.model.dh_table import DhTable
+from nico_selfmodel.model.arm.dh_parameters import DhParameters
+from nico_selfmodel.model.arm.dh_table import DhTable
 
 SIGMA = 1e-3
 

@@ -7,11 +7,11 @@ import pytest
 
 from nico_selfmodel.errors import ModelError
 from nico_selfmodel.estimation import Pins, calibrate_kinematics, judge
-from nico_selfmodel.experiments.first_arm import nominal_of
-from nico_selfmodel.experiments.protocol import simulated_session
-from nico_selfmodel.model.dh_table import DhTable
+from nico_selfmodel.model.arm.dh_table import DhTable
 from nico_selfmodel.planning.sweep_protocol import Protocol
 from nico_selfmodel.plant import ArmDescription
+from nico_selfmodel.sessions.motion_capture_scenario import nominal_of
+from nico_selfmodel.sessions.simulated_session import simulated_session
 from nico_selfmodel.systems import IMPERFECTIONS
 
 ARM = ArmDescription.named("nico")

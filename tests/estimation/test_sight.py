@@ -7,8 +7,8 @@ import pytest
 
 from nico_selfmodel.estimation import calibrate_cameras, calibrate_kinematics
 from nico_selfmodel.estimation.body.arm_through_cameras import Sight
+from nico_selfmodel.model.cameras.stereo_rig import StereoRig
 from nico_selfmodel.model.self_model import ParameterCovariance
-from nico_selfmodel.model.stereo_rig import StereoRig
 
 from .simulated_bodies import Truth, body, scenario
 

@@ -18,8 +18,8 @@ from nico_selfmodel.estimation.cameras.camera_options import CameraOptions
 from nico_selfmodel.estimation.cameras.stereo import calibrate_cameras
 from nico_selfmodel.geometry.rotation import rotation_from_vector
 from nico_selfmodel.geometry.transform import apply, transform
-from nico_selfmodel.model.camera import Camera
-from nico_selfmodel.model.stereo_rig import StereoRig
+from nico_selfmodel.model.cameras.camera import Camera
+from nico_selfmodel.model.cameras.stereo_rig import StereoRig
 
 from .real_boards import stereo_chessboard
 from .simulated_boards import (

@@ -7,7 +7,7 @@ from nico_selfmodel.errors import EstimationError
 from nico_selfmodel.estimation import calibrate_tool, check_health, evaluate, judge, rezero
 from nico_selfmodel.estimation.monitoring.monitored_changes import JUMPS
 from nico_selfmodel.estimation.noise.hand_observations import covariance_of, sightings_of
-from nico_selfmodel.model.link_lengths import link_lengths
+from nico_selfmodel.model.arm.link_lengths import link_lengths
 from nico_selfmodel.model.self_model import SelfModel
 from nico_selfmodel.systems.simulated.sensors import StereoPixels
 

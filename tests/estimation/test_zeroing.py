@@ -10,7 +10,7 @@ from nico_selfmodel.estimation.initialization.joint_zeros import meaningful_para
 from nico_selfmodel.estimation.observations.arm_estimate import ArmHypothesis
 from nico_selfmodel.geometry.rotation import rotation_from_vector
 from nico_selfmodel.geometry.transform import transform
-from nico_selfmodel.model.dh_table import DhTable
+from nico_selfmodel.model.arm.dh_table import DhTable
 
 EXACT = 1e-12
 

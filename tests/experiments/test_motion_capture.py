@@ -16,9 +16,9 @@ from nico_selfmodel.experiments.motion_capture import (
     link_lengths_mm,
     run_motion_capture,
 )
-from nico_selfmodel.experiments.protocol import simulated_session
 from nico_selfmodel.planning.sweep_protocol import Protocol
 from nico_selfmodel.plant import ArmDescription
+from nico_selfmodel.sessions.simulated_session import simulated_session
 from nico_selfmodel.systems import IMPERFECTIONS
 
 ARM = ArmDescription.named("nico")

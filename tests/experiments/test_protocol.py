@@ -7,9 +7,9 @@ import pytest
 
 from nico_selfmodel.dataset.folder import content_hash
 from nico_selfmodel.estimation import calibrate_kinematics, judge
-from nico_selfmodel.experiments.protocol import simulated_session
 from nico_selfmodel.planning.sweep_protocol import Protocol
 from nico_selfmodel.plant import ArmDescription
+from nico_selfmodel.sessions.simulated_session import simulated_session
 from nico_selfmodel.systems import IMPERFECTIONS
 
 ARM = ArmDescription.named("nico")

@@ -8,12 +8,12 @@ import pytest
 from nico_selfmodel.dataset import JointInfo
 from nico_selfmodel.errors import DataError
 from nico_selfmodel.estimation import calibrate_kinematics
-from nico_selfmodel.experiments.real_recording import RealRecording
 from nico_selfmodel.planning.visible_workspace import VisibleWorkspace
 from nico_selfmodel.recording import record
 from nico_selfmodel.servos import ArmController, SimulatedBus
-from nico_selfmodel.servos.bus import BusSettings
-from nico_selfmodel.servos.homing import zero_here
+from nico_selfmodel.servos.pic_servo.arm.homing import zero_here
+from nico_selfmodel.servos.pic_servo.line.bus import BusSettings
+from nico_selfmodel.sessions.hardware_recording import RealRecording
 from nico_selfmodel.systems import (
     IMPERFECTIONS,
     ImageQuality,

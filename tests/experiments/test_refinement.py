@@ -7,9 +7,7 @@ import numpy as np
 import pytest
 
 from nico_selfmodel.experiments import refinement_report, tool_report, tool_use
-from nico_selfmodel.experiments.eyes_lesson import Counts
-from nico_selfmodel.experiments.limits import Limit
-from nico_selfmodel.experiments.nico_before_its_eyes import RenderedNico
+from nico_selfmodel.experiments.irreducible_error import Limit
 from nico_selfmodel.experiments.projected_nico import ProjectedNico
 from nico_selfmodel.experiments.refinement import (
     CONDITIONS,
@@ -17,10 +15,12 @@ from nico_selfmodel.experiments.refinement import (
     run_refinement,
     simulated_scenario,
 )
-from nico_selfmodel.experiments.rendered_lesson import rendered_scenarios
+from nico_selfmodel.experiments.rendered_scenario import rendered_scenarios
 from nico_selfmodel.experiments.rendered_tool import arm_with_tool
+from nico_selfmodel.sessions.camera_scenario import Counts
+from nico_selfmodel.sessions.rendered_nico import RenderedNico
 from nico_selfmodel.systems import IMPERFECTIONS, NICO_CAMERAS, looking_arm
-from nico_selfmodel.systems.nico_instance import NicoInstance
+from nico_selfmodel.systems.stations.nico_instance import NicoInstance
 
 PLAY = IMPERFECTIONS["clean"].with_noise(play_deg=0.5)
 

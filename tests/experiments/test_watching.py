@@ -5,7 +5,7 @@ from dataclasses import replace
 import pytest
 
 from nico_selfmodel.errors import ModelError
-from nico_selfmodel.experiments.watching import Watching
+from nico_selfmodel.sessions.watching import Watching
 from nico_selfmodel.systems import IMPERFECTIONS, looking_arm
 
 from ..true_nico import true_model

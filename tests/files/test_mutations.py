@@ -16,7 +16,7 @@ import numpy as np
 import pytest
 
 from nico_selfmodel.servos import SimulatedBus
-from nico_selfmodel.servos.simulated_module import SimulatedModule
+from nico_selfmodel.servos.pic_servo.simulated.module import SimulatedModule
 
 from .mutations import NUMBERS, TEXTS, spoil
 from .small_inputs import KINDS, WORDS, make_sound_inputs

@@ -11,8 +11,8 @@ from nico_selfmodel.dataset.folder import load_dataset
 from nico_selfmodel.errors import SelfModelError
 from nico_selfmodel.files.yaml_text import DEEPEST, MOST_VALUES, parse_yaml, yaml_text
 from nico_selfmodel.model.self_model_file import load_model
-from nico_selfmodel.servos.servo_config_file import load_servo_config
-from nico_selfmodel.vision.color_model import ColorModel
+from nico_selfmodel.servos.pic_servo.arm.servo_config_file import load_servo_config
+from nico_selfmodel.vision.color.color_model import ColorModel
 
 NINE_DEEP = "\n".join(
     ["a0: &a0 [x, x, x, x, x, x, x, x, x, x]"]

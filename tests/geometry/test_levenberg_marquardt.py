@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from nico_selfmodel.geometry.levenberg_marquardt import damped_step, levenberg_marquardt
+from nico_selfmodel.least_squares import damped_step, levenberg_marquardt
 
 
 def normal_equations(residuals, scale=1.0):

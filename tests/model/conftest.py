@@ -5,10 +5,10 @@ import pytest
 from numpy.typing import NDArray
 
 from nico_selfmodel.geometry.rotation import rotation_about, tangent_basis
-from nico_selfmodel.model.chain import Chain
-from nico_selfmodel.model.dh_table import DhTable
+from nico_selfmodel.model.arm.chain import Chain
+from nico_selfmodel.model.arm.dh_table import DhTable
+from nico_selfmodel.model.arm.servo_map import ServoMap
 from nico_selfmodel.model.self_model import ParameterCovariance, SelfModel
-from nico_selfmodel.model.servo_map import ServoMap
 
 
 def _unit(rng: np.random.Generator) -> NDArray:

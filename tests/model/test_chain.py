@@ -7,8 +7,8 @@ from hypothesis import strategies as st
 
 from nico_selfmodel.geometry.rotation import rotation_from_vector, tangent_basis
 from nico_selfmodel.geometry.transform import apply, transform
-from nico_selfmodel.model.chain import Chain
-from nico_selfmodel.model.line_kinematics import hand_derivatives, hand_points, line_rotations
+from nico_selfmodel.model.arm.chain import Chain
+from nico_selfmodel.model.arm.line_kinematics import hand_derivatives, hand_points, line_rotations
 
 EXACT = 1e-12
 SEED = st.integers(0, 2**32 - 1)

@@ -7,9 +7,9 @@ from hypothesis import strategies as st
 
 from nico_selfmodel.geometry.rotation import rotation_from_vector
 from nico_selfmodel.geometry.transform import transform
-from nico_selfmodel.model.chain import Chain
-from nico_selfmodel.model.dh_parameters import DhParameters
-from nico_selfmodel.model.dh_table import DhTable
+from nico_selfmodel.model.arm.chain import Chain
+from nico_selfmodel.model.arm.dh_parameters import DhParameters
+from nico_selfmodel.model.arm.dh_table import DhTable
 
 SEED = st.integers(0, 2**32 - 1)
 KINDS = ["generic", "intersecting", "parallel", "near-parallel", "anti-parallel"]

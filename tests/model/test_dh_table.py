@@ -9,8 +9,8 @@ from hypothesis import strategies as st
 
 from nico_selfmodel.geometry.line import Line
 from nico_selfmodel.geometry.rotation import rotation_about, tangent_basis
-from nico_selfmodel.model.chain import Chain
-from nico_selfmodel.model.dh_table import DhTable
+from nico_selfmodel.model.arm.chain import Chain
+from nico_selfmodel.model.arm.dh_table import DhTable
 
 EXACT = 1e-12
 SEED = st.integers(0, 2**32 - 1)

@@ -6,7 +6,7 @@ from hypothesis import assume, given
 from hypothesis import strategies as st
 
 from nico_selfmodel.errors import ModelError
-from nico_selfmodel.model import lens
+from nico_selfmodel.model.cameras import lens
 
 NO_TANGENT = np.zeros(2)
 NICO = np.array([-0.28, 0.09, -0.012])

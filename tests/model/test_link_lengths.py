@@ -3,8 +3,8 @@ import pytest
 
 from nico_selfmodel.geometry.rotation import rotation_from_vector
 from nico_selfmodel.geometry.transform import transform
-from nico_selfmodel.model.chain import Chain
-from nico_selfmodel.model.link_lengths import link_lengths
+from nico_selfmodel.model.arm.chain import Chain
+from nico_selfmodel.model.arm.link_lengths import link_lengths
 
 PAIRED = Chain(
     ("pitch", "roll", "twist", "elbow"),

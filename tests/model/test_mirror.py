@@ -14,12 +14,12 @@ from nico_selfmodel.geometry.reflection import reflect, reflection, reflection_s
 from nico_selfmodel.geometry.rotation import rotation_from_vector
 from nico_selfmodel.geometry.transform import apply, inverse, transform
 from nico_selfmodel.model import MirrorRig
-from nico_selfmodel.model.camera import Camera, project_in_camera
-from nico_selfmodel.model.mirror import Mirror, mirror_camera
-from nico_selfmodel.model.mirror_rig import reflected_projection
+from nico_selfmodel.model.cameras.camera import Camera, project_in_camera
+from nico_selfmodel.model.cameras.mirror import Mirror, mirror_camera
+from nico_selfmodel.model.cameras.mirror_rig import reflected_projection
+from nico_selfmodel.model.cameras.stereo_rig import StereoRig
 from nico_selfmodel.model.self_model import SelfModel
 from nico_selfmodel.model.self_model_file import load_model, save_model
-from nico_selfmodel.model.stereo_rig import StereoRig
 
 SIZE = (640, 480)
 BENT = {"k1": -0.28, "k2": 0.09, "k3": -0.012, "p1": 2e-3, "p2": -1e-3, "skew": 0.7}

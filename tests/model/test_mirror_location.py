@@ -7,10 +7,10 @@ from numpy.testing import assert_allclose
 from nico_selfmodel.errors import ModelError
 from nico_selfmodel.geometry.transform import transform
 from nico_selfmodel.model import MirrorRig
-from nico_selfmodel.model.camera import Camera
-from nico_selfmodel.model.mirror import Mirror
-from nico_selfmodel.model.mirror_location import locate_in_mirror
-from nico_selfmodel.model.stereo_rig import StereoRig
+from nico_selfmodel.model.cameras.camera import Camera
+from nico_selfmodel.model.cameras.mirror import Mirror
+from nico_selfmodel.model.cameras.mirror_location import locate_in_mirror
+from nico_selfmodel.model.cameras.stereo_rig import StereoRig
 
 RIG = StereoRig(
     Camera(381.0, 383.0, 326.0, 233.0, (640, 480), k1=-0.28, k2=0.09),

@@ -5,7 +5,7 @@ import dataclasses
 import numpy as np
 import pytest
 
-from nico_selfmodel.model.dh_table import DhTable
+from nico_selfmodel.model.arm.dh_table import DhTable
 from nico_selfmodel.model.self_model import ParameterCovariance, SelfModel
 
 

@@ -10,12 +10,12 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from nico_selfmodel.errors import ModelError
-from nico_selfmodel.model.chain import Chain
-from nico_selfmodel.model.dh_table import DhTable
+from nico_selfmodel.model.arm.chain import Chain
+from nico_selfmodel.model.arm.dh_table import DhTable
+from nico_selfmodel.model.arm.servo_map import ServoMap
 from nico_selfmodel.model.document_values import damage
 from nico_selfmodel.model.self_model import ParameterCovariance, SelfModel
 from nico_selfmodel.model.self_model_file import load_model, save_model
-from nico_selfmodel.model.servo_map import ServoMap
 
 
 @pytest.fixture(scope="module")

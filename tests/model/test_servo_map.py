@@ -7,7 +7,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from nico_selfmodel.model.servo_map import ServoMap
+from nico_selfmodel.model.arm.servo_map import ServoMap
 
 JOINTS = ("counted", "radian", "degree")
 

@@ -9,8 +9,8 @@ from hypothesis import strategies as st
 from nico_selfmodel.errors import ModelError
 from nico_selfmodel.geometry.rotation import rotation_from_vector
 from nico_selfmodel.geometry.transform import apply, inverse, transform
-from nico_selfmodel.model.camera import Camera
-from nico_selfmodel.model.stereo_rig import POSE_NAMES, SIDES, StereoRig
+from nico_selfmodel.model.cameras.camera import Camera
+from nico_selfmodel.model.cameras.stereo_rig import POSE_NAMES, SIDES, StereoRig
 
 SIZE = (640, 480)
 SEED = st.integers(0, 2**32 - 1)

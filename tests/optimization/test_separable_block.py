@@ -5,7 +5,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from nico_selfmodel.geometry.levenberg_marquardt import damped_step
+from nico_selfmodel.least_squares import damped_step
 from nico_selfmodel.optimization.calibration_program import CalibrationProgram
 from nico_selfmodel.optimization.losses import Loss
 from nico_selfmodel.optimization.separable_block import SeparableBlock, eliminated_step

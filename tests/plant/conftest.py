@@ -9,10 +9,10 @@ import pytest
 
 from nico_selfmodel.geometry.rotation import rotation_from_vector
 from nico_selfmodel.geometry.transform import transform
-from nico_selfmodel.model.chain import Chain
-from nico_selfmodel.model.dh_table import DhTable
+from nico_selfmodel.model.arm.chain import Chain
+from nico_selfmodel.model.arm.dh_table import DhTable
+from nico_selfmodel.model.arm.servo_map import ServoMap
 from nico_selfmodel.model.self_model import SelfModel
-from nico_selfmodel.model.servo_map import ServoMap
 from nico_selfmodel.plant import ArmDescription
 
 NICO = ("right_arm", "left_arm", "neck")

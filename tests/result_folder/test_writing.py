@@ -8,10 +8,10 @@ import pytest
 
 from nico_selfmodel.dataset import Dataset, JointInfo
 from nico_selfmodel.dataset.folder import content_hash, load_dataset
-from nico_selfmodel.model.chain import Chain
-from nico_selfmodel.model.dh_table import DhTable
+from nico_selfmodel.model.arm.chain import Chain
+from nico_selfmodel.model.arm.dh_table import DhTable
+from nico_selfmodel.model.arm.servo_map import ServoMap
 from nico_selfmodel.model.self_model import SelfModel
-from nico_selfmodel.model.servo_map import ServoMap
 from nico_selfmodel.result_folder.urdf import urdf_file, urdf_name
 from nico_selfmodel.result_folder.writing import replace_document, write_result
 

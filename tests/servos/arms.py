@@ -6,10 +6,10 @@ from contextlib import contextmanager
 from dataclasses import dataclass
 
 from nico_selfmodel.servos import ArmController, ArmLoop, JointServo, ServoConfig
-from nico_selfmodel.servos.bus import Bus, BusSettings
-from nico_selfmodel.servos.simulated_line import SimulatedLine
-from nico_selfmodel.servos.simulated_module import SimulatedModule
-from nico_selfmodel.servos.simulated_port import SimulatedPort
+from nico_selfmodel.servos.pic_servo.line.bus import Bus, BusSettings
+from nico_selfmodel.servos.pic_servo.simulated.line import SimulatedLine
+from nico_selfmodel.servos.pic_servo.simulated.module import SimulatedModule
+from nico_selfmodel.servos.pic_servo.simulated.port import SimulatedPort
 
 JOINTS = (
     *("right_shoulder_pitch", "right_shoulder_roll", "right_upper_arm_twist"),

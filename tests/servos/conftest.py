@@ -7,12 +7,12 @@ from pathlib import Path
 import pytest
 
 from nico_selfmodel.servos import MotorServer, SimulatedBus
-from nico_selfmodel.servos.bus import Bus
-from nico_selfmodel.servos.chain import scan
-from nico_selfmodel.servos.pic_servo import PicServo
-from nico_selfmodel.servos.simulated_line import SimulatedLine
-from nico_selfmodel.servos.simulated_module import SimulatedModule
-from nico_selfmodel.servos.simulated_port import SimulatedPort
+from nico_selfmodel.servos.pic_servo.line.board import PicServo
+from nico_selfmodel.servos.pic_servo.line.bus import Bus
+from nico_selfmodel.servos.pic_servo.line.chain import scan
+from nico_selfmodel.servos.pic_servo.simulated.line import SimulatedLine
+from nico_selfmodel.servos.pic_servo.simulated.module import SimulatedModule
+from nico_selfmodel.servos.pic_servo.simulated.port import SimulatedPort
 
 from .arms import addressed_modules, loop_on, virtual_arm
 

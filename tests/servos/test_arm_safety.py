@@ -4,10 +4,10 @@ import numpy as np
 import pytest
 
 from nico_selfmodel.errors import BusError, ServoFault
-from nico_selfmodel.servos.homing import zero_here
-from nico_selfmodel.servos.pic_servo import ZERO_MARK
-from nico_selfmodel.servos.shutdown import stop_what_answers
-from nico_selfmodel.servos.simulated_module import SimulatedModule
+from nico_selfmodel.servos.pic_servo.arm.homing import zero_here
+from nico_selfmodel.servos.pic_servo.arm.shutdown import stop_what_answers
+from nico_selfmodel.servos.pic_servo.line.board import ZERO_MARK
+from nico_selfmodel.servos.pic_servo.simulated.module import SimulatedModule
 
 from .arms import JOINTS, virtual_arm
 

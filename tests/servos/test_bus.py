@@ -6,14 +6,25 @@ import numpy as np
 import pytest
 
 from nico_selfmodel.errors import BusError
-from nico_selfmodel.servos.bus import FLUSH, Bus, BusSettings, NoReplyError, UncertainError
-from nico_selfmodel.servos.chain import scan
-from nico_selfmodel.servos.commands import NoOperation, ReadStatus, ResetPosition, SetBaud
+from nico_selfmodel.servos.pic_servo.line.bus import (
+    FLUSH,
+    Bus,
+    BusSettings,
+    NoReplyError,
+    UncertainError,
+)
+from nico_selfmodel.servos.pic_servo.line.chain import scan
+from nico_selfmodel.servos.pic_servo.protocol.commands import (
+    NoOperation,
+    ReadStatus,
+    ResetPosition,
+    SetBaud,
+)
+from nico_selfmodel.servos.pic_servo.protocol.status import StatusItem
+from nico_selfmodel.servos.pic_servo.simulated.line import SimulatedLine, WireFaults
+from nico_selfmodel.servos.pic_servo.simulated.module import SimulatedModule
+from nico_selfmodel.servos.pic_servo.simulated.port import SimulatedPort
 from nico_selfmodel.servos.ports import PortLostError
-from nico_selfmodel.servos.simulated_line import SimulatedLine, WireFaults
-from nico_selfmodel.servos.simulated_module import SimulatedModule
-from nico_selfmodel.servos.simulated_port import SimulatedPort
-from nico_selfmodel.servos.status import StatusItem
 
 POSITION = StatusItem.POSITION
 

@@ -3,14 +3,14 @@
 import pytest
 
 from nico_selfmodel.errors import BusError
-from nico_selfmodel.servos.bus import Bus, UncertainError
-from nico_selfmodel.servos.chain import join_group, scan
-from nico_selfmodel.servos.commands import HardReset
-from nico_selfmodel.servos.packets import EVERYONE
-from nico_selfmodel.servos.pic_servo import PicServo
-from nico_selfmodel.servos.simulated_line import SimulatedLine
-from nico_selfmodel.servos.simulated_module import SimulatedModule
-from nico_selfmodel.servos.simulated_port import SimulatedPort
+from nico_selfmodel.servos.pic_servo.line.board import PicServo
+from nico_selfmodel.servos.pic_servo.line.bus import Bus, UncertainError
+from nico_selfmodel.servos.pic_servo.line.chain import join_group, scan
+from nico_selfmodel.servos.pic_servo.protocol.commands import HardReset
+from nico_selfmodel.servos.pic_servo.protocol.packets import EVERYONE
+from nico_selfmodel.servos.pic_servo.simulated.line import SimulatedLine
+from nico_selfmodel.servos.pic_servo.simulated.module import SimulatedModule
+from nico_selfmodel.servos.pic_servo.simulated.port import SimulatedPort
 
 
 def bus_of(*modules):

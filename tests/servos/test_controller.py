@@ -7,11 +7,11 @@ import numpy as np
 import pytest
 
 from nico_selfmodel.errors import BusError, ServoFault
-from nico_selfmodel.model.servo_map import ServoMap
-from nico_selfmodel.servos.bus import BusSettings
+from nico_selfmodel.model.arm.servo_map import ServoMap
+from nico_selfmodel.servos.pic_servo.line.bus import BusSettings
+from nico_selfmodel.servos.pic_servo.simulated.line import WireFaults
+from nico_selfmodel.servos.pic_servo.simulated.module import SimulatedModule
 from nico_selfmodel.servos.ports import PortLostError
-from nico_selfmodel.servos.simulated_line import WireFaults
-from nico_selfmodel.servos.simulated_module import SimulatedModule
 
 from .arms import COUNTS_PER_TURN, JOINTS, virtual_arm
 

@@ -6,13 +6,14 @@ from dataclasses import replace
 import pytest
 
 from nico_selfmodel.errors import ServoFault
-from nico_selfmodel.servos import ArmController, homing
-from nico_selfmodel.servos.bus import Bus
-from nico_selfmodel.servos.homing import find_home, zero_here
-from nico_selfmodel.servos.servo_config import HomePlan
-from nico_selfmodel.servos.simulated_line import SimulatedLine
-from nico_selfmodel.servos.simulated_module import SimulatedModule
-from nico_selfmodel.servos.simulated_port import SimulatedPort
+from nico_selfmodel.servos import ArmController
+from nico_selfmodel.servos.pic_servo.arm import homing
+from nico_selfmodel.servos.pic_servo.arm.homing import find_home, zero_here
+from nico_selfmodel.servos.pic_servo.arm.servo_config import HomePlan
+from nico_selfmodel.servos.pic_servo.line.bus import Bus
+from nico_selfmodel.servos.pic_servo.simulated.line import SimulatedLine
+from nico_selfmodel.servos.pic_servo.simulated.module import SimulatedModule
+from nico_selfmodel.servos.pic_servo.simulated.port import SimulatedPort
 
 from .arms import COUNTS_PER_TURN, VirtualArm, configuration, virtual_arm
 

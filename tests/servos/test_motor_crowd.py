@@ -14,7 +14,8 @@ import numpy as np
 import pytest
 
 from nico_selfmodel.errors import RobotError
-from nico_selfmodel.servos import MotorServer, line_server
+from nico_selfmodel.servos import MotorServer
+from nico_selfmodel.servos.server import line_server
 
 from .arms import stopped, wait_for
 from .motor_client import MotorClient

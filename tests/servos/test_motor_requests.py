@@ -6,7 +6,7 @@ import time
 
 import pytest
 
-from nico_selfmodel.servos.motor_requests import (
+from nico_selfmodel.servos.server.motor_requests import (
     NotARequestError,
     RefusedError,
     brief,

@@ -4,13 +4,13 @@ import pytest
 from hypothesis import example, given
 from hypothesis import strategies as st
 
-from nico_selfmodel.servos.command_packets import (
+from nico_selfmodel.servos.pic_servo.protocol.command_packets import (
     COMMANDS,
     command_of,
     encode_command,
     may_repeat,
 )
-from nico_selfmodel.servos.commands import (
+from nico_selfmodel.servos.pic_servo.protocol.commands import (
     ClearBits,
     DefineStatus,
     HardReset,
@@ -27,9 +27,9 @@ from nico_selfmodel.servos.commands import (
     StartMotion,
     StopMotor,
 )
-from nico_selfmodel.servos.gains import Gains
-from nico_selfmodel.servos.packets import DamagedPacketError, Frame, decode_frame
-from nico_selfmodel.servos.status import (
+from nico_selfmodel.servos.pic_servo.protocol.gains import Gains
+from nico_selfmodel.servos.pic_servo.protocol.packets import DamagedPacketError, Frame, decode_frame
+from nico_selfmodel.servos.pic_servo.protocol.status import (
     ITEM_TABLE,
     Status,
     StatusFlag,
@@ -37,7 +37,7 @@ from nico_selfmodel.servos.status import (
     encode_status,
     reply_length,
 )
-from nico_selfmodel.servos.trajectory import (
+from nico_selfmodel.servos.pic_servo.protocol.trajectory import (
     LoadTrajectory,
     TrajectoryFlag,
     acceleration_units,

@@ -5,21 +5,31 @@ import math
 import pytest
 
 from nico_selfmodel.errors import ServoFault
-from nico_selfmodel.servos.bus import Bus
-from nico_selfmodel.servos.chain import join_group, scan, start_together, stop_together
-from nico_selfmodel.servos.commands import HomingMode, OutputMode, StopMode, StopMotor
-from nico_selfmodel.servos.gains import Gains
-from nico_selfmodel.servos.pic_servo import PicServo
-from nico_selfmodel.servos.simulated_line import SimulatedLine
-from nico_selfmodel.servos.simulated_module import SimulatedModule
-from nico_selfmodel.servos.simulated_port import SimulatedPort
-from nico_selfmodel.servos.status import AuxiliaryFlag, StatusFlag, StatusItem
-from nico_selfmodel.servos.trajectory import (
+from nico_selfmodel.servos.pic_servo.line.board import PicServo
+from nico_selfmodel.servos.pic_servo.line.bus import Bus
+from nico_selfmodel.servos.pic_servo.line.chain import (
+    join_group,
+    scan,
+    start_together,
+    stop_together,
+)
+from nico_selfmodel.servos.pic_servo.protocol.commands import (
+    HomingMode,
+    OutputMode,
+    StopMode,
+    StopMotor,
+)
+from nico_selfmodel.servos.pic_servo.protocol.gains import Gains
+from nico_selfmodel.servos.pic_servo.protocol.status import AuxiliaryFlag, StatusFlag, StatusItem
+from nico_selfmodel.servos.pic_servo.protocol.trajectory import (
     LoadTrajectory,
     TrajectoryFlag,
     acceleration_units,
     velocity_units,
 )
+from nico_selfmodel.servos.pic_servo.simulated.line import SimulatedLine
+from nico_selfmodel.servos.pic_servo.simulated.module import SimulatedModule
+from nico_selfmodel.servos.pic_servo.simulated.port import SimulatedPort
 
 MOVE_DONE = StatusFlag.MOVE_DONE
 

@@ -9,8 +9,8 @@ import time
 import pytest
 
 from nico_selfmodel.servos import ArmController, SimulatedBus
-from nico_selfmodel.servos.bus import Bus
 from nico_selfmodel.servos.hand import Hand
+from nico_selfmodel.servos.pic_servo.line.bus import Bus
 from nico_selfmodel.servos.ports import PortLostError, SerialPort
 from nico_selfmodel.servos.simulated_hand import SimulatedHand
 
@@ -135,7 +135,7 @@ def test_a_closed_port_says_so(bus):
 
 def test_a_host_at_another_rate_is_not_heard(bus):
     with Bus.open(bus.name, 57600) as other:
-        from nico_selfmodel.servos.chain import scan
+        from nico_selfmodel.servos.pic_servo.line.chain import scan
 
         assert scan(other, [1]) == []
 
@@ -143,7 +143,7 @@ def test_a_host_at_another_rate_is_not_heard(bus):
 def test_an_arm_opened_with_a_self_model_of_another_leaves_the_port_alone(tmp_path):
     import numpy as np
 
-    from nico_selfmodel.model.servo_map import ServoMap
+    from nico_selfmodel.model.arm.servo_map import ServoMap
 
     one = np.ones(1)
     stranger = ServoMap(("neck",), 0 * one, one, ("rad",), np.nan * one, one)

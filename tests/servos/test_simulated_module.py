@@ -2,8 +2,8 @@
 
 import pytest
 
-from nico_selfmodel.servos.gains import Gains
-from nico_selfmodel.servos.trajectory import LoadTrajectory, TrajectoryFlag
+from nico_selfmodel.servos.pic_servo.protocol.gains import Gains
+from nico_selfmodel.servos.pic_servo.protocol.trajectory import LoadTrajectory, TrajectoryFlag
 
 
 def switch_on(servo):

@@ -8,8 +8,8 @@ from pydrake.systems.framework import DiagramBuilder
 
 from nico_selfmodel.systems import StereoCameras
 from nico_selfmodel.systems.image_values import bgr_of
-from nico_selfmodel.systems.station_scene import add_renderer
-from nico_selfmodel.systems.textured_card import textured_card
+from nico_selfmodel.systems.rendering.station_scene import add_renderer
+from nico_selfmodel.systems.rendering.textured_card import textured_card
 from nico_selfmodel.vision.printed_pattern import chessboard_png, fiducial_png, printed_size
 
 # The room's light falls from above: the eyes look down.

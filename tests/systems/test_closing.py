@@ -10,7 +10,7 @@ from pydrake.systems.analysis import Simulator
 from pydrake.systems.framework import DiagramBuilder
 
 from nico_selfmodel.errors import RobotError
-from nico_selfmodel.experiments.nico_before_its_eyes import RenderedNico
+from nico_selfmodel.sessions.rendered_nico import RenderedNico
 from nico_selfmodel.systems import ImageQuality, MirrorPlate, NicoStation, StationBody
 from nico_selfmodel.systems.closing import Closable
 

@@ -6,7 +6,7 @@ import pytest
 from nico_selfmodel.geometry.transform import apply, inverse
 from nico_selfmodel.planning.visible_workspace import VisibleWorkspace
 from nico_selfmodel.systems import IMPERFECTIONS, NICO_CAMERAS, looking_arm
-from nico_selfmodel.systems.nico_instance import NicoInstance
+from nico_selfmodel.systems.stations.nico_instance import NicoInstance
 
 ARM = looking_arm("fiducial")
 X_BM = np.array(

@@ -10,9 +10,12 @@ from pydrake.systems.framework import PortDataType
 
 from nico_selfmodel.errors import RobotError
 from nico_selfmodel.servos import ArmController, JointServo, ServoConfig, SimulatedBus
-from nico_selfmodel.servos.bus import BusSettings
-from nico_selfmodel.servos.homing import zero_here
-from nico_selfmodel.servos.servo_config_file import load_servo_config, save_servo_config
+from nico_selfmodel.servos.pic_servo.arm.homing import zero_here
+from nico_selfmodel.servos.pic_servo.arm.servo_config_file import (
+    load_servo_config,
+    save_servo_config,
+)
+from nico_selfmodel.servos.pic_servo.line.bus import BusSettings
 from nico_selfmodel.systems import (
     CameraDriver,
     ImageQuality,
@@ -26,8 +29,8 @@ from nico_selfmodel.systems import (
     looking_arm,
 )
 from nico_selfmodel.systems.image_values import bgr_of
-from nico_selfmodel.vision.picture_sources import CameraLostError
-from nico_selfmodel.vision.stereo_capture import StereoCapture
+from nico_selfmodel.vision.images.picture_sources import CameraLostError
+from nico_selfmodel.vision.images.stereo_capture import StereoCapture
 
 from ..servos.arms import addressed_modules, configuration
 

@@ -8,13 +8,13 @@ from pydrake.geometry import SceneGraph
 from nico_selfmodel.geometry.rotation import rotation_from_vector
 from nico_selfmodel.geometry.transform import apply, transform
 from nico_selfmodel.model import MirrorRig
-from nico_selfmodel.model.camera import Camera
-from nico_selfmodel.model.mirror import Mirror
-from nico_selfmodel.model.stereo_rig import StereoRig
+from nico_selfmodel.model.cameras.camera import Camera
+from nico_selfmodel.model.cameras.mirror import Mirror
+from nico_selfmodel.model.cameras.stereo_rig import StereoRig
 from nico_selfmodel.systems import HandTracker, ImageQuality
 from nico_selfmodel.systems.image_values import image_value, write_bgr
-from nico_selfmodel.systems.mirror_scene import MirrorPlate, MirrorScene
-from nico_selfmodel.systems.reflection_detectors import (
+from nico_selfmodel.systems.rendering.mirror_scene import MirrorPlate, MirrorScene
+from nico_selfmodel.systems.tracking.reflection_detectors import (
     color_in_mirror,
     default_mirror_detectors,
     fiducial_in_mirror,

@@ -8,8 +8,8 @@ from pydrake.systems.analysis import Simulator
 from pydrake.systems.framework import DiagramBuilder
 from pydrake.systems.primitives import LogVectorOutput
 
-from nico_selfmodel.model.camera import Camera
-from nico_selfmodel.model.stereo_rig import StereoRig
+from nico_selfmodel.model.cameras.camera import Camera
+from nico_selfmodel.model.cameras.stereo_rig import StereoRig
 from nico_selfmodel.planning.board_poses import board_poses
 from nico_selfmodel.planning.plans import commands_of_angles
 from nico_selfmodel.planning.visible_workspace import VisibleWorkspace
@@ -24,7 +24,7 @@ from nico_selfmodel.systems import (
     fiducial_detector,
     looking_arm,
 )
-from nico_selfmodel.systems.nico_instance import NicoInstance
+from nico_selfmodel.systems.stations.nico_instance import NicoInstance
 
 ROUGH = ImageQuality(1)
 POSE = np.radians([-40.0, 15.0, -35.0, -55.0])

@@ -7,8 +7,8 @@ import pytest
 
 from nico_selfmodel.geometry.rotation import rotation_from_vector
 from nico_selfmodel.geometry.transform import transform
-from nico_selfmodel.model.camera import Camera
-from nico_selfmodel.model.stereo_rig import StereoRig
+from nico_selfmodel.model.cameras.camera import Camera
+from nico_selfmodel.model.cameras.stereo_rig import StereoRig
 from nico_selfmodel.planning.plans import commands_of_angles
 from nico_selfmodel.systems import (
     HandTracker,

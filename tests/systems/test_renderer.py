@@ -5,7 +5,7 @@ import ctypes
 import pytest
 
 from nico_selfmodel.errors import RobotError
-from nico_selfmodel.systems import renderer
+from nico_selfmodel.systems.rendering import renderer
 
 
 @pytest.fixture

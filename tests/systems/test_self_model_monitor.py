@@ -13,7 +13,7 @@ from nico_selfmodel.estimation import calibrate_body, check_health
 from nico_selfmodel.experiments.projected_nico import ProjectedNico
 from nico_selfmodel.experiments.refinement import simulated_scenario
 from nico_selfmodel.systems import IMPERFECTIONS, SelfModelMonitor
-from nico_selfmodel.systems.self_model_monitor import REMEMBERED
+from nico_selfmodel.systems.tracking.self_model_monitor import REMEMBERED
 
 PERIOD = 0.1
 

@@ -6,10 +6,10 @@ import numpy as np
 import pytest
 
 from nico_selfmodel.errors import ModelError
-from nico_selfmodel.model.camera import Camera
-from nico_selfmodel.model.dh_table import DhTable
+from nico_selfmodel.model.arm.dh_table import DhTable
+from nico_selfmodel.model.arm.servo_map import ServoMap
+from nico_selfmodel.model.cameras.camera import Camera
 from nico_selfmodel.model.self_model import ParameterCovariance, SelfModel
-from nico_selfmodel.model.servo_map import ServoMap
 from nico_selfmodel.plant import ArmDescription
 from nico_selfmodel.systems import SelfModelPredictor
 

@@ -10,7 +10,7 @@ from pydrake.systems.framework import DiagramBuilder
 from pydrake.systems.primitives import ConstantVectorSource
 
 from nico_selfmodel.errors import BusError, RobotError, ServoFault
-from nico_selfmodel.model.servo_map import ServoMap
+from nico_selfmodel.model.arm.servo_map import ServoMap
 from nico_selfmodel.servos import SimulatedBus
 from nico_selfmodel.servos.ports import PortLostError
 from nico_selfmodel.systems import ServoDriver

@@ -7,8 +7,8 @@ from pydrake.systems.primitives import ConstantVectorSource, PassThrough
 
 from nico_selfmodel.dataset import JointInfo
 from nico_selfmodel.errors import RobotError
-from nico_selfmodel.model.chain import Chain
-from nico_selfmodel.model.servo_map import ServoMap
+from nico_selfmodel.model.arm.chain import Chain
+from nico_selfmodel.model.arm.servo_map import ServoMap
 from nico_selfmodel.systems import (
     IMPERFECTIONS,
     EncoderModel,

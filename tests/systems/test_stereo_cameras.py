@@ -8,12 +8,12 @@ from pydrake.systems.framework import DiagramBuilder
 from nico_selfmodel.errors import RobotError
 from nico_selfmodel.geometry.rotation import rotation_from_vector
 from nico_selfmodel.geometry.transform import apply, transform
-from nico_selfmodel.model.camera import Camera
-from nico_selfmodel.model.stereo_rig import StereoRig
+from nico_selfmodel.model.cameras.camera import Camera
+from nico_selfmodel.model.cameras.stereo_rig import StereoRig
 from nico_selfmodel.systems import ImageQuality, StereoCameras, fiducial_detector
 from nico_selfmodel.systems.image_values import bgr_of
 from nico_selfmodel.vision import NotSeen
-from nico_selfmodel.vision.chessboard import Board, find_chessboard
+from nico_selfmodel.vision.boards.chessboard import Board, find_chessboard
 
 from .card_world import FIDUCIAL, CardWorld
 

@@ -4,13 +4,13 @@ import numpy as np
 import pytest
 
 from nico_selfmodel.vision import NotSeen
-from nico_selfmodel.vision.chessboard import Board, ChessboardDetection, find_chessboard
-from nico_selfmodel.vision.image_file import read_image
-from nico_selfmodel.vision.stereo_images import (
+from nico_selfmodel.vision.boards.board_detections import (
     detect_boards,
     detect_boards_of_one_camera,
     stereo_pairs,
 )
+from nico_selfmodel.vision.boards.chessboard import Board, ChessboardDetection, find_chessboard
+from nico_selfmodel.vision.images.image_file import read_image
 
 from .rendering import random_view, render_board
 

@@ -5,8 +5,8 @@ import numpy as np
 import pytest
 
 from nico_selfmodel.vision import NotSeen
-from nico_selfmodel.vision.fiducial import find_fiducial, find_fiducials
-from nico_selfmodel.vision.fiducial_family import FiducialFamily
+from nico_selfmodel.vision.markers.fiducial import find_fiducial, find_fiducials
+from nico_selfmodel.vision.markers.fiducial_family import FiducialFamily
 
 from .rendering import random_view, render_marker
 

@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 from nico_selfmodel.errors import ModelError
-from nico_selfmodel.model.camera import Camera
-from nico_selfmodel.vision.lens_warp import LensWarp
+from nico_selfmodel.model.cameras.camera import Camera
+from nico_selfmodel.vision.images.lens_warp import LensWarp
 
 CAMERA = Camera(190.0, 188.0, 161.3, 117.8, (320, 240), k1=-0.28, k2=0.09, k3=-0.012, p1=1e-3)
 

@@ -7,9 +7,9 @@ import cv2
 import numpy as np
 import pytest
 
-from nico_selfmodel.vision.fiducial import find_fiducials
-from nico_selfmodel.vision.image_file import read_image
-from nico_selfmodel.vision.marker_sheet import MarkerSheet, parse_ids
+from nico_selfmodel.vision.images.image_file import read_image
+from nico_selfmodel.vision.markers.fiducial import find_fiducials
+from nico_selfmodel.vision.markers.marker_sheet import MarkerSheet, parse_ids
 
 
 def test_the_markers_of_a_printed_sheet_are_read_at_their_exact_size(tmp_path):

@@ -9,7 +9,7 @@ from nico_selfmodel.geometry.plane import Plane
 from nico_selfmodel.geometry.reflection import reflect
 from nico_selfmodel.geometry.rotation import rotation_from_vector
 from nico_selfmodel.geometry.transform import apply, inverse, transform
-from nico_selfmodel.vision.mirror_glass import GlassInView
+from nico_selfmodel.vision.images.mirror_glass import GlassInView
 
 K = np.array([[400.0, 0.0, 320.0], [0.0, 400.0, 240.0], [0.0, 0.0, 1.0]])
 SIZE, GLASS = (640, 480), (0.3, 0.2)

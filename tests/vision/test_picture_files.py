@@ -14,12 +14,12 @@ import numpy as np
 import pytest
 
 from nico_selfmodel.errors import DataError
-from nico_selfmodel.vision.chessboard import Board, find_chessboard, size_of_board
-from nico_selfmodel.vision.color_blob import color_blobs, find_color_blob
-from nico_selfmodel.vision.color_model import ColorModel
-from nico_selfmodel.vision.fiducial import find_fiducials
-from nico_selfmodel.vision.image_file import read_image
-from nico_selfmodel.vision.picture_header import MOST_PIXELS, check_header
+from nico_selfmodel.vision.boards.chessboard import Board, find_chessboard, size_of_board
+from nico_selfmodel.vision.color.color_blob import color_blobs, find_color_blob
+from nico_selfmodel.vision.color.color_model import ColorModel
+from nico_selfmodel.vision.images.image_file import read_image
+from nico_selfmodel.vision.images.picture_header import MOST_PIXELS, check_header
+from nico_selfmodel.vision.markers.fiducial import find_fiducials
 
 RED = ColorModel("red", (20.0, 20.0), 0.0, 40.0, 0.2)
 

@@ -8,9 +8,9 @@ import numpy as np
 import pytest
 
 from nico_selfmodel.errors import DataError, RobotError
-from nico_selfmodel.vision.image_file import write_image
-from nico_selfmodel.vision.picture_sources import CameraLostError
-from nico_selfmodel.vision.stereo_capture import StereoCapture
+from nico_selfmodel.vision.images.image_file import write_image
+from nico_selfmodel.vision.images.picture_sources import CameraLostError
+from nico_selfmodel.vision.images.stereo_capture import StereoCapture
 
 SIZE = (64, 48)
 

@@ -5,13 +5,13 @@ import numpy as np
 import pytest
 
 from nico_selfmodel.errors import DataError
-from nico_selfmodel.vision.chessboard import Board
-from nico_selfmodel.vision.stereo_images import (
+from nico_selfmodel.vision.boards.board_detections import (
     camera_images,
     detect_boards,
     detect_boards_of_one_camera,
     stereo_pairs,
 )
+from nico_selfmodel.vision.boards.chessboard import Board
 
 from .rendering import random_view, render_board
 

@@ -5,14 +5,14 @@ import numpy as np
 import pytest
 
 from nico_selfmodel.vision import NotSeen
-from nico_selfmodel.vision import chessboard as chessboard_module
-from nico_selfmodel.vision.chessboard import (
+from nico_selfmodel.vision.boards import chessboard as chessboard_module
+from nico_selfmodel.vision.boards.chessboard import (
     Board,
     ChessboardDetection,
     find_chessboard,
     size_of_board,
 )
-from nico_selfmodel.vision.stray_corners import stray_corners
+from nico_selfmodel.vision.boards.stray_corners import stray_corners
 
 from .rendering import _photograph, project, random_view, render_board
 

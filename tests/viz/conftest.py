@@ -8,8 +8,8 @@ import pytest
 
 from nico_selfmodel.dataset import Dataset, JointInfo
 from nico_selfmodel.estimation import calibrate_kinematics, judge, to_json
-from nico_selfmodel.model.chain import Chain
-from nico_selfmodel.model.servo_map import ServoMap
+from nico_selfmodel.model.arm.chain import Chain
+from nico_selfmodel.model.arm.servo_map import ServoMap
 from nico_selfmodel.viz.reports.arm import arm_report
 from nico_selfmodel.viz.reports.cameras import camera_report
 

@@ -4,8 +4,8 @@ import numpy as np
 
 from nico_selfmodel.geometry.rotation import rotation_from_rpy
 from nico_selfmodel.geometry.transform import transform
-from nico_selfmodel.viz.photographs import jpeg
-from nico_selfmodel.viz.scene_items import (
+from nico_selfmodel.viz.figures.photographs import jpeg
+from nico_selfmodel.viz.scene.scene_items import (
     Box,
     Capsule,
     Cylinder,

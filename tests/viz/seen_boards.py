@@ -8,8 +8,8 @@ from nico_selfmodel.dataset.board_views import BoardViews
 from nico_selfmodel.estimation import CameraAssessment, CameraOptions, calibrate_cameras
 from nico_selfmodel.geometry.rotation import rotation_from_vector
 from nico_selfmodel.geometry.transform import apply, transform
-from nico_selfmodel.model.camera import Camera
-from nico_selfmodel.model.stereo_rig import StereoRig
+from nico_selfmodel.model.cameras.camera import Camera
+from nico_selfmodel.model.cameras.stereo_rig import StereoRig
 
 SIZE = (320, 240)
 SQUARE = 0.03

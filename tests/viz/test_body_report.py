@@ -15,10 +15,10 @@ from nico_selfmodel.model.self_model_file import load_model
 from nico_selfmodel.result_folder.urdf import urdf_file
 from nico_selfmodel.result_folder.writing import write_result
 from nico_selfmodel.systems import IMPERFECTIONS
-from nico_selfmodel.viz.body_scene import accuracy_at, body_scene
 from nico_selfmodel.viz.figures.workspace_map import workspace_map
 from nico_selfmodel.viz.reports.body import body_report
-from nico_selfmodel.viz.scene import load_scene
+from nico_selfmodel.viz.scene.body_scene import accuracy_at, body_scene
+from nico_selfmodel.viz.scene.scene import load_scene
 
 
 @pytest.fixture(scope="module")

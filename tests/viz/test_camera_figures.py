@@ -3,16 +3,16 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from nico_selfmodel.viz.camera_plots import coverage, pixel_errors, view_errors
-from nico_selfmodel.viz.camera_views import shown_views
-from nico_selfmodel.viz.lens_plots import (
+from nico_selfmodel.viz.figures.camera_plots import coverage, pixel_errors, view_errors
+from nico_selfmodel.viz.figures.camera_views import shown_views
+from nico_selfmodel.viz.figures.lens_plots import (
     distortion_profile,
     epipolar_distribution,
     reconstruction_by_range,
 )
-from nico_selfmodel.viz.parameter_plots import correlations
-from nico_selfmodel.viz.plot_style import image_bytes
-from nico_selfmodel.viz.residual_field import field_of, residual_field
+from nico_selfmodel.viz.figures.parameter_plots import correlations
+from nico_selfmodel.viz.figures.plot_style import image_bytes
+from nico_selfmodel.viz.figures.residual_field import field_of, residual_field
 
 from .seen_boards import OUTLIER
 

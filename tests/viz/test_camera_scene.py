@@ -5,12 +5,12 @@ import pytest
 from matplotlib.image import imread
 
 from nico_selfmodel.geometry.transform import apply
-from nico_selfmodel.viz import palette
-from nico_selfmodel.viz.board_items import board_outline
-from nico_selfmodel.viz.camera_scene import X_WL, camera_scene
-from nico_selfmodel.viz.eye_items import ImagePlane
-from nico_selfmodel.viz.scene import FIELD_OF_VIEW, Scene
-from nico_selfmodel.viz.scene_items import Picture, Surface
+from nico_selfmodel.viz.figures import palette
+from nico_selfmodel.viz.scene.board_items import board_outline
+from nico_selfmodel.viz.scene.camera_items import ImagePlane
+from nico_selfmodel.viz.scene.camera_scene import X_WL, camera_scene
+from nico_selfmodel.viz.scene.scene import FIELD_OF_VIEW, Scene
+from nico_selfmodel.viz.scene.scene_items import Picture, Surface
 
 from .seen_boards import OUTLIER, P_GQ, SIZE, photographs
 

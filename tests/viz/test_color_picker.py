@@ -6,7 +6,7 @@ from matplotlib.backend_bases import KeyEvent, MouseEvent
 from matplotlib.figure import Figure
 
 from nico_selfmodel.errors import SelfModelError
-from nico_selfmodel.viz.color_picker import ColorPicker, pick_color
+from nico_selfmodel.viz.live.color_picker import ColorPicker, pick_color
 
 RED, GREY = (40, 40, 190), (150, 150, 150)
 

@@ -1,7 +1,7 @@
 import numpy as np
 import pytest
 
-from nico_selfmodel.viz.experiment_charts import BarSeries, bar_chart, save_figure
+from nico_selfmodel.viz.figures.experiment_charts import BarSeries, bar_chart, save_figure
 
 NAN = np.nan
 GROUPS = ("0", "50", "500")

@@ -3,19 +3,19 @@ import numpy as np
 import pytest
 from matplotlib.figure import Figure
 
-from nico_selfmodel.viz.error_plots import (
+from nico_selfmodel.viz.figures.error_plots import (
     error_distribution,
     error_over_workspace,
     residuals_over_angles,
 )
-from nico_selfmodel.viz.numbers_shown import decimals, nice_below, nice_factor, short
-from nico_selfmodel.viz.parameter_plots import (
+from nico_selfmodel.viz.figures.numbers_shown import decimals, nice_below, nice_factor, short
+from nico_selfmodel.viz.figures.parameter_plots import (
     convergence,
     correlations,
     parameter_sigmas,
     unobservable_parameters,
 )
-from nico_selfmodel.viz.plot_style import image_bytes, log_ticks, style, svg_data_uri
+from nico_selfmodel.viz.figures.plot_style import image_bytes, log_ticks, style, svg_data_uri
 
 
 def correlations_drawn(calibration):

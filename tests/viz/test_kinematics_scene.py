@@ -4,15 +4,15 @@ import numpy as np
 import pytest
 
 from nico_selfmodel.errors import ModelError
-from nico_selfmodel.model.dh_table import DhTable
+from nico_selfmodel.model.arm.dh_table import DhTable
+from nico_selfmodel.model.arm.servo_map import ServoMap
 from nico_selfmodel.model.self_model import SelfModel
-from nico_selfmodel.model.servo_map import ServoMap
 from nico_selfmodel.plant import ArmDescription
-from nico_selfmodel.viz.arm_shape import arm_length, joint_points
-from nico_selfmodel.viz.kinematics_scene import calibration_scene, shown_pose
-from nico_selfmodel.viz.robot_items import robot_items, robot_legend
-from nico_selfmodel.viz.scene import FIELD_OF_VIEW
-from nico_selfmodel.viz.scene_items import Markers
+from nico_selfmodel.viz.scene.arm_scene import calibration_scene, shown_pose
+from nico_selfmodel.viz.scene.arm_shape import arm_length, joint_points
+from nico_selfmodel.viz.scene.robot_items import robot_items, robot_legend
+from nico_selfmodel.viz.scene.scene import FIELD_OF_VIEW
+from nico_selfmodel.viz.scene.scene_items import Markers
 
 from .conftest import JOINTS, OUTLIERS, true_arm
 

@@ -9,11 +9,11 @@ from numpy.testing import assert_allclose
 from nico_selfmodel.estimation import calibrate_mirrors
 from nico_selfmodel.experiments.mirror_body import mirror_body
 from nico_selfmodel.geometry.transform import apply, transform
-from nico_selfmodel.model.camera import Camera
+from nico_selfmodel.model.cameras.camera import Camera
 from nico_selfmodel.plant import ArmDescription
-from nico_selfmodel.vision.image_file import write_image
-from nico_selfmodel.viz.mirror_picture import MirrorPicture, on_glass, recorded_pictures
-from nico_selfmodel.viz.mirror_scene import mirror_scene
+from nico_selfmodel.vision.images.image_file import write_image
+from nico_selfmodel.viz.scene.mirror_picture import MirrorPicture, on_glass, recorded_pictures
+from nico_selfmodel.viz.scene.mirror_scene import mirror_scene
 
 
 @pytest.fixture(scope="module")

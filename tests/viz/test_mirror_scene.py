@@ -8,9 +8,9 @@ from numpy.testing import assert_allclose
 
 from nico_selfmodel.estimation import calibrate_mirrors
 from nico_selfmodel.experiments.mirror_body import mirror_body
-from nico_selfmodel.viz.mirror_scene import mirror_scene
-from nico_selfmodel.viz.scene import Scene
-from nico_selfmodel.viz.surroundings import X_WL
+from nico_selfmodel.viz.scene.mirror_scene import mirror_scene
+from nico_selfmodel.viz.scene.scene import Scene
+from nico_selfmodel.viz.scene.surroundings import X_WL
 
 
 @pytest.fixture(scope="module")

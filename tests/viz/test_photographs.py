@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 from matplotlib.image import imread
 
-from nico_selfmodel.viz.lettering import label
-from nico_selfmodel.viz.photographs import in_colour, jpeg, photograph_of, resampled, shrunk
+from nico_selfmodel.viz.figures.photographs import in_colour, jpeg, photograph_of, resampled, shrunk
+from nico_selfmodel.viz.scene.lettering import label
 
 
 @pytest.fixture

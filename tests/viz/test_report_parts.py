@@ -6,12 +6,12 @@ from unittest import mock
 import pytest
 from matplotlib.figure import Figure
 
-from nico_selfmodel.viz.camera_gallery import Gallery, GalleryRow
 from nico_selfmodel.viz.reports import parts
+from nico_selfmodel.viz.reports.camera_gallery import Gallery, GalleryRow
 from nico_selfmodel.viz.reports.page import Key, Report, key_number
 from nico_selfmodel.viz.reports.parameter_tables import ParameterTables
 from nico_selfmodel.viz.reports.tables import Cell, Table, change_table, error_table, held_out
-from nico_selfmodel.viz.scene import Camera, Scene
+from nico_selfmodel.viz.scene.scene import Camera, Scene
 
 from .page import Page
 

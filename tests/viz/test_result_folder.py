@@ -6,9 +6,9 @@ import pytest
 from nico_selfmodel.cli.result_files import write_with_report
 from nico_selfmodel.errors import ModelError
 from nico_selfmodel.model.self_model_file import load_model
-from nico_selfmodel.viz.kinematics_scene import calibration_scene
 from nico_selfmodel.viz.reports.arm import arm_report
-from nico_selfmodel.viz.scene import load_scene
+from nico_selfmodel.viz.scene.arm_scene import calibration_scene
+from nico_selfmodel.viz.scene.scene import load_scene
 
 FILES = {"self_model.yaml", "result.json", "report.html", "scene.json"}
 

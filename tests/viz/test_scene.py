@@ -6,10 +6,10 @@ import pytest
 
 from nico_selfmodel.errors import ModelError
 from nico_selfmodel.geometry.transform import transform
-from nico_selfmodel.viz.meshing import mesh_of
-from nico_selfmodel.viz.picture_mesh import picture_gltf
-from nico_selfmodel.viz.scene import Camera, LegendEntry, Scene, path_names
-from nico_selfmodel.viz.scene_items import (
+from nico_selfmodel.viz.live.meshing import mesh_of
+from nico_selfmodel.viz.live.picture_mesh import picture_gltf
+from nico_selfmodel.viz.scene.scene import Camera, LegendEntry, Scene, path_names
+from nico_selfmodel.viz.scene.scene_items import (
     ITEM_KINDS,
     Box,
     Capsule,

@@ -8,14 +8,14 @@ import pytest
 from nico_selfmodel.dataset import JointInfo
 from nico_selfmodel.errors import ModelError
 from nico_selfmodel.geometry.transform import inverse, transform
-from nico_selfmodel.model.mirror import Mirror
+from nico_selfmodel.model.cameras.mirror import Mirror
 from nico_selfmodel.planning.visible_workspace import VisibleWorkspace
 from nico_selfmodel.systems import looking_arm
-from nico_selfmodel.viz.image_marks import marked
-from nico_selfmodel.viz.scene import ROOT
-from nico_selfmodel.viz.screens import screens_beside
-from nico_selfmodel.viz.station_mirror import StandingGlass
-from nico_selfmodel.viz.station_view import PREDICTED, TRACKED, StationView
+from nico_selfmodel.viz.live.image_marks import marked
+from nico_selfmodel.viz.live.screens import screens_beside
+from nico_selfmodel.viz.live.station_mirror import StandingGlass
+from nico_selfmodel.viz.live.station_view import PREDICTED, TRACKED, StationView
+from nico_selfmodel.viz.scene.scene import ROOT
 
 ARM = looking_arm("fiducial")
 JOINTS = tuple(

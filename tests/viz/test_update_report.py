@@ -28,10 +28,10 @@ from nico_selfmodel.experiments.projected_nico import ProjectedNico
 from nico_selfmodel.experiments.refinement import simulated_scenario
 from nico_selfmodel.model.self_model_file import load_model
 from nico_selfmodel.systems import IMPERFECTIONS
-from nico_selfmodel.viz.health_plot import health_plot
+from nico_selfmodel.viz.figures.health_plot import health_plot
 from nico_selfmodel.viz.reports.updates import update_report
-from nico_selfmodel.viz.scene import load_scene
-from nico_selfmodel.viz.update_scene import update_scene
+from nico_selfmodel.viz.scene.scene import load_scene
+from nico_selfmodel.viz.scene.update_scene import update_scene
 
 WORLD = IMPERFECTIONS["clean"].with_noise(play_deg=0.5)
 TOOL = np.array([0.025, 0.0, -0.08])

@@ -13,10 +13,10 @@ import pytest
 import zmq
 
 from nico_selfmodel.errors import SelfModelError
-from nico_selfmodel.viz.drake_backend import draw_in_drake, static_html
-from nico_selfmodel.viz.kinematics_scene import calibration_scene
-from nico_selfmodel.viz.meshcat_backend import publish
-from nico_selfmodel.viz.scene import ROOT, Camera, Scene
+from nico_selfmodel.viz.live.drake_backend import draw_in_drake, static_html
+from nico_selfmodel.viz.live.meshcat_backend import publish
+from nico_selfmodel.viz.scene.arm_scene import calibration_scene
+from nico_selfmodel.viz.scene.scene import ROOT, Camera, Scene
 
 from .every_item import every_item
 

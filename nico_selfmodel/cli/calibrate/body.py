@@ -101,8 +101,8 @@ def _boards(
     if folder is None:
         return None, None
     from nico_selfmodel.estimation.cameras.stereo import FEWEST_VIEWS
-    from nico_selfmodel.vision.chessboard import Board
-    from nico_selfmodel.vision.stereo_images import detect_boards
+    from nico_selfmodel.vision.boards.board_detections import detect_boards
+    from nico_selfmodel.vision.boards.chessboard import Board
 
     found = detect_boards(folder, Board.parse(board, square_mm), progress=progress).seen_views
     if not fraction or len(found) <= FEWEST_VIEWS:

@@ -32,8 +32,11 @@ def camera(
 ) -> None:
     """Learn one camera alone from photographs of a chessboard."""
     from nico_selfmodel.files.whole import refuse_folder
-    from nico_selfmodel.vision.chessboard import Board
-    from nico_selfmodel.vision.stereo_images import camera_images, detect_boards_of_one_camera
+    from nico_selfmodel.vision.boards.board_detections import (
+        camera_images,
+        detect_boards_of_one_camera,
+    )
+    from nico_selfmodel.vision.boards.chessboard import Board
 
     if camera not in ("left", "right"):
         raise ValueError(f"--camera must be left or right, got {camera!r}")

@@ -60,8 +60,8 @@ def mirror(
         # Drawing is slow to load, and only needed once there is something to draw.
         from nico_selfmodel.plant import ArmDescription
         from nico_selfmodel.result_folder.writing import write_result
-        from nico_selfmodel.viz.mirror_picture import recorded_pictures
         from nico_selfmodel.viz.reports.mirrors import mirror_report
+        from nico_selfmodel.viz.scene.mirror_picture import recorded_pictures
 
         pictures = recorded_pictures(dataset, train)
         robot = ArmDescription.of_model(body) if pictures else None

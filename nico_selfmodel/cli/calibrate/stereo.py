@@ -12,7 +12,7 @@ from nico_selfmodel.progress import Progress
 
 if TYPE_CHECKING:
     from nico_selfmodel.estimation import CameraOptions
-    from nico_selfmodel.vision.stereo_images import BoardDetections
+    from nico_selfmodel.vision.boards.board_detections import BoardDetections
 
 
 def stereo(
@@ -39,8 +39,8 @@ def stereo(
 ) -> None:
     """Learn a pair of cameras from pairs of photographs, left* and right*, of a chessboard."""
     from nico_selfmodel.files.whole import refuse_folder
-    from nico_selfmodel.vision.chessboard import Board
-    from nico_selfmodel.vision.stereo_images import detect_boards, stereo_pairs
+    from nico_selfmodel.vision.boards.board_detections import detect_boards, stereo_pairs
+    from nico_selfmodel.vision.boards.chessboard import Board
 
     refuse_folder(out, force=force, inputs=[images])
     task = CameraTask(

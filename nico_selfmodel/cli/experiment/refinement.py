@@ -32,7 +32,7 @@ def refinement(
     robots = robots or (1 if rendered else 8)
     if rendered:
         # The renderer is slow to load.
-        from nico_selfmodel.experiments.rendered_lesson import rendered_scenarios
+        from nico_selfmodel.experiments.rendered_scenario import rendered_scenarios
 
         source = partial(rendered_scenarios, chosen)
     with printer.progress_bar() as progress:

@@ -8,7 +8,7 @@ from nico_selfmodel.cli import printer
 from nico_selfmodel.cli.result_files import write_with_report
 
 if TYPE_CHECKING:
-    from nico_selfmodel.experiments.body_lesson import BodyScenario
+    from nico_selfmodel.sessions.body_scenario import BodyScenario
     from nico_selfmodel.systems import Imperfections
 
 THESIS = {
@@ -36,8 +36,8 @@ def learn_by_cameras(
 ) -> NoReturn:
     """Calibrate the cameras, watch the hand, learn the arm, refine both, write the result."""
     from nico_selfmodel.cli.learn.mirror import mirror_parts, write_mirror_scenario
-    from nico_selfmodel.experiments.body_lesson import learn_body
-    from nico_selfmodel.experiments.eyes_lesson import MARKERS, Counts
+    from nico_selfmodel.sessions.body_scenario import learn_body
+    from nico_selfmodel.sessions.camera_scenario import MARKERS, Counts
 
     marker = MARKERS[sensor]
     with printer.progress_bar() as progress:
@@ -46,7 +46,7 @@ def learn_by_cameras(
         )
         seen = None
         if mirror:
-            from nico_selfmodel.experiments.mirror_lesson import learn_mirror, with_mirror
+            from nico_selfmodel.sessions.mirror_scenario import learn_mirror, with_mirror
 
             familiar = scenario.arm.train.encoders
             seen = learn_mirror(

@@ -78,7 +78,7 @@ def _chosen_sensor(sensor: str | None, elsewhere: bool) -> str:
 
 def _cameras_or_else() -> str:
     """Return Nico's cameras, or motion capture where nothing can be rendered, and say so."""
-    from nico_selfmodel.systems.renderer import can_render
+    from nico_selfmodel.systems.rendering.renderer import can_render
 
     if can_render():
         return "stereo-fiducial"
@@ -101,7 +101,7 @@ def _by_motion_capture(
 ) -> None:
     """Learn an arm from what motion capture sees of it (chapter 6)."""
     from nico_selfmodel.estimation import judge, to_json
-    from nico_selfmodel.experiments.first_arm import learn_by_motion_capture
+    from nico_selfmodel.sessions.motion_capture_scenario import learn_by_motion_capture
     from nico_selfmodel.viz.reports.arm import arm_report
 
     with printer.progress_bar() as progress:

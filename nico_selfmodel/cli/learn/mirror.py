@@ -5,7 +5,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
-    from nico_selfmodel.experiments.mirror_lesson import MirrorScenario
+    from nico_selfmodel.sessions.mirror_scenario import MirrorScenario
 
 FOLDER = "mirror"
 """Folder within the result folder: the mirror's own report."""

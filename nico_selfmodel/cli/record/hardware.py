@@ -13,8 +13,8 @@ from nico_selfmodel.cli.servo.opening import ask, speed_of
 if TYPE_CHECKING:
     from nico_selfmodel.cli.record.request import Request
     from nico_selfmodel.dataset import Dataset
-    from nico_selfmodel.experiments.real_recording import RealRecording
     from nico_selfmodel.servos import ServoConfig
+    from nico_selfmodel.sessions.hardware_recording import RealRecording
     from nico_selfmodel.systems import (
         CameraDriver,
         MotionCaptureClient,
@@ -75,8 +75,8 @@ def record_hardware(request: "Request", hardware: Hardware) -> "Dataset":
     """
     import numpy as np
 
-    from nico_selfmodel.experiments.real_recording import RealRecording
     from nico_selfmodel.files.reading import LARGEST_TABLE, read_text
+    from nico_selfmodel.sessions.hardware_recording import RealRecording
 
     config = _configuration(hardware)
     rng = np.random.default_rng((request.seed, request.session, 2))
@@ -100,7 +100,7 @@ def record_hardware(request: "Request", hardware: Hardware) -> "Dataset":
 
 
 def _configuration(hardware: Hardware) -> "ServoConfig":
-    from nico_selfmodel.servos.servo_config_file import load_servo_config
+    from nico_selfmodel.servos.pic_servo.arm.servo_config_file import load_servo_config
 
     if hardware.config is None:
         raise ValueError("--port needs --config, the servo configuration of this robot")
@@ -109,7 +109,7 @@ def _configuration(hardware: Hardware) -> "ServoConfig":
 
 
 def _servos(hardware: Hardware, config: "ServoConfig") -> "ServoDriver":
-    from nico_selfmodel.servos.bus import BusSettings
+    from nico_selfmodel.servos.pic_servo.line.bus import BusSettings
     from nico_selfmodel.systems import ServoDriver
 
     largest = max(joint.max_velocity for joint in config.joints)
@@ -141,7 +141,7 @@ def _motion_capture(sensor: str, hardware: Hardware) -> "MotionCaptureClient | N
 
 def _cameras(sensor: str, hardware: Hardware) -> "CameraDriver | None":
     from nico_selfmodel.systems import NICO_CAMERAS, CameraDriver
-    from nico_selfmodel.vision.stereo_capture import StereoCapture
+    from nico_selfmodel.vision.images.stereo_capture import StereoCapture
 
     left, right = hardware.left_camera, hardware.right_camera
     if sensor == "motion-capture":

@@ -27,8 +27,8 @@ def record_hand(request: "Request", world: "Imperfections") -> "Dataset":
 
 def record_boards(request: "Request", world: "Imperfections", count: int) -> None:
     """Record photographs of a chessboard by both cameras."""
-    from nico_selfmodel.experiments.eyes_lesson import RenderedNico
     from nico_selfmodel.files.whole import folder_written_whole
+    from nico_selfmodel.sessions.camera_scenario import RenderedNico
 
     out = request.out
     with folder_written_whole(out) as folder, printer.progress_bar() as progress:
@@ -48,7 +48,7 @@ def record_boards(request: "Request", world: "Imperfections", count: int) -> Non
 
 
 def _by_cameras(request: "Request", world: "Imperfections") -> "Dataset":
-    from nico_selfmodel.experiments.eyes_lesson import MARKERS, RenderedNico
+    from nico_selfmodel.sessions.camera_scenario import MARKERS, RenderedNico
 
     rig = inputs.cameras_of(request.cameras)
     nico = RenderedNico(world, request.seed, (MARKERS[request.sensor],))
@@ -67,9 +67,9 @@ def _by_cameras(request: "Request", world: "Imperfections") -> "Dataset":
 
 
 def _by_motion_capture(request: "Request", world: "Imperfections") -> "Dataset":
-    from nico_selfmodel.experiments.protocol import simulated_session
     from nico_selfmodel.planning.sweep_protocol import Protocol
     from nico_selfmodel.plant import ArmDescription
+    from nico_selfmodel.sessions.simulated_session import simulated_session
 
     arm = ArmDescription.named("nico")
     each = max(1, round(request.circle / len(arm.joints))) + 1
@@ -96,9 +96,9 @@ def _before_mirrors(request: "Request", world: "Imperfections") -> "Dataset":
     Red tape needs a self-model with an arm: only a body that knows where its hand is can tell tape
     from its reflection.
     """
-    from nico_selfmodel.experiments.eyes_lesson import MARKERS, RenderedNico
-    from nico_selfmodel.experiments.mirror_recording import NicoBeforeMirrors, mirror_of_words
     from nico_selfmodel.model.self_model_file import load_model
+    from nico_selfmodel.sessions.camera_scenario import MARKERS, RenderedNico
+    from nico_selfmodel.sessions.nico_before_mirrors import NicoBeforeMirrors, mirror_of_words
 
     places = [mirror_of_words(words) for words in request.mirrors]
     if len(dict(places)) < len(places):

@@ -7,7 +7,7 @@ import typer
 from nico_selfmodel.cli import options, printer
 
 if TYPE_CHECKING:
-    from nico_selfmodel.servos.chain import FoundModule
+    from nico_selfmodel.servos.pic_servo.line.chain import FoundModule
 
 
 def scan(
@@ -20,9 +20,9 @@ def scan(
 ) -> None:
     """Find the modules of a bus and give addresses to new ones. Moves and resets nothing."""
     from nico_selfmodel.errors import BusError
-    from nico_selfmodel.servos.bus import Bus
-    from nico_selfmodel.servos.chain import scan
-    from nico_selfmodel.servos.commands import BAUD_CODES
+    from nico_selfmodel.servos.pic_servo.line.bus import Bus
+    from nico_selfmodel.servos.pic_servo.line.chain import scan
+    from nico_selfmodel.servos.pic_servo.protocol.commands import BAUD_CODES
 
     if baud not in BAUD_CODES:
         raise ValueError(f"--baud must be one of {sorted(BAUD_CODES)}, got {baud}")

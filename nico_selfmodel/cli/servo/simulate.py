@@ -32,7 +32,7 @@ def simulate(
 ) -> None:
     """Simulate a bus and print the port to connect to; runs until Ctrl-C."""
     from nico_selfmodel.servos import SimulatedBus
-    from nico_selfmodel.servos.servo_config_file import load_servo_config
+    from nico_selfmodel.servos.pic_servo.arm.servo_config_file import load_servo_config
     from nico_selfmodel.servos.simulated_hand import SimulatedHand
 
     if body != (out is not None):
@@ -55,7 +55,7 @@ def simulate(
 def _body(stack: ExitStack, file: Path, seed: int, session: int) -> "NicoBehindBus":
     """Build a robot, write its configuration, and start its motion capture."""
     from nico_selfmodel.files.whole import refuse_existing
-    from nico_selfmodel.servos.servo_config_file import save_servo_config
+    from nico_selfmodel.servos.pic_servo.arm.servo_config_file import save_servo_config
     from nico_selfmodel.systems import MotionCaptureServer, NicoBehindBus, NicoStation
 
     refuse_existing(file, force=False)

@@ -8,7 +8,7 @@ from nico_selfmodel.estimation.noise.pose_refinement import PoseWhitened, arm_pr
 from nico_selfmodel.estimation.observations.hand_residuals import DhResiduals
 from nico_selfmodel.estimation.observations.observations import Observations
 from nico_selfmodel.estimation.results.folds import FOLDS, fold_of, splits
-from nico_selfmodel.model.dh_parameters import DhParameters
+from nico_selfmodel.model.arm.dh_parameters import DhParameters
 
 _LARGEST_STEP = 0.3
 """Change of the other poses' residuals, in their standard deviations, up to which one step does."""

@@ -29,7 +29,7 @@ from nico_selfmodel.estimation.observations.observations import (
     gears_known,
 )
 from nico_selfmodel.estimation.results.fixed_parameters import Pins
-from nico_selfmodel.model.dh_parameters import DhParameters
+from nico_selfmodel.model.arm.dh_parameters import DhParameters
 from nico_selfmodel.names import listed
 
 _ASSUMED_SIGMA = 1e-3

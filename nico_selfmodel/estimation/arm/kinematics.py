@@ -49,7 +49,7 @@ from nico_selfmodel.estimation.initialization.start_search import (
 from nico_selfmodel.estimation.noise.arm_solution import ArmSolution, Linearised
 from nico_selfmodel.estimation.noise.pose_noise import PoseNoise
 from nico_selfmodel.estimation.results.fixed_parameters import Pins
-from nico_selfmodel.model.dh_table import DhTable
+from nico_selfmodel.model.arm.dh_table import DhTable
 from nico_selfmodel.model.self_model import SelfModel
 from nico_selfmodel.optimization.uncertainty import Uncertainty
 

@@ -10,7 +10,7 @@ from nico_selfmodel.estimation.noise.pose_refinement import arm_program, refine_
 from nico_selfmodel.estimation.observations.hand_residuals import DhResiduals
 from nico_selfmodel.estimation.observations.observations import Observations
 from nico_selfmodel.estimation.results.fixed_parameters import Pins
-from nico_selfmodel.model.dh_parameters import DhParameters
+from nico_selfmodel.model.arm.dh_parameters import DhParameters
 from nico_selfmodel.optimization.calibration_program import CalibrationProgram
 from nico_selfmodel.optimization.robust_solve import RobustSolution, solve_robustly
 

@@ -22,8 +22,8 @@ from nico_selfmodel.estimation.observations.pixel_evaluation import (
     evaluate_pixels,
 )
 from nico_selfmodel.estimation.results.calibration_result import CalibrationResult
+from nico_selfmodel.model.cameras.stereo_rig import StereoRig
 from nico_selfmodel.model.self_model import ParameterCovariance, SelfModel
-from nico_selfmodel.model.stereo_rig import StereoRig
 from nico_selfmodel.optimization.uncertainty import Uncertainty
 
 

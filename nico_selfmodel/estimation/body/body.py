@@ -48,9 +48,9 @@ from nico_selfmodel.estimation.observations.pixel_evaluation import (
 from nico_selfmodel.estimation.observations.pixel_observations import PixelObservations
 from nico_selfmodel.estimation.results.fixed_parameters import Pins
 from nico_selfmodel.estimation.results.provenance import data_named, package_versions
-from nico_selfmodel.model.dh_parameters import DhParameters
+from nico_selfmodel.model.arm.dh_parameters import DhParameters
+from nico_selfmodel.model.cameras.stereo_rig import StereoRig
 from nico_selfmodel.model.self_model import ParameterCovariance, SelfModel
-from nico_selfmodel.model.stereo_rig import StereoRig
 from nico_selfmodel.optimization.uncertainty import Uncertainty
 
 FIRST_NOISE = HandNoise(0.5, np.radians(0.3))

@@ -11,8 +11,8 @@ from nico_selfmodel.estimation.observations.pixel_observations import (
     seen_points,
 )
 from nico_selfmodel.estimation.results.folds import FOLDS, fold_of, splits
-from nico_selfmodel.model.dh_parameters import DhParameters
-from nico_selfmodel.model.stereo_rig import StereoRig
+from nico_selfmodel.model.arm.dh_parameters import DhParameters
+from nico_selfmodel.model.cameras.stereo_rig import StereoRig
 
 
 def cross_validate_body(

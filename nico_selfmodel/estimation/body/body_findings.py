@@ -13,8 +13,8 @@ from nico_selfmodel.estimation.results.calibration_result import (
     Finding,
     findings,
 )
-from nico_selfmodel.model.camera import DISTORTION, INTRINSICS
-from nico_selfmodel.model.stereo_rig import SIDES
+from nico_selfmodel.model.cameras.camera import DISTORTION, INTRINSICS
+from nico_selfmodel.model.cameras.stereo_rig import SIDES
 
 _LARGEST_PLAY = np.radians(5.0)
 """A joint that is this uncertain about its encoder is not play."""

@@ -15,8 +15,8 @@ from nico_selfmodel.estimation.observations.pixel_observations import (
     columns_of,
     seen_points,
 )
-from nico_selfmodel.model.dh_parameters import DhParameters
-from nico_selfmodel.model.dh_table import DhTable
+from nico_selfmodel.model.arm.dh_parameters import DhParameters
+from nico_selfmodel.model.arm.dh_table import DhTable
 from nico_selfmodel.model.self_model import SelfModel
 
 

@@ -14,7 +14,7 @@ from nico_selfmodel.estimation.noise.hand_noise import HandNoise
 from nico_selfmodel.estimation.observations.arm_views import ArmView
 from nico_selfmodel.estimation.observations.hand_pixels import HandPixels
 from nico_selfmodel.estimation.observations.pixel_observations import PixelObservations
-from nico_selfmodel.model.stereo_rig import StereoRig
+from nico_selfmodel.model.cameras.stereo_rig import StereoRig
 from nico_selfmodel.optimization.calibration_program import CalibrationProgram
 from nico_selfmodel.optimization.robust_solve import RobustSolution, solve_robustly
 

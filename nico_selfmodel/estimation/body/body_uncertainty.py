@@ -13,8 +13,8 @@ from nico_selfmodel.estimation.noise.hand_noise import HandNoise
 from nico_selfmodel.estimation.observations.arm_views import RowsView
 from nico_selfmodel.estimation.observations.hand_pixels import HandPixels
 from nico_selfmodel.estimation.observations.pixel_observations import PixelObservations
-from nico_selfmodel.model.dh_parameters import DhParameters
-from nico_selfmodel.model.stereo_rig import SIDES, StereoRig
+from nico_selfmodel.model.arm.dh_parameters import DhParameters
+from nico_selfmodel.model.cameras.stereo_rig import SIDES, StereoRig
 from nico_selfmodel.optimization.uncertainty import Uncertainty
 
 

@@ -14,8 +14,8 @@ from nico_selfmodel.estimation.noise.hand_observations import JOINT_SIGMA, covar
 from nico_selfmodel.estimation.observations.arm_views import RowsView
 from nico_selfmodel.estimation.observations.hand_pixels import project_to_eyes
 from nico_selfmodel.estimation.observations.observations import Observations
+from nico_selfmodel.model.cameras.stereo_rig import SIDES
 from nico_selfmodel.model.self_model import SelfModel
-from nico_selfmodel.model.stereo_rig import SIDES
 
 
 @dataclass(frozen=True, eq=False)

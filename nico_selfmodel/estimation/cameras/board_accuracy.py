@@ -12,8 +12,8 @@ from nico_selfmodel.estimation.cameras.camera_options import CameraOptions
 from nico_selfmodel.estimation.cameras.stereo import FEWEST_VIEWS, calibrate_cameras
 from nico_selfmodel.estimation.results.folds import fold_of, splits
 from nico_selfmodel.geometry.alignment import Alignment
-from nico_selfmodel.model.camera import Camera
-from nico_selfmodel.model.stereo_rig import SIDES, StereoRig
+from nico_selfmodel.model.cameras.camera import Camera
+from nico_selfmodel.model.cameras.stereo_rig import SIDES, StereoRig
 
 
 @dataclass(frozen=True, eq=False)

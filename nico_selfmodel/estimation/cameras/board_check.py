@@ -8,8 +8,8 @@ from numpy.typing import NDArray
 from nico_selfmodel.dataset.board_views import BoardViews
 from nico_selfmodel.errors import ModelError
 from nico_selfmodel.estimation.cameras.board_accuracy import Reconstruction
-from nico_selfmodel.model.camera import Camera
-from nico_selfmodel.model.stereo_rig import StereoRig
+from nico_selfmodel.model.cameras.camera import Camera
+from nico_selfmodel.model.cameras.stereo_rig import StereoRig
 
 _WORSE_EDGES = 1.1
 """Ratio of the edges' SD beyond which, in most boards, they count as worse."""

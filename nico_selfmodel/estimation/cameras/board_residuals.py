@@ -14,8 +14,8 @@ from nico_selfmodel.geometry.rotation import (
     rotation_vector_slope,
 )
 from nico_selfmodel.geometry.transform import transform
-from nico_selfmodel.model.camera import INTRINSICS, Camera, project_in_camera
-from nico_selfmodel.model.stereo_rig import POSE_NAMES
+from nico_selfmodel.model.cameras.camera import INTRINSICS, Camera, project_in_camera
+from nico_selfmodel.model.cameras.stereo_rig import POSE_NAMES
 from nico_selfmodel.optimization.separable_block import Parts, SeparableBlock
 
 

@@ -12,9 +12,9 @@ from nico_selfmodel.errors import NotConvergedError
 from nico_selfmodel.estimation.cameras.board_residuals import BoardResiduals
 from nico_selfmodel.estimation.cameras.camera_options import CameraOptions, by_full_name
 from nico_selfmodel.estimation.results.provenance import package_versions
-from nico_selfmodel.model.camera import Camera
+from nico_selfmodel.model.cameras.camera import Camera
+from nico_selfmodel.model.cameras.stereo_rig import StereoRig
 from nico_selfmodel.model.self_model import ParameterCovariance, SelfModel
-from nico_selfmodel.model.stereo_rig import StereoRig
 from nico_selfmodel.optimization.calibration_program import CalibrationProgram
 from nico_selfmodel.optimization.losses import Loss
 from nico_selfmodel.optimization.robust_solve import RobustSolution, solve_robustly

@@ -18,7 +18,7 @@ from nico_selfmodel.estimation.cameras.camera_adjustment import CameraCalibratio
 from nico_selfmodel.estimation.cameras.camera_options import CameraOptions
 from nico_selfmodel.estimation.cameras.lens_folds import folds_by_chance, folds_of
 from nico_selfmodel.estimation.cameras.lens_misfit import LensMisfit, lens_misfits
-from nico_selfmodel.model.stereo_rig import StereoRig
+from nico_selfmodel.model.cameras.stereo_rig import StereoRig
 
 _COVERED = 0.75
 """Corners should reach this far from the image's centre towards its corner."""

@@ -9,7 +9,7 @@ from nico_selfmodel.geometry.epipolar import RelativePose
 from nico_selfmodel.geometry.homography import homography
 from nico_selfmodel.geometry.rotation import nearest_rotation
 from nico_selfmodel.geometry.transform import inverse, transform
-from nico_selfmodel.model.camera import Camera
+from nico_selfmodel.model.cameras.camera import Camera
 
 _PARALLEL = np.radians(3.0)
 """Boards whose normals differ by less than this leave the focal length open."""

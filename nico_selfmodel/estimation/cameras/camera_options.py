@@ -5,7 +5,7 @@ from dataclasses import dataclass, field, replace
 from typing import TypeVar
 
 from nico_selfmodel.files.csv_rows import number_of_word
-from nico_selfmodel.model.stereo_rig import StereoRig
+from nico_selfmodel.model.cameras.stereo_rig import StereoRig
 from nico_selfmodel.names import did_you_mean, listed
 from nico_selfmodel.optimization.robust_solve import ROBUST_METHODS
 

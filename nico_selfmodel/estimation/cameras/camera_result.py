@@ -18,8 +18,8 @@ from nico_selfmodel.estimation.results.calibration_result import (
 )
 from nico_selfmodel.estimation.results.errors import ErrorStatistics
 from nico_selfmodel.estimation.results.verdict import FEWEST_BOARDS
-from nico_selfmodel.model.camera import INTRINSIC_UNITS
-from nico_selfmodel.model.stereo_rig import StereoRig
+from nico_selfmodel.model.cameras.camera import INTRINSIC_UNITS
+from nico_selfmodel.model.cameras.stereo_rig import StereoRig
 from nico_selfmodel.optimization.uncertainty import UnobservableDirection
 
 _TERMS = Terms(

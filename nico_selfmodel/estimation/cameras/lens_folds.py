@@ -3,8 +3,8 @@
 import numpy as np
 
 from nico_selfmodel.estimation.cameras.camera_adjustment import CameraCalibration
-from nico_selfmodel.model import lens
-from nico_selfmodel.model.camera import Camera
+from nico_selfmodel.model.cameras import lens
+from nico_selfmodel.model.cameras.camera import Camera
 
 _TOLD_FROM_ZERO = 3.0
 """Standard deviations below which the term that folds an image may as well be zero."""

@@ -6,7 +6,7 @@ from numpy.typing import NDArray
 from nico_selfmodel.dataset.board_views import BoardViews
 from nico_selfmodel.errors import DataError, EstimationError
 from nico_selfmodel.estimation.cameras.camera_adjustment import CameraCalibration
-from nico_selfmodel.model.stereo_rig import StereoRig
+from nico_selfmodel.model.cameras.stereo_rig import StereoRig
 
 _LARGEST_EPIPOLAR = 1.5
 """Distance from epipolar lines [px] above which a pair is looked at twice."""

@@ -19,8 +19,8 @@ from nico_selfmodel.estimation.cameras.camera_initialization import (
 )
 from nico_selfmodel.estimation.cameras.camera_options import CameraOptions, by_full_name
 from nico_selfmodel.estimation.cameras.pair_checks import check_pair, check_start
-from nico_selfmodel.model.camera import Camera
-from nico_selfmodel.model.stereo_rig import StereoRig
+from nico_selfmodel.model.cameras.camera import Camera
+from nico_selfmodel.model.cameras.stereo_rig import StereoRig
 
 FEWEST_VIEWS = 3
 """Boards below which a camera with a free principal point is not determined."""

@@ -20,7 +20,7 @@ from nico_selfmodel.estimation.diagnosis.systematic_residuals import (
 )
 from nico_selfmodel.estimation.noise.arm_solution import ArmSolution
 from nico_selfmodel.estimation.observations.observations import Observations
-from nico_selfmodel.model.dh_parameters import DhParameters
+from nico_selfmodel.model.arm.dh_parameters import DhParameters
 from nico_selfmodel.optimization.chi_square import chi_square_tail
 
 LARGEST_CHANCE = 1e-7

@@ -15,7 +15,7 @@ from nico_selfmodel.estimation.noise.pose_refinement import (
 from nico_selfmodel.estimation.observations.hand_residuals import DhResiduals
 from nico_selfmodel.estimation.observations.observations import Observations
 from nico_selfmodel.geometry.angles import nearest_turn
-from nico_selfmodel.model.dh_parameters import DhParameters
+from nico_selfmodel.model.arm.dh_parameters import DhParameters
 
 _SIGNIFICANT = 3.3
 """Standard score beyond which a rise of the misfit is no accident: one in 2000."""

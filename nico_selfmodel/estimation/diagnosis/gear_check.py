@@ -4,7 +4,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 
 from nico_selfmodel.estimation.diagnosis.score_test import Score, ScoreTest
-from nico_selfmodel.model.dh_parameters import DhParameters
+from nico_selfmodel.model.arm.dh_parameters import DhParameters
 
 _LEAST_CHANGE = 0.02
 _LEAST_SIGMAS = 5.0

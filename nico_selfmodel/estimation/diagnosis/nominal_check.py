@@ -6,8 +6,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from nico_selfmodel.geometry.rotation import nearest_rotation
-from nico_selfmodel.model.chain import Chain
-from nico_selfmodel.model.dh_table import DhTable
+from nico_selfmodel.model.arm.chain import Chain
+from nico_selfmodel.model.arm.dh_table import DhTable
 
 _NEAR_RAD = np.radians(15.0)
 """Directions of axes must agree this well (rms), or the two arms cannot be compared."""

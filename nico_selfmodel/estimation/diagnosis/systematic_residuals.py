@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from nico_selfmodel.estimation.diagnosis.score_test import Score, ScoreTest
 from nico_selfmodel.estimation.observations.observations import Observations
-from nico_selfmodel.model.dh_parameters import DhParameters
+from nico_selfmodel.model.arm.dh_parameters import DhParameters
 
 LARGEST_CHANCE = 1e-5
 """Of a pattern in noise alone; some fifty are looked for."""

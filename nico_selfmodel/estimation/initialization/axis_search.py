@@ -15,10 +15,10 @@ from numpy.typing import NDArray
 
 from nico_selfmodel.estimation.observations.arm_estimate import ArmHypothesis
 from nico_selfmodel.estimation.observations.observations import Observations
-from nico_selfmodel.geometry.levenberg_marquardt import NormalEquations, levenberg_marquardt
 from nico_selfmodel.geometry.rotation import move_on_sphere, tangent_basis
-from nico_selfmodel.model.chain import Chain
-from nico_selfmodel.model.line_kinematics import carried_rotations, hand_derivatives
+from nico_selfmodel.least_squares import NormalEquations, levenberg_marquardt
+from nico_selfmodel.model.arm.chain import Chain
+from nico_selfmodel.model.arm.line_kinematics import carried_rotations, hand_derivatives
 from nico_selfmodel.optimization.losses import Loss, robust_scale
 
 _ROUNDS = 3

@@ -19,7 +19,7 @@ from nico_selfmodel.estimation.observations.observations import Observations
 from nico_selfmodel.geometry.circle import Circle
 from nico_selfmodel.geometry.circle_variants import circle_with_angles, robust_circle
 from nico_selfmodel.geometry.rotation import rotation_about, tangent_basis
-from nico_selfmodel.model.chain import Chain
+from nico_selfmodel.model.arm.chain import Chain
 
 LARGEST_AXIS_SIGMA = np.radians(15.0)
 """An axis known worse than this is not used: the joint counts as not analysed."""

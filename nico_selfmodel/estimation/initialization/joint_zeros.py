@@ -9,9 +9,9 @@ from nico_selfmodel.estimation.initialization.nominal_arm import NominalArm
 from nico_selfmodel.estimation.observations.arm_estimate import ArmHypothesis
 from nico_selfmodel.geometry.rotation import rotation_about
 from nico_selfmodel.geometry.transform import transform
-from nico_selfmodel.model.dh_parameters import DhParameters
-from nico_selfmodel.model.dh_table import DhTable
-from nico_selfmodel.model.servo_map import ServoMap
+from nico_selfmodel.model.arm.dh_parameters import DhParameters
+from nico_selfmodel.model.arm.dh_table import DhTable
+from nico_selfmodel.model.arm.servo_map import ServoMap
 
 
 def meaningful_parameters(

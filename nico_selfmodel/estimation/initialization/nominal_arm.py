@@ -14,7 +14,7 @@ from nico_selfmodel.estimation.observations.arm_estimate import ArmHypothesis
 from nico_selfmodel.estimation.observations.observations import Observations
 from nico_selfmodel.geometry.alignment import Alignment
 from nico_selfmodel.geometry.transform import transform
-from nico_selfmodel.model.chain import Chain
+from nico_selfmodel.model.arm.chain import Chain
 from nico_selfmodel.names import listed
 
 

@@ -10,8 +10,8 @@ from nico_selfmodel.estimation.mirrors.mirror_initialization import symmetry_pla
 from nico_selfmodel.geometry.homography import homography
 from nico_selfmodel.geometry.reflection import reflection
 from nico_selfmodel.geometry.transform import apply
-from nico_selfmodel.model.camera import Camera
-from nico_selfmodel.model.mirror import Mirror
+from nico_selfmodel.model.cameras.camera import Camera
+from nico_selfmodel.model.cameras.mirror import Mirror
 
 _ASIDE = 0.12
 """How far aside of their normals reflections may lie, in sizes of the board, for a rough lens."""

@@ -26,8 +26,8 @@ from nico_selfmodel.estimation.cameras.stereo import FEWEST_VIEWS, calibrate_cam
 from nico_selfmodel.estimation.mirrors.board_mirror_initialization import board_mirror_start
 from nico_selfmodel.estimation.mirrors.board_mirror_residuals import BoardMirrorResiduals
 from nico_selfmodel.estimation.results.provenance import package_versions
-from nico_selfmodel.model.camera import Camera
-from nico_selfmodel.model.mirror import Mirror, plane_of_values
+from nico_selfmodel.model.cameras.camera import Camera
+from nico_selfmodel.model.cameras.mirror import Mirror, plane_of_values
 from nico_selfmodel.model.self_model import ParameterCovariance, SelfModel
 from nico_selfmodel.optimization.calibration_program import CalibrationProgram
 from nico_selfmodel.optimization.robust_solve import RobustSolution, solve_robustly

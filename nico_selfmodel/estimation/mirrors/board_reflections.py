@@ -9,7 +9,7 @@ from nico_selfmodel.estimation.mirrors.board_mirrors import place_boards
 from nico_selfmodel.estimation.mirrors.reflections import Reflections, SharedErrors
 from nico_selfmodel.geometry.rotation import skew
 from nico_selfmodel.geometry.transform import apply
-from nico_selfmodel.model.camera import Camera
+from nico_selfmodel.model.cameras.camera import Camera
 
 
 def board_reflections(boards: MirroredBoards, camera: Camera, sigma: float = 0.5) -> Reflections:

@@ -28,7 +28,7 @@ from nico_selfmodel.estimation.mirrors.mirror_solution import (
 )
 from nico_selfmodel.estimation.mirrors.reflections import ReflectionNoise, Reflections, known_points
 from nico_selfmodel.estimation.results.provenance import data_named, package_versions
-from nico_selfmodel.model.mirror import Mirror
+from nico_selfmodel.model.cameras.mirror import Mirror
 from nico_selfmodel.model.self_model import ParameterCovariance, SelfModel
 from nico_selfmodel.names import listed
 from nico_selfmodel.optimization.robust_solve import ROBUST_METHODS

@@ -21,10 +21,10 @@ from nico_selfmodel.estimation.mirrors.mirror_initialization import (
 from nico_selfmodel.estimation.mirrors.reflections import Reflections
 from nico_selfmodel.geometry.rotation import rotation_from_vector, rotation_vector_slope, skew
 from nico_selfmodel.geometry.transform import apply, transform
-from nico_selfmodel.model.camera import Camera
-from nico_selfmodel.model.mirror import Mirror, mirror_camera
-from nico_selfmodel.model.mirror_rig import projected
-from nico_selfmodel.model.stereo_rig import POSE_NAMES, StereoRig
+from nico_selfmodel.model.cameras.camera import Camera
+from nico_selfmodel.model.cameras.mirror import Mirror, mirror_camera
+from nico_selfmodel.model.cameras.mirror_rig import projected
+from nico_selfmodel.model.cameras.stereo_rig import POSE_NAMES, StereoRig
 from nico_selfmodel.optimization.calibration_program import CalibrationProgram
 
 FEWEST_ROWS = 4

@@ -14,8 +14,8 @@ from nico_selfmodel.estimation.mirrors.reflections import (
     known_points,
     seen_by_any,
 )
-from nico_selfmodel.model.mirror import Mirror
-from nico_selfmodel.model.mirror_rig import GATE_99, projected, reflected_projection
+from nico_selfmodel.model.cameras.mirror import Mirror
+from nico_selfmodel.model.cameras.mirror_rig import GATE_99, projected, reflected_projection
 from nico_selfmodel.model.self_model import SelfModel
 
 _LOOKS_DIRECT = 3.0 * GATE_99

@@ -11,7 +11,7 @@ from nico_selfmodel.estimation.mirrors.reflection_residuals import project_refle
 from nico_selfmodel.estimation.mirrors.reflections import Reflections
 from nico_selfmodel.estimation.results.errors import ErrorStatistics
 from nico_selfmodel.estimation.results.folds import fold_of, splits
-from nico_selfmodel.model.mirror import Mirror
+from nico_selfmodel.model.cameras.mirror import Mirror
 
 
 @dataclass(frozen=True, eq=False)

@@ -17,7 +17,7 @@ from nico_selfmodel.estimation.mirrors.reflection_residuals import (
 )
 from nico_selfmodel.estimation.mirrors.reflections import ReflectionNoise, Reflections
 from nico_selfmodel.geometry.plane import Plane
-from nico_selfmodel.model.mirror import Mirror, mirror_camera
+from nico_selfmodel.model.cameras.mirror import Mirror, mirror_camera
 
 _FEWEST_REDUNDANT = 8
 """Pixel coordinates more than camera parameters that the test needs."""

@@ -9,8 +9,8 @@ from nico_selfmodel.errors import NotIdentifiableError
 from nico_selfmodel.estimation.mirrors.reflections import Reflections
 from nico_selfmodel.geometry.plane import Plane
 from nico_selfmodel.geometry.transform import apply
-from nico_selfmodel.model.camera import Camera
-from nico_selfmodel.model.stereo_rig import StereoRig
+from nico_selfmodel.model.cameras.camera import Camera
+from nico_selfmodel.model.cameras.stereo_rig import StereoRig
 
 _ALIKE = 3.0
 """Reflections whose direction differs by this many times the median difference are left out."""

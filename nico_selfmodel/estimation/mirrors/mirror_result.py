@@ -15,7 +15,7 @@ from nico_selfmodel.estimation.results.calibration_result import (
     Terms,
     parameter_table,
 )
-from nico_selfmodel.model.mirror import MIRROR_UNITS, Mirror, plane_of_values
+from nico_selfmodel.model.cameras.mirror import MIRROR_UNITS, Mirror, plane_of_values
 from nico_selfmodel.optimization.uncertainty import UnobservableDirection
 
 _TERMS = Terms(

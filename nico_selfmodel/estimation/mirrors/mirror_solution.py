@@ -17,7 +17,7 @@ from nico_selfmodel.estimation.mirrors.reflection_residuals import (
 from nico_selfmodel.estimation.mirrors.reflections import ReflectionNoise, Reflections
 from nico_selfmodel.geometry.reflection import reflect
 from nico_selfmodel.geometry.transform import apply
-from nico_selfmodel.model.mirror import Mirror
+from nico_selfmodel.model.cameras.mirror import Mirror
 from nico_selfmodel.optimization.calibration_program import CalibrationProgram
 from nico_selfmodel.optimization.losses import Loss, robust_scale
 from nico_selfmodel.optimization.robust_solve import RobustSolution, solve_robustly

@@ -12,7 +12,7 @@ from nico_selfmodel.estimation.observations.matching import (
     reading_columns,
 )
 from nico_selfmodel.geometry.transform import apply
-from nico_selfmodel.model.camera import INTRINSICS, Camera
+from nico_selfmodel.model.cameras.camera import INTRINSICS, Camera
 from nico_selfmodel.model.self_model import SelfModel
 from nico_selfmodel.names import listed
 

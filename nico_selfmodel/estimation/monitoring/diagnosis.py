@@ -16,7 +16,7 @@ from nico_selfmodel.estimation.monitoring.monitored_changes import RIGHT_POSE, l
 from nico_selfmodel.estimation.noise.hand_observations import covariance_of
 from nico_selfmodel.estimation.noise.pose_residuals import PoseResiduals
 from nico_selfmodel.geometry.rotation import skew
-from nico_selfmodel.model.dh_parameters import M0_NAMES
+from nico_selfmodel.model.arm.dh_parameters import M0_NAMES
 from nico_selfmodel.model.noise_mixture import NoiseMixture
 from nico_selfmodel.model.self_model import SelfModel
 

@@ -8,9 +8,9 @@ from numpy.typing import NDArray
 
 from nico_selfmodel.estimation.noise.mixture_density import MixtureDensity
 from nico_selfmodel.geometry.rotation import rotation_vector_slope, skew
-from nico_selfmodel.model.dh_parameters import M0_NAMES
+from nico_selfmodel.model.arm.dh_parameters import M0_NAMES
+from nico_selfmodel.model.cameras.stereo_rig import POSE_NAMES
 from nico_selfmodel.model.self_model import SelfModel
-from nico_selfmodel.model.stereo_rig import POSE_NAMES
 
 RIGHT_POSE = tuple(f"right.pose.{name}" for name in POSE_NAMES)
 """Pose of the right camera in the left one's frame: rotation vector, then place."""

@@ -20,7 +20,7 @@ from nico_selfmodel.estimation.monitoring.block_update import (
 from nico_selfmodel.estimation.monitoring.zero_search import likely_offsets
 from nico_selfmodel.estimation.noise.hand_observations import Sightings, sightings_of
 from nico_selfmodel.estimation.observations.parameter_scales import arm_size
-from nico_selfmodel.model.dh_table import DhTable
+from nico_selfmodel.model.arm.dh_table import DhTable
 from nico_selfmodel.model.self_model import SelfModel
 from nico_selfmodel.names import listed
 

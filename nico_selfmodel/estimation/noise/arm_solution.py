@@ -7,7 +7,7 @@ from numpy.typing import NDArray
 
 from nico_selfmodel.estimation.noise.pose_noise import PoseGroups, PoseNoise, PoseWhitening
 from nico_selfmodel.estimation.observations.observations import Observations
-from nico_selfmodel.model.dh_parameters import DhParameters
+from nico_selfmodel.model.arm.dh_parameters import DhParameters
 from nico_selfmodel.optimization.uncertainty import Uncertainty
 
 _LEAST_LEVER = 6.0

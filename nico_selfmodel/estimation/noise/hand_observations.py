@@ -20,8 +20,8 @@ from nico_selfmodel.estimation.observations.pixel_observations import (
     PixelObservations,
     columns_of,
 )
+from nico_selfmodel.model.cameras.stereo_rig import SIDES, StereoRig
 from nico_selfmodel.model.self_model import SelfModel
-from nico_selfmodel.model.stereo_rig import SIDES, StereoRig
 from nico_selfmodel.names import listed
 
 SENSORS = ("auto", "pixels", "points")

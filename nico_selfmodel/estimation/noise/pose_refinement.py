@@ -20,7 +20,7 @@ from nico_selfmodel.estimation.observations.observations import (
     Observations,
     gears_known,
 )
-from nico_selfmodel.model.dh_parameters import DhParameters
+from nico_selfmodel.model.arm.dh_parameters import DhParameters
 from nico_selfmodel.optimization.calibration_program import CalibrationProgram, ProgramSolution
 from nico_selfmodel.optimization.residual_block import ResidualBlock
 from nico_selfmodel.optimization.robust_solve import OUTLIER_AT

@@ -20,7 +20,7 @@ from nico_selfmodel.errors import ModelError
 from nico_selfmodel.estimation.noise.hand_observations import covariance_of, sightings_of
 from nico_selfmodel.estimation.noise.mixture_fit import most_likely_mixture
 from nico_selfmodel.estimation.noise.pose_residuals import PoseResiduals
-from nico_selfmodel.model.dh_parameters import M0_NAMES
+from nico_selfmodel.model.arm.dh_parameters import M0_NAMES
 from nico_selfmodel.model.noise_mixture import LARGEST_SENSOR, NoiseMixture
 from nico_selfmodel.model.self_model import SelfModel
 

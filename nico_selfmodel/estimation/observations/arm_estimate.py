@@ -4,7 +4,7 @@ from dataclasses import dataclass
 
 from numpy.typing import NDArray
 
-from nico_selfmodel.model.chain import Chain
+from nico_selfmodel.model.arm.chain import Chain
 
 
 @dataclass(frozen=True, eq=False)

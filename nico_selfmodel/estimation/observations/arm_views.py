@@ -12,8 +12,8 @@ from nico_selfmodel.estimation.observations.hand_residuals import (
 )
 from nico_selfmodel.estimation.observations.observations import Observations
 from nico_selfmodel.geometry.rotation import tangent_basis
-from nico_selfmodel.model.dh_parameters import DhParameters
-from nico_selfmodel.model.line_kinematics import hand_derivatives
+from nico_selfmodel.model.arm.dh_parameters import DhParameters
+from nico_selfmodel.model.arm.line_kinematics import hand_derivatives
 
 
 class ArmView(Protocol):

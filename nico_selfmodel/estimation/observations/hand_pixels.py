@@ -10,9 +10,9 @@ from numpy.typing import NDArray
 from nico_selfmodel.estimation.observations.arm_views import ArmView
 from nico_selfmodel.estimation.observations.pixel_observations import PixelObservations
 from nico_selfmodel.geometry.rotation import rotation_from_vector, rotation_vector_slope
-from nico_selfmodel.model.camera import project_in_camera
-from nico_selfmodel.model.line_kinematics import cross
-from nico_selfmodel.model.stereo_rig import StereoRig
+from nico_selfmodel.model.arm.line_kinematics import cross
+from nico_selfmodel.model.cameras.camera import project_in_camera
+from nico_selfmodel.model.cameras.stereo_rig import StereoRig
 
 _EYE_VARIABLES = 26
 

@@ -7,7 +7,7 @@ from numpy.typing import NDArray
 
 from nico_selfmodel.estimation.observations.arm_views import ArmView, RowsView
 from nico_selfmodel.estimation.observations.observations import Observations
-from nico_selfmodel.model.dh_parameters import DhParameters
+from nico_selfmodel.model.arm.dh_parameters import DhParameters
 
 
 class HandPoints:

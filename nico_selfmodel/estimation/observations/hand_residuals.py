@@ -8,8 +8,8 @@ from numpy.typing import NDArray
 from nico_selfmodel.estimation.observations.arm_estimate import ArmHypothesis
 from nico_selfmodel.estimation.observations.observations import Observations
 from nico_selfmodel.geometry.rotation import move_on_sphere, tangent_basis
-from nico_selfmodel.model.dh_parameters import DhParameters
-from nico_selfmodel.model.line_kinematics import hand_derivatives
+from nico_selfmodel.model.arm.dh_parameters import DhParameters
+from nico_selfmodel.model.arm.line_kinematics import hand_derivatives
 
 LINE_PARTS = ("direction_u", "direction_v", "point_u", "point_v", "gear")
 

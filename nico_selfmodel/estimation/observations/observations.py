@@ -7,7 +7,7 @@ from numpy.typing import NDArray
 
 from nico_selfmodel.dataset import Dataset
 from nico_selfmodel.errors import DataError
-from nico_selfmodel.model.servo_map import ServoMap
+from nico_selfmodel.model.arm.servo_map import ServoMap
 from nico_selfmodel.names import listed
 
 

@@ -9,11 +9,11 @@ from numpy.typing import ArrayLike, NDArray
 
 from nico_selfmodel.geometry.plane import Plane
 from nico_selfmodel.geometry.transform import apply, inverse
-from nico_selfmodel.model.dh_table import DhTable
-from nico_selfmodel.model.link_lengths import link_lengths
-from nico_selfmodel.model.mirror import Mirror
+from nico_selfmodel.model.arm.dh_table import DhTable
+from nico_selfmodel.model.arm.link_lengths import link_lengths
+from nico_selfmodel.model.cameras.mirror import Mirror
+from nico_selfmodel.model.cameras.stereo_rig import StereoRig
 from nico_selfmodel.model.self_model import SelfModel
-from nico_selfmodel.model.stereo_rig import StereoRig
 from nico_selfmodel.systems.simulated.instance import RobotInstance
 
 

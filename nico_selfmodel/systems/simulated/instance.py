@@ -7,7 +7,7 @@ from numpy.typing import NDArray
 
 from nico_selfmodel.geometry.rotation import rotation_from_vector
 from nico_selfmodel.geometry.transform import transform
-from nico_selfmodel.model.stereo_rig import StereoRig
+from nico_selfmodel.model.cameras.stereo_rig import StereoRig
 from nico_selfmodel.systems.simulated.mechanics import Mechanics
 
 

@@ -8,9 +8,9 @@ from numpy.typing import ArrayLike, NDArray
 
 from nico_selfmodel.dataset import JointInfo
 from nico_selfmodel.geometry.rotation import move_on_sphere, tangent_basis
-from nico_selfmodel.model.chain import Chain
-from nico_selfmodel.model.servo_map import ServoMap
-from nico_selfmodel.systems.worlds import Imperfections
+from nico_selfmodel.model.arm.chain import Chain
+from nico_selfmodel.model.arm.servo_map import ServoMap
+from nico_selfmodel.systems.simulated.imperfections import Imperfections
 
 if TYPE_CHECKING:
     # The plant is slow to load.

@@ -8,18 +8,18 @@ from numpy.typing import ArrayLike, NDArray
 
 from nico_selfmodel.dataset import Dataset, JointInfo
 from nico_selfmodel.dataset.board_views import BoardViews
-from nico_selfmodel.model.chain import Chain
-from nico_selfmodel.model.mirror import Mirror
-from nico_selfmodel.model.mirror_rig import MirrorRig
+from nico_selfmodel.model.arm.chain import Chain
+from nico_selfmodel.model.cameras.mirror import Mirror
+from nico_selfmodel.model.cameras.mirror_rig import MirrorRig
+from nico_selfmodel.model.cameras.stereo_rig import StereoRig
 from nico_selfmodel.model.self_model import SelfModel
-from nico_selfmodel.model.stereo_rig import StereoRig
-from nico_selfmodel.systems.curved_mirror import curved_reflection
 from nico_selfmodel.systems.nico_cameras import NICO_CAMERAS
 from nico_selfmodel.systems.simulated.cameras import built_camera, inside_images, views_of_boards
+from nico_selfmodel.systems.simulated.curved_mirror import curved_reflection
 from nico_selfmodel.systems.simulated.ground_truth import GroundTruth
+from nico_selfmodel.systems.simulated.imperfections import Imperfections
 from nico_selfmodel.systems.simulated.instance import RobotInstance
 from nico_selfmodel.systems.simulated.mechanics import Mechanics
-from nico_selfmodel.systems.worlds import Imperfections
 
 if TYPE_CHECKING:
     # The plant is slow to load.

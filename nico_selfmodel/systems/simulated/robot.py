@@ -9,16 +9,16 @@ from numpy.typing import ArrayLike, NDArray
 from nico_selfmodel.dataset import JointInfo
 from nico_selfmodel.geometry.rotation import rotation_from_vector
 from nico_selfmodel.geometry.transform import transform
-from nico_selfmodel.model.stereo_rig import StereoRig
+from nico_selfmodel.model.cameras.stereo_rig import StereoRig
 from nico_selfmodel.systems.measurements import Measurement
 from nico_selfmodel.systems.nico_cameras import NICO_CAMERAS
 from nico_selfmodel.systems.simulated.cameras import built_rig
 from nico_selfmodel.systems.simulated.faults import Change, FaultInjector
 from nico_selfmodel.systems.simulated.ground_truth import GroundTruth
+from nico_selfmodel.systems.simulated.imperfections import Imperfections
 from nico_selfmodel.systems.simulated.instance import RobotInstance, tracker_pose
 from nico_selfmodel.systems.simulated.mechanics import Mechanics
 from nico_selfmodel.systems.simulated.sensors import MotionCaptureSensor, Sensor, StereoPixels
-from nico_selfmodel.systems.worlds import Imperfections
 
 if TYPE_CHECKING:
     # The plant is slow to load.

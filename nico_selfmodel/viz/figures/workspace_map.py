@@ -6,8 +6,8 @@ from matplotlib.colors import Normalize
 from matplotlib.figure import Figure
 
 from nico_selfmodel.estimation import WorkspaceAccuracy
-from nico_selfmodel.viz import palette
-from nico_selfmodel.viz.plot_style import FULL_WIDTH, headline, style
+from nico_selfmodel.viz.figures import palette
+from nico_selfmodel.viz.figures.plot_style import FULL_WIDTH, headline, style
 
 
 def workspace_map(accuracy: WorkspaceAccuracy) -> Figure:

@@ -8,13 +8,13 @@ import numpy as np
 
 from nico_selfmodel.estimation import KinematicCalibration
 from nico_selfmodel.plant import ArmDescription
-from nico_selfmodel.viz import error_plots, parameter_plots
-from nico_selfmodel.viz.arm_shape import arm_length
-from nico_selfmodel.viz.kinematics_scene import calibration_scene
+from nico_selfmodel.viz.figures import error_plots, parameter_plots
 from nico_selfmodel.viz.reports import parts, shared_sections
 from nico_selfmodel.viz.reports.page import Report, key_number, telling_set
 from nico_selfmodel.viz.reports.parameter_tables import joint_table, place_table
 from nico_selfmodel.viz.reports.tables import Cell, Table, error_table, held_out, number_cell
+from nico_selfmodel.viz.scene.arm_scene import calibration_scene
+from nico_selfmodel.viz.scene.arm_shape import arm_length
 
 _CIRCLE_COLUMNS = {
     "points": ("points", 0),

@@ -8,10 +8,9 @@ from typing import Any
 from nico_selfmodel.estimation import BodyCalibration
 from nico_selfmodel.estimation.body.body_result import noise_words
 from nico_selfmodel.plant import ArmDescription
-from nico_selfmodel.viz.body_scene import accuracy_at, body_scene
-from nico_selfmodel.viz.distribution_plot import distribution, error_sets
+from nico_selfmodel.viz.figures.distribution_plot import distribution, error_sets
+from nico_selfmodel.viz.figures.numbers_shown import signed
 from nico_selfmodel.viz.figures.workspace_map import workspace_map
-from nico_selfmodel.viz.numbers_shown import signed
 from nico_selfmodel.viz.reports import parts, shared_sections
 from nico_selfmodel.viz.reports.page import Report, key_number
 from nico_selfmodel.viz.reports.parameter_tables import (
@@ -28,6 +27,7 @@ from nico_selfmodel.viz.reports.tables import (
     held_out,
     number_cell,
 )
+from nico_selfmodel.viz.scene.body_scene import accuracy_at, body_scene
 
 _MOST_CHANGES = 8
 """Changes that are shown unfolded, beside the lengths."""

@@ -6,13 +6,13 @@ from typing import Any
 
 from nico_selfmodel.estimation import CameraAssessment
 from nico_selfmodel.model.self_model import SelfModel
-from nico_selfmodel.viz import camera_plots, lens_plots
-from nico_selfmodel.viz.camera_gallery import gallery
-from nico_selfmodel.viz.camera_scene import camera_scene
-from nico_selfmodel.viz.camera_views import ShownView, shown_views
-from nico_selfmodel.viz.numbers_shown import decimals, signed
-from nico_selfmodel.viz.photographs import Photographs
+from nico_selfmodel.viz.figures import camera_plots, lens_plots
+from nico_selfmodel.viz.figures.camera_views import ShownView, shown_views
+from nico_selfmodel.viz.figures.numbers_shown import decimals, signed
+from nico_selfmodel.viz.figures.photographs import Photographs
+from nico_selfmodel.viz.figures.residual_field import residual_field
 from nico_selfmodel.viz.reports import parts, shared_sections
+from nico_selfmodel.viz.reports.camera_gallery import gallery
 from nico_selfmodel.viz.reports.page import Report, key_number
 from nico_selfmodel.viz.reports.parameter_tables import lens_table, pose_table
 from nico_selfmodel.viz.reports.tables import (
@@ -24,7 +24,7 @@ from nico_selfmodel.viz.reports.tables import (
     number_cell,
     statistics_cells,
 )
-from nico_selfmodel.viz.residual_field import residual_field
+from nico_selfmodel.viz.scene.camera_scene import camera_scene
 
 
 def camera_report(

@@ -5,13 +5,13 @@ from typing import Any
 
 from nico_selfmodel.estimation.mirrors.mirror import MirrorCalibration
 from nico_selfmodel.plant import ArmDescription
-from nico_selfmodel.viz.distribution_plot import distribution, error_sets
-from nico_selfmodel.viz.mirror_picture import Pictures
-from nico_selfmodel.viz.mirror_scene import mirror_scene
-from nico_selfmodel.viz.numbers_shown import decimals
+from nico_selfmodel.viz.figures.distribution_plot import distribution, error_sets
+from nico_selfmodel.viz.figures.numbers_shown import decimals
 from nico_selfmodel.viz.reports import parts, shared_sections
 from nico_selfmodel.viz.reports.page import Report, key_number
 from nico_selfmodel.viz.reports.tables import Cell, Table, error_table, held_out, number_cell
+from nico_selfmodel.viz.scene.mirror_picture import Pictures
+from nico_selfmodel.viz.scene.mirror_scene import mirror_scene
 
 
 def mirror_report(

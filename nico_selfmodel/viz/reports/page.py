@@ -6,12 +6,12 @@ from typing import Any
 
 from jinja2 import Environment, PackageLoader, StrictUndefined
 
-from nico_selfmodel.viz.camera_gallery import Gallery
-from nico_selfmodel.viz.drake_backend import static_html
+from nico_selfmodel.viz.figures.plot_style import svg_data_uri
 from nico_selfmodel.viz.figures.rgba import Rgba
-from nico_selfmodel.viz.plot_style import svg_data_uri
+from nico_selfmodel.viz.live.drake_backend import static_html
 from nico_selfmodel.viz.reports import parts
-from nico_selfmodel.viz.scene import SCENE_FILE, Scene
+from nico_selfmodel.viz.reports.camera_gallery import Gallery
+from nico_selfmodel.viz.scene.scene import SCENE_FILE, Scene
 
 REPORT_FILE = "report.html"
 _PARTS = (

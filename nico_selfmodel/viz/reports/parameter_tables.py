@@ -4,9 +4,9 @@ from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
 from typing import Any
 
-from nico_selfmodel.model.camera import INTRINSICS
-from nico_selfmodel.model.stereo_rig import POSE_NAMES
-from nico_selfmodel.viz.numbers_shown import decimals
+from nico_selfmodel.model.cameras.camera import INTRINSICS
+from nico_selfmodel.model.cameras.stereo_rig import POSE_NAMES
+from nico_selfmodel.viz.figures.numbers_shown import decimals
 from nico_selfmodel.viz.reports.tables import UNITS, Cell, Table
 
 _COLUMNS = {

@@ -6,7 +6,7 @@ from typing import Any
 from matplotlib.figure import Figure
 
 from nico_selfmodel.viz.reports.tables import Table
-from nico_selfmodel.viz.scene import Scene
+from nico_selfmodel.viz.scene.scene import Scene
 
 
 @dataclass(frozen=True)

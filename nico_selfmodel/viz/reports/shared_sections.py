@@ -4,11 +4,11 @@ from collections.abc import Callable, Mapping, Sequence
 from typing import Any
 
 from nico_selfmodel.optimization.uncertainty import Uncertainty
-from nico_selfmodel.viz.parameter_plots import correlations, unobservable_parameters
+from nico_selfmodel.viz.figures.parameter_plots import correlations, unobservable_parameters
 from nico_selfmodel.viz.reports import parts
 from nico_selfmodel.viz.reports.parameter_tables import ParameterTables
 from nico_selfmodel.viz.reports.tables import Table, fact_table
-from nico_selfmodel.viz.scene import Scene
+from nico_selfmodel.viz.scene.scene import Scene
 
 
 def errors_section(

@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 
-from nico_selfmodel.viz.numbers_shown import decimals
+from nico_selfmodel.viz.figures.numbers_shown import decimals
 
 SETS = (("test", "held-out"), ("cross_validation", "cross-validation"), ("train", "training"))
 """Sets of errors in a document, the most telling first, and what they are called."""

@@ -10,14 +10,14 @@ from nico_selfmodel.dataset.folder import content_hash
 from nico_selfmodel.estimation.monitoring.health import HealthReport
 from nico_selfmodel.estimation.monitoring.update_evaluation import UpdateEvaluation
 from nico_selfmodel.plant import ArmDescription
-from nico_selfmodel.viz import palette
-from nico_selfmodel.viz.distribution_plot import ErrorSet, distribution
-from nico_selfmodel.viz.health_plot import health_plot
-from nico_selfmodel.viz.numbers_shown import signed
+from nico_selfmodel.viz.figures import palette
+from nico_selfmodel.viz.figures.distribution_plot import ErrorSet, distribution
+from nico_selfmodel.viz.figures.health_plot import health_plot
+from nico_selfmodel.viz.figures.numbers_shown import signed
 from nico_selfmodel.viz.reports import parts, shared_sections
 from nico_selfmodel.viz.reports.page import Report, key_number, telling_set
 from nico_selfmodel.viz.reports.tables import Table, change_table, error_table, number_cell
-from nico_selfmodel.viz.update_scene import update_scene
+from nico_selfmodel.viz.scene.update_scene import update_scene
 
 _WHAT = {
     "tool": "A tool in the hand becomes part of a body that is known",

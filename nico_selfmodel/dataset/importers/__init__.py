@@ -1,0 +1,1 @@
+"""Files of other programs as data sets: CSV tables, Vicon Nexus."""

@@ -1,0 +1,1 @@
+"""Kinematics: screw axes, Denavit-Hartenberg rows, encoders to radians."""

@@ -1,0 +1,1 @@
+"""Cameras, lenses, pairs of cameras, mirrors before them."""

@@ -1,0 +1,118 @@
+"""Which poses to record next: those that tell a learned arm most beyond what it was learned from.
+
+The poses that were recorded say three things: how far each joint is known to go, what is told
+already, and where the hand must be predicted well.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from nico_selfmodel.dataset import Dataset
+from nico_selfmodel.errors import DataError
+from nico_selfmodel.model.self_model import SelfModel
+from nico_selfmodel.names import listed
+from nico_selfmodel.planning.pose_selection import (
+    PoseChoice,
+    choose_poses,
+    hand_sigma,
+    position_jacobians,
+)
+
+POOL = 3000
+"""Poses to choose from."""
+_ENDS = 0.5
+"""Of the beta distribution of the pool: the poses that tell most lie near the ends of the joints'
+ranges, as for polynomials (arcsine law)."""
+_DRAWS = 20
+"""Times the pool that is drawn at most to find poses in view."""
+_MARGIN = 0.03
+"""Share of the image at each edge in which a planned hand is not trusted to be seen."""
+
+
+@dataclass(frozen=True, eq=False)
+class NextPoses:
+    """Poses worth recording."""
+
+    readings: NDArray
+    """Encoder readings to go to, in the encoders' own units. Shape (K, n)."""
+    sigma_before: float
+    """Root mean square error of the predicted hand over the recorded poses, as the model is [m];
+    nan where its noise is not known."""
+    sigma_after: float
+    """The same once these poses are recorded too [m]."""
+    choice: PoseChoice
+    """How they were chosen."""
+
+
+def choose_next_poses(
+    model: SelfModel,
+    data: Dataset,
+    count: int,
+    rng: np.random.Generator,
+    *,
+    criterion: str = "I",
+    marker: str | None = None,
+) -> NextPoses:
+    """Choose poses within the ranges that were recorded, in view where the model has eyes.
+
+    That a body does not collide in a pose is not known here: only the ranges of single joints are.
+
+    Args:
+        model: What was learned from the data.
+        data: What was recorded.
+        count: How many poses to choose.
+        rng: Source of the pool.
+        criterion: `I` for the prediction of the hand, `D` for all parameters.
+        marker: Tracked point; the first of the model by default.
+
+    Returns:
+        The poses.
+
+    Raises:
+        DataError: If the data are of other joints, or hardly any pose is in view.
+        NotIdentifiableError: If recorded and chosen poses do not determine the parameters.
+        ValueError: If the number, the criterion or the marker is wrong.
+    """
+    if data.joint_names != model.joints:
+        raise DataError(
+            f"the data are of the joints {listed(data.joint_names)}, the model of "
+            f"{listed(model.joints)}"
+        )
+    marker = model.markers[0] if marker is None else marker
+    recorded = data.encoders[(data.marker == marker) & (data.mirror == "")]
+    if not len(recorded):
+        raise DataError(f"data set {data.name!r} has no direct view of {marker!r}")
+    known = position_jacobians(model, recorded, marker)
+    pool = _pool(model, data, recorded, marker, rng)
+    choice = choose_poses(
+        position_jacobians(model, pool, marker),
+        count,
+        criterion=criterion,
+        targets=known,
+        given=known,
+    )
+    noise = np.nan if model.noise_sigma is None else model.noise_sigma
+    return NextPoses(
+        pool[choice.rows], noise * hand_sigma(known, known), noise * choice.hand_sigma, choice
+    )
+
+
+def _pool(
+    model: SelfModel, data: Dataset, recorded: NDArray, marker: str, rng: np.random.Generator
+) -> NDArray:
+    """Draw poses between the readings that were recorded, in view of both eyes if there are any."""
+    low, high = recorded.min(axis=0), recorded.max(axis=0)
+    if data.image_size is None or not model.cameras:
+        return low + (high - low) * rng.beta(_ENDS, _ENDS, (POOL, len(low)))
+    drawn = low + (high - low) * rng.beta(_ENDS, _ENDS, (_DRAWS * POOL, len(low)))
+    pixels = model.rig.project(model.predict(drawn, marker).p_WH).reshape(-1, 2, 2)
+    size = np.array(data.image_size, dtype=float)
+    inside = (pixels > _MARGIN * size) & (pixels < (1.0 - _MARGIN) * size)
+    seen = drawn[inside.all(axis=(1, 2))][:POOL]
+    if not len(seen):
+        raise DataError(
+            f"none of {len(drawn)} poses between the recorded readings is in view of both eyes"
+        )
+    return seen

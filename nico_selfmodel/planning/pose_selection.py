@@ -1,0 +1,235 @@
+"""Which poses to record: few that tell much, chosen from a pool by the estimator's own Jacobians.
+
+Greedy choice, then exchange of single poses as long as that helps (DETMAX). `D` maximises the
+determinant of the information about the parameters; `I` minimises the mean variance of the
+predicted hand over the poses that matter.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from nico_selfmodel.errors import NotIdentifiableError
+from nico_selfmodel.model.arm.dh_parameters import DhParameters
+from nico_selfmodel.model.self_model import SelfModel
+
+CRITERIA = ("I", "D")
+_RIDGE = 1e-6
+"""What is known of a scaled parameter before the first pose, so that a start exists."""
+_PASSES = 10
+_SINGULAR = 1e-10
+
+
+@dataclass(frozen=True, eq=False)
+class PoseChoice:
+    """Chosen poses and what they are worth."""
+
+    rows: NDArray
+    """Rows of the pool, in the order of their choice. Shape (K,)."""
+    criterion: str
+    """`D` or `I`."""
+    hand_sigma: float
+    """Root mean square error of the predicted hand over the targets, for a noise of 1 m in each
+    measured coordinate [1]."""
+    information: float
+    """(det of the information)^(1/p) / K on scaled parameters: O1 squared of the literature."""
+    condition: float
+    """Smallest over largest singular value of the scaled Jacobian: O2."""
+    exchanges: int
+    """Poses that were exchanged after the greedy choice."""
+
+
+def position_jacobians(
+    model: SelfModel,
+    readings: NDArray,
+    marker: str | None = None,
+    joint_sigma: float = 0.0,
+    point_sigma: float = 1.0,
+) -> NDArray:
+    """Return how the hand moves with the free parameters, the estimator's own derivatives.
+
+    With `joint_sigma` each pose is whitened by what joint play does to the hand there, as a pose
+    with long levers tells less.
+
+    Args:
+        model: A self-model near enough, such as the robot's description.
+        readings: Encoder readings. Shape (N, n).
+        marker: Tracked point; the first one if omitted.
+        joint_sigma: Standard deviation of play of every joint [rad].
+        point_sigma: Of each measured coordinate; 1 leaves the rows in metres [m].
+
+    Returns:
+        Columns scaled so that each parameter's natural size is 1: lengths in levers of the arm,
+        which are the same for any poses. Parameters that the model was given and did not learn
+        have no column. Shape (N, 3, p).
+
+    Raises:
+        ValueError: If the readings have not n columns, or there is no such marker.
+    """
+    parameters: DhParameters = model.parameters
+    index = 0 if marker is None else model.chain.marker_index(marker)
+    readings = np.atleast_2d(np.asarray(readings, dtype=float))
+    if readings.ndim != 2 or readings.shape[1] != len(model.joints):
+        raise ValueError(f"readings must have shape (N, {len(model.joints)}), got {readings.shape}")
+    angles = model.servos.to_radians(readings)
+    _, jacobian = parameters.predict(angles, np.full(len(angles), index))
+    names, free = parameters.names, _free(model, index)
+    size = _lever(model, index)
+    rows = jacobian[:, :, free] * parameters.scales(size)[free]
+    # d(hand) / d(joint angle) = -gear d(hand) / d(theta_offset)
+    offsets = [names.index(f"{joint}.theta_offset") for joint in model.joints]
+    by_angle = jacobian[:, :, offsets] * -model.servos.gear
+    covariance = point_sigma**2 * np.eye(3) + joint_sigma**2 * by_angle @ np.swapaxes(
+        by_angle, 1, 2
+    )
+    return np.linalg.solve(np.linalg.cholesky(covariance), rows)
+
+
+def _free(model: SelfModel, marker: int) -> list[int]:
+    """Return which parameters measurements of one point determine."""
+    names, gauge = model.parameters.names, model.parameters.gauge
+    learned = names if model.covariance is None else model.covariance.names
+    own = f"hand.{model.markers[marker]}."
+    return [
+        i
+        for i, name in enumerate(names)
+        if name in learned
+        and name not in gauge
+        and (not name.startswith("hand.") or name.startswith(own))
+    ]
+
+
+def _lever(model: SelfModel, marker: int) -> float:
+    """Return the root mean square distance of a point from the axes [m]."""
+    chain = model.chain
+    arms = np.cross(chain.p_WH_zero[marker] - chain.points, chain.directions)
+    return float(np.sqrt(np.mean(np.sum(arms**2, axis=1)))) or 1.0
+
+
+def choose_poses(
+    jacobians: NDArray,
+    count: int,
+    *,
+    criterion: str = "I",
+    targets: NDArray | None = None,
+    given: NDArray | None = None,
+) -> PoseChoice:
+    """Choose poses from a pool.
+
+    Args:
+        jacobians: Of the pool, as `position_jacobians` returns them. Shape (N, k, p).
+        count: How many to choose.
+        criterion: `D`, or `I` for the prediction over the targets.
+        targets: Jacobians of the poses that must be predicted well; the pool's by default.
+            Shape (M, 3, p).
+        given: Jacobians of poses that are recorded anyway, such as circles. Shape (G, k, p).
+
+    Returns:
+        The choice.
+
+    Raises:
+        NotIdentifiableError: If no choice determines the parameters.
+        ValueError: If a shape, the number or the criterion is wrong.
+    """
+    jacobians = _checked(jacobians, count, criterion)
+    targets = jacobians if targets is None else np.asarray(targets, dtype=float)
+    p = jacobians.shape[2]
+    G = np.einsum("nki,nkj->ij", targets, targets) / len(targets)
+    base = _RIDGE * np.eye(p)
+    if given is not None:
+        base = base + np.einsum("nki,nkj->ij", given, given)
+    H, rows = base.copy(), []
+    for _ in range(count):
+        gain = _gain(jacobians, np.linalg.inv(H), G, criterion)
+        gain[rows] = -np.inf
+        rows.append(int(np.argmax(gain)))
+        H += jacobians[rows[-1]].T @ jacobians[rows[-1]]
+    exchanges = _exchange(jacobians, rows, H, G, criterion)
+    return _choice(jacobians, rows, base - _RIDGE * np.eye(p), G, criterion, exchanges)
+
+
+def hand_sigma(recorded: NDArray, targets: NDArray) -> float:
+    """Return the error of the predicted hand that recorded poses leave, sqrt(tr G H^-1).
+
+    Args:
+        recorded: Jacobians of the recorded poses. Shape (N, k, p).
+        targets: Jacobians of the poses that must be predicted well. Shape (M, 3, p).
+
+    Returns:
+        Root mean square over the targets, for a noise of 1 m in each coordinate; infinite where
+        the recorded poses do not determine the parameters.
+    """
+    H = np.einsum("nki,nkj->ij", recorded, recorded)
+    values = np.linalg.eigvalsh(H)
+    if values[0] < _SINGULAR * values[-1]:
+        return np.inf
+    G = np.einsum("nki,nkj->ij", targets, targets) / len(targets)
+    return float(np.sqrt(np.trace(G @ np.linalg.inv(H))))
+
+
+def random_poses(pool: int, count: int, rng: np.random.Generator) -> NDArray:
+    """Return rows of a pool by chance, each once. Shape (count,)."""
+    return np.sort(rng.choice(pool, count, replace=False))
+
+
+def _checked(jacobians: NDArray, count: int, criterion: str) -> NDArray:
+    jacobians = np.asarray(jacobians, dtype=float)
+    if jacobians.ndim != 3:
+        raise ValueError(f"jacobians must have shape (N, 3, p), got {jacobians.shape}")
+    if not 1 <= count <= len(jacobians):
+        raise ValueError(f"count must be from 1 to {len(jacobians)}, the pool's size, got {count}")
+    if criterion not in CRITERIA:
+        raise ValueError(f"criterion must be one of {', '.join(CRITERIA)}, got {criterion!r}")
+    return jacobians
+
+
+def _gain(J: NDArray, inverse: NDArray, G: NDArray, criterion: str) -> NDArray:
+    """Return what each pose of the pool would add, by its update of low rank. Shape (N,)."""
+    JC = J @ inverse
+    inner = np.eye(J.shape[1]) + JC @ np.swapaxes(J, 1, 2)
+    if criterion == "D":
+        return np.linalg.slogdet(inner)[1]
+    return np.einsum("nij,nji->n", np.linalg.inv(inner), JC @ G @ np.swapaxes(JC, 1, 2))
+
+
+def _exchange(J: NDArray, rows: list[int], H: NDArray, G: NDArray, criterion: str) -> int:
+    """Take each pose out in turn and put the best one in its place, until nothing changes."""
+    changed = 0
+    for _ in range(_PASSES):
+        before = changed
+        for k in range(len(rows)):
+            H -= J[rows[k]].T @ J[rows[k]]
+            gain = _gain(J, np.linalg.inv(H), G, criterion)
+            others = rows[:k] + rows[k + 1 :]
+            gain[others] = -np.inf
+            best = int(np.argmax(gain))
+            if best != rows[k] and gain[best] > gain[rows[k]] * (1.0 + 1e-9):
+                rows[k] = best
+                changed += 1
+            H += J[rows[k]].T @ J[rows[k]]
+        if changed == before:
+            break
+    return changed
+
+
+def _choice(
+    J: NDArray, rows: list[int], given: NDArray, G: NDArray, criterion: str, exchanges: int
+) -> PoseChoice:
+    H = given + np.einsum("nki,nkj->ij", J[rows], J[rows])
+    values = np.linalg.eigvalsh(H)
+    if values[0] < _SINGULAR * values[-1]:
+        raise NotIdentifiableError(
+            f"{len(rows)} poses do not determine the {len(H)} parameters: choose at least "
+            f"{-(-len(H) // J.shape[1])}, from a pool in which every joint moves"
+        )
+    row = np.array(rows)
+    row.flags.writeable = False
+    return PoseChoice(
+        row,
+        criterion,
+        float(np.sqrt(np.trace(G @ np.linalg.inv(H)))),
+        float(np.exp(np.mean(np.log(values)))) / len(rows),
+        float(np.sqrt(values[0] / values[-1])),
+        exchanges,
+    )

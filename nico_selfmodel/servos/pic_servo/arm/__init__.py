@@ -1,0 +1,1 @@
+"""An arm of PIC-SERVO boards: homing, limits, motion, what is jammed."""

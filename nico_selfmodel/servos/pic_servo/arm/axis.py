@@ -1,0 +1,287 @@
+"""One joint on its board: goals that are moved on, positions that are trusted, faults."""
+
+import math
+from collections.abc import Sequence
+
+import numpy as np
+
+from nico_selfmodel.errors import BusError, ServoFault
+from nico_selfmodel.model.arm.servo_map import ServoMap
+from nico_selfmodel.servos.arm_state import ArmState
+from nico_selfmodel.servos.pic_servo.arm.goals import Goals
+from nico_selfmodel.servos.pic_servo.arm.jam_watch import JamWatch
+from nico_selfmodel.servos.pic_servo.arm.servo_config import JointServo
+from nico_selfmodel.servos.pic_servo.line.board import PicServo
+from nico_selfmodel.servos.pic_servo.protocol.status import AuxiliaryFlag, Status, StatusFlag
+
+_STILL = 16
+"""What a joint that stands may move between two readings without a second look [counts]."""
+_OFTEN = 0.25
+"""Share of the heartbeat within which a board must be read to be served without a pause."""
+_LOOKS = 5
+
+
+class Axis:
+    """A joint, its board, where it is and where it goes. Registers are the board's counts."""
+
+    def __init__(self, joint: JointServo, module: PicServo, heartbeat: float) -> None:
+        """Stand for a joint; sends nothing.
+
+        Args:
+            joint: Its configuration.
+            module: Its board.
+            heartbeat: How far ahead a goal may lie [s].
+        """
+        self.joint, self.module, self.heartbeat = joint, module, heartbeat
+        self.status: Status | None = None
+        """The last reply that was trusted."""
+        self.seen = -math.inf
+        """When it came [s]."""
+        self.enabled = False
+        """Whether the servo is meant to be on."""
+        self.zero_known = False
+        self.lost: str | None = None
+        """Why the board cannot be reached any more."""
+        self.goals = Goals(joint, heartbeat)
+        """Where the joint is to go, and what its board was told of it."""
+        self._jams = JamWatch(joint.counts_per_radian)
+        self._sent_speeds: tuple[float, float] | None = None
+        self._moving_until = -math.inf
+        self._due_known = True
+        """Whether it was worked out when the motion under way will be over."""
+
+    def __str__(self) -> str:
+        return f"{self.joint.name} (module {self.module.address})"
+
+    @property
+    def position(self) -> int:
+        """The last position that was trusted [register].
+
+        Raises:
+            ServoFault: If there is none yet.
+        """
+        if self.status is None or self.status.position is None:
+            raise ServoFault(f"{self} was not read yet: connect first")
+        return self.status.position
+
+    @property
+    def commanded(self) -> int:
+        """Where the board wanted the joint to be at the last reading [register].
+
+        Raises:
+            ServoFault: If there is none yet.
+        """
+        return self.position + ((self.status and self.status.position_error) or 0)
+
+    @property
+    def largest_velocity(self) -> float:
+        """The limit of the configuration [counts/s]."""
+        return self.joint.max_velocity * self.joint.counts_per_radian
+
+    @property
+    def on_its_way(self) -> bool:
+        """Whether the goal has not been reached."""
+        if self.goals.goal is None:
+            return False
+        return self.status is None or not self.goals.reached or self._jams.behind
+
+    def aim(self, goal: int, velocity: float, acceleration: float) -> None:
+        """Set where to go; sends nothing.
+
+        Args:
+            goal: Within the limits [register].
+            velocity: At most the limit [counts/s].
+            acceleration: At most the limit [counts/s^2].
+        """
+        if self.goals.aim(goal, velocity, acceleration, self._now()):
+            self._due_known = False
+            self._jams.arrived()
+
+    def forget_goal(self) -> None:
+        """Have nowhere to go, and know nothing of what the board holds; sends nothing."""
+        self.goals.forget()
+        self._sent_speeds, self._due_known = None, True
+        self._jams.arrived()
+
+    def begin_anew(self) -> None:
+        """Note that the board's command is where the joint stands: switched on, or zeroed."""
+        self._jams.forget()
+
+    def load(self) -> None:
+        """Give the board the first goal of a motion, to be started with the group.
+
+        A joint that has nowhere to go is given the place where it stands: a common start carries
+        out whatever a board was loaded with last.
+
+        Raises:
+            BusError: If the board does not answer.
+            ServoFault: If it reports a fault.
+        """
+        goals, now = self.goals, self._now()
+        goal = goals.next(now)
+        if goals.brakes_first(now):
+            self._brake(start=False)
+            return
+        goal = goals.sent if goal is None else goal
+        self._send(self.commanded if goal is None else goal, start=False)
+
+    def refresh(self, *, alive: bool = True) -> None:
+        """Move the goal on, or just read.
+
+        Args:
+            alive: Whether the host was heard of within the heartbeat.
+
+        Raises:
+            BusError: If the board does not answer.
+            ServoFault: If it reports a fault or a position that cannot be, or the joint is blocked.
+        """
+        goals, now = self.goals, self._now()
+        goal = goals.next(now) if alive and self.enabled else None
+        too_fast = goal is not None and goals.brakes_first(now)
+        if too_fast and not goals.braking:
+            self._brake(start=True)
+        elif goal is None or too_fast or (goals.braking and goals.loaded):
+            self.believe(self.module.poll())
+        else:
+            self._send(goal, start=True)
+        if not self._due_known:
+            self._jams.expect(self._now(), goals.longest(self._now()))
+            self._due_known = True
+
+    def _brake(self, *, start: bool) -> None:
+        """Slow down; the goal is sent when the joint is slow enough for it."""
+        self._sent_speeds, self._moving_until = None, math.inf
+        self.believe(self.module.brake(self.goals.acceleration, start=start))
+        self.goals.was_braked(start=start)
+
+    def _send(self, goal: int, *, start: bool) -> None:
+        speeds = (self.goals.velocity, self.goals.acceleration)
+        fresh = (None, None) if self._sent_speeds == speeds else speeds
+        self._sent_speeds, self._moving_until = None, math.inf
+        status = self.module.move_to(goal, *fresh, start=start)
+        self._sent_speeds = speeds
+        self.believe(status)
+        self.goals.was_sent(goal, start=start)
+
+    def stopped(self) -> None:
+        """Note that the board was told to stop: it may still brake for a while."""
+        self.forget_goal()
+        brake = self.goals.velocity / self.goals.acceleration
+        self._moving_until = self._now() + brake + 0.1
+
+    def believe(self, status: Status) -> None:
+        """Take a reply over, after a second look where it says something unexpected.
+
+        Raises:
+            BusError: If the second look fails, or readings keep contradicting each other.
+            ServoFault: If the board reports a fault.
+        """
+        for _ in range(_LOOKS):
+            if not self._surprising(status):
+                break
+            again = self.module.poll()
+            if self._agree(status, again):
+                status = again
+                break
+            self.module.bus.counts[self.module.address].implausible += 1
+            status = again
+        else:
+            raise BusError(f"{self}: its positions contradict each other: check the wiring")
+        now = self._now()
+        pause, self.status, self.seen = now - self.seen, status, now
+        standing = bool(status.flags & StatusFlag.MOVE_DONE)
+        self.goals.note(now, self.commanded, self.position, standing=standing)
+        if not self.on_its_way:
+            self._moving_until = min(self._moving_until, self.seen + 0.1)
+        if fault := self.fault(status) or self._stuck(pause):
+            raise ServoFault(f"{self}: {fault}")
+
+    def _stuck(self, pause: float) -> str | None:
+        """Return what keeps the joint from getting on after the reading just made, if anything.
+
+        Args:
+            pause: Time since the one before [s].
+        """
+        if not self.enabled:
+            self._jams.forget()
+            return None
+        blocked = self._jams.note(self.seen, self.commanded, self.position, self.goals.velocity)
+        if pause > _OFTEN * self.heartbeat:
+            self._jams.delay(pause)
+        if not self.on_its_way:
+            self._jams.arrived()
+        return blocked or self._jams.overdue(self.seen)
+
+    def _now(self) -> float:
+        return self.module.bus.port.now()
+
+    def _surprising(self, status: Status) -> bool:
+        if self.fault(status):
+            return True
+        if self.status is None or status.position is None or self.status.position is None:
+            return True
+        now = self._now()
+        moving = now <= self._moving_until
+        allowed = _STILL + (1.2 * self.goals.velocity * (now - self.seen + 0.05) if moving else 0.0)
+        return abs(status.position - self.status.position) > allowed
+
+    def _agree(self, one: Status, other: Status) -> bool:
+        if one.position is None or other.position is None:
+            return False
+        # Between the two looks even a limp arm that is pushed moves little.
+        allowed = _STILL + 4.0 * self.largest_velocity * 0.05
+        return abs(one.position - other.position) <= allowed and bool(self.fault(one)) == bool(
+            self.fault(other)
+        )
+
+    def fault(self, status: Status) -> str | None:
+        """Return what is wrong with a board whose servo is meant to be on, None if nothing is."""
+        if not self.enabled:
+            return None
+        flags = status.flags
+        if flags & StatusFlag.OVERCURRENT:
+            return "over-current: something blocks the joint; free it, then enable it again"
+        if not flags & StatusFlag.POWER_ON:
+            return "no motor power: emergency stop? Restore it, then enable the joint again"
+        servo_on = status.auxiliary is None or status.auxiliary & AuxiliaryFlag.SERVO_ON
+        if flags & StatusFlag.POSITION_ERROR:
+            limit = self.joint.gains.error_limit
+            return (
+                f"position error above {limit} counts: the joint is blocked or overloaded; free "
+                "it, then enable it again"
+            )
+        if not servo_on:
+            return "its servo is off though nobody switched it off; enable it again"
+        return None
+
+
+def state_of(
+    axes: Sequence[Axis], servos: ServoMap, now: float, *, trusted: bool = False
+) -> ArmState:
+    """Return what is known of axes.
+
+    Args:
+        axes: In the order of `servos`.
+        servos: Readings <-> displacements.
+        now: Time of the port [s].
+        trusted: Whether zeros count as known though they were not set since power-up.
+    """
+    readings = np.array(
+        [a.joint.reading(a.position) if a.status is not None else np.nan for a in axes]
+    )
+    zero_known = np.array([axis.zero_known or trusted for axis in axes])
+    trouble = tuple(
+        axis.lost or (axis.fault(axis.status) if axis.status else "not read yet") for axis in axes
+    )
+    return ArmState(
+        time=now,
+        joints=servos.joints,
+        q=np.where(zero_known, servos.to_joint(readings), np.nan),
+        readings=readings,
+        age=np.array([now - axis.seen for axis in axes]),
+        valid=np.array([reason is None for reason in trouble]),
+        moving=np.array([axis.on_its_way for axis in axes]),
+        enabled=np.array([axis.enabled for axis in axes]),
+        zero_known=zero_known,
+        trouble=trouble,
+    )

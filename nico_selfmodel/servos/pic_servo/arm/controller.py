@@ -1,0 +1,381 @@
+"""An arm by the names of its joints, in radians, through its self-model."""
+
+import math
+from collections.abc import Callable, Mapping, Sequence
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from nico_selfmodel.errors import BusError, RobotError, ServoFault
+from nico_selfmodel.model.arm.servo_map import ServoMap
+from nico_selfmodel.servos.arm_state import ArmState
+from nico_selfmodel.servos.pic_servo.arm.axis import Axis, state_of
+from nico_selfmodel.servos.pic_servo.arm.connection import find_modules, switch_on, take_over
+from nico_selfmodel.servos.pic_servo.arm.motion_plan import aim_together
+from nico_selfmodel.servos.pic_servo.arm.pose_limits import PoseLimits
+from nico_selfmodel.servos.pic_servo.arm.readiness import require_ready, require_zero
+from nico_selfmodel.servos.pic_servo.arm.servo_config import ServoConfig
+from nico_selfmodel.servos.pic_servo.arm.shutdown import release_each, stop_each
+from nico_selfmodel.servos.pic_servo.line.board import PicServo
+from nico_selfmodel.servos.pic_servo.line.bus import Bus, BusSettings
+from nico_selfmodel.servos.pic_servo.line.chain import group_of, join_group, start_together
+from nico_selfmodel.servos.pic_servo.protocol.packets import EVERYONE
+from nico_selfmodel.servos.ports import PortLostError
+
+_STALE = 0.1
+
+
+class ArmController:
+    """Drives the joints of a configuration. Making one sends nothing, connecting moves nothing.
+
+    Nothing here waits for a motion: `move` and `command` set goals, and each `cycle` reads every
+    joint and moves the goals of the boards on. Without cycles, or without a `heartbeat` in time,
+    the arm stops within the heartbeat and half a second, whatever became of this process.
+    Not for several threads at once: see `ArmLoop`.
+    """
+
+    def __init__(
+        self,
+        bus: Bus,
+        config: ServoConfig,
+        servos: ServoMap | None = None,
+        *,
+        trust_zero: bool = False,
+    ) -> None:
+        """Describe an arm.
+
+        Args:
+            bus: Its bus, open.
+            config: Its boards.
+            servos: Of its self-model; gears of 1 and zeros of 0 if omitted.
+            trust_zero: Accept poses though a zero was not set since power-up.
+
+        Raises:
+            ValueError: If the self-model is about other joints or encoders.
+        """
+        self.bus, self.config, self.trust_zero = bus, config, trust_zero
+        self.servos = config.servo_map(servos)
+        self.limits = PoseLimits(config, self.servos)
+        self.axes = [
+            Axis(joint, PicServo(bus, joint.address), config.heartbeat) for joint in config.joints
+        ]
+        self.group = group_of([joint.address for joint in config.joints])
+        """Of the modules that are enabled; packets to it reach no other board."""
+        self._connected = False
+        self._alive = -math.inf
+        self._silent = False
+
+    @classmethod
+    def open(
+        cls,
+        port: str,
+        config: ServoConfig,
+        servos: ServoMap | None = None,
+        *,
+        trust_zero: bool = False,
+        settings: BusSettings | None = None,
+    ) -> "ArmController":
+        """Open the port of an arm; sends nothing.
+
+        Args:
+            port: `/dev/serial/by-id/...`, or of a `SimulatedBus`.
+            config: Its boards.
+            servos: Of its self-model; gears of 1 and zeros of 0 if omitted.
+            trust_zero: Accept poses though a zero was not set since power-up.
+            settings: How patient the bus is; the configuration's latency if omitted.
+
+        Raises:
+            PortLostError: If the port cannot be opened.
+            ValueError: If the self-model is about other joints or encoders.
+        """
+        config.servo_map(servos)  # before the port is touched
+        bus = Bus.open(port, config.baud, settings or BusSettings(latency=config.latency))
+        return cls(bus, config, servos, trust_zero=trust_zero)
+
+    def __enter__(self) -> "ArmController":
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self.close()
+
+    @property
+    def joints(self) -> tuple[str, ...]:
+        """Names in order."""
+        return self.config.joint_names
+
+    @property
+    def name(self) -> str:
+        """What the arm is called."""
+        return self.config.name
+
+    @property
+    def longest_silence(self) -> float:
+        """Time between two heartbeats after which the arm stops [s]."""
+        return self.config.heartbeat
+
+    def now(self) -> float:
+        """Return the time of the port, which states are stamped with [s]."""
+        return self.bus.port.now()
+
+    def axis(self, joint: str) -> Axis:
+        """Return the axis of a joint.
+
+        Raises:
+            ValueError: If there is none of this name.
+        """
+        return self._chosen([joint])[0]
+
+    @property
+    def rezero_due(self) -> tuple[str, ...]:
+        """Joints whose zero was not set since their board was powered up."""
+        return tuple(axis.joint.name for axis in self.axes if not axis.zero_known)
+
+    @property
+    def moving(self) -> bool:
+        """Whether a joint is on its way."""
+        return any(axis.on_its_way for axis in self.axes)
+
+    def connect(self) -> tuple[str, ...]:
+        """Find the boards, give addresses to new ones, read them all. Moves and resets nothing.
+
+        A board whose servo is on (an earlier program left it holding) stays on; one that still
+        moves is stopped smoothly.
+
+        Returns:
+            `rezero_due`: the joints whose zero is not known.
+
+        Raises:
+            BusError: If a module is missing, of another type or too old.
+        """
+        self._connected = False
+        find_modules(self.bus, self.config)
+        for axis in self.axes:
+            take_over(axis)
+            # One that an earlier program left in the group would start or hold with the others.
+            join_group(axis.module, self.group if axis.enabled else EVERYONE)
+        self._connected = True
+        self.heartbeat()
+        return self.rezero_due
+
+    def enable(self, joints: Sequence[str] | None = None) -> None:
+        """Switch servos on where the joints stand. Nothing moves.
+
+        Args:
+            joints: Names; all if omitted.
+
+        Raises:
+            RobotError: If one cannot be switched on; those that were are switched off again.
+        """
+        self._require_connection()
+        done: list[Axis] = []
+        try:
+            for axis in self._chosen(joints):
+                if axis.lost:
+                    take_over(axis)  # switching on would let go of what it may still hold
+                if not axis.enabled:
+                    done.append(axis)
+                    switch_on(axis, self.group)
+        except RobotError:
+            release_each(done)
+            raise
+        self.heartbeat()
+
+    def move(
+        self,
+        targets: Mapping[str, float],
+        *,
+        speed: float | None = None,
+        acceleration: float | None = None,
+    ) -> float:
+        """Send joints to displacements, so that they start and arrive together.
+
+        Args:
+            targets: Joint -> displacement [rad]; joints that are not named stay.
+            speed: Largest joint speed [rad/s]; the limits if omitted.
+            acceleration: [rad/s^2]; the limits if omitted.
+
+        Returns:
+            How long it will take [s].
+
+        Raises:
+            ValueError: If a target, the speed or the acceleration is not finite or beyond a limit.
+            ServoFault: If a zero is not known, or a joint is not enabled.
+            BusError: If a module does not answer.
+        """
+        goals = self.check_targets(targets)
+        axes = self._chosen(list(targets))
+        chosen = [self.axes.index(axis) for axis in axes]
+        scale = self.limits.counts_per_radian
+        v = (self.limits.speed(speed) * scale)[chosen]
+        a = (self.limits.braking(speed, acceleration) * scale)[chosen]
+        self._require_connection()
+        require_ready(axes, trusted=self.trust_zero)
+        self._read_anew()
+        seconds = aim_together(axes, goals, v.tolist(), a.tolist())
+        self.heartbeat()
+        self._guard([axis for axis in self.axes if axis.enabled], lambda axis: axis.load())
+        start_together(self.bus, self.group)
+        return seconds
+
+    def _read_anew(self) -> None:
+        """Read the joints where the last reading is too old to plan a motion from."""
+        now = self.now()
+        self._guard(
+            [axis for axis in self.axes if axis.enabled and now - axis.seen > _STALE],
+            lambda axis: axis.refresh(alive=False),
+        )
+
+    def check_targets(self, targets: Mapping[str, float]) -> list[int]:
+        """Return the boards' counts at displacements, in the order of the joints; sends nothing.
+
+        Args:
+            targets: Joint -> displacement [rad].
+
+        Raises:
+            ValueError: If a joint does not exist, or a target is not finite or beyond a limit.
+        """
+        chosen = [self.axes.index(axis) for axis in self._chosen(list(targets))]
+        q = np.full(len(self.axes), np.nan)
+        for name, value in targets.items():
+            q[self.joints.index(name)] = value
+        return self.limits.registers(q, chosen)
+
+    def check_zero(self, joints: Sequence[str]) -> None:
+        """Refuse joints that do not know where they are; sends nothing.
+
+        Raises:
+            ValueError: If a joint does not exist.
+            ServoFault: If a zero is not known, or a reading cannot be true.
+        """
+        require_zero(self._chosen(joints), trusted=self.trust_zero)
+
+    def command(
+        self, q: ArrayLike, *, speed: float | None = None, joints: Sequence[int] | None = None
+    ) -> None:
+        """Set where joints are to go; sends nothing, the next `cycle` does. For streams.
+
+        Args:
+            q: Joint displacements [rad]. Shape (n,).
+            speed: Largest joint speed [rad/s]; the limits if omitted.
+            joints: Which of them are meant, the others stay as they are; all if omitted.
+
+        Raises:
+            ValueError: If it is not finite or beyond a limit.
+            ServoFault: If a zero is not known, or a joint is not enabled.
+        """
+        q = np.asarray(q, dtype=float)
+        if q.shape != (len(self.axes),):
+            raise ValueError(f"q must have shape ({len(self.axes)},), got {q.shape}")
+        chosen = range(len(q)) if joints is None else joints
+        goals = self.limits.registers(q, chosen)
+        scale = self.limits.counts_per_radian
+        speeds, accelerations = self.limits.speed(speed) * scale, self.limits.accelerations * scale
+        self._require_connection()
+        require_ready([self.axes[k] for k in chosen], trusted=self.trust_zero)
+        for k, goal in zip(chosen, goals, strict=True):
+            self.axes[k].aim(goal, float(speeds[k]), float(accelerations[k]))
+        self.heartbeat()
+
+    def heartbeat(self) -> None:
+        """Say that the host is alive; without it the arm stops after the heartbeat time."""
+        self._alive = self.now()
+        self._silent = False
+
+    def cycle(self) -> ArmState:
+        """Read every joint once and move the goals on.
+
+        Returns:
+            What is known now.
+
+        Raises:
+            BusError: If a module is lost; it is named, and the others were stopped.
+            ServoFault: If a board reports a fault; the others were stopped.
+        """
+        self._require_connection()
+        if self.now() - self._alive > self.config.heartbeat and not self._silent:
+            self._silent = True
+            if self.moving:
+                self.stop()
+        self._guard(self.axes, lambda axis: axis.refresh(alive=not self._silent))
+        return self.state()
+
+    def _guard(self, axes: Sequence[Axis], action: Callable[[Axis], None]) -> None:
+        """Do something with each axis; where one fails, stop all others and name it."""
+        for axis in axes:
+            try:
+                action(axis)
+            except PortLostError as error:
+                self._connected = False
+                raise PortLostError(
+                    f"{error}. The arm stops by itself: no goal lies further ahead than "
+                    f"{self.config.heartbeat:g} s"
+                ) from error
+            except RobotError as error:
+                axis.lost = str(error)
+                axis.forget_goal()
+                if isinstance(error, ServoFault):
+                    # Until somebody enables it again; stopping the group would switch it on.
+                    release_each([axis])
+                others = self._stop_others(axis)
+                kind = ServoFault if isinstance(error, ServoFault) else BusError
+                what = str(error) if str(axis) in str(error) else f"{axis} is lost: {error}"
+                raise kind(f"{what}. {others}", partial=self.state()) from error
+
+    def _stop_others(self, failed: Axis) -> str:
+        """Stop every axis but one; return what came of it."""
+        others = [axis for axis in self.axes if axis is not failed and axis.enabled]
+        failures = stop_each(self.bus, self.group, others)
+        if failures:
+            return f"Not stopped either: {'; '.join(failures)}"
+        return "The other joints were stopped and hold" if others else "No other joint is enabled"
+
+    def stop(self, *, smoothly: bool = True) -> None:
+        """Stop every joint that is enabled and hold; the arm does not fall.
+
+        Raises:
+            BusError: If a module did not confirm; all others were told nevertheless.
+        """
+        self._require_connection()
+        axes = [axis for axis in self.axes if axis.enabled]
+        failures = stop_each(self.bus, self.group, axes, smoothly=smoothly)
+        if failures:
+            raise BusError(f"not every joint confirmed the stop: {'; '.join(failures)}")
+
+    def release(self, joints: Sequence[str] | None = None) -> None:
+        """Switch motors off: what gravity pulls falls.
+
+        Args:
+            joints: Names; all if omitted.
+
+        Raises:
+            BusError: If a module did not confirm; all others were told nevertheless.
+        """
+        self._require_connection()
+        failures = release_each(self._chosen(joints))
+        if failures:
+            raise BusError(f"not every joint confirmed the release: {'; '.join(failures)}")
+
+    def close(self) -> None:
+        """Stop what moves and give the port back. The joints go on holding; never fails."""
+        try:
+            if self._connected and any(axis.on_its_way for axis in self.axes):
+                self.stop()
+        except RobotError:
+            pass  # without a bus the arm stops by itself
+        finally:
+            self._connected = False
+            self.bus.close()
+
+    def state(self) -> ArmState:
+        """Return what is known now; sends nothing."""
+        return state_of(self.axes, self.servos, self.now(), trusted=self.trust_zero)
+
+    def _chosen(self, joints: Sequence[str] | None) -> list[Axis]:
+        strangers = [name for name in joints or () if name not in self.joints]
+        if strangers:
+            raise ValueError(f"no joint {strangers[0]!r}; the joints are {', '.join(self.joints)}")
+        return [axis for axis in self.axes if joints is None or axis.joint.name in joints]
+
+    def _require_connection(self) -> None:
+        if not self._connected:
+            raise BusError("the arm is not connected: call connect first")

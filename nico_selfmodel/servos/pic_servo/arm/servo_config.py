@@ -1,0 +1,252 @@
+"""Which board drives which joint, and what it may do: the servo configuration."""
+
+import math
+from dataclasses import dataclass, field
+
+import numpy as np
+from numpy.typing import NDArray
+
+from nico_selfmodel.dataset import JointInfo
+from nico_selfmodel.model.arm.servo_map import ServoMap
+from nico_selfmodel.servos.pic_servo.protocol.commands import BAUD_CODES, OutputMode
+from nico_selfmodel.servos.pic_servo.protocol.gains import Gains
+from nico_selfmodel.servos.pic_servo.protocol.packets import LAST_ADDRESS
+from nico_selfmodel.servos.pic_servo.protocol.trajectory import acceleration_units, velocity_units
+
+LONGEST_STOP = 0.5
+"""Bound on the time from the end of the heartbeat to standstill [s]."""
+HOME_METHODS = ("here", "limit_1", "limit_2", "index")
+OUTPUTS = {"one_pwm": 0, "three_phase": int(OutputMode.THREE_PHASE)}
+_LARGEST_COUNT = 2**30  # half of the register, so that no goal can wrap
+
+
+@dataclass(frozen=True)
+class HomePlan:
+    """How a joint finds its zero after the power was off."""
+
+    method: str = "here"
+    """`here`: a person puts the joint at its home; else what marks home on the way to it."""
+    at: float = 0.0
+    """Encoder angle at home [rad]."""
+    speed: float = 0.0
+    """Which way and how fast to look for the mark [rad/s]."""
+    travel: float = 0.0
+    """How far to look at most [rad]."""
+
+
+@dataclass(frozen=True)
+class JointServo:
+    """A joint and its board. Angles are the encoder's, from its zero: `sign * counts`, in turns.
+
+    Raises:
+        ValueError: If a value is not valid; names it as the file does.
+    """
+
+    name: str
+    address: int
+    """1-127."""
+    counts_per_turn: float
+    """Counts of a turn of the joint: encoder lines, times four, times the gearhead."""
+    lower: float
+    """Lowest angle that may be commanded [rad]."""
+    upper: float
+    """Highest angle that may be commanded [rad]."""
+    max_velocity: float
+    """[rad/s]."""
+    max_acceleration: float
+    """[rad/s^2]."""
+    sign: int = 1
+    """-1 where the board counts down as the reading goes up."""
+    output: str = "three_phase"
+    """What kind of amplifier the board has: `three_phase` or `one_pwm`."""
+    gains: Gains = field(default_factory=Gains)
+    home: HomePlan = field(default_factory=HomePlan)
+
+    def __post_init__(self) -> None:
+        """Check the values."""
+        if not self.name.strip():
+            raise ValueError("'name' must not be empty")
+        if not 1 <= self.address <= LAST_ADDRESS:
+            raise ValueError(f"'address' must be 1 to {LAST_ADDRESS}, got {self.address}")
+        if self.sign not in (1, -1):
+            raise ValueError(f"'sign' must be 1 or -1, got {self.sign}")
+        if not self.counts_per_turn > 0.0:
+            raise ValueError(f"'counts_per_turn' must be positive, got {self.counts_per_turn}")
+        if self.output not in OUTPUTS:
+            raise ValueError(f"'output' must be one of {', '.join(OUTPUTS)}, got {self.output!r}")
+        self.gains.check()
+        self._check_motion()
+        self._check_home()
+
+    def _check_motion(self) -> None:
+        if not self.lower < self.upper:
+            raise ValueError(
+                f"'lower_deg' must be less than 'upper_deg', got {math.degrees(self.lower):g} and "
+                f"{math.degrees(self.upper):g}"
+            )
+        if max(abs(self.lower), abs(self.upper)) * self.counts_per_radian > _LARGEST_COUNT:
+            raise ValueError("the limits do not fit the position register of the board")
+        if not (self.max_velocity > 0.0 and self.max_acceleration > 0.0):
+            raise ValueError("'max_velocity_deg_s' and 'max_acceleration_deg_s2' must be positive")
+        if self.max_velocity * self.counts_per_radian < 1.0:
+            raise ValueError(
+                f"'max_velocity_deg_s' must be at least a count a second, got "
+                f"{math.degrees(self.max_velocity):g}"
+            )
+        if 1.5 * self.max_velocity / self.max_acceleration > LONGEST_STOP + 1e-9:
+            raise ValueError(
+                f"from 'max_velocity_deg_s' {math.degrees(self.max_velocity):g} it cannot stop in "
+                f"time when the host goes silent: 'max_acceleration_deg_s2' must be at least "
+                f"{math.degrees(self.max_velocity) * 1.5 / LONGEST_STOP:g}, got "
+                f"{math.degrees(self.max_acceleration):g}"
+            )
+        divisor = self.gains.rate_divisor
+        try:
+            velocity_units(self.max_velocity * self.counts_per_radian, divisor)
+            acceleration_units(self.max_acceleration * self.counts_per_radian, divisor)
+        except ValueError as error:
+            raise ValueError(f"the board cannot count that fast: {error}") from None
+
+    def _check_home(self) -> None:
+        home = self.home
+        if home.method not in HOME_METHODS:
+            raise ValueError(
+                f"home 'method' must be one of {', '.join(HOME_METHODS)}, got {home.method!r}"
+            )
+        turn = 2.0 * math.pi
+        if not self.lower - turn <= home.at <= self.upper + turn:
+            raise ValueError(
+                f"home 'at_deg' must lie less than a turn beyond the limits, got "
+                f"{math.degrees(home.at):g}"
+            )
+        if home.method == "here":
+            return
+        if home.travel > self.upper - self.lower + turn:
+            raise ValueError(
+                f"home 'travel_deg' must be at most a turn more than the joint's range, got "
+                f"{math.degrees(home.travel):g}"
+            )
+        if not (0.0 < abs(home.speed) <= self.max_velocity and home.travel > 0.0):
+            raise ValueError(
+                f"home by {home.method} needs 'speed_deg_s' (not zero, at most "
+                f"{math.degrees(self.max_velocity):g}) and a positive 'travel_deg', got "
+                f"{math.degrees(home.speed):g} and {math.degrees(home.travel):g}"
+            )
+
+    @property
+    def counts_per_radian(self) -> float:
+        """Counts of a radian of the encoder's angle."""
+        return self.counts_per_turn / (2.0 * math.pi)
+
+    @property
+    def output_mode(self) -> int:
+        """What I/O Control must be before the amplifier is switched on."""
+        return OUTPUTS[self.output]
+
+    def register(self, reading: float) -> int:
+        """Return the board's counts at a reading [counts]."""
+        return round(self.sign * reading)
+
+    def reading(self, register: float) -> float:
+        """Return the reading [counts] at the board's counts."""
+        return self.sign * register
+
+    @property
+    def lower_reading(self) -> float:
+        """Lowest reading that may be commanded [counts]."""
+        return self.lower * self.counts_per_radian
+
+    @property
+    def upper_reading(self) -> float:
+        """Highest reading that may be commanded [counts]."""
+        return self.upper * self.counts_per_radian
+
+
+@dataclass(frozen=True)
+class ServoConfig:
+    """The servos of one robot.
+
+    Raises:
+        ValueError: If two joints share a name or an address, or a value is not valid.
+    """
+
+    name: str
+    joints: tuple[JointServo, ...]
+    """In the order in which poses are written."""
+    baud: int = 19200
+    heartbeat: float = 0.3
+    """How long the arm goes on when the host is silent [s]; then it stops."""
+    latency: float = 1e-3
+    """Latency timer of the adapter [s]."""
+
+    def __post_init__(self) -> None:
+        """Check the values."""
+        if not self.name.strip():
+            raise ValueError("'name' must not be empty")
+        if not self.joints:
+            raise ValueError("'joints' must not be empty")
+        for what in ("name", "address"):
+            values = [getattr(joint, what) for joint in self.joints]
+            twice = sorted({value for value in values if values.count(value) > 1})
+            if twice:
+                raise ValueError(f"{what} {twice[0]!r} is given to two joints")
+        if self.baud not in BAUD_CODES:
+            raise ValueError(f"'baud' must be one of {sorted(BAUD_CODES)}, got {self.baud}")
+        if not 0.1 <= self.heartbeat <= 2.0:
+            raise ValueError(f"'heartbeat_s' must be 0.1 to 2, got {self.heartbeat:g}")
+        if not 0.0 < self.latency <= 0.1:
+            raise ValueError(f"'latency_ms' must be above 0, at most 100, got {self.latency * 1e3}")
+
+    @property
+    def joint_names(self) -> tuple[str, ...]:
+        """Names in order."""
+        return tuple(joint.name for joint in self.joints)
+
+    @property
+    def joint_infos(self) -> tuple[JointInfo, ...]:
+        """The joints as a data set describes them; its readings are those of the controller."""
+        return tuple(
+            JointInfo(
+                joint.name,
+                "counts",
+                counts_per_turn=joint.counts_per_turn,
+                lower=joint.lower_reading,
+                upper=joint.upper_reading,
+            )
+            for joint in self.joints
+        )
+
+    def servo_map(self, learned: ServoMap | None = None) -> ServoMap:
+        """Return the map between readings [counts] and joint displacements of all joints.
+
+        Args:
+            learned: Of a self-model; joints that it does not know keep gear 1 and zero 0.
+
+        Raises:
+            ValueError: If it is about joints that are not here, or about other encoders.
+        """
+        n = len(self.joints)
+        offset, gear, sign = np.zeros(n), np.ones(n), np.ones(n)
+        counts = np.array([joint.counts_per_turn for joint in self.joints], dtype=float)
+        if learned is not None:
+            places = self._places(learned, counts)
+            offset[places], gear[places] = learned.offset, learned.gear
+            sign[places] = learned.sign
+        return ServoMap(self.joint_names, offset, gear, ("counts",) * n, counts, sign)
+
+    def _places(self, learned: ServoMap, counts: NDArray) -> list[int]:
+        strangers = [name for name in learned.joints if name not in self.joint_names]
+        if strangers:
+            raise ValueError(
+                f"the self-model is about other joints: {', '.join(strangers)} is not among the "
+                f"servos ({', '.join(self.joint_names)}); give the self-model of this arm"
+            )
+        places = [self.joint_names.index(name) for name in learned.joints]
+        for place, unit, theirs in zip(places, learned.unit, learned.counts_per_turn, strict=True):
+            if unit == "counts" and theirs != counts[place]:
+                raise ValueError(
+                    f"{self.joint_names[place]}: the self-model was learned with {theirs:g} counts "
+                    f"a turn, the servo configuration says {counts[place]:g}: they do not belong "
+                    "together"
+                )
+        return places

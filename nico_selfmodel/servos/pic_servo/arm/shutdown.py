@@ -1,0 +1,81 @@
+"""Stopping several axes, each of them even when another fails."""
+
+from collections.abc import Callable, Sequence
+
+from nico_selfmodel.errors import RobotError
+from nico_selfmodel.servos.pic_servo.arm.axis import Axis
+from nico_selfmodel.servos.pic_servo.arm.connection import take_over
+from nico_selfmodel.servos.pic_servo.line.bus import Bus
+from nico_selfmodel.servos.pic_servo.line.chain import join_group, stop_together
+from nico_selfmodel.servos.pic_servo.protocol.packets import EVERYONE
+
+
+def stop_each(bus: Bus, group: int, axes: Sequence[Axis], *, smoothly: bool = True) -> list[str]:
+    """Stop axes and have them hold: all at once, then each by itself, as a group cannot answer.
+
+    Args:
+        bus: Their bus.
+        group: The group that holds these and no other board.
+        axes: Which were enabled.
+        smoothly: Brake, instead of stopping at once.
+
+    Returns:
+        What failed, in words; empty if every axis confirmed.
+    """
+    for axis in axes:
+        axis.stopped()
+    if not axes:
+        return []
+    failures = []
+    try:
+        stop_together(bus, group, smoothly=smoothly)
+    except RobotError as error:
+        failures.append(str(error))
+    for axis in axes:
+        stop = axis.module.stop_smoothly if smoothly else axis.module.hold
+        failures += attempt(axis, stop)
+    return failures
+
+
+def release_each(axes: Sequence[Axis]) -> list[str]:
+    """Switch motors and amplifiers off: what gravity pulls falls.
+
+    Returns:
+        What failed, in words; empty if every axis confirmed.
+    """
+    failures = []
+    for axis in axes:
+        axis.enabled = False
+        axis.stopped()
+        failures += attempt(axis, axis.module.release)
+        failures += attempt(axis, lambda axis=axis: join_group(axis.module, EVERYONE))
+    return failures
+
+
+def stop_what_answers(axes: Sequence[Axis], *, release: bool) -> tuple[list[str], list[str]]:
+    """Stop or release axes of an arm that cannot be connected as a whole.
+
+    Args:
+        axes: All of the arm.
+        release: Switch motors off too: what gravity pulls falls.
+
+    Returns:
+        Names of the joints that confirmed, and what failed, in words.
+    """
+    done, failures = [], []
+    for axis in axes:
+        failed = attempt(axis, lambda axis=axis: take_over(axis))
+        if release and not failed:
+            failed = release_each([axis])
+        failures += failed
+        done += [] if failed else [axis.joint.name]
+    return done, failures
+
+
+def attempt(axis: Axis, action: Callable[[], object]) -> list[str]:
+    """Do something with an axis; return why it failed, or nothing."""
+    try:
+        action()
+    except RobotError as error:
+        return [f"{axis}: {error}"]
+    return []

@@ -1,0 +1,1 @@
+"""Boards on one serial line: addresses, replies, faults."""

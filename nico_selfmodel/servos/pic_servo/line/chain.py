@@ -1,0 +1,166 @@
+"""The modules of a bus together: who is there, addresses along the chain, all at once."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from zlib import crc32
+
+from nico_selfmodel.errors import BusError
+from nico_selfmodel.servos.pic_servo.line.board import DeviceId, PicServo, is_marked
+from nico_selfmodel.servos.pic_servo.line.bus import Bus, NoReplyError, UncertainError
+from nico_selfmodel.servos.pic_servo.protocol import commands as nmc
+from nico_selfmodel.servos.pic_servo.protocol.commands import StopMode
+from nico_selfmodel.servos.pic_servo.protocol.packets import EVERYONE, FIRST_GROUP, UNADDRESSED
+from nico_selfmodel.servos.pic_servo.protocol.status import AuxiliaryFlag, Status, StatusItem
+
+LONGEST_CHAIN = 32
+_SURE = 3
+_LOOKS = StatusItem.POSITION | StatusItem.DEVICE | StatusItem.AUXILIARY | StatusItem.HOME
+
+
+@dataclass(frozen=True)
+class FoundModule:
+    """A module as a scan found it."""
+
+    address: int
+    device: DeviceId
+    status: Status
+    newly_addressed: bool
+    """Whether this scan gave it its address: then it was powered up or reset since the last."""
+
+    @property
+    def servo_on(self) -> bool:
+        """Whether it holds its motor."""
+        return bool((self.status.auxiliary or 0) & AuxiliaryFlag.SERVO_ON)
+
+    @property
+    def zero_known(self) -> bool:
+        """Whether its zero was set since it was powered up."""
+        return is_marked(self.status)
+
+
+def scan(
+    bus: Bus, addresses: Sequence[int] | None = None, *, attempts: int = 2
+) -> list[FoundModule]:
+    """Find all modules and give addresses to those that have none. Moves and resets nothing.
+
+    Args:
+        bus: An open bus.
+        addresses: Where to look, and what the modules along the chain are to be called; 1 to 32
+            if omitted.
+        attempts: How often to ask an address that is silent.
+
+    Returns:
+        The modules by address; empty if none answers.
+
+    Raises:
+        BusError: If a module answers with damage only, as two on one address do.
+    """
+    known = [
+        address
+        for address in addresses or range(1, LONGEST_CHAIN + 1)
+        if _anybody(bus, address, attempts) is not None
+    ]
+    free = [n for n in addresses or range(1, LONGEST_CHAIN + 1) if n not in known]
+    fresh = _assign(bus, free, known)
+    found = []
+    for address in sorted([*known, *fresh]):
+        status = _look(bus, address, _LOOKS)
+        assert status.device_type is not None
+        assert status.device_version is not None
+        device = DeviceId(status.device_type, status.device_version)
+        found.append(FoundModule(address, device, status, address in fresh))
+    return found
+
+
+def _assign(bus: Bus, free: Sequence[int], known: list[int]) -> list[int]:
+    """Give addresses to the modules that wake up one after another at address 0.
+
+    Args:
+        bus: An open bus.
+        free: Addresses where nobody answered.
+        known: Where somebody did; grows by who was only slow.
+
+    Returns:
+        The addresses given.
+    """
+    fresh = []
+    for address in free:
+        if _anybody(bus, UNADDRESSED) is None:
+            return fresh
+        if _anybody(bus, address, _SURE) is not None:
+            known.append(address)  # it was only slow: no second module must get its address
+            continue
+        try:
+            bus.exchange(UNADDRESSED, nmc.SetAddress(address, EVERYONE), 0)
+        except UncertainError as error:
+            # Repeating it could give the next module the same address.
+            if _anybody(bus, address) is None:
+                raise BusError(
+                    f"module {address} of the chain could not be given its address: {error}"
+                ) from error
+        fresh.append(address)
+    return fresh
+
+
+def _anybody(bus: Bus, address: int, attempts: int = 2) -> Status | None:
+    """Return what the module at an address says, None if there is silence.
+
+    Raises:
+        BusError: If something answers, but always damaged.
+    """
+    before = bus.counts[address].damaged
+    try:
+        return bus.exchange(
+            address, nmc.ReadStatus(StatusItem.DEVICE), StatusItem.DEVICE, attempts=attempts
+        )
+    except NoReplyError:
+        if bus.counts[address].damaged - before < 2:
+            return None
+    return _look(bus, address, StatusItem.DEVICE)
+
+
+def _look(bus: Bus, address: int, items: int) -> Status:
+    before = bus.counts[address].damaged
+    try:
+        return bus.exchange(address, nmc.ReadStatus(items), items)
+    except NoReplyError as error:
+        if bus.counts[address].damaged == before:
+            raise
+        raise BusError(
+            f"address {address} answers, but every reply is damaged: two modules have this "
+            "address, or the baud rate is wrong. Support the arm, switch the boards off and on, "
+            "then scan"
+        ) from error
+
+
+def join_group(module: PicServo, group: int) -> None:
+    """Let a module obey the packets to a group, silently.
+
+    Raises:
+        BusError: If it does not answer.
+    """
+    # Not at address 0 any more, so that repeating it harms nobody.
+    module.ask(nmc.SetAddress(module.address, group), repeatable=True)
+
+
+def group_of(addresses: Sequence[int]) -> int:
+    """Return the group in which the modules at these addresses move together.
+
+    Others, of another arm or of a part of this one, have another (but for one chance in 127): what
+    is sent to these never starts a board that is not watched.
+    """
+    return FIRST_GROUP + crc32(bytes(sorted(addresses))) % (EVERYONE - FIRST_GROUP)
+
+
+def start_together(bus: Bus, group: int) -> None:
+    """Carry out the buffered trajectories of a group in one servo tick. Nobody answers."""
+    bus.send(group, nmc.StartMotion())
+
+
+def stop_together(bus: Bus, group: int, *, smoothly: bool = True) -> None:
+    """Stop a group with one packet and hold. Nobody answers: look at each afterwards.
+
+    It also switches the amplifiers on, so only for a group of modules that are enabled.
+    """
+    mode = StopMode.SMOOTH if smoothly else StopMode.ABRUPT
+    bus.send(group, nmc.StopMotor(StopMode.AMPLIFIER | mode))

@@ -1,0 +1,1 @@
+"""Bytes of the PIC-SERVO protocol: commands, packets, status."""

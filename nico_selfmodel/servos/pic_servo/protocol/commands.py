@@ -1,0 +1,327 @@
+"""The sixteen commands of the protocol as typed values, their data as the chip reads it."""
+
+import struct
+from dataclasses import dataclass
+from enum import IntFlag
+from typing import ClassVar, Protocol, Self
+
+from nico_selfmodel.servos.pic_servo.protocol.gains import Gains
+
+
+class Command(Protocol):
+    """What every command has."""
+
+    code: ClassVar[int]
+    lengths: ClassVar[tuple[int, ...]]
+    """Numbers of data bytes that the chip understands."""
+
+    repeatable: ClassVar[bool]
+    """Whether sending it twice does what sending it once does."""
+
+    def payload(self) -> bytes:
+        """Return its data bytes."""
+        ...
+
+    @classmethod
+    def from_payload(cls, data: bytes) -> Self:
+        """Return the command of data bytes whose number is one of `lengths`."""
+        ...
+
+
+class ResetMode(IntFlag):
+    """What Reset Position makes of the position."""
+
+    RELATIVE_TO_HOME = 0x01
+    SET_POSITION = 0x02
+
+
+@dataclass(frozen=True)
+class ResetPosition:
+    """Make the position zero, count it from home, or make it a given number.
+
+    The commanded position follows, so that the motor does not jump. Not during a move.
+    """
+
+    code: ClassVar[int] = 0x0
+    lengths: ClassVar[tuple[int, ...]] = (0, 1, 5)
+    repeatable: ClassVar[bool] = False  # what the axis moved in between would be lost
+    mode: int = 0
+    """A `ResetMode`, or 0 for zero here."""
+    position: int | None = None
+    """Counts, with SET_POSITION (version 10 and later)."""
+
+    def payload(self) -> bytes:
+        """Return its data bytes."""
+        if self.position is not None:
+            return struct.pack("<Bi", self.mode, self.position)
+        return bytes([self.mode]) if self.mode else b""
+
+    @classmethod
+    def from_payload(cls, data: bytes) -> Self:
+        """Return the command of 0, 1 or 5 data bytes."""
+        position = struct.unpack_from("<i", data, 1)[0] if len(data) == 5 else None
+        return cls(data[0] if data else 0, position)
+
+
+@dataclass(frozen=True)
+class SetAddress:
+    """Give a module its address and its group.
+
+    The first one after a reset also wakes the next module of the chain at address 0, so that
+    sending it twice to address 0 would give two modules one address.
+    """
+
+    code: ClassVar[int] = 0x1
+    lengths: ClassVar[tuple[int, ...]] = (2,)
+    repeatable: ClassVar[bool] = False
+    address: int
+    """0x01-0x7F."""
+    group: int = 0xFF
+    """0x80-0xFF."""
+    leader: bool = False
+    """Whether this module answers for its group."""
+
+    def payload(self) -> bytes:
+        """Return its data bytes."""
+        return bytes([self.address, self.group & 0x7F if self.leader else self.group])
+
+    @classmethod
+    def from_payload(cls, data: bytes) -> Self:
+        """Return the command of two data bytes."""
+        return cls(data[0], data[1] | 0x80, leader=not data[1] & 0x80)
+
+
+@dataclass(frozen=True)
+class DefineStatus:
+    """Choose what every reply from now on carries, this command's own among them."""
+
+    code: ClassVar[int] = 0x2
+    lengths: ClassVar[tuple[int, ...]] = (1,)
+    repeatable: ClassVar[bool] = True
+    items: int
+    """A mask of `StatusItem`."""
+
+    def payload(self) -> bytes:
+        """Return its data byte."""
+        return bytes([self.items])
+
+    @classmethod
+    def from_payload(cls, data: bytes) -> Self:
+        """Return the command of one data byte."""
+        return cls(data[0])
+
+
+@dataclass(frozen=True)
+class ReadStatus(DefineStatus):
+    """Choose what this one reply carries."""
+
+    code: ClassVar[int] = 0x3
+
+
+@dataclass(frozen=True)
+class _WithoutData:
+    lengths: ClassVar[tuple[int, ...]] = (0,)
+    repeatable: ClassVar[bool] = True
+
+    def payload(self) -> bytes:
+        """Return no bytes."""
+        return b""
+
+    @classmethod
+    def from_payload(cls, data: bytes) -> Self:
+        """Return the command."""
+        return cls()
+
+
+@dataclass(frozen=True)
+class StartMotion(_WithoutData):
+    """Carry out the buffered trajectories, usually of a whole group."""
+
+    code: ClassVar[int] = 0x5
+
+
+@dataclass(frozen=True)
+class SetGain:
+    """Set the numbers of the position loop; before the servo is switched on."""
+
+    code: ClassVar[int] = 0x6
+    lengths: ClassVar[tuple[int, ...]] = (14, 15)
+    repeatable: ClassVar[bool] = True
+    gains: Gains
+
+    def payload(self) -> bytes:
+        """Return its data bytes."""
+        return self.gains.encode()
+
+    @classmethod
+    def from_payload(cls, data: bytes) -> Self:
+        """Return the command of 14 or 15 data bytes."""
+        return cls(Gains.decode(data))
+
+
+class StopMode(IntFlag):
+    """How Stop Motor stops."""
+
+    AMPLIFIER = 0x01
+    """Level of the amplifier enable output; every Stop Motor sets it, also to off."""
+    MOTOR_OFF = 0x02
+    ABRUPT = 0x04
+    SMOOTH = 0x08
+    HERE = 0x10
+    """Go to a given position without a profile."""
+    ADVANCED = 0x20
+
+
+@dataclass(frozen=True)
+class StopMotor:
+    """Stop the motor in one of several ways and switch the amplifier."""
+
+    code: ClassVar[int] = 0x7
+    lengths: ClassVar[tuple[int, ...]] = (1, 5)
+    repeatable: ClassVar[bool] = True
+    mode: int
+    """A combination of `StopMode`."""
+    position: int | None = None
+    """Counts, with HERE."""
+
+    def payload(self) -> bytes:
+        """Return its data bytes."""
+        if self.position is None:
+            return bytes([self.mode])
+        return struct.pack("<Bi", self.mode, self.position)
+
+    @classmethod
+    def from_payload(cls, data: bytes) -> Self:
+        """Return the command of 1 or 5 data bytes."""
+        return cls(data[0], struct.unpack_from("<i", data, 1)[0] if len(data) == 5 else None)
+
+
+class OutputMode(IntFlag):
+    """I/O Control as version 10 and later read it. A wrong one can damage an amplifier."""
+
+    OFF_AT_LIMIT = 0x04
+    STOP_AT_LIMIT = 0x08
+    THREE_PHASE = 0x10
+    ANTIPHASE = 0x20
+    FAST_PATH = 0x40
+    STEP_AND_DIRECTION = 0x80
+
+
+@dataclass(frozen=True)
+class IoControl:
+    """Choose how the board drives its motor."""
+
+    code: ClassVar[int] = 0x8
+    lengths: ClassVar[tuple[int, ...]] = (1,)
+    repeatable: ClassVar[bool] = True
+    mode: int
+    """A combination of `OutputMode`."""
+
+    def payload(self) -> bytes:
+        """Return its data byte."""
+        return bytes([self.mode])
+
+    @classmethod
+    def from_payload(cls, data: bytes) -> Self:
+        """Return the command of one data byte."""
+        return cls(data[0])
+
+
+class HomingMode(IntFlag):
+    """Events that mark home, and what the motor does then (one of OFF, ABRUPT, SMOOTH)."""
+
+    LIMIT_1 = 0x01
+    LIMIT_2 = 0x02
+    OFF = 0x04
+    INDEX = 0x08
+    ABRUPT = 0x10
+    SMOOTH = 0x20
+    POSITION_ERROR = 0x40
+    OVERCURRENT = 0x80
+
+
+@dataclass(frozen=True)
+class SetHoming(IoControl):
+    """Arm the capture of the home position; the motion itself is a trajectory."""
+
+    code: ClassVar[int] = 0x9
+    repeatable: ClassVar[bool] = False  # would arm a second capture after the first
+    # mode: a combination of `HomingMode`
+
+
+# What JR Kerr's later library sends; the divider is 20 MHz / 16 / (code + 1).
+BAUD_CODES = {9600: 129, 19200: 64, 57600: 21, 115200: 10}
+BAUD_OF_CODE = {127: 9600, 129: 9600, 63: 19200, 64: 19200, 20: 57600, 21: 57600, 10: 115200}
+
+
+@dataclass(frozen=True)
+class SetBaud(IoControl):
+    """Change the rate of the line at once; to a group that has no leader, so that none answers."""
+
+    code: ClassVar[int] = 0xA
+    repeatable: ClassVar[bool] = False
+    # mode: a code of `BAUD_CODES`
+
+
+@dataclass(frozen=True)
+class ClearBits(_WithoutData):
+    """Clear the status bits that stay."""
+
+    code: ClassVar[int] = 0xB
+
+
+@dataclass(frozen=True)
+class SaveHome(_WithoutData):
+    """Copy the position to the home register."""
+
+    code: ClassVar[int] = 0xC
+    repeatable: ClassVar[bool] = False
+
+
+@dataclass(frozen=True)
+class PathPoints:
+    """Append points to the path buffer, or start path mode with none."""
+
+    code: ClassVar[int] = 0xD
+    lengths: ClassVar[tuple[int, ...]] = (0, 2, 4, 6, 8, 10, 12, 14)
+    repeatable: ClassVar[bool] = False
+    words: tuple[int, ...] = ()
+    """Up to seven: counts a tick in 8.8 format, whose two low bits are sense and rate."""
+
+    def payload(self) -> bytes:
+        """Return its data bytes."""
+        return struct.pack(f"<{len(self.words)}H", *self.words)
+
+    @classmethod
+    def from_payload(cls, data: bytes) -> Self:
+        """Return the command of an even number of data bytes."""
+        return cls(struct.unpack(f"<{len(data) // 2}H", data))
+
+
+@dataclass(frozen=True)
+class NoOperation(_WithoutData):
+    """Ask for nothing but a reply."""
+
+    code: ClassVar[int] = 0xE
+
+
+@dataclass(frozen=True)
+class HardReset:
+    """Return to the state after power-up: torque off, positions zero, no addresses.
+
+    A data byte writes the configuration memory, which this driver never does.
+    """
+
+    code: ClassVar[int] = 0xF
+    lengths: ClassVar[tuple[int, ...]] = (0, 1)
+    repeatable: ClassVar[bool] = False
+    options: int | None = None
+
+    def payload(self) -> bytes:
+        """Return its data bytes."""
+        return b"" if self.options is None else bytes([self.options])
+
+    @classmethod
+    def from_payload(cls, data: bytes) -> Self:
+        """Return the command of 0 or 1 data bytes."""
+        return cls(data[0] if data else None)

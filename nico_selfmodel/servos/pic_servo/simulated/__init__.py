@@ -1,0 +1,1 @@
+"""Simulated PIC-SERVO boards that answer byte by byte."""

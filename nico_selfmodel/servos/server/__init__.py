@@ -1,0 +1,1 @@
+"""Motors offered to other processes, on localhost."""

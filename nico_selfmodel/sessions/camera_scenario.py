@@ -1,0 +1,173 @@
+"""Nico learns its cameras from a chessboard and then its arm by watching its hand (chapter 7).
+
+Everything goes through rendered pixels: boards, fiducial and red tape are found in pictures.
+"""
+
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from nico_selfmodel.dataset import Dataset
+from nico_selfmodel.dataset.board_views import BoardViews
+from nico_selfmodel.estimation import (
+    CameraCalibration,
+    KinematicCalibration,
+    NominalArm,
+    calibrate_cameras,
+    calibrate_kinematics,
+)
+from nico_selfmodel.estimation.body.arm_through_cameras import Sight
+from nico_selfmodel.estimation.observations.pixel_evaluation import PixelEvaluation
+from nico_selfmodel.model.self_model import SelfModel
+from nico_selfmodel.plant import ArmDescription
+from nico_selfmodel.sessions.progress import Stage, telling
+from nico_selfmodel.sessions.rendered_nico import RenderedNico
+from nico_selfmodel.systems import Imperfections
+
+MARKERS = {"stereo-fiducial": "fiducial", "stereo-color": "finger_tip"}
+"""Sensor -> what it looks at."""
+
+
+@dataclass(frozen=True, eq=False)
+class Counts:
+    """How much is recorded."""
+
+    boards: int = 16
+    """Views of the chessboard."""
+    circle: int = 60
+    """Poses on circles, home not counted."""
+    random: int = 100
+    """Random poses to learn from."""
+    test: int = 100
+    """Random poses to judge by."""
+    test_boards: int = 8
+    """Views of the chessboard to judge cameras and arm by that were refined together."""
+
+
+@dataclass(frozen=True, eq=False)
+class ArmScenario:
+    """An arm learned by sight of one marker."""
+
+    calibration: KinematicCalibration
+    """Of the arm; its model has the cameras too."""
+    sight: Sight
+    """What the cameras saw of the marker, to learn from and held out."""
+    seen: PixelEvaluation
+    """The model against the held-out pictures, in the image and in space (eq. 7.4)."""
+
+    @property
+    def train(self) -> Dataset:
+        """Rows of the marker with pixels."""
+        return self.sight.pixels["train"]
+
+    @property
+    def test(self) -> Dataset:
+        """Held-out rows."""
+        return self.sight.pixels["test"]
+
+    @property
+    def model(self) -> SelfModel:
+        """Arm and cameras, in the left camera's frame."""
+        return self.calibration.model
+
+
+@dataclass(frozen=True, eq=False)
+class CameraScenario:
+    """Cameras and arm, as learned."""
+
+    views: BoardViews
+    """What was seen of the chessboard."""
+    eyes: CameraCalibration
+    """The cameras."""
+    arms: Mapping[str, ArmScenario]
+    """Marker -> the arm learned by it."""
+
+
+def learn_cameras_and_arm(
+    world: Imperfections | str,
+    seed: int = 0,
+    *,
+    markers: tuple[str, ...] = ("fiducial",),
+    counts: Counts | None = None,
+    stage: Stage | None = None,
+) -> CameraScenario:
+    """Calibrate the cameras, move the arm before them, and learn it.
+
+    Args:
+        world: What is wrong with the body.
+        seed: Which robot.
+        markers: What is tracked on the hand: `fiducial`, `finger_tip` or both at once.
+        counts: How much is recorded.
+        stage: Told what is going on.
+
+    Returns:
+        Everything that was recorded and learned.
+    """
+    counts = counts or Counts()
+    nico = RenderedNico(world, seed, markers)
+    views = nico.board_views(counts.boards, 0, progress=telling(stage, "looking at a chessboard"))
+    telling(stage, "learning the eyes")(0, 1)
+    eyes = calibrate_cameras(views)
+    telling(stage, "learning the eyes")(1, 1)
+    train = nico.record(
+        "train",
+        1,
+        counts.circle,
+        counts.random,
+        rig=eyes.rig,
+        progress=telling(stage, "moving every joint, watching the hand"),
+    )
+    test = nico.record(
+        "test",
+        2,
+        0,
+        counts.test,
+        rig=eyes.rig,
+        progress=telling(stage, "new poses, kept for judging"),
+    )
+    telling(stage, "learning the arm")(0, len(markers))
+    arms = {}
+    for done, marker in enumerate(markers, start=1):
+        nominal = nominal_with(nico.arm, marker)
+        arms[marker] = learn_arm(
+            of_marker(train, marker), of_marker(test, marker), eyes, nominal, "nico"
+        )
+        telling(stage, "learning the arm")(done, len(markers))
+    return CameraScenario(views, eyes, arms)
+
+
+def learn_arm(
+    train: Dataset,
+    test: Dataset,
+    eyes: CameraCalibration,
+    nominal: NominalArm | None,
+    name: str,
+) -> ArmScenario:
+    """Learn an arm from what calibrated cameras reconstruct of its hand.
+
+    Args:
+        train: Rows of one marker with pixels.
+        test: Held-out rows.
+        eyes: The cameras.
+        nominal: The robot as described, for the zero of its joints.
+        name: Of the self-model.
+    """
+    sight = Sight.of(eyes.self_model(name), train, test)
+    calibration = sight.complete(
+        calibrate_kinematics(sight.train, test=sight.test, nominal=nominal, name=name)
+    )
+    return ArmScenario(calibration, sight, sight.evaluate(calibration.model))
+
+
+def of_marker(data: Dataset, marker: str) -> Dataset:
+    """Return the rows of one marker that a camera saw."""
+    seen = np.isfinite(data.pixels).any(axis=1)
+    return data.select(seen & (data.marker == marker))
+
+
+def nominal_with(arm: ArmDescription, marker: str) -> NominalArm:
+    """Return the described arm with one of its points only."""
+    k = arm.markers.index(marker)
+    chain = replace(arm.chain, markers=(marker,), p_WH_zero=arm.chain.p_WH_zero[k : k + 1])
+    return NominalArm(chain, arm.lower, arm.upper, arm.source)

@@ -1,0 +1,174 @@
+"""Recording a real robot, through its servo bus: the poses, and the way to them."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+import numpy as np
+
+from nico_selfmodel.dataset import Dataset, JointInfo
+from nico_selfmodel.errors import DataError
+from nico_selfmodel.model.readings import readings_from_table
+from nico_selfmodel.planning.plans import HOME, Plan, given_commands
+from nico_selfmodel.planning.sweep_protocol import Protocol
+from nico_selfmodel.planning.visible_workspace import VisibleWorkspace
+from nico_selfmodel.plant import ArmDescription
+from nico_selfmodel.plant.robots import ROBOTS
+from nico_selfmodel.recording import Progress, record
+from nico_selfmodel.sessions.camera_scenario import MARKERS
+from nico_selfmodel.systems import NicoHardwareStation, looking_arm
+
+
+@dataclass(frozen=True, eq=False)
+class RealRecording:
+    """What is to be recorded of which arm.
+
+    A robot that has learned nothing knows the stops of its joints, and about where they should be:
+    the limits of its servo configuration count as those of its description.
+    """
+
+    sensor: str
+    """`motion-capture`, `stereo-fiducial` or `stereo-color`."""
+    arm: ArmDescription
+    """The arm as described."""
+    joints: tuple[JointInfo, ...]
+    """Its joints with their limits."""
+    plan: Plan
+    """The poses [counts]."""
+    enough: int | None
+    """Free poses that are enough, where the plan holds some to spare."""
+
+    @classmethod
+    def planned(
+        cls,
+        sensor: str,
+        servos: Sequence[JointInfo],
+        circle: int,
+        free: int,
+        rng: np.random.Generator,
+        table: str | None = None,
+    ) -> "RealRecording":
+        """Plan poses in which the described arm touches neither its body nor itself.
+
+        Args:
+            sensor: `motion-capture`, `stereo-fiducial` or `stereo-color`.
+            servos: The joints that the servos drive, with limits.
+            circle: Poses on circles, home not counted.
+            free: Random poses.
+            rng: Source of the random poses.
+            table: Poses to visit instead of random ones: CSV text, a column a joint [counts].
+
+        Raises:
+            DataError: If the servos do not drive all joints of the arm, or the table is not one.
+            ValueError: If a given pose lies beyond a stop, or touches the body.
+        """
+        by_eye = sensor in MARKERS
+        arm = looking_arm(MARKERS[sensor]) if by_eye else _arm_of(servos)
+        joints = _joints_of(arm, servos)
+        planned = _by_sight if by_eye else _by_motion_capture
+        plan = planned(arm, joints, circle, free if table is None else 0, rng)
+        if table is None:
+            return cls(sensor, arm, joints, plan, free if by_eye else None)
+        given = given_commands(joints, readings_from_table(table, arm.joints))
+        touching = np.flatnonzero(_touching(arm, joints, given))
+        if touching.size:
+            raise ValueError(
+                f"{touching.size} of {len(given)} poses touch the body by its description, the "
+                f"first is pose {touching[0] + 1}: take them out"
+            )
+        return cls(sensor, arm, joints, plan + given, None)
+
+    def run(
+        self,
+        station: NicoHardwareStation,
+        name: str,
+        *,
+        source: str,
+        folder: Path | None = None,
+        keep_images: bool = False,
+        progress: Progress | None = None,
+    ) -> Dataset:
+        """Visit the poses with a station that is open and enabled.
+
+        Args:
+            station: Of the joints of this recording.
+            name: Name of the data set.
+            source: Where the data come from, for people.
+            folder: Where to keep the samples from the first one on; resumed if it is there.
+            keep_images: Keep the pictures in the folder.
+            progress: Called after each pose.
+
+        Returns:
+            The data set.
+
+        Raises:
+            RobotError: If the robot fails; what was recorded so far is in `partial`.
+            DataError: If the folder holds something else, or nothing was seen at all.
+        """
+        by_eye = self.sensor in MARKERS
+        body = station.body("eyes" if by_eye else "motion-capture", keep_images=keep_images)
+        return record(
+            body,
+            self.plan,
+            name,
+            source=source,
+            image_size=station.image_size if by_eye else None,
+            until_seen=2,
+            enough=self.enough,
+            folder=folder,
+            progress=progress,
+        )
+
+
+def _arm_of(servos: Sequence[JointInfo]) -> ArmDescription:
+    """Return the first of Nico's arms whose joints are all driven."""
+    names = {joint.name for joint in servos}
+    arms = [ArmDescription.named("nico", name) for name in ROBOTS["nico"]]
+    return next((arm for arm in arms if names >= set(arm.joints)), arms[0])
+
+
+def _joints_of(arm: ArmDescription, servos: Sequence[JointInfo]) -> tuple[JointInfo, ...]:
+    by_name = {joint.name: joint for joint in servos}
+    missing = [name for name in arm.joints if name not in by_name]
+    if missing:
+        raise DataError(
+            f"the servo configuration has no {', '.join(missing)}: recording this arm moves "
+            f"{', '.join(arm.joints)}"
+        )
+    return tuple(by_name[name] for name in arm.joints)
+
+
+def _by_sight(
+    arm: ArmDescription,
+    joints: tuple[JointInfo, ...],
+    circle: int,
+    free: int,
+    rng: np.random.Generator,
+) -> Plan:
+    return VisibleWorkspace.of(arm).plan(joints, circle, free, rng)
+
+
+def _by_motion_capture(
+    arm: ArmDescription,
+    joints: tuple[JointInfo, ...],
+    circle: int,
+    free: int,
+    rng: np.random.Generator,
+) -> Plan:
+    each = max(1, round(circle / len(joints))) + 1
+    spare = int(np.ceil(1.5 * free)) + 10
+    protocol = replace(Protocol.for_arm(arm), random_poses=spare, circle_points=each)
+    plan = protocol.plan(joints, rng, sweeps=circle > 0)
+    touching = _touching(arm, joints, plan)
+    clear = [pose for pose, touches in zip(plan, touching, strict=True) if not touches]
+    if circle and not any(label == HOME for label, _ in clear):
+        raise DataError("the arm's home touches the body by its description: plan other circles")
+    random = [pose for pose in clear if pose[0] == ""][:free]
+    return [pose for pose in clear if pose[0]] + random
+
+
+def _touching(arm: ArmDescription, joints: tuple[JointInfo, ...], plan: Plan) -> list[bool]:
+    """Return at which poses the arm touches its body or itself, by its description."""
+    workspace = VisibleWorkspace.of(arm)
+    q = workspace.first_guess(joints).servos.to_joint(np.array([command for _, command in plan]))
+    return [bool(workspace.body.collides(angles)) for angles in q]

@@ -1,0 +1,111 @@
+"""A Nico that knows cameras and arm meets a mirror, and learns where it stands (chapter 9)."""
+
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from nico_selfmodel.dataset import Dataset
+from nico_selfmodel.estimation import judge, to_json
+from nico_selfmodel.estimation.mirrors.mirror import MirrorCalibration, calibrate_mirrors
+from nico_selfmodel.estimation.mirrors.mirror_findings import judged
+from nico_selfmodel.estimation.results.verdict import Verdict
+from nico_selfmodel.model.self_model import SelfModel
+from nico_selfmodel.sessions.body_scenario import BodyScenario
+from nico_selfmodel.sessions.camera_scenario import RenderedNico
+from nico_selfmodel.sessions.nico_before_mirrors import DEFAULT_MIRROR, NicoBeforeMirrors
+from nico_selfmodel.sessions.progress import Stage, telling
+from nico_selfmodel.systems import Imperfections
+from nico_selfmodel.viz.scene.mirror_picture import MirrorPicture
+
+MIRROR = "mirror"
+"""What the mirror is called in the self-model."""
+DAY = 4
+POSES = 20
+
+
+@dataclass(frozen=True, eq=False)
+class MirrorScenario:
+    """A mirror learned by looking into it."""
+
+    calibration: MirrorCalibration
+    """Of the mirror; its model knows it."""
+    verdict: Verdict
+    """What is thought of that."""
+    train: Dataset
+    """The hand in the mirror, to learn from."""
+    test: Dataset
+    """The same, held out."""
+    picture: MirrorPicture
+    """What the robot saw of itself at one of the poses."""
+
+    @property
+    def model(self) -> SelfModel:
+        """Arm, cameras and mirror."""
+        return self.calibration.model
+
+    @property
+    def document(self) -> dict[str, Any]:
+        """What `result.json` tells of the mirror."""
+        return to_json(self.calibration, self.verdict)
+
+
+def learn_mirror(
+    model: SelfModel,
+    world: Imperfections | str,
+    seed: int = 0,
+    *,
+    marker: str = "fiducial",
+    familiar: NDArray | None = None,
+    poses: int = POSES,
+    stage: Stage | None = None,
+) -> MirrorScenario:
+    """Put a mirror before the robot, let it look at its hand in it, and learn where it stands.
+
+    Args:
+        model: What the robot has learned of arm and cameras.
+        world: What is wrong with its body.
+        seed: Which robot.
+        marker: What is tracked on the hand.
+        familiar: Readings at which the arm was learned: poses near them are preferred. (K, n).
+        poses: To learn from; as many are held out.
+        stage: Told what is going on.
+
+    Returns:
+        What was recorded and learned.
+
+    Raises:
+        EstimationError: If no plane fits.
+    """
+    nico = RenderedNico(world, seed, (marker,))
+    before = NicoBeforeMirrors(
+        nico, {MIRROR: DEFAULT_MIRROR}, knows=model, rig=model.rig, familiar=familiar
+    )
+    data = before.record(
+        "mirror", DAY, 2 * poses, progress=telling(stage, "looking at its hand in a mirror")
+    )
+    # Every other pose is held out, so that both halves cover the same places.
+    held_out = np.isin(data.sample, np.unique(data.sample)[1::2])
+    train, test = data.select(~held_out), data.select(held_out)
+    telling(stage, "learning the mirror")(0, 1)
+    calibration = calibrate_mirrors(train, model, test=test)
+    telling(stage, "learning the mirror")(1, 1)
+    row = int(np.flatnonzero((train.mirror == MIRROR) & np.isfinite(train.pixels).all(axis=1))[0])
+    images = before.look(DAY, MIRROR, train.encoders[row])
+    picture = MirrorPicture(int(train.sample[row]), train.encoders[row], images)
+    verdict = judge(calibration)
+    return MirrorScenario(judged(calibration, verdict), verdict, train, test, picture)
+
+
+def with_mirror(scenario: BodyScenario, mirror: MirrorScenario) -> BodyScenario:
+    """Return what was learned of a body, its self-model now with the mirror.
+
+    Args:
+        scenario: Cameras and arm.
+        mirror: Learned with the model of that scenario.
+    """
+    if scenario.refined is not None and scenario.accepted:
+        return replace(scenario, refined=replace(scenario.refined, model=mirror.model))
+    calibration = replace(scenario.arm.calibration, model=mirror.model)
+    return replace(scenario, arm=replace(scenario.arm, calibration=calibration))

@@ -1,0 +1,207 @@
+"""One simulated Nico that can be recorded, day after day, through rendered pictures."""
+
+from collections.abc import Callable, Iterable, Iterator
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from nico_selfmodel.dataset import Dataset
+from nico_selfmodel.dataset.board_views import BoardViews
+from nico_selfmodel.errors import DataError
+from nico_selfmodel.model.cameras.stereo_rig import SIDES, StereoRig
+from nico_selfmodel.planning.board_poses import board_poses
+from nico_selfmodel.planning.plans import Plan, given_commands
+from nico_selfmodel.planning.visible_workspace import VisibleWorkspace
+from nico_selfmodel.plant import ArmDescription
+from nico_selfmodel.recording import record
+from nico_selfmodel.recording.observed_body import ObservedBody
+from nico_selfmodel.systems import (
+    BOARD,
+    NICO_CAMERAS,
+    GroundTruth,
+    ImageQuality,
+    Imperfections,
+    NicoStation,
+    StationBody,
+    default_detectors,
+    imperfections_named,
+    looking_arm,
+)
+from nico_selfmodel.systems.stations.nico_instance import NicoInstance
+from nico_selfmodel.vision import NotSeen
+from nico_selfmodel.vision.boards.chessboard import find_chessboard
+from nico_selfmodel.vision.images.image_file import write_image
+
+WINDOW = 5
+"""Half side of the window in which corners are refined: squares are as small as 16 px."""
+
+
+class RenderedNico:
+    """One simulated Nico that can be recorded: its plans, its stations of several days."""
+
+    def __init__(
+        self,
+        world: Imperfections | str,
+        seed: int,
+        markers: tuple[str, ...] = ("fiducial", "finger_tip"),
+        quality: ImageQuality | None = None,
+        arm: ArmDescription | None = None,
+    ) -> None:
+        """Take a robot.
+
+        Args:
+            world: What is wrong with it.
+            seed: Which one.
+            markers: What is tracked.
+            quality: Of the pictures.
+            arm: The arm with these markers, if it is not as its maker left it: with a tool in hand.
+        """
+        self.world, self.seed, self.markers, self.quality = world, seed, markers, quality
+        self.arm: ArmDescription = arm or looking_arm(*markers)
+        self.workspace = VisibleWorkspace.of(self.arm)
+
+    @property
+    def ground_truth(self) -> GroundTruth:
+        """What only the simulation knows: for judging and for tests, never for learning."""
+        flaws = self.world
+        flaws = imperfections_named(flaws) if isinstance(flaws, str) else flaws
+        return NicoInstance.build(self.arm, flaws, self.seed, NICO_CAMERAS).ground_truth
+
+    def station(self, session: int, rig: StereoRig | None = None) -> NicoStation:
+        """Return its station of a day; calibrated cameras locate fiducials behind their lenses."""
+        found = default_detectors(rig)
+        detectors = {marker: found[marker] for marker in self.markers}
+        return NicoStation(
+            self.world,
+            self.seed,
+            session,
+            arm=self.arm,
+            detectors=detectors,
+            quality=self.quality,
+        )
+
+    def plan(self, station: NicoStation, circle: int, free: int, rng: np.random.Generator) -> Plan:
+        """Plan circles and free poses, some to spare."""
+        return self.workspace.plan(station.joints, circle, free, rng)
+
+    def record(
+        self,
+        name: str,
+        session: int,
+        circle: int,
+        free: int,
+        *,
+        rig: StereoRig | None = None,
+        folder: Path | None = None,
+        keep_images: bool = False,
+        observed: bool = False,
+        poses: NDArray | None = None,
+        progress: Callable[[int, int], None] | None = None,
+    ) -> Dataset:
+        """Record circles and free poses.
+
+        Args:
+            name: Name of the data set.
+            session: Which day.
+            circle: Poses on circles.
+            free: Free poses.
+            rig: Calibrated cameras, if known.
+            folder: Where to keep samples from the first one on; resumed if it is there.
+            keep_images: Keep the pictures in the folder.
+            observed: Let ground truth measure the hand too, in the left camera's frame.
+            poses: Visited instead of random ones [encoder units]. Shape (N, n).
+            progress: Called after each pose.
+
+        Returns:
+            The data set.
+
+        Raises:
+            ValueError: If a given pose lies beyond a joint's stop.
+        """
+        with self.station(session, rig) as station:
+            body = StationBody(station, station.joints, self.markers, keep_images=keep_images)
+            rng = np.random.default_rng((self.seed, session, 2))
+            plan = self.plan(station, circle, free if poses is None else 0, rng)
+            if poses is not None:
+                plan += given_commands(station.joints, poses)
+            world = station.world.name
+            return record(
+                _observed(body, station) if observed else body,
+                plan,
+                name,
+                source=f"rendered nico, world {world!r}, individual {self.seed}, session {session}",
+                seed=self.seed,
+                image_size=station.image_size,
+                until_seen=2,
+                enough=free if poses is None else None,
+                folder=folder,
+                progress=progress,
+            )
+
+    def board_views(
+        self,
+        count: int,
+        session: int = 0,
+        *,
+        folder: Path | None = None,
+        progress: Callable[[int, int], None] | None = None,
+    ) -> BoardViews:
+        """Hold the chessboard before the cameras, and find its corners.
+
+        Args:
+            count: Views in which both cameras find it.
+            session: Which day.
+            folder: Where to keep the pictures, as `left01.png` and `right01.png`; it must exist.
+            progress: Called after each view.
+
+        Returns:
+            The corners.
+
+        Raises:
+            DataError: If the board is hardly ever found.
+        """
+        rng = np.random.default_rng((self.seed, session, 8))
+        poses = board_poses(self.workspace, BOARD, 3 * count, rng)
+        pixels: list[NDArray] = []
+        with self.station(session) as station:
+            size = station.image_size
+            for pair in _pictures(station, poses):
+                left, right = (find_chessboard(image, BOARD, WINDOW) for image in pair)
+                if isinstance(left, NotSeen) or isinstance(right, NotSeen):
+                    continue
+                same = BOARD.same_order(left.corners, right.corners)
+                pixels.append(np.hstack([left.corners, same]))
+                for eye, image in zip(SIDES, pair, strict=True):
+                    if folder is not None:
+                        write_image(folder / f"{eye}{len(pixels):02d}.png", image)
+                if progress:
+                    progress(len(pixels), count)
+                if len(pixels) == count:
+                    break
+        if len(pixels) < max(count, 1):
+            raise DataError(
+                f"the {BOARD} board was found in {len(pixels)} of {3 * count} pairs of pictures, "
+                f"{count} are wanted"
+            )
+        names = tuple(f"{i + 1:02d}" for i in range(count))
+        return BoardViews(BOARD.points, names, SIDES, np.array(pixels), size)
+
+
+def _observed(body: StationBody, station: NicoStation) -> ObservedBody:
+    """Let the station's motion capture measure the hand, in the true left camera's frame."""
+    truth, port = station.ground_truth, station.GetOutputPort("measured_positions")
+
+    def locate() -> NDArray:
+        return truth.locate(np.array(port.Eval(body.context), dtype=float).reshape(-1, 3))
+
+    return ObservedBody(body, locate, cameras=2)
+
+
+def _pictures(station: NicoStation, board_poses: Iterable[NDArray]) -> Iterator[list[NDArray]]:
+    """Hold a chessboard before the cameras, and give what both see of it."""
+    context = station.CreateDefaultContext()
+    for second, X_BG in enumerate(board_poses):
+        context.SetTime(float(second))
+        station.hold_board(context, X_BG)
+        yield [station.picture(context, eye) for eye in SIDES]

@@ -1,0 +1,202 @@
+"""Nico at work, live: sliders move its joints, its self-model predicts what its cameras see."""
+
+import time
+from collections.abc import Callable
+
+import numpy as np
+from numpy.typing import NDArray
+
+from nico_selfmodel.errors import ModelError
+from nico_selfmodel.geometry.transform import inverse
+from nico_selfmodel.model.cameras.mirror import Mirror
+from nico_selfmodel.model.cameras.stereo_rig import SIDES
+from nico_selfmodel.model.self_model import SelfModel
+from nico_selfmodel.plant import ArmDescription
+from nico_selfmodel.sessions.camera_scenario import RenderedNico
+from nico_selfmodel.sessions.nico_before_mirrors import DEFAULT_MIRROR, NicoBeforeMirrors
+from nico_selfmodel.systems import Imperfections, NicoStation, StationBody
+from nico_selfmodel.systems.closing import Closable
+from nico_selfmodel.systems.rendering.mirror_scene import put_mirror
+from nico_selfmodel.viz.live.station_mirror import StandingGlass
+from nico_selfmodel.viz.live.station_view import StationView
+
+STOP = "stop"
+"""Label of the button that ends the show."""
+_DAY = 99
+_ELSEWHERE_M, _ELSEWHERE = 0.04, np.radians(10.0)
+"""A learned mirror farther from where it is put stood elsewhere; heads are degrees off."""
+_TURNED = np.radians(1.0)
+"""A joint held farther from where it was while learning is another pose."""
+
+
+class Watching(Closable):
+    """A station and its view; closing gives the station back."""
+
+    def __init__(
+        self,
+        model: SelfModel,
+        world: Imperfections,
+        seed: int,
+        *,
+        mirror: tuple[str, Mirror | None] | None = None,
+        recording: bool = False,
+    ) -> None:
+        """Wake the robot up and draw it.
+
+        Args:
+            model: What it has learned: arm and cameras.
+            world: What is wrong with it.
+            seed: Which robot; the one that learned the model.
+            mirror: A mirror that the model knows and where it is put before the left camera as
+                designed; None as place for where `learn --mirror` puts it.
+            recording: Keep an animation.
+
+        Raises:
+            ModelError: If the model lacks arm, cameras or that mirror, or tracks something else; or
+                if the mirror was learned at another place and nobody says where to put it; or if
+                its head was turned elsewhere, so that it knows nothing of what these cameras see.
+        """
+        if mirror is not None:
+            _check_mirror(model, *mirror)
+        self.marker = model.markers[0]
+        self._nico = RenderedNico(world, seed, (self.marker,))
+        self._nico.arm.check_joints(model.joints)
+        _check_head(model, self._nico.arm)
+        self._before = None if mirror is None else _before(self._nico, model, *mirror)
+        self.station: NicoStation = (
+            self._nico.station(_DAY, model.rig)
+            if self._before is None
+            else self._before.station(_DAY)
+        )
+        self.body = StationBody(self.station, self.station.joints, (self.marker,))
+        self.model = model
+        glass = None if self._before is None else self._put_glass(self._before)
+        self.mirror = None if glass is None else glass.mirror
+        self.view = StationView(self._nico.arm, model, glass=glass, recording=recording)
+
+    def _give_back(self) -> None:
+        self.station.close()
+
+    def _put_glass(self, before: NicoBeforeMirrors) -> StandingGlass:
+        ((name, view),) = before.views.items()
+        put_mirror(self.station, self.body.context, view.X_BM)
+        X_RM = inverse(before.nico.arm.links.X_BR) @ view.X_BM
+        return StandingGlass(name, X_RM, before.plate.width, before.plate.height)
+
+    def show(self) -> NDArray:
+        """Show the station as it is now.
+
+        Returns:
+            Distance of the predicted from the tracked pixels in each camera, then the same of the
+            reflection where there is a mirror; nan where not seen [px]. Shape (2,) or (4,).
+        """
+        context = self.body.context
+        readings = self._read("encoders")
+        pixels = self._read("hand_pixels")
+        images = [self.station.picture(context, eye) for eye in SIDES]
+        p_WH = self.model.predict(readings).p_WH
+        expected = self.model.rig.project(p_WH)[0]
+        if self.mirror is None:
+            self.view.show(readings, images, pixels)
+            return np.linalg.norm((pixels - expected).reshape(2, 2), axis=1)
+        reflected = self._read("reflected_pixels")
+        self.view.show(readings, images, pixels, reflected)
+        behind = self.model.mirror_rig(self.mirror).project(p_WH)[0]
+        miss = np.concatenate([pixels - expected, reflected - behind])
+        return np.linalg.norm(miss.reshape(4, 2), axis=1)
+
+    def visit_random_poses(
+        self, count: int, progress: Callable[[int, int], None] | None = None
+    ) -> list[NDArray]:
+        """Visit poses in view, in the mirror if there is one, and show each.
+
+        Returns:
+            What `show` returned at each pose.
+        """
+        rng = np.random.default_rng(7)
+        if self._before is None:
+            plan = self._nico.plan(self.station, 0, count, rng)
+        else:
+            plan, _ = self._before.plan(self.station, count, 0, rng, best=False)
+        errors = []
+        for done, (_, command) in enumerate(plan[:count], start=1):
+            self.body.move_and_measure(command)
+            errors.append(self.show())
+            if progress:
+                progress(done, count)
+        return errors
+
+    def run(self, tell: Callable[[NDArray], None], seconds: float = np.inf) -> None:
+        """Follow the sliders in real time until the stop button is pressed.
+
+        Args:
+            tell: Called with what `show` returned after every frame.
+            seconds: How long at most [s].
+        """
+        meshcat = self.view.meshcat
+        servos = self.model.servos
+        start = self._read("encoders")
+        for i, joint in enumerate(self.station.joints):
+            ends = np.array([joint.lower, joint.upper], dtype=float)
+            low, high = self._degrees(servos.to_joint(np.tile(ends, (len(start), 1)).T)[:, i])
+            here = float(np.degrees(servos.to_joint(start)[i]))
+            meshcat.AddSlider(
+                f"{joint.name} [deg]", low, high, 0.5, float(np.clip(here, low, high))
+            )
+        meshcat.AddButton(STOP)
+        simulator = self.body.simulator
+        began, first = time.monotonic(), simulator.get_context().get_time()
+        while meshcat.GetButtonClicks(STOP) == 0 and time.monotonic() - began < seconds:
+            wanted = [
+                meshcat.GetSliderValue(f"{joint.name} [deg]") for joint in self.station.joints
+            ]
+            command = servos.to_encoder(np.radians(wanted))
+            self.station.GetInputPort("command").FixValue(self.body.context, command)
+            simulator.AdvanceTo(first + time.monotonic() - began)
+            tell(self.show())
+        meshcat.DeleteAddedControls()
+
+    def _read(self, port: str) -> NDArray:
+        return np.array(self.station.GetOutputPort(port).Eval(self.body.context))
+
+    @staticmethod
+    def _degrees(ends: NDArray) -> tuple[float, float]:
+        low, high = np.sort(np.degrees(ends))
+        return float(low), float(high)
+
+
+def _before(
+    nico: RenderedNico, model: SelfModel, name: str, place: Mirror | None
+) -> NicoBeforeMirrors:
+    return NicoBeforeMirrors(nico, {name: place or DEFAULT_MIRROR}, knows=model, rig=model.rig)
+
+
+def _check_head(model: SelfModel, arm: ArmDescription) -> None:
+    """Refuse a model that was learned with joints of the head or the hand held elsewhere."""
+    for joint, held in model.robot.get("held", {}).items():
+        here = arm.held.get(joint, held)
+        if abs(here - held) > _TURNED:
+            raise ModelError(
+                f"self-model {model.name!r} was learned with {joint} at {np.degrees(held):.0f} "
+                f"deg, and this Nico holds it at {np.degrees(here):.0f} deg: learn it anew with "
+                "`nico-selfmodel learn`"
+            )
+
+
+def _check_mirror(model: SelfModel, name: str, place: Mirror | None) -> None:
+    """Refuse mirrors that the model does not know, and guesses about where they stood.
+
+    Raises:
+        ModelError: Saying which there are, or where it was learned to stand.
+    """
+    learned = model.mirror_rig(name).mirror
+    if place is not None:
+        return
+    apart = abs(learned.distance - DEFAULT_MIRROR.distance)
+    if apart > _ELSEWHERE_M or learned.angle_to(DEFAULT_MIRROR) > _ELSEWHERE:
+        tilt_x, tilt_y = np.degrees(learned.values[:2])
+        raise ModelError(
+            f"mirror {name!r} was learned {1e3 * learned.distance:.0f} mm before the left eye, "
+            f"turned by {tilt_x:.0f} and {tilt_y:.0f} deg, not where `learn --mirror` puts one: "
+            f"say where to put it as it was recorded, --mirror {name}=MM,DEG,DEG"
+        )

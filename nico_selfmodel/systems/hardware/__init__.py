@@ -1,0 +1,1 @@
+"""Drake systems of real devices: servos, cameras, motion capture."""

@@ -1,0 +1,1 @@
+"""Pictures of a simulated station: renderers, mirrors, cards."""

@@ -1,0 +1,188 @@
+"""Mirrors in the simulated world, and what rendered cameras see in them."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+from pydrake.common.value import AbstractValue
+from pydrake.geometry import (
+    Box,
+    FrameId,
+    FramePoseVector,
+    GeometryFrame,
+    GeometryInstance,
+    IllustrationProperties,
+    QueryObject,
+    Rgba,
+    SceneGraph,
+    SourceId,
+)
+from pydrake.math import RigidTransform
+from pydrake.systems.framework import Context, LeafSystem, System
+
+from nico_selfmodel.geometry.transform import inverse
+from nico_selfmodel.systems.rendering.cropped_render import CroppedRender
+from nico_selfmodel.vision.images.mirror_glass import GlassInView
+
+AWAY = RigidTransform(p=[0.0, 0.0, -60.0])
+"""Pose of a mirror that nobody has put anywhere."""
+_THICK = 0.004
+_GLASS = (0.62, 0.72, 0.80, 1.0)
+_RIM, _BACK = (70, 74, 78, 255), (110, 104, 96, 255)
+"""Red, green, blue, opacity of what is around the glass and on its back."""
+
+
+@dataclass(frozen=True)
+class MirrorPlate:
+    """A flat mirror as it can be bought.
+
+    In its frame M, in the middle of the glass, x is right and y down for whoever looks into it.
+    """
+
+    name: str = "mirror"
+    """What it is called."""
+    width: float = 0.40
+    """Of the glass [m]."""
+    height: float = 0.30
+    """Of the glass [m]."""
+    rim: float = 0.006
+    """Width of the dark rim around the glass [m]."""
+
+    def __post_init__(self) -> None:
+        """Check the numbers."""
+        if not (self.width > 0.0 and self.height > 0.0 and self.rim >= 0.0):
+            raise ValueError(
+                "width and height must be positive and the rim not negative, got "
+                f"{self.width}, {self.height} and {self.rim} m"
+            )
+
+
+class MirrorScene(LeafSystem):
+    """Mirrors that somebody can put anywhere in a scene graph.
+
+    | port | | carries |
+    |---|---|---|
+    | `<name>_pose` | in | pose X_WM of that mirror, a `RigidTransform`; away if not connected |
+    | `geometry_pose` | out | poses of all mirrors for the scene graph |
+
+    Renderers know nothing of the glass: `StereoCameras` that are given `self.glasses` work out what
+    it shows. Other mirrors are not seen in a mirror.
+    """
+
+    def __init__(self, scene_graph: SceneGraph, plates: Sequence[MirrorPlate]) -> None:
+        """Make the mirrors, all of them put away.
+
+        Args:
+            scene_graph: Where they shall stand.
+            plates: The mirrors.
+
+        Raises:
+            ValueError: If there is none, or two have one name.
+        """
+        super().__init__()
+        names = [plate.name for plate in plates]
+        if not names or len(set(names)) < len(names):
+            raise ValueError(f"mirrors must have different names, got {names}")
+        self.source: SourceId = scene_graph.RegisterSource("mirrors")
+        self.glasses: tuple[Glass, ...] = tuple(
+            Glass(plate, _registered(scene_graph, self.source, plate)) for plate in plates
+        )
+        still = AbstractValue.Make(RigidTransform())
+        self._poses = [self.DeclareAbstractInputPort(f"{name}_pose", still) for name in names]
+        self.DeclareAbstractOutputPort(
+            "geometry_pose",
+            lambda: AbstractValue.Make(FramePoseVector()),
+            self._tell,
+            {port.ticket() for port in self._poses},
+        )
+
+    def _tell(self, context: Context, value: AbstractValue) -> None:
+        poses = FramePoseVector()
+        for glass, port in zip(self.glasses, self._poses, strict=True):
+            pose = port.Eval(context) if port.HasValue(context) else AWAY
+            poses.set_value(glass.frame, pose)
+        value.set_value(poses)
+
+
+def put_mirror(station: System, context: Context, X_BM: NDArray | None) -> None:
+    """Put the mirror of a station somewhere, through its port `mirror_pose`.
+
+    Args:
+        station: With such a port, as `NicoStation` has it.
+        context: The station's own.
+        X_BM: Pose of the glass in the frame of the arm's base; None puts it away. Shape (4, 4).
+    """
+    pose = AWAY if X_BM is None else RigidTransform(pose=np.asarray(X_BM, dtype=float))
+    station.GetInputPort("mirror_pose").FixValue(context, AbstractValue.Make(pose))
+
+
+@dataclass(frozen=True, eq=False)
+class Glass:
+    """A mirror as cameras find it in a scene graph."""
+
+    plate: MirrorPlate
+    """What it is."""
+    frame: FrameId
+    """Its frame M."""
+
+    def show(
+        self, query: QueryObject, eye: CroppedRender, X_WC: NDArray, seen: NDArray, depth: NDArray
+    ) -> None:
+        """Put what is seen of this mirror into what a pinhole camera sees of all else.
+
+        Args:
+            query: The scene graph.
+            eye: The camera.
+            X_WC: Its pose. Shape (4, 4).
+            seen: Its picture, red, green, blue, opacity; changed in place. Shape (h, w, 4).
+            depth: Distances of what it sees [m], changed in place. Shape (h, w).
+        """
+        plate = self.plate
+        X_WM = query.GetPoseInWorld(self.frame).GetAsMatrix4()
+        X_CM = inverse(X_WC) @ X_WM
+        around = (plate.width + 2.0 * plate.rim, plate.height + 2.0 * plate.rim)
+        outer = GlassInView.of(eye.K, eye.size, X_CM, around)
+        if outer is None:
+            return
+        outer.show(seen, depth, _RIM if outer.faces_camera else _BACK, None)
+        glass = GlassInView.of(eye.K, eye.size, X_CM, (plate.width, plate.height))
+        if glass is None or not glass.faces_camera:
+            return
+        K, size = glass.twin
+        X_WV = RigidTransform(pose=X_WM @ glass.X_MV)
+        world = query.inspector().world_frame_id()
+        twin = CroppedRender(eye.renderer, size, K, world, X_WV, near=glass.distance)
+        glass.show(seen, depth, twin(query), K)
+
+
+def show_mirrors(
+    query: QueryObject, eye: CroppedRender, glasses: Sequence[Glass], X_WC: NDArray
+) -> NDArray:
+    """Render what a pinhole camera sees, mirrors included.
+
+    Args:
+        query: The scene graph.
+        eye: The camera.
+        glasses: The mirrors, in any order: the nearer one hides the other.
+        X_WC: Pose of the camera. Shape (4, 4).
+
+    Returns:
+        Red, green, blue, opacity, 8 bits. Shape (h, w, 4).
+    """
+    seen, depth = eye.with_depth(query)
+    for glass in glasses:
+        glass.show(query, eye, X_WC, seen, depth)
+    return seen
+
+
+def _registered(scene_graph: SceneGraph, source: SourceId, plate: MirrorPlate) -> FrameId:
+    """Register a frame with a plate that viewers draw and renderers do not."""
+    frame = scene_graph.RegisterFrame(source, GeometryFrame(plate.name))
+    behind = RigidTransform(p=np.array([0.0, 0.0, 0.5 * _THICK]))
+    shape = GeometryInstance(behind, Box(plate.width, plate.height, _THICK), f"{plate.name}_glass")
+    properties = IllustrationProperties()
+    properties.AddProperty("phong", "diffuse", Rgba(*_GLASS))
+    shape.set_illustration_properties(properties)
+    scene_graph.RegisterGeometry(source, frame, shape)
+    return frame

@@ -1,0 +1,215 @@
+"""A pair of cameras that render what is before them, with lens, noise and motion blur."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import lru_cache
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+from pydrake.common.value import AbstractValue
+from pydrake.geometry import FrameId, QueryObject
+from pydrake.math import RigidTransform
+from pydrake.systems.framework import Context, LeafSystem
+
+from nico_selfmodel.errors import RobotError
+from nico_selfmodel.model.cameras.camera import Camera
+from nico_selfmodel.model.cameras.stereo_rig import SIDES, StereoRig
+from nico_selfmodel.systems.closing import Closable
+from nico_selfmodel.systems.image_values import image_value, write_bgr
+from nico_selfmodel.systems.rendering.cropped_render import CroppedRender
+from nico_selfmodel.systems.rendering.mirror_scene import Glass, show_mirrors
+from nico_selfmodel.vision.images.lens_warp import LensWarp
+
+RENDERER = "eyes"
+"""Name under which the scene graph knows the renderer, unless told otherwise."""
+
+
+@dataclass(frozen=True)
+class ImageQuality:
+    """What a sensor does to a picture."""
+
+    supersample: int = 2
+    """Rendered samples along each side of a pixel."""
+    noise: float = 2.0
+    """Standard deviation of each colour of each pixel [grey levels of 255]."""
+    gain: float = 1.0
+    """Brightness; above 1 white is soon over-exposed."""
+    fps: float = 30.0
+    """Pictures a second: within one frame the noise stays the same [1/s]."""
+    exposures: int = 1
+    """Renderings over one frame, averaged: 1 is an infinitely short shutter, more is motion
+    blur, and then pictures are taken at every frame, asked for or not."""
+
+    def __post_init__(self) -> None:
+        """Check the numbers."""
+        if self.supersample < 1 or self.exposures < 1:
+            raise ValueError(
+                "supersample and exposures must be at least 1, got "
+                f"{self.supersample} and {self.exposures}"
+            )
+        if not (self.noise >= 0.0 and self.gain > 0.0 and self.fps > 0.0):
+            raise ValueError(
+                "noise must not be negative, gain and fps positive, got "
+                f"{self.noise}, {self.gain} and {self.fps}"
+            )
+
+
+class StereoCameras(Closable, LeafSystem):
+    """Two cameras of a scene graph.
+
+    | port | | carries |
+    |---|---|---|
+    | `geometry_query` | in | the scene graph's query object |
+    | `left_image` | out | picture of the left camera, `ImageRgba8U` |
+    | `right_image` | out | picture of the right camera, `ImageRgba8U` |
+
+    A picture is rendered when its port is asked for, once for each time and pose. Its noise depends
+    on the seed and the number of the frame only, so that the same history gives the same bytes.
+    The lenses are those of a `StereoRig` that no port shows.
+    """
+
+    def __init__(
+        self,
+        rig: StereoRig,
+        frames: tuple[FrameId, FrameId],
+        quality: ImageQuality | None = None,
+        *,
+        seed: int | tuple[int, ...] = 0,
+        renderer: str = RENDERER,
+        glasses: Sequence[Glass] = (),
+    ) -> None:
+        """Mount the cameras.
+
+        Args:
+            rig: The cameras; each one's `X_WC` is its pose in its frame.
+            frames: What the left and the right camera are mounted on.
+            quality: Sampling, noise, exposure.
+            seed: Of the noise.
+            renderer: Name of the renderer in the scene graph.
+            glasses: Mirrors in the scene graph: `MirrorScene.glasses`.
+
+        Raises:
+            ModelError: If a lens sees too wide to be rendered.
+        """
+        super().__init__()
+        self.quality = quality or ImageQuality()
+        self._seed = np.ravel(seed)
+        self.__eyes = [
+            _Eye(camera, frame, self.quality.supersample, renderer, tuple(glasses))
+            for camera, frame in zip(rig.eyes, frames, strict=True)
+        ]
+        self._query = self.DeclareAbstractInputPort(
+            "geometry_query", AbstractValue.Make(QueryObject())
+        )
+        needs = {self._query.ticket(), self.time_ticket()}
+        if self.quality.exposures > 1:
+            self._film = self.DeclareAbstractState(AbstractValue.Make([]))
+            period = 1.0 / (self.quality.fps * self.quality.exposures)
+            self.DeclarePeriodicUnrestrictedUpdateEvent(period, 0.0, self._expose)
+            needs = {self.all_state_ticket(), self.time_ticket()}
+        for eye, (name, camera) in enumerate(zip(SIDES, rig.eyes, strict=True)):
+            self.DeclareAbstractOutputPort(
+                f"{name}_image",
+                lambda size=camera.image_size: image_value(*size),
+                lambda context, value, eye=eye: self._take(context, value, eye),
+                prerequisites_of_calc=needs,
+            )
+
+    def _take(self, context: Context, value: AbstractValue, eye: int) -> None:
+        """Put a picture on a port."""
+        if self.quality.exposures > 1:
+            film: Any = context.get_abstract_state(self._film).get_value()
+            light = (
+                np.mean([pair[eye] for pair in film], axis=0)
+                if film
+                else self._render(context, eye)
+            )
+        else:
+            light = self._render(context, eye)
+        write_bgr(self._develop(light, context.get_time(), eye), value.get_mutable_value())
+
+    def _expose(self, context: Context, state: Any) -> None:
+        """Add one rendering of both cameras to the film, which holds one frame."""
+        film = state.get_mutable_abstract_state(self._film)
+        pair = tuple(self._render(context, eye) for eye in range(2))
+        film.set_value([*film.get_value(), pair][-self.quality.exposures :])
+
+    def _render(self, context: Context, eye: int) -> NDArray:
+        """Return what falls on a sensor, without noise. BGR, shape (h, w, 3)."""
+        self.require_open()
+        if not self._query.HasValue(context):
+            raise RobotError(
+                f"input port {self.get_name()}.geometry_query is not connected: connect the query "
+                "output port of the scene graph that holds what the eyes shall see"
+            )
+        return self.__eyes[eye].render(self._query.Eval(context))
+
+    def _give_back(self) -> None:
+        self.__eyes.clear()  # the maps of the lenses are megabytes
+
+    def _develop(self, light: NDArray, time: float, eye: int) -> NDArray:
+        """Apply gain and noise. BGR, 8 bits."""
+        quality = self.quality
+        if quality.noise == 0.0 and quality.gain == 1.0 and light.dtype == np.uint8:
+            return light
+        picture = quality.gain * light.astype(np.float32)
+        if quality.noise > 0.0:
+            frame = round(time * quality.fps)
+            rng = np.random.default_rng([*self._seed, 12, frame, eye])
+            noise = _noise(picture.size)
+            start = rng.integers(0, len(noise) - picture.size)
+            picture += quality.noise * noise[start : start + picture.size].reshape(picture.shape)
+        return np.clip(np.rint(picture), 0.0, 255.0).astype(np.uint8)
+
+
+@lru_cache(maxsize=2)
+def _noise(size: int) -> NDArray:
+    """Return normal numbers for pictures of a size, each of which takes a part from anywhere."""
+    # Drawing a million numbers anew takes as long as a tenth of the rendering.
+    return np.random.default_rng(12).standard_normal(4 * size, dtype=np.float32)
+
+
+@lru_cache(maxsize=2)
+def _lens_warp(
+    values: tuple[float, ...], image_size: tuple[int, int], supersample: int
+) -> LensWarp:
+    """Prepare a lens; stations of one robot share it."""
+    return LensWarp.from_camera(Camera.from_values(values, image_size), supersample)
+
+
+class _Eye:
+    """One camera and its lens."""
+
+    def __init__(
+        self,
+        camera: Camera,
+        frame: FrameId,
+        supersample: int,
+        renderer: str,
+        glasses: tuple[Glass, ...],
+    ) -> None:
+        self._warp = _lens_warp(tuple(camera.values.tolist()), camera.image_size, supersample)
+        X_FC = RigidTransform(pose=camera.X_WC)
+        warp = self._warp
+        self._pinhole = CroppedRender(renderer, warp.render_size, warp.render_K, frame, X_FC)
+        self._glasses = glasses
+
+    def render(self, query: QueryObject) -> NDArray:
+        """Return the bent picture. BGR, shape (h, w, 3)."""
+        try:
+            rendered = self._through_pinhole(query)
+        except RuntimeError as error:
+            raise RobotError(
+                f"the eyes cannot render with {self._pinhole.renderer!r}: "
+                f"{' '.join(str(error).split())}"
+            ) from error
+        return np.ascontiguousarray(self._warp.apply(rendered)[:, :, 2::-1])
+
+    def _through_pinhole(self, query: QueryObject) -> NDArray:
+        """Return what falls through, before the lens bends it. RGBA."""
+        pinhole = self._pinhole
+        if not self._glasses:
+            return pinhole(query)
+        X_WC = (query.GetPoseInWorld(pinhole.frame) @ pinhole.X_FC).GetAsMatrix4()
+        return show_mirrors(query, pinhole, self._glasses, X_WC)

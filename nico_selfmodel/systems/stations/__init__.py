@@ -1,0 +1,1 @@
+"""Stations: a robot with its cameras or trackers as one Drake diagram."""

@@ -1,0 +1,262 @@
+"""A simulated robot before the world: servos, cameras, trackers, motion capture, in one diagram."""
+
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+from pydrake.geometry import SceneGraph
+from pydrake.systems.framework import Diagram, DiagramBuilder
+
+from nico_selfmodel.dataset import JointInfo
+from nico_selfmodel.model.cameras.stereo_rig import StereoRig
+from nico_selfmodel.model.self_model import SelfModel
+from nico_selfmodel.plant import ArmDescription, SelfModelPlant
+from nico_selfmodel.systems.closing import Closable, free_memory
+from nico_selfmodel.systems.image_values import bgr_of
+from nico_selfmodel.systems.looking import looking_arm
+from nico_selfmodel.systems.nico_cameras import MOUNTS, NICO_CAMERAS
+from nico_selfmodel.systems.rendering.mirror_scene import MirrorPlate, MirrorScene
+from nico_selfmodel.systems.rendering.station_scene import (
+    BoardHolder,
+    BodyPoses,
+    add_renderer,
+    print_fiducial,
+    remove_scene,
+    wrap_tape,
+)
+from nico_selfmodel.systems.rendering.stereo_cameras import ImageQuality, StereoCameras
+from nico_selfmodel.systems.simulated.encoder_model import EncoderModel
+from nico_selfmodel.systems.simulated.ground_truth import GroundTruth
+from nico_selfmodel.systems.simulated.imperfections import Imperfections, imperfections_named
+from nico_selfmodel.systems.simulated.motion_capture import MotionCapture
+from nico_selfmodel.systems.stations.nico_instance import NicoInstance
+from nico_selfmodel.systems.tracking.hand_tracker import (
+    FIDUCIAL_ID,
+    Detectors,
+    HandTracker,
+    MirrorDetectors,
+    color_detector,
+    fiducial_detector,
+)
+from nico_selfmodel.systems.tracking.mirror_expectation import connect_expectation
+from nico_selfmodel.systems.tracking.reflection_detectors import default_mirror_detectors
+from nico_selfmodel.vision.boards.chessboard import Board
+
+BOARD = Board(9, 6, 0.028)
+"""The thesis' chessboard: squares of 28 mm."""
+
+
+class NicoStation(Closable, Diagram):
+    """One robot of Nico, with everything that it can sense.
+
+    | port | | carries |
+    |---|---|---|
+    | `command` | in | where the arm's joints shall go [encoder units] |
+    | `encoders` | out | encoder readings [encoder units] |
+    | `left_image`, `right_image` | out | pictures of the wide cameras, `ImageRgba8U` |
+    | `hand_pixels` | out | left u, v, right u, v of each marker in turn, nan if not seen [px] |
+    | `hand_seen` | out | 1 where a camera sees a marker, else 0: left, right of each in turn |
+    | `hand_reasons` | out | why a marker was not seen: a tuple of texts |
+    | `measured_positions` | out | x y z of each point that motion capture sees [m], nan if lost |
+    | `frame_number` | out | frames that motion capture has taken |
+
+    A station with a mirror has `mirror_pose` (in: pose of the mirror in the frame of the arm's
+    base, a `RigidTransform`; away if not connected) and `reflected_pixels`, `reflected_seen`,
+    `reflected_reasons` (out: as the `hand_` ports, of the reflections).
+
+    A station of real servos and cameras can have the same ports. What only the simulation knows,
+    the true geometry, pose and lenses, has none; nor has the light, nor who holds the chessboard.
+    Everything random comes from `seed` (the robot) and `session` (what happens to it).
+
+    Use it in a `with` block, or `close` it: its renderer takes 50 MB. A station that was closed
+    raises `RobotError`, also from the ports of a diagram that it is part of.
+    """
+
+    def __init__(
+        self,
+        world: Imperfections | str = "thesis",
+        seed: int = 0,
+        session: int = 0,
+        *,
+        arm: ArmDescription | None = None,
+        detectors: Detectors | MirrorDetectors | None = None,
+        quality: ImageQuality | None = None,
+        eyes: StereoRig = NICO_CAMERAS,
+        board: Board = BOARD,
+        mirror: MirrorPlate | None = None,
+        knows: SelfModel | None = None,
+    ) -> None:
+        """Build the robot and its surroundings.
+
+        Args:
+            world: What is wrong with the body, or the name of a documented world.
+            seed: Which robot.
+            session: Which day: play, noise, drop-outs.
+            arm: The robot and its arm, head turned to where it looks; `looking_arm()` by default.
+            detectors: Marker -> what finds it in a picture; `fiducial` and `finger_tip` by default.
+                Before a mirror, what tells each from its reflection (`reflection_detectors`).
+            quality: Of the pictures.
+            eyes: The cameras as designed.
+            board: The chessboard that can be held up.
+            mirror: A mirror that can be put somewhere, if any.
+            knows: What the body has learned of arm and cameras; before a mirror it tells a patch of
+                colour on the hand from the reflection by where it expects its hand.
+
+        Raises:
+            ModelError: If the robot lacks a link that carries a camera.
+        """
+        super().__init__()
+        world = imperfections_named(world) if isinstance(world, str) else world
+        arm = arm or looking_arm()
+        body = NicoInstance.build(arm, world, seed, eyes)
+        if detectors is None:
+            detectors = default_detectors() if mirror is None else default_mirror_detectors()
+        self.arm, self.world, self.seed, self.session = arm, world, seed, session
+        self.tracked = tuple(detectors)
+        self.image_size = eyes.left.image_size
+        self.board = board
+        self.__instance = body
+        builder = DiagramBuilder()
+        noise = (seed, session)
+        start = body.mechanics.servos.to_encoder(np.zeros(len(arm.joints)))
+        servos = EncoderModel(body.mechanics, start, seed=noise)
+        builder.AddNamedSystem("servos", servos)
+        self.__holder, cameras, poses = _add_scene(
+            builder, servos, arm, body, board, quality, noise, mirror
+        )
+        _add_motion_capture(builder, poses, body, world, noise)
+        tracker = HandTracker(detectors, before_mirror=mirror is not None)
+        builder.AddNamedSystem("tracker", tracker)
+        for eye in ("left", "right"):
+            port = cameras.GetOutputPort(f"{eye}_image")
+            builder.Connect(port, tracker.GetInputPort(f"{eye}_image"))
+            builder.ExportOutput(port, f"{eye}_image")
+        for port in ("pixels", "seen", "reasons"):
+            builder.ExportOutput(tracker.GetOutputPort(port), f"hand_{port}")
+            if mirror is not None:
+                reflected = f"reflected_{port}"
+                builder.ExportOutput(tracker.GetOutputPort(reflected), reflected)
+        if mirror is not None and knows is not None:
+            connect_expectation(builder, servos.GetOutputPort("encoders"), tracker, knows)
+        builder.ExportInput(servos.GetInputPort("command"), "command")
+        builder.ExportOutput(servos.GetOutputPort("encoders"), "encoders")
+        builder.BuildInto(self)
+        self.set_name("nico")
+
+    def _give_back(self) -> None:
+        for part in self.GetSystems():
+            if isinstance(part, Closable):
+                part.close()
+            elif isinstance(part, SceneGraph):
+                remove_scene(part)
+        free_memory()
+
+    @property
+    def joints(self) -> tuple[JointInfo, ...]:
+        """Names, units and stops of the arm's joints, as a data set states them."""
+        return self.__instance.mechanics.joints
+
+    @property
+    def ground_truth(self) -> GroundTruth:
+        """What only the simulation knows: for judging and for tests, never for learning."""
+        return self.__instance.ground_truth
+
+    def hold_board(self, context: Any, X_BG: NDArray | None) -> None:
+        """Hold the chessboard before the robot.
+
+        Args:
+            context: The station's context, or that of a diagram it is part of.
+            X_BG: Pose of the board in the frame of the arm's base: corners in the plane z = 0,
+                the first one at the origin, seen along z; None puts it away. Shape (4, 4).
+        """
+        self.require_open()
+        self.__holder.hold(self.__holder.GetMyMutableContextFromRoot(context), X_BG)
+
+    def picture(self, context: Any, eye: str) -> NDArray:
+        """Return what a camera sees, BGR of shape (h, w, 3), in the station's own context.
+
+        Raises:
+            RobotError: If the station was closed, or nothing can be rendered.
+        """
+        self.require_open()
+        return bgr_of(self.GetOutputPort(f"{eye}_image").Eval(context))
+
+
+def default_detectors(rig: StereoRig | None = None) -> Detectors:
+    """Return detectors of the fiducial on the back of Nico's hand and of the tape on its finger.
+
+    Args:
+        rig: The calibrated cameras, whose lenses are then taken out before fiducials are located.
+    """
+    cameras = (None, None) if rig is None else rig.eyes
+    left, right = (fiducial_detector(camera=camera) for camera in cameras)
+    return {"fiducial": (left, right), "finger_tip": color_detector()}
+
+
+def _add_scene(
+    builder: DiagramBuilder,
+    servos: EncoderModel,
+    arm: ArmDescription,
+    body: NicoInstance,
+    board: Board,
+    quality: ImageQuality | None,
+    seed: tuple[int, int],
+    mirror: MirrorPlate | None,
+) -> tuple[BoardHolder, StereoCameras, BodyPoses]:
+    """Add what is to be seen, and what sees it."""
+    scene_graph = SceneGraph()
+    builder.AddNamedSystem("scene", scene_graph)
+    built = SelfModelPlant.from_urdf(arm, body.model, scene_graph=scene_graph)
+    add_renderer(scene_graph, glare=mirror is not None)
+    if "fiducial" in arm.points:
+        print_fiducial(
+            scene_graph, built, arm.points["fiducial"], FIDUCIAL_ID, "right_wrist_marker"
+        )
+    if "finger_tip" in arm.points:
+        wrap_tape(scene_graph, built, arm.points["finger_tip"])
+    frames = tuple(
+        built.plant.GetBodyFrameIdOrThrow(built.plant.GetBodyByName(link).index())
+        for link in MOUNTS
+    )
+    poses = BodyPoses(built, body.held, body.mechanics.chain)
+    builder.AddNamedSystem("poses", poses)
+    holder = BoardHolder(scene_graph, board)
+    mirrors = None if mirror is None else MirrorScene(scene_graph, [mirror])
+    glasses = () if mirrors is None else mirrors.glasses
+    cameras = StereoCameras(body.rig, frames, quality, seed=seed, glasses=glasses)
+    builder.AddNamedSystem("board", holder)
+    builder.AddNamedSystem("eyes", cameras)
+    builder.Connect(servos.GetOutputPort("joint_angles"), poses.get_input_port())
+    builder.Connect(
+        poses.GetOutputPort("geometry_pose"),
+        scene_graph.get_source_pose_port(built.plant.get_source_id()),
+    )
+    builder.Connect(holder.get_output_port(), scene_graph.get_source_pose_port(holder.source))
+    builder.Connect(scene_graph.get_query_output_port(), cameras.get_input_port())
+    if mirrors is not None:
+        builder.AddNamedSystem("mirrors", mirrors)
+        builder.Connect(mirrors.get_output_port(), scene_graph.get_source_pose_port(mirrors.source))
+        builder.ExportInput(mirrors.get_input_port(), "mirror_pose")
+    return holder, cameras, poses
+
+
+def _add_motion_capture(
+    builder: DiagramBuilder,
+    poses: BodyPoses,
+    body: NicoInstance,
+    world: Imperfections,
+    seed: tuple[int, int],
+) -> None:
+    tracker = builder.AddNamedSystem(
+        "motion_capture",
+        MotionCapture(
+            body.mechanics.chain.markers,
+            X_TW=body.X_TB,
+            sigma=world.marker_sigma,
+            dropout_share=world.dropout_share,
+            seed=seed,
+        ),
+    )
+    builder.Connect(poses.GetOutputPort("marker_positions"), tracker.get_input_port())
+    for port in ("measured_positions", "frame_number"):
+        builder.ExportOutput(tracker.GetOutputPort(port), port)

@@ -1,0 +1,137 @@
+"""Telling a marked hand from its reflection in one picture.
+
+A fiducial says which it is: its reflection is a mirror image of a marker, which is none. A patch of
+colour does not: the body must know where its hand should be seen, and what else has the colour is
+the reflection.
+"""
+
+import numpy as np
+from numpy.typing import NDArray
+
+from nico_selfmodel.model.cameras.camera import Camera
+from nico_selfmodel.model.cameras.stereo_rig import StereoRig
+from nico_selfmodel.systems.tracking.hand_tracker import (
+    FIDUCIAL_ID,
+    RED_TAPE,
+    Found,
+    MirrorDetector,
+    MirrorDetectors,
+)
+from nico_selfmodel.vision.color.color_blob import ColorBlob, color_blobs
+from nico_selfmodel.vision.color.color_model import ColorModel
+from nico_selfmodel.vision.images.not_seen import NotSeen
+from nico_selfmodel.vision.markers.fiducial import Fiducial, find_fiducials
+from nico_selfmodel.vision.markers.fiducial_behind_lens import center_behind_lens
+from nico_selfmodel.vision.markers.fiducial_family import DEFAULT_FAMILY, FiducialFamily
+
+_GATE = 40.0
+"""A patch farther from where the hand is expected is not the hand [px]."""
+
+
+def fiducial_in_mirror(
+    marker: int = FIDUCIAL_ID, family: str = DEFAULT_FAMILY, camera: Camera | None = None
+) -> MirrorDetector:
+    """Return a detector of the centres of a square marker and of its reflection.
+
+    Args:
+        marker: Its id.
+        family: Its family.
+        camera: The calibrated camera, whose lens is then taken out before a centre is located.
+
+    Returns:
+        What finds both, wherever they are expected.
+
+    Raises:
+        ValueError: If the marker looks in a mirror like one of its own family.
+    """
+    if marker in FiducialFamily(family).mirror_twins:
+        raise ValueError(
+            f"the reflection of marker {marker} of {family} can be read as a marker: take another"
+        )
+
+    def detect(image: NDArray, expected: NDArray) -> tuple[Found, Found]:
+        seen = [item for item in find_fiducials(image, family) if item.id == marker]
+        direct, reflected = (
+            _only([item for item in seen if item.mirrored == mirrored], mirrored)
+            for mirrored in (False, True)
+        )
+        return _center(image, direct, camera), _center(image, reflected, camera)
+
+    return detect
+
+
+def color_in_mirror(model: ColorModel = RED_TAPE, gate: float = _GATE) -> MirrorDetector:
+    """Return a detector of the middles of a patch of colour and of its reflection.
+
+    Args:
+        model: The colour.
+        gate: How far from where the body expects its hand the patch may be [px].
+
+    Returns:
+        What finds both. Where the hand should be in view but no patch is near, nothing is vouched
+        for: what is seen may be either.
+    """
+
+    def detect(image: NDArray, expected: NDArray) -> tuple[Found, Found]:
+        blobs = [b for b in color_blobs(image, model) if b.area_px >= model.least_area_px]
+        if not blobs:
+            nothing = NotSeen(f"no patch of the colour with {model.least_area_px:g} pixels")
+            return nothing, nothing
+        if not _in_view(expected, image.shape, gate):
+            return NotSeen("the hand itself is out of view"), _patch(blobs)
+        away = np.array([np.linalg.norm(b.centroid - expected) for b in blobs])
+        near = np.flatnonzero(away <= gate)
+        if len(near) != 1:
+            count = "no patch" if not len(near) else f"{len(near)} patches"
+            vague = NotSeen(
+                f"{count} of the colour within {gate:g} px of where the hand is expected: which is "
+                "the hand and which its reflection is not to be told"
+            )
+            return vague, vague
+        others = [b for k, b in enumerate(blobs) if k != near[0]]
+        return _patch([blobs[near[0]]]), _patch(others)
+
+    return detect
+
+
+def default_mirror_detectors(rig: StereoRig | None = None) -> MirrorDetectors:
+    """Return detectors of what Nico's hand carries, and of its reflections.
+
+    Args:
+        rig: The calibrated cameras, whose lenses are then taken out before fiducials are located.
+    """
+    cameras = (None, None) if rig is None else rig.eyes
+    left, right = (fiducial_in_mirror(camera=camera) for camera in cameras)
+    return {"fiducial": (left, right), "finger_tip": color_in_mirror()}
+
+
+def _in_view(expected: NDArray, shape: tuple[int, ...], gate: float) -> bool:
+    """Return whether a patch that is expected somewhere may show in a picture."""
+    far = np.array(shape[1::-1]) - 1.0 + gate
+    return bool(((expected >= -gate) & (expected <= far)).all())
+
+
+def _only(found: list[Fiducial], mirrored: bool) -> Fiducial | NotSeen:
+    where = "in a mirror" if mirrored else "outside a mirror"
+    if len(found) == 1:
+        return found[0]
+    return NotSeen(f"{len(found)} such markers {where}" if found else f"no such marker {where}")
+
+
+def _center(image: NDArray, found: Fiducial | NotSeen, camera: Camera | None) -> Found:
+    if isinstance(found, NotSeen):
+        return found
+    return found.center if camera is None else center_behind_lens(image, found, camera)
+
+
+def _patch(blobs: list[ColorBlob]) -> Found:
+    """Return the middle of the largest patch, unless it is not to be trusted."""
+    if not blobs:
+        return NotSeen("no other patch of the colour: no reflection in view")
+    blob = blobs[0]
+    if len(blobs) > 1:
+        u, v = blobs[1].centroid
+        return NotSeen(f"another patch of the colour at ({u:.0f}, {v:.0f}): which is meant?")
+    if blob.touches_border:
+        return NotSeen("the patch is cut by the border of the image: its centre is not known")
+    return blob.center

@@ -1,0 +1,1 @@
+"""Chessboards in pictures."""

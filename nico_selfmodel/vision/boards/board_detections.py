@@ -1,0 +1,306 @@
+"""Folders of chessboard photographs, and the boards that are seen in them."""
+
+import hashlib
+import warnings
+from collections import Counter
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from nico_selfmodel.dataset.board_views import BoardViews
+from nico_selfmodel.errors import DataError
+from nico_selfmodel.files.reading import LARGEST_PICTURE, read_bytes, real_path
+from nico_selfmodel.names import listed
+from nico_selfmodel.progress import Progress
+from nico_selfmodel.vision.boards.chessboard import (
+    WINDOW,
+    Board,
+    ChessboardDetection,
+    find_chessboard,
+    size_of_board,
+)
+from nico_selfmodel.vision.images.image_file import image_files, looking_at, read_image
+from nico_selfmodel.vision.images.not_seen import NotSeen
+
+_IMAGES_FOR_A_HINT = 6
+_WIDEST_WINDOW = 0.7  # of a square; from 0.85 on, corners are drawn to their neighbours
+
+
+@dataclass(frozen=True, eq=False)
+class BoardDetections:
+    """One board as one or two cameras saw it."""
+
+    board: Board
+    """What was looked for."""
+    views: BoardViews
+    """The corners, in the same order in both cameras; views are named by what follows `left`."""
+    files: Mapping[str, tuple[Path, ...]]
+    """Photograph of each view, by camera."""
+    window: int
+    """Half side of the sub-pixel window [px]."""
+    not_seen: Mapping[str, str]
+    """Name of a file -> what was tried in vain."""
+
+    @property
+    def seen_views(self) -> BoardViews:
+        """The views in which some camera saw the board."""
+        return self.views.select(self.views.seen.any(axis=(1, 2)))
+
+    @property
+    def document(self) -> dict[str, Any]:
+        """What a result should tell of the detection."""
+        return {
+            "board": str(self.board),
+            "square_mm": 1e3 * self.board.square,
+            "window_px": self.window,
+            "images": sum(len(files) for files in self.files.values()),
+            "files": {
+                side: dict(zip(self.views.names, (path.name for path in files), strict=True))
+                for side, files in self.files.items()
+            },
+            "not_seen": dict(self.not_seen),
+        }
+
+    @property
+    def provenance(self) -> dict[str, str]:
+        """Where the corners come from, for a self-model: folder, board and hash of all images."""
+        digest = hashlib.sha256()
+        for path in (path for files in self.files.values() for path in files):
+            digest.update(read_bytes(path, LARGEST_PICTURE))
+        folder = real_path(next(iter(self.files.values()))[0].parent).name
+        return {"images": folder, "board": str(self.board), "images_sha256": digest.hexdigest()}
+
+    def read_images(self) -> dict[str, "Photographs"]:
+        """Return the photographs again, each read when it is asked for. Camera -> view -> image."""
+        return {
+            side: Photographs(dict(zip(self.views.names, files, strict=True)))
+            for side, files in self.files.items()
+        }
+
+
+class Photographs(Mapping[str, NDArray]):
+    """View -> red, green and blue, shape (height, width, 3); one is in memory at a time."""
+
+    def __init__(self, files: Mapping[str, Path]) -> None:
+        """Remember where they are.
+
+        Args:
+            files: View -> photograph.
+        """
+        self._files = files
+
+    def __getitem__(self, view: str) -> NDArray:
+        return np.ascontiguousarray(read_image(self._files[view])[:, :, ::-1])
+
+    def __iter__(self) -> Iterator[str]:
+        return iter(self._files)
+
+    def __len__(self) -> int:
+        return len(self._files)
+
+
+def camera_images(folder: str | Path, prefix: str) -> list[tuple[str, Path]]:
+    """List the photographs of one camera.
+
+    Args:
+        folder: Where they are.
+        prefix: How their names begin, such as `left`.
+
+    Returns:
+        Name of the view (what follows the prefix) and path, with view 2 before view 10.
+
+    Raises:
+        DataError: If the folder is missing, holds no such image or two for one view.
+    """
+    found: dict[str, Path] = {}
+    for path in image_files(folder):
+        if not path.stem.lower().startswith(prefix.lower()):
+            continue
+        name = path.stem[len(prefix) :].strip("_-. ") or prefix.lower()
+        if name in found:
+            raise DataError(
+                f"{folder}: {found[name].name} and {path.name} are the same view: remove one"
+            )
+        found[name] = path
+    if not found:
+        raise DataError(f"{folder}: no images {prefix}*.png or {prefix}*.jpg; {_holds(folder)}")
+    return list(found.items())
+
+
+def stereo_pairs(folder: str | Path) -> list[tuple[str, Path, Path]]:
+    """Pair `left*` and `right*` photographs by what follows.
+
+    Args:
+        folder: Where they are.
+
+    Returns:
+        Name of the view, left path, right path, with view 2 before view 10.
+
+    Raises:
+        DataError: If the folder is missing or holds no images, those of one camera only, two for
+            one view, or images without a partner; names them.
+    """
+    names = [path.stem.lower() for path in image_files(folder)]
+    sides = [any(name.startswith(side) for name in names) for side in ("left", "right")]
+    if not any(sides):
+        raise DataError(
+            f"{folder}: no stereo images (left*.png or .jpg with right* beside them);"
+            f" {_holds(folder)}"
+        )
+    if not all(sides):
+        here, missing = ("left", "right") if sides[0] else ("right", "left")
+        raise DataError(
+            f"{folder}: images of one camera only: {here}* without {missing}*; a pair needs both"
+        )
+    left, right = dict(camera_images(folder, "left")), dict(camera_images(folder, "right"))
+    if len(left) == len(right) == 1 and set(left) == {"left"} and set(right) == {"right"}:
+        return [("pair", left["left"], right["right"])]
+    alone = [path.name for name, path in left.items() if name not in right]
+    alone += [path.name for name, path in right.items() if name not in left]
+    if alone:
+        raise DataError(
+            f"{folder}: images without a partner in the other camera: {listed(alone, most=6)};"
+            " pairs are named alike after left and right, as left01 and right01"
+        )
+    return [(name, path, right[name]) for name, path in left.items()]
+
+
+def detect_boards(
+    images: str | Path | Sequence[tuple[str, Path, Path]],
+    board: Board,
+    window: int = WINDOW,
+    progress: Progress | None = None,
+) -> BoardDetections:
+    """Find a board in the photographs of both cameras.
+
+    Args:
+        images: A folder (see `stereo_pairs`), or name, left path and right path of each view.
+        board: What to look for.
+        window: Half side of the sub-pixel window [px].
+        progress: Told how many images are done.
+
+    Returns:
+        The corners, in the same order in both cameras.
+
+    Raises:
+        DataError: If the images cannot be read or paired, differ in size, or show no such board.
+    """
+    pairs = stereo_pairs(images) if isinstance(images, str | Path) else list(images)
+    files = [path for _, *both in pairs for path in both]
+    found, size = _find(files, board, window, progress)
+    left, right = _corners(found[0::2], board), _corners(found[1::2], board)
+    for i in np.flatnonzero(_all_finite(left) & _all_finite(right)):
+        right[i] = board.same_order(left[i], right[i])
+    names = tuple(name for name, _, _ in pairs)
+    pixels = np.concatenate([left, right], axis=2)
+    by_eye = {"left": tuple(files[0::2]), "right": tuple(files[1::2])}
+    views = BoardViews(board.points, names, ("left", "right"), pixels, size)
+    return BoardDetections(board, views, by_eye, window, _not_seen(files, found))
+
+
+def detect_boards_of_one_camera(
+    images: Sequence[tuple[str, Path]],
+    board: Board,
+    window: int = WINDOW,
+    progress: Progress | None = None,
+    side: str = "left",
+) -> BoardDetections:
+    """Find a board in the photographs of one camera.
+
+    Args:
+        images: Name and path of each view, as `camera_images` lists them.
+        board: What to look for.
+        window: Half side of the sub-pixel window [px].
+        progress: Told how many images are done.
+        side: What the camera is called.
+
+    Returns:
+        The corners.
+
+    Raises:
+        DataError: If an image cannot be read, sizes differ, or no image shows such a board.
+    """
+    files = [path for _, path in images]
+    found, size = _find(files, board, window, progress)
+    names = tuple(name for name, _ in images)
+    views = BoardViews(board.points, names, (side,), _corners(found, board), size)
+    return BoardDetections(board, views, {side: tuple(files)}, window, _not_seen(files, found))
+
+
+def _find(
+    files: Sequence[Path], board: Board, window: int, progress: Progress | None
+) -> tuple[list[ChessboardDetection | NotSeen], tuple[int, int]]:
+    if not files:
+        raise DataError("no images were given")
+    found: list[ChessboardDetection | NotSeen] = []
+    sizes: dict[tuple[int, int], Path] = {}
+    for done, path in enumerate(files, start=1):
+        image = read_image(path)
+        sizes.setdefault((image.shape[1], image.shape[0]), path)
+        with looking_at(path):
+            found.append(find_chessboard(image, board, window))
+        if progress:
+            progress("looking for boards", done, len(files))
+    if len(sizes) > 1:
+        seen = listed(f"{path.name} has {w}x{h}" for (w, h), path in sizes.items())
+        raise DataError(f"{files[0].parent}: images of different sizes: {seen} pixels")
+    detections = [item for item in found if isinstance(item, ChessboardDetection)]
+    if not detections:
+        raise DataError(_no_board(files, board, _not_seen(files, found)))
+    _warn_of_small_squares(detections, window)
+    return found, next(iter(sizes))
+
+
+def _all_finite(corners: NDArray) -> NDArray:
+    return np.asarray(np.isfinite(corners).all(axis=(1, 2)))
+
+
+def _corners(found: Sequence[ChessboardDetection | NotSeen], board: Board) -> NDArray:
+    nothing = np.full((board.rows * board.columns, 2), np.nan)
+    rows = [item.corners if isinstance(item, ChessboardDetection) else nothing for item in found]
+    return np.stack(rows)
+
+
+def _not_seen(
+    files: Sequence[Path], found: Sequence[ChessboardDetection | NotSeen]
+) -> dict[str, str]:
+    pairs = zip(files, found, strict=True)
+    return {path.name: item.reason for path, item in pairs if isinstance(item, NotSeen)}
+
+
+def _no_board(files: Sequence[Path], board: Board, tried: dict[str, str]) -> str:
+    """Say in which images what was tried, and which board may have been meant."""
+    guesses = []
+    for path in files[:_IMAGES_FOR_A_HINT]:
+        with looking_at(path):
+            guesses.append(size_of_board(read_image(path)))
+    sizes = Counter(guess for guess in guesses if guess)
+    hint = "the size counts inner corners: 10x7 squares have 9x6"
+    if sizes:
+        (columns, rows), _ = sizes.most_common(1)[0]
+        hint = f"a {columns}x{rows} board seems to be there ({hint})"
+    reason, _ = Counter(tried.values()).most_common(1)[0]
+    return (
+        f"{files[0].parent}: no {board} board in any of {len(files)} images"
+        f" ({listed((path.name for path in files), most=6)}): {reason}; {hint}"
+    )
+
+
+def _warn_of_small_squares(detections: Sequence[ChessboardDetection], window: int) -> None:
+    refined = [item.smallest_square_px for item in detections if item.window is not None]
+    small = [size for size in refined if window > _WIDEST_WINDOW * size]
+    if small:
+        warnings.warn(
+            f"squares are as small as {min(small):.0f} px in {len(small)} images, and the sub-pixel"
+            f" window of {window} px nearly sees neighbouring corners: take a smaller window",
+            stacklevel=4,
+        )
+
+
+def _holds(folder: str | Path) -> str:
+    names = sorted(path.name for path in Path(folder).iterdir() if not path.name.startswith("."))
+    return f"it holds {listed(names, most=6)}" if names else "it is empty"

@@ -1,0 +1,141 @@
+"""Corners of a board that lie where the others cannot have them.
+
+`cornerSubPix` gives up where its search leaves the window, and hands the rough corner back without
+a word, 5 to 12 px off; glare, a shadow's edge or dirt lead it astray within the window. A board is
+flat and a lens is round: a homography and a few coefficients of the lens leave what noise moves a
+corner by. Each corner is judged by what the others say of it: with the hat matrix H of the fit, a
+residual e becomes (I - H_ii)^-1 e (Cook, Weisberg 1982, section 2.2).
+"""
+
+import numpy as np
+from numpy.typing import NDArray
+
+from nico_selfmodel.geometry.homography import homography
+from nico_selfmodel.least_squares import levenberg_marquardt
+
+_SIGNIFICANT = 8.0
+"""Standard deviations of a corner, where there are many others; of few they are less certain."""
+_FAR = 1.5
+"""Off by less, a corner is none that a search missed [px]."""
+_WITHIN = 0.3
+"""Share of a square up to which a window holds nothing of the neighbouring corners. A larger one is
+drawn towards them, ..."""
+_DRAWN, _DRAWN_SHARE = 6.0, 0.25
+"""... by up to so many pixels, or this share of a square: for boards of small squares that is the
+price of the window that was asked for."""
+_BENDS = ((60, 3), (12, 2), (0, 1))
+"""Least corners -> how many coefficients of the lens are fitted."""
+_FIRST_FIELD, _LEAST_FIELD = 0.2, 1e-4
+"""Of `a` at the start, and at least."""
+
+
+def stray_corners(grid: NDArray, image_size: tuple[int, int], window: int | None = None) -> NDArray:
+    """Return which corners lie far from where the others have them.
+
+    Args:
+        grid: Corners [px]. Shape (rows, columns, 2).
+        image_size: Width and height of the image, about whose centre its lens bends [px].
+        window: Half side of the sub-pixel window that they were refined with [px]; None where the
+            detector refines by itself.
+
+    Returns:
+        Boolean. Shape (rows, columns).
+
+    Raises:
+        ValueError: If the corners lie on one line.
+    """
+    fit = _BoardBehindLens(grid, image_size)
+    e, own = fit.residuals_and_leverage()
+    without = np.linalg.solve(np.eye(2) - own, e[:, :, None])[:, :, 0]  # had it had no part
+    squared = np.sum(e * without, axis=1)
+    freedom = max(e.size - fit.count - 2, 1)
+    # How far corners scatter: as all others say, or as the median one where several are off. Of two
+    # coordinates the median square is 2 ln 2 variances.
+    others = np.maximum(np.sum(e * e) - squared, 0.0) / freedom
+    variance = np.maximum(np.minimum(others, np.median(squared) / (2.0 * np.log(2.0))), 1e-18)
+    certain = _SIGNIFICANT**2 * (1.0 + 20.0 / freedom)
+    far = np.linalg.norm(without, axis=1) * fit.pixels > _limits(grid, window)
+    return (far & (squared > certain * variance)).reshape(grid.shape[:2])
+
+
+class _BoardBehindLens:
+    """Corners as a plane behind a round lens, however wide its field.
+
+    y ~ H b, r = |y|, t = atan(sqrt(a) r) / sqrt(a), z = t (1 + k1 t^2 + k2 t^4) y / r: the lens of
+    Devernay and Faugeras (2001), which a fisheye is, with a polynomial for what is left.
+    """
+
+    def __init__(self, grid: NDArray, image_size: tuple[int, int]) -> None:
+        """Fit it by least squares."""
+        rows, columns = grid.shape[:2]
+        centre = 0.5 * (np.array(image_size) - 1.0)
+        self.pixels = float(np.hypot(*centre))
+        """Of the unit of length: from the image's centre to its corner."""
+        across, down = np.meshgrid(np.linspace(-1, 1, columns), np.linspace(-1, 1, rows))
+        self._board = np.stack([across.ravel(), down.ravel(), np.ones(across.size)], axis=1)
+        self._measured = (grid.reshape(-1, 2) - centre) / self.pixels
+        H = homography(self._board[:, :2], self._measured)
+        start = (H / H[2, 2]).ravel()[:8]
+        bends = next(k for least, k in _BENDS if len(self._board) >= least)
+        self.count = 8 + bends
+        start = np.append(start, [_FIRST_FIELD, 0.0, 0.0][:bends])
+        self._x = levenberg_marquardt(self._normal_equations, start, max_iterations=30).x
+
+    def residuals_and_leverage(self) -> tuple[NDArray, NDArray]:
+        """Return residuals, shape (n, 2), and each corner's part of the hat matrix, (n, 2, 2)."""
+        r, jacobian = self._evaluate(self._x)
+        q, _ = np.linalg.qr(jacobian.reshape(-1, self.count))
+        q = q.reshape(-1, 2, self.count)
+        # A corner that decides a parameter alone has no residual to be judged by.
+        return r, (1.0 - 1e-9) * (q @ np.swapaxes(q, 1, 2))
+
+    def _normal_equations(self, x: NDArray) -> tuple[float, NDArray, NDArray]:
+        r, jacobian = self._evaluate(x)
+        flat = jacobian.reshape(-1, self.count)
+        return 0.5 * float(np.sum(r * r)), flat.T @ r.ravel(), flat.T @ flat
+
+    def _evaluate(self, x: NDArray) -> tuple[NDArray, NDArray]:
+        """Return residuals, shape (n, 2), and their derivatives, shape (n, 2, count)."""
+        b, H = self._board, np.append(x[:8], 1.0).reshape(3, 3)
+        a, k = max(x[8], _LEAST_FIELD), np.append(x[9:], np.zeros(2))
+        with np.errstate(all="ignore"):  # where a step went too far the cost says so
+            v = b @ H.T
+            y = v[:, :2] / v[:, 2:]
+            r = np.maximum(np.linalg.norm(y, axis=1), 1e-9)
+            t = np.arctan(np.sqrt(a) * r) / np.sqrt(a)
+            t2 = t * t
+            z = t * (1.0 + t2 * (k[0] + t2 * k[1]))
+            by_t = 1.0 + t2 * (3.0 * k[0] + t2 * 5.0 * k[1])
+            t_by_r = 1.0 / (1.0 + a * r * r)
+            # d(z y/r)/dy = z/r I + (z' - z/r) y y' / r^2;  dy/dH_0j = b_j / v_2, ...
+            outer = y[:, :, None] * y[:, None, :] / (r * r)[:, None, None]
+            by_y = (z / r)[:, None, None] * np.eye(2)
+            by_y += (by_t * t_by_r - z / r)[:, None, None] * outer
+            ratio = b / v[:, 2:]
+            by_h = np.zeros((len(b), 2, 8))
+            by_h[:, 0, :3] = by_h[:, 1, 3:6] = ratio
+            by_h[:, :, 6:] = -y[:, :, None] * ratio[:, None, :2]
+            by_a = by_t * (r * t_by_r - t) / (2.0 * a)
+            bends = np.stack([by_a, t * t2, t * t2 * t2], axis=1)[:, : self.count - 8]
+            towards = y / r[:, None]
+            jacobian = [by_y @ by_h, towards[:, :, None] * bends[:, None]]
+            return z[:, None] * towards - self._measured, np.concatenate(jacobian, axis=2)
+
+
+def _limits(grid: NDArray, window: int | None) -> NDArray:
+    """Return how far a corner may be off [px]. Shape (rows * columns,)."""
+    square = _smallest_step(grid).ravel()
+    if window is None:
+        return np.full_like(square, _FAR)
+    drawn = np.minimum(_DRAWN, _DRAWN_SHARE * square)
+    return np.where(window <= _WITHIN * square, _FAR, np.maximum(drawn, _FAR))
+
+
+def _smallest_step(grid: NDArray) -> NDArray:
+    """Return each corner's distance from its nearest neighbour [px]. Shape (rows, columns)."""
+    steps = np.full(grid.shape[:2], np.inf)
+    for along, of in ((grid, steps), (grid.swapaxes(0, 1), steps.T)):
+        lengths = np.linalg.norm(np.diff(along, axis=0), axis=2)
+        np.minimum(of[:-1], lengths, out=of[:-1])
+        np.minimum(of[1:], lengths, out=of[1:])
+    return steps

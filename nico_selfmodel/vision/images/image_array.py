@@ -1,0 +1,76 @@
+"""What an image is to a detector."""
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from nico_selfmodel.vision.images.picture_header import LARGEST_SIDE, SMALLEST_SIDE
+
+
+def as_gray(image: NDArray) -> NDArray:
+    """Return an image in grey.
+
+    Args:
+        image: Grey or BGR, 8 bits. Shape (h, w) or (h, w, 3).
+
+    Returns:
+        Shape (h, w).
+
+    Raises:
+        ValueError: If the image has another shape or type.
+    """
+    image = np.asarray(image)
+    known = image.ndim in (2, 3) and image.shape[2:] in ((), (3,))
+    if image.dtype != np.uint8 or not known or not image.size:
+        raise ValueError(
+            "image must have 8 bits and shape (h, w) or (h, w, 3),"
+            f" got {image.dtype} and {image.shape}"
+        )
+    return image if image.ndim == 2 else cv2.cvtColor(image, cv2.COLOR_BGR2GRAY)
+
+
+def as_color(image: NDArray) -> NDArray:
+    """Return a copy of an image in blue, green and red.
+
+    Args:
+        image: Grey or BGR, 8 bits. Shape (h, w) or (h, w, 3).
+
+    Returns:
+        Shape (h, w, 3).
+
+    Raises:
+        ValueError: If the image has another shape or type.
+    """
+    gray = as_gray(image)
+    return np.array(image) if np.ndim(image) == 3 else cv2.cvtColor(gray, cv2.COLOR_GRAY2BGR)
+
+
+def detectable(image: NDArray) -> NDArray:
+    """Return an image in grey that a detector can look at.
+
+    Args:
+        image: Grey or BGR, 8 bits. Shape (h, w) or (h, w, 3).
+
+    Returns:
+        Shape (h, w).
+
+    Raises:
+        ValueError: If the image has another shape or type, or a side that is too short or long.
+    """
+    gray = as_gray(image)
+    if min(gray.shape) < SMALLEST_SIDE or max(gray.shape) > LARGEST_SIDE:
+        raise ValueError(
+            f"{gray.shape[1]}x{gray.shape[0]} pixels; an image must have at least {SMALLEST_SIDE} "
+            f"a side for anything to be seen in it, and at most {LARGEST_SIDE}"
+        )
+    return gray
+
+
+def reduced(gray: NDArray, most: int) -> tuple[NDArray, float]:
+    """Return a copy of at most so many pixels, and how many pixels of the image one of its is."""
+    scale = int(np.ceil((gray.size / most) ** 0.5))
+    if scale <= 1:
+        return gray, 1.0
+    height, width = (side // scale for side in gray.shape)
+    whole = gray[: height * scale, : width * scale]
+    return cv2.resize(whole, (width, height), interpolation=cv2.INTER_AREA), float(scale)

@@ -1,0 +1,122 @@
+"""From the picture of a pinhole renderer to that of a camera with a lens."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from nico_selfmodel.arrays import read_only
+from nico_selfmodel.errors import ModelError
+from nico_selfmodel.model.cameras.camera import Camera
+
+_MARGIN = 2
+"""Rendered pixels around what the lens sees, for the interpolation."""
+_LARGEST = 8192
+"""Longest side of a picture to render; a wider lens has to be cut [px]."""
+_WIDEST = 2.5
+"""Rays flatter than this X/Z are left black: a plane cannot show them [1]."""
+
+
+@dataclass(frozen=True, eq=False)
+class LensWarp:
+    """What a pinhole renderer must render, and how the lens bends it.
+
+    The pinhole looks along the camera's axes and is padded so that it sees all that the lens sees.
+    Its matrix counts from the edge of the first pixel, as Drake's and OpenGL's do; the picture
+    that comes out counts from its centre, as OpenCV's and `Camera` do.
+    """
+
+    camera: Camera
+    """The camera to imitate."""
+    supersample: int
+    """Rendered pixels along the side of one of the camera's, where the lens does not bend."""
+    render_size: tuple[int, int]
+    """Width and height to render [px]."""
+    render_K: NDArray
+    """Intrinsic matrix to render with, from the edge of the first pixel [px]. Shape (3, 3)."""
+    dark: NDArray
+    """Pixels of the camera that no ray reaches. Boolean, shape (height, width)."""
+    maps: tuple[NDArray, NDArray]
+    """OpenCV's fixed-point maps from the supersampled camera into the rendered picture."""
+
+    @classmethod
+    def from_camera(cls, camera: Camera, supersample: int = 2) -> "LensWarp":
+        """Prepare the maps, by Newton for every sample, once.
+
+        Args:
+            camera: Intrinsics and distortion; its pose does not matter here.
+            supersample: Samples along each side of a pixel, which are averaged by area.
+
+        Returns:
+            The warp.
+
+        Raises:
+            ValueError: If `supersample` is less than 1.
+            ModelError: If the lens sees so wide that no reasonable picture holds it.
+        """
+        if supersample < 1:
+            raise ValueError(f"supersample must be at least 1, got {supersample}")
+        if max(camera.image_size) * supersample > _LARGEST:
+            raise ModelError(_too_large(supersample * np.array(camera.image_size)))
+        ideal = _ideal_of_samples(camera, supersample)
+        ideal[np.abs(ideal).max(axis=2) > _WIDEST] = np.nan
+        focal = supersample * np.array([camera.fx, camera.fy])
+        low = np.floor(np.nanmin(ideal, axis=(0, 1)) * focal) - _MARGIN
+        high = np.ceil(np.nanmax(ideal, axis=(0, 1)) * focal) + _MARGIN
+        width, height = (int(side) for side in high - low)
+        if max(width, height) > _LARGEST:
+            raise ModelError(_too_large((width, height)))
+        K = read_only([[focal[0], 0.0, -low[0]], [0.0, focal[1], -low[1]], [0.0, 0.0, 1.0]])
+        # From the edge of the first pixel to its centre, which is what cv2.remap counts from.
+        places = (ideal * focal - low - 0.5).astype(np.float32)
+        places[np.isnan(places)] = -_MARGIN * 10.0
+        maps = cv2.convertMaps(places[..., 0], places[..., 1], cv2.CV_16SC2)
+        blocks = np.isnan(ideal[..., 0]).reshape(
+            camera.image_size[1], supersample, camera.image_size[0], supersample
+        )
+        dark = read_only(blocks.all(axis=(1, 3)))
+        return cls(camera, supersample, (width, height), K, dark, (maps[0], maps[1]))
+
+    def apply(self, rendered: NDArray) -> NDArray:
+        """Bend a rendered picture.
+
+        Args:
+            rendered: 8 bits, rendered with `render_K`. Shape (h, w) or (h, w, channels).
+
+        Returns:
+            The camera's picture. Shape (height, width) or (height, width, channels).
+
+        Raises:
+            ValueError: If the picture has another size.
+        """
+        if rendered.shape[1::-1] != self.render_size:
+            raise ValueError(
+                f"the picture must be {self.render_size} wide and high, got {rendered.shape[1::-1]}"
+            )
+        bent = cv2.remap(rendered, *self.maps, cv2.INTER_LINEAR, borderMode=cv2.BORDER_CONSTANT)
+        if self.supersample == 1:
+            return bent
+        return cv2.resize(bent, self.camera.image_size, interpolation=cv2.INTER_AREA)
+
+
+def _too_large(size: Sequence[int] | NDArray) -> str:
+    return (
+        f"the lens asks for a picture of {size[0]} x {size[1]} px, at most {_LARGEST} are "
+        "rendered: lower the supersampling or check the camera"
+    )
+
+
+def _ideal_of_samples(camera: Camera, supersample: int) -> NDArray:
+    """Return X/Z, Y/Z of samples spread evenly over each pixel, nan where there is no ray.
+
+    Shape (height * supersample, width * supersample, 2).
+    """
+    width, height = camera.image_size
+    u, v = ((np.arange(size * supersample) + 0.5) / supersample - 0.5 for size in (width, height))
+    pixels = np.stack(np.meshgrid(u, v), axis=-1).reshape(-1, 2)
+    ideal = np.full(pixels.shape, np.nan)
+    seen = camera.has_rays(pixels)
+    ideal[seen] = camera.undistort(pixels[seen])
+    return ideal.reshape(height * supersample, width * supersample, 2)

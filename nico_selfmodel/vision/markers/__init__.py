@@ -1,0 +1,1 @@
+"""Fiducial markers in pictures, and sheets to print."""

@@ -1,0 +1,233 @@
+"""Figures of the estimate: how well each parameter is known, correlations, convergence."""
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.cm import ScalarMappable
+from matplotlib.colors import Normalize
+from matplotlib.figure import Figure
+from matplotlib.ticker import MaxNLocator
+from numpy.typing import NDArray
+
+from nico_selfmodel.estimation import KinematicCalibration
+from nico_selfmodel.estimation.initialization.start_search import StartSearch
+from nico_selfmodel.optimization.uncertainty import Uncertainty
+from nico_selfmodel.viz.figures import palette
+from nico_selfmodel.viz.figures.numbers_shown import decimals
+from nico_selfmodel.viz.figures.plot_style import (
+    FULL_WIDTH,
+    HALF_WIDTH,
+    grid_along,
+    headline,
+    log_ticks,
+    style,
+)
+
+_SHOWN = {"m": ("mm", 1e3), "rad": ("deg", 180.0 / np.pi), "1": ("%", 100.0)}
+"""Unit of a parameter -> unit and factor that people read."""
+_HEADING = {"m": "lengths", "rad": "angles", "1": "gears"}
+
+
+def parameter_sigmas(calibration: KinematicCalibration) -> Figure | None:
+    """Draw the standard deviation of every free parameter; None where none is known."""
+    uncertainty = calibration.uncertainty
+    if uncertainty is None:
+        return None
+    unit_of = _units(calibration)
+    groups = {
+        unit: [name for name in uncertainty.names if unit_of[name] == unit] for unit in _SHOWN
+    }
+    groups = {unit: names for unit, names in groups.items() if names}
+    with style():
+        tallest = max(len(names) for names in groups.values())
+        figure = Figure(figsize=(FULL_WIDTH, 1.1 + 0.19 * tallest))
+        panels = figure.subplots(1, len(groups), squeeze=False)[0]
+        for axes, (unit, names) in zip(panels, groups.items(), strict=True):
+            _sigma_panel(axes, calibration, uncertainty, unit, names)
+            axes.set_ylim(tallest - 0.4, -0.6)
+        headline(figure, _least_known(uncertainty, unit_of, unobservable_parameters(uncertainty)))
+    return figure
+
+
+def _sigma_panel(
+    axes: Axes,
+    calibration: KinematicCalibration,
+    uncertainty: Uncertainty,
+    unit: str,
+    names: list[str],
+) -> None:
+    shown, factor = _SHOWN[unit]
+    sigma = factor * np.array([uncertainty.sigma[uncertainty.names.index(name)] for name in names])
+    if unit == "1":
+        parameters = calibration.model.parameters
+        value = dict(zip(parameters.names, parameters.values.tolist(), strict=True))
+        sigma = sigma / np.array([value[name] for name in names])
+    unobservable = unobservable_parameters(uncertainty)
+    known = np.array([name not in unobservable for name in names])
+    reach = 1.3 * float(sigma[known].max()) if known.any() else 1.0
+    for row, (name, size) in enumerate(zip(names, sigma.tolist(), strict=True)):
+        if name not in unobservable:
+            axes.barh(row, size, height=0.68, color=_color_of(name, calibration))
+            axes.text(size + 0.01 * reach, row, decimals(size, size), va="center", fontsize=7.5)
+        else:
+            stripes = {"color": "white", "hatch": "////", "edgecolor": palette.OUTLIER}
+            axes.barh(row, reach, height=0.68, **stripes)
+            word = {"va": "center", "ha": "center", "fontsize": 7.5}
+            text = axes.text(0.5 * reach, row, "unobservable", **word)
+            text.set_color(palette.OUTLIER)
+            text.set_bbox({"facecolor": "white", "edgecolor": "none", "pad": 1.0})
+    axes.set_yticks(range(len(names)), names, fontsize=7.5)
+    axes.tick_params(axis="y", length=0)
+    axes.set_xlim(0.0, reach)
+    axes.set_xlabel(f"standard deviation [{shown}]")
+    axes.set_title(_HEADING[unit])
+    axes.spines["left"].set_visible(False)
+    grid_along(axes, "x")
+
+
+def unobservable_parameters(uncertainty: Uncertainty | None) -> frozenset[str]:
+    """Return the parameters that take part in a direction which the data do not determine.
+
+    Their standard deviations may be finite, where something does determine them a little; what is
+    known of an unobservable direction is still less than its natural scale.
+
+    Args:
+        uncertainty: What is known of the parameters; None where nothing is.
+
+    Returns:
+        Names of parameters; none where no uncertainty is known.
+    """
+    if uncertainty is None:
+        return frozenset()
+    pairs = zip(uncertainty.names, uncertainty.sigma.tolist(), strict=True)
+    unknown = {name for name, sigma in pairs if not np.isfinite(sigma)}
+    return frozenset(unknown.union(*(direction.names for direction in uncertainty.unobservable)))
+
+
+def correlations(uncertainty: Uncertainty) -> Figure | None:
+    """Draw the correlations of free parameters; None where there are not two."""
+    if len(uncertainty.names) < 2:
+        return None
+    count = len(uncertainty.names)
+    correlation = uncertainty.correlation
+    diagonal = np.eye(count, dtype=bool)
+    below = np.ma.masked_array(correlation, np.triu(np.ones((count, count), dtype=bool)))
+    with style():
+        side = float(np.clip(0.2 * count + 2.4, 5.0, 9.6))
+        figure = Figure(figsize=(side + 0.8, side))
+        axes = figure.add_subplot()
+        scale = Normalize(-1.0, 1.0)
+        axes.pcolormesh(below, cmap="RdBu_r", norm=scale, edgecolors="white", linewidth=0.4)
+        white = np.ma.masked_array(np.ones((count, count)), ~diagonal)
+        axes.pcolormesh(white, cmap="Greys", vmin=0.0, vmax=5.0)
+        small = 7.5 if count <= 30 else 6.5
+        ticks = np.arange(count) + 0.5
+        axes.set_xticks(ticks, uncertainty.names, rotation=90, fontsize=small)
+        axes.set_yticks(ticks, uncertainty.names, fontsize=small)
+        axes.tick_params(length=0)
+        axes.set_ylim(count, 0)
+        axes.set_aspect("equal")
+        axes.grid(False)
+        for spine in axes.spines.values():
+            spine.set_visible(False)
+        for border in _borders(uncertainty.names):
+            axes.plot([0, border], [border, border], color=palette.MUTED, linewidth=0.7)
+            axes.plot([border, border], [border, count], color=palette.MUTED, linewidth=0.7)
+        inset = axes.inset_axes((0.56, 0.93, 0.4, 0.025))
+        bar = ScalarMappable(scale, "RdBu_r")
+        ticks = [-1.0, -0.5, 0.0, 0.5, 1.0]
+        figure.colorbar(bar, cax=inset, orientation="horizontal", ticks=ticks)
+        inset.set_title("correlation", fontsize=8.5, fontweight="normal")
+        headline(figure, _strongest_pair(uncertainty.names, correlation))
+    return figure
+
+
+def convergence(calibration: KinematicCalibration) -> Figure | None:
+    """Draw how the last solution converged and how the starts fared; None without refinement."""
+    search, history = calibration.search, np.array(calibration.history)
+    if search is None or not len(history):
+        return None
+    with style():
+        figure = Figure(figsize=(HALF_WIDTH, 4.2))
+        top, bottom = figure.subplots(2, 1)
+        excess = (history - history.min()) / (history.min() or history.max() or 1.0)
+        # What is left at the end is rounding.
+        excess = np.maximum(excess, 1e-16)
+        top.semilogy(np.arange(len(history)), excess, "o-", color=palette.HELD_OUT, markersize=5)
+        log_ticks(top.yaxis)
+        top.xaxis.set_major_locator(MaxNLocator(integer=True, min_n_ticks=1))
+        top.set_xlim(-0.3, len(history) - 0.7)
+        top.set_xlabel("step of the final solution")
+        top.set_ylabel("cost above its\nminimum, relative")
+        _starts_panel(bottom, search)
+        same = f"{search.agreeing} of {len(search.labels)} starts reached the best minimum"
+        headline(figure, same if calibration.converged else f"Not converged; {same}")
+    return figure
+
+
+def _starts_panel(axes: Axes, search: StartSearch) -> None:
+    """Draw the cost of every start's minimum over that of the best."""
+    scores = np.asarray(search.scores, dtype=float)
+    ratio = scores / (float(scores.min()) or 1.0)
+    agreeing = np.zeros(len(ratio), dtype=bool)
+    agreeing[np.argsort(ratio, kind="stable")[: search.agreeing]] = True
+    numbers = np.arange(1, len(ratio) + 1)
+    for rows, color, label in (
+        (agreeing, palette.HELD_OUT, "best minimum"),
+        (~agreeing, palette.CROSS_VALIDATION, "another"),
+    ):
+        if rows.any():
+            axes.plot(numbers[rows], ratio[rows], "o", color=color, markersize=6, label=label)
+    if ratio.max() > 3.0:
+        axes.set_yscale("log")
+        log_ticks(axes.yaxis)
+    else:
+        axes.set_ylim(0.9, max(1.5, 1.1 * float(ratio.max())))
+    axes.xaxis.set_major_locator(MaxNLocator(integer=True, min_n_ticks=1))
+    axes.set_xlim(0.5, len(ratio) + 0.5)
+    names = list(dict.fromkeys(search.labels))
+    axes.set_xlabel(f"start (in this order: {', '.join(names)})")
+    axes.set_ylabel("cost over\nthe best")
+    above = {"loc": "lower left", "bbox_to_anchor": (-0.02, 0.97), "borderaxespad": 0.0}
+    axes.legend(ncols=2, handletextpad=0.1, **above)
+
+
+def _units(calibration: KinematicCalibration) -> dict[str, str]:
+    parameters = calibration.model.parameters
+    return dict(zip(parameters.names, parameters.units, strict=True))
+
+
+def _color_of(name: str, calibration: KinematicCalibration) -> str:
+    joint = name.rpartition(".")[0]
+    joints = calibration.model.joints
+    return palette.joint_color(joints.index(joint)) if joint in joints else palette.TRAINING
+
+
+def _least_known(
+    uncertainty: Uncertainty, unit_of: dict[str, str], unobservable: frozenset[str]
+) -> str:
+    """Say which length and which angle are known worst, or how many are unobservable."""
+    sigma = uncertainty.sigma
+    if unobservable:
+        return f"{len(unobservable)} of {len(sigma)} parameters are not determined by these data"
+    parts = []
+    for unit in ("m", "rad"):
+        rows = [i for i, name in enumerate(uncertainty.names) if unit_of[name] == unit]
+        if rows:
+            worst = max(rows, key=lambda i: sigma[i])
+            shown, factor = _SHOWN[unit]
+            size = float(factor * sigma[worst])
+            parts.append(f"{uncertainty.names[worst]} (± {decimals(size, size)} {shown})")
+    return "Least known: " + ", ".join(parts)
+
+
+def _strongest_pair(names: tuple[str, ...], correlation: NDArray) -> str:
+    off = np.abs(np.tril(correlation, -1))
+    i, j = np.unravel_index(int(np.argmax(off)), off.shape)
+    size = f"{correlation[i, j]:+.3f}".replace("-", "−")
+    return f"Strongest correlation: {names[j]} with {names[i]}, {size}"
+
+
+def _borders(names: tuple[str, ...]) -> list[int]:
+    """Return where the parameters of another joint begin."""
+    owner = [name.rpartition(".")[0] for name in names]
+    return [i for i in range(1, len(owner)) if owner[i] != owner[i - 1]]

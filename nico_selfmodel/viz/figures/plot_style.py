@@ -1,0 +1,110 @@
+"""One look for all figures, and figures as text that a page can hold."""
+
+import base64
+import io
+from collections.abc import Iterator
+from contextlib import contextmanager
+from typing import Any
+
+from matplotlib import rc_context
+from matplotlib.axes import Axes
+from matplotlib.axis import Axis
+from matplotlib.backends.backend_svg import FigureCanvasSVG
+from matplotlib.figure import Figure
+from matplotlib.ticker import LogLocator, MaxNLocator, NullFormatter
+
+from nico_selfmodel.viz.figures import palette
+
+FULL_WIDTH, HALF_WIDTH = 11.0, 5.4
+"""Widths of figures on the page, where a point of type is then about a point [inch]."""
+MANY = 1500
+"""More points than this are drawn as pixels even in an SVG."""
+
+_STYLE: dict[str, Any] = {
+    "axes.axisbelow": True,
+    "axes.edgecolor": palette.MUTED,
+    "axes.grid": True,
+    "axes.labelcolor": palette.INK,
+    "axes.labelsize": 9.0,
+    "axes.linewidth": 0.8,
+    "axes.spines.right": False,
+    "axes.spines.top": False,
+    "axes.titlecolor": palette.INK,
+    "axes.titlelocation": "left",
+    "axes.titlesize": 9.5,
+    "axes.titleweight": "bold",
+    "axes.unicode_minus": True,
+    "figure.constrained_layout.use": True,
+    "figure.facecolor": "white",
+    "font.family": "DejaVu Sans",
+    "font.size": 9.0,
+    "grid.color": palette.FAINT,
+    "grid.linewidth": 0.6,
+    "legend.fontsize": 8.5,
+    "legend.frameon": False,
+    "lines.linewidth": 1.8,
+    "svg.fonttype": "path",
+    "svg.hashsalt": "nico-selfmodel",
+    "text.parse_math": False,
+    "xtick.color": palette.MUTED,
+    "xtick.labelcolor": palette.INK,
+    "xtick.labelsize": 8.5,
+    "ytick.color": palette.MUTED,
+    "ytick.labelcolor": palette.INK,
+    "ytick.labelsize": 8.5,
+}
+
+
+@contextmanager
+def style() -> Iterator[None]:
+    """Draw and save figures in the project's look; matplotlib's own settings come back after."""
+    with rc_context({**_STYLE}):
+        yield
+
+
+def svg_data_uri(figure: Figure) -> str:
+    """Return a figure as an SVG that an `img` can hold; the same figure gives the same text."""
+    return f"data:image/svg+xml;base64,{base64.b64encode(image_bytes(figure, 'svg')).decode()}"
+
+
+def image_bytes(figure: Figure, file_format: str) -> bytes:
+    """Return a figure as a file.
+
+    Args:
+        figure: The figure.
+        file_format: `svg` or `png`.
+    """
+    buffer = io.BytesIO()
+    with style():
+        if file_format == "svg":
+            # `savefig` would lay out and walk through everything once more before it draws.
+            FigureCanvasSVG(figure).print_svg(buffer, metadata={"Date": None, "Creator": None})
+        else:
+            figure.savefig(buffer, format=file_format, dpi=160, metadata={"Software": None})
+    return buffer.getvalue()
+
+
+def headline(figure: Figure, text: str) -> None:
+    """Write what a figure shows above it."""
+    figure.suptitle(text, x=0.008, ha="left", fontsize=11.0, fontweight="bold", color=palette.INK)
+
+
+def plain_tick(value: float, _position: int) -> str:
+    """Write a tick: names of joints may hold a $, so that no text is read as mathematics."""
+    return f"{value:g}"
+
+
+def log_ticks(axis: Axis) -> None:
+    """Label a logarithmic axis plainly, however little it spans; after everything is drawn."""
+    low, high = sorted(axis.get_view_interval())
+    if high < 4.0 * low:
+        axis.set_major_locator(MaxNLocator(4))
+    elif high < 1000.0 * low:
+        axis.set_major_locator(LogLocator(subs=(1.0, 2.0, 5.0)))
+    axis.set_major_formatter(plain_tick)
+    axis.set_minor_formatter(NullFormatter())  # by default mathematics, which is not read
+
+
+def grid_along(axes: Axes, axis: str) -> None:
+    """Keep the grid lines of one axis only, `x` or `y`."""
+    axes.grid(False, axis="y" if axis == "x" else "x")

@@ -1,0 +1,1 @@
+"""A moving robot in Meshcat, and windows."""

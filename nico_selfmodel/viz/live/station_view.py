@@ -1,0 +1,269 @@
+"""A robot at work in Meshcat: its body as it knows itself, and what its cameras see right now."""
+
+from collections.abc import Sequence
+from dataclasses import replace
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+from pydrake.geometry import Meshcat
+from pydrake.math import RigidTransform
+
+from nico_selfmodel.geometry.transform import apply, inverse, transform
+from nico_selfmodel.model.cameras.stereo_rig import SIDES
+from nico_selfmodel.model.self_model import SelfModel
+from nico_selfmodel.plant import ArmDescription, SelfModelPlant
+from nico_selfmodel.plant.learned_frames import learned_frames
+from nico_selfmodel.viz.figures import palette
+from nico_selfmodel.viz.figures.rgba import Rgba
+from nico_selfmodel.viz.live.drake_backend import draw_in_drake, draw_item
+from nico_selfmodel.viz.live.image_marks import marked
+from nico_selfmodel.viz.live.screens import screens_beside
+from nico_selfmodel.viz.live.station_mirror import StandingGlass, StationMirror
+from nico_selfmodel.viz.scene.body_scene import standing
+from nico_selfmodel.viz.scene.camera_items import ImagePlane, camera_items
+from nico_selfmodel.viz.scene.robot_items import robot_items
+from nico_selfmodel.viz.scene.scene import ROOT, LegendEntry, Scene
+from nico_selfmodel.viz.scene.scene_items import Item, Markers, Picture
+from nico_selfmodel.viz.scene.surroundings import camera_from, floor_items
+
+_SPREAD = 1.5
+"""Width of an image in baselines: they overlap, as what the cameras see does."""
+_HAND = 0.006
+"""Radius of what marks the hand [m]."""
+_CYAN, _ORANGE = "#33bbee", "#ee7733"
+TRACKED, PREDICTED = palette.rgba(_CYAN), palette.rgba(_ORANGE)
+_FLESH = 0.09
+"""How far the robot reaches beyond the origins of its links [m]."""
+_SECONDS_A_FRAME = 1.0 / 8.0
+_AZIMUTH = np.radians(252.0)
+"""The first view is from the robot's right and a little behind: it looks towards its screens."""
+
+_INTO_MIRROR = np.radians(232.0)
+"""Before a mirror it is more from behind, so that one can look into the glass."""
+
+
+class StationView:
+    """The moving robot, the frusta of its cameras, their images, the tracked and predicted hand.
+
+    The robot stands upright on its own root link, whatever frame its self-model is expressed in.
+    Before a mirror, the glass carries what the left camera sees in it, the hand's reflection stands
+    behind it, and rays go from the hand over the glass into the cameras.
+    """
+
+    def __init__(
+        self,
+        arm: ArmDescription,
+        model: SelfModel,
+        meshcat: Meshcat | None = None,
+        *,
+        glass: StandingGlass | None = None,
+        recording: bool = False,
+    ) -> None:
+        """Draw everything once.
+
+        Args:
+            arm: The robot as described.
+            model: Arm and cameras as learned.
+            meshcat: Where to draw; a new server that only this machine reaches if omitted.
+            glass: A mirror before the robot that the model knows, if any.
+            recording: Keep every `show` as a frame of an animation, for `html`.
+
+        Raises:
+            ModelError: If the model lacks arm, cameras or that mirror, or the robot cannot be read.
+            SelfModelError: If the server cannot start.
+        """
+        self.model = standing(model, inverse(learned_frames(arm, model.chain).X_WR))
+        self.marker = self.model.markers[0]
+        self._built = SelfModelPlant.from_urdf(arm, self.model)
+        self._context = self._built.plant.CreateDefaultContext()
+        self._mirror = None if glass is None else StationMirror(glass, self.model)
+        self._shown: dict[str, str] = {}
+        q = np.zeros(len(arm.joints))
+        body = robot_items(arm, self.model, q)
+        self._links = sorted({item.path.split("/")[1] for item in body})
+        self._X_LD = {link: inverse(X) for link, X in self._link_poses(q).items()}
+        width = max(camera.image_size[0] / camera.fx for camera in self.model.rig.eyes)
+        self._planes = {
+            side: ImagePlane(camera, _SPREAD * self.model.rig.baseline / width)
+            for side, camera in zip(SIDES, self.model.rig.eyes, strict=True)
+        }
+        sizes = {side: plane.camera.image_size for side, plane in self._planes.items()}
+        self._azimuth = float(_AZIMUTH if glass is None else _INTO_MIRROR)
+        self._screens = screens_beside(self._extent(body), self._azimuth, sizes)
+        self._recording, self._frames = recording, 0
+        self.meshcat = draw_in_drake(self._scene(body), meshcat)
+        if recording:
+            self.meshcat.StartRecording(
+                frames_per_second=1.0 / _SECONDS_A_FRAME, set_visualizations_while_recording=True
+            )
+
+    def _scene(self, body: list[Item]) -> Scene:
+        items: list[Item] = [*body]
+        for side, plane in self._planes.items():
+            items += camera_items(side, plane, None)
+        items += [_ball("hand/tracked", TRACKED, 1.0), _ball("hand/predicted", PREDICTED, 0.8)]
+        items += [item for screen in self._screens.values() for item in screen.frame_items()]
+        last = self._screens[SIDES[1]]
+        items.append(last.words("screens/tracked", "+  hand as tracked", _CYAN, 0))
+        items.append(last.words("screens/predicted", "\u00d7  hand as predicted", _ORANGE, 1))
+        if self._mirror is not None:
+            items += self._mirror.frame_items()
+            items += [_ball("reflection/tracked", TRACKED, 1.0)]
+            items += [_ball("reflection/predicted", PREDICTED, 0.8)]
+            words = "\u25cb  its reflection"
+            items.append(last.words("screens/reflected", words, palette.INK, 2))
+        points = self._extent(body)
+        grid = floor_items(points, 0.2)
+        legend = (
+            LegendEntry("hand as tracked", TRACKED),
+            LegendEntry("hand as predicted", PREDICTED),
+        )
+        corners = [screen.corners for screen in self._screens.values()]
+        view = camera_from(np.concatenate([points, *corners]), self._azimuth, np.radians(18.0))
+        return Scene(self.model.name, (*grid, *items), view, legend)
+
+    def _extent(self, body: list[Item]) -> NDArray:
+        """Return points that the robot and what its cameras see lie between. Shape (N, 3)."""
+        links = np.concatenate([apply(item.X_WI, np.zeros((1, 3))) for item in body])
+        planes = [plane.corners for plane in self._planes.values()]
+        if self._mirror is not None:
+            planes.append(self._mirror.corners)
+        return np.concatenate([links - _FLESH, links + _FLESH, *planes])
+
+    def show(
+        self,
+        readings: ArrayLike,
+        images: Sequence[NDArray] | None = None,
+        pixels: ArrayLike | None = None,
+        reflected: ArrayLike | None = None,
+    ) -> None:
+        """Move the robot and show what it sees.
+
+        Args:
+            readings: Encoder readings [encoder units]. Shape (n,).
+            images: Pictures of the left and right camera, BGR, 8 bits. Shape (h, w, 3) each.
+            pixels: Where the cameras tracked the hand, nan where not; for the marks and the tracked
+                hand. Shape (4,).
+            reflected: Where they tracked its reflection, before a mirror. Shape (4,).
+
+        Raises:
+            ValueError: If a shape is wrong, or there is no mirror to be reflected in.
+        """
+        time = self._frames * _SECONDS_A_FRAME if self._recording else None
+        q = self.model.servos.to_joint(np.asarray(readings, dtype=float))
+        seen, in_mirror = _four(pixels, "pixels"), _four(reflected, "reflected")
+        if self._mirror is None and reflected is not None:
+            raise ValueError("reflected pixels were given, but the view was made without a glass")
+        for link, X_DL in self._link_poses(q).items():
+            self._place(f"robot/{link}", X_DL @ self._X_LD[link], time)
+        predicted = self.model.chain.forward(q)
+        self._place("hand/predicted", transform(np.eye(3), predicted), time)
+        self._show_tracked("hand/tracked", seen, time)
+        if self._mirror is not None:
+            self._show_reflection(self._mirror, predicted, in_mirror, time)
+        if images is not None:
+            self._show_images(images, predicted, seen, in_mirror, time)
+        self._frames += 1
+
+    def _show_images(
+        self,
+        images: Sequence[NDArray],
+        predicted: NDArray,
+        seen: NDArray,
+        in_mirror: NDArray,
+        time: float | None,
+    ) -> None:
+        """Show both pictures with the hand and its reflection marked, and what the glass shows."""
+        mirror = self._mirror
+        if mirror is not None:
+            self._show_item("mirror/picture", mirror.picture(images[0][:, :, ::-1]), time)
+        expected = self.model.rig.project(predicted)
+        behind = np.full(4, np.nan) if mirror is None else mirror.rig.project(predicted)
+        for k, side in enumerate(SIDES):
+            own = slice(2 * k, 2 * k + 2)
+            marks = {TRACKED: seen[own], PREDICTED: expected[own]}
+            rings = {TRACKED: in_mirror[own], PREDICTED: behind[own]}
+            self._show_image(side, marked(images[k][:, :, ::-1], marks, rings), time)
+
+    def _show_reflection(
+        self, mirror: StationMirror, predicted: NDArray, pixels: NDArray, time: float | None
+    ) -> None:
+        """Show where the reflection is expected and tracked, and how its light goes."""
+        behind = transform(np.eye(3), mirror.reflection(predicted))
+        in_front = float(mirror.rig.plane.distance_to(predicted)) > 0.0
+        self._place("reflection/predicted", behind, time)
+        self._set_visible("reflection/predicted", in_front, time)
+        self._show_tracked("reflection/tracked", pixels, time)
+        rays = mirror.rays(predicted)
+        for side in SIDES:
+            for kind in ("ray", "behind"):
+                name = f"{side}_{kind}"
+                self._show_item(f"mirror/{name}", rays.get(name), time)
+
+    def html(self) -> str:
+        """Return what was shown as one page, with its animation if it was recorded."""
+        if self._recording:
+            self.meshcat.StopRecording()
+            self.meshcat.PublishRecording()
+        return self.meshcat.StaticHtml()
+
+    def _show_tracked(self, path: str, pixels: NDArray, time: float | None) -> None:
+        there = bool(np.isfinite(pixels).all())
+        if there:
+            p = self.model.rig.triangulate(pixels[None]).p_WQ[0]
+            self._place(path, transform(np.eye(3), p), time)
+        self._set_visible(path, there, time)
+
+    def _show_image(self, side: str, image: NDArray, time: float | None) -> None:
+        """Draw an image on its plane and on its screen."""
+        items = camera_items(side, self._planes[side], image)
+        (picture,) = (item for item in items if isinstance(item, Picture) and "image" in item.path)
+        self._show_item(f"cameras/{side}/image", picture, time)
+        self._show_item(f"screens/{side}/image", self._screens[side].picture(image, "image"), time)
+
+    def _show_item(self, name: str, item: Item | None, time: float | None) -> None:
+        """Draw what is new at every moment, None for nothing.
+
+        A recording holds motions, not shapes: it keeps all of them, one visible at a time.
+        """
+        before = self._shown.pop(name, None)
+        folder = name.rpartition("/")[0]
+        stem = folder if name.endswith("/image") else name
+        path = name if time is None else f"{stem}/frame_{self._frames}"
+        if before is not None and (time is not None or item is None):
+            self._set_visible(before, False, time)
+        if item is None:
+            return
+        self._shown[name] = path
+        draw_item(self.meshcat, f"{ROOT}/{path}", replace(item, path=path))
+        self._place(path, item.X_WI, None)
+        if time is not None and self._frames:
+            self._set_visible(path, False, 0.0)
+        self._set_visible(path, True, time)
+
+    def _place(self, path: str, X: NDArray, time: float | None) -> None:
+        self.meshcat.SetTransform(f"{ROOT}/{path}", RigidTransform(pose=X), time_in_recording=time)
+
+    def _set_visible(self, path: str, visible: bool, time: float | None) -> None:
+        self.meshcat.SetProperty(f"{ROOT}/{path}", "visible", visible, time_in_recording=time)
+
+    def _link_poses(self, q: NDArray) -> dict[str, NDArray]:
+        self._built.set_joint_angles(self._context, q)
+        plant = self._built.plant
+        poses = {}
+        for link in self._links:
+            body = plant.GetBodyByName(link, self._built.instance)
+            poses[link] = plant.EvalBodyPoseInWorld(self._context, body).GetAsMatrix4()
+        return poses
+
+
+def _four(pixels: ArrayLike | None, name: str) -> NDArray:
+    """Return pixels of both cameras; nan for none."""
+    found = np.full(4, np.nan) if pixels is None else np.asarray(pixels, dtype=float)
+    if found.shape != (4,):
+        raise ValueError(f"{name} must have shape (4,), got {found.shape}")
+    return found
+
+
+def _ball(path: str, color: Rgba, size: float) -> Item:
+    return Markers(path=path, color=color, centers=np.zeros((1, 3)), radius=size * _HAND)

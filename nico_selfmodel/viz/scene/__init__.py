@@ -1,0 +1,1 @@
+"""Scenes of learned arms, cameras, mirrors, and their errors."""

@@ -1,0 +1,143 @@
+"""Cameras in a scene: frusta with the image of each on its image plane."""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from nico_selfmodel.geometry.transform import apply, transform
+from nico_selfmodel.model.cameras import lens
+from nico_selfmodel.model.cameras.camera import Camera
+from nico_selfmodel.viz.figures import palette
+from nico_selfmodel.viz.figures.photographs import jpeg, resampled
+from nico_selfmodel.viz.scene.lettering import label
+from nico_selfmodel.viz.scene.scene_items import Item, Markers, Picture, Tube
+
+_PIXELS = 320
+"""Width of an image in a scene."""
+_SUPERSAMPLED = 2
+_WIRE, _CENTER = 0.012, 0.04
+"""Radii in units of the image plane's width."""
+
+
+@dataclass(frozen=True, eq=False)
+class ImagePlane:
+    """The rectangle that a camera's image covers at some distance in front of it."""
+
+    camera: Camera
+    """The camera."""
+    distance: float
+    """From its centre [m]."""
+
+    @property
+    def low(self) -> NDArray:
+        """Left and top edge [m]. Shape (2,)."""
+        camera = self.camera
+        edge = np.array([-0.5 - camera.cx, -0.5 - camera.cy])
+        return self.distance * edge / [camera.fx, camera.fy]
+
+    @property
+    def size(self) -> NDArray:
+        """Width and height [m]. Shape (2,)."""
+        return self.distance * np.array(self.camera.image_size) / [self.camera.fx, self.camera.fy]
+
+    @property
+    def corners(self) -> NDArray:
+        """Top left, top right, bottom right, bottom left, in the world [m]. Shape (4, 3)."""
+        shares = np.array([[0.0, 0.0], [1.0, 0.0], [1.0, 1.0], [0.0, 1.0]])
+        return self.points(self.low + shares * self.size)
+
+    def points(self, plane_points: NDArray) -> NDArray:
+        """Return points of the plane, given right and down from the optical axis [m], in the world.
+
+        Shape (n, 2) -> (n, 3).
+        """
+        depth = np.full((len(plane_points), 1), self.distance)
+        return apply(self.camera.X_WC, np.concatenate([plane_points, depth], axis=1))
+
+    def line(self, p_WQ: NDArray, p_WR: NDArray) -> NDArray | None:
+        """Return where the plane through the camera's centre and two points cuts the rectangle.
+
+        Returns:
+            Two points in the world [m], shape (2, 3); None where it passes by.
+        """
+        normal = np.cross(*apply(self.camera.X_CW, np.stack([p_WQ, p_WR])))
+        across = np.array([-normal[1], normal[0]])
+        if not np.linalg.norm(across) > 0.0:
+            return None
+        start = -normal[2] * self.distance * normal[:2] / (normal[:2] @ normal[:2])
+        with np.errstate(divide="ignore", invalid="ignore"):
+            ends = (np.stack([self.low, self.low + self.size]) - start) / across
+        first, last = np.nanmax(ends.min(axis=0)), np.nanmin(ends.max(axis=0))
+        if not first < last:
+            return None
+        return self.points(start + np.array([[first], [last]]) * across)
+
+    def picture(self, image: NDArray) -> NDArray:
+        """Return an image as a lens without distortion would show it on the rectangle.
+
+        Args:
+            image: Red, green and blue, 8 bits. Shape (h, w, 3).
+
+        Returns:
+            The same, smaller.
+        """
+        width = min(_PIXELS, image.shape[1])
+        shape = np.array([width, max(round(width * image.shape[0] / image.shape[1]), 1)])
+        fine = _SUPERSAMPLED * shape
+        share = [(np.arange(n) + 0.5) / n for n in fine.tolist()]
+        grid = np.stack(np.meshgrid(*share))
+        ideal = (self.low[:, None, None] + grid * self.size[:, None, None]) / self.distance
+        seen = np.hypot(*ideal) < lens.largest_radius(self.camera.k)
+        pixels = np.moveaxis(np.where(seen, self.camera.pixels_of(ideal), np.nan), 0, -1)
+        colors = resampled(image, pixels).astype(np.uint16)
+        blocks = colors.reshape(shape[1], _SUPERSAMPLED, shape[0], _SUPERSAMPLED, 3)
+        return (blocks.sum(axis=1).sum(axis=2) // _SUPERSAMPLED**2).astype(np.uint8)
+
+
+def camera_items(side: str, plane: ImagePlane, image: NDArray | None) -> list[Item]:
+    """Return a camera's frustum, its name, and its image where there is one.
+
+    Args:
+        side: `left` or `right`.
+        plane: Where the image is drawn.
+        image: Red, green and blue, 8 bits. Shape (h, w, 3).
+
+    Returns:
+        Items under `cameras/<camera>`.
+    """
+    center, corners = plane.camera.X_WC[:3, 3], plane.corners
+    width, height = plane.size.tolist()
+    color, wire = palette.rgba(palette.CAMERAS[side]), _WIRE * width
+    items: list[Item] = [
+        Tube(path=f"cameras/{side}/outline", color=color, points=corners, radius=wire, closed=True),
+        Markers(
+            path=f"cameras/{side}/centre", color=color, centers=center[None], radius=_CENTER * width
+        ),
+    ]
+    items += [
+        Tube(
+            path=f"cameras/{side}/edge_{k + 1}",
+            color=color,
+            points=np.stack([center, corner]),
+            radius=0.6 * wire,
+        )
+        for k, corner in enumerate(corners)
+    ]
+    middle = np.array([*(plane.low + 0.5 * plane.size), plane.distance])
+    if image is not None:
+        picture = Picture(
+            path=f"cameras/{side}/image",
+            color=(1.0, 1.0, 1.0, 1.0),
+            X_WI=plane.camera.X_WC @ transform(np.eye(3), middle),
+            width=width,
+            height=height,
+            image=jpeg(plane.picture(image)),
+        )
+        items.append(picture)
+    above = middle - [0.0, 0.5 * height + 2.0 * wire, 0.0]
+    pose = plane.camera.X_WC @ transform(np.eye(3), above)
+    name = label(
+        f"cameras/{side}/name", side, palette.CAMERAS[side], 0.28 * height, pose, (0.5, 1.0)
+    )
+    return [*items, name]
