@@ -3,13 +3,13 @@
 from dataclasses import replace
 
 from nico_selfmodel.estimation import calibrate_kinematics, judge
-from nico_selfmodel.planning.sweep_protocol import Protocol
+from nico_selfmodel.planning.sweep_protocol import SweepProtocol
 from nico_selfmodel.plant import ArmDescription
 from nico_selfmodel.sessions.simulated_session import simulated_session
 from nico_selfmodel.systems import IMPERFECTIONS
 
 arm = ArmDescription.named("nico", "right_arm")
-poses = replace(Protocol.for_arm(arm), random_poses=100)
+poses = replace(SweepProtocol.for_arm(arm), random_poses=100)
 train = simulated_session(arm, IMPERFECTIONS["thesis"], poses, "train", seed=1, session=0)
 test = simulated_session(
     arm, IMPERFECTIONS["thesis"], poses, "test", seed=1, session=1, sweeps=False

@@ -5,13 +5,13 @@ from dataclasses import replace
 import numpy as np
 
 from nico_selfmodel.estimation import NominalArm, calibrate_kinematics
-from nico_selfmodel.planning.sweep_protocol import Protocol
+from nico_selfmodel.planning.sweep_protocol import SweepProtocol
 from nico_selfmodel.plant import ArmDescription, SelfModelPlant
 from nico_selfmodel.sessions.simulated_session import simulated_session
 from nico_selfmodel.systems import IMPERFECTIONS
 
 arm = ArmDescription.named("nico", "right_arm")
-poses = replace(Protocol.for_arm(arm), random_poses=50)
+poses = replace(SweepProtocol.for_arm(arm), random_poses=50)
 data = simulated_session(arm, IMPERFECTIONS["thesis"], poses, "train", seed=2, session=0)
 nominal = NominalArm(arm.chain, arm.lower, arm.upper, arm.source)
 model = calibrate_kinematics(data, nominal=nominal).model

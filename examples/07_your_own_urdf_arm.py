@@ -5,7 +5,7 @@ from dataclasses import replace
 from pathlib import Path
 
 from nico_selfmodel.estimation import NominalArm, calibrate_kinematics, judge
-from nico_selfmodel.planning.sweep_protocol import Protocol
+from nico_selfmodel.planning.sweep_protocol import SweepProtocol
 from nico_selfmodel.plant import ArmDescription, learned_urdf
 from nico_selfmodel.sessions.simulated_session import simulated_session
 from nico_selfmodel.systems import IMPERFECTIONS
@@ -33,7 +33,7 @@ with tempfile.TemporaryDirectory() as folder:
     path.write_text(URDF)
     arm = ArmDescription.from_urdf(path, "foot", "tip")
     # Here a simulated individual stands in; your own data come with Dataset or import_csv.
-    poses = replace(Protocol.for_arm(arm), random_poses=60)
+    poses = replace(SweepProtocol.for_arm(arm), random_poses=60)
     train = simulated_session(arm, IMPERFECTIONS["thesis"], poses, "train", seed=1, session=0)
     test = simulated_session(
         arm, IMPERFECTIONS["thesis"], poses, "test", seed=1, session=1, sweeps=False

@@ -13,13 +13,13 @@ from pydrake.trajectories import PiecewisePolynomial
 
 from nico_selfmodel.estimation import calibrate_kinematics
 from nico_selfmodel.plant import ArmDescription
-from nico_selfmodel.sessions.simulated_session import Protocol, simulated_session
+from nico_selfmodel.sessions.simulated_session import SweepProtocol, simulated_session
 from nico_selfmodel.systems import IMPERFECTIONS, SelfModelMonitor
 
 PERIOD, JUMP_AT = 0.1, 30  # a pose every 0.1 s; the 30th is the first after the jump
 
 arm = ArmDescription.named("nico", "right_arm")
-poses = replace(Protocol.for_arm(arm), random_poses=60)
+poses = replace(SweepProtocol.for_arm(arm), random_poses=60)
 train = simulated_session(arm, IMPERFECTIONS["thesis"], poses, "train", seed=1, session=0)
 day = simulated_session(arm, IMPERFECTIONS["thesis"], poses, "day", seed=1, session=1, sweeps=False)
 learned = calibrate_kinematics(train).model

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from nico_selfmodel.dataset.folder import content_hash, load_dataset, save_dataset
-from nico_selfmodel.planning.sweep_protocol import Protocol
+from nico_selfmodel.planning.sweep_protocol import SweepProtocol
 from nico_selfmodel.plant import ArmDescription
 from nico_selfmodel.recording import record
 from nico_selfmodel.sessions.camera_scenario import RenderedNico
@@ -53,7 +53,7 @@ def assert_same_files(one, other):
 )
 def test_under_motion_capture(tmp_path, world, stops):
     arm = ArmDescription.named("nico")
-    protocol = replace(Protocol.for_arm(arm), random_poses=15, circle_points=2)
+    protocol = replace(SweepProtocol.for_arm(arm), random_poses=15, circle_points=2)
 
     def run(folder, progress=None):
         return simulated_session(
@@ -116,7 +116,7 @@ def test_before_a_mirror(tmp_path):
 def test_a_pose_whose_pictures_are_missing_is_taken_again(tmp_path):
     """A process killed between a pose and its pictures leaves the one without the other."""
     arm = ArmDescription.named("nico")
-    protocol = replace(Protocol.for_arm(arm), random_poses=3, circle_points=1)
+    protocol = replace(SweepProtocol.for_arm(arm), random_poses=3, circle_points=1)
     folder = tmp_path / "x"
     simulated_session(arm, LOSSY, protocol, "x", seed=3, session=1, folder=folder)
     data = load_dataset(folder)

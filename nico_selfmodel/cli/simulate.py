@@ -35,7 +35,7 @@ def motion_capture(
     """Sweep and pose a simulated arm under motion capture; writes a data set."""
     from nico_selfmodel.dataset.folder import save_dataset
     from nico_selfmodel.files.whole import refuse_existing
-    from nico_selfmodel.planning.sweep_protocol import Protocol
+    from nico_selfmodel.planning.sweep_protocol import SweepProtocol
     from nico_selfmodel.sessions.simulated_session import simulated_session
     from nico_selfmodel.systems import imperfections_named
 
@@ -47,7 +47,7 @@ def motion_capture(
         play_deg=joint_noise_deg, marker_mm=marker_mm
     )
     description = inputs.chosen_arm(robot or "nico", arm, base, tip, hold, point)
-    protocol = Protocol.for_arm(description).on_share_of_arcs(arc_share)
+    protocol = SweepProtocol.for_arm(description).on_share_of_arcs(arc_share)
     repeats = 1 if circle_points <= 3 else protocol.home_repeats
     protocol = replace(
         protocol,

@@ -6,7 +6,7 @@ import numpy as np
 
 from nico_selfmodel.dataset import Dataset
 from nico_selfmodel.estimation import KinematicCalibration, calibrate_kinematics
-from nico_selfmodel.planning.sweep_protocol import Protocol
+from nico_selfmodel.planning.sweep_protocol import SweepProtocol
 from nico_selfmodel.plant import ArmDescription
 from nico_selfmodel.sessions.progress import Stage
 from nico_selfmodel.sessions.simulated_session import simulated_session
@@ -124,12 +124,12 @@ class _Sessions:
     """The recordings of one robot, made when first asked for."""
 
     def __init__(self, arm: ArmDescription, world: Imperfections, seed: int) -> None:
-        def session(protocol: Protocol, number: int, sweeps: bool = True) -> Dataset:
+        def session(protocol: SweepProtocol, number: int, sweeps: bool = True) -> Dataset:
             return simulated_session(
                 arm, world, protocol, f"session {number}", seed=seed, session=number, sweeps=sweeps
             )
 
-        protocol = Protocol.for_arm(arm)
+        protocol = SweepProtocol.for_arm(arm)
         self.seed = seed
         self.circles = {
             MANY: session(protocol.on_share_of_arcs(ARCS[MANY]), 0),

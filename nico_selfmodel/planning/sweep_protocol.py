@@ -34,7 +34,7 @@ _NICO_RANGES = {
 
 
 @dataclass(frozen=True, eq=False)
-class Protocol:
+class SweepProtocol:
     """Which poses a session visits."""
 
     home: NDArray
@@ -51,7 +51,7 @@ class Protocol:
     """Random poses."""
 
     @classmethod
-    def for_arm(cls, arm: ArmDescription) -> "Protocol":
+    def for_arm(cls, arm: ArmDescription) -> "SweepProtocol":
         """Return a protocol that suits an arm: Nico's own, or up to 120 deg within the stops."""
         span = np.degrees(arm.upper - arm.lower)
         lower = np.degrees(arm.lower)
@@ -65,11 +65,11 @@ class Protocol:
                 arcs[i], ranges[i] = _NICO_ARCS[part] / span[i], _NICO_RANGES[part] / span[i]
         return cls(home, arcs, ranges)
 
-    def on_share_of_arcs(self, share: float) -> "Protocol":
+    def on_share_of_arcs(self, share: float) -> "SweepProtocol":
         """Return the protocol with shorter sweeps."""
         return replace(self, arcs=share * self.arcs)
 
-    def minimal(self) -> "Protocol":
+    def minimal(self) -> "SweepProtocol":
         """Return the protocol of nine samples: home once, two more poses a joint."""
         return replace(self, circle_points=3, home_repeats=1)
 

@@ -10,7 +10,7 @@ from nico_selfmodel.dataset import Dataset, JointInfo
 from nico_selfmodel.errors import DataError
 from nico_selfmodel.model.readings import readings_from_table
 from nico_selfmodel.planning.plans import HOME, Plan, given_commands
-from nico_selfmodel.planning.sweep_protocol import Protocol
+from nico_selfmodel.planning.sweep_protocol import SweepProtocol
 from nico_selfmodel.planning.visible_workspace import VisibleWorkspace
 from nico_selfmodel.plant import ArmDescription
 from nico_selfmodel.plant.robots import ROBOTS
@@ -157,7 +157,7 @@ def _by_motion_capture(
 ) -> Plan:
     each = max(1, round(circle / len(joints))) + 1
     spare = int(np.ceil(1.5 * free)) + 10
-    protocol = replace(Protocol.for_arm(arm), random_poses=spare, circle_points=each)
+    protocol = replace(SweepProtocol.for_arm(arm), random_poses=spare, circle_points=each)
     plan = protocol.plan(joints, rng, sweeps=circle > 0)
     touching = _touching(arm, joints, plan)
     clear = [pose for pose, touches in zip(plan, touching, strict=True) if not touches]

@@ -6,7 +6,7 @@ from dataclasses import dataclass, replace
 from nico_selfmodel.dataset import Dataset
 from nico_selfmodel.errors import NotIdentifiableError
 from nico_selfmodel.estimation import KinematicCalibration, NominalArm, calibrate_kinematics
-from nico_selfmodel.planning.sweep_protocol import Protocol
+from nico_selfmodel.planning.sweep_protocol import SweepProtocol
 from nico_selfmodel.plant import ArmDescription
 from nico_selfmodel.sessions.progress import Stage, telling
 from nico_selfmodel.sessions.simulated_session import simulated_session
@@ -50,7 +50,7 @@ def learn_by_motion_capture(
     Returns:
         Data and calibrations.
     """
-    protocol = Protocol.for_arm(arm)
+    protocol = SweepProtocol.for_arm(arm)
     train = simulated_session(
         arm,
         world,

@@ -7,7 +7,7 @@ from numpy.typing import NDArray
 
 from nico_selfmodel.dataset import Dataset
 from nico_selfmodel.planning.plans import given_commands
-from nico_selfmodel.planning.sweep_protocol import Protocol
+from nico_selfmodel.planning.sweep_protocol import SweepProtocol
 from nico_selfmodel.plant import ArmDescription
 from nico_selfmodel.recording import Progress, record
 from nico_selfmodel.systems import Imperfections, SimulatedRobot
@@ -16,7 +16,7 @@ from nico_selfmodel.systems import Imperfections, SimulatedRobot
 def simulated_session(
     arm: ArmDescription,
     world: Imperfections,
-    protocol: Protocol,
+    protocol: SweepProtocol,
     name: str,
     *,
     seed: int,

@@ -14,7 +14,7 @@ from nico_selfmodel.estimation.observations.observations import (
     gears_known,
 )
 from nico_selfmodel.model.arm.line_kinematics import hand_points
-from nico_selfmodel.planning.sweep_protocol import Protocol
+from nico_selfmodel.planning.sweep_protocol import SweepProtocol
 from nico_selfmodel.plant import ArmDescription
 from nico_selfmodel.sessions.simulated_session import simulated_session
 from nico_selfmodel.systems import IMPERFECTIONS
@@ -29,7 +29,7 @@ SIGMA = 1e-3
 def problem():
     arm = ArmDescription.named("nico")
     world = IMPERFECTIONS["clean"].with_noise(play_deg=0.5, marker_mm=0.5)
-    poses = replace(Protocol.for_arm(arm), random_poses=500)
+    poses = replace(SweepProtocol.for_arm(arm), random_poses=500)
     data = simulated_session(arm, world, poses, "604 poses", seed=0, session=0)
     observations = Observations.from_dataset(data)
     circles = data.select(data.sweep != "")

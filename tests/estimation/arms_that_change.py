@@ -8,7 +8,7 @@ import numpy as np
 from nico_selfmodel.dataset import Dataset
 from nico_selfmodel.estimation import calibrate_kinematics
 from nico_selfmodel.model.self_model import SelfModel
-from nico_selfmodel.planning.sweep_protocol import Protocol
+from nico_selfmodel.planning.sweep_protocol import SweepProtocol
 from nico_selfmodel.plant import ArmDescription
 from nico_selfmodel.sessions.simulated_session import simulated_session
 from nico_selfmodel.systems import IMPERFECTIONS, Imperfections
@@ -50,7 +50,7 @@ def session(
         off = np.random.default_rng(tags).normal(0.0, 0.02, (tags, 3))
         names = tuple(f"tag{k}" for k in range(tags))
         chain = replace(chain, markers=names, p_WH_zero=chain.p_WH_zero + off)
-    protocol = replace(Protocol.for_arm(arm()), random_poses=count)
+    protocol = replace(SweepProtocol.for_arm(arm()), random_poses=count)
     tagged = replace(arm(), chain=chain)
     return simulated_session(
         tagged, world, protocol, "session", seed=seed, session=number, sweeps=sweeps

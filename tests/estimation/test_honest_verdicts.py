@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from nico_selfmodel.estimation import Pins, calibrate_kinematics, judge
-from nico_selfmodel.planning.sweep_protocol import Protocol
+from nico_selfmodel.planning.sweep_protocol import SweepProtocol
 from nico_selfmodel.plant import ArmDescription
 from nico_selfmodel.sessions.simulated_session import simulated_session
 from nico_selfmodel.systems import IMPERFECTIONS
@@ -16,7 +16,7 @@ from nico_selfmodel.systems import IMPERFECTIONS
 def session():
     arm = ArmDescription.named("nico")
     world = IMPERFECTIONS["clean"].with_noise(marker_mm=0.5)
-    poses = replace(Protocol.for_arm(arm), random_poses=60)
+    poses = replace(SweepProtocol.for_arm(arm), random_poses=60)
     return simulated_session(arm, world, poses, "session", seed=4, session=0)
 
 

@@ -15,7 +15,7 @@ from nico_selfmodel.planning.pose_selection import (
     position_jacobians,
     random_poses,
 )
-from nico_selfmodel.planning.sweep_protocol import Protocol
+from nico_selfmodel.planning.sweep_protocol import SweepProtocol
 from nico_selfmodel.plant import ArmDescription
 from nico_selfmodel.recording import record
 from nico_selfmodel.sessions.motion_capture_scenario import nominal_of
@@ -39,7 +39,7 @@ def model_of(joints):
 def drawn(joints, count, rng):
     """Return readings in the protocol's part of the joints' ranges."""
     low, high = (np.array([getattr(j, k) for j in joints]) for k in ("lower", "upper"))
-    protocol = Protocol.for_arm(ARM)
+    protocol = SweepProtocol.for_arm(ARM)
     home, half = low + protocol.home * (high - low), 0.5 * protocol.ranges * (high - low)
     low, high = np.maximum(low, home - half), np.minimum(high, home + half)
     return rng.uniform(low, high, (count, len(low)))

@@ -8,7 +8,7 @@ import pytest
 from nico_selfmodel.errors import ModelError
 from nico_selfmodel.estimation import Pins, calibrate_kinematics, judge
 from nico_selfmodel.model.arm.dh_table import DhTable
-from nico_selfmodel.planning.sweep_protocol import Protocol
+from nico_selfmodel.planning.sweep_protocol import SweepProtocol
 from nico_selfmodel.plant import ArmDescription
 from nico_selfmodel.sessions.motion_capture_scenario import nominal_of
 from nico_selfmodel.sessions.simulated_session import simulated_session
@@ -21,7 +21,7 @@ NOMINAL = nominal_of(ARM)
 @pytest.fixture(scope="module")
 def session():
     world = IMPERFECTIONS["clean"].with_noise(marker_mm=0.3)
-    poses = replace(Protocol.for_arm(ARM), random_poses=80)
+    poses = replace(SweepProtocol.for_arm(ARM), random_poses=80)
     return simulated_session(ARM, world, poses, "free", seed=6, session=0, sweeps=False)
 
 

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from nico_selfmodel.estimation import calibrate_kinematics, judge
-from nico_selfmodel.planning.sweep_protocol import Protocol
+from nico_selfmodel.planning.sweep_protocol import SweepProtocol
 from nico_selfmodel.plant import ArmDescription
 from nico_selfmodel.sessions.simulated_session import simulated_session
 from nico_selfmodel.systems import IMPERFECTIONS
@@ -18,7 +18,7 @@ ARM = ArmDescription.named("nico")
 
 def sessions(seed, *, world=PLAY, random_poses=0, share=1.0, few=False):
     """Return a training and a test session of one individual."""
-    protocol = Protocol.for_arm(ARM).on_share_of_arcs(share)
+    protocol = SweepProtocol.for_arm(ARM).on_share_of_arcs(share)
     protocol = protocol.minimal() if few else protocol
     train = replace(protocol, random_poses=random_poses)
     test = replace(protocol, random_poses=100)
@@ -72,7 +72,7 @@ def test_a_tenth_of_gross_outliers_costs_at_most_five_percent(loss):
 @pytest.mark.parametrize("world", [IMPERFECTIONS["clean"].with_noise(marker_mm=1.0), PLAY])
 def test_the_predicted_covariance_is_that_of_the_errors(world):
     """NEES of the predicted hand over 200 recordings of one arm, its own mean as the truth."""
-    protocol = replace(Protocol.for_arm(ARM), random_poses=100)
+    protocol = replace(SweepProtocol.for_arm(ARM), random_poses=100)
     quiet = replace(world, play=0.0, marker_sigma=0.0)
     truth = simulated_session(
         ARM, quiet, replace(protocol, random_poses=20), "truth", seed=0, session=9, sweeps=False

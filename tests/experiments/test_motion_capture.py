@@ -16,7 +16,7 @@ from nico_selfmodel.experiments.motion_capture import (
     link_lengths_mm,
     run_motion_capture,
 )
-from nico_selfmodel.planning.sweep_protocol import Protocol
+from nico_selfmodel.planning.sweep_protocol import SweepProtocol
 from nico_selfmodel.plant import ArmDescription
 from nico_selfmodel.sessions.simulated_session import simulated_session
 from nico_selfmodel.systems import IMPERFECTIONS
@@ -83,7 +83,7 @@ def test_the_links_are_those_of_the_robot(small):
 
 
 def test_links_are_learned_to_a_micrometre_where_nothing_is_noisy():
-    protocol = replace(Protocol.for_arm(ARM), random_poses=20)
+    protocol = replace(SweepProtocol.for_arm(ARM), random_poses=20)
     perfect = replace(IMPERFECTIONS["clean"], link_sigma=0.0, axis_sigma=0.0)
     data = simulated_session(ARM, perfect, protocol, "clean", seed=2, session=0)
     upper, forearm = link_lengths_mm(calibrate_kinematics(data))
@@ -94,7 +94,7 @@ def test_links_are_learned_to_a_micrometre_where_nothing_is_noisy():
 
 
 def test_joined_sessions_keep_every_row_and_number_on():
-    protocol = replace(Protocol.for_arm(ARM), random_poses=10)
+    protocol = replace(SweepProtocol.for_arm(ARM), random_poses=10)
     first = simulated_session(ARM, IMPERFECTIONS["thesis"], protocol, "a", seed=0, session=0)
     second = simulated_session(
         ARM, IMPERFECTIONS["thesis"], protocol, "b", seed=0, session=1, sweeps=False

@@ -7,7 +7,7 @@ import pytest
 
 from nico_selfmodel.dataset.folder import content_hash
 from nico_selfmodel.estimation import calibrate_kinematics, judge
-from nico_selfmodel.planning.sweep_protocol import Protocol
+from nico_selfmodel.planning.sweep_protocol import SweepProtocol
 from nico_selfmodel.plant import ArmDescription
 from nico_selfmodel.sessions.simulated_session import simulated_session
 from nico_selfmodel.systems import IMPERFECTIONS
@@ -18,20 +18,20 @@ ARMS = ("right_arm", "left_arm", "neck")
 
 def session(world="clean", protocol=None, arm=ARM, seed=0, number=0, **options):
     chosen = IMPERFECTIONS[world] if isinstance(world, str) else world
-    protocol = protocol or Protocol.for_arm(arm)
+    protocol = protocol or SweepProtocol.for_arm(arm)
     return simulated_session(arm, chosen, protocol, "session", seed=seed, session=number, **options)
 
 
 @pytest.mark.parametrize("name", ARMS)
 def test_every_arm_of_nico_has_a_home_and_room_to_move_about_it(name):
-    protocol = Protocol.for_arm(ArmDescription.named("nico", name))
+    protocol = SweepProtocol.for_arm(ArmDescription.named("nico", name))
     assert ((protocol.home > 0.0) & (protocol.home < 1.0)).all()
     assert ((protocol.arcs > 0.1) & (protocol.arcs <= 1.0)).all()
     assert (protocol.ranges >= protocol.arcs - 1e-12).all()
 
 
 def test_nicos_right_arm_bends_its_elbow_at_home():
-    protocol = Protocol.for_arm(ARM)
+    protocol = SweepProtocol.for_arm(ARM)
     q = ARM.lower + protocol.home * (ARM.upper - ARM.lower)
     assert np.degrees(q) == pytest.approx([-50.0, 30.0, -20.0, -75.0])
     at_home = ARM.chain.rezeroed(q)
@@ -41,7 +41,7 @@ def test_nicos_right_arm_bends_its_elbow_at_home():
 
 
 def test_a_session_has_home_circles_and_random_poses():
-    protocol = replace(Protocol.for_arm(ARM), random_poses=30)
+    protocol = replace(SweepProtocol.for_arm(ARM), random_poses=30)
     data = session("thesis", protocol)
     labels, counts = np.unique(data.sweep, return_counts=True)
     assert dict(zip(labels.tolist(), counts.tolist(), strict=True)) == {
@@ -69,7 +69,7 @@ def test_a_sweep_moves_its_own_joint_alone_and_evenly_about_home():
 
 
 def test_all_poses_lie_between_the_stops():
-    protocol = replace(Protocol.for_arm(ARM), random_poses=200)
+    protocol = replace(SweepProtocol.for_arm(ARM), random_poses=200)
     data = session(protocol=replace(protocol, ranges=np.full(4, 3.0), arcs=np.full(4, 1.5)))
     low = [joint.lower for joint in data.joints]
     high = [joint.upper for joint in data.joints]
@@ -79,7 +79,7 @@ def test_all_poses_lie_between_the_stops():
 
 
 def test_a_minimal_session_has_nine_samples():
-    protocol = Protocol.for_arm(ARM).on_share_of_arcs(0.3).minimal()
+    protocol = SweepProtocol.for_arm(ARM).on_share_of_arcs(0.3).minimal()
     data = session(protocol=protocol)
     assert len(data) == 9
     assert (data.sweep == "home").sum() == 1
@@ -90,7 +90,7 @@ def test_a_minimal_session_has_nine_samples():
 
 
 def test_sessions_of_one_individual_are_one_body_and_other_poses():
-    protocol = replace(Protocol.for_arm(ARM), random_poses=20)
+    protocol = replace(SweepProtocol.for_arm(ARM), random_poses=20)
     first, again, second = (session("thesis", protocol, number=k) for k in (0, 0, 1))
     assert content_hash(first) == content_hash(again)
     assert np.array_equal(first.encoders[:80], second.encoders[:80])
@@ -101,7 +101,7 @@ def test_sessions_of_one_individual_are_one_body_and_other_poses():
 
 
 def test_a_session_without_sweeps_has_random_poses_alone():
-    protocol = replace(Protocol.for_arm(ARM), random_poses=12)
+    protocol = replace(SweepProtocol.for_arm(ARM), random_poses=12)
     data = session(protocol=protocol, sweeps=False)
     assert len(data) == 12
     assert set(data.sweep.tolist()) == {""}
@@ -110,7 +110,7 @@ def test_a_session_without_sweeps_has_random_poses_alone():
 @pytest.mark.parametrize("name", ARMS)
 def test_a_clean_arm_is_learned_to_the_resolution_of_its_encoders(name):
     arm = ArmDescription.named("nico", name)
-    protocol = replace(Protocol.for_arm(arm), random_poses=40)
+    protocol = replace(SweepProtocol.for_arm(arm), random_poses=40)
     train = session("clean", protocol, arm)
     test = session("clean", protocol, arm, number=1, sweeps=False)
     # A count of the encoder at the end of a 40 cm arm.
@@ -127,7 +127,7 @@ def test_what_was_not_seen_in_a_session_is_empty():
         ARM.chain, markers=("hand", "elbow"), p_WH_zero=np.tile(ARM.chain.p_WH_zero, (2, 1))
     )
     two = replace(ARM, chain=chain)
-    data = simulated_session(two, lossy, Protocol.for_arm(two), "lossy", seed=0, session=0)
+    data = simulated_session(two, lossy, SweepProtocol.for_arm(two), "lossy", seed=0, session=0)
     assert len(data) == 2 * 104
     lost = ~data.measured.reshape(-1, 2)
     # Both lost means another visit, so only one of the two is.

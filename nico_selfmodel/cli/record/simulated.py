@@ -67,13 +67,13 @@ def _by_cameras(request: "Request", world: "Imperfections") -> "Dataset":
 
 
 def _by_motion_capture(request: "Request", world: "Imperfections") -> "Dataset":
-    from nico_selfmodel.planning.sweep_protocol import Protocol
+    from nico_selfmodel.planning.sweep_protocol import SweepProtocol
     from nico_selfmodel.plant import ArmDescription
     from nico_selfmodel.sessions.simulated_session import simulated_session
 
     arm = ArmDescription.named("nico")
     each = max(1, round(request.circle / len(arm.joints))) + 1
-    protocol = Protocol.for_arm(arm)
+    protocol = SweepProtocol.for_arm(arm)
     protocol = replace(protocol, random_poses=request.random, circle_points=each)
     with printer.progress_bar() as progress:
         return simulated_session(
