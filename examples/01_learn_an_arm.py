@@ -2,10 +2,8 @@
 
 from dataclasses import replace
 
-from nico_selfmodel.estimation import calibrate_kinematics, judge
-from nico_selfmodel.planning.sweep_protocol import SweepProtocol
+from nico_selfmodel import SweepProtocol, calibrate_kinematics, judge, simulated_session
 from nico_selfmodel.plant import ArmDescription
-from nico_selfmodel.sessions.simulated_session import simulated_session
 from nico_selfmodel.systems import IMPERFECTIONS
 
 arm = ArmDescription.named("nico", "right_arm")

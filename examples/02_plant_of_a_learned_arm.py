@@ -4,10 +4,8 @@ from dataclasses import replace
 
 import numpy as np
 
-from nico_selfmodel.estimation import NominalArm, calibrate_kinematics
-from nico_selfmodel.planning.sweep_protocol import SweepProtocol
+from nico_selfmodel import NominalArm, SweepProtocol, calibrate_kinematics, simulated_session
 from nico_selfmodel.plant import ArmDescription, SelfModelPlant
-from nico_selfmodel.sessions.simulated_session import simulated_session
 from nico_selfmodel.systems import IMPERFECTIONS
 
 arm = ArmDescription.named("nico", "right_arm")

@@ -9,8 +9,7 @@ are no sweeps in these data, and no robot description is needed: the arm is foun
 
 import argparse
 
-from nico_selfmodel.dataset import import_csv
-from nico_selfmodel.dataset.folder import save_dataset
+from nico_selfmodel import import_csv, save_dataset
 
 COLUMNS = {
     "joints": [

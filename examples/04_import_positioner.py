@@ -10,8 +10,7 @@ from pathlib import Path
 import numpy as np
 import yaml
 
-from nico_selfmodel.dataset import Dataset, JointInfo
-from nico_selfmodel.dataset.folder import save_dataset
+from nico_selfmodel import Dataset, JointInfo, save_dataset
 
 
 def read(path: str) -> Dataset:

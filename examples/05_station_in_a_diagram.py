@@ -5,8 +5,7 @@ from pydrake.systems.analysis import Simulator
 from pydrake.systems.framework import DiagramBuilder
 from pydrake.systems.primitives import LogVectorOutput
 
-from nico_selfmodel.planning.plans import commands_of_angles
-from nico_selfmodel.planning.visible_workspace import VisibleWorkspace
+from nico_selfmodel import VisibleWorkspace, commands_of_angles
 from nico_selfmodel.systems import NicoStation, SelfModelPredictor
 
 builder = DiagramBuilder()

@@ -2,11 +2,8 @@
 
 import numpy as np
 
-from nico_selfmodel.planning.plans import commands_of_angles
-from nico_selfmodel.planning.visible_workspace import VisibleWorkspace
-from nico_selfmodel.recording import record
+from nico_selfmodel import NotSeen, VisibleWorkspace, commands_of_angles, record
 from nico_selfmodel.systems import ImageQuality, NicoStation, StationBody, looking_arm
-from nico_selfmodel.vision import NotSeen
 
 
 def middle_of_red(image):

@@ -4,10 +4,8 @@ import tempfile
 from dataclasses import replace
 from pathlib import Path
 
-from nico_selfmodel.estimation import NominalArm, calibrate_kinematics, judge
-from nico_selfmodel.planning.sweep_protocol import SweepProtocol
+from nico_selfmodel import NominalArm, SweepProtocol, calibrate_kinematics, judge, simulated_session
 from nico_selfmodel.plant import ArmDescription, learned_urdf
-from nico_selfmodel.sessions.simulated_session import simulated_session
 from nico_selfmodel.systems import IMPERFECTIONS
 
 LINK = """<link name="{0}"><inertial><mass value="0.3"/>

@@ -19,7 +19,7 @@ def serve() -> None:
     from pydrake.systems.analysis import Simulator
     from pydrake.systems.framework import DiagramBuilder
 
-    from nico_selfmodel.planning.plans import commands_of_angles
+    from nico_selfmodel import commands_of_angles
     from nico_selfmodel.systems import ImageQuality, MotionCaptureSender, NicoStation
 
     with MotionCaptureServer(MARKERS) as server:

@@ -8,10 +8,7 @@ of the body, with the mirror where it was put, predicts the reflection to some t
 
 import numpy as np
 
-from nico_selfmodel.model import MirrorRig
-from nico_selfmodel.planning.mirror_view import MirrorView
-from nico_selfmodel.planning.plans import commands_of_angles
-from nico_selfmodel.planning.visible_workspace import VisibleWorkspace
+from nico_selfmodel import MirrorRig, MirrorView, VisibleWorkspace, commands_of_angles
 from nico_selfmodel.sessions.nico_before_mirrors import DEFAULT_MIRROR
 from nico_selfmodel.systems import (
     CameraMeasurement,

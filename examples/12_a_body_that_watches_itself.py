@@ -11,9 +11,8 @@ from pydrake.systems.framework import DiagramBuilder
 from pydrake.systems.primitives import TrajectorySource
 from pydrake.trajectories import PiecewisePolynomial
 
-from nico_selfmodel.estimation import calibrate_kinematics
+from nico_selfmodel import SweepProtocol, calibrate_kinematics, simulated_session
 from nico_selfmodel.plant import ArmDescription
-from nico_selfmodel.sessions.simulated_session import SweepProtocol, simulated_session
 from nico_selfmodel.systems import IMPERFECTIONS, SelfModelMonitor
 
 PERIOD, JUMP_AT = 0.1, 30  # a pose every 0.1 s; the 30th is the first after the jump
