@@ -8,26 +8,26 @@ of the body, with the mirror where it was put, predicts the reflection to some t
 
 import numpy as np
 
-from nico_selfmodel import MirrorRig, MirrorView, VisibleWorkspace, commands_of_angles
-from nico_selfmodel.sessions.nico_before_mirrors import DEFAULT_MIRROR
+from nico_selfmodel import Mirror, MirrorRig, MirrorView, VisibleWorkspace, commands_of_angles
 from nico_selfmodel.systems import (
     CameraMeasurement,
     MirrorPlate,
     NicoStation,
     StationBody,
+    default_mirror_detectors,
     looking_arm,
+    put_mirror,
 )
-from nico_selfmodel.systems.rendering.mirror_scene import put_mirror
-from nico_selfmodel.systems.tracking.reflection_detectors import default_mirror_detectors
 
 
 def main() -> None:
     """Look into a mirror from three poses."""
     arm, plate = looking_arm("fiducial"), MirrorPlate(width=0.40, height=0.30)
     workspace = VisibleWorkspace.of(arm)
-    view = MirrorView.of(workspace, DEFAULT_MIRROR, plate, np.random.default_rng(0))
+    mirror = Mirror.from_values([0.0, np.radians(-20.0), 0.3])
+    view = MirrorView.of(workspace, mirror, plate, np.random.default_rng(0))
     detectors = {"fiducial": default_mirror_detectors()["fiducial"]}
-    expected = MirrorRig(workspace.rig, DEFAULT_MIRROR)
+    expected = MirrorRig(workspace.rig, mirror)
     errors = []
     with NicoStation("thesis", 5, arm=arm, detectors=detectors, mirror=plate) as station:
         body = StationBody(station, station.joints, arm.markers)

@@ -6,8 +6,9 @@ diagram is composed of is in `nico_selfmodel.systems`, `nico_selfmodel.plant` an
 nico_selfmodel` costs nothing.
 """
 
-from importlib import import_module
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
+
+from nico_selfmodel.lazy import lazy_names
 
 if TYPE_CHECKING:
     from nico_selfmodel.dataset.dataset import Dataset
@@ -23,6 +24,7 @@ if TYPE_CHECKING:
     from nico_selfmodel.estimation.mirrors.mirror import calibrate_mirrors
     from nico_selfmodel.estimation.monitoring.health import check_health
     from nico_selfmodel.estimation.monitoring.tool import calibrate_tool, rezero
+    from nico_selfmodel.model.cameras.mirror import Mirror
     from nico_selfmodel.model.cameras.mirror_rig import MirrorRig
     from nico_selfmodel.model.self_model import SelfModel
     from nico_selfmodel.model.self_model_file import load_model, save_model
@@ -36,37 +38,10 @@ if TYPE_CHECKING:
 
 __version__ = "0.1.0"
 
-_HOMES = {
-    "dataset.dataset": ("Dataset",),
-    "dataset.folder": ("load_dataset", "save_dataset"),
-    "dataset.importers.csv_importer": ("import_csv",),
-    "dataset.joint_info": ("JointInfo",),
-    "estimation.arm.evaluation": ("evaluate",),
-    "estimation.arm.kinematics": ("calibrate_kinematics",),
-    "estimation.body.body": ("calibrate_body",),
-    "estimation.cameras.stereo": ("calibrate_cameras",),
-    "estimation.initialization.nominal_arm": ("NominalArm",),
-    "estimation.judging": ("judge", "to_json"),
-    "estimation.mirrors.mirror": ("calibrate_mirrors",),
-    "estimation.monitoring.health": ("check_health",),
-    "estimation.monitoring.tool": ("calibrate_tool", "rezero"),
-    "model.cameras.mirror_rig": ("MirrorRig",),
-    "model.self_model": ("SelfModel",),
-    "model.self_model_file": ("load_model", "save_model"),
-    "planning.mirror_view": ("MirrorView",),
-    "planning.plans": ("commands_of_angles",),
-    "planning.sweep_protocol": ("SweepProtocol",),
-    "planning.visible_workspace": ("VisibleWorkspace",),
-    "recording.session": ("record",),
-    "sessions.simulated_session": ("simulated_session",),
-    "vision.images.not_seen": ("NotSeen",),
-}
-"""Module -> the names that are loaded from it."""
-_HOME = {name: home for home, names in _HOMES.items() for name in names}
-
 __all__ = [
     "Dataset",
     "JointInfo",
+    "Mirror",
     "MirrorRig",
     "MirrorView",
     "NominalArm",
@@ -94,16 +69,32 @@ __all__ = [
     "to_json",
 ]
 
-
-def __getattr__(name: str) -> Any:
-    """Load a public name when it is first asked for."""
-    if name not in _HOME:
-        raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
-    value = getattr(import_module(f"{__name__}.{_HOME[name]}"), name)
-    globals()[name] = value
-    return value
-
-
-def __dir__() -> list[str]:
-    """Return the public names."""
-    return [*__all__, "__version__"]
+__getattr__, __dir__ = lazy_names(
+    __name__,
+    {
+        "dataset.dataset": ("Dataset",),
+        "dataset.folder": ("load_dataset", "save_dataset"),
+        "dataset.importers.csv_importer": ("import_csv",),
+        "dataset.joint_info": ("JointInfo",),
+        "estimation.arm.evaluation": ("evaluate",),
+        "estimation.arm.kinematics": ("calibrate_kinematics",),
+        "estimation.body.body": ("calibrate_body",),
+        "estimation.cameras.stereo": ("calibrate_cameras",),
+        "estimation.initialization.nominal_arm": ("NominalArm",),
+        "estimation.judging": ("judge", "to_json"),
+        "estimation.mirrors.mirror": ("calibrate_mirrors",),
+        "estimation.monitoring.health": ("check_health",),
+        "estimation.monitoring.tool": ("calibrate_tool", "rezero"),
+        "model.cameras.mirror": ("Mirror",),
+        "model.cameras.mirror_rig": ("MirrorRig",),
+        "model.self_model": ("SelfModel",),
+        "model.self_model_file": ("load_model", "save_model"),
+        "planning.mirror_view": ("MirrorView",),
+        "planning.plans": ("commands_of_angles",),
+        "planning.sweep_protocol": ("SweepProtocol",),
+        "planning.visible_workspace": ("VisibleWorkspace",),
+        "recording.session": ("record",),
+        "sessions.simulated_session": ("simulated_session",),
+        "vision.images.not_seen": ("NotSeen",),
+    },
+)

@@ -11,7 +11,7 @@ import pytest
 from nico_selfmodel.cli.app import _tree
 from nico_selfmodel.model.self_model import SelfModel
 from nico_selfmodel.model.self_model_file import save_model
-from nico_selfmodel.systems import NICO_CAMERAS
+from nico_selfmodel.systems.nico_cameras import NICO_CAMERAS
 
 
 def run(words, folder, root):

@@ -5,7 +5,8 @@ import time
 import numpy as np
 import pytest
 
-from nico_selfmodel.dataset import Dataset, JointInfo
+from nico_selfmodel.dataset.dataset import Dataset
+from nico_selfmodel.dataset.joint_info import JointInfo
 from nico_selfmodel.errors import DataError
 from nico_selfmodel.estimation.cameras.camera_options import by_full_name
 from nico_selfmodel.model.arm.chain import Chain

@@ -5,11 +5,11 @@ from dataclasses import dataclass, field
 import numpy as np
 import pytest
 
-from nico_selfmodel.dataset import JointInfo
+from nico_selfmodel.dataset.joint_info import JointInfo
 from nico_selfmodel.errors import DataError
 from nico_selfmodel.planning.plans import given_commands, random_commands, sweep_commands
-from nico_selfmodel.recording import record
-from nico_selfmodel.systems import Measurement
+from nico_selfmodel.recording.session import record
+from nico_selfmodel.systems.measurements import Measurement
 
 JOINTS = (
     JointInfo("base", "counts", 1000.0, -400.0, 400.0),

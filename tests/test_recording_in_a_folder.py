@@ -5,12 +5,13 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from nico_selfmodel.dataset import JointInfo
 from nico_selfmodel.dataset.folder import content_hash, load_dataset, save_dataset
+from nico_selfmodel.dataset.joint_info import JointInfo
 from nico_selfmodel.errors import DataError, RobotError
 from nico_selfmodel.planning.plans import commands_of_angles, pose_plan
-from nico_selfmodel.recording import record, recorded_samples
-from nico_selfmodel.systems import CameraMeasurement, Measurement
+from nico_selfmodel.recording import recorded_samples
+from nico_selfmodel.recording.session import record
+from nico_selfmodel.systems.measurements import CameraMeasurement, Measurement
 from nico_selfmodel.vision.images.image_file import read_image
 
 JOINTS = (

@@ -8,12 +8,14 @@ import pytest
 from nico_selfmodel.dataset.folder import content_hash, load_dataset, save_dataset
 from nico_selfmodel.planning.sweep_protocol import SweepProtocol
 from nico_selfmodel.plant import ArmDescription
-from nico_selfmodel.recording import record
+from nico_selfmodel.recording.session import record
 from nico_selfmodel.sessions.camera_scenario import RenderedNico
 from nico_selfmodel.sessions.nico_before_mirrors import DEFAULT_MIRROR, NicoBeforeMirrors
 from nico_selfmodel.sessions.simulated_session import simulated_session
-from nico_selfmodel.systems import IMPERFECTIONS, NicoStation, StationBody
 from nico_selfmodel.systems.rendering.renderer import can_render
+from nico_selfmodel.systems.simulated.imperfections import IMPERFECTIONS
+from nico_selfmodel.systems.stations.nico_station import NicoStation
+from nico_selfmodel.systems.stations.station_body import StationBody
 
 LOSSY = replace(IMPERFECTIONS["thesis"], dropout_share=0.5)
 

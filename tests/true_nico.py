@@ -3,8 +3,8 @@
 from dataclasses import replace
 
 from nico_selfmodel.plant import SelfModelPlant
-from nico_selfmodel.systems import IMPERFECTIONS, NICO_CAMERAS
-from nico_selfmodel.systems.nico_cameras import MOUNTS
+from nico_selfmodel.systems.nico_cameras import MOUNTS, NICO_CAMERAS
+from nico_selfmodel.systems.simulated.imperfections import IMPERFECTIONS
 from nico_selfmodel.systems.stations.nico_instance import NicoInstance
 
 

@@ -5,8 +5,8 @@ from typing import TYPE_CHECKING, Any
 from nico_selfmodel.cli import options, printer
 
 if TYPE_CHECKING:
-    from nico_selfmodel.dataset import Dataset
-    from nico_selfmodel.estimation import Verdict
+    from nico_selfmodel.dataset.dataset import Dataset
+    from nico_selfmodel.estimation.results.verdict import Verdict
     from nico_selfmodel.model.self_model import SelfModel
 
 
@@ -35,8 +35,8 @@ def evaluate(
 
 def _of_points(learned: "SelfModel", data: "Dataset") -> "tuple[Verdict, dict[str, Any]]":
     """Return the verdict by measured points, and the errors."""
-    from nico_selfmodel.estimation import evaluate as hold_against
-    from nico_selfmodel.estimation import judge_evaluation
+    from nico_selfmodel.estimation.arm.evaluation import evaluate as hold_against
+    from nico_selfmodel.estimation.model_verdict import judge_evaluation
 
     evaluation = hold_against(learned, data)
     statistics = evaluation.statistics
@@ -47,8 +47,9 @@ def _of_points(learned: "SelfModel", data: "Dataset") -> "tuple[Verdict, dict[st
 def _of_pixels(learned: "SelfModel", data: "Dataset") -> "tuple[Verdict, dict[str, Any]]":
     """Return the verdict by what the model's cameras saw, and the errors in images and space."""
     from nico_selfmodel.errors import DataError
-    from nico_selfmodel.estimation import evaluate_pixels, judge_evaluation
     from nico_selfmodel.estimation.body.body_result import pixel_errors
+    from nico_selfmodel.estimation.model_verdict import judge_evaluation
+    from nico_selfmodel.estimation.observations.pixel_evaluation import evaluate_pixels
 
     evaluation = evaluate_pixels(learned, data)
     block = pixel_errors(evaluation).to_json()

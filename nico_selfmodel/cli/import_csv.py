@@ -16,8 +16,8 @@ def from_csv(
     force: options.Force = False,
 ) -> None:
     """Import a plain CSV by a column map."""
-    from nico_selfmodel.dataset import import_csv
     from nico_selfmodel.dataset.folder import save_dataset
+    from nico_selfmodel.dataset.importers.csv_importer import import_csv
     from nico_selfmodel.files.whole import refuse_existing
 
     refuse_existing(out, force=force)

@@ -9,8 +9,8 @@ from nico_selfmodel.names import LONGEST_NAME, check_name, listed
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
-    from nico_selfmodel.dataset import Dataset
-    from nico_selfmodel.estimation import NominalArm
+    from nico_selfmodel.dataset.dataset import Dataset
+    from nico_selfmodel.estimation.initialization.nominal_arm import NominalArm
     from nico_selfmodel.model.cameras.stereo_rig import StereoRig
     from nico_selfmodel.plant import ArmDescription
 

@@ -36,7 +36,7 @@ def live(
     """
     from nico_selfmodel.files.whole import refuse_existing, write_whole
     from nico_selfmodel.model.self_model_file import load_model
-    from nico_selfmodel.systems import imperfections_named
+    from nico_selfmodel.systems.simulated.imperfections import imperfections_named
 
     chosen = imperfections_named(imperfections)
     if out is not None:

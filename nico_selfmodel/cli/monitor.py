@@ -26,7 +26,8 @@ def monitor(
 ) -> None:
     """Hold a body against new observations, in their order; exit code 1 where something changed."""
     from nico_selfmodel.dataset.folder import load_dataset
-    from nico_selfmodel.estimation import check_health, judge, to_json
+    from nico_selfmodel.estimation.judging import judge, to_json
+    from nico_selfmodel.estimation.monitoring.health import check_health
     from nico_selfmodel.estimation.monitoring.health_document import health_document
     from nico_selfmodel.estimation.monitoring.relearning import relearn_cause, since_change
     from nico_selfmodel.estimation.monitoring.update_evaluation import evaluate_update

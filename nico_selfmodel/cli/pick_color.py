@@ -28,10 +28,10 @@ def pick_color(
     """Learn thresholds of a colour, a YAML, from pixels that you click on or name with --at."""
     from nico_selfmodel.files.reading import real_path
     from nico_selfmodel.files.whole import refuse_existing
-    from nico_selfmodel.vision import NotSeen
     from nico_selfmodel.vision.color.color_blob import color_mask, find_color_blob
     from nico_selfmodel.vision.color.color_model import ColorModel
     from nico_selfmodel.vision.images.image_file import looking_at, read_image, write_image
+    from nico_selfmodel.vision.images.not_seen import NotSeen
 
     for path in filter(None, (out, mask)):
         refuse_existing(path, force=force)

@@ -19,7 +19,7 @@ from nico_selfmodel.cli.result_facts import derived_rows, fact_rows
 from nico_selfmodel.progress import Progress
 
 if TYPE_CHECKING:
-    from nico_selfmodel.dataset import Dataset
+    from nico_selfmodel.dataset.dataset import Dataset
 
 _WIDEST = 400
 """Width that a table may have where nobody looks at it on a terminal [characters]."""

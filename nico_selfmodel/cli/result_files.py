@@ -5,7 +5,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
-    from nico_selfmodel.dataset import Dataset
+    from nico_selfmodel.dataset.dataset import Dataset
     from nico_selfmodel.model.self_model import SelfModel
     from nico_selfmodel.plant import ArmDescription
     from nico_selfmodel.viz.reports.page import Report

@@ -22,8 +22,8 @@ def rezero(
 ) -> None:
     """Find the encoders' zeros again from three to five poses, everything else held."""
     from nico_selfmodel.dataset.folder import load_dataset
-    from nico_selfmodel.estimation import judge, to_json
-    from nico_selfmodel.estimation import rezero as find_zeros
+    from nico_selfmodel.estimation.judging import judge, to_json
+    from nico_selfmodel.estimation.monitoring.tool import rezero as find_zeros
     from nico_selfmodel.estimation.monitoring.update_evaluation import evaluate_update
     from nico_selfmodel.estimation.monitoring.update_result import rezero_result
     from nico_selfmodel.files.whole import refuse_folder

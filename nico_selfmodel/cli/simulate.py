@@ -37,7 +37,7 @@ def motion_capture(
     from nico_selfmodel.files.whole import refuse_existing
     from nico_selfmodel.planning.sweep_protocol import SweepProtocol
     from nico_selfmodel.sessions.simulated_session import simulated_session
-    from nico_selfmodel.systems import imperfections_named
+    from nico_selfmodel.systems.simulated.imperfections import imperfections_named
 
     refuse_existing(out, force=force)
     name = inputs.name_after(out)

@@ -5,7 +5,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from nico_selfmodel.dataset import Dataset
+from nico_selfmodel.dataset.dataset import Dataset
 from nico_selfmodel.estimation.arm.arm_findings import WHAT_CHANGED
 from nico_selfmodel.estimation.arm.evaluation import Evaluation, expected_covariance
 from nico_selfmodel.estimation.noise.hand_observations import (

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from nico_selfmodel.dataset import Dataset
+from nico_selfmodel.dataset.dataset import Dataset
 from nico_selfmodel.estimation.mirrors.mirror import calibrate_mirrors
 from nico_selfmodel.estimation.mirrors.mirror_cameras import fit_mirror_cameras
 from nico_selfmodel.experiments.mirror_body import MIRRORS, learned_body, mirror_body

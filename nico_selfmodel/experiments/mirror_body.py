@@ -5,8 +5,9 @@ from dataclasses import replace
 
 import numpy as np
 
-from nico_selfmodel.estimation import calibrate_cameras, calibrate_kinematics
+from nico_selfmodel.estimation.arm.kinematics import calibrate_kinematics
 from nico_selfmodel.estimation.body.arm_through_cameras import Sight
+from nico_selfmodel.estimation.cameras.stereo import calibrate_cameras
 from nico_selfmodel.experiments.stereo import board_points
 from nico_selfmodel.geometry.transform import inverse
 from nico_selfmodel.model.cameras.mirror import Mirror

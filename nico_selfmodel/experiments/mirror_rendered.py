@@ -4,7 +4,7 @@ from collections.abc import Mapping
 
 import numpy as np
 
-from nico_selfmodel.dataset import Dataset
+from nico_selfmodel.dataset.dataset import Dataset
 from nico_selfmodel.errors import DataError
 from nico_selfmodel.experiments.mirror import (
     POSES,
@@ -18,7 +18,7 @@ from nico_selfmodel.sessions.body_scenario import learn_body
 from nico_selfmodel.sessions.camera_scenario import Counts, RenderedNico
 from nico_selfmodel.sessions.nico_before_mirrors import NicoBeforeMirrors
 from nico_selfmodel.sessions.progress import Stage, of_robot, telling
-from nico_selfmodel.systems import Imperfections
+from nico_selfmodel.systems.simulated.imperfections import Imperfections
 
 MARKER = "fiducial"
 RENDERED_MIRRORS: Mapping[str, Mirror] = {

@@ -4,13 +4,13 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from nico_selfmodel.dataset import Dataset
-from nico_selfmodel.estimation import KinematicCalibration, calibrate_kinematics
+from nico_selfmodel.dataset.dataset import Dataset
+from nico_selfmodel.estimation.arm.kinematics import KinematicCalibration, calibrate_kinematics
 from nico_selfmodel.planning.sweep_protocol import SweepProtocol
 from nico_selfmodel.plant import ArmDescription
 from nico_selfmodel.sessions.progress import Stage
 from nico_selfmodel.sessions.simulated_session import simulated_session
-from nico_selfmodel.systems import Imperfections
+from nico_selfmodel.systems.simulated.imperfections import Imperfections
 
 MANY, FEW = 104, 9
 ARCS = {MANY: 0.5, FEW: 0.25}

@@ -7,14 +7,15 @@ from functools import cache
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from nico_selfmodel.dataset import Dataset
+from nico_selfmodel.dataset.dataset import Dataset
 from nico_selfmodel.planning.plans import HOME, commands_of_angles
 from nico_selfmodel.planning.visible_workspace import PROJECTED, VisibleWorkspace
 from nico_selfmodel.plant import ArmDescription
-from nico_selfmodel.recording import record
 from nico_selfmodel.recording.observed_body import ObservedBody
-from nico_selfmodel.systems import Imperfections, SimulatedRobot
+from nico_selfmodel.recording.session import record
 from nico_selfmodel.systems.looking import looking
+from nico_selfmodel.systems.simulated.imperfections import Imperfections
+from nico_selfmodel.systems.simulated.robot import SimulatedRobot
 from nico_selfmodel.systems.simulated.sensors import StereoPixels
 
 TRACKERS = {"fiducial": 0.3, "color": 2.0}

@@ -6,26 +6,24 @@ from typing import Any
 
 import numpy as np
 
-from nico_selfmodel.dataset import Dataset
 from nico_selfmodel.dataset.board_views import BoardViews
+from nico_selfmodel.dataset.dataset import Dataset
 from nico_selfmodel.errors import EstimationError, ModelError
-from nico_selfmodel.estimation import (
-    BodyCalibration,
-    BodyOptions,
-    CameraOptions,
-    NominalArm,
-    calibrate_body,
-    calibrate_cameras,
-    evaluate,
-    judge,
-)
+from nico_selfmodel.estimation.arm.evaluation import evaluate
+from nico_selfmodel.estimation.body.body import BodyCalibration, calibrate_body
+from nico_selfmodel.estimation.body.body_options import BodyOptions
+from nico_selfmodel.estimation.cameras.camera_options import CameraOptions
+from nico_selfmodel.estimation.cameras.stereo import calibrate_cameras
+from nico_selfmodel.estimation.initialization.nominal_arm import NominalArm
+from nico_selfmodel.estimation.judging import judge
 from nico_selfmodel.experiments.irreducible_error import Limit
 from nico_selfmodel.experiments.projected_nico import TRACKERS, ProjectedNico
 from nico_selfmodel.experiments.stereo import BOARDS, TEST_BOARDS, board_points
 from nico_selfmodel.model.arm.link_lengths import link_lengths
 from nico_selfmodel.model.self_model import SelfModel
 from nico_selfmodel.sessions.progress import Stage, of_robot
-from nico_selfmodel.systems import Imperfections, SimulatedCameras
+from nico_selfmodel.systems.simulated.cameras import SimulatedCameras
+from nico_selfmodel.systems.simulated.imperfections import Imperfections
 
 CIRCLE_POINTS = 15
 """Poses on each of the four circles, home not counted."""

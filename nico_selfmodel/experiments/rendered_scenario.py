@@ -4,13 +4,13 @@ from dataclasses import replace
 
 import numpy as np
 
-from nico_selfmodel.dataset import Dataset
-from nico_selfmodel.estimation import calibrate_cameras
+from nico_selfmodel.dataset.dataset import Dataset
+from nico_selfmodel.estimation.cameras.stereo import calibrate_cameras
 from nico_selfmodel.experiments.irreducible_error import Limit
 from nico_selfmodel.experiments.refinement import SEED, Scenario
 from nico_selfmodel.sessions.camera_scenario import Counts, RenderedNico, of_marker
 from nico_selfmodel.sessions.progress import Stage, telling
-from nico_selfmodel.systems import Imperfections
+from nico_selfmodel.systems.simulated.imperfections import Imperfections
 
 MARKERS = {"fiducial": "fiducial", "color": "finger_tip"}
 """How the hand is tracked -> what is tracked."""

@@ -7,7 +7,7 @@ from xml.dom.minidom import Element
 import numpy as np
 from numpy.typing import NDArray
 
-from nico_selfmodel.estimation import calibrate_body
+from nico_selfmodel.estimation.body.body import calibrate_body
 from nico_selfmodel.experiments.rendered_scenario import COUNTS, MARKERS, rendered_scenarios
 from nico_selfmodel.experiments.tool_use import COUNTS as TOOL_COUNTS
 from nico_selfmodel.experiments.tool_use import TOOL, ToolScenario
@@ -25,7 +25,8 @@ from nico_selfmodel.plant.urdf_document import (
 from nico_selfmodel.sessions.camera_scenario import Counts, of_marker
 from nico_selfmodel.sessions.progress import Stage
 from nico_selfmodel.sessions.rendered_nico import RenderedNico
-from nico_selfmodel.systems import Imperfections, looking_arm
+from nico_selfmodel.systems.looking import looking_arm
+from nico_selfmodel.systems.simulated.imperfections import Imperfections
 
 _FINGER, _TIP, _TAPE = "right_finger_tip", "right_tool_tip", "red_tape"
 _SHAFT = 0.003

@@ -6,15 +6,16 @@ from typing import Any
 import numpy as np
 
 from nico_selfmodel.dataset.board_views import BoardViews
-from nico_selfmodel.estimation import (
-    CameraOptions,
+from nico_selfmodel.estimation.cameras.board_accuracy import (
     Reconstruction,
-    calibrate_cameras,
+    corner_distances,
+    held_out_residuals,
 )
-from nico_selfmodel.estimation.cameras.board_accuracy import corner_distances, held_out_residuals
+from nico_selfmodel.estimation.cameras.camera_options import CameraOptions
+from nico_selfmodel.estimation.cameras.stereo import calibrate_cameras
 from nico_selfmodel.experiments.experiment_report import ExperimentReport, Table, bars, spread
 from nico_selfmodel.sessions.progress import Stage
-from nico_selfmodel.systems import SimulatedCameras
+from nico_selfmodel.systems.simulated.cameras import SimulatedCameras
 from nico_selfmodel.viz.figures.experiment_charts import bar_chart
 
 SQUARE = 0.028

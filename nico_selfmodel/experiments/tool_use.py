@@ -6,14 +6,17 @@ from typing import Any
 
 import numpy as np
 
-from nico_selfmodel.dataset import Dataset
-from nico_selfmodel.estimation import calibrate_body, calibrate_tool, evaluate, rezero
+from nico_selfmodel.dataset.dataset import Dataset
+from nico_selfmodel.estimation.arm.evaluation import evaluate
+from nico_selfmodel.estimation.body.body import calibrate_body
+from nico_selfmodel.estimation.monitoring.tool import calibrate_tool, rezero
 from nico_selfmodel.estimation.observations.pixel_evaluation import evaluate_pixels
 from nico_selfmodel.experiments.projected_nico import ProjectedNico
 from nico_selfmodel.experiments.refinement import TEST_POSES, mean_pair, simulated_scenario
 from nico_selfmodel.model.self_model import SelfModel
 from nico_selfmodel.sessions.progress import Stage
-from nico_selfmodel.systems import Imperfections, SimulatedRobot
+from nico_selfmodel.systems.simulated.imperfections import Imperfections
+from nico_selfmodel.systems.simulated.robot import SimulatedRobot
 from nico_selfmodel.systems.simulated.sensors import StereoPixels
 
 TOOL = np.array([0.025, 0.0, -0.08])

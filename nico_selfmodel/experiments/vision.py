@@ -6,11 +6,11 @@ from typing import Any
 
 import numpy as np
 
-from nico_selfmodel.estimation import ErrorStatistics
+from nico_selfmodel.estimation.results.errors import ErrorStatistics
 from nico_selfmodel.experiments.experiment_report import ExperimentReport, Pair, Table, bars, spread
 from nico_selfmodel.sessions.camera_scenario import ArmScenario, Counts, learn_cameras_and_arm
 from nico_selfmodel.sessions.progress import Stage, of_robot
-from nico_selfmodel.systems import Imperfections
+from nico_selfmodel.systems.simulated.imperfections import Imperfections
 from nico_selfmodel.viz.figures.experiment_charts import bar_chart
 
 ROWS = {"color": "finger_tip", "fiducial": "fiducial"}

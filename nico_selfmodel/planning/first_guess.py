@@ -4,7 +4,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from nico_selfmodel.dataset import JointInfo
+from nico_selfmodel.dataset.joint_info import JointInfo
 from nico_selfmodel.model.arm.dh_table import DhTable
 from nico_selfmodel.model.arm.servo_map import ServoMap
 from nico_selfmodel.model.cameras.stereo_rig import StereoRig

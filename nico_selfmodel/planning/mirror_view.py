@@ -10,8 +10,8 @@ from numpy.typing import NDArray
 
 from nico_selfmodel.errors import ModelError
 from nico_selfmodel.geometry.transform import apply, inverse, transform
-from nico_selfmodel.model import MirrorRig
 from nico_selfmodel.model.cameras.mirror import Mirror
+from nico_selfmodel.model.cameras.mirror_rig import MirrorRig
 from nico_selfmodel.planning.visible_workspace import VisibleWorkspace
 from nico_selfmodel.systems.rendering.mirror_scene import MirrorPlate
 

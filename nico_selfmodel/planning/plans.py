@@ -5,7 +5,7 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from nico_selfmodel.dataset import JointInfo
+from nico_selfmodel.dataset.joint_info import JointInfo
 
 HOME = "home"
 Plan = list[tuple[str, NDArray]]

@@ -6,7 +6,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from nico_selfmodel.dataset import JointInfo
+from nico_selfmodel.dataset.joint_info import JointInfo
 from nico_selfmodel.errors import ModelError
 from nico_selfmodel.geometry.transform import apply
 from nico_selfmodel.model.arm.chain import Chain

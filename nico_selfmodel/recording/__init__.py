@@ -5,13 +5,3 @@ simulated ones. A recording that is written to a folder is there from the first 
 loadable, and goes on where it stopped; poses that come faster than they are written are written
 together.
 """
-
-from nico_selfmodel.recording.recorded_samples import RecordedSamples
-from nico_selfmodel.recording.session import Progress, record, sample_pose
-
-__all__ = [
-    "Progress",
-    "RecordedSamples",
-    "record",
-    "sample_pose",
-]

@@ -7,9 +7,9 @@ from types import MappingProxyType
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from nico_selfmodel.dataset import JointInfo
+from nico_selfmodel.dataset.joint_info import JointInfo
 from nico_selfmodel.recording.session import Body
-from nico_selfmodel.systems import CameraMeasurement
+from nico_selfmodel.systems.measurements import CameraMeasurement
 
 
 class ObservedBody:

@@ -12,13 +12,14 @@ from typing import Any, Self
 import numpy as np
 from numpy.typing import NDArray
 
-from nico_selfmodel.dataset import Dataset, JointInfo
+from nico_selfmodel.dataset.dataset import Dataset
 from nico_selfmodel.dataset.folder import load_dataset, save_dataset
+from nico_selfmodel.dataset.joint_info import JointInfo
 from nico_selfmodel.errors import DataError
 from nico_selfmodel.files.whole import recover
 from nico_selfmodel.model.cameras.stereo_rig import SIDES
 from nico_selfmodel.names import shown
-from nico_selfmodel.systems import CameraMeasurement, Measurement
+from nico_selfmodel.systems.measurements import CameraMeasurement, Measurement
 from nico_selfmodel.vision.images.image_file import write_image
 
 POSE, VISITS = "pose", "visits"

@@ -6,10 +6,11 @@ from typing import Protocol, runtime_checkable
 
 from numpy.typing import ArrayLike, NDArray
 
-from nico_selfmodel.dataset import Dataset, JointInfo
+from nico_selfmodel.dataset.dataset import Dataset
+from nico_selfmodel.dataset.joint_info import JointInfo
 from nico_selfmodel.errors import RobotError
 from nico_selfmodel.recording.recorded_samples import RecordedSamples
-from nico_selfmodel.systems import Measurement
+from nico_selfmodel.systems.measurements import Measurement
 
 Progress = Callable[[int, int], None]
 """Called with the number of poses done and their total."""

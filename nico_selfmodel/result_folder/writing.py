@@ -5,7 +5,7 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
-from nico_selfmodel.dataset import Dataset
+from nico_selfmodel.dataset.dataset import Dataset
 from nico_selfmodel.dataset.folder import save_dataset
 from nico_selfmodel.files.whole import RESULT_FILE, folder_written_whole, write_whole
 from nico_selfmodel.model.self_model import SelfModel

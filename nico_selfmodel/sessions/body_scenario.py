@@ -4,7 +4,9 @@ from dataclasses import dataclass
 
 from nico_selfmodel.dataset.board_views import BoardViews
 from nico_selfmodel.errors import EstimationError
-from nico_selfmodel.estimation import BodyCalibration, Verdict, calibrate_body, judge
+from nico_selfmodel.estimation.body.body import BodyCalibration, calibrate_body
+from nico_selfmodel.estimation.judging import judge
+from nico_selfmodel.estimation.results.verdict import Verdict
 from nico_selfmodel.model.self_model import SelfModel
 from nico_selfmodel.sessions.camera_scenario import (
     ArmScenario,
@@ -14,7 +16,7 @@ from nico_selfmodel.sessions.camera_scenario import (
     learn_cameras_and_arm,
 )
 from nico_selfmodel.sessions.progress import Stage, telling
-from nico_selfmodel.systems import Imperfections
+from nico_selfmodel.systems.simulated.imperfections import Imperfections
 
 TEST_SESSION = 3
 """Day on which boards are shown that nobody learns from."""

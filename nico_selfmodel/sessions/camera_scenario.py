@@ -8,22 +8,19 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from nico_selfmodel.dataset import Dataset
 from nico_selfmodel.dataset.board_views import BoardViews
-from nico_selfmodel.estimation import (
-    CameraCalibration,
-    KinematicCalibration,
-    NominalArm,
-    calibrate_cameras,
-    calibrate_kinematics,
-)
+from nico_selfmodel.dataset.dataset import Dataset
+from nico_selfmodel.estimation.arm.kinematics import KinematicCalibration, calibrate_kinematics
 from nico_selfmodel.estimation.body.arm_through_cameras import Sight
+from nico_selfmodel.estimation.cameras.camera_adjustment import CameraCalibration
+from nico_selfmodel.estimation.cameras.stereo import calibrate_cameras
+from nico_selfmodel.estimation.initialization.nominal_arm import NominalArm
 from nico_selfmodel.estimation.observations.pixel_evaluation import PixelEvaluation
 from nico_selfmodel.model.self_model import SelfModel
 from nico_selfmodel.plant import ArmDescription
 from nico_selfmodel.sessions.progress import Stage, telling
 from nico_selfmodel.sessions.rendered_nico import RenderedNico
-from nico_selfmodel.systems import Imperfections
+from nico_selfmodel.systems.simulated.imperfections import Imperfections
 
 MARKERS = {"stereo-fiducial": "fiducial", "stereo-color": "finger_tip"}
 """Sensor -> what it looks at."""

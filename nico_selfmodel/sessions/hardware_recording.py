@@ -6,7 +6,8 @@ from pathlib import Path
 
 import numpy as np
 
-from nico_selfmodel.dataset import Dataset, JointInfo
+from nico_selfmodel.dataset.dataset import Dataset
+from nico_selfmodel.dataset.joint_info import JointInfo
 from nico_selfmodel.errors import DataError
 from nico_selfmodel.model.readings import readings_from_table
 from nico_selfmodel.planning.plans import HOME, Plan, given_commands
@@ -14,9 +15,10 @@ from nico_selfmodel.planning.sweep_protocol import SweepProtocol
 from nico_selfmodel.planning.visible_workspace import VisibleWorkspace
 from nico_selfmodel.plant import ArmDescription
 from nico_selfmodel.plant.robots import ROBOTS
-from nico_selfmodel.recording import Progress, record
+from nico_selfmodel.recording.session import Progress, record
 from nico_selfmodel.sessions.camera_scenario import MARKERS
-from nico_selfmodel.systems import NicoHardwareStation, looking_arm
+from nico_selfmodel.systems.looking import looking_arm
+from nico_selfmodel.systems.stations.nico_hardware_station import NicoHardwareStation
 
 
 @dataclass(frozen=True, eq=False)

@@ -6,8 +6,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from nico_selfmodel.dataset import Dataset
-from nico_selfmodel.estimation import judge, to_json
+from nico_selfmodel.dataset.dataset import Dataset
+from nico_selfmodel.estimation.judging import judge, to_json
 from nico_selfmodel.estimation.mirrors.mirror import MirrorCalibration, calibrate_mirrors
 from nico_selfmodel.estimation.mirrors.mirror_findings import judged
 from nico_selfmodel.estimation.results.verdict import Verdict
@@ -16,7 +16,7 @@ from nico_selfmodel.sessions.body_scenario import BodyScenario
 from nico_selfmodel.sessions.camera_scenario import RenderedNico
 from nico_selfmodel.sessions.nico_before_mirrors import DEFAULT_MIRROR, NicoBeforeMirrors
 from nico_selfmodel.sessions.progress import Stage, telling
-from nico_selfmodel.systems import Imperfections
+from nico_selfmodel.systems.simulated.imperfections import Imperfections
 from nico_selfmodel.viz.scene.mirror_picture import MirrorPicture
 
 MIRROR = "mirror"

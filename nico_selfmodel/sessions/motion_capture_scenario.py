@@ -3,14 +3,15 @@
 import warnings
 from dataclasses import dataclass, replace
 
-from nico_selfmodel.dataset import Dataset
+from nico_selfmodel.dataset.dataset import Dataset
 from nico_selfmodel.errors import NotIdentifiableError
-from nico_selfmodel.estimation import KinematicCalibration, NominalArm, calibrate_kinematics
+from nico_selfmodel.estimation.arm.kinematics import KinematicCalibration, calibrate_kinematics
+from nico_selfmodel.estimation.initialization.nominal_arm import NominalArm
 from nico_selfmodel.planning.sweep_protocol import SweepProtocol
 from nico_selfmodel.plant import ArmDescription
 from nico_selfmodel.sessions.progress import Stage, telling
 from nico_selfmodel.sessions.simulated_session import simulated_session
-from nico_selfmodel.systems import Imperfections
+from nico_selfmodel.systems.simulated.imperfections import Imperfections
 
 
 @dataclass(frozen=True, eq=False)

@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from nico_selfmodel.dataset import Dataset
+from nico_selfmodel.dataset.dataset import Dataset
 from nico_selfmodel.errors import EstimationError
 from nico_selfmodel.model.cameras.mirror import Mirror
 from nico_selfmodel.model.cameras.stereo_rig import SIDES, StereoRig
@@ -16,10 +16,12 @@ from nico_selfmodel.names import check_name
 from nico_selfmodel.planning.mirror_poses import MirrorPoses, plan_mirror_poses
 from nico_selfmodel.planning.mirror_view import MirrorView
 from nico_selfmodel.planning.plans import Plan, commands_of_angles
-from nico_selfmodel.recording import RecordedSamples, sample_pose
+from nico_selfmodel.recording.recorded_samples import RecordedSamples
+from nico_selfmodel.recording.session import sample_pose
 from nico_selfmodel.sessions.camera_scenario import RenderedNico
-from nico_selfmodel.systems import NicoStation, StationBody
 from nico_selfmodel.systems.rendering.mirror_scene import MirrorPlate, put_mirror
+from nico_selfmodel.systems.stations.nico_station import NicoStation
+from nico_selfmodel.systems.stations.station_body import StationBody
 from nico_selfmodel.systems.tracking.reflection_detectors import default_mirror_detectors
 
 DEFAULT_MIRROR = Mirror.from_values([0.0, np.radians(-20.0), 0.30])

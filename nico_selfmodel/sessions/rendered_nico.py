@@ -6,32 +6,27 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from nico_selfmodel.dataset import Dataset
 from nico_selfmodel.dataset.board_views import BoardViews
+from nico_selfmodel.dataset.dataset import Dataset
 from nico_selfmodel.errors import DataError
 from nico_selfmodel.model.cameras.stereo_rig import SIDES, StereoRig
 from nico_selfmodel.planning.board_poses import board_poses
 from nico_selfmodel.planning.plans import Plan, given_commands
 from nico_selfmodel.planning.visible_workspace import VisibleWorkspace
 from nico_selfmodel.plant import ArmDescription
-from nico_selfmodel.recording import record
 from nico_selfmodel.recording.observed_body import ObservedBody
-from nico_selfmodel.systems import (
-    BOARD,
-    NICO_CAMERAS,
-    GroundTruth,
-    ImageQuality,
-    Imperfections,
-    NicoStation,
-    StationBody,
-    default_detectors,
-    imperfections_named,
-    looking_arm,
-)
+from nico_selfmodel.recording.session import record
+from nico_selfmodel.systems.looking import looking_arm
+from nico_selfmodel.systems.nico_cameras import NICO_CAMERAS
+from nico_selfmodel.systems.rendering.stereo_cameras import ImageQuality
+from nico_selfmodel.systems.simulated.ground_truth import GroundTruth
+from nico_selfmodel.systems.simulated.imperfections import Imperfections, imperfections_named
 from nico_selfmodel.systems.stations.nico_instance import NicoInstance
-from nico_selfmodel.vision import NotSeen
+from nico_selfmodel.systems.stations.nico_station import BOARD, NicoStation, default_detectors
+from nico_selfmodel.systems.stations.station_body import StationBody
 from nico_selfmodel.vision.boards.chessboard import find_chessboard
 from nico_selfmodel.vision.images.image_file import write_image
+from nico_selfmodel.vision.images.not_seen import NotSeen
 
 WINDOW = 5
 """Half side of the window in which corners are refined: squares are as small as 16 px."""

@@ -5,12 +5,13 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from nico_selfmodel.dataset import Dataset
+from nico_selfmodel.dataset.dataset import Dataset
 from nico_selfmodel.planning.plans import given_commands
 from nico_selfmodel.planning.sweep_protocol import SweepProtocol
 from nico_selfmodel.plant import ArmDescription
-from nico_selfmodel.recording import Progress, record
-from nico_selfmodel.systems import Imperfections, SimulatedRobot
+from nico_selfmodel.recording.session import Progress, record
+from nico_selfmodel.systems.simulated.imperfections import Imperfections
+from nico_selfmodel.systems.simulated.robot import SimulatedRobot
 
 
 def simulated_session(

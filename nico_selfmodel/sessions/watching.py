@@ -14,9 +14,11 @@ from nico_selfmodel.model.self_model import SelfModel
 from nico_selfmodel.plant import ArmDescription
 from nico_selfmodel.sessions.camera_scenario import RenderedNico
 from nico_selfmodel.sessions.nico_before_mirrors import DEFAULT_MIRROR, NicoBeforeMirrors
-from nico_selfmodel.systems import Imperfections, NicoStation, StationBody
 from nico_selfmodel.systems.closing import Closable
 from nico_selfmodel.systems.rendering.mirror_scene import put_mirror
+from nico_selfmodel.systems.simulated.imperfections import Imperfections
+from nico_selfmodel.systems.stations.nico_station import NicoStation
+from nico_selfmodel.systems.stations.station_body import StationBody
 from nico_selfmodel.viz.live.station_mirror import StandingGlass
 from nico_selfmodel.viz.live.station_view import StationView
 

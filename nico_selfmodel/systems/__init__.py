@@ -6,65 +6,45 @@
 from pose to pose.
 """
 
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
-from nico_selfmodel.systems.hardware.motion_capture_stream import (
-    MarkerFrame,
-    MotionCaptureClient,
-    MotionCaptureServer,
-)
-from nico_selfmodel.systems.measurements import CameraMeasurement, Measurement
-from nico_selfmodel.systems.nico_cameras import NICO_CAMERAS
-from nico_selfmodel.systems.simulated.cameras import SimulatedCameras
-from nico_selfmodel.systems.simulated.ground_truth import GroundTruth
-from nico_selfmodel.systems.simulated.imperfections import (
-    IMPERFECTIONS,
-    Imperfections,
-    imperfections_named,
-)
-from nico_selfmodel.systems.simulated.mechanics import Mechanics
-from nico_selfmodel.systems.simulated.robot import SimulatedRobot
+from nico_selfmodel.lazy import lazy_names
 
 if TYPE_CHECKING:
-    from nico_selfmodel.systems.diagrams import (
-        BOARD,
-        CameraDriver,
-        EncoderModel,
-        HandTracker,
-        ImageQuality,
-        MirrorPlate,
-        MotionCapture,
+    from nico_selfmodel.systems.hardware.camera_driver import CameraDriver
+    from nico_selfmodel.systems.hardware.motion_capture_link import (
         MotionCaptureReceiver,
         MotionCaptureSender,
-        NicoBehindBus,
-        NicoHardwareStation,
-        NicoStation,
-        SelfModelMonitor,
-        SelfModelPredictor,
-        ServoDriver,
-        SettleTimeouts,
-        StationBody,
-        StereoCameras,
-        color_detector,
-        default_detectors,
-        fiducial_detector,
-        looking_arm,
     )
+    from nico_selfmodel.systems.hardware.motion_capture_stream import (
+        MotionCaptureClient,
+        MotionCaptureServer,
+    )
+    from nico_selfmodel.systems.hardware.servo_driver import ServoDriver
+    from nico_selfmodel.systems.looking import looking_arm
+    from nico_selfmodel.systems.measurements import CameraMeasurement
+    from nico_selfmodel.systems.rendering.mirror_scene import MirrorPlate, put_mirror
+    from nico_selfmodel.systems.rendering.stereo_cameras import ImageQuality, StereoCameras
+    from nico_selfmodel.systems.simulated.encoder_model import EncoderModel
+    from nico_selfmodel.systems.simulated.imperfections import IMPERFECTIONS, Imperfections
+    from nico_selfmodel.systems.simulated.motion_capture import MotionCapture
+    from nico_selfmodel.systems.stations.nico_behind_bus import NicoBehindBus
+    from nico_selfmodel.systems.stations.nico_hardware_station import NicoHardwareStation
+    from nico_selfmodel.systems.stations.nico_station import NicoStation
+    from nico_selfmodel.systems.stations.station_body import StationBody
+    from nico_selfmodel.systems.tracking.hand_tracker import HandTracker
+    from nico_selfmodel.systems.tracking.reflection_detectors import default_mirror_detectors
+    from nico_selfmodel.systems.tracking.self_model_monitor import SelfModelMonitor
+    from nico_selfmodel.systems.tracking.self_model_predictor import SelfModelPredictor
 
 __all__ = [
-    "BOARD",
     "IMPERFECTIONS",
-    "NICO_CAMERAS",
     "CameraDriver",
     "CameraMeasurement",
     "EncoderModel",
-    "GroundTruth",
     "HandTracker",
     "ImageQuality",
     "Imperfections",
-    "MarkerFrame",
-    "Measurement",
-    "Mechanics",
     "MirrorPlate",
     "MotionCapture",
     "MotionCaptureClient",
@@ -77,23 +57,50 @@ __all__ = [
     "SelfModelMonitor",
     "SelfModelPredictor",
     "ServoDriver",
-    "SettleTimeouts",
-    "SimulatedCameras",
-    "SimulatedRobot",
     "StationBody",
     "StereoCameras",
-    "color_detector",
-    "default_detectors",
-    "fiducial_detector",
-    "imperfections_named",
+    "default_mirror_detectors",
     "looking_arm",
+    "put_mirror",
 ]
 
-
-def __getattr__(name: str) -> Any:
-    """Load the Drake systems when one of them is first asked for: they are slow to load."""
-    if name not in __all__:
-        raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
-    from nico_selfmodel.systems import diagrams
-
-    return getattr(diagrams, name)
+# Drake's systems are slow to load: each when it is first asked for.
+__getattr__, __dir__ = lazy_names(
+    __name__,
+    {
+        "hardware.camera_driver": ("CameraDriver",),
+        "hardware.motion_capture_link": (
+            "MotionCaptureReceiver",
+            "MotionCaptureSender",
+        ),
+        "hardware.motion_capture_stream": (
+            "MotionCaptureClient",
+            "MotionCaptureServer",
+        ),
+        "hardware.servo_driver": ("ServoDriver",),
+        "looking": ("looking_arm",),
+        "measurements": ("CameraMeasurement",),
+        "rendering.mirror_scene": (
+            "MirrorPlate",
+            "put_mirror",
+        ),
+        "rendering.stereo_cameras": (
+            "ImageQuality",
+            "StereoCameras",
+        ),
+        "simulated.encoder_model": ("EncoderModel",),
+        "simulated.imperfections": (
+            "IMPERFECTIONS",
+            "Imperfections",
+        ),
+        "simulated.motion_capture": ("MotionCapture",),
+        "stations.nico_behind_bus": ("NicoBehindBus",),
+        "stations.nico_hardware_station": ("NicoHardwareStation",),
+        "stations.nico_station": ("NicoStation",),
+        "stations.station_body": ("StationBody",),
+        "tracking.hand_tracker": ("HandTracker",),
+        "tracking.reflection_detectors": ("default_mirror_detectors",),
+        "tracking.self_model_monitor": ("SelfModelMonitor",),
+        "tracking.self_model_predictor": ("SelfModelPredictor",),
+    },
+)

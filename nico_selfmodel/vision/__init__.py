@@ -5,9 +5,3 @@ in words why it saw nothing; it never returns a point that it cannot vouch for. 
 an integer is the centre of a pixel, u to the right, v down. Only files that cannot be read, and
 folders in which nothing was seen at all, raise.
 """
-
-from nico_selfmodel.vision.images.not_seen import NotSeen
-
-__all__ = [
-    "NotSeen",
-]

@@ -12,7 +12,7 @@ from nico_selfmodel.estimation.observations.pixel_observations import PixelObser
 from nico_selfmodel.experiments.projected_nico import ProjectedNico
 from nico_selfmodel.experiments.refinement import simulated_scenario
 from nico_selfmodel.model.arm.line_kinematics import hand_points
-from nico_selfmodel.systems import IMPERFECTIONS
+from nico_selfmodel.systems.simulated.imperfections import IMPERFECTIONS
 
 from .timing import best_ratio
 

@@ -10,7 +10,7 @@ from pydrake.systems.framework import EventStatus, LeafSystem
 
 from nico_selfmodel.servos import JointServo, ServoConfig, SimulatedBus
 from nico_selfmodel.servos.arm_state import ArmState
-from nico_selfmodel.systems import ServoDriver
+from nico_selfmodel.systems.hardware.servo_driver import ServoDriver
 
 pytestmark = pytest.mark.benchmark
 PERIOD = 0.01

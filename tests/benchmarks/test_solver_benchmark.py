@@ -17,7 +17,7 @@ from nico_selfmodel.model.arm.line_kinematics import hand_points
 from nico_selfmodel.planning.sweep_protocol import SweepProtocol
 from nico_selfmodel.plant import ArmDescription
 from nico_selfmodel.sessions.simulated_session import simulated_session
-from nico_selfmodel.systems import IMPERFECTIONS
+from nico_selfmodel.systems.simulated.imperfections import IMPERFECTIONS
 
 from .timing import best_ratio
 

@@ -13,7 +13,8 @@ from pydrake.systems.primitives import LogVectorOutput
 
 from nico_selfmodel.planning.plans import commands_of_angles
 from nico_selfmodel.planning.visible_workspace import VisibleWorkspace
-from nico_selfmodel.systems import NicoStation, SelfModelPredictor
+from nico_selfmodel.systems.stations.nico_station import NicoStation
+from nico_selfmodel.systems.tracking.self_model_predictor import SelfModelPredictor
 
 FPS = 30.0
 SECONDS = float(os.environ.get("NICO_STATION_SECONDS", "2"))

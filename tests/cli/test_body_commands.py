@@ -13,7 +13,7 @@ from nico_selfmodel.dataset.folder import load_dataset, save_dataset
 from nico_selfmodel.experiments.projected_nico import ProjectedNico
 from nico_selfmodel.experiments.refinement import CONDITIONS, simulated_scenario
 from nico_selfmodel.model.self_model_file import load_model, save_model
-from nico_selfmodel.systems import IMPERFECTIONS
+from nico_selfmodel.systems.simulated.imperfections import IMPERFECTIONS
 
 PLAY = IMPERFECTIONS["clean"].with_noise(play_deg=0.5)
 TOOL = np.array([0.025, 0.0, -0.08])

@@ -10,7 +10,8 @@ from nico_selfmodel.model.self_model_file import save_model
 from nico_selfmodel.sessions.camera_scenario import RenderedNico
 from nico_selfmodel.sessions.nico_before_mirrors import DEFAULT_MIRROR, NicoBeforeMirrors
 from nico_selfmodel.sessions.watching import Watching
-from nico_selfmodel.systems import IMPERFECTIONS, looking_arm
+from nico_selfmodel.systems.looking import looking_arm
+from nico_selfmodel.systems.simulated.imperfections import IMPERFECTIONS
 
 from ..true_nico import true_model
 

@@ -19,7 +19,10 @@ from nico_selfmodel.servos.pic_servo.arm.servo_config_file import (
     load_servo_config,
     save_servo_config,
 )
-from nico_selfmodel.systems import ImageQuality, MotionCaptureServer, NicoBehindBus, NicoStation
+from nico_selfmodel.systems.hardware.motion_capture_stream import MotionCaptureServer
+from nico_selfmodel.systems.rendering.stereo_cameras import ImageQuality
+from nico_selfmodel.systems.stations.nico_behind_bus import NicoBehindBus
+from nico_selfmodel.systems.stations.nico_station import NicoStation
 from nico_selfmodel.vision.images.image_file import write_image
 
 CODE = "from nico_selfmodel.cli import main; main()"

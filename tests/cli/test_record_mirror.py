@@ -7,7 +7,7 @@ import pytest
 
 from nico_selfmodel.dataset.folder import load_dataset
 from nico_selfmodel.model.self_model_file import load_model, save_model
-from nico_selfmodel.systems import looking_arm
+from nico_selfmodel.systems.looking import looking_arm
 
 from ..true_nico import true_model
 

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 import yaml
 
-from nico_selfmodel.dataset import import_csv
+from nico_selfmodel.dataset.importers.csv_importer import import_csv
 from nico_selfmodel.errors import DataError
 
 TABLE = """\

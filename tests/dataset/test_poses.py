@@ -7,8 +7,9 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from nico_selfmodel.dataset import Dataset, JointInfo
+from nico_selfmodel.dataset.dataset import Dataset
 from nico_selfmodel.dataset.held_out import held_out_of
+from nico_selfmodel.dataset.joint_info import JointInfo
 from nico_selfmodel.dataset.poses import pose_numbers
 from nico_selfmodel.errors import DataError
 

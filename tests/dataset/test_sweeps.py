@@ -4,7 +4,8 @@ import numpy as np
 import pytest
 import yaml
 
-from nico_selfmodel.dataset import Dataset, JointInfo
+from nico_selfmodel.dataset.dataset import Dataset
+from nico_selfmodel.dataset.joint_info import JointInfo
 from nico_selfmodel.dataset.sweeps import find_sweeps, marked_sweeps, unmarked_sweeps
 
 

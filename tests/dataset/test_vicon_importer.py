@@ -3,9 +3,9 @@ import re
 import numpy as np
 import pytest
 
-from nico_selfmodel.dataset import JointInfo
 from nico_selfmodel.dataset.importers.vicon_importer import import_vicon
 from nico_selfmodel.dataset.importers.vicon_trajectories import read_trajectories
+from nico_selfmodel.dataset.joint_info import JointInfo
 from nico_selfmodel.errors import DataError
 
 # Written as Nexus does: other blocks first, blank lines between, cells cut off at the end.

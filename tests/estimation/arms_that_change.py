@@ -5,13 +5,13 @@ from functools import cache
 
 import numpy as np
 
-from nico_selfmodel.dataset import Dataset
-from nico_selfmodel.estimation import calibrate_kinematics
+from nico_selfmodel.dataset.dataset import Dataset
+from nico_selfmodel.estimation.arm.kinematics import calibrate_kinematics
 from nico_selfmodel.model.self_model import SelfModel
 from nico_selfmodel.planning.sweep_protocol import SweepProtocol
 from nico_selfmodel.plant import ArmDescription
 from nico_selfmodel.sessions.simulated_session import simulated_session
-from nico_selfmodel.systems import IMPERFECTIONS, Imperfections
+from nico_selfmodel.systems.simulated.imperfections import IMPERFECTIONS, Imperfections
 
 THESIS, CLEAN = IMPERFECTIONS["thesis"], IMPERFECTIONS["clean"]
 CELLS = {

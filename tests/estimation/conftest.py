@@ -6,7 +6,8 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from nico_selfmodel.dataset import Dataset, JointInfo
+from nico_selfmodel.dataset.dataset import Dataset
+from nico_selfmodel.dataset.joint_info import JointInfo
 from nico_selfmodel.geometry.rotation import rotation_about
 from nico_selfmodel.model.arm.chain import Chain
 from nico_selfmodel.model.arm.servo_map import ServoMap

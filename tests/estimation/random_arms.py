@@ -8,7 +8,8 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from nico_selfmodel.dataset import Dataset, JointInfo
+from nico_selfmodel.dataset.dataset import Dataset
+from nico_selfmodel.dataset.joint_info import JointInfo
 
 SOUND = ("clean", "joint noise", "high gear")
 BENT = ("backlash", "sag", "eccentricity", "coupling")

@@ -5,14 +5,16 @@ from functools import cache
 
 import numpy as np
 
-from nico_selfmodel.dataset import Dataset
-from nico_selfmodel.estimation import BodyCalibration, BodyOptions, calibrate_body
+from nico_selfmodel.dataset.dataset import Dataset
+from nico_selfmodel.estimation.body.body import BodyCalibration, calibrate_body
+from nico_selfmodel.estimation.body.body_options import BodyOptions
 from nico_selfmodel.experiments.projected_nico import ProjectedNico
 from nico_selfmodel.experiments.refinement import Scenario, simulated_scenario
 from nico_selfmodel.model.arm.dh_parameters import DhParameters
 from nico_selfmodel.model.cameras.stereo_rig import StereoRig
 from nico_selfmodel.model.self_model import SelfModel
-from nico_selfmodel.systems import IMPERFECTIONS, SimulatedRobot
+from nico_selfmodel.systems.simulated.imperfections import IMPERFECTIONS
+from nico_selfmodel.systems.simulated.robot import SimulatedRobot
 
 PLAY = IMPERFECTIONS["clean"].with_noise(play_deg=0.5)
 CLEAN = IMPERFECTIONS["clean"]

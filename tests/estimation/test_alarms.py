@@ -12,7 +12,9 @@ from math import comb
 import numpy as np
 import pytest
 
-from nico_selfmodel.estimation import calibrate_body, calibrate_kinematics, check_health
+from nico_selfmodel.estimation.arm.kinematics import calibrate_kinematics
+from nico_selfmodel.estimation.body.body import calibrate_body
+from nico_selfmodel.estimation.monitoring.health import check_health
 from nico_selfmodel.estimation.monitoring.monitor import chance_of_false_alarm
 from nico_selfmodel.experiments.projected_nico import ProjectedNico
 from nico_selfmodel.experiments.refinement import simulated_scenario

@@ -3,8 +3,10 @@
 import numpy as np
 import pytest
 
-from nico_selfmodel.dataset import Dataset, JointInfo
-from nico_selfmodel.estimation import calibrate_kinematics, judge
+from nico_selfmodel.dataset.dataset import Dataset
+from nico_selfmodel.dataset.joint_info import JointInfo
+from nico_selfmodel.estimation.arm.kinematics import calibrate_kinematics
+from nico_selfmodel.estimation.judging import judge
 from nico_selfmodel.model.arm.chain import Chain
 
 NOISE = 1e-3

@@ -8,9 +8,9 @@ from numpy.testing import assert_allclose
 
 from nico_selfmodel.dataset.mirrored_boards import MirroredBoards
 from nico_selfmodel.errors import DataError, EstimationError, NotIdentifiableError
-from nico_selfmodel.estimation import CameraOptions, calibrate_board_mirrors
+from nico_selfmodel.estimation.cameras.camera_options import CameraOptions
 from nico_selfmodel.estimation.mirrors.board_mirror_residuals import BoardMirrorResiduals
-from nico_selfmodel.estimation.mirrors.board_mirrors import place_boards
+from nico_selfmodel.estimation.mirrors.board_mirrors import calibrate_board_mirrors, place_boards
 from nico_selfmodel.estimation.mirrors.board_reflections import board_reflections
 from nico_selfmodel.estimation.mirrors.mirror_evaluation import MirrorEvaluation
 from nico_selfmodel.estimation.mirrors.mirror_solution import solve_mirrors, start_mirrors
@@ -230,7 +230,7 @@ def test_a_real_corner_of_mirrors_is_right_angled(corner):
 
 @pytest.mark.real_data
 def test_real_reflections_are_predicted_from_direct_views_alone(corner):
-    from nico_selfmodel.estimation import calibrate_cameras
+    from nico_selfmodel.estimation.cameras.stereo import calibrate_cameras
 
     errors, expected = [], []
     for fold in range(5):

@@ -8,14 +8,17 @@ import pytest
 
 from nico_selfmodel.dataset.board_views import BoardViews
 from nico_selfmodel.errors import DataError, ModelError
-from nico_selfmodel.estimation import BodyOptions, calibrate_body, evaluate, judge, to_json
+from nico_selfmodel.estimation.arm.evaluation import evaluate
+from nico_selfmodel.estimation.body.body import calibrate_body
 from nico_selfmodel.estimation.body.body_initialization import (
     in_left_eye,
     lines_of,
     reconstructed,
 )
+from nico_selfmodel.estimation.body.body_options import BodyOptions
 from nico_selfmodel.estimation.cameras.board_check import BoardCheck
 from nico_selfmodel.estimation.cameras.camera_initialization import pose_of_seen_boards
+from nico_selfmodel.estimation.judging import judge, to_json
 from nico_selfmodel.estimation.observations.arm_views import LinesView
 from nico_selfmodel.estimation.observations.hand_pixels import HandPixels
 from nico_selfmodel.estimation.observations.pixel_evaluation import evaluate_pixels

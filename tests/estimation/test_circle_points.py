@@ -6,9 +6,13 @@ import numpy as np
 import pytest
 
 from nico_selfmodel.dataset.sweeps import Sweep
-from nico_selfmodel.estimation import Observations, analyse_circle_points, calibrate_kinematics
 from nico_selfmodel.estimation.arm.kinematic_task import sweeps_of
-from nico_selfmodel.estimation.initialization.circle_points import crossing_of
+from nico_selfmodel.estimation.arm.kinematics import calibrate_kinematics
+from nico_selfmodel.estimation.initialization.circle_points import (
+    analyse_circle_points,
+    crossing_of,
+)
+from nico_selfmodel.estimation.observations.observations import Observations
 
 EXACT = 1e-9
 

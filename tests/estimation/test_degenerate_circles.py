@@ -6,13 +6,11 @@ import numpy as np
 import pytest
 
 from nico_selfmodel.errors import NotIdentifiableError
-from nico_selfmodel.estimation import (
-    Observations,
-    analyse_circle_points,
-    calibrate_kinematics,
-    judge,
-)
 from nico_selfmodel.estimation.arm.kinematic_task import sweeps_of
+from nico_selfmodel.estimation.arm.kinematics import calibrate_kinematics
+from nico_selfmodel.estimation.initialization.circle_points import analyse_circle_points
+from nico_selfmodel.estimation.judging import judge
+from nico_selfmodel.estimation.observations.observations import Observations
 
 SIGMA = 5e-4
 

@@ -5,9 +5,11 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from nico_selfmodel.dataset import Dataset
+from nico_selfmodel.dataset.dataset import Dataset
 from nico_selfmodel.errors import DataError
-from nico_selfmodel.estimation import Observations, calibrate_kinematics, evaluate
+from nico_selfmodel.estimation.arm.evaluation import evaluate
+from nico_selfmodel.estimation.arm.kinematics import calibrate_kinematics
+from nico_selfmodel.estimation.observations.observations import Observations
 
 SIGMA = 3e-4
 

@@ -6,16 +6,15 @@ import numpy as np
 import pytest
 
 from nico_selfmodel.errors import DataError, EstimationError, ModelError
-from nico_selfmodel.estimation import (
+from nico_selfmodel.estimation.arm.evaluation import evaluate
+from nico_selfmodel.estimation.body.workspace_accuracy import workspace_accuracy, workspace_readings
+from nico_selfmodel.estimation.monitoring.adaptation import (
     RecursiveAdaptation,
     WindowAdaptation,
-    check_health,
-    evaluate,
-    workspace_accuracy,
+    forgotten,
+    joined,
 )
-from nico_selfmodel.estimation.body.workspace_accuracy import workspace_readings
-from nico_selfmodel.estimation.monitoring.adaptation import forgotten, joined
-from nico_selfmodel.estimation.monitoring.health import ENOUGH
+from nico_selfmodel.estimation.monitoring.health import ENOUGH, check_health
 from nico_selfmodel.estimation.monitoring.health_document import health_document
 from nico_selfmodel.estimation.monitoring.monitor import Monitor
 from nico_selfmodel.estimation.monitoring.relearning import relearn_cause
@@ -102,7 +101,7 @@ def test_measured_points_serve_as_well(model):
 
 
 def test_a_model_learned_from_points_watches_points():
-    from nico_selfmodel.estimation import calibrate_kinematics
+    from nico_selfmodel.estimation.arm.kinematics import calibrate_kinematics
 
     data = scenario().test
     model = calibrate_kinematics(data.select(np.arange(70))).model
@@ -256,7 +255,7 @@ def test_the_workspace_splits_into_what_data_cure_and_what_mechanics_leave(model
 
 @pytest.mark.slow
 def test_twice_the_data_cure_half_of_the_learned_variance():
-    from nico_selfmodel.estimation import calibrate_body
+    from nico_selfmodel.estimation.body.body import calibrate_body
 
     few, many = scenario(0, random_poses=40), scenario(0, random_poses=100)
     readings = few.test.encoders

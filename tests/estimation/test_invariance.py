@@ -7,18 +7,17 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from nico_selfmodel.dataset import Dataset, JointInfo
 from nico_selfmodel.dataset.board_views import BoardViews
-from nico_selfmodel.estimation import (
-    BodyOptions,
-    CameraAssessment,
-    CameraOptions,
-    calibrate_body,
-    calibrate_cameras,
-    calibrate_kinematics,
-    calibrate_mirrors,
-    judge,
-)
+from nico_selfmodel.dataset.dataset import Dataset
+from nico_selfmodel.dataset.joint_info import JointInfo
+from nico_selfmodel.estimation.arm.kinematics import calibrate_kinematics
+from nico_selfmodel.estimation.body.body import calibrate_body
+from nico_selfmodel.estimation.body.body_options import BodyOptions
+from nico_selfmodel.estimation.cameras.camera_assessment import CameraAssessment
+from nico_selfmodel.estimation.cameras.camera_options import CameraOptions
+from nico_selfmodel.estimation.cameras.stereo import calibrate_cameras
+from nico_selfmodel.estimation.judging import judge
+from nico_selfmodel.estimation.mirrors.mirror import calibrate_mirrors
 from nico_selfmodel.geometry.rotation import rotation_from_vector
 
 from .mirror_scenes import body, poses, recording

@@ -7,8 +7,11 @@ import numpy as np
 import pytest
 
 from nico_selfmodel.dataset.board_views import BoardViews
-from nico_selfmodel.estimation import CameraAssessment, CameraOptions, calibrate_cameras, judge
+from nico_selfmodel.estimation.cameras.camera_assessment import CameraAssessment
+from nico_selfmodel.estimation.cameras.camera_options import CameraOptions
 from nico_selfmodel.estimation.cameras.lens_misfit import lens_misfits
+from nico_selfmodel.estimation.cameras.stereo import calibrate_cameras
+from nico_selfmodel.estimation.judging import judge
 from nico_selfmodel.model.cameras.camera import Camera
 
 from .real_boards import stereo_chessboard

@@ -10,17 +10,17 @@ from hypothesis import strategies as st
 from numpy.testing import assert_allclose
 
 from nico_selfmodel.errors import DataError, NotIdentifiableError
-from nico_selfmodel.estimation import calibrate_mirrors, evaluate_mirrors, judge, to_json
+from nico_selfmodel.estimation.judging import judge, to_json
+from nico_selfmodel.estimation.mirrors.mirror import calibrate_mirrors, evaluate_mirrors
 from nico_selfmodel.estimation.mirrors.mirror_cameras import fit_mirror_cameras
 from nico_selfmodel.estimation.mirrors.mirror_findings import grazing_angles, mirror_findings
 from nico_selfmodel.estimation.mirrors.mirror_solution import solve_mirrors, start_mirrors
 from nico_selfmodel.estimation.mirrors.reflections import ReflectionNoise, Reflections
 from nico_selfmodel.geometry.rotation import rotation_from_vector
 from nico_selfmodel.geometry.transform import transform
-from nico_selfmodel.model import MirrorRig
 from nico_selfmodel.model.cameras.camera import Camera
 from nico_selfmodel.model.cameras.mirror import Mirror
-from nico_selfmodel.model.cameras.mirror_rig import reflected_projection
+from nico_selfmodel.model.cameras.mirror_rig import MirrorRig, reflected_projection
 from nico_selfmodel.model.self_model import ParameterCovariance, SelfModel
 
 from .mirror_scenes import (

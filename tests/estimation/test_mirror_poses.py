@@ -10,8 +10,8 @@ from numpy.testing import assert_allclose
 from nico_selfmodel.errors import EstimationError, ModelError
 from nico_selfmodel.estimation.mirrors.mirror_solution import solve_mirrors
 from nico_selfmodel.estimation.mirrors.reflections import ReflectionNoise, Reflections
-from nico_selfmodel.model import MirrorRig
 from nico_selfmodel.model.cameras.mirror import Mirror
+from nico_selfmodel.model.cameras.mirror_rig import MirrorRig
 from nico_selfmodel.planning.mirror_poses import free_space, plan_mirror_poses
 
 from .mirror_scenes import CHAIN, MIRROR, RIG, SERVOS, SIZE, body, poses, recording

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from nico_selfmodel.errors import DataError, ModelError, NotConvergedError, NotIdentifiableError
-from nico_selfmodel.estimation import calibrate_mirrors
+from nico_selfmodel.estimation.mirrors.mirror import calibrate_mirrors
 from nico_selfmodel.model.self_model import SelfModel
 
 from .mirror_scenes import CHAIN, RIG, body, poses, recording

@@ -10,16 +10,18 @@ from functools import cache
 import numpy as np
 import pytest
 
-from nico_selfmodel.dataset import Dataset
-from nico_selfmodel.estimation import calibrate_body, calibrate_cameras, calibrate_kinematics
+from nico_selfmodel.dataset.dataset import Dataset
+from nico_selfmodel.estimation.arm.kinematics import calibrate_kinematics
 from nico_selfmodel.estimation.body.arm_through_cameras import Sight
+from nico_selfmodel.estimation.body.body import calibrate_body
+from nico_selfmodel.estimation.cameras.stereo import calibrate_cameras
 from nico_selfmodel.estimation.mirrors.mirror import calibrate_mirrors
 from nico_selfmodel.experiments.mirror_body import MIRRORS
 from nico_selfmodel.experiments.projected_nico import ProjectedNico
 from nico_selfmodel.experiments.refinement import simulated_scenario
 from nico_selfmodel.geometry.transform import apply, inverse
-from nico_selfmodel.model import MirrorRig
 from nico_selfmodel.model.cameras.mirror import Mirror
+from nico_selfmodel.model.cameras.mirror_rig import MirrorRig
 from nico_selfmodel.planning.plans import commands_of_angles
 from nico_selfmodel.systems.simulated.curved_mirror import curved_reflection
 

@@ -4,11 +4,12 @@ import numpy as np
 import pytest
 
 from nico_selfmodel.errors import DataError
-from nico_selfmodel.estimation import calibrate_kinematics
+from nico_selfmodel.estimation.arm.kinematics import calibrate_kinematics
 from nico_selfmodel.planning.next_poses import choose_next_poses
 from nico_selfmodel.plant import ArmDescription
-from nico_selfmodel.recording import record
-from nico_selfmodel.systems import IMPERFECTIONS, SimulatedRobot
+from nico_selfmodel.recording.session import record
+from nico_selfmodel.systems.simulated.imperfections import IMPERFECTIONS
+from nico_selfmodel.systems.simulated.robot import SimulatedRobot
 
 ARM = ArmDescription.named("nico")
 

@@ -6,13 +6,10 @@ import numpy as np
 import pytest
 
 from nico_selfmodel.errors import EstimationError
-from nico_selfmodel.estimation import (
-    NominalArm,
-    Pins,
-    calibrate_kinematics,
-    judge,
-    to_json,
-)
+from nico_selfmodel.estimation.arm.kinematics import calibrate_kinematics
+from nico_selfmodel.estimation.initialization.nominal_arm import NominalArm
+from nico_selfmodel.estimation.judging import judge, to_json
+from nico_selfmodel.estimation.results.fixed_parameters import Pins
 from nico_selfmodel.model.arm.dh_table import DhTable
 
 SIGMA = 3e-4

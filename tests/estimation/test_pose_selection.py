@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from nico_selfmodel.errors import NotIdentifiableError
-from nico_selfmodel.estimation import calibrate_kinematics
+from nico_selfmodel.estimation.arm.kinematics import calibrate_kinematics
 from nico_selfmodel.model.arm.dh_table import DhTable
 from nico_selfmodel.model.arm.servo_map import ServoMap
 from nico_selfmodel.model.self_model import SelfModel
@@ -17,9 +17,10 @@ from nico_selfmodel.planning.pose_selection import (
 )
 from nico_selfmodel.planning.sweep_protocol import SweepProtocol
 from nico_selfmodel.plant import ArmDescription
-from nico_selfmodel.recording import record
+from nico_selfmodel.recording.session import record
 from nico_selfmodel.sessions.motion_capture_scenario import nominal_of
-from nico_selfmodel.systems import IMPERFECTIONS, SimulatedRobot
+from nico_selfmodel.systems.simulated.imperfections import IMPERFECTIONS
+from nico_selfmodel.systems.simulated.robot import SimulatedRobot
 
 ARM = ArmDescription.named("nico")
 PLAY = np.radians(0.6) / np.sqrt(3.0)

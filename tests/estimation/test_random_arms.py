@@ -6,9 +6,10 @@ from dataclasses import dataclass
 import numpy as np
 import pytest
 
-from nico_selfmodel.dataset import Dataset
+from nico_selfmodel.dataset.dataset import Dataset
 from nico_selfmodel.errors import SelfModelError
-from nico_selfmodel.estimation import calibrate_kinematics, judge
+from nico_selfmodel.estimation.arm.kinematics import calibrate_kinematics
+from nico_selfmodel.estimation.judging import judge
 
 from .random_arms import BENT, FAULTS, OUTLIERS, SOUND, Recording, random_recording
 

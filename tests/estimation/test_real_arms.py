@@ -7,9 +7,10 @@ import sys
 import numpy as np
 import pytest
 
-from nico_selfmodel.dataset import Dataset
+from nico_selfmodel.dataset.dataset import Dataset
 from nico_selfmodel.dataset.folder import load_dataset
-from nico_selfmodel.estimation import calibrate_kinematics, judge
+from nico_selfmodel.estimation.arm.kinematics import calibrate_kinematics
+from nico_selfmodel.estimation.judging import judge
 
 pytestmark = pytest.mark.real_data
 

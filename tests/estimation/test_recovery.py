@@ -6,7 +6,9 @@ import numpy as np
 import pytest
 
 from nico_selfmodel.errors import ModelError
-from nico_selfmodel.estimation import NominalArm, calibrate_kinematics, judge
+from nico_selfmodel.estimation.arm.kinematics import calibrate_kinematics
+from nico_selfmodel.estimation.initialization.nominal_arm import NominalArm
+from nico_selfmodel.estimation.judging import judge
 from nico_selfmodel.geometry.rotation import rotation_from_vector
 from nico_selfmodel.geometry.transform import transform
 

@@ -6,13 +6,10 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from nico_selfmodel.estimation import (
-    ErrorStatistics,
-    Pins,
-    calibrate_kinematics,
-    judge,
-    to_json,
-)
+from nico_selfmodel.estimation.arm.kinematics import calibrate_kinematics
+from nico_selfmodel.estimation.judging import judge, to_json
+from nico_selfmodel.estimation.results.errors import ErrorStatistics
+from nico_selfmodel.estimation.results.fixed_parameters import Pins
 
 SIGMA = 3e-4
 KEYS = {

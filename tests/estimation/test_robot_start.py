@@ -6,13 +6,15 @@ import numpy as np
 import pytest
 
 from nico_selfmodel.errors import ModelError
-from nico_selfmodel.estimation import Pins, calibrate_kinematics, judge
+from nico_selfmodel.estimation.arm.kinematics import calibrate_kinematics
+from nico_selfmodel.estimation.judging import judge
+from nico_selfmodel.estimation.results.fixed_parameters import Pins
 from nico_selfmodel.model.arm.dh_table import DhTable
 from nico_selfmodel.planning.sweep_protocol import SweepProtocol
 from nico_selfmodel.plant import ArmDescription
 from nico_selfmodel.sessions.motion_capture_scenario import nominal_of
 from nico_selfmodel.sessions.simulated_session import simulated_session
-from nico_selfmodel.systems import IMPERFECTIONS
+from nico_selfmodel.systems.simulated.imperfections import IMPERFECTIONS
 
 ARM = ArmDescription.named("nico")
 NOMINAL = nominal_of(ARM)

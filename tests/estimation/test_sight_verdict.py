@@ -6,16 +6,14 @@ import numpy as np
 import pytest
 
 from nico_selfmodel.errors import DataError, ModelError
-from nico_selfmodel.estimation import (
-    BodyOptions,
-    calibrate_kinematics,
-    evaluate_pixels,
-    judge_evaluation,
-)
+from nico_selfmodel.estimation.arm.kinematics import calibrate_kinematics
 from nico_selfmodel.estimation.body.arm_through_cameras import Sight
 from nico_selfmodel.estimation.body.body_findings import _held_out_words, body_findings
+from nico_selfmodel.estimation.body.body_options import BodyOptions
 from nico_selfmodel.estimation.body.body_result import pixel_errors
+from nico_selfmodel.estimation.model_verdict import judge_evaluation
 from nico_selfmodel.estimation.noise.hand_observations import by_pixels
+from nico_selfmodel.estimation.observations.pixel_evaluation import evaluate_pixels
 from nico_selfmodel.estimation.observations.pixel_observations import PixelObservations
 from nico_selfmodel.estimation.results.verdict import significantly_above
 

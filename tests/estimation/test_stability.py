@@ -5,8 +5,9 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from nico_selfmodel.dataset import Dataset
-from nico_selfmodel.estimation import calibrate_kinematics, judge
+from nico_selfmodel.dataset.dataset import Dataset
+from nico_selfmodel.estimation.arm.kinematics import calibrate_kinematics
+from nico_selfmodel.estimation.judging import judge
 
 from .random_arms import random_recording
 

@@ -5,10 +5,10 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from nico_selfmodel.dataset import Dataset
-from nico_selfmodel.estimation import calibrate_kinematics, judge
-from nico_selfmodel.estimation.arm.kinematics import KinematicCalibration
+from nico_selfmodel.dataset.dataset import Dataset
+from nico_selfmodel.estimation.arm.kinematics import KinematicCalibration, calibrate_kinematics
 from nico_selfmodel.estimation.diagnosis.score_test import ScoreTest
+from nico_selfmodel.estimation.judging import judge
 from nico_selfmodel.estimation.noise.arm_solution import Linearised
 
 from .random_arms import random_recording

@@ -5,16 +5,14 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from nico_selfmodel.estimation import (
-    CameraAssessment,
-    calibrate_cameras,
-    calibrate_kinematics,
-    calibrate_mirrors,
-    judge,
-)
+from nico_selfmodel.estimation.arm.kinematics import calibrate_kinematics
+from nico_selfmodel.estimation.cameras.camera_assessment import CameraAssessment
+from nico_selfmodel.estimation.cameras.stereo import calibrate_cameras
 from nico_selfmodel.estimation.diagnosis.score_test import Score
 from nico_selfmodel.estimation.diagnosis.systematic_residuals import Pattern
+from nico_selfmodel.estimation.judging import judge
 from nico_selfmodel.estimation.mirrors import mirror_findings
+from nico_selfmodel.estimation.mirrors.mirror import calibrate_mirrors
 from nico_selfmodel.estimation.noise.pose_noise import PoseNoise
 from nico_selfmodel.estimation.results.calibration_result import (
     CAUSE,

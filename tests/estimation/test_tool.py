@@ -7,7 +7,9 @@ import numpy as np
 import pytest
 
 from nico_selfmodel.errors import DataError, ModelError, NotIdentifiableError
-from nico_selfmodel.estimation import calibrate_tool, evaluate, judge, rezero, to_json
+from nico_selfmodel.estimation.arm.evaluation import evaluate
+from nico_selfmodel.estimation.judging import judge, to_json
+from nico_selfmodel.estimation.monitoring.tool import calibrate_tool, rezero
 from nico_selfmodel.model.self_model_file import load_model, save_model
 
 from .simulated_bodies import blinded, body, learned, only_eyes, poses

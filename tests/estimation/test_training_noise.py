@@ -6,8 +6,9 @@ import numpy as np
 import pytest
 
 from nico_selfmodel.errors import ModelError
-from nico_selfmodel.estimation import calibrate_kinematics, check_health
+from nico_selfmodel.estimation.arm.kinematics import calibrate_kinematics
 from nico_selfmodel.estimation.body.arm_through_cameras import Sight
+from nico_selfmodel.estimation.monitoring.health import check_health
 from nico_selfmodel.estimation.noise.hand_observations import sightings_of
 from nico_selfmodel.estimation.noise.pose_residuals import PoseResiduals
 from nico_selfmodel.estimation.noise.training_noise import FLOOR, expected_noise, without_itself

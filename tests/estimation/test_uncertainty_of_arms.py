@@ -3,7 +3,8 @@
 import numpy as np
 import pytest
 
-from nico_selfmodel.estimation import NominalArm, calibrate_kinematics
+from nico_selfmodel.estimation.arm.kinematics import calibrate_kinematics
+from nico_selfmodel.estimation.initialization.nominal_arm import NominalArm
 
 SIGMA = 5e-4
 RECORDINGS = 40

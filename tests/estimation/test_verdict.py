@@ -8,9 +8,12 @@ from hypothesis import given
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 
-from nico_selfmodel.estimation import calibrate_kinematics, evaluate, judge, judge_evaluation
+from nico_selfmodel.estimation.arm.evaluation import evaluate
+from nico_selfmodel.estimation.arm.kinematics import calibrate_kinematics
 from nico_selfmodel.estimation.diagnosis.score_test import Score
 from nico_selfmodel.estimation.diagnosis.systematic_residuals import Pattern
+from nico_selfmodel.estimation.judging import judge
+from nico_selfmodel.estimation.model_verdict import judge_evaluation
 from nico_selfmodel.estimation.results.verdict import rank_score
 
 SIGMA = 3e-4

@@ -4,8 +4,11 @@ import numpy as np
 import pytest
 
 from nico_selfmodel.errors import EstimationError
-from nico_selfmodel.estimation import calibrate_tool, check_health, evaluate, judge, rezero
+from nico_selfmodel.estimation.arm.evaluation import evaluate
+from nico_selfmodel.estimation.judging import judge
+from nico_selfmodel.estimation.monitoring.health import check_health
 from nico_selfmodel.estimation.monitoring.monitored_changes import JUMPS
+from nico_selfmodel.estimation.monitoring.tool import calibrate_tool, rezero
 from nico_selfmodel.estimation.noise.hand_observations import covariance_of, sightings_of
 from nico_selfmodel.model.arm.link_lengths import link_lengths
 from nico_selfmodel.model.self_model import SelfModel

@@ -5,11 +5,12 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from nico_selfmodel.estimation import calibrate_kinematics, judge
+from nico_selfmodel.estimation.arm.kinematics import calibrate_kinematics
+from nico_selfmodel.estimation.judging import judge
 from nico_selfmodel.planning.sweep_protocol import SweepProtocol
 from nico_selfmodel.plant import ArmDescription
 from nico_selfmodel.sessions.simulated_session import simulated_session
-from nico_selfmodel.systems import IMPERFECTIONS
+from nico_selfmodel.systems.simulated.imperfections import IMPERFECTIONS
 
 pytestmark = pytest.mark.slow
 PLAY = IMPERFECTIONS["clean"].with_noise(play_deg=0.5, marker_mm=0.5)

@@ -5,9 +5,11 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from nico_selfmodel.estimation import NominalArm, Observations, calibrate_kinematics
+from nico_selfmodel.estimation.arm.kinematics import calibrate_kinematics
 from nico_selfmodel.estimation.initialization.joint_zeros import meaningful_parameters
+from nico_selfmodel.estimation.initialization.nominal_arm import NominalArm
 from nico_selfmodel.estimation.observations.arm_estimate import ArmHypothesis
+from nico_selfmodel.estimation.observations.observations import Observations
 from nico_selfmodel.geometry.rotation import rotation_from_vector
 from nico_selfmodel.geometry.transform import transform
 from nico_selfmodel.model.arm.dh_table import DhTable

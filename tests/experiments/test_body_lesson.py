@@ -7,17 +7,18 @@ import numpy as np
 import pytest
 
 from nico_selfmodel.cli.learn.by_cameras import write_scenario
-from nico_selfmodel.dataset import Dataset
+from nico_selfmodel.dataset.dataset import Dataset
 from nico_selfmodel.dataset.folder import content_hash, load_dataset
 from nico_selfmodel.errors import NotConvergedError
-from nico_selfmodel.estimation import calibrate_cameras
+from nico_selfmodel.estimation.cameras.stereo import calibrate_cameras
 from nico_selfmodel.experiments.projected_nico import ProjectedNico
 from nico_selfmodel.experiments.refinement import simulated_scenario
 from nico_selfmodel.model.self_model_file import load_model
 from nico_selfmodel.sessions import body_scenario as body_lesson
 from nico_selfmodel.sessions.body_scenario import refine
 from nico_selfmodel.sessions.camera_scenario import CameraScenario, learn_arm, nominal_with
-from nico_selfmodel.systems import IMPERFECTIONS, looking_arm
+from nico_selfmodel.systems.looking import looking_arm
+from nico_selfmodel.systems.simulated.imperfections import IMPERFECTIONS
 from nico_selfmodel.viz.scene.scene import load_scene
 
 MARKER = "fiducial"

@@ -5,7 +5,8 @@ import json
 import numpy as np
 import pytest
 
-from nico_selfmodel.estimation import calibrate_mirrors, judge
+from nico_selfmodel.estimation.judging import judge
+from nico_selfmodel.estimation.mirrors.mirror import calibrate_mirrors
 from nico_selfmodel.estimation.mirrors.mirror_cameras import fit_mirror_cameras
 from nico_selfmodel.experiments import mirror, mirror_report
 from nico_selfmodel.experiments.mirror_body import MIRRORS, learned_body, mirror_body

@@ -6,8 +6,8 @@ import pytest
 from nico_selfmodel.dataset.folder import content_hash, load_dataset
 from nico_selfmodel.errors import ModelError
 from nico_selfmodel.estimation.mirrors.mirror import calibrate_mirrors
-from nico_selfmodel.model import MirrorRig
 from nico_selfmodel.model.cameras.mirror import Mirror
+from nico_selfmodel.model.cameras.mirror_rig import MirrorRig
 from nico_selfmodel.planning.mirror_poses import free_space
 from nico_selfmodel.planning.mirror_view import MirrorView
 from nico_selfmodel.sessions.camera_scenario import RenderedNico
@@ -16,8 +16,8 @@ from nico_selfmodel.sessions.nico_before_mirrors import (
     NicoBeforeMirrors,
     mirror_of_words,
 )
-from nico_selfmodel.systems import ImageQuality
 from nico_selfmodel.systems.rendering.mirror_scene import MirrorPlate
+from nico_selfmodel.systems.rendering.stereo_cameras import ImageQuality
 
 from ..true_nico import true_model
 

@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from nico_selfmodel.estimation import calibrate_kinematics
+from nico_selfmodel.estimation.arm.kinematics import calibrate_kinematics
 from nico_selfmodel.experiments import motion_capture
 from nico_selfmodel.experiments.motion_capture import (
     FEW,
@@ -19,7 +19,7 @@ from nico_selfmodel.experiments.motion_capture import (
 from nico_selfmodel.planning.sweep_protocol import SweepProtocol
 from nico_selfmodel.plant import ArmDescription
 from nico_selfmodel.sessions.simulated_session import simulated_session
-from nico_selfmodel.systems import IMPERFECTIONS
+from nico_selfmodel.systems.simulated.imperfections import IMPERFECTIONS
 
 ARM = ArmDescription.named("nico")
 

@@ -6,11 +6,12 @@ import numpy as np
 import pytest
 
 from nico_selfmodel.dataset.folder import content_hash
-from nico_selfmodel.estimation import calibrate_kinematics, judge
+from nico_selfmodel.estimation.arm.kinematics import calibrate_kinematics
+from nico_selfmodel.estimation.judging import judge
 from nico_selfmodel.planning.sweep_protocol import SweepProtocol
 from nico_selfmodel.plant import ArmDescription
 from nico_selfmodel.sessions.simulated_session import simulated_session
-from nico_selfmodel.systems import IMPERFECTIONS
+from nico_selfmodel.systems.simulated.imperfections import IMPERFECTIONS
 
 ARM = ArmDescription.named("nico")
 ARMS = ("right_arm", "left_arm", "neck")

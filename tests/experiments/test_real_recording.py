@@ -5,26 +5,26 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from nico_selfmodel.dataset import JointInfo
+from nico_selfmodel.dataset.joint_info import JointInfo
 from nico_selfmodel.errors import DataError
-from nico_selfmodel.estimation import calibrate_kinematics
+from nico_selfmodel.estimation.arm.kinematics import calibrate_kinematics
 from nico_selfmodel.planning.visible_workspace import VisibleWorkspace
-from nico_selfmodel.recording import record
+from nico_selfmodel.recording.session import record
 from nico_selfmodel.servos import ArmController, SimulatedBus
 from nico_selfmodel.servos.pic_servo.arm.homing import zero_here
 from nico_selfmodel.servos.pic_servo.line.bus import BusSettings
 from nico_selfmodel.sessions.hardware_recording import RealRecording
-from nico_selfmodel.systems import (
-    IMPERFECTIONS,
-    ImageQuality,
+from nico_selfmodel.systems.hardware.motion_capture_stream import (
     MotionCaptureClient,
     MotionCaptureServer,
-    NicoBehindBus,
-    NicoHardwareStation,
-    NicoStation,
-    ServoDriver,
-    StationBody,
 )
+from nico_selfmodel.systems.hardware.servo_driver import ServoDriver
+from nico_selfmodel.systems.rendering.stereo_cameras import ImageQuality
+from nico_selfmodel.systems.simulated.imperfections import IMPERFECTIONS
+from nico_selfmodel.systems.stations.nico_behind_bus import NicoBehindBus
+from nico_selfmodel.systems.stations.nico_hardware_station import NicoHardwareStation
+from nico_selfmodel.systems.stations.nico_station import NicoStation
+from nico_selfmodel.systems.stations.station_body import StationBody
 
 SEED = 3
 # What is left of its imperfections is the same each time, so that two recordings can be compared.

@@ -19,7 +19,9 @@ from nico_selfmodel.experiments.rendered_scenario import rendered_scenarios
 from nico_selfmodel.experiments.rendered_tool import arm_with_tool
 from nico_selfmodel.sessions.camera_scenario import Counts
 from nico_selfmodel.sessions.rendered_nico import RenderedNico
-from nico_selfmodel.systems import IMPERFECTIONS, NICO_CAMERAS, looking_arm
+from nico_selfmodel.systems.looking import looking_arm
+from nico_selfmodel.systems.nico_cameras import NICO_CAMERAS
+from nico_selfmodel.systems.simulated.imperfections import IMPERFECTIONS
 from nico_selfmodel.systems.stations.nico_instance import NicoInstance
 
 PLAY = IMPERFECTIONS["clean"].with_noise(play_deg=0.5)

@@ -6,7 +6,8 @@ import pytest
 
 from nico_selfmodel.errors import ModelError
 from nico_selfmodel.sessions.watching import Watching
-from nico_selfmodel.systems import IMPERFECTIONS, looking_arm
+from nico_selfmodel.systems.looking import looking_arm
+from nico_selfmodel.systems.simulated.imperfections import IMPERFECTIONS
 
 from ..true_nico import true_model
 

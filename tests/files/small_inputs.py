@@ -6,8 +6,9 @@ from pathlib import Path
 import cv2
 import numpy as np
 
-from nico_selfmodel.dataset import Dataset, JointInfo
+from nico_selfmodel.dataset.dataset import Dataset
 from nico_selfmodel.dataset.folder import load_dataset, save_dataset
+from nico_selfmodel.dataset.joint_info import JointInfo
 from nico_selfmodel.experiments.mirror_body import mirror_body
 from nico_selfmodel.model.self_model_file import save_model
 

@@ -6,8 +6,8 @@ import time
 import pytest
 import yaml
 
-from nico_selfmodel.dataset import import_csv
 from nico_selfmodel.dataset.folder import load_dataset
+from nico_selfmodel.dataset.importers.csv_importer import import_csv
 from nico_selfmodel.errors import SelfModelError
 from nico_selfmodel.files.yaml_text import DEEPEST, MOST_VALUES, parse_yaml, yaml_text
 from nico_selfmodel.model.self_model_file import load_model

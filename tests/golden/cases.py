@@ -9,21 +9,17 @@ from typing import Any
 
 import numpy as np
 
-from nico_selfmodel.dataset import Dataset
 from nico_selfmodel.dataset.board_views import BoardViews
+from nico_selfmodel.dataset.dataset import Dataset
 from nico_selfmodel.dataset.folder import load_dataset
-from nico_selfmodel.estimation import (
-    BodyOptions,
-    CameraAssessment,
-    calibrate_body,
-    calibrate_cameras,
-    calibrate_kinematics,
-    calibrate_mirrors,
-    calibrate_tool,
-    judge,
-    rezero,
-    to_json,
-)
+from nico_selfmodel.estimation.arm.kinematics import calibrate_kinematics
+from nico_selfmodel.estimation.body.body import calibrate_body
+from nico_selfmodel.estimation.body.body_options import BodyOptions
+from nico_selfmodel.estimation.cameras.camera_assessment import CameraAssessment
+from nico_selfmodel.estimation.cameras.stereo import calibrate_cameras
+from nico_selfmodel.estimation.judging import judge, to_json
+from nico_selfmodel.estimation.mirrors.mirror import calibrate_mirrors
+from nico_selfmodel.estimation.monitoring.tool import calibrate_tool, rezero
 from nico_selfmodel.model.self_model_file import load_model
 
 FOLDER = Path(__file__).parent

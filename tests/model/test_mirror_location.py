@@ -6,10 +6,10 @@ from numpy.testing import assert_allclose
 
 from nico_selfmodel.errors import ModelError
 from nico_selfmodel.geometry.transform import transform
-from nico_selfmodel.model import MirrorRig
 from nico_selfmodel.model.cameras.camera import Camera
 from nico_selfmodel.model.cameras.mirror import Mirror
 from nico_selfmodel.model.cameras.mirror_location import locate_in_mirror
+from nico_selfmodel.model.cameras.mirror_rig import MirrorRig
 from nico_selfmodel.model.cameras.stereo_rig import StereoRig
 
 RIG = StereoRig(

@@ -6,8 +6,9 @@ import sys
 import numpy as np
 import pytest
 
-from nico_selfmodel.dataset import Dataset, JointInfo
+from nico_selfmodel.dataset.dataset import Dataset
 from nico_selfmodel.dataset.folder import content_hash, load_dataset
+from nico_selfmodel.dataset.joint_info import JointInfo
 from nico_selfmodel.model.arm.chain import Chain
 from nico_selfmodel.model.arm.dh_table import DhTable
 from nico_selfmodel.model.arm.servo_map import ServoMap

@@ -6,9 +6,9 @@ from pydrake.geometry import FramePoseVector, GeometryFrame, SceneGraph
 from pydrake.math import RigidTransform
 from pydrake.systems.framework import DiagramBuilder
 
-from nico_selfmodel.systems import StereoCameras
 from nico_selfmodel.systems.image_values import bgr_of
 from nico_selfmodel.systems.rendering.station_scene import add_renderer
+from nico_selfmodel.systems.rendering.stereo_cameras import StereoCameras
 from nico_selfmodel.systems.rendering.textured_card import textured_card
 from nico_selfmodel.vision.printed_pattern import chessboard_png, fiducial_png, printed_size
 

@@ -16,10 +16,10 @@ from pydrake.math import RigidTransform
 from pydrake.systems.framework import DiagramBuilder
 
 from nico_selfmodel.geometry.transform import transform
-from nico_selfmodel.systems import ImageQuality, StereoCameras
 from nico_selfmodel.systems.image_values import bgr_of
 from nico_selfmodel.systems.rendering.mirror_scene import AWAY, MirrorPlate, MirrorScene
 from nico_selfmodel.systems.rendering.station_scene import add_renderer
+from nico_selfmodel.systems.rendering.stereo_cameras import ImageQuality, StereoCameras
 from nico_selfmodel.systems.rendering.textured_card import textured_card
 from nico_selfmodel.vision.printed_pattern import fiducial_png
 

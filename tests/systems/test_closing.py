@@ -11,8 +11,11 @@ from pydrake.systems.framework import DiagramBuilder
 
 from nico_selfmodel.errors import RobotError
 from nico_selfmodel.sessions.rendered_nico import RenderedNico
-from nico_selfmodel.systems import ImageQuality, MirrorPlate, NicoStation, StationBody
 from nico_selfmodel.systems.closing import Closable
+from nico_selfmodel.systems.rendering.mirror_scene import MirrorPlate
+from nico_selfmodel.systems.rendering.stereo_cameras import ImageQuality
+from nico_selfmodel.systems.stations.nico_station import NicoStation
+from nico_selfmodel.systems.stations.station_body import StationBody
 
 ROUGH = ImageQuality(1)
 IN_ALL = 50.0

@@ -5,7 +5,9 @@ import pytest
 
 from nico_selfmodel.geometry.transform import apply, inverse
 from nico_selfmodel.planning.visible_workspace import VisibleWorkspace
-from nico_selfmodel.systems import IMPERFECTIONS, NICO_CAMERAS, looking_arm
+from nico_selfmodel.systems.looking import looking_arm
+from nico_selfmodel.systems.nico_cameras import NICO_CAMERAS
+from nico_selfmodel.systems.simulated.imperfections import IMPERFECTIONS
 from nico_selfmodel.systems.stations.nico_instance import NicoInstance
 
 ARM = looking_arm("fiducial")

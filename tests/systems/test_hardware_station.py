@@ -16,19 +16,19 @@ from nico_selfmodel.servos.pic_servo.arm.servo_config_file import (
     save_servo_config,
 )
 from nico_selfmodel.servos.pic_servo.line.bus import BusSettings
-from nico_selfmodel.systems import (
-    CameraDriver,
-    ImageQuality,
+from nico_selfmodel.systems.hardware.camera_driver import CameraDriver
+from nico_selfmodel.systems.hardware.motion_capture_stream import (
     MarkerFrame,
     MotionCaptureClient,
     MotionCaptureServer,
-    NicoBehindBus,
-    NicoHardwareStation,
-    NicoStation,
-    ServoDriver,
-    looking_arm,
 )
+from nico_selfmodel.systems.hardware.servo_driver import ServoDriver
 from nico_selfmodel.systems.image_values import bgr_of
+from nico_selfmodel.systems.looking import looking_arm
+from nico_selfmodel.systems.rendering.stereo_cameras import ImageQuality
+from nico_selfmodel.systems.stations.nico_behind_bus import NicoBehindBus
+from nico_selfmodel.systems.stations.nico_hardware_station import NicoHardwareStation
+from nico_selfmodel.systems.stations.nico_station import NicoStation
 from nico_selfmodel.vision.images.picture_sources import CameraLostError
 from nico_selfmodel.vision.images.stereo_capture import StereoCapture
 

@@ -7,19 +7,20 @@ from pydrake.geometry import SceneGraph
 
 from nico_selfmodel.geometry.rotation import rotation_from_vector
 from nico_selfmodel.geometry.transform import apply, transform
-from nico_selfmodel.model import MirrorRig
 from nico_selfmodel.model.cameras.camera import Camera
 from nico_selfmodel.model.cameras.mirror import Mirror
+from nico_selfmodel.model.cameras.mirror_rig import MirrorRig
 from nico_selfmodel.model.cameras.stereo_rig import StereoRig
-from nico_selfmodel.systems import HandTracker, ImageQuality
 from nico_selfmodel.systems.image_values import image_value, write_bgr
 from nico_selfmodel.systems.rendering.mirror_scene import MirrorPlate, MirrorScene
+from nico_selfmodel.systems.rendering.stereo_cameras import ImageQuality
+from nico_selfmodel.systems.tracking.hand_tracker import HandTracker
 from nico_selfmodel.systems.tracking.reflection_detectors import (
     color_in_mirror,
     default_mirror_detectors,
     fiducial_in_mirror,
 )
-from nico_selfmodel.vision import NotSeen
+from nico_selfmodel.vision.images.not_seen import NotSeen
 
 from .mirror_world import BLOCK, MirrorWorld, facing, plate_pose
 

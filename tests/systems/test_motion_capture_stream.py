@@ -11,14 +11,16 @@ from pydrake.systems.framework import DiagramBuilder
 from pydrake.systems.primitives import ConstantVectorSource
 
 from nico_selfmodel.errors import RobotError
-from nico_selfmodel.systems import (
-    MarkerFrame,
-    MotionCapture,
-    MotionCaptureClient,
+from nico_selfmodel.systems.hardware.motion_capture_link import (
     MotionCaptureReceiver,
     MotionCaptureSender,
+)
+from nico_selfmodel.systems.hardware.motion_capture_stream import (
+    MarkerFrame,
+    MotionCaptureClient,
     MotionCaptureServer,
 )
+from nico_selfmodel.systems.simulated.motion_capture import MotionCapture
 
 POINT = np.array([0.1, -0.2, 0.3])
 

@@ -14,17 +14,14 @@ from nico_selfmodel.planning.board_poses import board_poses
 from nico_selfmodel.planning.plans import commands_of_angles
 from nico_selfmodel.planning.visible_workspace import VisibleWorkspace
 from nico_selfmodel.plant import ArmDescription
-from nico_selfmodel.systems import (
-    IMPERFECTIONS,
-    NICO_CAMERAS,
-    HandTracker,
-    ImageQuality,
-    NicoStation,
-    SelfModelPredictor,
-    fiducial_detector,
-    looking_arm,
-)
+from nico_selfmodel.systems.looking import looking_arm
+from nico_selfmodel.systems.nico_cameras import NICO_CAMERAS
+from nico_selfmodel.systems.rendering.stereo_cameras import ImageQuality
+from nico_selfmodel.systems.simulated.imperfections import IMPERFECTIONS
 from nico_selfmodel.systems.stations.nico_instance import NicoInstance
+from nico_selfmodel.systems.stations.nico_station import NicoStation
+from nico_selfmodel.systems.tracking.hand_tracker import HandTracker, fiducial_detector
+from nico_selfmodel.systems.tracking.self_model_predictor import SelfModelPredictor
 
 ROUGH = ImageQuality(1)
 POSE = np.radians([-40.0, 15.0, -35.0, -55.0])

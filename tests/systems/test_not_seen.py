@@ -10,13 +10,10 @@ from nico_selfmodel.geometry.transform import transform
 from nico_selfmodel.model.cameras.camera import Camera
 from nico_selfmodel.model.cameras.stereo_rig import StereoRig
 from nico_selfmodel.planning.plans import commands_of_angles
-from nico_selfmodel.systems import (
-    HandTracker,
-    ImageQuality,
-    NicoStation,
-    StationBody,
-    fiducial_detector,
-)
+from nico_selfmodel.systems.rendering.stereo_cameras import ImageQuality
+from nico_selfmodel.systems.stations.nico_station import NicoStation
+from nico_selfmodel.systems.stations.station_body import StationBody
+from nico_selfmodel.systems.tracking.hand_tracker import HandTracker, fiducial_detector
 
 from .card_world import CardWorld
 
@@ -101,7 +98,7 @@ def test_an_over_exposed_marker_is_not_seen(dazzled):
 
 
 def test_a_patch_that_is_cut_by_the_border_is_not_seen():
-    from nico_selfmodel.systems import color_detector
+    from nico_selfmodel.systems.tracking.hand_tracker import color_detector
 
     room = np.full((480, 640, 3), 100, np.uint8)
     whole, cut = room.copy(), room.copy()

@@ -7,7 +7,8 @@ from nico_selfmodel.errors import ModelError
 from nico_selfmodel.geometry.transform import apply
 from nico_selfmodel.planning.board_poses import board_poses
 from nico_selfmodel.planning.visible_workspace import VisibleWorkspace
-from nico_selfmodel.systems import BOARD, looking_arm
+from nico_selfmodel.systems.looking import looking_arm
+from nico_selfmodel.systems.stations.nico_station import BOARD
 
 LOOKING_POSE = np.radians([[-30.0, 50.0, 0.0, -70.0]])
 

@@ -9,11 +9,12 @@ from pydrake.systems.framework import DiagramBuilder
 from pydrake.systems.primitives import ConstantVectorSource
 
 from nico_selfmodel.errors import ModelError
-from nico_selfmodel.estimation import calibrate_body, check_health
+from nico_selfmodel.estimation.body.body import calibrate_body
+from nico_selfmodel.estimation.monitoring.health import check_health
 from nico_selfmodel.experiments.projected_nico import ProjectedNico
 from nico_selfmodel.experiments.refinement import simulated_scenario
-from nico_selfmodel.systems import IMPERFECTIONS, SelfModelMonitor
-from nico_selfmodel.systems.tracking.self_model_monitor import REMEMBERED
+from nico_selfmodel.systems.simulated.imperfections import IMPERFECTIONS
+from nico_selfmodel.systems.tracking.self_model_monitor import REMEMBERED, SelfModelMonitor
 
 PERIOD = 0.1
 

@@ -11,7 +11,7 @@ from nico_selfmodel.model.arm.servo_map import ServoMap
 from nico_selfmodel.model.cameras.camera import Camera
 from nico_selfmodel.model.self_model import ParameterCovariance, SelfModel
 from nico_selfmodel.plant import ArmDescription
-from nico_selfmodel.systems import SelfModelPredictor
+from nico_selfmodel.systems.tracking.self_model_predictor import SelfModelPredictor
 
 ARM = ArmDescription.named("nico")
 Q = np.radians([-50.0, 30.0, -20.0, -75.0])

@@ -13,7 +13,7 @@ from nico_selfmodel.errors import BusError, RobotError, ServoFault
 from nico_selfmodel.model.arm.servo_map import ServoMap
 from nico_selfmodel.servos import SimulatedBus
 from nico_selfmodel.servos.ports import PortLostError
-from nico_selfmodel.systems import ServoDriver
+from nico_selfmodel.systems.hardware.servo_driver import ServoDriver
 
 from ..servos.arms import JOINTS, addressed_modules, configuration
 

@@ -6,7 +6,8 @@ import numpy as np
 import pytest
 
 from nico_selfmodel.plant import ArmDescription
-from nico_selfmodel.systems import IMPERFECTIONS, SimulatedRobot, imperfections_named
+from nico_selfmodel.systems.simulated.imperfections import IMPERFECTIONS, imperfections_named
+from nico_selfmodel.systems.simulated.robot import SimulatedRobot
 
 ARM = ArmDescription.named("nico")
 

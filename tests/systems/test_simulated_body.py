@@ -6,7 +6,10 @@ import numpy as np
 import pytest
 
 from nico_selfmodel.experiments.projected_nico import TRACKERS, ProjectedNico
-from nico_selfmodel.systems import IMPERFECTIONS, NICO_CAMERAS, SimulatedCameras, SimulatedRobot
+from nico_selfmodel.systems.nico_cameras import NICO_CAMERAS
+from nico_selfmodel.systems.simulated.cameras import SimulatedCameras
+from nico_selfmodel.systems.simulated.imperfections import IMPERFECTIONS
+from nico_selfmodel.systems.simulated.robot import SimulatedRobot
 from nico_selfmodel.systems.simulated.sensors import StereoPixels
 
 from .test_truth_stays_hidden import numbers_in

@@ -4,9 +4,9 @@ import numpy as np
 import pytest
 from numpy.testing import assert_allclose
 
-from nico_selfmodel.estimation import calibrate_mirrors
+from nico_selfmodel.estimation.mirrors.mirror import calibrate_mirrors
 from nico_selfmodel.experiments.mirror_body import MIRRORS, mirror_body
-from nico_selfmodel.model import MirrorRig
+from nico_selfmodel.model.cameras.mirror_rig import MirrorRig
 
 
 @pytest.fixture(scope="module")

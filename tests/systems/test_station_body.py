@@ -5,17 +5,14 @@ import pytest
 from pydrake.systems.framework import BasicVector, DiagramBuilder, LeafSystem
 from pydrake.systems.primitives import ConstantVectorSource, PassThrough
 
-from nico_selfmodel.dataset import JointInfo
+from nico_selfmodel.dataset.joint_info import JointInfo
 from nico_selfmodel.errors import RobotError
 from nico_selfmodel.model.arm.chain import Chain
 from nico_selfmodel.model.arm.servo_map import ServoMap
-from nico_selfmodel.systems import (
-    IMPERFECTIONS,
-    EncoderModel,
-    Mechanics,
-    SettleTimeouts,
-    StationBody,
-)
+from nico_selfmodel.systems.simulated.encoder_model import EncoderModel
+from nico_selfmodel.systems.simulated.imperfections import IMPERFECTIONS
+from nico_selfmodel.systems.simulated.mechanics import Mechanics
+from nico_selfmodel.systems.stations.station_body import SettleTimeouts, StationBody
 
 JOINTS = tuple(JointInfo(name, "counts", 4096.0, -800.0, 900.0) for name in ("base", "tip"))
 CHAIN = Chain(

@@ -10,10 +10,11 @@ from nico_selfmodel.geometry.rotation import rotation_from_vector
 from nico_selfmodel.geometry.transform import apply, transform
 from nico_selfmodel.model.cameras.camera import Camera
 from nico_selfmodel.model.cameras.stereo_rig import StereoRig
-from nico_selfmodel.systems import ImageQuality, StereoCameras, fiducial_detector
 from nico_selfmodel.systems.image_values import bgr_of
-from nico_selfmodel.vision import NotSeen
+from nico_selfmodel.systems.rendering.stereo_cameras import ImageQuality, StereoCameras
+from nico_selfmodel.systems.tracking.hand_tracker import fiducial_detector
 from nico_selfmodel.vision.boards.chessboard import Board, find_chessboard
+from nico_selfmodel.vision.images.not_seen import NotSeen
 
 from .card_world import FIDUCIAL, CardWorld
 

@@ -9,8 +9,9 @@ import numpy as np
 import pytest
 
 from nico_selfmodel.plant import ArmDescription
-from nico_selfmodel.systems import IMPERFECTIONS, SimulatedRobot
+from nico_selfmodel.systems.simulated.imperfections import IMPERFECTIONS
 from nico_selfmodel.systems.simulated.mechanics import gravity_torques
+from nico_selfmodel.systems.simulated.robot import SimulatedRobot
 
 ARM = ArmDescription.named("nico")
 QUIET = IMPERFECTIONS["clean"]

@@ -3,7 +3,11 @@
 import numpy as np
 import pytest
 
-from nico_selfmodel.systems import IMPERFECTIONS, Imperfections, imperfections_named
+from nico_selfmodel.systems.simulated.imperfections import (
+    IMPERFECTIONS,
+    Imperfections,
+    imperfections_named,
+)
 
 
 def test_a_clean_world_has_only_what_is_to_be_learned():

@@ -3,7 +3,6 @@
 import numpy as np
 import pytest
 
-from nico_selfmodel.vision import NotSeen
 from nico_selfmodel.vision.boards.board_detections import (
     detect_boards,
     detect_boards_of_one_camera,
@@ -11,6 +10,7 @@ from nico_selfmodel.vision.boards.board_detections import (
 )
 from nico_selfmodel.vision.boards.chessboard import Board, ChessboardDetection, find_chessboard
 from nico_selfmodel.vision.images.image_file import read_image
+from nico_selfmodel.vision.images.not_seen import NotSeen
 
 from .rendering import random_view, render_board
 

@@ -4,9 +4,9 @@ import numpy as np
 import pytest
 
 from nico_selfmodel.errors import DataError
-from nico_selfmodel.vision import NotSeen
 from nico_selfmodel.vision.color.color_blob import color_mask, find_color_blob
 from nico_selfmodel.vision.color.color_model import ColorModel
+from nico_selfmodel.vision.images.not_seen import NotSeen
 
 from .conftest import BLUE, BROWN, GREY, RED
 

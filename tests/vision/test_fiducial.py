@@ -4,7 +4,7 @@ import cv2
 import numpy as np
 import pytest
 
-from nico_selfmodel.vision import NotSeen
+from nico_selfmodel.vision.images.not_seen import NotSeen
 from nico_selfmodel.vision.markers.fiducial import find_fiducial, find_fiducials
 from nico_selfmodel.vision.markers.fiducial_family import FiducialFamily
 

@@ -4,7 +4,6 @@ import cv2
 import numpy as np
 import pytest
 
-from nico_selfmodel.vision import NotSeen
 from nico_selfmodel.vision.boards import chessboard as chessboard_module
 from nico_selfmodel.vision.boards.chessboard import (
     Board,
@@ -13,6 +12,7 @@ from nico_selfmodel.vision.boards.chessboard import (
     size_of_board,
 )
 from nico_selfmodel.vision.boards.stray_corners import stray_corners
+from nico_selfmodel.vision.images.not_seen import NotSeen
 
 from .rendering import _photograph, project, random_view, render_board
 

@@ -6,8 +6,10 @@ from unittest import mock
 import numpy as np
 import pytest
 
-from nico_selfmodel.dataset import Dataset, JointInfo
-from nico_selfmodel.estimation import calibrate_kinematics, judge, to_json
+from nico_selfmodel.dataset.dataset import Dataset
+from nico_selfmodel.dataset.joint_info import JointInfo
+from nico_selfmodel.estimation.arm.kinematics import calibrate_kinematics
+from nico_selfmodel.estimation.judging import judge, to_json
 from nico_selfmodel.model.arm.chain import Chain
 from nico_selfmodel.model.arm.servo_map import ServoMap
 from nico_selfmodel.viz.reports.arm import arm_report

@@ -8,13 +8,15 @@ import numpy as np
 import pytest
 
 from nico_selfmodel.cli.result_files import write_with_report
-from nico_selfmodel.estimation import BodyOptions, calibrate_body, judge, to_json
+from nico_selfmodel.estimation.body.body import calibrate_body
+from nico_selfmodel.estimation.body.body_options import BodyOptions
+from nico_selfmodel.estimation.judging import judge, to_json
 from nico_selfmodel.experiments.projected_nico import ProjectedNico
 from nico_selfmodel.experiments.refinement import simulated_scenario
 from nico_selfmodel.model.self_model_file import load_model
 from nico_selfmodel.result_folder.urdf import urdf_file
 from nico_selfmodel.result_folder.writing import write_result
-from nico_selfmodel.systems import IMPERFECTIONS
+from nico_selfmodel.systems.simulated.imperfections import IMPERFECTIONS
 from nico_selfmodel.viz.figures.workspace_map import workspace_map
 from nico_selfmodel.viz.reports.body import body_report
 from nico_selfmodel.viz.scene.body_scene import accuracy_at, body_scene

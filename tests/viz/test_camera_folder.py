@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from nico_selfmodel.cli.result_files import write_with_report
-from nico_selfmodel.estimation import judge, to_json
+from nico_selfmodel.estimation.judging import judge, to_json
 from nico_selfmodel.model.self_model_file import load_model
 from nico_selfmodel.viz.reports.cameras import camera_report
 from nico_selfmodel.viz.scene.camera_scene import camera_scene

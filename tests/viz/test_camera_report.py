@@ -1,7 +1,7 @@
 import numpy as np
 import pytest
 
-from nico_selfmodel.estimation import judge, to_json
+from nico_selfmodel.estimation.judging import judge, to_json
 from nico_selfmodel.viz.reports.cameras import camera_report
 
 from .page import LOADING, Page

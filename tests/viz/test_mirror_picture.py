@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from numpy.testing import assert_allclose
 
-from nico_selfmodel.estimation import calibrate_mirrors
+from nico_selfmodel.estimation.mirrors.mirror import calibrate_mirrors
 from nico_selfmodel.experiments.mirror_body import mirror_body
 from nico_selfmodel.geometry.transform import apply, transform
 from nico_selfmodel.model.cameras.camera import Camera

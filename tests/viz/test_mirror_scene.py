@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from numpy.testing import assert_allclose
 
-from nico_selfmodel.estimation import calibrate_mirrors
+from nico_selfmodel.estimation.mirrors.mirror import calibrate_mirrors
 from nico_selfmodel.experiments.mirror_body import mirror_body
 from nico_selfmodel.viz.scene.mirror_scene import mirror_scene
 from nico_selfmodel.viz.scene.scene import Scene

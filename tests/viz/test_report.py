@@ -5,7 +5,8 @@ import numpy as np
 import pytest
 
 from nico_selfmodel.dataset.folder import content_hash
-from nico_selfmodel.estimation import Verdict, judge, to_json
+from nico_selfmodel.estimation.judging import judge, to_json
+from nico_selfmodel.estimation.results.verdict import Verdict
 from nico_selfmodel.viz.reports.arm import arm_report
 
 from .conftest import JOINTS, OUTLIERS

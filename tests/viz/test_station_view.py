@@ -5,12 +5,12 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from nico_selfmodel.dataset import JointInfo
+from nico_selfmodel.dataset.joint_info import JointInfo
 from nico_selfmodel.errors import ModelError
 from nico_selfmodel.geometry.transform import inverse, transform
 from nico_selfmodel.model.cameras.mirror import Mirror
 from nico_selfmodel.planning.visible_workspace import VisibleWorkspace
-from nico_selfmodel.systems import looking_arm
+from nico_selfmodel.systems.looking import looking_arm
 from nico_selfmodel.viz.live.image_marks import marked
 from nico_selfmodel.viz.live.screens import screens_beside
 from nico_selfmodel.viz.live.station_mirror import StandingGlass

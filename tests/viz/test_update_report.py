@@ -7,17 +7,12 @@ import numpy as np
 import pytest
 
 from nico_selfmodel.cli.result_files import write_with_report
-from nico_selfmodel.estimation import (
-    calibrate_body,
-    calibrate_tool,
-    check_health,
-    judge,
-    rezero,
-    to_json,
-)
+from nico_selfmodel.estimation.body.body import calibrate_body
+from nico_selfmodel.estimation.judging import judge, to_json
 from nico_selfmodel.estimation.monitoring.adaptation import joined
+from nico_selfmodel.estimation.monitoring.health import check_health
 from nico_selfmodel.estimation.monitoring.relearning import relearn_cause, since_change
-from nico_selfmodel.estimation.monitoring.tool import with_marker
+from nico_selfmodel.estimation.monitoring.tool import calibrate_tool, rezero, with_marker
 from nico_selfmodel.estimation.monitoring.update_evaluation import evaluate_update, marked
 from nico_selfmodel.estimation.monitoring.update_result import (
     relearned_result,
@@ -27,7 +22,7 @@ from nico_selfmodel.estimation.monitoring.update_result import (
 from nico_selfmodel.experiments.projected_nico import ProjectedNico
 from nico_selfmodel.experiments.refinement import simulated_scenario
 from nico_selfmodel.model.self_model_file import load_model
-from nico_selfmodel.systems import IMPERFECTIONS
+from nico_selfmodel.systems.simulated.imperfections import IMPERFECTIONS
 from nico_selfmodel.viz.figures.health_plot import health_plot
 from nico_selfmodel.viz.reports.updates import update_report
 from nico_selfmodel.viz.scene.scene import load_scene

@@ -53,7 +53,10 @@ def body(
 
     The model has both cameras, and the arm if it is known.
     """
-    from nico_selfmodel.estimation import BodyOptions, Pins, calibrate_body, judge, to_json
+    from nico_selfmodel.estimation.body.body import calibrate_body
+    from nico_selfmodel.estimation.body.body_options import BodyOptions
+    from nico_selfmodel.estimation.judging import judge, to_json
+    from nico_selfmodel.estimation.results.fixed_parameters import Pins
     from nico_selfmodel.files.whole import refuse_folder
     from nico_selfmodel.model.self_model_file import load_model
 

@@ -37,8 +37,10 @@ def kinematics(
 
     With --cameras it learns from the hand's pixels, in the left camera's frame.
     """
-    from nico_selfmodel.estimation import Pins, calibrate_kinematics, judge, result_of, to_json
+    from nico_selfmodel.estimation.arm.kinematics import calibrate_kinematics
     from nico_selfmodel.estimation.body.arm_through_cameras import Sight
+    from nico_selfmodel.estimation.judging import judge, result_of, to_json
+    from nico_selfmodel.estimation.results.fixed_parameters import Pins
     from nico_selfmodel.files.whole import refuse_folder
     from nico_selfmodel.model.self_model_file import load_model
 

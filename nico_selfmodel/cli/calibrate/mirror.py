@@ -33,7 +33,7 @@ def mirror(
     """
     from math import radians
 
-    from nico_selfmodel.estimation import judge, to_json
+    from nico_selfmodel.estimation.judging import judge, to_json
     from nico_selfmodel.estimation.mirrors.mirror import calibrate_mirrors
     from nico_selfmodel.estimation.mirrors.mirror_findings import judged
     from nico_selfmodel.files.whole import refuse_folder

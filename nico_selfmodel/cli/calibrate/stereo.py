@@ -11,7 +11,7 @@ from nico_selfmodel.cli.result_files import write_with_report
 from nico_selfmodel.progress import Progress
 
 if TYPE_CHECKING:
-    from nico_selfmodel.estimation import CameraOptions
+    from nico_selfmodel.estimation.cameras.camera_options import CameraOptions
     from nico_selfmodel.vision.boards.board_detections import BoardDetections
 
 
@@ -69,7 +69,7 @@ def lens_options(
     Raises:
         ValueError: If a word is not valid.
     """
-    from nico_selfmodel.estimation import CameraOptions
+    from nico_selfmodel.estimation.cameras.camera_options import CameraOptions
 
     return CameraOptions.from_text(
         fix or (),
@@ -95,7 +95,9 @@ class CameraTask:
 
     def run(self, found: "BoardDetections", progress: Progress) -> dict[str, Any]:
         """Calibrate, judge and write the result folder; return its document."""
-        from nico_selfmodel.estimation import CameraAssessment, calibrate_cameras, judge, to_json
+        from nico_selfmodel.estimation.cameras.camera_assessment import CameraAssessment
+        from nico_selfmodel.estimation.cameras.stereo import calibrate_cameras
+        from nico_selfmodel.estimation.judging import judge, to_json
 
         train, test = found.views, None
         if self.test_fraction is not None:

@@ -27,8 +27,8 @@ def tool(
     as_json: options.AsJson = False,
 ) -> None:
     """Make a tool in the hand part of the body: three numbers, from three poses on."""
-    from nico_selfmodel.estimation import calibrate_tool, judge, to_json
-    from nico_selfmodel.estimation.monitoring.tool import with_marker
+    from nico_selfmodel.estimation.judging import judge, to_json
+    from nico_selfmodel.estimation.monitoring.tool import calibrate_tool, with_marker
     from nico_selfmodel.estimation.monitoring.update_evaluation import evaluate_update, marked
     from nico_selfmodel.estimation.monitoring.update_result import tool_result
     from nico_selfmodel.files.whole import refuse_folder

@@ -24,7 +24,7 @@ def motion_capture(
     from nico_selfmodel.experiments.motion_capture_report import report_of
     from nico_selfmodel.files.whole import refuse_folder
     from nico_selfmodel.plant import ArmDescription
-    from nico_selfmodel.systems import imperfections_named
+    from nico_selfmodel.systems.simulated.imperfections import imperfections_named
 
     refuse_folder(out, force=force)
     chosen = imperfections_named(imperfections)

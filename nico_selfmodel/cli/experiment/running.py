@@ -7,7 +7,7 @@ from nico_selfmodel.cli import printer
 
 if TYPE_CHECKING:
     from nico_selfmodel.experiments.experiment_report import ExperimentReport
-    from nico_selfmodel.systems import Imperfections
+    from nico_selfmodel.systems.simulated.imperfections import Imperfections
 
 
 def finish(report: "ExperimentReport", out: Path, force: bool, as_json: bool) -> None:
@@ -27,7 +27,7 @@ def imperfect(name: str, joint_noise_deg: float | None) -> "Imperfections":
     Raises:
         ValueError: If there are none of that name.
     """
-    from nico_selfmodel.systems import imperfections_named
+    from nico_selfmodel.systems.simulated.imperfections import imperfections_named
 
     return imperfections_named(name).with_noise(play_deg=joint_noise_deg)
 

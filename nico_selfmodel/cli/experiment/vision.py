@@ -14,7 +14,7 @@ def vision(
 ) -> None:
     """Learn cameras and arm through rendered pictures (chapter 7); minutes a robot."""
     from nico_selfmodel.files.whole import refuse_folder
-    from nico_selfmodel.systems import imperfections_named
+    from nico_selfmodel.systems.simulated.imperfections import imperfections_named
 
     refuse_folder(out, force=force)
     chosen = imperfections_named(imperfections)

@@ -9,7 +9,7 @@ from nico_selfmodel.cli.result_files import write_with_report
 
 if TYPE_CHECKING:
     from nico_selfmodel.sessions.body_scenario import BodyScenario
-    from nico_selfmodel.systems import Imperfections
+    from nico_selfmodel.systems.simulated.imperfections import Imperfections
 
 THESIS = {
     "stereo-fiducial": (
@@ -75,8 +75,8 @@ def write_scenario(out: Path, scenario: "BodyScenario", marker: str, force: bool
     Returns:
         What is in its `result.json`.
     """
-    from nico_selfmodel.estimation import to_json
-    from nico_selfmodel.systems import looking_arm
+    from nico_selfmodel.estimation.judging import to_json
+    from nico_selfmodel.systems.looking import looking_arm
     from nico_selfmodel.viz.reports.body import body_report
 
     if scenario.refined is None or not scenario.accepted:
@@ -96,8 +96,8 @@ def _write_unrefined(
     out: Path, scenario: "BodyScenario", marker: str, force: bool
 ) -> dict[str, Any]:
     """Write the arm as it was learned after the cameras, and why nothing better came of it."""
-    from nico_selfmodel.estimation import judge, result_of, to_json
-    from nico_selfmodel.systems import looking_arm
+    from nico_selfmodel.estimation.judging import judge, result_of, to_json
+    from nico_selfmodel.systems.looking import looking_arm
     from nico_selfmodel.viz.reports.arm import arm_report
 
     arm, robot = scenario.arm, looking_arm(marker)

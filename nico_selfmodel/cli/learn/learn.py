@@ -11,7 +11,7 @@ from nico_selfmodel.cli.result_files import write_with_report
 
 if TYPE_CHECKING:
     from nico_selfmodel.plant import ArmDescription
-    from nico_selfmodel.systems import Imperfections
+    from nico_selfmodel.systems.simulated.imperfections import Imperfections
 
 SENSORS = ("stereo-fiducial", "stereo-color", "motion-capture")
 
@@ -47,7 +47,7 @@ def learn(
 
     refuse_folder(out, force=force)
     # What learns and draws is slow to load, and only needed once the input is known to be right.
-    from nico_selfmodel.systems import imperfections_named
+    from nico_selfmodel.systems.simulated.imperfections import imperfections_named
 
     world = imperfections_named(imperfections)
     chain = (arm, base, tip, hold, point)
@@ -100,7 +100,7 @@ def _by_motion_capture(
     as_json: bool,
 ) -> None:
     """Learn an arm from what motion capture sees of it (chapter 6)."""
-    from nico_selfmodel.estimation import judge, to_json
+    from nico_selfmodel.estimation.judging import judge, to_json
     from nico_selfmodel.sessions.motion_capture_scenario import learn_by_motion_capture
     from nico_selfmodel.viz.reports.arm import arm_report
 

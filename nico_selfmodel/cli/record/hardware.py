@@ -12,15 +12,13 @@ from nico_selfmodel.cli.servo.opening import ask, speed_of
 
 if TYPE_CHECKING:
     from nico_selfmodel.cli.record.request import Request
-    from nico_selfmodel.dataset import Dataset
+    from nico_selfmodel.dataset.dataset import Dataset
     from nico_selfmodel.servos import ServoConfig
     from nico_selfmodel.sessions.hardware_recording import RealRecording
-    from nico_selfmodel.systems import (
-        CameraDriver,
-        MotionCaptureClient,
-        NicoHardwareStation,
-        ServoDriver,
-    )
+    from nico_selfmodel.systems.hardware.camera_driver import CameraDriver
+    from nico_selfmodel.systems.hardware.motion_capture_stream import MotionCaptureClient
+    from nico_selfmodel.systems.hardware.servo_driver import ServoDriver
+    from nico_selfmodel.systems.stations.nico_hardware_station import NicoHardwareStation
 
 
 _PERIOD = 0.05
@@ -110,7 +108,7 @@ def _configuration(hardware: Hardware) -> "ServoConfig":
 
 def _servos(hardware: Hardware, config: "ServoConfig") -> "ServoDriver":
     from nico_selfmodel.servos.pic_servo.line.bus import BusSettings
-    from nico_selfmodel.systems import ServoDriver
+    from nico_selfmodel.systems.hardware.servo_driver import ServoDriver
 
     largest = max(joint.max_velocity for joint in config.joints)
     assert hardware.port is not None
@@ -125,7 +123,7 @@ def _servos(hardware: Hardware, config: "ServoConfig") -> "ServoDriver":
 
 
 def _motion_capture(sensor: str, hardware: Hardware) -> "MotionCaptureClient | None":
-    from nico_selfmodel.systems import MotionCaptureClient
+    from nico_selfmodel.systems.hardware.motion_capture_stream import MotionCaptureClient
 
     if sensor != "motion-capture":
         if hardware.motion_capture is not None:
@@ -140,7 +138,8 @@ def _motion_capture(sensor: str, hardware: Hardware) -> "MotionCaptureClient | N
 
 
 def _cameras(sensor: str, hardware: Hardware) -> "CameraDriver | None":
-    from nico_selfmodel.systems import NICO_CAMERAS, CameraDriver
+    from nico_selfmodel.systems.hardware.camera_driver import CameraDriver
+    from nico_selfmodel.systems.nico_cameras import NICO_CAMERAS
     from nico_selfmodel.vision.images.stereo_capture import StereoCapture
 
     left, right = hardware.left_camera, hardware.right_camera
@@ -160,7 +159,8 @@ def _station(
     motion_capture: "MotionCaptureClient | None",
     calibrated: Path | None,
 ) -> "NicoHardwareStation":
-    from nico_selfmodel.systems import NicoHardwareStation, default_detectors
+    from nico_selfmodel.systems.stations.nico_hardware_station import NicoHardwareStation
+    from nico_selfmodel.systems.stations.nico_station import default_detectors
 
     found = default_detectors(inputs.cameras_of(calibrated))
     detectors = {m: found[m] for m in planned.arm.markers if m in found} or found

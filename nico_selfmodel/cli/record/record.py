@@ -73,7 +73,7 @@ def record(
     An interrupted recording goes on.
     """
     from nico_selfmodel.files.whole import refuse_existing
-    from nico_selfmodel.systems import imperfections_named
+    from nico_selfmodel.systems.simulated.imperfections import imperfections_named
 
     refuse_existing(out, force=True)  # what is there is gone on with, or refused by name
     inputs.name_after(out)

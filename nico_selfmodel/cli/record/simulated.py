@@ -8,8 +8,8 @@ from nico_selfmodel.cli import inputs, printer
 
 if TYPE_CHECKING:
     from nico_selfmodel.cli.record.request import Request
-    from nico_selfmodel.dataset import Dataset
-    from nico_selfmodel.systems import Imperfections
+    from nico_selfmodel.dataset.dataset import Dataset
+    from nico_selfmodel.systems.simulated.imperfections import Imperfections
 
 
 def record_hand(request: "Request", world: "Imperfections") -> "Dataset":

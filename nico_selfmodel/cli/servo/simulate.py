@@ -11,7 +11,7 @@ import typer
 from nico_selfmodel.cli import options, printer
 
 if TYPE_CHECKING:
-    from nico_selfmodel.systems import NicoBehindBus
+    from nico_selfmodel.systems.stations.nico_behind_bus import NicoBehindBus
 
 
 def simulate(
@@ -56,7 +56,9 @@ def _body(stack: ExitStack, file: Path, seed: int, session: int) -> "NicoBehindB
     """Build a robot, write its configuration, and start its motion capture."""
     from nico_selfmodel.files.whole import refuse_existing
     from nico_selfmodel.servos.pic_servo.arm.servo_config_file import save_servo_config
-    from nico_selfmodel.systems import MotionCaptureServer, NicoBehindBus, NicoStation
+    from nico_selfmodel.systems.hardware.motion_capture_stream import MotionCaptureServer
+    from nico_selfmodel.systems.stations.nico_behind_bus import NicoBehindBus
+    from nico_selfmodel.systems.stations.nico_station import NicoStation
 
     refuse_existing(file, force=False)
     station = stack.enter_context(NicoStation("thesis", seed, session))

@@ -7,7 +7,7 @@ from itertools import islice
 import numpy as np
 from numpy.typing import NDArray
 
-from nico_selfmodel.dataset import Dataset
+from nico_selfmodel.dataset.dataset import Dataset
 from nico_selfmodel.dataset.sweeps import Sweep, marked_sweeps, unmarked_sweeps
 from nico_selfmodel.errors import DataError
 from nico_selfmodel.estimation.initialization.axis_search import random_starts

@@ -9,7 +9,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from nico_selfmodel.dataset import Dataset
+from nico_selfmodel.dataset.dataset import Dataset
 from nico_selfmodel.dataset.held_out import held_out_of
 from nico_selfmodel.estimation.arm.cross_validation import cross_validate
 from nico_selfmodel.estimation.arm.evaluation import Evaluation, evaluate

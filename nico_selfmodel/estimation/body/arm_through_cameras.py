@@ -9,7 +9,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from nico_selfmodel.dataset import Dataset
+from nico_selfmodel.dataset.dataset import Dataset
 from nico_selfmodel.estimation.arm.kinematics import KinematicCalibration
 from nico_selfmodel.estimation.body.body_initialization import in_left_eye, reconstructed
 from nico_selfmodel.estimation.noise.arm_solution import Linearised

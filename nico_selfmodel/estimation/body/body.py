@@ -13,8 +13,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from nico_selfmodel.dataset import Dataset
 from nico_selfmodel.dataset.board_views import BoardViews
+from nico_selfmodel.dataset.dataset import Dataset
 from nico_selfmodel.dataset.held_out import held_out_of
 from nico_selfmodel.errors import NotConvergedError
 from nico_selfmodel.estimation.body.body_cross_validation import cross_validate_body

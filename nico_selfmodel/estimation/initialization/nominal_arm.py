@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from nico_selfmodel.dataset import Dataset
+from nico_selfmodel.dataset.dataset import Dataset
 from nico_selfmodel.errors import ModelError
 from nico_selfmodel.estimation.initialization.axis_search import project_variables
 from nico_selfmodel.estimation.observations.arm_estimate import ArmHypothesis

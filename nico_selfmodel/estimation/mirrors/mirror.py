@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from nico_selfmodel.dataset import Dataset
+from nico_selfmodel.dataset.dataset import Dataset
 from nico_selfmodel.dataset.held_out import held_out_of
 from nico_selfmodel.errors import DataError, NotIdentifiableError
 from nico_selfmodel.estimation.mirrors.mirror_cameras import fit_mirror_cameras

@@ -3,7 +3,7 @@
 import numpy as np
 from numpy.typing import NDArray
 
-from nico_selfmodel.dataset import Dataset
+from nico_selfmodel.dataset.dataset import Dataset
 from nico_selfmodel.errors import DataError, EstimationError
 from nico_selfmodel.estimation.mirrors.mirror_initialization import virtual_points
 from nico_selfmodel.estimation.mirrors.mirror_solution import solve_mirrors, start_mirrors

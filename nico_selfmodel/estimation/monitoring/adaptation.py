@@ -10,7 +10,7 @@ from typing import Protocol
 import numpy as np
 from numpy.typing import NDArray
 
-from nico_selfmodel.dataset import Dataset
+from nico_selfmodel.dataset.dataset import Dataset
 from nico_selfmodel.errors import ModelError
 from nico_selfmodel.estimation.monitoring.block_update import learn_with_prior
 from nico_selfmodel.estimation.noise.hand_observations import (

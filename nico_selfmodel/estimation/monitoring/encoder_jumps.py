@@ -9,7 +9,7 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
-from nico_selfmodel.dataset import Dataset
+from nico_selfmodel.dataset.dataset import Dataset
 from nico_selfmodel.estimation.monitoring.change_likelihood import ChangeEstimate, ChangeLikelihood
 from nico_selfmodel.estimation.monitoring.diagnosis import Diagnosis, Hypothesis, diagnosed, ranked
 from nico_selfmodel.estimation.noise.hand_observations import (

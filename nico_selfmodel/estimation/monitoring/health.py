@@ -11,7 +11,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from nico_selfmodel.dataset import Dataset
+from nico_selfmodel.dataset.dataset import Dataset
 from nico_selfmodel.estimation.monitoring.diagnosis import Diagnosis, diagnose
 from nico_selfmodel.estimation.monitoring.encoder_jumps import with_large_slips
 from nico_selfmodel.estimation.monitoring.monitor import THRESHOLD, Monitor, chance_of_false_alarm

@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from nico_selfmodel.dataset import Dataset
+from nico_selfmodel.dataset.dataset import Dataset
 from nico_selfmodel.errors import EstimationError
 from nico_selfmodel.estimation.monitoring.block_update import BlockUpdate, learn_block
 from nico_selfmodel.estimation.monitoring.health import HealthReport

@@ -10,7 +10,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from nico_selfmodel.dataset import Dataset
+from nico_selfmodel.dataset.dataset import Dataset
 from nico_selfmodel.errors import ModelError, NotIdentifiableError
 from nico_selfmodel.estimation.monitoring.block_update import (
     BlockUpdate,

@@ -6,7 +6,7 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
-from nico_selfmodel.dataset import Dataset
+from nico_selfmodel.dataset.dataset import Dataset
 from nico_selfmodel.errors import DataError, NotIdentifiableError
 from nico_selfmodel.estimation.arm.evaluation import evaluate
 from nico_selfmodel.estimation.monitoring.block_update import (

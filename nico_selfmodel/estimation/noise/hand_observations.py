@@ -9,7 +9,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from nico_selfmodel.dataset import Dataset
+from nico_selfmodel.dataset.dataset import Dataset
 from nico_selfmodel.errors import DataError, ModelError
 from nico_selfmodel.estimation.noise.hand_noise import HandNoise, whitening_of
 from nico_selfmodel.estimation.observations.arm_views import RowsView

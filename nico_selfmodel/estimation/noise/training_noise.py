@@ -14,7 +14,7 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
-from nico_selfmodel.dataset import Dataset
+from nico_selfmodel.dataset.dataset import Dataset
 from nico_selfmodel.dataset.sweeps import find_sweeps
 from nico_selfmodel.errors import ModelError
 from nico_selfmodel.estimation.noise.hand_observations import covariance_of, sightings_of

@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from nico_selfmodel.dataset import Dataset
+from nico_selfmodel.dataset.dataset import Dataset
 from nico_selfmodel.errors import DataError
 from nico_selfmodel.model.self_model import SelfModel
 from nico_selfmodel.names import listed

@@ -5,7 +5,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from nico_selfmodel.dataset import Dataset
+from nico_selfmodel.dataset.dataset import Dataset
 from nico_selfmodel.errors import DataError
 from nico_selfmodel.model.arm.servo_map import ServoMap
 from nico_selfmodel.names import listed

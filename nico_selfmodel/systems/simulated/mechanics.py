@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from nico_selfmodel.dataset import JointInfo
+from nico_selfmodel.dataset.joint_info import JointInfo
 from nico_selfmodel.geometry.rotation import move_on_sphere, tangent_basis
 from nico_selfmodel.model.arm.chain import Chain
 from nico_selfmodel.model.arm.servo_map import ServoMap

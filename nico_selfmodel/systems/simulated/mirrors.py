@@ -6,8 +6,9 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from nico_selfmodel.dataset import Dataset, JointInfo
 from nico_selfmodel.dataset.board_views import BoardViews
+from nico_selfmodel.dataset.dataset import Dataset
+from nico_selfmodel.dataset.joint_info import JointInfo
 from nico_selfmodel.model.arm.chain import Chain
 from nico_selfmodel.model.cameras.mirror import Mirror
 from nico_selfmodel.model.cameras.mirror_rig import MirrorRig

@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from nico_selfmodel.dataset import JointInfo
+from nico_selfmodel.dataset.joint_info import JointInfo
 from nico_selfmodel.geometry.rotation import rotation_from_vector
 from nico_selfmodel.geometry.transform import transform
 from nico_selfmodel.model.cameras.stereo_rig import StereoRig

@@ -5,7 +5,7 @@ from numpy.typing import NDArray
 from pydrake.systems.analysis import Simulator
 from pydrake.systems.framework import DiagramBuilder
 
-from nico_selfmodel.dataset import JointInfo
+from nico_selfmodel.dataset.joint_info import JointInfo
 from nico_selfmodel.servos import JointServo, ServoConfig
 from nico_selfmodel.servos.pic_servo.arm.servo_config import HomePlan
 from nico_selfmodel.systems.hardware.motion_capture_link import MotionCaptureSender

@@ -8,7 +8,7 @@ import numpy as np
 from pydrake.common.value import AbstractValue
 from pydrake.systems.framework import BasicVector, Context, Diagram, DiagramBuilder, LeafSystem
 
-from nico_selfmodel.dataset import JointInfo
+from nico_selfmodel.dataset.joint_info import JointInfo
 from nico_selfmodel.errors import RobotError
 from nico_selfmodel.model.cameras.stereo_rig import SIDES
 from nico_selfmodel.systems.hardware.camera_driver import CameraDriver

@@ -10,7 +10,7 @@ from numpy.typing import ArrayLike, NDArray
 from pydrake.systems.analysis import Simulator
 from pydrake.systems.framework import Context, System
 
-from nico_selfmodel.dataset import JointInfo
+from nico_selfmodel.dataset.joint_info import JointInfo
 from nico_selfmodel.errors import RobotError
 from nico_selfmodel.systems.image_values import bgr_of
 from nico_selfmodel.systems.measurements import CameraMeasurement, Measurement

@@ -9,7 +9,8 @@ from numpy.typing import NDArray
 from pydrake.common.value import Value  # pyright: ignore[reportAttributeAccessIssue]
 from pydrake.systems.framework import BasicVector, Context, LeafSystem, State
 
-from nico_selfmodel.dataset import Dataset, JointInfo
+from nico_selfmodel.dataset.dataset import Dataset
+from nico_selfmodel.dataset.joint_info import JointInfo
 from nico_selfmodel.errors import ModelError
 from nico_selfmodel.estimation.monitoring.diagnosis import Diagnosis, diagnose
 from nico_selfmodel.estimation.monitoring.health import dated

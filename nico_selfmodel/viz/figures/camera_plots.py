@@ -6,7 +6,7 @@ from matplotlib.figure import Figure
 from matplotlib.patches import Patch, Rectangle
 from numpy.typing import NDArray
 
-from nico_selfmodel.estimation import CameraAssessment
+from nico_selfmodel.estimation.cameras.camera_assessment import CameraAssessment
 from nico_selfmodel.viz.figures import palette
 from nico_selfmodel.viz.figures.camera_views import USE_COLORS, USES, ShownView
 from nico_selfmodel.viz.figures.distribution_plot import distribution, error_sets

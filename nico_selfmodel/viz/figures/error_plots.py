@@ -7,7 +7,7 @@ from matplotlib.colors import Normalize
 from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
-from nico_selfmodel.estimation import KinematicCalibration
+from nico_selfmodel.estimation.arm.kinematics import KinematicCalibration
 from nico_selfmodel.viz.figures import palette
 from nico_selfmodel.viz.figures.distribution_plot import distribution, error_sets
 from nico_selfmodel.viz.figures.inlier_errors import inlier_rows, largest_shown

@@ -3,7 +3,8 @@
 import numpy as np
 from numpy.typing import NDArray
 
-from nico_selfmodel.estimation import Evaluation, KinematicCalibration
+from nico_selfmodel.estimation.arm.evaluation import Evaluation
+from nico_selfmodel.estimation.arm.kinematics import KinematicCalibration
 
 
 def inlier_rows(calibration: KinematicCalibration) -> list[tuple[str, Evaluation, NDArray]]:

@@ -5,7 +5,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
-from nico_selfmodel.estimation import CameraAssessment
+from nico_selfmodel.estimation.cameras.camera_assessment import CameraAssessment
 from nico_selfmodel.model.cameras import lens
 from nico_selfmodel.model.cameras.camera import Camera
 from nico_selfmodel.viz.figures import palette

@@ -8,7 +8,7 @@ from matplotlib.figure import Figure
 from matplotlib.ticker import MaxNLocator
 from numpy.typing import NDArray
 
-from nico_selfmodel.estimation import KinematicCalibration
+from nico_selfmodel.estimation.arm.kinematics import KinematicCalibration
 from nico_selfmodel.estimation.initialization.start_search import StartSearch
 from nico_selfmodel.optimization.uncertainty import Uncertainty
 from nico_selfmodel.viz.figures import palette

@@ -7,7 +7,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
-from nico_selfmodel.estimation import CameraAssessment
+from nico_selfmodel.estimation.cameras.camera_assessment import CameraAssessment
 from nico_selfmodel.viz.figures import palette
 from nico_selfmodel.viz.figures.camera_plots import cell_counts, image_panels
 from nico_selfmodel.viz.figures.numbers_shown import nice_below

@@ -5,7 +5,7 @@ from matplotlib.cm import ScalarMappable
 from matplotlib.colors import Normalize
 from matplotlib.figure import Figure
 
-from nico_selfmodel.estimation import WorkspaceAccuracy
+from nico_selfmodel.estimation.body.workspace_accuracy import WorkspaceAccuracy
 from nico_selfmodel.viz.figures import palette
 from nico_selfmodel.viz.figures.plot_style import FULL_WIDTH, headline, style
 

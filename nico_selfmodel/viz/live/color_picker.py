@@ -7,9 +7,9 @@ from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
 from nico_selfmodel.errors import SelfModelError
-from nico_selfmodel.vision import NotSeen
 from nico_selfmodel.vision.color.color_blob import color_mask, find_color_blob
 from nico_selfmodel.vision.color.color_model import ColorModel
+from nico_selfmodel.vision.images.not_seen import NotSeen
 from nico_selfmodel.viz.figures import palette
 from nico_selfmodel.viz.figures.plot_style import style
 

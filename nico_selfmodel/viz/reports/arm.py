@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 
-from nico_selfmodel.estimation import KinematicCalibration
+from nico_selfmodel.estimation.arm.kinematics import KinematicCalibration
 from nico_selfmodel.plant import ArmDescription
 from nico_selfmodel.viz.figures import error_plots, parameter_plots
 from nico_selfmodel.viz.reports import parts, shared_sections

@@ -5,7 +5,7 @@ from collections.abc import Mapping
 from functools import partial
 from typing import Any
 
-from nico_selfmodel.estimation import BodyCalibration
+from nico_selfmodel.estimation.body.body import BodyCalibration
 from nico_selfmodel.estimation.body.body_result import noise_words
 from nico_selfmodel.plant import ArmDescription
 from nico_selfmodel.viz.figures.distribution_plot import distribution, error_sets

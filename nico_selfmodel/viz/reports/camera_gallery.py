@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from nico_selfmodel.estimation import CameraAssessment
+from nico_selfmodel.estimation.cameras.camera_assessment import CameraAssessment
 from nico_selfmodel.viz.figures import palette
 from nico_selfmodel.viz.figures.camera_views import CameraView, ShownView
 from nico_selfmodel.viz.figures.photographs import Photographs, jpeg, photograph_of, shrunk

@@ -4,7 +4,7 @@ from collections.abc import Mapping
 from functools import partial
 from typing import Any
 
-from nico_selfmodel.estimation import CameraAssessment
+from nico_selfmodel.estimation.cameras.camera_assessment import CameraAssessment
 from nico_selfmodel.model.self_model import SelfModel
 from nico_selfmodel.viz.figures import camera_plots, lens_plots
 from nico_selfmodel.viz.figures.camera_views import ShownView, shown_views

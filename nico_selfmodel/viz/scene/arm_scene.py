@@ -4,7 +4,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from nico_selfmodel.dataset.sweeps import Sweep
-from nico_selfmodel.estimation import KinematicCalibration
+from nico_selfmodel.estimation.arm.kinematics import KinematicCalibration
 from nico_selfmodel.estimation.initialization.circle_points import crossing_of
 from nico_selfmodel.geometry.transform import apply
 from nico_selfmodel.model.self_model import SelfModel

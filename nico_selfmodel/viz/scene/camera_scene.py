@@ -4,7 +4,8 @@ import numpy as np
 from matplotlib.colors import to_rgb
 from numpy.typing import NDArray
 
-from nico_selfmodel.estimation import CameraAssessment, CameraCalibration
+from nico_selfmodel.estimation.cameras.camera_adjustment import CameraCalibration
+from nico_selfmodel.estimation.cameras.camera_assessment import CameraAssessment
 from nico_selfmodel.geometry.transform import apply
 from nico_selfmodel.names import listed
 from nico_selfmodel.viz.figures import palette

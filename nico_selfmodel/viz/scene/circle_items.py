@@ -3,7 +3,8 @@
 import numpy as np
 from numpy.typing import NDArray
 
-from nico_selfmodel.estimation import CirclePointAnalysis, KinematicCalibration, SweepCircle
+from nico_selfmodel.estimation.arm.kinematics import KinematicCalibration
+from nico_selfmodel.estimation.initialization.circle_points import CirclePointAnalysis, SweepCircle
 from nico_selfmodel.geometry.rotation import tangent_basis
 from nico_selfmodel.geometry.transform import apply
 from nico_selfmodel.viz.figures import palette

@@ -5,7 +5,7 @@ from collections.abc import Mapping
 import numpy as np
 from numpy.typing import NDArray
 
-from nico_selfmodel.estimation import CameraCalibration
+from nico_selfmodel.estimation.cameras.camera_adjustment import CameraCalibration
 from nico_selfmodel.geometry.transform import apply
 from nico_selfmodel.viz.figures import palette
 from nico_selfmodel.viz.scene.camera_items import ImagePlane

@@ -5,8 +5,8 @@ from numpy.typing import NDArray
 
 from nico_selfmodel.estimation.mirrors.mirror import MirrorCalibration
 from nico_selfmodel.geometry.transform import apply, inverse
-from nico_selfmodel.model import MirrorRig
 from nico_selfmodel.model.cameras.mirror import Mirror
+from nico_selfmodel.model.cameras.mirror_rig import MirrorRig
 from nico_selfmodel.model.cameras.stereo_rig import StereoRig
 from nico_selfmodel.plant import ArmDescription
 from nico_selfmodel.viz.figures import palette

@@ -3,7 +3,7 @@
 import numpy as np
 from numpy.typing import NDArray
 
-from nico_selfmodel.estimation import KinematicCalibration
+from nico_selfmodel.estimation.arm.kinematics import KinematicCalibration
 from nico_selfmodel.geometry.transform import transform
 from nico_selfmodel.viz.figures import palette
 from nico_selfmodel.viz.figures.numbers_shown import nice_factor, short

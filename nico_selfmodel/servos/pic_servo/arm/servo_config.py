@@ -6,7 +6,7 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import NDArray
 
-from nico_selfmodel.dataset import JointInfo
+from nico_selfmodel.dataset.joint_info import JointInfo
 from nico_selfmodel.model.arm.servo_map import ServoMap
 from nico_selfmodel.servos.pic_servo.protocol.commands import BAUD_CODES, OutputMode
 from nico_selfmodel.servos.pic_servo.protocol.gains import Gains
