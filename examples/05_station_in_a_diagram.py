@@ -27,6 +27,6 @@ simulator.AdvanceTo(2.0)
 
 tracked = seen.FindLog(context).data()[:4, -1].reshape(2, 2)
 predicted = expected.FindLog(context).data()[:, -1].reshape(2, 2)
-for eye, here, there in zip(("left", "right"), tracked, predicted, strict=True):
-    print(f"{eye}: seen at {here.round(1)}, expected at {there.round(1)}")
+for camera, here, there in zip(("left", "right"), tracked, predicted, strict=True):
+    print(f"{camera}: seen at {here.round(1)}, expected at {there.round(1)}")
 print("off by", np.linalg.norm(tracked - predicted, axis=1).round(1), "px: time to learn")

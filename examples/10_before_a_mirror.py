@@ -34,15 +34,15 @@ def main() -> None:
         put_mirror(station, body.context, view.X_BM)
         for q in view.q[:3]:
             (command,) = commands_of_angles(station.joints, arm.lower, arm.upper, [q])
-            sighting = body.move_and_measure(command)
-            assert isinstance(sighting, CameraMeasurement)
-            seen = sighting.reflected["fiducial"]
+            observation = body.move_and_measure(command)
+            assert isinstance(observation, CameraMeasurement)
+            seen = observation.reflected["fiducial"]
             guess = expected.project(arm.chain.forward(q))
             if np.isfinite(seen).all():
                 errors.append(np.linalg.norm((seen - guess).reshape(2, 2), axis=1).mean())
                 print(f"the reflection at {np.round(seen, 1)}, expected at {np.round(guess, 1)}")
             else:
-                print(f"not seen: {', '.join(filter(None, sighting.reflected_reasons))}")
+                print(f"not seen: {', '.join(filter(None, observation.reflected_reasons))}")
     print(f"{len(errors)} of 3 seen, {np.mean(errors):.0f} px off on average")
 
 

@@ -51,7 +51,7 @@ def drawn(camera, lines, X_WG, noise=1.0, rng=None):
 
 
 def attitudes(count, seed=0):
-    """Return poses of the board that both eyes of `SMALL_RIG` see whole."""
+    """Return poses of the board that both cameras of `SMALL_RIG` see whole."""
     rng, found = np.random.default_rng(seed), []
     across, down = np.meshgrid([-1.7, COLUMNS + 0.7], [-1.7, ROWS + 0.7])
     rim = SQUARE * np.stack([across.ravel(), down.ravel(), np.zeros(4)], axis=1)
@@ -69,8 +69,8 @@ def attitudes(count, seed=0):
 def draw_pairs(folder, count=8, seed=0):
     """Write left and right photographs of the board into a folder."""
     rng = np.random.default_rng(seed)
-    lines = [sight_lines(camera) for camera in SMALL_RIG.eyes]
+    lines = [sight_lines(camera) for camera in SMALL_RIG.cameras]
     for i, X_WG in enumerate(attitudes(count, seed), start=1):
-        for eye, camera, sight in zip(("left", "right"), SMALL_RIG.eyes, lines, strict=True):
+        for side, camera, sight in zip(("left", "right"), SMALL_RIG.cameras, lines, strict=True):
             image = drawn(camera, sight, X_WG, rng=rng)
-            cv2.imwrite(str(folder / f"{eye}{i:02d}.png"), image)
+            cv2.imwrite(str(folder / f"{side}{i:02d}.png"), image)

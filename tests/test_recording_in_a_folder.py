@@ -26,14 +26,19 @@ PLAN = pose_plan(
 class Body:
     joints, markers = JOINTS, ("hand",)
 
-    def __init__(self, fails_at=None, blind_at=(), images=False):
-        self.visits, self.fails_at, self.blind_at, self.images = [], fails_at, blind_at, images
+    def __init__(self, fails_at=None, unobservable_at=(), images=False):
+        self.visits, self.fails_at, self.unobservable_at, self.images = (
+            [],
+            fails_at,
+            unobservable_at,
+            images,
+        )
 
     def move_and_measure(self, command):
         if self.fails_at is not None and len(self.visits) == self.fails_at:
             raise RobotError("the cable is loose")
         self.visits.append(np.asarray(command))
-        seen = tuple(command) not in self.blind_at
+        seen = tuple(command) not in self.unobservable_at
         pixels = np.array([*command, *command]) if seen else np.full(4, np.nan)
         if not self.images:
             return Measurement(np.asarray(command), {"hand": pixels[:3] * 1e-3 if seen else None})
@@ -60,12 +65,14 @@ def test_an_interrupted_recording_goes_on_and_loses_nothing(tmp_path):
 
 
 def test_poses_that_were_not_seen_are_tried_again(tmp_path):
-    blind = tuple(PLAN[2][1])
-    data = record(Body(blind_at=[blind]), PLAN, "trial", folder=tmp_path / "out", until_seen=2)
+    unobservable = tuple(PLAN[2][1])
+    data = record(
+        Body(unobservable_at=[unobservable]), PLAN, "trial", folder=tmp_path / "out", until_seen=2
+    )
     assert "3" not in data.extra["pose"]
     second = Body()
     data = record(second, PLAN, "trial", folder=tmp_path / "out")
-    assert [tuple(v) for v in second.visits] == [blind]
+    assert [tuple(v) for v in second.visits] == [unobservable]
     assert data.extra["pose"] == tuple(str(i + 1) for i in range(len(PLAN)))
 
 
@@ -151,7 +158,7 @@ def test_pictures_are_kept_beside_the_samples(tmp_path):
     assert names[0] == "left0001.png"
     assert (read_image(tmp_path / "out" / "images" / "right0003.png") == 30).all()
     loaded = load_dataset(tmp_path / "out")
-    assert loaded.cameras == {"images": "images/<eye><pose>.png"}
+    assert loaded.cameras == {"images": "images/<camera><pose>.png"}
     assert loaded.image_size == (6, 4)
     assert np.array_equal(loaded.pixels, data.pixels)
 
@@ -167,7 +174,9 @@ def test_enough_free_poses_end_a_recording():
 def test_nothing_seen_leaves_nothing_behind(tmp_path):
     everywhere = [tuple(command) for _, command in PLAN]
     with pytest.raises(DataError):
-        record(Body(blind_at=everywhere), PLAN, "trial", folder=tmp_path / "out", until_seen=1)
+        record(
+            Body(unobservable_at=everywhere), PLAN, "trial", folder=tmp_path / "out", until_seen=1
+        )
     assert not (tmp_path / "out").exists()
 
 

@@ -88,7 +88,7 @@ SENSOR = "motion-capture"
 
 
 @pytest.mark.slow
-def test_before_its_eyes_and_with_pictures(tmp_path):
+def test_before_its_cameras_and_with_pictures(tmp_path):
     if not can_render():
         pytest.skip("nothing can be rendered here")
     nico = RenderedNico("thesis", 2, ("fiducial",))
@@ -122,7 +122,7 @@ def test_a_pose_whose_pictures_are_missing_is_taken_again(tmp_path):
     folder = tmp_path / "x"
     simulated_session(arm, LOSSY, protocol, "x", seed=3, session=1, folder=folder)
     data = load_dataset(folder)
-    save_dataset(replace(data, cameras={"images": "images/<eye><pose>.png"}), folder, force=True)
+    save_dataset(replace(data, cameras={"images": "images/<camera><pose>.png"}), folder, force=True)
     visited = []
     simulated_session(
         *(arm, LOSSY, protocol, "x"),

@@ -9,14 +9,14 @@ from nico_selfmodel.systems.stations.nico_instance import NicoInstance
 
 
 def true_model(arm, world, seed):
-    """Return arm and eyes as they really are, in the world of the station."""
+    """Return arm and cameras as they really are, in the world of the station."""
     body = NicoInstance.build(arm, IMPERFECTIONS[world], seed, NICO_CAMERAS)
     built = SelfModelPlant.from_urdf(arm, body.model)
     context = built.plant.CreateDefaultContext()
     for joint, value in body.held.items():
         built.plant.GetJointByName(joint, built.instance).set_angle(context, value)
     cameras = {}
-    for name, camera, link in zip(("left", "right"), body.rig.eyes, MOUNTS, strict=True):
+    for name, camera, link in zip(("left", "right"), body.rig.cameras, MOUNTS, strict=True):
         frame = built.plant.GetFrameByName(link, built.instance)
         X_WF = frame.CalcPoseInWorld(context).GetAsMatrix4()
         cameras[name] = camera.at(X_WF @ camera.X_WC)

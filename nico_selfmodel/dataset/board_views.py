@@ -20,7 +20,7 @@ class BoardViews:
     """Corners on the board [m]. Shape (P, 3)."""
     names: tuple[str, ...]
     """What each view is called, for people. Length V."""
-    eyes: tuple[str, ...]
+    cameras: tuple[str, ...]
     """`left` and `right`, or one of them. Length C."""
     pixels: NDArray
     """Corners, u and v of each camera in turn; nan where not seen [px]. Shape (V, P, 2 C)."""
@@ -31,7 +31,7 @@ class BoardViews:
         """Check shapes and make the arrays read-only."""
         for name in ("p_GQ", "pixels"):
             object.__setattr__(self, name, read_only(getattr(self, name), float))
-        expected = (len(self.names), len(self.p_GQ), 2 * len(self.eyes))
+        expected = (len(self.names), len(self.p_GQ), 2 * len(self.cameras))
         if self.pixels.shape != expected or self.p_GQ.shape[1:] != (3,):
             raise ValueError(
                 f"pixels must have shape {expected} and p_GQ (P, 3), got {self.pixels.shape} and "
@@ -39,8 +39,8 @@ class BoardViews:
             )
         if len(set(self.names)) != len(self.names):
             raise ValueError(f"views must have names of their own, got {self.names}")
-        if self.eyes not in (("left", "right"), ("left",), ("right",)):
-            raise ValueError(f"cameras must be left, right or both, got {self.eyes}")
+        if self.cameras not in (("left", "right"), ("left",), ("right",)):
+            raise ValueError(f"cameras must be left, right or both, got {self.cameras}")
 
     def __len__(self) -> int:
         """Return the number of views."""
@@ -49,12 +49,12 @@ class BoardViews:
     @property
     def seen(self) -> NDArray:
         """Which corners each camera saw. Boolean, shape (V, C, P)."""
-        both = self.pixels.reshape(len(self), len(self.p_GQ), len(self.eyes), 2)
+        both = self.pixels.reshape(len(self), len(self.p_GQ), len(self.cameras), 2)
         return np.swapaxes(np.asarray(np.isfinite(both).all(axis=3)), 1, 2)
 
     def of_camera(self, side: str) -> NDArray:
         """Return the corners that one camera saw. Shape (V, P, 2)."""
-        column = 2 * self.eyes.index(side)
+        column = 2 * self.cameras.index(side)
         return self.pixels[:, :, column : column + 2]
 
     def placeable(self) -> "BoardViews":
@@ -79,7 +79,7 @@ class BoardViews:
 
     def only(self, side: str) -> "BoardViews":
         """Return what one camera saw, without the views in which it saw nothing."""
-        alone = replace(self, eyes=(side,), pixels=self.of_camera(side))
+        alone = replace(self, cameras=(side,), pixels=self.of_camera(side))
         return alone.select(alone.seen.any(axis=(1, 2)))
 
     def split(self, fraction: float, seed: int) -> tuple["BoardViews", "BoardViews"]:

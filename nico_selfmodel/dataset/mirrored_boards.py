@@ -24,7 +24,7 @@ class MirroredBoards:
     The order of the corners is that on the board, in reflections too."""
     image_size: tuple[int, int]
     """Width and height [px]."""
-    eye: str = "left"
+    camera: str = "left"
     """Which camera saw them."""
 
     def __post_init__(self) -> None:
@@ -62,5 +62,7 @@ class MirroredBoards:
 
     def directly(self) -> BoardViews:
         """Return what was seen directly, without the photographs in which nothing was."""
-        views = BoardViews(self.p_GQ, self.names, (self.eye,), self.pixels[:, 0], self.image_size)
+        views = BoardViews(
+            self.p_GQ, self.names, (self.camera,), self.pixels[:, 0], self.image_size
+        )
         return views.select(self.ways[:, 0])

@@ -11,7 +11,7 @@ from nico_selfmodel.estimation.arm.evaluation import Evaluation, expected_covari
 from nico_selfmodel.estimation.noise.hand_observations import (
     JOINT_SIGMA,
     covariance_of,
-    sightings_of,
+    hand_observations_of,
 )
 from nico_selfmodel.estimation.observations.observations import Observations
 from nico_selfmodel.estimation.observations.outlier_words import describe_outliers
@@ -131,14 +131,14 @@ def _beside_training(
 def _contradicting(model: SelfModel, dataset: Dataset, evaluation: PixelEvaluation) -> NDArray:
     """Return the rows that neither model nor noise explains. Boolean, shape (N,).
 
-    Where the model puts the hand out of the view of an eye that saw it, nothing explains that.
+    Where the model puts the hand out of the view of a camera that saw it, nothing explains that.
     Pixels are whitened with all that is uncertain where the model tells joint play from the
-    tracker's noise; points that its eyes rebuild are taken where it has learned from such.
+    tracker's noise; points that its cameras rebuild are taken where it has learned from such.
     """
     lost = (evaluation.observations.seen & np.isnan(evaluation.pixels_predicted)).any(axis=1)
     if JOINT_SIGMA in model.fit and model.pixel_sigma is not None:
-        sightings = sightings_of(model, dataset, "pixels")
-        found = sightings.innovations(covariance_of(model, sightings.names))
+        observations = hand_observations_of(model, dataset, "pixels")
+        found = observations.innovations(covariance_of(model, observations.names))
         return lost | (np.sqrt(found.nis) > OUTLIER_AT * np.sqrt(found.dof / 3.0))
     rows = evaluation.observations.arm
     readings = rows.angles / model.servos.radians_per_unit

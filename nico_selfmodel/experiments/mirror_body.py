@@ -52,8 +52,8 @@ def mirror_body(
     """
     arm = ArmDescription.named("nico")
     tree = KinematicTree.from_urdf(arm.urdf)
-    eye = tree.frame("left_wide_camera")
-    X_BL = tree.poses({**arm.held, **HEAD}, arm.base_link, [eye])[0]
+    camera = tree.frame("left_wide_camera")
+    X_BL = tree.poses({**arm.held, **HEAD}, arm.base_link, [camera])[0]
     return SimulatedMirrors(
         replace(arm, chain=arm.chain.moved(inverse(X_BL))),
         mirrors,
@@ -73,9 +73,9 @@ def learned_body(body: SimulatedMirrors) -> SelfModel:
     Returns:
         Arm and cameras in the left camera's frame, without mirrors.
     """
-    eyes = calibrate_cameras(body.look_at_boards(board_points(), BOARDS))
+    cameras = calibrate_cameras(body.look_at_boards(board_points(), BOARDS))
     seen = body.watch("", LEARNING_POSES, session=1, name="hand seen directly")
-    sight = Sight.of(eyes.self_model("nico"), seen)
+    sight = Sight.of(cameras.self_model("nico"), seen)
     nominal = nominal_of(ArmDescription.named("nico"))
     arm = calibrate_kinematics(sight.train, nominal=nominal, name="nico")
     return replace(sight.complete(arm).model, pixel_sigma=body.pixel_sigma)

@@ -121,7 +121,7 @@ def seen_by_both(data: Dataset, mirror: str, count: int, fewest: int | None = No
     fewest = count if fewest is None else fewest
     if len(rows) < fewest:
         raise DataError(
-            f"only {len(rows)} of {fewest} poses show the hand to both eyes "
+            f"only {len(rows)} of {fewest} poses show the hand to both cameras "
             + (f"in mirror {mirror!r}" if mirror else "directly")
         )
     return data.select(rows[:count])

@@ -69,7 +69,9 @@ def _depth_table(results: MirrorExperiment) -> Table:
         ]
         for row in results.depth
     ]
-    note = "\nA reflection is as far away as hand, glass and eye together: stereo sets the limit.\n"
+    note = (
+        "\nA reflection is as far away as hand, glass and camera together: stereo sets the limit.\n"
+    )
     return Table("What stereo depth alone allows", headings, rows, note)
 
 
@@ -86,9 +88,9 @@ def _head(results: MirrorExperiment) -> str:
     )
     return (
         "# Inferring the visual perspective of a mirror (thesis, chapter 9)\n\n"
-        f"Ours: {bodies(results.individuals)} that learned eyes and arm by themselves, "
+        f"Ours: {bodies(results.individuals)} that learned cameras and arm by themselves, "
         f"joint play +-{results.play_deg:g} deg, arm {results.arm_mm:.0f} mm, {seen}. "
-        f"Mirrors before the left eye: {places}. Mean "
+        f"Mirrors before the left camera: {places}. Mean "
         f"over {TEST_POSES} test poses, SD over robots. Thesis: figures 9.4 and 9.5 are charts "
         "without numbers; it works after 10 poses, and comparable systems without a mirror report "
         f"about {COMPARABLE_MM:.0f} mm. `deg` and `off`: error of the mirror's plane; `cameras`: "

@@ -126,7 +126,8 @@ class ProjectedNico:
             body if observed else robot,
             list(zip(labels or [""] * len(commands), commands, strict=True)),
             name,
-            source="simulated body, " + ("hand observed" if observed else "hand seen by its eyes"),
+            source="simulated body, "
+            + ("hand observed" if observed else "hand seen by its cameras"),
             seed=seed,
             pixel_sigma_px=robot.sensor.sigma or None,
             image_size=self.workspace.rig.left.image_size,

@@ -49,7 +49,7 @@ class Scenario:
     """Circles and random poses, with pixels."""
     test: Dataset
     """Other random poses; with points, measured from outside in the left camera's frame, if any."""
-    eyes: SelfModel
+    cameras: SelfModel
     """The seed: cameras learned from the boards."""
     boards: BoardViews
     """Boards that the cameras were learned from."""
@@ -192,10 +192,10 @@ def simulated_scenario(
     test = nico.record(robot, "test", nico.random_poses(TEST_POSES, rng), observed=True, seed=seed)
     cameras, truth = SimulatedCameras(seed), robot.ground_truth
     boards = cameras.look_at_boards(board_points(), BOARDS)
-    eyes = calibrate_cameras(boards, SEED).self_model("eyes")
+    sides = calibrate_cameras(boards, SEED).self_model("cameras")
     held_out = cameras.look_at_boards(board_points(), TEST_BOARDS, session=1)
     limit = Limit.of(nico.tracker, test, *truth.expected(test.encoders))
-    return Scenario(train, test, eyes, boards, held_out, truth.link_lengths(), limit)
+    return Scenario(train, test, sides, boards, held_out, truth.link_lengths(), limit)
 
 
 def measure(
@@ -214,7 +214,7 @@ def measure(
     try:
         found = calibrate_body(
             scenario.train,
-            scenario.eyes,
+            scenario.cameras,
             scenario.boards,
             options,
             test=scenario.test,

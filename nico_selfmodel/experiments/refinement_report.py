@@ -33,7 +33,7 @@ THESIS: dict[str, dict[str, dict[str, tuple[float, float]]]] = {
 """The thesis' own: mean and SD on its real robot; edges before and after, links off calipers."""
 KNOWN = "what the mechanics leave"
 """Errors of a body that knows itself exactly: play of the joints and the tracker's noise."""
-_EYES = {
+_CAMERAS = {
     True: "boards and hand found in rendered pictures",
     False: "hand tracked without rendering",
 }
@@ -49,13 +49,13 @@ _SHORT = {
 def report_of(results: RefinementExperiment) -> ExperimentReport:
     """Return ours, with the thesis' figure after the bar where there is one."""
     head = (
-        "# Arm and eyes refine each other (thesis, chapter 8)\n\n"
+        "# Arm and cameras refine each other (thesis, chapter 8)\n\n"
         f"Ours: {bodies(results.individuals)}, world {results.world!r}, joints play by "
-        f"+-{results.play_deg:g} deg; {_EYES[results.rendered]}. Mean (SD) on 100 random "
+        f"+-{results.play_deg:g} deg; {_CAMERAS[results.rendered]}. Mean (SD) on 100 random "
         "poses that were held out, edges and scale on held-out boards before -> after. After the "
         "bar: the thesis' real robot.\n\n"
         "`own 3D` is the thesis' measure, the predicted hand against the body's own stereo: it "
-        "may fall while the true error grows. `refused`: the built-in check found that the eyes "
+        "may fall while the true error grows. `refused`: the built-in check found that the cameras "
         "measure held-out boards worse than before, or lost their scale. "
         f"`{KNOWN}`: the true body, told of everything but where in their play the joints rest, on "
         "the same poses; nothing that is learned does better in the mean.\n\n"
@@ -134,7 +134,7 @@ def _chart(results: RefinementExperiment, quantity: str, ylabel: str) -> Any:
         return None
     titles = {
         "own_mm": "Unanchored learning flatters itself",
-        "px": "The images alone cannot tell a bent eye from a straight one",
+        "px": "The images alone cannot tell a bent camera from a straight one",
         "true_mm": "Only boards in the same problem bring the true error down",
     }
     groups = [_SHORT.get(name, name) for name in conditions]

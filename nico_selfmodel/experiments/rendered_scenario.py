@@ -44,13 +44,13 @@ def rendered_scenarios(
     held_out = nico.board_views(
         counts.test_boards, 3, progress=telling(stage, "boards kept for judging")
     )
-    eyes = calibrate_cameras(boards, SEED)
+    cameras = calibrate_cameras(boards, SEED)
     train = nico.record(
         "train",
         1,
         counts.circle,
         counts.random,
-        rig=eyes.rig,
+        rig=cameras.rig,
         progress=telling(stage, "training poses"),
     )
     test = nico.record(
@@ -58,7 +58,7 @@ def rendered_scenarios(
         2,
         0,
         counts.test,
-        rig=eyes.rig,
+        rig=cameras.rig,
         observed=True,
         progress=telling(stage, "poses kept for judging"),
     )
@@ -72,7 +72,7 @@ def rendered_scenarios(
             truth = nico.ground_truth
             links = truth.link_lengths(marker)
             limit = Limit.of(tracker, shown, *truth.expected(shown.encoders, marker))
-        learned = eyes.self_model("eyes")
+        learned = cameras.self_model("cameras")
         found[tracker] = Scenario(
             of_marker(train, marker), shown, learned, boards, held_out, links, limit
         )

@@ -48,7 +48,7 @@ def rendered_tool_scenario(
     """
     tell = stage or (lambda *_: None)
     scenario = rendered_scenarios(world, seed, ("color",), stage, counts)["color"]
-    model = calibrate_body(scenario.train, scenario.eyes, scenario.boards).model
+    model = calibrate_body(scenario.train, scenario.cameras, scenario.boards).model
     with TemporaryDirectory() as folder:
         arm = arm_with_tool(Path(folder))
         nico = RenderedNico(world, seed, (_MARKER,), arm=arm)

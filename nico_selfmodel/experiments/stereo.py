@@ -90,10 +90,10 @@ def run_stereo(
     conditions += [("full", count) for count in COUNTS if count != BOARDS]
     rows = {}
     for done, (lens, count) in enumerate(conditions, start=1):
-        eyes = [SimulatedCameras(seed + i, pixel_sigma) for i in range(individuals)]
-        rows[lens, count] = _row(lens, count, eyes)
+        cameras = [SimulatedCameras(seed + i, pixel_sigma) for i in range(individuals)]
+        rows[lens, count] = _row(lens, count, cameras)
         if progress:
-            progress("learning eyes", done, len(conditions))
+            progress("learning cameras", done, len(conditions))
     return StereoExperiment(
         individuals,
         pixel_sigma,
@@ -108,7 +108,7 @@ def board_points(columns: int = 9, rows: int = 6, square: float = SQUARE) -> np.
     return square * np.stack([across, down, np.zeros_like(across)], axis=-1).reshape(-1, 3)
 
 
-def _row(lens: str, count: int, eyes: list[SimulatedCameras]) -> StereoRow:
+def _row(lens: str, count: int, cameras: list[SimulatedCameras]) -> StereoRow:
     corners = board_points()
     found = [
         _measure(
@@ -116,7 +116,7 @@ def _row(lens: str, count: int, eyes: list[SimulatedCameras]) -> StereoRow:
             pair.look_at_boards(corners, count),
             pair.look_at_boards(corners, TEST_BOARDS, session=1),
         )
-        for pair in eyes
+        for pair in cameras
     ]
     rms, edge, position, scale, seconds = np.array(found).T
     return StereoRow(
@@ -148,8 +148,8 @@ def report_of(results: StereoExperiment) -> ExperimentReport:
     """Return how evenly boards come out, by lens model and by number of boards."""
     thesis = ", ".join(f"{name} {sd} mm" for name, sd in THESIS_EDGE_SD_MM.items())
     head = (
-        "# Learning a pair of eyes (thesis, chapters 5 and 8)\n\n"
-        f"Ours: {results.individuals} simulated pairs of Nico's wide eyes, corners found to "
+        "# Learning a pair of cameras (thesis, chapters 5 and 8)\n\n"
+        f"Ours: {results.individuals} simulated pairs of Nico's wide cameras, corners found to "
         f"{results.pixel_sigma:g} px; all figures on {TEST_BOARDS} held-out boards of 28 mm "
         f"squares, mean (SD over pairs). Thesis: SD of reconstructed edges on its real robot: "
         f"{thesis}.\n\n"

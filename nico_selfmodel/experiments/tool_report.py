@@ -22,12 +22,12 @@ THESIS = {
 }
 """Mean and SD on the thesis' real robot, by colour."""
 _HEADINGS = ("learned", "own 3D [mm]", "pixels", "true [mm]", "worst body [mm]")
-_EYES = {
+_CAMERAS = {
     True: "boards, tape on the finger and on the tip found in rendered pictures",
     False: "hand and tip tracked without rendering",
 }
 _TRUE = {
-    True: "`true`: from the middle of the tape, of which the eyes only see the side before them",
+    True: "`true`: from the middle of the tape, of which the cameras only see the side before them",
     False: "`true`: from the real tip or hand",
 }
 
@@ -37,9 +37,9 @@ def report_of(results: ToolExperiment) -> ExperimentReport:
     head = (
         "# A tool becomes part of the body (thesis, section 8.4.4)\n\n"
         f"Ours: {bodies(results.individuals)}, world {results.world!r}, joints play by "
-        f"+-{results.play_deg:g} deg; {_EYES[results.rendered]}. The thesis: its real robot, by "
+        f"+-{results.play_deg:g} deg; {_CAMERAS[results.rendered]}. The thesis: its real robot, by "
         "colour, every parameter of the arm retrained. Mean (SD) on 100 poses that were held out. "
-        "`own 3D`: from where the own eyes see it, the thesis' measure. "
+        "`own 3D`: from where the own cameras see it, the thesis' measure. "
         f"{_TRUE[results.rendered]}.\n\n"
     )
     title = f"Held-out poses, {bodies(results.individuals)}"
@@ -69,7 +69,7 @@ def _chart(results: ToolExperiment) -> Any:
         [str(count) for count in COUNTS],
         series,
         title=f"{COUNTS[0]} poses are {'' if enough else 'not '}enough to beat the thesis' 52",
-        ylabel="distance from where the eyes see the tip [mm]",
+        ylabel="distance from where the cameras see the tip [mm]",
         xlabel="poses with the tool",
     )
 

@@ -123,7 +123,7 @@ def learned_body(
 ) -> tuple[SimulatedRobot, SelfModel, Dataset]:
     """Return a robot, what it learned of itself, and poses to test it on."""
     scenario = simulated_scenario(nico, world, seed)
-    model = calibrate_body(scenario.train, scenario.eyes, scenario.boards).model
+    model = calibrate_body(scenario.train, scenario.cameras, scenario.boards).model
     return nico.robot(world, seed, session=1), model, scenario.test
 
 

@@ -92,7 +92,7 @@ def run_vision(
         _row(tracked, [scenario.arms[marker] for scenario in scenarios])
         for tracked, marker in ROWS.items()
     )
-    boards = float(np.mean([scenario.eyes.rms for scenario in scenarios]))
+    boards = float(np.mean([scenario.cameras.rms for scenario in scenarios]))
     return VisionExperiment(world.name, individuals, boards, rows)
 
 
@@ -114,7 +114,7 @@ def _row(tracked: str, scenarios: list[ArmScenario]) -> VisionRow:
 
 
 def _required(statistics: ErrorStatistics | None) -> ErrorStatistics:
-    assert statistics is not None, "test poses are recorded until both eyes saw the hand"
+    assert statistics is not None, "test poses are recorded until both cameras saw the hand"
     return statistics
 
 
@@ -127,7 +127,7 @@ def report_of(results: VisionExperiment) -> ExperimentReport:
     head = (
         "# Learning an arm by sight (thesis, chapter 7)\n\n"
         f"Ours: {results.individuals} simulated robot(s) in the world `{results.world}`, seen "
-        "through rendered pictures; eyes learned from rendered chessboards "
+        "through rendered pictures; cameras learned from rendered chessboards "
         f"({results.boards_px:.2f} px rms). Distance of the predicted hand from the tracked one on "
         "new random poses, mean (SD): in space [mm], as a share of the arm, in the image [px]. "
         "Thesis: the real robot, one run.\n\n"
@@ -145,7 +145,7 @@ def report_of(results: VisionExperiment) -> ExperimentReport:
         ),
         "in_the_image": _chart(
             rows, [(row.px, row.thesis_px) for row in rows], "error in the image [px]",
-            "And it is seen where arm and eyes together predict it",
+            "And it is seen where arm and cameras together predict it",
         ),
     }  # fmt: skip
     return ExperimentReport(head, (_table(results),), charts, asdict(results))

@@ -1,4 +1,4 @@
-"""What a robot may believe of itself before it has learned anything."""
+"""What a robot may assume of itself before it has learned anything."""
 
 from collections.abc import Sequence
 

@@ -1,4 +1,4 @@
-"""Arm poses to learn a mirror by: both eyes see the reflection, the hand keeps off the glass."""
+"""Arm poses to learn a mirror by: both cameras see the reflection, the hand keeps off the glass."""
 
 from dataclasses import dataclass
 
@@ -27,7 +27,7 @@ class MirrorPoses:
     encoders: NDArray
     """Readings to command. Shape (K, n)."""
     pixels: NDArray
-    """Where both eyes should see the reflection [px]. Shape (K, 4)."""
+    """Where both cameras should see the reflection [px]. Shape (K, 4)."""
     clearance: NDArray
     """How far the nearest point of the arm keeps from the glass, at the pose and on the way to it
     in a straight line of joint angles from the one before [m]. Shape (K,)."""
@@ -55,7 +55,7 @@ def plan_mirror_poses(
     axes and tracked points are kept clear; the clearance must cover what sticks out of the arm.
 
     Args:
-        model: The body, with arm and eyes.
+        model: The body, with arm and cameras.
         mirror: Where the mirror stands, at least roughly; its covariance widens the clearance.
         limits: Lowest and highest readings of the joints. Shape (n,) each.
         count: Number of poses.
@@ -71,7 +71,7 @@ def plan_mirror_poses(
 
     Raises:
         EstimationError: If too few poses qualify; says what they fail.
-        ModelError: If the model has no arm or no eyes.
+        ModelError: If the model has no arm or no cameras.
         ValueError: If limits are missing or crossed, or there is no such marker.
     """
     low, high = (np.asarray(limit, dtype=float) for limit in limits)
@@ -86,7 +86,7 @@ def plan_mirror_poses(
     q = model.servos.to_joint(readings)
     p_WH = model.chain.forward(q, index)
     pixels = rig.project(p_WH)
-    visible = _inside(pixels, rig.rig.eyes, margin)
+    visible = _inside(pixels, rig.rig.cameras, margin)
     clear = free_space(model.chain, rig, q) >= clearance
     fit = np.flatnonzero(visible & clear)
     if not fit.size:
@@ -111,7 +111,7 @@ def free_space(chain: Chain, rig: MirrorRig, q: NDArray) -> NDArray:
 
     Args:
         chain: The arm.
-        rig: The eyes and the mirror.
+        rig: The cameras and the mirror.
         q: Joint displacements [rad]. Shape (N, n).
 
     Returns:
@@ -166,16 +166,16 @@ def _room_on_the_way(chain: Chain, rig: MirrorRig, start: NDArray, end: NDArray)
 
 def _information(model: SelfModel, rig: MirrorRig, p_WH: NDArray) -> NDArray:
     """Return what each pose would tell of the plane, J' S^-1 J. Shape (N, 3, 3)."""
-    shown = reflected_projection(rig.rig.eyes, rig.mirror.values, p_WH)
+    shown = reflected_projection(rig.rig.cameras, rig.mirror.values, p_WH)
     hand = (model.noise_sigma or 0.0) ** 2
     covariance = (model.pixel_sigma or 1.0) ** 2 * np.eye(4)
     covariance = covariance + hand * shown.by_point @ np.swapaxes(shown.by_point, 1, 2)
     return np.swapaxes(shown.by_mirror, 1, 2) @ np.linalg.solve(covariance, shown.by_mirror)
 
 
-def _inside(pixels: NDArray, eyes: tuple[Camera, ...], margin: float) -> NDArray:
+def _inside(pixels: NDArray, cameras: tuple[Camera, ...], margin: float) -> NDArray:
     """Return which rows lie inside both images. Shape (N, 4) -> (N,)."""
-    far = np.concatenate([eye.image_size for eye in eyes]) - 1.0 - margin
+    far = np.concatenate([camera.image_size for camera in cameras]) - 1.0 - margin
     return np.asarray(((pixels >= margin) & (pixels <= far)).all(axis=1))
 
 
@@ -188,7 +188,7 @@ def _why_none(visible: NDArray, clear: NDArray, clearance: float) -> str:
         )
     if not visible.any():
         return (
-            "no pose shows the hand's reflection to both eyes: turn the mirror towards the eyes, "
-            "or move it nearer"
+            "no pose shows the hand's reflection to both cameras: turn the mirror towards the "
+            "cameras, or move it nearer"
         )
-    return "no pose both shows the hand's reflection to both eyes and keeps off the glass"
+    return "no pose both shows the hand's reflection to both cameras and keeps off the glass"

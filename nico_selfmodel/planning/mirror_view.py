@@ -125,10 +125,10 @@ def _width_in_mirror(workspace: VisibleWorkspace, rig: MirrorRig, q: NDArray, k:
     """Return how wide a metre along z of a point's frame looks, at its angle [px]. Shape (N,)."""
     p_BH, normal = workspace.arm.chain.forward(q, k), workspace.normals(q, k)
     widths = []
-    for eye in rig.virtual.eyes:
-        way = eye.X_WC[:3, 3] - p_BH
+    for camera in rig.virtual.cameras:
+        way = camera.X_WC[:3, 3] - p_BH
         # Focal length over distance, times the cosine at which the marker is seen.
-        widths.append(eye.fx * np.sum(way * normal, axis=1) / np.sum(way * way, axis=1))
+        widths.append(camera.fx * np.sum(way * normal, axis=1) / np.sum(way * way, axis=1))
     return np.min(widths, axis=0)
 
 
@@ -137,7 +137,7 @@ def _spots(workspace: VisibleWorkspace, rig: MirrorRig, q: NDArray) -> NDArray:
     spots = []
     for marker in workspace.markers:
         p_BH = workspace.arm.chain.forward(q, workspace.arm.markers.index(marker))
-        for twin in rig.virtual.eyes:
+        for twin in rig.virtual.cameras:
             center = twin.X_WC[:3, 3]
             near, far = rig.plane.distance_to(center), rig.plane.distance_to(p_BH)
             spots.append(center + (near / (near - far))[:, None] * (p_BH - center))
@@ -155,8 +155,8 @@ def _open_sight(workspace: VisibleWorkspace, q: NDArray, spots: NDArray) -> bool
     steps, points = np.linspace(0.0, 1.0, _STEPS)[:, None], []
     for k, marker in enumerate(workspace.markers):
         p_BH = workspace.arm.chain.forward(q, workspace.arm.markers.index(marker))
-        for eye, spot in zip(workspace.rig.eyes, spots[2 * k : 2 * k + 2], strict=True):
-            for end in (p_BH, eye.X_WC[:3, 3]):
+        for camera, spot in zip(workspace.rig.cameras, spots[2 * k : 2 * k + 2], strict=True):
+            for end in (p_BH, camera.X_WC[:3, 3]):
                 way = spot - end
                 points.append(end + _OFF * way / np.linalg.norm(way) + steps * (spot - end))
     return not workspace.body.covers(q, np.concatenate(points), _ROOM)
@@ -175,6 +175,6 @@ def _nothing(mirror: Mirror) -> str:
     tilt_x, tilt_y = np.degrees(mirror.values[:2])
     return (
         f"hardly any pose shows the hand in a mirror {1e3 * mirror.distance:.0f} mm before the "
-        f"left eye, tilted by {tilt_x:.0f} and {tilt_y:.0f} deg: put it elsewhere; 300 mm, 0 and "
-        "-20 deg is a good place"
+        f"left camera, tilted by {tilt_x:.0f} and {tilt_y:.0f} deg: put it elsewhere; 300 mm, 0 "
+        "and -20 deg is a good place"
     )

@@ -55,7 +55,7 @@ def choose_next_poses(
     criterion: str = "I",
     marker: str | None = None,
 ) -> NextPoses:
-    """Choose poses within the ranges that were recorded, in view where the model has eyes.
+    """Choose poses within the ranges that were recorded, in view where the model has cameras.
 
     That a body does not collide in a pose is not known here: only the ranges of single joints are.
 
@@ -102,7 +102,7 @@ def choose_next_poses(
 def _pool(
     model: SelfModel, data: Dataset, recorded: NDArray, marker: str, rng: np.random.Generator
 ) -> NDArray:
-    """Draw poses between the readings that were recorded, in view of both eyes if there are any."""
+    """Draw poses between the readings that were recorded, in view of the cameras if any."""
     low, high = recorded.min(axis=0), recorded.max(axis=0)
     if data.image_size is None or not model.cameras:
         return low + (high - low) * rng.beta(_ENDS, _ENDS, (POOL, len(low)))
@@ -113,6 +113,6 @@ def _pool(
     seen = drawn[inside.all(axis=(1, 2))][:POOL]
     if not len(seen):
         raise DataError(
-            f"none of {len(drawn)} poses between the recorded readings is in view of both eyes"
+            f"none of {len(drawn)} poses between the recorded readings is in view of both cameras"
         )
     return seen

@@ -93,7 +93,7 @@ class VisibleWorkspace:
             raise ModelError(f"the arm has the points {', '.join(arm.markers)}, got {markers}")
         body = CollisionShapes(arm)
         X_BC = [body.pose(link) for link in MOUNTS]
-        rig = StereoRig(*(c.at(X) for c, X in zip(cameras.eyes, X_BC, strict=True)))
+        rig = StereoRig(*(c.at(X) for c, X in zip(cameras.cameras, X_BC, strict=True)))
         return cls(arm, rig, markers, body, limits)
 
     def holding(self, shift: ArrayLike) -> "VisibleWorkspace":
@@ -107,7 +107,7 @@ class VisibleWorkspace:
         return replace(self, arm=replace(self.arm, chain=held))
 
     def first_guess(self, joints: Sequence[JointInfo]) -> SelfModel:
-        """Return what a robot may believe of itself before it has learned anything.
+        """Return what a robot may assume of itself before it has learned anything.
 
         Args:
             joints: Its joints, with stops.
@@ -211,7 +211,7 @@ class VisibleWorkspace:
         edge = np.array([*self.rig.left.image_size] * 2) - 1.0 - margin
         with np.errstate(invalid="ignore"):
             inside = ((pixels > margin) & (pixels < edge)).all(axis=1)
-        for camera in self.rig.eyes[: self.limits.cameras]:
+        for camera in self.rig.cameras[: self.limits.cameras]:
             distance = np.linalg.norm(p_BQ - camera.X_WC[:3, 3], axis=1)
             inside &= (distance > near) & (distance < far)
         return np.asarray(inside)
@@ -231,7 +231,7 @@ class VisibleWorkspace:
     def _faces(self, q: NDArray, k: int, p_BH: NDArray) -> NDArray:
         """Return whether the z axis of a point's frame points to both cameras."""
         normal, faces = self.normals(q, k), np.ones(len(q), dtype=bool)
-        for camera in self.rig.eyes:
+        for camera in self.rig.cameras:
             way = camera.X_WC[:3, 3] - p_BH
             cosine = np.sum(way * normal, axis=1) / np.linalg.norm(way, axis=1)
             faces &= cosine > _FACING

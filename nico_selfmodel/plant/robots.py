@@ -43,7 +43,7 @@ ROBOTS: Mapping[str, Mapping[str, NamedArm]] = MappingProxyType(
                     "chest",
                     "head",
                     {"eyes_tilt": 0.0, "left_eye_pan": 0.0},
-                    {"eye": "left_wide_camera"},
+                    {"camera": "left_wide_camera"},
                 ),
             }
         )

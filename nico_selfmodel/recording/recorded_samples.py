@@ -295,7 +295,7 @@ class RecordedSamples:
 
     def _image_paths(self, index: int) -> list[Path]:
         assert self._folder is not None
-        return [self._folder / IMAGES / f"{eye}{index + 1:04d}.png" for eye in SIDES]
+        return [self._folder / IMAGES / f"{camera}{index + 1:04d}.png" for camera in SIDES]
 
     def partial(self) -> Dataset | None:
         """Return what there is, None if nothing."""
@@ -318,7 +318,7 @@ class RecordedSamples:
         nowhere = np.full((m, 3), np.nan)
         about = dict(self._about)
         if self._images:
-            about["cameras"] = {"images": f"{IMAGES}/<eye><pose>.png"}
+            about["cameras"] = {"images": f"{IMAGES}/<camera><pose>.png"}
         if self._folder is not None:
             columns = {
                 POSE: [str(sample.index + 1) for _, sample, _, _ in views],

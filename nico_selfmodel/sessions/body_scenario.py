@@ -26,7 +26,7 @@ TEST_SESSION = 3
 class BodyScenario:
     """Cameras and arm learned one after the other, and then together."""
 
-    eyes: CameraScenario
+    cameras: CameraScenario
     """One after the other."""
     arm: ArmScenario
     """The arm among them that the body has."""
@@ -76,9 +76,9 @@ def learn_body(
     boards = RenderedNico(world, seed, (marker,)).board_views(
         counts.test_boards, TEST_SESSION, progress=telling(stage, "more boards, kept for judging")
     )
-    telling(stage, "refining arm and eyes together")(0, 1)
+    telling(stage, "refining arm and cameras together")(0, 1)
     found = refine(scenario, marker, boards)
-    telling(stage, "refining arm and eyes together")(1, 1)
+    telling(stage, "refining arm and cameras together")(1, 1)
     return found
 
 

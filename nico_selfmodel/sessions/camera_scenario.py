@@ -75,7 +75,7 @@ class CameraScenario:
 
     views: BoardViews
     """What was seen of the chessboard."""
-    eyes: CameraCalibration
+    cameras: CameraCalibration
     """The cameras."""
     arms: Mapping[str, ArmScenario]
     """Marker -> the arm learned by it."""
@@ -104,15 +104,15 @@ def learn_cameras_and_arm(
     counts = counts or Counts()
     nico = RenderedNico(world, seed, markers)
     views = nico.board_views(counts.boards, 0, progress=telling(stage, "looking at a chessboard"))
-    telling(stage, "learning the eyes")(0, 1)
-    eyes = calibrate_cameras(views)
-    telling(stage, "learning the eyes")(1, 1)
+    telling(stage, "learning the cameras")(0, 1)
+    cameras = calibrate_cameras(views)
+    telling(stage, "learning the cameras")(1, 1)
     train = nico.record(
         "train",
         1,
         counts.circle,
         counts.random,
-        rig=eyes.rig,
+        rig=cameras.rig,
         progress=telling(stage, "moving every joint, watching the hand"),
     )
     test = nico.record(
@@ -120,7 +120,7 @@ def learn_cameras_and_arm(
         2,
         0,
         counts.test,
-        rig=eyes.rig,
+        rig=cameras.rig,
         progress=telling(stage, "new poses, kept for judging"),
     )
     telling(stage, "learning the arm")(0, len(markers))
@@ -128,16 +128,16 @@ def learn_cameras_and_arm(
     for done, marker in enumerate(markers, start=1):
         nominal = nominal_with(nico.arm, marker)
         arms[marker] = learn_arm(
-            of_marker(train, marker), of_marker(test, marker), eyes, nominal, "nico"
+            of_marker(train, marker), of_marker(test, marker), cameras, nominal, "nico"
         )
         telling(stage, "learning the arm")(done, len(markers))
-    return CameraScenario(views, eyes, arms)
+    return CameraScenario(views, cameras, arms)
 
 
 def learn_arm(
     train: Dataset,
     test: Dataset,
-    eyes: CameraCalibration,
+    cameras: CameraCalibration,
     nominal: NominalArm | None,
     name: str,
 ) -> ArmScenario:
@@ -146,11 +146,11 @@ def learn_arm(
     Args:
         train: Rows of one marker with pixels.
         test: Held-out rows.
-        eyes: The cameras.
+        cameras: The cameras.
         nominal: The robot as described, for the zero of its joints.
         name: Of the self-model.
     """
-    sight = Sight.of(eyes.self_model(name), train, test)
+    sight = Sight.of(cameras.self_model(name), train, test)
     calibration = sight.complete(
         calibrate_kinematics(sight.train, test=sight.test, nominal=nominal, name=name)
     )

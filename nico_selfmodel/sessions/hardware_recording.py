@@ -64,13 +64,13 @@ class RealRecording:
             DataError: If the servos do not drive all joints of the arm, or the table is not one.
             ValueError: If a given pose lies beyond a stop, or touches the body.
         """
-        by_eye = sensor in MARKERS
-        arm = looking_arm(MARKERS[sensor]) if by_eye else _arm_of(servos)
+        by_camera = sensor in MARKERS
+        arm = looking_arm(MARKERS[sensor]) if by_camera else _arm_of(servos)
         joints = _joints_of(arm, servos)
-        planned = _by_sight if by_eye else _by_motion_capture
+        planned = _by_sight if by_camera else _by_motion_capture
         plan = planned(arm, joints, circle, free if table is None else 0, rng)
         if table is None:
-            return cls(sensor, arm, joints, plan, free if by_eye else None)
+            return cls(sensor, arm, joints, plan, free if by_camera else None)
         given = given_commands(joints, readings_from_table(table, arm.joints))
         touching = np.flatnonzero(_touching(arm, joints, given))
         if touching.size:
@@ -107,14 +107,14 @@ class RealRecording:
             RobotError: If the robot fails; what was recorded so far is in `partial`.
             DataError: If the folder holds something else, or nothing was seen at all.
         """
-        by_eye = self.sensor in MARKERS
-        body = station.body("eyes" if by_eye else "motion-capture", keep_images=keep_images)
+        by_camera = self.sensor in MARKERS
+        body = station.body("cameras" if by_camera else "motion-capture", keep_images=keep_images)
         return record(
             body,
             self.plan,
             name,
             source=source,
-            image_size=station.image_size if by_eye else None,
+            image_size=station.image_size if by_camera else None,
             until_seen=2,
             enough=self.enough,
             folder=folder,

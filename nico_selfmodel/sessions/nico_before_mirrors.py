@@ -202,7 +202,7 @@ class NicoBeforeMirrors:
             body = StationBody(station, station.joints, self.nico.markers)
             put_mirror(station, body.context, self.views[mirror].X_BM)
             body.move_and_measure(command)
-            left, right = (station.picture(body.context, eye) for eye in SIDES)
+            left, right = (station.picture(body.context, camera) for camera in SIDES)
         return left, right
 
     def _about(self, station: NicoStation, name: str, session: int) -> dict[str, object]:
@@ -242,6 +242,6 @@ def mirror_of_words(words: str) -> tuple[str, Mirror]:
     if len(numbers) != 3 or not numbers[0] > 0.0 or not np.isfinite(numbers).all():
         raise ValueError(
             f"--mirror {words}: expected ID=distance,tilt,tilt, a positive distance from the left "
-            "eye [mm] and how far the glass is turned to the image's right and upwards [deg]"
+            "camera [mm] and how far the glass is turned to the image's right and upwards [deg]"
         )
     return name.strip(), Mirror.from_values([*np.radians(numbers[1:]), 1e-3 * numbers[0]])

@@ -167,9 +167,9 @@ class RenderedNico:
                     continue
                 same = BOARD.same_order(left.corners, right.corners)
                 pixels.append(np.hstack([left.corners, same]))
-                for eye, image in zip(SIDES, pair, strict=True):
+                for camera, image in zip(SIDES, pair, strict=True):
                     if folder is not None:
-                        write_image(folder / f"{eye}{len(pixels):02d}.png", image)
+                        write_image(folder / f"{camera}{len(pixels):02d}.png", image)
                 if progress:
                     progress(len(pixels), count)
                 if len(pixels) == count:
@@ -199,4 +199,4 @@ def _pictures(station: NicoStation, board_poses: Iterable[NDArray]) -> Iterator[
     for second, X_BG in enumerate(board_poses):
         context.SetTime(float(second))
         station.hold_board(context, X_BG)
-        yield [station.picture(context, eye) for eye in SIDES]
+        yield [station.picture(context, camera) for camera in SIDES]

@@ -95,7 +95,7 @@ class Watching(Closable):
         context = self.body.context
         readings = self._read("encoders")
         pixels = self._read("hand_pixels")
-        images = [self.station.picture(context, eye) for eye in SIDES]
+        images = [self.station.picture(context, camera) for camera in SIDES]
         p_WH = self.model.predict(readings).p_WH
         expected = self.model.rig.project(p_WH)[0]
         if self.mirror is None:
@@ -198,7 +198,7 @@ def _check_mirror(model: SelfModel, name: str, place: Mirror | None) -> None:
     if apart > _ELSEWHERE_M or learned.angle_to(DEFAULT_MIRROR) > _ELSEWHERE:
         tilt_x, tilt_y = np.degrees(learned.values[:2])
         raise ModelError(
-            f"mirror {name!r} was learned {1e3 * learned.distance:.0f} mm before the left eye, "
+            f"mirror {name!r} was learned {1e3 * learned.distance:.0f} mm before the left camera, "
             f"turned by {tilt_x:.0f} and {tilt_y:.0f} deg, not where `learn --mirror` puts one: "
             f"say where to put it as it was recorded, --mirror {name}=MM,DEG,DEG"
         )

@@ -7,7 +7,7 @@ from scipy.optimize import least_squares
 from nico_selfmodel.estimation.body.body_initialization import body_start, lines_of
 from nico_selfmodel.estimation.body.body_problem import BodyProblem
 from nico_selfmodel.estimation.noise.hand_noise import HandNoise
-from nico_selfmodel.estimation.observations.arm_views import LinesView
+from nico_selfmodel.estimation.observations.arm_views import AxesArm
 from nico_selfmodel.estimation.observations.pixel_observations import PixelObservations
 from nico_selfmodel.experiments.projected_nico import ProjectedNico
 from nico_selfmodel.experiments.refinement import simulated_scenario
@@ -18,7 +18,7 @@ from .timing import best_ratio
 
 pytestmark = pytest.mark.benchmark
 NOISE = HandNoise(0.3, np.radians(0.29))
-HELD = [f"{eye}.{name}" for eye in ("left", "right") for name in ("skew", "p1", "p2")]
+HELD = [f"{camera}.{name}" for camera in ("left", "right") for name in ("skew", "p1", "p2")]
 
 
 @pytest.fixture(scope="module")
@@ -26,11 +26,11 @@ def problem():
     """Return the unanchored problem of chapter 8, whitened, from a start learned by stereo."""
     world = IMPERFECTIONS["clean"].with_noise(play_deg=0.5)
     scenario = simulated_scenario(ProjectedNico.tracked_by(), world, 0, random_poses=139)
-    start, dataset, _ = body_start(scenario.train, scenario.eyes, None, 0)
+    start, dataset, _ = body_start(scenario.train, scenario.cameras, None, 0)
     observations = PixelObservations.from_dataset(dataset)
     assert len(observations) == 200
     assert observations.by_both.all()
-    view = LinesView(observations.arm, lines_of(start, ("hand",)))
+    view = AxesArm(observations.arm, lines_of(start, ("hand",)))
     # The scale is nobody's: the baseline holds it.
     held = dict.fromkeys([*HELD, "right.pose.x"])
     built = BodyProblem(observations, view, start.rig, None, held)
@@ -39,9 +39,9 @@ def problem():
     return built
 
 
-def ideal_in(eye, p_LH):
-    """Return X/Z and Y/Z in an eye. Shape (3, N) -> (2, N)."""
-    x, y, z = eye.X_CW[:3, :3] @ p_LH + eye.X_CW[:3, 3:]
+def ideal_in(camera, p_LH):
+    """Return X/Z and Y/Z in a camera. Shape (3, N) -> (2, N)."""
+    x, y, z = camera.X_CW[:3, :3] @ p_LH + camera.X_CW[:3, 3:]
     return np.stack([x / z, y / z])
 
 
@@ -66,7 +66,7 @@ def test_200_poses_and_42_parameters_beat_scipy_on_the_same_jacobian(problem, be
         zero = np.repeat(chain.p_WH_zero[0][:, None], q.shape[1], axis=1)
         p_LH = hand_points(chain.directions, chain.points, zero, q)
         rig = problem.rig_at(x)
-        pixels = [eye.pixels_of(ideal_in(eye, p_LH)) for eye in rig.eyes]
+        pixels = [camera.pixels_of(ideal_in(camera, p_LH)) for camera in rig.cameras]
         r = (np.concatenate(pixels) - block.measured).T
         return (whitening @ r[:, :, None])[:, :, 0].T.ravel()
 

@@ -1,4 +1,4 @@
-"""How long a mirror takes: 50 poses, both eyes, one plane, robust, with its covariance."""
+"""How long a mirror takes: 50 poses, both cameras, one plane, robust, with its covariance."""
 
 import pytest
 

@@ -1,4 +1,4 @@
-"""Calibrating a pair of eyes against OpenCV: the same corners and parameters, in one run."""
+"""Calibrating a pair of cameras against OpenCV: the same corners and parameters, in one run."""
 
 import cv2
 import numpy as np
@@ -18,7 +18,7 @@ END = (cv2.TERM_CRITERIA_COUNT + cv2.TERM_CRITERIA_EPS, 100, 1e-9)
 
 @pytest.fixture(scope="module", params=["real", "simulated"])
 def views(request):
-    """Return 13 x 54 corners in both eyes."""
+    """Return 13 x 54 corners in both cameras."""
     if request.param == "simulated":
         return pictures(boards(13), 0.2)
     return stereo_chessboard(request.getfixturevalue("real_data_folder"))
@@ -36,8 +36,8 @@ def opencv_peer(views, tangential):
     """Return OpenCV's own calibration of the pair, from nothing but the corners."""
     board = [views.p_GQ.astype(np.float32)] * len(views)
     left, right = (
-        [corners.astype(np.float32)[:, None] for corners in views.of_camera(eye)]
-        for eye in views.eyes
+        [corners.astype(np.float32)[:, None] for corners in views.of_camera(camera)]
+        for camera in views.cameras
     )
     flags = 0 if tangential else cv2.CALIB_ZERO_TANGENT_DIST
     nothing = [None] * 4
@@ -60,7 +60,7 @@ def test_a_pair_costs_no_more_than_opencvs_and_takes_no_longer(views, tangential
     peer = opencv_peer(views, tangential)
     ours, theirs = calibrate(), peer()
     assert ours.converged
-    # OpenCV's figure is the root of the mean squared distance over the corners of both eyes.
+    # OpenCV's figure is the root of the mean squared distance over the corners of both cameras.
     corners = views.seen.sum()
     their_cost = 0.5 * theirs[0] ** 2 * corners
     assert ours.cost <= 1.001 * their_cost
@@ -79,8 +79,10 @@ def test_refining_13_boards_of_54_corners_takes_at_most_50_ms(views, benchmark):
     learned = calibrate_cameras(views)
     left, right = learned.cameras
     rough = [
-        type(eye)(1.02 * eye.fx, 1.02 * eye.fy, 325.0, 240.0, eye.image_size, X_WC=eye.X_WC)
-        for eye in (left, right)
+        type(camera)(
+            1.02 * camera.fx, 1.02 * camera.fy, 325.0, 240.0, camera.image_size, X_WC=camera.X_WC
+        )
+        for camera in (left, right)
     ]
     X_LG = learned.X_LG.copy()
     X_LG[:, 2, 3] *= 1.02

@@ -27,7 +27,7 @@ def recorded(tmp_path_factory):
     scenario = simulated_scenario(protocol, PLAY, 0)
     save_dataset(scenario.train, folder / "train")
     save_dataset(scenario.test, folder / "test")
-    save_model(scenario.eyes, folder / "eyes.yaml")
+    save_model(scenario.cameras, folder / "cameras.yaml")
     (folder / "photographs").mkdir()
     one = protocol.robot(PLAY, 0, session=2)
     rng = np.random.default_rng(0)
@@ -62,7 +62,7 @@ def body(recorded, command, tmp_path_factory):
         found = SimpleNamespace(seen_views=boards)
         patch.setattr("nico_selfmodel.vision.detect_boards", lambda *_, **__: found)
         done = command(
-            *("calibrate", "body", folder / "train", "--model", folder / "eyes.yaml"),
+            *("calibrate", "body", folder / "train", "--model", folder / "cameras.yaml"),
             *("--boards", folder / "photographs", "--test", folder / "test", "--out", out),
         )
     assert done.returncode == 0, done.stdout + done.stderr
@@ -112,7 +112,7 @@ def test_the_thesis_own_variant_ends_with_one_where_it_harmed_the_cameras(
 ):
     folder, _ = recorded
     done = command(
-        *("calibrate", "body", folder / "train", "--model", folder / "eyes.yaml"),
+        *("calibrate", "body", folder / "train", "--model", folder / "cameras.yaml"),
         *("--boards", photographs, "--board-test-fraction", 0.5, "--variant", "thesis"),
         *("--out", tmp_path / "out", "--json"),
     )
@@ -126,7 +126,7 @@ def test_the_thesis_own_variant_ends_with_one_where_it_harmed_the_cameras(
 def test_kinematics_alone_need_no_boards(recorded, command, tmp_path):
     folder, _ = recorded
     done = command(
-        *("calibrate", "body", folder / "train", "--model", folder / "eyes.yaml"),
+        *("calibrate", "body", folder / "train", "--model", folder / "cameras.yaml"),
         *("--stage", "kinematics", "--test-fraction", 0.2, "--robot", "nico"),
         *("--base", "chest", "--tip", "right_hand", "--hold", "right_forearm_twist=-1.5708"),
         *("--hold", "right_wrist", "--point", "hand=right_hand_fiducial"),
@@ -134,7 +134,7 @@ def test_kinematics_alone_need_no_boards(recorded, command, tmp_path):
     )
     assert done.returncode == 0, done.stderr
     assert (tmp_path / "arm" / "nico_learned.urdf").is_file()
-    assert document_of(tmp_path / "arm")["scale_from"] == "eyes"
+    assert document_of(tmp_path / "arm")["scale_from"] == "cameras"
 
 
 def test_three_boards_are_all_learned_from(recorded, photographs, monkeypatch, command, tmp_path):
@@ -142,7 +142,7 @@ def test_three_boards_are_all_learned_from(recorded, photographs, monkeypatch, c
     found = SimpleNamespace(seen_views=boards.select(np.arange(3)))
     monkeypatch.setattr("nico_selfmodel.vision.detect_boards", lambda *_, **__: found)
     done = command(
-        *("calibrate", "body", folder / "train", "--model", folder / "eyes.yaml"),
+        *("calibrate", "body", folder / "train", "--model", folder / "cameras.yaml"),
         *("--boards", photographs, "--out", tmp_path / "out", "--json"),
     )
     assert done.returncode in (0, 1), done.stderr
@@ -230,7 +230,7 @@ def test_rezero_of_one_joint_and_of_all(recorded, body, command, tmp_path):
 @pytest.mark.parametrize(
     ("words", "complaint"),
     [
-        (("--variant", "anchored"), "needs views of a chessboard by both eyes"),
+        (("--variant", "anchored"), "needs views of a chessboard by both cameras"),
         (("--stage", "all"), "choose one of kinematics"),
         (("--test-fraction", 0.2, "--test", "test"), "give --test or --test-fraction"),
         (("--arm", "right_arm"), "need --robot"),
@@ -243,7 +243,7 @@ def test_what_cannot_be_done_is_one_line_and_writes_nothing(
     folder, _ = recorded
     words = [folder / w if w == "test" else w for w in words]
     done = command(
-        *("calibrate", "body", folder / "train", "--model", folder / "eyes.yaml"),
+        *("calibrate", "body", folder / "train", "--model", folder / "cameras.yaml"),
         *("--out", tmp_path / "out", *words),
     )
     assert done.returncode == 2
@@ -265,14 +265,14 @@ def test_models_and_data_that_do_not_suit_are_refused(recorded, body, command, t
     assert "no pair of cameras" in done.stderr
     lacking = command("monitor", tmp_path / "arm.yaml", folder / "later")
     assert lacking.returncode == 2
-    assert "has no eyes, and data set 'later' holds nothing but pixels" in lacking.stderr
+    assert "has no cameras, and data set 'later' holds nothing but pixels" in lacking.stderr
     once = tmp_path / "once"
     save_dataset(load_dataset(folder / "later").select(np.arange(1)), once)
     lost = command("rezero", body, once, "--out", out)
     assert lost.returncode == 2
-    assert "1 sighting is too few or too alike: `right_" in lost.stderr
+    assert "1 observation is too few or too alike: `right_" in lost.stderr
     assert lost.stderr.rstrip().endswith("record more poses, spread over the workspace")
-    assert command("monitor", folder / "eyes.yaml", folder / "later").returncode == 2
+    assert command("monitor", folder / "cameras.yaml", folder / "later").returncode == 2
     lone = command("monitor", body, folder / "slipped", "--relearn")
     assert "--relearn and --out belong together" in lone.stderr
     assert not out.exists()
@@ -300,9 +300,9 @@ def test_too_few_poses_for_a_body_name_what_is_unobservable(
     few, out = tmp_path / "few", tmp_path / "out"
     save_dataset(load_dataset(folder / "later").select(np.arange(count)), few)
     task = ("--stage", "kinematics", "--out", out)
-    unknown = command("calibrate", "body", few, "--model", folder / "eyes.yaml", *task)
+    unknown = command("calibrate", "body", few, "--model", folder / "cameras.yaml", *task)
     poses = "1 pose" if count == 1 else f"{count} poses"
-    assert f"both eyes saw the hand in {poses}, at least 8 are needed" in unknown.stderr
+    assert f"both cameras saw the hand in {poses}, at least 8 are needed" in unknown.stderr
     names, total = named_unobservable(unknown)
     assert total == ANY_ARM
     assert len(set(names)) == len(names) == 8
@@ -310,7 +310,9 @@ def test_too_few_poses_for_a_body_name_what_is_unobservable(
     known = command("calibrate", "body", few, "--model", body, *task)
     # Each direction that few poses leave open has a part of every parameter.
     assert named_unobservable(known)[1] == total
-    pixels = command("calibrate", "kinematics", few, "--cameras", folder / "eyes.yaml", *task[2:])
+    pixels = command(
+        "calibrate", "kinematics", few, "--cameras", folder / "cameras.yaml", *task[2:]
+    )
     assert named_unobservable(pixels) == (names, total)
     assert not out.exists()
 
@@ -328,7 +330,7 @@ def test_only_what_is_unobservable_is_named(recorded, body, command, tmp_path):
     assert set(named_unobservable(one)[0]) == free
     five = command("calibrate", "body", tmp_path / "five", *task, *pins)
     assert five.returncode == 2
-    assert "blind" not in five.stderr
+    assert "unobservable" not in five.stderr
     assert "in 5 poses, at least 8 are needed: record more" in five.stderr
 
 

@@ -135,7 +135,7 @@ def test_bad_data_are_one_clear_line(command, inputs, body, tmp_path):
     save_dataset(replace(direct, mirror=np.full(8, "middle")), tmp_path / "direct")
     out = tmp_path / "result"
     for data, model, message in (
-        (inputs / "train", tmp_path / "arm.yaml", "no eyes"),
+        (inputs / "train", tmp_path / "arm.yaml", "no cameras"),
         (tmp_path / "direct", inputs / "body.yaml", "show the hand itself"),
         (inputs / "train", tmp_path / "none.yaml", "does not exist"),
     ):

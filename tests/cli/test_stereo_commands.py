@@ -185,7 +185,7 @@ def test_pairs_that_were_not_taken_together_are_refused_by_their_epipolar_error(
     for number in numbers:
         (spoilt / f"aside{number}.png").rename(spoilt / f"right{number}.png")
     message = refused(command, spoilt, tmp_path)
-    assert "no rigid pair of eyes" in message
+    assert "no rigid pair of cameras" in message
     assert "px from their epipolar lines" in message
 
 

@@ -1,4 +1,4 @@
-"""Corners of a board in one or two eyes: what was seen, choices of it, and refusals."""
+"""Corners of a board in one or two cameras: what was seen, choices of it, and refusals."""
 
 from dataclasses import replace
 
@@ -27,11 +27,11 @@ def test_a_corner_is_seen_where_both_its_coordinates_are_known(views):
     assert np.array_equal(views.seen, expected)
 
 
-def test_each_eye_has_its_own_columns(views):
+def test_each_camera_has_its_own_columns(views):
     assert np.array_equal(views.of_camera("left"), views.pixels[:, :, :2], equal_nan=True)
     right = views.only("right")
     assert right.names == ("01", "03", "04")
-    assert right.eyes == ("right",)
+    assert right.cameras == ("right",)
     assert np.array_equal(right.pixels, views.pixels[[0, 2, 3], :, 2:])
     assert np.array_equal(right.of_camera("right"), right.pixels)
     assert len(views.only("left")) == 4  # seen in part is seen
@@ -76,11 +76,11 @@ def test_a_split_that_leaves_nothing_to_learn_from_is_refused(views):
     ("change", "message"),
     [
         ({"names": NAMES[:3]}, r"pixels must have shape \(3, 3, 4\) .* got \(4, 3, 4\)"),
-        ({"eyes": ("left",)}, r"pixels must have shape \(4, 3, 2\)"),
+        ({"cameras": ("left",)}, r"pixels must have shape \(4, 3, 2\)"),
         ({"p_GQ": BOARD[:, :2]}, r"p_GQ \(P, 3\), got .* \(3, 2\)"),
         ({"names": ("01", "01", "02", "03")}, "views must have names of their own"),
-        ({"eyes": ("left", "middle")}, "cameras must be left, right or both"),
-        ({"eyes": (), "pixels": np.zeros((4, 3, 0))}, "cameras must be left, right or both"),
+        ({"cameras": ("left", "middle")}, "cameras must be left, right or both"),
+        ({"cameras": (), "pixels": np.zeros((4, 3, 0))}, "cameras must be left, right or both"),
     ],
 )
 def test_views_that_make_no_sense_are_refused(views, change, message):

@@ -97,9 +97,9 @@ class Truth:
 def random_chain(n: int, markers: int, kind: str, rng: np.random.Generator) -> Chain:
     """Return an arm of about half a metre whose every circle about zero has a radius of 6 cm."""
     for _ in range(1000):
-        wild = rng.normal(size=(n, 3))
-        base = {"wild": wild, "elbow": _ELBOW[:n], "parallel": _PARALLEL[:n]}[kind]
-        directions = base + (0.0 if kind == "wild" else 0.005 * wild)
+        outlying = rng.normal(size=(n, 3))
+        base = {"outlying": outlying, "elbow": _ELBOW[:n], "parallel": _PARALLEL[:n]}[kind]
+        directions = base + (0.0 if kind == "outlying" else 0.005 * outlying)
         directions = directions / np.linalg.norm(directions, axis=1, keepdims=True)
         points = np.cumsum(rng.normal(0.0, 0.12, (n, 3)), axis=0)
         hands = points[-1] + rng.normal(0.0, 0.12, (markers, 3))
@@ -115,7 +115,7 @@ def make_truth():
     """Return a function: joints, seed, unit, kind, markers -> an arm that is known."""
 
     def make(
-        n: int, seed: int = 0, *, unit: str = "rad", kind: str = "wild", markers: int = 1
+        n: int, seed: int = 0, *, unit: str = "rad", kind: str = "outlying", markers: int = 1
     ) -> Truth:
         rng = np.random.default_rng((n, seed))
         chain = random_chain(n, markers, kind, rng)

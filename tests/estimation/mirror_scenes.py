@@ -34,7 +34,7 @@ CHAIN = Chain(
     ("hand",),
     np.array([[0.08, 0.10, 0.24]]),
 )
-"""Shoulder below and beside the eyes, forearm forward; nearly the thesis' 130 + 127 mm."""
+"""Shoulder below and beside the cameras, forearm forward; nearly the thesis' 130 + 127 mm."""
 SERVOS = ServoMap(
     JOINTS,
     offset=np.array([0.3, -0.2, 0.1, 0.4]),
@@ -48,7 +48,7 @@ SECOND = Mirror.from_values([*np.radians([-15.0, 4.0]), 0.55])
 
 
 def body(covariance: bool = False, **changes: object) -> SelfModel:
-    """Return a body that knows its arm and eyes, and no mirror."""
+    """Return a body that knows its arm and cameras, and no mirror."""
     model = SelfModel(
         "body",
         DhTable.from_chain(CHAIN),
@@ -59,14 +59,14 @@ def body(covariance: bool = False, **changes: object) -> SelfModel:
     )
     if covariance:
         free = tuple(n for n in model.parameters.names if n not in model.parameters.gauge)
-        eyes = ("left.fx", "left.cx", "right.cy", "right.pose.ry", "right.pose.x")
+        cameras = ("left.fx", "left.cx", "right.cy", "right.pose.ry", "right.pose.x")
         sigma = np.concatenate([np.full(len(free), 3e-4), [0.5, 0.5, 0.5, 5e-4, 1e-4]])
-        model = replace(model, covariance=ParameterCovariance((*free, *eyes), np.diag(sigma**2)))
+        model = replace(model, covariance=ParameterCovariance((*free, *cameras), np.diag(sigma**2)))
     return replace(model, **changes)
 
 
 def poses(count: int, seed: int = 0, mirror: Mirror = MIRROR) -> NDArray:
-    """Return joint angles whose reflection both eyes see well inside. Shape (count, 4)."""
+    """Return joint angles whose reflection both cameras see well inside. Shape (count, 4)."""
     rng, found = np.random.default_rng(seed), np.zeros((0, 4))
     while len(found) < count:
         q = rng.uniform(-0.6, 0.6, (400, 4))
@@ -86,7 +86,7 @@ def recording(
     seed: int = 0,
     first: int = 1,
 ) -> Dataset:
-    """Return what eyes saw of poses.
+    """Return what cameras saw of poses.
 
     Args:
         q: Joint angles. Shape (N, 4).

@@ -25,13 +25,13 @@ def stereo_chessboard(data: Path) -> BoardViews:
     if not images:
         pytest.skip(f"no images in {folder}")
     names = tuple(image.stem.removeprefix("left") for image in images)
-    eyes = [
-        np.array([_corners(folder / f"{eye}{name}.jpg") for name in names])
-        for eye in ("left", "right")
+    cameras = [
+        np.array([_corners(folder / f"{camera}{name}.jpg") for name in names])
+        for camera in ("left", "right")
     ]
     grid = np.stack(np.meshgrid(np.arange(9.0), np.arange(6.0)), axis=-1).reshape(-1, 2)
     board = 0.025 * np.column_stack([grid, np.zeros(54)])
-    return BoardViews(board, names, ("left", "right"), np.concatenate(eyes, axis=2), (640, 480))
+    return BoardViews(board, names, ("left", "right"), np.concatenate(cameras, axis=2), (640, 480))
 
 
 def _corners(path: Path) -> np.ndarray:

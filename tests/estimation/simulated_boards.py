@@ -1,4 +1,4 @@
-"""Nico's wide eyes as they are, the boards shown to them, and their pictures of these."""
+"""Nico's wide cameras as they are, the boards shown to them, and their pictures of these."""
 
 from dataclasses import replace
 
@@ -29,18 +29,18 @@ RIG = StereoRig(
         X_WC=transform(rotation_from_vector([0.01, -0.03, 0.02]), [0.07, 0.001, -0.002]),
     ),
 )
-"""Two eyes that differ; the left one stands at the world."""
+"""Two cameras that differ; the left one stands at the world."""
 TRUTH = dict(zip(RIG.names, RIG.values, strict=True))
 
 
 def boards(count: int, seed: int = 0, tilt: float = 0.35, rig: StereoRig = RIG) -> NDArray:
-    """Return poses of boards that both eyes see whole. Shape (V, 4, 4).
+    """Return poses of boards that both cameras see whole. Shape (V, 4, 4).
 
     Args:
         count: How many, V.
         seed: Of their places.
         tilt: Spread of their rotation vectors [rad].
-        rig: The eyes.
+        rig: The cameras.
     """
     rng, found = np.random.default_rng(seed), []
     while len(found) < count:
@@ -54,7 +54,7 @@ def boards(count: int, seed: int = 0, tilt: float = 0.35, rig: StereoRig = RIG) 
 
 
 def pictures(X_LG: NDArray, sigma: float = 0.0, seed: int = 0, rig: StereoRig = RIG) -> BoardViews:
-    """Return what the eyes see of boards, with noise [px]."""
+    """Return what the cameras see of boards, with noise [px]."""
     pixels = np.array([rig.project(apply(X, P_GQ)) for X in X_LG])
     noise = np.random.default_rng((seed, 3)).normal(0.0, sigma, pixels.shape)
     names = tuple(f"{v:02d}" for v in range(len(X_LG)))
@@ -77,4 +77,4 @@ def unseen(views: BoardViews, *parts: tuple) -> BoardViews:
 
 
 LEFT, RIGHT = slice(0, 2), slice(2, 4)
-"""Pixel columns of each eye."""
+"""Pixel columns of each camera."""

@@ -22,7 +22,7 @@ CLEAN = IMPERFECTIONS["clean"]
 
 @dataclass(frozen=True, eq=False)
 class Truth:
-    """What a simulated body keeps to itself, in the true left eye's frame."""
+    """What a simulated body keeps to itself, in the true left camera's frame."""
 
     parameters: DhParameters
     rig: StereoRig
@@ -67,7 +67,7 @@ def _learned(seed: int, tracker: str, stage: str, variant: str) -> BodyCalibrati
     recorded = scenario(seed, tracker)
     return calibrate_body(
         recorded.train,
-        recorded.eyes,
+        recorded.cameras,
         recorded.boards,
         BodyOptions(stage, variant),
         test=recorded.test,
@@ -85,13 +85,13 @@ def poses(one: SimulatedRobot, count: int, seed: int = 0, tracker: str = "fiduci
     return protocol(tracker).record(one, "poses", drawn, observed=True)
 
 
-def only_eyes(dataset: Dataset) -> Dataset:
+def only_cameras(dataset: Dataset) -> Dataset:
     """Return data without what was measured from outside."""
     return replace(dataset, p_WH_measured=np.full((len(dataset), 3), np.nan))
 
 
-def blinded(dataset: Dataset, rows, eye: int) -> Dataset:
-    """Return data in which an eye did not see some rows."""
+def blinded(dataset: Dataset, rows, camera: int) -> Dataset:
+    """Return data in which a camera did not see some rows."""
     pixels = dataset.pixels.copy()
-    pixels[rows, 2 * eye : 2 * eye + 2] = np.nan
+    pixels[rows, 2 * camera : 2 * camera + 2] = np.nan
     return replace(dataset, pixels=pixels)

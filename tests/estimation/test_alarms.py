@@ -37,7 +37,7 @@ LATE = 30
 @cache
 def learned_body(world, seed):
     scenario = simulated_scenario(ProjectedNico.tracked_by(), world, seed)
-    return calibrate_body(scenario.train, scenario.eyes, scenario.boards).model
+    return calibrate_body(scenario.train, scenario.cameras, scenario.boards).model
 
 
 def learned(sensor, world, seed):
@@ -100,7 +100,7 @@ def test_healthy_robots_are_called_healthy(sensor):
 @pytest.mark.parametrize("at", [0, LATE])
 @pytest.mark.parametrize("sensor", SENSORS)
 def test_encoder_jumps_of_two_degrees_are_found_soon_and_named(sensor, at):
-    """Imperfections thesis: 24 robots, four joints, either way; before the session, or in its middle."""
+    """Thesis: 24 robots, four joints, either way; before the session, or in its middle."""
     delays, wrong, early = {}, [], 0
     for seed in CHANGED:
         model = learned(sensor, THESIS, seed)

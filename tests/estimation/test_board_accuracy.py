@@ -1,4 +1,4 @@
-"""Held-out boards, epipolar lines and rebuilt squares: what calibrated eyes are worth."""
+"""Held-out boards, epipolar lines and rebuilt squares: what calibrated cameras are worth."""
 
 from dataclasses import replace
 
@@ -21,7 +21,7 @@ from nico_selfmodel.model.cameras.stereo_rig import StereoRig
 from .simulated_boards import LEFT, P_GQ, RIG, RIGHT, SQUARE, boards, changed, pictures, unseen
 
 SIGMA = 0.2
-PINHOLES = StereoRig(*(replace(eye, k1=0.0, k2=0.0, k3=0.0) for eye in RIG.eyes))
+PINHOLES = StereoRig(*(replace(camera, k1=0.0, k2=0.0, k3=0.0) for camera in RIG.cameras))
 
 
 def rms(residuals):
@@ -38,25 +38,25 @@ def learned(train):
     return calibrate_cameras(train)
 
 
-def test_boards_held_out_of_true_eyes_leave_their_noise():
+def test_boards_held_out_of_true_cameras_leave_their_noise():
     views = pictures(boards(20, 7), SIGMA, 7)
-    left_over = held_out_residuals(RIG.eyes, views)
+    left_over = held_out_residuals(RIG.cameras, views)
     assert left_over.shape == views.pixels.shape
     # Each board's own pose takes up six of its 216 coordinates.
     assert rms(left_over) == pytest.approx(SIGMA * np.sqrt(1.0 - 6.0 / 216.0), rel=0.03)
-    assert np.abs(held_out_residuals(RIG.eyes, pictures(boards(4, 7)))).max() < 1e-6
+    assert np.abs(held_out_residuals(RIG.cameras, pictures(boards(4, 7)))).max() < 1e-6
 
 
 def test_residuals_of_held_out_boards_are_measured_minus_predicted():
     push = np.zeros((54, 4))
     push[20] = [3.0, 0.0, 0.0, 0.0]
-    left_over = held_out_residuals(RIG.eyes, changed(pictures(boards(2, 7)), 1, push))
+    left_over = held_out_residuals(RIG.cameras, changed(pictures(boards(2, 7)), 1, push))
     assert np.abs(left_over[0]).max() < 1e-6
     assert left_over[1, 20, 0] > 2.5
     assert np.abs(np.delete(left_over[1], 20, axis=0)).max() < 0.5
 
 
-def test_held_out_boards_may_be_seen_by_one_eye_and_in_part():
+def test_held_out_boards_may_be_seen_by_one_camera_and_in_part():
     views = pictures(boards(4, 7))
     hidden = unseen(
         views,
@@ -65,7 +65,7 @@ def test_held_out_boards_may_be_seen_by_one_eye_and_in_part():
         (2, slice(0, 40), LEFT),
         (3, slice(20, 30)),
     )
-    left_over = held_out_residuals(RIG.eyes, hidden)
+    left_over = held_out_residuals(RIG.cameras, hidden)
     assert np.array_equal(np.isnan(left_over), np.isnan(hidden.pixels))
     assert np.nanmax(np.abs(left_over)) < 1e-6
     alone = held_out_residuals((RIG.left,), views.only("left"))
@@ -73,12 +73,12 @@ def test_held_out_boards_may_be_seen_by_one_eye_and_in_part():
     assert np.abs(alone).max() < 1e-6
 
 
-def test_a_board_that_no_eye_saw_cannot_be_held_out():
-    with pytest.raises(EstimationError, match="seen by neither eye"):
-        held_out_residuals(RIG.eyes, unseen(pictures(boards(3, 7)), (1, slice(None))))
+def test_a_board_that_no_camera_saw_cannot_be_held_out():
+    with pytest.raises(EstimationError, match="seen by neither camera"):
+        held_out_residuals(RIG.cameras, unseen(pictures(boards(3, 7)), (1, slice(None))))
 
 
-def test_wrong_eyes_are_found_out_by_held_out_boards():
+def test_wrong_cameras_are_found_out_by_held_out_boards():
     views = pictures(boards(4, 7), SIGMA)
     wrong = (RIG.left, replace(RIG.right, fx=RIG.right.fx * 1.02))
     assert rms(held_out_residuals(wrong, views)) > 3.0 * SIGMA
@@ -96,10 +96,10 @@ def test_cross_validation_foretells_held_out_boards_and_exceeds_the_fit(train, l
 def test_boards_that_were_not_believed_take_no_part(train):
     noise = np.random.default_rng(3).normal(0.0, 30.0, (54, 4))
     bad = changed(train, 5, noise)
-    believed = np.arange(12) != 5
-    crossed = cross_validate_cameras(bad, CameraOptions(), believed)
+    inliers = np.arange(12) != 5
+    crossed = cross_validate_cameras(bad, CameraOptions(), inliers)
     assert crossed.shape == (11, 54, 4)
-    alone = cross_validate_cameras(train.select(believed), CameraOptions(), np.ones(11, dtype=bool))
+    alone = cross_validate_cameras(train.select(inliers), CameraOptions(), np.ones(11, dtype=bool))
     assert crossed == pytest.approx(alone, abs=1e-4)
 
 
@@ -109,7 +109,7 @@ def test_too_few_boards_are_not_cross_validated(train, count, usable):
     assert crossed.shape == (usable, 54, 4)
 
 
-def test_one_eye_is_cross_validated_too(train):
+def test_one_camera_is_cross_validated_too(train):
     crossed = cross_validate_cameras(train.only("right"), CameraOptions(), np.ones(12, dtype=bool))
     assert crossed.shape == (12, 54, 2)
     assert rms(crossed) == pytest.approx(SIGMA, rel=0.1)
@@ -121,12 +121,12 @@ def test_epipolar_distances_are_as_large_as_the_noise():
     assert np.abs(epipolar_errors(PINHOLES, exact)).max() < 1e-9
     found = epipolar_errors(PINHOLES, pictures(X_LG, SIGMA, rig=PINHOLES))
     assert found.shape == (20, 54, 2)
-    # Across a line lies the noise of both eyes, sqrt(2) sigma; the mean of |N(0, 1)| is 0.798.
+    # Across a line lies the noise of both cameras, sqrt(2) sigma; the mean of |N(0, 1)| is 0.798.
     expected = np.sqrt(2.0) * SIGMA * np.sqrt(2.0 / np.pi)
     assert found.mean(axis=(0, 1)) == pytest.approx([expected] * 2, rel=0.04)
 
 
-def test_corners_that_one_eye_missed_have_no_epipolar_distance():
+def test_corners_that_one_camera_missed_have_no_epipolar_distance():
     views = unseen(pictures(boards(2, 4)), (0, 3, LEFT), (1, slice(5, 9), RIGHT))
     found = epipolar_errors(RIG, views)
     missing = np.zeros((2, 54, 2), dtype=bool)
@@ -183,7 +183,7 @@ def test_the_spread_of_the_edges_is_the_one_that_the_pixels_foretell():
     assert found.scale.mean() == pytest.approx(1.0, abs=1e-3)
 
 
-def test_boards_that_are_not_whole_in_both_eyes_are_not_rebuilt():
+def test_boards_that_are_not_whole_in_both_cameras_are_not_rebuilt():
     views = unseen(pictures(boards(4, 6)), (1, 0, LEFT), (3, slice(None), RIGHT))
     assert Reconstruction.from_views(RIG, views).views == ("00", "02")
     nothing = Reconstruction.from_views(RIG, views.select([1, 3]))

@@ -1,4 +1,4 @@
-"""An eye and mirrors from boards seen directly and in the mirrors, simulated and real."""
+"""An camera and mirrors from boards seen directly and in the mirrors, simulated and real."""
 
 from dataclasses import replace
 
@@ -56,7 +56,7 @@ def calibrated():
     return views, poses, calibrate_board_mirrors(views, CameraOptions(pinned={"k3": 0.0}))
 
 
-def test_exact_corners_give_back_eye_mirrors_and_boards():
+def test_exact_corners_give_back_camera_mirrors_and_boards():
     views, poses = boards(6, sigma=0.0)
     found = calibrate_board_mirrors(views, CameraOptions(pinned={"k3": 0.0}))
     assert found.converged
@@ -195,7 +195,7 @@ def test_mirrored_boards_check_themselves():
     with pytest.raises(ValueError, match="unique"):
         replace(views, mirrors=("left", "left"))
     assert views.select([1]).names == ("01",)
-    assert views.directly().eyes == ("left",)
+    assert views.directly().cameras == ("left",)
 
 
 # ------------------------------------------------------------------------------- the real corner
@@ -236,15 +236,15 @@ def test_real_reflections_are_predicted_from_direct_views_alone(corner):
     for fold in range(5):
         held = np.arange(len(corner)) % 5 == fold
         train, test = corner.select(~held), corner.select(held)
-        (eye,) = calibrate_cameras(train.directly(), CameraOptions(pinned={"k3": 0.0})).cameras
-        reflections = board_reflections(train, eye)
+        (camera,) = calibrate_cameras(train.directly(), CameraOptions(pinned={"k3": 0.0})).cameras
+        reflections = board_reflections(train, camera)
         found = solve_mirrors(
             reflections, start_mirrors(reflections), ReflectionNoise(0.5, 0.0)
         ).mirrors
-        shown = MirrorEvaluation.from_reflections(board_reflections(test, eye), found)
+        shown = MirrorEvaluation.from_reflections(board_reflections(test, camera), found)
         errors.append(shown.distances_px)
         expected.append(np.degrees(found[0].angle_to(found[1])))
-    # What limits it is how badly one eye places a board along its line of sight, and a lens known
-    # from direct views alone: 1.1 px remain with the lens from all views.
+    # What limits it is how badly one camera places a board along its line of sight, and a lens
+    # known from direct views alone: 1.1 px remain with the lens from all views.
     assert np.concatenate(errors).mean() <= 3.0
     assert np.abs(np.array(expected) - 90.0).max() < 1.0

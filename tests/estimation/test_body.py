@@ -1,4 +1,4 @@
-"""Arm and eyes refine each other: recovery, gauge, stages, refusals."""
+"""Arm and cameras refine each other: recovery, gauge, stages, refusals."""
 
 import json
 from dataclasses import replace
@@ -19,7 +19,7 @@ from nico_selfmodel.estimation.body.body_options import BodyOptions
 from nico_selfmodel.estimation.cameras.board_check import BoardCheck
 from nico_selfmodel.estimation.cameras.camera_initialization import pose_of_seen_boards
 from nico_selfmodel.estimation.judging import judge, to_json
-from nico_selfmodel.estimation.observations.arm_views import LinesView
+from nico_selfmodel.estimation.observations.arm_views import AxesArm
 from nico_selfmodel.estimation.observations.hand_pixels import HandPixels
 from nico_selfmodel.estimation.observations.pixel_evaluation import evaluate_pixels
 from nico_selfmodel.estimation.observations.pixel_observations import PixelObservations
@@ -30,7 +30,7 @@ from nico_selfmodel.model.cameras.stereo_rig import StereoRig
 from nico_selfmodel.model.self_model_file import load_model, save_model
 from nico_selfmodel.systems.simulated.sensors import StereoPixels
 
-from .simulated_bodies import CLEAN, Truth, blinded, body, learned, only_eyes, poses, scenario
+from .simulated_bodies import CLEAN, Truth, blinded, body, learned, only_cameras, poses, scenario
 
 LEARNED_ANYWAY = {("kinematics", "anchored"), ("full", "anchored"), ("full", "thesis")}
 """Stages and variants that other tests of this file look at too."""
@@ -54,16 +54,16 @@ def exact_case():
     data = poses(one, 40)
     truth = Truth.of(one)
     boards = scenario().boards
-    X_LG = pose_of_seen_boards(truth.rig.eyes, boards)
+    X_LG = pose_of_seen_boards(truth.rig.cameras, boards)
     seen = np.array([truth.rig.project(apply(X, boards.p_GQ)) for X in X_LG])
-    return only_eyes(data), data, truth, replace(boards, pixels=seen)
+    return only_cameras(data), data, truth, replace(boards, pixels=seen)
 
 
 @pytest.mark.slow
 def test_without_noise_everything_comes_back_exactly():
-    blind, data, truth, boards = exact_case()
-    seed = scenario().eyes
-    found = calibrate_body(blind, seed, boards)
+    unobservable, data, truth, boards = exact_case()
+    seed = scenario().cameras
+    found = calibrate_body(unobservable, seed, boards)
     assert found.start_label == "stereo"
     assert found.converged
     # Encoders count in whole steps of a 2^24th of a turn.
@@ -80,7 +80,7 @@ def test_without_boards_only_the_scale_is_open():
     _, _, truth, _ = exact_case()
     data = poses(body(), 150)
     observations = PixelObservations.from_dataset(data)
-    view = LinesView(observations.arm, lines_of(truth.model(), ("hand",)))
+    view = AxesArm(observations.arm, lines_of(truth.model(), ("hand",)))
     block = HandPixels(observations, view)
     x = np.concatenate([view.start, truth.rig.values])
     _, jacobian = block.evaluate(x)
@@ -108,7 +108,7 @@ def test_without_boards_only_the_scale_is_open():
 
 
 @pytest.mark.slow
-def test_anchored_the_true_error_falls_and_the_eyes_measure_better():
+def test_anchored_the_true_error_falls_and_the_cameras_measure_better():
     found = learned(0)
     alone = learned(0, stage="kinematics")
     assert judge(found).status == "PASS"
@@ -155,10 +155,10 @@ def test_each_stage_frees_what_it_says(request, stage, variant, free):
     else:
         request.getfixturevalue("uncrossed")
         options = BodyOptions(stage, variant)
-        found = calibrate_body(recorded.train, recorded.eyes, recorded.boards, options)
+        found = calibrate_body(recorded.train, recorded.cameras, recorded.boards, options)
     assert len(found.free) == free
-    start, end = recorded.eyes.rig.values, found.model.rig.values
-    names = recorded.eyes.rig.names
+    start, end = recorded.cameras.rig.values, found.model.rig.values
+    names = recorded.cameras.rig.names
     for name, before, after in zip(names, start, end, strict=True):
         assert (name in found.free) == (abs(after - before) > 1e-14), name
 
@@ -168,7 +168,7 @@ def test_pins_by_name_hold_and_priors_of_the_gauge_stay():
     recorded = scenario()
     joint = recorded.train.joint_names[3]
     options = BodyOptions(pinned={f"{joint}.alpha": None, f"{joint}.r": 0.14, "k3": 0.0})
-    found = calibrate_body(recorded.train, recorded.eyes, recorded.boards, options)
+    found = calibrate_body(recorded.train, recorded.cameras, recorded.boards, options)
     values = dict(zip(found.model.parameters.names, found.model.parameters.values, strict=True))
     assert values[f"{joint}.r"] == 0.14
     assert found.model.rig.left.k3 == found.model.rig.right.k3 == 0.0
@@ -176,13 +176,13 @@ def test_pins_by_name_hold_and_priors_of_the_gauge_stay():
     with pytest.raises(ValueError, match=r"no parameter 'right_elbow.x'"):
         calibrate_body(
             recorded.train,
-            recorded.eyes,
+            recorded.cameras,
             recorded.boards,
             BodyOptions(pinned={"right_elbow.x": None}),
         )
     with pytest.raises(ValueError, match="no camera parameter"):
         calibrate_body(
-            recorded.train, recorded.eyes, recorded.boards, BodyOptions(pinned={"left.kx": None})
+            recorded.train, recorded.cameras, recorded.boards, BodyOptions(pinned={"left.kx": None})
         )
 
 
@@ -199,28 +199,28 @@ def test_a_known_arm_is_a_start_and_keeps_its_zeros():
 def test_the_world_may_be_anywhere_before_learning():
     recorded = scenario()
     X = transform(rotation_from_vector([0.3, -0.2, 0.5]), [0.4, 0.1, -0.2])
-    rig = recorded.eyes.rig
+    rig = recorded.cameras.rig
     elsewhere = {"left": rig.left.at(X), "right": rig.right.at(X @ rig.right.X_WC)}
-    moved = in_left_eye(replace(recorded.eyes, cameras=elsewhere))
+    moved = in_left_eye(replace(recorded.cameras, cameras=elsewhere))
     np.testing.assert_allclose(moved.rig.right.X_WC, rig.right.X_WC, atol=1e-12)
     assert np.array_equal(moved.rig.left.X_WC, np.eye(4))
-    points = reconstructed(recorded.train, recorded.eyes, None)
+    points = reconstructed(recorded.train, recorded.cameras, None)
     assert np.isfinite(points.p_WH_measured).all()
     assert not np.isfinite(points.pixels).any()
 
 
 @pytest.mark.usefixtures("uncrossed")
-def test_rows_of_one_eye_count_and_wild_ones_do_not():
+def test_rows_of_one_camera_count_and_wild_ones_do_not():
     recorded = scenario()
     train = blinded(recorded.train, np.arange(70, 100), 1)
     pixels = train.pixels.copy()
-    wild = [65, 110, 120, 130]
-    pixels[wild] += np.array([30.0, -25.0, -40.0, 10.0])
-    found = calibrate_body(replace(train, pixels=pixels), recorded.eyes, recorded.boards)
-    assert np.flatnonzero(found.outliers).tolist() == wild
+    outlying = [65, 110, 120, 130]
+    pixels[outlying] += np.array([30.0, -25.0, -40.0, 10.0])
+    found = calibrate_body(replace(train, pixels=pixels), recorded.cameras, recorded.boards)
+    assert np.flatnonzero(found.outliers).tolist() == outlying
     assert 1e3 * evaluate(found.model, recorded.test).statistics.mean < 2.3
     without = recorded.train.select(np.setdiff1d(np.arange(161), np.arange(70, 100)))
-    fewer = calibrate_body(without, recorded.eyes, recorded.boards)
+    fewer = calibrate_body(without, recorded.cameras, recorded.boards)
     sigma = dict(zip(found.uncertainty.names, found.uncertainty.sigma, strict=True))
     more = dict(zip(fewer.uncertainty.names, fewer.uncertainty.sigma, strict=True))
     arm = [name for name in sigma if name in found.model.parameters.names]
@@ -279,9 +279,9 @@ def test_poses_from_elsewhere_that_fit_worse_are_noticed():
     assert any("significantly above" in reason for reason in judge(found).reasons)
 
 
-def test_boards_that_the_eyes_before_have_no_ray_for_are_not_compared():
+def test_boards_that_the_cameras_before_have_no_ray_for_are_not_compared():
     """A lens learned with its middle held may fold within the image; the refined one need not."""
-    views, rig = scenario().boards, scenario().eyes.rig
+    views, rig = scenario().boards, scenario().cameras.rig
     folding = replace(rig.left, k1=-0.5, k2=0.0, k3=0.0)
     inside = [bool(folding.has_rays(board[:, :2]).all()) for board in views.pixels]
     assert 0 < sum(inside) < len(views)
@@ -289,41 +289,43 @@ def test_boards_that_the_eyes_before_have_no_ray_for_are_not_compared():
     assert check is not None
     assert check.after is not None
     assert check.before.views == check.after.views == views.select(np.array(inside)).names
-    blind = replace(rig.left, k1=-50.0, k2=0.0, k3=0.0)
-    assert BoardCheck.from_rigs(StereoRig(blind, rig.right), rig, views, held_out=True) is None
+    unobservable = replace(rig.left, k1=-50.0, k2=0.0, k3=0.0)
+    assert (
+        BoardCheck.from_rigs(StereoRig(unobservable, rig.right), rig, views, held_out=True) is None
+    )
     assert BoardCheck.from_rigs(rig, rig, views.select(np.zeros(0, int)), held_out=True) is None
 
 
 class TestBadInput:
-    def test_a_model_without_eyes(self):
+    def test_a_model_without_cameras(self):
         arm_only = replace(learned(0).model, cameras={}, covariance=None)
         with pytest.raises(ModelError, match=r"no pair of cameras.*calibrate stereo"):
             calibrate_body(scenario().train, arm_only, scenario().boards)
 
-    def test_a_model_with_one_eye(self):
-        eyes = scenario().eyes
-        one = replace(eyes, cameras={"left": eyes.rig.left}, covariance=None)
+    def test_a_model_with_one_camera(self):
+        cameras = scenario().cameras
+        one = replace(cameras, cameras={"left": cameras.rig.left}, covariance=None)
         with pytest.raises(ModelError, match="no pair of cameras"):
             calibrate_body(scenario().train, one, scenario().boards)
 
     def test_data_without_pixels(self):
         with pytest.raises(DataError, match="no pixels"):
             calibrate_body(
-                replace(scenario().train, pixels=None), scenario().eyes, scenario().boards
+                replace(scenario().train, pixels=None), scenario().cameras, scenario().boards
             )
 
     @pytest.mark.parametrize("known", [False, True])
-    def test_data_of_one_eye(self, known):
-        start = learned(0).model if known else scenario().eyes
+    def test_data_of_one_camera(self, known):
+        start = learned(0).model if known else scenario().cameras
         train = blinded(scenario().train, slice(None), 1)
-        with pytest.raises(DataError, match="the right eye saw it in 0 of 161"):
+        with pytest.raises(DataError, match="the right camera saw it in 0 of 161"):
             calibrate_body(train, start, scenario().boards)
 
     def test_no_boards_where_they_are_the_anchor(self):
-        with pytest.raises(ValueError, match="needs views of a chessboard by both eyes"):
-            calibrate_body(scenario().train, scenario().eyes)
-        with pytest.raises(ValueError, match="needs views of a chessboard by both eyes"):
-            calibrate_body(scenario().train, scenario().eyes, scenario().boards.only("left"))
+        with pytest.raises(ValueError, match="needs views of a chessboard by both cameras"):
+            calibrate_body(scenario().train, scenario().cameras)
+        with pytest.raises(ValueError, match="needs views of a chessboard by both cameras"):
+            calibrate_body(scenario().train, scenario().cameras, scenario().boards.only("left"))
 
     def test_a_stage_or_variant_that_is_none(self):
         with pytest.raises(ValueError, match="choose one of kinematics"):
@@ -345,10 +347,10 @@ class TestBadInput:
     def test_too_few_poses_to_learn_an_arm(self):
         few = scenario().train.select(np.arange(100, 107))
         with pytest.raises(DataError, match="in 7 poses, at least 8 are needed"):
-            calibrate_body(few, scenario().eyes, scenario().boards)
+            calibrate_body(few, scenario().cameras, scenario().boards)
 
     @pytest.mark.usefixtures("uncrossed")
-    def test_poses_that_leave_parameters_blind_name_them(self):
+    def test_poses_that_leave_parameters_unobservable_name_them(self):
         """One joint that hardly moved: its gear and zero cannot be told from other lengths."""
         start, recorded = learned(0).model, scenario()
         home = recorded.train.select(recorded.train.sweep != "")
@@ -356,16 +358,18 @@ class TestBadInput:
         found = calibrate_body(few, start, recorded.boards)
         verdict = judge(found)
         assert verdict.status == "FAIL"
-        blind = {name for direction in found.uncertainty.unobservable for name in direction.names}
-        assert {"right_elbow.gear", "right_upper_arm_twist.gear"} <= blind
+        unobservable = {
+            name for direction in found.uncertainty.unobservable for name in direction.names
+        }
+        assert {"right_elbow.gear", "right_upper_arm_twist.gear"} <= unobservable
         assert any("right_" in reason for reason in verdict.reasons)
 
     @pytest.mark.usefixtures("uncrossed")
     def test_a_wild_board_is_left_out(self):
         pixels = scenario().boards.pixels.copy()
         pixels[3, :, 2:] += 8.0
-        wild = replace(scenario().boards, pixels=pixels)
-        found = calibrate_body(scenario().train, scenario().eyes, wild)
+        outlying = replace(scenario().boards, pixels=pixels)
+        found = calibrate_body(scenario().train, scenario().cameras, outlying)
         assert np.flatnonzero(found.board_outliers).tolist() == [3]
         assert 1e3 * evaluate(found.model, scenario().test).statistics.mean < 2.3
         assert "1 boards contradict" in " ".join(judge(found).warnings)
@@ -373,7 +377,7 @@ class TestBadInput:
     def test_boards_of_nobody(self):
         views = scenario().boards
         empty = BoardViews(
-            views.p_GQ, (), views.eyes, np.zeros((0, len(views.p_GQ), 4)), views.image_size
+            views.p_GQ, (), views.cameras, np.zeros((0, len(views.p_GQ), 4)), views.image_size
         )
         with pytest.raises(ValueError, match="needs views"):
-            calibrate_body(scenario().train, scenario().eyes, empty)
+            calibrate_body(scenario().train, scenario().cameras, empty)

@@ -42,7 +42,7 @@ def test_skew_and_tangential_distortion_are_held_at_zero_unless_asked_for():
     }
 
 
-def test_a_name_without_an_eye_means_every_eye():
+def test_a_name_without_an_camera_means_every_camera():
     assert by_full_name({"k3": 1}, NAMES) == {"left.k3": 1, "right.k3": 1}
     assert by_full_name({"right.k3": 1}, NAMES) == {"right.k3": 1}
     assert by_full_name({"k3": 1, "right.k3": 2}, NAMES) == {"left.k3": 1, "right.k3": 2}
@@ -69,14 +69,14 @@ def test_an_unknown_name_is_answered_with_the_one_that_was_meant(views, word, an
         calibrate_cameras(views, CameraOptions(**{how: value[how]}))
 
 
-def test_the_other_eye_has_no_name_where_only_one_is_calibrated(views):
+def test_the_other_camera_has_no_name_where_only_one_is_calibrated(views):
     with pytest.raises(ValueError, match=r"no camera parameter 'right.fx'"):
         calibrate_cameras(views.only("left"), CameraOptions(pinned={"right.fx": 380.0}))
     with pytest.raises(ValueError, match=r"no camera parameter 'right.pose.x'"):
         calibrate_cameras(views.only("left"), CameraOptions(priors={"right.pose.x": (0.07, 1.0)}))
 
 
-def test_what_concerns_one_eye_leaves_out_the_other_and_the_pose():
+def test_what_concerns_one_camera_leaves_out_the_other_and_the_pose():
     options = CameraOptions(
         pinned={"k3": 0.0, "right.cx": None, "left.cy": 1.0, "right.pose.x": 0.07},
         freed=frozenset(["skew", "right.p1"]),

@@ -145,9 +145,9 @@ def test_the_refinement_learns_the_arm_all_the_same(
     result = calibrate_kinematics(train, test=test)
     assert judge(result).status == "PASS"
     assert result.search.agreeing >= 3
-    believed = np.sqrt(len(result.free) / len(train))
+    inliers = np.sqrt(len(result.free) / len(train))
     rms = np.sqrt(np.mean(truth.errors(result.model, truth.poses(100, 3)) ** 2))
-    assert rms < 2.0 * believed * SIGMA
+    assert rms < 2.0 * inliers * SIGMA
     assert result.model.noise_sigma == pytest.approx(SIGMA, rel=0.15)
 
 

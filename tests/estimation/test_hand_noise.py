@@ -11,7 +11,7 @@ NOISE = HandNoise(0.3, 0.005)
 def drawn(count=2000, noise=NOISE, seed=0, hidden=0):
     rng = np.random.default_rng(seed)
     slopes = 300.0 * rng.normal(size=(count, 4, 4))
-    # Both eyes see the hand move alike, but for a small disparity.
+    # Both cameras see the hand move alike, but for a small disparity.
     slopes[:, 2:] = slopes[:, :2] + 20.0 * rng.normal(size=(count, 2, 4))
     play = noise.joint_sigma * rng.normal(size=(count, 4))
     r = (slopes @ play[:, :, None])[:, :, 0] + noise.sensor_sigma * rng.normal(size=(count, 4))
@@ -66,7 +66,7 @@ def test_without_play_nothing_tells_how_much_there_is():
 
 
 def test_what_a_fit_took_out_of_the_residuals_is_put_back():
-    """Thirty parameters fitted to forty sightings take a fifth of their squares."""
+    """Thirty parameters fitted to forty observations take a fifth of their squares."""
     kept, put_back = [], []
     for seed in range(60):
         r, slopes, seen = drawn(count=40, seed=seed)
@@ -106,7 +106,7 @@ def test_closeness_is_relative_to_the_larger():
     assert HandNoise(0.3, 0.0).close_to(HandNoise(0.3, 0.0))
 
 
-def test_a_hand_beside_an_eye_is_whitened_too():
+def test_a_hand_beside_an_camera_is_whitened_too():
     _, slopes, seen = drawn(count=3)
     slopes[1] *= 1e12
     w = NOISE.whitening(slopes, seen)

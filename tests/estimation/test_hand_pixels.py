@@ -7,10 +7,10 @@ import pytest
 
 from nico_selfmodel.errors import DataError
 from nico_selfmodel.estimation.body.body_initialization import lines_of
-from nico_selfmodel.estimation.observations.arm_views import LinesView, RowsView
+from nico_selfmodel.estimation.observations.arm_views import AxesArm, DhArm
 from nico_selfmodel.estimation.observations.hand_pixels import (
     HandPixels,
-    project_to_eyes,
+    project_to_cameras,
 )
 from nico_selfmodel.estimation.observations.hand_points import HandPoints
 from nico_selfmodel.estimation.observations.observations import Observations
@@ -25,7 +25,7 @@ from .simulated_bodies import Truth, blinded, body, poses, protocol
 
 @pytest.fixture(scope="module")
 def case():
-    """Return a body's truth and 12 poses, some of them seen by one eye only."""
+    """Return a body's truth and 12 poses, some of them seen by one camera only."""
     one = body()
     data = poses(one, 12)
     data = blinded(blinded(data, [2, 5], 0), [7], 1)
@@ -36,9 +36,9 @@ def block_of(case, kind):
     truth, data, observations = case
     model = truth.model()
     if kind == "lines":
-        arm = LinesView(observations.arm, lines_of(model, ("hand",)))
+        arm = AxesArm(observations.arm, lines_of(model, ("hand",)))
     else:
-        arm = RowsView(observations.arm, truth.parameters)
+        arm = DhArm(observations.arm, truth.parameters)
     if kind == "points":
         block = HandPoints(Observations.from_dataset(data), truth.parameters)
         return block, truth.parameters.values
@@ -94,9 +94,9 @@ def test_the_residuals_at_the_truth_are_the_noise_and_gaps_say_nothing(case):
     assert np.nanstd(pixels - data.pixels) == pytest.approx(0.3, rel=0.35)
 
 
-def test_projecting_to_the_eyes_is_what_the_rig_does(case):
+def test_projecting_to_the_cameras_is_what_the_rig_does(case):
     truth, data, _ = case
-    pixels = project_to_eyes(data.p_WH_measured.T, truth.rig.values)[0]
+    pixels = project_to_cameras(data.p_WH_measured.T, truth.rig.values)[0]
     np.testing.assert_allclose(pixels.T, truth.rig.project(data.p_WH_measured), atol=1e-9)
 
 
@@ -108,13 +108,13 @@ def test_both_ways_of_writing_the_arm_down_predict_the_same_pixels(case):
 
 
 def test_the_drake_plant_moves_the_hand_as_the_derivatives_say(case):
-    """The plant's own Jacobian by the joint angles, in the left eye's frame."""
+    """The plant's own Jacobian by the joint angles, in the left camera's frame."""
     truth, data, observations = case
     model = truth.model()
     robot = SelfModelPlant.from_urdf(protocol().arm, model)
     context = robot.plant.CreateDefaultContext()
     frame = robot.tracked_point_frame("hand")
-    view = RowsView(observations.arm, truth.parameters)
+    view = DhArm(observations.arm, truth.parameters)
     points, _ = view.evaluate(truth.parameters.values)
     slopes = view.by_angle(truth.parameters.values)
     readings = data.encoders[observations.arm.rows]
@@ -136,7 +136,7 @@ def test_the_drake_plant_moves_the_hand_as_the_derivatives_say(case):
         assert slopes[:, :, i] == pytest.approx(np.array(moved).T, abs=1e-8)
 
 
-def test_points_are_reconstructed_where_both_eyes_saw_them(case):
+def test_points_are_reconstructed_where_both_cameras_saw_them(case):
     truth, data, observations = case
     seen = seen_points(observations, truth.rig, 0.3)
     assert np.isnan(seen[[2, 5, 7]]).all()

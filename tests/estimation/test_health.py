@@ -18,9 +18,9 @@ from nico_selfmodel.estimation.monitoring.health import ENOUGH, check_health
 from nico_selfmodel.estimation.monitoring.health_document import health_document
 from nico_selfmodel.estimation.monitoring.monitor import Monitor
 from nico_selfmodel.estimation.monitoring.relearning import relearn_cause
-from nico_selfmodel.estimation.noise.hand_observations import covariance_of, sightings_of
+from nico_selfmodel.estimation.noise.hand_observations import covariance_of, hand_observations_of
 
-from .simulated_bodies import blinded, body, learned, only_eyes, poses, scenario
+from .simulated_bodies import blinded, body, learned, only_cameras, poses, scenario
 
 
 @pytest.fixture(scope="module")
@@ -35,7 +35,7 @@ def changed(what, *arguments, count=15, seed=3):
 
 
 def test_a_healthy_body_raises_no_alarm_and_its_innovations_are_as_expected(model):
-    report = check_health(model, only_eyes(poses(body(), 200)))
+    report = check_health(model, only_cameras(poses(body(), 200)))
     assert report.healthy
     assert report.diagnoses == ()
     assert np.mean(report.nis / report.dof) == pytest.approx(1.0, abs=0.15)
@@ -47,7 +47,7 @@ def test_a_healthy_body_raises_no_alarm_and_its_innovations_are_as_expected(mode
 @pytest.mark.parametrize("angle", [2.0, -2.0])
 def test_a_slip_of_two_degrees_is_seen_and_named(model, joint, angle):
     name = model.joints[joint]
-    report = check_health(model, only_eyes(changed("slip", name, np.radians(angle))))
+    report = check_health(model, only_cameras(changed("slip", name, np.radians(angle))))
     assert report.alarm_at is not None
     assert report.alarm_at <= 4
     best = report.diagnoses[0]
@@ -69,15 +69,15 @@ def test_a_slip_of_two_degrees_is_seen_and_named(model, joint, angle):
     ],
 )
 def test_other_changes_are_told_apart_too(model, what, arguments, cause):
-    report = check_health(model, only_eyes(changed(what, *arguments, count=20)))
+    report = check_health(model, only_cameras(changed(what, *arguments, count=20)))
     assert not report.healthy
     assert report.diagnoses[0].hypothesis.cause == cause
     assert report.diagnoses[0].score > report.diagnoses[1].score
 
 
 def test_the_time_of_a_change_within_a_recording_is_found(model):
-    before = only_eyes(poses(body(), 40))
-    after = only_eyes(changed("slip", "right_shoulder_roll", np.radians(3.0)))
+    before = only_cameras(poses(body(), 40))
+    after = only_cameras(changed("slip", "right_shoulder_roll", np.radians(3.0)))
     report = check_health(model, joined(before, after))
     assert report.changed_at == pytest.approx(40, abs=1)
     assert 40 <= report.alarm_at <= 42
@@ -96,7 +96,7 @@ def test_measured_points_serve_as_well(model):
     assert report.diagnoses[0].hypothesis.cause == "zero of right_elbow"
     assert (report.dof == 3).all()
     assert not any(
-        "eye" in d.hypothesis.cause and "pose" in d.hypothesis.cause for d in report.diagnoses
+        "camera" in d.hypothesis.cause and "pose" in d.hypothesis.cause for d in report.diagnoses
     )
 
 
@@ -111,7 +111,7 @@ def test_a_model_learned_from_points_watches_points():
 
 
 def test_no_single_sighting_raises_the_alarm(model):
-    data = only_eyes(poses(body(), 30))
+    data = only_cameras(poses(body(), 30))
     pixels = data.pixels.copy()
     pixels[12] += 200.0
     report = check_health(model, replace(data, pixels=pixels))
@@ -131,21 +131,21 @@ def test_three_of_them_do():
 
 
 def test_few_sightings_after_a_change_say_that_they_are_few(model):
-    report = check_health(model, only_eyes(changed("slip", "right_elbow", 0.1, count=4)))
+    report = check_health(model, only_cameras(changed("slip", "right_elbow", 0.1, count=4)))
     assert not report.sure
     assert len(report.nis) < ENOUGH
     assert "record 10 or more" in " ".join(health_document(report)["reasons"])
 
 
-def test_sightings_of_one_eye_count_two_coordinates(model):
-    data = blinded(only_eyes(poses(body(), 20)), np.arange(10), 0)
+def test_sightings_of_one_camera_count_two_coordinates(model):
+    data = blinded(only_cameras(poses(body(), 20)), np.arange(10), 0)
     report = check_health(model, data)
     assert report.dof.tolist() == [2] * 10 + [4] * 10
     assert report.healthy
 
 
 def test_just_what_changed_is_learned_anew(model):
-    data = only_eyes(changed("slip", "right_elbow", np.radians(3.0), count=25))
+    data = only_cameras(changed("slip", "right_elbow", np.radians(3.0), count=25))
     report = check_health(model, data)
     update = relearn_cause(model, data, report)
     assert update.learned == ("right_elbow.theta_offset",)
@@ -153,23 +153,25 @@ def test_just_what_changed_is_learned_anew(model):
     fresh = changed("slip", "right_elbow", np.radians(3.0), seed=9, count=40)
     before, after = (1e3 * evaluate(m, fresh).statistics.mean for m in (model, update.model))
     assert after < 2.6 < before
-    assert check_health(update.model, only_eyes(fresh)).healthy
+    assert check_health(update.model, only_cameras(fresh)).healthy
     with pytest.raises(EstimationError, match="nothing to learn"):
-        relearn_cause(update.model, only_eyes(fresh), check_health(update.model, only_eyes(fresh)))
+        relearn_cause(
+            update.model, only_cameras(fresh), check_health(update.model, only_cameras(fresh))
+        )
 
 
-def test_an_eye_that_was_bumped_is_learned_anew(model):
-    data = only_eyes(changed("bump_camera", [0.01, 0.02, 0.0], count=30))
+def test_an_camera_that_was_bumped_is_learned_anew(model):
+    data = only_cameras(changed("bump_camera", [0.01, 0.02, 0.0], count=30))
     update = relearn_cause(model, data, check_health(model, data))
     assert update.learned[0].startswith("right.pose")
-    fresh = only_eyes(changed("bump_camera", [0.01, 0.02, 0.0], seed=9, count=40))
+    fresh = only_cameras(changed("bump_camera", [0.01, 0.02, 0.0], seed=9, count=40))
     assert check_health(update.model, fresh).healthy
 
 
 def test_innovations_of_the_truth_would_be_chi_square(model):
     """NIS of 200 poses: mean as expected, and no more than chance beyond 99 %."""
-    sightings = sightings_of(model, only_eyes(poses(body(), 200)))
-    new = sightings.innovations(covariance_of(model, sightings.names))
+    observations = hand_observations_of(model, only_cameras(poses(body(), 200)))
+    new = observations.innovations(covariance_of(model, observations.names))
     r, _ = new.whitened
     nis = np.sum(r**2, axis=1)
     assert np.mean(nis > 13.3) < 0.04
@@ -192,7 +194,7 @@ def test_a_body_told_what_changed_is_itself_again_after_ten_poses(
     before = 1e3 * evaluate(model, test).statistics.mean
     adapting.forget(names)
     for part in range(2):
-        adapting.update(only_eyes(changed(what, *arguments, count=5, seed=20 + part)))
+        adapting.update(only_cameras(changed(what, *arguments, count=5, seed=20 + part)))
     after = 1e3 * evaluate(adapting.model, test).statistics.mean
     assert before > 5.0
     assert after < 3.0
@@ -204,7 +206,7 @@ def test_a_body_that_did_not_change_stays_as_good_as_it_was(model, kind):
     adapting = kind(model)
     test = poses(body(), 60, seed=8)
     before = evaluate(model, test).statistics.mean
-    adapting.update(only_eyes(poses(body(), 30, seed=21)))
+    adapting.update(only_cameras(poses(body(), 30, seed=21)))
     assert evaluate(adapting.model, test).statistics.mean < before + 2e-4
     now, then = (m.predict(test.encoders).sigma.mean() for m in (adapting.model, model))
     assert now < 1.02 * then
@@ -212,10 +214,10 @@ def test_a_body_that_did_not_change_stays_as_good_as_it_was(model, kind):
 
 def test_a_window_forgets_its_oldest_poses(model):
     adapting = WindowAdaptation(model, size=10)
-    adapting.update(only_eyes(changed("slip", "right_elbow", 0.1, count=8)))
-    adapting.update(only_eyes(poses(body(), 10, seed=30)))
+    adapting.update(only_cameras(changed("slip", "right_elbow", 0.1, count=8)))
+    adapting.update(only_cameras(poses(body(), 10, seed=30)))
     only = WindowAdaptation(model, size=10)
-    only.update(only_eyes(poses(body(), 10, seed=30)))
+    only.update(only_cameras(poses(body(), 10, seed=30)))
     assert adapting.model.parameters.values == pytest.approx(only.model.parameters.values)
 
 
@@ -227,7 +229,7 @@ def test_adaptation_refuses_what_it_cannot_use(model):
         with pytest.raises(ValueError, match="no parameter 'elbow'"):
             kind(model).forget(("elbow",))
         with pytest.raises(DataError, match="no measured point"):
-            kind(model).update(replace(only_eyes(poses(body(), 2)), pixels=None))
+            kind(model).update(replace(only_cameras(poses(body(), 2)), pixels=None))
     with pytest.raises(ValueError, match="at least one pose"):
         WindowAdaptation(model, size=0)
     assert forgotten(unknown, ("right_elbow.D",)).covariance.names == ("right_elbow.D",)
@@ -260,7 +262,7 @@ def test_twice_the_data_cure_half_of_the_learned_variance():
     few, many = scenario(0, random_poses=40), scenario(0, random_poses=100)
     readings = few.test.encoders
     found = [
-        workspace_accuracy(calibrate_body(one.train, one.eyes, one.boards).model, readings)
+        workspace_accuracy(calibrate_body(one.train, one.cameras, one.boards).model, readings)
         for one in (few, many)
     ]
     assert found[1].learned.mean() < 0.95 * found[0].learned.mean()
@@ -272,7 +274,7 @@ def test_twice_the_data_cure_half_of_the_learned_variance():
 @pytest.mark.parametrize("joint", ["right_elbow", "right_shoulder_roll"])
 def test_a_slip_of_any_size_is_laid_to_its_joint(model, angle, joint):
     """The hand goes round a circle: what follows its chord is a point, or the base."""
-    data = only_eyes(changed("slip", joint, np.radians(angle)))
+    data = only_cameras(changed("slip", joint, np.radians(angle)))
     report = check_health(model, data)
     best = report.diagnoses[0]
     assert best.hypothesis.cause == f"zero of {joint}"

@@ -7,7 +7,7 @@ import pytest
 
 from nico_selfmodel.estimation.arm.kinematics import calibrate_kinematics
 from nico_selfmodel.estimation.judging import judge
-from nico_selfmodel.estimation.results.fixed_parameters import Pins
+from nico_selfmodel.estimation.results.fixed_parameters import FixedParameters
 from nico_selfmodel.planning.sweep_protocol import SweepProtocol
 from nico_selfmodel.plant import ArmDescription
 from nico_selfmodel.sessions.simulated_session import simulated_session
@@ -38,7 +38,7 @@ def test_a_gear_that_contradicts_its_unit_is_named_first_and_freeing_it_cures(se
     assert verdict.status == "FAIL"
     assert "--free right_elbow.gear" in verdict.reasons[0]
     gears = [f"{joint.name}.gear" for joint in data.joints]
-    cured = calibrate_kinematics(data, pins=Pins.from_text(free=gears))
+    cured = calibrate_kinematics(data, pins=FixedParameters.from_text(free=gears))
     assert judge(cured).status == "NOT_EVALUATED"
     values = dict(zip(cured.model.parameters.names, cured.model.parameters.values, strict=True))
     assert values["right_elbow.gear"] == pytest.approx(1.6, rel=0.05)

@@ -179,7 +179,7 @@ def test_order_names_and_counts_change_no_verdict_on_a_body():
         (recorded.train, recorded.test),
         (finer(renamed(recorded.train.select(order))), finer(renamed(recorded.test))),
     ):
-        found = calibrate_body(train, recorded.eyes, recorded.boards, BodyOptions(), test=test)
+        found = calibrate_body(train, recorded.cameras, recorded.boards, BodyOptions(), test=test)
         results.append((judge(found).status, found.test.pixel_statistics.mean))
     assert results[0][0] == results[1][0] == "PASS"
     assert results[0][1] == pytest.approx(results[1][1], rel=1e-3)

@@ -39,7 +39,7 @@ def brown(focal, lens=(-0.25, 0.08, 0.0, 0.0, -0.01)):
 
 
 def seen_by(lens, seed, *, count=16, pair=False, near=0.1, far=0.35, aside=1.2, noise=0.1):
-    """Return boards that one eye, or two 60 mm apart, see whole."""
+    """Return boards that one camera, or two 60 mm apart, see whole."""
     rng, found = np.random.default_rng(seed), []
     while len(found) < count:
         turn, _ = cv2.Rodrigues(rng.normal(0.0, 0.35, 3))
@@ -48,9 +48,9 @@ def seen_by(lens, seed, *, count=16, pair=False, near=0.1, far=0.35, aside=1.2, 
         p = (BOARD - BOARD.mean(axis=0)) @ turn.T + middle
         if p[:, 2].min() < 0.03:
             continue
-        eyes = [lens(p), lens(p - [0.06, 0.0, 0.0])] if pair else [lens(p)]
-        if all((e > 8).all() and (e < np.array(SIZE) - 8).all() for e in eyes):
-            found.append(np.hstack([e + rng.normal(0.0, noise, e.shape) for e in eyes]))
+        cameras = [lens(p), lens(p - [0.06, 0.0, 0.0])] if pair else [lens(p)]
+        if all((e > 8).all() and (e < np.array(SIZE) - 8).all() for e in cameras):
+            found.append(np.hstack([e + rng.normal(0.0, noise, e.shape) for e in cameras]))
     names = tuple(f"{i:02d}" for i in range(count))
     return BoardViews(BOARD, names, ("left", "right") if pair else ("left",), np.array(found), SIZE)
 

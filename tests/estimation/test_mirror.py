@@ -61,7 +61,7 @@ def test_the_closed_form_start_is_exact_without_noise(mirror):
 
 @given(mirrors)
 @settings(max_examples=8)
-def test_one_eye_alone_finds_a_mirror_by_the_law_of_reflection(mirror):
+def test_one_camera_alone_finds_a_mirror_by_the_law_of_reflection(mirror):
     data = recording(poses(6, 5, mirror), MirrorRig(RIG, mirror), sigma=0.0)
     pixels = data.pixels.copy()
     pixels[:, 2:] = np.nan
@@ -117,7 +117,7 @@ def test_an_arm_in_another_world_gives_the_same_mirror(tmp_path):
     assert_allclose(there.values, here.values, atol=1e-7)
 
 
-def test_poses_seen_by_one_eye_count_too():
+def test_poses_seen_by_one_camera_count_too():
     data = recording(poses(12, 2))
     pixels = data.pixels.copy()
     pixels[2:8, 2:] = np.nan
@@ -145,9 +145,9 @@ def test_the_covariance_of_a_plane_is_honest(covariance):
     model = body(covariance)
     for seed in range(30):
         data = recording(poses(10, seed), sigma=0.3, play=np.radians(0.2), seed=seed)
-        believed = _misled(model, rng) if covariance else model
+        inliers = _misled(model, rng) if covariance else model
         noise = ReflectionNoise(0.3, np.radians(0.2) / np.sqrt(3.0))
-        reflections = Reflections.from_dataset(data, believed)
+        reflections = Reflections.from_dataset(data, inliers)
         (mirror,) = solve_mirrors(reflections, (MIRROR,), noise).mirrors
         miss = mirror.values - MIRROR.values
         scores.append(miss @ np.linalg.solve(mirror.covariance, miss) / 3.0)
@@ -160,14 +160,14 @@ def _misled(model: SelfModel, rng: np.random.Generator) -> SelfModel:
     names, matrix = model.covariance.names, model.covariance.matrix
     draw = rng.normal(size=len(names)) * np.sqrt(np.diag(matrix))
     values = model.parameters.values.copy()
-    eyes = dict(zip(model.rig.names, model.rig.values, strict=True))
+    sides = dict(zip(model.rig.names, model.rig.values, strict=True))
     for name, off in zip(names, draw, strict=True):
-        if name in eyes:
-            eyes[name] += off
+        if name in sides:
+            sides[name] += off
         else:
             values[model.parameters.names.index(name)] += off
     arm = model.parameters.with_values(values)
-    v = np.array(list(eyes.values()))
+    v = np.array(list(sides.values()))
     left = Camera.from_values(v[:10], RIG.left.image_size)
     pose = transform(rotation_from_vector(v[20:23]), v[23:])
     right = Camera.from_values(v[10:20], RIG.right.image_size, pose)
@@ -213,7 +213,9 @@ def test_direct_views_called_reflections_are_recognised():
 
 
 def test_reflections_without_a_mirrors_name_are_recognised():
-    with pytest.raises(DataError, match=r"fit reflections in a mirror 4\d\d mm from the left eye"):
+    with pytest.raises(
+        DataError, match=r"fit reflections in a mirror 4\d\d mm from the left camera"
+    ):
         calibrate_mirrors(recording(poses(10), mirror=""), body())
     q = poses(200, 1)
     direct = recording(q, RIG, mirror="")
@@ -235,7 +237,7 @@ def test_rows_whose_mirror_was_forgotten_are_listed():
 
 
 def test_a_hand_behind_the_mirror_is_refused():
-    # A thing seen nearer to the eyes than the hand is no reflection of it.
+    # A thing seen nearer to the cameras than the hand is no reflection of it.
     q = poses(60, 2)
     p = CHAIN.forward(q)
     far = p[:, 2] > 0.2
@@ -252,7 +254,7 @@ def test_a_hand_behind_the_plane_in_some_poses_fails():
     front = mirror.in_front_by(CHAIN.forward(q)) > 0.03
     chosen = np.concatenate([q[front][:20], q[behind][:4]])
     # The projection knows no cheirality here: what a wrong arm would make of real pixels.
-    pixels = reflected_projection(RIG.eyes, mirror.values, CHAIN.forward(chosen)).pixels
+    pixels = reflected_projection(RIG.cameras, mirror.values, CHAIN.forward(chosen)).pixels
     data = replace(recording(chosen), pixels=pixels)
     verdict = judge(calibrate_mirrors(data, body(), loss="none"))
     assert verdict.status == "FAIL"
@@ -316,13 +318,13 @@ def test_a_mirror_that_was_not_learned_cannot_be_evaluated():
     assert found.pixel_statistics.mean < 0.6
 
 
-def test_the_thesis_cameras_start_right_and_find_the_reflected_eyes():
+def test_the_thesis_cameras_start_right_and_find_the_reflected_cameras():
     data = recording(poses(20), sigma=0.0)
     cameras = fit_mirror_cameras(Reflections.from_dataset(data, body()))
     assert cameras.converged
     assert_allclose(cameras.start.values, MIRROR.values, atol=1e-8)
     virtual = MirrorRig(RIG, MIRROR).virtual
-    for found, true in zip(cameras.cameras, virtual.eyes, strict=True):
+    for found, true in zip(cameras.cameras, virtual.cameras, strict=True):
         assert_allclose(found.X_WC, true.X_WC, atol=1e-6)
     shown = cameras.evaluate(Reflections.from_dataset(data, body()))
     assert shown.distances_px.max() < 1e-6

@@ -27,7 +27,7 @@ def bent(radius, count=12, seed=0):
     q = poses(count, seed)
     p = CHAIN.forward(q)
     rng = np.random.default_rng((seed, 3))
-    pixels = [curved_reflection(eye, MIRROR, radius, p, eye.X_WC) for eye in RIG.eyes]
+    pixels = [curved_reflection(camera, MIRROR, radius, p, camera.X_WC) for camera in RIG.cameras]
     noisy = np.concatenate(pixels, axis=1) + rng.normal(0.0, 0.3, (count, 4))
     return Reflections.from_dataset(replace(recording(q), pixels=noisy), body())
 
@@ -55,18 +55,18 @@ def test_a_bent_mirror_is_recognised(radius):
 def test_a_very_long_radius_is_a_plane():
     q = poses(12)
     p = CHAIN.forward(q)
-    for eye in RIG.eyes:
-        flat = eye.project(MIRROR.reflect(p))
+    for camera in RIG.cameras:
+        flat = camera.project(MIRROR.reflect(p))
         np.testing.assert_allclose(
-            curved_reflection(eye, MIRROR, 1e4, p, eye.X_WC), flat, atol=0.02
+            curved_reflection(camera, MIRROR, 1e4, p, camera.X_WC), flat, atol=0.02
         )
 
 
 def test_the_path_over_a_bent_mirror_obeys_the_law_of_reflection():
-    p, eye = CHAIN.forward(poses(6)), RIG.right
-    pixels = curved_reflection(eye, MIRROR, 3.0, p, eye.X_WC)
-    sight = eye.rays(pixels).direction
-    origin, centre = eye.X_WC[:3, 3], -(MIRROR.distance + 3.0) * MIRROR.normal
+    p, camera = CHAIN.forward(poses(6)), RIG.right
+    pixels = curved_reflection(camera, MIRROR, 3.0, p, camera.X_WC)
+    sight = camera.rays(pixels).direction
+    origin, centre = camera.X_WC[:3, 3], -(MIRROR.distance + 3.0) * MIRROR.normal
     # Where the line of sight meets the sphere: |o + t s - c| = r
     b = sight @ (origin - centre)
     t = -b - np.sqrt(b**2 - (origin - centre) @ (origin - centre) + 9.0)
@@ -95,7 +95,7 @@ def test_too_few_poses_are_not_flatness():
     assert flatness(reflections) is None
 
 
-def test_one_eye_can_test_a_mirror_too():
+def test_one_camera_can_test_a_mirror_too():
     data = recording(poses(12))
     pixels = data.pixels.copy()
     pixels[:, 2:] = np.nan
@@ -133,27 +133,27 @@ def smooth_errors(q, seed, sigma):
 def seen_with_smooth_errors(seed, radius=None, count=50):
     q = poses(count, seed)
     p = CHAIN.forward(smooth_errors(q, seed, np.radians(0.5)))
-    eyes = [
-        eye.project(MIRROR.reflect(p))
+    cameras = [
+        camera.project(MIRROR.reflect(p))
         if radius is None
-        else curved_reflection(eye, MIRROR, radius, p, eye.X_WC)
-        for eye in RIG.eyes
+        else curved_reflection(camera, MIRROR, radius, p, camera.X_WC)
+        for camera in RIG.cameras
     ]
     noise = np.random.default_rng((seed, 3)).normal(0.0, 0.3, (count, 4))
-    data = replace(recording(q), pixels=np.concatenate(eyes, axis=1) + noise)
+    data = replace(recording(q), pixels=np.concatenate(cameras, axis=1) + noise)
     return Reflections.from_dataset(data, body(True))
 
 
 @pytest.mark.parametrize("seed", range(8))
-def test_a_pose_that_one_eye_missed_does_not_bend_a_mirror(seed):
+def test_a_pose_that_one_camera_missed_does_not_bend_a_mirror(seed):
     """What was not seen is no part of the covariance of what was."""
     rng = np.random.default_rng((seed, 5))
     data = recording(poses(20, seed), sigma=0.03, play=np.radians(0.8), seed=seed)
     reflections = Reflections.from_dataset(data, body(True))
     pixels = reflections.pixels.copy()
     for row in np.flatnonzero(rng.random(20) < 0.25):
-        eye = 2 * int(rng.integers(2))
-        pixels[row, eye : eye + 2] = np.nan
+        camera = 2 * int(rng.integers(2))
+        pixels[row, camera : camera + 2] = np.nan
     noise = ReflectionNoise(0.03, np.radians(0.8) / np.sqrt(3.0))
     partly = replace(reflections, pixels=pixels)
     (mirror,) = solve_mirrors(partly, (MIRROR,), noise).mirrors

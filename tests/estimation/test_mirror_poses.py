@@ -1,4 +1,4 @@
-"""Poses for learning a mirror: seen by both eyes, off the glass, and telling much."""
+"""Poses for learning a mirror: seen by both cameras, off the glass, and telling much."""
 
 from dataclasses import replace
 from itertools import pairwise
@@ -24,7 +24,7 @@ def plan(count=8, mirror=MIRROR, seed=0, **options):
     return plan_mirror_poses(body(), mirror, LIMITS, count, rng, pool=600, **options)
 
 
-def test_every_pose_shows_the_reflection_to_both_eyes_within_the_limits():
+def test_every_pose_shows_the_reflection_to_both_cameras_within_the_limits():
     found = plan(margin=30.0)
     assert found.encoders.shape == (8, 4)
     assert (found.encoders >= LIMITS[0]).all()
@@ -88,7 +88,7 @@ def test_the_same_generator_gives_the_same_poses():
 
 
 def test_a_mirror_that_cannot_be_used_is_said_to_be_so():
-    with pytest.raises(EstimationError, match="turn the mirror towards the eyes"):
+    with pytest.raises(EstimationError, match="turn the mirror towards the cameras"):
         plan(3, Mirror.from_values([np.radians(60.0), 0.0, 0.5]))
     with pytest.raises(EstimationError, match="mm from the glass"):
         plan(3, Mirror.from_values([0.0, 0.0, 0.06]), clearance=0.1)

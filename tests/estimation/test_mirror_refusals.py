@@ -12,7 +12,7 @@ from nico_selfmodel.model.self_model import SelfModel
 from .mirror_scenes import CHAIN, RIG, body, poses, recording
 
 
-def test_eyes_that_were_exchanged_are_suspected():
+def test_cameras_that_were_exchanged_are_suspected():
     data = recording(poses(12))
     swapped = replace(data, pixels=data.pixels[:, [2, 3, 0, 1]])
     with pytest.raises(NotConvergedError, match="left and right exchanged"):
@@ -32,11 +32,11 @@ def test_data_of_another_body_are_refused():
         calibrate_mirrors(data, body(), joint_sigma=-0.1)
 
 
-def test_one_sighting_by_one_eye_is_not_enough():
+def test_one_sighting_by_one_camera_is_not_enough():
     data = recording(poses(1))
     pixels = data.pixels.copy()
     pixels[:, 2:] = np.nan
-    with pytest.raises(NotIdentifiableError, match="1 sight of reflections by one eye"):
+    with pytest.raises(NotIdentifiableError, match="1 sight of reflections by one camera"):
         calibrate_mirrors(replace(data, pixels=pixels), body())
 
 
@@ -47,12 +47,12 @@ def test_a_hand_on_the_glass_tells_nothing_of_it():
         calibrate_mirrors(on_glass.select(np.isfinite(on_glass.pixels).all(axis=1)), body())
 
 
-def test_a_body_without_eyes_or_without_an_arm_cannot_look_into_a_mirror():
+def test_a_body_without_cameras_or_without_an_arm_cannot_look_into_a_mirror():
     data = recording(poses(3))
-    with pytest.raises(ModelError, match="no eyes"):
+    with pytest.raises(ModelError, match="no cameras"):
         calibrate_mirrors(data, body(cameras={}))
     with pytest.raises(ModelError, match="no pair of cameras"):
         calibrate_mirrors(data, body(cameras={"left": RIG.left}))
-    eyes = SelfModel("eyes", cameras={"left": RIG.left, "right": RIG.right})
+    cameras = SelfModel("cameras", cameras={"left": RIG.left, "right": RIG.right})
     with pytest.raises(ModelError, match="no arm"):
-        calibrate_mirrors(data, eyes)
+        calibrate_mirrors(data, cameras)

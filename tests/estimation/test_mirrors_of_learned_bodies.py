@@ -1,4 +1,4 @@
-"""Flat glass and bent, before robots of world thesis that learned arm and eyes by themselves.
+"""Flat glass and bent, before robots of world thesis that learned arm and cameras by themselves.
 
 The plain counts keep a slow run short; with NICO_ALL_SEEDS set it takes 25 robots of each kind, 200
 flat mirrors in all: `NICO_ALL_SEEDS=1 pytest -m slow -s test_mirrors_of_learned_bodies.py`.
@@ -39,13 +39,13 @@ POSES, PIXEL_SIGMA, MARGIN = 20, 0.3, 15.0
 def learned_body(kind, seed):
     scenario = simulated_scenario(ProjectedNico.tracked_by(), THESIS, seed)
     if kind == "refined":
-        return calibrate_body(scenario.train, scenario.eyes, scenario.boards).model
-    sight = Sight.of(calibrate_cameras(scenario.boards).self_model("eyes"), scenario.train)
+        return calibrate_body(scenario.train, scenario.cameras, scenario.boards).model
+    sight = Sight.of(calibrate_cameras(scenario.boards).self_model("cameras"), scenario.train)
     return sight.complete(calibrate_kinematics(sight.train, explain=False)).model
 
 
 def poses_before(mirror, rng):
-    """Return angles at which both eyes see the hand in the mirror, 5 cm before glass and eyes."""
+    """Return angles at which both cameras see the hand in the mirror, 5 cm before both."""
     protocol, found = ProjectedNico.tracked_by(), []
     lower, upper = protocol.arm.lower, protocol.arm.upper
     rig = protocol.workspace.rig
@@ -68,11 +68,13 @@ def recording(seed, number, mirror, radius=None):
     q = poses_before(mirror, rng)
     commands = commands_of_angles(one.joints, protocol.arm.lower, protocol.arm.upper, q)
     seen = [(one.move_and_measure(command), one.ground_truth.p_LH) for command in commands]
-    p, eyes = np.concatenate([points for _, points in seen]), Truth.of(one).rig
+    p, cameras = np.concatenate([points for _, points in seen]), Truth.of(one).rig
     if radius is None:
-        pixels = MirrorRig(eyes, mirror).project(p)
+        pixels = MirrorRig(cameras, mirror).project(p)
     else:
-        shown = [curved_reflection(eye, mirror, radius, p, eye.X_WC) for eye in eyes.eyes]
+        shown = [
+            curved_reflection(camera, mirror, radius, p, camera.X_WC) for camera in cameras.cameras
+        ]
         pixels = np.concatenate(shown, axis=1)
     pixels = pixels + rng.normal(0.0, PIXEL_SIGMA, pixels.shape)
     kept = np.isfinite(pixels).all(axis=1)
@@ -80,12 +82,12 @@ def recording(seed, number, mirror, radius=None):
         "reflections",
         one.joints,
         np.arange(1, kept.sum() + 1),
-        np.array([sighting.encoders for sighting, _ in seen])[kept],
+        np.array([observation.encoders for observation, _ in seen])[kept],
         pixels=pixels[kept],
         mirror=np.full(kept.sum(), "A"),
         marker=np.full(kept.sum(), one.markers[0]),
         pixel_sigma_px=PIXEL_SIGMA,
-        image_size=eyes.left.image_size,
+        image_size=cameras.left.image_size,
     )
 
 

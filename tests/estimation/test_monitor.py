@@ -10,11 +10,11 @@ from nico_selfmodel.estimation.monitoring.monitor import (
     chance_of_false_alarm,
 )
 from nico_selfmodel.estimation.monitoring.monitored_changes import LARGEST_STEP, monitored_changes
-from nico_selfmodel.estimation.noise.hand_observations import covariance_of, sightings_of
+from nico_selfmodel.estimation.noise.hand_observations import covariance_of, hand_observations_of
 from nico_selfmodel.estimation.noise.mixture_density import MixtureDensity
 from nico_selfmodel.estimation.noise.pose_residuals import PoseResiduals
 
-from .simulated_bodies import body, learned, only_eyes, poses
+from .simulated_bodies import body, learned, only_cameras, poses
 
 JUMPS = np.array([-2.0, -1.0, 1.0, 2.0])
 
@@ -70,7 +70,7 @@ def test_a_change_before_the_first_pose_is_seen_sooner_than_one_in_between():
 @pytest.fixture(scope="module")
 def watched():
     model = learned(0).model
-    seen = PoseResiduals.of(sightings_of(model, only_eyes(poses(body(), 60))))
+    seen = PoseResiduals.of(hand_observations_of(model, only_cameras(poses(body(), 60))))
     return model, seen, monitored_changes(model, seen.names)
 
 
@@ -97,8 +97,8 @@ def test_no_pose_says_more_than_that_it_may_be_an_outlier(watched):
     model, seen, changes = watched
     noise = model.noise_mixtures["pixels"]
     density = MixtureDensity(seen, noise, covariance_of(model, seen.names))
-    wild = seen.residuals + 300.0
-    most = changes.steps(density, wild, seen.slopes).max()
+    outlying = seen.residuals + 300.0
+    most = changes.steps(density, outlying, seen.slopes).max()
     assert most == pytest.approx(-np.log(noise.outlier_share))
     assert most < LARGEST_STEP
     # Two of them in a row are none's alarm, whatever they speak for.

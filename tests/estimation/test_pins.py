@@ -9,7 +9,7 @@ from nico_selfmodel.errors import EstimationError
 from nico_selfmodel.estimation.arm.kinematics import calibrate_kinematics
 from nico_selfmodel.estimation.initialization.nominal_arm import NominalArm
 from nico_selfmodel.estimation.judging import judge, to_json
-from nico_selfmodel.estimation.results.fixed_parameters import Pins
+from nico_selfmodel.estimation.results.fixed_parameters import FixedParameters
 from nico_selfmodel.model.arm.dh_table import DhTable
 
 SIGMA = 3e-4
@@ -23,7 +23,9 @@ def learn(make_truth, joined):
         circles = truth.dataset(*truth.sweeps(12), sigma=SIGMA, seed=1)
         train = joined(circles, truth.dataset(truth.poses(60, 1), sigma=SIGMA, seed=2))
         test = truth.dataset(truth.poses(60, 2), sigma=SIGMA, seed=3)
-        return calibrate_kinematics(train, test=test, pins=Pins.from_text(pin, free), **options)
+        return calibrate_kinematics(
+            train, test=test, pins=FixedParameters.from_text(pin, free), **options
+        )
 
     return run
 
@@ -59,9 +61,9 @@ def test_a_true_pin_helps_and_a_wrong_one_hurts(make_truth, learn):
     assert right.test.statistics.rms == pytest.approx(free.test.statistics.rms, rel=0.03)
     assert wrong.test.statistics.rms > 1.8 * free.test.statistics.rms
     assert wrong.model.noise_sigma > 1.8 * SIGMA
-    assert right.contradicted_pins == free.contradicted_pins == ()
+    assert right.contradicted_parameters == free.contradicted_parameters == ()
     assert judge(right).status == "PASS"
-    (pin,) = wrong.contradicted_pins
+    (pin,) = wrong.contradicted_parameters
     assert (pin.name, pin.value) == ("joint_2.r", dh.r[2] + 0.02)
     assert pin.wanted == pytest.approx(dh.r[2], abs=2e-3)
     assert pin.rise > 1.8
@@ -76,21 +78,23 @@ def test_only_the_wrong_one_of_several_pins_is_named(make_truth, learn):
     dh = DhTable.from_chain(truth.chain)
     pins = [f"joint_2.r={dh.r[2]}", f"joint_1.D={dh.D[1] + 0.015}", "joint_0.D=0.1"]
     result = learn(truth, [*pins, f"joint_1.gear={truth.servos.gear[1]}"])
-    assert [pin.name for pin in result.contradicted_pins] == ["joint_1.D"]
+    assert [pin.name for pin in result.contradicted_parameters] == ["joint_1.D"]
     gears = learn(truth, [f"joint_{i}.gear={1.2 * g}" for i, g in enumerate(truth.servos.gear)])
-    assert gears.contradicted_pins
-    assert {pin.name for pin in gears.contradicted_pins} <= {f"joint_{i}.gear" for i in range(4)}
+    assert gears.contradicted_parameters
+    assert {pin.name for pin in gears.contradicted_parameters} <= {
+        f"joint_{i}.gear" for i in range(4)
+    }
 
 
 @pytest.mark.slow
 def test_true_pins_are_hardly_ever_called_wrong(make_truth):
     truth = make_truth(3, 2, unit="counts", kind="elbow")
     dh = DhTable.from_chain(truth.chain)
-    pins = Pins.from_text([f"joint_1.r={dh.r[1]}", f"joint_1.alpha={dh.alpha[1]}"])
+    pins = FixedParameters.from_text([f"joint_1.r={dh.r[1]}", f"joint_1.alpha={dh.alpha[1]}"])
     for seed in range(12):
         data = truth.dataset(*truth.sweeps(8), sigma=SIGMA, seed=seed)
         result = calibrate_kinematics(data, pins=pins, starts=0)
-        assert result.contradicted_pins == (), seed
+        assert result.contradicted_parameters == (), seed
 
 
 def test_gears_are_pinned_by_name_too(make_truth, learn):
@@ -125,14 +129,14 @@ def test_freed_gears_of_joint_angle_encoders_are_learned(make_truth, learn):
         ("joint_0.theta_offset", "encoder zero"),
     ],
 )
-def test_a_freed_gauge_is_blind_named_in_words_and_fails(make_truth, learn, name, word):
+def test_a_freed_gauge_is_unobservable_named_in_words_and_fails(make_truth, learn, name, word):
     truth = make_truth(4, 2, unit="counts", kind="elbow")
     result = learn(truth, free=[name])
     verdict = judge(result)
     assert verdict.status == "FAIL"
     assert name in result.free
-    (blind,) = result.uncertainty.unobservable
-    assert name in blind.names
+    (unobservable,) = result.uncertainty.unobservable
+    assert name in unobservable.names
     document = to_json(result, verdict)
     (words,) = document["not_identifiable"]
     assert words in verdict.reasons
@@ -146,7 +150,7 @@ def test_a_freed_gauge_is_blind_named_in_words_and_fails(make_truth, learn, name
 
 @pytest.mark.slow
 @pytest.mark.parametrize("seed", [2, 3, 4])
-def test_a_hand_on_the_last_axis_makes_the_last_joint_blind(
+def test_a_hand_on_the_last_axis_makes_the_last_joint_unobservable(
     make_truth, hand_on_last_axis, learn, seed
 ):
     truth = hand_on_last_axis(make_truth(4, seed, unit="counts"), 0.0)
@@ -161,7 +165,7 @@ def test_a_hand_on_the_last_axis_makes_the_last_joint_blind(
     assert gear["sigma"] is None or off < 8.0 * gear["sigma"], gear
 
 
-def test_a_joint_that_hardly_moved_is_blind(make_truth):
+def test_a_joint_that_hardly_moved_is_unobservable(make_truth):
     truth = make_truth(4, 2, unit="counts", kind="elbow")
     q = truth.poses(80, 1)
     q[:, 2] = 0.3 + 5e-4 * np.random.default_rng(0).normal(size=80)
@@ -194,15 +198,15 @@ def test_an_unknown_name_is_answered_with_a_suggestion(make_truth, learn, name, 
 )
 def test_words_that_make_no_sense_are_refused(pin, free, message):
     with pytest.raises(ValueError, match=message):
-        Pins.from_text(pin, free)
+        FixedParameters.from_text(pin, free)
 
 
 def test_words_are_read_as_names_and_values():
-    pins = Pins.from_text(["a.r=0", " b.gear = 1.5 ", "c.D"], ["d.gear"])
+    pins = FixedParameters.from_text(["a.r=0", " b.gear = 1.5 ", "c.D"], ["d.gear"])
     assert pins.pinned == {"a.r": 0.0, "b.gear": 1.5, "c.D": None}
     assert pins.names == {"a.r", "b.gear", "c.D", "d.gear"}
     assert not pins.only_gears
-    assert Pins.from_text(["b.gear"], ["d.gear"]).only_gears
+    assert FixedParameters.from_text(["b.gear"], ["d.gear"]).only_gears
 
 
 def test_a_pin_without_a_value_takes_the_robots(make_truth, learn):
@@ -229,7 +233,7 @@ def test_a_pin_that_contradicts_the_data_ends_in_a_verdict_or_names_itself(make_
     truth = make_truth(4, seed, unit="counts", kind="elbow")
     data = truth.dataset(truth.poses(25, seed, span=0.8), sigma=1e-3, seed=seed)
     try:
-        result = calibrate_kinematics(data, pins=Pins.from_text([pin]), starts=1)
+        result = calibrate_kinematics(data, pins=FixedParameters.from_text([pin]), starts=1)
     except EstimationError as error:
         assert pin.partition("=")[0] in str(error)  # noqa: PT017
     else:

@@ -17,8 +17,8 @@ SIGMA = 3e-4
 
 def assert_as_good_as_theory(result, truth, sigma=SIGMA, factor=1.6):
     """An efficient estimate of p numbers from N points errs by sigma sqrt(p / N)."""
-    believed = len(result.train.observations) - result.outliers.sum()
-    expected = sigma * np.sqrt(len(result.free) / believed)
+    inliers = len(result.train.observations) - result.outliers.sum()
+    expected = sigma * np.sqrt(len(result.free) / inliers)
     rms = np.sqrt(np.mean(truth.errors(result.model, truth.poses(150, 99)) ** 2))
     assert rms < factor * expected, (rms, expected)
     verdict = judge(result)
@@ -36,15 +36,15 @@ def train_and_test(truth, joined, *, sweeps=True, count=None, **noise):
 @pytest.mark.parametrize(
     ("n", "unit", "kind", "markers"),
     [
-        (2, "rad", "wild", 1),
-        (2, "counts", "wild", 3),
+        (2, "rad", "outlying", 1),
+        (2, "counts", "outlying", 3),
         (3, "counts", "elbow", 1),
         (3, "deg", "parallel", 2),
         (4, "counts", "elbow", 2),
         (5, "counts", "parallel", 1),
-        (5, "rad", "wild", 3),
+        (5, "rad", "outlying", 3),
         (6, "deg", "parallel", 1),
-        (6, "counts", "wild", 2),
+        (6, "counts", "outlying", 2),
         (7, "rad", "elbow", 1),
         (7, "counts", "parallel", 3),
     ],
@@ -64,11 +64,11 @@ def test_an_arm_is_recovered_from_sweeps_and_free_poses(make_truth, joined, n, u
 @pytest.mark.parametrize(
     ("n", "unit", "kind"),
     [
-        (2, "counts", "wild"),
+        (2, "counts", "outlying"),
         (4, "counts", "elbow"),
         (5, "rad", "parallel"),
         (6, "counts", "parallel"),
-        (7, "rad", "wild"),
+        (7, "rad", "outlying"),
     ],
 )
 def test_an_arm_is_recovered_without_sweeps_and_without_a_robot(make_truth, joined, n, unit, kind):

@@ -8,7 +8,7 @@ import pytest
 from nico_selfmodel.estimation.arm.named_refinement import dh_program
 from nico_selfmodel.estimation.initialization.axis_search import project_variables, random_starts
 from nico_selfmodel.estimation.initialization.start_search import line_program
-from nico_selfmodel.estimation.observations.arm_estimate import ArmHypothesis
+from nico_selfmodel.estimation.observations.arm_estimate import ArmEstimate
 from nico_selfmodel.estimation.observations.hand_residuals import (
     DhResiduals,
     LineResiduals,
@@ -21,7 +21,7 @@ SIGMA = 1e-3
 
 
 def near(truth, seed, size=0.02):
-    """Return the arm as somebody believes it: axes and points a little off, zero readings kept."""
+    """Return the arm as somebody accepts it: axes and points a little off, zero readings kept."""
     rng = np.random.default_rng(seed)
     chain = truth.chain
     tilted = chain.directions + rng.normal(0.0, size, chain.directions.shape)
@@ -31,9 +31,7 @@ def near(truth, seed, size=0.02):
         points=chain.points + rng.normal(0.0, 0.2 * size, chain.points.shape),
         p_WH_zero=chain.p_WH_zero + rng.normal(0.0, 0.2 * size, chain.p_WH_zero.shape),
     )
-    return ArmHypothesis(
-        wrong, truth.servos.gear * (1.0 + 0.01 * rng.normal()), truth.servos.offset
-    )
+    return ArmEstimate(wrong, truth.servos.gear * (1.0 + 0.01 * rng.normal()), truth.servos.offset)
 
 
 def seen(truth, count=60, sigma=5e-4, missing=0.2):
@@ -58,7 +56,7 @@ def assert_derivatives(block, x, step=1e-6, scale=None):
         assert slopes[i] * scale[i] == pytest.approx(numeric, abs=1e-6 * largest), block.names[i]
 
 
-@pytest.mark.parametrize("kind", ["wild", "elbow", "parallel"])
+@pytest.mark.parametrize("kind", ["outlying", "elbow", "parallel"])
 @pytest.mark.parametrize("unit", ["rad", "counts"])
 def test_the_derivatives_of_the_lines_hold_away_from_the_start_too(make_truth, unit, kind):
     truth = make_truth(5, 2, unit=unit, kind=kind, markers=3)
@@ -69,7 +67,7 @@ def test_the_derivatives_of_the_lines_hold_away_from_the_start_too(make_truth, u
     assert_derivatives(block, block.start + 0.05 * rng.normal(size=len(block.start)))
 
 
-@pytest.mark.parametrize("kind", ["wild", "elbow", "parallel"])
+@pytest.mark.parametrize("kind", ["outlying", "elbow", "parallel"])
 def test_the_derivatives_of_the_named_parameters_hold(make_truth, kind):
     truth = make_truth(4, 2, unit="counts", kind=kind, markers=2)
     observations = seen(truth)
@@ -199,14 +197,14 @@ def test_random_starts_come_from_the_seed_and_often_reach_the_arm(make_truth):
 def test_random_starts_stay_near_believed_axes_every_second_time(make_truth):
     truth = make_truth(4, 3)
     observations = seen(truth, count=80, missing=0.0)
-    believed = truth.chain.directions.copy()
-    believed[2] = np.nan
+    inliers = truth.chain.directions.copy()
+    inliers[2] = np.nan
     starts = random_starts(
         observations,
         np.ones(4, dtype=bool),
         np.zeros(4),
         np.random.default_rng(0),
-        directions=believed,
+        directions=inliers,
         gear=np.where(np.arange(4) == 2, np.nan, 1.0),
     )
     arms = [next(starts) for _ in range(6)]

@@ -9,7 +9,7 @@ import pytest
 from nico_selfmodel.estimation.arm.kinematics import calibrate_kinematics
 from nico_selfmodel.estimation.judging import judge, to_json
 from nico_selfmodel.estimation.results.errors import ErrorStatistics
-from nico_selfmodel.estimation.results.fixed_parameters import Pins
+from nico_selfmodel.estimation.results.fixed_parameters import FixedParameters
 
 SIGMA = 3e-4
 KEYS = {
@@ -35,23 +35,25 @@ def truth(make_truth):
 
 @pytest.fixture(scope="module")
 def calibrations(truth, joined):
-    """Return calibrations of every kind: good, blind, circles alone, and without redundancy."""
+    """Return calibrations: good, unobservable, circles alone, and without redundancy."""
     circles = truth.dataset(*truth.sweeps(10), sigma=SIGMA, seed=1)
     train = joined(circles, truth.dataset(truth.poses(40, 1), sigma=SIGMA, seed=2, outliers=0.05))
     test = truth.dataset(truth.poses(30, 2), sigma=SIGMA, seed=3)
     few = truth.dataset(truth.poses(4, 5), sigma=SIGMA, seed=4)
-    gauge = Pins.from_text(free=["joint_2.alpha", "joint_0.D"])
+    gauge = FixedParameters.from_text(free=["joint_2.alpha", "joint_0.D"])
     return {
         "good": calibrate_kinematics(train, test=test),
         "not evaluated": calibrate_kinematics(train),
-        "blind": calibrate_kinematics(train, test=test, pins=gauge),
+        "unobservable": calibrate_kinematics(train, test=test, pins=gauge),
         "circles": calibrate_kinematics(circles, test=test, method="circle-points"),
         "exact": calibrate_kinematics(few, test=test),
         "perfect": calibrate_kinematics(truth.dataset(*truth.sweeps(10)), test=test),
     }
 
 
-@pytest.mark.parametrize("kind", ["good", "not evaluated", "blind", "circles", "exact", "perfect"])
+@pytest.mark.parametrize(
+    "kind", ["good", "not evaluated", "unobservable", "circles", "exact", "perfect"]
+)
 def test_every_document_is_plain_json_with_all_keys(calibrations, kind):
     calibration = calibrations[kind]
     document = to_json(calibration, judge(calibration))
@@ -73,10 +75,10 @@ def test_every_document_is_plain_json_with_all_keys(calibrations, kind):
 def test_numbers_are_those_of_the_calibration(calibrations, truth):
     good = calibrations["good"]
     document = to_json(good, judge(good))
-    believed = good.train.distances[~good.outliers]
-    assert document["train"]["n"] == len(believed)
+    inliers = good.train.distances[~good.outliers]
+    assert document["train"]["n"] == len(inliers)
     assert document["train"]["position_mm"]["rms"] == pytest.approx(
-        1e3 * np.sqrt(np.mean(believed**2))
+        1e3 * np.sqrt(np.mean(inliers**2))
     )
     assert document["test"]["n"] == 60
     assert document["cross_validation"]["n"] == len(good.cross_validation)
@@ -118,9 +120,9 @@ def test_the_table_names_every_parameter_with_unit_and_freedom(calibrations):
     assert table["noise_sigma"]["value"] == good.model.noise_sigma
 
 
-def test_a_blind_parameter_has_no_sigma_and_others_have(calibrations):
-    blind = calibrations["blind"]
-    document = to_json(blind, judge(blind))
+def test_a_unobservable_parameter_has_no_sigma_and_others_have(calibrations):
+    unobservable = calibrations["unobservable"]
+    document = to_json(unobservable, judge(unobservable))
     assert document["status"] == "FAIL"
     assert len(document["not_identifiable"]) == 2
     assert document["parameters"]["joint_2.alpha"]["sigma"] is None

@@ -8,7 +8,7 @@ import pytest
 from nico_selfmodel.errors import ModelError
 from nico_selfmodel.estimation.arm.kinematics import calibrate_kinematics
 from nico_selfmodel.estimation.judging import judge
-from nico_selfmodel.estimation.results.fixed_parameters import Pins
+from nico_selfmodel.estimation.results.fixed_parameters import FixedParameters
 from nico_selfmodel.model.arm.dh_table import DhTable
 from nico_selfmodel.planning.sweep_protocol import SweepProtocol
 from nico_selfmodel.plant import ArmDescription
@@ -56,7 +56,7 @@ def test_without_limits_of_the_encoders_the_robot_cannot_be_placed_but_the_arm_i
 
 def test_a_pin_without_a_value_holds_the_robots(session):
     name = "right_upper_arm_twist.D"
-    result = calibrate_kinematics(session, nominal=NOMINAL, pins=Pins.from_text([name]))
+    result = calibrate_kinematics(session, nominal=NOMINAL, pins=FixedParameters.from_text([name]))
     held = dict(zip(result.model.parameters.names, result.model.parameters.values, strict=True))
     assert held[name] == pytest.approx(0.130, abs=1e-9)
     assert name not in result.free

@@ -1,4 +1,4 @@
-"""Cameras from views of a board: recovery, what is seen by one eye only, bad boards, refusals."""
+"""Cameras from views of a board: recovery, what one camera alone saw, bad boards, refusals."""
 
 from contextlib import suppress
 from dataclasses import replace
@@ -63,7 +63,7 @@ def sigma_of(calibration):
 
 
 @pytest.mark.parametrize("seed", range(3))
-def test_exact_corners_give_the_true_eyes_and_boards(seed):
+def test_exact_corners_give_the_true_cameras_and_boards(seed):
     X_LG = boards(8, seed)
     found = calibrate_cameras(pictures(X_LG))
     assert found.converged
@@ -75,7 +75,7 @@ def test_exact_corners_give_the_true_eyes_and_boards(seed):
 
 
 def test_skewed_and_tangential_lenses_are_found_where_they_are_asked_for():
-    left, right = (replace(e, skew=1.5, p1=2e-3, p2=-1e-3) for e in RIG.eyes)
+    left, right = (replace(e, skew=1.5, p1=2e-3, p2=-1e-3) for e in RIG.cameras)
     rig = StereoRig(left, right)
     views = pictures(boards(10, 2, rig=rig), rig=rig)
     wide = CameraOptions(tangential=True, freed=frozenset(["skew"]))
@@ -88,20 +88,20 @@ def test_skewed_and_tangential_lenses_are_found_where_they_are_asked_for():
     assert plain.rms > 0.01
 
 
-@pytest.mark.parametrize("eye", ["left", "right"])
-def test_one_eye_alone_is_calibrated_at_the_world(X_LG, eye):
-    found = calibrate_cameras(pictures(X_LG).only(eye))
+@pytest.mark.parametrize("camera", ["left", "right"])
+def test_one_camera_alone_is_calibrated_at_the_world(X_LG, side):
+    found = calibrate_cameras(pictures(X_LG).only(side))
     (camera,) = found.cameras
-    truth = getattr(RIG, eye)
+    truth = getattr(RIG, side)
     assert camera.values == pytest.approx(truth.values, rel=1e-6, abs=1e-7)
     assert np.array_equal(camera.X_WC, np.eye(4))
     assert pytest.approx(truth.X_CW @ X_LG, abs=1e-8) == found.X_LG
-    assert found.names[0] == f"{eye}.fx"
+    assert found.names[0] == f"{side}.fx"
     with pytest.raises(ValueError, match="one camera is no stereo rig"):
         _ = found.rig
 
 
-def test_boards_at_strange_places_and_far_apart_eyes_are_no_hindrance():
+def test_boards_at_strange_places_and_far_apart_cameras_are_no_hindrance():
     pose = transform(rotation_from_vector([0.1, -0.5, 0.3]), [0.2, -0.05, 0.03])
     rig = StereoRig(RIG.left, RIG.right.at(pose))
     X_LG = boards(10, 5, tilt=0.6, rig=rig)
@@ -135,7 +135,7 @@ def test_the_figures_of_a_result_agree_with_each_other(learned, noisy):
     assert learned.seconds > 0.0
 
 
-def test_boards_that_only_one_eye_saw_are_placed_and_used(X_LG):
+def test_boards_that_only_one_camera_saw_are_placed_and_used(X_LG):
     parts = [(slice(0, 3), slice(None), RIGHT), (slice(3, 6), slice(None), LEFT)]
     views = unseen(pictures(X_LG), *parts)
     found = calibrate_cameras(views)
@@ -192,14 +192,14 @@ def test_a_board_listed_from_another_corner_is_another_pose_and_no_mistake(noisy
     assert (off < 0.01 * learned.uncertainty.sigma).all()
 
 
-def test_a_board_that_the_eyes_list_from_different_corners_is_an_outlier(noisy):
+def test_a_board_that_the_cameras_list_from_different_corners_is_an_outlier(noisy):
     pixels = noisy.pixels.copy()
     pixels[8, :, RIGHT] = pixels[8, ::-1, RIGHT]
     found = calibrate_cameras(replace(noisy, pixels=pixels))
     assert np.flatnonzero(found.outliers).tolist() == [8]
 
 
-def test_without_a_robust_loss_a_bad_board_is_believed(noisy, learned):
+def test_without_a_robust_loss_a_bad_board_is_inliers(noisy, learned):
     noise = np.random.default_rng(1).normal(0.0, 30.0, noisy.pixels[0].shape)
     found = calibrate_cameras(changed(noisy, 3, noise), PLAIN)
     assert not found.outliers.any()
@@ -218,17 +218,17 @@ def test_a_board_that_fits_five_times_worse_is_kept(noisy, loss):
 
 
 @pytest.mark.parametrize("sigma", [0.0, 0.05, 0.2])
-@pytest.mark.parametrize("eyes", ["both", "left"])
-def test_parallel_boards_are_refused_and_the_focal_length_is_named(sigma, eyes):
+@pytest.mark.parametrize("cameras", ["both", "left"])
+def test_parallel_boards_are_refused_and_the_focal_length_is_named(sigma, cameras):
     # Turned about their common normal, which tells nothing of the focal length either.
     views = pictures(boards(12, 1, tilt=np.array([0.0, 0.0, 0.5])), sigma)
     with pytest.raises(NotIdentifiableError, match=r"parallel within .* `left.fx` and `left.fy`"):
-        calibrate_cameras(views if eyes == "both" else views.only("left"))
+        calibrate_cameras(views if cameras == "both" else views.only("left"))
 
 
 @pytest.mark.parametrize("listed", ["alike", "one from another corner"])
 @pytest.mark.parametrize("seed", range(4))
-def test_parallel_boards_are_refused_or_their_focal_length_is_called_blind(seed, listed):
+def test_parallel_boards_are_refused_or_their_focal_length_is_called_unobservable(seed, listed):
     """Noise tilts boards, and a board that seems to be seen from behind is not parallel."""
     views = pictures(boards(12, seed, tilt=0.0), 0.5, seed).only("left")
     if listed != "alike":
@@ -238,24 +238,26 @@ def test_parallel_boards_are_refused_or_their_focal_length_is_called_blind(seed,
     with suppress(NotIdentifiableError):
         found = calibrate_cameras(views)
         assert np.isinf(sigma_of(found)["left.fx"])
-        assert any("left.fx" in blind.names for blind in found.uncertainty.unobservable)
+        assert any(
+            "left.fx" in unobservable.names for unobservable in found.uncertainty.unobservable
+        )
 
 
 @pytest.mark.parametrize("count", [0, 1, 2])
 def test_too_few_boards_are_refused(noisy, count):
     views = noisy.select(np.arange(12) < count)
-    with pytest.raises(NotIdentifiableError, match=f"left eye saw {count} board.* at least 3"):
+    with pytest.raises(NotIdentifiableError, match=f"left camera saw {count} board.* at least 3"):
         calibrate_cameras(views)
-    right_blind = unseen(noisy, (slice(count, None), slice(None), RIGHT))
-    with pytest.raises(NotIdentifiableError, match=f"right eye saw {count} board.* at least 3"):
-        calibrate_cameras(right_blind)
+    right_unobservable = unseen(noisy, (slice(count, None), slice(None), RIGHT))
+    with pytest.raises(NotIdentifiableError, match=f"right camera saw {count} board.* at least 3"):
+        calibrate_cameras(right_unobservable)
 
 
-def test_eyes_without_common_boards_are_refused(X_LG):
+def test_cameras_without_common_boards_are_refused(X_LG):
     apart = unseen(
         pictures(X_LG), (slice(0, 6), slice(None), RIGHT), (slice(6, 12), slice(None), LEFT)
     )
-    with pytest.raises(EstimationError, match="no view shows the board to both eyes"):
+    with pytest.raises(EstimationError, match="no view shows the board to both cameras"):
         calibrate_cameras(apart)
 
 
@@ -263,11 +265,11 @@ def test_one_common_board_does_not_tell_the_relative_pose(X_LG):
     views = unseen(
         pictures(X_LG), (slice(0, 6), slice(None), RIGHT), (slice(7, 12), slice(None), LEFT)
     )
-    with pytest.raises(EstimationError, match=r"no relative pose of the eyes: .* one plane"):
+    with pytest.raises(EstimationError, match=r"no relative pose of the cameras: .* one plane"):
         calibrate_cameras(views)
 
 
-def test_eyes_that_are_no_pair_are_refused(noisy):
+def test_cameras_that_are_no_pair_are_refused(noisy):
     both = noisy.pixels
     twice = np.concatenate([both[:, :, LEFT], both[:, :, LEFT]], axis=2)
     with pytest.raises(EstimationError, match="same camera"):
@@ -282,11 +284,11 @@ def test_images_that_were_not_taken_together_are_refused(noisy, order):
     shuffled = noisy.pixels.copy()
     shuffled[:, :, RIGHT] = shuffled[order][:, :, RIGHT]
     # What the adjustment makes of nonsense hangs on rounding: it may not even stay a camera.
-    with pytest.raises(EstimationError, match=r"no rigid pair of eyes|no plausible camera"):
+    with pytest.raises(EstimationError, match=r"no rigid pair of cameras|no plausible camera"):
         calibrate_cameras(replace(noisy, pixels=shuffled))
 
 
-def test_an_eye_that_moves_between_the_images_is_noticed(X_LG):
+def test_an_camera_that_moves_between_the_images_is_noticed(X_LG):
     rng, pixels = np.random.default_rng(0), []
     for X in X_LG:
         wobble = transform(rotation_from_vector(rng.normal(0.0, 0.02, 3)), np.zeros(3))
@@ -322,7 +324,7 @@ def test_the_real_pair_fits_and_has_its_baseline(real_data_folder):
 
 @pytest.mark.parametrize("seed", range(3))
 def test_small_boards_far_away_start_badly_and_end_well(seed):
-    """Each eye alone hardly knows its principal point then: no sign of pairs mixed up."""
+    """Each camera alone hardly knows its principal point then: no sign of pairs mixed up."""
     rng, found = np.random.default_rng(seed), []
     while len(found) < 14:
         turn = rotation_from_vector(rng.normal(0.0, 0.6, 3))
@@ -340,22 +342,22 @@ def test_small_boards_far_away_start_badly_and_end_well(seed):
 
 def test_corners_beyond_the_fold_of_a_lens_do_not_stop_its_judgement():
     """Learned without the outermost board, a lens may fold before its corners."""
-    eyes = [
+    cameras = [
         Camera(
-            *(eye.fx, eye.fy, eye.cx, eye.cy, SIZE),
-            k1=eye.k[0],
-            k2=eye.k[1],
+            *(camera.fx, camera.fy, camera.cx, camera.cy, SIZE),
+            k1=camera.k[0],
+            k2=camera.k[1],
             k3=-0.13,
-            X_WC=eye.X_WC,
+            X_WC=camera.X_WC,
         )
-        for eye in RIG.eyes
+        for camera in RIG.cameras
     ]
-    folding, views = StereoRig(*eyes), pictures(boards(12))
+    folding, views = StereoRig(*cameras), pictures(boards(12))
     assert np.isfinite(views.pixels).all()
     reach = folding.left.has_rays(views.of_camera("left").reshape(-1, 2))
-    placed = pose_of_seen_boards(folding.eyes, views)
+    placed = pose_of_seen_boards(folding.cameras, views)
     assert not reach.all()
     assert np.isfinite(placed).all()
     assert np.isnan(epipolar_errors(folding, views)).any()
-    left = held_out_residuals(folding.eyes, views)
+    left = held_out_residuals(folding.cameras, views)
     assert np.isfinite(left).all()

@@ -12,7 +12,7 @@ from nico_selfmodel.estimation.judging import judge, to_json
 from nico_selfmodel.estimation.monitoring.tool import calibrate_tool, rezero
 from nico_selfmodel.model.self_model_file import load_model, save_model
 
-from .simulated_bodies import blinded, body, learned, only_eyes, poses
+from .simulated_bodies import blinded, body, learned, only_cameras, poses
 
 SHIFT = np.array([0.025, 0.0, -0.08])
 REACH = float(np.linalg.norm(SHIFT))
@@ -47,7 +47,7 @@ def points_only(data, sigma=1e-3):
 @pytest.mark.parametrize("free", ["point", "body"])
 def test_five_poses_place_the_tip(model, tipped, sensor, free):
     few, test = tipped.select(np.arange(5)), tipped.select(np.arange(20, 60))
-    few = only_eyes(few) if sensor == "pixels" else points_only(few)
+    few = only_cameras(few) if sensor == "pixels" else points_only(few)
     found = calibrate_tool(model, few, sensor=sensor, free=free, test=test)
     assert found.tool == "tool"
     assert found.model.markers == ("hand", "tool")
@@ -56,7 +56,7 @@ def test_five_poses_place_the_tip(model, tipped, sensor, free):
     assert found.reach == pytest.approx(REACH, abs=4.0 * found.reach_sigma)
     assert found.reach_sigma < 4e-3
     assert judge(found).status == "PASS"
-    # The hand's own point, and the eyes, are what they were.
+    # The hand's own point, and the cameras, are what they were.
     assert found.model.parameters.values[-6:-3] == pytest.approx([0.0] * 3)
     if free == "point":
         assert found.model.rig.values == pytest.approx(model.rig.values, abs=1e-12)
@@ -74,14 +74,14 @@ def test_with_every_pose_nothing_beats_the_prior_of_the_body(model, tipped):
     assert after < before
 
 
-def test_one_eye_is_enough_for_a_known_arm(model, tipped):
-    few = blinded(only_eyes(tipped.select(np.arange(8))), slice(None), 1)
+def test_one_camera_is_enough_for_a_known_arm(model, tipped):
+    few = blinded(only_cameras(tipped.select(np.arange(8))), slice(None), 1)
     found = calibrate_tool(model, few)
     assert true_mm(found.model, tipped.select(np.arange(20, 60))) < 6.0
 
 
 def test_the_tip_is_learned_anew_under_its_own_name_and_survives_the_file(model, tipped, tmp_path):
-    few = replace(only_eyes(tipped.select(np.arange(5))), marker=np.full(5, "screwdriver"))
+    few = replace(only_cameras(tipped.select(np.arange(5))), marker=np.full(5, "screwdriver"))
     found = calibrate_tool(model, few)
     assert found.tool == "screwdriver"
     save_model(found.model, tmp_path / "m.yaml")
@@ -93,7 +93,7 @@ def test_the_tip_is_learned_anew_under_its_own_name_and_survives_the_file(model,
 
 def test_the_covariance_knows_that_body_and_tip_err_together(model, tipped):
     """The prediction of the tip is uncertain by both, and less than by each on its own."""
-    found = calibrate_tool(model, only_eyes(tipped.select(np.arange(20))))
+    found = calibrate_tool(model, only_cameras(tipped.select(np.arange(20))))
     names = found.model.covariance.names
     own = [names.index(f"hand.tool.{axis}") for axis in "xyz"]
     rest = [i for i in range(len(names)) if i not in own]
@@ -115,7 +115,7 @@ def test_a_body_that_changed_too_is_noticed(model):
     one = body()
     one.faults.take_tool(SHIFT)
     one.faults.slip("right_shoulder_roll", np.radians(3.0))
-    found = calibrate_tool(model, only_eyes(poses(one, 20, shift=SHIFT)))
+    found = calibrate_tool(model, only_cameras(poses(one, 20, shift=SHIFT)))
     assert not found.update.fits
     verdict = judge(found)
     assert verdict.status == "FAIL"
@@ -123,7 +123,7 @@ def test_a_body_that_changed_too_is_noticed(model):
 
 
 def test_a_bare_hand_is_no_tool(model):
-    found = calibrate_tool(model, only_eyes(poses(body(), 10)))
+    found = calibrate_tool(model, only_cameras(poses(body(), 10)))
     assert any("no tool can be told from the bare hand" in r for r in found.reasons)
     assert judge(found).status == "FAIL"
 
@@ -146,7 +146,7 @@ def test_a_hand_that_hardly_moved_is_refused(model, tipped):
 
 
 def test_what_does_not_suit_is_refused(model, tipped):
-    few = only_eyes(tipped.select(np.arange(5)))
+    few = only_cameras(tipped.select(np.arange(5)))
     with pytest.raises(DataError, match="no measured point"):
         calibrate_tool(model, replace(few, pixels=None))
     with pytest.raises(ValueError, match="free must be"):
@@ -155,13 +155,13 @@ def test_what_does_not_suit_is_refused(model, tipped):
         calibrate_tool(model, few, sensor="touch")
     with pytest.raises(ValueError, match="no loss"):
         calibrate_tool(model, few, loss="l7")
-    blind = replace(model, cameras={}, covariance=None)
+    unobservable = replace(model, cameras={}, covariance=None)
     with pytest.raises(ModelError, match="no pair of cameras"):
-        calibrate_tool(blind, few, sensor="pixels")
+        calibrate_tool(unobservable, few, sensor="pixels")
 
 
 def test_an_outlier_among_the_poses_of_a_tool_is_left_out(model, tipped):
-    few = only_eyes(tipped.select(np.arange(8)))
+    few = only_cameras(tipped.select(np.arange(8)))
     pixels = few.pixels.copy()
     pixels[3] += [60.0, -40.0, -50.0, 30.0]
     found = calibrate_tool(model, replace(few, pixels=pixels))
@@ -175,7 +175,7 @@ def test_five_poses_bring_the_zeros_back(model, sensor):
     one.faults.restart(7)
     few, test = poses(one, 5, seed=1), poses(one, 40, seed=2)
     assert 1e3 * evaluate(model, test).statistics.mean > 20.0
-    few = only_eyes(few) if sensor == "pixels" else points_only(few)
+    few = only_cameras(few) if sensor == "pixels" else points_only(few)
     found = rezero(model, few, sensor=sensor)
     assert 1e3 * evaluate(found.model, test).statistics.mean < 4.0
     assert judge(found).status == "NOT_EVALUATED"
@@ -191,16 +191,16 @@ def test_five_poses_bring_the_zeros_back(model, sensor):
 def test_only_the_joints_named_get_new_zeros(model):
     one = body()
     one.faults.slip("right_elbow", np.radians(5.0))
-    found = rezero(model, only_eyes(poses(one, 6)), joints=("right_elbow",))
+    found = rezero(model, only_cameras(poses(one, 6)), joints=("right_elbow",))
     assert found.shifts[:3] == pytest.approx([0.0] * 3)
     assert np.degrees(found.shifts[3]) == pytest.approx(5.0, abs=0.8)
     with pytest.raises(ValueError, match="no joint 'elbow'"):
-        rezero(model, only_eyes(poses(one, 6)), joints=("elbow",))
+        rezero(model, only_cameras(poses(one, 6)), joints=("elbow",))
 
 
 def test_one_pose_leaves_zeros_open_and_names_them(model):
     with pytest.raises(NotIdentifiableError, match=r"right_.*theta_offset"):
-        rezero(model, only_eyes(poses(body(), 1)))
+        rezero(model, only_cameras(poses(body(), 1)))
 
 
 @pytest.mark.parametrize("joint", ["right_shoulder_roll", "right_elbow"])
@@ -210,7 +210,7 @@ def test_readings_that_lost_a_turn_find_their_zeros(model, joint):
         lost = np.eye(4)[column] * data.joints[column].counts_per_turn
         return replace(data, encoders=data.encoders + lost)
 
-    found = rezero(model, only_eyes(wrapped(poses(body(), 5))))
+    found = rezero(model, only_cameras(wrapped(poses(body(), 5))))
     assert found.update.fits
     assert np.all(np.abs(found.shifts) <= np.pi)
     again = wrapped(poses(body(), 30, seed=3))
@@ -220,18 +220,20 @@ def test_readings_that_lost_a_turn_find_their_zeros(model, joint):
 def test_zeros_of_another_body_do_not_fit(model):
     one = body()
     one.faults.bump_camera([0.03, 0.02, 0.0])
-    found = rezero(model, only_eyes(poses(one, 10)))
+    found = rezero(model, only_cameras(poses(one, 10)))
     assert judge(found).status == "FAIL"
 
 
 def test_the_documents_are_plain_numbers(model, tipped):
-    found = calibrate_tool(model, only_eyes(tipped.select(np.arange(5))), test=only_eyes(tipped))
+    found = calibrate_tool(
+        model, only_cameras(tipped.select(np.arange(5))), test=only_cameras(tipped)
+    )
     document = to_json(found, judge(found))
     assert json.loads(json.dumps(document, allow_nan=False)) == document
     assert document["reach_mm"]["value"] == pytest.approx(1e3 * REACH, abs=12.0)
     assert set(document["parameters"]) == {f"hand.tool.{axis}" for axis in "xyz"}
     assert document["test"]["pixels"]["mean"] < 6.0
-    again = rezero(model, only_eyes(poses(body(), 5)))
+    again = rezero(model, only_cameras(poses(body(), 5)))
     document = to_json(again, judge(again))
     assert json.loads(json.dumps(document, allow_nan=False)) == document
     assert document["body_fits"] is True

@@ -9,7 +9,7 @@ from nico_selfmodel.errors import ModelError
 from nico_selfmodel.estimation.arm.kinematics import calibrate_kinematics
 from nico_selfmodel.estimation.body.arm_through_cameras import Sight
 from nico_selfmodel.estimation.monitoring.health import check_health
-from nico_selfmodel.estimation.noise.hand_observations import sightings_of
+from nico_selfmodel.estimation.noise.hand_observations import hand_observations_of
 from nico_selfmodel.estimation.noise.pose_residuals import PoseResiduals
 from nico_selfmodel.estimation.noise.training_noise import FLOOR, expected_noise, without_itself
 
@@ -57,7 +57,7 @@ def test_every_estimator_of_an_arm_writes_its_noise(model):
     body = learned(0).model.noise_mixtures
     assert set(body) == {"pixels"}
     assert body["pixels"].sensor_sigma == pytest.approx(0.3, rel=0.1)
-    sight = Sight.of(scenario(0).eyes, scenario(0).train)
+    sight = Sight.of(scenario(0).cameras, scenario(0).train)
     found = sight.complete(calibrate_kinematics(sight.train, explain=False)).model
     assert set(found.noise_mixtures) == {"points", "pixels"}
     circles = calibrate_kinematics(session(THESIS, SEED, 0, sweeps=True), method="circle-points")
@@ -144,8 +144,8 @@ def test_tags_that_move_together_are_told_from_one_that_moves():
     turned = replace(
         model, table=replace(model.dh, p_NH=model.dh.p_NH + np.array([0.008, 0.0, 0.006]))
     )
-    off = PoseResiduals.of(sightings_of(turned, data)).residuals
-    off -= PoseResiduals.of(sightings_of(model, data)).residuals
+    off = PoseResiduals.of(hand_observations_of(turned, data)).residuals
+    off -= PoseResiduals.of(hand_observations_of(model, data)).residuals
     rows = np.arange(len(data))
     pose = np.unique(data.sample, return_inverse=True)[1]
     tag = np.array([model.markers.index(name) for name in data.marker.tolist()])

@@ -1,4 +1,4 @@
-"""What a calibration of eyes says of its own errors, against the errors of many recordings."""
+"""What a calibration of cameras says of its own errors, against the errors of many recordings."""
 
 import numpy as np
 import pytest

@@ -9,12 +9,12 @@ from nico_selfmodel.estimation.judging import judge
 from nico_selfmodel.estimation.monitoring.health import check_health
 from nico_selfmodel.estimation.monitoring.monitored_changes import JUMPS
 from nico_selfmodel.estimation.monitoring.tool import calibrate_tool, rezero
-from nico_selfmodel.estimation.noise.hand_observations import covariance_of, sightings_of
+from nico_selfmodel.estimation.noise.hand_observations import covariance_of, hand_observations_of
 from nico_selfmodel.model.arm.link_lengths import link_lengths
 from nico_selfmodel.model.self_model import SelfModel
 from nico_selfmodel.systems.simulated.sensors import StereoPixels
 
-from .simulated_bodies import PLAY, Truth, body, learned, only_eyes, poses, protocol, scenario
+from .simulated_bodies import PLAY, Truth, body, learned, only_cameras, poses, protocol, scenario
 
 pytestmark = pytest.mark.slow
 SEEDS = range(10)
@@ -25,7 +25,7 @@ def true_mm(calibration, seed, tracker="fiducial"):
     return 1e3 * evaluate(calibration.model, scenario(seed, tracker).test).statistics.mean
 
 
-def test_kinematics_alone_leave_the_error_of_the_eyes_and_anchored_it_is_gone():
+def test_kinematics_alone_leave_the_error_of_the_cameras_and_anchored_it_is_gone():
     before = [true_mm(learned(s, stage="kinematics"), s) for s in SEEDS]
     after = [true_mm(learned(s), s) for s in SEEDS]
     assert np.mean(before) > 6.0
@@ -76,7 +76,7 @@ def test_what_is_not_anchored_is_refused():
             refused.append(judge(learned(seed, variant="thesis")).status == "FAIL")
         except EstimationError:
             refused.append(True)
-    # Some bodies are lucky: their eyes come out no worse than before.
+    # Some bodies are lucky: their cameras come out no worse than before.
     assert np.mean(refused) >= 0.7
 
 
@@ -105,7 +105,7 @@ def test_a_tool_from_three_and_from_ten_poses():
         one.sensor = StereoPixels(1.5)
         test = poses(one, 100, 99, "color", shift=TOOL)
         for count, found in errors.items():
-            few = only_eyes(poses(one, count, 50 + count, "color", shift=TOOL))
+            few = only_cameras(poses(one, count, 50 + count, "color", shift=TOOL))
             model = calibrate_tool(learned(seed, "color").model, few, tool="hand").model
             found.append(1e3 * evaluate(model, test).statistics.mean)
     assert np.mean(errors[3]) <= 5.5
@@ -118,7 +118,7 @@ def test_five_poses_after_a_restart():
         one = body(seed)
         one.faults.restart(seed)
         test = poses(one, 100, 99)
-        model = rezero(learned(seed).model, only_eyes(poses(one, 5, 60))).model
+        model = rezero(learned(seed).model, only_cameras(poses(one, 5, 60))).model
         errors.append(1e3 * evaluate(model, test).statistics.mean)
     assert np.mean(errors) <= 2.3, errors
     assert max(errors) <= 4.0
@@ -127,7 +127,7 @@ def test_five_poses_after_a_restart():
 def test_no_false_alarm_in_forty_times_three_hundred_poses():
     for run in range(40):
         seed = run % 8
-        report = check_health(learned(seed).model, only_eyes(poses(body(seed), 300, 100 + run)))
+        report = check_health(learned(seed).model, only_cameras(poses(body(seed), 300, 100 + run)))
         assert report.healthy, run
 
 
@@ -140,7 +140,7 @@ def test_slips_of_two_degrees_are_seen_soon_and_named():
             for angle in (-2.0, 2.0):
                 one = body(seed)
                 one.faults.slip(joint, np.radians(angle))
-                report = check_health(model, only_eyes(poses(one, 15, 200)))
+                report = check_health(model, only_cameras(poses(one, 15, 200)))
                 assert report.alarm_at is not None
                 seen.setdefault(joint, []).append(report.alarm_at + 1)
                 right += report.diagnoses[0].hypothesis.cause == f"zero of {joint}"
@@ -157,10 +157,10 @@ def test_what_a_pose_tells_of_a_jump_is_as_documented():
     information = {}
     for seed in range(3):
         model = learned(seed).model
-        sightings = sightings_of(model, only_eyes(poses(body(seed), 150, 300)))
-        whitened = sightings.innovations(covariance_of(model, sightings.names)).whitened[1]
+        observations = hand_observations_of(model, only_cameras(poses(body(seed), 150, 300)))
+        whitened = observations.innovations(covariance_of(model, observations.names)).whitened[1]
         for joint, gear in zip(model.joints, model.servos.gear, strict=True):
-            column = sightings.names.index(f"{joint}.theta_offset")
+            column = observations.names.index(f"{joint}.theta_offset")
             h = whitened[:, :, column] * JUMPS[0] * gear
             information.setdefault(joint, []).append(0.5 * np.mean(np.sum(h * h, axis=1)))
     twist = np.mean(information.pop("right_upper_arm_twist"))
@@ -184,14 +184,16 @@ def test_errors_over_sigma_have_unit_spread():
             zip(found.model.parameters.names, found.model.parameters.values, strict=True)
         )
         learned_values |= dict(zip(found.model.rig.names, found.model.rig.values, strict=True))
-        eyes = [i for i, name in enumerate(names) if name.startswith(("left.", "right.p"))]
-        eyes += [i for i, name in enumerate(names) if name.startswith("right.") and i not in eyes]
-        eyes = [i for i in eyes if names[i] in truth.rig.names]
-        error = np.array([learned_values[names[i]] - values[names[i]] for i in eyes])
-        covariance = found.uncertainty.covariance[np.ix_(eyes, eyes)]
+        cameras = [i for i, name in enumerate(names) if name.startswith(("left.", "right.p"))]
+        cameras += [
+            i for i, name in enumerate(names) if name.startswith("right.") and i not in cameras
+        ]
+        cameras = [i for i in cameras if names[i] in truth.rig.names]
+        error = np.array([learned_values[names[i]] - values[names[i]] for i in cameras])
+        covariance = found.uncertainty.covariance[np.ix_(cameras, cameras)]
         size = np.sqrt(np.diag(covariance))
         scaled = covariance / np.outer(size, size)
-        scores.append((error / size) @ np.linalg.solve(scaled, error / size) / len(eyes))
+        scores.append((error / size) @ np.linalg.solve(scaled, error / size) / len(cameras))
         hands.append(hand_nees(found.model, seed))
     assert 0.7 <= np.mean(scores) <= 1.4, scores
     assert 0.6 <= np.mean(hands) <= 1.5, hands

@@ -8,7 +8,7 @@ import pytest
 from nico_selfmodel.estimation.arm.kinematics import calibrate_kinematics
 from nico_selfmodel.estimation.initialization.joint_zeros import meaningful_parameters
 from nico_selfmodel.estimation.initialization.nominal_arm import NominalArm
-from nico_selfmodel.estimation.observations.arm_estimate import ArmHypothesis
+from nico_selfmodel.estimation.observations.arm_estimate import ArmEstimate
 from nico_selfmodel.estimation.observations.observations import Observations
 from nico_selfmodel.geometry.rotation import rotation_from_vector
 from nico_selfmodel.geometry.transform import transform
@@ -31,12 +31,12 @@ def arm_and_angles(truth, seed=0):
     observations = Observations.from_dataset(data)
     zero = observations.angles[0]
     q_zero = (zero - truth.servos.offset) / truth.servos.gear
-    arm = ArmHypothesis(truth.chain.rezeroed(q_zero), truth.servos.gear, zero)
+    arm = ArmEstimate(truth.chain.rezeroed(q_zero), truth.servos.gear, zero)
     return arm, observations
 
 
 @pytest.mark.parametrize("unit", ["rad", "deg", "counts"])
-@pytest.mark.parametrize("kind", ["wild", "elbow", "parallel"])
+@pytest.mark.parametrize("kind", ["outlying", "elbow", "parallel"])
 @pytest.mark.parametrize("described", [False, True])
 def test_no_choice_of_zero_changes_a_prediction(make_truth, unit, kind, described):
     for seed in range(4):
@@ -77,7 +77,7 @@ def test_counts_alone_count_from_theta_zero(make_truth):
     assert found.servos.gear == pytest.approx(truth.servos.gear)
 
 
-@pytest.mark.parametrize("kind", ["wild", "elbow", "parallel"])
+@pytest.mark.parametrize("kind", ["outlying", "elbow", "parallel"])
 def test_a_described_robot_lends_its_zero(make_truth, kind):
     truth = make_truth(5, 2, unit="counts", kind=kind)
     arm, seen = arm_and_angles(truth)

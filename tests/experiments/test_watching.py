@@ -1,4 +1,4 @@
-"""Whose eyes a robot at work may be watched with."""
+"""Whose cameras a robot at work may be watched with."""
 
 from dataclasses import replace
 

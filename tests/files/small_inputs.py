@@ -382,13 +382,13 @@ def _together(one: Dataset, other: Dataset) -> Dataset:
 
 
 def _make_seen(sound: Path, command) -> dict[str, str]:
-    """Write a body with eyes that met a mirror, and what it saw."""
+    """Write a body with cameras that met a mirror, and what it saw."""
     body = mirror_body(2)
-    save_model(body.calibrated(), sound / "eyes.yaml")
+    save_model(body.calibrated(), sound / "cameras.yaml")
     save_dataset(
         _together(body.watch("", 12, session=1), body.watch("middle", 8, session=2)), sound / "seen"
     )
-    words = ("--model", sound / "eyes.yaml", "--stage", "kinematics")
+    words = ("--model", sound / "cameras.yaml", "--stage", "kinematics")
     _done(command("calibrate", "body", sound / "seen", *words, "--out", sound / "nico"))
     words = ("--model", sound / "nico", "--test-fraction", "0.3")
     _done(command("calibrate", "mirror", sound / "seen", *words, "--out", sound / "body"))

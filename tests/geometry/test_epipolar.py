@@ -91,7 +91,7 @@ def test_points_of_one_plane_are_refused(count):
         RelativePose.from_points(first, second)
 
 
-def test_eyes_at_one_place_are_refused():
+def test_cameras_at_one_place_are_refused():
     rotation, _, first, *_ = two_views(3)
     turned = homogeneous(first) @ rotation.T
     with pytest.raises(ValueError, match="leave the epipolar geometry open"):

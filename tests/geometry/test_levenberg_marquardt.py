@@ -55,7 +55,7 @@ def test_a_linear_problem_is_solved_by_one_step():
     assert result.x == pytest.approx(expected, abs=1e-6)
 
 
-def test_a_problem_blind_in_one_direction_still_ends_in_its_valley():
+def test_a_problem_unobservable_in_one_direction_still_ends_in_its_valley():
     rng = np.random.default_rng(2)
     a, b = rng.normal(size=(20, 3)), rng.normal(size=20)
     a[:, 2] = a[:, 0] + a[:, 1]

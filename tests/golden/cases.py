@@ -31,9 +31,9 @@ def data(name: str) -> Dataset:
 
 def boards(name: str) -> BoardViews:
     with np.load(FOLDER / f"{name}.npz") as stored:
-        names, eyes = tuple(stored["names"].tolist()), tuple(stored["eyes"].tolist())
+        names, cameras = tuple(stored["names"].tolist()), tuple(stored["cameras"].tolist())
         width, height = stored["size"].tolist()
-        return BoardViews(stored["p_GQ"], names, eyes, stored["pixels"], (width, height))
+        return BoardViews(stored["p_GQ"], names, cameras, stored["pixels"], (width, height))
 
 
 def arm() -> dict[str, Any]:
@@ -50,9 +50,9 @@ def cameras() -> dict[str, Any]:
 
 
 def body_model():
-    eyes = load_model(FOLDER / "eyes.yaml")
+    cameras = load_model(FOLDER / "cameras.yaml")
     options, test = BodyOptions(), data("body_test")
-    return calibrate_body(data("body_train"), eyes, boards("body_boards"), options, test=test)
+    return calibrate_body(data("body_train"), cameras, boards("body_boards"), options, test=test)
 
 
 def body() -> dict[str, Any]:

@@ -18,7 +18,7 @@ SEED = st.integers(0, 2**32 - 1)
 a_few = settings(max_examples=25)
 """Each example draws a camera and a dozen points."""
 WIDE = Camera(381.0, 381.0, 319.5, 239.5, SIZE, k1=-0.28, k2=0.09, k3=-0.012)
-"""Nico's wide eye."""
+"""Nico's wide camera."""
 
 
 def random_camera(seed):
@@ -70,7 +70,7 @@ def assert_slope(found, numeric):
 
 @pytest.mark.parametrize("p", [(0.0, 0.0), (1e-3, -5e-4)])
 @pytest.mark.parametrize("skew", [0.0, 0.4])
-def test_undistortion_undoes_projection_over_the_whole_image_of_the_wide_eye(p, skew):
+def test_undistortion_undoes_projection_over_the_whole_image_of_the_wide_camera(p, skew):
     values = WIDE.values
     values[2], values[8:] = skew, p
     camera = Camera.from_values(values, SIZE, random_camera(4).X_WC)

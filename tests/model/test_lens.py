@@ -170,6 +170,6 @@ def test_points_beyond_the_fold_are_refused_and_counted():
 
 
 def test_a_lens_that_cannot_be_inverted_says_so():
-    wild = np.array([[0.5, -0.3, 0.2], [0.4, 0.6, -0.5]])
+    outlying = np.array([[0.5, -0.3, 0.2], [0.4, 0.6, -0.5]])
     with pytest.raises(ModelError, match="could not be inverted: its coefficients are not plausi"):
-        lens.undistort(wild, np.zeros(3), np.array([3.0, -2.0]))
+        lens.undistort(outlying, np.zeros(3), np.array([3.0, -2.0]))

@@ -37,7 +37,7 @@ def mirror_at(tilt_deg=(6.0, -9.0), distance=0.48, covariance=None):
 
 
 def body_points(count=40, seed=0):
-    """Return points before the eyes and before the mirror. Shape (N, 3)."""
+    """Return points before the cameras and before the mirror. Shape (N, 3)."""
     rng = np.random.default_rng(seed)
     return rng.uniform([-0.12, -0.1, 0.12], [0.16, 0.1, 0.36], (count, 3))
 
@@ -97,7 +97,7 @@ def test_the_thesis_initial_mirror_camera_misses_by_half_a_turn():
     assert_allclose(proper[:3, :3], np.diag([-1.0, -1.0, 1.0]) @ turn, atol=1e-12)
 
 
-def test_the_virtual_eyes_are_the_reflected_ones_and_keep_their_relative_pose():
+def test_the_virtual_cameras_are_the_reflected_ones_and_keep_their_relative_pose():
     rig = MirrorRig(RIG.moved(X_WV), mirror_at())
     assert_allclose(rig.virtual.X_LR, RIG.X_LR, atol=1e-12)
     centre = reflect(rig.plane, rig.rig.right.X_WC[:3, 3])
@@ -157,18 +157,18 @@ def test_slopes_of_a_reflection_are_its_finite_differences():
 def test_slopes_of_a_reflected_projection_are_its_finite_differences(elsewhere):
     rig = RIG.moved(X_WV) if elsewhere else RIG
     points, mirror, step = apply(rig.left.X_WC, body_points(8)), mirror_at(), 1e-6
-    shown = reflected_projection(rig.eyes, mirror.values, points)
+    shown = reflected_projection(rig.cameras, mirror.values, points)
     for k in range(3):
         change = step * np.eye(3)[k]
         ahead, back = (
-            reflected_projection(rig.eyes, mirror.values, points + s * change).pixels
+            reflected_projection(rig.cameras, mirror.values, points + s * change).pixels
             for s in (1, -1)
         )
         assert_allclose(
             shown.by_point[:, :, k], (ahead - back) / (2.0 * step), rtol=1e-5, atol=1e-4
         )
         ahead, back = (
-            reflected_projection(rig.eyes, mirror.values + s * change, points) for s in (1, -1)
+            reflected_projection(rig.cameras, mirror.values + s * change, points) for s in (1, -1)
         )
         slope = (ahead.pixels - back.pixels) / (2.0 * step)
         assert_allclose(shown.by_mirror[:, :, k], slope, rtol=1e-5, atol=1e-4)
@@ -209,7 +209,7 @@ def test_what_is_behind_the_glass_has_no_reflection():
 
 
 def test_pixels_of_a_thing_behind_the_glass_are_not_in_front():
-    # Seen through the place of the glass, nearer to the eyes than it: no reflection looks so.
+    # Seen through the place of the glass, nearer to the cameras than it: no reflection looks so.
     rig = MirrorRig(RIG, mirror_at())
     near = RIG.project(np.array([[0.0, 0.0, 0.3]]))
     assert not rig.triangulate(near).in_front.any()
@@ -238,7 +238,9 @@ def test_angles_between_mirrors():
 def test_a_self_model_with_mirrors_survives_the_round_trip(tmp_path):
     known = mirror_at(covariance=np.diag([1e-3, 2e-3, 1e-3]) ** 2)
     cameras = {"left": RIG.left, "right": RIG.right}
-    model = SelfModel("eyes", cameras=cameras, mirrors={"m 1": known, "b": mirror_at((0, 0), 1.0)})
+    model = SelfModel(
+        "cameras", cameras=cameras, mirrors={"m 1": known, "b": mirror_at((0, 0), 1.0)}
+    )
     save_model(model, tmp_path / "model.yaml")
     loaded = load_model(tmp_path / "model.yaml")
     assert tuple(loaded.mirrors) == ("m 1", "b")
@@ -253,18 +255,18 @@ def test_a_self_model_with_mirrors_survives_the_round_trip(tmp_path):
 def test_a_mirror_that_was_not_learned_is_named():
     cameras = {"left": RIG.left, "right": RIG.right}
     with pytest.raises(ModelError, match="calibrate mirror"):
-        SelfModel("eyes", cameras=cameras).mirror_rig("glass")
+        SelfModel("cameras", cameras=cameras).mirror_rig("glass")
     with pytest.raises(ModelError, match="there are: wall"):
-        SelfModel("eyes", cameras=cameras, mirrors={"wall": mirror_at()}).mirror_rig("glass")
+        SelfModel("cameras", cameras=cameras, mirrors={"wall": mirror_at()}).mirror_rig("glass")
     with pytest.raises(ModelError, match="no pair of cameras"):
-        SelfModel("blind", mirrors={"wall": mirror_at()}).mirror_rig("wall")
+        SelfModel("unobservable", mirrors={"wall": mirror_at()}).mirror_rig("wall")
     with pytest.raises(ValueError, match="names"):
-        SelfModel("eyes", mirrors={"": mirror_at()})
+        SelfModel("cameras", mirrors={"": mirror_at()})
 
 
 def test_a_broken_mirror_in_a_file_is_refused(tmp_path):
     path = tmp_path / "model.yaml"
-    save_model(SelfModel("eyes", mirrors={"wall": mirror_at()}), path)
+    save_model(SelfModel("cameras", mirrors={"wall": mirror_at()}), path)
     text = path.read_text(encoding="utf-8")
     path.write_text(text.replace("distance: 0.48", "distance: -0.48"), encoding="utf-8")
     with pytest.raises(ModelError, match="distance must be positive"):

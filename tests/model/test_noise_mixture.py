@@ -20,7 +20,7 @@ def test_what_is_written_is_read_back_to_the_last_bit():
 
 
 def test_a_self_model_carries_its_noise_through_its_file(tmp_path):
-    model = SelfModel("eyes", fit={"noise": {"pixels": NOISE.as_document("pixels")}})
+    model = SelfModel("cameras", fit={"noise": {"pixels": NOISE.as_document("pixels")}})
     save_model(model, tmp_path / "self_model.yaml")
     assert load_model(tmp_path).noise_mixtures == {"pixels": NOISE}
 
@@ -45,7 +45,7 @@ def test_a_self_model_carries_its_noise_through_its_file(tmp_path):
 )
 def test_what_is_no_noise_is_refused_on_loading(tmp_path, key, value, message):
     path = tmp_path / "self_model.yaml"
-    save_model(SelfModel("eyes", fit={"noise": {"points": ENTRY}}), path)
+    save_model(SelfModel("cameras", fit={"noise": {"points": ENTRY}}), path)
     text = path.read_text()
     assert f"{key}: {ENTRY[key]}" in text
     path.write_text(text.replace(f"  {key}: {ENTRY[key]}", f"  {key}: {_yaml(value)}"))
@@ -64,7 +64,7 @@ def test_what_is_no_noise_is_refused_on_loading(tmp_path, key, value, message):
 )
 def test_other_noise_is_refused_by_name(noise, message):
     with pytest.raises(ValueError, match=message):
-        SelfModel("eyes", fit={"noise": noise})
+        SelfModel("cameras", fit={"noise": noise})
 
 
 def test_a_tail_is_wider_and_rarer_than_its_core():

@@ -156,7 +156,7 @@ SPOILT = {
     "servos are nothing": (with_value(None, "servos"), "servos must be a list of mappings"),
     "a unit is a list": (with_value(["rad"], "servos", 0, "unit"), "must be a list of names"),
     "a gear is a list": (with_value([1.0], "servos", 0, "gear"), "gear must be numbers, in rows"),
-    "an eye is a word": (with_value("blue", "cameras", "left"), "left must be a mapping"),
+    "a camera is a word": (with_value("blue", "cameras", "left"), "left must be a mapping"),
     "noise is a list": (with_value([1.0], "noise_sigma_m"), "noise_sigma_m must be a number"),
     "hand is a list": (with_value([[0.0, 0.0, 0.1]], "chain", "hand"), "not a valid self-model"),
     "hand is nowhere": (with_value({}, "chain", "hand"), "not a valid self-model"),

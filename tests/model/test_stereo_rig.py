@@ -1,4 +1,4 @@
-"""Two eyes: triangulation with its covariance, epipolar geometry, another world."""
+"""Two cameras: triangulation with its covariance, epipolar geometry, another world."""
 
 import cv2
 import numpy as np
@@ -27,7 +27,7 @@ def random_rig(seed):
     """Return a rig somewhere: two lenses, a baseline of about 7 cm, a little vergence."""
     rng = np.random.default_rng(seed)
 
-    def eye(pose):
+    def camera(pose):
         f, c = rng.uniform(350.0, 450.0, 2), rng.uniform([300.0, 220.0], [340.0, 260.0])
         values = [*f, rng.normal(0.0, 0.5), *c, *rng.normal([-0.28, 0.09, -0.012], 0.005)]
         return Camera.from_values([*values, *rng.normal(0.0, 5e-4, 2)], SIZE, pose)
@@ -36,16 +36,16 @@ def random_rig(seed):
     X_LR = transform(
         rotation_from_vector(rng.normal(0.0, 0.05, 3)), [0.07, *rng.normal(0, 5e-3, 2)]
     )
-    return StereoRig(eye(X_WL), eye(X_WL @ X_LR))
+    return StereoRig(camera(X_WL), camera(X_WL @ X_LR))
 
 
 def parallel_rig(baseline=0.07):
-    eye = Camera(400.0, 400.0, 320.0, 240.0, SIZE)
-    return StereoRig(eye, eye.at(transform(np.eye(3), [baseline, 0.0, 0.0])))
+    camera = Camera(400.0, 400.0, 320.0, 240.0, SIZE)
+    return StereoRig(camera, camera.at(transform(np.eye(3), [baseline, 0.0, 0.0])))
 
 
 def before(rig, seed, count=20):
-    """Return points of the world in front of the left eye, a hand's reach away. Shape (N, 3)."""
+    """Return points of the world in front of the left camera, a hand's reach away. Shape (N, 3)."""
     rng = np.random.default_rng((seed, 1))
     depth = rng.uniform(0.2, 0.5, count)
     aside = rng.uniform([-0.5, -0.4], [0.5, 0.4], (count, 2)) * depth[:, None]
@@ -68,10 +68,10 @@ def test_opencv_triangulates_alike_where_the_pixels_are_exact():
     p = before(rig, 5)
     pixels = rig.project(p)
     ideal = [
-        eye.undistort(pixels[:, c]).T
-        for eye, c in zip(rig.eyes, (slice(0, 2), slice(2, 4)), strict=True)
+        camera.undistort(pixels[:, c]).T
+        for camera, c in zip(rig.cameras, (slice(0, 2), slice(2, 4)), strict=True)
     ]
-    X_CW = [eye.X_CW[:3] for eye in rig.eyes]
+    X_CW = [camera.X_CW[:3] for camera in rig.cameras]
     theirs = cv2.triangulatePoints(*X_CW, *ideal)
     assert rig.triangulate(pixels).p_WQ == pytest.approx((theirs[:3] / theirs[3]).T, abs=1e-9)
 
@@ -117,22 +117,22 @@ def test_the_covariance_follows_that_of_the_pixels():
     many = np.array([s**2 * np.eye(4) for s in (1.0, 2.0, 3.0, 4.0)])
     each = rig.triangulate(pixels, many).covariance
     assert each == pytest.approx(once * np.array([1.0, 4.0, 9.0, 16.0])[:, None, None], rel=1e-9)
-    # A left eye that is next to blind leaves the distance open along the right one's ray.
+    # A left camera that is next to unobservable leaves the distance open along the right one's ray.
     blurred = rig.triangulate(pixels, np.diag([1e6, 1e6, 1.0, 1.0])).covariance
     widest = np.linalg.eigh(blurred)[1][:, :, -1]
     ray = rig.right.rays(pixels[:, 2:]).direction
     assert np.abs(np.sum(widest * ray, axis=1)) == pytest.approx(np.ones(4), abs=1e-3)
 
 
-def test_points_behind_the_eyes_are_told_apart():
-    """A disparity of the wrong sign: the rays meet behind both eyes."""
+def test_points_behind_the_cameras_are_told_apart():
+    """A disparity of the wrong sign: the rays meet behind both cameras."""
     found = parallel_rig().triangulate([[340.0, 240.0, 300.0, 240.0], [300.0, 240.0, 340.0, 240.0]])
     assert found.in_front.tolist() == [True, False]
     assert found.p_WQ[:, 2] == pytest.approx([0.7, -0.7])
 
 
-def test_a_point_must_lie_in_front_of_both_eyes():
-    """Where the right eye looks the other way, its ray passes through the point backwards."""
+def test_a_point_must_lie_in_front_of_both_cameras():
+    """Where the right camera looks the other way, its ray passes through the point backwards."""
     left = parallel_rig().left
     away = StereoRig(left, left.at(transform(np.diag([-1.0, 1.0, -1.0]), [0.07, 0.0, 0.0])))
     found = away.triangulate([[320.0, 240.0, 280.0, 240.0]])
@@ -140,7 +140,7 @@ def test_a_point_must_lie_in_front_of_both_eyes():
     assert found.in_front.tolist() == [False]
 
 
-def test_what_an_eye_did_not_see_stays_open_and_the_rest_does_not_mind():
+def test_what_an_camera_did_not_see_stays_open_and_the_rest_does_not_mind():
     rig = random_rig(3)
     pixels = rig.project(before(rig, 3, 5))
     gaps = pixels.copy()
@@ -177,13 +177,13 @@ def test_wrong_shapes_are_refused(pixels, covariance, message):
 
 
 def test_a_pixel_without_a_ray_is_refused():
-    eye = Camera(381.0, 381.0, 319.5, 239.5, SIZE, k1=-0.28)
-    rig = StereoRig(eye, eye.at(transform(np.eye(3), [0.07, 0.0, 0.0])))
+    camera = Camera(381.0, 381.0, 319.5, 239.5, SIZE, k1=-0.28)
+    rig = StereoRig(camera, camera.at(transform(np.eye(3), [0.07, 0.0, 0.0])))
     with pytest.raises(ModelError, match="no ray belongs to them"):
         rig.triangulate([[0.0, 0.0, 0.0, 0.0]])
 
 
-def test_one_point_and_what_only_one_eye_sees():
+def test_one_point_and_what_only_one_camera_sees():
     rig = parallel_rig()
     pixels = rig.project([0.0, 0.0, 0.7])
     assert pixels == pytest.approx([320.0, 240.0, 280.0, 240.0])
@@ -197,8 +197,8 @@ def test_matched_points_satisfy_the_epipolar_equations(seed):
     rig = random_rig(seed)
     pixels = rig.project(before(rig, seed))
     ideal = [
-        np.column_stack([eye.undistort(pixels[:, c]), np.ones(20)])
-        for eye, c in zip(rig.eyes, (slice(0, 2), slice(2, 4)), strict=True)
+        np.column_stack([camera.undistort(pixels[:, c]), np.ones(20)])
+        for camera, c in zip(rig.cameras, (slice(0, 2), slice(2, 4)), strict=True)
     ]
     E, F = rig.essential(), rig.fundamental()
     assert np.einsum("ni,ij,nj->n", ideal[1], E, ideal[0]) == pytest.approx(0.0, abs=1e-12)
@@ -225,7 +225,7 @@ def test_the_matrices_are_what_the_thesis_ought_to_say(seed):
 
 
 def epipoles(rig):
-    """Return where each eye's image would show the other's centre, homogeneous [px]."""
+    """Return where each camera's image would show the other's centre, homogeneous [px]."""
     X_LR = rig.X_LR
     return rig.left.K @ X_LR[:3, 3], rig.right.K @ inverse(X_LR)[:3, 3]
 
@@ -243,7 +243,7 @@ def test_epipoles_are_the_null_vectors_and_lie_on_every_line(seed):
     assert lines @ in_right == pytest.approx(np.zeros(20), abs=1e-8)
 
 
-def test_parallel_eyes_have_level_lines():
+def test_parallel_cameras_have_level_lines():
     rig = parallel_rig()
     lines = rig.epipolar_lines([[100.0, 50.0], [400.0, 300.0]])
     assert np.abs(lines[:, 0]).max() < 1e-12

@@ -260,7 +260,7 @@ def test_a_matrix_that_is_not_positive_definite_gives_no_step(part):
     assert eliminated_step(hessian, gradient, damping, own) is not None
 
 
-def test_a_blind_variable_asks_for_damping():
+def test_a_unobservable_variable_asks_for_damping():
     hessian, gradient, _, own = random_system(2)
     hessian[own[0, 0]] = hessian[:, own[0, 0]] = 0.0
     gradient[own[0, 0]] = 0.0

@@ -59,17 +59,19 @@ def test_a_direction_that_nothing_determines_is_named():
     a = regression(4)
     a[:, 3] = 2.0 * a[:, 0]  # only d + a / 2 counts
     found = analyse(a, squared=27.0)
-    (blind,) = found.unobservable
-    assert blind.names == ("a", "d")
-    assert np.abs(blind.shares) == pytest.approx(np.array([2.0, 1.0]) / np.sqrt(5.0), abs=1e-6)
-    assert blind.shares[0] * blind.shares[1] < 0.0
-    assert blind.sigma == np.inf
+    (unobservable,) = found.unobservable
+    assert unobservable.names == ("a", "d")
+    assert np.abs(unobservable.shares) == pytest.approx(
+        np.array([2.0, 1.0]) / np.sqrt(5.0), abs=1e-6
+    )
+    assert unobservable.shares[0] * unobservable.shares[1] < 0.0
+    assert unobservable.sigma == np.inf
     assert found.rank == 3
     assert found.condition > 1e10
     assert np.isinf(found.sigma).tolist() == [True, False, False, True]
 
 
-def test_what_is_seen_beside_a_blind_direction_keeps_its_covariance():
+def test_what_is_seen_beside_a_unobservable_direction_keeps_its_covariance():
     a = regression(5)
     a[:, 3] = a[:, 0]
     found = analyse(a, squared=26.0)
@@ -82,13 +84,13 @@ def test_what_is_seen_beside_a_blind_direction_keeps_its_covariance():
     )
 
 
-def test_a_direction_is_blind_where_its_sigma_reaches_the_natural_scale():
+def test_a_direction_is_unobservable_where_its_sigma_reaches_the_natural_scale():
     a = np.diag([100.0, 100.0, 100.0, 2.0])
     a = np.vstack([a, np.zeros((4, 4))])
     found = analyse(a, natural=[1.0] * 4, squared=4.0)
-    (blind,) = found.unobservable
-    assert blind.names == ("d",)
-    assert blind.sigma == pytest.approx(0.5)
+    (unobservable,) = found.unobservable
+    assert unobservable.names == ("d",)
+    assert unobservable.sigma == pytest.approx(0.5)
     assert np.isinf(found.sigma).tolist() == [False, False, False, True]
     assert found.covariance[3, 3] == 0.0
     assert found.condition == pytest.approx(50.0)
@@ -104,7 +106,7 @@ def test_the_worst_direction_comes_first():
     assert found.condition == np.inf
 
 
-def test_fewer_residuals_than_parameters_leave_directions_blind():
+def test_fewer_residuals_than_parameters_leave_directions_unobservable():
     a = regression(6, m=2)
     found = analyse(a, squared=0.0)
     assert np.isnan(found.variance_factor)
@@ -120,13 +122,13 @@ def test_without_redundancy_the_sigma_assumed_beforehand_counts():
     assert found.covariance == pytest.approx(np.linalg.inv(a.T @ a), rel=1e-6)
 
 
-def test_a_blind_direction_of_many_equal_shares_still_has_names():
+def test_a_unobservable_direction_of_many_equal_shares_still_has_names():
     count = 60
     names = tuple(f"p{i}" for i in range(count))
-    a = np.eye(count) - 1.0 / count  # blind to a common change of all
+    a = np.eye(count) - 1.0 / count  # unobservable to a common change of all
     found = analyse(np.vstack([a, a]) * 1e3, natural=[1.0] * count, names=names)
-    (blind,) = found.unobservable
-    assert set(blind.names) == set(names)
+    (unobservable,) = found.unobservable
+    assert set(unobservable.names) == set(names)
     assert np.isinf(found.sigma).all()
 
 
@@ -139,7 +141,7 @@ def test_a_small_share_of_what_nothing_determines_is_still_unknown():
     assert np.isinf(found.sigma).tolist() == [True, True, False, False]
 
 
-def test_parameters_may_be_declared_blind_from_outside():
+def test_parameters_may_be_declared_unobservable_from_outside():
     seen = analyse(regression(9))
     found = seen.with_unobservable(("b", "d"))
     assert np.isinf(found.sigma).tolist() == [False, True, False, True]

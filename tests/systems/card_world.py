@@ -1,4 +1,4 @@
-"""A card floating before two eyes, in a diagram of a user's own."""
+"""A card floating before two cameras, in a diagram of a user's own."""
 
 import numpy as np
 from pydrake.common.value import AbstractValue
@@ -12,7 +12,7 @@ from nico_selfmodel.systems.rendering.stereo_cameras import StereoCameras
 from nico_selfmodel.systems.rendering.textured_card import textured_card
 from nico_selfmodel.vision.printed_pattern import chessboard_png, fiducial_png, printed_size
 
-# The room's light falls from above: the eyes look down.
+# The room's light falls from above: the cameras look down.
 X_WE = np.diag([1.0, -1.0, -1.0, 1.0])
 FIDUCIAL, CARD = 7, 0.036
 
@@ -20,7 +20,7 @@ FIDUCIAL, CARD = 7, 0.036
 class CardWorld:
     """Shows a fiducial, or a board, to a rig that is given in its own frame."""
 
-    def __init__(self, rig, quality, board=None, renderer="eyes", seed=0):
+    def __init__(self, rig, quality, board=None, renderer="cameras", seed=0):
         builder = DiagramBuilder()
         scene = builder.AddNamedSystem("scene", SceneGraph())
         add_renderer(scene)
@@ -33,11 +33,11 @@ class CardWorld:
             card = textured_card("card", chessboard_png(board), printed_size(board), center, 5)
         scene.RegisterGeometry(source, self.frame, card)
         frames = (scene.world_frame_id(),) * 2
-        self.eyes = StereoCameras(rig.moved(X_WE), frames, quality, seed=seed, renderer=renderer)
-        builder.AddNamedSystem("eyes", self.eyes)
-        builder.Connect(scene.get_query_output_port(), self.eyes.get_input_port())
-        for eye in ("left", "right"):
-            builder.ExportOutput(self.eyes.GetOutputPort(f"{eye}_image"), eye)
+        self.cameras = StereoCameras(rig.moved(X_WE), frames, quality, seed=seed, renderer=renderer)
+        builder.AddNamedSystem("cameras", self.cameras)
+        builder.Connect(scene.get_query_output_port(), self.cameras.get_input_port())
+        for camera in ("left", "right"):
+            builder.ExportOutput(self.cameras.GetOutputPort(f"{camera}_image"), camera)
         builder.ExportInput(scene.get_source_pose_port(source), "pose")
         self.diagram = builder.Build()
         self.context = self.diagram.CreateDefaultContext()
@@ -48,7 +48,7 @@ class CardWorld:
         self.diagram.GetInputPort("pose").FixValue(self.context, AbstractValue.Make(poses))
 
     def look(self, X_EC, time=0.0):
-        """Return the pictures of both eyes, BGR."""
+        """Return the pictures of both cameras, BGR."""
         self.context.SetTime(time)
         self.place(X_EC)
         return [bgr_of(self.diagram.GetOutputPort(e).Eval(self.context)) for e in ("left", "right")]

@@ -1,4 +1,4 @@
-"""A fiducial, a box and a mirror before two eyes, in a diagram of a user's own."""
+"""A fiducial, a box and a mirror before two cameras, in a diagram of a user's own."""
 
 import numpy as np
 from pydrake.common.value import AbstractValue
@@ -30,7 +30,7 @@ PLATE = MirrorPlate()
 
 
 class MirrorWorld:
-    """Shows what it is told to show, at poses in the frame of the left eye."""
+    """Shows what it is told to show, at poses in the frame of the left camera."""
 
     def __init__(self, rig, quality=None, mirror=True):
         self.X_WL = rig.left.X_WC
@@ -45,8 +45,8 @@ class MirrorWorld:
             glasses = mirrors.glasses
             builder.Connect(mirrors.get_output_port(), scene.get_source_pose_port(mirrors.source))
             builder.ExportInput(mirrors.GetInputPort("mirror_pose"), "mirror")
-        eyes = builder.AddNamedSystem(
-            "eyes",
+        cameras = builder.AddNamedSystem(
+            "cameras",
             StereoCameras(
                 rig,
                 (scene.world_frame_id(),) * 2,
@@ -54,10 +54,10 @@ class MirrorWorld:
                 glasses=glasses,
             ),
         )
-        builder.Connect(scene.get_query_output_port(), eyes.get_input_port())
+        builder.Connect(scene.get_query_output_port(), cameras.get_input_port())
         builder.ExportInput(scene.get_source_pose_port(self.source), "poses")
-        for eye in ("left", "right"):
-            builder.ExportOutput(eyes.GetOutputPort(f"{eye}_image"), eye)
+        for camera in ("left", "right"):
+            builder.ExportOutput(cameras.GetOutputPort(f"{camera}_image"), camera)
         self.diagram = builder.Build()
         self.context = self.diagram.CreateDefaultContext()
 
@@ -79,7 +79,7 @@ class MirrorWorld:
         return frame
 
     def look(self, X_LM=None, X_LC=None, X_LB=None):
-        """Return both eyes' pictures, BGR, with mirror M, card C, block B where told, or none."""
+        """Return both cameras' pictures, BGR, with mirror M, card C, block B where told."""
         poses = FramePoseVector()
         for frame, X in zip(self.frames, (X_LC, X_LB), strict=True):
             X_WF = GONE if X is None else self.X_WL @ X
@@ -92,7 +92,7 @@ class MirrorWorld:
 
 
 def plate_pose(mirror, x=0.035):
-    """Return the pose of a plate in the left eye's frame, its middle before both eyes."""
+    """Return the pose of a plate in the left camera's frame, its middle before both cameras."""
     into = -mirror.normal
     right = np.cross([0.0, 1.0, 0.0], into)
     right /= np.linalg.norm(right)

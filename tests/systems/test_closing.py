@@ -105,8 +105,8 @@ def look(seed, *, close=True):
     """Use a station as programs do."""
     station = NicoStation("thesis", seed, quality=ROUGH)
     body = StationBody(station, station.joints, station.tracked)
-    for eye in ("left", "right"):
-        station.picture(body.context, eye)
+    for camera in ("left", "right"):
+        station.picture(body.context, camera)
     if close:
         station.close()
 

@@ -25,7 +25,7 @@ def glass():
     return X
 
 
-def test_ground_truth_says_where_a_glass_stands_before_the_true_eye():
+def test_ground_truth_says_where_a_glass_stands_before_the_true_camera():
     X = glass()
     body = NicoInstance.build(ARM, IMPERFECTIONS["thesis"], 1, NICO_CAMERAS)
     mirror = body.ground_truth.mirror(X)

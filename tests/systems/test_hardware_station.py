@@ -1,4 +1,4 @@
-"""Real eyes and the whole real robot as systems: the ports of the simulated ones, and faults."""
+"""Real cameras and the whole real robot as systems: the ports of the simulated ones, and faults."""
 
 import time
 from dataclasses import replace
@@ -68,12 +68,12 @@ def pose():
     low, high = (np.array([getattr(j, e) for j in station.joints]) for e in ("lower", "upper"))
     station.GetInputPort("command").FixValue(context, low + share * (high - low))
     simulator.AdvanceTo(1.5)
-    pictures = [station.picture(context, eye) for eye in ("left", "right")]
+    pictures = [station.picture(context, camera) for camera in ("left", "right")]
     return pictures, np.array(station.GetOutputPort("hand_pixels").Eval(context))
 
 
 @pytest.fixture
-def eyes(pose):
+def cameras(pose):
     sources = [Repeating(picture) for picture in pose[0]]
     return CameraDriver(StereoCapture(*sources, SIZE, tolerance=0.02)), sources
 
@@ -111,39 +111,39 @@ def test_the_real_station_has_exactly_the_ports_of_the_simulated_one():
     assert all(f"`{name}`" in NicoHardwareStation.__doc__ for name in ports(real))
 
 
-def test_the_real_eyes_have_the_output_ports_of_the_rendered_ones(eyes):
-    driver, _ = eyes
-    simulated = NicoStation("thesis", 0, quality=ImageQuality(1)).GetSubsystemByName("eyes")
+def test_the_real_cameras_have_the_output_ports_of_the_rendered_ones(cameras):
+    driver, _ = cameras
+    simulated = NicoStation("thesis", 0, quality=ImageQuality(1)).GetSubsystemByName("cameras")
     outputs = {name: what for name, what in ports(simulated).items() if what[0] == "out"}
     assert ports(driver) == outputs
 
 
-def test_the_eyes_show_the_newest_pictures_and_the_tracker_finds_the_hand(eyes, pose):
-    driver, _ = eyes
+def test_the_cameras_show_the_newest_pictures_and_the_tracker_finds_the_hand(cameras, pose):
+    driver, _ = cameras
     names = ("elbow",)
     station = NicoHardwareStation(ServoDriver("nowhere", of_the_thesis(names)), driver)
     with driver:
         simulator = Simulator(driver)
         simulator.Initialize()
         context = simulator.get_context()
-        for eye, picture in zip(("left", "right"), pose[0], strict=True):
-            shown = bgr_of(driver.GetOutputPort(f"{eye}_image").Eval(context))
+        for camera, picture in zip(("left", "right"), pose[0], strict=True):
+            shown = bgr_of(driver.GetOutputPort(f"{camera}_image").Eval(context))
             assert np.array_equal(shown, picture)
         first = driver.pair_of(context).time
         time.sleep(0.05)
         simulator.AdvanceTo(0.1)
         assert driver.pair_of(simulator.get_context()).time > first
         root = station.CreateDefaultContext()
-        eyes_context = driver.GetMyMutableContextFromRoot(root)
-        eyes_context.SetAbstractState(0, [driver.capture.latest()])
+        cameras_context = driver.GetMyMutableContextFromRoot(root)
+        cameras_context.SetAbstractState(0, [driver.capture.latest()])
         pixels = np.array(station.GetOutputPort("hand_pixels").Eval(root))
     assert np.isfinite(pixels).sum() >= 4
     assert np.array_equal(pixels, pose[1], equal_nan=True)
     assert not driver.capture.is_open
 
 
-def test_a_lost_camera_is_raised_from_the_diagram_with_its_cause(eyes):
-    driver, sources = eyes
+def test_a_lost_camera_is_raised_from_the_diagram_with_its_cause(cameras):
+    driver, sources = cameras
     with driver:
         simulator = Simulator(driver)
         simulator.set_target_realtime_rate(1.0)
@@ -166,14 +166,14 @@ def test_instruments_that_are_not_there_say_so_when_they_are_asked():
     for name in ("measured_positions", "frame_number"):
         with pytest.raises(RobotError, match="has no motion capture"):
             station.GetOutputPort(name).Eval(context)
-    with pytest.raises(RobotError, match="has no eyes"):
+    with pytest.raises(RobotError, match="has no cameras"):
         station.body()
     with pytest.raises(ValueError, match="no servo drives knee; the servos are elbow"):
         NicoHardwareStation(ServoDriver("nowhere", of_the_thesis(("elbow",))), joints=["knee"])
 
 
-def test_a_station_whose_servos_cannot_be_opened_leaves_no_camera_open(eyes, tmp_path):
-    driver, _ = eyes
+def test_a_station_whose_servos_cannot_be_opened_leaves_no_camera_open(cameras, tmp_path):
+    driver, _ = cameras
     servos = ServoDriver(str(tmp_path / "ttyNothing"), configuration())
     with pytest.raises(RobotError, match="does not exist"):
         NicoHardwareStation(servos, driver).open()
@@ -225,9 +225,9 @@ def test_a_body_of_real_servos_goes_where_it_is_sent_and_looks(robot):
 
 
 @pytest.mark.slow
-def test_a_body_with_real_eyes_keeps_pixels_and_pictures(robot, eyes, pose):
+def test_a_body_with_real_cameras_keeps_pixels_and_pictures(robot, cameras, pose):
     bus, config, _ = robot
-    driver, _ = eyes
+    driver, _ = cameras
     with NicoHardwareStation(patient(bus, config), driver) as station:
         station.enable()
         body = station.body(keep_images=True)

@@ -25,14 +25,14 @@ from nico_selfmodel.vision.images.not_seen import NotSeen
 from .mirror_world import BLOCK, MirrorWorld, facing, plate_pose
 
 
-def eye(dx=0.0):
+def camera(dx=0.0):
     pose = transform(rotation_from_vector([0.01, dx, -0.01]), [0.7 * dx, 0.0, 0.0])
     return Camera(382.0, 380.0, 324.0, 236.0, (640, 480), k1=-0.27, k2=0.085, k3=-0.011, X_WC=pose)
 
 
 # Ahead, where the room's lights fall on both sides of a card.
 AHEAD = transform(np.array([[0.0, 0.0, 1.0], [-1.0, 0.0, 0.0], [0.0, -1.0, 0.0]]), np.zeros(3))
-RIG = StereoRig(eye(), eye(0.1)).moved(AHEAD)
+RIG = StereoRig(camera(), camera(0.1)).moved(AHEAD)
 MIRROR = Mirror.from_values([*np.radians([8.0, -12.0]), 0.32])
 HAND = np.array([-0.07, 0.06, 0.19])
 SHARP, NOISY = ImageQuality(noise=0.0), ImageQuality(noise=2.0)
@@ -61,7 +61,7 @@ def card(p, mirror=MIRROR, turn=None):
 @pytest.mark.slow
 def test_reflected_markers_are_where_the_mirror_projects_them():
     world, rng, errors = MirrorWorld(RIG, NOISY), np.random.default_rng(0), []
-    find = [fiducial_in_mirror(camera=camera) for camera in RIG.eyes]
+    find = [fiducial_in_mirror(camera=camera) for camera in RIG.cameras]
     for _ in range(60):
         if len(errors) >= 16:
             break
@@ -101,10 +101,10 @@ def test_what_stands_before_the_plate_hides_it_and_is_reflected(world, without):
         assert hidden or mirrored[k][v, u, 2] > 1.5 * mirrored[k][v, u, 0]
 
 
-def test_what_stands_behind_the_plate_is_invisible_even_to_the_reflected_eyes(world):
+def test_what_stands_behind_the_plate_is_invisible_even_to_the_reflected_cameras(world):
     X_LM = plate_pose(MIRROR)
     empty = world.look(X_LM)
-    # Between the glass and the reflected eyes, where it would hide what they see.
+    # Between the glass and the reflected cameras, where it would hide what they see.
     X_LB = X_LM @ transform(rotation_from_vector([0.2, 0.3, 0.1]), [0.01, 0.02, 0.08])
     for image, plain in zip(world.look(X_LM, X_LB=X_LB), empty, strict=True):
         assert np.array_equal(image, plain)
@@ -125,7 +125,7 @@ def test_a_plate_seen_edge_on_shows_nothing_and_from_behind_only_its_back(world,
     plain = without.look(X_LC=card(HAND))
     X_LM = plate_pose(MIRROR)
     sideways = transform(rotation_from_vector([0.0, np.pi / 2, 0.0]), [0.0, 0.0, 0.3])
-    # The left eye lies in the plane of the glass, the right one sees it at a grazing angle.
+    # The left camera lies in the plane of the glass, the right one sees it at a grazing angle.
     left, right = world.look(sideways, card(HAND))
     assert np.array_equal(left, plain[0])
     assert (right != plain[1]).any()
@@ -167,7 +167,7 @@ def tracked(tracker, images, expected=None):
 def test_a_tracker_tells_the_marker_from_its_reflection(world):
     found = default_mirror_detectors(RIG)
     tracker = HandTracker({"fiducial": found["fiducial"]}, before_mirror=True)
-    # Turned to the eyes, then to the mirror.
+    # Turned to the cameras, then to the mirror.
     direct = tracked(tracker, world.look(plate_pose(MIRROR), facing(HAND, np.zeros(3))))
     assert direct["pixels"] == pytest.approx(RIG.project(in_world(HAND)), abs=0.5)
     assert np.isnan(direct["reflected_pixels"]).all()

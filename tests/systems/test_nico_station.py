@@ -95,7 +95,7 @@ def test_no_port_and_no_public_attribute_shows_the_truth(station):
     shown = shown[np.isfinite(shown)]
     chain, servos = body.mechanics.chain, body.mechanics.servos
     truth = [chain.directions, chain.points, chain.p_WH_zero, servos.gear, servos.offset]
-    truth += [camera.values for camera in body.rig.eyes]
+    truth += [camera.values for camera in body.rig.cameras]
     truth = np.concatenate([np.ravel(part) for part in truth])
     truth = truth[np.abs(truth - np.round(truth)) > 1e-6]
     assert np.abs(shown[:, None] - truth).min() > 1e-7
@@ -104,9 +104,9 @@ def test_no_port_and_no_public_attribute_shows_the_truth(station):
     assert isinstance(station.arm, ArmDescription)
 
 
-def test_true_eyes_are_not_those_that_were_designed():
+def test_true_cameras_are_not_those_that_were_designed():
     body = NicoInstance.build(looking_arm(), IMPERFECTIONS["thesis"], 3, NICO_CAMERAS)
-    for true, designed in zip(body.rig.eyes, NICO_CAMERAS.eyes, strict=True):
+    for true, designed in zip(body.rig.cameras, NICO_CAMERAS.cameras, strict=True):
         assert abs(true.cx - designed.cx) + abs(true.cy - designed.cy) > 0.5
         assert abs(true.k1 - designed.k1) > 1e-4
         assert not np.allclose(true.X_WC, np.eye(4), atol=1e-4)
@@ -126,7 +126,7 @@ def test_motion_capture_sees_the_hand_where_the_true_arm_has_it_up_to_its_frame(
 
 
 @pytest.mark.slow
-def test_pixels_are_where_the_true_eyes_project_the_true_hand():
+def test_pixels_are_where_the_true_cameras_project_the_true_hand():
     station = NicoStation("clean", 3, quality=ImageQuality(noise=0.0))
     body = NicoInstance.build(station.arm, IMPERFECTIONS["clean"], 3, NICO_CAMERAS)
     values = sensed(station)
@@ -138,19 +138,21 @@ def test_pixels_are_where_the_true_eyes_project_the_true_hand():
 
 
 def true_rig(station, body):
-    """Return the true eyes in the frame of the arm's base, from a plant of the truth."""
+    """Return the true cameras in the frame of the arm's base, from a plant of the truth."""
     from nico_selfmodel.plant import SelfModelPlant
 
     built = SelfModelPlant.from_urdf(station.arm, body.model)
     context = built.plant.CreateDefaultContext()
     for joint, value in body.held.items():
         built.plant.GetJointByName(joint, built.instance).set_angle(context, value)
-    eyes = []
-    for camera, link in zip(body.rig.eyes, ("left_wide_camera", "right_wide_camera"), strict=True):
+    cameras = []
+    for camera, link in zip(
+        body.rig.cameras, ("left_wide_camera", "right_wide_camera"), strict=True
+    ):
         frame = built.plant.GetFrameByName(link, built.instance)
         X_WF = frame.CalcPoseInWorld(context).GetAsMatrix4()
-        eyes.append(Camera.from_values(camera.values, camera.image_size, X_WF @ camera.X_WC))
-    return StereoRig(*eyes)
+        cameras.append(Camera.from_values(camera.values, camera.image_size, X_WF @ camera.X_WC))
+    return StereoRig(*cameras)
 
 
 def test_a_board_that_is_held_up_is_in_the_pictures_until_it_is_put_away(station):
@@ -174,8 +176,8 @@ def test_a_users_own_diagram_predicts_and_logs_and_leaves_no_thread(station):
     predictor = builder.AddSystem(SelfModelPredictor(guess, "fiducial"))
     tracker = builder.AddSystem(HandTracker({"fiducial": fiducial_detector()}))
     builder.Connect(nico.GetOutputPort("encoders"), predictor.GetInputPort("encoders"))
-    for eye in ("left_image", "right_image"):
-        builder.Connect(nico.GetOutputPort(eye), tracker.GetInputPort(eye))
+    for camera in ("left_image", "right_image"):
+        builder.Connect(nico.GetOutputPort(camera), tracker.GetInputPort(camera))
     seen = LogVectorOutput(tracker.GetOutputPort("pixels"), builder, 1.0)
     expected = LogVectorOutput(predictor.GetOutputPort("pixels"), builder, 1.0)
     diagram = builder.Build()

@@ -28,10 +28,10 @@ def track(images, detectors=None):
 
     tracker = HandTracker(detectors or {"fiducial": fiducial_detector()})
     context = tracker.CreateDefaultContext()
-    for eye, image in zip(("left", "right"), images, strict=True):
+    for camera, image in zip(("left", "right"), images, strict=True):
         value = image_value(*image.shape[1::-1])
         write_bgr(image, value.get_mutable_value())
-        tracker.GetInputPort(f"{eye}_image").FixValue(context, value)
+        tracker.GetInputPort(f"{camera}_image").FixValue(context, value)
     return tuple(
         tracker.GetOutputPort(port).Eval(context) for port in ("pixels", "seen", "reasons")
     )
@@ -51,7 +51,7 @@ def at(x, y, z, turn=(0.0, 0.0, 0.0)):
     return transform(rotation_from_vector(np.array(turn)), [x, y, z])
 
 
-def test_a_marker_in_plain_sight_is_seen_by_both_eyes(world):
+def test_a_marker_in_plain_sight_is_seen_by_both_cameras(world):
     X = at(0.03, 0.0, 0.2, (0.2, 0.1, 0.3))
     pixels, seen, reasons = track(world.look(X))
     assert seen.tolist() == [1.0, 1.0]
@@ -62,7 +62,7 @@ def test_a_marker_in_plain_sight_is_seen_by_both_eyes(world):
 @pytest.mark.parametrize(
     "X",
     [
-        at(0.0, 0.0, -0.3),  # behind the eyes
+        at(0.0, 0.0, -0.3),  # behind the cameras
         at(0.03, 0.0, 2.5),  # too far to be read
         at(0.03, 0.0, 0.2, (np.pi, 0.0, 0.0)),  # its back
         at(0.03, 0.0, 0.2, (0.0, 1.53, 0.0)),  # from its edge
@@ -75,8 +75,8 @@ def test_a_marker_that_does_not_show_is_not_seen(world, X):
     assert all("no apriltag_36h11 marker 7" in reason for reason in reasons)
 
 
-def test_a_marker_half_out_of_view_is_seen_by_one_eye_only(world):
-    # The left edge of the right eye's image cuts it.
+def test_a_marker_half_out_of_view_is_seen_by_one_camera_only(world):
+    # The left edge of the right camera's image cuts it.
     depth = 0.2
     edge = EYE.undistort(np.array([3.0, 240.0]))[0] * depth + 0.07
     pixels, seen, reasons = track(world.look(at(edge, 0.0, depth)))
@@ -123,11 +123,11 @@ def visit(nico, q):
     return body.move_and_measure(commands_of_angles(station.joints, arm.lower, arm.upper, [q])[0])
 
 
-def test_nico_sees_its_hand_before_its_eyes(nico):
-    sighting = visit(nico, LOOKING_POSE)
+def test_nico_sees_its_hand_before_its_cameras(nico):
+    observation = visit(nico, LOOKING_POSE)
     for marker in ("fiducial", "finger_tip"):
-        assert np.isfinite(sighting.pixels[marker]).all(), sighting.reasons
-    assert sighting.points == {"fiducial": None, "finger_tip": None}
+        assert np.isfinite(observation.pixels[marker]).all(), observation.reasons
+    assert observation.points == {"fiducial": None, "finger_tip": None}
 
 
 @pytest.mark.parametrize(
@@ -139,6 +139,6 @@ def test_nico_sees_its_hand_before_its_eyes(nico):
     ],
 )
 def test_nico_does_not_see_a_hand_that_is_elsewhere(nico, q_deg):
-    sighting = visit(nico, np.radians(q_deg))
-    assert np.isnan(sighting.pixels["fiducial"]).all()
-    assert sighting.reasons[0].startswith("no apriltag_36h11 marker 7")
+    observation = visit(nico, np.radians(q_deg))
+    assert np.isnan(observation.pixels["fiducial"]).all()
+    assert observation.reasons[0].startswith("no apriltag_36h11 marker 7")

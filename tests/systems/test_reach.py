@@ -1,4 +1,4 @@
-"""Planned poses are in view, face the eyes and touch nothing; so are boards."""
+"""Planned poses are in view, face the cameras and touch nothing; so are boards."""
 
 import numpy as np
 import pytest
@@ -25,7 +25,7 @@ def test_the_pose_that_the_robots_description_names_is_in_view(workspace):
 @pytest.mark.parametrize(
     "q_deg", [[50.0, 0.0, 0.0, -20.0], [0.0, 0.0, 0.0, 0.0], [-40.0, 15.0, 90.0, -55.0]]
 )
-def test_poses_out_of_view_or_with_the_palm_to_the_eyes_are_not(workspace, q_deg):
+def test_poses_out_of_view_or_with_the_palm_to_the_cameras_are_not(workspace, q_deg):
     assert not workspace.in_view(np.radians([q_deg])).any()
 
 

@@ -9,7 +9,7 @@ from nico_selfmodel.systems.rendering import renderer
 
 
 @pytest.fixture
-def blind(monkeypatch):
+def unobservable(monkeypatch):
     """Hide the library that rendering needs."""
 
     def missing(name, *_, **__):
@@ -19,7 +19,7 @@ def blind(monkeypatch):
     monkeypatch.setattr(renderer.sys, "platform", "linux")
 
 
-@pytest.mark.usefixtures("blind")
+@pytest.mark.usefixtures("unobservable")
 def test_rendering_is_refused_with_what_to_install():
     assert not renderer.can_render()
     with pytest.raises(RobotError, match=r"libEGL.*install Debian's libegl1"):
@@ -31,5 +31,5 @@ def test_learn_takes_motion_capture_where_nothing_can_be_rendered(tmp_path, comm
     monkeypatch.setattr(renderer, "can_render", lambda: False)
     done = command("learn", "--out", tmp_path / "arm", "--random", 60)
     assert done.returncode == 0, done.stdout + done.stderr
-    assert "motion capture watches instead of the eyes" in done.stderr
+    assert "motion capture watches instead of the cameras" in done.stderr
     assert (tmp_path / "arm" / "nico_learned.urdf").is_file()

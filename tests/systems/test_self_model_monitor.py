@@ -24,7 +24,7 @@ def case():
     world = IMPERFECTIONS["clean"].with_noise(play_deg=0.5)
     protocol = ProjectedNico.tracked_by()
     scenario = simulated_scenario(protocol, world, 0)
-    model = calibrate_body(scenario.train, scenario.eyes, scenario.boards).model
+    model = calibrate_body(scenario.train, scenario.cameras, scenario.boards).model
     return protocol, world, model
 
 
@@ -94,7 +94,7 @@ def test_contexts_remember_for_themselves(case):
     assert monitor.state_of(context).monitor.poses == 6
 
 
-def test_a_hand_that_is_not_seen_is_no_sighting(case):
+def test_a_hand_that_is_not_seen_is_no_detection(case):
     data = poses(case, 6)
     pixels = data.pixels.copy()
     pixels[2] = np.nan
@@ -107,7 +107,7 @@ def test_a_hand_that_is_not_seen_is_no_sighting(case):
     assert monitor.state_of(context).monitor.poses == 5
 
 
-def test_a_model_without_eyes_watches_points(case):
+def test_a_model_without_cameras_watches_points(case):
     model = case[2]
     names = [n for n in model.covariance.names if not n.startswith(("left.", "right."))]
     own = [model.covariance.names.index(n) for n in names]
@@ -116,8 +116,8 @@ def test_a_model_without_eyes_watches_points(case):
         names=tuple(names),
         matrix=model.covariance.matrix[np.ix_(own, own)],
     )
-    blind = replace(model, cameras={}, covariance=known, pixel_sigma=None)
-    monitor = SelfModelMonitor(blind, PERIOD)
+    unobservable = replace(model, cameras={}, covariance=known, pixel_sigma=None)
+    monitor = SelfModelMonitor(unobservable, PERIOD)
     assert monitor.GetInputPort("p_WH").size() == 3
     data = poses(case, 8, np.radians(4.0), observed=True)
     outputs, _ = watch(monitor, replace(data, pixels=None), "p_WH")

@@ -17,7 +17,7 @@ ARM = ArmDescription.named("nico")
 Q = np.radians([-50.0, 30.0, -20.0, -75.0])
 
 
-def model(eyes=True, known=True, below=0.3):
+def model(cameras=True, known=True, below=0.3):
     n = len(ARM.joints)
     servos = ServoMap(
         ARM.joints, np.zeros(n), np.ones(n), ("rad",) * n, np.full(n, np.nan), np.ones(n)
@@ -26,9 +26,9 @@ def model(eyes=True, known=True, below=0.3):
     X_WL = np.eye(4)
     X_WL[:3, 3] = ARM.chain.forward(Q) - [0.0, 0.0, below]
     camera = Camera(380.0, 380.0, 320.0, 240.0, (640, 480), k1=-0.2, X_WC=X_WL)
-    cameras = {"left": camera, "right": replace(camera, cx=310.0)} if eyes else {}
+    pair = {"left": camera, "right": replace(camera, cx=310.0)} if cameras else {}
     table = DhTable.from_chain(ARM.chain)
-    return SelfModel("arm", table, servos, covariance, cameras=cameras)
+    return SelfModel("arm", table, servos, covariance, cameras=pair)
 
 
 def output(system, port, readings=Q):
@@ -49,18 +49,18 @@ def test_the_ports_agree_with_the_self_model():
     assert output(predictor, "pixels")[0] == pytest.approx(320.0)
 
 
-def test_a_hand_behind_the_eyes_has_no_pixels():
+def test_a_hand_behind_the_cameras_has_no_pixels():
     assert np.isfinite(output(SelfModelPredictor(model()), "pixels")).all()
     assert np.isnan(output(SelfModelPredictor(model(below=-0.1)), "pixels")).all()
 
 
 def test_what_is_not_known_is_nan_and_what_is_not_there_has_no_port():
     assert np.isnan(output(SelfModelPredictor(model(known=False)), "covariance")).all()
-    assert not SelfModelPredictor(model(eyes=False)).HasOutputPort("pixels")
+    assert not SelfModelPredictor(model(cameras=False)).HasOutputPort("pixels")
 
 
 def test_a_model_without_an_arm_or_marker_is_refused():
     with pytest.raises(ModelError, match="no arm"):
-        SelfModelPredictor(SelfModel("eyes"))
+        SelfModelPredictor(SelfModel("cameras"))
     with pytest.raises(ValueError, match="no marker"):
         SelfModelPredictor(model(), "nose")

@@ -69,9 +69,9 @@ def test_nothing_public_holds_the_truth():
 
 def test_play_moves_the_hand_and_not_the_encoders():
     arm = body("clean", play=np.radians(1.0))
-    sightings = [arm.move_and_measure(middle(arm)) for _ in range(20)]
-    assert len({tuple(s.encoders) for s in sightings}) == 1
-    spread = np.std([s.points["hand"] for s in sightings], axis=0)
+    observations = [arm.move_and_measure(middle(arm)) for _ in range(20)]
+    assert len({tuple(s.encoders) for s in observations}) == 1
+    spread = np.std([s.points["hand"] for s in observations], axis=0)
     assert 1e-4 < np.linalg.norm(spread) < 1e-2
 
 

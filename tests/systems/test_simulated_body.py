@@ -55,21 +55,21 @@ def test_no_public_number_is_one_of_the_truth(protocol, body):
 
 
 def test_what_a_learner_gets_is_encoders_and_pixels(protocol, body):
-    sighting = body.move_and_measure(commands(protocol, body, 1)[0])
-    assert sighting.points == {"hand": None}
-    assert sighting.images is None
-    assert not sighting.reflected
-    assert set(sighting.pixels) == {"hand"}
+    observation = body.move_and_measure(commands(protocol, body, 1)[0])
+    assert observation.points == {"hand": None}
+    assert observation.images is None
+    assert not observation.reflected
+    assert set(observation.pixels) == {"hand"}
     with pytest.raises(TypeError):
-        sighting.pixels["hand"] = np.zeros(4)
+        observation.pixels["hand"] = np.zeros(4)
 
 
 def test_ground_truth_has_the_hand_where_the_true_cameras_see_it(protocol, body):
     body.sensor = StereoPixels(0.0)
     rig = hidden(body)[3]
     for command in commands(protocol, body, 5):
-        sighting, p_LH = body.move_and_measure(command), body.ground_truth.p_LH
-        assert sighting.pixels["hand"] == pytest.approx(rig.project(p_LH[0]), abs=1e-9)
+        observation, p_LH = body.move_and_measure(command), body.ground_truth.p_LH
+        assert observation.pixels["hand"] == pytest.approx(rig.project(p_LH[0]), abs=1e-9)
     np.testing.assert_allclose(rig.left.X_WC, np.eye(4), atol=1e-15)
 
 
@@ -99,10 +99,10 @@ def test_noise_is_as_stated_and_what_lies_outside_an_image_is_not_seen(protocol)
     high = np.array([joint.upper for joint in noisy.joints])
     anywhere = np.random.default_rng(0).uniform(low, high, (200, 4))
     found = np.array([noisy.move_and_measure(c).pixels["hand"] for c in anywhere])
-    by_eye = np.isfinite(found).reshape(-1, 2, 2)
-    assert np.array_equal(by_eye[:, :, 0], by_eye[:, :, 1])
-    assert 0.1 < by_eye.all(axis=(1, 2)).mean() < 0.5
-    assert (by_eye.any(axis=2).sum(axis=1) == 1).any()
+    by_camera = np.isfinite(found).reshape(-1, 2, 2)
+    assert np.array_equal(by_camera[:, :, 0], by_camera[:, :, 1])
+    assert 0.1 < by_camera.all(axis=(1, 2)).mean() < 0.5
+    assert (by_camera.any(axis=2).sum(axis=1) == 1).any()
     inside = found[np.isfinite(found).all(axis=1)]
     assert (inside > 0.0).all()
     assert (inside < np.array([640.0, 480.0] * 2)).all()

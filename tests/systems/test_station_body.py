@@ -68,10 +68,10 @@ def body(**kinds):
 
 def test_a_visit_ends_where_it_was_sent_and_at_rest():
     driven = body()
-    sighting = driven.move_and_measure([300.4, -200.0])
-    assert sighting.encoders.tolist() == [300.0, -200.0]
+    observation = driven.move_and_measure([300.4, -200.0])
+    assert observation.encoders.tolist() == [300.0, -200.0]
     expected = SERVOS.to_joint(np.array([300.0, -200.0]))
-    assert sighting.points["hand"][:2] == pytest.approx(expected)
+    assert observation.points["hand"][:2] == pytest.approx(expected)
 
 
 def test_a_motion_takes_as_long_as_its_way():
@@ -145,7 +145,7 @@ def test_joints_that_never_come_to_rest_are_an_error():
 def test_a_command_that_is_none_is_refused(command):
     with pytest.raises(ValueError, match="2 finite readings"):
         body().move_and_measure(command)
-    with pytest.raises(ValueError, match="eyes or motion-capture"):
+    with pytest.raises(ValueError, match="cameras or motion-capture"):
         StationBody(PassThrough(2), JOINTS, ["hand"], sensor="ears")
 
 

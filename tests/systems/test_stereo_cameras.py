@@ -1,4 +1,4 @@
-"""Rendered eyes show the world where their cameras project it."""
+"""Rendered cameras show the world where their cameras project it."""
 
 import numpy as np
 import pytest
@@ -19,13 +19,13 @@ from nico_selfmodel.vision.images.not_seen import NotSeen
 from .card_world import FIDUCIAL, CardWorld
 
 
-def eye(dx=0.0, **lens):
+def camera(dx=0.0, **lens):
     values = {"k1": -0.27, "k2": 0.085, "k3": -0.011, **lens}
     pose = transform(rotation_from_vector([0.01, dx, -0.01]), [0.7 * dx, 0.0, 0.0])
     return Camera(382.0, 380.0, 324.0, 236.0, (640, 480), X_WC=pose, **values)
 
 
-RIG = StereoRig(eye(), eye(0.1))
+RIG = StereoRig(camera(), camera(0.1))
 SMALL = StereoRig(
     *(
         Camera(
@@ -38,7 +38,7 @@ BEFORE = transform(np.eye(3), [0.03, 0.0, 0.2])
 
 
 def poses(rng, count, near, far, spread, tilt, inside, margin):
-    """Yield poses whose points both eyes see."""
+    """Yield poses whose points both cameras see."""
     while count:
         z = rng.uniform(near, far)
         aside = rng.uniform(-spread, spread, 2) * z + [0.035, 0.0]
@@ -70,7 +70,7 @@ def test_distorted_boards_are_where_the_camera_projects_them():
 @pytest.mark.slow
 def test_marker_centres_behind_lenses_have_no_bias():
     world = CardWorld(RIG, ImageQuality(noise=2.0))
-    find = [fiducial_detector(FIDUCIAL, camera=camera) for camera in RIG.eyes]
+    find = [fiducial_detector(FIDUCIAL, camera=camera) for camera in RIG.cameras]
     rng, errors, missed = np.random.default_rng(1), [], 0
     shown = poses(rng, 100, 0.17, 0.33, 0.6, 0.45, np.zeros(3), 30.0)
     for k, (X, pixels) in enumerate(shown):
@@ -105,9 +105,9 @@ def test_noise_is_as_strong_as_asked_and_spares_the_background_colour():
 def test_leaving_out_the_background_changes_nothing_to_see():
     world = CardWorld(SMALL, ImageQuality(2, noise=0.0))
     world.place(BEFORE)
-    context = world.eyes.GetMyContextFromRoot(world.context)
-    query = world.eyes.get_input_port().Eval(context)
-    pinhole = world.eyes._StereoCameras__eyes[0]._pinhole
+    context = world.cameras.GetMyContextFromRoot(world.context)
+    query = world.cameras.get_input_port().Eval(context)
+    pinhole = world.cameras._StereoCameras__cameras[0]._pinhole
     window = pinhole._window(query)
     assert window != (0, 0, *pinhole.size)
     whole = pinhole._render(query, (0, 0, *pinhole.size)).astype(int)
@@ -135,7 +135,7 @@ def test_a_renderer_that_is_not_there_is_named():
         world.look(BEFORE)
 
 
-def test_eyes_that_are_not_connected_say_so():
+def test_cameras_that_are_not_connected_say_so():
     world = CardWorld(SMALL, ImageQuality(1))
     builder = DiagramBuilder()
     alone = builder.AddSystem(StereoCameras(SMALL, (world.frame, world.frame), ImageQuality(1)))

@@ -99,10 +99,10 @@ def test_no_method_takes_or_gives_joint_angles():
     public = [name for name in dir(SimulatedRobot) if not name.startswith("_")]
     methods = [name for name in public if inspect.isfunction(getattr(SimulatedRobot, name))]
     assert methods == ["move_and_measure", "relive"]
-    sighting = body().move_and_measure(np.zeros(4))
-    assert {f.name for f in fields(sighting)} == {"encoders", "points"}
+    observation = body().move_and_measure(np.zeros(4))
+    assert {f.name for f in fields(observation)} == {"encoders", "points"}
     with pytest.raises(TypeError):
-        sighting.points["hand"] = np.zeros(3)
+        observation.points["hand"] = np.zeros(3)
 
 
 def test_what_is_seen_cannot_be_used_to_change_the_body():
@@ -163,12 +163,17 @@ def test_markers_are_noisy_and_lost_each_on_its_own():
     arm, still = body(world, markers=3), body(markers=3)
     command = commands(arm, 1, seed=3)[0]
     exact = still.move_and_measure(command).points
-    sightings = [arm.move_and_measure(command).points for _ in range(400)]
-    lost = np.array([[points[m] is None for m in arm.markers] for points in sightings])
+    observations = [arm.move_and_measure(command).points for _ in range(400)]
+    lost = np.array([[points[m] is None for m in arm.markers] for points in observations])
     assert lost.mean() == pytest.approx(0.3, abs=0.05)
     assert np.abs(np.corrcoef(lost.T)[np.triu_indices(3, 1)]).max() < 0.15
     noise = np.concatenate(
-        [points[m] - exact[m] for points in sightings for m in arm.markers if points[m] is not None]
+        [
+            points[m] - exact[m]
+            for points in observations
+            for m in arm.markers
+            if points[m] is not None
+        ]
     )
     assert noise.std() == pytest.approx(1e-3, rel=0.06)
     assert noise.mean() == pytest.approx(0.0, abs=1e-4)

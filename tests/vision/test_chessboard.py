@@ -54,7 +54,7 @@ def test_corners_are_listed_alike_however_the_board_is_held(seed):
 
 
 @pytest.mark.parametrize(("columns", "rows"), [(8, 6), (7, 5), (6, 6), (5, 5)])
-def test_boards_that_look_alike_upside_down_are_listed_alike_in_both_eyes(columns, rows):
+def test_boards_that_look_alike_upside_down_are_listed_alike_in_both_cameras(columns, rows):
     board = Board(columns, rows, 0.03)
     for seed in range(3):
         left, right = rendered(columns, rows, seed), rendered(columns, rows, seed + 50, roll=0.3)
@@ -132,10 +132,10 @@ def test_no_real_photograph_shows_a_board_of_another_size(real_data_folder):
 
 
 @pytest.mark.real_data
-def test_both_eyes_list_the_same_corners_in_the_same_order(real_data_folder):
+def test_both_cameras_list_the_same_corners_in_the_same_order(real_data_folder):
     found = detect_boards(real_data_folder / "stereo_chessboard", BOARD)
-    left, right = (found.views.of_camera(eye) for eye in ("left", "right"))
-    # The eyes are parallel: from one eye to the other all corners move by nearly the same.
+    left, right = (found.views.of_camera(camera) for camera in ("left", "right"))
+    # The cameras are parallel: from one camera to the other all corners move by nearly the same.
     moved = left - right
     assert np.abs(moved - moved.mean(axis=1, keepdims=True)).max() < 80
     assert np.abs(moved[..., 1]).max() < 40

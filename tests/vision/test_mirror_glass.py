@@ -26,7 +26,7 @@ def glass():
     return GlassInView.of(K, SIZE, X_CM, GLASS)
 
 
-def test_the_twin_sees_a_point_where_the_eye_sees_its_reflection(glass):
+def test_the_twin_sees_a_point_where_the_camera_sees_its_reflection(glass):
     normal = X_CM[:3, 2]
     plane = Plane(normal, -normal @ X_CM[:3, 3])
     K_V, _ = glass.twin
@@ -34,9 +34,11 @@ def test_the_twin_sees_a_point_where_the_eye_sees_its_reflection(glass):
     assert np.linalg.det(X_CV[:3, :3]) == pytest.approx(1.0)
     for p in np.array([[0.0, 0.0, 0.2], [0.05, -0.03, 0.1], [-0.04, 0.02, 0.25]]):
         in_twin = seen(K_V, apply(inverse(X_CV), p))
-        to_eye = K @ X_CM[:3, [0, 1, 3]] @ np.linalg.inv(K_V @ inverse(glass.X_MV)[:3, [0, 1, 3]])
+        to_camera = (
+            K @ X_CM[:3, [0, 1, 3]] @ np.linalg.inv(K_V @ inverse(glass.X_MV)[:3, [0, 1, 3]])
+        )
         assert_allclose(
-            apply_homography(to_eye, in_twin[None])[0], seen(K, reflect(plane, p)), atol=1e-9
+            apply_homography(to_camera, in_twin[None])[0], seen(K, reflect(plane, p)), atol=1e-9
         )
 
 

@@ -119,7 +119,7 @@ def test_what_is_no_file_is_neither_waited_for_nor_left_half_done(tmp_path, monk
 def test_a_picture_too_narrow_to_see_in_is_refused_by_name(tmp_path, command, width, height):
     (tmp_path / "left1.png").write_bytes(encoded(width, height))
     RED.save(tmp_path / "red.yaml")
-    eye = ("calibrate", "camera", tmp_path, "--board", "9x6", "--square-mm", 25)
+    camera = ("calibrate", "camera", tmp_path, "--board", "9x6", "--square-mm", 25)
     picture = ("detect", tmp_path / "left1.png")
     looks = [
         (*picture, "--fiducial"),
@@ -127,7 +127,7 @@ def test_a_picture_too_narrow_to_see_in_is_refused_by_name(tmp_path, command, wi
         (*picture, "--color", tmp_path / "red.yaml"),
     ]
     before = sorted(tmp_path.iterdir())
-    for words in (eye, *looks):
+    for words in (camera, *looks):
         done = command(*words, "--out", tmp_path / "out")
         assert done.returncode == 2, done.stdout
         assert done.stderr.count("\n") == 1

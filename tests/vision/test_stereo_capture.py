@@ -142,7 +142,7 @@ def grey(value):
     return np.full((SIZE[1], SIZE[0], 3), value, dtype=np.uint8)
 
 
-def test_a_folder_with_left_and_right_images_feeds_both_eyes_until_it_ends(tmp_path):
+def test_a_folder_with_left_and_right_images_feeds_both_cameras_until_it_ends(tmp_path):
     for k in range(1, 13):
         write_image(tmp_path / f"left{k}.png", grey(k))
         write_image(tmp_path / f"right{k}.png", grey(100 + k))
@@ -157,9 +157,9 @@ def test_a_folder_with_left_and_right_images_feeds_both_eyes_until_it_ends(tmp_p
 
 
 def test_video_files_are_played_in_real_time(tmp_path):
-    for eye, first in (("left", 10), ("right", 110)):
+    for camera, first in (("left", 10), ("right", 110)):
         writer = cv2.VideoWriter(
-            str(tmp_path / f"{eye}.avi"), cv2.VideoWriter_fourcc(*"MJPG"), 25.0, SIZE
+            str(tmp_path / f"{camera}.avi"), cv2.VideoWriter_fourcc(*"MJPG"), 25.0, SIZE
         )
         assert writer.isOpened()
         for k in range(8):

@@ -27,7 +27,7 @@ def board_image():
 
 @pytest.fixture
 def folder(tmp_path, board_image):
-    """Return a folder of three pairs; in the last one only the left eye saw the board."""
+    """Return a folder of three pairs; in the last one only the left camera saw the board."""
     for name in ("left1.png", "right1.png", "left2.png", "right2.png", "left10.png"):
         cv2.imwrite(str(tmp_path / name), board_image)
     cv2.imwrite(str(tmp_path / "right10.png"), np.full_like(board_image, 90))
@@ -49,7 +49,7 @@ def test_a_single_pair_needs_no_number(tmp_path, board_image):
     assert (name, left.name, right.name) == ("pair", "Left.PNG", "right.jpg")
 
 
-def test_corners_that_one_eye_did_not_see_are_nan_with_the_reason(folder):
+def test_corners_that_one_camera_did_not_see_are_nan_with_the_reason(folder):
     told = []
     found = detect_boards(folder, BOARD, 4, lambda *step: told.append(step))
     assert found.views.image_size == (320, 240)
@@ -70,7 +70,7 @@ def spoil(folder, change):
     """Change a folder by one word."""
     if change == "unpaired":
         (folder / "right2.png").unlink()
-    elif change == "one eye":
+    elif change == "one camera":
         for path in folder.glob("right*"):
             path.unlink()
     elif change == "twice":
@@ -91,7 +91,7 @@ def spoil(folder, change):
     ("change", "message"),
     [
         ("unpaired", "without a partner in the other camera: left2.png"),
-        ("one eye", r"images of one camera only: left\* without right\*"),
+        ("one camera", r"images of one camera only: left\* without right\*"),
         ("twice", "left1.jpg and left1.png are the same view"),
         ("size", "different sizes: left1.png has 320x240, right2.png has 200x100"),
         ("text", "left2.png: not an image"),

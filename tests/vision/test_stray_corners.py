@@ -1,4 +1,4 @@
-"""A corner whose search failed is not believed; lenses, tilts and noise are."""
+"""A corner whose search failed is outliers; lenses, tilts and noise are."""
 
 import cv2
 import numpy as np

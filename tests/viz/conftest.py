@@ -167,41 +167,44 @@ def failed_html(failed):
 
 
 @pytest.fixture(scope="session")
-def eyes():
-    """A good calibration of two eyes, with boards held out."""
+def cameras():
+    """A good calibration of two cameras, with boards held out."""
     return seen_boards.assessed(*seen_boards.boards(14).split(0.3, 0))
 
 
 @pytest.fixture(scope="session")
-def flawed_eyes():
-    """Two eyes that saw an outlier and lost corners, with nothing held out."""
+def flawed_cameras():
+    """Two cameras that saw an outlier and lost corners, with nothing held out."""
     return seen_boards.assessed(seen_boards.flawed(seen_boards.boards(12)))
 
 
 @pytest.fixture(scope="session")
-def one_eye():
-    """The right eye alone."""
+def one_camera():
+    """The right camera alone."""
     return seen_boards.assessed(seen_boards.boards(8).only("right"))
 
 
 @pytest.fixture(scope="session")
-def photographs(eyes):
+def photographs(cameras):
     """Photographs of all views, and of one in which no board was found."""
-    views = eyes.calibration.views.names + eyes.test_views.names
+    views = cameras.calibration.views.names + cameras.test_views.names
     return seen_boards.photographs((*views, seen_boards.UNSEEN))
 
 
 @pytest.fixture(scope="session")
-def camera_result(eyes, photographs):
-    """The content of `result.json` for the good eyes, with what is known of their files."""
-    files = {eye: {name: f"{eye}{name}.jpg" for name in photographs[eye]} for eye in photographs}
+def camera_result(cameras, photographs):
+    """The content of `result.json` for the good cameras, with what is known of their files."""
+    files = {
+        camera: {name: f"{camera}{name}.jpg" for name in photographs[camera]}
+        for camera in photographs
+    }
     tried = {f"right{seen_boards.UNSEEN}.jpg": "no 5x4 board, <b>whatever</b> was tried"}
     detection = {"board": "5x4", "square_mm": 30.0, "files": files, "not_seen": tried}
-    return to_json(eyes, judge(eyes)) | {"detection": detection}
+    return to_json(cameras, judge(cameras)) | {"detection": detection}
 
 
 @pytest.fixture(scope="session")
-def camera_html(eyes, camera_result, photographs):
-    """The report on the good eyes, with all its figures."""
-    model = eyes.calibration.self_model("my <i>eyes</i>", {"images": "boards"})
-    return camera_report(eyes, camera_result, photographs, model).html()
+def camera_html(cameras, camera_result, photographs):
+    """The report on the good cameras, with all its figures."""
+    model = cameras.calibration.self_model("my <i>cameras</i>", {"images": "boards"})
+    return camera_report(cameras, camera_result, photographs, model).html()

@@ -1,4 +1,4 @@
-"""Two simulated eyes, the boards they saw, and photographs of the right size."""
+"""Two simulated cameras, the boards they saw, and photographs of the right size."""
 
 from dataclasses import replace
 
@@ -37,7 +37,7 @@ UNSEEN = "99"
 
 
 def boards(count, seed=0):
-    """Return what both eyes see of boards, with 0.1 px of noise."""
+    """Return what both cameras see of boards, with 0.1 px of noise."""
     rng, pixels = np.random.default_rng(seed), []
     while len(pixels) < count:
         turn = rotation_from_vector(rng.normal(0.0, 0.35, 3))
@@ -56,19 +56,19 @@ def assessed(views, test=None, **options):
 
 
 def flawed(views):
-    """Return views with an outlier, a board that one eye saw alone, and lost corners."""
+    """Return views with an outlier, a board that one camera saw alone, and lost corners."""
     pixels = views.pixels.copy()
-    wild = views.names.index(OUTLIER)
-    pixels[wild] += np.random.default_rng(4).normal(0.0, 3.0, pixels[wild].shape)
+    outlying = views.names.index(OUTLIER)
+    pixels[outlying] += np.random.default_rng(4).normal(0.0, 3.0, pixels[outlying].shape)
     pixels[views.names.index(LEFT_ALONE), :, 2:] = np.nan
     pixels[2, :3] = np.nan
     return replace(views, pixels=pixels)
 
 
 def photographs(names):
-    """Return coloured noise: eye -> view -> red, green and blue."""
+    """Return coloured noise: camera -> view -> red, green and blue."""
     rng, (width, height) = np.random.default_rng(9), SIZE
     return {
-        eye: {name: rng.integers(40, 200, (height, width, 3), dtype=np.uint8) for name in names}
-        for eye in ("left", "right")
+        camera: {name: rng.integers(40, 200, (height, width, 3), dtype=np.uint8) for name in names}
+        for camera in ("left", "right")
     }

@@ -35,7 +35,11 @@ def found(scenario):
     train[70] += 40.0
     spoilt = replace(scenario.train, pixels=train)
     return calibrate_body(
-        spoilt, scenario.eyes, scenario.boards, test=scenario.test, test_boards=scenario.test_boards
+        spoilt,
+        scenario.cameras,
+        scenario.boards,
+        test=scenario.test,
+        test_boards=scenario.test_boards,
     )
 
 
@@ -59,7 +63,7 @@ def test_the_folder_holds_model_report_scene_numbers_and_urdf(found, document, f
         "result.json",
         "report.html",
         "scene.json",
-        "eyes_learned.urdf",
+        "cameras_learned.urdf",
     }
     assert load_model(folder).covariance.names == found.model.covariance.names
     assert json.loads((folder / "result.json").read_text()) == document
@@ -89,7 +93,7 @@ def test_the_report_shows_the_numbers_of_the_document_and_loads_nothing(document
 def test_a_body_without_boards_says_so_and_has_no_board_table(scenario, monkeypatch):
     monkeypatch.setattr("nico_selfmodel.viz.reports.page.svg_data_uri", lambda _: "data:,")
     found = calibrate_body(
-        scenario.train, scenario.eyes, None, BodyOptions("intrinsics-fixed", "unanchored")
+        scenario.train, scenario.cameras, None, BodyOptions("intrinsics-fixed", "unanchored")
     )
     verdict = judge(found)
     html = body_report(found, to_json(found, verdict)).html()
@@ -104,7 +108,7 @@ def test_the_scene_shows_every_inlier_and_the_outlier(found):
     assert len(items["hand/known_to"].centers) == int((~found.outliers).sum())
     assert len(items["hand/outliers"].centers) == 1
     assert {"cameras/left/outline", "cameras/right/outline"} <= set(items)
-    # The scene looks along x where the left eye looks along z.
+    # The scene looks along x where the left camera looks along z.
     ahead = found.train.p_LH_predicted[~found.outliers][:, 2]
     assert items["hand/known_to"].centers[:, 0] == pytest.approx(ahead)
 
@@ -118,8 +122,8 @@ def test_the_map_has_one_scale_and_says_what_more_data_would_cure(found):
     assert [len(ax.collections[0].get_offsets()) for ax in panels] == [len(accuracy.total)] * 3
 
 
-def test_a_model_of_eyes_alone_has_no_urdf(scenario, tmp_path):
-    assert urdf_file(scenario.eyes, tmp_path) == {}
-    folder = write_result(tmp_path / "eyes", scenario.eyes, {"status": "PASS"})
+def test_a_model_of_cameras_alone_has_no_urdf(scenario, tmp_path):
+    assert urdf_file(scenario.cameras, tmp_path) == {}
+    folder = write_result(tmp_path / "cameras", scenario.cameras, {"status": "PASS"})
     assert {path.name for path in folder.iterdir()} == {"self_model.yaml", "result.json"}
     assert np.isfinite(load_model(folder).rig.baseline)

@@ -39,82 +39,82 @@ ALL = (
 
 @pytest.mark.slow
 @pytest.mark.parametrize("draw", ALL, ids=lambda f: f.__name__)
-def test_every_figure_states_its_point_whatever_was_lost(flawed_eyes, draw):
-    figure = draw(flawed_eyes)
+def test_every_figure_states_its_point_whatever_was_lost(flawed_cameras, draw):
+    figure = draw(flawed_cameras)
     assert 20 < len(figure.get_suptitle()) < 90
     assert image_bytes(figure, "svg").startswith(b"<?xml")
 
 
 @pytest.mark.parametrize("draw", ALL, ids=lambda f: f.__name__)
-def test_one_eye_has_every_figure_but_those_of_a_pair(one_eye, draw):
-    figure = draw(one_eye)
+def test_one_camera_has_every_figure_but_those_of_a_pair(one_camera, draw):
+    figure = draw(one_camera)
     if draw in (epipolar_distribution, reconstruction_by_range):
         assert figure is None
     else:
         assert 20 < len(figure.get_suptitle()) < 62
 
 
-def test_the_distribution_shows_held_out_corners_first(eyes):
-    figure = pixel_errors(eyes)
+def test_the_distribution_shows_held_out_corners_first(cameras):
+    figure = pixel_errors(cameras)
     labels = [text.get_text() for text in figure.legends[0].get_texts()]
     assert [label.split(" (")[0] for label in labels] == [
         "held-out",
         "cross-validation",
         "training",
     ]
-    rms = float(np.sqrt(np.mean(eyes.test_distances**2)))
+    rms = float(np.sqrt(np.mean(cameras.test_distances**2)))
     assert f"rms {rms:.2f} px" in labels[0]
 
 
-def test_corners_of_the_image_without_a_corner_are_named(eyes, flawed_eyes):
-    views = eyes.calibration.views
+def test_corners_of_the_image_without_a_corner_are_named(cameras, flawed_cameras):
+    views = cameras.calibration.views
     reached = 0
-    for eye in views.eyes:
-        u, v = views.of_camera(eye).reshape(-1, 2).T
+    for camera in views.cameras:
+        u, v = views.of_camera(camera).reshape(-1, 2).T
         for a in (u < 39.5, u > 279.5):
             reached += sum(bool(np.any(a & b)) for b in (v < 39.5, v > 199.5))
-    title = coverage(eyes).get_suptitle()
+    title = coverage(cameras).get_suptitle()
     assert title.endswith(f"and {reached} of their 8 corners")
     # Outliers cover nothing.
-    inliers = ~flawed_eyes.calibration.outliers
-    shown = [axes.get_title(loc="left") for axes in coverage(flawed_eyes).axes]
-    counts = flawed_eyes.calibration.views.seen[inliers].sum(axis=(0, 2))
+    inliers = ~flawed_cameras.calibration.outliers
+    shown = [axes.get_title(loc="left") for axes in coverage(flawed_cameras).axes]
+    counts = flawed_cameras.calibration.views.seen[inliers].sum(axis=(0, 2))
     assert shown == [f"left: {counts[0]} corners", f"right: {counts[1]} corners"]
 
 
-def test_a_pattern_of_the_residuals_is_told_from_noise_and_from_one_bad_board(eyes):
-    calibration, rng = eyes.calibration, np.random.default_rng(2)
+def test_a_pattern_of_the_residuals_is_told_from_noise_and_from_one_bad_board(cameras):
+    calibration, rng = cameras.calibration, np.random.default_rng(2)
     noise = rng.normal(0.0, 0.1, calibration.residuals.shape)
     out_from_the_middle = 2e-3 * (calibration.views.pixels - np.tile([159.5, 119.5], 2))
     one_bad_board = np.where(np.arange(len(noise))[:, None, None] == 3, 1.5, 0.0)
     for extra, told in ((0.0, False), (out_from_the_middle, True), (one_bad_board, False)):
-        changed = replace(eyes, calibration=replace(calibration, residuals=noise + extra))
+        changed = replace(cameras, calibration=replace(calibration, residuals=noise + extra))
         assert ("pattern of up to" in residual_field(changed).get_suptitle()) == told
     field = field_of(
-        replace(eyes, calibration=replace(calibration, residuals=out_from_the_middle)), 0
+        replace(cameras, calibration=replace(calibration, residuals=out_from_the_middle)), 0
     )
     np.testing.assert_allclose(field.means, 2e-3 * (field.cells - [159.5, 119.5]), atol=0.02)
 
 
-def test_residuals_are_drawn_where_the_corners_are(flawed_eyes):
-    calibration = flawed_eyes.calibration
-    field = field_of(flawed_eyes, 1)
+def test_residuals_are_drawn_where_the_corners_are(flawed_cameras):
+    calibration = flawed_cameras.calibration
+    field = field_of(flawed_cameras, 1)
     assert len(field.pixels) == calibration.views.seen[~calibration.outliers][:, 1].sum()
     assert np.isfinite(field.pixels).all()
     assert np.isfinite(field.residuals).all()
 
 
-def test_the_worst_view_is_named(flawed_eyes):
-    title = views_drawn(flawed_eyes).get_suptitle()
-    rms = flawed_eyes.calibration.view_rms
-    worst = flawed_eyes.calibration.views.names[int(np.argmax(rms))]
+def test_the_worst_view_is_named(flawed_cameras):
+    title = views_drawn(flawed_cameras).get_suptitle()
+    rms = flawed_cameras.calibration.view_rms
+    worst = flawed_cameras.calibration.views.names[int(np.argmax(rms))]
     assert worst == OUTLIER
     assert title.startswith(f"Worst view: {worst} with {rms.max():.2f} px rms")
 
 
-def test_the_profile_is_what_the_lens_does_and_its_band_covers_the_truth(eyes):
-    figure = distortion_profile(eyes)
-    camera = eyes.calibration.cameras[0]
+def test_the_profile_is_what_the_lens_does_and_its_band_covers_the_truth(cameras):
+    figure = distortion_profile(cameras)
+    camera = cameras.calibration.cameras[0]
     curve = figure.axes[0].lines[1]
     there, moved = (np.asarray(x) for x in curve.get_data())
     focal = 0.5 * (camera.fx + camera.fy)
@@ -127,9 +127,9 @@ def test_the_profile_is_what_the_lens_does_and_its_band_covers_the_truth(eyes):
     )
 
 
-def test_reconstruction_errors_are_drawn_over_their_range(eyes):
-    axes = reconstruction_by_range(eyes).axes[0]
-    found = eyes.reconstruction
+def test_reconstruction_errors_are_drawn_over_their_range(cameras):
+    axes = reconstruction_by_range(cameras).axes[0]
+    found = cameras.reconstruction
     distance, error = axes.lines[0].get_data()
     np.testing.assert_allclose(distance, 1e3 * found.depths.ravel())
     np.testing.assert_allclose(error, 1e3 * found.errors.ravel())

@@ -19,7 +19,7 @@ def write(monkeypatch):
     monkeypatch.setattr("nico_selfmodel.viz.reports.page.svg_data_uri", lambda _: "data:,")
 
     def written(folder, assessment, document=None, images=None, force=False):
-        model = assessment.calibration.self_model("eyes")
+        model = assessment.calibration.self_model("cameras")
         document = document or to_json(assessment, judge(assessment))
         report = camera_report(assessment, document, images, model)
         write_with_report(folder, model, report, force=force)
@@ -28,34 +28,34 @@ def write(monkeypatch):
     return written
 
 
-def test_the_folder_holds_everything_and_comes_back(tmp_path, write, eyes, photographs):
-    folder = write(tmp_path / "deep" / "result", eyes, images=photographs)
+def test_the_folder_holds_everything_and_comes_back(tmp_path, write, cameras, photographs):
+    folder = write(tmp_path / "deep" / "result", cameras, images=photographs)
     assert {path.name for path in folder.iterdir()} == FILES
     result = json.loads((folder / "result.json").read_text())
-    assert result == to_json(eyes, judge(eyes))
+    assert result == to_json(cameras, judge(cameras))
     rig = load_model(folder).rig
-    assert rig.values.tolist() == eyes.calibration.rig.values.tolist()
-    scene = camera_scene(eyes, photographs, name="eyes")
+    assert rig.values.tolist() == cameras.calibration.rig.values.tolist()
+    scene = camera_scene(cameras, photographs, name="cameras")
     assert load_scene(folder).to_json() == scene.to_json()
 
 
-def test_what_else_is_known_is_kept_in_the_result(tmp_path, write, one_eye):
-    document = to_json(one_eye, judge(one_eye)) | {"more": 1}
-    folder = write(tmp_path / "result", one_eye, document=document)
+def test_what_else_is_known_is_kept_in_the_result(tmp_path, write, one_camera):
+    document = to_json(one_camera, judge(one_camera)) | {"more": 1}
+    folder = write(tmp_path / "result", one_camera, document=document)
     assert json.loads((folder / "result.json").read_text())["more"] == 1
     assert set(load_model(folder).cameras) == {"right"}
 
 
 def test_an_existing_folder_is_kept_unless_forced_and_a_failure_leaves_nothing(
-    tmp_path, write, one_eye
+    tmp_path, write, one_camera
 ):
     folder = tmp_path / "result"
     folder.mkdir()
     (folder / "result.json").write_text("{}")
     with pytest.raises(FileExistsError, match="exists already"):
-        write(folder, one_eye)
-    wrong = {"right": {one_eye.calibration.views.names[0]: np.zeros((3, 3), dtype=np.uint8)}}
+        write(folder, one_camera)
+    wrong = {"right": {one_camera.calibration.views.names[0]: np.zeros((3, 3), dtype=np.uint8)}}
     with pytest.raises(ValueError, match="calibrated for"):
-        write(folder, one_eye, images=wrong, force=True)
+        write(folder, one_camera, images=wrong, force=True)
     assert (folder / "result.json").read_text() == "{}"
     assert {path.name for path in tmp_path.iterdir()} == {"result"}

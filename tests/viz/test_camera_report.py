@@ -26,17 +26,17 @@ def report(monkeypatch):
     return write
 
 
-def test_the_verdict_comes_first_with_its_reasons(page, eyes):
+def test_the_verdict_comes_first_with_its_reasons(page, cameras):
     ids = [attributes["id"] for _, attributes in page.tags if "id" in attributes]
     assert ids[0] == "verdict"
     start = page.words.index("PASS")
-    assert judge(eyes).reasons[0] in page.words[start : start + 4]
+    assert judge(cameras).reasons[0] in page.words[start : start + 4]
 
 
 def test_every_file_is_named_also_those_without_a_board(page, photographs):
-    for eye, of_camera in photographs.items():
+    for camera, of_camera in photographs.items():
         for name in of_camera:
-            assert any(f"{eye}{name}.jpg" in word for word in page.words), (eye, name)
+            assert any(f"{camera}{name}.jpg" in word for word in page.words), (camera, name)
     assert "no 5x4 board, <b>whatever</b> was tried" in page.words
     assert page.words.count("no board found") == 3  # in the table, on its card, for its left image
 
@@ -50,10 +50,10 @@ def test_every_photograph_is_shown_with_the_corners_found_in_it(page, photograph
     assert all(path.count("M") == 2 * 20 for path in crosses)
 
 
-def test_a_cross_lies_on_its_corner(page, eyes):
+def test_a_cross_lies_on_its_corner(page, cameras):
     paths = [a["d"] for tag, a in page.tags if tag == "path" and a.get("stroke") == "white"]
-    name = eyes.calibration.views.names[0]
-    u, v = eyes.calibration.views.of_camera("left")[0, 0]
+    name = cameras.calibration.views.names[0]
+    u, v = cameras.calibration.views.of_camera("left")[0, 0]
     half = 0.009 * 320
     assert any(path.startswith(f"M{u - half:.1f} {v:.1f}h{2 * half:.1f}") for path in paths), name
 
@@ -93,25 +93,25 @@ def test_nothing_is_loaded_and_names_stay_text(page, part):
         for name in (LOADING | {"xlink:href"}) & set(attributes):
             assert attributes[name].startswith(("data:", "#")), (tag, name, attributes[name][:80])
     if part == "page":
-        assert "my <i>eyes</i>" in page.words
+        assert "my <i>cameras</i>" in page.words
         assert not [tag for tag, _ in page.tags if tag == "script"]
 
 
-def test_one_eye_is_reported_without_photographs_and_without_a_pair(report, one_eye):
-    page = report(one_eye)
+def test_one_camera_is_reported_without_photographs_and_without_a_pair(report, one_camera):
+    page = report(one_camera)
     assert "NOT EVALUATED" in page.words
     assert "Nothing was held out." in page.text
     assert not [tag for tag, _ in page.tags if tag in ("image", "svg")]
     assert "epipolar" not in page.text
     assert "left" not in page.words
-    for name in one_eye.calibration.views.names:
+    for name in one_camera.calibration.views.names:
         assert f"right {name}" in page.words
 
 
-def test_an_outlier_is_named_and_framed_in_red(report, flawed_eyes):
-    names = flawed_eyes.calibration.views.names
+def test_an_outlier_is_named_and_framed_in_red(report, flawed_cameras):
+    names = flawed_cameras.calibration.views.names
     grey = np.full((240, 320), 90, dtype=np.uint8)
-    page = report(flawed_eyes, {"left": dict.fromkeys((*names, UNSEEN), grey)})
+    page = report(flawed_cameras, {"left": dict.fromkeys((*names, UNSEEN), grey)})
     cards = [a["class"] for tag, a in page.tags if tag == "div" and "card" in a.get("class", "")]
     assert cards.count("card outlier") == 1
     assert f"errors: {OUTLIER} (" in page.text.replace("\n", " ")
@@ -119,8 +119,8 @@ def test_an_outlier_is_named_and_framed_in_red(report, flawed_eyes):
     assert [tag for tag, _ in page.tags if tag == "circle"]
 
 
-def test_a_missed_bound_is_red(report, eyes):
-    page = report(eyes, require_test_px=0.001)
+def test_a_missed_bound_is_red(report, cameras):
+    page = report(cameras, require_test_px=0.001)
     assert "FAIL" in page.words
     (body,) = [attributes for tag, attributes in page.tags if tag == "body"]
     assert body["class"] == "FAIL"

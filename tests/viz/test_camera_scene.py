@@ -16,8 +16,8 @@ from .seen_boards import OUTLIER, P_GQ, SIZE, photographs
 
 
 @pytest.fixture(scope="module")
-def scene(eyes, photographs):
-    return camera_scene(eyes, photographs, name="eyes")
+def scene(cameras, photographs):
+    return camera_scene(cameras, photographs, name="cameras")
 
 
 def at(scene, path):
@@ -25,8 +25,8 @@ def at(scene, path):
     return item
 
 
-def test_both_eyes_with_images_all_boards_and_one_point_are_there(scene, eyes):
-    views = eyes.calibration.views.names
+def test_both_cameras_with_images_all_boards_and_one_point_are_there(scene, cameras):
+    views = cameras.calibration.views.names
     wanted = {f"boards/{view}/{part}" for view in views for part in ("board", "name")}
     wanted |= {f"cameras/{e}/{p}" for e in ("left", "right") for p in ("image", "outline", "name")}
     wanted |= {"point/epipolar_plane", "point/left_ray", "point/right_ray"}
@@ -37,20 +37,20 @@ def test_both_eyes_with_images_all_boards_and_one_point_are_there(scene, eyes):
     assert "left camera" in labels
 
 
-def test_the_boards_lie_where_they_were_found(scene, eyes):
-    for name, X_LG in zip(eyes.calibration.views.names, eyes.calibration.X_LG, strict=True):
+def test_the_boards_lie_where_they_were_found(scene, cameras):
+    for name, X_LG in zip(cameras.calibration.views.names, cameras.calibration.X_LG, strict=True):
         board = at(scene, f"boards/{name}/board")
         found = apply(board.X_WI, board.corners)
         np.testing.assert_allclose(found, board_outline(P_GQ, X_WL @ X_LG), atol=1e-12)
 
 
-def test_all_inliers_are_in_the_first_view(scene, eyes):
+def test_all_inliers_are_in_the_first_view(scene, cameras):
     forward = scene.camera.p_WT - scene.camera.p_WC
     forward /= np.linalg.norm(forward)
     right = np.cross(forward, [0.0, 0.0, 1.0])
     right /= np.linalg.norm(right)
     axes = np.stack([right, np.cross(right, forward), forward], axis=1)
-    outlines = [board_outline(P_GQ, X_WL @ X) for X in eyes.calibration.X_LG]
+    outlines = [board_outline(P_GQ, X_WL @ X) for X in cameras.calibration.X_LG]
     x, y, z = ((np.concatenate(outlines) - scene.camera.p_WC) @ axes).T
     half = np.tan(0.5 * FIELD_OF_VIEW)
     assert np.all(z > 0.0)
@@ -58,8 +58,8 @@ def test_all_inliers_are_in_the_first_view(scene, eyes):
     assert 0.5 * half < np.abs(x / z).max() < 1.5 * half
 
 
-def test_the_image_shows_each_thing_where_its_ray_goes_through(eyes):
-    camera = eyes.calibration.cameras[1]
+def test_the_image_shows_each_thing_where_its_ray_goes_through(cameras):
+    camera = cameras.calibration.cameras[1]
     plane = ImagePlane(camera, 0.05)
     image = np.full((*SIZE[::-1], 3), 20, dtype=np.uint8)
     u, v = 281, 41
@@ -73,16 +73,16 @@ def test_the_image_shows_each_thing_where_its_ray_goes_through(eyes):
     np.testing.assert_allclose(found, ideal, atol=1.0 / camera.fx)
 
 
-def test_the_epipolar_lines_run_through_both_images_of_the_corner(eyes):
-    scene = camera_scene(eyes, point=("04", 7))
-    row = eyes.calibration.views.names.index("04")
+def test_the_epipolar_lines_run_through_both_images_of_the_corner(cameras):
+    scene = camera_scene(cameras, point=("04", 7))
+    row = cameras.calibration.views.names.index("04")
     plane = at(scene, "point/epipolar_plane")
     assert isinstance(plane, Surface)
-    on_board = apply(X_WL @ eyes.calibration.X_LG[row], P_GQ[7])
+    on_board = apply(X_WL @ cameras.calibration.X_LG[row], P_GQ[7])
     np.testing.assert_allclose(plane.vertices[2], on_board, atol=2e-3)
-    for eye, camera in zip(("left", "right"), eyes.calibration.cameras, strict=True):
-        line = at(scene, f"point/{eye}_epipolar_line").points
-        center, outline = X_WL @ camera.X_WC[:, 3], at(scene, f"cameras/{eye}/outline").points
+    for side, camera in zip(("left", "right"), cameras.calibration.cameras, strict=True):
+        line = at(scene, f"point/{side}_epipolar_line").points
+        center, outline = X_WL @ camera.X_WC[:, 3], at(scene, f"cameras/{side}/outline").points
         normal = np.cross(*(plane.vertices[1:] - plane.vertices[0]))
         np.testing.assert_allclose((line - center[:3]) @ normal, 0.0, atol=1e-9)
         # The ends lie on the image's edge: outside of no side and on at least one of them.
@@ -92,8 +92,8 @@ def test_the_epipolar_lines_run_through_both_images_of_the_corner(eyes):
         np.testing.assert_allclose(np.min([share, 1.0 - share], axis=(0, 2)), 0.0, atol=1e-9)
 
 
-def test_an_outlier_is_red_and_stands_apart(flawed_eyes):
-    scene = camera_scene(flawed_eyes)
+def test_an_outlier_is_red_and_stands_apart(flawed_cameras):
+    scene = camera_scene(flawed_cameras)
     assert [i.path for i in scene.under("outliers")] == [
         f"outliers/{OUTLIER}/board",
         f"outliers/{OUTLIER}/name",
@@ -104,8 +104,8 @@ def test_an_outlier_is_red_and_stands_apart(flawed_eyes):
     assert any(OUTLIER in entry.label for entry in scene.legend)
 
 
-def test_one_eye_has_no_epipolar_plane_and_without_photographs_there_is_no_image(one_eye):
-    scene = camera_scene(one_eye)
+def test_one_camera_has_no_epipolar_plane_and_without_photographs_there_is_no_image(one_camera):
+    scene = camera_scene(one_camera)
     assert scene.under("point") == ()
     assert scene.under("cameras/left") == ()
     assert "cameras/right/image" not in scene.paths
@@ -128,14 +128,14 @@ def test_the_pictures_in_a_file_are_small_and_come_back(scene):
         (("02", 1), "corner 1 of view 02 was not seen"),
     ],
 )
-def test_a_point_that_was_not_seen_is_refused(flawed_eyes, point, message):
+def test_a_point_that_was_not_seen_is_refused(flawed_cameras, point, message):
     with pytest.raises(ValueError, match=message):
-        camera_scene(flawed_eyes, point=point)
+        camera_scene(flawed_cameras, point=point)
 
 
-def test_a_photograph_of_another_size_is_refused(eyes):
+def test_a_photograph_of_another_size_is_refused(cameras):
     cut = {
-        "left": {n: i[:-1] for n, i in photographs(eyes.calibration.views.names)["left"].items()}
+        "left": {n: i[:-1] for n, i in photographs(cameras.calibration.views.names)["left"].items()}
     }
     with pytest.raises(ValueError, match="calibrated for 320 x 240"):
-        camera_scene(eyes, cut)
+        camera_scene(cameras, cut)

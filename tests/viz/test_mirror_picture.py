@@ -1,4 +1,4 @@
-"""What an eye saw in a mirror, drawn on the glass."""
+"""What a camera saw in a mirror, drawn on the glass."""
 
 from dataclasses import replace
 
@@ -34,14 +34,14 @@ def decoded(picture, tmp_path):
     return imread(path)
 
 
-def test_a_spot_on_the_glass_is_painted_where_the_eye_sees_it(tmp_path):
-    eye = Camera(380.0, 380.0, 320.0, 240.0, (640, 480), k1=-0.2)
+def test_a_spot_on_the_glass_is_painted_where_the_camera_sees_it(tmp_path):
+    camera = Camera(380.0, 380.0, 320.0, 240.0, (640, 480), k1=-0.2)
     corners = np.array([[-0.2, 0.1, 0.4], [0.2, 0.1, 0.4], [0.2, -0.1, 0.4], [-0.2, -0.1, 0.4]])
     spot = np.array([0.11, -0.04, 0.4])
     image = grey()
-    u, v = np.rint(eye.project(spot)).astype(int)
+    u, v = np.rint(camera.project(spot)).astype(int)
     image[v - 4 : v + 5, u - 4 : u + 5] = (255, 0, 0)
-    picture = on_glass("glass", eye, corners, image)
+    picture = on_glass("glass", camera, corners, image)
     assert_allclose([picture.width, picture.height], [0.4, 0.2])
     shown = decoded(picture, tmp_path).astype(int)
     rows, columns = np.nonzero((shown[:, :, 0] > 200) & (shown[:, :, 1] < 80))
@@ -49,7 +49,7 @@ def test_a_spot_on_the_glass_is_painted_where_the_eye_sees_it(tmp_path):
     x = (columns.mean() + 0.5) * step - 0.5 * picture.width
     y = (rows.mean() + 0.5) * step - 0.5 * picture.height
     assert_allclose(apply(picture.X_WI, np.array([x, y, 0.0])), spot, atol=1e-3)
-    # Right and down as the eye has them: it looks along z of the picture.
+    # Right and down as the camera has them: it looks along z of the picture.
     assert_allclose(picture.X_WI[:3, :3], np.eye(3), atol=1e-12)
 
 
@@ -90,8 +90,8 @@ def test_pictures_of_a_recording_are_found_by_their_pose(seen, tmp_path):
     data = replace(data, extra={"pose": poses})
     assert recorded_pictures(tmp_path, data) == {}
     (tmp_path / "images").mkdir()
-    for eye, shade in (("left", 40), ("right", 80)):
-        write_image(tmp_path / "images" / f"{eye}0003.png", grey(shade))
+    for camera, shade in (("left", 40), ("right", 80)):
+        write_image(tmp_path / "images" / f"{camera}0003.png", grey(shade))
     found = recorded_pictures(tmp_path, data)
     assert list(found) == ["near"]
     assert found["near"].sample == int(data.sample[2])
@@ -102,9 +102,9 @@ def test_pictures_of_a_recording_are_found_by_their_pose(seen, tmp_path):
 
 def test_a_turned_glass_keeps_its_picture_upright():
     turn = transform(np.array([[0.0, 0, 1], [-1, 0, 0], [0, -1, 0]]), np.zeros(3))
-    eye = Camera(380.0, 380.0, 320.0, 240.0, (640, 480), X_WC=turn)
+    camera = Camera(380.0, 380.0, 320.0, 240.0, (640, 480), X_WC=turn)
     corners = apply(
         turn, np.array([[-0.2, 0.1, 0.4], [0.2, 0.1, 0.4], [0.2, -0.1, 0.4], [-0.2, -0.1, 0.4]])
     )
-    picture = on_glass("glass", eye, corners, grey())
+    picture = on_glass("glass", camera, corners, grey())
     assert_allclose(picture.X_WI[:3, :3], turn[:3, :3], atol=1e-12)

@@ -50,9 +50,9 @@ def test_hand_and_reflection_lie_symmetrically_and_outliers_apart(scene):
 
 def test_rays_meet_the_glass_and_leave_as_they_came(scene, calibration):
     normal = X_WL[:3, :3] @ calibration.mirrors["near"].normal
-    for eye in ("left", "right"):
-        coming = item(scene, f"mirrors/near/rays/{eye}_from_hand")
-        going = item(scene, f"mirrors/near/rays/{eye}_to_camera")
+    for camera in ("left", "right"):
+        coming = item(scene, f"mirrors/near/rays/{camera}_from_hand")
+        going = item(scene, f"mirrors/near/rays/{camera}_to_camera")
         assert_allclose(coming.ends, going.starts)
         into, out = coming.ends - coming.starts, going.ends - going.starts
         into /= np.linalg.norm(into, axis=1)[:, None]

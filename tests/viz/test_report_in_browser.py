@@ -80,10 +80,10 @@ def test_a_failure_is_red_at_a_glance_also_in_a_narrow_window(browser, tmp_path,
 
 
 @pytest.mark.slow
-def test_the_eyes_their_boards_and_the_epipolar_plane_are_seen(browser, tmp_path, camera_html):
+def test_the_cameras_their_boards_and_the_epipolar_plane_are_seen(browser, tmp_path, camera_html):
     picture = screenshot(browser, camera_html, tmp_path, 1400, 1500)
     hue, saturation, value = cv2.split(cv2.cvtColor(picture[600:], cv2.COLOR_BGR2HSV))
     strong = hue[(saturation > 110) & (value > 60)]
-    # Teal and purple eyes, blue boards, the yellow epipolar lines.
+    # Teal and purple cameras, blue boards, the yellow epipolar lines.
     for low, high in ((80, 90), (155, 170), (100, 118), (20, 28)):
         assert np.sum((strong >= low) & (strong <= high)) > 200, (low, high)

@@ -49,7 +49,7 @@ def test_two_marks_at_one_place_both_show_and_none_is_drawn_where_nothing_was_se
     assert marked(image, {TRACKED: (500.0, -40.0)}).shape == image.shape
 
 
-def test_the_robot_moves_and_its_hand_and_eyes_are_drawn():
+def test_the_robot_moves_and_its_hand_and_cameras_are_drawn():
     view = StationView(ARM, MODEL)
     for q in (READINGS, np.zeros(4)):
         view.show(q, IMAGES, pixels())
@@ -98,13 +98,13 @@ def test_a_recording_keeps_every_image():
     view = StationView(ARM, MODEL, recording=True)
     for k in range(3):
         view.show(READINGS + 0.1 * k, IMAGES, pixels() if k else None)
-    paths = [f"{ROOT}/cameras/{eye}/frame_{k}" for eye in ("left", "right") for k in range(3)]
+    paths = [f"{ROOT}/cameras/{camera}/frame_{k}" for camera in ("left", "right") for k in range(3)]
     assert all(view.meshcat.HasPath(path) for path in paths)
     assert len(view.html()) > 500_000
 
 
 def before_glass():
-    """Return a model that knows a mirror 0.3 m before its eyes, and the glass."""
+    """Return a model that knows a mirror 0.3 m before its cameras, and the glass."""
     mirror = Mirror.from_values([0.0, np.radians(-20.0), 0.3])
     X_BL = MODEL.rig.left.X_WC
     X_LM = transform(np.stack([[1.0, 0.0, 0.0], np.cross(-mirror.normal, [1.0, 0.0, 0.0]),
@@ -128,10 +128,10 @@ def test_a_glass_stands_in_the_learned_plane_and_carries_picture_reflection_and_
     names = ("picture", "left_ray", "right_ray", "left_behind", "glass")
     for path in (*(f"mirror/{name}" for name in names), "reflection/tracked"):
         assert view.meshcat.HasPath(f"{ROOT}/{path}"), path
-    # Light from the hand meets the glass under the angle at which it leaves to the eye.
-    hand, on, eye = mirror.rays(p)["left_ray"].points
+    # Light from the hand meets the glass under the angle at which it leaves to the camera.
+    hand, on, camera = mirror.rays(p)["left_ray"].points
     normal = mirror.rig.plane.normal
-    come, go = (hand - on) / np.linalg.norm(hand - on), (eye - on) / np.linalg.norm(eye - on)
+    come, go = (hand - on) / np.linalg.norm(hand - on), (camera - on) / np.linalg.norm(camera - on)
     assert come @ normal == pytest.approx(go @ normal, abs=1e-9)
     assert abs(float(mirror.rig.plane.distance_to(on))) < 1e-9
 
@@ -146,7 +146,7 @@ def test_reflections_are_marked_by_rings_and_need_a_glass():
         StationView(ARM, MODEL).show(READINGS, None, None, np.zeros(4))
 
 
-def test_a_model_without_eyes_and_pixels_that_are_none_are_refused():
+def test_a_model_without_cameras_and_pixels_that_are_none_are_refused():
     with pytest.raises(ModelError, match="no pair of cameras"):
         StationView(ARM, replace(MODEL, cameras={}))
     with pytest.raises(ValueError, match=r"shape \(4,\)"):

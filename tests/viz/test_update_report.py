@@ -36,7 +36,7 @@ SLIPPED = "right_shoulder_roll"
 @pytest.fixture(scope="module")
 def model():
     scenario = simulated_scenario(ProjectedNico.tracked_by(), WORLD, 0, random_poses=40)
-    return calibrate_body(scenario.train, scenario.eyes, scenario.boards).model
+    return calibrate_body(scenario.train, scenario.cameras, scenario.boards).model
 
 
 def poses(count, change=lambda body: None, shift=None, session=1):
@@ -115,7 +115,7 @@ def test_new_zeros_are_judged_by_poses_left_out_in_turn(zeros):
     evaluation, _, document = zeros
     assert document["status"] == "NOT_EVALUATED"
     found = document["cross_validation"]
-    # Five poses, both eyes: one pose is left out at a time.
+    # Five poses, both cameras: one pose is left out at a time.
     assert found["n"] == 10
     assert document["train"]["pixels"]["mean"] < found["pixels"]["mean"] < 12.0
     assert document["before"]["train"]["pixels"]["mean"] > 3.0 * found["pixels"]["mean"]
@@ -178,7 +178,7 @@ def test_the_scene_shows_where_the_hand_was_thought_before_and_the_arm_as_it_was
 
 
 def _turn():
-    """Return how the left eye's frame is turned in the scene."""
+    """Return how the left camera's frame is turned in the scene."""
     return np.array([[0.0, 0.0, 1.0], [-1.0, 0.0, 0.0], [0.0, -1.0, 0.0]])
 
 

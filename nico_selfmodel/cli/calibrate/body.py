@@ -56,12 +56,12 @@ def body(
     from nico_selfmodel.estimation.body.body import calibrate_body
     from nico_selfmodel.estimation.body.body_options import BodyOptions
     from nico_selfmodel.estimation.judging import judge, to_json
-    from nico_selfmodel.estimation.results.fixed_parameters import Pins
+    from nico_selfmodel.estimation.results.fixed_parameters import FixedParameters
     from nico_selfmodel.files.whole import refuse_folder
     from nico_selfmodel.model.self_model_file import load_model
 
     refuse_folder(out, force=force, inputs=[dataset, model, boards, test, robot])
-    pins = Pins.from_text(fix or (), free or ())
+    pins = FixedParameters.from_text(fix or (), free or ())
     chosen = BodyOptions(stage, variant, pins.pinned, pins.freed, loss)
     start = load_model(model)
     train, held_out = inputs.train_and_test(dataset, test, test_fraction, seed)

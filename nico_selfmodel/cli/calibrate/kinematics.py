@@ -40,12 +40,12 @@ def kinematics(
     from nico_selfmodel.estimation.arm.kinematics import calibrate_kinematics
     from nico_selfmodel.estimation.body.arm_through_cameras import Sight
     from nico_selfmodel.estimation.judging import judge, result_of, to_json
-    from nico_selfmodel.estimation.results.fixed_parameters import Pins
+    from nico_selfmodel.estimation.results.fixed_parameters import FixedParameters
     from nico_selfmodel.files.whole import refuse_folder
     from nico_selfmodel.model.self_model_file import load_model
 
     refuse_folder(out, force=force, inputs=[dataset, test, robot, cameras])
-    pins = Pins.from_text(fix or (), free or ())
+    pins = FixedParameters.from_text(fix or (), free or ())
     train, held_out = inputs.train_and_test(dataset, test, test_fraction, seed)
     sight = None
     if cameras is not None:

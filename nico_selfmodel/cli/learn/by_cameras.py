@@ -118,12 +118,12 @@ def _told(scenario: "BodyScenario") -> dict[str, Any]:
     """Return what `result.json` tells of the cameras, and of the refinement."""
     from nico_selfmodel.estimation.body.body_result import refinement_block
 
-    eyes = scenario.eyes
+    cameras = scenario.cameras
     return {
         "refinement": refinement_block(scenario.arm.seen, scenario.refined, scenario.verdict),
-        "eyes": {
-            "boards": len(eyes.views),
-            "rms_px": eyes.eyes.rms,
+        "cameras": {
+            "boards": len(cameras.views),
+            "rms_px": cameras.cameras.rms,
             "baseline_mm": 1e3 * scenario.model.rig.baseline,
         },
     }
@@ -145,7 +145,7 @@ def _parts(
 
 
 def _told_in_words(document: Mapping[str, Any]) -> list[str]:
-    cameras = document["eyes"]
+    cameras = document["cameras"]
     refused = document["refinement"]["reasons"]
     return [
         f"cameras learned from {cameras['boards']} boards to {cameras['rms_px']:.2f} px",

@@ -158,7 +158,7 @@ def _rounded(mm: float) -> str:
 
 
 def _set_aside_words(calibration: KinematicCalibration) -> list[str]:
-    """Say which training points were not believed, if any."""
+    """Say which training points were outliers, if any."""
     wrong, rows = calibration.outliers, calibration.train.observations
     if not wrong.any():
         return []
@@ -193,7 +193,7 @@ def _fixed_reasons(calibration: KinematicCalibration) -> list[str]:
         f"`{pin.name}` is pinned at {pin.value:.6g}, which contradicts the data: without pins they "
         f"ask for {pin.wanted:.6g} and the rms residual falls to 1 / {pin.rise:.3g}; correct the "
         "value, or leave the pin out"
-        for pin in calibration.contradicted_pins
+        for pin in calibration.contradicted_parameters
     ]
 
 

@@ -16,7 +16,7 @@ from nico_selfmodel.estimation.results.calibration_result import (
     finite,
     parameter_table,
 )
-from nico_selfmodel.estimation.results.unobservable_words import describe_blind
+from nico_selfmodel.estimation.results.unobservable_words import describe_unobservable
 
 _TERMS = Terms(
     observed="training points",
@@ -43,7 +43,7 @@ def arm_result(calibration: KinematicCalibration) -> CalibrationResult:
         outliers,
         tuple(sorted(set(rows.sample[outliers].tolist()))),
         describe_outliers(rows, outliers) if outliers.any() else "",
-        tuple(describe_blind(direction) for direction in known or ()),
+        tuple(describe_unobservable(direction) for direction in known or ()),
         calibration.converged,
         calibration.iterations,
         calibration.seconds,

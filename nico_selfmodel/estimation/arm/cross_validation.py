@@ -26,7 +26,7 @@ def cross_validate(observations: Observations, solved: ArmSolution, folds: int =
         folds: Number of folds.
 
     Returns:
-        Errors of the believed rows [m]; empty where a fold would leave too few equations.
+        Errors of the inlier rows [m]; empty where a fold would leave too few equations.
     """
     if solved.noise is None:
         return np.zeros(0)
@@ -42,9 +42,9 @@ def cross_validate(observations: Observations, solved: ArmSolution, folds: int =
     if fold_of_visit.max(initial=0) < folds - 1 or 3 * fewest <= len(solved.free):
         return np.zeros(0)
     fold = np.repeat(fold_of_visit, len(u) // groups.poses)
-    believed = observations.select(groups.rows)
+    inliers = observations.select(groups.rows)
     chosen = [i for i, name in enumerate(linear.names) if name in solved.free]
-    errors = np.zeros(len(believed))
+    errors = np.zeros(len(inliers))
     for k in range(folds):
         rest = U[fold != k] / size
         step = -np.linalg.lstsq(rest.T @ rest, (U[fold == k] / size).T @ u[fold == k], 1e-10)[0]
@@ -52,8 +52,8 @@ def cross_validate(observations: Observations, solved: ArmSolution, folds: int =
         values[chosen] += step / size
         parameters = solved.parameters.with_values(values)
         if np.sqrt(np.mean((rest @ step) ** 2)) > _LARGEST_STEP:
-            parameters = _refit(believed.select(fold_of_row != k), parameters, solved)
-        left = believed.select(fold_of_row == k)
+            parameters = _refit(inliers.select(fold_of_row != k), parameters, solved)
+        left = inliers.select(fold_of_row == k)
         predicted = parameters.predict(left.angles, left.marker)[0]
         errors[fold_of_row == k] = np.linalg.norm(predicted - left.p_WH, axis=1)
     return errors

@@ -23,12 +23,12 @@ from nico_selfmodel.estimation.initialization.nominal_arm import (
     nominal_start,
 )
 from nico_selfmodel.estimation.initialization.start_search import RANDOM, few_rows
-from nico_selfmodel.estimation.observations.arm_estimate import ArmHypothesis
+from nico_selfmodel.estimation.observations.arm_estimate import ArmEstimate
 from nico_selfmodel.estimation.observations.observations import (
     Observations,
     gears_known,
 )
-from nico_selfmodel.estimation.results.fixed_parameters import Pins
+from nico_selfmodel.estimation.results.fixed_parameters import FixedParameters
 from nico_selfmodel.model.arm.dh_parameters import DhParameters
 from nico_selfmodel.names import listed
 
@@ -56,7 +56,12 @@ class KinematicTask:
 
     @classmethod
     def prepare(
-        cls, dataset: Dataset, nominal: NominalArm | None, pins: Pins, starts: int, seed: int
+        cls,
+        dataset: Dataset,
+        nominal: NominalArm | None,
+        pins: FixedParameters,
+        starts: int,
+        seed: int,
     ) -> "KinematicTask":
         """Gather what a data set says before anything is solved.
 
@@ -103,7 +108,7 @@ class KinematicTask:
             few_rows(observations, seed),
         )
 
-    def starts(self) -> Iterator[tuple[str, ArmHypothesis]]:
+    def starts(self) -> Iterator[tuple[str, ArmEstimate]]:
         """Yield labelled starts, the most trusted first."""
         trusted = 0
         if self.circles is not None and self.circles.arm is not None:
@@ -122,7 +127,7 @@ class KinematicTask:
             trusted_axes = self.circles.trusted
             directions = np.where(trusted_axes[:, None], self.circles.directions, np.nan)
             gear = np.where(trusted_axes, self.circles.gear, np.nan)
-        wild = random_starts(
+        outlying = random_starts(
             self.few,
             self.gear_pinned & self.gear_known,
             self.zero,
@@ -130,10 +135,10 @@ class KinematicTask:
             directions=directions,
             gear=gear,
         )
-        for arm in islice(wild, count if trusted else max(count, 1)):
+        for arm in islice(outlying, count if trusted else max(count, 1)):
             yield RANDOM, arm
 
-    def parameters_of(self, arm: ArmHypothesis) -> DhParameters:
+    def parameters_of(self, arm: ArmEstimate) -> DhParameters:
         """Write an arm as named parameters."""
         first = first_joint_zero(self.nominal, self.dataset, self.observations)
         return meaningful_parameters(
@@ -167,7 +172,7 @@ class KinematicTask:
         """
         return 3 * len(self.observations) >= 2 * self.unknowns
 
-    def require_enough(self, pins: Pins) -> None:
+    def require_enough(self, pins: FixedParameters) -> None:
         """Check that there are more equations than unknowns, and that joints moved.
 
         Raises:
@@ -222,6 +227,6 @@ def sweeps_of(dataset: Dataset, observations: Observations) -> list[Sweep]:
     ]
 
 
-def at_zero(arm: ArmHypothesis, zero: NDArray) -> ArmHypothesis:
+def at_zero(arm: ArmEstimate, zero: NDArray) -> ArmEstimate:
     """Return the same arm with its zero configuration at other encoder angles."""
-    return ArmHypothesis(arm.chain.rezeroed((zero - arm.zero) / arm.gear), arm.gear, zero)
+    return ArmEstimate(arm.chain.rezeroed((zero - arm.zero) / arm.gear), arm.gear, zero)

@@ -15,7 +15,7 @@ from nico_selfmodel.estimation.arm.cross_validation import cross_validate
 from nico_selfmodel.estimation.arm.evaluation import Evaluation, evaluate
 from nico_selfmodel.estimation.arm.kinematic_task import KinematicTask
 from nico_selfmodel.estimation.arm.learned_model import learned_model, training_of
-from nico_selfmodel.estimation.arm.named_refinement import Held, refine_pinned
+from nico_selfmodel.estimation.arm.named_refinement import Held, refine_named
 from nico_selfmodel.estimation.diagnosis.changes_in_time import (
     Change,
     change_in_time,
@@ -27,8 +27,8 @@ from nico_selfmodel.estimation.diagnosis.fault_hypotheses import (
     foreign_marker,
 )
 from nico_selfmodel.estimation.diagnosis.fixed_parameter_check import (
-    ContradictedPin,
-    contradicted_pins,
+    ContradictedParameter,
+    contradicted_parameters,
 )
 from nico_selfmodel.estimation.diagnosis.gear_check import DoubtfulGear, doubtful_gears
 from nico_selfmodel.estimation.diagnosis.nominal_check import robot_reason
@@ -48,7 +48,7 @@ from nico_selfmodel.estimation.initialization.start_search import (
 )
 from nico_selfmodel.estimation.noise.arm_solution import ArmSolution, Linearised
 from nico_selfmodel.estimation.noise.pose_noise import PoseNoise
-from nico_selfmodel.estimation.results.fixed_parameters import Pins
+from nico_selfmodel.estimation.results.fixed_parameters import FixedParameters
 from nico_selfmodel.model.arm.dh_table import DhTable
 from nico_selfmodel.model.self_model import SelfModel
 from nico_selfmodel.optimization.uncertainty import Uncertainty
@@ -71,13 +71,13 @@ class KinematicCalibration:
     train: Evaluation
     """The model on its own training data, outliers included."""
     outliers: NDArray
-    """Rows of `train` that were not believed. Boolean, shape (N,)."""
+    """Rows of `train` that were outliers. Boolean, shape (N,)."""
     free_poses: NDArray
     """Rows of `train` that are marked as no sweep's. Boolean, shape (N,)."""
     test: Evaluation | None
     """The model on held-out data."""
     cross_validation: NDArray
-    """Errors of believed rows predicted without their own fold [m]. Shape (K,)."""
+    """Errors of inlier rows predicted without their own fold [m]. Shape (K,)."""
     uncertainty: Uncertainty | None
     """Of the free parameters; None for circle points alone."""
     free: frozenset[str]
@@ -90,7 +90,7 @@ class KinematicCalibration:
     """Standard deviation of a measured coordinate that the data set states [m]."""
     doubtful_gears: tuple[DoubtfulGear, ...]
     """Gears held at 1 that the data contradict."""
-    contradicted_pins: tuple[ContradictedPin, ...]
+    contradicted_parameters: tuple[ContradictedParameter, ...]
     """Parameters pinned by name that the data contradict."""
     contradicted_robot: str | None
     """How the learned arm is not the described robot, in words; None where it may be."""
@@ -120,7 +120,7 @@ def calibrate_kinematics(
     method: str = "refine",
     test: Dataset | None = None,
     nominal: NominalArm | None = None,
-    pins: Pins | None = None,
+    pins: FixedParameters | None = None,
     loss: str = "trimmed",
     starts: int = 10,
     seed: int = 0,
@@ -153,7 +153,7 @@ def calibrate_kinematics(
     """
     if method not in METHODS:
         raise ValueError(f"no method {method!r}; there are {', '.join(METHODS)}")
-    clock, pins = time.perf_counter(), pins or Pins()
+    clock, pins = time.perf_counter(), pins or FixedParameters()
     test = None if test is None else held_out_of(dataset, test)
     task = KinematicTask.prepare(dataset, nominal, pins, starts, seed)
     if method == "circle-points":
@@ -170,7 +170,7 @@ def calibrate_kinematics(
         )
         solved = _refined(task, search.best, pins, loss)
         unseen = cross_validate(task.observations, solved)
-        contradicted = _contradicted_pins(task, search.best, solved, pins)
+        contradicted = _contradicted_parameters(task, search.best, solved, pins)
     doubts = _Doubts.of(task, solved)
     causes = Causes()
     if search is not None and explain and task.redundant:
@@ -206,7 +206,9 @@ def calibrate_kinematics(
     )
 
 
-def _refined(task: KinematicTask, best: LineSolution, pins: Pins, loss: str) -> ArmSolution:
+def _refined(
+    task: KinematicTask, best: LineSolution, pins: FixedParameters, loss: str
+) -> ArmSolution:
     """Turn the best lines into named parameters and refine them by poses."""
     parameters = task.parameters_of(best.arm)
     pins.check(parameters)
@@ -216,7 +218,7 @@ def _refined(task: KinematicTask, best: LineSolution, pins: Pins, loss: str) -> 
         if pinned
     )
     held = Held(pins, _nominal_values(task.nominal, pins), gears)
-    return refine_pinned(task.observations, parameters, held, best.robust, task.sigma, loss)
+    return refine_named(task.observations, parameters, held, best.robust, task.sigma, loss)
 
 
 @dataclass(frozen=True, eq=False)
@@ -258,7 +260,7 @@ def _notable(*changes: Change | None) -> Change | None:
     return next((change for change in there if change.notable), there[0] if there else None)
 
 
-def _nominal_values(nominal: NominalArm | None, pins: Pins) -> dict[str, float]:
+def _nominal_values(nominal: NominalArm | None, pins: FixedParameters) -> dict[str, float]:
     """Return the values at which `--fix NAME` holds: the robot's, where one was given."""
     if nominal is None:
         return {}
@@ -292,13 +294,13 @@ def _causes(
     )
 
 
-def _contradicted_pins(
-    task: KinematicTask, best: LineSolution, solved: ArmSolution, pins: Pins
-) -> tuple[ContradictedPin, ...]:
-    """Return pins without which the believed rows would fit significantly better."""
+def _contradicted_parameters(
+    task: KinematicTask, best: LineSolution, solved: ArmSolution, pins: FixedParameters
+) -> tuple[ContradictedParameter, ...]:
+    """Return pins without which the inlier rows would fit significantly better."""
     joints = zip(task.observations.joints, task.gear_known, strict=True)
     by_unit = frozenset(f"{joint}.gear" for joint, known in joints if known)
-    return contradicted_pins(
+    return contradicted_parameters(
         task.observations,
         task.parameters_of(best.arm),
         solved,

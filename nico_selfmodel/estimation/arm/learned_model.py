@@ -65,12 +65,12 @@ def training_of(
         Rows, the noise, the median error of a pose to expect with the number of poses behind it,
         and the range of every encoder's readings.
     """
-    believed = observations.select(~solved.outliers)
+    inliers = observations.select(~solved.outliers)
     if not len(unseen):
-        predicted = solved.parameters.predict(believed.angles, believed.marker)[0]
-        unseen = np.linalg.norm(predicted - believed.p_WH, axis=1)
-    swept = dataset.sweep[believed.rows] != ""
-    errors = believed.by_pose(unseen, swept if swept.all() else ~swept)
+        predicted = solved.parameters.predict(inliers.angles, inliers.marker)[0]
+        unseen = np.linalg.norm(predicted - inliers.p_WH, axis=1)
+    swept = dataset.sweep[inliers.rows] != ""
+    errors = inliers.by_pose(unseen, swept if swept.all() else ~swept)
     readings = dataset.encoders[observations.rows]
     ranges = np.stack([readings.min(axis=0), readings.max(axis=0)], axis=1).tolist()
     return {

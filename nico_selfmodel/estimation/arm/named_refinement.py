@@ -9,7 +9,7 @@ from nico_selfmodel.estimation.noise.arm_solution import ArmSolution
 from nico_selfmodel.estimation.noise.pose_refinement import arm_program, refine_by_pose
 from nico_selfmodel.estimation.observations.hand_residuals import DhResiduals
 from nico_selfmodel.estimation.observations.observations import Observations
-from nico_selfmodel.estimation.results.fixed_parameters import Pins
+from nico_selfmodel.estimation.results.fixed_parameters import FixedParameters
 from nico_selfmodel.model.arm.dh_parameters import DhParameters
 from nico_selfmodel.optimization.calibration_program import CalibrationProgram
 from nico_selfmodel.optimization.robust_solve import RobustSolution, solve_robustly
@@ -19,7 +19,7 @@ from nico_selfmodel.optimization.robust_solve import RobustSolution, solve_robus
 class Held:
     """What a refinement by name holds."""
 
-    pins: Pins
+    pins: FixedParameters
     """What the user holds and lets move."""
     values: dict[str, float]
     """Values of pins that name none; the start's where missing."""
@@ -36,7 +36,7 @@ class Held:
     ) -> dict[str, float]:
         """Return the values of all pins: the user's, the robot's, or those that the data ask for.
 
-        The arguments are those of `refine_pinned`.
+        The arguments are those of `refine_named`.
         """
         values = {**self.values, **{n: v for n, v in self.pins.pinned.items() if v is not None}}
         open_ones = set(self.pins.pinned) - set(values)
@@ -49,7 +49,7 @@ class Held:
         return values
 
 
-def refine_pinned(
+def refine_named(
     observations: Observations,
     start: DhParameters,
     held: Held,
@@ -95,7 +95,7 @@ def refine_pinned(
     )
 
 
-def _require_gears(parameters: DhParameters, pins: Pins) -> None:
+def _require_gears(parameters: DhParameters, pins: FixedParameters) -> None:
     if np.any(parameters.servos.gear <= 0.0):
         asked = f" with {', '.join(sorted(pins.names))} as asked" if pins.names else ""
         advice = "check the values and what the data say without them"

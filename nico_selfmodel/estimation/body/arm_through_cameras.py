@@ -1,6 +1,6 @@
-"""Kinematics through vision: an arm learned from what calibrated eyes saw of its hand (chapter 7).
+"""Kinematics through vision: an arm learned from what calibrated cameras saw (chapter 7).
 
-What stereo reconstructs takes the place of motion capture, so that arm and eyes share one frame,
+What stereo reconstructs takes the place of motion capture, so that arm and cameras share one frame,
 and the arm's predictions can be held against the pictures themselves (eq. 7.4).
 """
 
@@ -15,7 +15,7 @@ from nico_selfmodel.estimation.body.body_initialization import in_left_eye, reco
 from nico_selfmodel.estimation.noise.arm_solution import Linearised
 from nico_selfmodel.estimation.noise.hand_observations import covariance_of
 from nico_selfmodel.estimation.noise.training_noise import with_training_noise
-from nico_selfmodel.estimation.observations.hand_pixels import project_to_eyes
+from nico_selfmodel.estimation.observations.hand_pixels import project_to_cameras
 from nico_selfmodel.estimation.observations.observations import Observations
 from nico_selfmodel.estimation.observations.pixel_evaluation import (
     PixelEvaluation,
@@ -29,12 +29,12 @@ from nico_selfmodel.optimization.uncertainty import Uncertainty
 
 @dataclass(frozen=True, eq=False)
 class Sight:
-    """Data with pixels, and the eyes that saw them."""
+    """Data with pixels, and the cameras that saw them."""
 
-    eyes: SelfModel
-    """Both eyes, the left one at the world."""
+    cameras: SelfModel
+    """Both cameras, the left one at the world."""
     train: Dataset
-    """Points that both eyes reconstructed, in the left eye's frame."""
+    """Points that both cameras reconstructed, in the left camera's frame."""
     test: Dataset | None
     """The same, held out."""
     pixels: dict[str, Dataset]
@@ -43,7 +43,7 @@ class Sight:
     @classmethod
     def of(
         cls,
-        eyes: SelfModel,
+        cameras: SelfModel,
         train: Dataset,
         test: Dataset | None = None,
         pinned: frozenset[str] = frozenset(),
@@ -51,16 +51,16 @@ class Sight:
         """Reconstruct the hand.
 
         Args:
-            eyes: A self-model with both eyes.
+            cameras: A self-model with both cameras.
             train: Data with pixels.
             test: Held-out data.
             pinned: Parameters of the arm that are known.
 
         Raises:
-            DataError: If too few poses were seen by both eyes.
-            ModelError: If the model has not both eyes.
+            DataError: If too few poses were seen by both cameras.
+            ModelError: If the model has not both cameras.
         """
-        seeing = in_left_eye(eyes)
+        seeing = in_left_eye(cameras)
         seen = {"train": train} | ({} if test is None else {"test": test})
         points = {"train": reconstructed(train, seeing, pinned)}
         if test is not None:
@@ -68,24 +68,26 @@ class Sight:
         return cls(seeing, points["train"], points.get("test"), seen)
 
     def complete(self, calibration: KinematicCalibration) -> KinematicCalibration:
-        """Return an arm's calibration with the eyes in its self-model.
+        """Return an arm's calibration with the cameras in its self-model.
 
-        What the eyes are uncertain by moved the points that the arm was learned from: it is in the
-        arm's sigmas too, and arm and eyes are correlated.
+        What the cameras are uncertain by moved the points that the arm was learned from: it is in
+            the arm's sigmas too, and arm and cameras are correlated.
         """
         model = replace(
-            calibration.model, cameras=self.eyes.cameras, pixel_sigma=self.eyes.pixel_sigma
+            calibration.model, cameras=self.cameras.cameras, pixel_sigma=self.cameras.pixel_sigma
         )
-        known, arm = self.eyes.covariance, calibration.uncertainty
-        # A covariance may speak of an arm alone, whose eyes counted as exact.
-        eyes = tuple(n for n in StereoRig.names_of() if known is not None and n in known.names)
-        if not eyes or arm is None:
+        known, arm = self.cameras.covariance, calibration.uncertainty
+        # A covariance may speak of an arm alone, whose cameras counted as exact.
+        cameras = tuple(n for n in StereoRig.names_of() if known is not None and n in known.names)
+        if not cameras or arm is None:
             return replace(calibration, model=self._with_noise(model, calibration.outliers))
-        together = _together(arm, self._gain(calibration, arm.names, eyes), self.eyes, eyes)
+        together = _together(
+            arm, self._gain(calibration, arm.names, cameras), self.cameras, cameras
+        )
         split = len(arm.names)
         own = together[:split, :split]
         sigma = np.where(np.isfinite(arm.sigma), np.sqrt(np.diag(own)), np.inf)
-        model = replace(model, covariance=ParameterCovariance((*arm.names, *eyes), together))
+        model = replace(model, covariance=ParameterCovariance((*arm.names, *cameras), together))
         return replace(
             calibration,
             model=self._with_noise(model, calibration.outliers),
@@ -93,19 +95,20 @@ class Sight:
         )
 
     def _gain(
-        self, calibration: KinematicCalibration, arm: tuple[str, ...], eyes: tuple[str, ...]
+        self, calibration: KinematicCalibration, arm: tuple[str, ...], cameras: tuple[str, ...]
     ) -> NDArray:
-        """Return by how much parameters of the arm follow those of the eyes. Shape (k, e)."""
+        """Return by how much parameters of the arm follow those of the cameras. Shape (k, e)."""
         observations = Observations.from_dataset(self.train, calibration.model.markers)
         parameters, noise = calibration.model.parameters, calibration.noise
         assert noise is not None
         linear = Linearised.at(observations, parameters, ~calibration.outliers, noise)
         p = observations.p_WH - linear.residuals
-        _, by_point, by_eyes = project_to_eyes(p.T, self.eyes.rig.values)
-        # Pixels stay: the point moves so that it makes up for the eyes, as well as one point can.
+        _, by_point, by_cameras = project_to_cameras(p.T, self.cameras.rig.values)
+        # Pixels stay: the point moves so that it makes up for the cameras, as well as one point
+        # can.
         by_point = by_point.transpose(2, 0, 1)
-        columns = [StereoRig.names_of().index(name) for name in eyes]
-        moved = -np.linalg.pinv(by_point) @ by_eyes[columns].transpose(2, 1, 0)
+        columns = [StereoRig.names_of().index(name) for name in cameras]
+        moved = -np.linalg.pinv(by_point) @ by_cameras[columns].transpose(2, 1, 0)
         rows = linear.weights * linear.columns(frozenset(arm))
         size = np.maximum(np.linalg.norm(rows, axis=0), np.finfo(float).tiny)
         follows = np.linalg.lstsq(rows / size, linear.weights * linear.whitened(moved), 1e-9)[0]
@@ -120,7 +123,7 @@ class Sight:
         return with_training_noise(model, own, "pixels", aside, scatter)
 
     def evaluate(self, model: SelfModel, part: str = "test") -> PixelEvaluation:
-        """Hold a completed model against what the eyes saw."""
+        """Hold a completed model against what the cameras saw."""
         return evaluate_pixels(model, self.pixels[part])
 
     def with_pixels(self, result: CalibrationResult, model: SelfModel) -> CalibrationResult:
@@ -132,8 +135,10 @@ class Sight:
         return replace(result, **known)
 
 
-def _together(arm: Uncertainty, gain: NDArray, model: SelfModel, eyes: tuple[str, ...]) -> NDArray:
-    """Return the covariance of an arm and of the eyes it was learned through. (k + e, k + e)."""
-    own = covariance_of(model, eyes)
+def _together(
+    arm: Uncertainty, gain: NDArray, model: SelfModel, cameras: tuple[str, ...]
+) -> NDArray:
+    """Return the covariance of an arm and of the cameras it was learned through. (k + e, k + e)."""
+    own = covariance_of(model, cameras)
     cross = gain @ own
     return np.block([[arm.covariance + cross @ gain.T, cross], [cross.T, own]])

@@ -1,4 +1,4 @@
-"""One self-model: arm and eyes refine each other (thesis chapter 8, put right).
+"""One self-model: arm and cameras refine each other (thesis chapter 8, put right).
 
 The thesis minimises the pixels of the hand alone. That leaves the scale open and so much else
 nearly so that its own 3D error falls while the true one grows tenfold. Here the chessboard corners
@@ -39,14 +39,14 @@ from nico_selfmodel.estimation.initialization.nominal_arm import NominalArm
 from nico_selfmodel.estimation.noise.hand_noise import HandNoise
 from nico_selfmodel.estimation.noise.hand_observations import JOINT_SIGMA
 from nico_selfmodel.estimation.noise.training_noise import with_training_noise
-from nico_selfmodel.estimation.observations.arm_views import LinesView, RowsView
+from nico_selfmodel.estimation.observations.arm_views import AxesArm, DhArm
 from nico_selfmodel.estimation.observations.observations import gears_known
 from nico_selfmodel.estimation.observations.pixel_evaluation import (
     PixelEvaluation,
     evaluate_pixels,
 )
 from nico_selfmodel.estimation.observations.pixel_observations import PixelObservations
-from nico_selfmodel.estimation.results.fixed_parameters import Pins
+from nico_selfmodel.estimation.results.fixed_parameters import FixedParameters
 from nico_selfmodel.estimation.results.provenance import data_named, package_versions
 from nico_selfmodel.model.arm.dh_parameters import DhParameters
 from nico_selfmodel.model.cameras.stereo_rig import StereoRig
@@ -56,15 +56,15 @@ from nico_selfmodel.optimization.uncertainty import Uncertainty
 FIRST_NOISE = HandNoise(0.5, np.radians(0.3))
 """Where the search for the variances starts."""
 FEWEST_ROWS = 8
-"""Poses seen by both eyes below which nothing is left to tell an error by."""
+"""Poses seen by both cameras below which nothing is left to tell an error by."""
 
 
 @dataclass(frozen=True, eq=False)
 class BodyCalibration:
-    """Arm and eyes refined together, with everything known about how it went."""
+    """Arm and cameras refined together, with everything known about how it went."""
 
     model: SelfModel
-    """The self-model, in the left eye's frame."""
+    """The self-model, in the left camera's frame."""
     start: SelfModel
     """What it was refined from, in the same frame."""
     start_label: str
@@ -78,9 +78,9 @@ class BodyCalibration:
     before: PixelEvaluation
     """The start on the held-out data; on the training data where nothing was held out."""
     cross_validation: PixelEvaluation | None
-    """Believed rows beside predictions made without them; None with too few poses."""
+    """Inlier rows beside predictions made without them; None with too few poses."""
     outliers: NDArray
-    """Rows of `train` that were not believed. Boolean, shape (N,)."""
+    """Rows of `train` that were outliers. Boolean, shape (N,)."""
     noise: HandNoise
     """Most likely tracker noise and joint play."""
     noise_sigmas: tuple[float, float]
@@ -92,11 +92,11 @@ class BodyCalibration:
     boards: BoardCheck | None
     """Boards rebuilt before and after."""
     board_outliers: NDArray
-    """Boards not believed. Boolean, shape (V,); empty without boards."""
+    """Outlier boards. Boolean, shape (V,); empty without boards."""
     workspace: WorkspaceAccuracy
     """How surely the hand is known at the training poses, and what more data would cure."""
     scale_from: str
-    """What holds the scale: `boards`, the `eyes` that were pinned, or a pinned parameter's name."""
+    """What holds the scale: `boards`, `cameras` that were fixed, or a fixed parameter's name."""
     converged: bool
     iterations: int
     history: tuple[float, ...]
@@ -121,12 +121,13 @@ def calibrate_body(
     name: str | None = None,
     seed: int = 0,
 ) -> BodyCalibration:
-    """Refine arm and eyes by the pixels in which the eyes saw the hand.
+    """Refine arm and cameras by the pixels in which the cameras saw the hand.
 
     Args:
         dataset: Encoder readings and pixels.
-        start: Eyes, and the arm if it is known; else it is learned from what stereo reconstructs.
-        boards: Views of a chessboard by both eyes, for the anchored variant.
+        start: Cameras, and the arm if it is known; else it is learned from what stereo
+            reconstructs.
+        boards: Views of a chessboard by both cameras, for the anchored variant.
         options: Stage, variant, pins; by default the full anchored model.
         test: Held-out data, for judging only.
         test_boards: Held-out boards, for judging only; the training boards judge where missing.
@@ -138,9 +139,9 @@ def calibrate_body(
         The calibration. A failed check does not raise: see `judge_body`.
 
     Raises:
-        DataError: If the data have no pixels, too few seen by both eyes, or other joints.
-        ModelError: If the start has not both eyes.
-        NotConvergedError: If eyes or gears that cannot be come out.
+        DataError: If the data have no pixels, too few seen by both cameras, or other joints.
+        ModelError: If the start has not both cameras.
+        NotConvergedError: If cameras or gears that cannot be come out.
         ValueError: If an option names no parameter, or boards are missing.
     """
     clock, options = time.perf_counter(), options or BodyOptions()
@@ -149,7 +150,7 @@ def calibrate_body(
     pinned = frozenset(options.pinned)
     start, dataset, label = body_start(dataset, start, nominal, seed, pinned)
     observations = PixelObservations.from_dataset(dataset)
-    boards, wild = _believed_boards(boards, start.rig)
+    boards, outlying = _inlier_boards(boards, start.rig)
     task = _Task(observations, start, boards if options.anchored else None, options)
     task.require_poses(dataset.name)
     parameters, solved = task.solve()
@@ -176,7 +177,7 @@ def calibrate_body(
         solved.corner_sigma,
         uncertainty,
         check,
-        wild,
+        outlying,
         workspace_accuracy(model, dataset.encoders[observations.arm.rows]),
         task.scale_from,
         solved.converged,
@@ -188,26 +189,24 @@ def calibrate_body(
 
 def _require_boards(options: BodyOptions, boards: BoardViews | None) -> None:
     both = 0
-    if boards is not None and len(boards.eyes) == 2:
+    if boards is not None and len(boards.cameras) == 2:
         both = int(np.all(boards.seen.any(axis=2), axis=1).sum())
     if options.anchored and both < FEWEST_VIEWS:
         raise ValueError(
-            f"the anchored variant needs views of a chessboard by both eyes, {FEWEST_VIEWS} at "
+            f"the anchored variant needs views of a chessboard by both cameras, {FEWEST_VIEWS} at "
             f"least, which carry the scale and hold the lenses; got {both}: give boards, or choose "
             "variant 'unanchored' knowing that its true error may grow while its own falls"
         )
 
 
-def _believed_boards(
-    boards: BoardViews | None, rig: StereoRig
-) -> tuple[BoardViews | None, NDArray]:
-    """Return the boards that fit the seed's eyes like the rest, and which do not. Shape (V,)."""
+def _inlier_boards(boards: BoardViews | None, rig: StereoRig) -> tuple[BoardViews | None, NDArray]:
+    """Return the boards that fit the seed's cameras like the rest, and which do not. Shape (V,)."""
     if boards is None:
         return None, np.zeros(0, dtype=bool)
-    r = held_out_residuals(rig.eyes, boards)
+    r = held_out_residuals(rig.cameras, boards)
     rms = np.sqrt(np.nanmean(r**2, axis=(1, 2)))
-    wild = rms > OUTLIER_RATIO * np.median(rms)
-    return boards.select(~wild), wild
+    outlying = rms > OUTLIER_RATIO * np.median(rms)
+    return boards.select(~outlying), outlying
 
 
 def _training_of(
@@ -244,8 +243,8 @@ class _Task:
         self.observations, self.start, self.boards = observations, start, boards
         self.options = options
         self.gear_known = gears_known(observations.arm.units)
-        self.held_eyes = options.held_eyes(start.rig)
-        self.pins = Pins(
+        self.held_cameras = options.held_cameras(start.rig)
+        self.pins = FixedParameters(
             {n: v for n, v in options.pinned.items() if n in options.arm_names},
             options.freed & options.arm_names,
         )
@@ -264,11 +263,11 @@ class _Task:
         if self.boards is not None:
             return "boards"
         if self.options.stage == "kinematics":
-            return "eyes"
+            return "cameras"
         return self.options.scale_name(self.start.rig)
 
     def require_poses(self, name: str) -> None:
-        """Refuse too few poses, and name what they would leave blind.
+        """Refuse too few poses, and name what they would leave unobservable.
 
         Raises:
             DataError: If so.
@@ -277,8 +276,8 @@ class _Task:
         of_arm = free & frozenset(self.start.parameters.names)
         fewest = max(FEWEST_ROWS, -(-len(of_arm) // 3))
         if self.observations.by_both.sum() < fewest:
-            blind = open_at(self.start, self.observations, free, self.boards, FIRST_NOISE)
-            self.observations.require_both_eyes(fewest, name, blind)
+            unobservable = open_at(self.start, self.observations, free, self.boards, FIRST_NOISE)
+            self.observations.require_both_cameras(fewest, name, unobservable)
 
     def solve(self) -> tuple[DhParameters, BodySolution]:
         """Refine the arm alone, then what the stage frees; as lines, then by name if pinned."""
@@ -286,13 +285,13 @@ class _Task:
         gears = {n: self.pins.pinned.get(n) for n in self.held_gears}
         noise, rig = FIRST_NOISE, self.start.rig
         if self.options.stage != "kinematics":
-            alone = self.options.at("kinematics").held_eyes(rig)
-            view = LinesView(self.observations.arm, arm)
+            alone = self.options.at("kinematics").held_cameras(rig)
+            view = AxesArm(self.observations.arm, arm)
             problem = BodyProblem(self.observations, view, rig, None, {**gears, **alone})
             first = self._run(problem, noise)
             arm, noise = view.hypothesis(first.arm), first.noise
-        view = LinesView(self.observations.arm, arm)
-        held = {**gears, **self.held_eyes}
+        view = AxesArm(self.observations.arm, arm)
+        held = {**gears, **self.held_cameras}
         problem = BodyProblem(self.observations, view, rig, self.boards, held)
         solved = self._run(problem, noise)
         parameters = named_like(view.hypothesis(solved.arm), self.start, self.gear_known)
@@ -304,14 +303,14 @@ class _Task:
         self, parameters: DhParameters, solved: BodySolution
     ) -> tuple[DhParameters, BodySolution]:
         """Solve again in named parameters, some of which are pinned or freed."""
-        view = RowsView(self.observations.arm, parameters)
+        view = DhArm(self.observations.arm, parameters)
         pinned = parameters.gauge | self.held_gears | frozenset(self.pins.pinned)
         known = dict(zip(self.start.parameters.names, self.start.parameters.values, strict=True))
         held = dict.fromkeys(pinned - self.pins.freed)
         for n, value in self.pins.pinned.items():
             held[n] = float(known[n]) if value is None else value
-        eyes = {**self.held_eyes}
-        problem = BodyProblem(self.observations, view, solved.rig, self.boards, {**held, **eyes})
+        cameras = {**self.held_cameras}
+        problem = BodyProblem(self.observations, view, solved.rig, self.boards, {**held, **cameras})
         again = self._run(problem, solved.noise)
         found = view.parameters(again.arm)
         if np.any(found.servos.gear <= 0.0):
@@ -329,7 +328,7 @@ class _Task:
         """Return the names of everything that was estimated."""
         pinned = parameters.gauge | self.held_gears | frozenset(self.pins.pinned)
         arm = frozenset(parameters.names) - (pinned - self.pins.freed)
-        return arm | (frozenset(StereoRig.names_of()) - frozenset(self.held_eyes))
+        return arm | (frozenset(StereoRig.names_of()) - frozenset(self.held_cameras))
 
     def uncertainty(self, parameters: DhParameters, solved: BodySolution) -> Uncertainty:
         """Return the covariance of what was free."""
@@ -340,7 +339,7 @@ class _Task:
     def cross_validation(
         self, parameters: DhParameters, solved: BodySolution
     ) -> PixelEvaluation | None:
-        """Return the believed rows, predicted without them."""
+        """Return the inlier rows, predicted without them."""
         free, whitened = self.free_names(parameters), self.options.whitened
         return cross_validate_body(
             self.observations, parameters, solved, free, self.boards, whitened

@@ -1,10 +1,10 @@
-"""Errors of arm and eyes on poses they have not seen, from the training data alone."""
+"""Errors of arm and cameras on poses they have not seen, from the training data alone."""
 
 import numpy as np
 
 from nico_selfmodel.dataset.board_views import BoardViews
 from nico_selfmodel.estimation.body.body_problem import BodyProblem, BodySolution
-from nico_selfmodel.estimation.observations.arm_views import RowsView
+from nico_selfmodel.estimation.observations.arm_views import DhArm
 from nico_selfmodel.estimation.observations.pixel_evaluation import PixelEvaluation
 from nico_selfmodel.estimation.observations.pixel_observations import (
     PixelObservations,
@@ -23,7 +23,7 @@ def cross_validate_body(
     boards: BoardViews | None,
     whitened: bool,
 ) -> PixelEvaluation | None:
-    """Predict each pose by arm and eyes refined without its fold.
+    """Predict each pose by arm and cameras refined without its fold.
 
     Whole poses are left out, in turn; outliers take no part. Each fold starts from the solution of
     all data, with its variances.
@@ -31,35 +31,35 @@ def cross_validate_body(
     Args:
         observations: The training data.
         parameters: The arm.
-        solved: Eyes, variances and outliers.
+        solved: Cameras, variances and outliers.
         free: Parameters that were estimated.
         boards: Corners in the same problem, if any.
         whitened: Whether the pixels are weighed by the variances.
 
     Returns:
-        Believed rows beside predictions that never saw them; None with too few poses.
+        Inlier rows beside predictions that never saw them; None with too few poses.
     """
-    believed = observations.select(~solved.outliers)
-    fold = fold_of(believed.arm.pose)
-    fewest = min((int(believed.seen[rest].sum()) for rest, _ in splits(fold)), default=0)
+    inliers = observations.select(~solved.outliers)
+    fold = fold_of(inliers.arm.pose)
+    fewest = min((int(inliers.seen[rest].sum()) for rest, _ in splits(fold)), default=0)
     if fold.max(initial=0) < FOLDS - 1 or fewest <= len(free):
         return None
-    pixels = np.full(believed.pixels.shape, np.nan)
-    predicted, seen = np.full((2, len(believed), 3), np.nan)
+    pixels = np.full(inliers.pixels.shape, np.nan)
+    predicted, seen = np.full((2, len(inliers), 3), np.nan)
     for rest, rows in splits(fold):
-        kept, left = believed.select(rest), believed.select(rows)
-        view = RowsView(kept.arm, parameters)
+        kept, left = inliers.select(rest), inliers.select(rows)
+        view = DhArm(kept.arm, parameters)
         problem = BodyProblem(kept, view, solved.rig, boards, {}, solved.X_LG)
         for name in problem.hand.names:
             if name not in free:
                 problem.program.fix(name)
         x = problem.solve_weighed(solved.noise if whitened else None)
         split = len(view.names)
-        p_LH = RowsView(left.arm, parameters).evaluate(x[:split])[0].T
+        p_LH = DhArm(left.arm, parameters).evaluate(x[:split])[0].T
         try:
             rig = StereoRig.from_values(x[split : split + 26], solved.rig.left.image_size)
         except ValueError:
             return None
         pixels[rows], predicted[rows] = rig.project(p_LH), p_LH
         seen[rows] = seen_points(left, rig, solved.noise.sensor_sigma)
-    return PixelEvaluation(believed, pixels, predicted, seen)
+    return PixelEvaluation(inliers, pixels, predicted, seen)

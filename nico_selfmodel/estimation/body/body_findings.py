@@ -19,7 +19,7 @@ from nico_selfmodel.model.cameras.stereo_rig import SIDES
 _LARGEST_PLAY = np.radians(5.0)
 """A joint that is this uncertain about its encoder is not play."""
 _MOST_LOST = 0.02
-"""Share of believed poses that may lack a point in front of both eyes."""
+"""Share of inlier poses that may lack a point in front of both cameras."""
 
 
 def body_findings(calibration: BodyCalibration) -> tuple[Finding, ...]:
@@ -45,14 +45,14 @@ def body_findings(calibration: BodyCalibration) -> tuple[Finding, ...]:
 
 
 def _held_out_words(test: PixelEvaluation) -> str:
-    """State the held-out errors, and of how many poses where one eye alone saw some."""
+    """State the held-out errors, and of how many poses where one camera alone saw some."""
     points, pixels, n = test.statistics, test.pixel_statistics, test.pose_count
     assert points is not None
     assert pixels is not None
     words = f"{1e3 * points.mean:.2f} mm and {pixels.mean:.2f} px mean error on {n} poses that were"
     rebuilt = np.flatnonzero(np.isfinite(test.p_LH_seen).all(axis=1))
     both = test.select(rebuilt).pose_count
-    return f"{words} held out" + ("" if both == n else f", {both} of them seen by both eyes")
+    return f"{words} held out" + ("" if both == n else f", {both} of them seen by both cameras")
 
 
 def _warnings(calibration: BodyCalibration) -> tuple[str, ...]:
@@ -66,18 +66,20 @@ def _warnings(calibration: BodyCalibration) -> tuple[str, ...]:
             "error may fall while the true one grows. Anchor it with boards"
         )
     if calibration.boards is not None and not calibration.boards.held_out:
-        words.append("no board was held out: the check of the eyes used boards they learned from")
+        words.append(
+            "no board was held out: the check of the cameras used boards they learned from"
+        )
     if calibration.board_outliers.any():
         words.append(
             f"{int(calibration.board_outliers.sum())} boards contradict the rest: left out"
         )
     rig = calibration.model.rig
-    words += folds_of(SIDES, rig.eyes, rig.left.image_size).values()
+    words += folds_of(SIDES, rig.cameras, rig.left.image_size).values()
     return tuple(words)
 
 
 def _gives_way(calibration: BodyCalibration) -> str:
-    """Say what inside the eyes was free to fit the arm, if anything."""
+    """Say what inside the cameras was free to fit the arm, if anything."""
     free = {n.partition(".")[2] for n in calibration.free if n.partition(".")[0] in SIDES}
     if free & set(DISTORTION):
         return ", and lenses bend to fit the arm"
@@ -94,8 +96,8 @@ def _ray_reason(calibration: BodyCalibration) -> str | None:
     if share <= _MOST_LOST:
         return None
     return (
-        f"in {100 * share:.0f} % of the poses no point in front of the refined eyes could be what "
-        "they saw: their lenses fold the image, or they do not face the same way"
+        f"in {100 * share:.0f} % of the poses no point in front of the refined cameras could be "
+        "what they saw: their lenses fold the image, or they do not face the same way"
     )
 
 

@@ -1,4 +1,4 @@
-"""Where a refinement of the whole body starts: an arm before its eyes, in the left eye's frame."""
+"""Initial guess of a whole body: an arm before its cameras, in the left camera's frame."""
 
 from dataclasses import replace
 
@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 from nico_selfmodel.dataset.dataset import Dataset
 from nico_selfmodel.estimation.arm.kinematics import calibrate_kinematics
 from nico_selfmodel.estimation.initialization.nominal_arm import NominalArm
-from nico_selfmodel.estimation.observations.arm_estimate import ArmHypothesis
+from nico_selfmodel.estimation.observations.arm_estimate import ArmEstimate
 from nico_selfmodel.estimation.observations.observations import gears_known
 from nico_selfmodel.estimation.observations.pixel_observations import (
     PixelObservations,
@@ -21,10 +21,10 @@ from nico_selfmodel.model.self_model import SelfModel
 
 
 def in_left_eye(model: SelfModel) -> SelfModel:
-    """Return a model whose world is its left eye's frame; its covariance stays if it was already.
+    """Return a model whose world is its left camera's frame; if it was, its covariance stays.
 
     Raises:
-        ModelError: If it has not both eyes.
+        ModelError: If it has not both cameras.
     """
     rig = model.rig
     if np.array_equal(rig.left.X_WC, np.eye(4)):
@@ -38,29 +38,29 @@ def in_left_eye(model: SelfModel) -> SelfModel:
 
 
 def reconstructed(dataset: Dataset, model: SelfModel, pinned: frozenset[str] | None) -> Dataset:
-    """Return the rows that both eyes saw, with the points that they reconstruct from them.
+    """Return the rows that both cameras saw, with the points that they reconstruct from them.
 
     The thesis' chapter 7: what stereo measures takes the place of motion capture.
 
     Args:
         dataset: Data with pixels.
-        model: With both eyes.
+        model: With both cameras.
         pinned: Parameters that are known where an arm is to be learned from the points alone;
             None where nothing is to be learned.
 
     Returns:
-        Data with measured points in the left eye's frame and without pixels.
+        Data with measured points in the left camera's frame and without pixels.
 
     Raises:
-        DataError: If too few rows were seen by both eyes.
-        ModelError: If the model has not both eyes.
+        DataError: If too few rows were seen by both cameras.
+        ModelError: If the model has not both cameras.
     """
     model = in_left_eye(model)
     observations = PixelObservations.from_dataset(dataset)
     unknown = () if pinned is None else _unknown(observations, pinned)
-    # Each pose that both eyes saw gives three equations.
+    # Each pose that both cameras saw gives three equations.
     fewest = max(-(-len(unknown) // 3), 1)
-    observations.require_both_eyes(fewest, dataset.name, unknown)
+    observations.require_both_cameras(fewest, dataset.name, unknown)
     p_LH = seen_points(observations, model.rig, dataset.pixel_sigma_px or 1.0)
     there = np.isfinite(p_LH).all(axis=1)
     chosen = dataset.select(observations.arm.rows[there])
@@ -74,22 +74,22 @@ def body_start(
     seed: int,
     pinned: frozenset[str] = frozenset(),
 ) -> tuple[SelfModel, Dataset, str]:
-    """Return an arm with its eyes to start from.
+    """Return an arm with its cameras to start from.
 
     Args:
         dataset: Data with pixels.
-        model: Eyes, and the arm if it is known already.
+        model: Cameras, and the arm if it is known already.
         nominal: The robot as described, for the zero of the joints and as a start.
         seed: Of random starts, where the arm is learned from scratch.
         pinned: Parameters that are known.
 
     Returns:
-        A self-model in the left eye's frame, the data with its joints in the model's order, and
+        A self-model in the left camera's frame, the data with its joints in the model's order, and
         where the arm came from: `model` or `stereo`.
 
     Raises:
         DataError: If the data do not suit the model, or too few poses were seen.
-        ModelError: If the model has not both eyes.
+        ModelError: If the model has not both cameras.
     """
     model = in_left_eye(model)
     if model.has_arm:
@@ -116,7 +116,7 @@ def _unknown(observations: PixelObservations, pinned: frozenset[str]) -> tuple[s
     return tuple(name for name in parameters.names if name not in held)
 
 
-def lines_of(model: SelfModel, markers: tuple[str, ...]) -> ArmHypothesis:
+def lines_of(model: SelfModel, markers: tuple[str, ...]) -> ArmEstimate:
     """Return a model's arm as lines, each point on its axis nearest to the hand, at q = 0.
 
     Args:
@@ -128,10 +128,10 @@ def lines_of(model: SelfModel, markers: tuple[str, ...]) -> ArmHypothesis:
     along = np.sum(chain.directions * (hands[0] - chain.points), axis=1)
     points = chain.points + along[:, None] * chain.directions
     lines = replace(chain, points=points, markers=markers, p_WH_zero=hands)
-    return ArmHypothesis(lines, model.servos.gear, model.servos.offset)
+    return ArmEstimate(lines, model.servos.gear, model.servos.offset)
 
 
-def named_like(arm: ArmHypothesis, like: SelfModel, gear_known: NDArray) -> DhParameters:
+def named_like(arm: ArmEstimate, like: SelfModel, gear_known: NDArray) -> DhParameters:
     """Write lines as named parameters whose gauge and zeros are those of another model.
 
     Joints read in counts keep the model's theta at zero, those read in rad or deg its offset.

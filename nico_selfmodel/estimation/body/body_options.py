@@ -9,7 +9,7 @@ from nico_selfmodel.model.cameras.stereo_rig import SIDES, StereoRig
 from nico_selfmodel.optimization.robust_solve import ROBUST_METHODS
 
 STAGES = ("kinematics", "intrinsics-fixed", "full")
-"""The thesis' three: the arm before pinned eyes; the right eye's pose too; lenses too."""
+"""The thesis' three: the arm before pinned cameras; the right camera's pose too; lenses too."""
 VARIANTS = ("anchored", "unanchored", "thesis")
 """`anchored`: chessboard corners in the same problem. `unanchored`: without them. `thesis`: as
 published, without boards, lens distortion or whitening."""
@@ -18,7 +18,7 @@ _LENS = ("k1", "k2", "k3")
 
 @dataclass(frozen=True)
 class BodyOptions:
-    """How arm and eyes refine each other."""
+    """How arm and cameras refine each other."""
 
     stage: str = "full"
     """One of `STAGES`."""
@@ -62,15 +62,15 @@ class BodyOptions:
         """Return the same choices for another stage."""
         return replace(self, stage=stage)
 
-    def held_eyes(self, rig: StereoRig) -> dict[str, float | None]:
-        """Return the parameters of the eyes that stay, None where they stay as they are.
+    def held_cameras(self, rig: StereoRig) -> dict[str, float | None]:
+        """Return the parameters of the cameras that stay, None where they stay as they are.
 
         Raises:
-            ValueError: If an option names no parameter of the eyes.
+            ValueError: If an option names no parameter of the cameras.
         """
         names = rig.names
-        pinned = by_full_name(self._of_eyes(self.pinned), names)
-        freed = set(by_full_name(self._of_eyes(dict.fromkeys(self.freed)), names))
+        pinned = by_full_name(self._of_cameras(self.pinned), names)
+        freed = set(by_full_name(self._of_cameras(dict.fromkeys(self.freed)), names))
         held: dict[str, float | None] = dict.fromkeys(names)
         if self.stage != "kinematics":
             fixed = set(HELD_BY_DEFAULT)
@@ -91,13 +91,13 @@ class BodyOptions:
 
     @property
     def arm_names(self) -> frozenset[str]:
-        """Names mentioned that do not belong to the eyes."""
+        """Names mentioned that do not belong to the cameras."""
         mentioned = set(self.pinned) | self.freed
-        return frozenset(mentioned - set(self._of_eyes(dict.fromkeys(mentioned))))
+        return frozenset(mentioned - set(self._of_cameras(dict.fromkeys(mentioned))))
 
     @staticmethod
-    def _of_eyes(words: Mapping[str, float | None]) -> dict[str, float | None]:
-        """Return what speaks of eyes: `left.cx`, `cx`, `right.pose.x`."""
+    def _of_cameras(words: Mapping[str, float | None]) -> dict[str, float | None]:
+        """Return what speaks of cameras: `left.cx`, `cx`, `right.pose.x`."""
         bare = {n.partition(".")[2] for n in StereoRig.names_of()}
         return {
             word: value

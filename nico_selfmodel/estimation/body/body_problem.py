@@ -1,4 +1,4 @@
-"""One adjustment of arm, eyes and boards: the program, its variances, its solution."""
+"""One adjustment of arm, cameras and boards: the program, its variances, its solution."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -29,7 +29,7 @@ class BodySolution:
     arm: NDArray
     """Variables of the arm."""
     rig: StereoRig
-    """The eyes, the left one at the world."""
+    """The cameras, the left one at the world."""
     noise: HandNoise
     """What disturbs the hand's pixels."""
     corner_sigma: float | None
@@ -37,14 +37,14 @@ class BodySolution:
     X_LG: NDArray | None
     """Poses of the boards [m]; None without any. Shape (V, 4, 4)."""
     outliers: NDArray
-    """Rows not believed. Boolean, shape (N,)."""
+    """Outlier rows. Boolean, shape (N,)."""
     converged: bool
     iterations: int
     history: tuple[float, ...]
 
 
 class BodyProblem:
-    """Arm, eyes and boards as one program of named variables."""
+    """Arm, cameras and boards as one program of named variables."""
 
     def __init__(
         self,
@@ -58,11 +58,11 @@ class BodyProblem:
         """Set up the program at a start.
 
         Args:
-            observations: Where the eyes saw the hand.
+            observations: Where the cameras saw the hand.
             view: How the arm is written down.
-            rig: Where the eyes start, the left one at the world.
+            rig: Where the cameras start, the left one at the world.
             boards: Corners that hold scale and lenses; None to do without.
-            held: Variables of arm and eyes that stay, and where; None where they are.
+            held: Variables of arm and cameras that stay, and where; None where they are.
             X_LG: Where the boards start; by homographies if omitted. Shape (V, 4, 4).
         """
         self.observations, self._split = observations, len(view.names)
@@ -73,24 +73,24 @@ class BodyProblem:
         self._hand_number = self.program.add_residuals(self.hand)
         self.boards: BoardResiduals | None = None
         if boards is not None:
-            X_LG = pose_of_seen_boards(rig.eyes, boards) if X_LG is None else X_LG
+            X_LG = pose_of_seen_boards(rig.cameras, boards) if X_LG is None else X_LG
             self.boards = BoardResiduals(boards, X_LG, FIRST_CORNER_SIGMA)
-            start = self.boards.start_of(rig.eyes, X_LG)[len(rig.names) :]
+            start = self.boards.start_of(rig.cameras, X_LG)[len(rig.names) :]
             self.program.add_variables(self.boards.names[len(rig.names) :], start)
             self._board_number = self.program.add_residuals(self.boards)
         for name, value in held.items():
             self.program.fix(name, value)
 
     def rig_at(self, x: NDArray) -> StereoRig:
-        """Return the eyes that variables describe.
+        """Return the cameras that variables describe.
 
         Raises:
-            NotConvergedError: If they have become eyes that cannot be.
+            NotConvergedError: If they have become cameras that cannot be.
         """
         try:
             return StereoRig.from_values(x[self._split : self._split + 26], self._image_size)
         except ValueError as error:
-            raise NotConvergedError(f"no plausible eyes fit the hand: {error}") from error
+            raise NotConvergedError(f"no plausible cameras fit the hand: {error}") from error
 
     def solve(self, noise: HandNoise, loss: str, rounds: int) -> BodySolution:
         """Alternate between the solution and the variances, then solve to the end.
@@ -104,7 +104,7 @@ class BodyProblem:
             The solution.
 
         Raises:
-            NotConvergedError: If eyes that cannot be come out.
+            NotConvergedError: If cameras that cannot be come out.
         """
         rough_loss = "none" if loss == "none" else "cauchy"
         iterations = 0
@@ -151,7 +151,7 @@ class BodyProblem:
             self.boards.sigma = self._corner_sigma(x)
 
     def _noise(self, found: RobustSolution) -> HandNoise:
-        """Return the most likely variances of the rows that are believed."""
+        """Return the most likely variances of the inlier rows."""
         x = found.solution.x[: self._split + 26]
         pixels = self.hand.project(x)[0].T
         keep = ~found.outliers

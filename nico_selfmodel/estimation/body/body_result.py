@@ -20,7 +20,7 @@ from nico_selfmodel.estimation.results.calibration_result import (
     finite,
     parameter_table,
 )
-from nico_selfmodel.estimation.results.unobservable_words import describe_blind
+from nico_selfmodel.estimation.results.unobservable_words import describe_unobservable
 from nico_selfmodel.estimation.results.verdict import Verdict
 
 _TERMS = Terms(
@@ -46,7 +46,9 @@ def body_result(calibration: BodyCalibration) -> CalibrationResult:
         outliers,
         tuple(sorted(set(samples.tolist()))),
         "",
-        tuple(describe_blind(direction) for direction in calibration.uncertainty.unobservable),
+        tuple(
+            describe_unobservable(direction) for direction in calibration.uncertainty.unobservable
+        ),
         calibration.converged,
         calibration.iterations,
         calibration.seconds,
@@ -106,7 +108,7 @@ def refinement_block(
     return {
         "accepted": not refused,
         "reasons": list(verdict.reasons) if refused else [],
-        "kept": "arm learned after the eyes" if refused else "arm and eyes refined together",
+        "kept": "arm learned after the cameras" if refused else "arm and cameras refined together",
         "before": pixel_errors(before).to_json(),
         "after": None if test is None else pixel_errors(test).to_json(),
         "boards": None if calibration is None else _boards(calibration),

@@ -1,4 +1,4 @@
-"""How well arm and eyes are known together, and what the mechanics leave."""
+"""How well arm and cameras are known together, and what the mechanics leave."""
 
 from dataclasses import dataclass
 
@@ -10,7 +10,7 @@ from nico_selfmodel.estimation.body.body_problem import BodySolution
 from nico_selfmodel.estimation.cameras.board_residuals import BoardResiduals
 from nico_selfmodel.estimation.cameras.camera_adjustment import natural_scales
 from nico_selfmodel.estimation.noise.hand_noise import HandNoise
-from nico_selfmodel.estimation.observations.arm_views import RowsView
+from nico_selfmodel.estimation.observations.arm_views import DhArm
 from nico_selfmodel.estimation.observations.hand_pixels import HandPixels
 from nico_selfmodel.estimation.observations.pixel_observations import PixelObservations
 from nico_selfmodel.model.arm.dh_parameters import DhParameters
@@ -42,18 +42,18 @@ def body_uncertainty(
     boards: BoardViews | None,
     whitened: bool,
 ) -> Uncertainty:
-    """Analyse the believed rows and the boards at a solution.
+    """Analyse the inlier rows and the boards at a solution.
 
     Args:
         observations: What was seen.
         parameters: The arm.
-        solved: Eyes, variances and outliers.
+        solved: Cameras, variances and outliers.
         free: Parameters that were estimated.
         boards: Corners in the same problem, if any.
         whitened: Whether the variances are known; else one for all pixels is estimated.
 
     Returns:
-        Covariance in the names of arm and eyes, the boards' poses eliminated.
+        Covariance in the names of arm and cameras, the boards' poses eliminated.
     """
     rows = whitened_rows(observations, parameters, solved, free, boards, whitened)
     return Uncertainty.from_jacobian(
@@ -74,16 +74,16 @@ def whitened_rows(
 
     `size` is what lengths are held against, that of the poses' workspace if omitted [m].
     """
-    believed = observations.select(~solved.outliers)
-    block = HandPixels(believed, RowsView(believed.arm, parameters))
+    inliers = observations.select(~solved.outliers)
+    block = HandPixels(inliers, DhArm(inliers.arm, parameters))
     x = np.concatenate([parameters.values, solved.rig.values])
     if whitened:
-        block.whiten(solved.noise.whitening(block.by_angle(x), believed.seen))
+        block.whiten(solved.noise.whitening(block.by_angle(x), inliers.seen))
     r, jacobian = block.evaluate(x)
     names = tuple(name for name in block.names if name in free)
     columns = [block.names.index(name) for name in names]
     rows = [jacobian[columns].reshape(len(columns), -1).T]
-    squares, count = float(np.sum(r * r)), int(believed.seen.sum())
+    squares, count = float(np.sum(r * r)), int(inliers.seen.sum())
     if boards is not None:
         part, more, extra = _board_rows(boards, solved, names)
         rows.append(part)
@@ -95,11 +95,11 @@ def whitened_rows(
 def noise_sigmas(
     observations: PixelObservations, parameters: DhParameters, solved: BodySolution
 ) -> tuple[float, float]:
-    """Return how surely the believed rows tell tracker noise [px] and joint play [rad]."""
-    believed = observations.select(~solved.outliers)
-    block = HandPixels(believed, RowsView(believed.arm, parameters))
+    """Return how surely the inlier rows tell tracker noise [px] and joint play [rad]."""
+    inliers = observations.select(~solved.outliers)
+    block = HandPixels(inliers, DhArm(inliers.arm, parameters))
     slopes = block.by_angle(np.concatenate([parameters.values, solved.rig.values]))
-    return solved.noise.sigmas(slopes, believed.seen)
+    return solved.noise.sigmas(slopes, inliers.seen)
 
 
 def position_sigma(
@@ -112,7 +112,7 @@ def position_sigma(
         parameters: The arm.
         noise: Its joint sigma.
     """
-    view = RowsView(observations.arm, parameters)
+    view = DhArm(observations.arm, parameters)
     slopes = view.by_angle(parameters.values)
     return noise.joint_sigma * float(np.sqrt(np.mean(np.sum(slopes**2, axis=(0, 1))) / 3.0))
 
@@ -125,7 +125,7 @@ def _board_rows(
     assert solved.X_LG is not None
     X_LG = solved.X_LG
     block = BoardResiduals(boards, X_LG, solved.corner_sigma)
-    parts = block.evaluate_parts(block.start_of(solved.rig.eyes, X_LG))
+    parts = block.evaluate_parts(block.start_of(solved.rig.cameras, X_LG))
     reduced = block.reduced_jacobian(parts, np.ones(len(boards)))
     out = np.zeros((len(reduced), len(names)))
     for column, name in enumerate(block.shared_names):
@@ -146,11 +146,11 @@ def _natural(
 ) -> NDArray:
     """Return the scale of each parameter on which its sigma says whether it is known at all."""
     scale = dict(zip(parameters.names, parameters.scales(size).tolist(), strict=True))
-    # A board as large as the workspace, for the scales of the eyes.
+    # A board as large as the workspace, for the scales of the cameras.
     corners = size * np.array([[0.0, 0.0, 0.0], [1.0, 0.0, 0.0]])
     views = BoardViews(corners, (), SIDES, np.zeros((0, 2, 4)), rig.left.image_size)
-    eyes = tuple(name for name in names if name not in scale)
+    cameras = tuple(name for name in names if name not in scale)
     scale |= dict(
-        zip(eyes, natural_scales(eyes, views, rig.values, rig.names).tolist(), strict=True)
+        zip(cameras, natural_scales(cameras, views, rig.values, rig.names).tolist(), strict=True)
     )
     return np.array([scale[name] for name in names])

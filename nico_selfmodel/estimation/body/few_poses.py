@@ -22,10 +22,10 @@ def open_at(
     boards: BoardViews | None,
     noise: HandNoise,
 ) -> tuple[str, ...]:
-    """Return which free parameters stay blind, wholly or in part, at a body that is known.
+    """Return which free parameters cannot be observed, wholly or in part, at a body that is known.
 
     Args:
-        start: Arm and eyes, the left one at the world.
+        start: Arm and cameras, the left one at the world.
         observations: What was seen.
         free: Parameters that would be estimated.
         boards: Corners in the same problem, if any.
@@ -37,7 +37,7 @@ def open_at(
     rig, nobody = start.rig, np.zeros(len(observations), dtype=bool)
     gear_known = gears_known(observations.arm.units)
     parameters = named_like(lines_of(start, observations.arm.markers), start, gear_known)
-    X_LG = None if boards is None else pose_of_seen_boards(rig.eyes, boards)
+    X_LG = None if boards is None else pose_of_seen_boards(rig.cameras, boards)
     solution = BodySolution(
         np.zeros(0), rig, noise, FIRST_CORNER_SIGMA, X_LG, nobody, True, 0, history=()
     )

@@ -75,7 +75,7 @@ def nearest_values(before: SelfModel, after: SelfModel) -> dict[str, float]:
 
 
 def named_values(model: SelfModel) -> dict[str, tuple[float, str]]:
-    """Return value and unit of every parameter of arm and eyes, and of the lengths in them."""
+    """Return value and unit of every parameter of arm and cameras, and of the lengths in them."""
     values: dict[str, tuple[float, str]] = {}
     if model.has_arm:
         arm = model.parameters

@@ -11,8 +11,8 @@ from numpy.typing import ArrayLike, NDArray
 
 from nico_selfmodel.errors import ModelError
 from nico_selfmodel.estimation.noise.hand_observations import JOINT_SIGMA, covariance_of
-from nico_selfmodel.estimation.observations.arm_views import RowsView
-from nico_selfmodel.estimation.observations.hand_pixels import project_to_eyes
+from nico_selfmodel.estimation.observations.arm_views import DhArm
+from nico_selfmodel.estimation.observations.hand_pixels import project_to_cameras
 from nico_selfmodel.estimation.observations.observations import Observations
 from nico_selfmodel.model.cameras.stereo_rig import SIDES
 from nico_selfmodel.model.self_model import SelfModel
@@ -29,11 +29,11 @@ class WorkspaceAccuracy:
     mechanics: NDArray
     """From what the mechanics leave, play or noise about the model [m]. Shape (N,)."""
     pixels: NDArray | None
-    """Expected pixels, nan where an eye cannot see the hand; None without eyes. Shape (N, 4)."""
+    """Expected pixels, nan where a camera does not see the hand; None without any. Shape (N, 4)."""
     learned_px: NDArray | None
-    """Mean over both eyes of what more data cures [px]. Shape (N,)."""
+    """Mean over both cameras of what more data cures [px]. Shape (N,)."""
     mechanics_px: NDArray | None
-    """Mean over both eyes of what the mechanics leave [px]. Shape (N,)."""
+    """Mean over both cameras of what the mechanics leave [px]. Shape (N,)."""
 
     @property
     def total(self) -> NDArray:
@@ -59,7 +59,7 @@ def workspace_accuracy(
     """Split the hand's uncertainty at poses into what data cure and what mechanics leave.
 
     Args:
-        model: The body with its covariance; with eyes its world is the left one's frame.
+        model: The body with its covariance; with cameras its world is the left one's frame.
         readings: Encoder readings, in their own units. Shape (N, n).
         marker: Which tracked point; the first if omitted.
 
@@ -78,7 +78,7 @@ def workspace_accuracy(
     assert prediction.covariance is not None
     learned = np.sqrt(np.trace(prediction.covariance, axis1=1, axis2=2))
     observations = _observations(model, np.atleast_2d(np.asarray(readings, float)), marker)
-    view = RowsView(observations, model.parameters)
+    view = DhArm(observations, model.parameters)
     slopes = view.by_angle(model.parameters.values)
     play = float(model.fit.get(JOINT_SIGMA, 0.0))
     mechanics = np.full(len(learned), np.sqrt(3.0) * float(model.noise_sigma or 0.0))
@@ -103,7 +103,7 @@ def workspace_readings(model: SelfModel, readings: ArrayLike, count: int, seed: 
         seed: Of the draw.
 
     Returns:
-        Readings; with eyes only those in which both see the hand, if there are any.
+        Readings; with cameras only those in which both see the hand, if there are any.
         Shape (<= count, n).
     """
     readings = np.atleast_2d(np.asarray(readings, dtype=float))
@@ -137,17 +137,17 @@ def _observations(model: SelfModel, readings: NDArray, marker: str | None) -> Ob
 
 
 def _in_images(
-    model: SelfModel, view: RowsView, slopes: NDArray, play: float
+    model: SelfModel, view: DhArm, slopes: NDArray, play: float
 ) -> tuple[NDArray, NDArray]:
     """Return rms errors in the images from parameters and from mechanics [px]. Shape (N,) each."""
     points, by_arm = view.evaluate(model.parameters.values)
-    _, by_point, by_eyes = project_to_eyes(points, model.rig.values)
+    _, by_point, by_cameras = project_to_cameras(points, model.rig.values)
     by_arm = np.einsum("ain,kin->nak", by_point, by_arm)
-    whole = np.concatenate([by_arm, by_eyes.transpose(2, 1, 0)], axis=2)
+    whole = np.concatenate([by_arm, by_cameras.transpose(2, 1, 0)], axis=2)
     covariance = covariance_of(model, (*view.names, *model.rig.names))
     variance = np.einsum("nak,kl,nal->na", whole, covariance, whole)
     moved = np.einsum("ain,ijn->naj", by_point, slopes)
     sensor = float(model.pixel_sigma or 0.0)
     left = play**2 * np.sum(moved**2, axis=2) + sensor**2
-    # Two coordinates an eye, the mean of both eyes.
+    # Two coordinates a camera, the mean of both cameras.
     return np.sqrt(variance.sum(axis=1) / 2.0), np.sqrt(left.sum(axis=1) / 2.0)

@@ -1,4 +1,4 @@
-"""How well calibrated eyes do: held-out boards, epipolar lines, reconstructed squares."""
+"""How well calibrated cameras do: held-out boards, epipolar lines, reconstructed squares."""
 
 from dataclasses import dataclass
 
@@ -21,9 +21,9 @@ class Reconstruction:
     """Boards rebuilt from pixels alone by triangulation, held against their true shape."""
 
     views: tuple[str, ...]
-    """Views that both eyes saw. Length V."""
+    """Views that both cameras saw. Length V."""
     p_LQ: NDArray
-    """Corners in the left eye's frame [m]. Shape (V, P, 3)."""
+    """Corners in the left camera's frame [m]. Shape (V, P, 3)."""
     errors: NDArray
     """Distances from the true board, laid onto the points rigidly [m]. Shape (V, P)."""
     scale: NDArray
@@ -40,18 +40,18 @@ class Reconstruction:
 
     @property
     def depths(self) -> NDArray:
-        """Distance of each corner from the left eye [m]. Shape (V, P)."""
+        """Distance of each corner from the left camera [m]. Shape (V, P)."""
         return np.linalg.norm(self.p_LQ, axis=2)
 
     @classmethod
     def from_views(cls, rig: StereoRig, views: BoardViews) -> "Reconstruction":
-        """Triangulate every board that both eyes saw whole.
+        """Triangulate every board that both cameras saw whole.
 
         The scale is a similarity's (Umeyama): a mean of edge lengths is biased by noise.
 
         Args:
-            rig: The eyes.
-            views: Corners in both eyes.
+            rig: The cameras.
+            views: Corners in both cameras.
 
         Returns:
             The rebuilt boards; none where no board was seen whole by both.
@@ -74,8 +74,8 @@ def held_out_residuals(cameras: tuple[Camera, ...], views: BoardViews) -> NDArra
     Only the pose of each board is fitted, the cameras stay.
 
     Args:
-        cameras: The calibrated eyes, the first one at the world.
-        views: Other views, of the same eyes.
+        cameras: The calibrated cameras, the first one at the world.
+        views: Other views, of the same cameras.
 
     Returns:
         Measured minus predicted pixels, nan where not seen. Shape (V, P, 2 C).
@@ -108,7 +108,7 @@ def cross_validate_cameras(views: BoardViews, options: CameraOptions, inliers: N
     fold = fold_of(np.arange(len(kept)))
     fewest = min((int(rest.sum()) for rest, _ in splits(fold)), default=0)
     if fewest < FEWEST_VIEWS:
-        return np.zeros((0, len(views.p_GQ), 2 * len(views.eyes)))
+        return np.zeros((0, len(views.p_GQ), 2 * len(views.cameras)))
     found = np.full(kept.pixels.shape, np.nan)
     for rest, left in splits(fold):
         cameras = calibrate_cameras(kept.select(rest), options).cameras
@@ -117,15 +117,15 @@ def cross_validate_cameras(views: BoardViews, options: CameraOptions, inliers: N
 
 
 def epipolar_errors(rig: StereoRig, views: BoardViews) -> NDArray:
-    """Return distances of the corners from the other eye's epipolar lines [px].
+    """Return distances of the corners from the other camera's epipolar lines [px].
 
     Args:
-        rig: The eyes.
-        views: Corners in both eyes.
+        rig: The cameras.
+        views: Corners in both cameras.
 
     Returns:
-        In the left and the right image, nan where an eye did not see the corner or its lens has no
-        ray for it. Shape (V, P, 2).
+        In the left and the right image, nan where a camera did not see the corner or its lens has
+        no ray for it. Shape (V, P, 2).
     """
     flat = views.pixels.reshape(-1, 4)
     both = have_rays(rig, flat)
@@ -140,7 +140,7 @@ def have_rays(rig: StereoRig, pixels: NDArray) -> NDArray:
 
 
 def corner_distances(residuals: NDArray) -> NDArray:
-    """Return Euclidean errors of the corners that were seen, of all eyes [px]. Shape (n,)."""
+    """Return Euclidean errors of the corners that were seen, of all cameras [px]. Shape (n,)."""
     distances = np.linalg.norm(residuals.reshape(-1, 2), axis=1)
     return distances[np.isfinite(distances)]
 

@@ -1,4 +1,4 @@
-"""Whether eyes measure boards they did not learn from worse than before."""
+"""Whether cameras measure boards they did not learn from worse than before."""
 
 from dataclasses import dataclass
 
@@ -19,12 +19,12 @@ _WORSE_SCALE = 2e-3
 
 @dataclass(frozen=True, eq=False)
 class BoardCheck:
-    """Boards rebuilt by eyes before and after they were refined."""
+    """Boards rebuilt by cameras before and after they were refined."""
 
     before: Reconstruction
-    """By the eyes that the refinement started from."""
+    """By the cameras that the refinement started from."""
     after: Reconstruction | None
-    """By the refined eyes; None where their lens gives no ray for a corner."""
+    """By the refined cameras; None where their lens gives no ray for a corner."""
     held_out: bool
     """Whether the refinement did not use these boards."""
 
@@ -34,13 +34,13 @@ class BoardCheck:
     ) -> "BoardCheck | None":
         """Rebuild boards with both; None where there is no board to compare them by.
 
-        Boards that were not seen whole by both eyes, or for which the lenses before have no ray,
+        Boards that were not seen whole by both cameras, or for which the lenses before have no ray,
         tell nothing of what became worse.
         """
         seen = boards.select(boards.seen.all(axis=(1, 2)))
         if not len(seen):
             return None
-        rays = [eye.has_rays(p.reshape(-1, 2)) for eye, p in _by_eye(before, seen)]
+        rays = [camera.has_rays(p.reshape(-1, 2)) for camera, p in _by_camera(before, seen)]
         compared = seen.select(np.all(rays, axis=0).reshape(len(seen), -1).all(axis=1))
         if not len(compared):
             return None
@@ -52,10 +52,10 @@ class BoardCheck:
 
     @property
     def reasons(self) -> tuple[str, ...]:
-        """Why the refined eyes are refused; empty if they are not."""
+        """Why the refined cameras are refused; empty if they are not."""
         if self.after is None:
             return (
-                "the refined lenses fold the image: boards that the eyes saw before have no ray",
+                "the refined lenses fold the image: boards that the cameras saw before have no ray",
             )
         return tuple(r for r in (self._edge_reason(), self._scale_reason()) if r)
 
@@ -67,7 +67,7 @@ class BoardCheck:
             return None
         return (
             f"the SD of the edges of {self._boards()} rose from {1e3 * before:.2f} to "
-            f"{1e3 * after:.2f} mm: the refinement bent the eyes to fit the arm"
+            f"{1e3 * after:.2f} mm: the refinement bent the cameras to fit the arm"
         )
 
     def _scale_reason(self) -> str | None:
@@ -86,8 +86,8 @@ class BoardCheck:
         return f"{len(self.before.views)} {'held-out ' * self.held_out}boards"
 
 
-def _by_eye(rig: StereoRig, boards: BoardViews) -> list[tuple[Camera, NDArray]]:
-    """Return each eye with the pixels of all corners in it. Shapes (V, P, 2)."""
+def _by_camera(rig: StereoRig, boards: BoardViews) -> list[tuple[Camera, NDArray]]:
+    """Return each camera with the pixels of all corners in it. Shapes (V, P, 2)."""
     return [(rig.left, boards.pixels[:, :, :2]), (rig.right, boards.pixels[:, :, 2:])]
 
 

@@ -1,7 +1,7 @@
-"""Reprojection errors of board corners in one or two eyes, with derivatives.
+"""Reprojection errors of board corners in one or two cameras, with derivatives.
 
-A corner p_GQ of view v lies at p_LQ = R_v p_GQ + t_v in the frame of the first eye; the second sees
-it at p_RQ = R_LR' (p_LQ - p_LR). Pixels follow by `model.camera.project_in_camera`.
+A corner p_GQ of view v lies at p_LQ = R_v p_GQ + t_v in the frame of the first camera; the second
+sees it at p_RQ = R_LR' (p_LQ - p_LR). Pixels follow by `model.camera.project_in_camera`.
 """
 
 import numpy as np
@@ -38,8 +38,8 @@ class BoardResiduals(SeparableBlock):
         self.views, self.sigma, self.aspect = views, sigma, aspect
         self.rotations = np.array(X_LG)[:, :3, :3]
         inside = [n for n in INTRINSICS if aspect is None or n != "fy"]
-        self.shared_names = tuple(f"{eye}.{n}" for eye in views.eyes for n in inside)
-        if len(views.eyes) == 2:
+        self.shared_names = tuple(f"{camera}.{n}" for camera in views.cameras for n in inside)
+        if len(views.cameras) == 2:
             self.shared_names += tuple(f"right.pose.{n}" for n in POSE_NAMES)
         boards = tuple(f"board.{view}.{n}" for view in views.names for n in POSE_NAMES)
         self.names = self.shared_names + boards
@@ -48,8 +48,8 @@ class BoardResiduals(SeparableBlock):
             self._spread[1, 0] = aspect
             self._spread = np.delete(self._spread, 1, axis=1)
         self._corners = views.p_GQ.T
-        eyes = views.pixels.reshape(len(views), len(views.p_GQ), len(views.eyes), 2)
-        self._measured = np.nan_to_num(np.transpose(eyes, (2, 3, 0, 1)))
+        cameras = views.pixels.reshape(len(views), len(views.p_GQ), len(views.cameras), 2)
+        self._measured = np.nan_to_num(np.transpose(cameras, (2, 3, 0, 1)))
         self._seen = np.moveaxis(views.seen, 1, 0).astype(float)
 
     @property
@@ -58,8 +58,8 @@ class BoardResiduals(SeparableBlock):
         return len(self.views)
 
     def cameras(self, x: NDArray) -> tuple[Camera, ...]:
-        """Return the eyes that the shared variables describe, the first one at the world."""
-        poses = [np.eye(4), self._right_pose(x)] if len(self.views.eyes) == 2 else [np.eye(4)]
+        """Return the cameras that the shared variables describe, the first one at the world."""
+        poses = [np.eye(4), self._right_pose(x)] if len(self.views.cameras) == 2 else [np.eye(4)]
         return tuple(
             Camera.from_values(self._values_of(x, e), self.views.image_size, pose)
             for e, pose in enumerate(poses)
@@ -88,11 +88,11 @@ class BoardResiduals(SeparableBlock):
         turned = np.ascontiguousarray(np.moveaxis(turned, 1, 0))
         p_LQ = turned + own[:, 3:].T[:, :, None]
         slope = np.swapaxes(rotation_vector_slope(own[:, :3]), 1, 2)
-        views, corners, eyes = len(own), turned.shape[2], len(self.views.eyes)
-        r = np.empty((views, eyes, 2, corners))
-        by_shared = np.zeros((views, len(self.shared_names), eyes, 2, corners))
-        by_own = np.empty((views, 6, eyes, 2, corners))
-        for e in range(eyes):
+        views, corners, cameras = len(own), turned.shape[2], len(self.views.cameras)
+        r = np.empty((views, cameras, 2, corners))
+        by_shared = np.zeros((views, len(self.shared_names), cameras, 2, corners))
+        by_own = np.empty((views, 6, cameras, 2, corners))
+        for e in range(cameras):
             weight = self._seen[e] / self.sigma
             pixels, by_point, by_values = self._project(x, e, p_LQ)
             by_point *= weight
@@ -104,13 +104,13 @@ class BoardResiduals(SeparableBlock):
             about = np.moveaxis(_cross(turned[:, None], by_point), 2, 0)
             by_own[:, :3, e] = (slope @ about.reshape(views, 3, -1)).reshape(about.shape)
             by_own[:, 3:, e] = np.moveaxis(by_point, 2, 0)
-        shape = (views, -1, eyes * 2 * corners)
+        shape = (views, -1, cameras * 2 * corners)
         return r.reshape(views, -1), by_shared.reshape(shape), by_own.reshape(shape)
 
-    def _project(self, x: NDArray, eye: int, p_LQ: NDArray) -> tuple[NDArray, NDArray, NDArray]:
+    def _project(self, x: NDArray, camera: int, p_LQ: NDArray) -> tuple[NDArray, NDArray, NDArray]:
         """Return pixels (2, V, P), derivatives by p_LQ (3, 2, V, P) and by its own (s, 2, V, P)."""
-        values = self._values_of(x, eye)
-        if eye == 0:
+        values = self._values_of(x, camera)
+        if camera == 0:
             pixels, by_point, by_values = project_in_camera(p_LQ, values)
             by_point = by_point.swapaxes(0, 1)
         else:
@@ -129,18 +129,18 @@ class BoardResiduals(SeparableBlock):
         Shape (V, P, 2 C).
         """
         r = -self.sigma * r
-        shape = (len(self.views), len(self.views.eyes), 2, len(self.views.p_GQ))
+        shape = (len(self.views), len(self.views.cameras), 2, len(self.views.p_GQ))
         flat = np.transpose(r.reshape(shape), (0, 3, 1, 2)).reshape(self.views.pixels.shape)
         return np.where(np.isfinite(self.views.pixels), flat, np.nan)
 
-    def _columns_of(self, eye: int) -> slice:
-        """Return where one eye's intrinsics stand among the variables."""
+    def _columns_of(self, camera: int) -> slice:
+        """Return where one camera's intrinsics stand among the variables."""
         width = self._spread.shape[1]
-        return slice(eye * width, (eye + 1) * width)
+        return slice(camera * width, (camera + 1) * width)
 
-    def _values_of(self, x: NDArray, eye: int) -> NDArray:
-        """Return one eye's intrinsics. Shape (10,)."""
-        return self._spread @ x[self._columns_of(eye)]
+    def _values_of(self, x: NDArray, camera: int) -> NDArray:
+        """Return one camera's intrinsics. Shape (10,)."""
+        return self._spread @ x[self._columns_of(camera)]
 
     def _right_variables(self, x: NDArray) -> NDArray:
         """Return `right.pose.*`. Shape (6,)."""

@@ -34,13 +34,13 @@ class CameraCalibration:
     views: BoardViews
     """What was given."""
     cameras: tuple[Camera, ...]
-    """The eyes, in the order of `views.eyes`, in the frame of the first."""
+    """The cameras, in the order of `views.cameras`, in the frame of the first."""
     X_LG: NDArray
-    """Pose of the board in each view, in the frame of the first eye [m]. Shape (V, 4, 4)."""
+    """Pose of the board in each view, in the frame of the first camera [m]. Shape (V, 4, 4)."""
     residuals: NDArray
     """Measured minus predicted pixels, nan where not seen [px]. Shape (V, P, 2 C)."""
     outliers: NDArray
-    """Views that were not believed. Boolean, shape (V,)."""
+    """Views that were outliers. Boolean, shape (V,)."""
     names: tuple[str, ...]
     """Camera parameters that were free."""
     uncertainty: Uncertainty
@@ -48,7 +48,7 @@ class CameraCalibration:
     pixel_sigma: float
     """Standard deviation of a pixel coordinate about the model [px]."""
     cost: float
-    """Half the sum of squared residuals of the believed views [px^2]."""
+    """Half the sum of squared residuals of the inlier views [px^2]."""
     converged: bool
     """Whether the solver reached a minimum."""
     iterations: int
@@ -60,17 +60,17 @@ class CameraCalibration:
 
     @property
     def rig(self) -> StereoRig:
-        """Both eyes.
+        """Both cameras.
 
         Raises:
-            ValueError: If only one eye was calibrated.
+            ValueError: If only one camera was calibrated.
         """
         if len(self.cameras) != 2:
             raise ValueError("one camera is no stereo rig")
         return StereoRig(*self.cameras)
 
     def self_model(self, name: str, provenance: Mapping[str, Any] | None = None) -> SelfModel:
-        """Return the eyes as a self-model without an arm.
+        """Return the cameras as a self-model without an arm.
 
         Args:
             name: What it is called.
@@ -81,24 +81,24 @@ class CameraCalibration:
             covariance=ParameterCovariance(self.names, self.uncertainty.covariance),
             fit={"boards": int((~self.outliers).sum()), "rms_px": self.rms},
             provenance={**(provenance or {}), **package_versions("opencv-python-headless")},
-            cameras=dict(zip(self.views.eyes, self.cameras, strict=True)),
+            cameras=dict(zip(self.views.cameras, self.cameras, strict=True)),
             pixel_sigma=self.pixel_sigma,
         )
 
     @property
     def distances(self) -> NDArray:
-        """Reprojection error of each corner in each eye, nan where not seen [px]. (V, C, P)."""
+        """Reprojection error of each corner in each camera, nan where not seen [px]. (V, C, P)."""
         r = self.residuals.reshape(*self.residuals.shape[:2], len(self.cameras), 2)
         return np.moveaxis(np.linalg.norm(r, axis=3), 2, 1)
 
     @property
     def view_rms(self) -> NDArray:
-        """Root mean square error of each view, over its eyes [px]. Shape (V,)."""
+        """Root mean square error of each view, over its cameras [px]. Shape (V,)."""
         return np.sqrt(np.nanmean(self.distances**2, axis=(1, 2)))
 
     @property
     def rms(self) -> float:
-        """Root mean square error of the believed views, as OpenCV counts it [px]."""
+        """Root mean square error of the inlier views, as OpenCV counts it [px]."""
         return float(np.sqrt(np.nanmean(self.distances[~self.outliers] ** 2)))
 
 
@@ -132,7 +132,7 @@ class Adjustment:
 
     @property
     def cameras(self) -> tuple[Camera, ...]:
-        """The eyes where the adjustment stands.
+        """The cameras where the adjustment stands.
 
         Raises:
             NotConvergedError: If they have become cameras that cannot be.
@@ -210,16 +210,16 @@ class Adjustment:
         r = self.block.sigma * self.block.residuals(x)
         return np.sqrt(np.sum(r * r, axis=0) / self.views.seen.sum(axis=(1, 2)))
 
-    def _redundancy(self, believed: NDArray) -> int:
+    def _redundancy(self, inliers: NDArray) -> int:
         """Return the number of coordinates less that of the boards' variables."""
-        return 2 * int(self.views.seen[believed].sum()) - 6 * int(believed.sum())
+        return 2 * int(self.views.seen[inliers].sum()) - 6 * int(inliers.sum())
 
-    def _uncertainty(self, parts: Parts, believed: NDArray) -> Uncertainty:
+    def _uncertainty(self, parts: Parts, inliers: NDArray) -> Uncertainty:
         """Return the covariance of the free camera parameters, boards eliminated."""
         names = self.block.shared_names
         columns = np.flatnonzero(self.program.free[: len(names)])
         free = tuple(names[i] for i in columns)
-        jacobian = self.block.reduced_jacobian(parts, believed.astype(float))[:, columns]
+        jacobian = self.block.reduced_jacobian(parts, inliers.astype(float))[:, columns]
         priors = [
             (np.array(free) == name) / sigma
             for name, (_, sigma) in self.program.priors.items()
@@ -229,8 +229,8 @@ class Adjustment:
             free,
             np.vstack([jacobian, *priors]) if priors else jacobian,
             natural_scales(free, self.views, self.x[: len(names)], names),
-            float(np.sum(parts[0][believed] ** 2)),
-            self._redundancy(believed) + len(priors),
+            float(np.sum(parts[0][inliers] ** 2)),
+            self._redundancy(inliers) + len(priors),
         )
 
 
@@ -240,14 +240,14 @@ def natural_scales(
     """Return the scale of each parameter on which its sigma says whether it is known at all.
 
     Focal lengths by themselves; the principal point by half the image; k_i by what bends the
-    image's corner by its own radius; the right eye's pose by one radian and the board's size.
+    image's corner by its own radius; the right camera's pose by one radian and the board's size.
     """
     half = 0.5 * np.array(views.image_size)
     board = float(np.linalg.norm(np.ptp(views.p_GQ, axis=0)))
     scales = []
     for name in free:
-        eye, _, what = name.partition(".")
-        focal = values[names.index(f"{eye}.fx")]
+        camera, _, what = name.partition(".")
+        focal = values[names.index(f"{camera}.fx")]
         radius = float(np.hypot(*half)) / focal
         scales.append(
             {

@@ -35,7 +35,7 @@ class CameraAssessment:
     calibration: CameraCalibration
     """What was learned."""
     left_out_residuals: NDArray
-    """Measured minus predicted pixels of boards left out in turn [px]. Shape (n, P, 2 C)."""
+    """Measured minus predicted pixels of boards cross-validated [px]. Shape (n, P, 2 C)."""
     test_views: BoardViews | None
     """Held-out boards."""
     test_residuals: NDArray | None
@@ -45,7 +45,7 @@ class CameraAssessment:
     reconstruction: Reconstruction | None
     """Boards rebuilt by triangulation, of a pair; the held-out ones where there are some."""
     misfits: tuple[LensMisfit, ...]
-    """What the residuals of each eye have in common over the image."""
+    """What the residuals of each camera have in common over the image."""
 
     @classmethod
     def from_calibration(
@@ -65,10 +65,10 @@ class CameraAssessment:
             The assessment.
         """
         options = options or CameraOptions()
-        views, believed = calibration.views, ~calibration.outliers
-        left_over = cross_validate_cameras(views, options, believed)
+        views, inliers = calibration.views, ~calibration.outliers
+        left_over = cross_validate_cameras(views, options, inliers)
         pair = len(calibration.cameras) == 2
-        shown = test if test is not None else views.select(believed)
+        shown = test if test is not None else views.select(inliers)
         return cls(
             calibration,
             left_over,
@@ -81,12 +81,12 @@ class CameraAssessment:
 
     @property
     def cross_validation(self) -> NDArray:
-        """Reprojection errors of boards left out in turn [px]. Shape (n,)."""
+        """Reprojection errors of boards cross-validated [px]. Shape (n,)."""
         return corner_distances(self.left_out_residuals)
 
     @property
     def train_distances(self) -> NDArray:
-        """Reprojection errors of the believed boards [px]. Shape (n,)."""
+        """Reprojection errors of the inlier boards [px]. Shape (n,)."""
         return corner_distances(self.calibration.residuals[~self.calibration.outliers])
 
     @property
@@ -115,11 +115,11 @@ def _weak_parameters(calibration: CameraCalibration) -> list[str]:
     """Name distortion terms that the data cannot tell from zero."""
     words = []
     for i, name in enumerate(calibration.names):
-        eye, _, what = name.partition(".")
+        camera, _, what = name.partition(".")
         sigma = float(calibration.uncertainty.sigma[i])
         if what not in ("k2", "k3", "p1", "p2", "skew") or not np.isfinite(sigma):
             continue
-        value = getattr(calibration.cameras[calibration.views.eyes.index(eye)], what)
+        value = getattr(calibration.cameras[calibration.views.cameras.index(camera)], what)
         if abs(value) < 2.0 * sigma:
             words.append(
                 f"`{name}` is {value:.2g} +- {sigma:.1g}: not to be told from zero; --fix {name}=0 "
@@ -131,25 +131,25 @@ def _weak_parameters(calibration: CameraCalibration) -> list[str]:
 def _coverage_warnings(calibration: CameraCalibration) -> list[str]:
     """Say how far the corners reach into the image's corners."""
     words, half = [], 0.5 * (np.array(calibration.views.image_size) - 1.0)
-    for eye in calibration.views.eyes:
-        pixels = calibration.views.of_camera(eye).reshape(-1, 2)
+    for camera in calibration.views.cameras:
+        pixels = calibration.views.of_camera(camera).reshape(-1, 2)
         reach = float(np.nanmax(np.linalg.norm(pixels - half, axis=1)) / np.linalg.norm(half))
         if reach < _COVERED:
             words.append(
-                f"no corner in the {eye} eye lies further out than {100 * reach:.0f} % of the way "
-                "to the image's corner: beyond, its distortion is extrapolated"
+                f"no corner in the {camera} camera lies further out than {100 * reach:.0f} % of the "
+                "way to the image's corner: beyond, its distortion is extrapolated"
             )
     return words
 
 
 def _folds_by_chance(calibration: CameraCalibration) -> list[str]:
     views, by_chance = calibration.views, folds_by_chance(calibration)
-    folds = folds_of(views.eyes, calibration.cameras, views.image_size)
-    return [words for eye, words in folds.items() if eye in by_chance]
+    folds = folds_of(views.cameras, calibration.cameras, views.image_size)
+    return [words for camera, words in folds.items() if camera in by_chance]
 
 
 def fails_the_lens(misfit: LensMisfit) -> bool:
-    """Tell whether most of an eye's residuals are its lens' misfit, and more than a trifle."""
+    """Tell whether most of a camera's residuals are its lens' misfit, and more than a trifle."""
     large = misfit.share >= _MOSTLY and misfit.size_px >= _NOTABLE_PX
     return misfit.is_certain and large
 
@@ -163,7 +163,7 @@ def words_of_misfit(misfit: LensMisfit) -> str:
     """Say what a lens does that its model does not, and what may cure it."""
     share = round(100 * misfit.share)
     words = (
-        f"the lens of the {misfit.eye} eye bends light as its model does not: corners lie "
+        f"the lens of the {misfit.camera} camera bends light as its model does not: corners lie "
         f"{misfit.size_px:.2f} px off in a pattern over the image, {share} % of their squared error"
     )
     if misfit.held:

@@ -49,7 +49,7 @@ def camera_findings(assessment: CameraAssessment) -> tuple[Finding, ...]:
 
 
 def _worst_reason(assessment: CameraAssessment) -> str | None:
-    """Say where a corner of a believed or held-out board is none."""
+    """Say where a corner of an inlier or held-out board is none."""
     calibration = assessment.calibration
     sigma = float(np.median(assessment.train_distances)) / np.sqrt(2.0 * np.log(2.0))
     shown = [("", calibration.views.names, calibration.distances, ~calibration.outliers)]
@@ -74,10 +74,10 @@ def _fold_reasons(assessment: CameraAssessment) -> list[str]:
     """Say where a lens folds its image and the boards say so; what is by chance is a warning."""
     calibration = assessment.calibration
     views, by_chance = calibration.views, folds_by_chance(calibration)
-    folds = folds_of(views.eyes, calibration.cameras, views.image_size)
+    folds = folds_of(views.cameras, calibration.cameras, views.image_size)
     if any(map(fails_the_lens, assessment.misfits)):
         return [fold.partition(": ")[0] for fold in folds.values()]  # pins would cure nothing
-    return [fold for eye, fold in folds.items() if eye not in by_chance]
+    return [fold for camera, fold in folds.items() if camera not in by_chance]
 
 
 def _excess_reason(assessment: CameraAssessment) -> str | None:

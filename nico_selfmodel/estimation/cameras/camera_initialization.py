@@ -14,17 +14,17 @@ from nico_selfmodel.model.cameras.camera import Camera
 _PARALLEL = np.radians(3.0)
 """Boards whose normals differ by less than this leave the focal length open."""
 _AGREEING = 0.1
-"""Boards whose views of the eyes' relative pose differ by less, in radians and depths, agree."""
+"""Boards whose views of the cameras' relative pose differ by less, in radians and depths, agree."""
 
 
 def zhang_start(views: BoardViews) -> tuple[Camera, NDArray]:
-    """Estimate one eye's focal lengths and boards from homographies (Zhang 2000).
+    """Estimate one camera's focal lengths and boards from homographies (Zhang 2000).
 
     With the principal point held at the image's centre, each board gives two equations in
     1 / fx^2 and 1 / fy^2: h1' w h2 = 0 and h1' w h1 = h2' w h2, w = diag(1/fx^2, 1/fy^2, 1).
 
     Args:
-        views: What one eye saw; corners not seen are left out of each board.
+        views: What one camera saw; corners not seen are left out of each board.
 
     Returns:
         A camera without distortion at the world's origin, and X_CG of every board, shape (V, 4, 4).
@@ -70,7 +70,7 @@ def board_poses(maps: NDArray, fx: float, fy: float) -> NDArray:
     return transform(nearest_rotation(np.stack([r1, r2, np.cross(r1, r2)], axis=2)), t)
 
 
-def check_tilts(X_CG: NDArray, eye: str) -> None:
+def check_tilts(X_CG: NDArray, camera: str) -> None:
     """Refuse boards that are all parallel: their focal length trades against their distance.
 
     Raises:
@@ -82,8 +82,8 @@ def check_tilts(X_CG: NDArray, eye: str) -> None:
     spread = float(np.arccos(cosine.min()))
     if spread < _PARALLEL:
         raise NotIdentifiableError(
-            f"all boards are parallel within {np.degrees(spread):.1f} deg: `{eye}.fx` and "
-            f"`{eye}.fy` cannot be told from the boards' distance; tilt the board by 20 deg and "
+            f"all boards are parallel within {np.degrees(spread):.1f} deg: `{camera}.fx` and "
+            f"`{camera}.fy` cannot be told from the boards' distance; tilt the board by 20 deg and "
             "more in different directions"
         )
 
@@ -91,27 +91,27 @@ def check_tilts(X_CG: NDArray, eye: str) -> None:
 def pair_start(
     left: tuple[Camera, NDArray], right: tuple[Camera, NDArray], views: BoardViews
 ) -> tuple[Camera, NDArray]:
-    """Place the right eye by the essential matrix, and the boards that only it saw.
+    """Place the right camera by the essential matrix, and the boards that only it saw.
 
     Args:
         left: The left camera and X_LG of all views; nan where it saw nothing.
         right: The right camera and X_RG of all views; nan where it saw nothing.
-        views: Corners in both eyes.
+        views: Corners in both cameras.
 
     Returns:
         The right camera in the left one's frame, and X_LG of all views, shape (V, 4, 4).
 
     Raises:
-        EstimationError: If the two eyes share no board, or the corners allow no relative pose.
+        EstimationError: If the two cameras share no board, or the corners allow no relative pose.
     """
     both = np.asarray(views.seen.all(axis=1))
     if not both.any():
-        raise EstimationError("no view shows the board to both eyes: they need boards in common")
+        raise EstimationError("no view shows the board to both cameras: they need boards in common")
     shared = both.any(axis=1)
     agreeing = np.zeros(len(views), dtype=bool)
     agreeing[shared] = _agreeing(left[1][shared], right[1][shared])
     both &= agreeing[:, None]
-    pixels = [views.of_camera(eye)[both] for eye in views.eyes]
+    pixels = [views.of_camera(camera)[both] for camera in views.cameras]
     # A rough lens may not reach as far as the image: the rest is enough for a start.
     usable = left[0].has_rays(pixels[0]) & right[0].has_rays(pixels[1])
     try:
@@ -120,7 +120,7 @@ def pair_start(
         )
     except ValueError as error:
         raise EstimationError(
-            f"no relative pose of the eyes: {error} Or are both images from the same camera?"
+            f"no relative pose of the cameras: {error} Or are both images from the same camera?"
         ) from error
     # The boards' size gives the baseline its length: R t_L + s d = t_R.
     gap = right[1][agreeing, :3, 3] - left[1][agreeing, :3, 3] @ pose.rotation.T
@@ -132,7 +132,7 @@ def pair_start(
 
 
 def _agreeing(X_LG: NDArray, X_RG: NDArray) -> NDArray:
-    """Return which boards place the right eye where most of them do. Boolean, shape (V,).
+    """Return which boards place the right camera where most of them do. Boolean, shape (V,).
 
     Each board gives X_LR = X_LG X_RG^-1; the one in the middle of them is taken for the truth.
     """
@@ -154,23 +154,23 @@ def _homographies(plane: NDArray, pixels: NDArray) -> NDArray:
 
 
 def pose_of_seen_boards(cameras: tuple[Camera, ...], views: BoardViews) -> NDArray:
-    """Place boards before calibrated eyes, each by the first eye that saw it.
+    """Place boards before calibrated cameras, each by the first camera that saw it.
 
     Corners beyond the fold of a lens have no ray and do not count.
 
     Args:
-        cameras: The eyes, the first one at the world.
+        cameras: The cameras, the first one at the world.
         views: Corners.
 
     Returns:
         X_LG. Shape (V, 4, 4).
 
     Raises:
-        EstimationError: If no eye saw a board, or not within the reach of its lens.
+        EstimationError: If no side saw a board, or not within the reach of its lens.
     """
     X_LG = np.full((len(views), 4, 4), np.nan)
-    for eye, camera in reversed(list(zip(views.eyes, cameras, strict=True))):
-        pixels = views.of_camera(eye)
+    for side, camera in reversed(list(zip(views.cameras, cameras, strict=True))):
+        pixels = views.of_camera(side)
         rays = camera.has_rays(pixels.reshape(-1, 2)).reshape(pixels.shape[:2])
         rows = np.flatnonzero(rays.sum(axis=1) >= 4)
         ideal = np.full((len(rows), *pixels.shape[1:]), np.nan)
@@ -179,5 +179,5 @@ def pose_of_seen_boards(cameras: tuple[Camera, ...], views: BoardViews) -> NDArr
         maps = _homographies(views.p_GQ[:, :2], ideal)
         X_LG[rows] = camera.X_WC @ board_poses(maps, 1.0, 1.0)
     if not np.isfinite(X_LG).all():
-        raise EstimationError("a board was seen by neither eye, or beyond the fold of its lens")
+        raise EstimationError("a board was seen by neither side, or beyond the fold of its lens")
     return X_LG

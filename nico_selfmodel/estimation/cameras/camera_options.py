@@ -18,7 +18,7 @@ HELD_BY_DEFAULT = ("skew", "p1", "p2")
 
 @dataclass(frozen=True)
 class CameraOptions:
-    """What is held, freed or known beforehand; a name without an eye (`k3`) means every eye."""
+    """What is fixed, free or known beforehand; a name without a camera (`k3`) means all."""
 
     tangential: bool = False
     """Free p1 and p2."""
@@ -73,9 +73,9 @@ class CameraOptions:
             raise ValueError(f"{', '.join(sorted(both))} cannot be both pinned and freed")
         return cls(pinned=pinned, freed=frozenset(free), priors=priors, **others)  # type: ignore[arg-type]
 
-    def of_camera(self, eye: str) -> "CameraOptions":
-        """Return what concerns the inside of one eye."""
-        inside = set(StereoRig.names_of((eye,)))
+    def of_camera(self, camera: str) -> "CameraOptions":
+        """Return what concerns the inside of one camera."""
+        inside = set(StereoRig.names_of((camera,)))
         inside |= {n.partition(".")[2] for n in inside}
         return replace(
             self,
@@ -109,10 +109,10 @@ class CameraOptions:
 
 
 def by_full_name(chosen: Mapping[str, T], names: tuple[str, ...]) -> dict[str, T]:
-    """Write out names without an eye; `k3` becomes `left.k3` and `right.k3`.
+    """Write out names without a camera; `k3` becomes `left.k3` and `right.k3`.
 
     Args:
-        chosen: Something for each name, with or without its eye.
+        chosen: Something for each name, with or without its camera.
         names: All camera parameters of the problem.
 
     Raises:

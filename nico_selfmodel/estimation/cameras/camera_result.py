@@ -85,7 +85,7 @@ def camera_parameters(assessment: CameraAssessment) -> dict[str, Parameter]:
     """Return every parameter of the cameras; the derived baseline last."""
     calibration = assessment.calibration
     sigma = dict(zip(calibration.names, calibration.uncertainty.sigma.tolist(), strict=True))
-    names = StereoRig.names_of(calibration.views.eyes)
+    names = StereoRig.names_of(calibration.views.cameras)
     if len(calibration.cameras) == 1:
         return parameter_table(names, calibration.cameras[0].values, INTRINSIC_UNITS, sigma)
     rig, covariance = calibration.rig, calibration.uncertainty.covariance

@@ -11,32 +11,32 @@ _TOLD_FROM_ZERO = 3.0
 
 
 def folds_of(
-    eyes: tuple[str, ...], cameras: tuple[Camera, ...], image_size: tuple[int, int]
+    sides: tuple[str, ...], cameras: tuple[Camera, ...], image_size: tuple[int, int]
 ) -> dict[str, str]:
-    """Return eye -> what to say of it, for each lens that folds its image."""
+    """Return camera -> what to say of it, for each lens that folds its image."""
     words = {}
     width, height = image_size
     edge = np.array([[0, 0], [width - 1, 0], [0, height - 1], [width - 1, height - 1]], dtype=float)
-    for eye, camera in zip(eyes, cameras, strict=True):
+    for side, camera in zip(sides, cameras, strict=True):
         if not camera.has_rays(edge).all():
-            words[eye] = (
-                f"the distortion of the {eye} eye is not monotone up to the image's corners (it "
-                f"turns at a radius of {lens.largest_radius(camera.k):.2f}): pin {eye}.k3=0, or "
+            words[side] = (
+                f"the distortion of the {side} side is not monotone up to the image's corners (it "
+                f"turns at a radius of {lens.largest_radius(camera.k):.2f}): pin {side}.k3=0, or "
                 "record boards in the corners"
             )
     return words
 
 
 def folds_by_chance(calibration: CameraCalibration) -> set[str]:
-    """Return the eyes whose fold hangs on a term that is not to be told from zero.
+    """Return the cameras whose fold hangs on a term that is not to be told from zero.
 
     What the boards leave open bends the image where none was seen; the lens is none the worse.
     """
     found = set()
-    for eye, camera in zip(calibration.views.eyes, calibration.cameras, strict=True):
-        free = [k for k in ("k3", "k2") if f"{eye}.{k}" in calibration.names]
+    for side, camera in zip(calibration.views.cameras, calibration.cameras, strict=True):
+        free = [k for k in ("k3", "k2") if f"{side}.{k}" in calibration.names]
         if free:
-            sigma = calibration.uncertainty.sigma[calibration.names.index(f"{eye}.{free[0]}")]
+            sigma = calibration.uncertainty.sigma[calibration.names.index(f"{side}.{free[0]}")]
             if abs(getattr(camera, free[0])) < _TOLD_FROM_ZERO * float(sigma):
-                found.add(eye)
+                found.add(side)
     return found

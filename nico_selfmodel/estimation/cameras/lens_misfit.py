@@ -28,10 +28,10 @@ _HELD = (("k3",), ("p1", "p2"), ("skew",), ("k2",), ("k1",))
 
 @dataclass(frozen=True)
 class LensMisfit:
-    """What residuals of one eye have in common over the image."""
+    """What residuals of one camera have in common over the image."""
 
-    eye: str
-    """Which eye."""
+    camera: str
+    """Which camera."""
     certain: float
     """Standard score of the test; large where there is a misfit."""
     share: float
@@ -48,22 +48,22 @@ class LensMisfit:
 
 
 def lens_misfits(calibration: CameraCalibration, aspect: float | None = None) -> list[LensMisfit]:
-    """Test the lens of each eye.
+    """Test the lens of each camera.
 
     Args:
         calibration: What was learned.
         aspect: The ratio fy / fx that was held, if one was.
 
     Returns:
-        One an eye.
+        One a camera.
     """
-    views, believed = calibration.views, (~calibration.outliers).astype(float)
+    views, inliers = calibration.views, (~calibration.outliers).astype(float)
     block = BoardResiduals(views, calibration.X_LG, 1.0, aspect)
     parts = block.evaluate_parts(block.start_of(calibration.cameras, calibration.X_LG))
     residuals, by_shared, by_own = parts
 
     def beyond_boards(columns: NDArray) -> NDArray:
-        return block.reduced_jacobian((residuals, columns, by_own), believed)
+        return block.reduced_jacobian((residuals, columns, by_own), inliers)
 
     free = [block.shared_names.index(name) for name in calibration.names]
     known = _basis(beyond_boards(by_shared[:, free]))
@@ -74,50 +74,50 @@ def lens_misfits(calibration: CameraCalibration, aspect: float | None = None) ->
         return float(np.sum((basis.T @ r) ** 2)), basis.shape[1]
 
     found = []
-    for e, eye in enumerate(views.eyes):
+    for e, camera in enumerate(views.cameras):
         explained, k = explained_by(_fields(calibration, e))
-        seen = np.zeros((len(views), len(views.eyes), 2, len(views.p_GQ)))
-        seen[:, e] = (views.seen[:, e] * believed[:, None])[:, None]
+        seen = np.zeros((len(views), len(views.cameras), 2, len(views.p_GQ)))
+        seen[:, e] = (views.seen[:, e] * inliers[:, None])[:, None]
         total = float(np.sum((r * seen.ravel()) ** 2))
-        # Half of what a board's pose takes up belongs to each eye of a pair.
-        n = max(int(seen.sum()) - 6 * int(believed.sum()) // len(views.eyes), 1)
+        # Half of what a board's pose takes up belongs to each camera of a pair.
+        n = max(int(seen.sum()) - 6 * int(inliers.sum()) // len(views.cameras), 1)
         held: tuple[str, ...] = ()
-        for names in ([f"{eye}.{name}" for name in group] for group in _HELD):
+        for names in ([f"{camera}.{name}" for name in group] for group in _HELD):
             rows = [block.shared_names.index(name) for name in names if name in block.shared_names]
             if not held and rows and not set(names) & set(calibration.names):
                 held = tuple(names) if explained_by(by_shared[:, rows])[0] > 0.5 * explained else ()
-        found.append(_misfit(eye, explained, total, n, k, held))
+        found.append(_misfit(camera, explained, total, n, k, held))
     return found
 
 
 def _misfit(
-    eye: str, explained: float, total: float, n: int, k: int, held: tuple[str, ...]
+    camera: str, explained: float, total: float, n: int, k: int, held: tuple[str, ...]
 ) -> LensMisfit:
     rest, freedom = max(total - explained, 1e-18), n - k
     if freedom < k or not total:
-        return LensMisfit(eye, 0.0, 0.0, 0.0, ())
+        return LensMisfit(camera, 0.0, 0.0, 0.0, ())
     fisher = (explained / k) / (rest / freedom)
     certain = (fisher - 1.0) / np.sqrt(2.0 / k + 2.0 / freedom)
     # What chance explains as well, k of n coordinates, is taken off.
     share = max(1.0 - rest / total * n / freedom, 0.0)
     size = float(np.sqrt(share * 2.0 * total / n))
-    return LensMisfit(eye, float(certain), float(share), size, held)
+    return LensMisfit(camera, float(certain), float(share), size, held)
 
 
-def _fields(calibration: CameraCalibration, eye: int) -> NDArray:
-    """Return displacements of all corners in one eye, zeros in the other. Shape (V, F, 2 C P).
+def _fields(calibration: CameraCalibration, camera: int) -> NDArray:
+    """Return displacements of all corners in one camera, zeros in the other. Shape (V, F, 2 C P).
 
     They are evaluated where the model has the corners: where these were measured, the residuals
     themselves would be among them.
     """
     views = calibration.views
-    sides = slice(2 * eye, 2 * eye + 2)
+    sides = slice(2 * camera, 2 * camera + 2)
     predicted = np.nan_to_num(views.pixels - calibration.residuals)[:, :, sides]
     out = predicted - 0.5 * (np.array(views.image_size) - 1.0)
     radius = np.linalg.norm(out, axis=2)
     along = out / np.maximum(radius, 1e-9)[..., None]
     across = np.stack([-along[..., 1], along[..., 0]], axis=-1)
-    seen = views.seen[:, eye]
+    seen = views.seen[:, camera]
     share = radius / max(float(radius[seen].max()), 1e-9)
     fields = [along * hat[..., None] for hat in _hats(share, _RINGS)]
     angle = np.arctan2(out[..., 1], out[..., 0])
@@ -126,8 +126,8 @@ def _fields(calibration: CameraCalibration, eye: int) -> NDArray:
             for turn in (np.cos(wave * angle), np.sin(wave * angle)):
                 fields += [along * (hat * turn)[..., None], across * (hat * turn)[..., None]]
     stacked = np.moveaxis(np.stack(fields, axis=1), 3, 2) * seen[:, None, None]
-    both = np.zeros((len(views), len(fields), len(views.eyes), 2, len(views.p_GQ)))
-    both[:, :, eye] = stacked
+    both = np.zeros((len(views), len(fields), len(views.cameras), 2, len(views.p_GQ)))
+    both[:, :, camera] = stacked
     return both.reshape(len(views), len(fields), -1)
 
 

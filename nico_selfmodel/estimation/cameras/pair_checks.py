@@ -1,4 +1,4 @@
-"""What a pair of eyes must be before its calibration means anything."""
+"""What a pair of cameras must be before its calibration means anything."""
 
 import numpy as np
 from numpy.typing import NDArray
@@ -11,33 +11,33 @@ from nico_selfmodel.model.cameras.stereo_rig import StereoRig
 _LARGEST_EPIPOLAR = 1.5
 """Distance from epipolar lines [px] above which a pair is looked at twice."""
 _LARGEST_RATIO = 5.0
-"""The same against what each eye alone leaves unexplained."""
+"""The same against what each camera alone leaves unexplained."""
 _LARGEST_AT_START = 8.0
-"""Median distance from epipolar lines [px] that a start may have beside what an eye leaves."""
+"""Median distance from epipolar lines [px] that a start may have beside what a camera leaves."""
 _SHORTEST_BASELINE = 1e-3
-"""Baseline over the boards' distance below which two eyes are one."""
+"""Baseline over the boards' distance below which two cameras are one."""
 
 
 def check_pair(calibration: CameraCalibration, alone_rms: float) -> None:
     """Refuse what is no stereo pair.
 
     Args:
-        calibration: Both eyes.
-        alone_rms: What the eyes leave unexplained when each is calibrated alone [px].
+        calibration: Both cameras.
+        alone_rms: What the cameras leave unexplained when each is calibrated alone [px].
 
     Raises:
         DataError: If left and right are swapped.
-        EstimationError: If the eyes stand at one place, or do not hold still against each other.
+        EstimationError: If the cameras stand at one place, or do not hold still against each other.
     """
-    rig, believed = calibration.rig, ~calibration.outliers
-    error = mean_epipolar_error(calibration.views.select(believed), calibration)
+    rig, inliers = calibration.rig, ~calibration.outliers
+    error = mean_epipolar_error(calibration.views.select(inliers), calibration)
     misfit = max(error, float(np.median(calibration.view_rms)))
     if misfit > max(_LARGEST_EPIPOLAR, _LARGEST_RATIO * alone_rms):
         raise _no_pair(error, alone_rms)
     depth = float(np.median(calibration.X_LG[:, 2, 3]))
     if rig.baseline < _SHORTEST_BASELINE * depth:
         raise EstimationError(
-            f"the eyes stand at one place (baseline {1e3 * rig.baseline:.2f} mm, boards at "
+            f"the cameras stand at one place (baseline {1e3 * rig.baseline:.2f} mm, boards at "
             f"{1e3 * depth:.0f} mm, epipolar error {error:.2f} px): depth cannot be seen; are both "
             "images from the same camera?"
         )
@@ -52,12 +52,12 @@ def check_pair(calibration: CameraCalibration, alone_rms: float) -> None:
 def check_start(rig: StereoRig, views: BoardViews, alone_rms: float) -> None:
     """Refuse pairs of which most do not belong together, where no adjustment could tell.
 
-    It alone is no judgement: small boards far away place two good eyes as badly.
+    It alone is no judgement: small boards far away place two good cameras as badly.
 
     Args:
-        rig: The eyes as the closed forms place them.
-        views: Corners in both eyes.
-        alone_rms: What the eyes leave unexplained when each is calibrated alone [px].
+        rig: The cameras as the closed forms place them.
+        views: Corners in both cameras.
+        alone_rms: What the cameras leave unexplained when each is calibrated alone [px].
 
     Raises:
         EstimationError: If half the corners lie far from their epipolar lines.
@@ -69,8 +69,8 @@ def check_start(rig: StereoRig, views: BoardViews, alone_rms: float) -> None:
 
 def _no_pair(error: float, alone_rms: float) -> EstimationError:
     return EstimationError(
-        f"this is no rigid pair of eyes: corners lie {error:.1f} px from their epipolar lines "
-        f"on average, while each eye alone fits to {alone_rms:.2f} px; were the images of a "
+        f"this is no rigid pair of cameras: corners lie {error:.1f} px from their epipolar lines "
+        f"on average, while each camera alone fits to {alone_rms:.2f} px; were the images of a "
         "pair taken together, is every left image paired with its own right one, and did the "
         "cameras keep still against each other?"
     )

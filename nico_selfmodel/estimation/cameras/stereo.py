@@ -1,6 +1,6 @@
 """Calibrate one or two cameras from views of a flat board: the thesis' algorithm 3, put right.
 
-Zhang's start for each eye, a refinement of each eye alone, the relative pose by the essential
+Zhang's start for each camera, a refinement of each camera alone, the relative pose by the essential
 matrix and cheirality, then one adjustment of both cameras and all boards.
 """
 
@@ -27,10 +27,10 @@ FEWEST_VIEWS = 3
 
 
 def calibrate_cameras(views: BoardViews, options: CameraOptions | None = None) -> CameraCalibration:
-    """Calibrate the eyes that saw a board.
+    """Calibrate the cameras that saw a board.
 
     Args:
-        views: Corners in one or two eyes.
+        views: Corners in one or two cameras.
         options: What is held and free; by default skew and tangential distortion are held at zero.
 
     Returns:
@@ -39,7 +39,7 @@ def calibrate_cameras(views: BoardViews, options: CameraOptions | None = None) -
     Raises:
         NotIdentifiableError: If there are too few boards, or all are parallel.
         DataError: If left and right are swapped.
-        EstimationError: If no start can be found, or the eyes are no rigid pair.
+        EstimationError: If no start can be found, or the cameras are no rigid pair.
         NotConvergedError: If a camera that cannot be comes out.
         ValueError: If an option names no parameter.
     """
@@ -47,14 +47,14 @@ def calibrate_cameras(views: BoardViews, options: CameraOptions | None = None) -
     options = options or CameraOptions()
     views = views.placeable()
     _check_names(views, options)
-    if len(views.eyes) == 1:
+    if len(views.cameras) == 1:
         adjustment = _refine_alone(views, options)
         adjustment.solve(options.loss)
-        check_tilts(adjustment.X_LG, views.eyes[0])
+        check_tilts(adjustment.X_LG, views.cameras[0])
         return adjustment.result(time.perf_counter() - began)
-    alone = [_refine_alone(views.only(eye), options) for eye in views.eyes]
-    for eye, found in zip(views.eyes, alone, strict=True):
-        check_tilts(found.X_LG, eye)
+    alone = [_refine_alone(views.only(camera), options) for camera in views.cameras]
+    for camera, found in zip(views.cameras, alone, strict=True):
+        check_tilts(found.X_LG, camera)
     left, right = (_among(views, found) for found in alone)
     right_camera, X_LG = pair_start(left, right, views)
     alone_rms = max(found.rms for found in alone)
@@ -63,7 +63,7 @@ def calibrate_cameras(views: BoardViews, options: CameraOptions | None = None) -
         adjustment.solve(options.loss)
         result = adjustment.result(time.perf_counter() - began)
     except (NotConvergedError, ModelError):
-        # Pairs that do not belong together may end in eyes that cannot be: say that of them.
+        # Pairs that do not belong together may end in cameras that cannot be: say that of them.
         check_start(StereoRig(left[0], right_camera), views, alone_rms)
         raise
     check_pair(result, alone_rms)
@@ -72,22 +72,22 @@ def calibrate_cameras(views: BoardViews, options: CameraOptions | None = None) -
 
 def _check_names(views: BoardViews, options: CameraOptions) -> None:
     """Raise before any work if an option names a parameter that does not exist."""
-    names = StereoRig.names_of(views.eyes)
+    names = StereoRig.names_of(views.cameras)
     options.held(names)
     by_full_name(options.priors, names)
 
 
 def _refine_alone(views: BoardViews, options: CameraOptions) -> Adjustment:
-    """Start one eye and adjust it roughly: first with the principal point held, then as asked."""
-    (eye,) = views.eyes
+    """Start one camera and adjust it roughly, first with the principal point held."""
+    (side,) = views.cameras
     if len(views) < FEWEST_VIEWS:
         raise NotIdentifiableError(
-            f"the {eye} eye saw {len(views)} board{'s' * (len(views) != 1)}, at least "
+            f"the {side} side saw {len(views)} board{'s' * (len(views) != 1)}, at least "
             f"{FEWEST_VIEWS} in different attitudes are needed, 10 to 20 are better"
         )
     camera, X_CG = zhang_start(views)
-    adjustment = Adjustment(views, (camera,), X_CG, options.of_camera(eye))
-    free_centre = [n for n in (f"{eye}.cx", f"{eye}.cy") if n not in adjustment.held]
+    adjustment = Adjustment(views, (camera,), X_CG, options.of_camera(side))
+    free_centre = [n for n in (f"{side}.cx", f"{side}.cy") if n not in adjustment.held]
     for name in free_centre:
         adjustment.program.fix(name)
     adjustment.approach(tolerance=0.1)
@@ -100,7 +100,7 @@ def _refine_alone(views: BoardViews, options: CameraOptions) -> Adjustment:
 
 
 def _among(views: BoardViews, alone: Adjustment) -> tuple[Camera, NDArray]:
-    """Return one eye's camera and its boards among all views, nan where it saw nothing."""
+    """Return one camera's camera and its boards among all views, nan where it saw nothing."""
     X_CG = np.full((len(views), 4, 4), np.nan)
     X_CG[[views.names.index(name) for name in alone.views.names]] = alone.X_LG
     return alone.cameras[0], X_CG

@@ -100,7 +100,7 @@ def causes_of_misfit(
         zero: Encoder angles of the zero configuration [rad]. Shape (n,).
         sigma: Whitening of the residuals [m].
         loss: One of `optimization.robust_solve.ROBUST_METHODS`.
-        scatter: Of a believed coordinate about the refined arm, whatever is said to explain it [m].
+        scatter: Of an inlier coordinate about the refined arm, whatever is said to explain it [m].
 
     Returns:
         What was found; empty where the arm explains the data or nothing tried does.
@@ -119,11 +119,11 @@ def causes_of_misfit(
     for suspicion in _suspicions(observations, gear_pinned, held, worth):
         mended, pinned = few_rows(suspicion.observations, 0), suspicion.gear_pinned
         at = mended.angles[np.argmin(np.abs(mended.angles - zero).sum(axis=1))]
-        wild = random_starts(mended, pinned & gear_known, at, np.random.default_rng(0))
+        outlying = random_starts(mended, pinned & gear_known, at, np.random.default_rng(0))
         reached = 0
         if left <= 0:
             return Causes(stopped_after=_MOST_STARTS)
-        for start in islice(wild, min(suspicion.starts, left)):
+        for start in islice(outlying, min(suspicion.starts, left)):
             left -= 1
             found = refine_lines(mended, start, pinned, sigma, robust, rough=True)
             after = _Misfit.of(found, sigma)
@@ -141,7 +141,7 @@ class _Misfit:
     """What an arm leaves unexplained."""
 
     noise: float
-    """Standard deviation of a believed coordinate [m]."""
+    """Standard deviation of an inlier coordinate [m]."""
     wrong: float
     """Share of outliers."""
 

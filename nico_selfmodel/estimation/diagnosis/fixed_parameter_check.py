@@ -26,7 +26,7 @@ _ROUNDING_M = 1e-9
 
 
 @dataclass(frozen=True)
-class ContradictedPin:
+class ContradictedParameter:
     """A pinned parameter that the data ask to be elsewhere."""
 
     name: str
@@ -39,14 +39,14 @@ class ContradictedPin:
     """The rms residual with all pins over that without any."""
 
 
-def contradicted_pins(
+def contradicted_parameters(
     observations: Observations,
     start: DhParameters,
     solved: ArmSolution,
     pinned: frozenset[str],
     outliers: NDArray,
     sigma: float,
-) -> tuple[ContradictedPin, ...]:
+) -> tuple[ContradictedParameter, ...]:
     """Name the pins without which the data would fit significantly better.
 
     Where pins are right, the cost falls by chi square of their number once they are let go. Where
@@ -57,7 +57,7 @@ def contradicted_pins(
         start: The best arm without pins.
         solved: The solution with them.
         pinned: Names of the pinned parameters. Gauges are not tested: they move no point.
-        outliers: Rows that the fit without pins does not believe. Boolean, shape (N,).
+        outliers: Rows that the fit without pins does not accept. Boolean, shape (N,).
         sigma: Standard deviation of a coordinate about it [m].
 
     Returns:
@@ -81,7 +81,7 @@ def contradicted_pins(
     names, values = solved.parameters.names, solved.parameters.values
     rise = float(np.sqrt(held / least))
     return tuple(
-        ContradictedPin(name, float(values[at]), _near(solved, at, free_values), rise)
+        ContradictedParameter(name, float(values[at]), _near(solved, at, free_values), rise)
         for name, at in ((name, names.index(name)) for name in wrong)
     )
 

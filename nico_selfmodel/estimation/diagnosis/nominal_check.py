@@ -16,7 +16,7 @@ _LEAST_SIZE = 0.05
 _SAME_SIZE = 1.3
 """Ratio of sizes up to which a robot may differ from its description."""
 _CLEARLY_LESS = 0.5
-"""Ratio of what two readings of the zeros leave, from which on the second is believed."""
+"""Ratio of what two readings of the zeros leave, from which on the second is taken."""
 _LEFT_OVER = 0.3
 """Part of the distances between axes that may remain after scaling."""
 

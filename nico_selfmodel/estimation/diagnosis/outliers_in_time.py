@@ -1,6 +1,6 @@
 """Whether outliers gather at one end of a recording, where chance would have strewn them.
 
-A robust fit believes the larger part of a recording that changed, and calls the rest outliers. The
+A robust fit accepts the larger part of a recording that changed, and calls the rest outliers. The
 statistic is the largest standardised excess before or after any sample; its distribution is that
 of outliers in random order (a permutation test, Good 2005), with seeds of its own.
 """
@@ -26,7 +26,7 @@ def outliers_in_time(observations: Observations, outliers: NDArray) -> Change | 
 
     Args:
         observations: What was measured; samples are numbered in the order of time.
-        outliers: Rows that are not believed. Boolean, shape (N,).
+        outliers: Rows that are outliers. Boolean, shape (N,).
 
     Returns:
         What it says, or None where they are strewn over the recording, or few.
@@ -48,7 +48,7 @@ def outliers_in_time(observations: Observations, outliers: NDArray) -> Change | 
         f"{inside.sum()} of {outliers.sum()} outliers lie {'up to' if before else 'after'} sample "
         f"{observations.sample[~late].max()}: something moved or jumped there"
     )
-    # The believed poses are explained already: there is no ratio that could be too small.
+    # The inlier poses are explained already: there is no ratio that could be too small.
     return Change(words, float(chance), np.inf, mixed_in_time(observations, late.astype(float)))
 
 

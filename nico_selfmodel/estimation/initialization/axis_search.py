@@ -13,7 +13,7 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
-from nico_selfmodel.estimation.observations.arm_estimate import ArmHypothesis
+from nico_selfmodel.estimation.observations.arm_estimate import ArmEstimate
 from nico_selfmodel.estimation.observations.observations import Observations
 from nico_selfmodel.geometry.rotation import move_on_sphere, tangent_basis
 from nico_selfmodel.least_squares import NormalEquations, levenberg_marquardt
@@ -35,7 +35,7 @@ def random_starts(
     *,
     directions: NDArray | None = None,
     gear: NDArray | None = None,
-) -> Iterator[ArmHypothesis]:
+) -> Iterator[ArmEstimate]:
     """Yield arms, each the local optimum of one random start; endless.
 
     Args:
@@ -43,9 +43,9 @@ def random_starts(
         gear_known: Joints whose gear is not searched. Shape (n,).
         zero: Encoder angles of the zero configuration [rad]. Shape (n,).
         rng: Source of the starts.
-        directions: Directions believed, nan where unknown: every second start stays within about
+        directions: Directions inliers, nan where unknown: every second start stays within about
             25 deg of them, the others ignore them. Shape (n, 3).
-        gear: Gears believed along with them, nan where unknown. Shape (n,).
+        gear: Gears inliers along with them, nan where unknown. Shape (n,).
 
     Yields:
         Arms with all lines, gears and hand points.
@@ -53,14 +53,14 @@ def random_starts(
     n = len(observations.joints)
     span = np.maximum(np.ptp(observations.angles, axis=0), 1e-9)
     for count in range(10**9):
-        wild = rng.normal(size=(n, 3))
+        outlying = rng.normal(size=(n, 3))
         # A joint with an unknown gear is taken to have turned by 20 to 200 degrees.
         gears = span / np.radians(20.0 * 10.0 ** rng.random(n))
         if directions is not None and gear is not None and count % 2 == 1:
             near = directions + 0.25 * rng.normal(size=(n, 3))
-            wild = np.where(np.isfinite(near), near, wild)
+            outlying = np.where(np.isfinite(near), near, outlying)
             gears = np.where(np.isfinite(gear), gear, gears)
-        start = wild / np.linalg.norm(wild, axis=1, keepdims=True)
+        start = outlying / np.linalg.norm(outlying, axis=1, keepdims=True)
         yield project_variables(
             observations, start, np.where(gear_known, 1.0, gears), gear_known, zero
         )
@@ -74,7 +74,7 @@ def project_variables(
     zero: NDArray,
     *,
     rounds: int = _ROUNDS,
-) -> ArmHypothesis:
+) -> ArmEstimate:
     """Refine directions and unknown gears, with everything linear eliminated.
 
     Args:
@@ -116,7 +116,7 @@ def project_variables(
         weights = Loss("cauchy", scale).rho_and_weight(norms**2, 3)[1]
     chain = problem.solve(directions, gear, weights)[0]
     moved = replace(chain, points=chain.points + middle, p_WH_zero=chain.p_WH_zero + middle)
-    return ArmHypothesis(moved, gear, zero)
+    return ArmEstimate(moved, gear, zero)
 
 
 def _at(

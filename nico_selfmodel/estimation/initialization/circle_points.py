@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from nico_selfmodel.dataset.sweeps import Sweep
 from nico_selfmodel.errors import NotIdentifiableError
-from nico_selfmodel.estimation.observations.arm_estimate import ArmHypothesis
+from nico_selfmodel.estimation.observations.arm_estimate import ArmEstimate
 from nico_selfmodel.estimation.observations.observations import Observations
 from nico_selfmodel.geometry.circle import Circle
 from nico_selfmodel.geometry.circle_variants import circle_with_angles, robust_circle
@@ -44,7 +44,7 @@ class SweepCircle:
     circle: Circle
     """The circle, carried back to the zero configuration; covariance for unit noise."""
     inliers: NDArray
-    """Which rows it believes. Shape (k,)."""
+    """Which rows are inliers. Shape (k,)."""
     slope: float
     """Joint radians per encoder radian about the circle's normal."""
     slope_weight: float
@@ -55,7 +55,7 @@ class SweepCircle:
 class CirclePointAnalysis:
     """What sweeps tell about an arm."""
 
-    arm: ArmHypothesis | None
+    arm: ArmEstimate | None
     """The arm; None where some joint could not be analysed."""
     circles: tuple[SweepCircle, ...]
     """All fitted circles."""
@@ -129,11 +129,11 @@ def analyse_circle_points(
     if np.isnan(hands).any():
         hands = _hand_points(observations, carried, [Sweep(0, np.arange(len(observations)))])
     chain = Chain(observations.joints, directions, points, observations.markers, hands)
-    arm = ArmHypothesis(chain, gear, zero)
+    arm = ArmEstimate(chain, gear, zero)
     return CirclePointAnalysis(arm, tuple(circles), axis_sigma, noise, (), directions, gear)
 
 
-def require_arm(analysis: CirclePointAnalysis) -> ArmHypothesis:
+def require_arm(analysis: CirclePointAnalysis) -> ArmEstimate:
     """Return the arm of an analysis.
 
     Raises:

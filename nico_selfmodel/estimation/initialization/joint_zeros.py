@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from nico_selfmodel.estimation.initialization.nominal_arm import NominalArm
-from nico_selfmodel.estimation.observations.arm_estimate import ArmHypothesis
+from nico_selfmodel.estimation.observations.arm_estimate import ArmEstimate
 from nico_selfmodel.geometry.rotation import rotation_about
 from nico_selfmodel.geometry.transform import transform
 from nico_selfmodel.model.arm.dh_parameters import DhParameters
@@ -15,7 +15,7 @@ from nico_selfmodel.model.arm.servo_map import ServoMap
 
 
 def meaningful_parameters(
-    arm: ArmHypothesis,
+    arm: ArmEstimate,
     units: ServoMap,
     gear_known: NDArray,
     nominal: NominalArm | None,

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from nico_selfmodel.dataset.dataset import Dataset
 from nico_selfmodel.errors import ModelError
 from nico_selfmodel.estimation.initialization.axis_search import project_variables
-from nico_selfmodel.estimation.observations.arm_estimate import ArmHypothesis
+from nico_selfmodel.estimation.observations.arm_estimate import ArmEstimate
 from nico_selfmodel.estimation.observations.observations import Observations
 from nico_selfmodel.geometry.alignment import Alignment
 from nico_selfmodel.geometry.transform import transform
@@ -47,7 +47,7 @@ class NominalArm:
 
 def nominal_start(
     nominal: NominalArm, dataset: Dataset, observations: Observations, gear_known: NDArray
-) -> ArmHypothesis | None:
+) -> ArmEstimate | None:
     """Place a nominal arm in the measuring frame and refine its lines.
 
     Encoders in rad or deg read the description's joint positions. Counts need limits on both
@@ -71,7 +71,7 @@ def nominal_start(
 
 def placed_nominal(
     nominal: NominalArm, dataset: Dataset, observations: Observations, gear_known: NDArray
-) -> ArmHypothesis | None:
+) -> ArmEstimate | None:
     """Place a nominal arm rigidly in the measuring frame, its own geometry kept.
 
     Its zero configuration stays that of the description.
@@ -101,7 +101,7 @@ def placed_nominal(
     placed = chain.moved(transform(x.rotation, x.translation))
     hands = np.array([placed.p_WH_zero[index.get(m, 0)] for m in observations.markers])
     renamed = Chain(placed.joints, placed.directions, placed.points, observations.markers, hands)
-    return ArmHypothesis(renamed, gear, offset)
+    return ArmEstimate(renamed, gear, offset)
 
 
 def _servo_from_limits(

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from nico_selfmodel.estimation.observations.arm_estimate import ArmHypothesis
+from nico_selfmodel.estimation.observations.arm_estimate import ArmEstimate
 from nico_selfmodel.estimation.observations.hand_residuals import LineResiduals
 from nico_selfmodel.estimation.observations.observations import Observations
 from nico_selfmodel.optimization.calibration_program import CalibrationProgram
@@ -36,7 +36,7 @@ SEARCH_ROWS = 150
 class LineSolution:
     """An arm refined from one start."""
 
-    arm: ArmHypothesis
+    arm: ArmEstimate
     """The arm."""
     robust: RobustSolution
     """How it was solved, with its outliers."""
@@ -62,7 +62,7 @@ class StartSearch:
 
 def refine_lines(
     observations: Observations,
-    start: ArmHypothesis,
+    start: ArmEstimate,
     pinned_gears: NDArray,
     sigma: float,
     loss: str,
@@ -89,7 +89,7 @@ def refine_lines(
 
 
 def line_program(
-    observations: Observations, start: ArmHypothesis, pinned_gears: NDArray, sigma: float
+    observations: Observations, start: ArmEstimate, pinned_gears: NDArray, sigma: float
 ) -> tuple[CalibrationProgram, LineResiduals]:
     """Return the program of the lines about a start, and its residual block."""
     block = LineResiduals(observations, start, sigma)
@@ -105,7 +105,7 @@ def line_program(
 def search_starts(
     observations: Observations,
     few: Observations,
-    starts: Iterable[tuple[str, ArmHypothesis]],
+    starts: Iterable[tuple[str, ArmEstimate]],
     pinned_gears: NDArray,
     sigma: float,
     loss: str,

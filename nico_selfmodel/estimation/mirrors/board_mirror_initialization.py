@@ -1,4 +1,4 @@
-"""Closed-form starts of an eye and mirrors from boards seen directly and in the mirrors."""
+"""Closed-form starts of a camera and mirrors from boards seen directly and in the mirrors."""
 
 import numpy as np
 from numpy.typing import NDArray
@@ -22,21 +22,21 @@ _FLIP = np.diag([-1.0, 1.0, 1.0, 1.0])
 def board_mirror_start(
     boards: MirroredBoards, camera: Camera
 ) -> tuple[tuple[Mirror, ...], NDArray]:
-    """Place mirrors and boards before an eye whose lens is known roughly.
+    """Place mirrors and boards before a camera whose lens is known roughly.
 
     Each board that one photograph shows directly and in a mirror gives pairs of corners that lie
     symmetrically about it. A board that is seen in mirrors alone is placed by reflection.
 
     Args:
         boards: Corners seen.
-        camera: The eye, at the world.
+        camera: The camera, at the world.
 
     Returns:
         The mirrors, and X_LG of every board, shape (V, 4, 4).
 
     Raises:
-        DataError: If a mirror stands behind the eye, or is none: reflections of a board are mirror
-            images.
+        DataError: If a mirror stands behind the camera, or is none: reflections of a board are
+            mirror images.
         NotIdentifiableError: If no photograph shows the board directly and in a mirror.
     """
     X_LG = _apparent_poses(boards, camera, 0)
@@ -69,7 +69,7 @@ def _mirror(name: str, boards: MirroredBoards, X_LG: NDArray, behind: NDArray) -
     if plane.offset <= 0.0 or np.median(aside) > _ASIDE * extent:
         raise DataError(
             f"what is seen in mirror {name!r} is no reflection of the board: corners and "
-            "reflections do not lie symmetrically about a plane before the eye; are its corners "
+            "reflections do not lie symmetrically about a plane before the camera; are its corners "
             "listed in the board's own order, and not as they appear?"
         )
     return Mirror.from_plane(plane)

@@ -1,7 +1,7 @@
-"""Reprojection errors of boards seen directly and in mirrors by one eye, with derivatives.
+"""Reprojection errors of boards seen directly and in mirrors by one camera, with derivatives.
 
-A corner p_GQ of photograph v lies at p_LQ = R_v p_GQ + t_v before the eye, its reflection in mirror
-m at S_m p_LQ - 2 d_m n_m. Both are seen through the same lens.
+A corner p_GQ of photograph v lies at p_LQ = R_v p_GQ + t_v before the camera, its reflection in
+mirror m at S_m p_LQ - 2 d_m n_m. Both are seen through the same lens.
 """
 
 import numpy as np
@@ -32,7 +32,7 @@ class BoardMirrorResiduals(SeparableBlock):
         """
         self.boards, self.sigma = boards, sigma
         self.rotations = np.array(X_LG)[:, :3, :3]
-        self.camera_names = tuple(f"{boards.eye}.{name}" for name in INTRINSICS)
+        self.camera_names = tuple(f"{boards.camera}.{name}" for name in INTRINSICS)
         planes = tuple(n for mirror in boards.mirrors for n in Mirror.names_of(mirror))
         self.shared_names = self.camera_names + planes
         own = tuple(f"board.{view}.{n}" for view in boards.names for n in POSE_NAMES)
@@ -46,7 +46,7 @@ class BoardMirrorResiduals(SeparableBlock):
         return len(self.boards)
 
     def camera(self, x: NDArray) -> Camera:
-        """Return the eye that the shared variables describe, at the world."""
+        """Return the camera that the shared variables describe, at the world."""
         return Camera.from_values(x[: len(INTRINSICS)], self.boards.image_size)
 
     def planes(self, x: NDArray) -> NDArray:
@@ -59,7 +59,7 @@ class BoardMirrorResiduals(SeparableBlock):
         return transform(rotation_from_vector(own[:, :3]) @ self.rotations, own[:, 3:])
 
     def start_of(self, camera: Camera, mirrors: tuple[Mirror, ...], X_LG: NDArray) -> NDArray:
-        """Return the variables of an eye, mirrors and boards; rotations are those given first."""
+        """Return the variables of a camera, mirrors and boards; rotations are those given first."""
         own = np.concatenate([np.zeros((len(X_LG), 3)), X_LG[:, :3, 3]], axis=1)
         return np.concatenate([camera.values, *(m.values for m in mirrors), own.ravel()])
 

@@ -1,4 +1,4 @@
-"""Calibrate an eye and mirrors from boards that it sees directly and in the mirrors."""
+"""Calibrate a camera and mirrors from boards that it sees directly and in the mirrors."""
 
 import time
 from collections.abc import Mapping
@@ -39,22 +39,22 @@ _LARGEST_MISFIT, _LARGEST_RATIO = 3.0, 8.0
 
 @dataclass(frozen=True, eq=False)
 class BoardMirrorCalibration:
-    """An eye and mirrors learned from boards."""
+    """An camera and mirrors learned from boards."""
 
     boards: MirroredBoards
     """What was given."""
     camera: Camera
-    """The eye, at the world."""
+    """The camera, at the world."""
     mirrors: Mapping[str, Mirror]
-    """The mirrors with their covariance, in the eye's frame."""
+    """The mirrors with their covariance, in the camera's frame."""
     X_LG: NDArray
     """Pose of the board in each photograph [m]. Shape (V, 4, 4)."""
     residuals: NDArray
     """Measured minus predicted pixels, nan where not seen [px]. Shape (V, 1 + M, P, 2)."""
     outliers: NDArray
-    """Photographs that were not believed. Boolean, shape (V,)."""
+    """Photographs that were outliers. Boolean, shape (V,)."""
     uncertainty: Uncertainty
-    """Of the free parameters of eye and mirrors, with the boards free."""
+    """Of the free parameters of camera and mirrors, with the boards free."""
     converged: bool
     """Whether the solver reached a minimum."""
     iterations: int
@@ -69,7 +69,7 @@ class BoardMirrorCalibration:
 
     @property
     def rms(self) -> float:
-        """Root mean square error of the believed photographs, as OpenCV counts it [px]."""
+        """Root mean square error of the inlier photographs, as OpenCV counts it [px]."""
         return float(np.sqrt(np.nanmean(self.distances[~self.outliers] ** 2)))
 
     def angle_between(self, first: str, second: str) -> tuple[float, float]:
@@ -85,20 +85,20 @@ class BoardMirrorCalibration:
         return angle, float(np.sqrt(slope @ self.uncertainty.covariance @ slope))
 
     def self_model(self, name: str, provenance: Mapping[str, Any] | None = None) -> SelfModel:
-        """Return the eye and the mirrors as a self-model without an arm.
+        """Return the camera and the mirrors as a self-model without an arm.
 
         Args:
             name: What it is called.
             provenance: Where it comes from.
         """
-        believed = self.distances[~self.outliers]
+        inliers = self.distances[~self.outliers]
         sigma = float(np.sqrt(self.uncertainty.variance_factor))
         return SelfModel(
             name,
             covariance=ParameterCovariance(self.uncertainty.names, self.uncertainty.covariance),
-            fit={"boards": len(believed), "rms_px": self.rms},
+            fit={"boards": len(inliers), "rms_px": self.rms},
             provenance={**(provenance or {}), **package_versions()},
-            cameras={self.boards.eye: self.camera},
+            cameras={self.boards.camera: self.camera},
             pixel_sigma=sigma,
             mirrors=self.mirrors,
         )
@@ -107,7 +107,7 @@ class BoardMirrorCalibration:
 def calibrate_board_mirrors(
     boards: MirroredBoards, options: CameraOptions | None = None
 ) -> BoardMirrorCalibration:
-    """Adjust one eye's lens, the planes of all mirrors and the boards' poses together.
+    """Adjust one camera's lens, the planes of all mirrors and the boards' poses together.
 
     Reflections are far away and at other angles: they add to what is known of the lens.
 
@@ -122,7 +122,7 @@ def calibrate_board_mirrors(
     Raises:
         DataError: If a mirror cannot be one.
         EstimationError: If the reflections do not fit together with the direct views.
-        NotConvergedError: If an eye or a mirror that cannot be comes out.
+        NotConvergedError: If a camera or a mirror that cannot be comes out.
         NotIdentifiableError: If too few boards are seen directly, or none also in some mirror.
         ValueError: If an option names no parameter or is not supported.
     """
@@ -161,11 +161,11 @@ def calibrate_board_mirrors(
 
 
 def place_boards(boards: MirroredBoards, camera: Camera) -> tuple[NDArray, NDArray]:
-    """Place boards before a calibrated eye by their direct views alone.
+    """Place boards before a calibrated camera by their direct views alone.
 
     Args:
         boards: Corners; every photograph shows the board directly.
-        camera: The eye, at the world.
+        camera: The camera, at the world.
 
     Returns:
         X_LG, shape (V, 4, 4), and the covariance of turn (about axes of L) and place of each for
@@ -175,7 +175,7 @@ def place_boards(boards: MirroredBoards, camera: Camera) -> tuple[NDArray, NDArr
     if len(direct) != len(boards):
         raise DataError("every photograph must show the board directly")
     alone = MirroredBoards(
-        boards.p_GQ, boards.names, (), boards.pixels[:, :1], boards.image_size, boards.eye
+        boards.p_GQ, boards.names, (), boards.pixels[:, :1], boards.image_size, boards.camera
     )
     X_LG = pose_of_seen_boards((camera,), direct)
     block = BoardMirrorResiduals(alone, X_LG)
@@ -211,9 +211,9 @@ def _result(
     began: float,
 ) -> BoardMirrorCalibration:
     """Gather what is known at the solution."""
-    x, believed = found.solution.x, ~found.outliers
+    x, inliers = found.solution.x, ~found.outliers
     parts = block.evaluate_parts(x)
-    uncertainty = _uncertainty(block, program, x, believed)
+    uncertainty = _uncertainty(block, program, x, inliers)
     mirrors = {}
     try:
         camera = block.camera(x)
@@ -222,7 +222,7 @@ def _result(
             covariance = uncertainty.covariance[np.ix_(columns, columns)]
             mirrors[name] = Mirror.from_values(values, covariance)
     except ValueError as error:
-        raise NotConvergedError(f"no plausible eye and mirrors fit: {error}") from error
+        raise NotConvergedError(f"no plausible camera and mirrors fit: {error}") from error
     return BoardMirrorCalibration(
         boards,
         camera,
@@ -238,18 +238,18 @@ def _result(
 
 
 def _uncertainty(
-    block: BoardMirrorResiduals, program: CalibrationProgram, x: NDArray, believed: NDArray
+    block: BoardMirrorResiduals, program: CalibrationProgram, x: NDArray, inliers: NDArray
 ) -> Uncertainty:
-    """Return the covariance of the free parameters of eye and mirrors, boards eliminated."""
+    """Return the covariance of the free parameters of camera and mirrors, boards eliminated."""
     parts = block.evaluate_parts(x)
     names = block.shared_names
     columns = np.flatnonzero(program.free[: len(names)])
     free = tuple(names[i] for i in columns)
-    jacobian = block.reduced_jacobian(parts, believed.astype(float))[:, columns]
+    jacobian = block.reduced_jacobian(parts, inliers.astype(float))[:, columns]
     lens = tuple(name for name in free if name in block.camera_names)
     natural = natural_scales(lens, block.boards.directly(), x[: len(names)], names)
     planes = [(1.0, 1.0, max(values[2], 1e-3)) for values in block.planes(x).tolist()]
     scales = np.concatenate([natural, np.ravel(planes)])
-    redundancy = 2 * int(block.boards.seen[believed].sum()) - 6 * int(believed.sum())
-    squares = float(np.sum(parts[0][believed] ** 2))
+    redundancy = 2 * int(block.boards.seen[inliers].sum()) - 6 * int(inliers.sum())
+    squares = float(np.sum(parts[0][inliers] ** 2))
     return Uncertainty.from_jacobian(free, jacobian, scales, squares, redundancy)

@@ -15,12 +15,12 @@ from nico_selfmodel.model.cameras.camera import Camera
 def board_reflections(boards: MirroredBoards, camera: Camera, sigma: float = 0.5) -> Reflections:
     """Take corners where their direct views put them, and their reflections as what was seen.
 
-    One eye places a board well across its line of sight and badly along it; that error is common
+    One camera places a board well across its line of sight and badly along it; that error is common
     to all corners of a board and is handed on as such.
 
     Args:
         boards: Corners seen directly, in every photograph, and in mirrors.
-        camera: The eye, calibrated by other means.
+        camera: The camera, calibrated by other means.
         sigma: Standard deviation of a pixel coordinate [px].
 
     Returns:

@@ -53,7 +53,7 @@ class MirrorCalibration:
     test: MirrorEvaluation | None
     """The mirrors on held-out data."""
     cross_validation: MirrorEvaluation | None
-    """Believed rows predicted without their own fold; None where a mirror has one pose alone."""
+    """Inlier rows predicted without their own fold; None where a mirror has one pose alone."""
     free_cameras: Mapping[str, MirrorEvaluation | None]
     """The thesis' two free cameras on the inliers of each mirror; None with too few rows."""
     misplaced: NDArray
@@ -81,11 +81,11 @@ def calibrate_mirrors(
 ) -> MirrorCalibration:
     """Learn the plane of every mirror in which the hand was seen.
 
-    Arm and eyes are held as the model has them. One pose is enough for a plane; ten are good.
+    Arm and cameras are held as the model has them. One pose is enough for a plane; ten are good.
 
     Args:
         dataset: Poses with pixels; rows that name a mirror are reflections in it.
-        model: The body, with arm and eyes.
+        model: The body, with arm and cameras.
         test: Held-out data, for judging only.
         joint_sigma: Standard deviation of a joint's play [rad]; by default what the model's
             training left, or what explains its `noise_sigma`.
@@ -98,7 +98,7 @@ def calibrate_mirrors(
     Raises:
         DataError: If the reflections are direct views, no row names a mirror, the hand lies
             behind one, or held-out rows stand in the data too.
-        ModelError: If the model has no arm or no eyes.
+        ModelError: If the model has no arm or no cameras.
         NotIdentifiableError: If the reflections leave a plane open.
         NotConvergedError: If no plane fits.
         ValueError: If the loss is unknown or `joint_sigma` negative.
@@ -136,7 +136,7 @@ def evaluate_mirrors(
 
     Args:
         dataset: Poses with pixels seen in these mirrors.
-        model: The body, with arm and eyes.
+        model: The body, with arm and cameras.
         mirrors: Planes by name.
 
     Returns:
@@ -144,7 +144,7 @@ def evaluate_mirrors(
 
     Raises:
         DataError: If a mirror is not known, or nothing was seen in one.
-        ModelError: If the model has no arm or no eyes.
+        ModelError: If the model has no arm or no cameras.
     """
     reflections = Reflections.from_dataset(dataset, model)
     unknown = [name for name in reflections.mirrors if name not in mirrors]
@@ -189,7 +189,7 @@ def _reflections_of(dataset: Dataset, model: SelfModel, noise: ReflectionNoise) 
 
 
 def _flatness(solution: MirrorSolution, m: int) -> Flatness | None:
-    """Test one mirror on its believed rows."""
+    """Test one mirror on its inlier rows."""
     reflections = solution.reflections
     rows = (reflections.mirror == m) & ~solution.outliers & (solution.in_front_by > 0.0)
     if not rows.any():
@@ -215,10 +215,10 @@ def _learned(
     name: str | None,
 ) -> SelfModel:
     """Return the self-model with the mirrors added; mirrors of other names are kept."""
-    believed = solution.distances[~solution.outliers]
+    inliers = solution.distances[~solution.outliers]
     fit = {
         "rows": int((~solution.outliers).sum()),
-        "rms_px": float(np.sqrt(np.nanmean(believed**2))),
+        "rms_px": float(np.sqrt(np.nanmean(inliers**2))),
         "joint_sigma": solution.noise.joint_sigma,
         "pixel_sigma_px": solution.noise.pixel_sigma,
     }

@@ -1,9 +1,9 @@
-"""The thesis' own way to a mirror: each eye's reflected camera by itself, six parameters each.
+"""The thesis' own way to a mirror: each camera's reflected camera by itself, six parameters each.
 
 Eq. 9.6-9.13 in their right form: the mean difference as the start of the plane, both cameras
 reflected in it (without the printed half turn, see `model.mirror.mirror_camera`), then each one
-refined alone on its pixels. Beside one plane for both eyes it needs more poses, and the two cameras
-lose their common baseline, as the thesis says itself.
+refined alone on its pixels. Beside one plane for both cameras it needs more poses, and the two
+cameras lose their common baseline, as the thesis says itself.
 """
 
 from dataclasses import dataclass
@@ -33,10 +33,10 @@ FEWEST_ROWS = 4
 
 @dataclass(frozen=True, eq=False)
 class MirrorCameras:
-    """A reflected camera for each eye, learned independently."""
+    """A reflected camera for each camera, learned independently."""
 
     cameras: tuple[Camera, ...]
-    """They see real points where the eyes see reflections; their frames are left-handed."""
+    """They see real points where the cameras see reflections; their frames are left-handed."""
     start: Mirror
     """The thesis' mean plane."""
     converged: bool
@@ -55,28 +55,28 @@ def fit_mirror_cameras(reflections: Reflections) -> MirrorCameras:
     """Learn both reflected cameras as the thesis does.
 
     Args:
-        reflections: Of one mirror, seen by both eyes.
+        reflections: Of one mirror, seen by both cameras.
 
     Returns:
         The cameras.
 
     Raises:
-        NotIdentifiableError: If fewer than `FEWEST_ROWS` rows were seen by both eyes.
+        NotIdentifiableError: If fewer than `FEWEST_ROWS` rows were seen by both cameras.
     """
     virtual = virtual_points(reflections)
     both = np.isfinite(virtual).all(axis=1)
     if both.sum() < FEWEST_ROWS:
         raise NotIdentifiableError(
-            f"{int(both.sum())} reflections seen by both eyes are too few for two cameras with six "
-            f"parameters each, at least {FEWEST_ROWS} are needed"
+            f"{int(both.sum())} reflections seen by both cameras are too few for two cameras with "
+            f"six parameters each, at least {FEWEST_ROWS} are needed"
         )
     start = Mirror.from_plane(mean_plane(reflections.p_LQ[both], virtual[both]))
     plane = start.plane_in(reflections.cameras[0].X_WC)
     cameras, converged = [], True
-    for c, eye in enumerate(reflections.cameras):
+    for c, camera in enumerate(reflections.cameras):
         pixels = reflections.pixels[:, 2 * c : 2 * c + 2]
         rows = np.isfinite(pixels).all(axis=1)
-        block = _PoseResiduals(mirror_camera(eye, plane), pixels[rows], reflections.p_WQ[rows])
+        block = _PoseResiduals(mirror_camera(camera, plane), pixels[rows], reflections.p_WQ[rows])
         program = CalibrationProgram()
         program.add_variables(block.names, np.zeros(6))
         program.add_residuals(block)

@@ -21,7 +21,7 @@ from nico_selfmodel.model.self_model import SelfModel
 _LOOKS_DIRECT = 3.0 * GATE_99
 """Chi-square of four coordinates below which a view is taken for the hand itself."""
 _SAME_PLACE = 0.1
-"""A reflection nearer to its point than this share of the distance to the eye is none."""
+"""A reflection nearer to its point than this share of the distance to the camera is none."""
 
 
 def require_reflections(reflections: Reflections, noise: ReflectionNoise) -> None:
@@ -76,7 +76,7 @@ def unnamed_reflections(dataset: Dataset, model: SelfModel, noise: ReflectionNoi
         return "; its pixels show neither the hand nor its reflection in one mirror"
     return (
         f"; its pixels are not the hand seen directly, but fit reflections in a mirror "
-        f"{1e3 * mirror.distance:.0f} mm from the left eye: write a name into the column `mirror`"
+        f"{1e3 * mirror.distance:.0f} mm from the left camera: write a name into column `mirror`"
     )
 
 
@@ -128,7 +128,7 @@ def _views(dataset: Dataset, model: SelfModel, rows: NDArray) -> Reflections:
     return Reflections(
         ("?",),
         np.zeros(len(rows), dtype=int),
-        model.rig.eyes,
+        model.rig.cameras,
         dataset.pixels[rows],
         points.p_WH,
         np.zeros((len(rows), 3, 3)),

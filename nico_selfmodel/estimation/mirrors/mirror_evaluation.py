@@ -23,8 +23,8 @@ class MirrorEvaluation:
     residuals: NDArray
     """Measured minus predicted pixels; nan where not seen [px]. Shape (N, 2 C)."""
     p_LQ_rebuilt: NDArray
-    """Points rebuilt from both eyes' pixels in the mirror, in the first eye's frame; nan where one
-    eye did not see it [m]. Shape (N, 3)."""
+    """Points rebuilt from both cameras' pixels in the mirror, in the first camera's frame; nan where
+    one camera did not see it [m]. Shape (N, 3)."""
 
     @classmethod
     def from_reflections(
@@ -48,13 +48,13 @@ class MirrorEvaluation:
 
     @property
     def distances_px(self) -> NDArray:
-        """Reprojection error of each row in each eye that saw it [px]. Shape (K,)."""
+        """Reprojection error of each row in each camera that saw it [px]. Shape (K,)."""
         distances = np.linalg.norm(self.residuals.reshape(len(self.residuals), -1, 2), axis=2)
         return distances[np.isfinite(distances)]
 
     @property
     def by_pose_px(self) -> NDArray:
-        """Mean reprojection error of each pose over its rows and eyes [px]. Shape (poses,)."""
+        """Mean reprojection error of each pose over its rows and cameras [px]. Shape (poses,)."""
         distances = np.linalg.norm(self.residuals.reshape(len(self.residuals), -1, 2), axis=2)
         _, pose = np.unique(self.reflections.pose, return_inverse=True)
         seen = np.isfinite(distances)

@@ -93,12 +93,12 @@ def _warnings(calibration: MirrorCalibration) -> tuple[str, ...]:
             words.append(f"too few poses to test whether mirror {name!r} is flat: record ten")
     if solution.reflections.shared is None:
         words.append(
-            "the self-model has no covariance: what the arm and the eyes are uncertain by is "
+            "the self-model has no covariance: what the arm and the cameras are uncertain by is "
             "missing from the mirrors' sigmas"
         )
-    elif not solution.reflections.shared.eye_columns:
+    elif not solution.reflections.shared.camera_columns:
         words.append(
-            "the self-model does not say what its eyes are uncertain by, they count as exact: "
+            "the self-model does not say what its cameras are uncertain by, they count as exact: "
             "`nico-selfmodel calibrate body` would tell"
         )
     if len(calibration.misplaced):
@@ -111,7 +111,7 @@ def _warnings(calibration: MirrorCalibration) -> tuple[str, ...]:
 
 
 def grazing_angles(calibration: MirrorCalibration) -> NDArray:
-    """Return at what angle the left eye's line of sight meets the glass in each row [rad]. (N,)."""
+    """Return at what angle the left camera's line of sight meets the glass [rad]. (N,)."""
     reflections = calibration.solution.reflections
     angles = np.empty(len(reflections))
     for m, mirror in enumerate(calibration.solution.mirrors):
@@ -141,7 +141,7 @@ def _behind_reasons(calibration: MirrorCalibration) -> list[str]:
             reasons.append(
                 f"{np.unique(solution.reflections.pose[rows]).size} poses put the hand up to "
                 f"{-1e3 * solution.in_front_by[rows].min():.0f} mm behind mirror {name!r}, where "
-                "it has no reflection: the arm or the eyes are not what the self-model says"
+                "it has no reflection: the arm or the cameras are not what the self-model says"
             )
     return reasons
 
@@ -150,7 +150,7 @@ def _grazing_reasons(calibration: MirrorCalibration) -> list[str]:
     angles, reflections = grazing_angles(calibration), calibration.solution.reflections
     return [
         f"mirror {name!r} is seen edge-on: lines of sight meet it at "
-        f"{np.degrees(np.median(angles[reflections.mirror == m])):.1f} deg; turn it to the eyes"
+        f"{np.degrees(np.median(angles[reflections.mirror == m])):.1f} deg; turn it to the cameras"
         for m, name in enumerate(reflections.mirrors)
         if np.median(angles[reflections.mirror == m]) < _GRAZING
     ]
@@ -162,5 +162,5 @@ def _misfit_reason(calibration: MirrorCalibration) -> str | None:
         return None
     return (
         f"the reflections miss their plane by {ratio:.0f} times what pixel noise, joint play and "
-        "the arm's own uncertainty explain: do arm and eyes still fit the robot?"
+        "the arm's own uncertainty explain: do arm and cameras still fit the robot?"
     )

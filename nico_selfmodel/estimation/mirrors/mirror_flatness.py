@@ -1,8 +1,8 @@
-"""Is the mirror flat? One plane for both eyes against two reflected cameras that are free.
+"""Is the mirror flat? One plane for both cameras against two reflected cameras that are free.
 
-In a flat mirror each eye becomes a reflected camera, and both follow from three numbers. Two such
-cameras with six parameters each can follow what a bent mirror does to the eyes; whether they fit
-better than chance is the test (docs/mirrors.md).
+In a flat mirror each camera becomes a reflected camera, and both follow from three numbers. Two
+such cameras with six parameters each can follow what a bent mirror does to the cameras; whether
+they fit better than chance is the test (docs/mirrors.md).
 """
 
 from dataclasses import dataclass, replace
@@ -20,7 +20,7 @@ from nico_selfmodel.geometry.plane import Plane
 from nico_selfmodel.model.cameras.mirror import Mirror, mirror_camera
 
 _FEWEST_REDUNDANT = 8
-"""Pixel coordinates more than camera parameters that the test needs."""
+"""Pixel coordinates more tha camera parameters that the test needs."""
 _BY_CHANCE = 1e-3
 """A flat mirror fails the test this often."""
 _ALIKE = 1.0
@@ -51,13 +51,13 @@ def flatness_of(
 ) -> Flatness | None:
     """Test whether one mirror is flat.
 
-    Errors that the arm's and the eyes' uncertainty brings to all poses alike are whitened together,
-    or else a slightly wrong arm would look like a bent mirror. So are errors that neighbouring
-    poses share, such as sag; the noise of the pixels is measured where the arm cannot disturb it.
-    Both models are linearised at the plane that was found.
+    Errors that the arm's and the sides' uncertainty brings to all poses alike are whitened
+    together, or else a slightly wrong arm would look like a bent mirror. So are errors that
+    neighbouring poses share, such as sag; the noise of the pixels is measured where the arm cannot
+    disturb it. Both models are linearised at the plane that was found.
 
     Args:
-        reflections: Believed rows of this mirror, their points in front of it.
+        reflections: Inlier rows of this mirror, their points in front of it.
         mirror: The plane that fits best.
         noise: Of pixels and joints.
 
@@ -65,18 +65,18 @@ def flatness_of(
         The test; None where there are too few poses for it.
     """
     x, seen = mirror.values, reflections.seen.ravel()
-    eyes = [c for c in range(len(reflections.cameras)) if reflections.seen[:, 2 * c].any()]
-    redundancy = int(seen.sum()) - 6 * len(eyes)
+    sides = [c for c in range(len(reflections.cameras)) if reflections.seen[:, 2 * c].any()]
+    redundancy = int(seen.sum()) - 6 * len(sides)
     if redundancy < _FEWEST_REDUNDANT:
         return None
     shown = project_reflections(reflections, x)
     by_cameras = _by_cameras(reflections, mirror)[
-        :, :, np.repeat(6 * np.array(eyes), 6) + np.tile(np.arange(6), len(eyes))
+        :, :, np.repeat(6 * np.array(sides), 6) + np.tile(np.arange(6), len(sides))
     ]
     miss = np.nan_to_num(reflections.pixels - shown.pixels)
     sigma = _pixel_sigma(reflections, miss, shown.by_point, by_cameras, noise.pixel_sigma)
     noise = replace(noise, pixel_sigma=sigma)
-    # What an eye did not see is left out of the covariance, not of its factor.
+    # What a camera did not see is left out of the covariance, not of its factor.
     whole = _covariance(reflections, x, shown.by_point, noise)
     white = np.linalg.cholesky(whole[np.ix_(seen, seen)])
     miss = miss.ravel()[seen]
@@ -90,7 +90,7 @@ def flatness_of(
         return float(np.sum((r - rows @ np.linalg.lstsq(rows, r, rcond=1e-9)[0]) ** 2))
 
     plane, cameras = left_over(shown.by_mirror), left_over(by_cameras)
-    freedom = 6 * len(eyes) - 3
+    freedom = 6 * len(sides) - 3
     # Noise that is known at least roughly steadies the scale where poses are few.
     scale = (cameras + _FEWEST_REDUNDANT) / (redundancy + _FEWEST_REDUNDANT)
     gain = max(plane - cameras, 0.0) / scale
@@ -120,7 +120,7 @@ def exceeded_by_chance(ratio: float, first: int, second: int) -> float:
 
 
 def _by_cameras(reflections: Reflections, mirror: Mirror) -> NDArray:
-    """Return derivatives of the pixels by the poses of the reflected eyes. (N, 2 C, 6 C)."""
+    """Return derivatives of the pixels by the poses of the reflected cameras. (N, 2 C, 6 C)."""
     n, count = len(reflections), len(reflections.cameras)
     plane: Plane = mirror.plane_in(reflections.cameras[0].X_WC)
     slopes = np.zeros((n, 2 * count, 6 * count))
@@ -170,11 +170,11 @@ def _alike(q: NDArray, by_angle: NDArray) -> NDArray:
 def _pixel_sigma(
     reflections: Reflections, miss: NDArray, by_point: NDArray, by_cameras: NDArray, stated: float
 ) -> float:
-    """Return the noise of a pixel coordinate as the two eyes' disagreement shows it [px].
+    """Return the noise of a pixel coordinate as the two cameras' disagreement shows it [px].
 
-    Wherever the arm puts the hand, both eyes see one point: of a row's four coordinates one
+    Wherever the arm puts the hand, both cameras see one point: of a row's four coordinates one
     direction is moved by no point at all, and shows pixel noise alone, once two free cameras have
-    taken what is wrong with the eyes. The stated noise counts as some rows too.
+    taken what is wrong with the cameras. The stated noise counts as some rows too.
     """
     both = np.asarray(reflections.seen.all(axis=1))
     if by_point.shape[1] != 4 or both.sum() < 2:

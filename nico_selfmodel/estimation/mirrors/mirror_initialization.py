@@ -19,18 +19,18 @@ _NEAREST_TURN = np.radians(10.0)
 
 
 def start_plane(reflections: Reflections) -> Plane:
-    """Place one mirror before the first eye, its normal towards the points.
+    """Place one mirror before the first camera, its normal towards the points.
 
-    Two eyes rebuild each reflection behind the glass; the principal direction of reflections minus
-    points is the normal, and their middle lies in the glass (thesis eq. 9.6-9.9, put right: the
-    normal is a unit vector before the offset is taken, and the direction is not a mean of vectors
-    that long ones rule). One eye alone has the law of reflection instead.
+    Two cameras rebuild each reflection behind the glass; the principal direction of reflections
+    minus points is the normal, and their middle lies in the glass (thesis eq. 9.6-9.9, put right:
+    the normal is a unit vector before the offset is taken, and the direction is not a mean of
+    vectors that long ones rule). One camera alone has the law of reflection instead.
 
     Args:
         reflections: Of one mirror.
 
     Returns:
-        The plane in the frame of the first eye.
+        The plane in the frame of the first camera.
 
     Raises:
         NotIdentifiableError: If the reflections leave the plane open.
@@ -90,16 +90,16 @@ def mean_plane(p_LQ: NDArray, virtual: NDArray) -> Plane:
 
 
 def law_of_reflection(reflections: Reflections) -> Plane:
-    """Place a mirror from what one eye sees: eye, point, image and normal lie in one plane.
+    """Place a mirror from what one camera sees: camera, point, image and normal lie in one plane.
 
-    With c the eye, v the line of sight and x the point, x - 2 (n.x + d) n - c is along v: n is
+    With c the camera, v the line of sight and x the point, x - 2 (n.x + d) n - c is along v: n is
     normal to every (x - c) x v, and (x - c) x v = 2 (n.x + d) n x v is linear in d.
 
     Args:
-        reflections: Of one mirror, in any number of eyes.
+        reflections: Of one mirror, in any number of cameras.
 
     Returns:
-        The plane in the frame of the first eye, its normal towards the points.
+        The plane in the frame of the first camera, its normal towards the points.
 
     Raises:
         NotIdentifiableError: If all of these planes contain one direction beside the normal.
@@ -120,9 +120,9 @@ def law_of_reflection(reflections: Reflections) -> Plane:
     _, values, vt = np.linalg.svd(padded)
     if values[1] <= 1e-6 * values[0]:
         raise NotIdentifiableError(
-            f"{len(across)} sight{'s' * (len(across) != 1)} of reflections by one eye do not tell "
-            "how the mirror is tilted: record poses in which both eyes see the reflection, or more "
-            "of them"
+            f"{len(across)} sight{'s' * (len(across) != 1)} of reflections by one camera do not "
+            "tell how the mirror is tilted: record poses in which both cameras see the reflection, or "
+            "more of them"
         )
     normal = vt[2]
     lever = 2.0 * np.cross(normal, sight)
@@ -132,14 +132,14 @@ def law_of_reflection(reflections: Reflections) -> Plane:
 
 
 def virtual_points(reflections: Reflections) -> NDArray:
-    """Rebuild reflections behind the glass, where both eyes saw them.
+    """Rebuild reflections behind the glass, where both cameras saw them.
 
     Args:
         reflections: Of any mirrors.
 
     Returns:
-        Points in the frame of the first eye [m]; nan where one eye missed it or its pixel has no
-        ray. Shape (N, 3).
+        Points in the frame of the first camera [m]; nan where one camera missed it or its pixel has
+        no ray. Shape (N, 3).
     """
     found = np.full((len(reflections), 3), np.nan)
     if len(reflections.cameras) != 2:
@@ -149,10 +149,10 @@ def virtual_points(reflections: Reflections) -> NDArray:
 
 
 def rebuilt_points(rig: StereoRig, pixels: NDArray) -> NDArray:
-    """Triangulate what can be: nan where an eye saw nothing, or lines of sight do not meet.
+    """Triangulate what can be: nan where a camera saw nothing, or lines of sight do not meet.
 
     Args:
-        rig: Two eyes.
+        rig: Two cameras.
         pixels: Shape (N, 4).
 
     Returns:

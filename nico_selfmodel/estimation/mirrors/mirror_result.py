@@ -67,7 +67,7 @@ def _describe(direction: UnobservableDirection) -> str:
     """Say what the reflections leave open, and what would cure it."""
     return (
         f"the reflections do not determine {', '.join(f'`{n}`' for n in direction.names)}: record "
-        "poses that both eyes see, farther apart from each other and from the glass"
+        "poses that both cameras see, farther apart from each other and from the glass"
     )
 
 
@@ -106,8 +106,8 @@ def _mirror(calibration: MirrorCalibration, name: str) -> dict[str, Any]:
     """Return what is known of one mirror: its rows, whether it is flat, the thesis' cameras."""
     solution, mirror = calibration.solution, calibration.mirrors[name]
     rows = solution.reflections.mirror == solution.reflections.mirrors.index(name)
-    believed, test = rows & ~solution.outliers, calibration.flatness[name]
-    distances = solution.distances[believed]
+    inliers, test = rows & ~solution.outliers, calibration.flatness[name]
+    distances = solution.distances[inliers]
     found: dict[str, Any] = {
         "rows": int(rows.sum()),
         "poses": int(np.unique(solution.reflections.pose[rows]).size),

@@ -1,4 +1,4 @@
-"""One least squares problem: the planes of all mirrors on the pixels of both eyes."""
+"""One least squares problem: the planes of all mirrors on the pixels of both cameras."""
 
 from dataclasses import dataclass, replace
 
@@ -44,7 +44,7 @@ class MirrorSolution:
     residuals: NDArray
     """Measured minus predicted pixels, nan where not seen [px]. Shape (N, 2 C)."""
     outliers: NDArray
-    """Rows that were not believed. Boolean, shape (N,)."""
+    """Rows that were outliers. Boolean, shape (N,)."""
     uncertainty: Uncertainty
     """Of all planes together."""
     converged: bool
@@ -56,7 +56,7 @@ class MirrorSolution:
 
     @property
     def distances(self) -> NDArray:
-        """Reprojection error of each row in each eye, nan where not seen [px]. Shape (N, C)."""
+        """Reprojection error of each row in each camera, nan where not seen [px]. Shape (N, C)."""
         return np.linalg.norm(self.residuals.reshape(len(self.residuals), -1, 2), axis=2)
 
     @property
@@ -76,7 +76,7 @@ def start_mirrors(reflections: Reflections) -> tuple[Mirror, ...]:
         Planes without covariance, in the order of `reflections.mirrors`.
 
     Raises:
-        DataError: If a mirror would stand between the eyes and the points.
+        DataError: If a mirror would stand between the cameras and the points.
         NotIdentifiableError: If the reflections leave a plane open.
     """
     found = []
@@ -85,8 +85,8 @@ def start_mirrors(reflections: Reflections) -> tuple[Mirror, ...]:
         if plane.offset <= 0.0:
             raise DataError(
                 f"the hand lies behind mirror {name!r}: the plane between it and what was seen "
-                f"stands {-1e3 * plane.offset:.0f} mm from the left eye, with eye and hand on "
-                "opposite sides; are these pixels of another point, or of another pose?"
+                f"stands {-1e3 * plane.offset:.0f} mm from the left camera, with camera and hand "
+                "on opposite sides; are these pixels of another point, or of another pose?"
             )
         found.append(Mirror.from_plane(plane))
     return tuple(found)
@@ -98,7 +98,7 @@ def solve_mirrors(
     noise: ReflectionNoise,
     loss: str = "trimmed",
 ) -> MirrorSolution:
-    """Fit three parameters a mirror to the pixels of all eyes.
+    """Fit three parameters a mirror to the pixels of all cameras.
 
     Args:
         reflections: Of all mirrors.
@@ -111,7 +111,7 @@ def solve_mirrors(
         The solution.
 
     Raises:
-        NotConvergedError: If a plane behind the left eye comes out.
+        NotConvergedError: If a plane behind the left camera comes out.
     """
     x = np.concatenate([mirror.values for mirror in start])
     block = ReflectionResiduals(reflections, whitening_of(reflections, x, noise))
@@ -148,7 +148,7 @@ def _solution(
         except ValueError as error:
             raise NotConvergedError(
                 f"no mirror fits the reflections in {name!r}: the plane that fits them best stands "
-                "behind the left eye; are these pixels reflections of this hand?"
+                "behind the left camera; are these pixels reflections of this hand?"
             ) from error
     _require_sight(reflections, mirrors, ~found.outliers)
     shown = project_reflections(reflections, x).pixels
@@ -165,23 +165,23 @@ def _solution(
     )
 
 
-def _require_sight(reflections: Reflections, mirrors: list[Mirror], believed: NDArray) -> None:
-    """Refuse planes whose reflections an eye would have to see behind itself.
+def _require_sight(reflections: Reflections, mirrors: list[Mirror], inliers: NDArray) -> None:
+    """Refuse planes whose reflections a camera would have to see behind itself.
 
     Raises:
         NotConvergedError: Naming the mirror.
     """
     X_WL = reflections.cameras[0].X_WC
     for m, name in enumerate(reflections.mirrors):
-        rows = believed & (reflections.mirror == m)
+        rows = inliers & (reflections.mirror == m)
         virtual = reflect(mirrors[m].plane_in(X_WL), reflections.p_WQ[rows])
-        depths = [apply(eye.X_CW, virtual)[:, 2] for eye in reflections.cameras]
+        depths = [apply(camera.X_CW, virtual)[:, 2] for camera in reflections.cameras]
         behind = np.asarray(np.min(depths, axis=0) <= 0.0)
         if behind.any():
             raise NotConvergedError(
                 f"no mirror fits the reflections in {name!r}: in the plane that fits them best "
-                f"{int(behind.sum())} of {len(behind)} would appear behind the eyes; are left and "
-                "right exchanged, or are these pixels of another thing?"
+                f"{int(behind.sum())} of {len(behind)} would appear behind the cameras; are left "
+                "and right exchanged, or are these pixels of another thing?"
             )
 
 
@@ -189,7 +189,7 @@ def _uncertainty(
     reflections: Reflections,
     block: ReflectionResiduals,
     x: NDArray,
-    believed: NDArray,
+    inliers: NDArray,
     noise: ReflectionNoise,
 ) -> Uncertainty:
     """Return the covariance of the planes: noise averages out over poses, the arm's errors do not.
@@ -198,10 +198,10 @@ def _uncertainty(
     shared by all rows.
     """
     r, jacobian = block.evaluate(x)
-    rows = np.transpose(jacobian, (2, 1, 0))[believed]
+    rows = np.transpose(jacobian, (2, 1, 0))[inliers]
     stacked = rows.reshape(-1, len(x))
-    counted = int(reflections.seen[believed].sum()) + _ASSUMED
-    squares = float(np.sum(r[:, believed] ** 2)) + _ASSUMED
+    counted = int(reflections.seen[inliers].sum()) + _ASSUMED
+    squares = float(np.sum(r[:, inliers] ** 2)) + _ASSUMED
     heights = [max(float(values[2]), 1e-3) for values in x.reshape(-1, 3)]
     natural = np.array([part for height in heights for part in (1.0, 1.0, height)])
     plain = Uncertainty.from_jacobian(block.names, stacked, natural, squares, counted)
@@ -212,7 +212,7 @@ def _uncertainty(
     own = white @ independent_covariance(reflections, by_point, noise) @ np.swapaxes(white, 1, 2)
     factor = shared_factor(reflections, x, by_point)
     assert factor is not None
-    systematic = np.einsum("xnk,nkj->xj", gain, (white @ factor)[believed])
-    covariance = np.einsum("xnk,nkl,ynl->xy", gain, own[believed], gain) * plain.variance_factor
+    systematic = np.einsum("xnk,nkj->xj", gain, (white @ factor)[inliers])
+    covariance = np.einsum("xnk,nkl,ynl->xy", gain, own[inliers], gain) * plain.variance_factor
     covariance = covariance + systematic @ systematic.T
     return replace(plain, covariance=covariance, sigma=np.sqrt(np.diag(covariance)))

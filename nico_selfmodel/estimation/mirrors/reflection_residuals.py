@@ -17,7 +17,7 @@ from nico_selfmodel.model.cameras.stereo_rig import POSE_NAMES, StereoRig
 class ReflectionResiduals:
     """W (predicted - measured) pixels of every row, over three parameters a mirror.
 
-    Both eyes share each plane, which the thesis left to future work (section 9.2.2).
+    Both cameras share each plane, which the thesis left to future work (section 9.2.2).
     """
 
     def __init__(self, reflections: Reflections, whitening: NDArray) -> None:
@@ -63,7 +63,7 @@ def project_reflections(reflections: Reflections, x: NDArray) -> ReflectedProjec
     """Project every row's point into its mirror.
 
     Args:
-        reflections: Points, eyes and who belongs to which mirror.
+        reflections: Points, cameras and who belongs to which mirror.
         x: `Mirror.values` of every mirror in turn. Shape (3 M,).
 
     Returns:
@@ -107,7 +107,7 @@ def independent_covariance(
 
 
 def shared_factor(reflections: Reflections, x: NDArray, by_point: NDArray) -> NDArray | None:
-    """Return F with F F' the covariance that all pixels share because arm and eyes are not known.
+    """Return F with F F' the covariance that all pixels share through arm and cameras.
 
     Args:
         reflections: The rows.
@@ -121,10 +121,10 @@ def shared_factor(reflections: Reflections, x: NDArray, by_point: NDArray) -> ND
     if shared is None:
         return None
     slopes = by_point @ shared.by_parameter
-    if shared.eye_columns:
-        by_eyes = _by_eyes(reflections, x)
-        for column, eye, part in shared.eye_columns:
-            slopes[:, :, column] += by_eyes[f"{eye}.{part}"]
+    if shared.camera_columns:
+        by_cameras = _by_cameras(reflections, x)
+        for column, camera, part in shared.camera_columns:
+            slopes[:, :, column] += by_cameras[f"{camera}.{part}"]
     return slopes @ shared.root
 
 
@@ -150,8 +150,8 @@ def whitening_of(reflections: Reflections, x: NDArray, noise: ReflectionNoise) -
     return np.linalg.inv(np.linalg.cholesky(covariance)) * seen
 
 
-def _by_eyes(reflections: Reflections, x: NDArray) -> dict[str, NDArray]:
-    """Return derivatives of the pixels by every parameter of the eyes, by name. (N, 2 C) each."""
+def _by_cameras(reflections: Reflections, x: NDArray) -> dict[str, NDArray]:
+    """Return derivatives of the pixels by each parameter of the cameras. (N, 2 C) each."""
     virtual = np.empty_like(reflections.p_WQ)
     for m, values in enumerate(np.asarray(x).reshape(-1, 3)):
         rows = reflections.mirror == m
@@ -171,7 +171,7 @@ def _by_eyes(reflections: Reflections, x: NDArray) -> dict[str, NDArray]:
 
 
 def _by_right_pose(reflections: Reflections, virtual: NDArray) -> dict[str, NDArray]:
-    """Return derivatives of the pixels by `right.pose.*`, given in the left eye's frame."""
+    """Return derivatives of the pixels by `right.pose.*`, given in the left camera's frame."""
     rig = StereoRig(*reflections.cameras)
     in_left = rig.moved(rig.left.X_WC)
     p_LQ = virtual @ rig.left.X_CW[:3, :3].T + rig.left.X_CW[:3, 3]

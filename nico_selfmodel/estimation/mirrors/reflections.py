@@ -19,24 +19,24 @@ from nico_selfmodel.names import listed
 
 @dataclass(frozen=True)
 class ReflectionNoise:
-    """Standard deviations of what disturbs each sighting of the hand on its own."""
+    """Standard deviations of what disturbs each observation of the hand on its own."""
 
     pixel_sigma: float
     """Of each pixel coordinate [px]."""
     joint_sigma: float
-    """Of each joint angle about its encoder, alike in both eyes [rad]."""
+    """Of each joint angle about its encoder, alike in both cameras [rad]."""
 
 
 @dataclass(frozen=True, eq=False)
 class SharedErrors:
-    """What is wrong with all rows alike: the arm and the eyes as far as they are not known."""
+    """What is wrong with all rows alike: the arm and the cameras as far as they are not known."""
 
     root: NDArray
     """Square root of the parameters' covariance, C = root root'. Shape (K, K)."""
     by_parameter: NDArray
     """Derivatives of the points by the parameters. Shape (N, 3, K)."""
-    eye_columns: tuple[tuple[int, str, str], ...] = ()
-    """Column, eye and parameter of what belongs to the eyes."""
+    camera_columns: tuple[tuple[int, str, str], ...] = ()
+    """Column, camera and parameter of what belongs to the cameras."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -48,9 +48,9 @@ class Reflections:
     mirror: NDArray
     """Index of each row's mirror. Shape (N,)."""
     cameras: tuple[Camera, ...]
-    """One eye or two; the mirrors stand in the frame of the first."""
+    """One camera or two; the mirrors stand in the frame of the first."""
     pixels: NDArray
-    """Reflections, u and v of each eye in turn; nan where not seen [px]. Shape (N, 2 C)."""
+    """Reflections, u and v of each camera in turn; nan where not seen [px]. Shape (N, 2 C)."""
     p_WQ: NDArray
     """Where the points themselves are, as far as the body knows [m]. Shape (N, 3)."""
     covariance: NDArray
@@ -74,14 +74,14 @@ class Reflections:
 
         Args:
             dataset: Encoder readings, pixels, and the name of the mirror in each row.
-            model: The body, with arm and eyes.
+            model: The body, with arm and cameras.
 
         Returns:
             The reflections, with the points where the model predicts them.
 
         Raises:
             DataError: If no row is a reflection, or joints, units or markers are not the model's.
-            ModelError: If the model has no arm or no eyes.
+            ModelError: If the model has no arm or no cameras.
         """
         rows = np.flatnonzero((dataset.mirror != "") & seen_by_any(dataset.pixels))
         if not rows.size:
@@ -95,7 +95,7 @@ class Reflections:
         return cls(
             names,
             index,
-            model.rig.eyes,
+            model.rig.cameras,
             dataset.pixels[rows],
             points.p_WH,
             np.zeros((len(rows), 3, 3)),
@@ -118,7 +118,7 @@ class Reflections:
 
     @property
     def p_LQ(self) -> NDArray:
-        """The points in the frame of the first eye [m]. Shape (N, 3)."""
+        """The points in the frame of the first camera [m]. Shape (N, 3)."""
         return apply(self.cameras[0].X_CW, self.p_WQ)
 
     def select(self, keep: NDArray) -> "Reflections":
@@ -157,7 +157,7 @@ def known_points(dataset: Dataset, model: SelfModel, rows: NDArray) -> KnownPoin
 
     Args:
         dataset: Encoder readings.
-        model: The body, with arm and eyes.
+        model: The body, with arm and cameras.
         rows: Indices. Shape (N,).
 
     Returns:
@@ -165,12 +165,12 @@ def known_points(dataset: Dataset, model: SelfModel, rows: NDArray) -> KnownPoin
 
     Raises:
         DataError: If joints, units or markers are not the model's.
-        ModelError: If the model has no arm or no eyes.
+        ModelError: If the model has no arm or no cameras.
     """
     if not model.cameras:
         raise ModelError(
-            f"self-model {model.name!r} has no eyes, so that it cannot look into a mirror: learn "
-            "them with `nico-selfmodel calibrate stereo`"
+            f"self-model {model.name!r} has no cameras, so that it cannot look into a mirror: "
+            "learn them with `nico-selfmodel calibrate stereo`"
         )
     _ = model.rig
     columns = reading_columns(model, dataset)
@@ -198,18 +198,18 @@ def _shared_errors(model: SelfModel, slopes: NDArray) -> SharedErrors | None:
         return None
     arm, known = model.parameters.names, model.covariance.names
     by_parameter = np.zeros((*slopes.shape[:2], len(known)))
-    eyes = []
+    cameras = []
     for column, name in enumerate(known):
-        eye, _, part = name.partition(".")
+        camera, _, part = name.partition(".")
         if name in arm:
             by_parameter[:, :, column] = slopes[:, :, arm.index(name)]
-        elif eye in model.cameras and (part in INTRINSICS or part.startswith("pose.")):
-            eyes.append((column, eye, part))
+        elif camera in model.cameras and (part in INTRINSICS or part.startswith("pose.")):
+            cameras.append((column, camera, part))
     values, vectors = np.linalg.eigh(model.covariance.matrix)
     root = vectors * np.sqrt(np.maximum(values, 0.0))
-    return SharedErrors(root, by_parameter, tuple(eyes))
+    return SharedErrors(root, by_parameter, tuple(cameras))
 
 
 def seen_by_any(pixels: NDArray) -> NDArray:
-    """Return which rows at least one eye saw. Shape (N, 2 C) -> (N,)."""
+    """Return which rows at least one camera saw. Shape (N, 2 C) -> (N,)."""
     return np.asarray(np.isfinite(pixels).any(axis=1))

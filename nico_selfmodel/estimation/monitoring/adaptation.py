@@ -1,4 +1,4 @@
-"""A body that keeps learning while it works: sighting by sighting, or over a window.
+"""A body that keeps learning while it works: observation by observation, or over a window.
 
 Both wait to be told what changed (`forget`): a filter without process noise would need hundreds of
 poses to give up an old zero, and one that may change everything always forgets what it knew.
@@ -15,7 +15,7 @@ from nico_selfmodel.errors import ModelError
 from nico_selfmodel.estimation.monitoring.block_update import learn_with_prior
 from nico_selfmodel.estimation.noise.hand_observations import (
     covariance_of,
-    sightings_of,
+    hand_observations_of,
     with_values,
 )
 from nico_selfmodel.model.self_model import ParameterCovariance, SelfModel
@@ -24,11 +24,11 @@ from nico_selfmodel.names import listed
 _UNKNOWN = {"rad": np.radians(20.0), "m": 0.15, "1": 0.1, "px": 30.0}
 """Standard deviations of a parameter that was forgotten."""
 _GATE = 25.0
-"""NIS in units of its expectation beyond which a sighting is a false detection."""
+"""NIS in units of its expectation beyond which an observation is a false detection."""
 
 
 class Adaptation(Protocol):
-    """A body that learns from new sightings.
+    """A body that learns from new observations.
 
     Attributes:
         model: The body as it is known now.
@@ -40,7 +40,7 @@ class Adaptation(Protocol):
         ...
 
     def update(self, dataset: Dataset) -> SelfModel:
-        """Learn from new sightings, in their order, and return the body."""
+        """Learn from new observations, in their order, and return the body."""
         ...
 
     def forget(self, names: tuple[str, ...]) -> None:
@@ -50,7 +50,7 @@ class Adaptation(Protocol):
 
 @dataclass(frozen=True)
 class Drift:
-    """How much a body changes by itself from one sighting to the next, standard deviations."""
+    """How much a body changes by itself from one observation to the next, standard deviations."""
 
     zero: float = np.radians(0.01)
     """Of each encoder zero [rad]."""
@@ -92,18 +92,18 @@ class RecursiveAdaptation:
         self._model = forgotten(self._model, names)
 
     def update(self, dataset: Dataset) -> SelfModel:
-        """Learn from new sightings, one after the other.
+        """Learn from new observations, one after the other.
 
         Args:
             dataset: Encoder readings, and pixels or measured points.
 
         Returns:
-            The body as it is known afterwards. Sightings far off any change are left out.
+            The body as it is known afterwards. Observations far off any change are left out.
 
         Raises:
             DataError: If the data do not suit the model, or nothing was seen.
         """
-        rows = sightings_of(self._model, dataset, self._sensor).sample
+        rows = hand_observations_of(self._model, dataset, self._sensor).sample
         for number in dict.fromkeys(rows.tolist()):
             self._step(dataset.select(dataset.sample == number))
         return self._model
@@ -112,13 +112,13 @@ class RecursiveAdaptation:
         """Joseph's form of the update: the covariance stays positive."""
         assert self._model.covariance is not None
         known = self._model.covariance.names
-        sightings = sightings_of(self._model, pose, self._sensor)
-        names = sightings.names
+        observations = hand_observations_of(self._model, pose, self._sensor)
+        names = observations.names
         free = np.array([i for i, name in enumerate(names) if name in known])
         whole = covariance_of(self._model, names) + np.diag(self._drift_of(names, known))
-        noise = sightings.whitening()
-        x, prior = sightings.x.copy(), whole[np.ix_(free, free)]
-        new = sightings.innovations(whole)
+        noise = observations.whitening()
+        x, prior = observations.x.copy(), whole[np.ix_(free, free)]
+        new = observations.innovations(whole)
         if np.any(new.nis > _GATE * new.dof):
             return
         h = (noise @ new.slopes)[:, :, free].reshape(-1, len(free))
@@ -133,7 +133,7 @@ class RecursiveAdaptation:
         self._model = replace(moved, covariance=_with_block(self._model, names, free, posterior))
 
     def _drift_of(self, names: tuple[str, ...], known: tuple[str, ...]) -> NDArray:
-        """Return the variance that each parameter gains from sighting to sighting. Shape (P,)."""
+        """Return the variance that each parameter gains from one pose to the next. Shape (P,)."""
         variance = np.zeros(len(names))
         for i, name in enumerate(names):
             if name in known and name.endswith(".theta_offset"):
@@ -144,7 +144,7 @@ class RecursiveAdaptation:
 
 
 class WindowAdaptation:
-    """The last sightings solved anew each time, with what was known before them as prior."""
+    """The last observations solved anew each time, with what was known before them as prior."""
 
     def __init__(self, model: SelfModel, *, size: int = 200, sensor: str = "auto") -> None:
         """Start from a body.
@@ -171,7 +171,7 @@ class WindowAdaptation:
         return self._model
 
     def forget(self, names: tuple[str, ...]) -> None:
-        """Take parameters as unknown from now on; sightings from before count no more.
+        """Take parameters as unknown from now on; observations from before count no more.
 
         Raises:
             ValueError: If the model has no such parameter.
@@ -180,7 +180,7 @@ class WindowAdaptation:
         self._recent = None
 
     def update(self, dataset: Dataset) -> SelfModel:
-        """Solve the window again with new sightings.
+        """Solve the window again with new observations.
 
         Args:
             dataset: Encoder readings, and pixels or measured points.
@@ -194,8 +194,8 @@ class WindowAdaptation:
         self._recent = dataset if self._recent is None else joined(self._recent, dataset)
         last = self._recent.samples[-self._size :]
         self._recent = self._recent.select(np.isin(self._recent.sample, last))
-        sightings = sightings_of(self._prior, self._recent, self._sensor)
-        found = learn_with_prior(self._prior, sightings, (), scales=np.zeros(0))
+        observations = hand_observations_of(self._prior, self._recent, self._sensor)
+        found = learn_with_prior(self._prior, observations, (), scales=np.zeros(0))
         self._model = found.model
         return self._model
 
@@ -253,7 +253,7 @@ def _with_block(
 ) -> ParameterCovariance:
     """Return the model's covariance with a block of it replaced.
 
-    Parameters outside the sightings, as of mirrors, keep theirs and their correlations are lost.
+    Parameters outside the observations, as of mirrors, keep theirs and their correlations are lost.
     """
     assert model.covariance is not None
     old = model.covariance

@@ -7,8 +7,12 @@ from numpy.typing import NDArray
 
 from nico_selfmodel.errors import NotIdentifiableError
 from nico_selfmodel.estimation.noise.expected_misfit import expected_misfit
-from nico_selfmodel.estimation.noise.hand_observations import Sightings, covariance_of, with_values
-from nico_selfmodel.estimation.results.unobservable_words import name_blind
+from nico_selfmodel.estimation.noise.hand_observations import (
+    HandObservations,
+    covariance_of,
+    with_values,
+)
+from nico_selfmodel.estimation.results.unobservable_words import name_unobservable
 from nico_selfmodel.model.self_model import ParameterCovariance, SelfModel
 from nico_selfmodel.optimization.calibration_program import CalibrationProgram, ProgramSolution
 from nico_selfmodel.optimization.losses import Loss
@@ -18,7 +22,7 @@ from nico_selfmodel.optimization.uncertainty import Uncertainty
 _ROUNDS = 2
 """Further solutions, each weighed where the last one ended."""
 _MOST_OUTLIERS = 0.25
-"""A larger share of sightings that are not believed is no accident."""
+"""A larger share of observations that are outliers is no accident."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -32,9 +36,9 @@ class BlockUpdate:
     uncertainty: Uncertainty
     """Of the block alone, the rest taken as known."""
     outliers: NDArray
-    """Rows not believed. Boolean, shape (N,)."""
+    """Outlier rows. Boolean, shape (N,)."""
     misfit: float
-    """Sum of squared innovations of the believed rows, what the rest is uncertain by included."""
+    """Sum of squared innovations of the inlier rows, what the rest is uncertain by included."""
     expected: float
     """What `misfit` is to be expected to be."""
     spread: float
@@ -55,20 +59,20 @@ class BlockUpdate:
 
 def learn_block(
     model: SelfModel,
-    sightings: Sightings,
+    observations: HandObservations,
     names: tuple[str, ...],
     *,
     scales: NDArray,
     loss: str = "trimmed",
 ) -> BlockUpdate:
-    """Learn a block of parameters from sightings, all others held.
+    """Learn a block of parameters from observations, all others held.
 
     The block's covariance includes what the others are uncertain by: with data r = J_z dz + J_b db,
     dz = -(J_z'J_z)^-1 J_z' (r - J_b db).
 
     Args:
         model: The body.
-        sightings: The data, as `sightings_of` this model.
+        observations: The data, as `hand_observations_of` this model.
         names: What to learn.
         scales: Natural scale of each, on which its sigma says whether it is known. Shape (k,).
         loss: One of `optimization.robust_solve.ROBUST_METHODS`.
@@ -80,32 +84,32 @@ def learn_block(
         NotIdentifiableError: If the data leave a parameter of the block open; it names them.
     """
     program = CalibrationProgram()
-    program.add_variables(sightings.names, sightings.x)
-    for name in sightings.names:
+    program.add_variables(observations.names, observations.x)
+    for name in observations.names:
         if name not in names:
             program.fix(name)
-    sightings.block.whiten(sightings.whitening())
-    number = program.add_residuals(sightings.block)
-    columns = np.array([sightings.names.index(name) for name in names], dtype=int)
-    _require_known(sightings, columns, names, scales)
-    solution, outliers = _settle(program, number, sightings, loss)
-    x, believed = solution.x, ~outliers
-    at = replace(sightings, x=x)
-    _, jacobian = sightings.block.evaluate(x)
-    stacked = jacobian[:, :, believed].reshape(len(x), -1).T
+    observations.block.whiten(observations.whitening())
+    number = program.add_residuals(observations.block)
+    columns = np.array([observations.names.index(name) for name in names], dtype=int)
+    _require_known(observations, columns, names, scales)
+    solution, outliers = _settle(program, number, observations, loss)
+    x, inliers = solution.x, ~outliers
+    at = replace(observations, x=x)
+    _, jacobian = observations.block.evaluate(x)
+    stacked = jacobian[:, :, inliers].reshape(len(x), -1).T
     # The variances are known: nothing is scaled by the misfit of a few poses.
     uncertainty = Uncertainty.from_jacobian(names, stacked[:, columns], scales, 0.0, 0)
-    updated = with_values(model, sightings.names, x)
-    covariance = _joint_covariance(model, sightings.names, stacked, columns, uncertainty)
+    updated = with_values(model, observations.names, x)
+    covariance = _joint_covariance(model, observations.names, stacked, columns, uncertainty)
     updated = replace(updated, covariance=covariance)
-    misfit = _misfit(model, at, believed, columns)
+    misfit = _misfit(model, at, inliers, columns)
     return BlockUpdate(
         updated,
         names,
         uncertainty,
         outliers,
         misfit,
-        *expected_misfit(model, at, believed, len(names)),
+        *expected_misfit(model, at, inliers, len(names)),
         solution.converged,
         solution.iterations,
     )
@@ -113,7 +117,7 @@ def learn_block(
 
 def learn_with_prior(
     model: SelfModel,
-    sightings: Sightings,
+    observations: HandObservations,
     names: tuple[str, ...],
     *,
     scales: NDArray,
@@ -123,7 +127,7 @@ def learn_with_prior(
 
     Args:
         model: The body; its covariance is the prior.
-        sightings: The data, as `sightings_of` this model.
+        observations: The data, as `hand_observations_of` this model.
         names: What has no prior.
         scales: Natural scale of each of `names`. Shape (k,).
         loss: One of `optimization.robust_solve.ROBUST_METHODS`.
@@ -134,61 +138,63 @@ def learn_with_prior(
     Raises:
         NotIdentifiableError: If the data leave a parameter of the block open.
     """
-    prior = covariance_of(model, sightings.names)
-    known = np.flatnonzero((np.diag(prior) > 0.0) & ~np.isin(sightings.names, names))
+    prior = covariance_of(model, observations.names)
+    known = np.flatnonzero((np.diag(prior) > 0.0) & ~np.isin(observations.names, names))
     program = CalibrationProgram()
-    program.add_variables(sightings.names, sightings.x)
-    columns = np.array([sightings.names.index(name) for name in names], dtype=int)
-    for i, name in enumerate(sightings.names):
+    program.add_variables(observations.names, observations.x)
+    columns = np.array([observations.names.index(name) for name in names], dtype=int)
+    for i, name in enumerate(observations.names):
         if i not in known and i not in columns:
             program.fix(name)
-    sightings.block.whiten(sightings.whitening())
-    number = program.add_residuals(sightings.block)
+    observations.block.whiten(observations.whitening())
+    number = program.add_residuals(observations.block)
     block = _GaussianPrior(
-        tuple(sightings.names[i] for i in known), sightings.x[known], prior[np.ix_(known, known)]
+        tuple(observations.names[i] for i in known),
+        observations.x[known],
+        prior[np.ix_(known, known)],
     )
     if len(known):
         program.add_residuals(block)
-    _require_known(sightings, columns, names, scales)
-    solution, outliers = _settle(program, number, sightings, loss)
-    x, believed = solution.x, ~outliers
+    _require_known(observations, columns, names, scales)
+    solution, outliers = _settle(program, number, observations, loss)
+    x, inliers = solution.x, ~outliers
     free = np.sort(np.concatenate([known, columns]))
-    r, jacobian = sightings.block.evaluate(x)
-    information = jacobian[free][:, :, believed].reshape(len(free), -1)
+    r, jacobian = observations.block.evaluate(x)
+    information = jacobian[free][:, :, inliers].reshape(len(free), -1)
     information = information @ information.T
     inside = np.isin(free, known)
     information[np.ix_(inside, inside)] += block.information
     size = 1.0 / np.sqrt(np.diag(information))
     covariance = np.linalg.inv(information * np.outer(size, size)) * np.outer(size, size)
-    free_names = tuple(sightings.names[i] for i in free)
+    free_names = tuple(observations.names[i] for i in free)
     updated = replace(
-        with_values(model, sightings.names, x),
+        with_values(model, observations.names, x),
         covariance=ParameterCovariance(free_names, covariance),
     )
     sigma = np.sqrt(np.diag(covariance))
     uncertainty = Uncertainty(free_names, covariance, sigma, np.nan, len(free), np.nan, ())
-    misfit = float(np.sum(r[:, believed] ** 2))
-    at = replace(sightings, x=x)
+    misfit = float(np.sum(r[:, inliers] ** 2))
+    at = replace(observations, x=x)
     return BlockUpdate(
         updated,
         names,
         uncertainty,
         outliers,
         misfit,
-        *expected_misfit(model, at, believed, len(names)),
+        *expected_misfit(model, at, inliers, len(names)),
         solution.converged,
         solution.iterations,
     )
 
 
 def _settle(
-    program: CalibrationProgram, number: int, sightings: Sightings, loss: str
+    program: CalibrationProgram, number: int, observations: HandObservations, loss: str
 ) -> tuple[ProgramSolution, NDArray]:
     """Solve, and weigh anew where the solution is: play moves a far point more than a near one."""
     solution, outliers = _solve(program, number, loss)
     for _ in range(_ROUNDS):
         program.move_start(solution.x)
-        sightings.block.whiten(replace(sightings, x=solution.x).whitening())
+        observations.block.whiten(replace(observations, x=solution.x).whitening())
         solution, outliers = _solve(program, number, loss)
     return solution, outliers
 
@@ -221,7 +227,7 @@ class _GaussianPrior:
         self.names, self._mean = names, mean
         size = np.sqrt(np.diag(covariance))
         correlation = covariance / np.outer(size, size)
-        # Gauge and blind directions leave a correlation matrix singular to rounding.
+        # Gauge and unobservable directions leave a correlation matrix singular to rounding.
         values, vectors = np.linalg.eigh(correlation)
         values = np.maximum(values, 1e-10)
         self._root = (vectors / np.sqrt(values)).T / size
@@ -233,18 +239,20 @@ class _GaussianPrior:
 
 
 def _require_known(
-    sightings: Sightings, columns: NDArray, names: tuple[str, ...], scales: NDArray
+    observations: HandObservations, columns: NDArray, names: tuple[str, ...], scales: NDArray
 ) -> None:
     """Refuse data that leave a parameter open, before anything is solved."""
     if not names:
         return
-    _, jacobian = sightings.block.evaluate(sightings.x)
+    _, jacobian = observations.block.evaluate(observations.x)
     stacked = jacobian[columns].reshape(len(columns), -1).T
-    blind = Uncertainty.from_jacobian(names, stacked, scales, 0.0, 0).unobservable
-    if not blind:
+    unobservable = Uncertainty.from_jacobian(names, stacked, scales, 0.0, 0).unobservable
+    if not unobservable:
         return
-    found = "1 sighting is" if len(sightings) == 1 else f"{len(sightings)} sightings are"
-    words = "; ".join(name_blind(direction) for direction in blind)
+    found = (
+        "1 observation is" if len(observations) == 1 else f"{len(observations)} observations are"
+    )
+    words = "; ".join(name_unobservable(direction) for direction in unobservable)
     raise NotIdentifiableError(
         f"{found} too few or too alike: {words}: record more poses, spread over the workspace"
     )
@@ -277,16 +285,18 @@ def _joint_covariance(
     return ParameterCovariance((*kept, *learned), 0.5 * (matrix + matrix.T))
 
 
-def _misfit(model: SelfModel, sightings: Sightings, believed: NDArray, columns: NDArray) -> float:
+def _misfit(
+    model: SelfModel, observations: HandObservations, inliers: NDArray, columns: NDArray
+) -> float:
     """Return the sum of squared innovations.
 
     The rest of the body is one unknown for all rows, so the rows are taken together.
     """
-    prior = covariance_of(model, sightings.names)
+    prior = covariance_of(model, observations.names)
     prior[columns] = 0.0
     prior[:, columns] = 0.0
-    r, jacobian = sightings.block.evaluate(sightings.x)
-    r, rows = r[:, believed].ravel(), jacobian[:, :, believed].reshape(len(jacobian), -1)
+    r, jacobian = observations.block.evaluate(observations.x)
+    r, rows = r[:, inliers].ravel(), jacobian[:, :, inliers].reshape(len(jacobian), -1)
     free = np.flatnonzero(np.diag(prior) > 0.0)
     misfit = float(r @ r)
     if len(free):

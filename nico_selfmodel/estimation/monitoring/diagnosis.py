@@ -1,7 +1,7 @@
 """What changed in a body that no longer fits: one change at a time, the likeliest first.
 
 A generalised likelihood ratio for each hypothesis (Willsky and Jones 1976): each joint's zero and
-gear, each tracked point, the arm's base, each eye. Where two say the same, the simpler one is
+gear, each tracked point, the arm's base, each camera. Where two say the same, the simpler one is
 named: a point moved about the last axis is that joint's slip, and nothing could tell them apart.
 """
 
@@ -105,11 +105,11 @@ def ranked(diagnoses: Iterable[Diagnosis]) -> tuple[Diagnosis, ...]:
 
 
 def hypotheses(model: SelfModel, names: tuple[str, ...]) -> tuple[Hypothesis, ...]:
-    """Return what may change: each zero, each gear, each tracked point, the eyes.
+    """Return what may change: each zero, each gear, each tracked point, the cameras.
 
     Args:
         model: The body.
-        names: Parameters that the sightings depend on.
+        names: Parameters that the observations depend on.
     """
     found = [_simple(f"zero of {j}", (f"{j}.theta_offset",), names) for j in model.joints]
     found += [_gear(joint, names) for joint in model.joints]

@@ -14,7 +14,7 @@ from nico_selfmodel.estimation.monitoring.change_likelihood import ChangeEstimat
 from nico_selfmodel.estimation.monitoring.diagnosis import Diagnosis, Hypothesis, diagnosed, ranked
 from nico_selfmodel.estimation.noise.hand_observations import (
     covariance_of,
-    sightings_of,
+    hand_observations_of,
     with_values,
 )
 from nico_selfmodel.estimation.noise.mixture_density import MixtureDensity
@@ -46,7 +46,7 @@ def with_large_slips(
     Args:
         model: The body as it was.
         dataset: All poses.
-        sensor: As for `sightings_of`.
+        sensor: As for `hand_observations_of`.
         noise: What disturbs the poses.
         since: First pose after the change.
         found: What small changes explain, the best first.
@@ -73,10 +73,10 @@ class _Jump:
         self, model: SelfModel, dataset: Dataset, sensor: str, noise: NoiseMixture, since: int
     ) -> None:
         self.model, self.sensor, self.noise, self.since = model, sensor, noise, since
-        sightings = sightings_of(model, dataset, sensor)
-        self.x, self.names = sightings.x, sightings.names
+        observations = hand_observations_of(model, dataset, sensor)
+        self.x, self.names = observations.x, observations.names
         self.covariance = covariance_of(model, self.names)
-        poses = PoseResiduals.of(sightings)
+        poses = PoseResiduals.of(observations)
         self.before = poses.select(slice(None, since))
         self.after = poses.select(slice(since, None))
         self.rows = _from(dataset, self.after.sample)
@@ -96,7 +96,7 @@ class _Jump:
         x = self.x.copy()
         x[column] += change
         body = with_values(self.model, self.names, x)
-        there = PoseResiduals.of(sightings_of(body, rows or self.rows, self.sensor))
+        there = PoseResiduals.of(hand_observations_of(body, rows or self.rows, self.sensor))
         kept = self.after.select(slice(len(there)))
         slopes = kept.slopes.copy()
         slopes[:, :, column] = there.slopes[:, :, column]

@@ -16,7 +16,7 @@ from nico_selfmodel.estimation.monitoring.diagnosis import Diagnosis, diagnose
 from nico_selfmodel.estimation.monitoring.encoder_jumps import with_large_slips
 from nico_selfmodel.estimation.monitoring.monitor import THRESHOLD, Monitor, chance_of_false_alarm
 from nico_selfmodel.estimation.monitoring.monitored_changes import monitored_changes
-from nico_selfmodel.estimation.noise.hand_observations import covariance_of, sightings_of
+from nico_selfmodel.estimation.noise.hand_observations import covariance_of, hand_observations_of
 from nico_selfmodel.estimation.noise.mixture_density import MixtureDensity
 from nico_selfmodel.estimation.noise.pose_residuals import PoseResiduals
 from nico_selfmodel.estimation.noise.training_noise import expected_noise
@@ -86,8 +86,8 @@ def check_health(model: SelfModel, dataset: Dataset, sensor: str = "auto") -> He
         DataError: If the data do not suit the model, or nothing was measured.
         ModelError: If the model does not say what noise to expect.
     """
-    sightings = sightings_of(model, dataset, sensor)
-    poses = PoseResiduals.of(sightings)
+    observations = hand_observations_of(model, dataset, sensor)
+    poses = PoseResiduals.of(observations)
     noise = expected_noise(model, poses.sensor, dataset)
     density = MixtureDensity(poses, noise, covariance_of(model, poses.names))
     changes = monitored_changes(model, poses.names)

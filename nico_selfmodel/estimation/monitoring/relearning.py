@@ -6,7 +6,7 @@ from nico_selfmodel.dataset.dataset import Dataset
 from nico_selfmodel.errors import EstimationError
 from nico_selfmodel.estimation.monitoring.block_update import BlockUpdate, learn_block
 from nico_selfmodel.estimation.monitoring.health import HealthReport
-from nico_selfmodel.estimation.noise.hand_observations import sightings_of
+from nico_selfmodel.estimation.noise.hand_observations import hand_observations_of
 from nico_selfmodel.estimation.observations.parameter_scales import natural_scales_of
 from nico_selfmodel.estimation.observations.pixel_observations import columns_of
 from nico_selfmodel.model.self_model import SelfModel
@@ -15,7 +15,7 @@ from nico_selfmodel.model.self_model import SelfModel
 def relearn_cause(
     model: SelfModel, dataset: Dataset, report: HealthReport, sensor: str = "auto"
 ) -> BlockUpdate:
-    """Learn the parameters anew that a health report blames, from the sightings since.
+    """Learn the parameters anew that a health report blames, from the observations since.
 
     Args:
         model: The body as it was.
@@ -28,13 +28,13 @@ def relearn_cause(
 
     Raises:
         EstimationError: If the body is healthy.
-        NotIdentifiableError: If the sightings since the change are too few.
+        NotIdentifiableError: If the observations since the change are too few.
     """
     if report.changed_at is None:
         raise EstimationError("the body fits what is known of it: there is nothing to learn anew")
-    sightings = sightings_of(model, since_change(model, dataset, report), sensor)
+    observations = hand_observations_of(model, since_change(model, dataset, report), sensor)
     names = report.diagnoses[0].hypothesis.names
-    return learn_block(model, sightings, names, scales=natural_scales_of(model, names))
+    return learn_block(model, observations, names, scales=natural_scales_of(model, names))
 
 
 def since_change(model: SelfModel, dataset: Dataset, report: HealthReport) -> Dataset:

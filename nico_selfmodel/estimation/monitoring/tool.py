@@ -18,7 +18,7 @@ from nico_selfmodel.estimation.monitoring.block_update import (
     learn_with_prior,
 )
 from nico_selfmodel.estimation.monitoring.zero_search import likely_offsets
-from nico_selfmodel.estimation.noise.hand_observations import Sightings, sightings_of
+from nico_selfmodel.estimation.noise.hand_observations import HandObservations, hand_observations_of
 from nico_selfmodel.estimation.observations.parameter_scales import arm_size
 from nico_selfmodel.model.arm.dh_table import DhTable
 from nico_selfmodel.model.self_model import SelfModel
@@ -41,7 +41,7 @@ class ToolCalibration:
     update: BlockUpdate
     """What was learned, and whether the rest still fits."""
     train: NDArray
-    """Errors of the sightings: in the images [px], or in space [m]. Shape (n,)."""
+    """Errors of the observations: in the images [px], or in space [m]. Shape (n,)."""
     test: NDArray | None
     """The same on held-out data."""
     test_poses: int
@@ -125,26 +125,26 @@ def calibrate_tool(
     tool = tool or _tool_name(model, dataset)
     held = with_marker(model, tool)
     data = replace(dataset, marker=np.full(len(dataset), tool))
-    sightings = sightings_of(held, data, sensor)
+    observations = hand_observations_of(held, data, sensor)
     names = tuple(f"hand.{tool}.{axis}" for axis in "xyz")
-    _require_motion(sightings, names)
+    _require_motion(observations, names)
     scales = np.full(3, arm_size(model))
     learn = learn_block if free == "point" else learn_with_prior
-    update = learn(held, sightings, names, scales=scales, loss=loss)
+    update = learn(held, observations, names, scales=scales, loss=loss)
     learned = update.model
     known = tool in model.markers
     reach, reach_sigma = _reach(model if known else learned, learned, tool, update)
-    kind = "pixels" if sightings.seen.shape[1] == 4 else "points"
+    kind = "pixels" if observations.seen.shape[1] == 4 else "points"
     tested, poses = None, 0
     if test is not None:
         marked = replace(test, marker=np.full(len(test), tool))
-        held_out = sightings_of(learned, marked, kind)
+        held_out = hand_observations_of(learned, marked, kind)
         tested, poses = errors_of(held_out), len(np.unique(held_out.sample))
     return ToolCalibration(
         learned,
         tool,
         update,
-        errors_of(sightings_of(learned, data, kind)),
+        errors_of(hand_observations_of(learned, data, kind)),
         tested,
         poses,
         kind,
@@ -186,9 +186,9 @@ def rezero(
     unknown = [joint for joint in joints if joint not in model.joints]
     if unknown:
         raise ValueError(f"no joint {unknown[0]!r}; there are {listed(model.joints, unknown[0])}")
-    sightings = sightings_of(model, dataset, sensor)
+    observations = hand_observations_of(model, dataset, sensor)
     names = tuple(f"{joint}.theta_offset" for joint in joints)
-    update = learn_block(model, sightings, names, scales=np.ones(len(names)), loss=loss)
+    update = learn_block(model, observations, names, scales=np.ones(len(names)), loss=loss)
     if not update.fits:
         update = _from_other_zeros(model, dataset, joints, update, sensor, loss)
     after = update.model.servos
@@ -214,12 +214,12 @@ def _from_other_zeros(
         The first that fits; where none does, the one that leaves fewest outliers and least misfit.
     """
     best = update
-    for offset in likely_offsets(model, sightings_of(model, dataset, sensor), joints):
+    for offset in likely_offsets(model, hand_observations_of(model, dataset, sensor), joints):
         start = replace(model, servo_map=replace(model.servos, offset=offset))
-        sightings = sightings_of(start, dataset, sensor)
+        observations = hand_observations_of(start, dataset, sensor)
         scales = np.ones(len(joints))
         try:
-            found = learn_block(start, sightings, update.learned, scales=scales, loss=loss)
+            found = learn_block(start, observations, update.learned, scales=scales, loss=loss)
         except (NotIdentifiableError, ModelError):
             continue
         if found.fits:
@@ -228,10 +228,10 @@ def _from_other_zeros(
     return best
 
 
-def errors_of(sightings: Sightings) -> NDArray:
-    """Return the errors of sightings: of each eye's image [px], or in space [m]. Shape (n,)."""
-    predicted, _ = sightings.block.project(sightings.x)
-    miss = np.where(sightings.seen, (sightings.block.measured - predicted).T, np.nan)
+def errors_of(observations: HandObservations) -> NDArray:
+    """Return the errors of observations: in each image [px], or in space [m]. Shape (n,)."""
+    predicted, _ = observations.block.project(observations.x)
+    miss = np.where(observations.seen, (observations.block.measured - predicted).T, np.nan)
     width = 2 if miss.shape[1] == 4 else 3
     errors = np.linalg.norm(miss.reshape(-1, width), axis=1)
     return errors[np.isfinite(errors)]
@@ -259,17 +259,17 @@ def with_marker(model: SelfModel, tool: str) -> SelfModel:
     return replace(model, table=wider)
 
 
-def _require_motion(sightings: Sightings, names: tuple[str, ...]) -> None:
+def _require_motion(observations: HandObservations, names: tuple[str, ...]) -> None:
     """Refuse poses that are all alike: what they say of `names` holds nowhere else."""
-    predicted, _ = sightings.block.project(sightings.x)
-    slopes = sightings.block.by_angle(sightings.x)
-    noise = np.sqrt(np.mean(np.trace(sightings.noise.covariance(slopes), axis1=1, axis2=2)))
+    predicted, _ = observations.block.project(observations.x)
+    slopes = observations.block.by_angle(observations.x)
+    noise = np.sqrt(np.mean(np.trace(observations.noise.covariance(slopes), axis1=1, axis2=2)))
     moved = float(np.sqrt(np.sum(np.var(predicted, axis=1))))
     if moved >= _SPREAD * noise:
         return
-    pixels = sightings.seen.shape[1] == 4
+    pixels = observations.seen.shape[1] == 4
     scale, unit = (1.0, "px") if pixels else (1e3, "mm")
-    count = np.unique(sightings.sample).size
+    count = np.unique(observations.sample).size
     poses = "1 pose" if count == 1 else f"{count} poses"
     raise NotIdentifiableError(
         f"the hand moved by {scale * moved:.1f} {unit} in {poses}, one pose alone "

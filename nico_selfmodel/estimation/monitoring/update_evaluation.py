@@ -14,7 +14,7 @@ from nico_selfmodel.estimation.monitoring.block_update import (
     learn_block,
     learn_with_prior,
 )
-from nico_selfmodel.estimation.noise.hand_observations import sightings_of
+from nico_selfmodel.estimation.noise.hand_observations import hand_observations_of
 from nico_selfmodel.estimation.observations.parameter_scales import natural_scales_of
 from nico_selfmodel.estimation.observations.pixel_evaluation import evaluate_pixels
 from nico_selfmodel.estimation.observations.pixel_observations import columns_of
@@ -24,18 +24,18 @@ from nico_selfmodel.model.self_model import SelfModel
 
 @dataclass(frozen=True, eq=False)
 class HeldAgainst:
-    """A body held against sightings."""
+    """A body held against observations."""
 
     errors: NDArray
-    """In each eye's image [px], or in space [m]. Shape (n,)."""
+    """In each camera's image [px], or in space [m]. Shape (n,)."""
     p_WH_predicted: NDArray
     """Where it puts the hand [m]. Shape (N, 3)."""
     p_WH_seen: NDArray
-    """Where its eyes, or the tracker, put it; nan where they cannot tell [m]. Shape (N, 3)."""
+    """Where its cameras, or the tracker, put it; nan where they cannot tell [m]. Shape (N, 3)."""
 
     @classmethod
     def of(cls, model: SelfModel, dataset: Dataset, sensor: str) -> "HeldAgainst":
-        """Hold a body against sightings by one sensor, `pixels` or `points`."""
+        """Hold a body against observations by one sensor, `pixels` or `points`."""
         if sensor == "pixels":
             found = evaluate_pixels(model, dataset)
             return cls(found.pixel_distances, found.p_LH_predicted, found.p_LH_seen)
@@ -52,13 +52,13 @@ class UpdateEvaluation:
     update: BlockUpdate
     """What was learned."""
     train: Dataset
-    """Sightings that it was learned from."""
+    """Observations that it was learned from."""
     test: Dataset | None
-    """Sightings that were held out."""
+    """Observations that were held out."""
     sensor: str
     """`pixels` or `points`."""
     cross_validation: NDArray | None
-    """Errors of believed poses, each by a body learned without it; None with too few. (n,)."""
+    """Errors of inlier poses, each by a body learned without it; None with too few. (n,)."""
 
     @property
     def after(self) -> SelfModel:
@@ -88,20 +88,20 @@ def evaluate_update(
     *,
     with_prior: bool = False,
 ) -> UpdateEvaluation:
-    """Hold a body before and after an update against its sightings, whole poses left out in turn.
+    """Hold a body before and after an update against its observations, whole poses cross-validated.
 
     Args:
         before: The body as it was, with all points that were tracked.
         update: What was learned.
         train: What it was learned from.
         sensor: As it was learned.
-        test: Held-out sightings.
+        test: Held-out observations.
         with_prior: Whether the rest of the body was free under its posterior.
     """
-    sightings = sightings_of(before, train, sensor)
-    kind = "pixels" if sightings.seen.shape[1] == 4 else "points"
-    believed = np.unique(sightings.sample[~update.outliers])
-    crossed = _cross_validate(before, update.learned, train, kind, believed, with_prior)
+    observations = hand_observations_of(before, train, sensor)
+    kind = "pixels" if observations.seen.shape[1] == 4 else "points"
+    inliers = np.unique(observations.sample[~update.outliers])
+    crossed = _cross_validate(before, update.learned, train, kind, inliers, with_prior)
     return UpdateEvaluation(before, update, train, test, kind, crossed)
 
 
@@ -120,7 +120,7 @@ def _cross_validate(
     for others, own in splits(fold_of(poses)):
         try:
             kept = train.select(np.isin(train.sample, poses[others]))
-            rest = sightings_of(before, kept, sensor)
+            rest = hand_observations_of(before, kept, sensor)
             model = learn(before, rest, names, scales=scales, loss="none").model
         except (DataError, NotIdentifiableError):
             return None

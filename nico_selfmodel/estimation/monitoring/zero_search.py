@@ -1,7 +1,7 @@
 """Where the zeros of encoders may be when they are not near the old ones.
 
 Readings that lost a turn are off by whole turns, others by anything. Far from the right zeros no
-slope leads there, so zeros all over the turn are held against the sightings at once.
+slope leads there, so zeros all over the turn are held against the observations at once.
 """
 
 from itertools import product
@@ -9,7 +9,7 @@ from itertools import product
 import numpy as np
 from numpy.typing import NDArray
 
-from nico_selfmodel.estimation.noise.hand_observations import Sightings
+from nico_selfmodel.estimation.noise.hand_observations import HandObservations
 from nico_selfmodel.estimation.observations.hand_pixels import HandPixels
 from nico_selfmodel.model.self_model import SelfModel
 
@@ -18,25 +18,27 @@ _ANYWHERE = 8192
 _LIKELIEST = 8
 """How many are worth refining."""
 _ROWS = 12
-"""Sightings that they are held against."""
+"""Observations that they are held against."""
 _CLOSE = 0.1
 """Errors count as close below this share of the typical one."""
 
 
-def likely_offsets(model: SelfModel, sightings: Sightings, joints: tuple[str, ...]) -> NDArray:
-    """Return zeros that explain sightings better than others all over the turn do.
+def likely_offsets(
+    model: SelfModel, observations: HandObservations, joints: tuple[str, ...]
+) -> NDArray:
+    """Return zeros that explain observations better than others all over the turn do.
 
     Args:
         model: The body; its own zeros are near the truth for all but `joints`.
-        sightings: What was seen of it.
+        observations: What was seen of it.
         joints: Joints whose zeros are lost.
 
     Returns:
         Encoder angles at q = 0, the likeliest first [rad]. Shape (K, n).
     """
     offsets = _trials(model, np.isin(model.joints, joints))
-    errors = _errors(model, sightings, offsets)
-    # Cauchy: a few sightings that fit say more than many that nearly do.
+    errors = _errors(model, observations, offsets)
+    # Cauchy: a few observations that fit say more than many that nearly do.
     close = _CLOSE * float(np.median(errors))
     scores = np.sum(np.log1p((errors / close) ** 2), axis=1)
     return offsets[np.argsort(scores, kind="stable")[:_LIKELIEST]]
@@ -52,12 +54,12 @@ def _trials(model: SelfModel, lost: NDArray) -> NDArray:
     return offsets
 
 
-def _errors(model: SelfModel, sightings: Sightings, offsets: NDArray) -> NDArray:
+def _errors(model: SelfModel, observations: HandObservations, offsets: NDArray) -> NDArray:
     """Return by how much each row is missed with each of K zeros [px or m]. Shape (K, rows)."""
-    block = sightings.block
+    block = observations.block
     by_sight = isinstance(block, HandPixels)
     arm = block.observations.arm if by_sight else block.observations
-    rows = np.unique(np.linspace(0, len(sightings) - 1, _ROWS).astype(int))
+    rows = np.unique(np.linspace(0, len(observations) - 1, _ROWS).astype(int))
     q = (arm.angles[rows] - offsets[:, None]) / model.servos.gear
     marker = np.tile(arm.marker[rows], len(offsets))
     seen = model.chain.forward(q.reshape(-1, q.shape[2]), marker)
@@ -66,4 +68,4 @@ def _errors(model: SelfModel, sightings: Sightings, offsets: NDArray) -> NDArray
     misses = seen.reshape(len(offsets), len(rows), -1) - block.measured.T[rows]
     errors = np.sqrt(np.sum(np.where(block.seen[rows], misses, 0.0) ** 2, axis=2))
     worst = float(np.nanmax(errors, initial=1e-9))
-    return np.where(np.isfinite(errors), errors, worst)  # behind an eye
+    return np.where(np.isfinite(errors), errors, worst)  # behind a camera

@@ -11,7 +11,7 @@ from nico_selfmodel.model.arm.dh_parameters import DhParameters
 from nico_selfmodel.optimization.uncertainty import Uncertainty
 
 _LEAST_LEVER = 6.0
-"""Distance of the tracked points from an axis, over the noise, below which a joint is blind."""
+"""Distance of tracked points from an axis, over the noise, below which it is unobservable."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -23,7 +23,7 @@ class ArmSolution:
     free: frozenset[str]
     """Names that were estimated."""
     outliers: NDArray
-    """Rows not believed. Boolean, shape (N,)."""
+    """Outlier rows. Boolean, shape (N,)."""
     uncertainty: Uncertainty | None
     """Of the free parameters; None where nothing was refined."""
     noise: PoseNoise | None
@@ -60,7 +60,7 @@ class Linearised:
     noise: PoseNoise
     """What disturbs the rows."""
     whitening: PoseWhitening
-    """Of the rows that are believed."""
+    """of the inlier rows."""
 
     @classmethod
     def at(
@@ -149,11 +149,13 @@ def uncertainty_of(
     noise = coordinate_sigma(linear) * (
         float(np.sqrt(found.variance_factor)) if np.isfinite(found.variance_factor) else 1.0
     )
-    for blind in _levers_of_noise(linear, parameters, free, noise):
-        if not any(set(blind) & set(direction.names) for direction in found.unobservable):
-            found = found.with_unobservable(blind)
+    for unobservable in _levers_of_noise(linear, parameters, free, noise):
+        if not any(set(unobservable) & set(direction.names) for direction in found.unobservable):
+            found = found.with_unobservable(unobservable)
         else:
-            found = replace(found, sigma=np.where(np.isin(found.names, blind), np.inf, found.sigma))
+            found = replace(
+                found, sigma=np.where(np.isin(found.names, unobservable), np.inf, found.sigma)
+            )
     return found
 
 

@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from nico_selfmodel.estimation.noise.hand_noise import whitening_of
-from nico_selfmodel.estimation.noise.hand_observations import Sightings
+from nico_selfmodel.estimation.noise.hand_observations import HandObservations
 from nico_selfmodel.estimation.noise.mixture_density import core_and_tail
 from nico_selfmodel.estimation.noise.pose_residuals import PoseResiduals
 from nico_selfmodel.estimation.noise.training_noise import expected_noise
@@ -22,27 +22,27 @@ from nico_selfmodel.model.self_model import SelfModel
 
 
 def expected_misfit(
-    model: SelfModel, sightings: Sightings, believed: NDArray, learned: int
+    model: SelfModel, observations: HandObservations, inliers: NDArray, learned: int
 ) -> tuple[float, float]:
-    """Return the mean of the sum of squares of believed rows, and its standard deviation.
+    """Return the mean of the sum of squares of inlier rows, and its standard deviation.
 
     Args:
         model: With the noise of its training; without it the assumed noise is taken as it is.
-        sightings: All rows, with the noise that is assumed.
-        believed: Rows that count. Boolean, shape (N,).
+        observations: All rows, with the noise that is assumed.
+        inliers: Rows that count. Boolean, shape (N,).
         learned: How many parameters were fitted to them.
     """
-    count, whole = int(sightings.seen[believed].sum()), int(sightings.seen.sum())
+    count, whole = int(observations.seen[inliers].sum()), int(observations.seen.sum())
     redundancy = max(count - learned, 0)
     if not model.noise_mixtures or not redundancy:
         return float(redundancy), float(np.sqrt(2.0 * redundancy))
-    poses = PoseResiduals.of(sightings)
-    markers = poses.seen.shape[1] // sightings.seen.shape[1]
+    poses = PoseResiduals.of(observations)
+    markers = poses.seen.shape[1] // observations.seen.shape[1]
     # Rows are whitened one by one, whatever else was measured at their pose.
-    alone = np.kron(np.eye(markers), np.ones((sightings.seen.shape[1],) * 2))
-    assumed = sightings.noise.covariance(poses.by_angle) * alone
+    alone = np.kron(np.eye(markers), np.ones((observations.seen.shape[1],) * 2))
+    assumed = observations.noise.covariance(poses.by_angle) * alone
     white = whitening_of(assumed, poses.seen)
-    noise = expected_noise(model, sightings.sensor)
+    noise = expected_noise(model, observations.sensor)
     mean, square = np.zeros(len(poses)), np.zeros(len(poses))
     shares = (1.0 - noise.tail_share, noise.tail_share)
     for share, part in zip(shares, core_and_tail(noise), strict=True):

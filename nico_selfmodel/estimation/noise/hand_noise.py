@@ -1,8 +1,8 @@
 """What the hand's pixels, or its measured points, are uncertain by: the sensor and joint play.
 
-Play moves the hand itself, so both eyes see it alike: the k coordinates of a pose have the
+Play moves the hand itself, so both cameras see it alike: the k coordinates of a pose have the
 covariance S = ss^2 I + sq^2 A A', A their derivatives by the joint angles. Unit weights would let
-the play, some pixels wide, drown the tenths of a pixel in which the eyes tell depth.
+the play, some pixels wide, drown the tenths of a pixel in which the cameras tell depth.
 """
 
 from dataclasses import dataclass
@@ -19,7 +19,7 @@ _GOLDEN = 0.5 * (np.sqrt(5.0) - 1.0)
 
 @dataclass(frozen=True)
 class HandNoise:
-    """Standard deviations of what disturbs a sighting of the hand."""
+    """Standard deviations of what disturbs an observation of the hand."""
 
     sensor_sigma: float
     """Of each coordinate, independent of the others [px, or m for measured points]."""
@@ -27,7 +27,7 @@ class HandNoise:
     """Of each joint angle about its encoder [rad]."""
 
     def covariance(self, by_angle: NDArray) -> NDArray:
-        """Return the covariance of each sighting.
+        """Return the covariance of each observation.
 
         Args:
             by_angle: Derivatives of its coordinates by the joint angles. Shape (N, k, n).
@@ -78,14 +78,14 @@ class HandNoise:
         """
         lever, squared = _principal(residuals, by_angle, seen, fitted)
         if not len(lever):
-            raise ValueError("no sighting, no noise: at least one row must be seen")
+            raise ValueError("no observation, no noise: at least one row must be seen")
         ratio = _best_ratio(lever, squared)
         sensor_sigma = float(np.sqrt(np.mean(squared / (1.0 + ratio * lever))))
         sensor_sigma = max(sensor_sigma, _FLOOR)
         return cls(sensor_sigma, float(np.sqrt(ratio)) * sensor_sigma)
 
     def sigmas(self, by_angle: NDArray, seen: NDArray) -> tuple[float, float]:
-        """Return how surely sightings like these tell both standard deviations (Fisher, Rao).
+        """Return how surely observations like these tell both standard deviations (Fisher, Rao).
 
         Args:
             by_angle: Derivatives of the coordinates by the joint angles. Shape (N, k, n).
@@ -133,7 +133,7 @@ def whitening_of(covariance: NDArray, seen: NDArray) -> NDArray:
     """Return W with W S W' = I over the coordinates that were seen; zero for the others.
 
     Args:
-        covariance: S of each sighting. Shape (N, k, k).
+        covariance: S of each observation. Shape (N, k, k).
         seen: Which coordinates were measured. Shape (N, k).
 
     Returns:
@@ -145,7 +145,7 @@ def whitening_of(covariance: NDArray, seen: NDArray) -> NDArray:
     try:
         return np.linalg.inv(np.linalg.cholesky(whole)) * both
     except np.linalg.LinAlgError:
-        # A hand beside an eye, as wrong readings put it: play drowns the sensor to rounding.
+        # A hand beside a camera, as wrong readings put it: play drowns the sensor to rounding.
         values, vectors = np.linalg.eigh(whole)
         values = np.maximum(values, np.finfo(float).eps * values[:, -1:])
         return (vectors / np.sqrt(values)[:, None, :]) @ np.swapaxes(vectors, 1, 2) * both

@@ -1,6 +1,6 @@
-"""New sightings of the hand held against a self-model that knows how well it knows itself.
+"""New observations of the hand held against a self-model that knows how well it knows itself.
 
-Pixels of a model with eyes and measured points of one without are the same to what follows:
+Pixels of a model with cameras and measured points of one without are the same to what follows:
 coordinates, their derivatives by the named parameters, and what disturbs them.
 """
 
@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from nico_selfmodel.dataset.dataset import Dataset
 from nico_selfmodel.errors import DataError, ModelError
 from nico_selfmodel.estimation.noise.hand_noise import HandNoise, whitening_of
-from nico_selfmodel.estimation.observations.arm_views import RowsView
+from nico_selfmodel.estimation.observations.arm_views import DhArm
 from nico_selfmodel.estimation.observations.hand_pixels import HandPixels
 from nico_selfmodel.estimation.observations.hand_points import HandPoints
 from nico_selfmodel.estimation.observations.observations import Observations
@@ -25,13 +25,13 @@ from nico_selfmodel.model.self_model import SelfModel
 from nico_selfmodel.names import listed
 
 SENSORS = ("auto", "pixels", "points")
-"""`auto`: pixels where the model has eyes and the data have pixels, else points."""
+"""`auto`: pixels where the model has cameras and the data have pixels, else points."""
 JOINT_SIGMA = "joint_sigma_rad"
 """Key of `SelfModel.fit`: standard deviation of a joint angle about its encoder [rad]."""
 
 
 @dataclass(frozen=True, eq=False)
-class Sightings:
+class HandObservations:
     """Rows of data as a model sees them."""
 
     block: HandPixels | HandPoints
@@ -39,7 +39,7 @@ class Sightings:
     x: NDArray
     """Values of the block's names in the model. Shape (P,)."""
     noise: HandNoise
-    """What disturbs the sightings."""
+    """What disturbs the observations."""
     sample: NDArray
     """Number of the pose of each row. Shape (N,)."""
 
@@ -49,7 +49,7 @@ class Sightings:
 
     @property
     def names(self) -> tuple[str, ...]:
-        """Names of the parameters, of the arm and where there are pixels of the eyes."""
+        """Names of the parameters, of the arm and where there are pixels of the cameras."""
         return self.block.names
 
     @property
@@ -119,13 +119,13 @@ class Innovations:
         return self.seen.sum(axis=1)
 
 
-def sightings_of(
+def hand_observations_of(
     model: SelfModel, dataset: Dataset, sensor: str = "auto", sigma: float | None = None
-) -> Sightings:
+) -> HandObservations:
     """Hold data against a model.
 
     Args:
-        model: The model; its world is its left eye's frame where pixels count.
+        model: The model; its world is its left camera's frame where pixels count.
         dataset: Encoder readings, and pixels or measured points in the model's world.
         sensor: One of `SENSORS`.
         sigma: Standard deviation of a coordinate [px or m]; what the data set or the model states
@@ -136,7 +136,8 @@ def sightings_of(
 
     Raises:
         DataError: If joints, units or markers differ, or nothing was seen.
-        ModelError: If the model does not say what noise to expect, or its world is not its eye's.
+        ModelError: If the model does not say what noise to expect, or its world is not its
+            camera's.
         ValueError: If there is no such sensor.
     """
     pixels = by_pixels(model, dataset, sensor)
@@ -149,20 +150,20 @@ def by_pixels(model: SelfModel, dataset: Dataset, sensor: str = "auto") -> bool:
     """Return whether data are held against a model by their pixels, not by their measured points.
 
     Raises:
-        ModelError: If there are nothing but pixels, and the model has no eyes.
+        ModelError: If there are nothing but pixels, and the model has no cameras.
         ValueError: If there is no such sensor.
     """
     if sensor not in SENSORS:
         raise ValueError(f"no sensor {sensor!r}; there are {', '.join(SENSORS)}")
     has_pixels = bool(np.isfinite(dataset.pixels).any())
-    has_eyes = set(model.cameras) == set(SIDES)
-    if sensor == "auto" and has_pixels and not has_eyes and not dataset.measured.any():
+    has_cameras = set(model.cameras) == set(SIDES)
+    if sensor == "auto" and has_pixels and not has_cameras and not dataset.measured.any():
         raise ModelError(
-            f"self-model {model.name!r} has no eyes, and data set {dataset.name!r} holds nothing "
-            "but pixels: learn arm and eyes together with `nico-selfmodel calibrate body`, or "
+            f"self-model {model.name!r} has no cameras, and data set {dataset.name!r} holds "
+            "nothing but pixels: learn arm and cameras together with `nico-selfmodel calibrate body`, or "
             "record measured points"
         )
-    return sensor == "pixels" or (sensor == "auto" and has_pixels and has_eyes)
+    return sensor == "pixels" or (sensor == "auto" and has_pixels and has_cameras)
 
 
 def covariance_of(model: SelfModel, names: tuple[str, ...]) -> NDArray:
@@ -191,24 +192,24 @@ def laid_out(own: tuple[str, ...], covariance: NDArray, names: tuple[str, ...]) 
     return matrix
 
 
-def _by_pixels(model: SelfModel, dataset: Dataset, sigma: float | None) -> Sightings:
+def _by_pixels(model: SelfModel, dataset: Dataset, sigma: float | None) -> HandObservations:
     rig = model.rig
     if not np.allclose(rig.left.X_WC, np.eye(4), atol=1e-12):
         raise ModelError(
-            f"the world of self-model {model.name!r} is not its left eye's frame: learn arm and "
-            "eyes together with `nico-selfmodel calibrate body`"
+            f"the world of self-model {model.name!r} is not its left camera's frame: learn arm and "
+            "cameras together with `nico-selfmodel calibrate body`"
         )
     observations = PixelObservations.from_dataset(dataset, model.markers)
-    block = HandPixels(observations, RowsView(observations.arm, model.parameters))
+    block = HandPixels(observations, DhArm(observations.arm, model.parameters))
     sensor = sigma or dataset.pixel_sigma_px or model.pixel_sigma
     if sensor is None:
         raise ModelError(f"self-model {model.name!r} states no pixel_sigma_px: learn it anew")
     noise = HandNoise(sensor, float(model.fit.get(JOINT_SIGMA, 0.0)))
     x = np.concatenate([model.parameters.values, rig.values])
-    return Sightings(block, x, noise, observations.arm.sample)
+    return HandObservations(block, x, noise, observations.arm.sample)
 
 
-def _by_points(model: SelfModel, dataset: Dataset, sigma: float | None) -> Sightings:
+def _by_points(model: SelfModel, dataset: Dataset, sigma: float | None) -> HandObservations:
     observations = Observations.from_dataset(dataset, model.markers)
     play = float(model.fit.get(JOINT_SIGMA, 0.0))
     # A model that does not tell play from noise holds both in its noise.
@@ -217,7 +218,7 @@ def _by_points(model: SelfModel, dataset: Dataset, sigma: float | None) -> Sight
         raise ModelError(f"self-model {model.name!r} states no noise_sigma_m: learn it anew")
     block = HandPoints(observations, model.parameters)
     noise = HandNoise(float(sigma or stated or 0.0), play)
-    return Sightings(block, model.parameters.values, noise, observations.sample)
+    return HandObservations(block, model.parameters.values, noise, observations.sample)
 
 
 def _check_markers(model: SelfModel, dataset: Dataset) -> None:
@@ -231,11 +232,12 @@ def _check_markers(model: SelfModel, dataset: Dataset) -> None:
 
 
 def with_values(model: SelfModel, names: tuple[str, ...], x: NDArray) -> SelfModel:
-    """Return a model with other values of arm and, where named, eyes.
+    """Return a model with other values of arm and, where named, cameras.
 
     Args:
         model: The model.
-        names: Names as of `Sightings`: the arm's parameters, then the eyes' if there are pixels.
+        names: Names as of `HandObservations`: the arm's parameters, then the cameras' if there are
+            pixels.
         x: Their values. Shape (P,).
 
     Raises:

@@ -83,7 +83,7 @@ def refine_by_pose(
         observations: What was measured.
         start: The arm; parameters that are not free stay.
         free: Names of the parameters to estimate.
-        outliers: Rows not believed so far. Boolean, shape (N,).
+        outliers: Outlier rows so far. Boolean, shape (N,).
         sigma: Standard deviation of a coordinate about the start [m].
         trim: Look for outliers again; else `outliers` stay as they are.
 
@@ -111,7 +111,7 @@ def conditional_distances(linear: Linearised, free: frozenset[str], keep: NDArra
     """Return how far each row is from what the model and the rest of its pose let expect.
 
     For rows in the fit, with P = S^-1 - S^-1 J C J' S^-1, the squared distance e' P_ii^-1 e of
-    e = (P r)_i: that of the row left out (Cook, Weisberg 1982). For the others what the believed
+    e = (P r)_i: that of the row left out (Cook, Weisberg 1982). For the others what the inliers
     rows of their pose tell of its joints is taken off: delta = D G^-1 B' u, G = I + B'B.
 
     Args:

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from nico_selfmodel.estimation.noise.hand_observations import Sightings
+from nico_selfmodel.estimation.noise.hand_observations import HandObservations
 from nico_selfmodel.estimation.observations.observations import Observations
 
 _BY_POSE = ("residuals", "by_angle", "slopes", "seen", "sample")
@@ -34,25 +34,25 @@ class PoseResiduals:
     """Number of each pose, the first where a standing robot was measured often. Shape (N,)."""
 
     @classmethod
-    def of(cls, sightings: Sightings) -> "PoseResiduals":
+    def of(cls, observations: HandObservations) -> "PoseResiduals":
         """Stack the rows of a data set by pose, in their order.
 
         Samples that follow each other with equal readings are one pose: the robot stood still, and
         its frames share their joint noise. They are averaged.
 
         Args:
-            sightings: Rows of measurements held against a model.
+            observations: Rows of measurements held against a model.
         """
-        arm, seen = sightings.arm, sightings.seen
-        predicted, jacobian = sightings.block.project(sightings.x)
+        arm, seen = observations.arm, observations.seen
+        predicted, jacobian = observations.block.project(observations.x)
         pose, sample = _poses_of(arm)
         slot = pose * len(arm.markers) + arm.marker
         stack = _Stack(slot, seen, len(sample), len(arm.markers))
         return cls(
-            sightings.sensor,
-            sightings.names,
-            stack.mean((sightings.block.measured - predicted).T[:, :, None])[:, :, 0],
-            stack.mean(sightings.block.by_angle(sightings.x)),
+            observations.sensor,
+            observations.names,
+            stack.mean((observations.block.measured - predicted).T[:, :, None])[:, :, 0],
+            stack.mean(observations.block.by_angle(observations.x)),
             stack.mean(jacobian.transpose(2, 1, 0)),
             stack.seen,
             sample,

@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 from nico_selfmodel.dataset.dataset import Dataset
 from nico_selfmodel.dataset.sweeps import find_sweeps
 from nico_selfmodel.errors import ModelError
-from nico_selfmodel.estimation.noise.hand_observations import covariance_of, sightings_of
+from nico_selfmodel.estimation.noise.hand_observations import covariance_of, hand_observations_of
 from nico_selfmodel.estimation.noise.mixture_fit import most_likely_mixture
 from nico_selfmodel.estimation.noise.pose_residuals import PoseResiduals
 from nico_selfmodel.model.arm.dh_parameters import M0_NAMES
@@ -54,9 +54,9 @@ def with_training_noise(
         point_sigma: Noise of the points that it was fitted to, where those were made of the pixels
             [m]; they then weighed the coordinates.
     """
-    sightings = sightings_of(model, _judged(dataset), sensor)
-    poses = PoseResiduals.of(sightings)
-    weighed = sightings.noise.covariance(poses.by_angle)
+    observations = hand_observations_of(model, _judged(dataset), sensor)
+    poses = PoseResiduals.of(observations)
+    weighed = observations.noise.covariance(poses.by_angle)
     if point_sigma:
         by_place = poses.slopes[:, :, [poses.names.index(name) for name in M0_NAMES[:3]]]
         weighed = weighed + point_sigma**2 * by_place @ np.swapaxes(by_place, 1, 2)
@@ -65,7 +65,7 @@ def with_training_noise(
     aside = np.isin(poses.sample, outliers)
     own[aside] = poses.residuals[aside]
     limits = (least_noise(sensor, _stated(dataset, sensor)), LARGEST_SENSOR[sensor])
-    spread = max(float(np.std(sightings.block.measured, axis=1).mean()), limits[0])
+    spread = max(float(np.std(observations.block.measured, axis=1).mean()), limits[0])
     noise = most_likely_mixture(own, poses.by_angle, poses.seen, fitted, limits, spread)
     known = {**model.fit.get("noise", {}), sensor: noise.as_document(sensor)}
     return replace(model, fit={**model.fit, "noise": known})

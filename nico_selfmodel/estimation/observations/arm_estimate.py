@@ -8,7 +8,7 @@ from nico_selfmodel.model.arm.chain import Chain
 
 
 @dataclass(frozen=True, eq=False)
-class ArmHypothesis:
+class ArmEstimate:
     """A chain whose zero configuration is at given encoder angles, with gears.
 
     The encoder angles at zero are a choice, not an estimate: n lines, n gears and m points hold

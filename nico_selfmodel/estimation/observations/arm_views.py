@@ -5,7 +5,7 @@ from typing import Protocol
 import numpy as np
 from numpy.typing import NDArray
 
-from nico_selfmodel.estimation.observations.arm_estimate import ArmHypothesis
+from nico_selfmodel.estimation.observations.arm_estimate import ArmEstimate
 from nico_selfmodel.estimation.observations.hand_residuals import (
     DhResiduals,
     LineResiduals,
@@ -40,10 +40,10 @@ class ArmView(Protocol):
         ...
 
 
-class LinesView:
+class AxesArm:
     """An arm as lines, gears and hand points: minimal, without gauge."""
 
-    def __init__(self, observations: Observations, start: ArmHypothesis) -> None:
+    def __init__(self, observations: Observations, start: ArmEstimate) -> None:
         """Lay the chart at a start.
 
         Args:
@@ -60,7 +60,7 @@ class LinesView:
         """Where the variables start. Shape (5n + 3m,)."""
         return self._lines.start
 
-    def hypothesis(self, x: NDArray) -> ArmHypothesis:
+    def hypothesis(self, x: NDArray) -> ArmEstimate:
         """Return the arm that variables describe."""
         return self._lines.hypothesis(x)
 
@@ -79,14 +79,14 @@ class LinesView:
         return slopes.by_angle
 
 
-class RowsView:
+class DhArm:
     """An arm as Denavit-Hartenberg parameters, for pins and covariance by name."""
 
     def __init__(self, observations: Observations, start: DhParameters) -> None:
         """Take the data.
 
         Args:
-            observations: Encoder angles; its positions must be zero, as for `LinesView`.
+            observations: Encoder angles; its positions must be zero, as for `AxesArm`.
             start: Table and servos at the start.
         """
         self._rows = DhResiduals(observations, start, 1.0)

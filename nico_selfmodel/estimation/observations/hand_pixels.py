@@ -1,7 +1,7 @@
-"""Residuals of the hand's pixels in both eyes, over the arm and the eyes (thesis eq. 8.8).
+"""Residuals of the hand's pixels in both cameras, over the arm and the cameras (thesis eq. 8.8).
 
-The world is the left eye's frame: it carries the image, the right one stands in it, and the arm is
-expressed in it. The thesis' sum misses its square, its two cameras and their lenses.
+The world is the left camera's frame: it carries the image, the right one stands in it, and the arm
+is expressed in it. The thesis' sum misses its square, its two cameras and their lenses.
 """
 
 import numpy as np
@@ -14,14 +14,14 @@ from nico_selfmodel.model.arm.line_kinematics import cross
 from nico_selfmodel.model.cameras.camera import project_in_camera
 from nico_selfmodel.model.cameras.stereo_rig import StereoRig
 
-_EYE_VARIABLES = 26
+_CAMERA_VARIABLES = 26
 
 
 class HandPixels:
-    """W (predicted - measured) pixels of every row, over an arm and both eyes.
+    """W (predicted - measured) pixels of every row, over an arm and both cameras.
 
     Attributes:
-        names: Variables of the arm, then those of the eyes.
+        names: Variables of the arm, then those of the cameras.
         measured: Pixels, zero where not seen. Shape (4, N).
         whitening: Of the rows, zero where not seen. Shape (N, 4, 4).
     """
@@ -32,7 +32,7 @@ class HandPixels:
         """Take the data.
 
         Args:
-            observations: Where the eyes saw the hand.
+            observations: Where the cameras saw the hand.
             arm: How the arm is written down.
             whitening: Of each row's pixels, zero where not seen (`HandNoise.whitening`); one
                 pixel each if omitted. Shape (N, 4, 4).
@@ -67,48 +67,49 @@ class HandPixels:
     def by_angle(self, x: NDArray) -> NDArray:
         """Return the derivatives of each row's pixels by the joint angles. Shape (N, 4, n)."""
         split = len(self.arm.names)
-        by_point = project_to_eyes(self.arm.evaluate(x[:split])[0], x[split:])[1]
+        by_point = project_to_cameras(self.arm.evaluate(x[:split])[0], x[split:])[1]
         return np.einsum("ain,ijn->naj", by_point, self.arm.by_angle(x[:split]))
 
     def project(self, x: NDArray) -> tuple[NDArray, NDArray]:
         """Return predicted pixels, shape (4, N), and their derivatives, shape (P, 4, N)."""
         split = len(self.arm.names)
         p, by_arm = self.arm.evaluate(x[:split])
-        pixels, by_point, by_eyes = project_to_eyes(p, x[split:])
+        pixels, by_point, by_cameras = project_to_cameras(p, x[split:])
         jacobian = np.empty((len(self.names), 4, p.shape[1]))
         # d(pixel)/d(arm) = d(pixel)/d(p) d(p)/d(arm)
         part = jacobian[:split]
         np.multiply(by_arm[:, None, 0], by_point[:, 0], out=part)
         part += by_arm[:, None, 1] * by_point[:, 1]
         part += by_arm[:, None, 2] * by_point[:, 2]
-        jacobian[split:] = by_eyes
+        jacobian[split:] = by_cameras
         return pixels, jacobian
 
 
-def project_to_eyes(p_LH: NDArray, eyes: NDArray) -> tuple[NDArray, NDArray, NDArray]:
-    """Project points of the left eye's frame into both eyes, with derivatives.
+def project_to_cameras(p_LH: NDArray, cameras: NDArray) -> tuple[NDArray, NDArray, NDArray]:
+    """Project points of the left camera's frame into both cameras, with derivatives.
 
     Args:
         p_LH: Points [m]. Shape (3, N).
-        eyes: Values of `StereoRig.names`: both insides, and the right eye's pose. Shape (26,).
+        cameras: Values of `StereoRig.names`: both insides, and the right camera's pose. Shape
+            (26,).
 
     Returns:
-        Pixels, shape (4, N), derivatives by the point, shape (4, 3, N), and by the eyes, shape
+        Pixels, shape (4, N), derivatives by the point, shape (4, 3, N), and by the cameras, shape
         (26, 4, N).
     """
-    left, right, turn, place = np.split(eyes, [10, 20, 23])
+    left, right, turn, place = np.split(cameras, [10, 20, 23])
     rotation = rotation_from_vector(turn)
     away = p_LH - place[:, None]
     pixels = np.empty((4, p_LH.shape[1]))
     by_point = np.empty((4, 3, p_LH.shape[1]))
-    by_eyes = np.zeros((_EYE_VARIABLES, 4, p_LH.shape[1]))
+    by_cameras = np.zeros((_CAMERA_VARIABLES, 4, p_LH.shape[1]))
     pixels[:2], by_point[:2], by_left = project_in_camera(p_LH, left)
-    by_eyes[:10, :2] = by_left.swapaxes(0, 1)
+    by_cameras[:10, :2] = by_left.swapaxes(0, 1)
     pixels[2:], in_right, by_right = project_in_camera(rotation.T @ away, right)
-    by_eyes[10:20, 2:] = by_right.swapaxes(0, 1)
+    by_cameras[10:20, 2:] = by_right.swapaxes(0, 1)
     # p_R = R' exp(-[w]) (p - t - dt): d/dp = R', d/dw = R' [p - t]x, d/dt = -R'
     by_point[2:] = np.einsum("ij,ajn->ain", rotation, in_right)
     about = cross(by_point[2:].swapaxes(0, 1), away[:, None])
-    by_eyes[20:23, 2:] = np.einsum("ij,ian->jan", rotation_vector_slope(turn), about)
-    by_eyes[23:, 2:] = -by_point[2:].swapaxes(0, 1)
-    return pixels, by_point, by_eyes
+    by_cameras[20:23, 2:] = np.einsum("ij,ian->jan", rotation_vector_slope(turn), about)
+    by_cameras[23:, 2:] = -by_point[2:].swapaxes(0, 1)
+    return pixels, by_point, by_cameras

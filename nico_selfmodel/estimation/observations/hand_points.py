@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
-from nico_selfmodel.estimation.observations.arm_views import ArmView, RowsView
+from nico_selfmodel.estimation.observations.arm_views import ArmView, DhArm
 from nico_selfmodel.estimation.observations.observations import Observations
 from nico_selfmodel.model.arm.dh_parameters import DhParameters
 
@@ -29,7 +29,7 @@ class HandPoints:
         self.observations = observations
         self.measured = observations.p_WH.T
         at_origin = replace(observations, p_WH=np.zeros((len(observations), 3)))
-        self.arm: ArmView = RowsView(at_origin, start)
+        self.arm: ArmView = DhArm(at_origin, start)
         self.names = self.arm.names
         self.seen = np.ones((len(observations), 3), dtype=bool)
         self.whiten(np.tile(np.eye(3), (len(observations), 1, 1)))

@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
-from nico_selfmodel.estimation.observations.arm_estimate import ArmHypothesis
+from nico_selfmodel.estimation.observations.arm_estimate import ArmEstimate
 from nico_selfmodel.estimation.observations.observations import Observations
 from nico_selfmodel.geometry.rotation import move_on_sphere, tangent_basis
 from nico_selfmodel.model.arm.dh_parameters import DhParameters
@@ -22,7 +22,7 @@ class LineResiduals:
     5n + 3 instead of 6 + 5n unknowns).
     """
 
-    def __init__(self, observations: Observations, start: ArmHypothesis, sigma: float) -> None:
+    def __init__(self, observations: Observations, start: ArmEstimate, sigma: float) -> None:
         """Prepare the chart at a start.
 
         Args:
@@ -49,13 +49,13 @@ class LineResiduals:
         joints[:, 4] = self._start.gear
         return np.concatenate([joints.ravel(), chain.p_WH_zero.ravel()])
 
-    def hypothesis(self, x: NDArray) -> ArmHypothesis:
+    def hypothesis(self, x: NDArray) -> ArmEstimate:
         """Return the arm at chart coordinates x; a negative gear turns its axis round instead."""
         directions, _, points, gear, hands = self._unpack(x)
         directions = directions / np.linalg.norm(directions, axis=1, keepdims=True)
         directions, gear = directions * np.sign(gear)[:, None], np.abs(gear)
         chain = replace(self._start.chain, directions=directions, points=points, p_WH_zero=hands)
-        return ArmHypothesis(chain, gear, self._start.zero)
+        return ArmEstimate(chain, gear, self._start.zero)
 
     def evaluate(self, x: NDArray) -> tuple[NDArray, NDArray]:
         """Return residuals, shape (3, N), and derivatives, shape (5n + 3m, 3, N)."""

@@ -82,7 +82,7 @@ class Observations:
         """How many poses the rows are of, and how many rows where these are more."""
         count = len(self.poses)
         words = "1 pose" if count == 1 else f"{count} poses"
-        return words if len(self) == count else f"{len(self)} sightings in {words}"
+        return words if len(self) == count else f"{len(self)} observations in {words}"
 
     def __len__(self) -> int:
         """Return the number of rows N."""

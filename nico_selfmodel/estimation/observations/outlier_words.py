@@ -12,7 +12,7 @@ _SHOWN = 6
 _FEWEST = 5
 """Poses in a row that make a standing encoder no accident."""
 _MOST_OF_MARKER = 0.3
-"""A marker of which so much is not believed does not move with the others, or moved on the hand."""
+"""A marker with so many outliers does not move with the others, or moved on the hand."""
 
 
 def describe_outliers(observations: Observations, outliers: NDArray) -> str:
@@ -20,13 +20,13 @@ def describe_outliers(observations: Observations, outliers: NDArray) -> str:
 
     Args:
         observations: What was measured.
-        outliers: Rows that are not believed. Boolean, shape (N,).
+        outliers: Rows that are outliers. Boolean, shape (N,).
 
     Returns:
         For example "samples 11 to 30, in all of which the encoder of elbow stands at 0.31 rad".
     """
     samples = np.unique(observations.sample[outliers])
-    # Frozen readings repeat in poses that were believed only where the arm really was there.
+    # Frozen readings repeat in inlier poses only where the arm really was there.
     stuck = _stuck_encoder(observations, outliers)
     if samples.size == 1:
         return f"sample {samples[0]}"
@@ -53,8 +53,8 @@ def _stuck_encoder(observations: Observations, outliers: NDArray) -> str:
         if same < max(_FEWEST, 0.7 * len(angles)) or not alone:
             continue
         stands = observations.angles[:, i] == values[np.argmax(counts)]
-        believed = np.unique(observations.sample[stands & ~outliers]).size
-        if believed > 0.2 * same:
+        inliers = np.unique(observations.sample[stands & ~outliers]).size
+        if inliers > 0.2 * same:
             continue  # the joint often stands there, and rightly so
         where = values[np.argmax(counts)] / observations.units.radians_per_unit[i]
         return (
@@ -70,10 +70,10 @@ def foreign_markers(observations: Observations, outliers: NDArray) -> list[str]:
 
     Args:
         observations: What was measured.
-        outliers: Rows that are not believed. Boolean, shape (N,).
+        outliers: Rows that are outliers. Boolean, shape (N,).
 
     Returns:
-        A sentence for each marker most of whose points are not believed.
+        A sentence for each marker most of whose points are outliers.
     """
     found = []
     for k, marker in enumerate(observations.markers):

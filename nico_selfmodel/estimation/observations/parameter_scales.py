@@ -11,7 +11,7 @@ def natural_scales_of(model: SelfModel, names: tuple[str, ...]) -> NDArray:
 
     Args:
         model: The body.
-        names: Parameters of its arm, or of the pose of an eye.
+        names: Parameters of its arm, or of the pose of a camera.
 
     Returns:
         Shape (k,).

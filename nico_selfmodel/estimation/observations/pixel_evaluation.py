@@ -1,4 +1,4 @@
-"""A self-model with eyes held against what its eyes saw of the hand (thesis sections 7.3, 8.3)."""
+"""A self-model held against what its cameras saw of the hand (thesis sections 7.3, 8.3)."""
 
 from dataclasses import dataclass
 
@@ -18,16 +18,16 @@ from nico_selfmodel.names import listed
 
 @dataclass(frozen=True, eq=False)
 class PixelEvaluation:
-    """Predicted pixels and points beside those that the eyes found."""
+    """Predicted pixels and points beside those that the cameras found."""
 
     observations: PixelObservations
     """What was seen."""
     pixels_predicted: NDArray
-    """Nan where the model puts the hand out of an eye's view [px]. Shape (N, 4)."""
+    """Nan where the model puts the hand out of a camera's view [px]. Shape (N, 4)."""
     p_LH_predicted: NDArray
     """Where the model puts the hand [m]. Shape (N, 3)."""
     p_LH_seen: NDArray
-    """Where the model's own eyes reconstruct it; nan without both eyes [m]. Shape (N, 3)."""
+    """Where the model's own cameras reconstruct it; nan without both cameras [m]. Shape (N, 3)."""
 
     def select(self, keep: NDArray) -> "PixelEvaluation":
         """Return the chosen rows. `keep` is a boolean mask or an index."""
@@ -50,13 +50,13 @@ class PixelEvaluation:
 
     @property
     def pixel_distances(self) -> NDArray:
-        """Errors of all sightings of both eyes, eq. 7.4 against the tracker [px]. Shape (n,)."""
+        """Errors of both cameras' observations, eq. 7.4 against the tracker [px]. Shape (n,)."""
         distances = np.linalg.norm(self.residuals.reshape(-1, 2), axis=1)
         return distances[np.isfinite(distances)]
 
     @property
     def pixels_by_pose(self) -> NDArray:
-        """Mean error of each pose over what both eyes saw there [px]. Shape (poses,)."""
+        """Mean error of each pose over what both cameras saw there [px]. Shape (poses,)."""
         distances = np.linalg.norm(self.residuals.reshape(-1, 2, 2), axis=2)
         seen = np.isfinite(distances)
         mean = np.where(seen, distances, 0.0).sum(axis=1) / np.maximum(seen.sum(axis=1), 1)
@@ -64,9 +64,9 @@ class PixelEvaluation:
 
     @property
     def distances(self) -> NDArray:
-        """Distances of predicted points from the eyes' own [m]. Shape (n,).
+        """Distances of predicted points from the cameras' own [m]. Shape (n,).
 
-        The thesis' 3D error. It is no external truth: eyes and arm that err alike look perfect.
+        The thesis' 3D error. It is no external truth: cameras and arm that err alike look perfect.
         """
         distances = np.linalg.norm(self.p_LH_predicted - self.p_LH_seen, axis=1)
         return distances[np.isfinite(distances)]
@@ -85,10 +85,10 @@ class PixelEvaluation:
 
 
 def evaluate_pixels(model: SelfModel, dataset: Dataset) -> PixelEvaluation:
-    """Hold a self-model against what its eyes saw.
+    """Hold a self-model against what its cameras saw.
 
     Args:
-        model: Arm and eyes, the left one at the world.
+        model: Arm and cameras, the left one at the world.
         dataset: Encoder readings and pixels, of the same joints in any order.
 
     Returns:
@@ -96,7 +96,7 @@ def evaluate_pixels(model: SelfModel, dataset: Dataset) -> PixelEvaluation:
 
     Raises:
         DataError: If joints, units or markers differ, or nothing was seen.
-        ModelError: If the model lacks arm or eyes.
+        ModelError: If the model lacks arm or cameras.
     """
     rig = model.rig
     dataset = columns_of(model, dataset)

@@ -18,19 +18,19 @@ from nico_selfmodel.names import listed
 
 @dataclass(frozen=True, eq=False)
 class PixelObservations:
-    """Rows in which one eye or both saw a tracked point directly, not in a mirror."""
+    """Rows in which one camera or both saw a tracked point directly, not in a mirror."""
 
     arm: Observations
     """Encoder angles, tracked points and samples of the rows. Its positions are all zero, so that
     residuals of positions are the predicted positions themselves."""
     pixels: NDArray
-    """Left u, v and right u, v; nan where an eye did not see the point [px]. Shape (N, 4)."""
+    """Left u, v and right u, v; nan where a camera did not see the point [px]. Shape (N, 4)."""
 
     @classmethod
     def from_dataset(
         cls, dataset: Dataset, markers: tuple[str, ...] | None = None
     ) -> "PixelObservations":
-        """Take the rows in which an eye saw a point.
+        """Take the rows in which a camera saw a point.
 
         Args:
             dataset: The data.
@@ -49,7 +49,7 @@ class PixelObservations:
         if not rows.size:
             raise DataError(
                 f"data set {dataset.name!r} has no pixels (left_u, left_v, right_u, right_v) of "
-                f"{listed(known) or 'any marker'}: record it with eyes that track the hand"
+                f"{listed(known) or 'any marker'}: record it with cameras that track the hand"
             )
         index = {name: i for i, name in enumerate(known)}
         units = servo_units(dataset)
@@ -79,15 +79,15 @@ class PixelObservations:
 
     @property
     def by_both(self) -> NDArray:
-        """Which rows both eyes saw. Boolean, shape (N,)."""
+        """Which rows both cameras saw. Boolean, shape (N,)."""
         return np.asarray(self.seen.all(axis=1))
 
     def select(self, keep: NDArray) -> "PixelObservations":
         """Return the chosen rows. `keep` is a boolean mask or an index."""
         return replace(self, arm=self.arm.select(keep), pixels=self.pixels[keep])
 
-    def require_both_eyes(self, fewest: int, name: str, unknown: tuple[str, ...] = ()) -> None:
-        """Refuse data in which too few poses were seen by both eyes.
+    def require_both_cameras(self, fewest: int, name: str, unknown: tuple[str, ...] = ()) -> None:
+        """Refuse data in which too few poses were seen by both cameras.
 
         Args:
             fewest: Poses that are needed.
@@ -95,37 +95,36 @@ class PixelObservations:
             unknown: Parameters that so few poses leave open.
 
         Raises:
-            DataError: If so; it names the eye that saw less, and what stays blind.
+            DataError: If so; it names the camera that saw less, and what cannot be observed.
         """
         both = int(self.by_both.sum())
         if both >= fewest:
             return
         poses = self.arm.select(self.by_both).pose_words
-        words = (
-            f"in data set {name!r} both eyes saw the hand in {poses}, at least {fewest} are needed"
-        )
+        words = f"in data set {name!r} both cameras saw the hand in {poses}, at least {fewest} are"
+        words += " needed"
         if unknown:
-            words += f", or these stay blind, wholly or in part: {listed(unknown)}"
+            words += f", or these cannot be observed, wholly or in part: {listed(unknown)}"
         if both == len(self):
             raise DataError(f"{words}: record more")
-        counts = {eye: int(self.seen[:, 2 * i].sum()) for i, eye in enumerate(SIDES)}
-        blind = min(counts, key=lambda eye: counts[eye])
+        counts = {camera: int(self.seen[:, 2 * i].sum()) for i, camera in enumerate(SIDES)}
+        fewer = min(counts, key=lambda camera: counts[camera])
         raise DataError(
-            f"{words}: the {blind} eye saw it in {counts[blind]} of {len(self)}; record poses in "
-            "view of both eyes"
+            f"{words}: the {fewer} camera saw it in {counts[fewer]} of {len(self)}; record poses "
+            "in view of both cameras"
         )
 
 
 def seen_points(observations: PixelObservations, rig: StereoRig, sigma: float) -> NDArray:
-    """Reconstruct the points that both eyes saw.
+    """Reconstruct the points that both cameras saw.
 
     Args:
         observations: Pixels.
-        rig: The eyes.
+        rig: The cameras.
         sigma: Standard deviation of a pixel coordinate [px].
 
     Returns:
-        p_WH, nan where an eye did not see the point or its pixels allow none [m]. Shape (N, 3).
+        p_WH, nan where a camera did not see the point or its pixels allow none [m]. Shape (N, 3).
     """
     p = np.full((len(observations), 3), np.nan)
     pixels = observations.pixels

@@ -9,7 +9,7 @@ from nico_selfmodel.names import did_you_mean, listed
 
 
 @dataclass(frozen=True)
-class Pins:
+class FixedParameters:
     """Parameters pinned and freed by name, beyond what is pinned by default."""
 
     pinned: dict[str, float | None] = field(default_factory=dict)
@@ -18,7 +18,7 @@ class Pins:
     """Names that move although they are pinned by default: gears, gauges."""
 
     @classmethod
-    def from_text(cls, pin: Sequence[str] = (), free: Sequence[str] = ()) -> "Pins":
+    def from_text(cls, pin: Sequence[str] = (), free: Sequence[str] = ()) -> "FixedParameters":
         """Read the command line's words.
 
         Raises:

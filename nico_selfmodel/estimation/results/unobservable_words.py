@@ -1,4 +1,4 @@
-"""Blind directions in words, with what would cure them."""
+"""Unobservable directions in words, with what would cure them."""
 
 from nico_selfmodel.optimization.uncertainty import UnobservableDirection
 
@@ -22,7 +22,7 @@ _CURE = {
 }
 
 
-def describe_blind(direction: UnobservableDirection) -> str:
+def describe_unobservable(direction: UnobservableDirection) -> str:
     """Say in a sentence which parameters a direction joins and what would cure it.
 
     Args:
@@ -31,10 +31,10 @@ def describe_blind(direction: UnobservableDirection) -> str:
     Returns:
         For example "right_elbow.gear (gear) cannot be told from ...: move right_elbow ...".
     """
-    return f"{name_blind(direction)}: {_cure(direction.names[0])}"
+    return f"{name_unobservable(direction)}: {_cure(direction.names[0])}"
 
 
-def name_blind(direction: UnobservableDirection) -> str:
+def name_unobservable(direction: UnobservableDirection) -> str:
     """Say which parameters a direction joins, without what would cure it."""
     first, *others = direction.names
     words = f"`{first}` ({_meaning(first)})"

@@ -49,7 +49,7 @@ class MirrorRig:
     @cached_property
     def virtual(self) -> StereoRig:
         """The reflected cameras: they see a point where the real ones see its reflection."""
-        left, right = (mirror_camera(camera, self.plane) for camera in self.rig.eyes)
+        left, right = (mirror_camera(camera, self.plane) for camera in self.rig.cameras)
         return StereoRig(left, right)
 
     def project(self, p_WQ: ArrayLike) -> NDArray:
@@ -75,7 +75,7 @@ class MirrorRig:
         Returns:
             Pixels and derivatives in both cameras.
         """
-        return reflected_projection(self.rig.eyes, self.mirror.values, p_WQ)
+        return reflected_projection(self.rig.cameras, self.mirror.values, p_WQ)
 
     def triangulate(
         self, pixels: ArrayLike, pixel_covariance: ArrayLike | float = 1.0

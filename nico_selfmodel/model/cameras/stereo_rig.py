@@ -53,7 +53,7 @@ class StereoRig:
     """The right camera."""
 
     @property
-    def eyes(self) -> tuple[Camera, Camera]:
+    def cameras(self) -> tuple[Camera, Camera]:
         """Left and right."""
         return self.left, self.right
 
@@ -123,7 +123,7 @@ class StereoRig:
         Returns:
             Pixels. Shape (N, 4) or (4,).
         """
-        return np.concatenate([camera.project(p_WQ) for camera in self.eyes], axis=-1)
+        return np.concatenate([camera.project(p_WQ) for camera in self.cameras], axis=-1)
 
     def triangulate(
         self, pixels: ArrayLike, pixel_covariance: ArrayLike | float = 1.0
@@ -158,7 +158,9 @@ class StereoRig:
         points[seen], residuals[seen] = p, pixels[seen] - reprojected
         covariance[seen] = _inverses(np.swapaxes(slopes, 1, 2) @ weight @ slopes)
         points[~np.isfinite(covariance).all(axis=(1, 2))] = np.nan
-        in_front[seen] = np.all([apply(camera.X_CW, p)[:, 2] > 0.0 for camera in self.eyes], axis=0)
+        in_front[seen] = np.all(
+            [apply(camera.X_CW, p)[:, 2] > 0.0 for camera in self.cameras], axis=0
+        )
         return Triangulation(points, covariance, residuals, in_front)
 
     def _refine(self, p: NDArray, pixels: NDArray, weight: NDArray) -> NDArray:
@@ -189,7 +191,7 @@ class StereoRig:
         return np.concatenate(
             [
                 homogeneous(camera.undistort(pixels[:, columns])) @ camera.K[:2].T
-                for camera, columns in zip(self.eyes, (slice(0, 2), slice(2, 4)), strict=True)
+                for camera, columns in zip(self.cameras, (slice(0, 2), slice(2, 4)), strict=True)
             ],
             axis=1,
         )
@@ -214,7 +216,7 @@ class StereoRig:
     def _triangulate_linearly(self, pixels: NDArray) -> NDArray:
         """Solve x (P3 q) = P1 q, y (P3 q) = P2 q for homogeneous q by SVD, both cameras at once."""
         rows = []
-        for camera, columns in zip(self.eyes, (slice(0, 2), slice(2, 4)), strict=True):
+        for camera, columns in zip(self.cameras, (slice(0, 2), slice(2, 4)), strict=True):
             ideal = camera.undistort(pixels[:, columns])
             matrix = camera.X_CW[:3]
             rows.append(ideal[:, :, None] * matrix[2] - matrix[:2])
@@ -226,7 +228,7 @@ class StereoRig:
     def _project_anywhere(self, p_WQ: NDArray) -> tuple[NDArray, NDArray]:
         """Project without asking for cheirality. Shapes (N, 4) and (N, 4, 3)."""
         pixels, slopes = [], []
-        for camera in self.eyes:
+        for camera in self.cameras:
             at, by_point, _ = project_in_camera(apply(camera.X_CW, p_WQ).T, camera.values)
             pixels.append(at.T)
             slopes.append(np.einsum("abn,bc->nac", by_point, camera.X_CW[:3, :3]))

@@ -44,11 +44,11 @@ class CameraDriver(LeafSystem):
         self.DeclareInitializationUnrestrictedUpdateEvent(self._take_over)
         self.DeclarePeriodicUnrestrictedUpdateEvent(self.period, 0.0, self._take_over)
         known = {self.abstract_state_ticket(self._pair)}
-        for eye, name in enumerate(SIDES):
+        for camera, name in enumerate(SIDES):
             self.DeclareAbstractOutputPort(
                 f"{name}_image",
                 lambda: image_value(*self.image_size),
-                lambda context, value, eye=eye: self._show(context, value, eye),
+                lambda context, value, camera=camera: self._show(context, value, camera),
                 prerequisites_of_calc=known,
             )
 
@@ -90,5 +90,5 @@ class CameraDriver(LeafSystem):
         holder.set_value([self.capture.latest()])
         return EventStatus.Succeeded()
 
-    def _show(self, context: Context, value: AbstractValue, eye: int) -> None:
-        write_bgr(self.pair_of(context).images[eye], value.get_mutable_value())
+    def _show(self, context: Context, value: AbstractValue, camera: int) -> None:
+        write_bgr(self.pair_of(context).images[camera], value.get_mutable_value())

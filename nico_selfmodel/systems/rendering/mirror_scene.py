@@ -127,13 +127,18 @@ class Glass:
     """Its frame M."""
 
     def show(
-        self, query: QueryObject, eye: CroppedRender, X_WC: NDArray, seen: NDArray, depth: NDArray
+        self,
+        query: QueryObject,
+        camera: CroppedRender,
+        X_WC: NDArray,
+        seen: NDArray,
+        depth: NDArray,
     ) -> None:
         """Put what is seen of this mirror into what a pinhole camera sees of all else.
 
         Args:
             query: The scene graph.
-            eye: The camera.
+            camera: The camera.
             X_WC: Its pose. Shape (4, 4).
             seen: Its picture, red, green, blue, opacity; changed in place. Shape (h, w, 4).
             depth: Distances of what it sees [m], changed in place. Shape (h, w).
@@ -142,37 +147,37 @@ class Glass:
         X_WM = query.GetPoseInWorld(self.frame).GetAsMatrix4()
         X_CM = inverse(X_WC) @ X_WM
         around = (plate.width + 2.0 * plate.rim, plate.height + 2.0 * plate.rim)
-        outer = GlassInView.of(eye.K, eye.size, X_CM, around)
+        outer = GlassInView.of(camera.K, camera.size, X_CM, around)
         if outer is None:
             return
         outer.show(seen, depth, _RIM if outer.faces_camera else _BACK, None)
-        glass = GlassInView.of(eye.K, eye.size, X_CM, (plate.width, plate.height))
+        glass = GlassInView.of(camera.K, camera.size, X_CM, (plate.width, plate.height))
         if glass is None or not glass.faces_camera:
             return
         K, size = glass.twin
         X_WV = RigidTransform(pose=X_WM @ glass.X_MV)
         world = query.inspector().world_frame_id()
-        twin = CroppedRender(eye.renderer, size, K, world, X_WV, near=glass.distance)
+        twin = CroppedRender(camera.renderer, size, K, world, X_WV, near=glass.distance)
         glass.show(seen, depth, twin(query), K)
 
 
 def show_mirrors(
-    query: QueryObject, eye: CroppedRender, glasses: Sequence[Glass], X_WC: NDArray
+    query: QueryObject, camera: CroppedRender, glasses: Sequence[Glass], X_WC: NDArray
 ) -> NDArray:
     """Render what a pinhole camera sees, mirrors included.
 
     Args:
         query: The scene graph.
-        eye: The camera.
+        camera: The camera.
         glasses: The mirrors, in any order: the nearer one hides the other.
         X_WC: Pose of the camera. Shape (4, 4).
 
     Returns:
         Red, green, blue, opacity, 8 bits. Shape (h, w, 4).
     """
-    seen, depth = eye.with_depth(query)
+    seen, depth = camera.with_depth(query)
     for glass in glasses:
-        glass.show(query, eye, X_WC, seen, depth)
+        glass.show(query, camera, X_WC, seen, depth)
     return seen
 
 

@@ -21,7 +21,7 @@ from nico_selfmodel.systems.rendering.cropped_render import CroppedRender
 from nico_selfmodel.systems.rendering.mirror_scene import Glass, show_mirrors
 from nico_selfmodel.vision.images.lens_warp import LensWarp
 
-RENDERER = "eyes"
+RENDERER = "cameras"
 """Name under which the scene graph knows the renderer, unless told otherwise."""
 
 
@@ -95,9 +95,9 @@ class StereoCameras(Closable, LeafSystem):
         super().__init__()
         self.quality = quality or ImageQuality()
         self._seed = np.ravel(seed)
-        self.__eyes = [
+        self.__cameras = [
             _Eye(camera, frame, self.quality.supersample, renderer, tuple(glasses))
-            for camera, frame in zip(rig.eyes, frames, strict=True)
+            for camera, frame in zip(rig.cameras, frames, strict=True)
         ]
         self._query = self.DeclareAbstractInputPort(
             "geometry_query", AbstractValue.Make(QueryObject())
@@ -108,47 +108,47 @@ class StereoCameras(Closable, LeafSystem):
             period = 1.0 / (self.quality.fps * self.quality.exposures)
             self.DeclarePeriodicUnrestrictedUpdateEvent(period, 0.0, self._expose)
             needs = {self.all_state_ticket(), self.time_ticket()}
-        for eye, (name, camera) in enumerate(zip(SIDES, rig.eyes, strict=True)):
+        for side, (name, camera) in enumerate(zip(SIDES, rig.cameras, strict=True)):
             self.DeclareAbstractOutputPort(
                 f"{name}_image",
                 lambda size=camera.image_size: image_value(*size),
-                lambda context, value, eye=eye: self._take(context, value, eye),
+                lambda context, value, camera=side: self._take(context, value, camera),
                 prerequisites_of_calc=needs,
             )
 
-    def _take(self, context: Context, value: AbstractValue, eye: int) -> None:
+    def _take(self, context: Context, value: AbstractValue, camera: int) -> None:
         """Put a picture on a port."""
         if self.quality.exposures > 1:
             film: Any = context.get_abstract_state(self._film).get_value()
             light = (
-                np.mean([pair[eye] for pair in film], axis=0)
+                np.mean([pair[camera] for pair in film], axis=0)
                 if film
-                else self._render(context, eye)
+                else self._render(context, camera)
             )
         else:
-            light = self._render(context, eye)
-        write_bgr(self._develop(light, context.get_time(), eye), value.get_mutable_value())
+            light = self._render(context, camera)
+        write_bgr(self._develop(light, context.get_time(), camera), value.get_mutable_value())
 
     def _expose(self, context: Context, state: Any) -> None:
         """Add one rendering of both cameras to the film, which holds one frame."""
         film = state.get_mutable_abstract_state(self._film)
-        pair = tuple(self._render(context, eye) for eye in range(2))
+        pair = tuple(self._render(context, camera) for camera in range(2))
         film.set_value([*film.get_value(), pair][-self.quality.exposures :])
 
-    def _render(self, context: Context, eye: int) -> NDArray:
+    def _render(self, context: Context, camera: int) -> NDArray:
         """Return what falls on a sensor, without noise. BGR, shape (h, w, 3)."""
         self.require_open()
         if not self._query.HasValue(context):
             raise RobotError(
                 f"input port {self.get_name()}.geometry_query is not connected: connect the query "
-                "output port of the scene graph that holds what the eyes shall see"
+                "output port of the scene graph that holds what the cameras shall see"
             )
-        return self.__eyes[eye].render(self._query.Eval(context))
+        return self.__cameras[camera].render(self._query.Eval(context))
 
     def _give_back(self) -> None:
-        self.__eyes.clear()  # the maps of the lenses are megabytes
+        self.__cameras.clear()  # the maps of the lenses are megabytes
 
-    def _develop(self, light: NDArray, time: float, eye: int) -> NDArray:
+    def _develop(self, light: NDArray, time: float, camera: int) -> NDArray:
         """Apply gain and noise. BGR, 8 bits."""
         quality = self.quality
         if quality.noise == 0.0 and quality.gain == 1.0 and light.dtype == np.uint8:
@@ -156,7 +156,7 @@ class StereoCameras(Closable, LeafSystem):
         picture = quality.gain * light.astype(np.float32)
         if quality.noise > 0.0:
             frame = round(time * quality.fps)
-            rng = np.random.default_rng([*self._seed, 12, frame, eye])
+            rng = np.random.default_rng([*self._seed, 12, frame, camera])
             noise = _noise(picture.size)
             start = rng.integers(0, len(noise) - picture.size)
             picture += quality.noise * noise[start : start + picture.size].reshape(picture.shape)
@@ -201,7 +201,7 @@ class _Eye:
             rendered = self._through_pinhole(query)
         except RuntimeError as error:
             raise RobotError(
-                f"the eyes cannot render with {self._pinhole.renderer!r}: "
+                f"the cameras cannot render with {self._pinhole.renderer!r}: "
                 f"{' '.join(str(error).split())}"
             ) from error
         return np.ascontiguousarray(self._warp.apply(rendered)[:, :, 2::-1])

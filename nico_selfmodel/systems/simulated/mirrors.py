@@ -116,7 +116,7 @@ class SimulatedMirrors:
             pixels = np.concatenate([pixels, seen[shown]])
             if len(encoders) >= count:
                 return self._dataset(mirror, encoders[:count], pixels[:count], name)
-        raise ValueError(f"hardly any pose shows the hand in {mirror or 'the eyes'!r}")
+        raise ValueError(f"hardly any pose shows the hand in {mirror or 'the cameras'!r}")
 
     def move_and_measure(self, mirror: str, encoders: ArrayLike, session: int = 0) -> NDArray:
         """Return what the cameras see of chosen poses, nan where they do not see the hand.
@@ -162,7 +162,7 @@ class SimulatedMirrors:
         if self._radius is None:
             pixels = MirrorRig(self.__rig, mirror).project(p)
         else:
-            cameras = self.__rig.eyes
+            cameras = self.__rig.cameras
             pixels = np.concatenate(
                 [curved_reflection(c, mirror, self._radius, p, c.X_WC) for c in cameras], axis=1
             )

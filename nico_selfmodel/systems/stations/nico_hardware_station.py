@@ -85,7 +85,7 @@ class NicoHardwareStation(Diagram):
         builder = DiagramBuilder()
         builder.AddNamedSystem("servos", servos)
         _add_arm(builder, servos, chosen)
-        _add_eyes(builder, cameras, detectors, self.image_size)
+        _add_cameras(builder, cameras, detectors, self.image_size)
         tracker = (
             _Missing("motion capture", {"measured_positions": 3 * len(self.markers)})
             if motion_capture is None
@@ -134,20 +134,20 @@ class NicoHardwareStation(Diagram):
         if self.cameras is not None:
             self.cameras.close()
 
-    def body(self, sensor: str = "eyes", *, keep_images: bool = False) -> StationBody:
+    def body(self, sensor: str = "cameras", *, keep_images: bool = False) -> StationBody:
         """Return what can be sent to poses, with the patience that real servos need.
 
         Args:
-            sensor: `eyes` or `motion-capture`.
+            sensor: `cameras` or `motion-capture`.
             keep_images: Keep the pictures in the measurements.
 
         Raises:
             RobotError: If that sensor is not there, or the station is not open.
         """
-        there = self.cameras if sensor == "eyes" else self.motion_capture
+        there = self.cameras if sensor == "cameras" else self.motion_capture
         if there is None:
             raise RobotError(f"this station has no {sensor}: give it when making the station")
-        markers = self.tracked if sensor == "eyes" else self.markers
+        markers = self.tracked if sensor == "cameras" else self.markers
         return StationBody(
             self, self.joints, markers, sensor=sensor, keep_images=keep_images, patience=REAL
         )
@@ -167,20 +167,20 @@ def _add_arm(builder: DiagramBuilder, servos: ServoDriver, chosen: list[int]) ->
     builder.ExportOutput(readings.get_output_port(), "encoders")
 
 
-def _add_eyes(
+def _add_cameras(
     builder: DiagramBuilder,
     cameras: CameraDriver | None,
     detectors: Detectors,
     image_size: tuple[int, int],
 ) -> None:
     """Export pictures, and what is found in them."""
-    eyes = _Missing("cameras", {}, image_size) if cameras is None else cameras
-    builder.AddNamedSystem("eyes", eyes)
+    sides = _Missing("cameras", {}, image_size) if cameras is None else cameras
+    builder.AddNamedSystem("cameras", sides)
     tracker = builder.AddNamedSystem("tracker", HandTracker(detectors))
-    for eye in SIDES:
-        port = eyes.GetOutputPort(f"{eye}_image")
-        builder.Connect(port, tracker.GetInputPort(f"{eye}_image"))
-        builder.ExportOutput(port, f"{eye}_image")
+    for camera in SIDES:
+        port = sides.GetOutputPort(f"{camera}_image")
+        builder.Connect(port, tracker.GetInputPort(f"{camera}_image"))
+        builder.ExportOutput(port, f"{camera}_image")
     for port in ("pixels", "seen", "reasons"):
         builder.ExportOutput(tracker.GetOutputPort(port), f"hand_{port}")
 
@@ -227,9 +227,9 @@ class _Missing(LeafSystem):
             for name, size in {**vectors, "frame_number": 1}.items():
                 self.DeclareVectorOutputPort(name, BasicVector(size), self._refuse)
             return
-        for eye in SIDES:
+        for camera in SIDES:
             self.DeclareAbstractOutputPort(
-                f"{eye}_image", lambda: image_value(*image_size), self._refuse
+                f"{camera}_image", lambda: image_value(*image_size), self._refuse
             )
 
     def _refuse(self, context: Context, value: AbstractValue | BasicVector) -> None:

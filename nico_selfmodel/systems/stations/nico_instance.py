@@ -21,7 +21,7 @@ from nico_selfmodel.systems.simulated.mechanics import Mechanics
 
 _HEAD_SIGMA = np.radians(1.0)
 """How far the joints of neck and cameras stand from where they should [rad]."""
-_HEAD = ("neck", "eye")
+_HEAD = ("neck", "camera")
 
 
 @dataclass(frozen=True, eq=False)
@@ -57,7 +57,7 @@ class NicoInstance:
         rng = np.random.default_rng((seed, 20))
         mechanics = Mechanics.build(arm, imperfections, seed, rng).weighed(arm, rng)
         lenses = np.random.default_rng((seed, 7))
-        rig = StereoRig(*(built_camera(c.at(np.eye(4)), lenses) for c in cameras.eyes))
+        rig = StereoRig(*(built_camera(c.at(np.eye(4)), lenses) for c in cameras.cameras))
         held = {
             joint: value + (_HEAD_SIGMA * rng.normal() if _of_the_head(joint) else 0.0)
             for joint, value in arm.held.items()
@@ -88,7 +88,7 @@ class NicoInstance:
         mounts = [built.plant.GetBodyByName(link, built.instance) for link in MOUNTS]
         return [
             built.plant.EvalBodyPoseInWorld(context, mount).GetAsMatrix4() @ camera.X_WC
-            for mount, camera in zip(mounts, self.rig.eyes, strict=True)
+            for mount, camera in zip(mounts, self.rig.cameras, strict=True)
         ]
 
 

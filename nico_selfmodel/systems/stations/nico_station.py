@@ -81,7 +81,7 @@ class NicoStation(Closable, Diagram):
         arm: ArmDescription | None = None,
         detectors: Detectors | MirrorDetectors | None = None,
         quality: ImageQuality | None = None,
-        eyes: StereoRig = NICO_CAMERAS,
+        sides: StereoRig = NICO_CAMERAS,
         board: Board = BOARD,
         mirror: MirrorPlate | None = None,
         knows: SelfModel | None = None,
@@ -96,7 +96,7 @@ class NicoStation(Closable, Diagram):
             detectors: Marker -> what finds it in a picture; `fiducial` and `finger_tip` by default.
                 Before a mirror, what tells each from its reflection (`reflection_detectors`).
             quality: Of the pictures.
-            eyes: The cameras as designed.
+            sides: The cameras as designed.
             board: The chessboard that can be held up.
             mirror: A mirror that can be put somewhere, if any.
             knows: What the body has learned of arm and cameras; before a mirror it tells a patch of
@@ -108,12 +108,12 @@ class NicoStation(Closable, Diagram):
         super().__init__()
         world = imperfections_named(world) if isinstance(world, str) else world
         arm = arm or looking_arm()
-        body = NicoInstance.build(arm, world, seed, eyes)
+        body = NicoInstance.build(arm, world, seed, sides)
         if detectors is None:
             detectors = default_detectors() if mirror is None else default_mirror_detectors()
         self.arm, self.world, self.seed, self.session = arm, world, seed, session
         self.tracked = tuple(detectors)
-        self.image_size = eyes.left.image_size
+        self.image_size = sides.left.image_size
         self.board = board
         self.__instance = body
         builder = DiagramBuilder()
@@ -127,10 +127,10 @@ class NicoStation(Closable, Diagram):
         _add_motion_capture(builder, poses, body, world, noise)
         tracker = HandTracker(detectors, before_mirror=mirror is not None)
         builder.AddNamedSystem("tracker", tracker)
-        for eye in ("left", "right"):
-            port = cameras.GetOutputPort(f"{eye}_image")
-            builder.Connect(port, tracker.GetInputPort(f"{eye}_image"))
-            builder.ExportOutput(port, f"{eye}_image")
+        for camera in ("left", "right"):
+            port = cameras.GetOutputPort(f"{camera}_image")
+            builder.Connect(port, tracker.GetInputPort(f"{camera}_image"))
+            builder.ExportOutput(port, f"{camera}_image")
         for port in ("pixels", "seen", "reasons"):
             builder.ExportOutput(tracker.GetOutputPort(port), f"hand_{port}")
             if mirror is not None:
@@ -172,14 +172,14 @@ class NicoStation(Closable, Diagram):
         self.require_open()
         self.__holder.hold(self.__holder.GetMyMutableContextFromRoot(context), X_BG)
 
-    def picture(self, context: Any, eye: str) -> NDArray:
+    def picture(self, context: Any, camera: str) -> NDArray:
         """Return what a camera sees, BGR of shape (h, w, 3), in the station's own context.
 
         Raises:
             RobotError: If the station was closed, or nothing can be rendered.
         """
         self.require_open()
-        return bgr_of(self.GetOutputPort(f"{eye}_image").Eval(context))
+        return bgr_of(self.GetOutputPort(f"{camera}_image").Eval(context))
 
 
 def default_detectors(rig: StereoRig | None = None) -> Detectors:
@@ -188,7 +188,7 @@ def default_detectors(rig: StereoRig | None = None) -> Detectors:
     Args:
         rig: The calibrated cameras, whose lenses are then taken out before fiducials are located.
     """
-    cameras = (None, None) if rig is None else rig.eyes
+    cameras = (None, None) if rig is None else rig.cameras
     left, right = (fiducial_detector(camera=camera) for camera in cameras)
     return {"fiducial": (left, right), "finger_tip": color_detector()}
 
@@ -225,7 +225,7 @@ def _add_scene(
     glasses = () if mirrors is None else mirrors.glasses
     cameras = StereoCameras(body.rig, frames, quality, seed=seed, glasses=glasses)
     builder.AddNamedSystem("board", holder)
-    builder.AddNamedSystem("eyes", cameras)
+    builder.AddNamedSystem("cameras", cameras)
     builder.Connect(servos.GetOutputPort("joint_angles"), poses.get_input_port())
     builder.Connect(
         poses.GetOutputPort("geometry_pose"),

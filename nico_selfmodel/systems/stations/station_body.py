@@ -52,7 +52,7 @@ class StationBody:
         joints: Sequence[JointInfo],
         markers: Sequence[str],
         *,
-        sensor: str = "eyes",
+        sensor: str = "cameras",
         patience: SettleTimeouts | None = None,
         keep_images: bool = False,
     ) -> None:
@@ -62,7 +62,7 @@ class StationBody:
             station: It; its inputs other than `command` must be fixed or not needed.
             joints: Names, units and stops.
             markers: In the order of the sensor's port.
-            sensor: `eyes` or `motion-capture`.
+            sensor: `cameras` or `motion-capture`.
             patience: When it stands still; that of simulated servos if omitted.
             keep_images: Keep the pictures in the measurements; needs `left_image`, `right_image`.
 
@@ -70,8 +70,8 @@ class StationBody:
             RobotError: If a port is missing or of another size.
             ValueError: If there is no such sensor.
         """
-        if sensor not in ("eyes", "motion-capture"):
-            raise ValueError(f"sensor must be eyes or motion-capture, got {sensor!r}")
+        if sensor not in ("cameras", "motion-capture"):
+            raise ValueError(f"sensor must be cameras or motion-capture, got {sensor!r}")
         self.joints, self.markers, self.sensor = tuple(joints), tuple(markers), sensor
         self._patience, self._keep_images = patience or SettleTimeouts(), keep_images
         self._span = np.array(
@@ -83,11 +83,11 @@ class StationBody:
         self._station = station
         self._command = station.GetInputPort(_named(station, "command", "input"))
         self._check("encoders", len(self.joints))
-        seen_by, width = ("hand_pixels", 4) if sensor == "eyes" else ("measured_positions", 3)
+        seen_by, width = ("hand_pixels", 4) if sensor == "cameras" else ("measured_positions", 3)
         self._check(seen_by, width * len(self.markers))
         if keep_images:
-            for eye in ("left", "right"):
-                _named(station, f"{eye}_image", "output")
+            for camera in ("left", "right"):
+                _named(station, f"{camera}_image", "output")
         self._port = seen_by
         self.simulator = Simulator(station)
         start = self._read("encoders")
@@ -209,8 +209,8 @@ class StationBody:
         images = None
         if self._keep_images:
             left, right = (
-                bgr_of(self._station.GetOutputPort(f"{eye}_image").Eval(self.context))
-                for eye in ("left", "right")
+                bgr_of(self._station.GetOutputPort(f"{camera}_image").Eval(self.context))
+                for camera in ("left", "right")
             )
             images = left, right
         return CameraMeasurement(

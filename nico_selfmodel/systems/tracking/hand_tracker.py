@@ -116,8 +116,8 @@ class HandTracker(LeafSystem):
         self._detectors = pairs
         self._images = [
             # A value tells only the type, and lives as long as the system: a small one does.
-            self.DeclareAbstractInputPort(f"{eye}_image", image_value(1, 1))
-            for eye in SIDES
+            self.DeclareAbstractInputPort(f"{camera}_image", image_value(1, 1))
+            for camera in SIDES
         ]
         self._expected: InputPort | None = None
         needs = {port.ticket() for port in self._images}
@@ -169,9 +169,9 @@ class HandTracker(LeafSystem):
         else:
             expected = self._expected_pixels(context)
             found = [
-                find(picture, expected[2 * marker + eye])
+                find(picture, expected[2 * marker + camera])
                 for marker, pair in enumerate(self._detectors)
-                for eye, (find, picture) in enumerate(zip(pair, pictures, strict=True))
+                for camera, (find, picture) in enumerate(zip(pair, pictures, strict=True))
             ]
         value.set_value(found)
 

@@ -100,7 +100,7 @@ def default_mirror_detectors(rig: StereoRig | None = None) -> MirrorDetectors:
     Args:
         rig: The calibrated cameras, whose lenses are then taken out before fiducials are located.
     """
-    cameras = (None, None) if rig is None else rig.eyes
+    cameras = (None, None) if rig is None else rig.cameras
     left, right = (fiducial_in_mirror(camera=camera) for camera in cameras)
     return {"fiducial": (left, right), "finger_tip": color_in_mirror()}
 

@@ -16,7 +16,7 @@ from nico_selfmodel.estimation.monitoring.diagnosis import Diagnosis, diagnose
 from nico_selfmodel.estimation.monitoring.health import dated
 from nico_selfmodel.estimation.monitoring.monitor import Monitor
 from nico_selfmodel.estimation.monitoring.monitored_changes import monitored_changes
-from nico_selfmodel.estimation.noise.hand_observations import covariance_of, sightings_of
+from nico_selfmodel.estimation.noise.hand_observations import covariance_of, hand_observations_of
 from nico_selfmodel.estimation.noise.mixture_density import MixtureDensity
 from nico_selfmodel.estimation.noise.pose_residuals import PoseResiduals
 from nico_selfmodel.estimation.noise.training_noise import expected_noise
@@ -90,7 +90,7 @@ class SelfModelMonitor(LeafSystem):
         self._noise = expected_noise(model, self._sensor)
         self._encoders = self.DeclareVectorInputPort("encoders", len(model.joints))
         name, size = ("pixels", 4) if self._by_pixels else ("p_WH", 3)
-        self._sighting = self.DeclareVectorInputPort(name, size)
+        self._detection = self.DeclareVectorInputPort(name, size)
         first = MonitorState(Monitor.of(self._changes.weights))
         self._state = self.DeclareAbstractState(Value(first))
         self.DeclarePeriodicUnrestrictedUpdateEvent(period, 0.0, self._look)
@@ -107,15 +107,15 @@ class SelfModelMonitor(LeafSystem):
     def _look(self, context: Context, state: State) -> None:
         """Take one more measurement in."""
         before = self.state_of(context)
-        seen = np.asarray(self._sighting.Eval(context), dtype=float)
+        seen = np.asarray(self._detection.Eval(context), dtype=float)
         holder = state.get_mutable_abstract_state(int(self._state))
         # A camera needs both of its coordinates, a point all three.
-        by_eye = np.isfinite(seen).reshape((2, 2) if self._by_pixels else (1, 3)).all(axis=1)
-        if not by_eye.any():
+        by_camera = np.isfinite(seen).reshape((2, 2) if self._by_pixels else (1, 3)).all(axis=1)
+        if not by_camera.any():
             holder.set_value(replace(before, nis=np.nan))
             return
         pose = self._pose(np.asarray(self._encoders.Eval(context), dtype=float), seen)
-        new = PoseResiduals.of(sightings_of(self.model, pose, self._sensor))
+        new = PoseResiduals.of(hand_observations_of(self.model, pose, self._sensor))
         density = MixtureDensity(new, self._noise, self._covariance)
         nis = float(density.nis(new.residuals)[0])
         step = self._changes.steps(density, new.residuals, new.slopes)[0]
@@ -141,7 +141,7 @@ class SelfModelMonitor(LeafSystem):
     def _pose(self, encoders: NDArray, seen: NDArray) -> Dataset:
         column = {"pixels": seen[None]} if self._by_pixels else {"p_WH_measured": seen[None]}
         return Dataset(
-            name="sighting",
+            name="observation",
             joints=self._joints,
             sample=np.array([1]),
             encoders=encoders[None],

@@ -197,9 +197,9 @@ def detect_boards(
         right[i] = board.same_order(left[i], right[i])
     names = tuple(name for name, _, _ in pairs)
     pixels = np.concatenate([left, right], axis=2)
-    by_eye = {"left": tuple(files[0::2]), "right": tuple(files[1::2])}
+    by_camera = {"left": tuple(files[0::2]), "right": tuple(files[1::2])}
     views = BoardViews(board.points, names, ("left", "right"), pixels, size)
-    return BoardDetections(board, views, by_eye, window, _not_seen(files, found))
+    return BoardDetections(board, views, by_camera, window, _not_seen(files, found))
 
 
 def detect_boards_of_one_camera(

@@ -41,7 +41,7 @@ def coverage(assessment: CameraAssessment) -> Figure:
     with style():
         figure, panels = image_panels(assessment)
         shares, empty_corners = [], 0
-        for axes, side in zip(panels, views.eyes, strict=True):
+        for axes, side in zip(panels, views.cameras, strict=True):
             pixels = views.of_camera(side)[inliers].reshape(-1, 2)
             pixels = pixels[np.isfinite(pixels).all(axis=1)]
             counts, u, v = cell_counts(pixels, views.image_size)
@@ -62,7 +62,7 @@ def coverage(assessment: CameraAssessment) -> Figure:
             ),
         ]
         figure.legend(handles=handles, loc="outside lower left", ncols=2)
-        headline(figure, _coverage_words(views.eyes, shares, 4 * len(panels) - empty_corners))
+        headline(figure, _coverage_words(views.cameras, shares, 4 * len(panels) - empty_corners))
     return figure
 
 
@@ -120,7 +120,7 @@ def _coverage_words(sides: tuple[str, ...], shares: list[str], reached: int) -> 
 def image_panels(assessment: CameraAssessment) -> tuple[Figure, list[Axes]]:
     """Return a figure with one panel a camera, laid out as its image."""
     width, height = assessment.calibration.views.image_size
-    sides = assessment.calibration.views.eyes
+    sides = assessment.calibration.views.cameras
     inches = FULL_WIDTH if len(sides) > 1 else HALF_WIDTH
     panel = (inches - 0.6 * len(sides)) / len(sides)
     figure = Figure(figsize=(inches, 1.35 + panel * height / width))

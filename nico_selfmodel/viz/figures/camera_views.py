@@ -82,7 +82,7 @@ def shown_views(
     """
     calibration = assessment.calibration
     files = ((document or {}).get("detection") or {}).get("files") or {}
-    sides = calibration.views.eyes
+    sides = calibration.views.cameras
     rows: dict[str, tuple[str, NDArray, NDArray]] = {}
     for name, out, pixels, residuals in zip(
         calibration.views.names,

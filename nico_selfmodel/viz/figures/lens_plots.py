@@ -21,7 +21,7 @@ _MOST_BINS, _LEAST_IN_BIN = 8, 25
 def distortion_profile(assessment: CameraAssessment) -> Figure:
     """Draw how far the lens moves a pixel, over its distance from the principal point."""
     calibration = assessment.calibration
-    cameras = list(zip(calibration.views.eyes, calibration.cameras, strict=True))
+    cameras = list(zip(calibration.views.cameras, calibration.cameras, strict=True))
     with style():
         figure = Figure(figsize=(HALF_WIDTH, 4.2))
         panels = figure.subplots(len(cameras), 1, squeeze=False)[:, 0]

@@ -1,4 +1,4 @@
-"""Colours of scenes and figures: told apart by colour-blind eyes, and readable on white."""
+"""Colours of scenes and figures: told apart by colour-blind readers, and readable on white."""
 
 import numpy as np
 from matplotlib import colormaps

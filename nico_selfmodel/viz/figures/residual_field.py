@@ -43,7 +43,7 @@ class Field:
 def residual_field(assessment: CameraAssessment) -> Figure:
     """Draw residuals where they lie in the image, and the means of cells, each at its own scale."""
     views = assessment.calibration.views
-    fields = [field_of(assessment, k) for k in range(len(views.eyes))]
+    fields = [field_of(assessment, k) for k in range(len(views.cameras))]
     width = views.image_size[0]
     lengths = np.concatenate([np.linalg.norm(field.residuals, axis=1) for field in fields])
     means = np.concatenate([np.linalg.norm(field.means, axis=1) for field in fields])
@@ -51,7 +51,7 @@ def residual_field(assessment: CameraAssessment) -> Figure:
     mean_factor = _factor(float(means.max(initial=0.0)), _MEAN_ARROW * width)
     with style():
         figure, panels = image_panels(assessment)
-        for axes, side, field in zip(panels, views.eyes, fields, strict=True):
+        for axes, side, field in zip(panels, views.cameras, fields, strict=True):
             look = {"width": 0.002, "alpha": 0.75, "rasterized": len(field.pixels) > MANY}
             color = palette.CAMERAS[side]
             _arrows(axes, field.pixels, field.residuals, factor, color, "", 0.66, **look)
@@ -61,7 +61,7 @@ def residual_field(assessment: CameraAssessment) -> Figure:
             squares = np.sum(field.residuals**2, axis=1)
             rms = f"{np.sqrt(squares.mean()):.3f} px rms" if len(squares) else "nothing seen"
             axes.set_title(f"{side}: {rms}")
-        headline(figure, _words(views.eyes, fields))
+        headline(figure, _words(views.cameras, fields))
     return figure
 
 

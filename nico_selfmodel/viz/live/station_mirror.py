@@ -98,7 +98,7 @@ class StationMirror:
         """
         expected, found = self.rig.project(p_RH), {}
         behind = self.reflection(p_RH)
-        for k, (side, camera) in enumerate(zip(SIDES, self.rig.rig.eyes, strict=True)):
+        for k, (side, camera) in enumerate(zip(SIDES, self.rig.rig.cameras, strict=True)):
             if not np.isfinite(expected[2 * k : 2 * k + 2]).all():
                 continue
             center = camera.X_WC[:3, 3]

@@ -82,10 +82,10 @@ class StationView:
         body = robot_items(arm, self.model, q)
         self._links = sorted({item.path.split("/")[1] for item in body})
         self._X_LD = {link: inverse(X) for link, X in self._link_poses(q).items()}
-        width = max(camera.image_size[0] / camera.fx for camera in self.model.rig.eyes)
+        width = max(camera.image_size[0] / camera.fx for camera in self.model.rig.cameras)
         self._planes = {
             side: ImagePlane(camera, _SPREAD * self.model.rig.baseline / width)
-            for side, camera in zip(SIDES, self.model.rig.eyes, strict=True)
+            for side, camera in zip(SIDES, self.model.rig.cameras, strict=True)
         }
         sizes = {side: plane.camera.image_size for side, plane in self._planes.items()}
         self._azimuth = float(_AZIMUTH if glass is None else _INTO_MIRROR)

@@ -49,7 +49,7 @@ def camera_report(
     scene = camera_scene(assessment, images, name=name)
     key = key_number(document, "pixels", "corners", statistics=("rms", "mean"), digits=3)
     views = shown_views(assessment, document, images)
-    cameras = assessment.calibration.views.eyes
+    cameras = assessment.calibration.views.cameras
     plural = "s" if len(cameras) > 1 else ""
     sections = (
         _errors(document),
@@ -132,7 +132,7 @@ def _where(assessment: CameraAssessment, views: tuple[ShownView, ...]) -> parts.
         ("Residuals over the image", residual_field(assessment)),
         ("Coverage of the image by corners", camera_plots.coverage(assessment)),
     )
-    one = len(assessment.calibration.views.eyes) == 1
+    one = len(assessment.calibration.views.cameras) == 1
     return parts.section(
         "How large the errors are, and where",
         parts.drawing("Errors of the views", camera_plots.view_errors(views)),

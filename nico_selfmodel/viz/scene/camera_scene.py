@@ -54,7 +54,7 @@ def camera_scene(
     view, corner = chosen_point(calibration, point)
     planes = {
         side: ImagePlane(camera.at(X_WL @ camera.X_WC), _plane_distance(calibration))
-        for side, camera in zip(calibration.views.eyes, calibration.cameras, strict=True)
+        for side, camera in zip(calibration.views.cameras, calibration.cameras, strict=True)
     }
     items: list[Item] = []
     for side, plane in planes.items():

@@ -61,7 +61,7 @@ def mirror_scene(
     cameras = rig.moved(inverse(X_SW))
     planes = {
         side: ImagePlane(camera, _PLANE)
-        for side, camera in zip(("left", "right"), cameras.eyes, strict=True)
+        for side, camera in zip(("left", "right"), cameras.cameras, strict=True)
     }
     items: list[Item] = []
     for side, plane in planes.items():
@@ -132,7 +132,7 @@ def _mirror_items(
         )
     items += _rays(path, rig, hand[inliers][shown], virtual[inliers][shown])
     items += _reflected_cameras(path, rig)
-    centers = np.stack([camera.X_WC[:3, 3] for camera in rig.virtual.eyes])
+    centers = np.stack([camera.X_WC[:3, 3] for camera in rig.virtual.cameras])
     return items, np.concatenate([plate, hand, virtual, centers])
 
 
@@ -182,7 +182,7 @@ def _rays(path: str, rig: MirrorRig, hand: NDArray, virtual: NDArray) -> list[It
 def _reflected_cameras(path: str, rig: MirrorRig) -> list[Item]:
     """Return the frusta of the reflected cameras, which see the hand as the cameras see it."""
     items: list[Item] = []
-    for side, camera in zip(("left", "right"), rig.virtual.eyes, strict=True):
+    for side, camera in zip(("left", "right"), rig.virtual.cameras, strict=True):
         plane = ImagePlane(camera, _PLANE)
         center = np.repeat(camera.X_WC[None, :3, 3], 4, axis=0)
         starts = np.concatenate([center, plane.corners])
@@ -195,7 +195,7 @@ def _reflected_cameras(path: str, rig: MirrorRig) -> list[Item]:
 
 
 def _centres(rig: StereoRig) -> list[NDArray]:
-    return [camera.X_WC[:3, 3] for camera in rig.eyes]
+    return [camera.X_WC[:3, 3] for camera in rig.cameras]
 
 
 def _on_glass(rig: MirrorRig, center: NDArray, virtual: NDArray) -> NDArray:

@@ -141,7 +141,7 @@ class Axis:
         if too_fast and not goals.braking:
             self._brake(start=True)
         elif goal is None or too_fast or (goals.braking and goals.loaded):
-            self.believe(self.module.poll())
+            self.accept(self.module.poll())
         else:
             self._send(goal, start=True)
         if not self._due_known:
@@ -151,7 +151,7 @@ class Axis:
     def _brake(self, *, start: bool) -> None:
         """Slow down; the goal is sent when the joint is slow enough for it."""
         self._sent_speeds, self._moving_until = None, math.inf
-        self.believe(self.module.brake(self.goals.acceleration, start=start))
+        self.accept(self.module.brake(self.goals.acceleration, start=start))
         self.goals.was_braked(start=start)
 
     def _send(self, goal: int, *, start: bool) -> None:
@@ -160,7 +160,7 @@ class Axis:
         self._sent_speeds, self._moving_until = None, math.inf
         status = self.module.move_to(goal, *fresh, start=start)
         self._sent_speeds = speeds
-        self.believe(status)
+        self.accept(status)
         self.goals.was_sent(goal, start=start)
 
     def stopped(self) -> None:
@@ -169,7 +169,7 @@ class Axis:
         brake = self.goals.velocity / self.goals.acceleration
         self._moving_until = self._now() + brake + 0.1
 
-    def believe(self, status: Status) -> None:
+    def accept(self, status: Status) -> None:
         """Take a reply over, after a second look where it says something unexpected.
 
         Raises:

@@ -118,7 +118,7 @@ def take_over(axis: Axis) -> None:
         # Who armed it is gone: at its mark it would brake, and lose what says that it is homed.
         module.capture_home(0)
     axis.zero_known = module.knows_its_zero()
-    axis.believe(module.poll())
+    axis.accept(module.poll())
 
 
 def switch_on(axis: Axis, group: int) -> None:
@@ -140,4 +140,4 @@ def switch_on(axis: Axis, group: int) -> None:
     axis.enabled, axis.lost = True, None
     axis.begin_anew()
     join_group(module, group)
-    axis.believe(status if status.position is None else module.poll())
+    axis.accept(status if status.position is None else module.poll())

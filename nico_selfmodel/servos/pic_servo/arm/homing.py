@@ -136,4 +136,4 @@ def _set_zero(axis: Axis, register: int) -> None:
     axis.begin_anew()
     axis.zero_known = True
     axis.status = None  # what was read before counts from another zero
-    axis.believe(axis.module.poll())
+    axis.accept(axis.module.poll())

@@ -1,4 +1,4 @@
-"""A self-model with eyes held against what they saw of the hand, and how its poses are counted."""
+"""A self-model with cameras held against what they saw, and how its poses are counted."""
 
 from dataclasses import replace
 
@@ -17,19 +17,19 @@ from nico_selfmodel.estimation.observations.pixel_evaluation import evaluate_pix
 from nico_selfmodel.estimation.observations.pixel_observations import PixelObservations
 from nico_selfmodel.estimation.results.verdict import significantly_above
 
-from .simulated_bodies import blinded, body, learned, only_eyes, poses, scenario
+from .simulated_bodies import blinded, body, learned, only_cameras, poses, scenario
 
 
 @pytest.fixture(scope="module")
 def refined():
-    """Return a body, and what its eyes saw in new poses."""
-    return learned(0).model, only_eyes(scenario().test)
+    """Return a body, and what its cameras saw in new poses."""
+    return learned(0).model, only_cameras(scenario().test)
 
 
 @pytest.fixture(scope="module")
 def arm_by_sight():
-    """Return an arm that was learned from points its eyes rebuilt, with the eyes in it."""
-    sight = Sight.of(scenario().eyes, scenario().train)
+    """Return an arm that was learned from points its cameras rebuilt, with the cameras in it."""
+    sight = Sight.of(scenario().cameras, scenario().train)
     return sight.complete(calibrate_kinematics(sight.train, loss="none", starts=3)).model
 
 
@@ -66,8 +66,8 @@ def test_a_joint_that_slipped_fails(refined):
     assert judged(model, replace(data, encoders=slipped)).status == "FAIL"
 
 
-def test_pixels_alone_tell_of_an_eye_that_turned(refined):
-    """One eye sees no depth: what moved shows in its image alone."""
+def test_pixels_alone_tell_of_an_camera_that_turned(refined):
+    """One camera sees no depth: what moved shows in its image alone."""
     model, data = refined
     one_eyed = blinded(data, slice(None), 1)
     assert judged(model, one_eyed).status == "PASS"
@@ -85,7 +85,7 @@ def test_a_sighting_that_nothing_explains_is_named_though_the_rest_is_well(refin
     assert f"sample {data.sample[7]}" in verdict.reasons[0]
 
 
-def test_an_arm_learned_through_eyes_is_held_against_points_that_they_rebuild(
+def test_an_arm_learned_through_cameras_is_held_against_points_that_they_rebuild(
     arm_by_sight, refined
 ):
     data = refined[1]
@@ -102,11 +102,11 @@ def test_a_model_that_does_not_say_what_to_expect_is_not_judged(refined):
     assert judged(model, data.select(np.arange(len(data)) < 4)).status == "NOT_EVALUATED"
 
 
-def test_pixels_of_a_model_without_eyes_are_refused_with_what_to_do(refined):
+def test_pixels_of_a_model_without_cameras_are_refused_with_what_to_do(refined):
     model, data = refined
-    blind = replace(model, cameras={}, covariance=None)
-    with pytest.raises(ModelError, match="learn arm and eyes together"):
-        by_pixels(blind, data)
+    unobservable = replace(model, cameras={}, covariance=None)
+    with pytest.raises(ModelError, match="learn arm and cameras together"):
+        by_pixels(unobservable, data)
     assert by_pixels(model, data)
     assert not by_pixels(model, scenario().test, "points")
     with pytest.raises(ValueError, match="no sensor"):
@@ -153,6 +153,6 @@ def test_lenses_bend_only_where_they_were_free_to(free, words):
 
 
 def test_a_refusal_counts_poses_not_rows():
-    few = twice(only_eyes(poses(body(), 3)))
-    with pytest.raises(DataError, match="6 sightings in 3 poses, at least 8"):
-        PixelObservations.from_dataset(few).require_both_eyes(8, few.name)
+    few = twice(only_cameras(poses(body(), 3)))
+    with pytest.raises(DataError, match="6 observations in 3 poses, at least 8"):
+        PixelObservations.from_dataset(few).require_both_cameras(8, few.name)

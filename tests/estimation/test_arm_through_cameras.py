@@ -1,4 +1,4 @@
-"""Arms learned through eyes that are themselves uncertain."""
+"""Arms learned through cameras that are themselves uncertain."""
 
 from dataclasses import replace
 
@@ -14,22 +14,22 @@ from nico_selfmodel.model.self_model import ParameterCovariance
 from .simulated_bodies import Truth, body, scenario
 
 
-def through(eyes, seed=0):
-    """Return the eyes' sight and the arm that is learned through it."""
-    sight = Sight.of(eyes, scenario(seed).train)
+def through(cameras, seed=0):
+    """Return the cameras' sight and the arm that is learned through it."""
+    sight = Sight.of(cameras, scenario(seed).train)
     return sight, calibrate_kinematics(sight.train, loss="none", starts=3)
 
 
 @pytest.mark.parametrize(
     ("name", "step"), [("right.pose.x", 1e-4), ("left.cx", 0.5), ("right.pose.ry", 1e-3)]
 )
-def test_an_arm_follows_its_eyes_as_their_covariance_says(name, step):
-    eyes = scenario().eyes
-    values = eyes.rig.values
+def test_an_arm_follows_its_cameras_as_their_covariance_says(name, step):
+    cameras = scenario().cameras
+    values = cameras.rig.values
     values[StereoRig.names_of().index(name)] += step
-    rig = StereoRig.from_values(values, eyes.rig.left.image_size)
-    moved = replace(eyes, cameras={"left": rig.left, "right": rig.right}, covariance=None)
-    (sight, before), (_, after) = through(eyes), through(moved)
+    rig = StereoRig.from_values(values, cameras.rig.left.image_size)
+    moved = replace(cameras, cameras={"left": rig.left, "right": rig.right}, covariance=None)
+    (sight, before), (_, after) = through(cameras), through(moved)
     free = before.uncertainty.names
     index = [before.model.parameters.names.index(n) for n in free]
     found = (after.model.parameters.values - before.model.parameters.values)[index] / step
@@ -40,8 +40,8 @@ def test_an_arm_follows_its_eyes_as_their_covariance_says(name, step):
     np.testing.assert_allclose(found / sigma, gain / sigma, atol=0.03 * np.abs(gain / sigma).max())
 
 
-def test_a_completed_arm_carries_the_uncertainty_of_its_eyes():
-    sight, arm = through(scenario().eyes)
+def test_a_completed_arm_carries_the_uncertainty_of_its_cameras():
+    sight, arm = through(scenario().cameras)
     whole = sight.complete(arm)
     names = whole.model.covariance.names
     assert names[: len(arm.uncertainty.names)] == arm.uncertainty.names
@@ -56,8 +56,8 @@ def test_errors_of_arms_learned_by_sight_are_as_large_as_their_sigmas():
     """Points in space: the true hand against the arm, play discounted."""
     before, after = [], []
     for seed in range(8):
-        eyes = calibrate_cameras(scenario(seed).boards).self_model("eyes")
-        sight, arm = through(eyes, seed)
+        cameras = calibrate_cameras(scenario(seed).boards).self_model("cameras")
+        sight, arm = through(cameras, seed)
         true = Truth.of(body(seed)).parameters
         readings = scenario(seed).test.encoders[:20]
         p = true.table.forward(true.servos.to_joint(readings))
@@ -65,13 +65,13 @@ def test_errors_of_arms_learned_by_sight_are_as_large_as_their_sigmas():
             found = model.predict(readings)
             miss = (found.p_WH - p)[:, :, None]
             squares += (miss.mT @ np.linalg.solve(found.covariance, miss)).ravel().tolist()
-    # Without the eyes the arm takes itself for nearly twice as sure as it is.
+    # Without the cameras the arm takes itself for nearly twice as sure as it is.
     assert np.mean(before) / 3.0 > 2.5
     assert 0.5 < np.mean(after) / 3.0 < 1.6
 
 
-def test_eyes_beside_an_arm_that_alone_is_uncertain_count_as_exact():
-    sight, arm = through(scenario().eyes)
+def test_cameras_beside_an_arm_that_alone_is_uncertain_count_as_exact():
+    sight, arm = through(scenario().cameras)
     whole = sight.complete(arm).model
     names = tuple(n for n in whole.covariance.names if n.partition(".")[0] not in ("left", "right"))
     of_arm = ParameterCovariance(names, np.eye(len(names)) * 1e-9)
@@ -81,8 +81,8 @@ def test_eyes_beside_an_arm_that_alone_is_uncertain_count_as_exact():
     np.testing.assert_array_equal(completed.uncertainty.sigma, again.uncertainty.sigma)
 
 
-def test_eyes_without_a_covariance_count_as_exact():
-    sight, arm = through(replace(scenario().eyes, covariance=None))
+def test_cameras_without_a_covariance_count_as_exact():
+    sight, arm = through(replace(scenario().cameras, covariance=None))
     whole = sight.complete(arm)
     assert whole.uncertainty is arm.uncertainty
     assert whole.model.covariance.names == arm.uncertainty.names

@@ -1,4 +1,4 @@
-"""Eyes and arm learned one after the other, then together; what is kept, and what is told."""
+"""Cameras and arm learned one after the other, then together; what is kept, and what is told."""
 
 import json
 from dataclasses import replace
@@ -37,7 +37,7 @@ def recorded():
 
 
 @pytest.fixture(scope="module")
-def eyes(recorded):
+def cameras(recorded):
     """What was learned one after the other."""
     found = calibrate_cameras(recorded.boards)
     train, test = marked(recorded.train), marked(recorded.test)
@@ -46,8 +46,8 @@ def eyes(recorded):
 
 
 @pytest.fixture(scope="module")
-def scenario(eyes, recorded):
-    return refine(eyes, MARKER, recorded.test_boards)
+def scenario(cameras, recorded):
+    return refine(cameras, MARKER, recorded.test_boards)
 
 
 @pytest.fixture
@@ -85,10 +85,10 @@ def test_the_refined_body_is_kept_with_covariance_and_told_beside_what_was_befor
 
 @pytest.mark.usefixtures("undrawn")
 def test_boards_that_lie_about_their_size_make_it_refused_and_the_arm_before_is_kept(
-    eyes, recorded, tmp_path
+    cameras, recorded, tmp_path
 ):
     wrong = replace(recorded.boards, p_GQ=1.03 * recorded.boards.p_GQ)
-    scenario = refine(replace(eyes, views=wrong), MARKER, recorded.test_boards)
+    scenario = refine(replace(cameras, views=wrong), MARKER, recorded.test_boards)
     assert not scenario.accepted
     assert scenario.model is scenario.arm.model
     document = write_scenario(tmp_path / "nico", scenario, MARKER, force=False)
@@ -96,7 +96,7 @@ def test_boards_that_lie_about_their_size_make_it_refused_and_the_arm_before_is_
     told = document["refinement"]
     assert not told["accepted"]
     assert "lost the scale" in " ".join(told["reasons"])
-    assert told["kept"] == "arm learned after the eyes"
+    assert told["kept"] == "arm learned after the cameras"
     assert load_model(tmp_path / "nico").rig.baseline == scenario.arm.model.rig.baseline
     page = (tmp_path / "nico" / "report.html").read_text()
     assert "refined together, and that was refused" in page
@@ -104,14 +104,14 @@ def test_boards_that_lie_about_their_size_make_it_refused_and_the_arm_before_is_
 
 
 @pytest.mark.usefixtures("undrawn")
-def test_a_refinement_without_an_end_is_told_too(eyes, recorded, tmp_path, monkeypatch):
+def test_a_refinement_without_an_end_is_told_too(cameras, recorded, tmp_path, monkeypatch):
     def endless(*_, **__):
-        raise NotConvergedError("no plausible eyes fit the hand")
+        raise NotConvergedError("no plausible cameras fit the hand")
 
     monkeypatch.setattr(body_lesson, "calibrate_body", endless)
-    scenario = refine(eyes, MARKER, recorded.test_boards)
+    scenario = refine(cameras, MARKER, recorded.test_boards)
     document = write_scenario(tmp_path / "nico", scenario, MARKER, force=False)
-    assert document["refinement"]["reasons"] == ["no plausible eyes fit the hand"]
+    assert document["refinement"]["reasons"] == ["no plausible cameras fit the hand"]
     assert document["refinement"]["after"] is None
     assert document["status"] == "PASS"
 
@@ -119,7 +119,7 @@ def test_a_refinement_without_an_end_is_told_too(eyes, recorded, tmp_path, monke
 @pytest.mark.slow
 @pytest.mark.usefixtures("undrawn")
 def test_what_was_learned_by_sight_stands_upright_in_both_scenes(scenario, tmp_path):
-    """The robot's own z is up, though its world is its left eye's frame."""
+    """The robot's own z is up, though its world is its left camera's frame."""
     write_scenario(tmp_path / "together", scenario, MARKER, force=False)
     refused = replace(scenario, verdict=replace(scenario.verdict, status="FAIL"))
     write_scenario(tmp_path / "apart", refused, MARKER, force=False)
@@ -129,5 +129,5 @@ def test_what_was_learned_by_sight_stands_upright_in_both_scenes(scenario, tmp_p
         assert height["robot/base/0"] < height["robot/chest/0"] < height["robot/head/0"]
         sideways = items["robot/head/0"].X_WI[:2, 3] - items["robot/chest/0"].X_WI[:2, 3]
         assert np.linalg.norm(sideways) < 0.05
-        # The eye's y axis points down, but for the head's own turn.
+        # The camera's y axis points down, but for the head's own turn.
         assert items["floor/measuring_frame"].X_WI[2, 1] < -0.7
