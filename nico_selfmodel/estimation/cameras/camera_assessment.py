@@ -136,8 +136,8 @@ def _coverage_warnings(calibration: CameraCalibration) -> list[str]:
         reach = float(np.nanmax(np.linalg.norm(pixels - half, axis=1)) / np.linalg.norm(half))
         if reach < _COVERED:
             words.append(
-                f"no corner in the {camera} camera lies further out than {100 * reach:.0f} % of the "
-                "way to the image's corner: beyond, its distortion is extrapolated"
+                f"no corner in the {camera} camera lies further out than {100 * reach:.0f} % of "
+                "the way to the image's corner: beyond, its distortion is extrapolated"
             )
     return words
 

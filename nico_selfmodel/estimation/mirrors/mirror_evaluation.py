@@ -23,8 +23,8 @@ class MirrorEvaluation:
     residuals: NDArray
     """Measured minus predicted pixels; nan where not seen [px]. Shape (N, 2 C)."""
     p_LQ_rebuilt: NDArray
-    """Points rebuilt from both cameras' pixels in the mirror, in the first camera's frame; nan where
-    one camera did not see it [m]. Shape (N, 3)."""
+    """Points rebuilt from both cameras' pixels in the mirror, in the first camera's frame; nan
+    where one camera did not see it [m]. Shape (N, 3)."""
 
     @classmethod
     def from_reflections(

@@ -160,8 +160,8 @@ def by_pixels(model: SelfModel, dataset: Dataset, sensor: str = "auto") -> bool:
     if sensor == "auto" and has_pixels and not has_cameras and not dataset.measured.any():
         raise ModelError(
             f"self-model {model.name!r} has no cameras, and data set {dataset.name!r} holds "
-            "nothing but pixels: learn arm and cameras together with `nico-selfmodel calibrate body`, or "
-            "record measured points"
+            "nothing but pixels: learn arm and cameras together with `nico-selfmodel calibrate "
+            "body`, or record measured points"
         )
     return sensor == "pixels" or (sensor == "auto" and has_pixels and has_cameras)
 
