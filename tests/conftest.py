@@ -86,7 +86,7 @@ def command():
             mock.patch.object(sys, "stdin", io.StringIO(stdin)),
             mock.patch.object(sys, "argv", ["nico-selfmodel", *words]),
             mock.patch.dict(os.environ, SURROUNDINGS),
-            mock.patch("nico_selfmodel.viz.plot_style.image_bytes", return_value=b"<svg/>"),
+            mock.patch("nico_selfmodel.viz.figures.plot_style.image_bytes", return_value=b"<svg/>"),
             warnings.catch_warnings(),
         ):
             # A warning is a line to a person here, not an error as in the other tests.
