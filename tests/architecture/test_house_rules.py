@@ -3,6 +3,7 @@
 import ast
 import re
 import subprocess
+from collections import Counter
 
 import pytest
 
@@ -51,6 +52,19 @@ def test_no_function_is_too_long_to_read(sources):
         for function in source.functions()
     }
     assert {name: n for name, n in lengths.items() if n > LONGEST_FUNCTION} == {}
+
+
+def test_no_room_is_too_full_to_overlook(sources):
+    rooms = Counter(s.path.parent for s in sources if s.path.parent.name != "cli")
+    assert {str(room): count for room, count in rooms.items() if count > 20} == {}
+
+
+def test_the_house_speaks_the_words_of_the_field(sources):
+    private = re.compile(r"\b(believed?|believes|sightings?|blind|eyes?|wild|lessons?|outsiders?)\b")
+    # An identity matrix, readers, a key of files, and Nico's joints.
+    known = re.compile(r'np\.eye|colour-blind|"eyes"|\("neck", "eye"\)')
+    found = {str(s.path): private.findall(known.sub("", s.text)) for s in sources}
+    assert {path: words for path, words in found.items() if words} == {}
 
 
 def test_no_room_is_named_after_nothing(sources):

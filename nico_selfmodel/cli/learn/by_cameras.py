@@ -121,7 +121,7 @@ def _told(scenario: "BodyScenario") -> dict[str, Any]:
     cameras = scenario.cameras
     return {
         "refinement": refinement_block(scenario.arm.seen, scenario.refined, scenario.verdict),
-        "cameras": {
+        "eyes": {
             "boards": len(cameras.views),
             "rms_px": cameras.cameras.rms,
             "baseline_mm": 1e3 * scenario.model.rig.baseline,
@@ -145,7 +145,7 @@ def _parts(
 
 
 def _told_in_words(document: Mapping[str, Any]) -> list[str]:
-    cameras = document["cameras"]
+    cameras = document["eyes"]
     refused = document["refinement"]["reasons"]
     return [
         f"cameras learned from {cameras['boards']} boards to {cameras['rms_px']:.2f} px",

@@ -21,7 +21,7 @@ from nico_selfmodel.systems.simulated.mechanics import Mechanics
 
 _HEAD_SIGMA = np.radians(1.0)
 """How far the joints of neck and cameras stand from where they should [rad]."""
-_HEAD = ("neck", "camera")
+_HEAD = ("neck", "eye")
 
 
 @dataclass(frozen=True, eq=False)
