@@ -13,6 +13,8 @@ ALLOWED = {
     "errors": set(),
     "arrays": {"numpy"},
     "progress": set(),
+    "least_squares": {"numpy"},
+    "lazy": set(),
     "files": {"yaml"},
     "names": set(),
     "geometry": {"numpy"},
@@ -32,6 +34,7 @@ ALLOWED = {
         "pydrake.geometry",
         "pydrake.math",
         "pydrake.multibody",
+        "pydrake.systems.framework",
     },
     "vision": {"cv2", "numpy"},
     "servos": {"numpy", "serial"},
@@ -111,7 +114,7 @@ def test_each_room_imports_only_what_its_floor_allows(sources):
 def test_the_table_names_the_rooms_of_the_import_contracts(project_root):
     config = tomllib.loads((project_root / "pyproject.toml").read_text(encoding="utf-8"))
     contracts = config["tool"]["importlinter"]["contracts"]
-    (floors,) = [contract for contract in contracts if contract["type"] == "layers"]
+    (floors,) = [contract for contract in contracts if contract["id"] == "floors"]
     rooms = {room.strip(" ()") for floor in floors["layers"] for room in floor.split("|")}
     assert rooms == set(ALLOWED) - {"__init__"}
 
@@ -120,6 +123,7 @@ def test_no_room_hides_an_import_from_the_contracts(sources):
     hidden = [
         f"{source.path}:{node.lineno}"
         for source in sources
+        if source.path.name != "lazy.py"  # what it loads, the faces import for type checkers
         for node in ast.walk(source.tree)
         if (isinstance(node, ast.Attribute) and node.attr == "import_module")
         or (isinstance(node, ast.Name) and node.id in {"import_module", "__import__"})

@@ -15,6 +15,8 @@ from nico_selfmodel.experiments.refinement import CONDITIONS, simulated_scenario
 from nico_selfmodel.model.self_model_file import load_model, save_model
 from nico_selfmodel.systems.simulated.imperfections import IMPERFECTIONS
 
+DETECT = "nico_selfmodel.vision.boards.board_detections.detect_boards"
+
 PLAY = IMPERFECTIONS["clean"].with_noise(play_deg=0.5)
 TOOL = np.array([0.025, 0.0, -0.08])
 
@@ -49,7 +51,7 @@ def photographs(recorded, monkeypatch):
     """Let a folder of photographs show the boards that the cameras learned from."""
     folder, boards = recorded
     found = SimpleNamespace(seen_views=boards)
-    monkeypatch.setattr("nico_selfmodel.vision.boards.board_detections.detect_boards", lambda *_, **__: found)
+    monkeypatch.setattr(DETECT, lambda *_, **__: found)
     return folder / "photographs"
 
 
@@ -60,7 +62,7 @@ def body(recorded, command, tmp_path_factory):
     out = tmp_path_factory.mktemp("body") / "nico"
     with pytest.MonkeyPatch.context() as patch:
         found = SimpleNamespace(seen_views=boards)
-        patch.setattr("nico_selfmodel.vision.boards.board_detections.detect_boards", lambda *_, **__: found)
+        patch.setattr(DETECT, lambda *_, **__: found)
         done = command(
             *("calibrate", "body", folder / "train", "--model", folder / "cameras.yaml"),
             *("--boards", folder / "photographs", "--test", folder / "test", "--out", out),
@@ -140,7 +142,7 @@ def test_kinematics_alone_need_no_boards(recorded, command, tmp_path):
 def test_three_boards_are_all_learned_from(recorded, photographs, monkeypatch, command, tmp_path):
     folder, boards = recorded
     found = SimpleNamespace(seen_views=boards.select(np.arange(3)))
-    monkeypatch.setattr("nico_selfmodel.vision.boards.board_detections.detect_boards", lambda *_, **__: found)
+    monkeypatch.setattr(DETECT, lambda *_, **__: found)
     done = command(
         *("calibrate", "body", folder / "train", "--model", folder / "cameras.yaml"),
         *("--boards", photographs, "--out", tmp_path / "out", "--json"),

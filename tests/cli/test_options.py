@@ -12,9 +12,7 @@ SEVERAL_MEANINGS = {
     *("--marker", "--encoders", "--seconds", "--robots", "--model", "--name"),
 }
 """Options that are about another thing where another command has them, as their helps say."""
-PRIVATE_WORDS = (
-    r"\b(cameras?|sight(ings?)?|pin(ned)?|play|unobservable|world|individuals?|inliers)\b"
-)
+PRIVATE_WORDS = r"\b(eyes?|sight(ings?)?|pin(ned)?|play|blind|world|individuals?|believed)\b"
 
 
 def leaves(command=None, path=()):

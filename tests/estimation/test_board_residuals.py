@@ -47,7 +47,7 @@ def test_the_derivatives_are_those_of_central_differences(cameras, aspect, gaps)
         assert jacobian[i] == pytest.approx(numeric, abs=2e-7 * size), name
 
 
-@pytest.mark.parametrize(("cameras", "aspect", "gaps"), CASES)
+@pytest.mark.parametrize(("sides", "aspect", "gaps"), CASES)
 def test_the_residuals_are_those_of_the_cameras_that_the_variables_describe(sides, aspect, gaps):
     block, x = residuals_of(sides, aspect, gaps, sigma=0.25)
     cameras, X_LG = block.cameras(x), block.board_poses(x)

@@ -42,7 +42,7 @@ def test_skew_and_tangential_distortion_are_held_at_zero_unless_asked_for():
     }
 
 
-def test_a_name_without_an_camera_means_every_camera():
+def test_a_name_without_a_camera_means_every_camera():
     assert by_full_name({"k3": 1}, NAMES) == {"left.k3": 1, "right.k3": 1}
     assert by_full_name({"right.k3": 1}, NAMES) == {"right.k3": 1}
     assert by_full_name({"k3": 1, "right.k3": 2}, NAMES) == {"left.k3": 1, "right.k3": 2}

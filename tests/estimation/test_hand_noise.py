@@ -106,7 +106,7 @@ def test_closeness_is_relative_to_the_larger():
     assert HandNoise(0.3, 0.0).close_to(HandNoise(0.3, 0.0))
 
 
-def test_a_hand_beside_an_camera_is_whitened_too():
+def test_a_hand_beside_a_camera_is_whitened_too():
     _, slopes, seen = drawn(count=3)
     slopes[1] *= 1e12
     w = NOISE.whitening(slopes, seen)

@@ -160,7 +160,7 @@ def test_just_what_changed_is_learned_anew(model):
         )
 
 
-def test_an_camera_that_was_bumped_is_learned_anew(model):
+def test_a_camera_that_was_bumped_is_learned_anew(model):
     data = only_cameras(changed("bump_camera", [0.01, 0.02, 0.0], count=30))
     update = relearn_cause(model, data, check_health(model, data))
     assert update.learned[0].startswith("right.pose")

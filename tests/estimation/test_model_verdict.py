@@ -66,7 +66,7 @@ def test_a_joint_that_slipped_fails(refined):
     assert judged(model, replace(data, encoders=slipped)).status == "FAIL"
 
 
-def test_pixels_alone_tell_of_an_camera_that_turned(refined):
+def test_pixels_alone_tell_of_a_camera_that_turned(refined):
     """One camera sees no depth: what moved shows in its image alone."""
     model, data = refined
     one_eyed = blinded(data, slice(None), 1)

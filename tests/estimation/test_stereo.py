@@ -88,7 +88,7 @@ def test_skewed_and_tangential_lenses_are_found_where_they_are_asked_for():
     assert plain.rms > 0.01
 
 
-@pytest.mark.parametrize("camera", ["left", "right"])
+@pytest.mark.parametrize("side", ["left", "right"])
 def test_one_camera_alone_is_calibrated_at_the_world(X_LG, side):
     found = calibrate_cameras(pictures(X_LG).only(side))
     (camera,) = found.cameras
@@ -288,7 +288,7 @@ def test_images_that_were_not_taken_together_are_refused(noisy, order):
         calibrate_cameras(replace(noisy, pixels=shuffled))
 
 
-def test_an_camera_that_moves_between_the_images_is_noticed(X_LG):
+def test_a_camera_that_moves_between_the_images_is_noticed(X_LG):
     rng, pixels = np.random.default_rng(0), []
     for X in X_LG:
         wobble = transform(rotation_from_vector(rng.normal(0.0, 0.02, 3)), np.zeros(3))

@@ -179,7 +179,7 @@ def test_a_place_where_nothing_can_be_written_is_refused_before_any_work(result,
 KILLED = """
 import os, signal, sys
 from pathlib import Path
-from nico_selfmodel.files import folder_in_place_of, write_whole
+from nico_selfmodel.files.whole import folder_in_place_of, write_whole
 from nico_selfmodel.files import whole
 path, when = Path(sys.argv[1]), sys.argv[2]
 real, calls = Path.replace, []

@@ -140,7 +140,7 @@ def test_a_point_must_lie_in_front_of_both_cameras():
     assert found.in_front.tolist() == [False]
 
 
-def test_what_an_camera_did_not_see_stays_open_and_the_rest_does_not_mind():
+def test_what_a_camera_did_not_see_stays_open_and_the_rest_does_not_mind():
     rig = random_rig(3)
     pixels = rig.project(before(rig, 3, 5))
     gaps = pixels.copy()

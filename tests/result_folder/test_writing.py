@@ -19,12 +19,12 @@ from nico_selfmodel.result_folder.writing import replace_document, write_result
 DOCUMENT = {"status": "PASS", "value": 0.1}
 WITHOUT_PICTURES = """
 import sys
-from nico_selfmodel.model import SelfModel
+from nico_selfmodel.model.self_model_file import load_model
 from nico_selfmodel.result_folder.urdf import urdf_file
 from nico_selfmodel.result_folder.writing import write_result
-model = SelfModel.load({old!r})
+model = load_model({old!r})
 write_result({new!r}, model, {{"status": "PASS"}}, urdf_file(model, {new!r}))
-assert SelfModel.load({new!r}).name == model.name
+assert load_model({new!r}).name == model.name
 print(*sorted({{"matplotlib", "jinja2", "meshcat"}} & set(sys.modules)))
 """
 

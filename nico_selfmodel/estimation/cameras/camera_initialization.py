@@ -179,5 +179,5 @@ def pose_of_seen_boards(cameras: tuple[Camera, ...], views: BoardViews) -> NDArr
         maps = _homographies(views.p_GQ[:, :2], ideal)
         X_LG[rows] = camera.X_WC @ board_poses(maps, 1.0, 1.0)
     if not np.isfinite(X_LG).all():
-        raise EstimationError("a board was seen by neither side, or beyond the fold of its lens")
+        raise EstimationError("a board was seen by neither camera, or beyond the fold of its lens")
     return X_LG

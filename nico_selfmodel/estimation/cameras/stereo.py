@@ -82,7 +82,7 @@ def _refine_alone(views: BoardViews, options: CameraOptions) -> Adjustment:
     (side,) = views.cameras
     if len(views) < FEWEST_VIEWS:
         raise NotIdentifiableError(
-            f"the {side} side saw {len(views)} board{'s' * (len(views) != 1)}, at least "
+            f"the {side} camera saw {len(views)} board{'s' * (len(views) != 1)}, at least "
             f"{FEWEST_VIEWS} in different attitudes are needed, 10 to 20 are better"
         )
     camera, X_CG = zhang_start(views)

@@ -51,7 +51,7 @@ def flatness_of(
 ) -> Flatness | None:
     """Test whether one mirror is flat.
 
-    Errors that the arm's and the sides' uncertainty brings to all poses alike are whitened
+    Errors that the arm's and the cameras' uncertainty brings to all poses alike are whitened
     together, or else a slightly wrong arm would look like a bent mirror. So are errors that
     neighbouring poses share, such as sag; the noise of the pixels is measured where the arm cannot
     disturb it. Both models are linearised at the plane that was found.
