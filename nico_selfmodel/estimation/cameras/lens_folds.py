@@ -20,8 +20,8 @@ def folds_of(
     for side, camera in zip(sides, cameras, strict=True):
         if not camera.has_rays(edge).all():
             words[side] = (
-                f"the distortion of the {side} camera is not monotone up to the image's corners "
-                f"(it turns at a radius of {lens.largest_radius(camera.k):.2f}): fix {side}.k3=0, or "
+                f"the distortion of the {side} camera is not monotone up to the image's corners: "
+                f"it turns at a radius of {lens.largest_radius(camera.k):.2f}; fix {side}.k3=0, or "
                 "record boards in the corners"
             )
     return words
