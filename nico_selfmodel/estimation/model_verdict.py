@@ -132,7 +132,7 @@ def _contradicting(model: SelfModel, dataset: Dataset, evaluation: PixelEvaluati
     """Return the rows that neither model nor noise explains. Boolean, shape (N,).
 
     Where the model puts the hand out of the view of a camera that saw it, nothing explains that.
-    Pixels are whitened with all that is uncertain where the model tells joint play from the
+    Pixels are whitened with all that is uncertain where the model tells joint noise from the
     tracker's noise; points that its cameras rebuild are taken where it has learned from such.
     """
     lost = (evaluation.observations.seen & np.isnan(evaluation.pixels_predicted)).any(axis=1)

@@ -74,7 +74,7 @@ class MirrorExperiment:
     pixel_sigma: float
     """Noise of a tracked pixel coordinate [px]."""
     play_deg: float
-    """Half the width of the joints' play [deg]."""
+    """Half the width of the joints' noise [deg]."""
     rendered: bool
     """Whether the hand was found in rendered pictures; otherwise its pixels were calculated."""
     places_mm: Mapping[str, float]
@@ -99,7 +99,7 @@ def run_mirror(
     Args:
         individuals: Simulated robots.
         pixel_sigma: Noise of a tracked pixel coordinate [px].
-        play_deg: Half the width of the joints' play [deg].
+        play_deg: Half the width of the joints' noise [deg].
         seed: Of the first robot.
         progress: Told how far it is.
 
@@ -127,7 +127,7 @@ def experiment_of(
     Args:
         trials: What each of them learned.
         pixel_sigma: Noise of a tracked pixel coordinate [px].
-        play_deg: Half the width of the joints' play [deg].
+        play_deg: Half the width of the joints' noise [deg].
         mirrors: Where they were meant to stand.
         rendered: Whether the hand was found in rendered pictures.
     """

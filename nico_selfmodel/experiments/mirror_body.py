@@ -6,7 +6,7 @@ from dataclasses import replace
 import numpy as np
 
 from nico_selfmodel.estimation.arm.kinematics import calibrate_kinematics
-from nico_selfmodel.estimation.body.arm_through_cameras import Sight
+from nico_selfmodel.estimation.body.stereo_points import StereoPoints
 from nico_selfmodel.estimation.cameras.stereo import calibrate_cameras
 from nico_selfmodel.experiments.stereo import board_points
 from nico_selfmodel.geometry.transform import inverse
@@ -43,7 +43,7 @@ def mirror_body(
     Args:
         seed: Of the robot.
         pixel_sigma: Noise of each pixel coordinate [px].
-        play_deg: Half the width of the joints' play [deg].
+        play_deg: Half the width of the joints' noise [deg].
         radius: Radius of curvature of the mirrors [m]; flat if omitted.
         mirrors: Where the mirrors are meant to stand before the left camera.
 
@@ -75,7 +75,7 @@ def learned_body(body: SimulatedMirrors) -> SelfModel:
     """
     cameras = calibrate_cameras(body.look_at_boards(board_points(), BOARDS))
     seen = body.watch("", LEARNING_POSES, session=1, name="hand seen directly")
-    sight = Sight.of(cameras.self_model("nico"), seen)
+    stereo = StereoPoints.of(cameras.self_model("nico"), seen)
     nominal = nominal_of(ArmDescription.named("nico"))
-    arm = calibrate_kinematics(sight.train, nominal=nominal, name="nico")
-    return replace(sight.complete(arm).model, pixel_sigma=body.pixel_sigma)
+    arm = calibrate_kinematics(stereo.train, nominal=nominal, name="nico")
+    return replace(stereo.complete(arm).model, pixel_sigma=body.pixel_sigma)

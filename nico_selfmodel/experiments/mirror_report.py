@@ -89,7 +89,7 @@ def _head(results: MirrorExperiment) -> str:
     return (
         "# Inferring the visual perspective of a mirror (thesis, chapter 9)\n\n"
         f"Ours: {bodies(results.individuals)} that learned cameras and arm by themselves, "
-        f"joint play +-{results.play_deg:g} deg, arm {results.arm_mm:.0f} mm, {seen}. "
+        f"joint noise +-{results.play_deg:g} deg, arm {results.arm_mm:.0f} mm, {seen}. "
         f"Mirrors before the left camera: {places}. Mean "
         f"over {TEST_POSES} test poses, SD over robots. Thesis: figures 9.4 and 9.5 are charts "
         "without numbers; it works after 10 poses, and comparable systems without a mirror report "

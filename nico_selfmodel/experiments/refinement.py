@@ -100,7 +100,7 @@ class RefinementExperiment:
     world: str
     """What is wrong with the bodies."""
     play_deg: float
-    """Half the width of the joints' play."""
+    """Half the width of the joints' noise."""
     individuals: int
     """Simulated bodies averaged over."""
     rendered: bool

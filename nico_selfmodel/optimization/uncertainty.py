@@ -7,7 +7,7 @@ from numpy.typing import NDArray
 
 UNOBSERVABLE_SIGMA = 0.3
 """A direction is called unobservable where its standard deviation exceeds this fraction of the
-natural scale (1 rad, the size of the body, the gear itself): the estimate says nothing then."""
+parameter scale (1 rad, the size of the body, the gear itself): the estimate says nothing then."""
 
 
 @dataclass(frozen=True, eq=False)

@@ -49,7 +49,7 @@ def position_jacobians(
 ) -> NDArray:
     """Return how the hand moves with the free parameters, the estimator's own derivatives.
 
-    With `joint_sigma` each pose is whitened by what joint play does to the hand there, as a pose
+    With `joint_sigma` each pose is whitened by what joint noise does to the hand there, as a pose
     with long levers tells less.
 
     Args:

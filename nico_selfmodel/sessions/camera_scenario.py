@@ -11,7 +11,7 @@ import numpy as np
 from nico_selfmodel.dataset.board_views import BoardViews
 from nico_selfmodel.dataset.dataset import Dataset
 from nico_selfmodel.estimation.arm.kinematics import KinematicCalibration, calibrate_kinematics
-from nico_selfmodel.estimation.body.arm_through_cameras import Sight
+from nico_selfmodel.estimation.body.stereo_points import StereoPoints
 from nico_selfmodel.estimation.cameras.camera_adjustment import CameraCalibration
 from nico_selfmodel.estimation.cameras.stereo import calibrate_cameras
 from nico_selfmodel.estimation.initialization.nominal_arm import NominalArm
@@ -44,11 +44,11 @@ class Counts:
 
 @dataclass(frozen=True, eq=False)
 class ArmScenario:
-    """An arm learned by sight of one marker."""
+    """An arm learned from pictures of one marker."""
 
     calibration: KinematicCalibration
     """Of the arm; its model has the cameras too."""
-    sight: Sight
+    stereo: StereoPoints
     """What the cameras saw of the marker, to learn from and held out."""
     seen: PixelEvaluation
     """The model against the held-out pictures, in the image and in space (eq. 7.4)."""
@@ -56,12 +56,12 @@ class ArmScenario:
     @property
     def train(self) -> Dataset:
         """Rows of the marker with pixels."""
-        return self.sight.pixels["train"]
+        return self.stereo.pixels["train"]
 
     @property
     def test(self) -> Dataset:
         """Held-out rows."""
-        return self.sight.pixels["test"]
+        return self.stereo.pixels["test"]
 
     @property
     def model(self) -> SelfModel:
@@ -150,11 +150,11 @@ def learn_arm(
         nominal: The robot as described, for the zero of its joints.
         name: Of the self-model.
     """
-    sight = Sight.of(cameras.self_model(name), train, test)
-    calibration = sight.complete(
-        calibrate_kinematics(sight.train, test=sight.test, nominal=nominal, name=name)
+    stereo = StereoPoints.of(cameras.self_model(name), train, test)
+    calibration = stereo.complete(
+        calibrate_kinematics(stereo.train, test=stereo.test, nominal=nominal, name=name)
     )
-    return ArmScenario(calibration, sight, sight.evaluate(calibration.model))
+    return ArmScenario(calibration, stereo, stereo.evaluate(calibration.model))
 
 
 def of_marker(data: Dataset, marker: str) -> Dataset:

@@ -93,7 +93,7 @@ def recording(
         seen: What projects the hand; the first mirror by default.
         mirror: Name in the data set; empty for direct views.
         sigma: Noise of a pixel coordinate [px].
-        play: Half the width of the joints' play [rad].
+        play: Half the width of the joints' noise [rad].
         seed: Of noise and play.
         first: Number of the first sample.
     """

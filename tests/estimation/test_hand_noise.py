@@ -1,4 +1,4 @@
-"""Tracker noise and joint play, told apart by what they do to four pixels."""
+"""Tracker noise and joint noise, told apart by what they do to four pixels."""
 
 import numpy as np
 import pytest

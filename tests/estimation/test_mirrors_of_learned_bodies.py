@@ -12,8 +12,8 @@ import pytest
 
 from nico_selfmodel.dataset.dataset import Dataset
 from nico_selfmodel.estimation.arm.kinematics import calibrate_kinematics
-from nico_selfmodel.estimation.body.arm_through_cameras import Sight
 from nico_selfmodel.estimation.body.body import calibrate_body
+from nico_selfmodel.estimation.body.stereo_points import StereoPoints
 from nico_selfmodel.estimation.cameras.stereo import calibrate_cameras
 from nico_selfmodel.estimation.mirrors.mirror import calibrate_mirrors
 from nico_selfmodel.experiments.mirror_body import MIRRORS
@@ -40,8 +40,10 @@ def learned_body(kind, seed):
     scenario = simulated_scenario(ProjectedNico.tracked_by(), THESIS, seed)
     if kind == "refined":
         return calibrate_body(scenario.train, scenario.cameras, scenario.boards).model
-    sight = Sight.of(calibrate_cameras(scenario.boards).self_model("cameras"), scenario.train)
-    return sight.complete(calibrate_kinematics(sight.train, explain=False)).model
+    stereo = StereoPoints.of(
+        calibrate_cameras(scenario.boards).self_model("cameras"), scenario.train
+    )
+    return stereo.complete(calibrate_kinematics(stereo.train, explain=False)).model
 
 
 def poses_before(mirror, rng):

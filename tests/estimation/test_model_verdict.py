@@ -7,10 +7,10 @@ import pytest
 
 from nico_selfmodel.errors import DataError, ModelError
 from nico_selfmodel.estimation.arm.kinematics import calibrate_kinematics
-from nico_selfmodel.estimation.body.arm_through_cameras import Sight
 from nico_selfmodel.estimation.body.body_findings import _held_out_words, body_findings
 from nico_selfmodel.estimation.body.body_options import BodyOptions
 from nico_selfmodel.estimation.body.body_result import pixel_errors
+from nico_selfmodel.estimation.body.stereo_points import StereoPoints
 from nico_selfmodel.estimation.model_verdict import judge_evaluation
 from nico_selfmodel.estimation.noise.hand_observations import by_pixels
 from nico_selfmodel.estimation.observations.pixel_evaluation import evaluate_pixels
@@ -29,8 +29,8 @@ def refined():
 @pytest.fixture(scope="module")
 def arm_by_sight():
     """Return an arm that was learned from points its cameras rebuilt, with the cameras in it."""
-    sight = Sight.of(scenario().cameras, scenario().train)
-    return sight.complete(calibrate_kinematics(sight.train, loss="none", starts=3)).model
+    stereo = StereoPoints.of(scenario().cameras, scenario().train)
+    return stereo.complete(calibrate_kinematics(stereo.train, loss="none", starts=3)).model
 
 
 def judged(model, data):

@@ -148,7 +148,7 @@ def test_what_makes_no_sense_is_refused(pool):
         ({"play_deg": 0.5, "marker_mm": 0.5}, {"joint_sigma": PLAY / 1.2, "point_sigma": 5e-4}),
         ({"play_deg": 0.6}, {"joint_sigma": PLAY, "point_sigma": 6e-4}),
     ],
-    ids=["play and marker noise", "joint play"],
+    ids=["play and marker noise", "joint noise"],
 )
 def test_twenty_chosen_poses_are_as_good_as_fifty_by_chance(changes, sigmas):
     chosen, by_chance = held_out_of_ten(changes, sigmas).mean(axis=0)

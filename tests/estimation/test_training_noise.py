@@ -7,7 +7,7 @@ import pytest
 
 from nico_selfmodel.errors import ModelError
 from nico_selfmodel.estimation.arm.kinematics import calibrate_kinematics
-from nico_selfmodel.estimation.body.arm_through_cameras import Sight
+from nico_selfmodel.estimation.body.stereo_points import StereoPoints
 from nico_selfmodel.estimation.monitoring.health import check_health
 from nico_selfmodel.estimation.noise.hand_observations import hand_observations_of
 from nico_selfmodel.estimation.noise.pose_residuals import PoseResiduals
@@ -57,8 +57,8 @@ def test_every_estimator_of_an_arm_writes_its_noise(model):
     body = learned(0).model.noise_mixtures
     assert set(body) == {"pixels"}
     assert body["pixels"].sensor_sigma == pytest.approx(0.3, rel=0.1)
-    sight = Sight.of(scenario(0).cameras, scenario(0).train)
-    found = sight.complete(calibrate_kinematics(sight.train, explain=False)).model
+    stereo = StereoPoints.of(scenario(0).cameras, scenario(0).train)
+    found = stereo.complete(calibrate_kinematics(stereo.train, explain=False)).model
     assert set(found.noise_mixtures) == {"points", "pixels"}
     circles = calibrate_kinematics(session(THESIS, SEED, 0, sweeps=True), method="circle-points")
     assert circles.model.noise_mixtures["points"].joint_sigma > 0.0

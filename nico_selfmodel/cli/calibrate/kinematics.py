@@ -38,7 +38,7 @@ def kinematics(
     With --cameras it learns from the hand's pixels, in the left camera's frame.
     """
     from nico_selfmodel.estimation.arm.kinematics import calibrate_kinematics
-    from nico_selfmodel.estimation.body.arm_through_cameras import Sight
+    from nico_selfmodel.estimation.body.stereo_points import StereoPoints
     from nico_selfmodel.estimation.judging import judge, result_of, to_json
     from nico_selfmodel.estimation.results.fixed_parameters import FixedParameters
     from nico_selfmodel.files.whole import refuse_folder
@@ -47,10 +47,10 @@ def kinematics(
     refuse_folder(out, force=force, inputs=[dataset, test, robot, cameras])
     pins = FixedParameters.from_text(fix or (), free or ())
     train, held_out = inputs.train_and_test(dataset, test, test_fraction, seed)
-    sight = None
+    stereo = None
     if cameras is not None:
-        sight = Sight.of(load_model(cameras), train, held_out, frozenset(pins.pinned))
-        train, held_out = sight.train, sight.test
+        stereo = StereoPoints.of(load_model(cameras), train, held_out, frozenset(pins.pinned))
+        train, held_out = stereo.train, stereo.test
     description, nominal = inputs.described_arm(robot, arm, base, tip, hold, point)
     inputs.check_points(point, train.markers)
     with printer.progress_bar() as progress:
@@ -66,12 +66,12 @@ def kinematics(
             seed=seed,
             name=name,
         )
-        if sight is not None:
-            calibration = sight.complete(calibration)
+        if stereo is not None:
+            calibration = stereo.complete(calibration)
         progress("learning", 1, 1)
         result = result_of(calibration)
-        if sight is not None:
-            result = sight.with_pixels(result, calibration.model)
+        if stereo is not None:
+            result = stereo.with_pixels(result, calibration.model)
         document = to_json(result, judge(result, require_test_mm))
         progress("writing the result", 0, 1)
         # Drawing is slow to load, and only needed once there is something to draw.

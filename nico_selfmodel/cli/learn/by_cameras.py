@@ -101,7 +101,7 @@ def _write_unrefined(
     from nico_selfmodel.viz.reports.arm import arm_report
 
     arm, robot = scenario.arm, looking_arm(marker)
-    result = arm.sight.with_pixels(result_of(arm.calibration), arm.model)
+    result = arm.stereo.with_pixels(result_of(arm.calibration), arm.model)
     document = to_json(result, judge(result)) | _told(scenario)
     write_with_report(
         out,

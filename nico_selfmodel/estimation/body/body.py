@@ -3,7 +3,7 @@
 The thesis minimises the pixels of the hand alone. That leaves the scale open and so much else
 nearly so that its own 3D error falls while the true one grows tenfold. Here the chessboard corners
 stay in the same problem, which holds scale and lenses, and each pose's pixels are whitened with
-tracker noise and joint play, both estimated.
+tracker noise and joint noise, both estimated.
 """
 
 import time
@@ -82,7 +82,7 @@ class BodyCalibration:
     outliers: NDArray
     """Rows of `train` that were outliers. Boolean, shape (N,)."""
     noise: HandNoise
-    """Most likely tracker noise and joint play."""
+    """Most likely tracker noise and joint noise."""
     noise_sigmas: tuple[float, float]
     """Standard deviation of each, [px] and [rad]; inf where the data do not tell."""
     corner_sigma: float | None

@@ -16,7 +16,7 @@ from nico_selfmodel.estimation.results.calibration_result import (
 from nico_selfmodel.model.cameras.camera import DISTORTION, INTRINSICS
 from nico_selfmodel.model.cameras.stereo_rig import SIDES
 
-_LARGEST_PLAY = np.radians(5.0)
+_LARGEST_JOINT_NOISE = np.radians(5.0)
 """A joint that is this uncertain about its encoder is not play."""
 _MOST_LOST = 0.02
 """Share of inlier poses that may lack a point in front of both cameras."""
@@ -102,11 +102,11 @@ def _ray_reason(calibration: BodyCalibration) -> str | None:
 
 
 def _noise_reason(calibration: BodyCalibration) -> str | None:
-    play = calibration.noise.joint_sigma
-    if play <= _LARGEST_PLAY:
+    noise = calibration.noise.joint_sigma
+    if noise <= _LARGEST_JOINT_NOISE:
         return None
     return (
-        f"the joints would have to play by {np.degrees(play):.1f} deg to explain the pixels: check "
+        f"joint noise would have to be {np.degrees(noise):.1f} deg to explain the pixels: check "
         "the pairing of readings and images, marker labels, and whether something moved"
     )
 

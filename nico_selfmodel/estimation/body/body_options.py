@@ -55,7 +55,7 @@ class BodyOptions:
 
     @property
     def whitened(self) -> bool:
-        """Whether pixels are weighed by tracker noise and joint play."""
+        """Whether pixels are weighed by tracker noise and joint noise."""
         return self.variant != "thesis"
 
     def at(self, stage: str) -> "BodyOptions":

@@ -137,7 +137,7 @@ def _noise_known_to(calibration: BodyCalibration) -> dict[str, float | None]:
 
 
 def noise_words(document: Mapping[str, Any]) -> tuple[str, str]:
-    """Return tracker noise and joint play of a document in words, with their error bars."""
+    """Return tracker noise and joint noise of a document in words, with their error bars."""
     words = []
     for name, unit in (("pixel_sigma_px", "px"), ("joint_sigma_deg", "deg")):
         known = document["noise_known_to"][name]

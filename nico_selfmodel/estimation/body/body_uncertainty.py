@@ -95,7 +95,7 @@ def whitened_rows(
 def noise_sigmas(
     observations: PixelObservations, parameters: DhParameters, solved: BodySolution
 ) -> tuple[float, float]:
-    """Return how surely the inlier rows tell tracker noise [px] and joint play [rad]."""
+    """Return how surely the inlier rows tell tracker noise [px] and joint noise [rad]."""
     inliers = observations.select(~solved.outliers)
     block = HandPixels(inliers, DhArm(inliers.arm, parameters))
     slopes = block.by_angle(np.concatenate([parameters.values, solved.rig.values]))

@@ -161,6 +161,6 @@ def _misfit_reason(calibration: MirrorCalibration) -> str | None:
     if ratio <= _LARGEST_RATIO:
         return None
     return (
-        f"the reflections miss their plane by {ratio:.0f} times what pixel noise, joint play and "
+        f"the reflections miss their plane by {ratio:.0f} times what pixel noise, joint noise and "
         "the arm's own uncertainty explain: do arm and cameras still fit the robot?"
     )

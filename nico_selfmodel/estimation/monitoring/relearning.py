@@ -7,7 +7,7 @@ from nico_selfmodel.errors import EstimationError
 from nico_selfmodel.estimation.monitoring.block_update import BlockUpdate, learn_block
 from nico_selfmodel.estimation.monitoring.health import HealthReport
 from nico_selfmodel.estimation.noise.hand_observations import hand_observations_of
-from nico_selfmodel.estimation.observations.parameter_scales import natural_scales_of
+from nico_selfmodel.estimation.observations.parameter_scales import parameter_scales_of
 from nico_selfmodel.estimation.observations.pixel_observations import columns_of
 from nico_selfmodel.model.self_model import SelfModel
 
@@ -34,7 +34,7 @@ def relearn_cause(
         raise EstimationError("the body fits what is known of it: there is nothing to learn anew")
     observations = hand_observations_of(model, since_change(model, dataset, report), sensor)
     names = report.diagnoses[0].hypothesis.names
-    return learn_block(model, observations, names, scales=natural_scales_of(model, names))
+    return learn_block(model, observations, names, scales=parameter_scales_of(model, names))
 
 
 def since_change(model: SelfModel, dataset: Dataset, report: HealthReport) -> Dataset:

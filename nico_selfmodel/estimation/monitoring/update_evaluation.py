@@ -15,7 +15,7 @@ from nico_selfmodel.estimation.monitoring.block_update import (
     learn_with_prior,
 )
 from nico_selfmodel.estimation.noise.hand_observations import hand_observations_of
-from nico_selfmodel.estimation.observations.parameter_scales import natural_scales_of
+from nico_selfmodel.estimation.observations.parameter_scales import parameter_scales_of
 from nico_selfmodel.estimation.observations.pixel_evaluation import evaluate_pixels
 from nico_selfmodel.estimation.observations.pixel_observations import columns_of
 from nico_selfmodel.estimation.results.folds import fold_of, splits
@@ -115,7 +115,7 @@ def _cross_validate(
 ) -> NDArray | None:
     """Return the errors of poses, each by a body learned without it; None with too few of them."""
     learn = learn_with_prior if with_prior else learn_block
-    scales = natural_scales_of(before, names)
+    scales = parameter_scales_of(before, names)
     errors = []
     for others, own in splits(fold_of(poses)):
         try:

@@ -1,4 +1,4 @@
-"""What the hand's pixels, or its measured points, are uncertain by: the sensor and joint play.
+"""What the hand's pixels, or its measured points, are uncertain by: the sensor and joint noise.
 
 Play moves the hand itself, so both cameras see it alike: the k coordinates of a pose have the
 covariance S = ss^2 I + sq^2 A A', A their derivatives by the joint angles. Unit weights would let

@@ -6,8 +6,8 @@ from numpy.typing import NDArray
 from nico_selfmodel.model.self_model import SelfModel
 
 
-def natural_scales_of(model: SelfModel, names: tuple[str, ...]) -> NDArray:
-    """Return the natural scale of each parameter: one radian, the arm's length, the gear.
+def parameter_scales_of(model: SelfModel, names: tuple[str, ...]) -> NDArray:
+    """Return the parameter scale of each parameter: one radian, the arm's length, the gear.
 
     Args:
         model: The body.

@@ -29,7 +29,7 @@ class Imperfections:
     counts_per_turn: int = 16384
     """Encoder counts a turn of the geared encoder."""
     play: float = 0.0
-    """Half the width of the joint play between encoder and link [rad]."""
+    """Half the width of the joint noise between encoder and link [rad]."""
     sag: float = 0.0
     """Deflection of the joint that carries the largest gravity torque [rad]."""
     wobble: float = 0.0

@@ -57,7 +57,7 @@ class SimulatedMirrors:
             mirrors: Where the mirrors are meant to stand.
             seed: Which robot.
             pixel_sigma: Noise of each pixel coordinate [px].
-            play: Half the width of the joints' play [rad].
+            play: Half the width of the joints' noise [rad].
             radius: Radius of curvature of the mirrors [m], positive bulging towards the cameras;
                 flat if omitted.
             clearance: How far the hand keeps from the glass [m].

@@ -88,7 +88,7 @@ def unobservable_parameters(uncertainty: Uncertainty | None) -> frozenset[str]:
     """Return the parameters that take part in a direction which the data do not determine.
 
     Their standard deviations may be finite, where something does determine them a little; what is
-    known of an unobservable direction is still less than its natural scale.
+    known of an unobservable direction is still less than its parameter scale.
 
     Args:
         uncertainty: What is known of the parameters; None where nothing is.

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from nico_selfmodel.estimation.arm.kinematics import calibrate_kinematics
-from nico_selfmodel.estimation.body.arm_through_cameras import Sight
+from nico_selfmodel.estimation.body.stereo_points import StereoPoints
 from nico_selfmodel.estimation.cameras.stereo import calibrate_cameras
 from nico_selfmodel.model.cameras.stereo_rig import StereoRig
 from nico_selfmodel.model.self_model import ParameterCovariance
@@ -15,9 +15,9 @@ from .simulated_bodies import Truth, body, scenario
 
 
 def through(cameras, seed=0):
-    """Return the cameras' sight and the arm that is learned through it."""
-    sight = Sight.of(cameras, scenario(seed).train)
-    return sight, calibrate_kinematics(sight.train, loss="none", starts=3)
+    """Return the cameras' stereo and the arm that is learned through it."""
+    stereo = StereoPoints.of(cameras, scenario(seed).train)
+    return stereo, calibrate_kinematics(stereo.train, loss="none", starts=3)
 
 
 @pytest.mark.parametrize(
@@ -29,11 +29,11 @@ def test_an_arm_follows_its_cameras_as_their_covariance_says(name, step):
     values[StereoRig.names_of().index(name)] += step
     rig = StereoRig.from_values(values, cameras.rig.left.image_size)
     moved = replace(cameras, cameras={"left": rig.left, "right": rig.right}, covariance=None)
-    (sight, before), (_, after) = through(cameras), through(moved)
+    (stereo, before), (_, after) = through(cameras), through(moved)
     free = before.uncertainty.names
     index = [before.model.parameters.names.index(n) for n in free]
     found = (after.model.parameters.values - before.model.parameters.values)[index] / step
-    gain = sight._gain(before, free, (name,))[:, 0]
+    gain = stereo._gain(before, free, (name,))[:, 0]
     sigma = before.uncertainty.sigma
     # In units of what is not known anyway.
     assert np.linalg.norm(gain / sigma) > 2.0
@@ -41,8 +41,8 @@ def test_an_arm_follows_its_cameras_as_their_covariance_says(name, step):
 
 
 def test_a_completed_arm_carries_the_uncertainty_of_its_cameras():
-    sight, arm = through(scenario().cameras)
-    whole = sight.complete(arm)
+    stereo, arm = through(scenario().cameras)
+    whole = stereo.complete(arm)
     names = whole.model.covariance.names
     assert names[: len(arm.uncertainty.names)] == arm.uncertainty.names
     assert {"left.fx", "right.k1", "right.pose.x"} <= set(names)
@@ -57,11 +57,11 @@ def test_errors_of_arms_learned_by_sight_are_as_large_as_their_sigmas():
     before, after = [], []
     for seed in range(8):
         cameras = calibrate_cameras(scenario(seed).boards).self_model("cameras")
-        sight, arm = through(cameras, seed)
+        stereo, arm = through(cameras, seed)
         true = Truth.of(body(seed)).parameters
         readings = scenario(seed).test.encoders[:20]
         p = true.table.forward(true.servos.to_joint(readings))
-        for model, squares in ((arm.model, before), (sight.complete(arm).model, after)):
+        for model, squares in ((arm.model, before), (stereo.complete(arm).model, after)):
             found = model.predict(readings)
             miss = (found.p_WH - p)[:, :, None]
             squares += (miss.mT @ np.linalg.solve(found.covariance, miss)).ravel().tolist()
@@ -71,18 +71,18 @@ def test_errors_of_arms_learned_by_sight_are_as_large_as_their_sigmas():
 
 
 def test_cameras_beside_an_arm_that_alone_is_uncertain_count_as_exact():
-    sight, arm = through(scenario().cameras)
-    whole = sight.complete(arm).model
+    stereo, arm = through(scenario().cameras)
+    whole = stereo.complete(arm).model
     names = tuple(n for n in whole.covariance.names if n.partition(".")[0] not in ("left", "right"))
     of_arm = ParameterCovariance(names, np.eye(len(names)) * 1e-9)
-    sight, again = through(replace(whole, covariance=of_arm))
-    completed = sight.complete(again)
+    stereo, again = through(replace(whole, covariance=of_arm))
+    completed = stereo.complete(again)
     assert completed.model.covariance.names == again.uncertainty.names
     np.testing.assert_array_equal(completed.uncertainty.sigma, again.uncertainty.sigma)
 
 
 def test_cameras_without_a_covariance_count_as_exact():
-    sight, arm = through(replace(scenario().cameras, covariance=None))
-    whole = sight.complete(arm)
+    stereo, arm = through(replace(scenario().cameras, covariance=None))
+    whole = stereo.complete(arm)
     assert whole.uncertainty is arm.uncertainty
     assert whole.model.covariance.names == arm.uncertainty.names

@@ -28,7 +28,7 @@ from nico_selfmodel.optimization.uncertainty import Uncertainty
 
 
 @dataclass(frozen=True, eq=False)
-class Sight:
+class StereoPoints:
     """Data with pixels, and the cameras that saw them."""
 
     cameras: SelfModel
@@ -47,7 +47,7 @@ class Sight:
         train: Dataset,
         test: Dataset | None = None,
         pinned: frozenset[str] = frozenset(),
-    ) -> "Sight":
+    ) -> "StereoPoints":
         """Reconstruct the hand.
 
         Args:
