@@ -11,7 +11,7 @@ from nico_selfmodel.errors import DataError, ModelError
 from nico_selfmodel.estimation.arm.evaluation import evaluate
 from nico_selfmodel.estimation.body.body import calibrate_body
 from nico_selfmodel.estimation.body.body_initialization import (
-    in_left_eye,
+    in_left_camera,
     lines_of,
     reconstructed,
 )
@@ -201,7 +201,7 @@ def test_the_world_may_be_anywhere_before_learning():
     X = transform(rotation_from_vector([0.3, -0.2, 0.5]), [0.4, 0.1, -0.2])
     rig = recorded.cameras.rig
     elsewhere = {"left": rig.left.at(X), "right": rig.right.at(X @ rig.right.X_WC)}
-    moved = in_left_eye(replace(recorded.cameras, cameras=elsewhere))
+    moved = in_left_camera(replace(recorded.cameras, cameras=elsewhere))
     np.testing.assert_allclose(moved.rig.right.X_WC, rig.right.X_WC, atol=1e-12)
     assert np.array_equal(moved.rig.left.X_WC, np.eye(4))
     points = reconstructed(recorded.train, recorded.cameras, None)

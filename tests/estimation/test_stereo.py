@@ -300,7 +300,7 @@ def test_a_camera_that_moves_between_the_images_is_noticed(X_LG):
 
 
 @pytest.mark.real_data
-def test_the_real_left_eye_is_opencvs(real_data_folder):
+def test_the_real_left_camera_is_opencvs(real_data_folder):
     """Its own sample of the same images: aspect held, k1 k2 k3 p1 p2 free, window 11 x 11."""
     views = stereo_chessboard(real_data_folder)
     options = CameraOptions(aspect=1.0, tangential=True)

@@ -75,7 +75,7 @@ def test_a_symmetric_board_begins_at_the_left():
     assert row[0] > abs(row[1])
 
 
-def test_the_right_eye_keeps_its_order_where_the_board_tells_it():
+def test_the_right_camera_keeps_its_order_where_the_board_tells_it():
     left = np.arange(108.0).reshape(54, 2)
     np.testing.assert_array_equal(BOARD.same_order(left, left[::-1]), left[::-1])
 

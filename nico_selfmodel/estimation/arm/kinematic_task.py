@@ -127,7 +127,7 @@ class KinematicTask:
             trusted_axes = self.circles.trusted
             directions = np.where(trusted_axes[:, None], self.circles.directions, np.nan)
             gear = np.where(trusted_axes, self.circles.gear, np.nan)
-        outlying = random_starts(
+        drawn = random_starts(
             self.few,
             self.gear_pinned & self.gear_known,
             self.zero,
@@ -135,7 +135,7 @@ class KinematicTask:
             directions=directions,
             gear=gear,
         )
-        for arm in islice(outlying, count if trusted else max(count, 1)):
+        for arm in islice(drawn, count if trusted else max(count, 1)):
             yield RANDOM, arm
 
     def parameters_of(self, arm: ArmEstimate) -> DhParameters:

@@ -20,7 +20,7 @@ from nico_selfmodel.model.arm.dh_table import DhTable
 from nico_selfmodel.model.self_model import SelfModel
 
 
-def in_left_eye(model: SelfModel) -> SelfModel:
+def in_left_camera(model: SelfModel) -> SelfModel:
     """Return a model whose world is its left camera's frame; if it was, its covariance stays.
 
     Raises:
@@ -55,7 +55,7 @@ def reconstructed(dataset: Dataset, model: SelfModel, pinned: frozenset[str] | N
         DataError: If too few rows were seen by both cameras.
         ModelError: If the model has not both cameras.
     """
-    model = in_left_eye(model)
+    model = in_left_camera(model)
     observations = PixelObservations.from_dataset(dataset)
     unknown = () if pinned is None else _unknown(observations, pinned)
     # Each pose that both cameras saw gives three equations.
@@ -91,7 +91,7 @@ def body_start(
         DataError: If the data do not suit the model, or too few poses were seen.
         ModelError: If the model has not both cameras.
     """
-    model = in_left_eye(model)
+    model = in_left_camera(model)
     if model.has_arm:
         return model, columns_of(model, dataset), "model"
     points = reconstructed(dataset, model, pinned)

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from nico_selfmodel.dataset.dataset import Dataset
 from nico_selfmodel.estimation.arm.kinematics import KinematicCalibration
-from nico_selfmodel.estimation.body.body_initialization import in_left_eye, reconstructed
+from nico_selfmodel.estimation.body.body_initialization import in_left_camera, reconstructed
 from nico_selfmodel.estimation.noise.arm_solution import Linearised
 from nico_selfmodel.estimation.noise.hand_observations import covariance_of
 from nico_selfmodel.estimation.noise.training_noise import with_training_noise
@@ -60,7 +60,7 @@ class StereoPoints:
             DataError: If too few poses were seen by both cameras.
             ModelError: If the model has not both cameras.
         """
-        seeing = in_left_eye(cameras)
+        seeing = in_left_camera(cameras)
         seen = {"train": train} | ({} if test is None else {"test": test})
         points = {"train": reconstructed(train, seeing, pinned)}
         if test is not None:

@@ -100,7 +100,7 @@ def _refine_alone(views: BoardViews, options: CameraOptions) -> Adjustment:
 
 
 def _among(views: BoardViews, alone: Adjustment) -> tuple[Camera, NDArray]:
-    """Return one camera's camera and its boards among all views, nan where it saw nothing."""
+    """Return one camera and its boards among all views, nan where it saw nothing."""
     X_CG = np.full((len(views), 4, 4), np.nan)
     X_CG[[views.names.index(name) for name in alone.views.names]] = alone.X_LG
     return alone.cameras[0], X_CG

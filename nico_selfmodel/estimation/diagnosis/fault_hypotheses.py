@@ -119,11 +119,11 @@ def causes_of_misfit(
     for suspicion in _suspicions(observations, gear_pinned, held, worth):
         mended, pinned = few_rows(suspicion.observations, 0), suspicion.gear_pinned
         at = mended.angles[np.argmin(np.abs(mended.angles - zero).sum(axis=1))]
-        outlying = random_starts(mended, pinned & gear_known, at, np.random.default_rng(0))
+        drawn = random_starts(mended, pinned & gear_known, at, np.random.default_rng(0))
         reached = 0
         if left <= 0:
             return Causes(stopped_after=_MOST_STARTS)
-        for start in islice(outlying, min(suspicion.starts, left)):
+        for start in islice(drawn, min(suspicion.starts, left)):
             left -= 1
             found = refine_lines(mended, start, pinned, sigma, robust, rough=True)
             after = _Misfit.of(found, sigma)

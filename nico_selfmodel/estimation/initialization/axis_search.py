@@ -53,14 +53,14 @@ def random_starts(
     n = len(observations.joints)
     span = np.maximum(np.ptp(observations.angles, axis=0), 1e-9)
     for count in range(10**9):
-        outlying = rng.normal(size=(n, 3))
+        drawn = rng.normal(size=(n, 3))
         # A joint with an unknown gear is taken to have turned by 20 to 200 degrees.
         gears = span / np.radians(20.0 * 10.0 ** rng.random(n))
         if directions is not None and gear is not None and count % 2 == 1:
             near = directions + 0.25 * rng.normal(size=(n, 3))
-            outlying = np.where(np.isfinite(near), near, outlying)
+            drawn = np.where(np.isfinite(near), near, drawn)
             gears = np.where(np.isfinite(gear), gear, gears)
-        start = outlying / np.linalg.norm(outlying, axis=1, keepdims=True)
+        start = drawn / np.linalg.norm(drawn, axis=1, keepdims=True)
         yield project_variables(
             observations, start, np.where(gear_known, 1.0, gears), gear_known, zero
         )
