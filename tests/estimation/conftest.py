@@ -13,6 +13,8 @@ from nico_selfmodel.model.arm.chain import Chain
 from nico_selfmodel.model.arm.servo_map import ServoMap
 from nico_selfmodel.model.self_model import SelfModel
 
+from .joined_data import joined_data
+
 COUNTS = 10000.0
 _ELBOW = np.eye(3)[[2, 1, 0, 1, 0, 1, 2]]
 _PARALLEL = np.eye(3)[[2, 1, 1, 1, 2, 1, 0]]
@@ -137,14 +139,7 @@ def make_truth():
 def joined():
     """Return a function that puts data sets of one arm together."""
 
-    def join(*datasets: Dataset) -> Dataset:
-        arrays = ("encoders", "p_WH_measured", "sweep", "marker", "pixels", "mirror")
-        both = {k: np.concatenate([getattr(d, k) for d in datasets]) for k in arrays}
-        first = np.cumsum([0, *(d.sample.max() for d in datasets[:-1])])
-        sample = np.concatenate([d.sample + k for d, k in zip(datasets, first, strict=True)])
-        return replace(datasets[0], sample=sample, extra={}, **both)
-
-    return join
+    return joined_data
 
 
 @pytest.fixture(scope="session")

@@ -1,25 +1,20 @@
-"""Does the body still fit, and what changed; adaptation while it works."""
+"""Does the body still fit, and what changed."""
 
 from dataclasses import replace
 
 import numpy as np
 import pytest
 
-from nico_selfmodel.errors import DataError, EstimationError, ModelError
+from nico_selfmodel.errors import EstimationError, ModelError
 from nico_selfmodel.estimation.arm.evaluation import evaluate
-from nico_selfmodel.estimation.body.workspace_accuracy import workspace_accuracy, workspace_readings
-from nico_selfmodel.estimation.monitoring.adaptation import (
-    RecursiveAdaptation,
-    WindowAdaptation,
-    forgotten,
-    joined,
-)
+from nico_selfmodel.estimation.body.workspace_accuracy import workspace_accuracy
 from nico_selfmodel.estimation.monitoring.health import ENOUGH, check_health
 from nico_selfmodel.estimation.monitoring.health_document import health_document
 from nico_selfmodel.estimation.monitoring.monitor import Monitor
 from nico_selfmodel.estimation.monitoring.relearning import relearn_cause
 from nico_selfmodel.estimation.noise.hand_observations import covariance_of, hand_observations_of
 
+from .joined_data import joined_data
 from .simulated_bodies import blinded, body, learned, only_cameras, poses, scenario
 
 
@@ -78,7 +73,7 @@ def test_other_changes_are_told_apart_too(model, what, arguments, cause):
 def test_the_time_of_a_change_within_a_recording_is_found(model):
     before = only_cameras(poses(body(), 40))
     after = only_cameras(changed("slip", "right_shoulder_roll", np.radians(3.0)))
-    report = check_health(model, joined(before, after))
+    report = check_health(model, joined_data(before, after))
     assert report.changed_at == pytest.approx(40, abs=1)
     assert 40 <= report.alarm_at <= 42
     assert report.sure
@@ -178,65 +173,13 @@ def test_innovations_of_the_truth_would_be_chi_square(model):
     assert np.abs(r.mean(axis=0)).max() < 0.35
 
 
-@pytest.mark.parametrize("kind", [RecursiveAdaptation, WindowAdaptation])
-@pytest.mark.parametrize(
-    ("what", "arguments", "names"),
-    [
-        ("slip", ("right_elbow", np.radians(3.0)), ("right_elbow.theta_offset",)),
-        ("take_tool", ([0.01, 0.0, -0.03],), tuple(f"hand.hand.{a}" for a in "xyz")),
-    ],
-)
-def test_a_body_told_what_changed_is_itself_again_after_ten_poses(
-    model, kind, what, arguments, names
-):
-    adapting = kind(model)
-    test = changed(what, *arguments, count=60, seed=8)
-    before = 1e3 * evaluate(model, test).statistics.mean
-    adapting.forget(names)
-    for part in range(2):
-        adapting.update(only_cameras(changed(what, *arguments, count=5, seed=20 + part)))
-    after = 1e3 * evaluate(adapting.model, test).statistics.mean
-    assert before > 5.0
-    assert after < 3.0
-    assert names[0] in adapting.model.covariance.names
-
-
-@pytest.mark.parametrize("kind", [RecursiveAdaptation, WindowAdaptation])
-def test_a_body_that_did_not_change_stays_as_good_as_it_was(model, kind):
-    adapting = kind(model)
-    test = poses(body(), 60, seed=8)
-    before = evaluate(model, test).statistics.mean
-    adapting.update(only_cameras(poses(body(), 30, seed=21)))
-    assert evaluate(adapting.model, test).statistics.mean < before + 2e-4
-    now, then = (m.predict(test.encoders).sigma.mean() for m in (adapting.model, model))
-    assert now < 1.02 * then
-
-
-def test_a_window_forgets_its_oldest_poses(model):
-    adapting = WindowAdaptation(model, size=10)
-    adapting.update(only_cameras(changed("slip", "right_elbow", 0.1, count=8)))
-    adapting.update(only_cameras(poses(body(), 10, seed=30)))
-    only = WindowAdaptation(model, size=10)
-    only.update(only_cameras(poses(body(), 10, seed=30)))
-    assert adapting.model.parameters.values == pytest.approx(only.model.parameters.values)
-
-
-def test_adaptation_refuses_what_it_cannot_use(model):
-    unknown = replace(model, covariance=None)
-    for kind in (RecursiveAdaptation, WindowAdaptation):
-        with pytest.raises(ModelError, match="does not say how well"):
-            kind(unknown)
-        with pytest.raises(ValueError, match="no parameter 'elbow'"):
-            kind(model).forget(("elbow",))
-        with pytest.raises(DataError, match="no measured point"):
-            kind(model).update(replace(only_cameras(poses(body(), 2)), pixels=None))
-    with pytest.raises(ValueError, match="at least one pose"):
-        WindowAdaptation(model, size=0)
-    assert forgotten(unknown, ("right_elbow.D",)).covariance.names == ("right_elbow.D",)
-
-
 def test_the_workspace_splits_into_what_data_cure_and_what_mechanics_leave(model):
-    readings = workspace_readings(model, scenario().train.encoders, 200, 0)
+    trained = scenario().train.encoders
+    readings = np.random.default_rng(0).uniform(trained.min(axis=0), trained.max(axis=0), (1600, 4))
+    pixels = model.rig.project(model.predict(readings).p_WH)
+    with np.errstate(invalid="ignore"):
+        shown = ((pixels > 0.0) & (pixels < [*model.rig.left.image_size] * 2)).all(axis=1)
+    readings = readings[shown][:200]
     found = workspace_accuracy(model, readings)
     assert found.p_LH.shape == (200, 3)
     assert found.total == pytest.approx(np.hypot(found.learned, found.mechanics))
@@ -244,7 +187,7 @@ def test_the_workspace_splits_into_what_data_cure_and_what_mechanics_leave(model
     assert 1e3 * found.mechanics.mean() == pytest.approx(1.9, abs=0.3)
     assert 0.2 < 1e3 * found.learned.mean() < 1.5
     assert 0.0 < found.curable < 0.5
-    seen = np.isfinite(found.total_px)
+    seen = np.isfinite(found.mechanics_px)
     assert seen.mean() > 0.9
     # A pixel is about depth / focal length: 0.25 m / 390.
     scale = np.linalg.norm(found.p_LH, axis=1)[seen] / 390.0

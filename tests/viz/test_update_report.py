@@ -9,7 +9,6 @@ import pytest
 from nico_selfmodel.cli.result_files import write_with_report
 from nico_selfmodel.estimation.body.body import calibrate_body
 from nico_selfmodel.estimation.judging import judge, to_json
-from nico_selfmodel.estimation.monitoring.adaptation import joined
 from nico_selfmodel.estimation.monitoring.health import check_health
 from nico_selfmodel.estimation.monitoring.relearning import relearn_cause, since_change
 from nico_selfmodel.estimation.monitoring.tool import calibrate_tool, rezero, with_marker
@@ -27,6 +26,8 @@ from nico_selfmodel.viz.figures.health_plot import health_plot
 from nico_selfmodel.viz.reports.updates import update_report
 from nico_selfmodel.viz.scene.scene import load_scene
 from nico_selfmodel.viz.scene.update_scene import update_scene
+
+from ..estimation.joined_data import joined_data
 
 WORLD = IMPERFECTIONS["clean"].with_noise(play_deg=0.5)
 TOOL = np.array([0.025, 0.0, -0.08])
@@ -76,7 +77,7 @@ def zeros(model):
 @pytest.fixture(scope="module")
 def relearned(model):
     slipped = poses(15, lambda body: body.faults.slip(SLIPPED, np.radians(3.0)), session=6)
-    data = joined(poses(10, session=5), slipped)
+    data = joined_data(poses(10, session=5), slipped)
     health = check_health(model, data)
     update = relearn_cause(model, data, health)
     evaluation = evaluate_update(model, update, since_change(model, data, health))

@@ -41,13 +41,6 @@ class WorkspaceAccuracy:
         return np.hypot(self.learned, self.mechanics)
 
     @property
-    def total_px(self) -> NDArray | None:
-        """Both parts together [px]. Shape (N,)."""
-        if self.learned_px is None or self.mechanics_px is None:
-            return None
-        return np.hypot(self.learned_px, self.mechanics_px)
-
-    @property
     def curable(self) -> float:
         """Share of the mean squared error in space that more data would cure."""
         return float(np.sum(self.learned**2) / max(np.sum(self.total**2), 1e-300))
@@ -91,32 +84,6 @@ def workspace_accuracy(
     unseen = np.isnan(pixels).any(axis=1)
     learned_px, mechanics_px = (np.where(unseen, np.nan, part) for part in parts)
     return WorkspaceAccuracy(prediction.p_WH, learned, mechanics, pixels, learned_px, mechanics_px)
-
-
-def workspace_readings(model: SelfModel, readings: ArrayLike, count: int, seed: int) -> NDArray:
-    """Draw poses from the box that given readings span.
-
-    Args:
-        model: The body.
-        readings: Poses that reach to the ends of where the hand works. Shape (N, n).
-        count: Poses to draw.
-        seed: Of the draw.
-
-    Returns:
-        Readings; with cameras only those in which both see the hand, if there are any.
-        Shape (<= count, n).
-    """
-    readings = np.atleast_2d(np.asarray(readings, dtype=float))
-    low, high = readings.min(axis=0), readings.max(axis=0)
-    drawn = np.random.default_rng(seed).uniform(low, high, (8 * count, readings.shape[1]))
-    if set(model.cameras) == set(SIDES):
-        rig = model.rig
-        pixels = rig.project(model.predict(drawn).p_WH)
-        size = np.array([*rig.left.image_size] * 2)
-        with np.errstate(invalid="ignore"):
-            seen = ((pixels > 0.0) & (pixels < size)).all(axis=1)
-        drawn = drawn[seen] if seen.any() else drawn
-    return drawn[:count]
 
 
 def _observations(model: SelfModel, readings: NDArray, marker: str | None) -> Observations:
