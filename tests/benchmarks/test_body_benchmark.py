@@ -2,7 +2,6 @@
 
 import numpy as np
 import pytest
-from scipy.optimize import least_squares
 
 from nico_selfmodel.estimation.body.body_initialization import body_start, lines_of
 from nico_selfmodel.estimation.body.body_problem import BodyProblem
@@ -46,6 +45,8 @@ def ideal_in(camera, p_LH):
 
 
 def test_200_poses_and_42_parameters_beat_scipy_on_the_same_jacobian(problem, benchmark):
+    from scipy.optimize import least_squares  # slow to load, and only wanted here
+
     program, block = problem.program, problem.hand
     free, start = np.flatnonzero(program.free), program.start
     assert len(free) == 42

@@ -4,7 +4,6 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from scipy.optimize import least_squares
 
 from nico_selfmodel.estimation.arm.kinematic_task import sweeps_of
 from nico_selfmodel.estimation.initialization.circle_points import analyse_circle_points
@@ -47,6 +46,8 @@ def problem():
 
 def scipy_peer(block, observations, start):
     """Return scipy's `lm` with our Jacobian, its residuals alone being as cheap as they can be."""
+    from scipy.optimize import least_squares  # slow to load, and only wanted here
+
     marker, measured = observations.marker, observations.p_WH.T
 
     def residuals(x):
