@@ -75,7 +75,7 @@ def test_learn_goes_through_the_cameras_refines_both_and_ends_before_a_mirror(tm
     assert done.returncode == 0, done.stdout + done.stderr
     document = json.loads((out / "result.json").read_text())
     assert document["status"] == "PASS"
-    assert document["cameras"]["rms_px"] < 0.2
+    assert document["eyes"]["rms_px"] < 0.2
     assert document["test"]["pixels"]["mean"] < 7.0
     assert document["refinement"]["accepted"]
     assert document["refinement"]["boards"]["held_out"]
