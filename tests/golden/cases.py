@@ -31,7 +31,7 @@ def data(name: str) -> Dataset:
 
 def boards(name: str) -> BoardViews:
     with np.load(FOLDER / f"{name}.npz") as stored:
-        names, cameras = tuple(stored["names"].tolist()), tuple(stored["cameras"].tolist())
+        names, cameras = tuple(stored["names"].tolist()), tuple(stored["eyes"].tolist())
         width, height = stored["size"].tolist()
         return BoardViews(stored["p_GQ"], names, cameras, stored["pixels"], (width, height))
 
@@ -50,7 +50,7 @@ def cameras() -> dict[str, Any]:
 
 
 def body_model():
-    cameras = load_model(FOLDER / "cameras.yaml")
+    cameras = load_model(FOLDER / "eyes.yaml")
     options, test = BodyOptions(), data("body_test")
     return calibrate_body(data("body_train"), cameras, boards("body_boards"), options, test=test)
 
