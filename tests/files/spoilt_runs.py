@@ -229,7 +229,7 @@ def _not_finite(run: Run, stdout: str) -> str | None:
     elif (match := _NOT_FINITE.search(stdout)) and match.group().strip() not in run.words:
         return f"prints {stdout[max(0, match.start() - 100) : match.end() + 50]!r}"
     for path in sorted((run.folder / "out").rglob("*")):
-        if path.name.startswith("."):
+        if path.name.startswith(".") and not any(w.endswith(f"/{path.name}") for w in run.words):
             return f"leaves {path.name}"
         if path.suffix in (".json", ".yaml"):
             loader = getattr(yaml, "CSafeLoader", yaml.SafeLoader)
