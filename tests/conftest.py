@@ -18,7 +18,7 @@ os.environ.setdefault("MPLBACKEND", "Agg")
 import hypothesis
 import pytest
 
-from nico_selfmodel.cli import main
+from nico_selfmodel.cli.main import main
 
 # The clock of a busy machine is no property of the code. CI must not depend on the day's luck.
 hypothesis.settings.register_profile("project", deadline=None, derandomize="CI" in os.environ)
@@ -29,7 +29,7 @@ if signal.getsignal(signal.SIGINT) is signal.SIG_IGN:
     signal.signal(signal.SIGINT, signal.default_int_handler)
 
 PROJECT_ROOT = Path(__file__).resolve().parents[1]
-CODE = "from nico_selfmodel.cli import main; main()"
+CODE = "from nico_selfmodel.cli.main import main; main()"
 SURROUNDINGS = {"OMP_NUM_THREADS": "1", "NO_COLOR": "1", "COLUMNS": "120"}
 
 

@@ -1,14 +1,1 @@
 """The command line `nico-selfmodel`: one file per command; parses, calls, prints."""
-
-import os
-
-
-def main() -> None:
-    """Run the command line."""
-    # Two BLAS threads make small problems several times slower; BLAS reads this when it is loaded.
-    os.environ.setdefault("OMP_NUM_THREADS", "1")
-    # OpenCV's own lines say nothing that ours do not; it reads this when it is loaded.
-    os.environ.setdefault("OPENCV_LOG_LEVEL", "SILENT")
-    from nico_selfmodel.cli.app import run
-
-    run()

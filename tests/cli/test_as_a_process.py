@@ -18,7 +18,7 @@ def loaded_by(words):
     """Return the exit code of a command and which slow packages it loaded."""
     code = (
         "import sys\n"
-        "from nico_selfmodel.cli import main\n"
+        "from nico_selfmodel.cli.main import main\n"
         "try:\n    main()\n"
         f"except SystemExit as end:\n    print(end.code, *{SLOW_TO_LOAD} & set(sys.modules))"
     )

@@ -25,7 +25,7 @@ from nico_selfmodel.systems.stations.nico_behind_bus import NicoBehindBus
 from nico_selfmodel.systems.stations.nico_station import NicoStation
 from nico_selfmodel.vision.images.image_file import write_image
 
-CODE = "from nico_selfmodel.cli import main; main()"
+CODE = "from nico_selfmodel.cli.main import main; main()"
 SEED = 3
 
 

@@ -27,7 +27,7 @@ JOINT = """
     max_velocity_deg_s: 60
     max_acceleration_deg_s2: 240
 """
-CODE = "from nico_selfmodel.cli import main; main()"
+CODE = "from nico_selfmodel.cli.main import main; main()"
 COUNTS_PER_DEGREE = 200_000 / 360
 
 

@@ -28,7 +28,7 @@ ADDRESSES, MEMORY = 4 * 2**30, 2 * 2**30
 """Address space of a process, and what it may hold in memory [bytes]."""
 _CODE = (
     f"import resource; resource.setrlimit(resource.RLIMIT_AS, ({ADDRESSES}, {ADDRESSES}));"
-    "from nico_selfmodel.cli import main; main()"
+    "from nico_selfmodel.cli.main import main; main()"
 )
 _NOT_FINITE = re.compile(r"(?<![\w.'\"/-])[-+]?(?:nan|inf|infinity)(?![\w.'\"-])", re.IGNORECASE)
 

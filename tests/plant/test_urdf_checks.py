@@ -97,7 +97,7 @@ def test_what_robots_may_be_is_accepted(tmp_path, old, new):
 def test_the_command_line_says_it_and_ends_with_two(tmp_path, name):
     old, new, _ = BAD[name]
     path = changed(tmp_path, old, new)
-    code = "from nico_selfmodel.cli import main; main()"
+    code = "from nico_selfmodel.cli.main import main; main()"
     words = ("learn", "--robot", path, "--base", "base", "--tip", "tool", "--out", tmp_path / "o")
     done = subprocess.run(
         [sys.executable, "-c", code, *map(str, words)], capture_output=True, text=True, check=False

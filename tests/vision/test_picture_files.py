@@ -101,7 +101,7 @@ def test_what_is_no_file_is_neither_waited_for_nor_left_half_done(tmp_path, monk
         path.symlink_to("/dev/zero")
     else:
         path.mkdir()
-    code = "from nico_selfmodel.cli import main; main()"
+    code = "from nico_selfmodel.cli.main import main; main()"
     done = subprocess.run(
         [sys.executable, "-c", code, "detect", "a.png", "--fiducial", "--out", "out"],
         capture_output=True,

@@ -1,0 +1,14 @@
+"""Where the command `nico-selfmodel` begins."""
+
+import os
+
+
+def main() -> None:
+    """Run the command line."""
+    # Two BLAS threads make small problems several times slower; BLAS reads this when it is loaded.
+    os.environ.setdefault("OMP_NUM_THREADS", "1")
+    # OpenCV's own lines say nothing that ours do not; it reads this when it is loaded.
+    os.environ.setdefault("OPENCV_LOG_LEVEL", "SILENT")
+    from nico_selfmodel.cli.app import run
+
+    run()
