@@ -21,7 +21,7 @@ COLUMNS = {
         "z": "X_board_camera_23",
         "unit": "m",
     },
-    "source": "Franka FR3, camera-in-hand camera before a fixed board",
+    "source": "Franka FR3, eye-in-hand camera before a fixed board",
 }
 
 if __name__ == "__main__":

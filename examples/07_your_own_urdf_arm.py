@@ -30,7 +30,7 @@ with tempfile.TemporaryDirectory() as folder:
     path = Path(folder) / "three_joints.urdf"
     path.write_text(URDF)
     arm = ArmDescription.from_urdf(path, "foot", "tip")
-    # Here a simulated individual stands in; your own data come with Dataset or import_csv.
+    # Here a simulated robot stands in; your own data come with Dataset or import_csv.
     poses = replace(SweepProtocol.for_arm(arm), random_poses=60)
     train = simulated_session(arm, IMPERFECTIONS["thesis"], poses, "train", seed=1, session=0)
     test = simulated_session(

@@ -4,7 +4,7 @@ from typing import Any
 
 from nico_selfmodel.estimation.arm.arm_result import arm_result
 from nico_selfmodel.estimation.arm.kinematics import KinematicCalibration
-from nico_selfmodel.estimation.body.body import BodyCalibration
+from nico_selfmodel.estimation.body.body_calibration import BodyCalibration
 from nico_selfmodel.estimation.body.body_result import body_result
 from nico_selfmodel.estimation.cameras.camera_assessment import CameraAssessment
 from nico_selfmodel.estimation.cameras.camera_result import camera_result

@@ -39,7 +39,7 @@ def run_rendered_mirror(
     counts: Counts | None = None,
     progress: Stage | None = None,
 ) -> MirrorExperiment:
-    """Let robots learn cameras and arm by sight, then three mirrors by looking into them.
+    """Let robots learn cameras and arm from pictures, then three mirrors by looking into them.
 
     Args:
         world: What is wrong with the bodies.

@@ -10,7 +10,8 @@ from nico_selfmodel.dataset.board_views import BoardViews
 from nico_selfmodel.dataset.dataset import Dataset
 from nico_selfmodel.errors import EstimationError, ModelError
 from nico_selfmodel.estimation.arm.evaluation import evaluate
-from nico_selfmodel.estimation.body.body import BodyCalibration, calibrate_body
+from nico_selfmodel.estimation.body.body import calibrate_body
+from nico_selfmodel.estimation.body.body_calibration import BodyCalibration
 from nico_selfmodel.estimation.body.body_options import BodyOptions
 from nico_selfmodel.estimation.cameras.camera_options import CameraOptions
 from nico_selfmodel.estimation.cameras.stereo import calibrate_cameras

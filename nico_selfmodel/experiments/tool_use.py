@@ -36,7 +36,7 @@ class ToolScenario:
     """What one robot recorded with a tool in its hand."""
 
     model: SelfModel
-    """What it knew of itself before, by sight of its bare hand."""
+    """What it knew of itself before, from pictures of its bare hand."""
     hand: Dataset
     """Held-out poses of the bare hand."""
     taken: Dataset

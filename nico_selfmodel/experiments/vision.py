@@ -1,4 +1,4 @@
-"""Chapter 7 of the thesis: an arm learned by sight of its hand, by fiducial and by colour."""
+"""Chapter 7 of the thesis: an arm learned from pictures of its hand, by fiducial and by colour."""
 
 from collections.abc import Sequence
 from dataclasses import asdict, dataclass
@@ -69,7 +69,7 @@ def run_vision(
     counts: Counts | None = None,
     progress: Stage | None = None,
 ) -> VisionExperiment:
-    """Let robots learn cameras and arm by sight. Both markers are tracked in the same pictures.
+    """Let robots learn cameras and arm from pictures, in which both markers are tracked.
 
     Args:
         world: What is wrong with the bodies.
@@ -125,7 +125,7 @@ def _mean(statistics: list[ErrorStatistics], name: str) -> float:
 def report_of(results: VisionExperiment) -> ExperimentReport:
     """Return ours beside the thesis', with charts like figures 7.5 to 7.7."""
     head = (
-        "# Learning an arm by sight (thesis, chapter 7)\n\n"
+        "# Learning an arm from pictures (thesis, chapter 7)\n\n"
         f"Ours: {results.individuals} simulated robot(s) in the world `{results.world}`, seen "
         "through rendered pictures; cameras learned from rendered chessboards "
         f"({results.boards_px:.2f} px rms). Distance of the predicted hand from the tracked one on "

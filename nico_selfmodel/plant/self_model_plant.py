@@ -35,8 +35,7 @@ class SelfModelPlant:
     A self-model can be written into any context. The plant's world is then the measuring frame W,
     and the angles of the learned joints are the self-model's q, so that every tracked point is
     where `model.chain.forward(q)` has it. Held joints start at their values, all others at zero.
-    The joints' limits are the description's: they fit a self-model whose zeros are the robot's
-    (`aligned_to`).
+    The joints' limits are the description's: they fit a self-model whose zeros are the robot's.
     """
 
     plant: MultibodyPlant

@@ -1,1 +1,1 @@
-"""What learn, record, simulate and watch run."""
+"""What the commands learn, record, simulate and live run."""

@@ -4,7 +4,8 @@ from dataclasses import dataclass
 
 from nico_selfmodel.dataset.board_views import BoardViews
 from nico_selfmodel.errors import EstimationError
-from nico_selfmodel.estimation.body.body import BodyCalibration, calibrate_body
+from nico_selfmodel.estimation.body.body import calibrate_body
+from nico_selfmodel.estimation.body.body_calibration import BodyCalibration
 from nico_selfmodel.estimation.judging import judge
 from nico_selfmodel.estimation.results.verdict import Verdict
 from nico_selfmodel.model.self_model import SelfModel

@@ -67,7 +67,7 @@ class RealRecording:
         by_camera = sensor in MARKERS
         arm = looking_arm(MARKERS[sensor]) if by_camera else _arm_of(servos)
         joints = _joints_of(arm, servos)
-        planned = _by_sight if by_camera else _by_motion_capture
+        planned = _by_cameras if by_camera else _by_motion_capture
         plan = planned(arm, joints, circle, free if table is None else 0, rng)
         if table is None:
             return cls(sensor, arm, joints, plan, free if by_camera else None)
@@ -140,7 +140,7 @@ def _joints_of(arm: ArmDescription, servos: Sequence[JointInfo]) -> tuple[JointI
     return tuple(by_name[name] for name in arm.joints)
 
 
-def _by_sight(
+def _by_cameras(
     arm: ArmDescription,
     joints: tuple[JointInfo, ...],
     circle: int,

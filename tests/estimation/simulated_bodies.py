@@ -6,7 +6,8 @@ from functools import cache
 import numpy as np
 
 from nico_selfmodel.dataset.dataset import Dataset
-from nico_selfmodel.estimation.body.body import BodyCalibration, calibrate_body
+from nico_selfmodel.estimation.body.body import calibrate_body
+from nico_selfmodel.estimation.body.body_calibration import BodyCalibration
 from nico_selfmodel.estimation.body.body_options import BodyOptions
 from nico_selfmodel.experiments.projected_nico import ProjectedNico
 from nico_selfmodel.experiments.refinement import Scenario, simulated_scenario

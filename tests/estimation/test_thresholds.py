@@ -48,9 +48,18 @@ def held_out_alone(count, terms):
     """A result of which nothing is known but how much was held out."""
     test = Errors(np.ones(count), poses=count) if count else None
     said = (Finding(NOTE, "good"), Finding(WARNING, "but"))
-    nothing = np.zeros(0, dtype=bool)
     return CalibrationResult(
-        *("refine", {}, None, test, None, nothing, (), "", (), True, 3, 0.1, said, {}, terms)
+        method="refine",
+        parameters={},
+        test=test,
+        outliers=np.zeros(0, dtype=bool),
+        outlier_names=(),
+        converged=True,
+        iterations=3,
+        seconds=0.1,
+        findings=said,
+        details={},
+        terms=terms,
     )
 
 
@@ -94,6 +103,15 @@ def test_a_held_out_error_is_worse_from_a_chance_of_one_in_two_thousand_on(above
     # tests of 2.4 and 4.9.
     found = np.concatenate([np.full(14 - above, 0.5), np.full(above, 2.0)])
     assert (held_out_is_worse(np.linspace(0.9, 1.1, 20), found) is not None) is worse
+
+
+def test_held_out_data_without_the_decisive_error_show_nothing():
+    body = held_out_alone(9, Terms(decisive="px"))
+    verdict = judge(body)
+    assert verdict.status == "NOT_EVALUATED"
+    assert verdict.reasons[0] == "nothing that was held out has an error in px: hold out more"
+    seen = replace(body.test, pixels=np.ones(9))
+    assert judge(replace(body, test=seen)).status == "PASS"
 
 
 @pytest.mark.parametrize(("directions", "shown"), [(3, 3), (5, 4)])

@@ -190,9 +190,9 @@ def _gear_reasons(calibration: KinematicCalibration) -> list[str]:
 
 def _fixed_reasons(calibration: KinematicCalibration) -> list[str]:
     return [
-        f"`{pin.name}` is pinned at {pin.value:.6g}, which contradicts the data: without pins they "
+        f"`{pin.name}` is fixed at {pin.value:.6g}, which contradicts the data: without it they "
         f"ask for {pin.wanted:.6g} and the rms residual falls to 1 / {pin.rise:.3g}; correct the "
-        "value, or leave the pin out"
+        "value, or leave the --fix out"
         for pin in calibration.contradicted_parameters
     ]
 

@@ -35,21 +35,21 @@ def arm_result(calibration: KinematicCalibration) -> CalibrationResult:
     if calibration.uncertainty is not None:
         known = calibration.uncertainty.unobservable
     return CalibrationResult(
-        calibration.method,
-        _parameters(calibration),
-        Errors(calibration.train.distances[~outliers]),
-        None if calibration.test is None else _held_out(calibration.test),
-        _cross_validated(calibration),
-        outliers,
-        tuple(sorted(set(rows.sample[outliers].tolist()))),
-        describe_outliers(rows, outliers) if outliers.any() else "",
-        tuple(describe_unobservable(direction) for direction in known or ()),
-        calibration.converged,
-        calibration.iterations,
-        calibration.seconds,
-        arm_findings(calibration),
-        _details(calibration),
-        _TERMS,
+        method=calibration.method,
+        parameters=_parameters(calibration),
+        train=Errors(calibration.train.distances[~outliers]),
+        test=None if calibration.test is None else _held_out(calibration.test),
+        cross_validation=_cross_validated(calibration),
+        outliers=outliers,
+        outlier_names=tuple(sorted(set(rows.sample[outliers].tolist()))),
+        outlier_words=describe_outliers(rows, outliers) if outliers.any() else "",
+        unobservable=tuple(describe_unobservable(direction) for direction in known or ()),
+        converged=calibration.converged,
+        iterations=calibration.iterations,
+        seconds=calibration.seconds,
+        findings=arm_findings(calibration),
+        details=_details(calibration),
+        terms=_TERMS,
     )
 
 

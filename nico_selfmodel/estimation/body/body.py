@@ -7,7 +7,6 @@ tracker noise and joint noise, both estimated.
 """
 
 import time
-from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -17,6 +16,7 @@ from nico_selfmodel.dataset.board_views import BoardViews
 from nico_selfmodel.dataset.dataset import Dataset
 from nico_selfmodel.dataset.held_out import held_out_of
 from nico_selfmodel.errors import NotConvergedError
+from nico_selfmodel.estimation.body.body_calibration import BodyCalibration
 from nico_selfmodel.estimation.body.body_cross_validation import cross_validate_body
 from nico_selfmodel.estimation.body.body_initialization import body_start, lines_of, named_like
 from nico_selfmodel.estimation.body.body_options import BodyOptions
@@ -27,10 +27,6 @@ from nico_selfmodel.estimation.body.body_uncertainty import (
     position_sigma,
 )
 from nico_selfmodel.estimation.body.few_poses import open_at
-from nico_selfmodel.estimation.body.workspace_accuracy import (
-    WorkspaceAccuracy,
-    workspace_accuracy,
-)
 from nico_selfmodel.estimation.cameras.board_accuracy import held_out_residuals
 from nico_selfmodel.estimation.cameras.board_check import BoardCheck
 from nico_selfmodel.estimation.cameras.camera_adjustment import OUTLIER_RATIO
@@ -57,56 +53,6 @@ FIRST_NOISE = HandNoise(0.5, np.radians(0.3))
 """Where the search for the variances starts."""
 FEWEST_ROWS = 8
 """Poses seen by both cameras below which nothing is left to tell an error by."""
-
-
-@dataclass(frozen=True, eq=False)
-class BodyCalibration:
-    """Arm and cameras refined together, with everything known about how it went."""
-
-    model: SelfModel
-    """The self-model, in the left camera's frame."""
-    start: SelfModel
-    """What it was refined from, in the same frame."""
-    start_label: str
-    """Where the arm came from: `model` or `stereo`."""
-    options: BodyOptions
-    """What was asked for."""
-    train: PixelEvaluation
-    """The model on its own training data, outliers included."""
-    test: PixelEvaluation | None
-    """The model on held-out data."""
-    before: PixelEvaluation
-    """The start on the held-out data; on the training data where nothing was held out."""
-    cross_validation: PixelEvaluation | None
-    """Inlier rows beside predictions made without them; None with too few poses."""
-    outliers: NDArray
-    """Rows of `train` that were outliers. Boolean, shape (N,)."""
-    noise: HandNoise
-    """Most likely tracker noise and joint noise."""
-    noise_sigmas: tuple[float, float]
-    """Standard deviation of each, [px] and [rad]; inf where the data do not tell."""
-    corner_sigma: float | None
-    """Standard deviation of a corner's coordinate [px]; None without boards."""
-    uncertainty: Uncertainty
-    """Of the free parameters."""
-    boards: BoardCheck | None
-    """Boards rebuilt before and after."""
-    board_outliers: NDArray
-    """Outlier boards. Boolean, shape (V,); empty without boards."""
-    workspace: WorkspaceAccuracy
-    """How surely the hand is known at the training poses, and what more data would cure."""
-    scale_from: str
-    """What holds the scale: `boards`, `cameras` that were fixed, or a fixed parameter's name."""
-    converged: bool
-    iterations: int
-    history: tuple[float, ...]
-    seconds: float
-    """Time taken, the start included."""
-
-    @property
-    def free(self) -> frozenset[str]:
-        """Names of the parameters that were estimated."""
-        return frozenset(self.uncertainty.names)
 
 
 def calibrate_body(
@@ -136,7 +82,7 @@ def calibrate_body(
         seed: Of random starts, where the arm is learned from scratch.
 
     Returns:
-        The calibration. A failed check does not raise: see `judge_body`.
+        The calibration. A failed check does not raise: see `estimation.judging.judge`.
 
     Raises:
         DataError: If the data have no pixels, too few seen by both cameras, or other joints.
@@ -178,7 +124,6 @@ def calibrate_body(
         uncertainty,
         check,
         outlying,
-        workspace_accuracy(model, dataset.encoders[observations.arm.rows]),
         task.scale_from,
         solved.converged,
         solved.iterations,

@@ -6,7 +6,7 @@ from typing import Any
 import numpy as np
 
 from nico_selfmodel.estimation.arm.arm_findings import WHAT_CHANGED
-from nico_selfmodel.estimation.body.body import BodyCalibration
+from nico_selfmodel.estimation.body.body_calibration import BodyCalibration
 from nico_selfmodel.estimation.body.body_findings import body_findings
 from nico_selfmodel.estimation.body.model_changes import links_of, parameter_changes
 from nico_selfmodel.estimation.body.workspace_accuracy import WorkspaceAccuracy
@@ -26,6 +26,7 @@ from nico_selfmodel.estimation.results.verdict import Verdict
 _TERMS = Terms(
     outlier_cause="arm, cameras, or what was recorded are not what the data set says",
     worse_cause=WHAT_CHANGED,
+    decisive="mm",
 )
 
 
@@ -38,23 +39,22 @@ def body_result(calibration: BodyCalibration) -> CalibrationResult:
     outliers, crossed = calibration.outliers, calibration.cross_validation
     samples = calibration.train.observations.arm.sample[outliers]
     return CalibrationResult(
-        "body",
-        body_parameters(calibration),
-        pixel_errors(calibration.train.select(~outliers)),
-        None if calibration.test is None else pixel_errors(calibration.test),
-        None if crossed is None else pixel_errors(crossed),
-        outliers,
-        tuple(sorted(set(samples.tolist()))),
-        "",
-        tuple(
+        method="body",
+        parameters=body_parameters(calibration),
+        train=pixel_errors(calibration.train.select(~outliers)),
+        test=None if calibration.test is None else pixel_errors(calibration.test),
+        cross_validation=None if crossed is None else pixel_errors(crossed),
+        outliers=outliers,
+        outlier_names=tuple(sorted(set(samples.tolist()))),
+        unobservable=tuple(
             describe_unobservable(direction) for direction in calibration.uncertainty.unobservable
         ),
-        calibration.converged,
-        calibration.iterations,
-        calibration.seconds,
-        body_findings(calibration),
-        _details(calibration),
-        _TERMS,
+        converged=calibration.converged,
+        iterations=calibration.iterations,
+        seconds=calibration.seconds,
+        findings=body_findings(calibration),
+        details=_details(calibration),
+        terms=_TERMS,
     )
 
 

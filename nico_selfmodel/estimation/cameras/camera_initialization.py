@@ -166,7 +166,7 @@ def pose_of_seen_boards(cameras: tuple[Camera, ...], views: BoardViews) -> NDArr
         X_LG. Shape (V, 4, 4).
 
     Raises:
-        EstimationError: If no side saw a board, or not within the reach of its lens.
+        EstimationError: If no camera saw a board, or not within the reach of its lens.
     """
     X_LG = np.full((len(views), 4, 4), np.nan)
     for side, camera in reversed(list(zip(views.cameras, cameras, strict=True))):

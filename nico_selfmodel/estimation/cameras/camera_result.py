@@ -47,21 +47,20 @@ def camera_result(assessment: CameraAssessment) -> CalibrationResult:
         rms = rms_of_boards(assessment.test_residuals)
         held_out = _errors(assessment.test_distances, len(test), rms)
     return CalibrationResult(
-        "stereo" if len(calibration.cameras) == 2 else "camera",
-        camera_parameters(assessment),
-        _errors(assessment.train_distances),
-        held_out,
-        _errors(assessment.cross_validation, None, left_out),
-        calibration.outliers,
-        tuple(name for name, out in named if out),
-        "",
-        tuple(map(_describe, calibration.uncertainty.unobservable)),
-        calibration.converged,
-        calibration.iterations,
-        calibration.seconds,
-        camera_findings(assessment),
-        _details(assessment),
-        _TERMS,
+        method="stereo" if len(calibration.cameras) == 2 else "camera",
+        parameters=camera_parameters(assessment),
+        train=_errors(assessment.train_distances),
+        test=held_out,
+        cross_validation=_errors(assessment.cross_validation, None, left_out),
+        outliers=calibration.outliers,
+        outlier_names=tuple(name for name, out in named if out),
+        unobservable=tuple(map(_describe, calibration.uncertainty.unobservable)),
+        converged=calibration.converged,
+        iterations=calibration.iterations,
+        seconds=calibration.seconds,
+        findings=camera_findings(assessment),
+        details=_details(assessment),
+        terms=_TERMS,
     )
 
 

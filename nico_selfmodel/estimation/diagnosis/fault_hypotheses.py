@@ -22,6 +22,7 @@ from nico_selfmodel.estimation.initialization.start_search import (
     refine_lines,
 )
 from nico_selfmodel.estimation.observations.observations import Observations
+from nico_selfmodel.estimation.results.verdict import MOST_OUTLIERS
 
 _STARTS = 10
 _STARTS_AT_A_GAP = 30
@@ -41,8 +42,8 @@ _LEAST_GAP = 0.1
 _WORTH_A_LOOK, _WORTH_A_SEARCH = 0.01, 0.025
 """Residuals over the workspace's size above which readings that leave out a gap are looked at, and
 above which all causes are."""
-_MANY_OUTLIERS, _MOST_OUTLIERS = 0.1, 0.25
-"""... as above the first share of outliers, in readings that left out a gap; above the second, all
+_MANY_OUTLIERS = 0.1
+"""... as above this share of outliers, in readings that left out a gap; above `MOST_OUTLIERS`, all
 causes are looked for."""
 _RIGID = 0.02
 """Scatter of a distance over the workspace's size above which two markers are not on one link."""
@@ -112,7 +113,7 @@ def causes_of_misfit(
     if not bad and not lonely:
         return Causes()
     held, robust = gear_pinned & gear_known, "none" if loss == "none" else "cauchy"
-    searched = unexplained > _WORTH_A_SEARCH or before.wrong > _MOST_OUTLIERS
+    searched = unexplained > _WORTH_A_SEARCH or before.wrong > MOST_OUTLIERS
     left = _MOST_STARTS
     worth = _Worth.NEIGHBOURS if unexplained > _WORTH_A_LOOK else _Worth.GAPS
     worth = _Worth.EVERYTHING if searched else worth

@@ -43,9 +43,9 @@ def random_starts(
         gear_known: Joints whose gear is not searched. Shape (n,).
         zero: Encoder angles of the zero configuration [rad]. Shape (n,).
         rng: Source of the starts.
-        directions: Directions inliers, nan where unknown: every second start stays within about
-            25 deg of them, the others ignore them. Shape (n, 3).
-        gear: Gears inliers along with them, nan where unknown. Shape (n,).
+        directions: Directions to stay near, nan where unknown: every second start stays within
+            about 25 deg of them, the others ignore them. Shape (n, 3).
+        gear: Gears that go with them, nan where unknown. Shape (n,).
 
     Yields:
         Arms with all lines, gears and hand points.

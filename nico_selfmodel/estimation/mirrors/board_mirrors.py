@@ -39,7 +39,7 @@ _LARGEST_MISFIT, _LARGEST_RATIO = 3.0, 8.0
 
 @dataclass(frozen=True, eq=False)
 class BoardMirrorCalibration:
-    """An camera and mirrors learned from boards."""
+    """A camera and mirrors learned from boards."""
 
     boards: MirroredBoards
     """What was given."""

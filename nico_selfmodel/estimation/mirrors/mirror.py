@@ -93,7 +93,7 @@ def calibrate_mirrors(
         name: Name of the new self-model; the old one's if omitted.
 
     Returns:
-        The calibration. A failed check does not raise: see `judge_mirrors`.
+        The calibration. A failed check does not raise: see `estimation.judging.judge`.
 
     Raises:
         DataError: If the reflections are direct views, no row names a mirror, the hand lies

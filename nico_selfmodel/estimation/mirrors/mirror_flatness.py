@@ -20,7 +20,7 @@ from nico_selfmodel.geometry.plane import Plane
 from nico_selfmodel.model.cameras.mirror import Mirror, mirror_camera
 
 _FEWEST_REDUNDANT = 8
-"""Pixel coordinates more tha camera parameters that the test needs."""
+"""Pixel coordinates more than camera parameters that the test needs."""
 _BY_CHANCE = 1e-3
 """A flat mirror fails the test this often."""
 _ALIKE = 1.0
@@ -65,13 +65,13 @@ def flatness_of(
         The test; None where there are too few poses for it.
     """
     x, seen = mirror.values, reflections.seen.ravel()
-    sides = [c for c in range(len(reflections.cameras)) if reflections.seen[:, 2 * c].any()]
-    redundancy = int(seen.sum()) - 6 * len(sides)
+    seeing = [c for c in range(len(reflections.cameras)) if reflections.seen[:, 2 * c].any()]
+    redundancy = int(seen.sum()) - 6 * len(seeing)
     if redundancy < _FEWEST_REDUNDANT:
         return None
     shown = project_reflections(reflections, x)
     by_cameras = _by_cameras(reflections, mirror)[
-        :, :, np.repeat(6 * np.array(sides), 6) + np.tile(np.arange(6), len(sides))
+        :, :, np.repeat(6 * np.array(seeing), 6) + np.tile(np.arange(6), len(seeing))
     ]
     miss = np.nan_to_num(reflections.pixels - shown.pixels)
     sigma = _pixel_sigma(reflections, miss, shown.by_point, by_cameras, noise.pixel_sigma)
@@ -90,7 +90,7 @@ def flatness_of(
         return float(np.sum((r - rows @ np.linalg.lstsq(rows, r, rcond=1e-9)[0]) ** 2))
 
     plane, cameras = left_over(shown.by_mirror), left_over(by_cameras)
-    freedom = 6 * len(sides) - 3
+    freedom = 6 * len(seeing) - 3
     # Noise that is known at least roughly steadies the scale where poses are few.
     scale = (cameras + _FEWEST_REDUNDANT) / (redundancy + _FEWEST_REDUNDANT)
     gain = max(plane - cameras, 0.0) / scale

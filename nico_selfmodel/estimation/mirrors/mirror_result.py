@@ -33,21 +33,20 @@ def mirror_result(calibration: MirrorCalibration) -> CalibrationResult:
     """
     solution, crossed = calibration.solution, calibration.cross_validation
     return CalibrationResult(
-        "mirror",
-        mirror_parameters(calibration),
-        _errors(calibration.train.select(~solution.outliers)),
-        None if calibration.test is None else _errors(calibration.test),
-        None if crossed is None else _errors(crossed),
-        solution.outliers,
-        tuple(sorted(set(solution.reflections.sample[solution.outliers].tolist()))),
-        "",
-        tuple(map(_describe, solution.uncertainty.unobservable)),
-        solution.converged,
-        solution.iterations,
-        calibration.seconds,
-        mirror_findings(calibration),
-        _details(calibration),
-        _TERMS,
+        method="mirror",
+        parameters=mirror_parameters(calibration),
+        train=_errors(calibration.train.select(~solution.outliers)),
+        test=None if calibration.test is None else _errors(calibration.test),
+        cross_validation=None if crossed is None else _errors(crossed),
+        outliers=solution.outliers,
+        outlier_names=tuple(sorted(set(solution.reflections.sample[solution.outliers].tolist()))),
+        unobservable=tuple(map(_describe, solution.uncertainty.unobservable)),
+        converged=solution.converged,
+        iterations=solution.iterations,
+        seconds=calibration.seconds,
+        findings=mirror_findings(calibration),
+        details=_details(calibration),
+        terms=_TERMS,
     )
 
 

@@ -13,6 +13,7 @@ from nico_selfmodel.estimation.noise.hand_observations import (
     with_values,
 )
 from nico_selfmodel.estimation.results.unobservable_words import name_unobservable
+from nico_selfmodel.estimation.results.verdict import outliers_are_many
 from nico_selfmodel.model.self_model import ParameterCovariance, SelfModel
 from nico_selfmodel.optimization.calibration_program import CalibrationProgram, ProgramSolution
 from nico_selfmodel.optimization.losses import Loss
@@ -21,8 +22,6 @@ from nico_selfmodel.optimization.uncertainty import Uncertainty
 
 _ROUNDS = 2
 """Further solutions, each weighed where the last one ended."""
-_MOST_OUTLIERS = 0.25
-"""A larger share of observations that are outliers is no accident."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -54,7 +53,7 @@ class BlockUpdate:
     @property
     def fits(self) -> bool:
         """Whether the rest of the body still fits the data."""
-        return self.score < 4.0 and bool(np.mean(self.outliers) <= _MOST_OUTLIERS)
+        return self.score < 4.0 and outliers_are_many(self.outliers) is None
 
 
 def learn_block(

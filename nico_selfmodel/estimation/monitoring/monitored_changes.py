@@ -51,7 +51,7 @@ class MonitoredChanges:
         """Return what each pose says for each change, min(c, ln f(r - h) - ln f(r)).
 
         An outlier looks like any change. With its share g no pose says more than c = -ln g, so
-        that it takes as much to accept in a change as in outliers one after the other.
+        that it takes as much to infer a change as outliers one after the other.
 
         Args:
             density: Of the poses, what the model is uncertain by included.

@@ -117,24 +117,19 @@ def _result(
     seconds: float | None,
 ) -> CalibrationResult:
     return CalibrationResult(
-        method,
-        _parameters(model, update.learned),
-        None,
-        None,
-        None,
-        update.outliers,
-        tuple(np.flatnonzero(update.outliers).tolist()),
-        "",
-        (),
-        update.converged,
-        update.iterations,
-        seconds,
-        tuple(found),
-        {
+        method=method,
+        parameters=_parameters(model, update.learned),
+        outliers=update.outliers,
+        outlier_names=tuple(np.flatnonzero(update.outliers).tolist()),
+        converged=update.converged,
+        iterations=update.iterations,
+        seconds=seconds,
+        findings=tuple(found),
+        details={
             "misfit": {"value": update.misfit, "expected": update.expected},
             "body_fits": update.fits,
         },
-        terms,
+        terms=terms,
     )
 
 

@@ -12,9 +12,9 @@ from nico_selfmodel.estimation.results.verdict import FEWEST_HELD_OUT
 
 CAUSE, MISFIT, FAILURE, LAST = "cause", "misfit", "failure", "last"
 WARNING, NOTE = "warning", "note"
-"""Severities of a finding. All else that is wrong follows from a cause; of a misfit no direction
-is called unobservable; what is told last follows from the rest, or
-concerns held-out data; a note says what passed."""
+"""Severities of a finding. All else that is wrong follows from a cause; where there is a misfit, no
+direction is called unobservable; what is told last follows from the rest, or concerns held-out
+data; a note says what passed."""
 
 
 @dataclass(frozen=True)
@@ -123,39 +123,46 @@ class Terms:
     """Of what is held out, below which nothing is shown."""
     untested: str | None = None
     """What to say where nothing was held out; what to do about it if omitted."""
+    decisive: str | None = None
+    """Unit, `mm` or `px`, of the held-out errors without which nothing is shown; any if None."""
     bounded: str = "mean"
     """Which statistic of the held-out errors a bound of the user's is for: `mean` or `rms`."""
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, kw_only=True)
 class CalibrationResult:
     """A calibration with all that it is judged by and that is written down of it."""
 
     method: str
+    """What `result.json` calls it: `refine`, `stereo`, `body`, ..."""
     parameters: Mapping[str, Parameter]
     """All of them by name, derived ones last."""
-    train: Errors | None
+    train: Errors | None = None
     """Inliers of the training data."""
-    test: Errors | None
+    test: Errors | None = None
     """Held-out data; None where nothing was held out."""
-    cross_validation: Errors | None
+    cross_validation: Errors | None = None
     """Inliers of the training data, each predicted without its fold."""
     outliers: NDArray
     """Training observations that contradict the rest. Boolean, shape (N,)."""
     outlier_names: tuple[Any, ...]
     """Samples, or boards, that have one."""
-    outlier_words: str
+    outlier_words: str = ""
     """Which they are, in words; empty where `outlier_names` says it."""
-    unobservable: tuple[str, ...]
+    unobservable: tuple[str, ...] = ()
     """Directions that the data do not determine, with what would cure it."""
     converged: bool
+    """Whether the solver reached a minimum."""
     iterations: int
+    """Of the final solution."""
     seconds: float | None
+    """Time taken; None where nobody measured it."""
     findings: tuple[Finding, ...]
     """What this estimator alone can say."""
     details: Mapping[str, Any]
     """Its own blocks of `result.json`."""
     terms: Terms
+    """How its evidence calls things."""
 
     def texts(self, severity: str) -> list[str]:
         """Return the findings of a severity in words."""

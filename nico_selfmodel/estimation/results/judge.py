@@ -57,10 +57,12 @@ def verdict_on(
 
 def _missing(result: CalibrationResult) -> str | None:
     """Say what a verdict would need that nothing speaks against."""
-    terms = result.terms
-    held_out = 0 if result.test is None else result.test.poses or 0
-    if not held_out:
+    terms, test = result.terms, result.test
+    held_out = 0 if test is None else test.poses or 0
+    if test is None or not held_out:
         return terms.untested or "nothing was held out: give --test or --test-fraction"
+    if terms.decisive is not None and test.statistics(terms.decisive) is None:
+        return f"nothing that was held out has an error in {terms.decisive}: hold out more"
     if held_out >= terms.fewest:
         return None
     few = f"only {held_out} {terms.held_out} held out, too few to show anything"

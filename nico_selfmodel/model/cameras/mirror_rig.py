@@ -1,6 +1,7 @@
 """Two cameras before a mirror as one instrument: points to reflections, reflections to points.
 
-A reflection in a mirror is seen as by a pair of reflected cameras (`model.mirror.mirror_camera`).
+A reflection in a mirror is seen as by a pair of reflected cameras
+(`model.cameras.mirror.mirror_camera`).
 """
 
 from dataclasses import dataclass, replace

@@ -29,14 +29,14 @@ def curved_reflection(
     Returns:
         Pixels; nan where the camera cannot see one. Shape (N, 2).
     """
-    side = X_LC[:3, 3]
+    p_LC = X_LC[:3, 3]
     centre = -(mirror.distance + radius) * mirror.normal
     tilt = np.zeros((len(p_LQ), 2))
     for _ in range(_NEWTON_STEPS):
-        slope = _path_slope(centre, radius, mirror.normal, tilt, side, p_LQ)
+        slope = _path_slope(centre, radius, mirror.normal, tilt, p_LC, p_LQ)
         bend = np.stack(
             [
-                _path_slope(centre, radius, mirror.normal, tilt + _STEP * axis, side, p_LQ) - slope
+                _path_slope(centre, radius, mirror.normal, tilt + _STEP * axis, p_LC, p_LQ) - slope
                 for axis in np.eye(2)
             ],
             axis=-1,
@@ -50,11 +50,11 @@ def curved_reflection(
 
 
 def _path_slope(
-    centre: NDArray, radius: float, normal: NDArray, tilt: NDArray, camera: NDArray, p_LQ: NDArray
+    centre: NDArray, radius: float, normal: NDArray, tilt: NDArray, p_LC: NDArray, p_LQ: NDArray
 ) -> NDArray:
     """Return the derivative of the path's length by where it meets the glass. Shape (N, 2)."""
     outward, by_tilt = move_on_sphere(np.broadcast_to(normal, (len(tilt), 3)), tilt)
     at = centre + radius * outward
-    towards = [at - camera, at - p_LQ]
+    towards = [at - p_LC, at - p_LQ]
     pull = sum(v / np.linalg.norm(v, axis=1, keepdims=True) for v in towards)
     return radius * np.einsum("nij,ni->nj", by_tilt, pull)

@@ -51,7 +51,7 @@ class SelfModelMonitor(LeafSystem):
     | `encoders` | in | encoder readings, in the encoders' units |
     | `pixels` | in | left u, v and right u, v of the hand, nan where a camera did not see it [px] |
     | `nis` | out | normalised innovation squared of the last pose, nan where nothing was seen |
-    | `log_ratio` | out | statistic ln R; above `estimation.monitor.THRESHOLD` something changed |
+    | `log_ratio` | out | statistic ln R; above `monitor.THRESHOLD` something changed |
     | `alarm` | out | 1 once something changed, else 0 |
     | `cause` | out | what changed in words, empty before the alarm (abstract, str) |
 

@@ -35,7 +35,7 @@ def arm_report(
 
     Args:
         calibration: What was learned.
-        document: `estimation.result_document` of it; the numbers shown are these.
+        document: `estimation.judging.to_json` of it; the numbers shown are these.
         robot: The robot that the arm belongs to, to be drawn in the scene.
 
     Raises:

@@ -5,7 +5,7 @@ from collections.abc import Mapping
 from functools import partial
 from typing import Any
 
-from nico_selfmodel.estimation.body.body import BodyCalibration
+from nico_selfmodel.estimation.body.body_calibration import BodyCalibration
 from nico_selfmodel.estimation.body.body_result import noise_words
 from nico_selfmodel.plant import ArmDescription
 from nico_selfmodel.viz.figures.distribution_plot import distribution, error_sets
@@ -42,7 +42,7 @@ def body_report(
 
     Args:
         calibration: What was learned.
-        document: `estimation.body_document` of it; the numbers shown are these.
+        document: `estimation.judging.to_json` of it; the numbers shown are these.
         robot: The robot that the arm belongs to, to be drawn; the model's own if omitted.
 
     Raises:

@@ -37,7 +37,7 @@ def camera_report(
 
     Args:
         assessment: What was learned and what it is worth.
-        document: `estimation.camera_document` of it; the numbers shown are these. Its
+        document: `estimation.judging.to_json` of it; the numbers shown are these. Its
             `detection` may hold `files`, camera -> view -> name.
         images: Photographs: camera -> view -> red, green and blue.
         model: The self-model with these cameras, for its name and provenance.

@@ -24,7 +24,7 @@ def mirror_report(
 
     Args:
         calibration: What was learned.
-        document: `estimation.mirror_document` of it; the numbers shown are these.
+        document: `estimation.judging.to_json` of it; the numbers shown are these.
         pictures: What was seen in the mirrors, if pictures were kept.
         robot: The robot that looked, if it is known.
     """

@@ -43,7 +43,7 @@ def update_report(
 
     Args:
         evaluation: The body before and after.
-        document: `tool_document`, `rezero_document` or `relearned_document` of it.
+        document: `estimation.judging.to_json` of it; the numbers shown are these.
         health: What monitoring found, where it was what asked for the change.
 
     Raises:

@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
-from nico_selfmodel.estimation.body.body import BodyCalibration
+from nico_selfmodel.estimation.body.body_calibration import BodyCalibration
 from nico_selfmodel.estimation.body.workspace_accuracy import WorkspaceAccuracy, workspace_accuracy
 from nico_selfmodel.geometry.transform import apply
 from nico_selfmodel.model.self_model import SelfModel

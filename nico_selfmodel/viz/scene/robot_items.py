@@ -29,7 +29,7 @@ _SHAPES = ("box", "sphere", "cylinder", "mesh", "capsule", "drake:capsule", "dra
 def robot_items(arm: ArmDescription, model: SelfModel, q: NDArray) -> list[Item]:
     """Return the robot's body with the learned arm in a pose, translucent.
 
-    The joint frames are the learned ones, so the body is where the self-model accepts it to be.
+    The joint frames are the learned ones, so the body is where the self-model puts it.
 
     Args:
         arm: The robot and its learned chain.
