@@ -3,8 +3,9 @@
 import numpy as np
 import pytest
 
-from nico_selfmodel.estimation.noise.noise_variances import LinearResiduals, most_likely_noise
+from nico_selfmodel.estimation.noise.noise_variances import most_likely_noise
 from nico_selfmodel.estimation.noise.pose_noise import PoseGroups, PoseNoise, PoseWhitening
+from nico_selfmodel.estimation.noise.variance_components import LinearResiduals
 
 
 def grouped(seed=0, visits=30, markers=3, joints=4, missing=0.3):

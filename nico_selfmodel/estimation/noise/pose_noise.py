@@ -19,6 +19,9 @@ from nico_selfmodel.model.self_model import SelfModel
 POSE_NOISE = "pose_noise"
 """Key of `SelfModel.fit`: the noise that the data an arm was learned from showed."""
 
+FREE_SIGMA = 10.0
+"""Standard deviation of a joint that says nothing in a pose [rad or m]."""
+
 
 @dataclass(frozen=True, eq=False)
 class PoseNoise:
@@ -72,9 +75,8 @@ class PoseGroups:
             pose: Number of each row's pose; every visit a pose of its own if omitted. Shape (N,).
         """
         self.rows, self.k = np.flatnonzero(keep), coordinates
-        self._numbers, lead, of = np.unique(
-            visit[self.rows], return_index=True, return_inverse=True
-        )
+        self.numbers, lead, of = np.unique(visit[self.rows], return_index=True, return_inverse=True)
+        """Number of each visit that counts, ascending. Shape (visits,)."""
         self._all = visit
         self.place = np.arange(len(lead)) if pose is None else pose[self.rows][lead]
         """Number of each visit's pose. Shape (visits,)."""
@@ -98,8 +100,8 @@ class PoseGroups:
             rows: Boolean, shape (N,).
         """
         wanted = self._all[rows]
-        at = np.minimum(np.searchsorted(self._numbers, wanted), len(self._numbers) - 1)
-        return np.where(self._numbers[at] == wanted, at, len(self._numbers))
+        at = np.minimum(np.searchsorted(self.numbers, wanted), len(self.numbers) - 1)
+        return np.where(self.numbers[at] == wanted, at, len(self.numbers))
 
     def gather(self, values: NDArray) -> NDArray:
         """Return values of rows by pose. Shape (N, k, ...) -> (poses, K, ...), zero where none."""
@@ -118,18 +120,28 @@ class PoseGroups:
 class PoseWhitening:
     """S^-1/2 and S^-1 of all poses, frozen at one state of the arm and one noise."""
 
-    def __init__(self, groups: PoseGroups, by_angle: NDArray, noise: PoseNoise) -> None:
+    def __init__(
+        self,
+        groups: PoseGroups,
+        by_angle: NDArray,
+        noise: PoseNoise,
+        slipped: NDArray | None = None,
+    ) -> None:
         """Prepare the factors.
 
         Args:
             groups: Which rows belong together.
             by_angle: Derivatives of the rows' coordinates by the joint angles. Shape (N, k, n).
             noise: What disturbs them.
+            slipped: Joints that are free in a pose, whatever their noise. Boolean, (poses, n).
         """
         self.groups, self.noise = groups, noise
         self.lever = groups.gather(by_angle)
         """Derivatives by the joint angles, by pose. Shape (poses, K, n)."""
-        self.B = self.lever * (noise.joint_sigma / noise.sensor_sigma)
+        joint_sigma = noise.joint_sigma
+        if slipped is not None:
+            joint_sigma = np.where(slipped, FREE_SIGMA, joint_sigma)[:, None]
+        self.B = self.lever * (joint_sigma / noise.sensor_sigma)
         self._across = np.swapaxes(self.B, 1, 2)
         self.G = self._across @ self.B + np.eye(self.B.shape[2])
         """I + B'B. Shape (poses, n, n)."""

@@ -13,8 +13,9 @@ from nico_selfmodel.estimation.noise.arm_solution import (
     coordinate_sigma,
     uncertainty_of,
 )
-from nico_selfmodel.estimation.noise.noise_variances import LinearResiduals, most_likely_noise
+from nico_selfmodel.estimation.noise.noise_variances import most_likely_noise
 from nico_selfmodel.estimation.noise.pose_noise import PoseNoise, PoseWhitening
+from nico_selfmodel.estimation.noise.variance_components import LinearResiduals
 from nico_selfmodel.estimation.observations.hand_residuals import DhResiduals
 from nico_selfmodel.estimation.observations.observations import (
     Observations,

@@ -1,0 +1,170 @@
+"""Variances of sensors and joints by restricted likelihood: what no fit could take.
+
+With P = S^-1 - S^-1 J C J' S^-1 and w = P r, the derivative of the log likelihood by log theta_i is
+(w' V_i w - tr P V_i) / 2, V_i = dS / dlog theta_i, and its second derivative is about
+-(V_i w)' P (V_j w) / 2 (average information; Gilmour, Thompson, Cullis 1995).
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from nico_selfmodel.estimation.noise.pose_noise import PoseGroups, PoseNoise, PoseWhitening
+
+_ROUNDS, _SETTLED = 40, 2e-3
+_LARGEST_STEP = 1.0
+"""Of a logarithm of a variance in one round."""
+
+
+@dataclass(frozen=True, eq=False)
+class LinearResiduals:
+    """Residuals about a solution, by pose, with their derivatives."""
+
+    groups: PoseGroups
+    r: NDArray
+    """Measured minus predicted. Shape (poses, K, 1)."""
+    J: NDArray
+    """Derivatives of the predictions by the free parameters. Shape (poses, K, P)."""
+    by_angle: NDArray
+    """Derivatives of the rows' coordinates by the joint angles. Shape (N, k, n)."""
+    sensor: NDArray | None = None
+    """Index of each coordinate's sensor; one for all if omitted. Shape (N, k)."""
+    slipped: NDArray | None = None
+    """Joints that jumped in a pose, of which their noise says nothing. Boolean, (poses, n)."""
+
+    @property
+    def rms(self) -> float:
+        """Root mean square of a coordinate."""
+        return float(np.sqrt(np.sum(self.r**2) / (len(self.groups.rows) * self.groups.k)))
+
+
+@dataclass(frozen=True, eq=False)
+class Variances:
+    """Standard deviations, and how likely they are."""
+
+    sensor: NDArray
+    """Of each sensor's coordinates. Shape (G,)."""
+    joint: NDArray
+    """Of each joint, what is known beforehand included [rad]. Shape (n,)."""
+    likelihood: float
+    """Restricted log likelihood, but for a constant."""
+
+
+class VarianceSearch:
+    """Average information steps of the logarithms of the variances."""
+
+    def __init__(
+        self,
+        residuals: LinearResiduals,
+        known: NDArray,
+        joint_group: NDArray,
+        floor: NDArray,
+        sensor_held: NDArray,
+    ) -> None:
+        """Prepare.
+
+        Args:
+            residuals: About a solution.
+            known: Variance of each joint that is known beforehand, as of counting. Shape (n,).
+            joint_group: Which joints share a standard deviation. Shape (n,).
+            floor: Least standard deviations, of sensors and of groups of joints. Shape (G + H,).
+            sensor_held: Sensors whose standard deviation stays. Boolean, shape (G,).
+        """
+        self.data, self.known, self.group = residuals, known, joint_group
+        self.member = (joint_group[:, None] == np.arange(joint_group.max(initial=-1) + 1)) * 1.0
+        self.held, self.floor = sensor_held, 2.0 * np.log(floor)
+        rows = residuals.by_angle.shape[:2]
+        self._sensor = np.zeros(rows, dtype=int) if residuals.sensor is None else residuals.sensor
+        self._grouped = residuals.groups.gather(self._sensor + 1.0).astype(int) - 1
+        """Sensor of each coordinate by pose, -1 where there is none. Shape (poses, K)."""
+        self._own = self._grouped[:, :, None] == np.arange(len(sensor_held))
+        self._counts = self._own.sum(axis=(0, 1))
+        self._given = np.ones(len(sensor_held))
+
+    def run(self, sensor: NDArray, joint: NDArray) -> Variances:
+        """Search.
+
+        Args:
+            sensor: Standard deviations where the search begins. Shape (G,).
+            joint: Of the joints. Shape (n,).
+
+        Returns:
+            The likeliest.
+        """
+        free_part = np.maximum(joint**2 - self.known, 1e-30)
+        shared = np.bincount(self.group, free_part) / np.bincount(self.group)
+        x = np.log(np.concatenate([sensor**2, shared]))
+        held = np.append(self.held, np.zeros(len(shared), dtype=bool))
+        x = np.where(held, x, np.maximum(x, self.floor))
+        self._given = np.asarray(sensor, dtype=float)
+        likelihood = -np.inf
+        for _ in range(_ROUNDS):
+            likelihood, score, information = self._step(x)
+            # A variance at its floor that wants to fall takes no part.
+            free = ((x > self.floor) | (score > 0.0)) & ~held
+            step = np.zeros(len(x))
+            inside = information[np.ix_(free, free)]
+            ridge = 1e-6 * np.trace(inside) * np.eye(len(inside))
+            step[free] = np.linalg.solve(inside + ridge, score[free])
+            moved = x + np.clip(step, -_LARGEST_STEP, _LARGEST_STEP)
+            moved = np.where(held, x, np.maximum(moved, self.floor))
+            settled = np.abs(moved - x).max(initial=0.0) < _SETTLED
+            x = moved
+            if settled:
+                break
+        return Variances(*self._sigmas(x), likelihood)
+
+    def _sigmas(self, x: NDArray) -> tuple[NDArray, NDArray]:
+        sensors = len(self.held)
+        variances = np.exp(x)
+        sensor = np.where(self.held, self._given, np.sqrt(variances[:sensors]))
+        return sensor, np.sqrt(variances[sensors:][self.group] + self.known)
+
+    def _step(self, x: NDArray) -> tuple[float, NDArray, NDArray]:
+        """Return log likelihood, score and average information.
+
+        Coordinates are taken in their sensors' standard deviations, so that V_g is the identity
+        on the coordinates of sensor g.
+        """
+        data = self.data
+        sensor, joint = self._sigmas(x)
+        shared = np.exp(x[len(sensor) :])[self.group]
+        scale = np.where(self._grouped < 0, 1.0, sensor[self._grouped])[:, :, None]
+        by_angle = data.by_angle / sensor[self._sensor][:, :, None]
+        S = PoseWhitening(data.groups, by_angle, PoseNoise(1.0, joint), data.slipped)
+        r, J = data.r / scale, data.J / scale
+        SiJ, Sir, A = S.inverse(J), S.inverse(r), S.lever
+        flat_J = J.reshape(-1, J.shape[2])
+        flat = SiJ.reshape(flat_J.shape)
+        C, determinant = _inverse(flat_J.T @ flat)
+        w = Sir - (flat @ (C @ (flat.T @ r.reshape(-1)))).reshape(Sir.shape)
+        # Columns y_i = V_i w: the sensors, then the groups of joints.
+        along = np.swapaxes(A, 1, 2) @ w
+        steady = np.ones(A.shape[::2]) if data.slipped is None else 1.0 - data.slipped
+        moved = A * (along[:, :, 0] * steady * shared)[:, None]
+        y = np.concatenate([w * self._own, moved @ self.member], axis=2)
+        quadratic = np.einsum("gki,gk->i", y, w[:, :, 0])
+        y_flat = y.reshape(-1, y.shape[2])
+        JSiy = flat.T @ y_flat
+        information = 0.5 * (y_flat.T @ S.inverse(y).reshape(y_flat.shape) - JSiy.T @ C @ JSiy)
+        taken = np.sum((flat @ C) * flat, axis=1).reshape(self._grouped.shape)
+        lost = np.sum((S.B @ S.G_inverse) * S.B, axis=2) + taken
+        sensors = self._counts - np.einsum("gk,gki->i", lost, self._own)
+        # tr P a_j a_j' of every joint
+        ASiJ = np.swapaxes(A, 1, 2) @ SiJ
+        each = np.sum(A * S.inverse(A), axis=1) - np.sum((ASiJ @ C) * ASiJ, axis=2)
+        joints = self.member.T @ (np.sum(each * steady, axis=0) * shared)
+        score = 0.5 * (quadratic - np.concatenate([sensors, joints]))
+        rPr = float(np.sum(r * w))
+        spread = S.log_determinant + 2.0 * float(self._counts @ np.log(sensor))
+        return -0.5 * (spread + determinant + rPr), score, information
+
+
+def _inverse(H: NDArray) -> tuple[NDArray, float]:
+    """Return the inverse and the log determinant; directions that nothing tells are left out."""
+    unit = np.sqrt(np.where(np.diag(H) > 0.0, np.diag(H), 1.0))
+    values, vectors = np.linalg.eigh(H / np.outer(unit, unit))
+    kept = values > 1e-12 * values[-1]
+    inverse = (vectors[:, kept] / values[kept]) @ vectors[:, kept].T / np.outer(unit, unit)
+    return inverse, float(2.0 * np.sum(np.log(unit)) + np.sum(np.log(values[kept])))
