@@ -62,6 +62,37 @@ def rotation_vector_of(rotation: ArrayLike) -> NDArray:
     return angle * (-axis if axis @ vector < 0.0 else axis)
 
 
+def rotation_vectors_of(rotations: ArrayLike) -> NDArray:
+    """Return the rotation vectors of many rotation matrices. Shape (..., 3, 3) -> (..., 3).
+
+    By way of the unit quaternion's largest component, which is safe at every angle (Shepperd 1978).
+    """
+    R = np.asarray(rotations, dtype=float)
+    flat = R.reshape(-1, 3, 3)
+    trace = np.trace(flat, axis1=1, axis2=2)
+    # 4 q q' of the quaternion (w, x, y, z), symmetric
+    K = np.empty((len(flat), 4, 4))
+    K[:, 0, 0] = 1.0 + trace
+    K[:, 0, 1:] = K[:, 1:, 0] = (flat - np.swapaxes(flat, 1, 2))[:, [2, 0, 1], [1, 2, 0]]
+    K[:, 1:, 1:] = flat + np.swapaxes(flat, 1, 2)
+    K[:, [1, 2, 3], [1, 2, 3]] = 1.0 - trace[:, None] + 2.0 * np.einsum("nii->ni", flat)
+    largest = np.argmax(np.einsum("nii->ni", K), axis=1)
+    q = K[np.arange(len(flat)), largest]
+    q = q / np.linalg.norm(q, axis=1, keepdims=True)
+    q = np.where(q[:, :1] < 0.0, -q, q)
+    sine = np.linalg.norm(q[:, 1:], axis=1)
+    angle = 2.0 * np.arctan2(sine, q[:, 0])
+    factor = np.where(sine > 1e-12, angle / np.maximum(sine, 1e-300), 2.0)
+    return (q[:, 1:] * factor[:, None]).reshape(R.shape[:-1])
+
+
+def rotation_from_quaternion(q: ArrayLike) -> NDArray:
+    """Return the rotation of a unit quaternion x, y, z, w. Shape (..., 4) -> (..., 3, 3)."""
+    q = np.asarray(q, dtype=float)
+    cross, square = skew(q[..., :3]), skew(q[..., :3]) @ skew(q[..., :3])
+    return np.eye(3) + 2.0 * (q[..., 3, None, None] * cross + square)
+
+
 def rotation_from_vector(vector: ArrayLike) -> NDArray:
     """Return rotation matrices of rotation vectors [rad]. Shape (..., 3) -> (..., 3, 3)."""
     vector = np.asarray(vector, dtype=float)

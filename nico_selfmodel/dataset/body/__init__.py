@@ -1,0 +1,1 @@
+"""Recordings of any body by any sensors: poses in one table, observations in another."""

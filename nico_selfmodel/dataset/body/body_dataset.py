@@ -1,0 +1,258 @@
+"""What any sensors measured of any body, at which poses."""
+
+from dataclasses import dataclass, field, replace
+from functools import cached_property
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from nico_selfmodel.arrays import read_only
+from nico_selfmodel.dataset.body.link_joint import WORLD_NAME, LinkJoint, coupling_of, parents_of
+from nico_selfmodel.dataset.body.sensors import DISTANCE, SENSOR_COLUMNS, MarkerInfo, SensorInfo
+from nico_selfmodel.dataset.poses import pose_numbers
+from nico_selfmodel.errors import DataError
+from nico_selfmodel.geometry.rotation import rotation_from_vector
+from nico_selfmodel.geometry.transform import transform
+from nico_selfmodel.model.tree.body_tree import FLANGE, WORLD
+from nico_selfmodel.names import check_name, listed
+
+WIDTH = 6
+"""Columns of `Observations.values`."""
+ANY_POSE = -1
+"""Pose of an observation that is the same in all: the distance of two markers of one link."""
+
+
+@dataclass(frozen=True, eq=False)
+class ObservationTable:
+    """Who saw what, when: one row an observation."""
+
+    pose: NDArray
+    """Index of the sample; `ANY_POSE` for what does not depend on it. Shape (N,)."""
+    sensor: NDArray
+    """Index of the sensor. Shape (N,)."""
+    marker: NDArray
+    """Index of the marker. Shape (N,)."""
+    other: NDArray
+    """Index of the second marker of a distance, -1 else. Shape (N,)."""
+    values: NDArray
+    """What was measured, in the columns of the sensor's kind, then nan. Shape (N, 6)."""
+
+    def __post_init__(self) -> None:
+        """Make the arrays read-only."""
+        for key in ("pose", "sensor", "marker", "other"):
+            object.__setattr__(self, key, read_only(getattr(self, key), np.int64))
+        object.__setattr__(self, "values", read_only(self.values, float))
+
+    def __len__(self) -> int:
+        """Return the number of observations."""
+        return len(self.pose)
+
+    def select(self, keep: NDArray) -> "ObservationTable":
+        """Return some of the rows. `keep` is a boolean mask or an index."""
+        keys = ("pose", "sensor", "marker", "other", "values")
+        return ObservationTable(*(getattr(self, key)[keep] for key in keys))
+
+
+@dataclass(frozen=True, eq=False)
+class BodyDataset:
+    """A recording: joints, markers, sensors, readings by sample, observations.
+
+    Raises:
+        DataError: If its parts contradict each other.
+    """
+
+    name: str
+    """Name of the data set."""
+    joints: tuple[LinkJoint, ...]
+    """The n joints; a parent stands before its children."""
+    markers: tuple[MarkerInfo, ...]
+    """What is seen."""
+    sensors: tuple[SensorInfo, ...]
+    """What sees."""
+    sample: NDArray
+    """Numbers of the P samples. Shape (P,)."""
+    readings: NDArray
+    """Readings in each joint's own unit; nan where a joint has no encoder. Shape (P, n)."""
+    observations: ObservationTable
+    """What was measured."""
+    flanges: NDArray | None = None
+    """Poses that controllers read, by joint: x, y, z [m] and rotation vector [rad]; nan where a
+    joint is none. Shape (P, n, 6)."""
+    source: str = ""
+    """Where the data come from, in free text."""
+    seed: int | None = None
+    """Seed of the simulation, if simulated."""
+    extra: dict[str, str] = field(default_factory=dict)
+    """Facts that are kept and not used."""
+
+    def __post_init__(self) -> None:
+        """Check everything and make the arrays read-only."""
+        check_name(self.name, "the name of a data set")
+        n, count = len(self.joints), len(self.sample)
+        _check_names(self)
+        parents_of(self.joints)
+        coupling_of(self.joints)
+        object.__setattr__(self, "sample", read_only(self.sample, np.int64))
+        object.__setattr__(self, "readings", read_only(self.readings, float))
+        flanges = np.full((count, n, 6), np.nan) if self.flanges is None else self.flanges
+        object.__setattr__(self, "flanges", read_only(flanges, float))
+        if self.readings.shape != (count, n) or self.X_flange.shape != (count, n, 4, 4):
+            raise ValueError(f"readings must have shape ({count}, {n}), got {self.readings.shape}")
+        if len(set(self.sample.tolist())) != count or not count:
+            raise DataError("samples must be one or more, each with its own number")
+        _check_readings(self)
+        _check_observations(self)
+
+    @property
+    def joint_names(self) -> tuple[str, ...]:
+        """Names of the joints."""
+        return tuple(joint.name for joint in self.joints)
+
+    @cached_property
+    def si_readings(self) -> NDArray:
+        """Readings in rad and m, zero where a joint has no encoder. Shape (P, n)."""
+        factor = np.array([joint.si_per_unit for joint in self.joints])
+        return np.nan_to_num(self.readings * factor)
+
+    @cached_property
+    def X_flange(self) -> NDArray:
+        """Poses that controllers read; the identity where there is none. Shape (P, n, 4, 4)."""
+        values = np.nan_to_num(np.asarray(self.flanges))
+        return transform(rotation_from_vector(values[..., 3:]), values[..., :3])
+
+    @cached_property
+    def pose(self) -> NDArray:
+        """Number of each sample's pose: samples with equal readings are one. Shape (P,)."""
+        return self._numbers[0]
+
+    @cached_property
+    def visit(self) -> NDArray:
+        """Number of each sample's visit: each time it came to a pose is one. Shape (P,)."""
+        return self._numbers[1]
+
+    @cached_property
+    def _numbers(self) -> tuple[NDArray, NDArray]:
+        all_read = np.hstack([self.si_readings, self.X_flange.reshape(len(self.sample), -1)])
+        return pose_numbers(self.sample, all_read)
+
+    def on_link(self, on: str) -> int:
+        """Return the index of the joint whose link a marker or sensor is on, or `WORLD`."""
+        return WORLD if on == WORLD_NAME else self.joint_names.index(on)
+
+    def width(self, sensor: int) -> int:
+        """Return how many numbers an observation of a sensor has."""
+        return len(SENSOR_COLUMNS[self.sensors[sensor].kind])
+
+    def select(self, samples: ArrayLike) -> "BodyDataset":
+        """Return some samples with what was seen at them, and what belongs to none.
+
+        Args:
+            samples: Boolean mask over the samples. Shape (P,).
+
+        Raises:
+            DataError: If none is left.
+        """
+        keep = np.asarray(samples, dtype=bool)
+        table = self.observations
+        new = np.append(np.cumsum(keep) - 1, ANY_POSE)
+        rows = np.append(keep, True)[table.pose]
+        chosen = table.select(rows)
+        return replace(
+            self,
+            sample=self.sample[keep],
+            readings=self.readings[keep],
+            flanges=np.asarray(self.flanges)[keep],
+            observations=replace(chosen, pose=new[chosen.pose]),
+        )
+
+    def split(self, fraction: float, seed: int) -> tuple["BodyDataset", "BodyDataset"]:
+        """Split into training and test data by pose.
+
+        Args:
+            fraction: Share of the poses that goes into the test part, 0 to 1 exclusive.
+            seed: Seed of the choice.
+
+        Raises:
+            ValueError: If `fraction` is not between 0 and 1.
+            DataError: If there are fewer than two poses.
+        """
+        if not 0.0 < fraction < 1.0:
+            raise ValueError(f"fraction must be between 0 and 1, exclusive, got {fraction}")
+        seen = np.isin(np.arange(len(self.sample)), self.observations.pose)
+        pool = np.unique(self.pose[seen])
+        if len(pool) < 2:
+            raise DataError(f"cannot split {len(pool)} poses: record more")
+        count = min(max(round(fraction * len(pool)), 1), len(pool) - 1)
+        test = np.isin(self.pose, np.random.default_rng(seed).permutation(pool)[:count])
+        held = self.select(test)
+        own = held.observations.pose != ANY_POSE
+        return self.select(~test), replace(held, observations=held.observations.select(own))
+
+
+def _check_names(data: BodyDataset) -> None:
+    names = [*data.joint_names, *(m.name for m in data.markers), *(s.name for s in data.sensors)]
+    twice = sorted({name for name in names if names.count(name) > 1})
+    if twice:
+        raise DataError(
+            f"{listed(twice)} stands more than once among joints, markers and sensors: an id on "
+            "two links cannot be told apart, give each its own name"
+        )
+    links = (WORLD_NAME, *data.joint_names)
+    for item in (*data.markers, *data.sensors):
+        if item.on not in links:
+            raise DataError(
+                f"{item.name!r} is on {item.on!r}, which is no link; there are "
+                f"{listed(links, item.on)}"
+            )
+
+
+def _check_readings(data: BodyDataset) -> None:
+    for i, joint in enumerate(data.joints):
+        if joint.motion == FLANGE:
+            bad = ~np.isfinite(np.asarray(data.flanges)[:, i]).all(axis=1)
+            what = "the pose"
+        elif joint.follows:
+            continue
+        else:
+            bad, what = ~np.isfinite(data.readings[:, i]), "the reading"
+        if bad.any():
+            raise DataError(
+                f"sample {data.sample[np.argmax(bad)]}: {what} of joint {joint.name!r} is missing "
+                "or not finite"
+            )
+
+
+def _check_observations(data: BodyDataset) -> None:
+    table, count = data.observations, len(data.sample)
+    if not len(table):
+        raise DataError("the data set has no observations; expected at least one")
+    if (table.pose < ANY_POSE).any() or (table.pose >= count).any():
+        raise DataError(f"an observation is of a pose that is none of the {count}")
+    if not ((table.marker >= 0) & (table.marker < len(data.markers))).all():
+        raise DataError("an observation is of a marker that is not listed")
+    if not ((table.sensor >= 0) & (table.sensor < len(data.sensors))).all():
+        raise DataError("an observation is of a sensor that is not listed")
+    widths = np.array([data.width(i) for i in range(len(data.sensors))])[table.sensor]
+    given = np.isfinite(table.values)
+    bad = (given != (np.arange(WIDTH) < widths[:, None])).any(axis=1)
+    if bad.any():
+        row = int(np.argmax(bad))
+        sensor = data.sensors[table.sensor[row]]
+        raise DataError(
+            f"observation {row} of sensor {sensor.name!r} ({sensor.kind}) needs "
+            f"{', '.join(SENSOR_COLUMNS[sensor.kind])}, all of them and nothing else"
+        )
+    pairs = np.array([s.kind == DISTANCE for s in data.sensors])[table.sensor]
+    wrong = pairs != (table.other >= 0)
+    if wrong.any():
+        raise DataError(
+            f"observation {int(np.argmax(wrong))}: a distance, and nothing else, has a second "
+            "marker ('other')"
+        )
+    on = np.array([data.on_link(m.on) for m in data.markers])
+    loose = (table.pose == ANY_POSE) & (~pairs | (on[table.marker] != on[table.other]))
+    if loose.any():
+        raise DataError(
+            f"observation {int(np.argmax(loose))} has no sample: only the distance of two markers "
+            "of one link is the same in all of them"
+        )

@@ -1,0 +1,292 @@
+"""A recording of a body as a folder: `dataset.yaml`, `poses.csv`, `observations.csv`."""
+
+import math
+from collections.abc import Sequence
+from os import PathLike
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from nico_selfmodel.dataset.body.body_dataset import (
+    ANY_POSE,
+    WIDTH,
+    BodyDataset,
+    ObservationTable,
+)
+from nico_selfmodel.dataset.body.link_joint import WORLD_NAME, LinkJoint
+from nico_selfmodel.dataset.body.sensors import SENSOR_COLUMNS, MarkerInfo, SensorInfo
+from nico_selfmodel.dataset.csv_table import CsvTable
+from nico_selfmodel.errors import DataError
+from nico_selfmodel.files.csv_cells import quoted_cell, safe_cell
+from nico_selfmodel.files.reading import real_path
+from nico_selfmodel.files.whole import folder_in_place_of, refuse_existing
+from nico_selfmodel.files.yaml_mapping import (
+    check_keys,
+    integer_value,
+    read_yaml_mapping,
+    text_value,
+)
+from nico_selfmodel.files.yaml_text import yaml_text
+from nico_selfmodel.geometry.rotation import rotation_from_quaternion, rotation_vectors_of
+from nico_selfmodel.model.tree.body_tree import FLANGE
+from nico_selfmodel.names import listed, shown
+
+FORMAT = "nico-dataset/2"
+FILES = ("dataset.yaml", "poses.csv", "observations.csv")
+_KEYS = ("format", "name", "joints", "markers", "sensors", "source", "seed")
+_POSE = ("x_m", "y_m", "z_m", "rx", "ry", "rz")
+_QUATERNION = ("qx", "qy", "qz", "qw")
+_VALUES = ("x_m", "y_m", "z_m", "rx", "ry", "rz", "u", "v", "distance_m")
+
+
+def is_body_dataset(folder: str | PathLike[str]) -> bool:
+    """Return whether a folder holds a recording of this form (`poses.csv`)."""
+    return (Path(folder) / FILES[1]).is_file()
+
+
+def load_body_dataset(folder: str | PathLike[str]) -> BodyDataset:
+    """Read a recording.
+
+    Args:
+        folder: With `dataset.yaml`, `poses.csv` and `observations.csv`.
+
+    Returns:
+        The recording.
+
+    Raises:
+        DataError: If anything is missing or not valid; names file, line and column.
+    """
+    folder = Path(folder)
+    for name in FILES:
+        if not (folder / name).is_file():
+            raise DataError(f"{folder}: {name} is missing; a body's data set has {listed(FILES)}")
+    head = _read_head(folder / FILES[0])
+    poses = CsvTable.read(folder / FILES[1])
+    sample = poses.integers("sample")
+    readings, flanges = _read_joints(poses, head["joints"])
+    table = CsvTable.read(folder / FILES[2])
+    observations = _read_observations(table, sample, head["markers"], head["sensors"])
+    try:
+        return BodyDataset(
+            sample=sample, readings=readings, flanges=flanges, observations=observations, **head
+        )
+    except (DataError, ValueError) as error:
+        raise DataError(f"{folder}: {error}") from None
+
+
+def save_body_dataset(
+    data: BodyDataset, folder: str | PathLike[str], *, force: bool = False
+) -> None:
+    """Write a recording to a folder, whole or not at all.
+
+    Args:
+        data: The recording.
+        folder: The folder to make.
+        force: Replace what is there.
+
+    Raises:
+        DataError: If the folder exists (without `force`) or cannot be written.
+    """
+    folder = real_path(folder)
+    refuse_existing(folder, force=force)
+    texts = (_head_text(data), _poses_text(data), _observations_text(data))
+    try:
+        with folder_in_place_of(folder, keep_others=True) as fresh:
+            for name, text in zip(FILES, texts, strict=True):
+                (fresh / name).write_bytes(text.encode())
+    except OSError as error:
+        raise DataError(f"{folder}: cannot be written: {error.strerror or error}") from error
+
+
+def _read_head(path: Path) -> dict[str, Any]:
+    content = read_yaml_mapping(path)
+    if content.get("format") != FORMAT:
+        raise DataError(f"{path}: expected 'format: {FORMAT}', got {shown(content.get('format'))}")
+    check_keys(content, _KEYS, str(path))
+    joints: list[LinkJoint] = []
+    for entry in _entries(content, "joints", path):
+        before = joints[-1].name if joints else WORLD_NAME
+        where = f"{path}, joint {len(joints) + 1}"
+        joints.append(LinkJoint.from_mapping(entry, before, where))
+    markers, sensors = (
+        [kind.from_mapping(entry, f"{path}, {key}") for entry in _entries(content, key, path)]
+        for key, kind in (("markers", MarkerInfo), ("sensors", SensorInfo))
+    )
+    return {
+        "name": text_value(content, "name", str(path)),
+        "joints": tuple(joints),
+        "markers": tuple(markers),
+        "sensors": tuple(sensors),
+        "source": text_value(content, "source", str(path), ""),
+        "seed": integer_value(content, "seed", str(path)),
+    }
+
+
+def _entries(content: dict[str, Any], key: str, path: Path) -> list[Any]:
+    entries = content.get(key)
+    if not isinstance(entries, list) or not entries:
+        raise DataError(f"{path}: {key!r} must be a list with an entry each, got {shown(entries)}")
+    return entries
+
+
+def _read_joints(table: CsvTable, joints: Sequence[LinkJoint]) -> tuple[NDArray, NDArray]:
+    readings = np.full((len(table), len(joints)), np.nan)
+    flanges = np.full((len(table), len(joints), 6), np.nan)
+    for i, joint in enumerate(joints):
+        if joint.motion == FLANGE:
+            flanges[:, i] = _poses_in(table, f"flange.{joint.name}.", empty=False)
+        elif not joint.follows:
+            readings[:, i] = table.numbers(f"encoder.{joint.name}")
+    return readings, flanges
+
+
+def _poses_in(table: CsvTable, prefix: str, *, empty: bool) -> NDArray:
+    """Return x, y, z and rotation vector of each row; quaternions are read, too. (N, 6)."""
+    out = np.full((len(table), 6), np.nan)
+    for k, name in enumerate(_POSE[:3]):
+        if not empty or prefix + name in table.columns:
+            out[:, k] = table.numbers(prefix + name, empty_allowed=empty)
+    if prefix + "qw" in table.columns:
+        q = np.stack([table.numbers(prefix + c, empty_allowed=empty) for c in _QUATERNION], axis=1)
+        length = np.linalg.norm(q, axis=1)
+        bad = np.isfinite(length) & (np.abs(length - 1.0) > 0.01)
+        if bad.any():
+            row = int(np.argmax(bad))
+            raise DataError(
+                f"{table.where(row)}: the quaternion {q[row].tolist()} is not of unit length"
+            )
+        there = np.isfinite(length)
+        out[there, 3:] = rotation_vectors_of(
+            rotation_from_quaternion(q[there] / length[there, None])
+        )
+        return out
+    for k, name in enumerate(_POSE[3:], start=3):
+        if not empty or prefix + name in table.columns:
+            out[:, k] = table.numbers(prefix + name, empty_allowed=empty)
+    return out
+
+
+def _read_observations(
+    table: CsvTable,
+    sample: NDArray,
+    markers: Sequence[MarkerInfo],
+    sensors: Sequence[SensorInfo],
+) -> ObservationTable:
+    _refuse_mirrors(table)
+    sensor = _indices(table, "sensor", [s.name for s in sensors])
+    marker = _indices(table, "marker", [m.name for m in markers])
+    other = np.full(len(table), -1)
+    if "other" in table.columns:
+        given = table.texts("other") != ""
+        other = np.where(given, _indices(table, "other", [m.name for m in markers], given), -1)
+    columns = {name: np.full(len(table), np.nan) for name in _VALUES}
+    columns |= dict(zip(_POSE, _poses_in(table, "", empty=True).T, strict=True))
+    for name in _VALUES[6:]:
+        if name in table.columns:
+            columns[name] = table.numbers(name, empty_allowed=True)
+    values = np.full((len(table), WIDTH), np.nan)
+    for i, info in enumerate(sensors):
+        own, names = sensor == i, SENSOR_COLUMNS[info.kind]
+        for name in _VALUES:
+            wanted = np.isfinite(columns[name]) == (name in names)
+            if not wanted[own].all():
+                row = int(np.flatnonzero(own & ~wanted)[0])
+                says = "empty" if name in names else "filled"
+                raise DataError(
+                    f"{table.where(row, name)}: the cell is {says}, but sensor {info.name!r} "
+                    f"({info.kind}) measures {', '.join(names)}, all of them and nothing else"
+                )
+        for k, name in enumerate(names):
+            values[own, k] = columns[name][own]
+    return ObservationTable(_samples_of(table, sample), sensor, marker, other, values)
+
+
+def _samples_of(table: CsvTable, sample: NDArray) -> NDArray:
+    cells = table.texts("sample")
+    index = {str(number): k for k, number in enumerate(sample.tolist())} | {"": ANY_POSE}
+    for row, cell in enumerate(cells.tolist()):
+        if cell not in index:
+            raise DataError(
+                f"{table.where(row, 'sample')}: {shown(cell)} is no sample of poses.csv"
+            )
+    return np.array([index[cell] for cell in cells.tolist()], dtype=np.int64)
+
+
+def _indices(
+    table: CsvTable, column: str, names: Sequence[str], rows: NDArray | None = None
+) -> NDArray:
+    index = {name: k for k, name in enumerate(names)}
+    cells = table.texts(column).tolist()
+    for row, cell in enumerate(cells):
+        if cell not in index and (rows is None or rows[row]):
+            raise DataError(
+                f"{table.where(row, column)}: {shown(cell)} is not listed in dataset.yaml; there "
+                f"are {listed(names, cell)}"
+            )
+    return np.array([index.get(cell, -1) for cell in cells], dtype=np.int64)
+
+
+def _refuse_mirrors(table: CsvTable) -> None:
+    if "mirror" in table.columns and (table.texts("mirror") != "").any():
+        row = int(np.flatnonzero(table.texts("mirror") != "")[0])
+        raise DataError(
+            f"{table.where(row, 'mirror')}: reflections belong into a data set of their own, for "
+            "`calibrate mirror`"
+        )
+
+
+def _head_text(data: BodyDataset) -> str:
+    content = {
+        "format": FORMAT,
+        "name": data.name,
+        "joints": [joint.to_mapping() for joint in data.joints],
+        "markers": [{"name": m.name, "on": m.on} for m in data.markers],
+        "sensors": [sensor.to_mapping() for sensor in data.sensors],
+        "source": data.source or None,
+        "seed": data.seed,
+    }
+    return yaml_text({key: value for key, value in content.items() if value is not None})
+
+
+def _poses_text(data: BodyDataset) -> str:
+    columns: dict[str, list[str]] = {"sample": [str(s) for s in data.sample.tolist()]}
+    flanges = np.asarray(data.flanges)
+    for i, joint in enumerate(data.joints):
+        if joint.motion == FLANGE:
+            for name, column in zip(_POSE, flanges[:, i].T, strict=True):
+                columns[f"flange.{joint.name}.{name}"] = _cells(column)
+        elif not joint.follows:
+            columns[f"encoder.{joint.name}"] = _cells(data.readings[:, i])
+    return _csv(columns)
+
+
+def _observations_text(data: BodyDataset) -> str:
+    table = data.observations
+    numbers = [*(str(s) for s in data.sample.tolist()), ""]
+    names = [m.name for m in data.markers]
+    columns = {
+        "sample": [numbers[k] for k in table.pose.tolist()],
+        "sensor": [data.sensors[k].name for k in table.sensor.tolist()],
+        "marker": [names[k] for k in table.marker.tolist()],
+        "other": [names[k] if k >= 0 else "" for k in table.other.tolist()],
+    }
+    by_name = {name: np.full(len(table), np.nan) for name in _VALUES}
+    for i, info in enumerate(data.sensors):
+        own = table.sensor == i
+        for k, name in enumerate(SENSOR_COLUMNS[info.kind]):
+            by_name[name][own] = table.values[own, k]
+    if not (table.other >= 0).any():
+        del columns["other"]
+    columns |= {k: _cells(v) for k, v in by_name.items() if np.isfinite(v).any()}
+    return _csv(columns)
+
+
+def _cells(values: NDArray) -> list[str]:
+    return ["" if math.isnan(value) else repr(value) for value in values.tolist()]
+
+
+def _csv(columns: dict[str, list[str]]) -> str:
+    rows = [list(columns), *zip(*columns.values(), strict=True)]
+    return "".join(",".join(quoted_cell(safe_cell(cell)) for cell in row) + "\n" for row in rows)

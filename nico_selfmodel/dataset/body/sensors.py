@@ -1,0 +1,177 @@
+"""What is seen of a body and what sees it, as a data set lists them."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from nico_selfmodel.dataset.body.link_joint import WORLD_NAME
+from nico_selfmodel.errors import DataError
+from nico_selfmodel.files.yaml_mapping import check_keys, number_value, text_value
+from nico_selfmodel.geometry.rotation import rotation_from_vector, rotation_vector_of
+from nico_selfmodel.geometry.transform import transform
+from nico_selfmodel.model.cameras.camera import INTRINSICS, Camera
+from nico_selfmodel.names import check_name, shown
+
+POINTS, POSES, CAMERA, DISTANCE = "points", "poses", "camera", "distance"
+SENSOR_COLUMNS = {
+    POINTS: ("x_m", "y_m", "z_m"),
+    POSES: ("x_m", "y_m", "z_m", "rx", "ry", "rz"),
+    CAMERA: ("u", "v"),
+    DISTANCE: ("distance_m",),
+}
+"""What each kind of sensor measures: points, whole poses (rotation vector of the marker in the
+sensor's frame), pixels, the distance of two markers."""
+FIRST_SIGMA = {POINTS: 1e-3, POSES: 1e-3, CAMERA: 0.5, DISTANCE: 1e-3}
+"""Standard deviations with which an unknown noise is first taken [m or px]."""
+FIRST_TURN_SIGMA = 0.01
+"""That of a measured orientation [rad]."""
+_KEYS = ("name", "kind", "on", "sigma_m", "sigma_px", "sigma_rad", "image_size", "lens", "pose")
+_LIMIT = {POINTS: 1.0, POSES: 1.0, CAMERA: 100.0, DISTANCE: 1.0}
+
+
+@dataclass(frozen=True)
+class MarkerInfo:
+    """A point, or a frame, that is fixed to a link and seen."""
+
+    name: str
+    """Its name, unique in the body."""
+    on: str
+    """The joint whose link carries it, or `world`."""
+
+    @classmethod
+    def from_mapping(cls, entry: Any, where: str) -> "MarkerInfo":
+        """Make a marker from its entry in a YAML file.
+
+        Raises:
+            DataError: If the entry is not valid.
+        """
+        if not isinstance(entry, Mapping):
+            raise DataError(f"{where}: a marker must be {{name, on}}, got {shown(entry)}")
+        check_keys(entry, ("name", "on"), where)
+        name = text_value(entry, "name", where)
+        try:
+            check_name(name, "a marker")
+        except ValueError as error:
+            raise DataError(f"{where}: {error}") from None
+        if entry.get("on") is None:
+            raise DataError(f"{where}: marker {name!r} is on no link: add 'on', a joint or 'world'")
+        return cls(name, text_value(entry, "on", where))
+
+
+@dataclass(frozen=True, eq=False)
+class SensorInfo:
+    """What measures markers, with what is known of it."""
+
+    name: str
+    """Its name, unique in the body."""
+    kind: str
+    """`points`, `poses`, `camera` or `distance`."""
+    on: str = WORLD_NAME
+    """The joint whose link carries it, or `world`."""
+    sigma: float | None = None
+    """Standard deviation of a coordinate [m or px]; estimated where it is not given."""
+    turn_sigma: float | None = None
+    """That of each part of an orientation [rad], of `poses`."""
+    image_size: tuple[int, int] | None = None
+    """Width and height [px], of a camera."""
+    lens: Mapping[str, float] | None = None
+    """Known intrinsics of a camera, by the names of `INTRINSICS`."""
+    X_LS: NDArray | None = None
+    """Where it is thought to be on its link; a guess. Shape (4, 4)."""
+
+    @property
+    def camera(self) -> Camera | None:
+        """The camera with its known lens; None where it is none, or its lens is not known."""
+        if self.kind != CAMERA or self.lens is None or self.image_size is None:
+            return None
+        values = np.array([self.lens.get(name, 0.0) for name in INTRINSICS])
+        return Camera.from_values(values, self.image_size)
+
+    @classmethod
+    def from_mapping(cls, entry: Any, where: str) -> "SensorInfo":
+        """Make a sensor from its entry in a YAML file.
+
+        Raises:
+            DataError: If the entry is not valid.
+        """
+        if not isinstance(entry, Mapping):
+            raise DataError(f"{where}: a sensor must be {{name, kind, ...}}, got {shown(entry)}")
+        check_keys(entry, _KEYS, where)
+        name, kind = text_value(entry, "name", where), text_value(entry, "kind", where)
+        if kind not in SENSOR_COLUMNS:
+            raise DataError(
+                f"{where}: the kind of sensor {name!r} must be one of "
+                f"{', '.join(SENSOR_COLUMNS)}, got {shown(kind)}"
+            )
+        sigma = number_value(entry, "sigma_px" if kind == CAMERA else "sigma_m", where)
+        turn = number_value(entry, "sigma_rad", where)
+        for key, value in (("sigma", sigma), ("sigma_rad", turn)):
+            if value is not None and not 1e-9 <= value <= _LIMIT[kind]:
+                raise DataError(
+                    f"{where}: {key} of sensor {name!r} must be between 1e-9 and "
+                    f"{_LIMIT[kind]:g}, got {value:g}; leave it out where it is not known"
+                )
+        size = entry.get("image_size")
+        if size is not None and not _is_size(size):
+            raise DataError(f"{where}: 'image_size' must be [width, height], got {shown(size)}")
+        return cls(
+            name,
+            kind,
+            text_value(entry, "on", where, WORLD_NAME),
+            sigma,
+            turn,
+            None if size is None else (size[0], size[1]),
+            _lens(entry.get("lens"), where),
+            _pose(entry.get("pose"), where),
+        )
+
+    def to_mapping(self) -> dict[str, Any]:
+        """Return the entry of this sensor in a YAML file."""
+        entry: dict[str, Any] = {"name": self.name, "kind": self.kind, "on": self.on}
+        entry["sigma_px" if self.kind == CAMERA else "sigma_m"] = self.sigma
+        entry["sigma_rad"] = self.turn_sigma
+        entry["image_size"] = None if self.image_size is None else list(self.image_size)
+        entry["lens"] = None if self.lens is None else dict(self.lens)
+        if self.X_LS is not None:
+            entry["pose"] = pose_mapping(self.X_LS)
+        return {key: value for key, value in entry.items() if value is not None}
+
+
+def pose_mapping(X: NDArray) -> dict[str, list[float]]:
+    """Return a pose as files hold it: `xyz` [m] and `rotation_vector` [rad]."""
+    turn = rotation_vector_of(X[:3, :3])
+    return {"xyz": np.asarray(X)[:3, 3].tolist(), "rotation_vector": turn.tolist()}
+
+
+def _pose(value: Any, where: str) -> NDArray | None:
+    if value is None:
+        return None
+    if not isinstance(value, Mapping):
+        raise DataError(f"{where}: 'pose' must have xyz and rotation_vector, got {shown(value)}")
+    check_keys(value, ("xyz", "rotation_vector"), where)
+    parts = [np.asarray(value.get(key, [0.0] * 3)) for key in ("xyz", "rotation_vector")]
+    if any(part.shape != (3,) or part.dtype.kind not in "if" for part in parts):
+        raise DataError(f"{where}: 'pose' needs three numbers each, got {shown(value)}")
+    if not np.isfinite(np.concatenate(parts)).all():
+        raise DataError(f"{where}: 'pose' must be finite, got {shown(value)}")
+    return transform(rotation_from_vector(parts[1]), parts[0])
+
+
+def _lens(value: Any, where: str) -> dict[str, float] | None:
+    if value is None:
+        return None
+    if not isinstance(value, Mapping):
+        raise DataError(f"{where}: 'lens' must be fx, fy, cx, cy, ..., got {shown(value)}")
+    check_keys(value, INTRINSICS, where)
+    found = {str(key): number_value(value, key, where) or 0.0 for key in value}
+    if not (found.get("fx", 0.0) > 0.0 and found.get("fy", 0.0) > 0.0):
+        raise DataError(f"{where}: a lens needs positive fx and fy, got {shown(dict(value))}")
+    return found
+
+
+def _is_size(size: Any) -> bool:
+    whole = isinstance(size, list) and len(size) == 2
+    return whole and all(type(side) is int and 0 < side < 10**6 for side in size)

@@ -1,0 +1,1 @@
+"""A body as a tree of joints, with markers and sensors on its links."""

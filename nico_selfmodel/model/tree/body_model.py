@@ -1,0 +1,178 @@
+"""A learned body with its error bars, in memory and as one YAML: `format: nico-body/1`."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from nico_selfmodel.errors import DataError, ModelError
+from nico_selfmodel.files.reading import LARGEST_DOCUMENT, read_text
+from nico_selfmodel.files.whole import write_whole
+from nico_selfmodel.files.yaml_text import parse_yaml, yaml_text
+from nico_selfmodel.model.cameras.camera import INTRINSICS, Camera
+from nico_selfmodel.model.document_values import damage, mapping, mappings, numbers, texts
+from nico_selfmodel.model.self_model import ParameterCovariance
+from nico_selfmodel.model.tree.body_tree import WORLD, Attached, BodyTree
+from nico_selfmodel.names import shown
+
+FORMAT = "nico-body/1"
+BODY_FILE = "body.yaml"
+"""Name of the file in a result folder."""
+_WORLD = "world"
+
+
+@dataclass(frozen=True, eq=False)
+class BodyModel:
+    """A body as it was learned."""
+
+    name: str
+    """Its name."""
+    tree: BodyTree
+    """Joints, markers, sensors."""
+    si_per_unit: NDArray
+    """Size of a reading's unit, with the wiring's sign [rad or m]. Shape (n,)."""
+    covariance: ParameterCovariance | None = None
+    """Of the parameters that were estimated."""
+    noise: Mapping[str, float] = field(default_factory=dict)
+    """Standard deviations of sensors and joints, by name [m, rad or px]."""
+    provenance: Mapping[str, Any] = field(default_factory=dict)
+    """Where it came from."""
+
+    def readings(self, readings: NDArray) -> NDArray:
+        """Return readings in rad and m, zero where a joint has no encoder. Shape (N, n)."""
+        return np.nan_to_num(np.asarray(readings, dtype=float) * self.si_per_unit)
+
+
+def save_body(model: BodyModel, path: str | Path) -> None:
+    """Write a body, whole or not at all."""
+    write_whole(path, body_text(model))
+
+
+def body_text(model: BodyModel) -> str:
+    """Return a body as YAML; floats read back exactly."""
+    tree = model.tree
+    document: dict[str, Any] = {
+        "format": FORMAT,
+        "name": model.name,
+        "joints": [_joint(model, i) for i in range(len(tree.joints))],
+        "markers": [_attached(tree, a) | {"oriented": a.oriented} for a in tree.markers],
+        "sensors": [
+            _attached(tree, a)
+            | ({"lens": _lens(tree.lenses[a.name])} if a.name in tree.lenses else {})
+            for a in tree.sensors
+        ],
+        "noise": dict(model.noise),
+        "provenance": dict(model.provenance),
+    }
+    if model.covariance is not None:
+        matrix = model.covariance.matrix.tolist()
+        document["covariance"] = {"names": list(model.covariance.names), "matrix": matrix}
+    return yaml_text(document)
+
+
+def load_body(path: str | Path) -> BodyModel:
+    """Read a body.
+
+    Args:
+        path: The YAML file, or a result folder that holds `body.yaml`.
+
+    Raises:
+        ModelError: If the file is missing, of another format, or not valid.
+    """
+    path = Path(path)
+    path = path / BODY_FILE if path.is_dir() else path
+    if not path.exists():
+        raise ModelError(f"{path} does not exist: give a {BODY_FILE}")
+    try:
+        document = parse_yaml(read_text(path, LARGEST_DOCUMENT), str(path))
+    except DataError as error:
+        raise ModelError(f"{error}: a body was expected") from error
+    found = document.get("format") if isinstance(document, dict) else None
+    if found != FORMAT:
+        raise ModelError(f"{path} is not a body: expected `format: {FORMAT}`, got {shown(found)}")
+    try:
+        return _model(document)
+    except (AttributeError, KeyError, TypeError, ValueError) as error:
+        raise ModelError(f"{path} is not a valid body: {damage(error)}") from error
+
+
+def _joint(model: BodyModel, i: int) -> dict[str, Any]:
+    tree = model.tree
+    parent = int(tree.parent[i])
+    entry: dict[str, Any] = {
+        "name": tree.joints[i],
+        "parent": _WORLD if parent == WORLD else tree.joints[parent],
+        "motion": tree.motions[i],
+        "X_PJ": tree.X_PJ[i].tolist(),
+        "gear": float(tree.gear[i]),
+        "si_per_unit": float(model.si_per_unit[i]),
+    }
+    if tree.coupling[i, i] != 1.0:
+        ratios = zip(tree.joints, tree.coupling[i].tolist(), strict=True)
+        entry["follows"] = {name: ratio for name, ratio in ratios if ratio}
+    return entry
+
+
+def _attached(tree: BodyTree, item: Attached) -> dict[str, Any]:
+    on = _WORLD if item.on == WORLD else tree.joints[item.on]
+    return {"name": item.name, "on": on, "X_LA": item.X_LA.tolist()}
+
+
+def _lens(camera: Camera) -> dict[str, Any]:
+    return dict(camera.named_values) | {"image_size": list(camera.image_size)}
+
+
+def _model(document: dict[str, Any]) -> BodyModel:
+    joints = mappings(document["joints"], "joints")
+    names = texts([joint["name"] for joint in joints], "joints")
+    index = {name: i for i, name in enumerate(names)} | {_WORLD: WORLD}
+    coupling = np.eye(len(names))
+    for i, joint in enumerate(joints):
+        if "follows" in joint:
+            coupling[i] = 0.0
+            for lead, ratio in mapping(joint["follows"], "follows").items():
+                coupling[i, index[lead]] = float(ratio)
+    sensors = mappings(document["sensors"], "sensors")
+    tree = BodyTree(
+        tuple(names),
+        tuple(texts([joint["motion"] for joint in joints], "motions")),
+        np.array([index[joint["parent"]] for joint in joints]),
+        np.array([numbers(joint["X_PJ"], "X_PJ") for joint in joints]),
+        np.array([float(joint["gear"]) for joint in joints]),
+        coupling,
+        tuple(_read_attached(entry, index) for entry in mappings(document["markers"], "markers")),
+        tuple(_read_attached(entry, index) for entry in sensors),
+        {entry["name"]: _read_lens(entry["lens"]) for entry in sensors if "lens" in entry},
+    )
+    known = document.get("covariance")
+    covariance = None
+    if known is not None:
+        covariance = ParameterCovariance(
+            tuple(texts(known["names"], "covariance")), numbers(known["matrix"], "covariance")
+        )
+    return BodyModel(
+        document["name"],
+        tree,
+        np.array([float(joint["si_per_unit"]) for joint in joints]),
+        covariance,
+        {str(k): float(v) for k, v in mapping(document["noise"], "noise").items()},
+        mapping(document["provenance"], "provenance"),
+    )
+
+
+def _read_attached(entry: Mapping[str, Any], index: Mapping[str, int]) -> Attached:
+    return Attached(
+        entry["name"],
+        index[entry["on"]],
+        np.asarray(numbers(entry["X_LA"], "X_LA")),
+        bool(entry.get("oriented", True)),
+    )
+
+
+def _read_lens(entry: Mapping[str, Any]) -> Camera:
+    values = np.array([float(entry[name]) for name in INTRINSICS])
+    width, height = entry["image_size"]
+    return Camera.from_values(values, (int(width), int(height)))

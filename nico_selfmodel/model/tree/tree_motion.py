@@ -1,0 +1,78 @@
+"""Forward kinematics of a body: where links, markers and sensors are at many poses.
+
+Arrays hold the pose last, (..., N), so that every operation runs along contiguous memory.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from nico_selfmodel.model.tree.body_tree import FLANGE, REVOLUTE, Attached, BodyTree
+
+
+@dataclass(frozen=True, eq=False)
+class TreeMotion:
+    """Poses of joint frames and links in W at N poses of a body."""
+
+    tree: BodyTree
+    """The body."""
+    q: NDArray
+    """Displacements of all joints [rad or m]. Shape (n, N)."""
+    R_WP: NDArray
+    """Orientations of the links that carry each joint. Shape (n, 3, 3, N)."""
+    R_WJ: NDArray
+    """Orientations of the joint frames before they move. Shape (n, 3, 3, N)."""
+    p_WJ: NDArray
+    """Origins of the joint frames [m]. Shape (n, 3, N)."""
+    R_WL: NDArray
+    """Orientations of the links; the last is the world's. Shape (n + 1, 3, 3, N)."""
+    p_WL: NDArray
+    """Origins of the links [m]; the last is the world's. Shape (n + 1, 3, N)."""
+
+    @classmethod
+    def at(cls, tree: BodyTree, readings: NDArray, flanges: NDArray | None = None) -> "TreeMotion":
+        """Move a body.
+
+        Args:
+            tree: The body.
+            readings: Encoder angles [rad] or lengths [m]. Shape (N, n).
+            flanges: Poses that controllers read, by joint; used where a joint is a flange.
+                Shape (N, n, 4, 4).
+
+        Returns:
+            Where everything is.
+        """
+        n, count = len(tree.joints), len(readings)
+        q = np.ascontiguousarray(tree.displacements(readings).T)
+        R_WP, R_WJ = np.empty((n, 3, 3, count)), np.empty((n, 3, 3, count))
+        p_WJ = np.empty((n, 3, count))
+        R_WL, p_WL = np.empty((n + 1, 3, 3, count)), np.empty((n + 1, 3, count))
+        R_WL[n], p_WL[n] = np.eye(3)[:, :, None], 0.0
+        for i, (motion, parent) in enumerate(zip(tree.motions, tree.parent.tolist(), strict=True)):
+            R_WP[i] = R_WL[parent]
+            p_WJ[i] = p_WL[parent] + _turn(R_WL[parent], tree.X_PJ[i, :3, 3])
+            R_WJ[i] = np.einsum("ijn,jk->ikn", R_WL[parent], tree.X_PJ[i, :3, :3])
+            R_WL[i], p_WL[i] = R_WJ[i], p_WJ[i]
+            if motion == REVOLUTE:
+                c, s = np.cos(q[i]), np.sin(q[i])
+                R_WL[i, :, 0] = R_WJ[i, :, 0] * c + R_WJ[i, :, 1] * s
+                R_WL[i, :, 1] = R_WJ[i, :, 1] * c - R_WJ[i, :, 0] * s
+            elif motion == FLANGE:
+                assert flanges is not None
+                read = np.moveaxis(flanges[:, i], 0, -1)
+                R_WL[i] = np.einsum("ijn,jkn->ikn", R_WJ[i], read[:3, :3])
+                p_WL[i] = p_WJ[i] + np.einsum("ijn,jn->in", R_WJ[i], read[:3, 3])
+            else:
+                p_WL[i] = p_WJ[i] + R_WJ[i, :, 2] * q[i]
+        return cls(tree, q, R_WP, R_WJ, p_WJ, R_WL, p_WL)
+
+    def pose_of(self, item: Attached) -> tuple[NDArray, NDArray]:
+        """Return orientation and position of what is fixed to a link. (3, 3, N) and (3, N)."""
+        R = np.einsum("ijn,jk->ikn", self.R_WL[item.on], item.X_LA[:3, :3])
+        return R, self.p_WL[item.on] + _turn(self.R_WL[item.on], item.X_LA[:3, 3])
+
+
+def _turn(R: NDArray, v: NDArray) -> NDArray:
+    """Return R v of all poses. Shapes (3, 3, N) and (3,) -> (3, N)."""
+    return np.einsum("ijn,j->in", R, v)
