@@ -16,6 +16,8 @@ from nico_selfmodel.estimation.results.calibration_result import CalibrationResu
 from nico_selfmodel.estimation.results.document import document_of
 from nico_selfmodel.estimation.results.judge import verdict_on
 from nico_selfmodel.estimation.results.verdict import Verdict
+from nico_selfmodel.estimation.tree.tree_calibration import TreeCalibration
+from nico_selfmodel.estimation.tree.tree_result import tree_result
 
 Calibration = (
     KinematicCalibration
@@ -24,6 +26,7 @@ Calibration = (
     | MirrorCalibration
     | ToolCalibration
     | Rezeroing
+    | TreeCalibration
     | CalibrationResult
 )
 """Whatever was learned, or its result."""
@@ -48,6 +51,8 @@ def result_of(calibration: Calibration) -> CalibrationResult:
             return tool_result(calibration)
         case Rezeroing():
             return rezero_result(calibration)
+        case TreeCalibration():
+            return tree_result(calibration)
         case CalibrationResult():
             return calibration
 

@@ -1,0 +1,1 @@
+"""One problem: any body, any sensors, one adjustment."""

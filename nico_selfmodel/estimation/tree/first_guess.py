@@ -1,0 +1,224 @@
+"""First bodies, by what is unknown: from nothing, from a description, from flange poses."""
+
+from collections.abc import Iterator, Mapping
+from dataclasses import replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from nico_selfmodel.dataset.body.body_dataset import ANY_POSE, BodyDataset
+from nico_selfmodel.dataset.body.sensors import CAMERA, DISTANCE, POINTS, POSES
+from nico_selfmodel.errors import DataError
+from nico_selfmodel.estimation.tree.camera_guess import cameras_from_markers, resected
+from nico_selfmodel.estimation.tree.hand_eye import HandEye
+from nico_selfmodel.estimation.tree.point_guess import SeenPoints, body_from_points
+from nico_selfmodel.estimation.tree.tree_observations import SensorRows, TreeObservations
+from nico_selfmodel.estimation.tree.tree_setup import Description
+from nico_selfmodel.geometry.alignment import Alignment
+from nico_selfmodel.geometry.rotation import nearest_rotation, rotation_from_vector
+from nico_selfmodel.geometry.transform import inverse, transform
+from nico_selfmodel.model.tree.body_tree import FLANGE, WORLD, BodyTree
+from nico_selfmodel.model.tree.tree_motion import TreeMotion
+
+_TRIES = 6
+"""Searches from nothing at most; two that agree end it."""
+_FAR = 0.15
+"""Angle within which a marker of a described robot must appear where it is expected [rad]."""
+
+
+def first_bodies(
+    data: BodyDataset,
+    blank: BodyTree,
+    observations: TreeObservations,
+    description: Description | None,
+    seed: int,
+) -> Iterator[tuple[str, BodyTree]]:
+    """Yield labelled bodies to start from, the most trusted first.
+
+    Args:
+        data: The recording.
+        blank: The body with nothing known of its geometry.
+        observations: What was measured.
+        description: The robot as described.
+        seed: Of what is drawn.
+
+    Raises:
+        DataError: If the data cannot tell a first body.
+    """
+    if description is not None:
+        yield "robot description", _described(data, description, observations, seed)
+        return
+    if any(joint.motion == FLANGE for joint in data.joints):
+        yield "hand-eye", _from_flange(data, blank, observations)
+        return
+    for attempt in range(_TRIES):
+        yield "random axes", _from_nothing(data, blank, observations, seed + 1000 * attempt)
+
+
+def _from_nothing(
+    data: BodyDataset, blank: BodyTree, observations: TreeObservations, seed: int
+) -> BodyTree:
+    """Return a body from points in space, measured or reconstructed by two cameras."""
+    standing = [rows for rows in observations.sensors if data.sensors[rows.sensor].on == "world"]
+    trackers = [rows for rows in standing if rows.kind in (POINTS, POSES)]
+    cameras = {data.sensors[r.sensor].name: r for r in standing if r.kind == CAMERA}
+    if trackers:
+        first = trackers[0]
+        points = SeenPoints(first.pose, first.marker, first.measured[:, :3])
+        places = {
+            name: resected(rows, blank.lenses[name], points, name, np.random.default_rng(seed))
+            for name, rows in cameras.items()
+        }
+    elif len(cameras) >= 2:
+        places, points = cameras_from_markers(cameras, blank.lenses, seed)
+        factor = _scale(data, points)
+        points = replace(points, p_WM=factor * points.p_WM)
+        places = {name: _larger(X, factor) for name, X in places.items()}
+    else:
+        raise DataError(
+            "one camera alone cannot tell a body from nothing: give the robot's description, "
+            "whose lengths tell it, or record with two cameras or a tracker"
+        )
+    tree = _with_sensors(blank, places)
+    tree = body_from_points(data, tree, points, seed)
+    return _with_orientations(data, tree, observations)
+
+
+def _larger(X: NDArray, factor: float) -> NDArray:
+    return transform(X[:3, :3], factor * X[:3, 3])
+
+
+def _scale(data: BodyDataset, points: SeenPoints) -> float:
+    """Return what makes reconstructed points as large as known distances say, by the median.
+
+    Without any the points' rms distance from their middle becomes 0.3 m.
+    """
+    table = data.observations
+    known = np.array([s.kind == DISTANCE for s in data.sensors])[table.sensor]
+    ratios = []
+    for row in np.flatnonzero(known):
+        a, b = (points.of_markers(np.array([table.marker[row], table.other[row]])), table.pose[row])
+        one, two = (a.of_markers(np.array([m[row]])) for m in (table.marker, table.other))
+        _, i, j = np.intersect1d(one.pose, two.pose, return_indices=True)
+        keep = np.ones(len(i), dtype=bool) if b == ANY_POSE else one.pose[i] == b
+        d = np.linalg.norm(one.p_WM[i] - two.p_WM[j], axis=1)[keep]
+        if len(d):
+            ratios.append(table.values[row, 0] / float(np.median(d)))
+    if ratios:
+        return float(np.median(ratios))
+    return 0.3 / float(np.sqrt(np.var(points.p_WM, axis=0).sum()))
+
+
+def _with_sensors(tree: BodyTree, places: Mapping[str, NDArray]) -> BodyTree:
+    return replace(
+        tree,
+        sensors=tuple(replace(s, X_LA=places.get(s.name, s.X_LA)) for s in tree.sensors),
+    )
+
+
+def _with_orientations(
+    data: BodyDataset, tree: BodyTree, observations: TreeObservations
+) -> BodyTree:
+    """Turn markers as the measured orientations ask for, R_LM = mean of R_WL' R_WS R_measured."""
+    motion = TreeMotion.at(tree, data.si_readings, data.X_flange)
+    markers, places = list(tree.markers), {s.name: s for s in tree.sensors}
+    for rows in observations.sensors:
+        if rows.kind != POSES:
+            continue
+        R_WS = motion.pose_of(places[data.sensors[rows.sensor].name])[0]
+        for m in np.unique(rows.marker).tolist():
+            own = np.flatnonzero(rows.marker == m)
+            pose = rows.pose[own]
+            R_WL = motion.R_WL[markers[m].on][:, :, pose].transpose(2, 0, 1)
+            R_SM = rotation_from_vector(rows.measured[own, 3:])
+            R = np.swapaxes(R_WL, 1, 2) @ R_WS[:, :, pose].transpose(2, 0, 1) @ R_SM
+            turned = nearest_rotation(np.median(R, axis=0))
+            markers[m] = replace(markers[m], X_LA=transform(turned, markers[m].X_LA[:3, 3]))
+    return tree.with_markers(tuple(markers))
+
+
+def _from_flange(data: BodyDataset, blank: BodyTree, observations: TreeObservations) -> BodyTree:
+    """Return a body of one flange whose target a sensor tells in whole poses, or in points."""
+    (flange,) = [i for i, joint in enumerate(data.joints) if joint.motion == FLANGE][:1]
+    tree = blank
+    for rows in observations.sensors:
+        if rows.kind != POSES:
+            continue
+        info = data.sensors[rows.sensor]
+        m = int(np.bincount(rows.marker).argmax())
+        own = rows.marker == m
+        F = data.X_flange[rows.pose[own], flange]
+        M = transform(rotation_from_vector(rows.measured[own, 3:]), rows.measured[own, :3])
+        on_hand = blank.markers[m].on != WORLD
+        found = HandEye.from_poses(F, M if on_hand else inverse(M))
+        # On the hand F X = Z M; a sensor on the hand that sees the world: F X M = Z.
+        at, sensor_at = (found.X, found.Z) if on_hand else (found.Z, found.X)
+        markers = list(tree.markers)
+        markers[m] = replace(markers[m], X_LA=at)
+        tree = _with_sensors(tree.with_markers(tuple(markers)), {info.name: sensor_at})
+        return _other_markers(data, tree, observations)
+    raise DataError(
+        "a flange's hand-eye calibration needs a sensor that tells whole poses of a target "
+        "(kind 'poses'), such as a board's or a tag's"
+    )
+
+
+def _other_markers(data: BodyDataset, tree: BodyTree, observations: TreeObservations) -> BodyTree:
+    """Place markers that a sensor of known place measured in space."""
+    motion = TreeMotion.at(tree, data.si_readings, data.X_flange)
+    markers, places = list(tree.markers), {s.name: s for s in tree.sensors}
+    for rows in observations.sensors:
+        if rows.kind not in (POSES, POINTS):
+            continue
+        R_WS, p_WS = motion.pose_of(places[data.sensors[rows.sensor].name])
+        for m in np.unique(rows.marker).tolist():
+            own = rows.marker == m
+            pose = rows.pose[own]
+            p = np.einsum("ijn,nj->ni", R_WS[:, :, pose], rows.measured[own, :3]) + p_WS[:, pose].T
+            R_WL = motion.R_WL[markers[m].on][:, :, pose].transpose(2, 0, 1)
+            local = p - motion.p_WL[markers[m].on][:, pose].T
+            at = np.median((np.swapaxes(R_WL, 1, 2) @ local[:, :, None])[:, :, 0], axis=0)
+            markers[m] = replace(markers[m], X_LA=transform(markers[m].X_LA[:3, :3], at))
+    return _with_orientations(data, tree.with_markers(tuple(markers)), observations)
+
+
+def _described(
+    data: BodyDataset, description: Description, observations: TreeObservations, seed: int
+) -> BodyTree:
+    """Return the described robot with its sensors where they see it."""
+    tree, rng = description.tree, np.random.default_rng((seed, 4))
+    motion = TreeMotion.at(tree, data.si_readings, data.X_flange)
+    places = {}
+    for rows in observations.sensors:
+        info = data.sensors[rows.sensor]
+        if info.kind == DISTANCE:
+            continue
+        expected = _expected(tree, motion, rows)
+        sensor = next(s for s in tree.sensors if s.name == info.name)
+        X_WL = inverse(_pose(motion, sensor.on, rows.pose))
+        p_LM = (X_WL[:, :3, :3] @ expected[:, :, None])[:, :, 0] + X_WL[:, :3, 3]
+        if info.X_LS is not None:
+            places[info.name] = info.X_LS
+        elif rows.kind == CAMERA:
+            numbered = np.arange(len(rows.rows))
+            points = SeenPoints(numbered, np.zeros_like(numbered), p_LM)
+            alone: SensorRows = replace(rows, pose=numbered, marker=np.zeros_like(numbered))
+            lens = tree.lenses[info.name]
+            places[info.name] = resected(alone, lens, points, info.name, rng, _FAR)
+        else:
+            found = Alignment.from_points(rows.measured[:, :3], p_LM)
+            places[info.name] = transform(found.rotation, found.translation)
+    return _with_orientations(data, _with_sensors(tree, places), observations)
+
+
+def _expected(tree: BodyTree, motion: TreeMotion, rows: SensorRows) -> NDArray:
+    """Return where a body puts the markers of rows, in W. Shape (N, 3)."""
+    on = np.array([m.on for m in tree.markers])[rows.marker]
+    at = np.stack([m.X_LA[:3, 3] for m in tree.markers])[rows.marker]
+    R = motion.R_WL[on, :, :, rows.pose]
+    return motion.p_WL[on, :, rows.pose] + (R @ at[:, :, None])[:, :, 0]
+
+
+def _pose(motion: TreeMotion, link: int, pose: NDArray) -> NDArray:
+    R = motion.R_WL[link][:, :, pose].transpose(2, 0, 1)
+    return transform(R, motion.p_WL[link][:, pose].T)

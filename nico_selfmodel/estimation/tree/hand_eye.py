@@ -1,0 +1,85 @@
+"""Hand-eye calibration in closed form: F_k X = Z M_k (Park, Martin 1994).
+
+F_k are poses of a flange in its base, M_k those of a target in a sensor's frame, X the target on
+the flange, Z the sensor in the base. With A = F_i^-1 F_j and B = M_i^-1 M_j it is A X = X B.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from nico_selfmodel.errors import DataError
+from nico_selfmodel.geometry.rotation import nearest_rotation, rotation_vectors_of
+from nico_selfmodel.geometry.transform import inverse, transform
+
+_LEAST_TURN = np.radians(5.0)
+"""Turns below this tell little of an axis."""
+_MOST_PAIRS = 4000
+_ONE_AXIS = 0.02
+"""Second over first singular value of the turns' axes below which they share one axis."""
+
+
+@dataclass(frozen=True, eq=False)
+class HandEye:
+    """What stands where."""
+
+    X: NDArray
+    """The target on the flange. Shape (4, 4)."""
+    Z: NDArray
+    """The sensor in the flange's base. Shape (4, 4)."""
+    one_axis: NDArray | None
+    """Axis on the flange, where all turns were about one: X is open along it. Shape (3,)."""
+
+    @classmethod
+    def from_poses(cls, F: NDArray, M: NDArray) -> "HandEye":
+        """Find both from poses that belong together.
+
+        R_X = (N'N)^-1/2 N' of N = sum log(B) log(A)', and (R_A - I) t_X = R_X t_B - t_A.
+
+        Args:
+            F: Poses of the flange. Shape (K, 4, 4).
+            M: Poses of the target in the sensor's frame. Shape (K, 4, 4).
+
+        Raises:
+            DataError: If fewer than three poses turn by 5 deg against each other.
+        """
+        i, j = _pairs(len(F))
+        A, B = inverse(F[i]) @ F[j], inverse(M[i]) @ M[j]
+        a, b = rotation_vectors_of(A[:, :3, :3]), rotation_vectors_of(B[:, :3, :3])
+        enough = np.linalg.norm(a, axis=1) > _LEAST_TURN
+        if enough.sum() < 2:
+            raise DataError(
+                "the flange hardly turned (fewer than two pairs of poses differ by 5 deg): a "
+                "hand-eye calibration needs poses turned about two axes or more"
+            )
+        A, B, a, b = A[enough], B[enough], a[enough], b[enough]
+        a, b, A, B = _consistent(a, b, A, B)
+        values, axes = np.linalg.eigh(a.T @ a)
+        one_axis = axes[:, 2] if values[1] < _ONE_AXIS**2 * values[2] else None
+        R = nearest_rotation(a.T @ b)
+        # Two axes tell R; the third may be open where all turns share one.
+        left = (A[:, :3, :3] - np.eye(3)).reshape(-1, 3)
+        right = (B[:, :3, 3] @ R.T - A[:, :3, 3]).ravel()
+        t = np.linalg.lstsq(left, right, rcond=1e-3)[0]
+        X = transform(R, t)
+        each = F @ X @ inverse(M)
+        Z = transform(
+            nearest_rotation(each[:, :3, :3].sum(axis=0)), np.median(each[:, :3, 3], axis=0)
+        )
+        return cls(X, Z, one_axis)
+
+
+def _pairs(count: int) -> tuple[NDArray, NDArray]:
+    i, j = np.triu_indices(count, 1)
+    step = -(-len(i) // _MOST_PAIRS)
+    return i[::step], j[::step]
+
+
+def _consistent(
+    a: NDArray, b: NDArray, A: NDArray, B: NDArray
+) -> tuple[NDArray, NDArray, NDArray, NDArray]:
+    """Keep pairs whose angles agree: a turn has the same angle in every frame."""
+    apart = np.abs(np.linalg.norm(a, axis=1) - np.linalg.norm(b, axis=1))
+    keep = apart <= max(6.0 * float(np.median(apart)), 1e-9)
+    return a[keep], b[keep], A[keep], B[keep]

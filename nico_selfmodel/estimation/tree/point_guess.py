@@ -1,0 +1,181 @@
+"""A first body from points in space: the lines of each arm by the search for axes.
+
+What carries markers is searched link by link, the nearest to the world first; where the joints on
+the way are known already (a shared torso), points are taken into the frame of the last of them, and
+only the rest is searched.
+"""
+
+from dataclasses import dataclass, replace
+from itertools import islice
+
+import numpy as np
+from numpy.typing import NDArray
+
+from nico_selfmodel.dataset.body.body_dataset import BodyDataset
+from nico_selfmodel.errors import DataError
+from nico_selfmodel.estimation.initialization.axis_search import random_starts
+from nico_selfmodel.estimation.initialization.start_search import RANDOM, few_rows, search_starts
+from nico_selfmodel.estimation.observations.observations import Observations
+from nico_selfmodel.geometry.rotation import tangent_basis
+from nico_selfmodel.geometry.transform import inverse, transform
+from nico_selfmodel.model.arm.chain import Chain
+from nico_selfmodel.model.arm.servo_map import ServoMap
+from nico_selfmodel.model.tree.body_tree import REVOLUTE, WORLD, Attached, BodyTree
+from nico_selfmodel.model.tree.tree_motion import TreeMotion
+from nico_selfmodel.names import listed
+
+_STARTS = 40
+"""Random starts of one search at most."""
+_SIGMA = 1e-3
+"""Whitening of points whose noise is not known [m]; it only sets units."""
+
+
+@dataclass(frozen=True, eq=False)
+class SeenPoints:
+    """Markers in W, measured or reconstructed."""
+
+    pose: NDArray
+    """Samples. Shape (N,)."""
+    marker: NDArray
+    """Markers. Shape (N,)."""
+    p_WM: NDArray
+    """Positions [m]. Shape (N, 3)."""
+
+    def of_markers(self, markers: NDArray) -> "SeenPoints":
+        """Return the points of some markers."""
+        keep = np.isin(self.marker, markers)
+        return SeenPoints(self.pose[keep], self.marker[keep], self.p_WM[keep])
+
+
+def body_from_points(data: BodyDataset, tree: BodyTree, points: SeenPoints, seed: int) -> BodyTree:
+    """Return a body whose joints and markers are where the points ask for.
+
+    Args:
+        data: The recording.
+        tree: The body to fill in: what carries what. Its geometry is not used.
+        points: Markers in W.
+        seed: Of the random starts.
+
+    Raises:
+        DataError: If a joint on the way to a marker is not revolute, or a link's points are too
+            few for its joints.
+    """
+    seen = np.unique(points.marker)
+    links = sorted({tree.markers[m].on for m in seen.tolist()}, key=lambda i: _depth(tree, i))
+    known: set[int] = set()
+    for link in links:
+        path = np.flatnonzero(tree.beyond[link]).tolist()
+        rest = [i for i in path if i not in known]
+        own = np.array([m for m in seen.tolist() if tree.markers[m].on == link])
+        local = _in_link(data, tree, points.of_markers(own), _last_known(path, known))
+        if rest:
+            tree = _searched(data, tree, rest, own, local, seed)
+            known |= set(rest)
+        else:
+            tree = _placed(tree, own, local)
+    return tree
+
+
+def _depth(tree: BodyTree, link: int) -> int:
+    return 0 if link == WORLD else int(tree.beyond[link].sum())
+
+
+def _last_known(path: list[int], known: set[int]) -> int:
+    done = [i for i in path if i in known]
+    return done[-1] if done else WORLD
+
+
+def _in_link(data: BodyDataset, tree: BodyTree, points: SeenPoints, link: int) -> SeenPoints:
+    """Return points in the frame of a link that is known."""
+    motion = TreeMotion.at(tree, data.si_readings, data.X_flange)
+    R = motion.R_WL[link][:, :, points.pose].transpose(2, 0, 1)
+    p = points.p_WM - motion.p_WL[link][:, points.pose].T
+    return replace(points, p_WM=(np.swapaxes(R, 1, 2) @ p[:, :, None])[:, :, 0])
+
+
+def _placed(tree: BodyTree, own: NDArray, local: SeenPoints) -> BodyTree:
+    """Put markers where their link's points are, by the median."""
+    markers = list(tree.markers)
+    for m in own.tolist():
+        at = np.median(local.p_WM[local.marker == m], axis=0)
+        markers[m] = replace(markers[m], X_LA=transform(markers[m].X_LA[:3, :3], at))
+    return tree.with_markers(tuple(markers))
+
+
+def _searched(
+    data: BodyDataset,
+    tree: BodyTree,
+    joints: list[int],
+    own: NDArray,
+    local: SeenPoints,
+    seed: int,
+) -> BodyTree:
+    """Search the lines of joints that carry the points, and put both into the body."""
+    observations = _observations(data, tree, joints, own, local)
+    known = np.array([data.joints[i].gear_known for i in joints])
+    zero = np.where(known, 0.0, np.median(observations.angles, axis=0))
+    few = few_rows(observations, seed)
+    drawn = random_starts(few, known, zero, np.random.default_rng((seed, 1)))
+    starts = ((RANDOM, arm) for arm in islice(drawn, _STARTS))
+    arm = search_starts(observations, few, starts, known, _SIGMA, "cauchy").best.arm
+    chain = arm.chain.rezeroed(-arm.zero / arm.gear)
+    return _with_chain(tree, joints, own, chain, arm.gear)
+
+
+def _observations(
+    data: BodyDataset,
+    tree: BodyTree,
+    joints: list[int],
+    own: NDArray,
+    local: SeenPoints,
+) -> Observations:
+    names = tuple(data.joints[i].name for i in joints)
+    wrong = [data.joints[i].name for i in joints if tree.motions[i] != REVOLUTE]
+    if wrong:
+        raise DataError(
+            f"the place of {listed(wrong)} cannot be found from nothing, only that of revolute "
+            "joints can: give the robot's description"
+        )
+    fewest = -(-(4 * len(joints) + 3 * len(own)) // 3)
+    if len(local.pose) < fewest:
+        raise DataError(
+            f"{listed([data.markers[m].name for m in own.tolist()])} were located "
+            f"{len(local.pose)} times, {fewest} are needed at least for the joints "
+            f"{listed(names)}: record more"
+        )
+    q = data.si_readings @ tree.coupling.T
+    count = len(names)
+    units = ServoMap(
+        names, np.zeros(count), np.ones(count), ("rad",) * count, np.full(count, np.nan),
+        np.ones(count),
+    )  # fmt: skip
+    return Observations(
+        names,
+        tuple(data.markers[m].name for m in own.tolist()),
+        q[local.pose][:, joints],
+        np.searchsorted(own, local.marker),
+        local.p_WM,
+        data.sample[local.pose],
+        data.pose[local.pose],
+        data.visit[local.pose],
+        np.arange(len(local.pose)),
+        units,
+    )
+
+
+def _with_chain(
+    tree: BodyTree, joints: list[int], own: NDArray, chain: Chain, gear: NDArray
+) -> BodyTree:
+    """Write lines at zero readings into joint frames, z along each axis."""
+    basis = tangent_basis(chain.directions)
+    X_FJ = transform(np.concatenate([basis, chain.directions[:, :, None]], axis=2), chain.points)
+    X_PJ, gears = np.array(tree.X_PJ), np.array(tree.gear)
+    before = np.eye(4)
+    for i, X, g in zip(joints, X_FJ, gear, strict=True):
+        X_PJ[i], gears[i] = inverse(before) @ X, g
+        before = X
+    markers: list[Attached] = list(tree.markers)
+    p_NH = (chain.p_WH_zero - before[:3, 3]) @ before[:3, :3]
+    for m, p in zip(own.tolist(), p_NH, strict=True):
+        markers[m] = replace(markers[m], X_LA=transform(markers[m].X_LA[:3, :3], p))
+    return replace(tree, X_PJ=X_PJ, gear=gears, markers=tuple(markers))

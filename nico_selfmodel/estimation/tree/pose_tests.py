@@ -1,0 +1,127 @@
+"""Tests at a solution: which joint slipped in which pose, which observation nothing explains.
+
+With P = S^-1 - S^-1 J C J' S^-1 and the residuals r of all that counts, what any change h of them
+does to half the sum of squares is known without solving again (Cook, Weisberg 1982).
+"""
+
+import numpy as np
+from numpy.typing import NDArray
+
+from nico_selfmodel.estimation.noise.pose_noise import PoseWhitening
+from nico_selfmodel.estimation.tree.tree_observations import TreeObservations
+from nico_selfmodel.optimization.chi_square import as_rare_as
+from nico_selfmodel.optimization.robust_solve import OUTLIER_AT
+
+SLIPPED_AT = 12.0
+"""Chi square of one freedom beyond which a joint was read wrongly in a pose: 5 in 10^4 are."""
+
+
+def slipped_joints(whitening: PoseWhitening, r: NDArray, J: NDArray, prior: NDArray) -> NDArray:
+    """Return which joint, if any, was read wrongly at each visit.
+
+    A reading that is off by d moves the residuals by a d, a = A_j: e = a'S^-1 r, c = a'S^-1 a, and
+    (e^2 + a'S^-1 J C J'S^-1 a) / c is about chi square of one freedom where nothing is off.
+
+    Args:
+        whitening: Of the poses, no joint freed.
+        r: Residuals in their sensors' sigmas. Shape (R,).
+        J: Derivatives by the free parameters. Shape (R, p).
+        prior: Information of the priors on their diagonal. Shape (p,).
+
+    Returns:
+        Boolean, shape (visits, m).
+    """
+    groups, A = whitening.groups, whitening.lever
+    SiA = whitening.inverse(A)
+    rows, Jg = groups.gather(r[:, None, None]), groups.gather(J[:, None])
+    C = _covariance(whitening, Jg, prior)
+    e = np.einsum("gkm,gk->gm", SiA, rows[:, :, 0])
+    c = np.einsum("gkm,gkm->gm", SiA, A)
+    along = np.swapaxes(SiA, 1, 2) @ Jg
+    taken = np.sum((along @ C) * along, axis=2)
+    t = (e**2 + taken) / np.maximum(c, 1e-300)
+    t[c < 1e-9] = 0.0
+    out = np.zeros(t.shape, dtype=bool)
+    worst = np.argmax(t, axis=1)
+    visits = np.arange(len(t))
+    out[visits, worst] = t[visits, worst] > SLIPPED_AT
+    return out
+
+
+def far_observations(
+    observations: TreeObservations,
+    whitening: PoseWhitening,
+    r: NDArray,
+    J: NDArray,
+    by_joint: NDArray,
+    prior: NDArray,
+    outliers: NDArray,
+) -> NDArray:
+    """Return observations that neither the body nor the rest of their pose explains.
+
+    For those that count e'P_oo^-1 e with e = (P r)_o; for the others r_o'V^-1 r_o, what the rest of
+    their pose tells of its joints taken off. Of several in one visit only the worst is new: it may
+    have drawn the others along.
+
+    Args:
+        observations: What was measured.
+        whitening: Of the observations that count.
+        r: Residuals in their sensors' sigmas. Shape (R,).
+        J: Derivatives by the free parameters. Shape (R, p).
+        by_joint: Derivatives by the joints' errors in their own sigmas. Shape (R, m).
+        prior: Information of the priors on their diagonal. Shape (p,).
+        outliers: Those that do not count, by row of the table. Shape (N,).
+
+    Returns:
+        Boolean, by row of the table. Shape (N,).
+    """
+    ratio = np.zeros(len(outliers))
+    groups = whitening.groups
+    Jg = groups.gather(J[:, None])
+    C = _covariance(whitening, Jg, prior)
+    both = np.concatenate([groups.gather(r[:, None, None]), Jg], axis=2)
+    solved = groups.scatter(whitening.inverse(both))[:, 0]
+    shift, spread = whitening.joint_errors(-r[:, None])
+    visit = groups.of(np.ones(len(r), dtype=bool))
+    for rows in observations.sensors:
+        k = rows.measured.shape[1]
+        at = rows.first + np.arange(rows.measured.size).reshape(-1, k)
+        B, G = by_joint[at], spread[visit[at[:, 0]]]
+        across = B @ G @ np.swapaxes(B, 1, 2)
+        known = outliers[rows.rows]
+        distance = np.empty(len(at))
+        e, SiJ = solved[at, 0], solved[at, 1:]
+        left = np.eye(k) * (1.0 + 1e-3) - across - SiJ @ C @ np.swapaxes(SiJ, 1, 2)
+        distance[~known] = _squares(left[~known], e[~known])
+        rest = r[at] + np.einsum("nkm,nm->nk", B, shift[visit[at[:, 0]]])
+        V = np.eye(k) + across + J[at] @ C @ np.swapaxes(J[at], 1, 2)
+        distance[known] = _squares(V[known], rest[known])
+        ratio[rows.rows] = distance / _limit(k)
+    found = ratio > 1.0
+    new = np.flatnonzero(found & ~outliers)
+    worst = new[np.argsort(-ratio[new], kind="stable")]
+    of_row = np.full(len(outliers), -1)
+    of_row[observations.row] = observations.visit
+    first = np.unique(of_row[worst], return_index=True)[1]
+    found[new] = False
+    found[worst[first]] = True
+    return found
+
+
+def _limit(k: int) -> float:
+    """Return the squared distance of k coordinates that is as rare as `OUTLIER_AT` of three."""
+    return as_rare_as(OUTLIER_AT**2, 3, k)
+
+
+def _covariance(whitening: PoseWhitening, Jg: NDArray, prior: NDArray) -> NDArray:
+    """Return C of the free parameters; directions that nothing tells are left out. (p, p)."""
+    flat = Jg.reshape(-1, Jg.shape[2])
+    H = flat.T @ whitening.inverse(Jg).reshape(flat.shape) + np.diag(prior)
+    unit = np.sqrt(np.maximum(np.diag(H), np.finfo(float).tiny))
+    return np.linalg.pinv(H / np.outer(unit, unit), rcond=1e-11, hermitian=True) / np.outer(
+        unit, unit
+    )
+
+
+def _squares(matrix: NDArray, e: NDArray) -> NDArray:
+    return np.sum(e * np.linalg.solve(matrix, e[:, :, None])[:, :, 0], axis=1)

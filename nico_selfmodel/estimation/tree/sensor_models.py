@@ -1,0 +1,77 @@
+"""What sensors show of a point or frame in their own frame S, with derivatives.
+
+Each returns the prediction (N, k), its derivatives by the point p_SM (N, k, 3) and by a turn of the
+marker's frame, given in S (N, k, 3), and by a camera's intrinsics (N, k, 10) or None.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from nico_selfmodel.geometry.rotation import (
+    rotation_from_vector,
+    rotation_vector_slope,
+    rotation_vectors_of,
+)
+from nico_selfmodel.model.cameras.camera import Camera, project_in_camera
+
+_NEAREST = 1e-3
+"""A camera sees no nearer than this [m]; in front of it or not is the bearings' to tell."""
+
+
+@dataclass(frozen=True, eq=False)
+class Shown:
+    """Residuals of a sensor, predicted minus measured, with their derivatives."""
+
+    residual: NDArray
+    """Shape (N, k)."""
+    by_point: NDArray
+    """By p_SM. Shape (N, k, 3)."""
+    by_turn: NDArray | None = None
+    """By a turn of the marker's frame, expressed in S. Shape (N, k, 3)."""
+    by_lens: NDArray | None = None
+    """By a camera's intrinsics. Shape (N, k, 10)."""
+
+
+def shown_points(p_SM: NDArray, measured: NDArray) -> Shown:
+    """A tracker: the point itself."""
+    return Shown(p_SM - measured, np.broadcast_to(np.eye(3), (len(p_SM), 3, 3)))
+
+
+def shown_poses(p_SM: NDArray, R_SM: NDArray, measured: NDArray) -> Shown:
+    """A tracker of frames: the point and e = log(R_SM R_measured'), which J(e)^-1 dw moves."""
+    R_measured = rotation_from_vector(measured[:, 3:])
+    e = rotation_vectors_of(R_SM @ np.swapaxes(R_measured, 1, 2))
+    N = len(p_SM)
+    by_point, by_turn = np.zeros((N, 6, 3)), np.zeros((N, 6, 3))
+    by_point[:, :3] = np.eye(3)
+    by_turn[:, 3:] = np.linalg.inv(rotation_vector_slope(e))
+    return Shown(np.hstack([p_SM - measured[:, :3], e]), by_point, by_turn)
+
+
+def shown_pixels(p_SM: NDArray, lens: Camera, measured: NDArray) -> Shown:
+    """A camera: pixels."""
+    p = np.where((np.arange(3) == 2) & (np.abs(p_SM) < _NEAREST), np.copysign(_NEAREST, p_SM), p_SM)
+    pixels, by_point, by_lens = project_in_camera(p.T, lens.values)
+    return Shown(
+        pixels.T - measured, np.moveaxis(by_point, -1, 0), by_lens=np.moveaxis(by_lens, -1, 0)
+    )
+
+
+def shown_bearings(p_SM: NDArray, lens: Camera, rays: NDArray) -> Shown:
+    """A camera, for starts: f (u - ray), u = p / |p|, du/dp = (I - u u') / |p|.
+
+    No point behind the camera can trap it, as pixels would.
+    """
+    f = 0.5 * (lens.fx + lens.fy)
+    length = np.maximum(np.linalg.norm(p_SM, axis=1), _NEAREST)
+    u = p_SM / length[:, None]
+    slope = f * (np.eye(3) - u[:, :, None] * u[:, None, :]) / length[:, None, None]
+    return Shown(f * (u - rays), slope)
+
+
+def shown_distances(p_SM: NDArray, measured: NDArray) -> Shown:
+    """The distance of two markers, of which S is the second."""
+    length = np.maximum(np.linalg.norm(p_SM, axis=1), 1e-9)
+    return Shown(length[:, None] - measured, (p_SM / length[:, None])[:, None, :])

@@ -1,0 +1,143 @@
+"""What speaks for and against a body learned from any sensors."""
+
+from collections.abc import Mapping
+
+import numpy as np
+
+from nico_selfmodel.dataset.body.sensors import CAMERA, POINTS, POSES
+from nico_selfmodel.estimation.results.calibration_result import (
+    FAILURE,
+    MISFIT,
+    NOTE,
+    WARNING,
+    Finding,
+    findings,
+)
+from nico_selfmodel.estimation.tree.tree_calibration import TreeCalibration, TreeErrors
+from nico_selfmodel.model.tree.body_tree import FLANGE, REVOLUTE
+from nico_selfmodel.names import listed
+
+_MISFIT = 5.0
+"""Times the stated sigma of a sensor beyond which the body does not explain what it measured."""
+_LARGEST_JOINT_NOISE = np.radians(5.0)
+"""A joint that is this uncertain about its encoder is not play."""
+_MOST_SLIPS, _FEWEST_SLIPS = 0.02, 3
+"""Share and number of poses with a wrong reading of one joint from which on it is named."""
+_OUTLIERS_NAMED = 2
+"""Outliers of one marker from which on it is named."""
+SCALE = (
+    "scale: nothing in the data tells lengths, a body twice as large at twice the distance looks "
+    "the same; record a known distance (`distance_m`), a tracker, or fix one length"
+)
+"""What is said where everything could be larger."""
+
+
+def tree_findings(calibration: TreeCalibration) -> tuple[Finding, ...]:
+    """Return what speaks for and against a body beyond what every calibration is asked."""
+    test = calibration.test
+    said = [] if test is None else [_held_out_words(test)]
+    return (
+        *findings(MISFIT, _misfits(calibration)),
+        *findings(FAILURE, _noise_reasons(calibration)),
+        *findings(WARNING, [*_slip_words(calibration), *_outlier_words(calibration)]),
+        *findings(NOTE, said),
+    )
+
+
+def noise_by_name(calibration: TreeCalibration) -> Mapping[str, float]:
+    """Return the standard deviations of sensors and joints, by name [m, rad or px]."""
+    solution, observations = calibration.solution, calibration.train.observations
+    out = dict(zip(observations.noise_groups, solution.noise.sensor.tolist(), strict=True))
+    for (i, part), sigma in zip(
+        observations.noisy_joints, solution.noise.joint.tolist(), strict=True
+    ):
+        joint = calibration.data.joints[i]
+        suffix = "" if joint.motion != FLANGE else (" turn" if part < 3 else " place")
+        out[f"{joint.name}{suffix}"] = sigma
+    return out
+
+
+def _misfits(calibration: TreeCalibration) -> list[str]:
+    """Say which sensors' residuals are far beyond the noise that they are said to have."""
+    solution, observations = calibration.solution, calibration.train.observations
+    out = []
+    for rows in observations.sensors:
+        info = calibration.data.sensors[rows.sensor]
+        if info.sigma is None or not solution.variances_known:
+            continue
+        found = float(solution.noise.sensor[observations.noise_group[rows.first]])
+        if found > _MISFIT * info.sigma:
+            unit, scale = ("px", 1.0) if rows.kind == CAMERA else ("mm", 1e3)
+            out.append(
+                f"what sensor {info.name!r} measured is off by {scale * found:.3g} {unit}, it is "
+                f"said to be sure to {scale * info.sigma:.3g} {unit}: check units, lenses, which "
+                "link each marker is on, and whether something moved during the recording"
+            )
+    return out
+
+
+def _noise_reasons(calibration: TreeCalibration) -> list[str]:
+    solution, data = calibration.solution, calibration.data
+    pairs = zip(
+        calibration.train.observations.noisy_joints, solution.noise.joint.tolist(), strict=True
+    )
+    large = sorted(
+        {
+            data.joints[i].name
+            for (i, _), sigma in pairs
+            if data.joints[i].motion == REVOLUTE and sigma > _LARGEST_JOINT_NOISE
+        }
+    )
+    if not large:
+        return []
+    worst = np.degrees(solution.noise.joint.max())
+    return [
+        f"joint noise would have to be {worst:.1f} deg to explain the data ({listed(large)}): "
+        "check units, the pairing of readings and observations, and whether something moved"
+    ]
+
+
+def _slip_words(calibration: TreeCalibration) -> list[str]:
+    """Name joints that were read wrongly in more poses than by chance."""
+    slipped = calibration.solution.slipped
+    counts = slipped.sum(axis=0)
+    out = []
+    for (i, part), count in zip(
+        calibration.train.observations.noisy_joints, counts.tolist(), strict=True
+    ):
+        if part == 0 and count >= max(_FEWEST_SLIPS, _MOST_SLIPS * len(slipped)):
+            name = calibration.data.joints[i].name
+            out.append(
+                f"the encoder of {name!r} was off in {count} of {len(slipped)} poses by more than "
+                "joint noise: look for play, a loose coupling or missed counts there"
+            )
+    return out
+
+
+def _outlier_words(calibration: TreeCalibration) -> list[str]:
+    """Name markers whose observations contradict the rest."""
+    table = calibration.data.observations
+    counts = np.bincount(
+        table.marker[calibration.solution.outliers], minlength=len(calibration.data.markers)
+    )
+    named = [
+        f"{marker.name} ({count})"
+        for marker, count in zip(calibration.data.markers, counts.tolist(), strict=True)
+        if count >= _OUTLIERS_NAMED
+    ]
+    if not named:
+        return []
+    total = int(calibration.solution.outliers.sum())
+    return [
+        f"{total} of {len(table)} observations contradict the rest and were left out: "
+        f"{listed(named)}; check their labels"
+    ]
+
+
+def _held_out_words(test: TreeErrors) -> str:
+    """State the held-out errors."""
+    pixels, points = test.of_kind(CAMERA), test.of_kind(POINTS, POSES)
+    parts = [f"{1e3 * points.mean():.3g} mm"] if len(points) else []
+    parts += [f"{pixels.mean():.3g} px"] if len(pixels) else []
+    poses = len(np.unique(test.observations.pose))
+    return f"{' and '.join(parts)} mean error on {poses} poses that were held out"

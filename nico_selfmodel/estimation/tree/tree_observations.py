@@ -1,0 +1,190 @@
+"""The observations of a recording, laid out for one adjustment: rows by sensor, scalars by row."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+from functools import cached_property
+
+import numpy as np
+from numpy.typing import NDArray
+
+from nico_selfmodel.dataset.body.body_dataset import ANY_POSE, BodyDataset
+from nico_selfmodel.dataset.body.sensors import (
+    CAMERA,
+    DISTANCE,
+    FIRST_SIGMA,
+    FIRST_TURN_SIGMA,
+    POSES,
+    SENSOR_COLUMNS,
+)
+from nico_selfmodel.model.cameras.camera import Camera
+from nico_selfmodel.model.tree.body_tree import FLANGE
+
+BEARING = "bearing"
+"""A camera whose pixels are taken as directions, which no point behind it can trap."""
+
+
+@dataclass(frozen=True, eq=False)
+class SensorRows:
+    """The observations of one sensor."""
+
+    sensor: int
+    """Index of the sensor."""
+    kind: str
+    """Its kind."""
+    rows: NDArray
+    """Rows of the table. Shape (N,)."""
+    pose: NDArray
+    """Samples they are of; the first for what is the same in all. Shape (N,)."""
+    marker: NDArray
+    """Markers. Shape (N,)."""
+    other: NDArray
+    """Second markers of distances. Shape (N,)."""
+    measured: NDArray
+    """What was measured. Shape (N, k)."""
+    first: int
+    """Where its scalars begin among all."""
+
+    @property
+    def scalars(self) -> slice:
+        """Where its scalars are among all."""
+        return slice(self.first, self.first + self.measured.size)
+
+
+@dataclass(frozen=True, eq=False)
+class TreeObservations:
+    """All observations of a recording, sensor by sensor."""
+
+    data: BodyDataset
+    """The recording."""
+    sensors: tuple[SensorRows, ...]
+    """Those that measured something."""
+
+    @classmethod
+    def of(cls, data: BodyDataset, keep: NDArray | None = None) -> "TreeObservations":
+        """Lay out a recording.
+
+        Args:
+            data: The recording.
+            keep: Rows of its table that count; all if omitted. Boolean, shape (N,).
+        """
+        table, found, first = data.observations, [], 0
+        chosen = np.ones(len(table), dtype=bool) if keep is None else keep
+        for s, info in enumerate(data.sensors):
+            rows = np.flatnonzero((table.sensor == s) & chosen)
+            if not len(rows):
+                continue
+            k = len(SENSOR_COLUMNS[info.kind])
+            pose = np.where(table.pose[rows] == ANY_POSE, 0, table.pose[rows])
+            marker, other = table.marker[rows], table.other[rows]
+            measured = table.values[rows, :k]
+            found.append(SensorRows(s, info.kind, rows, pose, marker, other, measured, first))
+            first += measured.size
+        return cls(data, tuple(found))
+
+    @cached_property
+    def scalars(self) -> int:
+        """How many numbers were measured, R."""
+        return sum(rows.measured.size for rows in self.sensors)
+
+    @cached_property
+    def row(self) -> NDArray:
+        """Row of the table of each scalar. Shape (R,)."""
+        return np.concatenate([np.repeat(s.rows, s.measured.shape[1]) for s in self.sensors])
+
+    @cached_property
+    def visit(self) -> NDArray:
+        """Visit of each scalar; what is the same in all samples has one of its own. Shape (R,)."""
+        table = self.data.observations
+        of_row = np.append(self.data.visit, ANY_POSE)[table.pose]
+        alone = of_row == ANY_POSE
+        of_row = np.where(alone, self.data.visit.max() + 1 + np.cumsum(alone), of_row)
+        return of_row[self.row]
+
+    @cached_property
+    def pose(self) -> NDArray:
+        """Pose of each scalar, like `visit`. Shape (R,)."""
+        table = self.data.observations
+        of_row = np.append(self.data.pose, ANY_POSE)[table.pose]
+        alone = of_row == ANY_POSE
+        return np.where(alone, self.data.pose.max() + 1 + np.cumsum(alone), of_row)[self.row]
+
+    @cached_property
+    def noise_groups(self) -> tuple[str, ...]:
+        """Names of what has a standard deviation of its own: sensors, and their orientations."""
+        out: list[str] = []
+        for rows in self.sensors:
+            name = self.data.sensors[rows.sensor].name
+            out += [name, f"{name} orientation"] if rows.kind == POSES else [name]
+        return tuple(out)
+
+    @cached_property
+    def noise_group(self) -> NDArray:
+        """Index into `noise_groups` of each scalar. Shape (R,)."""
+        parts, count = [], 0
+        for rows in self.sensors:
+            posed = rows.kind == POSES
+            one = count + (np.arange(rows.measured.shape[1]) >= 3) * posed
+            parts.append(np.tile(one, len(rows.rows)))
+            count += 1 + posed
+        return np.concatenate(parts)
+
+    @cached_property
+    def stated_sigma(self) -> NDArray:
+        """Standard deviation of each noise group as stated, or as first taken. Shape (G,)."""
+        out: list[float] = []
+        for rows in self.sensors:
+            info = self.data.sensors[rows.sensor]
+            out.append(info.sigma or FIRST_SIGMA[info.kind])
+            out += [info.turn_sigma or FIRST_TURN_SIGMA] if rows.kind == POSES else []
+        return np.array(out)
+
+    @cached_property
+    def sigma_held(self) -> NDArray:
+        """Which noise groups keep what is stated: few distances tell no sigma. Shape (G,)."""
+        return np.array(
+            [
+                self.data.sensors[rows.sensor].kind == DISTANCE
+                for rows in self.sensors
+                for _ in range(1 + (rows.kind == POSES))
+            ]
+        )
+
+    @cached_property
+    def noisy_joints(self) -> tuple[tuple[int, int], ...]:
+        """What is read with noise: joint and part, 0 of a joint, 0 to 5 of a flange."""
+        return tuple(
+            (i, part)
+            for i, joint in enumerate(self.data.joints)
+            if not joint.follows
+            for part in range(6 if joint.motion == FLANGE else 1)
+        )
+
+    @cached_property
+    def joint_group(self) -> NDArray:
+        """Which noisy parts share a standard deviation: a flange's turns, and its shifts."""
+        groups, count = [], -1
+        for i, part in self.noisy_joints:
+            flange = self.data.joints[i].motion == FLANGE
+            count += part in (0, 3) if flange else 1
+            groups.append(count)
+        return np.array(groups)
+
+    def as_bearings(self, lenses: Mapping[str, Camera]) -> "TreeObservations":
+        """Return the same with unit directions in place of pixels.
+
+        Args:
+            lenses: Intrinsics of every camera, by name.
+        """
+        found, first = [], 0
+        for rows in self.sensors:
+            if rows.kind == CAMERA:
+                lens = lenses[self.data.sensors[rows.sensor].name].at(np.eye(4))
+                rays = lens.rays(rows.measured).direction
+                rows = replace(rows, kind=BEARING, measured=rays)
+            found.append(replace(rows, first=first))
+            first += rows.measured.size
+        return TreeObservations(self.data, tuple(found))
+
+    def per_row(self, values: NDArray) -> NDArray:
+        """Return sums of values of scalars by row of the table. Shape (R,) -> (N,)."""
+        return np.bincount(self.row, values, minlength=len(self.data.observations))

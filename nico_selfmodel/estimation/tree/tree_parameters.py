@@ -1,0 +1,141 @@
+"""A body as one vector of named parameters, about a body that it is told from.
+
+A joint's frame is X_PJ = X0 (exp(w), v): turned by `rx, ry, rz` and shifted by `x, y, z` in the
+frame that it is told from. A marker's or sensor's is (R0 exp(w), t): `x, y, z` are its position on
+its link. Gears and intrinsics are what they are. exp(w + dw) = exp([J dw]) exp(w), J the left
+Jacobian, makes every derivative exact wherever the solver stands.
+"""
+
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+from functools import cached_property
+
+import numpy as np
+from numpy.typing import NDArray
+
+from nico_selfmodel.geometry.rotation import (
+    rotation_from_vector,
+    rotation_vector_slope,
+    rotation_vectors_of,
+)
+from nico_selfmodel.geometry.transform import inverse, transform
+from nico_selfmodel.model.cameras.camera import INTRINSIC_UNITS, INTRINSICS, Camera
+from nico_selfmodel.model.tree.body_tree import FLANGE, PRISMATIC, REVOLUTE, Attached, BodyTree
+
+TURNS, SHIFTS = ("rx", "ry", "rz"), ("x", "y", "z")
+FRAME_PARTS = (*TURNS, *SHIFTS)
+_LINE = {REVOLUTE: ("rx", "ry", "x", "y"), PRISMATIC: ("rx", "ry"), FLANGE: ()}
+"""What can be told of a joint that is known from nothing but its motion: its line."""
+
+
+@dataclass(frozen=True, eq=False)
+class TreeParameters:
+    """Names, values and derivatives of all that can be estimated of a body."""
+
+    base: BodyTree
+    """What the turns and the joints' shifts are told from."""
+
+    @cached_property
+    def names(self) -> tuple[str, ...]:
+        """Names of all parameters."""
+        base = self.base
+        frames = [*base.joints, *(a.name for a in self.attached)]
+        out = [f"{name}.{part}" for name in frames for part in FRAME_PARTS]
+        out += [f"{name}.gear" for name in base.joints]
+        return (*out, *(f"{name}.{part}" for name in base.lenses for part in INTRINSICS))
+
+    @cached_property
+    def units(self) -> tuple[str, ...]:
+        """Units of all parameters: `rad`, `m`, `1` or `px`."""
+        base = self.base
+        frames = (("rad",) * 3 + ("m",) * 3) * (len(base.joints) + len(self.attached))
+        return (*frames, *("1",) * len(base.joints), *INTRINSIC_UNITS * len(base.lenses))
+
+    @cached_property
+    def index(self) -> dict[str, int]:
+        """Position of each name."""
+        return {name: i for i, name in enumerate(self.names)}
+
+    @cached_property
+    def attached(self) -> tuple[Attached, ...]:
+        """Markers, then sensors."""
+        return (*self.base.markers, *self.base.sensors)
+
+    @cached_property
+    def frame_count(self) -> int:
+        """How many frames have parameters, n + m + s."""
+        return len(self.base.joints) + len(self.attached)
+
+    @property
+    def gears(self) -> slice:
+        """Where the gears are."""
+        return slice(6 * self.frame_count, 6 * self.frame_count + len(self.base.joints))
+
+    def intrinsics(self, camera: str) -> slice:
+        """Return where a camera's intrinsics are."""
+        first = self.gears.stop + len(INTRINSICS) * list(self.base.lenses).index(camera)
+        return slice(first, first + len(INTRINSICS))
+
+    @cached_property
+    def frames(self) -> NDArray:
+        """Frames of the base: joints, markers, sensors. Shape (n + m + s, 4, 4)."""
+        return np.stack([*self.base.X_PJ, *(a.X_LA for a in self.attached)])
+
+    def values_of(self, tree: BodyTree) -> NDArray:
+        """Return the values of a body that has the base's joints, markers and sensors. (P,)."""
+        n = len(tree.joints)
+        X = np.stack([*tree.X_PJ, *(a.X_LA for a in (*tree.markers, *tree.sensors))])
+        relative = inverse(self.frames) @ X
+        parts = np.hstack([rotation_vectors_of(relative[:, :3, :3]), X[:, :3, 3]])
+        parts[:n, 3:] = relative[:n, :3, 3]
+        lenses = [tree.lenses[name].values for name in self.base.lenses]
+        return np.concatenate([parts.ravel(), tree.gear, *lenses])
+
+    def tree_of(self, values: NDArray) -> BodyTree:
+        """Return the body with these values. Shape (P,)."""
+        base, n = self.base, len(self.base.joints)
+        parts = values[: 6 * self.frame_count].reshape(-1, 6)
+        R = self.frames[:, :3, :3] @ rotation_from_vector(parts[:, :3])
+        t = parts[:, 3:].copy()
+        shifted = (self.frames[:n, :3, :3] @ parts[:n, 3:, None])[:, :, 0]
+        t[:n] = self.frames[:n, :3, 3] + shifted
+        X = transform(R, t)
+        moved = [replace(a, X_LA=x) for a, x in zip(self.attached, X[n:], strict=True)]
+        lenses = {
+            name: Camera.from_values(values[self.intrinsics(name)], lens.image_size)
+            for name, lens in base.lenses.items()
+        }
+        split = len(base.markers)
+        return replace(
+            base,
+            X_PJ=X[:n],
+            gear=values[self.gears],
+            markers=tuple(moved[:split]),
+            sensors=tuple(moved[split:]),
+            lenses=lenses,
+        )
+
+    def turn_slopes(self, values: NDArray) -> NDArray:
+        """Return R0 J(w) of each frame: what a turn's parameters turn on its link. (F, 3, 3)."""
+        parts = values[: 6 * self.frame_count].reshape(-1, 6)
+        return self.frames[:, :3, :3] @ rotation_vector_slope(parts[:, :3])
+
+    def line_of(self, joint: str) -> frozenset[str]:
+        """Return the names of what a joint's own motion tells of it."""
+        motion = self.base.motions[self.base.joints.index(joint)]
+        return frozenset(f"{joint}.{part}" for part in _LINE[motion])
+
+    def scales(self, size: float, values: NDArray) -> NDArray:
+        """Return the natural size of each parameter, on which a sigma says if it is known at all.
+
+        Args:
+            size: Of the body [m].
+            values: Of the parameters; the gear's own size is its scale. Shape (P,).
+
+        Returns:
+            Shape (P,).
+        """
+        by_unit: Mapping[str, float] = {"m": size, "rad": 1.0, "px": 1000.0, "1": 1.0}
+        out = np.array([by_unit[unit] for unit in self.units])
+        out[self.gears] = np.abs(values[self.gears])
+        return out

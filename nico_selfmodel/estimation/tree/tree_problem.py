@@ -1,0 +1,352 @@
+"""One adjustment of any body by any sensors: program, weights, variances, outliers.
+
+All that a pose shows is whitened together, because its joint noise is one draw (see
+`noise.pose_noise`). What is read wrongly by one joint in one pose (a slip) frees that joint there;
+what neither the body nor the rest of its pose explains is an outlier.
+"""
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+
+import numpy as np
+from numpy.typing import NDArray
+
+from nico_selfmodel.estimation.noise.pose_noise import (
+    FREE_SIGMA,
+    PoseGroups,
+    PoseNoise,
+    PoseWhitening,
+)
+from nico_selfmodel.estimation.noise.variance_components import LinearResiduals, VarianceSearch
+from nico_selfmodel.estimation.tree.pose_tests import far_observations, slipped_joints
+from nico_selfmodel.estimation.tree.tree_observations import TreeObservations
+from nico_selfmodel.estimation.tree.tree_residuals import TreeLinear, TreeResiduals
+from nico_selfmodel.optimization.calibration_program import CalibrationProgram, ProgramSolution
+from nico_selfmodel.optimization.losses import Loss, robust_scale
+
+_ROUNDS, _SETTLED = 6, 0.02
+"""Rounds of variances, outliers and solution, and the change of a sigma that ends them."""
+_STEPS_BETWEEN = 8
+_ROUGH_ROUNDS, _ROUGH_STEPS = 10, 6
+_FIRST_JOINT = np.radians(0.1)
+"""Where the search for the joints' standard deviation begins [rad]."""
+_LEAST_SHARE = 0.02
+"""Part of the residuals below which a standard deviation counts as none."""
+LEAST_REDUNDANCY = 15
+"""Equations more than parameters below which kinds of noise cannot be told apart."""
+
+
+@dataclass(frozen=True, eq=False)
+class TreeNoise:
+    """What disturbs a recording."""
+
+    sensor: NDArray
+    """Standard deviations of the noise groups [m, rad or px]. Shape (G,)."""
+    joint: NDArray
+    """Standard deviations of what is read [rad or m]. Shape (m,)."""
+
+
+@dataclass(frozen=True, eq=False)
+class TreeSolution:
+    """Where an adjustment ended."""
+
+    values: NDArray
+    """All parameters. Shape (P,)."""
+    noise: TreeNoise
+    """What disturbed the data."""
+    outliers: NDArray
+    """Observations that nothing explains. Boolean, by row of the table, shape (N,)."""
+    slipped: NDArray
+    """What was read wrongly. Boolean, by visit and noisy joint, shape (visits, m)."""
+    cost: float
+    """Half the sum of squares, in the noise as it was found."""
+    converged: bool
+    iterations: int
+    variances_known: bool
+    """Whether there was enough redundancy to tell the noise."""
+    whitened: NDArray
+    """Whitened derivatives of the inliers by the free parameters, each pose counted once; priors
+    are their last rows. Shape (k, free)."""
+    rest: NDArray
+    """The whitened residuals that belong to it. Shape (k,)."""
+    history: tuple[float, ...] = field(default=())
+
+
+class _Block:
+    """Residuals by the free parameters alone, whitened or weighed by sensor."""
+
+    def __init__(self, problem: "TreeProblem", values: NDArray, whitening: PoseWhitening | None):
+        self._problem, self._values, self._whitening = problem, values, whitening
+        self.names = problem.free_names
+
+    def evaluate(self, x: NDArray) -> tuple[NDArray, NDArray]:
+        """Return residuals, shape (1, R), and derivatives, shape (p, 1, R)."""
+        problem = self._problem
+        values = self._values.copy()
+        values[problem.columns] = x
+        linear = problem.residuals.linear(values)
+        r = (linear.r / problem.scale)[None]
+        J = (linear.J[problem.columns] / problem.scale)[:, None]
+        return (r, J) if self._whitening is None else self._whitening.whiten(r, J)
+
+
+class TreeProblem:
+    """What is estimated of a body from one recording, and how."""
+
+    def __init__(
+        self,
+        residuals: TreeResiduals,
+        free: frozenset[str],
+        priors: Mapping[str, tuple[float, float]],
+        noise: TreeNoise | None = None,
+    ) -> None:
+        """Prepare.
+
+        Args:
+            residuals: The forward model.
+            free: Names of what is estimated.
+            priors: Means and standard deviations of some of it.
+            noise: Where its search begins; what the recording states if omitted.
+        """
+        self.residuals = residuals
+        self.observations: TreeObservations = residuals.observations
+        names = residuals.parameters.names
+        self.columns = np.array([i for i, n in enumerate(names) if n in free], dtype=int)
+        self.free_names = tuple(names[i] for i in self.columns)
+        self.priors = {n: p for n, p in priors.items() if n in free}
+        data = self.observations
+        joints = np.full(len(data.noisy_joints), _FIRST_JOINT)
+        self.noise = noise or TreeNoise(data.stated_sigma, joints)
+
+    @property
+    def scale(self) -> NDArray:
+        """Standard deviation of each scalar's sensor. Shape (R,)."""
+        return self.noise.sensor[self.observations.noise_group]
+
+    def program(self, values: NDArray, whitening: PoseWhitening | None) -> CalibrationProgram:
+        """Return the program about some values, with its priors. Shape (P,)."""
+        program = CalibrationProgram()
+        program.add_variables(self.free_names, values[self.columns])
+        program.add_residuals(_Block(self, values, whitening))
+        for name, (mean, sigma) in self.priors.items():
+            program.add_prior(name, mean, sigma)
+        return program
+
+    def rough(self, values: NDArray) -> tuple[NDArray, float]:
+        """Solve from afar, each sensor weighed by itself and far observations hardly at all.
+
+        Cauchy's loss on whole observations, its scale renewed from the median of each sensor.
+
+        Args:
+            values: Start. Shape (P,).
+
+        Returns:
+            The values, shape (P,), and a cost by which starts can be compared.
+        """
+        cost, before = np.inf, np.inf
+        for _ in range(_ROUGH_ROUNDS):
+            weight, cost = self._cauchy(values)
+            if abs(before - cost) < 1e-3 * abs(cost):
+                break
+            before = cost
+            program = self.program(values, None)
+            program.set_loss(0, Loss(), weight)
+            solution = program.solve(max_iterations=_ROUGH_STEPS, tolerance=1e-5)
+            values = self._with(values, solution)
+        return values, self._cauchy(values)[1]
+
+    def _cauchy(self, values: NDArray) -> tuple[NDArray, float]:
+        """Return weights of all scalars and the robust cost, sum of k log(scale) and rho."""
+        r = self.residuals.residuals(values) / self.scale
+        squared = self.observations.per_row(r * r)
+        weight, cost = np.ones(len(squared)), 0.0
+        for rows in self.observations.sensors:
+            k = rows.measured.shape[1]
+            own = squared[rows.rows]
+            held = bool(self.observations.sigma_held[self.observations.noise_group[rows.first]])
+            scale = 1.0 if held else robust_scale(np.sqrt(own), k)
+            rho, w = Loss("cauchy", max(scale, 1e-9)).rho_and_weight(own, k)
+            weight[rows.rows] = w / scale**2
+            cost += float(rho.sum()) / scale**2 + 2.0 * k * len(own) * np.log(scale)
+        for name, (mean, sigma) in self.priors.items():
+            cost += ((values[self.residuals.parameters.index[name]] - mean) / sigma) ** 2
+        return weight[self.observations.row], cost
+
+    def refine(self, values: NDArray, outliers: NDArray | None = None) -> TreeSolution:
+        """Solve near the minimum: variances, slips and outliers renewed, poses whitened.
+
+        Args:
+            values: Start, near the minimum. Shape (P,).
+            outliers: Observations to leave out at first, by row of the table; those that stand
+                out at the start if omitted. Shape (N,).
+        """
+        data = self.observations
+        found = self._outlying(values) if outliers is None else outliers
+        groups = self._groups(found)
+        slipped = np.zeros((groups.poses, len(data.noisy_joints)), dtype=bool)
+        known, solution = False, None
+        for _ in range(_ROUNDS):
+            linear = self.residuals.linear(values)
+            known = int((~found[data.row]).sum()) - len(self.columns) >= LEAST_REDUNDANCY
+            before = self.noise
+            if known:
+                self.noise = self._likeliest(linear, groups, slipped)
+            whitening = self._whitening(linear, groups, slipped)
+            solution = self.program(values, whitening).solve(
+                max_iterations=_STEPS_BETWEEN, tolerance=1e-7
+            )
+            values = self._with(values, solution)
+            linear = self.residuals.linear(values)
+            now_slipped, now_found = slipped, found
+            if known:
+                now_slipped, now_found = self._tested(linear, groups, slipped, found)
+            new = self._groups(now_found)
+            same = np.array_equal(now_found, found) and np.array_equal(now_slipped, slipped)
+            slipped, found = _regrouped(now_slipped, groups, new), now_found
+            groups = new
+            if same and _alike(before, self.noise):
+                break
+        return self._finish(values, groups, slipped, found, known)
+
+    def _finish(
+        self,
+        values: NDArray,
+        groups: PoseGroups,
+        slipped: NDArray,
+        outliers: NDArray,
+        known: bool,
+    ) -> TreeSolution:
+        whitening = self._whitening(self.residuals.linear(values), groups, slipped)
+        solution = self.program(values, whitening).solve(tolerance=1e-8)
+        values = self._with(values, solution)
+        linear = self.residuals.linear(values)
+        whitening = self._whitening(linear, groups, slipped)
+        r = (linear.r / self.scale)[None]
+        J = (linear.J[self.columns] / self.scale)[:, None]
+        white, slopes = whitening.whiten(r, J)
+        keep = np.zeros(len(self.observations.row), dtype=bool)
+        keep[groups.rows] = True
+        rows = slopes[:, 0, keep].T
+        prior = np.zeros((len(self.priors), len(self.free_names)))
+        rest = np.zeros(len(self.priors))
+        for i, (name, (mean, sigma)) in enumerate(self.priors.items()):
+            prior[i, self.free_names.index(name)] = 1.0 / sigma
+            rest[i] = (values[self.residuals.parameters.index[name]] - mean) / sigma
+        by_visit = np.zeros((self._visits, slipped.shape[1]), dtype=bool)
+        by_visit[groups.numbers] = slipped
+        return TreeSolution(
+            values,
+            self.noise,
+            outliers,
+            by_visit,
+            solution.cost,
+            solution.converged,
+            solution.iterations,
+            known,
+            np.vstack([rows, prior]),
+            np.append(white[0, keep], rest),
+            solution.history,
+        )
+
+    @property
+    def _visits(self) -> int:
+        return int(self.observations.visit.max()) + 1
+
+    def _with(self, values: NDArray, solution: ProgramSolution) -> NDArray:
+        out = values.copy()
+        out[self.columns] = solution.x
+        return out
+
+    def _groups(self, outliers: NDArray) -> PoseGroups:
+        data = self.observations
+        return PoseGroups(data.visit, ~outliers[data.row], 1, data.pose)
+
+    def _outlying(self, values: NDArray) -> NDArray:
+        """Return observations far out at the start, by the median of their sensor. (N,)."""
+        r = self.residuals.residuals(values) / self.scale
+        norms = np.sqrt(self.observations.per_row(r * r))
+        out = np.zeros(len(norms), dtype=bool)
+        for rows in self.observations.sensors:
+            k, own = rows.measured.shape[1], norms[rows.rows]
+            if not self.observations.sigma_held[self.observations.noise_group[rows.first]]:
+                out[rows.rows] = own > 8.0 * np.sqrt(k / 3.0) * robust_scale(own, k)
+        return out
+
+    def _whitening(self, linear: TreeLinear, groups: PoseGroups, slipped: NDArray) -> PoseWhitening:
+        by_joint = (linear.by_joint / self.scale[:, None])[:, None]
+        return PoseWhitening(groups, by_joint, PoseNoise(1.0, self.noise.joint), slipped)
+
+    def _likeliest(self, linear: TreeLinear, groups: PoseGroups, slipped: NDArray) -> TreeNoise:
+        """Return the noise that the residuals ask for, with what fitting took from them."""
+        data = self.observations
+        J = linear.J[self.columns].T[:, None]
+        residuals = LinearResiduals(
+            groups,
+            groups.gather(linear.r[:, None, None]),
+            groups.gather(J),
+            linear.by_joint[:, None],
+            data.noise_group[:, None],
+            slipped,
+        )
+        group, counts = self._joint_groups()
+        kept = groups.rows
+        rms = np.array(
+            [
+                np.sqrt(np.mean(linear.r[kept][data.noise_group[kept] == g] ** 2))
+                for g in range(len(data.noise_groups))
+            ]
+        )
+        lever = np.sqrt(np.mean((linear.by_joint[kept] / rms[data.noise_group[kept], None]) ** 2))
+        floor = np.append(_LEAST_SHARE * rms, np.full(counts, _LEAST_SHARE / max(lever, 1e-12)))
+        search = VarianceSearch(
+            residuals,
+            np.zeros(len(group)),
+            group,
+            np.maximum(floor, 1e-12),
+            data.sigma_held,
+        )
+        found = search.run(self.noise.sensor, self.noise.joint)
+        return TreeNoise(found.sensor, found.joint)
+
+    def _joint_groups(self) -> tuple[NDArray, int]:
+        """Return which noisy parts share a sigma: joints alike, a flange's turns and shifts."""
+        data = self.observations.data
+        names = []
+        for i, part in self.observations.noisy_joints:
+            joint = data.joints[i]
+            own = f"{joint.name} {part // 3}" if joint.motion == "flange" else joint.motion
+            names.append(own)
+        _, first, group = np.unique(names, return_index=True, return_inverse=True)
+        order = np.argsort(np.argsort(first))
+        return order[group], len(first)
+
+    def _tested(
+        self, linear: TreeLinear, groups: PoseGroups, slipped: NDArray, outliers: NDArray
+    ) -> tuple[NDArray, NDArray]:
+        """Return what slipped and what is an outlier at the solution."""
+        plain = self._whitening(linear, groups, np.zeros_like(slipped))
+        r, J = linear.r / self.scale, (linear.J[self.columns] / self.scale).T
+        prior = np.zeros(len(self.columns))
+        for name, (_, sigma) in self.priors.items():
+            prior[self.free_names.index(name)] = sigma**-2.0
+        found = slipped_joints(plain, r, J, prior)
+        whitening = self._whitening(linear, groups, found)
+        loose = np.vstack([found, np.zeros((1, found.shape[1]), dtype=bool)])
+        visit = groups.of(np.ones(len(r), dtype=bool))
+        sigma = np.where(loose[visit], FREE_SIGMA, self.noise.joint)
+        by_joint = linear.by_joint / self.scale[:, None] * sigma
+        far = far_observations(self.observations, whitening, r, J, by_joint, prior, outliers)
+        return found, far
+
+
+def _regrouped(slipped: NDArray, old: PoseGroups, new: PoseGroups) -> NDArray:
+    """Return what slipped by the visits that still count."""
+    out = np.zeros((new.poses, slipped.shape[1]), dtype=bool)
+    common, a, b = np.intersect1d(old.numbers, new.numbers, return_indices=True)
+    out[b] = slipped[a]
+    return out if len(common) else np.zeros_like(out)
+
+
+def _alike(a: TreeNoise, b: TreeNoise) -> bool:
+    one, two = (np.concatenate([noise.sensor, noise.joint]) for noise in (a, b))
+    return bool((np.abs(one - two) <= _SETTLED * np.maximum(one, two)).all())

@@ -1,0 +1,238 @@
+"""Residuals of any sensors of any body, with every derivative.
+
+Whatever moves a body's parameter moves what is beyond it like a rigid body: by a turn w about the
+frame's origin and a shift v in W. A marker on link a at p moves by w x (p - o) + v where the joint
+lies on its way to the world, what a sensor on link b sees of it moves by the opposite where the
+joint lies on the sensor's: dp_S = R_WS' (s_a - s_b) (w x (p - o) + v), and a frame turns by
+R_WS' (s_a - s_b) w. A joint that carries both moves nothing.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from nico_selfmodel.dataset.body.sensors import CAMERA, DISTANCE, POINTS
+from nico_selfmodel.estimation.tree.sensor_models import (
+    Shown,
+    shown_bearings,
+    shown_distances,
+    shown_pixels,
+    shown_points,
+    shown_poses,
+)
+from nico_selfmodel.estimation.tree.tree_observations import BEARING, SensorRows, TreeObservations
+from nico_selfmodel.estimation.tree.tree_parameters import TreeParameters
+from nico_selfmodel.geometry.rotation import skew
+from nico_selfmodel.model.tree.body_tree import FLANGE, REVOLUTE, BodyTree
+from nico_selfmodel.model.tree.tree_motion import TreeMotion
+
+
+@dataclass(frozen=True, eq=False)
+class TreeLinear:
+    """Residuals about a body, predicted minus measured, in the sensors' units."""
+
+    r: NDArray
+    """Shape (R,)."""
+    J: NDArray
+    """By all parameters. Shape (P, R)."""
+    by_joint: NDArray
+    """By what is read with noise, `TreeObservations.noisy_joints`. Shape (R, m)."""
+
+
+class TreeResiduals:
+    """The forward model of a recording: parameters in, residuals and derivatives out."""
+
+    def __init__(self, observations: TreeObservations, parameters: TreeParameters) -> None:
+        """Prepare.
+
+        Args:
+            observations: What was measured.
+            parameters: Of the body.
+        """
+        self.observations, self.parameters = observations, parameters
+        self._on = np.array([a.on for a in parameters.attached])
+        self._beyond = parameters.base.beyond
+        self._sensor_names = [s.name for s in parameters.base.sensors]
+
+    def motion(self, tree: BodyTree) -> TreeMotion:
+        """Return where everything is at the samples."""
+        data = self.observations.data
+        return TreeMotion.at(tree, data.si_readings, data.X_flange)
+
+    def residuals(self, values: NDArray) -> NDArray:
+        """Return residuals alone. Shape (P,) -> (R,)."""
+        tree = self.parameters.tree_of(values)
+        motion = self.motion(tree)
+        shown = [self._show(tree, motion, rows)[0] for rows in self.observations.sensors]
+        return np.concatenate([part.residual.ravel() for part in shown])
+
+    def linear(self, values: NDArray) -> TreeLinear:
+        """Return residuals and derivatives. Shape (P,) -> (R,), (P, R), (R, m)."""
+        tree = self.parameters.tree_of(values)
+        motion = self.motion(tree)
+        slopes = self.parameters.turn_slopes(values)
+        parts = [self._linear(tree, motion, slopes, rows) for rows in self.observations.sensors]
+        return TreeLinear(
+            np.concatenate([p.r for p in parts]),
+            np.concatenate([p.J for p in parts], axis=1),
+            np.concatenate([p.by_joint for p in parts]),
+        )
+
+    def _frame(
+        self, motion: TreeMotion, frames: NDArray, item: NDArray, pose: NDArray
+    ) -> tuple[NDArray, NDArray]:
+        """Return orientations (N, 3, 3) and positions (N, 3) of markers or sensors in W."""
+        on = self._on[item]
+        R = motion.R_WL[on, :, :, pose]
+        X = frames[item]
+        p = motion.p_WL[on, :, pose] + (R @ X[:, :3, 3, None])[:, :, 0]
+        return R @ X[:, :3, :3], p
+
+    def _items(self, rows: SensorRows) -> tuple[NDArray, NDArray]:
+        """Return which attached frames are seen, and which see. Shape (N,) each."""
+        if rows.kind == DISTANCE:
+            return rows.marker, rows.other
+        markers = len(self.parameters.base.markers)
+        name = self.observations.data.sensors[rows.sensor].name
+        return rows.marker, np.full(len(rows.rows), markers + self._sensor_names.index(name))
+
+    def _show(
+        self, tree: BodyTree, motion: TreeMotion, rows: SensorRows
+    ) -> tuple[Shown, NDArray, NDArray, NDArray]:
+        """Return what a sensor shows, R_WS', p_WM and p_WS of its rows."""
+        frames = np.stack([a.X_LA for a in (*tree.markers, *tree.sensors)])
+        seen, seeing = self._items(rows)
+        R_WM, p_WM = self._frame(motion, frames, seen, rows.pose)
+        R_WS, p_WS = self._frame(motion, frames, seeing, rows.pose)
+        R_SW = np.swapaxes(R_WS, 1, 2)
+        p_SM = (R_SW @ (p_WM - p_WS)[:, :, None])[:, :, 0]
+        if rows.kind in (CAMERA, BEARING):
+            lens = tree.lenses[self.observations.data.sensors[rows.sensor].name]
+            show = shown_pixels if rows.kind == CAMERA else shown_bearings
+            shown = show(p_SM, lens, rows.measured)
+        elif rows.kind == DISTANCE:
+            shown = shown_distances(p_SM, rows.measured)
+        elif rows.kind == POINTS:
+            shown = shown_points(p_SM, rows.measured)
+        else:
+            shown = shown_poses(p_SM, R_SW @ R_WM, rows.measured)
+        return shown, R_SW, p_WM, p_WS
+
+    def _linear(
+        self, tree: BodyTree, motion: TreeMotion, slopes: NDArray, rows: SensorRows
+    ) -> TreeLinear:
+        shown, R_SW, p_WM, p_WS = self._show(tree, motion, rows)
+        N, k = shown.residual.shape
+        shift = shown.by_point @ R_SW
+        turn = None if shown.by_turn is None else shown.by_turn @ R_SW
+        J = np.zeros((len(self.parameters.names), N, k))
+        by_joint = np.zeros((N, k, len(self.observations.noisy_joints)))
+        push = _Push(shift, turn, p_WM, rows.pose)
+        seen, seeing = self._items(rows)
+        n = len(tree.joints)
+        signs = self._beyond[self._on[seen]].astype(float) - self._beyond[self._on[seeing]]
+        by_q = np.zeros((n, N, k))
+        for i in range(n):
+            moved = np.flatnonzero(signs[:, i])
+            if not len(moved):
+                continue
+            sign = signs[moved, i][:, None, None]
+            about, along = push.of(moved, motion.p_WJ[i])
+            A = motion.R_WP[i][:, :, rows.pose[moved]].transpose(2, 0, 1)
+            columns = J[6 * i : 6 * i + 6]
+            columns[:3, moved] = np.moveaxis(sign * (about @ (A @ slopes[i])), -1, 0)
+            base = A @ self.parameters.frames[i, :3, :3]
+            columns[3:, moved] = np.moveaxis(sign * (along @ base), -1, 0)
+            self._by_reading(i, motion, push, moved, sign, (about, along), by_q, by_joint)
+        gears = self.parameters.gears.start
+        read = np.einsum("ij,ink->jnk", tree.coupling, by_q)
+        angles = self.observations.data.si_readings[rows.pose] / tree.gear
+        for m, (i, _) in enumerate(self.observations.noisy_joints):
+            if tree.motions[i] != FLANGE:
+                by_joint[:, :, m] = read[i]
+                # q = reading / gear
+                J[gears + i] = -read[i] * (angles[:, i] / tree.gear[i])[:, None]
+        self._by_attached(J, motion, slopes, push, seen, None)
+        self._by_attached(J, motion, slopes, push, seeing, p_WS)
+        if shown.by_lens is not None:
+            name = self.observations.data.sensors[rows.sensor].name
+            J[self.parameters.intrinsics(name)] = np.moveaxis(shown.by_lens, -1, 0)
+        return TreeLinear(
+            shown.residual.ravel(), J.reshape(len(J), -1), by_joint.reshape(N * k, -1)
+        )
+
+    def _by_reading(
+        self,
+        i: int,
+        motion: TreeMotion,
+        push: "_Push",
+        moved: NDArray,
+        sign: NDArray,
+        ways: tuple[NDArray, NDArray],
+        by_q: NDArray,
+        by_joint: NDArray,
+    ) -> None:
+        """Add what a joint's own motion moves: its axis, or each part of a flange's pose."""
+        pose = push.pose[moved]
+        if motion.tree.motions[i] != FLANGE:
+            z = motion.R_WJ[i][:, 2, pose].T
+            way = ways[0] if motion.tree.motions[i] == REVOLUTE else ways[1]
+            by_q[i, moved] = (sign * (way @ z[:, :, None]))[:, :, 0]
+            return
+        about, along = push.of(moved, motion.p_WL[i])
+        R = motion.R_WL[i][:, :, pose].transpose(2, 0, 1)
+        R_J = motion.R_WJ[i][:, :, pose].transpose(2, 0, 1)
+        first = self.observations.noisy_joints.index((i, 0))
+        by_joint[moved, :, first : first + 3] = sign * (about @ R)
+        by_joint[moved, :, first + 3 : first + 6] = sign * (along @ R_J)
+
+    def _by_attached(
+        self,
+        J: NDArray,
+        motion: TreeMotion,
+        slopes: NDArray,
+        push: "_Push",
+        items: NDArray,
+        origin: NDArray | None,
+    ) -> None:
+        """Add what markers (`origin` None) or what sees them move on their links."""
+        n, sign = len(motion.tree.joints), 1.0 if origin is None else -1.0
+        for item in np.unique(items):
+            own = np.flatnonzero(items == item)
+            R = motion.R_WL[self._on[item]][:, :, push.pose[own]].transpose(2, 0, 1)
+            columns = J[6 * (n + item) : 6 * (n + item) + 6]
+            columns[3:, own] += np.moveaxis(sign * (push.shift[own] @ R), -1, 0)
+            about = push.turn_of(own, None if origin is None else origin[own])
+            if about is not None:
+                columns[:3, own] += np.moveaxis(sign * (about @ (R @ slopes[n + item])), -1, 0)
+
+
+@dataclass(frozen=True, eq=False)
+class _Push:
+    """What turns and shifts in W do to the residuals of one sensor's rows."""
+
+    shift: NDArray
+    """By a shift of the marker in W. Shape (N, k, 3)."""
+    turn: NDArray | None
+    """By a turn of the marker's frame in W, its origin kept. Shape (N, k, 3)."""
+    p_WM: NDArray
+    """Markers. Shape (N, 3)."""
+    pose: NDArray
+    """Samples. Shape (N,)."""
+
+    def of(self, rows: NDArray, origins: NDArray) -> tuple[NDArray, NDArray]:
+        """Return derivatives by turns about frames' origins (3, S), and by shifts. (M, k, 3)."""
+        about = self.turn_of(rows, origins[:, self.pose[rows]].T)
+        assert about is not None
+        return about, self.shift[rows]
+
+    def turn_of(self, rows: NDArray, origin: NDArray | None) -> NDArray | None:
+        """Return derivatives by turns about points; None where nothing depends on them.
+
+        w x (p - o) = -[p - o] w; about the marker itself (no origin) only its frame turns.
+        """
+        if origin is None:
+            return None if self.turn is None else self.turn[rows]
+        about = -self.shift[rows] @ skew(self.p_WM[rows] - origin)
+        return about if self.turn is None else about + self.turn[rows]

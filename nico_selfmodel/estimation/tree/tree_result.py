@@ -1,0 +1,189 @@
+"""A body learned from any sensors as the result of a calibration."""
+
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from nico_selfmodel.dataset.body.sensors import CAMERA, POINTS, POSES
+from nico_selfmodel.estimation.results.calibration_result import (
+    CalibrationResult,
+    Errors,
+    Parameter,
+    Terms,
+    finite,
+    parameter_table,
+)
+from nico_selfmodel.estimation.results.provenance import package_versions
+from nico_selfmodel.estimation.results.unobservable_words import name_unobservable
+from nico_selfmodel.estimation.tree.tree_calibration import TreeCalibration, TreeErrors
+from nico_selfmodel.estimation.tree.tree_findings import SCALE, noise_by_name, tree_findings
+from nico_selfmodel.model.self_model import ParameterCovariance
+from nico_selfmodel.model.tree.body_model import BodyModel
+
+_TERMS = Terms(
+    outlier_cause="body, sensors, or what was recorded are not what the data set says",
+    worse_cause="something changed between the recordings, or the body bends",
+)
+
+
+def tree_result(calibration: TreeCalibration) -> CalibrationResult:
+    """Return a body with all that it is judged by and that is written down of it.
+
+    Args:
+        calibration: What was learned.
+    """
+    solution, data = calibration.solution, calibration.data
+    crossed, test = calibration.cross_validation, calibration.test
+    inliers = ~solution.outliers
+    poses = data.observations.pose[solution.outliers]
+    return CalibrationResult(
+        method="tree",
+        parameters=_parameters(calibration),
+        train=errors_of_tree(calibration.train, inliers),
+        test=None if test is None else errors_of_tree(test),
+        cross_validation=None if crossed is None else errors_of_tree(crossed, inliers),
+        outliers=solution.outliers,
+        outlier_names=tuple(sorted(set(data.sample[poses[poses >= 0]].tolist()))),
+        unobservable=_unobservable(calibration),
+        converged=solution.converged,
+        iterations=solution.iterations,
+        seconds=calibration.seconds,
+        findings=tree_findings(calibration),
+        details=_details(calibration),
+        terms=_TERMS,
+    )
+
+
+def errors_of_tree(errors: TreeErrors, keep: NDArray | None = None) -> Errors:
+    """Return errors in space where any were measured there, in the images, and by pose.
+
+    Args:
+        errors: What a body leaves.
+        keep: Rows of the table that count. Boolean, shape (N,).
+    """
+    distance = errors.by_row()
+    keep = np.isfinite(distance) & (True if keep is None else keep)
+    observations = errors.observations
+    table, sensors = observations.data.observations, observations.data.sensors
+    kind = np.array([sensor.kind for sensor in sensors])[table.sensor]
+    in_space = keep & np.isin(kind, (POINTS, POSES))
+    in_images = keep & (kind == CAMERA)
+    chosen = in_space if in_space.any() else in_images
+    of_row = np.append(observations.data.pose, -1)[table.pose]
+    of = np.unique(of_row[chosen], return_inverse=True)[1]
+    by_pose = np.bincount(of, distance[chosen]) / np.maximum(np.bincount(of), 1)
+    return Errors(
+        distance[in_space] if in_space.any() else None,
+        distance[in_images] if in_images.any() else None,
+        int((in_space | in_images).sum()),
+        len(np.unique(of_row[in_space | in_images])),
+        by_pose,
+        "mm" if in_space.any() else "px",
+    )
+
+
+def body_model(calibration: TreeCalibration) -> BodyModel:
+    """Return what is kept of a calibration: the body with its error bars."""
+    data, uncertainty = calibration.data, calibration.uncertainty
+    provenance: dict[str, Any] = {
+        "dataset": data.name,
+        "start": calibration.label,
+        "world": calibration.setup.world,
+        "scale_from": calibration.setup.scale_from or "nothing",
+        **package_versions("drake"),
+    }
+    if data.seed is not None:
+        provenance["seed"] = data.seed
+    return BodyModel(
+        calibration.name,
+        calibration.tree,
+        np.array([joint.si_per_unit for joint in data.joints]),
+        ParameterCovariance(uncertainty.names, uncertainty.covariance),
+        noise_by_name(calibration),
+        provenance,
+    )
+
+
+def _parameters(calibration: TreeCalibration) -> dict[str, Parameter]:
+    """Return what was estimated, then what was held at a value of its own."""
+    parameters, uncertainty = calibration.parameters, calibration.uncertainty
+    sigma = dict(zip(uncertainty.names, uncertainty.sigma.tolist(), strict=True))
+    table = parameter_table(parameters.names, calibration.values, parameters.units, sigma)
+    kept = set(calibration.setup.fixed)
+    return {n: known for n, known in table.items() if known.free or n in kept}
+
+
+def _unobservable(calibration: TreeCalibration) -> tuple[str, ...]:
+    words = [
+        f"{name_unobservable(direction)}: record poses that move it apart from the others, or fix "
+        f"`{direction.names[0]}`"
+        for direction in calibration.uncertainty.unobservable
+    ]
+    return tuple(words if calibration.setup.scale_from is not None else [SCALE, *words])
+
+
+def _details(calibration: TreeCalibration) -> dict[str, Any]:
+    solution, described = calibration.solution, calibration.described
+    slipped = solution.slipped.sum(axis=0)
+    joints = calibration.data.joints
+    observations = calibration.train.observations
+    return {
+        "world": calibration.setup.world,
+        "scale_from": calibration.setup.scale_from,
+        "start": {
+            "from": calibration.label,
+            "tried": calibration.starts,
+            "agreeing": calibration.agreeing,
+        },
+        "noise": dict(noise_by_name(calibration)),
+        "noise_known": solution.variances_known,
+        "slips": {
+            joints[i].name: count
+            for (i, part), count in zip(observations.noisy_joints, slipped.tolist(), strict=True)
+            if part == 0
+        },
+        "joints": _joints(calibration),
+        "described": None if described is None else errors_of_tree(described).to_json(),
+        "changes": _changes(calibration),
+    }
+
+
+def _joints(calibration: TreeCalibration) -> list[dict[str, Any]]:
+    """Return the tree: each joint with what carries it, its axis and how far away it lies."""
+    tree = calibration.tree
+    return [
+        {
+            "name": name,
+            "parent": "world" if parent < 0 else tree.joints[parent],
+            "motion": motion,
+            "length_m": float(np.linalg.norm(X[:3, 3])),
+            "markers": [m.name for m in tree.markers if m.on == i],
+            "sensors": [s.name for s in tree.sensors if s.on == i],
+        }
+        for i, (name, parent, motion, X) in enumerate(
+            zip(tree.joints, tree.parent.tolist(), tree.motions, tree.X_PJ, strict=True)
+        )
+    ]
+
+
+def _changes(calibration: TreeCalibration) -> dict[str, Any]:
+    """Return how far each joint is from its description: turn and shift with their sigmas."""
+    if calibration.description is None:
+        return {}
+    uncertainty, index = calibration.uncertainty, calibration.parameters.index
+    sigma = dict(zip(uncertainty.names, uncertainty.sigma.tolist(), strict=True))
+    out = {}
+    for joint in calibration.tree.joints:
+        names = [f"{joint}.{part}" for part in ("rx", "ry", "rz", "x", "y", "z")]
+        if names[0] not in sigma:
+            continue
+        values = calibration.values[[index[name] for name in names]]
+        errors = np.array([sigma.get(name, 0.0) for name in names])
+        out[joint] = {
+            "turn_deg": float(np.degrees(np.linalg.norm(values[:3]))),
+            "turn_sigma_deg": finite(float(np.degrees(np.linalg.norm(errors[:3])))),
+            "shift_mm": float(1e3 * np.linalg.norm(values[3:])),
+            "shift_sigma_mm": finite(float(1e3 * np.linalg.norm(errors[3:]))),
+        }
+    return out

@@ -1,0 +1,218 @@
+"""What a recording leaves to be estimated: frames that stay, what is free, what holds the scale."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+
+import numpy as np
+from numpy.typing import NDArray
+
+from nico_selfmodel.dataset.body.body_dataset import BodyDataset
+from nico_selfmodel.dataset.body.link_joint import WORLD_NAME, coupling_of, parents_of
+from nico_selfmodel.dataset.body.sensors import CAMERA, DISTANCE, POINTS, POSES
+from nico_selfmodel.errors import DataError
+from nico_selfmodel.estimation.results.fixed_parameters import FixedParameters
+from nico_selfmodel.estimation.tree.tree_parameters import (
+    FRAME_PARTS,
+    SHIFTS,
+    TreeParameters,
+)
+from nico_selfmodel.model.cameras.camera import Camera
+from nico_selfmodel.model.tree.body_tree import FLANGE, WORLD, Attached, BodyTree
+from nico_selfmodel.names import did_you_mean, listed
+
+Priors = Mapping[str, tuple[float, float]]
+"""Mean and standard deviation by name."""
+
+
+@dataclass(frozen=True, eq=False)
+class Description:
+    """A robot as its description has it, and how far it may be off."""
+
+    tree: BodyTree
+    """The robot in its base link's frame; sensors and unknown markers anywhere."""
+    turn_sigma: float = float(np.radians(2.0))
+    """Of each part of a joint frame's turn [rad]."""
+    shift_sigma: float = 0.01
+    """Of each part of its place [m]."""
+    known_markers: frozenset[str] = frozenset()
+    """Markers that the description places."""
+
+
+@dataclass(frozen=True, eq=False)
+class Wishes:
+    """What the user holds, frees or knows by name."""
+
+    pins: FixedParameters = field(default_factory=FixedParameters)
+    """Fixed and freed parameters."""
+    priors: Priors = field(default_factory=dict)
+    """What is known of some."""
+
+
+@dataclass(frozen=True, eq=False)
+class TreeSetup:
+    """What is estimated."""
+
+    free: frozenset[str]
+    """Names of the parameters that move."""
+    priors: Priors
+    """What is known of them beforehand."""
+    fixed: Mapping[str, float]
+    """Values at which the user holds some."""
+    world: str
+    """What stands for the world: a sensor, a joint, or `base` of a described robot."""
+    scale_from: str | None
+    """What tells lengths; None where nothing does, and one is held."""
+
+
+def blank_body(data: BodyDataset, lenses: Mapping[str, Camera]) -> BodyTree:
+    """Return a body with the recording's joints, markers and sensors, all frames the identity.
+
+    Args:
+        data: The recording.
+        lenses: Intrinsics of cameras, by name; the recording's own where they are not given.
+
+    Raises:
+        DataError: If a camera has no lens.
+    """
+    found: dict[str, Camera] = {}
+    for info in data.sensors:
+        if info.kind == CAMERA:
+            lens = lenses.get(info.name, info.camera)
+            if lens is None:
+                raise DataError(
+                    f"nothing tells the lens of camera {info.name!r}: put 'lens' and 'image_size' "
+                    "into dataset.yaml, or give calibrated cameras"
+                )
+            found[info.name] = lens
+    n = len(data.joints)
+    eye = np.eye(4)
+    return BodyTree(
+        data.joint_names,
+        tuple(joint.motion for joint in data.joints),
+        parents_of(data.joints),
+        np.broadcast_to(eye, (n, 4, 4)),
+        np.ones(n),
+        coupling_of(data.joints),
+        tuple(Attached(m.name, data.on_link(m.on), eye) for m in data.markers),
+        tuple(
+            Attached(s.name, data.on_link(s.on), eye if s.X_LS is None else s.X_LS)
+            for s in data.sensors
+            if s.kind != DISTANCE
+        ),
+        found,
+    )
+
+
+def setup_of(
+    data: BodyDataset,
+    parameters: TreeParameters,
+    description: Description | None,
+    wishes: Wishes,
+) -> TreeSetup:
+    """Return what is estimated.
+
+    Args:
+        data: The recording.
+        parameters: Of the body.
+        description: The robot as described, whose errors have priors.
+        wishes: What the user holds, frees or knows.
+
+    Raises:
+        DataError: If nothing stands for the world.
+        ValueError: If a name does not exist.
+    """
+    _check_names(parameters, wishes)
+    world = _world_of(data, description)
+    free, priors = set[str](), dict[str, tuple[float, float]]()
+    moving = _moving(data, parameters)
+    for i, joint in enumerate(data.joints):
+        if not moving[i]:
+            continue
+        names = [f"{joint.name}.{part}" for part in FRAME_PARTS]
+        if joint.motion == FLANGE:
+            free |= set() if joint.name == world else set(names)
+        elif description is not None:
+            free |= set(names)
+            priors |= dict.fromkeys(names[:3], (0.0, description.turn_sigma))
+            priors |= dict.fromkeys(names[3:], (0.0, description.shift_sigma))
+        else:
+            free |= parameters.line_of(joint.name)
+        if not joint.gear_known and not joint.follows:
+            free.add(f"{joint.name}.gear")
+    table = data.observations
+    posed = np.array([s.kind == POSES for s in data.sensors])[table.sensor]
+    for m in np.unique(np.append(table.marker, table.other[table.other >= 0])).tolist():
+        parts = FRAME_PARTS if posed[table.marker == m].any() else SHIFTS
+        free |= {f"{data.markers[m].name}.{part}" for part in parts}
+    for s in np.unique(table.sensor).tolist():
+        info = data.sensors[s]
+        if info.kind != DISTANCE and info.name != world:
+            free |= {f"{info.name}.{part}" for part in FRAME_PARTS}
+    given = {n: v for n, v in wishes.pins.pinned.items() if v is not None}
+    priors |= dict(wishes.priors)
+    free = (free | wishes.pins.freed | set(wishes.priors)) - set(wishes.pins.pinned)
+    scale = _scale_from(data, description, wishes)
+    if scale is None:
+        free -= {held_scale(parameters.base, world) or ""}
+    return TreeSetup(frozenset(free), priors, given, world, scale)
+
+
+def _check_names(parameters: TreeParameters, wishes: Wishes) -> None:
+    known = parameters.names
+    for name in sorted((wishes.pins.names | set(wishes.priors)) - set(known)):
+        hint = did_you_mean(name, known) or "."
+        raise ValueError(f"no parameter {name!r}{hint} There are: {listed(known)}")
+
+
+def _moving(data: BodyDataset, parameters: TreeParameters) -> NDArray:
+    """Return which joints move anything against what sees it. Boolean, shape (n,)."""
+    table, beyond = data.observations, parameters.base.beyond
+    on_marker = np.array([data.on_link(m.on) for m in data.markers])
+    on_sensor = np.array([data.on_link(s.on) for s in data.sensors])
+    seen = on_marker[table.marker]
+    seeing = np.where(table.other >= 0, on_marker[table.other], on_sensor[table.sensor])
+    return np.asarray((beyond[seen] != beyond[seeing]).any(axis=0))
+
+
+def _world_of(data: BodyDataset, description: Description | None) -> str:
+    """Return what stands for the world: all else is placed against it."""
+    if description is not None:
+        return "base"
+    standing = [s for s in data.sensors if s.on == WORLD_NAME and s.kind != DISTANCE]
+    trackers = [s.name for s in standing if s.kind in (POINTS, POSES)]
+    flanges = [j.name for j in data.joints if j.motion == FLANGE and j.parent == WORLD_NAME]
+    cameras = [s.name for s in standing if s.kind == CAMERA]
+    for names in (trackers, flanges, cameras):
+        if names:
+            return names[0]
+    raise DataError(
+        "nothing stands still in the world that could tell where the body is: no tracker, camera "
+        "or flange is on 'world'; give the robot's description"
+    )
+
+
+def _scale_from(data: BodyDataset, description: Description | None, wishes: Wishes) -> str | None:
+    """Return what tells lengths; None where everything could be larger."""
+    used = set(data.observations.sensor.tolist())
+    kinds = {data.sensors[s].kind: data.sensors[s].name for s in used}
+    for kind in (POINTS, POSES):
+        if kind in kinds:
+            return kinds[kind]
+    if any(joint.motion == FLANGE for joint in data.joints):
+        return "flange"
+    if DISTANCE in kinds:
+        return f"{kinds[DISTANCE]} (known distances)"
+    if description is not None:
+        return "robot description"
+    known = {n for n, v in wishes.pins.pinned.items() if v} | set(wishes.priors)
+    lengths = sorted(n for n in known if n.rpartition(".")[2] in SHIFTS)
+    return lengths[0] if lengths else None
+
+
+def held_scale(tree: BodyTree, world: str) -> str | None:
+    """Return the largest part of the first other camera's place, which holds the scale."""
+    for sensor in tree.sensors:
+        if sensor.name != world and sensor.name in tree.lenses and sensor.on == WORLD:
+            largest = int(np.argmax(np.abs(sensor.X_LA[:3, 3])))
+            return f"{sensor.name}.{SHIFTS[largest]}"
+    return None
