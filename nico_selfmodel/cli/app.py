@@ -28,7 +28,7 @@ from nico_selfmodel.cli import (
     simulate,
     view,
 )
-from nico_selfmodel.cli.calibrate import body, camera, kinematics, mirror, stereo, tool
+from nico_selfmodel.cli.calibrate import body, camera, hand_eye, kinematics, mirror, stereo, tool
 from nico_selfmodel.cli.experiment import mirror as mirror_experiment
 from nico_selfmodel.cli.experiment import motion_capture, refinement, vision
 from nico_selfmodel.cli.experiment import stereo as stereo_experiment
@@ -73,6 +73,7 @@ _GROUPS: dict[str, tuple[str, dict[str, Callable[..., None]]]] = {
             "stereo": stereo.stereo,
             "camera": camera.camera,
             "body": body.body,
+            "hand-eye": hand_eye.hand_eye,
             "tool": tool.tool,
             "mirror": mirror.mirror,
         },

@@ -32,6 +32,7 @@ def _share(param: typer.CallbackParam, value: float | None) -> float | None:
 _MODEL = "self_model.yaml, or a result folder."
 Model = Annotated[Path, typer.Argument(help=_MODEL)]
 KnownModel = Annotated[Path, typer.Option("--model", help=_MODEL)]
+KnownModelOrNone = Annotated[Path | None, typer.Option("--model", help=_MODEL)]
 ModelOrNominal = Annotated[
     Path | None, typer.Option("--model", help=f"{_MODEL[:-1]}; nominal if omitted.")
 ]

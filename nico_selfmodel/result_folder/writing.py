@@ -10,18 +10,19 @@ from nico_selfmodel.dataset.folder import save_dataset
 from nico_selfmodel.files.whole import RESULT_FILE, folder_written_whole, write_whole
 from nico_selfmodel.model.self_model import SelfModel
 from nico_selfmodel.model.self_model_file import save_model
+from nico_selfmodel.model.tree.body_model import BODY_FILE, BodyModel, save_body
 
 
 def write_result(
     folder: str | Path,
-    model: SelfModel,
+    model: SelfModel | BodyModel,
     document: Mapping[str, Any],
     texts: Mapping[str, str] | None = None,
     recordings: Mapping[str, Dataset] | None = None,
     *,
     force: bool = False,
 ) -> Path:
-    """Write `self_model.yaml`, `result.json` and further files, or nothing.
+    """Write `self_model.yaml` or `body.yaml`, `result.json` and further files, or nothing.
 
     Args:
         folder: The folder to make.
@@ -41,13 +42,20 @@ def write_result(
     folder = Path(folder)
     contents = {RESULT_FILE: _as_json(document), **(texts or {})}
     with folder_written_whole(folder, force=force) as inside:
-        save_model(model, inside / "self_model.yaml")
+        _save(model, inside)
         for name, text in contents.items():
             (inside / name).write_text(text, encoding="utf-8", newline="\n")
         for name, dataset in (recordings or {}).items():
             (inside / "recordings").mkdir(exist_ok=True)
             save_dataset(dataset, inside / "recordings" / name)
     return folder
+
+
+def _save(model: SelfModel | BodyModel, folder: Path) -> None:
+    if isinstance(model, BodyModel):
+        save_body(model, folder / BODY_FILE)
+    else:
+        save_model(model, folder / "self_model.yaml")
 
 
 def replace_document(folder: Path, document: Mapping[str, Any]) -> None:

@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from nico_selfmodel.cli import inputs, options, printer
+from nico_selfmodel.cli.calibrate import any_body
 from nico_selfmodel.cli.result_files import write_with_report
 from nico_selfmodel.progress import Progress
 
@@ -15,8 +16,9 @@ if TYPE_CHECKING:
 
 def body(
     dataset: options.Dataset,
-    model: options.KnownModel,
     out: options.Out,
+    model: options.KnownModelOrNone = None,
+    cameras: options.Cameras = None,
     boards: Annotated[
         Path | None, typer.Option("--boards", help="Photographs of a chessboard by both cameras.")
     ] = None,
@@ -36,6 +38,7 @@ def body(
     seed: options.SplitSeed = 0,
     fix: options.Fix = None,
     free: options.Free = None,
+    prior: options.Prior = None,
     loss: options.Loss = "trimmed",
     robot: options.Robot = None,
     arm: options.Arm = None,
@@ -49,10 +52,34 @@ def body(
     force: options.Force = False,
     as_json: options.AsJson = False,
 ) -> None:
-    """Jointly refine arm and cameras from image observations of the hand (thesis chapter 8).
+    """Learn a body from all that was seen of it.
 
-    The model has both cameras, and the arm if it is known.
+    A data set with `poses.csv` and `observations.csv` is of any body and any sensors, and needs
+    nothing else. One with `samples.csv` is of an arm and two cameras, which refine each other
+    (thesis chapter 8): its --model has both cameras, and the arm if it is known.
     """
+    from nico_selfmodel.dataset.body.body_folder import is_body_dataset
+
+    if is_body_dataset(dataset):
+        any_body.calibrate(
+            dataset,
+            out,
+            test=test,
+            test_fraction=test_fraction,
+            seed=seed,
+            fix=fix,
+            free=free,
+            prior=prior,
+            robot=robot,
+            cameras=cameras,
+            name=name,
+            require_test_mm=require_test_mm,
+            require_test_px=require_test_px,
+            force=force,
+            as_json=as_json,
+        )
+    if model is None:
+        raise ValueError(f"{dataset} is of an arm and two cameras: give them with --model")
     from nico_selfmodel.estimation.body.body import calibrate_body
     from nico_selfmodel.estimation.body.body_options import BodyOptions
     from nico_selfmodel.estimation.judging import judge, to_json

@@ -165,6 +165,38 @@ class BodyDataset:
             observations=replace(chosen, pose=new[chosen.pose]),
         )
 
+    def like(self, other: "BodyDataset") -> "BodyDataset":
+        """Return this recording with another's markers and sensors, of the same joints.
+
+        Args:
+            other: A recording of the same body.
+
+        Raises:
+            DataError: If it has other joints, or knows not all markers and sensors of this one.
+        """
+        if self.joint_names != other.joint_names:
+            raise DataError(
+                f"data set {self.name!r} has the joints {listed(self.joint_names)}, "
+                f"{other.name!r} has {listed(other.joint_names)}: both must be of one body"
+            )
+        table, moved = self.observations, {}
+        for key in ("markers", "sensors"):
+            names = [item.name for item in getattr(other, key)]
+            unknown = sorted({item.name for item in getattr(self, key)} - set(names))
+            if unknown:
+                raise DataError(
+                    f"{key} {listed(unknown)} of data set {self.name!r} are not in "
+                    f"{other.name!r}, which has {listed(names)}"
+                )
+            moved[key] = np.array([names.index(i.name) for i in getattr(self, key)] + [-1])
+        new = replace(
+            table,
+            marker=moved["markers"][table.marker],
+            other=moved["markers"][table.other],
+            sensor=moved["sensors"][table.sensor],
+        )
+        return replace(self, markers=other.markers, sensors=other.sensors, observations=new)
+
     def split(self, fraction: float, seed: int) -> tuple["BodyDataset", "BodyDataset"]:
         """Split into training and test data by pose.
 

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from nico_selfmodel.dataset.body.body_dataset import BodyDataset
 from nico_selfmodel.errors import DataError
-from nico_selfmodel.estimation.results.folds import fold_of, splits
+from nico_selfmodel.estimation.results.folds import FOLDS, fold_of, splits
 from nico_selfmodel.estimation.tree.first_guess import first_bodies
 from nico_selfmodel.estimation.tree.tree_observations import SensorRows, TreeObservations
 from nico_selfmodel.estimation.tree.tree_parameters import TreeParameters
@@ -25,6 +25,7 @@ from nico_selfmodel.estimation.tree.tree_setup import (
 )
 from nico_selfmodel.model.cameras.camera import Camera
 from nico_selfmodel.model.tree.body_tree import BodyTree
+from nico_selfmodel.model.tree.tree_motion import TreeMotion
 from nico_selfmodel.optimization.uncertainty import Uncertainty
 
 _AGREE = 1e-3
@@ -286,13 +287,17 @@ def _uncertainty(
         if solution.variances_known
         else float(solution.rest @ solution.rest)
     )
-    scales = parameters.scales(_size(parameters.base), values)[problem.columns]
+    scales = parameters.scales(_size(parameters.tree_of(values), observations.data), values)[
+        problem.columns
+    ]
     return Uncertainty.from_jacobian(names, solution.whitened, scales, squares, count)
 
 
-def _size(tree: BodyTree) -> float:
-    """Return about how large a body is: the sum of its joints' distances, 0.1 m at least."""
-    return max(float(np.linalg.norm(tree.X_PJ[:, :3, 3], axis=1).sum()), 0.1)
+def _size(tree: BodyTree, data: BodyDataset) -> float:
+    """Return about how far a body's markers are spread [m]; 0.1 at least."""
+    motion = TreeMotion.at(tree, data.si_readings, data.X_flange)
+    p = np.concatenate([motion.pose_of(marker)[1] for marker in tree.markers], axis=1)
+    return max(float(np.sqrt(np.var(p, axis=1).sum())), 0.1)
 
 
 def _cross_validated(
@@ -307,7 +312,7 @@ def _cross_validated(
     keep = ~solution.outliers[observations.row]
     rows = solution.whitened[: int(keep.sum())]
     prior = solution.whitened[int(keep.sum()) :]
-    if len(np.unique(pose)) < 2 * len(problem.columns) // 3:
+    if len(np.unique(pose)) < 2 * FOLDS:
         return None
     out = residuals.residuals(solution.values)
     white = solution.rest

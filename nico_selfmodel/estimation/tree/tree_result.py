@@ -20,6 +20,7 @@ from nico_selfmodel.estimation.tree.tree_calibration import TreeCalibration, Tre
 from nico_selfmodel.estimation.tree.tree_findings import SCALE, noise_by_name, tree_findings
 from nico_selfmodel.model.self_model import ParameterCovariance
 from nico_selfmodel.model.tree.body_model import BodyModel
+from nico_selfmodel.model.tree.body_tree import REVOLUTE
 
 _TERMS = Terms(
     outlier_cause="body, sensors, or what was recorded are not what the data set says",
@@ -150,14 +151,14 @@ def _details(calibration: TreeCalibration) -> dict[str, Any]:
 
 
 def _joints(calibration: TreeCalibration) -> list[dict[str, Any]]:
-    """Return the tree: each joint with what carries it, its axis and how far away it lies."""
+    """Return the tree: what carries each joint, and its axis against the axis that carries it."""
     tree = calibration.tree
     return [
         {
             "name": name,
             "parent": "world" if parent < 0 else tree.joints[parent],
             "motion": motion,
-            "length_m": float(np.linalg.norm(X[:3, 3])),
+            **_axes(X, parent >= 0 and motion == tree.motions[parent] == REVOLUTE),
             "markers": [m.name for m in tree.markers if m.on == i],
             "sensors": [s.name for s in tree.sensors if s.on == i],
         }
@@ -165,6 +166,18 @@ def _joints(calibration: TreeCalibration) -> list[dict[str, Any]]:
             zip(tree.joints, tree.parent.tolist(), tree.motions, tree.X_PJ, strict=True)
         )
     ]
+
+
+def _axes(X_PJ: NDArray, both: bool) -> dict[str, float | None]:
+    """Return angle and distance of a joint's axis and its parent's z; nothing at a root."""
+    if not both:
+        return {"axis_angle_deg": None, "axis_distance_mm": None}
+    z, p = X_PJ[:3, 2], X_PJ[:3, 3]
+    normal = np.array([-z[1], z[0], 0.0])
+    sine = float(np.linalg.norm(normal))
+    apart = abs(float(p @ normal)) / sine if sine > 1e-6 else float(np.hypot(p[0], p[1]))
+    angle = float(np.degrees(np.arctan2(sine, z[2])))
+    return {"axis_angle_deg": angle, "axis_distance_mm": 1e3 * apart}
 
 
 def _changes(calibration: TreeCalibration) -> dict[str, Any]:

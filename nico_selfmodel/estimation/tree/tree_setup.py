@@ -1,6 +1,6 @@
 """What a recording leaves to be estimated: frames that stay, what is free, what holds the scale."""
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -16,6 +16,7 @@ from nico_selfmodel.estimation.tree.tree_parameters import (
     SHIFTS,
     TreeParameters,
 )
+from nico_selfmodel.files.csv_rows import number_of_word
 from nico_selfmodel.model.cameras.camera import Camera
 from nico_selfmodel.model.tree.body_tree import FLANGE, WORLD, Attached, BodyTree
 from nico_selfmodel.names import did_you_mean, listed
@@ -46,6 +47,26 @@ class Wishes:
     """Fixed and freed parameters."""
     priors: Priors = field(default_factory=dict)
     """What is known of some."""
+
+
+def priors_of(words: Sequence[str]) -> dict[str, tuple[float, float]]:
+    """Read `--prior NAME=MEAN,SIGMA` of the command line.
+
+    Raises:
+        ValueError: If a word has another form, or a sigma is not positive.
+    """
+    found = {}
+    for word in words:
+        name, equals, numbers = word.partition("=")
+        mean, comma, sigma = numbers.partition(",")
+        if not (equals and comma):
+            raise ValueError(f"--prior must be NAME=MEAN,SIGMA, got {word}")
+        where = f"--prior {word}"
+        known = number_of_word(mean, where), number_of_word(sigma, where)
+        if not known[1] > 0.0:
+            raise ValueError(f"{where}: sigma must be positive")
+        found[name.strip()] = known
+    return found
 
 
 @dataclass(frozen=True, eq=False)

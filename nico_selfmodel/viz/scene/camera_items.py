@@ -108,7 +108,7 @@ def camera_items(side: str, plane: ImagePlane, image: NDArray | None) -> list[It
     """
     center, corners = plane.camera.X_WC[:3, 3], plane.corners
     width, height = plane.size.tolist()
-    color, wire = palette.rgba(palette.CAMERAS[side]), _WIRE * width
+    color, wire = palette.rgba(palette.CAMERAS.get(side, palette.UNCERTAINTY)), _WIRE * width
     items: list[Item] = [
         Tube(path=f"cameras/{side}/outline", color=color, points=corners, radius=wire, closed=True),
         Markers(
@@ -138,6 +138,11 @@ def camera_items(side: str, plane: ImagePlane, image: NDArray | None) -> list[It
     above = middle - [0.0, 0.5 * height + 2.0 * wire, 0.0]
     pose = plane.camera.X_WC @ transform(np.eye(3), above)
     name = label(
-        f"cameras/{side}/name", side, palette.CAMERAS[side], 0.28 * height, pose, (0.5, 1.0)
+        f"cameras/{side}/name",
+        side,
+        palette.CAMERAS.get(side, palette.UNCERTAINTY),
+        0.28 * height,
+        pose,
+        (0.5, 1.0),
     )
     return [*items, name]

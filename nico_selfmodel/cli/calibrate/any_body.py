@@ -1,0 +1,98 @@
+"""What `calibrate body` and `calibrate hand-eye` do with a recording of any body."""
+
+from pathlib import Path
+from typing import TYPE_CHECKING, NoReturn
+
+from nico_selfmodel.cli import printer
+
+if TYPE_CHECKING:
+    from nico_selfmodel.dataset.body.body_dataset import BodyDataset
+    from nico_selfmodel.estimation.tree.tree_setup import Description
+    from nico_selfmodel.model.cameras.camera import Camera
+
+
+def calibrate(
+    dataset: Path,
+    out: Path,
+    *,
+    test: Path | None,
+    test_fraction: float | None,
+    seed: int,
+    fix: list[str] | None,
+    free: list[str] | None,
+    prior: list[str] | None,
+    robot: str | None,
+    cameras: Path | None,
+    name: str | None,
+    require_test_mm: float | None,
+    require_test_px: float | None,
+    force: bool,
+    as_json: bool,
+) -> NoReturn:
+    """Learn a body from poses and observations, and leave a result folder."""
+    from nico_selfmodel.estimation.judging import judge, to_json
+    from nico_selfmodel.estimation.results.fixed_parameters import FixedParameters
+    from nico_selfmodel.estimation.tree.tree_calibration import calibrate_tree
+    from nico_selfmodel.estimation.tree.tree_result import body_model
+    from nico_selfmodel.estimation.tree.tree_setup import Wishes, priors_of
+    from nico_selfmodel.files.whole import refuse_folder
+    from nico_selfmodel.result_folder.writing import write_result
+
+    refuse_folder(out, force=force, inputs=[dataset, test, robot, cameras])
+    wishes = Wishes(FixedParameters.from_text(fix or (), free or ()), priors_of(prior or ()))
+    train, held_out = _train_and_test(dataset, test, test_fraction, seed)
+    lenses = _lenses(cameras)
+    description = None if robot is None else _described(robot, train, lenses)
+    with printer.progress_bar() as progress:
+        progress("learning", 0, 1)
+        found = calibrate_tree(
+            train,
+            test=held_out,
+            description=description,
+            lenses=lenses,
+            wishes=wishes,
+            name=name,
+            seed=seed,
+        )
+        verdict = judge(found, require_test_mm, require_test_px)
+        document = to_json(found, verdict)
+        progress("learning", 1, 1)
+        progress("writing the result", 0, 1)
+        # Drawing is slow to load, and only needed once there is something to draw.
+        from nico_selfmodel.viz.reports.tree import tree_report
+
+        files = tree_report(found, document).files()
+        write_result(out, body_model(found), document, files, force=force)
+        progress("writing the result", 1, 1)
+    printer.result(found.name, document, out, json_instead=as_json)
+
+
+def _train_and_test(
+    dataset: Path, test: Path | None, fraction: float | None, seed: int
+) -> "tuple[BodyDataset, BodyDataset | None]":
+    """Load the training data, and what is held out of them or beside them."""
+    from nico_selfmodel.dataset.body.body_folder import load_body_dataset
+
+    if test is not None and fraction is not None:
+        raise ValueError("give --test or --test-fraction, not both")
+    train = load_body_dataset(dataset)
+    if fraction is not None:
+        return train.split(fraction, seed)
+    return train, None if test is None else load_body_dataset(test).like(train)
+
+
+def _lenses(path: Path | None) -> "dict[str, Camera]":
+    """Return the intrinsics of calibrated cameras, by name."""
+    from nico_selfmodel.model.self_model_file import load_model
+
+    return {} if path is None else dict(load_model(path).cameras)
+
+
+def _described(robot: str, data: "BodyDataset", lenses: "dict[str, Camera]") -> "Description":
+    """Return the robot as its description has it."""
+    from nico_selfmodel.estimation.tree.tree_setup import Description, blank_body
+    from nico_selfmodel.plant.described_body import described_body
+    from nico_selfmodel.plant.robots import find_robot
+
+    tree, known = described_body(find_robot(robot), data, blank_body(data, lenses))
+    return Description(tree, known_markers=known)

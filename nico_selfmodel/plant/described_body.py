@@ -1,0 +1,82 @@
+"""A robot description as the tree of joints that a recording lists."""
+
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+from pydrake.multibody.tree import Joint, PrismaticJoint, RevoluteJoint
+
+from nico_selfmodel.dataset.body.body_dataset import BodyDataset
+from nico_selfmodel.errors import ModelError
+from nico_selfmodel.geometry.rotation import tangent_basis
+from nico_selfmodel.geometry.transform import inverse, transform
+from nico_selfmodel.model.tree.body_tree import FLANGE, PRISMATIC, REVOLUTE, WORLD, BodyTree
+from nico_selfmodel.names import listed
+from nico_selfmodel.plant.kinematic_tree import KinematicTree
+
+
+def described_body(
+    urdf: Path, data: BodyDataset, blank: BodyTree
+) -> tuple[BodyTree, frozenset[str]]:
+    """Return a recording's body where a description puts it, in the frame of the robot's root.
+
+    Joints of the description that the recording does not list stand at zero. Markers and sensors
+    stand where the description has a link or frame of their name; a marker of which it says nothing
+    stands at its link's origin.
+
+    Args:
+        urdf: The description.
+        data: The recording; its joints are called as the description's.
+        blank: The body to fill in.
+
+    Returns:
+        The body, and the markers that the description places.
+
+    Raises:
+        ModelError: If a joint is not described, or moves otherwise.
+    """
+    described = KinematicTree.from_urdf(urdf)
+    if len(described.roots) != 1:
+        raise ModelError(
+            f"{urdf} has {len(described.roots)} roots {listed(described.roots)}, not 1"
+        )
+    root = described.roots[0]
+    X_WL = {WORLD: np.eye(4)}
+    X_PJ = np.array(blank.X_PJ)
+    for i, joint in enumerate(data.joints):
+        if joint.motion == FLANGE:
+            raise ModelError(
+                f"joint {joint.name!r} is a flange, whose whole pose is read: leave --robot out"
+            )
+        X_WL[i] = _axis_frame(described, root, described.joint(joint.name), joint.motion)
+        X_PJ[i] = inverse(X_WL[int(blank.parent[i])]) @ X_WL[i]
+    known: list[str] = []
+
+    def placed(name: str, on: int, X_old: NDArray) -> NDArray:
+        if not described.plant.HasFrameNamed(name, described.instance):
+            return X_old
+        known.append(name)
+        X_WF = described.poses({}, root, [described.frame(name)])[0]
+        return inverse(X_WL[on]) @ X_WF
+
+    markers = tuple(replace(m, X_LA=placed(m.name, m.on, m.X_LA)) for m in blank.markers)
+    sensors = tuple(replace(s, X_LA=placed(s.name, s.on, s.X_LA)) for s in blank.sensors)
+    tree = replace(blank, X_PJ=X_PJ, markers=markers, sensors=sensors)
+    return tree, frozenset(known) & {m.name for m in markers}
+
+
+def _axis_frame(described: KinematicTree, root: str, joint: Joint, motion: str) -> NDArray:
+    """Return a joint's frame in the root's at zero, with z along its axis. Shape (4, 4)."""
+    kinds = {REVOLUTE: RevoluteJoint, PRISMATIC: PrismaticJoint}
+    if not isinstance(joint, kinds[motion]):
+        raise ModelError(
+            f"joint {joint.name()!r} is {joint.type_name()} in {described.urdf}, the data set says "
+            f"{motion}"
+        )
+    assert isinstance(joint, RevoluteJoint | PrismaticJoint)
+    revolute = isinstance(joint, RevoluteJoint)
+    axis = joint.revolute_axis() if revolute else joint.translation_axis()
+    X_WF = described.poses({}, root, [joint.frame_on_parent()])[0]
+    turn = np.column_stack([tangent_basis(np.asarray(axis)), axis])
+    return X_WF @ transform(turn, np.zeros(3))

@@ -1,0 +1,188 @@
+"""The report on a body learned from any sensors."""
+
+from collections.abc import Mapping
+from typing import Any
+
+import numpy as np
+
+from nico_selfmodel.dataset.body.sensors import CAMERA, POINTS, POSES
+from nico_selfmodel.estimation.tree.tree_calibration import TreeCalibration
+from nico_selfmodel.viz.figures.distribution_plot import distribution, error_sets
+from nico_selfmodel.viz.reports import parts, shared_sections
+from nico_selfmodel.viz.reports.page import Report, key_number
+from nico_selfmodel.viz.reports.parameter_tables import ParameterTables
+from nico_selfmodel.viz.reports.tables import Cell, Table, error_table, held_out, number_cell
+from nico_selfmodel.viz.scene.tree_scene import tree_scene
+
+_QUANTITIES = (
+    ("position_mm", "mm", (POINTS, POSES), "in space [mm]", "Distance of each marker that a "
+     "tracker measured from where the body expects it."),
+    ("pixels", "px", (CAMERA,), "in the images [px]", "Distance of each observation from where the "
+     "body expects it, each camera counted by itself."),
+)  # fmt: skip
+
+
+def tree_report(calibration: TreeCalibration, document: Mapping[str, Any]) -> Report:
+    """Return what was learned of a body.
+
+    Args:
+        calibration: What was learned.
+        document: `estimation.judging.to_json` of it; the numbers shown are these.
+    """
+    scene = tree_scene(calibration.name, calibration.tree, calibration.data)
+    about = "What was learned of a body from all that any sensors measured of it"
+    sections = (
+        _errors(calibration, document),
+        _tree(document),
+        *_changes(document),
+        _noise(document),
+        shared_sections.scene_section("The body", scene),
+        shared_sections.learned_section(
+            document,
+            calibration.uncertainty,
+            lambda found: _frames(found, [s.name for s in calibration.tree.sensors]),
+            message="Where sensors are on their links, below each value its standard deviation. "
+            "Joint frames are told from where the search found them, or from the description.",
+        ),
+        _provenance(calibration, document),
+    )
+    quantity = "position_mm" if "position_mm" in document["train"] else "pixels"
+    key = key_number(document, quantity, "observations")
+    return Report(calibration.name, about, document, key, sections, scene)
+
+
+def _errors(calibration: TreeCalibration, document: Mapping[str, Any]) -> parts.Section:
+    tables, figures = [], []
+    for quantity, unit, kinds, heading, words in _QUANTITIES:
+        if quantity not in document["train"]:
+            continue
+        factor = 1e3 if unit == "mm" else 1.0
+        tables.append((error_table(held_out(document, quantity), heading, 2), words))
+        found = (calibration.test, calibration.cross_validation, calibration.train)
+        sets = error_sets(
+            *(None if one is None else factor * _finite(one.of_kind(*kinds)) for one in found)
+        )
+        figure = distribution(sets, unit=unit, digits=2, what="error", thing="observation")
+        figures.append((f"Distribution of the errors {heading}", figure))
+    return shared_sections.errors_section(
+        document, *tables, few="with so few poses", ending=parts.halves(*figures)
+    )
+
+
+def _finite(values: Any) -> Any:
+    return values[np.isfinite(values)]
+
+
+def _tree(document: Mapping[str, Any]) -> parts.Section:
+    """Return the tree, each joint indented below what carries it."""
+    depth: dict[str, int] = {"world": -1}
+    rows = []
+    for joint in document["joints"]:
+        depth[joint["name"]] = depth[joint["parent"]] + 1
+        name = "\u2003" * depth[joint["name"]] + joint["name"]
+        angle, apart = joint["axis_angle_deg"], joint["axis_distance_mm"]
+        carried = [*joint["sensors"], *_listed(joint["markers"])]
+        cells = (
+            Cell(joint["parent"]),
+            Cell(joint["motion"]),
+            number_cell(angle, 2),
+            number_cell(apart, 2),
+            Cell(", ".join(carried)),
+        )
+        rows.append((name, cells))
+    headings = ("joint", "on", "moves", "to its parent's axis [deg]", "[mm]", "carries")
+    return parts.section(
+        "The tree",
+        parts.numbers(Table(headings, tuple(rows))),
+        parts.hint(
+            "Angle and distance between a joint's axis and the one that carries it: what can be "
+            "told of two axes whatever frames are chosen."
+        ),
+        id="tree",
+    )
+
+
+def _listed(markers: list[str]) -> list[str]:
+    return markers if len(markers) < 4 else [f"{len(markers)} markers"]
+
+
+def _changes(document: Mapping[str, Any]) -> list[parts.Section]:
+    """Return how far the robot is from its description; nothing without one."""
+    changes = document["changes"]
+    if not changes:
+        return []
+    rows = tuple(
+        (
+            joint,
+            (
+                number_cell(entry["turn_deg"], 2),
+                number_cell(entry["turn_sigma_deg"], 2),
+                number_cell(entry["shift_mm"], 2),
+                number_cell(entry["shift_sigma_mm"], 2),
+            ),
+        )
+        for joint, entry in changes.items()
+    )
+    after = "test" if document["test"] else "train"
+    sets = [
+        (f"{label} [{unit}]", block, quantity)
+        for quantity, unit in (("position_mm", "mm"), ("pixels", "px"))
+        for label, block in (("as described", document["described"]), ("learned", document[after]))
+        if block and quantity in block
+    ]
+    headings = ("joint", "turned [deg]", "\u00b1", "shifted [mm]", "\u00b1")
+    section = parts.section(
+        "Against its description",
+        parts.numbers(error_table(sets, "the robot", 2)),
+        parts.numbers(Table(headings, rows)),
+        parts.hint(
+            "As described: the description's joints with sensors and markers placed as they fit "
+            "best. Below, how far each joint's frame is from where its description has it."
+        ),
+        id="changes",
+    )
+    return [section]
+
+
+def _noise(document: Mapping[str, Any]) -> parts.Section:
+    slips, rows = document["slips"], []
+    for name, sigma in document["noise"].items():
+        joint = name in slips
+        angle = joint or name.endswith(("turn", "orientation"))
+        value = float(np.degrees(sigma)) if angle else sigma
+        cells = (
+            Cell(f"{value:.3g}", value=value),
+            Cell("deg" if angle else "m or px"),
+            Cell(str(slips[name]) if joint else ""),
+        )
+        rows.append((name, cells))
+    return parts.section(
+        "Noise",
+        parts.numbers(Table(("of", "sigma", "unit", "poses with a wrong reading"), tuple(rows))),
+        parts.hint(
+            "Standard deviations that the residuals ask for, each pose's joint noise one draw for "
+            "all that was seen of it."
+        ),
+        id="noise",
+    )
+
+
+def _frames(found: ParameterTables, sensors: list[str]) -> Table | None:
+    parts_of = ("x", "y", "z", "rx", "ry", "rz")
+    known = [s for s in sensors if f"{s}.x" in found.entries]
+    if not known:
+        return None
+    headings = tuple(f"{part} [{'deg' if len(part) > 1 else 'mm'}]" for part in parts_of)
+    rows = [(s, [f"{s}.{part}" for part in parts_of]) for s in known]
+    return found.rows(("sensor", *headings), rows)
+
+
+def _provenance(calibration: TreeCalibration, document: Mapping[str, Any]) -> parts.Section:
+    start = document["start"]
+    found = {
+        "data set": calibration.data.name,
+        "first body": f"{start['from']}, {start['agreeing']} of {start['tried']} agree",
+        "world": document["world"],
+        "scale held by": document["scale_from"] or "nothing",
+    }
+    return shared_sections.provenance_section(document, found)

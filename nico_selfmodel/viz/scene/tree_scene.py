@@ -1,0 +1,157 @@
+"""A body learned from any sensors as a scene: its tree, what it carries, what saw it."""
+
+import numpy as np
+from numpy.typing import NDArray
+
+from nico_selfmodel.dataset.body.body_dataset import BodyDataset
+from nico_selfmodel.geometry.rotation import tangent_basis
+from nico_selfmodel.geometry.transform import apply, transform
+from nico_selfmodel.model.tree.body_tree import WORLD, BodyTree
+from nico_selfmodel.model.tree.tree_motion import TreeMotion
+from nico_selfmodel.viz.figures import palette
+from nico_selfmodel.viz.scene.camera_items import ImagePlane, camera_items
+from nico_selfmodel.viz.scene.scene import LegendEntry, Scene, path_names
+from nico_selfmodel.viz.scene.scene_items import Cylinder, Item, Markers, Triad, Tube
+from nico_selfmodel.viz.scene.surroundings import camera_from, floor_items, turned
+
+_PLANE = 0.25
+"""Distance of a camera's image from its centre, in units of the body's size."""
+_AZIMUTH = 0.6
+
+
+def tree_scene(name: str, tree: BodyTree, data: BodyDataset) -> Scene:
+    """Describe a body in the recorded pose nearest to the middle of all.
+
+    Where the world is a camera the scene stands as that camera looks: its own up is up.
+
+    Args:
+        name: Of the body.
+        tree: The body.
+        data: What it was learned from.
+    """
+    q = data.si_readings
+    row = int(np.argmin(np.sum((q - np.median(q, axis=0)) ** 2, axis=1)))
+    motion = TreeMotion.at(tree, q[row : row + 1], data.X_flange[row : row + 1])
+    centres = axis_points(tree, motion)
+    markers = np.stack([motion.pose_of(m)[1][:, 0] for m in tree.markers])
+    unit = max(float(np.linalg.norm(np.ptp(np.vstack([centres, markers]), axis=0))), 1e-3)
+    items = [
+        *_links(tree, centres, markers, unit),
+        *_joints(tree, motion, centres, unit),
+        *_markers(markers, unit),
+        *_sensors(tree, motion, unit),
+    ]
+    X_SW = _upright(tree)
+    sensors = np.stack([motion.pose_of(s)[1][:, 0] for s in tree.sensors])
+    points = apply(X_SW, np.vstack([centres, markers, sensors]))
+    view = camera_from(points, _AZIMUTH)
+    floor = floor_items(points, 0.5 * unit, X_SW)
+    return Scene(name, (*floor, *turned(items, X_SW)), view, tuple(_legend(tree)))
+
+
+def axis_points(tree: BodyTree, motion: TreeMotion) -> NDArray:
+    """Choose a point on every axis: the one nearest to what it carries. Shape (n, 3).
+
+    Estimates may hold a joint's frame anywhere along its axis.
+    """
+    n = len(tree.joints)
+    out = motion.p_WJ[:, :, 0].copy()
+    carried: list[list[NDArray]] = [[] for _ in range(n)]
+    for marker in tree.markers:
+        if marker.on != WORLD:
+            carried[marker.on].append(motion.pose_of(marker)[1][:, 0])
+    for i in range(n - 1, -1, -1):
+        z = motion.R_WJ[i, :, 2, 0]
+        if carried[i]:
+            target = np.mean(carried[i], axis=0)
+            out[i] += ((target - out[i]) @ z) * z
+        parent = int(tree.parent[i])
+        if parent != WORLD:
+            carried[parent].append(out[i])
+    return out
+
+
+def _upright(tree: BodyTree) -> NDArray:
+    """Return the world in a scene whose z is up: turned where the world is a camera."""
+    cameras = [s for s in tree.sensors if s.name in tree.lenses and s.on == WORLD]
+    at_origin = [s for s in cameras if np.allclose(s.X_LA, np.eye(4))]
+    if not at_origin:
+        return np.eye(4)
+    # The camera's z looks forward, its y down.
+    return transform(np.array([[1.0, 0.0, 0.0], [0.0, 0.0, 1.0], [0.0, -1.0, 0.0]]), np.zeros(3))
+
+
+def _links(tree: BodyTree, centres: NDArray, markers: NDArray, unit: float) -> list[Item]:
+    """Return a rod from each joint to its parent, and a thin one to each marker."""
+    items: list[Item] = []
+    for i, name in enumerate(path_names(tree.joints)):
+        parent = int(tree.parent[i])
+        if parent != WORLD:
+            items += _rod(f"body/link_{name}", centres[parent], centres[i], 0.016 * unit)
+    for name, marker, p in zip(
+        path_names(m.name for m in tree.markers), tree.markers, markers, strict=True
+    ):
+        if marker.on != WORLD:
+            items += _rod(f"body/to_{name}", centres[marker.on], p, 0.004 * unit)
+    return items
+
+
+def _rod(path: str, start: NDArray, end: NDArray, radius: float) -> list[Item]:
+    if np.linalg.norm(end - start) < 1e-6:
+        return []
+    points = np.stack([start, end])
+    return [Tube(path=path, color=palette.rgba(palette.LINK), points=points, radius=radius)]
+
+
+def _joints(tree: BodyTree, motion: TreeMotion, centres: NDArray, unit: float) -> list[Item]:
+    items: list[Item] = []
+    for i, name in enumerate(path_names(tree.joints)):
+        z = motion.R_WJ[i, :, 2, 0]
+        pose = transform(np.column_stack([tangent_basis(z), z]), centres[i])
+        color = palette.rgba(palette.joint_color(i))
+        items.append(
+            Cylinder(
+                path=f"body/joint_{name}",
+                color=color,
+                X_WI=pose,
+                radius=0.028 * unit,
+                length=0.07 * unit,
+            )
+        )
+    return items
+
+
+def _markers(markers: NDArray, unit: float) -> list[Item]:
+    return [
+        Markers(
+            path="markers",
+            color=palette.rgba(palette.HELD_OUT),
+            centers=markers,
+            radius=0.012 * unit,
+            shape="diamond",
+        )
+    ]
+
+
+def _sensors(tree: BodyTree, motion: TreeMotion, unit: float) -> list[Item]:
+    items: list[Item] = []
+    for name, sensor in zip(path_names(s.name for s in tree.sensors), tree.sensors, strict=True):
+        R, p = motion.pose_of(sensor)
+        X = transform(R[:, :, 0], p[:, 0])
+        if sensor.name in tree.lenses:
+            plane = ImagePlane(tree.lenses[sensor.name].at(X), _PLANE * unit)
+            items += camera_items(name, plane, None)
+        else:
+            items.append(
+                Triad(path=f"sensors/{name}", color=(1.0,) * 4, X_WI=X, length=0.1 * unit,
+                      radius=0.006 * unit)
+            )  # fmt: skip
+    return items
+
+
+def _legend(tree: BodyTree) -> list[LegendEntry]:
+    joints = [
+        LegendEntry(name, palette.rgba(palette.joint_color(i)))
+        for i, name in enumerate(tree.joints)
+    ]
+    return [*joints, LegendEntry("markers", palette.rgba(palette.HELD_OUT))]
