@@ -1,11 +1,17 @@
-"""Plants whose joints stand on frames of our own, so that a context can move them."""
+"""Robots whose joints stand on frames of our own, so that a context can move them.
+
+Which frames Drake's parser makes differs by version and by the joint's origin, and a context can
+only move frames that are there. So the parser reads a robot's links, and its joints are made here:
+nothing has to be removed from a plant, whatever else is in it.
+"""
 
 from collections.abc import Mapping
 from dataclasses import dataclass
+from xml.dom.minidom import Element
 
 import numpy as np
 from numpy.typing import NDArray
-from pydrake.multibody.plant import MultibodyPlant
+from pydrake.multibody.plant import DiscreteContactSolver, MultibodyPlant
 from pydrake.multibody.tree import (
     FixedOffsetFrame,
     Frame,
@@ -16,7 +22,19 @@ from pydrake.multibody.tree import (
 )
 
 from nico_selfmodel.errors import ModelError
-from nico_selfmodel.plant.kinematic_tree import WORLD, rigid, robot_joints
+from nico_selfmodel.files.reading import real_path
+from nico_selfmodel.plant.kinematic_tree import WORLD, KinematicTree, parse, rigid
+from nico_selfmodel.plant.urdf_document import (
+    child,
+    children,
+    document_text,
+    lead_files,
+    read_document,
+    robot_element,
+)
+
+_TINY = 1e-300
+"""Shift of a frame [m] that no sum notices, and which makes its pose not exactly the identity."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -29,90 +47,172 @@ class JointFrames:
     """On the child link. Shape (4, 4)."""
 
 
+def movable_pose(pose: NDArray) -> NDArray:
+    """Return a pose that derivatives can pass. Shape (4, 4).
+
+    Drake (1.51) leaves frames out of its products whose pose is exactly the identity, and with the
+    value the derivatives by that pose, silently.
+    """
+    if np.array_equal(pose, np.eye(4)):
+        pose = pose.copy()
+        pose[2, 3] = _TINY
+    return pose
+
+
 def frame_names(joint: str) -> tuple[str, str]:
     """Return the names of a joint's frames on its parent and on its child link."""
     return f"{joint}_F", f"{joint}_M"
 
 
-def put_joints_on_own_frames(
-    plant: MultibodyPlant,
-    instance: ModelInstanceIndex,
-    learned: Mapping[str, JointFrames],
-    X_WR: NDArray,
-) -> dict[str, NDArray]:
-    """Rebuild every revolute joint of a parsed robot between two frames made here.
-
-    Which frames Drake's parser makes differs by version and by the joint's origin, and a
-    context can only move frames that are there. Limits, damping, default angles and motors are
-    kept. Constraints are not (Drake removes no joint of a plant that has any): joints that
-    mimic others then move on their own.
-
-    Args:
-        plant: A plant that is not finalized, with the robot just parsed.
-        instance: The robot.
-        learned: Frames of joints that shall not stand where the file has them.
-        X_WR: Pose of the robot's root in the world. Shape (4, 4).
-
-    Returns:
-        For each frame that hangs on the world, its pose in the robot's root: these frames carry
-        X_WR.
+def check_placeable(tree: KinematicTree) -> None:
+    """Refuse a robot that hangs on the world by a joint that cannot be moved to where it stands.
 
     Raises:
-        ModelError: If the robot has a bushing, or hangs on the world by another kind of joint.
+        ModelError: If it is neither fixed nor revolute.
     """
-    if plant.num_force_elements() > 1:  # gravity is one
-        raise ModelError("the URDF has a bushing: Drake cannot move the joints of such a robot")
-    for identifier in plant.GetConstraintIds():
-        plant.RemoveConstraint(identifier)
-    motors = _remove_motors(plant)
-    on_world: dict[str, NDArray] = {}
-    for joint in robot_joints(plant, instance):
-        hangs_on_world = joint.parent_body().name() == WORLD
-        if isinstance(joint, RevoluteJoint):
-            poses = learned.get(joint.name()) or _nominal_frames(joint)
-        elif hangs_on_world and isinstance(joint, WeldJoint):
-            poses = _frames_as_parsed(joint)
-        elif hangs_on_world:
+    for joint in tree.joint_above.values():
+        fit = isinstance(joint, RevoluteJoint | WeldJoint)
+        if joint.parent_body().name() == WORLD and not fit:
             raise ModelError(
                 f"joint {joint.name()!r} to the world is {joint.type_name()}: only fixed and "
                 "revolute joints can carry a robot that is to be placed"
             )
+
+
+def add_robot(
+    plant: MultibodyPlant,
+    tree: KinematicTree,
+    name: str,
+    learned: Mapping[str, JointFrames],
+    parent: Frame,
+    X_PR: NDArray,
+) -> tuple[ModelInstanceIndex, dict[str, NDArray]]:
+    """Add a robot, every revolute joint of it between two frames made here.
+
+    Limits, damping, default angles, motors and mimicked joints are those of the file.
+
+    Args:
+        plant: A plant that is not finalized.
+        tree: The robot as its file describes it.
+        name: Of its model instance.
+        learned: Frames of joints that shall not stand where the file has them.
+        parent: A frame P of the plant.
+        X_PR: Pose of the robot's root, or of what its file calls the world, in P. Shape (4, 4).
+
+    Returns:
+        The instance, and for each frame by which the robot hangs on P, its pose in the robot's
+        root: these frames carry X_PR.
+
+    Raises:
+        ModelError: If Drake cannot read the robot.
+    """
+    ours = {
+        joint.name(): joint
+        for joint in tree.joint_above.values()
+        if isinstance(joint, RevoluteJoint) or joint.parent_body().name() == WORLD
+    }
+    text, followers = _without_joints(tree, name, set(ours))
+    instance = parse(plant, tree.urdf, text)
+    hung: dict[str, NDArray] = {}
+    for joint in ours.values():
+        poses = _frames_as_parsed(joint)
+        if isinstance(joint, RevoluteJoint):
+            poses = learned.get(joint.name()) or _turned_to_z(joint, poses)
+        body: Frame = parent
+        if joint.parent_body().name() == WORLD:
+            hung[frame_names(joint.name())[0]] = poses.X_PF
+            poses = JointFrames(X_PR @ poses.X_PF, poses.X_CM)
         else:
-            continue
-        if hangs_on_world:
-            on_world[frame_names(joint.name())[0]] = poses.X_PF
-            poses = JointFrames(X_WR @ poses.X_PF, poses.X_CM)
-        _rebuild(plant, instance, joint, poses)
-    for motor in motors:
-        _add_motor(plant, instance, motor)
-    return on_world
+            body = plant.GetFrameByName(joint.parent_body().name(), instance)
+        _add_joint(plant, instance, joint, body, poses)
+    _add_motors(plant, instance, tree.plant)
+    _add_followers(plant, instance, followers)
+    return instance, hung
 
 
 def place_root(
-    plant: MultibodyPlant, instance: ModelInstanceIndex, root: str, X_WR: NDArray
+    plant: MultibodyPlant, instance: ModelInstanceIndex, root: str, parent: Frame, X_PR: NDArray
 ) -> str:
-    """Weld a root link to a frame on the world, so that a context can place the robot.
+    """Weld a root link to a frame on P, so that a context can place the robot.
 
     Returns:
         The frame's name.
     """
     name = f"{root}_placement"
-    frame = plant.AddFrame(FixedOffsetFrame(name, plant.world_frame(), rigid(X_WR), instance))
+    frame = add_frame(plant, instance, name, parent, X_PR)
     plant.WeldFrames(frame, plant.GetFrameByName(root, instance))
     return name
 
 
+def add_frame(
+    plant: MultibodyPlant, instance: ModelInstanceIndex, name: str, parent: Frame, pose: NDArray
+) -> Frame:
+    """Add a frame that a context can move. The pose has shape (4, 4)."""
+    return plant.AddFrame(FixedOffsetFrame(name, parent, rigid(movable_pose(pose)), instance))
+
+
+def _without_joints(
+    tree: KinematicTree, name: str, without: set[str]
+) -> tuple[str, list["_Follower"]]:
+    """Return a robot's file without some joints and all motors, and who followed those joints."""
+    document = read_document(tree.urdf)
+    robot = robot_element(document)
+    robot.setAttribute("name", name)
+    lead_files(robot, lambda file: str(real_path(tree.urdf.parent / file)))
+    followers: list[_Follower] = []
+    for joint in children(robot, "joint"):
+        own, mimic = joint.getAttribute("name"), child(joint, "mimic")
+        if mimic is not None and {own, mimic.getAttribute("joint")} & without:
+            followers.append(_Follower.from_mimic(own, mimic))
+            joint.removeChild(mimic)
+        if own in without:
+            robot.removeChild(joint)
+    for transmission in children(robot, "transmission"):
+        robot.removeChild(transmission)
+    return document_text(document), followers
+
+
+@dataclass(frozen=True)
+class _Follower:
+    """A joint that follows another one, q = gear q_leader + offset."""
+
+    name: str
+    leader: str
+    gear: float
+    offset: float
+
+    @classmethod
+    def from_mimic(cls, name: str, mimic: Element) -> "_Follower":
+        gear, offset = (mimic.getAttribute(key) for key in ("multiplier", "offset"))
+        return cls(name, mimic.getAttribute("joint"), float(gear or 1.0), float(offset or 0.0))
+
+
+def _add_followers(
+    plant: MultibodyPlant, instance: ModelInstanceIndex, followers: list[_Follower]
+) -> None:
+    """Couple joints as the parser does, where the plant's solver can."""
+    if (
+        plant.time_step() == 0.0
+        or plant.get_discrete_contact_solver() != DiscreteContactSolver.kSap
+    ):
+        return
+    for follower in followers:
+        joint, leader = (
+            plant.GetJointByName(name, instance) for name in (follower.name, follower.leader)
+        )
+        plant.AddCouplerConstraint(joint, leader, follower.gear, follower.offset)
+
+
 def _frames_as_parsed(joint: Joint) -> JointFrames:
-    parent, child = joint.frame_on_parent(), joint.frame_on_child()
+    parent, child_frame = joint.frame_on_parent(), joint.frame_on_child()
     return JointFrames(
         np.asarray(parent.GetFixedPoseInBodyFrame().GetAsMatrix4()),
-        np.asarray(child.GetFixedPoseInBodyFrame().GetAsMatrix4()),
+        np.asarray(child_frame.GetFixedPoseInBodyFrame().GetAsMatrix4()),
     )
 
 
-def _nominal_frames(joint: RevoluteJoint) -> JointFrames:
+def _turned_to_z(joint: RevoluteJoint, parsed: JointFrames) -> JointFrames:
     """Return the joint's frames as parsed, both turned so that z is the axis."""
-    parsed = _frames_as_parsed(joint)
     z = joint.revolute_axis()
     turn = np.eye(4)
     x = np.cross(np.eye(3)[np.argmin(np.abs(z))], z)
@@ -121,19 +221,21 @@ def _nominal_frames(joint: RevoluteJoint) -> JointFrames:
     return JointFrames(parsed.X_PF @ turn, parsed.X_CM @ turn)
 
 
-def _rebuild(
+def _add_joint(
     plant: MultibodyPlant,
     instance: ModelInstanceIndex,
-    old: RevoluteJoint | WeldJoint,
+    old: Joint,
+    parent: Frame,
     poses: JointFrames,
 ) -> None:
-    parent, child = old.parent_body().body_frame(), old.child_body().body_frame()
     name_F, name_M = frame_names(old.name())
-    F = plant.AddFrame(FixedOffsetFrame(name_F, parent, rigid(poses.X_PF), instance))
-    M = plant.AddFrame(FixedOffsetFrame(name_M, child, rigid(poses.X_CM), instance))
-    joint = _revolute_like(old, F, M) if isinstance(old, RevoluteJoint) else _weld_like(old, F, M)
-    plant.RemoveJoint(old)
-    plant.AddJoint(joint)
+    body = plant.GetFrameByName(old.child_body().name(), instance)
+    F = add_frame(plant, instance, name_F, parent, poses.X_PF)
+    M = add_frame(plant, instance, name_M, body, poses.X_CM)
+    if isinstance(old, RevoluteJoint):
+        plant.AddJoint(_revolute_like(old, F, M))
+    elif isinstance(old, WeldJoint):
+        plant.AddJoint(WeldJoint(old.name(), F, M, old.X_FM()))
 
 
 def _revolute_like(old: RevoluteJoint, F: Frame, M: Frame) -> RevoluteJoint:
@@ -145,41 +247,15 @@ def _revolute_like(old: RevoluteJoint, F: Frame, M: Frame) -> RevoluteJoint:
     return joint
 
 
-def _weld_like(old: WeldJoint, F: Frame, M: Frame) -> WeldJoint:
-    return WeldJoint(old.name(), F, M, old.X_FM())
-
-
-@dataclass(frozen=True, eq=False)
-class _Motor:
-    """What has to be kept of an actuator while its joint is rebuilt."""
-
-    name: str
-    joint: str
-    effort_limit: float
-    gear_ratio: float
-    rotor_inertia: float
-
-
-def _remove_motors(plant: MultibodyPlant) -> list[_Motor]:
-    motors = []
-    # The indices of one instance are an empty list until Finalize().
-    for index in plant.GetJointActuatorIndices():
-        actuator = plant.get_joint_actuator(index)
-        motors.append(
-            _Motor(
-                actuator.name(),
-                actuator.joint().name(),
-                actuator.effort_limit(),
-                actuator.default_gear_ratio(),
-                actuator.default_rotor_inertia(),
-            )
-        )
-        plant.RemoveJointActuator(actuator)
-    return motors
-
-
-def _add_motor(plant: MultibodyPlant, instance: ModelInstanceIndex, motor: _Motor) -> None:
-    joint = plant.GetJointByName(motor.joint, instance)
-    actuator = plant.AddJointActuator(motor.name, joint, motor.effort_limit)
-    actuator.set_default_gear_ratio(motor.gear_ratio)
-    actuator.set_default_rotor_inertia(motor.rotor_inertia)
+def _add_motors(
+    plant: MultibodyPlant, instance: ModelInstanceIndex, parsed: MultibodyPlant
+) -> None:
+    """Add a robot's motors in the order of its file."""
+    for index in parsed.GetJointActuatorIndices():
+        old = parsed.get_joint_actuator(index)
+        joint = plant.GetJointByName(old.joint().name(), instance)
+        motor = plant.AddJointActuator(old.name(), joint, old.effort_limit())
+        motor.set_default_gear_ratio(old.default_gear_ratio())
+        motor.set_default_rotor_inertia(old.default_rotor_inertia())
+        if old.has_controller():
+            motor.set_controller_gains(old.get_controller_gains())

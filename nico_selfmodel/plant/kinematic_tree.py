@@ -1,5 +1,6 @@
 """A URDF as Drake reads it: links, the joint each hangs on, and the way between two links."""
 
+import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -17,31 +18,32 @@ from nico_selfmodel.names import listed
 from nico_selfmodel.plant.urdf_checks import WORLD, check_urdf
 from nico_selfmodel.plant.urdf_document import read_document
 
+_LITERAL = re.compile(r"<literal-string>\.urdf:\d*:?\s*")
+"""How Drake names the place in what it read from a text."""
+
 
 def rigid(matrix: NDArray) -> RigidTransform:
     """Return Drake's form of a rigid transform. Shape (4, 4)."""
     return RigidTransform(pose=matrix)
 
 
-def parse_urdf(urdf: Path, plant: MultibodyPlant) -> ModelInstanceIndex:
+def parse(plant: MultibodyPlant, urdf: Path, text: str | None = None) -> ModelInstanceIndex:
     """Add the robot of a URDF to a plant.
 
     Packages (`package://`) are looked for in the folders above the file and on ROS_PACKAGE_PATH.
     Meshes are only looked for if the plant has a scene graph.
 
     Args:
-        urdf: The file.
         plant: A plant that is not finalized.
+        urdf: The file.
+        text: What to read in its place, as if it stood there.
 
     Returns:
         The robot's model instance.
 
     Raises:
-        ModelError: If it is not a .urdf, or Drake cannot read it; the message is then Drake's.
+        ModelError: If Drake cannot read it; the message is then Drake's.
     """
-    if urdf.suffix.lower() != ".urdf":
-        raise ModelError(f"{urdf} is not a URDF: its name must end with .urdf")
-    check_urdf(read_document(urdf), urdf)
     parser = Parser(plant)
     packages = parser.package_map()
     try:
@@ -49,9 +51,12 @@ def parse_urdf(urdf: Path, plant: MultibodyPlant) -> ModelInstanceIndex:
             if (folder / "package.xml").is_file():
                 packages.AddPackageXml(str(folder / "package.xml"))
         packages.PopulateFromRosPackagePath()
-        instances = parser.AddModels(str(urdf))
+        if text is None:
+            instances = parser.AddModels(str(urdf))
+        else:
+            instances = parser.AddModelsFromString(text, "urdf")
     except (RuntimeError, ValueError) as error:
-        reason = " ".join(str(error).split()).removeprefix(f"{urdf}:")
+        reason = _LITERAL.sub("", " ".join(str(error).split())).removeprefix(f"{urdf}:")
         raise ModelError(f"{urdf} is not a URDF that Drake can read: {reason}") from error
     return instances[0]
 
@@ -82,8 +87,11 @@ class KinematicTree:
         Raises:
             ModelError: If the file cannot be read or holds no link.
         """
+        if urdf.suffix.lower() != ".urdf":
+            raise ModelError(f"{urdf} is not a URDF: its name must end with .urdf")
+        check_urdf(read_document(urdf), urdf)
         plant = MultibodyPlant(0.0)
-        instance = parse_urdf(urdf, plant)
+        instance = parse(plant, urdf)
         joint_above = {joint.child_body().name(): joint for joint in robot_joints(plant, instance)}
         tree = cls(urdf, plant, instance, joint_above)
         if not tree.links:
@@ -94,6 +102,11 @@ class KinematicTree:
             reason = " ".join(str(error).split())
             raise ModelError(f"{urdf} is not a robot that Drake can move: {reason}") from error
         return tree
+
+    @property
+    def name(self) -> str:
+        """The robot's name in its file."""
+        return self.plant.GetModelInstanceName(self.instance)
 
     @property
     def links(self) -> list[str]:

@@ -1,15 +1,18 @@
 """A self-model as a Drake plant: what was learned sits in the frames of its joints."""
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from types import MappingProxyType
 from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
+from pydrake.autodiffutils import AutoDiffXd
 from pydrake.geometry import SceneGraph
-from pydrake.multibody.plant import AddMultibodyPlantSceneGraph, MultibodyPlant
-from pydrake.multibody.tree import FixedOffsetFrame, Frame, ModelInstanceIndex
+from pydrake.math import RigidTransform_
+from pydrake.multibody.plant import AddMultibodyPlantSceneGraph, MultibodyPlant, MultibodyPlant_
+from pydrake.multibody.tree import Frame, ModelInstanceIndex
+from pydrake.symbolic import Expression
 
 from nico_selfmodel.errors import ModelError
 from nico_selfmodel.model.self_model import SelfModel
@@ -17,29 +20,37 @@ from nico_selfmodel.names import listed
 from nico_selfmodel.plant.description import ArmDescription
 from nico_selfmodel.plant.frames import (
     JointFrames,
+    add_frame,
+    add_robot,
+    check_placeable,
     frame_names,
+    movable_pose,
     place_root,
-    put_joints_on_own_frames,
 )
-from nico_selfmodel.plant.kinematic_tree import WORLD, parse_urdf, rigid
+from nico_selfmodel.plant.kinematic_tree import WORLD, KinematicTree, rigid
 from nico_selfmodel.plant.learned_frames import LearnedFrames, learned_frames
 
-INSTANCE = "self_model"
-"""Model instance of the frames of the tracked points."""
+TIME_STEP = 1e-3
+"""Of a plant that is made here [s].
+
+In continuous time one hand that falls on a plinth takes an error-controlled integrator through
+50,000 steps of down to 2 ns; a discrete plant solves each contact once a step."""
+_SCALARS = (float, AutoDiffXd, Expression)
 
 
 @dataclass(frozen=True, eq=False)
 class SelfModelPlant:
-    """A finalized continuous plant of a whole robot, one arm of which is learned.
+    """A robot in a plant, one arm of which is learned.
 
-    A self-model can be written into any context. The plant's world is then the measuring frame W,
-    and the angles of the learned joints are the self-model's q, so that every tracked point is
-    where `model.chain.forward(q)` has it. Held joints start at their values, all others at zero.
-    The joints' limits are the description's: they fit a self-model whose zeros are the robot's.
+    A self-model can be written into any context. The plant's world, or the frame that the robot was
+    added to, is then the measuring frame W, and the angles of the learned joints are the
+    self-model's q, so that every tracked point is where `model.chain.forward(q)` has it. Held
+    joints start at their values, all others at zero. The joints' limits are the description's:
+    they fit a self-model whose zeros are the robot's.
     """
 
     plant: MultibodyPlant
-    """The robot."""
+    """What the robot is in."""
     instance: ModelInstanceIndex
     """The robot's model instance."""
     arm: ArmDescription
@@ -48,10 +59,64 @@ class SelfModelPlant:
     """Tracked points that have frames."""
     model: SelfModel | None
     """The self-model that new contexts hold; None if they hold the description."""
-    scene_graph: SceneGraph | None
-    """What the robot looks like, if a builder was given."""
-    on_world: Mapping[str, NDArray]
+    hung_frames: Mapping[str, NDArray]
     """Frames by which the robot hangs on the world, and their poses in its root."""
+    scene_graph: SceneGraph | None = None
+    """What the robot looks like, if a builder was given."""
+
+    @classmethod
+    def add_to(
+        cls,
+        plant: MultibodyPlant,
+        arm: ArmDescription,
+        model: SelfModel | None = None,
+        *,
+        name: str | None = None,
+        frame: Frame | None = None,
+    ) -> "SelfModelPlant":
+        """Add a robot to a plant of one's own, beside whatever is in it.
+
+        Time step, contact model and scene graph are the plant's. Frames of the tracked points are
+        in a model instance of their own, `<name>::self_model`.
+
+        Args:
+            plant: It, before `Finalize()`.
+            arm: The robot and the chain.
+            model: What new contexts hold. Without it they hold the description, and the robot's
+                root link stands at the origin.
+            name: Of the robot's model instance; that in its file if omitted.
+            frame: The frame of the plant that is the measuring frame W; the world if omitted.
+
+        Returns:
+            The robot, with which a self-model is written into contexts.
+
+        Raises:
+            ModelError: If the plant is finalized, has a model of this name, or Drake cannot read
+                the robot; or if the self-model has no arm or other joints. All but what only Drake
+                finds (a mesh that is missing) leaves the plant as it was.
+        """
+        if plant.is_finalized():
+            raise ModelError("the plant is finalized already: add the self-model before Finalize()")
+        frames = learned_frames(arm, model.chain if model else arm.chain)
+        tree = KinematicTree.from_urdf(arm.urdf)
+        check_placeable(tree)
+        name = name or tree.name
+        _check_free(plant, name)
+        frame = plant.world_frame() if frame is None else frame
+        X_WR = frames.X_WR if model else np.eye(4)
+        learned = {
+            joint: JointFrames(frames.X_PF[i], frames.X_CM[i]) for i, joint in enumerate(arm.joints)
+        }
+        instance, hung = add_robot(plant, tree, name, learned, frame, X_WR)
+        if arm.links.root_link != WORLD:
+            hung[place_root(plant, instance, arm.links.root_link, frame, X_WR)] = np.eye(4)
+        tip = plant.GetFrameByName(arm.tip_link, instance)
+        hands = plant.AddModelInstance(_hands(name))
+        for marker, X_TH in zip(frames.markers, frames.X_TH, strict=True):
+            add_frame(plant, hands, hand_frame_name(marker), tip, X_TH)
+        for joint, value in arm.held.items():
+            plant.GetJointByName(joint, instance).set_default_positions(np.array([value]))
+        return cls(plant, instance, arm, frames.markers, model, MappingProxyType(hung))
 
     @classmethod
     def from_urdf(
@@ -61,17 +126,18 @@ class SelfModelPlant:
         *,
         builder: Any = None,
         scene_graph: SceneGraph | None = None,
+        time_step: float = TIME_STEP,
     ) -> "SelfModelPlant":
-        """Build the plant.
+        """Build a plant that holds the robot alone, by `add_to`.
 
         Args:
             arm: The robot and the chain.
-            model: What new contexts hold. Without it they hold the description, and the
-                robot's root link stands at the world's origin.
+            model: What new contexts hold, as in `add_to`.
             builder: A `DiagramBuilder` that takes plant and scene graph; the robot's
                 meshes must then be there. Without it the plant has no geometry.
             scene_graph: In place of a builder, a scene graph that the plant's geometry goes into,
                 for a plant that is not part of a diagram; what moves it is up to the caller.
+            time_step: Of the plant [s]; 0 for a continuous one, in which contact is slow.
 
         Returns:
             The plant, finalized.
@@ -79,29 +145,32 @@ class SelfModelPlant:
         Raises:
             ModelError: If the model has other joints, or Drake cannot read the robot.
         """
-        plant = MultibodyPlant(0.0)
+        plant = MultibodyPlant(time_step)
         if builder is not None:
             plant, scene_graph = AddMultibodyPlantSceneGraph(builder, plant)
         elif scene_graph is not None:
             plant.RegisterAsSourceForSceneGraph(scene_graph)
-        instance = parse_urdf(arm.urdf, plant)
-        frames = learned_frames(arm, model.chain if model else arm.chain)
-        X_WR = frames.X_WR if model else np.eye(4)
-        learned = {
-            joint: JointFrames(frames.X_PF[i], frames.X_CM[i]) for i, joint in enumerate(arm.joints)
-        }
-        on_world = put_joints_on_own_frames(plant, instance, learned, X_WR)
-        if arm.links.root_link != WORLD:
-            on_world[place_root(plant, instance, arm.links.root_link, X_WR)] = np.eye(4)
-        tip = plant.GetFrameByName(arm.tip_link, instance)
-        hands = plant.AddModelInstance(INSTANCE)
-        for marker, X_TH in zip(frames.markers, frames.X_TH, strict=True):
-            plant.AddFrame(FixedOffsetFrame(hand_frame_name(marker), tip, rigid(X_TH), hands))
-        for joint, value in arm.held.items():
-            plant.GetJointByName(joint, instance).set_default_positions(np.array([value]))
+        robot = cls.add_to(plant, arm, model)
         plant.Finalize()
-        frozen = MappingProxyType(on_world)
-        return cls(plant, instance, arm, frames.markers, model, scene_graph, frozen)
+        return replace(robot, scene_graph=scene_graph)
+
+    def in_plant(self, plant: Any) -> "SelfModelPlant":
+        """Return the same robot in a converted plant: `ToAutoDiffXd`, `ToSymbolic`, or a clone.
+
+        Held joints start at their values there too: Drake (1.51) forgets them in contexts of a
+        plant that was converted, so their defaults are set anew. Make contexts after this.
+
+        Raises:
+            ModelError: If the robot is not in that plant.
+        """
+        name = self.plant.GetModelInstanceName(self.instance)
+        if not plant.HasModelInstanceNamed(name):
+            raise ModelError(
+                f"the plant has no model {name!r}: give a conversion of the robot's own"
+            )
+        if self._scalar is float:
+            plant.SetDefaultPositions(self.plant.GetDefaultPositions())
+        return replace(self, plant=plant, instance=plant.GetModelInstanceByName(name))
 
     def write(self, context: Any, model: SelfModel) -> None:
         """Write a self-model into a context; other contexts stay as they are.
@@ -127,12 +196,17 @@ class SelfModelPlant:
         for i, joint in enumerate(self.arm.joints):
             name_F, name_M = frame_names(joint)
             poses[name_F], poses[name_M] = frames.X_PF[i], frames.X_CM[i]
-        for name, X_RF in self.on_world.items():
+        for name, X_RF in self.hung_frames.items():
             poses[name] = frames.X_WR @ poses.get(name, X_RF)
-        for name, pose in poses.items():
-            self._joint_frame(name).SetPoseInParentFrame(context, rigid(pose))
-        for marker, X_TH in zip(frames.markers, frames.X_TH, strict=True):
-            self._hand_frame(marker).SetPoseInParentFrame(context, rigid(X_TH))
+        frame_poses: list[tuple[Any, NDArray]] = [
+            (self.plant.GetFrameByName(name, self.instance), pose) for name, pose in poses.items()
+        ]
+        frame_poses += [
+            (self._hand_frame(marker), X_TH)
+            for marker, X_TH in zip(frames.markers, frames.X_TH, strict=True)
+        ]
+        for frame, pose in frame_poses:
+            frame.SetPoseInParentFrame(context, self._rigid(movable_pose(pose)))
 
     def own_context(self, context: Any) -> Any:
         """Return the plant's part of a root context; the plant's own context as it is.
@@ -144,10 +218,13 @@ class SelfModelPlant:
             try:
                 own = find()
                 self.plant.ValidateContext(own)
-            except RuntimeError:
+            except (RuntimeError, TypeError):  # a context of other scalars is a TypeError
                 continue
             return own
-        raise ValueError("context belongs to another plant or diagram")
+        raise ValueError(
+            "context belongs to another plant or diagram; for one that was converted or cloned, "
+            "take the robot by in_plant(plant)"
+        )
 
     def tracked_point_frame(self, marker: str | None = None) -> Frame:
         """Return the frame of a tracked point, the first one if none is named.
@@ -182,12 +259,13 @@ class SelfModelPlant:
         Raises:
             ValueError: If `q` is not n numbers.
         """
-        q = np.asarray(q, dtype=float)
+        q = np.asarray(q)
         if q.shape != (len(self.arm.joints),):
             raise ValueError(f"q must have shape ({len(self.arm.joints)},), got {q.shape}")
         context = self.own_context(context)
         positions = self.plant.GetPositions(context).copy()
-        positions[self.columns] = q
+        T = self._scalar
+        positions[self.columns] = [angle if isinstance(angle, T) else T(angle) for angle in q]
         self.plant.SetPositions(context, positions)
 
     @property
@@ -201,24 +279,37 @@ class SelfModelPlant:
         if model is None:
             raise ValueError("the plant was built without a self-model: give the one to read with")
         self.arm.check_joints(model.joints)
-        readings = np.asarray(readings, dtype=float)
+        readings = np.asarray(readings)
         if readings.shape != (len(self.arm.joints),):
             raise ValueError(
                 f"readings must have shape ({len(self.arm.joints)},), got {readings.shape}"
             )
         return model.servos.to_joint(readings)
 
-    def _joint_frame(self, name: str) -> FixedOffsetFrame:
-        return _movable(self.plant.GetFrameByName(name, self.instance))
+    def _hand_frame(self, marker: str) -> Any:
+        hands = _hands(self.plant.GetModelInstanceName(self.instance))
+        hands = self.plant.GetModelInstanceByName(hands)
+        return self.plant.GetFrameByName(hand_frame_name(marker), hands)
 
-    def _hand_frame(self, marker: str) -> FixedOffsetFrame:
-        hands = self.plant.GetModelInstanceByName(INSTANCE)
-        return _movable(self.plant.GetFrameByName(hand_frame_name(marker), hands))
+    @property
+    def _scalar(self) -> Any:
+        """The numbers that the plant is made of."""
+        return next(T for T in _SCALARS if isinstance(self.plant, MultibodyPlant_[T]))
+
+    def _rigid(self, pose: NDArray) -> Any:
+        T = self._scalar
+        return rigid(pose) if T is float else RigidTransform_[float](pose).cast[T]()
 
 
-def _movable(frame: Frame) -> FixedOffsetFrame:
-    assert isinstance(frame, FixedOffsetFrame)
-    return frame
+def _check_free(plant: MultibodyPlant, name: str) -> None:
+    """Refuse a name that a plant has already."""
+    if plant.HasModelInstanceNamed(name) or plant.HasModelInstanceNamed(_hands(name)):
+        raise ModelError(f"the plant has a model {name!r} already: give this one another name")
+
+
+def _hands(name: str) -> str:
+    """Return the model instance of the frames of a robot's tracked points."""
+    return f"{name}::self_model"
 
 
 def hand_frame_name(marker: str) -> str:

@@ -1,7 +1,7 @@
 """URDF as XML that keeps comments, the order of attributes, and prefixes nobody declared."""
 
 import re
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from pathlib import Path
 from xml.dom import expatbuilder
 from xml.dom.minidom import Document, Element
@@ -21,6 +21,7 @@ SAME = 1e-14
 
 
 _DEEPEST = 50
+_PACKAGED = ("package://", "model://", "file://", "http://", "https://")
 _COMMENT = re.compile(rb"<!--(.*?)-->", re.DOTALL)
 
 
@@ -177,6 +178,20 @@ def append_frame_link(robot: Element, name: str, parent: str, pose: NDArray) -> 
     append(joint, "parent", link=parent)
     append(joint, "child", link=name)
     set_origin(joint, pose)
+
+
+def lead_files(robot: Element, lead: Callable[[str], str]) -> None:
+    """Rewrite relative paths of meshes and textures, which start at the URDF's own folder.
+
+    Args:
+        robot: The `<robot>`.
+        lead: From a path in the file to the one that shall stand there.
+    """
+    for tag in ("mesh", "texture"):
+        for element in robot.getElementsByTagName(tag):
+            name = element.getAttribute("filename")
+            if name and not Path(name).is_absolute() and not name.startswith(_PACKAGED):
+                element.setAttribute("filename", lead(name))
 
 
 def comment_text(text: str) -> str:

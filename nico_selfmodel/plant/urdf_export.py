@@ -20,6 +20,7 @@ from nico_selfmodel.plant.urdf_document import (
     children,
     comment_text,
     document_text,
+    lead_files,
     linked,
     origin_of,
     pose_of,
@@ -32,7 +33,6 @@ from nico_selfmodel.plant.urdf_document import (
 MEASURING_FRAME = "measuring_frame"
 """The link that stands for the measuring frame W."""
 _PARTS = ("visual", "collision", "inertial")
-_PACKAGED = ("package://", "model://", "file://", "http://", "https://")
 
 
 def learned_urdf(
@@ -66,7 +66,11 @@ def learned_urdf(
     else:
         document = _edited_document(model, description)
         if folder is not None:
-            _lead_from(robot_element(document), description.urdf.parent, Path(folder))
+            original, there = description.urdf.parent, real_path(Path(folder))
+            lead_files(
+                robot_element(document),
+                lambda name: Path(os.path.relpath(original / name, there)).as_posix(),
+            )
     note = comment_text(
         f" The learned geometry of {model.name}. Joint positions are angles of the links: offsets "
         "and gears of the encoders are in self_model.yaml, a URDF cannot hold them. "
@@ -174,13 +178,3 @@ def _remove_bare_link(robot: Element, name: str) -> None:
             )
         robot.removeChild(link)
         robot.removeChild(mount)
-
-
-def _lead_from(robot: Element, original: Path, folder: Path) -> None:
-    """Rewrite relative paths of meshes and textures, which start at the URDF's own folder."""
-    for tag in ("mesh", "texture"):
-        for element in robot.getElementsByTagName(tag):
-            name = element.getAttribute("filename")
-            if name and not Path(name).is_absolute() and not name.startswith(_PACKAGED):
-                path = os.path.relpath(original / name, real_path(folder))
-                element.setAttribute("filename", Path(path).as_posix())

@@ -30,10 +30,12 @@ ALLOWED = {
     "estimation": {"numpy"},
     "plant": {
         "numpy",
+        "pydrake.autodiffutils",
         "pydrake.common",
         "pydrake.geometry",
         "pydrake.math",
         "pydrake.multibody",
+        "pydrake.symbolic",
         "pydrake.systems.framework",
     },
     "vision": {"cv2", "numpy"},

@@ -215,9 +215,12 @@ def test_a_robot_that_its_file_fixes_to_the_world_is_moved_to_where_it_is(
     assert_points_agree(built, built.plant.CreateDefaultContext(), model)
 
 
-def test_a_robot_that_cannot_be_placed_or_rebuilt_is_refused(on_the_world):
+def test_a_robot_that_cannot_be_placed_is_refused(on_the_world):
     with pytest.raises(ModelError, match="joint 'mount' to the world is prismatic"):
         SelfModelPlant.from_urdf(on_the_world("prismatic"))
+
+
+def test_a_robot_keeps_its_bushing(on_the_world):
     bushing = (
         '<frame name="p" link="a"/><frame name="q" link="b"/><drake:linear_bushing_rpy>'
         '<drake:bushing_frameA name="p"/><drake:bushing_frameC name="q"/>'
@@ -228,8 +231,8 @@ def test_a_robot_that_cannot_be_placed_or_rebuilt_is_refused(on_the_world):
         )
         + "</drake:linear_bushing_rpy>"
     )
-    with pytest.raises(ModelError, match="has a bushing"):
-        SelfModelPlant.from_urdf(on_the_world("fixed", bushing))
+    plant = SelfModelPlant.from_urdf(on_the_world("fixed", bushing)).plant
+    assert plant.num_force_elements() == 2  # and gravity
 
 
 def test_what_does_not_fit_is_refused(describe, learn):

@@ -17,6 +17,8 @@ class ServoMap:
     The thesis' eq. 6.8 with the unit and the wiring made explicit. The gear of a self-model is
     positive: whichever way a joint turns belongs to the direction of its axis, unless `sign` states
     it as a fact. A solver may pass through negative gears on its way.
+
+    Readings and angles may be Drake's `AutoDiffXd` and `Expression` too.
     """
 
     joints: tuple[str, ...]
@@ -56,7 +58,7 @@ class ServoMap:
 
     def to_radians(self, readings: ArrayLike) -> NDArray:
         """Return encoder angles [rad] of readings in their own unit. Shape (..., n)."""
-        return np.asarray(readings, dtype=float) * self.radians_per_unit
+        return np.asarray(readings) * self.radians_per_unit
 
     def to_joint(self, readings: ArrayLike) -> NDArray:
         """Return joint displacements q [rad] of readings. Shape (..., n)."""
@@ -64,7 +66,7 @@ class ServoMap:
 
     def to_encoder(self, q: ArrayLike) -> NDArray:
         """Return the readings at joint displacements q [rad]. Shape (..., n)."""
-        return (self.offset + self.gear * np.asarray(q, dtype=float)) / self.radians_per_unit
+        return (self.offset + self.gear * np.asarray(q)) / self.radians_per_unit
 
     def rezeroed(self, q: ArrayLike) -> "ServoMap":
         """Return the same servos with zero displacement moved to `q` [rad]. Shape (n,)."""
