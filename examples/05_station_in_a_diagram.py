@@ -14,15 +14,15 @@ arm = nico.arm
 guess = VisibleWorkspace.of(arm).first_guess(nico.joints)  # the robot as described, nothing learned
 predictor = builder.AddNamedSystem("predictor", SelfModelPredictor(guess, "fiducial"))
 builder.Connect(nico.GetOutputPort("encoders"), predictor.GetInputPort("encoders"))
-seen = LogVectorOutput(nico.GetOutputPort("hand_pixels"), builder, 0.5)
-expected = LogVectorOutput(predictor.GetOutputPort("pixels"), builder, 0.5)
+seen = LogVectorOutput(nico.GetOutputPort("pixels"), builder, 0.5)
+expected = LogVectorOutput(predictor.GetOutputPort("pixels_predicted"), builder, 0.5)
 diagram = builder.Build()
 
 simulator = Simulator(diagram)
 context = simulator.get_mutable_context()
 pose = np.radians([[-30.0, 50.0, 0.0, -70.0]])
 command = commands_of_angles(nico.joints, arm.lower, arm.upper, pose)[0]
-nico.GetInputPort("command").FixValue(nico.GetMyMutableContextFromRoot(context), command)
+nico.GetInputPort("encoders_commanded").FixValue(nico.GetMyMutableContextFromRoot(context), command)
 simulator.AdvanceTo(2.0)
 
 tracked = seen.FindLog(context).data()[:4, -1].reshape(2, 2)

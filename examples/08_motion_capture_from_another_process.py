@@ -27,13 +27,13 @@ def serve() -> None:
         builder = DiagramBuilder()
         nico = builder.AddSystem(NicoStation("thesis", 1, quality=ImageQuality(1)))
         sender = builder.AddSystem(MotionCaptureSender(server, rate=50.0))
-        builder.Connect(nico.GetOutputPort("measured_positions"), sender.get_input_port())
+        builder.Connect(nico.GetOutputPort("p_WH_measured"), sender.get_input_port())
         simulator = Simulator(builder.Build())
         context = nico.GetMyMutableContextFromRoot(simulator.get_mutable_context())
         pose = np.radians([[-40.0, 15.0, -35.0, -55.0]])
         arm = nico.arm
         command = commands_of_angles(nico.joints, arm.lower, arm.upper, pose)[0]
-        nico.GetInputPort("command").FixValue(context, command)
+        nico.GetInputPort("encoders_commanded").FixValue(context, command)
         while server.clients == 0:
             time.sleep(0.05)
         simulator.set_target_realtime_rate(1.0)

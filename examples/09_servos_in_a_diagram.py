@@ -10,7 +10,7 @@ from pydrake.systems.framework import BasicVector, Context, DiagramBuilder, Leaf
 from pydrake.systems.primitives import LogVectorOutput
 
 from nico_selfmodel.servos import JointServo, ServoConfig, SimulatedBus
-from nico_selfmodel.systems import ServoDriver
+from nico_selfmodel.systems import AnglesToEncoders, ServoDriver
 
 ELBOW, WRIST = 0, 1
 
@@ -21,7 +21,7 @@ class Swing(LeafSystem):
     def __init__(self) -> None:
         """Have one port."""
         super().__init__()
-        self.DeclareVectorOutputPort("wish", BasicVector(2), self._wish)
+        self.DeclareVectorOutputPort("q_commanded", BasicVector(2), self._wish)
 
     def _wish(self, context: Context, wish: BasicVector) -> None:
         wish[ELBOW] = 0.3 * np.sin(2.0 * context.get_time())
@@ -40,8 +40,10 @@ with SimulatedBus(2) as bus, ServoDriver(bus.name, config, trust_zero=True) as s
     builder = DiagramBuilder()
     swing = builder.AddNamedSystem("swing", Swing())
     builder.AddNamedSystem("servos", servos)
-    builder.Connect(swing.get_output_port(), servos.GetInputPort("commanded_positions"))
-    log = LogVectorOutput(servos.GetOutputPort("joint_positions"), builder, 0.05)
+    counts = builder.AddNamedSystem("counts", AnglesToEncoders(servos.servos))
+    builder.Connect(swing.get_output_port(), counts.get_input_port())
+    builder.Connect(counts.get_output_port(), servos.GetInputPort("encoders_commanded"))
+    log = LogVectorOutput(servos.GetOutputPort("q_measured"), builder, 0.05)
     diagram = builder.Build()
 
     servos.enable()  # only now the motors hold, and only a command moves them

@@ -29,7 +29,7 @@ encoders[JUMP_AT:, elbow] += np.radians(2.0) / day.joints[elbow].radians_per_uni
 
 builder = DiagramBuilder()
 monitor = builder.AddSystem(SelfModelMonitor(learned, PERIOD))
-for port, values in (("encoders", encoders), ("p_WH", day.p_WH_measured)):
+for port, values in (("encoders", encoders), ("p_WH_measured", day.p_WH_measured)):
     held = PiecewisePolynomial.ZeroOrderHold(PERIOD * np.arange(len(values)) - 1e-3, values.T)
     source = builder.AddSystem(TrajectorySource(held))
     builder.Connect(source.get_output_port(), monitor.GetInputPort(port))

@@ -1,4 +1,7 @@
-"""Rotations and unit vectors: Rodrigues, logarithm, roll-pitch-yaw, charts of the sphere."""
+"""Rotations and unit vectors: Rodrigues, logarithm, roll-pitch-yaw, charts of the sphere.
+
+Vectors of `skew` and angles of `rotation_about` may be Drake's `AutoDiffXd` or `Expression`.
+"""
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -13,8 +16,8 @@ def skew(v: ArrayLike) -> NDArray:
     Returns:
         Shape (..., 3, 3).
     """
-    v = np.asarray(v, dtype=float)
-    out = np.zeros((*v.shape[:-1], 3, 3))
+    v = np.asarray(v)
+    out = np.zeros((*v.shape[:-1], 3, 3), np.result_type(v, float))
     out[..., 0, 1], out[..., 0, 2], out[..., 1, 2] = -v[..., 2], v[..., 1], -v[..., 0]
     return out - np.swapaxes(out, -1, -2)
 
@@ -29,7 +32,7 @@ def rotation_about(axis: ArrayLike, angle: ArrayLike) -> NDArray:
     Returns:
         Rotation matrices. Shape (..., 3, 3).
     """
-    axis = np.asarray(axis, dtype=float)
+    axis, angle = np.asarray(axis, dtype=float), np.asarray(angle)
     cosine = np.cos(angle)[..., None, None]
     sine = np.sin(angle)[..., None, None]
     outer = axis[..., :, None] * axis[..., None, :]

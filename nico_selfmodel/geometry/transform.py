@@ -1,4 +1,7 @@
-"""Rigid transforms as 4 x 4 matrices, stacked along leading axes."""
+"""Rigid transforms as 4 x 4 matrices, stacked along leading axes.
+
+What may hold Drake's `AutoDiffXd` or `Expression` is an array of objects then.
+"""
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -14,9 +17,9 @@ def transform(rotation: ArrayLike, translation: ArrayLike) -> NDArray:
     Returns:
         Shape (..., 4, 4).
     """
-    rotation, translation = np.asarray(rotation, dtype=float), np.asarray(translation, dtype=float)
+    rotation, translation = np.asarray(rotation), np.asarray(translation)
     lead = np.broadcast_shapes(rotation.shape[:-2], translation.shape[:-1])
-    out = np.zeros((*lead, 4, 4))
+    out = np.zeros((*lead, 4, 4), np.result_type(rotation, translation, float))
     out[..., :3, :3], out[..., :3, 3], out[..., 3, 3] = rotation, translation, 1.0
     return out
 

@@ -223,7 +223,7 @@ class SelfModel:
         """Predict tracked points from encoder readings.
 
         Args:
-            readings: In the encoders' own units. Shape (N, n) or (n,).
+            readings: In the encoders' own units, floats or Drake's scalars. Shape (N, n) or (n,).
             marker: Name of a tracked point, or its index for each pose; the first if omitted.
 
         Returns:
@@ -232,7 +232,7 @@ class SelfModel:
         Raises:
             ValueError: If the readings have not n columns or the marker does not exist.
         """
-        readings = np.atleast_2d(np.asarray(readings, dtype=float))
+        readings = np.atleast_2d(np.asarray(readings))
         if readings.ndim != 2 or readings.shape[1] != len(self.joints):
             raise ValueError(
                 f"readings must have shape (N, {len(self.joints)}) for the joints "

@@ -185,7 +185,7 @@ class RenderedNico:
 
 def _observed(body: StationBody, station: NicoStation) -> ObservedBody:
     """Let the station's motion capture measure the hand, in the true left camera's frame."""
-    truth, port = station.ground_truth, station.GetOutputPort("measured_positions")
+    truth, port = station.ground_truth, station.GetOutputPort("p_WH_measured")
 
     def locate() -> NDArray:
         return truth.locate(np.array(port.Eval(body.context), dtype=float).reshape(-1, 3))

@@ -94,7 +94,7 @@ class Watching(Closable):
         """
         context = self.body.context
         readings = self._read("encoders")
-        pixels = self._read("hand_pixels")
+        pixels = self._read("pixels")
         images = [self.station.picture(context, camera) for camera in SIDES]
         p_WH = self.model.predict(readings).p_WH
         expected = self.model.rig.project(p_WH)[0]
@@ -153,7 +153,7 @@ class Watching(Closable):
                 meshcat.GetSliderValue(f"{joint.name} [deg]") for joint in self.station.joints
             ]
             command = servos.to_encoder(np.radians(wanted))
-            self.station.GetInputPort("command").FixValue(self.body.context, command)
+            self.station.GetInputPort("encoders_commanded").FixValue(self.body.context, command)
             simulator.AdvanceTo(first + time.monotonic() - began)
             tell(self.show())
         meshcat.DeleteAddedControls()

@@ -2,8 +2,9 @@
 
 `NicoStation` is a whole simulated robot, `NicoHardwareStation` the real one with the same ports, of
 `ServoDriver` and `CameraDriver`; `StereoCameras`, `HandTracker`, `SelfModelPredictor`,
-`MotionCapture` and `EncoderModel` are its parts, each usable alone. `StationBody` drives a station
-from pose to pose.
+`MotionCapture` and `EncoderModel` are its parts, each usable alone. `EncodersToAngles` and
+`AnglesToEncoders` stand between what is read and commanded and the angles that Drake speaks of.
+`StationBody` drives a station from pose to pose.
 """
 
 from typing import TYPE_CHECKING
@@ -36,12 +37,15 @@ if TYPE_CHECKING:
     from nico_selfmodel.systems.tracking.reflection_detectors import default_mirror_detectors
     from nico_selfmodel.systems.tracking.self_model_monitor import SelfModelMonitor
     from nico_selfmodel.systems.tracking.self_model_predictor import SelfModelPredictor
+    from nico_selfmodel.systems.tracking.servo_maps import AnglesToEncoders, EncodersToAngles
 
 __all__ = [
     "IMPERFECTIONS",
+    "AnglesToEncoders",
     "CameraDriver",
     "CameraMeasurement",
     "EncoderModel",
+    "EncodersToAngles",
     "HandTracker",
     "ImageQuality",
     "Imperfections",
@@ -102,5 +106,9 @@ __getattr__, __dir__ = lazy_names(
         "tracking.reflection_detectors": ("default_mirror_detectors",),
         "tracking.self_model_monitor": ("SelfModelMonitor",),
         "tracking.self_model_predictor": ("SelfModelPredictor",),
+        "tracking.servo_maps": (
+            "AnglesToEncoders",
+            "EncodersToAngles",
+        ),
     },
 )

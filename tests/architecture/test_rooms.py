@@ -42,6 +42,7 @@ ALLOWED = {
     "servos": {"numpy", "serial"},
     "systems": {
         "numpy",
+        "pydrake.autodiffutils",
         "pydrake.common",
         "pydrake.geometry",
         "pydrake.math",

@@ -23,7 +23,7 @@ class FixedArm(LeafSystem):
     def __init__(self, n):
         super().__init__()
         self._rows = np.zeros(len(ArmState.ROWS) * n)
-        self._command = self.DeclareVectorInputPort("commanded_positions", n)
+        self._command = self.DeclareVectorInputPort("encoders_commanded", n)
         self.DeclareDiscreteState(self._rows)
         self.DeclarePeriodicDiscreteUpdateEvent(PERIOD, 0.0, self._copy)
         self.DeclarePeriodicPublishEvent(PERIOD, 0.0, self._look)
@@ -40,7 +40,9 @@ class FixedArm(LeafSystem):
 
 def ready(system):
     simulator = Simulator(system)
-    system.get_input_port().FixValue(simulator.get_mutable_context(), np.full(6, 1.5))
+    system.get_input_port().FixValue(
+        simulator.get_mutable_context(), np.full(6, 1.5 * 2e5 / math.tau)
+    )
     simulator.Initialize()
     return simulator
 

@@ -29,13 +29,15 @@ def test_a_station_with_tracker_predictor_and_logger_renders_three_pairs_a_secon
     guess = VisibleWorkspace.of(nico.arm).first_guess(nico.joints)
     predictor = builder.AddSystem(SelfModelPredictor(guess, "fiducial"))
     builder.Connect(nico.GetOutputPort("encoders"), predictor.GetInputPort("encoders"))
-    log = LogVectorOutput(nico.GetOutputPort("hand_pixels"), builder, 1.0 / FPS)
-    LogVectorOutput(predictor.GetOutputPort("pixels"), builder, 1.0 / FPS)
+    log = LogVectorOutput(nico.GetOutputPort("pixels"), builder, 1.0 / FPS)
+    LogVectorOutput(predictor.GetOutputPort("pixels_predicted"), builder, 1.0 / FPS)
     simulator = Simulator(builder.Build())
     context = simulator.get_mutable_context()
     arm, pose = nico.arm, np.radians([[-30.0, 50.0, 0.0, -70.0]])
     command = commands_of_angles(nico.joints, arm.lower, arm.upper, pose)[0]
-    nico.GetInputPort("command").FixValue(nico.GetMyMutableContextFromRoot(context), command)
+    nico.GetInputPort("encoders_commanded").FixValue(
+        nico.GetMyMutableContextFromRoot(context), command
+    )
     simulator.Initialize()
     began, used = time.perf_counter(), time.process_time()
     simulator.AdvanceTo(SECONDS)

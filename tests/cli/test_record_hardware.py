@@ -92,7 +92,7 @@ def test_real_cameras_may_be_folders_of_pictures(homed, command, tmp_path):
     simulator = Simulator(station)
     q = np.radians([-40.0, 15.0, -35.0, -55.0])
     there = commands_of_angles(station.joints, station.arm.lower, station.arm.upper, [q])[0]
-    station.GetInputPort("command").FixValue(simulator.get_mutable_context(), there)
+    station.GetInputPort("encoders_commanded").FixValue(simulator.get_mutable_context(), there)
     simulator.AdvanceTo(1.5)
     (tmp_path / "seen").mkdir()
     for side in ("left", "right"):
@@ -104,7 +104,7 @@ def test_real_cameras_may_be_folders_of_pictures(homed, command, tmp_path):
     done = command("record", "--out", tmp_path / "data", *homed[0], *cameras, *few)
     assert done.returncode == 0, done.stderr
     data = load_dataset(tmp_path / "data")
-    seen = station.GetOutputPort("hand_pixels").Eval(simulator.get_context())[:4]
+    seen = station.GetOutputPort("pixels").Eval(simulator.get_context())[:4]
     assert data.marker.tolist() == ["fiducial"]
     assert data.pixels[0] == pytest.approx(seen, abs=1.0)
     assert data.image_size == (640, 480)

@@ -64,7 +64,7 @@ def outputs(system):
 def test_a_station_that_was_closed_refuses_every_port(plate):
     with NicoStation("thesis", 3, quality=ROUGH, mirror=plate) as station:
         context = station.CreateDefaultContext()
-        station.GetInputPort("command").FixValue(context, np.zeros(len(station.joints)))
+        station.GetInputPort("encoders_commanded").FixValue(context, np.zeros(len(station.joints)))
         assert station.picture(context, "left").any()
         fresh = station.CreateDefaultContext()
     for port in outputs(station):
@@ -83,7 +83,7 @@ def test_a_diagram_whose_station_was_closed_does_not_go_on():
     station = builder.AddSystem(NicoStation("thesis", 3, quality=ROUGH))
     simulator = Simulator(builder.Build())
     context = station.GetMyMutableContextFromRoot(simulator.get_mutable_context())
-    station.GetInputPort("command").FixValue(context, np.zeros(len(station.joints)))
+    station.GetInputPort("encoders_commanded").FixValue(context, np.zeros(len(station.joints)))
     simulator.AdvanceTo(0.05)
     station.close()
     with pytest.raises(RobotError, match="was closed"):

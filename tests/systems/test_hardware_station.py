@@ -66,10 +66,10 @@ def pose():
     q = np.radians([-40.0, 15.0, -35.0, -55.0])
     share = (q - station.arm.lower) / (station.arm.upper - station.arm.lower)
     low, high = (np.array([getattr(j, e) for j in station.joints]) for e in ("lower", "upper"))
-    station.GetInputPort("command").FixValue(context, low + share * (high - low))
+    station.GetInputPort("encoders_commanded").FixValue(context, low + share * (high - low))
     simulator.AdvanceTo(1.5)
     pictures = [station.picture(context, camera) for camera in ("left", "right")]
-    return pictures, np.array(station.GetOutputPort("hand_pixels").Eval(context))
+    return pictures, np.array(station.GetOutputPort("pixels").Eval(context))
 
 
 @pytest.fixture
@@ -136,7 +136,7 @@ def test_the_cameras_show_the_newest_pictures_and_the_tracker_finds_the_hand(cam
         root = station.CreateDefaultContext()
         cameras_context = driver.GetMyMutableContextFromRoot(root)
         cameras_context.SetAbstractState(0, [driver.capture.latest()])
-        pixels = np.array(station.GetOutputPort("hand_pixels").Eval(root))
+        pixels = np.array(station.GetOutputPort("pixels").Eval(root))
     assert np.isfinite(pixels).sum() >= 4
     assert np.array_equal(pixels, pose[1], equal_nan=True)
     assert not driver.capture.is_open
@@ -160,10 +160,10 @@ def test_a_lost_camera_is_raised_from_the_diagram_with_its_cause(cameras):
 def test_instruments_that_are_not_there_say_so_when_they_are_asked():
     station = NicoHardwareStation(ServoDriver("nowhere", of_the_thesis(("elbow",))))
     context = station.CreateDefaultContext()
-    for name in ("left_image", "hand_pixels", "hand_reasons"):
+    for name in ("left_image", "pixels", "reasons"):
         with pytest.raises(RobotError, match="has no cameras"):
             station.GetOutputPort(name).Eval(context)
-    for name in ("measured_positions", "frame_number"):
+    for name in ("p_WH_measured", "frame_number"):
         with pytest.raises(RobotError, match="has no motion capture"):
             station.GetOutputPort(name).Eval(context)
     with pytest.raises(RobotError, match="has no cameras"):
@@ -298,7 +298,7 @@ def test_a_tracker_that_goes_away_is_an_error_of_the_station():
         server.send(MarkerFrame(1, 0.0, {"hand": None}))
         simulator = Simulator(station)
         simulator.Initialize()
-        measured = station.GetOutputPort("measured_positions").Eval(simulator.get_context())
+        measured = station.GetOutputPort("p_WH_measured").Eval(simulator.get_context())
         assert np.isnan(measured).all()
         server.close()
         with pytest.raises(RobotError, match="has ended"):

@@ -159,7 +159,7 @@ def tracked(tracker, images, expected=None):
         write_bgr(image, value.get_mutable_value())
         tracker.GetInputPort(f"{name}_image").FixValue(context, value)
     if expected is not None:
-        tracker.GetInputPort("expected_pixels").FixValue(context, expected)
+        tracker.GetInputPort("pixels_predicted").FixValue(context, expected)
     ports = [tracker.get_output_port(i) for i in range(tracker.num_output_ports())]
     return {port.get_name(): port.Eval(context) for port in ports}
 
@@ -188,7 +188,7 @@ def test_a_marker_that_is_out_of_sight_gets_no_pixel(world):
         assert not np.any(values[f"{kind}seen"])
         assert all(values[f"{kind}reasons"])
     assert all(
-        f"`{port}`" in HandTracker.__doc__ for port in [*values, "expected_pixels", "left_image"]
+        f"`{port}`" in HandTracker.__doc__ for port in [*values, "pixels_predicted", "left_image"]
     )
 
 

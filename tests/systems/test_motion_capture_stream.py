@@ -187,7 +187,7 @@ def test_a_diagram_sends_and_another_receives(server, client):
     simulator = Simulator(receiver)
     simulator.Initialize()
     context = simulator.get_context()
-    measured = receiver.GetOutputPort("measured_positions").Eval(context)
+    measured = receiver.GetOutputPort("p_WH_measured").Eval(context)
     assert measured[:3] == pytest.approx(POINT)
     assert np.isnan(measured[3:]).all()
     assert receiver.GetOutputPort("frame_number").Eval(context)[0] >= 0.0
@@ -207,12 +207,12 @@ def measured(tracker, time, positions):
     context = tracker.CreateDefaultContext()
     context.SetTime(time)
     tracker.get_input_port().FixValue(context, positions)
-    return tracker.GetOutputPort("measured_positions").Eval(context)
+    return tracker.GetOutputPort("p_WH_measured").Eval(context)
 
 
 def test_motion_capture_has_a_frame_noise_and_losses_of_its_own():
-    X_TW = np.diag([-1.0, -1.0, 1.0, 1.0])
-    exact = MotionCapture(["hand"], X_TW=X_TW)
+    X_WB = np.diag([-1.0, -1.0, 1.0, 1.0])
+    exact = MotionCapture(["hand"], X_WB=X_WB)
     assert measured(exact, 0.0, POINT) == pytest.approx([-0.1, 0.2, 0.3])
     noisy = MotionCapture(["hand"], sigma=1e-3, dropout_share=0.25, seed=4)
     seen = np.array([measured(noisy, k / 100.0, POINT) for k in range(800)])

@@ -29,10 +29,10 @@ PORTS = {
     "encoders",
     "left_image",
     "right_image",
-    "hand_pixels",
-    "hand_seen",
-    "hand_reasons",
-    "measured_positions",
+    "pixels",
+    "seen",
+    "reasons",
+    "p_WH_measured",
     "frame_number",
 }
 
@@ -51,10 +51,10 @@ def sensed(station, seconds=1.5):
     """Send the arm to the looking pose; return everything that the ports then carry."""
     simulator = Simulator(station)
     context = simulator.get_mutable_context()
-    station.GetInputPort("command").FixValue(context, command(station))
+    station.GetInputPort("encoders_commanded").FixValue(context, command(station))
     simulator.AdvanceTo(seconds)
     values = {}
-    for port in sorted(PORTS - {"hand_reasons"}):
+    for port in sorted(PORTS - {"reasons"}):
         value = station.GetOutputPort(port).Eval(context)
         values[port] = np.array(getattr(value, "data", value))
     return values
@@ -63,7 +63,7 @@ def sensed(station, seconds=1.5):
 def test_the_ports_are_those_that_real_hardware_could_have(station):
     inputs = [station.get_input_port(i).get_name() for i in range(station.num_input_ports())]
     outputs = [station.get_output_port(i).get_name() for i in range(station.num_output_ports())]
-    assert inputs == ["command"]
+    assert inputs == ["encoders_commanded"]
     assert set(outputs) == PORTS
     assert all(f"`{port}`" in NicoStation.__doc__ for port in [*inputs, *outputs])
 
@@ -82,7 +82,7 @@ def test_another_individual_and_another_day_are_others(station):
     day = sensed(NicoStation("thesis", 3, 1, quality=ROUGH))
     assert np.array_equal(here["encoders"], day["encoders"])
     assert not np.array_equal(here["left_image"], day["left_image"])
-    assert not np.array_equal(here["measured_positions"], day["measured_positions"])
+    assert not np.array_equal(here["p_WH_measured"], day["p_WH_measured"])
 
 
 def test_no_port_and_no_public_attribute_shows_the_truth(station):
@@ -119,7 +119,7 @@ def test_motion_capture_sees_the_hand_where_the_true_arm_has_it_up_to_its_frame(
     values = sensed(clean)
     q = body.mechanics.servos.to_joint(values["encoders"])
     p = body.mechanics.chain.forward(np.tile(q, (3, 1)), np.arange(3))
-    measured = values["measured_positions"].reshape(3, 3)
+    measured = values["p_WH_measured"].reshape(3, 3)
     for i, j in ((0, 1), (0, 2), (1, 2)):
         expected = np.linalg.norm(p[i] - p[j])
         assert np.linalg.norm(measured[i] - measured[j]) == pytest.approx(expected, abs=1e-9)
@@ -133,7 +133,7 @@ def test_pixels_are_where_the_true_cameras_project_the_true_hand():
     q = body.mechanics.servos.to_joint(values["encoders"])
     p_BH = body.mechanics.chain.forward(q, station.arm.markers.index("fiducial"))
     plant_rig = true_rig(station, body)
-    found = values["hand_pixels"][:4]
+    found = values["pixels"][:4]
     assert found == pytest.approx(plant_rig.project(p_BH), abs=0.6)
 
 
@@ -179,12 +179,12 @@ def test_a_users_own_diagram_predicts_and_logs_and_leaves_no_thread(station):
     for camera in ("left_image", "right_image"):
         builder.Connect(nico.GetOutputPort(camera), tracker.GetInputPort(camera))
     seen = LogVectorOutput(tracker.GetOutputPort("pixels"), builder, 1.0)
-    expected = LogVectorOutput(predictor.GetOutputPort("pixels"), builder, 1.0)
+    expected = LogVectorOutput(predictor.GetOutputPort("pixels_predicted"), builder, 1.0)
     diagram = builder.Build()
     simulator = Simulator(diagram)
     context = simulator.get_mutable_context()
     own = nico.GetMyMutableContextFromRoot(context)
-    nico.GetInputPort("command").FixValue(own, command(nico))
+    nico.GetInputPort("encoders_commanded").FixValue(own, command(nico))
     simulator.AdvanceTo(2.0)
     tracked = seen.FindLog(context).data()[:, -1]
     predicted = expected.FindLog(context).data()[:, -1]

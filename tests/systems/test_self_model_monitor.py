@@ -118,9 +118,9 @@ def test_a_model_without_cameras_watches_points(case):
     )
     unobservable = replace(model, cameras={}, covariance=known, pixel_sigma=None)
     monitor = SelfModelMonitor(unobservable, PERIOD)
-    assert monitor.GetInputPort("p_WH").size() == 3
+    assert monitor.GetInputPort("p_WH_measured").size() == 3
     data = poses(case, 8, np.radians(4.0), observed=True)
-    outputs, _ = watch(monitor, replace(data, pixels=None), "p_WH")
+    outputs, _ = watch(monitor, replace(data, pixels=None), "p_WH_measured")
     assert outputs[-1][2] == 1.0
 
 

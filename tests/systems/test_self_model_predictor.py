@@ -1,9 +1,12 @@
-"""The predictor's ports say what the self-model says."""
+"""The predictor's ports, and the servo map's, say what the self-model says, in any scalars."""
 
 from dataclasses import replace
 
 import numpy as np
 import pytest
+from pydrake.autodiffutils import ExtractGradient, ExtractValue, InitializeAutoDiff
+from pydrake.symbolic import Expression, MakeVectorVariable
+from pydrake.systems.framework import DiagramBuilder
 
 from nico_selfmodel.errors import ModelError
 from nico_selfmodel.model.arm.dh_table import DhTable
@@ -12,9 +15,13 @@ from nico_selfmodel.model.cameras.camera import Camera
 from nico_selfmodel.model.self_model import ParameterCovariance, SelfModel
 from nico_selfmodel.plant import ArmDescription
 from nico_selfmodel.systems.tracking.self_model_predictor import SelfModelPredictor
+from nico_selfmodel.systems.tracking.servo_maps import AnglesToEncoders, EncodersToAngles
 
 ARM = ArmDescription.named("nico")
 Q = np.radians([-50.0, 30.0, -20.0, -75.0])
+
+
+PORTS = ("p_WH_predicted", "covariance", "pixels_predicted")
 
 
 def model(cameras=True, known=True, below=0.3):
@@ -41,22 +48,24 @@ def test_the_ports_agree_with_the_self_model():
     known = model()
     predictor = SelfModelPredictor(known)
     prediction = known.predict(Q)
-    assert output(predictor, "p_WH") == pytest.approx(prediction.p_WH[0])
+    assert output(predictor, "p_WH_predicted") == pytest.approx(prediction.p_WH[0])
     covariance = output(predictor, "covariance").reshape(3, 3)
     assert covariance == pytest.approx(prediction.covariance[0])
     assert np.trace(covariance) > 0.0
-    assert output(predictor, "pixels") == pytest.approx(known.rig.project(prediction.p_WH)[0])
-    assert output(predictor, "pixels")[0] == pytest.approx(320.0)
+    assert output(predictor, "pixels_predicted") == pytest.approx(
+        known.rig.project(prediction.p_WH)[0]
+    )
+    assert output(predictor, "pixels_predicted")[0] == pytest.approx(320.0)
 
 
 def test_a_hand_behind_the_cameras_has_no_pixels():
-    assert np.isfinite(output(SelfModelPredictor(model()), "pixels")).all()
-    assert np.isnan(output(SelfModelPredictor(model(below=-0.1)), "pixels")).all()
+    assert np.isfinite(output(SelfModelPredictor(model()), "pixels_predicted")).all()
+    assert np.isnan(output(SelfModelPredictor(model(below=-0.1)), "pixels_predicted")).all()
 
 
 def test_what_is_not_known_is_nan_and_what_is_not_there_has_no_port():
     assert np.isnan(output(SelfModelPredictor(model(known=False)), "covariance")).all()
-    assert not SelfModelPredictor(model(cameras=False)).HasOutputPort("pixels")
+    assert not SelfModelPredictor(model(cameras=False)).HasOutputPort("pixels_predicted")
 
 
 def test_a_model_without_an_arm_or_marker_is_refused():
@@ -64,3 +73,82 @@ def test_a_model_without_an_arm_or_marker_is_refused():
         SelfModelPredictor(SelfModel("cameras"))
     with pytest.raises(ValueError, match="no marker"):
         SelfModelPredictor(model(), "nose")
+
+
+def geared():
+    """Return a self-model whose encoders are not its joints."""
+    n = len(ARM.joints)
+    servos = ServoMap(
+        ARM.joints, np.linspace(-0.3, 0.2, n), np.linspace(0.9, 1.4, n), ("counts",) * n,
+        np.full(n, 4096.0), np.array([1.0, -1.0, 1.0, 1.0]),
+    )  # fmt: skip
+    known = ParameterCovariance(("right_elbow.gear", "right_shoulder_roll.r"), [[4, 1], [1, 2]])
+    return replace(model(), servo_map=servos, covariance=known)
+
+
+@pytest.mark.parametrize("port", PORTS)
+def test_derivatives_of_the_converted_predictor_are_central_differences(port):
+    known = geared()
+    readings, h = known.servos.to_encoder(Q), 1e-3
+    predictor = SelfModelPredictor(known)
+    seen = output(predictor.ToAutoDiffXd(), port, InitializeAutoDiff(readings).ravel())
+    np.testing.assert_allclose(ExtractValue(seen).ravel(), output(predictor, port, readings))
+    differences = [
+        output(predictor, port, readings + step) - output(predictor, port, readings - step)
+        for step in h * np.eye(len(readings))
+    ]
+    expected = np.array(differences).T / (2.0 * h)
+    assert np.abs(expected).max() > 0.0
+    np.testing.assert_allclose(ExtractGradient(seen), expected, rtol=1e-6, atol=1e-9)
+
+
+@pytest.mark.parametrize("port", PORTS)
+def test_expressions_of_the_converted_predictor_have_its_values(port):
+    known = geared()
+    readings = known.servos.to_encoder(Q)
+    variables = MakeVectorVariable(len(readings), "e")
+    symbols = np.array([Expression(variable) for variable in variables])
+    found = output(SelfModelPredictor(known).ToSymbolic(), port, symbols)
+    values = [x.Evaluate(dict(zip(variables, readings, strict=True))) for x in found]
+    np.testing.assert_allclose(values, output(SelfModelPredictor(known), port, readings))
+
+
+def test_what_is_not_seen_or_not_known_is_nan_in_a_converted_predictor_too():
+    q = InitializeAutoDiff(Q).ravel()
+    hidden = SelfModelPredictor(model(below=-0.1)).ToAutoDiffXd()
+    unknown = SelfModelPredictor(model(known=False)).ToAutoDiffXd()
+    assert np.isnan(ExtractValue(output(hidden, "pixels_predicted", q))).all()
+    assert np.isnan(ExtractValue(output(unknown, "covariance", q))).all()
+
+
+def test_a_diagram_from_angles_through_encoders_to_the_hand_converts():
+    known = geared()
+    builder = DiagramBuilder()
+    there = builder.AddSystem(AnglesToEncoders(known.servos))
+    back = builder.AddSystem(EncodersToAngles(known.servos))
+    predictor = builder.AddSystem(SelfModelPredictor(known))
+    for port in (back.get_input_port(), predictor.get_input_port()):
+        builder.Connect(there.GetOutputPort("encoders_commanded"), port)
+    builder.ExportInput(there.GetInputPort("q_commanded"), "q")
+    builder.ExportOutput(back.GetOutputPort("q_measured"), "q_measured")
+    builder.ExportOutput(predictor.GetOutputPort("p_WH_predicted"), "p")
+    diagram = builder.Build()
+    for converted, q in ((diagram, Q), (diagram.ToAutoDiffXd(), InitializeAutoDiff(Q).ravel())):
+        context = converted.CreateDefaultContext()
+        converted.get_input_port().FixValue(context, q)
+        hand = converted.GetOutputPort("p").Eval(context)
+        same = converted.GetOutputPort("q_measured").Eval(context)
+        if q is not Q:
+            same, hand = ExtractValue(same).ravel(), ExtractValue(hand).ravel()
+        np.testing.assert_allclose(same, Q, atol=1e-12)
+        np.testing.assert_allclose(hand, known.chain.forward(Q), atol=1e-12)
+
+
+def test_joints_that_are_not_commanded_stay_at_nan():
+    servos = geared().servos
+    system = AnglesToEncoders(servos)
+    context = system.CreateDefaultContext()
+    system.get_input_port().FixValue(context, [0.1, np.nan, 0.2, np.nan])
+    readings = system.get_output_port().Eval(context)
+    assert np.isnan(readings).tolist() == [False, True, False, True]
+    assert readings[0] == servos.to_encoder([0.1, 0.0, 0.0, 0.0])[0]

@@ -35,10 +35,11 @@ def driver(bus):
         yield made
 
 
-def running(driver, command=None):
-    """Return a simulator of a driver alone, in real time."""
+def running(driver, q=None):
+    """Return a simulator of a driver alone, in real time, that is commanded to angles [rad]."""
     simulator = Simulator(driver)
-    if command is not None:
+    if q is not None:
+        command = driver.servos.to_encoder(q)
         driver.get_input_port().FixValue(simulator.get_mutable_context(), command)
     simulator.set_target_realtime_rate(1.0)
     simulator.Initialize()
@@ -71,8 +72,8 @@ def test_the_ports_are_those_of_its_table(bus):
     driver = ServoDriver(bus.name, configuration())
     inputs = [driver.get_input_port(i).get_name() for i in range(driver.num_input_ports())]
     outputs = [driver.get_output_port(i).get_name() for i in range(driver.num_output_ports())]
-    assert inputs == ["commanded_positions"]
-    expected = ["joint_positions", "encoders", "valid", "age", "moving", "status"]
+    assert inputs == ["encoders_commanded"]
+    expected = ["q_measured", "encoders", "valid", "age", "moving", "status"]
     assert outputs == expected
     assert all(f"`{name}`" in ServoDriver.__doc__ for name in [*inputs, *outputs])
 
@@ -87,7 +88,7 @@ def test_making_a_driver_opens_nothing_and_opening_one_switches_nothing_on(bus, 
         advance(simulator, 0.2)
         context = simulator.get_context()
         assert port(driver, "status", context) == ("off, not homed",) * 6
-        assert np.isnan(port(driver, "joint_positions", context)).all()
+        assert np.isnan(port(driver, "q_measured", context)).all()
         assert np.array_equal(port(driver, "encoders", context), np.zeros(6))
         assert port(driver, "valid", context).all()
         assert (port(driver, "age", context) < 0.3).all()
@@ -102,7 +103,7 @@ def test_a_command_moves_the_arm_and_the_ports_tell(driver, bus):
     assert "moving" in port(driver, "status", simulator.get_context())
     advance(simulator, until=lambda c: not port(driver, "moving", c).any())
     context = simulator.get_context()
-    assert port(driver, "joint_positions", context) == pytest.approx(TARGET, abs=1e-4)
+    assert port(driver, "q_measured", context) == pytest.approx(TARGET, abs=1e-4)
     assert port(driver, "encoders", context) == pytest.approx(TARGET * COUNTS_PER_RADIAN, abs=2)
     assert shafts(bus) == pytest.approx(TARGET, abs=1e-4)
     assert port(driver, "status", context) == ("holding",) * 6
@@ -115,7 +116,7 @@ def test_a_self_model_maps_what_is_commanded_and_measured(bus):
     with ServoDriver(bus.name, config, learned, trust_zero=True) as driver:
         driver.enable()
         simulator = running(driver, [0.0, 0.0, 0.0, 0.2, 0.0, 0.0])
-        advance(simulator, until=lambda c: abs(port(driver, "joint_positions", c)[3] - 0.2) < 1e-4)
+        advance(simulator, until=lambda c: abs(port(driver, "q_measured", c)[3] - 0.2) < 1e-4)
     assert shafts(bus)[3] == pytest.approx(0.1 + 1.6 * 0.2, abs=1e-4)
 
 
@@ -124,7 +125,7 @@ def test_joints_at_nan_are_not_commanded(driver, bus):
     command = np.full(6, np.nan)
     command[3] = 0.2
     simulator = running(driver, command)
-    advance(simulator, until=lambda c: abs(port(driver, "joint_positions", c)[3] - 0.2) < 1e-3)
+    advance(simulator, until=lambda c: abs(port(driver, "q_measured", c)[3] - 0.2) < 1e-3)
     assert np.array_equal(np.delete(shafts(bus), 3), np.zeros(5))
 
 
@@ -197,9 +198,7 @@ def test_a_diagram_that_stands_still_stops_the_arm_and_one_that_goes_on_moves_it
     time.sleep(0.1)
     assert np.array_equal(shafts(bus), before)
     assert (before < 0.85).all()
-    advance(
-        simulator, until=lambda c: np.abs(port(driver, "joint_positions", c) - 0.9).max() < 1e-3
-    )
+    advance(simulator, until=lambda c: np.abs(port(driver, "q_measured", c) - 0.9).max() < 1e-3)
 
 
 def test_closing_stops_the_arm_and_another_may_open_the_port(bus):
@@ -241,14 +240,14 @@ def test_a_driver_works_in_a_diagram_of_ones_own(driver, bus):
     driver.enable()
     builder = DiagramBuilder()
     builder.AddSystem(driver)
-    source = builder.AddSystem(ConstantVectorSource(0.5 * TARGET))
-    builder.Connect(source.get_output_port(), driver.GetInputPort("commanded_positions"))
+    source = builder.AddSystem(ConstantVectorSource(0.5 * COUNTS_PER_RADIAN * TARGET))
+    builder.Connect(source.get_output_port(), driver.GetInputPort("encoders_commanded"))
     diagram = builder.Build()
     simulator = Simulator(diagram)
     simulator.set_target_realtime_rate(1.0)
 
     def there(context):
         own = driver.GetMyContextFromRoot(context)
-        return np.abs(port(driver, "joint_positions", own) - 0.5 * TARGET).max() < 1e-3
+        return np.abs(port(driver, "q_measured", own) - 0.5 * TARGET).max() < 1e-3
 
     advance(simulator, until=there)

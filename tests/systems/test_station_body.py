@@ -43,11 +43,11 @@ def station(world="clean", seed=0, drop=(), extra=None):
     builder = DiagramBuilder()
     servos = builder.AddSystem(EncoderModel(mechanics(world), [0.0, 0.0], seed=seed))
     measured = builder.AddSystem(_Angles())
-    builder.Connect(servos.GetOutputPort("joint_angles"), measured.get_input_port())
-    builder.ExportInput(servos.GetInputPort("command"), "command")
+    builder.Connect(servos.GetOutputPort("q_true"), measured.get_input_port())
+    builder.ExportInput(servos.GetInputPort("encoders_commanded"), "encoders_commanded")
     if "encoders" not in drop:
         builder.ExportOutput(servos.GetOutputPort("encoders"), "encoders")
-    builder.ExportOutput(measured.get_output_port(), "measured_positions")
+    builder.ExportOutput(measured.get_output_port(), "p_WH_measured")
     return builder.Build()
 
 
@@ -104,11 +104,11 @@ def test_the_same_seed_has_the_same_history():
 
 
 def test_a_port_that_is_missing_is_named_with_those_there_are():
-    with pytest.raises(RobotError, match="no output port 'encoders'; it has measured_positions"):
+    with pytest.raises(RobotError, match="no output port 'encoders'; it has p_WH_measured"):
         body(drop=("encoders",))
-    with pytest.raises(RobotError, match="no output port 'hand_pixels'"):
+    with pytest.raises(RobotError, match="no output port 'pixels'"):
         StationBody(station(), JOINTS, ["hand"])
-    with pytest.raises(RobotError, match="no input port 'command'; it has none"):
+    with pytest.raises(RobotError, match="no input port 'encoders_commanded'; it has none"):
         StationBody(ConstantVectorSource([1.0]), JOINTS, ["hand"])
     with pytest.raises(RobotError, match="has 3 values, expected 6"):
         StationBody(station(), JOINTS, ["hand", "elbow"], sensor="motion-capture")
@@ -121,14 +121,14 @@ class _Restless(LeafSystem):
 
     def __init__(self):
         super().__init__()
-        self.DeclareVectorInputPort("command", 2)
+        self.DeclareVectorInputPort("encoders_commanded", 2)
         self.DeclareVectorOutputPort(
             "encoders",
             BasicVector(2),
             lambda context, vector: vector.SetFromVector([context.get_time(), 0.0]),
         )
         self.DeclareVectorOutputPort(
-            "measured_positions",
+            "p_WH_measured",
             BasicVector(3),
             lambda context, vector: vector.SetFromVector([0.0] * 3),
         )

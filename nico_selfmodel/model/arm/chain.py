@@ -58,7 +58,8 @@ class Chain:
         """Predict tracked points.
 
         Args:
-            q: Joint displacements from the zero configuration [rad]. Shape (N, n) or (n,).
+            q: Joint displacements from the zero configuration [rad], floats or Drake's scalars.
+                Shape (N, n) or (n,).
             marker: Index of the tracked point, one for all or one a pose. Shape () or (N,).
 
         Returns:
@@ -67,7 +68,7 @@ class Chain:
         Raises:
             ValueError: If `q` has not n columns.
         """
-        q = np.asarray(q, dtype=float)
+        q = np.asarray(q)
         if q.shape[-1] != len(self.joints) or q.ndim > 2:
             raise ValueError(f"q must have shape (N, {len(self.joints)}), got {q.shape}")
         rows = np.atleast_2d(q)

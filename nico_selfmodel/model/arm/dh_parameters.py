@@ -118,7 +118,8 @@ class DhParameters:
         by a; theta = (encoder - theta_offset) / gear.
 
         Args:
-            encoder_angles: `ServoMap.to_radians` of the readings. Shape (N, n).
+            encoder_angles: `ServoMap.to_radians` of the readings, floats or Drake's scalars.
+                Shape (N, n).
             marker: Index of each pose's tracked point. Shape (N,).
 
         Returns:
@@ -129,7 +130,7 @@ class DhParameters:
         frames = t.frames(q)
         last = frames[-1]
         p = np.einsum("kij,kj->ki", last[:, :3, :3], t.p_NH[marker]) + last[:, :3, 3]
-        jacobian = np.zeros((len(q), 3, 6 + 6 * n + 3 * len(t.markers)))
+        jacobian = np.zeros((len(q), 3, 6 + 6 * n + 3 * len(t.markers)), p.dtype)
         jacobian[:, :, :3] = np.eye(3)
         jacobian[:, :, 3:6] = -skew(p - t.X_W0[:3, 3]) @ rotation_vector_slope(self.base_turn)
         by_joint = self._by_joint(frames, p, q + t.theta_zero)

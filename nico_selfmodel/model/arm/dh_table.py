@@ -132,14 +132,14 @@ class DhTable:
         """Return frame 0 and the frame after each row, in W.
 
         Args:
-            q: Joint displacements [rad]. Shape (n,) or (N, n).
+            q: Joint displacements [rad], floats or Drake's scalars. Shape (n,) or (N, n).
 
         Returns:
             Shape (n + 1, 4, 4) or (n + 1, N, 4, 4).
         """
-        theta = np.asarray(q, dtype=float) + self.theta_zero
+        theta = np.asarray(q) + self.theta_zero
         rows = self.joint_motions(theta) @ self.links
-        frames = np.empty((len(self.joints) + 1, *theta.shape[:-1], 4, 4))
+        frames = np.empty((len(self.joints) + 1, *theta.shape[:-1], 4, 4), rows.dtype)
         frames[0] = self.X_W0
         for i in range(len(self.joints)):
             np.matmul(frames[i], rows[..., i, :, :], out=frames[i + 1])

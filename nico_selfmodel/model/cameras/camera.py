@@ -187,7 +187,7 @@ class Camera:
 
     def pixels_of(self, ideal: NDArray) -> NDArray:
         """Return pixels of ideal coordinates X/Z, Y/Z. Shape (2, ...) -> (2, ...)."""
-        x, y = lens.distort(np.asarray(ideal, dtype=float), self.k, self.p)
+        x, y = lens.distort(np.asarray(ideal), self.k, self.p)
         return np.stack([self.fx * x + self.skew * y + self.cx, self.fy * y + self.cy])
 
     def has_rays(self, pixels: ArrayLike) -> NDArray:

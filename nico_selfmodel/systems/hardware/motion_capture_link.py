@@ -15,7 +15,7 @@ class MotionCaptureSender(LeafSystem):
 
     | port | | carries |
     |---|---|---|
-    | `measured_positions` | in | x y z of each marker in turn, nan where lost [m] |
+    | `p_WH_measured` | in | x y z of each marker in turn, nan where lost [m] |
 
     The server belongs to whoever made it, and is closed there.
     """
@@ -30,7 +30,7 @@ class MotionCaptureSender(LeafSystem):
         if not rate > 0.0:
             raise ValueError(f"rate must be positive, got {rate}")
         self._server, self._rate = server, rate
-        self._positions = self.DeclareVectorInputPort("measured_positions", 3 * len(server.markers))
+        self._positions = self.DeclareVectorInputPort("p_WH_measured", 3 * len(server.markers))
         self.DeclarePeriodicPublishEvent(1.0 / rate, 0.0, self._send)
 
     def _send(self, context: Context) -> EventStatus:
@@ -49,7 +49,7 @@ class MotionCaptureReceiver(LeafSystem):
 
     | port | | carries |
     |---|---|---|
-    | `measured_positions` | out | x y z of each marker in turn, nan where lost [m] |
+    | `p_WH_measured` | out | x y z of each marker in turn, nan where lost [m] |
     | `frame_number` | out | number of the frame that they are from, as the sender counts |
 
     The newest frame is taken at every update. If the sender goes away, the next update raises
@@ -72,7 +72,7 @@ class MotionCaptureReceiver(LeafSystem):
         needs = {self.discrete_state_ticket(state)}
         self.DeclareInitializationDiscreteUpdateEvent(self._receive)
         self.DeclarePeriodicDiscreteUpdateEvent(1.0 / rate, 1.0 / rate, self._receive)
-        self.DeclareVectorOutputPort("measured_positions", BasicVector(size), self._tell, needs)
+        self.DeclareVectorOutputPort("p_WH_measured", BasicVector(size), self._tell, needs)
         self.DeclareVectorOutputPort("frame_number", BasicVector(1), self._number, needs)
 
     def _receive(self, context: Context, update: DiscreteValues) -> EventStatus:

@@ -32,8 +32,8 @@ class ServoDriver(LeafSystem):
 
     | port | | carries |
     |---|---|---|
-    | `commanded_positions` | in | where joints shall go [rad]; those at nan are not commanded |
-    | `joint_positions` | out | where they are [rad]; nan where not valid or not homed |
+    | `encoders_commanded` | in | where joints shall go [counts]; those at nan are not commanded |
+    | `q_measured` | out | their angles by the servo map [rad]; nan where not valid or not homed |
     | `encoders` | out | encoder readings [counts]; nan where not valid |
     | `valid` | out | 1 where a joint was read lately and has no fault, else 0 |
     | `age` | out | how old each reading is [s] |
@@ -85,7 +85,7 @@ class ServoDriver(LeafSystem):
         self._handed = b""
         """The command that the bus thread has."""
         n = len(self.joints)
-        self._command = self.DeclareVectorInputPort("commanded_positions", n)
+        self._command = self.DeclareVectorInputPort("encoders_commanded", n)
         unknown = np.full((len(ArmState.ROWS), n), np.nan)
         unknown[_VALID:] = 0.0
         unknown[_AGE] = np.inf
@@ -94,7 +94,7 @@ class ServoDriver(LeafSystem):
         self.DeclarePeriodicDiscreteUpdateEvent(period, 0.0, self._take_over)
         self.DeclarePeriodicPublishEvent(period, 0.0, self._hand_over)
         known = {self.xd_ticket()}
-        names = ("joint_positions", "encoders", "valid", "age", "moving")
+        names = ("q_measured", "encoders", "valid", "age", "moving")
         for row, name in enumerate(names):
             self.DeclareVectorOutputPort(name, BasicVector(n), self._writer(row), known)
         self.DeclareAbstractOutputPort(
@@ -205,11 +205,12 @@ class ServoDriver(LeafSystem):
         if not self._command.HasValue(context):
             loop.heartbeat()
             return
-        q = np.asarray(self._command.Eval(context), dtype=float)
-        if (handed := q.tobytes()) == self._handed:
+        readings = np.asarray(self._command.Eval(context), dtype=float)
+        if (handed := readings.tobytes()) == self._handed:
             loop.repeat()
         else:
-            meant = np.flatnonzero(~np.isnan(q))
+            meant = np.flatnonzero(~np.isnan(readings))
+            q = self.servos.to_joint(readings)
             loop.command(q, speed=self._speed, joints=meant.tolist())
             self._handed = handed
 

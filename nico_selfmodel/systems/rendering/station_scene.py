@@ -206,9 +206,9 @@ class BodyPoses(Closable, LeafSystem):
 
     | port | | carries |
     |---|---|---|
-    | `joint_angles` | in | of the arm [rad] |
+    | `q_true` | in | of the arm [rad] |
     | `geometry_pose` | out | poses of the robot's bodies for the scene graph |
-    | `marker_positions` | out | x y z of each tracked point in turn, in the frame of the base [m] |
+    | `p_BH_true` | out | x y z of each tracked point in turn, in the frame of the base [m] |
     """
 
     def __init__(self, built: SelfModelPlant, held: Mapping[str, float], chain: Chain) -> None:
@@ -223,13 +223,13 @@ class BodyPoses(Closable, LeafSystem):
         # As a system of the diagram the plant could not be given back.
         self.__plant: MultibodyPlant | None = plant
         self.__context: Context | None = plant.CreateDefaultContext()
-        self._angles = self.DeclareVectorInputPort("joint_angles", len(built.arm.joints))
+        self._angles = self.DeclareVectorInputPort("q_true", len(built.arm.joints))
         needs = {self._angles.ticket()}
         self.DeclareAbstractOutputPort(
             "geometry_pose", lambda: AbstractValue.Make(FramePoseVector()), self._pose, needs
         )
         size = 3 * len(chain.markers)
-        self.DeclareVectorOutputPort("marker_positions", BasicVector(size), self._place, needs)
+        self.DeclareVectorOutputPort("p_BH_true", BasicVector(size), self._place, needs)
 
     def _pose(self, context: Context, value: AbstractValue) -> None:
         self.require_open()

@@ -18,9 +18,9 @@ class EncoderModel(Closable, LeafSystem):
 
     | port | | carries |
     |---|---|---|
-    | `command` | in | where to go [encoder units]; kept between the stops |
+    | `encoders_commanded` | in | where to go [encoder units]; kept between the stops |
     | `encoders` | out | encoder readings, whole counts [encoder units] |
-    | `joint_angles` | out | where the links really stand [rad] |
+    | `q_true` | out | where the links really stand [rad] |
 
     A servo turns at `speed` and then creeps up to its goal. Play and wobble are drawn anew for
     every new command: the draw depends on the seed and on how many commands came before.
@@ -54,14 +54,14 @@ class EncoderModel(Closable, LeafSystem):
         scale = np.abs(mechanics.servos.gear / mechanics.servos.radians_per_unit)
         self._step = speed * PERIOD * scale
         self._n = n
-        self._command = self.DeclareVectorInputPort("command", n)
+        self._command = self.DeclareVectorInputPort("encoders_commanded", n)
         place = np.clip(np.round(start), mechanics.lower, mechanics.upper)
         # Readings, the last command, and how many commands there have been.
         state = self.DeclareDiscreteState(np.concatenate([place, place, [0.0]]))
         self.DeclarePeriodicDiscreteUpdateEvent(PERIOD, 0.0, self._turn)
         needs = {self.discrete_state_ticket(state)}
         self.DeclareVectorOutputPort("encoders", BasicVector(n), self._read, needs)
-        self.DeclareVectorOutputPort("joint_angles", BasicVector(n), self._stand, needs)
+        self.DeclareVectorOutputPort("q_true", BasicVector(n), self._stand, needs)
 
     def _turn(self, context: Context, update: DiscreteValues) -> None:
         """Go on towards the command."""

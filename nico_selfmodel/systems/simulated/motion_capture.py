@@ -16,8 +16,8 @@ class MotionCapture(Closable, LeafSystem):
 
     | port | | carries |
     |---|---|---|
-    | `marker_positions` | in | true positions, x y z of each marker in turn, in the world [m] |
-    | `measured_positions` | out | measured positions in the tracker's frame, nan where lost [m] |
+    | `p_BH_true` | in | true positions, x y z of each marker in turn, in the base B [m] |
+    | `p_WH_measured` | out | measured positions in the tracker's frame W, nan where lost [m] |
     | `frame_number` | out | how many frames were taken since time 0 |
 
     Within one frame nothing changes. Noise and drop-outs depend on the seed and the frame's number.
@@ -27,7 +27,7 @@ class MotionCapture(Closable, LeafSystem):
         self,
         markers: Sequence[str],
         *,
-        X_TW: ArrayLike | None = None,
+        X_WB: ArrayLike | None = None,
         sigma: float = 0.0,
         dropout_share: float = 0.0,
         rate: float = 100.0,
@@ -37,7 +37,7 @@ class MotionCapture(Closable, LeafSystem):
 
         Args:
             markers: Names of the markers, in the order of the ports.
-            X_TW: The world in the tracker's frame; its own private business. Shape (4, 4).
+            X_WB: The base in the tracker's frame; its own private business. Shape (4, 4).
             sigma: Noise of each coordinate [m].
             dropout_share: Share of measurements in which a marker is lost.
             rate: Frames a second [1/s].
@@ -56,11 +56,11 @@ class MotionCapture(Closable, LeafSystem):
             )
         self.markers, self.rate = tuple(markers), float(rate)
         self._sigma, self._dropout, self._seed = sigma, dropout_share, np.ravel(seed)
-        self.__X_TW = frozen_array(np.eye(4) if X_TW is None else X_TW, (4, 4), "X_TW")
+        self.__X_WB = frozen_array(np.eye(4) if X_WB is None else X_WB, (4, 4), "X_WB")
         size = 3 * len(self.markers)
-        self._positions = self.DeclareVectorInputPort("marker_positions", size)
+        self._positions = self.DeclareVectorInputPort("p_BH_true", size)
         needs = {self._positions.ticket(), self.time_ticket()}
-        self.DeclareVectorOutputPort("measured_positions", BasicVector(size), self._measure, needs)
+        self.DeclareVectorOutputPort("p_WH_measured", BasicVector(size), self._measure, needs)
         self.DeclareVectorOutputPort(
             "frame_number",
             BasicVector(1),
@@ -74,8 +74,8 @@ class MotionCapture(Closable, LeafSystem):
         return int(np.floor(context.get_time() * self.rate + 1e-6))
 
     def _measure(self, context: Context, vector: BasicVector) -> None:
-        p_WQ = np.reshape(self._positions.Eval(context), (-1, 3))
+        p_BH = np.reshape(self._positions.Eval(context), (-1, 3))
         rng = np.random.default_rng([*self._seed, 3, self._frame(context)])
-        p_TQ = apply(self.__X_TW, p_WQ) + rng.normal(0.0, 1.0, p_WQ.shape) * self._sigma
-        lost = rng.random(len(p_WQ)) < self._dropout
-        vector.SetFromVector(np.where(lost[:, None], np.nan, p_TQ).ravel())
+        p_WH = apply(self.__X_WB, p_BH) + rng.normal(0.0, 1.0, p_BH.shape) * self._sigma
+        lost = rng.random(len(p_BH)) < self._dropout
+        vector.SetFromVector(np.where(lost[:, None], np.nan, p_WH).ravel())

@@ -49,10 +49,10 @@ class NicoBehindBus:
         builder.AddSystem(station)
         if server is not None:
             sender = builder.AddSystem(MotionCaptureSender(server, _RATE))
-            builder.Connect(station.GetOutputPort("measured_positions"), sender.get_input_port())
+            builder.Connect(station.GetOutputPort("p_WH_measured"), sender.get_input_port())
         self._simulator = Simulator(builder.Build())
         self._context = station.GetMyMutableContextFromRoot(self._simulator.get_mutable_context())
-        self._command = station.GetInputPort("command")
+        self._command = station.GetInputPort("encoders_commanded")
         self._start = self._readings()
         self._command.FixValue(self._context, self._start)
         self._time: float | None = None

@@ -33,13 +33,13 @@ class NicoHardwareStation(Diagram):
 
     | port | | carries |
     |---|---|---|
-    | `command` | in | where the arm's joints shall go [counts]; a joint at nan is not commanded |
+    | `encoders_commanded` | in | where the joints shall go [counts]; one at nan is not commanded |
     | `encoders` | out | encoder readings [counts]; nan where a joint was not read lately |
     | `left_image`, `right_image` | out | pictures of the cameras, `ImageRgba8U` |
-    | `hand_pixels` | out | left u, v, right u, v of each marker in turn, nan if not seen [px] |
-    | `hand_seen` | out | 1 where a camera sees a marker, else 0: left, right of each in turn |
-    | `hand_reasons` | out | why a marker was not seen: a tuple of texts |
-    | `measured_positions` | out | x y z of each point that motion capture sees [m], nan if lost |
+    | `pixels` | out | left u, v, right u, v of each marker in turn, nan if not seen [px] |
+    | `seen` | out | 1 where a camera sees a marker, else 0: left, right of each in turn |
+    | `reasons` | out | why a marker was not seen: a tuple of texts |
+    | `p_WH_measured` | out | x y z of each point that motion capture sees [m], nan if lost |
     | `frame_number` | out | frames that motion capture has taken |
 
     A port of an instrument that is not there can be asked, and then raises `RobotError`: it says
@@ -87,12 +87,12 @@ class NicoHardwareStation(Diagram):
         _add_arm(builder, servos, chosen)
         _add_cameras(builder, cameras, detectors, self.image_size)
         tracker = (
-            _Missing("motion capture", {"measured_positions": 3 * len(self.markers)})
+            _Missing("motion capture", {"p_WH_measured": 3 * len(self.markers)})
             if motion_capture is None
             else MotionCaptureReceiver(motion_capture, _FRAMES)
         )
         builder.AddNamedSystem("motion_capture", tracker)
-        for port in ("measured_positions", "frame_number"):
+        for port in ("p_WH_measured", "frame_number"):
             builder.ExportOutput(tracker.GetOutputPort(port), port)
         builder.BuildInto(self)
         self.set_name("nico")
@@ -159,11 +159,11 @@ _FRAMES = 10.0
 
 def _add_arm(builder: DiagramBuilder, servos: ServoDriver, chosen: list[int]) -> None:
     """Export commands and readings of some joints, in counts."""
-    angles = builder.AddNamedSystem("command_angles", _CommandAngles(servos, chosen))
+    commands = builder.AddNamedSystem("commands", _Commands(len(servos.joints), chosen))
     readings = builder.AddNamedSystem("readings", _Readings(len(servos.joints), chosen))
-    builder.Connect(angles.get_output_port(), servos.GetInputPort("commanded_positions"))
+    builder.Connect(commands.get_output_port(), servos.GetInputPort("encoders_commanded"))
     builder.Connect(servos.GetOutputPort("encoders"), readings.get_input_port())
-    builder.ExportInput(angles.get_input_port(), "command")
+    builder.ExportInput(commands.get_input_port(), "encoders_commanded")
     builder.ExportOutput(readings.get_output_port(), "encoders")
 
 
@@ -182,24 +182,23 @@ def _add_cameras(
         builder.Connect(port, tracker.GetInputPort(f"{camera}_image"))
         builder.ExportOutput(port, f"{camera}_image")
     for port in ("pixels", "seen", "reasons"):
-        builder.ExportOutput(tracker.GetOutputPort(port), f"hand_{port}")
+        builder.ExportOutput(tracker.GetOutputPort(port), port)
 
 
-class _CommandAngles(LeafSystem):
-    """Readings of some joints in, displacements of all joints out; nan is passed on."""
+class _Commands(LeafSystem):
+    """Commands of some joints in, of all joints out; the others are at nan."""
 
-    def __init__(self, servos: ServoDriver, chosen: list[int]) -> None:
+    def __init__(self, n: int, chosen: list[int]) -> None:
         super().__init__()
-        self._servos, self._chosen = servos.servos, chosen
-        self._command = self.DeclareVectorInputPort("command", len(chosen))
-        n = len(servos.joints)
-        self.DeclareVectorOutputPort("angles", BasicVector(n), self._map)
+        self._chosen = chosen
+        self._command = self.DeclareVectorInputPort("chosen", len(chosen))
+        self.DeclareVectorOutputPort("all", BasicVector(n), self._spread)
 
-    def _map(self, context: Context, vector: BasicVector) -> None:
+    def _spread(self, context: Context, vector: BasicVector) -> None:
         readings = np.full(vector.size(), np.nan)
         if self._command.HasValue(context):
             readings[self._chosen] = self._command.Eval(context)
-        vector.SetFromVector(self._servos.to_joint(readings))
+        vector.SetFromVector(readings)
 
 
 class _Readings(LeafSystem):

@@ -51,13 +51,13 @@ class NicoStation(Closable, Diagram):
 
     | port | | carries |
     |---|---|---|
-    | `command` | in | where the arm's joints shall go [encoder units] |
+    | `encoders_commanded` | in | where the arm's joints shall go [encoder units] |
     | `encoders` | out | encoder readings [encoder units] |
     | `left_image`, `right_image` | out | pictures of the wide cameras, `ImageRgba8U` |
-    | `hand_pixels` | out | left u, v, right u, v of each marker in turn, nan if not seen [px] |
-    | `hand_seen` | out | 1 where a camera sees a marker, else 0: left, right of each in turn |
-    | `hand_reasons` | out | why a marker was not seen: a tuple of texts |
-    | `measured_positions` | out | x y z of each point that motion capture sees [m], nan if lost |
+    | `pixels` | out | left u, v, right u, v of each marker in turn, nan if not seen [px] |
+    | `seen` | out | 1 where a camera sees a marker, else 0: left, right of each in turn |
+    | `reasons` | out | why a marker was not seen: a tuple of texts |
+    | `p_WH_measured` | out | x y z of each point that motion capture sees [m], nan if lost |
     | `frame_number` | out | frames that motion capture has taken |
 
     A station with a mirror has `mirror_pose` (in: pose of the mirror in the frame of the arm's
@@ -132,13 +132,13 @@ class NicoStation(Closable, Diagram):
             builder.Connect(port, tracker.GetInputPort(f"{camera}_image"))
             builder.ExportOutput(port, f"{camera}_image")
         for port in ("pixels", "seen", "reasons"):
-            builder.ExportOutput(tracker.GetOutputPort(port), f"hand_{port}")
+            builder.ExportOutput(tracker.GetOutputPort(port), port)
             if mirror is not None:
                 reflected = f"reflected_{port}"
                 builder.ExportOutput(tracker.GetOutputPort(reflected), reflected)
         if mirror is not None and knows is not None:
             connect_expectation(builder, servos.GetOutputPort("encoders"), tracker, knows)
-        builder.ExportInput(servos.GetInputPort("command"), "command")
+        builder.ExportInput(servos.GetInputPort("encoders_commanded"), "encoders_commanded")
         builder.ExportOutput(servos.GetOutputPort("encoders"), "encoders")
         builder.BuildInto(self)
         self.set_name("nico")
@@ -226,7 +226,7 @@ def _add_scene(
     cameras = StereoCameras(body.rig, frames, quality, seed=seed, glasses=glasses)
     builder.AddNamedSystem("board", holder)
     builder.AddNamedSystem("cameras", cameras)
-    builder.Connect(servos.GetOutputPort("joint_angles"), poses.get_input_port())
+    builder.Connect(servos.GetOutputPort("q_true"), poses.get_input_port())
     builder.Connect(
         poses.GetOutputPort("geometry_pose"),
         scene_graph.get_source_pose_port(built.plant.get_source_id()),
@@ -251,12 +251,12 @@ def _add_motion_capture(
         "motion_capture",
         MotionCapture(
             body.mechanics.chain.markers,
-            X_TW=body.X_TB,
+            X_WB=body.X_TB,
             sigma=world.marker_sigma,
             dropout_share=world.dropout_share,
             seed=seed,
         ),
     )
-    builder.Connect(poses.GetOutputPort("marker_positions"), tracker.get_input_port())
-    for port in ("measured_positions", "frame_number"):
+    builder.Connect(poses.GetOutputPort("p_BH_true"), tracker.get_input_port())
+    for port in ("p_WH_measured", "frame_number"):
         builder.ExportOutput(tracker.GetOutputPort(port), port)

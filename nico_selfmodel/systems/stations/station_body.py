@@ -42,8 +42,8 @@ class SettleTimeouts:
 class StationBody:
     """A station that can be sent to poses and asked what it senses.
 
-    The station needs the ports `command` and `encoders`, and `hand_pixels` to be watched by its own
-    cameras or `measured_positions` to be watched by motion capture, as documented by `NicoStation`.
+    The station needs the ports `encoders_commanded` and `encoders`, and `pixels` to be watched by
+    its own cameras or `p_WH_measured` to be watched by motion capture, as `NicoStation` tells.
     """
 
     def __init__(
@@ -59,7 +59,7 @@ class StationBody:
         """Take a station.
 
         Args:
-            station: It; its inputs other than `command` must be fixed or not needed.
+            station: It; its inputs other than `encoders_commanded` must be fixed or not needed.
             joints: Names, units and stops.
             markers: In the order of the sensor's port.
             sensor: `cameras` or `motion-capture`.
@@ -81,9 +81,9 @@ class StationBody:
             ]
         )
         self._station = station
-        self._command = station.GetInputPort(_named(station, "command", "input"))
+        self._command = station.GetInputPort(_named(station, "encoders_commanded", "input"))
         self._check("encoders", len(self.joints))
-        seen_by, width = ("hand_pixels", 4) if sensor == "cameras" else ("measured_positions", 3)
+        seen_by, width = ("pixels", 4) if sensor == "cameras" else ("p_WH_measured", 3)
         self._check(seen_by, width * len(self.markers))
         if keep_images:
             for camera in ("left", "right"):
@@ -218,7 +218,7 @@ class StationBody:
             MappingProxyType(dict.fromkeys(self.markers)),
             MappingProxyType(dict(zip(self.markers, values, strict=True))),
             images,
-            self._reasons("hand_reasons"),
+            self._reasons("reasons"),
             MappingProxyType(self._reflected()),
             self._reasons("reflected_reasons"),
         )

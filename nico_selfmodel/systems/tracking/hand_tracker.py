@@ -84,7 +84,7 @@ class HandTracker(LeafSystem):
 
     | port | | carries |
     |---|---|---|
-    | `expected_pixels` | in | where the body expects the markers themselves, nan for nowhere [px] |
+    | `pixels_predicted` | in | where the body expects the markers, nan for nowhere [px] |
     | `reflected_pixels` | out | as `pixels`, of the reflections [px] |
     | `reflected_seen` | out | as `seen`, of the reflections |
     | `reflected_reasons` | out | as `reasons`, of the reflections |
@@ -123,7 +123,7 @@ class HandTracker(LeafSystem):
         needs = {port.ticket() for port in self._images}
         if before_mirror:
             width = 4 * len(self.markers)
-            self._expected = self.DeclareVectorInputPort("expected_pixels", width)
+            self._expected = self.DeclareVectorInputPort("pixels_predicted", width)
             needs.add(self._expected.ticket())
         self._found = self.DeclareCacheEntry(
             "detections",

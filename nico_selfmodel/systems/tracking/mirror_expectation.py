@@ -29,9 +29,9 @@ def connect_expectation(
             predictor = SelfModelPredictor(model, marker)
             builder.AddNamedSystem(f"expectation_of_{marker}", predictor)
             builder.Connect(encoders, predictor.GetInputPort("encoders"))
-            expected = predictor.GetOutputPort("pixels")
+            expected = predictor.GetOutputPort("pixels_predicted")
         else:
             nowhere = builder.AddSystem(ConstantVectorSource(np.full(4, np.nan)))
             expected = nowhere.get_output_port()
         builder.Connect(expected, together.get_input_port(k))
-    builder.Connect(together.get_output_port(), tracker.GetInputPort("expected_pixels"))
+    builder.Connect(together.get_output_port(), tracker.GetInputPort("pixels_predicted"))

@@ -55,9 +55,9 @@ class SelfModelMonitor(LeafSystem):
     | `alarm` | out | 1 once something changed, else 0 |
     | `cause` | out | what changed in words, empty before the alarm (abstract, str) |
 
-    A model without cameras has the port `p_WH` instead of `pixels`, the hand's measured point [m].
-    It looks every `period` seconds. Only what changes from pose to pose is news to it: a hand that
-    stands still should be looked at once.
+    A model without cameras has the port `p_WH_measured` instead of `pixels`, the hand's measured
+    point [m]. It looks every `period` seconds. Only what changes from pose to pose is news to it: a
+    hand that stands still should be looked at once.
     """
 
     def __init__(self, model: SelfModel, period: float = 0.1, marker: str | None = None) -> None:
@@ -89,7 +89,7 @@ class SelfModelMonitor(LeafSystem):
         self._changes = monitored_changes(model, names)
         self._noise = expected_noise(model, self._sensor)
         self._encoders = self.DeclareVectorInputPort("encoders", len(model.joints))
-        name, size = ("pixels", 4) if self._by_pixels else ("p_WH", 3)
+        name, size = ("pixels", 4) if self._by_pixels else ("p_WH_measured", 3)
         self._detection = self.DeclareVectorInputPort(name, size)
         first = MonitorState(Monitor.of(self._changes.weights))
         self._state = self.DeclareAbstractState(Value(first))

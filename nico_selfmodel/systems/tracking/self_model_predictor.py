@@ -1,59 +1,106 @@
 """What a self-model expects at encoder readings: where the hand is and where cameras see it."""
 
+from typing import Any
+
 import numpy as np
-from pydrake.systems.framework import BasicVector, Context, LeafSystem
+from numpy.typing import NDArray
+from pydrake.autodiffutils import AutoDiffXd, ExtractValue
+from pydrake.systems.framework import (
+    BasicVector_,  # pyright: ignore[reportAttributeAccessIssue]
+    LeafSystem_,  # pyright: ignore[reportAttributeAccessIssue]
+)
+from pydrake.systems.scalar_conversion import TemplateSystem
 
 from nico_selfmodel.errors import ModelError
-from nico_selfmodel.model.cameras.stereo_rig import SIDES
+from nico_selfmodel.geometry.transform import apply
+from nico_selfmodel.model.cameras.stereo_rig import SIDES, StereoRig
 from nico_selfmodel.model.self_model import SelfModel
+from nico_selfmodel.systems.scalars import of_scalars, quiet
 
 
-class SelfModelPredictor(LeafSystem):
-    """Forward kinematics with uncertainty, and its projection into both cameras (thesis eq. 7.4).
+@TemplateSystem.define("SelfModelPredictor_")
+def SelfModelPredictor_(T: Any) -> Any:
+    """Return `SelfModelPredictor` for floats, `AutoDiffXd` or `Expression`."""
 
-    | port | | carries |
-    |---|---|---|
-    | `encoders` | in | encoder readings, in the encoders' units |
-    | `p_WH` | out | predicted point on the hand in the self-model's frame [m] |
-    | `covariance` | out | of `p_WH`, 3 x 3 row by row, nan where not known [m^2] |
-    | `pixels` | out | left u, v and right u, v of it, nan where a camera cannot see it [px] |
+    class SelfModelPredictor(LeafSystem_[T]):
+        """Forward kinematics with uncertainty, and its projection into both cameras (eq. 7.4).
 
-    `pixels` is there only if the self-model has both cameras. What else blocks the view, as the
-    body itself, is not in the prediction.
-    """
+        | port | | carries |
+        |---|---|---|
+        | `encoders` | in | encoder readings, in the encoders' units |
+        | `p_WH_predicted` | out | point on the hand in the self-model's frame [m] |
+        | `covariance` | out | of that point, 3 x 3 row by row, nan where not known [m^2] |
+        | `pixels_predicted` | out | left u, v and right u, v, nan where out of view [px] |
 
-    def __init__(self, model: SelfModel, marker: str | None = None) -> None:
-        """Take a self-model.
-
-        Args:
-            model: With an arm.
-            marker: Which tracked point; the first one if omitted.
-
-        Raises:
-            ModelError: If the model has no arm.
-            ValueError: If there is no such marker.
+        `pixels_predicted` is there only if the self-model has both cameras. What else blocks the
+        view, as the body itself, is not in the prediction; nor is the border of the view where it
+        is an `Expression`. A diagram with it converts to AutoDiff and symbolic.
         """
-        super().__init__()
-        if not model.has_arm:
-            raise ModelError(f"self-model {model.name!r} has no arm to predict: learn it first")
-        self.model = model
-        self.marker = model.markers[0] if marker is None else marker
-        self._index = np.array([model.chain.marker_index(self.marker)])
-        self._encoders = self.DeclareVectorInputPort("encoders", len(model.joints))
-        needs = {self._encoders.ticket()}
-        self.DeclareVectorOutputPort("p_WH", BasicVector(3), self._point, needs)
-        self.DeclareVectorOutputPort("covariance", BasicVector(9), self._covariance, needs)
-        if set(model.cameras) == set(SIDES):
-            self.DeclareVectorOutputPort("pixels", BasicVector(4), self._pixels, needs)
 
-    def _point(self, context: Context, vector: BasicVector) -> None:
-        prediction = self.model.predict(self._encoders.Eval(context), self._index)
-        vector.SetFromVector(prediction.p_WH[0])
+        def _construct(
+            self, model: SelfModel, marker: str | None = None, *, converter: Any = None
+        ) -> None:
+            """Take a self-model.
 
-    def _covariance(self, context: Context, vector: BasicVector) -> None:
-        covariance = self.model.predict(self._encoders.Eval(context), self._index).covariance
-        vector.SetFromVector(np.full(9, np.nan) if covariance is None else covariance[0].ravel())
+            Args:
+                model: With an arm.
+                marker: Which tracked point; the first one if omitted.
 
-    def _pixels(self, context: Context, vector: BasicVector) -> None:
-        p_WH = self.model.predict(self._encoders.Eval(context), self._index).p_WH
-        vector.SetFromVector(self.model.rig.project(p_WH)[0])
+            Raises:
+                ModelError: If the model has no arm.
+                ValueError: If there is no such marker.
+            """
+            LeafSystem_[T].__init__(self, converter)
+            if not model.has_arm:
+                raise ModelError(f"self-model {model.name!r} has no arm to predict: learn it first")
+            self.model, self.marker = model, model.markers[0] if marker is None else marker
+            self._index = np.array([model.chain.marker_index(self.marker)])
+            self._encoders = self.DeclareVectorInputPort("encoders", len(model.joints))
+            ports = {"p_WH_predicted": (3, self._point), "covariance": (9, self._covariance)}
+            if set(model.cameras) == set(SIDES):
+                ports["pixels_predicted"] = (4, self._pixels)
+            for name, (size, calc) in ports.items():
+                vector, needs = BasicVector_[T](size), {self._encoders.ticket()}
+                self.DeclareVectorOutputPort(name, vector, calc, needs)
+
+        def _construct_copy(self, other: Any, converter: Any = None) -> None:
+            self._construct(other.model, other.marker, converter=converter)
+
+        @quiet
+        def _point(self, context: Any, vector: Any) -> None:
+            vector.SetFromVector(_hand(self.model, self._index, self._encoders.Eval(context)))
+
+        @quiet
+        def _covariance(self, context: Any, vector: Any) -> None:
+            covariance = self.model.predict(self._encoders.Eval(context), self._index).covariance
+            known = np.full(9, np.nan) if covariance is None else covariance[0].ravel()
+            vector.SetFromVector(of_scalars(T, known))
+
+        @quiet
+        def _pixels(self, context: Any, vector: Any) -> None:
+            p_WH = _hand(self.model, self._index, self._encoders.Eval(context))
+            vector.SetFromVector(of_scalars(T, _pixels_of(T, self.model.rig, p_WH)))
+
+    return SelfModelPredictor
+
+
+SelfModelPredictor: Any = SelfModelPredictor_[None]
+"""The system of floats, which diagrams are made of."""
+
+
+def _hand(model: SelfModel, marker: NDArray, readings: NDArray) -> NDArray:
+    return model.chain.forward(model.servos.to_joint(readings), marker)
+
+
+def _pixels_of(T: Any, rig: StereoRig, p_WH: NDArray) -> NDArray:
+    """Return pixels of a point in both cameras. Shape (4,)."""
+    if T is float:
+        return rig.project(p_WH)
+    pixels = []
+    for camera in rig.cameras:
+        x, y, z = apply(camera.X_CW, p_WH)
+        pixels += list(camera.pixels_of(np.stack([x / z, y / z])))
+    if T is AutoDiffXd:
+        seen = np.isfinite(rig.project(ExtractValue(p_WH).ravel()))
+        pixels = [u if there else np.nan for u, there in zip(pixels, seen, strict=True)]
+    return np.array(pixels, dtype=object)
