@@ -7,6 +7,7 @@ numbers of a thousand digits. Numbers are YAML 1.2's: `1e-3` is one, which YAML 
 
 import math
 import re
+from collections.abc import Callable
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -96,6 +97,48 @@ def parse_yaml(text: str, where: str) -> Any:
         raise DataError(f"{where}: not valid YAML: {shown(str(error)).strip(_QUOTES)}") from None
 
 
+def yaml_items(text: str, where: str, key: str, edit: Callable[[str, str], str]) -> list[str]:
+    """Split a list in a document of another program, whose tags are that program's own.
+
+    Args:
+        text: The document, a mapping.
+        where: Place for messages.
+        key: Of the list in it.
+        edit: From a key and its plain value, anywhere in the list, to the value it shall have.
+
+    Returns:
+        Each item as a YAML document of its own.
+
+    Raises:
+        DataError: If it is not YAML, holds other keys, or `key` is no list.
+    """
+    try:
+        _check_events(text, any_tag=True)
+        root = yaml.compose(text, Loader=_Loader)
+    except yaml.YAMLError as error:
+        raise DataError(f"{_place(where, error)}: not valid YAML: {_problem(error)}") from None
+    pairs = root.value if isinstance(root, yaml.MappingNode) else []
+    if [name.value for name, _ in pairs] != [key]:
+        raise DataError(f"{where}: expected the key {key!r} and nothing else at the top")
+    items = pairs[0][1]
+    if not isinstance(items, yaml.SequenceNode):
+        raise DataError(f"{where}: {key!r} must be a list")
+    for item in items.value:
+        _edit_values(item, edit)
+    return [yaml.serialize(item) for item in items.value]
+
+
+def _edit_values(node: yaml.Node, edit: Callable[[str, str], str]) -> None:
+    if isinstance(node, yaml.SequenceNode):
+        for item in node.value:
+            _edit_values(item, edit)
+    elif isinstance(node, yaml.MappingNode):
+        for name, value in node.value:
+            if isinstance(value, yaml.ScalarNode):
+                value.value = edit(name.value, value.value)
+            _edit_values(value, edit)
+
+
 def yaml_text(content: Any) -> str:
     """Return plain Python values as YAML that `parse_yaml` reads back to the last bit.
 
@@ -123,8 +166,8 @@ class _Nest:
     key_is_next: bool = True
 
 
-def _check_events(text: str) -> None:
-    """Refuse what no file of ours needs, before anything is built.
+def _check_events(text: str, *, any_tag: bool = False) -> None:
+    """Refuse what no file of ours needs, before anything is built; other tags where they may be.
 
     Raises:
         yaml.YAMLError: If it is not YAML, or refused.
@@ -138,7 +181,8 @@ def _check_events(text: str) -> None:
             if isinstance(event, yaml.NodeEvent):
                 _note_key(nests[-1], event, loader)
             if isinstance(event, yaml.CollectionStartEvent):
-                _check_tag(event)
+                if not any_tag:
+                    _check_tag(event)
                 if len(nests) > DEEPEST:
                     raise _refused(event.start_mark, f"nested more than {DEEPEST} deep")
                 is_mapping = isinstance(event, yaml.MappingStartEvent)
@@ -148,7 +192,7 @@ def _check_events(text: str) -> None:
                 nest = nests.pop()
                 size, anchor = nest.values, nest.anchor
             elif isinstance(event, yaml.ScalarEvent):
-                _check_scalar(event, loader)
+                _check_scalar(event, loader, any_tag=any_tag)
                 size, anchor = 1 + len(event.value) // 100, event.anchor
             elif isinstance(event, yaml.AliasEvent):
                 size, anchor = _size_of_alias(event, sizes), None
@@ -179,9 +223,10 @@ def _note_key(nest: _Nest, event: yaml.NodeEvent, loader: Any) -> None:
     nest.key_is_next = not nest.key_is_next
 
 
-def _check_scalar(event: yaml.ScalarEvent, loader: Any) -> None:
+def _check_scalar(event: yaml.ScalarEvent, loader: Any, *, any_tag: bool) -> None:
     """Refuse strange tags, and numbers of so many digits that reading them takes the day."""
-    _check_tag(event)
+    if not any_tag:
+        _check_tag(event)
     if len(event.value) <= _LONGEST_NUMBER:
         return
     tag = event.tag or loader.resolve(yaml.ScalarNode, event.value, event.implicit)

@@ -1,11 +1,13 @@
 """The self-model as a Drake plant, and the robots it may belong to."""
 
 from nico_selfmodel.plant.description import ArmDescription
+from nico_selfmodel.plant.directives import add_directives
 from nico_selfmodel.plant.self_model_plant import SelfModelPlant
 from nico_selfmodel.plant.urdf_export import learned_urdf
 
 __all__ = [
     "ArmDescription",
     "SelfModelPlant",
+    "add_directives",
     "learned_urdf",
 ]

@@ -1,4 +1,4 @@
-"""The examples that compose Nico's parts run and say what they should."""
+"""The examples that compose diagrams run and say what they should."""
 
 import os
 import re
@@ -7,15 +7,21 @@ import sys
 
 import pytest
 
+from nico_selfmodel.model.arm.dh_table import DhTable
+from nico_selfmodel.model.arm.servo_map import ServoMap
+from nico_selfmodel.model.self_model import SelfModel
+from nico_selfmodel.model.self_model_file import save_model
+from nico_selfmodel.plant import ArmDescription
+
 
 @pytest.fixture
 def run(project_root, tmp_path):
-    def run_example(name):
+    def run_example(name, *words):
         path = project_root / "examples" / name
         assert len(path.read_text(encoding="utf-8").splitlines()) <= 100
         places = os.pathsep.join([str(project_root), os.environ.get("PYTHONPATH", "")])
         done = subprocess.run(
-            [sys.executable, "-W", "error::DeprecationWarning", str(path)],
+            [sys.executable, "-W", "error::DeprecationWarning", str(path), *map(str, words)],
             capture_output=True,
             text=True,
             cwd=tmp_path,
@@ -82,3 +88,21 @@ def test_a_body_that_watches_itself_names_the_encoder_that_jumped(run):
     ).groups()
     assert 30 <= int(pose) < 45
     assert cause == "zero of right_elbow"
+
+
+@pytest.mark.slow
+def test_learned_arms_plan_and_fall_in_a_plant_of_ones_own(run):
+    out = run("13_learned_arms_in_your_plant.py")
+    assert float(re.search(r"solved True, ([\d.]+) um away", out)[1]) < 10.0
+    assert "6 and 4 learned joints fell" in out
+
+
+def test_directives_name_a_learned_arm_and_the_model_visualizer_shows_it(run, tmp_path_factory):
+    arm, ones = ArmDescription.named("nico", "right_arm"), [1.0] * 4
+    servos = ServoMap(arm.joints, [0.0] * 4, ones, ("rad",) * 4, [float("nan")] * 4, ones)
+    table = DhTable.from_chain(arm.chain)
+    path = tmp_path_factory.mktemp("result") / "self_model.yaml"
+    save_model(SelfModel("nico", table, servos, robot=arm.source), path)
+    out = run("14_directives_and_model_visualizer.py", path.parent, "--once")
+    assert "learned: right_shoulder_pitch, " in out
+    assert "http://localhost" in out

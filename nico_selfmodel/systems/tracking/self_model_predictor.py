@@ -45,6 +45,7 @@ def SelfModelPredictor_(T: Any) -> Any:
             Args:
                 model: With an arm.
                 marker: Which tracked point; the first one if omitted.
+                converter: Between scalars, Drake's own business.
 
             Raises:
                 ModelError: If the model has no arm.
@@ -56,19 +57,19 @@ def SelfModelPredictor_(T: Any) -> Any:
             self.model, self.marker = model, model.markers[0] if marker is None else marker
             self._index = np.array([model.chain.marker_index(self.marker)])
             self._encoders = self.DeclareVectorInputPort("encoders", len(model.joints))
+            needs = {self._encoders.ticket()}
             ports = {"p_WH_predicted": (3, self._point), "covariance": (9, self._covariance)}
             if set(model.cameras) == set(SIDES):
                 ports["pixels_predicted"] = (4, self._pixels)
             for name, (size, calc) in ports.items():
-                vector, needs = BasicVector_[T](size), {self._encoders.ticket()}
-                self.DeclareVectorOutputPort(name, vector, calc, needs)
+                self.DeclareVectorOutputPort(name, BasicVector_[T](size), calc, needs)
 
         def _construct_copy(self, other: Any, converter: Any = None) -> None:
             self._construct(other.model, other.marker, converter=converter)
 
         @quiet
         def _point(self, context: Any, vector: Any) -> None:
-            vector.SetFromVector(_hand(self.model, self._index, self._encoders.Eval(context)))
+            vector.SetFromVector(_hand(self, context))
 
         @quiet
         def _covariance(self, context: Any, vector: Any) -> None:
@@ -78,8 +79,7 @@ def SelfModelPredictor_(T: Any) -> Any:
 
         @quiet
         def _pixels(self, context: Any, vector: Any) -> None:
-            p_WH = _hand(self.model, self._index, self._encoders.Eval(context))
-            vector.SetFromVector(of_scalars(T, _pixels_of(T, self.model.rig, p_WH)))
+            vector.SetFromVector(of_scalars(T, _pixels_of(T, self.model.rig, _hand(self, context))))
 
     return SelfModelPredictor
 
@@ -88,8 +88,9 @@ SelfModelPredictor: Any = SelfModelPredictor_[None]
 """The system of floats, which diagrams are made of."""
 
 
-def _hand(model: SelfModel, marker: NDArray, readings: NDArray) -> NDArray:
-    return model.chain.forward(model.servos.to_joint(readings), marker)
+def _hand(system: Any, context: Any) -> NDArray:
+    q = system.model.servos.to_joint(system.get_input_port().Eval(context))
+    return system.model.chain.forward(q, system._index)
 
 
 def _pixels_of(T: Any, rig: StereoRig, p_WH: NDArray) -> NDArray:

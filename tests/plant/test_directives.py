@@ -1,0 +1,148 @@
+"""Model directives that name a self-model: what they add, and what they refuse."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+from pydrake.geometry import Meshcat, MeshcatParams
+from pydrake.math import RigidTransform, RollPitchYaw
+from pydrake.multibody.parsing import Parser
+from pydrake.multibody.plant import MultibodyPlant
+from pydrake.visualization import ModelVisualizer
+
+from nico_selfmodel.errors import ModelError
+from nico_selfmodel.model.self_model import SelfModel
+from nico_selfmodel.model.self_model_file import save_model
+from nico_selfmodel.plant import SelfModelPlant, add_directives
+
+TABLE = """<robot name="table"><link name="top">
+<visual><geometry><box size="1 1 0.1"/></geometry></visual></link></robot>"""
+SCENE = """
+directives:
+- add_model: {name: table, file: table.urdf}
+- add_weld:
+    parent: world
+    child: table::top
+    X_PC: {translation: [0, 0, 0.7], rotation: !Rpy {deg: [0, 0, 90]}}
+- add_self_model: {name: arm, model: learned.yaml, frame: table::top}
+- add_model: {name: cup, file: table.urdf}
+- add_weld: {parent: arm::self_model::hand_tool, child: cup::top}
+"""
+
+
+@pytest.fixture
+def scene(tmp_path, describe, build_individual, learn):
+    """Return a function that writes directives beside a self-model and a table."""
+    arm = describe("six")
+    chain = build_individual(arm.chain, 5)
+    learned = learn(chain)
+    model = SelfModel("learned", learned.table, learned.servo_map, robot=arm.source)
+    save_model(model, tmp_path / "learned.yaml")
+    save_model(SelfModel("nobody's", learned.table, learned.servo_map), tmp_path / "nobody.yaml")
+    save_model(learn(describe("neck").chain), tmp_path / "neck.yaml")
+    (tmp_path / "table.urdf").write_text(TABLE)
+
+    def write(text: str) -> Path:
+        path = tmp_path / "scene.yaml"
+        path.write_text(text)
+        return path
+
+    write.model = model
+    return write
+
+
+def test_a_learned_arm_stands_on_the_table_and_carries_a_cup(scene):
+    plant = MultibodyPlant(1e-3)
+    robots = add_directives(scene(SCENE), Parser(plant))
+    plant.Finalize()
+    (arm,) = robots.values()
+    assert isinstance(arm, SelfModelPlant)
+    context = plant.CreateDefaultContext()
+    q = np.linspace(-0.5, 0.6, 6)
+    arm.set_joint_angles(context, q)
+    X_WT = RigidTransform(RollPitchYaw(0.0, 0.0, np.pi / 2), [0.0, 0.0, 0.7])
+    k = arm.markers.index("tool")
+    expected = X_WT @ scene.model.chain.forward(q, k)
+    for frame in (arm.tracked_point_frame("tool"), plant.GetFrameByName("top", _cup(plant))):
+        p = frame.CalcPoseInWorld(context).translation()
+        np.testing.assert_allclose(p, expected, atol=1e-9)
+
+
+def _cup(plant):
+    return plant.GetModelInstanceByName("cup")
+
+
+def test_joints_start_where_the_directives_say(scene):
+    more = "directives:\n- add_self_model:\n    name: arm\n    model: learned.yaml\n"
+    text = f"{more}    default_joint_positions: {{joint2: 0.4, slide: [0.02]}}\n"
+    plant = MultibodyPlant(1e-3)
+    add_directives(scene(text), Parser(plant))
+    plant.Finalize()
+    context = plant.CreateDefaultContext()
+    assert plant.GetJointByName("joint2").get_angle(context) == 0.4
+    assert plant.GetJointByName("slide").get_translation(context) == 0.02
+
+
+def test_another_robot_may_be_named(scene, describe):
+    urdf = describe("six").urdf.name
+    robot = f"{{urdf: {urdf}, tip_link: tip, held: {{slide: 0.1}}, points: {{tool: tool}}}}"
+    text = f"directives:\n- add_self_model: {{name: a, model: nobody.yaml, robot: {robot}}}\n"
+    plant = MultibodyPlant(1e-3)
+    robots = add_directives(scene(text), Parser(plant))
+    assert robots["a"].arm.held == {"slide": 0.1}
+
+
+LINE = "directives:\n- add_self_model: "
+
+
+@pytest.mark.parametrize(
+    ("text", "message"),
+    [
+        ("directives: 3\n", "'directives' must be a list"),
+        ("models: []\n", "expected the key 'directives' and nothing else at the top"),
+        ("directives: [\n", "line 2: not valid YAML"),
+        (LINE + "{name: a, modell: learned.yaml}", "unknown key 'modell', did you mean 'model'?"),
+        (LINE + "{name: a}", "key 'model' is missing"),
+        (LINE + "[a]", "expected a mapping with name, model"),
+        (LINE + "{name: a, model: gone.yaml}", "gone.yaml does not exist"),
+        (LINE + "{name: a, model: learned.yaml, frame: t::top}", "no model instance named 't'"),
+        (LINE + "{name: a, model: nobody.yaml}", "names no robot: give robot with its urdf"),
+        (LINE + "{name: a, model: neck.yaml, robot: {urdf: nico}}", "choose tip_link"),
+        (
+            LINE + "{name: a, model: neck.yaml, robot: {urdf: six.urdf, tip_link: tip, "
+            "held: {slide: 0}}}",
+            "directive 1, add_self_model: the self-model has the joints neck_yaw",
+        ),
+        (
+            LINE + "{name: a, model: learned.yaml, default_joint_positions: {knee: 1}}",
+            "no joint 'knee'",
+        ),
+        ("directives:\n- add_modell: {name: t}\n", "directive 1: .*'add_modell' did not match"),
+        ("directives:\n- add_weld: {parent: world, child: q::r}\n", "no model instance named 'q'"),
+        ("directives:\n- add_model: {name: t, file: gone.urdf}\n", "gone.urdf.* does not exist"),
+    ],
+)
+def test_directives_that_name_what_is_not_there_are_refused_in_one_line(scene, text, message):
+    plant = MultibodyPlant(1e-3)
+    with pytest.raises(ModelError, match=message) as caught:
+        add_directives(scene(text), Parser(plant))
+    assert "\n" not in str(caught.value)
+
+
+def test_a_finalized_plant_takes_no_directives(scene):
+    plant = MultibodyPlant(1e-3)
+    parser = Parser(plant)
+    plant.Finalize()
+    with pytest.raises(ModelError, match="finalized already"):
+        add_directives(scene(SCENE), parser)
+
+
+def test_the_model_visualizer_shows_a_learned_arm(scene):
+    meshcat = Meshcat(MeshcatParams(host="localhost"))
+    visualizer = ModelVisualizer(meshcat=meshcat)
+    (arm,) = add_directives(scene(SCENE), visualizer.parser()).values()
+    visualizer.Finalize()
+    visualizer.Run(loop_once=True)
+    assert meshcat.HasPath("/drake/illustration/arm/link6")
+    assert meshcat.HasPath("/drake/illustration/table")
+    assert f"{arm.arm.joints[0]}" in " ".join(meshcat.GetSliderNames())
