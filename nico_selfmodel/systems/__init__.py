@@ -29,10 +29,11 @@ if TYPE_CHECKING:
     from nico_selfmodel.systems.simulated.encoder_model import EncoderModel
     from nico_selfmodel.systems.simulated.imperfections import IMPERFECTIONS, Imperfections
     from nico_selfmodel.systems.simulated.motion_capture import MotionCapture
+    from nico_selfmodel.systems.simulated.robot import SimulatedRobot
     from nico_selfmodel.systems.stations.nico_behind_bus import NicoBehindBus
     from nico_selfmodel.systems.stations.nico_hardware_station import NicoHardwareStation
     from nico_selfmodel.systems.stations.nico_station import NicoStation
-    from nico_selfmodel.systems.stations.station_body import StationBody
+    from nico_selfmodel.systems.stations.station_body import SettleTimeouts, StationBody
     from nico_selfmodel.systems.tracking.hand_tracker import HandTracker
     from nico_selfmodel.systems.tracking.reflection_detectors import default_mirror_detectors
     from nico_selfmodel.systems.tracking.self_model_monitor import SelfModelMonitor
@@ -61,6 +62,8 @@ __all__ = [
     "SelfModelMonitor",
     "SelfModelPredictor",
     "ServoDriver",
+    "SettleTimeouts",
+    "SimulatedRobot",
     "StationBody",
     "StereoCameras",
     "default_mirror_detectors",
@@ -98,10 +101,11 @@ __getattr__, __dir__ = lazy_names(
             "Imperfections",
         ),
         "simulated.motion_capture": ("MotionCapture",),
+        "simulated.robot": ("SimulatedRobot",),
         "stations.nico_behind_bus": ("NicoBehindBus",),
         "stations.nico_hardware_station": ("NicoHardwareStation",),
         "stations.nico_station": ("NicoStation",),
-        "stations.station_body": ("StationBody",),
+        "stations.station_body": ("SettleTimeouts", "StationBody"),
         "tracking.hand_tracker": ("HandTracker",),
         "tracking.reflection_detectors": ("default_mirror_detectors",),
         "tracking.self_model_monitor": ("SelfModelMonitor",),
