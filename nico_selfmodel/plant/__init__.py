@@ -1,5 +1,6 @@
 """The self-model as a Drake plant, and the robots it may belong to."""
 
+from nico_selfmodel.plant.body_plant import BodyPlant
 from nico_selfmodel.plant.description import ArmDescription
 from nico_selfmodel.plant.directives import add_directives
 from nico_selfmodel.plant.self_model_plant import SelfModelPlant
@@ -7,6 +8,7 @@ from nico_selfmodel.plant.urdf_export import learned_urdf
 
 __all__ = [
     "ArmDescription",
+    "BodyPlant",
     "SelfModelPlant",
     "add_directives",
     "learned_urdf",

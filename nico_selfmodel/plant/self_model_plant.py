@@ -7,12 +7,9 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
-from pydrake.autodiffutils import AutoDiffXd
 from pydrake.geometry import SceneGraph
-from pydrake.math import RigidTransform_
-from pydrake.multibody.plant import AddMultibodyPlantSceneGraph, MultibodyPlant, MultibodyPlant_
-from pydrake.multibody.tree import Frame, ModelInstanceIndex
-from pydrake.symbolic import Expression
+from pydrake.multibody.plant import AddMultibodyPlantSceneGraph, MultibodyPlant
+from pydrake.multibody.tree import Frame
 
 from nico_selfmodel.errors import ModelError
 from nico_selfmodel.model.self_model import SelfModel
@@ -24,22 +21,21 @@ from nico_selfmodel.plant.frames import (
     add_robot,
     check_placeable,
     frame_names,
-    movable_pose,
     place_root,
 )
-from nico_selfmodel.plant.kinematic_tree import WORLD, KinematicTree, rigid
+from nico_selfmodel.plant.kinematic_tree import WORLD, KinematicTree
 from nico_selfmodel.plant.learned_frames import LearnedFrames, learned_frames
+from nico_selfmodel.plant.model_in_plant import ModelInPlant, check_open
 
 TIME_STEP = 1e-3
 """Of a plant that is made here [s].
 
 In continuous time one hand that falls on a plinth takes an error-controlled integrator through
 50,000 steps of down to 2 ns; a discrete plant solves each contact once a step."""
-_SCALARS = (float, AutoDiffXd, Expression)
 
 
 @dataclass(frozen=True, eq=False)
-class SelfModelPlant:
+class SelfModelPlant(ModelInPlant):
     """A robot in a plant, one arm of which is learned.
 
     A self-model can be written into any context. The plant's world, or the frame that the robot was
@@ -49,10 +45,6 @@ class SelfModelPlant:
     they fit a self-model whose zeros are the robot's.
     """
 
-    plant: MultibodyPlant
-    """What the robot is in."""
-    instance: ModelInstanceIndex
-    """The robot's model instance."""
     arm: ArmDescription
     """Which chain is learned, and its nominal geometry."""
     markers: tuple[str, ...]
@@ -95,13 +87,12 @@ class SelfModelPlant:
                 the robot; or if the self-model has no arm or other joints. All but what only Drake
                 finds (a mesh that is missing) leaves the plant as it was.
         """
-        if plant.is_finalized():
-            raise ModelError("the plant is finalized already: add the self-model before Finalize()")
+        check_open(plant)
         frames = learned_frames(arm, model.chain if model else arm.chain)
         tree = KinematicTree.from_urdf(arm.urdf)
         check_placeable(tree)
         name = name or tree.name
-        _check_free(plant, name)
+        check_open(plant, name, _hands(name))
         frame = plant.world_frame() if frame is None else frame
         X_WR = frames.X_WR if model else np.eye(4)
         learned = {
@@ -154,24 +145,6 @@ class SelfModelPlant:
         plant.Finalize()
         return replace(robot, scene_graph=scene_graph)
 
-    def in_plant(self, plant: Any) -> "SelfModelPlant":
-        """Return the same robot in a converted plant: `ToAutoDiffXd`, `ToSymbolic`, or a clone.
-
-        Held joints start at their values there too: Drake (1.51) forgets them in contexts of a
-        plant that was converted, so their defaults are set anew. Make contexts after this.
-
-        Raises:
-            ModelError: If the robot is not in that plant.
-        """
-        name = self.plant.GetModelInstanceName(self.instance)
-        if not plant.HasModelInstanceNamed(name):
-            raise ModelError(
-                f"the plant has no model {name!r}: give a conversion of the robot's own"
-            )
-        if self._scalar is float:
-            plant.SetDefaultPositions(self.plant.GetDefaultPositions())
-        return replace(self, plant=plant, instance=plant.GetModelInstanceByName(name))
-
     def write(self, context: Any, model: SelfModel) -> None:
         """Write a self-model into a context; other contexts stay as they are.
 
@@ -189,7 +162,7 @@ class SelfModelPlant:
                 f"the plant has no frame for {listed(sorted(unknown))}, only for "
                 f"{listed(self.markers)}: build it with this self-model"
             )
-        self._write_frames(self.own_context(context), frames)
+        self._write_frames(context, frames)
 
     def _write_frames(self, context: Any, frames: LearnedFrames) -> None:
         poses: dict[str, NDArray] = {}
@@ -205,26 +178,7 @@ class SelfModelPlant:
             (self._hand_frame(marker), X_TH)
             for marker, X_TH in zip(frames.markers, frames.X_TH, strict=True)
         ]
-        for frame, pose in frame_poses:
-            frame.SetPoseInParentFrame(context, self._rigid(movable_pose(pose)))
-
-    def own_context(self, context: Any) -> Any:
-        """Return the plant's part of a root context; the plant's own context as it is.
-
-        Raises:
-            ValueError: If the context belongs neither to the plant nor to its diagram.
-        """
-        for find in (lambda: context, lambda: self.plant.GetMyMutableContextFromRoot(context)):
-            try:
-                own = find()
-                self.plant.ValidateContext(own)
-            except (RuntimeError, TypeError):  # a context of other scalars is a TypeError
-                continue
-            return own
-        raise ValueError(
-            "context belongs to another plant or diagram; for one that was converted or cloned, "
-            "take the robot by in_plant(plant)"
-        )
+        self.write_poses(context, frame_poses)
 
     def tracked_point_frame(self, marker: str | None = None) -> Frame:
         """Return the frame of a tracked point, the first one if none is named.
@@ -262,17 +216,12 @@ class SelfModelPlant:
         q = np.asarray(q)
         if q.shape != (len(self.arm.joints),):
             raise ValueError(f"q must have shape ({len(self.arm.joints)},), got {q.shape}")
-        context = self.own_context(context)
-        positions = self.plant.GetPositions(context).copy()
-        T = self._scalar
-        positions[self.columns] = [angle if isinstance(angle, T) else T(angle) for angle in q]
-        self.plant.SetPositions(context, positions)
+        self.move_joints(context, self.arm.joints, q)
 
     @property
     def columns(self) -> NDArray:
         """Where each learned joint stands among the plant's positions. Shape (n,)."""
-        joints = [self.plant.GetJointByName(name, self.instance) for name in self.arm.joints]
-        return np.array([joint.position_start() for joint in joints])
+        return self.columns_of(self.arm.joints)
 
     def _joint_angles(self, readings: ArrayLike, model: SelfModel | None) -> NDArray:
         model = self.model if model is None else model
@@ -287,24 +236,8 @@ class SelfModelPlant:
         return model.servos.to_joint(readings)
 
     def _hand_frame(self, marker: str) -> Any:
-        hands = _hands(self.plant.GetModelInstanceName(self.instance))
-        hands = self.plant.GetModelInstanceByName(hands)
+        hands = self.plant.GetModelInstanceByName(_hands(self.name))
         return self.plant.GetFrameByName(hand_frame_name(marker), hands)
-
-    @property
-    def _scalar(self) -> Any:
-        """The numbers that the plant is made of."""
-        return next(T for T in _SCALARS if isinstance(self.plant, MultibodyPlant_[T]))
-
-    def _rigid(self, pose: NDArray) -> Any:
-        T = self._scalar
-        return rigid(pose) if T is float else RigidTransform_[float](pose).cast[T]()
-
-
-def _check_free(plant: MultibodyPlant, name: str) -> None:
-    """Refuse a name that a plant has already."""
-    if plant.HasModelInstanceNamed(name) or plant.HasModelInstanceNamed(_hands(name)):
-        raise ModelError(f"the plant has a model {name!r} already: give this one another name")
 
 
 def _hands(name: str) -> str:

@@ -1,0 +1,159 @@
+"""A learned body, a tree of joints with markers and sensors, in a Drake plant."""
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+from pydrake.multibody.plant import MultibodyPlant
+from pydrake.multibody.tree import (
+    Frame,
+    Joint,
+    PrismaticJoint,
+    QuaternionFloatingJoint,
+    RevoluteJoint,
+    SpatialInertia,
+)
+
+from nico_selfmodel.errors import ModelError
+from nico_selfmodel.model.tree.body_model import BodyModel
+from nico_selfmodel.model.tree.body_tree import FLANGE, REVOLUTE, WORLD, BodyTree
+from nico_selfmodel.names import listed
+from nico_selfmodel.plant.frames import add_frame, frame_names
+from nico_selfmodel.plant.model_in_plant import ModelInPlant, check_open
+
+_Z = [0.0, 0.0, 1.0]
+_MASS, _RADIUS = 1.0, 0.05
+"""Of every link [kg, m]: invented, since nothing tells them; a plant without masses cannot move."""
+
+
+@dataclass(frozen=True, eq=False)
+class BodyPlant(ModelInPlant):
+    """A learned body in a plant: joints, markers and sensors stand where it has them.
+
+    Links have the names of their joints and no shape; the masses, 1 kg each, are invented, so that
+    its motion under forces means nothing. Markers and sensors are frames of their own names. A
+    joint that is read as a flange's pose floats.
+    """
+
+    tree: BodyTree
+    """The body that new contexts hold."""
+
+    @classmethod
+    def add_to(
+        cls,
+        plant: MultibodyPlant,
+        model: BodyModel,
+        *,
+        name: str | None = None,
+        frame: Frame | None = None,
+    ) -> "BodyPlant":
+        """Add a body to a plant of one's own, beside whatever is in it.
+
+        Args:
+            plant: It, before `Finalize()`.
+            model: What new contexts hold.
+            name: Of its model instance; the model's name if omitted.
+            frame: The frame of the plant that is the body's world; the plant's world if omitted.
+
+        Returns:
+            The body, with which readings and other bodies are written into contexts.
+
+        Raises:
+            ModelError: If the plant is finalized, or has a model of this name.
+        """
+        name, tree = name or model.name, model.tree
+        check_open(plant, name)
+        instance = plant.AddModelInstance(name)
+        root = plant.world_frame() if frame is None else frame
+        links: list[Frame] = []
+        inertia = SpatialInertia.SolidSphereWithMass(_MASS, _RADIUS)
+        for i, joint in enumerate(tree.joints):
+            links.append(plant.AddRigidBody(joint, instance, inertia).body_frame())
+            parent = root if tree.parent[i] == WORLD else links[tree.parent[i]]
+            F = add_frame(plant, instance, frame_names(joint)[0], parent, tree.X_PJ[i])
+            plant.AddJoint(_joint(joint, tree.motions[i], F, links[i]))
+        for item in (*tree.markers, *tree.sensors):
+            on = root if item.on == WORLD else links[item.on]
+            add_frame(plant, instance, item.name, on, item.X_LA)
+        return cls(plant, instance, tree)
+
+    def write(self, context: Any, model: BodyModel) -> None:
+        """Write a body into a context; other contexts stay as they are.
+
+        Args:
+            context: The plant's context, or the root context of its diagram.
+            model: A body of the same joints, markers and sensors.
+
+        Raises:
+            ModelError: If it has others, or they hang on other links.
+        """
+        mine, other = _structure(self.tree), _structure(model.tree)
+        if mine != other:
+            strange = sorted(k for k in {*mine, *other} if mine.get(k) != other.get(k))
+            raise ModelError(
+                f"body {model.name!r} is not the one in the plant: they differ in {listed(strange)}"
+            )
+        tree = model.tree
+        poses = dict(zip([frame_names(joint)[0] for joint in tree.joints], tree.X_PJ, strict=True))
+        poses |= {item.name: item.X_LA for item in (*tree.markers, *tree.sensors)}
+        self.write_poses(context, [(self.frame(name), X) for name, X in poses.items()])
+
+    def set_readings(
+        self,
+        context: Any,
+        readings: ArrayLike,
+        flanges: NDArray | None = None,
+        model: BodyModel | None = None,
+    ) -> None:
+        """Move all joints in a context to what was read: q = coupling (readings / gear).
+
+        Args:
+            context: The plant's context, or the root context of its diagram.
+            readings: Encoder angles [rad] or lengths [m] (`BodyModel.readings`), zero where a joint
+                has no encoder. Shape (n,).
+            flanges: Poses that controllers read, used where a joint is one. Shape (n, 4, 4).
+            model: Whose gears and coupling to use; those of the plant's body if omitted.
+
+        Raises:
+            ValueError: If `readings` is not n numbers, or a flange's pose is missing.
+        """
+        tree, n = self.tree if model is None else model.tree, len(self.tree.joints)
+        readings = np.asarray(readings)
+        if readings.shape != (n,):
+            raise ValueError(f"readings must have shape ({n},), got {readings.shape}")
+        # As `BodyTree.displacements`, for scalars of Drake's too.
+        q = tree.coupling @ (readings / tree.gear)
+        turning = [i for i in range(n) if tree.motions[i] != FLANGE]
+        self.move_joints(context, [tree.joints[i] for i in turning], q[turning])
+        own = self.own_context(context)
+        for i in sorted(set(range(n)) - set(turning)):
+            if flanges is None or np.shape(flanges) != (n, 4, 4):
+                raise ValueError(f"joint {tree.joints[i]!r} is a flange: give flanges, (n, 4, 4)")
+            joint: Any = self.plant.GetJointByName(tree.joints[i], self.instance)
+            joint.SetPose(own, self.rigid(flanges[i]))
+
+    def frame(self, name: str) -> Any:
+        """Return the frame of a marker or a sensor.
+
+        Raises:
+            ValueError: If there is none of this name; the message lists those there are.
+        """
+        if not self.plant.HasFrameNamed(name, self.instance):
+            names = [item.name for item in (*self.tree.markers, *self.tree.sensors)]
+            raise ValueError(f"no marker or sensor {name!r}; there are {listed(names, name)}")
+        return self.plant.GetFrameByName(name, self.instance)
+
+
+def _joint(name: str, motion: str, F: Frame, link: Frame) -> Joint:
+    if motion == FLANGE:
+        return QuaternionFloatingJoint(name, F, link)
+    kind = RevoluteJoint if motion == REVOLUTE else PrismaticJoint
+    return kind(name, F, link, _Z)
+
+
+def _structure(tree: BodyTree) -> dict[str, Any]:
+    """Return what a plant cannot change: what there is, and what it hangs on."""
+    joints = zip(tree.joints, tree.motions, tree.parent.tolist(), strict=True)
+    parts: dict[str, Any] = {name: (motion, parent) for name, motion, parent in joints}
+    return parts | {item.name: item.on for item in (*tree.markers, *tree.sensors)}
