@@ -5,6 +5,8 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
+from pydrake.geometry import Cylinder, Sphere
+from pydrake.math import RigidTransform
 from pydrake.multibody.plant import MultibodyPlant
 from pydrake.multibody.tree import (
     Frame,
@@ -16,13 +18,18 @@ from pydrake.multibody.tree import (
 )
 
 from nico_selfmodel.errors import ModelError
+from nico_selfmodel.geometry.rotation import tangent_basis
+from nico_selfmodel.geometry.transform import transform
 from nico_selfmodel.model.tree.body_model import BodyModel
 from nico_selfmodel.model.tree.body_tree import FLANGE, REVOLUTE, WORLD, BodyTree
 from nico_selfmodel.names import listed
 from nico_selfmodel.plant.frames import add_frame, frame_names
+from nico_selfmodel.plant.kinematic_tree import rigid
 from nico_selfmodel.plant.model_in_plant import ModelInPlant, check_open
 
 _Z = [0.0, 0.0, 1.0]
+_GREY, _THICKNESS = [0.55, 0.62, 0.70, 1.0], 0.06
+"""How links are drawn: their colour, and their radius as a share of the longest."""
 _MASS, _RADIUS = 1.0, 0.05
 """Of every link [kg, m]: invented, since nothing tells them; a plant without masses cannot move."""
 
@@ -31,9 +38,10 @@ _MASS, _RADIUS = 1.0, 0.05
 class BodyPlant(ModelInPlant):
     """A learned body in a plant: joints, markers and sensors stand where it has them.
 
-    Links have the names of their joints and no shape; the masses, 1 kg each, are invented, so that
-    its motion under forces means nothing. Markers and sensors are frames of their own names. A
-    joint that is read as a flange's pose floats.
+    Links have the names of their joints. Where there is a scene graph they are drawn as balls, with
+    rods to what they carry; the masses, 1 kg each, are invented, so that motion under forces means
+    nothing. Markers and sensors are frames of their own names. A joint that is read as a flange's
+    pose floats.
     """
 
     tree: BodyTree
@@ -76,6 +84,8 @@ class BodyPlant(ModelInPlant):
         for item in (*tree.markers, *tree.sensors):
             on = root if item.on == WORLD else links[item.on]
             add_frame(plant, instance, item.name, on, item.X_LA)
+        if plant.geometry_source_is_registered():
+            _draw(plant, tree, links)
         return cls(plant, instance, tree)
 
     def write(self, context: Any, model: BodyModel) -> None:
@@ -150,6 +160,24 @@ def _joint(name: str, motion: str, F: Frame, link: Frame) -> Joint:
         return QuaternionFloatingJoint(name, F, link)
     kind = RevoluteJoint if motion == REVOLUTE else PrismaticJoint
     return kind(name, F, link, _Z)
+
+
+def _draw(plant: MultibodyPlant, tree: BodyTree, links: list[Frame]) -> None:
+    """Draw each link as a ball at its joint, with rods to the joints and markers it carries."""
+    joints = zip(tree.parent.tolist(), tree.X_PJ[:, :3, 3], strict=True)
+    rods = [(on, p) for on, p in joints if on != WORLD]
+    rods += [(marker.on, marker.X_LA[:3, 3]) for marker in tree.markers if marker.on != WORLD]
+    lengths = [float(np.linalg.norm(p)) for _, p in rods]
+    radius = _THICKNESS * max(lengths, default=_RADIUS)
+    for i, link in enumerate(links):
+        ball = Sphere(radius)
+        plant.RegisterVisualGeometry(link.body(), RigidTransform(), ball, f"ball{i}", _GREY)
+    for k, ((on, p), length) in enumerate(zip(rods, lengths, strict=True)):
+        if length > radius:
+            z = p / length
+            X = transform(np.column_stack([tangent_basis(z), z]), 0.5 * p)
+            rod = Cylinder(0.6 * radius, length)
+            plant.RegisterVisualGeometry(links[on].body(), rigid(X), rod, f"rod{k}", _GREY)
 
 
 def _structure(tree: BodyTree) -> dict[str, Any]:

@@ -27,32 +27,36 @@ from nico_selfmodel.errors import DataError, ModelError
 from nico_selfmodel.files.reading import LARGEST_DOCUMENT, read_text, real_path
 from nico_selfmodel.files.yaml_mapping import check_keys, text_value
 from nico_selfmodel.files.yaml_text import parse_yaml, yaml_items
+from nico_selfmodel.model.document_values import mapping
 from nico_selfmodel.model.self_model import SelfModel
 from nico_selfmodel.model.self_model_file import load_model
+from nico_selfmodel.model.tree.body_model import BODY_FILE, load_body
 from nico_selfmodel.names import listed
+from nico_selfmodel.plant.body_plant import BodyPlant
 from nico_selfmodel.plant.description import ArmDescription
 from nico_selfmodel.plant.self_model_plant import SelfModelPlant
 
+Learned = SelfModelPlant | BodyPlant
 OWN = "add_self_model"
 _KEYS = ("name", "model", "robot", "frame", "default_joint_positions")
 _ROBOT_KEYS = ("urdf", "base_link", "tip_link", "held", "points")
 
 
-def add_directives(path: str | Path, parser: Parser) -> dict[str, SelfModelPlant]:
+def add_directives(path: str | Path, parser: Parser) -> dict[str, Learned]:
     """Add what a file of model directives names to a plant, self-models among it.
 
-    `add_self_model` has `name` (of the robot's model instance) and `model` (a result folder or a
-    `self_model.yaml`); where the self-model names no robot, or another one is meant, `robot` with
-    the arguments of `ArmDescription.from_urdf`; `frame` (`instance::frame`) that is the measuring
-    frame, the world if omitted; and `default_joint_positions` (joint -> rad or m). All else is
-    Drake's. Paths, those of `file` too, start at the folder of the file.
+    `add_self_model` has `name` (of the model instance) and `model` (a result folder, or the
+    `self_model.yaml` or `body.yaml` in one); where a self-model names no robot, or another one is
+    meant, `robot` with the arguments of `ArmDescription.from_urdf`; `frame` (`instance::frame`)
+    that is the measuring frame, the world if omitted; and `default_joint_positions` (joint -> rad
+    or m). All else is Drake's. Paths, those of `file` too, start at the folder of the file.
 
     Args:
         path: The YAML file.
         parser: Of a plant that is not finalized, with the packages that the file needs.
 
     Returns:
-        Each robot with a self-model, by name.
+        What was learned, by name.
 
     Raises:
         ModelError: If the plant is finalized, a name is not known, or a model does not fit its
@@ -62,7 +66,7 @@ def add_directives(path: str | Path, parser: Parser) -> dict[str, SelfModelPlant
     plant = parser.plant()
     if plant.is_finalized():
         raise ModelError(f"{path}: the plant is finalized already: add models before Finalize()")
-    robots: dict[str, SelfModelPlant] = {}
+    robots: dict[str, Learned] = {}
 
     def lead(key: str, value: str) -> str:
         if key == "file" and "://" not in value:
@@ -107,18 +111,24 @@ def _process(item: str, parser: Parser) -> None:
 
 def _add_self_model(
     plant: MultibodyPlant, folder: Path, entry: Any, where: str
-) -> tuple[str, SelfModelPlant]:
+) -> tuple[str, Learned]:
     if not isinstance(entry, dict):
         raise DataError(f"{where}: expected a mapping with {', '.join(_KEYS)}")
     check_keys(entry, _KEYS, where)
     name = text_value(entry, "name", where)
-    model = load_model(folder / text_value(entry, "model", where))
-    arm = _arm(model, folder, entry.get("robot"), where)
+    path = folder / text_value(entry, "model", where)
+    if (path / BODY_FILE).is_file() and not (path / "self_model.yaml").is_file():
+        path = path / BODY_FILE
     frame = None
     if entry.get("frame") is not None:
         frame = GetScopedFrameByName(plant, text_value(entry, "frame", where))
     try:
-        robot = SelfModelPlant.add_to(plant, arm, model, name=name, frame=frame)
+        if path.name == BODY_FILE:
+            robot = BodyPlant.add_to(plant, load_body(path), name=name, frame=frame)
+        else:
+            model = load_model(path)
+            arm = _arm(model, folder, entry.get("robot"), where)
+            robot = SelfModelPlant.add_to(plant, arm, model, name=name, frame=frame)
     except ModelError as error:
         raise ModelError(f"{where}: {error}") from error
     _set_defaults(robot, entry.get("default_joint_positions"), where)
@@ -129,21 +139,20 @@ def _arm(model: SelfModel, folder: Path, robot: Any, where: str) -> ArmDescripti
     if robot is None:
         arm = ArmDescription.of_model(model)
         if arm is None:
-            raise ModelError(
-                f"{where}: self-model {model.name!r} names no robot: give robot with its urdf"
-            )
+            raise ModelError(f"self-model {model.name!r} names no robot: give robot with its urdf")
         return arm
     if not isinstance(robot, dict):
         raise DataError(f"{where}, robot: expected a mapping with {', '.join(_ROBOT_KEYS)}")
     check_keys(robot, _ROBOT_KEYS, f"{where}, robot")
-    urdf = text_value(robot, "urdf", f"{where}, robot")
+    where = f"{where}, robot"
+    urdf = text_value(robot, "urdf", where)
+    links = [text_value(robot, key, where, "") or None for key in ("base_link", "tip_link")]
+    held, points = (mapping(robot.get(key), f"{where}, {key}") for key in ("held", "points"))
     beside = folder / urdf
-    return ArmDescription.from_urdf(
-        beside if beside.is_file() else urdf, **{k: v for k, v in robot.items() if k != "urdf"}
-    )
+    return ArmDescription.from_urdf(beside if beside.is_file() else urdf, *links, held, points)
 
 
-def _set_defaults(robot: SelfModelPlant, positions: Any, where: str) -> None:
+def _set_defaults(robot: Learned, positions: Any, where: str) -> None:
     if positions is None:
         return
     where = f"{where}, default_joint_positions"

@@ -13,7 +13,9 @@ from pydrake.visualization import ModelVisualizer
 from nico_selfmodel.errors import ModelError
 from nico_selfmodel.model.self_model import SelfModel
 from nico_selfmodel.model.self_model_file import save_model
-from nico_selfmodel.plant import SelfModelPlant, add_directives
+from nico_selfmodel.model.tree.body_model import BodyModel, save_body
+from nico_selfmodel.model.tree.body_tree import Attached, BodyTree
+from nico_selfmodel.plant import BodyPlant, SelfModelPlant, add_directives
 
 TABLE = """<robot name="table"><link name="top">
 <visual><geometry><box size="1 1 0.1"/></geometry></visual></link></robot>"""
@@ -92,6 +94,28 @@ def test_another_robot_may_be_named(scene, describe):
     assert robots["a"].arm.held == {"slide": 0.1}
 
 
+def test_a_body_is_named_as_an_arm_is_and_drawn(tmp_path, scene):
+    frames = [np.eye(4), np.eye(4)]
+    frames[1][:3, 3] = [0.1, 0.2, 0.4]
+    tree = BodyTree(
+        ("lift", "turn"), ("prismatic", "revolute"), np.array([-1, 0]), np.array(frames),
+        np.ones(2), np.eye(2), (Attached("ball", 1, frames[1]),), (),
+    )  # fmt: skip
+    (tmp_path / "result").mkdir()
+    save_body(BodyModel("crane", tree, np.ones(2)), tmp_path / "result" / "body.yaml")
+    text = "directives:\n- add_self_model: {name: crane, model: result,"
+    text += " default_joint_positions: {lift: 0.25}}\n"
+    visualizer = ModelVisualizer(meshcat=Meshcat(MeshcatParams(host="localhost")))
+    (body,) = add_directives(scene(text), visualizer.parser()).values()
+    visualizer.Finalize()
+    visualizer.Run(loop_once=True)
+    assert isinstance(body, BodyPlant)
+    assert visualizer.meshcat().HasPath("/drake/illustration/crane/turn")
+    context = body.plant.CreateDefaultContext()
+    p = body.frame("ball").CalcPoseInWorld(context).translation()
+    np.testing.assert_allclose(p, [0.2, 0.4, 1.05])
+
+
 LINE = "directives:\n- add_self_model: "
 
 
@@ -117,6 +141,11 @@ LINE = "directives:\n- add_self_model: "
             LINE + "{name: a, model: learned.yaml, default_joint_positions: {knee: 1}}",
             "no joint 'knee'",
         ),
+        (
+            LINE + "{name: a, model: nobody.yaml, robot: {urdf: nico, held: 3}}",
+            "held must be a",
+        ),
+        (LINE + "{name: a, model: nobody.yaml, robot: {urdf: nico, tip_link: 3}}", "must be text"),
         ("directives:\n- add_modell: {name: t}\n", "directive 1: .*'add_modell' did not match"),
         ("directives:\n- add_weld: {parent: world, child: q::r}\n", "no model instance named 'q'"),
         ("directives:\n- add_model: {name: t, file: gone.urdf}\n", "gone.urdf.* does not exist"),
