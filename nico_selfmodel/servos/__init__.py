@@ -6,12 +6,12 @@ its thread and a `MotorServer` for other processes. A `SimulatedBus` speaks the 
 pseudo-terminal. Importing opens nothing, making an object sends nothing, connecting moves nothing.
 """
 
+from nico_selfmodel.servos.arm.controller import ArmController
+from nico_selfmodel.servos.arm.servo_config import JointServo, ServoConfig
+from nico_selfmodel.servos.arm.servo_config_file import load_servo_config
 from nico_selfmodel.servos.arm_loop import ArmLoop
-from nico_selfmodel.servos.pic_servo.arm.controller import ArmController
-from nico_selfmodel.servos.pic_servo.arm.servo_config import JointServo, ServoConfig
-from nico_selfmodel.servos.pic_servo.arm.servo_config_file import load_servo_config
-from nico_selfmodel.servos.pic_servo.simulated.bus import SimulatedBus
 from nico_selfmodel.servos.server.motor_server import MotorServer
+from nico_selfmodel.servos.simulated.bus import SimulatedBus
 
 __all__ = [
     "ArmController",

@@ -15,7 +15,7 @@ from pydrake.systems.analysis import Simulator
 from nico_selfmodel.dataset.folder import content_hash, load_dataset
 from nico_selfmodel.planning.plans import commands_of_angles
 from nico_selfmodel.servos import SimulatedBus
-from nico_selfmodel.servos.pic_servo.arm.servo_config_file import (
+from nico_selfmodel.servos.arm.servo_config_file import (
     load_servo_config,
     save_servo_config,
 )

@@ -11,9 +11,9 @@ import time
 import pytest
 
 from nico_selfmodel.servos import ArmController, SimulatedBus
-from nico_selfmodel.servos.pic_servo.arm.servo_config_file import load_servo_config
+from nico_selfmodel.servos.arm.servo_config_file import load_servo_config
 from nico_selfmodel.servos.pic_servo.simulated.module import SimulatedModule
-from nico_selfmodel.servos.simulated_hand import SimulatedHand
+from nico_selfmodel.servos.simulated.hand import SimulatedHand
 
 from ..servos.motor_client import MotorClient
 

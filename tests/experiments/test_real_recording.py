@@ -11,8 +11,8 @@ from nico_selfmodel.estimation.arm.kinematics import calibrate_kinematics
 from nico_selfmodel.planning.visible_workspace import VisibleWorkspace
 from nico_selfmodel.recording.session import record
 from nico_selfmodel.servos import ArmController, SimulatedBus
-from nico_selfmodel.servos.pic_servo.arm.homing import zero_here
-from nico_selfmodel.servos.pic_servo.line.bus import BusSettings
+from nico_selfmodel.servos.arm.zeroing import zero_here
+from nico_selfmodel.servos.bus_settings import BusSettings
 from nico_selfmodel.sessions.hardware_recording import RealRecording
 from nico_selfmodel.systems.hardware.motion_capture_stream import (
     MotionCaptureClient,

@@ -11,7 +11,7 @@ from nico_selfmodel.dataset.importers.csv_importer import import_csv
 from nico_selfmodel.errors import SelfModelError
 from nico_selfmodel.files.yaml_text import DEEPEST, MOST_VALUES, parse_yaml, yaml_text
 from nico_selfmodel.model.self_model_file import load_model
-from nico_selfmodel.servos.pic_servo.arm.servo_config_file import load_servo_config
+from nico_selfmodel.servos.arm.servo_config_file import load_servo_config
 from nico_selfmodel.vision.color.color_model import ColorModel
 
 NINE_DEEP = "\n".join(

@@ -6,10 +6,12 @@ from contextlib import contextmanager
 from dataclasses import dataclass
 
 from nico_selfmodel.servos import ArmController, ArmLoop, JointServo, ServoConfig
-from nico_selfmodel.servos.pic_servo.line.bus import Bus, BusSettings
-from nico_selfmodel.servos.pic_servo.simulated.line import SimulatedLine
+from nico_selfmodel.servos.bus_settings import BusSettings
+from nico_selfmodel.servos.pic_servo.joint_bus import PicServoJointBus
+from nico_selfmodel.servos.pic_servo.line.bus import Bus
+from nico_selfmodel.servos.pic_servo.simulated.line import PicServoLine
 from nico_selfmodel.servos.pic_servo.simulated.module import SimulatedModule
-from nico_selfmodel.servos.pic_servo.simulated.port import SimulatedPort
+from nico_selfmodel.servos.simulated.port import SimulatedPort
 
 JOINTS = (
     *("right_shoulder_pitch", "right_shoulder_roll", "right_upper_arm_twist"),
@@ -45,7 +47,7 @@ def configuration(joints=JOINTS, **options):
 class VirtualArm:
     """An arm on a line in virtual time, with everything within reach."""
 
-    line: SimulatedLine
+    line: PicServoLine
     port: SimulatedPort
     bus: Bus
     arm: ArmController
@@ -81,10 +83,10 @@ class VirtualArm:
 def virtual_arm(modules=None, *, trust_zero=True, settings=None, servos=None, **options):
     """Return an arm that is not connected yet."""
     config = configuration(**options)
-    line = SimulatedLine(modules or [SimulatedModule() for _ in config.joints])
+    line = PicServoLine(modules or [SimulatedModule() for _ in config.joints])
     port = SimulatedPort(line)
     bus = Bus(port, settings or BusSettings())
-    arm = ArmController(bus, config, servos, trust_zero=trust_zero)
+    arm = ArmController(PicServoJointBus(bus, config), config, servos, trust_zero=trust_zero)
     return VirtualArm(line, port, bus, arm)
 
 

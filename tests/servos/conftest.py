@@ -10,9 +10,9 @@ from nico_selfmodel.servos import MotorServer, SimulatedBus
 from nico_selfmodel.servos.pic_servo.line.board import PicServo
 from nico_selfmodel.servos.pic_servo.line.bus import Bus
 from nico_selfmodel.servos.pic_servo.line.chain import scan
-from nico_selfmodel.servos.pic_servo.simulated.line import SimulatedLine
+from nico_selfmodel.servos.pic_servo.simulated.line import PicServoLine
 from nico_selfmodel.servos.pic_servo.simulated.module import SimulatedModule
-from nico_selfmodel.servos.pic_servo.simulated.port import SimulatedPort
+from nico_selfmodel.servos.simulated.port import SimulatedPort
 
 from .arms import addressed_modules, loop_on, virtual_arm
 
@@ -30,7 +30,7 @@ def virtual():
 def module():
     """Return one simulated module and the driver's side of it."""
     board = SimulatedModule()
-    port = SimulatedPort(SimulatedLine([board]))
+    port = SimulatedPort(PicServoLine([board]))
     bus = Bus(port)
     scan(bus, [1])
     servo = PicServo(bus, 1)

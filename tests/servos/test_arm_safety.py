@@ -4,8 +4,9 @@ import numpy as np
 import pytest
 
 from nico_selfmodel.errors import BusError, ServoFault
-from nico_selfmodel.servos.pic_servo.arm.homing import zero_here
-from nico_selfmodel.servos.pic_servo.arm.shutdown import stop_what_answers
+from nico_selfmodel.servos.arm.shutdown import stop_what_answers
+from nico_selfmodel.servos.arm.zeroing import zero_here
+from nico_selfmodel.servos.pic_servo.joint_bus import PicServoJointBus
 from nico_selfmodel.servos.pic_servo.line.board import ZERO_MARK
 from nico_selfmodel.servos.pic_servo.simulated.module import SimulatedModule
 
@@ -59,7 +60,7 @@ def test_two_arms_on_one_chain_never_start_each_other(part):
     other = next_program(one, joints=("a", "b", "c", "d"))
     config = other.arm.config
     half = type(config)("other", config.joints[part])
-    other.arm.__init__(other.bus, half, trust_zero=True)
+    other.arm.__init__(PicServoJointBus(other.bus, half), half, trust_zero=True)
     other.arm.connect()
     before = other.shafts()
     other.arm.enable()
@@ -77,7 +78,7 @@ def test_a_zero_that_was_only_half_written_is_not_known(after):
     """A program that dies between mark and position leaves a board far from every limit."""
     made = virtual_arm(trust_zero=False)
     made.arm.connect()
-    module = made.arm.axis("right_elbow").module
+    module = made.arm.axis("right_elbow").motor.board
     original, count = module.set_position, 0
 
     def set_position(position, tolerance=50):

@@ -21,10 +21,11 @@ from nico_selfmodel.servos.pic_servo.protocol.commands import (
     SetBaud,
 )
 from nico_selfmodel.servos.pic_servo.protocol.status import StatusItem
-from nico_selfmodel.servos.pic_servo.simulated.line import SimulatedLine, WireFaults
+from nico_selfmodel.servos.pic_servo.simulated.line import PicServoLine
 from nico_selfmodel.servos.pic_servo.simulated.module import SimulatedModule
-from nico_selfmodel.servos.pic_servo.simulated.port import SimulatedPort
 from nico_selfmodel.servos.ports import PortLostError
+from nico_selfmodel.servos.simulated.line import WireFaults
+from nico_selfmodel.servos.simulated.port import SimulatedPort
 
 POSITION = StatusItem.POSITION
 
@@ -45,7 +46,7 @@ class Wire(WireFaults):
 @pytest.fixture
 def two():
     """Return a bus with two modules at different positions, and its line."""
-    line = SimulatedLine([SimulatedModule(), SimulatedModule()])
+    line = PicServoLine([SimulatedModule(), SimulatedModule()])
     bus = Bus(SimulatedPort(line))
     scan(bus, [1, 2])
     line.modules[0].shaft, line.modules[1].shaft = 111.0, 222.0
@@ -167,7 +168,7 @@ class EchoPort(SimulatedPort):
 
 
 def test_an_adapter_that_echoes_is_called_one():
-    bus = Bus(EchoPort(SimulatedLine([SimulatedModule()])))
+    bus = Bus(EchoPort(PicServoLine([SimulatedModule()])))
     with pytest.raises(BusError, match="echoes"):
         bus.exchange(0, NoOperation(), 0)
 
@@ -181,7 +182,7 @@ class NoisyPort(SimulatedPort):
 
 
 def test_a_line_that_never_gets_quiet_is_given_up():
-    bus = Bus(NoisyPort(SimulatedLine([SimulatedModule()])))
+    bus = Bus(NoisyPort(PicServoLine([SimulatedModule()])))
     with pytest.raises(BusError, match="never gets quiet: check the baud rate"):
         bus.exchange(1, NoOperation(), 0)
     assert bus.port.now() < 2.0

@@ -8,13 +8,13 @@ from nico_selfmodel.servos.pic_servo.line.bus import Bus, UncertainError
 from nico_selfmodel.servos.pic_servo.line.chain import join_group, scan
 from nico_selfmodel.servos.pic_servo.protocol.commands import HardReset
 from nico_selfmodel.servos.pic_servo.protocol.packets import EVERYONE
-from nico_selfmodel.servos.pic_servo.simulated.line import SimulatedLine
+from nico_selfmodel.servos.pic_servo.simulated.line import PicServoLine
 from nico_selfmodel.servos.pic_servo.simulated.module import SimulatedModule
-from nico_selfmodel.servos.pic_servo.simulated.port import SimulatedPort
+from nico_selfmodel.servos.simulated.port import SimulatedPort
 
 
 def bus_of(*modules):
-    return Bus(SimulatedPort(SimulatedLine(modules)))
+    return Bus(SimulatedPort(PicServoLine(modules)))
 
 
 def boards(n):

@@ -8,10 +8,10 @@ import pytest
 
 from nico_selfmodel.errors import BusError, ServoFault
 from nico_selfmodel.model.arm.servo_map import ServoMap
-from nico_selfmodel.servos.pic_servo.line.bus import BusSettings
-from nico_selfmodel.servos.pic_servo.simulated.line import WireFaults
+from nico_selfmodel.servos.bus_settings import BusSettings
 from nico_selfmodel.servos.pic_servo.simulated.module import SimulatedModule
 from nico_selfmodel.servos.ports import PortLostError
+from nico_selfmodel.servos.simulated.line import WireFaults
 
 from .arms import COUNTS_PER_TURN, JOINTS, virtual_arm
 
@@ -592,7 +592,7 @@ def test_a_joint_with_a_fault_stays_off_when_the_others_are_stopped(virtual):
 def test_a_joint_that_holds_with_a_fault_can_be_connected_and_enabled_again(virtual):
     elbow = virtual.modules[3]
     elbow.overload()
-    virtual.arm.axis("right_elbow").module.hold()  # as an earlier program may have left it
+    virtual.arm.axis("right_elbow").motor.board.hold()  # as an earlier program may have left it
     assert virtual.arm.connect() is not None
     state = virtual.arm.cycle()
     assert state.enabled.tolist() == [True, True, True, False, True, True]

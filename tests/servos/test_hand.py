@@ -6,8 +6,8 @@ from hypothesis import strategies as st
 
 from nico_selfmodel.errors import BusError, ServoFault
 from nico_selfmodel.servos.hand import Hand, decode_line, encode_line
-from nico_selfmodel.servos.pic_servo.simulated.port import SimulatedPort
-from nico_selfmodel.servos.simulated_hand import HandFirmware
+from nico_selfmodel.servos.simulated.hand import HandFirmware
+from nico_selfmodel.servos.simulated.port import SimulatedPort
 
 
 @pytest.fixture

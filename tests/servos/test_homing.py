@@ -7,13 +7,14 @@ import pytest
 
 from nico_selfmodel.errors import ServoFault
 from nico_selfmodel.servos import ArmController
-from nico_selfmodel.servos.pic_servo.arm import homing
-from nico_selfmodel.servos.pic_servo.arm.homing import find_home, zero_here
-from nico_selfmodel.servos.pic_servo.arm.servo_config import HomePlan
+from nico_selfmodel.servos.arm.servo_config import HomePlan
+from nico_selfmodel.servos.arm.zeroing import zero_here
+from nico_selfmodel.servos.pic_servo import homing
+from nico_selfmodel.servos.pic_servo.homing import find_home
 from nico_selfmodel.servos.pic_servo.line.bus import Bus
-from nico_selfmodel.servos.pic_servo.simulated.line import SimulatedLine
+from nico_selfmodel.servos.pic_servo.simulated.line import PicServoLine
 from nico_selfmodel.servos.pic_servo.simulated.module import SimulatedModule
-from nico_selfmodel.servos.pic_servo.simulated.port import SimulatedPort
+from nico_selfmodel.servos.simulated.port import SimulatedPort
 
 from .arms import COUNTS_PER_TURN, VirtualArm, configuration, virtual_arm
 
@@ -25,7 +26,7 @@ def homing_arm(plan, sign=1):
     config = configuration(("elbow",))
     joint = replace(config.joints[0], home=plan, sign=sign)
     board = SimulatedModule(shaft=-8000)
-    line = SimulatedLine([board])
+    line = PicServoLine([board])
     port = SimulatedPort(line)
     bus = Bus(port)
     arm = ArmController(bus, replace(config, joints=(joint,)))

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from nico_selfmodel.errors import ServoFault
-from nico_selfmodel.servos.pic_servo.line.bus import BusSettings
+from nico_selfmodel.servos.bus_settings import BusSettings
 
 from .arms import JOINTS, virtual_arm
 from .mechanics import DEGREE, Mechanics

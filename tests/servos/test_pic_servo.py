@@ -27,9 +27,9 @@ from nico_selfmodel.servos.pic_servo.protocol.trajectory import (
     acceleration_units,
     velocity_units,
 )
-from nico_selfmodel.servos.pic_servo.simulated.line import SimulatedLine
+from nico_selfmodel.servos.pic_servo.simulated.line import PicServoLine
 from nico_selfmodel.servos.pic_servo.simulated.module import SimulatedModule
-from nico_selfmodel.servos.pic_servo.simulated.port import SimulatedPort
+from nico_selfmodel.servos.simulated.port import SimulatedPort
 
 MOVE_DONE = StatusFlag.MOVE_DONE
 
@@ -114,7 +114,7 @@ def test_a_goal_may_change_on_the_way_and_is_not_passed(module):
 
 def test_before_version_10_a_goal_on_the_way_counts_from_the_last():
     board = SimulatedModule(version=5)
-    port = SimulatedPort(SimulatedLine([board]))
+    port = SimulatedPort(PicServoLine([board]))
     scan(Bus(port), [1])
     servo = PicServo(Bus(port), 1)
     switch_on(servo)
@@ -178,7 +178,7 @@ def test_stop_here_goes_there_without_a_profile(module):
 
 def test_a_group_starts_in_one_tick_and_stops_with_one_packet():
     modules = [SimulatedModule() for _ in range(3)]
-    line = SimulatedLine(modules)
+    line = PicServoLine(modules)
     port = SimulatedPort(line)
     bus = Bus(port)
     scan(bus, [1, 2, 3])

@@ -5,7 +5,7 @@ import math
 import numpy as np
 import pytest
 
-from nico_selfmodel.servos.pic_servo.arm.jam_watch import JamWatch
+from nico_selfmodel.servos.arm.jam_watch import JamWatch
 
 DEGREE = 1000.0
 PERIOD = 0.02

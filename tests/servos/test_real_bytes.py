@@ -12,7 +12,7 @@ from nico_selfmodel.servos import ArmController, SimulatedBus
 from nico_selfmodel.servos.hand import Hand
 from nico_selfmodel.servos.pic_servo.line.bus import Bus
 from nico_selfmodel.servos.ports import PortLostError, SerialPort
-from nico_selfmodel.servos.simulated_hand import SimulatedHand
+from nico_selfmodel.servos.simulated.hand import SimulatedHand
 
 from .arms import JOINTS, addressed_modules, configuration
 

@@ -11,7 +11,7 @@ from nico_selfmodel.errors import DataError
 from nico_selfmodel.model.arm.servo_map import ServoMap
 from nico_selfmodel.plant import ArmDescription
 from nico_selfmodel.servos import JointServo
-from nico_selfmodel.servos.pic_servo.arm.servo_config_file import load_servo_config
+from nico_selfmodel.servos.arm.servo_config_file import load_servo_config
 from nico_selfmodel.servos.pic_servo.protocol.gains import Gains
 
 from .arms import COUNTS_PER_TURN, configuration

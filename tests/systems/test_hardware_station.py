@@ -10,12 +10,12 @@ from pydrake.systems.framework import PortDataType
 
 from nico_selfmodel.errors import RobotError
 from nico_selfmodel.servos import ArmController, JointServo, ServoConfig, SimulatedBus
-from nico_selfmodel.servos.pic_servo.arm.homing import zero_here
-from nico_selfmodel.servos.pic_servo.arm.servo_config_file import (
+from nico_selfmodel.servos.arm.servo_config_file import (
     load_servo_config,
     save_servo_config,
 )
-from nico_selfmodel.servos.pic_servo.line.bus import BusSettings
+from nico_selfmodel.servos.arm.zeroing import zero_here
+from nico_selfmodel.servos.bus_settings import BusSettings
 from nico_selfmodel.systems.hardware.camera_driver import CameraDriver
 from nico_selfmodel.systems.hardware.motion_capture_stream import (
     MarkerFrame,

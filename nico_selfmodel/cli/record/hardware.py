@@ -98,7 +98,7 @@ def record_hardware(request: "Request", hardware: Hardware) -> "Dataset":
 
 
 def _configuration(hardware: Hardware) -> "ServoConfig":
-    from nico_selfmodel.servos.pic_servo.arm.servo_config_file import load_servo_config
+    from nico_selfmodel.servos.arm.servo_config_file import load_servo_config
 
     if hardware.config is None:
         raise ValueError("--port needs --config, the servo configuration of this robot")
@@ -107,7 +107,7 @@ def _configuration(hardware: Hardware) -> "ServoConfig":
 
 
 def _servos(hardware: Hardware, config: "ServoConfig") -> "ServoDriver":
-    from nico_selfmodel.servos.pic_servo.line.bus import BusSettings
+    from nico_selfmodel.servos.bus_settings import BusSettings
     from nico_selfmodel.systems.hardware.servo_driver import ServoDriver
 
     largest = max(joint.max_velocity for joint in config.joints)

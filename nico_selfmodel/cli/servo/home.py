@@ -19,7 +19,8 @@ def home(
     yes: options.Yes = False,
 ) -> None:
     """Find the zeros that were lost at power-off."""
-    from nico_selfmodel.servos.pic_servo.arm.homing import find_home, zero_here
+    from nico_selfmodel.servos.arm.zeroing import zero_here
+    from nico_selfmodel.servos.pic_servo.homing import find_home
 
     with opened(port, config) as arm:
         arm.connect()

@@ -27,7 +27,7 @@ def opened(
     """
     from nico_selfmodel.model.self_model_file import load_model
     from nico_selfmodel.servos import ArmController
-    from nico_selfmodel.servos.pic_servo.arm.servo_config_file import load_servo_config
+    from nico_selfmodel.servos.arm.servo_config_file import load_servo_config
 
     servos = None if model is None else load_model(model).servos
     return ArmController.open(port, load_servo_config(config), servos, trust_zero=trust_zero)

@@ -32,8 +32,8 @@ def simulate(
 ) -> None:
     """Simulate a bus and print the port to connect to; runs until Ctrl-C."""
     from nico_selfmodel.servos import SimulatedBus
-    from nico_selfmodel.servos.pic_servo.arm.servo_config_file import load_servo_config
-    from nico_selfmodel.servos.simulated_hand import SimulatedHand
+    from nico_selfmodel.servos.arm.servo_config_file import load_servo_config
+    from nico_selfmodel.servos.simulated.hand import SimulatedHand
 
     if body != (out is not None):
         raise ValueError("--body and --out belong together")
@@ -55,7 +55,7 @@ def simulate(
 def _body(stack: ExitStack, file: Path, seed: int, session: int) -> "NicoBehindBus":
     """Build a robot, write its configuration, and start its motion capture."""
     from nico_selfmodel.files.whole import refuse_existing
-    from nico_selfmodel.servos.pic_servo.arm.servo_config_file import save_servo_config
+    from nico_selfmodel.servos.arm.servo_config_file import save_servo_config
     from nico_selfmodel.systems.hardware.motion_capture_stream import MotionCaptureServer
     from nico_selfmodel.systems.stations.nico_behind_bus import NicoBehindBus
     from nico_selfmodel.systems.stations.nico_station import NicoStation

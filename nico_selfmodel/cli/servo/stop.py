@@ -39,7 +39,7 @@ def stop(
 
 def _stop_the_rest(arm: "ArmController", release: bool) -> str:
     """Stop or release the joints that answer though others do not; return what came of it."""
-    from nico_selfmodel.servos.pic_servo.arm.shutdown import stop_what_answers
+    from nico_selfmodel.servos.arm.shutdown import stop_what_answers
 
     done, _ = stop_what_answers(arm.axes, release=release)
     what = "switched off" if release else "stopped"

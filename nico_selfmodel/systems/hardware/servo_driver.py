@@ -16,9 +16,9 @@ from pydrake.systems.framework import (
 from nico_selfmodel.errors import RobotError
 from nico_selfmodel.model.arm.servo_map import ServoMap
 from nico_selfmodel.servos import ArmController, ArmLoop, ServoConfig
+from nico_selfmodel.servos.arm.pose_limits import PoseLimits
 from nico_selfmodel.servos.arm_state import ArmState
-from nico_selfmodel.servos.pic_servo.arm.pose_limits import PoseLimits
-from nico_selfmodel.servos.pic_servo.line.bus import BusSettings
+from nico_selfmodel.servos.bus_settings import BusSettings
 
 PERIOD = 0.02
 """Time between two looks at what the bus thread knows [s]."""

@@ -7,7 +7,7 @@ from pydrake.systems.framework import DiagramBuilder
 
 from nico_selfmodel.dataset.joint_info import JointInfo
 from nico_selfmodel.servos import JointServo, ServoConfig
-from nico_selfmodel.servos.pic_servo.arm.servo_config import HomePlan
+from nico_selfmodel.servos.arm.servo_config import HomePlan
 from nico_selfmodel.systems.hardware.motion_capture_link import MotionCaptureSender
 from nico_selfmodel.systems.hardware.motion_capture_stream import MotionCaptureServer
 from nico_selfmodel.systems.stations.nico_station import NicoStation

@@ -2,10 +2,10 @@
 
 import threading
 from collections import defaultdict
-from dataclasses import dataclass
 
 from nico_selfmodel.errors import BusError
-from nico_selfmodel.servos.pic_servo.line.link_counts import LinkCounts
+from nico_selfmodel.servos.bus_settings import BusSettings, NoReplyError
+from nico_selfmodel.servos.link_counts import LinkCounts, sum_of
 from nico_selfmodel.servos.pic_servo.protocol.command_packets import encode_command, may_repeat
 from nico_selfmodel.servos.pic_servo.protocol.commands import (
     BAUD_CODES,
@@ -29,24 +29,8 @@ FLUSH = bytes(30)
 _NOISE_LIMIT = 1.0
 
 
-class NoReplyError(BusError):
-    """A module did not answer, or only with damaged bytes, however often it was asked."""
-
-
 class UncertainError(BusError):
     """The reply to a command that must not be repeated was lost: it may have been carried out."""
-
-
-@dataclass(frozen=True)
-class BusSettings:
-    """How patient a bus is."""
-
-    attempts: int = 4
-    """How often a repeatable command is sent before the module counts as lost."""
-    slack: float = 0.02
-    """Delay in the host beyond what the wire needs [s]; later attempts allow up to 8 times it."""
-    latency: float = 1e-3
-    """Latency timer of the adapter [s]; 16 ms where it has no low-latency mode."""
 
 
 class Bus:
@@ -282,8 +266,4 @@ class Bus:
 
     def total(self) -> LinkCounts:
         """Return the sum of the counts of all modules."""
-        total = LinkCounts()
-        for counts in list(self.counts.values()):
-            for name, value in counts.to_mapping().items():
-                setattr(total, name, getattr(total, name) + value)
-        return total
+        return sum_of(list(self.counts.values()))

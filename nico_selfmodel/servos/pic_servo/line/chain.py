@@ -5,8 +5,9 @@ from dataclasses import dataclass
 from zlib import crc32
 
 from nico_selfmodel.errors import BusError
+from nico_selfmodel.servos.bus_settings import NoReplyError
 from nico_selfmodel.servos.pic_servo.line.board import DeviceId, PicServo, is_marked
-from nico_selfmodel.servos.pic_servo.line.bus import Bus, NoReplyError, UncertainError
+from nico_selfmodel.servos.pic_servo.line.bus import Bus, UncertainError
 from nico_selfmodel.servos.pic_servo.protocol import commands as nmc
 from nico_selfmodel.servos.pic_servo.protocol.commands import StopMode
 from nico_selfmodel.servos.pic_servo.protocol.packets import EVERYONE, FIRST_GROUP, UNADDRESSED

@@ -6,10 +6,10 @@ from enum import IntFlag
 from typing import ClassVar, Self
 
 from nico_selfmodel.servos.pic_servo.protocol.packets import DamagedPacketError
+from nico_selfmodel.servos.profile import UNITS_PER_COUNT
 
 TICK = 0.512e-3
 """Period of the servo loop [s]."""
-UNITS_PER_COUNT = 65536
 LARGEST_VELOCITY = 83_886_080
 LARGEST_ACCELERATION = 2**31 - 1
 

@@ -14,7 +14,7 @@ from nico_selfmodel.servos.pic_servo.protocol.status import (
     encode_status,
 )
 from nico_selfmodel.servos.pic_servo.protocol.trajectory import TICK, LoadTrajectory, TrajectoryFlag
-from nico_selfmodel.servos.pic_servo.simulated.profile import (
+from nico_selfmodel.servos.profile import (
     LARGEST_PWM_VELOCITY,
     Motion,
     SimulatedProfile,

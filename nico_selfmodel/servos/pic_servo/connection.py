@@ -1,15 +1,13 @@
-"""Getting in touch with the boards of a configuration, without moving or resetting any."""
+"""Finding the boards of a configuration, without moving or resetting any."""
 
 from collections.abc import Sequence
 
 from nico_selfmodel.errors import BusError
-from nico_selfmodel.servos.pic_servo.arm.axis import Axis
-from nico_selfmodel.servos.pic_servo.arm.servo_config import ServoConfig
+from nico_selfmodel.servos.arm.servo_config import ServoConfig
 from nico_selfmodel.servos.pic_servo.line.board import FIRST_SC_VERSION, SERVO_TYPE, PicServo
 from nico_selfmodel.servos.pic_servo.line.bus import Bus
 from nico_selfmodel.servos.pic_servo.line.chain import FoundModule, join_group, scan
 from nico_selfmodel.servos.pic_servo.protocol.packets import EVERYONE
-from nico_selfmodel.servos.pic_servo.protocol.status import AuxiliaryFlag, StatusFlag
 
 POWER_UP_RATE = 19200
 _OTHER_RATES = (115200, 57600)
@@ -91,53 +89,3 @@ def _change_rate(bus: Bus, rate: int, addresses: Sequence[int]) -> None:
         module.watch()
         join_group(module, EVERYONE)
     bus.change_rate(rate, list(addresses))
-
-
-def take_over(axis: Axis) -> None:
-    """Look at a board, and stop it where it is still moving or looks for its home.
-
-    It is not switched on or off.
-
-    Raises:
-        BusError: If it does not answer.
-    """
-    module = axis.module
-    axis.lost, axis.enabled = None, False
-    axis.forget_goal()
-    axis.begin_anew()
-    axis.status = None
-    status = module.watch()
-    if status.auxiliary is not None and status.auxiliary & AuxiliaryFlag.SERVO_ON:
-        module.rate_divisor = axis.joint.gains.rate_divisor
-        module.stop_smoothly()
-        axis.stopped()
-        # A joint with a fault has to be enabled anew, and for that to be connected first.
-        axis.enabled = True
-        axis.enabled = axis.fault(status) is None
-    if status.flags & StatusFlag.HOMING:
-        # Who armed it is gone: at its mark it would brake, and lose what says that it is homed.
-        module.capture_home(0)
-    axis.zero_known = module.knows_its_zero()
-    axis.accept(module.poll())
-
-
-def switch_on(axis: Axis, group: int) -> None:
-    """Switch a servo on where the joint stands, and let it obey the packets to a group.
-
-    Nothing moves; faults are cleared, and what the joint was to do before is forgotten.
-
-    Raises:
-        BusError: If the board does not answer.
-        ServoFault: If it reports a fault still.
-    """
-    module = axis.module
-    axis.forget_goal()
-    module.set_output(axis.joint.output_mode)
-    module.set_gains(axis.joint.gains)
-    module.arm_amplifier()
-    module.hold()
-    status = module.clear_faults()
-    axis.enabled, axis.lost = True, None
-    axis.begin_anew()
-    join_group(module, group)
-    axis.accept(status if status.position is None else module.poll())

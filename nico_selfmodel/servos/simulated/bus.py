@@ -1,15 +1,16 @@
-"""A bus of simulated modules behind a pseudo-terminal."""
+"""A bus of simulated motors, of any make, behind a pseudo-terminal."""
 
 import time
 from collections.abc import Sequence
+from typing import Any
 
-from nico_selfmodel.servos.pic_servo.simulated.line import Plant, SimulatedLine, WireFaults
-from nico_selfmodel.servos.pic_servo.simulated.module import SimulatedModule
-from nico_selfmodel.servos.pseudo_terminal import PseudoTerminal
+from nico_selfmodel.servos.drivers import simulated_line
+from nico_selfmodel.servos.simulated.line import Plant, SimulatedLine, WireFaults
+from nico_selfmodel.servos.simulated.pseudo_terminal import PseudoTerminal
 
 
 class SimulatedBus(PseudoTerminal[SimulatedLine]):
-    """Simulated modules on a pseudo-terminal, for any program that opens it.
+    """Simulated motors on a pseudo-terminal, for any program that opens it.
 
     What a real bus does and this one does not: bits are never lost to a wrong level, a profile's
     last unit differs from the chip's, and the polarity of the limit inputs is a guess.
@@ -17,8 +18,9 @@ class SimulatedBus(PseudoTerminal[SimulatedLine]):
 
     def __init__(
         self,
-        modules: int | Sequence[SimulatedModule] = 6,
+        modules: int | Sequence[Any] = 6,
         *,
+        make: str = "pic-servo",
         faults: WireFaults | None = None,
         plant: Plant | None = None,
         latency: float = 1e-3,
@@ -26,14 +28,13 @@ class SimulatedBus(PseudoTerminal[SimulatedLine]):
         """Describe a bus; nothing runs before it is entered.
 
         Args:
-            modules: How many, or which, in the order of the chain.
+            modules: How many, or which (of this make), in their order on the line.
+            make: Of the motors: `pic-servo`, `dynamixel` or `feetech`.
             faults: Damage on the wire; none if omitted.
             plant: What moves the shafts behind the servos.
             latency: How long the adapter holds on to bytes that arrive [s].
         """
-        if isinstance(modules, int):
-            modules = [SimulatedModule() for _ in range(modules)]
-        super().__init__(SimulatedLine(modules, faults, plant), latency)
+        super().__init__(simulated_line(make)(modules, faults, plant), latency)
 
     @property
     def line(self) -> SimulatedLine:
@@ -41,8 +42,8 @@ class SimulatedBus(PseudoTerminal[SimulatedLine]):
         return self.device
 
     @property
-    def modules(self) -> list[SimulatedModule]:
-        """The modules in the order of their chain; hold `lock` while changing one."""
+    def modules(self) -> list[Any]:
+        """The motors in their order on the line; hold `lock` while changing one."""
         return self.device.modules
 
     def shafts(self) -> list[float]:

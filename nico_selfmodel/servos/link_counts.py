@@ -1,11 +1,12 @@
-"""How well the wire to each module works."""
+"""How well the wire to each motor works."""
 
+from collections.abc import Iterable
 from dataclasses import asdict, dataclass
 
 
 @dataclass
 class LinkCounts:
-    """What happened on the way to one module."""
+    """What happened on the way to one motor."""
 
     exchanges: int = 0
     """Commands that were answered in the end."""
@@ -14,7 +15,7 @@ class LinkCounts:
     damaged: int = 0
     """Replies with a wrong checksum."""
     refused: int = 0
-    """Commands that the module received damaged and said so."""
+    """Commands that the motor received damaged and said so."""
     stray_bytes: int = 0
     """Bytes that nobody had asked for."""
     implausible: int = 0
@@ -25,3 +26,12 @@ class LinkCounts:
     def to_mapping(self) -> dict[str, int]:
         """Return the counts by name."""
         return asdict(self)
+
+
+def sum_of(counts: Iterable[LinkCounts]) -> LinkCounts:
+    """Return the sum of counts."""
+    total = LinkCounts()
+    for one in counts:
+        for name, value in one.to_mapping().items():
+            setattr(total, name, getattr(total, name) + value)
+    return total

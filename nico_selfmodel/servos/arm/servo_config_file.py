@@ -17,16 +17,18 @@ from nico_selfmodel.files.yaml_mapping import (
     text_value,
 )
 from nico_selfmodel.names import check_name, shown
-from nico_selfmodel.servos.pic_servo.arm.servo_config import HomePlan, JointServo, ServoConfig
+from nico_selfmodel.servos.arm.servo_config import HomePlan, JointServo, ServoConfig
+from nico_selfmodel.servos.makes import Make, make_named
 from nico_selfmodel.servos.pic_servo.protocol.gains import Gains
 
 FORMAT = "nico-servos/1"
-_KEYS = ("format", "name", "baud", "heartbeat_s", "latency_ms", "joints")
+_KEYS = ("format", "name", "make", "baud", "heartbeat_s", "latency_ms", "joints")
 _NUMBERS = ("counts_per_turn", "lower_deg", "upper_deg", "max_velocity_deg_s")
 _JOINT_KEYS = (
     *("name", "address", *_NUMBERS, "max_acceleration_deg_s2"),
-    *("sign", "output", "gains", "home"),
+    *("sign", "output", "gains", "home", "zero_counts", "homing_offset"),
 )
+_BOARD_KEYS = ("output", "gains")
 _HOME_KEYS = ("method", "at_deg", "speed_deg_s", "travel_deg")
 
 
@@ -56,7 +58,8 @@ def load_servo_config(path: str | Path) -> ServoConfig:
         raise DataError(
             f"{where}: 'joints' must be a list with one entry a joint, got {shown(entries)}"
         )
-    joints = tuple(_joint(entry, f"{where}, joint {k}") for k, entry in enumerate(entries, 1))
+    make = _make(content, where)
+    joints = tuple(_joint(entry, make, f"{where}, joint {k}") for k, entry in enumerate(entries, 1))
     options = {}
     if (baud := integer_value(content, "baud", where)) is not None:
         options["baud"] = baud
@@ -79,6 +82,7 @@ def save_servo_config(config: ServoConfig, path: str | Path) -> None:
     lines = [
         f"format: {FORMAT}",
         f"name: {json.dumps(config.name)}",
+        f"make: {config.make.name}",
         f"baud: {config.baud}",
         f"heartbeat_s: {config.heartbeat}",
         f"latency_ms: {1e3 * config.latency}",
@@ -90,17 +94,15 @@ def save_servo_config(config: ServoConfig, path: str | Path) -> None:
 
 def _entry(joint: JointServo) -> dict[str, Any]:
     home = joint.home
-    return {
+    entry = {
         "name": joint.name,
         "address": joint.address,
         "counts_per_turn": joint.counts_per_turn,
         "sign": joint.sign,
-        "output": joint.output,
         "lower_deg": math.degrees(joint.lower),
         "upper_deg": math.degrees(joint.upper),
         "max_velocity_deg_s": math.degrees(joint.max_velocity),
         "max_acceleration_deg_s2": math.degrees(joint.max_acceleration),
-        "gains": asdict(joint.gains),
         "home": {
             "method": home.method,
             "at_deg": math.degrees(home.at),
@@ -108,9 +110,20 @@ def _entry(joint: JointServo) -> dict[str, Any]:
             "travel_deg": math.degrees(home.travel),
         },
     }
+    if not joint.make.keeps_zero:
+        return {**entry, "output": joint.output, "gains": asdict(joint.gains)}
+    offset = {} if joint.homing_offset is None else {"homing_offset": joint.homing_offset}
+    return {**entry, "zero_counts": joint.zero_counts, **offset}
 
 
-def _joint(entry: Any, where: str) -> JointServo:
+def _make(content: Mapping[str, Any], where: str) -> Make:
+    try:
+        return make_named(text_value(content, "make", where) if "make" in content else "pic-servo")
+    except ValueError as error:
+        raise DataError(f"{where}: {error}") from None
+
+
+def _joint(entry: Any, make: Make, where: str) -> JointServo:
     if not isinstance(entry, Mapping):
         raise DataError(
             f"{where}: must be a mapping with 'name', 'address', ..., got {shown(entry)}"
@@ -118,10 +131,15 @@ def _joint(entry: Any, where: str) -> JointServo:
     name = _name(entry, where)
     where = f"{where} ({name})"
     check_keys(entry, _JOINT_KEYS, where)
+    strange = [key for key in _BOARD_KEYS if key in entry and make.keeps_zero]
+    if strange:
+        raise DataError(f"{where}: {strange[0]!r} is for PIC-SERVO boards: leave it out")
     address = integer_value(entry, "address", where)
     sign = integer_value(entry, "sign", where)
     numbers = {key: number_value(entry, key, where) for key in _NUMBERS}
     numbers["max_acceleration_deg_s2"] = number_value(entry, "max_acceleration_deg_s2", where)
+    if numbers["counts_per_turn"] is None:
+        numbers["counts_per_turn"] = make.counts_per_turn
     missing = [key for key, value in {"address": address, **numbers}.items() if value is None]
     if missing or address is None:
         raise DataError(f"{where}: key {missing[0]!r} is missing")
@@ -135,9 +153,12 @@ def _joint(entry: Any, where: str) -> JointServo:
             max_velocity=math.radians(numbers["max_velocity_deg_s"] or 0.0),
             max_acceleration=math.radians(numbers["max_acceleration_deg_s2"] or 0.0),
             sign=1 if sign is None else sign,
-            output=text_value(entry, "output", where),
+            output="three_phase" if make.keeps_zero else text_value(entry, "output", where),
             gains=_gains(entry.get("gains"), f"{where}, gains"),
             home=_home(entry.get("home"), f"{where}, home"),
+            make=make,
+            zero_counts=integer_value(entry, "zero_counts", where),
+            homing_offset=integer_value(entry, "homing_offset", where),
         )
     except ValueError as error:
         raise DataError(f"{where}: {error}") from None

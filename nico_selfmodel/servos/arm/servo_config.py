@@ -1,4 +1,4 @@
-"""Which board drives which joint, and what it may do: the servo configuration."""
+"""Which motor drives which joint, and what it may do: the servo configuration."""
 
 import math
 from dataclasses import dataclass, field
@@ -8,16 +8,15 @@ from numpy.typing import NDArray
 
 from nico_selfmodel.dataset.joint_info import JointInfo
 from nico_selfmodel.model.arm.servo_map import ServoMap
-from nico_selfmodel.servos.pic_servo.protocol.commands import BAUD_CODES, OutputMode
+from nico_selfmodel.servos.makes import PIC_SERVO, Make
+from nico_selfmodel.servos.pic_servo.protocol.commands import OutputMode
 from nico_selfmodel.servos.pic_servo.protocol.gains import Gains
-from nico_selfmodel.servos.pic_servo.protocol.packets import LAST_ADDRESS
 from nico_selfmodel.servos.pic_servo.protocol.trajectory import acceleration_units, velocity_units
 
 LONGEST_STOP = 0.5
 """Bound on the time from the end of the heartbeat to standstill [s]."""
 HOME_METHODS = ("here", "limit_1", "limit_2", "index")
 OUTPUTS = {"one_pwm": 0, "three_phase": int(OutputMode.THREE_PHASE)}
-_LARGEST_COUNT = 2**30  # half of the register, so that no goal can wrap
 
 
 @dataclass(frozen=True)
@@ -36,7 +35,7 @@ class HomePlan:
 
 @dataclass(frozen=True)
 class JointServo:
-    """A joint and its board. Angles are the encoder's, from its zero: `sign * counts`, in turns.
+    """A joint and its motor. Angles are the encoder's: `sign * (register - zero_counts)`, in turns.
 
     Raises:
         ValueError: If a value is not valid; names it as the file does.
@@ -44,7 +43,7 @@ class JointServo:
 
     name: str
     address: int
-    """1-127."""
+    """Of the board, or the servo's id."""
     counts_per_turn: float
     """Counts of a turn of the joint: encoder lines, times four, times the gearhead."""
     lower: float
@@ -56,18 +55,25 @@ class JointServo:
     max_acceleration: float
     """[rad/s^2]."""
     sign: int = 1
-    """-1 where the board counts down as the reading goes up."""
+    """-1 where the motor counts down as the reading goes up."""
     output: str = "three_phase"
-    """What kind of amplifier the board has: `three_phase` or `one_pwm`."""
+    """What kind of amplifier a PIC-SERVO has: `three_phase` or `one_pwm`."""
     gains: Gains = field(default_factory=Gains)
+    """Of a PIC-SERVO's position loop."""
     home: HomePlan = field(default_factory=HomePlan)
+    make: Make = PIC_SERVO
+    zero_counts: int | None = None
+    """Register at the encoder's zero; the make's if None."""
+    homing_offset: int | None = None
+    """What a servo's own register of that name must hold for its zero to be known; any if None."""
 
     def __post_init__(self) -> None:
         """Check the values."""
         if not self.name.strip():
             raise ValueError("'name' must not be empty")
-        if not 1 <= self.address <= LAST_ADDRESS:
-            raise ValueError(f"'address' must be 1 to {LAST_ADDRESS}, got {self.address}")
+        first, last = self.make.addresses
+        if not first <= self.address <= last:
+            raise ValueError(f"'address' must be {first} to {last}, got {self.address}")
         if self.sign not in (1, -1):
             raise ValueError(f"'sign' must be 1 or -1, got {self.sign}")
         if not self.counts_per_turn > 0.0:
@@ -75,8 +81,22 @@ class JointServo:
         if self.output not in OUTPUTS:
             raise ValueError(f"'output' must be one of {', '.join(OUTPUTS)}, got {self.output!r}")
         self.gains.check()
+        self._check_zero()
         self._check_motion()
         self._check_home()
+
+    def __str__(self) -> str:
+        return f"{self.name} ({self.make.unit} {self.address})"
+
+    def _check_zero(self) -> None:
+        if self.zero_counts is None:
+            object.__setattr__(self, "zero_counts", self.make.zero_counts)
+        elif not self.make.keeps_zero and self.zero_counts:
+            raise ValueError(
+                "'zero_counts' is for servos that keep their zero: home a board instead"
+            )
+        if not self.make.keeps_zero and self.homing_offset is not None:
+            raise ValueError("'homing_offset' is for servos that keep their zero")
 
     def _check_motion(self) -> None:
         if not self.lower < self.upper:
@@ -84,26 +104,54 @@ class JointServo:
                 f"'lower_deg' must be less than 'upper_deg', got {math.degrees(self.lower):g} and "
                 f"{math.degrees(self.upper):g}"
             )
-        if max(abs(self.lower), abs(self.upper)) * self.counts_per_radian > _LARGEST_COUNT:
-            raise ValueError("the limits do not fit the position register of the board")
+        first, last = self.make.registers
+        ends = (self.register(self.lower_reading), self.register(self.upper_reading))
+        if min(ends) < first or max(ends) > last:
+            raise ValueError(
+                f"the limits do not fit the position register: they are {min(ends)} to {max(ends)} "
+                f"counts, it holds {first} to {last}"
+            )
         if not (self.max_velocity > 0.0 and self.max_acceleration > 0.0):
             raise ValueError("'max_velocity_deg_s' and 'max_acceleration_deg_s2' must be positive")
-        if self.max_velocity * self.counts_per_radian < 1.0:
+        slowest = max(1.0, self.make.velocity_step)
+        if self.max_velocity * self.counts_per_radian < slowest:
+            least = "a count" if slowest == 1.0 else f"{slowest:g} counts"
             raise ValueError(
-                f"'max_velocity_deg_s' must be at least a count a second, got "
+                f"'max_velocity_deg_s' must be at least {least} a second, got "
                 f"{math.degrees(self.max_velocity):g}"
             )
-        if 1.5 * self.max_velocity / self.max_acceleration > LONGEST_STOP + 1e-9:
+        if self.max_acceleration * self.counts_per_radian < self.make.acceleration_step:
+            raise ValueError(
+                f"'max_acceleration_deg_s2' must be at least {self.make.acceleration_step:g} "
+                f"counts/s^2, got {math.degrees(self.max_acceleration):g}"
+            )
+        step = self.make.acceleration_step / self.counts_per_radian
+        acceleration = self.max_acceleration
+        acceleration = step * math.floor(acceleration / step + 1e-9) if step else acceleration
+        if 1.5 * self.max_velocity / acceleration > LONGEST_STOP + 1e-9:
             raise ValueError(
                 f"from 'max_velocity_deg_s' {math.degrees(self.max_velocity):g} it cannot stop in "
                 f"time when the host goes silent: 'max_acceleration_deg_s2' must be at least "
-                f"{math.degrees(self.max_velocity) * 1.5 / LONGEST_STOP:g}, got "
+                f"{math.degrees(self.max_velocity * 1.5 / LONGEST_STOP + step):g}, got "
                 f"{math.degrees(self.max_acceleration):g}"
             )
+        self._check_speeds()
+
+    def _check_speeds(self) -> None:
+        velocity = self.max_velocity * self.counts_per_radian
+        acceleration = self.max_acceleration * self.counts_per_radian
+        for key, asked, largest, unit in (
+            ("max_velocity_deg_s", velocity, self.make.largest_velocity, "counts/s"),
+            ("max_acceleration_deg_s2", acceleration, self.make.largest_acceleration, "counts/s^2"),
+        ):
+            if asked > largest:
+                raise ValueError(f"{key!r} must be at most {largest:g} {unit}, got {asked:g}")
+        if self.make is not PIC_SERVO:
+            return
         divisor = self.gains.rate_divisor
         try:
-            velocity_units(self.max_velocity * self.counts_per_radian, divisor)
-            acceleration_units(self.max_acceleration * self.counts_per_radian, divisor)
+            velocity_units(velocity, divisor)
+            acceleration_units(acceleration, divisor)
         except ValueError as error:
             raise ValueError(f"the board cannot count that fast: {error}") from None
 
@@ -112,6 +160,11 @@ class JointServo:
         if home.method not in HOME_METHODS:
             raise ValueError(
                 f"home 'method' must be one of {', '.join(HOME_METHODS)}, got {home.method!r}"
+            )
+        if home.method != "here" and self.make is not PIC_SERVO:
+            raise ValueError(
+                f"home 'method' must be 'here', got {home.method!r}: {self.make.title} have no "
+                "marks to look for, and keep their zero"
             )
         turn = 2.0 * math.pi
         if not self.lower - turn <= home.at <= self.upper + turn:
@@ -144,12 +197,26 @@ class JointServo:
         return OUTPUTS[self.output]
 
     def register(self, reading: float) -> int:
-        """Return the board's counts at a reading [counts]."""
-        return round(self.sign * reading)
+        """Return the motor's counts at a reading [counts]."""
+        return round(self.sign * reading) + self._zero
 
     def reading(self, register: float) -> float:
-        """Return the reading [counts] at the board's counts."""
-        return self.sign * register
+        """Return the reading [counts] at the motor's counts."""
+        return self.sign * (register - self._zero)
+
+    @property
+    def _zero(self) -> int:
+        return self.zero_counts or 0
+
+    @property
+    def still(self) -> int:
+        """What the joint may move between two readings without a second look [counts]."""
+        return self.make.still
+
+    def faster(self, velocity: float) -> float:
+        """Return the next speed that the motor has, at least that given [counts/s]."""
+        step = self.make.velocity_step
+        return velocity if step == 0.0 else step * max(1.0, math.ceil(velocity / step - 1e-9))
 
     @property
     def lower_reading(self) -> float:
@@ -173,7 +240,8 @@ class ServoConfig:
     name: str
     joints: tuple[JointServo, ...]
     """In the order in which poses are written."""
-    baud: int = 19200
+    baud: int = 0
+    """Of the line; 0 is that which the make has from the factory."""
     heartbeat: float = 0.3
     """How long the arm goes on when the host is silent [s]; then it stops."""
     latency: float = 1e-3
@@ -190,12 +258,21 @@ class ServoConfig:
             twice = sorted({value for value in values if values.count(value) > 1})
             if twice:
                 raise ValueError(f"{what} {twice[0]!r} is given to two joints")
-        if self.baud not in BAUD_CODES:
-            raise ValueError(f"'baud' must be one of {sorted(BAUD_CODES)}, got {self.baud}")
+        others = [joint.make.name for joint in self.joints if joint.make is not self.make]
+        if others:
+            raise ValueError(f"joints of makes {self.make.name} and {others[0]} cannot share a bus")
+        object.__setattr__(self, "baud", self.baud or self.make.bauds[0])
+        if self.baud not in self.make.bauds:
+            raise ValueError(f"'baud' must be one of {sorted(self.make.bauds)}, got {self.baud}")
         if not 0.1 <= self.heartbeat <= 2.0:
             raise ValueError(f"'heartbeat_s' must be 0.1 to 2, got {self.heartbeat:g}")
         if not 0.0 < self.latency <= 0.1:
             raise ValueError(f"'latency_ms' must be above 0, at most 100, got {self.latency * 1e3}")
+
+    @property
+    def make(self) -> Make:
+        """The make of its motors."""
+        return self.joints[0].make
 
     @property
     def joint_names(self) -> tuple[str, ...]:

@@ -7,7 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from nico_selfmodel.model.arm.servo_map import ServoMap
-from nico_selfmodel.servos.pic_servo.arm.servo_config import LONGEST_STOP, ServoConfig
+from nico_selfmodel.servos.arm.servo_config import LONGEST_STOP, ServoConfig
 
 
 class PoseLimits:
@@ -29,6 +29,7 @@ class PoseLimits:
         """Largest joint accelerations [rad/s^2]. Shape (n,)."""
         self.counts_per_radian = np.array([joint.counts_per_radian for joint in joints]) * gear
         """Counts of a radian of each joint. Shape (n,)."""
+        self._steps = np.array([(j.make.velocity_step, j.make.acceleration_step) for j in joints]).T
 
     def registers(self, q: NDArray, joints: Sequence[int]) -> list[int]:
         """Return the boards' counts at joint displacements.
@@ -66,12 +67,29 @@ class PoseLimits:
             ValueError: If it is not positive, too slow for a board or beyond every limit.
         """
         speeds = _within(asked, self.speeds, "speed", "rad/s")
-        slowest = float((1.0 / self.counts_per_radian).max())
-        if asked is not None and asked < slowest:
-            raise ValueError(
-                f"speed must be at least {slowest:.3g} rad/s, a count a second, got {asked:g}"
-            )
+        counts = np.maximum(1.0, self._steps[0])
+        k = int((counts / self.counts_per_radian).argmax())
+        slowest = float(counts[k] / self.counts_per_radian[k])
+        if asked is not None and asked < slowest * (1.0 - 1e-9):
+            what = "a count a second" if counts[k] == 1.0 else "the slowest of its motors"
+            raise ValueError(f"speed must be at least {slowest:.3g} rad/s, {what}, got {asked:g}")
         return speeds
+
+    def motor_speed(self, asked: float | None) -> NDArray:
+        """Return the speed of each joint that its motor has [counts/s]. Shape (n,).
+
+        Raises:
+            ValueError: As `speed`.
+        """
+        return _down_to(self.speed(asked) * self.counts_per_radian, self._steps[0])
+
+    def motor_braking(self, speed: float | None, asked: float | None = None) -> NDArray:
+        """Return the acceleration of each joint that its motor has [counts/s^2]. Shape (n,).
+
+        Raises:
+            ValueError: As `braking`.
+        """
+        return _down_to(self.braking(speed, asked) * self.counts_per_radian, self._steps[1])
 
     def acceleration(self, asked: float | None) -> NDArray:
         """Return the acceleration of each joint when `asked` [rad/s^2]. Shape (n,).
@@ -99,6 +117,13 @@ class PoseLimits:
                 f"{float((1.5 * v / LONGEST_STOP).max()):.3g} rad/s^2"
             )
         return a
+
+
+def _down_to(values: NDArray, steps: NDArray) -> NDArray:
+    """Return values rounded down to multiples of steps, at least one, where there is a step."""
+    safe = np.where(steps > 0.0, steps, 1.0)
+    stepped = safe * np.maximum(1.0, np.floor(values / safe + 1e-9))
+    return np.where(steps > 0.0, stepped, values)
 
 
 def _within(asked: float | None, largest: NDArray, what: str, unit: str) -> NDArray:

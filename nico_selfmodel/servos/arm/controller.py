@@ -8,18 +8,17 @@ from numpy.typing import ArrayLike
 
 from nico_selfmodel.errors import BusError, RobotError, ServoFault
 from nico_selfmodel.model.arm.servo_map import ServoMap
+from nico_selfmodel.servos.arm.axis import Axis, state_of
+from nico_selfmodel.servos.arm.motion_plan import aim_together
+from nico_selfmodel.servos.arm.motor import JointBus
+from nico_selfmodel.servos.arm.pose_limits import PoseLimits
+from nico_selfmodel.servos.arm.readiness import require_ready, require_zero
+from nico_selfmodel.servos.arm.servo_config import ServoConfig
+from nico_selfmodel.servos.arm.shutdown import release_each, stop_each
+from nico_selfmodel.servos.arm.take_over import switch_on, take_over
 from nico_selfmodel.servos.arm_state import ArmState
-from nico_selfmodel.servos.pic_servo.arm.axis import Axis, state_of
-from nico_selfmodel.servos.pic_servo.arm.connection import find_modules, switch_on, take_over
-from nico_selfmodel.servos.pic_servo.arm.motion_plan import aim_together
-from nico_selfmodel.servos.pic_servo.arm.pose_limits import PoseLimits
-from nico_selfmodel.servos.pic_servo.arm.readiness import require_ready, require_zero
-from nico_selfmodel.servos.pic_servo.arm.servo_config import ServoConfig
-from nico_selfmodel.servos.pic_servo.arm.shutdown import release_each, stop_each
-from nico_selfmodel.servos.pic_servo.line.board import PicServo
-from nico_selfmodel.servos.pic_servo.line.bus import Bus, BusSettings
-from nico_selfmodel.servos.pic_servo.line.chain import group_of, join_group, start_together
-from nico_selfmodel.servos.pic_servo.protocol.packets import EVERYONE
+from nico_selfmodel.servos.bus_settings import BusSettings
+from nico_selfmodel.servos.drivers import open_joint_bus
 from nico_selfmodel.servos.ports import PortLostError
 
 _STALE = 0.1
@@ -29,14 +28,14 @@ class ArmController:
     """Drives the joints of a configuration. Making one sends nothing, connecting moves nothing.
 
     Nothing here waits for a motion: `move` and `command` set goals, and each `cycle` reads every
-    joint and moves the goals of the boards on. Without cycles, or without a `heartbeat` in time,
+    joint and moves the goals of the motors on. Without cycles, or without a `heartbeat` in time,
     the arm stops within the heartbeat and half a second, whatever became of this process.
     Not for several threads at once: see `ArmLoop`.
     """
 
     def __init__(
         self,
-        bus: Bus,
+        bus: JointBus,
         config: ServoConfig,
         servos: ServoMap | None = None,
         *,
@@ -45,8 +44,8 @@ class ArmController:
         """Describe an arm.
 
         Args:
-            bus: Its bus, open.
-            config: Its boards.
+            bus: Its motors, of any make, on their open port.
+            config: Its joints.
             servos: Of its self-model; gears of 1 and zeros of 0 if omitted.
             trust_zero: Accept poses though a zero was not set since power-up.
 
@@ -57,10 +56,9 @@ class ArmController:
         self.servos = config.servo_map(servos)
         self.limits = PoseLimits(config, self.servos)
         self.axes = [
-            Axis(joint, PicServo(bus, joint.address), config.heartbeat) for joint in config.joints
+            Axis(joint, motor, bus.port, config.heartbeat)
+            for joint, motor in zip(config.joints, bus.motors, strict=True)
         ]
-        self.group = group_of([joint.address for joint in config.joints])
-        """Of the modules that are enabled; packets to it reach no other board."""
         self._connected = False
         self._alive = -math.inf
         self._silent = False
@@ -79,18 +77,19 @@ class ArmController:
 
         Args:
             port: `/dev/serial/by-id/...`, or of a `SimulatedBus`.
-            config: Its boards.
+            config: Its joints, and the make of their motors.
             servos: Of its self-model; gears of 1 and zeros of 0 if omitted.
             trust_zero: Accept poses though a zero was not set since power-up.
             settings: How patient the bus is; the configuration's latency if omitted.
 
         Raises:
             PortLostError: If the port cannot be opened.
+            BusError: If the package that speaks to this make is missing.
             ValueError: If the self-model is about other joints or encoders.
         """
         config.servo_map(servos)  # before the port is touched
-        bus = Bus.open(port, config.baud, settings or BusSettings(latency=config.latency))
-        return cls(bus, config, servos, trust_zero=trust_zero)
+        settings = settings or BusSettings(latency=config.latency)
+        return cls(open_joint_bus(port, config, settings), config, servos, trust_zero=trust_zero)
 
     def __enter__(self) -> "ArmController":
         return self
@@ -127,7 +126,7 @@ class ArmController:
 
     @property
     def rezero_due(self) -> tuple[str, ...]:
-        """Joints whose zero was not set since their board was powered up."""
+        """Joints whose zero was not set since their motor was powered up."""
         return tuple(axis.joint.name for axis in self.axes if not axis.zero_known)
 
     @property
@@ -136,23 +135,21 @@ class ArmController:
         return any(axis.on_its_way for axis in self.axes)
 
     def connect(self) -> tuple[str, ...]:
-        """Find the boards, give addresses to new ones, read them all. Moves and resets nothing.
+        """Find the motors and read them all. Moves and resets nothing.
 
-        A board whose servo is on (an earlier program left it holding) stays on; one that still
+        A motor whose servo is on (an earlier program left it holding) stays on; one that still
         moves is stopped smoothly.
 
         Returns:
             `rezero_due`: the joints whose zero is not known.
 
         Raises:
-            BusError: If a module is missing, of another type or too old.
+            BusError: If a motor is missing, or is not what it should be.
         """
         self._connected = False
-        find_modules(self.bus, self.config)
+        self.bus.find()
         for axis in self.axes:
             take_over(axis)
-            # One that an earlier program left in the group would start or hold with the others.
-            join_group(axis.module, self.group if axis.enabled else EVERYONE)
         self._connected = True
         self.heartbeat()
         return self.rezero_due
@@ -174,7 +171,7 @@ class ArmController:
                     take_over(axis)  # switching on would let go of what it may still hold
                 if not axis.enabled:
                     done.append(axis)
-                    switch_on(axis, self.group)
+                    switch_on(axis)
         except RobotError:
             release_each(done)
             raise
@@ -200,21 +197,20 @@ class ArmController:
         Raises:
             ValueError: If a target, the speed or the acceleration is not finite or beyond a limit.
             ServoFault: If a zero is not known, or a joint is not enabled.
-            BusError: If a module does not answer.
+            BusError: If a motor does not answer.
         """
         goals = self.check_targets(targets)
         axes = self._chosen(list(targets))
         chosen = [self.axes.index(axis) for axis in axes]
-        scale = self.limits.counts_per_radian
-        v = (self.limits.speed(speed) * scale)[chosen]
-        a = (self.limits.braking(speed, acceleration) * scale)[chosen]
+        v = self.limits.motor_speed(speed)[chosen]
+        a = self.limits.motor_braking(speed, acceleration)[chosen]
         self._require_connection()
         require_ready(axes, trusted=self.trust_zero)
         self._read_anew()
         seconds = aim_together(axes, goals, v.tolist(), a.tolist())
         self.heartbeat()
         self._guard([axis for axis in self.axes if axis.enabled], lambda axis: axis.load())
-        start_together(self.bus, self.group)
+        self._on_port(self.bus.flush)
         return seconds
 
     def _read_anew(self) -> None:
@@ -226,7 +222,7 @@ class ArmController:
         )
 
     def check_targets(self, targets: Mapping[str, float]) -> list[int]:
-        """Return the boards' counts at displacements, in the order of the joints; sends nothing.
+        """Return the motors' counts at displacements, in the order of the joints; sends nothing.
 
         Args:
             targets: Joint -> displacement [rad].
@@ -268,8 +264,7 @@ class ArmController:
             raise ValueError(f"q must have shape ({len(self.axes)},), got {q.shape}")
         chosen = range(len(q)) if joints is None else joints
         goals = self.limits.registers(q, chosen)
-        scale = self.limits.counts_per_radian
-        speeds, accelerations = self.limits.speed(speed) * scale, self.limits.accelerations * scale
+        speeds, accelerations = self.limits.motor_speed(speed), self.limits.motor_braking(None)
         self._require_connection()
         require_ready([self.axes[k] for k in chosen], trusted=self.trust_zero)
         for k, goal in zip(chosen, goals, strict=True):
@@ -288,15 +283,17 @@ class ArmController:
             What is known now.
 
         Raises:
-            BusError: If a module is lost; it is named, and the others were stopped.
-            ServoFault: If a board reports a fault; the others were stopped.
+            BusError: If a motor is lost; it is named, and the others were stopped.
+            ServoFault: If a motor reports a fault; the others were stopped.
         """
         self._require_connection()
         if self.now() - self._alive > self.config.heartbeat and not self._silent:
             self._silent = True
             if self.moving:
                 self.stop()
+        self._on_port(self.bus.read_all)
         self._guard(self.axes, lambda axis: axis.refresh(alive=not self._silent))
+        self._on_port(self.bus.flush)
         return self.state()
 
     def _guard(self, axes: Sequence[Axis], action: Callable[[Axis], None]) -> None:
@@ -305,11 +302,7 @@ class ArmController:
             try:
                 action(axis)
             except PortLostError as error:
-                self._connected = False
-                raise PortLostError(
-                    f"{error}. The arm stops by itself: no goal lies further ahead than "
-                    f"{self.config.heartbeat:g} s"
-                ) from error
+                raise self._port_lost(error) from error
             except RobotError as error:
                 axis.lost = str(error)
                 axis.forget_goal()
@@ -321,10 +314,24 @@ class ArmController:
                 what = str(error) if str(axis) in str(error) else f"{axis} is lost: {error}"
                 raise kind(f"{what}. {others}", partial=self.state()) from error
 
+    def _on_port(self, action: Callable[[], None]) -> None:
+        """Do something with all motors at once."""
+        try:
+            action()
+        except PortLostError as error:
+            raise self._port_lost(error) from error
+
+    def _port_lost(self, error: PortLostError) -> PortLostError:
+        self._connected = False
+        return PortLostError(
+            f"{error}. The arm stops by itself: no goal lies further ahead than "
+            f"{self.config.heartbeat:g} s"
+        )
+
     def _stop_others(self, failed: Axis) -> str:
         """Stop every axis but one; return what came of it."""
         others = [axis for axis in self.axes if axis is not failed and axis.enabled]
-        failures = stop_each(self.bus, self.group, others)
+        failures = stop_each(self.bus, others)
         if failures:
             return f"Not stopped either: {'; '.join(failures)}"
         return "The other joints were stopped and hold" if others else "No other joint is enabled"
@@ -333,11 +340,11 @@ class ArmController:
         """Stop every joint that is enabled and hold; the arm does not fall.
 
         Raises:
-            BusError: If a module did not confirm; all others were told nevertheless.
+            BusError: If a motor did not confirm; all others were told nevertheless.
         """
         self._require_connection()
         axes = [axis for axis in self.axes if axis.enabled]
-        failures = stop_each(self.bus, self.group, axes, smoothly=smoothly)
+        failures = stop_each(self.bus, axes, smoothly=smoothly)
         if failures:
             raise BusError(f"not every joint confirmed the stop: {'; '.join(failures)}")
 
@@ -348,7 +355,7 @@ class ArmController:
             joints: Names; all if omitted.
 
         Raises:
-            BusError: If a module did not confirm; all others were told nevertheless.
+            BusError: If a motor did not confirm; all others were told nevertheless.
         """
         self._require_connection()
         failures = release_each(self._chosen(joints))

@@ -1,4 +1,4 @@
-"""One joint on its board: goals that are moved on, positions that are trusted, faults."""
+"""One joint on its motor: goals that are moved on, positions that are trusted, faults."""
 
 import math
 from collections.abc import Sequence
@@ -7,34 +7,34 @@ import numpy as np
 
 from nico_selfmodel.errors import BusError, ServoFault
 from nico_selfmodel.model.arm.servo_map import ServoMap
+from nico_selfmodel.servos.arm.goals import Goals
+from nico_selfmodel.servos.arm.jam_watch import JamWatch
+from nico_selfmodel.servos.arm.motor import Motor, Reading
+from nico_selfmodel.servos.arm.servo_config import JointServo
 from nico_selfmodel.servos.arm_state import ArmState
-from nico_selfmodel.servos.pic_servo.arm.goals import Goals
-from nico_selfmodel.servos.pic_servo.arm.jam_watch import JamWatch
-from nico_selfmodel.servos.pic_servo.arm.servo_config import JointServo
-from nico_selfmodel.servos.pic_servo.line.board import PicServo
-from nico_selfmodel.servos.pic_servo.protocol.status import AuxiliaryFlag, Status, StatusFlag
+from nico_selfmodel.servos.ports import Port
 
-_STILL = 16
-"""What a joint that stands may move between two readings without a second look [counts]."""
 _OFTEN = 0.25
 """Share of the heartbeat within which a board must be read to be served without a pause."""
 _LOOKS = 5
 
 
 class Axis:
-    """A joint, its board, where it is and where it goes. Registers are the board's counts."""
+    """A joint, its motor, where it is and where it goes. Registers are the motor's counts."""
 
-    def __init__(self, joint: JointServo, module: PicServo, heartbeat: float) -> None:
+    def __init__(self, joint: JointServo, motor: Motor, port: Port, heartbeat: float) -> None:
         """Stand for a joint; sends nothing.
 
         Args:
             joint: Its configuration.
-            module: Its board.
+            motor: Its motor.
+            port: Of the motor's bus, for its time.
             heartbeat: How far ahead a goal may lie [s].
         """
-        self.joint, self.module, self.heartbeat = joint, module, heartbeat
-        self.status: Status | None = None
-        """The last reply that was trusted."""
+        self.joint, self.motor, self.heartbeat = joint, motor, heartbeat
+        self._port = port
+        self.last: Reading | None = None
+        """The last reading that was trusted."""
         self.seen = -math.inf
         """When it came [s]."""
         self.enabled = False
@@ -51,7 +51,7 @@ class Axis:
         """Whether it was worked out when the motion under way will be over."""
 
     def __str__(self) -> str:
-        return f"{self.joint.name} (module {self.module.address})"
+        return str(self.joint)
 
     @property
     def position(self) -> int:
@@ -60,9 +60,7 @@ class Axis:
         Raises:
             ServoFault: If there is none yet.
         """
-        if self.status is None or self.status.position is None:
-            raise ServoFault(f"{self} was not read yet: connect first")
-        return self.status.position
+        return self._reading().position
 
     @property
     def commanded(self) -> int:
@@ -71,7 +69,12 @@ class Axis:
         Raises:
             ServoFault: If there is none yet.
         """
-        return self.position + ((self.status and self.status.position_error) or 0)
+        return self._reading().commanded
+
+    def _reading(self) -> Reading:
+        if self.last is None:
+            raise ServoFault(f"{self} was not read yet: connect first")
+        return self.last
 
     @property
     def largest_velocity(self) -> float:
@@ -83,7 +86,7 @@ class Axis:
         """Whether the goal has not been reached."""
         if self.goals.goal is None:
             return False
-        return self.status is None or not self.goals.reached or self._jams.behind
+        return self.last is None or not self.goals.reached or self._jams.behind
 
     def aim(self, goal: int, velocity: float, acceleration: float) -> None:
         """Set where to go; sends nothing.
@@ -141,7 +144,7 @@ class Axis:
         if too_fast and not goals.braking:
             self._brake(start=True)
         elif goal is None or too_fast or (goals.braking and goals.loaded):
-            self.accept(self.module.poll())
+            self.accept(self.motor.poll())
         else:
             self._send(goal, start=True)
         if not self._due_known:
@@ -151,49 +154,49 @@ class Axis:
     def _brake(self, *, start: bool) -> None:
         """Slow down; the goal is sent when the joint is slow enough for it."""
         self._sent_speeds, self._moving_until = None, math.inf
-        self.accept(self.module.brake(self.goals.acceleration, start=start))
-        self.goals.was_braked(start=start)
+        self.accept(self.motor.brake(self.goals.acceleration, start=start))
+        self.goals.was_braked(start=start and self.motor.answers)
 
     def _send(self, goal: int, *, start: bool) -> None:
         speeds = (self.goals.velocity, self.goals.acceleration)
         fresh = (None, None) if self._sent_speeds == speeds else speeds
         self._sent_speeds, self._moving_until = None, math.inf
-        status = self.module.move_to(goal, *fresh, start=start)
+        reading = self.motor.move_to(goal, *fresh, start=start)
         self._sent_speeds = speeds
-        self.accept(status)
-        self.goals.was_sent(goal, start=start)
+        self.accept(reading)
+        self.goals.was_sent(goal, start=start and self.motor.answers)
 
     def stopped(self) -> None:
-        """Note that the board was told to stop: it may still brake for a while."""
+        """Note that the motor was told to stop: it may still brake for a while."""
         self.forget_goal()
         brake = self.goals.velocity / self.goals.acceleration
         self._moving_until = self._now() + brake + 0.1
 
-    def accept(self, status: Status) -> None:
-        """Take a reply over, after a second look where it says something unexpected.
+    def accept(self, reading: Reading) -> None:
+        """Take a reading over, after a second look where it says something unexpected.
 
         Raises:
             BusError: If the second look fails, or readings keep contradicting each other.
-            ServoFault: If the board reports a fault.
+            ServoFault: If the motor reports a fault.
         """
         for _ in range(_LOOKS):
-            if not self._surprising(status):
+            if not self._surprising(reading):
                 break
-            again = self.module.poll()
-            if self._agree(status, again):
-                status = again
+            looked = self._now()
+            again = self.motor.poll()
+            agree = self._agree(reading, again, self._now() - looked)
+            reading = again
+            if agree:
                 break
-            self.module.bus.counts[self.module.address].implausible += 1
-            status = again
+            self.motor.counts.implausible += 1
         else:
             raise BusError(f"{self}: its positions contradict each other: check the wiring")
         now = self._now()
-        pause, self.status, self.seen = now - self.seen, status, now
-        standing = bool(status.flags & StatusFlag.MOVE_DONE)
-        self.goals.note(now, self.commanded, self.position, standing=standing)
+        pause, self.last, self.seen = now - self.seen, reading, now
+        self.goals.note(now, reading.commanded, reading.position, standing=reading.standing)
         if not self.on_its_way:
             self._moving_until = min(self._moving_until, self.seen + 0.1)
-        if fault := self.fault(status) or self._stuck(pause):
+        if fault := self.fault(reading) or self._stuck(pause):
             raise ServoFault(f"{self}: {fault}")
 
     def _stuck(self, pause: float) -> str | None:
@@ -213,46 +216,26 @@ class Axis:
         return blocked or self._jams.overdue(self.seen)
 
     def _now(self) -> float:
-        return self.module.bus.port.now()
+        return self._port.now()
 
-    def _surprising(self, status: Status) -> bool:
-        if self.fault(status):
-            return True
-        if self.status is None or status.position is None or self.status.position is None:
+    def _surprising(self, reading: Reading) -> bool:
+        if self.last is None or self.motor.doubtful or self.fault(reading):
             return True
         now = self._now()
         moving = now <= self._moving_until
-        allowed = _STILL + (1.2 * self.goals.velocity * (now - self.seen + 0.05) if moving else 0.0)
-        return abs(status.position - self.status.position) > allowed
+        way = 1.2 * self.goals.velocity * (now - self.seen + 0.05) if moving else 0.0
+        return abs(reading.position - self.last.position) > self.joint.still + way
 
-    def _agree(self, one: Status, other: Status) -> bool:
-        if one.position is None or other.position is None:
-            return False
+    def _agree(self, one: Reading, other: Reading, seconds: float) -> bool:
         # Between the two looks even a limp arm that is pushed moves little.
-        allowed = _STILL + 4.0 * self.largest_velocity * 0.05
+        allowed = self.joint.still + 4.0 * self.largest_velocity * min(0.05, seconds + 0.01)
         return abs(one.position - other.position) <= allowed and bool(self.fault(one)) == bool(
             self.fault(other)
         )
 
-    def fault(self, status: Status) -> str | None:
-        """Return what is wrong with a board whose servo is meant to be on, None if nothing is."""
-        if not self.enabled:
-            return None
-        flags = status.flags
-        if flags & StatusFlag.OVERCURRENT:
-            return "over-current: something blocks the joint; free it, then enable it again"
-        if not flags & StatusFlag.POWER_ON:
-            return "no motor power: emergency stop? Restore it, then enable the joint again"
-        servo_on = status.auxiliary is None or status.auxiliary & AuxiliaryFlag.SERVO_ON
-        if flags & StatusFlag.POSITION_ERROR:
-            limit = self.joint.gains.error_limit
-            return (
-                f"position error above {limit} counts: the joint is blocked or overloaded; free "
-                "it, then enable it again"
-            )
-        if not servo_on:
-            return "its servo is off though nobody switched it off; enable it again"
-        return None
+    def fault(self, reading: Reading) -> str | None:
+        """Return what is wrong with a motor that is meant to hold, None if nothing is."""
+        return reading.fault if self.enabled else None
 
 
 def state_of(
@@ -267,11 +250,11 @@ def state_of(
         trusted: Whether zeros count as known though they were not set since power-up.
     """
     readings = np.array(
-        [a.joint.reading(a.position) if a.status is not None else np.nan for a in axes]
+        [np.nan if a.last is None else a.joint.reading(a.last.position) for a in axes]
     )
     zero_known = np.array([axis.zero_known or trusted for axis in axes])
     trouble = tuple(
-        axis.lost or (axis.fault(axis.status) if axis.status else "not read yet") for axis in axes
+        axis.lost or (axis.fault(axis.last) if axis.last else "not read yet") for axis in axes
     )
     return ArmState(
         time=now,

@@ -3,19 +3,16 @@
 from collections.abc import Callable, Sequence
 
 from nico_selfmodel.errors import RobotError
-from nico_selfmodel.servos.pic_servo.arm.axis import Axis
-from nico_selfmodel.servos.pic_servo.arm.connection import take_over
-from nico_selfmodel.servos.pic_servo.line.bus import Bus
-from nico_selfmodel.servos.pic_servo.line.chain import join_group, stop_together
-from nico_selfmodel.servos.pic_servo.protocol.packets import EVERYONE
+from nico_selfmodel.servos.arm.axis import Axis
+from nico_selfmodel.servos.arm.motor import JointBus
+from nico_selfmodel.servos.arm.take_over import take_over
 
 
-def stop_each(bus: Bus, group: int, axes: Sequence[Axis], *, smoothly: bool = True) -> list[str]:
+def stop_each(bus: JointBus, axes: Sequence[Axis], *, smoothly: bool = True) -> list[str]:
     """Stop axes and have them hold: all at once, then each by itself, as a group cannot answer.
 
     Args:
         bus: Their bus.
-        group: The group that holds these and no other board.
         axes: Which were enabled.
         smoothly: Brake, instead of stopping at once.
 
@@ -28,17 +25,16 @@ def stop_each(bus: Bus, group: int, axes: Sequence[Axis], *, smoothly: bool = Tr
         return []
     failures = []
     try:
-        stop_together(bus, group, smoothly=smoothly)
+        bus.stop_all([axis.motor for axis in axes], smoothly=smoothly)
     except RobotError as error:
         failures.append(str(error))
     for axis in axes:
-        stop = axis.module.stop_smoothly if smoothly else axis.module.hold
-        failures += attempt(axis, stop)
+        failures += attempt(axis, lambda axis=axis: axis.motor.stop(smoothly=smoothly))
     return failures
 
 
 def release_each(axes: Sequence[Axis]) -> list[str]:
-    """Switch motors and amplifiers off: what gravity pulls falls.
+    """Switch motors off: what gravity pulls falls.
 
     Returns:
         What failed, in words; empty if every axis confirmed.
@@ -47,8 +43,7 @@ def release_each(axes: Sequence[Axis]) -> list[str]:
     for axis in axes:
         axis.enabled = False
         axis.stopped()
-        failures += attempt(axis, axis.module.release)
-        failures += attempt(axis, lambda axis=axis: join_group(axis.module, EVERYONE))
+        failures += attempt(axis, axis.motor.release)
     return failures
 
 

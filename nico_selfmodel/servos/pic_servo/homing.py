@@ -5,8 +5,11 @@ from collections.abc import Callable
 from contextlib import suppress
 
 from nico_selfmodel.errors import RobotError, ServoFault
-from nico_selfmodel.servos.pic_servo.arm.axis import Axis
-from nico_selfmodel.servos.pic_servo.arm.controller import ArmController
+from nico_selfmodel.servos.arm.axis import Axis
+from nico_selfmodel.servos.arm.controller import ArmController
+from nico_selfmodel.servos.arm.zeroing import set_zero
+from nico_selfmodel.servos.pic_servo.joint_bus import PicServoMotor
+from nico_selfmodel.servos.pic_servo.line.board import PicServo
 from nico_selfmodel.servos.pic_servo.protocol.commands import HomingMode
 from nico_selfmodel.servos.pic_servo.protocol.status import StatusFlag, StatusItem
 
@@ -16,26 +19,6 @@ _EVENTS = {
     "index": HomingMode.INDEX,
 }
 _EXTRA_TIME = 2.0
-
-
-def zero_here(arm: ArmController, joint: str, angle: float | None = None) -> None:
-    """Say that a joint stands at its home now. Nothing moves; best with the motors off.
-
-    Args:
-        arm: A connected arm.
-        joint: Which.
-        angle: Encoder angle where it stands [rad]; that of its home if omitted.
-
-    Raises:
-        ValueError: If there is no such joint.
-        ServoFault: If it moves, or its board does not take the position.
-        BusError: If it does not answer.
-    """
-    axis = arm.axis(joint)
-    if axis.on_its_way:
-        raise ServoFault(f"{axis} moves: wait until it stands, then home it")
-    angle = axis.joint.home.at if angle is None else angle
-    _set_zero(axis, axis.joint.register(angle * axis.joint.counts_per_radian))
 
 
 def find_home(
@@ -75,7 +58,7 @@ def _look_for_mark(
     arm: ArmController, axis: Axis, watch: Callable[[ArmController], object] | None
 ) -> None:
     home, scale = axis.joint.home, axis.joint.counts_per_radian
-    axis.module.capture_home(_EVENTS[home.method] | HomingMode.SMOOTH)
+    _board(axis).capture_home(_EVENTS[home.method] | HomingMode.SMOOTH)
     axis.refresh()
     way = math.copysign(home.travel, home.speed) * scale
     axis.aim(
@@ -107,33 +90,30 @@ def _give_up(arm: ArmController, axis: Axis) -> None:
     with suppress(RobotError):
         arm.stop()
     with suppress(RobotError):
-        axis.module.capture_home(0)
+        _board(axis).capture_home(0)
 
 
 def _searching(axis: Axis) -> bool:
-    return axis.status is not None and bool(axis.status.flags & StatusFlag.HOMING)
+    assert isinstance(axis.motor, PicServoMotor)
+    return bool(axis.motor.flags & StatusFlag.HOMING)
 
 
 def _take_capture(arm: ArmController, axis: Axis) -> None:
     """Wait until the joint stands, then count its position from the captured one."""
-    status = axis.module.read(StatusItem.POSITION | StatusItem.HOME)
-    while not axis.module.poll().flags & StatusFlag.MOVE_DONE or _differs(axis, status.position):
-        status = axis.module.read(StatusItem.POSITION | StatusItem.HOME)
+    status = _board(axis).read(StatusItem.POSITION | StatusItem.HOME)
+    while not _board(axis).poll().flags & StatusFlag.MOVE_DONE or _differs(axis, status.position):
+        status = _board(axis).read(StatusItem.POSITION | StatusItem.HOME)
     assert status.position is not None
     assert status.home is not None
     home = axis.joint.register(axis.joint.home.at * axis.joint.counts_per_radian)
-    _set_zero(axis, home + status.position - status.home)
+    set_zero(axis, home + status.position - status.home)
     arm.heartbeat()
 
 
 def _differs(axis: Axis, position: int | None) -> bool:
-    return position is None or axis.module.read(StatusItem.POSITION).position != position
+    return position is None or _board(axis).read(StatusItem.POSITION).position != position
 
 
-def _set_zero(axis: Axis, register: int) -> None:
-    axis.forget_goal()
-    axis.module.zero_at(register)
-    axis.begin_anew()
-    axis.zero_known = True
-    axis.status = None  # what was read before counts from another zero
-    axis.accept(axis.module.poll())
+def _board(axis: Axis) -> PicServo:
+    assert isinstance(axis.motor, PicServoMotor)  # no other make has marks: see ServoConfig
+    return axis.motor.board

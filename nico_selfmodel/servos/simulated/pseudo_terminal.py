@@ -10,7 +10,9 @@ import tty
 from typing import Generic, Protocol, Self, TypeVar
 
 _RATES = {
-    getattr(termios, f"B{rate}"): rate for rate in (9600, 19200, 38400, 57600, 115200, 230400)
+    getattr(termios, name): int(name[1:])
+    for name in dir(termios)
+    if name[0] == "B" and name[1:].isdecimal()
 }
 _IDLE = 5e-3
 _BUFFER = 62

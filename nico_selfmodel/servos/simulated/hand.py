@@ -4,7 +4,7 @@ import heapq
 
 from nico_selfmodel.errors import BusError
 from nico_selfmodel.servos.hand import FINGERS, LONGEST_RUN, WAYS, decode_line, encode_line
-from nico_selfmodel.servos.pseudo_terminal import PseudoTerminal
+from nico_selfmodel.servos.simulated.pseudo_terminal import PseudoTerminal
 
 _RUNNING, _BLOCKED = 120, 700
 _FULL_TRAVEL_TIME = 0.6  # at full power [s]

@@ -1,8 +1,8 @@
 """The port of a simulated device in virtual time: minutes on the arm are seconds in a test."""
 
-from nico_selfmodel.servos.pic_servo.simulated.line import BITS_PER_BYTE
 from nico_selfmodel.servos.ports import PortLostError
-from nico_selfmodel.servos.pseudo_terminal import Device
+from nico_selfmodel.servos.simulated.line import BITS_PER_BYTE
+from nico_selfmodel.servos.simulated.pseudo_terminal import Device
 
 
 class SimulatedPort:

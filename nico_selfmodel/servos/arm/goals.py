@@ -7,8 +7,8 @@ moves the goal on; when it dies, by whatever cause, the board arrives and stands
 
 import math
 
-from nico_selfmodel.servos.pic_servo.arm.servo_config import JointServo
-from nico_selfmodel.servos.pic_servo.arm.trapezoid import duration
+from nico_selfmodel.servos.arm.servo_config import JointServo
+from nico_selfmodel.servos.arm.trapezoid import duration
 
 _FRESH = 0.5
 """Share of the heartbeat that is left when a goal is moved on."""

@@ -4,7 +4,7 @@ import math
 from collections.abc import Sequence
 
 from nico_selfmodel.errors import ServoFault
-from nico_selfmodel.servos.pic_servo.arm.axis import Axis
+from nico_selfmodel.servos.arm.axis import Axis
 
 _FARTHEST_DEG = 360.0
 """Wherever a joint stood when its power came, it is read less than a turn beyond its limits."""

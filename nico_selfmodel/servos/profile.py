@@ -3,8 +3,7 @@
 import math
 from enum import Enum
 
-from nico_selfmodel.servos.pic_servo.protocol.trajectory import UNITS_PER_COUNT
-
+UNITS_PER_COUNT = 65536
 LARGEST_PWM_VELOCITY = 20 * UNITS_PER_COUNT
 """Speed at full PWM, without a load: this simulation's own choice."""
 

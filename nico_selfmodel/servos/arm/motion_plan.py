@@ -2,8 +2,8 @@
 
 from collections.abc import Sequence
 
-from nico_selfmodel.servos.pic_servo.arm.axis import Axis
-from nico_selfmodel.servos.pic_servo.arm.trapezoid import common_duration, speed_for
+from nico_selfmodel.servos.arm.axis import Axis
+from nico_selfmodel.servos.arm.trapezoid import common_duration, speed_for
 
 
 def aim_together(
@@ -26,5 +26,5 @@ def aim_together(
     distances = [abs(goal - axis.commanded) for axis, goal in zip(axes, goals, strict=True)]
     seconds = common_duration(distances, speeds, rates)
     for axis, goal, d, v, a in zip(axes, goals, distances, speeds, rates, strict=True):
-        axis.aim(goal, speed_for(d, seconds, v, a), a)
+        axis.aim(goal, min(v, axis.joint.faster(speed_for(d, seconds, v, a))), a)
     return seconds

@@ -1,1 +1,0 @@
-"""An arm of PIC-SERVO boards: homing, limits, motion, what is jammed."""

@@ -1,0 +1,230 @@
+"""The PIC-SERVO boards of an arm, as the arm's controller sees them."""
+
+from collections.abc import Sequence
+
+from nico_selfmodel.servos.arm.motor import Motor, Reading
+from nico_selfmodel.servos.arm.servo_config import JointServo, ServoConfig
+from nico_selfmodel.servos.bus_settings import BusSettings
+from nico_selfmodel.servos.link_counts import LinkCounts
+from nico_selfmodel.servos.pic_servo.connection import find_modules
+from nico_selfmodel.servos.pic_servo.line.board import PicServo
+from nico_selfmodel.servos.pic_servo.line.bus import Bus
+from nico_selfmodel.servos.pic_servo.line.chain import (
+    group_of,
+    join_group,
+    start_together,
+    stop_together,
+)
+from nico_selfmodel.servos.pic_servo.protocol.packets import EVERYONE
+from nico_selfmodel.servos.pic_servo.protocol.status import AuxiliaryFlag, Status, StatusFlag
+
+
+class PicServoMotor:
+    """The board of a joint. Modules that are enabled are in the group of their arm."""
+
+    answers, doubtful = True, False
+
+    def __init__(self, joint: JointServo, board: PicServo, group: int) -> None:
+        """Stand for a board; sends nothing.
+
+        Args:
+            joint: Its configuration.
+            board: The board.
+            group: Of the modules of the arm that are enabled.
+        """
+        self.joint, self.board, self.group = joint, board, group
+        self.loaded = False
+        """Whether it has a motion that was not started."""
+        self.flags = StatusFlag(0)
+        """Of its last reply."""
+
+    @property
+    def counts(self) -> LinkCounts:
+        """How well the wire to it works."""
+        return self.board.bus.counts[self.board.address]
+
+    def take_over(self) -> bool:
+        """Stop it where it moves or looks for its home; returns whether it holds, without a fault.
+
+        Raises:
+            BusError: If it does not answer.
+        """
+        status, holds = self.board.watch(), False
+        if status.auxiliary is not None and status.auxiliary & AuxiliaryFlag.SERVO_ON:
+            self.board.rate_divisor = self.joint.gains.rate_divisor
+            self.board.stop_smoothly()
+            # A joint with a fault has to be enabled anew, and for that to be connected first.
+            holds = self._fault(status) is None
+        if status.flags & StatusFlag.HOMING:
+            # Who armed it is gone: at its mark it would brake, and lose what says that it is homed.
+            self.board.capture_home(0)
+        # One that an earlier program left in the group would start or hold with the others.
+        join_group(self.board, self.group if holds else EVERYONE)
+        return holds
+
+    def switch_on(self) -> None:
+        """Switch the servo on where the joint stands, and let it obey the packets to its group.
+
+        Raises:
+            BusError: If the board does not answer.
+        """
+        self.board.set_output(self.joint.output_mode)
+        self.board.set_gains(self.joint.gains)
+        self.board.arm_amplifier()
+        self.board.hold()
+        self.board.clear_faults()
+        join_group(self.board, self.group)
+
+    def poll(self) -> Reading:
+        """Return what the board says now.
+
+        Raises:
+            BusError: If it does not answer.
+        """
+        return self._reading(self.board.poll())
+
+    def move_to(
+        self, goal: int, velocity: float | None, acceleration: float | None, *, start: bool
+    ) -> Reading:
+        """Give the board a goal.
+
+        Raises:
+            BusError: If it does not answer.
+        """
+        status = self.board.move_to(goal, velocity, acceleration, start=start)
+        self.loaded = not start
+        return self._reading(status)
+
+    def brake(self, acceleration: float, *, start: bool) -> Reading:
+        """Slow down to a standstill.
+
+        Raises:
+            BusError: If the board does not answer.
+        """
+        status = self.board.brake(acceleration, start=start)
+        self.loaded = not start
+        return self._reading(status)
+
+    def stop(self, *, smoothly: bool) -> None:
+        """Stop and hold.
+
+        Raises:
+            BusError: If the board does not answer.
+        """
+        (self.board.stop_smoothly if smoothly else self.board.hold)()
+
+    def release(self) -> None:
+        """Switch motor and amplifier off, and leave the group.
+
+        Raises:
+            BusError: If the board does not answer.
+        """
+        self.board.release()
+        join_group(self.board, EVERYONE)
+
+    def knows_its_zero(self) -> bool:
+        """Return whether the zero was set since the board was powered up.
+
+        Raises:
+            BusError: If it does not answer.
+        """
+        return self.board.knows_its_zero()
+
+    def zero_at(self, register: int) -> None:
+        """Make where the joint stands `register`.
+
+        Raises:
+            ServoFault: If the board does not take it.
+            BusError: If it does not answer.
+        """
+        self.board.zero_at(register)
+
+    def _reading(self, status: Status) -> Reading:
+        assert status.position is not None  # every board is watched
+        self.flags = status.flags
+        return Reading(
+            position=status.position,
+            commanded=status.position + (status.position_error or 0),
+            standing=bool(status.flags & StatusFlag.MOVE_DONE),
+            fault=self._fault(status),
+        )
+
+    def _fault(self, status: Status) -> str | None:
+        flags = status.flags
+        if flags & StatusFlag.OVERCURRENT:
+            return "over-current: something blocks the joint; free it, then enable it again"
+        if not flags & StatusFlag.POWER_ON:
+            return "no motor power: emergency stop? Restore it, then enable the joint again"
+        if flags & StatusFlag.POSITION_ERROR:
+            return (
+                f"position error above {self.joint.gains.error_limit} counts: the joint is blocked "
+                "or overloaded; free it, then enable it again"
+            )
+        if not (status.auxiliary is None or status.auxiliary & AuxiliaryFlag.SERVO_ON):
+            return "its servo is off though nobody switched it off; enable it again"
+        return None
+
+
+class PicServoJointBus:
+    """The boards of a configuration on their bus."""
+
+    def __init__(self, bus: Bus, config: ServoConfig) -> None:
+        """Describe them; sends nothing.
+
+        Args:
+            bus: Their bus, open.
+            config: Which they are.
+        """
+        self.bus, self.config = bus, config
+        self.group = group_of([joint.address for joint in config.joints])
+        """Of the modules that are enabled; packets to it reach no other board."""
+        self.motors = [
+            PicServoMotor(joint, PicServo(bus, joint.address), self.group)
+            for joint in config.joints
+        ]
+        self.port = bus.port
+
+    @classmethod
+    def open(cls, port: str, config: ServoConfig, settings: BusSettings) -> "PicServoJointBus":
+        """Open a port; sends nothing.
+
+        Raises:
+            PortLostError: If the port cannot be opened.
+        """
+        return cls(Bus.open(port, config.baud, settings), config)
+
+    def find(self) -> None:
+        """Find the boards and give addresses to new ones.
+
+        Raises:
+            BusError: If one is missing, of another type or too old.
+        """
+        find_modules(self.bus, self.config)
+
+    def read_all(self) -> None:
+        """Do nothing: a board that is given a goal answers with its state."""
+
+    def flush(self) -> None:
+        """Start together what was loaded.
+
+        Raises:
+            PortLostError: If the port is gone.
+        """
+        if any(motor.loaded for motor in self.motors):
+            for motor in self.motors:
+                motor.loaded = False
+            start_together(self.bus, self.group)
+
+    def stop_all(self, motors: Sequence[Motor], *, smoothly: bool) -> None:
+        """Stop the boards that are enabled with one packet; nobody confirms.
+
+        Raises:
+            PortLostError: If the port is gone.
+        """
+        for motor in self.motors:
+            motor.loaded = False
+        stop_together(self.bus, self.group, smoothly=smoothly)
+
+    def close(self) -> None:
+        """Give the port back; never fails."""
+        self.bus.close()

@@ -1,0 +1,1 @@
+"""Simulated devices on a pseudo-terminal or in virtual time, whatever they speak."""
