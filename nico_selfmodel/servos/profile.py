@@ -1,4 +1,4 @@
-"""The motion profiles of a simulated module, in the integers of the chip."""
+"""Trapezoidal motion profiles, tick by tick, in the integers of a servo's chip."""
 
 import math
 from enum import Enum
@@ -18,7 +18,7 @@ class Motion(Enum):
     PWM = "pwm"
 
 
-class SimulatedProfile:
+class Profile:
     """The commanded position, one servo tick after another. 65536 units are one count.
 
     Goal, velocity and acceleration may change on the fly, as with version 10 and later. How the
@@ -100,3 +100,38 @@ class SimulatedProfile:
             return
         self._approach(speed if distance > 0 else -speed)
         self.position += self.velocity
+
+
+class TimedProfile(Profile):
+    """A profile that is told times and counts, and does its ticks by itself."""
+
+    _TICK = 2e-3
+
+    def __init__(self, time: float) -> None:
+        """Be off at zero at a time [s]."""
+        super().__init__()
+        self._time = time
+
+    def advance(self, time: float) -> None:
+        """Do the ticks up to a time [s]."""
+        ticks = int((time - self._time) / self._TICK)
+        if ticks <= 0:
+            return
+        self._time += ticks * self._TICK
+        for _ in range(ticks):
+            if self.at_rest:
+                return
+            self.tick()
+
+    def go(self, goal: int, velocity: float, acceleration: float) -> None:
+        """Go to a place [counts] at a speed [counts/s] and acceleration [counts/s^2]."""
+        self.target_velocity = max(1, round(velocity * self._TICK * UNITS_PER_COUNT))
+        self.acceleration = max(1, round(acceleration * self._TICK**2 * UNITS_PER_COUNT))
+        self.goal = goal * UNITS_PER_COUNT
+        at_goal = self.velocity == 0 and self.position == self.goal
+        self.motion = Motion.HOLD if at_goal else Motion.TRAPEZOID
+
+    @property
+    def rate(self) -> float:
+        """How fast it moves [counts/s]."""
+        return self.velocity / UNITS_PER_COUNT / self._TICK

@@ -39,7 +39,7 @@ ALLOWED = {
         "pydrake.systems.framework",
     },
     "vision": {"cv2", "numpy"},
-    "servos": {"numpy", "serial"},
+    "servos": {"dynamixel_sdk", "numpy", "scservo_sdk", "serial"},
     "systems": {
         "numpy",
         "pydrake.autodiffutils",

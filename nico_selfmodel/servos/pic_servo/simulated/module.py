@@ -1,7 +1,7 @@
 """A simulated PIC-SERVO: registers, motion and faults of one board behind the bus."""
 
 import math
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 from nico_selfmodel.servos.pic_servo.protocol import commands as nmc
 from nico_selfmodel.servos.pic_servo.protocol.commands import Command, HomingMode, StopMode
@@ -17,27 +17,11 @@ from nico_selfmodel.servos.pic_servo.protocol.trajectory import TICK, LoadTrajec
 from nico_selfmodel.servos.profile import (
     LARGEST_PWM_VELOCITY,
     Motion,
-    SimulatedProfile,
+    Profile,
 )
+from nico_selfmodel.servos.simulated.mechanics import SimulatedMechanics
 
 _WRAP = 2**32
-
-
-@dataclass
-class SimulatedMechanics:
-    """What hangs on the shaft, in counts from where the shaft was first powered up."""
-
-    lower_switch: float = -math.inf
-    """Below it limit input 2 is active."""
-    upper_switch: float = math.inf
-    """Above it limit input 1 is active."""
-    lower_stop: float = -math.inf
-    upper_stop: float = math.inf
-    """Nothing turns the shaft beyond the stops."""
-    counts_per_index: int = 2000
-    """Distance of the encoder's index marks."""
-    stuck: bool = False
-    """Whether the shaft is jammed where it is."""
 
 
 class SimulatedModule:
@@ -74,7 +58,7 @@ class SimulatedModule:
         self.was_addressed = False
         self.baud, self.items, self.output = 19200, 0, 0
         self.gains, self.amplifier = Gains(), False
-        self.profile, self.buffered = SimulatedProfile(), LoadTrajectory(flags=0)
+        self.profile, self.buffered = Profile(), LoadTrajectory(flags=0)
         self.zero, self.home, self.homing = round(self.shaft), 0, 0
         self._sticky, self._aux_sticky = StatusFlag(0), AuxiliaryFlag(0)
 

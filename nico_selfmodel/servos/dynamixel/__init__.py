@@ -1,0 +1,1 @@
+"""Dynamixel servos, X series, protocol 2.0, through the package `dynamixel-sdk`."""

@@ -1,0 +1,1 @@
+"""A simulated Dynamixel behind its own bytes."""

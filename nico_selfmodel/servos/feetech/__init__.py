@@ -1,0 +1,1 @@
+"""Feetech servos, STS series, through the package `feetech-servo-sdk`."""

@@ -1,0 +1,1 @@
+"""A simulated Feetech servo behind its own bytes."""

@@ -1,0 +1,1 @@
+"""Simulated servos with registers: one table, one motion, the same faults for both makes."""
