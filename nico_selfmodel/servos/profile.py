@@ -112,6 +112,11 @@ class TimedProfile(Profile):
         super().__init__()
         self._time = time
 
+    @property
+    def counts(self) -> int:
+        """Commanded position, rounded [counts]."""
+        return (self.position + UNITS_PER_COUNT // 2) // UNITS_PER_COUNT
+
     def advance(self, time: float) -> None:
         """Do the ticks up to a time [s]."""
         ticks = int((time - self._time) / self._TICK)

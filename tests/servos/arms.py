@@ -5,12 +5,21 @@ import time
 from contextlib import contextmanager
 from dataclasses import dataclass
 
+import pytest
+
 from nico_selfmodel.servos import ArmController, ArmLoop, JointServo, ServoConfig
 from nico_selfmodel.servos.bus_settings import BusSettings
+from nico_selfmodel.servos.drivers import simulated_line
+from nico_selfmodel.servos.dynamixel.joint_bus import DynamixelJointBus
+from nico_selfmodel.servos.dynamixel.sdk import DynamixelSdk
+from nico_selfmodel.servos.feetech.joint_bus import FeetechJointBus
+from nico_selfmodel.servos.feetech.sdk import FeetechSdk
+from nico_selfmodel.servos.makes import make_named
 from nico_selfmodel.servos.pic_servo.joint_bus import PicServoJointBus
 from nico_selfmodel.servos.pic_servo.line.bus import Bus
-from nico_selfmodel.servos.pic_servo.simulated.line import PicServoLine
 from nico_selfmodel.servos.pic_servo.simulated.module import SimulatedModule
+from nico_selfmodel.servos.register_servo.register_bus import RegisterBus
+from nico_selfmodel.servos.simulated.line import SimulatedLine
 from nico_selfmodel.servos.simulated.port import SimulatedPort
 
 JOINTS = (
@@ -18,21 +27,26 @@ JOINTS = (
     *("right_elbow", "right_forearm_twist", "right_wrist"),
 )
 COUNTS_PER_TURN = 200_000
+MAKES = ("pic-servo", "dynamixel", "feetech")
 SOON = 5.0
 """What takes longer than this never happens [s]."""
 
 
-def configuration(joints=JOINTS, **options):
+def configuration(joints=JOINTS, make="pic-servo", **options):
     """Return servos that turn by 90 deg either way, every second one wired the other way round."""
+    kind = make_named(make)
+    if kind.keeps_zero:
+        options.setdefault("baud", 1_000_000)
     return ServoConfig(
         "arm",
         tuple(
             JointServo(
                 name,
                 address=k,
-                counts_per_turn=COUNTS_PER_TURN,
+                counts_per_turn=kind.counts_per_turn or COUNTS_PER_TURN,
                 lower=-math.pi / 2,
                 upper=math.pi / 2,
+                make=kind,
                 max_velocity=math.radians(60),
                 max_acceleration=math.radians(240),
                 sign=1 if k % 2 else -1,
@@ -47,9 +61,9 @@ def configuration(joints=JOINTS, **options):
 class VirtualArm:
     """An arm on a line in virtual time, with everything within reach."""
 
-    line: PicServoLine
+    line: SimulatedLine
     port: SimulatedPort
-    bus: Bus
+    bus: Bus | RegisterBus
     arm: ArmController
 
     @property
@@ -80,14 +94,31 @@ class VirtualArm:
         return still_since - begin
 
 
-def virtual_arm(modules=None, *, trust_zero=True, settings=None, servos=None, **options):
+def virtual_arm(
+    modules=None, *, make="pic-servo", trust_zero=True, settings=None, servos=None, **options
+):
     """Return an arm that is not connected yet."""
-    config = configuration(**options)
-    line = PicServoLine(modules or [SimulatedModule() for _ in config.joints])
+    config = configuration(make=make, **options)
+    line = simulated_line(make)(modules or len(config.joints))
     port = SimulatedPort(line)
-    bus = Bus(port, settings or BusSettings())
-    arm = ArmController(PicServoJointBus(bus, config), config, servos, trust_zero=trust_zero)
+    bus, joint_bus = bus_of(make, port, config, settings or BusSettings())
+    arm = ArmController(joint_bus, config, servos, trust_zero=trust_zero)
     return VirtualArm(line, port, bus, arm)
+
+
+def bus_of(make, port, config, settings):
+    """Return a bus of a make on a port, and its joints."""
+    if make == "pic-servo":
+        bus = Bus(port, settings)
+        return bus, PicServoJointBus(bus, config)
+    port.rate = config.baud
+    if make == "dynamixel":
+        pytest.importorskip("dynamixel_sdk")
+        bus = RegisterBus(port, DynamixelSdk(), settings)
+        return bus, DynamixelJointBus(bus, config)
+    pytest.importorskip("scservo_sdk")
+    bus = RegisterBus(port, FeetechSdk(), settings)
+    return bus, FeetechJointBus(bus, config)
 
 
 def addressed_modules(baud=19200):

@@ -211,6 +211,8 @@ class Axis:
         blocked = self._jams.note(self.seen, self.commanded, self.position, self.goals.velocity)
         if pause > _OFTEN * self.heartbeat:
             self._jams.delay(pause)
+        if pause > self.heartbeat:  # it has stopped, and gets going again
+            self._jams.delay(self.goals.velocity / self.goals.acceleration)
         if not self.on_its_way:
             self._jams.arrived()
         return blocked or self._jams.overdue(self.seen)

@@ -17,7 +17,7 @@ from nico_selfmodel.servos.register_servo.sdk import StatusPacket
 
 _STOPS = 5
 """How often a stop is written before it counts as not taken."""
-_PATIENCE = 1.0
+_PATIENCE = 0.5
 """How long a servo may hold another goal than it was told [s]: damaged packets are sent again."""
 
 
@@ -126,17 +126,17 @@ class RegisterMotor(ABC):
         """
         state = self.look()
         fault = state.fault
-        if self.told is None or self.waiting or state.goal == self.told:
+        if self.told is None or state.goal == self.told:
             self._differs_since = math.inf
             if self._stalled(state):
                 self.recover()
-        else:
+        elif not self.waiting:
             self.waiting = True
             self.counts.refused += 1
             self._differs_since = min(self._differs_since, self.now)
             self.recover()
-            if self.now - self._differs_since > _PATIENCE:
-                fault = fault or "it does not take its goals; switch it off and on, then enable it"
+        if self.now - self._differs_since > _PATIENCE:
+            fault = fault or "it does not take its goals; switch it off and on, then enable it"
         return Reading(state.position, state.commanded, state.standing, fault)
 
     def _stalled(self, state: State) -> bool:
@@ -180,7 +180,7 @@ class RegisterMotor(ABC):
             last.velocity if velocity is None and last else v,
             last.acceleration if acceleration is None and last else a,
         )
-        self.waiting, self._differs_since = True, math.inf
+        self.waiting = True
 
     def tell_to_stop(self, *, smoothly: bool, acceleration: float | None = None) -> None:
         """Note that it is to stop, from what was read last: a goal that it stands at in time."""

@@ -9,8 +9,6 @@ from nico_selfmodel.servos.register_servo.simulated.servo import RefusedError, S
 
 RANGE, LIMIT, ACCESS = 4, 6, 7
 """Errors of a status packet."""
-_REBOOT = 0.2
-"""How long it takes to start anew [s]."""
 _FAST = 1e6
 
 
@@ -30,7 +28,6 @@ class SimulatedDynamixel(SimulatedServo):
             self._put(table.LARGEST_POSITION, 4095)
         self.table[table.TORQUE_ENABLE :] = bytes(self.size - table.TORQUE_ENABLE)
         self._put(table.GOAL_POSITION, self.position)
-        self.deaf_until = self.time + _REBOOT
 
     def _put(self, register: int, value: int, length: int = 4) -> None:
         self.table[register : register + length] = value.to_bytes(

@@ -1,6 +1,6 @@
 """Packets of the STS series, as a servo reads and writes them.
 
-Feetech's protocol manual: FF FF, id, length, instruction, parameters, and an inverted sum of 8 bits.
+Feetech's protocol manual: FF FF, id, length, instruction, parameters, an inverted sum of 8 bits.
 """
 
 from nico_selfmodel.servos.register_servo.simulated.line import Instruction

@@ -10,6 +10,8 @@ from nico_selfmodel.servos.simulated.line import Plant, SimulatedLine, WireFault
 
 BROADCAST = 0xFE
 PING, READ, WRITE, REBOOT, SYNC_READ, SYNC_WRITE = 1, 2, 3, 8, 0x82, 0x83
+_REBOOT = 0.2
+"""How long a servo takes to start anew [s]."""
 _PAUSE = 5e-3
 """A pause in a packet after which a servo waits for a new one [s]."""
 
@@ -111,6 +113,7 @@ class RegisterLine(SimulatedLine[SimulatedServo]):
                 module.write(*self.framing.target(packet.parameters))
             elif packet.code == REBOOT:
                 module.power_cycle()
+                module.deaf_until = module.time + _REBOOT
             else:
                 raise RefusedError(2)
         except RefusedError as refused:
