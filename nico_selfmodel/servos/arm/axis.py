@@ -183,7 +183,7 @@ class Axis:
             if not self._surprising(reading):
                 break
             looked = self._now()
-            again = self.motor.poll()
+            again = self.motor.look_again(reading)
             agree = self._agree(reading, again, self._now() - looked)
             reading = again
             if agree:

@@ -60,6 +60,10 @@ class Motor(Protocol):
         """Return what it says now."""
         ...
 
+    def look_again(self, reading: Reading) -> Reading:
+        """Return what it says now, to be compared with a reading that is doubted."""
+        ...
+
     def move_to(
         self, goal: int, velocity: float | None, acceleration: float | None, *, start: bool
     ) -> Reading:

@@ -90,6 +90,14 @@ class DynamixelMotor(RegisterMotor):
             return "it lost its power, and its servo is off; enable it again"
         return None
 
+    def read_position(self) -> int:
+        """Read where it is, and nothing else [register].
+
+        Raises:
+            BusError: If it does not answer.
+        """
+        return signed(self.bus.read(self.address, PRESENT_POSITION, 4).data)
+
     def encode(self, goal: Goal) -> bytes:
         """Return profile acceleration, profile velocity and goal position."""
         return b"".join(

@@ -84,6 +84,14 @@ class FeetechMotor(RegisterMotor):
             return "its servo is off though nobody switched it off; enable it again"
         return None
 
+    def read_position(self) -> int:
+        """Read where it is, and nothing else [register].
+
+        Raises:
+            BusError: If it does not answer.
+        """
+        return from_magnitude(self.bus.read(self.address, PRESENT_POSITION, 2).data)
+
     def encode(self, goal: Goal) -> bytes:
         """Return acceleration, goal position, goal time (none) and goal speed."""
         position, speed = to_magnitude(goal.position), to_magnitude(goal.velocity)

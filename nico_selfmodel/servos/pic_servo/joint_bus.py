@@ -83,6 +83,14 @@ class PicServoMotor:
         """
         return self._reading(self.board.poll())
 
+    def look_again(self, reading: Reading) -> Reading:
+        """Return what the board says now.
+
+        Raises:
+            BusError: If it does not answer.
+        """
+        return self.poll()
+
     def move_to(
         self, goal: int, velocity: float | None, acceleration: float | None, *, start: bool
     ) -> Reading:
