@@ -159,9 +159,12 @@ Port = Annotated[str, _PORT]
 PortOrNone = Annotated[str | None, _PORT]
 Config = Annotated[Path, _CONFIG]
 ConfigOrNone = Annotated[Path | None, _CONFIG]
-_BAUD = typer.Option("--baud", help="Rate of the line; the configuration's, or 19200.")
-Baud = Annotated[int, _BAUD]
-BaudOrNone = Annotated[int | None, _BAUD]
+BaudOrNone = Annotated[
+    int | None, typer.Option("--baud", help="Rate of the line; the configuration's, or the usual.")
+]
+Make = Annotated[
+    str, typer.Option("--make", help="Of the motors: pic-servo, dynamixel or feetech.")
+]
 Speed = Annotated[
     float | None, typer.Option("--speed-deg-s", help="Largest joint speed; its limit if omitted.")
 ]

@@ -1,4 +1,4 @@
-"""Every make of motors under the one controller: what is commanded, what befalls it, who is named."""
+"""Every make of motors under the one controller: what is commanded, what befalls it."""
 
 import math
 
@@ -219,7 +219,7 @@ def test_connecting_to_a_moving_arm_stops_it_and_keeps_it_on(virtual):
 
 def test_two_motors_with_one_id_are_called_that(servos):
     servos.modules[ELBOW].address = 2
-    with pytest.raises(BusError, match="id 2 answers.*: two servos have this id"):
+    with pytest.raises(BusError, match=r"id 2 answers.*: two servos have this id"):
         servos.arm.connect()
 
 

@@ -78,7 +78,7 @@ def make(request):
 
 
 def test_packets_of_the_manuals_are_those_made_here():
-    """Robotis e-Manual, Protocol 2.0, ping, read and write of servo 1; Feetech's manual likewise."""
+    """Robotis e-Manual, Protocol 2.0: ping, read, write of servo 1; Feetech's manual likewise."""
     assert dynamixel.encode(1, 1, b"") == bytes.fromhex("FFFFFD00010300 01 194E")
     read = dynamixel.encode(1, 2, bytes.fromhex("84000400"))
     assert read == bytes.fromhex("FFFFFD0001070002840004001D15")

@@ -3,6 +3,7 @@
 import sys
 import time
 from contextlib import ExitStack
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -11,6 +12,7 @@ import typer
 from nico_selfmodel.cli import options, printer
 
 if TYPE_CHECKING:
+    from nico_selfmodel.servos.makes import Make
     from nico_selfmodel.systems.stations.nico_behind_bus import NicoBehindBus
 
 
@@ -19,9 +21,10 @@ def simulate(
         int, typer.Option("--modules", min=1, max=32, help="How many, without --config.")
     ] = 6,
     config: options.ConfigOrNone = None,
+    make: options.Make = "pic-servo",
     hand: Annotated[bool, typer.Option("--hand", help="Simulate a hand too.")] = False,
     body: Annotated[
-        bool, typer.Option("--body", help="Let the boards turn a simulated Nico; needs --out.")
+        bool, typer.Option("--body", help="Let the motors turn a simulated Nico; needs --out.")
     ] = False,
     out: Annotated[
         Path | None, typer.Option("--out", help="Servo configuration of that body, to make.")
@@ -33,6 +36,8 @@ def simulate(
     """Simulate a bus and print the port to connect to; runs until Ctrl-C."""
     from nico_selfmodel.servos import SimulatedBus
     from nico_selfmodel.servos.arm.servo_config_file import load_servo_config
+    from nico_selfmodel.servos.drivers import simulated_motors
+    from nico_selfmodel.servos.makes import make_named
     from nico_selfmodel.servos.simulated.hand import SimulatedHand
 
     if body != (out is not None):
@@ -40,10 +45,13 @@ def simulate(
     if body and config is not None:
         raise ValueError("--body writes the configuration of its own: leave --config out")
     with ExitStack() as stack:
-        plant = None if out is None else _body(stack, out, seed, session)
-        count = modules if config is None else len(load_servo_config(config).joints)
-        count = count if plant is None else len(plant.station.joints)
-        bus = stack.enter_context(SimulatedBus(count, plant=plant))
+        kind, motors = make_named(make), modules
+        plant = None if out is None else _body(stack, out, seed, session, kind)
+        arm = None if config is None else load_servo_config(config)
+        arm = arm if plant is None else plant.configuration
+        if arm is not None:
+            kind, motors = arm.make, simulated_motors(arm)
+        bus = stack.enter_context(SimulatedBus(motors, make=kind.name, plant=plant))
         printer.line(f"servos {bus.name}")
         if hand:
             simulated = stack.enter_context(SimulatedHand())
@@ -52,18 +60,22 @@ def simulate(
         _wait(seconds)
 
 
-def _body(stack: ExitStack, file: Path, seed: int, session: int) -> "NicoBehindBus":
+def _body(stack: ExitStack, file: Path, seed: int, session: int, make: "Make") -> "NicoBehindBus":
     """Build a robot, write its configuration, and start its motion capture."""
     from nico_selfmodel.files.whole import refuse_existing
     from nico_selfmodel.servos.arm.servo_config_file import save_servo_config
     from nico_selfmodel.systems.hardware.motion_capture_stream import MotionCaptureServer
+    from nico_selfmodel.systems.simulated.imperfections import imperfections_named
     from nico_selfmodel.systems.stations.nico_behind_bus import NicoBehindBus
     from nico_selfmodel.systems.stations.nico_station import NicoStation
 
     refuse_existing(file, force=False)
-    station = stack.enter_context(NicoStation("thesis", seed, session))
+    world = imperfections_named("thesis")
+    if make.counts_per_turn is not None:
+        world = replace(world, counts_per_turn=int(make.counts_per_turn))
+    station = stack.enter_context(NicoStation(world, seed, session))
     server = stack.enter_context(MotionCaptureServer(station.arm.markers))
-    plant = NicoBehindBus(station, server)
+    plant = NicoBehindBus(station, server, make)
     save_servo_config(plant.configuration, file)
     host, port = server.address
     printer.line(f"config {file}\nmotion-capture {host}:{port}")

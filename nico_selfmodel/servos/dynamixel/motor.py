@@ -47,6 +47,7 @@ class DynamixelMotor(RegisterMotor):
     block = (PROFILE_ACCELERATION, POSITION_TRAJECTORY + 4 - PROFILE_ACCELERATION)
     goal_register = PROFILE_ACCELERATION
     torque_register = TORQUE_ENABLE
+    position = (PRESENT_POSITION, 4)
 
     heartbeat = 0.3
     """After how long without a packet the servo stops by itself [s]."""
@@ -90,13 +91,10 @@ class DynamixelMotor(RegisterMotor):
             return "it lost its power, and its servo is off; enable it again"
         return None
 
-    def read_position(self) -> int:
-        """Read where it is, and nothing else [register].
-
-        Raises:
-            BusError: If it does not answer.
-        """
-        return signed(self.bus.read(self.address, PRESENT_POSITION, 4).data)
+    @staticmethod
+    def number(data: bytes) -> int:
+        """Return the position that bytes hold."""
+        return signed(data)
 
     def encode(self, goal: Goal) -> bytes:
         """Return profile acceleration, profile velocity and goal position."""

@@ -42,6 +42,7 @@ class FeetechMotor(RegisterMotor):
     block = (TORQUE_ENABLE, MOVING + 1 - TORQUE_ENABLE)
     goal_register = ACCELERATION
     torque_register = TORQUE_ENABLE
+    position = (PRESENT_POSITION, 2)
 
     _profile: TimedProfile | None = None
     """Where the servo should be by now, None where that is not known yet."""
@@ -84,13 +85,10 @@ class FeetechMotor(RegisterMotor):
             return "its servo is off though nobody switched it off; enable it again"
         return None
 
-    def read_position(self) -> int:
-        """Read where it is, and nothing else [register].
-
-        Raises:
-            BusError: If it does not answer.
-        """
-        return from_magnitude(self.bus.read(self.address, PRESENT_POSITION, 2).data)
+    @staticmethod
+    def number(data: bytes) -> int:
+        """Return the position that bytes hold."""
+        return from_magnitude(data)
 
     def encode(self, goal: Goal) -> bytes:
         """Return acceleration, goal position, goal time (none) and goal speed."""

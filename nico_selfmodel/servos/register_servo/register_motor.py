@@ -54,6 +54,8 @@ class RegisterMotor(ABC):
     goal_register: int
     """Where the bytes of `encode` begin."""
     torque_register: int
+    position: tuple[int, int]
+    """Register of the position, and how many bytes it has."""
 
     def __init__(self, joint: JointServo, bus: RegisterBus) -> None:
         """Stand for a servo.
@@ -94,13 +96,10 @@ class RegisterMotor(ABC):
     def decode(self, status: StatusPacket) -> State:
         """Return what the registers of `block` say."""
 
+    @staticmethod
     @abstractmethod
-    def read_position(self) -> int:
-        """Read where it is, and nothing else [register].
-
-        Raises:
-            BusError: If it does not answer.
-        """
+    def number(data: bytes) -> int:
+        """Return the position that bytes hold."""
 
     @abstractmethod
     def encode(self, goal: Goal) -> bytes:
@@ -158,7 +157,7 @@ class RegisterMotor(ABC):
         """
         if reading.fault is not None or self.state is None:
             return self.poll()
-        position = self.read_position()
+        position = self.number(self.bus.read(self.address, *self.position).data)
         self.state = replace(self.state, position=position)
         return replace(reading, position=position)
 
