@@ -8,7 +8,6 @@ import pytest
 
 from nico_selfmodel.errors import BusError, ServoFault
 from nico_selfmodel.model.arm.servo_map import ServoMap
-from nico_selfmodel.servos.bus_settings import BusSettings
 from nico_selfmodel.servos.pic_servo.simulated.module import SimulatedModule
 from nico_selfmodel.servos.ports import PortLostError
 from nico_selfmodel.servos.simulated.line import WireFaults
@@ -508,57 +507,6 @@ def test_an_outside_plant_moves_the_shafts():
         made.arm.cycle()
     assert made.arm.cycle().q[3] == pytest.approx(0.5, abs=3 / COUNTS_PER_RADIAN)
     assert min(np.diff(asked)) >= made.line.plant_period - 1e-9
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize("seed", range(2))
-def test_a_soak_on_a_bad_line_accepts_no_wrong_position_and_recovers(seed):
-    """10,000 commands; 1 % of the bytes corrupted, 1 % dropped, 0.1 % doubled, both ways."""
-    made = virtual_arm(settings=BusSettings(attempts=12), heartbeat=1.0)
-    made.arm.connect()
-    made.arm.enable()
-    rng = np.random.default_rng(seed)
-    made.line.faults = WireFaults(rng, corrupt=0.01, drop=0.01, duplicate=0.001)
-    said = [set() for _ in JOINTS]
-    for module, positions in zip(made.modules, said, strict=True):
-        original = module.reply
-
-        def reply(*a, module=module, positions=positions, original=original, **k):
-            positions.add(module.position)
-            return original(*a, **k)
-
-        module.reply = reply
-    moves = recovered = 0
-    before = made.bus.total().exchanges
-    while made.bus.total().exchanges - before < 10_000:
-        begin = made.port.time
-        try:
-            made.arm.heartbeat()
-            if not made.arm.moving:
-                moves += 1
-                chosen = rng.choice(JOINTS, 3, replace=False)
-                made.arm.move({name: float(rng.uniform(-1.0, 1.0)) for name in chosen})
-            state = made.arm.cycle()
-        except (BusError, ServoFault):  # a command whose damage its checksum does not show
-            recovered += 1
-            made.arm.connect()
-            made.arm.enable()
-            continue
-        accepted = [axis.position for axis in made.arm.axes]
-        wrong = [p for p, positions in zip(accepted, said, strict=True) if p not in positions]
-        assert wrong == []
-        assert state.valid.all()
-        assert made.port.time - begin < 5.0  # no hang
-        for axis, module in zip(made.arm.axes, made.modules, strict=True):
-            since = made.port.time - axis.seen + 0.1
-            assert abs(axis.position - module.position) < 20 + 1.3 * axis.largest_velocity * since
-        for positions, position in zip(said, accepted, strict=True):
-            positions.intersection_update({position})
-    total, faults = made.bus.total(), made.line.faults
-    assert moves > 100
-    assert recovered <= 2
-    assert min(total.timeouts, total.damaged, total.refused, total.stray_bytes) > 100
-    assert min(faults.corrupted, faults.dropped, faults.duplicated) > 100
 
 
 def test_most_cycles_of_a_moving_arm_only_read_and_the_motion_takes_no_longer():

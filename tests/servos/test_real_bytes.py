@@ -1,26 +1,30 @@
 """Through a pseudo-terminal: ports that cannot be opened, hosts that die, pulled cables."""
 
+import math
 import os
 import signal
 import subprocess
 import sys
 import time
 
+import numpy as np
 import pytest
 
-from nico_selfmodel.servos import ArmController, SimulatedBus
+from nico_selfmodel.errors import BusError
+from nico_selfmodel.servos import ArmController, ArmLoop, SimulatedBus
 from nico_selfmodel.servos.hand import Hand
 from nico_selfmodel.servos.pic_servo.line.bus import Bus
 from nico_selfmodel.servos.ports import PortLostError, SerialPort
 from nico_selfmodel.servos.simulated.hand import SimulatedHand
 
-from .arms import JOINTS, addressed_modules, configuration
+from .arms import JOINTS, MAKES, addressed_modules, configuration, stopped, wait_for
 
 HOST = """
 import sys
 from tests.servos.arms import JOINTS, configuration
 from nico_selfmodel.servos import ArmController
-arm = ArmController.open(sys.argv[1], configuration(baud=int(sys.argv[2])), trust_zero=True)
+config = configuration(make=sys.argv[2], baud=int(sys.argv[3]))
+arm = ArmController.open(sys.argv[1], config, trust_zero=True)
 arm.connect()
 arm.enable()
 arm.move(dict.fromkeys(JOINTS, 1.5))
@@ -44,20 +48,56 @@ def bus():
         yield simulated
 
 
-@pytest.mark.parametrize("baud", [19200, pytest.param(115200, marks=pytest.mark.slow)])
-def test_a_host_that_is_killed_leaves_an_arm_that_stops_in_time(bus, baud, project_root):
-    with bus.lock:
-        for module in bus.modules:
-            module.baud = baud
+@pytest.fixture(params=MAKES)
+def any_bus(request):
+    """Return a bus of each make, and the configuration of its motors."""
+    baud = 115200 if request.param == "pic-servo" else 1_000_000
+    with wired(request.param, baud) as simulated:
+        yield simulated, configuration(make=request.param, baud=baud)
+
+
+def wired(make, baud):
+    """Return a bus of six motors that listen at a rate."""
+    if make == "pic-servo":
+        return SimulatedBus(addressed_modules(baud))
+    pytest.importorskip("dynamixel_sdk" if make == "dynamixel" else "scservo_sdk")
+    bus = SimulatedBus(6, make=make)
+    for module in bus.modules:
+        module.baud = baud
+    return bus
+
+
+def turned(bus, config, start):
+    """Return how far the shafts are from where they were [rad]."""
+    return np.abs(np.subtract(bus.shafts(), start)) / config.joints[0].counts_per_radian
+
+
+@pytest.mark.parametrize(
+    ("make", "baud"),
+    [
+        ("pic-servo", 19200),
+        pytest.param("pic-servo", 115200, marks=pytest.mark.slow),
+        ("dynamixel", 1_000_000),
+        pytest.param("dynamixel", 57600, marks=pytest.mark.slow),
+        ("feetech", 1_000_000),
+    ],
+)
+def test_a_host_that_is_killed_leaves_an_arm_that_stops_in_time(make, baud, project_root):
+    with wired(make, baud) as bus:
+        check_killed(bus, configuration(make=make, baud=baud), project_root)
+
+
+def check_killed(bus, config, project_root):
+    start = bus.shafts()
     path = os.pathsep.join([str(project_root), os.environ.get("PYTHONPATH", "")])
     host = subprocess.Popen(
-        [sys.executable, "-c", HOST, bus.name, str(baud)],
+        [sys.executable, "-c", HOST, bus.name, config.make.name, str(config.baud)],
         stdout=subprocess.PIPE,
         cwd=project_root,
         env={**os.environ, "PYTHONPATH": path},
     )
     try:
-        while max(map(abs, bus.shafts())) < 5000:
+        while turned(bus, config, start).max() < 0.16:
             assert host.stdout.readline() == b"cycle\n"
         # On the way now, and full speed is a quarter of a second from the start.
         for _ in range(4):
@@ -73,15 +113,18 @@ def test_a_host_that_is_killed_leaves_an_arm_that_stops_in_time(bus, baud, proje
         if (after := bus.shafts()) != before:
             before, last_motion = after, time.monotonic()
     assert 0.05 < last_motion - killed <= 0.3 + 0.5
-    assert all(5000 < abs(shaft) < 1.45 * 31831 for shaft in before)
+    reached = turned(bus, config, start)
+    assert reached.min() > 0.15
+    assert reached.max() < 1.45
     # What it leaves behind can be taken over: the port is free, the boards hold.
-    with ArmController.open(bus.name, configuration(baud=baud), trust_zero=True) as arm:
+    with ArmController.open(bus.name, config, trust_zero=True) as arm:
         arm.connect()
         assert arm.cycle().enabled.all()
 
 
-def test_a_cable_that_is_pulled_is_an_error_within_a_second(bus):
-    arm = ArmController.open(bus.name, configuration(baud=115200), trust_zero=True)
+def test_a_cable_that_is_pulled_is_an_error_within_a_second(any_bus):
+    bus, config = any_bus
+    arm = ArmController.open(bus.name, config, trust_zero=True)
     arm.connect()
     arm.enable()
     arm.move(dict.fromkeys(JOINTS, 1.5))
@@ -92,6 +135,60 @@ def test_a_cable_that_is_pulled_is_an_error_within_a_second(bus):
         go_on(arm)
     arm.close()
     assert time.monotonic() - begin < 1.0
+
+
+@pytest.mark.parametrize("make", MAKES[1:])
+def test_six_servos_are_read_and_moved_fifty_times_a_second(make):
+    """Through a line that paces its bytes at 1 Mbaud."""
+    config = configuration(make=make)
+    with (
+        wired(make, 1_000_000) as bus,
+        ArmController.open(bus.name, config, trust_zero=True) as arm,
+    ):
+        arm.connect()
+        arm.enable()
+        arm.move(dict.fromkeys(JOINTS, 0.8))
+        cycles, begin = 0, time.monotonic()
+        while arm.moving:
+            arm.heartbeat()
+            arm.cycle()
+            cycles += 1
+        rate = cycles / (time.monotonic() - begin)
+        state = arm.cycle()
+    assert state.q == pytest.approx(np.full(6, 0.8), abs=2 * math.pi / 4096)
+    assert state.age.max() < 0.1
+    assert rate > 50.0
+
+
+def test_an_arm_of_any_make_is_kept_going_by_a_loop_and_stopped_when_its_program_hangs(any_bus):
+    bus, config = any_bus
+    start = bus.shafts()
+    arm = ArmController.open(bus.name, config, trust_zero=True)
+    arm.connect()
+    arm.enable()
+    with ArmLoop(arm, period=0.02) as loop:
+        loop.move({"right_elbow": 1.4})
+        begin = time.monotonic()
+        stopped(bus)
+        assert time.monotonic() - begin < 0.3 + 0.5 + 1.0
+        assert 0.05 < turned(bus, config, start)[3] < 1.2
+        loop.command(np.zeros(6))
+        loop.stop()  # always heard
+        assert stopped(bus) < 0.4
+
+
+def test_a_motor_that_falls_silent_is_named_and_all_others_stop(any_bus):
+    bus, config = any_bus
+    arm = ArmController.open(bus.name, config, trust_zero=True)
+    arm.connect()
+    arm.enable()
+    with ArmLoop(arm, period=0.02) as loop:
+        loop.move(dict.fromkeys(JOINTS, 1.4))
+        with bus.lock:
+            bus.modules[2].silent = True
+        with pytest.raises(BusError, match=r"right_upper_arm_twist \((module|id) 3\) is lost"):
+            wait_for(lambda: loop.heartbeat() or loop.state() is None)
+        assert stopped(bus) < 0.8
 
 
 def test_a_port_that_does_not_exist_is_named(tmp_path):
