@@ -4,6 +4,9 @@ from dataclasses import dataclass
 
 from nico_selfmodel.errors import BusError
 
+NOISY_FOR = 1.0
+"""How long after damage a line counts as bad [s]."""
+
 
 class NoReplyError(BusError):
     """A motor did not answer, or only with damaged bytes, however often it was asked."""

@@ -11,6 +11,7 @@ from nico_selfmodel.servos.arm.servo_config import HomePlan
 from nico_selfmodel.servos.arm.zeroing import zero_here
 from nico_selfmodel.servos.pic_servo import homing
 from nico_selfmodel.servos.pic_servo.homing import find_home
+from nico_selfmodel.servos.pic_servo.joint_bus import PicServoJointBus
 from nico_selfmodel.servos.pic_servo.line.bus import Bus
 from nico_selfmodel.servos.pic_servo.simulated.line import PicServoLine
 from nico_selfmodel.servos.pic_servo.simulated.module import SimulatedModule
@@ -29,7 +30,8 @@ def homing_arm(plan, sign=1):
     line = PicServoLine([board])
     port = SimulatedPort(line)
     bus = Bus(port)
-    arm = ArmController(bus, replace(config, joints=(joint,)))
+    config = replace(config, joints=(joint,))
+    arm = ArmController(PicServoJointBus(bus, config), config)
     arm.connect()
     arm.enable()
     return VirtualArm(line, port, bus, arm)

@@ -137,6 +137,7 @@ def test_a_cable_that_is_pulled_is_an_error_within_a_second(any_bus):
     assert time.monotonic() - begin < 1.0
 
 
+@pytest.mark.benchmark
 @pytest.mark.parametrize("make", MAKES[1:])
 def test_six_servos_are_read_and_moved_fifty_times_a_second(make):
     """Through a line that paces its bytes at 1 Mbaud."""

@@ -1,12 +1,13 @@
 """A hundred thousand commands on a line that damages bytes: no wrong position, and no hang."""
 
 import numpy as np
+import pytest
 
 from nico_selfmodel.errors import BusError, ServoFault
 from nico_selfmodel.servos.bus_settings import BusSettings
 from nico_selfmodel.servos.simulated.line import WireFaults
 
-from .arms import JOINTS, virtual_arm
+from .arms import JOINTS, MAKES, virtual_arm
 
 SETTINGS = {
     "pic-servo": BusSettings(attempts=12),

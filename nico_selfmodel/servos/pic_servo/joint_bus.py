@@ -1,6 +1,7 @@
 """The PIC-SERVO boards of an arm, as the arm's controller sees them."""
 
 from collections.abc import Sequence
+from dataclasses import replace
 
 from nico_selfmodel.servos.arm.motor import Motor, Reading
 from nico_selfmodel.servos.arm.servo_config import JointServo, ServoConfig
@@ -16,13 +17,18 @@ from nico_selfmodel.servos.pic_servo.line.chain import (
     stop_together,
 )
 from nico_selfmodel.servos.pic_servo.protocol.packets import EVERYONE
-from nico_selfmodel.servos.pic_servo.protocol.status import AuxiliaryFlag, Status, StatusFlag
+from nico_selfmodel.servos.pic_servo.protocol.status import (
+    AuxiliaryFlag,
+    Status,
+    StatusFlag,
+    StatusItem,
+)
 
 
 class PicServoMotor:
     """The board of a joint. Modules that are enabled are in the group of their arm."""
 
-    answers, doubtful = True, False
+    answers = True
 
     def __init__(self, joint: JointServo, board: PicServo, group: int) -> None:
         """Stand for a board; sends nothing.
@@ -37,6 +43,11 @@ class PicServoMotor:
         """Whether it has a motion that was not started."""
         self.flags = StatusFlag(0)
         """Of its last reply."""
+
+    @property
+    def doubtful(self) -> bool:
+        """Whether a reading counts only if a second one agrees."""
+        return self.board.bus.noisy
 
     @property
     def counts(self) -> LinkCounts:
@@ -84,12 +95,16 @@ class PicServoMotor:
         return self._reading(self.board.poll())
 
     def look_again(self, reading: Reading) -> Reading:
-        """Return what the board says now.
+        """Return a reading with its position read anew, by a shorter packet.
 
         Raises:
-            BusError: If it does not answer.
+            BusError: If the board does not answer.
         """
-        return self.poll()
+        if reading.fault is not None:
+            return self.poll()
+        position = self.board.read(StatusItem.POSITION).position
+        assert position is not None  # it was asked for
+        return replace(reading, position=position)
 
     def move_to(
         self, goal: int, velocity: float | None, acceleration: float | None, *, start: bool

@@ -6,15 +6,13 @@ from collections import defaultdict
 from collections.abc import Callable, Sequence
 
 from nico_selfmodel.errors import BusError, ServoFault
-from nico_selfmodel.servos.bus_settings import BusSettings, NoReplyError
+from nico_selfmodel.servos.bus_settings import NOISY_FOR, BusSettings, NoReplyError
 from nico_selfmodel.servos.link_counts import LinkCounts, sum_of
 from nico_selfmodel.servos.ports import Port
 from nico_selfmodel.servos.register_servo.sdk import DamagedReplyError, PacketSdk, StatusPacket
 from nico_selfmodel.servos.register_servo.sdk_port import SdkPort
 
 _NOISE_LIMIT = 1.0
-_NOISY_FOR = 1.0
-"""How long after damage the line counts as bad [s]."""
 
 
 class RegisterBus:
@@ -45,7 +43,7 @@ class RegisterBus:
     @property
     def noisy(self) -> bool:
         """Whether the line damaged something lately: a checksum alone is not trusted then."""
-        return self.port.now() - self._damaged_at < _NOISY_FOR
+        return self.port.now() - self._damaged_at < NOISY_FOR
 
     def close(self) -> None:
         """Give the port back; never fails."""

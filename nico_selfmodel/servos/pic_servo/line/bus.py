@@ -1,10 +1,11 @@
 """The one owner of the port: a command out, the reply of that module in, whatever the line does."""
 
+import math
 import threading
 from collections import defaultdict
 
 from nico_selfmodel.errors import BusError
-from nico_selfmodel.servos.bus_settings import BusSettings, NoReplyError
+from nico_selfmodel.servos.bus_settings import NOISY_FOR, BusSettings, NoReplyError
 from nico_selfmodel.servos.link_counts import LinkCounts, sum_of
 from nico_selfmodel.servos.pic_servo.protocol.command_packets import encode_command, may_repeat
 from nico_selfmodel.servos.pic_servo.protocol.commands import (
@@ -49,6 +50,7 @@ class Bus:
         """By address."""
         self._lock = threading.RLock()
         self._doubtful = True  # what the line did before is not known
+        self._damaged_at = -math.inf
 
     @classmethod
     def open(cls, name: str, rate: int = 19200, settings: BusSettings | None = None) -> "Bus":
@@ -78,6 +80,11 @@ class Bus:
     def rate(self) -> int:
         """Rate of the line [baud]."""
         return self.port.rate
+
+    @property
+    def noisy(self) -> bool:
+        """Whether the line damaged something lately: a checksum alone is not trusted then."""
+        return self.port.now() - self._damaged_at < NOISY_FOR
 
     def exchange(
         self,
@@ -172,6 +179,7 @@ class Bus:
             status = decode_status(items, reply)
         except DamagedPacketError:
             counts.damaged += 1
+            self._damaged_at = self.port.now()
             if reply.startswith(packet[:length]):
                 raise BusError(
                     f"{self.port.name} sends back what is written to it: the adapter echoes; "
