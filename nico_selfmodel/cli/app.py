@@ -17,6 +17,7 @@ from nico_selfmodel.cli import (
     export_urdf,
     hand,
     import_csv,
+    import_lerobot,
     import_vicon,
     live,
     locate,
@@ -63,8 +64,12 @@ _GROUPS: dict[str, tuple[str, dict[str, Callable[..., None]]]] = {
         {"motion-capture": simulate.motion_capture},
     ),
     "import": (
-        "Make a data set of files recorded elsewhere.",
-        {"csv": import_csv.from_csv, "vicon": import_vicon.from_vicon},
+        "Make a data set, or a servo configuration, of files made elsewhere.",
+        {
+            "csv": import_csv.from_csv,
+            "vicon": import_vicon.from_vicon,
+            "lerobot": import_lerobot.from_lerobot,
+        },
     ),
     "calibrate": (
         "Learn a self-model from recorded data.",

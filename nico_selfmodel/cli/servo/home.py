@@ -1,12 +1,15 @@
 """`nico-selfmodel servo home`: find the zeros that were lost at power-off."""
 
 import math
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
 from nico_selfmodel.cli import options, printer
 from nico_selfmodel.cli.servo.opening import ask, opened, stopping
+
+if TYPE_CHECKING:
+    from nico_selfmodel.servos import ArmController
 
 
 def home(
@@ -33,6 +36,7 @@ def home(
             if here or plan.method == "here":
                 ask(f"Does {name} stand at its home, {place}?", yes=yes)
                 zero_here(arm, name)
+                _tell_offset(arm, name)
             else:
                 speed, travel = math.degrees(plan.speed), math.degrees(plan.travel)
                 printer.line(
@@ -43,3 +47,13 @@ def home(
                 arm.enable([name])
                 stopping(arm, lambda name=name: find_home(arm, name))
             printer.line(f"{name} is homed")
+
+
+def _tell_offset(arm: "ArmController", joint: str) -> None:
+    """Say what the configuration must be told, where it names the offset that was just changed."""
+    axis = arm.axis(joint)
+    if axis.joint.homing_offset is not None and not axis.motor.knows_its_zero():
+        printer.line(
+            f"{joint}: its servo's homing offset is another one now; take 'homing_offset' of this "
+            "joint out of the servo configuration, or correct it"
+        )
