@@ -6,10 +6,11 @@ import sys
 import warnings
 from collections.abc import Callable
 from functools import cache
-from typing import Any
+from typing import Annotated, Any
 
 import typer
 
+from nico_selfmodel import __version__
 from nico_selfmodel.cli import (
     choose_poses,
     detect,
@@ -25,6 +26,7 @@ from nico_selfmodel.cli import (
     monitor,
     pick_color,
     predict,
+    printer,
     rezero,
     simulate,
     view,
@@ -155,9 +157,25 @@ def run() -> None:
 def _tree() -> Any:
     # Typer carries a copy of click of its own, so that a command's type has no public name.
     app = _group("A robot learns its own body by watching it move.", _COMMANDS)
+    app.callback(help="A robot learns its own body by watching it move.")(_root)
     for name, (text, commands) in _GROUPS.items():
         app.add_typer(_group(text, commands), name=name)
     return typer.main.get_command(app)
+
+
+def _tell_version(asked: bool) -> None:
+    if asked:
+        printer.line(f"nico-selfmodel {__version__}")
+        raise typer.Exit
+
+
+def _root(
+    version: Annotated[
+        bool,
+        typer.Option("--version", help="Print the version.", callback=_tell_version, is_eager=True),
+    ] = False,
+) -> None:
+    pass
 
 
 def _refuse_empty(words: list[str]) -> None:

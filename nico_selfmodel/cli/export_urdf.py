@@ -8,9 +8,10 @@ def export_urdf(model: options.Model, out: options.OutFile, force: options.Force
     from nico_selfmodel.files.whole import refuse_existing, write_whole
     from nico_selfmodel.model.self_model_file import load_model
     from nico_selfmodel.plant import ArmDescription, learned_urdf
+    from nico_selfmodel.plant.urdf_export import masses_words
 
     refuse_existing(out, force=force)
     learned = load_model(model)
-    text = learned_urdf(learned, ArmDescription.of_model(learned), folder=out.parent)
-    write_whole(out, text)
-    printer.line(f"{out}")
+    robot = ArmDescription.of_model(learned)
+    write_whole(out, learned_urdf(learned, robot, folder=out.parent))
+    printer.line(f"{out}\n{masses_words(learned, robot)}")

@@ -8,7 +8,7 @@ from typing import Annotated, Any
 import typer
 
 from nico_selfmodel.cli import inputs, options, printer
-from nico_selfmodel.cli.result_files import write_with_report
+from nico_selfmodel.cli.result_files import stamped, write_with_report
 
 
 def monitor(
@@ -57,7 +57,7 @@ def monitor(
     # Drawing is slow to load, and only needed once there is something to draw.
     from nico_selfmodel.viz.reports.updates import update_report
 
-    relearned = to_json(learned, judge(learned))
+    relearned = stamped(to_json(learned, judge(learned)))
     page = update_report(evaluation, relearned, report)
     write_with_report(out, evaluation.after, page, force=force)
     if not as_json:

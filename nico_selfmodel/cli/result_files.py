@@ -1,14 +1,32 @@
 """What a command that learns leaves behind: a result folder with its report."""
 
+import shlex
+import sys
 from collections.abc import Mapping
+from datetime import UTC, datetime
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
+
+from nico_selfmodel import __version__
 
 if TYPE_CHECKING:
     from nico_selfmodel.dataset.dataset import Dataset
     from nico_selfmodel.model.self_model import SelfModel
     from nico_selfmodel.plant import ArmDescription
     from nico_selfmodel.viz.reports.page import Report
+
+
+def stamped(document: Mapping[str, Any]) -> dict[str, Any]:
+    """Return the content of a `result.json` with `run`: when it was made, by which command.
+
+    What must be the same to the byte for the same data, `self_model.yaml`, holds none of it.
+
+    Args:
+        document: `estimation.judging.to_json` of what was learned.
+    """
+    words = shlex.join([Path(sys.argv[0]).name, *sys.argv[1:]])
+    date = datetime.now(UTC).isoformat(timespec="seconds")
+    return {**document, "run": {"date": date, "command": words, "version": __version__}}
 
 
 def write_with_report(
@@ -36,8 +54,7 @@ def write_with_report(
         ModelError: If the robot that the model names is gone, or has other joints.
         SelfModelError: If the server that makes the interactive scene cannot start.
     """
-    from nico_selfmodel.result_folder.urdf import urdf_file
     from nico_selfmodel.result_folder.writing import write_result
 
-    texts = {**report.files(), **urdf_file(model, out, robot)}
-    write_result(out, model, report.document, texts, recordings, force=force)
+    texts = report.files()
+    write_result(out, model, report.document, texts, recordings, robot=robot, force=force)

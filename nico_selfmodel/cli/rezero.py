@@ -5,7 +5,7 @@ from typing import Annotated
 import typer
 
 from nico_selfmodel.cli import options, printer
-from nico_selfmodel.cli.result_files import write_with_report
+from nico_selfmodel.cli.result_files import stamped, write_with_report
 
 
 def rezero(
@@ -36,7 +36,7 @@ def rezero(
     )
     verdict = judge(found)
     evaluation = evaluate_update(known, found.update, data, sensor)
-    document = to_json(rezero_result(found, evaluation), verdict)
+    document = stamped(to_json(rezero_result(found, evaluation), verdict))
     # Drawing is slow to load, and only needed once there is something to draw.
     from nico_selfmodel.viz.reports.updates import update_report
 

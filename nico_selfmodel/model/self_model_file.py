@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 
 from nico_selfmodel.errors import DataError, ModelError
-from nico_selfmodel.files.reading import LARGEST_DOCUMENT, read_text
+from nico_selfmodel.files.reading import LARGEST_DOCUMENT, read_text, real_path
 from nico_selfmodel.files.whole import write_whole
 from nico_selfmodel.files.yaml_text import parse_yaml, yaml_text
 from nico_selfmodel.model import kept_values
@@ -34,17 +34,23 @@ LARGEST_VARIANCE = 1e24
 """Of a parameter, in its own units squared."""
 LARGEST_SIDE = 100_000
 """Of an image [px]."""
+_HERE = "./"
+"""Begins the path of a robot description that lies beside the self-model."""
 _ROW = ("D", "theta_zero", "r", "alpha", "beta")
 
 
 def save_model(model: SelfModel, path: str | Path) -> None:
     """Write a self-model, whole or not at all.
 
+    A robot description that lies beside the file, or in a folder there, is named by the way to it
+    (`./robot/arm.urdf`), so that both can be moved together.
+
     Raises:
         OSError: If the folder cannot be written to.
         yaml.YAMLError: If what is kept for people is not plain data.
     """
-    write_whole(path, yaml_text(_document(model)))
+    robot = _led_from(model.robot, real_path(path).parent)
+    write_whole(path, yaml_text(_document(model) | {"robot": robot}))
 
 
 def load_model(path: str | Path) -> SelfModel:
@@ -69,7 +75,7 @@ def load_model(path: str | Path) -> SelfModel:
         raise ModelError(f"{error}: a self-model was expected") from error
     _check_format(document, path)
     try:
-        return _model(document)
+        return _model(document, path)
     except (AttributeError, KeyError, TypeError, ValueError) as error:
         raise ModelError(f"{path} is not a valid self-model: {damage(error)}") from error
 
@@ -93,7 +99,7 @@ def _document(model: SelfModel) -> dict[str, Any]:
         "mirrors": {name: _mirror_document(mirror) for name, mirror in model.mirrors.items()},
         "noise_sigma_m": model.noise_sigma,
         "pixel_sigma_px": model.pixel_sigma,
-        "robot": dict(model.robot),
+        "robot": {},
         "fit": dict(model.fit),
         "provenance": dict(model.provenance),
     }
@@ -137,8 +143,19 @@ def _mirror_document(mirror: Mirror) -> dict[str, Any]:
     return {"normal": mirror.normal.tolist(), "distance": mirror.distance, **known}
 
 
-def _model(document: dict[str, Any]) -> SelfModel:
-    known = document.get("covariance")
+def _led_from(robot: Mapping[str, Any], folder: Path) -> dict[str, Any]:
+    """Name a description in a folder by the way that leads there from it."""
+    found = dict(robot)
+    urdf = Path(found.get("urdf", ""))
+    if urdf.is_absolute() and urdf.is_relative_to(folder):
+        found["urdf"] = _HERE + urdf.relative_to(folder).as_posix()
+    return found
+
+
+def _model(document: dict[str, Any], path: Path) -> SelfModel:
+    known, robot = document.get("covariance"), kept_values.robot(document.get("robot"))
+    if robot and robot["urdf"].startswith(_HERE):
+        robot["urdf"] = str(real_path(path).parent / robot["urdf"])
     arm = "chain" in document or "servos" in document
     cameras, mirrors = (mapping(document.get(part), part) for part in ("cameras", "mirrors"))
     return SelfModel(
@@ -147,7 +164,7 @@ def _model(document: dict[str, Any]) -> SelfModel:
         _servo_map(mappings(document["servos"], "servos")) if arm else None,
         _covariance(mapping(known, "covariance")) if known else None,
         sigma(document.get("noise_sigma_m"), "noise_sigma_m", LARGEST_SIGMA_M),
-        kept_values.robot(document.get("robot")),
+        robot,
         kept_values.fit(document.get("fit"), len(document["servos"]) if arm else 0),
         kept_values.provenance(document.get("provenance")),
         {side: _camera(mapping(entry, side), side) for side, entry in cameras.items()},

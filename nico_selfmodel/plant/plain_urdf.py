@@ -47,19 +47,24 @@ def plain_document(model: SelfModel, measuring_frame: str) -> Document:
     append(robot, "link", name=BASE)
     parent, before = BASE, np.zeros(3)
     for i, name in enumerate(chain.joints):
-        link = append(robot, "link", name=f"{name}_link")
+        link = append(robot, "link", name=link_name(name))
         _draw(link, ends[i] - centres[i], thickness)
         joint = append(robot, "joint", name=name, type="continuous")
         append(joint, "parent", link=parent)
-        append(joint, "child", link=f"{name}_link")
+        append(joint, "child", link=link_name(name))
         set_origin(joint, transform(np.eye(3), centres[i] - before))
         append(joint, "axis", xyz=numbers_text(chain.directions[i]))
-        parent, before = f"{name}_link", centres[i]
+        parent, before = link_name(name), centres[i]
     append_frame_link(robot, measuring_frame, BASE, np.eye(4))
     for marker, p in zip(chain.markers, chain.p_WH_zero, strict=True):
         pose = transform(np.eye(3), p - before)
         append_frame_link(robot, hand_frame_name(marker), parent, pose)
     return document
+
+
+def link_name(joint: str) -> str:
+    """Return the name of the link that a joint moves."""
+    return f"{joint}_link"
 
 
 def joint_centres(chain: Chain) -> NDArray:

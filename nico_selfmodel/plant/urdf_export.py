@@ -13,7 +13,7 @@ from nico_selfmodel.geometry.transform import inverse
 from nico_selfmodel.model.self_model import SelfModel
 from nico_selfmodel.plant.description import ArmDescription
 from nico_selfmodel.plant.learned_frames import LearnedFrames, learned_frames, nominal_frames
-from nico_selfmodel.plant.plain_urdf import plain_document
+from nico_selfmodel.plant.plain_urdf import DENSITY, link_name, plain_document
 from nico_selfmodel.plant.self_model_plant import hand_frame_name
 from nico_selfmodel.plant.urdf_document import (
     append_frame_link,
@@ -74,9 +74,26 @@ def learned_urdf(
     note = comment_text(
         f" The learned geometry of {model.name}. Joint positions are angles of the links: offsets "
         "and gears of the encoders are in self_model.yaml, a URDF cannot hold them. "
+        f"{masses_words(model, description)} "
     )
     document.insertBefore(document.createComment(note), robot_element(document))
     return document_text(document)
+
+
+def masses_words(model: SelfModel, description: ArmDescription | None) -> str:
+    """Return which masses of a learned URDF are the robot's own, and which were invented.
+
+    Args:
+        model: The self-model.
+        description: The robot it belongs to; None where there is none.
+    """
+    if description is not None:
+        return "Masses and inertias are the robot's own, those of its file: none was invented."
+    links = ", ".join(link_name(joint) for joint in model.joints)
+    return (
+        f"Masses and inertias of {links} are invented: of the drawn shapes, at {DENSITY:g} kg/m^3, "
+        "only because simulators want some."
+    )
 
 
 def _edited_document(model: SelfModel, arm: ArmDescription) -> Document:

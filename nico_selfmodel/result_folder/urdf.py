@@ -9,25 +9,22 @@ from nico_selfmodel.plant import ArmDescription, learned_urdf
 _LONGEST_NAME = 200  # of a robot in that of a file [bytes]
 
 
-def urdf_file(
-    model: SelfModel, folder: str | Path, robot: ArmDescription | None = None
-) -> dict[str, str]:
+def urdf_file(model: SelfModel, folder: str | Path, robot: ArmDescription | None) -> dict[str, str]:
     """Return the URDF of a model's arm as a file of its result folder.
 
     Args:
         model: The self-model.
         folder: Where the file will lie: relative mesh paths lead from there.
-        robot: The robot that the arm belongs to; the one that the model names if omitted.
+        robot: The robot that the arm belongs to; None where there is no description.
 
     Returns:
         `<robot>_learned.urdf` -> content; nothing for a model without an arm.
 
     Raises:
-        ModelError: If the robot that the model names is gone, or has other joints.
+        ModelError: If the robot's file is gone, or has other joints.
     """
     if not model.has_arm:
         return {}
-    robot = ArmDescription.of_model(model) if robot is None else robot
     name = model.name if robot is None else Path(robot.robot).stem
     return {urdf_name(name): learned_urdf(model, robot, folder)}
 

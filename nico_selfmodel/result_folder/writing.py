@@ -2,6 +2,7 @@
 
 import json
 from collections.abc import Mapping
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -11,6 +12,9 @@ from nico_selfmodel.files.whole import RESULT_FILE, folder_written_whole, write_
 from nico_selfmodel.model.self_model import SelfModel
 from nico_selfmodel.model.self_model_file import save_model
 from nico_selfmodel.model.tree.body_model import BODY_FILE, BodyModel, save_body
+from nico_selfmodel.plant import ArmDescription
+from nico_selfmodel.result_folder.description import kept_description
+from nico_selfmodel.result_folder.urdf import urdf_file
 
 
 def write_result(
@@ -20,16 +24,21 @@ def write_result(
     texts: Mapping[str, str] | None = None,
     recordings: Mapping[str, Dataset] | None = None,
     *,
+    robot: ArmDescription | None = None,
     force: bool = False,
 ) -> Path:
-    """Write `self_model.yaml` or `body.yaml`, `result.json` and further files, or nothing.
+    """Write `self_model.yaml` or `body.yaml`, `result.json`, an arm's URDF and further files, or nothing.
+
+    The robot's own description comes along, and is found by its place in the folder: a folder that
+    is renamed, copied or sent away is whole.
 
     Args:
         folder: The folder to make.
         model: The self-model.
         document: Content of `result.json`.
-        texts: Further files, such as a report, a scene, a URDF: name -> content.
+        texts: Further files, such as a report or a scene: name -> content.
         recordings: Data sets to keep beside the result, in `recordings/<name>`.
+        robot: The robot that the arm belongs to; the one that the model names if omitted.
         force: Replace an existing folder.
 
     Returns:
@@ -38,11 +47,15 @@ def write_result(
     Raises:
         FileExistsError: If the folder exists and `force` is not set.
         OSError: If it cannot be written.
+        ModelError: If the robot that the model names is gone, or has other joints.
     """
     folder = Path(folder)
     contents = {RESULT_FILE: _as_json(document), **(texts or {})}
     with folder_written_whole(folder, force=force) as inside:
-        _save(model, inside)
+        if isinstance(model, BodyModel):
+            save_body(model, inside / BODY_FILE)
+        else:
+            contents |= _save_with_robot(model, inside, robot)
         for name, text in contents.items():
             (inside / name).write_text(text, encoding="utf-8", newline="\n")
         for name, dataset in (recordings or {}).items():
@@ -51,11 +64,15 @@ def write_result(
     return folder
 
 
-def _save(model: SelfModel | BodyModel, folder: Path) -> None:
-    if isinstance(model, BodyModel):
-        save_body(model, folder / BODY_FILE)
-    else:
-        save_model(model, folder / "self_model.yaml")
+def _save_with_robot(
+    model: SelfModel, folder: Path, robot: ArmDescription | None
+) -> dict[str, str]:
+    """Write a self-model and its robot's description; return its URDF as a further file."""
+    robot = kept_description(ArmDescription.of_model(model) if robot is None else robot, folder)
+    if robot is not None and model.robot:
+        model = replace(model, robot={**model.robot, "urdf": robot.robot})
+    save_model(model, folder / "self_model.yaml")
+    return urdf_file(model, folder, robot)
 
 
 def replace_document(folder: Path, document: Mapping[str, Any]) -> None:

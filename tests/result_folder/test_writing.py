@@ -17,13 +17,13 @@ from nico_selfmodel.result_folder.urdf import urdf_file, urdf_name
 from nico_selfmodel.result_folder.writing import replace_document, write_result
 
 DOCUMENT = {"status": "PASS", "value": 0.1}
+WRITTEN = {"self_model.yaml", "result.json", "lamp_learned.urdf"}
 WITHOUT_PICTURES = """
 import sys
 from nico_selfmodel.model.self_model_file import load_model
-from nico_selfmodel.result_folder.urdf import urdf_file
 from nico_selfmodel.result_folder.writing import write_result
 model = load_model({old!r})
-write_result({new!r}, model, {{"status": "PASS"}}, urdf_file(model, {new!r}))
+write_result({new!r}, model, {{"status": "PASS"}})
 assert load_model({new!r}).name == model.name
 print(*sorted({{"matplotlib", "jinja2", "meshcat"}} & set(sys.modules)))
 """
@@ -51,7 +51,7 @@ def test_a_model_is_saved_and_loaded_without_a_plot_library(model, tmp_path):
     )
     assert done.returncode == 0, done.stderr
     assert done.stdout.split() == []
-    assert names(new) == {"self_model.yaml", "result.json", "lamp_learned.urdf"}
+    assert names(new) == WRITTEN
 
 
 def test_what_is_handed_in_lies_beside_model_and_document(model, tmp_path):
@@ -59,7 +59,7 @@ def test_what_is_handed_in_lies_beside_model_and_document(model, tmp_path):
     joints = (JointInfo("pan", "rad"), JointInfo("tilt", "rad"))
     data = Dataset("poses", joints, np.arange(2), q, np.ones((2, 3)))
     folder = write_result(tmp_path / "a" / "b", model, DOCUMENT, {"x.txt": "é\n"}, {"train": data})
-    assert names(folder) == {"self_model.yaml", "result.json", "x.txt", "recordings"}
+    assert names(folder) == WRITTEN | {"x.txt", "recordings"}
     assert json.loads((folder / "result.json").read_text()) == DOCUMENT
     assert (folder / "x.txt").read_bytes() == "é\n".encode()
     assert content_hash(load_dataset(folder / "recordings" / "train")) == content_hash(data)
@@ -68,7 +68,7 @@ def test_what_is_handed_in_lies_beside_model_and_document(model, tmp_path):
 def test_a_robots_name_cannot_lead_out_of_the_folder(model, tmp_path):
     assert urdf_name("../../my robot") == "my_robot_learned.urdf"
     assert urdf_name("///") == "robot_learned.urdf"
-    assert set(urdf_file(model, tmp_path)) == {"lamp_learned.urdf"}
+    assert set(urdf_file(model, tmp_path, None)) == {"lamp_learned.urdf"}
 
 
 def test_an_existing_folder_is_kept_unless_forced(model, tmp_path):
@@ -80,7 +80,7 @@ def test_an_existing_folder_is_kept_unless_forced(model, tmp_path):
         write_result(folder, model, DOCUMENT)
     assert names(folder) == {"notes.txt", "result.json"}
     write_result(folder, model, DOCUMENT, force=True)
-    assert names(folder) == {"self_model.yaml", "result.json"}
+    assert names(folder) == WRITTEN
 
 
 @pytest.mark.parametrize("document", [DOCUMENT, {"value": float("nan")}])
@@ -104,4 +104,4 @@ def test_a_document_is_replaced_whole(model, tmp_path):
     folder = write_result(tmp_path / "result", model, DOCUMENT)
     replace_document(folder, {"status": "FAIL"})
     assert json.loads((folder / "result.json").read_text()) == {"status": "FAIL"}
-    assert names(folder) == {"self_model.yaml", "result.json"}
+    assert names(folder) == WRITTEN

@@ -123,7 +123,7 @@ def test_the_map_has_one_scale_and_says_what_more_data_would_cure(found):
 
 
 def test_a_model_of_cameras_alone_has_no_urdf(scenario, tmp_path):
-    assert urdf_file(scenario.cameras, tmp_path) == {}
+    assert urdf_file(scenario.cameras, tmp_path, None) == {}
     folder = write_result(tmp_path / "cameras", scenario.cameras, {"status": "PASS"})
     assert {path.name for path in folder.iterdir()} == {"self_model.yaml", "result.json"}
     assert np.isfinite(load_model(folder).rig.baseline)

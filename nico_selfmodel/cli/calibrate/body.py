@@ -7,7 +7,7 @@ import typer
 
 from nico_selfmodel.cli import inputs, options, printer
 from nico_selfmodel.cli.calibrate import any_body
-from nico_selfmodel.cli.result_files import write_with_report
+from nico_selfmodel.cli.result_files import stamped, write_with_report
 from nico_selfmodel.progress import Progress
 
 if TYPE_CHECKING:
@@ -108,7 +108,7 @@ def body(
             seed=seed,
         )
         verdict = judge(found, require_test_mm, require_test_px)
-        document = to_json(found, verdict)
+        document = stamped(to_json(found, verdict))
         progress("learning", 1, 1)
         progress("writing the result", 0, 1)
         # Drawing is slow to load, and only needed once there is something to draw.

@@ -5,7 +5,7 @@ from typing import Annotated
 import typer
 
 from nico_selfmodel.cli import inputs, options, printer
-from nico_selfmodel.cli.result_files import write_with_report
+from nico_selfmodel.cli.result_files import stamped, write_with_report
 
 
 def kinematics(
@@ -72,7 +72,7 @@ def kinematics(
         result = result_of(calibration)
         if stereo is not None:
             result = stereo.with_pixels(result, calibration.model)
-        document = to_json(result, judge(result, require_test_mm))
+        document = stamped(to_json(result, judge(result, require_test_mm)))
         progress("writing the result", 0, 1)
         # Drawing is slow to load, and only needed once there is something to draw.
         from nico_selfmodel.viz.reports.arm import arm_report

@@ -5,6 +5,7 @@ from typing import Annotated
 import typer
 
 from nico_selfmodel.cli import inputs, options, printer
+from nico_selfmodel.cli.result_files import stamped, write_with_report
 
 
 def mirror(
@@ -54,18 +55,17 @@ def mirror(
         )
         verdict = judge(found, require_test_px=require_test_px)
         found = judged(found, verdict)
-        document = to_json(found, verdict)
+        document = stamped(to_json(found, verdict))
         progress("learning mirrors", 1, 1)
         progress("writing the result", 0, 1)
         # Drawing is slow to load, and only needed once there is something to draw.
         from nico_selfmodel.plant import ArmDescription
-        from nico_selfmodel.result_folder.writing import write_result
         from nico_selfmodel.viz.reports.mirrors import mirror_report
         from nico_selfmodel.viz.scene.mirror_picture import recorded_pictures
 
         pictures = recorded_pictures(dataset, train)
         robot = ArmDescription.of_model(body) if pictures else None
-        texts = mirror_report(found, document, pictures, robot).files()
-        write_result(out, found.model, document, texts, force=force)
+        report = mirror_report(found, document, pictures, robot)
+        write_with_report(out, found.model, report, force=force)
         progress("writing the result", 1, 1)
     printer.result(found.model.name, document, out, json_instead=as_json)

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from nico_selfmodel.cli import inputs, options, printer
-from nico_selfmodel.cli.result_files import write_with_report
+from nico_selfmodel.cli.result_files import stamped, write_with_report
 from nico_selfmodel.progress import Progress
 
 if TYPE_CHECKING:
@@ -107,7 +107,7 @@ class CameraTask:
         progress("learning the cameras", 1, 2)
         assessment = CameraAssessment.from_calibration(calibration, self.options, test)
         verdict = judge(assessment, require_test_px=self.require_test_px)
-        document = to_json(assessment, verdict) | {"detection": found.document}
+        document = stamped(to_json(assessment, verdict)) | {"detection": found.document}
         progress("learning the cameras", 2, 2)
         progress("writing the result", 0, 1)
         # Drawing is slow to load, and only needed once there is something to draw.

@@ -5,7 +5,7 @@ from typing import Annotated
 import typer
 
 from nico_selfmodel.cli import inputs, options, printer
-from nico_selfmodel.cli.result_files import write_with_report
+from nico_selfmodel.cli.result_files import stamped, write_with_report
 
 
 def tool(
@@ -50,7 +50,7 @@ def tool(
         None if held_out is None else marked(held_out, found.tool),
         with_prior=free_body,
     )
-    document = to_json(tool_result(found, evaluation), verdict)
+    document = stamped(to_json(tool_result(found, evaluation), verdict))
     # Drawing is slow to load, and only needed once there is something to draw.
     from nico_selfmodel.viz.reports.updates import update_report
 

@@ -5,7 +5,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, NoReturn
 
 from nico_selfmodel.cli import printer
-from nico_selfmodel.cli.result_files import write_with_report
+from nico_selfmodel.cli.result_files import stamped, write_with_report
 
 if TYPE_CHECKING:
     from nico_selfmodel.sessions.body_scenario import BodyScenario
@@ -81,7 +81,7 @@ def write_scenario(out: Path, scenario: "BodyScenario", marker: str, force: bool
 
     if scenario.refined is None or not scenario.accepted:
         return _write_unrefined(out, scenario, marker, force)
-    document = to_json(scenario.refined, scenario.verdict) | _told(scenario)
+    document = stamped(to_json(scenario.refined, scenario.verdict)) | _told(scenario)
     write_with_report(
         out,
         scenario.refined.model,
@@ -102,7 +102,7 @@ def _write_unrefined(
 
     arm, robot = scenario.arm, looking_arm(marker)
     result = arm.stereo.with_pixels(result_of(arm.calibration), arm.model)
-    document = to_json(result, judge(result)) | _told(scenario)
+    document = stamped(to_json(result, judge(result))) | _told(scenario)
     write_with_report(
         out,
         arm.model,

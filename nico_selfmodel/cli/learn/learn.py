@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from nico_selfmodel.cli import inputs, options, printer
-from nico_selfmodel.cli.result_files import write_with_report
+from nico_selfmodel.cli.result_files import stamped, write_with_report
 
 if TYPE_CHECKING:
     from nico_selfmodel.plant import ArmDescription
@@ -110,7 +110,7 @@ def _by_motion_capture(
         )
         progress("writing the result", 0, 1)
         verdict = judge(first.refined)
-        document = to_json(first.refined, verdict)
+        document = stamped(to_json(first.refined, verdict))
         write_with_report(
             out,
             first.refined.model,

@@ -4,6 +4,8 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from nico_selfmodel.cli.result_files import stamped, write_with_report
+
 if TYPE_CHECKING:
     from nico_selfmodel.sessions.mirror_scenario import MirrorScenario
 
@@ -26,14 +28,14 @@ def write_mirror_scenario(
     """
     from nico_selfmodel.dataset.folder import save_dataset
     from nico_selfmodel.plant import ArmDescription
-    from nico_selfmodel.result_folder.writing import replace_document, write_result
+    from nico_selfmodel.result_folder.writing import replace_document
     from nico_selfmodel.viz.reports.mirrors import mirror_report
 
-    found = scenario.document
+    found = stamped(scenario.document)
     (name,) = scenario.calibration.mirrors
     robot = ArmDescription.of_model(scenario.model)
     report = mirror_report(scenario.calibration, found, {name: scenario.picture}, robot)
-    write_result(out / FOLDER, scenario.calibration.model, found, report.files())
+    write_with_report(out / FOLDER, scenario.calibration.model, report)
     for name, data in (("mirror", scenario.train), ("mirror_test", scenario.test)):
         save_dataset(data, out / "recordings" / name)
     whole = {**document, "mirror": found}
