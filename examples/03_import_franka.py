@@ -3,8 +3,10 @@
 The tracked point is the camera's centre in the board's frame, the last column of its pose. There
 are no sweeps in these data, and no robot description is needed: the arm is found from random axes.
 
-    python examples/03_import_franka.py measurements.csv franka
-    nico-selfmodel calibrate kinematics franka --test-fraction 0.3 --out franka_result
+What it makes lies in `examples/data/franka_fr3`, with licence and origin:
+
+    python examples/03_import_franka.py measurements.csv franka_fr3
+    nico-selfmodel calibrate kinematics examples/data/franka_fr3 --test-fraction 0.3 --out franka
 """
 
 import argparse
@@ -21,7 +23,8 @@ COLUMNS = {
         "z": "X_board_camera_23",
         "unit": "m",
     },
-    "source": "Franka FR3, eye-in-hand camera before a fixed board",
+    "source": "Franka FR3, eye-in-hand camera before a fixed board; "
+    "PhilNad/robot-arm-kinematic-calibration, MIT",
 }
 
 if __name__ == "__main__":

@@ -1,7 +1,9 @@
 """Import a two-axis positioner seen by a metrology camera: a grid of poses, full of sweeps.
 
-python examples/04_import_positioner.py measurements.yaml positioner
-nico-selfmodel calibrate kinematics positioner --out positioner_result
+What it makes lies in `examples/data/positioner_two_axis`, with licence and origin:
+
+    python examples/04_import_positioner.py measurements.yaml positioner_two_axis
+    nico-selfmodel calibrate kinematics examples/data/positioner_two_axis --out positioner
 """
 
 import argparse
@@ -23,7 +25,8 @@ def read(path: str) -> Dataset:
         sample=np.arange(1, len(keys) + 1),
         encoders=np.array([records[key]["target_joints"] for key in keys]),
         p_WH_measured=np.array([[records[key]["pose"][a] for a in "xyz"] for key in keys]),
-        source="two-axis positioner, target seen by a metrology camera",
+        source="two-axis positioner, target seen by a metrology camera; "
+        "ros-industrial/industrial_calibration, Apache-2.0",
     )
 
 

@@ -5,6 +5,7 @@ import os
 import re
 import subprocess
 import sys
+import time
 
 import pytest
 
@@ -12,6 +13,8 @@ from nico_selfmodel.cli.app import _tree
 from nico_selfmodel.model.self_model import SelfModel
 from nico_selfmodel.model.self_model_file import save_model
 from nico_selfmodel.systems.nico_cameras import NICO_CAMERAS
+
+COMMAND = "from nico_selfmodel.cli.main import main; main()"
 
 
 def run(words, folder, root):
@@ -95,22 +98,51 @@ def test_the_plant_of_the_second_example_agrees_with_its_self_model(project_root
     assert float(process.stdout.split()[-1]) < 1e-12
 
 
-@pytest.mark.slow
+def test_the_readmes_first_command_calibrates_a_real_robot_in_a_minute(project_root, tmp_path):
+    text = (project_root / "README.md").read_text(encoding="utf-8")
+    words = re.search(r"<!-- first command -->.*?(calibrate [^`\n]+)", text, re.DOTALL)[1].split()
+    assert words[-2:] == ["--out", "franka"]
+    words[-1] = tmp_path / "franka"
+    start = time.monotonic()
+    done = run(["-c", COMMAND, *words], project_root, project_root)
+    assert done.returncode == 0, done.stderr
+    assert time.monotonic() - start < 60.0
+    document = json.loads((tmp_path / "franka" / "result.json").read_text())
+    assert document["status"] == "PASS"
+    said = f"{document['test']['position_mm']['mean']:.2f} mm mean error"
+    assert said in text
+    assert (tmp_path / "franka" / "report.html").is_file()
+
+
 @pytest.mark.real_data
 @pytest.mark.parametrize(
-    ("script", "source", "options", "bound_mm"),
+    ("script", "source"),
     [
-        ("03_import_franka.py", "franka_fr3/measurements.csv", ("--test-fraction", "0.3"), 2.40),
-        ("04_import_positioner.py", "positioner_two_axis/measurements.yaml", (), 0.405),
+        ("03_import_franka.py", "franka_fr3/measurements.csv"),
+        ("04_import_positioner.py", "positioner_two_axis/measurements.yaml"),
     ],
 )
-def test_real_measurements_are_imported_and_learned(
-    script, source, options, bound_mm, project_root, real_data_folder, tmp_path, command
+def test_data_in_the_box_are_the_originals_imported(
+    script, source, project_root, real_data_folder, tmp_path
 ):
     path = project_root / "examples" / script
     process = run([path, real_data_folder / source, tmp_path / "data"], tmp_path, project_root)
     assert process.returncode == 0, process.stderr
-    words = ("calibrate", "kinematics", tmp_path / "data", *options, "--out", tmp_path / "result")
+    kept = project_root / "examples" / "data" / source.split("/")[0]
+    assert (kept / "LICENSE").read_bytes() == (real_data_folder / source).with_name(
+        "LICENSE"
+    ).read_bytes()
+    for name in ("dataset.yaml", "samples.csv"):
+        assert (kept / name).read_bytes() == (tmp_path / "data" / name).read_bytes()
+
+
+@pytest.mark.parametrize(
+    ("name", "options", "bound_mm"),
+    [("franka_fr3", ("--test-fraction", "0.3"), 1.0), ("positioner_two_axis", (), 0.405)],
+)
+def test_real_measurements_are_learned(name, options, bound_mm, project_root, tmp_path, command):
+    data = project_root / "examples" / "data" / name
+    words = ("calibrate", "kinematics", data, *options, "--out", tmp_path / "result")
     done = command(*words, "--json")
     assert done.returncode == 0, done.stderr
     document = json.loads(done.stdout)

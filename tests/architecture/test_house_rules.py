@@ -144,7 +144,7 @@ def test_the_patterns_know_a_machine_path_and_a_registry():
     assert REGISTRY_HOST.search(".".join(["https://pypi", "org/simple"]))
 
 
-@pytest.mark.parametrize("marker", ["main command", "test command"])
+@pytest.mark.parametrize("marker", ["first command", "main command", "test command"])
 def test_the_readme_has_one_block_for_each_command(project_root, marker):
     text = (project_root / "README.md").read_text(encoding="utf-8")
     blocks = re.findall(rf"^<!-- {marker} -->\n```sh\n(.+?)\n```$", text, re.MULTILINE | re.DOTALL)

@@ -2,9 +2,9 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-import yaml
 
 from nico_selfmodel.dataset.dataset import Dataset
+from nico_selfmodel.dataset.folder import load_dataset
 from nico_selfmodel.dataset.joint_info import JointInfo
 from nico_selfmodel.dataset.sweeps import find_sweeps, marked_sweeps, unmarked_sweeps
 
@@ -134,14 +134,8 @@ def test_a_locked_joint_that_flickers_by_a_count_holds_still():
     assert by_joint(unmarked_sweeps(dataset)) == {0: [set(range(20))]}
 
 
-@pytest.mark.real_data
-def test_the_grid_of_a_real_positioner_is_found(real_data_folder):
-    path = real_data_folder / "positioner_two_axis" / "measurements.yaml"
-    records = list(yaml.safe_load(path.read_text()).values())
-    poses = np.array([record["target_joints"] for record in records])
-    points = np.array([[record["pose"][axis] for axis in "xyz"] for record in records])
-    joints = [JointInfo("tilt", "rad"), JointInfo("turn", "rad")]
-    dataset = Dataset("positioner", joints, np.arange(205), poses, points)
+def test_the_grid_of_a_real_positioner_is_found(project_root):
+    dataset = load_dataset(project_root / "examples" / "data" / "positioner_two_axis")
     found = by_joint(unmarked_sweeps(dataset))
     assert {joint: len(sweeps) for joint, sweeps in found.items()} == {0: 16, 1: 13}
     for sweeps in found.values():

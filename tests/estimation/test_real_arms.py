@@ -1,9 +1,5 @@
 """Real arms: a positioner on a grid of poses, and a Franka arm without any sweep."""
 
-import runpy
-import subprocess
-import sys
-
 import numpy as np
 import pytest
 
@@ -12,27 +8,15 @@ from nico_selfmodel.dataset.folder import load_dataset
 from nico_selfmodel.estimation.arm.kinematics import calibrate_kinematics
 from nico_selfmodel.estimation.judging import judge
 
-pytestmark = pytest.mark.real_data
+
+@pytest.fixture(scope="module")
+def positioner(project_root):
+    return load_dataset(project_root / "examples" / "data" / "positioner_two_axis")
 
 
 @pytest.fixture(scope="module")
-def positioner(real_data_folder, project_root):
-    measurements = real_data_folder / "positioner_two_axis" / "measurements.yaml"
-    if not measurements.is_file():
-        pytest.skip(f"no {measurements}")
-    example = runpy.run_path(str(project_root / "examples" / "04_import_positioner.py"))
-    return example["read"](str(measurements))
-
-
-@pytest.fixture(scope="module")
-def franka(real_data_folder, project_root, tmp_path_factory):
-    measurements = real_data_folder / "franka_fr3" / "measurements.csv"
-    if not measurements.is_file():
-        pytest.skip(f"no {measurements}")
-    out = tmp_path_factory.mktemp("franka") / "dataset"
-    example = project_root / "examples" / "03_import_franka.py"
-    subprocess.run([sys.executable, example, measurements, out], check=True, timeout=60)
-    return load_dataset(out)
+def franka(project_root):
+    return load_dataset(project_root / "examples" / "data" / "franka_fr3")
 
 
 def between_axes_deg(result):
