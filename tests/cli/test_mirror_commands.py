@@ -40,7 +40,8 @@ def test_a_mirror_is_learned_and_lies_in_the_self_model(result, body):
     assert "PASS" in done.stdout
     assert "middle" in done.stdout
     assert {p.name for p in out.iterdir()} == {
-        "self_model.yaml", "result.json", "report.html", "scene.json",
+        "self_model.yaml", "result.json", "report.html", "residuals.csv", "scene.json",
+        "calibrated_body_2_learned.urdf",
     }  # fmt: skip
     mirror = load_model(out).mirrors["middle"]
     assert np.degrees(mirror.angle_to(body.ground_truth.mirrors["middle"])) < 0.15

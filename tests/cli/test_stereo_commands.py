@@ -68,7 +68,7 @@ def test_photographs_become_cameras_that_are_where_they_were_drawn(cameras):
     assert model.rig.right.cy == pytest.approx(truth.right.cy, abs=2.5)
     assert "left.k3" not in model.covariance.names
     names = {path.name for path in cameras.iterdir()}
-    assert names == {"self_model.yaml", "result.json", "report.html", "scene.json"}
+    assert names == {"self_model.yaml", "result.json", "report.html", "residuals.csv", "scene.json"}
 
 
 def test_one_camera_alone_is_a_command_of_its_own(photographs, tmp_path, command):

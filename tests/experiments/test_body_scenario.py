@@ -53,7 +53,7 @@ def scenario(cameras, recorded):
 @pytest.fixture
 def undrawn(monkeypatch):
     """Spare the figures and the interactive scene, which other tests look at."""
-    monkeypatch.setattr("nico_selfmodel.viz.reports.page.svg_data_uri", lambda _: "data:,")
+    monkeypatch.setattr("nico_selfmodel.viz.figures.plot_style.image_bytes", lambda *_: b"<svg/>")
     monkeypatch.setattr("nico_selfmodel.viz.reports.page.static_html", lambda _: "")
 
 

@@ -162,7 +162,7 @@ def failed_html(failed):
     """The report of the failed calibration, with empty figures: those are drawn elsewhere."""
     verdict = judge(failed)
     assert verdict.status == "FAIL"
-    with mock.patch("nico_selfmodel.viz.reports.page.svg_data_uri", return_value="data:,"):
+    with mock.patch("nico_selfmodel.viz.figures.plot_style.image_bytes", return_value=b"<svg/>"):
         return arm_report(failed, to_json(failed, verdict)).html()
 
 

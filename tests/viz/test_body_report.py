@@ -62,6 +62,7 @@ def test_the_folder_holds_model_report_scene_numbers_and_urdf(found, document, f
         "self_model.yaml",
         "result.json",
         "report.html",
+        "residuals.csv",
         "scene.json",
         "cameras_learned.urdf",
     }
@@ -91,7 +92,7 @@ def test_the_report_shows_the_numbers_of_the_document_and_loads_nothing(document
 
 
 def test_a_body_without_boards_says_so_and_has_no_board_table(scenario, monkeypatch):
-    monkeypatch.setattr("nico_selfmodel.viz.reports.page.svg_data_uri", lambda _: "data:,")
+    monkeypatch.setattr("nico_selfmodel.viz.figures.plot_style.image_bytes", lambda *_: b"<svg/>")
     found = calibrate_body(
         scenario.train, scenario.cameras, None, BodyOptions("intrinsics-fixed", "unanchored")
     )

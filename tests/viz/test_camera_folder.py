@@ -10,13 +10,13 @@ from nico_selfmodel.viz.reports.cameras import camera_report
 from nico_selfmodel.viz.scene.camera_scene import camera_scene
 from nico_selfmodel.viz.scene.scene import load_scene
 
-FILES = {"self_model.yaml", "result.json", "report.html", "scene.json"}
+FILES = {"self_model.yaml", "result.json", "report.html", "residuals.csv", "scene.json"}
 
 
 @pytest.fixture
 def write(monkeypatch):
     """Return a function that writes a result without drawing its figures."""
-    monkeypatch.setattr("nico_selfmodel.viz.reports.page.svg_data_uri", lambda _: "data:,")
+    monkeypatch.setattr("nico_selfmodel.viz.figures.plot_style.image_bytes", lambda *_: b"<svg/>")
 
     def written(folder, assessment, document=None, images=None, force=False):
         model = assessment.calibration.self_model("cameras")

@@ -1,8 +1,11 @@
+import re
+
 import matplotlib
 import numpy as np
 import pytest
 from matplotlib.figure import Figure
 
+from nico_selfmodel.viz.figures import palette
 from nico_selfmodel.viz.figures.error_plots import (
     error_distribution,
     error_over_workspace,
@@ -15,7 +18,8 @@ from nico_selfmodel.viz.figures.parameter_plots import (
     parameter_sigmas,
     unobservable_parameters,
 )
-from nico_selfmodel.viz.figures.plot_style import image_bytes, log_ticks, style, svg_data_uri
+from nico_selfmodel.viz.figures.plot_style import image_bytes, log_ticks, style
+from nico_selfmodel.viz.reports.inline_figure import InlineFigure
 
 
 def correlations_drawn(calibration):
@@ -52,7 +56,7 @@ def test_every_figure_states_its_point_and_is_an_svg(calibration, draw):
 @pytest.mark.parametrize("draw", ALL, ids=lambda f: f.__name__)
 def test_no_figure_stumbles_over_names_or_open_directions(renamed, failed, draw):
     for calibration in (renamed, failed):
-        assert svg_data_uri(draw(calibration)).startswith("data:image/svg+xml;base64,")
+        assert InlineFigure.of(draw(calibration)).panels
 
 
 def test_a_figure_can_be_a_png_too(calibration):
@@ -66,8 +70,41 @@ def test_figures_leave_matplotlib_as_it_was(calibration):
 
 
 def test_the_same_figure_gives_the_same_bytes(calibration):
-    first, second = (svg_data_uri(error_distribution(calibration)) for _ in range(2))
+    first, second = (InlineFigure.of(error_distribution(calibration)) for _ in range(2))
     assert first == second
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("draw", ALL, ids=lambda f: f.__name__)
+def test_no_panel_of_a_figure_cuts_what_is_written_in_it(calibration, draw):
+    figure = draw(calibration)
+    found = InlineFigure.of(figure)
+    assert found.headline == title(figure)
+    assert sum(panel.svg.count("<text") for panel in found.panels) > 4
+    ends = [(panel.x, panel.x + panel.width) for panel in found.panels if panel.y == 0.0]
+    assert ends[0][0] == 0.0
+    assert [end for _, end in ends[:-1]] == [start for start, _ in ends[1:]]
+    scale = 72.0 / figure.dpi
+    for axes in figure.axes:
+        if axes.get_label() != "<colorbar>":
+            box = axes.get_tightbbox()
+            inside = [
+                low - 1 <= scale * box.x0 and scale * box.x1 <= high + 1 for low, high in ends
+            ]
+            assert inside.count(True) == 1, (draw.__name__, ends, scale * box.x0, scale * box.x1)
+
+
+def test_figures_take_the_colours_of_the_page_and_names_of_their_own(calibration):
+    first, second = (
+        "".join(panel.svg for panel in InlineFigure.of(draw(calibration)).panels)
+        for draw in (error_distribution, error_over_workspace)
+    )
+    assert "var(--ink)" in first
+    assert palette.INK not in first + second
+    names = [set(re.findall(r'\bid="([^"]+)"', svg)) for svg in (first, second)]
+    assert not {name for name in names[0] & names[1] if not name.startswith("panel-")}
+    for svg, known in zip((first, second), names, strict=True):
+        assert set(re.findall(r'(?:url\(#|href="#)([^)"]+)', svg)) <= known
 
 
 def test_the_distribution_has_one_curve_a_set_with_mean_and_rms(calibration):

@@ -1,3 +1,6 @@
+import base64
+import csv
+import io
 import json
 import re
 
@@ -21,7 +24,7 @@ def page(html):
 @pytest.fixture
 def undrawn(monkeypatch):
     """Leave the figures empty, for tests of what stands around them."""
-    monkeypatch.setattr("nico_selfmodel.viz.reports.page.svg_data_uri", lambda _: "data:,")
+    monkeypatch.setattr("nico_selfmodel.viz.figures.plot_style.image_bytes", lambda *_: b"<svg/>")
 
 
 def numbers_in(value):
@@ -80,9 +83,40 @@ def test_outliers_circles_starts_and_provenance_are_told(page, document, trainin
 
 
 def test_there_is_a_figure_for_each_question(page):
-    pictures = [attributes for tag, attributes in page.tags if tag == "img"]
-    assert len(pictures) == 6
-    assert all(p["src"].startswith("data:image/svg+xml;base64,") and p["alt"] for p in pictures)
+    figures = [attributes for tag, attributes in page.tags if tag == "figure"]
+    assert len(figures) == 6
+    assert all(figure["aria-label"] for figure in figures)
+    assert not [tag for tag, _ in page.tags if tag == "img"]
+
+
+def test_what_is_written_in_figures_is_text_of_the_page(page):
+    for words in ("error of a point [mm] ● mean ◆ rms", "share of the points [%]", "angle [deg]"):
+        assert words in page.words, words
+
+
+def test_residuals_are_there_to_download_to_the_last_digit(page, calibration, document):
+    (link,) = [a for tag, a in page.tags if tag == "a" and "download" in a]
+    kind, _, content = link["href"].partition(",")
+    assert (kind, link["download"]) == ("data:text/csv;base64", "residuals.csv")
+    rows = list(csv.DictReader(io.StringIO(base64.b64decode(content).decode())))
+    errors = {
+        name: [float(row["error_mm"]) for row in rows if row["set"] == name]
+        for name in ("held-out", "training")
+    }
+    assert np.mean(errors["held-out"]) == pytest.approx(document["test"]["position_mm"]["mean"])
+    assert errors["training"] == pytest.approx((1e3 * calibration.train.distances).tolist())
+    measured, predicted = (
+        np.array([[float(row[f"{axis}{end}"]) for axis in "xyz"] for row in rows])
+        for end in ("_m", "_predicted_m")
+    )
+    distances = 1e3 * np.linalg.norm(measured - predicted, axis=1)
+    assert distances == pytest.approx([float(row["error_mm"]) for row in rows])
+    assert {row["sample"] for row in rows if row["outlier"] == "yes"} == set(map(str, OUTLIERS))
+
+
+def test_correlations_and_starts_are_folded(html):
+    for summary in ("Correlations", r"\d+ starts"):
+        assert re.search(rf"<details><summary>{summary}</summary>", html), summary
 
 
 @pytest.mark.parametrize("part", ["page", "scene"])
@@ -101,7 +135,7 @@ def test_the_page_itself_names_no_address_and_runs_no_script(html, page):
     outside = html.replace("&#39;", "'").split("srcdoc=")[0]
     assert "http" not in outside
     assert "@import" not in outside
-    assert "url(" not in outside
+    assert set(re.findall(r"url\((.)", outside)) <= {"#"}
     assert not [tag for tag, _ in page.tags if tag == "script"]
 
 
@@ -157,7 +191,7 @@ def test_circle_points_alone_are_reported_without_pretending(circles_alone):
     assert "NOT EVALUATED" in page.words
     assert "Nothing was held out." in page.text
     assert "No standard deviations: circle points alone do not give any." in page.words
-    assert len([tag for tag, _ in page.tags if tag == "img"]) == 3
+    assert len([tag for tag, _ in page.tags if tag == "figure"]) == 3
     assert not any(word.startswith("±") for word in page.words)
 
 

@@ -1,5 +1,6 @@
 """The report as a person sees it: opened in a browser that can reach nothing else."""
 
+import re
 import shutil
 import subprocess
 
@@ -87,3 +88,36 @@ def test_the_cameras_their_boards_and_the_epipolar_plane_are_seen(browser, tmp_p
     # Teal and purple cameras, blue boards, the yellow epipolar lines.
     for low, high in ((80, 90), (155, 170), (100, 118), (20, 28)):
         assert np.sum((strong >= low) & (strong <= high)) > 200, (low, high)
+
+
+MEASURE = """<iframe id="page" src="report.html" width="400" height="900"></iframe><script>
+document.getElementById("page").onload = event => {
+  const page = event.target.contentDocument, root = page.documentElement;
+  page.querySelectorAll("details").forEach(one => one.open = true);
+  const wide = [...page.body.querySelectorAll("*")].filter(one => !one.closest("svg"))
+    .filter(one => one.scrollWidth > one.clientWidth + 1 && one.clientWidth > 0
+      || one.getBoundingClientRect().right > root.clientWidth + 1);
+  const small = [...page.querySelectorAll(".panels text")]
+    .map(one => one.getBoundingClientRect().height).filter(height => height && height < 7.5);
+  const told = wide.map(one => `${one.tagName} ${one.textContent.trim().slice(0, 40)}`);
+  document.title = [root.scrollWidth, told, small.length]
+    .join("|");
+};</script>"""
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("report", ["html", "camera_html", "failed_html"])
+def test_400_pixels_are_enough_to_read_everything_without_scrolling_sideways(
+    browser, tmp_path, request, report
+):
+    (tmp_path / "report.html").write_text(request.getfixturevalue(report), encoding="utf-8")
+    (tmp_path / "measure.html").write_text(MEASURE, encoding="utf-8")
+    words = [
+        *(browser, *FLAGS, "--allow-file-access-from-files", "--dump-dom"),
+        *(f"--user-data-dir={tmp_path / 'profile'}", (tmp_path / "measure.html").as_uri()),
+    ]
+    done = subprocess.run(words, check=True, capture_output=True, text=True, timeout=120)
+    width, wide, small = re.search(r"<title>(.*?)</title>", done.stdout, re.DOTALL)[1].split("|")
+    assert int(width) <= 400
+    assert wide == ""
+    assert int(small) == 0

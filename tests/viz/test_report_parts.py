@@ -51,9 +51,14 @@ def test_every_part_stands_in_its_section(part, word):
 
 
 def test_a_figure_is_an_image_that_says_what_it_shows():
-    (image,) = [a for tag, a in rendered(parts.Drawing(Figure(), "a curve")).tags if tag == "img"]
-    assert image["alt"] == "a curve"
-    assert image["src"].startswith("data:image/svg+xml;base64,")
+    figure = Figure()
+    figure.suptitle("It rises")
+    figure.subplots().set_xlabel("time [s]")
+    page = rendered(parts.Drawing(figure, "a curve"))
+    (image,) = [a for tag, a in page.tags if tag == "figure"]
+    assert (image["role"], image["aria-label"]) == ("img", "a curve")
+    assert page.words.count("It rises") == 1
+    assert "time [s]" in page.words
 
 
 def test_a_part_that_the_page_does_not_know_is_an_error_and_not_left_out():
@@ -81,17 +86,39 @@ def test_long_tables_are_folded_where_their_rows_have_a_name():
     assert folds(parts.Numbers(table(13))) == 0
 
 
-def test_warnings_stand_before_the_sections_and_only_where_there_are_any():
+def test_the_strongest_doubt_stands_before_the_sections_and_others_are_folded():
     def ids(document):
         return [a["id"] for _, a in rendered(document=document).tags if "id" in a]
 
-    assert ids({"warnings": ["it is ± dark"]}) == ["verdict", "warnings", "question"]
-    assert ids({"warnings": []}) == ids({}) == ["verdict", "question"]
+    assert ids({"warnings": ["it is ± dark"]}) == ["verdict", "scene", "warnings", "question"]
+    assert ids({"warnings": []}) == ids({})
+
+
+def test_the_first_page_says_which_doubt_is_the_strongest_or_that_there_is_none():
+    doubts = rendered(document={"warnings": ["it is ± dark", "it rains", "it is late"]})
+    start = doubts.words.index("Strongest doubt")
+    assert doubts.words[start + 1 : start + 5] == [
+        "it is ± dark",
+        "2 more",
+        "it rains",
+        "it is late",
+    ]
+    assert "No check found one." in rendered().words
+    few = rendered(document={"status": "NOT_EVALUATED"})
+    assert any("Too little was held out" in word for word in few.words)
+
+
+def test_a_page_tells_when_and_by_which_command_it_was_made():
+    run = {"date": "2026-01-02T03:04:05+00:00", "command": "nico-selfmodel x <y>", "version": "9"}
+    page = rendered(document={"run": run})
+    assert "nico-selfmodel x <y>" in page.words
+    assert any("2026-01-02 at 03:04 UTC" in word for word in page.words)
+    assert "Made on" not in rendered().text
 
 
 def test_a_section_within_a_section_has_a_smaller_heading():
     tags = [tag for tag, _ in rendered(parts.section("Within")).tags]
-    assert (tags.count("h2"), tags.count("h3")) == (1, 1)
+    assert (tags.count("h2"), tags.count("h3")) == (2, 1)
 
 
 def entry(value, sigma, free, unit="m"):

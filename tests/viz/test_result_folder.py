@@ -10,7 +10,7 @@ from nico_selfmodel.viz.reports.arm import arm_report
 from nico_selfmodel.viz.scene.arm_scene import calibration_scene
 from nico_selfmodel.viz.scene.scene import load_scene
 
-FILES = {"self_model.yaml", "result.json", "report.html", "scene.json"}
+FILES = {"self_model.yaml", "result.json", "report.html", "residuals.csv", "scene.json"}
 
 
 def names(folder):
@@ -20,7 +20,7 @@ def names(folder):
 @pytest.fixture(scope="module")
 def written(tmp_path_factory, calibration, document):
     folder = tmp_path_factory.mktemp("results") / "deep" / "result"
-    with mock.patch("nico_selfmodel.viz.reports.page.svg_data_uri", return_value="data:,"):
+    with mock.patch("nico_selfmodel.viz.figures.plot_style.image_bytes", return_value=b"<svg/>"):
         write_with_report(folder, calibration.model, arm_report(calibration, document))
     return folder
 

@@ -96,7 +96,7 @@ def page_of(evaluation, document, health=None):
 def test_a_tools_page_says_what_moved_and_what_it_was_worth_on_held_out_poses(tool):
     evaluation, verdict, document = tool
     page = page_of(evaluation, document)
-    assert page.index(verdict.status) < page.index("What changed, and by how much")
+    assert page.index(verdict.status) < page.index("What was learned")
     for value in (
         document["before"]["test"]["pixels"]["mean"],
         document["test"]["pixels"]["mean"],

@@ -70,7 +70,7 @@ def view_errors(views: tuple[ShownView, ...]) -> Figure:
     """Draw the rms of every view and of each camera in it."""
     shown = [view for view in views if view.rms is not None]
     with style():
-        figure = Figure(figsize=(FULL_WIDTH, 3.4))
+        figure = Figure(figsize=(HALF_WIDTH, 3.4))
         axes = figure.add_subplot()
         values = np.array([view.rms for view in shown], dtype=float)
         for use in USES[:3]:
@@ -98,7 +98,7 @@ def view_errors(views: tuple[ShownView, ...]) -> Figure:
         axes.set_xlabel("view")
         axes.set_ylabel("rms [px]")
         grid_along(axes, "y")
-        figure.legend(loc="outside lower left", ncols=5, handlelength=1.2)
+        figure.legend(loc="outside lower left", ncols=3, handlelength=1.2)
         worst = shown[int(np.argmax(values))]
         ratio = float(values.max() / np.median(values))
         headline(

@@ -1,6 +1,5 @@
 """One look for all figures, and figures as text that a page can hold."""
 
-import base64
 import io
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -15,7 +14,7 @@ from matplotlib.ticker import LogLocator, MaxNLocator, NullFormatter
 
 from nico_selfmodel.viz.figures import palette
 
-FULL_WIDTH, HALF_WIDTH = 11.0, 5.4
+FULL_WIDTH, HALF_WIDTH = 11.0, 4.9
 """Widths of figures on the page, where a point of type is then about a point [inch]."""
 MANY = 1500
 """More points than this are drawn as pixels even in an SVG."""
@@ -43,8 +42,9 @@ _STYLE: dict[str, Any] = {
     "legend.fontsize": 8.5,
     "legend.frameon": False,
     "lines.linewidth": 1.8,
-    "svg.fonttype": "path",
+    "svg.fonttype": "none",
     "svg.hashsalt": "nico-selfmodel",
+    "text.color": palette.INK,
     "text.parse_math": False,
     "xtick.color": palette.MUTED,
     "xtick.labelcolor": palette.INK,
@@ -60,11 +60,6 @@ def style() -> Iterator[None]:
     """Draw and save figures in the project's look; matplotlib's own settings come back after."""
     with rc_context({**_STYLE}):
         yield
-
-
-def svg_data_uri(figure: Figure) -> str:
-    """Return a figure as an SVG that an `img` can hold; the same figure gives the same text."""
-    return f"data:image/svg+xml;base64,{base64.b64encode(image_bytes(figure, 'svg')).decode()}"
 
 
 def image_bytes(figure: Figure, file_format: str) -> bytes:

@@ -12,6 +12,7 @@ from nico_selfmodel.viz.figures import error_plots, parameter_plots
 from nico_selfmodel.viz.reports import parts, shared_sections
 from nico_selfmodel.viz.reports.page import Report, key_number, telling_set
 from nico_selfmodel.viz.reports.parameter_tables import joint_table, place_table
+from nico_selfmodel.viz.reports.residual_rows import points_csv
 from nico_selfmodel.viz.reports.tables import Cell, Table, error_table, held_out, number_cell
 from nico_selfmodel.viz.scene.arm_scene import calibration_scene
 from nico_selfmodel.viz.scene.arm_shape import arm_length
@@ -48,20 +49,30 @@ def arm_report(
     key = key_number(document, "position_mm", "points", statistics=("mean", "sd"), note=share)
     sections = (
         *_refused(document),
-        _errors(document, length),
-        shared_sections.scene_section("The arm and its data", scene),
+        _errors(calibration, document, length),
         _where(calibration),
-        _learned(calibration, document),
+        _known(calibration, document),
         parts.section(
             "How it was learned",
-            parts.Beside(
-                (_outliers(calibration, document), *_starts(calibration, document)), "beside"
-            ),
-            *_circles(calibration, document),
+            parts.Beside((_outliers(calibration, document), *_circles(calibration, document))),
+            *_starts(calibration, document),
         ),
         _provenance(calibration, document, length),
     )
-    return Report(calibration.model.name, _about(calibration), document, key, sections, scene)
+    sets = (
+        ("held-out", calibration.test, None),
+        ("training", calibration.train, calibration.outliers),
+    )
+    return Report(
+        calibration.model.name,
+        _about(calibration),
+        document,
+        key,
+        sections,
+        scene,
+        _learned(calibration, document),
+        points_csv(sets),
+    )
 
 
 def _about(calibration: KinematicCalibration) -> str:
@@ -84,7 +95,9 @@ def _refused(document: Mapping[str, Any]) -> list[parts.Section]:
     return [parts.section(title, why, parts.Text(kept), id="refused", kind="warnings")]
 
 
-def _errors(document: Mapping[str, Any], length: float) -> parts.Section:
+def _errors(
+    calibration: KinematicCalibration, document: Mapping[str, Any], length: float
+) -> parts.Section:
     errors = held_out(document, "position_mm")
     table = error_table(errors, "error [mm]", 2, "points", length)
     words = (
@@ -95,16 +108,17 @@ def _errors(document: Mapping[str, Any], length: float) -> parts.Section:
         words += " Its length rests on unobservable directions."
     alone = document["method"] == "circle-points"
     few = "of circle points alone" if alone else "with so few poses"
-    return shared_sections.errors_section(document, (table, words), few=few, more="outliers")
+    figure = parts.drawing(
+        "Distribution of the errors", error_plots.error_distribution(calibration), "half"
+    )
+    return shared_sections.errors_section(
+        document, (table, words), few=few, more="outliers", figure=figure
+    )
 
 
 def _where(calibration: KinematicCalibration) -> parts.Section:
     return parts.section(
-        "How large the errors are, and where",
-        parts.halves(
-            ("Distribution of the errors", error_plots.error_distribution(calibration)),
-            ("Convergence and starts", parameter_plots.convergence(calibration)),
-        ),
+        "Where they are",
         parts.drawing("Errors over the workspace", error_plots.error_over_workspace(calibration)),
         parts.drawing(
             "Residuals over the joint angles", error_plots.residuals_over_angles(calibration)
@@ -116,9 +130,22 @@ def _where(calibration: KinematicCalibration) -> parts.Section:
     )
 
 
-def _learned(calibration: KinematicCalibration, document: Mapping[str, Any]) -> parts.Section:
-    model = calibration.model
+def _learned(
+    calibration: KinematicCalibration, document: Mapping[str, Any]
+) -> tuple[parts.Numbers | None, parts.Text]:
+    """Return the arm's rows."""
     hayati = " Ry(β)" if any(name.endswith(".beta") for name in document["parameters"]) else ""
+    found = shared_sections.parameter_tables(document, calibration.uncertainty)
+    words = (
+        f"Joint i turns about z of frame i − 1: `M = Tz(D) Rz(θ) Tx(r) Rx(α){hayati}`; encoder "
+        "angle = θ offset + gear · θ. Below each value its standard deviation; fixed values are "
+        "chosen, not measured."
+    )
+    return parts.numbers(joint_table(found, calibration.model.joints)), parts.hint(words)
+
+
+def _known(calibration: KinematicCalibration, document: Mapping[str, Any]) -> parts.Section:
+    model = calibration.model
     sigmas = parts.drawing(
         "Standard deviations of the parameters", parameter_plots.parameter_sigmas(calibration)
     )
@@ -126,11 +153,7 @@ def _learned(calibration: KinematicCalibration, document: Mapping[str, Any]) -> 
     return shared_sections.learned_section(
         document,
         calibration.uncertainty,
-        partial(joint_table, joints=model.joints),
         partial(place_table, markers=model.markers),
-        message=f"Joint i turns about z of frame i − 1: `M = Tz(D) Rz(θ) Tx(r) Rx(α){hayati}`; "
-        "encoder angle = θ offset + gear · θ. Below each value its standard deviation; fixed "
-        "values are chosen, not measured.",
         details=(sigmas or none,),
     )
 
@@ -169,7 +192,12 @@ def _starts(calibration: KinematicCalibration, document: Mapping[str, Any]) -> l
         f"them from {starts['best']}."
     )
     table = Table(("start", "from", "cost over the best"), rows)
-    return [parts.section("Starts", parts.Text(words), parts.numbers(table, rows="starts"))]
+    figure = parts.drawing(
+        "Convergence and starts", parameter_plots.convergence(calibration), "half"
+    )
+    beside = parts.Beside(tuple(part for part in (parts.Numbers(table), figure) if part))
+    folded = parts.Folded(f"{len(rows)} starts", (beside,))
+    return [parts.section("Starts", parts.Text(words), folded, kind="part")]
 
 
 def _circles(calibration: KinematicCalibration, document: Mapping[str, Any]) -> list[parts.Section]:

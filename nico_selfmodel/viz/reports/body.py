@@ -9,16 +9,23 @@ from nico_selfmodel.estimation.body.body_calibration import BodyCalibration
 from nico_selfmodel.estimation.body.body_result import noise_words
 from nico_selfmodel.plant import ArmDescription
 from nico_selfmodel.viz.figures.distribution_plot import distribution, error_sets
-from nico_selfmodel.viz.figures.numbers_shown import signed
+from nico_selfmodel.viz.figures.numbers_shown import decimals, signed
 from nico_selfmodel.viz.figures.workspace_map import workspace_map
 from nico_selfmodel.viz.reports import parts, shared_sections
-from nico_selfmodel.viz.reports.page import Report, key_number
+from nico_selfmodel.viz.reports.page import (
+    Key,
+    Report,
+    headline_quantity,
+    key_number,
+    telling_set,
+)
 from nico_selfmodel.viz.reports.parameter_tables import (
     joint_table,
     lens_table,
     place_table,
     pose_table,
 )
+from nico_selfmodel.viz.reports.residual_rows import pixels_csv
 from nico_selfmodel.viz.reports.tables import (
     Cell,
     Table,
@@ -50,27 +57,57 @@ def body_report(
     """
     model = calibration.model
     scene = body_scene(calibration, ArmDescription.of_model(model) if robot is None else robot)
+    outliers = calibration.outliers
     about = "What a body learned about its arm and its cameras by watching its own hand"
     sections = (
         _errors(calibration, document),
         *_boards(document),
         _changes(document),
         _workspace(calibration, document),
-        shared_sections.scene_section("The body", scene),
         shared_sections.learned_section(
             document,
             calibration.uncertainty,
-            partial(joint_table, joints=model.joints),
-            partial(place_table, markers=model.markers),
             partial(lens_table, cameras=tuple(model.cameras)),
             pose_table,
-            message="Below each value its standard deviation; fixed values are chosen, not "
-            "measured.",
+            partial(place_table, markers=model.markers),
         ),
         _provenance(calibration, document),
     )
-    key = key_number(document, "pixels", "observations")
-    return Report(model.name, about, document, key, sections, scene)
+    sets = (("held-out", calibration.test, None), ("training", calibration.train, outliers))
+    return Report(
+        model.name,
+        about,
+        document,
+        _key(document),
+        sections,
+        scene,
+        _learned(calibration, document),
+        pixels_csv(sets),
+    )
+
+
+def _key(document: Mapping[str, Any]) -> Key:
+    """Return the error in millimetres, and beside it that in the images."""
+    quantity, things = headline_quantity(document, "poses"), "poses"
+    if quantity == "pixels":
+        return key_number(document, quantity, things)
+    block = document[telling_set(document, things)[0]]
+    pixels = block.get("pixels")
+    seen = "" if not pixels else f"{pixels['mean']:.2f} px in the images"
+    return key_number(document, quantity, things, note=seen)
+
+
+def _learned(
+    calibration: BodyCalibration, document: Mapping[str, Any]
+) -> tuple[parts.Numbers | parts.Text | None, ...]:
+    """Return the arm's rows, and how far apart the cameras are."""
+    found = shared_sections.parameter_tables(document, calibration.uncertainty)
+    baseline = found.entries.get("baseline")
+    words = "Below each value its standard deviation; fixed values are chosen, not measured."
+    if baseline is not None:
+        apart = decimals(1e3 * baseline["value"], 1e3 * (baseline["sigma"] or 0.0) or None)
+        words = f"The cameras stand {apart} mm apart. {words}"
+    return parts.numbers(joint_table(found, calibration.model.joints)), parts.hint(words)
 
 
 def _errors(calibration: BodyCalibration, document: Mapping[str, Any]) -> parts.Section:
@@ -92,7 +129,7 @@ def _errors(calibration: BodyCalibration, document: Mapping[str, Any]) -> parts.
             "boards as well.",
         ),
         few="with so few poses",
-        ending=parts.halves(("Distribution of the errors in the images", figure)),
+        figure=parts.drawing("Distribution of the errors in the images", figure, "half"),
     )
 
 

@@ -1,7 +1,6 @@
 """The report on cameras that were learned from views of a flat board."""
 
 from collections.abc import Mapping
-from functools import partial
 from typing import Any
 
 from nico_selfmodel.estimation.cameras.camera_assessment import CameraAssessment
@@ -15,6 +14,7 @@ from nico_selfmodel.viz.reports import parts, shared_sections
 from nico_selfmodel.viz.reports.camera_gallery import gallery
 from nico_selfmodel.viz.reports.page import Report, key_number
 from nico_selfmodel.viz.reports.parameter_tables import lens_table, pose_table
+from nico_selfmodel.viz.reports.residual_rows import views_csv
 from nico_selfmodel.viz.reports.tables import (
     HEADINGS,
     Cell,
@@ -50,25 +50,34 @@ def camera_report(
     key = key_number(document, "pixels", "corners", statistics=("rms", "mean"), digits=3)
     views = shown_views(assessment, document, images)
     cameras = assessment.calibration.views.cameras
-    plural = "s" if len(cameras) > 1 else ""
     sections = (
-        _errors(document),
-        shared_sections.scene_section(f"The camera{plural} and the boards", scene),
+        _errors(assessment, document),
         _where(assessment, views),
         *_together(assessment, document),
         shared_sections.learned_section(
             document,
             assessment.calibration.uncertainty,
-            partial(lens_table, cameras=cameras),
             pose_table,
-            message="Pixel = K · distort(X/Z, Y/Z), in OpenCV's conventions. Below each value its "
-            "standard deviation; fixed values are chosen, not measured.",
         ),
         _views(assessment, document, images, views),
         _provenance(assessment, document, model),
     )
-    limits = "What these images cannot support"
-    return Report(name, _about(cameras, document), document, key, sections, scene, limits)
+    learned = _learned(assessment, document)
+    about, residuals = _about(cameras, document), views_csv(views)
+    return Report(name, about, document, key, sections, scene, learned, residuals)
+
+
+def _learned(
+    assessment: CameraAssessment, document: Mapping[str, Any]
+) -> tuple[parts.Numbers | parts.Text | None, ...]:
+    """Return the lenses, one column a camera."""
+    calibration = assessment.calibration
+    found = shared_sections.parameter_tables(document, calibration.uncertainty)
+    words = (
+        "Pixel = K · distort(X/Z, Y/Z), in OpenCV's conventions. Beside each value its standard "
+        "deviation; fixed values are chosen, not measured."
+    )
+    return parts.numbers(lens_table(found, calibration.views.cameras), "lens"), parts.hint(words)
 
 
 def _about(cameras: tuple[str, ...], document: Mapping[str, Any]) -> str:
@@ -80,7 +89,7 @@ def _about(cameras: tuple[str, ...], document: Mapping[str, Any]) -> str:
     return f"{what} ({board['board']}, squares of {board['square_mm']:g} mm)"
 
 
-def _errors(document: Mapping[str, Any]) -> parts.Section:
+def _errors(assessment: CameraAssessment, document: Mapping[str, Any]) -> parts.Section:
     errors = held_out(document, "pixels")
     table = error_table(errors, "reprojection error [px]", 3, "corners")
     words = (
@@ -88,9 +97,14 @@ def _errors(document: Mapping[str, Any]) -> parts.Section:
         "camera counted by itself, so that rms is OpenCV's."
     )
     tiles = pair_tiles(document)
-    ending = parts.Tiles(tiles) if tiles else None
+    distribution = camera_plots.pixel_errors(assessment)
     return shared_sections.errors_section(
-        document, (table, words), few="with so few views", more="views", ending=ending
+        document,
+        (table, words),
+        few="with so few views",
+        more="views",
+        figure=parts.drawing("Distribution of the reprojection errors", distribution, "half"),
+        ending=parts.Tiles(tiles) if tiles else None,
     )
 
 
@@ -134,15 +148,14 @@ def _where(assessment: CameraAssessment, views: tuple[ShownView, ...]) -> parts.
     )
     one = len(assessment.calibration.views.cameras) == 1
     return parts.section(
-        "How large the errors are, and where",
-        parts.drawing("Errors of the views", camera_plots.view_errors(views)),
+        "Where they are",
         *((parts.halves(*fields),) if one else (parts.drawing(*field) for field in fields)),
         parts.hint(
             "Arrows point from predicted to detected corners. Black: means over cells in which at "
             "least three views have corners. What a lens model cannot express is left as a pattern."
         ),
         parts.halves(
-            ("Distribution of the reprojection errors", camera_plots.pixel_errors(assessment)),
+            ("Errors of the views", camera_plots.view_errors(views)),
             ("Distortion over the radius", lens_plots.distortion_profile(assessment)),
         ),
     )

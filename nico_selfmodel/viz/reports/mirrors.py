@@ -9,6 +9,7 @@ from nico_selfmodel.viz.figures.distribution_plot import distribution, error_set
 from nico_selfmodel.viz.figures.numbers_shown import decimals
 from nico_selfmodel.viz.reports import parts, shared_sections
 from nico_selfmodel.viz.reports.page import Report, key_number
+from nico_selfmodel.viz.reports.residual_rows import pixels_csv
 from nico_selfmodel.viz.reports.tables import Cell, Table, error_table, held_out, number_cell
 from nico_selfmodel.viz.scene.mirror_picture import Pictures
 from nico_selfmodel.viz.scene.mirror_scene import mirror_scene
@@ -34,21 +35,16 @@ def mirror_report(
     about = f"What a body learned about {what} by watching its own hand in {where}"
     sections = (
         _errors(calibration, document),
-        shared_sections.scene_section(
-            f"The cameras before the mirror{'' if count == 1 else 's'}", scene
-        ),
-        _planes(document),
-        shared_sections.learned_section(
-            document,
-            calibration.solution.uncertainty,
-            message="The normal follows the great circle from a mirror that faces the left camera, "
-            "by `tilt_x` to the image's right and `tilt_y` upwards; `distance` is from the left "
-            "camera to the glass.",
-        ),
+        shared_sections.learned_section(document, calibration.solution.uncertainty),
         _provenance(calibration, document),
     )
     key = key_number(document, "pixels", "reflections")
-    return Report(calibration.model.name, about, document, key, sections, scene)
+    sets = (
+        ("held-out", calibration.test, None),
+        ("training", calibration.train, calibration.solution.outliers),
+    )
+    learned, rows = _planes(document), pixels_csv(sets)
+    return Report(calibration.model.name, about, document, key, sections, scene, learned, rows)
 
 
 def _errors(calibration: MirrorCalibration, document: Mapping[str, Any]) -> parts.Section:
@@ -72,31 +68,32 @@ def _errors(calibration: MirrorCalibration, document: Mapping[str, Any]) -> part
             "this is stereo's depth, which no knowledge of the mirror improves.",
         ),
         few="with so few poses",
-        ending=parts.halves(("Distribution of the reprojection errors", figure)),
+        figure=parts.drawing("Distribution of the reprojection errors", figure, "half"),
     )
 
 
-def _planes(document: Mapping[str, Any]) -> parts.Section:
-    """Return one row a mirror."""
+def _planes(document: Mapping[str, Any]) -> tuple[parts.Numbers | parts.Text, ...]:
+    """Return one column a mirror: where the glass is, and whether it is flat."""
     headings = (
-        "mirror", "poses", "from left camera [mm]", "normal ± [deg]",
+        "poses", "from left camera [mm]", "normal ± [deg]",
         "hand before it [mm]", "flatness", "plane [px]", "free cameras [px]",
     )  # fmt: skip
-    rows = tuple(
-        (name, _mirror_cells(entry, document["parameters"][f"mirror.{name}.distance"]["sigma"]))
+    columns = [
+        _mirror_cells(entry, document["parameters"][f"mirror.{name}.distance"]["sigma"])
         for name, entry in document["mirrors"].items()
-    )
+    ]
+    rows = tuple(zip(headings, zip(*columns, strict=True), strict=True))
     angles = document["angles_deg"].items()
-    return parts.section(
-        "Where the glass is, and whether it is flat",
-        parts.numbers(Table(headings, rows)),
+    return (
+        parts.Numbers(Table(("mirror", *document["mirrors"]), rows)),
         parts.hint(
-            "A plane is three numbers for both cameras. Two free cameras are the thesis' way, six "
-            "numbers a camera: where they fit better than chance allows, the glass is not flat, or "
-            "the body is not what the self-model says."
+            "The normal follows the great circle from a mirror that faces the left camera, by "
+            "`tilt_x` to the image's right and `tilt_y` upwards. A plane is three numbers for both "
+            "cameras. Two free cameras are the thesis' way, six numbers a camera: where they fit "
+            "better than chance allows, the glass is not flat, or the body is not what the "
+            "self-model says."
         ),
         *(parts.Text(f"Angle between {pair}: {angle:.3f}°.") for pair, angle in angles),
-        id="mirrors",
     )
 
 

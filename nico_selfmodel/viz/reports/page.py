@@ -1,16 +1,17 @@
 """The one page of every report: the verdict first, then sections, nothing loaded."""
 
+import base64
 from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any
 
 from jinja2 import Environment, PackageLoader, StrictUndefined
 
-from nico_selfmodel.viz.figures.plot_style import svg_data_uri
 from nico_selfmodel.viz.figures.rgba import Rgba
 from nico_selfmodel.viz.live.drake_backend import static_html
 from nico_selfmodel.viz.reports import parts
 from nico_selfmodel.viz.reports.camera_gallery import Gallery
+from nico_selfmodel.viz.reports.residual_rows import RESIDUALS_FILE
 from nico_selfmodel.viz.scene.scene import SCENE_FILE, Scene
 
 REPORT_FILE = "report.html"
@@ -22,8 +23,19 @@ _PARTS = (
 _MEANING = {
     "PASS": "Held-out data were evaluated and no check failed.",
     "FAIL": "Do not rely on this model before the points below are settled.",
-    "NOT_EVALUATED": "No check failed, but nothing was held out to test the model on.",
+    "NOT_EVALUATED": "No check failed, but too little was held out to test the model on.",
 }
+
+_DARK_SCENE = """
+const dark = matchMedia("(prefers-color-scheme: dark)");
+function paint() {
+  const colors = dark.matches ? [[0.13, 0.16, 0.20], [0.20, 0.24, 0.29]] : null;
+  if (colors) ["top_color", "bottom_color"].forEach(
+    (key, i) => viewer.set_property(["Background"], key, colors[i]));
+}
+fetch("data:,").then(found => found.arrayBuffer()).then(() => setTimeout(paint));
+"""
+"""After what Drake's page draws, in the same queue, the background is the night's."""
 
 
 @dataclass(frozen=True)
@@ -51,19 +63,22 @@ class Report:
     key: Key
     """Beside the verdict."""
     sections: tuple[parts.Section, ...]
-    """In this order."""
+    """Below the first page, in this order."""
     scene: Scene
-    """Kept beside the page, for `view`."""
-    limits: str = "What these data cannot support"
-    """Heading of the warnings."""
+    """The picture of the first page; kept beside it, for `view`."""
+    learned: tuple[Any, ...] = ()
+    """What was learned, beside the picture: tables and what is to be known of them."""
+    residuals: str = ""
+    """CSV of what was measured and predicted, to download."""
 
     def files(self) -> dict[str, str]:
-        """Return the files that show a result: its report, and its scene for `view`.
+        """Return the files that show a result: report, residuals, and the scene for `view`.
 
         Raises:
             SelfModelError: If the server that makes the interactive scene cannot start.
         """
-        return {REPORT_FILE: self.html(), SCENE_FILE: self.scene.to_json()}
+        files = {REPORT_FILE: self.html(), SCENE_FILE: self.scene.to_json()}
+        return files | ({RESIDUALS_FILE: self.residuals} if self.residuals else {})
 
     def html(self) -> str:
         """Return the report as one self-contained page, which loads nothing from anywhere.
@@ -81,17 +96,16 @@ class Report:
         environment.filters |= {
             "css": _css_color,
             "kind": _kind,
-            "svg": svg_data_uri,
-            "viewer": static_html,
+            "base64": _base64,
+            "viewer": _viewer,
         }
-        status, warnings = self.document["status"], tuple(self.document.get("warnings", ()))
-        lines = parts.Bullets(warnings)
-        limits = parts.section(self.limits, lines, id="warnings", kind="warnings")
+        status = self.document["status"]
         return environment.get_template("report.html.j2").render(
             report=self,
             status=status,
             meaning=_MEANING[status],
-            sections=(limits, *self.sections) if warnings else self.sections,
+            warnings=tuple(self.document.get("warnings", ())),
+            run=self.document.get("run"),
         )
 
 
@@ -125,6 +139,20 @@ def key_number(
     return Key(large, f"{statistics[0]} error {label}", " · ".join(filter(None, beside)))
 
 
+def headline_quantity(document: Mapping[str, Any], things: str) -> str:
+    """Return the unit in which a body's errors are told first: millimetres where there are any.
+
+    Args:
+        document: Content of `result.json`.
+        things: What the errors are of.
+
+    Returns:
+        `position_mm` or `pixels`.
+    """
+    name, _ = telling_set(document, things)
+    return "position_mm" if document[name].get("position_mm") else "pixels"
+
+
 def telling_set(document: Mapping[str, Any], things: str) -> tuple[str, str]:
     """Return the most telling set of errors that there is, and what it is called.
 
@@ -152,6 +180,16 @@ def _kind(part: Any) -> str:
             f"a report has no template for a {type(part).__name__}: add one to parts.html.j2"
         )
     return type(part).__name__
+
+
+def _base64(text: str) -> str:
+    return base64.b64encode(text.encode()).decode()
+
+
+def _viewer(scene: Scene) -> str:
+    """Return the interactive scene as a page of its own, dark where the reader's pages are."""
+    page = static_html(scene)
+    return page.replace("</body>", f"<script>{_DARK_SCENE}</script></body>")
 
 
 def _css_color(color: Rgba) -> str:

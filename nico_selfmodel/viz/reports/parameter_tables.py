@@ -100,28 +100,37 @@ def joint_table(parameters: ParameterTables, joints: tuple[str, ...]) -> Table:
 
 def place_table(parameters: ParameterTables, markers: tuple[str, ...]) -> Table:
     """Return where the chain begins in the measuring frame, and the points on the hand."""
-    base = ("M0: frame 0 in the measuring frame", [f"M0.{part}" for part in _PLACES])
-    hands = [
-        (f"{marker}: point in the last frame", [f"hand.{marker}.{part}" for part in _PLACES[:3]])
-        for marker in markers
+    found = [("M0: frame 0 in the measuring frame", "M0")]
+    found += [(f"{marker}: point in the last frame", f"hand.{marker}") for marker in markers]
+    rows = [
+        (
+            _with_unit(part),
+            [f"{place}.{part}" for _, place in found[: None if part in "xyz" else 1]],
+        )
+        for part in _PLACES
     ]
-    headings = tuple(f"{part} [{'deg' if len(part) > 1 else 'mm'}]" for part in _PLACES)
-    return parameters.rows(("", *headings), [base, *hands])
+    return parameters.rows(("", *(label for label, _ in found)), rows)
 
 
 def lens_table(parameters: ParameterTables, cameras: tuple[str, ...]) -> Table:
-    """Return the intrinsic parameters, one camera a row."""
+    """Return the intrinsic parameters, one camera a column."""
     units = [" [px]"] * 5 + [""] * 5
-    headings = (f"{name}{unit}" for name, unit in zip(INTRINSICS, units, strict=True))
-    names = [(camera, [f"{camera}.{part}" for part in INTRINSICS]) for camera in cameras]
-    return parameters.rows(("camera", *headings), names)
+    rows = [
+        (f"{name}{unit}", [f"{camera}.{name}" for camera in cameras])
+        for name, unit in zip(INTRINSICS, units, strict=True)
+    ]
+    return parameters.rows(("lens", *cameras), rows)
 
 
 def pose_table(parameters: ParameterTables) -> Table | None:
     """Return where the right camera is in the left one's frame, None for one camera."""
     if "baseline" not in parameters.entries:
         return None
-    headings = (f"{name} [{'deg' if name[0] == 'r' else 'mm'}]" for name in POSE_NAMES)
-    names = [*(f"right.pose.{name}" for name in POSE_NAMES), "baseline"]
-    rows = [("right camera in the left one's frame", names)]
-    return parameters.rows(("", *headings, "baseline [mm]"), rows)
+    rows = [(_with_unit(name), [f"right.pose.{name}"]) for name in POSE_NAMES]
+    rows.append(("baseline [mm]", ["baseline"]))
+    return parameters.rows(("", "right camera in the left one's frame"), rows)
+
+
+def _with_unit(part: str) -> str:
+    """Return a part of a pose with its unit: x to z, and rx to rz."""
+    return f"{part} [{'deg' if part[0] == 'r' else 'mm'}]"

@@ -5,6 +5,7 @@ from typing import Any
 
 from matplotlib.figure import Figure
 
+from nico_selfmodel.viz.reports.inline_figure import InlineFigure
 from nico_selfmodel.viz.reports.tables import Table
 from nico_selfmodel.viz.scene.scene import Scene
 
@@ -38,7 +39,8 @@ class Numbers:
     table: Table
     """Rows under headings."""
     kind: str = ""
-    """`errors` where the first row is the one that counts, `text` for words."""
+    """`errors` where the first row is the one that counts, `text` for words, `cards` where a narrow
+    page shows one card a row."""
     rows: str = ""
     """What its rows are, where more than anybody reads at once are folded away."""
 
@@ -52,6 +54,11 @@ class Drawing:
     """What it shows, for those who do not see it."""
     width: str = "wide"
     """`wide`, `half` or `matrix`."""
+
+    @property
+    def inline(self) -> InlineFigure:
+        """The figure as the page holds it."""
+        return InlineFigure.of(self.figure)
 
 
 @dataclass(frozen=True)

@@ -8,7 +8,6 @@ from nico_selfmodel.viz.figures.parameter_plots import correlations, unobservabl
 from nico_selfmodel.viz.reports import parts
 from nico_selfmodel.viz.reports.parameter_tables import ParameterTables
 from nico_selfmodel.viz.reports.tables import Table, fact_table
-from nico_selfmodel.viz.scene.scene import Scene
 
 
 def errors_section(
@@ -16,6 +15,7 @@ def errors_section(
     *shown: tuple[Table | None, str],
     few: str,
     more: str = "",
+    figure: parts.Drawing | None = None,
     ending: Any = None,
 ) -> parts.Section:
     """Return the errors, what they are, and which samples are left out of them.
@@ -25,6 +25,7 @@ def errors_section(
         shown: Tables and what their numbers are, the most telling first; None are left out.
         few: Why there might be no cross-validation.
         more: `id` of the section that tells more of the outliers.
+        figure: Stands beside the tables.
         ending: A part that stands last.
     """
     tables = [
@@ -39,7 +40,9 @@ def errors_section(
     if document["cross_validation"] is None:
         notes.append(f"There is no cross-validation {few}.")
     missing = parts.hint(" ".join(notes)) if notes else None
-    return parts.section("", *tables, missing, _outliers(document, more), ending, id="errors")
+    told = parts.section("", *tables, missing, _outliers(document, more), kind="part")
+    told = parts.Beside((told, figure)) if figure is not None else told
+    return parts.section("How large the errors are", told, ending, id="errors")
 
 
 def _outliers(document: Mapping[str, Any], more: str) -> parts.Text | None:
@@ -49,40 +52,45 @@ def _outliers(document: Mapping[str, Any], more: str) -> parts.Text | None:
     return parts.hint(f"Outliers, left out of all but the held-out errors: {named}", more)
 
 
-def scene_section(title: str, scene: Scene) -> parts.Section:
-    """Return the section with the interactive scene."""
-    return parts.section(title, parts.Stage(scene), id="scene")
-
-
 def learned_section(
     document: Mapping[str, Any],
     uncertainty: Uncertainty | None,
     *tables: Callable[[ParameterTables], Table | None],
-    message: str = "",
     details: Sequence[Any] = (),
 ) -> parts.Section:
-    """Return the parameters, how well they are known, and the unobservable directions.
+    """Return the other parameters, how well they are known, and the unobservable directions.
 
     Args:
         document: Content of `result.json`.
         uncertainty: What is known of the parameters; None where nothing is.
-        tables: What to show unfolded, made of the parameters.
-        message: What to know before reading them.
+        tables: What to show unfolded beside what the first page tells, made of the parameters.
         details: Parts that follow the tables.
     """
-    parameters = ParameterTables(document["parameters"], unobservable_parameters(uncertainty))
-    everything = parts.Numbers(parameters.everything())
+    parameters = parameter_tables(document, uncertainty)
+    everything = parts.Numbers(parameters.everything(), "cards")
     summary = f"All {len(parameters.entries)} parameters, in SI units and pixels"
     return parts.section(
-        "What was learned",
-        *(parts.numbers(table(parameters)) for table in tables),
-        parts.Folded(summary, (everything,)),
+        "How well it is known",
+        parts.Beside((*_tables(parameters, tables), _unobservable(document, uncertainty))),
         *details,
-        _unobservable(document, uncertainty),
-        None if uncertainty is None else _correlations(document, uncertainty),
-        message=message,
+        parts.Folded(summary, (everything,)),
+        None if uncertainty is None else _correlations(uncertainty),
         id="parameters",
     )
+
+
+def _tables(
+    parameters: ParameterTables, tables: Sequence[Callable[[ParameterTables], Table | None]]
+) -> list[parts.Numbers]:
+    found = (parts.numbers(table(parameters), "lens") for table in tables)
+    return [one for one in found if one is not None]
+
+
+def parameter_tables(
+    document: Mapping[str, Any], uncertainty: Uncertainty | None
+) -> ParameterTables:
+    """Return the parameters of a document, and which of them must not be read as if known."""
+    return ParameterTables(document["parameters"], unobservable_parameters(uncertainty))
 
 
 def _unobservable(document: Mapping[str, Any], uncertainty: Uncertainty | None) -> parts.Section:
@@ -90,15 +98,15 @@ def _unobservable(document: Mapping[str, Any], uncertainty: Uncertainty | None) 
     lines = tuple(document["not_identifiable"])
     none = "Not analysed." if uncertainty is None else "None: every free parameter is determined."
     found = parts.Bullets(lines, "warn") if lines else parts.Text(none)
-    return parts.section("Unobservable directions", found, id="unobservable")
+    return parts.section("Unobservable directions", found, id="unobservable", kind="part")
 
 
-def _correlations(document: Mapping[str, Any], uncertainty: Uncertainty) -> parts.Folded | None:
-    """Return the correlations of the free parameters, open where directions are unobservable."""
+def _correlations(uncertainty: Uncertainty) -> parts.Folded | None:
+    """Return the correlations of the free parameters, folded."""
     figure = parts.drawing("Correlations of the parameters", correlations(uncertainty), "matrix")
     if figure is None:
         return None
-    return parts.Folded("Correlations", (figure,), bool(document["not_identifiable"]))
+    return parts.Folded("Correlations", (figure,))
 
 
 def provenance_section(document: Mapping[str, Any], found: Mapping[str, Any]) -> parts.Section:

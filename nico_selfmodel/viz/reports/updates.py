@@ -7,15 +7,19 @@ import numpy as np
 from matplotlib.figure import Figure
 
 from nico_selfmodel.dataset.folder import content_hash
+from nico_selfmodel.estimation.arm.evaluation import evaluate
 from nico_selfmodel.estimation.monitoring.health import HealthReport
 from nico_selfmodel.estimation.monitoring.update_evaluation import UpdateEvaluation
+from nico_selfmodel.estimation.observations.pixel_evaluation import evaluate_pixels
+from nico_selfmodel.estimation.observations.pixel_observations import columns_of
 from nico_selfmodel.plant import ArmDescription
 from nico_selfmodel.viz.figures import palette
 from nico_selfmodel.viz.figures.distribution_plot import ErrorSet, distribution
 from nico_selfmodel.viz.figures.health_plot import health_plot
 from nico_selfmodel.viz.figures.numbers_shown import signed
 from nico_selfmodel.viz.reports import parts, shared_sections
-from nico_selfmodel.viz.reports.page import Report, key_number, telling_set
+from nico_selfmodel.viz.reports.page import Report, headline_quantity, key_number, telling_set
+from nico_selfmodel.viz.reports.residual_rows import pixels_csv, points_csv
 from nico_selfmodel.viz.reports.tables import Table, change_table, error_table, number_cell
 from nico_selfmodel.viz.scene.update_scene import update_scene
 
@@ -50,28 +54,45 @@ def update_report(
         ModelError: If the robot that the model names is gone, or has other joints.
     """
     scene = update_scene(evaluation, ArmDescription.of_model(evaluation.after))
-    quantity, unit = ("pixels", "px") if evaluation.sensor == "pixels" else ("position_mm", "mm")
+    quantity = headline_quantity(document, "observations")
+    unit = "mm" if quantity == "position_mm" else "px"
     name, _ = telling_set(document, "observations")
     # What is cross-validated after the change was learned from before it.
     was = document["before"]["train" if name == "cross_validation" else name][quantity]["mean"]
     key = key_number(document, quantity, "observations", note=f"{was:.2f} {unit} before")
     sections = (
-        _changes(document),
         _errors(evaluation, document, quantity, unit),
         *(() if health is None else (_causes(health),)),
-        shared_sections.scene_section("The body", scene),
         _provenance(evaluation, document),
     )
     cause = f": {document['cause']}" if "cause" in document else ""
     about = f"{_WHAT[document['method']]}{cause}"
-    return Report(evaluation.after.name, about, document, key, sections, scene)
+    return Report(
+        evaluation.after.name,
+        about,
+        document,
+        key,
+        sections,
+        scene,
+        _changes(document),
+        _residuals(evaluation),
+    )
 
 
-def _changes(document: Mapping[str, Any]) -> parts.Section:
+def _residuals(evaluation: UpdateEvaluation) -> str:
+    """Return observations and what the body as it is now expects, as CSV."""
+    after, sensor = evaluation.after, evaluation.sensor
+    sets = [("held-out", evaluation.test), ("training", evaluation.train)]
+    known = [(name, columns_of(after, data)) for name, data in sets if data is not None]
+    if sensor == "pixels":
+        return pixels_csv((name, evaluate_pixels(after, data), None) for name, data in known)
+    return points_csv((name, evaluate(after, data), None) for name, data in known)
+
+
+def _changes(document: Mapping[str, Any]) -> tuple[parts.Numbers | parts.Text | None, ...]:
     misfit, expected = document["misfit"]["value"], document["misfit"]["expected"]
     still = "still fits" if document["body_fits"] else "no longer fits"
-    return parts.section(
-        "What changed, and by how much",
+    return (
         parts.numbers(change_table(document["changes"], "learned anew")),
         _reach(document),
         _shifts(document),
@@ -79,7 +100,6 @@ def _changes(document: Mapping[str, Any]) -> parts.Section:
             "Everything else of the body was held, and what it is uncertain by is part of each "
             f"sigma. The rest {still}: misfit {misfit:.0f} where {expected:.0f} was to be expected."
         ),
-        id="changes",
     )
 
 
@@ -121,9 +141,17 @@ def _errors(
     figure = _distribution(evaluation, unit)
     return parts.section(
         "Before and after",
-        parts.numbers(error_table(blocks, f"{where} [{unit}]", 2, "n")),
-        parts.hint(" ".join([what, *missing])),
-        parts.halves(("Distribution of the errors before and after", figure)),
+        parts.Beside(
+            (
+                parts.section(
+                    "",
+                    parts.numbers(error_table(blocks, f"{where} [{unit}]", 2, "n")),
+                    parts.hint(" ".join([what, *missing])),
+                    kind="part",
+                ),
+                parts.Drawing(figure, "Distribution of the errors before and after", "half"),
+            )
+        ),
         id="errors",
     )
 
@@ -156,11 +184,19 @@ def _causes(health: HealthReport) -> parts.Section:
     headings = ("may have changed", "likelihood ratio", "parameters", "score")
     return parts.section(
         "What told that something had changed",
-        parts.drawing(about, health_plot(health)),
-        parts.numbers(Table(headings, rows)),
-        parts.hint(
-            "A likelihood ratio is twice its logarithm; a score is that less what each further "
-            "parameter must bring."
+        parts.Beside(
+            (
+                parts.section(
+                    "",
+                    parts.numbers(Table(headings, rows)),
+                    parts.hint(
+                        "A likelihood ratio is twice its logarithm; a score is that less what each "
+                        "further parameter must bring."
+                    ),
+                    kind="part",
+                ),
+                parts.Drawing(health_plot(health), about, "half"),
+            )
         ),
         id="health",
     )
