@@ -37,6 +37,9 @@ ModelOrNominal = Annotated[
     Path | None, typer.Option("--model", help=f"{_MODEL[:-1]}; nominal if omitted.")
 ]
 Dataset = Annotated[Path, typer.Argument(help="Folder of a data set.")]
+Datasets = Annotated[
+    list[Path], typer.Argument(help="Folders of data sets, or folders that hold some.")
+]
 Images = Annotated[Path, typer.Argument(help="Folder of photographs of a chessboard.")]
 Cameras = Annotated[
     Path | None, typer.Option("--cameras", help="Calibrated cameras, as `calibrate stereo` leaves.")
@@ -60,6 +63,13 @@ ModelName = Annotated[
 ]
 DatasetName = Annotated[
     str | None, typer.Option("--name", help="Name of the data set.", callback=_name)
+]
+
+# Who does many jobs.
+Processes = Annotated[int, typer.Option("--processes", min=1, help="How many at once, of many.")]
+Dask = Annotated[
+    str | None,
+    typer.Option("--dask", metavar="ADDRESS", help="A Dask scheduler that does many: tcp://..."),
 ]
 
 # How it is learned.

@@ -16,15 +16,21 @@ if TYPE_CHECKING:
     from nico_selfmodel.viz.reports.page import Report
 
 
-def stamped(document: Mapping[str, Any]) -> dict[str, Any]:
+def command_line() -> str:
+    """Return the words that this process was started with."""
+    return shlex.join([Path(sys.argv[0]).name, *sys.argv[1:]])
+
+
+def stamped(document: Mapping[str, Any], command: str | None = None) -> dict[str, Any]:
     """Return the content of a `result.json` with `run`: when it was made, by which command.
 
     What must be the same to the byte for the same data, `self_model.yaml`, holds none of it.
 
     Args:
         document: `estimation.judging.to_json` of what was learned.
+        command: The command line; this process' own if omitted.
     """
-    words = shlex.join([Path(sys.argv[0]).name, *sys.argv[1:]])
+    words = command_line() if command is None else command
     date = datetime.now(UTC).isoformat(timespec="seconds")
     return {**document, "run": {"date": date, "command": words, "version": __version__}}
 

@@ -1,15 +1,18 @@
 """`nico-selfmodel calibrate kinematics`: learn an arm."""
 
+from pathlib import Path
 from typing import Annotated
 
 import typer
 
-from nico_selfmodel.cli import inputs, options, printer
-from nico_selfmodel.cli.result_files import stamped, write_with_report
+from nico_selfmodel.cli import options, printer
+from nico_selfmodel.cli.calibrate.arm_task import ArmTask
+from nico_selfmodel.cli.result_files import command_line
+from nico_selfmodel.parallel import Workers
 
 
 def kinematics(
-    dataset: options.Dataset,
+    dataset: options.Datasets,
     out: options.Out,
     test: options.Test = None,
     test_fraction: options.TestFraction = None,
@@ -30,54 +33,38 @@ def kinematics(
     cameras: options.Cameras = None,
     name: options.ModelName = None,
     require_test_mm: options.RequireTestMm = None,
+    processes: options.Processes = 1,
+    dask: options.Dask = None,
     force: options.Force = False,
     as_json: options.AsJson = False,
 ) -> None:
     """Learn an arm from encoder readings and measured points of the hand.
 
-    With --cameras it learns from the hand's pixels, in the left camera's frame.
+    With --cameras it learns from the hand's pixels, in the left camera's frame. Of several data sets,
+    or of folders that hold some, it makes one folder with a result for each and one table; a robot
+    a folder is many robots at once.
     """
-    from nico_selfmodel.estimation.arm.kinematics import calibrate_kinematics
-    from nico_selfmodel.estimation.body.stereo_points import StereoPoints
-    from nico_selfmodel.estimation.judging import judge, result_of, to_json
-    from nico_selfmodel.estimation.results.fixed_parameters import FixedParameters
     from nico_selfmodel.files.whole import refuse_folder
-    from nico_selfmodel.model.self_model_file import load_model
 
-    refuse_folder(out, force=force, inputs=[dataset, test, robot, cameras])
-    pins = FixedParameters.from_text(fix or (), free or ())
-    train, held_out = inputs.train_and_test(dataset, test, test_fraction, seed)
-    stereo = None
-    if cameras is not None:
-        stereo = StereoPoints.of(load_model(cameras), train, held_out, frozenset(pins.pinned))
-        train, held_out = stereo.train, stereo.test
-    description, nominal = inputs.described_arm(robot, arm, base, tip, hold, point)
-    inputs.check_points(point, train.markers)
-    with printer.progress_bar() as progress:
-        progress("learning", 0, 1)
-        calibration = calibrate_kinematics(
-            train,
-            method=method,
-            test=held_out,
-            nominal=nominal,
-            pins=pins,
-            loss=loss,
-            starts=starts,
-            seed=seed,
-            name=name,
-        )
-        if stereo is not None:
-            calibration = stereo.complete(calibration)
-        progress("learning", 1, 1)
-        result = result_of(calibration)
-        if stereo is not None:
-            result = stereo.with_pixels(result, calibration.model)
-        document = stamped(to_json(result, judge(result, require_test_mm)))
-        progress("writing the result", 0, 1)
-        # Drawing is slow to load, and only needed once there is something to draw.
-        from nico_selfmodel.viz.reports.arm import arm_report
+    refuse_folder(out, force=force, inputs=[*dataset, test, robot, cameras])
+    task = ArmTask(
+        *(test, test_fraction, seed, method, fix, free, loss, starts),
+        *(robot, arm, base, tip, hold, point, cameras, name, require_test_mm, command_line()),
+    )
+    if len(dataset) == 1 and not _holds_data_sets(dataset[0]):
+        with printer.progress_bar() as progress:
+            known_as, document = task.run(dataset[0], out, progress, force=force)
+        printer.result(known_as, document, out, json_instead=as_json)
+    if test is not None or name is not None:
+        raise ValueError("--test and --name are for one data set: take --test-fraction for many")
+    from nico_selfmodel.cli.calibrate.many import calibrate_many, recordings_in
 
-        report = arm_report(calibration, document, description)
-        write_with_report(out, calibration.model, report, robot=description, force=force)
-        progress("writing the result", 1, 1)
-    printer.result(calibration.model.name, document, out, json_instead=as_json)
+    recordings, workers = recordings_in(dataset), Workers(processes, dask)
+    calibrate_many(recordings, task, workers, out, force=force, as_json=as_json)
+
+
+def _holds_data_sets(folder: Path) -> bool:
+    """Whether a folder is no data set, but has some in it."""
+    if (folder / "dataset.yaml").exists():
+        return False
+    return next(folder.rglob("dataset.yaml"), None) is not None

@@ -1,0 +1,157 @@
+"""`nico-selfmodel calibrate kinematics` over many recordings: a result for each, and one table."""
+
+import csv
+import io
+import json
+import os
+import warnings
+from collections import Counter
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from functools import partial
+from pathlib import Path
+from typing import Any, NoReturn
+
+from nico_selfmodel.cli import printer
+from nico_selfmodel.cli.calibrate.arm_task import ArmTask
+from nico_selfmodel.cli.result_files import stamped
+from nico_selfmodel.errors import SelfModelError
+from nico_selfmodel.files.csv_cells import safe_cell
+from nico_selfmodel.files.whole import RESULT_FILE, folder_written_whole
+from nico_selfmodel.parallel import Workers
+
+TABLE_FILE = "table.csv"
+_HEADINGS = ("data set", "verdict", "poses", "held out [mm]", "training [mm]", "outliers")
+_COLUMNS = ("dataset", "verdict", "poses", "held_out_mean_mm", "training_mean_mm", "outliers")
+_REFUSED = "REFUSED"
+"""In place of a verdict: the data set could not be learned from."""
+
+
+@dataclass(frozen=True)
+class Recording:
+    """One of many data sets."""
+
+    name: str
+    """Its path below what all have in common: also that of its result."""
+    dataset: Path
+
+
+def recordings_in(folders: Sequence[Path]) -> list[Recording]:
+    """Return the data sets that folders are, or hold, each named by what tells it from the others.
+
+    Args:
+        folders: Data sets, and folders that hold some, at any depth.
+
+    Raises:
+        ValueError: If there is none in a folder.
+    """
+    found: list[Path] = []
+    for folder in folders:
+        inside = sorted(path.parent for path in folder.rglob("dataset.yaml"))
+        if not inside:
+            raise ValueError(f"{folder} holds no data set (dataset.yaml)")
+        found += inside
+    places = list(dict.fromkeys(path.absolute() for path in found))
+    common = Path(os.path.commonpath(places)) if len(places) > 1 else places[0].parent
+    return [Recording(str(place.relative_to(common)), place) for place in places]
+
+
+def calibrate_many(
+    recordings: Sequence[Recording],
+    task: ArmTask,
+    workers: Workers,
+    out: Path,
+    *,
+    force: bool = False,
+    as_json: bool = False,
+) -> NoReturn:
+    """Learn from each recording; write a result for each, `table.csv` and `result.json`.
+
+    Args:
+        recordings: What to learn from.
+        task: How.
+        workers: Who learns.
+        out: The folder to make, whole or not at all.
+        force: Replace an existing folder.
+        as_json: Print the document.
+
+    Raises:
+        typer.Exit: Always, with 1 where one of them failed or was refused.
+    """
+    with folder_written_whole(out, force=force) as inside, printer.progress_bar() as progress:
+        found = workers.map(
+            partial(_learn, task, inside.absolute()),
+            recordings,
+            lambda done, total: progress(f"learning from {total} recordings", done, total),
+        )
+        document = stamped(_document(found))
+        text = json.dumps(document, indent=1, allow_nan=False) + "\n"
+        (inside / RESULT_FILE).write_text(text, encoding="utf-8")
+        (inside / TABLE_FILE).write_text(_table(found), encoding="utf-8")
+    if as_json:
+        printer.as_json(document)
+    else:
+        rows = [[_shown(row[column]) for column in _COLUMNS] for row in found]
+        printer.table(f"{len(found)} recordings", _HEADINGS, rows)
+        printer.verdict(document)
+        printer.line(f"\nresult   {out}/: {TABLE_FILE}, {RESULT_FILE} and one folder for each")
+    printer.end(document)
+
+
+def _learn(task: ArmTask, out: Path, recording: Recording) -> dict[str, Any]:
+    """Learn from one recording, wherever this runs; return its row of the table."""
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")  # what is doubtful stands in each report
+        try:
+            _, document = task.run(recording.dataset, out / recording.name, _quietly)
+        except (SelfModelError, ValueError, OSError) as error:
+            empty = dict.fromkeys(_COLUMNS)
+            reason = " ".join(str(error).split())
+            return empty | {"dataset": recording.name, "verdict": _REFUSED, "reason": reason}
+    return {
+        "dataset": recording.name,
+        "verdict": document["status"],
+        "poses": (document["test"] or {}).get("poses", (document["test"] or {}).get("n")),
+        "held_out_mean_mm": _mean(document["test"]),
+        "training_mean_mm": _mean(document["train"]),
+        "outliers": len(document["outliers"]),
+        "reason": document["reasons"][0] if document["reasons"] else "",
+    }
+
+
+def _quietly(_what: str, _done: int, _total: int) -> None:
+    """Many tell how many of them are done, not how far each is."""
+
+
+def _mean(block: Mapping[str, Any] | None) -> float | None:
+    found = (block or {}).get("position_mm")
+    return None if found is None else found["mean"]
+
+
+def _document(rows: Sequence[Mapping[str, Any]]) -> dict[str, Any]:
+    """Return the table as plain data, with a verdict: the worst of all."""
+    counts = Counter(row["verdict"] for row in rows)
+    bad = [row for row in rows if row["verdict"] in ("FAIL", _REFUSED)]
+    short = counts["NOT_EVALUATED"] > 0
+    reasons = [f"{row['dataset']}: {row['verdict']}: {row['reason']}" for row in bad]
+    told = ", ".join(f"{count} {verdict}" for verdict, count in sorted(counts.items()))
+    return {
+        "status": "FAIL" if bad else "NOT_EVALUATED" if short else "PASS",
+        "reasons": [f"of {len(rows)} recordings: {told}", *reasons],
+        "warnings": [],
+        "recordings": [dict(row) for row in rows],
+    }
+
+
+def _table(rows: Sequence[Mapping[str, Any]]) -> str:
+    buffer = io.StringIO()
+    writer = csv.writer(buffer, lineterminator="\n")
+    writer.writerow([*_COLUMNS, "reason"])
+    for row in rows:
+        cells = (row[column] for column in (*_COLUMNS, "reason"))
+        writer.writerow([safe_cell(cell) if isinstance(cell, str) else cell for cell in cells])
+    return buffer.getvalue()
+
+
+def _shown(value: Any) -> str:
+    return "-" if value is None else f"{value:#.3g}" if isinstance(value, float) else str(value)

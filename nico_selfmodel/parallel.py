@@ -1,0 +1,106 @@
+"""Many jobs that do not need each other: here, in processes, or on a Dask cluster that is there."""
+
+import copyreg
+import logging
+from collections.abc import Callable, Iterator, Sequence
+from concurrent.futures import Executor, Future, ProcessPoolExecutor, as_completed
+from contextlib import contextmanager
+from dataclasses import dataclass
+from multiprocessing import get_context
+from types import MappingProxyType
+from typing import Any, TypeVar
+
+_Task = TypeVar("_Task")
+_Found = TypeVar("_Found")
+_ANSWER_S = 10.0
+"""How long a Dask scheduler may take to answer [s]."""
+
+# Results hold read-only mappings, which have no way of their own to another process.
+copyreg.pickle(MappingProxyType, lambda found: (MappingProxyType, (dict(found),)))
+
+
+@dataclass(frozen=True)
+class Workers:
+    """Who does the jobs."""
+
+    processes: int = 1
+    """How many processes of this machine; 1 for this one alone."""
+    dask: str | None = None
+    """Address of a Dask scheduler, `tcp://host:8786`; its workers see the same folders."""
+
+    def map(
+        self,
+        job: Callable[[_Task], _Found],
+        tasks: Sequence[_Task],
+        progress: Callable[[int, int], None] | None = None,
+    ) -> list[_Found]:
+        """Do a job for each task.
+
+        Args:
+            job: A function of a module, which does not know who calls it.
+            tasks: What it is called with.
+            progress: Called with jobs done and jobs in all.
+
+        Returns:
+            What it returned, in the order of the tasks, whoever did them.
+
+        Raises:
+            ConnectionError: If no Dask scheduler answers.
+            ValueError: If Dask is not installed.
+        """
+        tell = progress or (lambda done, total: None)
+        tell(0, len(tasks))
+        if self.dask is None and (self.processes == 1 or len(tasks) < 2):
+            found = []
+            for task in tasks:
+                found.append(job(task))
+                tell(len(found), len(tasks))
+            return found
+        if self.dask is None:
+            with _processes(min(self.processes, len(tasks))) as executor:
+                futures = [executor.submit(job, task) for task in tasks]
+                return _gathered(futures, as_completed(futures), tell)
+        with _cluster(self.dask) as client:
+            from distributed import as_completed as as_completed_there
+
+            futures = client.map(job, tasks, pure=False)
+            return _gathered(futures, as_completed_there(futures), tell)
+
+
+def _gathered(futures: list[Any], finished: Iterator[Any], tell: Callable[..., None]) -> list[Any]:
+    for done, future in enumerate(finished, start=1):
+        if not isinstance(future, Future) or future.exception() is None:
+            tell(done, len(futures))
+    return [future.result() for future in futures]
+
+
+@contextmanager
+def _processes(count: int) -> Iterator[Executor]:
+    """Give fresh processes: a fork would carry over Drake's servers and renderers."""
+    executor = ProcessPoolExecutor(count, mp_context=get_context("spawn"))
+    try:
+        yield executor
+    finally:
+        executor.shutdown(cancel_futures=True)
+
+
+@contextmanager
+def _cluster(address: str) -> Iterator[Any]:
+    try:
+        from distributed import Client
+    except ImportError as error:
+        raise ValueError(
+            "Dask is not installed: pip install 'nico-selfmodel[dask]', or take --processes"
+        ) from error
+    logging.getLogger("distributed").setLevel(logging.CRITICAL)
+    try:
+        client = Client(address, timeout=_ANSWER_S, set_as_default=False)
+    except (OSError, ValueError) as error:
+        raise ConnectionError(
+            f"no Dask scheduler answers at {address}: start one (`dask scheduler`, and `dask "
+            f"worker {address}`), or take --processes"
+        ) from error
+    try:
+        yield client
+    finally:
+        client.close()
