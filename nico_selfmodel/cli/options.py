@@ -56,6 +56,9 @@ OutFile = Annotated[Path, typer.Option("--out", help="File to make.")]
 OutPage = Annotated[
     Path | None, typer.Option("--out", help="HTML page to make, in place of a server that runs on.")
 ]
+NoReport = Annotated[
+    bool, typer.Option("--no-report", help="Leave out report.html and scene.json.")
+]
 Force = Annotated[bool, typer.Option("--force", help="Replace what --out names.")]
 AsJson = Annotated[bool, typer.Option("--json", help="Print JSON.")]
 ModelName = Annotated[

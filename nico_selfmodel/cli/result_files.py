@@ -3,6 +3,7 @@
 import shlex
 import sys
 from collections.abc import Mapping
+from dataclasses import dataclass
 from datetime import UTC, datetime
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -35,10 +36,22 @@ def stamped(document: Mapping[str, Any], command: str | None = None) -> dict[str
     return {**document, "run": {"date": date, "command": words, "version": __version__}}
 
 
+@dataclass(frozen=True, eq=False)
+class NoReport:
+    """In place of a report where none is wanted: drawing takes longer than most calibrations."""
+
+    document: Mapping[str, Any]
+    """Content of `result.json`."""
+
+    def files(self) -> dict[str, str]:
+        """Return no files."""
+        return {}
+
+
 def write_with_report(
     out: Path,
     model: "SelfModel",
-    report: "Report",
+    report: "Report | NoReport",
     *,
     robot: "ArmDescription | None" = None,
     recordings: "Mapping[str, Dataset] | None" = None,

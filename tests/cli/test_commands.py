@@ -31,6 +31,18 @@ def test_the_result_folder_is_complete_and_consistent(result):
         assert document["parameters"][name]["value"] == values[name]
 
 
+def test_without_a_report_all_else_is_the_same(recorded, tmp_path, command, result):
+    out = tmp_path / "arm"
+    train, test = recorded
+    done = command("calibrate", "kinematics", train, "--test", test, "--out", out, "--no-report")
+    assert done.returncode == 0
+    left_out = {"report.html", "scene.json"}
+    assert {path.name for path in out.iterdir()} == {p.name for p in result.iterdir()} - left_out
+    with_report, without = (json.loads((f / "result.json").read_text()) for f in (result, out))
+    assert without["parameters"] == with_report["parameters"]
+    assert command("view", out).returncode == 2
+
+
 def test_nothing_held_out_is_not_evaluated(recorded, tmp_path, command):
     out = tmp_path / "arm"
     done = command("calibrate", "kinematics", recorded[0], "--out", out, "--json")

@@ -84,6 +84,14 @@ def test_one_camera_alone_is_a_command_of_its_own(photographs, tmp_path, command
 
 
 @pytest.mark.slow
+def test_cameras_are_learned_without_a_drawing(photographs, tmp_path, command):
+    out = tmp_path / "cameras"
+    done = command("calibrate", "stereo", photographs, *BOARD, "--no-report", "--out", out)
+    assert done.returncode == 0, done.stderr
+    assert {path.name for path in out.iterdir()} == {"self_model.yaml", "result.json"}
+
+
+@pytest.mark.slow
 def test_a_bound_that_is_missed_fails_and_is_written(photographs, tmp_path, command):
     out = tmp_path / "cameras"
     words = ("--test-fraction", 0.2, "--require-test-px", 0.001, "--out", out)

@@ -5,7 +5,7 @@ from pathlib import Path
 from typing import Any
 
 from nico_selfmodel.cli import inputs
-from nico_selfmodel.cli.result_files import stamped, write_with_report
+from nico_selfmodel.cli.result_files import NoReport, stamped, write_with_report
 from nico_selfmodel.progress import Progress
 
 
@@ -32,6 +32,7 @@ class ArmTask:
     require_test_mm: float | None
     command: str
     """The command line, for `result.json`."""
+    no_report: bool = False
 
     def run(
         self, dataset: Path, out: Path, progress: Progress, *, force: bool = False
@@ -86,10 +87,12 @@ class ArmTask:
             to_json(result, judge(result, self.require_test_mm)), command=self.command
         )
         progress("writing the result", 0, 1)
-        # Drawing is slow to load, and only needed once there is something to draw.
-        from nico_selfmodel.viz.reports.arm import arm_report
+        report = NoReport(document)
+        if not self.no_report:
+            # Drawing is slow to load, and only needed once there is something to draw.
+            from nico_selfmodel.viz.reports.arm import arm_report
 
-        report = arm_report(calibration, document, description)
+            report = arm_report(calibration, document, description)
         write_with_report(out, calibration.model, report, robot=description, force=force)
         progress("writing the result", 1, 1)
         return calibration.model.name, document

@@ -7,7 +7,7 @@ import typer
 
 from nico_selfmodel.cli import inputs, options, printer
 from nico_selfmodel.cli.calibrate import any_body
-from nico_selfmodel.cli.result_files import stamped, write_with_report
+from nico_selfmodel.cli.result_files import NoReport, stamped, write_with_report
 from nico_selfmodel.progress import Progress
 
 if TYPE_CHECKING:
@@ -49,6 +49,7 @@ def body(
     name: options.ModelName = None,
     require_test_mm: options.RequireTestMm = None,
     require_test_px: options.RequireTestPx = None,
+    no_report: options.NoReport = False,
     force: options.Force = False,
     as_json: options.AsJson = False,
 ) -> None:
@@ -111,10 +112,13 @@ def body(
         document = stamped(to_json(found, verdict))
         progress("learning", 1, 1)
         progress("writing the result", 0, 1)
-        # Drawing is slow to load, and only needed once there is something to draw.
-        from nico_selfmodel.viz.reports.body import body_report
+        report = NoReport(document)
+        if not no_report:
+            # Drawing is slow to load, and only needed once there is something to draw.
+            from nico_selfmodel.viz.reports.body import body_report
 
-        write_with_report(out, found.model, body_report(found, document), force=force)
+            report = body_report(found, document)
+        write_with_report(out, found.model, report, force=force)
         progress("writing the result", 1, 1)
     printer.result(found.model.name, document, out, json_instead=as_json)
 

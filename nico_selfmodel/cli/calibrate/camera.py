@@ -27,6 +27,7 @@ def camera(
     seed: options.SplitSeed = 0,
     name: options.ModelName = None,
     require_test_px: options.RequireTestPx = None,
+    no_report: options.NoReport = False,
     force: options.Force = False,
     as_json: options.AsJson = False,
 ) -> None:
@@ -43,7 +44,8 @@ def camera(
     refuse_folder(out, force=force, inputs=[images])
     task = CameraTask(
         lens_options(fix, free, prior, tangential, fixed_aspect, loss),
-        *(test_fraction, seed, name or inputs.name_after(images), require_test_px, out, force),
+        *(test_fraction, seed, name or inputs.name_after(images), require_test_px, out),
+        *(no_report, force),
     )
     with printer.progress_bar() as progress:
         listed = camera_images(images, camera)

@@ -35,6 +35,7 @@ def kinematics(
     require_test_mm: options.RequireTestMm = None,
     processes: options.Processes = 1,
     dask: options.Dask = None,
+    no_report: options.NoReport = False,
     force: options.Force = False,
     as_json: options.AsJson = False,
 ) -> None:
@@ -49,7 +50,19 @@ def kinematics(
     refuse_folder(out, force=force, inputs=[*dataset, test, robot, cameras])
     task = ArmTask(
         *(test, test_fraction, seed, method, fix, free, loss, starts),
-        *(robot, arm, base, tip, hold, point, cameras, name, require_test_mm, command_line()),
+        *(
+            robot,
+            arm,
+            base,
+            tip,
+            hold,
+            point,
+            cameras,
+            name,
+            require_test_mm,
+            command_line(),
+            no_report,
+        ),
     )
     if len(dataset) == 1 and not _holds_data_sets(dataset[0]):
         with printer.progress_bar() as progress:

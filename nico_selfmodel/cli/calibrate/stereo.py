@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from nico_selfmodel.cli import inputs, options, printer
-from nico_selfmodel.cli.result_files import stamped, write_with_report
+from nico_selfmodel.cli.result_files import NoReport, stamped, write_with_report
 from nico_selfmodel.progress import Progress
 
 if TYPE_CHECKING:
@@ -34,6 +34,7 @@ def stereo(
     swap_cameras: Annotated[
         bool, typer.Option("--swap-cameras", help="Take left* for the right camera's, and so on.")
     ] = False,
+    no_report: options.NoReport = False,
     force: options.Force = False,
     as_json: options.AsJson = False,
 ) -> None:
@@ -45,7 +46,8 @@ def stereo(
     refuse_folder(out, force=force, inputs=[images])
     task = CameraTask(
         lens_options(fix, free, prior, tangential, fixed_aspect, loss),
-        *(test_fraction, seed, name or inputs.name_after(images), require_test_px, out, force),
+        *(test_fraction, seed, name or inputs.name_after(images), require_test_px, out),
+        *(no_report, force),
     )
     with printer.progress_bar() as progress:
         pairs = stereo_pairs(images)
@@ -91,6 +93,7 @@ class CameraTask:
     name: str
     require_test_px: float | None
     out: Path
+    no_report: bool
     force: bool
 
     def run(self, found: "BoardDetections", progress: Progress) -> dict[str, Any]:
@@ -110,11 +113,13 @@ class CameraTask:
         document = stamped(to_json(assessment, verdict)) | {"detection": found.document}
         progress("learning the cameras", 2, 2)
         progress("writing the result", 0, 1)
-        # Drawing is slow to load, and only needed once there is something to draw.
-        from nico_selfmodel.viz.reports.cameras import camera_report
-
         model = calibration.self_model(self.name, found.provenance)
-        report = camera_report(assessment, document, found.read_images(), model)
+        report = NoReport(document)
+        if not self.no_report:
+            # Drawing is slow to load, and only needed once there is something to draw.
+            from nico_selfmodel.viz.reports.cameras import camera_report
+
+            report = camera_report(assessment, document, found.read_images(), model)
         write_with_report(self.out, model, report, force=self.force)
         progress("writing the result", 1, 1)
         return document
