@@ -27,10 +27,10 @@ def write_result(
     robot: ArmDescription | None = None,
     force: bool = False,
 ) -> Path:
-    """Write `self_model.yaml` or `body.yaml`, `result.json`, an arm's URDF and further files, or nothing.
+    """Write `self_model.yaml` or `body.yaml`, `result.json` and further files, or nothing.
 
-    The robot's own description comes along, and is found by its place in the folder: a folder that
-    is renamed, copied or sent away is whole.
+    An arm's URDF goes with it. The robot's own description comes along, and is found by its place
+    in the folder: a folder that is renamed, copied or sent away is whole.
 
     Args:
         folder: The folder to make.

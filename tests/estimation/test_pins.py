@@ -69,7 +69,7 @@ def test_a_true_pin_helps_and_a_wrong_one_hurts(make_truth, learn):
     assert pin.rise > 1.8
     verdict = judge(wrong)
     assert verdict.status == "FAIL"
-    assert "`joint_2.r` is pinned at" in verdict.reasons[0]
+    assert "`joint_2.r` is fixed at" in verdict.reasons[0]
     assert "contradicts the data" in verdict.reasons[0]
 
 

@@ -26,10 +26,16 @@ SECONDS, HANGING = 10.0, 60.0
 """Of the processor that a command may take, and of the clock, which neighbours share."""
 ADDRESSES, MEMORY = 4 * 2**30, 2 * 2**30
 """Address space of a process, and what it may hold in memory [bytes]."""
-_CODE = (
-    f"import resource; resource.setrlimit(resource.RLIMIT_AS, ({ADDRESSES}, {ADDRESSES}));"
-    "from nico_selfmodel.cli.main import main; main()"
-)
+_CODE = f"""
+import atexit, os, pathlib, resource
+resource.setrlimit(resource.RLIMIT_AS, ({ADDRESSES}, {ADDRESSES}))
+own = pathlib.Path("/proc/self/status").read_text
+atexit.register(lambda: pathlib.Path(os.environ["PEAK"]).write_text(own()))
+from nico_selfmodel.cli.main import main
+main()
+"""
+_PEAK = re.compile(r"VmHWM:\s+(\d+) kB")
+"""Of a process itself: what `wait4` tells begins with what its parent held."""
 _NOT_FINITE = re.compile(r"(?<![\w.'\"/-])[-+]?(?:nan|inf|infinity)(?![\w.'\"-])", re.IGNORECASE)
 
 
@@ -145,13 +151,18 @@ def complaint(run: Run, command) -> str | None:
 def complaint_of_process(run: Run) -> str | None:
     """Run a command as a process of limited memory; return what is wrong with how it ended."""
     before, began = listing(run.folder), time.monotonic()
-    with tempfile.TemporaryFile("w+") as out, tempfile.TemporaryFile("w+") as err:
+    with (
+        tempfile.NamedTemporaryFile("w+") as peak,
+        tempfile.TemporaryFile("w+") as out,
+        tempfile.TemporaryFile("w+") as err,
+    ):
         process = subprocess.Popen(
             [sys.executable, "-c", _CODE, *run.words],
             stdin=subprocess.DEVNULL,
             stdout=out,
             stderr=err,
-            env={**os.environ, "OMP_NUM_THREADS": "1", "NO_COLOR": "1", "MPLBACKEND": "Agg"},
+            env={**os.environ, "OMP_NUM_THREADS": "1", "NO_COLOR": "1", "MPLBACKEND": "Agg"}
+            | {"PEAK": peak.name},
         )
         clock = threading.Timer(HANGING, process.kill)
         clock.start()
@@ -162,12 +173,13 @@ def complaint_of_process(run: Run) -> str | None:
         for stream in (out, err):
             stream.seek(0)
             streams.append(stream.read())
+        held = _PEAK.search(peak.read())
     if time.monotonic() - began >= HANGING:
         return f"hangs: {HANGING:g} s"
     if (seconds := usage.ru_utime + usage.ru_stime) > SECONDS:
         return f"took {seconds:.1f} s of the processor"
-    if 1024 * usage.ru_maxrss > MEMORY:
-        return f"held {usage.ru_maxrss // 1024} MB"
+    if held is not None and 1024 * int(held[1]) > MEMORY:
+        return f"held {int(held[1]) // 1024} MB"
     done = subprocess.CompletedProcess(run.words, process.returncode, *streams)
     return judged(run, done, before)
 

@@ -4,6 +4,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, NoReturn
 
 from nico_selfmodel.cli import printer
+from nico_selfmodel.cli.result_files import stamped
 
 if TYPE_CHECKING:
     from nico_selfmodel.dataset.body.body_dataset import BodyDataset
@@ -55,7 +56,7 @@ def calibrate(
             seed=seed,
         )
         verdict = judge(found, require_test_mm, require_test_px)
-        document = to_json(found, verdict)
+        document = stamped(to_json(found, verdict))
         progress("learning", 1, 1)
         progress("writing the result", 0, 1)
         # Drawing is slow to load, and only needed once there is something to draw.

@@ -41,9 +41,9 @@ def kinematics(
 ) -> None:
     """Learn an arm from encoder readings and measured points of the hand.
 
-    With --cameras it learns from the hand's pixels, in the left camera's frame. Of several data sets,
-    or of folders that hold some, it makes one folder with a result for each and one table; a robot
-    a folder is many robots at once.
+    With --cameras it learns from the hand's pixels, in the left camera's frame. Of several data
+    sets, or of folders that hold some, it makes one folder with a result for each and one table; a
+    robot a folder is many robots at once.
     """
     from nico_selfmodel.files.whole import refuse_folder
 

@@ -8,9 +8,11 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from nico_selfmodel.dataset.body.sensors import CAMERA
 from nico_selfmodel.estimation.arm.evaluation import Evaluation
 from nico_selfmodel.estimation.mirrors.mirror_evaluation import MirrorEvaluation
 from nico_selfmodel.estimation.observations.pixel_evaluation import PixelEvaluation
+from nico_selfmodel.estimation.tree.tree_calibration import TreeErrors
 from nico_selfmodel.files.csv_cells import safe_cell
 from nico_selfmodel.viz.figures.camera_views import ShownView
 
@@ -23,6 +25,7 @@ PIXEL_HEADINGS = (
     *("set", "sample", "point", "outlier", "camera"),
     *("u_px", "v_px", "u_predicted_px", "v_predicted_px", "error_px"),
 )
+TREE_HEADINGS = ("set", "sample", "sensor", "marker", "outlier", "error", "unit")
 _SIDES = ("left", "right")
 Rows = Iterator[Sequence[Any]]
 Held = tuple[str, Any, NDArray | None]
@@ -50,6 +53,26 @@ def pixels_csv(sets: Iterable[Held]) -> str:
 def views_csv(views: Iterable[ShownView]) -> str:
     """Return observed and predicted corners of boards as CSV; a point is a corner's number."""
     return _csv(PIXEL_HEADINGS, (row for view in views for row in _view_rows(view)))
+
+
+def tree_csv(sets: Iterable[Held]) -> str:
+    """Return the length of every observation's residual as CSV, one row each.
+
+    Args:
+        sets: Of `TreeErrors`; those that are None are left out.
+    """
+    return _csv(TREE_HEADINGS, (row for one in sets if one[1] for row in _tree_rows(*one)))
+
+
+def _tree_rows(name: str, found: TreeErrors, outliers: NDArray | None) -> Rows:
+    data = found.observations.data
+    table, samples = data.observations, [*data.sample.tolist(), ""]
+    for i, error in enumerate(found.by_row().tolist()):
+        sensor = data.sensors[table.sensor[i]]
+        in_images = sensor.kind == CAMERA
+        size, unit = (error, "px") if in_images else (1e3 * error, "mm")
+        marker = data.markers[table.marker[i]].name
+        yield name, samples[table.pose[i]], sensor.name, marker, _flag(outliers, i), size, unit
 
 
 def _point_rows(name: str, found: Evaluation, outliers: NDArray | None) -> Rows:

@@ -9,8 +9,9 @@ from nico_selfmodel.dataset.body.sensors import CAMERA, POINTS, POSES
 from nico_selfmodel.estimation.tree.tree_calibration import TreeCalibration
 from nico_selfmodel.viz.figures.distribution_plot import distribution, error_sets
 from nico_selfmodel.viz.reports import parts, shared_sections
-from nico_selfmodel.viz.reports.page import Report, key_number
+from nico_selfmodel.viz.reports.page import Report, headline_quantity, key_number
 from nico_selfmodel.viz.reports.parameter_tables import ParameterTables
+from nico_selfmodel.viz.reports.residual_rows import tree_csv
 from nico_selfmodel.viz.reports.tables import Cell, Table, error_table, held_out, number_cell
 from nico_selfmodel.viz.scene.tree_scene import tree_scene
 
@@ -33,26 +34,25 @@ def tree_report(calibration: TreeCalibration, document: Mapping[str, Any]) -> Re
     about = "What was learned of a body from all that any sensors measured of it"
     sections = (
         _errors(calibration, document),
-        _tree(document),
         *_changes(document),
         _noise(document),
-        shared_sections.scene_section("The body", scene),
         shared_sections.learned_section(
             document,
             calibration.uncertainty,
             lambda found: _frames(found, [s.name for s in calibration.tree.sensors]),
-            message="Where sensors are on their links, below each value its standard deviation. "
-            "Joint frames are told from where the search found them, or from the description.",
         ),
         _provenance(calibration, document),
     )
-    quantity = "position_mm" if "position_mm" in document["train"] else "pixels"
-    key = key_number(document, quantity, "observations")
-    return Report(calibration.name, about, document, key, sections, scene)
+    key = key_number(document, headline_quantity(document, "poses"), "poses")
+    outliers = calibration.solution.outliers
+    sets = (("held-out", calibration.test, None), ("training", calibration.train, outliers))
+    return Report(
+        calibration.name, about, document, key, sections, scene, _tree(document), tree_csv(sets)
+    )
 
 
 def _errors(calibration: TreeCalibration, document: Mapping[str, Any]) -> parts.Section:
-    tables, figures = [], []
+    tables, drawing = [], None
     for quantity, unit, kinds, heading, words in _QUANTITIES:
         if quantity not in document["train"]:
             continue
@@ -63,9 +63,9 @@ def _errors(calibration: TreeCalibration, document: Mapping[str, Any]) -> parts.
             *(None if one is None else factor * _finite(one.of_kind(*kinds)) for one in found)
         )
         figure = distribution(sets, unit=unit, digits=2, what="error", thing="observation")
-        figures.append((f"Distribution of the errors {heading}", figure))
+        drawing = drawing or parts.drawing(f"Distribution of the errors {heading}", figure, "half")
     return shared_sections.errors_section(
-        document, *tables, few="with so few poses", ending=parts.halves(*figures)
+        document, *tables, few="with so few poses", figure=drawing
     )
 
 
@@ -73,33 +73,27 @@ def _finite(values: Any) -> Any:
     return values[np.isfinite(values)]
 
 
-def _tree(document: Mapping[str, Any]) -> parts.Section:
+def _tree(document: Mapping[str, Any]) -> tuple[parts.Numbers | parts.Text | None, ...]:
     """Return the tree, each joint indented below what carries it."""
     depth: dict[str, int] = {"world": -1}
     rows = []
     for joint in document["joints"]:
         depth[joint["name"]] = depth[joint["parent"]] + 1
         name = "\u2003" * depth[joint["name"]] + joint["name"]
-        angle, apart = joint["axis_angle_deg"], joint["axis_distance_mm"]
         carried = [*joint["sensors"], *_listed(joint["markers"])]
         cells = (
-            Cell(joint["parent"]),
             Cell(joint["motion"]),
-            number_cell(angle, 2),
-            number_cell(apart, 2),
+            number_cell(joint["axis_angle_deg"], 2),
+            number_cell(joint["axis_distance_mm"], 2),
             Cell(", ".join(carried)),
         )
         rows.append((name, cells))
-    headings = ("joint", "on", "moves", "to its parent's axis [deg]", "[mm]", "carries")
-    return parts.section(
-        "The tree",
-        parts.numbers(Table(headings, tuple(rows))),
-        parts.hint(
-            "Angle and distance between a joint's axis and the one that carries it: what can be "
-            "told of two axes whatever frames are chosen."
-        ),
-        id="tree",
+    headings = ("joint", "moves", "angle [deg]", "distance [mm]", "carries")
+    words = (
+        "Angle and distance between each joint's axis and that of the joint which carries it: what "
+        "can be told of two axes whatever frames are chosen."
     )
+    return parts.numbers(Table(headings, tuple(rows))), parts.hint(words)
 
 
 def _listed(markers: list[str]) -> list[str]:
