@@ -1,8 +1,8 @@
-"""A body as one vector of named parameters, about a body that it is told from.
+"""A body as one vector of named parameters.
 
 A joint's frame is X_PJ = X0 (exp(w), v): turned by `rx, ry, rz` and shifted by `x, y, z` in the
-frame that it is told from. A marker's or sensor's is (R0 exp(w), t): `x, y, z` are its position on
-its link. Gears and intrinsics are what they are. exp(w + dw) = exp([J dw]) exp(w), J the left
+frame that it is told from. A marker's or sensor's is (exp(w), t): its rotation vector and its place
+on its link. Gears and intrinsics are what they are. exp(w + dw) = exp([J dw]) exp(w), J the left
 Jacobian, makes every derivative exact wherever the solver stands.
 """
 
@@ -33,7 +33,7 @@ class TreeParameters:
     """Names, values and derivatives of all that can be estimated of a body."""
 
     base: BodyTree
-    """What the turns and the joints' shifts are told from."""
+    """What the joints' turns and shifts are told from."""
 
     @cached_property
     def names(self) -> tuple[str, ...]:
@@ -78,8 +78,8 @@ class TreeParameters:
 
     @cached_property
     def frames(self) -> NDArray:
-        """Frames of the base: joints, markers, sensors. Shape (n + m + s, 4, 4)."""
-        return np.stack([*self.base.X_PJ, *(a.X_LA for a in self.attached)])
+        """What turns are told from: joints' frames, then identities. Shape (n + m + s, 4, 4)."""
+        return np.stack([*self.base.X_PJ, *(np.eye(4) for _ in self.attached)])
 
     def values_of(self, tree: BodyTree) -> NDArray:
         """Return the values of a body that has the base's joints, markers and sensors. (P,)."""

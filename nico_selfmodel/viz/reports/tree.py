@@ -35,7 +35,7 @@ def tree_report(calibration: TreeCalibration, document: Mapping[str, Any]) -> Re
     sections = (
         _errors(calibration, document),
         *_changes(document),
-        _noise(document),
+        _noise(calibration, document),
         shared_sections.learned_section(
             document,
             calibration.uncertainty,
@@ -79,7 +79,7 @@ def _tree(document: Mapping[str, Any]) -> tuple[parts.Numbers | parts.Text | Non
     rows = []
     for joint in document["joints"]:
         depth[joint["name"]] = depth[joint["parent"]] + 1
-        name = "\u2003" * depth[joint["name"]] + joint["name"]
+        name = "\u2009\u2009" * depth[joint["name"]] + joint["name"]
         carried = [*joint["sensors"], *_listed(joint["markers"])]
         cells = (
             Cell(joint["motion"]),
@@ -138,18 +138,20 @@ def _changes(document: Mapping[str, Any]) -> list[parts.Section]:
     return [section]
 
 
-def _noise(document: Mapping[str, Any]) -> parts.Section:
-    slips, rows = document["slips"], []
-    for name, sigma in document["noise"].items():
-        joint = name in slips
-        angle = joint or name.endswith(("turn", "orientation"))
-        value = float(np.degrees(sigma)) if angle else sigma
-        cells = (
-            Cell(f"{value:.3g}", value=value),
-            Cell("deg" if angle else "m or px"),
-            Cell(str(slips[name]) if joint else ""),
-        )
-        rows.append((name, cells))
+def _noise(calibration: TreeCalibration, document: Mapping[str, Any]) -> parts.Section:
+    """Return standard deviations of sensors and joints; of joints alike only once."""
+    kinds = {sensor.name: sensor.kind for sensor in calibration.data.sensors}
+    slips, found = document["slips"], document["noise"]
+    rows = [(name, _sigma_cells(kinds.get(name), value, "")) for name, value in found.items()
+            if name not in slips]  # fmt: skip
+    alike: dict[float, list[str]] = {}
+    for joint in slips:
+        if joint in found:
+            alike.setdefault(found[joint], []).append(joint)
+    for value, joints in alike.items():
+        label = joints[0] if len(joints) == 1 else f"{len(joints)} joints alike"
+        said = ", ".join(f"{joint} {slips[joint]}" for joint in joints if slips[joint])
+        rows.append((label, _sigma_cells(None, value, said or "none")))
     return parts.section(
         "Noise",
         parts.numbers(Table(("of", "sigma", "unit", "poses with a wrong reading"), tuple(rows))),
@@ -159,6 +161,12 @@ def _noise(document: Mapping[str, Any]) -> parts.Section:
         ),
         id="noise",
     )
+
+
+def _sigma_cells(kind: str | None, sigma: float, said: str) -> tuple[Cell, ...]:
+    unit, factor = ("deg", 180.0 / np.pi) if kind is None else ("mm", 1e3)
+    unit, factor = ("px", 1.0) if kind == CAMERA else (unit, factor)
+    return Cell(f"{factor * sigma:.3g}", value=factor * sigma), Cell(unit), Cell(said)
 
 
 def _frames(found: ParameterTables, sensors: list[str]) -> Table | None:

@@ -16,7 +16,8 @@ from nico_selfmodel.viz.scene.surroundings import camera_from, floor_items, turn
 
 _PLANE = 0.25
 """Distance of a camera's image from its centre, in units of the body's size."""
-_AZIMUTH = 0.6
+_AZIMUTH = -1.2
+"""From behind a camera that is the world, a little aside."""
 
 
 def tree_scene(name: str, tree: BodyTree, data: BodyDataset) -> Scene:
@@ -37,7 +38,7 @@ def tree_scene(name: str, tree: BodyTree, data: BodyDataset) -> Scene:
     unit = max(float(np.linalg.norm(np.ptp(np.vstack([centres, markers]), axis=0))), 1e-3)
     items = [
         *_links(tree, centres, markers, unit),
-        *_joints(tree, motion, centres, unit),
+        *_joints(tree, motion, centres, 0.6 * unit),
         *_markers(markers, unit),
         *_sensors(tree, motion, unit),
     ]
