@@ -25,7 +25,7 @@ from nico_selfmodel.model.tree.body_tree import FLANGE, REVOLUTE, WORLD, BodyTre
 from nico_selfmodel.names import listed
 from nico_selfmodel.plant.frames import add_frame, frame_names
 from nico_selfmodel.plant.kinematic_tree import rigid
-from nico_selfmodel.plant.model_in_plant import ModelInPlant, check_open
+from nico_selfmodel.plant.model_in_plant import ModelInPlant, check_open, parent_frame
 
 _Z = [0.0, 0.0, 1.0]
 _GREY, _THICKNESS = [0.55, 0.62, 0.70, 1.0], 0.06
@@ -68,12 +68,12 @@ class BodyPlant(ModelInPlant):
             The body, with which readings and other bodies are written into contexts.
 
         Raises:
-            ModelError: If the plant is finalized, or has a model of this name.
+            ModelError: If the plant is finalized, has a model of this name, or not this frame.
         """
         name, tree = name or model.name, model.tree
         check_open(plant, name)
+        root = parent_frame(plant, frame)
         instance = plant.AddModelInstance(name)
-        root = plant.world_frame() if frame is None else frame
         links: list[Frame] = []
         inertia = SpatialInertia.SolidSphereWithMass(_MASS, _RADIUS)
         for i, joint in enumerate(tree.joints):

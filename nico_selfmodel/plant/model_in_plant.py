@@ -9,7 +9,7 @@ from numpy.typing import ArrayLike, NDArray
 from pydrake.autodiffutils import AutoDiffXd
 from pydrake.math import RigidTransform_
 from pydrake.multibody.plant import MultibodyPlant, MultibodyPlant_
-from pydrake.multibody.tree import ModelInstanceIndex
+from pydrake.multibody.tree import Frame, ModelInstanceIndex
 from pydrake.symbolic import Expression
 
 from nico_selfmodel.errors import ModelError
@@ -102,6 +102,19 @@ class ModelInPlant:
         """Return a pose in the plant's numbers. Shape (4, 4)."""
         T = self.scalar
         return rigid(pose) if T is float else RigidTransform_[float](pose).cast[T]()
+
+
+def parent_frame(plant: MultibodyPlant, frame: Frame | None) -> Frame:
+    """Return what a model shall hang on, the world if nothing is said.
+
+    Raises:
+        ModelError: If the frame belongs to another plant.
+    """
+    if frame is None:
+        return plant.world_frame()
+    if frame.GetParentPlant() is not plant:
+        raise ModelError(f"frame {frame.name()!r} belongs to another plant")
+    return frame
 
 
 def check_open(plant: MultibodyPlant, *names: str) -> None:

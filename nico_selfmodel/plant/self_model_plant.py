@@ -25,7 +25,7 @@ from nico_selfmodel.plant.frames import (
 )
 from nico_selfmodel.plant.kinematic_tree import WORLD, KinematicTree
 from nico_selfmodel.plant.learned_frames import LearnedFrames, learned_frames
-from nico_selfmodel.plant.model_in_plant import ModelInPlant, check_open
+from nico_selfmodel.plant.model_in_plant import ModelInPlant, check_open, parent_frame
 
 TIME_STEP = 1e-3
 """Of a plant that is made here [s].
@@ -83,9 +83,9 @@ class SelfModelPlant(ModelInPlant):
             The robot, with which a self-model is written into contexts.
 
         Raises:
-            ModelError: If the plant is finalized, has a model of this name, or Drake cannot read
-                the robot; or if the self-model has no arm or other joints. All but what only Drake
-                finds (a mesh that is missing) leaves the plant as it was.
+            ModelError: If the plant is finalized, has a model of this name or not this frame, the
+                self-model has no arm or other joints, or Drake cannot read the robot. All but what
+                only Drake finds (a mesh that is missing) leaves the plant as it was.
         """
         check_open(plant)
         frames = learned_frames(arm, model.chain if model else arm.chain)
@@ -93,7 +93,7 @@ class SelfModelPlant(ModelInPlant):
         check_placeable(tree)
         name = name or tree.name
         check_open(plant, name, _hands(name))
-        frame = plant.world_frame() if frame is None else frame
+        frame = parent_frame(plant, frame)
         X_WR = frames.X_WR if model else np.eye(4)
         learned = {
             joint: JointFrames(frames.X_PF[i], frames.X_CM[i]) for i, joint in enumerate(arm.joints)

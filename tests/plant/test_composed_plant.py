@@ -247,6 +247,8 @@ def test_what_cannot_be_added_is_refused_in_one_line_and_leaves_the_plant(
         SelfModelPlant.add_to(plant, ur5, name="ur")
     with pytest.raises(ModelError, match="the self-model has the joints neck_yaw"):
         SelfModelPlant.add_to(plant, ur5, learned(describe("neck")))
+    with pytest.raises(ModelError, match="frame 'world' belongs to another plant"):
+        SelfModelPlant.add_to(plant, ur5, name="b", frame=finished.world_frame())
     assert (plant.num_frames(), plant.num_joints(), plant.num_model_instances()) == before
     robot = SelfModelPlant.from_urdf(ur5, learned(ur5))
     converted = robot.plant.ToAutoDiffXd()
