@@ -148,6 +148,12 @@ def test_held_joints_start_at_their_values(describe):
     assert robot.plant.GetJointByName("slide").default_positions() == [0.05]
 
 
+def test_a_plant_made_here_is_discrete_unless_asked_otherwise(describe):
+    arm = describe("right_arm")
+    assert SelfModelPlant.from_urdf(arm).plant.time_step() == 1e-3
+    assert SelfModelPlant.from_urdf(arm, time_step=0.0).plant.time_step() == 0.0
+
+
 def test_a_builder_gets_the_geometry_and_a_root_context_will_do(describe, learn, build_individual):
     arm, builder = describe("left_arm"), DiagramBuilder()
     robot = SelfModelPlant.from_urdf(arm, builder=builder)
