@@ -15,6 +15,7 @@ from pydrake.multibody.plant import (
 )
 from pydrake.multibody.tree import FixedOffsetFrame, PrismaticJoint, SpatialInertia
 from pydrake.solvers import Solve
+from pydrake.symbolic import Expression, MakeVectorVariable
 from pydrake.systems.analysis import Simulator
 from pydrake.systems.framework import DiagramBuilder
 from pydrake.trajectories import PiecewisePolynomial
@@ -128,6 +129,37 @@ def test_the_converted_plant_predicts_and_so_do_its_derivatives(arm, learned, ti
         steps = h * np.eye(len(q))
         by_q = [(other.chain.forward(q + s, k) - other.chain.forward(q - s, k)) for s in steps]
         np.testing.assert_allclose(ExtractGradient(point), np.array(by_q).T / (2 * h), atol=1e-8)
+
+
+def test_readings_carry_their_derivatives_through_a_converted_plant_as_predict_does(ur5, learned):
+    robot = SelfModelPlant.from_urdf(ur5, learned(ur5))
+    converted = robot.in_plant(robot.plant.ToAutoDiffXd())
+    context = converted.plant.CreateDefaultContext()
+    readings = robot.model.servos.to_encoder(np.linspace(-0.4, 0.7, 6))
+    seeded = InitializeAutoDiff(readings).ravel()
+    converted.set_positions(context, seeded)
+    p = converted.tracked_point_frame().CalcPoseInWorld(context).translation()
+    steps = 1e-2 * np.eye(6)
+    predict = robot.model.predict
+    differences = [
+        (predict(readings + s).p_WH[0] - predict(readings - s).p_WH[0]) / 2e-2 for s in steps
+    ]
+    np.testing.assert_allclose(ExtractGradient(p), np.array(differences).T, atol=1e-9)
+    np.testing.assert_allclose(ExtractGradient(p), ExtractGradient(predict(seeded).p_WH[0]))
+
+
+def test_a_symbolic_plant_holds_the_self_model_too(ur5, learned):
+    robot = SelfModelPlant.from_urdf(ur5, learned(ur5))
+    symbolic = robot.in_plant(robot.plant.ToSymbolic())
+    context = symbolic.plant.CreateDefaultContext()
+    other = learned(ur5, seed=8)
+    symbolic.write(context, other)
+    q = MakeVectorVariable(6, "q")
+    symbolic.set_joint_angles(context, np.array([Expression(variable) for variable in q]))
+    p = symbolic.tracked_point_frame().CalcPoseInWorld(context).translation()
+    values = np.linspace(-0.4, 0.7, 6)
+    found = [x.Evaluate(dict(zip(q, values, strict=True))) for x in p]
+    np.testing.assert_allclose(found, other.chain.forward(values), atol=1e-9)
 
 
 ON_IDENTITIES = """<robot name="plain"><link name="a"/><link name="b"/><link name="c"/>
