@@ -10,6 +10,7 @@ from nico_selfmodel.dataset.body.body_dataset import ANY_POSE, BodyDataset
 from nico_selfmodel.dataset.body.sensors import CAMERA, DISTANCE, POINTS, POSES
 from nico_selfmodel.errors import DataError
 from nico_selfmodel.estimation.tree.camera_guess import cameras_from_markers, resected
+from nico_selfmodel.estimation.tree.cameras_around import cameras_all_around
 from nico_selfmodel.estimation.tree.hand_eye import HandEye
 from nico_selfmodel.estimation.tree.point_guess import SeenPoints, body_from_points
 from nico_selfmodel.estimation.tree.tree_observations import SensorRows, TreeObservations
@@ -20,7 +21,7 @@ from nico_selfmodel.geometry.transform import inverse, transform
 from nico_selfmodel.model.tree.body_tree import FLANGE, WORLD, BodyTree
 from nico_selfmodel.model.tree.tree_motion import TreeMotion
 
-_TRIES = 6
+_TRIES = 4
 """Searches from nothing at most; two that agree end it."""
 _FAR = 0.15
 """Angle within which a marker of a described robot must appear where it is expected [rad]."""
@@ -46,7 +47,11 @@ def first_bodies(
         DataError: If the data cannot tell a first body.
     """
     if description is not None:
-        yield "robot description", _described(data, description, observations, seed)
+        first = _described(data, description, observations, seed)
+        yield "robot description", first
+        if any(rows.kind == CAMERA for rows in observations.sensors):
+            for tree in cameras_all_around(data, first):
+                yield "cameras all around", tree
         return
     if any(joint.motion == FLANGE for joint in data.joints):
         yield "hand-eye", _from_flange(data, blank, observations)
@@ -65,8 +70,12 @@ def _from_nothing(
     if trackers:
         first = trackers[0]
         points = SeenPoints(first.pose, first.marker, first.measured[:, :3])
+        seen = [rows.marker for rows in cameras.values()]
+        if len(cameras) >= 2 and not np.isin(np.concatenate(seen), points.marker).all():
+            points = _joined(points, cameras_from_markers(cameras, blank.lenses, seed)[1])
+        rng = np.random.default_rng(seed)
         places = {
-            name: resected(rows, blank.lenses[name], points, name, np.random.default_rng(seed))
+            name: resected(rows, blank.lenses[name], points, name, rng)
             for name, rows in cameras.items()
         }
     elif len(cameras) >= 2:
@@ -82,6 +91,30 @@ def _from_nothing(
     tree = _with_sensors(blank, places)
     tree = body_from_points(data, tree, points, seed)
     return _with_orientations(data, tree, observations)
+
+
+def _joined(tracked: SeenPoints, seen: SeenPoints) -> SeenPoints:
+    """Return tracked points, and those that cameras reconstructed, in the tracker's frame.
+
+    Raises:
+        DataError: If tracker and cameras saw fewer than three markers at the same poses.
+    """
+    most = int(max(tracked.marker.max(), seen.marker.max())) + 1
+    keys = [points.pose * most + points.marker for points in (tracked, seen)]
+    _, i, j = np.intersect1d(*keys, return_indices=True)
+    if len(i) < 3:
+        raise DataError(
+            f"tracker and cameras saw {len(i)} markers at the same poses, 3 are needed at least to "
+            "tell where they are to each other"
+        )
+    found = Alignment.from_points(seen.p_WM[j], tracked.p_WM[i], with_scale=True)
+    alone = ~np.isin(keys[1], keys[0])
+    moved = found.scale * seen.p_WM[alone] @ found.rotation.T + found.translation
+    return SeenPoints(
+        np.append(tracked.pose, seen.pose[alone]),
+        np.append(tracked.marker, seen.marker[alone]),
+        np.vstack([tracked.p_WM, moved]),
+    )
 
 
 def _larger(X: NDArray, factor: float) -> NDArray:
@@ -193,7 +226,7 @@ def _described(
         info = data.sensors[rows.sensor]
         if info.kind == DISTANCE:
             continue
-        expected = _expected(tree, motion, rows)
+        expected = motion.points(rows.marker, rows.pose)
         sensor = next(s for s in tree.sensors if s.name == info.name)
         X_WL = inverse(_pose(motion, sensor.on, rows.pose))
         p_LM = (X_WL[:, :3, :3] @ expected[:, :, None])[:, :, 0] + X_WL[:, :3, 3]
@@ -209,14 +242,6 @@ def _described(
             found = Alignment.from_points(rows.measured[:, :3], p_LM)
             places[info.name] = transform(found.rotation, found.translation)
     return _with_orientations(data, _with_sensors(tree, places), observations)
-
-
-def _expected(tree: BodyTree, motion: TreeMotion, rows: SensorRows) -> NDArray:
-    """Return where a body puts the markers of rows, in W. Shape (N, 3)."""
-    on = np.array([m.on for m in tree.markers])[rows.marker]
-    at = np.stack([m.X_LA[:3, 3] for m in tree.markers])[rows.marker]
-    R = motion.R_WL[on, :, :, rows.pose]
-    return motion.p_WL[on, :, rows.pose] + (R @ at[:, :, None])[:, :, 0]
 
 
 def _pose(motion: TreeMotion, link: int, pose: NDArray) -> NDArray:

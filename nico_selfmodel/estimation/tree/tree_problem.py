@@ -132,19 +132,20 @@ class TreeProblem:
             program.add_prior(name, mean, sigma)
         return program
 
-    def rough(self, values: NDArray) -> tuple[NDArray, float]:
+    def rough(self, values: NDArray, rounds: int = _ROUGH_ROUNDS) -> tuple[NDArray, float]:
         """Solve from afar, each sensor weighed by itself and far observations hardly at all.
 
         Cauchy's loss on whole observations, its scale renewed from the median of each sensor.
 
         Args:
             values: Start. Shape (P,).
+            rounds: Of weights and steps at most.
 
         Returns:
             The values, shape (P,), and a cost by which starts can be compared.
         """
         cost, before = np.inf, np.inf
-        for _ in range(_ROUGH_ROUNDS):
+        for _ in range(rounds):
             weight, cost = self._cauchy(values)
             if abs(before - cost) < 1e-3 * abs(cost):
                 break

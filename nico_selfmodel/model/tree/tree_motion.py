@@ -72,6 +72,21 @@ class TreeMotion:
         R = np.einsum("ijn,jk->ikn", self.R_WL[item.on], item.X_LA[:3, :3])
         return R, self.p_WL[item.on] + _turn(self.R_WL[item.on], item.X_LA[:3, 3])
 
+    def points(self, marker: NDArray, pose: NDArray) -> NDArray:
+        """Return where markers are in W, one a row.
+
+        Args:
+            marker: Index of each row's marker. Shape (M,).
+            pose: Index of each row's pose. Shape (M,).
+
+        Returns:
+            Shape (M, 3).
+        """
+        on = np.array([m.on for m in self.tree.markers])[marker]
+        at = np.stack([m.X_LA[:3, 3] for m in self.tree.markers])[marker]
+        R = self.R_WL[on, :, :, pose]
+        return np.asarray(self.p_WL[on, :, pose] + (R @ at[:, :, None])[:, :, 0])
+
 
 def _turn(R: NDArray, v: NDArray) -> NDArray:
     """Return R v of all poses. Shapes (3, 3, N) and (3,) -> (3, N)."""

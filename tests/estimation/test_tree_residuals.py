@@ -1,0 +1,131 @@
+"""Derivatives of every sensor by everything that a body has, against central differences."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from nico_selfmodel.dataset.body.body_dataset import BodyDataset, ObservationTable
+from nico_selfmodel.dataset.body.link_joint import LinkJoint, coupling_of, parents_of
+from nico_selfmodel.dataset.body.sensors import SENSOR_COLUMNS, MarkerInfo, SensorInfo
+from nico_selfmodel.estimation.tree.tree_observations import TreeObservations
+from nico_selfmodel.estimation.tree.tree_parameters import TreeParameters
+from nico_selfmodel.estimation.tree.tree_residuals import TreeResiduals
+from nico_selfmodel.geometry.rotation import rotation_from_vector, rotation_vectors_of
+from nico_selfmodel.geometry.transform import transform
+from nico_selfmodel.model.cameras.camera import Camera
+from nico_selfmodel.model.tree.body_tree import Attached, BodyTree
+
+SIZE = (640, 480)
+JOINTS = (
+    LinkJoint("a"),
+    LinkJoint("b", parent="a"),
+    LinkJoint("c", parent="b", motion="prismatic", encoder_unit="m"),
+    LinkJoint("d", parent="a", encoder_unit="counts", counts_per_turn=1000.0),
+    LinkJoint("e", parent="d", follows={"b": 0.5, "d": -1.0}),
+    LinkJoint("f", parent="world", motion="flange", encoder_unit="pose"),
+)
+MARKERS = tuple(MarkerInfo(f"m_{on}", on) for on in ("c", "e", "f", "world"))
+SENSORS = (
+    SensorInfo("tracker", "points"),
+    SensorInfo("poses", "poses"),
+    SensorInfo("camera", "camera", "d", image_size=SIZE),
+    SensorInfo("touch", "distance"),
+)
+
+
+@pytest.fixture(scope="module")
+def scene():
+    """A body with every kind of joint and sensor, and random observations of it."""
+    rng = np.random.default_rng(0)
+
+    def place():
+        return transform(rotation_from_vector(rng.normal(size=3)), 0.3 * rng.normal(size=3))
+
+    count, poses = 60, 7
+    sensor, marker = rng.integers(0, 4, count), rng.integers(0, 4, count)
+    values = np.full((count, 6), np.nan)
+    for row, s in enumerate(sensor.tolist()):
+        k = len(SENSOR_COLUMNS[SENSORS[s].kind])
+        values[row, :k] = rng.normal(size=k)
+    other = np.where(sensor == 3, (marker + 1) % 4, -1)
+    readings = rng.normal(size=(poses, 6)) * [1.0, 1.0, 1.0, 150.0, np.nan, np.nan]
+    flanges = np.full((poses, 6, 6), np.nan)
+    flanges[:, 5] = rng.normal(size=(poses, 6))
+    table = ObservationTable(rng.integers(0, poses, count), sensor, marker, other, values)
+    data = BodyDataset("all", JOINTS, MARKERS, SENSORS, np.arange(poses), readings, table, flanges)
+    far = transform(np.eye(3), [0.0, 0.0, -6.0])
+    tree = BodyTree(
+        data.joint_names,
+        tuple(joint.motion for joint in JOINTS),
+        parents_of(JOINTS),
+        np.stack([place() for _ in JOINTS]),
+        1.0 + 0.2 * rng.random(6),
+        coupling_of(JOINTS),
+        tuple(Attached(m.name, data.on_link(m.on), place()) for m in MARKERS),
+        tuple(
+            Attached(s.name, data.on_link(s.on), far if s.kind == "camera" else place())
+            for s in SENSORS[:3]
+        ),
+        {"camera": Camera(500.0, 500.0, 320.0, 240.0, SIZE, k1=0.01)},
+    )
+    parameters = TreeParameters(tree)
+    x = parameters.values_of(tree)
+    x = x + np.where(np.array(parameters.units) == "px", 0.0, 0.1) * rng.normal(size=len(x))
+    return data, parameters, x
+
+
+@pytest.mark.parametrize("bearings", [False, True])
+def test_every_parameter_moves_the_residuals_as_its_derivative_says(scene, bearings):
+    data, parameters, x = scene
+    observations = TreeObservations.of(data)
+    if bearings:
+        observations = observations.as_bearings(parameters.base.lenses)
+    residuals = TreeResiduals(observations, parameters)
+    linear = residuals.linear(x)
+    assert linear.r == pytest.approx(residuals.residuals(x))
+    inside = parameters.gears.stop
+    for i, name in enumerate(parameters.names[: inside if bearings else None]):
+        step = np.zeros(len(x))
+        step[i] = 1e-6 * max(1.0, abs(x[i]) / 100.0)
+        moved = residuals.residuals(x + step) - residuals.residuals(x - step)
+        slope = moved / (2.0 * step[i])
+        assert linear.J[i] == pytest.approx(slope, abs=2e-6 * (1.0 + np.abs(slope).max())), name
+
+
+def test_wrong_readings_move_the_residuals_as_their_derivatives_say(scene):
+    data, parameters, x = scene
+    residuals = TreeResiduals(TreeObservations.of(data), parameters)
+    linear, gear = residuals.linear(x), parameters.tree_of(x).gear
+
+    def read(i, part, h):
+        if JOINTS[i].motion != "flange":
+            off = data.readings.copy()
+            off[:, i] += h * gear[i] / JOINTS[i].si_per_unit
+            return replace(data, readings=off)
+        off = np.array(data.flanges)
+        if part < 3:
+            turn = rotation_from_vector(h * np.eye(3)[part])
+            turned = rotation_from_vector(off[:, i, 3:]) @ turn
+            off[:, i, 3:] = rotation_vectors_of(turned)
+        else:
+            off[:, i, part - 3] += h
+        return replace(data, flanges=off)
+
+    for m, (i, part) in enumerate(residuals.observations.noisy_joints):
+        both = [
+            TreeResiduals(TreeObservations.of(read(i, part, h)), parameters).residuals(x)
+            for h in (1e-6, -1e-6)
+        ]
+        slope = (both[0] - both[1]) / 2e-6
+        assert linear.by_joint[:, m] == pytest.approx(slope, abs=2e-6 * (1 + np.abs(slope).max()))
+
+
+def test_values_of_a_body_are_those_that_it_was_made_of(scene):
+    _, parameters, x = scene
+    again = parameters.values_of(parameters.tree_of(x))
+    # A turn by more than half a round is written down as the shorter one the other way.
+    turns = np.array(parameters.units) == "rad"
+    assert again[~turns] == pytest.approx(x[~turns])
+    one, two = (rotation_from_vector(v[turns].reshape(-1, 3)) for v in (again, x))
+    assert one == pytest.approx(two, abs=1e-9)
