@@ -106,17 +106,17 @@ def blank_body(data: BodyDataset, lenses: Mapping[str, Camera]) -> BodyTree:
                 )
             found[info.name] = lens
     n = len(data.joints)
-    eye = np.eye(4)
+    identity = np.eye(4)
     return BodyTree(
         data.joint_names,
         tuple(joint.motion for joint in data.joints),
         parents_of(data.joints),
-        np.broadcast_to(eye, (n, 4, 4)),
+        np.broadcast_to(identity, (n, 4, 4)),
         np.ones(n),
         coupling_of(data.joints),
-        tuple(Attached(m.name, data.on_link(m.on), eye) for m in data.markers),
+        tuple(Attached(m.name, data.on_link(m.on), identity) for m in data.markers),
         tuple(
-            Attached(s.name, data.on_link(s.on), eye if s.X_LS is None else s.X_LS)
+            Attached(s.name, data.on_link(s.on), identity if s.X_LS is None else s.X_LS)
             for s in data.sensors
             if s.kind != DISTANCE
         ),

@@ -12,8 +12,12 @@ from nico_selfmodel.viz.figures import palette
 from nico_selfmodel.viz.figures.numbers_shown import short
 from nico_selfmodel.viz.figures.photographs import Photographs, photograph_of
 from nico_selfmodel.viz.scene.board_items import board_extent, board_item, board_name, board_outline
-from nico_selfmodel.viz.scene.camera_items import ImagePlane, camera_items
-from nico_selfmodel.viz.scene.epipolar_items import epipolar_items, epipolar_legend
+from nico_selfmodel.viz.scene.camera_items import (
+    ImagePlane,
+    camera_items,
+    epipolar_items,
+    epipolar_legend,
+)
 from nico_selfmodel.viz.scene.scene import LegendEntry, Scene, path_names
 from nico_selfmodel.viz.scene.scene_items import Item
 from nico_selfmodel.viz.scene.surroundings import X_WL, camera_from, floor_items
