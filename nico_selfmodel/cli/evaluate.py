@@ -1,5 +1,6 @@
 """`nico-selfmodel evaluate`: hold a self-model against data."""
 
+from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from nico_selfmodel.cli import options, printer
@@ -20,10 +21,14 @@ def evaluate(
     from nico_selfmodel.dataset.folder import load_dataset
     from nico_selfmodel.estimation.noise.hand_observations import by_pixels
     from nico_selfmodel.model.self_model_file import load_model
+    from nico_selfmodel.model.tree.body_model import is_body
 
-    learned, data = load_model(model), load_dataset(dataset)
-    seen = by_pixels(learned, data, sensor)
-    verdict, block = (_of_pixels if seen else _of_points)(learned, data)
+    if is_body(model):
+        verdict, block = _of_body(model, dataset)
+    else:
+        learned, data = load_model(model), load_dataset(dataset)
+        seen = by_pixels(learned, data, sensor)
+        verdict, block = (_of_pixels if seen else _of_points)(learned, data)
     document = {"status": verdict.status, "reasons": verdict.reasons, **block}
     if as_json:
         printer.as_json(document)
@@ -31,6 +36,19 @@ def evaluate(
         printer.errors(str(model), [(str(dataset), block)])
         printer.verdict(document)
     printer.end(document)
+
+
+def _of_body(model: Path, dataset: Path) -> "tuple[Verdict, dict[str, Any]]":
+    """Return the verdict on a tree of joints by all that its sensors measured, and the errors."""
+    from nico_selfmodel.dataset.body.body_folder import load_body_dataset
+    from nico_selfmodel.estimation.model_verdict import judge_body_errors
+    from nico_selfmodel.estimation.tree.tree_calibration import errors_of
+    from nico_selfmodel.estimation.tree.tree_result import errors_of_tree
+    from nico_selfmodel.model.tree.body_model import load_body
+
+    learned = load_body(model)
+    errors = errors_of_tree(errors_of(learned.tree, load_body_dataset(dataset)))
+    return judge_body_errors(learned, errors), errors.to_json() or {"n": 0}
 
 
 def _of_points(learned: "SelfModel", data: "Dataset") -> "tuple[Verdict, dict[str, Any]]":

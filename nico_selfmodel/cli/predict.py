@@ -3,12 +3,15 @@
 import csv
 import sys
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
 from nico_selfmodel.cli import options, printer
 from nico_selfmodel.names import listed
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
 
 
 def predict(
@@ -29,27 +32,20 @@ def predict(
     as_json: options.AsJson = False,
 ) -> None:
     """Predict where the hand is: x, y, z [m], sigma of the model and with noise [mm]."""
-    from nico_selfmodel.files.reading import LARGEST_TABLE, read_standard_input, read_text
-    from nico_selfmodel.model.readings import (
-        readings_from_table,
-        readings_from_words,
-        warn_beyond,
-    )
+    from nico_selfmodel.model.readings import warn_beyond
     from nico_selfmodel.model.self_model_file import load_model
+    from nico_selfmodel.model.tree.body_model import is_body
 
+    if is_body(model):
+        _predict_body(model, encoders, table, marker, as_json)
+        return
     learned = load_model(model)
     if (encoders is None) == (table is None):
         raise ValueError(
             f"give --encoders or --table; the joints are {listed(learned.joints)}, in "
             f"{', '.join(learned.servos.unit)}"
         )
-    if table is None:
-        readings = readings_from_words(encoders or [], learned.joints)
-    else:
-        piped = str(table) == "-"
-        text = read_standard_input(LARGEST_TABLE) if piped else read_text(table, LARGEST_TABLE)
-        where = "standard input" if piped else str(table)
-        readings = readings_from_table(text, learned.joints, where)
+    readings = _readings(encoders, table, learned.joints)
     prediction = learned.predict(readings, marker)
     warn_beyond(readings, learned.joints, learned.fit.get("readings", {}))
     sigma, total = prediction.sigma, prediction.total_sigma
@@ -65,6 +61,65 @@ def predict(
     ]
     if as_json:
         printer.as_json({"marker": marker or learned.markers[0], "poses": rows})
+        return
+    writer = csv.DictWriter(sys.stdout, list(rows[0]), lineterminator="\n")
+    writer.writeheader()
+    writer.writerows(rows)
+
+
+def _readings(encoders: list[str] | None, table: Path | None, joints: tuple[str, ...]) -> "NDArray":
+    """Return the readings of one pose or of a table. Shape (N, n)."""
+    from nico_selfmodel.files.reading import LARGEST_TABLE, read_standard_input, read_text
+    from nico_selfmodel.model.readings import readings_from_table, readings_from_words
+
+    if table is None:
+        return readings_from_words(encoders or [], joints)
+    piped = str(table) == "-"
+    text = read_standard_input(LARGEST_TABLE) if piped else read_text(table, LARGEST_TABLE)
+    return readings_from_table(text, joints, "standard input" if piped else str(table))
+
+
+def _predict_body(
+    model: Path,
+    encoders: list[str] | None,
+    table: Path | None,
+    marker: str | None,
+    as_json: bool,
+) -> None:
+    """Predict the markers of any body: places, orientations, sigma, and pixels by camera."""
+    import numpy as np
+
+    from nico_selfmodel.estimation.tree.body_prediction import predict_body
+    from nico_selfmodel.geometry.rotation import rotation_vectors_of
+    from nico_selfmodel.model.tree.body_model import load_body
+
+    body = load_body(model)
+    tree = body.tree
+    chosen = range(len(tree.markers)) if marker is None else [tree.marker_index(marker)]
+    read = [i for i in range(len(tree.joints)) if tree.coupling[i, i]]
+    if (encoders is None) == (table is None):
+        raise ValueError(f"give --encoders or --table; the joints are {listed(tree.joints)}")
+    given = _readings(encoders, table, tuple(tree.joints[i] for i in read))
+    readings = np.full((len(given), len(tree.joints)), np.nan)
+    readings[:, read] = given
+    found = predict_body(body, readings)
+    turns = rotation_vectors_of(found.R_WM)
+    rows = []
+    for k in range(len(readings)):
+        for m in chosen:
+            place = dict(zip(("x_m", "y_m", "z_m"), found.p_WM[k, m].tolist(), strict=True))
+            turn = dict(zip(("rx", "ry", "rz"), turns[k, m].tolist(), strict=True))
+            seen = {
+                f"{name}_{axis}": None if np.isnan(value) else float(value)
+                for name, pixels in found.pixels.items()
+                for axis, value in zip("uv", pixels[k, m], strict=True)
+            }
+            sigma = {"sigma_mm": 1e3 * float(found.sigma[k, m])}
+            rows.append(
+                {"pose": k, "marker": tree.markers[m].name, **place, **turn, **sigma} | seen
+            )
+    if as_json:
+        printer.as_json({"markers": rows})
         return
     writer = csv.DictWriter(sys.stdout, list(rows[0]), lineterminator="\n")
     writer.writeheader()

@@ -16,6 +16,7 @@ from nico_selfmodel.estimation.noise.hand_observations import (
 from nico_selfmodel.estimation.observations.observations import Observations
 from nico_selfmodel.estimation.observations.outlier_words import describe_outliers
 from nico_selfmodel.estimation.observations.pixel_evaluation import PixelEvaluation
+from nico_selfmodel.estimation.results.calibration_result import Errors
 from nico_selfmodel.estimation.results.verdict import (
     FEWEST_COMPARED,
     MOST_OUTLIERS,
@@ -23,6 +24,7 @@ from nico_selfmodel.estimation.results.verdict import (
     significantly_above,
 )
 from nico_selfmodel.model.self_model import SelfModel
+from nico_selfmodel.model.tree.body_model import BodyModel
 from nico_selfmodel.optimization.robust_solve import OUTLIER_AT
 
 
@@ -51,6 +53,30 @@ def judge_evaluation(
     if not compared:
         return Verdict("NOT_EVALUATED", ("there is too little to compare the error with",))
     return _beside_training(compared, rows, wrong, things)
+
+
+def judge_body_errors(model: BodyModel, errors: Errors) -> Verdict:
+    """Judge a body by new data, against the errors that its training lets expect.
+
+    Args:
+        model: The body.
+        errors: What it leaves of a recording.
+
+    Returns:
+        FAIL where the errors are significantly above what was expected; NOT_EVALUATED where the
+        body does not say what to expect, or the poses are too few.
+    """
+    expected, found = model.expected.get(errors.unit), errors.compared
+    if expected is None or min(expected["n"], len(found)) < FEWEST_COMPARED:
+        return Verdict("NOT_EVALUATED", ("there is too little to compare the error with",))
+    scale = 1e3 if errors.unit == "mm" else 1.0
+    counts = len(found), int(expected["n"])
+    one = _Compared.of(found, float(expected["median"]), *counts, scale, errors.unit)
+    medians = f"median {one.found}, expected {one.expected}"
+    if one.above:
+        words = f"the error ({medians}) is significantly above that of the training poses"
+        return Verdict("FAIL", (f"{words}: {WHAT_CHANGED}",))
+    return Verdict("PASS", (f"the error ({medians}) is that of the training poses",))
 
 
 @dataclass(frozen=True)

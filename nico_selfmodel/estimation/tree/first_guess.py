@@ -100,15 +100,15 @@ def _joined(tracked: SeenPoints, seen: SeenPoints) -> SeenPoints:
         DataError: If tracker and cameras saw fewer than three markers at the same poses.
     """
     most = int(max(tracked.marker.max(), seen.marker.max())) + 1
-    keys = [points.pose * most + points.marker for points in (tracked, seen)]
-    _, i, j = np.intersect1d(*keys, return_indices=True)
+    one, two = (points.pose * most + points.marker for points in (tracked, seen))
+    _, i, j = np.intersect1d(one, two, return_indices=True)
     if len(i) < 3:
         raise DataError(
             f"tracker and cameras saw {len(i)} markers at the same poses, 3 are needed at least to "
             "tell where they are to each other"
         )
     found = Alignment.from_points(seen.p_WM[j], tracked.p_WM[i], with_scale=True)
-    alone = ~np.isin(keys[1], keys[0])
+    alone = ~np.isin(two, one)
     moved = found.scale * seen.p_WM[alone] @ found.rotation.T + found.translation
     return SeenPoints(
         np.append(tracked.pose, seen.pose[alone]),

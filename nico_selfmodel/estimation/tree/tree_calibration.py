@@ -9,6 +9,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from nico_selfmodel.dataset.body.body_dataset import BodyDataset
+from nico_selfmodel.dataset.body.link_joint import WORLD_NAME
+from nico_selfmodel.dataset.body.sensors import DISTANCE, MarkerInfo
 from nico_selfmodel.errors import DataError
 from nico_selfmodel.estimation.results.folds import FOLDS, fold_of, splits
 from nico_selfmodel.estimation.tree.first_guess import first_bodies
@@ -24,8 +26,9 @@ from nico_selfmodel.estimation.tree.tree_setup import (
     setup_of,
 )
 from nico_selfmodel.model.cameras.camera import Camera
-from nico_selfmodel.model.tree.body_tree import BodyTree
+from nico_selfmodel.model.tree.body_tree import WORLD, BodyTree
 from nico_selfmodel.model.tree.tree_motion import TreeMotion
+from nico_selfmodel.names import listed
 from nico_selfmodel.optimization.uncertainty import Uncertainty
 
 _AGREE = 1e-3
@@ -246,16 +249,45 @@ def _told_from(solution: TreeSolution, values: NDArray) -> TreeSolution:
 
 
 def errors_of(tree: BodyTree, data: BodyDataset) -> TreeErrors:
-    """Return what a body leaves of a recording of the same joints, markers and sensors.
+    """Return what a body leaves of a recording of its joints, markers and sensors, in any order.
 
     Args:
         tree: The body.
         data: The recording.
+
+    Raises:
+        DataError: If it is of another body.
     """
+    data = _told_as(tree, data)
     observations = TreeObservations.of(data)
     parameters = TreeParameters(tree)
     residuals = TreeResiduals(observations, parameters)
     return TreeErrors(observations, residuals.residuals(parameters.values_of(tree)))
+
+
+def _told_as(tree: BodyTree, data: BodyDataset) -> BodyDataset:
+    """Return a recording with the body's markers, in its order."""
+    sensors = {s.name for s in tree.sensors} | {s.name for s in data.sensors if s.kind == DISTANCE}
+    known = [m.name for m in tree.markers]
+    for kind, has, wants in (
+        ("joints", tree.joints, data.joint_names),
+        ("markers", known, [m.name for m in data.markers]),
+        ("sensors", sensors, [s.name for s in data.sensors]),
+    ):
+        strange = [name for name in wants if name not in has]
+        if strange or (kind == "joints" and tree.joints != data.joint_names):
+            raise DataError(
+                f"data set {data.name!r} has the {kind} {listed(strange or wants)}, the body has "
+                f"{listed(sorted(has))}: both must be of one robot"
+            )
+    moved = np.array([*(known.index(m.name) for m in data.markers), -1])
+    table = data.observations
+    new = replace(table, marker=moved[table.marker], other=moved[table.other])
+    names = tree.joints
+    markers = tuple(
+        MarkerInfo(m.name, WORLD_NAME if m.on == WORLD else names[m.on]) for m in tree.markers
+    )
+    return replace(data, markers=markers, observations=new)
 
 
 def _as_described(

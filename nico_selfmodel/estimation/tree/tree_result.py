@@ -102,8 +102,20 @@ def body_model(calibration: TreeCalibration) -> BodyModel:
         np.array([joint.si_per_unit for joint in data.joints]),
         ParameterCovariance(uncertainty.names, uncertainty.covariance),
         noise_by_name(calibration),
+        _expected(calibration),
         provenance,
     )
+
+
+def _expected(calibration: TreeCalibration) -> dict[str, dict[str, float]]:
+    """Return the errors that new poses should show, by those of poses left out."""
+    crossed = calibration.cross_validation or calibration.train
+    found = errors_of_tree(crossed, ~calibration.solution.outliers)
+    known: dict[str, dict[str, float]] = {}
+    if len(found.compared):
+        median = float(np.median(found.compared))
+        known[found.unit] = {"median": median, "n": float(len(found.compared))}
+    return known
 
 
 def _parameters(calibration: TreeCalibration) -> dict[str, Parameter]:

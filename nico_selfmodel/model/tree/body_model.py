@@ -38,12 +38,20 @@ class BodyModel:
     """Of the parameters that were estimated."""
     noise: Mapping[str, float] = field(default_factory=dict)
     """Standard deviations of sensors and joints, by name [m, rad or px]."""
+    expected: Mapping[str, Mapping[str, float]] = field(default_factory=dict)
+    """Errors that new poses should show: unit (`mm`, `px`) -> `median` and `n`, of poses."""
     provenance: Mapping[str, Any] = field(default_factory=dict)
     """Where it came from."""
 
     def readings(self, readings: NDArray) -> NDArray:
         """Return readings in rad and m, zero where a joint has no encoder. Shape (N, n)."""
         return np.nan_to_num(np.asarray(readings, dtype=float) * self.si_per_unit)
+
+
+def is_body(path: str | Path) -> bool:
+    """Return whether a path is that of a body, or of a result folder with one."""
+    path = Path(path)
+    return (path / BODY_FILE).is_file() or path.name == BODY_FILE
 
 
 def save_body(model: BodyModel, path: str | Path) -> None:
@@ -65,6 +73,7 @@ def body_text(model: BodyModel) -> str:
             for a in tree.sensors
         ],
         "noise": dict(model.noise),
+        "expected": {unit: dict(found) for unit, found in model.expected.items()},
         "provenance": dict(model.provenance),
     }
     if model.covariance is not None:
@@ -159,6 +168,7 @@ def _model(document: dict[str, Any]) -> BodyModel:
         np.array([float(joint["si_per_unit"]) for joint in joints]),
         covariance,
         {str(k): float(v) for k, v in mapping(document["noise"], "noise").items()},
+        mapping(document.get("expected"), "expected"),
         mapping(document["provenance"], "provenance"),
     )
 

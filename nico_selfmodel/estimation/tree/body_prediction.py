@@ -1,0 +1,124 @@
+"""Where a learned body expects its markers, and how surely."""
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from nico_selfmodel.dataset.body.body_dataset import BodyDataset, ObservationTable
+from nico_selfmodel.dataset.body.link_joint import WORLD_NAME, LinkJoint
+from nico_selfmodel.dataset.body.sensors import POINTS, MarkerInfo, SensorInfo
+from nico_selfmodel.estimation.tree.tree_observations import TreeObservations
+from nico_selfmodel.estimation.tree.tree_parameters import TreeParameters
+from nico_selfmodel.estimation.tree.tree_residuals import TreeResiduals
+from nico_selfmodel.geometry.transform import apply, inverse, transform
+from nico_selfmodel.model.tree.body_model import BodyModel
+from nico_selfmodel.model.tree.body_tree import FLANGE, WORLD, Attached
+from nico_selfmodel.model.tree.tree_motion import TreeMotion
+
+_WATCHER = "the world itself"
+
+
+@dataclass(frozen=True, eq=False)
+class BodyPrediction:
+    """Markers at poses; the pose comes first."""
+
+    p_WM: NDArray
+    """Positions [m]. Shape (N, markers, 3)."""
+    R_WM: NDArray
+    """Orientations, of markers that have one. Shape (N, markers, 3, 3)."""
+    sigma: NDArray
+    """Standard deviation of a position, rms of its coordinates, by what the body is known to and
+    by joint noise [m]. Shape (N, markers)."""
+    pixels: dict[str, NDArray]
+    """By camera; nan out of its view [px]. Shape (N, markers, 2) each."""
+
+
+def predict_body(model: BodyModel, readings: NDArray) -> BodyPrediction:
+    """Predict all markers of a body.
+
+    Args:
+        model: The body; none of its joints is a flange.
+        readings: In each joint's own unit; nan of a joint without an encoder. Shape (N, n).
+
+    Returns:
+        Where they are, how surely, and where cameras would see them.
+
+    Raises:
+        ValueError: If the shape is another, or a joint is a flange.
+    """
+    tree = model.tree
+    if readings.ndim != 2 or readings.shape[1] != len(tree.joints):
+        raise ValueError(f"readings must have shape (N, {len(tree.joints)}), got {readings.shape}")
+    if FLANGE in tree.motions:
+        raise ValueError("a flange's pose is read, not predicted from encoders")
+    count, markers = len(readings), len(tree.markers)
+    data = _asked(model, readings)
+    watched = replace(tree, sensors=(*tree.sensors, Attached(_WATCHER, WORLD)))
+    parameters = TreeParameters(watched)
+    residuals = TreeResiduals(TreeObservations.of(data), parameters)
+    linear = residuals.linear(parameters.values_of(watched))
+    p_WM = linear.r.reshape(count, markers, 3)
+    motion = TreeMotion.at(tree, model.readings(readings))
+    R_WM = np.stack([motion.pose_of(m)[0].transpose(2, 0, 1) for m in tree.markers], axis=1)
+    sigma = np.sqrt(_variance(model, parameters, linear.J, linear.by_joint, residuals) / 3.0)
+    cameras = {}
+    for name, lens in tree.lenses.items():
+        (sensor,) = [s for s in tree.sensors if s.name == name]
+        R, p = motion.pose_of(sensor)
+        X_CW = inverse(transform(R.transpose(2, 0, 1), p.T))
+        seen = apply(X_CW[:, None], p_WM).reshape(-1, 3)
+        cameras[name] = lens.at(np.eye(4)).project(seen).reshape(count, markers, 2)
+    return BodyPrediction(p_WM, R_WM, sigma.reshape(count, markers), cameras)
+
+
+def _variance(
+    model: BodyModel,
+    parameters: TreeParameters,
+    J: NDArray,
+    by_joint: NDArray,
+    residuals: TreeResiduals,
+) -> NDArray:
+    """Return the trace of each point's covariance, J C J' + A D^2 A'. Shape (points,)."""
+    noisy = residuals.observations.noisy_joints
+    joint = np.array([model.noise.get(model.tree.joints[i], 0.0) for i, _ in noisy])
+    total = np.sum((by_joint * joint) ** 2, axis=1)
+    if model.covariance is not None:
+        own = [parameters.index[name] for name in model.covariance.names]
+        total = total + np.einsum("ir,ij,jr->r", J[own], model.covariance.matrix, J[own])
+    return total.reshape(-1, 3).sum(axis=1)
+
+
+def _asked(model: BodyModel, readings: NDArray) -> BodyDataset:
+    """Return the recording of something that stands at the world's origin and sees everything."""
+    tree = model.tree
+    names = tree.joints
+    joints = []
+    for i, name in enumerate(names):
+        parent = int(tree.parent[i])
+        leads = {} if tree.coupling[i, i] else dict(zip(names, tree.coupling[i], strict=True))
+        joints.append(
+            LinkJoint(
+                name,
+                WORLD_NAME if parent == WORLD else names[parent],
+                tree.motions[i],
+                "rad" if tree.motions[i] == "revolute" else "m",
+                follows={lead: float(ratio) for lead, ratio in leads.items() if ratio},
+            )
+        )
+    count, markers = len(readings), len(tree.markers)
+    rows = count * markers
+    values = np.hstack([np.zeros((rows, 3)), np.full((rows, 3), np.nan)])
+    pose, marker = np.divmod(np.arange(rows), markers)
+    table = ObservationTable(pose, np.zeros(rows, int), marker, np.full(rows, -1), values)
+    return BodyDataset(
+        "asked",
+        tuple(joints),
+        tuple(
+            MarkerInfo(m.name, WORLD_NAME if m.on == WORLD else names[m.on]) for m in tree.markers
+        ),
+        (SensorInfo(_WATCHER, POINTS),),
+        np.arange(count),
+        np.asarray(readings, dtype=float) * model.si_per_unit,
+        table,
+    )
