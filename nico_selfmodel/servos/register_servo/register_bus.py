@@ -151,9 +151,10 @@ class RegisterBus:
         """Send until a good reply comes."""
         counts, failure = self.counts[address], DamagedReplyError("no reply")
         with self._lock:
+            late = self._doubtful
             for attempt in range(attempts or self.settings.attempts):
                 if self._doubtful:
-                    counts.stray_bytes += self._drain()
+                    counts.stray_bytes += self._drain(attempt)
                 try:
                     status = self._attempt(address, send, length, attempt)
                 except DamagedReplyError as error:
@@ -165,7 +166,7 @@ class RegisterBus:
                     continue
                 # After a failure an earlier reply may still be under way; the next servo must not
                 # be taken for it.
-                if attempt and (stray := self._drain()):
+                if (attempt or late) and (stray := self._drain(attempt)):
                     counts.stray_bytes += stray
                     failure, self._doubtful = DamagedReplyError("its replies come late"), True
                     continue
@@ -196,9 +197,14 @@ class RegisterBus:
         counts.damaged += 1
         self._damaged_at = self.port.now()
 
-    def _drain(self) -> int:
-        """Read until nothing has come for as long as a late reply could take."""
-        quiet = 1e-3 + 2.0 * self.settings.latency + self.settings.slack / 4.0
+    def _drain(self, attempt: int = 0) -> int:
+        """Read until nothing has come for as long as a late reply could take.
+
+        Args:
+            attempt: How often the exchange under way has failed: replies that come late come later.
+        """
+        quiet = 1e-3 + 2.0 * self.settings.latency
+        quiet += self.settings.slack / 4.0 * min(2**attempt, 8)
         stray, until = 0, self.port.now() + _NOISE_LIMIT
         while arrived := self.port.read(1, quiet):
             stray += len(arrived) + len(self.port.read(4096, 0.0))
