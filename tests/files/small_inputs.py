@@ -1,5 +1,6 @@
 """One small, sound input of every kind that a command reads, and the commands that read it."""
 
+import json
 from dataclasses import dataclass, replace
 from pathlib import Path
 
@@ -54,6 +55,13 @@ joints:
     home: {{method: limit_1, at_deg: 90, speed_deg_s: 5, travel_deg: 200}}
 """
     for k, name in enumerate(JOINTS, 1)
+)
+LEROBOT = json.dumps(
+    {
+        name: {"id": k, "drive_mode": 0, "homing_offset": -9, "range_min": 800, "range_max": 3000}
+        for k, name in enumerate(JOINTS, 1)
+    },
+    indent=1,
 )
 MAP = """\
 name: small
@@ -230,6 +238,9 @@ KINDS = (
     Kind("self-model of an arm", "arm", "self_model.yaml", _ARM),
     Kind("self-model of a body", "body", "self_model.yaml", _BODY),
     Kind("servos", "servos", "servos.yaml", _SERVOS),
+    Kind("lerobot calibration", "lerobot", "arm.json", _readers(
+        "import lerobot {it}/arm.json --make dynamixel --out {out}/a.yaml",
+    )),
     Kind("table", "table", "table.csv", _TABLE),
     Kind("column map", "table", "map.yaml", _TABLE),
     Kind("motion capture export", "vicon", "trial.csv", _VICON),
@@ -262,6 +273,7 @@ def make_sound_inputs(sound: Path, command) -> dict[str, str]:
     for folder, name, text in (
         ("robot", "small.urdf", URDF),
         ("servos", "servos.yaml", SERVOS),
+        ("lerobot", "arm.json", LEROBOT),
         ("table", "map.yaml", MAP),
         ("table", "table.csv", _table(data)),
         ("vicon", "trial.csv", _vicon(data)),

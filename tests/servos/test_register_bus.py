@@ -87,9 +87,7 @@ def test_a_refused_packet_is_a_fault_that_says_why():
     made = virtual_arm(make="dynamixel")
     made.arm.connect()
     made.arm.enable()
-    with pytest.raises(
-        ServoFault, match=r"servo 1 refuses .*: the register may not be written now"
-    ):
+    with pytest.raises(ServoFault, match=r"servo 1 refuses .*: .* may not be written now"):
         made.bus.write(1, 10, b"\x00")
 
 

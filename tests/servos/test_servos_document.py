@@ -1,4 +1,4 @@
-"""The chapter on a Dynamixel arm in docs/servos.md is what happens, from `servo scan` to `monitor`."""
+"""What docs/servos.md shows of a Dynamixel arm is what happens, from `servo scan` to `monitor`."""
 
 import os
 import re

@@ -40,11 +40,12 @@ class ServoDriver(LeafSystem):
     | `moving` | out | 1 where a joint is on its way, else 0 |
     | `status` | out | what each joint does, in words: a tuple of texts |
 
-    Making one opens nothing; `open` finds the boards and starts to read, `enable` switches the
-    servos on, and only then a command moves the arm, from `Simulator.Initialize` on. What the bus
-    fails with is raised from `Simulator.AdvanceTo` with its cause. The diagram is the heartbeat:
-    when it stands still for longer than the configuration allows, the arm stops. The arm lives in
-    real time; run the diagram at `set_target_realtime_rate(1.0)`.
+    Making one opens nothing; `open` finds the motors, of the make that the configuration names, and
+    starts to read, `enable` switches them on, and only then a command moves the arm, from
+    `Simulator.Initialize` on. What the bus fails with is raised from `Simulator.AdvanceTo` with its
+    cause. The diagram is the heartbeat: when it stands still for longer than the configuration
+    allows, the arm stops. The arm lives in real time; run the diagram at
+    `set_target_realtime_rate(1.0)`.
     """
 
     def __init__(
