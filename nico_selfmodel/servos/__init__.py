@@ -1,9 +1,9 @@
 """The wire to the motors: makes of motors, controller of an arm, hand, and simulated buses.
 
-From the wire up: each make has its bytes, a bus that owns the port, and motors on it, which together
-are a `JointBus`; an `ArmController` drives joints of any make by name in radians, with an `ArmLoop`
-as its thread and a `MotorServer` for other processes. A `SimulatedBus` speaks the same bytes behind
-a pseudo-terminal. Importing opens nothing, making an object sends nothing, connecting moves nothing.
+From the wire up: each make has its bytes, a bus that owns the port, and motors on it, together a
+`JointBus`; an `ArmController` drives joints of any make by name in radians, with an `ArmLoop` as
+its thread and a `MotorServer` for other processes. A `SimulatedBus` speaks the same bytes behind a
+pseudo-terminal. Importing opens nothing, making an object sends nothing, connecting moves nothing.
 """
 
 from nico_selfmodel.servos.arm.controller import ArmController

@@ -6,9 +6,14 @@ import numpy as np
 import pytest
 
 from nico_selfmodel.errors import BusError, ServoFault
+from nico_selfmodel.servos import ServoConfig
+from nico_selfmodel.servos.makes import PIC_SERVO
+from nico_selfmodel.servos.pic_servo.protocol.commands import BAUD_CODES
+from nico_selfmodel.servos.pic_servo.protocol.packets import LAST_ADDRESS
 from nico_selfmodel.servos.ports import PortLostError
+from nico_selfmodel.servos.register_servo.register_motor import Goal
 
-from .arms import JOINTS, MAKES, virtual_arm
+from .arms import JOINTS, MAKES, configuration, virtual_arm
 
 ELBOW = 3
 """The joint that something befalls."""
@@ -345,3 +350,45 @@ def test_a_dynamixel_stops_by_itself_when_it_hears_nothing_and_takes_goals_again
     assert made.arm.cycle().q == pytest.approx(np.full(6, 1.5), abs=count(made))
     made.arm.close()
     assert [module.table[98] for module in made.modules] == [0] * 6
+
+
+@pytest.mark.parametrize("acceleration", [0, 5])
+def test_a_servo_that_another_program_left_moving_is_stopped_where_it_is(servos, acceleration):
+    """With an acceleration of 0 it goes, and stops, as fast as it can."""
+    elbow, motor = servos.modules[ELBOW], servos.arm.bus.motors[ELBOW]
+    elbow.write(motor.goal_register, motor.encode(Goal(3000, 300, acceleration)))
+    if servos.arm.config.make.name == "dynamixel":
+        elbow.write(motor.goal_register, motor.encode(Goal(3000, 20, acceleration)))
+        elbow.write(98, b"\x00")
+    servos.port.sleep(1.0)
+    at = servos.shafts()[ELBOW]
+    assert 2080 < at < 2900
+    servos.arm.connect()
+    assert servos.seconds_to_rest() < 1.2
+    assert servos.shafts()[ELBOW] - at < (30 if acceleration == 0 else 120)
+    assert elbow.servo_on
+
+
+def test_the_numbers_of_boards_are_those_of_their_protocol():
+    assert sorted(PIC_SERVO.bauds) == sorted(BAUD_CODES)
+    assert PIC_SERVO.addresses == (1, LAST_ADDRESS)
+
+
+def test_motors_of_two_makes_cannot_share_a_bus():
+    one, other = (configuration(("a", "b"), make=make).joints for make in MAKES[1:])
+    with pytest.raises(ValueError, match="makes dynamixel and feetech cannot share a bus"):
+        ServoConfig("arm", (one[0], other[1]))
+
+
+def test_speeds_are_rounded_down_to_what_a_motor_has_and_arrivals_up(servos):
+    limits, make = servos.arm.limits, servos.arm.config.make
+    speeds = limits.motor_speed(0.5)
+    assert (speeds <= 0.5 * limits.counts_per_radian + 1e-9).all()
+    assert speeds % make.velocity_step == pytest.approx(
+        np.zeros(6), abs=1e-6
+    ) or speeds % make.velocity_step == pytest.approx(np.full(6, make.velocity_step), abs=1e-6)
+    assert (speeds > 0.5 * limits.counts_per_radian - make.velocity_step - 1e-9).all()
+    with pytest.raises(ValueError, match="speed must be at least"):
+        limits.motor_speed(0.5 * make.velocity_step / limits.counts_per_radian[0])
+    joint = servos.arm.config.joints[0]
+    assert joint.faster(1.5 * make.velocity_step) == pytest.approx(2.0 * make.velocity_step)

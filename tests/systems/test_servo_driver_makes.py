@@ -5,8 +5,12 @@ import pytest
 
 from nico_selfmodel.errors import BusError
 from nico_selfmodel.servos import SimulatedBus
+from nico_selfmodel.servos.makes import DYNAMIXEL
 from nico_selfmodel.servos.ports import PortLostError
 from nico_selfmodel.systems.hardware.servo_driver import ServoDriver
+from nico_selfmodel.systems.rendering.stereo_cameras import ImageQuality
+from nico_selfmodel.systems.stations.nico_behind_bus import NicoBehindBus
+from nico_selfmodel.systems.stations.nico_station import NicoStation
 
 from ..servos.arms import configuration
 from .test_servo_driver import TARGET, advance, port, running
@@ -56,3 +60,11 @@ def test_a_pulled_cable_and_a_silent_servo_are_raised_from_the_diagram(driver, b
     bus.unplug()
     with pytest.raises(PortLostError, match="plug the adapter in again"):
         advance(running(driver))
+
+
+def test_a_station_whose_encoders_are_not_those_of_its_motors_is_refused():
+    with (
+        NicoStation("thesis", quality=ImageQuality(1)) as station,
+        pytest.raises(ValueError, match=r"Dynamixel servos .* have 4096 counts a turn"),
+    ):
+        NicoBehindBus(station, make=DYNAMIXEL)

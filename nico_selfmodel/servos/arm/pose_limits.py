@@ -89,15 +89,16 @@ class PoseLimits:
         Raises:
             ValueError: As `braking`.
         """
-        return _down_to(self.braking(speed, asked) * self.counts_per_radian, self._steps[1])
+        return self.braking(speed, asked) * self.counts_per_radian
 
     def acceleration(self, asked: float | None) -> NDArray:
-        """Return the acceleration of each joint when `asked` [rad/s^2]. Shape (n,).
+        """Return the acceleration of each joint that its motor has when `asked`. Shape (n,).
 
         Raises:
             ValueError: If it is not positive or beyond every limit.
         """
-        return _within(asked, self.accelerations, "acceleration", "rad/s^2")
+        largest = _within(asked, self.accelerations, "acceleration", "rad/s^2")
+        return _down_to(largest * self.counts_per_radian, self._steps[1]) / self.counts_per_radian
 
     def braking(self, speed: float | None, asked: float | None) -> NDArray:
         """Return accelerations from which the arm stops in time after the host went silent.

@@ -9,6 +9,10 @@ from nico_selfmodel.servos.register_servo.sdk_port import SdkPort
 ALERT = 0x80
 """Bit of a status packet's error: the servo's hardware error register says what is wrong."""
 _ID, _ERROR, _DATA, _CHECKSUM = 4, 8, 9, 2
+_MISSING = (
+    "Dynamixel servos need the package dynamixel-sdk, 4.1 or later: install "
+    "nico-selfmodel[dynamixel]"
+)
 _REFUSALS = {
     1: "it could not be carried out",
     2: "the instruction is not known to it",
@@ -32,14 +36,13 @@ class DynamixelSdk(PacketSdk):
             BusError: If it is missing.
         """
         try:
-            from dynamixel_sdk import PacketHandler
-            from dynamixel_sdk.robotis_def import COMM_RX_TIMEOUT, COMM_SUCCESS
+            from dynamixel_sdk import PacketHandler, robotis_def
         except ImportError:
-            raise BusError(
-                "Dynamixel servos need the package dynamixel-sdk: install nico-selfmodel[dynamixel]"
-            ) from None
+            raise BusError(_MISSING) from None
+        if not hasattr(robotis_def, "INST_FAST_SYNC_READ"):  # its methods take other arguments
+            raise BusError(_MISSING)
         self.handler = PacketHandler(2.0)
-        self._success, self._timeout = COMM_SUCCESS, COMM_RX_TIMEOUT
+        self._success, self._timeout = robotis_def.COMM_SUCCESS, robotis_def.COMM_RX_TIMEOUT
 
     def sync_read(
         self, port: SdkPort, register: int, length: int, addresses: Sequence[int]

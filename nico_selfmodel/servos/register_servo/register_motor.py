@@ -210,11 +210,12 @@ class RegisterMotor(ABC):
         if state is None or self.told is None:
             return
         first, last = self.joint.make.registers
-        if not smoothly:
-            acceleration = self.joint.make.largest_acceleration
-        if acceleration is None:
-            acceleration = self.joint.make.acceleration_step * state.goal.acceleration
-        way = state.rate**2 / (2.0 * max(acceleration, 1.0)) if smoothly else 0.0
+        make, units = self.joint.make, state.goal.acceleration
+        if not smoothly or (acceleration is None and units == 0):  # 0 is as fast as it can
+            acceleration = make.largest_acceleration
+        elif acceleration is None:
+            acceleration = make.acceleration_step * units
+        way = state.rate**2 / (2.0 * acceleration) if smoothly else 0.0
         if not state.standing:
             way += abs(state.rate) * max(0.0, self.now - self.seen)
         goal = round(state.commanded + math.copysign(way, state.rate))
