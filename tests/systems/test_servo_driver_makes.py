@@ -38,7 +38,7 @@ def test_a_command_moves_the_arm_and_the_ports_tell(driver, bus):
     advance(simulator, until=lambda c: port(driver, "moving", c).any())
     advance(simulator, until=lambda c: not port(driver, "moving", c).any())
     context = simulator.get_context()
-    assert port(driver, "joint_positions", context) == pytest.approx(TARGET, abs=2e-3)
+    assert port(driver, "q_measured", context) == pytest.approx(TARGET, abs=2e-3)
     assert port(driver, "encoders", context) == pytest.approx(TARGET * 4096 / (2 * np.pi), abs=1)
     signs = np.where(np.arange(1, 7) % 2, 1, -1)
     shafts = signs * (np.array(bus.shafts()) - 2048) * 2 * np.pi / 4096
