@@ -392,3 +392,12 @@ def test_speeds_are_rounded_down_to_what_a_motor_has_and_arrivals_up(servos):
         limits.motor_speed(0.5 * make.velocity_step / limits.counts_per_radian[0])
     joint = servos.arm.config.joints[0]
     assert joint.faster(1.5 * make.velocity_step) == pytest.approx(2.0 * make.velocity_step)
+
+
+def test_a_line_of_one_megabaud_leaves_time_for_far_more_than_fifty_cycles_a_second(servos):
+    servos.arm.move(dict.fromkeys(JOINTS, 0.8))
+    cycles, begin = 0, servos.port.time
+    while servos.arm.moving:
+        go_on(servos, 1)
+        cycles += 1
+    assert cycles / (servos.port.time - begin) > 200.0
