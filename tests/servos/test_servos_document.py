@@ -9,6 +9,8 @@ import pytest
 
 from nico_selfmodel.servos import load_servo_config
 
+TRIES = 3
+"""A busy machine may let the simulated servos starve; a recording goes on where it ended."""
 CODE = "from nico_selfmodel.cli.main import main; main()"
 
 
@@ -51,13 +53,16 @@ def test_the_commands_of_the_chapter_learn_an_arm_and_find_it_well(project_root,
             shown = []
             for line in others:
                 command = [ports.get(word, word) for word in line[1:]]
-                done = subprocess.run(
-                    [*words, *command],
-                    **options,
-                    stderr=subprocess.STDOUT,
-                    timeout=540,
-                    check=False,
-                )
+                for _ in range(TRIES):
+                    done = subprocess.run(
+                        [*words, *command],
+                        **options,
+                        stderr=subprocess.STDOUT,
+                        timeout=540,
+                        check=False,
+                    )
+                    if "the same command goes on from there" not in done.stdout:
+                        break
                 assert done.returncode == 0, (command, done.stdout)
                 shown.append(done.stdout)
         finally:
