@@ -3,7 +3,7 @@
 import copyreg
 import logging
 from collections.abc import Callable, Iterator, Sequence
-from concurrent.futures import Executor, Future, ProcessPoolExecutor, as_completed
+from concurrent.futures import Executor, ProcessPoolExecutor, as_completed
 from contextlib import contextmanager
 from dataclasses import dataclass
 from multiprocessing import get_context
@@ -64,13 +64,12 @@ class Workers:
             from distributed import as_completed as as_completed_there
 
             futures = client.map(job, tasks, pure=False)
-            return _gathered(futures, as_completed_there(futures), tell)
+            return _gathered(futures, as_completed_there(futures, loop=client.loop), tell)
 
 
 def _gathered(futures: list[Any], finished: Iterator[Any], tell: Callable[..., None]) -> list[Any]:
-    for done, future in enumerate(finished, start=1):
-        if not isinstance(future, Future) or future.exception() is None:
-            tell(done, len(futures))
+    for done, _ in enumerate(finished, start=1):
+        tell(done, len(futures))
     return [future.result() for future in futures]
 
 

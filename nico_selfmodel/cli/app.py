@@ -36,6 +36,7 @@ from nico_selfmodel.cli.experiment import mirror as mirror_experiment
 from nico_selfmodel.cli.experiment import motion_capture, refinement, vision
 from nico_selfmodel.cli.experiment import stereo as stereo_experiment
 from nico_selfmodel.cli.experiment import tool as tool_experiment
+from nico_selfmodel.cli.habits import add_habits
 from nico_selfmodel.cli.learn import learn
 from nico_selfmodel.cli.record import record
 from nico_selfmodel.cli.servo import home, move, scan, serve, status, stop
@@ -115,11 +116,13 @@ _WITH_NEGATIVE_NUMBERS = ("move",)
 """Commands with an argument that may begin with a minus, and is no option then."""
 
 
-def _group(text: str, commands: dict[str, Callable[..., None]]) -> typer.Typer:
+def _group(
+    text: str, commands: dict[str, Callable[..., None]], *, completion: bool = False
+) -> typer.Typer:
     group = typer.Typer(
         help=text,
         no_args_is_help=True,
-        add_completion=False,
+        add_completion=completion,
         pretty_exceptions_enable=False,
         rich_markup_mode=None,
     )
@@ -138,6 +141,7 @@ def run() -> None:
         if isinstance(stream, io.TextIOWrapper):  # a name may hold what a terminal cannot show
             stream.reconfigure(errors="backslashreplace")
     command = _tree()
+    printer.set_talk(printer.Talk.PLAIN)
     try:
         _refuse_empty(sys.argv[1:])
         code = command.main(prog_name="nico-selfmodel", standalone_mode=False)
@@ -156,11 +160,13 @@ def run() -> None:
 @cache
 def _tree() -> Any:
     # Typer carries a copy of click of its own, so that a command's type has no public name.
-    app = _group("A robot learns its own body by watching it move.", _COMMANDS)
+    app = _group("A robot learns its own body by watching it move.", _COMMANDS, completion=True)
     app.callback(help="A robot learns its own body by watching it move.")(_root)
     for name, (text, commands) in _GROUPS.items():
         app.add_typer(_group(text, commands), name=name)
-    return typer.main.get_command(app)
+    command = typer.main.get_command(app)
+    add_habits(command)
+    return command
 
 
 def _tell_version(asked: bool) -> None:

@@ -2,8 +2,10 @@
 
 import json
 import sys
+import time
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
+from enum import IntEnum
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NoReturn
 
@@ -39,12 +41,38 @@ Block = Mapping[str, Any] | None
 """Error statistics as `result.json` has them: `n`, `position_mm` and/or `pixels`; None for none."""
 
 
+class Talk(IntEnum):
+    """How much is said."""
+
+    QUIET = 0
+    """Errors and warnings; what was asked for as output."""
+    PLAIN = 1
+    """And results, and one line a stage where nobody looks at a progress bar."""
+    VERBOSE = 2
+    """And how long each stage took; of a bug, where it is."""
+
+
+talk = Talk.PLAIN
+
+
+def set_talk(how: Talk) -> None:
+    """Say more or less from now on."""
+    global talk
+    talk = how
+
+
 @contextmanager
 def progress_bar() -> Iterator[Progress]:
-    """Show a progress bar on standard error while a job runs; quiet where that is no terminal."""
+    """Show on standard error how far a job is: by bars, or by lines where that is no terminal."""
     console = Console(stderr=True)
+    if talk is Talk.QUIET:
+        yield lambda what, done, total: None
+        return
+    if not console.is_terminal or talk is Talk.VERBOSE:
+        yield _line_a_stage()
+        return
     columns = (TextColumn("{task.description}"), BarColumn(), TimeElapsedColumn())
-    with Bars(*columns, console=console, disable=not console.is_terminal) as bars:
+    with Bars(*columns, console=console) as bars:
         tasks: dict[str, Any] = {}
 
         def progress(what: str, done: int, total: int) -> None:
@@ -55,8 +83,26 @@ def progress_bar() -> Iterator[Progress]:
         yield progress
 
 
+def _line_a_stage() -> Progress:
+    """Return what writes one line when a stage ends."""
+    begun: dict[str, float] = {}
+
+    def progress(what: str, done: int, total: int) -> None:
+        if begun.setdefault(what, time.monotonic()) < 0.0 or done < total:
+            return
+        took = time.monotonic() - begun[what]
+        begun[what] = -1.0
+        count = f", {total} steps" if total > 1 else ""
+        more = f" ({took:.1f} s{count})" if talk is Talk.VERBOSE else ""
+        print(f"nico-selfmodel: {what}: done{more}", file=sys.stderr, flush=True)
+
+    return progress
+
+
 def line(text: str, end: str = "\n") -> None:
     """Print a line as it is."""
+    if talk is Talk.QUIET:
+        return
     _console.print(text, markup=False, end=end)
 
 
@@ -72,6 +118,8 @@ def as_json(document: Mapping[str, Any]) -> None:
 
 def table(title: str, headings: Sequence[str], rows: Sequence[Sequence[str]]) -> None:
     """Print a table; all but the first column are aligned to the right."""
+    if talk is Talk.QUIET:
+        return
     # As Text: in a plain string Rich would take [mm] for markup and drop it.
     made = Table(title=Text(title), title_justify="left", title_style="bold", header_style="dim")
     for index, heading in enumerate(headings):
@@ -131,6 +179,8 @@ def _parameter(name: str, entry: Mapping[str, Any]) -> list[str]:
 
 def verdict(document: Mapping[str, Any]) -> None:
     """Print a verdict with its reasons, and after it what is doubtful though nothing fails."""
+    if talk is Talk.QUIET:
+        return
     status = document["status"]
     _console.print(f"[bold {_COLOURS[status]}]{status}[/]")
     for reason in document["reasons"]:
