@@ -115,6 +115,13 @@ gate() {
   cat "$scratch/linters.log"
 }
 
+# Build the documentation: a warning, a dead link or a tutorial that fails ends it.
+build_the_site() {
+  "$scratch/tests/.venv/bin/pip" install -q -e "$scratch/tests[docs]"
+  (cd "$scratch/tests" && NO_MKDOCS_2_WARNING=1 .venv/bin/mkdocs build -q --strict -d "$scratch/site")
+  test -s "$scratch/site/reference/systems/index.html"
+}
+
 # Put the wheel, built from the sdist, in place of the editable install and run it elsewhere.
 try_the_wheel() {
   "$scratch/tests/.venv/bin/python" -m build "$scratch/tests" --outdir "$scratch/dist" \

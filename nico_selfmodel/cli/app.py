@@ -214,7 +214,8 @@ class _OneLine(logging.Handler):
     """Shows what Drake has to say as a warning of ours."""
 
     def emit(self, record: logging.LogRecord) -> None:
-        if record.levelno >= logging.WARNING:
+        # A page that asks for a picture of a moment ago is told so by Meshcat, and asks again.
+        if record.levelno >= logging.WARNING and "Unknown CAS key" not in record.getMessage():
             _show_warning(record.getMessage())
 
 

@@ -103,7 +103,9 @@ def _declared(
     ] = None,
     verbose: Annotated[
         bool,
-        typer.Option("--verbose", "-v", help="Tell how long each stage took.", callback=_be_verbose),
+        typer.Option(
+            "--verbose", "-v", help="Tell how long each stage took.", callback=_be_verbose
+        ),
     ] = False,
     quiet: Annotated[
         bool,

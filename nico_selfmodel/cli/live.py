@@ -59,9 +59,12 @@ def live(
             write_whole(out, watching.view.html())
             printer.line(f"{out}")
             return
-        url = watching.view.meshcat.web_url()
-        printer.line(f"open {url} (its stop button or Ctrl-C ends)")
-        watching.run(_tell, seconds or float("inf"))
+        from nico_selfmodel.viz.live.live_page import LivePage
+
+        with LivePage(watching.view.meshcat) as page:
+            watching.go_into_view()
+            printer.line(f"open {page.url} (its stop button or Ctrl-C ends)")
+            watching.run(_tell, seconds or float("inf"))
 
 
 def _tell(errors: "NDArray") -> None:

@@ -1,11 +1,14 @@
 """Chapter 6 of the thesis: an arm learned under motion capture, from few and from many samples."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from functools import partial
 
 import numpy as np
 
 from nico_selfmodel.dataset.dataset import Dataset
 from nico_selfmodel.estimation.arm.kinematics import KinematicCalibration, calibrate_kinematics
+from nico_selfmodel.parallel import Workers
 from nico_selfmodel.planning.sweep_protocol import SweepProtocol
 from nico_selfmodel.plant import ArmDescription
 from nico_selfmodel.sessions.progress import Stage
@@ -92,6 +95,7 @@ def run_motion_capture(
     repeats: int = 100,
     seed: int = 0,
     progress: Stage | None = None,
+    workers: Workers | None = None,
 ) -> MotionCaptureExperiment:
     """Run the chapter's two charts and its repeat test.
 
@@ -102,6 +106,7 @@ def run_motion_capture(
         repeats: Random subsets of the repeat test.
         seed: Of the first robot.
         progress: Called with what is going on, steps done and steps in all.
+        workers: Who lets the robots learn; this process if omitted.
 
     Returns:
         The results.
@@ -109,15 +114,39 @@ def run_motion_capture(
     report = progress or (lambda what, done, total: None)
     conditions = [(n, "circle points", 0) for n in (FEW, MANY)]
     conditions += [(n, "refined", k) for n in (FEW, MANY) for k in RANDOM_POSES]
-    results: dict[tuple[int, str, int], list[KinematicCalibration]] = {c: [] for c in conditions}
-    for individual in range(individuals):
-        sessions = _Sessions(arm, world, seed + individual)
-        for done, condition in enumerate(conditions):
-            report("charts", individual * len(conditions) + done, individuals * len(conditions))
-            results[condition].append(_estimate(sessions, *condition))
-    rows = tuple(_row(condition, results[condition]) for condition in conditions)
+    of_robots = (workers or Workers()).map(
+        partial(_charts_of, arm, world, tuple(conditions)),
+        range(seed, seed + individuals),
+        lambda done, total: report("charts", done, total),
+    )
+    rows = tuple(map(_row, conditions, zip(*of_robots, strict=True)))
     repeated = _repeat(_Sessions(arm, world, seed), repeats, report)
     return MotionCaptureExperiment(world.name, individuals, rows, repeated)
+
+
+@dataclass(frozen=True)
+class _Outcome:
+    """What one robot reached in one condition."""
+
+    mean_mm: float
+    sd_mm: float
+    seconds: float
+
+
+def _charts_of(
+    arm: ArmDescription,
+    world: Imperfections,
+    conditions: tuple[tuple[int, str, int], ...],
+    seed: int,
+) -> list[_Outcome]:
+    """Return what one robot reaches in each condition, wherever this runs."""
+    sessions, found = _Sessions(arm, world, seed), []
+    for condition in conditions:
+        result = _estimate(sessions, *condition)
+        assert result.test is not None
+        errors = result.test.statistics
+        found.append(_Outcome(1e3 * errors.mean, 1e3 * errors.sd, result.seconds))
+    return found
 
 
 class _Sessions:
@@ -162,15 +191,14 @@ def _estimate(
     return calibrate_kinematics(train, method=how, test=sessions.test, seed=sessions.seed)
 
 
-def _row(condition: tuple[int, str, int], results: list[KinematicCalibration]) -> Row:
-    errors = [r.test.statistics for r in results if r.test is not None]
-    means = np.array([1e3 * e.mean for e in errors])
+def _row(condition: tuple[int, str, int], outcomes: Sequence[_Outcome]) -> Row:
+    means = np.array([one.mean_mm for one in outcomes])
     return Row(
         *condition,
         float(means.mean()),
-        float(np.mean([1e3 * e.sd for e in errors])),
+        float(np.mean([one.sd_mm for one in outcomes])),
         float(means.max()),
-        float(np.mean([r.seconds for r in results])),
+        float(np.mean([one.seconds for one in outcomes])),
         THESIS_MM.get(condition),
     )
 

@@ -25,6 +25,8 @@ from nico_selfmodel.viz.live.station_view import StationView
 STOP = "stop"
 """Label of the button that ends the show."""
 _DAY = 99
+_CHOICE = 12
+"""Poses in view of which the one nearest to the images' middles is shown first."""
 _ELSEWHERE_M, _ELSEWHERE = 0.04, np.radians(10.0)
 """A learned mirror farther from where it is put stood elsewhere; heads are degrees off."""
 _TURNED = np.radians(1.0)
@@ -115,18 +117,33 @@ class Watching(Closable):
         Returns:
             What `show` returned at each pose.
         """
-        rng = np.random.default_rng(7)
-        if self._before is None:
-            plan = self._nico.plan(self.station, 0, count, rng)
-        else:
-            plan, _ = self._before.plan(self.station, count, 0, rng, best=False)
         errors = []
-        for done, (_, command) in enumerate(plan[:count], start=1):
+        for done, command in enumerate(self._in_view(count), start=1):
             self.body.move_and_measure(command)
             errors.append(self.show())
             if progress:
                 progress(done, count)
         return errors
+
+    def go_into_view(self) -> None:
+        """Go where the cameras see the hand well, and its reflection if there is one."""
+        commands = self._in_view(_CHOICE)
+        p_WH = self.model.predict(np.array(commands)).p_WH
+        sizes = np.array([camera.image_size for camera in self.model.rig.cameras])
+        off = self.model.rig.project(p_WH).reshape(-1, 2, 2) - 0.5 * sizes
+        farthest = np.linalg.norm(off / sizes, axis=2).max(axis=1)
+        best = int(np.argmin(np.where(np.isnan(farthest), np.inf, farthest)))
+        self.body.move_and_measure(commands[best])
+        self.show()
+
+    def _in_view(self, count: int) -> list[NDArray]:
+        """Return commands of poses in view, in the mirror if there is one."""
+        rng = np.random.default_rng(7)
+        if self._before is None:
+            plan = self._nico.plan(self.station, 0, count, rng)
+        else:
+            plan, _ = self._before.plan(self.station, count, 0, rng, best=False)
+        return [command for _, command in plan[:count]]
 
     def run(self, tell: Callable[[NDArray], None], seconds: float = np.inf) -> None:
         """Follow the sliders in real time until the stop button is pressed.

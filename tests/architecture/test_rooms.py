@@ -12,6 +12,7 @@ ALLOWED = {
     "__init__": set(),
     "errors": set(),
     "arrays": {"numpy"},
+    "parallel": {"distributed"},
     "progress": set(),
     "least_squares": {"numpy"},
     "lazy": set(),

@@ -49,6 +49,9 @@ def test_a_body_that_knows_its_mirror_predicts_what_it_sees_in_it():
     true = nico.ground_truth.mirror(view.X_BM)
     model = model_before({"glass": true})
     with Watching(model, IMPERFECTIONS["clean"], 3, mirror=("glass", None)) as watching:
+        watching.go_into_view()
+        shown = watching.show()
+        assert np.isfinite(shown[:2]).all()
         errors = np.array(watching.visit_random_poses(2))
     assert errors.shape == (2, 4)
     assert np.isfinite(errors[:, 2:]).any()

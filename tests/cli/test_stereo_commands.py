@@ -48,7 +48,11 @@ def refused(command, folder, tmp_path, *words):
     done = command("calibrate", "stereo", folder, *(words or BOARD), "--out", out)
     assert done.returncode == 2, done.stdout + done.stderr
     assert not out.exists()
-    lines = [line for line in done.stderr.strip().splitlines() if "warning:" not in line and not line.endswith(": done")]
+    lines = [
+        line
+        for line in done.stderr.strip().splitlines()
+        if "warning:" not in line and not line.endswith(": done")
+    ]
     assert len(lines) == 1
     return lines[0]
 

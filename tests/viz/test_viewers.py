@@ -7,13 +7,17 @@ import subprocess
 import sys
 import threading
 import time
+import urllib.error
+import urllib.request
 
 import numpy as np
 import pytest
 import zmq
+from pydrake.geometry import Meshcat, MeshcatParams
 
 from nico_selfmodel.errors import SelfModelError
 from nico_selfmodel.viz.live.drake_backend import draw_in_drake, static_html
+from nico_selfmodel.viz.live.live_page import LivePage, opened
 from nico_selfmodel.viz.live.meshcat_backend import publish
 from nico_selfmodel.viz.scene.arm_scene import calibration_scene
 from nico_selfmodel.viz.scene.scene import ROOT, Camera, Scene
@@ -167,3 +171,27 @@ def test_a_server_that_refuses_a_command_is_an_error(everything, impostor):
 def test_a_server_that_dies_on_the_way_is_an_error_and_no_hang(everything, impostor):
     with pytest.raises(SelfModelError, match="no meshcat server answers"):
         publish(everything, impostor(b"http://x", b"ok"), timeout=0.5)
+
+
+def test_the_live_page_is_drakes_own_with_its_sliders_open_and_hands_on_the_rest():
+    meshcat = Meshcat(MeshcatParams(host="localhost"))
+    with LivePage(meshcat) as page:
+        assert page.url.startswith("http://localhost:")
+
+        def read(path):
+            with urllib.request.urlopen(page.url + path, timeout=10.0) as answer:
+                return answer.read().decode("utf-8")
+
+        shown = read("/")
+        assert f'url = "{meshcat.web_url()}/";' in shown
+        assert "viewer.gui.open();" in shown
+        assert shown.index("viewer.gui.open();") > shown.index("make_connection(url")
+        assert "MeshCat" in read("/meshcat.js")
+        with pytest.raises(urllib.error.HTTPError, match="404"):
+            read("/nothing")
+    with pytest.raises(OSError, match="refused"):
+        urllib.request.urlopen(page.url, timeout=10.0)
+
+
+def test_a_page_that_it_was_not_made_for_stays_as_it_is():
+    assert opened("<p>other</p>", "http://localhost:7000") == "<p>other</p>"

@@ -108,8 +108,7 @@ def body(
             name=name,
             seed=seed,
         )
-        verdict = judge(found, require_test_mm, require_test_px)
-        document = stamped(to_json(found, verdict))
+        document = stamped(to_json(found, judge(found, require_test_mm, require_test_px)))
         progress("learning", 1, 1)
         progress("writing the result", 0, 1)
         report = NoReport(document)

@@ -16,6 +16,8 @@ def motion_capture(
         int, typer.Option("--repeats", min=2, help="Random subsets of the repeat test.")
     ] = 100,
     seed: options.FirstSeed = 0,
+    processes: options.Processes = 1,
+    dask: options.Dask = None,
     force: options.Force = False,
     as_json: options.AsJson = False,
 ) -> None:
@@ -23,6 +25,7 @@ def motion_capture(
     from nico_selfmodel.experiments.motion_capture import run_motion_capture
     from nico_selfmodel.experiments.motion_capture_report import report_of
     from nico_selfmodel.files.whole import refuse_folder
+    from nico_selfmodel.parallel import Workers
     from nico_selfmodel.plant import ArmDescription
     from nico_selfmodel.systems.simulated.imperfections import imperfections_named
 
@@ -36,5 +39,6 @@ def motion_capture(
             repeats=repeats,
             seed=seed,
             progress=progress,
+            workers=Workers(processes, dask),
         )
     finish(report_of(results), out, force, as_json)

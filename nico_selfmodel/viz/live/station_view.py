@@ -100,7 +100,8 @@ class StationView:
     def _scene(self, body: list[Item]) -> Scene:
         items: list[Item] = [*body]
         for side, plane in self._planes.items():
-            items += camera_items(side, plane, None)
+            # Its screen says which it is; the name on the image would be read from behind.
+            items += [i for i in camera_items(side, plane, None) if not i.path.endswith("/name")]
         items += [_ball("hand/tracked", TRACKED, 1.0), _ball("hand/predicted", PREDICTED, 0.8)]
         items += [item for screen in self._screens.values() for item in screen.frame_items()]
         last = self._screens[SIDES[1]]

@@ -17,7 +17,9 @@ from nico_selfmodel.viz.scene.scene_items import Item, Segments, Triad
 
 _NEAR = 2.0
 """W itself is shown where it lies within this many sizes of the data."""
-_ASPECT, _MARGIN = 1.5, 1.06
+ASPECT = 1.5
+"""Of the window that first views are made for: width over height."""
+_MARGIN = 1.06
 _TURN, _ELEVATION = np.radians(25.0), np.radians(22.0)
 
 
@@ -125,7 +127,7 @@ def camera_from(points: NDArray, azimuth: float, elevation: float = _ELEVATION) 
     away = np.cos(elevation) * np.array([right[1], -right[0], np.tan(elevation)])
     axes = np.stack([right, np.cross(away, right), away], axis=1)
     x, y, z = (points @ axes).T
-    half = np.tan(0.5 * FIELD_OF_VIEW) * np.array([_ASPECT, 1.0])
+    half = np.tan(0.5 * FIELD_OF_VIEW) * np.array([ASPECT, 1.0])
     # Seen from a distance d above c, a point is inside where |x - c| <= half * (d - z).
     above = np.array([np.max(s + h * z) for s, h in zip((x, y), half, strict=True)])
     below = np.array([np.max(h * z - s) for s, h in zip((x, y), half, strict=True)])
