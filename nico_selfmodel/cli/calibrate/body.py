@@ -113,8 +113,7 @@ def body(
         progress("writing the result", 0, 1)
         report = NoReport(document)
         if not no_report:
-            # Drawing is slow to load, and only needed once there is something to draw.
-            from nico_selfmodel.viz.reports.body import body_report
+            from nico_selfmodel.viz.reports.body import body_report  # slow to load
 
             report = body_report(found, document)
         write_with_report(out, found.model, report, force=force)
