@@ -128,7 +128,13 @@ def _entries(content: dict[str, Any], key: str, path: Path) -> list[Any]:
     entries = content.get(key)
     if not isinstance(entries, list) or not entries:
         raise DataError(f"{path}: {key!r} must be a list with an entry each, got {shown(entries)}")
-    return entries
+    # YAML 1.1 reads a bare `on` as true.
+    return [
+        {"on" if name is True else name: value for name, value in entry.items()}
+        if isinstance(entry, dict)
+        else entry
+        for entry in entries
+    ]
 
 
 def _read_joints(table: CsvTable, joints: Sequence[LinkJoint]) -> tuple[NDArray, NDArray]:

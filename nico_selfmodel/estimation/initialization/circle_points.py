@@ -176,6 +176,8 @@ def _fit_sweeps(
                 circle = circle_with_angles(points[inliers], angles[inliers], sigma=1.0)
         except ValueError:
             continue
+        if np.ptp(angles[inliers]) == 0.0:
+            continue  # only outliers were read elsewhere: nothing tells how far the joint turned
         slope, weight = _slope(circle, points[inliers], angles[inliers])
         fits.append(SweepCircle(joint, rows, circle, inliers, slope, weight))
     return fits
