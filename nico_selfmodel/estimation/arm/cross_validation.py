@@ -5,9 +5,10 @@ from numpy.typing import NDArray
 
 from nico_selfmodel.estimation.noise.arm_solution import ArmSolution, Linearised
 from nico_selfmodel.estimation.noise.pose_refinement import PoseWhitened, arm_program
+from nico_selfmodel.estimation.noise.pose_sums import PoseSums
 from nico_selfmodel.estimation.observations.hand_residuals import DhResiduals
 from nico_selfmodel.estimation.observations.observations import Observations
-from nico_selfmodel.estimation.results.folds import FOLDS, fold_of, splits
+from nico_selfmodel.estimation.results.folds import FOLDS, splits
 from nico_selfmodel.model.arm.dh_parameters import DhParameters
 
 _LARGEST_STEP = 0.3
@@ -30,32 +31,28 @@ def cross_validate(observations: Observations, solved: ArmSolution, folds: int =
     """
     if solved.noise is None:
         return np.zeros(0)
-    linear = Linearised.at(observations, solved.parameters, ~solved.outliers, solved.noise)
-    groups = linear.whitening.groups
-    U = linear.weights * linear.columns(solved.free)
-    u = linear.weights[:, 0] * linear.whitened_residuals
-    size = np.linalg.norm(U, axis=0)
-    size = np.where(size > 0.0, size, 1.0)
-    fold_of_visit = fold_of(groups.place, folds)
-    fold_of_row = fold_of_visit[groups.pose]
-    fewest = min((int(rest.sum()) for rest, _ in splits(fold_of_row)), default=0)
-    if fold_of_visit.max(initial=0) < folds - 1 or 3 * fewest <= len(solved.free):
+    sums = PoseSums.of(
+        observations, solved.parameters, solved.free, ~solved.outliers, solved.noise, folds
+    )
+    inliers, fold = observations.select(~solved.outliers), sums.fold
+    fewest = min((int(rest.sum()) for rest, _ in splits(fold)), default=0)
+    if fold.max(initial=0) < folds - 1 or 3 * fewest <= len(solved.free):
         return np.zeros(0)
-    fold = np.repeat(fold_of_visit, len(u) // groups.poses)
-    inliers = observations.select(groups.rows)
-    chosen = [i for i, name in enumerate(linear.names) if name in solved.free]
+    size = np.sqrt(np.diag(sums.H.sum(axis=0)))
+    size = np.where(size > 0.0, size, 1.0)
+    chosen = [i for i, name in enumerate(solved.parameters.names) if name in solved.free]
     errors = np.zeros(len(inliers))
     for k in range(folds):
-        rest = U[fold != k] / size
-        step = -np.linalg.lstsq(rest.T @ rest, (U[fold == k] / size).T @ u[fold == k], 1e-10)[0]
+        rest = (sums.H[:k].sum(axis=0) + sums.H[k + 1 :].sum(axis=0)) / np.outer(size, size)
+        step = -np.linalg.lstsq(rest, sums.g[k] / size, 1e-10)[0]
         values = solved.parameters.values.copy()
         values[chosen] += step / size
         parameters = solved.parameters.with_values(values)
-        if np.sqrt(np.mean((rest @ step) ** 2)) > _LARGEST_STEP:
-            parameters = _refit(inliers.select(fold_of_row != k), parameters, solved)
-        left = inliers.select(fold_of_row == k)
-        predicted = parameters.predict(left.angles, left.marker)[0]
-        errors[fold_of_row == k] = np.linalg.norm(predicted - left.p_WH, axis=1)
+        if step @ rest @ step > _LARGEST_STEP**2 * sums.coordinates[np.arange(folds) != k].sum():
+            parameters = _refit(inliers.select(fold != k), parameters, solved)
+        left = inliers.select(fold == k)
+        predicted = parameters.points(left.angles, left.marker)
+        errors[fold == k] = np.linalg.norm(predicted - left.p_WH, axis=1)
     return errors
 
 

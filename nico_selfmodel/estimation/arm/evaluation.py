@@ -22,6 +22,9 @@ from nico_selfmodel.optimization.robust_solve import OUTLIER_AT
 _ROUNDING_M = 1e-9
 """Errors below this are rounding, not noise [m]."""
 
+_PIECE = 4000
+"""Rows that are predicted at once: their derivatives take a hundred times as much memory."""
+
 
 @dataclass(frozen=True, eq=False)
 class Evaluation:
@@ -84,9 +87,15 @@ def evaluate(model: SelfModel, dataset: Dataset) -> Evaluation:
         )
     observations = Observations.from_dataset(dataset, model.markers)
     readings = dataset.encoders[observations.rows][:, columns]
-    prediction = model.predict(readings, observations.marker)
-    expected = expected_covariance(model, readings, observations.marker, prediction.covariance)
-    return Evaluation(observations, prediction.p_WH, expected)
+    points, covariances = [], []
+    for first in range(0, len(readings), _PIECE):
+        own, marker = readings[first : first + _PIECE], observations.marker[first : first + _PIECE]
+        prediction = model.predict(own, marker)
+        points.append(prediction.p_WH)
+        covariances.append(expected_covariance(model, own, marker, prediction.covariance))
+    known = covariances[0] is not None
+    expected = np.concatenate(covariances) if known else None
+    return Evaluation(observations, np.concatenate(points), expected)
 
 
 def expected_covariance(

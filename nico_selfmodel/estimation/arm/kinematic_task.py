@@ -33,6 +33,11 @@ from nico_selfmodel.model.arm.dh_parameters import DhParameters
 from nico_selfmodel.names import listed
 
 _ASSUMED_SIGMA = 1e-3
+MOST_ROWS = 2000
+"""Rows up to which everything is done on all of them. Of more a sample finds the minimum and the
+noise, to 2 %; all rows then decide parameters, outliers and what is known of them."""
+_OF_A_MARKER, _RUN = 50, 100
+"""Least poses of a marker in a sample, and length of a run of visits."""
 _WITHOUT_SWEEPS = 6
 """Without sweeps or a robot every start is random: this many times as many are allowed."""
 
@@ -53,6 +58,10 @@ class KinematicTask:
     seed: int
     few: Observations
     """The part of the observations on which starts are tried."""
+    sample: Observations
+    """The part that tells minimum and noise: whole poses at random, or all there is."""
+    witnesses: NDArray
+    """Rows that are asked what the model lacks: visits in runs, in the order of time. (K,)."""
 
     @classmethod
     def prepare(
@@ -106,7 +115,14 @@ class KinematicTask:
             starts,
             seed,
             few_rows(observations, seed),
+            _sample(observations, seed),
+            _witnesses(observations),
         )
+
+    @property
+    def sampled(self) -> bool:
+        """Whether there are more poses than one sample needs."""
+        return len(self.sample) < len(self.observations)
 
     def starts(self) -> Iterator[tuple[str, ArmEstimate]]:
         """Yield labelled starts, the most trusted first."""
@@ -203,6 +219,30 @@ class KinematicTask:
                 f"give {3 * len(observations)} equations for {unknown} parameters: record at "
                 f"least {-(-unknown // 3)} points, or pin parameters"
             )
+
+
+def _sample(observations: Observations, seed: int) -> Observations:
+    """Return whole poses at random, some of every marker among them."""
+    if len(observations) <= MOST_ROWS:
+        return observations
+    rng = np.random.default_rng((seed, 3))
+    share = MOST_ROWS / len(observations)
+    chosen = np.zeros(len(observations), dtype=bool)
+    for marker in range(len(observations.markers)):
+        poses = np.unique(observations.pose[observations.marker == marker])
+        count = max(round(share * len(poses)), _OF_A_MARKER)
+        chosen |= np.isin(observations.pose, rng.permutation(poses)[:count])
+    return observations.select(chosen)
+
+
+def _witnesses(observations: Observations) -> NDArray:
+    """Return the rows of runs of successive visits, evenly over the recording."""
+    visits = np.unique(observations.visit)
+    if len(visits) <= MOST_ROWS:
+        return np.arange(len(observations))
+    starts = np.linspace(0, len(visits) - _RUN, MOST_ROWS // _RUN).astype(int)
+    chosen = visits[np.unique(starts[:, None] + np.arange(_RUN))]
+    return np.flatnonzero(np.isin(observations.visit, chosen))
 
 
 def sweeps_of(dataset: Dataset, observations: Observations) -> list[Sweep]:

@@ -4,7 +4,7 @@ The thesis' sections 6.2.1-6.2.3 with the corrections of `docs/thesis.md`.
 """
 
 import time
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -48,6 +48,7 @@ from nico_selfmodel.estimation.initialization.start_search import (
 )
 from nico_selfmodel.estimation.noise.arm_solution import ArmSolution, Linearised
 from nico_selfmodel.estimation.noise.pose_noise import PoseNoise
+from nico_selfmodel.estimation.noise.pose_sums import refine_on_all
 from nico_selfmodel.estimation.results.fixed_parameters import FixedParameters
 from nico_selfmodel.model.arm.dh_table import DhTable
 from nico_selfmodel.model.self_model import SelfModel
@@ -166,11 +167,13 @@ def calibrate_kinematics(
         task.require_enough(pins)
         loss = loss if task.redundant else "none"
         search = search_starts(
-            task.observations, task.few, task.starts(), task.gear_pinned, task.sigma, loss
+            task.sample, task.few, task.starts(), task.gear_pinned, task.sigma, loss
         )
         solved = _refined(task, search.best, pins, loss)
-        unseen = cross_validate(task.observations, solved)
         contradicted = _contradicted_parameters(task, search.best, solved, pins)
+        if task.sampled:
+            solved = refine_on_all(task.observations, solved, trim=loss != "none")
+        unseen = cross_validate(task.observations, solved)
     doubts = _Doubts.of(task, solved)
     causes = Causes()
     if search is not None and explain and task.redundant:
@@ -218,7 +221,7 @@ def _refined(
         if pinned
     )
     held = Held(pins, _nominal_values(task.nominal, pins), gears)
-    return refine_named(task.observations, parameters, held, best.robust, task.sigma, loss)
+    return refine_named(task.sample, parameters, held, best.robust, task.sigma, loss)
 
 
 @dataclass(frozen=True, eq=False)
@@ -232,10 +235,15 @@ class _Doubts:
 
     @classmethod
     def of(cls, task: KinematicTask, solved: ArmSolution) -> "_Doubts":
-        if solved.noise is None or solved.uncertainty is None or not task.redundant:
+        noise = solved.noise
+        if noise is None or solved.uncertainty is None or not task.redundant:
             return cls()
-        observations = task.observations
-        linear = Linearised.at(observations, solved.parameters, ~solved.outliers, solved.noise)
+        observations, outliers = task.observations, solved.outliers
+        apart = outliers_in_time(observations, outliers)
+        if task.sampled:
+            observations = observations.select(task.witnesses)
+            solved = replace(solved, outliers=outliers[task.witnesses])
+        linear = Linearised.at(observations, solved.parameters, ~solved.outliers, noise)
         test = ScoreTest.at(linear, solved.free)
         joints = zip(observations.joints, task.gear_known & task.gear_pinned, strict=True)
         held = frozenset(f"{joint}.gear" for joint, known in joints if known) - solved.free
@@ -248,7 +256,7 @@ class _Doubts:
             patterns,
             _notable(
                 change_in_time(observations, solved, known, patterns),
-                outliers_in_time(observations, solved.outliers),
+                apart,
             ),
             lag_in_time(observations, solved.parameters, test),
         )
@@ -301,7 +309,7 @@ def _contradicted_parameters(
     joints = zip(task.observations.joints, task.gear_known, strict=True)
     by_unit = frozenset(f"{joint}.gear" for joint, known in joints if known)
     return contradicted_parameters(
-        task.observations,
+        task.sample,
         task.parameters_of(best.arm),
         solved,
         frozenset(pins.pinned) - by_unit,

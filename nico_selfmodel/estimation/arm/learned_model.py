@@ -67,7 +67,7 @@ def training_of(
     """
     inliers = observations.select(~solved.outliers)
     if not len(unseen):
-        predicted = solved.parameters.predict(inliers.angles, inliers.marker)[0]
+        predicted = solved.parameters.points(inliers.angles, inliers.marker)
         unseen = np.linalg.norm(predicted - inliers.p_WH, axis=1)
     swept = dataset.sweep[inliers.rows] != ""
     errors = inliers.by_pose(unseen, swept if swept.all() else ~swept)

@@ -21,8 +21,10 @@ from nico_selfmodel.estimation.initialization.start_search import (
     few_rows,
     refine_lines,
 )
+from nico_selfmodel.estimation.observations.arm_estimate import ArmEstimate
 from nico_selfmodel.estimation.observations.observations import Observations
 from nico_selfmodel.estimation.results.verdict import MOST_OUTLIERS
+from nico_selfmodel.optimization.losses import robust_scale
 
 _STARTS = 10
 _STARTS_AT_A_GAP = 30
@@ -115,6 +117,8 @@ def causes_of_misfit(
     held, robust = gear_pinned & gear_known, "none" if loss == "none" else "cauchy"
     searched = unexplained > _WORTH_A_SEARCH or before.wrong > MOST_OUTLIERS
     left = _MOST_STARTS
+    # What a start leaves falls little any more when it is refined.
+    worst = before.noise * (1.0 if bad and before.wrong <= _MANY_OUTLIERS else _BETTER)
     worth = _Worth.NEIGHBOURS if unexplained > _WORTH_A_LOOK else _Worth.GAPS
     worth = _Worth.EVERYTHING if searched else worth
     for suspicion in _suspicions(observations, gear_pinned, held, worth):
@@ -126,6 +130,8 @@ def causes_of_misfit(
             return Causes(stopped_after=_MOST_STARTS)
         for start in islice(drawn, min(suspicion.starts, left)):
             left -= 1
+            if _left_by(start, mended) > worst:
+                continue
             found = refine_lines(mended, start, pinned, sigma, robust, rough=True)
             after = _Misfit.of(found, sigma)
             reached += after.explains(before, observations.size, lonely=not bad)
@@ -135,6 +141,12 @@ def causes_of_misfit(
                 words = f"{suspicion.words}{asked}; then {after} remain instead of {before}"
                 return Causes((words if bad else f"{suspicion.words}; then the starts agree",))
     return Causes()
+
+
+def _left_by(start: ArmEstimate, observations: Observations) -> float:
+    """Return the standard deviation of an inlier coordinate about a start [m]."""
+    predicted = start.predict(observations.angles, observations.marker)
+    return robust_scale(np.linalg.norm(predicted - observations.p_WH, axis=1), 3)
 
 
 @dataclass(frozen=True)

@@ -16,7 +16,9 @@ LARGEST_CHANCE = 1e-3
 _FEWEST, _MARGIN = 4, 3
 """Visits with outliers below which nothing gathers, and visits on either side of a split."""
 _ORDERS = 4000
-"""Random orders that are drawn."""
+"""Random orders that are drawn ..."""
+_AT_ONCE = 200
+"""... so many at a time, until chance is seen to do it too."""
 _MOST_VISITS = 2000
 """Visits beyond which nobody asks: so many random orders cost more than they tell."""
 
@@ -37,10 +39,13 @@ def outliers_in_time(observations: Observations, outliers: NDArray) -> Change | 
     if not _FEWEST <= wrong.sum() <= len(wrong) - _FEWEST or len(wrong) > _MOST_VISITS:
         return None
     found, at = _excess(wrong[None])
-    orders = np.random.default_rng(0).permuted(np.tile(wrong, (_ORDERS, 1)), axis=1)
-    chance = (1.0 + np.sum(_excess(orders)[0] >= found[0])) / (1.0 + _ORDERS)
-    if chance > LARGEST_CHANCE:
-        return None
+    rng, beyond, chance = np.random.default_rng(0), 0, 0.0
+    for _ in range(_ORDERS // _AT_ONCE):
+        orders = rng.permuted(np.tile(wrong, (_AT_ONCE, 1)), axis=1)
+        beyond += int(np.sum(_excess(orders)[0] >= found[0]))
+        chance = (1.0 + beyond) / (1.0 + _ORDERS)
+        if chance > LARGEST_CHANCE:  # more orders can only add to it
+            return None
     late = observations.visit > visits[at[0]]
     before = wrong[: at[0] + 1].mean() > wrong[at[0] + 1 :].mean()
     inside = outliers & ~late if before else outliers & late

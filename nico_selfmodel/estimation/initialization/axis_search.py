@@ -8,7 +8,6 @@ seven joints of a Franka arm with 80 poses.
 """
 
 from collections.abc import Iterator
-from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -114,9 +113,11 @@ def project_variables(
             break
         before = scale
         weights = Loss("cauchy", scale).rho_and_weight(norms**2, 3)[1]
-    chain = problem.solve(directions, gear, weights)[0]
-    moved = replace(chain, points=chain.points + middle, p_WH_zero=chain.p_WH_zero + middle)
-    return ArmEstimate(moved, gear, zero)
+    points, hands = problem.solve(directions, gear, weights)[0]
+    chain = Chain(
+        observations.joints, directions, points + middle, observations.markers, hands + middle
+    )
+    return ArmEstimate(chain, gear, zero)
 
 
 def _at(
@@ -144,8 +145,11 @@ class _Projection:
 
     def solve(
         self, directions: NDArray, gear: NDArray, weights: NDArray
-    ) -> tuple[Chain, NDArray, NDArray, NDArray]:
-        """Return chain, residuals (3, N), basis of the design (3N, 2n + 3m), carried rotations."""
+    ) -> tuple[tuple[NDArray, NDArray], NDArray, NDArray, NDArray]:
+        """Return axis points (n, 3) and hands (m, 3), residuals, basis of the design, rotations.
+
+        Shapes (3, N), (3N, 2n + 3m) and (n + 1, 3, 3, N), the rotations those that are carried.
+        """
         n, count, basis = len(gear), len(self._observations), tangent_basis(directions)
         carried = carried_rotations(directions, self._moved / gear[:, None])
         by_point = np.swapaxes(basis, 1, 2)[:, None] @ (carried[:-1] - carried[1:])
@@ -163,16 +167,8 @@ class _Projection:
         else:
             solution = np.linalg.lstsq(weighted, target, rcond=1e-10)[0]
         points = np.einsum("nij,nj->ni", basis, solution[: 2 * n].reshape(n, 2))
-        observations = self._observations
-        chain = Chain(
-            observations.joints,
-            directions,
-            points,
-            observations.markers,
-            solution[2 * n :].reshape(-1, 3),
-        )
-        residuals = np.einsum("ijk,j->ik", design, solution) - self._measured
-        return chain, residuals, basis_of_all, carried
+        residuals = solution @ design - self._measured
+        return (points, solution[2 * n :].reshape(-1, 3)), residuals, basis_of_all, carried
 
     def normal_equations(
         self,
@@ -183,12 +179,12 @@ class _Projection:
         weights: NDArray,
     ) -> NormalEquations:
         """Return the normal equations of directions and log gears, J = (I - Q Q') dr."""
-        chain, residuals, orthonormal, carried = self.solve(directions, gear, weights)
+        (points, hands), residuals, orthonormal, carried = self.solve(directions, gear, weights)
         n, count = len(gear), len(self._observations)
         q = self._moved / gear[:, None]
-        p_zero = chain.p_WH_zero[self._observations.marker].T
+        p_zero = hands[self._observations.marker].T
         basis = tangent_basis(directions)
-        d = hand_derivatives(directions, chain.points, p_zero, q, slopes, basis, carried)
+        d = hand_derivatives(directions, points, p_zero, q, slopes, basis, carried)
         # q = e / G, so dq / d log G = -q
         by_gear = -d.by_angle[:, free] * q[free]
         nonlinear = np.concatenate([d.by_direction.reshape(3, 2 * n, count), by_gear], axis=1)

@@ -146,10 +146,30 @@ def uncertainty_of(
     squares = float(count - len(names)) if variances_known else float(u @ u)
     scales = parameters.scales(observations.size)[own]
     found = Uncertainty.from_jacobian(names, U, scales, squares, count)
-    noise = coordinate_sigma(linear) * (
+    levers = np.mean(np.sum(linear.by_angle**2, axis=1), axis=0)
+    return without_levers(found, parameters, free, coordinate_sigma(linear), levers)
+
+
+def without_levers(
+    found: Uncertainty,
+    parameters: DhParameters,
+    free: frozenset[str],
+    sigma: float,
+    levers: NDArray,
+) -> Uncertainty:
+    """Return an uncertainty that knows which joints turn no tracked point beyond the noise.
+
+    Args:
+        found: By the derivatives alone.
+        parameters: The solution.
+        free: Parameters that were estimated.
+        sigma: Standard deviation of a coordinate, before its variance factor [m].
+        levers: Mean square distance of the tracked points from each axis [m^2]. Shape (n,).
+    """
+    noise = sigma * (
         float(np.sqrt(found.variance_factor)) if np.isfinite(found.variance_factor) else 1.0
     )
-    for unobservable in _levers_of_noise(linear, parameters, free, noise):
+    for unobservable in _levers_of_noise(np.sqrt(levers), parameters, free, noise):
         if not any(set(unobservable) & set(direction.names) for direction in found.unobservable):
             found = found.with_unobservable(unobservable)
         else:
@@ -167,14 +187,13 @@ def coordinate_sigma(linear: Linearised) -> float:
 
 
 def _levers_of_noise(
-    linear: Linearised, parameters: DhParameters, free: frozenset[str], noise: float
+    levers: NDArray, parameters: DhParameters, free: frozenset[str], noise: float
 ) -> list[tuple[str, ...]]:
     """Return zero and gear of joints whose turning moves no tracked point beyond the noise.
 
     Such a point circles in its own noise: a gear fits it, with a sigma that means nothing.
     """
     found = []
-    levers = np.sqrt(np.mean(np.sum(linear.by_angle**2, axis=1), axis=0))
     for joint, lever in zip(parameters.table.joints, levers.tolist(), strict=True):
         names = tuple(n for n in (f"{joint}.gear", f"{joint}.theta_offset") if n in free)
         if names and lever < _LEAST_LEVER * noise:

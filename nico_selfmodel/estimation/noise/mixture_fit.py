@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 
 from nico_selfmodel.estimation.noise.hand_noise import HandNoise
 from nico_selfmodel.estimation.noise.mixture_density import core_and_tail
+from nico_selfmodel.geometry.small_matrices import inverse_and_log_determinant
 from nico_selfmodel.model.noise_mixture import LARGEST_JOINT, LARGEST_SHARE, NoiseMixture
 
 _WIDER = 4.0
@@ -117,11 +118,11 @@ def _round(
     poses: _Poses, noise: NoiseMixture, limits: tuple[float, float]
 ) -> tuple[float, NoiseMixture]:
     """Return the logarithm of the likelihood, and the mixture after one round."""
-    inverse = [np.linalg.inv(poses.whole(part)) for part in core_and_tail(noise)]
-    likelihood, chances = _chances(poses, inverse, noise)
+    inverted = [inverse_and_log_determinant(poses.whole(part)) for part in core_and_tail(noise)]
+    likelihood, chances = _chances(poses, inverted, noise)
     core, tail = (
         _moved(poses, part, own, g)
-        for part, own, g in zip(core_and_tail(noise), inverse, chances, strict=True)
+        for part, (own, _), g in zip(core_and_tail(noise), inverted, chances, strict=True)
     )
     count, noisy = len(poses.residuals), float(chances.sum())
     share = (float(chances[1].sum()) + _PRIOR_TAIL) / (noisy + _PRIOR)
@@ -129,11 +130,13 @@ def _round(
     return likelihood, _mixture(core, tail, (share, false), count, limits)
 
 
-def _chances(poses: _Poses, inverse: list[NDArray], noise: NoiseMixture) -> tuple[float, NDArray]:
+def _chances(
+    poses: _Poses, inverted: list[tuple[NDArray, NDArray]], noise: NoiseMixture
+) -> tuple[float, NDArray]:
     """Return the likelihood's logarithm, and each pose's chance of core and tail. Shape (2, N)."""
     r, dof = poses.residuals, poses.seen.sum(axis=1)
-    squares = np.stack([np.einsum("ni,nij,nj->n", r, own, r) for own in inverse])
-    scale = 0.5 * np.stack([np.linalg.slogdet(own)[1] for own in inverse])
+    squares = np.stack([_squares(own, r) for own, _ in inverted])
+    scale = -0.5 * np.stack([log for _, log in inverted])
     false = -0.5 * np.sum(r * r, axis=1) / poses.spread**2 - dof * np.log(poses.spread)
     false = false + np.log(noise.outlier_share)
     noisy = 1.0 - noise.outlier_share
@@ -148,10 +151,15 @@ def _moved(poses: _Poses, noise: HandNoise, inverse: NDArray, chance: NDArray) -
     w = np.where(poses.seen, (inverse @ poses.residuals[:, :, None])[:, :, 0], 0.0)
     own = np.where(poses.seen, np.diagonal(inverse, axis1=1, axis2=2), 0.0)
     sensor = _ratio(chance @ np.sum(w * w, axis=1), chance @ own.sum(axis=1))
-    pulled = np.einsum("ni,nij,nj->n", w, poses.levers, w)
-    expected = np.einsum("nij,nji->n", inverse, poses.levers)
-    joint = _ratio(chance @ pulled, chance @ expected)
+    pulled = _squares(poses.levers, w)
+    expected = np.einsum("nij,nij->n", inverse, poses.levers)
+    joint = _ratio(float(chance @ pulled), float(chance @ expected))
     return HandNoise(sensor * noise.sensor_sigma, joint * noise.joint_sigma)
+
+
+def _squares(matrices: NDArray, r: NDArray) -> NDArray:
+    """Return r' A r of each pose. Shape (N,)."""
+    return np.sum(np.einsum("nij,nj->ni", matrices, r) * r, axis=1)
 
 
 def _ratio(found: float, expected: float) -> float:

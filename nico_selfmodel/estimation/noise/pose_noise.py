@@ -2,8 +2,8 @@
 
 The residuals of a pose, all its markers stacked, have the covariance S = s^2 I + A D^2 A', with s
 of the sensor, A their derivatives by the joint angles and D the joints' standard deviations. It is
-never formed: with B = A D / s and G = I + B'B = V L V', S^-1 = (I - B G^-1 B') / s^2 and
-S^-1/2 = (I - B V f(L) V' B') / s, f(l) = (1 - l^-1/2) / (l - 1) (Woodbury 1950).
+never formed: with B = A D / s and G = I + B'B, S^-1 = (I - B G^-1 B') / s^2 (Woodbury 1950), and a
+root of it, W'W = S^-1, is W = (I - B X B') / s with X of `whitening_core`.
 """
 
 from dataclasses import dataclass
@@ -14,6 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from nico_selfmodel.estimation.noise.hand_noise import noise_covariance
+from nico_selfmodel.geometry.small_matrices import inverse_and_log_determinant, whitening_core
 from nico_selfmodel.model.self_model import SelfModel
 
 POSE_NOISE = "pose_noise"
@@ -92,6 +93,7 @@ class PoseGroups:
         self._slot[order] = place
         self.poses, self._most = len(counts), int(counts.max(initial=0))
         self.count = len(visit)
+        self._alone = self._most == 1 and bool((of == np.arange(len(of))).all())
 
     def of(self, rows: NDArray) -> NDArray:
         """Return the index of the pose of any rows; the number of poses where none counts.
@@ -105,6 +107,8 @@ class PoseGroups:
 
     def gather(self, values: NDArray) -> NDArray:
         """Return values of rows by pose. Shape (N, k, ...) -> (poses, K, ...), zero where none."""
+        if self._alone:
+            return values[self.rows]
         out = np.zeros((self.poses, self._most, *values.shape[1:]))
         out[self.pose, self._slot] = values[self.rows]
         return out.reshape(self.poses, self._most * self.k, *values.shape[2:])
@@ -118,7 +122,7 @@ class PoseGroups:
 
 
 class PoseWhitening:
-    """S^-1/2 and S^-1 of all poses, frozen at one state of the arm and one noise."""
+    """S^-1 of all poses and a root W of it, frozen at one state of the arm and one noise."""
 
     def __init__(
         self,
@@ -149,23 +153,30 @@ class PoseWhitening:
     @cached_property
     def G_inverse(self) -> NDArray:
         """Covariance of each pose's joint errors in their standard deviations, given its rows."""
-        return np.linalg.inv(self.G)
+        return self._inverted[0]
+
+    @cached_property
+    def _inverted(self) -> tuple[NDArray, NDArray]:
+        return inverse_and_log_determinant(self.G)
 
     @cached_property
     def _root(self) -> NDArray:
-        values, vectors = np.linalg.eigh(self.G)
-        spread = np.sqrt(np.maximum(values, 1.0))
-        # (1 - 1 / s) / (s^2 - 1) = 1 / (s (s + 1)), without the loss of digits at s = 1
-        weights = 1.0 / (spread * (spread + 1.0))
-        return (vectors * weights[:, None, :]) @ np.swapaxes(vectors, 1, 2)
+        return whitening_core(self.G)
 
     def root(self, x: NDArray) -> NDArray:
-        """Return S^-1/2 x by pose. Shape (poses, K, m) -> the same."""
+        """Return W x by pose, W'W = S^-1. Shape (poses, K, m) -> the same."""
         return (x - self.B @ (self._root @ (self._across @ x))) / self.noise.sensor_sigma
 
-    def inverse(self, x: NDArray) -> NDArray:
-        """Return S^-1 x by pose. Shape (poses, K, m) -> the same."""
-        less = self.B @ (self.G_inverse @ (self._across @ x))
+    def inverse(self, x: NDArray, along: NDArray | None = None) -> NDArray:
+        """Return S^-1 x by pose.
+
+        Args:
+            x: Shape (poses, K, m).
+            along: A'x of the levers A, where it is known already. Shape (poses, n, m).
+        """
+        scale = self.noise.joint_sigma / self.noise.sensor_sigma
+        inner = self._across @ x if along is None else scale[:, None] * along
+        less = self.B @ (self.G_inverse @ inner)
         return (x - less) / self.noise.sensor_sigma**2
 
     @cached_property
@@ -198,7 +209,7 @@ class PoseWhitening:
         """Logarithm of |S| of all coordinates that count."""
         coordinates = len(self.groups.rows) * self.groups.k
         sensor = 2.0 * coordinates * np.log(self.noise.sensor_sigma)
-        return float(sensor + np.sum(np.linalg.slogdet(self.G)[1]))
+        return float(sensor + np.sum(self._inverted[1]))
 
     def whiten(self, residuals: NDArray, jacobian: NDArray) -> tuple[NDArray, NDArray]:
         """Whiten and weigh what a residual block returns.

@@ -21,8 +21,13 @@ from nico_selfmodel.estimation.observations.observations import (
     Observations,
     gears_known,
 )
+from nico_selfmodel.least_squares import (
+    LevenbergMarquardtResult,
+    NormalEquations,
+    levenberg_marquardt,
+)
 from nico_selfmodel.model.arm.dh_parameters import DhParameters
-from nico_selfmodel.optimization.calibration_program import CalibrationProgram, ProgramSolution
+from nico_selfmodel.optimization.calibration_program import CalibrationProgram
 from nico_selfmodel.optimization.residual_block import ResidualBlock
 from nico_selfmodel.optimization.robust_solve import OUTLIER_AT
 
@@ -108,7 +113,9 @@ def counting_variance(observations: Observations, gear: NDArray) -> NDArray:
     return np.where(gears_known(observations.units), 0.0, step**2 / 12.0)
 
 
-def conditional_distances(linear: Linearised, free: frozenset[str], keep: NDArray) -> NDArray:
+def conditional_distances(
+    linear: Linearised, free: frozenset[str], keep: NDArray, covariance: NDArray | None = None
+) -> NDArray:
     """Return how far each row is from what the model and the rest of its pose let expect.
 
     For rows in the fit, with P = S^-1 - S^-1 J C J' S^-1, the squared distance e' P_ii^-1 e of
@@ -119,6 +126,7 @@ def conditional_distances(linear: Linearised, free: frozenset[str], keep: NDArra
         linear: Residuals at the solution.
         free: Parameters that were estimated.
         keep: Rows in the fit. Boolean, shape (N,).
+        covariance: C, where more rows than these tell it. Shape (k, k).
 
     Returns:
         Chi square of three coordinates where a row is sound. Shape (N,).
@@ -128,8 +136,11 @@ def conditional_distances(linear: Linearised, free: frozenset[str], keep: NDArra
     J = linear.jacobian[:, :, columns]
     size = np.sqrt(np.maximum(np.sum(J**2, axis=(0, 1)), np.finfo(float).tiny))
     J = J / size
-    U = linear.weights * linear.whitened(J)
-    C = np.linalg.pinv(U.T @ U, rcond=1e-10, hermitian=True)
+    if covariance is None:
+        U = linear.weights * linear.whitened(J)
+        C = np.linalg.pinv(U.T @ U, rcond=1e-10, hermitian=True)
+    else:
+        C = covariance * np.outer(size, size)
     out = np.zeros(len(keep))
     groups = whitening.groups
     both = np.concatenate([linear.residuals[:, :, None], J], axis=2)
@@ -149,6 +160,25 @@ def conditional_distances(linear: Linearised, free: frozenset[str], keep: NDArra
         spread = noise.sensor_sigma**2 * np.eye(3) + A @ G[pose] @ np.swapaxes(A, 1, 2)
         out[~keep] = _squares(spread + J[~keep] @ C @ np.swapaxes(J[~keep], 1, 2), r)
     return out
+
+
+def worst_of_visits(distances: NDArray, before: NDArray, visit: NDArray) -> NDArray:
+    """Return which rows are outliers: of several in one visit only the worst is new.
+
+    It may have drawn the others along.
+
+    Args:
+        distances: `conditional_distances`. Shape (N,).
+        before: Outlier rows so far. Boolean, shape (N,).
+        visit: Number of each row's visit. Shape (N,).
+    """
+    found = distances > OUTLIER_AT**2
+    new = np.flatnonzero(found & ~before)
+    worst = new[np.argsort(-distances[new], kind="stable")]
+    first = np.unique(visit[worst], return_index=True)[1]
+    found[new] = False
+    found[worst[first]] = True
+    return found
 
 
 def _squares(matrix: NDArray, e: NDArray) -> NDArray:
@@ -174,9 +204,7 @@ class _Refinement:
         self.observations, self.parameters, self.free = observations, start, free
         self.columns = [i for i, name in enumerate(start.names) if name in free]
         self.noise = PoseNoise(max(sigma, _LEAST_SENSOR), np.zeros(len(start.servos.gear)))
-        self.block = DhResiduals(observations, start, 1.0)
-        self.program: CalibrationProgram | None = None
-        self.last: ProgramSolution | None = None
+        self.last: LevenbergMarquardtResult | None = None
         self.iterations = 0
         self.variances_known = False
 
@@ -213,28 +241,33 @@ class _Refinement:
 
     def step(self, *, last: bool) -> None:
         """Solve with the whitening as it is, which will change; the last time to the end."""
-        block = PoseWhitened(self.block, self.linear.whitening)
-        program = arm_program(block, self.parameters, self.free)
-        steps = _STEPS if last else _STEPS_BETWEEN
-        self.last = program.solve(tolerance=1e-7, max_iterations=steps)
+        observations, whitening = self.observations, self.linear.whitening
+        groups, values = whitening.groups, self.parameters.values
+        weight = np.sqrt(groups.weight)[:, None, None]
+
+        def evaluate(x: NDArray) -> NormalEquations:
+            values[self.columns] = x
+            arm = self.parameters.with_values(values)
+            p, jacobian = arm.predict(observations.angles, observations.marker)
+            missed = (p - observations.p_WH)[:, :, None]
+            both = np.concatenate([missed, jacobian[:, :, self.columns]], axis=2)
+            white = (weight * whitening.root(groups.gather(both))).reshape(-1, both.shape[2])
+            sums = white.T @ white
+            return 0.5 * float(sums[0, 0]), sums[1:, 0], sums[1:, 1:]
+
+        limit = _STEPS if last else _STEPS_BETWEEN
+        start = values[self.columns]
+        self.last = levenberg_marquardt(evaluate, start, tolerance=1e-7, max_iterations=limit)
         self.iterations += self.last.iterations
-        self.parameters = self.parameters.with_values(self.last.x)
+        values[self.columns] = self.last.x
+        self.parameters = self.parameters.with_values(values)
 
     def outliers(self, before: NDArray) -> NDArray:
-        """Return rows that neither model, nor noise, nor what else is seen of their pose explains.
-
-        Of several in one pose only the worst is new: it may have drawn the others along.
-        """
+        """Return rows that neither model, nor noise, nor the rest of their pose explains."""
         if not self.variances_known:
             return before
         distances = conditional_distances(self.linear, self.free, ~before)
-        found = distances > OUTLIER_AT**2
-        new = np.flatnonzero(found & ~before)
-        worst = new[np.argsort(-distances[new], kind="stable")]
-        first = np.unique(self.observations.visit[worst], return_index=True)[1]
-        found[new] = False
-        found[worst[first]] = True
-        return found
+        return worst_of_visits(distances, before, self.observations.visit)
 
     def solution(self, outliers: NDArray) -> ArmSolution:
         """Return what was found."""

@@ -111,6 +111,12 @@ class DhParameters:
         offset = theta_offset + gear * t.theta_zero
         return DhParameters(table, replace(self.servos, offset=offset, gear=gear), base[3:])
 
+    def points(self, encoder_angles: NDArray, marker: NDArray) -> NDArray:
+        """Predict tracked points alone, as `predict` does. Shape (N, 3)."""
+        q = (encoder_angles - self.servos.offset) / self.servos.gear
+        X_WN = self.table.frames(q)[-1]
+        return np.einsum("kij,kj->ki", X_WN[:, :3, :3], self.table.p_NH[marker]) + X_WN[:, :3, 3]
+
     def predict(self, encoder_angles: NDArray, marker: NDArray) -> tuple[NDArray, NDArray]:
         """Predict tracked points with their derivatives by every parameter.
 

@@ -1,0 +1,34 @@
+import numpy as np
+import pytest
+
+from nico_selfmodel.geometry.small_matrices import inverse_and_log_determinant, whitening_core
+
+
+def many(n, seed=0):
+    B = np.random.default_rng(seed).normal(size=(50, 6, n))
+    return B, np.eye(n) + np.swapaxes(B, 1, 2) @ B
+
+
+@pytest.mark.parametrize("n", [1, 3, 7])
+def test_inverses_and_determinants_are_numpys(n):
+    matrices = many(n)[1]
+    inverse, log = inverse_and_log_determinant(matrices)
+    np.testing.assert_allclose(inverse, np.linalg.inv(matrices), rtol=1e-9, atol=1e-12)
+    np.testing.assert_allclose(log, np.linalg.slogdet(matrices)[1], rtol=1e-12, atol=1e-12)
+
+
+@pytest.mark.parametrize("n", [1, 4, 7])
+def test_a_whitening_core_whitens(n):
+    B, G = many(n)
+    W = np.eye(6) - B @ whitening_core(G) @ np.swapaxes(B, 1, 2)
+    S = np.eye(6) + B @ np.swapaxes(B, 1, 2)
+    whitened = W @ S @ np.swapaxes(W, 1, 2)
+    np.testing.assert_allclose(whitened, np.broadcast_to(np.eye(6), S.shape), atol=1e-10)
+
+
+def test_matrices_are_left_as_they_were():
+    matrices = many(4)[1]
+    before = matrices.copy()
+    inverse_and_log_determinant(matrices)
+    whitening_core(matrices)
+    np.testing.assert_array_equal(matrices, before)
