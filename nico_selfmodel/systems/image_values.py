@@ -5,6 +5,8 @@ from numpy.typing import NDArray
 from pydrake.common.value import AbstractValue
 from pydrake.systems.sensors import ImageRgba8U
 
+from nico_selfmodel.vision.images.image_array import bgr_of_rgba, rgba_of_bgr
+
 
 def image_value(width: int, height: int) -> AbstractValue:
     """Return a black picture in the form that ports carry."""
@@ -13,11 +15,9 @@ def image_value(width: int, height: int) -> AbstractValue:
 
 def bgr_of(image: ImageRgba8U) -> NDArray:
     """Return a copy of a picture as blue, green, red. Shape (h, w, 3)."""
-    return np.ascontiguousarray(np.asarray(image.data)[:, :, 2::-1])
+    return bgr_of_rgba(np.asarray(image.data))
 
 
 def write_bgr(bgr: NDArray, image: ImageRgba8U) -> None:
     """Write blue, green, red of shape (h, w, 3) into a picture of that size."""
-    data = np.asarray(image.mutable_data)
-    data[:, :, :3] = bgr[:, :, ::-1]
-    data[:, :, 3] = 255
+    np.asarray(image.mutable_data)[:] = rgba_of_bgr(bgr)

@@ -14,7 +14,10 @@ from pydrake.systems.primitives import LogVectorOutput
 from nico_selfmodel.planning.plans import commands_of_angles
 from nico_selfmodel.planning.visible_workspace import VisibleWorkspace
 from nico_selfmodel.systems.stations.nico_station import NicoStation
+from nico_selfmodel.systems.stations.station_body import StationBody
 from nico_selfmodel.systems.tracking.self_model_predictor import SelfModelPredictor
+
+from .timing import best_ratio
 
 FPS = 30.0
 SECONDS = float(os.environ.get("NICO_STATION_SECONDS", "2"))
@@ -49,6 +52,27 @@ def test_a_station_with_tracker_predictor_and_logger_renders_three_pairs_a_secon
     assert pairs / wall >= 3.0
     assert threading.active_count() == threads
     assert open_sockets() == files
+
+
+@pytest.mark.benchmark
+def test_a_picture_takes_little_more_than_rendering_what_is_in_it():
+    with NicoStation("thesis", 1) as nico:
+        body = StationBody(nico, nico.joints, nico.tracked)
+        arm, pose = nico.arm, np.radians([[-30.0, 50.0, 0.0, -70.0]])
+        body.move_and_measure(commands_of_angles(nico.joints, arm.lower, arm.upper, pose)[0])
+        cameras = nico.GetSubsystemByName("cameras")
+        own = cameras.GetMyContextFromRoot(body.context)
+        query = cameras.get_input_port().Eval(own)
+        eye = cameras._StereoCameras__cameras[0]
+        window = eye._pinhole._window(query)
+        assert window[2] - window[0] > 200  # the arm is in view
+        ratio = best_ratio(
+            lambda: cameras._develop(eye.render(query), 0.0, 0),
+            lambda: eye._pinhole._render(query, window),
+            rounds=5,
+        )
+    print(f"{ratio:.2f} times the rendering of {window}")
+    assert ratio <= 1.4
 
 
 def open_sockets():

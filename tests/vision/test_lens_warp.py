@@ -80,3 +80,17 @@ def test_no_sampling_and_too_much_of_it_are_refused():
     for camera, samples in ((CAMERA, 30), (Camera(40.0, 40.0, 320.0, 4.0, (640, 8)), 13)):
         with pytest.raises(ModelError, match="lower the supersampling"):
             LensWarp.from_camera(camera, samples)
+
+
+@pytest.mark.parametrize("window", [(300, 200, 500, 420), (0, 0, 64, 64), (700, 500, 702, 501)])
+@pytest.mark.parametrize("k1", [-0.28, -0.6])
+def test_a_part_of_a_picture_is_bent_as_the_whole_is(window, k1):
+    warp = LensWarp.from_camera(Camera(400.0, 400.0, 199.5, 149.5, (400, 300), k1=k1))
+    color = np.array([90, 100, 110, 255], dtype=np.uint8)
+    whole = np.full((*warp.render_size[::-1], 4), color)
+    left, top, right, bottom = window
+    part = np.random.default_rng(0).integers(
+        0, 256, (bottom - top, right - left, 4), dtype=np.uint8
+    )
+    whole[top:bottom, left:right] = part
+    np.testing.assert_array_equal(warp.apply_to_part(part, window, color), warp.apply(whole))

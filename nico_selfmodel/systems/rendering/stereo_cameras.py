@@ -19,6 +19,7 @@ from nico_selfmodel.systems.closing import Closable
 from nico_selfmodel.systems.image_values import image_value, write_bgr
 from nico_selfmodel.systems.rendering.cropped_render import CroppedRender
 from nico_selfmodel.systems.rendering.mirror_scene import Glass, show_mirrors
+from nico_selfmodel.vision.images.image_array import bgr_of_rgba, sum_of
 from nico_selfmodel.vision.images.lens_warp import LensWarp
 
 RENDERER = "cameras"
@@ -153,21 +154,20 @@ class StereoCameras(Closable, LeafSystem):
         quality = self.quality
         if quality.noise == 0.0 and quality.gain == 1.0 and light.dtype == np.uint8:
             return light
-        picture = quality.gain * light.astype(np.float32)
-        if quality.noise > 0.0:
-            frame = round(time * quality.fps)
-            rng = np.random.default_rng([*self._seed, 12, frame, camera])
-            noise = _noise(picture.size)
-            start = rng.integers(0, len(noise) - picture.size)
-            picture += quality.noise * noise[start : start + picture.size].reshape(picture.shape)
-        return np.clip(np.rint(picture), 0.0, 255.0).astype(np.uint8)
+        if quality.gain != 1.0:
+            light = quality.gain * light.astype(np.float32)
+        frame = round(time * quality.fps)
+        rng = np.random.default_rng([*self._seed, 12, frame, camera])
+        noise = _noise(light.size, quality.noise)
+        start = rng.integers(0, len(noise) - light.size)
+        return sum_of(light, noise[start : start + light.size].reshape(light.shape))
 
 
 @lru_cache(maxsize=2)
-def _noise(size: int) -> NDArray:
-    """Return normal numbers for pictures of a size, each of which takes a part from anywhere."""
+def _noise(size: int, sigma: float) -> NDArray:
+    """Return the noise of pictures of a size, each of which takes a part from anywhere."""
     # Drawing a million numbers anew takes as long as a tenth of the rendering.
-    return np.random.default_rng(12).standard_normal(4 * size, dtype=np.float32)
+    return sigma * np.random.default_rng(12).standard_normal(4 * size, dtype=np.float32)
 
 
 @lru_cache(maxsize=2)
@@ -198,18 +198,19 @@ class _Eye:
     def render(self, query: QueryObject) -> NDArray:
         """Return the bent picture. BGR, shape (h, w, 3)."""
         try:
-            rendered = self._through_pinhole(query)
+            if not self._glasses:
+                bent = self._warp.apply_to_part(*self._pinhole.part(query))
+            else:
+                bent = self._warp.apply(self._with_mirrors(query))
         except RuntimeError as error:
             raise RobotError(
                 f"the cameras cannot render with {self._pinhole.renderer!r}: "
                 f"{' '.join(str(error).split())}"
             ) from error
-        return np.ascontiguousarray(self._warp.apply(rendered)[:, :, 2::-1])
+        return bgr_of_rgba(bent)
 
-    def _through_pinhole(self, query: QueryObject) -> NDArray:
-        """Return what falls through, before the lens bends it. RGBA."""
+    def _with_mirrors(self, query: QueryObject) -> NDArray:
+        """Return what falls through the pinhole, before the lens bends it. RGBA."""
         pinhole = self._pinhole
-        if not self._glasses:
-            return pinhole(query)
         X_WC = (query.GetPoseInWorld(pinhole.frame) @ pinhole.X_FC).GetAsMatrix4()
         return show_mirrors(query, pinhole, self._glasses, X_WC)

@@ -45,6 +45,21 @@ def as_color(image: NDArray) -> NDArray:
     return np.array(image) if np.ndim(image) == 3 else cv2.cvtColor(gray, cv2.COLOR_GRAY2BGR)
 
 
+def bgr_of_rgba(image: NDArray) -> NDArray:
+    """Return a picture of red, green, blue and opacity as blue, green, red. 8 bits."""
+    return cv2.cvtColor(np.ascontiguousarray(image), cv2.COLOR_RGBA2BGR)
+
+
+def rgba_of_bgr(image: NDArray) -> NDArray:
+    """Return a picture of blue, green, red as red, green, blue and opacity. 8 bits."""
+    return cv2.cvtColor(np.ascontiguousarray(image), cv2.COLOR_BGR2RGBA)
+
+
+def sum_of(picture: NDArray, noise: NDArray) -> NDArray:
+    """Return the sum of a picture and noise, rounded and cut to 8 bits. Shapes (h, w, 3)."""
+    return cv2.add(picture, noise, dtype=cv2.CV_8U)
+
+
 def detectable(image: NDArray) -> NDArray:
     """Return an image in grey that a detector can look at.
 

@@ -1,7 +1,8 @@
 """From the picture of a pinhole renderer to that of a camera with a lens."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
+from functools import cached_property
 
 import cv2
 import numpy as np
@@ -15,6 +16,8 @@ _MARGIN = 2
 """Rendered pixels around what the lens sees, for the interpolation."""
 _LARGEST = 8192
 """Longest side of a picture to render; a wider lens has to be cut [px]."""
+_CELL = 8
+"""Pixels of the camera between places that tell which of them a part of a picture reaches."""
 _WIDEST = 2.5
 """Rays flatter than this X/Z are left black: a plane cannot show them [1]."""
 
@@ -40,6 +43,7 @@ class LensWarp:
     """Pixels of the camera that no ray reaches. Boolean, shape (height, width)."""
     maps: tuple[NDArray, NDArray]
     """OpenCV's fixed-point maps from the supersampled camera into the rendered picture."""
+    _plains: dict[tuple[int, ...], NDArray] = field(default_factory=dict)
 
     @classmethod
     def from_camera(cls, camera: Camera, supersample: int = 2) -> "LensWarp":
@@ -96,9 +100,79 @@ class LensWarp:
                 f"the picture must be {self.render_size} wide and high, got {rendered.shape[1::-1]}"
             )
         bent = cv2.remap(rendered, *self.maps, cv2.INTER_LINEAR, borderMode=cv2.BORDER_CONSTANT)
+        return self._averaged(bent, self.camera.image_size)
+
+    def apply_to_part(
+        self, part: NDArray, window: tuple[int, int, int, int], color: NDArray
+    ) -> NDArray:
+        """Bend a rendered picture of which only a part is not plain.
+
+        Args:
+            part: That part, 8 bits. Shape (h, w, channels).
+            window: Its first column and row in the whole picture, and the first ones beyond it.
+            color: Of all the rest. Shape (channels,).
+
+        Returns:
+            What `apply` makes of the whole picture. Shape (height, width, channels).
+        """
+        plain = self._plain(tuple(color.tolist()))
+        rows, columns = self._reached(window)
+        if not (rows.stop and columns.stop):
+            return plain.copy()
+        s = self.supersample
+        fine = (slice(s * rows.start, s * rows.stop), slice(s * columns.start, s * columns.stop))
+        places = self.maps[0][fine] - np.array(window[:2], dtype=np.int16)
+        bent = cv2.remap(
+            part,
+            places,
+            self.maps[1][fine],
+            cv2.INTER_LINEAR,
+            borderMode=cv2.BORDER_CONSTANT,
+            borderValue=color.tolist(),
+        )
+        size = (columns.stop - columns.start, rows.stop - rows.start)
+        picture = plain.copy()
+        if self._outside[fine].any():  # where no ray falls nothing has a colour
+            bent[self._outside[fine]] = 0
+        picture[rows, columns] = self._averaged(bent, size)
+        return picture
+
+    def _averaged(self, bent: NDArray, size: tuple[int, int]) -> NDArray:
         if self.supersample == 1:
             return bent
-        return cv2.resize(bent, self.camera.image_size, interpolation=cv2.INTER_AREA)
+        return cv2.resize(bent, size, interpolation=cv2.INTER_AREA)
+
+    def _plain(self, color: tuple[int, ...]) -> NDArray:
+        """Return what becomes of a plain picture; the same one again for the same colour."""
+        if color not in self._plains:
+            width, height = self.render_size
+            rendered = np.full((height, width, len(color)), color, dtype=np.uint8)
+            self._plains.clear()
+            self._plains[color] = read_only(self.apply(rendered))
+        return self._plains[color]
+
+    @cached_property
+    def _outside(self) -> NDArray:
+        """Samples that nothing is rendered for. Boolean, shape (height s, width s)."""
+        places = self.maps[0]
+        return np.any((places < 0) | (places >= np.array(self.render_size)), axis=2)
+
+    def _reached(self, window: tuple[int, int, int, int]) -> tuple[slice, slice]:
+        """Return rows and columns of the camera's pixels that a part of the picture may reach."""
+        step = _CELL * self.supersample
+        places = self.maps[0][::step, ::step].astype(int)
+        # Between two of these places lies what is nearer to one of them than they are apart.
+        apart = [int(np.abs(np.diff(places, axis=axis)).max(initial=0)) + 2 for axis in (0, 1)]
+        room = max(apart)
+        inside = np.all(
+            (places >= np.array(window[:2]) - room) & (places < np.array(window[2:]) + room), axis=2
+        )
+        found = []
+        for axis, size in ((1, self.camera.image_size[1]), (0, self.camera.image_size[0])):
+            at = np.flatnonzero(inside.any(axis=axis))
+            first, last = (at[0], at[-1] + 1) if len(at) else (0, 0)
+            found.append(slice(int(_CELL * max(first - 1, 0)), int(min(_CELL * last, size))))
+        return found[0], found[1]
 
 
 def _too_large(size: Sequence[int] | NDArray) -> str:

@@ -9,8 +9,6 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from nico_selfmodel.geometry.homography import apply_homography, homography
-
 _POSITIONS = 40  # along a side
 _DEPTHS = 25  # across it
 _REACH = 0.75  # of a cell, to both sides of an edge: black within, white without
@@ -20,6 +18,7 @@ _SETTLED = 0.005  # [px]; OpenCV looks at places rounded to 1/32 px, which never
 _NEARLY_SETTLED = 0.1  # after all passes; what still moves has no end [px]
 _LEAST_CONTRAST = 12.0  # grey levels between black and white
 _LEAST_VISIBLE = 0.6  # of the positions along a side
+_EVENLY, _ACROSS = np.linspace(0.0, 1.0, _POSITIONS), np.linspace(-1.0, 1.0, _DEPTHS)
 _PIECES = 8  # of a side, that lie on one line ...
 _STRAIGHT = 0.22  # ... within this [px]
 _BENT_FROM = 60.0  # but for lenses, which bend longer sides, with the length squared [px]
@@ -74,9 +73,9 @@ def _edges(
     border = np.abs(np.sum(far * outwards[:, None], axis=2)).min(axis=1)
     reach = np.clip(_REACH * border, _NARROWEST, _WIDEST)
     margin = np.clip(2.5 / length, 0.06, 0.3)  # of the side, at corners that blur has rounded
-    share = np.linspace(margin, 1.0 - margin, _POSITIONS, axis=1)
+    share = margin[:, None] + (1.0 - 2.0 * margin[:, None]) * _EVENLY
     positions = share * length[:, None]
-    depths = np.linspace(-reach, reach, _DEPTHS, axis=1)
+    depths = reach[:, None] * _ACROSS
     points = corners[:, None, None] + positions[:, :, None, None] * along[:, None, None]
     points = points + depths[:, None, :, None] * outwards[:, None, None]
     height, width = gray.shape
@@ -106,10 +105,20 @@ def _edges(
 
 
 def _inner_corners(corners: NDArray, cells: int) -> NDArray:
-    """Return where the black border ends inwards. Shape (4, 2)."""
-    square = np.array([[0.0, 0], [cells, 0], [cells, cells], [0, cells]])
-    inner = np.array([[1.0, 1], [cells - 1, 1], [cells - 1, cells - 1], [1, cells - 1]])
-    return apply_homography(homography(square, corners), inner)
+    """Return where the black border ends inwards, nan where the corners are on a line. (4, 2).
+
+    The square's homography in closed form (Heckbert 1989, Fundamentals of texture mapping).
+    """
+    p0, p1, p2, p3 = corners
+    one, two, excess = p1 - p2, p3 - p2, p0 - p1 + p2 - p3
+    area = one[0] * two[1] - two[0] * one[1]
+    if abs(area) < 1e-12:
+        return np.full((4, 2), np.nan)
+    g = (excess[0] * two[1] - two[0] * excess[1]) / area
+    h = (one[0] * excess[1] - excess[0] * one[1]) / area
+    low, high = 1.0 / cells, 1.0 - 1.0 / cells
+    u, v = np.array([[low, high, high, low], [low, low, high, high]])[:, :, None]
+    return ((p1 - p0 + g * p1) * u + (p3 - p0 + h * p3) * v + p0) / (g * u + h * v + 1.0)
 
 
 def _offsets(profiles: NDArray, positions: NDArray, depths: NDArray) -> NDArray | None:

@@ -1,0 +1,26 @@
+"""Boxes tell where in a picture anything is, as a whole picture would."""
+
+import numpy as np
+
+from nico_selfmodel.systems.rendering.outlines import _bounds_before
+
+CUBE = np.array([[a, b, c] for a in (-1, 1) for b in (-1, 1) for c in (-1, 1)], dtype=float)
+
+
+def test_a_box_that_is_cut_is_bounded_by_what_is_before_the_camera():
+    corners = CUBE[None] + [5.0, 0.0, 0.0]
+    low, high = _bounds_before(corners, 0.5)
+    inside = np.random.default_rng(0).uniform(
+        corners[0].min(axis=0), corners[0].max(axis=0), (4000, 3)
+    )
+    rays = inside[inside[:, 2] > 0.5]
+    rays = rays[:, :2] / rays[:, 2:]
+    assert (low[0] <= rays.min(axis=0)).all()
+    assert (high[0] >= rays.max(axis=0)).all()
+    np.testing.assert_allclose(low[0], [4.0, -2.0])
+    np.testing.assert_allclose(high[0], [12.0, 2.0])
+
+
+def test_a_box_beside_the_camera_does_not_reach_into_the_picture():
+    low, _ = _bounds_before(CUBE[None] + [5.0, 0.0, 0.0], 0.01)
+    assert low[0, 0] > 3.0
