@@ -167,23 +167,10 @@ class PoseWhitening:
         """Return W x by pose, W'W = S^-1. Shape (poses, K, m) -> the same."""
         return (x - self.B @ (self._root @ (self._across @ x))) / self.noise.sensor_sigma
 
-    def inverse(self, x: NDArray, along: NDArray | None = None) -> NDArray:
-        """Return S^-1 x by pose.
-
-        Args:
-            x: Shape (poses, K, m).
-            along: A'x of the levers A, where it is known already. Shape (poses, n, m).
-        """
-        scale = self.noise.joint_sigma / self.noise.sensor_sigma
-        inner = self._across @ x if along is None else scale[:, None] * along
-        less = self.B @ (self.G_inverse @ inner)
+    def inverse(self, x: NDArray) -> NDArray:
+        """Return S^-1 x by pose. Shape (poses, K, m) -> the same."""
+        less = self.B @ (self.G_inverse @ (self._across @ x))
         return (x - less) / self.noise.sensor_sigma**2
-
-    @cached_property
-    def inverse_trace(self) -> float:
-        """Trace of S^-1 over what counts, in units of the sensor: of I - B G^-1 B'."""
-        given = float(np.trace(self.G_inverse, axis1=1, axis2=2).sum())
-        return len(self.groups.rows) * self.groups.k - self.B.shape[2] * self.groups.poses + given
 
     def joint_errors(self, residuals: NDArray) -> tuple[NDArray, NDArray]:
         """Return what the rows tell of each pose's joint errors, in their standard deviations.
