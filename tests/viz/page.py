@@ -1,5 +1,8 @@
 """A page as a test reads it."""
 
+import base64
+import gzip
+import re
 from html.parser import HTMLParser
 
 LOADING = {"src", "srcset", "href", "data", "poster", "action", "background"}
@@ -29,4 +32,5 @@ class Page(HTMLParser):
     @property
     def scene(self):
         (frame,) = [attributes for tag, attributes in self.tags if tag == "iframe"]
-        return frame["srcdoc"]
+        (packed,) = re.findall(r'atob\("([^"]+)"\)', frame["srcdoc"])
+        return gzip.decompress(base64.b64decode(packed)).decode()

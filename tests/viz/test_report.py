@@ -131,6 +131,10 @@ def test_nothing_is_loaded_from_anywhere(page, part):
     assert not any("url(" in style or "@import" in style for style in styles)
 
 
+def test_the_page_takes_less_than_two_megabytes(html):
+    assert len(html) < 2e6
+
+
 def test_the_page_itself_names_no_address_and_runs_no_script(html, page):
     outside = html.replace("&#39;", "'").split("srcdoc=")[0]
     assert "http" not in outside

@@ -116,7 +116,9 @@ def correlations(uncertainty: Uncertainty) -> Figure | None:
         figure = Figure(figsize=(side + 0.8, side))
         axes = figure.add_subplot()
         scale = Normalize(-1.0, 1.0)
-        axes.pcolormesh(below, cmap="RdBu_r", norm=scale, edgecolors="white", linewidth=0.4)
+        # Hundreds of fields would be most of a page.
+        shades = {"cmap": "RdBu_r", "norm": scale, "rasterized": True}
+        axes.pcolormesh(below, edgecolors="white", linewidth=0.4, **shades)
         white = np.ma.masked_array(np.ones((count, count)), ~diagonal)
         axes.pcolormesh(white, cmap="Greys", vmin=0.0, vmax=5.0)
         small = 7.5 if count <= 30 else 6.5

@@ -10,13 +10,15 @@ from matplotlib.axes import Axes
 from matplotlib.axis import Axis
 from matplotlib.backends.backend_svg import FigureCanvasSVG
 from matplotlib.figure import Figure
+from matplotlib.layout_engine import ConstrainedLayoutEngine
 from matplotlib.ticker import LogLocator, MaxNLocator, NullFormatter
 
 from nico_selfmodel.viz.figures import palette
+from nico_selfmodel.viz.figures.single_pass_layout import SinglePassLayout
 
 FULL_WIDTH, HALF_WIDTH = 11.0, 4.9
 """Widths of figures on the page, where a point of type is then about a point [inch]."""
-MANY = 1500
+MANY = 250
 """More points than this are drawn as pixels even in an SVG."""
 
 _STYLE: dict[str, Any] = {
@@ -71,6 +73,8 @@ def image_bytes(figure: Figure, file_format: str) -> bytes:
     """
     buffer = io.BytesIO()
     with style():
+        if isinstance(figure.get_layout_engine(), ConstrainedLayoutEngine):
+            figure.set_layout_engine(SinglePassLayout())
         if file_format == "svg":
             # `savefig` would lay out and walk through everything once more before it draws.
             FigureCanvasSVG(figure).print_svg(buffer, metadata={"Date": None, "Creator": None})

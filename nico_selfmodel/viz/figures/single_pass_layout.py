@@ -1,0 +1,92 @@
+"""Where the panels of a figure stand: each is measured once.
+
+Matplotlib's constrained layout measures every panel twice, with all its ticks, which takes longer
+than drawing. The figures here are grids of equal panels, at most with a bar of colours on their
+right, a headline above and a legend below them.
+"""
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+from matplotlib.layout_engine import LayoutEngine
+from numpy.typing import NDArray
+
+_PAD, _HEADLINE = 0.06, 0.32
+"""Room around each panel with its labels, and for a line of headline [inch]."""
+_BAR = 0.13
+"""Width of a bar of colours [inch]."""
+
+
+class SinglePassLayout(LayoutEngine):
+    """Stands equal panels as close as their labels allow."""
+
+    # As constrained layout does, in whose place it steps.
+    _adjust_compatible = False
+    _colorbar_gridspec = False
+
+    def execute(self, fig: Figure) -> None:
+        """Move the panels of a figure."""
+        panels = [axes for axes in fig.axes if axes.get_subplotspec() is not None]
+        bars = [axes for axes in fig.axes if axes.get_subplotspec() is None]
+        if not panels:
+            return
+        rows, columns = panels[0].get_subplotspec().get_gridspec().get_geometry()
+        around = np.zeros((2, max(rows, columns), 2))  # of columns and of rows, low and high
+        spans = [_span(axes) for axes in panels]
+        for axes, (first, last) in zip(panels, spans, strict=True):
+            room = _labels(axes)
+            for axis in (0, 1):
+                low, high = around[axis, first[axis], 0], around[axis, last[axis], 1]
+                around[axis, first[axis], 0] = max(low, room[axis, 0] + _PAD)
+                around[axis, last[axis], 1] = max(high, room[axis, 1] + _PAD)
+        below = sum(one.get_window_extent().height / fig.dpi + _PAD for one in fig.legends)
+        beside = sum(_BAR + 2.0 * _PAD + _labels(bar)[0, 1] for bar in bars)
+        width, height = fig.get_size_inches()
+        above = _HEADLINE * (1 + fig.get_suptitle().count("\n")) if fig.get_suptitle() else 0.0
+        x = _edges(around[0, :columns], 0.0, width - beside)
+        y = _edges(around[1, :rows][:, ::-1], above, height - below)
+        for axes, (first, last) in zip(panels, spans, strict=True):
+            left, right = x[first[0], 0], x[last[0], 1]
+            top, bottom = height - y[first[1], 0], height - y[last[1], 1]
+            axes.set_position(_share(fig, left, bottom, right, top), which="both")
+        for bar in bars:
+            left = width - beside + _PAD
+            top, bottom = height - y[0, 0], height - y[-1, 1]
+            bar.set_position(_share(fig, left, bottom, left + _BAR, top), which="both")
+
+
+def _span(axes: Axes) -> tuple[tuple[int, int], tuple[int, int]]:
+    """Return first and last column and row that a panel covers."""
+    spec = axes.get_subplotspec()
+    assert spec is not None
+    rows, columns = spec.rowspan, spec.colspan
+    return (columns.start, rows.start), (columns.stop - 1, rows.stop - 1)
+
+
+def _labels(axes: Axes) -> NDArray:
+    """Return the room that labels take left and right, above and below a panel [inch]. (2, 2)."""
+    whole, inner = axes.get_tightbbox(for_layout_only=True), axes.get_window_extent()
+    if whole is None:
+        return np.zeros((2, 2))
+    beside = (inner.x0 - whole.x0, whole.x1 - inner.x1)
+    return np.maximum([beside, (inner.y0 - whole.y0, whole.y1 - inner.y1)], 0.0) / _dpi(axes)
+
+
+def _dpi(axes: Axes) -> float:
+    figure = axes.get_figure(root=True)
+    assert figure is not None
+    return figure.dpi
+
+
+def _edges(around: NDArray, first: float, last: float) -> NDArray:
+    """Share what labels leave of a stretch among its panels; return where each begins and ends."""
+    side = max((last - first - around.sum()) / len(around), 0.05)
+    steps = np.cumsum(around.sum(axis=1) + side) - (around.sum(axis=1) + side)
+    low = first + steps + around[:, 0]
+    return np.stack([low, low + side], axis=1)
+
+
+def _share(fig: Figure, left: float, bottom: float, right: float, top: float) -> tuple:
+    """Return left, bottom, width and height as shares of the figure."""
+    width, height = fig.get_size_inches()
+    return left / width, bottom / height, (right - left) / width, (top - bottom) / height
