@@ -25,7 +25,7 @@ def drawn(rows, columns, *, bar=False, legend=False):
     return figure
 
 
-@pytest.mark.parametrize("rows, columns", [(1, 1), (1, 3), (2, 2)])
+@pytest.mark.parametrize(("rows", "columns"), [(1, 1), (1, 3), (2, 2)])
 @pytest.mark.parametrize("beside", [{}, {"bar": True}, {"legend": True}])
 def test_nothing_is_cut_off_and_nothing_overlaps(rows, columns, beside):
     figure = drawn(rows, columns, **beside)

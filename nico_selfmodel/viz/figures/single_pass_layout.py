@@ -30,7 +30,9 @@ class SinglePassLayout(LayoutEngine):
         bars = [axes for axes in fig.axes if axes.get_subplotspec() is None]
         if not panels:
             return
-        rows, columns = panels[0].get_subplotspec().get_gridspec().get_geometry()
+        spec = panels[0].get_subplotspec()
+        assert spec is not None
+        rows, columns = spec.get_gridspec().get_geometry()
         around = np.zeros((2, max(rows, columns), 2))  # of columns and of rows, low and high
         spans = [_span(axes) for axes in panels]
         for axes, (first, last) in zip(panels, spans, strict=True):
