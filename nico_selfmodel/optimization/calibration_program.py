@@ -16,7 +16,7 @@ from nico_selfmodel.optimization.levenberg_marquardt_solver import (
     bounds_of,
 )
 from nico_selfmodel.optimization.losses import Loss
-from nico_selfmodel.optimization.residual_block import ResidualBlock
+from nico_selfmodel.optimization.residual_block import ResidualBlock, SummedBlock
 from nico_selfmodel.optimization.separable_block import SeparableBlock, shared_information
 
 SOLVERS = ("lm", "snopt", "ipopt")
@@ -243,10 +243,17 @@ class CalibrationProgram:
                 cost += 0.5 * float(rho.sum())
                 term.block.add_normal_equations(parts, weight, term.columns, gradient, hessian)
                 continue
+            plain = term.weights is None and term.loss.kind == "none"
+            if plain and isinstance(term.block, SummedBlock):
+                value, slope, matrix = term.block.normal_equations(x[term.columns])
+                cost += value
+                gradient[term.columns] += slope
+                hessian[np.ix_(term.columns, term.columns)] += matrix
+                continue
             r, jacobian = term.block.evaluate(x[term.columns])
             rho, weight = _weigh(term, r)
             cost += 0.5 * float(rho.sum())
-            if term.weights is not None or term.loss.kind != "none":
+            if not plain:
                 root = np.sqrt(weight)
                 r, jacobian = r * root, jacobian * root
             flat = jacobian.reshape(len(term.columns), -1)

@@ -1,8 +1,11 @@
 """What an estimator hands to a `CalibrationProgram`: residuals with analytic derivatives."""
 
+from abc import ABC, abstractmethod
 from typing import Protocol
 
 from numpy.typing import NDArray
+
+from nico_selfmodel.least_squares import NormalEquations
 
 
 class ResidualBlock(Protocol):
@@ -24,3 +27,21 @@ class ResidualBlock(Protocol):
             Residuals, shape (k, N), and derivatives, shape (p, k, N).
         """
         ...
+
+
+class SummedBlock(ABC):
+    """A residual block that adds itself up, where that is cheaper than its derivatives are.
+
+    Attributes:
+        names: As of a `ResidualBlock`, which it is as well.
+    """
+
+    names: tuple[str, ...]
+
+    @abstractmethod
+    def evaluate(self, x: NDArray) -> tuple[NDArray, NDArray]:
+        """Return residuals and derivatives, as a `ResidualBlock` does."""
+
+    @abstractmethod
+    def normal_equations(self, x: NDArray) -> NormalEquations:
+        """Return cost, gradient, shape (p,), and Gauss-Newton matrix, shape (p, p), unweighted."""

@@ -119,7 +119,7 @@ def _learn(task: ArmTask, out: Path, recording: Recording) -> dict[str, Any]:
     }
 
 
-def _quietly(_what: str, _done: int, _total: int) -> None:
+def _quietly(what: str, done: int, total: int) -> None:
     """Many tell how many of them are done, not how far each is."""
 
 

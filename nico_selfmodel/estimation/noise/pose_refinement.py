@@ -21,14 +21,10 @@ from nico_selfmodel.estimation.observations.observations import (
     Observations,
     gears_known,
 )
-from nico_selfmodel.least_squares import (
-    LevenbergMarquardtResult,
-    NormalEquations,
-    levenberg_marquardt,
-)
+from nico_selfmodel.least_squares import NormalEquations
 from nico_selfmodel.model.arm.dh_parameters import DhParameters
-from nico_selfmodel.optimization.calibration_program import CalibrationProgram
-from nico_selfmodel.optimization.residual_block import ResidualBlock
+from nico_selfmodel.optimization.calibration_program import CalibrationProgram, ProgramSolution
+from nico_selfmodel.optimization.residual_block import ResidualBlock, SummedBlock
 from nico_selfmodel.optimization.robust_solve import OUTLIER_AT
 
 _LEAST_REDUNDANCY = 15
@@ -191,6 +187,45 @@ def _alike(a: PoseNoise, b: PoseNoise) -> bool:
     return bool((np.abs(one - two) <= _SETTLED * np.maximum(one, two)).all())
 
 
+class _ArmBlock(SummedBlock):
+    """The free parameters of an arm, its poses whitened by what is frozen while a solver works."""
+
+    def __init__(
+        self, observations: Observations, parameters: DhParameters, columns: list[int]
+    ) -> None:
+        self.observations, self.parameters, self.columns = observations, parameters, columns
+        self.names = tuple(parameters.names[i] for i in columns)
+        self.whitening: PoseWhitening | None = None
+
+    def at(self, x: NDArray) -> DhParameters:
+        """Return the arm with free parameters x. Shape (p,)."""
+        values = self.parameters.values
+        values[self.columns] = x
+        return self.parameters.with_values(values)
+
+    def normal_equations(self, x: NDArray) -> NormalEquations:
+        """Return cost, gradient and Gauss-Newton matrix from one product of all columns."""
+        white = self._white(x)
+        flat = white.reshape(-1, white.shape[2])
+        sums = flat.T @ flat
+        return 0.5 * float(sums[0, 0]), sums[1:, 0], sums[1:, 1:]
+
+    def evaluate(self, x: NDArray) -> tuple[NDArray, NDArray]:
+        """Return whitened residuals, shape (K, poses), and derivatives, shape (p, K, poses)."""
+        both = np.moveaxis(self._white(x), (0, 1), (2, 1))
+        return both[0], both[1:]
+
+    def _white(self, x: NDArray) -> NDArray:
+        """Return whitened residuals, then derivatives, by pose. Shape (poses, K, 1 + p)."""
+        assert self.whitening is not None
+        groups = self.whitening.groups
+        p, jacobian = self.at(x).predict(self.observations.angles, self.observations.marker)
+        missed = (p - self.observations.p_WH)[:, :, None]
+        both = np.concatenate([missed, jacobian[:, :, self.columns]], axis=2)
+        weight = np.sqrt(groups.weight)[:, None, None]
+        return np.asarray(weight * self.whitening.root(groups.gather(both)))
+
+
 class _Refinement:
     """Parameters, noise and program of one refinement under way."""
 
@@ -204,7 +239,9 @@ class _Refinement:
         self.observations, self.parameters, self.free = observations, start, free
         self.columns = [i for i, name in enumerate(start.names) if name in free]
         self.noise = PoseNoise(max(sigma, _LEAST_SENSOR), np.zeros(len(start.servos.gear)))
-        self.last: LevenbergMarquardtResult | None = None
+        self.block = _ArmBlock(observations, start, self.columns)
+        self.program: CalibrationProgram | None = None
+        self.last: ProgramSolution | None = None
         self.iterations = 0
         self.variances_known = False
 
@@ -241,26 +278,16 @@ class _Refinement:
 
     def step(self, *, last: bool) -> None:
         """Solve with the whitening as it is, which will change; the last time to the end."""
-        observations, whitening = self.observations, self.linear.whitening
-        groups, values = whitening.groups, self.parameters.values
-        weight = np.sqrt(groups.weight)[:, None, None]
-
-        def evaluate(x: NDArray) -> NormalEquations:
-            values[self.columns] = x
-            arm = self.parameters.with_values(values)
-            p, jacobian = arm.predict(observations.angles, observations.marker)
-            missed = (p - observations.p_WH)[:, :, None]
-            both = np.concatenate([missed, jacobian[:, :, self.columns]], axis=2)
-            white = (weight * whitening.root(groups.gather(both))).reshape(-1, both.shape[2])
-            sums = white.T @ white
-            return 0.5 * float(sums[0, 0]), sums[1:, 0], sums[1:, 1:]
-
+        if self.program is None:
+            self.program = CalibrationProgram()
+            self.program.add_variables(self.block.names, self.parameters.values[self.columns])
+            self.program.add_residuals(self.block)
+        self.block.parameters, self.block.whitening = self.parameters, self.linear.whitening
+        self.program.move_start(self.parameters.values[self.columns])
         limit = _STEPS if last else _STEPS_BETWEEN
-        start = values[self.columns]
-        self.last = levenberg_marquardt(evaluate, start, tolerance=1e-7, max_iterations=limit)
+        self.last = self.program.solve(tolerance=1e-7, max_iterations=limit)
         self.iterations += self.last.iterations
-        values[self.columns] = self.last.x
-        self.parameters = self.parameters.with_values(values)
+        self.parameters = self.block.at(self.last.x)
 
     def outliers(self, before: NDArray) -> NDArray:
         """Return rows that neither model, nor noise, nor the rest of their pose explains."""
