@@ -1,5 +1,6 @@
 """What any sensors measured of any body, at which poses."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 
@@ -89,7 +90,7 @@ class BodyDataset:
         """Check everything and make the arrays read-only."""
         check_name(self.name, "the name of a data set")
         n, count = len(self.joints), len(self.sample)
-        _check_names(self)
+        check_names(self.joints, self.markers, self.sensors)
         parents_of(self.joints)
         coupling_of(self.joints)
         object.__setattr__(self, "sample", read_only(self.sample, np.int64))
@@ -221,16 +222,23 @@ class BodyDataset:
         return self.select(~test), replace(held, observations=held.observations.select(own))
 
 
-def _check_names(data: BodyDataset) -> None:
-    names = [*data.joint_names, *(m.name for m in data.markers), *(s.name for s in data.sensors)]
+def check_names(
+    joints: Sequence[LinkJoint], markers: Sequence[MarkerInfo], sensors: Sequence[SensorInfo]
+) -> None:
+    """Refuse names that stand twice, and what is on no link.
+
+    Raises:
+        DataError: If there are such.
+    """
+    links = (WORLD_NAME, *(joint.name for joint in joints))
+    names = [*links[1:], *(m.name for m in markers), *(s.name for s in sensors)]
     twice = sorted({name for name in names if names.count(name) > 1})
     if twice:
         raise DataError(
             f"{listed(twice)} stands more than once among joints, markers and sensors: an id on "
             "two links cannot be told apart, give each its own name"
         )
-    links = (WORLD_NAME, *data.joint_names)
-    for item in (*data.markers, *data.sensors):
+    for item in (*markers, *sensors):
         if item.on not in links:
             raise DataError(
                 f"{item.name!r} is on {item.on!r}, which is no link; there are "

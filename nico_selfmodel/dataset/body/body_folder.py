@@ -14,6 +14,7 @@ from nico_selfmodel.dataset.body.body_dataset import (
     WIDTH,
     BodyDataset,
     ObservationTable,
+    check_names,
 )
 from nico_selfmodel.dataset.body.link_joint import WORLD_NAME, LinkJoint
 from nico_selfmodel.dataset.body.sensors import SENSOR_COLUMNS, MarkerInfo, SensorInfo
@@ -110,10 +111,18 @@ def _read_head(path: Path) -> dict[str, Any]:
         before = joints[-1].name if joints else WORLD_NAME
         where = f"{path}, joint {len(joints) + 1}"
         joints.append(LinkJoint.from_mapping(entry, before, where))
-    markers, sensors = (
-        [kind.from_mapping(entry, f"{path}, {key}") for entry in _entries(content, key, path)]
-        for key, kind in (("markers", MarkerInfo), ("sensors", SensorInfo))
-    )
+    where = f"{path}, markers"
+    markers = [
+        MarkerInfo.from_mapping(entry, where) for entry in _entries(content, "markers", path)
+    ]
+    where = f"{path}, sensors"
+    sensors = [
+        SensorInfo.from_mapping(entry, where) for entry in _entries(content, "sensors", path)
+    ]
+    try:
+        check_names(joints, markers, sensors)
+    except DataError as error:
+        raise DataError(f"{path}: {error}") from None
     return {
         "name": text_value(content, "name", str(path)),
         "joints": tuple(joints),

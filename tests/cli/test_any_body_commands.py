@@ -1,0 +1,236 @@
+"""The commands of any body, as a user types them: what works, and what is refused in one line."""
+
+import csv
+import json
+import re
+import shutil
+import subprocess
+import sys
+
+import numpy as np
+import pytest
+import yaml
+
+from nico_selfmodel.dataset.body.body_folder import load_body_dataset, save_body_dataset
+from nico_selfmodel.model.tree.body_model import load_body, save_body
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory, project_root):
+    made = tmp_path_factory.mktemp("any_body")
+    example = project_root / "examples" / "15_two_arms_two_cameras.py"
+    subprocess.run([sys.executable, example, made / "two_arms"], check=True, timeout=60)
+    shutil.copytree(project_root / "examples" / "data" / "franka_fr3_flange", made / "flange")
+    return made
+
+
+@pytest.fixture(scope="module")
+def learned(folder, command):
+    done = command(
+        "calibrate",
+        "body",
+        folder / "two_arms",
+        "--test-fraction",
+        "0.25",
+        "--out",
+        folder / "body",
+    )
+    assert done.returncode == 0, done.stderr
+    return folder / "body", done
+
+
+def test_two_arms_are_learned_by_one_command(learned):
+    out, done = learned
+    assert "PASS" in done.stdout
+    assert "ruler (known distances)" in done.stdout
+    document = json.loads((out / "result.json").read_text())
+    assert document["test"]["pixels"]["mean"] < 0.5
+    assert document["start"]["agreeing"] >= 2
+    assert {path.name for path in out.iterdir()} >= {"body.yaml", "report.html", "residuals.csv"}
+
+
+def test_the_report_shows_the_tree(learned):
+    page = (learned[0] / "report.html").read_text()
+    assert "torso" in page
+    assert "5 markers" in page
+    assert "joints alike" in page
+
+
+def test_a_body_is_held_against_a_recording(learned, folder, command):
+    done = command("evaluate", learned[0], folder / "two_arms", "--json")
+    assert done.returncode == 0, done.stderr
+    document = json.loads(done.stdout)
+    assert document["status"] == "PASS"
+    assert document["pixels"]["mean"] < 0.5
+
+
+def test_a_body_predicts_places_and_pixels_with_error_bars(learned, folder, command):
+    words = ",".join(["0.1"] * 13)
+    done = command("predict", learned[0], "--encoders", words, "--json")
+    rows = json.loads(done.stdout)["markers"]
+    assert len(rows) == 10
+    assert all(0.0 < row["sigma_mm"] < 20.0 for row in rows)
+    body = load_body(learned[0])
+    camera = body.tree.camera("camera2")
+    for row in rows:
+        if row["camera2_u"] is not None:
+            seen = camera.project([row["x_m"], row["y_m"], row["z_m"]])
+            assert [row["camera2_u"], row["camera2_v"]] == pytest.approx(seen)
+
+
+def test_a_body_on_disk_is_the_body(learned, tmp_path):
+    body = load_body(learned[0])
+    save_body(body, tmp_path / "body.yaml")
+    again = load_body(tmp_path / "body.yaml")
+    assert (again.tree.X_PJ == body.tree.X_PJ).all()
+    assert (again.covariance.matrix == body.covariance.matrix).all()
+    assert [s.name for s in again.tree.sensors] == [s.name for s in body.tree.sensors]
+
+
+def test_a_recording_on_disk_is_the_recording(folder, tmp_path):
+    data = load_body_dataset(folder / "two_arms")
+    save_body_dataset(data, tmp_path / "again")
+    again = load_body_dataset(tmp_path / "again")
+    assert np.array_equal(again.readings, data.readings)
+    assert np.array_equal(again.observations.values, data.observations.values, equal_nan=True)
+    assert np.array_equal(again.observations.pose, data.observations.pose)
+
+
+def test_hand_eye_of_a_real_arm_is_known_to_half_a_millimetre(folder, command):
+    done = command(
+        "calibrate", "hand-eye", folder / "flange", "--test-fraction", "0.3", "--out", folder / "he"
+    )
+    assert done.returncode == 0, done.stderr
+    known = json.loads((folder / "he" / "result.json").read_text())["parameters"]
+    place = [1e3 * known[f"camera.{axis}"]["value"] for axis in "xyz"]
+    assert place == pytest.approx([57.4, -72.5, 44.7], abs=1.2)
+    assert all(0.3 < 1e3 * known[f"camera.{axis}"]["sigma"] < 0.8 for axis in "xyz")
+
+
+def test_the_commands_of_the_document_are_those_that_are_tested(project_root):
+    text = (project_root / "docs" / "any-robot.md").read_text(encoding="utf-8")
+    found = re.findall(r"^nico-selfmodel (.*)$", text, re.MULTILINE)
+    assert [line.split()[:2] for line in found[-4:]] == [
+        ["calibrate", "body"],
+        ["evaluate", "two_arms_body"],
+        ["predict", "two_arms_body"],
+        ["calibrate", "hand-eye"],
+    ]
+
+
+def spoilt(folder, tmp_path, *, head=None, table=None):
+    """A copy of the two arms with its head or its observations changed."""
+    made = tmp_path / "spoilt"
+    shutil.copytree(folder / "two_arms", made)
+    if head is not None:
+        content = yaml.safe_load((made / "dataset.yaml").read_text())
+        for key in ("markers", "sensors"):
+            content[key] = [
+                {"on" if k is True else k: v for k, v in e.items()} for e in content[key]
+            ]
+        head(content)
+        (made / "dataset.yaml").write_text(yaml.safe_dump(content))
+    if table is not None:
+        with (made / "observations.csv").open(newline="") as file:
+            rows = list(csv.reader(file))
+        table(rows)
+        with (made / "observations.csv").open("w", newline="") as file:
+            csv.writer(file, lineterminator="\n").writerows(rows)
+    return made
+
+
+def refused(command, data, tmp_path, *words):
+    done = command("calibrate", "body", data, "--out", tmp_path / "out", *words)
+    assert done.returncode == 2
+    said = [line for line in done.stderr.splitlines() if not line.endswith(": done")]
+    assert len(said) == 1, done.stderr
+    assert not (tmp_path / "out").exists()
+    return said[0]
+
+
+def no_link(content):
+    content["markers"][0]["on"] = "left9"
+
+
+def on_nothing(content):
+    del content["markers"][0]["on"]
+
+
+def follow_each_other(content):
+    content["joints"][1]["follows"] = {"left1": 1.0}
+    content["joints"][2]["follows"] = {"left0": 1.0}
+
+
+def parent_later(content):
+    content["joints"][0]["parent"] = "left0"
+
+
+def same_name(content):
+    content["markers"][1]["name"] = content["markers"][0]["name"]
+
+
+def no_lens(content):
+    del content["sensors"][1]["lens"]
+
+
+def odd_kind(content):
+    content["sensors"][1]["kind"] = "radar"
+
+
+@pytest.mark.parametrize(
+    ("head", "words"),
+    [
+        (no_link, "'left_tag0' is on 'left9', which is no link"),
+        (on_nothing, "marker 'left_tag0' is on no link: add 'on'"),
+        (follow_each_other, "let both follow joints with encoders"),
+        (parent_later, "list the parent first"),
+        (same_name, "an id on two links cannot be told apart"),
+        (no_lens, "nothing tells the lens of camera 'camera1'"),
+        (odd_kind, "the kind of sensor 'camera1' must be one of"),
+    ],
+)
+def test_a_wrong_head_is_refused_in_one_line(folder, tmp_path, command, head, words):
+    assert words in refused(command, spoilt(folder, tmp_path, head=head), tmp_path)
+
+
+def strange_sensor(rows):
+    rows[5][1] = "camera9"
+
+
+def half_a_pixel(rows):
+    rows[5][5] = ""
+
+
+def strange_sample(rows):
+    rows[5][0] = "999"
+
+
+@pytest.mark.parametrize(
+    ("table", "words"),
+    [
+        (strange_sensor, "line 6, column 'sensor': 'camera9' is not listed in dataset.yaml"),
+        (half_a_pixel, "line 6, column 'v': the cell is empty, but sensor"),
+        (strange_sample, "line 6, column 'sample': '999' is no sample of poses.csv"),
+    ],
+)
+def test_a_wrong_observation_is_refused_with_its_line(folder, tmp_path, command, table, words):
+    assert words in refused(command, spoilt(folder, tmp_path, table=table), tmp_path)
+
+
+@pytest.mark.parametrize(
+    ("words", "reason"),
+    [
+        (("--prior", "camera2.x"), "--prior must be NAME=MEAN,SIGMA"),
+        (("--prior", "camera2.x=1,0"), "sigma must be positive"),
+        (("--fix", "camara2.x=1"), "no parameter 'camara2.x'"),
+        (("--test", "nowhere"), "nowhere: dataset.yaml is missing"),
+    ],
+)
+def test_wrong_words_are_refused_in_one_line(folder, tmp_path, command, words, reason):
+    assert reason in refused(command, folder / "two_arms", tmp_path, *words)
+
+
+def test_an_arm_with_encoders_is_no_hand_eye(folder, tmp_path, command):
+    done = command("calibrate", "hand-eye", folder / "two_arms", "--out", tmp_path / "out")
+    assert done.returncode == 2
+    assert "has no joint with 'motion: flange'" in done.stderr
