@@ -14,7 +14,7 @@ def from_lerobot(
     out: options.OutFile,
     make: options.Make = "feetech",
     speed: Annotated[
-        float, typer.Option("--speed-deg-s", min=2.0, help="Largest speed of every joint.")
+        float, typer.Option("--max-speed-deg-s", min=2.0, help="Largest speed of every joint.")
     ] = 60.0,
     force: options.Force = False,
 ) -> None:

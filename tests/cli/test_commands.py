@@ -36,7 +36,7 @@ def test_without_a_report_all_else_is_the_same(recorded, tmp_path, command, resu
     train, test = recorded
     done = command("calibrate", "kinematics", train, "--test", test, "--out", out, "--no-report")
     assert done.returncode == 0
-    left_out = {"report.html", "scene.json"}
+    left_out = {"report.html", "residuals.csv", "scene.json"}
     assert {path.name for path in out.iterdir()} == {p.name for p in result.iterdir()} - left_out
     with_report, without = (json.loads((f / "result.json").read_text()) for f in (result, out))
     assert without["parameters"] == with_report["parameters"]
