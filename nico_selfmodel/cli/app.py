@@ -13,6 +13,7 @@ import typer
 from nico_selfmodel import __version__
 from nico_selfmodel.cli import (
     choose_poses,
+    convert,
     detect,
     evaluate,
     export_urdf,
@@ -54,6 +55,7 @@ _COMMANDS: dict[str, Callable[..., None]] = {
     "rezero": rezero.rezero,
     "predict": predict.predict,
     "choose-poses": choose_poses.choose_poses,
+    "convert": convert.convert,
     "export-urdf": export_urdf.export_urdf,
     "locate": locate.locate,
     "view": view.view,

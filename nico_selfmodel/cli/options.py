@@ -57,7 +57,7 @@ OutPage = Annotated[
     Path | None, typer.Option("--out", help="HTML page to make, in place of a server that runs on.")
 ]
 NoReport = Annotated[
-    bool, typer.Option("--no-report", help="Leave out report.html and scene.json.")
+    bool, typer.Option("--no-report", help="Leave out report, residuals and scene.")
 ]
 Force = Annotated[bool, typer.Option("--force", help="Replace what --out names.")]
 AsJson = Annotated[bool, typer.Option("--json", help="Print JSON.")]

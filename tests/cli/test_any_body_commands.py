@@ -234,3 +234,23 @@ def test_an_arm_with_encoders_is_no_hand_eye(folder, tmp_path, command):
     done = command("calibrate", "hand-eye", folder / "two_arms", "--out", tmp_path / "out")
     assert done.returncode == 2
     assert "has no joint with 'motion: flange'" in done.stderr
+
+
+def test_a_data_set_of_one_arm_is_converted_and_learned_as_well(project_root, tmp_path, command):
+    data = project_root / "examples" / "data" / "positioner_two_axis"
+    done = command("convert", data, "--out", tmp_path / "positioner")
+    assert done.returncode == 0, done.stderr
+    assert "205 poses, 205 observations, 2 joints" in done.stdout
+    out = tmp_path / "body"
+    assert command("calibrate", "body", tmp_path / "positioner", "--out", out).returncode == 0
+    document = json.loads((out / "result.json").read_text())
+    assert document["train"]["position_mm"]["rms"] == pytest.approx(0.4007, rel=0.01)
+    second = document["joints"][1]
+    assert 89.95 <= second["axis_angle_deg"] <= 90.0
+
+
+def test_what_exists_is_not_converted_over(folder, project_root, command):
+    data = project_root / "examples" / "data" / "positioner_two_axis"
+    done = command("convert", data, "--out", folder / "flange")
+    assert done.returncode == 2
+    assert "exists already" in done.stderr

@@ -1,0 +1,30 @@
+"""`nico-selfmodel convert`: a data set of one arm as a recording of any body."""
+
+from nico_selfmodel.cli import options, printer
+
+
+def convert(
+    dataset: options.Dataset,
+    out: options.Out,
+    cameras: options.Cameras = None,
+    force: options.Force = False,
+) -> None:
+    """Write a data set of one arm as poses and observations, the form of `calibrate body`.
+
+    Joints, markers and sensors can then be added to `dataset.yaml`. What was seen in a mirror stays
+    behind.
+    """
+    from nico_selfmodel.dataset.body.body_folder import save_body_dataset
+    from nico_selfmodel.dataset.body.conversion import body_dataset_of
+    from nico_selfmodel.dataset.folder import load_dataset
+    from nico_selfmodel.files.whole import refuse_existing
+    from nico_selfmodel.model.self_model_file import load_model
+
+    refuse_existing(out, force=force)
+    lenses = {} if cameras is None else load_model(cameras).cameras
+    data = body_dataset_of(load_dataset(dataset), lenses)
+    save_body_dataset(data, out, force=force)
+    printer.line(
+        f"{len(data.sample)} poses, {len(data.observations)} observations, "
+        f"{len(data.joints)} joints: {out}"
+    )

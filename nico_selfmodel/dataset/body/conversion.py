@@ -1,0 +1,93 @@
+"""A data set of one arm as a recording of a body: the chain becomes a tree without branches."""
+
+from collections.abc import Mapping
+
+import numpy as np
+from numpy.typing import NDArray
+
+from nico_selfmodel.dataset.body.body_dataset import WIDTH, BodyDataset, ObservationTable
+from nico_selfmodel.dataset.body.link_joint import WORLD_NAME, LinkJoint
+from nico_selfmodel.dataset.body.sensors import CAMERA, POINTS, MarkerInfo, SensorInfo
+from nico_selfmodel.dataset.dataset import Dataset
+from nico_selfmodel.errors import DataError
+from nico_selfmodel.model.cameras.camera import Camera
+
+TRACKER, SIDES = "tracker", ("left", "right")
+
+
+def body_dataset_of(dataset: Dataset, cameras: Mapping[str, Camera] | None = None) -> BodyDataset:
+    """Convert a data set.
+
+    Args:
+        dataset: Encoder readings with points or pixels of markers on the last link.
+        cameras: Lenses of `left` and `right`, where they are known.
+
+    Returns:
+        The same measurements; what was seen in a mirror is not among them.
+
+    Raises:
+        DataError: If nothing was seen directly.
+    """
+    samples, lead = np.unique(dataset.sample, return_index=True)
+    joints = tuple(
+        LinkJoint(
+            joint.name,
+            WORLD_NAME if i == 0 else dataset.joint_names[i - 1],
+            encoder_unit=joint.encoder_unit,
+            counts_per_turn=joint.counts_per_turn,
+            sign=joint.sign,
+        )
+        for i, joint in enumerate(dataset.joints)
+    )
+    direct = dataset.mirror == ""
+    parts = [(TRACKER, dataset.p_WH_measured)]
+    parts += [(side, dataset.pixels[:, 2 * k : 2 * k + 2]) for k, side in enumerate(SIDES)]
+    sensors, tables = [], []
+    for name, values in parts:
+        rows = np.flatnonzero(np.isfinite(values).all(axis=1) & direct)
+        if len(rows):
+            tables.append(_rows(dataset, samples, rows, values[rows], len(sensors)))
+            sensors.append(_sensor(dataset, name, cameras or {}))
+    if not tables:
+        raise DataError(f"data set {dataset.name!r} has nothing that was seen directly")
+    table = ObservationTable(*(np.concatenate(column) for column in zip(*tables, strict=True)))
+    return BodyDataset(
+        dataset.name,
+        joints,
+        tuple(MarkerInfo(marker, dataset.joint_names[-1]) for marker in dataset.markers),
+        tuple(sensors),
+        samples,
+        dataset.encoders[lead],
+        table,
+        source=dataset.source,
+        seed=dataset.seed,
+    )
+
+
+def _rows(
+    dataset: Dataset, samples: NDArray, rows: NDArray, values: NDArray, sensor: int
+) -> tuple[NDArray, ...]:
+    """Return the columns of `ObservationTable` for some rows."""
+    index = {name: i for i, name in enumerate(dataset.markers)}
+    padded = np.full((len(rows), WIDTH), np.nan)
+    padded[:, : values.shape[1]] = values
+    return (
+        np.searchsorted(samples, dataset.sample[rows]),
+        np.full(len(rows), sensor),
+        np.array([index[name] for name in dataset.marker[rows].tolist()]),
+        np.full(len(rows), -1),
+        padded,
+    )
+
+
+def _sensor(dataset: Dataset, name: str, cameras: Mapping[str, Camera]) -> SensorInfo:
+    if name == TRACKER:
+        return SensorInfo(TRACKER, POINTS, sigma=dataset.point_sigma_m)
+    camera = cameras.get(name)
+    return SensorInfo(
+        name,
+        CAMERA,
+        sigma=dataset.pixel_sigma_px,
+        image_size=dataset.image_size if camera is None else camera.image_size,
+        lens=None if camera is None else dict(camera.named_values),
+    )
