@@ -7,6 +7,7 @@ import numpy as np
 
 from nico_selfmodel.dataset.body.sensors import CAMERA, POINTS, POSES
 from nico_selfmodel.estimation.tree.tree_calibration import TreeCalibration
+from nico_selfmodel.model.tree.body_tree import FLANGE, REVOLUTE
 from nico_selfmodel.viz.figures.distribution_plot import distribution, error_sets
 from nico_selfmodel.viz.reports import parts, shared_sections
 from nico_selfmodel.viz.reports.page import Report, headline_quantity, key_number
@@ -32,6 +33,10 @@ def tree_report(calibration: TreeCalibration, document: Mapping[str, Any]) -> Re
     """
     scene = tree_scene(calibration.name, calibration.tree, calibration.data)
     about = "What was learned of a body from all that any sensors measured of it"
+
+    def frames(found: ParameterTables) -> Table | None:
+        return _frames(found, _framed(calibration, found))
+
     sections = (
         _errors(calibration, document),
         *_changes(document),
@@ -39,7 +44,7 @@ def tree_report(calibration: TreeCalibration, document: Mapping[str, Any]) -> Re
         shared_sections.learned_section(
             document,
             calibration.uncertainty,
-            lambda found: _frames(found, [s.name for s in calibration.tree.sensors]),
+            *([] if FLANGE in calibration.tree.motions else [frames]),
         ),
         _provenance(calibration, document),
     )
@@ -47,7 +52,14 @@ def tree_report(calibration: TreeCalibration, document: Mapping[str, Any]) -> Re
     outliers = calibration.solution.outliers
     sets = (("held-out", calibration.test, None), ("training", calibration.train, outliers))
     return Report(
-        calibration.name, about, document, key, sections, scene, _tree(document), tree_csv(sets)
+        calibration.name,
+        about,
+        document,
+        key,
+        sections,
+        scene,
+        _learned(calibration, document),
+        tree_csv(sets),
     )
 
 
@@ -71,6 +83,21 @@ def _errors(calibration: TreeCalibration, document: Mapping[str, Any]) -> parts.
 
 def _finite(values: Any) -> Any:
     return values[np.isfinite(values)]
+
+
+def _learned(
+    calibration: TreeCalibration, document: Mapping[str, Any]
+) -> tuple[parts.Numbers | parts.Text | None, ...]:
+    """Return what a flange carries and what sees it; else the tree."""
+    if FLANGE not in calibration.tree.motions:
+        return _tree(document)
+    found = shared_sections.parameter_tables(document, calibration.uncertainty)
+    names = [*calibration.tree.joints, *_framed(calibration, found)]
+    words = (
+        "Hand-eye: places and rotation vectors on what carries each, with standard deviations. A "
+        "flange's own row is where its base is in the world."
+    )
+    return parts.numbers(_frames(found, names)), parts.hint(words)
 
 
 def _tree(document: Mapping[str, Any]) -> tuple[parts.Numbers | parts.Text | None, ...]:
@@ -142,8 +169,13 @@ def _noise(calibration: TreeCalibration, document: Mapping[str, Any]) -> parts.S
     """Return standard deviations of sensors and joints; of joints alike only once."""
     kinds = {sensor.name: sensor.kind for sensor in calibration.data.sensors}
     slips, found = document["slips"], document["noise"]
-    rows = [(name, _sigma_cells(kinds.get(name), value, "")) for name, value in found.items()
-            if name not in slips]  # fmt: skip
+    turns = ("turn", "orientation")
+    rows = [
+        (name, _sigma_cells(kinds.get(name, "turn" if name.endswith(turns) else ""), value, ""))
+        for name, value in found.items()
+        if name not in slips
+    ]
+    motions = dict(zip(calibration.tree.joints, calibration.tree.motions, strict=True))
     alike: dict[float, list[str]] = {}
     for joint in slips:
         if joint in found:
@@ -151,7 +183,8 @@ def _noise(calibration: TreeCalibration, document: Mapping[str, Any]) -> parts.S
     for value, joints in alike.items():
         label = joints[0] if len(joints) == 1 else f"{len(joints)} joints alike"
         said = ", ".join(f"{joint} {slips[joint]}" for joint in joints if slips[joint])
-        rows.append((label, _sigma_cells(None, value, said or "none")))
+        kind = "turn" if motions[joints[0]] == REVOLUTE else ""
+        rows.append((label, _sigma_cells(kind, value, said or "none")))
     return parts.section(
         "Noise",
         parts.numbers(Table(("of", "sigma", "unit", "poses with a wrong reading"), tuple(rows))),
@@ -163,20 +196,32 @@ def _noise(calibration: TreeCalibration, document: Mapping[str, Any]) -> parts.S
     )
 
 
-def _sigma_cells(kind: str | None, sigma: float, said: str) -> tuple[Cell, ...]:
-    unit, factor = ("deg", 180.0 / np.pi) if kind is None else ("mm", 1e3)
-    unit, factor = ("px", 1.0) if kind == CAMERA else (unit, factor)
+_SHOWN = {CAMERA: ("px", 1.0), "turn": ("deg", 180.0 / np.pi)}
+"""Unit and factor of a standard deviation, by the kind of sensor or of joint; mm else."""
+
+
+def _sigma_cells(kind: str, sigma: float, said: str) -> tuple[Cell, ...]:
+    unit, factor = _SHOWN.get(kind, ("mm", 1e3))
     return Cell(f"{factor * sigma:.3g}", value=factor * sigma), Cell(unit), Cell(said)
 
 
-def _frames(found: ParameterTables, sensors: list[str]) -> Table | None:
-    parts_of = ("x", "y", "z", "rx", "ry", "rz")
-    known = [s for s in sensors if f"{s}.x" in found.entries]
+def _framed(calibration: TreeCalibration, found: ParameterTables) -> list[str]:
+    """Return the names of sensors, and of markers whose orientation was estimated."""
+    tree = calibration.tree
+    posed = [m.name for m in tree.markers if f"{m.name}.rx" in found.entries]
+    return [*(s.name for s in tree.sensors), *posed]
+
+
+def _frames(found: ParameterTables, names: list[str]) -> Table | None:
+    """Return where sensors, and markers with an orientation, are on their links; one a column."""
+    known = tuple(name for name in names if f"{name}.x" in found.entries)
     if not known:
         return None
-    headings = tuple(f"{part} [{'deg' if len(part) > 1 else 'mm'}]" for part in parts_of)
-    rows = [(s, [f"{s}.{part}" for part in parts_of]) for s in known]
-    return found.rows(("sensor", *headings), rows)
+    rows = [
+        (f"{part} [{'deg' if len(part) > 1 else 'mm'}]", [f"{name}.{part}" for name in known])
+        for part in ("x", "y", "z", "rx", "ry", "rz")
+    ]
+    return found.rows(("on its link", *known), rows)
 
 
 def _provenance(calibration: TreeCalibration, document: Mapping[str, Any]) -> parts.Section:
