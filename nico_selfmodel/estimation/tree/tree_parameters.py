@@ -1,8 +1,8 @@
 """A body as one vector of named parameters.
 
 A joint's frame is X_PJ = X0 (exp(w), v): turned by `rx, ry, rz` and shifted by `x, y, z` in the
-frame that it is told from. A marker's or sensor's is (exp(w), t): its rotation vector and its place
-on its link. Gears and intrinsics are what they are. exp(w + dw) = exp([J dw]) exp(w), J the left
+frame that it is told from. A marker's, sensor's or flange's is (exp(w), t): its rotation vector and
+its place on its link. Gears and intrinsics are what they are. exp(w + dw) = exp([J dw]) exp(w), J the left
 Jacobian, makes every derivative exact wherever the solver stands.
 """
 
@@ -78,8 +78,14 @@ class TreeParameters:
 
     @cached_property
     def frames(self) -> NDArray:
-        """What turns are told from: joints' frames, then identities. Shape (n + m + s, 4, 4)."""
-        return np.stack([*self.base.X_PJ, *(np.eye(4) for _ in self.attached)])
+        """What turns are told from: of joints with an axis their frames, else the identity.
+
+        Shape (n + m + s, 4, 4).
+        """
+        out = np.tile(np.eye(4), (self.frame_count, 1, 1))
+        axes = [i for i, motion in enumerate(self.base.motions) if motion != FLANGE]
+        out[axes] = self.base.X_PJ[axes]
+        return out
 
     def values_of(self, tree: BodyTree) -> NDArray:
         """Return the values of a body that has the base's joints, markers and sensors. (P,)."""
