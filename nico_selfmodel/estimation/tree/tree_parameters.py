@@ -2,8 +2,8 @@
 
 A joint's frame is X_PJ = X0 (exp(w), v): turned by `rx, ry, rz` and shifted by `x, y, z` in the
 frame that it is told from. A marker's, sensor's or flange's is (exp(w), t): its rotation vector and
-its place on its link. Gears and intrinsics are what they are. exp(w + dw) = exp([J dw]) exp(w), J the left
-Jacobian, makes every derivative exact wherever the solver stands.
+its place on its link. Gears and intrinsics are what they are. exp(w + dw) = exp([J dw]) exp(w), J
+the left Jacobian, makes every derivative exact wherever the solver stands.
 """
 
 from collections.abc import Mapping
