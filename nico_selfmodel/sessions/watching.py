@@ -132,9 +132,11 @@ class Watching(Closable):
         sizes = np.array([camera.image_size for camera in self.model.rig.cameras])
         off = self.model.rig.project(p_WH).reshape(-1, 2, 2) - 0.5 * sizes
         farthest = np.linalg.norm(off / sizes, axis=2).max(axis=1)
-        best = int(np.argmin(np.where(np.isnan(farthest), np.inf, farthest)))
-        self.body.move_and_measure(commands[best])
-        self.show()
+        # What a model puts into the images' middles may still turn its marker away from a camera.
+        for k in np.argsort(np.where(np.isnan(farthest), np.inf, farthest), kind="stable"):
+            self.body.move_and_measure(commands[k])
+            if np.isfinite(self.show()[:2]).all():
+                break
 
     def _in_view(self, count: int) -> list[NDArray]:
         """Return commands of poses in view, in the mirror if there is one."""

@@ -189,6 +189,7 @@ def judged(run: Run, done, before: dict[str, bytes]) -> str | None:
     code = done.returncode if done.returncode is not None else 0
     lines = done.stderr.splitlines()
     said = [line for line in lines if not line.startswith("nico-selfmodel: warning: ")]
+    said = [line for line in said if not line.endswith(": done")]  # a stage that came to its end
     if code not in (0, 1, 2):
         return f"exit code {code}: {done.stderr[-300:]}"
     if any(not line.startswith("nico-selfmodel: ") for line in said):

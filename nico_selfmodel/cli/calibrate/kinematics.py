@@ -78,6 +78,6 @@ def kinematics(
 
 def _holds_data_sets(folder: Path) -> bool:
     """Whether a folder is no data set, but has some in it."""
-    if (folder / "dataset.yaml").exists():
+    if (folder / "dataset.yaml").exists() or (folder / "samples.csv").exists():
         return False
-    return next(folder.rglob("dataset.yaml"), None) is not None
+    return next(folder.rglob("samples.csv"), None) is not None

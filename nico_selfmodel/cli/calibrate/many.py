@@ -47,9 +47,9 @@ def recordings_in(folders: Sequence[Path]) -> list[Recording]:
     """
     found: list[Path] = []
     for folder in folders:
-        inside = sorted(path.parent for path in folder.rglob("dataset.yaml"))
+        inside = sorted(path.parent for path in folder.rglob("samples.csv"))
         if not inside:
-            raise ValueError(f"{folder} holds no data set (dataset.yaml)")
+            raise ValueError(f"{folder} holds no data set (samples.csv)")
         found += inside
     places = list(dict.fromkeys(path.absolute() for path in found))
     common = Path(os.path.commonpath(places)) if len(places) > 1 else places[0].parent
