@@ -3,6 +3,8 @@
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+import typer
+
 from nico_selfmodel.cli import options, printer
 
 if TYPE_CHECKING:
@@ -12,6 +14,7 @@ if TYPE_CHECKING:
 
 
 def evaluate(
+    context: typer.Context,
     model: options.Model,
     dataset: options.Dataset,
     sensor: options.DataSensor = "auto",
@@ -24,6 +27,7 @@ def evaluate(
     from nico_selfmodel.model.tree.body_model import is_body
 
     if is_body(model):
+        options.refuse_given(context, ["sensor"], "a body is held against all that was measured")
         verdict, block = _of_body(model, dataset)
     else:
         learned, data = load_model(model), load_dataset(dataset)
@@ -42,7 +46,7 @@ def _of_body(model: Path, dataset: Path) -> "tuple[Verdict, dict[str, Any]]":
     """Return the verdict on a tree of joints by all that its sensors measured, and the errors."""
     from nico_selfmodel.dataset.body.body_folder import load_body_dataset
     from nico_selfmodel.estimation.model_verdict import judge_body_errors
-    from nico_selfmodel.estimation.tree.tree_calibration import errors_of
+    from nico_selfmodel.estimation.tree.tree_errors import errors_of
     from nico_selfmodel.estimation.tree.tree_result import errors_of_tree
     from nico_selfmodel.model.tree.body_model import load_body
 

@@ -1,11 +1,12 @@
 """Every argument and option that two commands share, declared once."""
 
+from collections.abc import Iterable
 from pathlib import Path
 from typing import Annotated
 
 import typer
 
-from nico_selfmodel.names import check_name
+from nico_selfmodel.names import check_name, listed
 
 
 def _name(param: typer.CallbackParam, value: str | None) -> str | None:
@@ -26,6 +27,26 @@ def _share(param: typer.CallbackParam, value: float | None) -> float | None:
             f"{param.opts[-1]} must lie between 0 and 1, both exclusive, got {value:g}"
         )
     return value
+
+
+def refuse_given(context: typer.Context, names: Iterable[str], why: str) -> None:
+    """Refuse options that a command has and what it was given does not use.
+
+    Args:
+        context: Of the command.
+        names: Of the options' parameters.
+        why: What they do not go with.
+
+    Raises:
+        ValueError: If one was given on the command line.
+    """
+    given = [
+        f"--{name.replace('_', '-')}"
+        for name in names
+        if getattr(context.get_parameter_source(name), "name", "") == "COMMANDLINE"
+    ]
+    if given:
+        raise ValueError(f"{listed(given)} would change nothing: {why}")
 
 
 # What is read.

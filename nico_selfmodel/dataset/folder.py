@@ -39,6 +39,8 @@ def load_dataset(folder: str | PathLike[str]) -> Dataset:
         raise DataError(
             f"{folder}: {found}; a data set is a folder with {METADATA_NAME} and {SAMPLES_NAME}"
         )
+    if (folder / METADATA_NAME).is_file() and not (folder / SAMPLES_NAME).is_file():
+        read_metadata(folder / METADATA_NAME)  # names what it is instead
     for name in (METADATA_NAME, SAMPLES_NAME):
         if not (folder / name).is_file():
             raise DataError(f"{folder}: {name} is missing; it is half of a data set")

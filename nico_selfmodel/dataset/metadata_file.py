@@ -128,6 +128,11 @@ def _check_format(content: dict[str, Any], path: Path) -> None:
     if found is None:
         hint = found_instead("format", map(str, content))
         raise DataError(f"{path}: key 'format' is missing{hint}; expected 'format: {FORMAT}'")
+    if found == "nico-dataset/2":
+        raise DataError(
+            f"{path}: it is a recording of any body ({found}); give it to `calibrate body`, "
+            "`calibrate hand-eye` or `evaluate`"
+        )
     kind, _, version = str(found).partition("/")
     if kind == FORMAT.partition("/")[0] and version:
         raise DataError(

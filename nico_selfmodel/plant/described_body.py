@@ -16,9 +16,7 @@ from nico_selfmodel.names import listed
 from nico_selfmodel.plant.kinematic_tree import KinematicTree
 
 
-def described_body(
-    urdf: Path, data: BodyDataset, blank: BodyTree
-) -> tuple[BodyTree, frozenset[str]]:
+def described_body(urdf: Path, data: BodyDataset, blank: BodyTree) -> BodyTree:
     """Return a recording's body where a description puts it, in the frame of the robot's root.
 
     Joints of the description that the recording does not list stand at zero. Markers and sensors
@@ -29,9 +27,6 @@ def described_body(
         urdf: The description.
         data: The recording; its joints are called as the description's.
         blank: The body to fill in.
-
-    Returns:
-        The body, and the markers that the description places.
 
     Raises:
         ModelError: If a joint is not described, or moves otherwise.
@@ -51,19 +46,16 @@ def described_body(
             )
         X_WL[i] = _axis_frame(described, root, described.joint(joint.name), joint.motion)
         X_PJ[i] = inverse(X_WL[int(blank.parent[i])]) @ X_WL[i]
-    known: list[str] = []
 
     def placed(name: str, on: int, X_old: NDArray) -> NDArray:
         if not described.plant.HasFrameNamed(name, described.instance):
             return X_old
-        known.append(name)
         X_WF = described.poses({}, root, [described.frame(name)])[0]
         return inverse(X_WL[on]) @ X_WF
 
     markers = tuple(replace(m, X_LA=placed(m.name, m.on, m.X_LA)) for m in blank.markers)
     sensors = tuple(replace(s, X_LA=placed(s.name, s.on, s.X_LA)) for s in blank.sensors)
-    tree = replace(blank, X_PJ=X_PJ, markers=markers, sensors=sensors)
-    return tree, frozenset(known) & {m.name for m in markers}
+    return replace(blank, X_PJ=X_PJ, markers=markers, sensors=sensors)
 
 
 def _axis_frame(described: KinematicTree, root: str, joint: Joint, motion: str) -> NDArray:

@@ -243,7 +243,8 @@ def test_a_misspelt_optional_column_is_kept_with_a_warning(folder):
         ("when: 2024-99-99\n", "not valid YAML: month must be in 1..12"),
         ("when: !!timestamp noon\n", "not valid YAML"),
         (METADATA.replace("format", "Format"), "'format' is missing, but 'Format' looks like it"),
-        (METADATA.replace("dataset/1", "dataset/2"), "version 2 of the format ('nico-dataset/2') is"
+        (METADATA.replace("dataset/1", "dataset/2"), "it is a recording of any body"),
+        (METADATA.replace("dataset/1", "dataset/3"), "version 3 of the format ('nico-dataset/3') is"
          " not supported; this program reads 'nico-dataset/1'"),
         (METADATA.replace("dataset/1", "selfmodel/1"), "not a data set: format is 'nico-selfmodel"),
         (METADATA.replace("name: bench", "name: 12"), "'name' must be text, got 12; put"),

@@ -27,6 +27,7 @@ def calibrate(
     name: str | None,
     require_test_mm: float | None,
     require_test_px: float | None,
+    no_report: bool,
     force: bool,
     as_json: bool,
 ) -> NoReturn:
@@ -59,10 +60,12 @@ def calibrate(
         document = stamped(to_json(found, verdict))
         progress("learning", 1, 1)
         progress("writing the result", 0, 1)
-        # Drawing is slow to load, and only needed once there is something to draw.
-        from nico_selfmodel.viz.reports.tree import tree_report
+        files: dict[str, str] = {}
+        if not no_report:
+            # Drawing is slow to load, and only needed once there is something to draw.
+            from nico_selfmodel.viz.reports.tree import tree_report
 
-        files = tree_report(found, document).files()
+            files = tree_report(found, document).files()
         write_result(out, body_model(found), document, files, force=force)
         progress("writing the result", 1, 1)
     printer.result(found.name, document, out, json_instead=as_json)
@@ -95,5 +98,4 @@ def _described(robot: str, data: "BodyDataset", lenses: "dict[str, Camera]") -> 
     from nico_selfmodel.plant.described_body import described_body
     from nico_selfmodel.plant.robots import find_robot
 
-    tree, known = described_body(find_robot(robot), data, blank_body(data, lenses))
-    return Description(tree, known_markers=known)
+    return Description(described_body(find_robot(robot), data, blank_body(data, lenses)))

@@ -14,7 +14,16 @@ if TYPE_CHECKING:
     from nico_selfmodel.dataset.board_views import BoardViews
 
 
+_OF_TWO_CAMERAS = (
+    "model", "boards", "board", "square_mm", "board_test_fraction", "stage", "variant", "loss",
+    "arm", "base", "tip", "hold", "point",
+)  # fmt: skip
+"""Options for an arm and two cameras."""
+_OF_ANY_BODY = ("cameras", "prior")
+
+
 def body(
+    context: typer.Context,
     dataset: options.Dataset,
     out: options.Out,
     model: options.KnownModelOrNone = None,
@@ -62,6 +71,8 @@ def body(
     from nico_selfmodel.dataset.body.body_folder import is_body_dataset
 
     if is_body_dataset(dataset):
+        why = f"{dataset} is of any body; they are for an arm and two cameras (samples.csv)"
+        options.refuse_given(context, _OF_TWO_CAMERAS, why)
         any_body.calibrate(
             dataset,
             out,
@@ -76,9 +87,12 @@ def body(
             name=name,
             require_test_mm=require_test_mm,
             require_test_px=require_test_px,
+            no_report=no_report,
             force=force,
             as_json=as_json,
         )
+    why = f"{dataset} is of an arm and two cameras; they are for any body (observations.csv)"
+    options.refuse_given(context, _OF_ANY_BODY, why)
     if model is None:
         raise ValueError(f"{dataset} is of an arm and two cameras: give them with --model")
     from nico_selfmodel.estimation.body.body import calibrate_body

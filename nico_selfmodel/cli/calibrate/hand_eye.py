@@ -17,6 +17,7 @@ def hand_eye(
     name: options.ModelName = None,
     require_test_mm: options.RequireTestMm = None,
     require_test_px: options.RequireTestPx = None,
+    no_report: options.NoReport = False,
     force: options.Force = False,
     as_json: options.AsJson = False,
 ) -> None:
@@ -48,6 +49,7 @@ def hand_eye(
         name=name,
         require_test_mm=require_test_mm,
         require_test_px=require_test_px,
+        no_report=no_report,
         force=force,
         as_json=as_json,
     )

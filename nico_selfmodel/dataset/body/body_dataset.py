@@ -1,7 +1,7 @@
 """What any sensors measured of any body, at which poses."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
@@ -83,8 +83,6 @@ class BodyDataset:
     """Where the data come from, in free text."""
     seed: int | None = None
     """Seed of the simulation, if simulated."""
-    extra: dict[str, str] = field(default_factory=dict)
-    """Facts that are kept and not used."""
 
     def __post_init__(self) -> None:
         """Check everything and make the arrays read-only."""

@@ -1,5 +1,6 @@
 """A recording of a body as a folder: `dataset.yaml`, `poses.csv`, `observations.csv`."""
 
+import hashlib
 import math
 from collections.abc import Sequence
 from os import PathLike
@@ -99,6 +100,12 @@ def save_body_dataset(
                 (fresh / name).write_bytes(text.encode())
     except OSError as error:
         raise DataError(f"{folder}: cannot be written: {error.strerror or error}") from error
+
+
+def body_content_hash(data: BodyDataset) -> str:
+    """Return the SHA-256 of the three files that `save_body_dataset` would write."""
+    texts = (_head_text(data), _poses_text(data), _observations_text(data))
+    return hashlib.sha256("\0".join(texts).encode()).hexdigest()
 
 
 def _read_head(path: Path) -> dict[str, Any]:

@@ -16,8 +16,6 @@ from nico_selfmodel.geometry.transform import inverse, transform
 _LEAST_TURN = np.radians(5.0)
 """Turns below this tell little of an axis."""
 _MOST_PAIRS = 4000
-_ONE_AXIS = 0.02
-"""Second over first singular value of the turns' axes below which they share one axis."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -28,8 +26,6 @@ class HandEye:
     """The target on the flange. Shape (4, 4)."""
     Z: NDArray
     """The sensor in the flange's base. Shape (4, 4)."""
-    one_axis: NDArray | None
-    """Axis on the flange, where all turns were about one: X is open along it. Shape (3,)."""
 
     @classmethod
     def from_poses(cls, F: NDArray, M: NDArray) -> "HandEye":
@@ -55,10 +51,8 @@ class HandEye:
             )
         A, B, a, b = A[enough], B[enough], a[enough], b[enough]
         a, b, A, B = _consistent(a, b, A, B)
-        values, axes = np.linalg.eigh(a.T @ a)
-        one_axis = axes[:, 2] if values[1] < _ONE_AXIS**2 * values[2] else None
         R = nearest_rotation(a.T @ b)
-        # Two axes tell R; the third may be open where all turns share one.
+        # Where all turns share one axis, X is open along it: the least of what fits.
         left = (A[:, :3, :3] - np.eye(3)).reshape(-1, 3)
         right = (B[:, :3, 3] @ R.T - A[:, :3, 3]).ravel()
         t = np.linalg.lstsq(left, right, rcond=1e-3)[0]
@@ -67,7 +61,7 @@ class HandEye:
         Z = transform(
             nearest_rotation(each[:, :3, :3].sum(axis=0)), np.median(each[:, :3, 3], axis=0)
         )
-        return cls(X, Z, one_axis)
+        return cls(X, Z)
 
 
 def _pairs(count: int) -> tuple[NDArray, NDArray]:

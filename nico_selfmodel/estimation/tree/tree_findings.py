@@ -13,7 +13,8 @@ from nico_selfmodel.estimation.results.calibration_result import (
     Finding,
     findings,
 )
-from nico_selfmodel.estimation.tree.tree_calibration import TreeCalibration, TreeErrors
+from nico_selfmodel.estimation.tree.tree_calibration import TreeCalibration
+from nico_selfmodel.estimation.tree.tree_errors import TreeErrors
 from nico_selfmodel.model.tree.body_tree import FLANGE, REVOLUTE
 from nico_selfmodel.names import listed
 

@@ -159,16 +159,6 @@ class TreeObservations:
             for part in range(6 if joint.motion == FLANGE else 1)
         )
 
-    @cached_property
-    def joint_group(self) -> NDArray:
-        """Which noisy parts share a standard deviation: a flange's turns, and its shifts."""
-        groups, count = [], -1
-        for i, part in self.noisy_joints:
-            flange = self.data.joints[i].motion == FLANGE
-            count += part in (0, 3) if flange else 1
-            groups.append(count)
-        return np.array(groups)
-
     def as_bearings(self, lenses: Mapping[str, Camera]) -> "TreeObservations":
         """Return the same with unit directions in place of pixels.
 

@@ -45,6 +45,11 @@ class TreeParameters:
         return (*out, *(f"{name}.{part}" for name in base.lenses for part in INTRINSICS))
 
     @cached_property
+    def of_joint_frames(self) -> frozenset[str]:
+        """Names of where the joints are on their parents' links."""
+        return frozenset(self.names[: 6 * len(self.base.joints)])
+
+    @cached_property
     def units(self) -> tuple[str, ...]:
         """Units of all parameters: `rad`, `m`, `1` or `px`."""
         base = self.base

@@ -6,7 +6,6 @@ what neither the body nor the rest of its pose explains is an outlier.
 """
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field
 
 import numpy as np
 from numpy.typing import NDArray
@@ -21,11 +20,12 @@ from nico_selfmodel.estimation.noise.variance_components import LinearResiduals,
 from nico_selfmodel.estimation.tree.pose_tests import far_observations, slipped_joints
 from nico_selfmodel.estimation.tree.tree_observations import TreeObservations
 from nico_selfmodel.estimation.tree.tree_residuals import TreeLinear, TreeResiduals
+from nico_selfmodel.estimation.tree.tree_solution import TreeNoise, TreeSolution
 from nico_selfmodel.optimization.calibration_program import CalibrationProgram, ProgramSolution
 from nico_selfmodel.optimization.losses import Loss, robust_scale
 
-_ROUNDS, _SETTLED = 6, 0.02
-"""Rounds of variances, outliers and solution, and the change of a sigma that ends them."""
+_ROUNDS = 6
+"""Of variances, outliers and solution."""
 _STEPS_BETWEEN = 8
 _ROUGH_ROUNDS, _ROUGH_STEPS = 10, 6
 _FIRST_JOINT = np.radians(0.1)
@@ -34,42 +34,6 @@ _LEAST_SHARE = 0.02
 """Part of the residuals below which a standard deviation counts as none."""
 LEAST_REDUNDANCY = 15
 """Equations more than parameters below which kinds of noise cannot be told apart."""
-
-
-@dataclass(frozen=True, eq=False)
-class TreeNoise:
-    """What disturbs a recording."""
-
-    sensor: NDArray
-    """Standard deviations of the noise groups [m, rad or px]. Shape (G,)."""
-    joint: NDArray
-    """Standard deviations of what is read [rad or m]. Shape (m,)."""
-
-
-@dataclass(frozen=True, eq=False)
-class TreeSolution:
-    """Where an adjustment ended."""
-
-    values: NDArray
-    """All parameters. Shape (P,)."""
-    noise: TreeNoise
-    """What disturbed the data."""
-    outliers: NDArray
-    """Observations that nothing explains. Boolean, by row of the table, shape (N,)."""
-    slipped: NDArray
-    """What was read wrongly. Boolean, by visit and noisy joint, shape (visits, m)."""
-    cost: float
-    """Half the sum of squares, in the noise as it was found."""
-    converged: bool
-    iterations: int
-    variances_known: bool
-    """Whether there was enough redundancy to tell the noise."""
-    whitened: NDArray
-    """Whitened derivatives of the inliers by the free parameters, each pose counted once; priors
-    are their last rows. Shape (k, free)."""
-    rest: NDArray
-    """The whitened residuals that belong to it. Shape (k,)."""
-    history: tuple[float, ...] = field(default=())
 
 
 class _Block:
@@ -205,7 +169,7 @@ class TreeProblem:
             same = np.array_equal(now_found, found) and np.array_equal(now_slipped, slipped)
             slipped, found = _regrouped(now_slipped, groups, new), now_found
             groups = new
-            if same and _alike(before, self.noise):
+            if same and self.noise.is_like(before):
                 break
         return self._finish(values, groups, slipped, found, known)
 
@@ -346,8 +310,3 @@ def _regrouped(slipped: NDArray, old: PoseGroups, new: PoseGroups) -> NDArray:
     common, a, b = np.intersect1d(old.numbers, new.numbers, return_indices=True)
     out[b] = slipped[a]
     return out if len(common) else np.zeros_like(out)
-
-
-def _alike(a: TreeNoise, b: TreeNoise) -> bool:
-    one, two = (np.concatenate([noise.sensor, noise.joint]) for noise in (a, b))
-    return bool((np.abs(one - two) <= _SETTLED * np.maximum(one, two)).all())

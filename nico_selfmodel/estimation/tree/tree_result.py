@@ -5,6 +5,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from nico_selfmodel.dataset.body.body_folder import body_content_hash
 from nico_selfmodel.dataset.body.sensors import CAMERA, POINTS, POSES
 from nico_selfmodel.estimation.results.calibration_result import (
     CalibrationResult,
@@ -16,7 +17,8 @@ from nico_selfmodel.estimation.results.calibration_result import (
 )
 from nico_selfmodel.estimation.results.provenance import package_versions
 from nico_selfmodel.estimation.results.unobservable_words import name_unobservable
-from nico_selfmodel.estimation.tree.tree_calibration import TreeCalibration, TreeErrors
+from nico_selfmodel.estimation.tree.tree_calibration import TreeCalibration
+from nico_selfmodel.estimation.tree.tree_errors import TreeErrors
 from nico_selfmodel.estimation.tree.tree_findings import SCALE, noise_by_name, tree_findings
 from nico_selfmodel.model.self_model import ParameterCovariance
 from nico_selfmodel.model.tree.body_model import BodyModel
@@ -89,6 +91,7 @@ def body_model(calibration: TreeCalibration) -> BodyModel:
     data, uncertainty = calibration.data, calibration.uncertainty
     provenance: dict[str, Any] = {
         "dataset": data.name,
+        "dataset_sha256": body_content_hash(data),
         "start": calibration.label,
         "world": calibration.setup.world,
         "scale_from": calibration.setup.scale_from or "nothing",

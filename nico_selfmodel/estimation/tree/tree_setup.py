@@ -35,8 +35,6 @@ class Description:
     """Of each part of a joint frame's turn [rad]."""
     shift_sigma: float = 0.01
     """Of each part of its place [m]."""
-    known_markers: frozenset[str] = frozenset()
-    """Markers that the description places."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -143,6 +141,8 @@ def setup_of(
         ValueError: If a name does not exist.
     """
     _check_names(parameters, wishes)
+    if description is None:
+        _refuse_frames(parameters, wishes)
     world = _world_of(data, description)
     free, priors = set[str](), dict[str, tuple[float, float]]()
     moving = _moving(data, parameters)
@@ -183,6 +183,23 @@ def _check_names(parameters: TreeParameters, wishes: Wishes) -> None:
     for name in sorted((wishes.pins.names | set(wishes.priors)) - set(known)):
         hint = did_you_mean(name, known) or "."
         raise ValueError(f"no parameter {name!r}{hint} There are: {listed(known)}")
+
+
+def _refuse_frames(parameters: TreeParameters, wishes: Wishes) -> None:
+    """Refuse to hold parts of joint frames: without a description they are told from nowhere."""
+    of_axes = frozenset().union(
+        *(
+            {f"{joint}.{part}" for part in FRAME_PARTS}
+            for joint, motion in zip(parameters.base.joints, parameters.base.motions, strict=True)
+            if motion != FLANGE
+        )
+    )
+    held = sorted((set(wishes.pins.pinned) | set(wishes.priors)) & of_axes)
+    if held:
+        raise ValueError(
+            f"{listed(held)} can only be held against a robot description: without one a joint's "
+            "frame is told from wherever it was found; give --robot, or hold a marker or sensor"
+        )
 
 
 def _moving(data: BodyDataset, parameters: TreeParameters) -> NDArray:

@@ -12,7 +12,7 @@ from nico_selfmodel.dataset.body.sensors import CAMERA
 from nico_selfmodel.estimation.arm.evaluation import Evaluation
 from nico_selfmodel.estimation.mirrors.mirror_evaluation import MirrorEvaluation
 from nico_selfmodel.estimation.observations.pixel_evaluation import PixelEvaluation
-from nico_selfmodel.estimation.tree.tree_calibration import TreeErrors
+from nico_selfmodel.estimation.tree.tree_errors import TreeErrors
 from nico_selfmodel.files.csv_cells import safe_cell
 from nico_selfmodel.viz.figures.camera_views import ShownView
 

@@ -64,25 +64,25 @@ def tree_report(calibration: TreeCalibration, document: Mapping[str, Any]) -> Re
 
 
 def _errors(calibration: TreeCalibration, document: Mapping[str, Any]) -> parts.Section:
-    tables, drawing = [], None
+    tables, drawing, inliers = [], None, ~calibration.solution.outliers
     for quantity, unit, kinds, heading, words in _QUANTITIES:
         if quantity not in document["train"]:
             continue
         factor = 1e3 if unit == "mm" else 1.0
         tables.append((error_table(held_out(document, quantity), heading, 2), words))
-        found = (calibration.test, calibration.cross_validation, calibration.train)
+        found = (
+            (calibration.test, None),
+            (calibration.cross_validation, inliers),
+            (calibration.train, inliers),
+        )
         sets = error_sets(
-            *(None if one is None else factor * _finite(one.of_kind(*kinds)) for one in found)
+            *(None if e is None else factor * e.of_kind(*kinds, keep=keep) for e, keep in found)
         )
         figure = distribution(sets, unit=unit, digits=2, what="error", thing="observation")
         drawing = drawing or parts.drawing(f"Distribution of the errors {heading}", figure, "half")
     return shared_sections.errors_section(
         document, *tables, few="with so few poses", figure=drawing
     )
-
-
-def _finite(values: Any) -> Any:
-    return values[np.isfinite(values)]
 
 
 def _learned(

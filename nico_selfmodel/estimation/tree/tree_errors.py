@@ -1,0 +1,135 @@
+"""What a body leaves of a recording: residuals by observation, of what it learned and of more."""
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from nico_selfmodel.dataset.body.body_dataset import BodyDataset
+from nico_selfmodel.dataset.body.link_joint import WORLD_NAME
+from nico_selfmodel.dataset.body.sensors import DISTANCE, MarkerInfo
+from nico_selfmodel.errors import DataError
+from nico_selfmodel.estimation.results.folds import FOLDS, fold_of, splits
+from nico_selfmodel.estimation.tree.tree_observations import SensorRows, TreeObservations
+from nico_selfmodel.estimation.tree.tree_parameters import TreeParameters
+from nico_selfmodel.estimation.tree.tree_problem import TreeProblem
+from nico_selfmodel.estimation.tree.tree_residuals import TreeResiduals
+from nico_selfmodel.estimation.tree.tree_solution import TreeSolution
+from nico_selfmodel.model.tree.body_tree import WORLD, BodyTree
+from nico_selfmodel.names import listed
+
+
+@dataclass(frozen=True, eq=False)
+class TreeErrors:
+    """What a body leaves of a recording."""
+
+    observations: TreeObservations
+    """What was measured."""
+    residuals: NDArray
+    """Predicted minus measured, in the sensors' units. Shape (R,)."""
+
+    def of_kind(self, *kinds: str, keep: NDArray | None = None) -> NDArray:
+        """Return the lengths of the residuals of some kinds of sensors; places, of poses.
+
+        Args:
+            kinds: Of sensors.
+            keep: Rows of the table that count; all if omitted. Boolean, shape (N,).
+
+        Returns:
+            Those that are known, sensor by sensor. Shape (M,).
+        """
+        distance = self.by_row() if keep is None else np.where(keep, self.by_row(), np.nan)
+        rows = [one.rows for one in self.observations.sensors if one.kind in kinds]
+        found = distance[np.concatenate(rows)] if rows else np.zeros(0)
+        return found[np.isfinite(found)]
+
+    def by_row(self) -> NDArray:
+        """Return the length of each observation's residual; nan where there is none. (N,)."""
+        out = np.full(len(self.observations.data.observations), np.nan)
+        for rows in self.observations.sensors:
+            out[rows.rows] = self._distances(rows)
+        return out
+
+    def _distances(self, rows: SensorRows) -> NDArray:
+        r = self.residuals[rows.scalars].reshape(len(rows.rows), -1)
+        return np.asarray(np.linalg.norm(r[:, :3], axis=1))
+
+
+def errors_of(tree: BodyTree, data: BodyDataset) -> TreeErrors:
+    """Return what a body leaves of a recording of its joints, markers and sensors, in any order.
+
+    Args:
+        tree: The body.
+        data: The recording.
+
+    Raises:
+        DataError: If it is of another body.
+    """
+    data = _told_as(tree, data)
+    observations = TreeObservations.of(data)
+    parameters = TreeParameters(tree)
+    residuals = TreeResiduals(observations, parameters)
+    return TreeErrors(observations, residuals.residuals(parameters.values_of(tree)))
+
+
+def _told_as(tree: BodyTree, data: BodyDataset) -> BodyDataset:
+    """Return a recording with the body's markers, in its order."""
+    sensors = {s.name for s in tree.sensors} | {s.name for s in data.sensors if s.kind == DISTANCE}
+    known = [m.name for m in tree.markers]
+    for kind, has, wants in (
+        ("joints", tree.joints, data.joint_names),
+        ("markers", known, [m.name for m in data.markers]),
+        ("sensors", sensors, [s.name for s in data.sensors]),
+    ):
+        strange = [name for name in wants if name not in has]
+        if strange or (kind == "joints" and tree.joints != data.joint_names):
+            raise DataError(
+                f"data set {data.name!r} has the {kind} {listed(strange or wants)}, the body has "
+                f"{listed(sorted(has))}: both must be of one robot"
+            )
+    moved = np.array([*(known.index(m.name) for m in data.markers), -1])
+    table = data.observations
+    new = replace(table, marker=moved[table.marker], other=moved[table.other])
+    names = tree.joints
+    markers = tuple(
+        MarkerInfo(m.name, WORLD_NAME if m.on == WORLD else names[m.on]) for m in tree.markers
+    )
+    return replace(data, markers=markers, observations=new)
+
+
+def cross_validated(
+    problem: TreeProblem, solution: TreeSolution, residuals: TreeResiduals
+) -> TreeErrors | None:
+    """Return residuals of inliers by bodies learned without their fold of poses.
+
+    One Gauss-Newton step from the solution, by the whitened rows that are left: the rest is small.
+
+    Args:
+        problem: What was solved.
+        solution: Where it ended.
+        residuals: Of all observations.
+
+    Returns:
+        nan where an observation is an outlier; None with too few poses for folds.
+    """
+    observations = residuals.observations
+    pose = observations.pose
+    keep = ~solution.outliers[observations.row]
+    rows = solution.whitened[: int(keep.sum())]
+    prior = solution.whitened[int(keep.sum()) :]
+    if len(np.unique(pose)) < 2 * FOLDS:
+        return None
+    out = residuals.residuals(solution.values)
+    white = solution.rest
+    fold = fold_of(pose)
+    for learn, left in splits(fold):
+        mine = learn[keep]
+        H = rows[mine].T @ rows[mine] + prior.T @ prior
+        g = rows[mine].T @ white[: len(rows)][mine] + prior.T @ white[len(rows) :]
+        unit = np.sqrt(np.maximum(np.diag(H), np.finfo(float).tiny))
+        step = -np.linalg.lstsq(H / np.outer(unit, unit), g / unit, rcond=1e-11)[0] / unit
+        values = solution.values.copy()
+        values[problem.columns] += step
+        out[left] = residuals.residuals(values)[left]
+    out[~keep] = np.nan
+    return TreeErrors(observations, out)

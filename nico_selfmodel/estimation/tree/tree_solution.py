@@ -1,0 +1,50 @@
+"""Where the adjustment of a body ended, and what disturbs the recording."""
+
+from dataclasses import dataclass, field
+
+import numpy as np
+from numpy.typing import NDArray
+
+_SETTLED = 0.02
+"""Relative change of a sigma below which it is the same."""
+
+
+@dataclass(frozen=True, eq=False)
+class TreeNoise:
+    """What disturbs a recording."""
+
+    sensor: NDArray
+    """Standard deviations of the noise groups [m, rad or px]. Shape (G,)."""
+    joint: NDArray
+    """Standard deviations of what is read [rad or m]. Shape (m,)."""
+
+    def is_like(self, other: "TreeNoise") -> bool:
+        """Whether no standard deviation changed."""
+        one, two = (np.concatenate([noise.sensor, noise.joint]) for noise in (self, other))
+        return bool((np.abs(one - two) <= _SETTLED * np.maximum(one, two)).all())
+
+
+@dataclass(frozen=True, eq=False)
+class TreeSolution:
+    """Where an adjustment ended."""
+
+    values: NDArray
+    """All parameters. Shape (P,)."""
+    noise: TreeNoise
+    """What disturbed the data."""
+    outliers: NDArray
+    """Observations that nothing explains. Boolean, by row of the table, shape (N,)."""
+    slipped: NDArray
+    """What was read wrongly. Boolean, by visit and noisy joint, shape (visits, m)."""
+    cost: float
+    """Half the sum of squares, in the noise as it was found."""
+    converged: bool
+    iterations: int
+    variances_known: bool
+    """Whether there was enough redundancy to tell the noise."""
+    whitened: NDArray
+    """Whitened derivatives of the inliers by the free parameters, each pose counted once; priors
+    are their last rows. Shape (k, free)."""
+    rest: NDArray
+    """The whitened residuals that belong to it. Shape (k,)."""
+    history: tuple[float, ...] = field(default=())
