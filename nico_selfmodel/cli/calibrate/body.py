@@ -70,9 +70,8 @@ def body(
     """
     from nico_selfmodel.dataset.body.body_folder import is_body_dataset
 
+    _refuse_unused(context, dataset)
     if is_body_dataset(dataset):
-        why = f"{dataset} is of any body; they are for an arm and two cameras (samples.csv)"
-        options.refuse_given(context, _OF_TWO_CAMERAS, why)
         any_body.calibrate(
             dataset,
             out,
@@ -91,8 +90,6 @@ def body(
             force=force,
             as_json=as_json,
         )
-    why = f"{dataset} is of an arm and two cameras; they are for any body (observations.csv)"
-    options.refuse_given(context, _OF_ANY_BODY, why)
     if model is None:
         raise ValueError(f"{dataset} is of an arm and two cameras: give them with --model")
     from nico_selfmodel.estimation.body.body import calibrate_body
@@ -133,6 +130,18 @@ def body(
         write_with_report(out, found.model, report, force=force)
         progress("writing the result", 1, 1)
     printer.result(found.model.name, document, out, json_instead=as_json)
+
+
+def _refuse_unused(context: typer.Context, dataset: Path) -> None:
+    """Refuse options that data sets of this form do not use."""
+    from nico_selfmodel.dataset.body.body_folder import is_body_dataset
+
+    if is_body_dataset(dataset):
+        why = f"{dataset} is of any body; they are for an arm and two cameras (samples.csv)"
+        options.refuse_given(context, _OF_TWO_CAMERAS, why)
+    else:
+        why = f"{dataset} is of an arm and two cameras; they are for any body (observations.csv)"
+        options.refuse_given(context, _OF_ANY_BODY, why)
 
 
 def _boards(
