@@ -68,10 +68,7 @@ def body(
     nothing else. One with `samples.csv` is of an arm and two cameras, which refine each other
     (thesis chapter 8): its --model has both cameras, and the arm if it is known.
     """
-    from nico_selfmodel.dataset.body.body_folder import is_body_dataset
-
-    _refuse_unused(context, dataset)
-    if is_body_dataset(dataset):
+    if _is_any_body(context, dataset):
         any_body.calibrate(
             dataset,
             out,
@@ -132,16 +129,17 @@ def body(
     printer.result(found.model.name, document, out, json_instead=as_json)
 
 
-def _refuse_unused(context: typer.Context, dataset: Path) -> None:
-    """Refuse options that data sets of this form do not use."""
+def _is_any_body(context: typer.Context, dataset: Path) -> bool:
+    """Return whether a data set is of any body; refuse options that its form does not use."""
     from nico_selfmodel.dataset.body.body_folder import is_body_dataset
 
-    if is_body_dataset(dataset):
+    found = is_body_dataset(dataset)
+    if found:
         why = f"{dataset} is of any body; they are for an arm and two cameras (samples.csv)"
-        options.refuse_given(context, _OF_TWO_CAMERAS, why)
     else:
         why = f"{dataset} is of an arm and two cameras; they are for any body (observations.csv)"
-        options.refuse_given(context, _OF_ANY_BODY, why)
+    options.refuse_given(context, _OF_TWO_CAMERAS if found else _OF_ANY_BODY, why)
+    return found
 
 
 def _boards(
