@@ -113,6 +113,18 @@ Tangential = Annotated[
     bool, typer.Option("--tangential", help="Estimate tangential distortion p1, p2.")
 ]
 FixedAspect = Annotated[bool, typer.Option("--fixed-aspect", help="Hold fx and fy equal.")]
+Effects = Annotated[
+    str,
+    typer.Option(
+        "--effects",
+        help="What may bend: auto, none, or some of sag,bearing_sag,ripple,coupling,loads. Each is "
+        "kept only where unseen poses gain.",
+    ),
+]
+Up = Annotated[
+    str | None,
+    typer.Option("--up", help="The vertical in the data's frame, such as 0,0,1; for sag."),
+]
 Loss = Annotated[str, typer.Option("--loss", help="trimmed, none, huber, cauchy or tukey.")]
 SplitSeed = Annotated[
     int, typer.Option("--seed", min=0, help="Of what is held out, and of random starts.")

@@ -11,9 +11,11 @@ from numpy.typing import ArrayLike, NDArray
 
 from nico_selfmodel.arrays import frozen_covariance
 from nico_selfmodel.errors import ModelError
+from nico_selfmodel.model.arm.bending import Bending
 from nico_selfmodel.model.arm.chain import Chain
 from nico_selfmodel.model.arm.dh_parameters import DhParameters
 from nico_selfmodel.model.arm.dh_table import DhTable
+from nico_selfmodel.model.arm.loaded_posture import LoadedPosture, loaded
 from nico_selfmodel.model.arm.servo_map import ServoMap
 from nico_selfmodel.model.cameras.camera import Camera
 from nico_selfmodel.model.cameras.mirror import Mirror
@@ -99,6 +101,8 @@ class SelfModel:
     """Standard deviation of a pixel coordinate about the model of the cameras [px]."""
     mirrors: Mapping[str, Mirror] = field(default_factory=dict)
     """Mirrors before the cameras, by the name that data sets call them; each has its covariance."""
+    bending: Bending | None = None
+    """What bends in the arm; None where nothing was learned to."""
 
     def __post_init__(self) -> None:
         """Check that chain and servos speak of the same joints, and freeze the mappings."""
@@ -106,6 +110,8 @@ class SelfModel:
             raise ValueError("an arm is a chain and its servos: give both or neither")
         if self.table is not None and self.servo_map is not None:
             _check_arm(self.table, self.servo_map)
+        if self.bending is not None and self.bending.joints != self._joint_names:
+            raise ValueError(f"what bends has the joints {self.bending.joints}: other than the arm")
         if set(self.cameras) - set(SIDES):
             raise ValueError(f"cameras are called left and right, got {sorted(self.cameras)}")
         self._check_names()
@@ -128,6 +134,10 @@ class SelfModel:
         for what, names in {**parts, "mirror": tuple(self.mirrors)}.items():
             for name in names:
                 check_name(name, f"names of {what}s", in_table=False)
+
+    @property
+    def _joint_names(self) -> tuple[str, ...]:
+        return () if self.table is None else self.table.joints
 
     @property
     def has_arm(self) -> bool:
@@ -196,7 +206,7 @@ class SelfModel:
 
     @cached_property
     def chain(self) -> Chain:
-        """The same arm as lines in space."""
+        """The same arm as lines in space, rigid: what bends is in `points`."""
         return self.dh.to_chain()
 
     @property
@@ -207,7 +217,31 @@ class SelfModel:
     @property
     def parameters(self) -> DhParameters:
         """The named parameters."""
-        return DhParameters(self.dh, self.servos)
+        return DhParameters(self.dh, self.servos, bending=self.bending)
+
+    def posture(self, q: ArrayLike) -> LoadedPosture:
+        """Return where the arm is, bent by its own weight, at displacements its encoders tell.
+
+        Args:
+            q: `servos.to_joint` of readings [rad], floats or Drake's scalars. Shape (N, n) or (n,).
+        """
+        return loaded(self.dh, self.bending, q)
+
+    def points(self, q: ArrayLike, marker: ArrayLike = 0) -> NDArray:
+        """Return tracked points of the arm, bent by its own weight.
+
+        Args:
+            q: `servos.to_joint` of readings [rad], floats or Drake's scalars. Shape (N, n) or (n,).
+            marker: Index of the tracked point, one for all or one a pose. Shape () or (N,).
+
+        Returns:
+            p_WH [m]. Shape (N, 3) or (3,).
+        """
+        if self.bending is None:
+            return self.chain.forward(q, marker)
+        last = self.posture(q).frames[-1]
+        at = self.dh.p_NH[np.broadcast_to(np.asarray(marker), last.shape[:-2])]
+        return (last[..., :3, :3] @ at[..., None])[..., 0] + last[..., :3, 3]
 
     @property
     def joints(self) -> tuple[str, ...]:

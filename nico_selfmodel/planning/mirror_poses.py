@@ -84,7 +84,7 @@ def plan_mirror_poses(
     else:
         readings = np.clip(np.asarray(candidates, dtype=float), low, high)
     q = model.servos.to_joint(readings)
-    p_WH = model.chain.forward(q, index)
+    p_WH = model.points(q, index)
     pixels = rig.project(p_WH)
     visible = _inside(pixels, rig.rig.cameras, margin)
     clear = free_space(model.chain, rig, q) >= clearance

@@ -53,7 +53,7 @@ def movable_pose(pose: NDArray) -> NDArray:
     Drake (1.51) leaves frames out of its products whose pose is exactly the identity, and with the
     value the derivatives by that pose, silently.
     """
-    if np.array_equal(pose, np.eye(4)):
+    if pose.dtype != object and np.array_equal(pose, np.eye(4)):
         pose = pose.copy()
         pose[2, 3] = _TINY
     return pose

@@ -36,6 +36,19 @@ class LearnedFrames:
     """Names of the tracked points. Length m."""
     X_TH: NDArray
     """Frames of the tracked points on the tip link. Shape (m, 4, 4)."""
+    X_WF: NDArray
+    """Joint frames on the parent links in the measuring frame, all learned joints at q = 0.
+    Shape (n, 4, 4)."""
+
+    def given_way(self, X_WN: NDArray, bearings: NDArray) -> "LearnedFrames":
+        """Return the frames where bearings have given way: each on its parent link.
+
+        Args:
+            X_WN: Frames before the arm's rows at q = 0. Shape (n, 4, 4).
+            bearings: What moves each row in them, `LoadedPosture.bearings`. Shape (n, 4, 4).
+        """
+        X_FN = inverse(self.X_WF) @ X_WN
+        return replace(self, X_PF=self.X_PF @ X_FN @ bearings @ inverse(X_FN))
 
 
 def learned_frames(arm: ArmDescription, chain: Chain) -> LearnedFrames:
@@ -73,6 +86,7 @@ def learned_frames(arm: ArmDescription, chain: Chain) -> LearnedFrames:
         inverse(links.X_BC) @ X_BD[1:] @ inverse(X_MD),
         learned.markers,
         transform(_hand_rotations(arm, learned.markers), apply(X_TN, learned.p_NH)),
+        learned.frames(np.zeros(n))[:-1] @ X_DF,
     )
 
 

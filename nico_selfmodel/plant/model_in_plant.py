@@ -7,7 +7,7 @@ from typing import Any, Self
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from pydrake.autodiffutils import AutoDiffXd
-from pydrake.math import RigidTransform_
+from pydrake.math import RigidTransform_, RotationMatrix_
 from pydrake.multibody.plant import MultibodyPlant, MultibodyPlant_
 from pydrake.multibody.tree import Frame, ModelInstanceIndex
 from pydrake.symbolic import Expression
@@ -99,8 +99,10 @@ class ModelInPlant:
         return next(T for T in _SCALARS if isinstance(self.plant, MultibodyPlant_[T]))
 
     def rigid(self, pose: NDArray) -> Any:
-        """Return a pose in the plant's numbers. Shape (4, 4)."""
+        """Return a pose, of the plant's numbers or of floats, in the plant's. Shape (4, 4)."""
         T = self.scalar
+        if pose.dtype == object:
+            return RigidTransform_[T](RotationMatrix_[T](pose[:3, :3]), pose[:3, 3])
         return rigid(pose) if T is float else RigidTransform_[float](pose).cast[T]()
 
 

@@ -40,7 +40,7 @@ class SelfModelPlant(ModelInPlant):
 
     A self-model can be written into any context. The plant's world, or the frame that the robot was
     added to, is then the measuring frame W, and the angles of the learned joints are the
-    self-model's q, so that every tracked point is where `model.chain.forward(q)` has it. Held
+    self-model's q, so that every tracked point is where `model.points(q)` has it. Held
     joints start at their values, all others at zero. The joints' limits are the description's:
     they fit a self-model whose zeros are the robot's.
     """
@@ -196,6 +196,9 @@ class SelfModelPlant(ModelInPlant):
     ) -> None:
         """Move the learned joints in a context to encoder readings; all others stay.
 
+        Of a self-model that bends the joints go to where its own weight turns them, and the joint
+        frames to where its bearings give way: the plant is then right at these readings alone.
+
         Args:
             context: The plant's context, or the root context of its diagram.
             readings: In the encoders' own units. Shape (n,).
@@ -205,7 +208,13 @@ class SelfModelPlant(ModelInPlant):
             ValueError: If `readings` is not n numbers, or there is no model to read them with.
             ModelError: If the model has other joints.
         """
-        self.set_joint_angles(context, self._joint_angles(readings, model))
+        model, q = self._joint_angles(readings, model)
+        posture = model.posture(q)
+        if posture.bearings is not None:
+            frames = learned_frames(self.arm, model.chain)
+            X_WN = model.dh.frames(np.zeros(len(q)))[:-1]
+            self._write_frames(context, frames.given_way(X_WN, posture.bearings))
+        self.set_joint_angles(context, posture.q)
 
     def set_joint_angles(self, context: Any, q: ArrayLike) -> None:
         """Move the learned joints in a context to angles q [rad], shape (n,); all others stay.
@@ -223,7 +232,9 @@ class SelfModelPlant(ModelInPlant):
         """Where each learned joint stands among the plant's positions. Shape (n,)."""
         return self.columns_of(self.arm.joints)
 
-    def _joint_angles(self, readings: ArrayLike, model: SelfModel | None) -> NDArray:
+    def _joint_angles(
+        self, readings: ArrayLike, model: SelfModel | None
+    ) -> tuple[SelfModel, NDArray]:
         model = self.model if model is None else model
         if model is None:
             raise ValueError("the plant was built without a self-model: give the one to read with")
@@ -233,7 +244,7 @@ class SelfModelPlant(ModelInPlant):
             raise ValueError(
                 f"readings must have shape ({len(self.arm.joints)},), got {readings.shape}"
             )
-        return model.servos.to_joint(readings)
+        return model, model.servos.to_joint(readings)
 
     def _hand_frame(self, marker: str) -> Any:
         hands = self.plant.GetModelInstanceByName(_hands(self.name))

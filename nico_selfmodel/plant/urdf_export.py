@@ -74,10 +74,20 @@ def learned_urdf(
     note = comment_text(
         f" The learned geometry of {model.name}. Joint positions are angles of the links: offsets "
         "and gears of the encoders are in self_model.yaml, a URDF cannot hold them. "
-        f"{masses_words(model, description)} "
+        f"{masses_words(model, description)} {_rigid_words(model)}"
     )
     document.insertBefore(document.createComment(note), robot_element(document))
     return document_text(document)
+
+
+def _rigid_words(model: SelfModel) -> str:
+    """Say that what bends is not in the file."""
+    if model.bending is None:
+        return ""
+    return (
+        "It is rigid: the geometry without its own weight. What bends "
+        f"({', '.join(model.bending.effects)}) is in self_model.yaml alone. "
+    )
 
 
 def masses_words(model: SelfModel, description: ArmDescription | None) -> str:

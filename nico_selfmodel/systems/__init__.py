@@ -35,6 +35,7 @@ if TYPE_CHECKING:
     from nico_selfmodel.systems.stations.nico_station import NicoStation
     from nico_selfmodel.systems.stations.station_body import SettleTimeouts, StationBody
     from nico_selfmodel.systems.tracking.hand_tracker import HandTracker
+    from nico_selfmodel.systems.tracking.loaded_angles import LoadedAngles
     from nico_selfmodel.systems.tracking.reflection_detectors import default_mirror_detectors
     from nico_selfmodel.systems.tracking.self_model_monitor import SelfModelMonitor
     from nico_selfmodel.systems.tracking.self_model_predictor import SelfModelPredictor
@@ -50,6 +51,7 @@ __all__ = [
     "HandTracker",
     "ImageQuality",
     "Imperfections",
+    "LoadedAngles",
     "MirrorPlate",
     "MotionCapture",
     "MotionCaptureClient",
@@ -106,6 +108,7 @@ __getattr__, __dir__ = lazy_names(
         "stations.nico_hardware_station": ("NicoHardwareStation",),
         "stations.nico_station": ("NicoStation",),
         "stations.station_body": ("SettleTimeouts", "StationBody"),
+        "tracking.loaded_angles": ("LoadedAngles",),
         "tracking.hand_tracker": ("HandTracker",),
         "tracking.reflection_detectors": ("default_mirror_detectors",),
         "tracking.self_model_monitor": ("SelfModelMonitor",),

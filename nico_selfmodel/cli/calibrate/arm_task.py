@@ -33,6 +33,8 @@ class ArmTask:
     command: str
     """The command line, for `result.json`."""
     no_report: bool = False
+    effects: str = "auto"
+    up: str | None = None
 
     def run(
         self, dataset: Path, out: Path, progress: Progress, *, force: bool = False
@@ -49,12 +51,14 @@ class ArmTask:
             Name of the self-model, and what is in its `result.json`.
         """
         from nico_selfmodel.estimation.arm.kinematics import calibrate_kinematics
+        from nico_selfmodel.estimation.bending.what_bends import effects_of, up_of
         from nico_selfmodel.estimation.body.stereo_points import StereoPoints
         from nico_selfmodel.estimation.judging import judge, result_of, to_json
         from nico_selfmodel.estimation.results.fixed_parameters import FixedParameters
         from nico_selfmodel.model.self_model_file import load_model
 
         pins = FixedParameters.from_text(self.fix or (), self.free or ())
+        effects, up = effects_of(self.effects), up_of(self.up)
         train, held_out = inputs.train_and_test(dataset, self.test, self.test_fraction, self.seed)
         stereo = None
         if self.cameras is not None:
@@ -76,6 +80,8 @@ class ArmTask:
             starts=self.starts,
             seed=self.seed,
             name=self.name,
+            effects=effects,
+            up=up,
         )
         if stereo is not None:
             calibration = stereo.complete(calibration)

@@ -23,6 +23,8 @@ def kinematics(
     fix: options.Fix = None,
     free: options.Free = None,
     loss: options.Loss = "trimmed",
+    effects: options.Effects = "auto",
+    up: options.Up = None,
     starts: Annotated[int, typer.Option("--starts", min=0, help="Random starts allowed.")] = 10,
     robot: options.Robot = None,
     arm: options.Arm = None,
@@ -62,6 +64,8 @@ def kinematics(
             require_test_mm,
             command_line(),
             no_report,
+            effects,
+            up,
         ),
     )
     if len(dataset) == 1 and not _holds_data_sets(dataset[0]):

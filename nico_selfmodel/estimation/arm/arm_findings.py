@@ -5,6 +5,8 @@ from numpy.typing import NDArray
 
 from nico_selfmodel.estimation.arm.evaluation import Evaluation
 from nico_selfmodel.estimation.arm.kinematics import KinematicCalibration
+from nico_selfmodel.estimation.bending.ladder import LIFTS
+from nico_selfmodel.estimation.bending.what_bends import WORDS, effect_sizes
 from nico_selfmodel.estimation.observations.observations import Observations
 from nico_selfmodel.estimation.observations.outlier_words import (
     chance_of_more,
@@ -22,6 +24,8 @@ from nico_selfmodel.estimation.results.calibration_result import (
     findings,
 )
 from nico_selfmodel.estimation.results.verdict import outliers_are_many
+from nico_selfmodel.model.arm.bending import LOADS
+from nico_selfmodel.model.arm.dh_parameters import DhParameters
 
 _LARGEST_NOISE = 0.05
 """Residuals above this share of the workspace's size explain nothing."""
@@ -69,9 +73,40 @@ def arm_findings(calibration: KinematicCalibration) -> tuple[Finding, ...]:
         *findings(MISFIT, [misfit]),
         *findings(FAILURE, failures),
         *findings(LAST, last),
-        *findings(WARNING, _warnings(calibration)),
-        *findings(NOTE, [*said, *_set_aside_words(calibration)]),
+        *findings(WARNING, [*_bending_warnings(calibration), *_warnings(calibration)]),
+        *findings(NOTE, [*said, *_bending_words(calibration), *_set_aside_words(calibration)]),
     )
+
+
+def _bending_words(calibration: KinematicCalibration) -> list[str]:
+    """Say what was found to bend, and what unseen poses gain by it."""
+    if calibration.model.bending is None:
+        return []
+    steps = [step for step in calibration.ladder.steps if step.kept]
+    before, after = steps[0].before_mm, steps[-1].after_mm
+    most = _bends(calibration, calibration.model.parameters)
+    return [f"{most}: unseen poses {before:.2g} -> {after:.2g} mm"]
+
+
+def _bends(calibration: KinematicCalibration, parameters: DhParameters) -> str:
+    """Say which effects move the hand by how much."""
+    return ", ".join(
+        f"{WORDS[size.effect]} by up to {1e3 * size.hand.max():.2g} mm at the hand"
+        for size in effect_sizes(parameters, calibration.train.observations)
+        if size.effect != LOADS
+    )
+
+
+def _bending_warnings(calibration: KinematicCalibration) -> list[str]:
+    """Say what the arm would gain by effects that it was not allowed, or by one that lifts it."""
+    ladder = calibration.ladder
+    kept = [step for step in ladder.steps if step.kept]
+    if kept and ladder.bent is not None and calibration.model.bending is None:
+        return [
+            f"would meet unseen poses to {kept[-1].after_mm:.2g} mm in place of "
+            f"{kept[0].before_mm:.2g} mm: {_bends(calibration, ladder.bent)} (--effects auto)"
+        ]
+    return [f"sag is not kept: {step.reason}" for step in ladder.steps if step.reason == LIFTS]
 
 
 def _warnings(calibration: KinematicCalibration) -> list[str]:

@@ -7,6 +7,7 @@ import numpy as np
 from nico_selfmodel.estimation.arm.arm_findings import WHAT_CHANGED, arm_findings
 from nico_selfmodel.estimation.arm.evaluation import Evaluation
 from nico_selfmodel.estimation.arm.kinematics import KinematicCalibration
+from nico_selfmodel.estimation.bending.what_bends import bending_json
 from nico_selfmodel.estimation.observations.outlier_words import describe_outliers
 from nico_selfmodel.estimation.results.calibration_result import (
     CalibrationResult,
@@ -96,6 +97,9 @@ def _details(calibration: KinematicCalibration) -> dict[str, Any]:
         "noise_sigma_mm": finite(calibration.model.noise_sigma, 1e3),
         "starts": starts,
         "circles": [] if calibration.circles is None else _circles(calibration),
+        "bending": bending_json(
+            calibration.ladder, calibration.model.parameters, calibration.train.observations
+        ),
     }
 
 

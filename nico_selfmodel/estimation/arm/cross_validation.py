@@ -3,7 +3,7 @@
 import numpy as np
 from numpy.typing import NDArray
 
-from nico_selfmodel.estimation.noise.arm_solution import ArmSolution, Linearised
+from nico_selfmodel.estimation.noise.arm_solution import ArmSolution, Linearised, information_of
 from nico_selfmodel.estimation.noise.pose_refinement import PoseWhitened, arm_program
 from nico_selfmodel.estimation.noise.pose_sums import PoseSums
 from nico_selfmodel.estimation.observations.hand_residuals import DhResiduals
@@ -38,12 +38,14 @@ def cross_validate(observations: Observations, solved: ArmSolution, folds: int =
     fewest = min((int(rest.sum()) for rest, _ in splits(fold)), default=0)
     if fold.max(initial=0) < folds - 1 or 3 * fewest <= len(solved.free):
         return np.zeros(0)
-    size = np.sqrt(np.diag(sums.H.sum(axis=0)))
-    size = np.where(size > 0.0, size, 1.0)
     chosen = [i for i, name in enumerate(solved.parameters.names) if name in solved.free]
+    known = np.diag(information_of(solved.parameters, chosen, solved.priors))
+    size = np.sqrt(np.diag(sums.H.sum(axis=0) + known))
+    size = np.where(size > 0.0, size, 1.0)
     errors = np.zeros(len(inliers))
     for k in range(folds):
-        rest = (sums.H[:k].sum(axis=0) + sums.H[k + 1 :].sum(axis=0)) / np.outer(size, size)
+        rest = sums.H[:k].sum(axis=0) + sums.H[k + 1 :].sum(axis=0) + known
+        rest /= np.outer(size, size)
         step = -np.linalg.lstsq(rest, sums.g[k] / size, 1e-10)[0]
         values = solved.parameters.values.copy()
         values[chosen] += step / size
@@ -63,6 +65,8 @@ def _refit(rest: Observations, start: DhParameters, solved: ArmSolution) -> DhPa
     linear = Linearised.at(rest, solved.parameters, everything, solved.noise)
     block = PoseWhitened(DhResiduals(rest, solved.parameters, 1.0), linear.whitening)
     program = arm_program(block, solved.parameters, solved.free)
+    for name, (mean, sigma) in solved.priors.items():
+        program.add_prior(name, mean, sigma)
     far = program.normal_equations(start.values)[0] > program.normal_equations(program.start)[0]
     if not far:
         program.move_start(start.values)

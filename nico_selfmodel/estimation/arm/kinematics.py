@@ -4,6 +4,7 @@ The thesis' sections 6.2.1-6.2.3 with the corrections of `docs/thesis.md`.
 """
 
 import time
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -16,6 +17,7 @@ from nico_selfmodel.estimation.arm.evaluation import Evaluation, evaluate
 from nico_selfmodel.estimation.arm.kinematic_task import KinematicTask
 from nico_selfmodel.estimation.arm.learned_model import learned_model, training_of
 from nico_selfmodel.estimation.arm.named_refinement import Held, refine_named
+from nico_selfmodel.estimation.bending.ladder import Ladder, climb
 from nico_selfmodel.estimation.diagnosis.changes_in_time import (
     Change,
     change_in_time,
@@ -50,6 +52,7 @@ from nico_selfmodel.estimation.noise.arm_solution import ArmSolution, Linearised
 from nico_selfmodel.estimation.noise.pose_noise import PoseNoise
 from nico_selfmodel.estimation.noise.pose_sums import refine_on_all
 from nico_selfmodel.estimation.results.fixed_parameters import FixedParameters
+from nico_selfmodel.model.arm.bending import EFFECTS
 from nico_selfmodel.model.arm.dh_table import DhTable
 from nico_selfmodel.model.self_model import SelfModel
 from nico_selfmodel.optimization.uncertainty import Uncertainty
@@ -97,6 +100,8 @@ class KinematicCalibration:
     """How the learned arm is not the described robot, in words; None where it may be."""
     causes: Causes
     """What would make the data fit, where they do not."""
+    ladder: Ladder
+    """What may bend, and what became of it."""
     noise: PoseNoise | None
     """Of the sensor and of the joints; None for circle points alone."""
     patterns: tuple[Pattern, ...]
@@ -127,6 +132,8 @@ def calibrate_kinematics(
     seed: int = 0,
     name: str | None = None,
     explain: bool = True,
+    effects: Sequence[str] = EFFECTS,
+    up: NDArray | None = None,
 ) -> KinematicCalibration:
     """Learn an arm from encoder readings and measured points of the hand.
 
@@ -143,6 +150,9 @@ def calibrate_kinematics(
         name: Name of the self-model; the data set's if omitted.
         explain: Look for what would make the data fit, where they do not; that takes longer than
             the calibration.
+        effects: What may bend, of `model.arm.bending.EFFECTS`: kept where unseen poses gain. With
+            none they are asked for all the same, to tell what they would explain.
+        up: Unit vertical in W, for sag; the first axis and z are tried if omitted. Shape (3,).
 
     Returns:
         The calibration. A failed check does not raise: see `verdict`.
@@ -162,7 +172,7 @@ def calibrate_kinematics(
         parameters = task.parameters_of(arm)
         pins.check(parameters)
         solved = ArmSolution.unrefined(task.observations, parameters)
-        search, unseen, contradicted = None, np.zeros(0), ()
+        search, unseen, contradicted, ladder = None, np.zeros(0), (), Ladder((), solved)
     else:
         task.require_enough(pins)
         loss = loss if task.redundant else "none"
@@ -171,6 +181,16 @@ def calibrate_kinematics(
         )
         solved = _refined(task, search.best, pins, loss)
         contradicted = _contradicted_parameters(task, search.best, solved, pins)
+        ladder = climb(
+            task.sample,
+            solved,
+            effects=effects,
+            up=up,
+            held=pins.names,
+            trim=loss != "none",
+            seed=seed,
+        )
+        solved = ladder.solution
         if task.sampled:
             solved = refine_on_all(task.observations, solved, trim=loss != "none")
         unseen = cross_validate(task.observations, solved)
@@ -198,6 +218,7 @@ def calibrate_kinematics(
         contradicted,
         None if nominal is None else robot_reason(nominal.chain, model.dh, task.gear_known),
         causes,
+        ladder,
         solved.noise,
         doubts.patterns,
         doubts.change,

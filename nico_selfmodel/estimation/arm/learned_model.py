@@ -44,6 +44,7 @@ def learned_model(
         dict(nominal.source) if nominal else {},
         fit,
         {**data_named(dataset), **package_versions("drake")},
+        bending=solved.parameters.bending,
     )
     rows = Observations.from_dataset(dataset, model.markers)
     return with_training_noise(model, dataset, "points", rows.sample[solved.outliers])

@@ -62,7 +62,7 @@ def _errors(model: SelfModel, observations: HandObservations, offsets: NDArray) 
     rows = np.unique(np.linspace(0, len(observations) - 1, _ROWS).astype(int))
     q = (arm.angles[rows] - offsets[:, None]) / model.servos.gear
     marker = np.tile(arm.marker[rows], len(offsets))
-    seen = model.chain.forward(q.reshape(-1, q.shape[2]), marker)
+    seen = model.points(q.reshape(-1, q.shape[2]), marker)
     if by_sight:
         seen = model.rig.project(seen)
     misses = seen.reshape(len(offsets), len(rows), -1) - block.measured.T[rows]

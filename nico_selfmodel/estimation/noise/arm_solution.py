@@ -1,6 +1,7 @@
 """An arm at a solution: named parameters, what is known of them, and the noise about them."""
 
-from dataclasses import dataclass, replace
+from collections.abc import Mapping
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -10,6 +11,8 @@ from nico_selfmodel.estimation.observations.observations import Observations
 from nico_selfmodel.model.arm.dh_parameters import DhParameters
 from nico_selfmodel.optimization.uncertainty import Uncertainty
 
+Priors = Mapping[str, tuple[float, float]]
+"""Mean and standard deviation, by name."""
 _LEAST_LEVER = 6.0
 """Distance of tracked points from an axis, over the noise, below which it is unobservable."""
 
@@ -33,6 +36,8 @@ class ArmSolution:
     converged: bool
     iterations: int
     history: tuple[float, ...]
+    priors: Priors = field(default_factory=dict)
+    """What is known beforehand of some parameters."""
 
     @classmethod
     def unrefined(cls, observations: Observations, parameters: DhParameters) -> "ArmSolution":
@@ -90,6 +95,11 @@ class Linearised:
             PoseWhitening(groups, by_angle, noise),
         )
 
+    def with_noise(self, noise: PoseNoise) -> "Linearised":
+        """Return the same with other noise."""
+        whitening = PoseWhitening(self.whitening.groups, self.by_angle, noise)
+        return replace(self, noise=noise, whitening=whitening)
+
     def columns(self, free: frozenset[str]) -> NDArray:
         """Return the whitened derivatives by some parameters, in their order. Shape (m, k)."""
         chosen = [i for i, name in enumerate(self.names) if name in free]
@@ -119,6 +129,22 @@ def slopes_by_angle(parameters: DhParameters, jacobian: NDArray) -> NDArray:
     return -jacobian[:, :, at] * parameters.servos.gear
 
 
+def information_of(parameters: DhParameters, chosen: list[int], priors: Priors) -> NDArray:
+    """Return the inverse variances that priors give some parameters, by column. Shape (k,)."""
+    names = [parameters.names[i] for i in chosen]
+    return np.array([priors[name][1] ** -2.0 if name in priors else 0.0 for name in names])
+
+
+def pull_of(parameters: DhParameters, chosen: list[int], priors: Priors) -> NDArray:
+    """Return how far each prior's mean is from its parameter; 0 without one. Shape (k,)."""
+    values = parameters.values[chosen]
+    names = [parameters.names[i] for i in chosen]
+    means = [
+        priors[name][0] if name in priors else v for name, v in zip(names, values, strict=True)
+    ]
+    return np.array(means) - values
+
+
 def uncertainty_of(
     linear: Linearised,
     free: frozenset[str],
@@ -126,6 +152,7 @@ def uncertainty_of(
     parameters: DhParameters,
     *,
     variances_known: bool,
+    priors: Priors,
 ) -> Uncertainty:
     """Analyse the rows that count at a solution.
 
@@ -135,6 +162,7 @@ def uncertainty_of(
         observations: What was measured.
         parameters: The solution.
         variances_known: Whether the noise is that of the data; else one factor is estimated.
+        priors: What is known of some beforehand.
 
     Returns:
         Covariance and unobservable directions.
@@ -145,6 +173,9 @@ def uncertainty_of(
     count = 3 * len(linear.whitening.groups.rows)
     squares = float(count - len(names)) if variances_known else float(u @ u)
     scales = parameters.scales(observations.size)[own]
+    known = information_of(parameters, own, priors)
+    if known.any():
+        U = np.vstack([U, np.diag(np.sqrt(known))[known > 0.0]])
     found = Uncertainty.from_jacobian(names, U, scales, squares, count)
     levers = np.mean(np.sum(linear.by_angle**2, axis=1), axis=0)
     return without_levers(found, parameters, free, coordinate_sigma(linear), levers)

@@ -250,6 +250,12 @@ def with_values(model: SelfModel, names: tuple[str, ...], x: NDArray) -> SelfMod
         if len(names) > split:
             rig = StereoRig.from_values(x[split:], model.rig.left.image_size)
             cameras = {"left": rig.left, "right": rig.right}
-        return replace(model, table=parameters.table, servo_map=parameters.servos, cameras=cameras)
+        return replace(
+            model,
+            table=parameters.table,
+            servo_map=parameters.servos,
+            cameras=cameras,
+            bending=parameters.bending,
+        )
     except ValueError as error:
         raise ModelError(f"no such body can be: {error}") from error

@@ -10,7 +10,9 @@ from numpy.typing import NDArray
 from nico_selfmodel.estimation.noise.arm_solution import (
     ArmSolution,
     Linearised,
+    Priors,
     coordinate_sigma,
+    information_of,
     uncertainty_of,
 )
 from nico_selfmodel.estimation.noise.noise_variances import most_likely_noise
@@ -78,6 +80,7 @@ def refine_by_pose(
     sigma: float,
     *,
     trim: bool = True,
+    priors: Priors | None = None,
 ) -> ArmSolution:
     """Refine an arm that is near its minimum.
 
@@ -88,11 +91,12 @@ def refine_by_pose(
         outliers: Outlier rows so far. Boolean, shape (N,).
         sigma: Standard deviation of a coordinate about the start [m].
         trim: Look for outliers again; else `outliers` stay as they are.
+        priors: What is known of some parameters beforehand.
 
     Returns:
         The solution, with the noise of sensor and joints.
     """
-    refinement = _Refinement(observations, start, free, sigma)
+    refinement = _Refinement(observations, start, free, sigma, priors or {})
     for _ in range(_TRIMS):
         refinement.solve(~outliers)
         found = refinement.outliers(outliers) if trim else outliers
@@ -110,7 +114,11 @@ def counting_variance(observations: Observations, gear: NDArray) -> NDArray:
 
 
 def conditional_distances(
-    linear: Linearised, free: frozenset[str], keep: NDArray, covariance: NDArray | None = None
+    linear: Linearised,
+    free: frozenset[str],
+    keep: NDArray,
+    covariance: NDArray | None = None,
+    information: NDArray | None = None,
 ) -> NDArray:
     """Return how far each row is from what the model and the rest of its pose let expect.
 
@@ -123,6 +131,7 @@ def conditional_distances(
         free: Parameters that were estimated.
         keep: Rows in the fit. Boolean, shape (N,).
         covariance: C, where more rows than these tell it. Shape (k, k).
+        information: What is known of the parameters beforehand, their inverse variances. (k,).
 
     Returns:
         Chi square of three coordinates where a row is sound. Shape (N,).
@@ -134,7 +143,8 @@ def conditional_distances(
     J = J / size
     if covariance is None:
         U = linear.weights * linear.whitened(J)
-        C = np.linalg.pinv(U.T @ U, rcond=1e-10, hermitian=True)
+        known = np.zeros(len(size)) if information is None else information / size**2
+        C = np.linalg.pinv(U.T @ U + np.diag(known), rcond=1e-10, hermitian=True)
     else:
         C = covariance * np.outer(size, size)
     out = np.zeros(len(keep))
@@ -235,8 +245,10 @@ class _Refinement:
         start: DhParameters,
         free: frozenset[str],
         sigma: float,
+        priors: Priors,
     ) -> None:
         self.observations, self.parameters, self.free = observations, start, free
+        self.priors = {name: prior for name, prior in priors.items() if name in free}
         self.columns = [i for i, name in enumerate(start.names) if name in free]
         self.noise = PoseNoise(max(sigma, _LEAST_SENSOR), np.zeros(len(start.servos.gear)))
         self.block = _ArmBlock(observations, start, self.columns)
@@ -282,6 +294,8 @@ class _Refinement:
             self.program = CalibrationProgram()
             self.program.add_variables(self.block.names, self.parameters.values[self.columns])
             self.program.add_residuals(self.block)
+            for name, (mean, deviation) in self.priors.items():
+                self.program.add_prior(name, mean, deviation)
         self.block.parameters, self.block.whitening = self.parameters, self.linear.whitening
         self.program.move_start(self.parameters.values[self.columns])
         limit = _STEPS if last else _STEPS_BETWEEN
@@ -293,7 +307,8 @@ class _Refinement:
         """Return rows that neither model, nor noise, nor the rest of their pose explains."""
         if not self.variances_known:
             return before
-        distances = conditional_distances(self.linear, self.free, ~before)
+        known = information_of(self.parameters, self.columns, self.priors)
+        distances = conditional_distances(self.linear, self.free, ~before, information=known)
         return worst_of_visits(distances, before, self.observations.visit)
 
     def solution(self, outliers: NDArray) -> ArmSolution:
@@ -305,6 +320,7 @@ class _Refinement:
             self.observations,
             self.parameters,
             variances_known=self.variances_known,
+            priors=self.priors,
         )
         sigma = coordinate_sigma(self.linear)
         if not self.variances_known and np.isfinite(uncertainty.variance_factor):
@@ -320,4 +336,5 @@ class _Refinement:
             self.last.converged,
             self.iterations,
             self.last.history,
+            self.priors,
         )

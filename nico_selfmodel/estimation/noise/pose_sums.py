@@ -10,7 +10,13 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from nico_selfmodel.estimation.noise.arm_solution import ArmSolution, Linearised, without_levers
+from nico_selfmodel.estimation.noise.arm_solution import (
+    ArmSolution,
+    Linearised,
+    information_of,
+    pull_of,
+    without_levers,
+)
 from nico_selfmodel.estimation.noise.pose_noise import PoseNoise
 from nico_selfmodel.estimation.noise.pose_refinement import conditional_distances, worst_of_visits
 from nico_selfmodel.estimation.observations.observations import Observations
@@ -48,7 +54,8 @@ def refine_on_all(observations: Observations, solved: ArmSolution, *, trim: bool
         outliers = refinement.outliers(outliers, solved.uncertainty.covariance)
     sums = refinement.solve(~outliers)
     for _ in range(_TRIMS if trim else 0):
-        found = refinement.outliers(outliers, _covariance(sums.H.sum(axis=0)))
+        H = sums.H.sum(axis=0) + np.diag(refinement.information)
+        found = refinement.outliers(outliers, _covariance(H))
         if np.array_equal(found, outliers):
             break
         outliers = found
@@ -64,6 +71,7 @@ class _OnAll:
         self.observations, self.sample, self.noise = observations, solved, solved.noise
         self.parameters, self.free = solved.parameters, solved.free
         self.chosen = [i for i, name in enumerate(self.parameters.names) if name in self.free]
+        self.information = information_of(solved.parameters, self.chosen, solved.priors)
         self.history: list[float] = []
         self.converged = False
 
@@ -71,7 +79,9 @@ class _OnAll:
         """Take steps until they are small; return the sums where they ended."""
         for _ in range(_STEPS):
             sums = PoseSums.of(self.observations, self.parameters, self.free, keep, self.noise)
-            H, g = sums.H.sum(axis=0), sums.g.sum(axis=0)
+            known = self.information
+            pull = pull_of(self.parameters, self.chosen, self.sample.priors)
+            H, g = sums.H.sum(axis=0) + np.diag(known), sums.g.sum(axis=0) + known * pull
             step = _covariance(H) @ g
             self.history.append(0.5 * sums.squares)
             self.converged = bool(step @ H @ step < _SETTLED)
@@ -102,7 +112,11 @@ class _OnAll:
         scales = self.parameters.scales(self.observations.size)[self.chosen]
         count = 3 * int(np.sum(~outliers))
         found = Uncertainty.from_jacobian(
-            names, _root(sums.H.sum(axis=0)), scales, float(count - len(names)), count
+            names,
+            _root(sums.H.sum(axis=0) + np.diag(self.information)),
+            scales,
+            float(count - len(names)),
+            count,
         )
         sigma = float(np.sqrt(self.noise.sensor_sigma**2 + sums.moved))
         return replace(

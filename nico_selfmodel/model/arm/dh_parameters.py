@@ -17,8 +17,10 @@ from nico_selfmodel.geometry.rotation import (
     skew,
 )
 from nico_selfmodel.geometry.transform import transform
+from nico_selfmodel.model.arm.bending import Bending
 from nico_selfmodel.model.arm.dh_table import DhTable
 from nico_selfmodel.model.arm.line_kinematics import cross
+from nico_selfmodel.model.arm.loaded_posture import loaded
 from nico_selfmodel.model.arm.servo_map import ServoMap
 
 M0_NAMES = tuple(f"M0.{part}" for part in ("x", "y", "z", "rx", "ry", "rz"))
@@ -37,6 +39,8 @@ class DhParameters:
     turn: NDArray | None = None
     """Rotation vector of frame 0 [rad]; the shortest one if omitted. A solver that passes a half
     turn needs it to stay on the branch where it is. Shape (3,)."""
+    bending: Bending | None = None
+    """What bends; a rigid arm if omitted."""
 
     @property
     def base_turn(self) -> NDArray:
@@ -45,16 +49,19 @@ class DhParameters:
 
     @property
     def names(self) -> tuple[str, ...]:
-        """Names of all parameters. Length 6 + 6 n + 3 m."""
+        """Names of all parameters: 6 + 6 n + 3 m, and those of what bends."""
         joints = [f"{joint}.{part}" for joint in self.table.joints for part in JOINT_PARTS]
         hands = [f"hand.{marker}.{axis}" for marker in self.table.markers for axis in "xyz"]
-        return (*M0_NAMES, *joints, *hands)
+        bent = () if self.bending is None else self.bending.names
+        return (*M0_NAMES, *joints, *hands, *bent)
 
     @property
     def units(self) -> tuple[str, ...]:
-        """Units of all parameters, `m`, `rad` or `1` (encoder per joint angle)."""
+        """Units of all parameters, `m`, `rad`, `1` (encoder per joint angle) or `rad/m`."""
         joints = [_UNITS[part] for _ in self.table.joints for part in JOINT_PARTS]
-        return ("m",) * 3 + ("rad",) * 3 + tuple(joints) + ("m",) * (3 * len(self.table.markers))
+        hands = ("m",) * (3 * len(self.table.markers))
+        bent = () if self.bending is None else self.bending.units
+        return (*("m",) * 3, *("rad",) * 3, *joints, *hands, *bent)
 
     def scales(self, size: float) -> NDArray:
         """Return the natural size of each parameter, on which a sigma says if it is known at all.
@@ -68,7 +75,7 @@ class DhParameters:
         Returns:
             Shape (P,).
         """
-        by_unit = {"m": size, "rad": 1.0, "1": 1.0}
+        by_unit = {"m": size, "rad": 1.0, "1": 1.0, "rad/m": 1.0 / size}
         scales = np.array([by_unit[unit] for unit in self.units])
         joints = scales[6 : 6 + 6 * len(self.servos.gear)].reshape(-1, len(JOINT_PARTS))
         for part in ("theta_offset", "gear"):
@@ -82,7 +89,8 @@ class DhParameters:
         theta_offset = self.servos.offset - self.servos.gear * t.theta_zero
         joints = np.stack([t.D, theta_offset, t.r, t.alpha, t.beta, self.servos.gear], axis=1)
         base = np.concatenate([t.X_W0[:3, 3], self.base_turn])
-        return np.concatenate([base, joints.ravel(), t.p_NH.ravel()])
+        bent = np.zeros(0) if self.bending is None else self.bending.values
+        return np.concatenate([base, joints.ravel(), t.p_NH.ravel(), bent])
 
     @property
     def gauge(self) -> frozenset[str]:
@@ -97,7 +105,8 @@ class DhParameters:
     def with_values(self, values: NDArray) -> "DhParameters":
         """Return the same arm with other values, in the order of `names`; theta_zero stays."""
         t, n = self.table, len(self.table.joints)
-        base, joints, hands = np.split(np.asarray(values, dtype=float), [6, 6 + 6 * n])
+        ends = [6, 6 + 6 * n, 6 + 6 * n + 3 * len(t.markers)]
+        base, joints, hands, bent = np.split(np.asarray(values, dtype=float), ends)
         D, theta_offset, r, alpha, beta, gear = joints.reshape(n, 6).T
         table = replace(
             t,
@@ -109,12 +118,14 @@ class DhParameters:
             p_NH=hands.reshape(-1, 3),
         )
         offset = theta_offset + gear * t.theta_zero
-        return DhParameters(table, replace(self.servos, offset=offset, gear=gear), base[3:])
+        bending = None if self.bending is None else self.bending.with_values(bent)
+        servos = replace(self.servos, offset=offset, gear=gear)
+        return DhParameters(table, servos, base[3:], bending)
 
     def points(self, encoder_angles: NDArray, marker: NDArray) -> NDArray:
         """Predict tracked points alone, as `predict` does. Shape (N, 3)."""
         q = (encoder_angles - self.servos.offset) / self.servos.gear
-        X_WN = self.table.frames(q)[-1]
+        X_WN = loaded(self.table, self.bending, q).frames[-1]
         return np.einsum("kij,kj->ki", X_WN[:, :3, :3], self.table.p_NH[marker]) + X_WN[:, :3, 3]
 
     def predict(self, encoder_angles: NDArray, marker: NDArray) -> tuple[NDArray, NDArray]:
@@ -133,17 +144,21 @@ class DhParameters:
         """
         t, n = self.table, len(self.table.joints)
         q = (encoder_angles - self.servos.offset) / self.servos.gear
-        frames = t.frames(q)
+        posture = loaded(t, self.bending, q)
+        frames = posture.frames
         last = frames[-1]
         p = np.einsum("kij,kj->ki", last[:, :3, :3], t.p_NH[marker]) + last[:, :3, 3]
-        jacobian = np.zeros((len(q), 3, 6 + 6 * n + 3 * len(t.markers)), p.dtype)
+        jacobian = np.zeros((len(q), 3, len(self.names)), p.dtype)
         jacobian[:, :, :3] = np.eye(3)
         jacobian[:, :, 3:6] = -skew(p - t.X_W0[:3, 3]) @ rotation_vector_slope(self.base_turn)
-        by_joint = self._by_joint(frames, p, q + t.theta_zero)
+        by_joint = self._by_joint(frames, p, posture.q + t.theta_zero)
         jacobian[:, :, 6 : 6 + 6 * n] = by_joint.transpose(3, 1, 2, 0).reshape(len(q), 3, 6 * n)
         for m in range(len(t.markers)):
             column = 6 + 6 * n + 3 * m
             jacobian[:, :, column : column + 3] = last[:, :3, :3] * (marker == m)[:, None, None]
+        if self.bending is not None:
+            first = 6 + 6 * n + 3 * len(t.markers)
+            jacobian[:, :, first:] = posture.slopes(self.bending, p).transpose(1, 0, 2)
         return p, jacobian
 
     def _by_joint(self, frames: NDArray, p: NDArray, theta: NDArray) -> NDArray:

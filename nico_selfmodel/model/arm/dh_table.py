@@ -128,11 +128,13 @@ class DhTable:
         fixed[: int(np.argmin(parallel)) + 1] = True
         return fixed
 
-    def frames(self, q: ArrayLike) -> NDArray:
+    def frames(self, q: ArrayLike, bearings: NDArray | None = None) -> NDArray:
         """Return frame 0 and the frame after each row, in W.
 
         Args:
             q: Joint displacements [rad], floats or Drake's scalars. Shape (n,) or (N, n).
+            bearings: What moves each row in the frame before it, `Bending.bearings`; each frame
+                is then returned where it has moved the next row to. Shape (n, N, 4, 4).
 
         Returns:
             Shape (n + 1, 4, 4) or (n + 1, N, 4, 4).
@@ -142,6 +144,8 @@ class DhTable:
         frames = np.empty((len(self.joints) + 1, *theta.shape[:-1], 4, 4), rows.dtype)
         frames[0] = self.X_W0
         for i in range(len(self.joints)):
+            if bearings is not None:
+                frames[i] = frames[i] @ bearings[i]
             np.matmul(frames[i], rows[..., i, :, :], out=frames[i + 1])
         return frames
 

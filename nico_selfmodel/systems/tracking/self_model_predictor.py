@@ -90,7 +90,7 @@ SelfModelPredictor: Any = SelfModelPredictor_[None]
 
 def _hand(system: Any, context: Any) -> NDArray:
     q = system.model.servos.to_joint(system.get_input_port().Eval(context))
-    return system.model.chain.forward(q, system._index)
+    return system.model.points(q, system._index)
 
 
 def _pixels_of(T: Any, rig: StereoRig, p_WH: NDArray) -> NDArray:

@@ -157,7 +157,7 @@ class StationView:
             raise ValueError("reflected pixels were given, but the view was made without a glass")
         for link, X_DL in self._link_poses(q).items():
             self._place(f"robot/{link}", X_DL @ self._X_LD[link], time)
-        predicted = self.model.chain.forward(q)
+        predicted = self.model.points(q)
         self._place("hand/predicted", transform(np.eye(3), predicted), time)
         self._show_tracked("hand/tracked", seen, time)
         if self._mirror is not None:

@@ -10,6 +10,7 @@ from nico_selfmodel.estimation.arm.kinematics import KinematicCalibration
 from nico_selfmodel.plant import ArmDescription
 from nico_selfmodel.viz.figures import error_plots, parameter_plots
 from nico_selfmodel.viz.reports import parts, shared_sections
+from nico_selfmodel.viz.reports.bending_section import bending_section
 from nico_selfmodel.viz.reports.page import Report, key_number, telling_set
 from nico_selfmodel.viz.reports.parameter_tables import joint_table, place_table
 from nico_selfmodel.viz.reports.residual_rows import points_csv
@@ -50,6 +51,7 @@ def arm_report(
     sections = (
         *_refused(document),
         _errors(calibration, document, length),
+        *bending_section(calibration, document),
         _where(calibration),
         _known(calibration, document),
         parts.section(

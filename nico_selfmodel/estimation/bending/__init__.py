@@ -1,0 +1,1 @@
+"""What bends in an arm: which effects the data tell, and of which unseen poses gain."""

@@ -1,0 +1,220 @@
+"""One linear fit of a rigid arm and some effects, each held near zero as the data themselves ask.
+
+Evidence (MacKay 1992): the numbers w of one effect share the prior variance v; with the covariance
+C of the fit, gamma = sum(1 - C_kk / v) of them are told by the data, and v = |w|^2 / gamma. What no
+data tell falls to zero by itself. The noise is what the residuals ask for once the effects are
+taken off, and gamma is what they cost.
+"""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from nico_selfmodel.estimation.noise.arm_solution import Linearised, Priors
+from nico_selfmodel.estimation.noise.noise_variances import most_likely_noise
+from nico_selfmodel.estimation.noise.pose_noise import PoseNoise
+from nico_selfmodel.estimation.noise.pose_refinement import counting_variance
+from nico_selfmodel.estimation.noise.variance_components import LinearResiduals
+from nico_selfmodel.estimation.observations.observations import Observations
+from nico_selfmodel.estimation.results.folds import fold_of, splits
+from nico_selfmodel.model.arm.dh_parameters import DhParameters
+
+_ROUNDS = 30
+_GONE = 1e-3
+"""Numbers told by the data below which an effect is not there."""
+_LEAST = 1e-12
+
+
+@dataclass(frozen=True, eq=False)
+class EffectFit:
+    """Rigid parameters and effects, fitted about an arm in one step."""
+
+    parameters: DhParameters
+    """What it is about; its `bending` has the effects."""
+    free: tuple[str, ...]
+    """Names of the columns."""
+    step: NDArray
+    """Change of each. Shape (k,)."""
+    groups: Mapping[str, tuple[str, ...]]
+    """Names of the numbers that share a variance, by effect."""
+    means: Mapping[str, float]
+    """Values at which numbers have no effect, where they are not 0."""
+    variance: Mapping[str, float]
+    """Prior variance of each effect's numbers; 0 where the data tell none of it."""
+    noise: PoseNoise
+    """Of sensor and joints, the effects taken off."""
+    bic: float
+    """Bayesian information criterion but for a constant: smaller is better."""
+    left_out: NDArray
+    """Error of each row that counts, predicted without its fold of poses [m]. Shape (K,)."""
+
+    @property
+    def values(self) -> NDArray:
+        """All parameters after the step."""
+        out = self.parameters.values
+        for name, change in zip(self.free, self.step.tolist(), strict=True):
+            out[self.parameters.names.index(name)] += change
+        return out
+
+    @property
+    def priors(self) -> Priors:
+        """Mean and standard deviation of each number of an effect."""
+        return {
+            name: (self.means.get(name, 0.0), max(float(np.sqrt(self.variance[effect])), _LEAST))
+            for effect, names in self.groups.items()
+            for name in names
+        }
+
+
+def fit_effects(
+    observations: Observations,
+    parameters: DhParameters,
+    rigid: frozenset[str],
+    groups: Mapping[str, tuple[str, ...]],
+    means: Mapping[str, float],
+    keep: NDArray,
+    noise: PoseNoise,
+) -> EffectFit:
+    """Fit in one step, with evidence variances and the noise that is left.
+
+    Args:
+        observations: What was measured.
+        parameters: The arm; its `bending` has all effects of `groups`.
+        rigid: Names of the rigid parameters to estimate.
+        groups: Names of the numbers that share a variance, by effect.
+        means: Values at which numbers have no effect, where they are not 0.
+        keep: Rows that count. Boolean, shape (N,).
+        noise: Where the search for it begins.
+    """
+    of_effects = [name for names in groups.values() for name in names]
+    free = tuple(n for n in parameters.names if n in rigid or n in set(of_effects))
+    member = {e: np.array([free.index(n) for n in names], dtype=int) for e, names in groups.items()}
+    now = parameters.values[[parameters.names.index(n) for n in free]]
+    start = now - np.array([means.get(n, 0.0) for n in free])
+    task = _Task(observations, parameters, free, member, start, keep)
+    linear = Linearised.at(observations, parameters, keep, noise)
+    step, variance, gamma = task.by_evidence(linear, {})
+    noise = task.likeliest_noise(linear, step, gamma, noise)
+    linear = linear.with_noise(noise)
+    step, variance, gamma = task.by_evidence(linear, variance)
+    deviance, coordinates = task.deviance(linear, step)
+    bic = deviance + len(of_effects) * np.log(coordinates)
+    left_out = task.without_folds(linear, variance)
+    return EffectFit(parameters, free, step, groups, means, variance, noise, bic, left_out)
+
+
+@dataclass(frozen=True, eq=False)
+class _Task:
+    observations: Observations
+    parameters: DhParameters
+    free: tuple[str, ...]
+    member: Mapping[str, NDArray]
+    start: NDArray
+    """What each column's number is now, above the value at which it has no effect. Shape (k,)."""
+    keep: NDArray
+
+    def by_evidence(
+        self, linear: Linearised, variance: Mapping[str, float]
+    ) -> tuple[NDArray, dict[str, float], float]:
+        """Return the step, the variances and how many numbers the data tell."""
+        U, u = self._weighed(linear)
+        H, g = U.T @ U, U.T @ u
+        found = dict(variance) or {e: self._first(H, own, len(u)) for e, own in self.member.items()}
+        step, gamma = np.zeros(len(g)), 0.0
+        for _ in range(_ROUNDS):
+            C, step = self._solve(H, g, found)
+            total, before, gamma = self.start + step, dict(found), 0.0
+            for effect, own in self.member.items():
+                v = found[effect]
+                if v <= 0.0:
+                    continue
+                told = float(np.sum(1.0 - np.diag(C)[own] / v))
+                squares = float(total[own] @ total[own])
+                found[effect] = squares / told if told > _GONE else 0.0
+                gamma += told
+            if all(abs(found[e] - v) <= 1e-3 * v for e, v in before.items()):
+                break
+        return step, found, gamma
+
+    def _first(self, H: NDArray, own: NDArray, count: int) -> float:
+        """Return the variance at which an effect would be as large as all that is left."""
+        return count / max(float(np.trace(H[np.ix_(own, own)])), np.finfo(float).tiny)
+
+    def _solve(
+        self, H: NDArray, g: NDArray, variance: Mapping[str, float]
+    ) -> tuple[NDArray, NDArray]:
+        """Return covariance and step; columns of effects that are gone go back to nothing."""
+        gone = np.zeros(len(g), dtype=bool)
+        known = np.zeros(len(g))
+        for effect, own in self.member.items():
+            gone[own] = variance[effect] <= 0.0
+            known[own] = 0.0 if variance[effect] <= 0.0 else 1.0 / variance[effect]
+        step = np.where(gone, -self.start, 0.0)
+        A = H + np.diag(known)
+        rest = ~gone
+        inside, right = A[np.ix_(rest, rest)], (g - known * self.start - H @ step)[rest]
+        size = np.sqrt(np.maximum(np.diag(inside), np.finfo(float).tiny))
+        units = np.outer(size, size)
+        inverse = np.linalg.pinv(inside / units, rcond=1e-11, hermitian=True) / units
+        C = np.zeros_like(H)
+        C[np.ix_(rest, rest)] = inverse
+        step[rest] = inverse @ right
+        return C, step
+
+    def likeliest_noise(
+        self, linear: Linearised, step: NDArray, gamma: float, noise: PoseNoise
+    ) -> PoseNoise:
+        """Return the noise of what is left, the effects taken off for what they cost."""
+        of_effects = np.concatenate([np.zeros(0, dtype=int), *self.member.values()])
+        columns = np.array([linear.names.index(name) for name in self.free])
+        rigid = np.delete(columns, of_effects)
+        taken = linear.jacobian[:, :, columns[of_effects]] @ step[of_effects]
+        groups = linear.whitening.groups
+        residuals = LinearResiduals(
+            groups,
+            groups.gather((linear.residuals - taken)[:, :, None]),
+            groups.gather(linear.jacobian[:, :, rigid]),
+            linear.by_angle,
+        )
+        known = counting_variance(self.observations, self.parameters.servos.gear)
+        found = most_likely_noise(residuals, noise, known)
+        left = 3 * len(groups.rows) - len(rigid)
+        factor = float(np.sqrt(left / max(left - gamma, 1.0)))
+        return PoseNoise(max(factor * found.sensor_sigma, 1e-9), factor * found.joint_sigma)
+
+    def deviance(self, linear: Linearised, step: NDArray) -> tuple[float, float]:
+        """Return -2 log likelihood but for a constant, and how many coordinates count."""
+        U, u = self._weighed(linear)
+        left = u - U @ step
+        groups = linear.whitening.groups
+        share = float(groups.weight.mean())
+        spread = share * linear.whitening.log_determinant
+        return spread + float(left @ left), share * 3 * len(groups.rows)
+
+    def without_folds(self, linear: Linearised, variance: Mapping[str, float]) -> NDArray:
+        """Return errors of rows that count, each predicted without its fold of poses. (K,)."""
+        U, u = self._weighed(linear)
+        rows = linear.whitening.groups.rows
+        fold = fold_of(self.observations.pose[rows])
+        groups = linear.whitening.groups
+        of_visit = np.zeros(groups.poses, dtype=int)
+        of_visit[groups.pose] = fold
+        of_coordinate = np.repeat(of_visit, len(u) // groups.poses)
+        columns = [linear.names.index(name) for name in self.free]
+        errors = np.zeros(len(rows))
+        for k, (_, left) in enumerate(splits(fold)):
+            own = of_coordinate != k
+            step = self._solve(U[own].T @ U[own], U[own].T @ u[own], variance)[1]
+            out = rows[left]
+            missed = linear.residuals[out] - linear.jacobian[out][:, :, columns] @ step
+            errors[left] = np.linalg.norm(missed, axis=1)
+        return errors
+
+    def _weighed(self, linear: Linearised) -> tuple[NDArray, NDArray]:
+        weights = linear.weights
+        return (
+            weights * linear.columns(frozenset(self.free)),
+            weights[:, 0] * linear.whitened_residuals,
+        )

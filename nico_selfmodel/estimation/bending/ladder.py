@@ -1,0 +1,310 @@
+"""Which effects an arm keeps: a ladder, each step only where poses that were left out gain.
+
+Sag, bearing sag, ripple, coupling with gears, loads, in this order. A step stays if the information
+criterion falls by more than 10, and if the mean over poses of log(error before / error after), each
+pose predicted without its fold, is above 1 % and above its standard error. All at once over-fits
+small sets; likelihood alone finds couplings in rigid arms; squared errors miss the arm that was
+only swept. Poses count that are no outliers for sure: the most bent ones look like outliers.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from nico_selfmodel.estimation.bending.effect_fit import EffectFit, fit_effects
+from nico_selfmodel.estimation.noise.arm_solution import ArmSolution
+from nico_selfmodel.estimation.noise.pose_refinement import refine_by_pose
+from nico_selfmodel.estimation.observations.observations import Observations, gears_known
+from nico_selfmodel.model.arm.bending import BEARING, COUPLING, EFFECTS, LOADS, SAG, Bending
+from nico_selfmodel.model.arm.dh_parameters import DhParameters
+from nico_selfmodel.model.arm.loaded_posture import loaded
+from nico_selfmodel.model.arm.uniform_rods import uniform_rods
+from nico_selfmodel.optimization.losses import robust_scale
+
+GEAR = "gear"
+LIFTS = "it would lift the arm: something else is explained, or the arm compensates already"
+"""Why a sag of the wrong sign goes."""
+_WORTH = 10.0
+"""By how much the information criterion must fall."""
+_GAIN = 0.01
+"""Mean logarithm of the errors' ratio that unseen poses must gain."""
+_SURE = 8.0
+"""Robust standard deviations beyond which a row is an outlier, whatever bends."""
+_SIGNIFICANT = 3.0
+"""Standard deviations from which on the sign of a sag counts."""
+_LARGEST = np.radians(3.0)
+"""A joint that turns more than this has not bent."""
+_APART = np.cos(np.radians(15.0))
+"""Directions nearer than this are one vertical: as much of error costs nothing."""
+_LARGEST_GEAR = 0.01
+"""A gear that is told and off by more is another gear, a wrong unit or a wrong sign."""
+_MOST_ROWS = 500
+"""Rows that are asked at most; all of them then tell the arm."""
+_FEWEST = 15
+"""Poses, in twice as many coordinates as rigid parameters, below which nothing is asked."""
+
+
+@dataclass(frozen=True)
+class Step:
+    """One effect, and what became of it."""
+
+    effect: str
+    """Its name, of `EFFECTS`."""
+    kept: bool
+    """Whether it stayed."""
+    before_mm: float
+    """Geometric mean over poses of the error of unseen poses without it."""
+    after_mm: float
+    """The same with it."""
+    gain: float
+    """Mean over poses of log(before / after)."""
+    gain_sigma: float
+    """Its standard error."""
+    worth: float
+    """By how much the information criterion fell."""
+    reason: str
+    """Why it went; empty where it stayed."""
+
+
+@dataclass(frozen=True, eq=False)
+class Ladder:
+    """What was asked of an arm, and the arm that came of it."""
+
+    steps: tuple[Step, ...]
+    """In the order of trial; none where the data are too few."""
+    solution: ArmSolution
+    """The arm with what it keeps; the rigid one where it keeps nothing, or may keep nothing."""
+    bent: DhParameters | None = None
+    """The arm as the last step that stayed left it, whether it may be kept or not."""
+
+    @property
+    def kept(self) -> tuple[str, ...]:
+        """Names of the effects that stayed."""
+        return tuple(step.effect for step in self.steps if step.kept)
+
+
+def climb(
+    observations: Observations,
+    solved: ArmSolution,
+    *,
+    effects: Sequence[str] = EFFECTS,
+    up: NDArray | None = None,
+    held: frozenset[str] = frozenset(),
+    trim: bool = True,
+    seed: int = 0,
+) -> Ladder:
+    """Ask a rigid arm which effects its unseen poses gain from.
+
+    Args:
+        observations: What was measured.
+        solved: The rigid arm.
+        effects: What is asked for; with none everything is, and the arm stays rigid all the same.
+        up: Unit vertical in W; where it is not known the first axis and z are tried. Shape (3,).
+        held: Parameters that the user holds.
+        trim: Look for outliers again at the end.
+        seed: Of the poses that are asked where there are many.
+    """
+    if solved.noise is None or not _enough(observations, solved):
+        return Ladder((), solved)
+    few = thinned(observations, solved, seed)
+    climber = _Climber.at(few[0], few[1], held, up)
+    asked = effects or EFFECTS
+    found = [climber.try_step(effect) for effect in EFFECTS if effect in asked]
+    steps = tuple(step for step in found if step is not None)
+    if not climber.kept:
+        return Ladder(steps, solved)
+    solution = climber.solution(observations, solved, trim) if effects else solved
+    return Ladder(steps, solution, climber.parameters)
+
+
+def _enough(observations: Observations, solved: ArmSolution) -> bool:
+    poses = len(np.unique(observations.pose))
+    return poses >= _FEWEST and 3 * len(observations) >= 2 * len(solved.free)
+
+
+class _Climber:
+    """A ladder under way."""
+
+    def __init__(
+        self,
+        observations: Observations,
+        solved: ArmSolution,
+        keep: NDArray,
+        ups: tuple[tuple[NDArray, bool], ...],
+        held: frozenset[str],
+    ) -> None:
+        assert solved.noise is not None
+        self.observations, self.rigid, self.keep, self.ups = observations, solved, keep, ups
+        self.kept: tuple[str, ...] = ()
+        joints = observations.joints
+        known = gears_known(observations.units)
+        names = (f"{joint}.gear" for joint, k in zip(joints, known, strict=True) if k)
+        self.gears = tuple(name for name in names if name not in held | solved.free)
+        loads, pivots = uniform_rods(solved.parameters.table)
+        self.still = Bending.none(joints, ups[0][0], loads, pivots)
+        weighty = self.still.with_effects(LOADS)
+        self.rods = dict(zip(weighty.names, weighty.values.tolist(), strict=True))
+        self.parameters, self.noise = solved.parameters, solved.noise
+        self.fit: EffectFit | None = None
+
+    @classmethod
+    def at(
+        cls,
+        observations: Observations,
+        solved: ArmSolution,
+        held: frozenset[str],
+        up: NDArray | None,
+    ) -> "_Climber":
+        """Prepare: rows that are outliers for sure, and what may be the vertical."""
+        keep = ~certain_outliers(observations, solved)
+        ups = ((up, True),) if up is not None else _verticals(solved.parameters)
+        return cls(observations, solved, keep, ups, held)
+
+    def try_step(self, effect: str) -> Step | None:
+        """Try an effect; keep it if unseen poses gain. None where there is nothing to try."""
+        if effect == LOADS and not {SAG, BEARING} & set(self.kept):
+            return None
+        before = self._fitted(self.kept, self.still) if self.fit is None else self.fit
+        if effect == SAG:
+            candidates = [self._fitted((SAG,), self._about(up)) for up, _ in self.ups]
+            best = int(np.argmin([fit.bic for fit in candidates]))
+            after, (up, certain) = candidates[best], self.ups[best]
+            if not certain and _wrong_way(after):
+                after = self._fitted((SAG,), self._about(-up))
+        else:
+            after = self._fitted((*self.kept, effect), self.still)
+        step = self._judged(effect, before, after)
+        if step.kept:
+            assert after.parameters.bending is not None
+            self.kept = (*self.kept, effect)
+            self._adopt(after)
+        return step
+
+    def _about(self, up: NDArray) -> Bending:
+        return replace(self.still, up=up)
+
+    def _fitted(self, effects: tuple[str, ...], bending: Bending) -> EffectFit:
+        """Return the fit of some effects about the arm so far."""
+        bending = bending.with_effects(*effects)
+        parameters = replace(self.parameters, bending=bending)
+        groups: dict[str, tuple[str, ...]] = {e: bending.names_of(e) for e in effects}
+        if COUPLING in effects and self.gears:
+            groups[GEAR] = self.gears
+        means = dict.fromkeys(self.gears, 1.0) | self.rods
+        return fit_effects(
+            self.observations, parameters, self.rigid.free, groups, means, self.keep, self.noise
+        )
+
+    def _judged(self, effect: str, before: EffectFit, after: EffectFit) -> Step:
+        pose = self.observations.pose[self.keep]
+        one, two = (_by_pose(fit.left_out, pose) for fit in (before, after))
+        gains = np.log(one / two)
+        gain = float(gains.mean())
+        sigma = float(gains.std(ddof=1) / np.sqrt(len(gains)))
+        worth = before.bic - after.bic
+        reason = self._reason(effect, after, gain, sigma, worth)
+        means = [float(1e3 * np.exp(np.log(errors).mean())) for errors in (one, two)]
+        return Step(effect, not reason, means[0], means[1], gain, sigma, worth, reason)
+
+    def _reason(
+        self, effect: str, after: EffectFit, gain: float, sigma: float, worth: float
+    ) -> str:
+        if worth <= _WORTH:
+            return "the data do not tell it"
+        if gain <= _GAIN or gain <= sigma:
+            return "unseen poses do not gain"
+        if effect == SAG and _wrong_way(after):
+            return LIFTS
+        gears = [g for g in _gears_of(after) if abs(g - 1.0) > _LARGEST_GEAR]
+        if gears:
+            return f"a gear that is told would have to be {gears[0]:.3f}: that is no bend"
+        if _largest_turn(self.observations, after) > _LARGEST:
+            return "joints would turn by more than 3 deg: that is no bend"
+        return ""
+
+    def _adopt(self, fit: EffectFit) -> None:
+        """Go on about the arm that bends: one more step of the same fit."""
+        self.parameters, self.noise = fit.parameters.with_values(fit.values), fit.noise
+        assert self.parameters.bending is not None
+        self.still = self.parameters.bending
+        self.fit = self._fitted(self.kept, self.still)
+
+    def solution(self, observations: Observations, rigid: ArmSolution, trim: bool) -> ArmSolution:
+        """Return the arm with what it keeps, outliers of all observations looked for anew."""
+        fit = self.fit
+        assert fit is not None
+        start = fit.parameters.with_values(fit.values)
+        solved = refine_by_pose(
+            observations,
+            start,
+            frozenset(fit.free),
+            certain_outliers(observations, rigid),
+            fit.noise.sensor_sigma,
+            trim=trim,
+            priors=fit.priors,
+        )
+        return replace(
+            solved,
+            parameters=replace(solved.parameters, turn=None),
+            iterations=solved.iterations + rigid.iterations,
+            converged=solved.converged and rigid.converged,
+        )
+
+
+def certain_outliers(observations: Observations, solved: ArmSolution) -> NDArray:
+    """Return the outliers of a rigid arm that no bend will explain. Boolean, shape (N,)."""
+    p = solved.parameters.points(observations.angles, observations.marker)
+    missed = np.linalg.norm(p - observations.p_WH, axis=1)
+    scale = robust_scale(missed[~solved.outliers], 3)
+    return np.asarray(solved.outliers & (missed > _SURE * scale))
+
+
+def thinned(
+    observations: Observations, solved: ArmSolution, seed: int
+) -> tuple[Observations, ArmSolution]:
+    """Return as many whole poses, drawn at random, as tell an effect, and the arm there."""
+    if len(observations) <= _MOST_ROWS:
+        return observations, solved
+    poses = np.random.default_rng((seed, 5)).permutation(np.unique(observations.pose))
+    share = _MOST_ROWS / len(observations)
+    chosen = np.isin(observations.pose, poses[: max(int(share * len(poses)), _FEWEST)])
+    return observations.select(chosen), replace(solved, outliers=solved.outliers[chosen])
+
+
+def _verticals(parameters: DhParameters) -> tuple[tuple[NDArray, bool], ...]:
+    """Return what may be the vertical, its sense not certain: the first axis, and W's z."""
+    first = parameters.table.X_W0[:3, 2]
+    z = np.array([0.0, 0.0, 1.0])
+    first = first * (1.0 if first @ z >= 0.0 else -1.0)
+    return ((first, False),) if first @ z > _APART else ((first, False), (z, False))
+
+
+def _wrong_way(fit: EffectFit) -> bool:
+    """Whether the sags that are significant lift what they carry, all in all."""
+    names, values = fit.parameters.names, fit.values
+    at = [names.index(name) for name in fit.groups[SAG]]
+    return bool(np.sum(values[at]) < 0.0)
+
+
+def _gears_of(fit: EffectFit) -> list[float]:
+    """Return the gears that were freed."""
+    names, values = fit.parameters.names, fit.values
+    return [float(values[names.index(name)]) for name in fit.groups.get(GEAR, ())]
+
+
+def _by_pose(errors: NDArray, pose: NDArray) -> NDArray:
+    """Return the mean error of each pose, with a floor that no logarithm runs away at. (P,)."""
+    of = np.unique(pose, return_inverse=True)[1]
+    mean = np.bincount(of, errors) / np.bincount(of)
+    return np.maximum(mean, 0.05 * float(np.median(mean)) + 1e-12)
+
+
+def _largest_turn(observations: Observations, fit: EffectFit) -> float:
+    """Return the largest turn of a joint that bends at the poses [rad]."""
+    bent = fit.parameters.with_values(fit.values)
+    q = (observations.angles - bent.servos.offset) / bent.servos.gear
+    posture = loaded(bent.table, bent.bending, q)
+    turns = posture.q - posture.q_read
+    return float(np.abs(turns - turns.mean(axis=0)).max())

@@ -1,0 +1,146 @@
+"""What bends in a learned arm, for people: millimetres at the hand, milliradians a joint."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from nico_selfmodel.errors import DataError
+from nico_selfmodel.estimation.bending.ladder import Ladder, Step
+from nico_selfmodel.estimation.observations.observations import Observations
+from nico_selfmodel.files.csv_rows import number_of_word
+from nico_selfmodel.model.arm.bending import EFFECTS, Bending
+from nico_selfmodel.model.arm.dh_parameters import DhParameters
+from nico_selfmodel.model.arm.loaded_posture import loaded
+from nico_selfmodel.names import did_you_mean
+
+WORDS = {
+    "sag": "joints sag",
+    "bearing_sag": "bearings give way",
+    "ripple": "gears or encoder discs ripple",
+    "coupling": "coupled drives and gears are off",
+    "loads": "loads are unlike uniform rods",
+}
+"""What an effect is called in a sentence."""
+
+
+@dataclass(frozen=True, eq=False)
+class EffectSize:
+    """How much an effect moves an arm at the poses of a recording."""
+
+    effect: str
+    """Its name, of `EFFECTS`."""
+    hand: NDArray
+    """How far it moves the tracked points [m]. Shape (N,)."""
+    turns: NDArray
+    """How far it turns each joint, largest over the poses [rad]. Shape (n,)."""
+
+
+def effect_sizes(parameters: DhParameters, observations: Observations) -> tuple[EffectSize, ...]:
+    """Return what each learned effect does at the poses of a recording, one taken away at a time.
+
+    Args:
+        parameters: The arm.
+        observations: Where it was.
+    """
+    bending = parameters.bending
+    if bending is None:
+        return ()
+    angles, marker = observations.angles, observations.marker
+    q = (angles - parameters.servos.offset) / parameters.servos.gear
+    whole, turned = parameters.points(angles, marker), loaded(parameters.table, bending, q).q
+    found = []
+    for effect in bending.effects:
+        less = _without(bending, effect)
+        rest = DhParameters(parameters.table, parameters.servos, parameters.turn, less)
+        moved = np.linalg.norm(whole - rest.points(angles, marker), axis=1)
+        turns = np.abs(turned - loaded(parameters.table, less, q).q).max(axis=0)
+        found.append(EffectSize(effect, moved, turns))
+    return tuple(found)
+
+
+def _without(bending: Bending, effect: str) -> Bending:
+    return bending.with_effects(*(e for e in bending.effects if e != effect))
+
+
+def bending_json(
+    ladder: Ladder, parameters: DhParameters, observations: Observations
+) -> dict[str, Any] | None:
+    """Return what was asked and what bends, for `result.json`; None where nothing was asked.
+
+    Args:
+        ladder: What was asked.
+        parameters: The arm as learned.
+        observations: What it was learned from.
+    """
+    if not ladder.steps:
+        return None
+    sizes = effect_sizes(parameters, observations)
+    bending = parameters.bending
+    return {
+        "effects": [] if bending is None else list(bending.effects),
+        "up": None if bending is None else bending.up.tolist(),
+        "tried": [_step_json(step) for step in ladder.steps],
+        "hand_mm": {
+            s.effect: {"max": 1e3 * float(s.hand.max()), "mean": 1e3 * float(s.hand.mean())}
+            for s in sizes
+        },
+        "joints_mrad": {
+            s.effect: dict(zip(observations.joints, (1e3 * s.turns).tolist(), strict=True))
+            for s in sizes
+        },
+    }
+
+
+def _step_json(step: Step) -> dict[str, Any]:
+    return {
+        "effect": step.effect,
+        "kept": step.kept,
+        "before_mm": step.before_mm,
+        "after_mm": step.after_mm,
+        "gain": step.gain,
+        "gain_sigma": step.gain_sigma,
+        "bic": step.worth,
+        "reason": step.reason,
+    }
+
+
+def effects_of(text: str) -> tuple[str, ...]:
+    """Read `--effects`: auto, none, or some of them with commas.
+
+    Raises:
+        ValueError: If one has no such name.
+    """
+    if text == "auto":
+        return EFFECTS
+    if text == "none":
+        return ()
+    words = [word.strip() for word in text.split(",")]
+    for word in words:
+        if word not in EFFECTS:
+            hint = did_you_mean(word, EFFECTS) or "."
+            raise ValueError(
+                f"--effects: no effect {word!r}{hint} There are auto, none, {', '.join(EFFECTS)}"
+            )
+    return tuple(effect for effect in EFFECTS if effect in words)
+
+
+def up_of(text: str | None) -> NDArray | None:
+    """Read `--up`: three numbers with commas, of any length but none.
+
+    Raises:
+        ValueError: If they are not three numbers, or point nowhere.
+    """
+    if text is None:
+        return None
+    words: Sequence[str] = text.split(",")
+    try:
+        up = np.array([number_of_word(word, "--up") for word in words])
+    except DataError as error:
+        raise ValueError(str(error)) from None
+    length = float(np.linalg.norm(up))
+    if up.shape != (3,) or not length > 0.0:
+        raise ValueError(f"--up must be a direction as three numbers, such as 0,0,1, got {text}")
+    return up / length

@@ -1,0 +1,257 @@
+"""What bends in an arm: sag of joints and bearings, ripple of gears, coupling of drives.
+
+With the unit vector `up` in W, z_i the axes, R_j the frames after each row and l_j the first moment
+of link j and of all that it carries (weights add up to one):
+
+    F_i    = sum over j >= i of R_j l_j          first moment of all beyond joint i
+    mu_i   = F_i x (-up)                         its moment
+    theta_i += sag_i (z_i . mu_i) + sum over h of a_ih sin(h q_i) + b_ih cos(h q_i) + (C q)_i
+    bearing i turns by bearing_sag_i (x_i . mu_i, y_i . mu_i) about its own place on the axis
+
+Gravity pulls along mu: a joint that gives way has a positive sag, whatever its sense of turning.
+Moments are those of the arm before it bends, for bends are milliradians. No masses are needed:
+only products of stiffness and load are seen, and the loads of uniform rods along the learned arm
+are a choice that costs almost nothing (`estimation/bending`, docs/bending.md).
+"""
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from nico_selfmodel.arrays import frozen_array
+from nico_selfmodel.geometry.rotation import rotation_about
+from nico_selfmodel.geometry.transform import transform
+from nico_selfmodel.model.arm.line_kinematics import cross
+
+SAG, BEARING, RIPPLE, COUPLING, LOADS = "sag", "bearing_sag", "ripple", "coupling", "loads"
+EFFECTS = (SAG, BEARING, RIPPLE, COUPLING, LOADS)
+"""What may bend, in the order in which it is asked for."""
+HARMONICS = (1, 2)
+"""Of the ripple, in turns of the joint."""
+_X, _Y, _Z = np.eye(3)
+
+
+@dataclass(frozen=True, eq=False)
+class Bending:
+    """What bends in an arm, joint by joint; what was not learned is zero."""
+
+    joints: tuple[str, ...]
+    """Names, from the base outwards. Length n."""
+    effects: tuple[str, ...]
+    """Those that were learned, of `EFFECTS`."""
+    up: NDArray
+    """Unit vertical in W. Shape (3,)."""
+    loads: NDArray
+    """First moments l_j in the frame after each row [m of the arm's weight]. Shape (n, 3)."""
+    pivots: NDArray
+    """Place of each bearing along the joint's axis, from the frame before its row [m]. (n,)."""
+    sag: NDArray
+    """[rad/m]. Shape (n,)."""
+    bearing_sag: NDArray
+    """[rad/m]. Shape (n,)."""
+    ripple: NDArray
+    """Of sine and cosine of each harmonic [rad]. Shape (n, 2, 2)."""
+    coupling: NDArray
+    """Turn of a joint (row) by the displacement of another (column). Shape (n, n)."""
+
+    def __post_init__(self) -> None:
+        """Check shapes and make the arrays read-only."""
+        n = len(self.joints)
+        shapes = {
+            "up": (3,),
+            "loads": (n, 3),
+            "pivots": (n,),
+            SAG: (n,),
+            BEARING: (n,),
+            RIPPLE: (n, len(HARMONICS), 2),
+            COUPLING: (n, n),
+        }
+        for name, shape in shapes.items():
+            object.__setattr__(self, name, frozen_array(getattr(self, name), shape, name))
+        strange = [effect for effect in self.effects if effect not in EFFECTS]
+        if strange:
+            raise ValueError(f"no effect {strange[0]!r}; there are {', '.join(EFFECTS)}")
+        length = float(np.linalg.norm(self.up))
+        if abs(length - 1.0) > 1e-9:
+            raise ValueError(f"up must be a direction of length 1, got length {length:g}")
+        if np.any(np.diag(self.coupling) != 0.0):
+            raise ValueError("a joint is coupled to others: its own part belongs to its gear")
+
+    @classmethod
+    def none(
+        cls, joints: tuple[str, ...], up: NDArray, loads: NDArray, pivots: NDArray
+    ) -> "Bending":
+        """Return an arm of these loads that does not bend."""
+        n = len(joints)
+        zero = np.zeros(n)
+        ripple = np.zeros((n, len(HARMONICS), 2))
+        return cls(joints, (), up, loads, pivots, zero, zero, ripple, np.zeros((n, n)))
+
+    def with_effects(self, *effects: str) -> "Bending":
+        """Return the same with other effects learned; the others become zero."""
+        zero = {name: np.zeros_like(getattr(self, name)) for name in EFFECTS[:4]}
+        kept = {name: value for name, value in zero.items() if name not in effects}
+        return replace(self, effects=tuple(e for e in EFFECTS if e in effects), **kept)
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """Names of what was learned, effect by effect."""
+        return tuple(name for effect in self.effects for name in self.names_of(effect))
+
+    def names_of(self, effect: str) -> tuple[str, ...]:
+        """Return the names of an effect's numbers, in the order of its array."""
+        joints = self.joints
+        if effect == RIPPLE:
+            waves = [f"{RIPPLE}{h}_{wave}" for h in HARMONICS for wave in ("sin", "cos")]
+            return tuple(f"{joint}.{wave}" for joint in joints for wave in waves)
+        if effect == COUPLING:
+            return tuple(f"{i}.{COUPLING}_{j}" for i in joints for j in joints if i != j)
+        if effect == LOADS:
+            return tuple(f"{joint}.load_{axis}" for joint in joints for axis in "xyz")
+        return tuple(f"{joint}.{effect}" for joint in joints)
+
+    @property
+    def units(self) -> tuple[str, ...]:
+        """Units of `names`."""
+        by_effect = {SAG: "rad/m", BEARING: "rad/m", RIPPLE: "rad", COUPLING: "1", LOADS: "m"}
+        return tuple(by_effect[e] for e in self.effects for _ in self.names_of(e))
+
+    @property
+    def values(self) -> NDArray:
+        """Values of `names`."""
+        return np.concatenate([np.zeros(0), *(self._of(effect) for effect in self.effects)])
+
+    def _of(self, effect: str) -> NDArray:
+        found: NDArray = getattr(self, effect)
+        return found[self._others] if effect == COUPLING else found.ravel()
+
+    @property
+    def _others(self) -> NDArray:
+        return ~np.eye(len(self.joints), dtype=bool)
+
+    def with_values(self, values: NDArray) -> "Bending":
+        """Return the same with other values, in the order of `names`."""
+        changed, first = {}, 0
+        for effect in self.effects:
+            old = getattr(self, effect)
+            count = len(self.names_of(effect))
+            own = np.asarray(values[first : first + count], dtype=float)
+            first += count
+            if effect == COUPLING:
+                new = np.zeros_like(old)
+                new[self._others] = own
+            else:
+                new = own.reshape(old.shape)
+            changed[effect] = new
+        return replace(self, **changed)
+
+    def moments(self, frames: NDArray) -> NDArray:
+        """Return mu_i in the frame before each row.
+
+        Args:
+            frames: Of the arm before it bends, `DhTable.frames`. Shape (n + 1, N, 4, 4).
+
+        Returns:
+            Its components along x, y and z of the frame. Shape (n, N, 3).
+        """
+        R = frames[..., :3, :3]
+        carried = (R[1:] @ self.loads[:, None, :, None])[..., 0]
+        F = np.cumsum(carried[::-1], axis=0)[::-1]
+        mu = np.moveaxis(cross(np.moveaxis(F, -1, 0), -self.up.reshape(3, 1, 1)), 0, -1)
+        return np.asarray((np.swapaxes(R[:-1], -1, -2) @ mu[..., None])[..., 0])
+
+    def turns(self, q: NDArray, moments: NDArray) -> NDArray:
+        """Return how much each joint turns beyond its displacement.
+
+        Args:
+            q: Displacements, as their encoders tell. Shape (N, n).
+            moments: `moments` there. Shape (n, N, 3).
+
+        Returns:
+            Shape (N, n).
+        """
+        found = self.sag * moments[:, :, 2].T
+        if RIPPLE in self.effects:
+            for h, (sine, cosine) in zip(HARMONICS, np.moveaxis(self.ripple, 0, -1), strict=True):
+                found = found + sine * np.sin(h * q) + cosine * np.cos(h * q)
+        return found + q @ self.coupling.T if COUPLING in self.effects else found
+
+    def bearings(self, moments: NDArray) -> NDArray | None:
+        """Return how bearings turn their rows, in the frame before each; None where none does.
+
+        Args:
+            moments: `moments` of the poses. Shape (n, N, 3).
+
+        Returns:
+            Turns about x, then about y, through each pivot. Shape (n, N, 4, 4).
+        """
+        if BEARING not in self.effects:
+            return None
+        turn = self.bearing_sag[:, None, None] * moments[..., :2]
+        R = rotation_about(_X, turn[..., 0]) @ rotation_about(_Y, turn[..., 1])
+        place = self.pivots[:, None, None] * _Z
+        return np.asarray(transform(R, place - (R @ place[..., None])[..., 0]))
+
+    def slopes(self, at: "Bent") -> NDArray:
+        """Return derivatives of tracked points by `values`; those of the moments are left out.
+
+        Args:
+            at: The arm where it bends.
+
+        Returns:
+            Shape (3, N, len(names)).
+        """
+        nothing = np.zeros((3, len(at.q), 0))
+        parts = (getattr(self, f"_by_{effect}")(at) for effect in self.effects)
+        return np.concatenate([nothing, *parts], axis=2)
+
+    def _by_sag(self, at: "Bent") -> NDArray:
+        return np.swapaxes(at.by_turn * at.moments[None, :, :, 2], 1, 2)
+
+    def _by_bearing_sag(self, at: "Bent") -> NDArray:
+        x, y = at.by_bearing
+        moved = x * at.moments[None, :, :, 0] + y * at.moments[None, :, :, 1]
+        return np.swapaxes(moved, 1, 2)
+
+    def _by_ripple(self, at: "Bent") -> NDArray:
+        waves = [wave(h * at.q.T) for h in HARMONICS for wave in (np.sin, np.cos)]
+        found = at.by_turn[:, :, None] * np.stack(waves, axis=1)
+        return np.moveaxis(found.reshape(3, -1, len(at.q)), 1, 2)
+
+    def _by_coupling(self, at: "Bent") -> NDArray:
+        found = at.by_turn[:, :, None] * at.q.T[None, None]
+        return np.swapaxes(found[:, self._others], 1, 2)
+
+    def _by_loads(self, at: "Bent") -> NDArray:
+        """a_i . (R_j e x -up) = e . R_j' (-up x a_i), for every axis a_i of a joint below j."""
+        R = at.frames[..., :3, :3]
+        ways = (
+            (2, at.by_turn, self.sag),
+            (0, at.by_bearing[0], self.bearing_sag),
+            (1, at.by_bearing[1], self.bearing_sag),
+        )
+        out = np.zeros((3, len(at.q), len(self.joints), 3))
+        for axis, by, gives in ways:
+            a = np.moveaxis(R[:-1, ..., axis], -1, 0)
+            pull = np.moveaxis(cross(-self.up.reshape(3, 1, 1), a), 0, -1) * gives[:, None, None]
+            for j in range(len(self.joints)):
+                own = (np.swapaxes(R[j + 1], -1, -2) @ pull[: j + 1, :, :, None])[..., 0]
+                out[:, :, j] += np.einsum("cin,ine->cne", by[:, : j + 1], own)
+        return out.reshape(3, len(at.q), -1)
+
+
+@dataclass(frozen=True, eq=False)
+class Bent:
+    """An arm at poses where it bends, as far as derivatives need it."""
+
+    q: NDArray
+    """Displacements, as their encoders tell. Shape (N, n)."""
+    frames: NDArray
+    """Before it bends. Shape (n + 1, N, 4, 4)."""
+    moments: NDArray
+    """In the frame before each row. Shape (n, N, 3)."""
+    by_turn: NDArray
+    """Derivatives of the tracked points by turns of the joints. Shape (3, n, N)."""
+    by_bearing: tuple[NDArray, NDArray]
+    """By turns about x and y of the frame before each row, through its pivot. (3, n, N) each."""

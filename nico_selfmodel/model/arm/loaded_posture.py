@@ -1,0 +1,71 @@
+"""An arm under its own weight: where its frames are, once it bends."""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from nico_selfmodel.model.arm.bending import Bending, Bent
+from nico_selfmodel.model.arm.dh_table import DhTable
+from nico_selfmodel.model.arm.line_kinematics import cross
+
+
+@dataclass(frozen=True, eq=False)
+class LoadedPosture:
+    """Frames of an arm at displacements that its encoders tell."""
+
+    q_read: NDArray
+    """As the encoders tell [rad]. Shape (N, n) or (n,)."""
+    q: NDArray
+    """What the joints really turned [rad]. As `q_read`."""
+    frames: NDArray
+    """Frame 0 and those after each row, where they are. Shape (n + 1, N, 4, 4)."""
+    rigid: NDArray
+    """The same, did nothing bend."""
+    moments: NDArray | None
+    """`Bending.moments`; None of a rigid arm. Shape (n, N, 3)."""
+    bearings: NDArray | None
+    """`Bending.bearings`. Shape (n, N, 4, 4)."""
+
+    def slopes(self, bending: Bending, p_WH: NDArray) -> NDArray:
+        """Return derivatives of tracked points by what bends; those of the moments are left out.
+
+        Args:
+            bending: What bends.
+            p_WH: The points [m]. Shape (N, 3).
+
+        Returns:
+            Shape (3, N, K).
+        """
+        assert self.moments is not None
+        axes = self.frames[:-1, :, :3].transpose(2, 3, 0, 1)
+        arm = p_WH.T[:, None] - axes[:, 3]
+        by_turn = cross(axes[:, 2], arm)
+        arm = arm - axes[:, 2] * bending.pivots[:, None]
+        across = cross(axes[:, 0], arm), cross(axes[:, 1], arm)
+        return bending.slopes(Bent(self.q_read, self.rigid, self.moments, by_turn, across))
+
+
+def loaded(table: DhTable, bending: Bending | None, q: ArrayLike) -> LoadedPosture:
+    """Return where an arm's frames are.
+
+    Args:
+        table: The arm.
+        bending: What bends; nothing if None.
+        q: Displacements as the encoders tell [rad], floats or Drake's scalars. (N, n) or (n,).
+    """
+    q = np.asarray(q)
+    rigid = table.frames(q)
+    if bending is None:
+        return LoadedPosture(q, q, rigid, rigid, None, None)
+    if q.ndim == 1:
+        one = loaded(table, bending, q[None])
+        bearings = None if one.bearings is None else one.bearings[:, 0]
+        assert one.moments is not None
+        return LoadedPosture(
+            q, one.q[0], one.frames[:, 0], one.rigid[:, 0], one.moments[:, 0], bearings
+        )
+    moments = bending.moments(rigid)
+    turned = q + bending.turns(q, moments)
+    bearings = bending.bearings(moments)
+    return LoadedPosture(q, turned, table.frames(turned, bearings), rigid, moments, bearings)

@@ -1,0 +1,98 @@
+"""Figures of what bends: how far the hand is moved, and which way."""
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+from numpy.typing import NDArray
+
+from nico_selfmodel.estimation.arm.kinematics import KinematicCalibration
+from nico_selfmodel.model.arm.dh_parameters import DhParameters
+from nico_selfmodel.viz.figures import palette
+from nico_selfmodel.viz.figures.plot_style import FULL_WIDTH, MANY, headline, style
+
+_ARROW = 0.12
+"""Length of the longest arrow, as a share of the workspace."""
+_TURNS = 181
+"""Angles at which a joint's ripple is drawn."""
+
+
+def bent_hands(calibration: KinematicCalibration) -> Figure | None:
+    """Draw how far bending moves the hand at every pose, seen from two sides, and joint by joint.
+
+    None of a rigid arm.
+    """
+    parameters = calibration.model.parameters
+    if parameters.bending is None:
+        return None
+    observations = calibration.train.observations
+    rigid = DhParameters(parameters.table, parameters.servos, parameters.turn)
+    at = rigid.points(observations.angles, observations.marker)
+    moved = parameters.points(observations.angles, observations.marker) - at
+    with style():
+        figure = Figure(figsize=(FULL_WIDTH, 3.6))
+        panels = figure.subplots(1, 3)
+        stretch = (
+            _ARROW
+            * float(np.ptp(at, axis=0).max())
+            / max(float(np.linalg.norm(moved, axis=1).max()), 1e-12)
+        )
+        for axes, (a, b) in zip(panels[:2], _sides(parameters), strict=True):
+            _arrows(axes, at, moved * stretch, a, b)
+        _turns_of_joints(panels[2], parameters)
+        worst = 1e3 * float(np.linalg.norm(moved, axis=1).max())
+        headline(
+            figure, f"Bending moves the hand by up to {worst:.2g} mm; arrows {stretch:.0f} times"
+        )
+    return figure
+
+
+def _sides(parameters: DhParameters) -> tuple[tuple[int, int], tuple[int, int]]:
+    """Return two pairs of axes of W to look along, the vertical upright in both."""
+    assert parameters.bending is not None
+    height = int(np.argmax(np.abs(parameters.bending.up)))
+    first, second = (axis for axis in range(3) if axis != height)
+    return (first, height), (second, height)
+
+
+def _arrows(axes: Axes, at: NDArray, moved: NDArray, a: int, b: int) -> None:
+    axes.quiver(
+        1e3 * at[:, a],
+        1e3 * at[:, b],
+        1e3 * moved[:, a],
+        1e3 * moved[:, b],
+        np.linalg.norm(moved, axis=1),
+        cmap=palette.ERRORS,
+        angles="xy",
+        scale_units="xy",
+        scale=1.0,
+        width=0.006,
+        rasterized=len(at) > MANY,
+    )
+    axes.set_xlabel(f"{'xyz'[a]} [mm]")
+    axes.set_ylabel(f"{'xyz'[b]} [mm]")
+    axes.set_aspect("equal", adjustable="datalim")
+    axes.margins(0.12)
+
+
+def _turns_of_joints(axes: Axes, parameters: DhParameters) -> None:
+    """Draw the ripple of each joint over its angle; else how much each gives way."""
+    bending = parameters.bending
+    assert bending is not None
+    joints = bending.joints
+    if "ripple" in bending.effects:
+        angle = np.linspace(-180.0, 180.0, _TURNS)
+        q = np.radians(angle)[:, None] * np.ones(len(joints))
+        still = np.zeros((len(joints), len(angle), 3))
+        turns = bending.with_effects("ripple").turns(q, still)
+        for k, joint in enumerate(joints):
+            axes.plot(angle, 1e3 * turns[:, k], label=joint, color=palette.joint_color(k))
+        axes.set_xlabel("angle of the joint [deg]")
+        axes.set_ylabel("ripple [mrad]")
+        axes.legend(fontsize="x-small", ncols=2)
+        return
+    gives = bending.sag if bending.sag.any() else bending.bearing_sag
+    axes.barh(np.arange(len(joints)), 1e3 * gives, color=palette.HELD_OUT)
+    axes.set_yticks(np.arange(len(joints)), joints)
+    axes.invert_yaxis()
+    axes.axvline(0.0, color="0.5", linewidth=0.8)
+    axes.set_xlabel("gives way [mrad/m of the arm's weight]")

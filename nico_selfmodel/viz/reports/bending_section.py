@@ -1,0 +1,79 @@
+"""What bends, in a report: what was tried, what stayed, and how far it moves the hand."""
+
+from collections.abc import Mapping
+from typing import Any
+
+from nico_selfmodel.estimation.arm.kinematics import KinematicCalibration
+from nico_selfmodel.estimation.bending.what_bends import WORDS
+from nico_selfmodel.viz.figures.bending_plots import bent_hands
+from nico_selfmodel.viz.reports import parts
+from nico_selfmodel.viz.reports.tables import Cell, Table, number_cell
+
+
+def bending_section(
+    calibration: KinematicCalibration, document: Mapping[str, Any]
+) -> list[parts.Section]:
+    """Return the section; nothing where nothing was asked.
+
+    Args:
+        calibration: What was learned.
+        document: `estimation.judging.to_json` of it; the numbers shown are these.
+    """
+    bending = document["bending"]
+    if bending is None:
+        return []
+    words = (
+        "Effects are tried one after the other, and kept only where poses that were left out gain "
+        "by more than 1 % and a standard error, and the information criterion falls by more than "
+        "10. Errors are geometric means over poses, each predicted without its fold."
+    )
+    section = parts.section(
+        "What bends",
+        None if bending["effects"] else parts.Text("Nothing that these data tell: it is rigid."),
+        parts.drawing("How bending moves the hand", bent_hands(calibration)),
+        parts.numbers(_joints(bending)),
+        parts.numbers(_ladder(bending)),
+        parts.hint(words),
+        id="bending",
+    )
+    return [section]
+
+
+def _joints(bending: Mapping[str, Any]) -> Table | None:
+    """Return how far each effect turns each joint, and moves the hand."""
+    effects = [effect for effect in bending["effects"] if effect in bending["joints_mrad"]]
+    if not effects:
+        return None
+    joints = list(next(iter(bending["joints_mrad"].values())))
+    rows = [
+        (
+            WORDS[effect],
+            (
+                number_cell(bending["hand_mm"][effect]["mean"], 3),
+                number_cell(bending["hand_mm"][effect]["max"], 3),
+                *(number_cell(bending["joints_mrad"][effect][joint], 2) for joint in joints),
+            ),
+        )
+        for effect in effects
+    ]
+    turned = (f"{joint} [mrad]" for joint in joints)
+    return Table(("effect", "hand, mean [mm]", "hand, most [mm]", *turned), tuple(rows))
+
+
+def _ladder(bending: Mapping[str, Any]) -> Table:
+    """Return what was tried, in its order."""
+    rows = tuple(
+        (
+            step["effect"],
+            (
+                number_cell(step["before_mm"], 3),
+                number_cell(step["after_mm"], 3),
+                Cell(f"{100 * step['gain']:.1f} %", f"{100 * step['gain_sigma']:.1f}"),
+                number_cell(step["bic"], 1),
+                Cell("kept" if step["kept"] else step["reason"]),
+            ),
+        )
+        for step in bending["tried"]
+    )
+    headings = ("tried", "unseen before [mm]", "after [mm]", "gain", "BIC falls by", "")
+    return Table(headings, rows)
