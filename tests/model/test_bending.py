@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from nico_selfmodel.model.arm.bending import BEARING, EFFECTS, LOADS, SAG, Bending
+from nico_selfmodel.model.arm.bending import BEARING, LOADS, PARTS, SAG, Bending
 from nico_selfmodel.model.arm.dh_parameters import DhParameters
 from nico_selfmodel.model.arm.dh_table import DhTable
 from nico_selfmodel.model.arm.loaded_posture import loaded
@@ -74,11 +74,11 @@ def height(table, posture):
 
 def test_an_arm_without_bends_is_the_rigid_arm(table):
     q = np.random.default_rng(2).uniform(-2, 2, (5, len(table.joints)))
-    bending = Bending.none(table.joints, UP, *uniform_rods(table)).with_effects(*EFFECTS)
+    bending = Bending.none(table.joints, UP, *uniform_rods(table)).with_effects(*PARTS)
     assert loaded(table, bending, q).frames == pytest.approx(table.frames(q), abs=1e-15)
 
 
-@pytest.mark.parametrize("effects", [(SAG,), (BEARING,), ("ripple",), ("coupling",), EFFECTS])
+@pytest.mark.parametrize("effects", [(SAG,), (BEARING,), ("ripple",), ("coupling",), PARTS])
 def test_every_number_moves_the_hand_as_its_derivative_says(table, make_servos, effects):
     rng = np.random.default_rng(4)
     bending = bent(table, rng, *effects, size=1e-3)
@@ -102,7 +102,7 @@ def test_every_number_moves_the_hand_as_its_derivative_says(table, make_servos, 
 
 def test_one_posture_is_that_of_many(table):
     rng = np.random.default_rng(5)
-    bending = bent(table, rng, *EFFECTS)
+    bending = bent(table, rng, *PARTS)
     q = rng.uniform(-2, 2, (3, len(table.joints)))
     together = loaded(table, bending, q)
     for k in range(3):

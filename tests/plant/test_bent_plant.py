@@ -7,7 +7,7 @@ import pytest
 from pydrake.autodiffutils import ExtractGradient, InitializeAutoDiff
 from pydrake.symbolic import Expression
 
-from nico_selfmodel.model.arm.bending import EFFECTS, SAG, Bending
+from nico_selfmodel.model.arm.bending import PARTS, SAG, Bending
 from nico_selfmodel.model.arm.uniform_rods import uniform_rods
 from nico_selfmodel.model.self_model_file import load_model, save_model
 from nico_selfmodel.plant import SelfModelPlant
@@ -36,7 +36,7 @@ def readings_of(model, count=5):
     return model.servos.to_encoder(q)
 
 
-@pytest.mark.parametrize("effects", [(SAG,), EFFECTS])
+@pytest.mark.parametrize("effects", [(SAG,), PARTS])
 def test_a_plant_at_readings_is_where_the_model_predicts_it(arm, bent, effects):
     model = bent(*effects)
     robot = SelfModelPlant.from_urdf(arm, model)
@@ -57,7 +57,7 @@ def test_a_plant_at_readings_is_where_the_model_predicts_it(arm, bent, effects):
 
 
 def test_a_converted_plant_bends_likewise_and_its_derivatives_are_right(arm, bent):
-    model = bent(*EFFECTS)
+    model = bent(*PARTS)
     robot = SelfModelPlant.from_urdf(arm, model)
     converted = robot.in_plant(robot.plant.ToAutoDiffXd())
     context = converted.plant.CreateDefaultContext()
@@ -86,7 +86,7 @@ def test_loaded_angles_are_a_system_of_any_numbers(bent):
     np.testing.assert_allclose(found, expected, rtol=1e-12)
 
 
-@pytest.mark.parametrize("effects", [(SAG,), EFFECTS])
+@pytest.mark.parametrize("effects", [(SAG,), PARTS])
 def test_what_bends_is_read_back_to_the_last_bit(bent, tmp_path, effects):
     model = bent(*effects)
     save_model(model, tmp_path / "self_model.yaml")

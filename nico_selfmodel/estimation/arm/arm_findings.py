@@ -24,7 +24,6 @@ from nico_selfmodel.estimation.results.calibration_result import (
     findings,
 )
 from nico_selfmodel.estimation.results.verdict import outliers_are_many
-from nico_selfmodel.model.arm.bending import LOADS
 from nico_selfmodel.model.arm.dh_parameters import DhParameters
 
 _LARGEST_NOISE = 0.05
@@ -93,7 +92,6 @@ def _bends(calibration: KinematicCalibration, parameters: DhParameters) -> str:
     return ", ".join(
         f"{WORDS[size.effect]} by up to {1e3 * size.hand.max():.2g} mm at the hand"
         for size in effect_sizes(parameters, calibration.train.observations)
-        if size.effect != LOADS
     )
 
 

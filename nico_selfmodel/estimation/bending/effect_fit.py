@@ -74,6 +74,7 @@ def fit_effects(
     rigid: frozenset[str],
     groups: Mapping[str, tuple[str, ...]],
     means: Mapping[str, float],
+    known: Mapping[str, float],
     keep: NDArray,
     noise: PoseNoise,
 ) -> EffectFit:
@@ -85,6 +86,7 @@ def fit_effects(
         rigid: Names of the rigid parameters to estimate.
         groups: Names of the numbers that share a variance, by effect.
         means: Values at which numbers have no effect, where they are not 0.
+        known: Variances of groups that are known beforehand; those cost no information.
         keep: Rows that count. Boolean, shape (N,).
         noise: Where the search for it begins.
     """
@@ -93,14 +95,15 @@ def fit_effects(
     member = {e: np.array([free.index(n) for n in names], dtype=int) for e, names in groups.items()}
     now = parameters.values[[parameters.names.index(n) for n in free]]
     start = now - np.array([means.get(n, 0.0) for n in free])
-    task = _Task(observations, parameters, free, member, start, keep)
+    task = _Task(observations, parameters, free, member, start, dict(known), keep)
     linear = Linearised.at(observations, parameters, keep, noise)
     step, variance, gamma = task.by_evidence(linear, {})
     noise = task.likeliest_noise(linear, step, gamma, noise)
     linear = linear.with_noise(noise)
     step, variance, gamma = task.by_evidence(linear, variance)
     deviance, coordinates = task.deviance(linear, step)
-    bic = deviance + len(of_effects) * np.log(coordinates)
+    asked = sum(len(names) for effect, names in groups.items() if effect not in known)
+    bic = deviance + asked * np.log(coordinates)
     left_out = task.without_folds(linear, variance)
     return EffectFit(parameters, free, step, groups, means, variance, noise, bic, left_out)
 
@@ -113,6 +116,7 @@ class _Task:
     member: Mapping[str, NDArray]
     start: NDArray
     """What each column's number is now, above the value at which it has no effect. Shape (k,)."""
+    known: Mapping[str, float]
     keep: NDArray
 
     def by_evidence(
@@ -121,7 +125,9 @@ class _Task:
         """Return the step, the variances and how many numbers the data tell."""
         U, u = self._weighed(linear)
         H, g = U.T @ U, U.T @ u
-        found = dict(variance) or {e: self._first(H, own, len(u)) for e, own in self.member.items()}
+        first = {e: own for e, own in self.member.items() if e not in self.known}
+        found = dict(variance) or {e: self._first(H, own, len(u)) for e, own in first.items()}
+        found |= self.known
         step, gamma = np.zeros(len(g)), 0.0
         for _ in range(_ROUNDS):
             C, step = self._solve(H, g, found)
@@ -131,9 +137,11 @@ class _Task:
                 if v <= 0.0:
                     continue
                 told = float(np.sum(1.0 - np.diag(C)[own] / v))
+                gamma += told
+                if effect in self.known:
+                    continue
                 squares = float(total[own] @ total[own])
                 found[effect] = squares / told if told > _GONE else 0.0
-                gamma += told
             if all(abs(found[e] - v) <= 1e-3 * v for e, v in before.items()):
                 break
         return step, found, gamma

@@ -1,10 +1,12 @@
 """Which effects an arm keeps: a ladder, each step only where poses that were left out gain.
 
-Sag, bearing sag, ripple, coupling with gears, loads, in this order. A step stays if the information
+Sag, bearing sag, ripple, coupling with gears, in this order. A step stays if the information
 criterion falls by more than 10, and if the mean over poses of log(error before / error after), each
 pose predicted without its fold, is above 1 % and above its standard error. All at once over-fits
 small sets; likelihood alone finds couplings in rigid arms; squared errors miss the arm that was
 only swept. Poses count that are no outliers for sure: the most bent ones look like outliers.
+Whatever sags, its loads are free about those of uniform rods: held, they bias what is told of
+unseen poses by more than its sigma; as a step of their own they seldom gain enough.
 """
 
 from collections.abc import Sequence
@@ -38,6 +40,9 @@ _LARGEST = np.radians(3.0)
 """A joint that turns more than this has not bent."""
 _APART = np.cos(np.radians(15.0))
 """Directions nearer than this are one vertical: as much of error costs nothing."""
+_LOADS = 0.2
+"""Standard deviation of a load's coordinate about that of uniform rods, as a part of their rms:
+motors and shells are no rods."""
 _LARGEST_GEAR = 0.01
 """A gear that is told and off by more is another gear, a wrong unit or a wrong sign."""
 _MOST_ROWS = 500
@@ -111,8 +116,7 @@ def climb(
     few = thinned(observations, solved, seed)
     climber = _Climber.at(few[0], few[1], held, up)
     asked = effects or EFFECTS
-    found = [climber.try_step(effect) for effect in EFFECTS if effect in asked]
-    steps = tuple(step for step in found if step is not None)
+    steps = tuple(climber.try_step(effect) for effect in EFFECTS if effect in asked)
     if not climber.kept:
         return Ladder(steps, solved)
     solution = climber.solution(observations, solved, trim) if effects else solved
@@ -146,6 +150,7 @@ class _Climber:
         self.still = Bending.none(joints, ups[0][0], loads, pivots)
         weighty = self.still.with_effects(LOADS)
         self.rods = dict(zip(weighty.names, weighty.values.tolist(), strict=True))
+        self.load_variance = (_LOADS * float(np.sqrt(np.mean(np.sum(loads**2, axis=1))))) ** 2
         self.parameters, self.noise = solved.parameters, solved.noise
         self.fit: EffectFit | None = None
 
@@ -162,10 +167,8 @@ class _Climber:
         ups = ((up, True),) if up is not None else _verticals(solved.parameters)
         return cls(observations, solved, keep, ups, held)
 
-    def try_step(self, effect: str) -> Step | None:
-        """Try an effect; keep it if unseen poses gain. None where there is nothing to try."""
-        if effect == LOADS and not {SAG, BEARING} & set(self.kept):
-            return None
+    def try_step(self, effect: str) -> Step:
+        """Try an effect; keep it if unseen poses gain."""
         before = self._fitted(self.kept, self.still) if self.fit is None else self.fit
         if effect == SAG:
             candidates = [self._fitted((SAG,), self._about(up)) for up, _ in self.ups]
@@ -187,6 +190,8 @@ class _Climber:
 
     def _fitted(self, effects: tuple[str, ...], bending: Bending) -> EffectFit:
         """Return the fit of some effects about the arm so far."""
+        known = {LOADS: self.load_variance} if {SAG, BEARING} & set(effects) else {}
+        effects = (*effects, *known)
         bending = bending.with_effects(*effects)
         parameters = replace(self.parameters, bending=bending)
         groups: dict[str, tuple[str, ...]] = {e: bending.names_of(e) for e in effects}
@@ -194,7 +199,14 @@ class _Climber:
             groups[GEAR] = self.gears
         means = dict.fromkeys(self.gears, 1.0) | self.rods
         return fit_effects(
-            self.observations, parameters, self.rigid.free, groups, means, self.keep, self.noise
+            self.observations,
+            parameters,
+            self.rigid.free,
+            groups,
+            means,
+            known,
+            self.keep,
+            self.noise,
         )
 
     def _judged(self, effect: str, before: EffectFit, after: EffectFit) -> Step:

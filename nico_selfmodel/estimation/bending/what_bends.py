@@ -21,7 +21,6 @@ WORDS = {
     "bearing_sag": "bearings give way",
     "ripple": "gears or encoder discs ripple",
     "coupling": "coupled drives and gears are off",
-    "loads": "loads are unlike uniform rods",
 }
 """What an effect is called in a sentence."""
 
@@ -52,7 +51,9 @@ def effect_sizes(parameters: DhParameters, observations: Observations) -> tuple[
     q = (angles - parameters.servos.offset) / parameters.servos.gear
     whole, turned = parameters.points(angles, marker), loaded(parameters.table, bending, q).q
     found = []
-    for effect in bending.effects:
+    for effect in EFFECTS:
+        if effect not in bending.effects:
+            continue
         less = _without(bending, effect)
         rest = DhParameters(parameters.table, parameters.servos, parameters.turn, less)
         moved = np.linalg.norm(whole - rest.points(angles, marker), axis=1)
@@ -80,7 +81,7 @@ def bending_json(
     sizes = effect_sizes(parameters, observations)
     bending = parameters.bending
     return {
-        "effects": [] if bending is None else list(bending.effects),
+        "effects": [] if bending is None else [e for e in EFFECTS if e in bending.effects],
         "up": None if bending is None else bending.up.tolist(),
         "tried": [_step_json(step) for step in ladder.steps],
         "hand_mm": {

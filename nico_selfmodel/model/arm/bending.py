@@ -10,8 +10,8 @@ of link j and of all that it carries (weights add up to one):
 
 Gravity pulls along mu: a joint that gives way has a positive sag, whatever its sense of turning.
 Moments are those of the arm before it bends, for bends are milliradians. No masses are needed:
-only products of stiffness and load are seen, and the loads of uniform rods along the learned arm
-are a choice that costs almost nothing (`estimation/bending`, docs/bending.md).
+only products of stiffness and load are seen. The loads of uniform rods along the learned arm are
+where the estimate begins, known to a part of themselves (`estimation/bending`, docs/bending.md).
 """
 
 from dataclasses import dataclass, replace
@@ -25,8 +25,10 @@ from nico_selfmodel.geometry.transform import transform
 from nico_selfmodel.model.arm.line_kinematics import cross
 
 SAG, BEARING, RIPPLE, COUPLING, LOADS = "sag", "bearing_sag", "ripple", "coupling", "loads"
-EFFECTS = (SAG, BEARING, RIPPLE, COUPLING, LOADS)
+EFFECTS = (SAG, BEARING, RIPPLE, COUPLING)
 """What may bend, in the order in which it is asked for."""
+PARTS = (*EFFECTS, LOADS)
+"""What is learned of it: of what sags, how it is loaded besides."""
 HARMONICS = (1, 2)
 """Of the ripple, in turns of the joint."""
 _X, _Y, _Z = np.eye(3)
@@ -39,7 +41,7 @@ class Bending:
     joints: tuple[str, ...]
     """Names, from the base outwards. Length n."""
     effects: tuple[str, ...]
-    """Those that were learned, of `EFFECTS`."""
+    """Those that were learned, of `PARTS`."""
     up: NDArray
     """Unit vertical in W. Shape (3,)."""
     loads: NDArray
@@ -69,9 +71,9 @@ class Bending:
         }
         for name, shape in shapes.items():
             object.__setattr__(self, name, frozen_array(getattr(self, name), shape, name))
-        strange = [effect for effect in self.effects if effect not in EFFECTS]
+        strange = [effect for effect in self.effects if effect not in PARTS]
         if strange:
-            raise ValueError(f"no effect {strange[0]!r}; there are {', '.join(EFFECTS)}")
+            raise ValueError(f"no effect {strange[0]!r}; there are {', '.join(PARTS)}")
         length = float(np.linalg.norm(self.up))
         if abs(length - 1.0) > 1e-9:
             raise ValueError(f"up must be a direction of length 1, got length {length:g}")
@@ -90,9 +92,9 @@ class Bending:
 
     def with_effects(self, *effects: str) -> "Bending":
         """Return the same with other effects learned; the others become zero."""
-        zero = {name: np.zeros_like(getattr(self, name)) for name in EFFECTS[:4]}
+        zero = {name: np.zeros_like(getattr(self, name)) for name in EFFECTS}
         kept = {name: value for name, value in zero.items() if name not in effects}
-        return replace(self, effects=tuple(e for e in EFFECTS if e in effects), **kept)
+        return replace(self, effects=tuple(e for e in PARTS if e in effects), **kept)
 
     @property
     def names(self) -> tuple[str, ...]:
