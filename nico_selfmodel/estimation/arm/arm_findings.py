@@ -5,7 +5,7 @@ from numpy.typing import NDArray
 
 from nico_selfmodel.estimation.arm.evaluation import Evaluation
 from nico_selfmodel.estimation.arm.kinematics import KinematicCalibration
-from nico_selfmodel.estimation.bending.ladder import LIFTS
+from nico_selfmodel.estimation.bending.ladder import LIFTS, Ladder
 from nico_selfmodel.estimation.bending.what_bends import WORDS, effect_sizes
 from nico_selfmodel.estimation.observations.observations import Observations
 from nico_selfmodel.estimation.observations.outlier_words import (
@@ -79,30 +79,36 @@ def arm_findings(calibration: KinematicCalibration) -> tuple[Finding, ...]:
 
 def _bending_words(calibration: KinematicCalibration) -> list[str]:
     """Say what was found to bend, and what unseen poses gain by it."""
-    if calibration.model.bending is None:
+    ladder = calibration.ladder
+    if not (ladder.adopted and ladder.kept):
         return []
-    steps = [step for step in calibration.ladder.steps if step.kept]
-    before, after = steps[0].before_mm, steps[-1].after_mm
+    before, after = _unseen(ladder)
     most = _bends(calibration, calibration.model.parameters)
     return [f"{most}: unseen poses {before:.2g} -> {after:.2g} mm"]
 
 
+def _unseen(ladder: Ladder) -> tuple[float, float]:
+    """Return the errors of unseen poses without what bends, and with it [mm]."""
+    kept = [step for step in ladder.steps if step.kept]
+    return ladder.steps[0].before_mm, kept[-1].after_mm
+
+
 def _bends(calibration: KinematicCalibration, parameters: DhParameters) -> str:
     """Say which effects move the hand by how much."""
-    return ", ".join(
-        f"{WORDS[size.effect]} by up to {1e3 * size.hand.max():.2g} mm at the hand"
-        for size in effect_sizes(parameters, calibration.train.observations)
-    )
+    sizes = effect_sizes(parameters, calibration.train.observations)
+    found = {size.effect: f" by up to {1e3 * size.hand.max():.2g} mm at the hand" for size in sizes}
+    return ", ".join(f"{WORDS[e]}{found.get(e, '')}" for e in calibration.ladder.kept)
 
 
 def _bending_warnings(calibration: KinematicCalibration) -> list[str]:
     """Say what the arm would gain by effects that it was not allowed, or by one that lifts it."""
     ladder = calibration.ladder
-    kept = [step for step in ladder.steps if step.kept]
-    if kept and ladder.bent is not None and calibration.model.bending is None:
+    if ladder.kept and ladder.bent is not None and not ladder.adopted:
+        before, after = _unseen(ladder)
+        bends = _bends(calibration, ladder.bent)
         return [
-            f"would meet unseen poses to {kept[-1].after_mm:.2g} mm in place of "
-            f"{kept[0].before_mm:.2g} mm: {_bends(calibration, ladder.bent)} (--effects auto)"
+            f"would meet unseen poses to {after:.2g} mm in place of {before:.2g} mm: {bends} "
+            "(--effects auto)"
         ]
     return [f"sag is not kept: {step.reason}" for step in ladder.steps if step.reason == LIFTS]
 

@@ -17,7 +17,7 @@ from nico_selfmodel.estimation.arm.evaluation import Evaluation, evaluate
 from nico_selfmodel.estimation.arm.kinematic_task import KinematicTask
 from nico_selfmodel.estimation.arm.learned_model import learned_model, training_of
 from nico_selfmodel.estimation.arm.named_refinement import Held, refine_named
-from nico_selfmodel.estimation.bending.ladder import Ladder, climb
+from nico_selfmodel.estimation.bending.ladder import STEPS, Ladder, climb
 from nico_selfmodel.estimation.diagnosis.changes_in_time import (
     Change,
     change_in_time,
@@ -52,7 +52,6 @@ from nico_selfmodel.estimation.noise.arm_solution import ArmSolution, Linearised
 from nico_selfmodel.estimation.noise.pose_noise import PoseNoise
 from nico_selfmodel.estimation.noise.pose_sums import refine_on_all
 from nico_selfmodel.estimation.results.fixed_parameters import FixedParameters
-from nico_selfmodel.model.arm.bending import EFFECTS
 from nico_selfmodel.model.arm.dh_table import DhTable
 from nico_selfmodel.model.self_model import SelfModel
 from nico_selfmodel.optimization.uncertainty import Uncertainty
@@ -132,7 +131,7 @@ def calibrate_kinematics(
     seed: int = 0,
     name: str | None = None,
     explain: bool = True,
-    effects: Sequence[str] = EFFECTS,
+    effects: Sequence[str] = STEPS,
     up: NDArray | None = None,
 ) -> KinematicCalibration:
     """Learn an arm from encoder readings and measured points of the hand.
@@ -150,8 +149,8 @@ def calibrate_kinematics(
         name: Name of the self-model; the data set's if omitted.
         explain: Look for what would make the data fit, where they do not; that takes longer than
             the calibration.
-        effects: What may bend, of `model.arm.bending.EFFECTS`: kept where unseen poses gain. With
-            none they are asked for all the same, to tell what they would explain.
+        effects: What may bend, of `estimation.bending.ladder.STEPS`: kept where unseen poses gain.
+            With none they are asked for all the same, to tell what they would explain.
         up: Unit vertical in W, for sag; the first axis and z are tried if omitted. Shape (3,).
 
     Returns:

@@ -1,6 +1,6 @@
 """Which effects an arm keeps: a ladder, each step only where poses that were left out gain.
 
-Sag, bearing sag, ripple, coupling with gears, in this order. A step stays if the information
+Sag, bearing sag, ripple, gears, coupling, in this order. A step stays if the information
 criterion falls by more than 10, and if the mean over poses of log(error before / error after), each
 pose predicted without its fold, is above 1 % and above its standard error. All at once over-fits
 small sets; likelihood alone finds couplings in rigid arms; squared errors miss the arm that was
@@ -19,19 +19,23 @@ from nico_selfmodel.estimation.bending.effect_fit import EffectFit, fit_effects
 from nico_selfmodel.estimation.noise.arm_solution import ArmSolution
 from nico_selfmodel.estimation.noise.pose_refinement import refine_by_pose
 from nico_selfmodel.estimation.observations.observations import Observations, gears_known
-from nico_selfmodel.model.arm.bending import BEARING, COUPLING, EFFECTS, LOADS, SAG, Bending
+from nico_selfmodel.model.arm.bending import BEARING, COUPLING, LOADS, PARTS, RIPPLE, SAG, Bending
 from nico_selfmodel.model.arm.dh_parameters import DhParameters
 from nico_selfmodel.model.arm.loaded_posture import loaded
 from nico_selfmodel.model.arm.uniform_rods import uniform_rods
 from nico_selfmodel.optimization.losses import robust_scale
 
 GEAR = "gear"
+STEPS = (SAG, BEARING, RIPPLE, GEAR, COUPLING)
+"""What is asked, in this order; gears are those that a unit tells and nobody holds."""
 LIFTS = "it would lift the arm: something else is explained, or the arm compensates already"
 """Why a sag of the wrong sign goes."""
 _WORTH = 10.0
 """By how much the information criterion must fall."""
 _GAIN = 0.01
 """Mean logarithm of the errors' ratio that unseen poses must gain."""
+_NO_GEAR = "a gear that is told would have to be"
+_GEARS_DO = "gears that are a little off explain it better"
 _SURE = 8.0
 """Robust standard deviations beyond which a row is an outlier, whatever bends."""
 _SIGNIFICANT = 3.0
@@ -56,7 +60,7 @@ class Step:
     """One effect, and what became of it."""
 
     effect: str
-    """Its name, of `EFFECTS`."""
+    """Its name, of `STEPS`."""
     kept: bool
     """Whether it stayed."""
     before_mm: float
@@ -84,6 +88,9 @@ class Ladder:
     bent: DhParameters | None = None
     """The arm as the last step that stayed left it, whether it may be kept or not."""
 
+    adopted: bool = False
+    """Whether the solution has what stayed."""
+
     @property
     def kept(self) -> tuple[str, ...]:
         """Names of the effects that stayed."""
@@ -94,7 +101,7 @@ def climb(
     observations: Observations,
     solved: ArmSolution,
     *,
-    effects: Sequence[str] = EFFECTS,
+    effects: Sequence[str] = STEPS,
     up: NDArray | None = None,
     held: frozenset[str] = frozenset(),
     trim: bool = True,
@@ -115,12 +122,11 @@ def climb(
         return Ladder((), solved)
     few = thinned(observations, solved, seed)
     climber = _Climber.at(few[0], few[1], held, up)
-    asked = effects or EFFECTS
-    steps = tuple(climber.try_step(effect) for effect in EFFECTS if effect in asked)
+    steps = climber.pruned(climber.climb(effects or STEPS))
     if not climber.kept:
         return Ladder(steps, solved)
     solution = climber.solution(observations, solved, trim) if effects else solved
-    return Ladder(steps, solution, climber.parameters)
+    return Ladder(steps, solution, climber.parameters, bool(effects))
 
 
 def _enough(observations: Observations, solved: ArmSolution) -> bool:
@@ -167,6 +173,18 @@ class _Climber:
         ups = ((up, True),) if up is not None else _verticals(solved.parameters)
         return cls(observations, solved, keep, ups, held)
 
+    def climb(self, asked: Sequence[str]) -> list[Step]:
+        """Try one effect after the other; a gear that contradicts its unit is a fault, no bend."""
+        steps: list[Step] = []
+        for effect in STEPS:
+            if effect not in asked or (effect == GEAR and not self.gears):
+                continue
+            steps.append(self.try_step(effect))
+            if steps[-1].reason.startswith(_NO_GEAR):
+                self.kept = ()
+                return [replace(step, kept=False, reason=steps[-1].reason) for step in steps]
+        return steps
+
     def try_step(self, effect: str) -> Step:
         """Try an effect; keep it if unseen poses gain."""
         before = self._fitted(self.kept, self.still) if self.fit is None else self.fit
@@ -179,11 +197,31 @@ class _Climber:
         else:
             after = self._fitted((*self.kept, effect), self.still)
         step = self._judged(effect, before, after)
+        if effect == RIPPLE and step.kept and self.gears:
+            # Over a part of a turn a ripple looks like a gear, of which there are fewer numbers.
+            rival = self._again(self._fitted((*self.kept, GEAR), self.still))
+            if rival.bic < self._again(after).bic:
+                step = replace(step, kept=False, reason=_gear_reason(rival) or _GEARS_DO)
         if step.kept:
             assert after.parameters.bending is not None
             self.kept = (*self.kept, effect)
             self._adopt(after)
         return step
+
+    def pruned(self, steps: list[Step]) -> tuple[Step, ...]:
+        """Return the steps, those taken back that what stayed later explains as well."""
+        found = []
+        for step in steps:
+            if step.kept and len(self.kept) > 1 and step.effect != self.kept[-1]:
+                assert self.fit is not None
+                less = tuple(effect for effect in self.kept if effect != step.effect)
+                again = self._judged(step.effect, self._fitted(less, self.still), self.fit)
+                if not again.kept:
+                    self.kept = less
+                    self._adopt(self._fitted(less, self.still))
+                    step = replace(step, kept=False, reason="what stayed explains it as well")
+            found.append(step)
+        return tuple(found)
 
     def _about(self, up: NDArray) -> Bending:
         return replace(self.still, up=up)
@@ -194,9 +232,7 @@ class _Climber:
         effects = (*effects, *known)
         bending = bending.with_effects(*effects)
         parameters = replace(self.parameters, bending=bending)
-        groups: dict[str, tuple[str, ...]] = {e: bending.names_of(e) for e in effects}
-        if COUPLING in effects and self.gears:
-            groups[GEAR] = self.gears
+        groups = {e: bending.names_of(e) if e in PARTS else self.gears for e in effects}
         means = dict.fromkeys(self.gears, 1.0) | self.rods
         return fit_effects(
             self.observations,
@@ -207,6 +243,21 @@ class _Climber:
             known,
             self.keep,
             self.noise,
+        )
+
+    def _again(self, fit: EffectFit) -> EffectFit:
+        """Return the same fit about where it ended: one step of a large effect is not enough."""
+        parameters = fit.parameters.with_values(fit.values)
+        known = {LOADS: self.load_variance} if LOADS in fit.groups else {}
+        return fit_effects(
+            self.observations,
+            parameters,
+            self.rigid.free,
+            fit.groups,
+            fit.means,
+            known,
+            self.keep,
+            fit.noise,
         )
 
     def _judged(self, effect: str, before: EffectFit, after: EffectFit) -> Step:
@@ -229,9 +280,8 @@ class _Climber:
             return "unseen poses do not gain"
         if effect == SAG and _wrong_way(after):
             return LIFTS
-        gears = [g for g in _gears_of(after) if abs(g - 1.0) > _LARGEST_GEAR]
-        if gears:
-            return f"a gear that is told would have to be {gears[0]:.3f}: that is no bend"
+        if _gear_reason(after):
+            return _gear_reason(after)
         if _largest_turn(self.observations, after) > _LARGEST:
             return "joints would turn by more than 3 deg: that is no bend"
         return ""
@@ -257,9 +307,12 @@ class _Climber:
             trim=trim,
             priors=fit.priors,
         )
+        bending = solved.parameters.bending
+        assert bending is not None
+        bent = bending if bending.effects else None
         return replace(
             solved,
-            parameters=replace(solved.parameters, turn=None),
+            parameters=replace(solved.parameters, turn=None, bending=bent),
             iterations=solved.iterations + rigid.iterations,
             converged=solved.converged and rigid.converged,
         )
@@ -300,10 +353,14 @@ def _wrong_way(fit: EffectFit) -> bool:
     return bool(np.sum(values[at]) < 0.0)
 
 
-def _gears_of(fit: EffectFit) -> list[float]:
-    """Return the gears that were freed."""
+def _gear_reason(fit: EffectFit) -> str:
+    """Say which gear is so far from what its unit tells that it is a fault; empty if none is."""
     names, values = fit.parameters.names, fit.values
-    return [float(values[names.index(name)]) for name in fit.groups.get(GEAR, ())]
+    for name in fit.groups.get(GEAR, ()):
+        gear = float(values[names.index(name)])
+        if abs(gear - 1.0) > _LARGEST_GEAR:
+            return f"{_NO_GEAR} {gear:.3f}: that is no bend"
+    return ""
 
 
 def _by_pose(errors: NDArray, pose: NDArray) -> NDArray:

@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from nico_selfmodel.errors import DataError
-from nico_selfmodel.estimation.bending.ladder import Ladder, Step
+from nico_selfmodel.estimation.bending.ladder import STEPS, Ladder, Step
 from nico_selfmodel.estimation.observations.observations import Observations
 from nico_selfmodel.files.csv_rows import number_of_word
 from nico_selfmodel.model.arm.bending import EFFECTS, Bending
@@ -20,7 +20,8 @@ WORDS = {
     "sag": "joints sag",
     "bearing_sag": "bearings give way",
     "ripple": "gears or encoder discs ripple",
-    "coupling": "coupled drives and gears are off",
+    "gear": "gears are a little off",
+    "coupling": "drives are coupled",
 }
 """What an effect is called in a sentence."""
 
@@ -30,7 +31,7 @@ class EffectSize:
     """How much an effect moves an arm at the poses of a recording."""
 
     effect: str
-    """Its name, of `EFFECTS`."""
+    """Its name, of `model.arm.bending.EFFECTS`."""
     hand: NDArray
     """How far it moves the tracked points [m]. Shape (N,)."""
     turns: NDArray
@@ -81,7 +82,7 @@ def bending_json(
     sizes = effect_sizes(parameters, observations)
     bending = parameters.bending
     return {
-        "effects": [] if bending is None else [e for e in EFFECTS if e in bending.effects],
+        "effects": list(ladder.kept) if ladder.adopted else [],
         "up": None if bending is None else bending.up.tolist(),
         "tried": [_step_json(step) for step in ladder.steps],
         "hand_mm": {
@@ -115,17 +116,17 @@ def effects_of(text: str) -> tuple[str, ...]:
         ValueError: If one has no such name.
     """
     if text == "auto":
-        return EFFECTS
+        return STEPS
     if text == "none":
         return ()
     words = [word.strip() for word in text.split(",")]
     for word in words:
-        if word not in EFFECTS:
-            hint = did_you_mean(word, EFFECTS) or "."
+        if word not in STEPS:
+            hint = did_you_mean(word, STEPS) or "."
             raise ValueError(
-                f"--effects: no effect {word!r}{hint} There are auto, none, {', '.join(EFFECTS)}"
+                f"--effects: no effect {word!r}{hint} There are auto, none, {', '.join(STEPS)}"
             )
-    return tuple(effect for effect in EFFECTS if effect in words)
+    return tuple(effect for effect in STEPS if effect in words)
 
 
 def up_of(text: str | None) -> NDArray | None:
