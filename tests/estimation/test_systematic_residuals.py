@@ -36,7 +36,7 @@ def test_an_eccentric_gear_is_named_by_its_joint(truth):
     q = truth.poses(120, 1)
     true = q.copy()
     true[:, 2] += np.radians(1.0) * np.sin(2.0 * q[:, 2])
-    result = calibrate_kinematics(recorded(truth, q, true))
+    result = calibrate_kinematics(recorded(truth, q, true), effects=())
     (words, _, size) = causes(result)[0].partition("encoder, ")
     assert words == "the angle of joint_2 (eccentric gear or "
     # Waves of 1 deg over less than a turn, less what zero and gear take of them.
@@ -53,7 +53,7 @@ def test_coupling_is_named_by_the_joint_that_is_moved(truth):
     q = truth.poses(120, 1)
     true = q.copy()
     true[:, 1] += 0.01 * q[:, 0] * q[:, 0] + 0.02 * q[:, 3]
-    found = causes(calibrate_kinematics(recorded(truth, q, true)))
+    found = causes(calibrate_kinematics(recorded(truth, q, true), effects=()))
     assert found[0].startswith("the other joints at joint_1 (coupling)")
 
 
@@ -61,7 +61,7 @@ def test_backlash_is_named_with_its_half_width(truth):
     q = truth.poses(120, 1)
     side = np.sign(np.diff(q, axis=0, prepend=q[:1]))
     true = q + np.radians(0.2) * side * np.array([0.0, 0.0, 0.0, 1.0])
-    found = causes(calibrate_kinematics(recorded(truth, q, true)))
+    found = causes(calibrate_kinematics(recorded(truth, q, true), effects=()))
     assert found[0].startswith("the direction from which joint_3 came (backlash, half width 0.")
     assert float(found[0].split()[-2]) == pytest.approx(0.2, rel=0.1)
 
@@ -76,14 +76,14 @@ def test_sag_is_named_as_gravitys(truth):
     moment = np.sum(axis * np.cross(p - at, [0.0, 0.0, -1.0]), axis=1)
     true = q.copy()
     true[:, 1] += np.radians(1.5) * moment / np.abs(moment).max()
-    found = causes(calibrate_kinematics(recorded(truth, q, true)))
+    found = causes(calibrate_kinematics(recorded(truth, q, true), effects=()))
     assert any(words.startswith("gravity (sag of joint_1") for words in found[:2])
 
 
 def test_few_poses_show_no_pattern(truth):
     q = truth.poses(19, 1)
     true = q + np.radians(1.0) * np.sin(2.0 * q)
-    assert not calibrate_kinematics(recorded(truth, q, true)).patterns
+    assert not calibrate_kinematics(recorded(truth, q, true), effects=()).patterns
 
 
 @pytest.mark.slow
@@ -96,7 +96,7 @@ def test_noise_makes_a_pattern_as_rarely_as_is_said():
     for kind in ("clean", "joint noise"):
         for seed in range(40):
             data = random_recording(kind, 5000 + seed).dataset
-            result = calibrate_kinematics(data, explain=False)
+            result = calibrate_kinematics(data, explain=False, effects=())
             rows, parameters = Observations.from_dataset(data), result.model.parameters
             linear = Linearised.at(rows, parameters, ~result.outliers, result.noise)
             test = ScoreTest.at(linear, result.free)

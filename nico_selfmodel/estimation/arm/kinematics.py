@@ -154,7 +154,7 @@ def calibrate_kinematics(
         up: Unit vertical in W, for sag; the first axis and z are tried if omitted. Shape (3,).
 
     Returns:
-        The calibration. A failed check does not raise: see `verdict`.
+        The calibration. A failed check does not raise: see `estimation.judging.judge`.
 
     Raises:
         DataError: If the data cannot serve: no points, fewer equations than parameters.
@@ -180,18 +180,11 @@ def calibrate_kinematics(
         )
         solved = _refined(task, search.best, pins, loss)
         contradicted = _contradicted_parameters(task, search.best, solved, pins)
-        ladder = climb(
-            task.sample,
-            solved,
-            effects=effects,
-            up=up,
-            held=pins.names,
-            trim=loss != "none",
-            seed=seed,
-        )
+        trim = loss != "none"
+        ladder = climb(task.sample, solved, effects, up, held=pins.names, trim=trim, seed=seed)
         solved = ladder.solution
         if task.sampled:
-            solved = refine_on_all(task.observations, solved, trim=loss != "none")
+            solved = refine_on_all(task.observations, solved, trim=trim)
         unseen = cross_validate(task.observations, solved)
     doubts = _Doubts.of(task, solved)
     causes = Causes()

@@ -100,9 +100,9 @@ class Ladder:
 def climb(
     observations: Observations,
     solved: ArmSolution,
-    *,
     effects: Sequence[str] = STEPS,
     up: NDArray | None = None,
+    *,
     held: frozenset[str] = frozenset(),
     trim: bool = True,
     seed: int = 0,

@@ -1,0 +1,157 @@
+"""The ladder of what bends: arms that sag by Drake's masses keep it, rigid ones keep nothing."""
+
+import numpy as np
+import pytest
+
+from nico_selfmodel.dataset.folder import load_dataset
+from nico_selfmodel.estimation.arm.kinematics import calibrate_kinematics
+from nico_selfmodel.estimation.bending import ladder as ladder_module
+from nico_selfmodel.estimation.judging import judge, result_of, to_json
+
+from .sagging_arms import SaggingArm, mean_mm, told
+
+
+def arm_and_data(seed, poses, **weak):
+    rng = np.random.default_rng((seed, 91))
+    arm = SaggingArm.drawn(rng, **weak)
+    train, _ = arm.recorded(rng, poses)
+    test, true = arm.recorded(rng, 100)
+    return arm, train, test, true
+
+
+def nees(model, test, true):
+    """Normalised squared error of the hand at fresh poses, a third of it."""
+    index = np.array([int(name[1:]) for name in test.marker])
+    found = model.predict(test.encoders, index)
+    e = found.p_WH - true
+    return float(np.mean(np.einsum("ni,nij,nj->n", e, np.linalg.inv(found.covariance), e))) / 3.0
+
+
+@pytest.mark.parametrize("seed", [0, 1, 2])
+def test_an_arm_that_sags_is_learned_nearly_as_if_its_masses_were_told(seed):
+    arm, train, test, true = arm_and_data(seed, 40)
+    rigid = calibrate_kinematics(train, explain=False, effects=())
+    learned = calibrate_kinematics(train, test=test, explain=False)
+    assert learned.ladder.kept == ("sag",)
+    measured = test.p_WH_measured
+    now, before = (mean_mm(c.model.parameters, test, measured) for c in (learned, rigid))
+    best = mean_mm(told(arm, rigid, train), test, measured)
+    assert now < 1.12 * best
+    assert now < 0.4 * before
+    assert not learned.outliers.any()
+    assert 0.4 < nees(learned.model, test, true) < 2.2
+    assert learned.model.bending.sag[1] > 0.0
+
+
+@pytest.mark.parametrize("poses", [20, 40])
+def test_a_rigid_arm_stays_rigid(poses):
+    _, train, _, _ = arm_and_data(5, poses, sag=0.0)
+    learned = calibrate_kinematics(train, explain=False)
+    assert learned.ladder.kept == ()
+    assert learned.model.bending is None
+    assert learned.model.parameters.bending is None
+
+
+def test_what_is_not_allowed_is_told():
+    _, train, test, _ = arm_and_data(1, 40)
+    rigid = calibrate_kinematics(train, test=test, explain=False, effects=())
+    assert rigid.model.bending is None
+    warnings = judge(rigid).warnings
+    assert any("would meet unseen poses to" in w and "joints sag by up to" in w for w in warnings)
+    document = to_json(result_of(rigid), judge(rigid))
+    assert document["bending"]["effects"] == []
+    assert document["bending"]["tried"][0]["kept"]
+
+
+def test_what_bends_is_named_with_its_size():
+    _, train, test, _ = arm_and_data(1, 40)
+    learned = calibrate_kinematics(train, test=test, explain=False)
+    verdict, block = judge(learned), to_json(result_of(learned), judge(learned))["bending"]
+    assert verdict.status == "PASS"
+    assert any(reason.startswith("joints sag by up to") for reason in verdict.reasons)
+    assert block["effects"] == ["sag"]
+    assert block["hand_mm"]["sag"]["max"] > 1.0
+    assert set(block["joints_mrad"]["sag"]) == set(train.joint_names)
+
+
+def test_ripple_is_kept_by_its_name():
+    _, train, test, _ = arm_and_data(3, 60, sag=0.0, ripple=2.0)
+    learned = calibrate_kinematics(train, explain=False)
+    assert "ripple" in learned.ladder.kept
+    assert "sag" not in learned.ladder.kept
+    rigid = calibrate_kinematics(train, explain=False, effects=())
+    assert mean_mm(learned.model.parameters, test, test.p_WH_measured) < 0.6 * mean_mm(
+        rigid.model.parameters, test, test.p_WH_measured
+    )
+
+
+def test_a_vertical_told_the_wrong_way_round_is_called_implausible():
+    _, train, _, _ = arm_and_data(1, 40)
+    found = calibrate_kinematics(train, explain=False, up=np.array([0.0, 0.0, -1.0]))
+    assert found.ladder.steps[0].reason == ladder_module.LIFTS
+    assert found.model.bending is None or "sag" not in found.model.bending.effects
+    assert any("it would lift the arm" in warning for warning in judge(found).warnings)
+
+
+def test_only_swept_and_sagging_no_pose_is_set_aside():
+    rng = np.random.default_rng((7, 91))
+    arm = SaggingArm.drawn(rng, markers=3)
+    home = rng.uniform(-0.4, 0.4, 6)
+    q = np.repeat(home[None], 36, axis=0)
+    for i in range(6):
+        q[6 * i : 6 * i + 6, i] = np.linspace(-1.3, 1.3, 6)
+    train, _ = arm.recorded(rng, 36, q=q)
+    test, _ = arm.recorded(rng, 60, span=0.6)
+    rigid = calibrate_kinematics(train, explain=False, effects=())
+    learned = calibrate_kinematics(train, explain=False)
+    assert "sag" in learned.ladder.kept
+    assert not learned.outliers.any()
+    now, before = (mean_mm(c.model.parameters, test, test.p_WH_measured) for c in (learned, rigid))
+    assert now < 0.6 * before
+
+
+def test_too_few_poses_are_not_asked():
+    _, train, _, _ = arm_and_data(0, 14)
+    assert calibrate_kinematics(train, explain=False).ladder.steps == ()
+
+
+@pytest.mark.parametrize("name", ["_WORTH", "_GAIN"])
+def test_a_threshold_of_the_ladder_decides(monkeypatch, name):
+    """Raised beyond all that is told, nothing stays."""
+    _, train, _, _ = arm_and_data(1, 40)
+    monkeypatch.setattr(ladder_module, name, 1e4)
+    assert calibrate_kinematics(train, explain=False).ladder.kept == ()
+
+
+def test_the_positioner_ripples_and_does_not_sag(project_root):
+    data = load_dataset(project_root / "examples" / "data" / "positioner_two_axis")
+    train, test = data.split(0.3, 0)
+    learned = calibrate_kinematics(train, test=test)
+    assert 1e3 * learned.test.statistics.rms <= 0.34
+    assert "ripple" in learned.ladder.kept
+    assert "sag" not in learned.ladder.kept
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("seed", range(5))
+def test_real_arms_are_met_no_worse_than_by_a_rigid_one(project_root, seed):
+    for name, most in (("positioner_two_axis", 0.85), ("franka_fr3", 1.03)):
+        train, test = load_dataset(project_root / "examples" / "data" / name).split(0.3, seed)
+        rigid, learned = (
+            calibrate_kinematics(train, test=test, explain=False, effects=effects)
+            for effects in ((), ladder_module.STEPS)
+        )
+        one, two = (c.test.distances for c in (rigid, learned))
+        sound = (one < 6.0 * np.median(one)) & (two < 6.0 * np.median(two))
+        ratio = np.sqrt(np.mean(two[sound] ** 2) / np.mean(one[sound] ** 2))
+        assert ratio <= most, (name, ratio)
+
+
+@pytest.mark.slow
+def test_rigid_arms_keep_nothing_and_sagging_ones_sag():
+    kept = [calibrate_kinematics(arm_and_data(s, 40, sag=0.0)[1], explain=False).ladder.kept
+            for s in range(50, 80)]  # fmt: skip
+    assert sum(bool(k) for k in kept) <= 1, kept
+    named = [calibrate_kinematics(arm_and_data(s, 40)[1], explain=False).ladder.kept
+             for s in range(50, 70)]  # fmt: skip
+    assert sum("sag" in k for k in named) >= 18, named
