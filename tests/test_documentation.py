@@ -57,6 +57,14 @@ def test_the_readmes_cameras_see_a_point_before_them(project_root, tmp_path):
     assert abs(y) < 0.01
 
 
+def test_the_python_of_what_bends_runs(project_root):
+    text = (project_root / "docs" / "bending.md").read_text(encoding="utf-8")
+    (block,) = re.findall(r"```python\n(.*?)```", text, re.DOTALL)
+    process = run(["-c", block], project_root, project_root)
+    assert process.returncode == 0, process.stderr
+    assert process.stdout.startswith("('ripple'")
+
+
 def test_links_and_pictures_of_the_documents_exist(project_root):
     for document in [*project_root.glob("*.md"), *project_root.glob("docs/*.md")]:
         text = document.read_text(encoding="utf-8")

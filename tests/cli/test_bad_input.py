@@ -223,3 +223,21 @@ def test_force_never_deletes_the_data_it_reads_or_a_folder_of_something_else(
     done = command("calibrate", "kinematics", data, "--out", tmp_path / "work", "--force")
     assert_one_clear_line(done, "not a result")
     assert (tmp_path / "work" / "thesis.tex").read_text() == "years"
+
+
+@pytest.mark.parametrize(
+    ("words", "reason"),
+    [
+        (("--effects", "sagg"), "--effects: no effect 'sagg', did you mean 'sag'?"),
+        (("--up", "0,0,0"), "--up must be a direction as three numbers"),
+        (("--up", "0,1"), "--up must be a direction as three numbers"),
+        (("--up", "0,x,1"), "--up: 'x' is not a number"),
+    ],
+)
+def test_what_cannot_bend_is_refused_in_one_line(command, project_root, tmp_path, words, reason):
+    data = project_root / "examples" / "data" / "positioner_two_axis"
+    done = command("calibrate", "kinematics", data, "--out", tmp_path / "out", *words)
+    assert done.returncode == 2
+    (line,) = done.stderr.strip().splitlines()
+    assert reason in line
+    assert not (tmp_path / "out").exists()
