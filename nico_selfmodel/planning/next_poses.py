@@ -15,6 +15,7 @@ from nico_selfmodel.model.self_model import SelfModel
 from nico_selfmodel.names import listed
 from nico_selfmodel.planning.pose_selection import (
     PoseChoice,
+    bending_priors,
     choose_poses,
     hand_sigma,
     position_jacobians,
@@ -86,16 +87,17 @@ def choose_next_poses(
         raise DataError(f"data set {data.name!r} has no direct view of {marker!r}")
     known = position_jacobians(model, recorded, marker)
     pool = _pool(model, data, recorded, marker, rng)
+    told = np.concatenate([known, bending_priors(model, marker)])
     choice = choose_poses(
         position_jacobians(model, pool, marker),
         count,
         criterion=criterion,
         targets=known,
-        given=known,
+        given=told,
     )
     noise = np.nan if model.noise_sigma is None else model.noise_sigma
     return NextPoses(
-        pool[choice.rows], noise * hand_sigma(known, known), noise * choice.hand_sigma, choice
+        pool[choice.rows], noise * hand_sigma(told, known), noise * choice.hand_sigma, choice
     )
 
 

@@ -86,6 +86,38 @@ def position_jacobians(
     return np.linalg.solve(np.linalg.cholesky(covariance), rows)
 
 
+def bending_priors(model: SelfModel, marker: str | None = None) -> NDArray:
+    """Return what is known beforehand of what bends, as rows beside those of poses.
+
+    Its numbers were held near zero while they were learned: each effect's have about the standard
+    deviation that they show, loads about their own size.
+
+    Args:
+        model: A self-model.
+        marker: Tracked point; the first one if omitted.
+
+    Returns:
+        In the units of `position_jacobians` with a noise of 1 m. Shape (G, 3, p); G is 0 of a
+        rigid arm.
+    """
+    index = 0 if marker is None else model.chain.marker_index(marker)
+    free, bending = _free(model, index), model.bending
+    if bending is None:
+        return np.zeros((0, 3, len(free)))
+    parameters, noise = model.parameters, model.noise_sigma or 1e-3
+    scales = dict(zip(parameters.names, parameters.scales(_lever(model, index)), strict=True))
+    spread: dict[str, float] = {}
+    for effect in bending.effects:
+        size = float(np.sqrt(np.mean(np.square(getattr(bending, effect))))) or 1e-6
+        spread |= dict.fromkeys(bending.names_of(effect), size)
+    names = [parameters.names[i] for i in free]
+    held = [k for k, name in enumerate(names) if name in spread]
+    rows = np.zeros((3 * -(-len(held) // 3), len(free)))
+    for row, k in enumerate(held):
+        rows[row, k] = noise * scales[names[k]] / spread[names[k]]
+    return rows.reshape(-1, 3, len(free))
+
+
 def _free(model: SelfModel, marker: int) -> list[int]:
     """Return which parameters measurements of one point determine."""
     names, gauge = model.parameters.names, model.parameters.gauge

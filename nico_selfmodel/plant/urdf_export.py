@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 from nico_selfmodel.errors import ModelError
 from nico_selfmodel.files.reading import real_path
 from nico_selfmodel.geometry.transform import inverse
+from nico_selfmodel.model.arm.bending import EFFECTS
 from nico_selfmodel.model.self_model import SelfModel
 from nico_selfmodel.plant.description import ArmDescription
 from nico_selfmodel.plant.learned_frames import LearnedFrames, learned_frames, nominal_frames
@@ -84,9 +85,10 @@ def _rigid_words(model: SelfModel) -> str:
     """Say that what bends is not in the file."""
     if model.bending is None:
         return ""
+    bends = ", ".join(effect for effect in EFFECTS if effect in model.bending.effects)
     return (
         "It is rigid: the geometry without its own weight. What bends "
-        f"({', '.join(model.bending.effects)}) is in self_model.yaml alone. "
+        f"({bends}) is in self_model.yaml alone. "
     )
 
 

@@ -31,7 +31,7 @@ STEPS = (SAG, BEARING, RIPPLE, GEAR, COUPLING)
 LIFTS = "it would lift the arm: something else is explained, or the arm compensates already"
 """Why a sag of the wrong sign goes."""
 _WORTH = 10.0
-"""By how much the information criterion must fall."""
+"""By how much twice the log evidence must rise."""
 _GAIN = 0.01
 """Mean logarithm of the errors' ratio that unseen poses must gain."""
 _NO_GEAR = "a gear that is told would have to be"
@@ -72,7 +72,7 @@ class Step:
     gain_sigma: float
     """Its standard error."""
     worth: float
-    """By how much the information criterion fell."""
+    """By how much twice the log evidence rose."""
     reason: str
     """Why it went; empty where it stayed."""
 
@@ -190,7 +190,7 @@ class _Climber:
         before = self._fitted(self.kept, self.still) if self.fit is None else self.fit
         if effect == SAG:
             candidates = [self._fitted((SAG,), self._about(up)) for up, _ in self.ups]
-            best = int(np.argmin([fit.bic for fit in candidates]))
+            best = int(np.argmin([fit.evidence for fit in candidates]))
             after, (up, certain) = candidates[best], self.ups[best]
             if not certain and _wrong_way(after):
                 after = self._fitted((SAG,), self._about(-up))
@@ -200,7 +200,7 @@ class _Climber:
         if effect == RIPPLE and step.kept and self.gears:
             # Over a part of a turn a ripple looks like a gear, of which there are fewer numbers.
             rival = self._again(self._fitted((*self.kept, GEAR), self.still))
-            if rival.bic < self._again(after).bic:
+            if rival.evidence < self._again(after).evidence:
                 step = replace(step, kept=False, reason=_gear_reason(rival) or _GEARS_DO)
         if step.kept:
             assert after.parameters.bending is not None
@@ -266,7 +266,7 @@ class _Climber:
         gains = np.log(one / two)
         gain = float(gains.mean())
         sigma = float(gains.std(ddof=1) / np.sqrt(len(gains)))
-        worth = before.bic - after.bic
+        worth = before.evidence - after.evidence
         reason = self._reason(effect, after, gain, sigma, worth)
         means = [float(1e3 * np.exp(np.log(errors).mean())) for errors in (one, two)]
         return Step(effect, not reason, means[0], means[1], gain, sigma, worth, reason)

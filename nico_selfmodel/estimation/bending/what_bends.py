@@ -104,7 +104,7 @@ def _step_json(step: Step) -> dict[str, Any]:
         "after_mm": step.after_mm,
         "gain": step.gain,
         "gain_sigma": step.gain_sigma,
-        "bic": step.worth,
+        "evidence": step.worth,
         "reason": step.reason,
     }
 

@@ -24,8 +24,8 @@ def bending_section(
         return []
     words = (
         "Effects are tried one after the other, and kept only where poses that were left out gain "
-        "by more than 1 % and a standard error, and the information criterion falls by more than "
-        "10. Errors are geometric means over poses, each predicted without its fold."
+        "by more than 1 % and a standard error, and twice the logarithm of the evidence rises by "
+        "more than 10. Errors are geometric means over poses, each predicted without its fold."
     )
     section = parts.section(
         "What bends",
@@ -69,11 +69,11 @@ def _ladder(bending: Mapping[str, Any]) -> Table:
                 number_cell(step["before_mm"], 3),
                 number_cell(step["after_mm"], 3),
                 Cell(f"{100 * step['gain']:.1f} %", f"{100 * step['gain_sigma']:.1f}"),
-                number_cell(step["bic"], 1),
+                number_cell(step["evidence"], 1),
                 Cell("kept" if step["kept"] else step["reason"]),
             ),
         )
         for step in bending["tried"]
     )
-    headings = ("tried", "unseen before [mm]", "after [mm]", "gain", "BIC falls by", "")
+    headings = ("tried", "unseen before [mm]", "after [mm]", "gain", "2 log evidence", "")
     return Table(headings, rows)
