@@ -211,7 +211,7 @@ class _Task:
         """Return what the effects cost: w'V^-1 w + log|I + V H|, H what the rest leaves of them.
 
         An effect whose numbers nothing tells costs nothing; one that is told, the logarithm of how
-        much better it is told than believed beforehand.
+        much better it is told than known beforehand.
         """
         U, _ = self._weighed(linear)
         there = [own for effect, own in self.member.items() if variance[effect] > 0.0]
