@@ -30,7 +30,13 @@ if signal.getsignal(signal.SIGINT) is signal.SIG_IGN:
 
 PROJECT_ROOT = Path(__file__).resolve().parents[1]
 CODE = "from nico_selfmodel.cli.main import main; main()"
-SURROUNDINGS = {"OMP_NUM_THREADS": "1", "NO_COLOR": "1", "COLUMNS": "120"}
+SURROUNDINGS = {
+    "OMP_NUM_THREADS": "1",
+    "NO_COLOR": "1",
+    "COLUMNS": "120",
+    # Completion is for the shell that is named, not for whichever runs the tests.
+    "_TYPER_COMPLETE_TEST_DISABLE_SHELL_DETECTION": "1",
+}
 
 
 @pytest.fixture(scope="session")
