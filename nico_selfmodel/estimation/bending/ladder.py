@@ -3,9 +3,10 @@
 Sag, bearing sag, ripple, gears, coupling, in this order. A step stays if twice the log evidence
 rises by more than 10, and if the mean over poses of log(error before / error after), each pose
 predicted without its fold, is above 1 % and above its standard error. All at once over-fits small
-sets; evidence alone finds couplings in rigid arms; squared errors miss the arm that was only swept. Poses count that are no outliers for sure: the most bent ones look like outliers.
-Whatever sags, its loads are free about those of uniform rods: held, they bias what is told of
-unseen poses by more than its sigma; as a step of their own they seldom gain enough.
+sets; evidence alone finds couplings in rigid arms; squared errors miss the arm that was only swept.
+Poses count that are no outliers for sure: the most bent ones look like outliers. Whatever sags, its
+loads are free about those of uniform rods: held, they bias what is told of unseen poses by more
+than its sigma; as a step of their own they seldom gain enough.
 """
 
 from collections.abc import Sequence
