@@ -28,6 +28,8 @@ from nico_selfmodel.estimation.results.folds import fold_of, splits
 from nico_selfmodel.model.arm.dh_parameters import DhParameters
 
 _ROUNDS = 30
+_SIZES = (1.0, 1e-3)
+"""Variances at which an effect begins, as parts of that at which it would be all that is left."""
 _GONE = 1e-3
 """Numbers told by the data below which an effect is not there."""
 _LEAST = 1e-12
@@ -81,6 +83,7 @@ def fit_effects(
     groups: Mapping[str, tuple[str, ...]],
     means: Mapping[str, float],
     known: Mapping[str, float],
+    begin: Mapping[str, float],
     keep: NDArray,
     noise: PoseNoise,
 ) -> EffectFit:
@@ -93,6 +96,8 @@ def fit_effects(
         groups: Names of the numbers that share a variance, by effect.
         means: Values at which numbers have no effect, where they are not 0.
         known: Variances of groups that are known beforehand; those cost no information.
+        begin: Variances at which the search begins, where an effect was fitted before; the others
+            begin large and small, for two effects that look alike have two answers.
         keep: Rows that count. Boolean, shape (N,).
         noise: Where the search for it begins.
     """
@@ -103,15 +108,11 @@ def fit_effects(
     start = now - np.array([means.get(n, 0.0) for n in free])
     task = _Task(observations, parameters, free, member, start, dict(known), keep)
     linear = Linearised.at(observations, parameters, keep, noise)
-    step, variance, gamma = task.by_evidence(linear, {})
-    noise = task.likeliest_noise(linear, step, gamma, noise)
-    linear = linear.with_noise(noise)
-    step, variance, gamma = task.by_evidence(linear, variance)
-    deviance, coordinates = task.deviance(linear, step)
-    asked = sum(effect not in known for effect in groups)
-    evidence = deviance + task.occam(linear, step, variance) + asked * np.log(coordinates)
-    left_out = task.without_folds(linear, variance)
-    return EffectFit(parameters, free, step, groups, means, variance, noise, evidence, left_out)
+    fits = []
+    for size in _SIZES if set(groups) - set(known) - set(begin) else _SIZES[:1]:
+        found = task.fitted(linear, begin, size)
+        fits.append(EffectFit(parameters, free, found[0], groups, means, *found[1:]))
+    return min(fits, key=lambda fit: fit.evidence)
 
 
 @dataclass(frozen=True, eq=False)
@@ -125,15 +126,29 @@ class _Task:
     known: Mapping[str, float]
     keep: NDArray
 
+    def fitted(
+        self, linear: Linearised, begin: Mapping[str, float], size: float
+    ) -> tuple[NDArray, dict[str, float], PoseNoise, float, NDArray]:
+        """Return step, variances, noise, evidence and the errors of rows left out."""
+        step, variance, gamma = self.by_evidence(linear, begin, size)
+        noise = self.likeliest_noise(linear, step, gamma, linear.noise)
+        linear = linear.with_noise(noise)
+        step, variance, gamma = self.by_evidence(linear, variance, size)
+        deviance, coordinates = self.deviance(linear, step)
+        asked = sum(effect not in self.known for effect in self.member)
+        cost = self.occam(linear, step, variance) + asked * np.log(coordinates)
+        return step, variance, noise, deviance + cost, self.without_folds(linear, variance)
+
     def by_evidence(
-        self, linear: Linearised, variance: Mapping[str, float]
+        self, linear: Linearised, begin: Mapping[str, float], size: float
     ) -> tuple[NDArray, dict[str, float], float]:
         """Return the step, the variances and how many numbers the data tell."""
         U, u = self._weighed(linear)
         H, g = U.T @ U, U.T @ u
-        first = {e: own for e, own in self.member.items() if e not in self.known}
-        found = dict(variance) or {e: self._first(H, own, len(u)) for e, own in first.items()}
-        found |= self.known
+        found = dict(self.known)
+        for effect, own in self.member.items():
+            if effect not in found:
+                found[effect] = begin.get(effect, 0.0) or size * self._first(H, own, len(u))
         step, gamma = np.zeros(len(g)), 0.0
         for _ in range(_ROUNDS):
             C, step = self._solve(H, g, found)

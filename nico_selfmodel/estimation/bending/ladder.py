@@ -36,8 +36,11 @@ _GAIN = 0.01
 """Mean logarithm of the errors' ratio that unseen poses must gain."""
 _NO_GEAR = "a gear that is told would have to be"
 _GEARS_DO = "gears that are a little off explain it better"
-_SURE = 8.0
-"""Robust standard deviations beyond which a row is an outlier, whatever bends."""
+_PASSES = 2
+"""Times that what went is tried: another effect may have hidden it."""
+_SURE = (8.0, 40.0)
+"""Robust standard deviations of a rigid arm beyond which its outliers are left out: both are tried
+where they differ, for the most bent poses look like outliers, and outliers like bends."""
 _SIGNIFICANT = 3.0
 """Standard deviations from which on the sign of a sag counts."""
 _LARGEST = np.radians(3.0)
@@ -120,13 +123,29 @@ def climb(
     """
     if solved.noise is None or not _enough(observations, solved):
         return Ladder((), solved)
-    few = thinned(observations, solved, seed)
-    climber = _Climber.at(few[0], few[1], held, up)
-    steps = climber.pruned(climber.climb(effects or STEPS))
-    if not climber.kept:
-        return Ladder(steps, solved)
-    solution = climber.solution(observations, solved, trim) if effects else solved
-    return Ladder(steps, solution, climber.parameters, bool(effects))
+    aside = {sure: certain_outliers(observations, solved, sure) for sure in _SURE}
+    found = []
+    for without in np.unique(np.stack([*aside.values()]), axis=0):
+        few = thinned(observations, solved, without, seed)
+        climber = _Climber(*few, held, up)
+        steps = climber.pruned(climber.climb(effects or STEPS))
+        solution = solved
+        if climber.kept and effects:
+            solution = climber.solution(observations, without, trim)
+        bent = climber.parameters if climber.kept else None
+        adopted = bool(effects and climber.kept)
+        found.append(Ladder(steps, solution, bent, adopted))
+    return min(found, key=lambda ladder: _log_error(observations, ladder))
+
+
+def _log_error(observations: Observations, ladder: Ladder) -> float:
+    """Return the mean over poses of log(error), outliers included, of the arm that bends."""
+    parameters = ladder.solution.parameters
+    if not ladder.adopted and ladder.bent is not None:
+        parameters = ladder.bent
+    p = parameters.points(observations.angles, observations.marker)
+    errors = np.linalg.norm(p - observations.p_WH, axis=1)
+    return float(np.log(_by_pose(errors, observations.pose)).mean())
 
 
 def _enough(observations: Observations, solved: ArmSolution) -> bool:
@@ -142,10 +161,11 @@ class _Climber:
         observations: Observations,
         solved: ArmSolution,
         keep: NDArray,
-        ups: tuple[tuple[NDArray, bool], ...],
         held: frozenset[str],
+        up: NDArray | None,
     ) -> None:
         assert solved.noise is not None
+        ups = ((up, True),) if up is not None else _verticals(solved.parameters)
         self.observations, self.rigid, self.keep, self.ups = observations, solved, keep, ups
         self.kept: tuple[str, ...] = ()
         joints = observations.joints
@@ -160,51 +180,49 @@ class _Climber:
         self.parameters, self.noise = solved.parameters, solved.noise
         self.fit: EffectFit | None = None
 
-    @classmethod
-    def at(
-        cls,
-        observations: Observations,
-        solved: ArmSolution,
-        held: frozenset[str],
-        up: NDArray | None,
-    ) -> "_Climber":
-        """Prepare: rows that are outliers for sure, and what may be the vertical."""
-        keep = ~certain_outliers(observations, solved)
-        ups = ((up, True),) if up is not None else _verticals(solved.parameters)
-        return cls(observations, solved, keep, ups, held)
-
     def climb(self, asked: Sequence[str]) -> list[Step]:
-        """Try one effect after the other; a gear that contradicts its unit is a fault, no bend."""
-        steps: list[Step] = []
-        for effect in STEPS:
-            if effect not in asked or (effect == GEAR and not self.gears):
-                continue
-            steps.append(self.try_step(effect))
-            if steps[-1].reason.startswith(_NO_GEAR):
-                self.kept = ()
-                return [replace(step, kept=False, reason=steps[-1].reason) for step in steps]
-        return steps
+        """Try one effect after the other, and again those that others may have hidden.
+
+        A gear that contradicts its unit is a fault, no bend.
+        """
+        steps: dict[str, Step] = {}
+        for _ in range(_PASSES):
+            before = self.kept
+            for effect in STEPS:
+                if effect not in asked or effect in self.kept:
+                    continue
+                if effect == GEAR and not self.gears:
+                    continue
+                steps[effect] = self.try_step(effect)
+                if steps[effect].reason.startswith(_NO_GEAR):
+                    self.kept = ()
+                    why = steps[effect].reason
+                    return [replace(step, kept=False, reason=why) for step in steps.values()]
+            if self.kept == before:
+                break
+        return list(steps.values())
 
     def try_step(self, effect: str) -> Step:
         """Try an effect; keep it if unseen poses gain."""
         before = self._fitted(self.kept, self.still) if self.fit is None else self.fit
-        if effect == SAG:
-            candidates = [self._fitted((SAG,), self._about(up)) for up, _ in self.ups]
+        wanted = (*self.kept, effect)
+        if effect == SAG and BEARING not in self.kept:
+            candidates = [self._fitted(wanted, self._about(up)) for up, _ in self.ups]
             best = int(np.argmin([fit.evidence for fit in candidates]))
             after, (up, certain) = candidates[best], self.ups[best]
             if not certain and _wrong_way(after):
-                after = self._fitted((SAG,), self._about(-up))
+                after = self._fitted(wanted, self._about(-up))
         else:
-            after = self._fitted((*self.kept, effect), self.still)
+            after = self._fitted(wanted, self.still)
         step = self._judged(effect, before, after)
-        if effect == RIPPLE and step.kept and self.gears:
+        if effect == RIPPLE and step.kept and self.gears and GEAR not in self.kept:
             # Over a part of a turn a ripple looks like a gear, of which there are fewer numbers.
             rival = self._again(self._fitted((*self.kept, GEAR), self.still))
             if rival.evidence < self._again(after).evidence:
                 step = replace(step, kept=False, reason=_gear_reason(rival) or _GEARS_DO)
         if step.kept:
             assert after.parameters.bending is not None
-            self.kept = (*self.kept, effect)
+            self.kept = wanted
             self._adopt(after)
         return step
 
@@ -241,6 +259,7 @@ class _Climber:
             groups,
             means,
             known,
+            {} if self.fit is None else self.fit.variance,
             self.keep,
             self.noise,
         )
@@ -256,6 +275,7 @@ class _Climber:
             fit.groups,
             fit.means,
             known,
+            fit.variance,
             self.keep,
             fit.noise,
         )
@@ -293,7 +313,7 @@ class _Climber:
         self.still = self.parameters.bending
         self.fit = self._fitted(self.kept, self.still)
 
-    def solution(self, observations: Observations, rigid: ArmSolution, trim: bool) -> ArmSolution:
+    def solution(self, observations: Observations, outliers: NDArray, trim: bool) -> ArmSolution:
         """Return the arm with what it keeps, outliers of all observations looked for anew."""
         fit = self.fit
         assert fit is not None
@@ -302,7 +322,7 @@ class _Climber:
             observations,
             start,
             frozenset(fit.free),
-            certain_outliers(observations, rigid),
+            outliers,
             fit.noise.sensor_sigma,
             trim=trim,
             priors=fit.priors,
@@ -313,29 +333,30 @@ class _Climber:
         return replace(
             solved,
             parameters=replace(solved.parameters, turn=None, bending=bent),
-            iterations=solved.iterations + rigid.iterations,
-            converged=solved.converged and rigid.converged,
+            iterations=solved.iterations + self.rigid.iterations,
+            converged=solved.converged and self.rigid.converged,
         )
 
 
-def certain_outliers(observations: Observations, solved: ArmSolution) -> NDArray:
-    """Return the outliers of a rigid arm that no bend will explain. Boolean, shape (N,)."""
+def certain_outliers(observations: Observations, solved: ArmSolution, sure: float) -> NDArray:
+    """Return the outliers of a rigid arm that are so many of its scales off. Boolean, (N,)."""
     p = solved.parameters.points(observations.angles, observations.marker)
     missed = np.linalg.norm(p - observations.p_WH, axis=1)
     scale = robust_scale(missed[~solved.outliers], 3)
-    return np.asarray(solved.outliers & (missed > _SURE * scale))
+    return np.asarray(solved.outliers & (missed > sure * scale))
 
 
 def thinned(
-    observations: Observations, solved: ArmSolution, seed: int
-) -> tuple[Observations, ArmSolution]:
-    """Return as many whole poses, drawn at random, as tell an effect, and the arm there."""
+    observations: Observations, solved: ArmSolution, outliers: NDArray, seed: int
+) -> tuple[Observations, ArmSolution, NDArray]:
+    """Return as many whole poses, drawn at random, as tell an effect, the arm, and what counts."""
     if len(observations) <= _MOST_ROWS:
-        return observations, solved
+        return observations, solved, ~outliers
     poses = np.random.default_rng((seed, 5)).permutation(np.unique(observations.pose))
     share = _MOST_ROWS / len(observations)
     chosen = np.isin(observations.pose, poses[: max(int(share * len(poses)), _FEWEST)])
-    return observations.select(chosen), replace(solved, outliers=solved.outliers[chosen])
+    arm = replace(solved, outliers=solved.outliers[chosen])
+    return observations.select(chosen), arm, ~outliers[chosen]
 
 
 def _verticals(parameters: DhParameters) -> tuple[tuple[NDArray, bool], ...]:
