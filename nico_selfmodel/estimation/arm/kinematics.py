@@ -181,7 +181,8 @@ def calibrate_kinematics(
         solved = _refined(task, search.best, pins, loss)
         contradicted = _contradicted_parameters(task, search.best, solved, pins)
         trim = loss != "none"
-        ladder = climb(task.sample, solved, effects, up, held=pins.names, trim=trim, seed=seed)
+        asked = effects if not contradicted else None  # no bend shall explain a wrong value
+        ladder = climb(task.sample, solved, asked, up, held=pins.names, trim=trim, seed=seed)
         solved = ladder.solution
         if task.sampled:
             solved = refine_on_all(task.observations, solved, trim=trim)
@@ -190,8 +191,8 @@ def calibrate_kinematics(
     causes = Causes()
     if search is not None and explain and task.redundant:
         causes = _causes(task, search, doubts, loss, solved.noise_sigma)
-    training = training_of(dataset, task.observations, solved, unseen)
-    fit = {"method": method, "loss": loss, **training}
+    fit = {"method": method, "loss": loss}
+    fit |= training_of(dataset, task.observations, solved, unseen)
     model = learned_model(solved, dataset, name or dataset.name, nominal, fit)
     return KinematicCalibration(
         model,

@@ -15,15 +15,20 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
+from nico_selfmodel.estimation.bending.asked_poses import (
+    FEWEST_POSES,
+    certain_outliers,
+    mean_by_pose,
+    thinned,
+    verticals,
+)
 from nico_selfmodel.estimation.bending.effect_fit import EffectFit, fit_effects
 from nico_selfmodel.estimation.noise.arm_solution import ArmSolution
-from nico_selfmodel.estimation.noise.pose_refinement import refine_by_pose
 from nico_selfmodel.estimation.observations.observations import Observations, gears_known
 from nico_selfmodel.model.arm.bending import BEARING, COUPLING, LOADS, PARTS, RIPPLE, SAG, Bending
 from nico_selfmodel.model.arm.dh_parameters import DhParameters
 from nico_selfmodel.model.arm.loaded_posture import loaded
 from nico_selfmodel.model.arm.uniform_rods import uniform_rods
-from nico_selfmodel.optimization.losses import robust_scale
 
 GEAR = "gear"
 STEPS = (SAG, BEARING, RIPPLE, GEAR, COUPLING)
@@ -45,17 +50,11 @@ _SIGNIFICANT = 3.0
 """Standard deviations from which on the sign of a sag counts."""
 _LARGEST = np.radians(3.0)
 """A joint that turns more than this has not bent."""
-_APART = np.cos(np.radians(15.0))
-"""Directions nearer than this are one vertical: as much of error costs nothing."""
 _LOADS = 0.2
 """Standard deviation of a load's coordinate about that of uniform rods, as a part of their rms:
 motors and shells are no rods."""
 _LARGEST_GEAR = 0.01
 """A gear that is told and off by more is another gear, a wrong unit or a wrong sign."""
-_MOST_ROWS = 500
-"""Rows that are asked at most; all of them then tell the arm."""
-_FEWEST = 15
-"""Poses, in twice as many coordinates as rigid parameters, below which nothing is asked."""
 
 
 @dataclass(frozen=True)
@@ -103,7 +102,7 @@ class Ladder:
 def climb(
     observations: Observations,
     solved: ArmSolution,
-    effects: Sequence[str] = STEPS,
+    effects: Sequence[str] | None = STEPS,
     up: NDArray | None = None,
     *,
     held: frozenset[str] = frozenset(),
@@ -115,13 +114,14 @@ def climb(
     Args:
         observations: What was measured.
         solved: The rigid arm.
-        effects: What is asked for; with none everything is, and the arm stays rigid all the same.
+        effects: What is asked for; of an empty one everything is, and the arm stays rigid all the
+            same. Nothing if None.
         up: Unit vertical in W; where it is not known the first axis and z are tried. Shape (3,).
         held: Parameters that the user holds.
         trim: Look for outliers again at the end.
         seed: Of the poses that are asked where there are many.
     """
-    if solved.noise is None or not _enough(observations, solved):
+    if effects is None or solved.noise is None or not _enough(observations, solved):
         return Ladder((), solved)
     aside = {sure: certain_outliers(observations, solved, sure) for sure in _SURE}
     found = []
@@ -145,12 +145,12 @@ def _log_error(observations: Observations, ladder: Ladder) -> float:
         parameters = ladder.bent
     p = parameters.points(observations.angles, observations.marker)
     errors = np.linalg.norm(p - observations.p_WH, axis=1)
-    return float(np.log(_by_pose(errors, observations.pose)).mean())
+    return float(np.log(mean_by_pose(errors, observations.pose)).mean())
 
 
 def _enough(observations: Observations, solved: ArmSolution) -> bool:
     poses = len(np.unique(observations.pose))
-    return poses >= _FEWEST and 3 * len(observations) >= 2 * len(solved.free)
+    return poses >= FEWEST_POSES and 3 * len(observations) >= 2 * len(solved.free)
 
 
 class _Climber:
@@ -165,7 +165,7 @@ class _Climber:
         up: NDArray | None,
     ) -> None:
         assert solved.noise is not None
-        ups = ((up, True),) if up is not None else _verticals(solved.parameters)
+        ups = ((up, True),) if up is not None else verticals(solved.parameters)
         self.observations, self.rigid, self.keep, self.ups = observations, solved, keep, ups
         self.kept: tuple[str, ...] = ()
         joints = observations.joints
@@ -282,7 +282,7 @@ class _Climber:
 
     def _judged(self, effect: str, before: EffectFit, after: EffectFit) -> Step:
         pose = self.observations.pose[self.keep]
-        one, two = (_by_pose(fit.left_out, pose) for fit in (before, after))
+        one, two = (mean_by_pose(fit.left_out, pose) for fit in (before, after))
         gains = np.log(one / two)
         gain = float(gains.mean())
         sigma = float(gains.std(ddof=1) / np.sqrt(len(gains)))
@@ -338,35 +338,6 @@ class _Climber:
         )
 
 
-def certain_outliers(observations: Observations, solved: ArmSolution, sure: float) -> NDArray:
-    """Return the outliers of a rigid arm that are so many of its scales off. Boolean, (N,)."""
-    p = solved.parameters.points(observations.angles, observations.marker)
-    missed = np.linalg.norm(p - observations.p_WH, axis=1)
-    scale = robust_scale(missed[~solved.outliers], 3)
-    return np.asarray(solved.outliers & (missed > sure * scale))
-
-
-def thinned(
-    observations: Observations, solved: ArmSolution, outliers: NDArray, seed: int
-) -> tuple[Observations, ArmSolution, NDArray]:
-    """Return as many whole poses, drawn at random, as tell an effect, the arm, and what counts."""
-    if len(observations) <= _MOST_ROWS:
-        return observations, solved, ~outliers
-    poses = np.random.default_rng((seed, 5)).permutation(np.unique(observations.pose))
-    share = _MOST_ROWS / len(observations)
-    chosen = np.isin(observations.pose, poses[: max(int(share * len(poses)), _FEWEST)])
-    arm = replace(solved, outliers=solved.outliers[chosen])
-    return observations.select(chosen), arm, ~outliers[chosen]
-
-
-def _verticals(parameters: DhParameters) -> tuple[tuple[NDArray, bool], ...]:
-    """Return what may be the vertical, its sense not certain: the first axis, and W's z."""
-    first = parameters.table.X_W0[:3, 2]
-    z = np.array([0.0, 0.0, 1.0])
-    first = first * (1.0 if first @ z >= 0.0 else -1.0)
-    return ((first, False),) if first @ z > _APART else ((first, False), (z, False))
-
-
 def _wrong_way(fit: EffectFit) -> bool:
     """Whether the sags that are significant lift what they carry, all in all."""
     names, values = fit.parameters.names, fit.values
@@ -382,13 +353,6 @@ def _gear_reason(fit: EffectFit) -> str:
         if abs(gear - 1.0) > _LARGEST_GEAR:
             return f"{_NO_GEAR} {gear:.3f}: that is no bend"
     return ""
-
-
-def _by_pose(errors: NDArray, pose: NDArray) -> NDArray:
-    """Return the mean error of each pose, with a floor that no logarithm runs away at. (P,)."""
-    of = np.unique(pose, return_inverse=True)[1]
-    mean = np.bincount(of, errors) / np.bincount(of)
-    return np.maximum(mean, 0.05 * float(np.median(mean)) + 1e-12)
 
 
 def _largest_turn(observations: Observations, fit: EffectFit) -> float:

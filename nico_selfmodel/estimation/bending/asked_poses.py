@@ -1,0 +1,54 @@
+"""Which poses are asked what bends, and what may be the vertical."""
+
+from dataclasses import replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from nico_selfmodel.estimation.noise.arm_solution import ArmSolution
+from nico_selfmodel.estimation.observations.observations import Observations
+from nico_selfmodel.model.arm.dh_parameters import DhParameters
+from nico_selfmodel.optimization.losses import robust_scale
+
+_MOST_ROWS = 500
+"""Rows that are asked at most; all of them then tell the arm."""
+FEWEST_POSES = 15
+"""Poses, in twice as many coordinates as rigid parameters, below which nothing is asked."""
+_APART = np.cos(np.radians(15.0))
+"""Directions nearer than this are one vertical: as much of error costs nothing."""
+
+
+def certain_outliers(observations: Observations, solved: ArmSolution, sure: float) -> NDArray:
+    """Return the outliers of a rigid arm that are so many of its scales off. Boolean, (N,)."""
+    p = solved.parameters.points(observations.angles, observations.marker)
+    missed = np.linalg.norm(p - observations.p_WH, axis=1)
+    scale = robust_scale(missed[~solved.outliers], 3)
+    return np.asarray(solved.outliers & (missed > sure * scale))
+
+
+def thinned(
+    observations: Observations, solved: ArmSolution, outliers: NDArray, seed: int
+) -> tuple[Observations, ArmSolution, NDArray]:
+    """Return as many whole poses, drawn at random, as tell an effect, the arm, and what counts."""
+    if len(observations) <= _MOST_ROWS:
+        return observations, solved, ~outliers
+    poses = np.random.default_rng((seed, 5)).permutation(np.unique(observations.pose))
+    share = _MOST_ROWS / len(observations)
+    chosen = np.isin(observations.pose, poses[: max(int(share * len(poses)), FEWEST_POSES)])
+    arm = replace(solved, outliers=solved.outliers[chosen])
+    return observations.select(chosen), arm, ~outliers[chosen]
+
+
+def mean_by_pose(errors: NDArray, pose: NDArray) -> NDArray:
+    """Return the mean error of each pose, with a floor that no logarithm runs away at. (P,)."""
+    of = np.unique(pose, return_inverse=True)[1]
+    mean = np.bincount(of, errors) / np.bincount(of)
+    return np.maximum(mean, 0.05 * float(np.median(mean)) + 1e-12)
+
+
+def verticals(parameters: DhParameters) -> tuple[tuple[NDArray, bool], ...]:
+    """Return what may be the vertical, its sense not certain: the first axis, and W's z."""
+    first = parameters.table.X_W0[:3, 2]
+    z = np.array([0.0, 0.0, 1.0])
+    first = first * (1.0 if first @ z >= 0.0 else -1.0)
+    return ((first, False),) if first @ z > _APART else ((first, False), (z, False))
