@@ -24,6 +24,7 @@ from nico_selfmodel.estimation.bending.asked_poses import (
 )
 from nico_selfmodel.estimation.bending.effect_fit import EffectFit, fit_effects
 from nico_selfmodel.estimation.noise.arm_solution import ArmSolution
+from nico_selfmodel.estimation.noise.pose_refinement import refine_by_pose
 from nico_selfmodel.estimation.observations.observations import Observations, gears_known
 from nico_selfmodel.model.arm.bending import BEARING, COUPLING, LOADS, PARTS, RIPPLE, SAG, Bending
 from nico_selfmodel.model.arm.dh_parameters import DhParameters
