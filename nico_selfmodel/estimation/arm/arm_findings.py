@@ -5,7 +5,7 @@ from numpy.typing import NDArray
 
 from nico_selfmodel.estimation.arm.evaluation import Evaluation
 from nico_selfmodel.estimation.arm.kinematics import KinematicCalibration
-from nico_selfmodel.estimation.bending.ladder import LIFTS, Ladder
+from nico_selfmodel.estimation.bending.ladder import LIFTS
 from nico_selfmodel.estimation.bending.what_bends import WORDS, effect_sizes
 from nico_selfmodel.estimation.observations.observations import Observations
 from nico_selfmodel.estimation.observations.outlier_words import (
@@ -82,15 +82,9 @@ def _bending_words(calibration: KinematicCalibration) -> list[str]:
     ladder = calibration.ladder
     if not (ladder.adopted and ladder.kept):
         return []
-    before, after = _unseen(ladder)
+    before, after = ladder.unseen_mm
     most = _bends(calibration, calibration.model.parameters)
     return [f"{most}: unseen poses {before:.2g} -> {after:.2g} mm"]
-
-
-def _unseen(ladder: Ladder) -> tuple[float, float]:
-    """Return the errors of unseen poses without what bends, and with it [mm]."""
-    kept = [step for step in ladder.steps if step.kept]
-    return ladder.steps[0].before_mm, kept[-1].after_mm
 
 
 def _bends(calibration: KinematicCalibration, parameters: DhParameters) -> str:
@@ -104,7 +98,7 @@ def _bending_warnings(calibration: KinematicCalibration) -> list[str]:
     """Say what the arm would gain by effects that it was not allowed, or by one that lifts it."""
     ladder = calibration.ladder
     if ladder.kept and ladder.bent is not None and not ladder.adopted:
-        before, after = _unseen(ladder)
+        before, after = ladder.unseen_mm
         bends = _bends(calibration, ladder.bent)
         return [
             f"would meet unseen poses to {after:.2g} mm in place of {before:.2g} mm: {bends} "

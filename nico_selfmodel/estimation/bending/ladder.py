@@ -93,6 +93,8 @@ class Ladder:
 
     adopted: bool = False
     """Whether the solution has what stayed."""
+    unseen_mm: tuple[float, float] = (np.nan, np.nan)
+    """Geometric means over poses of the errors of unseen poses, rigid and with what stayed."""
 
     @property
     def kept(self) -> tuple[str, ...]:
@@ -135,7 +137,7 @@ def climb(
             solution = climber.solution(observations, without, trim)
         bent = climber.parameters if climber.kept else None
         adopted = bool(effects and climber.kept)
-        found.append(Ladder(steps, solution, bent, adopted))
+        found.append(Ladder(steps, solution, bent, adopted, climber.unseen_mm))
     return min(found, key=lambda ladder: _log_error(observations, ladder))
 
 
@@ -179,6 +181,7 @@ class _Climber:
         self.rods = dict(zip(weighty.names, weighty.values.tolist(), strict=True))
         self.load_variance = (_LOADS * float(np.sqrt(np.mean(np.sum(loads**2, axis=1))))) ** 2
         self.parameters, self.noise = solved.parameters, solved.noise
+        self.first: EffectFit | None = None
         self.fit: EffectFit | None = None
 
     def climb(self, asked: Sequence[str]) -> list[Step]:
@@ -205,7 +208,9 @@ class _Climber:
 
     def try_step(self, effect: str) -> Step:
         """Try an effect; keep it if unseen poses gain."""
-        before = self._fitted(self.kept, self.still) if self.fit is None else self.fit
+        if self.first is None:
+            self.first = self._fitted((), self.still)
+        before = self.first if self.fit is None else self.fit
         wanted = (*self.kept, effect)
         if effect == SAG and BEARING not in self.kept:
             candidates = [self._fitted(wanted, self._about(up)) for up, _ in self.ups]
@@ -226,6 +231,16 @@ class _Climber:
             self.kept = wanted
             self._adopt(after)
         return step
+
+    @property
+    def unseen_mm(self) -> tuple[float, float]:
+        """Geometric means over poses of the errors of unseen poses: rigid, and now."""
+        assert self.first is not None
+        pose = self.observations.pose[self.keep]
+        fits = (self.first, self.fit or self.first)
+        errors = (mean_by_pose(fit.left_out, pose) for fit in fits)
+        one, two = (1e3 * float(np.exp(np.log(e).mean())) for e in errors)
+        return one, two
 
     def pruned(self, steps: list[Step]) -> tuple[Step, ...]:
         """Return the steps, those taken back that what stayed later explains as well."""

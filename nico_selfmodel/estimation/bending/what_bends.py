@@ -84,6 +84,7 @@ def bending_json(
     return {
         "effects": list(ladder.kept) if ladder.adopted else [],
         "up": None if bending is None else bending.up.tolist(),
+        "unseen_mm": {"rigid": ladder.unseen_mm[0], "bent": ladder.unseen_mm[1]},
         "tried": [_step_json(step) for step in ladder.steps],
         "hand_mm": {
             s.effect: {"max": 1e3 * float(s.hand.max()), "mean": 1e3 * float(s.hand.mean())}

@@ -69,6 +69,11 @@ def _warnings(calibration: BodyCalibration) -> tuple[str, ...]:
         words.append(
             "no board was held out: the check of the cameras used boards they learned from"
         )
+    if calibration.start.bending is not None:
+        words.append(
+            f"what bends in the arm of {calibration.start.name!r} is not kept: a body of an arm "
+            "and two cameras is rigid so far"
+        )
     if calibration.board_outliers.any():
         words.append(
             f"{int(calibration.board_outliers.sum())} boards contradict the rest: left out"
