@@ -123,7 +123,7 @@ def test_points_that_lag_behind_the_readings_are_named_with_how_far(truth, late_
 def test_a_jump_that_looks_like_an_eccentric_gear_is_told_by_what_it_explains():
     recording = random_recording("encoder jump", 5003, fresh=1)
     train, _ = recording.dataset.split(0.3, 1)
-    result = calibrate_kinematics(train, explain=False)
+    result = calibrate_kinematics(train, explain=False, effects=())
     assert result.patterns
     assert result.change is not None
     assert result.change.notable

@@ -145,15 +145,16 @@ class _Task:
         """Return the step, the variances and how many numbers the data tell."""
         U, u = self._weighed(linear)
         H, g = U.T @ U, U.T @ u
+        reduced = _Reduced.of(H, g, self.member)
         found = dict(self.known)
         for effect, own in self.member.items():
             if effect not in found:
                 found[effect] = begin.get(effect, 0.0) or size * self._first(H, own, len(u))
-        step, gamma = np.zeros(len(g)), 0.0
+        gamma = 0.0
         for _ in range(_ROUNDS):
-            C, step = self._solve(H, g, found)
-            total, before, gamma = self.start + step, dict(found), 0.0
-            for effect, own in self.member.items():
+            C, w = reduced.solve(self.start, found)
+            before, gamma = dict(found), 0.0
+            for effect, own in reduced.member.items():
                 v = found[effect]
                 if v <= 0.0:
                     continue
@@ -161,36 +162,15 @@ class _Task:
                 gamma += told
                 if effect in self.known:
                     continue
-                squares = float(total[own] @ total[own])
-                found[effect] = squares / told if told > _GONE else 0.0
+                total = self.start[self.member[effect]] + w[own]
+                found[effect] = float(total @ total) / told if told > _GONE else 0.0
             if all(abs(found[e] - v) <= 1e-3 * v for e, v in before.items()):
                 break
-        return step, found, gamma
+        return reduced.whole(reduced.solve(self.start, found)[1]), found, gamma
 
     def _first(self, H: NDArray, own: NDArray, count: int) -> float:
         """Return the variance at which an effect would be as large as all that is left."""
         return count / max(float(np.trace(H[np.ix_(own, own)])), np.finfo(float).tiny)
-
-    def _solve(
-        self, H: NDArray, g: NDArray, variance: Mapping[str, float]
-    ) -> tuple[NDArray, NDArray]:
-        """Return covariance and step; columns of effects that are gone go back to nothing."""
-        gone = np.zeros(len(g), dtype=bool)
-        known = np.zeros(len(g))
-        for effect, own in self.member.items():
-            gone[own] = variance[effect] <= 0.0
-            known[own] = 0.0 if variance[effect] <= 0.0 else 1.0 / variance[effect]
-        step = np.where(gone, -self.start, 0.0)
-        A = H + np.diag(known)
-        rest = ~gone
-        inside, right = A[np.ix_(rest, rest)], (g - known * self.start - H @ step)[rest]
-        size = np.sqrt(np.maximum(np.diag(inside), np.finfo(float).tiny))
-        units = np.outer(size, size)
-        inverse = np.linalg.pinv(inside / units, rcond=1e-11, hermitian=True) / units
-        C = np.zeros_like(H)
-        C[np.ix_(rest, rest)] = inverse
-        step[rest] = inverse @ right
-        return C, step
 
     def likeliest_noise(
         self, linear: Linearised, step: NDArray, gamma: float, noise: PoseNoise
@@ -257,7 +237,8 @@ class _Task:
         errors = np.zeros(len(rows))
         for k, (_, left) in enumerate(splits(fold)):
             own = of_coordinate != k
-            step = self._solve(U[own].T @ U[own], U[own].T @ u[own], variance)[1]
+            reduced = _Reduced.of(U[own].T @ U[own], U[own].T @ u[own], self.member)
+            step = reduced.whole(reduced.solve(self.start, variance)[1])
             out = rows[left]
             missed = linear.residuals[out] - linear.jacobian[out][:, :, columns] @ step
             errors[left] = np.linalg.norm(missed, axis=1)
@@ -269,3 +250,63 @@ class _Task:
             weights * linear.columns(frozenset(self.free)),
             weights[:, 0] * linear.whitened_residuals,
         )
+
+
+@dataclass(frozen=True, eq=False)
+class _Reduced:
+    """Normal equations of the effects alone, what the rigid parameters would do taken out."""
+
+    rigid: NDArray
+    """Columns of the rigid parameters. Shape (r,)."""
+    effects: NDArray
+    """Columns of the effects. Shape (e,)."""
+    member: Mapping[str, NDArray]
+    """Where each effect's numbers are among those of the effects."""
+    S: NDArray
+    """H_ee - H_er H_rr^-1 H_re. Shape (e, e)."""
+    s: NDArray
+    """g_e - H_er H_rr^-1 g_r. Shape (e,)."""
+    gain: NDArray
+    """H_rr^-1 H_re. Shape (r, e)."""
+    alone: NDArray
+    """H_rr^-1 g_r. Shape (r,)."""
+
+    @classmethod
+    def of(cls, H: NDArray, g: NDArray, member: Mapping[str, NDArray]) -> "_Reduced":
+        effects = np.concatenate([np.zeros(0, dtype=int), *member.values()])
+        rigid = np.delete(np.arange(len(g)), effects)
+        A = H[np.ix_(rigid, rigid)]
+        size = np.sqrt(np.maximum(np.diag(A), np.finfo(float).tiny))
+        units = np.outer(size, size)
+        inverse = np.linalg.pinv(A / units, rcond=1e-11, hermitian=True) / units
+        across = H[np.ix_(rigid, effects)]
+        gain, alone = inverse @ across, inverse @ g[rigid]
+        ends = np.cumsum([0, *(len(own) for own in member.values())])
+        places = {e: np.arange(a, b) for e, a, b in zip(member, ends[:-1], ends[1:], strict=True)}
+        S, s = H[np.ix_(effects, effects)] - across.T @ gain, g[effects] - across.T @ alone
+        return cls(rigid, effects, places, S, s, gain, alone)
+
+    def solve(self, start: NDArray, variance: Mapping[str, float]) -> tuple[NDArray, NDArray]:
+        """Return covariance and step of the effects; those that are gone go back to nothing.
+
+        Args:
+            start: What each column's number is now, above no effect. Shape (r + e,).
+            variance: Of each effect's numbers; 0 where it is gone.
+        """
+        now = start[self.effects]
+        v = np.concatenate([np.full(len(p), variance[e]) for e, p in self.member.items()] or [now])
+        there = v > 0.0
+        step, C = np.where(there, 0.0, -now), np.zeros_like(self.S)
+        if there.any():
+            root = np.sqrt(v[there])
+            inside = self.S[np.ix_(there, there)] * np.outer(root, root) + np.eye(len(root))
+            own = np.linalg.inv(inside) * np.outer(root, root)
+            right = (self.s - self.S @ step)[there] - now[there] / v[there]
+            C[np.ix_(there, there)], step[there] = own, own @ right
+        return C, step
+
+    def whole(self, step: NDArray) -> NDArray:
+        """Return the step of all columns from that of the effects. Shape (r + e,)."""
+        out = np.zeros(len(self.rigid) + len(self.effects))
+        out[self.effects], out[self.rigid] = step, self.alone - self.gain @ step
+        return out

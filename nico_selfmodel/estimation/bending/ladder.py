@@ -342,6 +342,7 @@ class _Climber:
             fit.noise.sensor_sigma,
             trim=trim,
             priors=fit.priors,
+            noise=fit.noise,
         )
         bending = solved.parameters.bending
         assert bending is not None

@@ -81,6 +81,7 @@ def refine_by_pose(
     *,
     trim: bool = True,
     priors: Priors | None = None,
+    noise: PoseNoise | None = None,
 ) -> ArmSolution:
     """Refine an arm that is near its minimum.
 
@@ -92,11 +93,14 @@ def refine_by_pose(
         sigma: Standard deviation of a coordinate about the start [m].
         trim: Look for outliers again; else `outliers` stay as they are.
         priors: What is known of some parameters beforehand.
+        noise: Where the search for it begins, if it is about known.
 
     Returns:
         The solution, with the noise of sensor and joints.
     """
     refinement = _Refinement(observations, start, free, sigma, priors or {})
+    if noise is not None:
+        refinement.noise = noise
     for _ in range(_TRIMS):
         refinement.solve(~outliers)
         found = refinement.outliers(outliers) if trim else outliers
