@@ -6,8 +6,10 @@ import pytest
 from nico_selfmodel.dataset.folder import load_dataset
 from nico_selfmodel.estimation.arm.kinematics import calibrate_kinematics
 from nico_selfmodel.estimation.bending import ladder as ladder_module
+from nico_selfmodel.estimation.bending.implausible import LIFTS
 from nico_selfmodel.estimation.judging import judge, result_of, to_json
 
+from .random_arms import random_recording
 from .sagging_arms import SaggingArm, mean_mm, told
 
 
@@ -88,7 +90,7 @@ def test_ripple_is_kept_by_its_name():
 def test_a_vertical_told_the_wrong_way_round_is_called_implausible():
     _, train, _, _ = arm_and_data(1, 40)
     found = calibrate_kinematics(train, explain=False, up=np.array([0.0, 0.0, -1.0]))
-    assert found.ladder.steps[0].reason == ladder_module.LIFTS
+    assert found.ladder.steps[0].reason == LIFTS
     assert found.model.bending is None or "sag" not in found.model.bending.effects
     assert any("it would lift the arm" in warning for warning in judge(found).warnings)
 
@@ -155,3 +157,11 @@ def test_rigid_arms_keep_nothing_and_sagging_ones_sag():
     named = [calibrate_kinematics(arm_and_data(s, 40)[1], explain=False).ladder.kept
              for s in range(50, 70)]  # fmt: skip
     assert sum("sag" in k for k in named) >= 18, named
+
+
+def test_an_arm_that_is_no_better_solved_together_stays_rigid():
+    """A gear would turn negative there: no traceback, and no bend."""
+    train, _ = random_recording("repeats", 41003, fresh=1).dataset.split(0.3, 1)
+    learned = calibrate_kinematics(train, explain=False)
+    assert learned.model.bending is None
+    assert "solved together, the arm is no better" in {s.reason for s in learned.ladder.steps}

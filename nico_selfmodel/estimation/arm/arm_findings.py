@@ -5,7 +5,7 @@ from numpy.typing import NDArray
 
 from nico_selfmodel.estimation.arm.evaluation import Evaluation
 from nico_selfmodel.estimation.arm.kinematics import KinematicCalibration
-from nico_selfmodel.estimation.bending.ladder import LIFTS
+from nico_selfmodel.estimation.bending.implausible import LIFTS
 from nico_selfmodel.estimation.bending.what_bends import WORDS, effect_sizes
 from nico_selfmodel.estimation.observations.observations import Observations
 from nico_selfmodel.estimation.observations.outlier_words import (

@@ -23,39 +23,35 @@ from nico_selfmodel.estimation.bending.asked_poses import (
     verticals,
 )
 from nico_selfmodel.estimation.bending.effect_fit import EffectFit, fit_effects
+from nico_selfmodel.estimation.bending.implausible import (
+    GEAR,
+    NO_GEAR,
+    gear_fault,
+    implausible,
+    lifts,
+)
 from nico_selfmodel.estimation.noise.arm_solution import ArmSolution
 from nico_selfmodel.estimation.noise.pose_refinement import refine_by_pose
 from nico_selfmodel.estimation.observations.observations import Observations, gears_known
 from nico_selfmodel.model.arm.bending import BEARING, COUPLING, LOADS, PARTS, RIPPLE, SAG, Bending
 from nico_selfmodel.model.arm.dh_parameters import DhParameters
-from nico_selfmodel.model.arm.loaded_posture import loaded
 from nico_selfmodel.model.arm.uniform_rods import uniform_rods
 
-GEAR = "gear"
 STEPS = (SAG, BEARING, RIPPLE, GEAR, COUPLING)
 """What is asked, in this order; gears are those that a unit tells and nobody holds."""
-LIFTS = "it would lift the arm: something else is explained, or the arm compensates already"
-"""Why a sag of the wrong sign goes."""
 _WORTH = 10.0
 """By how much twice the log evidence must rise."""
 _GAIN = 0.01
 """Mean logarithm of the errors' ratio that unseen poses must gain."""
-_NO_GEAR = "a gear that is told would have to be"
 _GEARS_DO = "gears that are a little off explain it better"
 _PASSES = 2
 """Times that what went is tried: another effect may have hidden it."""
 _SURE = (8.0, 40.0)
 """Robust standard deviations of a rigid arm beyond which its outliers are left out: both are tried
 where they differ, for the most bent poses look like outliers, and outliers like bends."""
-_SIGNIFICANT = 3.0
-"""Standard deviations from which on the sign of a sag counts."""
-_LARGEST = np.radians(3.0)
-"""A joint that turns more than this has not bent."""
 _LOADS = 0.2
 """Standard deviation of a load's coordinate about that of uniform rods, as a part of their rms:
 motors and shells are no rods."""
-_LARGEST_GEAR = 0.01
-"""A gear that is told and off by more is another gear, a wrong unit or a wrong sign."""
 
 
 @dataclass(frozen=True)
@@ -138,7 +134,24 @@ def climb(
         bent = climber.parameters if climber.kept else None
         adopted = bool(effects and climber.kept)
         found.append(Ladder(steps, solution, bent, adopted, climber.unseen_mm))
-    return min(found, key=lambda ladder: _log_error(observations, ladder))
+    best = min(found, key=lambda ladder: _log_error(observations, ladder))
+    return best if _is_better(best, solved, observations) else _left_rigid(best, solved)
+
+
+def _is_better(ladder: Ladder, rigid: ArmSolution, observations: Observations) -> bool:
+    """Whether an arm, once solved with what stayed, is one, and nearer to its poses."""
+    if not ladder.adopted:
+        return True
+    if np.any(ladder.solution.parameters.servos.gear <= 0.0):
+        return False
+    return _log_error(observations, ladder) < _log_error(observations, Ladder((), rigid))
+
+
+def _left_rigid(ladder: Ladder, rigid: ArmSolution) -> Ladder:
+    """Return what was tried, none of it kept."""
+    why = "solved together, the arm is no better"
+    steps = (replace(s, kept=False, reason=why) if s.kept else s for s in ladder.steps)
+    return Ladder(tuple(steps), rigid, None, False, ladder.unseen_mm)
 
 
 def _log_error(observations: Observations, ladder: Ladder) -> float:
@@ -198,7 +211,7 @@ class _Climber:
                 if effect == GEAR and not self.gears:
                     continue
                 steps[effect] = self.try_step(effect)
-                if steps[effect].reason.startswith(_NO_GEAR):
+                if steps[effect].reason.startswith(NO_GEAR):
                     self.kept = ()
                     why = steps[effect].reason
                     return [replace(step, kept=False, reason=why) for step in steps.values()]
@@ -216,7 +229,7 @@ class _Climber:
             candidates = [self._fitted(wanted, self._about(up)) for up, _ in self.ups]
             best = int(np.argmin([fit.evidence for fit in candidates]))
             after, (up, certain) = candidates[best], self.ups[best]
-            if not certain and _wrong_way(after):
+            if not certain and lifts(after):
                 after = self._fitted(wanted, self._about(-up))
         else:
             after = self._fitted(wanted, self.still)
@@ -225,7 +238,7 @@ class _Climber:
             # Over a part of a turn a ripple looks like a gear, of which there are fewer numbers.
             rival = self._again(self._fitted((*self.kept, GEAR), self.still))
             if rival.evidence < self._again(after).evidence:
-                step = replace(step, kept=False, reason=_gear_reason(rival) or _GEARS_DO)
+                step = replace(step, kept=False, reason=gear_fault(rival) or _GEARS_DO)
         if step.kept:
             assert after.parameters.bending is not None
             self.kept = wanted
@@ -314,13 +327,7 @@ class _Climber:
             return "the data do not tell it"
         if gain <= _GAIN or gain <= sigma:
             return "unseen poses do not gain"
-        if effect == SAG and _wrong_way(after):
-            return LIFTS
-        if _gear_reason(after):
-            return _gear_reason(after)
-        if _largest_turn(self.observations, after) > _LARGEST:
-            return "joints would turn by more than 3 deg: that is no bend"
-        return ""
+        return implausible(after, self.observations)
 
     def _adopt(self, fit: EffectFit) -> None:
         """Go on about the arm that bends: one more step of the same fit."""
@@ -353,29 +360,3 @@ class _Climber:
             iterations=solved.iterations + self.rigid.iterations,
             converged=solved.converged and self.rigid.converged,
         )
-
-
-def _wrong_way(fit: EffectFit) -> bool:
-    """Whether the sags that are significant lift what they carry, all in all."""
-    names, values = fit.parameters.names, fit.values
-    at = [names.index(name) for name in fit.groups[SAG]]
-    return bool(np.sum(values[at]) < 0.0)
-
-
-def _gear_reason(fit: EffectFit) -> str:
-    """Say which gear is so far from what its unit tells that it is a fault; empty if none is."""
-    names, values = fit.parameters.names, fit.values
-    for name in fit.groups.get(GEAR, ()):
-        gear = float(values[names.index(name)])
-        if abs(gear - 1.0) > _LARGEST_GEAR:
-            return f"{_NO_GEAR} {gear:.3f}: that is no bend"
-    return ""
-
-
-def _largest_turn(observations: Observations, fit: EffectFit) -> float:
-    """Return the largest turn of a joint that bends at the poses [rad]."""
-    bent = fit.parameters.with_values(fit.values)
-    q = (observations.angles - bent.servos.offset) / bent.servos.gear
-    posture = loaded(bent.table, bent.bending, q)
-    turns = posture.q - posture.q_read
-    return float(np.abs(turns - turns.mean(axis=0)).max())

@@ -1,0 +1,57 @@
+"""What is no bend, however well it fits: sag upward, gears far off, joints that turn by degrees."""
+
+import numpy as np
+
+from nico_selfmodel.estimation.bending.effect_fit import EffectFit
+from nico_selfmodel.estimation.observations.observations import Observations
+from nico_selfmodel.model.arm.bending import SAG
+from nico_selfmodel.model.arm.loaded_posture import loaded
+
+GEAR = "gear"
+"""Name of the step that frees gears which a unit tells."""
+LIFTS = "it would lift the arm: something else is explained, or the arm compensates already"
+"""Why a sag of the wrong sign goes."""
+NO_GEAR = "a gear that is told would have to be"
+"""How the reason begins why a gear that contradicts its unit is a fault."""
+_LARGEST = np.radians(3.0)
+"""A joint that turns more than this has not bent."""
+_LARGEST_GEAR = 0.01
+"""A gear that is told and off by more is another gear, a wrong unit or a wrong sign."""
+
+
+def implausible(fit: EffectFit, observations: Observations) -> str:
+    """Say why a fit is no bend; empty where it may be one.
+
+    Args:
+        fit: Of an arm with effects.
+        observations: Where it was.
+    """
+    bent = fit.parameters.with_values(fit.values)
+    if np.any(bent.servos.gear <= 0.0):
+        return "a gear would turn negative"
+    if SAG in fit.groups and lifts(fit):
+        return LIFTS
+    if gear_fault(fit):
+        return gear_fault(fit)
+    q = (observations.angles - bent.servos.offset) / bent.servos.gear
+    posture = loaded(bent.table, bent.bending, q)
+    turns = posture.q - posture.q_read
+    if np.abs(turns - turns.mean(axis=0)).max() > _LARGEST:
+        return "joints would turn by more than 3 deg: that is no bend"
+    return ""
+
+
+def lifts(fit: EffectFit) -> bool:
+    """Whether the joints lift what they carry, all in all."""
+    names, values = fit.parameters.names, fit.values
+    return bool(sum(values[names.index(name)] for name in fit.groups[SAG]) < 0.0)
+
+
+def gear_fault(fit: EffectFit) -> str:
+    """Say which gear is so far from what its unit tells that it is a fault; empty if none is."""
+    names, values = fit.parameters.names, fit.values
+    for name in fit.groups.get(GEAR, ()):
+        gear = float(values[names.index(name)])
+        if abs(gear - 1.0) > _LARGEST_GEAR:
+            return f"{NO_GEAR} {gear:.3f}: that is no bend"
+    return ""
