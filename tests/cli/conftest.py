@@ -27,3 +27,13 @@ def result(tmp_path_factory, command, recorded):
     done = command("calibrate", "kinematics", train, "--test", test, "--out", out)
     assert done.returncode == 0, done.stdout + done.stderr
     return out
+
+
+@pytest.fixture
+def servo(command, bus, config):
+    """Return a function that runs a servo command on a module's bus with its configuration."""
+
+    def run(*words, stdin=""):
+        return command("servo", *words, "--port", bus.name, "--config", config, stdin=stdin)
+
+    return run

@@ -4,6 +4,8 @@ import shutil
 
 import pytest
 
+from .one_line import assert_one_clear_line
+
 
 def edited(recorded, tmp_path, change):
     """Return a copy of the training data with `samples.csv` changed as lists of cells."""
@@ -73,16 +75,6 @@ CASES = {
 
 
 RIGHT_ARM = ("--robot", "nico", "--base", "chest", "--tip", "right_hand")
-
-
-def assert_one_clear_line(done, *words):
-    assert done.returncode == 2, done.stdout + done.stderr
-    lines = done.stderr.strip().splitlines()
-    assert len(lines) == 1, done.stderr
-    assert lines[0].startswith("nico-selfmodel: ")
-    for word in words:
-        assert str(word) in lines[0]
-    assert "Traceback" not in done.stderr
 
 
 @pytest.mark.parametrize("name", CASES)

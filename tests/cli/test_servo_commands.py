@@ -16,6 +16,7 @@ from nico_selfmodel.servos.pic_servo.simulated.module import SimulatedModule
 from nico_selfmodel.servos.simulated.hand import SimulatedHand
 
 from ..servos.motor_client import MotorClient
+from .one_line import assert_one_clear_line
 
 JOINT = """
   - name: {name}
@@ -48,23 +49,6 @@ def config(tmp_path):
     )
     path.write_text(f"format: nico-servos/1\nname: arm\njoints:{joints}")
     return path
-
-
-@pytest.fixture
-def servo(command, bus, config):
-    """Return a function that runs a servo command on the bus with the configuration."""
-
-    def run(*words, stdin=""):
-        return command("servo", *words, "--port", bus.name, "--config", config, stdin=stdin)
-
-    return run
-
-
-def assert_one_clear_line(done, *words):
-    assert done.returncode == 2, done.stdout + done.stderr
-    (line,) = done.stderr.strip().splitlines()
-    assert line.startswith("nico-selfmodel: ")
-    assert all(word in line for word in words), line
 
 
 def test_an_arm_is_scanned_homed_moved_and_stopped(servo, command, bus):

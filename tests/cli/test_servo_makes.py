@@ -12,6 +12,7 @@ import pytest
 from nico_selfmodel.servos import SimulatedBus
 
 from ..servos.motor_client import MotorClient
+from .one_line import assert_one_clear_line
 
 SDKS = {"dynamixel": "dynamixel_sdk", "feetech": "scservo_sdk"}
 JOINT = """
@@ -39,23 +40,6 @@ def config(make, tmp_path):
     head = f"format: nico-servos/1\nname: arm\nmake: {make}\nbaud: 1000000\n"
     path.write_text(f"{head}joints:{joints}\n")
     return path
-
-
-@pytest.fixture
-def servo(command, bus, config):
-    """Return a function that runs a servo command on the bus with the configuration."""
-
-    def run(*words, stdin=""):
-        return command("servo", *words, "--port", bus.name, "--config", config, stdin=stdin)
-
-    return run
-
-
-def assert_one_clear_line(done, *words):
-    assert done.returncode == 2, done.stdout + done.stderr
-    (line,) = done.stderr.strip().splitlines()
-    assert line.startswith("nico-selfmodel: ")
-    assert all(word in line for word in words), line
 
 
 def test_six_servos_are_scanned_at_the_rate_that_they_have(command, bus, make):

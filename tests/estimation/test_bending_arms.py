@@ -1,5 +1,7 @@
 """The ladder of what bends: arms that sag by Drake's masses keep it, rigid ones keep nothing."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -8,6 +10,8 @@ from nico_selfmodel.estimation.arm.kinematics import calibrate_kinematics
 from nico_selfmodel.estimation.bending import ladder as ladder_module
 from nico_selfmodel.estimation.bending.implausible import LIFTS
 from nico_selfmodel.estimation.judging import judge, result_of, to_json
+from nico_selfmodel.estimation.monitoring.health import check_health
+from nico_selfmodel.planning.next_poses import choose_next_poses
 
 from .random_arms import random_recording
 from .sagging_arms import SaggingArm, mean_mm, told
@@ -165,3 +169,14 @@ def test_an_arm_that_is_no_better_solved_together_stays_rigid():
     learned = calibrate_kinematics(train, explain=False)
     assert learned.model.bending is None
     assert "solved together, the arm is no better" in {s.reason for s in learned.ladder.steps}
+
+
+def test_an_arm_that_sags_is_watched_rezeroed_and_sent_to_new_poses():
+    _, train, test, _ = arm_and_data(1, 60)
+    model = calibrate_kinematics(train, explain=False).model
+    assert check_health(model, test).healthy
+    chosen = choose_next_poses(model, train, 10, np.random.default_rng(0))
+    assert 0.0 < chosen.sigma_after < chosen.sigma_before
+    jumped = model.servos.to_encoder(np.zeros(6)) + np.array([0.0, 0.05, 0.0, 0.0, 0.0, 0.0])
+    moved = replace(test, encoders=test.encoders + jumped - model.servos.to_encoder(np.zeros(6)))
+    assert not check_health(model, moved).healthy
