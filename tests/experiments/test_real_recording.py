@@ -122,4 +122,4 @@ def test_an_arm_is_learned_as_well_through_the_bus_as_without(joints):
     ]
     error = learned_error(*through_the_bus(plans))
     assert error == pytest.approx(learned_error(*directly(plans)), rel=0.1)
-    assert error > 1e-4
+    assert error < 1e-4  # sag, which is all that the mechanics leave, is learned

@@ -32,7 +32,7 @@ def bending_section(
         None if bending["effects"] else parts.Text("Nothing that these data tell: it is rigid."),
         parts.drawing("How bending moves the hand", bent_hands(calibration)),
         parts.numbers(_joints(bending)),
-        parts.numbers(_ladder(bending)),
+        parts.numbers(_ladder(bending), "cards"),
         parts.hint(words),
         id="bending",
     )
@@ -64,16 +64,15 @@ def _ladder(bending: Mapping[str, Any]) -> Table:
     """Return what was tried, in its order."""
     rows = tuple(
         (
-            step["effect"],
+            f"{step['effect']}: {'kept' if step['kept'] else step['reason']}",
             (
                 number_cell(step["before_mm"], 3),
                 number_cell(step["after_mm"], 3),
                 Cell(f"{100 * step['gain']:.1f} %", f"{100 * step['gain_sigma']:.1f}"),
                 number_cell(step["evidence"], 1),
-                Cell("kept" if step["kept"] else step["reason"]),
             ),
         )
         for step in bending["tried"]
     )
-    headings = ("tried", "unseen before [mm]", "after [mm]", "gain", "2 log evidence", "")
+    headings = ("tried", "unseen before [mm]", "after [mm]", "gain", "2 log evidence")
     return Table(headings, rows)
