@@ -263,7 +263,7 @@ class _Climber:
                 assert self.fit is not None
                 less = tuple(effect for effect in self.kept if effect != step.effect)
                 again = self._judged(step.effect, self._fitted(less, self.still), self.fit)
-                if not again.kept:
+                if not again.kept or self.fit.variance[step.effect] <= 0.0:
                     self.kept = less
                     self._adopt(self._fitted(less, self.still))
                     step = replace(step, kept=False, reason="what stayed explains it as well")
@@ -334,6 +334,7 @@ class _Climber:
         self.parameters, self.noise = fit.parameters.with_values(fit.values), fit.noise
         assert self.parameters.bending is not None
         self.still = self.parameters.bending
+        self.fit = fit  # where the next search for its variances begins
         self.fit = self._fitted(self.kept, self.still)
 
     def solution(self, observations: Observations, outliers: NDArray, trim: bool) -> ArmSolution:
