@@ -180,3 +180,16 @@ def test_an_arm_that_sags_is_watched_rezeroed_and_sent_to_new_poses():
     jumped = model.servos.to_encoder(np.zeros(6)) + np.array([0.0, 0.05, 0.0, 0.0, 0.0, 0.0])
     moved = replace(test, encoders=test.encoders + jumped - model.servos.to_encoder(np.zeros(6)))
     assert not check_health(model, moved).healthy
+
+
+@pytest.mark.parametrize(
+    ("poses", "words"),
+    [
+        (14, "ripple is not kept: it was not asked"),
+        (40, "ripple is not kept: the data do not tell"),
+    ],
+)
+def test_an_effect_that_was_asked_for_by_name_says_why_it_went(poses, words):
+    _, train, _, _ = arm_and_data(0, poses, sag=0.0)
+    found = calibrate_kinematics(train, explain=False, effects=("ripple",))
+    assert any(words in warning for warning in judge(found).warnings)

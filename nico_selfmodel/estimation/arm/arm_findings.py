@@ -5,7 +5,7 @@ from numpy.typing import NDArray
 
 from nico_selfmodel.estimation.arm.evaluation import Evaluation
 from nico_selfmodel.estimation.arm.kinematics import KinematicCalibration
-from nico_selfmodel.estimation.bending.implausible import LIFTS
+from nico_selfmodel.estimation.bending.implausible import LIFTS, NOT_ASKED
 from nico_selfmodel.estimation.bending.what_bends import WORDS, effect_sizes
 from nico_selfmodel.estimation.observations.observations import Observations
 from nico_selfmodel.estimation.observations.outlier_words import (
@@ -104,7 +104,10 @@ def _bending_warnings(calibration: KinematicCalibration) -> list[str]:
             f"would meet unseen poses to {after:.2g} mm in place of {before:.2g} mm: {bends} "
             "(--effects auto)"
         ]
-    return [f"sag is not kept: {step.reason}" for step in ladder.steps if step.reason == LIFTS]
+    asked = {step.effect: step.reason for step in ladder.steps}
+    refused = {e: why for e, why in asked.items() if why == LIFTS}
+    refused |= {e: asked.get(e, NOT_ASKED) for e in ladder.wanted if asked.get(e, NOT_ASKED)}
+    return [f"{effect} is not kept: {why}" for effect, why in refused.items()]
 
 
 def _warnings(calibration: KinematicCalibration) -> list[str]:

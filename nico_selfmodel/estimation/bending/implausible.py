@@ -11,6 +11,11 @@ GEAR = "gear"
 """Name of the step that frees gears which a unit tells."""
 LIFTS = "it would lift the arm: something else is explained, or the arm compensates already"
 """Why a sag of the wrong sign goes."""
+NOT_ASKED = (
+    "it was not asked: there are fewer than 15 poses, no gear that a unit tells, or a held value "
+    "that the data contradict"
+)
+"""Why an effect that the user named was not tried."""
 NO_GEAR = "a gear that is told would have to be"
 """How the reason begins why a gear that contradicts its unit is a fault."""
 _LARGEST = np.radians(3.0)

@@ -86,11 +86,12 @@ class Ladder:
     """The arm with what it keeps; the rigid one where it keeps nothing, or may keep nothing."""
     bent: DhParameters | None = None
     """The arm as the last step that stayed left it, whether it may be kept or not."""
-
     adopted: bool = False
     """Whether the solution has what stayed."""
     unseen_mm: tuple[float, float] = (np.nan, np.nan)
     """Geometric means over poses of the errors of unseen poses, rigid and with what stayed."""
+    wanted: tuple[str, ...] = ()
+    """Effects that the user asked for by name."""
 
     @property
     def kept(self) -> tuple[str, ...]:
@@ -120,8 +121,9 @@ def climb(
         trim: Look for outliers again at the end.
         seed: Of the poses that are asked where there are many.
     """
+    wanted = () if effects is None or tuple(effects) == STEPS else tuple(effects)
     if effects is None or solved.noise is None or not _enough(observations, solved):
-        return Ladder((), solved)
+        return Ladder((), solved, wanted=wanted)
     aside = {sure: certain_outliers(observations, solved, sure) for sure in _SURE}
     found = []
     for without in np.unique(np.stack([*aside.values()]), axis=0):
@@ -135,7 +137,9 @@ def climb(
         adopted = bool(effects and climber.kept)
         found.append(Ladder(steps, solution, bent, adopted, climber.unseen_mm))
     best = min(found, key=lambda ladder: _log_error(observations, ladder))
-    return best if _is_better(best, solved, observations) else _left_rigid(best, solved)
+    if not _is_better(best, solved, observations):
+        best = _left_rigid(best, solved)
+    return replace(best, wanted=wanted)
 
 
 def _is_better(ladder: Ladder, rigid: ArmSolution, observations: Observations) -> bool:
