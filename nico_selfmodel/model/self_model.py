@@ -239,9 +239,8 @@ class SelfModel:
         """
         if self.bending is None:
             return self.chain.forward(q, marker)
-        last = self.posture(q).frames[-1]
-        at = self.dh.p_NH[np.broadcast_to(np.asarray(marker), last.shape[:-2])]
-        return (last[..., :3, :3] @ at[..., None])[..., 0] + last[..., :3, 3]
+        q = np.asarray(q)
+        return self.posture(q).points(self.dh.p_NH[np.broadcast_to(marker, q.shape[:-1])])
 
     @property
     def joints(self) -> tuple[str, ...]:

@@ -122,3 +122,9 @@ def test_what_cannot_bend_is_refused(table, change, words):
     fields = {name: getattr(bending, name) for name in bending.__dataclass_fields__}
     with pytest.raises(ValueError, match=words):
         Bending(**(fields | change))
+
+
+def test_an_effect_that_does_not_exist_is_refused(table):
+    still = Bending.none(table.joints, UP, *uniform_rods(table))
+    with pytest.raises(ValueError, match="no effect 'saag'"):
+        still.with_effects("sag", "saag")

@@ -281,7 +281,7 @@ class _Climber:
         """Return the fit of some effects about the arm so far."""
         known = {LOADS: self.load_variance} if {SAG, BEARING} & set(effects) else {}
         effects = (*effects, *known)
-        bending = bending.with_effects(*effects)
+        bending = bending.with_effects(*(effect for effect in effects if effect in PARTS))
         parameters = replace(self.parameters, bending=bending)
         groups = {e: bending.names_of(e) if e in PARTS else self.gears for e in effects}
         means = dict.fromkeys(self.gears, 1.0) | self.rods

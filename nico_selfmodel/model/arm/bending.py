@@ -91,7 +91,14 @@ class Bending:
         return cls(joints, (), up, loads, pivots, zero, zero, ripple, np.zeros((n, n)))
 
     def with_effects(self, *effects: str) -> "Bending":
-        """Return the same with other effects learned; the others become zero."""
+        """Return the same with other effects learned; the others become zero.
+
+        Raises:
+            ValueError: If one has no such name.
+        """
+        strange = [effect for effect in effects if effect not in PARTS]
+        if strange:
+            raise ValueError(f"no effect {strange[0]!r}; there are {', '.join(PARTS)}")
         zero = {name: np.zeros_like(getattr(self, name)) for name in EFFECTS}
         kept = {name: value for name, value in zero.items() if name not in effects}
         return replace(self, effects=tuple(e for e in PARTS if e in effects), **kept)

@@ -125,8 +125,7 @@ class DhParameters:
     def points(self, encoder_angles: NDArray, marker: NDArray) -> NDArray:
         """Predict tracked points alone, as `predict` does. Shape (N, 3)."""
         q = (encoder_angles - self.servos.offset) / self.servos.gear
-        X_WN = loaded(self.table, self.bending, q).frames[-1]
-        return np.einsum("kij,kj->ki", X_WN[:, :3, :3], self.table.p_NH[marker]) + X_WN[:, :3, 3]
+        return loaded(self.table, self.bending, q).points(self.table.p_NH[marker])
 
     def predict(self, encoder_angles: NDArray, marker: NDArray) -> tuple[NDArray, NDArray]:
         """Predict tracked points with their derivatives by every parameter.

@@ -27,6 +27,18 @@ class LoadedPosture:
     bearings: NDArray | None
     """`Bending.bearings`. Shape (n, N, 4, 4)."""
 
+    def points(self, p_NH: NDArray) -> NDArray:
+        """Return where points of the last frame are in W [m].
+
+        Args:
+            p_NH: One a pose. Shape (N, 3) or (3,).
+
+        Returns:
+            Shape (N, 3) or (3,).
+        """
+        last = self.frames[-1]
+        return np.asarray((last[..., :3, :3] @ p_NH[..., None])[..., 0] + last[..., :3, 3])
+
     def slopes(self, bending: Bending, p_WH: NDArray) -> NDArray:
         """Return derivatives of tracked points by what bends; those of the moments are left out.
 
