@@ -117,7 +117,8 @@ Effects = Annotated[
     str,
     typer.Option(
         "--effects",
-        help="What may bend: auto, none, or some of sag,bearing_sag,ripple,gear,coupling. Each is "
+        help="What may bend: auto, none, or some of sag,bearing_sag,backlash,ripple,gear,"
+        "coupling. Each is "
         "kept only where unseen poses gain.",
     ),
 ]

@@ -26,7 +26,10 @@ def predict(
     ] = None,
     table: Annotated[
         Path | None,
-        typer.Option("--table", help="CSV with a column per joint; - reads standard input."),
+        typer.Option(
+            "--table",
+            help="CSV with a column per joint, approach.<joint> if known; - reads standard input.",
+        ),
     ] = None,
     marker: options.Marker = None,
     as_json: options.AsJson = False,
@@ -45,8 +48,8 @@ def predict(
             f"give --encoders or --table; the joints are {listed(learned.joints)}, in "
             f"{', '.join(learned.servos.unit)}"
         )
-    readings = _readings(encoders, table, learned.joints)
-    prediction = learned.predict(readings, marker)
+    readings, approach = _readings(encoders, table, learned.joints)
+    prediction = learned.predict(readings, marker, approach)
     warn_beyond(readings, learned.joints, learned.fit.get("readings", {}))
     sigma, total = prediction.sigma, prediction.total_sigma
     rows = [
@@ -67,16 +70,23 @@ def predict(
     writer.writerows(rows)
 
 
-def _readings(encoders: list[str] | None, table: Path | None, joints: tuple[str, ...]) -> "NDArray":
-    """Return the readings of one pose or of a table. Shape (N, n)."""
+def _readings(
+    encoders: list[str] | None, table: Path | None, joints: tuple[str, ...]
+) -> tuple["NDArray", "NDArray | None"]:
+    """Return readings, and from which sides joints came where a table tells. Shape (N, n) each."""
     from nico_selfmodel.files.reading import LARGEST_TABLE, read_standard_input, read_text
-    from nico_selfmodel.model.readings import readings_from_table, readings_from_words
+    from nico_selfmodel.model.readings import (
+        approach_from_table,
+        readings_from_table,
+        readings_from_words,
+    )
 
     if table is None:
-        return readings_from_words(encoders or [], joints)
+        return readings_from_words(encoders or [], joints), None
     piped = str(table) == "-"
     text = read_standard_input(LARGEST_TABLE) if piped else read_text(table, LARGEST_TABLE)
-    return readings_from_table(text, joints, "standard input" if piped else str(table))
+    where = "standard input" if piped else str(table)
+    return readings_from_table(text, joints, where), approach_from_table(text, joints, where)
 
 
 def _predict_body(
@@ -99,7 +109,7 @@ def _predict_body(
     read = [i for i in range(len(tree.joints)) if tree.coupling[i, i]]
     if (encoders is None) == (table is None):
         raise ValueError(f"give --encoders or --table; the joints are {listed(tree.joints)}")
-    given = _readings(encoders, table, tuple(tree.joints[i] for i in read))
+    given, _ = _readings(encoders, table, tuple(tree.joints[i] for i in read))
     readings = np.full((len(given), len(tree.joints)), np.nan)
     readings[:, read] = given
     found = predict_body(body, readings)

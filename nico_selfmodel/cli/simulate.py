@@ -21,6 +21,15 @@ def motion_capture(
     ] = 1.0,
     random_poses: options.RandomPoses = 100,
     joint_noise_deg: options.JointNoise = None,
+    backlash_deg: Annotated[
+        float | None,
+        typer.Option(
+            "--backlash",
+            min=0.0,
+            metavar="DEG",
+            help="Half width of the backlash that changes of direction cross.",
+        ),
+    ] = None,
     marker_mm: Annotated[
         float | None, typer.Option("--marker-mm", min=0.0, help="Marker noise, instead.")
     ] = None,
@@ -44,7 +53,7 @@ def motion_capture(
     if circle_points == 0 and random_poses == 0:
         raise ValueError("nothing to record: give --circle-points or --random")
     chosen = imperfections_named(imperfections).with_noise(
-        play_deg=joint_noise_deg, marker_mm=marker_mm
+        play_deg=joint_noise_deg, backlash_deg=backlash_deg, marker_mm=marker_mm
     )
     description = inputs.chosen_arm(robot or "nico", arm, base, tip, hold, point)
     protocol = SweepProtocol.for_arm(description).on_share_of_arcs(arc_share)

@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 import numpy.typing as npt
 
-from nico_selfmodel.dataset.columns import PIXEL_COLUMNS, POINT_COLUMNS
+from nico_selfmodel.dataset.columns import PIXEL_COLUMNS, POINT_COLUMNS, SIDES_OF_APPROACH
 from nico_selfmodel.errors import DataError
 from nico_selfmodel.files.csv_rows import parse_number, read_csv_rows
 from nico_selfmodel.names import found_instead, listed
@@ -167,6 +167,25 @@ class CsvTable:
         if not empty_allowed and np.isnan(values).any():
             row = int(np.flatnonzero(np.isnan(values))[0])
             raise DataError(f"{self.where(row, column)}: the cell is empty; expected a number")
+        return values
+
+    def sides(self, column: str) -> npt.NDArray[np.float64]:
+        """Return how a reading last changed: -1, 0 or 1; an empty cell is 0. Shape (N,).
+
+        Args:
+            column: Its name.
+
+        Raises:
+            DataError: If there is no such column or a cell is another number.
+        """
+        values = np.nan_to_num(self.numbers(column, empty_allowed=True))
+        strange = np.flatnonzero(~np.isin(values, SIDES_OF_APPROACH))
+        if strange.size:
+            row = int(strange[0])
+            raise DataError(
+                f"{self.where(row, column)}: {values[row]:g} is no side; expected 1 where the"
+                " reading rose last, -1 where it fell, 0 or nothing where nobody knows"
+            )
         return values
 
 

@@ -10,7 +10,13 @@ import numpy as np
 import numpy.typing as npt
 
 from nico_selfmodel.arrays import read_only
-from nico_selfmodel.dataset.columns import DEFAULT_MARKER, PIXEL_COLUMNS, POINT_COLUMNS
+from nico_selfmodel.dataset.columns import (
+    DEFAULT_MARKER,
+    JOINT_COLUMNS,
+    PIXEL_COLUMNS,
+    POINT_COLUMNS,
+    SIDES_OF_APPROACH,
+)
 from nico_selfmodel.dataset.joint_info import HOME, JointInfo
 from nico_selfmodel.dataset.poses import pose_numbers
 from nico_selfmodel.dataset.row_checks import check_rows, row_place
@@ -56,6 +62,9 @@ class Dataset:
     """Left u, v and right u, v of the point [px]; nan where not seen. Shape (N, 4)."""
     mirror: npt.NDArray[np.str_] = _NOT_GIVEN
     """Name of the mirror that the pixels are a reflection in, or empty. Shape (N,)."""
+    approach: npt.NDArray[np.int8] = _NOT_GIVEN
+    """How each reading changed when the joint last moved: -1 or 1; 0 where it is not known, as all
+    are unless given. Shape (N, n)."""
     point_sigma_m: float | None = None
     """Standard deviation of each measured coordinate [m], if known."""
     pixel_sigma_px: float | None = None
@@ -83,6 +92,7 @@ class Dataset:
                 f"{row_place(row)}: the reading of joint {self.joint_names[joint]!r} is"
                 f" {self.encoders[row, joint]}; expected a finite number"
             )
+        self._set("approach", _sides(self.approach, self.encoders.shape))
         self._set("p_WH_measured", _floats(self.p_WH_measured, count, 3, "p_WH_measured"))
         self._set("pixels", _floats(self.pixels, count, 4, "pixels"))
         self._set("sweep", _texts(self.sweep, count, "", "sweep"))
@@ -135,7 +145,8 @@ class Dataset:
             self._set("image_size", size)
 
     def _checked_extra(self, count: int) -> dict[str, tuple[str, ...]]:
-        used = {*_TABLE_COLUMNS, *(f"encoder.{name}" for name in self.joint_names)}
+        names = self.joint_names
+        used = {*_TABLE_COLUMNS, *(f"{kind}.{name}" for kind in JOINT_COLUMNS for name in names)}
         extra = {}
         for name, cells in self.extra.items():
             check_name(name, "the name of an extra column")
@@ -176,7 +187,7 @@ class Dataset:
     @cached_property
     def visit(self) -> npt.NDArray[np.int64]:
         """Number of each row's visit: each time the robot came to a pose is one. Shape (N,)."""
-        return pose_numbers(self.sample, self.encoders)[1]
+        return pose_numbers(self.sample, self.encoders, self.approach)[1]
 
     @property
     def measured(self) -> npt.NDArray[np.bool_]:
@@ -202,7 +213,8 @@ class Dataset:
             DataError: If no row is left, or one is asked for twice.
         """
         index = self._row_index(rows)
-        arrays = ("sample", "encoders", "p_WH_measured", "sweep", "marker", "pixels", "mirror")
+        arrays = ("sample", "encoders", "approach", "p_WH_measured", "sweep", "marker", "pixels")
+        arrays = (*arrays, "mirror")
         extra = {key: tuple(cells[i] for i in index) for key, cells in self.extra.items()}
         return replace(self, extra=extra, **{key: getattr(self, key)[index] for key in arrays})
 
@@ -272,6 +284,16 @@ def _floats(values: Any, count: int, width: int, name: str) -> npt.NDArray[np.fl
             f" {largest:g}"
         )
     return read_only(array)
+
+
+def _sides(values: Any, shape: tuple[int, ...]) -> npt.NDArray[np.int8]:
+    array = np.zeros(shape) if values is None else np.asarray(values)
+    # A changed copy may have other rows: from which sides they came nobody said.
+    if array.shape != shape and array.dtype == np.int8 and not array.flags.writeable:
+        array = np.zeros(shape)
+    if array.shape != shape or not np.isin(array, SIDES_OF_APPROACH).all():
+        raise ValueError(f"approach must be -1, 0 or 1, of shape {shape}, got {shown(values)}")
+    return read_only(array, np.int8)
 
 
 def _texts(

@@ -8,7 +8,9 @@ _STANDING = 1e-4
 robot."""
 
 
-def pose_numbers(sample: NDArray, encoders: NDArray) -> tuple[NDArray, NDArray]:
+def pose_numbers(
+    sample: NDArray, encoders: NDArray, approach: NDArray | None = None
+) -> tuple[NDArray, NDArray]:
     """Number the poses of rows, and the visits to them.
 
     Rows with equal readings are one pose, wherever they stand, and so are successive samples of a
@@ -18,13 +20,16 @@ def pose_numbers(sample: NDArray, encoders: NDArray) -> tuple[NDArray, NDArray]:
     Args:
         sample: Number of each row's sample, in the order of time. Shape (N,).
         encoders: Readings. Shape (N, n).
+        approach: How each reading last changed: a robot that comes from another side has moved.
+            Shape (N, n).
 
     Returns:
         Numbers of poses and of visits, both from 0 in the order of the samples. Shape (N,) each.
     """
     samples, first, of_row = np.unique(sample, return_index=True, return_inverse=True)
     of_row = of_row.reshape(len(sample))
-    standing = _run_starts(encoders[first])
+    state = encoders if approach is None else np.hstack([encoders, approach])
+    standing = _run_starts(state[first])
     visit = np.unique(standing, return_inverse=True)[1].reshape(len(samples))
     _, lead, same = np.unique(
         encoders[first][standing], axis=0, return_index=True, return_inverse=True

@@ -32,8 +32,8 @@ def check_rows(columns: dict[str, Any], joint_names: Sequence[str], where: Place
     """Check that the rows of a data set do not contradict each other.
 
     Args:
-        columns: Arrays `sample`, `sweep`, `marker`, `mirror`, `encoders`, `p_WH_measured` and
-            `pixels` of a `Dataset`.
+        columns: Arrays `sample`, `sweep`, `marker`, `mirror`, `encoders`, `p_WH_measured`,
+            `pixels` and, where it is known, `approach` of a `Dataset`.
         joint_names: Names of the joints.
         where: Says where a row is.
 
@@ -119,6 +119,19 @@ def _check_one_pose_per_sample(
             f"{where(row, f'encoder.{joint_names[joint]}')}: sample {sample[row]} has reading"
             f" {here!r} here and {earlier!r} in {_short(where(int(first_row[row]), None))}; all"
             " markers of one sample share one pose"
+        )
+    approach = columns.get("approach")
+    differs = (
+        np.zeros(encoders.shape, dtype=bool)
+        if approach is None
+        else approach != approach[first_row]
+    )
+    if differs.any():
+        row, joint = (int(i) for i in np.argwhere(differs)[0])
+        raise DataError(
+            f"{where(row, f'approach.{joint_names[joint]}')}: sample {sample[row]} came from"
+            f" another side in {_short(where(int(first_row[row]), None))}; all markers of one"
+            " sample share one pose"
         )
     differs = np.flatnonzero(sweep != sweep[first_row])
     if differs.size:

@@ -9,7 +9,13 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from nico_selfmodel.dataset.columns import DEFAULT_MARKER, PIXEL_COLUMNS, POINT_COLUMNS
+from nico_selfmodel.dataset.columns import (
+    APPROACH,
+    DEFAULT_MARKER,
+    ENCODER,
+    PIXEL_COLUMNS,
+    POINT_COLUMNS,
+)
 from nico_selfmodel.dataset.csv_table import CsvTable
 from nico_selfmodel.dataset.dataset import Dataset
 from nico_selfmodel.dataset.row_checks import check_rows
@@ -36,10 +42,11 @@ def read_samples(path: Path, joint_names: Sequence[str]) -> dict[str, Any]:
         UserWarning: If a column that nobody reads looks like a misspelt one.
     """
     table = CsvTable.read(path)
-    known = ("sample", *_OPTIONAL, *(f"encoder.{name}" for name in joint_names))
-    for name in known:
-        if name not in _OPTIONAL:
-            table.cells(name)
+    sides = [f"{APPROACH}.{name}" for name in joint_names]
+    needed = ("sample", *(f"{ENCODER}.{name}" for name in joint_names))
+    for name in needed:
+        table.cells(name)
+    known = (*needed, *_OPTIONAL, *sides)
     extra = {name: cells for name, cells in table.columns.items() if name not in known}
     marker = _texts(table, "marker")
     columns = {
@@ -47,13 +54,14 @@ def read_samples(path: Path, joint_names: Sequence[str]) -> dict[str, Any]:
         "sweep": _texts(table, "sweep"),
         "marker": np.where(marker == "", DEFAULT_MARKER, marker),
         "mirror": _texts(table, "mirror"),
-        "encoders": np.column_stack([table.numbers(f"encoder.{name}") for name in joint_names]),
+        "encoders": np.column_stack([table.numbers(f"{ENCODER}.{name}") for name in joint_names]),
+        "approach": np.column_stack([_side(table, name) for name in sides]),
         "p_WH_measured": _numbers(table, POINT_COLUMNS),
         "pixels": np.hstack(
             [_numbers(table, PIXEL_COLUMNS[:2]), _numbers(table, PIXEL_COLUMNS[2:])]
         ),
     }
-    _warn_of_misspelt(table, extra)
+    _warn_of_misspelt(table, extra, (*_OPTIONAL, *sides))
     check_rows(columns, joint_names, table.where)
     return {**columns, "extra": extra}
 
@@ -77,7 +85,10 @@ def samples_text(dataset: Dataset) -> str:
     if (dataset.mirror != "").any():
         columns["mirror"] = map(safe_cell, dataset.mirror.tolist())
     for name, readings in zip(dataset.joint_names, dataset.encoders.T, strict=True):
-        columns[f"encoder.{name}"] = _cells(readings)
+        columns[f"{ENCODER}.{name}"] = _cells(readings)
+    if dataset.approach.any():
+        for name, side in zip(dataset.joint_names, dataset.approach.T, strict=True):
+            columns[f"{APPROACH}.{name}"] = map(str, side.tolist())
     for names, values in (
         (POINT_COLUMNS, dataset.p_WH_measured),
         (PIXEL_COLUMNS[:2], dataset.pixels[:, :2]),
@@ -96,6 +107,13 @@ def _texts(table: CsvTable, column: str) -> npt.NDArray[np.str_]:
     return np.full(len(table), "")
 
 
+def _side(table: CsvTable, column: str) -> npt.NDArray[np.float64]:
+    """Return how a reading last changed; 0 where the table does not say. Shape (N,)."""
+    if column not in table.columns:
+        return np.zeros(len(table))
+    return table.sides(column)
+
+
 def _numbers(table: CsvTable, names: Sequence[str]) -> npt.NDArray[np.float64]:
     # One of the columns asks for its fellows: half a point is a mistake.
     if not any(name in table.columns for name in names):
@@ -103,8 +121,8 @@ def _numbers(table: CsvTable, names: Sequence[str]) -> npt.NDArray[np.float64]:
     return np.column_stack([table.numbers(name, empty_allowed=True) for name in names])
 
 
-def _warn_of_misspelt(table: CsvTable, extra: Iterable[str]) -> None:
-    absent = [name for name in _OPTIONAL if name not in table.columns]
+def _warn_of_misspelt(table: CsvTable, extra: Iterable[str], optional: Sequence[str]) -> None:
+    absent = [name for name in optional if name not in table.columns]
     for name in extra:
         hint = did_you_mean(name, absent, likeness=0.8)
         if hint:

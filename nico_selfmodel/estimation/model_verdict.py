@@ -168,7 +168,7 @@ def _contradicting(model: SelfModel, dataset: Dataset, evaluation: PixelEvaluati
         return lost | (np.sqrt(found.nis) > OUTLIER_AT * np.sqrt(found.dof / 3.0))
     rows = evaluation.observations.arm
     readings = rows.angles / model.servos.radians_per_unit
-    known = model.predict(readings, rows.marker).covariance
+    known = model.predict(readings, rows.marker, rows.approach * model.servos.sign).covariance
     expected = expected_covariance(model, readings, rows.marker, known)
     rebuilt = replace(rows, p_WH=evaluation.p_LH_seen)
     return lost | Evaluation(rebuilt, evaluation.p_LH_predicted, expected).outliers

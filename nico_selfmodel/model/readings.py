@@ -14,6 +14,8 @@ from nico_selfmodel.names import listed, shown
 _FAR = 0.25
 """Share of the trained range that a reading may lie beyond it."""
 
+_SIDES = {"": 0.0, "-1": -1.0, "0": 0.0, "1": 1.0, "+1": 1.0}
+
 
 def readings_from_words(words: list[str], joints: tuple[str, ...]) -> NDArray:
     """Read poses written as `a,b,...`, one number a joint.
@@ -65,6 +67,36 @@ def readings_from_table(text: str, joints: tuple[str, ...], where: str = "the ta
         cells = [row[column] if column < len(row) else "" for column in columns]
         poses.append(_pose(cells, joints, f"{where}, line {line}"))
     return np.array(poses)
+
+
+def approach_from_table(text: str, joints: tuple[str, ...], where: str = "the table") -> NDArray:
+    """Read from which sides joints came, columns `approach.<joint>` of -1, 0 or 1.
+
+    Args:
+        text: The table, header first.
+        joints: Names of the joints; one without a column came from an unknown side.
+        where: Place for messages.
+
+    Returns:
+        0 where it is not known. Shape (N, n).
+
+    Raises:
+        DataError: If a cell is another number.
+    """
+    rows, lines = rows_of_text(text, where)
+    header = [name.strip() for name in rows[0]]
+    found = np.zeros((len(rows) - 1, len(joints)))
+    for i, joint in enumerate(joints):
+        name = f"approach.{joint}"
+        if name not in header:
+            continue
+        column = header.index(name)
+        for k, (row, line) in enumerate(zip(rows[1:], lines[1:], strict=True)):
+            cell = row[column].strip() if column < len(row) else ""
+            if cell not in _SIDES:
+                raise DataError(f"{where}, line {line}: {name} is {shown(cell)}, not -1, 0 or 1")
+            found[k, i] = _SIDES[cell]
+    return found
 
 
 def readings_table(readings: NDArray, joints: tuple[str, ...]) -> str:

@@ -11,9 +11,9 @@ from numpy.typing import ArrayLike, NDArray
 
 from nico_selfmodel.arrays import frozen_covariance
 from nico_selfmodel.errors import ModelError
-from nico_selfmodel.model.arm.bending import Bending
+from nico_selfmodel.model.arm.bending import BACKLASH, Bending
 from nico_selfmodel.model.arm.chain import Chain
-from nico_selfmodel.model.arm.dh_parameters import DhParameters
+from nico_selfmodel.model.arm.dh_parameters import DhParameters, slopes_by_angle
 from nico_selfmodel.model.arm.dh_table import DhTable
 from nico_selfmodel.model.arm.loaded_posture import LoadedPosture, loaded
 from nico_selfmodel.model.arm.servo_map import ServoMap
@@ -219,20 +219,25 @@ class SelfModel:
         """The named parameters."""
         return DhParameters(self.dh, self.servos, bending=self.bending)
 
-    def posture(self, q: ArrayLike) -> LoadedPosture:
+    def posture(self, q: ArrayLike, approach: NDArray | None = None) -> LoadedPosture:
         """Return where the arm is, bent by its own weight, at displacements its encoders tell.
 
         Args:
             q: `servos.to_joint` of readings [rad], floats or Drake's scalars. Shape (N, n) or (n,).
+            approach: How each encoder angle last moved, as `Observations.approach`. As `q`.
         """
-        return loaded(self.dh, self.bending, q)
+        return loaded(self.dh, self.bending, q, approach)
 
-    def points(self, q: ArrayLike, marker: ArrayLike = 0) -> NDArray:
+    def points(
+        self, q: ArrayLike, marker: ArrayLike = 0, approach: NDArray | None = None
+    ) -> NDArray:
         """Return tracked points of the arm, bent by its own weight.
 
         Args:
             q: `servos.to_joint` of readings [rad], floats or Drake's scalars. Shape (N, n) or (n,).
             marker: Index of the tracked point, one for all or one a pose. Shape () or (N,).
+            approach: How each encoder angle last moved, -1, 1, or 0 where it is not known, as all
+                are if omitted. As `q`.
 
         Returns:
             p_WH [m]. Shape (N, 3) or (3,).
@@ -240,7 +245,7 @@ class SelfModel:
         if self.bending is None:
             return self.chain.forward(q, marker)
         q = np.asarray(q)
-        return self.posture(q).points(self.dh.p_NH[np.broadcast_to(marker, q.shape[:-1])])
+        return self.posture(q, approach).points(self.dh.p_NH[np.broadcast_to(marker, q.shape[:-1])])
 
     @property
     def joints(self) -> tuple[str, ...]:
@@ -252,18 +257,27 @@ class SelfModel:
         """Names of the tracked points."""
         return self.dh.markers
 
-    def predict(self, readings: ArrayLike, marker: str | NDArray | None = None) -> Prediction:
+    def predict(
+        self,
+        readings: ArrayLike,
+        marker: str | NDArray | None = None,
+        approach: ArrayLike | None = None,
+    ) -> Prediction:
         """Predict tracked points from encoder readings.
 
         Args:
             readings: In the encoders' own units, floats or Drake's scalars. Shape (N, n) or (n,).
             marker: Name of a tracked point, or its index for each pose; the first if omitted.
+            approach: How each reading last changed: -1, 1, or 0 where it is not known, as all are
+                if omitted. As the readings.
 
         Returns:
-            Points and their covariance J C J', with C that of the parameters.
+            Points and their covariance J C J', with C that of the parameters; where a joint with
+            backlash came from an unknown side, with the square of its half width.
 
         Raises:
-            ValueError: If the readings have not n columns or the marker does not exist.
+            ValueError: If the readings have not n columns, the approach is of another shape, or
+                the marker does not exist.
         """
         readings = np.atleast_2d(np.asarray(readings))
         if readings.ndim != 2 or readings.shape[1] != len(self.joints):
@@ -273,14 +287,33 @@ class SelfModel:
             )
         index = self.chain.marker_index(marker) if isinstance(marker, str) else marker
         index = np.broadcast_to(np.asarray(0 if index is None else index), (len(readings),))
-        p, jacobian = self.parameters.predict(self.servos.to_radians(readings), index)
+        side = self._side(approach, readings.shape)
+        p, jacobian = self.parameters.predict(self.servos.to_radians(readings), index, side)
         if self.covariance is None:
             return Prediction(p, None, self.noise_sigma)
         names = self.parameters.names
         own = [i for i, name in enumerate(self.covariance.names) if name in names]
         j = jacobian[:, :, [names.index(self.covariance.names[i]) for i in own]]
         covariance = j @ self.covariance.matrix[np.ix_(own, own)] @ np.swapaxes(j, 1, 2)
+        covariance = covariance + self._of_unknown_side(jacobian, side)
         return Prediction(p, covariance, self.noise_sigma)
+
+    def _side(self, approach: ArrayLike | None, shape: tuple[int, ...]) -> NDArray:
+        """Return how encoder angles last moved, with the wiring's sign. Shape (N, n)."""
+        if approach is None:
+            return np.zeros(shape)
+        side = np.atleast_2d(np.asarray(approach, dtype=float))
+        if side.shape != shape or not np.isin(side, (-1.0, 0.0, 1.0)).all():
+            raise ValueError(f"approach must be -1, 0 or 1, of shape {shape} as the readings")
+        return side * self.servos.sign
+
+    def _of_unknown_side(self, jacobian: NDArray, side: NDArray) -> NDArray:
+        """Return the covariance of points by the sides that nobody knows. Shape (N, 3, 3)."""
+        if self.bending is None or BACKLASH not in self.bending.effects:
+            return np.zeros((len(jacobian), 3, 3))
+        half = np.where(side == 0.0, self.bending.backlash, 0.0)
+        swing = slopes_by_angle(self.parameters, jacobian) * half[:, None]
+        return swing @ np.swapaxes(swing, 1, 2)
 
 
 def _check_arm(table: DhTable, servos: ServoMap) -> None:

@@ -40,6 +40,8 @@ class _Sample:
     index: int
     label: str
     encoders: NDArray
+    approach: NDArray
+    """How each reading changed when the joint last moved, -1 or 1; 0 where it is not known."""
     points: NDArray
     """Shape (m, 3), nan where lost."""
     pixels: NDArray
@@ -62,6 +64,25 @@ class _Sample:
         """Whether every marker was located, by both cameras where there are cameras."""
         by_pixels = np.isfinite(self.pixels).all(axis=1)
         return bool((np.isfinite(self.points).all(axis=1) | by_pixels).all())
+
+
+class _Sides:
+    """From which side each joint came, as a robot is watched moving from pose to pose."""
+
+    def __init__(self, joints: Sequence[JointInfo]) -> None:
+        self._tremor = np.array([joint.still_tolerance for joint in joints])
+        self._last: NDArray | None = None
+        self._side = np.zeros(len(joints))
+
+    def after(self, encoders: NDArray) -> NDArray:
+        """Return how each reading changed when its joint last moved; 0 before that. Shape (n,)."""
+        if self._last is None:
+            self._last = np.array(encoders)
+        moved = encoders - self._last
+        far = np.abs(moved) > self._tremor
+        self._side = np.where(far, np.sign(moved), self._side)
+        self._last = np.where(far, encoders, self._last)
+        return self._side
 
 
 class RecordedSamples:
@@ -89,6 +110,7 @@ class RecordedSamples:
         self._about, self._folder = dict(about), folder
         self._samples: dict[int, _Sample] = {}
         self._visits: Counter[int] = Counter()
+        self._sides = _Sides(self._joints)
         self._images = False
         self._saved = 0
         """Samples that are in the folder."""
@@ -122,6 +144,11 @@ class RecordedSamples:
     def visits(self, index: int) -> int:
         """Return how often a pose of the plan was visited until it was recorded, 0 if it is not."""
         return self._samples[index].visits if index in self._samples else 0
+
+    def relive(self, index: int) -> None:
+        """Take notice that the body came to a pose that is there already, as it did before."""
+        if index in self._samples:
+            self._sides.after(self._samples[index].encoders)
 
     def resume(self, plan: Sequence[tuple[str, NDArray]]) -> None:
         """Take over what an earlier recording of the same plan left in the folder.
@@ -180,6 +207,7 @@ class RecordedSamples:
             index,
             str(rows.sweep[0]),
             rows.encoders[0],
+            rows.approach[0],
             direct.p_WH_measured[order[0]],
             direct.pixels[order[0]],
             mirror,
@@ -232,6 +260,7 @@ class RecordedSamples:
             DataError: If the folder cannot be written; earlier samples stay as they are.
         """
         self._visits[index] += 1
+        approach = self._sides.after(measurement.encoders)
         m = len(self._markers)
         points, pixels = np.full((m, 3), np.nan), np.full((m, 4), np.nan)
         for k, marker in enumerate(self._markers):
@@ -247,7 +276,7 @@ class RecordedSamples:
         if all(np.isnan(values).all() for values in seen):
             return False
         self._samples[index] = _Sample(
-            *(index, label, measurement.encoders, points, pixels, mirror, reflected),
+            *(index, label, measurement.encoders, approach, points, pixels, mirror, reflected),
             visits=self._visits[index],
         )
         if self._folder is not None:
@@ -334,6 +363,7 @@ class RecordedSamples:
             joints=self._joints,
             sample=np.repeat(np.array([k for k, *_ in views], dtype=int), m),
             encoders=np.repeat(np.reshape([s.encoders for _, s, *_ in views], (-1, n)), m, axis=0),
+            approach=np.repeat(np.reshape([s.approach for _, s, *_ in views], (-1, n)), m, axis=0),
             p_WH_measured=np.reshape(
                 [nowhere if mirror else s.points for _, s, mirror, _ in views], (-1, 3)
             ),

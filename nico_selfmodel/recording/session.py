@@ -145,6 +145,7 @@ def sample_pose(
     if isinstance(body, Simulated):
         for _ in range(visits):
             body.relive(command)
+        kept.relive(index)
     for _ in range(0 if visits else until_seen):
         try:
             measurement = body.move_and_measure(command)

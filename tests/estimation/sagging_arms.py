@@ -43,11 +43,13 @@ class SaggingArm:
     """Sine and cosine of one and two turns [rad]. Shape (n, 2, 2)."""
     gear: np.ndarray
     """Joint angle per angle read. Shape (n,)."""
+    backlash: np.ndarray
+    """Half width of the gap that a joint is behind by [rad]. Shape (n,)."""
     plant: MultibodyPlant
     """Links with their masses, all frames those of the world at zero."""
 
     @classmethod
-    def drawn(cls, rng, *, sag=1.0, bearing=0.0, ripple=0.0, gear=0.0, markers=1):
+    def drawn(cls, rng, *, sag=1.0, bearing=0.0, ripple=0.0, gear=0.0, backlash=0.0, markers=1):
         """An arm of six joints with links, masses and weaknesses of its own."""
         n = len(AXES)
         directions = AXES + 0.02 * rng.normal(size=(n, 3))
@@ -72,13 +74,14 @@ class SaggingArm:
         tilt = bearing * rng.uniform(0.3, 1.5, n) * 3e-5
         waves = ripple * rng.normal(size=(n, 2, 2)) * np.radians([[0.03], [0.015]])
         gears = 1.0 + 2e-3 * gear * rng.normal(size=n)
+        gaps = np.radians(backlash) * (rng.uniform(0.7, 1.3, n) if backlash else np.zeros(n))
         plant = _plant(directions, points, masses)
-        return cls(directions, points, hands, masses, give, tilt, waves, gears, plant)
+        return cls(directions, points, hands, masses, give, tilt, waves, gears, gaps, plant)
 
-    def hand(self, read, marker=0):
+    def hand(self, read, marker=0, side=0.0):
         """Where a tracked point is at angles read, in static balance. Shape (n,) -> (3,)."""
         context = self.plant.CreateDefaultContext()
-        turned = self.gear * read
+        turned = self.gear * read - self.backlash * side
         for h in (1, 2):
             turned = turned + self.ripple[:, h - 1, 0] * np.sin(h * read)
             turned = turned + self.ripple[:, h - 1, 1] * np.cos(h * read)
@@ -111,13 +114,17 @@ class SaggingArm:
         """A recording at random poses, and the true places."""
         q = rng.uniform(-span, span, (poses, len(self.gear))) if q is None else q
         count = len(self.hands)
-        true = np.array([self.hand(row, k) for row in q for k in range(count)])
+        side = np.sign(np.diff(q, axis=0, prepend=np.zeros((1, q.shape[1]))))
+        true = np.array(
+            [self.hand(row, k, s) for row, s in zip(q, side, strict=True) for k in range(count)]
+        )
         return Dataset(
             name,
             tuple(JointInfo(f"j{i + 1}", "rad") for i in range(len(self.gear))),
             np.repeat(np.arange(len(q)), count),
             np.repeat(q, count, axis=0),
             true + sigma * rng.normal(size=true.shape),
+            approach=np.repeat(side, count, axis=0) if self.backlash.any() else None,
             marker=np.tile([f"m{k}" for k in range(count)], len(q)),
             point_sigma_m=sigma,
         ), true
@@ -182,7 +189,7 @@ def told(arm, calibration, train):
     none = np.zeros((n, n))
     bending = Bending(
         joints, ("sag", "bearing_sag", "ripple"), np.array([0.0, 0.0, 1.0]), np.array(loads),
-        pivots, arm.give * force, arm.bearing * force, ripple, none,
+        pivots, arm.give * force, arm.bearing * force, np.zeros(n), ripple, none,
     )  # fmt: skip
     known = replace(parameters, bending=bending)
     values = dict(zip(known.names, known.values, strict=True))

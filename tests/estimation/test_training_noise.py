@@ -39,7 +39,14 @@ def test_a_residual_without_its_pose_is_that_of_a_fit_without_it():
     x, covariance = fit(np.arange(12))
     seen = np.ones((12, 2), dtype=bool)
     poses = PoseResiduals(
-        "points", ("a", "b", "c"), measured - slopes @ x, slopes, slopes, seen, np.arange(12)
+        "points",
+        ("a", "b", "c"),
+        measured - slopes @ x,
+        slopes,
+        0.0 * slopes,
+        slopes,
+        seen,
+        np.arange(12),
     )
     fitted = slopes @ covariance @ np.swapaxes(slopes, 1, 2)
     left_out = [measured[i] - slopes[i] @ fit(np.delete(np.arange(12), i))[0] for i in range(12)]

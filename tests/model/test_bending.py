@@ -78,13 +78,16 @@ def test_an_arm_without_bends_is_the_rigid_arm(table):
     assert loaded(table, bending, q).frames == pytest.approx(table.frames(q), abs=1e-15)
 
 
-@pytest.mark.parametrize("effects", [(SAG,), (BEARING,), ("ripple",), ("coupling",), PARTS])
+@pytest.mark.parametrize(
+    "effects", [(SAG,), (BEARING,), ("backlash",), ("ripple",), ("coupling",), PARTS]
+)
 def test_every_number_moves_the_hand_as_its_derivative_says(table, make_servos, effects):
     rng = np.random.default_rng(4)
     bending = bent(table, rng, *effects, size=1e-3)
     parameters = DhParameters(table, make_servos(table.joints, 1), bending=bending)
     angles, marker = rng.uniform(-2, 2, (20, len(table.joints))), np.arange(20) % 2
-    _, jacobian = parameters.predict(angles, marker)
+    side = rng.integers(-1, 2, angles.shape)
+    _, jacobian = parameters.predict(angles, marker, side)
     values = parameters.values
     assert parameters.with_values(values).values == pytest.approx(values, abs=1e-15)
     first = len(values) - len(bending.names)
@@ -92,12 +95,22 @@ def test_every_number_moves_the_hand_as_its_derivative_says(table, make_servos, 
         step = np.zeros(len(values))
         step[k] = 1e-5
         high, low = (
-            parameters.with_values(values + s).points(angles, marker) for s in (step, -step)
+            parameters.with_values(values + s).points(angles, marker, side) for s in (step, -step)
         )
         slope = (high - low) / 2e-5
         # What bends turns what it bends; the geometry's part of the moments is left out.
         worst = 2e-2 if k < first else 6e-3 if LOADS in effects or BEARING in effects else 1e-4
         assert jacobian[:, :, k] == pytest.approx(slope, abs=worst * max(np.abs(slope).max(), 1e-3))
+
+
+def test_a_joint_is_behind_its_drive_by_half_the_gap(table, make_servos):
+    gaps = Bending.none(table.joints, UP, *uniform_rods(table)).with_effects("backlash")
+    gaps = gaps.with_values(np.full(len(table.joints), 0.01))
+    parameters = DhParameters(table, make_servos(table.joints, 1), bending=gaps)
+    angles = np.random.default_rng(6).uniform(-2, 2, (20, len(table.joints)))
+    rose = parameters.points(angles, np.zeros(20, dtype=int), np.ones(angles.shape))
+    behind = parameters.points(angles - 0.01 * parameters.servos.gear, np.zeros(20, dtype=int))
+    assert rose == pytest.approx(behind, abs=1e-15)
 
 
 def test_one_posture_is_that_of_many(table):

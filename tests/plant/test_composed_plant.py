@@ -148,11 +148,19 @@ def test_readings_carry_their_derivatives_through_a_converted_plant_as_predict_d
     np.testing.assert_allclose(ExtractGradient(p), ExtractGradient(predict(seeded).p_WH[0]))
 
 
-def test_a_symbolic_plant_holds_the_self_model_too(ur5, learned):
-    robot = SelfModelPlant.from_urdf(ur5, learned(ur5))
+def test_a_symbolic_plant_holds_the_self_model_too(project_root, tmp_path, learned):
+    # Symbolic plants of Drake 1.58 divide by the mass of every link: the flange needs one.
+    mass = '<inertial><mass value="1e-3"/><inertia ixx="1e-6" iyy="1e-6" izz="1e-6" '
+    mass += 'ixy="0" ixz="0" iyz="0"/></inertial>'
+    plain = (project_root / "examples" / "six_axis.urdf").read_text()
+    heavy = plain.replace('<link name="tool0"/>', f'<link name="tool0">{mass}</link>')
+    assert heavy != plain
+    (tmp_path / "heavy.urdf").write_text(heavy)
+    arm = ArmDescription.from_urdf(tmp_path / "heavy.urdf", tip_link="tool0")
+    robot = SelfModelPlant.from_urdf(arm, learned(arm))
     symbolic = robot.in_plant(robot.plant.ToSymbolic())
     context = symbolic.plant.CreateDefaultContext()
-    other = learned(ur5, seed=8)
+    other = learned(arm, seed=8)
     symbolic.write(context, other)
     q = MakeVectorVariable(6, "q")
     symbolic.set_joint_angles(context, np.array([Expression(variable) for variable in q]))

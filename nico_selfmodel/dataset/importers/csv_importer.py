@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from nico_selfmodel.dataset.columns import DEFAULT_MARKER, PIXEL_COLUMNS
+from nico_selfmodel.dataset.columns import APPROACH, DEFAULT_MARKER, PIXEL_COLUMNS
 from nico_selfmodel.dataset.csv_table import CsvTable
 from nico_selfmodel.dataset.dataset import Dataset
 from nico_selfmodel.dataset.joint_info import JointInfo
@@ -53,7 +53,7 @@ def import_csv(
 
         joints:                       # in order from the base to the hand
           - {name: shoulder, column: q1, encoder_unit: counts, counts_per_turn: 4096}
-          - {name: elbow, column: q2, encoder_unit: deg, lower: -5, upper: 120}
+          - {name: elbow, column: q2, encoder_unit: deg, lower: -5, upper: 120, approach: side2}
         point: {x: X, y: Y, z: Z, unit: mm}                  # unit: m, cm or mm
         pixels: {left_u: lu, left_v: lv, right_u: ru, right_v: rv}   # or the left pair alone
         sample: 1                     # these four are optional; samples are numbered from 1
@@ -107,7 +107,7 @@ def _columns(
     table: CsvTable, column_map: Mapping[str, Any], where: str
 ) -> tuple[tuple[JointInfo, ...], dict[str, Any]]:
     """Return the joints, and the array fields of the data set by name."""
-    joints, encoders = _joints(table, column_map, where)
+    joints, encoders, approach = _joints(table, column_map, where)
     count = len(table)
     columns: dict[str, Any] = {
         "sample": np.arange(1, count + 1),
@@ -115,6 +115,7 @@ def _columns(
         "marker": np.full(count, DEFAULT_MARKER),
         "mirror": np.full(count, ""),
         "encoders": encoders,
+        "approach": approach,
         "p_WH_measured": _points(table, column_map, where),
         "pixels": _pixels(table, column_map, where),
     }
@@ -155,24 +156,28 @@ def _column(table: CsvTable, reference: Any, where: str) -> str:
 
 def _joints(
     table: CsvTable, column_map: Mapping[str, Any], where: str
-) -> tuple[tuple[JointInfo, ...], npt.NDArray[np.float64]]:
+) -> tuple[tuple[JointInfo, ...], npt.NDArray[np.float64], npt.NDArray[np.float64]]:
     entries = column_map.get("joints")
     if not isinstance(entries, list | tuple) or not entries:
         raise DataError(
             f"{where}: 'joints' must be a list with 'name', 'column' and 'encoder_unit' of each"
             f" joint, got {shown(entries)}"
         )
-    joints, readings = [], []
+    joints, readings, sides = [], [], []
     for number, entry in enumerate(entries, 1):
         place = f"{where}, joint {number}"
         if not isinstance(entry, Mapping) or "column" not in entry:
             raise DataError(
                 f"{place}: expected 'name', 'column' and 'encoder_unit', got {shown(entry)}"
             )
-        info = {key: value for key, value in entry.items() if key != "column"}
+        info = {k: value for k, value in entry.items() if k not in ("column", APPROACH)}
         joints.append(JointInfo.from_mapping(info, place))
         readings.append(table.numbers(_column(table, entry["column"], place)))
-    return tuple(joints), np.column_stack(readings)
+        side = np.zeros(len(table))
+        if entry.get(APPROACH) is not None:
+            side = table.sides(_column(table, entry[APPROACH], place))
+        sides.append(side)
+    return tuple(joints), np.column_stack(readings), np.column_stack(sides)
 
 
 def _points(table: CsvTable, column_map: Mapping[str, Any], where: str) -> npt.NDArray[np.float64]:

@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
+from nico_selfmodel.dataset.columns import APPROACH, ENCODER
 from nico_selfmodel.dataset.csv_table import CsvTable
 from nico_selfmodel.dataset.dataset import Dataset
 from nico_selfmodel.dataset.importers.vicon_trajectories import Trajectories, read_trajectories
@@ -90,11 +91,18 @@ def _columns(table: CsvTable, joints: Sequence[JointInfo], markers: list[str]) -
     if "sweep" in table.columns:
         sweep = table.texts("sweep")
     encoders = [table.numbers(_reading_column(table, joint.name)) for joint in joints]
+    sides = [
+        table.sides(name)
+        if (name := f"{APPROACH}.{joint.name}") in table.columns
+        else np.zeros(poses)
+        for joint in joints
+    ]
     count = poses * len(markers)
     return {
         "sample": np.repeat(sample, len(markers)),
         "sweep": np.repeat(sweep, len(markers)),
         "encoders": np.repeat(np.column_stack(encoders), len(markers), axis=0),
+        "approach": np.repeat(np.column_stack(sides), len(markers), axis=0),
         "marker": np.tile(markers, poses),
         "mirror": np.full(count, ""),
         "pixels": np.full((count, 4), np.nan),
@@ -146,7 +154,8 @@ def _intervals(
 def _joints_of(
     table: CsvTable, encoder_unit: str, counts_per_turn: float | None
 ) -> tuple[JointInfo, ...]:
-    names = [name.removeprefix("encoder.") for name in table.columns if name not in _RESERVED]
+    own = [n for n in table.columns if n not in _RESERVED and not n.startswith(f"{APPROACH}.")]
+    names = [name.removeprefix(f"{ENCODER}.") for name in own]
     if not names:
         raise DataError(f"{table.path}: no column of a joint beside the frames")
     try:

@@ -53,7 +53,7 @@ def cross_validate(observations: Observations, solved: ArmSolution, folds: int =
         if step @ rest @ step > _LARGEST_STEP**2 * sums.coordinates[np.arange(folds) != k].sum():
             parameters = _refit(inliers.select(fold != k), parameters, solved)
         left = inliers.select(fold == k)
-        predicted = parameters.points(left.angles, left.marker)
+        predicted = parameters.points(left.angles, left.marker, left.approach)
         errors[fold == k] = np.linalg.norm(predicted - left.p_WH, axis=1)
     return errors
 

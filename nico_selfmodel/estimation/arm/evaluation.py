@@ -7,7 +7,6 @@ from numpy.typing import NDArray
 
 from nico_selfmodel.dataset.dataset import Dataset
 from nico_selfmodel.errors import DataError
-from nico_selfmodel.estimation.noise.arm_solution import slopes_by_angle
 from nico_selfmodel.estimation.noise.pose_noise import PoseNoise
 from nico_selfmodel.estimation.observations.matching import (
     check_units,
@@ -15,6 +14,7 @@ from nico_selfmodel.estimation.observations.matching import (
 )
 from nico_selfmodel.estimation.observations.observations import Observations
 from nico_selfmodel.estimation.results.errors import ErrorStatistics
+from nico_selfmodel.model.arm.dh_parameters import slopes_by_angle
 from nico_selfmodel.model.self_model import SelfModel
 from nico_selfmodel.names import listed
 from nico_selfmodel.optimization.robust_solve import OUTLIER_AT
@@ -87,10 +87,12 @@ def evaluate(model: SelfModel, dataset: Dataset) -> Evaluation:
         )
     observations = Observations.from_dataset(dataset, model.markers)
     readings = dataset.encoders[observations.rows][:, columns]
+    approach = dataset.approach[observations.rows][:, columns]
     points, covariances = [], []
     for first in range(0, len(readings), _PIECE):
-        own, marker = readings[first : first + _PIECE], observations.marker[first : first + _PIECE]
-        prediction = model.predict(own, marker)
+        piece = slice(first, first + _PIECE)
+        own, marker = readings[piece], observations.marker[piece]
+        prediction = model.predict(own, marker, approach[piece])
         points.append(prediction.p_WH)
         covariances.append(expected_covariance(model, own, marker, prediction.covariance))
     known = covariances[0] is not None

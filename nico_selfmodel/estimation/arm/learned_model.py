@@ -68,7 +68,7 @@ def training_of(
     """
     inliers = observations.select(~solved.outliers)
     if not len(unseen):
-        predicted = solved.parameters.points(inliers.angles, inliers.marker)
+        predicted = solved.parameters.points(inliers.angles, inliers.marker, inliers.approach)
         unseen = np.linalg.norm(predicted - inliers.p_WH, axis=1)
     swept = dataset.sweep[inliers.rows] != ""
     errors = inliers.by_pose(unseen, swept if swept.all() else ~swept)

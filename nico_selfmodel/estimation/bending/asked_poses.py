@@ -20,7 +20,7 @@ _APART = np.cos(np.radians(15.0))
 
 def certain_outliers(observations: Observations, solved: ArmSolution, sure: float) -> NDArray:
     """Return the outliers of a rigid arm that are so many of its scales off. Boolean, (N,)."""
-    p = solved.parameters.points(observations.angles, observations.marker)
+    p = solved.parameters.points(observations.angles, observations.marker, observations.approach)
     missed = np.linalg.norm(p - observations.p_WH, axis=1)
     scale = robust_scale(missed[~solved.outliers], 3)
     return np.asarray(solved.outliers & (missed > sure * scale))

@@ -12,8 +12,8 @@ GEAR = "gear"
 LIFTS = "it would lift the arm: something else is explained, or the arm compensates already"
 """Why a sag of the wrong sign goes."""
 NOT_ASKED = (
-    "it was not asked: there are fewer than 15 poses, no gear that a unit tells, or a held value "
-    "that the data contradict"
+    "it was not asked: there are fewer than 15 poses, no gear that a unit tells, no column "
+    "`approach.<joint>` that tells both sides, or a held value that the data contradict"
 )
 """Why an effect that the user named was not tried."""
 NO_GEAR = "a gear that is told would have to be"
@@ -39,7 +39,7 @@ def implausible(fit: EffectFit, observations: Observations) -> str:
     if gear_fault(fit):
         return gear_fault(fit)
     q = (observations.angles - bent.servos.offset) / bent.servos.gear
-    posture = loaded(bent.table, bent.bending, q)
+    posture = loaded(bent.table, bent.bending, q, observations.approach)
     turns = posture.q - posture.q_read
     if np.abs(turns - turns.mean(axis=0)).max() > _LARGEST:
         return "joints would turn by more than 3 deg: that is no bend"

@@ -1,9 +1,9 @@
 """Which effects an arm keeps: a ladder, each step only where poses that were left out gain.
 
-Sag, bearing sag, ripple, gears, coupling, in this order. A step stays if twice the log evidence
-rises by more than 10, and if the mean over poses of log(error before / error after), each pose
-predicted without its fold, is above 1 % and above its standard error. All at once over-fits small
-sets; evidence alone finds couplings in rigid arms; squared errors miss the arm that was only swept.
+Backlash, sag, bearing sag, ripple, gears, coupling, in this order. A step stays if twice the log
+evidence rises by more than 10, and if the mean over poses of log(error before / error after), each
+pose predicted without its fold, is above 1 % and above its standard error. All at once over-fits
+small sets; evidence alone finds couplings in rigid arms; squared errors miss the swept arm.
 Poses count that are no outliers for sure: the most bent ones look like outliers. Whatever sags, its
 loads are free about those of uniform rods: held, they bias what is told of unseen poses by more
 than its sigma; as a step of their own they seldom gain enough.
@@ -25,6 +25,7 @@ from nico_selfmodel.estimation.bending.asked_poses import (
 from nico_selfmodel.estimation.bending.effect_fit import EffectFit, fit_effects
 from nico_selfmodel.estimation.bending.implausible import (
     GEAR,
+    LIFTS,
     NO_GEAR,
     gear_fault,
     implausible,
@@ -33,12 +34,22 @@ from nico_selfmodel.estimation.bending.implausible import (
 from nico_selfmodel.estimation.noise.arm_solution import ArmSolution
 from nico_selfmodel.estimation.noise.pose_refinement import refine_by_pose
 from nico_selfmodel.estimation.observations.observations import Observations, gears_known
-from nico_selfmodel.model.arm.bending import BEARING, COUPLING, LOADS, PARTS, RIPPLE, SAG, Bending
+from nico_selfmodel.model.arm.bending import (
+    BACKLASH,
+    BEARING,
+    COUPLING,
+    LOADS,
+    PARTS,
+    RIPPLE,
+    SAG,
+    Bending,
+)
 from nico_selfmodel.model.arm.dh_parameters import DhParameters
 from nico_selfmodel.model.arm.uniform_rods import uniform_rods
 
-STEPS = (SAG, BEARING, RIPPLE, GEAR, COUPLING)
-"""What is asked, in this order; gears are those that a unit tells and nobody holds."""
+STEPS = (BACKLASH, SAG, BEARING, RIPPLE, GEAR, COUPLING)
+"""What is asked, in this order; backlash where the data say from which side joints came, gears that
+a unit tells and nobody holds. Backlash is first: where it is, its scatter looks like much else."""
 _WORTH = 10.0
 """By how much twice the log evidence must rise."""
 _GAIN = 0.01
@@ -163,7 +174,7 @@ def _log_error(observations: Observations, ladder: Ladder) -> float:
     parameters = ladder.solution.parameters
     if not ladder.adopted and ladder.bent is not None:
         parameters = ladder.bent
-    p = parameters.points(observations.angles, observations.marker)
+    p = parameters.points(observations.angles, observations.marker, observations.approach)
     errors = np.linalg.norm(p - observations.p_WH, axis=1)
     return float(np.log(mean_by_pose(errors, observations.pose)).mean())
 
@@ -190,6 +201,8 @@ class _Climber:
         self.kept: tuple[str, ...] = ()
         joints = observations.joints
         known = gears_known(observations.units)
+        side = observations.approach
+        self.sides = bool(((side < 0.0).any(axis=0) & (side > 0.0).any(axis=0)).any())
         names = (f"{joint}.gear" for joint, k in zip(joints, known, strict=True) if k)
         self.gears = tuple(name for name in names if name not in held | solved.free)
         loads, pivots = uniform_rods(solved.parameters.table)
@@ -212,7 +225,7 @@ class _Climber:
             for effect in STEPS:
                 if effect not in asked or effect in self.kept:
                     continue
-                if effect == GEAR and not self.gears:
+                if (effect == GEAR and not self.gears) or (effect == BACKLASH and not self.sides):
                     continue
                 steps[effect] = self.try_step(effect)
                 if steps[effect].reason.startswith(NO_GEAR):
@@ -238,6 +251,11 @@ class _Climber:
         else:
             after = self._fitted(wanted, self.still)
         step = self._judged(effect, before, after)
+        if step.reason == LIFTS and SAG in self.kept:
+            # What stayed as sag was this.
+            wanted = tuple(other for other in wanted if other != SAG)
+            after = self._fitted(wanted, self.still)
+            step = self._judged(effect, before, after)
         if effect == RIPPLE and step.kept and self.gears and GEAR not in self.kept:
             # Over a part of a turn a ripple looks like a gear, of which there are fewer numbers.
             rival = self._again(self._fitted((*self.kept, GEAR), self.still))
@@ -252,9 +270,9 @@ class _Climber:
     @property
     def unseen_mm(self) -> tuple[float, float]:
         """Geometric means over poses of the errors of unseen poses: rigid, and now."""
-        assert self.first is not None
+        first = self.first or self._fitted((), self.still)
         pose = self.observations.pose[self.keep]
-        fits = (self.first, self.fit or self.first)
+        fits = (first, self.fit or first)
         errors = (mean_by_pose(fit.left_out, pose) for fit in fits)
         one, two = (1e3 * float(np.exp(np.log(e).mean())) for e in errors)
         return one, two

@@ -19,6 +19,7 @@ from nico_selfmodel.names import did_you_mean
 WORDS = {
     "sag": "joints sag",
     "bearing_sag": "bearings give way",
+    "backlash": "joints are behind their drives",
     "ripple": "gears or encoder discs ripple",
     "gear": "gears are a little off",
     "coupling": "drives are coupled",
@@ -48,17 +49,18 @@ def effect_sizes(parameters: DhParameters, observations: Observations) -> tuple[
     bending = parameters.bending
     if bending is None:
         return ()
-    angles, marker = observations.angles, observations.marker
-    q = (angles - parameters.servos.offset) / parameters.servos.gear
-    whole, turned = parameters.points(angles, marker), loaded(parameters.table, bending, q).q
+    rows = observations.angles, observations.marker, observations.approach
+    q = (observations.angles - parameters.servos.offset) / parameters.servos.gear
+    whole, side = parameters.points(*rows), observations.approach
+    turned = loaded(parameters.table, bending, q, side).q
     found = []
     for effect in EFFECTS:
         if effect not in bending.effects:
             continue
         less = _without(bending, effect)
         rest = DhParameters(parameters.table, parameters.servos, parameters.turn, less)
-        moved = np.linalg.norm(whole - rest.points(angles, marker), axis=1)
-        turns = np.abs(turned - loaded(parameters.table, less, q).q).max(axis=0)
+        moved = np.linalg.norm(whole - rest.points(*rows), axis=1)
+        turns = np.abs(turned - loaded(parameters.table, less, q, side).q).max(axis=0)
         found.append(EffectSize(effect, moved, turns))
     return tuple(found)
 

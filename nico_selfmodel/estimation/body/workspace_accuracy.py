@@ -99,6 +99,7 @@ def _observations(model: SelfModel, readings: NDArray, marker: str | None) -> Ob
         np.arange(count),
         np.arange(count),
         np.arange(count),
+        np.zeros((count, len(model.joints))),
         model.servos,
     )
 

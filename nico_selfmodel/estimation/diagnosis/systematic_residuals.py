@@ -161,7 +161,13 @@ def likeliest_backlash(observations: Observations, test: ScoreTest) -> NDArray:
 
 
 def _sides(observations: Observations) -> NDArray:
-    """Return from which side each joint came; 0 before its first motion. Shape (N, n)."""
+    """Return from which side each joint came; 0 before its first motion. Shape (N, n).
+
+    Where the data say so themselves, they are right: who recorded them may have left poses out.
+    """
+    told = observations.approach
+    if told.any():
+        return told
     samples, first, of = np.unique(observations.sample, return_index=True, return_inverse=True)
     side = np.zeros((len(samples), observations.angles.shape[1]))
     side[1:] = np.sign(np.diff(observations.angles[first], axis=0))

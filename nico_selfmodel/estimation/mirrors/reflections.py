@@ -12,6 +12,7 @@ from nico_selfmodel.estimation.observations.matching import (
     reading_columns,
 )
 from nico_selfmodel.geometry.transform import apply
+from nico_selfmodel.model.arm.dh_parameters import slopes_by_angle
 from nico_selfmodel.model.cameras.camera import INTRINSICS, Camera
 from nico_selfmodel.model.self_model import SelfModel
 from nico_selfmodel.names import listed
@@ -183,11 +184,9 @@ def known_points(dataset: Dataset, model: SelfModel, rows: NDArray) -> KnownPoin
         )
     marker = np.array([model.markers.index(name) for name in dataset.marker[rows].tolist()])
     angles = model.servos.to_radians(dataset.encoders[rows][:, columns])
-    p, slopes = model.parameters.predict(angles, marker)
-    names = model.parameters.names
-    offsets = [names.index(f"{joint}.theta_offset") for joint in model.joints]
-    # q = (encoder - theta_offset) / gear
-    by_angle = -slopes[:, :, offsets] * model.servos.gear
+    side = dataset.approach[rows][:, columns] * model.servos.sign
+    p, slopes = model.parameters.predict(angles, marker, side)
+    by_angle = slopes_by_angle(model.parameters, slopes)
     q = model.servos.to_joint(dataset.encoders[rows][:, columns])
     return KnownPoints(p, by_angle, _shared_errors(model, slopes), q)
 

@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 
 from nico_selfmodel.estimation.noise.pose_noise import PoseGroups, PoseNoise, PoseWhitening
 from nico_selfmodel.estimation.observations.observations import Observations
-from nico_selfmodel.model.arm.dh_parameters import DhParameters
+from nico_selfmodel.model.arm.dh_parameters import DhParameters, slopes_by_angle
 from nico_selfmodel.optimization.uncertainty import Uncertainty
 
 Priors = Mapping[str, tuple[float, float]]
@@ -42,7 +42,9 @@ class ArmSolution:
     @classmethod
     def unrefined(cls, observations: Observations, parameters: DhParameters) -> "ArmSolution":
         """Wrap parameters that were not refined, so that nothing is known of their errors."""
-        residuals = parameters.predict(observations.angles, observations.marker)[0]
+        residuals = parameters.predict(
+            observations.angles, observations.marker, observations.approach
+        )[0]
         residuals = residuals - observations.p_WH
         free = frozenset(parameters.names) - parameters.gauge
         sigma = float(np.sqrt(np.mean(residuals**2)))
@@ -83,7 +85,9 @@ class Linearised:
             keep: Rows that count. Boolean, shape (N,).
             noise: What disturbs them.
         """
-        p, jacobian = parameters.predict(observations.angles, observations.marker)
+        p, jacobian = parameters.predict(
+            observations.angles, observations.marker, observations.approach
+        )
         by_angle = slopes_by_angle(parameters, jacobian)
         groups = PoseGroups(observations.visit, keep, 3, observations.pose)
         return cls(
@@ -121,12 +125,6 @@ class Linearised:
         groups = self.whitening.groups
         coordinates = self.whitening.lever.shape[1]
         return np.repeat(np.sqrt(groups.weight), coordinates)[:, None]
-
-
-def slopes_by_angle(parameters: DhParameters, jacobian: NDArray) -> NDArray:
-    """Return derivatives by the joint angles, dp/dq = -gear dp/d(theta_offset). Shape (N, 3, n)."""
-    at = [parameters.names.index(f"{joint}.theta_offset") for joint in parameters.table.joints]
-    return -jacobian[:, :, at] * parameters.servos.gear
 
 
 def information_of(parameters: DhParameters, chosen: list[int], priors: Priors) -> NDArray:

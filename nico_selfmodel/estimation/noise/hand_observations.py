@@ -20,6 +20,7 @@ from nico_selfmodel.estimation.observations.pixel_observations import (
     PixelObservations,
     columns_of,
 )
+from nico_selfmodel.model.arm.bending import BACKLASH
 from nico_selfmodel.model.cameras.stereo_rig import SIDES, StereoRig
 from nico_selfmodel.model.self_model import SelfModel
 from nico_selfmodel.names import listed
@@ -85,8 +86,24 @@ class HandObservations:
         r = (self.block.measured - predicted).T
         slopes = np.ascontiguousarray(jacobian.transpose(2, 1, 0)) * self.seen[:, :, None]
         model = slopes @ covariance @ np.swapaxes(slopes, 1, 2)
-        whole = self.noise.covariance(self.block.by_angle(self.x)) + model
+        by_angle = self.block.by_angle(self.x)
+        swing = self.by_side(by_angle)
+        whole = self.noise.covariance(by_angle) + swing @ np.swapaxes(swing, 1, 2) + model
         return Innovations(np.where(self.seen, r, 0.0), slopes, whole, self.seen)
+
+    def by_side(self, by_angle: NDArray) -> NDArray:
+        """Return what half widths of backlash do where nobody tells from which side a joint came.
+
+        Args:
+            by_angle: Derivatives of the rows' coordinates by the joint angles. Shape (N, k, n).
+
+        Returns:
+            Zero where the side is known, or there is no backlash. Shape (N, k, n).
+        """
+        joints = self.arm.joints
+        at = {name: i for i, name in enumerate(self.names)}
+        half = [self.x[at[name]] if (name := f"{j}.{BACKLASH}") in at else 0.0 for j in joints]
+        return by_angle * np.where(self.arm.approach == 0.0, half, 0.0)[:, None]
 
 
 @dataclass(frozen=True, eq=False)

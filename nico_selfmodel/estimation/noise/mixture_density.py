@@ -33,9 +33,9 @@ class MixtureDensity:
             noise: Core and tail.
             covariance: Of the poses' parameters; None where they are taken as known. Shape (P, P).
         """
-        extra = 0.0
+        extra = poses.by_side @ np.swapaxes(poses.by_side, 1, 2)
         if covariance is not None:
-            extra = poses.slopes @ covariance @ np.swapaxes(poses.slopes, 1, 2)
+            extra = extra + poses.slopes @ covariance @ np.swapaxes(poses.slopes, 1, 2)
         whole = [part.covariance(poses.by_angle) + extra for part in core_and_tail(noise)]
         self.whitening = np.stack([whitening_of(s, poses.seen) for s in whole])
         """W_k with W_k S_k W_k' = I. Shape (2, N, K, K)."""

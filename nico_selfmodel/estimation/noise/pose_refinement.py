@@ -233,7 +233,8 @@ class _ArmBlock(SummedBlock):
         """Return whitened residuals, then derivatives, by pose. Shape (poses, K, 1 + p)."""
         assert self.whitening is not None
         groups = self.whitening.groups
-        p, jacobian = self.at(x).predict(self.observations.angles, self.observations.marker)
+        seen = self.observations
+        p, jacobian = self.at(x).predict(seen.angles, seen.marker, seen.approach)
         missed = (p - self.observations.p_WH)[:, :, None]
         both = np.concatenate([missed, jacobian[:, :, self.columns]], axis=2)
         weight = np.sqrt(groups.weight)[:, None, None]

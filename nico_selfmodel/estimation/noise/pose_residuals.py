@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from nico_selfmodel.estimation.noise.hand_observations import HandObservations
 from nico_selfmodel.estimation.observations.observations import Observations
 
-_BY_POSE = ("residuals", "by_angle", "slopes", "seen", "sample")
+_BY_POSE = ("residuals", "by_angle", "by_side", "slopes", "seen", "sample")
 
 
 @dataclass(frozen=True, eq=False)
@@ -26,6 +26,8 @@ class PoseResiduals:
     """In the sensor's unit [m or px]. Shape (N, K)."""
     by_angle: NDArray
     """Derivatives of the prediction by the joint angles. Shape (N, K, n)."""
+    by_side: NDArray
+    """What backlash does where nobody tells its side, `HandObservations.by_side`. (N, K, n)."""
     slopes: NDArray
     """Derivatives of the prediction by the named parameters. Shape (N, K, P)."""
     seen: NDArray
@@ -47,12 +49,14 @@ class PoseResiduals:
         predicted, jacobian = observations.block.project(observations.x)
         pose, sample = _poses_of(arm)
         slot = pose * len(arm.markers) + arm.marker
+        by_angle = observations.block.by_angle(observations.x)
         stack = _Stack(slot, seen, len(sample), len(arm.markers))
         return cls(
             observations.sensor,
             observations.names,
             stack.mean((observations.block.measured - predicted).T[:, :, None])[:, :, 0],
-            stack.mean(observations.block.by_angle(observations.x)),
+            stack.mean(by_angle),
+            stack.mean(observations.by_side(by_angle)),
             stack.mean(jacobian.transpose(2, 1, 0)),
             stack.seen,
             sample,
@@ -85,7 +89,8 @@ def _poses_of(arm: Observations) -> tuple[NDArray, NDArray]:
     order = np.argsort(first)
     readings = arm.angles[first[order]]
     moved = np.ones(len(order), dtype=bool)
-    moved[1:] = (readings[1:] != readings[:-1]).any(axis=1)
+    sides = arm.approach[first[order]]
+    moved[1:] = ((readings[1:] != readings[:-1]) | (sides[1:] != sides[:-1])).any(axis=1)
     pose_of_sample = np.empty(len(order), dtype=int)
     pose_of_sample[order] = np.cumsum(moved) - 1
     return pose_of_sample[of_row], arm.sample[first[order][moved]]

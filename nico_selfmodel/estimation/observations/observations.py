@@ -33,6 +33,8 @@ class Observations:
     """Number of the visit of each row: each time the robot came to a pose. Shape (N,)."""
     rows: NDArray
     """Row of the data set behind each row here. Shape (N,)."""
+    approach: NDArray
+    """How each encoder angle last moved, -1 or 1; 0 where it is not known. Shape (N, n)."""
     units: ServoMap
     """Units of the encoders, as the data set states them; offset 0 and gear 1."""
 
@@ -74,6 +76,7 @@ class Observations:
             dataset.pose[rows],
             dataset.visit[rows],
             rows,
+            units.sign * dataset.approach[rows],
             units,
         )
 
@@ -95,7 +98,7 @@ class Observations:
 
     def select(self, keep: NDArray) -> "Observations":
         """Return the chosen rows. `keep` is a boolean mask or an index."""
-        arrays = ("angles", "marker", "p_WH", "sample", "pose", "visit", "rows")
+        arrays = ("angles", "marker", "p_WH", "sample", "pose", "visit", "rows", "approach")
         return replace(self, **{name: getattr(self, name)[keep] for name in arrays})
 
     @property

@@ -103,7 +103,7 @@ def evaluate_pixels(model: SelfModel, dataset: Dataset) -> PixelEvaluation:
     observations = PixelObservations.from_dataset(dataset, _markers_of(model, dataset))
     index = np.array([model.chain.marker_index(m) for m in observations.arm.markers])
     q = (observations.arm.angles - model.servos.offset) / model.servos.gear
-    p_LH = model.points(q, index[observations.arm.marker])
+    p_LH = model.points(q, index[observations.arm.marker], observations.arm.approach)
     sigma = model.pixel_sigma or 1.0
     return PixelEvaluation(
         observations, rig.project(p_LH), p_LH, seen_points(observations, rig, sigma)

@@ -63,6 +63,7 @@ class PixelObservations:
             dataset.pose[rows],
             dataset.visit[rows],
             rows,
+            units.sign * dataset.approach[rows],
             units,
         )
         hidden = ~np.repeat(finite[rows], 2, axis=1)
@@ -152,7 +153,8 @@ def columns_of(model: SelfModel, dataset: Dataset) -> Dataset:
     if columns == list(range(len(columns))):
         return dataset
     joints = tuple(dataset.joints[i] for i in columns)
-    return replace(dataset, joints=joints, encoders=dataset.encoders[:, columns])
+    encoders, approach = dataset.encoders[:, columns], dataset.approach[:, columns]
+    return replace(dataset, joints=joints, encoders=encoders, approach=approach)
 
 
 def _of(dataset: Dataset, marker: str) -> NDArray:

@@ -159,6 +159,7 @@ def _observations(
         data.pose[local.pose],
         data.visit[local.pose],
         np.arange(len(local.pose)),
+        np.zeros((len(local.pose), len(names))),
         units,
     )
 

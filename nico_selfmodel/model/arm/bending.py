@@ -1,4 +1,4 @@
-"""What bends in an arm: sag of joints and bearings, ripple of gears, coupling of drives.
+"""What bends in an arm: sag of joints and bearings, backlash, ripple of gears, coupling of drives.
 
 With the unit vector `up` in W, z_i the axes, R_j the frames after each row and l_j the first moment
 of link j and of all that it carries (weights add up to one):
@@ -6,6 +6,7 @@ of link j and of all that it carries (weights add up to one):
     F_i    = sum over j >= i of R_j l_j          first moment of all beyond joint i
     mu_i   = F_i x (-up)                         its moment
     theta_i += sag_i (z_i . mu_i) + sum over h of a_ih sin(h q_i) + b_ih cos(h q_i) + (C q)_i
+    theta_i -= backlash_i s_i, s_i = -1 or 1 as the encoder last moved, 0 where nobody knows
     bearing i turns by bearing_sag_i (x_i . mu_i, y_i . mu_i) about its own place on the axis
 
 Gravity pulls along mu: a joint that gives way has a positive sag, whatever its sense of turning.
@@ -24,8 +25,9 @@ from nico_selfmodel.geometry.rotation import rotation_about
 from nico_selfmodel.geometry.transform import transform
 from nico_selfmodel.model.arm.line_kinematics import cross
 
-SAG, BEARING, RIPPLE, COUPLING, LOADS = "sag", "bearing_sag", "ripple", "coupling", "loads"
-EFFECTS = (SAG, BEARING, RIPPLE, COUPLING)
+SAG, BEARING, BACKLASH = "sag", "bearing_sag", "backlash"
+RIPPLE, COUPLING, LOADS = "ripple", "coupling", "loads"
+EFFECTS = (SAG, BEARING, BACKLASH, RIPPLE, COUPLING)
 """What may bend, in the order in which it is asked for."""
 PARTS = (*EFFECTS, LOADS)
 """What is learned of it: of what sags, how it is loaded besides."""
@@ -52,6 +54,8 @@ class Bending:
     """[rad/m]. Shape (n,)."""
     bearing_sag: NDArray
     """[rad/m]. Shape (n,)."""
+    backlash: NDArray
+    """Half width of the play that a joint is behind its drive by [rad]. Shape (n,)."""
     ripple: NDArray
     """Of sine and cosine of each harmonic [rad]. Shape (n, 2, 2)."""
     coupling: NDArray
@@ -66,6 +70,7 @@ class Bending:
             "pivots": (n,),
             SAG: (n,),
             BEARING: (n,),
+            BACKLASH: (n,),
             RIPPLE: (n, len(HARMONICS), 2),
             COUPLING: (n, n),
         }
@@ -88,7 +93,7 @@ class Bending:
         n = len(joints)
         zero = np.zeros(n)
         ripple = np.zeros((n, len(HARMONICS), 2))
-        return cls(joints, (), up, loads, pivots, zero, zero, ripple, np.zeros((n, n)))
+        return cls(joints, (), up, loads, pivots, zero, zero, zero, ripple, np.zeros((n, n)))
 
     def with_effects(self, *effects: str) -> "Bending":
         """Return the same with other effects learned; the others become zero.
@@ -123,7 +128,8 @@ class Bending:
     @property
     def units(self) -> tuple[str, ...]:
         """Units of `names`."""
-        by_effect = {SAG: "rad/m", BEARING: "rad/m", RIPPLE: "rad", COUPLING: "1", LOADS: "m"}
+        by_effect = {SAG: "rad/m", BEARING: "rad/m", BACKLASH: "rad", RIPPLE: "rad"}
+        by_effect |= {COUPLING: "1", LOADS: "m"}
         return tuple(by_effect[e] for e in self.effects for _ in self.names_of(e))
 
     @property
@@ -170,12 +176,14 @@ class Bending:
         mu = np.moveaxis(cross(np.moveaxis(F, -1, 0), -self.up.reshape(3, 1, 1)), 0, -1)
         return np.asarray((np.swapaxes(R[:-1], -1, -2) @ mu[..., None])[..., 0])
 
-    def turns(self, q: NDArray, moments: NDArray) -> NDArray:
+    def turns(self, q: NDArray, moments: NDArray, approach: NDArray | None = None) -> NDArray:
         """Return how much each joint turns beyond its displacement.
 
         Args:
             q: Displacements, as their encoders tell. Shape (N, n).
             moments: `moments` there. Shape (n, N, 3).
+            approach: How each encoder last moved, -1 or 1; 0 where it is not known, as all are if
+                omitted: the joint is then in the middle of its backlash. Shape (N, n).
 
         Returns:
             Shape (N, n).
@@ -184,6 +192,8 @@ class Bending:
         if RIPPLE in self.effects:
             for h, (sine, cosine) in zip(HARMONICS, np.moveaxis(self.ripple, 0, -1), strict=True):
                 found = found + sine * np.sin(h * q) + cosine * np.cos(h * q)
+        if approach is not None and BACKLASH in self.effects:
+            found = found - self.backlash * approach
         return found + q @ self.coupling.T if COUPLING in self.effects else found
 
     def bearings(self, moments: NDArray) -> NDArray | None:
@@ -223,6 +233,9 @@ class Bending:
         moved = x * at.moments[None, :, :, 0] + y * at.moments[None, :, :, 1]
         return np.swapaxes(moved, 1, 2)
 
+    def _by_backlash(self, at: "Bent") -> NDArray:
+        return -np.swapaxes(at.by_turn * at.approach.T, 1, 2)
+
     def _by_ripple(self, at: "Bent") -> NDArray:
         waves = [wave(h * at.q.T) for h in HARMONICS for wave in (np.sin, np.cos)]
         found = at.by_turn[:, :, None] * np.stack(waves, axis=1)
@@ -256,6 +269,8 @@ class Bent:
 
     q: NDArray
     """Displacements, as their encoders tell. Shape (N, n)."""
+    approach: NDArray
+    """How each encoder last moved. Shape (N, n)."""
     frames: NDArray
     """Before it bends. Shape (n + 1, N, 4, 4)."""
     moments: NDArray

@@ -122,12 +122,16 @@ class DhParameters:
         servos = replace(self.servos, offset=offset, gear=gear)
         return DhParameters(table, servos, base[3:], bending)
 
-    def points(self, encoder_angles: NDArray, marker: NDArray) -> NDArray:
+    def points(
+        self, encoder_angles: NDArray, marker: NDArray, approach: NDArray | None = None
+    ) -> NDArray:
         """Predict tracked points alone, as `predict` does. Shape (N, 3)."""
         q = (encoder_angles - self.servos.offset) / self.servos.gear
-        return loaded(self.table, self.bending, q).points(self.table.p_NH[marker])
+        return loaded(self.table, self.bending, q, approach).points(self.table.p_NH[marker])
 
-    def predict(self, encoder_angles: NDArray, marker: NDArray) -> tuple[NDArray, NDArray]:
+    def predict(
+        self, encoder_angles: NDArray, marker: NDArray, approach: NDArray | None = None
+    ) -> tuple[NDArray, NDArray]:
         """Predict tracked points with their derivatives by every parameter.
 
         Turning about an axis (unit a through o) moves the hand p by a x (p - o), sliding along it
@@ -137,13 +141,15 @@ class DhParameters:
             encoder_angles: `ServoMap.to_radians` of the readings, floats or Drake's scalars.
                 Shape (N, n).
             marker: Index of each pose's tracked point. Shape (N,).
+            approach: How each encoder angle last moved, -1, 1, or 0 where it is not known, as all
+                are if omitted. Shape (N, n).
 
         Returns:
             p_WH, shape (N, 3), and its derivatives, shape (N, 3, P).
         """
         t, n = self.table, len(self.table.joints)
         q = (encoder_angles - self.servos.offset) / self.servos.gear
-        posture = loaded(t, self.bending, q)
+        posture = loaded(t, self.bending, q, approach)
         frames = posture.frames
         last = frames[-1]
         p = np.einsum("kij,kj->ki", last[:, :3, :3], t.p_NH[marker]) + last[:, :3, 3]
@@ -171,3 +177,9 @@ class DhParameters:
         swing = -cross(z, arm[:, :-1]) / gear
         beyond = arm[:, 1:]
         return np.stack([z, swing, x, cross(x, beyond), cross(y, beyond), swing * theta.T])
+
+
+def slopes_by_angle(parameters: DhParameters, jacobian: NDArray) -> NDArray:
+    """Return derivatives by the joint angles, dp/dq = -gear dp/d(theta_offset). Shape (N, 3, n)."""
+    at = [parameters.names.index(f"{joint}.theta_offset") for joint in parameters.table.joints]
+    return -jacobian[:, :, at] * parameters.servos.gear

@@ -26,6 +26,8 @@ class LoadedPosture:
     """`Bending.moments`; None of a rigid arm. Shape (n, N, 3)."""
     bearings: NDArray | None
     """`Bending.bearings`. Shape (n, N, 4, 4)."""
+    approach: NDArray | None = None
+    """How each encoder last moved; not known if None. As `q_read`."""
 
     def points(self, p_NH: NDArray) -> NDArray:
         """Return where points of the last frame are in W [m].
@@ -55,29 +57,35 @@ class LoadedPosture:
         by_turn = cross(axes[:, 2], arm)
         arm = arm - axes[:, 2] * bending.pivots[:, None]
         across = cross(axes[:, 0], arm), cross(axes[:, 1], arm)
-        return bending.slopes(Bent(self.q_read, self.rigid, self.moments, by_turn, across))
+        side = np.zeros(self.q_read.shape) if self.approach is None else self.approach
+        return bending.slopes(Bent(self.q_read, side, self.rigid, self.moments, by_turn, across))
 
 
-def loaded(table: DhTable, bending: Bending | None, q: ArrayLike) -> LoadedPosture:
+def loaded(
+    table: DhTable, bending: Bending | None, q: ArrayLike, approach: NDArray | None = None
+) -> LoadedPosture:
     """Return where an arm's frames are.
 
     Args:
         table: The arm.
         bending: What bends; nothing if None.
         q: Displacements as the encoders tell [rad], floats or Drake's scalars. (N, n) or (n,).
+        approach: How each encoder last moved, -1, 1, or 0 where it is not known. As `q`.
     """
     q = np.asarray(q)
     rigid = table.frames(q)
     if bending is None:
         return LoadedPosture(q, q, rigid, rigid, None, None)
     if q.ndim == 1:
-        one = loaded(table, bending, q[None])
+        one = loaded(table, bending, q[None], None if approach is None else approach[None])
         bearings = None if one.bearings is None else one.bearings[:, 0]
         assert one.moments is not None
         return LoadedPosture(
-            q, one.q[0], one.frames[:, 0], one.rigid[:, 0], one.moments[:, 0], bearings
+            *(q, one.q[0], one.frames[:, 0], one.rigid[:, 0], one.moments[:, 0], bearings),
+            approach,
         )
     moments = bending.moments(rigid)
-    turned = q + bending.turns(q, moments)
+    turned = q + bending.turns(q, moments, approach)
     bearings = bending.bearings(moments)
-    return LoadedPosture(q, turned, table.frames(turned, bearings), rigid, moments, bearings)
+    frames = table.frames(turned, bearings)
+    return LoadedPosture(q, turned, frames, rigid, moments, bearings, approach)

@@ -14,7 +14,7 @@ _APPROACH = 0.4
 
 
 class EncoderModel(Closable, LeafSystem):
-    """Servos with encoders on the motor's side, and play, sag and wobble on the link's.
+    """Servos with encoders on the motor's side; backlash, play, sag and wobble on the link's.
 
     | port | | carries |
     |---|---|---|
@@ -56,8 +56,9 @@ class EncoderModel(Closable, LeafSystem):
         self._n = n
         self._command = self.DeclareVectorInputPort("encoders_commanded", n)
         place = np.clip(np.round(start), mechanics.lower, mechanics.upper)
-        # Readings, the last command, and how many commands there have been.
-        state = self.DeclareDiscreteState(np.concatenate([place, place, [0.0]]))
+        # Readings, the last command, where it drags the joints, how many commands there have been.
+        dragged = mechanics.dragged(place)
+        state = self.DeclareDiscreteState(np.concatenate([place, place, dragged, [0.0]]))
         self.DeclarePeriodicDiscreteUpdateEvent(PERIOD, 0.0, self._turn)
         needs = {self.discrete_state_ticket(state)}
         self.DeclareVectorOutputPort("encoders", BasicVector(n), self._read, needs)
@@ -65,7 +66,7 @@ class EncoderModel(Closable, LeafSystem):
 
     def _turn(self, context: Context, update: DiscreteValues) -> None:
         """Go on towards the command."""
-        place, last, moves = self._state(context)
+        place, last, dragged, moves = self._state(context)
         wanted = np.asarray(self._command.Eval(context), dtype=float)
         # Before anybody commands, a port may carry nothing: the servos then stay.
         wanted = np.where(np.isfinite(wanted), wanted, last)
@@ -73,17 +74,19 @@ class EncoderModel(Closable, LeafSystem):
         moves += float(not np.array_equal(goal, last))
         step = np.clip(_APPROACH * (goal - place), -self._step, self._step)
         place = np.where(np.abs(goal - place) < 2.0, goal, np.round(place + step))
-        update.set_value(np.concatenate([place, goal, [moves]]))
+        dragged = self.__mechanics.dragged(place, dragged)
+        update.set_value(np.concatenate([place, goal, dragged, [moves]]))
 
-    def _state(self, context: Context) -> tuple[NDArray, NDArray, float]:
+    def _state(self, context: Context) -> tuple[NDArray, NDArray, NDArray, float]:
         self.require_open()
-        value = context.get_discrete_state_vector().value()
-        return value[: self._n].copy(), value[self._n : 2 * self._n].copy(), float(value[-1])
+        value = context.get_discrete_state_vector().value().copy()
+        place, last, dragged = value[:-1].reshape(3, self._n)
+        return place, last, dragged, float(value[-1])
 
     def _read(self, context: Context, vector: BasicVector) -> None:
         vector.SetFromVector(self._state(context)[0])
 
     def _stand(self, context: Context, vector: BasicVector) -> None:
-        place, _, moves = self._state(context)
+        _, _, dragged, moves = self._state(context)
         rng = np.random.default_rng([*self._seed, 1, int(moves)])
-        vector.SetFromVector(self.__mechanics.angles(place, rng))
+        vector.SetFromVector(self.__mechanics.angles(dragged, rng))

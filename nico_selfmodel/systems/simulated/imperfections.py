@@ -30,6 +30,9 @@ class Imperfections:
     """Encoder counts a turn of the geared encoder."""
     play: float = 0.0
     """Half the width of the joint noise between encoder and link [rad]."""
+    backlash: float = 0.0
+    """Half width of the gap between drive and link, which every change of direction crosses
+    [rad]."""
     sag: float = 0.0
     """Deflection of the joint that carries the largest gravity torque [rad]."""
     wobble: float = 0.0
@@ -42,12 +45,18 @@ class Imperfections:
     """Share of measurements in which the tracker loses a marker."""
 
     def with_noise(
-        self, *, play_deg: float | None = None, marker_mm: float | None = None
+        self,
+        *,
+        play_deg: float | None = None,
+        backlash_deg: float | None = None,
+        marker_mm: float | None = None,
     ) -> "Imperfections":
-        """Return the world with other play [deg] or marker noise [mm]."""
+        """Return the world with other play or backlash [deg], or marker noise [mm]."""
         changed = self
         if play_deg is not None:
             changed = replace(changed, play=float(np.radians(play_deg)))
+        if backlash_deg is not None:
+            changed = replace(changed, backlash=float(np.radians(backlash_deg)))
         if marker_mm is not None:
             changed = replace(changed, marker_sigma=1e-3 * marker_mm)
         return changed if changed == self else replace(changed, name=f"{self.name}, changed")

@@ -95,17 +95,30 @@ class Mechanics:
             raise ValueError(f"command must be {len(self.servos.joints)} finite counts")
         return np.clip(np.round(command), self.lower, self.upper)
 
-    def angles(self, encoders: NDArray, rng: np.random.Generator) -> NDArray:
-        """Return where joints really stand: what the encoders say, then sag, play and wobble.
+    def dragged(self, encoders: NDArray, q_before: NDArray | None = None) -> NDArray:
+        """Return where drives take the joints: no further than to the other end of the backlash.
 
         Args:
             encoders: Readings [encoder units]. Shape (n,).
+            q_before: Where it had them before; in the middle if omitted [rad]. Shape (n,).
+
+        Returns:
+            Joint angles [rad]. Shape (n,).
+        """
+        q, half = self.servos.to_joint(encoders), self.imperfections.backlash
+        return q if q_before is None or not half else np.clip(q_before, q - half, q + half)
+
+    def angles(self, q_dragged: NDArray, rng: np.random.Generator) -> NDArray:
+        """Return where joints really stand: where drives take them, then sag, play and wobble.
+
+        Args:
+            q_dragged: `dragged` there [rad]. Shape (n,).
             rng: Source of play and wobble.
 
         Returns:
             Joint angles [rad]. Shape (n,).
         """
-        q = self.servos.to_joint(encoders)
+        q = q_dragged
         play = rng.uniform(-1.0, 1.0, len(q)) * self.imperfections.play
         wobble = np.zeros(len(q))
         if rng.random() < self.imperfections.wobble_share:

@@ -35,6 +35,7 @@ class _Hidden:
 
     instance: RobotInstance
     p_BH: NDArray
+    q_dragged: NDArray | None = None
 
 
 class SimulatedRobot:
@@ -152,7 +153,9 @@ class SimulatedRobot:
         """
         robot = self.__hidden.instance
         encoders = robot.mechanics.reached(command)
-        q = robot.mechanics.angles(encoders, self._rng)
+        dragged = robot.mechanics.dragged(encoders, self.__hidden.q_dragged)
+        self.__hidden.q_dragged = dragged
+        q = robot.mechanics.angles(dragged, self._rng)
         p_BH = np.array([robot.mechanics.chain.forward(q, k) for k in range(len(self.markers))])
         self.__hidden.p_BH = p_BH
         return self.sensor.measure(robot, encoders, p_BH, self._rng)

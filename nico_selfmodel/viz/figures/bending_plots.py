@@ -26,8 +26,8 @@ def bent_hands(calibration: KinematicCalibration) -> Figure | None:
         return None
     observations = calibration.train.observations
     rigid = DhParameters(parameters.table, parameters.servos, parameters.turn)
-    at = rigid.points(observations.angles, observations.marker)
-    moved = parameters.points(observations.angles, observations.marker) - at
+    at = rigid.points(observations.angles, observations.marker, observations.approach)
+    moved = parameters.points(observations.angles, observations.marker, observations.approach) - at
     with style():
         figure = Figure(figsize=(FULL_WIDTH, 3.6))
         panels = figure.subplots(1, 3)
@@ -90,9 +90,13 @@ def _turns_of_joints(axes: Axes, parameters: DhParameters) -> None:
         axes.set_ylabel("ripple [mrad]")
         axes.legend(fontsize="x-small", ncols=2)
         return
-    gives = bending.sag if bending.sag.any() else bending.bearing_sag
-    axes.barh(np.arange(len(joints)), 1e3 * gives, color=palette.HELD_OUT)
+    given, label = bending.bearing_sag, "gives way [mrad/m of the arm's weight]"
+    if bending.sag.any():
+        given = bending.sag
+    elif bending.backlash.any():
+        given, label = bending.backlash, "half width of the backlash [mrad]"
+    axes.barh(np.arange(len(joints)), 1e3 * given, color=palette.HELD_OUT)
     axes.set_yticks(np.arange(len(joints)), joints)
     axes.invert_yaxis()
     axes.axvline(0.0, color="0.5", linewidth=0.8)
-    axes.set_xlabel("gives way [mrad/m of the arm's weight]")
+    axes.set_xlabel(label)

@@ -44,20 +44,16 @@ def _joints(bending: Mapping[str, Any]) -> Table | None:
     effects = [effect for effect in bending["effects"] if effect in bending["joints_mrad"]]
     if not effects:
         return None
-    joints = list(next(iter(bending["joints_mrad"].values())))
+    hand, turns = bending["hand_mm"], bending["joints_mrad"]
     rows = [
-        (
-            WORDS[effect],
-            (
-                number_cell(bending["hand_mm"][effect]["mean"], 3),
-                number_cell(bending["hand_mm"][effect]["max"], 3),
-                *(number_cell(bending["joints_mrad"][effect][joint], 2) for joint in joints),
-            ),
-        )
-        for effect in effects
+        (f"hand, {words} [mm]", tuple(number_cell(hand[effect][key], 3) for effect in effects))
+        for words, key in (("mean", "mean"), ("most", "max"))
     ]
-    turned = (f"{joint} [mrad]" for joint in joints)
-    return Table(("effect", "hand, mean [mm]", "hand, most [mm]", *turned), tuple(rows))
+    rows += [
+        (f"{joint} [mrad]", tuple(number_cell(turns[effect][joint], 2) for effect in effects))
+        for joint in turns[effects[0]]
+    ]
+    return Table(("what moves", *(WORDS[effect] for effect in effects)), tuple(rows))
 
 
 def _ladder(bending: Mapping[str, Any]) -> Table:
