@@ -49,7 +49,18 @@ class SaggingArm:
     """Links with their masses, all frames those of the world at zero."""
 
     @classmethod
-    def drawn(cls, rng, *, sag=1.0, bearing=0.0, ripple=0.0, gear=0.0, backlash=0.0, markers=1):
+    def drawn(
+        cls,
+        rng,
+        *,
+        sag=1.0,
+        bearing=0.0,
+        ripple=0.0,
+        gear=0.0,
+        backlash=0.0,
+        markers=1,
+        mounted=None,
+    ):
         """An arm of six joints with links, masses and weaknesses of its own."""
         n = len(AXES)
         directions = AXES + 0.02 * rng.normal(size=(n, 3))
@@ -75,6 +86,9 @@ class SaggingArm:
         waves = ripple * rng.normal(size=(n, 2, 2)) * np.radians([[0.03], [0.015]])
         gears = 1.0 + 2e-3 * gear * rng.normal(size=n)
         gaps = np.radians(backlash) * (rng.uniform(0.7, 1.3, n) if backlash else np.zeros(n))
+        if mounted is not None:
+            directions, points, hands = (v @ mounted.T for v in (directions, points, hands))
+            masses = tuple(tuple((mass, mounted @ p) for mass, p in own) for own in masses)
         plant = _plant(directions, points, masses)
         return cls(directions, points, hands, masses, give, tilt, waves, gears, gaps, plant)
 

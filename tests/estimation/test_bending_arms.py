@@ -11,6 +11,7 @@ from nico_selfmodel.estimation.bending import ladder as ladder_module
 from nico_selfmodel.estimation.bending.implausible import LIFTS
 from nico_selfmodel.estimation.judging import judge, result_of, to_json
 from nico_selfmodel.estimation.monitoring.health import check_health
+from nico_selfmodel.geometry.rotation import rotation_about
 from nico_selfmodel.planning.next_poses import choose_next_poses
 
 from .random_arms import random_recording
@@ -193,3 +194,16 @@ def test_an_effect_that_was_asked_for_by_name_says_why_it_went(poses, words):
     _, train, _, _ = arm_and_data(0, poses, sag=0.0)
     found = calibrate_kinematics(train, explain=False, effects=("ripple",))
     assert any(words in warning for warning in judge(found).warnings)
+
+
+@pytest.mark.parametrize("axis", [0, 1])
+def test_the_vertical_of_an_arm_on_a_wall_is_found_in_a_tracker_of_any_axes(axis):
+    rng = np.random.default_rng((2, 97))
+    wall = rotation_about([0.6, 0.8, 0.0], 0.5 * np.pi)
+    tracker = rotation_about(np.eye(3)[axis], -0.5 * np.pi)
+    arm = SaggingArm.drawn(rng, mounted=wall)
+    train, _ = arm.recorded(rng, 40)
+    turned = train.p_WH_measured @ tracker.T
+    learned = calibrate_kinematics(replace(train, p_WH_measured=turned), explain=False)
+    assert learned.ladder.kept == ("sag",)
+    assert learned.model.bending.up == pytest.approx(tracker[:, 2])

@@ -47,8 +47,13 @@ def mean_by_pose(errors: NDArray, pose: NDArray) -> NDArray:
 
 
 def verticals(parameters: DhParameters) -> tuple[tuple[NDArray, bool], ...]:
-    """Return what may be the vertical, its sense not certain: the first axis, and W's z."""
+    """Return what may be the vertical, its sense not certain.
+
+    The first axis, and where that is not z the axes of W: z, then those of trackers with y or x up.
+    """
     first = parameters.table.X_W0[:3, 2]
-    z = np.array([0.0, 0.0, 1.0])
-    first = first * (1.0 if first @ z >= 0.0 else -1.0)
-    return ((first, False),) if first @ z > _APART else ((first, False), (z, False))
+    x, y, z = np.eye(3)
+    found = [first * (1.0 if first @ z >= 0.0 else -1.0)]
+    if found[0] @ z <= _APART:
+        found += [axis for axis in (z, y, x) if abs(first @ axis) <= _APART]
+    return tuple((up, False) for up in found)

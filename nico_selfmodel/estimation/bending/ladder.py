@@ -127,7 +127,8 @@ def climb(
         solved: The rigid arm.
         effects: What is asked for; of an empty one everything is, and the arm stays rigid all the
             same. Nothing if None.
-        up: Unit vertical in W; where it is not known the first axis and z are tried. Shape (3,).
+        up: Unit vertical in W, shape (3,); where it is not known the first axis and those of W are
+            tried.
         held: Parameters that the user holds.
         trim: Look for outliers again at the end.
         seed: Of the poses that are asked where there are many.
