@@ -12,14 +12,16 @@ from nico_selfmodel.model.self_model import SelfModel
 from nico_selfmodel.plant import ArmDescription
 
 
-def first_guess(arm: ArmDescription, rig: StereoRig, joints: Sequence[JointInfo]) -> SelfModel:
+def first_guess(
+    arm: ArmDescription, rig: StereoRig | None, joints: Sequence[JointInfo]
+) -> SelfModel:
     """Return arm and cameras as described, with gears and zeros that follow from the joints' stops.
 
     Stops lie only near the description's limits.
 
     Args:
         arm: The arm as described.
-        rig: The cameras as described, in the frame of the arm's base.
+        rig: The cameras as described, in the frame of the arm's base; None where there are none.
         joints: The robot's joints, with stops.
 
     Returns:
@@ -42,6 +44,6 @@ def first_guess(arm: ArmDescription, rig: StereoRig, joints: Sequence[JointInfo]
         counts_per_turn=np.array([joint.counts_per_turn or np.nan for joint in joints]),
         sign=np.array([float(joint.sign) for joint in joints]),
     )
-    cameras = {"left": rig.left, "right": rig.right}
+    cameras = {} if rig is None else {"left": rig.left, "right": rig.right}
     table = DhTable.from_chain(arm.chain)
     return SelfModel("first guess", table, servos, robot=arm.source, cameras=cameras)

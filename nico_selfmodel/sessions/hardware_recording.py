@@ -10,10 +10,12 @@ from nico_selfmodel.dataset.dataset import Dataset
 from nico_selfmodel.dataset.joint_info import JointInfo
 from nico_selfmodel.errors import DataError
 from nico_selfmodel.model.readings import readings_from_table
+from nico_selfmodel.planning.first_guess import first_guess
 from nico_selfmodel.planning.plans import HOME, Plan, given_commands
 from nico_selfmodel.planning.sweep_protocol import SweepProtocol
 from nico_selfmodel.planning.visible_workspace import VisibleWorkspace
 from nico_selfmodel.plant import ArmDescription
+from nico_selfmodel.plant.collisions import CollisionShapes
 from nico_selfmodel.plant.robots import ROBOTS
 from nico_selfmodel.recording.session import Progress, record
 from nico_selfmodel.sessions.camera_scenario import MARKERS
@@ -49,6 +51,7 @@ class RealRecording:
         free: int,
         rng: np.random.Generator,
         table: str | None = None,
+        arm: ArmDescription | None = None,
     ) -> "RealRecording":
         """Plan poses in which the described arm touches neither its body nor itself.
 
@@ -59,13 +62,18 @@ class RealRecording:
             free: Random poses.
             rng: Source of the random poses.
             table: Poses to visit instead of random ones: CSV text, a column a joint [counts].
+            arm: The arm, its limits those of the servos; of Nico's the one that they drive.
 
         Raises:
             DataError: If the servos do not drive all joints of the arm, or the table is not one.
-            ValueError: If a given pose lies beyond a stop, or touches the body.
+            ValueError: If a given pose lies beyond a stop, or touches the body, or cameras are to
+                watch another arm than Nico's.
         """
         by_camera = sensor in MARKERS
-        arm = looking_arm(MARKERS[sensor]) if by_camera else _arm_of(servos)
+        if arm is not None and by_camera:
+            raise ValueError("cameras watch Nico's arm: with --robot give --sensor motion-capture")
+        if arm is None:
+            arm = looking_arm(MARKERS[sensor]) if by_camera else _arm_of(servos)
         joints = _joints_of(arm, servos)
         planned = _by_cameras if by_camera else _by_motion_capture
         plan = planned(arm, joints, circle, free if table is None else 0, rng)
@@ -171,6 +179,8 @@ def _by_motion_capture(
 
 def _touching(arm: ArmDescription, joints: tuple[JointInfo, ...], plan: Plan) -> list[bool]:
     """Return at which poses the arm touches its body or itself, by its description."""
-    workspace = VisibleWorkspace.of(arm)
-    q = workspace.first_guess(joints).servos.to_joint(np.array([command for _, command in plan]))
-    return [bool(workspace.body.collides(angles)) for angles in q]
+    if not plan:
+        return []
+    servos, body = first_guess(arm, None, joints).servos, CollisionShapes(arm)
+    q = servos.to_joint(np.array([command for _, command in plan]))
+    return [bool(body.collides(angles)) for angles in q]

@@ -13,6 +13,7 @@ from nico_selfmodel.cli.servo.opening import ask, speed_of
 if TYPE_CHECKING:
     from nico_selfmodel.cli.record.request import Request
     from nico_selfmodel.dataset.dataset import Dataset
+    from nico_selfmodel.plant import ArmDescription
     from nico_selfmodel.servos import ServoConfig
     from nico_selfmodel.sessions.hardware_recording import RealRecording
     from nico_selfmodel.systems.hardware.camera_driver import CameraDriver
@@ -41,6 +42,8 @@ class Hardware:
     speed_deg_s: float | None
     trust_zero: bool
     yes: bool
+    chain: tuple[str | None, str | None, str | None, str | None, tuple[str, ...]]
+    """`--robot`, `--arm`, `--base`, `--tip` and `--hold`."""
 
     def is_meant(self, imperfections: str, sensor: str) -> bool:
         """Return whether a real robot is to be recorded.
@@ -49,9 +52,14 @@ class Hardware:
             ValueError: If options contradict each other.
         """
         others = (self.config, self.baud, self.left_camera, self.right_camera)
-        others += (self.motion_capture, self.speed_deg_s)
+        others += (self.motion_capture, self.speed_deg_s, *self.chain[:4])
         if self.port is None:
-            if any(value is not None for value in others) or self.trust_zero or self.yes:
+            if (
+                any(value is not None for value in others)
+                or self.chain[4]
+                or self.trust_zero
+                or self.yes
+            ):
                 raise ValueError("options of a real robot need --port, its serial port")
             return False
         if imperfections != "thesis":
@@ -80,8 +88,9 @@ def record_hardware(request: "Request", hardware: Hardware) -> "Dataset":
     rng = np.random.default_rng((request.seed, request.session, 2))
     table = None if request.poses is None else read_text(request.poses, LARGEST_TABLE)
     planned = RealRecording.planned(
-        request.sensor, config.joint_infos, request.circle, request.random, rng, table
-    )
+        request.sensor, config.joint_infos, request.circle, request.random, rng, table,
+        _arm(hardware, config),
+    )  # fmt: skip
     servos = _servos(hardware, config)
     motion_capture = _motion_capture(request.sensor, hardware)
     try:
@@ -104,6 +113,27 @@ def _configuration(hardware: Hardware) -> "ServoConfig":
         raise ValueError("--port needs --config, the servo configuration of this robot")
     config = load_servo_config(hardware.config)
     return config if hardware.baud is None else replace(config, baud=hardware.baud)
+
+
+def _arm(hardware: Hardware, config: "ServoConfig") -> "ArmDescription | None":
+    """Return the arm that was named, its limits those of its servos; None where none was."""
+    import numpy as np
+
+    robot, arm, base, tip, hold = hardware.chain
+    if robot is None:
+        if any((arm, base, tip, hold)):
+            raise ValueError("--arm, --base, --tip and --hold need --robot")
+        return None
+    described = inputs.chosen_arm(robot, arm, base, tip, list(hold), None)
+    servos = {joint.name: joint for joint in config.joints}
+    missing = [name for name in described.joints if name not in servos]
+    if missing:
+        raise ValueError(
+            f"the servo configuration has no {', '.join(missing)}: the arm of {robot} has the "
+            f"joints {', '.join(described.joints)}"
+        )
+    limits = np.array([[servos[name].lower, servos[name].upper] for name in described.joints])
+    return replace(described, lower=limits[:, 0], upper=limits[:, 1])
 
 
 def _servos(hardware: Hardware, config: "ServoConfig") -> "ServoDriver":
@@ -207,8 +237,9 @@ def _record(
 ) -> "Dataset":
     from nico_selfmodel.errors import RobotError
 
+    who = Path(planned.arm.robot).stem
     source = (
-        f"nico, servos {servos!r}, {planned.sensor}, poses {request.seed}, session "
+        f"{who}, servos {servos!r}, {planned.sensor}, poses {request.seed}, session "
         f"{request.session}"
     )
     try:

@@ -64,12 +64,18 @@ def record(
             "--motion-capture", metavar="HOST:PORT", help="Where real motion capture sends frames."
         ),
     ] = None,
+    robot: options.Robot = None,
+    arm: options.Arm = None,
+    base: options.Base = None,
+    tip: options.Tip = None,
+    hold: options.Hold = None,
     speed: options.Speed = None,
     trust_zero: options.TrustZero = False,
     yes: options.Yes = False,
 ) -> None:
-    """Move a simulated Nico, or a real one (--port), and record what is seen.
+    """Move a simulated Nico, or a real robot (--port), and record what is seen.
 
+    Motion capture watches any arm (--robot, of a URDF with --base and --tip), cameras Nico's.
     An interrupted recording goes on.
     """
     from nico_selfmodel.files.whole import refuse_existing
@@ -81,7 +87,8 @@ def record(
         *(out, sensor, seed, session, circle, random_poses, poses, mirror, cameras, images)
     )
     hardware = Hardware(
-        *(port, config, baud, left_camera, right_camera, motion_capture, speed, trust_zero, yes)
+        *(port, config, baud, left_camera, right_camera, motion_capture, speed, trust_zero, yes),
+        (robot, arm, base, tip, tuple(hold or ())),
     )
     real = hardware.is_meant(imperfections, sensor)
     request.check_mirrors(real=real)
