@@ -6,14 +6,17 @@ from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
 
 from pydrake.geometry import Meshcat
 
+from nico_selfmodel.viz.scene.night import NIGHT_SCRIPT
 from nico_selfmodel.viz.scene.surroundings import ASPECT
 
 PANEL_PX, NARROW_PX = 350, 700
-"""Width of the sliders; below which width of the window they stand over the picture [px]."""
+"""Width of the sliders; below which width of the window they stand under the picture [px]."""
+SHARE_VH = 45
+"""Height of the sliders under the picture, at most [% of the window]."""
 _ADDRESS = "url = location.toString();"
 _LOOK = f"""
 <style>
-  html {{ background: #1a1a1a; }}
+  html {{ background: #1a1a1a; color-scheme: light dark; }}
   #meshcat-pane {{ width: calc(100vw - {PANEL_PX}px) !important; }}
   .dg.main {{ font-size: 12px; }}
   .dg .property-name {{ width: 52% !important; text-overflow: ellipsis; }}
@@ -21,23 +24,32 @@ _LOOK = f"""
   .dg .c .slider {{ width: 55% !important; }}
   .dg .c input[type=text] {{ width: 40% !important; }}
   @media (max-width: {NARROW_PX}px) {{
-    #meshcat-pane {{ width: 100vw !important; margin-top: var(--panel);
-      height: calc(100vh - var(--panel)) !important; }}
+    #meshcat-pane {{ width: 100vw !important; height: calc(100vh - var(--panel)) !important; }}
+    .dg.main {{ position: fixed !important; top: auto !important; bottom: 0;
+      max-height: {SHARE_VH}vh; overflow-y: auto; }}
     .dg.main, .dg.main .close-button {{ width: 100vw !important; margin: 0 !important; }}
   }}
 </style>
 <script>
+  {NIGHT_SCRIPT}
   viewer.gui.width = {PANEL_PX};
   viewer.gui.open();
   for (const folder of Object.values(viewer.gui.__folders)) folder.close();
   const pane = document.getElementById("meshcat-pane");
+  let fitted = "";
   function fit() {{
-    const high = viewer.gui.domElement.offsetHeight;
+    const high = Math.min(viewer.gui.domElement.offsetHeight, {SHARE_VH / 100} * innerHeight);
     document.documentElement.style.setProperty("--panel", `${{high}}px`);
-    viewer.camera.zoom = Math.min(1, pane.offsetWidth / pane.offsetHeight / {ASPECT});
+    const zoom = Math.min(1, pane.offsetWidth / pane.offsetHeight / {ASPECT});
+    const found = [high, pane.offsetWidth, pane.offsetHeight, zoom].join();
+    if (found === fitted && viewer.camera.zoom === zoom) return;
+    fitted = found;
+    viewer.camera.zoom = zoom;
     viewer.set_3d_pane_size();
+    viewer.camera.updateProjectionMatrix();
   }}
-  [0, 500, 1500, 4000].forEach(wait => setTimeout(fit, wait));
+  // Sliders and camera come with the scene, whenever that is.
+  setInterval(() => {{ fit(); paint(); }}, 500);
   addEventListener("resize", () => setTimeout(fit, 50));
 </script>
 """

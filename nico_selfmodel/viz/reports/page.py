@@ -13,6 +13,7 @@ from nico_selfmodel.viz.live.drake_backend import static_html
 from nico_selfmodel.viz.reports import parts
 from nico_selfmodel.viz.reports.camera_gallery import Gallery
 from nico_selfmodel.viz.reports.residual_rows import RESIDUALS_FILE
+from nico_selfmodel.viz.scene.night import NIGHT_SCRIPT
 from nico_selfmodel.viz.scene.scene import SCENE_FILE, Scene
 
 REPORT_FILE = "report.html"
@@ -27,15 +28,12 @@ _MEANING = {
     "NOT_EVALUATED": "No check failed, but too little was held out to test the model on.",
 }
 
-_DARK_SCENE = """
-const dark = matchMedia("(prefers-color-scheme: dark)");
-function paint() {
-  const colors = dark.matches ? [[0.13, 0.16, 0.20], [0.20, 0.24, 0.29]] : null;
-  if (colors) ["top_color", "bottom_color"].forEach(
-    (key, i) => viewer.set_property(["Background"], key, colors[i]));
-}
+_DARK_SCENE = (
+    NIGHT_SCRIPT
+    + """
 fetch("data:,").then(found => found.arrayBuffer()).then(() => setTimeout(paint));
 """
+)
 """After what Drake's page draws, in the same queue, the background is the night's."""
 _UNPACK = """
 const bytes = Uint8Array.from(atob("PACKED"), letter => letter.charCodeAt(0));
