@@ -66,10 +66,19 @@ def train_and_test(
 
 
 def cameras_of(path: Path | None) -> "StereoRig | None":
-    """Load calibrated cameras, where they were named."""
+    """Load calibrated cameras, where they were named.
+
+    Raises:
+        ModelError: If their lenses are no polynomials.
+    """
+    from nico_selfmodel.model.cameras.camera import require_polynomial
     from nico_selfmodel.model.self_model_file import load_model
 
-    return None if path is None else load_model(path).rig
+    if path is None:
+        return None
+    rig = load_model(path).rig
+    require_polynomial(rig.cameras, "learning a body")
+    return rig
 
 
 def poses_of(path: Path | None, joints: tuple[str, ...]) -> "NDArray | None":

@@ -112,6 +112,14 @@ Prior = Annotated[
 Tangential = Annotated[
     bool, typer.Option("--tangential", help="Estimate tangential distortion p1, p2.")
 ]
+Lens = Annotated[
+    str,
+    typer.Option(
+        "--lens",
+        help="What bends light: polynomial (k1 to k3), rational (k1 to k6), fisheye, or auto: what "
+        "boards that were left out gain from.",
+    ),
+]
 FixedAspect = Annotated[bool, typer.Option("--fixed-aspect", help="Hold fx and fy equal.")]
 Effects = Annotated[
     str,

@@ -20,6 +20,7 @@ from nico_selfmodel.model.arm.servo_map import ServoMap
 from nico_selfmodel.model.cameras.camera import Camera
 from nico_selfmodel.model.cameras.mirror import Mirror
 from nico_selfmodel.model.cameras.mirror_rig import MirrorRig
+from nico_selfmodel.model.cameras.projection import POLYNOMIAL
 from nico_selfmodel.model.cameras.stereo_rig import SIDES, StereoRig
 from nico_selfmodel.model.noise_mixture import NoiseMixture, mixtures_of
 from nico_selfmodel.names import check_name, listed
@@ -202,7 +203,8 @@ class SelfModel:
         arm = self.parameters.names if self.has_arm else ()
         sides = tuple(side for side in SIDES if side in self.cameras)
         mirrors = tuple(name for mirror in self.mirrors for name in Mirror.names_of(mirror))
-        return (*arm, *StereoRig.names_of(sides), *mirrors)
+        lens = self.cameras[sides[0]].lens if sides else POLYNOMIAL
+        return (*arm, *StereoRig.names_of(sides, lens), *mirrors)
 
     @cached_property
     def chain(self) -> Chain:

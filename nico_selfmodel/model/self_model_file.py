@@ -14,8 +14,9 @@ from nico_selfmodel.model import kept_values
 from nico_selfmodel.model.arm.bending import Bending
 from nico_selfmodel.model.arm.dh_table import DhTable
 from nico_selfmodel.model.arm.servo_map import ServoMap
-from nico_selfmodel.model.cameras.camera import INTRINSICS, Camera
+from nico_selfmodel.model.cameras.camera import Camera
 from nico_selfmodel.model.cameras.mirror import Mirror
+from nico_selfmodel.model.cameras.projection import POLYNOMIAL, intrinsics_of
 from nico_selfmodel.model.document_values import (
     LARGEST_SIGMA_M,
     LARGEST_SIGMA_PX,
@@ -155,7 +156,8 @@ def _bending_document(bending: Bending) -> dict[str, Any]:
 
 def _camera_document(camera: Camera) -> dict[str, Any]:
     size = list(camera.image_size)
-    return {"image_size": size, **camera.named_values, "X_WC": camera.X_WC.tolist()}
+    kind = {} if camera.lens == POLYNOMIAL else {"lens": camera.lens}
+    return {"image_size": size, **kind, **camera.named_values, "X_WC": camera.X_WC.tolist()}
 
 
 def _mirror_document(mirror: Mirror) -> dict[str, Any]:
@@ -253,9 +255,10 @@ def _camera(entry: Mapping[str, Any], side: str) -> Camera:
     if numbers(size, f"image_size of {side}", LARGEST_SIDE).shape != (2,):
         raise ValueError(f"image_size of {side} must be two numbers, got {shown(size)}")
     width, height = size
-    values = numbers([entry[name] for name in INTRINSICS], f"intrinsics of {side}")
+    lens = str(entry.get("lens", POLYNOMIAL))
+    values = numbers([entry[name] for name in intrinsics_of(lens)], f"intrinsics of {side}")
     pose = numbers(entry["X_WC"], f"X_WC of {side}")
-    camera = Camera.from_values(values, (width, height), pose)
+    camera = Camera.from_values(values, (width, height), pose, lens)
     _check_rigid(camera.X_WC, "a camera's X_WC")
     return camera
 

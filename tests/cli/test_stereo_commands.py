@@ -10,6 +10,8 @@ import pytest
 
 from nico_selfmodel.model.self_model_file import load_model
 
+from .one_line import assert_one_clear_line
+
 _SPEC = importlib.util.spec_from_file_location(
     "drawn_boards", Path(__file__).parents[1] / "drawn_boards.py"
 )
@@ -179,13 +181,44 @@ def fisheye_photographs(tmp_path_factory):
 
 
 @pytest.mark.parametrize("pins", [(), ("--fix", "k3=0")])
-def test_photographs_of_a_fisheye_do_not_pass(fisheye_photographs, tmp_path, command, pins):
+def test_photographs_of_a_fisheye_do_not_pass_as_a_polynomial(
+    fisheye_photographs, tmp_path, command, pins
+):
     out = tmp_path / "camera"
     words = ("--board", "7x5", "--square-mm", 30, "--window", 4, "--test-fraction", 0.25)
+    words = (*words, "--lens", "polynomial")
     done = command("calibrate", "camera", fisheye_photographs, *words, *pins, "--out", out)
     assert done.returncode == 1, done.stdout + done.stderr
     reasons = json.loads((out / "result.json").read_text())["reasons"]
     assert "bends light as its model does not" in reasons[0]
+
+
+def test_photographs_of_a_fisheye_choose_the_fisheye(fisheye_photographs, tmp_path, command):
+    out = tmp_path / "camera"
+    words = ("--board", "7x5", "--square-mm", 30, "--window", 4, "--test-fraction", 0.25)
+    done = command("calibrate", "camera", fisheye_photographs, *words, "--out", out)
+    assert done.returncode == 0, done.stdout + done.stderr
+    document = json.loads((out / "result.json").read_text())
+    assert document["lens"]["kind"] == "fisheye"
+    assert {trial["lens"] for trial in document["lens"]["tried"]} >= {"polynomial", "fisheye"}
+    camera = load_model(out).cameras["left"]
+    assert camera.lens == "fisheye"
+    assert camera.fx == pytest.approx(125.0, rel=0.04)
+    assert "The lens: fisheye" in (out / "report.html").read_text()
+    other = command("calibrate", "body", out, "--model", out, "--out", tmp_path / "body")
+    assert other.returncode == 2
+    unknown = command(
+        "calibrate",
+        "camera",
+        fisheye_photographs,
+        *words,
+        "--lens",
+        "round",
+        "--out",
+        out,
+        "--force",
+    )
+    assert_one_clear_line(unknown, "no lens 'round'; there are auto, polynomial, rational, fisheye")
 
 
 def test_pairs_that_were_not_taken_together_are_refused_by_their_epipolar_error(

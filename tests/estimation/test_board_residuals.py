@@ -5,7 +5,7 @@ import pytest
 
 from nico_selfmodel.estimation.cameras.board_residuals import BoardResiduals
 from nico_selfmodel.geometry.rotation import rotation_from_vector
-from nico_selfmodel.model.cameras.camera import INTRINSICS
+from nico_selfmodel.model.cameras.projection import INTRINSICS
 
 from .simulated_boards import LEFT, P_GQ, RIG, RIGHT, boards, pictures, unseen
 

@@ -11,7 +11,8 @@ from hypothesis import strategies as st
 from nico_selfmodel.errors import ModelError
 from nico_selfmodel.geometry.rotation import rotation_from_vector, rotation_vector_of
 from nico_selfmodel.geometry.transform import apply, transform
-from nico_selfmodel.model.cameras.camera import INTRINSIC_UNITS, INTRINSICS, Camera
+from nico_selfmodel.model.cameras.camera import Camera
+from nico_selfmodel.model.cameras.projection import INTRINSIC_UNITS, INTRINSICS
 
 SIZE = (640, 480)
 SEED = st.integers(0, 2**32 - 1)

@@ -13,9 +13,10 @@ from nico_selfmodel.geometry.plane import Plane
 from nico_selfmodel.geometry.reflection import reflect, reflection, reflection_slopes
 from nico_selfmodel.geometry.rotation import rotation_from_vector
 from nico_selfmodel.geometry.transform import apply, inverse, transform
-from nico_selfmodel.model.cameras.camera import Camera, project_in_camera
+from nico_selfmodel.model.cameras.camera import Camera
 from nico_selfmodel.model.cameras.mirror import Mirror, mirror_camera
 from nico_selfmodel.model.cameras.mirror_rig import MirrorRig, reflected_projection
+from nico_selfmodel.model.cameras.projection import project_in_camera
 from nico_selfmodel.model.cameras.stereo_rig import StereoRig
 from nico_selfmodel.model.self_model import SelfModel
 from nico_selfmodel.model.self_model_file import load_model, save_model

@@ -17,6 +17,7 @@ def camera(
         str, typer.Option("--camera", help="left or right: how the names of its images begin.")
     ] = "left",
     window: options.Window = 11,
+    lens: options.Lens = "auto",
     fix: options.Fix = None,
     free: options.Free = None,
     prior: options.Prior = None,
@@ -43,9 +44,9 @@ def camera(
         raise ValueError(f"--camera must be left or right, got {camera!r}")
     refuse_folder(out, force=force, inputs=[images])
     task = CameraTask(
-        lens_options(fix, free, prior, tangential, fixed_aspect, loss),
+        lens_options(fix, free, prior, tangential, fixed_aspect, loss, lens),
         *(test_fraction, seed, name or inputs.name_after(images), require_test_px, out),
-        *(no_report, force),
+        *(no_report, force, lens),
     )
     with printer.progress_bar() as progress:
         listed = camera_images(images, camera)

@@ -21,6 +21,7 @@ def stereo(
     square_mm: options.SquareMm,
     out: options.Out,
     window: options.Window = 11,
+    lens: options.Lens = "auto",
     fix: options.Fix = None,
     free: options.Free = None,
     prior: options.Prior = None,
@@ -45,9 +46,9 @@ def stereo(
 
     refuse_folder(out, force=force, inputs=[images])
     task = CameraTask(
-        lens_options(fix, free, prior, tangential, fixed_aspect, loss),
+        lens_options(fix, free, prior, tangential, fixed_aspect, loss, lens),
         *(test_fraction, seed, name or inputs.name_after(images), require_test_px, out),
-        *(no_report, force),
+        *(no_report, force, lens),
     )
     with printer.progress_bar() as progress:
         pairs = stereo_pairs(images)
@@ -65,6 +66,7 @@ def lens_options(
     tangential: bool,
     fixed_aspect: bool,
     loss: str,
+    lens: str,
 ) -> "CameraOptions":
     """Return what is estimated of a lens.
 
@@ -72,7 +74,10 @@ def lens_options(
         ValueError: If a word is not valid.
     """
     from nico_selfmodel.estimation.cameras.camera_options import CameraOptions
+    from nico_selfmodel.model.cameras.projection import LENSES, POLYNOMIAL
 
+    if lens not in ("auto", *LENSES):
+        raise ValueError(f"no lens {lens!r}; there are auto, {', '.join(LENSES)}")
     return CameraOptions.from_text(
         fix or (),
         free or (),
@@ -80,6 +85,7 @@ def lens_options(
         tangential=tangential,
         aspect=1.0 if fixed_aspect else None,
         loss=loss,
+        lens=POLYNOMIAL if lens == "auto" else lens,
     )
 
 
@@ -95,10 +101,12 @@ class CameraTask:
     out: Path
     no_report: bool
     force: bool
+    lens: str
 
     def run(self, found: "BoardDetections", progress: Progress) -> dict[str, Any]:
         """Calibrate, judge and write the result folder; return its document."""
         from nico_selfmodel.estimation.cameras.camera_assessment import CameraAssessment
+        from nico_selfmodel.estimation.cameras.lens_choice import lens_of
         from nico_selfmodel.estimation.cameras.stereo import calibrate_cameras
         from nico_selfmodel.estimation.judging import judge, to_json
 
@@ -106,11 +114,13 @@ class CameraTask:
         if self.test_fraction is not None:
             train, test = found.seen_views.split(self.test_fraction, self.seed)
         progress("learning the cameras", 0, 2)
-        calibration = calibrate_cameras(train, self.options)
+        choice = lens_of(train, self.options, self.lens)
+        calibration = calibrate_cameras(train, choice.options)
         progress("learning the cameras", 1, 2)
-        assessment = CameraAssessment.from_calibration(calibration, self.options, test)
+        assessment = CameraAssessment.from_calibration(calibration, choice.options, test)
         verdict = judge(assessment, require_test_px=self.require_test_px)
         document = stamped(to_json(assessment, verdict)) | {"detection": found.document}
+        document["lens"] = choice.as_plain()
         progress("learning the cameras", 2, 2)
         progress("writing the result", 0, 1)
         model = calibration.self_model(self.name, found.provenance)

@@ -12,7 +12,8 @@ from nico_selfmodel.errors import DataError
 from nico_selfmodel.files.yaml_mapping import check_keys, number_value, text_value
 from nico_selfmodel.geometry.rotation import rotation_from_vector, rotation_vector_of
 from nico_selfmodel.geometry.transform import transform
-from nico_selfmodel.model.cameras.camera import INTRINSICS, Camera
+from nico_selfmodel.model.cameras.camera import Camera
+from nico_selfmodel.model.cameras.projection import INTRINSICS
 from nico_selfmodel.names import check_name, shown
 
 POINTS, POSES, CAMERA, DISTANCE = "points", "poses", "camera", "distance"

@@ -13,7 +13,7 @@ from nico_selfmodel.estimation.results.calibration_result import (
     Finding,
     findings,
 )
-from nico_selfmodel.model.cameras.camera import DISTORTION, INTRINSICS
+from nico_selfmodel.model.cameras.projection import DISTORTION, INTRINSICS
 from nico_selfmodel.model.cameras.stereo_rig import SIDES
 
 _LARGEST_JOINT_NOISE = np.radians(5.0)

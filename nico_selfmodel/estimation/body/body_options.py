@@ -4,7 +4,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 
 from nico_selfmodel.estimation.cameras.camera_options import HELD_BY_DEFAULT, by_full_name
-from nico_selfmodel.model.cameras.camera import INTRINSICS
+from nico_selfmodel.model.cameras.projection import INTRINSICS
 from nico_selfmodel.model.cameras.stereo_rig import SIDES, StereoRig
 from nico_selfmodel.optimization.robust_solve import ROBUST_METHODS
 

@@ -22,6 +22,7 @@ from nico_selfmodel.estimation.observations.pixel_evaluation import (
     evaluate_pixels,
 )
 from nico_selfmodel.estimation.results.calibration_result import CalibrationResult
+from nico_selfmodel.model.cameras.camera import require_polynomial
 from nico_selfmodel.model.cameras.stereo_rig import StereoRig
 from nico_selfmodel.model.self_model import ParameterCovariance, SelfModel
 from nico_selfmodel.optimization.uncertainty import Uncertainty
@@ -60,6 +61,7 @@ class StereoPoints:
             DataError: If too few poses were seen by both cameras.
             ModelError: If the model has not both cameras.
         """
+        require_polynomial(cameras.cameras.values(), "learning an arm")
         seeing = in_left_camera(cameras)
         seen = {"train": train} | ({} if test is None else {"test": test})
         points = {"train": reconstructed(train, seeing, pinned)}

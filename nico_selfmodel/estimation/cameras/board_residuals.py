@@ -14,7 +14,8 @@ from nico_selfmodel.geometry.rotation import (
     rotation_vector_slope,
 )
 from nico_selfmodel.geometry.transform import transform
-from nico_selfmodel.model.cameras.camera import INTRINSICS, Camera, project_in_camera
+from nico_selfmodel.model.cameras.camera import Camera
+from nico_selfmodel.model.cameras.projection import POLYNOMIAL, intrinsics_of, project_in_camera
 from nico_selfmodel.model.cameras.stereo_rig import POSE_NAMES
 from nico_selfmodel.optimization.separable_block import Parts, SeparableBlock
 
@@ -25,7 +26,12 @@ class BoardResiduals(SeparableBlock):
     own = 6
 
     def __init__(
-        self, views: BoardViews, X_LG: NDArray, sigma: float, aspect: float | None = None
+        self,
+        views: BoardViews,
+        X_LG: NDArray,
+        sigma: float,
+        aspect: float | None = None,
+        lens: str = POLYNOMIAL,
     ) -> None:
         """Take the data.
 
@@ -34,16 +40,18 @@ class BoardResiduals(SeparableBlock):
             X_LG: Poses of the boards about which they are parameterised. Shape (V, 4, 4).
             sigma: Standard deviation of a pixel coordinate [px].
             aspect: Hold fy / fx at this ratio; `fy` is no variable then.
+            lens: Of all cameras.
         """
-        self.views, self.sigma, self.aspect = views, sigma, aspect
+        self.views, self.sigma, self.aspect, self.lens = views, sigma, aspect, lens
         self.rotations = np.array(X_LG)[:, :3, :3]
-        inside = [n for n in INTRINSICS if aspect is None or n != "fy"]
+        own = intrinsics_of(lens)
+        inside = [n for n in own if aspect is None or n != "fy"]
         self.shared_names = tuple(f"{camera}.{n}" for camera in views.cameras for n in inside)
         if len(views.cameras) == 2:
             self.shared_names += tuple(f"right.pose.{n}" for n in POSE_NAMES)
         boards = tuple(f"board.{view}.{n}" for view in views.names for n in POSE_NAMES)
         self.names = self.shared_names + boards
-        self._spread = np.eye(len(INTRINSICS))
+        self._spread = np.eye(len(own))
         if aspect is not None:
             self._spread[1, 0] = aspect
             self._spread = np.delete(self._spread, 1, axis=1)
@@ -61,7 +69,7 @@ class BoardResiduals(SeparableBlock):
         """Return the cameras that the shared variables describe, the first one at the world."""
         poses = [np.eye(4), self._right_pose(x)] if len(self.views.cameras) == 2 else [np.eye(4)]
         return tuple(
-            Camera.from_values(self._values_of(x, e), self.views.image_size, pose)
+            Camera.from_values(self._values_of(x, e), self.views.image_size, pose, self.lens)
             for e, pose in enumerate(poses)
         )
 
@@ -72,7 +80,8 @@ class BoardResiduals(SeparableBlock):
 
     def start_of(self, cameras: tuple[Camera, ...], X_LG: NDArray) -> NDArray:
         """Return the variables of given cameras and boards; rotations are those given first."""
-        keep = [i for i, n in enumerate(INTRINSICS) if self.aspect is None or n != "fy"]
+        own = intrinsics_of(self.lens)
+        keep = [i for i, n in enumerate(own) if self.aspect is None or n != "fy"]
         shared = [camera.values[keep] for camera in cameras]
         if len(cameras) == 2:
             X_LR = cameras[0].X_CW @ cameras[1].X_WC
@@ -111,12 +120,12 @@ class BoardResiduals(SeparableBlock):
         """Return pixels (2, V, P), derivatives by p_LQ (3, 2, V, P) and by its own (s, 2, V, P)."""
         values = self._values_of(x, camera)
         if camera == 0:
-            pixels, by_point, by_values = project_in_camera(p_LQ, values)
+            pixels, by_point, by_values = project_in_camera(p_LQ, values, self.lens)
             by_point = by_point.swapaxes(0, 1)
         else:
             X_LR = self._right_pose(x)
             p_RQ = _turn(X_LR[:3, :3].T, p_LQ - X_LR[:3, 3, None, None])
-            pixels, by_point, by_values = project_in_camera(p_RQ, values)
+            pixels, by_point, by_values = project_in_camera(p_RQ, values, self.lens)
             by_point = _turn(X_LR[:3, :3], by_point.swapaxes(0, 1))
         by_values = by_values.swapaxes(0, 1)
         if self.aspect is not None:
@@ -139,7 +148,7 @@ class BoardResiduals(SeparableBlock):
         return slice(camera * width, (camera + 1) * width)
 
     def _values_of(self, x: NDArray, camera: int) -> NDArray:
-        """Return one camera's intrinsics. Shape (10,)."""
+        """Return one camera's intrinsics. Shape (c,)."""
         return self._spread @ x[self._columns_of(camera)]
 
     def _right_variables(self, x: NDArray) -> NDArray:

@@ -13,6 +13,7 @@ from nico_selfmodel.estimation.cameras.board_residuals import BoardResiduals
 from nico_selfmodel.estimation.cameras.camera_options import CameraOptions, by_full_name
 from nico_selfmodel.estimation.results.provenance import package_versions
 from nico_selfmodel.model.cameras.camera import Camera
+from nico_selfmodel.model.cameras.projection import RATIONAL
 from nico_selfmodel.model.cameras.stereo_rig import StereoRig
 from nico_selfmodel.model.self_model import ParameterCovariance, SelfModel
 from nico_selfmodel.optimization.calibration_program import CalibrationProgram
@@ -23,6 +24,10 @@ from nico_selfmodel.optimization.uncertainty import Uncertainty
 
 OUTLIER_RATIO = 10.0
 """A board whose rms is this many times the rest's is called an outlier."""
+_LOOSE = 100.0
+"""How much more uncertain than others a coefficient of a rational lens is before it counts."""
+_RATIONAL = 3.0
+"""Standard deviation of k4, k5, k6 about 0, in units of what they do at the image's corner."""
 SUSPICIOUS = 3.0
 """A board whose rms is this many times the median one makes a robust solution worth its time."""
 
@@ -114,15 +119,19 @@ class Adjustment:
     ) -> None:
         """Set up the program at a start."""
         self.views = views
-        self.block = BoardResiduals(views, X_LG, 1.0, options.aspect)
+        self.block = BoardResiduals(views, X_LG, 1.0, options.aspect, options.lens)
         self.program = CalibrationProgram()
         self.program.add_variables(self.block.names, self.block.start_of(cameras, X_LG))
         self.number = self.program.add_residuals(self.block)
         self.held = options.held(self.block.shared_names)
         for name, value in self.held.items():
             self.program.fix(name, value)
-        for name, (mean, sigma) in by_full_name(options.priors, self.block.shared_names).items():
-            self.program.add_prior(name, mean, sigma)
+        priors = by_full_name(options.priors, self.block.shared_names)
+        if options.lens == RATIONAL:
+            priors = _rational_priors(views, cameras) | priors
+        for name, (mean, sigma) in priors.items():
+            if name not in self.held:
+                self.program.add_prior(name, mean, sigma)
         self.solution: RobustSolution | None = None
 
     @property
@@ -234,6 +243,21 @@ class Adjustment:
         )
 
 
+def _rational_priors(
+    views: BoardViews, cameras: tuple[Camera, ...]
+) -> dict[str, tuple[float, float]]:
+    """Return what is known beforehand of k4, k5, k6: that they are of the size of what they bend.
+
+    Numerator and denominator of a rational lens do nearly the same: no boards tell all six.
+    """
+    half = 0.5 * np.hypot(*views.image_size)
+    return {
+        f"{side}.k{4 + i}": (0.0, _RATIONAL * (half / camera.fx) ** (-2 * i - 2))
+        for side, camera in zip(views.cameras, cameras, strict=True)
+        for i in range(3)
+    }
+
+
 def natural_scales(
     free: tuple[str, ...], views: BoardViews, values: NDArray, names: tuple[str, ...]
 ) -> NDArray:
@@ -247,10 +271,13 @@ def natural_scales(
     scales = []
     for name in free:
         camera, _, what = name.partition(".")
+        # What is above and below the fraction of a rational lens stands for each other.
+        loose = _LOOSE if f"{camera}.k6" in names and what[0] == "k" else 1.0
         focal = values[names.index(f"{camera}.fx")]
         radius = float(np.hypot(*half)) / focal
         scales.append(
-            {
+            loose
+            * {
                 "fx": focal,
                 "fy": focal,
                 "skew": focal,
@@ -259,6 +286,9 @@ def natural_scales(
                 "k1": radius**-2,
                 "k2": radius**-4,
                 "k3": radius**-6,
+                "k4": radius**-2,
+                "k5": radius**-4,
+                "k6": radius**-6,
                 "p1": 1.0 / radius,
                 "p2": 1.0 / radius,
             }.get(what, 1.0 if what[-2:] in ("rx", "ry", "rz") else board)

@@ -18,6 +18,7 @@ from nico_selfmodel.estimation.cameras.camera_adjustment import CameraCalibratio
 from nico_selfmodel.estimation.cameras.camera_options import CameraOptions
 from nico_selfmodel.estimation.cameras.lens_folds import folds_by_chance, folds_of
 from nico_selfmodel.estimation.cameras.lens_misfit import LensMisfit, lens_misfits
+from nico_selfmodel.model.cameras.projection import POLYNOMIAL
 from nico_selfmodel.model.cameras.stereo_rig import StereoRig
 
 _COVERED = 0.75
@@ -80,6 +81,11 @@ class CameraAssessment:
         )
 
     @property
+    def lens(self) -> str:
+        """Of all cameras, one of `model.cameras.camera.LENSES`."""
+        return self.calibration.cameras[0].lens
+
+    @property
     def cross_validation(self) -> NDArray:
         """Reprojection errors of boards cross-validated [px]. Shape (n,)."""
         return corner_distances(self.left_out_residuals)
@@ -101,7 +107,7 @@ class CameraAssessment:
             *_folds_by_chance(self.calibration),
             *_weak_parameters(self.calibration),
             *_coverage_warnings(self.calibration),
-            *(words_of_misfit(misfit) for misfit in self.misfits if _is_slight(misfit)),
+            *(words_of_misfit(m, self.lens) for m in self.misfits if _is_slight(m)),
         )
 
 
@@ -159,16 +165,18 @@ def _is_slight(misfit: LensMisfit) -> bool:
     return known and not fails_the_lens(misfit)
 
 
-def words_of_misfit(misfit: LensMisfit) -> str:
+def words_of_misfit(misfit: LensMisfit, lens: str) -> str:
     """Say what a lens does that its model does not, and what may cure it."""
     share = round(100 * misfit.share)
     words = (
         f"the lens of the {misfit.camera} camera bends light as its model does not: corners lie "
         f"{misfit.size_px:.2f} px off in a pattern over the image, {share} % of their squared error"
     )
+    if lens != POLYNOMIAL:
+        return f"{words}; try --lens auto"
     if misfit.held:
         return f"{words}; let {' and '.join(f'`{name}`' for name in misfit.held)} move"
     return (
-        f"{words}; fisheyes and other wide lenses are not described by k1 to k3: use the middle of "
-        "the image alone, or straighten the photographs first"
+        f"{words}; fisheyes and other wide lenses are not described by k1 to k3: let the boards "
+        "choose with --lens auto"
     )

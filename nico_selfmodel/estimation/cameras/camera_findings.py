@@ -32,7 +32,7 @@ def camera_findings(assessment: CameraAssessment) -> tuple[Finding, ...]:
         assessment: What they are worth.
     """
     failures = [
-        *(words_of_misfit(misfit) for misfit in assessment.misfits if fails_the_lens(misfit)),
+        *(words_of_misfit(m, assessment.lens) for m in assessment.misfits if fails_the_lens(m)),
         _worst_reason(assessment),
         *_fold_reasons(assessment),
     ]
@@ -65,7 +65,7 @@ def _worst_reason(assessment: CameraAssessment) -> str | None:
             return (
                 f"a corner of {kind}board {names[view]} lies {worst[view]:.1f} px off, typical are "
                 f"{sigma:.2f}: is it a plain chessboard (no ChArUco board), flat and sharp, and "
-                "the lens no fisheye?"
+                "the lens no other (--lens auto)?"
             )
     return None
 

@@ -8,11 +8,16 @@ from nico_selfmodel.errors import EstimationError, NotIdentifiableError
 from nico_selfmodel.geometry.epipolar import RelativePose
 from nico_selfmodel.geometry.homography import homography
 from nico_selfmodel.geometry.rotation import nearest_rotation
-from nico_selfmodel.geometry.transform import inverse, transform
+from nico_selfmodel.geometry.transform import apply, inverse, transform
 from nico_selfmodel.model.cameras.camera import Camera
+from nico_selfmodel.model.cameras.projection import FISHEYE, project_in_camera
 
 _PARALLEL = np.radians(3.0)
 """Boards whose normals differ by less than this leave the focal length open."""
+_FISHEYE_VIEWS = np.array([90.0, 110.0, 130.0, 150.0, 170.0, 190.0, 220.0])
+"""Angles of view along the longer side that a fisheye may have [deg]."""
+_AHEAD = 0.05
+"""Cosine of the angle from a board's middle up to which its corners place it."""
 _AGREEING = 0.1
 """Boards whose views of the cameras' relative pose differ by less, in radians and depths, agree."""
 
@@ -50,6 +55,37 @@ def zhang_start(views: BoardViews) -> tuple[Camera, NDArray]:
     fx, fy = inverse_squares**-0.5
     camera = Camera(fx, fy, center[0], center[1], views.image_size)
     return camera, board_poses(maps, fx, fy)
+
+
+def fisheye_start(views: BoardViews) -> tuple[Camera, NDArray]:
+    """Estimate a fisheye's focal length and boards: the one of a few under which boards are flat.
+
+    Corners that are straightened with the right focal length lie in a plane's homography.
+
+    Args:
+        views: What one camera saw.
+
+    Returns:
+        A fisheye without further bends at the world's origin, and X_CG of every board, (V, 4, 4).
+
+    Raises:
+        EstimationError: If a board has too few corners within the reach of any.
+    """
+    width, height = views.image_size
+    found = []
+    for f in max(width, height) / np.radians(_FISHEYE_VIEWS):
+        camera = Camera(f, f, 0.5 * (width - 1), 0.5 * (height - 1), (width, height), lens=FISHEYE)
+        try:
+            X_CG = pose_of_seen_boards((camera,), views)
+        except EstimationError:
+            continue
+        p = np.moveaxis(apply(X_CG[:, None], views.p_GQ[None]), -1, 0)
+        shown = np.moveaxis(project_in_camera(p, camera.values, FISHEYE)[0], 0, -1)
+        missed = np.linalg.norm(shown - views.pixels, axis=2)
+        found.append((float(np.nanmedian(missed)), camera, X_CG))
+    if not found:
+        raise EstimationError("no fisheye sees these boards: are they in view, near its centre?")
+    return min(found, key=lambda one: one[0])[1:]
 
 
 def board_poses(maps: NDArray, fx: float, fy: float) -> NDArray:
@@ -171,13 +207,25 @@ def pose_of_seen_boards(cameras: tuple[Camera, ...], views: BoardViews) -> NDArr
     X_LG = np.full((len(views), 4, 4), np.nan)
     for side, camera in reversed(list(zip(views.cameras, cameras, strict=True))):
         pixels = views.of_camera(side)
-        rays = camera.has_rays(pixels.reshape(-1, 2)).reshape(pixels.shape[:2])
-        rows = np.flatnonzero(rays.sum(axis=1) >= 4)
-        ideal = np.full((len(rows), *pixels.shape[1:]), np.nan)
-        for i, row in enumerate(rows):
-            ideal[i, rays[row]] = camera.undistort(pixels[row, rays[row]])
+        d = camera.directions(pixels.reshape(-1, 2)).reshape(*pixels.shape[:2], 3)
+        rows = np.flatnonzero(np.isfinite(d).all(axis=2).sum(axis=1) >= 4)
+        # Seen along its middle, a board beside or behind the camera is as good as any before it.
+        middle = np.nanmean(d[rows], axis=1)
+        turn = np.array([_towards(line) for line in middle]).reshape(-1, 3, 3)
+        seen = d[rows] @ np.swapaxes(turn, 1, 2)
+        ahead = seen[:, :, 2:] > _AHEAD
+        ideal = np.where(ahead, seen[:, :, :2] / np.where(ahead, seen[:, :, 2:], 1.0), np.nan)
         maps = _homographies(views.p_GQ[:, :2], ideal)
-        X_LG[rows] = camera.X_WC @ board_poses(maps, 1.0, 1.0)
+        back = transform(np.swapaxes(turn, 1, 2), np.zeros((len(rows), 3)))
+        X_LG[rows] = camera.X_WC @ back @ board_poses(maps, 1.0, 1.0)
     if not np.isfinite(X_LG).all():
         raise EstimationError("a board was seen by neither camera, or beyond the fold of its lens")
     return X_LG
+
+
+def _towards(direction: NDArray) -> NDArray:
+    """Return a rotation that takes a direction to z. Shape (3, 3)."""
+    z = direction / np.linalg.norm(direction)
+    x = np.cross([0.0, 1.0, 0.0] if abs(z[1]) < 0.9 else [1.0, 0.0, 0.0], z)
+    x /= np.linalg.norm(x)
+    return np.stack([x, np.cross(z, x), z])

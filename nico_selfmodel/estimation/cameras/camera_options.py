@@ -5,13 +5,14 @@ from dataclasses import dataclass, field, replace
 from typing import TypeVar
 
 from nico_selfmodel.files.csv_rows import number_of_word
+from nico_selfmodel.model.cameras.projection import POLYNOMIAL, intrinsics_of
 from nico_selfmodel.model.cameras.stereo_rig import StereoRig
 from nico_selfmodel.names import did_you_mean, listed
 from nico_selfmodel.optimization.robust_solve import ROBUST_METHODS
 
 T = TypeVar("T")
 
-_NOMINAL = ("skew", "cx", "cy", "k1", "k2", "k3", "p1", "p2")
+_NOMINAL = ("skew", "cx", "cy", "k1", "k2", "k3", "k4", "k5", "k6", "p1", "p2")
 HELD_BY_DEFAULT = ("skew", "p1", "p2")
 """Held at zero unless asked for."""
 
@@ -30,6 +31,8 @@ class CameraOptions:
     """Parameters to free of those `HELD_BY_DEFAULT`."""
     priors: Mapping[str, tuple[float, float]] = field(default_factory=dict)
     """Parameter -> mean and standard deviation."""
+    lens: str = POLYNOMIAL
+    """Of all cameras, one of `model.cameras.camera.LENSES`."""
     loss: str = "trimmed"
     """`trimmed` leaves out boards that fit ten times worse than the rest; or one of `LOSSES`."""
 
@@ -37,6 +40,7 @@ class CameraOptions:
         """Check what can be checked without the data."""
         if self.loss not in ROBUST_METHODS:
             raise ValueError(f"no loss {self.loss!r}; there are {', '.join(ROBUST_METHODS)}")
+        intrinsics_of(self.lens)
         if self.aspect is not None and not self.aspect > 0.0:
             raise ValueError(f"aspect must be positive, got {self.aspect}")
 
@@ -75,7 +79,7 @@ class CameraOptions:
 
     def of_camera(self, camera: str) -> "CameraOptions":
         """Return what concerns the inside of one camera."""
-        inside = set(StereoRig.names_of((camera,)))
+        inside = set(StereoRig.names_of((camera,), self.lens))
         inside |= {n.partition(".")[2] for n in inside}
         return replace(
             self,

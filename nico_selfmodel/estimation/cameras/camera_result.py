@@ -18,7 +18,7 @@ from nico_selfmodel.estimation.results.calibration_result import (
 )
 from nico_selfmodel.estimation.results.errors import ErrorStatistics
 from nico_selfmodel.estimation.results.verdict import FEWEST_BOARDS
-from nico_selfmodel.model.cameras.camera import INTRINSIC_UNITS
+from nico_selfmodel.model.cameras.projection import INTRINSIC_UNITS
 from nico_selfmodel.model.cameras.stereo_rig import StereoRig
 from nico_selfmodel.optimization.uncertainty import UnobservableDirection
 
@@ -84,9 +84,11 @@ def camera_parameters(assessment: CameraAssessment) -> dict[str, Parameter]:
     """Return every parameter of the cameras; the derived baseline last."""
     calibration = assessment.calibration
     sigma = dict(zip(calibration.names, calibration.uncertainty.sigma.tolist(), strict=True))
-    names = StereoRig.names_of(calibration.views.cameras)
+    first = calibration.cameras[0]
+    names = StereoRig.names_of(calibration.views.cameras, first.lens)
     if len(calibration.cameras) == 1:
-        return parameter_table(names, calibration.cameras[0].values, INTRINSIC_UNITS, sigma)
+        units = (*INTRINSIC_UNITS[:5], *["1"] * (len(names) - 5))
+        return parameter_table(names, first.values, units, sigma)
     rig, covariance = calibration.rig, calibration.uncertainty.covariance
     table = parameter_table(names, rig.values, rig.units, sigma)
     return table | {"baseline": baseline(rig, calibration.names, covariance)}

@@ -3,8 +3,9 @@
 import numpy as np
 
 from nico_selfmodel.estimation.cameras.camera_adjustment import CameraCalibration
-from nico_selfmodel.model.cameras import lens
+from nico_selfmodel.model.cameras import fisheye, lens
 from nico_selfmodel.model.cameras.camera import Camera
+from nico_selfmodel.model.cameras.projection import FISHEYE, POLYNOMIAL
 
 _TOLD_FROM_ZERO = 3.0
 """Standard deviations below which the term that folds an image may as well be zero."""
@@ -18,25 +19,35 @@ def folds_of(
     width, height = image_size
     edge = np.array([[0, 0], [width - 1, 0], [0, height - 1], [width - 1, height - 1]], dtype=float)
     for side, camera in zip(sides, cameras, strict=True):
-        if not camera.has_rays(edge).all():
+        if camera.folds(edge).any():
             words[side] = (
                 f"the distortion of the {side} camera is not monotone up to the image's corners: "
-                f"it turns at a radius of {lens.largest_radius(camera.k):.2f}; fix {side}.k3=0, or "
-                "record boards in the corners"
+                f"it turns at {_turn(camera)}; fix {side}.k3=0, or record boards in the corners"
             )
     return words
+
+
+def _turn(camera: Camera) -> str:
+    """Say where a lens folds its image."""
+    if camera.lens == FISHEYE:
+        return f"{np.degrees(fisheye.largest_angle(camera.k)):.0f} deg off the axis"
+    return f"a radius of {lens.largest_radius(camera.k):.2f}"
 
 
 def folds_by_chance(calibration: CameraCalibration) -> set[str]:
     """Return the cameras whose fold hangs on a term that is not to be told from zero.
 
-    What the boards leave open bends the image where none was seen; the lens is none the worse.
+    What the boards leave open bends the image where none was seen; the lens is none the worse. Wide
+    lenses reach beyond any board: what they do there is a matter of where boards were seen.
     """
     found = set()
     for side, camera in zip(calibration.views.cameras, calibration.cameras, strict=True):
-        free = [k for k in ("k3", "k2") if f"{side}.{k}" in calibration.names]
+        free = [k for k in ("k6", "k5", "k4", "k3", "k2") if f"{side}.{k}" in calibration.names]
         if free:
             sigma = calibration.uncertainty.sigma[calibration.names.index(f"{side}.{free[0]}")]
             if abs(getattr(camera, free[0])) < _TOLD_FROM_ZERO * float(sigma):
                 found.add(side)
+        pixels = calibration.views.of_camera(side)[~calibration.outliers].reshape(-1, 2)
+        if camera.lens != POLYNOMIAL and not camera.folds(pixels).any():
+            found.add(side)
     return found

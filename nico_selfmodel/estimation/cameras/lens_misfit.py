@@ -58,7 +58,7 @@ def lens_misfits(calibration: CameraCalibration, aspect: float | None = None) ->
         One a camera.
     """
     views, inliers = calibration.views, (~calibration.outliers).astype(float)
-    block = BoardResiduals(views, calibration.X_LG, 1.0, aspect)
+    block = BoardResiduals(views, calibration.X_LG, 1.0, aspect, calibration.cameras[0].lens)
     parts = block.evaluate_parts(block.start_of(calibration.cameras, calibration.X_LG))
     residuals, by_shared, by_own = parts
 

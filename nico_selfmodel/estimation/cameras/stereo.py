@@ -5,6 +5,7 @@ matrix and cheirality, then one adjustment of both cameras and all boards.
 """
 
 import time
+from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -14,16 +15,20 @@ from nico_selfmodel.errors import ModelError, NotConvergedError, NotIdentifiable
 from nico_selfmodel.estimation.cameras.camera_adjustment import Adjustment, CameraCalibration
 from nico_selfmodel.estimation.cameras.camera_initialization import (
     check_tilts,
+    fisheye_start,
     pair_start,
     zhang_start,
 )
 from nico_selfmodel.estimation.cameras.camera_options import CameraOptions, by_full_name
 from nico_selfmodel.estimation.cameras.pair_checks import check_pair, check_start
 from nico_selfmodel.model.cameras.camera import Camera
+from nico_selfmodel.model.cameras.projection import FISHEYE, intrinsics_of
 from nico_selfmodel.model.cameras.stereo_rig import StereoRig
 
 FEWEST_VIEWS = 3
 """Boards below which a camera with a free principal point is not determined."""
+_STARTS = ({"k1": 0.778, "k2": 0.068, "k4": 1.111, "k5": 0.238},)
+"""Of a rational lens, besides none at all: atan(r) / r by Pade, an equidistant lens."""
 
 
 def calibrate_cameras(views: BoardViews, options: CameraOptions | None = None) -> CameraCalibration:
@@ -72,7 +77,7 @@ def calibrate_cameras(views: BoardViews, options: CameraOptions | None = None) -
 
 def _check_names(views: BoardViews, options: CameraOptions) -> None:
     """Raise before any work if an option names a parameter that does not exist."""
-    names = StereoRig.names_of(views.cameras)
+    names = StereoRig.names_of(views.cameras, options.lens)
     options.held(names)
     by_full_name(options.priors, names)
 
@@ -85,8 +90,22 @@ def _refine_alone(views: BoardViews, options: CameraOptions) -> Adjustment:
             f"the {side} camera saw {len(views)} board{'s' * (len(views) != 1)}, at least "
             f"{FEWEST_VIEWS} in different attitudes are needed, 10 to 20 are better"
         )
-    camera, X_CG = zhang_start(views)
-    adjustment = Adjustment(views, (camera,), X_CG, options.of_camera(side))
+    start = fisheye_start if options.lens == FISHEYE else zhang_start
+    camera, X_CG = start(views)
+    free = intrinsics_of(options.lens)
+    found = [
+        _adjusted(views, replace(camera, lens=options.lens, **bends), X_CG, options.of_camera(side))
+        for bends in ({}, *(_STARTS if "k6" in free else ()))
+    ]
+    return min(found, key=lambda adjustment: adjustment.rms)
+
+
+def _adjusted(
+    views: BoardViews, camera: Camera, X_CG: NDArray, options: CameraOptions
+) -> Adjustment:
+    """Adjust one camera roughly from a start."""
+    (side,) = views.cameras
+    adjustment = Adjustment(views, (camera,), X_CG, options)
     free_centre = [n for n in (f"{side}.cx", f"{side}.cy") if n not in adjustment.held]
     for name in free_centre:
         adjustment.program.fix(name)

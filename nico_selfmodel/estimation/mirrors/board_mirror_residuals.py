@@ -11,8 +11,9 @@ from nico_selfmodel.dataset.mirrored_boards import MirroredBoards
 from nico_selfmodel.geometry.reflection import reflect, reflection_slopes
 from nico_selfmodel.geometry.rotation import rotation_from_vector, rotation_vector_slope, skew
 from nico_selfmodel.geometry.transform import transform
-from nico_selfmodel.model.cameras.camera import INTRINSICS, Camera, project_in_camera
+from nico_selfmodel.model.cameras.camera import Camera
 from nico_selfmodel.model.cameras.mirror import Mirror, plane_of_values
+from nico_selfmodel.model.cameras.projection import INTRINSICS, project_in_camera
 from nico_selfmodel.model.cameras.stereo_rig import POSE_NAMES
 from nico_selfmodel.optimization.separable_block import Parts, SeparableBlock
 

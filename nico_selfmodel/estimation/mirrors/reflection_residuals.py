@@ -8,9 +8,9 @@ from numpy.typing import NDArray
 from nico_selfmodel.estimation.mirrors.reflections import ReflectionNoise, Reflections
 from nico_selfmodel.geometry.reflection import reflect
 from nico_selfmodel.geometry.rotation import rotation_vector_of, rotation_vector_slope
-from nico_selfmodel.model.cameras.camera import INTRINSICS
 from nico_selfmodel.model.cameras.mirror import Mirror, plane_of_values
 from nico_selfmodel.model.cameras.mirror_rig import ReflectedProjection, reflected_projection
+from nico_selfmodel.model.cameras.projection import INTRINSICS
 from nico_selfmodel.model.cameras.stereo_rig import POSE_NAMES, StereoRig
 
 

@@ -13,7 +13,8 @@ from nico_selfmodel.estimation.observations.matching import (
 )
 from nico_selfmodel.geometry.transform import apply
 from nico_selfmodel.model.arm.dh_parameters import slopes_by_angle
-from nico_selfmodel.model.cameras.camera import INTRINSICS, Camera
+from nico_selfmodel.model.cameras.camera import Camera, require_polynomial
+from nico_selfmodel.model.cameras.projection import INTRINSICS
 from nico_selfmodel.model.self_model import SelfModel
 from nico_selfmodel.names import listed
 
@@ -173,7 +174,7 @@ def known_points(dataset: Dataset, model: SelfModel, rows: NDArray) -> KnownPoin
             f"self-model {model.name!r} has no cameras, so that it cannot look into a mirror: "
             "learn them with `nico-selfmodel calibrate stereo`"
         )
-    _ = model.rig
+    require_polynomial(model.rig.cameras, "learning mirrors")
     columns = reading_columns(model, dataset)
     check_units(model, dataset)
     unknown = set(dataset.marker[rows].tolist()) - set(model.markers)

@@ -21,6 +21,7 @@ from nico_selfmodel.estimation.observations.pixel_observations import (
     columns_of,
 )
 from nico_selfmodel.model.arm.bending import BACKLASH
+from nico_selfmodel.model.cameras.camera import require_polynomial
 from nico_selfmodel.model.cameras.stereo_rig import SIDES, StereoRig
 from nico_selfmodel.model.self_model import SelfModel
 from nico_selfmodel.names import listed
@@ -211,6 +212,7 @@ def laid_out(own: tuple[str, ...], covariance: NDArray, names: tuple[str, ...]) 
 
 def _by_pixels(model: SelfModel, dataset: Dataset, sigma: float | None) -> HandObservations:
     rig = model.rig
+    require_polynomial(rig.cameras, "holding pixels against a self-model")
     if not np.allclose(rig.left.X_WC, np.eye(4), atol=1e-12):
         raise ModelError(
             f"the world of self-model {model.name!r} is not its left camera's frame: learn arm and "

@@ -11,7 +11,7 @@ from nico_selfmodel.estimation.observations.arm_views import ArmView
 from nico_selfmodel.estimation.observations.pixel_observations import PixelObservations
 from nico_selfmodel.geometry.rotation import rotation_from_vector, rotation_vector_slope
 from nico_selfmodel.model.arm.line_kinematics import cross
-from nico_selfmodel.model.cameras.camera import project_in_camera
+from nico_selfmodel.model.cameras.projection import project_in_camera
 from nico_selfmodel.model.cameras.stereo_rig import StereoRig
 
 _CAMERA_VARIABLES = 26

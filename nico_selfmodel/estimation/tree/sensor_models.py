@@ -14,7 +14,8 @@ from nico_selfmodel.geometry.rotation import (
     rotation_vector_slope,
     rotation_vectors_of,
 )
-from nico_selfmodel.model.cameras.camera import Camera, project_in_camera
+from nico_selfmodel.model.cameras.camera import Camera
+from nico_selfmodel.model.cameras.projection import project_in_camera
 
 _NEAREST = 1e-3
 """A camera sees no nearer than this [m]; in front of it or not is the bearings' to tell."""

@@ -19,7 +19,8 @@ from nico_selfmodel.geometry.rotation import (
     rotation_vectors_of,
 )
 from nico_selfmodel.geometry.transform import inverse, transform
-from nico_selfmodel.model.cameras.camera import INTRINSIC_UNITS, INTRINSICS, Camera
+from nico_selfmodel.model.cameras.camera import Camera
+from nico_selfmodel.model.cameras.projection import INTRINSIC_UNITS, INTRINSICS
 from nico_selfmodel.model.tree.body_tree import FLANGE, PRISMATIC, REVOLUTE, Attached, BodyTree
 
 TURNS, SHIFTS = ("rx", "ry", "rz"), ("x", "y", "z")

@@ -1,6 +1,6 @@
 """A camera: intrinsic matrix, lens distortion and pose, with every derivative in closed form."""
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field, replace
 
 import numpy as np
@@ -10,16 +10,15 @@ from nico_selfmodel.arrays import frozen_array
 from nico_selfmodel.errors import ModelError
 from nico_selfmodel.geometry.rotation import skew
 from nico_selfmodel.geometry.transform import apply, inverse
-from nico_selfmodel.model.cameras import lens
-
-INTRINSICS = ("fx", "fy", "skew", "cx", "cy", "k1", "k2", "k3", "p1", "p2")
-"""Names of what lies inside a camera, in the order of `Camera.values`."""
-
-DISTORTION = INTRINSICS[5:]
-"""Those of them that bend light."""
-
-INTRINSIC_UNITS = ("px", "px", "px", "px", "px", "1", "1", "1", "1", "1")
-"""Units of `INTRINSICS`."""
+from nico_selfmodel.model.cameras import fisheye, lens
+from nico_selfmodel.model.cameras.projection import (
+    EVERY_INTRINSIC,
+    FISHEYE,
+    POLYNOMIAL,
+    RATIONAL,
+    intrinsics_of,
+    project_in_camera,
+)
 
 
 @dataclass(frozen=True, eq=False)
@@ -33,7 +32,7 @@ class Projection:
     by_pose: NDArray
     """By (w, t) that move the camera to exp([w]) R_WC, p_WC + t [px/rad, px/m]. Shape (N, 2, 6)."""
     by_intrinsics: NDArray
-    """By `INTRINSICS`. Shape (N, 2, 10)."""
+    """By `intrinsics_of` the lens. Shape (N, 2, c)."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -49,7 +48,7 @@ class Rays:
     by_pose: NDArray
     """By (w, t) as in `Projection`; the origin moves with t. Shape (N, 3, 6)."""
     by_intrinsics: NDArray
-    """By `INTRINSICS`. Shape (N, 3, 10)."""
+    """By `intrinsics_of` the lens. Shape (N, 3, c)."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -81,13 +80,24 @@ class Camera:
     """Tangential distortion."""
     p2: float = 0.0
     """Tangential distortion."""
+    k4: float = 0.0
+    """Of a rational lens, r^2 below; of a fisheye, theta^8."""
+    k5: float = 0.0
+    """Of a rational lens, r^4 below."""
+    k6: float = 0.0
+    """Of a rational lens, r^6 below."""
+    lens: str = POLYNOMIAL
+    """One of `LENSES`."""
     X_WC: NDArray = field(default_factory=lambda: np.eye(4))
     """Pose in the world: z looks forward, x right, y down [m]. Shape (4, 4)."""
 
     def __post_init__(self) -> None:
         """Check the numbers and make the pose read-only."""
-        for name in INTRINSICS:
+        own = intrinsics_of(self.lens)
+        for name in EVERY_INTRINSIC:
             object.__setattr__(self, name, float(getattr(self, name)))
+            if name not in own and getattr(self, name) != 0.0:
+                raise ValueError(f"a {self.lens} lens has no {name}, got {getattr(self, name):g}")
         width, height = (int(size) for size in self.image_size)
         if (width, height) != tuple(self.image_size):
             raise ValueError(f"image_size must be two whole numbers, got {self.image_size}")
@@ -103,22 +113,27 @@ class Camera:
 
     @classmethod
     def from_values(
-        cls, values: ArrayLike, image_size: tuple[int, int], X_WC: ArrayLike | None = None
+        cls,
+        values: ArrayLike,
+        image_size: tuple[int, int],
+        X_WC: ArrayLike | None = None,
+        lens: str = POLYNOMIAL,
     ) -> "Camera":
-        """Build a camera from its numbers in the order of `INTRINSICS`. Shape (10,)."""
-        named = dict(zip(INTRINSICS, np.asarray(values, dtype=float).tolist(), strict=True))
+        """Build a camera from its numbers in the order of `intrinsics_of` its lens."""
+        names = intrinsics_of(lens)
+        named = dict(zip(names, np.asarray(values, dtype=float).tolist(), strict=True))
         pose = np.eye(4) if X_WC is None else np.asarray(X_WC)
-        return cls(image_size=image_size, X_WC=pose, **named)
+        return cls(image_size=image_size, X_WC=pose, lens=lens, **named)
 
     @property
     def values(self) -> NDArray:
-        """The numbers inside, in the order of `INTRINSICS`. Shape (10,)."""
-        return np.array([getattr(self, name) for name in INTRINSICS])
+        """The numbers inside, in the order of `intrinsics_of` the lens; of a polynomial, (10,)."""
+        return np.array([getattr(self, name) for name in intrinsics_of(self.lens)])
 
     @property
     def named_values(self) -> Mapping[str, float]:
         """The numbers inside, by name."""
-        return {name: getattr(self, name) for name in INTRINSICS}
+        return {name: getattr(self, name) for name in intrinsics_of(self.lens)}
 
     @property
     def K(self) -> NDArray:
@@ -127,8 +142,9 @@ class Camera:
 
     @property
     def k(self) -> NDArray:
-        """Radial coefficients k1, k2, k3. Shape (3,)."""
-        return np.array([self.k1, self.k2, self.k3])
+        """Radial coefficients: k1 to k3, of a rational lens to k6, of a fisheye to k4."""
+        last = {POLYNOMIAL: 3, RATIONAL: 6, FISHEYE: 4}[self.lens]
+        return np.array([getattr(self, f"k{i}") for i in range(1, last + 1)])
 
     @property
     def p(self) -> NDArray:
@@ -155,12 +171,22 @@ class Camera:
             the lens would fold the image. Shape (N, 2) or (2,).
         """
         p_CQ = apply(self.X_CW, _points(p_WQ, 3, "p_WQ"))
+        if self.lens == FISHEYE:
+            return self._project_by_angle(p_CQ)
         x, y, z = np.moveaxis(p_CQ, -1, 0)
         with np.errstate(divide="ignore", invalid="ignore"):
             ideal = np.stack([x / z, y / z])
             seen = (z > 0.0) & (np.hypot(*ideal) < lens.largest_radius(self.k))
         pixels = self.pixels_of(np.where(seen, ideal, np.nan))
         return np.moveaxis(pixels, 0, -1)
+
+    def _project_by_angle(self, p_CQ: NDArray) -> NDArray:
+        """Return pixels of points before a fisheye; nan beyond the angle where it folds."""
+        x, y, z = np.moveaxis(p_CQ, -1, 0)
+        off = np.arctan2(np.hypot(x, y), z)
+        seen = (off < fisheye.largest_angle(self.k)) & (np.linalg.norm(p_CQ, axis=-1) > 0.0)
+        safe = np.where(seen, np.moveaxis(p_CQ, -1, 0), np.ones(3).reshape(3, *[1] * seen.ndim))
+        return np.where(seen[..., None], np.moveaxis(self._pixels(safe), 0, -1), np.nan)
 
     def projection(self, p_WQ: ArrayLike) -> Projection:
         """Project points with derivatives by point, pose and intrinsics.
@@ -176,9 +202,9 @@ class Camera:
         """
         p_WQ = _points(p_WQ, 3, "p_WQ").reshape(-1, 3)
         p_CQ = apply(self.X_CW, p_WQ)
-        if not (p_CQ[:, 2] > 0.0).all():
+        if self.lens != FISHEYE and not (p_CQ[:, 2] > 0.0).all():
             raise ModelError(f"{int(np.sum(~(p_CQ[:, 2] > 0.0)))} points are behind the camera")
-        pixels, by_camera_point, by_intrinsics = project_in_camera(p_CQ.T, self.values)
+        pixels, by_camera_point, by_intrinsics = project_in_camera(p_CQ.T, self.values, self.lens)
         by_point = np.einsum("abn,bc->nac", by_camera_point, self.X_CW[:3, :3])
         # p_CQ = R_WC' exp(-[w]) (p_WQ - p_WC - t): d/dw = R_WC' [p_WQ - p_WC]x, d/dt = -R_WC'
         turned = by_point @ skew(p_WQ - self.X_WC[:3, 3])
@@ -187,11 +213,24 @@ class Camera:
 
     def pixels_of(self, ideal: NDArray) -> NDArray:
         """Return pixels of ideal coordinates X/Z, Y/Z. Shape (2, ...) -> (2, ...)."""
-        x, y = lens.distort(np.asarray(ideal), self.k, self.p)
+        ideal = np.asarray(ideal)
+        if self.lens == FISHEYE:
+            return self._pixels(np.concatenate([ideal, np.ones((1, *ideal.shape[1:]))]))
+        return self._on_sensor(lens.distort(ideal, self.k, self.p))
+
+    def _pixels(self, p_CQ: NDArray) -> NDArray:
+        """Return pixels of points in a fisheye's frame. Shape (3, ...) -> (2, ...)."""
+        return self._on_sensor(fisheye.bend(p_CQ, self.k)[0])
+
+    def _on_sensor(self, bent: NDArray) -> NDArray:
+        """Apply the intrinsic matrix. Shape (2, ...)."""
+        x, y = bent
         return np.stack([self.fx * x + self.skew * y + self.cx, self.fy * y + self.cy])
 
     def has_rays(self, pixels: ArrayLike) -> NDArray:
-        """Return which pixels have a ray: those inside the monotone part of the lens.
+        """Return which pixels have a ray X/Z, Y/Z: those inside the monotone part of the lens.
+
+        Of a fisheye those within 89 deg of its axis.
 
         Args:
             pixels: Shape (N, 2) or (2,).
@@ -199,7 +238,58 @@ class Camera:
         Returns:
             Boolean; False for nan. Shape (N,) or ().
         """
-        return lens.within_fold(self._distorted(_points(pixels, 2, "pixels")), self.k)
+        distorted = self._distorted(_points(pixels, 2, "pixels"))
+        if self.lens == FISHEYE:
+            return np.asarray(np.isfinite(fisheye.undistort(distorted, self.k)).all(axis=0))
+        return lens.within_fold(distorted, self.k)
+
+    def folds(self, pixels: ArrayLike) -> NDArray:
+        """Return which pixels lie where the lens folds its image, beyond its monotone part.
+
+        Args:
+            pixels: Shape (N, 2) or (2,).
+
+        Returns:
+            Boolean. Shape (N,) or ().
+        """
+        distorted = self._distorted(_points(pixels, 2, "pixels"))
+        if self.lens == FISHEYE:
+            limit = np.array(fisheye.largest_angle(self.k))
+            reach = fisheye.bent_angle(limit, self.k)[0]
+            return np.asarray((limit < np.pi) & (np.hypot(*distorted) >= reach))
+        return np.asarray(~lens.within_fold(distorted, self.k))
+
+    @property
+    def reach(self) -> float:
+        """Largest radius X/Z, of a fisheye angle off the axis [rad], up to which it is monotone."""
+        if self.lens == FISHEYE:
+            return fisheye.largest_angle(self.k)
+        return lens.largest_radius(self.k)
+
+    @property
+    def widest(self) -> float:
+        """Largest radius X/Z that the lens shows."""
+        return (
+            float(np.tan(min(self.reach, fisheye.WIDEST))) if self.lens == FISHEYE else self.reach
+        )
+
+    def profile(self, radii: NDArray) -> tuple[NDArray, NDArray]:
+        """Return how far from the axis the lens shows radii, tangential distortion left out.
+
+        Args:
+            radii: X/Z, or of a fisheye angles off the axis [rad]. Shape (n,).
+
+        Returns:
+            Distorted radii, shape (n,), and their derivatives by k1, k2, ..., shape (n, k).
+        """
+        nought = np.zeros_like(radii)
+        if self.lens == FISHEYE:
+            powers = np.stack([radii ** (2 * i + 3) for i in range(len(self.k))], axis=1)
+            return fisheye.bent_angle(radii, self.k)[0], powers
+        ideal = np.stack([radii, nought])
+        bends = lens.coefficient_slopes(ideal, self.k)[0]
+        by_k = np.delete(bends, (3, 4), axis=0).T  # those by p1 and p2
+        return lens.distort(ideal, self.k, np.zeros(2))[0], by_k
 
     def undistort(self, pixels: ArrayLike) -> NDArray:
         """Return the ideal coordinates X/Z, Y/Z of pixels, by Newton per point.
@@ -214,7 +304,36 @@ class Camera:
             ModelError: If a pixel lies outside the radius where the distortion is monotone.
         """
         distorted = self._distorted(_points(pixels, 2, "pixels"))
+        if self.lens == FISHEYE:
+            ideal = fisheye.undistort(distorted, self.k)
+            lost = np.isnan(ideal).any(axis=0) & np.isfinite(distorted).all(axis=0)
+            if lost.any():
+                raise ModelError(
+                    f"{int(lost.sum())} of {lost.size} points lie 89 deg and more off the axis of "
+                    "the fisheye: they have no coordinates X / Z; use points nearer to its centre"
+                )
+            return np.moveaxis(ideal, 0, -1)
         return np.moveaxis(lens.undistort(distorted, self.k, self.p), 0, -1)
+
+    def directions(self, pixels: ArrayLike) -> NDArray:
+        """Return unit vectors along the lines of sight in the camera's own frame.
+
+        Args:
+            pixels: Shape (N, 2).
+
+        Returns:
+            nan where no ray belongs to a pixel; those of a fisheye reach past 90 deg. Shape (N, 3).
+        """
+        pixels = _points(pixels, 2, "pixels").reshape(-1, 2)
+        if self.lens == FISHEYE:
+            distorted = self._distorted(pixels)
+            theta, size = fisheye.angles_of(distorted, self.k), np.hypot(*distorted)
+            across = np.sin(theta) * distorted / np.where(size > 0.0, size, 1.0)
+            return np.stack([*across, np.cos(theta)], axis=1)
+        long = np.full((len(pixels), 3), np.nan)
+        seen = self.has_rays(pixels)
+        long[seen] = np.column_stack([self.undistort(pixels[seen]), np.ones(int(seen.sum()))])
+        return long / np.linalg.norm(long, axis=1, keepdims=True)
 
     def rays(self, pixels: ArrayLike) -> Rays:
         """Return the lines of sight of pixels, with derivatives.
@@ -235,7 +354,7 @@ class Camera:
         # d(v/|v|) = (I - d d') / |v| dv; its first two columns, for v = (x, y, 1)
         project = (np.eye(3) - in_camera[:, :, None] * in_camera[:, None, :])[:, :, :2]
         by_ideal = self.X_WC[:3, :3] @ (project / length[:, None, None])
-        _, by_point, by_intrinsics = project_in_camera(long.T, self.values)
+        _, by_point, by_intrinsics = project_in_camera(long.T, self.values, self.lens)
         # Pixels stay while intrinsics move: dx = -(du/dx)^-1 du/d(intrinsics)
         ideal_by_pixel = np.linalg.inv(np.moveaxis(by_point[:, :2], -1, 0))
         by_pixel = by_ideal @ ideal_by_pixel
@@ -252,37 +371,22 @@ class Camera:
         return np.stack([(u - self.cx - self.skew * y) / self.fx, y])
 
 
-def project_in_camera(p_CQ: NDArray, values: NDArray) -> tuple[NDArray, NDArray, NDArray]:
-    """Project points given in the camera's frame; the kernel of every estimator with pixels.
+def require_polynomial(cameras: Iterable[Camera], what: str) -> None:
+    """Refuse cameras whose lenses are others than polynomials.
 
     Args:
-        p_CQ: Points with z other than zero [m]. Shape (3, ...).
-        values: Intrinsics in the order of `INTRINSICS`. Shape (10,).
+        cameras: They.
+        what: What knows no others, for the message.
 
-    Returns:
-        Pixels, shape (2, ...), their derivatives by the point, shape (2, 3, ...), and by the
-        intrinsics, shape (2, 10, ...).
+    Raises:
+        ModelError: If one has another lens.
     """
-    fx, fy, skewness, cx, cy = values[:5]
-    k, p = values[5:8], values[8:]
-    depth = 1.0 / p_CQ[2]
-    ideal = p_CQ[:2] * depth
-    x, y = lens.distort(ideal, k, p)
-    pixels = np.stack([fx * x + skewness * y + cx, fy * y + cy])
-    slopes = lens.distortion_slopes(ideal, k, p)
-    shape = ideal.shape[1:]
-    # d(u, v)/d(x, y) = K2 distortion', d(x, y)/dX = [1, 0, -x; 0, 1, -y] / Z
-    bent = np.stack([fx * slopes[0] + skewness * slopes[1], fy * slopes[1]]) * depth
-    by_point = np.empty((2, 3, *shape))
-    by_point[:, :2] = bent
-    by_point[:, 2] = -(bent[:, 0] * ideal[0] + bent[:, 1] * ideal[1])
-    by_values = np.zeros((2, 10, *shape))
-    by_values[0, 0], by_values[1, 1], by_values[0, 2] = x, y, y
-    by_values[0, 3] = by_values[1, 4] = 1.0
-    bends = lens.coefficient_slopes(ideal)
-    by_values[0, 5:] = fx * bends[0] + skewness * bends[1]
-    by_values[1, 5:] = fy * bends[1]
-    return pixels, by_point, by_values
+    other = [camera.lens for camera in cameras if camera.lens != POLYNOMIAL]
+    if other:
+        raise ModelError(
+            f"{what} knows polynomial lenses alone, got a {other[0]} lens: learn the cameras with "
+            "`--lens polynomial`, or straighten the photographs first"
+        )
 
 
 def _points(points: ArrayLike, columns: int, name: str) -> NDArray:

@@ -4,8 +4,13 @@ With r^2 = x^2 + y^2 and s = 1 + k1 r^2 + k2 r^4 + k3 r^6 (Brown 1966, in OpenCV
 
     x' = x s + 2 p1 x y + p2 (r^2 + 2 x^2),    y' = y s + p1 (r^2 + 2 y^2) + 2 p2 x y
 
+Wide lenses need the rational s = (1 + k1 r^2 + k2 r^4 + k3 r^6) / (1 + k4 r^2 + k5 r^4 + k6 r^6):
+radial coefficients are three, or these six.
+
 It acts on (x, y) = (X/Z, Y/Z), before the intrinsic matrix.
 """
+
+from collections.abc import Sequence
 
 import numpy as np
 from numpy.typing import NDArray
@@ -15,12 +20,34 @@ from nico_selfmodel.errors import ModelError
 _NEWTON_STEPS = 50
 
 
+def radial(r2: NDArray, k: NDArray) -> tuple[NDArray, NDArray]:
+    """Return the factor s of ideal coordinates and its derivative by r^2.
+
+    Args:
+        r2: Squared radii.
+        k: Radial coefficients, k1 to k3 or k1 to k6.
+    """
+    s = 1.0 + r2 * (k[0] + r2 * (k[1] + r2 * k[2]))
+    slope = k[0] + r2 * (2.0 * k[1] + r2 * 3.0 * k[2])
+    if len(k) == 3:
+        return s, slope
+    with np.errstate(divide="ignore", invalid="ignore"):
+        return _fraction(r2, s, slope, k)
+
+
+def _fraction(r2: NDArray, s: NDArray, slope: NDArray, k: NDArray) -> tuple[NDArray, NDArray]:
+    """Return the factor of a rational lens from its numerator, with its derivative by r^2."""
+    below = 1.0 + r2 * (k[3] + r2 * (k[4] + r2 * k[5]))
+    below_slope = k[3] + r2 * (2.0 * k[4] + r2 * 3.0 * k[5])
+    return s / below, (slope - s / below * below_slope) / below
+
+
 def distort(ideal: NDArray, k: NDArray, p: NDArray) -> NDArray:
     """Bend ideal image coordinates as the lens does.
 
     Args:
         ideal: x and y. Shape (2, ...).
-        k: Radial coefficients k1, k2, k3. Shape (3,).
+        k: Radial coefficients, k1 to k3 or k1 to k6. Shape (3,) or (6,).
         p: Tangential coefficients p1, p2. Shape (2,).
 
     Returns:
@@ -28,7 +55,7 @@ def distort(ideal: NDArray, k: NDArray, p: NDArray) -> NDArray:
     """
     x, y = ideal
     r2 = x * x + y * y
-    s = 1.0 + r2 * (k[0] + r2 * (k[1] + r2 * k[2]))
+    s, _ = radial(r2, k)
     if not p.any():
         return ideal * s
     xy = 2.0 * x * y
@@ -42,7 +69,7 @@ def distortion_slopes(ideal: NDArray, k: NDArray, p: NDArray) -> NDArray:
 
     Args:
         ideal: x and y. Shape (2, ...).
-        k: Radial coefficients. Shape (3,).
+        k: Radial coefficients. Shape (3,) or (6,).
         p: Tangential coefficients. Shape (2,).
 
     Returns:
@@ -50,8 +77,8 @@ def distortion_slopes(ideal: NDArray, k: NDArray, p: NDArray) -> NDArray:
     """
     x, y = ideal
     r2 = x * x + y * y
-    s = 1.0 + r2 * (k[0] + r2 * (k[1] + r2 * k[2]))
-    slope = 2.0 * (k[0] + r2 * (2.0 * k[1] + r2 * 3.0 * k[2]))
+    s, by_square = radial(r2, k)
+    slope = 2.0 * by_square
     cross = slope * x * y + 2.0 * (p[0] * x + p[1] * y)
     return np.stack(
         [
@@ -61,34 +88,55 @@ def distortion_slopes(ideal: NDArray, k: NDArray, p: NDArray) -> NDArray:
     )
 
 
-def coefficient_slopes(ideal: NDArray) -> NDArray:
+def coefficient_slopes(ideal: NDArray, k: NDArray | None = None) -> NDArray:
     """Return the derivatives of the distorted coordinates by k1, k2, k3, p1, p2.
 
     Args:
         ideal: x and y. Shape (2, ...).
+        k: Radial coefficients; of six of them those by k4, k5, k6 follow.
 
     Returns:
-        Shape (2, 5, ...).
+        Shape (2, 5, ...) or (2, 8, ...).
     """
     x, y = ideal
     r2 = x * x + y * y
     r4, xy = r2 * r2, 2.0 * x * y
     powers = np.stack([r2, r4, r4 * r2])
     tangential = np.stack([np.stack([xy, r2 + 2.0 * x * x]), np.stack([r2 + 2.0 * y * y, xy])])
-    return np.concatenate([ideal[:, None] * powers[None], tangential], axis=1)
+    if k is None or len(k) == 3:
+        return np.concatenate([ideal[:, None] * powers[None], tangential], axis=1)
+    s, _ = radial(r2, k)
+    above = powers / (1.0 + r2 * (k[3] + r2 * (k[4] + r2 * k[5])))
+    by_k = ideal[:, None] * np.concatenate([above, -s * above])[None]
+    return np.concatenate([by_k[:, :3], tangential, by_k[:, 3:]], axis=1)
 
 
 def largest_radius(k: NDArray) -> float:
     """Return the ideal radius up to which radial distortion is monotone.
 
-    The smallest positive root of 1 + 3 k1 r^2 + 5 k2 r^4 + 7 k3 r^6; inf where there is none.
-    Beyond it the lens would fold the image over itself.
+    The smallest positive root of 1 + 3 k1 r^2 + 5 k2 r^4 + 7 k3 r^6, or of a rational lens N / D of
+    N D + 2 r^2 (N' D - N D') or D; inf where there is none. Beyond it the lens would fold the image
+    over itself.
 
     Args:
-        k: Radial coefficients. Shape (3,).
+        k: Radial coefficients. Shape (3,) or (6,).
+    """
+    if len(k) == 3:
+        return _first_root([7.0 * k[2], 5.0 * k[1], 3.0 * k[0], 1.0])
+    N, D = (np.polynomial.Polynomial([1.0, *part]) for part in (k[:3], k[3:]))
+    x = np.polynomial.Polynomial([0.0, 1.0])
+    slope = N * D + 2.0 * x * (N.deriv() * D - N * D.deriv())
+    return min(_first_root(slope.coef[::-1]), _first_root(D.coef[::-1]))
+
+
+def _first_root(falling: Sequence[float] | NDArray) -> float:
+    """Return the radius at the smallest positive root in r^2 of a polynomial; inf without one.
+
+    Args:
+        falling: Coefficients, the constant last.
     """
     # In s = 1 / r^2 the polynomial is monic, however small the last coefficients are.
-    roots = np.polynomial.Polynomial([7.0 * k[2], 5.0 * k[1], 3.0 * k[0], 1.0]).roots()
+    roots = np.polynomial.Polynomial(falling).roots()
     size = np.abs(roots).max(initial=0.0)
     real = roots[np.abs(roots.imag) <= 1e-9 * size].real
     positive = real[real > 1e-12 * max(size, 1e-12)]
@@ -102,7 +150,7 @@ def within_fold(distorted: NDArray, k: NDArray) -> NDArray:
 
     Args:
         distorted: x' and y'. Shape (2, ...).
-        k: Radial coefficients. Shape (3,).
+        k: Radial coefficients. Shape (3,) or (6,).
 
     Returns:
         Boolean. Shape (...).
@@ -110,7 +158,7 @@ def within_fold(distorted: NDArray, k: NDArray) -> NDArray:
     limit = largest_radius(k)
     if np.isinf(limit):
         return np.asarray(np.isfinite(distorted).all(axis=0))
-    reach = limit * (1.0 + limit**2 * (k[0] + limit**2 * (k[1] + limit**2 * k[2])))
+    reach = limit * radial(np.array(limit**2), k)[0]
     return np.hypot(*distorted) < reach
 
 
@@ -121,7 +169,7 @@ def undistort(distorted: NDArray, k: NDArray, p: NDArray) -> NDArray:
 
     Args:
         distorted: x' and y'. Shape (2, N); nan stays nan.
-        k: Radial coefficients. Shape (3,).
+        k: Radial coefficients. Shape (3,) or (6,).
         p: Tangential coefficients. Shape (2,).
 
     Returns:
@@ -162,8 +210,8 @@ def _undistort_radially(distorted: NDArray, k: NDArray) -> NDArray:
     r = np.minimum(target, 0.9 * high)
     for _ in range(_NEWTON_STEPS):
         r2 = r * r
-        value = r * (1.0 + r2 * (k[0] + r2 * (k[1] + r2 * k[2]))) - target
-        slope = 1.0 + r2 * (3.0 * k[0] + r2 * (5.0 * k[1] + r2 * 7.0 * k[2]))
+        s, by_square = radial(r2, k)
+        value, slope = r * s - target, s + 2.0 * r2 * by_square
         low, high = np.where(value < 0.0, r, low), np.where(value < 0.0, high, r)
         newton = r - value / np.where(slope == 0.0, 1.0, slope)
         inside = (newton >= low) & (newton <= high)

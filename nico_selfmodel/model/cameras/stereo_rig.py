@@ -13,10 +13,11 @@ from nico_selfmodel.geometry.epipolar import (
 )
 from nico_selfmodel.geometry.rotation import rotation_from_vector, rotation_vector_of
 from nico_selfmodel.geometry.transform import apply, inverse, transform
-from nico_selfmodel.model.cameras.camera import (
+from nico_selfmodel.model.cameras.camera import Camera
+from nico_selfmodel.model.cameras.projection import (
     INTRINSIC_UNITS,
-    INTRINSICS,
-    Camera,
+    POLYNOMIAL,
+    intrinsics_of,
     project_in_camera,
 )
 
@@ -52,6 +53,14 @@ class StereoRig:
     right: Camera
     """The right camera."""
 
+    def __post_init__(self) -> None:
+        """Refuse cameras of different kinds: their parameters are told together."""
+        if self.left.lens != self.right.lens:
+            raise ValueError(
+                f"both cameras of a rig have one kind of lens, got {self.left.lens} and "
+                f"{self.right.lens}"
+            )
+
     @property
     def cameras(self) -> tuple[Camera, Camera]:
         """Left and right."""
@@ -68,42 +77,52 @@ class StereoRig:
         return float(np.linalg.norm(self.X_LR[:3, 3]))
 
     @staticmethod
-    def names_of(sides: tuple[str, ...] = SIDES) -> tuple[str, ...]:
+    def names_of(sides: tuple[str, ...] = SIDES, lens: str = POLYNOMIAL) -> tuple[str, ...]:
         """Return parameter names: `left.fx` ... `right.p2`, and `right.pose.rx` ... for a pair."""
-        inside = tuple(f"{side}.{name}" for side in sides for name in INTRINSICS)
+        inside = tuple(f"{side}.{name}" for side in sides for name in intrinsics_of(lens))
         pose = tuple(f"right.pose.{name}" for name in POSE_NAMES)
         return inside + pose if len(sides) == 2 else inside
 
     @property
     def names(self) -> tuple[str, ...]:
         """Names of all parameters, in the order of `values`."""
-        return self.names_of()
+        return self.names_of(lens=self.lens)
+
+    @property
+    def lens(self) -> str:
+        """The lens of both cameras, one of `camera.LENSES`."""
+        return self.left.lens
 
     @property
     def values(self) -> NDArray:
-        """All parameters. Shape (26,)."""
+        """All parameters; of polynomial lenses, shape (26,)."""
         pose = [rotation_vector_of(self.X_LR[:3, :3]), self.X_LR[:3, 3]]
         return np.concatenate([self.left.values, self.right.values, *pose])
 
     @property
     def units(self) -> tuple[str, ...]:
         """Units of `names`."""
-        return (*INTRINSIC_UNITS, *INTRINSIC_UNITS, *("rad",) * 3, *("m",) * 3)
+        inside = [*INTRINSIC_UNITS[:5], *["1"] * (len(self.left.values) - 5)]
+        return (*inside, *inside, *("rad",) * 3, *("m",) * 3)
 
     @classmethod
-    def from_values(cls, values: NDArray, image_size: tuple[int, int]) -> "StereoRig":
+    def from_values(
+        cls, values: NDArray, image_size: tuple[int, int], lens: str = POLYNOMIAL
+    ) -> "StereoRig":
         """Return the cameras that have given `values`, the left one at the world.
 
         Args:
             values: Both cameras' intrinsics, then the right one's pose. Shape (26,).
             image_size: Width and height [px].
+            lens: Of both.
 
         Raises:
             ValueError: If a focal length is not positive.
         """
-        pose = transform(rotation_from_vector(values[20:23]), values[23:])
-        left = Camera.from_values(values[:10], image_size)
-        return cls(left, Camera.from_values(values[10:20], image_size, pose))
+        inside, pose = values[:-6].reshape(2, -1), values[-6:]
+        X_LR = transform(rotation_from_vector(pose[:3]), pose[3:])
+        left = Camera.from_values(inside[0], image_size, lens=lens)
+        return cls(left, Camera.from_values(inside[1], image_size, X_LR, lens))
 
     def moved(self, X_WV: ArrayLike) -> "StereoRig":
         """Return the rig seen from another world V, whose pose in W is given. Shape (4, 4)."""
@@ -229,7 +248,9 @@ class StereoRig:
         """Project without asking for cheirality. Shapes (N, 4) and (N, 4, 3)."""
         pixels, slopes = [], []
         for camera in self.cameras:
-            at, by_point, _ = project_in_camera(apply(camera.X_CW, p_WQ).T, camera.values)
+            at, by_point, _ = project_in_camera(
+                apply(camera.X_CW, p_WQ).T, camera.values, camera.lens
+            )
             pixels.append(at.T)
             slopes.append(np.einsum("abn,bc->nac", by_point, camera.X_CW[:3, :3]))
         return np.concatenate(pixels, axis=1), np.concatenate(slopes, axis=1)

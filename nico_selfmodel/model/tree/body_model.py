@@ -12,7 +12,8 @@ from nico_selfmodel.errors import DataError, ModelError
 from nico_selfmodel.files.reading import LARGEST_DOCUMENT, read_text
 from nico_selfmodel.files.whole import write_whole
 from nico_selfmodel.files.yaml_text import parse_yaml, yaml_text
-from nico_selfmodel.model.cameras.camera import INTRINSICS, Camera
+from nico_selfmodel.model.cameras.camera import Camera
+from nico_selfmodel.model.cameras.projection import INTRINSICS
 from nico_selfmodel.model.document_values import damage, mapping, mappings, numbers, texts
 from nico_selfmodel.model.self_model import ParameterCovariance
 from nico_selfmodel.model.tree.body_tree import WORLD, Attached, BodyTree

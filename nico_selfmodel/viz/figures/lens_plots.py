@@ -6,7 +6,6 @@ from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
 from nico_selfmodel.estimation.cameras.camera_assessment import CameraAssessment
-from nico_selfmodel.model.cameras import lens
 from nico_selfmodel.model.cameras.camera import Camera
 from nico_selfmodel.viz.figures import palette
 from nico_selfmodel.viz.figures.distribution_plot import distribution, error_sets
@@ -97,7 +96,7 @@ def _profile_panel(axes: Axes, assessment: CameraAssessment, side: str, camera: 
     corners = np.array([[0.0, 0.0], [1.0, 0.0], [0.0, 1.0], [1.0, 1.0]]) * (size - 1.0)
     reach = float(np.linalg.norm(corners - center, axis=1).max())
     r = _radii_up_to(camera, reach / focal)
-    moved = focal * (lens.distort(np.stack([r, np.zeros_like(r)]), camera.k, np.zeros(2))[0] - r)
+    moved = focal * (camera.profile(r)[0] - r)
     place = focal * r + moved
     sigma = _BAND * focal * _profile_sigma(assessment, side, r)
     color = palette.CAMERAS[side]
@@ -128,19 +127,20 @@ def _profile_panel(axes: Axes, assessment: CameraAssessment, side: str, camera: 
 
 
 def _radii_up_to(camera: Camera, distorted: float) -> NDArray:
-    """Return ideal radii from 0 to that of a distorted one, or to where the lens folds."""
-    limit = min(lens.largest_radius(camera.k), 4.0 * distorted)
+    """Return `Camera.profile`'s radii from 0 to a distorted one, or to where the lens folds."""
+    limit = min(camera.reach, 4.0 * distorted)
     r = np.linspace(0.0, limit, 20 * _STEPS)
-    there = lens.distort(np.stack([r, np.zeros_like(r)]), camera.k, np.zeros(2))[0]
+    there = camera.profile(r)[0]
     past = np.flatnonzero(there > distorted)
     return np.linspace(0.0, r[past[0]] if len(past) else limit, _STEPS)
 
 
 def _profile_sigma(assessment: CameraAssessment, side: str, r: NDArray) -> NDArray:
-    """Return the standard deviation of the distorted radius, from that of k1, k2, k3."""
+    """Return the standard deviation of the distorted radius, from that of k1, k2, ..."""
     calibration = assessment.calibration
-    names = [f"{side}.k{power}" for power in (1, 2, 3)]
-    slopes = np.stack([r**3, r**5, r**7])
+    camera = calibration.cameras[calibration.views.cameras.index(side)]
+    slopes = camera.profile(r)[1].T
+    names = [f"{side}.k{power + 1}" for power in range(len(slopes))]
     free = [k for k, name in enumerate(names) if name in calibration.names]
     columns = [calibration.names.index(names[k]) for k in free]
     covariance = calibration.uncertainty.covariance[np.ix_(columns, columns)]

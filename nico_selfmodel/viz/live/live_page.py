@@ -6,8 +6,7 @@ from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
 
 from pydrake.geometry import Meshcat
 
-from nico_selfmodel.viz.scene.night import NIGHT_SCRIPT
-from nico_selfmodel.viz.scene.surroundings import ASPECT
+from nico_selfmodel.viz.scene.surroundings import ASPECT, NIGHT_SCRIPT
 
 PANEL_PX, NARROW_PX = 350, 700
 """Width of the sliders; below which width of the window they stand under the picture [px]."""

@@ -53,6 +53,7 @@ def camera_report(
     sections = (
         _errors(assessment, document),
         _where(assessment, views),
+        *lens_section(document),
         *_together(assessment, document),
         shared_sections.learned_section(
             document,
@@ -139,6 +140,20 @@ def _board_tiles(found: Mapping[str, Any]) -> tuple[parts.Tile, parts.Tile]:
         parts.Tile(f"{edge['sd']:.2f} mm", "SD of edges", edges),
         parts.Tile(f"{signed(off, 2)} %", "off in scale", size),
     )
+
+
+def lens_section(document: Mapping[str, Any]) -> list[parts.Section]:
+    """Return which lenses were tried; nothing where the polynomial left nothing to ask."""
+    tried = (document.get("lens") or {}).get("tried")
+    if not tried:
+        return []
+    rows = tuple((t["lens"], (number_cell(t["left_out_px"], 3), Cell(t["reason"]))) for t in tried)
+    words = (
+        "Boards are predicted by cameras that were learned without them; the number is the "
+        "geometric mean of their rms."
+    )
+    table = parts.numbers(Table(("lens", "boards left out [px]", "why"), rows), "cards")
+    return [parts.section(f"The lens: {document['lens']['kind']}", table, parts.hint(words))]
 
 
 def _where(assessment: CameraAssessment, views: tuple[ShownView, ...]) -> parts.Section:

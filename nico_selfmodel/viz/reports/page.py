@@ -13,8 +13,8 @@ from nico_selfmodel.viz.live.drake_backend import static_html
 from nico_selfmodel.viz.reports import parts
 from nico_selfmodel.viz.reports.camera_gallery import Gallery
 from nico_selfmodel.viz.reports.residual_rows import RESIDUALS_FILE
-from nico_selfmodel.viz.scene.night import NIGHT_SCRIPT
 from nico_selfmodel.viz.scene.scene import SCENE_FILE, Scene
+from nico_selfmodel.viz.scene.surroundings import NIGHT_SCRIPT
 
 REPORT_FILE = "report.html"
 _PARTS = (

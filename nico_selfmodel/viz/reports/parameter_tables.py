@@ -4,7 +4,7 @@ from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
 from typing import Any
 
-from nico_selfmodel.model.cameras.camera import INTRINSICS
+from nico_selfmodel.model.cameras.projection import EVERY_INTRINSIC, INTRINSICS
 from nico_selfmodel.model.cameras.stereo_rig import POSE_NAMES
 from nico_selfmodel.viz.figures.numbers_shown import decimals
 from nico_selfmodel.viz.reports.tables import UNITS, Cell, Table
@@ -114,10 +114,10 @@ def place_table(parameters: ParameterTables, markers: tuple[str, ...]) -> Table:
 
 def lens_table(parameters: ParameterTables, cameras: tuple[str, ...]) -> Table:
     """Return the intrinsic parameters, one camera a column."""
-    units = [" [px]"] * 5 + [""] * 5
+    known = [n for n in EVERY_INTRINSIC if f"{cameras[0]}.{n}" in parameters.entries]
     rows = [
-        (f"{name}{unit}", [f"{camera}.{name}" for camera in cameras])
-        for name, unit in zip(INTRINSICS, units, strict=True)
+        (f"{name}{' [px]' * (name in INTRINSICS[:5])}", [f"{camera}.{name}" for camera in cameras])
+        for name in known
     ]
     return parameters.rows(("lens", *cameras), rows)
 

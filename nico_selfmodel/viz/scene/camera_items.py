@@ -8,7 +8,6 @@ from numpy.typing import NDArray
 
 from nico_selfmodel.estimation.cameras.camera_adjustment import CameraCalibration
 from nico_selfmodel.geometry.transform import apply, transform
-from nico_selfmodel.model.cameras import lens
 from nico_selfmodel.model.cameras.camera import Camera
 from nico_selfmodel.viz.figures import palette
 from nico_selfmodel.viz.figures.photographs import jpeg, resampled
@@ -92,7 +91,7 @@ class ImagePlane:
         share = [(np.arange(n) + 0.5) / n for n in fine.tolist()]
         grid = np.stack(np.meshgrid(*share))
         ideal = (self.low[:, None, None] + grid * self.size[:, None, None]) / self.distance
-        seen = np.hypot(*ideal) < lens.largest_radius(self.camera.k)
+        seen = np.hypot(*ideal) < self.camera.widest
         pixels = np.moveaxis(np.where(seen, self.camera.pixels_of(ideal), np.nan), 0, -1)
         colors = resampled(image, pixels).astype(np.uint16)
         blocks = colors.reshape(shape[1], _SUPERSAMPLED, shape[0], _SUPERSAMPLED, 3)

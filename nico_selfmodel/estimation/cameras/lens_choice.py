@@ -1,0 +1,191 @@
+"""Which lens boards tell: the polynomial, unless boards that were left out say otherwise.
+
+The polynomial of three coefficients stays where its residuals have nothing in common over the
+image. Where they have, or no such camera fits at all, the rational lens and the fisheye are tried:
+each board is predicted by cameras that were learned without it, and a lens must lower the mean over
+boards of log(rms) by more than 1 % and a standard error. Of two that do as well the one with fewer
+numbers stays, unless its residuals still have something in common, or it folds the image. Where the
+last coefficient folds it and boards do no worse without, it is left out.
+"""
+
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from nico_selfmodel.dataset.board_views import BoardViews
+from nico_selfmodel.errors import EstimationError, ModelError
+from nico_selfmodel.estimation.cameras.board_accuracy import cross_validate_cameras
+from nico_selfmodel.estimation.cameras.camera_adjustment import CameraCalibration
+from nico_selfmodel.estimation.cameras.camera_assessment import fails_the_lens
+from nico_selfmodel.estimation.cameras.camera_options import CameraOptions
+from nico_selfmodel.estimation.cameras.lens_folds import folds_by_chance, folds_of
+from nico_selfmodel.estimation.cameras.lens_misfit import LensMisfit, lens_misfits
+from nico_selfmodel.estimation.cameras.stereo import calibrate_cameras
+from nico_selfmodel.estimation.results.calibration_result import finite
+from nico_selfmodel.model.cameras.projection import FISHEYE, LENSES, POLYNOMIAL, RATIONAL
+
+AUTO = "auto"
+"""Let the boards choose."""
+_LAST = {POLYNOMIAL: ("k3",), FISHEYE: ("k4",), RATIONAL: ("k3", "k6")}
+"""Coefficients that are left out where a lens folds, or is not told."""
+_GAIN = 0.01
+"""Mean logarithm of the errors' ratio that boards left out must gain."""
+
+
+@dataclass(frozen=True)
+class LensTrial:
+    """One lens, and what boards that were left out say of it."""
+
+    lens: str
+    """One of `LENSES`."""
+    left_out_px: float
+    """Geometric mean over boards of their rms, each predicted without its fold [px]."""
+    reason: str
+    """Why it stayed or went."""
+
+
+@dataclass(frozen=True)
+class LensChoice:
+    """The lens that was taken."""
+
+    options: CameraOptions
+    """With this lens; its last coefficient held at zero where it folds the image for nothing."""
+    tried: tuple[LensTrial, ...] = ()
+    """Those that were tried; empty where the polynomial leaves nothing to ask."""
+
+    @property
+    def lens(self) -> str:
+        """One of `LENSES`."""
+        return self.options.lens
+
+    def as_plain(self) -> dict[str, Any]:
+        """Return it for `result.json`."""
+        tried = [
+            {"lens": t.lens, "left_out_px": finite(t.left_out_px), "reason": t.reason}
+            for t in self.tried
+        ]
+        return {"kind": self.lens, "tried": tried}
+
+
+def lens_of(views: BoardViews, options: CameraOptions, wanted: str = AUTO) -> LensChoice:
+    """Choose a lens.
+
+    Args:
+        views: Corners.
+        options: All else about the cameras.
+        wanted: `AUTO` or one of `LENSES`.
+
+    Raises:
+        ValueError: If there is no such lens.
+        EstimationError: If the boards can be learned from with no lens at all.
+    """
+    if wanted != AUTO:
+        if wanted not in LENSES:
+            raise ValueError(f"no lens {wanted!r}; there are {AUTO}, {', '.join(LENSES)}")
+        return LensChoice(replace(options, lens=wanted))
+    views = views.placeable()
+    plain = replace(options, lens=POLYNOMIAL)
+    try:
+        found = calibrate_cameras(views, plain)
+        if not (_is_flawed(found, plain) or any(m.is_certain for m in _misfits(found, plain))):
+            return LensChoice(plain)
+    except (EstimationError, ModelError) as error:
+        tried = _tried(views, options, (FISHEYE, RATIONAL))
+        if not tried:
+            raise
+        return _chosen(tried, {POLYNOMIAL: LensTrial(POLYNOMIAL, np.nan, str(error))})
+    tried = _tried(views, options, LENSES)
+    return _chosen(tried, {}) if tried else LensChoice(plain)
+
+
+def _misfits(found: CameraCalibration, options: CameraOptions) -> list[LensMisfit]:
+    return lens_misfits(found, options.aspect)
+
+
+def _is_flawed(found: CameraCalibration, options: CameraOptions) -> bool:
+    """Whether a lens would fail: most of its residuals a pattern, a folded image, or not told."""
+    misfits = any(map(fails_the_lens, _misfits(found, options)))
+    return misfits or bool(_folded(found)) or bool(found.uncertainty.unobservable)
+
+
+def _folded(found: CameraCalibration) -> set[str]:
+    """Return the cameras whose lens folds the image where its boards do not leave it open."""
+    views = found.views
+    return set(folds_of(views.cameras, found.cameras, views.image_size)) - folds_by_chance(found)
+
+
+@dataclass(frozen=True, eq=False)
+class _Found:
+    """What one lens leaves."""
+
+    options: CameraOptions
+    left_out: NDArray
+    """Logarithm of the rms of each board, predicted without its fold. Shape (V,)."""
+    flawed: bool
+
+    @classmethod
+    def by(cls, views: BoardViews, options: CameraOptions) -> "_Found":
+        """Learn, and predict each board without its fold."""
+        everything = np.ones(len(views), dtype=bool)
+        left = cross_validate_cameras(views, options, everything)
+        if not len(left):
+            raise EstimationError("too few boards to leave some out")
+        found = calibrate_cameras(views, options)
+        rms = 0.5 * np.log(2.0 * np.nanmean(left**2, axis=(1, 2)))
+        return cls(options, rms, _is_flawed(found, options))
+
+    def worse_than(self, other: "_Found") -> bool:
+        """Whether boards gain by another lens."""
+        gain = self.left_out - other.left_out
+        mean, sigma = float(gain.mean()), float(gain.std(ddof=1) / np.sqrt(len(gain)))
+        return mean > _GAIN and mean > sigma
+
+
+def _tried(views: BoardViews, options: CameraOptions, lenses: tuple[str, ...]) -> dict[str, _Found]:
+    """Return what each lens leaves that can be learned."""
+    found = {}
+    for lens in lenses:
+        own = replace(options, lens=lens)
+        less = replace(own, pinned={**dict.fromkeys(_LAST[lens], 0.0), **own.pinned})
+        whole = _found(views, own)
+        if whole is None or whole.flawed:
+            simpler = _found(views, less)
+            if simpler is not None and (
+                whole is None or not (simpler.flawed or simpler.worse_than(whole))
+            ):
+                whole = simpler
+        if whole is not None:
+            found[lens] = whole
+    return found
+
+
+def _found(views: BoardViews, options: CameraOptions) -> _Found | None:
+    """Return what a lens leaves; None where it cannot be learned."""
+    try:
+        return _Found.by(views, options)
+    except (EstimationError, ModelError, ValueError):
+        return None
+
+
+def _chosen(found: dict[str, _Found], failed: dict[str, LensTrial]) -> LensChoice:
+    """Return the lens with the fewest numbers among those that do as well as the best."""
+    best = min(found, key=lambda lens: float(found[lens].left_out.mean()))
+    order = [lens for lens in (POLYNOMIAL, FISHEYE, RATIONAL) if lens in found]
+    as_well = [lens for lens in order if not found[lens].worse_than(found[best])]
+    clean = [lens for lens in as_well if not found[lens].flawed]
+    taken = (clean or as_well)[0]
+    trials = dict(failed)
+    for lens in order:
+        px = float(np.exp(found[lens].left_out.mean()))
+        if lens == taken:
+            why = "taken"
+        elif lens not in as_well:
+            why = "boards that were left out are met worse"
+        elif found[lens].flawed:
+            why = "it leaves a pattern over the image, folds it, or is not told by these boards"
+        else:
+            why = "no better, with more numbers"
+        trials[lens] = LensTrial(lens, px, why)
+    return LensChoice(found[taken].options, tuple(trials.values()))

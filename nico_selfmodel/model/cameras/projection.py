@@ -1,0 +1,85 @@
+"""From points in a camera to pixels, with every derivative: the kernel of all estimators."""
+
+import numpy as np
+from numpy.typing import NDArray
+
+from nico_selfmodel.model.cameras import fisheye, lens
+
+INTRINSICS = ("fx", "fy", "skew", "cx", "cy", "k1", "k2", "k3", "p1", "p2")
+"""Names of what lies inside a camera, in the order of `Camera.values`."""
+
+DISTORTION = INTRINSICS[5:]
+"""Those of them that bend light."""
+
+POLYNOMIAL, RATIONAL, FISHEYE = "polynomial", "rational", "fisheye"
+LENSES = (POLYNOMIAL, RATIONAL, FISHEYE)
+"""How a lens bends light: `lens` with three or with six radial coefficients, or `fisheye`."""
+_INSIDE = {
+    POLYNOMIAL: INTRINSICS,
+    RATIONAL: (*INTRINSICS, "k4", "k5", "k6"),
+    FISHEYE: (*INTRINSICS[:8], "k4"),
+}
+
+EVERY_INTRINSIC = _INSIDE[RATIONAL]
+"""Names of all that may lie inside a camera."""
+INTRINSIC_UNITS = ("px", "px", "px", "px", "px", "1", "1", "1", "1", "1")
+"""Units of `INTRINSICS`; those of other lenses begin alike."""
+
+
+def intrinsics_of(kind: str) -> tuple[str, ...]:
+    """Return the names of what lies inside a camera with a lens, in the order of its values.
+
+    Raises:
+        ValueError: If there is no such lens.
+    """
+    if kind not in LENSES:
+        raise ValueError(f"no lens {kind!r}; there are {', '.join(LENSES)}")
+    return _INSIDE[kind]
+
+
+def project_in_camera(
+    p_CQ: NDArray, values: NDArray, kind: str = POLYNOMIAL
+) -> tuple[NDArray, NDArray, NDArray]:
+    """Project points given in the camera's frame; the kernel of every estimator with pixels.
+
+    Args:
+        p_CQ: Points with z other than zero, unless the lens is a fisheye [m]. Shape (3, ...).
+        values: Intrinsics in the order of `intrinsics_of` the lens. Shape (c,).
+        kind: The lens, one of `LENSES`.
+
+    Returns:
+        Pixels, shape (2, ...), their derivatives by the point, shape (2, 3, ...), and by the
+        intrinsics, shape (2, c, ...).
+    """
+    fx, fy, skewness, cx, cy = values[:5]
+    if kind == FISHEYE:
+        (x, y), bent, bends = fisheye.bend(p_CQ, values[5:])
+        by_point = np.stack([fx * bent[0] + skewness * bent[1], fy * bent[1]])
+        pixels = np.stack([fx * x + skewness * y + cx, fy * y + cy])
+        return pixels, by_point, _by_values(values, x, y, bends)
+    k, p = values[5:8], values[8:10]
+    if kind == RATIONAL:
+        k = np.concatenate([k, values[10:]])
+    depth = 1.0 / p_CQ[2]
+    ideal = p_CQ[:2] * depth
+    x, y = lens.distort(ideal, k, p)
+    pixels = np.stack([fx * x + skewness * y + cx, fy * y + cy])
+    slopes = lens.distortion_slopes(ideal, k, p)
+    shape = ideal.shape[1:]
+    # d(u, v)/d(x, y) = K2 distortion', d(x, y)/dX = [1, 0, -x; 0, 1, -y] / Z
+    bent = np.stack([fx * slopes[0] + skewness * slopes[1], fy * slopes[1]]) * depth
+    by_point = np.empty((2, 3, *shape))
+    by_point[:, :2] = bent
+    by_point[:, 2] = -(bent[:, 0] * ideal[0] + bent[:, 1] * ideal[1])
+    return pixels, by_point, _by_values(values, x, y, lens.coefficient_slopes(ideal, k))
+
+
+def _by_values(values: NDArray, x: NDArray, y: NDArray, bends: NDArray) -> NDArray:
+    """Return derivatives of pixels by the intrinsics from those of distorted coordinates."""
+    fx, fy, skewness = values[:3]
+    by_values = np.zeros((2, len(values), *x.shape))
+    by_values[0, 0], by_values[1, 1], by_values[0, 2] = x, y, y
+    by_values[0, 3] = by_values[1, 4] = 1.0
+    by_values[0, 5:] = fx * bends[0] + skewness * bends[1]
+    by_values[1, 5:] = fy * bends[1]
+    return by_values

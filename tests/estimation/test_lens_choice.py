@@ -1,0 +1,111 @@
+"""Fisheyes and rational lenses: learned to what OpenCV reaches, and chosen by unseen boards."""
+
+import cv2
+import numpy as np
+import pytest
+
+from nico_selfmodel.estimation.cameras.camera_assessment import CameraAssessment
+from nico_selfmodel.estimation.cameras.camera_options import CameraOptions
+from nico_selfmodel.estimation.cameras.lens_choice import lens_of
+from nico_selfmodel.estimation.cameras.stereo import calibrate_cameras
+from nico_selfmodel.estimation.judging import judge
+from nico_selfmodel.geometry.rotation import rotation_from_vector
+from nico_selfmodel.geometry.transform import transform
+
+from .wide_boards import P_GQ, SIZE, wide_camera, wide_views
+
+X_LR = transform(rotation_from_vector([0.01, -0.02, 0.015]), [0.1, 0.002, -0.001])
+
+
+def scene(kind, seed, cameras=1):
+    rng = np.random.default_rng((seed, 5))
+    camera = wide_camera(kind, rng)
+    pair = (camera, wide_camera(kind, rng).at(X_LR))[:cameras]
+    return pair, wide_views(pair, rng), wide_views(pair, rng, 8)
+
+
+@pytest.mark.parametrize("kind", ["fisheye", "polynomial"])
+@pytest.mark.parametrize("seed", [0, 1, 2])
+def test_boards_choose_their_lens_and_it_passes(kind, seed):
+    _, train, test = scene(kind, seed)
+    choice = lens_of(train, CameraOptions())
+    assert choice.lens == kind
+    learned = calibrate_cameras(train, choice.options)
+    assert judge(CameraAssessment.from_calibration(learned, choice.options, test)).status == "PASS"
+    assert bool(choice.tried) == (kind == "fisheye")
+
+
+@pytest.mark.parametrize("seed", [0, 1, 2])
+def test_a_rational_lens_is_never_taken_for_a_polynomial(seed):
+    _, train, test = scene("rational", seed)
+    choice = lens_of(train, CameraOptions())
+    assert choice.lens != "polynomial"
+    learned = calibrate_cameras(train, choice.options)
+    assert learned.rms < 0.15
+    plain = CameraOptions(lens="polynomial")
+    forced = calibrate_cameras(train, plain)
+    assert judge(CameraAssessment.from_calibration(forced, plain, test)).status == "FAIL"
+
+
+def test_parameters_of_a_fisheye_lie_within_their_sigma():
+    inside = []
+    for seed in range(10):
+        (camera,), train, _ = scene("fisheye", 100 + seed)
+        learned = calibrate_cameras(train, CameraOptions(lens="fisheye"))
+        sigma = dict(zip(learned.names, learned.uncertainty.sigma, strict=True))
+        for name, value in camera.named_values.items():
+            if f"left.{name}" in sigma:
+                off = abs(getattr(learned.cameras[0], name) - value)
+                inside.append(off < sigma[f"left.{name}"])
+    assert 0.5 < np.mean(inside) < 0.85
+
+
+def test_a_fisheye_costs_no_more_than_opencvs():
+    _, views, _ = scene("fisheye", 3)
+    corners = [pixels[None].astype(float) for pixels in views.pixels]
+    flags = cv2.CALIB_RECOMPUTE_EXTRINSIC + cv2.CALIB_FIX_SKEW
+    K = np.array([[380.0, 0.0, 639.5], [0.0, 380.0, 479.5], [0.0, 0.0, 1.0]])
+    flags += cv2.CALIB_USE_INTRINSIC_GUESS
+    near = [i for i, p in enumerate(views.pixels) if np.linalg.norm(p - 640, axis=1).max() < 500]
+    chosen = views.select(np.array(near))
+    ours = calibrate_cameras(chosen, CameraOptions(lens="fisheye", loss="none"))
+    theirs = cv2.fisheye.calibrate(
+        [P_GQ[None]] * len(near), [corners[i] for i in near], SIZE, K, np.zeros(4), flags=flags
+    )[0]
+    assert ours.rms <= theirs * 1.001
+
+
+def test_a_rational_lens_costs_no_more_than_opencvs():
+    _, views, _ = scene("rational", 4)
+    options = CameraOptions(lens="rational", tangential=True, loss="none")
+    ours = calibrate_cameras(views, options)
+    theirs = cv2.calibrateCamera(
+        [P_GQ.astype(np.float32)] * len(views),
+        [pixels.astype(np.float32) for pixels in views.pixels],
+        SIZE,
+        None,
+        None,
+        flags=cv2.CALIB_RATIONAL_MODEL,
+    )[0]
+    assert ours.rms <= theirs * 1.001
+
+
+def test_a_pair_of_fisheyes_is_learned_as_one_rig():
+    cameras, train, test = scene("fisheye", 5, cameras=2)
+    choice = lens_of(train, CameraOptions())
+    learned = calibrate_cameras(train, choice.options)
+    assert choice.lens == learned.rig.lens == "fisheye"
+    assert learned.rig.baseline == pytest.approx(np.linalg.norm(X_LR[:3, 3]), rel=5e-3)
+    assert judge(CameraAssessment.from_calibration(learned, choice.options, test)).status == "PASS"
+    model = learned.self_model("wide")
+    assert model.rig.project(np.array([[0.1, 0.0, 0.5]])) == pytest.approx(
+        np.hstack([c.project(np.array([[0.1, 0.0, 0.5]])) for c in cameras]), abs=0.5
+    )
+
+
+def test_a_lens_that_does_not_exist_is_refused():
+    _, train, _ = scene("polynomial", 0)
+    with pytest.raises(ValueError, match="no lens 'round'; there are auto, polynomial"):
+        lens_of(train, CameraOptions(), "round")
+    with pytest.raises(ValueError, match="no lens 'round'"):
+        CameraOptions(lens="round")
