@@ -12,6 +12,7 @@ import typer
 
 from nico_selfmodel import __version__
 from nico_selfmodel.cli import (
+    cameras_files,
     choose_poses,
     convert,
     detect,
@@ -69,12 +70,17 @@ _GROUPS: dict[str, tuple[str, dict[str, Callable[..., None]]]] = {
         {"motion-capture": simulate.motion_capture},
     ),
     "import": (
-        "Make a data set, or a servo configuration, of files made elsewhere.",
+        "Make a data set, a servo configuration or cameras of files made elsewhere.",
         {
             "csv": import_csv.from_csv,
             "vicon": import_vicon.from_vicon,
             "lerobot": import_lerobot.from_lerobot,
+            "cameras": cameras_files.import_cameras,
         },
+    ),
+    "export": (
+        "Write what was learned for other programs.",
+        {"cameras": cameras_files.export_cameras},
     ),
     "calibrate": (
         "Learn a self-model from recorded data.",

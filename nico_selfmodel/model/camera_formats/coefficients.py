@@ -1,0 +1,94 @@
+"""Lens coefficients in the order that OpenCV, and all who follow it, write them in."""
+
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from nico_selfmodel.errors import DataError, ModelError
+from nico_selfmodel.model.cameras.camera import Camera
+from nico_selfmodel.model.cameras.projection import FISHEYE, POLYNOMIAL, RATIONAL
+from nico_selfmodel.names import shown
+
+_ORDER = {
+    POLYNOMIAL: ("k1", "k2", "p1", "p2", "k3"),
+    RATIONAL: ("k1", "k2", "p1", "p2", "k3", "k4", "k5", "k6"),
+    FISHEYE: ("k1", "k2", "k3", "k4"),
+}
+
+
+def coefficients_of(camera: Camera) -> NDArray:
+    """Return a lens' coefficients: k1 k2 p1 p2 k3 [k4 k5 k6], of a fisheye k1 to k4."""
+    return np.array([getattr(camera, name) for name in _ORDER[camera.lens]])
+
+
+def require_no_skew(camera: Camera, program: str) -> None:
+    """Refuse a camera whose pixels are sheared, which other programs do not know.
+
+    Raises:
+        ModelError: If so.
+    """
+    if camera.skew != 0.0:
+        raise ModelError(
+            f"skew {camera.skew:.3g} px has no counterpart in {program}: learn the cameras without "
+            "`--free skew`"
+        )
+
+
+def camera_of(
+    focal: Sequence[float],
+    coefficients: Sequence[float],
+    image_size: Any,
+    where: str,
+    *,
+    fisheye: bool = False,
+    X_WC: ArrayLike | None = None,
+) -> Camera:
+    """Build a camera from what such files hold.
+
+    Args:
+        focal: fx, fy, cx, cy [px]. Length 4.
+        coefficients: In `coefficients_of`'s order; what is missing at the end is zero.
+        image_size: Width and height [px].
+        where: Place for messages.
+        fisheye: Whether they are those of a fisheye.
+        X_WC: Its pose. Shape (4, 4).
+
+    Raises:
+        DataError: If they are no camera, or a lens that has no counterpart here.
+    """
+    found = [float(value) for value in np.ravel(coefficients)]
+    while len(found) > 8 and found[-1] == 0.0:
+        found.pop()
+    kind = FISHEYE if fisheye else POLYNOMIAL if len(found) <= 5 else RATIONAL
+    names = _ORDER[kind]
+    if len(found) > len(names):
+        raise DataError(
+            f"{where}: {len(found)} lens coefficients, of which only {len(names)} have a "
+            "counterpart here: thin prisms and tilted sensors are not known"
+        )
+    fx, fy, cx, cy = (float(value) for value in focal)
+    bends = dict(zip(names, found, strict=False))
+    try:
+        width, height = (int(side) for side in image_size)
+        pose = np.eye(4) if X_WC is None else np.asarray(X_WC, dtype=float)
+        size = (width, height)
+        return Camera(fx, fy, cx, cy, size, lens=kind, X_WC=pose, **bends)
+    except (TypeError, ValueError) as error:
+        raise DataError(f"{where}: no camera: {error}") from None
+
+
+def matrix(value: Any, shape: tuple[int, ...], where: str) -> NDArray:
+    """Return numbers of a shape, however they were nested.
+
+    Raises:
+        DataError: If they are others.
+    """
+    try:
+        found = np.asarray(value, dtype=float).reshape(shape)
+    except (TypeError, ValueError):
+        raise DataError(f"{where}: expected {shape} numbers, got {shown(value)}") from None
+    if not np.isfinite(found).all():
+        raise DataError(f"{where}: numbers must be finite, got {shown(value)}")
+    return found

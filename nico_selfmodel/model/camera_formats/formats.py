@@ -1,0 +1,102 @@
+"""Write cameras for other programs, and read theirs."""
+
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+from nico_selfmodel.errors import DataError, ModelError
+from nico_selfmodel.files.json_text import parse_json
+from nico_selfmodel.files.reading import LARGEST_DOCUMENT, read_text
+from nico_selfmodel.files.yaml_text import parse_yaml
+from nico_selfmodel.model.camera_formats.kalibr_format import kalibr_cameras, kalibr_text
+from nico_selfmodel.model.camera_formats.mrcal_format import mrcal_camera, mrcal_text
+from nico_selfmodel.model.camera_formats.opencv_format import opencv_cameras, opencv_text
+from nico_selfmodel.model.camera_formats.ros_format import ros_camera, ros_text
+from nico_selfmodel.model.cameras.camera import Camera
+from nico_selfmodel.model.cameras.stereo_rig import SIDES
+
+FORMATS = {"opencv": ".yaml", "opencv-json": ".json", "ros": ".yaml", "kalibr": ".yaml"}
+FORMATS["mrcal"] = ".cameramodel"
+"""Name of each, and how its files end."""
+_ONE_A_FILE = ("ros", "mrcal")
+
+
+def camera_texts(cameras: Mapping[str, Camera], kind: str) -> dict[str, str]:
+    """Return files with cameras, by name.
+
+    Args:
+        cameras: Left and right, or one of them.
+        kind: One of `FORMATS`.
+
+    Raises:
+        ModelError: If a camera has no counterpart there, or there is none.
+        ValueError: If there is no such format.
+    """
+    if kind not in FORMATS:
+        raise ValueError(f"no format {kind!r}; there are {', '.join(FORMATS)}")
+    if not cameras:
+        raise ModelError("the self-model has no camera: learn them with `calibrate stereo`")
+    end = FORMATS[kind]
+    if kind == "ros":
+        return {f"{side}{end}": ros_text(side, camera) for side, camera in cameras.items()}
+    if kind == "mrcal":
+        return {f"{side}{end}": mrcal_text(camera) for side, camera in cameras.items()}
+    if kind == "kalibr":
+        return {f"camchain{end}": kalibr_text(cameras)}
+    return {f"cameras{end}": opencv_text(cameras, as_json=kind == "opencv-json")}
+
+
+def read_cameras(paths: Sequence[Path]) -> dict[str, Camera]:
+    """Read cameras of any of `FORMATS`, told by what is in the file.
+
+    Args:
+        paths: One file, or the left and the right camera's where each has its own.
+
+    Returns:
+        `left`, and `right` where there is one.
+
+    Raises:
+        DataError: If a file is missing, does not parse, or has no counterpart here; if files of two
+            cameras say nothing of how these stand to each other.
+    """
+    if len(paths) == 1:
+        return _read(paths[0])
+    if len(paths) != 2:
+        raise DataError(f"give one file, or the left and the right camera's, got {len(paths)}")
+    read = [_read(path)["left"] for path in paths]
+    found: dict[str, Camera] = dict(zip(SIDES, read, strict=True))
+    left, right = found.values()
+    if (left.X_WC == right.X_WC).all():
+        raise DataError(
+            f"{paths[0]} and {paths[1]} put both cameras in one place: files that know how the "
+            "cameras stand to each other are those of opencv, kalibr and mrcal"
+        )
+    if left.lens != right.lens:
+        raise DataError(f"{paths[0]} and {paths[1]} have lenses of two kinds")
+    return found
+
+
+def _read(path: Path) -> dict[str, Camera]:
+    text, where = read_text(path, LARGEST_DOCUMENT), str(path)
+    if path.suffix == FORMATS["mrcal"] or "lensmodel" in text[:1000]:
+        return {"left": mrcal_camera(text, where)}
+    document = _parsed(text, where)
+    if "distortion_model" in document:
+        return {"left": ros_camera(document, where)}
+    if any(str(key).startswith("cam") and str(key)[3:].isdigit() for key in document):
+        return kalibr_cameras(document, where)
+    if "M1" in document or "camera_matrix" in document:
+        return opencv_cameras(document, where)
+    raise DataError(f"{where}: holds no cameras of {', '.join(FORMATS)}")
+
+
+def _parsed(text: str, where: str) -> dict[str, Any]:
+    if text.lstrip().startswith("{"):
+        document = parse_json(text, where)
+    else:
+        # OpenCV's first line is no YAML, nor are its tags of this world.
+        body = text.removeprefix("%YAML:1.0").replace("!!opencv-matrix", "")
+        document = parse_yaml(body.lstrip().removeprefix("---"), where)
+    if not isinstance(document, dict):
+        raise DataError(f"{where}: holds no cameras")
+    return document

@@ -1,0 +1,150 @@
+"""Files of other programs: written, read back to the same pixels, refused where nothing fits."""
+
+import ast
+
+import cv2
+import numpy as np
+import pytest
+
+from nico_selfmodel.errors import DataError, ModelError
+from nico_selfmodel.geometry.rotation import rotation_from_vector
+from nico_selfmodel.geometry.transform import transform
+from nico_selfmodel.model.camera_formats.formats import FORMATS, camera_texts, read_cameras
+from nico_selfmodel.model.cameras.camera import Camera
+
+INSIDE = {"fx": 610.25, "fy": 612.5, "cx": 322.1, "cy": 236.7, "image_size": (640, 480)}
+X_WR = transform(rotation_from_vector([0.02, -0.03, 0.01]), [0.12, 0.003, -0.002])
+LENSES = {
+    "plain": {"k1": -0.21, "k2": 0.04, "p1": 1e-3, "p2": -2e-3},
+    "polynomial": {"k1": -0.21, "k2": 0.04, "k3": -0.004, "p1": 1e-3, "p2": -2e-3},
+    "rational": {"k1": 0.8, "k2": 0.1, "k3": 0.01, "k4": 1.1, "k5": 0.3, "k6": 0.02,
+                 "lens": "rational"},
+    "fisheye": {"k1": 0.03, "k2": -0.01, "k3": 0.003, "k4": -0.0005, "lens": "fisheye"},
+}  # fmt: skip
+FITS = [
+    (kind, lens)
+    for kind in FORMATS
+    for lens in LENSES
+    if not (kind == "kalibr" and lens in ("polynomial", "rational"))
+    and not (kind == "mrcal" and lens == "fisheye")
+]
+EDGE = np.stack(np.meshgrid([-0.4, 0.0, 0.4], [-0.3, 0.0, 0.3], [1.0, 2.0]), axis=-1).reshape(-1, 3)
+
+
+def pair(lens):
+    left = Camera(**INSIDE, **LENSES[lens])
+    right = Camera(**(INSIDE | {"fx": 608.0, "cx": 318.0}), **LENSES[lens], X_WC=X_WR)
+    return {"left": left, "right": right}
+
+
+def written(folder, cameras, kind):
+    paths = []
+    for name, text in camera_texts(cameras, kind).items():
+        (folder / name).write_text(text)
+        paths.append(folder / name)
+    return paths
+
+
+@pytest.mark.parametrize(("kind", "lens"), FITS)
+def test_cameras_are_read_back_to_the_same_pixels(tmp_path, kind, lens):
+    cameras = pair(lens)
+    paths = written(tmp_path, cameras, kind)
+    if kind == "ros":
+        found = {p.stem: read_cameras([p])["left"] for p in paths}
+        cameras["right"] = cameras["right"].at(np.eye(4))
+    else:
+        found = read_cameras(paths)
+    for side, camera in cameras.items():
+        assert found[side].lens == camera.lens
+        assert found[side].project(EDGE) == pytest.approx(camera.project(EDGE), abs=1e-9)
+    alone = tmp_path / "alone"
+    alone.mkdir()
+    (path,) = written(alone, {"left": cameras["left"]}, kind)
+    one = read_cameras([path])
+    assert one["left"].project(EDGE) == pytest.approx(cameras["left"].project(EDGE), abs=1e-9)
+
+
+@pytest.mark.parametrize("kind", ["opencv", "opencv-json"])
+def test_opencvs_own_reader_reads_what_is_written(tmp_path, kind):
+    cameras = pair("rational")
+    (path,) = written(tmp_path, cameras, kind)
+    storage = cv2.FileStorage(str(path), cv2.FILE_STORAGE_READ)
+    assert storage.getNode("M1").mat() == pytest.approx(cameras["left"].K)
+    k = storage.getNode("D2").mat().ravel()
+    assert k.tolist() == [0.8, 0.1, 0.0, 0.0, 0.01, 1.1, 0.3, 0.02]
+    R, T = storage.getNode("R").mat(), storage.getNode("T").mat()
+    p_R, _ = cv2.projectPoints(EDGE, cv2.Rodrigues(R)[0], T, storage.getNode("M2").mat(), k)
+    assert p_R[:, 0] == pytest.approx(cameras["right"].project(EDGE), abs=1e-6)
+
+
+def test_what_opencv_writes_is_read(tmp_path):
+    path = tmp_path / "theirs.yml"
+    storage = cv2.FileStorage(str(path), cv2.FILE_STORAGE_WRITE)
+    camera = Camera(**INSIDE, **LENSES["polynomial"])
+    for name, value in (("image_width", 640), ("image_height", 480), ("camera_matrix", camera.K)):
+        storage.write(name, value)
+    k = camera.k
+    storage.write("distortion_coefficients", np.array([[*k[:2], *camera.p, k[2]]]))
+    storage.release()
+    found = read_cameras([path])["left"]
+    assert found.project(EDGE) == pytest.approx(camera.project(EDGE), abs=1e-9)
+
+
+def test_mrcals_fields_are_as_documented():
+    texts = camera_texts(pair("polynomial"), "mrcal")
+    right = ast.literal_eval(texts["right.cameramodel"])
+    assert right["lensmodel"] == "LENSMODEL_OPENCV5"
+    assert right["intrinsics"][:4] == [608.0, 612.5, 318.0, 236.7]
+    assert right["intrinsics"][4:] == [-0.21, 0.04, 1e-3, -2e-3, -0.004]
+    turn = rotation_from_vector(np.array(right["extrinsics"][:3]))
+    assert turn @ X_WR[:3, 3] + right["extrinsics"][3:] == pytest.approx(np.zeros(3), abs=1e-12)
+
+
+@pytest.mark.parametrize(
+    ("kind", "change", "words"),
+    [
+        ("kalibr", LENSES["polynomial"], "k3 to k6 has no counterpart in Kalibr"),
+        ("kalibr", LENSES["rational"], "k3 to k6 has no counterpart in Kalibr"),
+        ("mrcal", LENSES["fisheye"], "a fisheye has no counterpart in mrcal"),
+        ("ros", {"skew": 0.5}, "skew 0.5 px has no counterpart in ROS"),
+        ("opencv", {"skew": 0.5}, "skew 0.5 px has no counterpart in OpenCV"),
+    ],
+)
+def test_a_camera_without_counterpart_is_refused(kind, change, words):
+    with pytest.raises(ModelError, match=words):
+        camera_texts({"left": Camera(**INSIDE, **change)}, kind)
+
+
+@pytest.mark.parametrize(
+    ("name", "text", "words"),
+    [
+        ("a.yaml", "x: 1\n", "holds no cameras of opencv"),
+        ("a.yaml", "[1, 2]\n", "holds no cameras"),
+        ("a.cameramodel", "{'lensmodel': ", "it does not parse"),
+        ("a.cameramodel", "__import__('os')", "it does not parse"),
+        ("a.cameramodel", "{'lensmodel': 'LENSMODEL_CAHVORE'}", "has no counterpart"),
+        ("a.cameramodel", "{'lensmodel': 'LENSMODEL_PINHOLE', 'intrinsics': [1, 2]}", "intrinsics"),
+        ("a.yaml", "distortion_model: thin\n", "distortion_model 'thin' has no counterpart"),
+        ("a.yaml", "distortion_model: plumb_bob\n", "'camera_matrix' is missing"),
+        ("a.yaml", "cam0: {camera_model: omni}\n", "only pinhole has"),
+        ("a.yaml", "cam0: 3\n", "expected a camera"),
+        ("a.yaml", "cam7: {}\n", "expected cam0 and cam1"),
+        ("a.json", '{"M1": {"data": [1, 2]}}', "M1: expected"),
+    ],
+)
+def test_files_that_are_none_are_refused(tmp_path, name, text, words):
+    (tmp_path / name).write_text(text)
+    with pytest.raises(DataError, match=words) as error:
+        read_cameras([tmp_path / name])
+    assert "\n" not in str(error.value)
+    assert name in str(error.value)
+
+
+def test_two_cameras_in_one_place_are_no_pair(tmp_path):
+    paths = written(tmp_path, pair("plain"), "ros")
+    with pytest.raises(DataError, match="put both cameras in one place"):
+        read_cameras(paths)
+    with pytest.raises(ValueError, match="no format 'tum'; there are opencv"):
+        camera_texts(pair("plain"), "tum")
+    with pytest.raises(ModelError, match="has no camera"):
+        camera_texts({}, "opencv")
