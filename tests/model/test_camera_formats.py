@@ -28,6 +28,17 @@ FITS = [
     if not (kind == "kalibr" and lens in ("polynomial", "rational"))
     and not (kind == "mrcal" and lens == "fisheye")
 ]
+THEIRS = """%YAML:1.0
+---
+image_width: 640
+image_height: 480
+M1: !!opencv-matrix {data: [600.0, 0.0, 320.0, 0.0, 600.0, 240.0, 0.0, 0.0, 1.0]}
+D1: !!opencv-matrix {data: [-0.2, 0.0, 0.0, 0.0]}
+M2: !!opencv-matrix {data: [600.0, 0.0, 320.0, 0.0, 600.0, 240.0, 0.0, 0.0, 1.0]}
+D2: !!opencv-matrix {data: [-0.2, 0.0, 0.0, 0.0]}
+R: !!opencv-matrix {data: [1.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0]}
+T: !!opencv-matrix {data: [-0.1, 0.0, 0.0]}
+"""
 EDGE = np.stack(np.meshgrid([-0.4, 0.0, 0.4], [-0.3, 0.0, 0.3], [1.0, 2.0]), axis=-1).reshape(-1, 3)
 
 
@@ -130,6 +141,8 @@ def test_a_camera_without_counterpart_is_refused(kind, change, words):
         ("a.yaml", "cam0: 3\n", "expected a camera"),
         ("a.yaml", "cam7: {}\n", "expected cam0 and cam1"),
         ("a.json", '{"M1": {"data": [1, 2]}}', "M1: expected"),
+        ("a.yaml", THEIRS.replace("[1.0, 0.0", "[1.2, 0.0"), "is no rotation and translation"),
+        ("a.yaml", THEIRS.replace("-0.2", "wide"), "D1: expected"),
     ],
 )
 def test_files_that_are_none_are_refused(tmp_path, name, text, words):

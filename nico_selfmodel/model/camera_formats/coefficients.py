@@ -7,10 +7,14 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from nico_selfmodel.errors import DataError, ModelError
+from nico_selfmodel.geometry.rotation import nearest_rotation
+from nico_selfmodel.geometry.transform import transform
 from nico_selfmodel.model.cameras.camera import Camera
 from nico_selfmodel.model.cameras.projection import FISHEYE, POLYNOMIAL, RATIONAL
 from nico_selfmodel.names import shown
 
+_RIGID = 1e-4
+"""How far a rotation that was written with few digits may be from one."""
 _ORDER = {
     POLYNOMIAL: ("k1", "k2", "p1", "p2", "k3"),
     RATIONAL: ("k1", "k2", "p1", "p2", "k3", "k4", "k5", "k6"),
@@ -68,13 +72,16 @@ def camera_of(
             f"{where}: {len(found)} lens coefficients, of which only {len(names)} have a "
             "counterpart here: thin prisms and tilted sensors are not known"
         )
+    pose = np.eye(4) if X_WC is None else np.asarray(X_WC, dtype=float)
+    R = pose[:3, :3]
+    if np.abs(R @ R.T - np.eye(3)).max() > _RIGID or np.linalg.det(R) < 0.0:
+        raise DataError(f"{where}: the pose of the camera is no rotation and translation")
     fx, fy, cx, cy = (float(value) for value in focal)
     bends = dict(zip(names, found, strict=False))
     try:
         width, height = (int(side) for side in image_size)
-        pose = np.eye(4) if X_WC is None else np.asarray(X_WC, dtype=float)
-        size = (width, height)
-        return Camera(fx, fy, cx, cy, size, lens=kind, X_WC=pose, **bends)
+        X_WC = transform(nearest_rotation(R), pose[:3, 3])
+        return Camera(fx, fy, cx, cy, (width, height), lens=kind, X_WC=X_WC, **bends)
     except (TypeError, ValueError) as error:
         raise DataError(f"{where}: no camera: {error}") from None
 
@@ -88,7 +95,8 @@ def matrix(value: Any, shape: tuple[int, ...], where: str) -> NDArray:
     try:
         found = np.asarray(value, dtype=float).reshape(shape)
     except (TypeError, ValueError):
-        raise DataError(f"{where}: expected {shape} numbers, got {shown(value)}") from None
+        count = "" if -1 in shape else f"{' x '.join(map(str, shape))} "
+        raise DataError(f"{where}: expected {count}numbers, got {shown(value)}") from None
     if not np.isfinite(found).all():
         raise DataError(f"{where}: numbers must be finite, got {shown(value)}")
     return found

@@ -102,7 +102,7 @@ def _camera(
     X_WC: NDArray | None = None,
 ) -> Camera:
     K = matrix(_data(document, intrinsics, where), (3, 3), f"{where}, {intrinsics}")
-    bends = np.ravel(np.asarray(_data(document, distortion, where), dtype=float)).tolist()
+    bends = matrix(_data(document, distortion, where), (-1,), f"{where}, {distortion}").tolist()
     focal = (K[0, 0], K[1, 1], K[0, 2], K[1, 2])
     place = f"{where}, {intrinsics}"
     return camera_of(focal, bends, size, place, fisheye=fisheye, X_WC=X_WC)

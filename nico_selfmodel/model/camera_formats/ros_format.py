@@ -65,8 +65,8 @@ def ros_camera(document: Mapping[str, Any], where: str) -> Camera:
             raise DataError(f"{where}: {key!r} is missing")
         parts[key] = entry["data"]
     K = matrix(parts["camera_matrix"], (3, 3), f"{where}, camera_matrix")
-    bends = parts["distortion_coefficients"]
-    bends = matrix(bends, (len(bends),), f"{where}, distortion_coefficients").tolist()
+    place = f"{where}, distortion_coefficients"
+    bends = matrix(parts["distortion_coefficients"], (-1,), place).tolist()
     size = (document.get("image_width"), document.get("image_height"))
     focal = (K[0, 0], K[1, 1], K[0, 2], K[1, 2])
     return camera_of(focal, bends, size, where, fisheye=model == _MODELS[FISHEYE])
