@@ -173,7 +173,7 @@ def words_of_misfit(misfit: LensMisfit, lens: str) -> str:
         f"{misfit.size_px:.2f} px off in a pattern over the image, {share} % of their squared error"
     )
     if lens != POLYNOMIAL:
-        return f"{words}; try --lens auto"
+        return f"{words}; --lens auto takes the best of the lenses there are"
     if misfit.held:
         return f"{words}; let {' and '.join(f'`{name}`' for name in misfit.held)} move"
     return (

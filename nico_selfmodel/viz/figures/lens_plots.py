@@ -7,6 +7,7 @@ from numpy.typing import NDArray
 
 from nico_selfmodel.estimation.cameras.camera_assessment import CameraAssessment
 from nico_selfmodel.model.cameras.camera import Camera
+from nico_selfmodel.model.cameras.projection import FISHEYE
 from nico_selfmodel.viz.figures import palette
 from nico_selfmodel.viz.figures.distribution_plot import distribution, error_sets
 from nico_selfmodel.viz.figures.plot_style import HALF_WIDTH, MANY, headline, style
@@ -122,6 +123,8 @@ def _profile_panel(axes: Axes, assessment: CameraAssessment, side: str, camera: 
     axes.set_xlim(0.0, 1.02 * reach)
     axes.set_ylabel(f"{side}: moved by [px]")
     band = f"band: ± {_BAND:g} σ; dotted: the image's corner"
+    if camera.lens == FISHEYE:
+        band = f"from an equidistant fisheye; {band}"
     axes.set_title(band, fontsize=7.5, fontweight="normal", color=palette.MUTED)
     return float(moved[-1])
 

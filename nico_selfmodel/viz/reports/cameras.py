@@ -4,6 +4,7 @@ from collections.abc import Mapping
 from typing import Any
 
 from nico_selfmodel.estimation.cameras.camera_assessment import CameraAssessment
+from nico_selfmodel.model.cameras.projection import FISHEYE
 from nico_selfmodel.model.self_model import SelfModel
 from nico_selfmodel.viz.figures import camera_plots, lens_plots
 from nico_selfmodel.viz.figures.camera_views import ShownView, shown_views
@@ -74,8 +75,11 @@ def _learned(
     """Return the lenses, one column a camera."""
     calibration = assessment.calibration
     found = shared_sections.parameter_tables(document, calibration.uncertainty)
+    form = "distort(X/Z, Y/Z)"
+    if assessment.lens == FISHEYE:
+        form = "θ(1 + k1 θ² + ... + k4 θ⁸) along (X, Y), θ the angle off the axis"
     words = (
-        "Pixel = K · distort(X/Z, Y/Z), in OpenCV's conventions. Beside each value its standard "
+        f"Pixel = K · {form}, in OpenCV's conventions. Beside each value its standard "
         "deviation; fixed values are chosen, not measured."
     )
     return parts.numbers(lens_table(found, calibration.views.cameras), "lens"), parts.hint(words)
