@@ -160,9 +160,13 @@ def fails_the_lens(misfit: LensMisfit) -> bool:
     return misfit.is_certain and large
 
 
+def is_notable(misfit: LensMisfit) -> bool:
+    """Tell whether a lens' misfit is worth a word."""
+    return misfit.is_certain and misfit.share >= _SLIGHT and misfit.size_px >= _SLIGHT_PX
+
+
 def _is_slight(misfit: LensMisfit) -> bool:
-    known = misfit.is_certain and misfit.share >= _SLIGHT and misfit.size_px >= _SLIGHT_PX
-    return known and not fails_the_lens(misfit)
+    return is_notable(misfit) and not fails_the_lens(misfit)
 
 
 def words_of_misfit(misfit: LensMisfit, lens: str) -> str:

@@ -1,11 +1,11 @@
 """Which lens boards tell: the polynomial, unless boards that were left out say otherwise.
 
-The polynomial of three coefficients stays where its residuals have nothing in common over the
-image. Where they have, or no such camera fits at all, the rational lens and the fisheye are tried:
-each board is predicted by cameras that were learned without it, and a lens must lower the mean over
-boards of log(rms) by more than 1 % and a standard error. Of two that do as well the one with fewer
-numbers stays, unless its residuals still have something in common, or it folds the image. Where the
-last coefficient folds it and boards do no worse without, it is left out.
+The polynomial of three coefficients stays where its residuals have nothing notable in common over
+the image. Where they have, or no such camera fits at all, the rational lens and the fisheye are
+tried: each board is predicted by cameras that were learned without it, and a lens must lower the
+mean over boards of log(rms) by more than 1 % and a standard error. Of two that do as well the one
+with fewer numbers stays, unless its residuals still have something in common, or it folds the
+image. Where the last coefficient folds it and boards do no worse without, it is left out.
 """
 
 from dataclasses import dataclass, replace
@@ -18,7 +18,7 @@ from nico_selfmodel.dataset.board_views import BoardViews
 from nico_selfmodel.errors import EstimationError, ModelError
 from nico_selfmodel.estimation.cameras.board_accuracy import cross_validate_cameras
 from nico_selfmodel.estimation.cameras.camera_adjustment import CameraCalibration
-from nico_selfmodel.estimation.cameras.camera_assessment import fails_the_lens
+from nico_selfmodel.estimation.cameras.camera_assessment import fails_the_lens, is_notable
 from nico_selfmodel.estimation.cameras.camera_options import CameraOptions
 from nico_selfmodel.estimation.cameras.lens_folds import folds_by_chance, folds_of
 from nico_selfmodel.estimation.cameras.lens_misfit import LensMisfit, lens_misfits
@@ -89,7 +89,7 @@ def lens_of(views: BoardViews, options: CameraOptions, wanted: str = AUTO) -> Le
     plain = replace(options, lens=POLYNOMIAL)
     try:
         found = calibrate_cameras(views, plain)
-        if not (_is_flawed(found, plain) or any(m.is_certain for m in _misfits(found, plain))):
+        if not (_is_flawed(found, plain) or any(map(is_notable, _misfits(found, plain)))):
             return LensChoice(plain)
     except (EstimationError, ModelError) as error:
         tried = _tried(views, options, (FISHEYE, RATIONAL))
