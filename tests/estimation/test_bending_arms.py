@@ -7,8 +7,9 @@ import pytest
 
 from nico_selfmodel.dataset.folder import load_dataset
 from nico_selfmodel.estimation.arm.kinematics import calibrate_kinematics
-from nico_selfmodel.estimation.bending import ladder as ladder_module
+from nico_selfmodel.estimation.bending import climber
 from nico_selfmodel.estimation.bending.implausible import LIFTS
+from nico_selfmodel.estimation.bending.steps import STEPS
 from nico_selfmodel.estimation.judging import judge, result_of, to_json
 from nico_selfmodel.estimation.monitoring.health import check_health
 from nico_selfmodel.geometry.rotation import rotation_about
@@ -126,7 +127,7 @@ def test_too_few_poses_are_not_asked():
 def test_a_threshold_of_the_ladder_decides(monkeypatch, name):
     """Raised beyond all that is told, nothing stays."""
     _, train, _, _ = arm_and_data(1, 40)
-    monkeypatch.setattr(ladder_module, name, 1e4)
+    monkeypatch.setattr(climber, name, 1e4)
     assert calibrate_kinematics(train, explain=False).ladder.kept == ()
 
 
@@ -146,7 +147,7 @@ def test_real_arms_are_met_no_worse_than_by_a_rigid_one(project_root, seed):
         train, test = load_dataset(project_root / "examples" / "data" / name).split(0.3, seed)
         rigid, learned = (
             calibrate_kinematics(train, test=test, explain=False, effects=effects)
-            for effects in ((), ladder_module.STEPS)
+            for effects in ((), STEPS)
         )
         one, two = (c.test.distances for c in (rigid, learned))
         sound = (one < 6.0 * np.median(one)) & (two < 6.0 * np.median(two))

@@ -17,7 +17,8 @@ from nico_selfmodel.estimation.arm.evaluation import Evaluation, evaluate
 from nico_selfmodel.estimation.arm.kinematic_task import KinematicTask
 from nico_selfmodel.estimation.arm.learned_model import learned_model, training_of
 from nico_selfmodel.estimation.arm.named_refinement import Held, refine_named
-from nico_selfmodel.estimation.bending.ladder import STEPS, Ladder, climb
+from nico_selfmodel.estimation.bending.ladder import Ladder, climb
+from nico_selfmodel.estimation.bending.steps import STEPS
 from nico_selfmodel.estimation.diagnosis.changes_in_time import (
     Change,
     change_in_time,
@@ -149,7 +150,7 @@ def calibrate_kinematics(
         name: Name of the self-model; the data set's if omitted.
         explain: Look for what would make the data fit, where they do not; that takes longer than
             the calibration.
-        effects: What may bend, of `estimation.bending.ladder.STEPS`: kept where unseen poses gain.
+        effects: What may bend, of `estimation.bending.steps.STEPS`: kept where unseen poses gain.
             With none they are asked for all the same, to tell what they would explain.
         up: Unit vertical in W, for sag; the first axis and z are tried if omitted. Shape (3,).
 

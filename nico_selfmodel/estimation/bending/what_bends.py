@@ -8,7 +8,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from nico_selfmodel.errors import DataError
-from nico_selfmodel.estimation.bending.ladder import STEPS, Ladder, Step
+from nico_selfmodel.estimation.bending.ladder import Ladder
+from nico_selfmodel.estimation.bending.steps import STEPS, Step
 from nico_selfmodel.estimation.observations.observations import Observations
 from nico_selfmodel.files.csv_rows import number_of_word
 from nico_selfmodel.model.arm.bending import EFFECTS, Bending

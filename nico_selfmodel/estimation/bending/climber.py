@@ -1,0 +1,251 @@
+"""One step of the ladder after the other: fit, hold out, judge, keep or leave.
+
+A step stays if twice the log evidence rises by more than 10, and if the mean over poses of
+log(error before / error after), each pose predicted without its fold, is above 1 % and above its
+standard error.
+"""
+
+from collections.abc import Sequence
+from dataclasses import replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from nico_selfmodel.estimation.bending.asked_poses import mean_by_pose, verticals
+from nico_selfmodel.estimation.bending.effect_fit import EffectFit, fit_effects
+from nico_selfmodel.estimation.bending.implausible import (
+    GEAR,
+    NO_GEAR,
+    gear_fault,
+    implausible,
+    lifts,
+)
+from nico_selfmodel.estimation.bending.steps import STEPS, Step, from_both_sides
+from nico_selfmodel.estimation.noise.arm_solution import ArmSolution
+from nico_selfmodel.estimation.noise.pose_refinement import refine_by_pose
+from nico_selfmodel.estimation.observations.observations import Observations, gears_known
+from nico_selfmodel.model.arm.bending import (
+    BACKLASH,
+    BEARING,
+    LOADS,
+    PARTS,
+    RIPPLE,
+    SAG,
+    Bending,
+)
+from nico_selfmodel.model.arm.uniform_rods import uniform_rods
+
+_WORTH = 10.0
+"""By how much twice the log evidence must rise."""
+_GAIN = 0.01
+"""Mean logarithm of the errors' ratio that unseen poses must gain."""
+_GEARS_DO = "gears that are a little off explain it better"
+_PASSES = 2
+"""Times that what went is tried: another effect may have hidden it."""
+_LOADS = 0.2
+"""Standard deviation of a load's coordinate about that of uniform rods, as a part of their rms:
+motors and shells are no rods."""
+
+
+class Climber:
+    """A ladder under way."""
+
+    def __init__(
+        self,
+        observations: Observations,
+        solved: ArmSolution,
+        keep: NDArray,
+        held: frozenset[str],
+        up: NDArray | None,
+    ) -> None:
+        """Stand before the first step, at the rigid arm.
+
+        Args:
+            observations: What was measured.
+            solved: The rigid arm, with its noise.
+            keep: Observations that are no outliers. Shape (N,).
+            held: Parameters that the user holds.
+            up: Unit vertical in W, shape (3,), if it is known.
+        """
+        assert solved.noise is not None
+        ups = ((up, True),) if up is not None else verticals(solved.parameters)
+        self.observations, self.rigid, self.keep, self.ups = observations, solved, keep, ups
+        self.kept: tuple[str, ...] = ()
+        joints = observations.joints
+        known = gears_known(observations.units)
+        self.sides = from_both_sides(observations.approach)
+        names = (f"{joint}.gear" for joint, k in zip(joints, known, strict=True) if k)
+        self.gears = tuple(name for name in names if name not in held | solved.free)
+        loads, pivots = uniform_rods(solved.parameters.table)
+        self.still = Bending.none(joints, ups[0][0], loads, pivots)
+        weighty = self.still.with_effects(LOADS)
+        self.rods = dict(zip(weighty.names, weighty.values.tolist(), strict=True))
+        self.load_variance = (_LOADS * float(np.sqrt(np.mean(np.sum(loads**2, axis=1))))) ** 2
+        self.parameters, self.noise = solved.parameters, solved.noise
+        self.first: EffectFit | None = None
+        self.fit: EffectFit | None = None
+
+    def climb(self, asked: Sequence[str]) -> list[Step]:
+        """Try one effect after the other, and again those that others may have hidden.
+
+        A gear that contradicts its unit is a fault, no bend.
+        """
+        steps: dict[str, Step] = {}
+        for _ in range(_PASSES):
+            before = self.kept
+            for effect in STEPS:
+                if effect not in asked or effect in self.kept:
+                    continue
+                if (effect == GEAR and not self.gears) or (effect == BACKLASH and not self.sides):
+                    continue
+                steps[effect] = self.try_step(effect)
+                if steps[effect].reason.startswith(NO_GEAR):
+                    self.kept = ()
+                    why = steps[effect].reason
+                    return [replace(step, kept=False, reason=why) for step in steps.values()]
+            if self.kept == before:
+                break
+        return list(steps.values())
+
+    def try_step(self, effect: str) -> Step:
+        """Try an effect; keep it if unseen poses gain."""
+        if self.first is None:
+            self.first = self._fitted((), self.still)
+        before = self.first if self.fit is None else self.fit
+        wanted = (*self.kept, effect)
+        if effect == SAG and BEARING not in self.kept:
+            candidates = [self._fitted(wanted, self._about(up)) for up, _ in self.ups]
+            best = int(np.argmin([fit.evidence for fit in candidates]))
+            after, (up, certain) = candidates[best], self.ups[best]
+            if not certain and lifts(after):
+                after = self._fitted(wanted, self._about(-up))
+        else:
+            after = self._fitted(wanted, self.still)
+        step = self._judged(effect, before, after)
+        if effect == RIPPLE and step.kept and self.gears and GEAR not in self.kept:
+            # Over a part of a turn a ripple looks like a gear, of which there are fewer numbers.
+            rival = self._again(self._fitted((*self.kept, GEAR), self.still))
+            if rival.evidence < self._again(after).evidence:
+                step = replace(step, kept=False, reason=gear_fault(rival) or _GEARS_DO)
+        if step.kept:
+            assert after.parameters.bending is not None
+            self.kept = wanted
+            self._adopt(after)
+        return step
+
+    @property
+    def unseen_mm(self) -> tuple[float, float]:
+        """Geometric means over poses of the errors of unseen poses: rigid, and now."""
+        first = self.first or self._fitted((), self.still)
+        pose = self.observations.pose[self.keep]
+        fits = (first, self.fit or first)
+        errors = (mean_by_pose(fit.left_out, pose) for fit in fits)
+        one, two = (1e3 * float(np.exp(np.log(e).mean())) for e in errors)
+        return one, two
+
+    def pruned(self, steps: list[Step]) -> tuple[Step, ...]:
+        """Return the steps, those taken back that what stayed later explains as well."""
+        found = []
+        for step in steps:
+            if step.kept and len(self.kept) > 1 and step.effect != self.kept[-1]:
+                assert self.fit is not None
+                less = tuple(effect for effect in self.kept if effect != step.effect)
+                again = self._judged(step.effect, self._fitted(less, self.still), self.fit)
+                if not again.kept or self.fit.variance[step.effect] <= 0.0:
+                    self.kept = less
+                    self._adopt(self._fitted(less, self.still))
+                    step = replace(step, kept=False, reason="what stayed explains it as well")
+            found.append(step)
+        return tuple(found)
+
+    def _about(self, up: NDArray) -> Bending:
+        return replace(self.still, up=up)
+
+    def _fitted(self, effects: tuple[str, ...], bending: Bending) -> EffectFit:
+        """Return the fit of some effects about the arm so far."""
+        known = {LOADS: self.load_variance} if {SAG, BEARING} & set(effects) else {}
+        effects = (*effects, *known)
+        bending = bending.with_effects(*(effect for effect in effects if effect in PARTS))
+        parameters = replace(self.parameters, bending=bending)
+        groups = {e: bending.names_of(e) if e in PARTS else self.gears for e in effects}
+        means = dict.fromkeys(self.gears, 1.0) | self.rods
+        return fit_effects(
+            self.observations,
+            parameters,
+            self.rigid.free,
+            groups,
+            means,
+            known,
+            {} if self.fit is None else self.fit.variance,
+            self.keep,
+            self.noise,
+        )
+
+    def _again(self, fit: EffectFit) -> EffectFit:
+        """Return the same fit about where it ended: one step of a large effect is not enough."""
+        parameters = fit.parameters.with_values(fit.values)
+        known = {LOADS: self.load_variance} if LOADS in fit.groups else {}
+        return fit_effects(
+            self.observations,
+            parameters,
+            self.rigid.free,
+            fit.groups,
+            fit.means,
+            known,
+            fit.variance,
+            self.keep,
+            fit.noise,
+        )
+
+    def _judged(self, effect: str, before: EffectFit, after: EffectFit) -> Step:
+        pose = self.observations.pose[self.keep]
+        one, two = (mean_by_pose(fit.left_out, pose) for fit in (before, after))
+        gains = np.log(one / two)
+        gain = float(gains.mean())
+        sigma = float(gains.std(ddof=1) / np.sqrt(len(gains)))
+        worth = before.evidence - after.evidence
+        reason = self._reason(effect, after, gain, sigma, worth)
+        means = [float(1e3 * np.exp(np.log(errors).mean())) for errors in (one, two)]
+        return Step(effect, not reason, means[0], means[1], gain, sigma, worth, reason)
+
+    def _reason(
+        self, effect: str, after: EffectFit, gain: float, sigma: float, worth: float
+    ) -> str:
+        if worth <= _WORTH:
+            return "the data do not tell it"
+        if gain <= _GAIN or gain <= sigma:
+            return "unseen poses do not gain"
+        return implausible(after, self.observations)
+
+    def _adopt(self, fit: EffectFit) -> None:
+        """Go on about the arm that bends: one more step of the same fit."""
+        self.parameters, self.noise = fit.parameters.with_values(fit.values), fit.noise
+        assert self.parameters.bending is not None
+        self.still = self.parameters.bending
+        self.fit = fit  # where the next search for its variances begins
+        self.fit = self._fitted(self.kept, self.still)
+
+    def solution(self, observations: Observations, outliers: NDArray, trim: bool) -> ArmSolution:
+        """Return the arm with what it keeps, outliers of all observations looked for anew."""
+        fit = self.fit
+        assert fit is not None
+        start = fit.parameters.with_values(fit.values)
+        solved = refine_by_pose(
+            observations,
+            start,
+            frozenset(fit.free),
+            outliers,
+            fit.noise.sensor_sigma,
+            trim=trim,
+            priors=fit.priors,
+            noise=fit.noise,
+        )
+        bending = solved.parameters.bending
+        assert bending is not None
+        bent = bending if bending.effects else None
+        return replace(
+            solved,
+            parameters=replace(solved.parameters, turn=None, bending=bent),
+            iterations=solved.iterations + self.rigid.iterations,
+            converged=solved.converged and self.rigid.converged,
+        )

@@ -1,0 +1,41 @@
+"""What an arm is asked, and what became of it."""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from nico_selfmodel.estimation.bending.implausible import GEAR
+from nico_selfmodel.model.arm.bending import BACKLASH, BEARING, COUPLING, RIPPLE, SAG
+
+STEPS = (BACKLASH, SAG, BEARING, RIPPLE, GEAR, COUPLING)
+"""What is asked, in this order; backlash where the data say from which side joints came, gears that
+a unit tells and nobody holds. Backlash is first: where it is, its scatter looks like much else."""
+
+
+@dataclass(frozen=True)
+class Step:
+    """One effect, and what became of it."""
+
+    effect: str
+    """Its name, of `STEPS`."""
+    kept: bool
+    """Whether it stayed."""
+    before_mm: float
+    """Geometric mean over poses of the error of unseen poses without it."""
+    after_mm: float
+    """The same with it."""
+    gain: float
+    """Mean over poses of log(before / after)."""
+    gain_sigma: float
+    """Its standard error."""
+    worth: float
+    """By how much twice the log evidence rose."""
+    reason: str
+    """Why it went; empty where it stayed."""
+
+
+def from_both_sides(approach: NDArray) -> bool:
+    """Whether some joint is known to have come from both sides. Shape (N, n)."""
+    approach = np.asarray(approach)
+    return bool(((approach < 0).any(axis=0) & (approach > 0).any(axis=0)).any())
