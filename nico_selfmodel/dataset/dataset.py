@@ -64,7 +64,7 @@ class Dataset:
     """Name of the mirror that the pixels are a reflection in, or empty. Shape (N,)."""
     approach: npt.NDArray[np.int8] = _NOT_GIVEN
     """How each reading changed when the joint last moved: -1 or 1; 0 where it is not known, as all
-    are unless given. Shape (N, n)."""
+    are unless given, and in a changed copy with other rows. Shape (N, n)."""
     point_sigma_m: float | None = None
     """Standard deviation of each measured coordinate [m], if known."""
     pixel_sigma_px: float | None = None

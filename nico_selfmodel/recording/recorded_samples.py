@@ -4,14 +4,13 @@ import re
 import time
 from collections import Counter
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
-from functools import cached_property
 from pathlib import Path
 from typing import Any, Self
 
 import numpy as np
 from numpy.typing import NDArray
 
+from nico_selfmodel.dataset.approach import Sides
 from nico_selfmodel.dataset.dataset import Dataset
 from nico_selfmodel.dataset.folder import load_dataset, save_dataset
 from nico_selfmodel.dataset.joint_info import JointInfo
@@ -19,6 +18,7 @@ from nico_selfmodel.errors import DataError
 from nico_selfmodel.files.whole import recover
 from nico_selfmodel.model.cameras.stereo_rig import SIDES
 from nico_selfmodel.names import shown
+from nico_selfmodel.recording.recorded_pose import RecordedPose
 from nico_selfmodel.systems.measurements import CameraMeasurement, Measurement
 from nico_selfmodel.vision.images.image_file import write_image
 
@@ -31,58 +31,6 @@ _STRAY = 0.02
 _WRITING = 0.1
 """Largest part of the time that is spent on writing. A folder is written as a whole: of poses that
 come faster than that, several are written together."""
-
-
-@dataclass(frozen=True, eq=False)
-class _Sample:
-    """One pose of the plan, as sensed."""
-
-    index: int
-    label: str
-    encoders: NDArray
-    approach: NDArray
-    """How each reading changed when the joint last moved, -1 or 1; 0 where it is not known."""
-    points: NDArray
-    """Shape (m, 3), nan where lost."""
-    pixels: NDArray
-    """Shape (m, 4), nan where not seen."""
-    mirror: str = ""
-    """Name of the mirror before the body, empty where there was none."""
-    reflected: NDArray | None = None
-    """Pixels in that mirror. Shape (m, 4), nan where not seen."""
-    visits: int = 1
-    """How often the pose was visited until something was seen."""
-
-    @property
-    def views(self) -> dict[str, NDArray]:
-        """Mirror, empty for the direct view, -> pixels."""
-        shown = {"": self.pixels}
-        return shown if self.reflected is None else {**shown, self.mirror: self.reflected}
-
-    @cached_property
-    def complete(self) -> bool:
-        """Whether every marker was located, by both cameras where there are cameras."""
-        by_pixels = np.isfinite(self.pixels).all(axis=1)
-        return bool((np.isfinite(self.points).all(axis=1) | by_pixels).all())
-
-
-class _Sides:
-    """From which side each joint came, as a robot is watched moving from pose to pose."""
-
-    def __init__(self, joints: Sequence[JointInfo]) -> None:
-        self._tremor = np.array([joint.still_tolerance for joint in joints])
-        self._last: NDArray | None = None
-        self._side = np.zeros(len(joints))
-
-    def after(self, encoders: NDArray) -> NDArray:
-        """Return how each reading changed when its joint last moved; 0 before that. Shape (n,)."""
-        if self._last is None:
-            self._last = np.array(encoders)
-        moved = encoders - self._last
-        far = np.abs(moved) > self._tremor
-        self._side = np.where(far, np.sign(moved), self._side)
-        self._last = np.where(far, encoders, self._last)
-        return self._side
 
 
 class RecordedSamples:
@@ -108,9 +56,9 @@ class RecordedSamples:
         """
         self._joints, self._markers = tuple(joints), tuple(markers)
         self._about, self._folder = dict(about), folder
-        self._samples: dict[int, _Sample] = {}
+        self._samples: dict[int, RecordedPose] = {}
         self._visits: Counter[int] = Counter()
-        self._sides = _Sides(self._joints)
+        self._sides = Sides(self._joints)
         self._images = False
         self._saved = 0
         """Samples that are in the folder."""
@@ -138,7 +86,7 @@ class RecordedSamples:
         """
         return sum(s.label == "" and s.complete for s in self._until(before))
 
-    def _until(self, before: int | None) -> list[_Sample]:
+    def _until(self, before: int | None) -> list[RecordedPose]:
         return [s for s in self._samples.values() if before is None or s.index < before]
 
     def visits(self, index: int) -> int:
@@ -188,7 +136,7 @@ class RecordedSamples:
                 )
         return np.array(data.extra[column], dtype=int)
 
-    def _sample(self, index: int, rows: Dataset, visits: int) -> _Sample:
+    def _sample(self, index: int, rows: Dataset, visits: int) -> RecordedPose:
         """Return the sample that rows of a folder describe.
 
         Raises:
@@ -203,7 +151,7 @@ class RecordedSamples:
             )
         order = [[v.marker.tolist().index(marker) for marker in self._markers] for v in views]
         direct, reflected = views
-        return _Sample(
+        return RecordedPose(
             index,
             str(rows.sweep[0]),
             rows.encoders[0],
@@ -275,7 +223,7 @@ class RecordedSamples:
         seen = [points, pixels] + ([] if reflected is None else [reflected])
         if all(np.isnan(values).all() for values in seen):
             return False
-        self._samples[index] = _Sample(
+        self._samples[index] = RecordedPose(
             *(index, label, measurement.encoders, approach, points, pixels, mirror, reflected),
             visits=self._visits[index],
         )
