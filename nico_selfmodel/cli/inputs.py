@@ -65,8 +65,8 @@ def train_and_test(
     return train, held_out
 
 
-def cameras_of(path: Path | None) -> "StereoRig | None":
-    """Load calibrated cameras, where they were named.
+def cameras_of(path: Path | None, what: str) -> "StereoRig | None":
+    """Load calibrated cameras, where they were named; `what` is done with them, for errors.
 
     Raises:
         ModelError: If their lenses are no polynomials.
@@ -77,7 +77,7 @@ def cameras_of(path: Path | None) -> "StereoRig | None":
     if path is None:
         return None
     rig = load_model(path).rig
-    require_polynomial(rig.cameras, "learning a body")
+    require_polynomial(rig.cameras, what)
     return rig
 
 

@@ -29,9 +29,9 @@ def scene(kind, seed, cameras=1):
 @pytest.mark.parametrize("seed", SEEDS)
 def test_boards_choose_their_lens_and_it_passes(kind, seed):
     _, train, test = scene(kind, seed)
-    choice = lens_of(train, CameraOptions())
+    choice = lens_of(train, CameraOptions(lens="auto"))
     assert choice.lens == kind
-    learned = calibrate_cameras(train, choice.options)
+    learned = choice.calibration
     assert judge(CameraAssessment.from_calibration(learned, choice.options, test)).status == "PASS"
     assert bool(choice.tried) == (kind == "fisheye")
 
@@ -39,9 +39,9 @@ def test_boards_choose_their_lens_and_it_passes(kind, seed):
 @pytest.mark.parametrize("seed", SEEDS)
 def test_a_rational_lens_is_never_taken_for_a_polynomial(seed):
     _, train, test = scene("rational", seed)
-    choice = lens_of(train, CameraOptions())
+    choice = lens_of(train, CameraOptions(lens="auto"))
     assert choice.lens != "polynomial"
-    learned = calibrate_cameras(train, choice.options)
+    learned = choice.calibration
     assert learned.rms < 0.15
     plain = CameraOptions(lens="polynomial")
     forced = calibrate_cameras(train, plain)
@@ -94,8 +94,8 @@ def test_a_rational_lens_costs_no_more_than_opencvs():
 @pytest.mark.slow
 def test_a_pair_of_fisheyes_is_learned_as_one_rig():
     cameras, train, test = scene("fisheye", 5, cameras=2)
-    choice = lens_of(train, CameraOptions())
-    learned = calibrate_cameras(train, choice.options)
+    choice = lens_of(train, CameraOptions(lens="auto"))
+    learned = choice.calibration
     assert choice.lens == learned.rig.lens == "fisheye"
     assert learned.rig.baseline == pytest.approx(np.linalg.norm(X_LR[:3, 3]), rel=5e-3)
     assert judge(CameraAssessment.from_calibration(learned, choice.options, test)).status == "PASS"
@@ -108,6 +108,6 @@ def test_a_pair_of_fisheyes_is_learned_as_one_rig():
 def test_a_lens_that_does_not_exist_is_refused():
     _, train, _ = scene("polynomial", 0)
     with pytest.raises(ValueError, match="no lens 'round'; there are auto, polynomial"):
-        lens_of(train, CameraOptions(), "round")
-    with pytest.raises(ValueError, match="no lens 'round'"):
         CameraOptions(lens="round")
+    with pytest.raises(ValueError, match="no lens 'auto'; there are polynomial, rational"):
+        calibrate_cameras(train, CameraOptions(lens="auto"))

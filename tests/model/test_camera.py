@@ -12,7 +12,12 @@ from nico_selfmodel.errors import ModelError
 from nico_selfmodel.geometry.rotation import rotation_from_vector, rotation_vector_of
 from nico_selfmodel.geometry.transform import apply, transform
 from nico_selfmodel.model.cameras.camera import Camera
-from nico_selfmodel.model.cameras.projection import INTRINSIC_UNITS, INTRINSICS
+from nico_selfmodel.model.cameras.projection import (
+    INTRINSICS,
+    LENSES,
+    intrinsic_units,
+    intrinsics_of,
+)
 
 SIZE = (640, 480)
 SEED = st.integers(0, 2**32 - 1)
@@ -241,7 +246,10 @@ def test_what_makes_no_sense_is_refused_in_words(call, message):
 
 def test_a_camera_is_its_ten_numbers_and_a_pose():
     camera = random_camera(3)
-    assert len(INTRINSICS) == len(INTRINSIC_UNITS) == 10
+    assert len(INTRINSICS) == 10
+    for lens in LENSES:
+        units = dict(zip(intrinsics_of(lens), intrinsic_units(lens), strict=True))
+        assert {name for name, unit in units.items() if unit == "px"} == set(INTRINSICS[:5])
     assert list(camera.named_values) == list(INTRINSICS)
     assert np.array_equal(list(camera.named_values.values()), camera.values)
     twin = Camera.from_values(camera.values, SIZE, camera.X_WC)

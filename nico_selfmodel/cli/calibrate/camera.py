@@ -46,7 +46,7 @@ def camera(
     task = CameraTask(
         lens_options(fix, free, prior, tangential, fixed_aspect, loss, lens),
         *(test_fraction, seed, name or inputs.name_after(images), require_test_px, out),
-        *(no_report, force, lens),
+        *(no_report, force),
     )
     with printer.progress_bar() as progress:
         listed = camera_images(images, camera)

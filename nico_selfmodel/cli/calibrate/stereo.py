@@ -48,7 +48,7 @@ def stereo(
     task = CameraTask(
         lens_options(fix, free, prior, tangential, fixed_aspect, loss, lens),
         *(test_fraction, seed, name or inputs.name_after(images), require_test_px, out),
-        *(no_report, force, lens),
+        *(no_report, force),
     )
     with printer.progress_bar() as progress:
         pairs = stereo_pairs(images)
@@ -74,10 +74,7 @@ def lens_options(
         ValueError: If a word is not valid.
     """
     from nico_selfmodel.estimation.cameras.camera_options import CameraOptions
-    from nico_selfmodel.model.cameras.projection import LENSES, POLYNOMIAL
 
-    if lens not in ("auto", *LENSES):
-        raise ValueError(f"no lens {lens!r}; there are auto, {', '.join(LENSES)}")
     return CameraOptions.from_text(
         fix or (),
         free or (),
@@ -85,7 +82,7 @@ def lens_options(
         tangential=tangential,
         aspect=1.0 if fixed_aspect else None,
         loss=loss,
-        lens=POLYNOMIAL if lens == "auto" else lens,
+        lens=lens,
     )
 
 
@@ -101,21 +98,19 @@ class CameraTask:
     out: Path
     no_report: bool
     force: bool
-    lens: str
 
     def run(self, found: "BoardDetections", progress: Progress) -> dict[str, Any]:
         """Calibrate, judge and write the result folder; return its document."""
         from nico_selfmodel.estimation.cameras.camera_assessment import CameraAssessment
         from nico_selfmodel.estimation.cameras.lens_choice import lens_of
-        from nico_selfmodel.estimation.cameras.stereo import calibrate_cameras
         from nico_selfmodel.estimation.judging import judge, to_json
 
         train, test = found.views, None
         if self.test_fraction is not None:
             train, test = found.seen_views.split(self.test_fraction, self.seed)
         progress("learning the cameras", 0, 2)
-        choice = lens_of(train, self.options, self.lens)
-        calibration = calibrate_cameras(train, choice.options)
+        choice = lens_of(train, self.options)
+        calibration = choice.calibration
         progress("learning the cameras", 1, 2)
         assessment = CameraAssessment.from_calibration(calibration, choice.options, test)
         verdict = judge(assessment, require_test_px=self.require_test_px)

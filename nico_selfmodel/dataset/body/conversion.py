@@ -10,7 +10,7 @@ from nico_selfmodel.dataset.body.link_joint import WORLD_NAME, LinkJoint
 from nico_selfmodel.dataset.body.sensors import CAMERA, POINTS, MarkerInfo, SensorInfo
 from nico_selfmodel.dataset.dataset import Dataset
 from nico_selfmodel.errors import DataError
-from nico_selfmodel.model.cameras.camera import Camera
+from nico_selfmodel.model.cameras.camera import Camera, require_polynomial
 
 TRACKER, SIDES = "tracker", ("left", "right")
 
@@ -27,7 +27,9 @@ def body_dataset_of(dataset: Dataset, cameras: Mapping[str, Camera] | None = Non
 
     Raises:
         DataError: If nothing was seen directly.
+        ModelError: If a lens is no polynomial.
     """
+    require_polynomial((cameras or {}).values(), "a recording of a body")
     samples, lead = np.unique(dataset.sample, return_index=True)
     joints = tuple(
         LinkJoint(

@@ -82,7 +82,7 @@ class CameraAssessment:
 
     @property
     def lens(self) -> str:
-        """Of all cameras, one of `model.cameras.camera.LENSES`."""
+        """Of all cameras, one of `model.cameras.projection.LENSES`."""
         return self.calibration.cameras[0].lens
 
     @property

@@ -5,7 +5,7 @@ from dataclasses import dataclass, field, replace
 from typing import TypeVar
 
 from nico_selfmodel.files.csv_rows import number_of_word
-from nico_selfmodel.model.cameras.projection import POLYNOMIAL, intrinsics_of
+from nico_selfmodel.model.cameras.projection import LENSES, POLYNOMIAL
 from nico_selfmodel.model.cameras.stereo_rig import StereoRig
 from nico_selfmodel.names import did_you_mean, listed
 from nico_selfmodel.optimization.robust_solve import ROBUST_METHODS
@@ -13,6 +13,8 @@ from nico_selfmodel.optimization.robust_solve import ROBUST_METHODS
 T = TypeVar("T")
 
 _NOMINAL = ("skew", "cx", "cy", "k1", "k2", "k3", "k4", "k5", "k6", "p1", "p2")
+AUTO = "auto"
+"""Let `lens_choice.lens_of` choose the lens."""
 HELD_BY_DEFAULT = ("skew", "p1", "p2")
 """Held at zero unless asked for."""
 
@@ -32,7 +34,7 @@ class CameraOptions:
     priors: Mapping[str, tuple[float, float]] = field(default_factory=dict)
     """Parameter -> mean and standard deviation."""
     lens: str = POLYNOMIAL
-    """Of all cameras, one of `model.cameras.camera.LENSES`."""
+    """Of all cameras, one of `model.cameras.projection.LENSES`, or `AUTO`."""
     loss: str = "trimmed"
     """`trimmed` leaves out boards that fit ten times worse than the rest; or one of `LOSSES`."""
 
@@ -40,7 +42,8 @@ class CameraOptions:
         """Check what can be checked without the data."""
         if self.loss not in ROBUST_METHODS:
             raise ValueError(f"no loss {self.loss!r}; there are {', '.join(ROBUST_METHODS)}")
-        intrinsics_of(self.lens)
+        if self.lens not in (AUTO, *LENSES):
+            raise ValueError(f"no lens {self.lens!r}; there are {AUTO}, {', '.join(LENSES)}")
         if self.aspect is not None and not self.aspect > 0.0:
             raise ValueError(f"aspect must be positive, got {self.aspect}")
 

@@ -18,7 +18,7 @@ from nico_selfmodel.estimation.results.calibration_result import (
 )
 from nico_selfmodel.estimation.results.errors import ErrorStatistics
 from nico_selfmodel.estimation.results.verdict import FEWEST_BOARDS
-from nico_selfmodel.model.cameras.projection import INTRINSIC_UNITS
+from nico_selfmodel.model.cameras.projection import intrinsic_units
 from nico_selfmodel.model.cameras.stereo_rig import StereoRig
 from nico_selfmodel.optimization.uncertainty import UnobservableDirection
 
@@ -87,8 +87,7 @@ def camera_parameters(assessment: CameraAssessment) -> dict[str, Parameter]:
     first = calibration.cameras[0]
     names = StereoRig.names_of(calibration.views.cameras, first.lens)
     if len(calibration.cameras) == 1:
-        units = (*INTRINSIC_UNITS[:5], *["1"] * (len(names) - 5))
-        return parameter_table(names, first.values, units, sigma)
+        return parameter_table(names, first.values, intrinsic_units(first.lens), sigma)
     rig, covariance = calibration.rig, calibration.uncertainty.covariance
     table = parameter_table(names, rig.values, rig.units, sigma)
     return table | {"baseline": baseline(rig, calibration.names, covariance)}

@@ -19,15 +19,13 @@ from nico_selfmodel.errors import EstimationError, ModelError
 from nico_selfmodel.estimation.cameras.board_accuracy import cross_validate_cameras
 from nico_selfmodel.estimation.cameras.camera_adjustment import CameraCalibration
 from nico_selfmodel.estimation.cameras.camera_assessment import fails_the_lens, is_notable
-from nico_selfmodel.estimation.cameras.camera_options import CameraOptions
+from nico_selfmodel.estimation.cameras.camera_options import AUTO, CameraOptions
 from nico_selfmodel.estimation.cameras.lens_folds import folds_by_chance, folds_of
 from nico_selfmodel.estimation.cameras.lens_misfit import LensMisfit, lens_misfits
 from nico_selfmodel.estimation.cameras.stereo import calibrate_cameras
 from nico_selfmodel.estimation.results.calibration_result import finite
 from nico_selfmodel.model.cameras.projection import FISHEYE, LENSES, POLYNOMIAL, RATIONAL
 
-AUTO = "auto"
-"""Let the boards choose."""
 _LAST = {POLYNOMIAL: ("k3",), FISHEYE: ("k4",), RATIONAL: ("k3", "k6")}
 """Coefficients that are left out where a lens folds, or is not told."""
 _GAIN = 0.01
@@ -46,12 +44,14 @@ class LensTrial:
     """Why it stayed or went."""
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class LensChoice:
     """The lens that was taken."""
 
     options: CameraOptions
     """With this lens; its last coefficient held at zero where it folds the image for nothing."""
+    calibration: CameraCalibration
+    """The cameras that have it."""
     tried: tuple[LensTrial, ...] = ()
     """Those that were tried; empty where the polynomial leaves nothing to ask."""
 
@@ -69,35 +69,32 @@ class LensChoice:
         return {"kind": self.lens, "tried": tried}
 
 
-def lens_of(views: BoardViews, options: CameraOptions, wanted: str = AUTO) -> LensChoice:
-    """Choose a lens.
+def lens_of(views: BoardViews, options: CameraOptions) -> LensChoice:
+    """Calibrate the cameras, with the lens that boards tell where `options` leaves it to them.
 
     Args:
         views: Corners.
-        options: All else about the cameras.
-        wanted: `AUTO` or one of `LENSES`.
+        options: What is held and free; a lens other than `AUTO` is taken as it is.
 
     Raises:
-        ValueError: If there is no such lens.
-        EstimationError: If the boards can be learned from with no lens at all.
+        DataError, EstimationError, ModelError, ValueError: As `calibrate_cameras`, of the lens
+            that was asked for, or where the boards can be learned from with no lens at all.
     """
-    if wanted != AUTO:
-        if wanted not in LENSES:
-            raise ValueError(f"no lens {wanted!r}; there are {AUTO}, {', '.join(LENSES)}")
-        return LensChoice(replace(options, lens=wanted))
+    if options.lens != AUTO:
+        return LensChoice(options, calibrate_cameras(views, options))
     views = views.placeable()
     plain = replace(options, lens=POLYNOMIAL)
     try:
         found = calibrate_cameras(views, plain)
         if not (_is_flawed(found, plain) or any(map(is_notable, _misfits(found, plain)))):
-            return LensChoice(plain)
+            return LensChoice(plain, found)
     except (EstimationError, ModelError) as error:
         tried = _tried(views, options, (FISHEYE, RATIONAL))
         if not tried:
             raise
         return _chosen(tried, {POLYNOMIAL: LensTrial(POLYNOMIAL, np.nan, str(error))})
     tried = _tried(views, options, LENSES)
-    return _chosen(tried, {}) if tried else LensChoice(plain)
+    return _chosen(tried, {}) if tried else LensChoice(plain, found)
 
 
 def _misfits(found: CameraCalibration, options: CameraOptions) -> list[LensMisfit]:
@@ -121,6 +118,7 @@ class _Found:
     """What one lens leaves."""
 
     options: CameraOptions
+    calibration: CameraCalibration
     left_out: NDArray
     """Logarithm of the rms of each board, predicted without its fold. Shape (V,)."""
     flawed: bool
@@ -134,7 +132,7 @@ class _Found:
             raise EstimationError("too few boards to leave some out")
         found = calibrate_cameras(views, options)
         rms = 0.5 * np.log(2.0 * np.nanmean(left**2, axis=(1, 2)))
-        return cls(options, rms, _is_flawed(found, options))
+        return cls(options, found, rms, _is_flawed(found, options))
 
     def worse_than(self, other: "_Found") -> bool:
         """Whether boards gain by another lens."""
@@ -188,4 +186,4 @@ def _chosen(found: dict[str, _Found], failed: dict[str, LensTrial]) -> LensChoic
         else:
             why = "no better, with more numbers"
         trials[lens] = LensTrial(lens, px, why)
-    return LensChoice(found[taken].options, tuple(trials.values()))
+    return LensChoice(found[taken].options, found[taken].calibration, tuple(trials.values()))

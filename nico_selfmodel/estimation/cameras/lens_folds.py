@@ -22,9 +22,15 @@ def folds_of(
         if camera.folds(edge).any():
             words[side] = (
                 f"the distortion of the {side} camera is not monotone up to the image's corners: "
-                f"it turns at {_turn(camera)}; fix {side}.k3=0, or record boards in the corners"
+                f"it turns at {_turn(camera)}; fix {side}.{_last(camera)}=0, "
+                "or record boards in the corners"
             )
     return words
+
+
+def _last(camera: Camera) -> str:
+    """Return the term that is held at zero first."""
+    return "k4" if camera.lens == FISHEYE else "k3"
 
 
 def _turn(camera: Camera) -> str:

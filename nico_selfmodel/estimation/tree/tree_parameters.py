@@ -20,7 +20,7 @@ from nico_selfmodel.geometry.rotation import (
 )
 from nico_selfmodel.geometry.transform import inverse, transform
 from nico_selfmodel.model.cameras.camera import Camera
-from nico_selfmodel.model.cameras.projection import INTRINSIC_UNITS, INTRINSICS
+from nico_selfmodel.model.cameras.projection import INTRINSICS, POLYNOMIAL, intrinsic_units
 from nico_selfmodel.model.tree.body_tree import FLANGE, PRISMATIC, REVOLUTE, Attached, BodyTree
 
 TURNS, SHIFTS = ("rx", "ry", "rz"), ("x", "y", "z")
@@ -55,7 +55,11 @@ class TreeParameters:
         """Units of all parameters: `rad`, `m`, `1` or `px`."""
         base = self.base
         frames = (("rad",) * 3 + ("m",) * 3) * (len(base.joints) + len(self.attached))
-        return (*frames, *("1",) * len(base.joints), *INTRINSIC_UNITS * len(base.lenses))
+        return (
+            *frames,
+            *("1",) * len(base.joints),
+            *intrinsic_units(POLYNOMIAL) * len(base.lenses),
+        )
 
     @cached_property
     def index(self) -> dict[str, int]:

@@ -16,39 +16,11 @@ from nico_selfmodel.model.cameras.projection import (
     FISHEYE,
     POLYNOMIAL,
     RATIONAL,
+    Projection,
+    Rays,
     intrinsics_of,
     project_in_camera,
 )
-
-
-@dataclass(frozen=True, eq=False)
-class Projection:
-    """Pixels and how they move with everything that they depend on."""
-
-    pixels: NDArray
-    """u right, v down; integers are pixel centres [px]. Shape (N, 2)."""
-    by_point: NDArray
-    """By the point in the world [px/m]. Shape (N, 2, 3)."""
-    by_pose: NDArray
-    """By (w, t) that move the camera to exp([w]) R_WC, p_WC + t [px/rad, px/m]. Shape (N, 2, 6)."""
-    by_intrinsics: NDArray
-    """By `intrinsics_of` the lens. Shape (N, 2, c)."""
-
-
-@dataclass(frozen=True, eq=False)
-class Rays:
-    """Lines of sight: points p_WC + distance * direction."""
-
-    origin: NDArray
-    """The camera's centre in the world [m]. Shape (3,)."""
-    direction: NDArray
-    """Unit vectors in the world. Shape (N, 3)."""
-    by_pixel: NDArray
-    """Derivatives of the direction by the pixel [1/px]. Shape (N, 3, 2)."""
-    by_pose: NDArray
-    """By (w, t) as in `Projection`; the origin moves with t. Shape (N, 3, 6)."""
-    by_intrinsics: NDArray
-    """By `intrinsics_of` the lens. Shape (N, 3, c)."""
 
 
 @dataclass(frozen=True, eq=False)

@@ -1,5 +1,7 @@
 """From points in a camera to pixels, with every derivative: the kernel of all estimators."""
 
+from dataclasses import dataclass
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -22,8 +24,36 @@ _INSIDE = {
 
 EVERY_INTRINSIC = _INSIDE[RATIONAL]
 """Names of all that may lie inside a camera."""
-INTRINSIC_UNITS = ("px", "px", "px", "px", "px", "1", "1", "1", "1", "1")
-"""Units of `INTRINSICS`; those of other lenses begin alike."""
+
+
+@dataclass(frozen=True, eq=False)
+class Projection:
+    """Pixels and how they move with everything that they depend on."""
+
+    pixels: NDArray
+    """u right, v down; integers are pixel centres [px]. Shape (N, 2)."""
+    by_point: NDArray
+    """By the point in the world [px/m]. Shape (N, 2, 3)."""
+    by_pose: NDArray
+    """By (w, t) that move the camera to exp([w]) R_WC, p_WC + t [px/rad, px/m]. Shape (N, 2, 6)."""
+    by_intrinsics: NDArray
+    """By `intrinsics_of` the lens. Shape (N, 2, c)."""
+
+
+@dataclass(frozen=True, eq=False)
+class Rays:
+    """Lines of sight: points p_WC + distance * direction."""
+
+    origin: NDArray
+    """The camera's centre in the world [m]. Shape (3,)."""
+    direction: NDArray
+    """Unit vectors in the world. Shape (N, 3)."""
+    by_pixel: NDArray
+    """Derivatives of the direction by the pixel [1/px]. Shape (N, 3, 2)."""
+    by_pose: NDArray
+    """By (w, t) as in `Projection`; the origin moves with t. Shape (N, 3, 6)."""
+    by_intrinsics: NDArray
+    """By `intrinsics_of` the lens. Shape (N, 3, c)."""
 
 
 def intrinsics_of(kind: str) -> tuple[str, ...]:
@@ -35,6 +65,15 @@ def intrinsics_of(kind: str) -> tuple[str, ...]:
     if kind not in LENSES:
         raise ValueError(f"no lens {kind!r}; there are {', '.join(LENSES)}")
     return _INSIDE[kind]
+
+
+def intrinsic_units(kind: str) -> tuple[str, ...]:
+    """Return the units of `intrinsics_of` a lens: the intrinsic matrix's pixels, then numbers.
+
+    Raises:
+        ValueError: If there is no such lens.
+    """
+    return tuple("1" if name[0] in "kp" else "px" for name in intrinsics_of(kind))
 
 
 def project_in_camera(

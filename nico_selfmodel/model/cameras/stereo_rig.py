@@ -15,8 +15,8 @@ from nico_selfmodel.geometry.rotation import rotation_from_vector, rotation_vect
 from nico_selfmodel.geometry.transform import apply, inverse, transform
 from nico_selfmodel.model.cameras.camera import Camera
 from nico_selfmodel.model.cameras.projection import (
-    INTRINSIC_UNITS,
     POLYNOMIAL,
+    intrinsic_units,
     intrinsics_of,
     project_in_camera,
 )
@@ -90,7 +90,7 @@ class StereoRig:
 
     @property
     def lens(self) -> str:
-        """The lens of both cameras, one of `camera.LENSES`."""
+        """The lens of both cameras, one of `projection.LENSES`."""
         return self.left.lens
 
     @property
@@ -102,7 +102,7 @@ class StereoRig:
     @property
     def units(self) -> tuple[str, ...]:
         """Units of `names`."""
-        inside = [*INTRINSIC_UNITS[:5], *["1"] * (len(self.left.values) - 5)]
+        inside = intrinsic_units(self.lens)
         return (*inside, *inside, *("rad",) * 3, *("m",) * 3)
 
     @classmethod
