@@ -59,6 +59,20 @@ def test_samples_are_numbered_from_one_and_the_hand_is_the_marker(table):
     assert dataset.sweep.tolist() == ["", "", ""]
 
 
+def test_a_column_may_say_from_which_side_a_joint_came(table):
+    sides = (
+        TABLE.replace("dot\n", "dot,s1\n")
+        .replace("tip\n", "tip,-1\n", 1)
+        .replace("tip\n", "tip,\n")
+    )
+    one, two = MAP["joints"]
+    column_map = {**MAP, "joints": [one | {"approach": "s1"}, two]}
+    dataset = import_csv(table(sides), column_map)
+    assert dataset.approach.tolist() == [[-1, 0], [0, 0], [0, 0]]
+    with pytest.raises(DataError, match=r"arm\.csv, line 2, column 's1': -2 is no side"):
+        import_csv(table(sides.replace("tip,-1", "tip,-2")), column_map)
+
+
 def test_the_map_may_lie_in_a_file_and_the_table_have_no_header(table, tmp_path):
     (tmp_path / "map.yaml").write_text(
         yaml.safe_dump(

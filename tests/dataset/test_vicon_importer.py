@@ -86,6 +86,17 @@ def test_single_frames_and_chosen_markers_are_enough(files, markers):
     assert dataset.measured.tolist() == [True, False]
 
 
+def test_readings_may_say_from_which_side_joints_came(files):
+    sides = READINGS.replace("sweep\n", "sweep,approach.elbow\n").replace("home\n", "home,-1\n")
+    sides = sides.replace("shoulder\n", "shoulder,\n")
+    dataset = import_vicon(*files(readings=sides), JOINTS)
+    first = dataset.sample == dataset.sample[0]
+    assert (dataset.approach[first] == [0, -1]).all()
+    assert not dataset.approach[~first].any()
+    with pytest.raises(DataError, match=r"readings\.csv, line 2.*'down' is not a number"):
+        import_vicon(*files(readings=sides.replace("home,-1", "home,down")), JOINTS)
+
+
 def test_metres_windows_newlines_and_a_padded_title_are_understood(files):
     text = EXPORT.replace("mm", "m").replace("Trajectories", "Trajectories,,,")
     path, _ = files("\ufeff" + text.replace("\n", "\r\n"))

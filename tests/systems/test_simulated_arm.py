@@ -7,6 +7,7 @@ import pytest
 
 from nico_selfmodel.plant import ArmDescription
 from nico_selfmodel.systems.simulated.imperfections import IMPERFECTIONS, imperfections_named
+from nico_selfmodel.systems.simulated.mechanics import Mechanics
 from nico_selfmodel.systems.simulated.robot import SimulatedRobot
 
 ARM = ArmDescription.named("nico")
@@ -37,6 +38,19 @@ def test_another_session_is_the_same_body_on_another_day():
     noisy = body(seed=3, session=0), body(seed=3, session=1)
     seen = [arm.move_and_measure(middle(arm)).points["hand"] for arm in noisy]
     assert not np.array_equal(*seen)
+
+
+def test_backlash_leaves_a_joint_behind_by_its_half_width_on_the_side_from_which_it_came():
+    half = np.radians(0.5)
+    flaws = replace(IMPERFECTIONS["clean"], backlash=half)
+    drives = Mechanics.build(ARM, flaws, 0, np.random.default_rng(0))
+    start = 0.5 * (drives.lower + drives.upper)
+    q = drives.dragged(start)
+    assert q == pytest.approx(drives.servos.to_joint(start))
+    for step in (0.1, -0.1):
+        asked = drives.servos.to_joint(start) + step
+        q = drives.dragged(drives.servos.to_encoder(asked), q)
+        assert q == pytest.approx(asked - half * np.sign(step))
 
 
 def test_commands_stop_at_the_stops():

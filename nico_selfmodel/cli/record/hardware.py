@@ -42,8 +42,11 @@ class Hardware:
     speed_deg_s: float | None
     trust_zero: bool
     yes: bool
-    chain: tuple[str | None, str | None, str | None, str | None, tuple[str, ...]]
-    """`--robot`, `--arm`, `--base`, `--tip` and `--hold`."""
+    robot: str | None
+    arm: str | None
+    base: str | None
+    tip: str | None
+    hold: tuple[str, ...]
 
     def is_meant(self, imperfections: str, sensor: str) -> bool:
         """Return whether a real robot is to be recorded.
@@ -52,14 +55,11 @@ class Hardware:
             ValueError: If options contradict each other.
         """
         others = (self.config, self.baud, self.left_camera, self.right_camera)
-        others += (self.motion_capture, self.speed_deg_s, *self.chain[:4])
+        others += (self.motion_capture, self.speed_deg_s)
+        others += (self.robot, self.arm, self.base, self.tip)
         if self.port is None:
-            if (
-                any(value is not None for value in others)
-                or self.chain[4]
-                or self.trust_zero
-                or self.yes
-            ):
+            given = any(value is not None for value in others)
+            if given or self.hold or self.trust_zero or self.yes:
                 raise ValueError("options of a real robot need --port, its serial port")
             return False
         if imperfections != "thesis":
@@ -119,18 +119,18 @@ def _arm(hardware: Hardware, config: "ServoConfig") -> "ArmDescription | None":
     """Return the arm that was named, its limits those of its servos; None where none was."""
     import numpy as np
 
-    robot, arm, base, tip, hold = hardware.chain
-    if robot is None:
-        if any((arm, base, tip, hold)):
+    its = (hardware.arm, hardware.base, hardware.tip, list(hardware.hold))
+    if hardware.robot is None:
+        if any(its):
             raise ValueError("--arm, --base, --tip and --hold need --robot")
         return None
-    described = inputs.chosen_arm(robot, arm, base, tip, list(hold), None)
+    described = inputs.chosen_arm(hardware.robot, *its, None)
     servos = {joint.name: joint for joint in config.joints}
     missing = [name for name in described.joints if name not in servos]
     if missing:
         raise ValueError(
-            f"the servo configuration has no {', '.join(missing)}: the arm of {robot} has the "
-            f"joints {', '.join(described.joints)}"
+            f"the servo configuration has no {', '.join(missing)}: the arm of {hardware.robot} has "
+            f"the joints {', '.join(described.joints)}"
         )
     limits = np.array([[servos[name].lower, servos[name].upper] for name in described.joints])
     return replace(described, lower=limits[:, 0], upper=limits[:, 1])
@@ -192,7 +192,7 @@ def _station(
     from nico_selfmodel.systems.stations.nico_hardware_station import NicoHardwareStation
     from nico_selfmodel.systems.stations.nico_station import default_detectors
 
-    found = default_detectors(inputs.cameras_of(calibrated))
+    found = default_detectors(inputs.cameras_of(calibrated, "recording"))
     detectors = {m: found[m] for m in planned.arm.markers if m in found} or found
     return NicoHardwareStation(
         servos, cameras, motion_capture, joints=planned.arm.joints, detectors=detectors

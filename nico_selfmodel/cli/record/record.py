@@ -88,7 +88,7 @@ def record(
     )
     hardware = Hardware(
         *(port, config, baud, left_camera, right_camera, motion_capture, speed, trust_zero, yes),
-        (robot, arm, base, tip, tuple(hold or ())),
+        *(robot, arm, base, tip, tuple(hold or ())),
     )
     real = hardware.is_meant(imperfections, sensor)
     request.check_mirrors(real=real)
