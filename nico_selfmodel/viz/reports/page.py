@@ -8,6 +8,7 @@ from typing import Any
 
 from jinja2 import Environment, PackageLoader, StrictUndefined
 
+from nico_selfmodel.viz.figures import palette
 from nico_selfmodel.viz.figures.rgba import Rgba
 from nico_selfmodel.viz.live.drake_backend import static_html
 from nico_selfmodel.viz.reports import parts
@@ -203,5 +204,7 @@ def _viewer(scene: Scene) -> str:
 
 
 def _css_color(color: Rgba) -> str:
+    if color == palette.rgba(palette.INK):
+        return "var(--ink)"  # chalk on dark pages, as in the scene
     red, green, blue = (round(255 * c) for c in color[:3])
     return f"rgb({red} {green} {blue} / {color[3]:.2f})"

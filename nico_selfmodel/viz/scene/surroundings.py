@@ -19,16 +19,23 @@ _NEAR = 2.0
 """W itself is shown where it lies within this many sizes of the data."""
 ASPECT = 1.5
 """Of the window that first views are made for: width over height."""
-NIGHT_SCRIPT = """
+_CHALK = "#e4e9ee"
+NIGHT_SCRIPT = f"""
+const inks = ["{palette.INK[1:]}", "{_CHALK[1:]}"];
 const dark = matchMedia("(prefers-color-scheme: dark)");
-function paint() {
+function paint() {{
   const colors = dark.matches ? [[0.13, 0.16, 0.20], [0.20, 0.24, 0.29]] : null;
   if (colors) ["top_color", "bottom_color"].forEach(
     (key, i) => viewer.set_property(["Background"], key, colors[i]));
-}
+  const [from, to] = dark.matches ? inks : [...inks].reverse();
+  viewer.scene.traverse(part => {{
+    for (const material of [part.material ?? []].flat())
+      if (material.color?.getHexString() === from) material.color.set("#" + to);
+  }});
+}}
 """
-"""The background where the reader prefers dark pages: defines `paint`, which is to be called once
-the scene has its own colours."""
+"""Where the reader prefers dark pages, a dark background and what is drawn in ink in chalk: defines
+`paint`, which is to be called once the scene has its own colours."""
 _MARGIN = 1.06
 _TURN, _ELEVATION = np.radians(25.0), np.radians(22.0)
 
