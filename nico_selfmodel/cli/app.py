@@ -105,7 +105,10 @@ _GROUPS: dict[str, tuple[str, dict[str, Callable[..., None]]]] = {
             "mirror": mirror_experiment.mirror,
         },
     ),
-    "markers": ("Fiducial markers to print.", {"sheet": markers.sheet}),
+    "markers": (
+        "Fiducial markers and boards to print.",
+        {"sheet": markers.sheet, "board": markers.board},
+    ),
     "servo": (
         "Drive the real servos.",
         {

@@ -1,11 +1,11 @@
-"""`nico-selfmodel detect`: find markers, colours or chessboards in photographs."""
+"""`nico-selfmodel detect`: find markers, colours or boards in photographs."""
 
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from nico_selfmodel.cli import options, printer
+from nico_selfmodel.cli import inputs, options, printer
 
 if TYPE_CHECKING:
     from nico_selfmodel.vision.detections import Detector
@@ -26,7 +26,7 @@ def detect(
     force: options.Force = False,
     as_json: options.AsJson = False,
 ) -> None:
-    """Find markers, a colour or a chessboard; write a table and annotated images.
+    """Find markers, a colour or a board; write a table and annotated images.
 
     Ends with 1 if nothing was seen in any image.
     """
@@ -53,15 +53,15 @@ def _detector(
     board: str | None,
     window: int | None,
 ) -> "Detector":
-    from nico_selfmodel.vision.boards.chessboard import WINDOW, Board
+    from nico_selfmodel.vision.boards.chessboard import WINDOW
     from nico_selfmodel.vision.color.color_model import ColorModel
     from nico_selfmodel.vision.detections import Detector
     from nico_selfmodel.vision.markers.fiducial_family import DEFAULT_FAMILY
 
     if sum([fiducial, color is not None, board is not None]) != 1:
         raise ValueError("choose one of --fiducial, --color FILE and --board 9x6")
-    if family is not None and not fiducial:
-        raise ValueError("--family is for --fiducial")
+    if family is not None and color is not None:
+        raise ValueError("--family is for --fiducial and boards of tags")
     if window is not None and board is None:
         raise ValueError("--window is for --board")
     if fiducial:
@@ -69,8 +69,8 @@ def _detector(
     if color is not None:
         return Detector.for_color(ColorModel.load(color))
     # The size of a square does not matter here: no lengths come out.
-    size = Board.parse(board or "", square_mm=1.0)
-    return Detector.for_chessboard(size, window or WINDOW)
+    wanted = inputs.board(board or "", 1.0, None, family)
+    return Detector.for_board(wanted, window or WINDOW)
 
 
 def _print(document: dict[str, Any], out: Path) -> None:

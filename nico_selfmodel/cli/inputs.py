@@ -13,6 +13,7 @@ if TYPE_CHECKING:
     from nico_selfmodel.estimation.initialization.nominal_arm import NominalArm
     from nico_selfmodel.model.cameras.stereo_rig import StereoRig
     from nico_selfmodel.plant import ArmDescription
+    from nico_selfmodel.vision.boards.board_detection import AnyBoard
 
 
 def name_after(path: Path) -> str:
@@ -63,6 +64,13 @@ def train_and_test(
     if held_out is not None and content_hash(held_out) == content_hash(train):
         raise ValueError(f"--test {test} holds the training data: nothing would be held out")
     return train, held_out
+
+
+def board(text: str, square_mm: float, tag_mm: float | None, family: str | None) -> "AnyBoard":
+    """Return the board that `--board`, `--square-mm`, `--tag-mm` and `--family` name."""
+    from nico_selfmodel.vision.boards.board_kinds import board_of
+
+    return board_of(text, square_mm, tag_mm, family)
 
 
 def cameras_of(path: Path | None, what: str) -> "StereoRig | None":

@@ -1,10 +1,10 @@
-"""`nico-selfmodel markers`: fiducial markers to print."""
+"""`nico-selfmodel markers`: fiducial markers and boards to print."""
 
 from typing import Annotated
 
 import typer
 
-from nico_selfmodel.cli import options, printer
+from nico_selfmodel.cli import inputs, options, printer
 
 
 def sheet(
@@ -14,7 +14,7 @@ def sheet(
         float, typer.Option("--size-mm", help="Side of a marker's black square.")
     ] = 30.0,
     family: options.Family = None,
-    paper: Annotated[str, typer.Option("--paper", help="a4 or letter.")] = "a4",
+    paper: Annotated[str, typer.Option("--paper", help="a4, letter, a3, a2, a1 or a0.")] = "a4",
     force: options.Force = False,
 ) -> None:
     """Write a sheet of markers with cut lines and a ruler, as .pdf, .svg or .png."""
@@ -30,3 +30,22 @@ def sheet(
         f"{out}: {len(made.ids)} markers of {made.family}, {size_mm:g} mm,"
         f" {pages} page{'s' if pages > 1 else ''}; print at 100 % and measure the ruler"
     )
+
+
+def board(
+    out: options.OutFile,
+    board: options.Board,
+    square_mm: options.SquareMm,
+    tag_mm: options.TagMm = None,
+    family: options.Family = None,
+    paper: Annotated[str, typer.Option("--paper", help="a4, letter, a3, a2, a1 or a0.")] = "a4",
+    force: options.Force = False,
+) -> None:
+    """Write a board for cameras with a ruler, as .pdf, .svg or .png."""
+    from nico_selfmodel.files.whole import refuse_existing
+    from nico_selfmodel.vision.boards.board_sheet import BoardSheet
+
+    refuse_existing(out, force=force)
+    made = BoardSheet(inputs.board(board, square_mm, tag_mm, family), paper)
+    made.save(out)
+    printer.line(f"{out}: {made.words}; print at 100 % and measure the ruler")

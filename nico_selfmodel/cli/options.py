@@ -61,7 +61,10 @@ Dataset = Annotated[Path, typer.Argument(help="Folder of a data set.")]
 Datasets = Annotated[
     list[Path], typer.Argument(help="Folders of data sets, or folders that hold some.")
 ]
-Images = Annotated[Path, typer.Argument(help="Folder of photographs of a chessboard.")]
+Images = Annotated[Path, typer.Argument(help="Folder of photographs of a board.")]
+ImagesOrNone = Annotated[
+    Path | None, typer.Argument(help="Folder of photographs of a board, left* and right*.")
+]
 Cameras = Annotated[
     Path | None, typer.Option("--cameras", help="Calibrated cameras, as `calibrate stereo` leaves.")
 ]
@@ -151,15 +154,33 @@ RequireTestPx = Annotated[
 ]
 
 # Chessboards and pixels.
-_BOARD = typer.Option("--board", metavar="COLSxROWS", help="Inner corners of the board, as 9x6.")
+_BOARD = typer.Option(
+    "--board",
+    metavar="[KIND:]COLSxROWS",
+    help="Inner corners of a chessboard, as 9x6, or another board: charuco:7x5 (inner corners), "
+    "aprilgrid:6x6 (tags), circles:7x5, asymmetric-circles:4x11.",
+)
 _WINDOW = typer.Option("--window", min=2, help="Half side of a corner's sub-pixel window [px]; 11.")
 Board = Annotated[str, _BOARD]
 BoardOrNone = Annotated[str | None, _BOARD]
-SquareMm = Annotated[float, typer.Option("--square-mm", help="Side of a square of the board.")]
+SquareMm = Annotated[
+    float,
+    typer.Option("--square-mm", help="Side of a square; of tags and circles, their distance."),
+]
+TagMm = Annotated[
+    float | None,
+    typer.Option(
+        "--tag-mm", help="Side of a board's tags, diameter of its circles.", callback=_positive
+    ),
+]
 Window = Annotated[int, _WINDOW]
 WindowOrNone = Annotated[int | None, _WINDOW]
 Family = Annotated[
-    str | None, typer.Option("--family", help="Of fiducial markers; apriltag_36h11 by default.")
+    str | None,
+    typer.Option(
+        "--family",
+        help="Of fiducial markers; apriltag_36h11 by default, of ChArUco boards aruco_4x4_50.",
+    ),
 ]
 PixelSigma = Annotated[
     float | None,

@@ -154,7 +154,8 @@ _QUANTITIES = (("position_mm", "mm"), ("pixels", "px"))
 def _statistics(block: Mapping[str, Any], key: str) -> list[str]:
     found = block[key]
     values = (found.get(name.lower()) for name in _STATISTICS)
-    count = str(block.get("poses", block["n"]))
+    # A pose has one position error, and a pixel error for each corner or camera.
+    count = str(block["n"] if key == "pixels" else block.get("poses", block["n"]))
     return [count, *("-" if value is None else f"{value:#.3g}".rstrip(".") for value in values)]
 
 

@@ -8,13 +8,13 @@ import cv2
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from nico_selfmodel.vision.boards.chessboard import ChessboardDetection
+from nico_selfmodel.vision.boards.board_detection import BoardDetection
 from nico_selfmodel.vision.color.color_blob import ColorBlob
 from nico_selfmodel.vision.images.image_array import as_color
 from nico_selfmodel.vision.images.not_seen import NotSeen
 from nico_selfmodel.vision.markers.fiducial import Fiducial
 
-Seen = ChessboardDetection | Fiducial | ColorBlob
+Seen = BoardDetection | Fiducial | ColorBlob
 
 _WIDTH = 1200  # that small images are enlarged to, by a whole number [px]
 _MOST_ENLARGED = 4_000_000  # pixels of an image that is enlarged: it may be narrow and tall
@@ -42,7 +42,7 @@ def annotated(image: NDArray, seen: list[Seen] | NotSeen) -> NDArray:
         canvas.banner(f"not seen: {seen.reason}")
         return canvas.image
     for item in seen:
-        if isinstance(item, ChessboardDetection):
+        if isinstance(item, BoardDetection):
             _draw_board(canvas, item)
         elif isinstance(item, Fiducial):
             _draw_fiducial(canvas, item)
@@ -146,20 +146,24 @@ class _Canvas:
         return max(1, round(width * self.unit))
 
 
-def _draw_board(canvas: _Canvas, seen: ChessboardDetection) -> None:
+def _draw_board(canvas: _Canvas, seen: BoardDetection) -> None:
     """Draw rows from green to blue, so that the order can be followed, with the first marked."""
-    rows = seen.corners.reshape(seen.board.rows, seen.board.columns, 2)
-    for i, row in enumerate(rows):
-        share = i / (len(rows) - 1)
-        mixed = (1.0 - share) * np.array(_GREEN) + share * np.array(_BLUE)
+    y = seen.board.points[:, 1]
+    share = (y - y.min()) / np.ptp(y)
+    before = None
+    for i in np.flatnonzero(seen.seen).tolist():
+        mixed = (1.0 - share[i]) * np.array(_GREEN) + share[i] * np.array(_BLUE)
         color = (int(mixed[0]), int(mixed[1]), int(mixed[2]))
-        if i:
-            canvas.line([rows[i - 1][-1], row[0]], color, 1.0)
-        canvas.line(row, color, 1.5)
-        for corner in row:
-            canvas.dot(corner, color, 5.0)
-    canvas.dot(rows[0, 0], _ORANGE, 10.0)
-    canvas.text(f"{seen.board}: first corner", rows[0, 0], (14.0, -14.0))
+        if before is not None:
+            canvas.line(seen.corners[[before, i]], color, 1.5 if y[before] == y[i] else 1.0)
+        canvas.dot(seen.corners[i], color, 5.0)
+        before = i
+    first = int(np.argmax(seen.seen))
+    canvas.dot(seen.corners[first], _ORANGE, 10.0)
+    what = "first corner" if first == 0 else f"corner {first}"
+    if not seen.seen.all():
+        what += f", {np.count_nonzero(seen.seen)} of {len(seen.seen)} seen"
+    canvas.text(f"{seen.board}: {what}", seen.corners[first], (14.0, -14.0))
 
 
 def _draw_fiducial(canvas: _Canvas, seen: Fiducial) -> None:

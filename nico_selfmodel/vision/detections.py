@@ -6,6 +6,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 from numpy.typing import NDArray
 
 from nico_selfmodel.errors import DataError
@@ -13,12 +14,8 @@ from nico_selfmodel.files.csv_cells import quoted_cell, safe_cell
 from nico_selfmodel.files.whole import RESULT_FILE, folder_written_whole, refuse_folder
 from nico_selfmodel.progress import Progress
 from nico_selfmodel.vision.annotate import Seen, annotated
-from nico_selfmodel.vision.boards.chessboard import (
-    WINDOW,
-    Board,
-    ChessboardDetection,
-    find_chessboard,
-)
+from nico_selfmodel.vision.boards.board_detection import AnyBoard, BoardDetection
+from nico_selfmodel.vision.boards.chessboard import WINDOW, Board
 from nico_selfmodel.vision.color.color_blob import ColorBlob, find_color_blob
 from nico_selfmodel.vision.color.color_model import ColorModel
 from nico_selfmodel.vision.images.image_file import image_files, looking_at, read_image, write_image
@@ -68,14 +65,14 @@ class Detector:
         return cls(f"color {model.dominant}", look)
 
     @classmethod
-    def for_chessboard(cls, board: Board, window: int = WINDOW) -> "Detector":
-        """Look for a chessboard."""
+    def for_board(cls, board: AnyBoard, window: int = WINDOW) -> "Detector":
+        """Look for a board."""
 
         def look(image: NDArray) -> list[Seen] | NotSeen:
-            seen = find_chessboard(image, board, window)
+            seen = board.find(image, window)
             return seen if isinstance(seen, NotSeen) else [seen]
 
-        return cls(f"chessboard {board}", look)
+        return cls(f"chessboard {board}" if isinstance(board, Board) else str(board), look)
 
 
 def images_of(paths: Iterable[str | Path]) -> list[Path]:
@@ -196,8 +193,9 @@ def _rows(image: str, detector: str, seen: list[Seen] | NotSeen) -> list[dict[st
 
 def _cells(seen: Seen) -> list[dict[str, str]]:
     """Return what is particular to a detection: a row for each corner of a board, or one row."""
-    if isinstance(seen, ChessboardDetection):
-        return [{"id": str(i), **_pixel("", corner)} for i, corner in enumerate(seen.corners)]
+    if isinstance(seen, BoardDetection):
+        found = np.flatnonzero(seen.seen).tolist()
+        return [{"id": str(i), **_pixel("", seen.corners[i])} for i in found]
     if isinstance(seen, ColorBlob):
         left, top, width, height = seen.box
         right, bottom = left + width - 1, top + height - 1

@@ -126,7 +126,7 @@ def test_a_sheet_of_markers_is_written(tmp_path, command):
     [
         (("marker.png",), "choose one of --fiducial, --color FILE and --board"),
         (("marker.png", "--fiducial", "--board", "9x6"), "choose one of"),
-        (("marker.png", "--board", "9x6", "--family", "x"), "--family is for --fiducial"),
+        (("marker.png", "--board", "9x6", "--family", "x"), "--family are for boards with tags"),
         (("marker.png", "--fiducial", "--window", "5"), "--window is for --board"),
         (("marker.png", "--fiducial", "--family", "tag"), "families are apriltag_16h5"),
         (("marker.png", "--board", "nine"), "written as 9x6"),

@@ -6,9 +6,9 @@ import pytest
 from nico_selfmodel.vision.boards.board_detections import (
     detect_boards,
     detect_boards_of_one_camera,
-    stereo_pairs,
 )
-from nico_selfmodel.vision.boards.chessboard import Board, ChessboardDetection, find_chessboard
+from nico_selfmodel.vision.boards.board_images import stereo_pairs
+from nico_selfmodel.vision.boards.chessboard import Board, BoardDetection, find_chessboard
 from nico_selfmodel.vision.images.image_file import read_image
 from nico_selfmodel.vision.images.not_seen import NotSeen
 
@@ -47,7 +47,7 @@ def test_a_square_without_a_size_is_refused(side):
 def test_corners_are_listed_alike_however_the_board_is_held(seed):
     truth = rendered(9, 6, seed)
     seen = find_chessboard(truth.image, BOARD, window=5)
-    assert isinstance(seen, ChessboardDetection)
+    assert isinstance(seen, BoardDetection)
     errors = seen.corners - truth.points
     assert np.abs(errors).max() < 0.3
     assert np.abs(errors.mean(axis=0)).max() < 0.02

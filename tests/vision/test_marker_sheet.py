@@ -87,7 +87,7 @@ def test_what_are_no_ids_is_refused(text):
         (lambda: MarkerSheet((0,), 149.0), "from 3 to 148 on a4"),
         (lambda: MarkerSheet((0,), 2.0), "from 3 to 148 on a4"),
         (lambda: MarkerSheet((0,), float("nan")), "got nan"),
-        (lambda: MarkerSheet((0,), 30.0, paper="a5"), "a4 or letter"),
+        (lambda: MarkerSheet((0,), 30.0, paper="a5"), "no paper 'a5'; there are a4, letter, a3"),
         (lambda: MarkerSheet((0,), 30.0).save("sheet.gif"), "written as .pdf, .svg, .png"),
         (lambda: MarkerSheet(tuple(range(20)), 60.0).save("sheet.svg"), "4 fit on one"),
     ],

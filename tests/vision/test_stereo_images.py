@@ -6,11 +6,10 @@ import pytest
 
 from nico_selfmodel.errors import DataError
 from nico_selfmodel.vision.boards.board_detections import (
-    camera_images,
     detect_boards,
     detect_boards_of_one_camera,
-    stereo_pairs,
 )
+from nico_selfmodel.vision.boards.board_images import camera_images, stereo_pairs
 from nico_selfmodel.vision.boards.chessboard import Board
 
 from .rendering import random_view, render_board

@@ -7,7 +7,7 @@ import pytest
 from nico_selfmodel.vision.boards import chessboard as chessboard_module
 from nico_selfmodel.vision.boards.chessboard import (
     Board,
-    ChessboardDetection,
+    BoardDetection,
     find_chessboard,
     size_of_board,
 )
@@ -79,7 +79,7 @@ def test_a_search_that_comes_back_to_where_it_began_is_no_corner(monkeypatch):
     rng = np.random.default_rng(5)
     H = random_view(rng, 330, (640, 480), tilt=0.4, center=(320, 240))
     image = render_board(9, 6, H, rng, image_size=(640, 480)).image
-    assert isinstance(find_chessboard(image, BOARD, 5), ChessboardDetection)
+    assert isinstance(find_chessboard(image, BOARD, 5), BoardDetection)
     real = cv2.cornerSubPix
 
     def one_fails(gray, corners, *others):
@@ -107,7 +107,7 @@ def test_what_is_seen_beside_glare_is_where_it_is(seed):
     glare = rng.uniform(80, 220) * np.exp(-((across - u) ** 2 + (down - v) ** 2) / spread)
     image = np.clip(truth.image + glare[..., None], 0, 255).astype(np.uint8)
     seen = find_chessboard(image, BOARD, 5)
-    if isinstance(seen, ChessboardDetection):
+    if isinstance(seen, BoardDetection):
         assert np.linalg.norm(seen.corners - truth.points, axis=1).max() < 3.0
 
 
@@ -159,5 +159,5 @@ def test_a_large_picture_gives_corners_as_exact_as_a_small_one():
     H = random_view(rng, 1500, (2600, 1950), tilt=0.5, center=(1300, 975))
     truth = render_board(9, 6, H, rng, image_size=(2600, 1950))
     seen = find_chessboard(truth.image, BOARD)
-    assert isinstance(seen, ChessboardDetection)
+    assert isinstance(seen, BoardDetection)
     assert np.linalg.norm(seen.corners - truth.points, axis=1).max() < 0.3

@@ -12,10 +12,12 @@ from nico_selfmodel.progress import Progress
 
 if TYPE_CHECKING:
     from nico_selfmodel.dataset.board_views import BoardViews
+    from nico_selfmodel.vision.boards.board_detection import AnyBoard
 
 
 _OF_TWO_CAMERAS = (
-    "model", "boards", "board", "square_mm", "board_test_fraction", "stage", "variant", "loss",
+    "model", "boards", "board", "square_mm", "tag_mm", "family", "board_test_fraction", "stage",
+    "variant", "loss",
     "arm", "base", "tip", "hold", "point",
 )  # fmt: skip
 """Options for an arm and two cameras."""
@@ -33,6 +35,8 @@ def body(
     ] = None,
     board: options.Board = "9x6",
     square_mm: options.SquareMm = 28.0,
+    tag_mm: options.TagMm = None,
+    family: options.Family = None,
     board_test_fraction: Annotated[
         float, typer.Option("--board-test-fraction", help="Share of the boards to hold out.")
     ] = 0.2,
@@ -96,6 +100,7 @@ def body(
     from nico_selfmodel.files.whole import refuse_folder
     from nico_selfmodel.model.self_model_file import load_model
 
+    wanted = inputs.board(board, square_mm, tag_mm, family)
     refuse_folder(out, force=force, inputs=[dataset, model, boards, test, robot])
     pins = FixedParameters.from_text(fix or (), free or ())
     chosen = BodyOptions(stage, variant, pins.pinned, pins.freed, loss)
@@ -103,7 +108,7 @@ def body(
     train, held_out = inputs.train_and_test(dataset, test, test_fraction, seed)
     _, nominal = inputs.described_arm(robot, arm, base, tip, hold, point)
     with printer.progress_bar() as progress:
-        views, held_boards = _boards(boards, board, square_mm, board_test_fraction, seed, progress)
+        views, held_boards = _boards(boards, wanted, board_test_fraction, seed, progress)
         progress("learning", 0, 1)
         found = calibrate_body(
             train,
@@ -144,8 +149,7 @@ def _is_any_body(context: typer.Context, dataset: Path) -> bool:
 
 def _boards(
     folder: Path | None,
-    board: str,
-    square_mm: float,
+    board: "AnyBoard",
     fraction: float,
     seed: int,
     progress: Progress,
@@ -155,9 +159,8 @@ def _boards(
         return None, None
     from nico_selfmodel.estimation.cameras.stereo import FEWEST_VIEWS
     from nico_selfmodel.vision.boards.board_detections import detect_boards
-    from nico_selfmodel.vision.boards.chessboard import Board
 
-    found = detect_boards(folder, Board.parse(board, square_mm), progress=progress).seen_views
+    found = detect_boards(folder, board, progress=progress).seen_views
     if not fraction or len(found) <= FEWEST_VIEWS:
         # So few are all needed to learn from; the result says that none was held out.
         return found, None

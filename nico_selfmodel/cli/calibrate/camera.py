@@ -1,5 +1,7 @@
-"""`nico-selfmodel calibrate camera`: learn one camera alone from a chessboard."""
+"""`nico-selfmodel calibrate camera`: learn one camera alone from a board."""
 
+import glob
+from pathlib import Path
 from typing import Annotated
 
 import typer
@@ -9,13 +11,17 @@ from nico_selfmodel.cli.calibrate.stereo import CameraTask, lens_options
 
 
 def camera(
-    images: options.Images,
+    images: Annotated[
+        str, typer.Argument(help="Folder of photographs of a board, or a pattern: 'cam0/*.png'.")
+    ],
     board: options.Board,
     square_mm: options.SquareMm,
     out: options.Out,
     camera: Annotated[
         str, typer.Option("--camera", help="left or right: how the names of its images begin.")
     ] = "left",
+    tag_mm: options.TagMm = None,
+    family: options.Family = None,
     window: options.Window = 11,
     lens: options.Lens = "auto",
     fix: options.Fix = None,
@@ -32,25 +38,24 @@ def camera(
     force: options.Force = False,
     as_json: options.AsJson = False,
 ) -> None:
-    """Learn one camera alone from photographs of a chessboard."""
+    """Learn one camera alone from photographs of a board."""
     from nico_selfmodel.files.whole import refuse_folder
-    from nico_selfmodel.vision.boards.board_detections import (
-        camera_images,
-        detect_boards_of_one_camera,
-    )
-    from nico_selfmodel.vision.boards.chessboard import Board
+    from nico_selfmodel.vision.boards.board_detections import detect_boards_of_one_camera
+    from nico_selfmodel.vision.boards.board_images import camera_images, images_by_pattern
 
     if camera not in ("left", "right"):
         raise ValueError(f"--camera must be left or right, got {camera!r}")
-    refuse_folder(out, force=force, inputs=[images])
+    wanted = inputs.board(board, square_mm, tag_mm, family)
+    by_pattern = glob.has_magic(images)
+    listed = images_by_pattern(images) if by_pattern else camera_images(images, camera)
+    folder = listed[0][1].parent if by_pattern else Path(images)
+    refuse_folder(out, force=force, inputs=[folder])
     task = CameraTask(
         lens_options(fix, free, prior, tangential, fixed_aspect, loss, lens),
-        *(test_fraction, seed, name or inputs.name_after(images), require_test_px, out),
+        *(test_fraction, seed, name or inputs.name_after(folder), require_test_px, out),
         *(no_report, force),
     )
     with printer.progress_bar() as progress:
-        listed = camera_images(images, camera)
-        size = Board.parse(board, square_mm)
-        found = detect_boards_of_one_camera(listed, size, window, progress, camera)
+        found = detect_boards_of_one_camera(listed, wanted, window, progress, camera)
         document = task.run(found, progress)
     printer.result(task.name, document, out, json_instead=as_json)

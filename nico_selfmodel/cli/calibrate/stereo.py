@@ -1,4 +1,4 @@
-"""`nico-selfmodel calibrate stereo`: learn a pair of cameras from a chessboard."""
+"""`nico-selfmodel calibrate stereo`: learn a pair of cameras from a board."""
 
 from dataclasses import dataclass
 from pathlib import Path
@@ -16,10 +16,18 @@ if TYPE_CHECKING:
 
 
 def stereo(
-    images: options.Images,
     board: options.Board,
     square_mm: options.SquareMm,
     out: options.Out,
+    images: options.ImagesOrNone = None,
+    left: Annotated[
+        str | None, typer.Option("--left", help="Its photographs by a pattern, as 'cam0/*.png'.")
+    ] = None,
+    right: Annotated[
+        str | None, typer.Option("--right", help="The same of the right camera, 'cam1/*.png'.")
+    ] = None,
+    tag_mm: options.TagMm = None,
+    family: options.Family = None,
     window: options.Window = 11,
     lens: options.Lens = "auto",
     fix: options.Fix = None,
@@ -39,24 +47,42 @@ def stereo(
     force: options.Force = False,
     as_json: options.AsJson = False,
 ) -> None:
-    """Learn a pair of cameras from pairs of photographs, left* and right*, of a chessboard."""
+    """Learn a pair of cameras from pairs of photographs, left* and right*, of a board."""
     from nico_selfmodel.files.whole import refuse_folder
-    from nico_selfmodel.vision.boards.board_detections import detect_boards, stereo_pairs
-    from nico_selfmodel.vision.boards.chessboard import Board
+    from nico_selfmodel.vision.boards.board_detections import detect_boards
 
-    refuse_folder(out, force=force, inputs=[images])
+    wanted = inputs.board(board, square_mm, tag_mm, family)
+    pairs, folder = _pairs(images, left, right)
+    refuse_folder(out, force=force, inputs=[folder])
     task = CameraTask(
         lens_options(fix, free, prior, tangential, fixed_aspect, loss, lens),
-        *(test_fraction, seed, name or inputs.name_after(images), require_test_px, out),
+        *(test_fraction, seed, name or inputs.name_after(folder), require_test_px, out),
         *(no_report, force),
     )
     with printer.progress_bar() as progress:
-        pairs = stereo_pairs(images)
         if swap_cameras:
             pairs = [(name, right, left) for name, left, right in pairs]
-        found = detect_boards(pairs, Board.parse(board, square_mm), window, progress)
+        found = detect_boards(pairs, wanted, window, progress)
         document = task.run(found, progress)
     printer.result(task.name, document, out, json_instead=as_json)
+
+
+def _pairs(
+    images: Path | None, left: str | None, right: str | None
+) -> tuple[list[tuple[str, Path, Path]], Path]:
+    """Return name, left and right photograph of each view, and the folder that they are called by.
+
+    Raises:
+        ValueError: If neither a folder nor two patterns are given, or both.
+    """
+    from nico_selfmodel.vision.boards.board_images import pairs_by_pattern, stereo_pairs
+
+    if images is not None and left is None and right is None:
+        return stereo_pairs(images), images
+    if images is not None or left is None or right is None:
+        raise ValueError("give a folder of photographs, or --left and --right patterns")
+    pairs = pairs_by_pattern(left, right)
+    return pairs, pairs[0][1].parent
 
 
 def lens_options(

@@ -1,4 +1,4 @@
-"""Folders of chessboard photographs, and the boards that are seen in them."""
+"""Folders of photographs of boards, and the boards that are seen in them."""
 
 import hashlib
 import warnings
@@ -16,14 +16,10 @@ from nico_selfmodel.errors import DataError
 from nico_selfmodel.files.reading import LARGEST_PICTURE, read_bytes, real_path
 from nico_selfmodel.names import listed
 from nico_selfmodel.progress import Progress
-from nico_selfmodel.vision.boards.chessboard import (
-    WINDOW,
-    Board,
-    ChessboardDetection,
-    find_chessboard,
-    size_of_board,
-)
-from nico_selfmodel.vision.images.image_file import image_files, looking_at, read_image
+from nico_selfmodel.vision.boards.board_detection import AnyBoard, BoardDetection
+from nico_selfmodel.vision.boards.board_images import stereo_pairs
+from nico_selfmodel.vision.boards.chessboard import WINDOW, Board, size_of_board
+from nico_selfmodel.vision.images.image_file import looking_at, read_image
 from nico_selfmodel.vision.images.not_seen import NotSeen
 
 _IMAGES_FOR_A_HINT = 6
@@ -34,7 +30,7 @@ _WIDEST_WINDOW = 0.7  # of a square; from 0.85 on, corners are drawn to their ne
 class BoardDetections:
     """One board as one or two cameras saw it."""
 
-    board: Board
+    board: AnyBoard
     """What was looked for."""
     views: BoardViews
     """The corners, in the same order in both cameras; views are named by what follows `left`."""
@@ -54,8 +50,7 @@ class BoardDetections:
     def document(self) -> dict[str, Any]:
         """What a result should tell of the detection."""
         return {
-            "board": str(self.board),
-            "square_mm": 1e3 * self.board.square,
+            **self.board.facts,
             "window_px": self.window,
             "images": sum(len(files) for files in self.files.values()),
             "files": {
@@ -103,75 +98,9 @@ class Photographs(Mapping[str, NDArray]):
         return len(self._files)
 
 
-def camera_images(folder: str | Path, prefix: str) -> list[tuple[str, Path]]:
-    """List the photographs of one camera.
-
-    Args:
-        folder: Where they are.
-        prefix: How their names begin, such as `left`.
-
-    Returns:
-        Name of the view (what follows the prefix) and path, with view 2 before view 10.
-
-    Raises:
-        DataError: If the folder is missing, holds no such image or two for one view.
-    """
-    found: dict[str, Path] = {}
-    for path in image_files(folder):
-        if not path.stem.lower().startswith(prefix.lower()):
-            continue
-        name = path.stem[len(prefix) :].strip("_-. ") or prefix.lower()
-        if name in found:
-            raise DataError(
-                f"{folder}: {found[name].name} and {path.name} are the same view: remove one"
-            )
-        found[name] = path
-    if not found:
-        raise DataError(f"{folder}: no images {prefix}*.png or {prefix}*.jpg; {_holds(folder)}")
-    return list(found.items())
-
-
-def stereo_pairs(folder: str | Path) -> list[tuple[str, Path, Path]]:
-    """Pair `left*` and `right*` photographs by what follows.
-
-    Args:
-        folder: Where they are.
-
-    Returns:
-        Name of the view, left path, right path, with view 2 before view 10.
-
-    Raises:
-        DataError: If the folder is missing or holds no images, those of one camera only, two for
-            one view, or images without a partner; names them.
-    """
-    names = [path.stem.lower() for path in image_files(folder)]
-    sides = [any(name.startswith(side) for name in names) for side in ("left", "right")]
-    if not any(sides):
-        raise DataError(
-            f"{folder}: no stereo images (left*.png or .jpg with right* beside them);"
-            f" {_holds(folder)}"
-        )
-    if not all(sides):
-        here, missing = ("left", "right") if sides[0] else ("right", "left")
-        raise DataError(
-            f"{folder}: images of one camera only: {here}* without {missing}*; a pair needs both"
-        )
-    left, right = dict(camera_images(folder, "left")), dict(camera_images(folder, "right"))
-    if len(left) == len(right) == 1 and set(left) == {"left"} and set(right) == {"right"}:
-        return [("pair", left["left"], right["right"])]
-    alone = [path.name for name, path in left.items() if name not in right]
-    alone += [path.name for name, path in right.items() if name not in left]
-    if alone:
-        raise DataError(
-            f"{folder}: images without a partner in the other camera: {listed(alone, most=6)};"
-            " pairs are named alike after left and right, as left01 and right01"
-        )
-    return [(name, path, right[name]) for name, path in left.items()]
-
-
 def detect_boards(
     images: str | Path | Sequence[tuple[str, Path, Path]],
-    board: Board,
+    board: AnyBoard,
     window: int = WINDOW,
     progress: Progress | None = None,
 ) -> BoardDetections:
@@ -193,7 +122,7 @@ def detect_boards(
     files = [path for _, *both in pairs for path in both]
     found, size = _find(files, board, window, progress)
     left, right = _corners(found[0::2], board), _corners(found[1::2], board)
-    for i in np.flatnonzero(_all_finite(left) & _all_finite(right)):
+    for i in np.flatnonzero(_any_finite(left) & _any_finite(right)):
         right[i] = board.same_order(left[i], right[i])
     names = tuple(name for name, _, _ in pairs)
     pixels = np.concatenate([left, right], axis=2)
@@ -204,7 +133,7 @@ def detect_boards(
 
 def detect_boards_of_one_camera(
     images: Sequence[tuple[str, Path]],
-    board: Board,
+    board: AnyBoard,
     window: int = WINDOW,
     progress: Progress | None = None,
     side: str = "left",
@@ -232,65 +161,66 @@ def detect_boards_of_one_camera(
 
 
 def _find(
-    files: Sequence[Path], board: Board, window: int, progress: Progress | None
-) -> tuple[list[ChessboardDetection | NotSeen], tuple[int, int]]:
+    files: Sequence[Path], board: AnyBoard, window: int, progress: Progress | None
+) -> tuple[list[BoardDetection | NotSeen], tuple[int, int]]:
     if not files:
         raise DataError("no images were given")
-    found: list[ChessboardDetection | NotSeen] = []
+    found: list[BoardDetection | NotSeen] = []
     sizes: dict[tuple[int, int], Path] = {}
     for done, path in enumerate(files, start=1):
         image = read_image(path)
         sizes.setdefault((image.shape[1], image.shape[0]), path)
         with looking_at(path):
-            found.append(find_chessboard(image, board, window))
+            found.append(board.find(image, window))
         if progress:
             progress("looking for boards", done, len(files))
     if len(sizes) > 1:
         seen = listed(f"{path.name} has {w}x{h}" for (w, h), path in sizes.items())
         raise DataError(f"{files[0].parent}: images of different sizes: {seen} pixels")
-    detections = [item for item in found if isinstance(item, ChessboardDetection)]
+    detections = [item for item in found if isinstance(item, BoardDetection)]
     if not detections:
         raise DataError(_no_board(files, board, _not_seen(files, found)))
     _warn_of_small_squares(detections, window)
     return found, next(iter(sizes))
 
 
-def _all_finite(corners: NDArray) -> NDArray:
-    return np.asarray(np.isfinite(corners).all(axis=(1, 2)))
+def _any_finite(corners: NDArray) -> NDArray:
+    return np.asarray(np.isfinite(corners).any(axis=(1, 2)))
 
 
-def _corners(found: Sequence[ChessboardDetection | NotSeen], board: Board) -> NDArray:
-    nothing = np.full((board.rows * board.columns, 2), np.nan)
-    rows = [item.corners if isinstance(item, ChessboardDetection) else nothing for item in found]
+def _corners(found: Sequence[BoardDetection | NotSeen], board: AnyBoard) -> NDArray:
+    nothing = np.full((len(board.points), 2), np.nan)
+    rows = [item.corners if isinstance(item, BoardDetection) else nothing for item in found]
     return np.stack(rows)
 
 
-def _not_seen(
-    files: Sequence[Path], found: Sequence[ChessboardDetection | NotSeen]
-) -> dict[str, str]:
+def _not_seen(files: Sequence[Path], found: Sequence[BoardDetection | NotSeen]) -> dict[str, str]:
     pairs = zip(files, found, strict=True)
     return {path.name: item.reason for path, item in pairs if isinstance(item, NotSeen)}
 
 
-def _no_board(files: Sequence[Path], board: Board, tried: dict[str, str]) -> str:
+def _no_board(files: Sequence[Path], board: AnyBoard, tried: dict[str, str]) -> str:
     """Say in which images what was tried, and which board may have been meant."""
     guesses = []
     for path in files[:_IMAGES_FOR_A_HINT]:
         with looking_at(path):
             guesses.append(size_of_board(read_image(path)))
     sizes = Counter(guess for guess in guesses if guess)
+    named = listed((path.name for path in files), most=6)
+    reason, _ = Counter(tried.values()).most_common(1)[0]
+    nothing = (
+        f"{files[0].parent}: no {board} board in any of {len(files)} images ({named}): {reason}"
+    )
+    if not isinstance(board, Board):
+        return nothing
     hint = "the size counts inner corners: 10x7 squares have 9x6"
     if sizes:
         (columns, rows), _ = sizes.most_common(1)[0]
         hint = f"a {columns}x{rows} board seems to be there ({hint})"
-    reason, _ = Counter(tried.values()).most_common(1)[0]
-    return (
-        f"{files[0].parent}: no {board} board in any of {len(files)} images"
-        f" ({listed((path.name for path in files), most=6)}): {reason}; {hint}"
-    )
+    return f"{nothing}; {hint}"
 
 
-def _warn_of_small_squares(detections: Sequence[ChessboardDetection], window: int) -> None:
+def _warn_of_small_squares(detections: Sequence[BoardDetection], window: int) -> None:
     refined = [item.smallest_square_px for item in detections if item.window is not None]
     small = [size for size in refined if window > _WIDEST_WINDOW * size]
     if small:
@@ -299,8 +229,3 @@ def _warn_of_small_squares(detections: Sequence[ChessboardDetection], window: in
             f" window of {window} px nearly sees neighbouring corners: take a smaller window",
             stacklevel=4,
         )
-
-
-def _holds(folder: str | Path) -> str:
-    names = sorted(path.name for path in Path(folder).iterdir() if not path.name.startswith("."))
-    return f"it holds {listed(names, most=6)}" if names else "it is empty"

@@ -2,12 +2,14 @@
 
 import re
 from dataclasses import dataclass
+from typing import Any
 
 import cv2
 import numpy as np
 from numpy.typing import NDArray
 
 from nico_selfmodel.arrays import read_only
+from nico_selfmodel.vision.boards.board_detection import BoardDetection, Ink, cells_of
 from nico_selfmodel.vision.boards.board_pattern import (
     continues_beyond,
     is_plain,
@@ -77,6 +79,18 @@ class Board:
         flat = np.stack([across, down, np.zeros_like(across)], axis=-1).reshape(-1, 3)
         return flat * self.square
 
+    @property
+    def ink(self) -> Ink:
+        """What is printed: one more square each way than corners, the first inner one black."""
+        white = np.indices((self.rows + 1, self.columns + 1)).sum(axis=0) % 2 == 1
+        side = (self.columns + 1) * self.square
+        return Ink.of_blocks(cells_of(white, np.full(2, -self.square), side))
+
+    @property
+    def facts(self) -> dict[str, Any]:
+        """What `result.json` tells of the board."""
+        return {"board": str(self), "square_mm": 1e3 * self.square}
+
     def same_order(self, left: NDArray, right: NDArray) -> NDArray:
         """Return the right camera's corners in the order of the left camera's.
 
@@ -95,29 +109,12 @@ class Board:
             return right
         return same_order(left, right, self.columns, self.rows)
 
-
-@dataclass(frozen=True, eq=False)
-class ChessboardDetection:
-    """A chessboard that was seen whole."""
-
-    board: Board
-    """What was looked for."""
-    corners: NDArray
-    """Pixels of the corners, in the order of `board.points`. Shape (P, 2)."""
-    method: str
-    """OpenCV's detector that found it."""
-    window: int | None
-    """Half side of the sub-pixel window [px]; None where the detector refines by itself."""
-
-    @property
-    def smallest_square_px(self) -> float:
-        """The shortest distance between neighbours [px]; should be well above the window."""
-        return smallest_square(self.corners.reshape(self.board.rows, self.board.columns, 2))
+    def find(self, image: NDArray, window: int) -> BoardDetection | NotSeen:
+        """Find the board, whole, as `find_chessboard`."""
+        return find_chessboard(image, self, window)
 
 
-def find_chessboard(
-    image: NDArray, board: Board, window: int = WINDOW
-) -> ChessboardDetection | NotSeen:
+def find_chessboard(image: NDArray, board: Board, window: int = WINDOW) -> BoardDetection | NotSeen:
     """Find the inner corners of a chessboard.
 
     OpenCV's `findChessboardCorners` (adaptive threshold, normalised image) with `cornerSubPix`
@@ -154,7 +151,7 @@ def find_chessboard(
             reasons.append(f"{method} found {problem}")
             continue
         corners = read_only(standard_order(grid, gray).reshape(-1, 2))
-        return ChessboardDetection(board, corners, method, used)
+        return BoardDetection(board, corners, method, used)
     return NotSeen("; ".join(reasons))
 
 

@@ -44,7 +44,34 @@ def stray_corners(grid: NDArray, image_size: tuple[int, int], window: int | None
     Raises:
         ValueError: If the corners lie on one line.
     """
-    fit = _BoardBehindLens(grid, image_size)
+    rows, columns = grid.shape[:2]
+    board = np.stack(np.meshgrid(np.arange(columns), np.arange(rows)), axis=-1).reshape(-1, 2)
+    corners = grid.reshape(-1, 2)
+    return _far_off(board, corners, image_size, _limits(grid, window)).reshape(rows, columns)
+
+
+def stray_points(board: NDArray, corners: NDArray, image_size: tuple[int, int]) -> NDArray:
+    """Return which points of any flat board lie far from where the others have them.
+
+    Args:
+        board: The points on the board, in any unit. Shape (P, 2).
+        corners: Where they were found [px]. Shape (P, 2).
+        image_size: Width and height of the image [px].
+
+    Returns:
+        Boolean. Shape (P,).
+
+    Raises:
+        ValueError: If the corners lie on one line.
+    """
+    return _far_off(board, corners, image_size, np.full(len(corners), _FAR))
+
+
+def _far_off(
+    board: NDArray, corners: NDArray, image_size: tuple[int, int], limits: NDArray
+) -> NDArray:
+    """Return which of some points are off by more than their limits [px], and than chance."""
+    fit = BoardBehindLens(board, corners, image_size)
     e, own = fit.residuals_and_leverage()
     without = np.linalg.solve(np.eye(2) - own, e[:, :, None])[:, :, 0]  # had it had no part
     squared = np.sum(e * without, axis=1)
@@ -54,32 +81,51 @@ def stray_corners(grid: NDArray, image_size: tuple[int, int], window: int | None
     others = np.maximum(np.sum(e * e) - squared, 0.0) / freedom
     variance = np.maximum(np.minimum(others, np.median(squared) / (2.0 * np.log(2.0))), 1e-18)
     certain = _SIGNIFICANT**2 * (1.0 + 20.0 / freedom)
-    far = np.linalg.norm(without, axis=1) * fit.pixels > _limits(grid, window)
-    return (far & (squared > certain * variance)).reshape(grid.shape[:2])
+    far = np.linalg.norm(without, axis=1) * fit.pixels > limits
+    return np.asarray(far & (squared > certain * variance))
 
 
-class _BoardBehindLens:
+class BoardBehindLens:
     """Corners as a plane behind a round lens, however wide its field.
 
     y ~ H b, r = |y|, t = atan(sqrt(a) r) / sqrt(a), z = t (1 + k1 t^2 + k2 t^4) y / r: the lens of
     Devernay and Faugeras (2001), which a fisheye is, with a polynomial for what is left.
     """
 
-    def __init__(self, grid: NDArray, image_size: tuple[int, int]) -> None:
-        """Fit it by least squares."""
-        rows, columns = grid.shape[:2]
-        centre = 0.5 * (np.array(image_size) - 1.0)
-        self.pixels = float(np.hypot(*centre))
+    def __init__(self, board: NDArray, corners: NDArray, image_size: tuple[int, int]) -> None:
+        """Fit it by least squares.
+
+        Args:
+            board: Points on the board, in any unit. Shape (P, 2).
+            corners: Where they were found [px]. Shape (P, 2).
+            image_size: Width and height of the image [px].
+
+        Raises:
+            ValueError: If the corners lie on one line.
+        """
+        self._centre = 0.5 * (np.array(image_size) - 1.0)
+        self.pixels = float(np.hypot(*self._centre))
         """Of the unit of length: from the image's centre to its corner."""
-        across, down = np.meshgrid(np.linspace(-1, 1, columns), np.linspace(-1, 1, rows))
-        self._board = np.stack([across.ravel(), down.ravel(), np.ones(across.size)], axis=1)
-        self._measured = (grid.reshape(-1, 2) - centre) / self.pixels
+        self._low, high = board.min(axis=0), board.max(axis=0)
+        self._half = 0.5 * np.maximum(high - self._low, 1e-300)
+        self._board = self._spread(board)
+        self._measured = (corners - self._centre) / self.pixels
         H = homography(self._board[:, :2], self._measured)
         start = (H / H[2, 2]).ravel()[:8]
         bends = next(k for least, k in _BENDS if len(self._board) >= least)
         self.count = 8 + bends
         start = np.append(start, [_FIRST_FIELD, 0.0, 0.0][:bends])
         self._x = levenberg_marquardt(self._normal_equations, start, max_iterations=30).x
+
+    def pixels_of(self, board: NDArray) -> NDArray:
+        """Return where other points of the board are [px]. Shape (n, 2) -> (n, 2)."""
+        z, _ = self._mapped(self._x, self._spread(board))
+        return np.asarray(self._centre + self.pixels * z)
+
+    def _spread(self, board: NDArray) -> NDArray:
+        """Return points with what the homography works on from -1 to 1. Shape (n, 3)."""
+        unit = (board - self._low) / self._half - 1.0
+        return np.column_stack([unit, np.ones(len(unit))])
 
     def residuals_and_leverage(self) -> tuple[NDArray, NDArray]:
         """Return residuals, shape (n, 2), and each corner's part of the hat matrix, (n, 2, 2)."""
@@ -96,7 +142,12 @@ class _BoardBehindLens:
 
     def _evaluate(self, x: NDArray) -> tuple[NDArray, NDArray]:
         """Return residuals, shape (n, 2), and their derivatives, shape (n, 2, count)."""
-        b, H = self._board, np.append(x[:8], 1.0).reshape(3, 3)
+        z, jacobian = self._mapped(x, self._board)
+        return z - self._measured, jacobian
+
+    def _mapped(self, x: NDArray, b: NDArray) -> tuple[NDArray, NDArray]:
+        """Return where points of the board are, (n, 2), and derivatives by x, (n, 2, count)."""
+        H = np.append(x[:8], 1.0).reshape(3, 3)
         a, k = max(x[8], _LEAST_FIELD), np.append(x[9:], np.zeros(2))
         with np.errstate(all="ignore"):  # where a step went too far the cost says so
             v = b @ H.T
@@ -119,7 +170,7 @@ class _BoardBehindLens:
             bends = np.stack([by_a, t * t2, t * t2 * t2], axis=1)[:, : self.count - 8]
             towards = y / r[:, None]
             jacobian = [by_y @ by_h, towards[:, :, None] * bends[:, None]]
-            return z[:, None] * towards - self._measured, np.concatenate(jacobian, axis=2)
+            return z[:, None] * towards, np.concatenate(jacobian, axis=2)
 
 
 def _limits(grid: NDArray, window: int | None) -> NDArray:

@@ -62,21 +62,23 @@ class FiducialFamily:
         """Cells along a side, with the black border, which is one cell wide."""
         return int(self.dictionary.markerSize) + 2
 
-    def pattern(self, marker: int) -> NDArray:
+    def pattern(self, marker: int, border: int = 1) -> NDArray:
         """Return a marker's cells, True where white.
 
         Args:
             marker: Its id.
+            border: Width of the black border [cells].
 
         Returns:
-            Shape (cells, cells), the border included.
+            Shape (cells, cells), the border included; a wider one makes it larger.
 
         Raises:
             ValueError: If the family has no such id.
         """
         if not 0 <= marker < self.count:
             raise ValueError(f"{self.name} has the ids 0 to {self.count - 1}, got {marker}")
-        return cv2.aruco.generateImageMarker(self.dictionary, marker, self.cells) > 0
+        cells = self.cells + 2 * (border - 1)
+        return cv2.aruco.generateImageMarker(self.dictionary, marker, cells, borderBits=border) > 0
 
     @property
     def mirror_twins(self) -> frozenset[int]:

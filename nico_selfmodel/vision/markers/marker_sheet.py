@@ -10,23 +10,29 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from nico_selfmodel.files.whole import write_bytes_whole
 from nico_selfmodel.vision.markers.fiducial_family import DEFAULT_FAMILY, FiducialFamily
 from nico_selfmodel.vision.markers.sheet_files import (
     Cells,
     Line,
     Page,
     Text,
-    pdf_bytes,
-    png_bytes,
-    svg_bytes,
+    write_pages,
 )
 
-PAPERS = {"a4": (210.0, 297.0), "letter": (215.9, 279.4)}
+PAPERS = {
+    "a4": (210.0, 297.0),
+    "letter": (215.9, 279.4),
+    "a3": (297.0, 420.0),
+    "a2": (420.0, 594.0),
+    "a1": (594.0, 841.0),
+    "a0": (841.0, 1189.0),
+}
 """Width and height by name [mm]."""
 
-_MARGIN = 12.0  # that printers may leave white [mm]
-_HEAD, _FOOT = 12.0, 20.0  # height of the heading and of the ruler [mm]
+MARGIN = 12.0
+"""What printers may leave white [mm]."""
+HEAD, FOOT = 12.0, 20.0
+"""Height of the heading and of the ruler [mm]."""
 _GAP = 5.0  # between cut lines [mm]
 _LABEL = 4.5  # height of the strip under a marker [mm]
 _LETTERS = 2.6  # height of type [mm]
@@ -45,12 +51,12 @@ class MarkerSheet:
     family: str = DEFAULT_FAMILY
     """Name of the family."""
     paper: str = "a4"
-    """`a4` or `letter`, upright."""
+    """One of `PAPERS`, upright."""
 
     def __post_init__(self) -> None:
         """Refuse what cannot be printed, and warn of markers that a mirror turns into others."""
         if self.paper not in PAPERS:
-            raise ValueError(f"paper must be {' or '.join(PAPERS)}, got {self.paper!r}")
+            raise ValueError(f"no paper {self.paper!r}; there are {', '.join(PAPERS)}")
         if not self.ids:
             raise ValueError("no ids: at least one marker is needed")
         family = FiducialFamily(self.family)
@@ -58,7 +64,7 @@ class MarkerSheet:
             family.pattern(marker)
         if not _SMALLEST <= self.size_mm < np.inf or not self._across or not self._down:
             width, height = PAPERS[self.paper]
-            most = min(width - 2 * _MARGIN, height - 2 * _MARGIN - _HEAD - _FOOT - _LABEL)
+            most = min(width - 2 * MARGIN, height - 2 * MARGIN - HEAD - FOOT - _LABEL)
             largest = np.floor(most / (1.0 + 2.0 / family.cells))
             raise ValueError(
                 f"size_mm must be from {_SMALLEST:g} to {largest:g} on {self.paper} paper,"
@@ -97,18 +103,13 @@ class MarkerSheet:
                 or PNG.
             OSError: If the folder is missing or cannot be written to.
         """
-        path = Path(path)
-        writers = {".pdf": pdf_bytes, ".svg": svg_bytes, ".png": lambda p: png_bytes(p, dpi)}
-        write = writers.get(path.suffix.lower())
-        if write is None:
-            raise ValueError(f"{path}: a sheet is written as {', '.join(writers)}")
         pages = self.pages
-        if len(pages) > 1 and path.suffix.lower() != ".pdf":
+        if len(pages) > 1 and Path(path).suffix.lower() in (".svg", ".png"):
             raise ValueError(
                 f"{len(self.ids)} markers of {self.size_mm:g} mm need {len(pages)} pages"
                 f" ({self._across * self._down} fit on one): write a .pdf, or several sheets"
             )
-        write_bytes_whole(path, write(pages))
+        write_pages(path, pages, dpi)
 
     @property
     def _frame(self) -> tuple[float, float]:
@@ -118,30 +119,30 @@ class MarkerSheet:
 
     @property
     def _across(self) -> int:
-        return int((PAPERS[self.paper][0] - 2 * _MARGIN + _GAP) // (self._frame[0] + _GAP))
+        return int((PAPERS[self.paper][0] - 2 * MARGIN + _GAP) // (self._frame[0] + _GAP))
 
     @property
     def _down(self) -> int:
-        room = PAPERS[self.paper][1] - 2 * _MARGIN - _HEAD - _FOOT
+        room = PAPERS[self.paper][1] - 2 * MARGIN - HEAD - FOOT
         return int((room + _GAP) // (self._frame[1] + _GAP))
 
     def _page(self, ids: Sequence[int], number: int, pages: int) -> Page:
         width, height = PAPERS[self.paper]
         of = f"   page {number} of {pages}" if pages > 1 else ""
         head = f"{self.family}   black squares of {self.size_mm:g} mm{of}"
-        cells, lines, texts = [], [], [Text(_MARGIN, _MARGIN + 5.0, 4.0, head, bold=True)]
+        cells, lines, texts = [], [], [Text(MARGIN, MARGIN + 5.0, 4.0, head, bold=True)]
         for i, marker in enumerate(ids):
             row, column = divmod(i, self._across)
-            left = _MARGIN + column * (self._frame[0] + _GAP)
-            top = _MARGIN + _HEAD + row * (self._frame[1] + _GAP)
+            left = MARGIN + column * (self._frame[0] + _GAP)
+            top = MARGIN + HEAD + row * (self._frame[1] + _GAP)
             pattern = FiducialFamily(self.family).pattern(marker)
             quiet = self.quiet_mm
             cells.append(Cells(left + quiet, top + quiet, self.size_mm, _black(pattern)))
             lines += _cut_lines(left, top, *self._frame)
             label = Text(left + quiet, top + self._frame[1] - 1.6, _LETTERS, self._label(marker))
             texts.append(label)
-        ruler, words = _ruler(_MARGIN, height - _MARGIN - 8.0)
-        return Page(width, height, tuple(cells), tuple(lines + ruler), tuple(texts + words))
+        scale, words = ruler(MARGIN, height - MARGIN - 8.0)
+        return Page(width, height, tuple(cells), tuple(lines + scale), tuple(texts + words))
 
     def _label(self, marker: int) -> str:
         """Return as much of family, id and size as the width holds."""
@@ -191,7 +192,8 @@ def _cut_lines(left: float, top: float, width: float, height: float) -> list[Lin
     return [Line(*a, *b, dashed=True) for a, b in itertools.pairwise(corners)]
 
 
-def _ruler(left: float, base: float) -> tuple[list[Line], list[Text]]:
+def ruler(left: float, base: float) -> tuple[list[Line], list[Text]]:
+    """Return a ruler of 100 mm and what it is for: its left end, its height on the page [mm]."""
     lines = [Line(left, base, left + _RULER, base)]
     texts = []
     for mm in range(int(_RULER) + 1):

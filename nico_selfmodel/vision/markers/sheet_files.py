@@ -4,10 +4,13 @@ import struct
 import zlib
 from collections.abc import Sequence
 from dataclasses import dataclass
+from pathlib import Path
 from xml.sax.saxutils import escape
 
 import cv2
 import numpy as np
+
+from nico_selfmodel.files.whole import write_bytes_whole
 
 _THIN = 0.2  # width of lines [mm]
 _DASH = 1.2  # [mm]
@@ -40,6 +43,16 @@ class Cells:
 
 
 @dataclass(frozen=True)
+class Blocks:
+    """Black rectangles and discs."""
+
+    rectangles: tuple[tuple[float, float, float, float], ...]
+    """Left, top, width and height [mm]."""
+    discs: tuple[tuple[float, float, float], ...] = ()
+    """Centre and radius [mm]."""
+
+
+@dataclass(frozen=True)
 class Line:
     """A thin line: black, or grey and dashed [mm]."""
 
@@ -68,9 +81,29 @@ class Page:
 
     width: float
     height: float
-    cells: tuple[Cells, ...]
+    cells: tuple[Cells | Blocks, ...]
     lines: tuple[Line, ...]
     texts: tuple[Text, ...]
+
+
+def write_pages(path: str | Path, pages: Sequence[Page], dpi: int = 600) -> None:
+    """Write pages, whole or not at all.
+
+    Args:
+        path: `.pdf`; or `.svg` or `.png`, which hold the first page alone.
+        pages: They.
+        dpi: Resolution of a PNG, in which edges are rounded to pixels [1/inch].
+
+    Raises:
+        ValueError: If the ending is another.
+        OSError: If the folder is missing or cannot be written to.
+    """
+    path = Path(path)
+    writers = {".pdf": pdf_bytes, ".svg": svg_bytes, ".png": lambda p: png_bytes(p, dpi)}
+    write = writers.get(path.suffix.lower())
+    if write is None:
+        raise ValueError(f"{path}: a sheet is written as {', '.join(writers)}")
+    write_bytes_whole(path, write(pages))
 
 
 def svg_bytes(pages: Sequence[Page]) -> bytes:
@@ -81,6 +114,8 @@ def svg_bytes(pages: Sequence[Page]) -> bytes:
         # One path for all cells: between separate ones, viewers leave hair lines.
         runs = [f"M{_n(x)} {_n(y)}h{_n(w)}v{_n(h)}h{_n(-w)}z" for x, y, w, h in cells.rectangles]
         body.append(f'<path d="{"".join(runs)}"/>')
+        for x, y, r in _discs(cells):
+            body.append(f'<circle cx="{_n(x)}" cy="{_n(y)}" r="{_n(r)}"/>')
     for dashed in (False, True):
         lines = [line for line in page.lines if line.dashed == dashed]
         drawn = "".join(f"M{_n(a.x1)} {_n(a.y1)}L{_n(a.x2)} {_n(a.y2)}" for a in lines)
@@ -142,6 +177,9 @@ def png_bytes(pages: Sequence[Page], dpi: int) -> bytes:
         for x, y, w, h in cells.rectangles:
             left, right, top, bottom = (round(v * scale) for v in (x, x + w, y, y + h))
             image[top:bottom, left:right] = 0
+        for x, y, r in _discs(cells):
+            middle = (round((x * scale - 0.5) * 16), round((y * scale - 0.5) * 16))
+            cv2.circle(image, middle, round(r * scale * 16), 0, -1, cv2.LINE_AA, 4)
     for line in page.lines:
         for x1, y1, x2, y2 in _dashes(line):
             ends = np.rint(np.array([[x1, y1], [x2, y2]]) * scale).astype(int)
@@ -163,7 +201,8 @@ def _pdf_content(page: Page) -> str:
     commands = [f"{_POINTS:.8f} 0 0 {-_POINTS:.8f} 0 {_n(page.height * _POINTS)} cm", f"{_THIN} w"]
     for cells in page.cells:
         runs = [f"{_n(x)} {_n(y)} {_n(w)} {_n(h)} re" for x, y, w, h in cells.rectangles]
-        commands += [*runs, "f"]
+        commands += [*runs, "f"] if runs else []
+        commands += [_pdf_disc(*disc) for disc in _discs(cells)]
     for dashed in (False, True):
         commands += [f"[{_DASH if dashed else ''}] 0 d", f"{_GREY / 255 if dashed else 0:.3f} G"]
         for line in page.lines:
@@ -177,6 +216,24 @@ def _pdf_content(page: Page) -> str:
             f" ({words}) Tj ET"
         )
     return "\n".join(commands)
+
+
+def _discs(cells: Cells | Blocks) -> tuple[tuple[float, float, float], ...]:
+    return cells.discs if isinstance(cells, Blocks) else ()
+
+
+def _pdf_disc(x: float, y: float, r: float) -> str:
+    """Return a disc as four cubic curves, round to 0.03 % of its radius."""
+    k = 4.0 / 3.0 * (2.0**0.5 - 1.0) * r
+    points = [
+        *((x + r, y + k), (x + k, y + r), (x, y + r)),
+        *((x - k, y + r), (x - r, y + k), (x - r, y)),
+        *((x - r, y - k), (x - k, y - r), (x, y - r)),
+        *((x + k, y - r), (x + r, y - k), (x + r, y)),
+    ]
+    words = [f"{_n(a)} {_n(b)}" for a, b in points]
+    curves = [f"{' '.join(words[i : i + 3])} c" for i in range(0, 12, 3)]
+    return f"{_n(x + r)} {_n(y)} m {' '.join(curves)} f"
 
 
 def _dashes(line: Line) -> list[tuple[float, float, float, float]]:

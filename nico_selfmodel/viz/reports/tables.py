@@ -47,15 +47,20 @@ def number_cell(value: float | None, digits: int = 0) -> Cell:
     return Cell("") if value is None else Cell(f"{value:.{digits}f}", value=value)
 
 
-def statistics_cells(block: Mapping[str, Any], quantity: str, digits: int) -> tuple[Cell, ...]:
+def statistics_cells(
+    block: Mapping[str, Any], quantity: str, digits: int, things: str = "poses"
+) -> tuple[Cell, ...]:
     """Return how many errors there are, and their statistics.
 
     Args:
         block: One set of errors of a document.
         quantity: `position_mm` or `pixels`.
         digits: Decimals that are shown.
+        things: What there are n of.
     """
-    values, count = block[quantity], block.get("poses", block.get("n"))
+    values, count = block[quantity], block.get("n")
+    if things == "poses":
+        count = block.get("poses", count)
     return (number_cell(count), *(number_cell(values[name], digits) for name in STATISTICS))
 
 
@@ -83,7 +88,7 @@ def error_table(
     rows = []
     for label, block, quantity in blocks:
         if block is not None and quantity in block:
-            cells = statistics_cells(block, quantity, digits)
+            cells = statistics_cells(block, quantity, digits, things)
             if arm_mm is not None:
                 cells += (Cell(f"{block[quantity]['mean'] / arm_mm:.4f}"),)
             rows.append((label, cells))

@@ -1,0 +1,158 @@
+"""AprilGrids, as Kalibr prints them: tags with a black square between their corners.
+
+Each corner of a tag touches the corner of a black square, a crossing of two edges like that of a
+chessboard. The detector of tags takes what touches for one shape, so that the light is first
+widened by a pixel or two. Format: Kalibr's wiki, "Calibration targets": tags from the lower left,
+row by row; here the picture's rows run the same way as the board's y.
+"""
+
+from dataclasses import dataclass
+from typing import Any
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from nico_selfmodel.arrays import read_only
+from nico_selfmodel.geometry.homography import apply_homography
+from nico_selfmodel.vision.boards.board_detection import BoardDetection, Ink, cells_of
+from nico_selfmodel.vision.boards.coded_corners import FEWEST, located, without_strays
+from nico_selfmodel.vision.boards.tags_seen import TagsSeen, seen_tags
+from nico_selfmodel.vision.images.image_array import detectable
+from nico_selfmodel.vision.images.not_seen import NotSeen
+from nico_selfmodel.vision.markers.fiducial_family import DEFAULT_FAMILY, FiducialFamily
+
+METHOD = "ArucoDetector"
+_NEAR = 6
+"""Neighbours that tell where a tag must be; the median of them, so that some may be wrong."""
+BORDER = 2
+"""Width of the tags' black border [cells]."""
+_OFF = 0.35
+"""Share of a tag by which its neighbours' homography may miss a corner: a wrong id misses by
+more."""
+
+
+@dataclass(frozen=True)
+class AprilGrid:
+    """A grid of tags, by how many there are."""
+
+    columns: int
+    """Tags in a row, at least 2."""
+    rows: int
+    """Tags in a column, at least 2."""
+    square: float
+    """From a tag's edge to the same edge of the next: Kalibr's tagSize (1 + tagSpacing) [m]."""
+    tag: float
+    """Side of a tag's black square, Kalibr's tagSize [m]."""
+    family: str = DEFAULT_FAMILY
+    """Of the tags, which have the ids from 0."""
+
+    def __post_init__(self) -> None:
+        """Refuse boards that cannot be."""
+        if self.columns < 2 or self.rows < 2:
+            raise ValueError(f"an AprilGrid has at least 2x2 tags, got {self}")
+        if not 0.0 < self.tag < self.square < np.inf:
+            raise ValueError(
+                "the tags of an AprilGrid are smaller than their distance, got "
+                f"{1e3 * self.tag:g} mm every {1e3 * self.square:g} mm"
+            )
+        if self.columns * self.rows > FiducialFamily(self.family).count:
+            raise ValueError(
+                f"{self} needs {self.columns * self.rows} tags, {self.family} has "
+                f"{FiducialFamily(self.family).count}"
+            )
+
+    def __str__(self) -> str:
+        return f"aprilgrid:{self.columns}x{self.rows}"
+
+    @property
+    def points(self) -> NDArray:
+        """The tags' corners, z = 0 [m]. Shape (4 columns rows, 3).
+
+        Tag by tag from the board's lower left, x to the right and y down the printed page as
+        everywhere here; of each tag clockwise from its upper left.
+        """
+        across, up = np.meshgrid(np.arange(self.columns), np.arange(self.rows))
+        low = np.stack([across.ravel(), self.rows - 1 - up.ravel()], axis=1) * self.square
+        corners = np.array([[0.0, 0], [1, 0], [1, 1], [0, 1]]) * self.tag
+        flat = (low[:, None] + corners).reshape(-1, 2)
+        return np.column_stack([flat, np.zeros(len(flat))])
+
+    @property
+    def ink(self) -> Ink:
+        """What is printed: the tags, and the squares between their corners."""
+        gap = self.square - self.tag
+        across, down = np.meshgrid(np.arange(self.columns + 1), np.arange(self.rows + 1))
+        corners = np.stack([across.ravel(), down.ravel()], axis=1) * self.square - gap
+        squares = np.column_stack([corners, np.full((len(corners), 2), gap)])
+        family = FiducialFamily(self.family)
+        tags = [
+            cells_of(family.pattern(tag, BORDER), self.points[4 * tag, :2], self.tag)
+            for tag in range(self.columns * self.rows)
+        ]
+        return Ink.of_blocks(squares, *tags)
+
+    @property
+    def facts(self) -> dict[str, Any]:
+        """What `result.json` tells of the board."""
+        return {
+            "board": str(self),
+            "square_mm": 1e3 * self.square,
+            "tag_mm": 1e3 * self.tag,
+            "family": self.family,
+        }
+
+    def same_order(self, left: NDArray, right: NDArray) -> NDArray:
+        """Return `right`: tags tell the order."""
+        del left
+        return right
+
+    def find(self, image: NDArray, window: int) -> BoardDetection | NotSeen:
+        """Find the corners that are plain to see, as `AnyBoard.find`.
+
+        Raises:
+            ValueError: If the image has another shape or type.
+        """
+        gray = detectable(image)
+        ids = range(self.columns * self.rows)
+        tags = seen_tags(gray, self.family, BORDER, apart=False)
+        problem = tags.problem_with(ids)
+        if problem:
+            return NotSeen(problem)
+        rough = self._rough(tags.among(ids))
+        near = min(self.square - self.tag, BORDER / self._cells * self.tag)
+        reach = near * tags.pixels_per_side(rough) / self.tag
+        exact = located(gray, rough, reach, window)
+        found, _ = without_strays(self.points, exact, (gray.shape[1], gray.shape[0]))
+        count = int(np.count_nonzero(np.isfinite(found[:, 0])))
+        if count < FEWEST:
+            return NotSeen(
+                f"{len(tags.ids)} tags but only {count} corners of a {self} board are plain to see"
+            )
+        return BoardDetection(self, read_only(found), METHOD, None)
+
+    @property
+    def _cells(self) -> int:
+        return FiducialFamily(self.family).cells + 2 * (BORDER - 1)
+
+    def _rough(self, tags: TagsSeen) -> NDArray:
+        """Return corners of the tags that lie where the others have them. Shape (P, 2)."""
+        rough = np.full((4 * self.columns * self.rows, 2), np.nan)
+        for tag, corners in zip(tags.ids, tags.corners, strict=True):
+            rough[4 * tag : 4 * tag + 4] = corners
+        points, seen = self.points[:, :2].reshape(-1, 4, 2), rough.reshape(-1, 4, 2).copy()
+        ids = np.array(tags.ids)
+        if len(ids) <= 2:
+            return rough
+        for tag in tags.ids:
+            away = np.linalg.norm(points[ids, 0] - points[tag, 0], axis=1)
+            near = ids[np.argsort(away)[1 : _NEAR + 1]]
+            flat = (points[near].reshape(-1, 2), seen[near].reshape(-1, 2))
+            H, _ = cv2.findHomography(*flat, cv2.LMEDS)
+            side = np.linalg.norm(seen[tag, 0] - seen[tag, 1])
+            off = np.inf
+            if H is not None:
+                off = np.abs(apply_homography(H, points[tag]) - seen[tag]).max()
+            if off > max(_OFF * side, 4.0):
+                rough[4 * tag : 4 * tag + 4] = np.nan
+        return rough

@@ -1,0 +1,103 @@
+"""What a board is to those who look for one, and what is seen of it."""
+
+from dataclasses import dataclass
+from typing import Any, Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+
+from nico_selfmodel.vision.images.not_seen import NotSeen
+
+
+@dataclass(frozen=True, eq=False)
+class Ink:
+    """What is black on a printed board, in the frame of its points [m]."""
+
+    blocks: NDArray
+    """Rectangles: least x and y, width and height. Shape (n, 4)."""
+    discs: NDArray
+    """Circles: centre and radius. Shape (m, 3)."""
+
+    @classmethod
+    def of_blocks(cls, *blocks: NDArray) -> "Ink":
+        """Return ink without circles."""
+        return cls(np.concatenate([np.reshape(b, (-1, 4)) for b in blocks]), np.zeros((0, 3)))
+
+
+def cells_of(pattern: NDArray, corner: NDArray, side: float) -> NDArray:
+    """Return rectangles of the black cells of a pattern, runs of a row as one. Shape (n, 4).
+
+    Args:
+        pattern: True where white. Shape (rows, columns).
+        corner: Least x and y of the pattern. Shape (2,).
+        side: Width of the pattern.
+    """
+    cell = side / pattern.shape[1]
+    black = np.pad(~pattern, ((0, 0), (1, 1))).astype(int)
+    row, first = np.nonzero(np.diff(black, axis=1) == 1)
+    _, end = np.nonzero(np.diff(black, axis=1) == -1)
+    runs = np.stack([first, row, end - first, np.ones_like(row)], axis=1) * cell
+    runs[:, :2] += corner
+    return np.asarray(runs)
+
+
+class AnyBoard(Protocol):
+    """A flat board with points that a camera locates."""
+
+    @property
+    def square(self) -> float:
+        """Distance of neighbouring squares, tags or circles [m]."""
+        ...
+
+    @property
+    def points(self) -> NDArray:
+        """The points in the board's frame, z = 0 [m]. Shape (P, 3)."""
+        ...
+
+    @property
+    def ink(self) -> Ink:
+        """What is printed."""
+        ...
+
+    @property
+    def facts(self) -> dict[str, Any]:
+        """What `result.json` tells of it."""
+        ...
+
+    def find(self, image: NDArray, window: int) -> "BoardDetection | NotSeen":
+        """Look for the board in an image, grey or BGR, 8 bits.
+
+        `window` is half the side of the sub-pixel window [px]; boards of tags and circles take a
+        smaller one where neighbours would reach into it.
+        """
+        ...
+
+    def same_order(self, left: NDArray, right: NDArray) -> NDArray:
+        """Return the right camera's points in the order of the left camera's. Shapes (P, 2)."""
+        ...
+
+
+@dataclass(frozen=True, eq=False)
+class BoardDetection:
+    """A board that was seen, whole or in part."""
+
+    board: AnyBoard
+    """What was looked for."""
+    corners: NDArray
+    """Pixels in the order of `board.points`, nan where not seen. Shape (P, 2)."""
+    method: str
+    """OpenCV's detector that found it."""
+    window: int | None
+    """Half side of the sub-pixel window [px]; None where the detector refines by itself."""
+
+    @property
+    def seen(self) -> NDArray:
+        """Which points were seen. Boolean, shape (P,)."""
+        return np.asarray(np.isfinite(self.corners).all(axis=1))
+
+    @property
+    def smallest_square_px(self) -> float:
+        """The shortest distance between neighbours [px]; should be well above the window."""
+        p = self.corners[self.seen]
+        away = np.linalg.norm(p[:, None] - p[None], axis=2)
+        return float(np.min(away[~np.eye(len(p), dtype=bool)]))

@@ -1,0 +1,139 @@
+"""Photographs of boards: which file is which view of which camera."""
+
+import re
+from glob import has_magic
+from pathlib import Path
+
+from nico_selfmodel.errors import DataError
+from nico_selfmodel.names import listed
+from nico_selfmodel.vision.images.image_file import image_files, natural_key
+
+
+def camera_images(folder: str | Path, prefix: str) -> list[tuple[str, Path]]:
+    """List the photographs of one camera.
+
+    Args:
+        folder: Where they are.
+        prefix: How their names begin, such as `left`.
+
+    Returns:
+        Name of the view (what follows the prefix) and path, with view 2 before view 10.
+
+    Raises:
+        DataError: If the folder is missing, holds no such image or two for one view.
+    """
+    found: dict[str, Path] = {}
+    for path in image_files(folder):
+        if not path.stem.lower().startswith(prefix.lower()):
+            continue
+        name = path.stem[len(prefix) :].strip("_-. ") or prefix.lower()
+        if name in found:
+            raise DataError(
+                f"{folder}: {found[name].name} and {path.name} are the same view: remove one"
+            )
+        found[name] = path
+    if not found:
+        raise DataError(f"{folder}: no images {prefix}*.png or {prefix}*.jpg; {_holds(folder)}")
+    return list(found.items())
+
+
+def stereo_pairs(folder: str | Path) -> list[tuple[str, Path, Path]]:
+    """Pair `left*` and `right*` photographs by what follows.
+
+    Args:
+        folder: Where they are.
+
+    Returns:
+        Name of the view, left path, right path, with view 2 before view 10.
+
+    Raises:
+        DataError: If the folder is missing or holds no images, those of one camera only, two for
+            one view, or images without a partner; names them.
+    """
+    names = [path.stem.lower() for path in image_files(folder)]
+    sides = [any(name.startswith(side) for name in names) for side in ("left", "right")]
+    if not any(sides):
+        raise DataError(
+            f"{folder}: no stereo images (left*.png or .jpg with right* beside them);"
+            f" {_holds(folder)}"
+        )
+    if not all(sides):
+        here, missing = ("left", "right") if sides[0] else ("right", "left")
+        raise DataError(
+            f"{folder}: images of one camera only: {here}* without {missing}*; a pair needs both"
+        )
+    left, right = dict(camera_images(folder, "left")), dict(camera_images(folder, "right"))
+    if len(left) == len(right) == 1 and set(left) == {"left"} and set(right) == {"right"}:
+        return [("pair", left["left"], right["right"])]
+    alone = [path.name for name, path in left.items() if name not in right]
+    alone += [path.name for name, path in right.items() if name not in left]
+    if alone:
+        raise DataError(
+            f"{folder}: images without a partner in the other camera: {listed(alone, most=6)};"
+            " pairs are named alike after left and right, as left01 and right01"
+        )
+    return [(name, path, right[name]) for name, path in left.items()]
+
+
+def images_by_pattern(pattern: str) -> list[tuple[str, Path]]:
+    """List the photographs that a pattern names.
+
+    Args:
+        pattern: Such as `cam0/*.png`; `*`, `?` and `[...]` as in a shell.
+
+    Returns:
+        Name of the view, what the wildcards stand for, and path; view 2 before view 10.
+
+    Raises:
+        DataError: If it names no file, or nothing but one file by its name.
+    """
+    if not has_magic(pattern):
+        raise DataError(f"{pattern}: a pattern of photographs has a * in it, as 'cam0/*.png'")
+    inside = re.compile(_expression(str(Path(pattern))))
+    found = {}
+    start = Path(Path(pattern).anchor)
+    for path in start.glob(str(Path(pattern).relative_to(start))):
+        match = inside.fullmatch(str(path))
+        if match is not None and path.is_file():
+            found["_".join(part for part in match.groups() if part)] = path
+    if not found:
+        raise DataError(f"{pattern}: no photograph has such a name; is the pattern quoted?")
+    return sorted(found.items(), key=lambda item: natural_key(item[1]))
+
+
+def pairs_by_pattern(left: str, right: str) -> list[tuple[str, Path, Path]]:
+    """Pair the photographs of two patterns by what their wildcards stand for.
+
+    Returns:
+        Name of the view, left path, right path.
+
+    Raises:
+        DataError: If a pattern names no file, or a photograph has no partner; names them.
+    """
+    one, two = dict(images_by_pattern(left)), dict(images_by_pattern(right))
+    alone = [str(path) for name, path in one.items() if name not in two]
+    alone += [str(path) for name, path in two.items() if name not in one]
+    if alone:
+        raise DataError(
+            f"photographs without a partner in the other camera: {listed(alone, most=6)}; what "
+            f"stands for * in {left} and {right} must be the same of both"
+        )
+    return [(name, path, two[name]) for name, path in one.items()]
+
+
+def _expression(pattern: str) -> str:
+    """Return a regular expression whose groups are what wildcards stand for."""
+    parts = re.split(r"(\*+|\?|\[[^\]]+\])", pattern)
+    words = {"?": "([^/])"}
+    found = (
+        re.escape(part)
+        if k % 2 == 0
+        else words.get(part, f"({part})" if part[0] == "[" else "([^/]*)")
+        for k, part in enumerate(parts)
+    )
+    return "".join(found)
+
+
+def _holds(folder: str | Path) -> str:
+    names = sorted(path.name for path in Path(folder).iterdir() if not path.name.startswith("."))
+    return f"it holds {listed(names, most=6)}" if names else "it is empty"

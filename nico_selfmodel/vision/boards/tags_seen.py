@@ -1,0 +1,95 @@
+"""The tags of a board in a picture, roughly: which, and where."""
+
+from collections.abc import Container
+from dataclasses import dataclass
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from nico_selfmodel.names import listed
+from nico_selfmodel.vision.images.image_array import reduced
+from nico_selfmodel.vision.markers.fiducial_family import ERROR_CORRECTION, FiducialFamily
+
+_MOST_READ = 8_000_000
+"""Pixels of the copy of a large image in which tags are read."""
+
+
+@dataclass(frozen=True, eq=False)
+class TagsSeen:
+    """Tags of one family."""
+
+    family: str
+    """Its name."""
+    ids: tuple[int, ...]
+    """Which were read, each once."""
+    corners: NDArray
+    """Corners of their black squares, clockwise from the printed top left [px]. (n, 4, 2)."""
+
+    @property
+    def for_opencv(self) -> list[NDArray]:
+        """The corners as OpenCV hands them on."""
+        return [corners[None].astype(np.float32) for corners in self.corners]
+
+    def problem_with(self, ids: Container[int]) -> str | None:
+        """Say why these tags cannot be those of a board with some ids; None where they can."""
+        if not self.ids:
+            return f"no {self.family} tag"
+        foreign = [str(tag) for tag in sorted(self.ids) if tag not in ids]
+        if 2 * len(foreign) > len(self.ids):
+            return (
+                f"tags {listed(foreign, most=6)} of {self.family} are seen, which the stated board "
+                "does not have"
+            )
+        return None
+
+    def among(self, ids: Container[int]) -> "TagsSeen":
+        """Return those of some ids."""
+        kept = [k for k, tag in enumerate(self.ids) if tag in ids]
+        return TagsSeen(self.family, tuple(self.ids[k] for k in kept), self.corners[kept])
+
+    def pixels_per_side(self, places: NDArray) -> NDArray:
+        """Return the shortest side of the tag nearest to each place [px]. (P, 2) -> (P,)."""
+        sides = np.linalg.norm(self.corners - np.roll(self.corners, 1, axis=1), axis=2).min(axis=1)
+        away = np.linalg.norm(places[:, None] - self.corners.mean(axis=1)[None], axis=2)
+        return np.asarray(sides[np.argmin(np.nan_to_num(away), axis=1)])
+
+
+def seen_tags(gray: NDArray, family: str, border: int = 1, *, apart: bool = True) -> TagsSeen:
+    """Read the tags in an image.
+
+    Args:
+        gray: The image, 8 bits. Shape (h, w).
+        family: Their family.
+        border: Width of the black border [cells].
+        apart: Whether white surrounds each tag; tags whose corners touch black squares are first
+            cut off from them, by a dilation of what is light.
+    """
+    copy, scale = reduced(gray, _MOST_READ)
+    best: dict[int, NDArray] = {}
+    for cut in (0,) if apart else (1, 2, 0):
+        image = copy
+        if cut:
+            image = cv2.dilate(copy, np.ones((2 * cut + 1,) * 2, np.uint8))
+        corners, ids, _ = _detector(family, border).detectMarkers(image)
+        for tag, found in zip(np.ravel(ids if ids is not None else []), corners, strict=True):
+            four = found.reshape(4, 2).astype(float)
+            middle = four.mean(axis=0)
+            # What dilation took from each side.
+            grown = middle + (four - middle) * (1.0 + 2.0 * cut / _side(four))
+            best.setdefault(int(tag), (grown + 0.5) * scale - 0.5)
+    ids = tuple(sorted(best))
+    stacked = np.array([best[tag] for tag in ids]).reshape(-1, 4, 2)
+    return TagsSeen(family, ids, stacked)
+
+
+def _side(corners: NDArray) -> float:
+    return float(np.linalg.norm(corners - np.roll(corners, 1, axis=0), axis=1).mean())
+
+
+def _detector(family: str, border: int) -> cv2.aruco.ArucoDetector:
+    parameters = cv2.aruco.DetectorParameters()
+    parameters.cornerRefinementMethod = cv2.aruco.CORNER_REFINE_NONE
+    parameters.errorCorrectionRate = ERROR_CORRECTION
+    parameters.markerBorderBits = border
+    return cv2.aruco.ArucoDetector(FiducialFamily(family).dictionary, parameters)

@@ -1,0 +1,159 @@
+"""Boards photographed with a known truth: OpenCV prints them, OpenCV's lens bends them.
+
+Nothing of the package is used. A pixel is averaged over 4 x 4 hits; an integer pixel is its centre.
+"""
+
+from dataclasses import dataclass
+from functools import cache
+
+import cv2
+import numpy as np
+
+SIZE = (800, 600)
+K = np.array([[620.0, 0.0, 405.0], [0.0, 615.0, 296.0], [0.0, 0.0, 1.0]])
+LENS = np.array([-0.22, 0.06, 0.0, 0.0, 0.0])
+BLACK, WHITE = 40.0, 205.0
+_FINE = 4
+TEXELS = 24
+"""Texels along a square, or a cell of ten of a tag."""
+
+
+@dataclass(frozen=True, eq=False)
+class Print:
+    """A printed page: white is True; one texel is `texel` metres, `origin` its first's corner."""
+
+    white: np.ndarray
+    texel: float
+    origin: tuple[float, float]
+
+
+@dataclass(frozen=True, eq=False)
+class Photograph:
+    """A picture, where the board's points truly are, and which are neither hidden nor outside."""
+
+    image: np.ndarray
+    pixels: np.ndarray
+    free: np.ndarray
+
+
+def charuco_print(columns, rows, square, marker, dictionary, *, legacy=False):
+    """Print a ChArUco board by its squares each way, with OpenCV's own drawing."""
+    side = 2 * TEXELS
+    board = cv2.aruco.CharucoBoard((columns, rows), square, marker, dictionary)
+    board.setLegacyPattern(legacy)
+    image = board.generateImage((columns * side, rows * side), marginSize=0, borderBits=1)
+    white = np.pad(image > 127, side // 2, constant_values=True)
+    texel = square / side
+    return Print(white, texel, (-1.5 * square, -1.5 * square))
+
+
+def april_print(columns, rows, size, spacing, dictionary):
+    """Print a grid of tags as Kalibr does: ids from the lower left, borders of two cells."""
+    cell = 8
+    tag, gap = 10 * cell, round(10 * cell * spacing)
+    pitch = tag + gap
+    white = np.ones((rows * pitch + gap, columns * pitch + gap), bool)
+    for r in range(rows + 1):
+        for c in range(columns + 1):
+            white[r * pitch : r * pitch + gap, c * pitch : c * pitch + gap] = False
+    for number in range(columns * rows):
+        c, up = number % columns, number // columns
+        top, left = (rows - 1 - up) * pitch + gap, c * pitch + gap
+        bits = cv2.aruco.generateImageMarker(dictionary, number, 10, borderBits=2) > 0
+        part = np.kron(bits, np.ones((cell, cell), bool))
+        white[top : top + tag, left : left + tag] = part
+    white = np.pad(white, tag // 2, constant_values=True)
+    texel = size / tag
+    return Print(white, texel, (-(gap + tag // 2) * texel, -(gap + tag // 2) * texel))
+
+
+def circle_print(points, diameter, spacing):
+    """Print black discs at points [m]; texels are small against a disc, edges are smooth."""
+    texel = spacing / (2 * TEXELS)
+    low, high = points[:, :2].min(axis=0) - 1.5 * spacing, points[:, :2].max(axis=0) + 1.5 * spacing
+    shape = np.ceil((high - low) / texel).astype(int)[::-1]
+    v, u = np.indices(shape) + 0.5
+    at = np.stack([u, v], axis=-1) * texel + low
+    white = np.ones(shape)
+    for point in points[:, :2]:
+        off = np.linalg.norm(at - point, axis=2) - 0.5 * diameter
+        white = np.minimum(white, np.clip(off / texel + 0.5, 0.0, 1.0))
+    return Print(white, texel, tuple(low))
+
+
+def photographed(printed, points, rng, *, hidden=0.0, blur=0.7, noise=2.0, tilt=0.8, fill=0.75):
+    """Photograph a page, at random, with a piece of card over a share of the board."""
+    R, t = _pose(points, rng, tilt, fill)
+    width, height = SIZE
+    # Where each ray meets the page: t + R (x, y, 0) ~ (u, v, 1).
+    H = np.linalg.inv(np.column_stack([R[:, :2], t]))
+    on = H.astype(np.float32) @ _rays()
+    page = (on[:2] / on[2] - np.reshape(printed.origin, (2, 1))) / printed.texel - 0.5
+    ink = BLACK + (WHITE - BLACK) * printed.white.astype(np.float32)
+    maps = [m.reshape(height * _FINE, width * _FINE).astype(np.float32) for m in page]
+    bright = cv2.remap(
+        ink, *maps, cv2.INTER_LINEAR, borderMode=cv2.BORDER_CONSTANT, borderValue=120
+    )
+    pixels = _projected(points, R, t)
+    card = _card(points, R, t, rng, hidden)
+    if card is not None:
+        scaled = np.rint(((card + 0.5) * _FINE - 0.5) * 16).astype(np.int32)
+        cv2.fillConvexPoly(bright, scaled, 150.0, shift=4)
+    image = cv2.resize(bright, SIZE, interpolation=cv2.INTER_AREA)
+    image = cv2.GaussianBlur(image, (0, 0), blur) if blur else image
+    light = 1.0 + 0.25 * (np.linspace(-0.5, 0.5, width) * rng.uniform(-1, 1))
+    image = image * light + rng.normal(0.0, noise, image.shape)
+    gray = np.clip(np.rint(image), 0, 255).astype(np.uint8)
+    free = np.all((pixels > 3.0) & (pixels < np.array(SIZE) - 4.0), axis=1)
+    if card is not None:
+        outline = card.astype(np.float32).reshape(-1, 1, 2)
+        free &= [
+            cv2.pointPolygonTest(outline, (float(u), float(v)), True) < -3.0 for u, v in pixels
+        ]
+    return Photograph(gray, pixels, free)
+
+
+@cache
+def _rays():
+    """Return rays (x, y, 1) to the places at which a picture is hit. Shape (3, n)."""
+    width, height = (side * _FINE for side in SIZE)
+    fine = np.stack(np.meshgrid(np.arange(width), np.arange(height)), axis=-1)
+    fine = ((fine.reshape(-1, 1, 2) + 0.5) / _FINE - 0.5).astype(np.float64)
+    rays = cv2.undistortPoints(fine, K, LENS, None, None, criteria=(3, 20, 1e-9)).reshape(-1, 2)
+    return np.vstack([rays.T, np.ones(len(rays))]).astype(np.float32)
+
+
+def _projected(points, R, t):
+    rvec, _ = cv2.Rodrigues(R)
+    return cv2.projectPoints(points.astype(float), rvec, t, K, LENS)[0].reshape(-1, 2)
+
+
+def _pose(points, rng, tilt, fill):
+    """Return a pose in which the board fills a share of the image's height or width."""
+    middle = points.mean(axis=0)
+    extent = np.ptp(points, axis=0)[:2]
+    axis = rng.uniform(-np.pi, np.pi)
+    turn = rng.uniform(0.0, tilt) * np.array([np.cos(axis), np.sin(axis), 0.0])
+    R = cv2.Rodrigues(turn)[0] @ cv2.Rodrigues(np.array([0.0, 0.0, rng.uniform(-0.4, 0.4)]))[0]
+    far = K[0, 0] * max(extent[0] / SIZE[0], extent[1] / SIZE[1]) / (fill * rng.uniform(0.75, 1.0))
+    aside = rng.uniform(-0.06, 0.06, 2) * far
+    return R, np.array([*aside, far]) - R @ middle
+
+
+def _card(points, R, t, rng, hidden):
+    """Return the outline of a card that hides about a share of the board from one side [px]."""
+    if not hidden:
+        return None
+    low, high = points.min(axis=0)[:2], points.max(axis=0)[:2]
+    margin = 0.3 * (high - low)
+    low, high = low - margin, high + margin
+    side, along = rng.integers(2), 0.0
+    flat = points[:, side]
+    along = np.quantile(flat, hidden) + rng.uniform(-0.002, 0.002)
+    corners = np.array([[low[0], low[1]], [high[0], low[1]], [high[0], high[1]], [low[0], high[1]]])
+    slant = rng.uniform(-0.1, 0.1) * (high - low)[1 - side]
+    if side == 0:
+        corners[1, 0], corners[2, 0] = along + slant, along - slant
+    else:
+        corners[2, 1], corners[3, 1] = along + slant, along - slant
+    return _projected(np.column_stack([corners, np.zeros(4)]), R, t)

@@ -1,0 +1,163 @@
+"""ChArUco boards, AprilGrids and circle grids, against photographs of known truth and OpenCV."""
+
+import cv2
+import numpy as np
+import pytest
+
+from nico_selfmodel.vision.boards.board_kinds import board_of
+from nico_selfmodel.vision.images.not_seen import NotSeen
+
+from . import printed_boards
+
+TAGS_5X5 = cv2.aruco.getPredefinedDictionary(cv2.aruco.DICT_5X5_100)
+TAGS_36H11 = cv2.aruco.getPredefinedDictionary(cv2.aruco.DICT_APRILTAG_36h11)
+CHARUCO = board_of("charuco:8x6", 30, 22, "aruco_5x5_100")
+APRIL = board_of("aprilgrid:6x6", 57.2, 44)
+CIRCLES = board_of("circles:8x6", 30, 18)
+ASYMMETRIC = board_of("asymmetric-circles:4x11", 20)
+BOARDS = {"charuco": CHARUCO, "april": APRIL, "circles": CIRCLES, "asymmetric": ASYMMETRIC}
+HIDDEN = {"charuco": (0.3, 0.7), "april": (0.3, 0.7), "circles": (0, 0), "asymmetric": (0, 0)}
+
+
+@pytest.fixture(scope="module")
+def prints():
+    return {
+        "charuco": printed_boards.charuco_print(9, 7, 0.03, 0.022, TAGS_5X5),
+        "april": printed_boards.april_print(6, 6, 0.044, 0.3, TAGS_36H11),
+        "circles": printed_boards.circle_print(CIRCLES.points, 0.018, 0.03),
+        "asymmetric": printed_boards.circle_print(ASYMMETRIC.points, 0.02, 0.02),
+    }
+
+
+def photograph(kind, seed, prints, **changes):
+    rng = np.random.default_rng((seed, 77))
+    changes.setdefault("hidden", rng.uniform(*HIDDEN[kind]))
+    return printed_boards.photographed(prints[kind], BOARDS[kind].points, rng, **changes)
+
+
+def found_by_opencv(kind, image):
+    if kind == "charuco":
+        board = cv2.aruco.CharucoBoard((9, 7), 0.03, 0.022, TAGS_5X5)
+        _, ids, _, _ = cv2.aruco.CharucoDetector(board).detectBoard(image)
+        return ids is not None and len(ids) >= 6
+    if kind == "april":
+        parameters = cv2.aruco.DetectorParameters()
+        parameters.markerBorderBits = 2
+        _, ids, _ = cv2.aruco.ArucoDetector(TAGS_36H11, parameters).detectMarkers(image)
+        return ids is not None and len(ids) >= 2
+    flag = {"circles": cv2.CALIB_CB_SYMMETRIC_GRID, "asymmetric": cv2.CALIB_CB_ASYMMETRIC_GRID}
+    size = (BOARDS[kind].columns, BOARDS[kind].rows)
+    return cv2.findCirclesGrid(image, size, flags=flag[kind])[0]
+
+
+def corner_errors(kind, seeds, prints):
+    """Return errors of all points found, and how many pictures we and OpenCV found it in."""
+    errors, ours, theirs = [], 0, 0
+    for seed in seeds:
+        photo = photograph(kind, seed, prints)
+        theirs += bool(found_by_opencv(kind, photo.image))
+        seen = BOARDS[kind].find(photo.image, 11)
+        if isinstance(seen, NotSeen):
+            continue
+        ours += 1
+        error = seen.corners - photo.pixels
+        if kind == "circles":  # looks the same after half a turn
+            turned = seen.corners[::-1] - photo.pixels
+            error = min(error, turned, key=lambda e: np.abs(e).mean())
+        errors.append(error[seen.seen])
+    return np.concatenate(errors), ours, theirs
+
+
+def assert_true(kind, seeds, prints):
+    errors, ours, theirs = corner_errors(kind, seeds, prints)
+    print(
+        f"{kind}: {ours} found, {theirs} by OpenCV, of {len(seeds)}; bias {errors.mean(axis=0)}, "
+        f"rms {np.sqrt(np.mean(errors**2)):.4f} px, {len(errors)} points"
+    )
+    assert ours >= max(theirs, 1)
+    assert np.abs(errors.mean(axis=0)).max() <= 0.02
+    assert np.sqrt(np.mean(errors**2)) <= 0.1
+
+
+@pytest.mark.parametrize("kind", BOARDS)
+def test_points_are_where_they_are(kind, prints):
+    assert_true(kind, range(3), prints)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("kind", BOARDS)
+def test_200_pictures_as_often_as_opencv_without_bias(kind, prints):
+    assert_true(kind, range(1000, 1200), prints)
+
+
+@pytest.mark.parametrize("kind", ["charuco", "april"])
+def test_what_a_card_hides_is_not_seen_and_the_rest_is(kind, prints):
+    photo = photograph(kind, 4, prints, hidden=0.5)
+    seen = BOARDS[kind].find(photo.image, 11).seen
+    assert not (seen & ~photo.free).any()
+    assert np.mean(seen[photo.free]) > 0.6
+
+
+def test_boards_of_older_opencv_begin_with_a_tag():
+    printed = printed_boards.charuco_print(8, 6, 0.03, 0.022, TAGS_5X5, legacy=True)
+    board = board_of("charuco:7x5", 30, 22, "aruco_5x5_100")
+    photo = printed_boards.photographed(printed, board.points, np.random.default_rng(3))
+    seen = board.find(photo.image, 11)
+    assert np.count_nonzero(seen.seen) >= 30
+    assert np.nanmax(np.abs(seen.corners - photo.pixels)) < 0.3
+
+
+def test_tags_that_the_board_does_not_have_are_named(prints):
+    image = photograph("charuco", 2, prints, hidden=0.0).image
+    small = board_of("charuco:3x3", 30, 22, "aruco_5x5_100").find(image, 11)
+    assert isinstance(small, NotSeen)
+    assert "which the stated board does not have" in small.reason
+    assert "aruco_5x5_100" in small.reason
+    other = board_of("charuco:8x6", 30, 22, "aruco_4x4_100").find(image, 11)
+    assert other.reason.startswith("no aruco_4x4_100 tag")
+
+
+def test_a_board_of_another_width_is_not_seen(prints):
+    image = photograph("charuco", 2, prints, hidden=0.0).image
+    seen = board_of("charuco:6x8", 30, 22, "aruco_5x5_100").find(image, 11)
+    assert isinstance(seen, NotSeen) or seen.seen.mean() < 0.3
+
+
+def test_one_wrong_tag_leads_no_corner_astray(prints, monkeypatch):
+    from nico_selfmodel.vision.boards import april_grid
+
+    photo = photograph("april", 5, prints, hidden=0.0)
+    real = april_grid.seen_tags
+
+    def misread(*args, **options):
+        tags = real(*args, **options)
+        corners = tags.corners.copy()
+        corners[7], corners[20] = tags.corners[20], tags.corners[7]
+        return type(tags)(tags.family, tags.ids, corners)
+
+    monkeypatch.setattr(april_grid, "seen_tags", misread)
+    seen = APRIL.find(photo.image, 11)
+    assert np.nanmax(np.abs(seen.corners - photo.pixels)) < 1.0
+    assert not seen.seen[[4 * 7, 4 * 20]].any()
+
+
+@pytest.mark.parametrize(
+    ("text", "more", "message"),
+    [
+        ("charoco:7x5", (), "no board 'charoco', did you mean 'charuco'"),
+        ("charuco:7", (), "written as charuco:7x5"),
+        ("charuco:7x5", (40.0,), "smaller than its squares"),
+        ("charuco:30x30", (), "needs 480 tags, aruco_4x4_50 has 50"),
+        ("aprilgrid:40x40", (), "needs 1600 tags"),
+        ("aprilgrid:1x5", (), "at least 2x2"),
+        ("aprilgrid:6x6", (20.0, "apriltag_9"), "no marker family 'apriltag_9'"),
+        ("circles:2x5", (), "at least 3x3 circles"),
+        ("circles:7x5", (40.0,), "smaller than their distance"),
+        ("circles:7x5", (10.0, "aruco_4x4_50"), "--family is for boards with tags"),
+        ("asymmetric-circles:4x10", (), "looks the same after half a turn"),
+        ("9x6", (20.0,), "--tag-mm and --family are for"),
+    ],
+)
+def test_boards_that_cannot_be_are_refused(text, more, message):
+    with pytest.raises(ValueError, match=message):
+        board_of(text, 30.0, *more)
