@@ -77,6 +77,20 @@ def test_pixels_have_the_rays_that_made_them(camera, widest):
     assert not camera.folds(pixels).any()
 
 
+@pytest.mark.parametrize(
+    "k",
+    [(0.51, -0.075, -0.002, 0.899, -0.017, -0.017), (0.56, -0.05, -0.0013, 0.948, 0.0318, -0.0113)],
+)
+def test_a_rational_lens_that_ends_at_its_pole_has_rays_before_it(k):
+    rng = np.random.default_rng(4)
+    for off in rng.normal(0.0, 1e-4, (50, 6)):
+        named = {f"k{i + 1}": float(value) for i, value in enumerate(np.array(k) + off)}
+        camera = Camera(**INSIDE, **named, lens="rational")
+        seen = camera.project(points(rng, 40, 45.0))
+        assert camera.has_rays(seen).all()
+        assert not camera.folds(seen).any()
+
+
 def test_a_fisheye_sees_past_90_degrees_but_has_no_coordinates_there():
     p = points(np.random.default_rng(4), 50, 1.0) * [1.0, 1.0, 0.0] + np.array([2.0, 0.0, -0.2])
     pixels = FISHEYE.project(p)

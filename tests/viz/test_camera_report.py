@@ -75,7 +75,7 @@ def test_figures_of_a_pair_are_explained(page, camera_result):
     wanted = [1e3 * baseline["value"], 1e3 * baseline["sigma"]]
     np.testing.assert_allclose(shown, wanted, rtol=0.06)
     assert "1.59 mm, with squares of 28 mm" in page.text
-    assert len([tag for tag, _ in page.tags if tag == "figure"]) == 8
+    assert len([tag for tag, _ in page.tags if tag == "figure"]) == 9
 
 
 def test_what_the_images_cannot_support_is_said_in_words(page, camera_result):

@@ -18,6 +18,7 @@ from nico_selfmodel.estimation.cameras.camera_adjustment import CameraCalibratio
 from nico_selfmodel.estimation.cameras.camera_options import CameraOptions
 from nico_selfmodel.estimation.cameras.lens_folds import folds_by_chance, folds_of
 from nico_selfmodel.estimation.cameras.lens_misfit import LensMisfit, lens_misfits
+from nico_selfmodel.estimation.cameras.projection_uncertainty import ProjectionUncertainty
 from nico_selfmodel.model.cameras.projection import POLYNOMIAL
 from nico_selfmodel.model.cameras.stereo_rig import StereoRig
 
@@ -47,6 +48,8 @@ class CameraAssessment:
     """Boards rebuilt by triangulation, of a pair; the held-out ones where there are some."""
     misfits: tuple[LensMisfit, ...]
     """What the residuals of each camera have in common over the image."""
+    projection: tuple[ProjectionUncertainty, ...]
+    """How uncertain it is where each camera projects."""
 
     @classmethod
     def from_calibration(
@@ -78,6 +81,10 @@ class CameraAssessment:
             epipolar_errors(calibration.rig, views) if pair else None,
             _rebuilt(calibration.rig, shown) if pair else None,
             tuple(lens_misfits(calibration, options.aspect)),
+            tuple(
+                ProjectionUncertainty.of(calibration, camera, options.aspect)
+                for camera in calibration.views.cameras
+            ),
         )
 
     @property

@@ -113,6 +113,10 @@ def _details(assessment: CameraAssessment) -> dict[str, Any]:
         "views": dict(zip(calibration.views.names, calibration.view_rms.tolist(), strict=True)),
         "pixel_sigma_px": finite(calibration.pixel_sigma),
         "cost_px2": calibration.cost,
+        "projection_sigma_px": {
+            found.camera: {"middle": finite(found.middle), "corner": finite(found.corner)}
+            for found in assessment.projection
+        },
     }
     if assessment.epipolar is None or found is None:
         return details

@@ -158,7 +158,8 @@ def within_fold(distorted: NDArray, k: NDArray) -> NDArray:
     limit = largest_radius(k)
     if np.isinf(limit):
         return np.asarray(np.isfinite(distorted).all(axis=0))
-    reach = limit * radial(np.array(limit**2), k)[0]
+    # Where a rational lens ends at its pole it rises to infinity, whose sign rounding decides.
+    reach = abs(limit * radial(np.array(limit**2), k)[0])
     return np.hypot(*distorted) < reach
 
 

@@ -47,7 +47,7 @@ def coverage(assessment: CameraAssessment) -> Figure:
             counts, u, v = cell_counts(pixels, views.image_size)
             shares.append(f"{100.0 * np.mean(counts > 0):.0f} %")
             empty_corners += int(np.sum(counts[[0, 0, -1, -1], [0, -1, 0, -1]] == 0))
-            _density(axes, counts, u, v)
+            _density(axes, side, counts, u, v)
             many = len(pixels) > MANY
             color = palette.CAMERAS[side]
             axes.plot(*pixels.T, ".", color=color, markersize=2.6, alpha=0.8, rasterized=many)
@@ -148,9 +148,15 @@ def cell_counts(pixels: NDArray, image_size: tuple[int, int]) -> tuple[NDArray, 
     return np.histogram2d(*pixels.T, bins=(u, v))[0], u, v
 
 
-def _density(axes: Axes, counts: NDArray, u: NDArray, v: NDArray) -> None:
+def _density(axes: Axes, side: str, counts: NDArray, u: NDArray, v: NDArray) -> None:
     """Shade cells by how many corners lie in them, and hatch those that have none."""
-    axes.pcolormesh(u, v, counts.T, cmap="Greys", vmin=0.0, vmax=3.0 * max(counts.max(), 1.0))
+    look = {
+        "cmap": "Greys",
+        "vmin": 0.0,
+        "vmax": 3.0 * max(counts.max(), 1.0),
+        "gid": f"shade_{side}",
+    }
+    axes.pcolormesh(u, v, counts.T, **look)
     last = np.array(counts.shape) - 1
     for i, j in np.argwhere(counts == 0).tolist():
         corner = i in (0, last[0]) and j in (0, last[1])
@@ -163,5 +169,6 @@ def _density(axes: Axes, counts: NDArray, u: NDArray, v: NDArray) -> None:
                 edgecolor=palette.CROSS_VALIDATION if corner else palette.FAINT,
                 hatch="////",
                 linewidth=0.0,
+                gid=f"shade_{side}_{i}_{j}",
             )
         )

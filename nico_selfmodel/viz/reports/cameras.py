@@ -10,6 +10,7 @@ from nico_selfmodel.viz.figures import camera_plots, lens_plots
 from nico_selfmodel.viz.figures.camera_views import ShownView, shown_views
 from nico_selfmodel.viz.figures.numbers_shown import decimals, signed
 from nico_selfmodel.viz.figures.photographs import Photographs
+from nico_selfmodel.viz.figures.projection_plot import projection_map
 from nico_selfmodel.viz.figures.residual_field import residual_field
 from nico_selfmodel.viz.reports import parts, shared_sections
 from nico_selfmodel.viz.reports.camera_gallery import gallery
@@ -160,6 +161,23 @@ def lens_section(document: Mapping[str, Any]) -> list[parts.Section]:
     return [parts.section(f"The lens: {document['lens']['kind']}", table, parts.hint(words))]
 
 
+def _over_the_image(assessment: CameraAssessment, views: tuple[ShownView, ...]) -> tuple[Any, ...]:
+    """Return how uncertain projections are, which views fit badly, how the lens bends."""
+    projected = ("Uncertainty of projection over the image", projection_map(assessment))
+    worst = ("Errors of the views", camera_plots.view_errors(views))
+    bent = ("Distortion over the radius", lens_plots.distortion_profile(assessment))
+    words = parts.hint(
+        "Standard deviation, in its worst direction, of the pixel to which a far point is "
+        "projected, less what a turn of the camera would undo: numbers inside a camera trade "
+        "against each other, pixels do not."
+    )
+    if projected[1] is None:
+        return (parts.halves(worst, bent),)
+    if len(assessment.calibration.views.cameras) == 1:
+        return parts.halves(projected, bent), words, parts.drawing(*worst, "half")
+    return parts.drawing(*projected), words, parts.halves(worst, bent)
+
+
 def _where(assessment: CameraAssessment, views: tuple[ShownView, ...]) -> parts.Section:
     fields = (
         ("Residuals over the image", residual_field(assessment)),
@@ -173,10 +191,7 @@ def _where(assessment: CameraAssessment, views: tuple[ShownView, ...]) -> parts.
             "Arrows point from predicted to detected corners. Black: means over cells in which at "
             "least three views have corners. What a lens model cannot express is left as a pattern."
         ),
-        parts.halves(
-            ("Errors of the views", camera_plots.view_errors(views)),
-            ("Distortion over the radius", lens_plots.distortion_profile(assessment)),
-        ),
+        *_over_the_image(assessment, views),
     )
 
 
