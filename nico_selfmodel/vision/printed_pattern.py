@@ -4,6 +4,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
+from nico_selfmodel.vision.boards.board_detection import checkers
 from nico_selfmodel.vision.boards.chessboard import Board
 from nico_selfmodel.vision.markers.fiducial_family import DEFAULT_FAMILY, FiducialFamily
 
@@ -44,8 +45,7 @@ def chessboard_png(board: Board, square: int = 64) -> bytes:
     Returns:
         A PNG, `printed_size(board)` large.
     """
-    rows, columns = np.indices((board.rows + 1, board.columns + 1))
-    squares = _enlarged((rows + columns) % 2 == 1, square)
+    squares = _enlarged(checkers(board.columns, board.rows), square)
     return _png(np.pad(squares, round(RIM * square), constant_values=255))
 
 

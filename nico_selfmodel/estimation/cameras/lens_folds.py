@@ -3,7 +3,6 @@
 import numpy as np
 
 from nico_selfmodel.estimation.cameras.camera_adjustment import CameraCalibration
-from nico_selfmodel.model.cameras import fisheye, lens
 from nico_selfmodel.model.cameras.camera import Camera
 from nico_selfmodel.model.cameras.projection import FISHEYE, POLYNOMIAL
 
@@ -36,8 +35,8 @@ def _last(camera: Camera) -> str:
 def _turn(camera: Camera) -> str:
     """Say where a lens folds its image."""
     if camera.lens == FISHEYE:
-        return f"{np.degrees(fisheye.largest_angle(camera.k)):.0f} deg off the axis"
-    return f"a radius of {lens.largest_radius(camera.k):.2f}"
+        return f"{np.degrees(camera.reach):.0f} deg off the axis"
+    return f"a radius of {camera.reach:.2f}"
 
 
 def folds_by_chance(calibration: CameraCalibration) -> set[str]:

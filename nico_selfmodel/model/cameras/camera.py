@@ -2,6 +2,7 @@
 
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field, replace
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -10,7 +11,7 @@ from nico_selfmodel.arrays import frozen_array
 from nico_selfmodel.errors import ModelError
 from nico_selfmodel.geometry.rotation import skew
 from nico_selfmodel.geometry.transform import apply, inverse
-from nico_selfmodel.model.cameras import fisheye, lens
+from nico_selfmodel.model.cameras.lens_models import FisheyeLens, Lens, RadialLens
 from nico_selfmodel.model.cameras.projection import (
     EVERY_INTRINSIC,
     FISHEYE,
@@ -143,22 +144,7 @@ class Camera:
             the lens would fold the image. Shape (N, 2) or (2,).
         """
         p_CQ = apply(self.X_CW, _points(p_WQ, 3, "p_WQ"))
-        if self.lens == FISHEYE:
-            return self._project_by_angle(p_CQ)
-        x, y, z = np.moveaxis(p_CQ, -1, 0)
-        with np.errstate(divide="ignore", invalid="ignore"):
-            ideal = np.stack([x / z, y / z])
-            seen = (z > 0.0) & (np.hypot(*ideal) < lens.largest_radius(self.k))
-        pixels = self.pixels_of(np.where(seen, ideal, np.nan))
-        return np.moveaxis(pixels, 0, -1)
-
-    def _project_by_angle(self, p_CQ: NDArray) -> NDArray:
-        """Return pixels of points before a fisheye; nan beyond the angle where it folds."""
-        x, y, z = np.moveaxis(p_CQ, -1, 0)
-        off = np.arctan2(np.hypot(x, y), z)
-        seen = (off < fisheye.largest_angle(self.k)) & (np.linalg.norm(p_CQ, axis=-1) > 0.0)
-        safe = np.where(seen, np.moveaxis(p_CQ, -1, 0), np.ones(3).reshape(3, *[1] * seen.ndim))
-        return np.where(seen[..., None], np.moveaxis(self._pixels(safe), 0, -1), np.nan)
+        return np.moveaxis(self._on_sensor(self._lens.shown(np.moveaxis(p_CQ, -1, 0))), 0, -1)
 
     def projection(self, p_WQ: ArrayLike) -> Projection:
         """Project points with derivatives by point, pose and intrinsics.
@@ -185,14 +171,7 @@ class Camera:
 
     def pixels_of(self, ideal: NDArray) -> NDArray:
         """Return pixels of ideal coordinates X/Z, Y/Z. Shape (2, ...) -> (2, ...)."""
-        ideal = np.asarray(ideal)
-        if self.lens == FISHEYE:
-            return self._pixels(np.concatenate([ideal, np.ones((1, *ideal.shape[1:]))]))
-        return self._on_sensor(lens.distort(ideal, self.k, self.p))
-
-    def _pixels(self, p_CQ: NDArray) -> NDArray:
-        """Return pixels of points in a fisheye's frame. Shape (3, ...) -> (2, ...)."""
-        return self._on_sensor(fisheye.bend(p_CQ, self.k)[0])
+        return self._on_sensor(self._lens.distort(np.asarray(ideal)))
 
     def _on_sensor(self, bent: NDArray) -> NDArray:
         """Apply the intrinsic matrix. Shape (2, ...)."""
@@ -210,10 +189,7 @@ class Camera:
         Returns:
             Boolean; False for nan. Shape (N,) or ().
         """
-        distorted = self._distorted(_points(pixels, 2, "pixels"))
-        if self.lens == FISHEYE:
-            return np.asarray(np.isfinite(fisheye.undistort(distorted, self.k)).all(axis=0))
-        return lens.within_fold(distorted, self.k)
+        return self._lens.has_rays(self._distorted(_points(pixels, 2, "pixels")))
 
     def folds(self, pixels: ArrayLike) -> NDArray:
         """Return which pixels lie where the lens folds its image, beyond its monotone part.
@@ -224,26 +200,17 @@ class Camera:
         Returns:
             Boolean. Shape (N,) or ().
         """
-        distorted = self._distorted(_points(pixels, 2, "pixels"))
-        if self.lens == FISHEYE:
-            limit = np.array(fisheye.largest_angle(self.k))
-            reach = fisheye.bent_angle(limit, self.k)[0]
-            return np.asarray((limit < np.pi) & (np.hypot(*distorted) >= reach))
-        return np.asarray(~lens.within_fold(distorted, self.k))
+        return self._lens.folds(self._distorted(_points(pixels, 2, "pixels")))
 
     @property
     def reach(self) -> float:
         """Largest radius X/Z, of a fisheye angle off the axis [rad], up to which it is monotone."""
-        if self.lens == FISHEYE:
-            return fisheye.largest_angle(self.k)
-        return lens.largest_radius(self.k)
+        return self._lens.reach
 
     @property
     def widest(self) -> float:
         """Largest radius X/Z that the lens shows."""
-        return (
-            float(np.tan(min(self.reach, fisheye.WIDEST))) if self.lens == FISHEYE else self.reach
-        )
+        return self._lens.widest
 
     def profile(self, radii: NDArray) -> tuple[NDArray, NDArray]:
         """Return how far from the axis the lens shows radii, tangential distortion left out.
@@ -254,14 +221,7 @@ class Camera:
         Returns:
             Distorted radii, shape (n,), and their derivatives by k1, k2, ..., shape (n, k).
         """
-        nought = np.zeros_like(radii)
-        if self.lens == FISHEYE:
-            powers = np.stack([radii ** (2 * i + 3) for i in range(len(self.k))], axis=1)
-            return fisheye.bent_angle(radii, self.k)[0], powers
-        ideal = np.stack([radii, nought])
-        bends = lens.coefficient_slopes(ideal, self.k)[0]
-        by_k = np.delete(bends, (3, 4), axis=0).T  # those by p1 and p2
-        return lens.distort(ideal, self.k, np.zeros(2))[0], by_k
+        return self._lens.profile(radii)
 
     def undistort(self, pixels: ArrayLike) -> NDArray:
         """Return the ideal coordinates X/Z, Y/Z of pixels, by Newton per point.
@@ -276,16 +236,7 @@ class Camera:
             ModelError: If a pixel lies outside the radius where the distortion is monotone.
         """
         distorted = self._distorted(_points(pixels, 2, "pixels"))
-        if self.lens == FISHEYE:
-            ideal = fisheye.undistort(distorted, self.k)
-            lost = np.isnan(ideal).any(axis=0) & np.isfinite(distorted).all(axis=0)
-            if lost.any():
-                raise ModelError(
-                    f"{int(lost.sum())} of {lost.size} points lie 89 deg and more off the axis of "
-                    "the fisheye: they have no coordinates X / Z; use points nearer to its centre"
-                )
-            return np.moveaxis(ideal, 0, -1)
-        return np.moveaxis(lens.undistort(distorted, self.k, self.p), 0, -1)
+        return np.moveaxis(self._lens.undistort(distorted), 0, -1)
 
     def directions(self, pixels: ArrayLike) -> NDArray:
         """Return unit vectors along the lines of sight in the camera's own frame.
@@ -297,15 +248,7 @@ class Camera:
             nan where no ray belongs to a pixel; those of a fisheye reach past 90 deg. Shape (N, 3).
         """
         pixels = _points(pixels, 2, "pixels").reshape(-1, 2)
-        if self.lens == FISHEYE:
-            distorted = self._distorted(pixels)
-            theta, size = fisheye.angles_of(distorted, self.k), np.hypot(*distorted)
-            across = np.sin(theta) * distorted / np.where(size > 0.0, size, 1.0)
-            return np.stack([*across, np.cos(theta)], axis=1)
-        long = np.full((len(pixels), 3), np.nan)
-        seen = self.has_rays(pixels)
-        long[seen] = np.column_stack([self.undistort(pixels[seen]), np.ones(int(seen.sum()))])
-        return long / np.linalg.norm(long, axis=1, keepdims=True)
+        return self._lens.directions(self._distorted(pixels))
 
     def rays(self, pixels: ArrayLike) -> Rays:
         """Return the lines of sight of pixels, with derivatives.
@@ -335,6 +278,10 @@ class Camera:
         by_pose[:, :, :3] = -skew(direction)
         by_inside = -by_pixel @ np.moveaxis(by_intrinsics, -1, 0)
         return Rays(self.X_WC[:3, 3].copy(), direction, by_pixel, by_pose, by_inside)
+
+    @cached_property
+    def _lens(self) -> Lens:
+        return FisheyeLens(self.k) if self.lens == FISHEYE else RadialLens(self.k, self.p)
 
     def _distorted(self, pixels: NDArray) -> NDArray:
         """Undo the intrinsic matrix. Shape (..., 2) -> (2, ...)."""

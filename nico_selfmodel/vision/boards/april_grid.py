@@ -7,20 +7,16 @@ row by row; here the picture's rows run the same way as the board's y.
 """
 
 from dataclasses import dataclass
-from typing import Any
 
 import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from nico_selfmodel.arrays import read_only
 from nico_selfmodel.geometry.homography import apply_homography
-from nico_selfmodel.vision.boards.board_detection import BoardDetection, Ink, cells_of
-from nico_selfmodel.vision.boards.coded_corners import FEWEST, located, without_strays
-from nico_selfmodel.vision.boards.tags_seen import TagsSeen, seen_tags
-from nico_selfmodel.vision.images.image_array import detectable
-from nico_selfmodel.vision.images.not_seen import NotSeen
+from nico_selfmodel.vision.boards.board_detection import Ink, cells_of
+from nico_selfmodel.vision.boards.tagged_board import TaggedBoard
 from nico_selfmodel.vision.markers.fiducial_family import DEFAULT_FAMILY, FiducialFamily
+from nico_selfmodel.vision.markers.tags_seen import TagsSeen, seen_tags
 
 METHOD = "ArucoDetector"
 _NEAR = 6
@@ -33,37 +29,22 @@ more."""
 
 
 @dataclass(frozen=True)
-class AprilGrid:
-    """A grid of tags, by how many there are."""
+class AprilGrid(TaggedBoard):
+    """A grid of tags, by how many there are.
 
-    columns: int
-    """Tags in a row, at least 2."""
-    rows: int
-    """Tags in a column, at least 2."""
-    square: float
-    """From a tag's edge to the same edge of the next: Kalibr's tagSize (1 + tagSpacing) [m]."""
-    tag: float
-    """Side of a tag's black square, Kalibr's tagSize [m]."""
+    `square` is Kalibr's tagSize (1 + tagSpacing), `tag` its tagSize.
+    """
+
     family: str = DEFAULT_FAMILY
-    """Of the tags, which have the ids from 0."""
-
-    def __post_init__(self) -> None:
-        """Refuse boards that cannot be."""
-        if self.columns < 2 or self.rows < 2:
-            raise ValueError(f"an AprilGrid has at least 2x2 tags, got {self}")
-        if not 0.0 < self.tag < self.square < np.inf:
-            raise ValueError(
-                "the tags of an AprilGrid are smaller than their distance, got "
-                f"{1e3 * self.tag:g} mm every {1e3 * self.square:g} mm"
-            )
-        if self.columns * self.rows > FiducialFamily(self.family).count:
-            raise ValueError(
-                f"{self} needs {self.columns * self.rows} tags, {self.family} has "
-                f"{FiducialFamily(self.family).count}"
-            )
+    """Of the tags."""
 
     def __str__(self) -> str:
         return f"aprilgrid:{self.columns}x{self.rows}"
+
+    @property
+    def count(self) -> int:
+        """How many tags it carries."""
+        return self.columns * self.rows
 
     @property
     def points(self) -> NDArray:
@@ -88,56 +69,29 @@ class AprilGrid:
         family = FiducialFamily(self.family)
         tags = [
             cells_of(family.pattern(tag, BORDER), self.points[4 * tag, :2], self.tag)
-            for tag in range(self.columns * self.rows)
+            for tag in range(self.count)
         ]
         return Ink.of_blocks(squares, *tags)
 
     @property
-    def facts(self) -> dict[str, Any]:
-        """What `result.json` tells of the board."""
-        return {
-            "board": str(self),
-            "square_mm": 1e3 * self.square,
-            "tag_mm": 1e3 * self.tag,
-            "family": self.family,
-        }
-
-    def same_order(self, left: NDArray, right: NDArray) -> NDArray:
-        """Return `right`: tags tell the order."""
-        del left
-        return right
-
-    def find(self, image: NDArray, window: int) -> BoardDetection | NotSeen:
-        """Find the corners that are plain to see, as `AnyBoard.find`.
-
-        Raises:
-            ValueError: If the image has another shape or type.
-        """
-        gray = detectable(image)
-        ids = range(self.columns * self.rows)
-        tags = seen_tags(gray, self.family, BORDER, apart=False)
-        problem = tags.problem_with(ids)
-        if problem:
-            return NotSeen(problem)
-        rough = self._rough(tags.among(ids))
-        near = min(self.square - self.tag, BORDER / self._cells * self.tag)
-        reach = near * tags.pixels_per_side(rough) / self.tag
-        exact = located(gray, rough, reach, window)
-        found, _ = without_strays(self.points, exact, (gray.shape[1], gray.shape[0]))
-        count = int(np.count_nonzero(np.isfinite(found[:, 0])))
-        if count < FEWEST:
-            return NotSeen(
-                f"{len(tags.ids)} tags but only {count} corners of a {self} board are plain to see"
-            )
-        return BoardDetection(self, read_only(found), METHOD, None)
+    def _method(self) -> str:
+        return METHOD
 
     @property
-    def _cells(self) -> int:
-        return FiducialFamily(self.family).cells + 2 * (BORDER - 1)
+    def _clear(self) -> float:
+        cells = FiducialFamily(self.family).cells + 2 * (BORDER - 1)
+        return min(self.square - self.tag, BORDER / cells * self.tag)
 
-    def _rough(self, tags: TagsSeen) -> NDArray:
+    def _tags(self, gray: NDArray) -> TagsSeen:
+        return seen_tags(gray, self.family, BORDER, apart=False)
+
+    def _rough(self, gray: NDArray, tags: TagsSeen) -> list[NDArray]:
+        del gray
+        return [self._agreeing(tags.among(range(self.count)))]
+
+    def _agreeing(self, tags: TagsSeen) -> NDArray:
         """Return corners of the tags that lie where the others have them. Shape (P, 2)."""
-        rough = np.full((4 * self.columns * self.rows, 2), np.nan)
+        rough = np.full((4 * self.count, 2), np.nan)
         for tag, corners in zip(tags.ids, tags.corners, strict=True):
             rough[4 * tag : 4 * tag + 4] = corners
         points, seen = self.points[:, :2].reshape(-1, 4, 2), rough.reshape(-1, 4, 2).copy()

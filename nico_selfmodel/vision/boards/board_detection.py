@@ -1,5 +1,6 @@
 """What a board is to those who look for one, and what is seen of it."""
 
+import re
 from dataclasses import dataclass
 from typing import Any, Protocol
 
@@ -22,6 +23,44 @@ class Ink:
     def of_blocks(cls, *blocks: NDArray) -> "Ink":
         """Return ink without circles."""
         return cls(np.concatenate([np.reshape(b, (-1, 4)) for b in blocks]), np.zeros((0, 3)))
+
+
+def grid_points(columns: int, rows: int, step: float, shift: int = 0) -> NDArray:
+    """Return a grid row by row, z = 0.
+
+    Args:
+        columns: Points in a row.
+        rows: Rows.
+        step: Distance of neighbours [m].
+        shift: 1 where every other row is moved by `step` and neighbours in a row are two apart.
+
+    Returns:
+        [m]. Shape (columns rows, 3).
+    """
+    across, down = np.meshgrid(np.arange(columns), np.arange(rows))
+    across = (1 + shift) * across + shift * (down % 2)
+    flat = np.stack([across, down, np.zeros_like(across)], axis=-1).reshape(-1, 3)
+    return flat * step
+
+
+def checkers(columns: int, rows: int) -> NDArray:
+    """Return the squares of a board with some inner corners, True where white; the first black.
+
+    Shape (rows + 1, columns + 1).
+    """
+    return np.asarray(np.indices((rows + 1, columns + 1)).sum(axis=0) % 2 == 1)
+
+
+def size_in(text: str, example: str) -> tuple[int, int]:
+    """Return columns and rows of a size like `9x6`.
+
+    Raises:
+        ValueError: If it is something else, with `example` as what is expected.
+    """
+    match = re.fullmatch(r"\s*(\d{1,3})\s*[x×]\s*(\d{1,3})\s*", text.lower())
+    if match is None:
+        raise ValueError(f"a board is written as {example}, got {text!r}")
+    return int(match[1]), int(match[2])
 
 
 def cells_of(pattern: NDArray, corner: NDArray, side: float) -> NDArray:

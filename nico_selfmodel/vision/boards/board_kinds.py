@@ -1,10 +1,8 @@
 """The boards that a text names: `9x6`, `charuco:7x5`, `aprilgrid:6x6`, `circles:7x5`, ..."""
 
-import re
-
 from nico_selfmodel.names import did_you_mean
 from nico_selfmodel.vision.boards.april_grid import AprilGrid
-from nico_selfmodel.vision.boards.board_detection import AnyBoard
+from nico_selfmodel.vision.boards.board_detection import AnyBoard, size_in
 from nico_selfmodel.vision.boards.charuco import CharucoBoard
 from nico_selfmodel.vision.boards.chessboard import Board
 from nico_selfmodel.vision.boards.circle_grid import CircleGrid
@@ -46,10 +44,7 @@ def board_of(
         if tag_mm is not None or family is not None:
             raise ValueError("--tag-mm and --family are for boards with tags or circles")
         return Board.parse(size, square_mm)
-    match = re.fullmatch(r"\s*(\d{1,3})\s*[x×]\s*(\d{1,3})\s*", size)
-    if match is None:
-        raise ValueError(f"a board is written as {kind}:7x5, got {text!r}")
-    columns, rows = int(match[1]), int(match[2])
+    columns, rows = size_in(size, f"{kind}:7x5")
     tag = 1e-3 * (_SHARE[kind] * square_mm if tag_mm is None else tag_mm)
     lengths = (columns, rows, 1e-3 * square_mm, tag)
     if kind in (CIRCLES, ASYMMETRIC):

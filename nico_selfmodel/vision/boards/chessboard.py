@@ -1,6 +1,5 @@
 """The inner corners of a chessboard, to a fraction of a pixel."""
 
-import re
 from dataclasses import dataclass
 from typing import Any
 
@@ -9,7 +8,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from nico_selfmodel.arrays import read_only
-from nico_selfmodel.vision.boards.board_detection import BoardDetection, Ink, cells_of
+from nico_selfmodel.vision.boards.board_detection import (
+    BoardDetection,
+    Ink,
+    cells_of,
+    checkers,
+    grid_points,
+    size_in,
+)
 from nico_selfmodel.vision.boards.board_pattern import (
     continues_beyond,
     is_plain,
@@ -64,10 +70,7 @@ class Board:
         Raises:
             ValueError: If the text is something else, or a number is out of range.
         """
-        match = re.fullmatch(r"\s*(\d{1,3})\s*[x×]\s*(\d{1,3})\s*", text.lower())
-        if match is None:
-            raise ValueError(f"a board is written as 9x6 (its inner corners), got {text!r}")
-        return cls(int(match[1]), int(match[2]), square_mm * 1e-3)
+        return cls(*size_in(text, "9x6 (its inner corners)"), square_mm * 1e-3)
 
     def __str__(self) -> str:
         return f"{self.columns}x{self.rows}"
@@ -75,15 +78,13 @@ class Board:
     @property
     def points(self) -> NDArray:
         """The corners in the board's frame, row by row, z = 0 [m]. Shape (P, 3)."""
-        across, down = np.meshgrid(np.arange(self.columns), np.arange(self.rows))
-        flat = np.stack([across, down, np.zeros_like(across)], axis=-1).reshape(-1, 3)
-        return flat * self.square
+        return grid_points(self.columns, self.rows, self.square)
 
     @property
     def ink(self) -> Ink:
         """What is printed: one more square each way than corners, the first inner one black."""
-        white = np.indices((self.rows + 1, self.columns + 1)).sum(axis=0) % 2 == 1
         side = (self.columns + 1) * self.square
+        white = checkers(self.columns, self.rows)
         return Ink.of_blocks(cells_of(white, np.full(2, -self.square), side))
 
     @property

@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from nico_selfmodel.arrays import read_only
-from nico_selfmodel.vision.boards.board_detection import BoardDetection, Ink
+from nico_selfmodel.vision.boards.board_detection import BoardDetection, Ink, grid_points
 from nico_selfmodel.vision.boards.corner_order import same_order
 from nico_selfmodel.vision.boards.stray_corners import BoardBehindLens, stray_points
 from nico_selfmodel.vision.images.image_array import detectable, reduced
@@ -71,11 +71,7 @@ class CircleGrid:
     @property
     def points(self) -> NDArray:
         """The centres, row by row, z = 0 [m]. Shape (P, 3)."""
-        across, down = np.meshgrid(np.arange(self.columns), np.arange(self.rows))
-        if self.asymmetric:
-            across = 2 * across + down % 2
-        flat = np.stack([across, down, np.zeros_like(across)], axis=-1).reshape(-1, 3)
-        return flat * self.square
+        return grid_points(self.columns, self.rows, self.square, int(self.asymmetric))
 
     @property
     def ink(self) -> Ink:
@@ -105,17 +101,7 @@ class CircleGrid:
         """
         del window
         gray = detectable(image)
-        kind = cv2.CALIB_CB_ASYMMETRIC_GRID if self.asymmetric else cv2.CALIB_CB_SYMMETRIC_GRID
-        rough = None
-        copy, scale = reduced(gray, _SEARCHED)
-        blobs = _blob_detector(copy.size / len(self.points))
-        for flags in (kind, kind | cv2.CALIB_CB_CLUSTERING):
-            size = (self.columns, self.rows)
-            found, centres = cv2.findCirclesGrid(copy, size, flags=flags, blobDetector=blobs)
-            if found:
-                spots = centres.reshape(-1, 2).astype(float)
-                rough = self._listed((spots + 0.5) * scale - 0.5)
-                break
+        rough = self._rough(gray)
         if rough is None:
             return NotSeen(f"{METHOD} found no {self} grid")
         centres = self._centred(gray, rough)
@@ -133,6 +119,19 @@ class CircleGrid:
                 f"{u:.0f}, {v:.0f}): glare, a shadow or dirt"
             )
         return BoardDetection(self, read_only(centres), METHOD, None)
+
+    def _rough(self, gray: NDArray) -> NDArray | None:
+        """Return centres as OpenCV sees them; None where it sees no grid. Shape (P, 2)."""
+        kind = cv2.CALIB_CB_ASYMMETRIC_GRID if self.asymmetric else cv2.CALIB_CB_SYMMETRIC_GRID
+        copy, scale = reduced(gray, _SEARCHED)
+        blobs = _blob_detector(copy.size / len(self.points))
+        for flags in (kind, kind | cv2.CALIB_CB_CLUSTERING):
+            size = (self.columns, self.rows)
+            found, centres = cv2.findCirclesGrid(copy, size, flags=flags, blobDetector=blobs)
+            if found:
+                spots = centres.reshape(-1, 2).astype(float)
+                return self._listed((spots + 0.5) * scale - 0.5)
+        return None
 
     def _listed(self, centres: NDArray) -> NDArray:
         """Return centres in one order: columns turn into rows as u turns into v."""

@@ -1,7 +1,6 @@
 """Square fiducial markers: which, where, and whether in a mirror."""
 
 from dataclasses import dataclass
-from functools import cache
 
 import cv2
 import numpy as np
@@ -11,14 +10,9 @@ from nico_selfmodel.arrays import read_only
 from nico_selfmodel.geometry.homography import apply_homography, homography, marker_center
 from nico_selfmodel.vision.images.image_array import detectable, reduced
 from nico_selfmodel.vision.images.not_seen import NotSeen
-from nico_selfmodel.vision.markers.fiducial_family import (
-    DEFAULT_FAMILY,
-    ERROR_CORRECTION,
-    FiducialFamily,
-)
+from nico_selfmodel.vision.markers.fiducial_family import DEFAULT_FAMILY, FiducialFamily
 from nico_selfmodel.vision.markers.marker_edges import corners_from_edges
-
-_MOST_READ = 8_000_000  # pixels of the copy of a large image in which markers are read
+from nico_selfmodel.vision.markers.tags_seen import MOST_READ, read_tags
 
 
 @dataclass(frozen=True, eq=False)
@@ -160,28 +154,15 @@ def _in_image(
 
 
 def _read(gray: NDArray, family: FiducialFamily) -> list[tuple[int, NDArray]]:
-    """Return ids and rough corners as OpenCV sees them."""
-    # The smallest marker that OpenCV looks for is a share of the image: in a large one its cells
-    # are large enough in a smaller copy.
-    copy, scale = reduced(gray, _MOST_READ)
+    """Return ids and rough corners, of small ones too."""
+    copy, scale = reduced(gray, MOST_READ)
     for enlarged in (1, 2) if scale == 1.0 else (1,):
         fine = cv2.resize(copy, None, fx=enlarged, fy=enlarged) if enlarged > 1 else copy
-        corners, ids, _ = _detector(family.name).detectMarkers(fine)
-        if ids is not None and len(ids):
-            size = scale / enlarged  # of a pixel that was read
-            pixels = [(c.reshape(4, 2).astype(float) + 0.5) * size - 0.5 for c in corners]
-            return list(zip((int(i) for i in np.ravel(ids)), pixels, strict=True))
+        size = scale / enlarged  # of a pixel that was read
+        tags = read_tags(fine, family.name)
+        if tags:
+            return [(tag, (corners + 0.5) * size - 0.5) for tag, corners in tags]
     return []
-
-
-@cache
-def _detector(name: str) -> cv2.aruco.ArucoDetector:
-    parameters = cv2.aruco.DetectorParameters()
-    parameters.cornerRefinementMethod = cv2.aruco.CORNER_REFINE_NONE
-    parameters.errorCorrectionRate = ERROR_CORRECTION
-    # By default the outline of the white paper is taken for the marker's own, which is then lost.
-    parameters.minMarkerDistanceRate = 0.05
-    return cv2.aruco.ArucoDetector(FiducialFamily(name).dictionary, parameters)
 
 
 def _overlapping(one: Fiducial, others: list[Fiducial]) -> list[Fiducial]:

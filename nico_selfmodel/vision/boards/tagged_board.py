@@ -1,0 +1,128 @@
+"""What boards with tags have in common: a part of one will do."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from nico_selfmodel.arrays import read_only
+from nico_selfmodel.vision.boards.board_detection import BoardDetection, Ink
+from nico_selfmodel.vision.boards.coded_corners import FEWEST, located, without_strays
+from nico_selfmodel.vision.images.image_array import detectable
+from nico_selfmodel.vision.images.not_seen import NotSeen
+from nico_selfmodel.vision.markers.fiducial_family import FiducialFamily
+from nico_selfmodel.vision.markers.tags_seen import TagsSeen
+
+
+@dataclass(frozen=True)
+class TaggedBoard:
+    """A board whose tags have the ids from 0."""
+
+    columns: int
+    """In a row, at least 2: of a ChArUco board inner corners, of an AprilGrid tags."""
+    rows: int
+    """In a column, at least 2."""
+    square: float
+    """Side of a square; of an AprilGrid from a tag's edge to the same edge of the next [m]."""
+    tag: float
+    """Side of a tag's black square [m]."""
+    family: str
+    """Of its tags."""
+
+    def __post_init__(self) -> None:
+        """Refuse boards that cannot be."""
+        if self.columns < 2 or self.rows < 2:
+            raise ValueError(f"a board with tags is at least 2x2 large, got {self}")
+        if not 0.0 < self.tag < self.square < np.inf:
+            raise ValueError(
+                f"the tags of a board are smaller than its squares, got {1e3 * self.tag:g} mm in "
+                f"squares of {1e3 * self.square:g} mm"
+            )
+        there_are = FiducialFamily(self.family).count
+        if self.count > there_are:
+            raise ValueError(f"{self} needs {self.count} tags, {self.family} has {there_are}")
+
+    @property
+    def count(self) -> int:
+        """How many tags it carries."""
+        raise NotImplementedError
+
+    @property
+    def points(self) -> NDArray:
+        """The points in the board's frame, z = 0 [m]. Shape (P, 3)."""
+        raise NotImplementedError
+
+    @property
+    def ink(self) -> Ink:
+        """What is printed."""
+        raise NotImplementedError
+
+    @property
+    def facts(self) -> dict[str, Any]:
+        """What `result.json` tells of the board."""
+        return {
+            "board": str(self),
+            "square_mm": 1e3 * self.square,
+            "tag_mm": 1e3 * self.tag,
+            "family": self.family,
+        }
+
+    def same_order(self, left: NDArray, right: NDArray) -> NDArray:
+        """Return `right`: tags tell the order."""
+        del left
+        return right
+
+    def find(self, image: NDArray, window: int) -> BoardDetection | NotSeen:
+        """Find the corners that are plain to see, as `AnyBoard.find`.
+
+        Raises:
+            ValueError: If the image has another shape or type.
+        """
+        gray = detectable(image)
+        tags = self._tags(gray)
+        problem = tags.problem_with(range(self.count))
+        if problem:
+            return NotSeen(problem)
+        found = max(
+            (self._located(gray, tags, rough, window) for rough in self._rough(gray, tags)),
+            key=_count,
+        )
+        if _count(found) < FEWEST:
+            return NotSeen(
+                f"{len(tags.ids)} tags but only {_count(found)} corners of a {self} board are "
+                "plain to see"
+            )
+        return BoardDetection(self, read_only(found), self._method, None)
+
+    def _located(self, gray: NDArray, tags: TagsSeen, rough: NDArray, window: int) -> NDArray:
+        """Return exact corners; nothing but the corner lies nearer than `_clear`. Shape (P, 2)."""
+        reach = self._clear * tags.pixels_per_side(rough) / self.tag
+        exact = located(gray, rough, reach, window)
+        return without_strays(self.points, exact, (gray.shape[1], gray.shape[0]))[0]
+
+    @property
+    def _method(self) -> str:
+        """OpenCV's detector."""
+        raise NotImplementedError
+
+    @property
+    def _clear(self) -> float:
+        """How far from a corner there is nothing else [m]."""
+        raise NotImplementedError
+
+    def _tags(self, gray: NDArray) -> TagsSeen:
+        """Return the tags in an image."""
+        raise NotImplementedError
+
+    def _rough(self, gray: NDArray, tags: TagsSeen) -> Sequence[NDArray]:
+        """Return corners as the tags tell them, nan elsewhere, for each way to print the board.
+
+        Shapes (P, 2).
+        """
+        raise NotImplementedError
+
+
+def _count(corners: NDArray) -> int:
+    return int(np.count_nonzero(np.isfinite(corners[:, 0])))
