@@ -18,7 +18,7 @@ if TYPE_CHECKING:
     from nico_selfmodel.estimation.arm.evaluation import evaluate
     from nico_selfmodel.estimation.arm.kinematics import calibrate_kinematics
     from nico_selfmodel.estimation.body.body import calibrate_body
-    from nico_selfmodel.estimation.cameras.stereo import calibrate_cameras
+    from nico_selfmodel.estimation.cameras.camera_calibration import calibrate_cameras
     from nico_selfmodel.estimation.initialization.nominal_arm import NominalArm
     from nico_selfmodel.estimation.judging import judge, to_json
     from nico_selfmodel.estimation.mirrors.mirror import calibrate_mirrors
@@ -79,7 +79,7 @@ __getattr__, __dir__ = lazy_names(
         "estimation.arm.evaluation": ("evaluate",),
         "estimation.arm.kinematics": ("calibrate_kinematics",),
         "estimation.body.body": ("calibrate_body",),
-        "estimation.cameras.stereo": ("calibrate_cameras",),
+        "estimation.cameras.camera_calibration": ("calibrate_cameras",),
         "estimation.initialization.nominal_arm": ("NominalArm",),
         "estimation.judging": ("judge", "to_json"),
         "estimation.mirrors.mirror": ("calibrate_mirrors",),

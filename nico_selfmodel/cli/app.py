@@ -33,7 +33,7 @@ from nico_selfmodel.cli import (
     simulate,
     view,
 )
-from nico_selfmodel.cli.calibrate import body, camera, hand_eye, kinematics, mirror, stereo, tool
+from nico_selfmodel.cli.calibrate import body, camera, cameras, hand_eye, kinematics, mirror, stereo, tool
 from nico_selfmodel.cli.experiment import mirror as mirror_experiment
 from nico_selfmodel.cli.experiment import motion_capture, refinement, vision
 from nico_selfmodel.cli.experiment import stereo as stereo_experiment
@@ -86,6 +86,7 @@ _GROUPS: dict[str, tuple[str, dict[str, Callable[..., None]]]] = {
         "Learn a self-model from recorded data.",
         {
             "kinematics": kinematics.kinematics,
+            "cameras": cameras.cameras,
             "stereo": stereo.stereo,
             "camera": camera.camera,
             "body": body.body,

@@ -1,4 +1,4 @@
-"""Corners of a flat board as one or two cameras saw them."""
+"""Corners of a flat board as one or more cameras saw them."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
@@ -8,6 +8,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from nico_selfmodel.arrays import read_only
 from nico_selfmodel.errors import DataError
+from nico_selfmodel.names import check_name
 
 _FEWEST_CORNERS = 4
 
@@ -21,7 +22,7 @@ class BoardViews:
     names: tuple[str, ...]
     """What each view is called, for people. Length V."""
     cameras: tuple[str, ...]
-    """`left` and `right`, or one of them. Length C."""
+    """What the cameras are called: of a pair `left` and `right`. Length C."""
     pixels: NDArray
     """Corners, u and v of each camera in turn; nan where not seen [px]. Shape (V, P, 2 C)."""
     image_size: tuple[int, int]
@@ -39,8 +40,12 @@ class BoardViews:
             )
         if len(set(self.names)) != len(self.names):
             raise ValueError(f"views must have names of their own, got {self.names}")
-        if self.cameras not in (("left", "right"), ("left",), ("right",)):
-            raise ValueError(f"cameras must be left, right or both, got {self.cameras}")
+        if not self.cameras or len(set(self.cameras)) != len(self.cameras):
+            raise ValueError(f"cameras must have names of their own, got {self.cameras}")
+        for camera in self.cameras:
+            check_name(camera, "names of cameras")
+            if "." in camera:
+                raise ValueError(f"names of cameras have no dot in them, got {camera!r}")
 
     def __len__(self) -> int:
         """Return the number of views."""
@@ -71,6 +76,11 @@ class BoardViews:
                 pixels[v, :, 2 * c : 2 * c + 2] = np.nan
         kept = replace(self, pixels=pixels)
         return kept.select(kept.seen.any(axis=(1, 2)))
+
+    def pair(self, first: str, second: str) -> "BoardViews":
+        """Return what two cameras saw, in all views."""
+        both = np.concatenate([self.of_camera(first), self.of_camera(second)], axis=2)
+        return replace(self, cameras=(first, second), pixels=both)
 
     def select(self, rows: ArrayLike | Sequence[int]) -> "BoardViews":
         """Return some views, chosen by index or by a boolean mask."""

@@ -7,7 +7,7 @@ import numpy as np
 
 from nico_selfmodel.estimation.arm.kinematics import calibrate_kinematics
 from nico_selfmodel.estimation.body.stereo_points import StereoPoints
-from nico_selfmodel.estimation.cameras.stereo import calibrate_cameras
+from nico_selfmodel.estimation.cameras.camera_calibration import calibrate_cameras
 from nico_selfmodel.experiments.stereo import board_points
 from nico_selfmodel.geometry.transform import inverse
 from nico_selfmodel.model.cameras.mirror import Mirror

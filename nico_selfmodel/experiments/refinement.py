@@ -13,8 +13,8 @@ from nico_selfmodel.estimation.arm.evaluation import evaluate
 from nico_selfmodel.estimation.body.body import calibrate_body
 from nico_selfmodel.estimation.body.body_calibration import BodyCalibration
 from nico_selfmodel.estimation.body.body_options import BodyOptions
+from nico_selfmodel.estimation.cameras.camera_calibration import calibrate_cameras
 from nico_selfmodel.estimation.cameras.camera_options import CameraOptions
-from nico_selfmodel.estimation.cameras.stereo import calibrate_cameras
 from nico_selfmodel.estimation.initialization.nominal_arm import NominalArm
 from nico_selfmodel.estimation.judging import judge
 from nico_selfmodel.experiments.irreducible_error import Limit

@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 
 from nico_selfmodel.dataset.dataset import Dataset
-from nico_selfmodel.estimation.cameras.stereo import calibrate_cameras
+from nico_selfmodel.estimation.cameras.camera_calibration import calibrate_cameras
 from nico_selfmodel.experiments.irreducible_error import Limit
 from nico_selfmodel.experiments.refinement import SEED, Scenario
 from nico_selfmodel.sessions.camera_scenario import Counts, RenderedNico, of_marker

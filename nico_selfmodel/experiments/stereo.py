@@ -11,8 +11,8 @@ from nico_selfmodel.estimation.cameras.board_accuracy import (
     corner_distances,
     held_out_residuals,
 )
+from nico_selfmodel.estimation.cameras.camera_calibration import calibrate_cameras
 from nico_selfmodel.estimation.cameras.camera_options import CameraOptions
-from nico_selfmodel.estimation.cameras.stereo import calibrate_cameras
 from nico_selfmodel.experiments.experiment_report import ExperimentReport, Table, bars, spread
 from nico_selfmodel.sessions.progress import Stage
 from nico_selfmodel.systems.simulated.cameras import SimulatedCameras

@@ -21,7 +21,8 @@ from nico_selfmodel.model.cameras.camera import Camera
 from nico_selfmodel.model.cameras.mirror import Mirror
 from nico_selfmodel.model.cameras.mirror_rig import MirrorRig
 from nico_selfmodel.model.cameras.projection import POLYNOMIAL
-from nico_selfmodel.model.cameras.stereo_rig import SIDES, StereoRig
+from nico_selfmodel.model.cameras.rig_parameters import SIDES, rig_names
+from nico_selfmodel.model.cameras.stereo_rig import StereoRig
 from nico_selfmodel.model.noise_mixture import NoiseMixture, mixtures_of
 from nico_selfmodel.names import check_name, listed
 
@@ -97,7 +98,7 @@ class SelfModel:
     provenance: Mapping[str, Any] = field(default_factory=dict)
     """Data set name and hash, package versions."""
     cameras: Mapping[str, Camera] = field(default_factory=dict)
-    """Cameras by name, `left` and `right`."""
+    """Cameras by name, of a pair `left` and `right`; the first is where others are told from."""
     pixel_sigma: float | None = None
     """Standard deviation of a pixel coordinate about the model of the cameras [px]."""
     mirrors: Mapping[str, Mirror] = field(default_factory=dict)
@@ -113,8 +114,6 @@ class SelfModel:
             _check_arm(self.table, self.servo_map)
         if self.bending is not None and self.bending.joints != self._joint_names:
             raise ValueError(f"what bends has the joints {self.bending.joints}: other than the arm")
-        if set(self.cameras) - set(SIDES):
-            raise ValueError(f"cameras are called left and right, got {sorted(self.cameras)}")
         self._check_names()
         strangers = set(self.covariance.names if self.covariance else ()) - set(self._known_names())
         if strangers:
@@ -132,7 +131,8 @@ class SelfModel:
         """Refuse names that a terminal would obey."""
         check_name(self.name, "the name of a self-model", in_table=False)
         parts = {"joint": self.table.joints, "marker": self.table.markers} if self.table else {}
-        for what, names in {**parts, "mirror": tuple(self.mirrors)}.items():
+        named = {**parts, "camera": tuple(self.cameras), "mirror": tuple(self.mirrors)}
+        for what, names in named.items():
             for name in names:
                 check_name(name, f"names of {what}s", in_table=False)
 
@@ -201,10 +201,10 @@ class SelfModel:
 
     def _known_names(self) -> tuple[str, ...]:
         arm = self.parameters.names if self.has_arm else ()
-        sides = tuple(side for side in SIDES if side in self.cameras)
+        cameras = SIDES if set(self.cameras) == set(SIDES) else tuple(self.cameras)
         mirrors = tuple(name for mirror in self.mirrors for name in Mirror.names_of(mirror))
-        lens = self.cameras[sides[0]].lens if sides else POLYNOMIAL
-        return (*arm, *StereoRig.names_of(sides, lens), *mirrors)
+        lens = self.cameras[cameras[0]].lens if cameras else POLYNOMIAL
+        return (*arm, *rig_names(cameras, lens), *mirrors)
 
     @cached_property
     def chain(self) -> Chain:

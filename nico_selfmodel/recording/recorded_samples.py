@@ -16,7 +16,7 @@ from nico_selfmodel.dataset.folder import load_dataset, save_dataset
 from nico_selfmodel.dataset.joint_info import JointInfo
 from nico_selfmodel.errors import DataError
 from nico_selfmodel.files.whole import recover
-from nico_selfmodel.model.cameras.stereo_rig import SIDES
+from nico_selfmodel.model.cameras.rig_parameters import SIDES
 from nico_selfmodel.names import shown
 from nico_selfmodel.recording.recorded_pose import RecordedPose
 from nico_selfmodel.systems.measurements import CameraMeasurement, Measurement

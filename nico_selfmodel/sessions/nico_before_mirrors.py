@@ -10,7 +10,8 @@ from numpy.typing import NDArray
 from nico_selfmodel.dataset.dataset import Dataset
 from nico_selfmodel.errors import EstimationError
 from nico_selfmodel.model.cameras.mirror import Mirror
-from nico_selfmodel.model.cameras.stereo_rig import SIDES, StereoRig
+from nico_selfmodel.model.cameras.rig_parameters import SIDES
+from nico_selfmodel.model.cameras.stereo_rig import StereoRig
 from nico_selfmodel.model.self_model import SelfModel
 from nico_selfmodel.names import check_name
 from nico_selfmodel.planning.mirror_poses import MirrorPoses, plan_mirror_poses

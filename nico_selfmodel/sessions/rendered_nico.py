@@ -9,7 +9,8 @@ from numpy.typing import NDArray
 from nico_selfmodel.dataset.board_views import BoardViews
 from nico_selfmodel.dataset.dataset import Dataset
 from nico_selfmodel.errors import DataError
-from nico_selfmodel.model.cameras.stereo_rig import SIDES, StereoRig
+from nico_selfmodel.model.cameras.rig_parameters import SIDES
+from nico_selfmodel.model.cameras.stereo_rig import StereoRig
 from nico_selfmodel.planning.board_poses import board_poses
 from nico_selfmodel.planning.plans import Plan, given_commands
 from nico_selfmodel.planning.visible_workspace import VisibleWorkspace

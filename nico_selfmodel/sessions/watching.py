@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 from nico_selfmodel.errors import ModelError
 from nico_selfmodel.geometry.transform import inverse
 from nico_selfmodel.model.cameras.mirror import Mirror
-from nico_selfmodel.model.cameras.stereo_rig import SIDES
+from nico_selfmodel.model.cameras.rig_parameters import SIDES
 from nico_selfmodel.model.self_model import SelfModel
 from nico_selfmodel.plant import ArmDescription
 from nico_selfmodel.sessions.camera_scenario import RenderedNico

@@ -5,8 +5,8 @@ import numpy as np
 import pytest
 
 from nico_selfmodel.estimation.cameras.camera_adjustment import Adjustment
+from nico_selfmodel.estimation.cameras.camera_calibration import calibrate_cameras
 from nico_selfmodel.estimation.cameras.camera_options import CameraOptions
-from nico_selfmodel.estimation.cameras.stereo import calibrate_cameras
 
 from ..estimation.real_boards import stereo_chessboard
 from ..estimation.simulated_boards import boards, pictures

@@ -13,8 +13,8 @@ from nico_selfmodel.estimation.cameras.board_accuracy import (
     epipolar_errors,
     held_out_residuals,
 )
+from nico_selfmodel.estimation.cameras.camera_calibration import calibrate_cameras
 from nico_selfmodel.estimation.cameras.camera_options import CameraOptions
-from nico_selfmodel.estimation.cameras.stereo import calibrate_cameras
 from nico_selfmodel.geometry.transform import apply
 from nico_selfmodel.model.cameras.stereo_rig import StereoRig
 

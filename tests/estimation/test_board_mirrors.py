@@ -230,7 +230,7 @@ def test_a_real_corner_of_mirrors_is_right_angled(corner):
 
 @pytest.mark.real_data
 def test_real_reflections_are_predicted_from_direct_views_alone(corner):
-    from nico_selfmodel.estimation.cameras.stereo import calibrate_cameras
+    from nico_selfmodel.estimation.cameras.camera_calibration import calibrate_cameras
 
     errors, expected = [], []
     for fold in range(5):

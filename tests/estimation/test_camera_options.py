@@ -3,14 +3,15 @@
 import numpy as np
 import pytest
 
+from nico_selfmodel.estimation.cameras.camera_calibration import calibrate_cameras
 from nico_selfmodel.estimation.cameras.camera_options import CameraOptions, by_full_name
-from nico_selfmodel.estimation.cameras.stereo import calibrate_cameras
+from nico_selfmodel.model.cameras.rig_parameters import rig_names
 from nico_selfmodel.model.cameras.stereo_rig import StereoRig
 
 from .simulated_boards import RIG, TRUTH, boards, changed, pictures
 
-NAMES = StereoRig.names_of()
-ALONE = StereoRig.names_of(("left",))
+NAMES = rig_names()
+ALONE = rig_names(("left",))
 
 
 @pytest.fixture(scope="module")

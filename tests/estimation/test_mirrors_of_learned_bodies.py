@@ -14,7 +14,7 @@ from nico_selfmodel.dataset.dataset import Dataset
 from nico_selfmodel.estimation.arm.kinematics import calibrate_kinematics
 from nico_selfmodel.estimation.body.body import calibrate_body
 from nico_selfmodel.estimation.body.stereo_points import StereoPoints
-from nico_selfmodel.estimation.cameras.stereo import calibrate_cameras
+from nico_selfmodel.estimation.cameras.camera_calibration import calibrate_cameras
 from nico_selfmodel.estimation.mirrors.mirror import calibrate_mirrors
 from nico_selfmodel.experiments.mirror_body import MIRRORS
 from nico_selfmodel.experiments.projected_nico import ProjectedNico

@@ -5,9 +5,9 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from nico_selfmodel.estimation.cameras.camera_calibration import calibrate_cameras
 from nico_selfmodel.estimation.cameras.camera_options import CameraOptions
 from nico_selfmodel.estimation.cameras.projection_uncertainty import ProjectionUncertainty
-from nico_selfmodel.estimation.cameras.stereo import calibrate_cameras
 
 from .wide_boards import wide_camera, wide_views
 

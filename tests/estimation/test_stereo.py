@@ -13,9 +13,9 @@ from nico_selfmodel.errors import (
     SelfModelError,
 )
 from nico_selfmodel.estimation.cameras.board_accuracy import epipolar_errors, held_out_residuals
+from nico_selfmodel.estimation.cameras.camera_calibration import calibrate_cameras
 from nico_selfmodel.estimation.cameras.camera_initialization import pose_of_seen_boards
 from nico_selfmodel.estimation.cameras.camera_options import CameraOptions
-from nico_selfmodel.estimation.cameras.stereo import calibrate_cameras
 from nico_selfmodel.geometry.rotation import rotation_from_vector
 from nico_selfmodel.geometry.transform import apply, transform
 from nico_selfmodel.model.cameras.camera import Camera
@@ -97,7 +97,7 @@ def test_one_camera_alone_is_calibrated_at_the_world(X_LG, side):
     assert np.array_equal(camera.X_WC, np.eye(4))
     assert pytest.approx(truth.X_CW @ X_LG, abs=1e-8) == found.X_LG
     assert found.names[0] == f"{side}.fx"
-    with pytest.raises(ValueError, match="one camera is no stereo rig"):
+    with pytest.raises(ValueError, match="has two cameras, got 1"):
         _ = found.rig
 
 

@@ -7,7 +7,8 @@ import pytest
 
 from nico_selfmodel.estimation.arm.kinematics import calibrate_kinematics
 from nico_selfmodel.estimation.body.stereo_points import StereoPoints
-from nico_selfmodel.estimation.cameras.stereo import calibrate_cameras
+from nico_selfmodel.estimation.cameras.camera_calibration import calibrate_cameras
+from nico_selfmodel.model.cameras.rig_parameters import rig_names
 from nico_selfmodel.model.cameras.stereo_rig import StereoRig
 from nico_selfmodel.model.self_model import ParameterCovariance
 
@@ -26,7 +27,7 @@ def through(cameras, seed=0):
 def test_an_arm_follows_its_cameras_as_their_covariance_says(name, step):
     cameras = scenario().cameras
     values = cameras.rig.values
-    values[StereoRig.names_of().index(name)] += step
+    values[rig_names().index(name)] += step
     rig = StereoRig.from_values(values, cameras.rig.left.image_size)
     moved = replace(cameras, cameras={"left": rig.left, "right": rig.right}, covariance=None)
     (stereo, before), (_, after) = through(cameras), through(moved)

@@ -7,7 +7,7 @@ import pytest
 
 from nico_selfmodel.estimation.arm.kinematics import calibrate_kinematics
 from nico_selfmodel.estimation.cameras.camera_assessment import CameraAssessment
-from nico_selfmodel.estimation.cameras.stereo import calibrate_cameras
+from nico_selfmodel.estimation.cameras.camera_calibration import calibrate_cameras
 from nico_selfmodel.estimation.diagnosis.score_test import Score
 from nico_selfmodel.estimation.diagnosis.systematic_residuals import Pattern
 from nico_selfmodel.estimation.judging import judge

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from nico_selfmodel.estimation.cameras.board_accuracy import Reconstruction
-from nico_selfmodel.estimation.cameras.stereo import calibrate_cameras
+from nico_selfmodel.estimation.cameras.camera_calibration import calibrate_cameras
 
 from .simulated_boards import RIG, boards, pictures
 

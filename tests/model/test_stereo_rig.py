@@ -10,7 +10,8 @@ from nico_selfmodel.errors import ModelError
 from nico_selfmodel.geometry.rotation import rotation_from_vector
 from nico_selfmodel.geometry.transform import apply, inverse, transform
 from nico_selfmodel.model.cameras.camera import Camera
-from nico_selfmodel.model.cameras.stereo_rig import POSE_NAMES, SIDES, StereoRig
+from nico_selfmodel.model.cameras.rig_parameters import POSE_NAMES, SIDES, rig_names
+from nico_selfmodel.model.cameras.stereo_rig import StereoRig
 
 SIZE = (640, 480)
 SEED = st.integers(0, 2**32 - 1)
@@ -275,6 +276,6 @@ def test_every_parameter_has_a_name_a_value_and_a_unit():
     found = transform(rotation_from_vector(pose[:3]), pose[3:])
     assert found == pytest.approx(rig.X_LR, abs=1e-12)
     assert dict(zip(rig.names, rig.units, strict=True))["right.pose.rx"] == "rad"
-    assert StereoRig.names_of(("left",)) == rig.names[:10]
-    assert StereoRig.names_of(("right",)) == rig.names[10:20]
+    assert rig_names(("left",)) == rig.names[:10]
+    assert rig_names(("right",)) == rig.names[10:20]
     assert SIDES == ("left", "right")

@@ -5,7 +5,7 @@ import pytest
 
 from nico_selfmodel.vision.boards.board_detections import (
     detect_boards,
-    detect_boards_of_one_camera,
+    detect_boards_of_cameras,
 )
 from nico_selfmodel.vision.boards.board_images import stereo_pairs
 from nico_selfmodel.vision.boards.chessboard import Board, BoardDetection, find_chessboard
@@ -110,7 +110,7 @@ def test_real_photographs_give_opencvs_own_calibration(real_data_folder):
     cv2 = pytest.importorskip("cv2")
     folder = real_data_folder / "stereo_chessboard"
     pairs = [(name, path) for name, path, _ in stereo_pairs(folder)]
-    found = detect_boards_of_one_camera(pairs, BOARD)
+    found = detect_boards_of_cameras({"left": pairs}, BOARD)
     assert (found.window, dict(found.not_seen)) == (11, {})
     corners = [view.astype(np.float32) for view in found.views.of_camera("left")]
     boards = [BOARD.points.astype(np.float32)] * len(corners)

@@ -7,7 +7,7 @@ import pytest
 from nico_selfmodel.errors import DataError
 from nico_selfmodel.vision.boards.board_detections import (
     detect_boards,
-    detect_boards_of_one_camera,
+    detect_boards_of_cameras,
 )
 from nico_selfmodel.vision.boards.board_images import camera_images, stereo_pairs
 from nico_selfmodel.vision.boards.chessboard import Board
@@ -56,7 +56,7 @@ def test_corners_that_one_camera_did_not_see_are_nan_with_the_reason(folder):
     assert list(found.not_seen) == ["right10.png"]
     assert "no 5x4 board" in found.not_seen["right10.png"]
     assert told[-1] == ("looking for boards", 6, 6)
-    one = detect_boards_of_one_camera(camera_images(folder, "right"), BOARD, 4, side="right")
+    one = detect_boards_of_cameras({"right": camera_images(folder, "right")}, BOARD, 4)
     np.testing.assert_array_equal(one.views.of_camera("right"), found.views.of_camera("right"))
 
 

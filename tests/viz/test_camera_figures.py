@@ -129,7 +129,7 @@ def test_the_profile_is_what_the_lens_does_and_its_band_covers_the_truth(cameras
 
 def test_reconstruction_errors_are_drawn_over_their_range(cameras):
     axes = reconstruction_by_range(cameras).axes[0]
-    found = cameras.reconstruction
+    found = cameras.pair.reconstruction
     distance, error = axes.lines[0].get_data()
     np.testing.assert_allclose(distance, 1e3 * found.depths.ravel())
     np.testing.assert_allclose(error, 1e3 * found.errors.ravel())

@@ -157,7 +157,7 @@ def _boards(
     """Return the boards to learn from and those held out."""
     if folder is None:
         return None, None
-    from nico_selfmodel.estimation.cameras.stereo import FEWEST_VIEWS
+    from nico_selfmodel.estimation.cameras.camera_calibration import FEWEST_VIEWS
     from nico_selfmodel.vision.boards.board_detections import detect_boards
 
     found = detect_boards(folder, board, progress=progress).seen_views

@@ -40,7 +40,7 @@ def camera(
 ) -> None:
     """Learn one camera alone from photographs of a board."""
     from nico_selfmodel.files.whole import refuse_folder
-    from nico_selfmodel.vision.boards.board_detections import detect_boards_of_one_camera
+    from nico_selfmodel.vision.boards.board_detections import detect_boards_of_cameras
     from nico_selfmodel.vision.boards.board_images import camera_images, images_by_pattern
 
     if camera not in ("left", "right"):
@@ -56,6 +56,6 @@ def camera(
         *(no_report, force),
     )
     with printer.progress_bar() as progress:
-        found = detect_boards_of_one_camera(listed, wanted, window, progress, camera)
+        found = detect_boards_of_cameras({camera: listed}, wanted, window, progress)
         document = task.run(found, progress)
     printer.result(task.name, document, out, json_instead=as_json)

@@ -114,7 +114,7 @@ def lens_options(
 
 @dataclass(frozen=True)
 class CameraTask:
-    """What is asked of one camera or two, once the boards are found."""
+    """What is asked of cameras, once the boards are found."""
 
     options: "CameraOptions"
     test_fraction: float | None

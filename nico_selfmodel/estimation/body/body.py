@@ -30,7 +30,7 @@ from nico_selfmodel.estimation.body.few_poses import open_at
 from nico_selfmodel.estimation.cameras.board_accuracy import held_out_residuals
 from nico_selfmodel.estimation.cameras.board_check import BoardCheck
 from nico_selfmodel.estimation.cameras.camera_adjustment import OUTLIER_RATIO
-from nico_selfmodel.estimation.cameras.stereo import FEWEST_VIEWS
+from nico_selfmodel.estimation.cameras.camera_calibration import FEWEST_VIEWS
 from nico_selfmodel.estimation.initialization.nominal_arm import NominalArm
 from nico_selfmodel.estimation.noise.hand_noise import HandNoise
 from nico_selfmodel.estimation.noise.hand_observations import JOINT_SIGMA
@@ -46,6 +46,7 @@ from nico_selfmodel.estimation.results.fixed_parameters import FixedParameters
 from nico_selfmodel.estimation.results.provenance import data_named, package_versions
 from nico_selfmodel.model.arm.dh_parameters import DhParameters
 from nico_selfmodel.model.cameras.camera import require_polynomial
+from nico_selfmodel.model.cameras.rig_parameters import rig_names
 from nico_selfmodel.model.cameras.stereo_rig import StereoRig
 from nico_selfmodel.model.self_model import ParameterCovariance, SelfModel
 from nico_selfmodel.optimization.uncertainty import Uncertainty
@@ -275,7 +276,7 @@ class _Task:
         """Return the names of everything that was estimated."""
         pinned = parameters.gauge | self.held_gears | frozenset(self.pins.pinned)
         arm = frozenset(parameters.names) - (pinned - self.pins.freed)
-        return arm | (frozenset(StereoRig.names_of()) - frozenset(self.held_cameras))
+        return arm | (frozenset(rig_names()) - frozenset(self.held_cameras))
 
     def uncertainty(self, parameters: DhParameters, solved: BodySolution) -> Uncertainty:
         """Return the covariance of what was free."""

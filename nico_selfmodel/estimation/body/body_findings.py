@@ -14,7 +14,7 @@ from nico_selfmodel.estimation.results.calibration_result import (
     findings,
 )
 from nico_selfmodel.model.cameras.projection import DISTORTION, INTRINSICS
-from nico_selfmodel.model.cameras.stereo_rig import SIDES
+from nico_selfmodel.model.cameras.rig_parameters import SIDES
 
 _LARGEST_JOINT_NOISE = np.radians(5.0)
 """A joint that is this uncertain about its encoder is not play."""

@@ -5,7 +5,8 @@ from dataclasses import dataclass, field, replace
 
 from nico_selfmodel.estimation.cameras.camera_options import HELD_BY_DEFAULT, by_full_name
 from nico_selfmodel.model.cameras.projection import INTRINSICS
-from nico_selfmodel.model.cameras.stereo_rig import SIDES, StereoRig
+from nico_selfmodel.model.cameras.rig_parameters import SIDES, rig_names
+from nico_selfmodel.model.cameras.stereo_rig import StereoRig
 from nico_selfmodel.optimization.robust_solve import ROBUST_METHODS
 
 STAGES = ("kinematics", "intrinsics-fixed", "full")
@@ -98,7 +99,7 @@ class BodyOptions:
     @staticmethod
     def _of_cameras(words: Mapping[str, float | None]) -> dict[str, float | None]:
         """Return what speaks of cameras: `left.cx`, `cx`, `right.pose.x`."""
-        bare = {n.partition(".")[2] for n in StereoRig.names_of()}
+        bare = {n.partition(".")[2] for n in rig_names()}
         return {
             word: value
             for word, value in words.items()

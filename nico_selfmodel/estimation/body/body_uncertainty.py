@@ -14,7 +14,8 @@ from nico_selfmodel.estimation.observations.arm_views import DhArm
 from nico_selfmodel.estimation.observations.hand_pixels import HandPixels
 from nico_selfmodel.estimation.observations.pixel_observations import PixelObservations
 from nico_selfmodel.model.arm.dh_parameters import DhParameters
-from nico_selfmodel.model.cameras.stereo_rig import SIDES, StereoRig
+from nico_selfmodel.model.cameras.rig_parameters import SIDES
+from nico_selfmodel.model.cameras.stereo_rig import StereoRig
 from nico_selfmodel.optimization.uncertainty import Uncertainty
 
 

@@ -8,7 +8,7 @@ import numpy as np
 from nico_selfmodel.geometry.angles import nearest_rotation_vector, nearest_turn
 from nico_selfmodel.model.arm.dh_parameters import M0_NAMES
 from nico_selfmodel.model.arm.link_lengths import link_lengths
-from nico_selfmodel.model.cameras.stereo_rig import POSE_NAMES
+from nico_selfmodel.model.cameras.rig_parameters import POSE_NAMES
 from nico_selfmodel.model.self_model import SelfModel
 
 _ROTATIONS = (M0_NAMES[3:], tuple(f"right.pose.{name}" for name in POSE_NAMES[:3]))

@@ -23,7 +23,7 @@ from nico_selfmodel.estimation.observations.pixel_evaluation import (
 )
 from nico_selfmodel.estimation.results.calibration_result import CalibrationResult
 from nico_selfmodel.model.cameras.camera import require_polynomial
-from nico_selfmodel.model.cameras.stereo_rig import StereoRig
+from nico_selfmodel.model.cameras.rig_parameters import rig_names
 from nico_selfmodel.model.self_model import ParameterCovariance, SelfModel
 from nico_selfmodel.optimization.uncertainty import Uncertainty
 
@@ -80,7 +80,7 @@ class StereoPoints:
         )
         known, arm = self.cameras.covariance, calibration.uncertainty
         # A covariance may speak of an arm alone, whose cameras counted as exact.
-        cameras = tuple(n for n in StereoRig.names_of() if known is not None and n in known.names)
+        cameras = tuple(n for n in rig_names() if known is not None and n in known.names)
         if not cameras or arm is None:
             return replace(calibration, model=self._with_noise(model, calibration.outliers))
         together = _together(
@@ -109,7 +109,7 @@ class StereoPoints:
         # Pixels stay: the point moves so that it makes up for the cameras, as well as one point
         # can.
         by_point = by_point.transpose(2, 0, 1)
-        columns = [StereoRig.names_of().index(name) for name in cameras]
+        columns = [rig_names().index(name) for name in cameras]
         moved = -np.linalg.pinv(by_point) @ by_cameras[columns].transpose(2, 1, 0)
         rows = linear.weights * linear.columns(frozenset(arm))
         size = np.maximum(np.linalg.norm(rows, axis=0), np.finfo(float).tiny)

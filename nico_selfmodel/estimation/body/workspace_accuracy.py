@@ -14,7 +14,7 @@ from nico_selfmodel.estimation.noise.hand_observations import JOINT_SIGMA, covar
 from nico_selfmodel.estimation.observations.arm_views import DhArm
 from nico_selfmodel.estimation.observations.hand_pixels import project_to_cameras
 from nico_selfmodel.estimation.observations.observations import Observations
-from nico_selfmodel.model.cameras.stereo_rig import SIDES
+from nico_selfmodel.model.cameras.rig_parameters import SIDES
 from nico_selfmodel.model.self_model import SelfModel
 
 

@@ -1,19 +1,23 @@
 """How well calibrated cameras do: held-out boards, epipolar lines, reconstructed squares."""
 
 from dataclasses import dataclass
+from itertools import combinations
 
 import numpy as np
 from numpy.typing import NDArray
 
 from nico_selfmodel.dataset.board_views import BoardViews
-from nico_selfmodel.estimation.cameras.camera_adjustment import Adjustment
+from nico_selfmodel.errors import EstimationError
+from nico_selfmodel.estimation.cameras.camera_adjustment import Adjustment, CameraCalibration
+from nico_selfmodel.estimation.cameras.camera_calibration import FEWEST_VIEWS, calibrate_cameras
 from nico_selfmodel.estimation.cameras.camera_initialization import pose_of_seen_boards
 from nico_selfmodel.estimation.cameras.camera_options import CameraOptions
-from nico_selfmodel.estimation.cameras.stereo import FEWEST_VIEWS, calibrate_cameras
+from nico_selfmodel.estimation.cameras.rig_start import rig_links
 from nico_selfmodel.estimation.results.folds import fold_of, splits
 from nico_selfmodel.geometry.alignment import Alignment
 from nico_selfmodel.model.cameras.camera import Camera
-from nico_selfmodel.model.cameras.stereo_rig import SIDES, StereoRig
+from nico_selfmodel.model.cameras.rig_parameters import SIDES
+from nico_selfmodel.model.cameras.stereo_rig import StereoRig
 
 
 @dataclass(frozen=True, eq=False)
@@ -107,15 +111,82 @@ def cross_validate_cameras(views: BoardViews, options: CameraOptions, inliers: N
         boards.
     """
     kept = views.select(inliers)
-    fold = fold_of(np.arange(len(kept)))
-    fewest = min((int(rest.sum()) for rest, _ in splits(fold)), default=0)
-    if fewest < FEWEST_VIEWS:
+    fold = _folds(kept)
+    if not fold.size or not all(_suffices(kept.select(rest)) for rest, _ in splits(fold)):
         return np.zeros((0, len(views.p_GQ), 2 * len(views.cameras)))
     found = np.full(kept.pixels.shape, np.nan)
     for rest, left in splits(fold):
         cameras = calibrate_cameras(kept.select(rest), options).cameras
         found[left] = held_out_residuals(cameras, kept.select(left))
     return found
+
+
+def _folds(views: BoardViews) -> NDArray:
+    """Return the fold of each view; of a rig of many, each fold has views of all its parts."""
+    fold = fold_of(np.arange(len(views)))
+    if len(views.cameras) <= 2:
+        return fold
+    saw = views.seen.any(axis=2) @ (1 << np.arange(len(views.cameras)))
+    found = np.empty_like(fold)
+    found[np.argsort(saw, kind="stable")] = fold
+    return found
+
+
+def _suffices(views: BoardViews) -> bool:
+    """Tell whether cameras can be learned from some views: enough of each, all connected."""
+    if len(views.cameras) <= 2:
+        return len(views) >= FEWEST_VIEWS
+    try:
+        rig_links(views)
+    except EstimationError:
+        return False
+    return bool((views.seen.any(axis=2).sum(axis=0) >= FEWEST_VIEWS).all())
+
+
+@dataclass(frozen=True, eq=False)
+class PairAccuracy:
+    """What two cameras of a rig do together."""
+
+    cameras: tuple[str, str]
+    """Their names."""
+    boards: int
+    """How many of the boards learned from both saw."""
+    epipolar: NDArray
+    """Distances from epipolar lines in both images, nan where not seen [px]. Shape (V, P, 2)."""
+    reconstruction: Reconstruction
+    """Boards rebuilt by triangulation; the held-out ones where there are some."""
+
+    @classmethod
+    def of(
+        cls, calibration: CameraCalibration, link: tuple[str, str], shown: BoardViews
+    ) -> "PairAccuracy":
+        """Hold two cameras against the boards that both saw.
+
+        Args:
+            calibration: What was learned.
+            link: Two of its cameras.
+            shown: The boards that are rebuilt.
+        """
+        rig, views = calibration.pair(*link), calibration.views.pair(*link)
+        both = np.all(views.seen.any(axis=2), axis=1) & ~calibration.outliers
+        part = shown.pair(*link)
+        rays = have_rays(rig, part.pixels.reshape(-1, 4)).reshape(len(part), -1)
+        rebuilt = Reconstruction.from_views(rig, part.select(rays.all(axis=1)))
+        return cls(link, int(both.sum()), epipolar_errors(rig, views), rebuilt)
+
+
+def pairs_of(calibration: CameraCalibration, shown: BoardViews) -> tuple[PairAccuracy, ...]:
+    """Return every pair of cameras that saw a board at once.
+
+    Args:
+        calibration: What was learned.
+        shown: The boards that are rebuilt.
+    """
+    found = (
+        PairAccuracy.of(calibration, link, shown)
+        for link in combinations(calibration.views.cameras, 2)
+    )
+    return tuple(pair for pair in found if pair.boards)
 
 
 def epipolar_errors(rig: StereoRig, views: BoardViews) -> NDArray:

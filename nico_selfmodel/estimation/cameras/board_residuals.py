@@ -1,7 +1,7 @@
-"""Reprojection errors of board corners in one or two cameras, with derivatives.
+"""Reprojection errors of board corners in one or more cameras, with derivatives.
 
-A corner p_GQ of view v lies at p_LQ = R_v p_GQ + t_v in the frame of the first camera; the second
-sees it at p_RQ = R_LR' (p_LQ - p_LR). Pixels follow by `model.camera.project_in_camera`.
+A corner p_GQ of view v lies at p_LQ = R_v p_GQ + t_v in the frame of the first camera, L; another
+one, R, sees it at p_RQ = R_LR' (p_LQ - p_LR). Pixels follow by `project_in_camera`.
 """
 
 import numpy as np
@@ -10,14 +10,16 @@ from numpy.typing import NDArray
 from nico_selfmodel.dataset.board_views import BoardViews
 from nico_selfmodel.geometry.rotation import (
     rotation_from_vector,
-    rotation_vector_of,
     rotation_vector_slope,
 )
 from nico_selfmodel.geometry.transform import transform
 from nico_selfmodel.model.cameras.camera import Camera
 from nico_selfmodel.model.cameras.projection import POLYNOMIAL, intrinsics_of, project_in_camera
-from nico_selfmodel.model.cameras.stereo_rig import POSE_NAMES
+from nico_selfmodel.model.cameras.rig_parameters import POSE_NAMES, rig_names, rig_values
 from nico_selfmodel.optimization.separable_block import Parts, SeparableBlock
+
+_AHEAD = np.array([0.0, 0.0, 1.0]).reshape(3, 1, 1)
+"""A point that every camera can project."""
 
 
 class BoardResiduals(SeparableBlock):
@@ -46,9 +48,9 @@ class BoardResiduals(SeparableBlock):
         self.rotations = np.array(X_LG)[:, :3, :3]
         own = intrinsics_of(lens)
         inside = [n for n in own if aspect is None or n != "fy"]
-        self.shared_names = tuple(f"{camera}.{n}" for camera in views.cameras for n in inside)
-        if len(views.cameras) == 2:
-            self.shared_names += tuple(f"right.pose.{n}" for n in POSE_NAMES)
+        self._inside = len(inside) * len(views.cameras)
+        names = rig_names(views.cameras, lens)
+        self.shared_names = tuple(n for n in names if aspect is None or not n.endswith(".fy"))
         boards = tuple(f"board.{view}.{n}" for view in views.names for n in POSE_NAMES)
         self.names = self.shared_names + boards
         self._spread = np.eye(len(own))
@@ -59,6 +61,7 @@ class BoardResiduals(SeparableBlock):
         cameras = views.pixels.reshape(len(views), len(views.p_GQ), len(views.cameras), 2)
         self._measured = np.nan_to_num(np.transpose(cameras, (2, 3, 0, 1)))
         self._seen = np.moveaxis(views.seen, 1, 0).astype(float)
+        self._missed = [~seen.any(axis=1) for seen in np.moveaxis(views.seen, 1, 0)]
 
     @property
     def observation_count(self) -> int:
@@ -67,10 +70,11 @@ class BoardResiduals(SeparableBlock):
 
     def cameras(self, x: NDArray) -> tuple[Camera, ...]:
         """Return the cameras that the shared variables describe, the first one at the world."""
-        poses = [np.eye(4), self._right_pose(x)] if len(self.views.cameras) == 2 else [np.eye(4)]
         return tuple(
-            Camera.from_values(self._values_of(x, e), self.views.image_size, pose, self.lens)
-            for e, pose in enumerate(poses)
+            Camera.from_values(
+                self._values_of(x, e), self.views.image_size, self._pose_of(x, e), self.lens
+            )
+            for e in range(len(self.views.cameras))
         )
 
     def board_poses(self, x: NDArray) -> NDArray:
@@ -80,14 +84,10 @@ class BoardResiduals(SeparableBlock):
 
     def start_of(self, cameras: tuple[Camera, ...], X_LG: NDArray) -> NDArray:
         """Return the variables of given cameras and boards; rotations are those given first."""
-        own = intrinsics_of(self.lens)
-        keep = [i for i, n in enumerate(own) if self.aspect is None or n != "fy"]
-        shared = [camera.values[keep] for camera in cameras]
-        if len(cameras) == 2:
-            X_LR = cameras[0].X_CW @ cameras[1].X_WC
-            shared += [rotation_vector_of(X_LR[:3, :3]), X_LR[:3, 3]]
+        names = rig_names(self.views.cameras, self.lens)
+        keep = [i for i, n in enumerate(names) if self.aspect is None or not n.endswith(".fy")]
         own = np.concatenate([np.zeros((len(X_LG), 3)), X_LG[:, :3, 3]], axis=1)
-        return np.concatenate([*shared, own.ravel()])
+        return np.concatenate([rig_values(cameras)[keep], own.ravel()])
 
     def evaluate_parts(self, x: NDArray) -> Parts:
         """Return residuals (predicted - measured) / sigma and derivatives; see `SeparableBlock`."""
@@ -107,8 +107,9 @@ class BoardResiduals(SeparableBlock):
             by_point *= weight
             r[:, e] = np.moveaxis((pixels - self._measured[e]) * weight, 1, 0)
             by_shared[:, self._columns_of(e), e] = np.moveaxis(by_values * weight, 2, 0)
-            if e == 1:
-                by_shared[:, -6:, e] = np.moveaxis(self._by_right_pose(x, p_LQ, by_point), 2, 0)
+            if e > 0:
+                by_pose = _by_pose(x[self._pose_columns(e)], p_LQ, by_point)
+                by_shared[:, self._pose_columns(e), e] = np.moveaxis(by_pose, 2, 0)
             # a . (w x q) = (q x a) . w: how a pixel moves when the board turns by w
             about = np.moveaxis(_cross(turned[:, None], by_point), 2, 0)
             by_own[:, :3, e] = (slope @ about.reshape(views, 3, -1)).reshape(about.shape)
@@ -119,14 +120,15 @@ class BoardResiduals(SeparableBlock):
     def _project(self, x: NDArray, camera: int, p_LQ: NDArray) -> tuple[NDArray, NDArray, NDArray]:
         """Return pixels (2, V, P), derivatives by p_LQ (3, 2, V, P) and by its own (s, 2, V, P)."""
         values = self._values_of(x, camera)
-        if camera == 0:
-            pixels, by_point, by_values = project_in_camera(p_LQ, values, self.lens)
-            by_point = by_point.swapaxes(0, 1)
-        else:
-            X_LR = self._right_pose(x)
-            p_RQ = _turn(X_LR[:3, :3].T, p_LQ - X_LR[:3, 3, None, None])
-            pixels, by_point, by_values = project_in_camera(p_RQ, values, self.lens)
-            by_point = _turn(X_LR[:3, :3], by_point.swapaxes(0, 1))
+        X_LR = self._pose_of(x, camera)
+        p_RQ = _turn(X_LR[:3, :3].T, p_LQ - X_LR[:3, 3, None, None]) if camera else p_LQ
+        if self._missed[camera].any():
+            # Boards beside or behind a camera have no pixels, and count for nothing.
+            p_RQ = np.where(self._missed[camera][:, None], _AHEAD, p_RQ)
+        pixels, by_point, by_values = project_in_camera(p_RQ, values, self.lens)
+        by_point = by_point.swapaxes(0, 1)
+        if camera:
+            by_point = _turn(X_LR[:3, :3], by_point)
         by_values = by_values.swapaxes(0, 1)
         if self.aspect is not None:
             by_values = _turn(self._spread.T, by_values)
@@ -151,21 +153,24 @@ class BoardResiduals(SeparableBlock):
         """Return one camera's intrinsics. Shape (c,)."""
         return self._spread @ x[self._columns_of(camera)]
 
-    def _right_variables(self, x: NDArray) -> NDArray:
-        """Return `right.pose.*`. Shape (6,)."""
-        return x[len(self.shared_names) - 6 : len(self.shared_names)]
+    def _pose_columns(self, camera: int) -> slice:
+        """Return where the pose of a camera other than the first stands among the variables."""
+        first = self._inside + 6 * (camera - 1)
+        return slice(first, first + 6)
 
-    def _right_pose(self, x: NDArray) -> NDArray:
-        """Return X_LR from `right.pose.*`."""
-        pose = self._right_variables(x)
+    def _pose_of(self, x: NDArray, camera: int) -> NDArray:
+        """Return X_LR of a camera; of the first the identity. Shape (4, 4)."""
+        if camera == 0:
+            return np.eye(4)
+        pose = x[self._pose_columns(camera)]
         return transform(rotation_from_vector(pose[:3]), pose[3:])
 
-    def _by_right_pose(self, x: NDArray, p_LQ: NDArray, by_point: NDArray) -> NDArray:
-        """Return derivatives by (w, t) of X_LR, with p_RQ = R' exp(-[w]) (p_LQ - p_LR - t)."""
-        pose = self._right_variables(x)
-        about = _cross(by_point, (p_LQ - pose[3:, None, None])[:, None])
-        slope = rotation_vector_slope(pose[:3])
-        return np.concatenate([_turn(slope.T, about), -by_point])
+
+def _by_pose(pose: NDArray, p_LQ: NDArray, by_point: NDArray) -> NDArray:
+    """Return derivatives by (w, t) of X_LR, with p_RQ = R' exp(-[w]) (p_LQ - p_LR - t)."""
+    about = _cross(by_point, (p_LQ - pose[3:, None, None])[:, None])
+    slope = rotation_vector_slope(pose[:3])
+    return np.concatenate([_turn(slope.T, about), -by_point])
 
 
 def _turn(matrix: NDArray, vectors: NDArray) -> NDArray:

@@ -68,11 +68,16 @@ class CameraCalibration:
         """Both cameras.
 
         Raises:
-            ValueError: If only one camera was calibrated.
+            ValueError: If there are others than two.
         """
         if len(self.cameras) != 2:
-            raise ValueError("one camera is no stereo rig")
+            raise ValueError(f"a stereo rig has two cameras, got {len(self.cameras)}")
         return StereoRig(*self.cameras)
+
+    def pair(self, first: str, second: str) -> StereoRig:
+        """Return two of the cameras, the first one as the left."""
+        by_name = dict(zip(self.views.cameras, self.cameras, strict=True))
+        return StereoRig(by_name[first], by_name[second])
 
     def self_model(self, name: str, provenance: Mapping[str, Any] | None = None) -> SelfModel:
         """Return the cameras as a self-model without an arm.
@@ -275,6 +280,7 @@ def natural_scales(
         loose = _LOOSE if f"{camera}.k6" in names and what[0] == "k" else 1.0
         focal = values[names.index(f"{camera}.fx")]
         radius = float(np.hypot(*half)) / focal
+        by_angle = f"{camera}.k4" in names and f"{camera}.k6" not in names  # a fisheye
         scales.append(
             loose
             * {
@@ -286,7 +292,7 @@ def natural_scales(
                 "k1": radius**-2,
                 "k2": radius**-4,
                 "k3": radius**-6,
-                "k4": radius**-2,
+                "k4": radius ** (-8 if by_angle else -2),
                 "k5": radius**-4,
                 "k6": radius**-6,
                 "p1": 1.0 / radius,

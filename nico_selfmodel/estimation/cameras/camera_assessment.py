@@ -7,12 +7,11 @@ from numpy.typing import NDArray
 
 from nico_selfmodel.dataset.board_views import BoardViews
 from nico_selfmodel.estimation.cameras.board_accuracy import (
-    Reconstruction,
+    PairAccuracy,
     corner_distances,
     cross_validate_cameras,
-    epipolar_errors,
-    have_rays,
     held_out_residuals,
+    pairs_of,
 )
 from nico_selfmodel.estimation.cameras.camera_adjustment import CameraCalibration
 from nico_selfmodel.estimation.cameras.camera_options import CameraOptions
@@ -20,7 +19,6 @@ from nico_selfmodel.estimation.cameras.lens_folds import folds_by_chance, folds_
 from nico_selfmodel.estimation.cameras.lens_misfit import LensMisfit, lens_misfits
 from nico_selfmodel.estimation.cameras.projection_uncertainty import ProjectionUncertainty
 from nico_selfmodel.model.cameras.projection import POLYNOMIAL
-from nico_selfmodel.model.cameras.stereo_rig import StereoRig
 
 _COVERED = 0.75
 """Corners should reach this far from the image's centre towards its corner."""
@@ -42,10 +40,8 @@ class CameraAssessment:
     """Held-out boards."""
     test_residuals: NDArray | None
     """Measured minus predicted pixels of the held-out boards [px]. Shape (V, P, 2 C)."""
-    epipolar: NDArray | None
-    """Distances from epipolar lines in both images [px], of a pair. Shape (V, P, 2)."""
-    reconstruction: Reconstruction | None
-    """Boards rebuilt by triangulation, of a pair; the held-out ones where there are some."""
+    pairs: tuple[PairAccuracy, ...]
+    """What cameras do together that saw boards at once; empty for one camera."""
     misfits: tuple[LensMisfit, ...]
     """What the residuals of each camera have in common over the image."""
     projection: tuple[ProjectionUncertainty, ...]
@@ -71,15 +67,13 @@ class CameraAssessment:
         options = options or CameraOptions()
         views, inliers = calibration.views, ~calibration.outliers
         left_over = cross_validate_cameras(views, options, inliers)
-        pair = len(calibration.cameras) == 2
         shown = test if test is not None else views.select(inliers)
         return cls(
             calibration,
             left_over,
             test,
             None if test is None else held_out_residuals(calibration.cameras, test),
-            epipolar_errors(calibration.rig, views) if pair else None,
-            _rebuilt(calibration.rig, shown) if pair else None,
+            pairs_of(calibration, shown),
             tuple(lens_misfits(calibration, options.aspect)),
             tuple(
                 ProjectionUncertainty.of(calibration, camera, options.aspect)
@@ -91,6 +85,11 @@ class CameraAssessment:
     def lens(self) -> str:
         """Of all cameras, one of `model.cameras.projection.LENSES`."""
         return self.calibration.cameras[0].lens
+
+    @property
+    def pair(self) -> PairAccuracy | None:
+        """What a left and a right camera do together; None for one camera, and for many."""
+        return self.pairs[0] if len(self.calibration.cameras) == 2 and self.pairs else None
 
     @property
     def cross_validation(self) -> NDArray:
@@ -116,12 +115,6 @@ class CameraAssessment:
             *_coverage_warnings(self.calibration),
             *(words_of_misfit(m, self.lens) for m in self.misfits if _is_slight(m)),
         )
-
-
-def _rebuilt(rig: StereoRig, views: BoardViews) -> Reconstruction:
-    """Rebuild the boards for all corners of which both lenses have a ray."""
-    rays = have_rays(rig, views.pixels.reshape(-1, 4)).reshape(len(views), -1)
-    return Reconstruction.from_views(rig, views.select(rays.all(axis=1)))
 
 
 def _weak_parameters(calibration: CameraCalibration) -> list[str]:

@@ -126,16 +126,16 @@ def check_tilts(X_CG: NDArray, camera: str) -> None:
 
 def pair_start(
     left: tuple[Camera, NDArray], right: tuple[Camera, NDArray], views: BoardViews
-) -> tuple[Camera, NDArray]:
-    """Place the right camera by the essential matrix, and the boards that only it saw.
+) -> NDArray:
+    """Place one camera before another by the essential matrix.
 
     Args:
-        left: The left camera and X_LG of all views; nan where it saw nothing.
-        right: The right camera and X_RG of all views; nan where it saw nothing.
+        left: A camera and X_LG of all views; nan where it saw nothing.
+        right: The other and X_RG of all views; nan where it saw nothing.
         views: Corners in both cameras.
 
     Returns:
-        The right camera in the left one's frame, and X_LG of all views, shape (V, 4, 4).
+        X_LR, the other camera in the frame of the first. Shape (4, 4).
 
     Raises:
         EstimationError: If the two cameras share no board, or the corners allow no relative pose.
@@ -161,10 +161,7 @@ def pair_start(
     # The boards' size gives the baseline its length: R t_L + s d = t_R.
     gap = right[1][agreeing, :3, 3] - left[1][agreeing, :3, 3] @ pose.rotation.T
     length = float(np.median(gap @ pose.translation))
-    X_RL = transform(pose.rotation, length * pose.translation)
-    X_LR = np.linalg.inv(X_RL)
-    X_LG = np.where(np.isfinite(left[1]), left[1], X_LR @ right[1])
-    return right[0].at(X_LR), X_LG
+    return np.linalg.inv(transform(pose.rotation, length * pose.translation))
 
 
 def _agreeing(X_LG: NDArray, X_RG: NDArray) -> NDArray:

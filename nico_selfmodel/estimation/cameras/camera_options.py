@@ -6,7 +6,7 @@ from typing import TypeVar
 
 from nico_selfmodel.files.csv_rows import number_of_word
 from nico_selfmodel.model.cameras.projection import LENSES, POLYNOMIAL
-from nico_selfmodel.model.cameras.stereo_rig import StereoRig
+from nico_selfmodel.model.cameras.rig_parameters import rig_names
 from nico_selfmodel.names import did_you_mean, listed
 from nico_selfmodel.optimization.robust_solve import ROBUST_METHODS
 
@@ -82,7 +82,7 @@ class CameraOptions:
 
     def of_camera(self, camera: str) -> "CameraOptions":
         """Return what concerns the inside of one camera."""
-        inside = set(StereoRig.names_of((camera,), self.lens))
+        inside = set(rig_names((camera,), self.lens))
         inside |= {n.partition(".")[2] for n in inside}
         return replace(
             self,

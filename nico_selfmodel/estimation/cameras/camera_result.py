@@ -5,7 +5,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from nico_selfmodel.estimation.cameras.board_accuracy import Reconstruction
+from nico_selfmodel.estimation.cameras.board_accuracy import PairAccuracy, Reconstruction
 from nico_selfmodel.estimation.cameras.camera_assessment import CameraAssessment
 from nico_selfmodel.estimation.cameras.camera_findings import camera_findings, rms_of_boards
 from nico_selfmodel.estimation.results.calibration_result import (
@@ -18,8 +18,7 @@ from nico_selfmodel.estimation.results.calibration_result import (
 )
 from nico_selfmodel.estimation.results.errors import ErrorStatistics
 from nico_selfmodel.estimation.results.verdict import FEWEST_BOARDS
-from nico_selfmodel.model.cameras.projection import intrinsic_units
-from nico_selfmodel.model.cameras.stereo_rig import StereoRig
+from nico_selfmodel.model.cameras.rig_parameters import SIDES, rig_names, rig_units, rig_values
 from nico_selfmodel.optimization.uncertainty import UnobservableDirection
 
 _TERMS = Terms(
@@ -47,7 +46,7 @@ def camera_result(assessment: CameraAssessment) -> CalibrationResult:
         rms = rms_of_boards(assessment.test_residuals)
         held_out = _errors(assessment.test_distances, len(test), rms)
     return CalibrationResult(
-        method="stereo" if len(calibration.cameras) == 2 else "camera",
+        method={1: "camera", 2: "stereo"}.get(len(calibration.cameras), "cameras"),
         parameters=camera_parameters(assessment),
         train=_errors(assessment.train_distances),
         test=held_out,
@@ -84,31 +83,37 @@ def camera_parameters(assessment: CameraAssessment) -> dict[str, Parameter]:
     """Return every parameter of the cameras; the derived baseline last."""
     calibration = assessment.calibration
     sigma = dict(zip(calibration.names, calibration.uncertainty.sigma.tolist(), strict=True))
-    first = calibration.cameras[0]
-    names = StereoRig.names_of(calibration.views.cameras, first.lens)
-    if len(calibration.cameras) == 1:
-        return parameter_table(names, first.values, intrinsic_units(first.lens), sigma)
-    rig, covariance = calibration.rig, calibration.uncertainty.covariance
-    table = parameter_table(names, rig.values, rig.units, sigma)
-    return table | {"baseline": baseline(rig, calibration.names, covariance)}
+    cameras, lens = calibration.views.cameras, calibration.cameras[0].lens
+    units = rig_units(len(cameras), lens)
+    table = parameter_table(rig_names(cameras, lens), rig_values(calibration.cameras), units, sigma)
+    if len(cameras) != 2:
+        return table
+    covariance = calibration.uncertainty.covariance
+    return table | {
+        "baseline": baseline(calibration.rig.X_LR[:3, 3], calibration.names, covariance)
+    }
 
 
-def baseline(rig: StereoRig, names: tuple[str, ...], covariance: NDArray) -> Parameter:
-    """Return |p_LR|, whose slope by the position is its direction.
+def baseline(
+    apart: NDArray, names: tuple[str, ...], covariance: NDArray, cameras: tuple[str, str] = SIDES
+) -> Parameter:
+    """Return the distance of two cameras, whose slope by a position is its direction.
 
     Args:
-        rig: Two cameras.
+        apart: From one to the other, in the frame of the first camera of their rig [m]. Shape (3,).
         names: Of the free parameters. Length k.
         covariance: Of these. Shape (k, k).
+        cameras: What the two are called.
     """
-    slope = np.zeros(len(names))
-    for axis, share in zip("xyz", rig.X_LR[:3, 3] / rig.baseline, strict=True):
-        slope[np.array(names) == f"right.pose.{axis}"] = share
-    return Parameter(rig.baseline, finite(float(np.sqrt(slope @ covariance @ slope))), "m")
+    slope, length = np.zeros(len(names)), float(np.linalg.norm(apart))
+    for camera, sign in zip(cameras, (-1.0, 1.0), strict=True):
+        for axis, share in zip("xyz", apart / length, strict=True):
+            slope[np.array(names) == f"{camera}.pose.{axis}"] = sign * share
+    return Parameter(length, finite(float(np.sqrt(slope @ covariance @ slope))), "m")
 
 
 def _details(assessment: CameraAssessment) -> dict[str, Any]:
-    calibration, found = assessment.calibration, assessment.reconstruction
+    calibration, pairs = assessment.calibration, assessment.pairs
     details: dict[str, Any] = {
         "views": dict(zip(calibration.views.names, calibration.view_rms.tolist(), strict=True)),
         "pixel_sigma_px": finite(calibration.pixel_sigma),
@@ -118,15 +123,36 @@ def _details(assessment: CameraAssessment) -> dict[str, Any]:
             for found in assessment.projection
         },
     }
-    if assessment.epipolar is None or found is None:
-        return details
-    inliers = assessment.epipolar[~calibration.outliers].ravel()
-    details["epipolar_px"] = _errors(inliers[np.isfinite(inliers)]).to_json()
+    pair = assessment.pair
+    if pair is None:
+        return details | ({"pairs": [_of_pair(assessment, p) for p in pairs]} if pairs else {})
+    details["epipolar_px"] = _epipolar(assessment, pair).to_json()
     details["reconstruction"] = None
-    if len(found.views):
+    if len(pair.reconstruction.views):
         held_out = assessment.test_views is not None
-        details["reconstruction"] = {"held_out": held_out, **rebuilt_block(found)}
+        details["reconstruction"] = {"held_out": held_out, **rebuilt_block(pair.reconstruction)}
     return details
+
+
+def _epipolar(assessment: CameraAssessment, pair: PairAccuracy) -> Errors:
+    inliers = pair.epipolar[~assessment.calibration.outliers].ravel()
+    return _errors(inliers[np.isfinite(inliers)])
+
+
+def _of_pair(assessment: CameraAssessment, pair: PairAccuracy) -> dict[str, Any]:
+    """Return what `result.json` tells of two cameras of a larger rig."""
+    calibration = assessment.calibration
+    covariance = calibration.uncertainty.covariance
+    left, right = calibration.pair(*pair.cameras).cameras
+    apart = right.X_WC[:3, 3] - left.X_WC[:3, 3]
+    rebuilt = pair.reconstruction
+    return {
+        "cameras": list(pair.cameras),
+        "boards": pair.boards,
+        "baseline": baseline(apart, calibration.names, covariance, pair.cameras).to_json(),
+        "epipolar_px": _epipolar(assessment, pair).to_json(),
+        "reconstruction": rebuilt_block(rebuilt) if len(rebuilt.views) else None,
+    }
 
 
 def rebuilt_block(found: Reconstruction) -> dict[str, Any]:

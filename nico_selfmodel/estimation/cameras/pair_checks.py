@@ -6,6 +6,7 @@ from numpy.typing import NDArray
 from nico_selfmodel.dataset.board_views import BoardViews
 from nico_selfmodel.errors import DataError, EstimationError
 from nico_selfmodel.estimation.cameras.camera_adjustment import CameraCalibration
+from nico_selfmodel.model.cameras.rig_parameters import SIDES
 from nico_selfmodel.model.cameras.stereo_rig import StereoRig
 
 _LARGEST_EPIPOLAR = 1.5
@@ -18,31 +19,35 @@ _SHORTEST_BASELINE = 1e-3
 """Baseline over the boards' distance below which two cameras are one."""
 
 
-def check_pair(calibration: CameraCalibration, alone_rms: float) -> None:
-    """Refuse what is no stereo pair.
+def check_pair(calibration: CameraCalibration, link: tuple[str, str], alone_rms: float) -> None:
+    """Refuse what is no pair of cameras.
 
     Args:
-        calibration: Both cameras.
+        calibration: The cameras.
+        link: Two of them that saw boards at once.
         alone_rms: What the cameras leave unexplained when each is calibrated alone [px].
 
     Raises:
         DataError: If left and right are swapped.
         EstimationError: If the cameras stand at one place, or do not hold still against each other.
     """
-    rig, inliers = calibration.rig, ~calibration.outliers
-    error = mean_epipolar_error(calibration.views.select(inliers), calibration)
+    rig = calibration.pair(*link)
+    views = calibration.views.pair(*link).select(~calibration.outliers)
+    error = float(np.mean(_epipolar_errors(rig, views)))
     misfit = max(error, float(np.median(calibration.view_rms)))
     if misfit > max(_LARGEST_EPIPOLAR, _LARGEST_RATIO * alone_rms):
         raise _no_pair(error, alone_rms)
-    depth = float(np.median(calibration.X_LG[:, 2, 3]))
+    shared = np.all(views.seen.any(axis=2), axis=1)
+    X_CG = rig.left.X_CW @ calibration.X_LG[~calibration.outliers][shared]
+    depth = float(np.median(X_CG[:, 2, 3]))
     if rig.baseline < _SHORTEST_BASELINE * depth:
         raise EstimationError(
-            f"the cameras stand at one place (baseline {1e3 * rig.baseline:.2f} mm, boards at "
-            f"{1e3 * depth:.0f} mm, epipolar error {error:.2f} px): depth cannot be seen; are both "
-            "images from the same camera?"
+            f"the {' and '.join(link)} cameras stand at one place (baseline "
+            f"{1e3 * rig.baseline:.2f} mm, boards at {1e3 * depth:.0f} mm, epipolar error "
+            f"{error:.2f} px): depth cannot be seen; are both images from the same camera?"
         )
     sideways = float(rig.X_LR[0, 3])
-    if sideways < -0.5 * rig.baseline:
+    if link == SIDES and sideways < -0.5 * rig.baseline:
         raise DataError(
             f"left and right are swapped: the right camera comes out {-1e3 * sideways:.0f} mm to "
             "the left of the left one; exchange the images, or take them so with --swap-cameras"
@@ -74,11 +79,6 @@ def _no_pair(error: float, alone_rms: float) -> EstimationError:
         "pair taken together, is every left image paired with its own right one, and did the "
         "cameras keep still against each other?"
     )
-
-
-def mean_epipolar_error(views: BoardViews, calibration: CameraCalibration) -> float:
-    """Return the mean distance of corners from their epipolar lines, over both images [px]."""
-    return float(np.mean(_epipolar_errors(calibration.rig, views)))
 
 
 def _epipolar_errors(rig: StereoRig, views: BoardViews) -> NDArray:

@@ -14,7 +14,7 @@ from nico_selfmodel.geometry.transform import transform
 from nico_selfmodel.model.cameras.camera import Camera
 from nico_selfmodel.model.cameras.mirror import Mirror, plane_of_values
 from nico_selfmodel.model.cameras.projection import INTRINSICS, project_in_camera
-from nico_selfmodel.model.cameras.stereo_rig import POSE_NAMES
+from nico_selfmodel.model.cameras.rig_parameters import POSE_NAMES
 from nico_selfmodel.optimization.separable_block import Parts, SeparableBlock
 
 

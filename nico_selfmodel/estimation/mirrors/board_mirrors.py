@@ -20,9 +20,9 @@ from nico_selfmodel.estimation.cameras.camera_adjustment import (
     SUSPICIOUS,
     natural_scales,
 )
+from nico_selfmodel.estimation.cameras.camera_calibration import FEWEST_VIEWS, calibrate_cameras
 from nico_selfmodel.estimation.cameras.camera_initialization import pose_of_seen_boards
 from nico_selfmodel.estimation.cameras.camera_options import CameraOptions
-from nico_selfmodel.estimation.cameras.stereo import FEWEST_VIEWS, calibrate_cameras
 from nico_selfmodel.estimation.mirrors.board_mirror_initialization import board_mirror_start
 from nico_selfmodel.estimation.mirrors.board_mirror_residuals import BoardMirrorResiduals
 from nico_selfmodel.estimation.results.provenance import package_versions

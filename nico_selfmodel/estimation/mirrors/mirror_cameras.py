@@ -24,7 +24,8 @@ from nico_selfmodel.geometry.transform import apply, transform
 from nico_selfmodel.model.cameras.camera import Camera
 from nico_selfmodel.model.cameras.mirror import Mirror, mirror_camera
 from nico_selfmodel.model.cameras.mirror_rig import projected
-from nico_selfmodel.model.cameras.stereo_rig import POSE_NAMES, StereoRig
+from nico_selfmodel.model.cameras.rig_parameters import POSE_NAMES
+from nico_selfmodel.model.cameras.stereo_rig import StereoRig
 from nico_selfmodel.optimization.calibration_program import CalibrationProgram
 
 FEWEST_ROWS = 4

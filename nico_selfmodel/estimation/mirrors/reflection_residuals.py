@@ -11,7 +11,8 @@ from nico_selfmodel.geometry.rotation import rotation_vector_of, rotation_vector
 from nico_selfmodel.model.cameras.mirror import Mirror, plane_of_values
 from nico_selfmodel.model.cameras.mirror_rig import ReflectedProjection, reflected_projection
 from nico_selfmodel.model.cameras.projection import INTRINSICS
-from nico_selfmodel.model.cameras.stereo_rig import POSE_NAMES, StereoRig
+from nico_selfmodel.model.cameras.rig_parameters import POSE_NAMES
+from nico_selfmodel.model.cameras.stereo_rig import StereoRig
 
 
 class ReflectionResiduals:

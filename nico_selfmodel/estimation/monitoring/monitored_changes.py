@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 from nico_selfmodel.estimation.noise.mixture_density import MixtureDensity
 from nico_selfmodel.geometry.rotation import rotation_vector_slope, skew
 from nico_selfmodel.model.arm.dh_parameters import M0_NAMES
-from nico_selfmodel.model.cameras.stereo_rig import POSE_NAMES
+from nico_selfmodel.model.cameras.rig_parameters import POSE_NAMES
 from nico_selfmodel.model.self_model import SelfModel
 
 RIGHT_POSE = tuple(f"right.pose.{name}" for name in POSE_NAMES)

@@ -22,7 +22,8 @@ from nico_selfmodel.estimation.observations.pixel_observations import (
 )
 from nico_selfmodel.model.arm.bending import BACKLASH
 from nico_selfmodel.model.cameras.camera import require_polynomial
-from nico_selfmodel.model.cameras.stereo_rig import SIDES, StereoRig
+from nico_selfmodel.model.cameras.rig_parameters import SIDES
+from nico_selfmodel.model.cameras.stereo_rig import StereoRig
 from nico_selfmodel.model.self_model import SelfModel
 from nico_selfmodel.names import listed
 

@@ -12,7 +12,7 @@ from nico_selfmodel.estimation.observations.pixel_observations import PixelObser
 from nico_selfmodel.geometry.rotation import rotation_from_vector, rotation_vector_slope
 from nico_selfmodel.model.arm.line_kinematics import cross
 from nico_selfmodel.model.cameras.projection import project_in_camera
-from nico_selfmodel.model.cameras.stereo_rig import StereoRig
+from nico_selfmodel.model.cameras.rig_parameters import rig_names
 
 _CAMERA_VARIABLES = 26
 
@@ -38,7 +38,7 @@ class HandPixels:
                 pixel each if omitted. Shape (N, 4, 4).
         """
         self.observations, self.arm = observations, arm
-        self.names = (*arm.names, *StereoRig.names_of())
+        self.names = (*arm.names, *rig_names())
         self.measured = np.ascontiguousarray(np.nan_to_num(observations.pixels).T)
         self.whiten(np.eye(4) * observations.seen[:, :, None] if whitening is None else whitening)
 

@@ -11,7 +11,8 @@ from nico_selfmodel.estimation.observations.observations import (
     Observations,
     servo_units,
 )
-from nico_selfmodel.model.cameras.stereo_rig import SIDES, StereoRig
+from nico_selfmodel.model.cameras.rig_parameters import SIDES
+from nico_selfmodel.model.cameras.stereo_rig import StereoRig
 from nico_selfmodel.model.self_model import SelfModel
 from nico_selfmodel.names import listed
 

@@ -13,7 +13,7 @@ from nico_selfmodel.model.camera_formats.mrcal_format import mrcal_camera, mrcal
 from nico_selfmodel.model.camera_formats.opencv_format import opencv_cameras, opencv_text
 from nico_selfmodel.model.camera_formats.ros_format import ros_camera, ros_text
 from nico_selfmodel.model.cameras.camera import Camera
-from nico_selfmodel.model.cameras.stereo_rig import SIDES
+from nico_selfmodel.model.cameras.rig_parameters import SIDES
 
 FORMATS = {"opencv": ".yaml", "opencv-json": ".json", "ros": ".yaml", "kalibr": ".yaml"}
 FORMATS["mrcal"] = ".cameramodel"

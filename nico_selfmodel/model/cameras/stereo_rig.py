@@ -11,20 +11,12 @@ from nico_selfmodel.geometry.epipolar import (
     essential,
     homogeneous,
 )
-from nico_selfmodel.geometry.rotation import rotation_from_vector, rotation_vector_of
+from nico_selfmodel.geometry.rotation import rotation_from_vector
 from nico_selfmodel.geometry.transform import apply, inverse, transform
 from nico_selfmodel.model.cameras.camera import Camera
-from nico_selfmodel.model.cameras.projection import (
-    POLYNOMIAL,
-    intrinsic_units,
-    intrinsics_of,
-    project_in_camera,
-)
+from nico_selfmodel.model.cameras.projection import POLYNOMIAL, project_in_camera
+from nico_selfmodel.model.cameras.rig_parameters import SIDES, rig_names, rig_units, rig_values
 
-SIDES = ("left", "right")
-"""The two cameras, in the order of the pixel columns."""
-POSE_NAMES = ("rx", "ry", "rz", "x", "y", "z")
-"""The right camera's pose in the left one's frame: rotation vector [rad] and position [m]."""
 _GAUSS_NEWTON_STEPS = 20
 _INFINITE = 1e5
 """Distance over the baseline from which a point counts as infinitely far."""
@@ -76,17 +68,10 @@ class StereoRig:
         """Distance of the two centres [m]."""
         return float(np.linalg.norm(self.X_LR[:3, 3]))
 
-    @staticmethod
-    def names_of(sides: tuple[str, ...] = SIDES, lens: str = POLYNOMIAL) -> tuple[str, ...]:
-        """Return parameter names: `left.fx` ... `right.p2`, and `right.pose.rx` ... for a pair."""
-        inside = tuple(f"{side}.{name}" for side in sides for name in intrinsics_of(lens))
-        pose = tuple(f"right.pose.{name}" for name in POSE_NAMES)
-        return inside + pose if len(sides) == 2 else inside
-
     @property
     def names(self) -> tuple[str, ...]:
         """Names of all parameters, in the order of `values`."""
-        return self.names_of(lens=self.lens)
+        return rig_names(SIDES, self.lens)
 
     @property
     def lens(self) -> str:
@@ -96,14 +81,12 @@ class StereoRig:
     @property
     def values(self) -> NDArray:
         """All parameters; of polynomial lenses, shape (26,)."""
-        pose = [rotation_vector_of(self.X_LR[:3, :3]), self.X_LR[:3, 3]]
-        return np.concatenate([self.left.values, self.right.values, *pose])
+        return rig_values(self.cameras)
 
     @property
     def units(self) -> tuple[str, ...]:
         """Units of `names`."""
-        inside = intrinsic_units(self.lens)
-        return (*inside, *inside, *("rad",) * 3, *("m",) * 3)
+        return rig_units(2, self.lens)
 
     @classmethod
     def from_values(

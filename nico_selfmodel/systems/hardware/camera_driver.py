@@ -6,7 +6,7 @@ from pydrake.common.value import AbstractValue
 from pydrake.systems.framework import Context, EventStatus, LeafSystem, State
 
 from nico_selfmodel.errors import RobotError
-from nico_selfmodel.model.cameras.stereo_rig import SIDES
+from nico_selfmodel.model.cameras.rig_parameters import SIDES
 from nico_selfmodel.systems.image_values import image_value, write_bgr
 from nico_selfmodel.vision.images.stereo_capture import StereoCapture, StereoPair
 

@@ -14,7 +14,8 @@ from pydrake.systems.framework import Context, LeafSystem
 
 from nico_selfmodel.errors import RobotError
 from nico_selfmodel.model.cameras.camera import Camera
-from nico_selfmodel.model.cameras.stereo_rig import SIDES, StereoRig
+from nico_selfmodel.model.cameras.rig_parameters import SIDES
+from nico_selfmodel.model.cameras.stereo_rig import StereoRig
 from nico_selfmodel.systems.closing import Closable
 from nico_selfmodel.systems.image_values import image_value, write_bgr
 from nico_selfmodel.systems.rendering.cropped_render import CroppedRender

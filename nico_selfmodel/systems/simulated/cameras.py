@@ -7,7 +7,8 @@ from nico_selfmodel.dataset.board_views import BoardViews
 from nico_selfmodel.geometry.rotation import rotation_from_vector
 from nico_selfmodel.geometry.transform import apply, transform
 from nico_selfmodel.model.cameras.camera import Camera
-from nico_selfmodel.model.cameras.stereo_rig import SIDES, StereoRig
+from nico_selfmodel.model.cameras.rig_parameters import SIDES
+from nico_selfmodel.model.cameras.stereo_rig import StereoRig
 from nico_selfmodel.systems.nico_cameras import NICO_CAMERAS
 
 _TRIES_PER_VIEW = 2000

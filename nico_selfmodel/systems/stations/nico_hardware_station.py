@@ -10,7 +10,7 @@ from pydrake.systems.framework import BasicVector, Context, Diagram, DiagramBuil
 
 from nico_selfmodel.dataset.joint_info import JointInfo
 from nico_selfmodel.errors import RobotError
-from nico_selfmodel.model.cameras.stereo_rig import SIDES
+from nico_selfmodel.model.cameras.rig_parameters import SIDES
 from nico_selfmodel.systems.hardware.camera_driver import CameraDriver
 from nico_selfmodel.systems.hardware.motion_capture_link import MotionCaptureReceiver
 from nico_selfmodel.systems.hardware.motion_capture_stream import MotionCaptureClient

@@ -9,7 +9,7 @@ from pydrake.common.value import AbstractValue
 from pydrake.systems.framework import BasicVector, Context, InputPort, LeafSystem, ValueProducer
 
 from nico_selfmodel.model.cameras.camera import Camera
-from nico_selfmodel.model.cameras.stereo_rig import SIDES
+from nico_selfmodel.model.cameras.rig_parameters import SIDES
 from nico_selfmodel.systems.image_values import bgr_of, image_value
 from nico_selfmodel.vision.color.color_blob import find_color_blob
 from nico_selfmodel.vision.color.color_model import ColorModel

@@ -13,7 +13,8 @@ from pydrake.systems.scalar_conversion import TemplateSystem
 
 from nico_selfmodel.errors import ModelError
 from nico_selfmodel.geometry.transform import apply
-from nico_selfmodel.model.cameras.stereo_rig import SIDES, StereoRig
+from nico_selfmodel.model.cameras.rig_parameters import SIDES
+from nico_selfmodel.model.cameras.stereo_rig import StereoRig
 from nico_selfmodel.model.self_model import SelfModel
 from nico_selfmodel.systems.scalars import of_scalars, quiet
 

@@ -3,7 +3,7 @@
 import hashlib
 import warnings
 from collections import Counter
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -19,7 +19,7 @@ from nico_selfmodel.progress import Progress
 from nico_selfmodel.vision.boards.board_detection import AnyBoard, BoardDetection
 from nico_selfmodel.vision.boards.board_images import stereo_pairs
 from nico_selfmodel.vision.boards.chessboard import WINDOW, Board, size_of_board
-from nico_selfmodel.vision.images.image_file import looking_at, read_image
+from nico_selfmodel.vision.images.image_file import looking_at, natural_key, read_image
 from nico_selfmodel.vision.images.not_seen import NotSeen
 
 _IMAGES_FOR_A_HINT = 6
@@ -28,14 +28,14 @@ _WIDEST_WINDOW = 0.7  # of a square; from 0.85 on, corners are drawn to their ne
 
 @dataclass(frozen=True, eq=False)
 class BoardDetections:
-    """One board as one or two cameras saw it."""
+    """One board as cameras saw it."""
 
     board: AnyBoard
     """What was looked for."""
     views: BoardViews
-    """The corners, in the same order in both cameras; views are named by what follows `left`."""
-    files: Mapping[str, tuple[Path, ...]]
-    """Photograph of each view, by camera."""
+    """The corners, in the same order in all cameras."""
+    files: Mapping[str, Mapping[str, Path]]
+    """Camera -> name of the view -> photograph."""
     window: int
     """Half side of the sub-pixel window [px]."""
     not_seen: Mapping[str, str]
@@ -47,15 +47,20 @@ class BoardDetections:
         return self.views.select(self.views.seen.any(axis=(1, 2)))
 
     @property
+    def _every(self) -> list[Path]:
+        return [path for files in self.files.values() for path in files.values()]
+
+    @property
     def document(self) -> dict[str, Any]:
         """What a result should tell of the detection."""
+        labels = _labels(self._every)
         return {
             **self.board.facts,
             "window_px": self.window,
-            "images": sum(len(files) for files in self.files.values()),
+            "images": len(labels),
             "files": {
-                side: dict(zip(self.views.names, (path.name for path in files), strict=True))
-                for side, files in self.files.items()
+                camera: {name: labels[path] for name, path in files.items()}
+                for camera, files in self.files.items()
             },
             "not_seen": dict(self.not_seen),
         }
@@ -64,17 +69,14 @@ class BoardDetections:
     def provenance(self) -> dict[str, str]:
         """Where the corners come from, for a self-model: folder, board and hash of all images."""
         digest = hashlib.sha256()
-        for path in (path for files in self.files.values() for path in files):
+        for path in self._every:
             digest.update(read_bytes(path, LARGEST_PICTURE))
-        folder = real_path(next(iter(self.files.values()))[0].parent).name
+        folder = real_path(self._every[0].parent).name
         return {"images": folder, "board": str(self.board), "images_sha256": digest.hexdigest()}
 
     def read_images(self) -> dict[str, "Photographs"]:
         """Return the photographs again, each read when it is asked for. Camera -> view -> image."""
-        return {
-            side: Photographs(dict(zip(self.views.names, files, strict=True)))
-            for side, files in self.files.items()
-        }
+        return {camera: Photographs(files) for camera, files in self.files.items()}
 
 
 class Photographs(Mapping[str, NDArray]):
@@ -104,7 +106,7 @@ def detect_boards(
     window: int = WINDOW,
     progress: Progress | None = None,
 ) -> BoardDetections:
-    """Find a board in the photographs of both cameras.
+    """Find a board in the photographs of a left and a right camera.
 
     Args:
         images: A folder (see `stereo_pairs`), or name, left path and right path of each view.
@@ -119,45 +121,73 @@ def detect_boards(
         DataError: If the images cannot be read or paired, differ in size, or show no such board.
     """
     pairs = stereo_pairs(images) if isinstance(images, str | Path) else list(images)
-    files = [path for _, *both in pairs for path in both]
-    found, size = _find(files, board, window, progress)
-    left, right = _corners(found[0::2], board), _corners(found[1::2], board)
-    for i in np.flatnonzero(_any_finite(left) & _any_finite(right)):
-        right[i] = board.same_order(left[i], right[i])
-    names = tuple(name for name, _, _ in pairs)
-    pixels = np.concatenate([left, right], axis=2)
-    by_camera = {"left": tuple(files[0::2]), "right": tuple(files[1::2])}
-    views = BoardViews(board.points, names, ("left", "right"), pixels, size)
-    return BoardDetections(board, views, by_camera, window, _not_seen(files, found))
+    left = [(name, path) for name, path, _ in pairs]
+    right = [(name, path) for name, _, path in pairs]
+    return detect_boards_of_cameras({"left": left, "right": right}, board, window, progress)
 
 
-def detect_boards_of_one_camera(
-    images: Sequence[tuple[str, Path]],
+def detect_boards_of_cameras(
+    images: Mapping[str, Sequence[tuple[str, Path]]],
     board: AnyBoard,
     window: int = WINDOW,
     progress: Progress | None = None,
-    side: str = "left",
 ) -> BoardDetections:
-    """Find a board in the photographs of one camera.
+    """Find a board in the photographs of any number of cameras.
 
     Args:
-        images: Name and path of each view, as `camera_images` lists them.
+        images: Camera -> name of the view and path, as `camera_images` lists them. Photographs of
+            different cameras with one name were taken at one time; cameras may miss views.
         board: What to look for.
         window: Half side of the sub-pixel window [px].
         progress: Told how many images are done.
-        side: What the camera is called.
 
     Returns:
-        The corners.
+        The corners, in the same order in all cameras.
 
     Raises:
         DataError: If an image cannot be read, sizes differ, or no image shows such a board.
     """
-    files = [path for _, path in images]
-    found, size = _find(files, board, window, progress)
-    names = tuple(name for name, _ in images)
-    views = BoardViews(board.points, names, (side,), _corners(found, board), size)
-    return BoardDetections(board, views, {side: tuple(files)}, window, _not_seen(files, found))
+    files = {camera: dict(listed) for camera, listed in images.items()}
+    names = _views_of(files)
+    everything = [
+        (camera, name, of_camera[name])
+        for name in names
+        for camera, of_camera in files.items()
+        if name in of_camera
+    ]
+    paths = [path for _, _, path in everything]
+    found, size = _find(paths, board, window, progress)
+    pixels = np.full((len(names), len(board.points), len(files), 2), np.nan)
+    columns, rows = list(files), {name: k for k, name in enumerate(names)}
+    for (camera, name, _), corners in zip(everything, _corners(found, board), strict=True):
+        seen = pixels[rows[name]]
+        others = np.flatnonzero(np.isfinite(seen).any(axis=(0, 2)))
+        if len(others) and np.isfinite(corners).any():
+            corners = board.same_order(seen[:, others[0]], corners)
+        seen[:, columns.index(camera)] = corners
+    flat = pixels.reshape(len(names), len(board.points), -1)
+    views = BoardViews(board.points, names, tuple(files), flat, size)
+    by_camera = {
+        camera: {name: of_camera[name] for name in names if name in of_camera}
+        for camera, of_camera in files.items()
+    }
+    return BoardDetections(board, views, by_camera, window, _not_seen(paths, found))
+
+
+def _views_of(files: Mapping[str, Mapping[str, Path]]) -> tuple[str, ...]:
+    """Return the names of all views, view 2 before view 10 where no camera has all."""
+    first = next(iter(files.values()), {})
+    every = dict.fromkeys(name for of_camera in files.values() for name in of_camera)
+    if len(every) == len(first):
+        return tuple(first)
+    return tuple(sorted(every, key=lambda name: natural_key(Path(name))))
+
+
+def _labels(files: Iterable[Path]) -> dict[Path, str]:
+    """Return what photographs are called: their names, with the folder where names repeat."""
+    files = list(files)
+    repeat = len({path.name for path in files}) < len(files)
+    return {path: f"{path.parent.name}/{path.name}" if repeat else path.name for path in files}
 
 
 def _find(
@@ -184,10 +214,6 @@ def _find(
     return found, next(iter(sizes))
 
 
-def _any_finite(corners: NDArray) -> NDArray:
-    return np.asarray(np.isfinite(corners).any(axis=(1, 2)))
-
-
 def _corners(found: Sequence[BoardDetection | NotSeen], board: AnyBoard) -> NDArray:
     nothing = np.full((len(board.points), 2), np.nan)
     rows = [item.corners if isinstance(item, BoardDetection) else nothing for item in found]
@@ -195,8 +221,8 @@ def _corners(found: Sequence[BoardDetection | NotSeen], board: AnyBoard) -> NDAr
 
 
 def _not_seen(files: Sequence[Path], found: Sequence[BoardDetection | NotSeen]) -> dict[str, str]:
-    pairs = zip(files, found, strict=True)
-    return {path.name: item.reason for path, item in pairs if isinstance(item, NotSeen)}
+    pairs, labels = zip(files, found, strict=True), _labels(files)
+    return {labels[path]: item.reason for path, item in pairs if isinstance(item, NotSeen)}
 
 
 def _no_board(files: Sequence[Path], board: AnyBoard, tried: dict[str, str]) -> str:

@@ -1,6 +1,7 @@
 """Photographs of boards: which file is which view of which camera."""
 
 import re
+from collections.abc import Sequence
 from glob import has_magic
 from pathlib import Path
 
@@ -119,6 +120,53 @@ def pairs_by_pattern(left: str, right: str) -> list[tuple[str, Path, Path]]:
             f"stands for * in {left} and {right} must be the same of both"
         )
     return [(name, path, two[name]) for name, path in one.items()]
+
+
+def images_by_folder(folder: str | Path) -> dict[str, list[tuple[str, Path]]]:
+    """List the photographs of a rig: each folder inside one is a camera.
+
+    Photographs of different cameras with one name (whatever their ending) were taken at one time.
+
+    Returns:
+        Camera -> name of the view and path.
+
+    Raises:
+        DataError: If the folder is missing, or holds no folder with photographs.
+    """
+    if not Path(folder).is_dir():
+        raise DataError(f"{folder}: no such folder")
+    inside = sorted(filter(Path.is_dir, Path(folder).iterdir()), key=natural_key)
+    found = {path.name: [(p.stem, p) for p in image_files(path)] for path in inside}
+    cameras = {camera: images for camera, images in found.items() if images}
+    if not cameras:
+        raise DataError(
+            f"{folder}: expected a folder with photographs for each camera, as cam0 and cam1; "
+            f"{_holds(folder)}"
+        )
+    return cameras
+
+
+def images_by_name(words: Sequence[str]) -> dict[str, list[tuple[str, Path]]]:
+    """List the photographs of cameras by words like `front=cam0/*.png`.
+
+    Photographs for which the wildcards stand for the same were taken at one time.
+
+    Returns:
+        Camera -> name of the view and path.
+
+    Raises:
+        DataError: If a pattern names no photograph.
+        ValueError: If a word is something else, or two name one camera.
+    """
+    found: dict[str, list[tuple[str, Path]]] = {}
+    for word in words:
+        camera, equals, pattern = word.partition("=")
+        if not (camera and equals and pattern):
+            raise ValueError(f"--camera {word}: give NAME=PATTERN, as front='cam0/*.png'")
+        if camera in found:
+            raise ValueError(f"--camera {word}: there is another camera {camera}")
+        found[camera] = images_by_pattern(pattern)
+    return found
 
 
 def _expression(pattern: str) -> str:

@@ -12,6 +12,7 @@ from typing import Self
 from numpy.typing import NDArray
 
 from nico_selfmodel.errors import RobotError, SelfModelError
+from nico_selfmodel.model.cameras.rig_parameters import SIDES
 from nico_selfmodel.vision.images.picture_sources import (
     CameraLostError,
     PictureSource,
@@ -19,7 +20,6 @@ from nico_selfmodel.vision.images.picture_sources import (
     opener,
 )
 
-SIDES = ("left", "right")
 _KEPT = 4
 """Pictures of each camera that wait for a partner; older ones are dropped."""
 

@@ -49,7 +49,7 @@ def coverage(assessment: CameraAssessment) -> Figure:
             empty_corners += int(np.sum(counts[[0, 0, -1, -1], [0, -1, 0, -1]] == 0))
             _density(axes, side, counts, u, v)
             many = len(pixels) > MANY
-            color = palette.CAMERAS[side]
+            color = palette.camera_colors(views.cameras)[side]
             axes.plot(*pixels.T, ".", color=color, markersize=2.6, alpha=0.8, rasterized=many)
             axes.set_title(f"{side}: {len(pixels)} corners")
         stripes = {"facecolor": "white", "hatch": "////"}
@@ -79,14 +79,16 @@ def view_errors(views: tuple[ShownView, ...]) -> Figure:
                 axes.bar(
                     rows, values[rows], 0.74, color=USE_COLORS[use], label=f"{use} ({len(rows)})"
                 )
-        for k, camera in enumerate(shown[0].cameras if len(shown[0].cameras) > 1 else ()):
+        many = len(shown[0].cameras)
+        colors = palette.camera_colors([camera.side for camera in shown[0].cameras])
+        for k, camera in enumerate(shown[0].cameras if many > 1 else ()):
             one = [np.nan if v.cameras[k].rms is None else v.cameras[k].rms for v in shown]
             mark = {
-                "color": palette.CAMERAS[camera.side],
+                "color": colors[camera.side],
                 "markeredgecolor": "white",
                 "markersize": 7,
             }
-            at = np.arange(len(shown)) + (0.16 if k else -0.16)
+            at = np.arange(len(shown)) + 0.32 * (k / (many - 1) - 0.5)
             axes.plot(at, one, "o", label=f"{camera.side} camera alone", **mark)
         if values.max() > _LOG_FROM * np.median(values):
             axes.set_yscale("log")
@@ -113,6 +115,10 @@ def _coverage_words(sides: tuple[str, ...], shares: list[str], reached: int) -> 
     """Say how much of the images is covered, and how many of their own corners."""
     if len(sides) == 1:
         return f"{shares[0]} of the image is covered, and {reached} of its 4 corners"
+    if len(sides) > 2:
+        least = min(shares, key=lambda share: float(share.split()[0]))
+        of_all = f"{reached} of their {4 * len(sides)} corners"
+        return f"At least {least} of each image is covered, and {of_all}"
     first, second = (f"{share} of the {side}" for share, side in zip(shares, sides, strict=True))
     return f"{first} and {second} image is covered, and {reached} of their 8 corners"
 
@@ -121,10 +127,15 @@ def image_panels(assessment: CameraAssessment) -> tuple[Figure, list[Axes]]:
     """Return a figure with one panel a camera, laid out as its image."""
     width, height = assessment.calibration.views.image_size
     sides = assessment.calibration.views.cameras
+    columns = len(sides) if len(sides) <= 3 else 2 if len(sides) == 4 else 3
+    rows = -(-len(sides) // columns)
     inches = FULL_WIDTH if len(sides) > 1 else HALF_WIDTH
-    panel = (inches - 0.6 * len(sides)) / len(sides)
-    figure = Figure(figsize=(inches, 1.35 + panel * height / width))
-    panels = list(figure.subplots(1, len(sides), squeeze=False)[0])
+    panel = (inches - 0.6 * columns) / columns
+    figure = Figure(figsize=(inches, 0.75 + rows * (0.6 + panel * height / width)))
+    every = list(figure.subplots(rows, columns, squeeze=False).ravel())
+    for unused in every[len(sides) :]:
+        unused.set_axis_off()
+    panels = every[: len(sides)]
     for axes in panels:
         axes.set_xlim(-0.03 * width, 1.03 * width)
         axes.set_ylim(1.03 * height, -0.03 * height)

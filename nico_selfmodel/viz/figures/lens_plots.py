@@ -39,14 +39,14 @@ def distortion_profile(assessment: CameraAssessment) -> Figure:
 
 def epipolar_distribution(assessment: CameraAssessment) -> Figure | None:
     """Draw how far corners lie from epipolar lines in each image; None for one camera."""
-    if assessment.epipolar is None:
+    if assessment.pair is None:
         return None
     calibration, test = assessment.calibration, None
     if assessment.test_views is not None:
         flat = assessment.test_views.pixels.reshape(-1, 4)
         both = flat[np.isfinite(flat).all(axis=1)]
         test = calibration.rig.epipolar_errors(both).ravel()
-    train = assessment.epipolar[~calibration.outliers].ravel()
+    train = assessment.pair.epipolar[~calibration.outliers].ravel()
     sets = error_sets(test, None, train[np.isfinite(train)])
     if not sets:
         return None
@@ -56,9 +56,9 @@ def epipolar_distribution(assessment: CameraAssessment) -> Figure | None:
 
 def reconstruction_by_range(assessment: CameraAssessment) -> Figure | None:
     """Draw the errors of rebuilt corners over their distance; None where nothing was rebuilt."""
-    found = assessment.reconstruction
-    if found is None or len(found.views) == 0:
+    if assessment.pair is None or len(assessment.pair.reconstruction.views) == 0:
         return None
+    found = assessment.pair.reconstruction
     distance, errors = 1e3 * found.depths.ravel(), 1e3 * found.errors.ravel()
     calibration = assessment.calibration
     with style():
@@ -100,7 +100,7 @@ def _profile_panel(axes: Axes, assessment: CameraAssessment, side: str, camera: 
     moved = focal * (camera.profile(r)[0] - r)
     place = focal * r + moved
     sigma = _BAND * focal * _profile_sigma(assessment, side, r)
-    color = palette.CAMERAS[side]
+    color = palette.camera_colors(calibration.views.cameras)[side]
     pixels = calibration.views.of_camera(side)[~calibration.outliers].reshape(-1, 2)
     covered = float(np.nanmax(np.linalg.norm(pixels - center, axis=1), initial=0.0))
     axes.axvspan(0.0, covered, color=palette.FAINT, alpha=0.45, linewidth=0.0)

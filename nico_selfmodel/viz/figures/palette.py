@@ -1,5 +1,8 @@
 """Colours of scenes and figures: told apart by colour-blind readers, and readable on white."""
 
+from collections.abc import Sequence
+from itertools import cycle
+
 import numpy as np
 from matplotlib import colormaps
 from matplotlib.colors import Colormap, LinearSegmentedColormap, to_rgb
@@ -19,6 +22,7 @@ HELD_OUT = "#0b5fa5"
 OUTLIER = "#cc3311"
 UNCERTAINTY = "#009988"
 CAMERAS = {"left": "#009988", "right": "#aa3377"}
+_MORE_CAMERAS = ("#4477aa", "#ee7733", "#228833", "#33bbee", "#ccaa22", "#775599")
 LINK = "#c3cad2"
 HAND = "#1c2733"
 GRID = "#b9c2cb"
@@ -27,6 +31,13 @@ ERRORS = LinearSegmentedColormap.from_list("errors", colormaps["magma_r"](np.lin
 """Perceptually uniform, from pale (small) to dark (large)."""
 BOARDS = LinearSegmentedColormap.from_list("boards", ("#a9c6e3", "#3f7fb8", "#0a2342"))
 """As `ERRORS`, without its reds, for large areas in which red must mean an outlier."""
+
+
+def camera_colors(names: Sequence[str]) -> dict[str, str]:
+    """Return a colour for each camera of a rig; the ninth shares that of the first."""
+    known = [*CAMERAS.values(), *_MORE_CAMERAS]
+    spare = cycle([color for color in known if color not in map(CAMERAS.get, names)])
+    return {name: CAMERAS.get(name) or next(spare) for name in names}
 
 
 def joint_color(i: int) -> str:

@@ -53,7 +53,7 @@ def residual_field(assessment: CameraAssessment) -> Figure:
         figure, panels = image_panels(assessment)
         for axes, side, field in zip(panels, views.cameras, fields, strict=True):
             look = {"width": 0.002, "alpha": 0.75, "rasterized": len(field.pixels) > MANY}
-            color = palette.CAMERAS[side]
+            color = palette.camera_colors(views.cameras)[side]
             _arrows(axes, field.pixels, field.residuals, factor, color, "", 0.66, **look)
             _arrows(
                 axes, field.cells, field.means, mean_factor, palette.INK, "mean ", 0.9, width=0.005

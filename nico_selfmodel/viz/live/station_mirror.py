@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from nico_selfmodel.geometry.reflection import reflect
-from nico_selfmodel.model.cameras.stereo_rig import SIDES
+from nico_selfmodel.model.cameras.rig_parameters import SIDES
 from nico_selfmodel.model.self_model import SelfModel
 from nico_selfmodel.viz.figures import palette
 from nico_selfmodel.viz.scene.mirror_picture import on_glass

@@ -9,7 +9,7 @@ from pydrake.geometry import Meshcat
 from pydrake.math import RigidTransform
 
 from nico_selfmodel.geometry.transform import apply, inverse, transform
-from nico_selfmodel.model.cameras.stereo_rig import SIDES
+from nico_selfmodel.model.cameras.rig_parameters import SIDES
 from nico_selfmodel.model.self_model import SelfModel
 from nico_selfmodel.plant import ArmDescription, SelfModelPlant
 from nico_selfmodel.plant.learned_frames import learned_frames

@@ -49,7 +49,7 @@ class Thumbnail:
 
 @dataclass(frozen=True)
 class GalleryRow:
-    """One view: left and right side by side."""
+    """One view: its cameras side by side."""
 
     name: str
     """Of the view."""
@@ -97,11 +97,13 @@ def gallery(
     far = _FAR * calibration.rms if np.isfinite(calibration.rms) else np.inf
     notes = (document.get("detection") or {}).get("not_seen") or {}
     columns = _columns(calibration.views.p_GQ)
+    colors = palette.camera_colors(calibration.views.cameras)
 
     def thumbnail(camera: CameraView, name: str) -> Thumbnail:
         image = photograph_of(images, camera.side, name, calibration.views.image_size)
         small = None if image is None else shrunk(image, width)
-        return _thumbnail(camera, small, calibration.views.image_size, columns, far, notes)
+        color = colors[camera.side]
+        return _thumbnail(camera, color, small, calibration.views.image_size, columns, far, notes)
 
     rows = tuple(
         GalleryRow(
@@ -114,6 +116,7 @@ def gallery(
 
 def _thumbnail(
     camera: CameraView,
+    color: str,
     small: NDArray | None,
     image_size: tuple[int, int],
     columns: int,
@@ -134,7 +137,7 @@ def _thumbnail(
         covered = (step * small.shape[1], step * small.shape[0])
     return Thumbnail(
         camera.file,
-        palette.CAMERAS[camera.side],
+        color,
         camera.rms,
         "" if seen.any() else notes.get(camera.file, "no board found"),
         None if small is None else data_uri("image/jpeg", jpeg(small)),

@@ -1,11 +1,12 @@
 """The report on cameras that were learned from views of a flat board."""
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 from nico_selfmodel.estimation.cameras.camera_assessment import CameraAssessment
 from nico_selfmodel.model.cameras.projection import FISHEYE
 from nico_selfmodel.model.self_model import SelfModel
+from nico_selfmodel.names import listed
 from nico_selfmodel.viz.figures import camera_plots, lens_plots
 from nico_selfmodel.viz.figures.camera_views import ShownView, shown_views
 from nico_selfmodel.viz.figures.numbers_shown import decimals, signed
@@ -35,7 +36,7 @@ def camera_report(
     images: Photographs | None = None,
     model: SelfModel | None = None,
 ) -> Report:
-    """Return what views of a board tell of one camera or two.
+    """Return what views of a board tell of cameras.
 
     Args:
         assessment: What was learned and what it is worth.
@@ -87,7 +88,9 @@ def _learned(
 
 
 def _about(cameras: tuple[str, ...], document: Mapping[str, Any]) -> str:
-    who = f"The {' and '.join(cameras)} camera{'s' * (len(cameras) > 1)}"
+    who = f"The {listed(cameras)} camera{'s' * (len(cameras) > 1)}"
+    if len(cameras) == 2:
+        who = f"The {' and '.join(cameras)} cameras"
     what = f"{who}, calibrated from {len(document['views'])} views of a flat board"
     board = document.get("detection")
     if board is None:
@@ -197,6 +200,8 @@ def _where(assessment: CameraAssessment, views: tuple[ShownView, ...]) -> parts.
 
 def _together(assessment: CameraAssessment, document: Mapping[str, Any]) -> list[parts.Section]:
     """Return what the cameras do together; nothing for one camera."""
+    if document.get("pairs"):
+        return [_pairs(document["pairs"])]
     rows = tuple(
         (label, statistics_cells(document[key], quantity, digits)[1:])
         for key, label, quantity, digits in (
@@ -213,6 +218,31 @@ def _together(assessment: CameraAssessment, document: Mapping[str, Any]) -> list
     )
     table = parts.numbers(Table(("", *HEADINGS), rows))
     return [parts.section("How the cameras work together", table, figures, id="pair")]
+
+
+def _pairs(found: Sequence[Mapping[str, Any]]) -> parts.Section:
+    """Return how well the cameras of a rig work together, one pair a row."""
+    rows = []
+    for pair in found:
+        apart, rebuilt = pair["baseline"], pair["reconstruction"]
+        sigma = None if apart["sigma"] is None else 1e3 * apart["sigma"]
+        known = "" if sigma is None else f" ± {decimals(sigma, sigma)}"
+        cells = (
+            Cell(str(pair["boards"])),
+            Cell(f"{decimals(1e3 * apart['value'], sigma)}{known}"),
+            number_cell(pair["epipolar_px"]["pixels"]["mean"], 3),
+            number_cell(None if rebuilt is None else rebuilt["position_mm"]["rms"], 2),
+        )
+        rows.append((" - ".join(pair["cameras"]), cells))
+    headings = ("cameras", "boards in common", "apart [mm]", "off epipolar lines [px]")
+    table = Table((*headings, "rebuilt corners, rms [mm]"), tuple(rows))
+    words = (
+        "Cameras without a board in common are connected by the others. Boards are rebuilt from "
+        "pixels alone by the two cameras of a row, where both saw them whole."
+    )
+    return parts.section(
+        "How the cameras work together", parts.numbers(table, "cards"), parts.hint(words), id="pair"
+    )
 
 
 def _views(

@@ -5,7 +5,7 @@ from dataclasses import dataclass, field
 from typing import Any
 
 from nico_selfmodel.model.cameras.projection import EVERY_INTRINSIC, INTRINSICS
-from nico_selfmodel.model.cameras.stereo_rig import POSE_NAMES
+from nico_selfmodel.model.cameras.rig_parameters import POSE_NAMES
 from nico_selfmodel.viz.figures.numbers_shown import decimals
 from nico_selfmodel.viz.reports.tables import UNITS, Cell, Table
 
@@ -123,9 +123,14 @@ def lens_table(parameters: ParameterTables, cameras: tuple[str, ...]) -> Table:
 
 
 def pose_table(parameters: ParameterTables) -> Table | None:
-    """Return where the right camera is in the left one's frame, None for one camera."""
+    """Return where cameras are in the first one's frame, one a column; None for one camera."""
+    end = ".pose.x"
+    placed = [name.removesuffix(end) for name in parameters.entries if name.endswith(end)]
     if "baseline" not in parameters.entries:
-        return None
+        if not placed:
+            return None
+        rows = [(_with_unit(n), [f"{camera}.pose.{n}" for camera in placed]) for n in POSE_NAMES]
+        return parameters.rows(("in the first camera's frame", *placed), rows)
     rows = [(_with_unit(name), [f"right.pose.{name}"]) for name in POSE_NAMES]
     rows.append(("baseline [mm]", ["baseline"]))
     return parameters.rows(("", "right camera in the left one's frame"), rows)

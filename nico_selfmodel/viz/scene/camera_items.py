@@ -98,30 +98,34 @@ class ImagePlane:
         return (blocks.sum(axis=1).sum(axis=2) // _SUPERSAMPLED**2).astype(np.uint8)
 
 
-def camera_items(side: str, plane: ImagePlane, image: NDArray | None) -> list[Item]:
+def camera_items(
+    side: str, plane: ImagePlane, image: NDArray | None, color: str | None = None
+) -> list[Item]:
     """Return a camera's frustum, its name, and its image where there is one.
 
     Args:
-        side: `left` or `right`.
+        side: What the camera is called.
         plane: Where the image is drawn.
         image: Red, green and blue, 8 bits. Shape (h, w, 3).
+        color: Of its outline; that of `left` and `right` by default.
 
     Returns:
         Items under `cameras/<camera>`.
     """
     center, corners = plane.camera.X_WC[:3, 3], plane.corners
     width, height = plane.size.tolist()
-    color, wire = palette.rgba(palette.CAMERAS.get(side, palette.UNCERTAINTY)), _WIRE * width
+    ink = color or palette.CAMERAS.get(side, palette.UNCERTAINTY)
+    rgba, wire = palette.rgba(ink), _WIRE * width
     items: list[Item] = [
-        Tube(path=f"cameras/{side}/outline", color=color, points=corners, radius=wire, closed=True),
+        Tube(path=f"cameras/{side}/outline", color=rgba, points=corners, radius=wire, closed=True),
         Markers(
-            path=f"cameras/{side}/centre", color=color, centers=center[None], radius=_CENTER * width
+            path=f"cameras/{side}/centre", color=rgba, centers=center[None], radius=_CENTER * width
         ),
     ]
     items += [
         Tube(
             path=f"cameras/{side}/edge_{k + 1}",
-            color=color,
+            color=rgba,
             points=np.stack([center, corner]),
             radius=0.6 * wire,
         )
@@ -143,7 +147,7 @@ def camera_items(side: str, plane: ImagePlane, image: NDArray | None) -> list[It
     name = label(
         f"cameras/{side}/name",
         side,
-        palette.CAMERAS.get(side, palette.UNCERTAINTY),
+        ink,
         0.28 * height,
         pose,
         (0.5, 1.0),

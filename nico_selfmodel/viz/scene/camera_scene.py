@@ -61,12 +61,13 @@ def camera_scene(
         for side, camera in zip(calibration.views.cameras, calibration.cameras, strict=True)
     }
     items: list[Item] = []
+    colors = palette.camera_colors(calibration.views.cameras)
     for side, plane in planes.items():
         size = calibration.views.image_size
         image = photograph_of(images, side, calibration.views.names[view], size)
-        items += camera_items(side, plane, image)
+        items += camera_items(side, plane, image, colors[side])
     items += _boards(calibration, view)
-    legend = [LegendEntry(f"{side} camera", palette.rgba(palette.CAMERAS[side])) for side in planes]
+    legend = [LegendEntry(f"{side} camera", palette.rgba(colors[side])) for side in planes]
     legend += _board_legend(calibration)
     if len(planes) == 2 and calibration.views.seen[view, :, corner].all():
         items += epipolar_items(calibration, planes, X_WL, view, corner)
@@ -89,6 +90,8 @@ def chosen_point(calibration: CameraCalibration, point: tuple[str, int] | None) 
         ValueError: If there is no such view or corner.
     """
     seen = np.asarray(calibration.views.seen.all(axis=1))
+    if not seen.any():  # of many cameras no board is seen by all
+        seen = np.asarray(calibration.views.seen.any(axis=1))
     if point is None:
         depth = apply_each(calibration.X_LG, calibration.views.p_GQ.mean(axis=0))[:, 2]
         whole = seen.any(axis=1) & ~calibration.outliers
@@ -135,7 +138,9 @@ def _plane_distance(calibration: CameraCalibration) -> float:
     if len(calibration.cameras) < 2:
         return distance
     width = max(camera.image_size[0] / camera.fx for camera in calibration.cameras)
-    return min(distance, _SPREAD * calibration.rig.baseline / width)
+    p = np.array([camera.X_WC[:3, 3] for camera in calibration.cameras])
+    apart = np.linalg.norm(p[:, None] - p, axis=2)[np.triu_indices(len(p), 1)]
+    return min(distance, _SPREAD * float(apart.min()) / width)
 
 
 def _boards(calibration: CameraCalibration, chosen: int) -> list[Item]:

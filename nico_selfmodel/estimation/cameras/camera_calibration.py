@@ -1,7 +1,7 @@
-"""Calibrate one or two cameras from views of a flat board: the thesis' algorithm 3, put right.
+"""Calibrate any number of cameras from views of a flat board: the thesis' algorithm 3, put right.
 
-Zhang's start for each camera, a refinement of each camera alone, the relative pose by the essential
-matrix and cheirality, then one adjustment of both cameras and all boards.
+Zhang's start for each camera, a refinement of each camera alone, relative poses by the essential
+matrix and cheirality, then one adjustment of all cameras and all boards.
 """
 
 import time
@@ -16,13 +16,14 @@ from nico_selfmodel.estimation.cameras.camera_adjustment import Adjustment, Came
 from nico_selfmodel.estimation.cameras.camera_initialization import (
     check_tilts,
     fisheye_start,
-    pair_start,
     zhang_start,
 )
 from nico_selfmodel.estimation.cameras.camera_options import CameraOptions, by_full_name
 from nico_selfmodel.estimation.cameras.pair_checks import check_pair, check_start
+from nico_selfmodel.estimation.cameras.rig_start import rig_links, rig_start
 from nico_selfmodel.model.cameras.camera import Camera
 from nico_selfmodel.model.cameras.projection import FISHEYE, intrinsics_of
+from nico_selfmodel.model.cameras.rig_parameters import rig_names
 from nico_selfmodel.model.cameras.stereo_rig import StereoRig
 
 FEWEST_VIEWS = 3
@@ -35,7 +36,7 @@ def calibrate_cameras(views: BoardViews, options: CameraOptions | None = None) -
     """Calibrate the cameras that saw a board.
 
     Args:
-        views: Corners in one or two cameras.
+        views: Corners in any number of cameras.
         options: What is held and free; by default skew and tangential distortion are held at zero.
 
     Returns:
@@ -57,27 +58,31 @@ def calibrate_cameras(views: BoardViews, options: CameraOptions | None = None) -
         adjustment.solve(options.loss)
         check_tilts(adjustment.X_LG, views.cameras[0])
         return adjustment.result(time.perf_counter() - began)
-    alone = [_refine_alone(views.only(camera), options) for camera in views.cameras]
-    for camera, found in zip(views.cameras, alone, strict=True):
+    alone = {camera: _refine_alone(views.only(camera), options) for camera in views.cameras}
+    for camera, found in alone.items():
         check_tilts(found.X_LG, camera)
-    left, right = (_among(views, found) for found in alone)
-    right_camera, X_LG = pair_start(left, right, views)
-    alone_rms = max(found.rms for found in alone)
-    adjustment = Adjustment(views, (left[0], right_camera), X_LG, options)
+    links = rig_links(views)
+    cameras, X_LG = rig_start([_among(views, found) for found in alone.values()], views)
+    adjustment = Adjustment(views, cameras, X_LG, options)
+    leaves = {link: max(alone[camera].rms for camera in link) for link in links}
     try:
         adjustment.solve(options.loss)
         result = adjustment.result(time.perf_counter() - began)
     except (NotConvergedError, ModelError):
         # Pairs that do not belong together may end in cameras that cannot be: say that of them.
-        check_start(StereoRig(left[0], right_camera), views, alone_rms)
+        placed = dict(zip(views.cameras, cameras, strict=True))
+        for (first, second), rms in leaves.items():
+            rig = StereoRig(placed[first], placed[second])
+            check_start(rig, views.pair(first, second), rms)
         raise
-    check_pair(result, alone_rms)
+    for link, rms in leaves.items():
+        check_pair(result, link, rms)
     return result
 
 
 def _check_names(views: BoardViews, options: CameraOptions) -> None:
     """Raise before any work if an option names a parameter that does not exist."""
-    names = StereoRig.names_of(views.cameras, options.lens)
+    names = rig_names(views.cameras, options.lens)
     options.held(names)
     by_full_name(options.priors, names)
 

@@ -1,0 +1,60 @@
+"""`nico-selfmodel calibrate cameras`: learn a rig of any number of cameras from a board."""
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from nico_selfmodel.cli import inputs, options, printer
+from nico_selfmodel.cli.calibrate.stereo import CameraTask, lens_options
+
+
+def cameras(
+    board: options.Board,
+    square_mm: options.SquareMm,
+    out: options.Out,
+    images: Annotated[
+        Path | None, typer.Argument(help="Folder with a folder of photographs for each camera.")
+    ] = None,
+    camera: Annotated[
+        list[str] | None,
+        typer.Option("--camera", help="NAME=PATTERN of its photographs, as front='cam0/*.png'."),
+    ] = None,
+    tag_mm: options.TagMm = None,
+    family: options.Family = None,
+    window: options.Window = 11,
+    lens: options.Lens = "auto",
+    fix: options.Fix = None,
+    free: options.Free = None,
+    prior: options.Prior = None,
+    tangential: options.Tangential = False,
+    fixed_aspect: options.FixedAspect = False,
+    loss: options.Loss = "trimmed",
+    test_fraction: options.TestFraction = None,
+    seed: options.SplitSeed = 0,
+    name: options.ModelName = None,
+    require_test_px: options.RequireTestPx = None,
+    no_report: options.NoReport = False,
+    force: options.Force = False,
+    as_json: options.AsJson = False,
+) -> None:
+    """Learn a rig of cameras from photographs of a board, of which two or more see it at once."""
+    from nico_selfmodel.files.whole import refuse_folder
+    from nico_selfmodel.vision.boards.board_detections import detect_boards_of_cameras
+    from nico_selfmodel.vision.boards.board_images import images_by_folder, images_by_name
+
+    wanted = inputs.board(board, square_mm, tag_mm, family)
+    if (images is None) == (not camera):
+        raise ValueError("give a folder with a folder for each camera, or --camera NAME=PATTERN")
+    listed = images_by_name(camera or ()) if images is None else images_by_folder(images)
+    folder = next(iter(listed.values()))[0][1].parent if images is None else images
+    refuse_folder(out, force=force, inputs=[folder])
+    task = CameraTask(
+        lens_options(fix, free, prior, tangential, fixed_aspect, loss, lens),
+        *(test_fraction, seed, name or inputs.name_after(folder), require_test_px, out),
+        *(no_report, force),
+    )
+    with printer.progress_bar() as progress:
+        found = detect_boards_of_cameras(listed, wanted, window, progress)
+        document = task.run(found, progress)
+    printer.result(task.name, document, out, json_instead=as_json)
