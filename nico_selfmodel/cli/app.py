@@ -33,7 +33,16 @@ from nico_selfmodel.cli import (
     simulate,
     view,
 )
-from nico_selfmodel.cli.calibrate import body, camera, cameras, hand_eye, kinematics, mirror, stereo, tool
+from nico_selfmodel.cli.calibrate import (
+    body,
+    camera,
+    cameras,
+    hand_eye,
+    kinematics,
+    mirror,
+    stereo,
+    tool,
+)
 from nico_selfmodel.cli.experiment import mirror as mirror_experiment
 from nico_selfmodel.cli.experiment import motion_capture, refinement, vision
 from nico_selfmodel.cli.experiment import stereo as stereo_experiment

@@ -31,7 +31,7 @@ def export_cameras(
 
 def import_cameras(
     files: Annotated[
-        list[Path], typer.Argument(help="The file; or the left camera's, then the right one's.")
+        list[Path], typer.Argument(help="The file; or one for each camera, the left one's first.")
     ],
     out: options.Out,
     force: options.Force = False,

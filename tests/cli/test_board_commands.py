@@ -21,20 +21,28 @@ TAGS = cv2.aruco.getPredefinedDictionary(cv2.aruco.DICT_4X4_50)
 BOARD = ("--board", "charuco:7x5", "--square-mm", "25")
 
 
+APART = 0.04
+"""Distance of a camera from the next [m]."""
+
+
 @pytest.fixture(scope="module")
 def photographs(tmp_path_factory):
-    """Return a folder with cam0 and cam1, in which a card hides a part of half of the boards."""
+    """Return a folder with cam0, cam1 and cam2, side by side; a card hides half of the boards.
+
+    The first boards are seen by cam0 and cam1, the last ones by cam1 and cam2.
+    """
     folder = tmp_path_factory.mktemp("photographs")
     printed = printed_boards.charuco_print(8, 6, 0.025, 0.01875, TAGS)
     points = board_of("charuco:7x5", 25.0).points
-    for side in ("cam0", "cam1"):
-        (folder / side).mkdir()
-    for i in range(9):
+    for i in range(13):
         rng = np.random.default_rng((i, 11))
-        hidden, fill = (0.4, 1.1) if i % 2 else (0.0, 0.9)
-        photo = printed_boards.photographed(printed, points, rng, hidden=hidden, fill=fill)
-        for side in ("cam0", "cam1"):
-            cv2.imwrite(str(folder / side / f"{i:03d}.png"), photo.image)
+        hidden, fill = (0.4, 0.95) if i % 2 else (0.0, 0.8)
+        R, t = printed_boards.pose_of(points, rng, fill=fill)
+        for side, camera in enumerate(("cam0", "cam1") if i < 8 else ("cam1", "cam2")):
+            pose = R, t + np.array([(0.5 - side) * APART, 0.0, 0.0])
+            photo = printed_boards.photographed(printed, points, rng, hidden=hidden, pose=pose)
+            (folder / camera).mkdir(exist_ok=True)
+            cv2.imwrite(str(folder / camera / f"{i:03d}.png"), photo.image)
     return folder
 
 
@@ -53,20 +61,39 @@ def test_a_camera_is_learned_from_boards_seen_in_part(photographs, tmp_path, com
     assert document["lens"]["kind"] == "polynomial"
 
 
-def test_the_commands_of_the_page_print_the_board_and_look_for_it(
+def test_the_commands_of_the_page_print_the_board_and_learn_from_it(
     photographs, tmp_path, command, monkeypatch
 ):
     monkeypatch.chdir(tmp_path)
-    for side in ("cam0", "cam1"):
-        shutil.copytree(photographs / side, tmp_path / side)
     page = (Path(__file__).parents[2] / "docs" / "cameras.md").read_text()
-    printing, one, pair = re.findall(r"^(?:    )?nico-selfmodel (.*)$", page, re.MULTILINE)
+    printing, one, pair, rig = re.findall(r"^(?:    )?nico-selfmodel (.*)$", page, re.MULTILINE)
     assert command(*shlex.split(printing)).returncode == 0
     assert b"--board charuco:7x5 --square-mm 25" in Path("board.pdf").read_bytes()
+    for side in ("cam0", "cam1"):
+        (tmp_path / side).mkdir()
+        for number in range(8):
+            shutil.copy(photographs / side / f"{number:03d}.png", tmp_path / side)
     assert command(*shlex.split(one), "--no-report").returncode == 0
-    # Both cameras have the same pictures: a pair without a baseline, but every view is paired.
     done = command(*shlex.split(pair), "--no-report")
-    assert "without a partner" not in done.stderr
+    assert done.returncode == 0, done.stdout + done.stderr
+    assert load_model("pair").rig.baseline == pytest.approx(APART, abs=5e-4)
+    shutil.copytree(photographs, tmp_path / "photographs")
+    done = command(*shlex.split(rig))
+    assert done.returncode == 0, done.stdout + done.stderr
+    cameras = load_model("rig").cameras
+    for k, name in enumerate(("cam0", "cam1", "cam2")):
+        assert cameras[name].X_WC[:3, 3] == pytest.approx([k * APART, 0.0, 0.0], abs=1e-3)
+    document = json.loads(Path("rig/result.json").read_text())
+    assert [p["cameras"] for p in document["pairs"]] == [["cam0", "cam1"], ["cam1", "cam2"]]
+    assert len(document["detection"]["files"]["cam0"]) == 8
+    assert "How the cameras work together" in Path("rig/report.html").read_text()
+
+
+def test_cameras_are_named_by_patterns(photographs, tmp_path, command):
+    patterns = [f"--images={n}={photographs}/cam{k}/*.png" for k, n in enumerate(("a", "b"))]
+    words = (*patterns, *BOARD, "--out", tmp_path / "rig", "--no-report", "-q")
+    assert command("calibrate", "cameras", *words).returncode == 0
+    assert list(load_model(tmp_path / "rig").cameras) == ["a", "b"]
 
 
 def test_detect_tells_which_corners_it_saw(photographs, tmp_path, command):
@@ -88,6 +115,7 @@ def test_wrong_words_are_one_line(photographs, tmp_path, command):
     to = ("--out", out, "-q")
     camera = ("calibrate", "camera", left, *to, "--square-mm", "25")
     stereo = ("calibrate", "stereo", *BOARD, *to)
+    rig, third = ("calibrate", "cameras", *BOARD, *to), f"{photographs}/cam2/*.png"
     sheet = ("markers", "board", "--out", tmp_path / "b.pdf")
     cases = [
         ((*camera, "--board", "charucco:7x5"), "did you mean 'charuco'"),
@@ -95,6 +123,11 @@ def test_wrong_words_are_one_line(photographs, tmp_path, command):
         ((*camera, "--board", "charuco:3x3"), "which the stated board does not have"),
         ((*camera, "--board", "circles:7x5"), "no circles:7x5"),
         (("calibrate", "camera", f"{photographs}/cam7/*.png", *BOARD, *to), "no photograph"),
+        (rig, "give a folder with a folder for each camera"),
+        ((*rig, photographs / "cam0"), "a folder with photographs for each camera"),
+        ((*rig, "--images", left), "give NAME=PATTERN"),
+        ((*rig, "--images", f"a={left}", "--images", f"a={left}"), "another camera a"),
+        ((*rig, "--images", f"a={left}", "--images", f"b={third}"), "boards in common"),
         (stereo, "--left and --right"),
         ((*stereo, "--left", left), "--left and --right"),
         ((*stereo, "--left", left, "--right", other), "without a partner"),

@@ -10,6 +10,7 @@ from nico_selfmodel.cli.app import _tree
 SEVERAL_MEANINGS = {
     *("--out", "--seed", "--sensor", "--mirror", "--random"),  # what is made; of what; who watches
     *("--marker", "--encoders", "--seconds", "--robots", "--model", "--name"),
+    "--images",  # where to keep them, or whose they are
 }
 """Options that are about another thing where another command has them, as their helps say."""
 PRIVATE_WORDS = r"\b(eyes?|sight(ings?)?|pin(ned)?|play|blind|world|individuals?|believed)\b"

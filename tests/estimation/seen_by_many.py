@@ -1,6 +1,7 @@
 """A rig of cameras that look into a room, and boards that two of them see at a time."""
 
 from dataclasses import dataclass
+from itertools import pairwise
 
 import numpy as np
 
@@ -50,7 +51,7 @@ def seen_by_two(
     """Hold boards before each pair of neighbours, which alone take a picture of them."""
     names = tuple(rig.cameras)
     pixels, views = [], []
-    for a, b in zip(names, names[1:], strict=False):
+    for a, b in pairwise(names):
         for k in range(boards):
             seen = np.full((len(BOARD), len(names), 2), np.nan)
             while not np.isfinite(seen).any():
@@ -83,8 +84,5 @@ def _board_before(rig: Rig, a: str, b: str, rng: np.random.Generator) -> np.ndar
 def rig_error(found: dict[str, Camera], rig: Rig) -> np.ndarray:
     """Return how far each camera stands from the truth [m]."""
     return np.array(
-        [
-            np.linalg.norm((inverse(rig.cameras[n].X_WC) @ c.X_WC)[:3, 3])
-            for n, c in found.items()
-        ]
+        [np.linalg.norm((inverse(rig.cameras[n].X_WC) @ c.X_WC)[:3, 3]) for n, c in found.items()]
     )

@@ -139,7 +139,7 @@ def test_a_camera_without_counterpart_is_refused(kind, change, words):
         ("a.yaml", "distortion_model: plumb_bob\n", "'camera_matrix' is missing"),
         ("a.yaml", "cam0: {camera_model: omni}\n", "only pinhole has"),
         ("a.yaml", "cam0: 3\n", "expected a camera"),
-        ("a.yaml", "cam7: {}\n", "expected cam0 and cam1"),
+        ("a.yaml", "cam7: {}\n", "expected cam0, got cam7"),
         ("a.json", '{"M1": {"data": [1, 2]}}', "M1: expected"),
         ("a.yaml", THEIRS.replace("[1.0, 0.0", "[1.2, 0.0"), "is no rotation and translation"),
         ("a.yaml", THEIRS.replace("-0.2", "wide"), "D1: expected"),
@@ -151,6 +151,19 @@ def test_files_that_are_none_are_refused(tmp_path, name, text, words):
         read_cameras([tmp_path / name])
     assert "\n" not in str(error.value)
     assert name in str(error.value)
+
+
+@pytest.mark.parametrize("kind", ["kalibr", "mrcal"])
+def test_a_rig_of_three_keeps_its_places(tmp_path, kind):
+    cameras = pair("fisheye" if kind == "kalibr" else "plain")
+    third = cameras["right"].at(X_WR @ X_WR)
+    rig = dict(zip(("cam0", "cam1", "cam2"), (*cameras.values(), third), strict=True))
+    found = read_cameras(written(tmp_path, rig, kind))
+    assert list(found) == list(rig)
+    for name, camera in rig.items():
+        assert found[name].project(EDGE) == pytest.approx(camera.project(EDGE), abs=1e-9)
+    with pytest.raises(ModelError, match="3 cameras have no counterpart in OpenCV's files"):
+        camera_texts(rig, "opencv")
 
 
 def test_two_cameras_in_one_place_are_no_pair(tmp_path):

@@ -10,12 +10,60 @@ import cv2
 import numpy as np
 
 SIZE = (800, 600)
-K = np.array([[620.0, 0.0, 405.0], [0.0, 615.0, 296.0], [0.0, 0.0, 1.0]])
-LENS = np.array([-0.22, 0.06, 0.0, 0.0, 0.0])
 BLACK, WHITE = 40.0, 205.0
 _FINE = 4
 TEXELS = 24
 """Texels along a square, or a cell of ten of a tag."""
+
+
+@dataclass(frozen=True)
+class Lens:
+    """A camera: OpenCV's coefficients, of `cv2.fisheye` where it is one."""
+
+    focal: tuple[float, float] = (620.0, 615.0)
+    centre: tuple[float, float] = (405.0, 296.0)
+    bends: tuple[float, ...] = (-0.22, 0.06, 0.0, 0.0, 0.0)
+    fisheye: bool = False
+
+    @property
+    def K(self):
+        """The intrinsic matrix."""
+        return np.array(
+            [[self.focal[0], 0.0, self.centre[0]], [0.0, self.focal[1], self.centre[1]], [0, 0, 1]]
+        )
+
+    def rays(self, pixels):
+        """Return directions, nan where there are none. Shape (n, 2) -> (3, n)."""
+        if not self.fisheye:
+            flat = cv2.undistortPoints(
+                pixels.reshape(-1, 1, 2), self.K, self.bends, None, None, criteria=(3, 60, 1e-10)
+            )
+            return np.vstack([flat.reshape(-1, 2).T, np.ones(len(pixels))])
+        x, y = ((pixels - self.centre) / self.focal).T
+        size = np.hypot(x, y)
+        theta = np.linspace(0.0, np.pi, 20001)
+        bent = self._bent(theta)
+        last = int(np.argmax(bent))
+        angle = np.interp(size, bent[: last + 1], theta[: last + 1], right=np.nan)
+        across = np.sin(angle) / np.where(size > 0.0, size, 1.0)
+        return np.stack([across * x, across * y, np.cos(angle)])
+
+    def pixels(self, p):
+        """Return the pixels of points before the camera; nan behind a lens that is no fisheye."""
+        if not self.fisheye:
+            ahead = p[:, 2] > 0.05 * np.linalg.norm(p, axis=1)
+            safe = np.where(ahead[:, None], p, [0.0, 0.0, 1.0])
+            found = cv2.projectPoints(safe, np.zeros(3), np.zeros(3), self.K, self.bends)[0]
+            return np.where(ahead[:, None], found.reshape(-1, 2), np.nan)
+        off = np.hypot(p[:, 0], p[:, 1])
+        ratio = self._bent(np.arctan2(off, p[:, 2])) / np.maximum(off, 1e-12)
+        return p[:, :2] * ratio[:, None] * self.focal + self.centre
+
+    def _bent(self, theta):
+        return theta * (1.0 + sum(k * theta ** (2 * i + 2) for i, k in enumerate(self.bends)))
+
+
+PLAIN = Lens()
 
 
 @dataclass(frozen=True, eq=False)
@@ -81,21 +129,40 @@ def circle_print(points, diameter, spacing):
     return Print(white, texel, tuple(low))
 
 
-def photographed(printed, points, rng, *, hidden=0.0, blur=0.7, noise=2.0, tilt=0.8, fill=0.75):
-    """Photograph a page, at random, with a piece of card over a share of the board."""
-    R, t = _pose(points, rng, tilt, fill)
+def photographed(
+    printed,
+    points,
+    rng,
+    *,
+    hidden=0.0,
+    blur=0.7,
+    noise=2.0,
+    tilt=0.8,
+    fill=0.75,
+    lens=PLAIN,
+    spread=None,
+    pose=None,
+):
+    """Photograph a page with a piece of card over a share of the board.
+
+    The page hangs at random, its middle up to `spread` [rad] off the camera's axis, or in a `pose`.
+    """
+    R, t = pose or pose_of(points, rng, tilt=tilt, fill=fill, lens=lens, spread=spread)
     width, height = SIZE
-    # Where each ray meets the page: t + R (x, y, 0) ~ (u, v, 1).
+    # Where each ray meets the page: t + R (x, y, 0) = s d, with s > 0.
     H = np.linalg.inv(np.column_stack([R[:, :2], t]))
-    on = H.astype(np.float32) @ _rays()
-    page = (on[:2] / on[2] - np.reshape(printed.origin, (2, 1))) / printed.texel - 0.5
+    on = H.astype(np.float32) @ _rays(lens)
+    ahead = on[2] > 0.0
+    page = on[:2] / np.where(ahead, on[2], 1.0)
+    page = (page - np.reshape(printed.origin, (2, 1))) / printed.texel - 0.5
+    page = np.where(ahead, page, -1e6)
     ink = BLACK + (WHITE - BLACK) * printed.white.astype(np.float32)
     maps = [m.reshape(height * _FINE, width * _FINE).astype(np.float32) for m in page]
     bright = cv2.remap(
         ink, *maps, cv2.INTER_LINEAR, borderMode=cv2.BORDER_CONSTANT, borderValue=120
     )
-    pixels = _projected(points, R, t)
-    card = _card(points, R, t, rng, hidden)
+    pixels = _projected(points, R, t, lens)
+    card = _card(points, R, t, rng, hidden, lens)
     if card is not None:
         scaled = np.rint(((card + 0.5) * _FINE - 0.5) * 16).astype(np.int32)
         cv2.fillConvexPoly(bright, scaled, 150.0, shift=4)
@@ -114,33 +181,38 @@ def photographed(printed, points, rng, *, hidden=0.0, blur=0.7, noise=2.0, tilt=
 
 
 @cache
-def _rays():
-    """Return rays (x, y, 1) to the places at which a picture is hit. Shape (3, n)."""
+def _rays(lens):
+    """Return directions to the places at which a picture is hit. Shape (3, n)."""
     width, height = (side * _FINE for side in SIZE)
     fine = np.stack(np.meshgrid(np.arange(width), np.arange(height)), axis=-1)
-    fine = ((fine.reshape(-1, 1, 2) + 0.5) / _FINE - 0.5).astype(np.float64)
-    rays = cv2.undistortPoints(fine, K, LENS, None, None, criteria=(3, 20, 1e-9)).reshape(-1, 2)
-    return np.vstack([rays.T, np.ones(len(rays))]).astype(np.float32)
+    fine = ((fine.reshape(-1, 2) + 0.5) / _FINE - 0.5).astype(np.float64)
+    return lens.rays(fine).astype(np.float32)
 
 
-def _projected(points, R, t):
-    rvec, _ = cv2.Rodrigues(R)
-    return cv2.projectPoints(points.astype(float), rvec, t, K, LENS)[0].reshape(-1, 2)
+def _projected(points, R, t, lens):
+    return lens.pixels(points.astype(float) @ R.T + t)
 
 
-def _pose(points, rng, tilt, fill):
+def pose_of(points, rng, *, tilt=0.8, fill=0.75, lens=PLAIN, spread=None):
     """Return a pose in which the board fills a share of the image's height or width."""
     middle = points.mean(axis=0)
     extent = np.ptp(points, axis=0)[:2]
     axis = rng.uniform(-np.pi, np.pi)
     turn = rng.uniform(0.0, tilt) * np.array([np.cos(axis), np.sin(axis), 0.0])
     R = cv2.Rodrigues(turn)[0] @ cv2.Rodrigues(np.array([0.0, 0.0, rng.uniform(-0.4, 0.4)]))[0]
-    far = K[0, 0] * max(extent[0] / SIZE[0], extent[1] / SIZE[1]) / (fill * rng.uniform(0.75, 1.0))
+    far = lens.focal[0] * max(extent[0] / SIZE[0], extent[1] / SIZE[1])
+    far = far / (fill * rng.uniform(0.75, 1.0))
     aside = rng.uniform(-0.06, 0.06, 2) * far
-    return R, np.array([*aside, far]) - R @ middle
+    t = np.array([*aside, far])
+    if spread is not None:
+        # Evenly over the image, as far as a lens shows angles evenly.
+        off, about = spread * np.sqrt(rng.uniform()), rng.uniform(-np.pi, np.pi)
+        swing = cv2.Rodrigues(off * np.array([-np.sin(about), np.cos(about), 0.0]))[0]
+        R, t = swing @ R, swing @ t
+    return R, t - R @ middle
 
 
-def _card(points, R, t, rng, hidden):
+def _card(points, R, t, rng, hidden, lens):
     """Return the outline of a card that hides about a share of the board from one side [px]."""
     if not hidden:
         return None
@@ -156,4 +228,4 @@ def _card(points, R, t, rng, hidden):
         corners[1, 0], corners[2, 0] = along + slant, along - slant
     else:
         corners[2, 1], corners[3, 1] = along + slant, along - slant
-    return _projected(np.column_stack([corners, np.zeros(4)]), R, t)
+    return _projected(np.column_stack([corners, np.zeros(4)]), R, t, lens)

@@ -16,9 +16,9 @@ def cameras(
     images: Annotated[
         Path | None, typer.Argument(help="Folder with a folder of photographs for each camera.")
     ] = None,
-    camera: Annotated[
+    of_camera: Annotated[
         list[str] | None,
-        typer.Option("--camera", help="NAME=PATTERN of its photographs, as front='cam0/*.png'."),
+        typer.Option("--images", help="NAME=PATTERN of a camera's, as front='cam0/*.png'."),
     ] = None,
     tag_mm: options.TagMm = None,
     family: options.Family = None,
@@ -44,9 +44,9 @@ def cameras(
     from nico_selfmodel.vision.boards.board_images import images_by_folder, images_by_name
 
     wanted = inputs.board(board, square_mm, tag_mm, family)
-    if (images is None) == (not camera):
-        raise ValueError("give a folder with a folder for each camera, or --camera NAME=PATTERN")
-    listed = images_by_name(camera or ()) if images is None else images_by_folder(images)
+    if (images is None) == (not of_camera):
+        raise ValueError("give a folder with a folder for each camera, or --images NAME=PATTERN")
+    listed = images_by_name(of_camera or ()) if images is None else images_by_folder(images)
     folder = next(iter(listed.values()))[0][1].parent if images is None else images
     refuse_folder(out, force=force, inputs=[folder])
     task = CameraTask(

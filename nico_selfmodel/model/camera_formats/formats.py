@@ -1,6 +1,7 @@
 """Write cameras for other programs, and read theirs."""
 
 from collections.abc import Mapping, Sequence
+from itertools import combinations
 from pathlib import Path
 from typing import Any
 
@@ -14,6 +15,7 @@ from nico_selfmodel.model.camera_formats.opencv_format import opencv_cameras, op
 from nico_selfmodel.model.camera_formats.ros_format import ros_camera, ros_text
 from nico_selfmodel.model.cameras.camera import Camera
 from nico_selfmodel.model.cameras.rig_parameters import SIDES
+from nico_selfmodel.names import listed
 
 FORMATS = {"opencv": ".yaml", "opencv-json": ".json", "ros": ".yaml", "kalibr": ".yaml"}
 FORMATS["mrcal"] = ".cameramodel"
@@ -25,7 +27,7 @@ def camera_texts(cameras: Mapping[str, Camera], kind: str) -> dict[str, str]:
     """Return files with cameras, by name.
 
     Args:
-        cameras: Left and right, or one of them.
+        cameras: Any number; a file of OpenCV's holds a pair at most.
         kind: One of `FORMATS`.
 
     Raises:
@@ -43,6 +45,11 @@ def camera_texts(cameras: Mapping[str, Camera], kind: str) -> dict[str, str]:
         return {f"{side}{end}": mrcal_text(camera) for side, camera in cameras.items()}
     if kind == "kalibr":
         return {f"camchain{end}": kalibr_text(cameras)}
+    if len(cameras) > 2:
+        raise ModelError(
+            f"{len(cameras)} cameras have no counterpart in OpenCV's files, which hold a pair: "
+            "take kalibr, mrcal or ros"
+        )
     return {f"cameras{end}": opencv_text(cameras, as_json=kind == "opencv-json")}
 
 
@@ -50,10 +57,10 @@ def read_cameras(paths: Sequence[Path]) -> dict[str, Camera]:
     """Read cameras of any of `FORMATS`, told by what is in the file.
 
     Args:
-        paths: One file, or the left and the right camera's where each has its own.
+        paths: One file, or one for each camera.
 
     Returns:
-        `left`, and `right` where there is one.
+        `left`, and `right` of two; more are called as their files.
 
     Raises:
         DataError: If a file is missing, does not parse, or has no counterpart here; if files of two
@@ -61,19 +68,28 @@ def read_cameras(paths: Sequence[Path]) -> dict[str, Camera]:
     """
     if len(paths) == 1:
         return _read(paths[0])
-    if len(paths) != 2:
-        raise DataError(f"give one file, or the left and the right camera's, got {len(paths)}")
-    read = [_read(path)["left"] for path in paths]
-    found: dict[str, Camera] = dict(zip(SIDES, read, strict=True))
-    left, right = found.values()
-    if (left.X_WC == right.X_WC).all():
-        raise DataError(
-            f"{paths[0]} and {paths[1]} put both cameras in one place: files that know how the "
-            "cameras stand to each other are those of opencv, kalibr and mrcal"
-        )
-    if left.lens != right.lens:
-        raise DataError(f"{paths[0]} and {paths[1]} have lenses of two kinds")
+    stems = [path.stem for path in paths]
+    names = SIDES if len(paths) == 2 else stems
+    if len(set(names)) < len(names):
+        raise DataError(f"files of cameras have names of their own, got {', '.join(stems)}")
+    found = {name: _only_camera(path) for name, path in zip(names, paths, strict=True)}
+    places = [camera.X_WC for camera in found.values()]
+    for (one, X), (other, Y) in combinations(zip(paths, places, strict=True), 2):
+        if (X == Y).all():
+            raise DataError(
+                f"{one} and {other} put both cameras in one place: files that know how cameras "
+                "stand to each other are those of opencv, kalibr and mrcal"
+            )
+    if len({camera.lens for camera in found.values()}) > 1:
+        raise DataError(f"{listed(map(str, paths))} have lenses of several kinds")
     return found
+
+
+def _only_camera(path: Path) -> Camera:
+    found = _read(path)
+    if len(found) != 1:
+        raise DataError(f"{path}: holds {len(found)} cameras: give it alone")
+    return next(iter(found.values()))
 
 
 def _read(path: Path) -> dict[str, Camera]:

@@ -6,6 +6,8 @@ T_cn_cnm1 takes points from the frame of the camera before to that of a camera.
 from collections.abc import Mapping
 from typing import Any
 
+import numpy as np
+
 from nico_selfmodel.errors import DataError, ModelError
 from nico_selfmodel.files.yaml_text import yaml_text
 from nico_selfmodel.geometry.transform import inverse
@@ -17,15 +19,14 @@ from nico_selfmodel.model.camera_formats.coefficients import (
 )
 from nico_selfmodel.model.cameras.camera import Camera
 from nico_selfmodel.model.cameras.projection import FISHEYE, RATIONAL
-
-_SIDES = {"cam0": "left", "cam1": "right"}
+from nico_selfmodel.model.cameras.rig_parameters import SIDES
 
 
 def kalibr_text(cameras: Mapping[str, Camera]) -> str:
     """Return cameras as Kalibr writes them.
 
     Args:
-        cameras: Left and right, or one of them.
+        cameras: Any number, in the order of the chain.
 
     Raises:
         ModelError: If a lens or pixels have no counterpart.
@@ -55,15 +56,19 @@ def kalibr_text(cameras: Mapping[str, Camera]) -> str:
 def kalibr_cameras(document: Mapping[str, Any], where: str) -> dict[str, Camera]:
     """Return the cameras of a file that was parsed, the first one at the world.
 
+    One or two are `left` and `right`, more keep Kalibr's names.
+
     Raises:
-        DataError: If something is missing or wrong, or there are more than two cameras.
+        DataError: If something is missing or wrong.
     """
-    if set(document) - set(_SIDES):
-        raise DataError(f"{where}: expected cam0 and cam1, got {', '.join(map(str, document))}")
+    chain = [f"cam{number}" for number in range(len(document))]
+    if set(document) != set(chain):
+        raise DataError(
+            f"{where}: expected {', '.join(chain)}, got {', '.join(map(str, document))}"
+        )
     found: dict[str, Camera] = {}
-    for name, side in _SIDES.items():
-        if name not in document:
-            continue
+    before = np.eye(4)
+    for name, called in zip(chain, SIDES if len(chain) <= 2 else chain, strict=False):
         entry, place = document[name], f"{where}, {name}"
         if not isinstance(entry, Mapping):
             raise DataError(f"{place}: expected a camera")
@@ -77,14 +82,11 @@ def kalibr_cameras(document: Mapping[str, Any], where: str) -> dict[str, Camera]
             raise DataError(f"{place}: distortion_model {kind!r} has no counterpart")
         bends = matrix(entry.get("distortion_coeffs"), (4,), f"{place}, distortion_coeffs")
         focal = matrix(entry.get("intrinsics"), (4,), f"{place}, intrinsics")
-        X_WC = None
         if found:
             X_RL = matrix(entry.get("T_cn_cnm1"), (4, 4), f"{place}, T_cn_cnm1")
-            X_WC = inverse(X_RL)
+            before = before @ inverse(X_RL)
         size, fish = entry.get("resolution"), kind == "equidistant"
-        found[side] = camera_of(
-            focal.tolist(), bends.tolist(), size, place, fisheye=fish, X_WC=X_WC
+        found[called] = camera_of(
+            focal.tolist(), bends.tolist(), size, place, fisheye=fish, X_WC=before
         )
-    if not found:
-        raise DataError(f"{where}: no camera cam0")
     return found

@@ -162,9 +162,9 @@ def images_by_name(words: Sequence[str]) -> dict[str, list[tuple[str, Path]]]:
     for word in words:
         camera, equals, pattern = word.partition("=")
         if not (camera and equals and pattern):
-            raise ValueError(f"--camera {word}: give NAME=PATTERN, as front='cam0/*.png'")
+            raise ValueError(f"--images {word}: give NAME=PATTERN, as front='cam0/*.png'")
         if camera in found:
-            raise ValueError(f"--camera {word}: there is another camera {camera}")
+            raise ValueError(f"--images {word}: there is another camera {camera}")
         found[camera] = images_by_pattern(pattern)
     return found
 

@@ -1,0 +1,142 @@
+"""Rigs of any number of cameras, connected by boards that two of them see at a time."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from nico_selfmodel.errors import EstimationError
+from nico_selfmodel.estimation.cameras.board_accuracy import cross_validate_cameras
+from nico_selfmodel.estimation.cameras.board_residuals import BoardResiduals
+from nico_selfmodel.estimation.cameras.camera_assessment import CameraAssessment
+from nico_selfmodel.estimation.cameras.camera_calibration import calibrate_cameras
+from nico_selfmodel.estimation.cameras.camera_options import CameraOptions
+from nico_selfmodel.estimation.cameras.rig_start import rig_links
+from nico_selfmodel.estimation.judging import judge, to_json
+from nico_selfmodel.geometry.transform import inverse
+from nico_selfmodel.model.cameras.rig_parameters import rig_names, rig_units, rig_values
+from nico_selfmodel.model.self_model_file import load_model, save_model
+from tests.estimation.seen_by_many import rig_error, rig_of, seen_by_two
+
+
+def scene(seed, count=4, lens="polynomial", **kind):
+    rng = np.random.default_rng((seed, 4))
+    rig = rig_of(count, rng, lens)
+    return rig, seen_by_two(rig, rng, **kind)
+
+
+def standard_scores(rig, found, lens="polynomial"):
+    """Return (estimate - truth) / sigma of every free parameter."""
+    names = rig_names(tuple(rig.cameras), lens)
+    truth = dict(zip(names, rig_values(tuple(rig.cameras.values())), strict=True))
+    learned = dict(zip(names, rig_values(found.cameras), strict=True))
+    sigma = found.uncertainty.sigma
+    return np.array([(learned[n] - truth[n]) / s for n, s in zip(found.names, sigma, strict=True)])
+
+
+def test_four_cameras_are_found_without_noise():
+    rig, views = scene(1, sigma=0.0)
+    found = calibrate_cameras(views)
+    assert rig_error(dict(zip(rig.cameras, found.cameras, strict=True)), rig).max() < 1e-7
+    assert found.names[-6:] == tuple(f"cam3.pose.{n}" for n in ("rx", "ry", "rz", "x", "y", "z"))
+    assert (
+        len(rig_units(4)) == len(rig_names(("a", "b", "c", "d"))) == len(rig_values(found.cameras))
+    )
+
+
+@pytest.mark.parametrize("lens", ["polynomial", "fisheye"])
+def test_sigmas_cover_cameras_that_see_boards_two_at_a_time(lens):
+    plain = {"k3": 0.0, "k4": 0.0} if lens == "fisheye" else {}
+    scores = []
+    for seed in range(12):
+        rig, views = scene(100 + seed, lens=lens)
+        options = CameraOptions(lens=lens, pinned=plain)
+        scores.append(standard_scores(rig, calibrate_cameras(views, options), lens))
+    assert np.sqrt(np.mean(np.square(scores))) == pytest.approx(1.0, abs=0.2)
+    assert np.mean(np.abs(scores) < 1.0) == pytest.approx(0.683, abs=0.08)
+
+
+def test_derivatives_by_every_camera_agree_with_differences():
+    rig, views = scene(2, count=3, boards=3)
+    X_LG = calibrate_cameras(views).X_LG
+    block = BoardResiduals(views, X_LG, 0.3)
+    x = block.start_of(tuple(rig.cameras.values()), X_LG)
+    _, by_shared, _ = block.evaluate_parts(x)
+    for k, name in enumerate(block.shared_names):
+        step = 1e-6 * max(abs(x[k]), 1.0)
+        up, down = (block.evaluate_parts(x + s * np.eye(len(x))[k] * step)[0] for s in (1, -1))
+        slope = (up - down) / (2.0 * step)
+        scale = np.abs(slope).max() + 1e-6
+        assert by_shared[:, k] / scale == pytest.approx(slope / scale, abs=2e-5), name
+
+
+def test_a_rig_in_another_order_is_the_same_rig():
+    _, views = scene(3)
+    found = calibrate_cameras(views)
+    order = ("cam2", "cam0", "cam3", "cam1")
+    pixels = np.concatenate([views.of_camera(name) for name in order], axis=2)
+    other = calibrate_cameras(replace(views, cameras=order, pixels=pixels))
+    assert other.cost == pytest.approx(found.cost, rel=1e-9)
+    for name in order:
+        one, two = found.pair("cam1", name), other.pair("cam1", name)
+        assert pytest.approx(one.X_LR, abs=1e-6) == two.X_LR
+
+
+def test_links_take_the_pairs_with_most_boards_and_name_what_is_apart():
+    _, views = scene(4, boards=4)
+    assert rig_links(views) == (("cam0", "cam1"), ("cam1", "cam2"), ("cam2", "cam3"))
+    pixels = np.array(views.pixels)
+    pixels[4:8] = np.nan  # all boards between cam1 and cam2
+    with pytest.raises(EstimationError, match="one of cam0, cam1 and to one of cam2, cam3"):
+        rig_links(replace(views, pixels=pixels))
+
+
+def test_what_is_left_out_still_connects_the_rig():
+    _, views = scene(5, boards=6)
+    everything = np.ones(len(views), dtype=bool)
+    left = cross_validate_cameras(views, CameraOptions(), everything)
+    assert left.shape == views.pixels.shape
+    assert np.sqrt(np.nanmean(left**2)) < 0.4
+    few = views.select(np.arange(len(views)) % 6 < 3)
+    assert len(cross_validate_cameras(few, CameraOptions(), np.ones(len(few), dtype=bool))) == 0
+
+
+def test_a_rig_is_judged_pair_by_pair_and_kept(tmp_path):
+    rig, views = scene(6)
+    train, test = views.split(0.2, 0)
+    calibration = calibrate_cameras(train)
+    assessment = CameraAssessment.from_calibration(calibration, CameraOptions(), test)
+    document = to_json(assessment, judge(assessment))
+    assert document["method"] == "cameras"
+    assert document["status"] == "PASS"
+    pairs = document["pairs"]
+    assert [pair["cameras"] for pair in pairs] == [[f"cam{k}", f"cam{k + 1}"] for k in range(3)]
+    for pair in pairs:
+        truth = [rig.cameras[name].X_WC[:3, 3] for name in pair["cameras"]]
+        off = pair["baseline"]["value"] - np.linalg.norm(truth[0] - truth[1])
+        assert abs(off) < 4.0 * pair["baseline"]["sigma"]
+        assert pair["epipolar_px"]["pixels"]["mean"] < 0.4
+    model = calibration.self_model("rig")
+    save_model(model, tmp_path / "rig.yaml")
+    again = load_model(tmp_path / "rig.yaml")
+    assert list(again.cameras) == list(rig.cameras)
+    assert pytest.approx(model.cameras["cam3"].X_WC) == again.cameras["cam3"].X_WC
+
+
+def test_a_camera_that_was_knocked_between_pictures_is_no_rigid_pair():
+    _, views = scene(7)
+    pixels = np.array(views.pixels)
+    pixels[30:, :, 6:] += 25.0  # cam3, in half of its pictures
+    with pytest.raises(EstimationError, match="no rigid pair"):
+        calibrate_cameras(replace(views, pixels=pixels), CameraOptions(loss="none"))
+
+
+def test_baselines_between_later_cameras_have_their_own_sigma():
+    _, views = scene(8)
+    found = calibrate_cameras(views)
+    assert np.allclose(inverse(found.cameras[0].X_WC), np.eye(4))
+    assessment = CameraAssessment.from_calibration(found)
+    document = to_json(assessment, judge(assessment))
+    last = document["pairs"][-1]["baseline"]["sigma"]
+    whole = np.sqrt(sum(document["parameters"][f"cam3.pose.{n}"]["sigma"] ** 2 for n in "xyz"))
+    assert 0.0 < last < whole
