@@ -132,7 +132,8 @@ def image_panels(assessment: CameraAssessment) -> tuple[Figure, list[Axes]]:
     inches = FULL_WIDTH if len(sides) > 1 else HALF_WIDTH
     panel = (inches - 0.6 * columns) / columns
     figure = Figure(figsize=(inches, 0.75 + rows * (0.6 + panel * height / width)))
-    every = list(figure.subplots(rows, columns, squeeze=False).ravel())
+    # Down the columns, which narrow pages show one below the other.
+    every = list(figure.subplots(rows, columns, squeeze=False).T.ravel())
     for unused in every[len(sides) :]:
         unused.set_axis_off()
     panels = every[: len(sides)]

@@ -23,7 +23,7 @@ def distortion_profile(assessment: CameraAssessment) -> Figure:
     calibration = assessment.calibration
     cameras = list(zip(calibration.views.cameras, calibration.cameras, strict=True))
     with style():
-        figure = Figure(figsize=(HALF_WIDTH, 4.2))
+        figure = Figure(figsize=(HALF_WIDTH, max(4.2, 1.8 * len(cameras))))
         panels = figure.subplots(len(cameras), 1, squeeze=False)[:, 0]
         words = []
         for axes, (side, camera) in zip(panels, cameras, strict=True):

@@ -39,7 +39,9 @@ def projection_map(assessment: CameraAssessment) -> Figure | None:
                 lines = axes.contour(found.u, found.v, sigma, levels, **look)
                 axes.clabel(lines, fmt=lambda level: f"{level:g} px", fontsize=7.5)
             axes.set_title(f"{found.camera}: one standard deviation", fontsize=9.0)
-        headline(figure, f"A far point is projected to ± {'; '.join(map(_words, maps))}")
+        told = maps if len(maps) <= 2 else [max(maps, key=lambda found: found.middle)]
+        worst = "" if told == maps else "at worst "
+        headline(figure, f"A far point is projected {worst}to ± {'; '.join(map(_words, told))}")
     return figure
 
 

@@ -84,7 +84,9 @@ def _learned(
         f"Pixel = K · {form}, in OpenCV's conventions. Beside each value its standard "
         "deviation; fixed values are chosen, not measured."
     )
-    return parts.numbers(lens_table(found, calibration.views.cameras), "lens"), parts.hint(words)
+    cameras = calibration.views.cameras
+    kind = "lens" if len(cameras) <= 2 else ""  # of many, sigmas stand below their values
+    return parts.numbers(lens_table(found, cameras), kind), parts.hint(words)
 
 
 def _about(cameras: tuple[str, ...], document: Mapping[str, Any]) -> str:
