@@ -28,6 +28,8 @@ _LOOSE = 100.0
 """How much more uncertain than others a coefficient of a rational lens is before it counts."""
 _RATIONAL = 3.0
 """Standard deviation of k4, k5, k6 about 0, in units of what they do at the image's corner."""
+_SHARP = 0.02
+"""Share by which a pixel's standard deviation may be off where priors are weighed."""
 SUSPICIOUS = 3.0
 """A board whose rms is this many times the median one makes a robust solution worth its time."""
 
@@ -177,7 +179,13 @@ class Adjustment:
             self.program.set_loss(self.number, Loss())
 
     def solve(self, loss: str) -> None:
-        """Least squares; where a board stands out and the loss allows, once more without it."""
+        """Least squares; where a board stands out and the loss allows, once more without it.
+
+        What priors weigh against the corners depends on how sharp these are, which the start tells,
+        or the solution where the start was too far off.
+        """
+        if self.program.priors and self.block.sigma == 1.0:
+            self.block.sigma = self._sharpness(self.x, np.ones(len(self.views), dtype=bool))
         start = self.x
         found = solve_robustly(self.program, self.number, "none")
         if loss != "none" and (loss != "trimmed" or self._suspicious(found.solution.x)):
@@ -185,11 +193,11 @@ class Adjustment:
             # A board that is quite wrong has pulled the least squares solution its way.
             self.program.move_start(start)
             found = solve_robustly(self.program, self.number, loss, outlier_at=limit)
-        if self.program.priors and self.block.sigma == 1.0:
-            # What a prior weighs against the corners depends on how sharp these are.
-            r = self.program.residuals(self.number, found.solution.x)[:, ~found.outliers]
-            self.block.sigma = float(np.sqrt(np.sum(r * r) / self._redundancy(~found.outliers)))
-            return self.solve(loss)
+        if self.program.priors:
+            sigma = self._sharpness(found.solution.x, ~found.outliers)
+            if abs(sigma - self.block.sigma) > _SHARP * sigma:
+                self.block.sigma = sigma
+                return self.solve(loss)
         self.solution = found
         return None
 
@@ -223,6 +231,11 @@ class Adjustment:
     def _view_rms(self, x: NDArray) -> NDArray:
         r = self.block.sigma * self.block.residuals(x)
         return np.sqrt(np.sum(r * r, axis=0) / self.views.seen.sum(axis=(1, 2)))
+
+    def _sharpness(self, x: NDArray, inliers: NDArray) -> float:
+        """Return the standard deviation of a pixel coordinate of some views [px]."""
+        r = self.block.sigma * self.program.residuals(self.number, x)[:, inliers]
+        return float(np.sqrt(np.sum(r * r) / self._redundancy(inliers)))
 
     def _redundancy(self, inliers: NDArray) -> int:
         """Return the number of coordinates less that of the boards' variables."""

@@ -28,8 +28,11 @@ from nico_selfmodel.model.cameras.stereo_rig import StereoRig
 
 FEWEST_VIEWS = 3
 """Boards below which a camera with a free principal point is not determined."""
-_STARTS = ({"k1": 0.778, "k2": 0.068, "k4": 1.111, "k5": 0.238},)
-"""Of a rational lens, besides none at all: atan(r) / r by Pade, an equidistant lens."""
+_POOR = 3e-3
+"""Share of the image's half diagonal that a start leaves unexplained, from which another is
+tried."""
+_EQUIDISTANT = {"k1": 0.778, "k2": 0.068, "k4": 1.111, "k5": 0.238}
+"""A rational lens to begin with where it is wide: atan(r) / r by Pade."""
 
 
 def calibrate_cameras(views: BoardViews, options: CameraOptions | None = None) -> CameraCalibration:
@@ -54,11 +57,13 @@ def calibrate_cameras(views: BoardViews, options: CameraOptions | None = None) -
     views = views.placeable()
     _check_names(views, options)
     if len(views.cameras) == 1:
-        adjustment = _refine_alone(views, options)
+        adjustment = _refine_alone(views, options, alone=True)
         adjustment.solve(options.loss)
         check_tilts(adjustment.X_LG, views.cameras[0])
         return adjustment.result(time.perf_counter() - began)
-    alone = {camera: _refine_alone(views.only(camera), options) for camera in views.cameras}
+    alone = {
+        camera: _refine_alone(views.only(camera), options, alone=False) for camera in views.cameras
+    }
     for camera, found in alone.items():
         check_tilts(found.X_LG, camera)
     links = rig_links(views)
@@ -87,7 +92,7 @@ def _check_names(views: BoardViews, options: CameraOptions) -> None:
     by_full_name(options.priors, names)
 
 
-def _refine_alone(views: BoardViews, options: CameraOptions) -> Adjustment:
+def _refine_alone(views: BoardViews, options: CameraOptions, *, alone: bool) -> Adjustment:
     """Start one camera and adjust it roughly, first with the principal point held."""
     (side,) = views.cameras
     if len(views) < FEWEST_VIEWS:
@@ -97,27 +102,59 @@ def _refine_alone(views: BoardViews, options: CameraOptions) -> Adjustment:
         )
     start = fisheye_start if options.lens == FISHEYE else zhang_start
     camera, X_CG = start(views)
-    free = intrinsics_of(options.lens)
-    found = [
-        _adjusted(views, replace(camera, lens=options.lens, **bends), X_CG, options.of_camera(side))
-        for bends in ({}, *(_STARTS if "k6" in free else ()))
-    ]
-    return min(found, key=lambda adjustment: adjustment.rms)
+    reach = 0.5 * float(np.hypot(*views.image_size))
+    bends = _starts_of(options.lens, reach / camera.fx)
+    own, found = options.of_camera(side), list[Adjustment]()
+    for bend in bends:
+        bent = replace(camera, lens=options.lens, **bend)
+        found.append(_approached(views, bent, X_CG, own))
+        if found[-1].rms < _POOR * reach:
+            break
+    best = min(found, key=lambda adjustment: adjustment.rms)
+    return _finished(best, options, alone=alone)
 
 
-def _adjusted(
+def _starts_of(lens: str, radius: float) -> tuple[dict[str, float], ...]:
+    """Return coefficients to begin with, the likelier ones first.
+
+    Args:
+        lens: One of `LENSES`.
+        radius: Of the image's corner, over the focal length.
+    """
+    if "k6" not in intrinsics_of(lens):
+        return ({},)
+    return (_EQUIDISTANT, {}) if radius > 1.0 else ({}, _EQUIDISTANT)
+
+
+def _approached(
     views: BoardViews, camera: Camera, X_CG: NDArray, options: CameraOptions
 ) -> Adjustment:
-    """Adjust one camera roughly from a start."""
-    (side,) = views.cameras
+    """Adjust one camera roughly from a start, with the principal point held."""
     adjustment = Adjustment(views, (camera,), X_CG, options)
-    free_centre = [n for n in (f"{side}.cx", f"{side}.cy") if n not in adjustment.held]
-    for name in free_centre:
+    centre = [name for name in _centre(views) if name not in adjustment.held]
+    for name in centre:
         adjustment.program.fix(name)
     adjustment.approach(tolerance=0.1)
-    for name in free_centre:
+    for name in centre:
         adjustment.program.release(name)
-    adjustment.approach(tolerance=0.01)
+    return adjustment
+
+
+def _centre(views: BoardViews) -> tuple[str, str]:
+    (side,) = views.cameras
+    return f"{side}.cx", f"{side}.cy"
+
+
+def _finished(adjustment: Adjustment, options: CameraOptions, *, alone: bool) -> Adjustment:
+    """Go on with the principal point free, and without boards that stand out.
+
+    Args:
+        adjustment: Of one camera.
+        options: Of the adjustment that follows.
+        alone: Whether that one is of this camera alone, and begins where this ends.
+    """
+    if not alone or options.loss != "none":
+        adjustment.approach(tolerance=0.01)
     if options.loss != "none":
         adjustment.approach_without_outliers()
     return adjustment

@@ -208,7 +208,7 @@ def pose_of_seen_boards(cameras: tuple[Camera, ...], views: BoardViews) -> NDArr
         rows = np.flatnonzero(np.isfinite(d).all(axis=2).sum(axis=1) >= 4)
         # Seen along its middle, a board beside or behind the camera is as good as any before it.
         middle = np.nanmean(d[rows], axis=1)
-        turn = np.array([_towards(line) for line in middle]).reshape(-1, 3, 3)
+        turn = _towards(middle)
         seen = d[rows] @ np.swapaxes(turn, 1, 2)
         ahead = seen[:, :, 2:] > _AHEAD
         ideal = np.where(ahead, seen[:, :, :2] / np.where(ahead, seen[:, :, 2:], 1.0), np.nan)
@@ -220,9 +220,10 @@ def pose_of_seen_boards(cameras: tuple[Camera, ...], views: BoardViews) -> NDArr
     return X_LG
 
 
-def _towards(direction: NDArray) -> NDArray:
-    """Return a rotation that takes a direction to z. Shape (3, 3)."""
-    z = direction / np.linalg.norm(direction)
-    x = np.cross([0.0, 1.0, 0.0] if abs(z[1]) < 0.9 else [1.0, 0.0, 0.0], z)
-    x /= np.linalg.norm(x)
-    return np.stack([x, np.cross(z, x), z])
+def _towards(directions: NDArray) -> NDArray:
+    """Return rotations that take directions to z. Shape (n, 3) -> (n, 3, 3)."""
+    z = directions / np.linalg.norm(directions, axis=1, keepdims=True)
+    upright = np.abs(z[:, 1]) < 0.9
+    x = np.cross(np.where(upright[:, None], [0.0, 1.0, 0.0], [1.0, 0.0, 0.0]), z)
+    x /= np.linalg.norm(x, axis=1, keepdims=True)
+    return np.stack([x, np.cross(z, x), z], axis=1)

@@ -3,9 +3,10 @@
 The polynomial of three coefficients stays where its residuals have nothing notable in common over
 the image. Where they have, or no such camera fits at all, the rational lens and the fisheye are
 tried: each board is predicted by cameras that were learned without it, and a lens must lower the
-mean over boards of log(rms) by more than 1 % and a standard error. Of two that do as well the one
-with fewer numbers stays, unless its residuals still have something in common, or it folds the
-image. Where the last coefficient folds it and boards do no worse without, it is left out.
+mean over boards of log(rms) by more than 1 % and two standard errors. Of those that do as well the one
+stays under which the corners learned from are likeliest, each number counted as a unit of the
+logarithm (Akaike 1974), unless its residuals still have something in common, or it folds the image.
+Where the last coefficient folds it and boards do no worse without, it is left out.
 """
 
 from dataclasses import dataclass, replace
@@ -29,7 +30,9 @@ from nico_selfmodel.model.cameras.projection import FISHEYE, LENSES, POLYNOMIAL,
 _LAST = {POLYNOMIAL: ("k3",), FISHEYE: ("k4",), RATIONAL: ("k3", "k6")}
 """Coefficients that are left out where a lens folds, or is not told."""
 _GAIN = 0.01
-"""Mean logarithm of the errors' ratio that boards left out must gain."""
+"""Mean logarithm of the errors' ratio that boards left out must gain ..."""
+_TOLD = 2.0
+"""... and its standard errors."""
 
 
 @dataclass(frozen=True)
@@ -138,7 +141,7 @@ class _Found:
         """Whether boards gain by another lens."""
         gain = self.left_out - other.left_out
         mean, sigma = float(gain.mean()), float(gain.std(ddof=1) / np.sqrt(len(gain)))
-        return mean > _GAIN and mean > sigma
+        return mean > _GAIN and mean > _TOLD * sigma
 
 
 def _tried(views: BoardViews, options: CameraOptions, lenses: tuple[str, ...]) -> dict[str, _Found]:
@@ -167,13 +170,31 @@ def _found(views: BoardViews, options: CameraOptions) -> _Found | None:
         return None
 
 
+def _surplus(one: _Found, other: _Found) -> float:
+    """Return by how much a lens is less likely than another, each number counted as one.
+
+    Boards that are outliers to either tell nothing.
+    """
+    both = ~(one.calibration.outliers | other.calibration.outliers)
+    sigma = min(one.calibration.pixel_sigma, other.calibration.pixel_sigma)
+    costs = [
+        0.5 * float(np.nansum(found.calibration.residuals[both] ** 2)) / sigma**2
+        + len(found.calibration.names)
+        for found in (one, other)
+    ]
+    return costs[0] - costs[1]
+
+
 def _chosen(found: dict[str, _Found], failed: dict[str, LensTrial]) -> LensChoice:
-    """Return the lens with the fewest numbers among those that do as well as the best."""
+    """Return the likeliest lens among those that do as well as the best."""
     best = min(found, key=lambda lens: float(found[lens].left_out.mean()))
     order = [lens for lens in (POLYNOMIAL, FISHEYE, RATIONAL) if lens in found]
     as_well = [lens for lens in order if not found[lens].worse_than(found[best])]
-    clean = [lens for lens in as_well if not found[lens].flawed]
-    taken = (clean or as_well)[0]
+    clean = [lens for lens in as_well if not found[lens].flawed] or as_well
+    taken = clean[0]
+    for lens in clean[1:]:
+        if _surplus(found[taken], found[lens]) > 0.0:
+            taken = lens
     trials = dict(failed)
     for lens in order:
         px = float(np.exp(found[lens].left_out.mean()))
@@ -184,6 +205,6 @@ def _chosen(found: dict[str, _Found], failed: dict[str, LensTrial]) -> LensChoic
         elif found[lens].flawed:
             why = "it leaves a pattern over the image, folds it, or is not told by these boards"
         else:
-            why = "no better, with more numbers"
+            why = "boards tell no difference, and the corners are less likely"
         trials[lens] = LensTrial(lens, px, why)
     return LensChoice(found[taken].options, found[taken].calibration, tuple(trials.values()))

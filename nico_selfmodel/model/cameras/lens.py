@@ -88,27 +88,45 @@ def distortion_slopes(ideal: NDArray, k: NDArray, p: NDArray) -> NDArray:
     )
 
 
-def coefficient_slopes(ideal: NDArray, k: NDArray | None = None) -> NDArray:
-    """Return the derivatives of the distorted coordinates by k1, k2, k3, p1, p2.
+def bend(ideal: NDArray, k: NDArray, p: NDArray) -> tuple[NDArray, NDArray, NDArray]:
+    """Bend ideal image coordinates, with all derivatives: `distort` in the innermost loops.
 
     Args:
         ideal: x and y. Shape (2, ...).
-        k: Radial coefficients; of six of them those by k4, k5, k6 follow.
+        k: Radial coefficients. Shape (3,) or (6,).
+        p: Tangential coefficients. Shape (2,).
 
     Returns:
-        Shape (2, 5, ...) or (2, 8, ...).
+        Distorted coordinates, shape (2, ...), by the ideal ones, shape (2, 2, ...), and by k1, k2,
+        k3, p1, p2 and, of a rational lens, k4, k5, k6, shape (2, 5, ...) or (2, 8, ...).
     """
     x, y = ideal
-    r2 = x * x + y * y
-    r4, xy = r2 * r2, 2.0 * x * y
-    powers = np.stack([r2, r4, r4 * r2])
-    tangential = np.stack([np.stack([xy, r2 + 2.0 * x * x]), np.stack([r2 + 2.0 * y * y, xy])])
-    if k is None or len(k) == 3:
-        return np.concatenate([ideal[:, None] * powers[None], tangential], axis=1)
-    s, _ = radial(r2, k)
-    above = powers / (1.0 + r2 * (k[3] + r2 * (k[4] + r2 * k[5])))
-    by_k = ideal[:, None] * np.concatenate([above, -s * above])[None]
-    return np.concatenate([by_k[:, :3], tangential, by_k[:, 3:]], axis=1)
+    xx, yy, xy = x * x, y * y, x * y
+    r2 = xx + yy
+    s, by_square = radial(r2, k)
+    slope = 2.0 * by_square
+    out, cross = ideal * s, slope * xy
+    by_ideal = np.empty((2, 2, *r2.shape))
+    by_ideal[0, 0], by_ideal[1, 1] = s + slope * xx, s + slope * yy
+    if p.any():
+        out += np.stack([2.0 * p[0] * xy + p[1] * (3.0 * xx + yy), 2.0 * p[1] * xy])
+        out[1] += p[0] * (xx + 3.0 * yy)
+        cross += 2.0 * (p[0] * x + p[1] * y)
+        by_ideal[0, 0] += 2.0 * p[0] * y + 6.0 * p[1] * x
+        by_ideal[1, 1] += 6.0 * p[0] * y + 2.0 * p[1] * x
+    by_ideal[0, 1] = by_ideal[1, 0] = cross
+    by = np.empty((2, 5 if len(k) == 3 else 8, *r2.shape))
+    first = ideal * r2
+    if len(k) == 6:
+        first /= 1.0 + r2 * (k[3] + r2 * (k[4] + r2 * k[5]))
+    by[:, 0] = first
+    np.multiply(by[:, 0], r2, out=by[:, 1])
+    np.multiply(by[:, 1], r2, out=by[:, 2])
+    by[0, 3] = by[1, 4] = 2.0 * xy
+    by[1, 3], by[0, 4] = r2 + 2.0 * yy, r2 + 2.0 * xx
+    if len(k) == 6:
+        np.multiply(by[:, :3], -s, out=by[:, 5:])
+    return out, by_ideal, by
 
 
 def largest_radius(k: NDArray) -> float:

@@ -120,9 +120,8 @@ class RadialLens:
     def profile(self, radii: NDArray) -> tuple[NDArray, NDArray]:
         """Return distorted radii of X / Z, and derivatives by the radial coefficients."""
         ideal = np.stack([radii, np.zeros_like(radii)])
-        bends = lens.coefficient_slopes(ideal, self.k)[0]
-        by_k = np.delete(bends, (3, 4), axis=0).T  # those by p1 and p2
-        return lens.distort(ideal, self.k, np.zeros(2))[0], by_k
+        bent, _, by = lens.bend(ideal, self.k, np.zeros(2))
+        return bent[0], np.delete(by[0], (3, 4), axis=0).T  # without p1 and p2
 
 
 @dataclass(frozen=True, eq=False)

@@ -101,24 +101,27 @@ def project_in_camera(
         k = np.concatenate([k, values[10:]])
     depth = 1.0 / p_CQ[2]
     ideal = p_CQ[:2] * depth
-    x, y = lens.distort(ideal, k, p)
+    (x, y), slopes, bends = lens.bend(ideal, k, p)
     pixels = np.stack([fx * x + skewness * y + cx, fy * y + cy])
-    slopes = lens.distortion_slopes(ideal, k, p)
-    shape = ideal.shape[1:]
+    by_point = np.empty((2, 3, *x.shape))
     # d(u, v)/d(x, y) = K2 distortion', d(x, y)/dX = [1, 0, -x; 0, 1, -y] / Z
-    bent = np.stack([fx * slopes[0] + skewness * slopes[1], fy * slopes[1]]) * depth
-    by_point = np.empty((2, 3, *shape))
-    by_point[:, :2] = bent
-    by_point[:, 2] = -(bent[:, 0] * ideal[0] + bent[:, 1] * ideal[1])
-    return pixels, by_point, _by_values(values, x, y, lens.coefficient_slopes(ideal, k))
+    np.multiply(slopes[0], fx * depth, out=by_point[0, :2])
+    np.multiply(slopes[1], fy * depth, out=by_point[1, :2])
+    if skewness:
+        by_point[0, :2] += skewness * depth * slopes[1]
+    by_point[:, 2] = -(by_point[:, 0] * ideal[0] + by_point[:, 1] * ideal[1])
+    return pixels, by_point, _by_values(values, x, y, bends)
 
 
 def _by_values(values: NDArray, x: NDArray, y: NDArray, bends: NDArray) -> NDArray:
     """Return derivatives of pixels by the intrinsics from those of distorted coordinates."""
     fx, fy, skewness = values[:3]
-    by_values = np.zeros((2, len(values), *x.shape))
+    by_values = np.empty((2, len(values), *x.shape))
+    by_values[:, :5] = 0.0
     by_values[0, 0], by_values[1, 1], by_values[0, 2] = x, y, y
     by_values[0, 3] = by_values[1, 4] = 1.0
-    by_values[0, 5:] = fx * bends[0] + skewness * bends[1]
-    by_values[1, 5:] = fy * bends[1]
+    np.multiply(bends[0], fx, out=by_values[0, 5:])
+    np.multiply(bends[1], fy, out=by_values[1, 5:])
+    if skewness:
+        by_values[0, 5:] += skewness * bends[1]
     return by_values
