@@ -12,6 +12,7 @@ if TYPE_CHECKING:
     from nico_selfmodel.dataset.dataset import Dataset
     from nico_selfmodel.estimation.initialization.nominal_arm import NominalArm
     from nico_selfmodel.model.cameras.stereo_rig import StereoRig
+    from nico_selfmodel.model.self_model import SelfModel
     from nico_selfmodel.plant import ArmDescription
     from nico_selfmodel.vision.boards.board_detection import AnyBoard
 
@@ -71,6 +72,13 @@ def board(text: str, square_mm: float, tag_mm: float | None, family: str | None)
     from nico_selfmodel.vision.boards.board_kinds import board_of
 
     return board_of(text, square_mm, tag_mm, family)
+
+
+def model_of(path: Path | None) -> "SelfModel | None":
+    """Load a self-model, where one was named."""
+    from nico_selfmodel.model.self_model_file import load_model
+
+    return None if path is None else load_model(path)
 
 
 def cameras_of(path: Path | None, what: str) -> "StereoRig | None":

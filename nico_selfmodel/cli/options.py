@@ -68,6 +68,10 @@ ImagesOrNone = Annotated[
 Cameras = Annotated[
     Path | None, typer.Option("--cameras", help="Calibrated cameras, as `calibrate stereo` leaves.")
 ]
+KnownCameras = Annotated[
+    Path | None,
+    typer.Option("--known", help="Self-model with these cameras as they were, to be compared."),
+]
 Test = Annotated[Path | None, typer.Option("--test", help="Folder of held-out data.")]
 TestFraction = Annotated[
     float | None,

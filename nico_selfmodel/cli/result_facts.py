@@ -17,7 +17,7 @@ def fact_rows(document: Mapping[str, Any]) -> list[list[str]]:
     Args:
         document: What is in a `result.json`.
     """
-    found = (_noise, _workspace, _boards, _mirrors, _tool, _zeros)
+    found = (_noise, _workspace, _known, _boards, _mirrors, _tool, _zeros)
     return [[name, value] for of in found for name, value in of(document)]
 
 
@@ -37,6 +37,14 @@ def _workspace(document: Mapping[str, Any]) -> Iterator[tuple[str, str]]:
     if work:
         yield "irreducible error of the hand", f"{work['mechanics_mm']['mean']:.2f} mm"
         yield "reducible by more data", f"{work['learned_mm']['mean']:.2f} mm"
+
+
+def _known(document: Mapping[str, Any]) -> Iterator[tuple[str, str]]:
+    before = document.get("before")
+    if document["method"] in ("camera", "stereo", "cameras") and before and before.get("pixels"):
+        now = document[before["on"]]["pixels"]["rms"]
+        rms = f"{before['pixels']['rms']:.3f} px rms on the same boards, now {now:.3f}"
+        yield f"as {before['model']} had them", rms
 
 
 def _boards(document: Mapping[str, Any]) -> Iterator[tuple[str, str]]:

@@ -168,6 +168,11 @@ class SelfModel:
         return self.servo_map
 
     @property
+    def camera_names(self) -> tuple[str, ...]:
+        """The cameras in the order of their parameters: left before right."""
+        return SIDES if set(self.cameras) == set(SIDES) else tuple(self.cameras)
+
+    @property
     def rig(self) -> StereoRig:
         """Both cameras.
 
@@ -201,7 +206,7 @@ class SelfModel:
 
     def _known_names(self) -> tuple[str, ...]:
         arm = self.parameters.names if self.has_arm else ()
-        cameras = SIDES if set(self.cameras) == set(SIDES) else tuple(self.cameras)
+        cameras = self.camera_names
         mirrors = tuple(name for mirror in self.mirrors for name in Mirror.names_of(mirror))
         lens = self.cameras[cameras[0]].lens if cameras else POLYNOMIAL
         return (*arm, *rig_names(cameras, lens), *mirrors)

@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from nico_selfmodel.estimation.body.model_changes import parameter_changes
+from nico_selfmodel.estimation.results.model_changes import parameter_changes
 from nico_selfmodel.geometry.rotation import rotation_from_vector
 from nico_selfmodel.model.self_model import ParameterCovariance
 from nico_selfmodel.viz.reports.tables import change_table

@@ -18,12 +18,13 @@ def camera(
     square_mm: options.SquareMm,
     out: options.Out,
     camera: Annotated[
-        str, typer.Option("--camera", help="left or right: how the names of its images begin.")
+        str, typer.Option("--camera", help="What it is called, and how names in a folder begin.")
     ] = "left",
     tag_mm: options.TagMm = None,
     family: options.Family = None,
     window: options.Window = 11,
     lens: options.Lens = "auto",
+    known: options.KnownCameras = None,
     fix: options.Fix = None,
     free: options.Free = None,
     prior: options.Prior = None,
@@ -40,11 +41,11 @@ def camera(
 ) -> None:
     """Learn one camera alone from photographs of a board."""
     from nico_selfmodel.files.whole import refuse_folder
+    from nico_selfmodel.names import check_name
     from nico_selfmodel.vision.boards.board_detections import detect_boards_of_cameras
     from nico_selfmodel.vision.boards.board_images import camera_images, images_by_pattern
 
-    if camera not in ("left", "right"):
-        raise ValueError(f"--camera must be left or right, got {camera!r}")
+    check_name(camera, "--camera")
     wanted = inputs.board(board, square_mm, tag_mm, family)
     by_pattern = glob.has_magic(images)
     listed = images_by_pattern(images) if by_pattern else camera_images(images, camera)
@@ -53,7 +54,7 @@ def camera(
     task = CameraTask(
         lens_options(fix, free, prior, tangential, fixed_aspect, loss, lens),
         *(test_fraction, seed, name or inputs.name_after(folder), require_test_px, out),
-        *(no_report, force),
+        *(no_report, force, inputs.model_of(known)),
     )
     with printer.progress_bar() as progress:
         found = detect_boards_of_cameras({camera: listed}, wanted, window, progress)

@@ -24,6 +24,7 @@ def cameras(
     family: options.Family = None,
     window: options.Window = 11,
     lens: options.Lens = "auto",
+    known: options.KnownCameras = None,
     fix: options.Fix = None,
     free: options.Free = None,
     prior: options.Prior = None,
@@ -52,7 +53,7 @@ def cameras(
     task = CameraTask(
         lens_options(fix, free, prior, tangential, fixed_aspect, loss, lens),
         *(test_fraction, seed, name or inputs.name_after(folder), require_test_px, out),
-        *(no_report, force),
+        *(no_report, force, inputs.model_of(known)),
     )
     with printer.progress_bar() as progress:
         found = detect_boards_of_cameras(listed, wanted, window, progress)

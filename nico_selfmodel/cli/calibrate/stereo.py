@@ -12,6 +12,7 @@ from nico_selfmodel.progress import Progress
 
 if TYPE_CHECKING:
     from nico_selfmodel.estimation.cameras.camera_options import CameraOptions
+    from nico_selfmodel.model.self_model import SelfModel
     from nico_selfmodel.vision.boards.board_detections import BoardDetections
 
 
@@ -30,6 +31,7 @@ def stereo(
     family: options.Family = None,
     window: options.Window = 11,
     lens: options.Lens = "auto",
+    known: options.KnownCameras = None,
     fix: options.Fix = None,
     free: options.Free = None,
     prior: options.Prior = None,
@@ -57,7 +59,7 @@ def stereo(
     task = CameraTask(
         lens_options(fix, free, prior, tangential, fixed_aspect, loss, lens),
         *(test_fraction, seed, name or inputs.name_after(folder), require_test_px, out),
-        *(no_report, force),
+        *(no_report, force, inputs.model_of(known)),
     )
     with printer.progress_bar() as progress:
         if swap_cameras:
@@ -124,13 +126,17 @@ class CameraTask:
     out: Path
     no_report: bool
     force: bool
+    known: "SelfModel | None"
 
     def run(self, found: "BoardDetections", progress: Progress) -> dict[str, Any]:
         """Calibrate, judge and write the result folder; return its document."""
         from nico_selfmodel.estimation.cameras.camera_assessment import CameraAssessment
+        from nico_selfmodel.estimation.cameras.known_cameras import cameras_for
         from nico_selfmodel.estimation.cameras.lens_choice import lens_of
         from nico_selfmodel.estimation.judging import judge, to_json
 
+        if self.known is not None:
+            cameras_for(self.known, found.views)  # refused before anything is learned
         train, test = found.views, None
         if self.test_fraction is not None:
             train, test = found.seen_views.split(self.test_fraction, self.seed)
@@ -138,7 +144,9 @@ class CameraTask:
         choice = lens_of(train, self.options)
         calibration = choice.calibration
         progress("learning the cameras", 1, 2)
-        assessment = CameraAssessment.from_calibration(calibration, choice.options, test)
+        assessment = CameraAssessment.from_calibration(
+            calibration, choice.options, test, self.known, choice.better
+        )
         verdict = judge(assessment, require_test_px=self.require_test_px)
         document = stamped(to_json(assessment, verdict)) | {"detection": found.document}
         document["lens"] = choice.as_plain()

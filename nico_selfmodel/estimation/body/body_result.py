@@ -8,7 +8,6 @@ import numpy as np
 from nico_selfmodel.estimation.arm.arm_findings import WHAT_CHANGED
 from nico_selfmodel.estimation.body.body_calibration import BodyCalibration
 from nico_selfmodel.estimation.body.body_findings import body_findings
-from nico_selfmodel.estimation.body.model_changes import links_of, parameter_changes
 from nico_selfmodel.estimation.body.workspace_accuracy import WorkspaceAccuracy
 from nico_selfmodel.estimation.cameras.camera_result import baseline, rebuilt_block
 from nico_selfmodel.estimation.observations.pixel_evaluation import PixelEvaluation
@@ -20,6 +19,7 @@ from nico_selfmodel.estimation.results.calibration_result import (
     finite,
     parameter_table,
 )
+from nico_selfmodel.estimation.results.model_changes import links_of, parameter_changes
 from nico_selfmodel.estimation.results.unobservable_words import describe_unobservable
 from nico_selfmodel.estimation.results.verdict import Verdict
 

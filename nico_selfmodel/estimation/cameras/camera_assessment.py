@@ -15,10 +15,12 @@ from nico_selfmodel.estimation.cameras.board_accuracy import (
 )
 from nico_selfmodel.estimation.cameras.camera_adjustment import CameraCalibration
 from nico_selfmodel.estimation.cameras.camera_options import CameraOptions
+from nico_selfmodel.estimation.cameras.known_cameras import KnownCameras
 from nico_selfmodel.estimation.cameras.lens_folds import folds_by_chance, folds_of
 from nico_selfmodel.estimation.cameras.lens_misfit import LensMisfit, lens_misfits
 from nico_selfmodel.estimation.cameras.projection_uncertainty import ProjectionUncertainty
 from nico_selfmodel.model.cameras.projection import POLYNOMIAL
+from nico_selfmodel.model.self_model import SelfModel
 
 _COVERED = 0.75
 """Corners should reach this far from the image's centre towards its corner."""
@@ -46,6 +48,10 @@ class CameraAssessment:
     """What the residuals of each camera have in common over the image."""
     projection: tuple[ProjectionUncertainty, ...]
     """How uncertain it is where each camera projects."""
+    better_lens: str | None = None
+    """The lens by which unseen boards are met better than by the one that was asked for."""
+    known: KnownCameras | None = None
+    """What the cameras that were known before leave; None where none were given."""
 
     @classmethod
     def from_calibration(
@@ -53,6 +59,8 @@ class CameraAssessment:
         calibration: CameraCalibration,
         options: CameraOptions | None = None,
         test: BoardViews | None = None,
+        known: SelfModel | None = None,
+        better_lens: str | None = None,
     ) -> "CameraAssessment":
         """Cross-validate, and hold against other views where given.
 
@@ -60,9 +68,14 @@ class CameraAssessment:
             calibration: What was learned.
             options: As it was learned.
             test: Views that were held out.
+            known: The cameras as they were known before, to be compared.
+            better_lens: `LensChoice.better`.
 
         Returns:
             The assessment.
+
+        Raises:
+            DataError, EstimationError, ModelError: If the known cameras cannot have seen them.
         """
         options = options or CameraOptions()
         views, inliers = calibration.views, ~calibration.outliers
@@ -79,6 +92,8 @@ class CameraAssessment:
                 ProjectionUncertainty.of(calibration, camera, options.aspect)
                 for camera in calibration.views.cameras
             ),
+            better_lens,
+            None if known is None else KnownCameras.on(known, shown, test is not None),
         )
 
     @property

@@ -33,6 +33,7 @@ def camera_findings(assessment: CameraAssessment) -> tuple[Finding, ...]:
     """
     failures = [
         *(words_of_misfit(m, assessment.lens) for m in assessment.misfits if fails_the_lens(m)),
+        _better_lens(assessment),
         _worst_reason(assessment),
         *_fold_reasons(assessment),
     ]
@@ -45,6 +46,16 @@ def camera_findings(assessment: CameraAssessment) -> tuple[Finding, ...]:
         *findings(LAST, [_excess_reason(assessment)]),
         *findings(WARNING, assessment.warnings),
         *findings(NOTE, said),
+    )
+
+
+def _better_lens(assessment: CameraAssessment) -> str | None:
+    """Say that another lens than the one asked for meets unseen boards better."""
+    if assessment.better_lens is None:
+        return None
+    return (
+        f"unseen boards are met better by a {assessment.better_lens} lens than by the "
+        f"{assessment.lens} one that was asked for: let the boards choose with --lens auto"
     )
 
 

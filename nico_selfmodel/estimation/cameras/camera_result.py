@@ -123,6 +123,9 @@ def _details(assessment: CameraAssessment) -> dict[str, Any]:
             for found in assessment.projection
         },
     }
+    if assessment.known is not None:
+        learned = calibration.self_model("learned")
+        details["before"] = assessment.known.changes(learned, camera_parameters(assessment))
     pair = assessment.pair
     if pair is None:
         return details | ({"pairs": [_of_pair(assessment, p) for p in pairs]} if pairs else {})

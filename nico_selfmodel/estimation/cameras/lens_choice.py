@@ -3,10 +3,10 @@
 The polynomial of three coefficients stays where its residuals have nothing notable in common over
 the image. Where they have, or no such camera fits at all, the rational lens and the fisheye are
 tried: each board is predicted by cameras that were learned without it, and a lens must lower the
-mean over boards of log(rms) by more than 1 % and two standard errors. Of those that do as well the one
-stays under which the corners learned from are likeliest, each number counted as a unit of the
-logarithm (Akaike 1974), unless its residuals still have something in common, or it folds the image.
-Where the last coefficient folds it and boards do no worse without, it is left out.
+mean over boards of log(rms) by more than 1 % and two standard errors. Of those that do as well the
+one stays under which the corners learned from are likeliest, each number counted as a unit of the
+logarithm (Akaike 1974), unless its residuals still have something in common, or it folds the
+image. Where the last coefficient folds it and boards do no worse without, it is left out.
 """
 
 from dataclasses import dataclass, replace
@@ -33,6 +33,8 @@ _GAIN = 0.01
 """Mean logarithm of the errors' ratio that boards left out must gain ..."""
 _TOLD = 2.0
 """... and its standard errors."""
+_FAR_LIKELIER = 10.0
+"""Difference of Akaike's criterion, halved, that leaves no doubt (Burnham, Anderson 2002)."""
 
 
 @dataclass(frozen=True)
@@ -57,6 +59,8 @@ class LensChoice:
     """The cameras that have it."""
     tried: tuple[LensTrial, ...] = ()
     """Those that were tried; empty where the polynomial leaves nothing to ask."""
+    better: str | None = None
+    """The lens by which unseen boards are met better than by the one that was asked for."""
 
     @property
     def lens(self) -> str:
@@ -77,15 +81,15 @@ def lens_of(views: BoardViews, options: CameraOptions) -> LensChoice:
 
     Args:
         views: Corners.
-        options: What is held and free; a lens other than `AUTO` is taken as it is.
+        options: What is held and free; a lens other than `AUTO` is taken, and only compared.
 
     Raises:
         DataError, EstimationError, ModelError, ValueError: As `calibrate_cameras`, of the lens
             that was asked for, or where the boards can be learned from with no lens at all.
     """
-    if options.lens != AUTO:
-        return LensChoice(options, calibrate_cameras(views, options))
     views = views.placeable()
+    if options.lens != AUTO:
+        return _compared(views, options)
     plain = replace(options, lens=POLYNOMIAL)
     try:
         found = calibrate_cameras(views, plain)
@@ -98,6 +102,36 @@ def lens_of(views: BoardViews, options: CameraOptions) -> LensChoice:
         return _chosen(tried, {POLYNOMIAL: LensTrial(POLYNOMIAL, np.nan, str(error))})
     tried = _tried(views, options, LENSES)
     return _chosen(tried, {}) if tried else LensChoice(plain, found)
+
+
+def _compared(views: BoardViews, options: CameraOptions) -> LensChoice:
+    """Return the lens that was asked for, and the one that unseen boards would rather have."""
+    found = calibrate_cameras(views, options)
+    notable = _is_flawed(found, options) or any(map(is_notable, _misfits(found, options)))
+    own = None if options.lens == POLYNOMIAL and not notable else _found(views, options)
+    if own is None:
+        return LensChoice(options, found)
+    others = _tried(views, options, tuple(lens for lens in LENSES if lens != options.lens))
+    better = [lens for lens, one in others.items() if not one.flawed and _is_wrong(own, one)]
+    trials = [_trial(options.lens, own, "asked for")] + [
+        _trial(lens, one, "boards left out are met better" if lens in better else "no better")
+        for lens, one in others.items()
+    ]
+    best = min(better, key=lambda lens: float(others[lens].left_out.mean()), default=None)
+    return LensChoice(options, found, tuple(trials), best)
+
+
+def _is_wrong(own: "_Found", other: "_Found") -> bool:
+    """Tell whether another lens is right in place of the one asked for.
+
+    Where a few boards alone tell, unseen ones scatter: then the corners learned from decide.
+    """
+    gain = float((own.left_out - other.left_out).mean())
+    return own.worse_than(other) or (gain > _GAIN and _surplus(own, other) > _FAR_LIKELIER)
+
+
+def _trial(lens: str, found: "_Found", reason: str) -> LensTrial:
+    return LensTrial(lens, float(np.exp(found.left_out.mean())), reason)
 
 
 def _misfits(found: CameraCalibration, options: CameraOptions) -> list[LensMisfit]:
@@ -197,7 +231,6 @@ def _chosen(found: dict[str, _Found], failed: dict[str, LensTrial]) -> LensChoic
             taken = lens
     trials = dict(failed)
     for lens in order:
-        px = float(np.exp(found[lens].left_out.mean()))
         if lens == taken:
             why = "taken"
         elif lens not in as_well:
@@ -206,5 +239,5 @@ def _chosen(found: dict[str, _Found], failed: dict[str, LensTrial]) -> LensChoic
             why = "it leaves a pattern over the image, folds it, or is not told by these boards"
         else:
             why = "boards tell no difference, and the corners are less likely"
-        trials[lens] = LensTrial(lens, px, why)
+        trials[lens] = _trial(lens, found[lens], why)
     return LensChoice(found[taken].options, found[taken].calibration, tuple(trials.values()))

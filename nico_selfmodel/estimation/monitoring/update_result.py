@@ -7,7 +7,6 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from nico_selfmodel.estimation.body.model_changes import parameter_changes
 from nico_selfmodel.estimation.monitoring.block_update import BlockUpdate
 from nico_selfmodel.estimation.monitoring.tool import Rezeroing, ToolCalibration
 from nico_selfmodel.estimation.monitoring.update_evaluation import UpdateEvaluation
@@ -21,6 +20,7 @@ from nico_selfmodel.estimation.results.calibration_result import (
     Terms,
     findings,
 )
+from nico_selfmodel.estimation.results.model_changes import parameter_changes
 from nico_selfmodel.model.self_model import SelfModel
 
 _OUTLIER_CAUSE = "were other things taken for the hand, or did the body change in between?"

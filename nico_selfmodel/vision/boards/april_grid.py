@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 
 from nico_selfmodel.geometry.homography import apply_homography
 from nico_selfmodel.vision.boards.board_detection import Ink, cells_of
+from nico_selfmodel.vision.boards.tag_layout import wrong_tag
 from nico_selfmodel.vision.boards.tagged_board import TaggedBoard
 from nico_selfmodel.vision.markers.fiducial_family import DEFAULT_FAMILY, FiducialFamily
 from nico_selfmodel.vision.markers.tags_seen import TagsSeen, seen_tags
@@ -53,11 +54,16 @@ class AprilGrid(TaggedBoard):
         Tag by tag from the board's lower left, x to the right and y down the printed page as
         everywhere here; of each tag clockwise from its upper left.
         """
+        flat = self.tag_corners.reshape(-1, 2)
+        return np.column_stack([flat, np.zeros(len(flat))])
+
+    @property
+    def tag_corners(self) -> NDArray:
+        """Corners of every tag [m]. Shape (T, 4, 2)."""
         across, up = np.meshgrid(np.arange(self.columns), np.arange(self.rows))
         low = np.stack([across.ravel(), self.rows - 1 - up.ravel()], axis=1) * self.square
         corners = np.array([[0.0, 0], [1, 0], [1, 1], [0, 1]]) * self.tag
-        flat = (low[:, None] + corners).reshape(-1, 2)
-        return np.column_stack([flat, np.zeros(len(flat))])
+        return np.asarray(low[:, None] + corners)
 
     @property
     def ink(self) -> Ink:
@@ -68,7 +74,7 @@ class AprilGrid(TaggedBoard):
         squares = np.column_stack([corners, np.full((len(corners), 2), gap)])
         family = FiducialFamily(self.family)
         tags = [
-            cells_of(family.pattern(tag, BORDER), self.points[4 * tag, :2], self.tag)
+            cells_of(family.pattern(tag, BORDER), self.tag_corners[tag, 0], self.tag)
             for tag in range(self.count)
         ]
         return Ink.of_blocks(squares, *tags)
@@ -88,6 +94,12 @@ class AprilGrid(TaggedBoard):
     def _rough(self, gray: NDArray, tags: TagsSeen) -> list[NDArray]:
         del gray
         return [self._agreeing(tags.among(range(self.count)))]
+
+    def _problem_with(self, found: NDArray) -> str | None:
+        corners = found.reshape(-1, 4, 2)
+        whole = np.flatnonzero(np.isfinite(corners).all(axis=(1, 2)))
+        tags = TagsSeen(self.family, tuple(whole.tolist()), corners[whole])
+        return wrong_tag(self.tag_corners, self.tag, tags)
 
     def _agreeing(self, tags: TagsSeen) -> NDArray:
         """Return corners of the tags that lie where the others have them. Shape (P, 2)."""

@@ -45,10 +45,16 @@ class CharucoBoard(TaggedBoard):
         side = (self.columns + 1) * self.square
         blocks = [cells_of(white, np.full(2, -self.square), side)]
         family = FiducialFamily(self.family)
-        for tag, (row, column) in enumerate(np.argwhere(white)):
-            corner = np.array([column - 1.0, row - 1.0]) * self.square + self._clear
-            blocks.append(cells_of(family.pattern(tag), corner, self.tag))
+        for tag, corners in enumerate(self.tag_corners):
+            blocks.append(cells_of(family.pattern(tag), corners[0], self.tag))
         return Ink.of_blocks(*blocks)
+
+    @property
+    def tag_corners(self) -> NDArray:
+        """Corners of every tag [m]. Shape (T, 4, 2)."""
+        row, column = np.nonzero(checkers(self.columns, self.rows))
+        low = (np.stack([column, row], axis=1) - 1.0) * self.square + self._clear
+        return low[:, None] + np.array([[0.0, 0], [1, 0], [1, 1], [0, 1]]) * self.tag
 
     @property
     def _method(self) -> str:

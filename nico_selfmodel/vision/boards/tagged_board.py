@@ -1,7 +1,7 @@
 """What boards with tags have in common: a part of one will do."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -10,10 +10,14 @@ from numpy.typing import NDArray
 from nico_selfmodel.arrays import read_only
 from nico_selfmodel.vision.boards.board_detection import BoardDetection, Ink
 from nico_selfmodel.vision.boards.coded_corners import FEWEST, located, without_strays
+from nico_selfmodel.vision.boards.tag_layout import layout_of
 from nico_selfmodel.vision.images.image_array import detectable
 from nico_selfmodel.vision.images.not_seen import NotSeen
 from nico_selfmodel.vision.markers.fiducial_family import FiducialFamily
 from nico_selfmodel.vision.markers.tags_seen import TagsSeen
+
+_LARGEST = 16
+"""Columns below which those of a board are guessed, for a hint."""
 
 
 @dataclass(frozen=True)
@@ -55,6 +59,11 @@ class TaggedBoard:
         raise NotImplementedError
 
     @property
+    def tag_corners(self) -> NDArray:
+        """Corners of every tag, clockwise from its upper left [m]. Shape (T, 4, 2)."""
+        raise NotImplementedError
+
+    @property
     def ink(self) -> Ink:
         """What is printed."""
         raise NotImplementedError
@@ -92,9 +101,28 @@ class TaggedBoard:
         if _count(found) < FEWEST:
             return NotSeen(
                 f"{len(tags.ids)} tags but only {_count(found)} corners of a {self} board are "
-                "plain to see"
+                f"plain to see{self._other_layout(tags)}"
             )
+        problem = self._problem_with(found)
+        if problem:
+            return NotSeen(problem)
         return BoardDetection(self, read_only(found), self._method, None)
+
+    def _problem_with(self, found: NDArray) -> str | None:
+        """Say why exact corners cannot be the board's; None where they can. Shape (P, 2)."""
+        del found
+        return None
+
+    def _other_layout(self, tags: TagsSeen) -> str:
+        """Say as on a board of how many columns tags lie, if of another number."""
+        if layout_of([self], _tag_corners, tags) is not None:
+            return ""
+        # Tags tell nothing of rows that are not seen: as many as the family has tags for.
+        columns = sorted(range(2, _LARGEST), key=lambda number: abs(number - self.columns))
+        most = FiducialFamily(self.family).count
+        others = [replace(self, columns=n, rows=max(most // (n + 1) - 1, 2)) for n in columns[1:]]
+        other = layout_of(others, _tag_corners, tags)
+        return "" if other is None else f"; the tags lie as on a board of {other.columns} columns"
 
     def _located(self, gray: NDArray, tags: TagsSeen, rough: NDArray, window: int) -> NDArray:
         """Return exact corners; nothing but the corner lies nearer than `_clear`. Shape (P, 2)."""
@@ -122,6 +150,10 @@ class TaggedBoard:
         Shapes (P, 2).
         """
         raise NotImplementedError
+
+
+def _tag_corners(board: TaggedBoard) -> NDArray:
+    return board.tag_corners
 
 
 def _count(corners: NDArray) -> int:

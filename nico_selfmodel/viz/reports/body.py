@@ -29,15 +29,11 @@ from nico_selfmodel.viz.reports.residual_rows import pixels_csv
 from nico_selfmodel.viz.reports.tables import (
     Cell,
     Table,
-    change_table,
     error_table,
     held_out,
     number_cell,
 )
 from nico_selfmodel.viz.scene.body_scene import accuracy_at, body_scene
-
-_MOST_CHANGES = 8
-"""Changes that are shown unfolded, beside the lengths."""
 
 
 def body_report(
@@ -161,42 +157,15 @@ def _board_cells(found: Mapping[str, Any]) -> tuple[Cell, ...]:
 
 
 def _changes(document: Mapping[str, Any]) -> parts.Section:
-    before, changes = document["before"], document["before"]["changes"]
-    errors = [
-        (f"{label} [{unit}]", block, quantity)
-        for quantity, unit in (("pixels", "px"), ("position_mm", "mm"))
-        for label, block in (("before", before), ("after", document[before["on"]]))
-    ]
-    kind = "held-out poses" if before["on"] == "test" else "training poses"
-    return parts.section(
-        "What learning together changed",
-        parts.numbers(error_table(errors, kind, 2)),
-        parts.hint(
-            "Before: arm and cameras as they were learned one after the other, or as they were "
-            "given. Errors that stay the same say that what is left is joint noise and the "
-            "tracker, not the model of the body."
-        ),
-        parts.numbers(change_table(_largest(changes))),
-        parts.hint(
-            "The numbers that moved most for what they are still uncertain by, and the lengths."
-        ),
-        parts.Folded(f"All {len(changes)} changes", (parts.Numbers(change_table(changes)),)),
-        id="before",
+    return shared_sections.changes_section(
+        document,
+        (("pixels", "px"), ("position_mm", "mm")),
+        "poses",
+        "Before: arm and cameras as they were learned one after the other, or as they were "
+        "given. Errors that stay the same say that what is left is joint noise and the "
+        "tracker, not the model of the body.",
+        "The numbers that moved most for what they are still uncertain by, and the lengths.",
     )
-
-
-def _largest(changes: Mapping[str, Mapping[str, Any]]) -> dict[str, Mapping[str, Any]]:
-    """Return the changes of lengths, and of what moved most for what it is uncertain by."""
-
-    def size(name: str) -> float:
-        entry = changes[name]
-        sigma = entry["sigma"]
-        return abs(entry["change"]) / sigma if sigma else 0.0
-
-    lengths = [name for name in changes if name == "baseline" or name.startswith("link.")]
-    others = sorted((n for n in changes if n not in lengths and size(n) > 0.0), key=size)
-    chosen = [*reversed(others[-_MOST_CHANGES:]), *lengths]
-    return {name: changes[name] for name in chosen}
 
 
 def _workspace(calibration: BodyCalibration, document: Mapping[str, Any]) -> parts.Section:

@@ -57,6 +57,7 @@ def camera_report(
         _errors(assessment, document),
         _where(assessment, views),
         *lens_section(document),
+        *_known(document),
         *_together(assessment, document),
         shared_sections.learned_section(
             document,
@@ -164,6 +165,18 @@ def lens_section(document: Mapping[str, Any]) -> list[parts.Section]:
     )
     table = parts.numbers(Table(("lens", "boards left out [px]", "why"), rows), "cards")
     return [parts.section(f"The lens: {document['lens']['kind']}", table, parts.hint(words))]
+
+
+def _known(document: Mapping[str, Any]) -> list[parts.Section]:
+    """Return how cameras that were known before fare; nothing without any."""
+    if "before" not in document:
+        return []
+    words = (
+        f"Before: the cameras of {document['before']['model']!r}, before which the same boards "
+        "were placed anew. Errors that fell say that the lens was another, or has changed since."
+    )
+    moved = "The numbers that moved most for what they are uncertain by, and the baseline."
+    return [shared_sections.changes_section(document, (("pixels", "px"),), "corners", words, moved)]
 
 
 def _over_the_image(assessment: CameraAssessment, views: tuple[ShownView, ...]) -> tuple[Any, ...]:

@@ -7,7 +7,10 @@ from nico_selfmodel.optimization.uncertainty import Uncertainty
 from nico_selfmodel.viz.figures.parameter_plots import correlations, unobservable_parameters
 from nico_selfmodel.viz.reports import parts
 from nico_selfmodel.viz.reports.parameter_tables import ParameterTables
-from nico_selfmodel.viz.reports.tables import Table, fact_table
+from nico_selfmodel.viz.reports.tables import Table, change_table, error_table, fact_table
+
+_MOST_CHANGES = 8
+"""Changes that are shown unfolded, beside the lengths."""
 
 
 def errors_section(
@@ -50,6 +53,54 @@ def _outliers(document: Mapping[str, Any], more: str) -> parts.Text | None:
         return None
     named = ", ".join(map(str, document["outliers"]))
     return parts.hint(f"Outliers, left out of all but the held-out errors: {named}", more)
+
+
+def changes_section(
+    document: Mapping[str, Any],
+    quantities: Sequence[tuple[str, str]],
+    things: str,
+    before_is: str,
+    shown: str,
+) -> parts.Section:
+    """Return errors before and after, and the numbers that changed.
+
+    Args:
+        document: Content of `result.json`, with `before`.
+        quantities: What is compared, and its unit.
+        things: What errors are of, as `poses`.
+        before_is: What stands before.
+        shown: Which changes are shown unfolded.
+    """
+    before, changes = document["before"], document["before"]["changes"]
+    errors = [
+        (f"{label} [{unit}]", block, quantity)
+        for quantity, unit in quantities
+        for label, block in (("before", before), ("after", document[before["on"]]))
+    ]
+    kind = f"held-out {things}" if before["on"] == "test" else f"training {things}"
+    return parts.section(
+        "What learning anew changed",
+        parts.numbers(error_table(errors, kind, 3 if quantities[0][1] == "px" else 2)),
+        parts.hint(before_is),
+        parts.numbers(change_table(_largest(changes))),
+        parts.hint(shown),
+        parts.Folded(f"All {len(changes)} changes", (parts.Numbers(change_table(changes)),)),
+        id="before",
+    )
+
+
+def _largest(changes: Mapping[str, Mapping[str, Any]]) -> dict[str, Mapping[str, Any]]:
+    """Return the changes of lengths, and of what moved most for what it is uncertain by."""
+
+    def size(name: str) -> float:
+        entry = changes[name]
+        sigma = entry["sigma"]
+        return abs(entry["change"]) / sigma if sigma else 0.0
+
+    lengths = [name for name in changes if name == "baseline" or name.startswith("link.")]
+    others = sorted((n for n in changes if n not in lengths and size(n) > 0.0), key=size)
+    chosen = [*reversed(others[-_MOST_CHANGES:]), *lengths]
+    return {name: changes[name] for name in chosen}
 
 
 def learned_section(

@@ -100,7 +100,7 @@ def change_table(changes: Mapping[str, Mapping[str, Any]], heading: str = "param
     """Return what numbers were and are, in the units that people read.
 
     Args:
-        changes: `estimation.body.model_changes.parameter_changes`.
+        changes: `estimation.results.model_changes.parameter_changes`.
         heading: Of the column that names them.
     """
     rows = tuple((name, _change_cells(entry)) for name, entry in changes.items())

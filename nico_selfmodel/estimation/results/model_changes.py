@@ -8,11 +8,8 @@ import numpy as np
 from nico_selfmodel.geometry.angles import nearest_rotation_vector, nearest_turn
 from nico_selfmodel.model.arm.dh_parameters import M0_NAMES
 from nico_selfmodel.model.arm.link_lengths import link_lengths
-from nico_selfmodel.model.cameras.rig_parameters import POSE_NAMES
+from nico_selfmodel.model.cameras.rig_parameters import POSE_NAMES, rig_names, rig_units, rig_values
 from nico_selfmodel.model.self_model import SelfModel
-
-_ROTATIONS = (M0_NAMES[3:], tuple(f"right.pose.{name}" for name in POSE_NAMES[:3]))
-"""Parameters that are a rotation vector together."""
 
 
 def parameter_changes(
@@ -65,13 +62,20 @@ def nearest_values(before: SelfModel, after: SelfModel) -> dict[str, float]:
             # A joint's whole turn is as many of its encoder's as the gear says.
             gear = gears.get(name.replace(".theta_offset", ".gear"), 1.0)
             near[name] = float(nearest_turn(value, old[name], 2.0 * np.pi * gear))
-    for turn in _ROTATIONS:
+    for turn in _rotations(old):
         if set(turn) <= set(old) & set(new):
             vector = nearest_rotation_vector(
                 [new[name][0] for name in turn], [old[name] for name in turn]
             )
             near |= dict(zip(turn, vector.tolist(), strict=True))
     return near
+
+
+def _rotations(names: Iterable[str]) -> list[tuple[str, ...]]:
+    """Return parameters that are a rotation vector together."""
+    ends = tuple(f".pose.{name}" for name in POSE_NAMES[:3])
+    placed = [name.removesuffix(ends[0]) for name in names if name.endswith(ends[0])]
+    return [tuple(M0_NAMES[3:]), *(tuple(f"{camera}{end}" for end in ends) for camera in placed)]
 
 
 def named_values(model: SelfModel) -> dict[str, tuple[float, str]]:
@@ -83,12 +87,21 @@ def named_values(model: SelfModel) -> dict[str, tuple[float, str]]:
             zip(arm.names, zip(arm.values.tolist(), arm.units, strict=True), strict=True)
         )
         values |= {name: (length, "m") for name, length in links_of(model)}
-    if len(model.cameras) == 2:
-        rig = model.rig
-        values |= dict(
-            zip(rig.names, zip(rig.values.tolist(), rig.units, strict=True), strict=True)
-        )
-        values["baseline"] = (rig.baseline, "m")
+    if model.cameras:
+        values |= _camera_values(model)
+    return values
+
+
+def _camera_values(model: SelfModel) -> dict[str, tuple[float, str]]:
+    names, cameras = model.camera_names, [model.cameras[name] for name in model.camera_names]
+    lens = cameras[0].lens
+    if any(camera.lens != lens for camera in cameras):
+        return {}
+    numbers = zip(rig_values(cameras).tolist(), rig_units(len(cameras), lens), strict=True)
+    values = dict(zip(rig_names(names, lens), numbers, strict=True))
+    if len(cameras) == 2:
+        apart = cameras[1].X_WC[:3, 3] - cameras[0].X_WC[:3, 3]
+        values["baseline"] = (float(np.linalg.norm(apart)), "m")
     return values
 
 

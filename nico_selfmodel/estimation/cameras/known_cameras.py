@@ -1,0 +1,91 @@
+"""Cameras as they were known before, held against the boards that others are learned from."""
+
+from collections.abc import Iterable
+from dataclasses import dataclass
+from typing import Any
+
+from numpy.typing import NDArray
+
+from nico_selfmodel.dataset.board_views import BoardViews
+from nico_selfmodel.errors import DataError, ModelError
+from nico_selfmodel.estimation.cameras.board_accuracy import corner_distances, held_out_residuals
+from nico_selfmodel.estimation.results.calibration_result import Errors
+from nico_selfmodel.estimation.results.model_changes import parameter_changes
+from nico_selfmodel.geometry.transform import inverse
+from nico_selfmodel.model.cameras.camera import Camera
+from nico_selfmodel.model.self_model import SelfModel
+from nico_selfmodel.names import listed
+
+
+@dataclass(frozen=True, eq=False)
+class KnownCameras:
+    """What cameras that were known before leave unexplained of some boards."""
+
+    model: SelfModel
+    """They."""
+    held_out: bool
+    """Whether the boards were held out, or learned from."""
+    residuals: NDArray
+    """Measured minus predicted pixels, only the boards placed anew [px]. Shape (V, P, 2 C)."""
+
+    @classmethod
+    def on(cls, model: SelfModel, views: BoardViews, held_out: bool) -> "KnownCameras":
+        """Place the boards before the cameras as they were known.
+
+        Args:
+            model: A self-model with the cameras.
+            views: Boards.
+            held_out: Whether they were held out.
+
+        Raises:
+            ModelError: If it lacks a camera.
+            DataError: If the images have another size.
+            EstimationError: If a board cannot be placed.
+        """
+        return cls(model, held_out, held_out_residuals(cameras_for(model, views), views))
+
+    def changes(self, learned: SelfModel, names: Iterable[str]) -> dict[str, Any]:
+        """Return errors as they were and every number's change, as `result.json` has them.
+
+        Numbers of lenses of two kinds are not compared.
+
+        Args:
+            learned: The cameras as learned.
+            names: Parameters to compare.
+        """
+        kinds = [{camera.lens for camera in m.cameras.values()} for m in (self.model, learned)]
+        compared = names if kinds[0] == kinds[1] else [n for n in names if ".k" not in n]
+        errors = Errors(pixels=corner_distances(self.residuals), unit="px", poses=None)
+        return {
+            "model": self.model.name,
+            "on": "test" if self.held_out else "train",
+            **(errors.to_json() or {"n": 0}),
+            "changes": parameter_changes(self.model, learned, compared),
+        }
+
+
+def cameras_for(model: SelfModel, views: BoardViews) -> tuple[Camera, ...]:
+    """Return the cameras that saw some boards, the first one at the world.
+
+    Args:
+        model: A self-model with them.
+        views: Boards.
+
+    Raises:
+        ModelError: If it lacks a camera.
+        DataError: If the images have another size.
+    """
+    missing = [camera for camera in views.cameras if camera not in model.cameras]
+    if missing:
+        there = f"has {listed(model.cameras)}" if model.cameras else "has none"
+        raise ModelError(f"self-model {model.name!r} lacks the camera {missing[0]}: it {there}")
+    found = [model.cameras[camera] for camera in views.cameras]
+    for name, camera in zip(views.cameras, found, strict=True):
+        if camera.image_size != views.image_size:
+            raise DataError(
+                f"the {name} camera of {model.name!r} has {camera.image_size[0]} x "
+                f"{camera.image_size[1]} pixels, the photographs have {views.image_size[0]} x "
+                f"{views.image_size[1]}"
+            )
+    X_FW = inverse(found[0].X_WC)
+    return tuple(camera.at(X_FW @ camera.X_WC) for camera in found)
