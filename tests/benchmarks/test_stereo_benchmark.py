@@ -1,5 +1,7 @@
 """Calibrating a pair of cameras against OpenCV: the same corners and parameters, in one run."""
 
+from functools import partial
+
 import cv2
 import numpy as np
 import pytest
@@ -10,7 +12,8 @@ from nico_selfmodel.estimation.cameras.camera_options import CameraOptions
 
 from ..estimation.real_boards import stereo_chessboard
 from ..estimation.simulated_boards import boards, pictures
-from .timing import best_ratio
+from ..estimation.wide_boards import wide_camera, wide_views
+from .timing import best_ratio, fastest
 
 pytestmark = pytest.mark.benchmark
 END = (cv2.TERM_CRITERIA_COUNT + cv2.TERM_CRITERIA_EPS, 100, 1e-9)
@@ -72,6 +75,33 @@ def test_a_pair_costs_no_more_than_opencvs_and_takes_no_longer(views, tangential
     benchmark.extra_info["cost_over_opencvs"] = ours.cost / their_cost
     benchmark(calibrate)
     assert ratio <= 1.2
+
+
+def opencv_of_one(views, lens):
+    """Return OpenCV's own calibration of a camera alone, from nothing but the corners."""
+    flags = cv2.CALIB_ZERO_TANGENT_DIST | (cv2.CALIB_RATIONAL_MODEL if lens == "rational" else 0)
+    corners = [p.astype(np.float32)[:, None] for p in views.pixels]
+    board = [views.p_GQ.astype(np.float32)] * len(views)
+    return lambda: cv2.calibrateCamera(
+        board, corners, views.image_size, None, None, flags=flags, criteria=END
+    )
+
+
+@pytest.mark.parametrize("lens", ["polynomial", "rational"])
+def test_one_camera_costs_no_more_than_opencvs_and_takes_no_longer(lens, benchmark):
+    ratios = []
+    for seed in range(7):
+        rng = np.random.default_rng((seed, 5))
+        views = wide_views((wide_camera(lens, rng),), rng)
+        options = CameraOptions(lens=lens, loss="none")
+        peer = opencv_of_one(views, lens)
+        ours, theirs = calibrate_cameras(views, options), peer()[0]
+        assert ours.rms**2 <= 1.001 * theirs**2
+        mine, its = fastest(partial(calibrate_cameras, views, options), peer, rounds=6)
+        ratios.append(mine / its)
+    benchmark.extra_info["ratio_to_opencv"] = float(np.median(ratios))
+    benchmark(partial(calibrate_cameras, views, options))
+    assert np.median(ratios) <= 1.2
 
 
 def test_refining_13_boards_of_54_corners_takes_at_most_50_ms(views, benchmark):

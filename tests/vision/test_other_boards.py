@@ -1,5 +1,7 @@
 """ChArUco boards, AprilGrids and circle grids, against photographs of known truth and OpenCV."""
 
+import re
+
 import cv2
 import numpy as np
 import pytest
@@ -115,6 +117,27 @@ def test_tags_that_the_board_does_not_have_are_named(prints):
     assert "aruco_5x5_100" in small.reason
     other = board_of("charuco:8x6", 30, 22, "aruco_4x4_100").find(image, 11)
     assert other.reason.startswith("no aruco_4x4_100 tag")
+
+
+@pytest.mark.parametrize(
+    ("kind", "stated", "columns"),
+    [("charuco", "charuco:7x6", 8), ("charuco", "charuco:9x7", 8), ("april", "aprilgrid:5x6", 6)],
+)
+def test_a_board_of_other_columns_is_named(kind, stated, columns, prints):
+    image = photograph(kind, 2, prints, hidden=0.3).image
+    board = BOARDS[kind]
+    sizes = (1e3 * board.square, 1e3 * board.tag, board.family)
+    seen = board_of(stated, *sizes).find(image, 11)
+    assert isinstance(seen, NotSeen)
+    assert seen.reason.endswith(f"the tags lie as on a board of {columns} columns")
+
+
+@pytest.mark.parametrize("tag", [40.0, 48.0])
+def test_tags_of_another_size_are_named(tag, prints):
+    image = photograph("april", 3, prints, hidden=0.3).image
+    seen = board_of("aprilgrid:6x6", 57.2, tag).find(image, 11)
+    assert isinstance(seen, NotSeen)
+    assert re.match(rf"the tags are 4[34]\.\d mm wide where --tag-mm says {tag}", seen.reason)
 
 
 def test_a_board_of_another_width_is_not_seen(prints):

@@ -15,7 +15,7 @@ from nico_selfmodel.estimation.cameras.board_accuracy import (
 )
 from nico_selfmodel.estimation.cameras.camera_adjustment import CameraCalibration
 from nico_selfmodel.estimation.cameras.camera_options import CameraOptions
-from nico_selfmodel.estimation.cameras.known_cameras import KnownCameras
+from nico_selfmodel.estimation.cameras.known_cameras import KnownCameras, other_scale
 from nico_selfmodel.estimation.cameras.lens_folds import folds_by_chance, folds_of
 from nico_selfmodel.estimation.cameras.lens_misfit import LensMisfit, lens_misfits
 from nico_selfmodel.estimation.cameras.projection_uncertainty import ProjectionUncertainty
@@ -124,11 +124,13 @@ class CameraAssessment:
     @property
     def warnings(self) -> tuple[str, ...]:
         """What the data cannot support, in words, though nothing fails."""
+        scale = None if self.known is None else other_scale(self.known, self.calibration)
         return (
             *_folds_by_chance(self.calibration),
             *_weak_parameters(self.calibration),
             *_coverage_warnings(self.calibration),
             *(words_of_misfit(m, self.lens) for m in self.misfits if _is_slight(m)),
+            *([] if scale is None else [scale]),
         )
 
 

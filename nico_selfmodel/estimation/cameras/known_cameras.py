@@ -4,17 +4,23 @@ from collections.abc import Iterable
 from dataclasses import dataclass
 from typing import Any
 
+import numpy as np
 from numpy.typing import NDArray
 
 from nico_selfmodel.dataset.board_views import BoardViews
 from nico_selfmodel.errors import DataError, ModelError
 from nico_selfmodel.estimation.cameras.board_accuracy import corner_distances, held_out_residuals
+from nico_selfmodel.estimation.cameras.camera_adjustment import CameraCalibration
 from nico_selfmodel.estimation.results.calibration_result import Errors
 from nico_selfmodel.estimation.results.model_changes import parameter_changes
 from nico_selfmodel.geometry.transform import inverse
 from nico_selfmodel.model.cameras.camera import Camera
 from nico_selfmodel.model.self_model import SelfModel
 from nico_selfmodel.names import listed
+
+_SCALE = 0.01
+"""Share by which cameras stand further apart than they were known to before a square is
+suspected."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -62,6 +68,35 @@ class KnownCameras:
             **(errors.to_json() or {"n": 0}),
             "changes": parameter_changes(self.model, learned, compared),
         }
+
+
+def other_scale(known: KnownCameras, calibration: CameraCalibration) -> str | None:
+    """Say that squares have another size than stated, where cameras stand further apart than known.
+
+    The side of a square scales what cameras learn of where they are, and nothing else.
+    """
+    cameras, p_GQ = calibration.views.cameras, calibration.views.p_GQ
+    if len(cameras) < 2:
+        return None
+    before, now = (
+        np.array([camera.X_WC[:3, 3] for camera in found])
+        for found in (cameras_for(known.model, calibration.views), calibration.cameras)
+    )
+    i, j = np.triu_indices(len(cameras), 1)
+    lengths = [np.linalg.norm(p[i] - p[j], axis=1) for p in (before, now)]
+    if not (lengths[0] > 0.0).all():
+        return None
+    ratios = lengths[1] / lengths[0]
+    ratio = float(np.median(ratios))
+    # All distances grow alike by a wrong square; by a camera that was moved some do.
+    if abs(ratio - 1.0) < _SCALE or np.abs(ratios / ratio - 1.0).max() > 0.5 * abs(ratio - 1.0):
+        return None
+    apart = np.linalg.norm(p_GQ[1:] - p_GQ[0], axis=1).min()
+    return (
+        f"the cameras stand {ratio:.3f} times as far apart as {known.model.name!r} had them: are "
+        f"the board's squares {1e3 * apart / ratio:.4g} mm in place of {1e3 * apart:.4g} mm, or "
+        "were cameras moved?"
+    )
 
 
 def cameras_for(model: SelfModel, views: BoardViews) -> tuple[Camera, ...]:
