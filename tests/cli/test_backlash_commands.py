@@ -87,7 +87,6 @@ def test_a_fisheye_is_refused_where_only_polynomials_are_known(slack, tmp_path, 
     save_model(SelfModel("wide", cameras={"left": eye, "right": eye.at(X)}), tmp_path / "eyes.yaml")
     out = tmp_path / "out"
     for words in (
-        ("convert", slack),
         ("calibrate", "kinematics", slack),
         ("record", "--sensor", "stereo-color", "--random", "3"),
     ):

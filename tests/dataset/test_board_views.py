@@ -79,8 +79,10 @@ def test_a_split_that_leaves_nothing_to_learn_from_is_refused(views):
         ({"cameras": ("left",)}, r"pixels must have shape \(4, 3, 2\)"),
         ({"p_GQ": BOARD[:, :2]}, r"p_GQ \(P, 3\), got .* \(3, 2\)"),
         ({"names": ("01", "01", "02", "03")}, "views must have names of their own"),
-        ({"cameras": ("left", "middle")}, "cameras must be left, right or both"),
-        ({"cameras": (), "pixels": np.zeros((4, 3, 0))}, "cameras must be left, right or both"),
+        ({"cameras": ("left", "left")}, "cameras must have names of their own"),
+        ({"cameras": ("left", "a.b")}, "names of cameras have no dot in them, got 'a.b'"),
+        ({"cameras": ("left", " ")}, "names of cameras must be printable text"),
+        ({"cameras": (), "pixels": np.zeros((4, 3, 0))}, "cameras must have names of their own"),
     ],
 )
 def test_views_that_make_no_sense_are_refused(views, change, message):

@@ -198,7 +198,7 @@ def one_arm(seed, joints=5, markers=1, poses=60, sensor="points", sigma=None, **
     return Simulated(tree, data, q)
 
 
-def two_arms(seed, poses=60, torso=1, tags_each=7, **how):
+def two_arms(seed, poses=60, torso=1, tags_each=7, camera=LENS, **how):
     """A torso with two arms of six joints before two cameras with known lenses."""
     rng = np.random.default_rng(seed)
     names = [f"torso{i + 1}" for i in range(torso)]
@@ -214,9 +214,12 @@ def two_arms(seed, poses=60, torso=1, tags_each=7, **how):
         found, where = tags(rng, side, own[-1], tags_each)
         infos += found
         attached += where
-    lens = dict(LENS.named_values)
+    lens = dict(camera.named_values)
     cameras = [("camera1", 0.4), ("camera2", -0.3)]
-    sensors = [SensorInfo(n, "camera", image_size=LENS.image_size, lens=lens) for n, _ in cameras]
+    sensors = [
+        SensorInfo(n, "camera", image_size=camera.image_size, lens=lens, lens_kind=camera.lens)
+        for n, _ in cameras
+    ]
     places = [looking_at(np.array([1.5, y, 0.6]), [0.1, 0.0, 0.3]) for _, y in cameras]
     places += [np.eye(4)] * bool(how.get("distances"))
     how.setdefault("sigma", {"camera": 0.3})
@@ -225,7 +228,7 @@ def two_arms(seed, poses=60, torso=1, tags_each=7, **how):
     if how.get("distances"):
         sensors.append(SensorInfo("ruler", "distance", sigma=1e-4))
     tree = assembled(
-        joints, frames, infos, attached, sensors, places, {n: LENS for n, _ in cameras}
+        joints, frames, infos, attached, sensors, places, {n: camera for n, _ in cameras}
     )
     q = rng.uniform(-1.0, 1.0, size=(poses, len(joints)))
     q[:, :torso] *= 0.4

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from nico_selfmodel.dataset.body.body_dataset import BodyDataset, ObservationTable
+from nico_selfmodel.dataset.body.body_folder import load_body_dataset, save_body_dataset
 from nico_selfmodel.dataset.body.link_joint import LinkJoint
 from nico_selfmodel.dataset.body.sensors import MarkerInfo, SensorInfo
 from nico_selfmodel.errors import DataError
@@ -16,9 +17,12 @@ from nico_selfmodel.estimation.tree.tree_observations import TreeObservations
 from nico_selfmodel.estimation.tree.tree_parameters import TreeParameters
 from nico_selfmodel.estimation.tree.tree_problem import TreeProblem
 from nico_selfmodel.estimation.tree.tree_residuals import TreeResiduals
+from nico_selfmodel.estimation.tree.tree_result import body_model
 from nico_selfmodel.estimation.tree.tree_setup import Description, Wishes
 from nico_selfmodel.geometry.rotation import rotation_from_vector, rotation_vectors_of
 from nico_selfmodel.geometry.transform import inverse, transform
+from nico_selfmodel.model.cameras.camera import Camera
+from nico_selfmodel.model.tree.body_model import load_body, save_body
 from nico_selfmodel.model.tree.tree_motion import TreeMotion
 
 from .simulated_trees import LENS, one_arm, turned, two_arms
@@ -73,6 +77,23 @@ def test_two_arms_are_found_from_nothing_but_tags_in_two_cameras(seed):
     assert error_mm(found.tree, true) < 4.0
     assert judge(found).status == "PASS"
     assert found.setup.scale_from == "ruler (known distances)"
+
+
+@pytest.mark.parametrize("kind", ["fisheye", "rational"])
+def test_two_arms_are_found_by_wide_cameras(kind, tmp_path):
+    bends = {"fisheye": {"k1": 0.03, "k2": -0.01}, "rational": {"k1": 0.8, "k2": 0.1, "k4": 1.1}}
+    wide = Camera(420.0, 420.0, 320.0, 240.0, (640, 480), lens=kind, **bends[kind])
+    sim = two_arms(0, camera=wide, distances=KNOWN)
+    found = calibrate_tree(sim.data, seed=0)
+    true = from_first_camera(sim.tree)
+    assert found.solution.cost == pytest.approx(floor_of(found, sim.data, true).cost, rel=1e-5)
+    assert error_mm(found.tree, true) < 6.0
+    save_body(body_model(found), tmp_path / "body.yaml")
+    lenses = load_body(tmp_path / "body.yaml").tree.lenses
+    assert {lens.lens for lens in lenses.values()} == {kind}
+    save_body_dataset(sim.data, tmp_path / "data")
+    again = load_body_dataset(tmp_path / "data")
+    assert again.sensors[0].camera.values == pytest.approx(wide.values)
 
 
 def test_mislabelled_tags_are_left_out_and_named():

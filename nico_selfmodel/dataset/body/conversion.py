@@ -10,7 +10,8 @@ from nico_selfmodel.dataset.body.link_joint import WORLD_NAME, LinkJoint
 from nico_selfmodel.dataset.body.sensors import CAMERA, POINTS, MarkerInfo, SensorInfo
 from nico_selfmodel.dataset.dataset import Dataset
 from nico_selfmodel.errors import DataError
-from nico_selfmodel.model.cameras.camera import Camera, require_polynomial
+from nico_selfmodel.model.cameras.camera import Camera
+from nico_selfmodel.model.cameras.projection import POLYNOMIAL
 
 TRACKER, SIDES = "tracker", ("left", "right")
 
@@ -27,9 +28,7 @@ def body_dataset_of(dataset: Dataset, cameras: Mapping[str, Camera] | None = Non
 
     Raises:
         DataError: If nothing was seen directly.
-        ModelError: If a lens is no polynomial.
     """
-    require_polynomial((cameras or {}).values(), "a recording of a body")
     samples, lead = np.unique(dataset.sample, return_index=True)
     joints = tuple(
         LinkJoint(
@@ -92,4 +91,5 @@ def _sensor(dataset: Dataset, name: str, cameras: Mapping[str, Camera]) -> Senso
         sigma=dataset.pixel_sigma_px,
         image_size=dataset.image_size if camera is None else camera.image_size,
         lens=None if camera is None else dict(camera.named_values),
+        lens_kind=POLYNOMIAL if camera is None else camera.lens,
     )

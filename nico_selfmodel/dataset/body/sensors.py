@@ -13,7 +13,7 @@ from nico_selfmodel.files.yaml_mapping import check_keys, number_value, text_val
 from nico_selfmodel.geometry.rotation import rotation_from_vector, rotation_vector_of
 from nico_selfmodel.geometry.transform import transform
 from nico_selfmodel.model.cameras.camera import Camera
-from nico_selfmodel.model.cameras.projection import INTRINSICS
+from nico_selfmodel.model.cameras.projection import LENSES, POLYNOMIAL, intrinsics_of
 from nico_selfmodel.names import check_name, shown
 
 POINTS, POSES, CAMERA, DISTANCE = "points", "poses", "camera", "distance"
@@ -79,7 +79,9 @@ class SensorInfo:
     image_size: tuple[int, int] | None = None
     """Width and height [px], of a camera."""
     lens: Mapping[str, float] | None = None
-    """Known intrinsics of a camera, by the names of `INTRINSICS`."""
+    """Known intrinsics of a camera, by the names of `intrinsics_of` its lens."""
+    lens_kind: str = POLYNOMIAL
+    """Of a camera, one of `LENSES`."""
     X_LS: NDArray | None = None
     """Where it is thought to be on its link; a guess. Shape (4, 4)."""
 
@@ -88,8 +90,8 @@ class SensorInfo:
         """The camera with its known lens; None where it is none, or its lens is not known."""
         if self.kind != CAMERA or self.lens is None or self.image_size is None:
             return None
-        values = np.array([self.lens.get(name, 0.0) for name in INTRINSICS])
-        return Camera.from_values(values, self.image_size)
+        values = np.array([self.lens.get(name, 0.0) for name in intrinsics_of(self.lens_kind)])
+        return Camera.from_values(values, self.image_size, lens=self.lens_kind)
 
     @classmethod
     def from_mapping(cls, entry: Any, where: str) -> "SensorInfo":
@@ -126,7 +128,8 @@ class SensorInfo:
             turn,
             None if size is None else (size[0], size[1]),
             _lens(entry.get("lens"), where),
-            _pose(entry.get("pose"), where),
+            X_LS=_pose(entry.get("pose"), where),
+            lens_kind=_lens_kind(entry.get("lens"), where),
         )
 
     def to_mapping(self) -> dict[str, Any]:
@@ -135,7 +138,8 @@ class SensorInfo:
         entry["sigma_px" if self.kind == CAMERA else "sigma_m"] = self.sigma
         entry["sigma_rad"] = self.turn_sigma
         entry["image_size"] = None if self.image_size is None else list(self.image_size)
-        entry["lens"] = None if self.lens is None else dict(self.lens)
+        kind = {} if self.lens_kind == POLYNOMIAL else {"kind": self.lens_kind}
+        entry["lens"] = None if self.lens is None else kind | dict(self.lens)
         if self.X_LS is not None:
             entry["pose"] = pose_mapping(self.X_LS)
         return {key: value for key, value in entry.items() if value is not None}
@@ -166,11 +170,21 @@ def _lens(value: Any, where: str) -> dict[str, float] | None:
         return None
     if not isinstance(value, Mapping):
         raise DataError(f"{where}: 'lens' must be fx, fy, cx, cy, ..., got {shown(value)}")
-    check_keys(value, INTRINSICS, where)
-    found = {str(key): number_value(value, key, where) or 0.0 for key in value}
+    names = intrinsics_of(_lens_kind(value, where))
+    check_keys(value, ("kind", *names), where)
+    found = {str(key): number_value(value, key, where) or 0.0 for key in value if key != "kind"}
     if not (found.get("fx", 0.0) > 0.0 and found.get("fy", 0.0) > 0.0):
         raise DataError(f"{where}: a lens needs positive fx and fy, got {shown(dict(value))}")
     return found
+
+
+def _lens_kind(value: Any, where: str) -> str:
+    kind = value.get("kind", POLYNOMIAL) if isinstance(value, Mapping) else POLYNOMIAL
+    if kind not in LENSES:
+        raise DataError(
+            f"{where}: the kind of a lens must be one of {', '.join(LENSES)}, got {shown(kind)}"
+        )
+    return kind
 
 
 def _is_size(size: Any) -> bool:

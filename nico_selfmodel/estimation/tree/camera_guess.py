@@ -196,5 +196,5 @@ def resected(
         raise DataError(
             f"camera {name!r} saw {len(i)} markers whose places are known, {FEWEST} are needed"
         )
-    rays = lens.at(np.eye(4)).rays(rows.measured[i]).direction
+    rays = lens.directions(rows.measured[i])
     return robust_camera_pose(points.p_WM[j], rays, within, rng)[0]

@@ -53,8 +53,9 @@ def shown_poses(p_SM: NDArray, R_SM: NDArray, measured: NDArray) -> Shown:
 
 def shown_pixels(p_SM: NDArray, lens: Camera, measured: NDArray) -> Shown:
     """A camera: pixels."""
-    p = np.where((np.arange(3) == 2) & (np.abs(p_SM) < _NEAREST), np.copysign(_NEAREST, p_SM), p_SM)
-    pixels, by_point, by_lens = project_in_camera(p.T, lens.values)
+    near = (np.arange(3) == 2) & (np.abs(p_SM) < _NEAREST)
+    p = np.where(near, np.copysign(_NEAREST, p_SM), p_SM)
+    pixels, by_point, by_lens = project_in_camera(p.T, lens.values, lens.lens)
     return Shown(
         pixels.T - measured, np.moveaxis(by_point, -1, 0), by_lens=np.moveaxis(by_lens, -1, 0)
     )

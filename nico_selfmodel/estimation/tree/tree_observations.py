@@ -168,8 +168,8 @@ class TreeObservations:
         found, first = [], 0
         for rows in self.sensors:
             if rows.kind == CAMERA:
-                lens = lenses[self.data.sensors[rows.sensor].name].at(np.eye(4))
-                rays = lens.rays(rows.measured).direction
+                lens = lenses[self.data.sensors[rows.sensor].name]
+                rays = lens.directions(rows.measured)
                 rows = replace(rows, kind=BEARING, measured=rays)
             found.append(replace(rows, first=first))
             first += rows.measured.size

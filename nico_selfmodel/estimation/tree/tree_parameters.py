@@ -20,7 +20,7 @@ from nico_selfmodel.geometry.rotation import (
 )
 from nico_selfmodel.geometry.transform import inverse, transform
 from nico_selfmodel.model.cameras.camera import Camera
-from nico_selfmodel.model.cameras.projection import INTRINSICS, POLYNOMIAL, intrinsic_units
+from nico_selfmodel.model.cameras.projection import intrinsic_units, intrinsics_of
 from nico_selfmodel.model.tree.body_tree import FLANGE, PRISMATIC, REVOLUTE, Attached, BodyTree
 
 TURNS, SHIFTS = ("rx", "ry", "rz"), ("x", "y", "z")
@@ -43,7 +43,8 @@ class TreeParameters:
         frames = [*base.joints, *(a.name for a in self.attached)]
         out = [f"{name}.{part}" for name in frames for part in FRAME_PARTS]
         out += [f"{name}.gear" for name in base.joints]
-        return (*out, *(f"{name}.{part}" for name in base.lenses for part in INTRINSICS))
+        inside = ((name, intrinsics_of(lens.lens)) for name, lens in base.lenses.items())
+        return (*out, *(f"{name}.{part}" for name, parts in inside for part in parts))
 
     @cached_property
     def of_joint_frames(self) -> frozenset[str]:
@@ -58,7 +59,7 @@ class TreeParameters:
         return (
             *frames,
             *("1",) * len(base.joints),
-            *intrinsic_units(POLYNOMIAL) * len(base.lenses),
+            *(unit for lens in base.lenses.values() for unit in intrinsic_units(lens.lens)),
         )
 
     @cached_property
@@ -82,9 +83,18 @@ class TreeParameters:
         return slice(6 * self.frame_count, 6 * self.frame_count + len(self.base.joints))
 
     def intrinsics(self, camera: str) -> slice:
-        """Return where a camera's intrinsics are."""
-        first = self.gears.stop + len(INTRINSICS) * list(self.base.lenses).index(camera)
-        return slice(first, first + len(INTRINSICS))
+        """Return where a camera's intrinsics are.
+
+        Raises:
+            ValueError: If there is no such camera.
+        """
+        first = self.gears.stop
+        for name, lens in self.base.lenses.items():
+            end = first + len(intrinsics_of(lens.lens))
+            if name == camera:
+                return slice(first, end)
+            first = end
+        raise ValueError(f"no camera {camera!r}")
 
     @cached_property
     def frames(self) -> NDArray:
@@ -118,7 +128,7 @@ class TreeParameters:
         X = transform(R, t)
         moved = [replace(a, X_LA=x) for a, x in zip(self.attached, X[n:], strict=True)]
         lenses = {
-            name: Camera.from_values(values[self.intrinsics(name)], lens.image_size)
+            name: Camera.from_values(values[self.intrinsics(name)], lens.image_size, lens=lens.lens)
             for name, lens in base.lenses.items()
         }
         split = len(base.markers)

@@ -17,7 +17,7 @@ from nico_selfmodel.estimation.tree.tree_parameters import (
     TreeParameters,
 )
 from nico_selfmodel.files.csv_rows import number_of_word
-from nico_selfmodel.model.cameras.camera import Camera, require_polynomial
+from nico_selfmodel.model.cameras.camera import Camera
 from nico_selfmodel.model.tree.body_tree import FLANGE, WORLD, Attached, BodyTree
 from nico_selfmodel.names import did_you_mean, listed
 
@@ -92,9 +92,7 @@ def blank_body(data: BodyDataset, lenses: Mapping[str, Camera]) -> BodyTree:
 
     Raises:
         DataError: If a camera has no lens.
-        ModelError: If a lens is no polynomial.
     """
-    require_polynomial(lenses.values(), "learning a body")
     found: dict[str, Camera] = {}
     for info in data.sensors:
         if info.kind == CAMERA:

@@ -13,7 +13,7 @@ from nico_selfmodel.files.reading import LARGEST_DOCUMENT, read_text
 from nico_selfmodel.files.whole import write_whole
 from nico_selfmodel.files.yaml_text import parse_yaml, yaml_text
 from nico_selfmodel.model.cameras.camera import Camera
-from nico_selfmodel.model.cameras.projection import INTRINSICS
+from nico_selfmodel.model.cameras.projection import POLYNOMIAL, intrinsics_of
 from nico_selfmodel.model.document_values import damage, mapping, mappings, numbers, texts
 from nico_selfmodel.model.self_model import ParameterCovariance
 from nico_selfmodel.model.tree.body_tree import WORLD, Attached, BodyTree
@@ -132,7 +132,8 @@ def _attached(tree: BodyTree, item: Attached) -> dict[str, Any]:
 
 
 def _lens(camera: Camera) -> dict[str, Any]:
-    return dict(camera.named_values) | {"image_size": list(camera.image_size)}
+    kind = {} if camera.lens == POLYNOMIAL else {"lens": camera.lens}
+    return kind | dict(camera.named_values) | {"image_size": list(camera.image_size)}
 
 
 def _model(document: dict[str, Any]) -> BodyModel:
@@ -184,6 +185,7 @@ def _read_attached(entry: Mapping[str, Any], index: Mapping[str, int]) -> Attach
 
 
 def _read_lens(entry: Mapping[str, Any]) -> Camera:
-    values = np.array([float(entry[name]) for name in INTRINSICS])
+    kind = entry.get("lens", POLYNOMIAL)
+    values = np.array([float(entry[name]) for name in intrinsics_of(kind)])
     width, height = entry["image_size"]
-    return Camera.from_values(values, (int(width), int(height)))
+    return Camera.from_values(values, (int(width), int(height)), lens=kind)
