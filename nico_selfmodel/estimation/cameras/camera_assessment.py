@@ -19,7 +19,8 @@ from nico_selfmodel.estimation.cameras.known_cameras import KnownCameras, other_
 from nico_selfmodel.estimation.cameras.lens_folds import folds_by_chance, folds_of
 from nico_selfmodel.estimation.cameras.lens_misfit import LensMisfit, lens_misfits
 from nico_selfmodel.estimation.cameras.projection_uncertainty import ProjectionUncertainty
-from nico_selfmodel.model.cameras.projection import POLYNOMIAL
+from nico_selfmodel.model.cameras.lens import cancelling_radius
+from nico_selfmodel.model.cameras.projection import POLYNOMIAL, RATIONAL
 from nico_selfmodel.model.self_model import SelfModel
 
 _COVERED = 0.75
@@ -128,6 +129,7 @@ class CameraAssessment:
         return (
             *_folds_by_chance(self.calibration),
             *_weak_parameters(self.calibration),
+            *_cancelling(self.calibration),
             *_coverage_warnings(self.calibration),
             *(words_of_misfit(m, self.lens) for m in self.misfits if _is_slight(m)),
             *([] if scale is None else [scale]),
@@ -147,6 +149,20 @@ def _weak_parameters(calibration: CameraCalibration) -> list[str]:
             words.append(
                 f"`{name}` is {value:.2g} +- {sigma:.1g}: not to be told from zero; --fix {name}=0 "
                 "would lose nothing"
+            )
+    return words
+
+
+def _cancelling(calibration: CameraCalibration) -> list[str]:
+    """Say where coefficients of a rational lens stand for each other."""
+    words = []
+    for name, camera in zip(calibration.views.cameras, calibration.cameras, strict=True):
+        radius = cancelling_radius(camera.k) if camera.lens == RATIONAL else None
+        if radius is not None:
+            words.append(
+                f"a pole and a zero of the {name} camera's rational lens cancel at a radius of "
+                f"{radius:.2f}: k1 to k6 stand for each other, and sigmas of single ones say "
+                f"little; those of pixels hold; --fix {name}.k6=0 leaves the pair out"
             )
     return words
 
