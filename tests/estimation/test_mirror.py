@@ -21,6 +21,7 @@ from nico_selfmodel.geometry.transform import transform
 from nico_selfmodel.model.cameras.camera import Camera
 from nico_selfmodel.model.cameras.mirror import Mirror
 from nico_selfmodel.model.cameras.mirror_rig import MirrorRig, reflected_projection
+from nico_selfmodel.model.cameras.stereo_rig import StereoRig
 from nico_selfmodel.model.self_model import ParameterCovariance, SelfModel
 
 from .mirror_scenes import (
@@ -372,3 +373,33 @@ def test_reflections_of_one_mirror_can_be_taken_out():
     assert wall.mirrors == ("wall",)
     assert wall.sample.tolist() == [10, 11, 12]
     assert wall.shared.by_parameter.shape[0] == 3
+
+
+@pytest.mark.parametrize("kind", ["fisheye", "rational"])
+def test_wide_cameras_find_a_mirror_and_say_how_surely(kind):
+    bends = {"fisheye": {"k1": 0.03, "k2": -0.01}, "rational": {"k1": 0.6, "k4": 0.8}}[kind]
+    inside = {"fx": 500.0, "fy": 500.0, "cx": RIG.left.cx, "cy": RIG.left.cy}
+    wide = [
+        Camera(**inside, image_size=c.image_size, lens=kind, **bends, X_WC=c.X_WC)
+        for c in RIG.cameras
+    ]
+    rig = StereoRig(*wide)
+    model = body(cameras={"left": rig.left, "right": rig.right})
+    seen = MirrorRig(rig, MIRROR)
+    exact = recording(poses(5, 3), seen, sigma=0.0)
+    assert calibrate_mirrors(exact, model).mirrors["glass"].values == pytest.approx(
+        MIRROR.values, abs=1e-7
+    )
+    found = calibrate_mirrors(recording(poses(20, 4), seen), model).mirrors["glass"]
+    off = found.values - MIRROR.values
+    assert np.sqrt(np.mean(off**2 / np.diag(found.covariance))) < 2.5
+    shown, h = reflected_projection(rig.cameras, MIRROR.values, CHAIN.forward(poses(4))), 1e-6
+    for i in range(3):
+        step = h * (np.arange(3) == i)
+        ends = [
+            reflected_projection(rig.cameras, MIRROR.values + s, CHAIN.forward(poses(4))).pixels
+            for s in (step, -step)
+        ]
+        assert_allclose(
+            shown.by_mirror[:, :, i], (ends[0] - ends[1]) / (2.0 * h), rtol=1e-5, atol=1e-3
+        )

@@ -3,6 +3,7 @@
 import cv2
 import numpy as np
 import pytest
+from pydrake.autodiffutils import ExtractGradient, ExtractValue, InitializeAutoDiff
 
 from nico_selfmodel.errors import ModelError
 from nico_selfmodel.model.cameras import fisheye, lens
@@ -140,6 +141,16 @@ def test_a_polynomial_is_a_rational_lens_whose_last_coefficients_are_zero():
     p = points(np.random.default_rng(5), 100, 50.0)
     assert wide.project(p) == pytest.approx(plain.project(p), abs=1e-10)
     assert [len(intrinsics_of(lens)) for lens in LENSES] == [10, 13, 9]
+
+
+@pytest.mark.parametrize("camera", [FISHEYE, RATIONAL], ids=lambda c: c.lens)
+@pytest.mark.parametrize("place", [(0.0, 0.0, 1.0), (0.4, -0.2, 0.8)])
+def test_pixels_have_slopes_in_drakes_scalars(camera, place):
+    p = InitializeAutoDiff(np.array(place)).ravel()
+    pixels = camera.pixels_of(np.stack([p[0] / p[2], p[1] / p[2]]))
+    expected = camera.projection(np.array([place]))
+    assert ExtractValue(pixels).ravel() == pytest.approx(expected.pixels[0], abs=1e-9)
+    assert ExtractGradient(pixels) == pytest.approx(expected.by_point[0], abs=1e-6)
 
 
 def test_a_pole_and_a_zero_that_cancel_are_found():

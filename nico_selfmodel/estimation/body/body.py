@@ -45,8 +45,6 @@ from nico_selfmodel.estimation.observations.pixel_observations import PixelObser
 from nico_selfmodel.estimation.results.fixed_parameters import FixedParameters
 from nico_selfmodel.estimation.results.provenance import data_named, package_versions
 from nico_selfmodel.model.arm.dh_parameters import DhParameters
-from nico_selfmodel.model.cameras.camera import require_polynomial
-from nico_selfmodel.model.cameras.rig_parameters import rig_names
 from nico_selfmodel.model.cameras.stereo_rig import StereoRig
 from nico_selfmodel.model.self_model import ParameterCovariance, SelfModel
 from nico_selfmodel.optimization.uncertainty import Uncertainty
@@ -93,7 +91,6 @@ def calibrate_body(
         ValueError: If an option names no parameter, or boards are missing.
     """
     clock, options = time.perf_counter(), options or BodyOptions()
-    require_polynomial(start.cameras.values(), "learning a body")
     test = None if test is None else held_out_of(dataset, test)
     _require_boards(options, boards)
     pinned = frozenset(options.pinned)
@@ -276,7 +273,7 @@ class _Task:
         """Return the names of everything that was estimated."""
         pinned = parameters.gauge | self.held_gears | frozenset(self.pins.pinned)
         arm = frozenset(parameters.names) - (pinned - self.pins.freed)
-        return arm | (frozenset(rig_names()) - frozenset(self.held_cameras))
+        return arm | (frozenset(self.start.rig.names) - frozenset(self.held_cameras))
 
     def uncertainty(self, parameters: DhParameters, solved: BodySolution) -> Uncertainty:
         """Return the covariance of what was free."""

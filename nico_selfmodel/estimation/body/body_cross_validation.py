@@ -57,7 +57,8 @@ def cross_validate_body(
         split = len(view.names)
         p_LH = DhArm(left.arm, parameters).evaluate(x[:split])[0].T
         try:
-            rig = StereoRig.from_values(x[split : split + 26], solved.rig.left.image_size)
+            of_cameras, size = x[split : split + len(solved.rig.names)], solved.rig.left.image_size
+            rig = StereoRig.from_values(of_cameras, size, solved.rig.lens)
         except ValueError:
             return None
         pixels[rows], predicted[rows] = rig.project(p_LH), p_LH

@@ -13,7 +13,7 @@ from nico_selfmodel.estimation.results.calibration_result import (
     Finding,
     findings,
 )
-from nico_selfmodel.model.cameras.projection import DISTORTION, INTRINSICS
+from nico_selfmodel.model.cameras.projection import EVERY_INTRINSIC
 from nico_selfmodel.model.cameras.rig_parameters import SIDES
 
 _LARGEST_JOINT_NOISE = np.radians(5.0)
@@ -86,9 +86,9 @@ def _warnings(calibration: BodyCalibration) -> tuple[str, ...]:
 def _gives_way(calibration: BodyCalibration) -> str:
     """Say what inside the cameras was free to fit the arm, if anything."""
     free = {n.partition(".")[2] for n in calibration.free if n.partition(".")[0] in SIDES}
-    if free & set(DISTORTION):
+    if free & set(EVERY_INTRINSIC[5:]):
         return ", and lenses bend to fit the arm"
-    if free & set(INTRINSICS):
+    if free & set(EVERY_INTRINSIC):
         return ", and focal lengths and image centres shift to fit the arm"
     return ""
 

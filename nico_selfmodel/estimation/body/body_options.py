@@ -4,7 +4,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 
 from nico_selfmodel.estimation.cameras.camera_options import HELD_BY_DEFAULT, by_full_name
-from nico_selfmodel.model.cameras.projection import INTRINSICS
+from nico_selfmodel.model.cameras.projection import EVERY_INTRINSIC, RATIONAL
 from nico_selfmodel.model.cameras.rig_parameters import SIDES, rig_names
 from nico_selfmodel.model.cameras.stereo_rig import StereoRig
 from nico_selfmodel.optimization.robust_solve import ROBUST_METHODS
@@ -75,10 +75,12 @@ class BodyOptions:
         held: dict[str, float | None] = dict.fromkeys(names)
         if self.stage != "kinematics":
             fixed = set(HELD_BY_DEFAULT)
+            if rig.lens == RATIONAL:  # boards alone hardly tell what is below the fraction
+                fixed |= {"k4", "k5", "k6"}
             if self.variant == "thesis":
                 fixed |= set(_LENS)
             if self.stage == "intrinsics-fixed":
-                fixed |= set(INTRINSICS)
+                fixed |= set(EVERY_INTRINSIC)
             held = {n: None for n in names if n.rpartition(".")[2] in fixed}
             if not self.anchored:
                 held[self.scale_name(rig)] = None
@@ -99,7 +101,7 @@ class BodyOptions:
     @staticmethod
     def _of_cameras(words: Mapping[str, float | None]) -> dict[str, float | None]:
         """Return what speaks of cameras: `left.cx`, `cx`, `right.pose.x`."""
-        bare = {n.partition(".")[2] for n in rig_names()}
+        bare = {n.partition(".")[2] for n in rig_names(SIDES, RATIONAL)}
         return {
             word: value
             for word, value in words.items()

@@ -66,15 +66,16 @@ class BodyProblem:
             X_LG: Where the boards start; by homographies if omitted. Shape (V, 4, 4).
         """
         self.observations, self._split = observations, len(view.names)
-        self._image_size = rig.left.image_size
-        self.hand = HandPixels(observations, view)
+        self._image_size, self._lens = rig.left.image_size, rig.lens
+        self._end = self._split + len(rig.names)
+        self.hand = HandPixels(observations, view, lens=rig.lens)
         self.program = CalibrationProgram()
         self.program.add_variables(self.hand.names, np.concatenate([view.start, rig.values]))
         self._hand_number = self.program.add_residuals(self.hand)
         self.boards: BoardResiduals | None = None
         if boards is not None:
             X_LG = pose_of_seen_boards(rig.cameras, boards) if X_LG is None else X_LG
-            self.boards = BoardResiduals(boards, X_LG, FIRST_CORNER_SIGMA)
+            self.boards = BoardResiduals(boards, X_LG, FIRST_CORNER_SIGMA, lens=rig.lens)
             start = self.boards.start_of(rig.cameras, X_LG)[len(rig.names) :]
             self.program.add_variables(self.boards.names[len(rig.names) :], start)
             self._board_number = self.program.add_residuals(self.boards)
@@ -88,7 +89,8 @@ class BodyProblem:
             NotConvergedError: If they have become cameras that cannot be.
         """
         try:
-            return StereoRig.from_values(x[self._split : self._split + 26], self._image_size)
+            shared = x[self._split : self._end]
+            return StereoRig.from_values(shared, self._image_size, self._lens)
         except ValueError as error:
             raise NotConvergedError(f"no plausible cameras fit the hand: {error}") from error
 
@@ -145,14 +147,14 @@ class BodyProblem:
     def _weigh(self, noise: HandNoise) -> None:
         """Weigh hand and corners by their variances, where the program stands."""
         x = self.program.start
-        slopes = self.hand.by_angle(x[: self._split + 26])
+        slopes = self.hand.by_angle(x[: self._end])
         self.hand.whiten(noise.whitening(slopes, self.observations.seen))
         if self.boards is not None:
             self.boards.sigma = self._corner_sigma(x)
 
     def _noise(self, found: RobustSolution) -> HandNoise:
         """Return the most likely variances of the inlier rows."""
-        x = found.solution.x[: self._split + 26]
+        x = found.solution.x[: self._end]
         pixels = self.hand.project(x)[0].T
         keep = ~found.outliers
         seen = self.observations.seen[keep]
@@ -173,8 +175,7 @@ class BodyProblem:
 
     def _board_poses(self, x: NDArray) -> NDArray:
         assert self.boards is not None
-        shared = x[self._split : self._split + 26]
-        return self.boards.board_poses(np.concatenate([shared, x[self._split + 26 :]]))
+        return self.boards.board_poses(x[self._split :])
 
     def _corner_sigma(self, x: NDArray) -> float:
         """Return the spread of the corners about the boards, each board's pose discounted [px]."""

@@ -76,7 +76,7 @@ def whitened_rows(
     `size` is what lengths are held against, that of the poses' workspace if omitted [m].
     """
     inliers = observations.select(~solved.outliers)
-    block = HandPixels(inliers, DhArm(inliers.arm, parameters))
+    block = HandPixels(inliers, DhArm(inliers.arm, parameters), lens=solved.rig.lens)
     x = np.concatenate([parameters.values, solved.rig.values])
     if whitened:
         block.whiten(solved.noise.whitening(block.by_angle(x), inliers.seen))
@@ -98,7 +98,7 @@ def noise_sigmas(
 ) -> tuple[float, float]:
     """Return how surely the inlier rows tell tracker noise [px] and joint noise [rad]."""
     inliers = observations.select(~solved.outliers)
-    block = HandPixels(inliers, DhArm(inliers.arm, parameters))
+    block = HandPixels(inliers, DhArm(inliers.arm, parameters), lens=solved.rig.lens)
     slopes = block.by_angle(np.concatenate([parameters.values, solved.rig.values]))
     return solved.noise.sigmas(slopes, inliers.seen)
 
@@ -125,7 +125,7 @@ def _board_rows(
     assert solved.corner_sigma is not None
     assert solved.X_LG is not None
     X_LG = solved.X_LG
-    block = BoardResiduals(boards, X_LG, solved.corner_sigma)
+    block = BoardResiduals(boards, X_LG, solved.corner_sigma, lens=solved.rig.lens)
     parts = block.evaluate_parts(block.start_of(solved.rig.cameras, X_LG))
     reduced = block.reduced_jacobian(parts, np.ones(len(boards)))
     out = np.zeros((len(reduced), len(names)))

@@ -22,8 +22,6 @@ from nico_selfmodel.estimation.observations.pixel_evaluation import (
     evaluate_pixels,
 )
 from nico_selfmodel.estimation.results.calibration_result import CalibrationResult
-from nico_selfmodel.model.cameras.camera import require_polynomial
-from nico_selfmodel.model.cameras.rig_parameters import rig_names
 from nico_selfmodel.model.self_model import ParameterCovariance, SelfModel
 from nico_selfmodel.optimization.uncertainty import Uncertainty
 
@@ -61,7 +59,6 @@ class StereoPoints:
             DataError: If too few poses were seen by both cameras.
             ModelError: If the model has not both cameras.
         """
-        require_polynomial(cameras.cameras.values(), "learning an arm")
         seeing = in_left_camera(cameras)
         seen = {"train": train} | ({} if test is None else {"test": test})
         points = {"train": reconstructed(train, seeing, pinned)}
@@ -80,7 +77,8 @@ class StereoPoints:
         )
         known, arm = self.cameras.covariance, calibration.uncertainty
         # A covariance may speak of an arm alone, whose cameras counted as exact.
-        cameras = tuple(n for n in rig_names() if known is not None and n in known.names)
+        rig = self.cameras.rig
+        cameras = tuple(n for n in rig.names if known is not None and n in known.names)
         if not cameras or arm is None:
             return replace(calibration, model=self._with_noise(model, calibration.outliers))
         together = _together(
@@ -105,11 +103,12 @@ class StereoPoints:
         assert noise is not None
         linear = Linearised.at(observations, parameters, ~calibration.outliers, noise)
         p = observations.p_WH - linear.residuals
-        _, by_point, by_cameras = project_to_cameras(p.T, self.cameras.rig.values)
+        rig = self.cameras.rig
+        _, by_point, by_cameras = project_to_cameras(p.T, rig.values, rig.lens)
         # Pixels stay: the point moves so that it makes up for the cameras, as well as one point
         # can.
         by_point = by_point.transpose(2, 0, 1)
-        columns = [rig_names().index(name) for name in cameras]
+        columns = [rig.names.index(name) for name in cameras]
         moved = -np.linalg.pinv(by_point) @ by_cameras[columns].transpose(2, 1, 0)
         rows = linear.weights * linear.columns(frozenset(arm))
         size = np.maximum(np.linalg.norm(rows, axis=0), np.finfo(float).tiny)

@@ -10,7 +10,7 @@ from nico_selfmodel.geometry.reflection import reflect
 from nico_selfmodel.geometry.rotation import rotation_vector_of, rotation_vector_slope
 from nico_selfmodel.model.cameras.mirror import Mirror, plane_of_values
 from nico_selfmodel.model.cameras.mirror_rig import ReflectedProjection, reflected_projection
-from nico_selfmodel.model.cameras.projection import INTRINSICS
+from nico_selfmodel.model.cameras.projection import intrinsics_of
 from nico_selfmodel.model.cameras.rig_parameters import POSE_NAMES
 from nico_selfmodel.model.cameras.stereo_rig import StereoRig
 
@@ -162,7 +162,7 @@ def _by_cameras(reflections: Reflections, x: NDArray) -> dict[str, NDArray]:
     for c, camera in enumerate(reflections.cameras):
         shown = camera.projection(virtual)
         columns = slice(2 * c, 2 * c + 2)
-        for k, name in enumerate(INTRINSICS):
+        for k, name in enumerate(intrinsics_of(camera.lens)):
             slope = np.zeros(reflections.pixels.shape)
             slope[:, columns] = shown.by_intrinsics[:, :, k]
             found[f"{('left', 'right')[c]}.{name}"] = slope

@@ -13,8 +13,8 @@ from nico_selfmodel.estimation.observations.matching import (
 )
 from nico_selfmodel.geometry.transform import apply
 from nico_selfmodel.model.arm.dh_parameters import slopes_by_angle
-from nico_selfmodel.model.cameras.camera import Camera, require_polynomial
-from nico_selfmodel.model.cameras.projection import INTRINSICS
+from nico_selfmodel.model.cameras.camera import Camera
+from nico_selfmodel.model.cameras.projection import EVERY_INTRINSIC
 from nico_selfmodel.model.self_model import SelfModel
 from nico_selfmodel.names import listed
 
@@ -174,7 +174,6 @@ def known_points(dataset: Dataset, model: SelfModel, rows: NDArray) -> KnownPoin
             f"self-model {model.name!r} has no cameras, so that it cannot look into a mirror: "
             "learn them with `nico-selfmodel calibrate stereo`"
         )
-    require_polynomial(model.rig.cameras, "learning mirrors")
     columns = reading_columns(model, dataset)
     check_units(model, dataset)
     unknown = set(dataset.marker[rows].tolist()) - set(model.markers)
@@ -203,7 +202,7 @@ def _shared_errors(model: SelfModel, slopes: NDArray) -> SharedErrors | None:
         camera, _, part = name.partition(".")
         if name in arm:
             by_parameter[:, :, column] = slopes[:, :, arm.index(name)]
-        elif camera in model.cameras and (part in INTRINSICS or part.startswith("pose.")):
+        elif camera in model.cameras and (part in EVERY_INTRINSIC or part.startswith("pose.")):
             cameras.append((column, camera, part))
     values, vectors = np.linalg.eigh(model.covariance.matrix)
     root = vectors * np.sqrt(np.maximum(values, 0.0))

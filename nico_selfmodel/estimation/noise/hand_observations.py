@@ -21,7 +21,6 @@ from nico_selfmodel.estimation.observations.pixel_observations import (
     columns_of,
 )
 from nico_selfmodel.model.arm.bending import BACKLASH
-from nico_selfmodel.model.cameras.camera import require_polynomial
 from nico_selfmodel.model.cameras.rig_parameters import SIDES
 from nico_selfmodel.model.cameras.stereo_rig import StereoRig
 from nico_selfmodel.model.self_model import SelfModel
@@ -213,14 +212,14 @@ def laid_out(own: tuple[str, ...], covariance: NDArray, names: tuple[str, ...]) 
 
 def _by_pixels(model: SelfModel, dataset: Dataset, sigma: float | None) -> HandObservations:
     rig = model.rig
-    require_polynomial(rig.cameras, "holding pixels against a self-model")
     if not np.allclose(rig.left.X_WC, np.eye(4), atol=1e-12):
         raise ModelError(
             f"the world of self-model {model.name!r} is not its left camera's frame: learn arm and "
             "cameras together with `nico-selfmodel calibrate body`"
         )
     observations = PixelObservations.from_dataset(dataset, model.markers)
-    block = HandPixels(observations, DhArm(observations.arm, model.parameters))
+    arm = DhArm(observations.arm, model.parameters)
+    block = HandPixels(observations, arm, lens=rig.lens)
     sensor = sigma or dataset.pixel_sigma_px or model.pixel_sigma
     if sensor is None:
         raise ModelError(f"self-model {model.name!r} states no pixel_sigma_px: learn it anew")
@@ -268,7 +267,7 @@ def with_values(model: SelfModel, names: tuple[str, ...], x: NDArray) -> SelfMod
     try:
         cameras = dict(model.cameras)
         if len(names) > split:
-            rig = StereoRig.from_values(x[split:], model.rig.left.image_size)
+            rig = StereoRig.from_values(x[split:], model.rig.left.image_size, model.rig.lens)
             cameras = {"left": rig.left, "right": rig.right}
         return replace(
             model,

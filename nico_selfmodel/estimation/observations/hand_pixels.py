@@ -11,10 +11,8 @@ from nico_selfmodel.estimation.observations.arm_views import ArmView
 from nico_selfmodel.estimation.observations.pixel_observations import PixelObservations
 from nico_selfmodel.geometry.rotation import rotation_from_vector, rotation_vector_slope
 from nico_selfmodel.model.arm.line_kinematics import cross
-from nico_selfmodel.model.cameras.projection import project_in_camera
-from nico_selfmodel.model.cameras.rig_parameters import rig_names
-
-_CAMERA_VARIABLES = 26
+from nico_selfmodel.model.cameras.projection import POLYNOMIAL, intrinsics_of, project_in_camera
+from nico_selfmodel.model.cameras.rig_parameters import SIDES, rig_names
 
 
 class HandPixels:
@@ -27,7 +25,11 @@ class HandPixels:
     """
 
     def __init__(
-        self, observations: PixelObservations, arm: ArmView, whitening: NDArray | None = None
+        self,
+        observations: PixelObservations,
+        arm: ArmView,
+        whitening: NDArray | None = None,
+        lens: str = POLYNOMIAL,
     ) -> None:
         """Take the data.
 
@@ -36,9 +38,10 @@ class HandPixels:
             arm: How the arm is written down.
             whitening: Of each row's pixels, zero where not seen (`HandNoise.whitening`); one
                 pixel each if omitted. Shape (N, 4, 4).
+            lens: Of both cameras.
         """
-        self.observations, self.arm = observations, arm
-        self.names = (*arm.names, *rig_names())
+        self.observations, self.arm, self.lens = observations, arm, lens
+        self.names = (*arm.names, *rig_names(SIDES, lens))
         self.measured = np.ascontiguousarray(np.nan_to_num(observations.pixels).T)
         self.whiten(np.eye(4) * observations.seen[:, :, None] if whitening is None else whitening)
 
@@ -67,14 +70,14 @@ class HandPixels:
     def by_angle(self, x: NDArray) -> NDArray:
         """Return the derivatives of each row's pixels by the joint angles. Shape (N, 4, n)."""
         split = len(self.arm.names)
-        by_point = project_to_cameras(self.arm.evaluate(x[:split])[0], x[split:])[1]
+        by_point = project_to_cameras(self.arm.evaluate(x[:split])[0], x[split:], self.lens)[1]
         return np.einsum("ain,ijn->naj", by_point, self.arm.by_angle(x[:split]))
 
     def project(self, x: NDArray) -> tuple[NDArray, NDArray]:
         """Return predicted pixels, shape (4, N), and their derivatives, shape (P, 4, N)."""
         split = len(self.arm.names)
         p, by_arm = self.arm.evaluate(x[:split])
-        pixels, by_point, by_cameras = project_to_cameras(p, x[split:])
+        pixels, by_point, by_cameras = project_to_cameras(p, x[split:], self.lens)
         jacobian = np.empty((len(self.names), 4, p.shape[1]))
         # d(pixel)/d(arm) = d(pixel)/d(p) d(p)/d(arm)
         part = jacobian[:split]
@@ -85,31 +88,35 @@ class HandPixels:
         return pixels, jacobian
 
 
-def project_to_cameras(p_LH: NDArray, cameras: NDArray) -> tuple[NDArray, NDArray, NDArray]:
+def project_to_cameras(
+    p_LH: NDArray, cameras: NDArray, lens: str = POLYNOMIAL
+) -> tuple[NDArray, NDArray, NDArray]:
     """Project points of the left camera's frame into both cameras, with derivatives.
 
     Args:
         p_LH: Points [m]. Shape (3, N).
-        cameras: Values of `StereoRig.names`: both insides, and the right camera's pose. Shape
-            (26,).
+        cameras: Values of `StereoRig.names`: both insides, and the right camera's pose; of
+            polynomial lenses, shape (26,).
+        lens: Of both cameras.
 
     Returns:
         Pixels, shape (4, N), derivatives by the point, shape (4, 3, N), and by the cameras, shape
         (26, 4, N).
     """
-    left, right, turn, place = np.split(cameras, [10, 20, 23])
+    inside = len(intrinsics_of(lens))
+    left, right, turn, place = np.split(cameras, [inside, 2 * inside, 2 * inside + 3])
     rotation = rotation_from_vector(turn)
     away = p_LH - place[:, None]
     pixels = np.empty((4, p_LH.shape[1]))
     by_point = np.empty((4, 3, p_LH.shape[1]))
-    by_cameras = np.zeros((_CAMERA_VARIABLES, 4, p_LH.shape[1]))
-    pixels[:2], by_point[:2], by_left = project_in_camera(p_LH, left)
-    by_cameras[:10, :2] = by_left.swapaxes(0, 1)
-    pixels[2:], in_right, by_right = project_in_camera(rotation.T @ away, right)
-    by_cameras[10:20, 2:] = by_right.swapaxes(0, 1)
+    by_cameras = np.zeros((len(cameras), 4, p_LH.shape[1]))
+    pixels[:2], by_point[:2], by_left = project_in_camera(p_LH, left, lens)
+    by_cameras[:inside, :2] = by_left.swapaxes(0, 1)
+    pixels[2:], in_right, by_right = project_in_camera(rotation.T @ away, right, lens)
+    by_cameras[inside : 2 * inside, 2:] = by_right.swapaxes(0, 1)
     # p_R = R' exp(-[w]) (p - t - dt): d/dp = R', d/dw = R' [p - t]x, d/dt = -R'
     by_point[2:] = np.einsum("ij,ajn->ain", rotation, in_right)
     about = cross(by_point[2:].swapaxes(0, 1), away[:, None])
-    by_cameras[20:23, 2:] = np.einsum("ij,ian->jan", rotation_vector_slope(turn), about)
-    by_cameras[23:, 2:] = -by_point[2:].swapaxes(0, 1)
+    by_cameras[-6:-3, 2:] = np.einsum("ij,ian->jan", rotation_vector_slope(turn), about)
+    by_cameras[-3:, 2:] = -by_point[2:].swapaxes(0, 1)
     return pixels, by_point, by_cameras

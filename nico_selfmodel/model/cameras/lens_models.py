@@ -9,6 +9,9 @@ from numpy.typing import NDArray
 from nico_selfmodel.errors import ModelError
 from nico_selfmodel.model.cameras import fisheye, lens
 
+_ON_AXIS = 1e-24
+"""Squared radius X / Z, Y / Z of a point on the axis."""
+
 
 class Lens(Protocol):
     """Between points in a camera's frame and distorted coordinates, before the intrinsic matrix."""
@@ -150,8 +153,11 @@ class FisheyeLens:
         return np.where(seen, bent, np.nan)
 
     def distort(self, ideal: NDArray) -> NDArray:
-        """Return distorted coordinates of X / Z, Y / Z."""
-        return fisheye.bend(np.concatenate([ideal, np.ones((1, *ideal.shape[1:]))]), self.k)[0]
+        """Return distorted coordinates of X / Z, Y / Z; Drake's scalars have them too."""
+        x, y = ideal
+        # Off the axis by nothing that counts: so that there is a slope on it.
+        r = np.sqrt(x * x + y * y + _ON_AXIS)
+        return ideal * (fisheye.bent_angle(np.arctan(r), self.k)[0] / r)
 
     def has_rays(self, distorted: NDArray) -> NDArray:
         """Tell which coordinates lie within `fisheye.WIDEST` of the axis; False for nan."""

@@ -12,9 +12,9 @@ from numpy.typing import ArrayLike, NDArray
 
 from nico_selfmodel.geometry.plane import Plane
 from nico_selfmodel.geometry.reflection import reflect, reflection_slopes
-from nico_selfmodel.model.cameras import lens
 from nico_selfmodel.model.cameras.camera import Camera
 from nico_selfmodel.model.cameras.mirror import Mirror, mirror_camera, plane_of_values
+from nico_selfmodel.model.cameras.projection import project_in_camera
 from nico_selfmodel.model.cameras.stereo_rig import StereoRig, Triangulation
 
 GATE_99 = 13.276704135987622
@@ -123,14 +123,10 @@ def projected(cameras: tuple[Camera, ...], p_WQ: NDArray) -> tuple[NDArray, NDAr
     for c, camera in enumerate(cameras):
         own = slice(2 * c, 2 * c + 2)
         X_CW = camera.X_CW
-        x, y, z = X_CW[:3, :3] @ p_WQ.T + X_CW[:3, 3:]
-        ideal = np.stack([x / z, y / z])
-        pixels[:, own] = camera.pixels_of(ideal).T
-        bend = lens.distortion_slopes(ideal, camera.k, camera.p)
-        # d(u, v)/d(x, y) = K2 distortion', d(x, y)/dX = [1, 0, -x; 0, 1, -y] / Z
-        bend = np.stack([camera.fx * bend[0] + camera.skew * bend[1], camera.fy * bend[1]]) / z
-        in_camera = np.stack([*bend.swapaxes(0, 1), -np.sum(bend * ideal, axis=1)], axis=-1)
-        slopes[:, own] = in_camera.swapaxes(0, 1) @ X_CW[:3, :3]
+        p_CQ = X_CW[:3, :3] @ p_WQ.T + X_CW[:3, 3:]
+        shown, by_point, _ = project_in_camera(p_CQ, camera.values, camera.lens)
+        pixels[:, own] = shown.T
+        slopes[:, own] = np.moveaxis(by_point, 2, 0) @ X_CW[:3, :3]
     return pixels, slopes
 
 

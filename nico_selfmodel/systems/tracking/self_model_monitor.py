@@ -20,7 +20,7 @@ from nico_selfmodel.estimation.noise.hand_observations import covariance_of, han
 from nico_selfmodel.estimation.noise.mixture_density import MixtureDensity
 from nico_selfmodel.estimation.noise.pose_residuals import PoseResiduals
 from nico_selfmodel.estimation.noise.training_noise import expected_noise
-from nico_selfmodel.model.cameras.rig_parameters import SIDES, rig_names
+from nico_selfmodel.model.cameras.rig_parameters import SIDES
 from nico_selfmodel.model.self_model import SelfModel
 
 REMEMBERED = 100
@@ -84,7 +84,7 @@ class SelfModelMonitor(LeafSystem):
         self._by_pixels = set(model.cameras) == set(SIDES)
         self._sensor = "pixels" if self._by_pixels else "points"
         self._joints = _joints_of(model)
-        names = model.parameters.names + (rig_names() if self._by_pixels else ())
+        names = model.parameters.names + (model.rig.names if self._by_pixels else ())
         self._covariance = covariance_of(model, names)
         self._changes = monitored_changes(model, names)
         self._noise = expected_noise(model, self._sensor)

@@ -158,6 +158,7 @@ def _board_cells(found: Mapping[str, Any]) -> tuple[Cell, ...]:
 
 def _changes(document: Mapping[str, Any]) -> parts.Section:
     return shared_sections.changes_section(
+        "What learning together changed",
         document,
         (("pixels", "px"), ("position_mm", "mm")),
         "poses",

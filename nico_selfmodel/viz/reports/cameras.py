@@ -176,7 +176,8 @@ def _known(document: Mapping[str, Any]) -> list[parts.Section]:
         "were placed anew. Errors that fell say that the lens was another, or has changed since."
     )
     moved = "The numbers that moved most for what they are uncertain by, and the baseline."
-    return [shared_sections.changes_section(document, (("pixels", "px"),), "corners", words, moved)]
+    title, pixels = "What learning anew changed", (("pixels", "px"),)
+    return [shared_sections.changes_section(title, document, pixels, "corners", words, moved)]
 
 
 def _over_the_image(assessment: CameraAssessment, views: tuple[ShownView, ...]) -> tuple[Any, ...]:

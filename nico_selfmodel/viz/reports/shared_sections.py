@@ -56,6 +56,7 @@ def _outliers(document: Mapping[str, Any], more: str) -> parts.Text | None:
 
 
 def changes_section(
+    title: str,
     document: Mapping[str, Any],
     quantities: Sequence[tuple[str, str]],
     things: str,
@@ -65,6 +66,7 @@ def changes_section(
     """Return errors before and after, and the numbers that changed.
 
     Args:
+        title: Of the section.
         document: Content of `result.json`, with `before`.
         quantities: What is compared, and its unit.
         things: What errors are of, as `poses`.
@@ -79,7 +81,7 @@ def changes_section(
     ]
     kind = f"held-out {things}" if before["on"] == "test" else f"training {things}"
     return parts.section(
-        "What learning anew changed",
+        title,
         parts.numbers(error_table(errors, kind, 3 if quantities[0][1] == "px" else 2)),
         parts.hint(before_is),
         parts.numbers(change_table(_largest(changes))),
