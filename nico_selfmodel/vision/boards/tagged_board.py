@@ -1,5 +1,6 @@
 """What boards with tags have in common: a part of one will do."""
 
+from abc import ABC, abstractmethod
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import Any
@@ -21,7 +22,7 @@ _LARGEST = 16
 
 
 @dataclass(frozen=True)
-class TaggedBoard:
+class TaggedBoard(ABC):
     """A board whose tags have the ids from 0."""
 
     columns: int
@@ -49,24 +50,28 @@ class TaggedBoard:
             raise ValueError(f"{self} needs {self.count} tags, {self.family} has {there_are}")
 
     @property
+    @abstractmethod
     def count(self) -> int:
         """How many tags it carries."""
-        raise NotImplementedError
+        ...
 
     @property
+    @abstractmethod
     def points(self) -> NDArray:
         """The points in the board's frame, z = 0 [m]. Shape (P, 3)."""
-        raise NotImplementedError
+        ...
 
     @property
+    @abstractmethod
     def tag_corners(self) -> NDArray:
         """Corners of every tag, clockwise from its upper left [m]. Shape (T, 4, 2)."""
-        raise NotImplementedError
+        ...
 
     @property
+    @abstractmethod
     def ink(self) -> Ink:
         """What is printed."""
-        raise NotImplementedError
+        ...
 
     @property
     def facts(self) -> dict[str, Any]:
@@ -131,25 +136,29 @@ class TaggedBoard:
         return without_strays(self.points, exact, (gray.shape[1], gray.shape[0]))[0]
 
     @property
+    @abstractmethod
     def _method(self) -> str:
         """OpenCV's detector."""
-        raise NotImplementedError
+        ...
 
     @property
+    @abstractmethod
     def _clear(self) -> float:
         """How far from a corner there is nothing else [m]."""
-        raise NotImplementedError
+        ...
 
+    @abstractmethod
     def _tags(self, gray: NDArray) -> TagsSeen:
         """Return the tags in an image."""
-        raise NotImplementedError
+        ...
 
+    @abstractmethod
     def _rough(self, gray: NDArray, tags: TagsSeen) -> Sequence[NDArray]:
         """Return corners as the tags tell them, nan elsewhere, for each way to print the board.
 
         Shapes (P, 2).
         """
-        raise NotImplementedError
+        ...
 
 
 def _tag_corners(board: TaggedBoard) -> NDArray:
