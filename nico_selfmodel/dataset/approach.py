@@ -1,32 +1,41 @@
 """From which side joints came: what backlash is seen by."""
 
 from collections.abc import Sequence
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
+from nico_selfmodel.arrays import read_only
 from nico_selfmodel.dataset.joint_info import JointInfo
 
 
+@dataclass(frozen=True, eq=False)
 class Sides:
     """From which side each joint came, as a robot is watched moving from pose to pose."""
 
-    def __init__(self, joints: Sequence[JointInfo]) -> None:
+    tremor: NDArray
+    """By how much readings change while joints stand. Shape (n,)."""
+    side: NDArray
+    """How each reading changed when its joint last moved; 0 before that. Shape (n,)."""
+    last: NDArray | None = None
+    """Readings when each joint last moved. Shape (n,)."""
+
+    @classmethod
+    def of(cls, joints: Sequence[JointInfo]) -> "Sides":
         """Know nothing yet.
 
         Args:
             joints: They, with what counts as standing still.
         """
-        self._tremor = np.array([joint.still_tolerance for joint in joints])
-        self._last: NDArray | None = None
-        self._side = np.zeros(len(joints))
+        tremor = np.array([joint.still_tolerance for joint in joints])
+        return cls(read_only(tremor), read_only(np.zeros(len(joints))))
 
-    def after(self, encoders: NDArray) -> NDArray:
-        """Return how each reading changed when its joint last moved; 0 before that. Shape (n,)."""
-        if self._last is None:
-            self._last = np.array(encoders)
-        moved = encoders - self._last
-        far = np.abs(moved) > self._tremor
-        self._side = np.where(far, np.sign(moved), self._side)
-        self._last = np.where(far, encoders, self._last)
-        return self._side
+    def after(self, encoders: NDArray) -> "Sides":
+        """Return what is known after one more reading. Shape (n,)."""
+        if self.last is None:
+            return replace(self, last=read_only(encoders))
+        moved = encoders - self.last
+        far = np.abs(moved) > self.tremor
+        side, last = np.where(far, np.sign(moved), self.side), np.where(far, encoders, self.last)
+        return replace(self, side=read_only(side), last=read_only(last))

@@ -58,7 +58,7 @@ class RecordedSamples:
         self._about, self._folder = dict(about), folder
         self._samples: dict[int, RecordedPose] = {}
         self._visits: Counter[int] = Counter()
-        self._sides = Sides(self._joints)
+        self._sides = Sides.of(self._joints)
         self._images = False
         self._saved = 0
         """Samples that are in the folder."""
@@ -96,7 +96,7 @@ class RecordedSamples:
     def relive(self, index: int) -> None:
         """Take notice that the body came to a pose that is there already, as it did before."""
         if index in self._samples:
-            self._sides.after(self._samples[index].encoders)
+            self._sides = self._sides.after(self._samples[index].encoders)
 
     def resume(self, plan: Sequence[tuple[str, NDArray]]) -> None:
         """Take over what an earlier recording of the same plan left in the folder.
@@ -208,7 +208,8 @@ class RecordedSamples:
             DataError: If the folder cannot be written; earlier samples stay as they are.
         """
         self._visits[index] += 1
-        approach = self._sides.after(measurement.encoders)
+        self._sides = self._sides.after(measurement.encoders)
+        approach = self._sides.side
         m = len(self._markers)
         points, pixels = np.full((m, 3), np.nan), np.full((m, 4), np.nan)
         for k, marker in enumerate(self._markers):

@@ -9,12 +9,15 @@ from pydrake.systems.framework import DiagramBuilder
 from pydrake.systems.primitives import ConstantVectorSource
 
 from nico_selfmodel.errors import ModelError
+from nico_selfmodel.estimation.arm.kinematics import calibrate_kinematics
 from nico_selfmodel.estimation.body.body import calibrate_body
 from nico_selfmodel.estimation.monitoring.health import check_health
 from nico_selfmodel.experiments.projected_nico import ProjectedNico
 from nico_selfmodel.experiments.refinement import simulated_scenario
 from nico_selfmodel.systems.simulated.imperfections import IMPERFECTIONS
 from nico_selfmodel.systems.tracking.self_model_monitor import REMEMBERED, SelfModelMonitor
+
+from ..estimation.sagging_arms import SaggingArm
 
 PERIOD = 0.1
 
@@ -84,6 +87,24 @@ def test_it_forgets_the_oldest_poses_and_keeps_the_cause(case):
     assert len(state.recent) == REMEMBERED
     assert state.since == 0
     assert outputs[-1][-1] == "zero of right_shoulder_roll"
+
+
+def test_backlash_is_seen_by_the_side_from_which_joints_come():
+    rng = np.random.default_rng((3, 93))
+    arm = SaggingArm.drawn(rng, sag=0.0, backlash=0.4)
+    train, _ = arm.recorded(rng, 60)
+    model = calibrate_kinematics(train, explain=False).model
+    data, _ = arm.recorded(rng, 40)
+    told, _ = watch(SelfModelMonitor(model, PERIOD), data, "p_WH_measured")
+    report = check_health(model, data)
+    # What comes before the first pose the monitor cannot know.
+    nis = np.array([row[0] for row in told])
+    assert nis[1:] == pytest.approx(report.nis[1:], rel=1e-6)
+    assert not any(row[2] for row in told)
+    assert nis[1:].mean() == pytest.approx(3.0, abs=1.2)
+    # From the other sides the hand would be elsewhere.
+    turned = check_health(model, replace(data, approach=-data.approach))
+    assert turned.nis[1:].mean() > 10.0 * nis[1:].mean()
 
 
 def test_contexts_remember_for_themselves(case):

@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 from pydrake.common.value import Value  # pyright: ignore[reportAttributeAccessIssue]
 from pydrake.systems.framework import BasicVector, Context, LeafSystem, State
 
+from nico_selfmodel.dataset.approach import Sides
 from nico_selfmodel.dataset.dataset import Dataset
 from nico_selfmodel.dataset.joint_info import JointInfo
 from nico_selfmodel.errors import ModelError
@@ -33,6 +34,8 @@ class MonitorState:
 
     monitor: Monitor
     """The statistic; it stands still after the alarm."""
+    sides: Sides
+    """From which side each joint came, by successive readings."""
     nis: float = np.nan
     """Of the last pose; nan where the hand was not seen."""
     recent: PoseResiduals | None = None
@@ -56,7 +59,8 @@ class SelfModelMonitor(LeafSystem):
     | `cause` | out | what changed in words, empty before the alarm (abstract, str) |
 
     A model without cameras has the port `p_WH_measured` instead of `pixels`, the hand's measured
-    point [m]. It looks every `period` seconds. Only what changes from pose to pose is news to it: a
+    point [m]. It looks every `period` seconds, and tells by successive readings from which side
+    joints came, which backlash is seen by. Only what changes from pose to pose is news to it: a
     hand that stands still should be looked at once.
     """
 
@@ -91,7 +95,7 @@ class SelfModelMonitor(LeafSystem):
         self._encoders = self.DeclareVectorInputPort("encoders", len(model.joints))
         name, size = ("pixels", 4) if self._by_pixels else ("p_WH_measured", 3)
         self._detection = self.DeclareVectorInputPort(name, size)
-        first = MonitorState(Monitor.of(self._changes.weights))
+        first = MonitorState(Monitor.of(self._changes.weights), Sides.of(self._joints))
         self._state = self.DeclareAbstractState(Value(first))
         self.DeclarePeriodicUnrestrictedUpdateEvent(period, 0.0, self._look)
         needs = {self.abstract_state_ticket(self._state)}
@@ -106,7 +110,9 @@ class SelfModelMonitor(LeafSystem):
 
     def _look(self, context: Context, state: State) -> None:
         """Take one more measurement in."""
+        encoders = np.asarray(self._encoders.Eval(context), dtype=float)
         before = self.state_of(context)
+        before = replace(before, sides=before.sides.after(encoders))
         seen = np.asarray(self._detection.Eval(context), dtype=float)
         holder = state.get_mutable_abstract_state(int(self._state))
         # A camera needs both of its coordinates, a point all three.
@@ -114,7 +120,7 @@ class SelfModelMonitor(LeafSystem):
         if not by_camera.any():
             holder.set_value(replace(before, nis=np.nan))
             return
-        pose = self._pose(np.asarray(self._encoders.Eval(context), dtype=float), seen)
+        pose = self._pose(encoders, seen, before.sides)
         new = PoseResiduals.of(hand_observations_of(self.model, pose, self._sensor))
         density = MixtureDensity(new, self._noise, self._covariance)
         nis = float(density.nis(new.residuals)[0])
@@ -128,7 +134,7 @@ class SelfModelMonitor(LeafSystem):
         lost = max(len(recent) - REMEMBERED, 0)
         recent = recent.select(slice(lost, None))
         if not monitor.alarm:
-            return MonitorState(monitor, recent=recent)
+            return MonitorState(monitor, before.sides, recent=recent)
         if before.since is None:
             count = len(recent)
             first = max(count - (monitor.poses - monitor.changed_at), 0)
@@ -136,15 +142,16 @@ class SelfModelMonitor(LeafSystem):
         else:
             since = max(before.since - lost, 0)
             found = diagnose(self.model, recent, self._noise, since)
-        return MonitorState(monitor, np.nan, recent, since, found[0])
+        return MonitorState(monitor, before.sides, np.nan, recent, since, found[0])
 
-    def _pose(self, encoders: NDArray, seen: NDArray) -> Dataset:
+    def _pose(self, encoders: NDArray, seen: NDArray, sides: Sides) -> Dataset:
         column = {"pixels": seen[None]} if self._by_pixels else {"p_WH_measured": seen[None]}
         return Dataset(
             name="observation",
             joints=self._joints,
             sample=np.array([1]),
             encoders=encoders[None],
+            approach=sides.side[None],
             marker=np.array([self.marker]),
             **column,
         )
