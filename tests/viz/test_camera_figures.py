@@ -1,7 +1,9 @@
+import re
 from dataclasses import replace
 
 import numpy as np
 import pytest
+from matplotlib import rc_context
 
 from nico_selfmodel.viz.figures.camera_plots import coverage, pixel_errors, view_errors
 from nico_selfmodel.viz.figures.camera_views import shown_views
@@ -102,6 +104,19 @@ def test_residuals_are_drawn_where_the_corners_are(flawed_cameras):
     assert len(field.pixels) == calibration.views.seen[~calibration.outliers][:, 1].sum()
     assert np.isfinite(field.pixels).all()
     assert np.isfinite(field.residuals).all()
+
+
+def test_the_key_of_arrows_stands_above_its_panel_however_many_there_are(cameras, monkeypatch):
+    monkeypatch.setattr("nico_selfmodel.viz.figures.residual_field.MANY", 10)  # more are rasterised
+    with rc_context({"svg.fonttype": "none"}):
+        content = image_bytes(residual_field(cameras), "svg").decode()
+    heights = [
+        float(found[1])
+        for found in re.finditer(r'<text[^>]* y="([-\d.]+)"[^>]*>[^<\[]* px</text>', content)
+    ]
+    assert len(heights) == 4
+    assert heights == pytest.approx([heights[0]] * 4)
+    assert 0.0 < heights[0] < 72.0
 
 
 def test_the_worst_view_is_named(flawed_cameras):

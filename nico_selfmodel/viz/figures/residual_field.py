@@ -117,7 +117,11 @@ def _arrows(
     if not len(places):
         return
     scale = {"angles": "xy", "scale_units": "xy", "scale": 1.0 / factor}
-    arrows = axes.quiver(*places.T, *vectors.T, color=color, **scale, **look)
+    axes.quiver(*places.T, *vectors.T, color=color, **scale, **look)
+    # A key of rasterised arrows is drawn where it would be at their resolution.
+    plain = {name: value for name, value in look.items() if name != "rasterized"}
+    nothing = np.full((1, 4), np.nan)
+    arrows = axes.quiver(*nothing.T, color=color, **scale, **plain)
     length = nice_below(0.1 * float(np.ptp(axes.get_xlim())) / factor)
     axes.quiverkey(
         arrows, key_at, 1.035, length, f"{word}{length:g} px", labelpos="W", coordinates="axes",

@@ -177,7 +177,7 @@ def _known(document: Mapping[str, Any]) -> list[parts.Section]:
     )
     moved = "The numbers that moved most for what they are uncertain by, and the baseline."
     title, pixels = "What learning anew changed", (("pixels", "px"),)
-    return [shared_sections.changes_section(title, document, pixels, "corners", words, moved)]
+    return [shared_sections.changes_section(title, document, pixels, "corners", words, moved, 3)]
 
 
 def _over_the_image(assessment: CameraAssessment, views: tuple[ShownView, ...]) -> tuple[Any, ...]:

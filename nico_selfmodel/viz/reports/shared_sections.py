@@ -62,6 +62,7 @@ def changes_section(
     things: str,
     before_is: str,
     shown: str,
+    digits: int = 2,
 ) -> parts.Section:
     """Return errors before and after, and the numbers that changed.
 
@@ -72,6 +73,7 @@ def changes_section(
         things: What errors are of, as `poses`.
         before_is: What stands before.
         shown: Which changes are shown unfolded.
+        digits: Decimals of the errors.
     """
     before, changes = document["before"], document["before"]["changes"]
     errors = [
@@ -82,7 +84,7 @@ def changes_section(
     kind = f"held-out {things}" if before["on"] == "test" else f"training {things}"
     return parts.section(
         title,
-        parts.numbers(error_table(errors, kind, 3 if quantities[0][1] == "px" else 2)),
+        parts.numbers(error_table(errors, kind, digits, things)),
         parts.hint(before_is),
         parts.numbers(change_table(_largest(changes))),
         parts.hint(shown),
