@@ -66,23 +66,28 @@ def room_for(tmp_path, seed):
     return room
 
 
+def peak_memory():
+    """Return the most that this process ever held [bytes]."""
+    return 1024 * resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
+
+
 def report(found, runs):
     return "\n".join([f"{len(found)} of {runs} commands end as none may:", *found])
 
 
 @pytest.mark.slow
 def test_spoilt_files_are_read_or_refused_in_one_line(sound, tmp_path, command):
-    found, runs = [], 0
+    found, runs, before = [], 0, peak_memory()
     for kind, seed in drawn(FIRST, FILES):
         for run in runs_of(kind, seed, *sound, room_for(tmp_path, seed)):
             runs += 1
             if wrong := complaint(run, command):
                 found.append(f"{run.label}\n    {wrong}")
                 print(found[-1], flush=True)
-    held = 1024 * resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
+    held = peak_memory()
     print(f"{FILES} files, {runs} commands, {held / 2**20:.0f} MB")
     assert not found, report(found, runs)
-    assert held < MEMORY
+    assert held < MEMORY or held == before  # what earlier tests of this process held
 
 
 @pytest.mark.slow
