@@ -7,9 +7,11 @@ import numpy as np
 import pytest
 
 from nico_selfmodel.errors import DataError, ModelError
+from nico_selfmodel.estimation.cameras.baseline import baseline
 from nico_selfmodel.estimation.cameras.camera_assessment import CameraAssessment
 from nico_selfmodel.estimation.cameras.camera_calibration import calibrate_cameras
 from nico_selfmodel.estimation.cameras.camera_options import CameraOptions
+from nico_selfmodel.estimation.cameras.known_cameras import KnownCameras, other_scale
 from nico_selfmodel.estimation.judging import judge, to_json
 from nico_selfmodel.geometry.rotation import rotation_from_vector
 from nico_selfmodel.geometry.transform import transform
@@ -78,3 +80,32 @@ def test_other_cameras_and_sizes_are_refused():
     small = {n: replace(c, image_size=(640, 480)) for n, c in cameras.items()}
     with pytest.raises(DataError, match="has 640 x 480 pixels, the photographs have 960 x 720"):
         assessed(small, views)
+
+
+def test_some_cameras_of_a_larger_rig_are_compared_in_their_own_frame():
+    cameras, views = scene(5)
+    found = assessed(cameras, views.pair("cam1", "cam2").placeable())
+    document = to_json(found, judge(found))
+    assert document["before"]["pixels"]["rms"] < 0.4
+    for name in ("rx", "ry", "rz", "x", "y", "z"):
+        change = document["before"]["changes"][f"cam2.pose.{name}"]
+        assert abs(change["change"]) < 5.0 * change["sigma"], name
+
+
+def test_what_noise_may_do_to_a_baseline_is_no_wrong_square():
+    rng = np.random.default_rng((6, 8))
+    rig = rig_of(2, rng)
+    views = seen_by_two(rig, rng, boards=5, sigma=3.0)
+    calibration = calibrate_cameras(views, CameraOptions(loss="none"))
+    apart = baseline(
+        calibration.pair("cam0", "cam1").X_LR[:3, 3],
+        calibration.names,
+        calibration.uncertainty.covariance,
+        views.cameras,
+    )
+    away = calibration.cameras[1].X_WC.copy()
+    away[:3, 3] *= 1.0 + 3.0 * apart.sigma / apart.value + 0.011  # below five sigma
+    known = {"cam0": calibration.cameras[0], "cam1": calibration.cameras[1].at(away)}
+    assert 3.0 * apart.sigma / apart.value > 0.011  # so that sigma decides
+    held = KnownCameras.on(SelfModel("loose", cameras=known), views, held_out=False)
+    assert other_scale(held, calibration) is None

@@ -16,6 +16,7 @@ from nico_selfmodel.estimation.judging import judge, to_json
 from nico_selfmodel.geometry.transform import inverse
 from nico_selfmodel.model.cameras.rig_parameters import rig_names, rig_units, rig_values
 from nico_selfmodel.model.self_model_file import load_model, save_model
+from nico_selfmodel.viz.reports.cameras import camera_report
 from tests.estimation.seen_by_many import rig_error, rig_of, seen_by_two
 
 
@@ -140,3 +141,18 @@ def test_baselines_between_later_cameras_have_their_own_sigma():
     last = document["pairs"][-1]["baseline"]["sigma"]
     whole = np.sqrt(sum(document["parameters"][f"cam3.pose.{n}"]["sigma"] ** 2 for n in "xyz"))
     assert 0.0 < last < whole
+
+
+def test_two_cameras_of_any_name_are_a_pair_with_sigma_and_report():
+    rig, views = scene(9, count=2)
+    found = calibrate_cameras(views)
+    assessment = CameraAssessment.from_calibration(found)
+    document = to_json(assessment, judge(assessment))
+    assert document["method"] == "stereo"
+    apart = document["parameters"]["baseline"]
+    truth = np.linalg.norm(rig.cameras["cam1"].X_WC[:3, 3])
+    assert 0.0 < apart["sigma"] < 2e-3
+    assert abs(apart["value"] - truth) < 4.0 * apart["sigma"]
+    html = camera_report(assessment, document).html()
+    assert "cam1" in html
+    assert "first camera&#39;s frame" in html or "first camera's frame" in html

@@ -9,7 +9,8 @@ from nico_selfmodel.estimation.arm.arm_findings import WHAT_CHANGED
 from nico_selfmodel.estimation.body.body_calibration import BodyCalibration
 from nico_selfmodel.estimation.body.body_findings import body_findings
 from nico_selfmodel.estimation.body.workspace_accuracy import WorkspaceAccuracy
-from nico_selfmodel.estimation.cameras.camera_result import baseline, rebuilt_block
+from nico_selfmodel.estimation.cameras.baseline import baseline
+from nico_selfmodel.estimation.cameras.camera_result import rebuilt_block
 from nico_selfmodel.estimation.observations.pixel_evaluation import PixelEvaluation
 from nico_selfmodel.estimation.results.calibration_result import (
     CalibrationResult,

@@ -122,10 +122,8 @@ def cross_validate_cameras(views: BoardViews, options: CameraOptions, inliers: N
 
 
 def _folds(views: BoardViews) -> NDArray:
-    """Return the fold of each view; of a rig of many, each fold has views of all its parts."""
+    """Return the fold of each view: each fold has views of all parts of a rig."""
     fold = fold_of(np.arange(len(views)))
-    if len(views.cameras) <= 2:
-        return fold
     saw = views.seen.any(axis=2) @ (1 << np.arange(len(views.cameras)))
     found = np.empty_like(fold)
     found[np.argsort(saw, kind="stable")] = fold
@@ -134,8 +132,6 @@ def _folds(views: BoardViews) -> NDArray:
 
 def _suffices(views: BoardViews) -> bool:
     """Tell whether cameras can be learned from some views: enough of each, all connected."""
-    if len(views.cameras) <= 2:
-        return len(views) >= FEWEST_VIEWS
     try:
         rig_links(views)
     except EstimationError:

@@ -5,6 +5,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from nico_selfmodel.estimation.cameras.baseline import baseline
 from nico_selfmodel.estimation.cameras.board_accuracy import PairAccuracy, Reconstruction
 from nico_selfmodel.estimation.cameras.camera_assessment import CameraAssessment
 from nico_selfmodel.estimation.cameras.camera_findings import camera_findings, rms_of_boards
@@ -18,7 +19,7 @@ from nico_selfmodel.estimation.results.calibration_result import (
 )
 from nico_selfmodel.estimation.results.errors import ErrorStatistics
 from nico_selfmodel.estimation.results.verdict import FEWEST_BOARDS
-from nico_selfmodel.model.cameras.rig_parameters import SIDES, rig_names, rig_units, rig_values
+from nico_selfmodel.model.cameras.rig_parameters import rig_names, rig_units, rig_values
 from nico_selfmodel.optimization.uncertainty import UnobservableDirection
 
 _TERMS = Terms(
@@ -90,26 +91,8 @@ def camera_parameters(assessment: CameraAssessment) -> dict[str, Parameter]:
         return table
     covariance = calibration.uncertainty.covariance
     return table | {
-        "baseline": baseline(calibration.rig.X_LR[:3, 3], calibration.names, covariance)
+        "baseline": baseline(calibration.rig.X_LR[:3, 3], calibration.names, covariance, cameras)
     }
-
-
-def baseline(
-    apart: NDArray, names: tuple[str, ...], covariance: NDArray, cameras: tuple[str, str] = SIDES
-) -> Parameter:
-    """Return the distance of two cameras, whose slope by a position is its direction.
-
-    Args:
-        apart: From one to the other, in the frame of the first camera of their rig [m]. Shape (3,).
-        names: Of the free parameters. Length k.
-        covariance: Of these. Shape (k, k).
-        cameras: What the two are called.
-    """
-    slope, length = np.zeros(len(names)), float(np.linalg.norm(apart))
-    for camera, sign in zip(cameras, (-1.0, 1.0), strict=True):
-        for axis, share in zip("xyz", apart / length, strict=True):
-            slope[np.array(names) == f"{camera}.pose.{axis}"] = sign * share
-    return Parameter(length, finite(float(np.sqrt(slope @ covariance @ slope))), "m")
 
 
 def _details(assessment: CameraAssessment) -> dict[str, Any]:

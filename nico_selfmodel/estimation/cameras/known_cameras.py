@@ -2,6 +2,7 @@
 
 from collections.abc import Iterable
 from dataclasses import dataclass
+from itertools import combinations
 from typing import Any
 
 import numpy as np
@@ -9,6 +10,7 @@ from numpy.typing import NDArray
 
 from nico_selfmodel.dataset.board_views import BoardViews
 from nico_selfmodel.errors import DataError, ModelError
+from nico_selfmodel.estimation.cameras.baseline import baseline
 from nico_selfmodel.estimation.cameras.board_accuracy import corner_distances, held_out_residuals
 from nico_selfmodel.estimation.cameras.camera_adjustment import CameraCalibration
 from nico_selfmodel.estimation.results.calibration_result import Errors
@@ -22,13 +24,16 @@ _SCALE = 0.01
 """Share by which cameras stand further apart than they were known to before a square is
 suspected."""
 
+_TOLD = 5.0
+"""Standard deviations of how far they stand apart that it must be, too."""
+
 
 @dataclass(frozen=True, eq=False)
 class KnownCameras:
     """What cameras that were known before leave unexplained of some boards."""
 
     model: SelfModel
-    """They."""
+    """They alone, the first one at the world."""
     held_out: bool
     """Whether the boards were held out, or learned from."""
     residuals: NDArray
@@ -48,7 +53,9 @@ class KnownCameras:
             DataError: If the images have another size.
             EstimationError: If a board cannot be placed.
         """
-        return cls(model, held_out, held_out_residuals(cameras_for(model, views), views))
+        cameras = cameras_for(model, views)
+        known = SelfModel(model.name, cameras=dict(zip(views.cameras, cameras, strict=True)))
+        return cls(known, held_out, held_out_residuals(cameras, views))
 
     def changes(self, learned: SelfModel, names: Iterable[str]) -> dict[str, Any]:
         """Return errors as they were and every number's change, as `result.json` has them.
@@ -80,16 +87,24 @@ def other_scale(known: KnownCameras, calibration: CameraCalibration) -> str | No
         return None
     before, now = (
         np.array([camera.X_WC[:3, 3] for camera in found])
-        for found in (cameras_for(known.model, calibration.views), calibration.cameras)
+        for found in (known.model.cameras.values(), calibration.cameras)
     )
-    i, j = np.triu_indices(len(cameras), 1)
-    lengths = [np.linalg.norm(p[i] - p[j], axis=1) for p in (before, now)]
-    if not (lengths[0] > 0.0).all():
+    pairs = list(combinations(range(len(cameras)), 2))
+    was = np.array([np.linalg.norm(before[j] - before[i]) for i, j in pairs])
+    covariance = calibration.uncertainty.covariance
+    found = [
+        baseline(now[j] - now[i], calibration.names, covariance, (cameras[i], cameras[j]))
+        for i, j in pairs
+    ]
+    sigmas = [one.sigma for one in found]
+    if not (was > 0.0).all() or None in sigmas:
         return None
-    ratios = lengths[1] / lengths[0]
+    ratios = np.array([one.value for one in found], dtype=float) / was
     ratio = float(np.median(ratios))
+    off = abs(ratio - 1.0)
+    told = _TOLD * float(np.median(np.array(sigmas, dtype=float) / was))
     # All distances grow alike by a wrong square; by a camera that was moved some do.
-    if abs(ratio - 1.0) < _SCALE or np.abs(ratios / ratio - 1.0).max() > 0.5 * abs(ratio - 1.0):
+    if off < max(_SCALE, told) or np.abs(ratios / ratio - 1.0).max() > 0.5 * off:
         return None
     apart = np.linalg.norm(p_GQ[1:] - p_GQ[0], axis=1).min()
     return (

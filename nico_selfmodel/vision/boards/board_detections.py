@@ -57,7 +57,7 @@ class BoardDetections:
         return {
             **self.board.facts,
             "window_px": self.window,
-            "images": len(labels),
+            "images": len(self._every),
             "files": {
                 camera: {name: labels[path] for name, path in files.items()}
                 for camera, files in self.files.items()

@@ -126,14 +126,12 @@ def pose_table(parameters: ParameterTables) -> Table | None:
     """Return where cameras are in the first one's frame, one a column; None for one camera."""
     end = ".pose.x"
     placed = [name.removesuffix(end) for name in parameters.entries if name.endswith(end)]
-    if "baseline" not in parameters.entries:
-        if not placed:
-            return None
-        rows = [(_with_unit(n), [f"{camera}.pose.{n}" for camera in placed]) for n in POSE_NAMES]
-        return parameters.rows(("in the first camera's frame", *placed), rows)
-    rows = [(_with_unit(name), [f"right.pose.{name}"]) for name in POSE_NAMES]
-    rows.append(("baseline [mm]", ["baseline"]))
-    return parameters.rows(("", "right camera in the left one's frame"), rows)
+    if not placed:
+        return None
+    rows = [(_with_unit(n), [f"{camera}.pose.{n}" for camera in placed]) for n in POSE_NAMES]
+    if "baseline" in parameters.entries:
+        rows.append(("baseline [mm]", ["baseline"]))
+    return parameters.rows(("in the first camera's frame", *placed), rows)
 
 
 def _with_unit(part: str) -> str:

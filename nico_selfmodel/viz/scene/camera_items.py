@@ -179,7 +179,7 @@ def epipolar_items(
     centers = {side: plane.camera.X_WC[:3, 3] for side, plane in planes.items()}
     width = min(float(plane.size[0]) for plane in planes.values())
     ray = _RAY * width
-    yellow = palette.rgba(_LINE)
+    yellow, colors = palette.rgba(_LINE), palette.camera_colors(tuple(planes))
     items: list[Item] = [
         Surface(
             path="point/epipolar_plane",
@@ -196,7 +196,7 @@ def epipolar_items(
         Markers(path="point/corner", color=yellow, centers=p_WQ[None], radius=_POINT * width),
     ]
     for side, plane in planes.items():
-        color, center = palette.rgba(palette.CAMERAS[side]), centers[side]
+        color, center = palette.rgba(colors[side]), centers[side]
         points = np.stack([center, p_WQ])
         items.append(Tube(path=f"point/{side}_ray", color=color, points=points, radius=ray))
         other = next(c for name, c in centers.items() if name != side)
