@@ -30,6 +30,10 @@ _RATIONAL = 3.0
 """Standard deviation of k4, k5, k6 about 0, in units of what they do at the image's corner."""
 _SHARP = 0.02
 """Share by which a pixel's standard deviation may be off where priors are weighed."""
+_ROUNDS = 4
+"""Solutions after which it is taken as it is: which boards are outliers may go to and fro."""
+_EXACT = 1e-9
+"""Standard deviation of corners without noise [px]."""
 SUSPICIOUS = 3.0
 """A board whose rms is this many times the median one makes a robust solution worth its time."""
 
@@ -184,8 +188,20 @@ class Adjustment:
         What priors weigh against the corners depends on how sharp these are, which the start tells,
         or the solution where the start was too far off.
         """
-        if self.program.priors and self.block.sigma == 1.0:
+        if self.program.priors:
             self.block.sigma = self._sharpness(self.x, np.ones(len(self.views), dtype=bool))
+        for _ in range(_ROUNDS):
+            self.solution = self._solved(loss)
+            if not self.program.priors:
+                return
+            before, outliers = self.block.sigma, self.solution.outliers
+            sigma = self._sharpness(self.solution.solution.x, ~outliers)
+            if abs(sigma - before) <= _SHARP * sigma:
+                return
+            self.block.sigma = sigma
+
+    def _solved(self, loss: str) -> RobustSolution:
+        """Return one solution with corners as sharp as they are thought to be."""
         start = self.x
         found = solve_robustly(self.program, self.number, "none")
         if loss != "none" and (loss != "trimmed" or self._suspicious(found.solution.x)):
@@ -193,13 +209,7 @@ class Adjustment:
             # A board that is quite wrong has pulled the least squares solution its way.
             self.program.move_start(start)
             found = solve_robustly(self.program, self.number, loss, outlier_at=limit)
-        if self.program.priors:
-            sigma = self._sharpness(found.solution.x, ~found.outliers)
-            if abs(sigma - self.block.sigma) > _SHARP * sigma:
-                self.block.sigma = sigma
-                return self.solve(loss)
-        self.solution = found
-        return None
+        return found
 
     def result(self, seconds: float) -> CameraCalibration:
         """Return what was found."""
@@ -235,7 +245,7 @@ class Adjustment:
     def _sharpness(self, x: NDArray, inliers: NDArray) -> float:
         """Return the standard deviation of a pixel coordinate of some views [px]."""
         r = self.block.sigma * self.program.residuals(self.number, x)[:, inliers]
-        return float(np.sqrt(np.sum(r * r) / self._redundancy(inliers)))
+        return max(float(np.sqrt(np.sum(r * r) / self._redundancy(inliers))), _EXACT)
 
     def _redundancy(self, inliers: NDArray) -> int:
         """Return the number of coordinates less that of the boards' variables."""
