@@ -173,10 +173,10 @@ def _noise(size: int, sigma: float) -> NDArray:
 
 @lru_cache(maxsize=2)
 def _lens_warp(
-    values: tuple[float, ...], image_size: tuple[int, int], supersample: int
+    values: tuple[float, ...], image_size: tuple[int, int], lens: str, supersample: int
 ) -> LensWarp:
     """Prepare a lens; stations of one robot share it."""
-    return LensWarp.from_camera(Camera.from_values(values, image_size), supersample)
+    return LensWarp.from_camera(Camera.from_values(values, image_size, lens=lens), supersample)
 
 
 class _Eye:
@@ -190,7 +190,9 @@ class _Eye:
         renderer: str,
         glasses: tuple[Glass, ...],
     ) -> None:
-        self._warp = _lens_warp(tuple(camera.values.tolist()), camera.image_size, supersample)
+        self._warp = _lens_warp(
+            tuple(camera.values.tolist()), camera.image_size, camera.lens, supersample
+        )
         X_FC = RigidTransform(pose=camera.X_WC)
         warp = self._warp
         self._pinhole = CroppedRender(renderer, warp.render_size, warp.render_K, frame, X_FC)
