@@ -34,7 +34,7 @@ atexit.register(lambda: pathlib.Path(os.environ["PEAK"]).write_text(own()))
 from nico_selfmodel.cli.main import main
 main()
 """
-_PEAK = re.compile(r"VmHWM:\s+(\d+) kB")
+PEAK = re.compile(r"VmHWM:\s+(\d+) kB")
 """Of a process itself: what `wait4` tells begins with what its parent held."""
 _NOT_FINITE = re.compile(r"(?<![\w.'\"/-])[-+]?(?:nan|inf|infinity)(?![\w.'\"-])", re.IGNORECASE)
 
@@ -173,7 +173,7 @@ def complaint_of_process(run: Run) -> str | None:
         for stream in (out, err):
             stream.seek(0)
             streams.append(stream.read())
-        held = _PEAK.search(peak.read())
+        held = PEAK.search(peak.read())
     if time.monotonic() - began >= HANGING:
         return f"hangs: {HANGING:g} s"
     if (seconds := usage.ru_utime + usage.ru_stime) > SECONDS:
