@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from nico_selfmodel.dataset.folder import load_dataset
-from nico_selfmodel.model.self_model_file import load_model, save_model
+from nico_selfmodel.model.self_model_file import load_model
 
 from .one_line import assert_one_clear_line
 
@@ -74,19 +74,4 @@ def test_wrong_words_are_one_line(learned, tmp_path, command):
     assert "--backlash" in negative.stderr
     no_eyes = command("export", "cameras", learned, "--format", "opencv", "--out", out)
     assert_one_clear_line(no_eyes, "has no camera")
-    assert not out.exists()
-
-
-def test_a_fisheye_is_refused_where_only_polynomials_are_known(slack, tmp_path, command):
-    from nico_selfmodel.model.cameras.camera import Camera
-    from nico_selfmodel.model.self_model import SelfModel
-
-    X = np.eye(4)
-    X[0, 3] = 0.1
-    eye = Camera(300.0, 300.0, 320.0, 240.0, (640, 480), k4=1e-3, lens="fisheye")
-    save_model(SelfModel("wide", cameras={"left": eye, "right": eye.at(X)}), tmp_path / "eyes.yaml")
-    out = tmp_path / "out"
-    words = ("record", "--sensor", "stereo-color", "--random", "3")
-    done = command(*words, "--cameras", tmp_path / "eyes.yaml", "--out", out)
-    assert_one_clear_line(done, "polynomial lenses alone", "fisheye")
     assert not out.exists()

@@ -39,3 +39,15 @@ def test_what_is_wrong_is_one_line(command, model, tmp_path):
     nothing = command("import", "cameras", tmp_path / "no.yaml", "--out", tmp_path / "out")
     assert_one_clear_line(nothing, "there is no such file")
     assert not (tmp_path / "out").exists()
+
+
+def test_a_fisheye_is_refused_where_only_polynomials_are_known(command, tmp_path):
+    X = np.eye(4)
+    X[0, 3] = 0.1
+    eye = Camera(300.0, 300.0, 320.0, 240.0, (640, 480), k4=1e-3, lens="fisheye")
+    save_model(SelfModel("wide", cameras={"left": eye, "right": eye.at(X)}), tmp_path / "eyes.yaml")
+    out = tmp_path / "out"
+    words = ("record", "--sensor", "stereo-color", "--random", "3")
+    done = command(*words, "--cameras", tmp_path / "eyes.yaml", "--out", out)
+    assert_one_clear_line(done, "polynomial lenses alone", "fisheye")
+    assert not out.exists()

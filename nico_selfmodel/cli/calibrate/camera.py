@@ -6,8 +6,8 @@ from typing import Annotated
 
 import typer
 
-from nico_selfmodel.cli import inputs, options, printer
-from nico_selfmodel.cli.calibrate.stereo import CameraTask, lens_options
+from nico_selfmodel.cli import inputs, options
+from nico_selfmodel.cli.calibrate.camera_task import CameraTask, lens_options
 
 
 def camera(
@@ -40,23 +40,16 @@ def camera(
     as_json: options.AsJson = False,
 ) -> None:
     """Learn one camera alone from photographs of a board."""
-    from nico_selfmodel.files.whole import refuse_folder
     from nico_selfmodel.names import check_name
-    from nico_selfmodel.vision.boards.board_detections import detect_boards_of_cameras
     from nico_selfmodel.vision.boards.board_images import camera_images, images_by_pattern
 
     check_name(camera, "--camera")
-    wanted = inputs.board(board, square_mm, tag_mm, family)
     by_pattern = glob.has_magic(images)
     listed = images_by_pattern(images) if by_pattern else camera_images(images, camera)
     folder = listed[0][1].parent if by_pattern else Path(images)
-    refuse_folder(out, force=force, inputs=[folder])
-    task = CameraTask(
+    CameraTask(
+        *({camera: listed}, folder),
+        *(inputs.board(board, square_mm, tag_mm, family), window),
         lens_options(fix, free, prior, tangential, fixed_aspect, loss, lens),
-        *(test_fraction, seed, name or inputs.name_after(folder), require_test_px, out),
-        *(no_report, force, inputs.model_of(known)),
-    )
-    with printer.progress_bar() as progress:
-        found = detect_boards_of_cameras({camera: listed}, wanted, window, progress)
-        document = task.run(found, progress)
-    printer.result(task.name, document, out, json_instead=as_json)
+        *(known, test_fraction, seed, name, require_test_px, no_report),
+    ).run(out, force=force, as_json=as_json)

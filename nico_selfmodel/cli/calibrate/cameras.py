@@ -5,8 +5,8 @@ from typing import Annotated
 
 import typer
 
-from nico_selfmodel.cli import inputs, options, printer
-from nico_selfmodel.cli.calibrate.stereo import CameraTask, lens_options
+from nico_selfmodel.cli import inputs, options
+from nico_selfmodel.cli.calibrate.camera_task import CameraTask, lens_options
 
 
 def cameras(
@@ -40,22 +40,15 @@ def cameras(
     as_json: options.AsJson = False,
 ) -> None:
     """Learn a rig of cameras from photographs of a board, of which two or more see it at once."""
-    from nico_selfmodel.files.whole import refuse_folder
-    from nico_selfmodel.vision.boards.board_detections import detect_boards_of_cameras
     from nico_selfmodel.vision.boards.board_images import images_by_folder, images_by_name
 
-    wanted = inputs.board(board, square_mm, tag_mm, family)
     if (images is None) == (not of_camera):
         raise ValueError("give a folder with a folder for each camera, or --images NAME=PATTERN")
     listed = images_by_name(of_camera or ()) if images is None else images_by_folder(images)
     folder = next(iter(listed.values()))[0][1].parent if images is None else images
-    refuse_folder(out, force=force, inputs=[folder])
-    task = CameraTask(
+    CameraTask(
+        *(listed, folder),
+        *(inputs.board(board, square_mm, tag_mm, family), window),
         lens_options(fix, free, prior, tangential, fixed_aspect, loss, lens),
-        *(test_fraction, seed, name or inputs.name_after(folder), require_test_px, out),
-        *(no_report, force, inputs.model_of(known)),
-    )
-    with printer.progress_bar() as progress:
-        found = detect_boards_of_cameras(listed, wanted, window, progress)
-        document = task.run(found, progress)
-    printer.result(task.name, document, out, json_instead=as_json)
+        *(known, test_fraction, seed, name, require_test_px, no_report),
+    ).run(out, force=force, as_json=as_json)

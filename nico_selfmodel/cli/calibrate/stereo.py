@@ -1,19 +1,12 @@
 """`nico-selfmodel calibrate stereo`: learn a pair of cameras from a board."""
 
-from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import Annotated
 
 import typer
 
-from nico_selfmodel.cli import inputs, options, printer
-from nico_selfmodel.cli.result_files import NoReport, stamped, write_with_report
-from nico_selfmodel.progress import Progress
-
-if TYPE_CHECKING:
-    from nico_selfmodel.estimation.cameras.camera_options import CameraOptions
-    from nico_selfmodel.model.self_model import SelfModel
-    from nico_selfmodel.vision.boards.board_detections import BoardDetections
+from nico_selfmodel.cli import inputs, options
+from nico_selfmodel.cli.calibrate.camera_task import CameraTask, lens_options
 
 
 def stereo(
@@ -50,23 +43,17 @@ def stereo(
     as_json: options.AsJson = False,
 ) -> None:
     """Learn a pair of cameras from pairs of photographs, left* and right*, of a board."""
-    from nico_selfmodel.files.whole import refuse_folder
-    from nico_selfmodel.vision.boards.board_detections import detect_boards
-
-    wanted = inputs.board(board, square_mm, tag_mm, family)
     pairs, folder = _pairs(images, left, right)
-    refuse_folder(out, force=force, inputs=[folder])
-    task = CameraTask(
+    if swap_cameras:
+        pairs = [(view, right, left) for view, left, right in pairs]
+    of_left = [(view, path) for view, path, _ in pairs]
+    of_right = [(view, path) for view, _, path in pairs]
+    CameraTask(
+        *({"left": of_left, "right": of_right}, folder),
+        *(inputs.board(board, square_mm, tag_mm, family), window),
         lens_options(fix, free, prior, tangential, fixed_aspect, loss, lens),
-        *(test_fraction, seed, name or inputs.name_after(folder), require_test_px, out),
-        *(no_report, force, inputs.model_of(known)),
-    )
-    with printer.progress_bar() as progress:
-        if swap_cameras:
-            pairs = [(name, right, left) for name, left, right in pairs]
-        found = detect_boards(pairs, wanted, window, progress)
-        document = task.run(found, progress)
-    printer.result(task.name, document, out, json_instead=as_json)
+        *(known, test_fraction, seed, name, require_test_px, no_report),
+    ).run(out, force=force, as_json=as_json)
 
 
 def _pairs(
@@ -85,80 +72,3 @@ def _pairs(
         raise ValueError("give a folder of photographs, or --left and --right patterns")
     pairs = pairs_by_pattern(left, right)
     return pairs, pairs[0][1].parent
-
-
-def lens_options(
-    fix: list[str] | None,
-    free: list[str] | None,
-    prior: list[str] | None,
-    tangential: bool,
-    fixed_aspect: bool,
-    loss: str,
-    lens: str,
-) -> "CameraOptions":
-    """Return what is estimated of a lens.
-
-    Raises:
-        ValueError: If a word is not valid.
-    """
-    from nico_selfmodel.estimation.cameras.camera_options import CameraOptions
-
-    return CameraOptions.from_text(
-        fix or (),
-        free or (),
-        prior or (),
-        tangential=tangential,
-        aspect=1.0 if fixed_aspect else None,
-        loss=loss,
-        lens=lens,
-    )
-
-
-@dataclass(frozen=True)
-class CameraTask:
-    """What is asked of cameras, once the boards are found."""
-
-    options: "CameraOptions"
-    test_fraction: float | None
-    seed: int
-    name: str
-    require_test_px: float | None
-    out: Path
-    no_report: bool
-    force: bool
-    known: "SelfModel | None"
-
-    def run(self, found: "BoardDetections", progress: Progress) -> dict[str, Any]:
-        """Calibrate, judge and write the result folder; return its document."""
-        from nico_selfmodel.estimation.cameras.camera_assessment import CameraAssessment
-        from nico_selfmodel.estimation.cameras.known_cameras import cameras_for
-        from nico_selfmodel.estimation.cameras.lens_choice import lens_of
-        from nico_selfmodel.estimation.judging import judge, to_json
-
-        if self.known is not None:
-            cameras_for(self.known, found.views)  # refused before anything is learned
-        train, test = found.views, None
-        if self.test_fraction is not None:
-            train, test = found.seen_views.split(self.test_fraction, self.seed)
-        progress("learning the cameras", 0, 2)
-        choice = lens_of(train, self.options)
-        calibration = choice.calibration
-        progress("learning the cameras", 1, 2)
-        assessment = CameraAssessment.from_calibration(
-            calibration, choice.options, test, self.known, choice.better
-        )
-        verdict = judge(assessment, require_test_px=self.require_test_px)
-        document = stamped(to_json(assessment, verdict)) | {"detection": found.document}
-        document["lens"] = choice.as_plain()
-        progress("learning the cameras", 2, 2)
-        progress("writing the result", 0, 1)
-        model = calibration.self_model(self.name, found.provenance)
-        report = NoReport(document)
-        if not self.no_report:
-            # Drawing is slow to load, and only needed once there is something to draw.
-            from nico_selfmodel.viz.reports.cameras import camera_report
-
-            report = camera_report(assessment, document, found.read_images(), model)
-        write_with_report(self.out, model, report, force=self.force)
-        progress("writing the result", 1, 1)
-        return document

@@ -34,7 +34,7 @@ _GAIN = 0.01
 _TOLD = 2.0
 """... and its standard errors."""
 _FAR_LIKELIER = 10.0
-"""Difference of Akaike's criterion, halved, that leaves no doubt (Burnham, Anderson 2002)."""
+"""Half a difference of Akaike's criterion, as likelihoods have it, that leaves no doubt."""
 
 
 @dataclass(frozen=True)

@@ -50,7 +50,8 @@ def check_pair(calibration: CameraCalibration, link: tuple[str, str], alone_rms:
     if link == SIDES and sideways < -0.5 * rig.baseline:
         raise DataError(
             f"left and right are swapped: the right camera comes out {-1e3 * sideways:.0f} mm to "
-            "the left of the left one; exchange the images, or take them so with --swap-cameras"
+            "the left of the left one; exchange the images, or call `calibrate stereo` with "
+            "--swap-cameras"
         )
 
 
