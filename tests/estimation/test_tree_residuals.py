@@ -13,6 +13,7 @@ from nico_selfmodel.estimation.tree.tree_parameters import TreeParameters
 from nico_selfmodel.estimation.tree.tree_residuals import TreeResiduals
 from nico_selfmodel.geometry.rotation import rotation_from_vector, rotation_vectors_of
 from nico_selfmodel.geometry.transform import transform
+from nico_selfmodel.model.arm.bending import PARTS, Bending
 from nico_selfmodel.model.cameras.camera import Camera
 from nico_selfmodel.model.tree.body_tree import Attached, BodyTree
 
@@ -129,3 +130,31 @@ def test_values_of_a_body_are_those_that_it_was_made_of(scene):
     assert again[~turns] == pytest.approx(x[~turns])
     one, two = (rotation_from_vector(v[turns].reshape(-1, 3)) for v in (again, x))
     assert one == pytest.approx(two, abs=1e-9)
+
+
+def test_what_bends_moves_the_residuals_as_its_derivative_says(scene):
+    data, parameters, _ = scene
+    rng = np.random.default_rng(3)
+    n = len(data.joints)
+    loads, pivots = 0.3 * rng.normal(size=(n, 3)), 0.2 * rng.normal(size=n)
+    still = Bending.none(data.joint_names, np.eye(3)[2], loads, pivots).with_effects(*PARTS)
+    bent = parameters.with_bending(still)
+    tree = replace(parameters.base, bending=still)
+    x = bent.values_of(tree)
+    x[bent.bends] += 1e-3 * rng.normal(size=len(still.names))
+    data = replace(data, approach=rng.choice([-1, 0, 1], data.readings.shape))
+    residuals = TreeResiduals(TreeObservations.of(data), bent)
+    linear = residuals.linear(x)
+    first = bent.bends.start
+    assert bent.names[first:] == still.names
+    for i, name in enumerate(still.names, start=first):
+        step = np.zeros(len(x))
+        step[i] = 1e-6
+        slope = (residuals.residuals(x + step) - residuals.residuals(x - step)) / 2e-6
+        turns = JOINTS[data.joint_names.index(name.split(".")[0])].motion == "revolute"
+        if turns or ".load" in name:
+            assert linear.J[i] == pytest.approx(slope, abs=3e-3 * (1e-3 + np.abs(slope).max())), (
+                name
+            )
+        else:
+            assert not linear.J[i].any(), name

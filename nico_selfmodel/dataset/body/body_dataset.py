@@ -79,6 +79,9 @@ class BodyDataset:
     flanges: NDArray | None = None
     """Poses that controllers read, by joint: x, y, z [m] and rotation vector [rad]; nan where a
     joint is none. Shape (P, n, 6)."""
+    approach: NDArray | None = None
+    """How each reading last changed, -1 or 1; 0 where it is not known, as all are if omitted.
+    Shape (P, n)."""
     source: str = ""
     """Where the data come from, in free text."""
     seed: int | None = None
@@ -97,6 +100,10 @@ class BodyDataset:
         object.__setattr__(self, "flanges", read_only(flanges, float))
         if self.readings.shape != (count, n) or self.X_flange.shape != (count, n, 4, 4):
             raise ValueError(f"readings must have shape ({count}, {n}), got {self.readings.shape}")
+        approach = np.zeros((count, n)) if self.approach is None else self.approach
+        object.__setattr__(self, "approach", read_only(approach, np.int8))
+        if np.shape(approach) != (count, n) or not np.isin(approach, (-1, 0, 1)).all():
+            raise ValueError(f"approach must be -1, 0 or 1, of shape ({count}, {n})")
         if len(set(self.sample.tolist())) != count or not count:
             raise DataError("samples must be one or more, each with its own number")
         _check_readings(self)
@@ -112,6 +119,11 @@ class BodyDataset:
         """Readings in rad and m, zero where a joint has no encoder. Shape (P, n)."""
         factor = np.array([joint.si_per_unit for joint in self.joints])
         return np.nan_to_num(self.readings * factor)
+
+    @cached_property
+    def si_approach(self) -> NDArray:
+        """How each joint last moved, in the sense of `si_readings`. Shape (P, n)."""
+        return np.asarray(self.approach) * np.sign([joint.si_per_unit for joint in self.joints])
 
     @cached_property
     def X_flange(self) -> NDArray:
@@ -131,8 +143,9 @@ class BodyDataset:
 
     @cached_property
     def _numbers(self) -> tuple[NDArray, NDArray]:
-        all_read = np.hstack([self.si_readings, self.X_flange.reshape(len(self.sample), -1)])
-        return pose_numbers(self.sample, all_read)
+        flanges = self.X_flange.reshape(len(self.sample), -1)
+        all_read = np.hstack([self.si_readings, flanges])
+        return pose_numbers(self.sample, all_read, self.approach)
 
     def on_link(self, on: str) -> int:
         """Return the index of the joint whose link a marker or sensor is on, or `WORLD`."""
@@ -161,6 +174,7 @@ class BodyDataset:
             sample=self.sample[keep],
             readings=self.readings[keep],
             flanges=np.asarray(self.flanges)[keep],
+            approach=np.asarray(self.approach)[keep],
             observations=replace(chosen, pose=new[chosen.pose]),
         )
 

@@ -19,7 +19,9 @@ from nico_selfmodel.dataset.body.body_dataset import (
 )
 from nico_selfmodel.dataset.body.link_joint import WORLD_NAME, LinkJoint
 from nico_selfmodel.dataset.body.sensors import SENSOR_COLUMNS, MarkerInfo, SensorInfo
+from nico_selfmodel.dataset.columns import APPROACH, ENCODER
 from nico_selfmodel.dataset.csv_table import CsvTable
+from nico_selfmodel.dataset.samples_file import side_column
 from nico_selfmodel.errors import DataError
 from nico_selfmodel.files.csv_cells import quoted_cell, safe_cell
 from nico_selfmodel.files.reading import real_path
@@ -68,11 +70,17 @@ def load_body_dataset(folder: str | PathLike[str]) -> BodyDataset:
     poses = CsvTable.read(folder / FILES[1])
     sample = poses.integers("sample")
     readings, flanges = _read_joints(poses, head["joints"])
+    sides = [side_column(poses, f"{APPROACH}.{joint.name}") for joint in head["joints"]]
     table = CsvTable.read(folder / FILES[2])
     observations = _read_observations(table, sample, head["markers"], head["sensors"])
     try:
         return BodyDataset(
-            sample=sample, readings=readings, flanges=flanges, observations=observations, **head
+            sample=sample,
+            readings=readings,
+            flanges=flanges,
+            approach=np.column_stack(sides),
+            observations=observations,
+            **head,
         )
     except (DataError, ValueError) as error:
         raise DataError(f"{folder}: {error}") from None
@@ -160,7 +168,7 @@ def _read_joints(table: CsvTable, joints: Sequence[LinkJoint]) -> tuple[NDArray,
         if joint.motion == FLANGE:
             flanges[:, i] = _poses_in(table, f"flange.{joint.name}.", empty=False)
         elif not joint.follows:
-            readings[:, i] = table.numbers(f"encoder.{joint.name}")
+            readings[:, i] = table.numbers(f"{ENCODER}.{joint.name}")
     return readings, flanges
 
 
@@ -280,7 +288,12 @@ def _poses_text(data: BodyDataset) -> str:
             for name, column in zip(_POSE, flanges[:, i].T, strict=True):
                 columns[f"flange.{joint.name}.{name}"] = _cells(column)
         elif not joint.follows:
-            columns[f"encoder.{joint.name}"] = _cells(data.readings[:, i])
+            columns[f"{ENCODER}.{joint.name}"] = _cells(data.readings[:, i])
+    approach = np.asarray(data.approach)
+    if approach.any():
+        for joint, side in zip(data.joints, approach.T, strict=True):
+            if joint.motion != FLANGE and not joint.follows:
+                columns[f"{APPROACH}.{joint.name}"] = [str(s) for s in side.tolist()]
     return _csv(columns)
 
 

@@ -60,6 +60,7 @@ def body_dataset_of(dataset: Dataset, cameras: Mapping[str, Camera] | None = Non
         samples,
         dataset.encoders[lead],
         table,
+        approach=dataset.approach[lead],
         source=dataset.source,
         seed=dataset.seed,
     )

@@ -19,6 +19,7 @@ from nico_selfmodel.geometry.rotation import (
     rotation_vectors_of,
 )
 from nico_selfmodel.geometry.transform import inverse, transform
+from nico_selfmodel.model.arm.bending import Bending
 from nico_selfmodel.model.cameras.camera import Camera
 from nico_selfmodel.model.cameras.projection import intrinsic_units, intrinsics_of
 from nico_selfmodel.model.tree.body_tree import FLANGE, PRISMATIC, REVOLUTE, Attached, BodyTree
@@ -44,7 +45,8 @@ class TreeParameters:
         out = [f"{name}.{part}" for name in frames for part in FRAME_PARTS]
         out += [f"{name}.gear" for name in base.joints]
         inside = ((name, intrinsics_of(lens.lens)) for name, lens in base.lenses.items())
-        return (*out, *(f"{name}.{part}" for name, parts in inside for part in parts))
+        out += [f"{name}.{part}" for name, parts in inside for part in parts]
+        return (*out, *(() if base.bending is None else base.bending.names))
 
     @cached_property
     def of_joint_frames(self) -> frozenset[str]:
@@ -60,6 +62,7 @@ class TreeParameters:
             *frames,
             *("1",) * len(base.joints),
             *(unit for lens in base.lenses.values() for unit in intrinsic_units(lens.lens)),
+            *(() if base.bending is None else base.bending.units),
         )
 
     @cached_property
@@ -81,6 +84,12 @@ class TreeParameters:
     def gears(self) -> slice:
         """Where the gears are."""
         return slice(6 * self.frame_count, 6 * self.frame_count + len(self.base.joints))
+
+    @property
+    def bends(self) -> slice:
+        """Where what bends is, at the end."""
+        bending = self.base.bending
+        return slice(len(self.names) - (0 if bending is None else len(bending.names)), None)
 
     def intrinsics(self, camera: str) -> slice:
         """Return where a camera's intrinsics are.
@@ -115,7 +124,8 @@ class TreeParameters:
         parts = np.hstack([rotation_vectors_of(relative[:, :3, :3]), X[:, :3, 3]])
         parts[:n, 3:] = relative[:n, :3, 3]
         lenses = [tree.lenses[name].values for name in self.base.lenses]
-        return np.concatenate([parts.ravel(), tree.gear, *lenses])
+        bends = [] if tree.bending is None else [tree.bending.values]
+        return np.concatenate([parts.ravel(), tree.gear, *lenses, *bends])
 
     def tree_of(self, values: NDArray) -> BodyTree:
         """Return the body with these values. Shape (P,)."""
@@ -132,6 +142,7 @@ class TreeParameters:
             for name, lens in base.lenses.items()
         }
         split = len(base.markers)
+        bending = None if base.bending is None else base.bending.with_values(values[self.bends])
         return replace(
             base,
             X_PJ=X[:n],
@@ -139,7 +150,12 @@ class TreeParameters:
             markers=tuple(moved[:split]),
             sensors=tuple(moved[split:]),
             lenses=lenses,
+            bending=bending,
         )
+
+    def with_bending(self, bending: Bending | None) -> "TreeParameters":
+        """Return the same of a body in which something else bends."""
+        return TreeParameters(replace(self.base, bending=bending))
 
     def turn_slopes(self, values: NDArray) -> NDArray:
         """Return R0 J(w) of each frame: what a turn's parameters turn on its link. (F, 3, 3)."""
@@ -162,6 +178,7 @@ class TreeParameters:
             Shape (P,).
         """
         by_unit: Mapping[str, float] = {"m": size, "rad": 1.0, "px": 1000.0, "1": 1.0}
+        by_unit = {**by_unit, "rad/m": 1.0 / size}
         out = np.array([by_unit[unit] for unit in self.units])
         out[self.gears] = np.abs(values[self.gears])
         return out

@@ -24,7 +24,9 @@ from nico_selfmodel.estimation.tree.sensor_models import (
 from nico_selfmodel.estimation.tree.tree_observations import BEARING, SensorRows, TreeObservations
 from nico_selfmodel.estimation.tree.tree_parameters import TreeParameters
 from nico_selfmodel.geometry.rotation import skew
+from nico_selfmodel.model.arm.bending_slopes import Bent, bending_slopes
 from nico_selfmodel.model.tree.body_tree import FLANGE, REVOLUTE, BodyTree
+from nico_selfmodel.model.tree.tree_load import carries
 from nico_selfmodel.model.tree.tree_motion import TreeMotion
 
 
@@ -58,7 +60,7 @@ class TreeResiduals:
     def motion(self, tree: BodyTree) -> TreeMotion:
         """Return where everything is at the samples."""
         data = self.observations.data
-        return TreeMotion.at(tree, data.si_readings, data.X_flange)
+        return TreeMotion.at(tree, data.si_readings, data.X_flange, data.si_approach)
 
     def residuals(self, values: NDArray) -> NDArray:
         """Return residuals alone. Shape (P,) -> (R,)."""
@@ -132,7 +134,7 @@ class TreeResiduals:
         seen, seeing = self._items(rows)
         n = len(tree.joints)
         signs = self._beyond[self._on[seen]].astype(float) - self._beyond[self._on[seeing]]
-        by_q = np.zeros((n, N, k))
+        by_q, across = np.zeros((n, N, k)), np.zeros((2, n, N, k))
         for i in range(n):
             moved = np.flatnonzero(signs[:, i])
             if not len(moved):
@@ -145,6 +147,8 @@ class TreeResiduals:
             base = A @ self.parameters.frames[i, :3, :3]
             columns[3:, moved] = np.moveaxis(sign * (along @ base), -1, 0)
             self._by_reading(i, motion, push, moved, sign, (about, along), by_q, by_joint)
+            if motion.load is not None and tree.motions[i] == REVOLUTE:
+                across[:, i, moved] = sign[:, :, 0] * _by_bearing(i, motion, push, moved)
         gears = self.parameters.gears.start
         read = np.einsum("ij,ink->jnk", tree.coupling, by_q)
         angles = self.observations.data.si_readings[rows.pose] / tree.gear
@@ -153,6 +157,8 @@ class TreeResiduals:
                 by_joint[:, :, m] = read[i]
                 # q = reading / gear
                 J[gears + i] = -read[i] * (angles[:, i] / tree.gear[i])[:, None]
+        if motion.load is not None:
+            J[self.parameters.bends] = _by_bends(motion, read, across, rows.pose)
         self._by_attached(J, motion, slopes, push, seen, None)
         self._by_attached(J, motion, slopes, push, seeing, p_WS)
         if shown.by_lens is not None:
@@ -206,6 +212,41 @@ class TreeResiduals:
             about = push.turn_of(own, None if origin is None else origin[own])
             if about is not None:
                 columns[:3, own] += np.moveaxis(sign * (about @ (R @ slopes[n + item])), -1, 0)
+
+
+def _by_bearing(i: int, motion: TreeMotion, push: "_Push", moved: NDArray) -> NDArray:
+    """Return what turns of a bearing across its axis, about its own place, move. (2, M, k)."""
+    assert motion.tree.bending is not None
+    R, pivot = motion.R_WJ[i], motion.tree.bending.pivots[i]
+    about = push.of(moved, motion.p_WJ[i] + pivot * R[:, 2])[0]
+    turns = np.moveaxis(R[:, :2][:, :, push.pose[moved]], 2, 0)
+    return np.moveaxis(about @ turns, 2, 0)
+
+
+def _by_bends(motion: TreeMotion, read: NDArray, across: NDArray, pose: NDArray) -> NDArray:
+    """Return what bends moves of one sensor's rows.
+
+    Args:
+        motion: The body where it bends.
+        read: Derivatives of the residuals by what is read. Shape (n, N, k).
+        across: Those by turns of bearings about x and y. Shape (2, n, N, k).
+        pose: Samples of the rows. Shape (N,).
+
+    Returns:
+        Shape (K, N, k).
+    """
+    tree, load = motion.tree, motion.load
+    assert tree.bending is not None
+    assert load is not None
+    turns = np.array([motion == REVOLUTE for motion in tree.motions], dtype=float)
+    by_turn, x, y = (np.moveaxis(by, 2, 0) for by in (read * turns[:, None, None], *across))
+    frames = load.before[:, pose], load.after[:, pose], load.moments[:, pose]
+    at = Bent(
+        *(load.q[pose], load.approach[pose], *frames, by_turn, (x, y)),
+        carries=carries(motion),
+        drives=tree.coupling,
+    )
+    return bending_slopes(tree.bending, at).transpose(2, 1, 0)
 
 
 @dataclass(frozen=True, eq=False)

@@ -139,10 +139,11 @@ class Bending:
 
     def _of(self, effect: str) -> NDArray:
         found: NDArray = getattr(self, effect)
-        return found[self._others] if effect == COUPLING else found.ravel()
+        return found[self.others] if effect == COUPLING else found.ravel()
 
     @property
-    def _others(self) -> NDArray:
+    def others(self) -> NDArray:
+        """Where `coupling` has numbers: off its diagonal. Boolean, shape (n, n)."""
         return ~np.eye(len(self.joints), dtype=bool)
 
     def with_values(self, values: NDArray) -> "Bending":
@@ -155,26 +156,31 @@ class Bending:
             first += count
             if effect == COUPLING:
                 new = np.zeros_like(old)
-                new[self._others] = own
+                new[self.others] = own
             else:
                 new = own.reshape(old.shape)
             changed[effect] = new
         return replace(self, **changed)
 
-    def moments(self, frames: NDArray) -> NDArray:
+    def moments(self, before: NDArray, after: NDArray, carries: NDArray | None = None) -> NDArray:
         """Return mu_i in the frame before each row.
 
         Args:
-            frames: Of the arm before it bends, `DhTable.frames`. Shape (n + 1, N, 4, 4).
+            before: Orientations of the frames before each joint turns. Shape (n, N, 3, 3).
+            after: The same after it turned, of the body before it bends. Shape (n, N, 3, 3).
+            carries: Whether a joint (row) carries a link (column); each all that follow, if
+                omitted. Shape (n, n).
 
         Returns:
             Its components along x, y and z of the frame. Shape (n, N, 3).
         """
-        R = frames[..., :3, :3]
-        carried = (R[1:] @ self.loads[:, None, :, None])[..., 0]
-        F = np.cumsum(carried[::-1], axis=0)[::-1]
+        carried = (after @ self.loads[:, None, :, None])[..., 0]
+        if carries is None:
+            F = np.cumsum(carried[::-1], axis=0)[::-1]
+        else:
+            F = np.tensordot(carries.astype(float), carried, 1)
         mu = np.moveaxis(cross(np.moveaxis(F, -1, 0), -self.up.reshape(3, 1, 1)), 0, -1)
-        return np.asarray((np.swapaxes(R[:-1], -1, -2) @ mu[..., None])[..., 0])
+        return np.asarray((np.swapaxes(before, -1, -2) @ mu[..., None])[..., 0])
 
     def turns(self, q: NDArray, moments: NDArray, approach: NDArray | None = None) -> NDArray:
         """Return how much each joint turns beyond its displacement.
@@ -211,71 +217,3 @@ class Bending:
         R = rotation_about(_X, turn[..., 0]) @ rotation_about(_Y, turn[..., 1])
         place = self.pivots[:, None, None] * _Z
         return np.asarray(transform(R, place - (R @ place[..., None])[..., 0]))
-
-    def slopes(self, at: "Bent") -> NDArray:
-        """Return derivatives of tracked points by `values`; those of the moments are left out.
-
-        Args:
-            at: The arm where it bends.
-
-        Returns:
-            Shape (3, N, len(names)).
-        """
-        nothing = np.zeros((3, len(at.q), 0))
-        parts = (getattr(self, f"_by_{effect}")(at) for effect in self.effects)
-        return np.concatenate([nothing, *parts], axis=2)
-
-    def _by_sag(self, at: "Bent") -> NDArray:
-        return np.swapaxes(at.by_turn * at.moments[None, :, :, 2], 1, 2)
-
-    def _by_bearing_sag(self, at: "Bent") -> NDArray:
-        x, y = at.by_bearing
-        moved = x * at.moments[None, :, :, 0] + y * at.moments[None, :, :, 1]
-        return np.swapaxes(moved, 1, 2)
-
-    def _by_backlash(self, at: "Bent") -> NDArray:
-        return -np.swapaxes(at.by_turn * at.approach.T, 1, 2)
-
-    def _by_ripple(self, at: "Bent") -> NDArray:
-        waves = [wave(h * at.q.T) for h in HARMONICS for wave in (np.sin, np.cos)]
-        found = at.by_turn[:, :, None] * np.stack(waves, axis=1)
-        return np.moveaxis(found.reshape(3, -1, len(at.q)), 1, 2)
-
-    def _by_coupling(self, at: "Bent") -> NDArray:
-        found = at.by_turn[:, :, None] * at.q.T[None, None]
-        return np.swapaxes(found[:, self._others], 1, 2)
-
-    def _by_loads(self, at: "Bent") -> NDArray:
-        """a_i . (R_j e x -up) = e . R_j' (-up x a_i), for every axis a_i of a joint below j."""
-        R = at.frames[..., :3, :3]
-        ways = (
-            (2, at.by_turn, self.sag),
-            (0, at.by_bearing[0], self.bearing_sag),
-            (1, at.by_bearing[1], self.bearing_sag),
-        )
-        out = np.zeros((3, len(at.q), len(self.joints), 3))
-        for axis, by, gives in ways:
-            a = np.moveaxis(R[:-1, ..., axis], -1, 0)
-            pull = np.moveaxis(cross(-self.up.reshape(3, 1, 1), a), 0, -1) * gives[:, None, None]
-            for j in range(len(self.joints)):
-                own = (np.swapaxes(R[j + 1], -1, -2) @ pull[: j + 1, :, :, None])[..., 0]
-                out[:, :, j] += np.einsum("cin,ine->cne", by[:, : j + 1], own)
-        return out.reshape(3, len(at.q), -1)
-
-
-@dataclass(frozen=True, eq=False)
-class Bent:
-    """An arm at poses where it bends, as far as derivatives need it."""
-
-    q: NDArray
-    """Displacements, as their encoders tell. Shape (N, n)."""
-    approach: NDArray
-    """How each encoder last moved. Shape (N, n)."""
-    frames: NDArray
-    """Before it bends. Shape (n + 1, N, 4, 4)."""
-    moments: NDArray
-    """In the frame before each row. Shape (n, N, 3)."""
-    by_turn: NDArray
-    """Derivatives of the tracked points by turns of the joints. Shape (3, n, N)."""
-    by_bearing: tuple[NDArray, NDArray]
-    """By turns about x and y of the frame before each row, through its pivot. (3, n, N) each."""

@@ -5,7 +5,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from nico_selfmodel.model.arm.bending import Bending, Bent
+from nico_selfmodel.model.arm.bending import Bending
+from nico_selfmodel.model.arm.bending_slopes import Bent, bending_slopes
 from nico_selfmodel.model.arm.dh_table import DhTable
 from nico_selfmodel.model.arm.line_kinematics import cross
 
@@ -58,7 +59,9 @@ class LoadedPosture:
         arm = arm - axes[:, 2] * bending.pivots[:, None]
         across = cross(axes[:, 0], arm), cross(axes[:, 1], arm)
         side = np.zeros(self.q_read.shape) if self.approach is None else self.approach
-        return bending.slopes(Bent(self.q_read, side, self.rigid, self.moments, by_turn, across))
+        R = self.rigid[..., :3, :3]
+        at = Bent(self.q_read, side, R[:-1], R[1:], self.moments, by_turn, across)
+        return bending_slopes(bending, at)
 
 
 def loaded(
@@ -84,7 +87,8 @@ def loaded(
             *(q, one.q[0], one.frames[:, 0], one.rigid[:, 0], one.moments[:, 0], bearings),
             approach,
         )
-    moments = bending.moments(rigid)
+    R = rigid[..., :3, :3]
+    moments = bending.moments(R[:-1], R[1:])
     turned = q + bending.turns(q, moments, approach)
     bearings = bending.bearings(moments)
     frames = table.frames(turned, bearings)

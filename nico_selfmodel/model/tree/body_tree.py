@@ -7,6 +7,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from nico_selfmodel.arrays import frozen_array, read_only
+from nico_selfmodel.model.arm.bending import Bending
 from nico_selfmodel.model.cameras.camera import Camera
 from nico_selfmodel.names import listed
 
@@ -63,6 +64,8 @@ class BodyTree:
     """What sees: cameras and trackers."""
     lenses: Mapping[str, Camera] = field(default_factory=dict)
     """Intrinsics of the sensors that are cameras; their own poses are not used."""
+    bending: Bending | None = None
+    """What bends, of all joints; only those that turn bend. Nothing if None."""
 
     def __post_init__(self) -> None:
         """Check that it is a tree, and make the arrays read-only."""
@@ -79,6 +82,8 @@ class BodyTree:
                 raise ValueError(f"{attached.name} is on joint {attached.on} of {n}")
         if len(self.motions) != n or set(self.motions) - set(MOTIONS):
             raise ValueError(f"motions must be {n} of {', '.join(MOTIONS)}, got {self.motions}")
+        if self.bending is not None and self.bending.joints != self.joints:
+            raise ValueError(f"what bends has other joints than the body: {self.bending.joints}")
         object.__setattr__(self, "parent", parent)
         object.__setattr__(self, "X_PJ", frozen_array(self.X_PJ, (n, 4, 4), "X_PJ"))
         object.__setattr__(self, "gear", frozen_array(self.gear, (n,), "gear"))

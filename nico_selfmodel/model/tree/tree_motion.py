@@ -3,12 +3,13 @@
 Arrays hold the pose last, (..., N), so that every operation runs along contiguous memory.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
 from nico_selfmodel.model.tree.body_tree import FLANGE, REVOLUTE, Attached, BodyTree
+from nico_selfmodel.model.tree.tree_load import TreeLoad
 
 
 @dataclass(frozen=True, eq=False)
@@ -30,8 +31,17 @@ class TreeMotion:
     p_WL: NDArray
     """Origins of the links [m]; the last is the world's. Shape (n + 1, 3, N)."""
 
+    load: "TreeLoad | None" = None
+    """Of a body that bends."""
+
     @classmethod
-    def at(cls, tree: BodyTree, readings: NDArray, flanges: NDArray | None = None) -> "TreeMotion":
+    def at(
+        cls,
+        tree: BodyTree,
+        readings: NDArray,
+        flanges: NDArray | None = None,
+        approach: NDArray | None = None,
+    ) -> "TreeMotion":
         """Move a body.
 
         Args:
@@ -39,12 +49,27 @@ class TreeMotion:
             readings: Encoder angles [rad] or lengths [m]. Shape (N, n).
             flanges: Poses that controllers read, by joint; used where a joint is a flange.
                 Shape (N, n, 4, 4).
+            approach: How each reading last moved, -1, 1, or 0 where it is not known, as all are if
+                omitted. Shape (N, n).
 
         Returns:
             Where everything is.
         """
-        n, count = len(tree.joints), len(readings)
-        q = np.ascontiguousarray(tree.displacements(readings).T)
+        rigid = cls._moved(tree, tree.displacements(readings), flanges, None)
+        if tree.bending is None:
+            return rigid
+        load = TreeLoad.of(tree.bending, rigid, readings, approach)
+        q = (load.q + tree.bending.turns(load.q, load.moments, load.approach)) @ tree.coupling.T
+        moved = cls._moved(tree, q, flanges, tree.bending.bearings(load.moments))
+        return replace(moved, load=load)
+
+    @classmethod
+    def _moved(
+        cls, tree: BodyTree, q: NDArray, flanges: NDArray | None, bearings: NDArray | None
+    ) -> "TreeMotion":
+        """Move joints by displacements (N, n), after their bearings turned them. (n, N, 4, 4)."""
+        n, count = len(tree.joints), len(q)
+        q = np.ascontiguousarray(q.T)
         R_WP, R_WJ = np.empty((n, 3, 3, count)), np.empty((n, 3, 3, count))
         p_WJ = np.empty((n, 3, count))
         R_WL, p_WL = np.empty((n + 1, 3, 3, count)), np.empty((n + 1, 3, count))
@@ -53,6 +78,9 @@ class TreeMotion:
             R_WP[i] = R_WL[parent]
             p_WJ[i] = p_WL[parent] + _turn(R_WL[parent], tree.X_PJ[i, :3, 3])
             R_WJ[i] = np.einsum("ijn,jk->ikn", R_WL[parent], tree.X_PJ[i, :3, :3])
+            if bearings is not None:
+                p_WJ[i] += np.einsum("ijn,nj->in", R_WJ[i], bearings[i, :, :3, 3])
+                R_WJ[i] = np.einsum("ijn,njk->ikn", R_WJ[i], bearings[i, :, :3, :3])
             R_WL[i], p_WL[i] = R_WJ[i], p_WJ[i]
             if motion == REVOLUTE:
                 c, s = np.cos(q[i]), np.sin(q[i])
