@@ -82,7 +82,7 @@ def _bending_words(calibration: KinematicCalibration) -> list[str]:
     ladder = calibration.ladder
     if not (ladder.adopted and ladder.kept):
         return []
-    before, after = ladder.unseen_mm
+    before, after = ladder.unseen
     most = _bends(calibration, calibration.model.parameters)
     return [f"{most}: unseen poses {before:.2g} -> {after:.2g} mm"]
 
@@ -98,7 +98,7 @@ def _bending_warnings(calibration: KinematicCalibration) -> list[str]:
     """Say what the arm would gain by effects that it was not allowed, or by one that lifts it."""
     ladder = calibration.ladder
     if ladder.kept and ladder.bent is not None and not ladder.adopted:
-        before, after = ladder.unseen_mm
+        before, after = ladder.unseen
         bends = _bends(calibration, ladder.bent)
         return [
             f"would meet unseen poses to {after:.2g} mm in place of {before:.2g} mm: {bends} "

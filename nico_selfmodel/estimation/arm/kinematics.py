@@ -17,6 +17,7 @@ from nico_selfmodel.estimation.arm.evaluation import Evaluation, evaluate
 from nico_selfmodel.estimation.arm.kinematic_task import KinematicTask
 from nico_selfmodel.estimation.arm.learned_model import learned_model, training_of
 from nico_selfmodel.estimation.arm.named_refinement import Held, refine_named
+from nico_selfmodel.estimation.bending.bending_arm import BendingArm
 from nico_selfmodel.estimation.bending.ladder import Ladder, climb
 from nico_selfmodel.estimation.bending.steps import STEPS
 from nico_selfmodel.estimation.diagnosis.changes_in_time import (
@@ -183,7 +184,7 @@ def calibrate_kinematics(
         contradicted = _contradicted_parameters(task, search.best, solved, pins)
         trim = loss != "none"
         asked = effects if not contradicted else None  # no bend shall explain a wrong value
-        ladder = climb(task.sample, solved, asked, up, held=pins.names, trim=trim, seed=seed)
+        ladder = climb(BendingArm(task.sample, solved, up, pins.names, trim, seed), asked)
         solved = ladder.solution
         if task.sampled:
             solved = refine_on_all(task.observations, solved, trim=trim)

@@ -7,10 +7,9 @@ from numpy.typing import NDArray
 
 from nico_selfmodel.estimation.noise.arm_solution import ArmSolution
 from nico_selfmodel.estimation.observations.observations import Observations
-from nico_selfmodel.model.arm.dh_parameters import DhParameters
 from nico_selfmodel.optimization.losses import robust_scale
 
-_MOST_ROWS = 500
+MOST_ROWS = 500
 """Rows that are asked at most; all of them then tell the arm."""
 FEWEST_POSES = 15
 """Poses, in twice as many coordinates as rigid parameters, below which nothing is asked."""
@@ -30,10 +29,10 @@ def thinned(
     observations: Observations, solved: ArmSolution, outliers: NDArray, seed: int
 ) -> tuple[Observations, ArmSolution, NDArray]:
     """Return as many whole poses, drawn at random, as tell an effect, the arm, and what counts."""
-    if len(observations) <= _MOST_ROWS:
+    if len(observations) <= MOST_ROWS:
         return observations, solved, ~outliers
     poses = np.random.default_rng((seed, 5)).permutation(np.unique(observations.pose))
-    share = _MOST_ROWS / len(observations)
+    share = MOST_ROWS / len(observations)
     chosen = np.isin(observations.pose, poses[: max(int(share * len(poses)), FEWEST_POSES)])
     arm = replace(solved, outliers=solved.outliers[chosen])
     return observations.select(chosen), arm, ~outliers[chosen]
@@ -46,12 +45,14 @@ def mean_by_pose(errors: NDArray, pose: NDArray) -> NDArray:
     return np.maximum(mean, 0.05 * float(np.median(mean)) + 1e-12)
 
 
-def verticals(parameters: DhParameters) -> tuple[tuple[NDArray, bool], ...]:
+def verticals(first: NDArray) -> tuple[tuple[NDArray, bool], ...]:
     """Return what may be the vertical, its sense not certain.
 
     The first axis, and where that is not z the axes of W: z, then those of trackers with y or x up.
+
+    Args:
+        first: Direction of the first axis. Shape (3,).
     """
-    first = parameters.table.X_W0[:3, 2]
     x, y, z = np.eye(3)
     found = [first * (1.0 if first @ z >= 0.0 else -1.0)]
     if found[0] @ z <= _APART:

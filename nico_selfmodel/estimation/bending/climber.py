@@ -7,23 +7,16 @@ standard error.
 
 from collections.abc import Sequence
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from nico_selfmodel.estimation.bending.asked_poses import mean_by_pose, verticals
+from nico_selfmodel.estimation.bending.asked_poses import mean_by_pose
+from nico_selfmodel.estimation.bending.bendable import GEAR, Bendable
 from nico_selfmodel.estimation.bending.effect_fit import EffectFit, fit_effects
-from nico_selfmodel.estimation.bending.implausible import (
-    GEAR,
-    NO_GEAR,
-    gear_fault,
-    implausible,
-    lifts,
-)
-from nico_selfmodel.estimation.bending.steps import STEPS, Step, from_both_sides
-from nico_selfmodel.estimation.noise.arm_solution import ArmSolution
-from nico_selfmodel.estimation.noise.pose_refinement import refine_by_pose
-from nico_selfmodel.estimation.observations.observations import Observations, gears_known
+from nico_selfmodel.estimation.bending.implausible import NO_GEAR, gear_fault, implausible, lifts
+from nico_selfmodel.estimation.bending.steps import STEPS, Step
 from nico_selfmodel.model.arm.bending import (
     BACKLASH,
     BEARING,
@@ -33,7 +26,6 @@ from nico_selfmodel.model.arm.bending import (
     SAG,
     Bending,
 )
-from nico_selfmodel.model.arm.uniform_rods import uniform_rods
 
 _WORTH = 10.0
 """By how much twice the log evidence must rise."""
@@ -50,38 +42,17 @@ motors and shells are no rods."""
 class Climber:
     """A ladder under way."""
 
-    def __init__(
-        self,
-        observations: Observations,
-        solved: ArmSolution,
-        keep: NDArray,
-        held: frozenset[str],
-        up: NDArray | None,
-    ) -> None:
-        """Stand before the first step, at the rigid arm.
-
-        Args:
-            observations: What was measured.
-            solved: The rigid arm, with its noise.
-            keep: Observations that are no outliers. Shape (N,).
-            held: Parameters that the user holds.
-            up: Unit vertical in W, shape (3,), if it is known.
-        """
-        assert solved.noise is not None
-        ups = ((up, True),) if up is not None else verticals(solved.parameters)
-        self.observations, self.rigid, self.keep, self.ups = observations, solved, keep, ups
+    def __init__(self, body: Bendable) -> None:
+        """Stand before the first step, at the rigid body."""
+        self.body, self.ups = body, body.ups
         self.kept: tuple[str, ...] = ()
-        joints = observations.joints
-        known = gears_known(observations.units)
-        self.sides = from_both_sides(observations.approach)
-        names = (f"{joint}.gear" for joint, k in zip(joints, known, strict=True) if k)
-        self.gears = tuple(name for name in names if name not in held | solved.free)
-        loads, pivots = uniform_rods(solved.parameters.table)
-        self.still = Bending.none(joints, ups[0][0], loads, pivots)
+        self.gears = body.known_gears
+        loads, pivots = body.rods()
+        self.still = Bending.none(body.joints, self.ups[0][0], loads, pivots)
         weighty = self.still.with_effects(LOADS)
         self.rods = dict(zip(weighty.names, weighty.values.tolist(), strict=True))
         self.load_variance = (_LOADS * float(np.sqrt(np.mean(np.sum(loads**2, axis=1))))) ** 2
-        self.parameters, self.noise = solved.parameters, solved.noise
+        self.parameters, self.noise = body.posture, body.noise
         self.first: EffectFit | None = None
         self.fit: EffectFit | None = None
 
@@ -96,7 +67,9 @@ class Climber:
             for effect in STEPS:
                 if effect not in asked or effect in self.kept:
                     continue
-                if (effect == GEAR and not self.gears) or (effect == BACKLASH and not self.sides):
+                if (effect == GEAR and not self.gears) or (
+                    effect == BACKLASH and not self.body.sides
+                ):
                     continue
                 steps[effect] = self.try_step(effect)
                 if steps[effect].reason.startswith(NO_GEAR):
@@ -106,6 +79,12 @@ class Climber:
             if self.kept == before:
                 break
         return list(steps.values())
+
+    def _may_be(self, effect: str) -> bool:
+        """Whether anything in the data could tell an effect."""
+        if effect == GEAR:
+            return bool(self.gears)
+        return effect != BACKLASH or self.body.sides
 
     def try_step(self, effect: str) -> Step:
         """Try an effect; keep it if unseen poses gain."""
@@ -134,14 +113,16 @@ class Climber:
         return step
 
     @property
-    def unseen_mm(self) -> tuple[float, float]:
-        """Geometric means over poses of the errors of unseen poses: rigid, and now."""
+    def unseen(self) -> tuple[float, float]:
+        """`_typical` errors of unseen poses: rigid, and now."""
         first = self.first or self._fitted((), self.still)
-        pose = self.observations.pose[self.keep]
-        fits = (first, self.fit or first)
-        errors = (mean_by_pose(fit.left_out, pose) for fit in fits)
-        one, two = (1e3 * float(np.exp(np.log(e).mean())) for e in errors)
+        one, two = (self._typical(fit) for fit in (first, self.fit or first))
         return one, two
+
+    def _typical(self, fit: EffectFit) -> float:
+        """Return the geometric mean over poses of the errors of unseen poses [mm or px]."""
+        scale = 1e3 if self.body.unit == "mm" else 1.0
+        return scale * float(np.exp(np.log(mean_by_pose(fit.left_out, fit.pose)).mean()))
 
     def pruned(self, steps: list[Step]) -> tuple[Step, ...]:
         """Return the steps, those taken back that what stayed later explains as well."""
@@ -166,47 +147,30 @@ class Climber:
         known = {LOADS: self.load_variance} if {SAG, BEARING} & set(effects) else {}
         effects = (*effects, *known)
         bending = bending.with_effects(*(effect for effect in effects if effect in PARTS))
-        parameters = replace(self.parameters, bending=bending)
-        groups = {e: bending.names_of(e) if e in PARTS else self.gears for e in effects}
+        parameters = self.parameters.with_bending(bending)
+        body = self.body
+        groups = {e: body.names_of(bending, e) if e in PARTS else self.gears for e in effects}
         means = dict.fromkeys(self.gears, 1.0) | self.rods
-        return fit_effects(
-            self.observations,
-            parameters,
-            self.rigid.free,
-            groups,
-            means,
-            known,
-            {} if self.fit is None else self.fit.variance,
-            self.keep,
-            self.noise,
-        )
+        begin = {} if self.fit is None else self.fit.variance
+        return fit_effects(body, parameters, groups, means, known, begin, self.noise)
 
     def _again(self, fit: EffectFit) -> EffectFit:
         """Return the same fit about where it ended: one step of a large effect is not enough."""
         parameters = fit.parameters.with_values(fit.values)
         known = {LOADS: self.load_variance} if LOADS in fit.groups else {}
         return fit_effects(
-            self.observations,
-            parameters,
-            self.rigid.free,
-            fit.groups,
-            fit.means,
-            known,
-            fit.variance,
-            self.keep,
-            fit.noise,
+            self.body, parameters, fit.groups, fit.means, known, fit.variance, fit.noise
         )
 
     def _judged(self, effect: str, before: EffectFit, after: EffectFit) -> Step:
-        pose = self.observations.pose[self.keep]
-        one, two = (mean_by_pose(fit.left_out, pose) for fit in (before, after))
+        one, two = (mean_by_pose(fit.left_out, fit.pose) for fit in (before, after))
         gains = np.log(one / two)
         gain = float(gains.mean())
         sigma = float(gains.std(ddof=1) / np.sqrt(len(gains)))
         worth = before.evidence - after.evidence
         reason = self._reason(effect, after, gain, sigma, worth)
-        means = [float(1e3 * np.exp(np.log(errors).mean())) for errors in (one, two)]
-        return Step(effect, not reason, means[0], means[1], gain, sigma, worth, reason)
+        means = self._typical(before), self._typical(after)
+        return Step(effect, not reason, *means, gain, sigma, worth, reason)
 
     def _reason(
         self, effect: str, after: EffectFit, gain: float, sigma: float, worth: float
@@ -215,7 +179,7 @@ class Climber:
             return "the data do not tell it"
         if gain <= _GAIN or gain <= sigma:
             return "unseen poses do not gain"
-        return implausible(after, self.observations)
+        return implausible(after, self.body)
 
     def _adopt(self, fit: EffectFit) -> None:
         """Go on about the arm that bends: one more step of the same fit."""
@@ -225,27 +189,9 @@ class Climber:
         self.fit = fit  # where the next search for its variances begins
         self.fit = self._fitted(self.kept, self.still)
 
-    def solution(self, observations: Observations, outliers: NDArray, trim: bool) -> ArmSolution:
-        """Return the arm with what it keeps, outliers of all observations looked for anew."""
+    def solution(self) -> Any:
+        """Return the body with what it keeps, outliers of all observations looked for anew."""
         fit = self.fit
         assert fit is not None
         start = fit.parameters.with_values(fit.values)
-        solved = refine_by_pose(
-            observations,
-            start,
-            frozenset(fit.free),
-            outliers,
-            fit.noise.sensor_sigma,
-            trim=trim,
-            priors=fit.priors,
-            noise=fit.noise,
-        )
-        bending = solved.parameters.bending
-        assert bending is not None
-        bent = bending if bending.effects else None
-        return replace(
-            solved,
-            parameters=replace(solved.parameters, turn=None, bending=bent),
-            iterations=solved.iterations + self.rigid.iterations,
-            converged=solved.converged and self.rigid.converged,
-        )
+        return self.body.bent(start, fit.free, fit.priors, fit.noise)

@@ -14,18 +14,14 @@ so that an effect whose numbers nothing tells costs one number, v. Counting its 
 
 from collections.abc import Mapping
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from nico_selfmodel.estimation.noise.arm_solution import Linearised, Priors
-from nico_selfmodel.estimation.noise.noise_variances import most_likely_noise
-from nico_selfmodel.estimation.noise.pose_noise import PoseNoise
-from nico_selfmodel.estimation.noise.pose_refinement import counting_variance
-from nico_selfmodel.estimation.noise.variance_components import LinearResiduals
-from nico_selfmodel.estimation.observations.observations import Observations
+from nico_selfmodel.estimation.bending.bendable import Bendable, Posture, Weighed
+from nico_selfmodel.estimation.noise.arm_solution import Priors
 from nico_selfmodel.estimation.results.folds import fold_of, splits
-from nico_selfmodel.model.arm.dh_parameters import DhParameters
 
 _ROUNDS = 30
 _SIZES = (1.0, 1e-3)
@@ -39,7 +35,7 @@ _LEAST = 1e-12
 class EffectFit:
     """Rigid parameters and effects, fitted about an arm in one step."""
 
-    parameters: DhParameters
+    parameters: Posture
     """What it is about; its `bending` has the effects."""
     free: tuple[str, ...]
     """Names of the columns."""
@@ -51,12 +47,14 @@ class EffectFit:
     """Values at which numbers have no effect, where they are not 0."""
     variance: Mapping[str, float]
     """Prior variance of each effect's numbers; 0 where the data tell none of it."""
-    noise: PoseNoise
-    """Of sensor and joints, the effects taken off."""
+    noise: Any
+    """Of sensors and joints, the effects taken off."""
     evidence: float
     """-2 log evidence but for a constant: smaller is better."""
     left_out: NDArray
-    """Error of each row that counts, predicted without its fold of poses [m]. Shape (K,)."""
+    """Error of each row that counts, predicted without its fold of poses [m or px]. Shape (K,)."""
+    pose: NDArray
+    """Pose of each of them. Shape (K,)."""
 
     @property
     def values(self) -> NDArray:
@@ -77,73 +75,69 @@ class EffectFit:
 
 
 def fit_effects(
-    observations: Observations,
-    parameters: DhParameters,
-    rigid: frozenset[str],
+    body: Bendable,
+    parameters: Posture,
     groups: Mapping[str, tuple[str, ...]],
     means: Mapping[str, float],
     known: Mapping[str, float],
     begin: Mapping[str, float],
-    keep: NDArray,
-    noise: PoseNoise,
+    noise: Any,
 ) -> EffectFit:
     """Fit in one step, with evidence variances and the noise that is left.
 
     Args:
-        observations: What was measured.
-        parameters: The arm; its `bending` has all effects of `groups`.
-        rigid: Names of the rigid parameters to estimate.
+        body: What was measured, and what is rigid in it.
+        parameters: The body; its `bending` has all effects of `groups`.
         groups: Names of the numbers that share a variance, by effect.
         means: Values at which numbers have no effect, where they are not 0.
         known: Variances of groups that are known beforehand; those cost no information.
         begin: Variances at which the search begins, where an effect was fitted before; the others
             begin large and small, for two effects that look alike have two answers.
-        keep: Rows that count. Boolean, shape (N,).
         noise: Where the search for it begins.
     """
-    of_effects = [name for names in groups.values() for name in names]
-    free = tuple(n for n in parameters.names if n in rigid or n in set(of_effects))
+    wanted = set(body.free).union(*groups.values())
+    free = tuple(n for n in parameters.names if n in wanted)
     member = {e: np.array([free.index(n) for n in names], dtype=int) for e, names in groups.items()}
-    now = parameters.values[[parameters.names.index(n) for n in free]]
+    index = {name: i for i, name in enumerate(parameters.names)}
+    now = parameters.values[[index[n] for n in free]]
     start = now - np.array([means.get(n, 0.0) for n in free])
-    task = _Task(observations, parameters, free, member, start, dict(known), keep)
-    linear = Linearised.at(observations, parameters, keep, noise)
+    task = _Task(free, member, start, dict(known))
+    weighed = body.weighed(parameters, free, noise)
     fits = []
     for size in _SIZES if set(groups) - set(known) - set(begin) else _SIZES[:1]:
-        found = task.fitted(linear, begin, size)
-        fits.append(EffectFit(parameters, free, found[0], groups, means, *found[1:]))
+        found = task.fitted(weighed, begin, size)
+        fits.append(EffectFit(parameters, free, found[0], groups, means, *found[1:], weighed.pose))
     return min(fits, key=lambda fit: fit.evidence)
 
 
 @dataclass(frozen=True, eq=False)
 class _Task:
-    observations: Observations
-    parameters: DhParameters
     free: tuple[str, ...]
     member: Mapping[str, NDArray]
     start: NDArray
     """What each column's number is now, above the value at which it has no effect. Shape (k,)."""
     known: Mapping[str, float]
-    keep: NDArray
 
     def fitted(
-        self, linear: Linearised, begin: Mapping[str, float], size: float
-    ) -> tuple[NDArray, dict[str, float], PoseNoise, float, NDArray]:
+        self, weighed: Weighed, begin: Mapping[str, float], size: float
+    ) -> tuple[NDArray, dict[str, float], Any, float, NDArray]:
         """Return step, variances, noise, evidence and the errors of rows left out."""
-        step, variance, gamma = self.by_evidence(linear, begin, size)
-        noise = self.likeliest_noise(linear, step, gamma, linear.noise)
-        linear = linear.with_noise(noise)
-        step, variance, gamma = self.by_evidence(linear, variance, size)
-        deviance, coordinates = self.deviance(linear, step)
+        step, variance, told = self.by_evidence(weighed, begin, size)
+        of_effects = np.concatenate([np.zeros(0, dtype=int), *self.member.values()]).tolist()
+        noise = weighed.likeliest({self.free[i]: float(step[i]) for i in of_effects}, told)
+        weighed = weighed.with_noise(noise)
+        step, variance, _ = self.by_evidence(weighed, variance, size)
+        left = weighed.u - weighed.U @ step
+        deviance = weighed.log_determinant + float(left @ left)
         asked = sum(effect not in self.known for effect in self.member)
-        cost = self.occam(linear, step, variance) + asked * np.log(coordinates)
-        return step, variance, noise, deviance + cost, self.without_folds(linear, variance)
+        cost = self.occam(weighed, step, variance) + asked * np.log(weighed.coordinates)
+        return step, variance, noise, deviance + cost, self.without_folds(weighed, variance)
 
     def by_evidence(
-        self, linear: Linearised, begin: Mapping[str, float], size: float
+        self, weighed: Weighed, begin: Mapping[str, float], size: float
     ) -> tuple[NDArray, dict[str, float], float]:
         """Return the step, the variances and how many numbers the data tell."""
-        U, u = self._weighed(linear)
+        U, u = weighed.U, weighed.u
         H, g = U.T @ U, U.T @ u
         reduced = _Reduced.of(H, g, self.member)
         found = dict(self.known)
@@ -172,47 +166,16 @@ class _Task:
         """Return the variance at which an effect would be as large as all that is left."""
         return count / max(float(np.trace(H[np.ix_(own, own)])), np.finfo(float).tiny)
 
-    def likeliest_noise(
-        self, linear: Linearised, step: NDArray, gamma: float, noise: PoseNoise
-    ) -> PoseNoise:
-        """Return the noise of what is left, the effects taken off for what they cost."""
-        of_effects = np.concatenate([np.zeros(0, dtype=int), *self.member.values()])
-        columns = np.array([linear.names.index(name) for name in self.free])
-        rigid = np.delete(columns, of_effects)
-        taken = linear.jacobian[:, :, columns[of_effects]] @ step[of_effects]
-        groups = linear.whitening.groups
-        residuals = LinearResiduals(
-            groups,
-            groups.gather((linear.residuals - taken)[:, :, None]),
-            groups.gather(linear.jacobian[:, :, rigid]),
-            linear.by_angle,
-        )
-        known = counting_variance(self.observations, self.parameters.servos.gear)
-        found = most_likely_noise(residuals, noise, known)
-        left = 3 * len(groups.rows) - len(rigid)
-        factor = float(np.sqrt(left / max(left - gamma, 1.0)))
-        return PoseNoise(max(factor * found.sensor_sigma, 1e-9), factor * found.joint_sigma)
-
-    def deviance(self, linear: Linearised, step: NDArray) -> tuple[float, float]:
-        """Return -2 log likelihood but for a constant, and how many coordinates count."""
-        U, u = self._weighed(linear)
-        left = u - U @ step
-        groups = linear.whitening.groups
-        share = float(groups.weight.mean())
-        spread = share * linear.whitening.log_determinant
-        return spread + float(left @ left), share * 3 * len(groups.rows)
-
-    def occam(self, linear: Linearised, step: NDArray, variance: Mapping[str, float]) -> float:
+    def occam(self, weighed: Weighed, step: NDArray, variance: Mapping[str, float]) -> float:
         """Return what the effects cost: w'V^-1 w + log|I + V H|, H what the rest leaves of them.
 
         An effect whose numbers nothing tells costs nothing; one that is told, the logarithm of how
         much better it is told than known beforehand.
         """
-        U, _ = self._weighed(linear)
         there = [own for effect, own in self.member.items() if variance[effect] > 0.0]
         if not there:
             return 0.0
-        own = np.concatenate(there)
+        U, own = weighed.U, np.concatenate(there)
         v = np.concatenate(
             [np.full(len(m), variance[e]) for e, m in self.member.items() if variance[e] > 0.0]
         )
@@ -224,32 +187,17 @@ class _Task:
         total = (self.start + step)[own]
         return cost + float(np.sum(total**2 / v))
 
-    def without_folds(self, linear: Linearised, variance: Mapping[str, float]) -> NDArray:
+    def without_folds(self, weighed: Weighed, variance: Mapping[str, float]) -> NDArray:
         """Return errors of rows that count, each predicted without its fold of poses. (K,)."""
-        U, u = self._weighed(linear)
-        rows = linear.whitening.groups.rows
-        fold = fold_of(self.observations.pose[rows])
-        groups = linear.whitening.groups
-        of_visit = np.zeros(groups.poses, dtype=int)
-        of_visit[groups.pose] = fold
-        of_coordinate = np.repeat(of_visit, len(u) // groups.poses)
-        columns = [linear.names.index(name) for name in self.free]
-        errors = np.zeros(len(rows))
+        U, u, fold = weighed.U, weighed.u, fold_of(weighed.pose)
+        of_coordinate = np.where(weighed.row < 0, -1, fold[weighed.row])
+        errors = np.zeros(len(fold))
         for k, (_, left) in enumerate(splits(fold)):
             own = of_coordinate != k
             reduced = _Reduced.of(U[own].T @ U[own], U[own].T @ u[own], self.member)
             step = reduced.whole(reduced.solve(self.start, variance)[1])
-            out = rows[left]
-            missed = linear.residuals[out] - linear.jacobian[out][:, :, columns] @ step
-            errors[left] = np.linalg.norm(missed, axis=1)
+            errors[left] = weighed.errors(step, left)
         return errors
-
-    def _weighed(self, linear: Linearised) -> tuple[NDArray, NDArray]:
-        weights = linear.weights
-        return (
-            weights * linear.columns(frozenset(self.free)),
-            weights[:, 0] * linear.whitened_residuals,
-        )
 
 
 @dataclass(frozen=True, eq=False)

@@ -2,13 +2,10 @@
 
 import numpy as np
 
+from nico_selfmodel.estimation.bending.bendable import GEAR, Bendable
 from nico_selfmodel.estimation.bending.effect_fit import EffectFit
-from nico_selfmodel.estimation.observations.observations import Observations
 from nico_selfmodel.model.arm.bending import SAG
-from nico_selfmodel.model.arm.loaded_posture import loaded
 
-GEAR = "gear"
-"""Name of the step that frees gears which a unit tells."""
 LIFTS = "it would lift the arm: something else is explained, or the arm compensates already"
 """Why a sag of the wrong sign goes."""
 NOT_ASKED = (
@@ -24,23 +21,21 @@ _LARGEST_GEAR = 0.01
 """A gear that is told and off by more is another gear, a wrong unit or a wrong sign."""
 
 
-def implausible(fit: EffectFit, observations: Observations) -> str:
+def implausible(fit: EffectFit, body: Bendable) -> str:
     """Say why a fit is no bend; empty where it may be one.
 
     Args:
-        fit: Of an arm with effects.
-        observations: Where it was.
+        fit: Of a body with effects.
+        body: What was measured of it.
     """
     bent = fit.parameters.with_values(fit.values)
-    if np.any(bent.servos.gear <= 0.0):
+    if np.any(bent.gears <= 0.0):
         return "a gear would turn negative"
     if SAG in fit.groups and lifts(fit):
         return LIFTS
     if gear_fault(fit):
         return gear_fault(fit)
-    q = (observations.angles - bent.servos.offset) / bent.servos.gear
-    posture = loaded(bent.table, bent.bending, q, observations.approach)
-    turns = posture.q - posture.q_read
+    turns = body.turns(bent)
     if np.abs(turns - turns.mean(axis=0)).max() > _LARGEST:
         return "joints would turn by more than 3 deg: that is no bend"
     return ""

@@ -11,41 +11,33 @@ than its sigma; as a step of their own they seldom gain enough.
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
-from nico_selfmodel.estimation.bending.asked_poses import (
-    FEWEST_POSES,
-    certain_outliers,
-    mean_by_pose,
-    thinned,
-)
+from nico_selfmodel.estimation.bending.bendable import Bendable
 from nico_selfmodel.estimation.bending.climber import Climber
 from nico_selfmodel.estimation.bending.steps import STEPS, Step
-from nico_selfmodel.estimation.noise.arm_solution import ArmSolution
-from nico_selfmodel.estimation.observations.observations import Observations
-from nico_selfmodel.model.arm.dh_parameters import DhParameters
-
-_SURE = (8.0, 40.0)
-"""Robust standard deviations of a rigid arm beyond which its outliers are left out: both are tried
-where they differ, for the most bent poses look like outliers, and outliers like bends."""
 
 
 @dataclass(frozen=True, eq=False)
 class Ladder:
-    """What was asked of an arm, and the arm that came of it."""
+    """What was asked of a body, and what came of it."""
 
     steps: tuple[Step, ...]
     """In the order of trial; none where the data are too few."""
-    solution: ArmSolution
-    """The arm with what it keeps; the rigid one where it keeps nothing, or may keep nothing."""
-    bent: DhParameters | None = None
-    """The arm as the last step that stayed left it, whether it may be kept or not."""
+    solution: Any
+    """The body with what it keeps, as its own solver returns it; the rigid one where it keeps
+    nothing, or may keep nothing."""
+    bent: Any = None
+    """Its `Posture` as the last step that stayed left it, whether it may be kept or not."""
     adopted: bool = False
     """Whether the solution has what stayed."""
-    unseen_mm: tuple[float, float] = (np.nan, np.nan)
-    """Geometric means over poses of the errors of unseen poses, rigid and with what stayed."""
+    unseen: tuple[float, float] = (np.nan, np.nan)
+    """Geometric means over poses of the errors of unseen poses, rigid and with what stayed [mm or
+    px]."""
+    unit: str = "mm"
+    """Of errors."""
     wanted: tuple[str, ...] = ()
     """Effects that the user asked for by name."""
 
@@ -55,76 +47,49 @@ class Ladder:
         return tuple(step.effect for step in self.steps if step.kept)
 
 
-def climb(
-    observations: Observations,
-    solved: ArmSolution,
-    effects: Sequence[str] | None = STEPS,
-    up: NDArray | None = None,
-    *,
-    held: frozenset[str] = frozenset(),
-    trim: bool = True,
-    seed: int = 0,
-) -> Ladder:
-    """Ask a rigid arm which effects its unseen poses gain from.
+def climb(body: Bendable, effects: Sequence[str] | None = STEPS) -> Ladder:
+    """Ask a rigid body which effects its unseen poses gain from.
 
     Args:
-        observations: What was measured.
-        solved: The rigid arm.
-        effects: What is asked for; of an empty one everything is, and the arm stays rigid all the
+        body: The body at its rigid solution.
+        effects: What is asked for; of an empty one everything is, and the body stays rigid all the
             same. Nothing if None.
-        up: Unit vertical in W, shape (3,); where it is not known the first axis and those of W are
-            tried.
-        held: Parameters that the user holds.
-        trim: Look for outliers again at the end.
-        seed: Of the poses that are asked where there are many.
     """
     wanted = () if effects is None or tuple(effects) == STEPS else tuple(effects)
-    if effects is None or solved.noise is None or not _enough(observations, solved):
-        return Ladder((), solved, wanted=wanted)
-    aside = {sure: certain_outliers(observations, solved, sure) for sure in _SURE}
+    if effects is None or not body.enough:
+        return Ladder((), body.solution, wanted=wanted)
     found = []
-    for without in np.unique(np.stack([*aside.values()]), axis=0):
-        few = thinned(observations, solved, without, seed)
-        climber = Climber(*few, held, up)
+    for few in body.few():
+        climber = Climber(few)
         steps = climber.pruned(climber.climb(effects or STEPS))
-        solution = solved
-        if climber.kept and effects:
-            solution = climber.solution(observations, without, trim)
-        bent = climber.parameters if climber.kept else None
         adopted = bool(effects and climber.kept)
-        found.append(Ladder(steps, solution, bent, adopted, climber.unseen_mm))
-    best = min(found, key=lambda ladder: _log_error(observations, ladder))
-    if not _is_better(best, solved, observations):
-        best = _left_rigid(best, solved)
+        solution = climber.solution() if adopted else body.solution
+        bent = climber.parameters if climber.kept else None
+        found.append(Ladder(steps, solution, bent, adopted, climber.unseen, body.unit))
+    best = min(found, key=lambda ladder: _log_error(body, ladder))
+    if not _is_better(best, body):
+        best = _left_rigid(best, body)
     return replace(best, wanted=wanted)
 
 
-def _is_better(ladder: Ladder, rigid: ArmSolution, observations: Observations) -> bool:
-    """Whether an arm, once solved with what stayed, is one, and nearer to its poses."""
+def _is_better(ladder: Ladder, body: Bendable) -> bool:
+    """Whether a body, once solved with what stayed, is one, and nearer to its poses."""
     if not ladder.adopted:
         return True
-    if np.any(ladder.solution.parameters.servos.gear <= 0.0):
+    if np.any(body.posture_of(ladder.solution).gears <= 0.0):
         return False
-    return _log_error(observations, ladder) < _log_error(observations, Ladder((), rigid))
+    return _log_error(body, ladder) < body.log_error(body.posture)
 
 
-def _left_rigid(ladder: Ladder, rigid: ArmSolution) -> Ladder:
+def _left_rigid(ladder: Ladder, body: Bendable) -> Ladder:
     """Return what was tried, none of it kept."""
     why = "solved together, the arm is no better"
     steps = (replace(s, kept=False, reason=why) if s.kept else s for s in ladder.steps)
-    return Ladder(tuple(steps), rigid, None, False, ladder.unseen_mm)
+    return Ladder(tuple(steps), body.solution, unseen=ladder.unseen, unit=ladder.unit)
 
 
-def _log_error(observations: Observations, ladder: Ladder) -> float:
-    """Return the mean over poses of log(error), outliers included, of the arm that bends."""
-    parameters = ladder.solution.parameters
+def _log_error(body: Bendable, ladder: Ladder) -> float:
+    """Return the mean over poses of log(error), outliers included, of the body that bends."""
     if not ladder.adopted and ladder.bent is not None:
-        parameters = ladder.bent
-    p = parameters.points(observations.angles, observations.marker, observations.approach)
-    errors = np.linalg.norm(p - observations.p_WH, axis=1)
-    return float(np.log(mean_by_pose(errors, observations.pose)).mean())
-
-
-def _enough(observations: Observations, solved: ArmSolution) -> bool:
-    poses = len(np.unique(observations.pose))
-    return poses >= FEWEST_POSES and 3 * len(observations) >= 2 * len(solved.free)
+        return body.log_error(ladder.bent)
+    return body.log_error(body.posture_of(ladder.solution))

@@ -5,7 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from nico_selfmodel.estimation.bending.implausible import GEAR
+from nico_selfmodel.estimation.bending.bendable import GEAR
 from nico_selfmodel.model.arm.bending import BACKLASH, BEARING, COUPLING, RIPPLE, SAG
 
 STEPS = (BACKLASH, SAG, BEARING, RIPPLE, GEAR, COUPLING)
@@ -21,9 +21,9 @@ class Step:
     """Its name, of `STEPS`."""
     kept: bool
     """Whether it stayed."""
-    before_mm: float
-    """Geometric mean over poses of the error of unseen poses without it."""
-    after_mm: float
+    before: float
+    """Geometric mean over poses of the error of unseen poses without it [mm or px]."""
+    after: float
     """The same with it."""
     gain: float
     """Mean over poses of log(before / after)."""

@@ -87,7 +87,7 @@ def bending_json(
     return {
         "effects": list(ladder.kept) if ladder.adopted else [],
         "up": None if bending is None else bending.up.tolist(),
-        "unseen_mm": {"rigid": ladder.unseen_mm[0], "bent": ladder.unseen_mm[1]},
+        "unseen_mm": {"rigid": ladder.unseen[0], "bent": ladder.unseen[1]},
         "tried": [_step_json(step) for step in ladder.steps],
         "hand_mm": {
             s.effect: {"max": 1e3 * float(s.hand.max()), "mean": 1e3 * float(s.hand.mean())}
@@ -104,8 +104,8 @@ def _step_json(step: Step) -> dict[str, Any]:
     return {
         "effect": step.effect,
         "kept": step.kept,
-        "before_mm": step.before_mm,
-        "after_mm": step.after_mm,
+        "before_mm": step.before,
+        "after_mm": step.after,
         "gain": step.gain,
         "gain_sigma": step.gain_sigma,
         "evidence": step.worth,

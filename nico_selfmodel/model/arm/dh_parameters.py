@@ -93,6 +93,15 @@ class DhParameters:
         return np.concatenate([base, joints.ravel(), t.p_NH.ravel(), bent])
 
     @property
+    def gears(self) -> NDArray:
+        """Gears of the joints. Shape (n,)."""
+        return self.servos.gear
+
+    def with_bending(self, bending: Bending | None) -> "DhParameters":
+        """Return the same arm in which something else bends."""
+        return replace(self, bending=bending)
+
+    @property
     def gauge(self) -> frozenset[str]:
         """Names that no measurement of points can tell from the others; fixed by default."""
         joints = self.table.joints

@@ -1,0 +1,195 @@
+"""What the ladder asks: a body at its rigid solution, be it an arm or a tree, by any sensors."""
+
+from collections.abc import Collection, Iterable, Mapping
+from typing import Any, Protocol, Self
+
+from numpy.typing import NDArray
+
+from nico_selfmodel.model.arm.bending import Bending
+
+GEAR = "gear"
+"""Name of the step that frees gears which a unit tells."""
+
+
+class Posture(Protocol):
+    """A body's parameters."""
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """Of all of them, those of `bending` included."""
+        ...
+
+    @property
+    def values(self) -> NDArray:
+        """In the order of `names`."""
+        ...
+
+    @property
+    def bending(self) -> Bending | None:
+        """What bends."""
+        ...
+
+    @property
+    def gears(self) -> NDArray:
+        """Of all joints. Shape (n,)."""
+        ...
+
+    def with_values(self, values: NDArray) -> Self:
+        """Return the same body with other values."""
+        ...
+
+    def with_bending(self, bending: Bending | None) -> Self:
+        """Return the same body in which something else bends."""
+        ...
+
+
+class Weighed(Protocol):
+    """Residuals (measured less predicted) and derivatives about a body, whitened by pose."""
+
+    @property
+    def noise(self) -> Any:
+        """What disturbs the measurements."""
+        ...
+
+    @property
+    def free(self) -> tuple[str, ...]:
+        """Names of the columns."""
+        ...
+
+    @property
+    def U(self) -> NDArray:
+        """Whitened derivatives, each pose counted once; priors of rigid parameters are rows."""
+        ...
+
+    @property
+    def u(self) -> NDArray:
+        """Whitened residuals."""
+        ...
+
+    @property
+    def row(self) -> NDArray:
+        """A row of the same visit that counts, of each whitened one; -1 of what is in no pose."""
+        ...
+
+    @property
+    def pose(self) -> NDArray:
+        """Pose of each row that counts. Shape (K,)."""
+        ...
+
+    @property
+    def coordinates(self) -> float:
+        """How many numbers count."""
+        ...
+
+    @property
+    def log_determinant(self) -> float:
+        """Logarithm of the determinant of their covariance."""
+        ...
+
+    def with_noise(self, noise: Any) -> Self:
+        """Return the same with other noise."""
+        ...
+
+    def likeliest(self, change: Mapping[str, float], told: float) -> Any:
+        """Return the noise that is left once numbers of effects are changed by so much.
+
+        Args:
+            change: Of the effects' numbers, by name; the other columns are rigid.
+            told: How many numbers these cost.
+        """
+        ...
+
+    def errors(self, step: NDArray, rows: NDArray) -> NDArray:
+        """Return errors of some rows that count, after a step of `free` [m or px].
+
+        Args:
+            step: Shape (k,).
+            rows: Boolean, shape (K,).
+        """
+        ...
+
+
+class Bendable(Protocol):
+    """A body at its rigid solution, and what was measured of it."""
+
+    @property
+    def solution(self) -> Any:
+        """The rigid one."""
+        ...
+
+    @property
+    def posture(self) -> Posture:
+        """Its parameters."""
+        ...
+
+    @property
+    def noise(self) -> Any:
+        """About it."""
+        ...
+
+    @property
+    def joints(self) -> tuple[str, ...]:
+        """Names."""
+        ...
+
+    @property
+    def free(self) -> Collection[str]:
+        """Names of the rigid parameters that are estimated."""
+        ...
+
+    @property
+    def known_gears(self) -> tuple[str, ...]:
+        """Names of gears that a unit tells and nobody holds."""
+        ...
+
+    @property
+    def sides(self) -> bool:
+        """Whether some joint is known to have come from both sides."""
+        ...
+
+    @property
+    def enough(self) -> bool:
+        """Whether there are enough poses to ask."""
+        ...
+
+    @property
+    def ups(self) -> tuple[tuple[NDArray, bool], ...]:
+        """What may be the vertical in W, and whether its sense is certain."""
+        ...
+
+    @property
+    def unit(self) -> str:
+        """Unit of errors, `mm` or `px`."""
+        ...
+
+    def rods(self) -> tuple[NDArray, NDArray]:
+        """Return loads and pivots of uniform rods."""
+        ...
+
+    def names_of(self, bending: Bending, effect: str) -> tuple[str, ...]:
+        """Return an effect's numbers that this body may have."""
+        ...
+
+    def weighed(self, posture: Any, free: tuple[str, ...], noise: Any) -> Weighed:
+        """Linearise about a body."""
+        ...
+
+    def turns(self, posture: Any) -> NDArray:
+        """Return how much joints turn beyond their displacements at all poses. Shape (N, n)."""
+        ...
+
+    def few(self) -> "Iterable[Bendable]":
+        """Return what is asked: some poses, without what is an outlier whatever bends."""
+        ...
+
+    def bent(self, posture: Any, free: tuple[str, ...], priors: Any, noise: Any) -> Any:
+        """Return the solution of all observations with what stayed, outliers looked for anew."""
+        ...
+
+    def log_error(self, posture: Any) -> float:
+        """Return the mean over poses of log(error), outliers included."""
+        ...
+
+    def posture_of(self, solution: Any) -> Posture:
+        """Return the parameters of a solution."""
+        ...
