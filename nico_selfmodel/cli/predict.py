@@ -109,10 +109,12 @@ def _predict_body(
     read = [i for i in range(len(tree.joints)) if tree.coupling[i, i]]
     if (encoders is None) == (table is None):
         raise ValueError(f"give --encoders or --table; the joints are {listed(tree.joints)}")
-    given, _ = _readings(encoders, table, tuple(tree.joints[i] for i in read))
+    given, side = _readings(encoders, table, tuple(tree.joints[i] for i in read))
     readings = np.full((len(given), len(tree.joints)), np.nan)
     readings[:, read] = given
-    found = predict_body(body, readings)
+    approach = np.zeros(readings.shape)
+    approach[:, read] = 0.0 if side is None else side
+    found = predict_body(body, readings, approach)
     turns = rotation_vectors_of(found.R_WM)
     rows = []
     for k in range(len(readings)):

@@ -11,7 +11,7 @@ from nico_selfmodel.files.reading import LARGEST_DOCUMENT, read_text, real_path
 from nico_selfmodel.files.whole import write_whole
 from nico_selfmodel.files.yaml_text import parse_yaml, yaml_text
 from nico_selfmodel.model import kept_values
-from nico_selfmodel.model.arm.bending import Bending
+from nico_selfmodel.model.arm.bending_document import bending_document, bending_of
 from nico_selfmodel.model.arm.dh_table import DhTable
 from nico_selfmodel.model.arm.servo_map import ServoMap
 from nico_selfmodel.model.cameras.camera import Camera
@@ -29,13 +29,11 @@ from nico_selfmodel.model.document_values import (
     texts,
 )
 from nico_selfmodel.model.self_model import ParameterCovariance, SelfModel
-from nico_selfmodel.names import listed, shown
+from nico_selfmodel.names import shown
 
 FORMAT = "nico-selfmodel/1"
 LARGEST_VARIANCE = 1e24
 """Of a parameter, in its own units squared."""
-LARGEST_BEND = 10.0
-"""Of an effect, in its own unit."""
 LARGEST_SIDE = 100_000
 """Of an image [px]."""
 _HERE = "./"
@@ -99,7 +97,7 @@ def _document(model: SelfModel) -> dict[str, Any]:
         document["chain"] = _chain_document(model.dh)
         document["servos"] = [_servo_document(model.servos, i) for i in range(len(model.joints))]
     if model.bending is not None:
-        document["bending"] = _bending_document(model.bending)
+        document["bending"] = bending_document(model.bending)
     document |= {
         "cameras": {side: _camera_document(camera) for side, camera in model.cameras.items()},
         "mirrors": {name: _mirror_document(mirror) for name, mirror in model.mirrors.items()},
@@ -136,21 +134,6 @@ def _servo_document(servos: ServoMap, i: int) -> dict[str, Any]:
         "sign": int(servos.sign[i]),
         "unit": servos.unit[i],
         **(turn if servos.unit[i] == "counts" else {}),
-    }
-
-
-def _bending_document(bending: Bending) -> dict[str, Any]:
-    """Name every number that was learned; what was not is not written."""
-    return {
-        "effects": list(bending.effects),
-        "up": bending.up.tolist(),
-        "joints": {
-            joint: {"load": load, "pivot": pivot}
-            for joint, load, pivot in zip(
-                bending.joints, bending.loads.tolist(), bending.pivots.tolist(), strict=True
-            )
-        },
-        "values": dict(zip(bending.names, bending.values.tolist(), strict=True)),
     }
 
 
@@ -192,7 +175,7 @@ def _model(document: dict[str, Any], path: Path) -> SelfModel:
         {side: _camera(mapping(entry, side), side) for side, entry in cameras.items()},
         sigma(document.get("pixel_sigma_px"), "pixel_sigma_px", LARGEST_SIGMA_PX),
         {name: _mirror(mapping(entry, name), name) for name, entry in mirrors.items()},
-        _bending(mapping(document["bending"], "bending")) if "bending" in document else None,
+        bending_of(mapping(document["bending"], "bending")) if "bending" in document else None,
     )
 
 
@@ -231,23 +214,6 @@ def _servo_map(servos: Sequence[Mapping[str, Any]]) -> ServoMap:
         counts_per_turn=np.where(np.array(unit) == "counts", counts_per_turn, np.nan),
         sign=numbers([servo.get("sign", 1) for servo in servos], "sign"),
     )
-
-
-def _bending(entry: Mapping[str, Any]) -> Bending:
-    joints = mapping(entry["joints"], "bending.joints")
-    own = {joint: mapping(joints[joint], f"bending of {joint}") for joint in joints}
-    still = Bending.none(
-        tuple(joints),
-        numbers(entry["up"], "bending.up"),
-        numbers([part["load"] for part in own.values()], "loads"),
-        numbers([part["pivot"] for part in own.values()], "pivots"),
-    ).with_effects(*texts(entry["effects"], "bending.effects"))
-    values = mapping(entry["values"], "bending.values")
-    if set(values) != set(still.names):
-        strange = sorted(set(values) ^ set(still.names))
-        raise ValueError(f"bending.values must name what its effects have, see {listed(strange)}")
-    found = numbers([values[name] for name in still.names], "bending.values", LARGEST_BEND)
-    return still.with_values(found)
 
 
 def _camera(entry: Mapping[str, Any], side: str) -> Camera:

@@ -245,9 +245,17 @@ def test_a_data_set_of_one_arm_is_converted_and_learned_as_well(project_root, tm
     assert done.returncode == 0, done.stderr
     assert "205 poses, 205 observations, 2 joints" in done.stdout
     out = tmp_path / "body"
-    assert command("calibrate", "body", tmp_path / "positioner", "--out", out).returncode == 0
+    words = ("calibrate", "body", tmp_path / "positioner", "--out")
+    assert command(*words, out, "--effects", "none").returncode == 0
     document = json.loads((out / "result.json").read_text())
     assert document["train"]["position_mm"]["rms"] == pytest.approx(0.4007, rel=0.01)
+    assert "--effects auto" in " ".join(document["warnings"])
+    assert command(*words, tmp_path / "bent").returncode == 0
+    bent = json.loads((tmp_path / "bent" / "result.json").read_text())
+    assert "ripple" in bent["bending"]["effects"]
+    assert bent["train"]["position_mm"]["rms"] < 0.34
+    told = load_body(tmp_path / "bent").tree.bending
+    assert {"ripple"} <= set(told.effects) <= {*bent["bending"]["effects"], "loads"}
     second = document["joints"][1]
     assert 89.95 <= second["axis_angle_deg"] <= 90.0
 

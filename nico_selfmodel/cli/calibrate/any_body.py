@@ -30,8 +30,11 @@ def calibrate(
     no_report: bool,
     force: bool,
     as_json: bool,
+    effects: str = "auto",
+    up: str | None = None,
 ) -> NoReturn:
     """Learn a body from poses and observations, and leave a result folder."""
+    from nico_selfmodel.estimation.bending.what_bends import effects_of, up_of
     from nico_selfmodel.estimation.judging import judge, to_json
     from nico_selfmodel.estimation.results.fixed_parameters import FixedParameters
     from nico_selfmodel.estimation.tree.tree_calibration import calibrate_tree
@@ -42,6 +45,7 @@ def calibrate(
 
     refuse_folder(out, force=force, inputs=[dataset, test, robot, cameras])
     wishes = Wishes(FixedParameters.from_text(fix or (), free or ()), priors_of(prior or ()))
+    may_bend, vertical = effects_of(effects), up_of(up)
     train, held_out = _train_and_test(dataset, test, test_fraction, seed)
     lenses = _lenses(cameras)
     description = None if robot is None else _described(robot, train, lenses)
@@ -55,6 +59,8 @@ def calibrate(
             wishes=wishes,
             name=name,
             seed=seed,
+            effects=may_bend,
+            up=vertical,
         )
         verdict = judge(found, require_test_mm, require_test_px)
         document = stamped(to_json(found, verdict))

@@ -1,19 +1,12 @@
 """`nico-selfmodel calibrate body`: arm and cameras together."""
 
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import Annotated
 
 import typer
 
-from nico_selfmodel.cli import inputs, options, printer
-from nico_selfmodel.cli.calibrate import any_body
-from nico_selfmodel.cli.result_files import NoReport, stamped, write_with_report
-from nico_selfmodel.progress import Progress
-
-if TYPE_CHECKING:
-    from nico_selfmodel.dataset.board_views import BoardViews
-    from nico_selfmodel.vision.boards.board_detection import AnyBoard
-
+from nico_selfmodel.cli import inputs, options
+from nico_selfmodel.cli.calibrate import any_body, arm_and_cameras
 
 _OF_TWO_CAMERAS = (
     "model", "boards", "board", "square_mm", "tag_mm", "family", "board_test_fraction", "stage",
@@ -21,7 +14,7 @@ _OF_TWO_CAMERAS = (
     "arm", "base", "tip", "hold", "point",
 )  # fmt: skip
 """Options for an arm and two cameras."""
-_OF_ANY_BODY = ("cameras", "prior")
+_OF_ANY_BODY = ("cameras", "prior", "effects", "up")
 
 
 def body(
@@ -52,6 +45,8 @@ def body(
     fix: options.Fix = None,
     free: options.Free = None,
     prior: options.Prior = None,
+    effects: options.Effects = "auto",
+    up: options.Up = None,
     loss: options.Loss = "trimmed",
     robot: options.Robot = None,
     arm: options.Arm = None,
@@ -90,48 +85,33 @@ def body(
             no_report=no_report,
             force=force,
             as_json=as_json,
+            effects=effects,
+            up=up,
         )
-    if model is None:
-        raise ValueError(f"{dataset} is of an arm and two cameras: give them with --model")
-    from nico_selfmodel.estimation.body.body import calibrate_body
-    from nico_selfmodel.estimation.body.body_options import BodyOptions
-    from nico_selfmodel.estimation.judging import judge, to_json
-    from nico_selfmodel.estimation.results.fixed_parameters import FixedParameters
-    from nico_selfmodel.files.whole import refuse_folder
-    from nico_selfmodel.model.self_model_file import load_model
-
-    wanted = inputs.board(board, square_mm, tag_mm, family)
-    refuse_folder(out, force=force, inputs=[dataset, model, boards, test, robot])
-    pins = FixedParameters.from_text(fix or (), free or ())
-    chosen = BodyOptions(stage, variant, pins.pinned, pins.freed, loss)
-    start = load_model(model)
-    train, held_out = inputs.train_and_test(dataset, test, test_fraction, seed)
-    _, nominal = inputs.described_arm(robot, arm, base, tip, hold, point)
-    with printer.progress_bar() as progress:
-        views, held_boards = _boards(boards, wanted, board_test_fraction, seed, progress)
-        progress("learning", 0, 1)
-        found = calibrate_body(
-            train,
-            start,
-            views,
-            chosen,
-            test=held_out,
-            test_boards=held_boards,
-            nominal=nominal,
-            name=name,
-            seed=seed,
-        )
-        document = stamped(to_json(found, judge(found, require_test_mm, require_test_px)))
-        progress("learning", 1, 1)
-        progress("writing the result", 0, 1)
-        report = NoReport(document)
-        if not no_report:
-            from nico_selfmodel.viz.reports.body import body_report  # slow to load
-
-            report = body_report(found, document)
-        write_with_report(out, found.model, report, force=force)
-        progress("writing the result", 1, 1)
-    printer.result(found.model.name, document, out, json_instead=as_json)
+    arm_and_cameras.calibrate(
+        dataset,
+        out,
+        model=model,
+        boards=boards,
+        board=inputs.board(board, square_mm, tag_mm, family),
+        board_test_fraction=board_test_fraction,
+        stage=stage,
+        variant=variant,
+        robot=robot,
+        nominal=inputs.described_arm(robot, arm, base, tip, hold, point)[1],
+        test=test,
+        test_fraction=test_fraction,
+        seed=seed,
+        fix=fix,
+        free=free,
+        loss=loss,
+        name=name,
+        require_test_mm=require_test_mm,
+        require_test_px=require_test_px,
+        no_report=no_report,
+        force=force,
+        as_json=as_json,
+    )
 
 
 def _is_any_body(context: typer.Context, dataset: Path) -> bool:
@@ -145,23 +125,3 @@ def _is_any_body(context: typer.Context, dataset: Path) -> bool:
         why = f"{dataset} is of an arm and two cameras; they are for any body (observations.csv)"
     options.refuse_given(context, _OF_TWO_CAMERAS if found else _OF_ANY_BODY, why)
     return found
-
-
-def _boards(
-    folder: Path | None,
-    board: "AnyBoard",
-    fraction: float,
-    seed: int,
-    progress: Progress,
-) -> tuple["BoardViews | None", "BoardViews | None"]:
-    """Return the boards to learn from and those held out."""
-    if folder is None:
-        return None, None
-    from nico_selfmodel.estimation.cameras.camera_calibration import FEWEST_VIEWS
-    from nico_selfmodel.vision.boards.board_detections import detect_boards
-
-    found = detect_boards(folder, board, progress=progress).seen_views
-    if not fraction or len(found) <= FEWEST_VIEWS:
-        # So few are all needed to learn from; the result says that none was held out.
-        return found, None
-    return found.split(fraction, seed)

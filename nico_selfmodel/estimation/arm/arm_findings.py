@@ -5,8 +5,7 @@ from numpy.typing import NDArray
 
 from nico_selfmodel.estimation.arm.evaluation import Evaluation
 from nico_selfmodel.estimation.arm.kinematics import KinematicCalibration
-from nico_selfmodel.estimation.bending.implausible import LIFTS, NOT_ASKED
-from nico_selfmodel.estimation.bending.what_bends import WORDS, effect_sizes
+from nico_selfmodel.estimation.bending.what_bends import bending_warnings, kept_words
 from nico_selfmodel.estimation.observations.observations import Observations
 from nico_selfmodel.estimation.observations.outlier_words import (
     chance_of_more,
@@ -24,7 +23,6 @@ from nico_selfmodel.estimation.results.calibration_result import (
     findings,
 )
 from nico_selfmodel.estimation.results.verdict import outliers_are_many
-from nico_selfmodel.model.arm.dh_parameters import DhParameters
 
 _LARGEST_NOISE = 0.05
 """Residuals above this share of the workspace's size explain nothing."""
@@ -65,49 +63,17 @@ def arm_findings(calibration: KinematicCalibration) -> tuple[Finding, ...]:
         *(_timing_reasons(calibration) if explained else ()),
     ]
     last = [_starts_reason(calibration), _held_out_outlier_reason(calibration)]
-    held_out = calibration.test
+    held_out, ladder = calibration.test, calibration.ladder
     said = [] if held_out is None else [_held_out_words(calibration, held_out)]
+    bends = kept_words(ladder, calibration.model.bending, calibration.at)
     return (
         *findings(CAUSE, calibration.causes.words),
         *findings(MISFIT, [misfit]),
         *findings(FAILURE, failures),
         *findings(LAST, last),
-        *findings(WARNING, [*_bending_warnings(calibration), *_warnings(calibration)]),
-        *findings(NOTE, [*said, *_bending_words(calibration), *_set_aside_words(calibration)]),
+        *findings(WARNING, [*bending_warnings(ladder, calibration.at), *_warnings(calibration)]),
+        *findings(NOTE, [*said, *bends, *_set_aside_words(calibration)]),
     )
-
-
-def _bending_words(calibration: KinematicCalibration) -> list[str]:
-    """Say what was found to bend, and what unseen poses gain by it."""
-    ladder = calibration.ladder
-    if not (ladder.adopted and ladder.kept):
-        return []
-    before, after = ladder.unseen
-    most = _bends(calibration, calibration.model.parameters)
-    return [f"{most}: unseen poses {before:.2g} -> {after:.2g} mm"]
-
-
-def _bends(calibration: KinematicCalibration, parameters: DhParameters) -> str:
-    """Say which effects move the hand by how much."""
-    sizes = effect_sizes(parameters, calibration.train.observations)
-    found = {size.effect: f" by up to {1e3 * size.hand.max():.2g} mm at the hand" for size in sizes}
-    return ", ".join(f"{WORDS[e]}{found.get(e, '')}" for e in calibration.ladder.kept)
-
-
-def _bending_warnings(calibration: KinematicCalibration) -> list[str]:
-    """Say what the arm would gain by effects that it was not allowed, or by one that lifts it."""
-    ladder = calibration.ladder
-    if ladder.kept and ladder.bent is not None and not ladder.adopted:
-        before, after = ladder.unseen
-        bends = _bends(calibration, ladder.bent)
-        return [
-            f"would meet unseen poses to {after:.2g} mm in place of {before:.2g} mm: {bends} "
-            "(--effects auto)"
-        ]
-    asked = {step.effect: step.reason for step in ladder.steps}
-    refused = {e: why for e, why in asked.items() if why == LIFTS}
-    refused |= {e: asked.get(e, NOT_ASKED) for e in ladder.wanted if asked.get(e, NOT_ASKED)}
-    return [f"{effect} is not kept: {why}" for effect, why in refused.items()]
 
 
 def _warnings(calibration: KinematicCalibration) -> list[str]:

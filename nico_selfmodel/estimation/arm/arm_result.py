@@ -85,8 +85,8 @@ def _parameters(calibration: KinematicCalibration) -> dict[str, Parameter]:
 
 
 def _details(calibration: KinematicCalibration) -> dict[str, Any]:
-    search = calibration.search
-    starts = None
+    search, model = calibration.search, calibration.model
+    observations, starts = calibration.train.observations, None
     if search is not None:
         starts = {
             "tried": len(search.labels),
@@ -94,11 +94,11 @@ def _details(calibration: KinematicCalibration) -> dict[str, Any]:
             "best": search.best_label,
         }
     return {
-        "noise_sigma_mm": finite(calibration.model.noise_sigma, 1e3),
+        "noise_sigma_mm": finite(model.noise_sigma, 1e3),
         "starts": starts,
         "circles": [] if calibration.circles is None else _circles(calibration),
         "bending": bending_json(
-            calibration.ladder, calibration.model.parameters, calibration.train.observations
+            calibration.ladder, model.bending, calibration.at, observations.joints
         ),
     }
 

@@ -20,6 +20,7 @@ from nico_selfmodel.estimation.arm.named_refinement import Held, refine_named
 from nico_selfmodel.estimation.bending.bending_arm import BendingArm
 from nico_selfmodel.estimation.bending.ladder import Ladder, climb
 from nico_selfmodel.estimation.bending.steps import STEPS
+from nico_selfmodel.estimation.bending.what_bends import At, arm_at
 from nico_selfmodel.estimation.diagnosis.changes_in_time import (
     Change,
     change_in_time,
@@ -119,6 +120,11 @@ class KinematicCalibration:
     """Costs of the final solution after each step."""
     seconds: float
     """Time taken."""
+
+    @property
+    def at(self) -> At:
+        """Where the arm is at the training poses, whatever bends in it."""
+        return arm_at(self.model.parameters, self.train.observations)
 
 
 def calibrate_kinematics(

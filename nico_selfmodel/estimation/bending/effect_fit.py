@@ -59,7 +59,7 @@ class EffectFit:
     @property
     def values(self) -> NDArray:
         """All parameters after the step."""
-        out = self.parameters.values
+        out = np.array(self.parameters.values)
         for name, change in zip(self.free, self.step.tolist(), strict=True):
             out[self.parameters.names.index(name)] += change
         return out

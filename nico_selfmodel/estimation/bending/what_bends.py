@@ -1,6 +1,6 @@
 """What bends in a learned arm, for people: millimetres at the hand, milliradians a joint."""
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from nico_selfmodel.errors import DataError
+from nico_selfmodel.estimation.bending.implausible import LIFTS, NOT_ASKED
 from nico_selfmodel.estimation.bending.ladder import Ladder
 from nico_selfmodel.estimation.bending.steps import STEPS, Step
 from nico_selfmodel.estimation.observations.observations import Observations
@@ -28,9 +29,14 @@ WORDS = {
 """What an effect is called in a sentence."""
 
 
+At = Callable[[Bending | None], tuple[NDArray, NDArray]]
+"""Where tracked points are at the poses of a recording [m], shape (N, 3), and what joints turned,
+shape (P, n), of a body that bends so."""
+
+
 @dataclass(frozen=True, eq=False)
 class EffectSize:
-    """How much an effect moves an arm at the poses of a recording."""
+    """How much an effect moves a body at the poses of a recording."""
 
     effect: str
     """Its name, of `model.arm.bending.EFFECTS`."""
@@ -40,72 +46,105 @@ class EffectSize:
     """How far it turns each joint, largest over the poses [rad]. Shape (n,)."""
 
 
-def effect_sizes(parameters: DhParameters, observations: Observations) -> tuple[EffectSize, ...]:
+def arm_at(parameters: DhParameters, observations: Observations) -> At:
+    """Return where an arm is at the poses of a recording, whatever bends in it."""
+    rows = observations.angles, observations.marker, observations.approach
+    q = (observations.angles - parameters.servos.offset) / parameters.servos.gear
+
+    def at(bending: Bending | None) -> tuple[NDArray, NDArray]:
+        turned = loaded(parameters.table, bending, q, observations.approach).q
+        return parameters.with_bending(bending).points(*rows), turned
+
+    return at
+
+
+def effect_sizes(bending: Bending | None, at: At) -> tuple[EffectSize, ...]:
     """Return what each learned effect does at the poses of a recording, one taken away at a time.
 
     Args:
-        parameters: The arm.
-        observations: Where it was.
+        bending: What bends.
+        at: Where the body is.
     """
-    bending = parameters.bending
     if bending is None:
         return ()
-    rows = observations.angles, observations.marker, observations.approach
-    q = (observations.angles - parameters.servos.offset) / parameters.servos.gear
-    whole, side = parameters.points(*rows), observations.approach
-    turned = loaded(parameters.table, bending, q, side).q
+    whole, turned = at(bending)
     found = []
     for effect in EFFECTS:
         if effect not in bending.effects:
             continue
-        less = _without(bending, effect)
-        rest = DhParameters(parameters.table, parameters.servos, parameters.turn, less)
-        moved = np.linalg.norm(whole - rest.points(*rows), axis=1)
-        turns = np.abs(turned - loaded(parameters.table, less, q, side).q).max(axis=0)
-        found.append(EffectSize(effect, moved, turns))
+        less = bending.with_effects(*(e for e in bending.effects if e != effect))
+        points, rest = at(less)
+        moved = np.linalg.norm(whole - points, axis=1)
+        found.append(EffectSize(effect, moved, np.abs(turned - rest).max(axis=0)))
     return tuple(found)
 
 
-def _without(bending: Bending, effect: str) -> Bending:
-    return bending.with_effects(*(e for e in bending.effects if e != effect))
+def bends_words(ladder: Ladder, bending: Bending | None, at: At) -> str:
+    """Say which effects move tracked points by how much."""
+    sizes = effect_sizes(bending, at)
+    found = {size.effect: f" by up to {1e3 * size.hand.max():.2g} mm at the hand" for size in sizes}
+    return ", ".join(f"{WORDS[e]}{found.get(e, '')}" for e in ladder.kept)
+
+
+def kept_words(ladder: Ladder, bending: Bending | None, at: At) -> list[str]:
+    """Say what was found to bend, and what unseen poses gain by it."""
+    if not (ladder.adopted and ladder.kept):
+        return []
+    before, after = ladder.unseen
+    most = bends_words(ladder, bending, at)
+    return [f"{most}: unseen poses {before:.2g} -> {after:.2g} {ladder.unit}"]
+
+
+def bending_warnings(ladder: Ladder, at: At) -> list[str]:
+    """Say what a body would gain by effects that it was not allowed, or by one that lifts it."""
+    if ladder.kept and ladder.bent is not None and not ladder.adopted:
+        before, after = ladder.unseen
+        bends = bends_words(ladder, ladder.bent.bending, at)
+        return [
+            f"would meet unseen poses to {after:.2g} {ladder.unit} in place of {before:.2g} "
+            f"{ladder.unit}: {bends} (--effects auto)"
+        ]
+    asked = {step.effect: step.reason for step in ladder.steps}
+    refused = {e: why for e, why in asked.items() if why == LIFTS}
+    refused |= {e: asked.get(e, NOT_ASKED) for e in ladder.wanted if asked.get(e, NOT_ASKED)}
+    return [f"{effect} is not kept: {why}" for effect, why in refused.items()]
 
 
 def bending_json(
-    ladder: Ladder, parameters: DhParameters, observations: Observations
+    ladder: Ladder, bending: Bending | None, at: At, joints: Sequence[str]
 ) -> dict[str, Any] | None:
     """Return what was asked and what bends, for `result.json`; None where nothing was asked.
 
     Args:
         ladder: What was asked.
-        parameters: The arm as learned.
-        observations: What it was learned from.
+        bending: What bends in the body as learned.
+        at: Where it is.
+        joints: Names.
     """
     if not ladder.steps:
         return None
-    sizes = effect_sizes(parameters, observations)
-    bending = parameters.bending
+    sizes = effect_sizes(bending, at)
     return {
         "effects": list(ladder.kept) if ladder.adopted else [],
         "up": None if bending is None else bending.up.tolist(),
-        "unseen_mm": {"rigid": ladder.unseen[0], "bent": ladder.unseen[1]},
-        "tried": [_step_json(step) for step in ladder.steps],
+        f"unseen_{ladder.unit}": {"rigid": ladder.unseen[0], "bent": ladder.unseen[1]},
+        "tried": [_step_json(step, ladder.unit) for step in ladder.steps],
         "hand_mm": {
             s.effect: {"max": 1e3 * float(s.hand.max()), "mean": 1e3 * float(s.hand.mean())}
             for s in sizes
         },
         "joints_mrad": {
-            s.effect: dict(zip(observations.joints, (1e3 * s.turns).tolist(), strict=True))
-            for s in sizes
+            s.effect: dict(zip(joints, (1e3 * s.turns).tolist(), strict=True)) for s in sizes
         },
     }
 
 
-def _step_json(step: Step) -> dict[str, Any]:
+def _step_json(step: Step, unit: str) -> dict[str, Any]:
     return {
         "effect": step.effect,
         "kept": step.kept,
-        "before_mm": step.before,
-        "after_mm": step.after,
+        f"before_{unit}": step.before,
+        f"after_{unit}": step.after,
         "gain": step.gain,
         "gain_sigma": step.gain_sigma,
         "evidence": step.worth,

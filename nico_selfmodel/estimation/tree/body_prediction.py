@@ -34,12 +34,16 @@ class BodyPrediction:
     """By camera; nan out of its view [px]. Shape (N, markers, 2) each."""
 
 
-def predict_body(model: BodyModel, readings: NDArray) -> BodyPrediction:
+def predict_body(
+    model: BodyModel, readings: NDArray, approach: NDArray | None = None
+) -> BodyPrediction:
     """Predict all markers of a body.
 
     Args:
         model: The body; none of its joints is a flange.
         readings: In each joint's own unit; nan of a joint without an encoder. Shape (N, n).
+        approach: How each reading last changed, -1, 1, or 0 where it is not known, as all are if
+            omitted: where a joint has backlash its half width is uncertain then. Shape (N, n).
 
     Returns:
         Where they are, how surely, and where cameras would see them.
@@ -53,13 +57,13 @@ def predict_body(model: BodyModel, readings: NDArray) -> BodyPrediction:
     if FLANGE in tree.motions:
         raise ValueError("a flange's pose is read, not predicted from encoders")
     count, markers = len(readings), len(tree.markers)
-    data = _asked(model, readings)
+    data = replace(_asked(model, readings), approach=_sides(model, approach, readings.shape))
     watched = replace(tree, sensors=(*tree.sensors, Attached(_WATCHER, WORLD)))
     parameters = TreeParameters(watched)
     residuals = TreeResiduals(TreeObservations.of(data), parameters)
     linear = residuals.linear(parameters.values_of(watched))
     p_WM = linear.r.reshape(count, markers, 3)
-    motion = TreeMotion.at(tree, model.readings(readings))
+    motion = TreeMotion.at(tree, data.si_readings, approach=data.si_approach)
     R_WM = np.stack([motion.pose_of(m)[0].transpose(2, 0, 1) for m in tree.markers], axis=1)
     sigma = np.sqrt(_variance(model, parameters, linear.J, linear.by_joint, residuals) / 3.0)
     cameras = {}
@@ -82,11 +86,28 @@ def _variance(
     """Return the trace of each point's covariance, J C J' + A D^2 A'. Shape (points,)."""
     noisy = residuals.observations.noisy_joints
     joint = np.array([model.noise.get(model.tree.joints[i], 0.0) for i, _ in noisy])
-    total = np.sum((by_joint * joint) ** 2, axis=1)
+    play = _unknown_play(model, residuals.observations.data)[:, [i for i, _ in noisy]]
+    by_row = np.repeat(np.hypot(joint, play), 3 * len(model.tree.markers), axis=0)
+    total = np.sum((by_joint * by_row) ** 2, axis=1)
     if model.covariance is not None:
         own = [parameters.index[name] for name in model.covariance.names]
         total = total + np.einsum("ir,ij,jr->r", J[own], model.covariance.matrix, J[own])
     return total.reshape(-1, 3).sum(axis=1)
+
+
+def _sides(model: BodyModel, approach: NDArray | None, shape: tuple[int, ...]) -> NDArray:
+    """Return how each joint last moved, in the sense of its displacement. Shape (N, n)."""
+    side = np.zeros(shape) if approach is None else np.asarray(approach, dtype=float)
+    if side.shape != shape or not np.isin(side, (-1.0, 0.0, 1.0)).all():
+        raise ValueError(f"approach must be -1, 0 or 1, of shape {shape} as the readings")
+    return side * np.sign(model.si_per_unit)
+
+
+def _unknown_play(model: BodyModel, data: BodyDataset) -> NDArray:
+    """Return the half width of the backlash of joints that came from nobody knows where. (N, n)."""
+    bending = model.tree.bending
+    half = np.zeros(len(model.tree.joints)) if bending is None else np.abs(bending.backlash)
+    return np.where(data.si_approach == 0.0, half, 0.0)
 
 
 def _asked(model: BodyModel, readings: NDArray) -> BodyDataset:

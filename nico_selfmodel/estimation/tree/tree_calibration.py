@@ -1,16 +1,20 @@
 """Calibration of any body by any sensors: first body, adjustment, noise, error bars."""
 
 import time
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from functools import cached_property
+from functools import cached_property, partial
 
 import numpy as np
 from numpy.typing import NDArray
 
 from nico_selfmodel.dataset.body.body_dataset import BodyDataset
 from nico_selfmodel.errors import DataError
-from nico_selfmodel.estimation.tree.first_guess import first_bodies
+from nico_selfmodel.estimation.bending.ladder import Ladder, climb
+from nico_selfmodel.estimation.bending.steps import STEPS
+from nico_selfmodel.estimation.bending.what_bends import At
+from nico_selfmodel.estimation.tree.bending_tree import BendingTree, TreeBend
+from nico_selfmodel.estimation.tree.guesses.first_guess import first_bodies
 from nico_selfmodel.estimation.tree.tree_errors import TreeErrors, cross_validated, errors_of
 from nico_selfmodel.estimation.tree.tree_observations import TreeObservations
 from nico_selfmodel.estimation.tree.tree_parameters import TreeParameters
@@ -24,8 +28,9 @@ from nico_selfmodel.estimation.tree.tree_setup import (
     setup_of,
 )
 from nico_selfmodel.estimation.tree.tree_solution import TreeSolution
+from nico_selfmodel.model.arm.bending import Bending
 from nico_selfmodel.model.cameras.camera import Camera
-from nico_selfmodel.model.tree.body_tree import BodyTree
+from nico_selfmodel.model.tree.body_tree import WORLD, BodyTree
 from nico_selfmodel.model.tree.tree_motion import TreeMotion
 from nico_selfmodel.optimization.uncertainty import Uncertainty
 
@@ -69,11 +74,27 @@ class TreeCalibration:
     """Time taken."""
     description: Description | None = field(default=None)
     """The robot as described, where it was."""
+    ladder: Ladder = field(default=Ladder((), None))
+    """What was asked to bend, and what came of it; its solutions are `TreeBend`."""
 
     @cached_property
     def values(self) -> NDArray:
         """Values of all parameters. Shape (P,)."""
         return self.solution.values
+
+    @property
+    def at(self) -> At:
+        """Where markers on links are at the training poses, whatever bends in the body."""
+        data = self.data
+        carried = [marker for marker in self.tree.markers if marker.on != WORLD]
+
+        def at(bending: Bending | None) -> tuple[NDArray, NDArray]:
+            tree = replace(self.tree, bending=bending)
+            motion = TreeMotion.at(tree, data.si_readings, data.X_flange, data.si_approach)
+            points = [motion.pose_of(marker)[1].T for marker in carried]
+            return np.concatenate(points), motion.q.T
+
+        return at
 
 
 def calibrate_tree(
@@ -85,6 +106,8 @@ def calibrate_tree(
     wishes: Wishes | None = None,
     name: str | None = None,
     seed: int = 0,
+    effects: Sequence[str] = STEPS,
+    up: NDArray | None = None,
 ) -> TreeCalibration:
     """Learn a body from all that any sensors measured of it.
 
@@ -96,6 +119,10 @@ def calibrate_tree(
         wishes: What the user holds, frees or knows by name.
         name: Name of the body; the recording's if omitted.
         seed: Of random starts.
+        effects: What may bend, of `estimation.bending.steps.STEPS`: kept where unseen poses gain.
+            With none they are asked for all the same, to tell what they would explain.
+        up: Unit vertical in W, for sag; the first axis that turns and W's are tried if omitted.
+            Shape (3,).
 
     Returns:
         The calibration. A failed check does not raise: see `estimation.judging.judge`.
@@ -117,7 +144,21 @@ def calibrate_tree(
         if _agreeing(costs, observations) >= 2:
             break
     assert best is not None
-    return _finished(best, data, test, description, name, costs, clock)
+    bends = partial(_bent, held=frozenset(wishes.pins.pinned), effects=effects, up=up, seed=seed)
+    return _finished(best, data, test, description, name, costs, clock, bends)
+
+
+def _bent(
+    problem: TreeProblem,
+    solution: TreeSolution,
+    *,
+    held: frozenset[str],
+    effects: Sequence[str],
+    up: NDArray | None,
+    seed: int,
+) -> Ladder:
+    """Ask a rigid body what bends."""
+    return climb(BendingTree(TreeBend(problem, solution), held, up, seed), effects)
 
 
 def _agreeing(costs: list[float], observations: TreeObservations) -> int:
@@ -196,6 +237,7 @@ def _finished(
     name: str | None,
     costs: list[float],
     clock: float,
+    bends: Callable[[TreeProblem, TreeSolution], Ladder],
 ) -> TreeCalibration:
     parameters, setup = start.parameters, start.setup
     residuals = TreeResiduals(TreeObservations.of(data), parameters)
@@ -205,7 +247,10 @@ def _finished(
             f"{len(setup.free)} parameters: record more poses, or fix parameters"
         )
     problem = TreeProblem(residuals, setup.free, setup.priors)
-    solution = problem.refine(start.values)
+    ladder = bends(problem, problem.refine(start.values))
+    problem, solution = ladder.solution.problem, ladder.solution.solution
+    residuals = problem.residuals
+    parameters = residuals.parameters
     tree = parameters.tree_of(solution.values)
     described = None
     if description is not None:
@@ -227,6 +272,7 @@ def _finished(
         _agreeing(costs, residuals.observations),
         time.perf_counter() - clock,
         description,
+        ladder,
     )
 
 
@@ -241,7 +287,9 @@ def _as_described(problem: TreeProblem, solution: TreeSolution, seen: BodyDatase
     parameters = problem.residuals.parameters
     values = solution.values.copy()
     values[: 6 * len(parameters.base.joints)] = 0.0
-    free = frozenset(problem.free_names) - parameters.of_joint_frames
+    values[parameters.bends] = 0.0
+    held = parameters.of_joint_frames | set(parameters.names[parameters.bends])
+    free = frozenset(problem.free_names) - held
     placed = TreeProblem(problem.residuals, free, {}).rough(values)[0]
     return errors_of(parameters.tree_of(placed), seen)
 

@@ -5,6 +5,7 @@ from collections.abc import Mapping
 import numpy as np
 
 from nico_selfmodel.dataset.body.sensors import CAMERA, POINTS, POSES
+from nico_selfmodel.estimation.bending.what_bends import bending_warnings, kept_words
 from nico_selfmodel.estimation.results.calibration_result import (
     FAILURE,
     MISFIT,
@@ -35,12 +36,14 @@ SCALE = (
 
 def tree_findings(calibration: TreeCalibration) -> tuple[Finding, ...]:
     """Return what speaks for and against a body beyond what every calibration is asked."""
-    test = calibration.test
+    test, ladder = calibration.test, calibration.ladder
     said = [] if test is None else [_held_out_words(test)]
+    said += kept_words(ladder, calibration.tree.bending, calibration.at)
+    doubts = [*_slip_words(calibration), *_outlier_words(calibration)]
     return (
         *findings(MISFIT, _misfits(calibration)),
         *findings(FAILURE, _noise_reasons(calibration)),
-        *findings(WARNING, [*_slip_words(calibration), *_outlier_words(calibration)]),
+        *findings(WARNING, [*bending_warnings(ladder, calibration.at), *doubts]),
         *findings(NOTE, said),
     )
 

@@ -243,47 +243,8 @@ class TreeProblem:
 
     def _likeliest(self, linear: TreeLinear, groups: PoseGroups, slipped: NDArray) -> TreeNoise:
         """Return the noise that the residuals ask for, with what fitting took from them."""
-        data = self.observations
-        J = linear.J[self.columns].T[:, None]
-        residuals = LinearResiduals(
-            groups,
-            groups.gather(linear.r[:, None, None]),
-            groups.gather(J),
-            linear.by_joint[:, None],
-            data.noise_group[:, None],
-            slipped,
-        )
-        group, counts = self._joint_groups()
-        kept = groups.rows
-        rms = np.array(
-            [
-                np.sqrt(np.mean(linear.r[kept][data.noise_group[kept] == g] ** 2))
-                for g in range(len(data.noise_groups))
-            ]
-        )
-        lever = np.sqrt(np.mean((linear.by_joint[kept] / rms[data.noise_group[kept], None]) ** 2))
-        floor = np.append(_LEAST_SHARE * rms, np.full(counts, _LEAST_SHARE / max(lever, 1e-12)))
-        search = VarianceSearch(
-            residuals,
-            np.zeros(len(group)),
-            group,
-            np.maximum(floor, 1e-12),
-            data.sigma_held,
-        )
-        found = search.run(self.noise.sensor, self.noise.joint)
-        return TreeNoise(found.sensor, found.joint)
-
-    def _joint_groups(self) -> tuple[NDArray, int]:
-        """Return which noisy parts share a sigma: joints alike, a flange's turns and shifts."""
-        data = self.observations.data
-        names = []
-        for i, part in self.observations.noisy_joints:
-            joint = data.joints[i]
-            own = f"{joint.name} {part // 3}" if joint.motion == "flange" else joint.motion
-            names.append(own)
-        _, first, group = np.unique(names, return_index=True, return_inverse=True)
-        order = np.argsort(np.argsort(first))
-        return order[group], len(first)
+        own = TreeLinear(linear.r, linear.J[self.columns], linear.by_joint)
+        return likeliest_noise(self.observations, own, groups, slipped, self.noise)
 
     def _tested(
         self, linear: TreeLinear, groups: PoseGroups, slipped: NDArray, outliers: NDArray
@@ -302,6 +263,58 @@ class TreeProblem:
         by_joint = linear.by_joint / self.scale[:, None] * sigma
         far = far_observations(self.observations, whitening, r, J, by_joint, prior, outliers)
         return found, far
+
+
+def likeliest_noise(
+    data: TreeObservations,
+    linear: TreeLinear,
+    groups: PoseGroups,
+    slipped: NDArray | None,
+    start: TreeNoise,
+) -> TreeNoise:
+    """Return the noise that residuals ask for, with what fitting took from them.
+
+    Args:
+        data: What was measured.
+        linear: Residuals and their derivatives by what is estimated.
+        groups: What belongs to one pose.
+        slipped: Joints that were read wrongly in a pose, if any. Boolean, (poses, m).
+        start: Where the search begins.
+    """
+    residuals = LinearResiduals(
+        groups,
+        groups.gather(linear.r[:, None, None]),
+        groups.gather(linear.J.T[:, None]),
+        linear.by_joint[:, None],
+        data.noise_group[:, None],
+        slipped,
+    )
+    group, counts = _joint_groups(data)
+    kept = groups.rows
+    rms = np.array(
+        [
+            np.sqrt(np.mean(linear.r[kept][data.noise_group[kept] == g] ** 2))
+            for g in range(len(data.noise_groups))
+        ]
+    )
+    lever = np.sqrt(np.mean((linear.by_joint[kept] / rms[data.noise_group[kept], None]) ** 2))
+    floor = np.append(_LEAST_SHARE * rms, np.full(counts, _LEAST_SHARE / max(lever, 1e-12)))
+    known = np.zeros(len(group))
+    search = VarianceSearch(residuals, known, group, np.maximum(floor, 1e-12), data.sigma_held)
+    found = search.run(start.sensor, start.joint)
+    return TreeNoise(found.sensor, found.joint)
+
+
+def _joint_groups(observations: TreeObservations) -> tuple[NDArray, int]:
+    """Return which noisy parts share a sigma: joints alike, a flange's turns and shifts."""
+    names = []
+    for i, part in observations.noisy_joints:
+        joint = observations.data.joints[i]
+        own = f"{joint.name} {part // 3}" if joint.motion == "flange" else joint.motion
+        names.append(own)
+    _, first, group = np.unique(names, return_index=True, return_inverse=True)
+    order = np.argsort(np.argsort(first))
+    return order[group], len(first)
 
 
 def _regrouped(slipped: NDArray, old: PoseGroups, new: PoseGroups) -> NDArray:

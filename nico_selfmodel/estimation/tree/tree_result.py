@@ -7,6 +7,7 @@ from numpy.typing import NDArray
 
 from nico_selfmodel.dataset.body.body_folder import body_content_hash
 from nico_selfmodel.dataset.body.sensors import CAMERA, POINTS, POSES
+from nico_selfmodel.estimation.bending.what_bends import bending_json
 from nico_selfmodel.estimation.results.calibration_result import (
     CalibrationResult,
     Errors,
@@ -162,6 +163,9 @@ def _details(calibration: TreeCalibration) -> dict[str, Any]:
         "joints": _joints(calibration),
         "described": None if described is None else errors_of_tree(described).to_json(),
         "changes": _changes(calibration),
+        "bending": bending_json(
+            calibration.ladder, calibration.tree.bending, calibration.at, calibration.tree.joints
+        ),
     }
 
 

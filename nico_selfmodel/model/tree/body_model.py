@@ -12,6 +12,7 @@ from nico_selfmodel.errors import DataError, ModelError
 from nico_selfmodel.files.reading import LARGEST_DOCUMENT, read_text
 from nico_selfmodel.files.whole import write_whole
 from nico_selfmodel.files.yaml_text import parse_yaml, yaml_text
+from nico_selfmodel.model.arm.bending_document import bending_document, bending_of
 from nico_selfmodel.model.cameras.camera import Camera
 from nico_selfmodel.model.cameras.projection import POLYNOMIAL, intrinsics_of
 from nico_selfmodel.model.document_values import damage, mapping, mappings, numbers, texts
@@ -77,6 +78,8 @@ def body_text(model: BodyModel) -> str:
         "expected": {unit: dict(found) for unit, found in model.expected.items()},
         "provenance": dict(model.provenance),
     }
+    if tree.bending is not None:
+        document["bending"] = bending_document(tree.bending)
     if model.covariance is not None:
         matrix = model.covariance.matrix.tolist()
         document["covariance"] = {"names": list(model.covariance.names), "matrix": matrix}
@@ -157,6 +160,7 @@ def _model(document: dict[str, Any]) -> BodyModel:
         tuple(_read_attached(entry, index) for entry in mappings(document["markers"], "markers")),
         tuple(_read_attached(entry, index) for entry in sensors),
         {entry["name"]: _read_lens(entry["lens"]) for entry in sensors if "lens" in entry},
+        bending_of(mapping(document["bending"], "bending")) if "bending" in document else None,
     )
     known = document.get("covariance")
     covariance = None

@@ -5,8 +5,8 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
-from nico_selfmodel.estimation.arm.kinematics import KinematicCalibration
-from nico_selfmodel.model.arm.dh_parameters import DhParameters
+from nico_selfmodel.estimation.bending.what_bends import At
+from nico_selfmodel.model.arm.bending import Bending
 from nico_selfmodel.viz.figures import palette
 from nico_selfmodel.viz.figures.plot_style import FULL_WIDTH, MANY, headline, style
 
@@ -16,29 +16,28 @@ _TURNS = 181
 """Angles at which a joint's ripple is drawn."""
 
 
-def bent_hands(calibration: KinematicCalibration) -> Figure | None:
+def bent_hands(bending: Bending | None, at: At) -> Figure | None:
     """Draw how far bending moves the hand at every pose, seen from two sides, and joint by joint.
 
-    None of a rigid arm.
+    Args:
+        bending: What bends; nothing is drawn of a rigid body.
+        at: Where tracked points are.
     """
-    parameters = calibration.model.parameters
-    if parameters.bending is None:
+    if bending is None:
         return None
-    observations = calibration.train.observations
-    rigid = DhParameters(parameters.table, parameters.servos, parameters.turn)
-    at = rigid.points(observations.angles, observations.marker, observations.approach)
-    moved = parameters.points(observations.angles, observations.marker, observations.approach) - at
+    still, (bent, _) = at(None)[0], at(bending)
+    moved = bent - still
     with style():
         figure = Figure(figsize=(FULL_WIDTH, 3.6))
         panels = figure.subplots(1, 3)
         stretch = (
             _ARROW
-            * float(np.ptp(at, axis=0).max())
+            * float(np.ptp(still, axis=0).max())
             / max(float(np.linalg.norm(moved, axis=1).max()), 1e-12)
         )
-        for axes, (a, b) in zip(panels[:2], _sides(parameters), strict=True):
-            _arrows(axes, at, moved * stretch, a, b)
-        _turns_of_joints(panels[2], parameters)
+        for axes, (a, b) in zip(panels[:2], _sides(bending), strict=True):
+            _arrows(axes, still, moved * stretch, a, b)
+        _turns_of_joints(panels[2], bending)
         worst = 1e3 * float(np.linalg.norm(moved, axis=1).max())
         headline(
             figure, f"Bending moves the hand by up to {worst:.2g} mm; arrows {stretch:.0f} times"
@@ -46,10 +45,9 @@ def bent_hands(calibration: KinematicCalibration) -> Figure | None:
     return figure
 
 
-def _sides(parameters: DhParameters) -> tuple[tuple[int, int], tuple[int, int]]:
+def _sides(bending: Bending) -> tuple[tuple[int, int], tuple[int, int]]:
     """Return two pairs of axes of W to look along, the vertical upright in both."""
-    assert parameters.bending is not None
-    height = int(np.argmax(np.abs(parameters.bending.up)))
+    height = int(np.argmax(np.abs(bending.up)))
     first, second = (axis for axis in range(3) if axis != height)
     return (first, height), (second, height)
 
@@ -74,10 +72,8 @@ def _arrows(axes: Axes, at: NDArray, moved: NDArray, a: int, b: int) -> None:
     axes.margins(0.12)
 
 
-def _turns_of_joints(axes: Axes, parameters: DhParameters) -> None:
+def _turns_of_joints(axes: Axes, bending: Bending) -> None:
     """Draw the ripple of each joint over its angle; else how much each gives way."""
-    bending = parameters.bending
-    assert bending is not None
     joints = bending.joints
     if "ripple" in bending.effects:
         angle = np.linspace(-180.0, 180.0, _TURNS)

@@ -51,7 +51,7 @@ def arm_report(
     sections = (
         *_refused(document),
         _errors(calibration, document, length),
-        *bending_section(calibration, document),
+        *bending_section(calibration.model.bending, calibration.at, document),
         _where(calibration),
         _known(calibration, document),
         parts.section(

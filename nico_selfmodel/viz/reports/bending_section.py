@@ -3,20 +3,21 @@
 from collections.abc import Mapping
 from typing import Any
 
-from nico_selfmodel.estimation.arm.kinematics import KinematicCalibration
-from nico_selfmodel.estimation.bending.what_bends import WORDS
+from nico_selfmodel.estimation.bending.what_bends import WORDS, At
+from nico_selfmodel.model.arm.bending import Bending
 from nico_selfmodel.viz.figures.bending_plots import bent_hands
 from nico_selfmodel.viz.reports import parts
 from nico_selfmodel.viz.reports.tables import Cell, Table, number_cell
 
 
 def bending_section(
-    calibration: KinematicCalibration, document: Mapping[str, Any]
+    bends: Bending | None, at: At, document: Mapping[str, Any]
 ) -> list[parts.Section]:
     """Return the section; nothing where nothing was asked.
 
     Args:
-        calibration: What was learned.
+        bends: What bends.
+        at: Where tracked points are.
         document: `estimation.judging.to_json` of it; the numbers shown are these.
     """
     bending = document["bending"]
@@ -30,7 +31,7 @@ def bending_section(
     section = parts.section(
         "What bends",
         None if bending["effects"] else parts.Text("Nothing that these data tell: it is rigid."),
-        parts.drawing("How bending moves the hand", bent_hands(calibration)),
+        parts.drawing("How bending moves the hand", bent_hands(bends, at)),
         parts.numbers(_joints(bending)),
         parts.numbers(_ladder(bending), "cards"),
         parts.hint(words),
@@ -58,17 +59,18 @@ def _joints(bending: Mapping[str, Any]) -> Table | None:
 
 def _ladder(bending: Mapping[str, Any]) -> Table:
     """Return what was tried, in its order."""
+    unit = "mm" if "unseen_mm" in bending else "px"
     rows = tuple(
         (
             f"{step['effect']}: {'kept' if step['kept'] else step['reason']}",
             (
-                number_cell(step["before_mm"], 3),
-                number_cell(step["after_mm"], 3),
+                number_cell(step[f"before_{unit}"], 3),
+                number_cell(step[f"after_{unit}"], 3),
                 Cell(f"{100 * step['gain']:.1f} %", f"{100 * step['gain_sigma']:.1f}"),
                 number_cell(step["evidence"], 1),
             ),
         )
         for step in bending["tried"]
     )
-    headings = ("tried", "unseen before [mm]", "after [mm]", "gain", "2 log evidence")
+    headings = ("tried", f"unseen before [{unit}]", f"after [{unit}]", "gain", "2 log evidence")
     return Table(headings, rows)

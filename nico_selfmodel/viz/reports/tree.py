@@ -10,6 +10,7 @@ from nico_selfmodel.estimation.tree.tree_calibration import TreeCalibration
 from nico_selfmodel.model.tree.body_tree import FLANGE, REVOLUTE
 from nico_selfmodel.viz.figures.distribution_plot import distribution, error_sets
 from nico_selfmodel.viz.reports import parts, shared_sections
+from nico_selfmodel.viz.reports.bending_section import bending_section
 from nico_selfmodel.viz.reports.page import Report, headline_quantity, key_number
 from nico_selfmodel.viz.reports.parameter_tables import ParameterTables
 from nico_selfmodel.viz.reports.residual_rows import tree_csv
@@ -40,6 +41,7 @@ def tree_report(calibration: TreeCalibration, document: Mapping[str, Any]) -> Re
     sections = (
         _errors(calibration, document),
         *_changes(document),
+        *bending_section(calibration.tree.bending, calibration.at, document),
         _noise(calibration, document),
         shared_sections.learned_section(
             document,

@@ -9,10 +9,10 @@ from numpy.typing import NDArray
 from nico_selfmodel.dataset.body.body_dataset import ANY_POSE, BodyDataset
 from nico_selfmodel.dataset.body.sensors import CAMERA, DISTANCE, POINTS, POSES
 from nico_selfmodel.errors import DataError
-from nico_selfmodel.estimation.tree.camera_guess import cameras_from_markers, resected
-from nico_selfmodel.estimation.tree.cameras_around import cameras_all_around
-from nico_selfmodel.estimation.tree.hand_eye import HandEye
-from nico_selfmodel.estimation.tree.point_guess import SeenPoints, body_from_points
+from nico_selfmodel.estimation.tree.guesses.camera_guess import cameras_from_markers, resected
+from nico_selfmodel.estimation.tree.guesses.cameras_around import cameras_all_around
+from nico_selfmodel.estimation.tree.guesses.hand_eye import HandEye
+from nico_selfmodel.estimation.tree.guesses.point_guess import SeenPoints, body_from_points
 from nico_selfmodel.estimation.tree.tree_observations import SensorRows, TreeObservations
 from nico_selfmodel.estimation.tree.tree_setup import Description
 from nico_selfmodel.geometry.alignment import Alignment

@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from nico_selfmodel.errors import DataError
-from nico_selfmodel.estimation.tree.point_guess import SeenPoints
+from nico_selfmodel.estimation.tree.guesses.point_guess import SeenPoints
 from nico_selfmodel.estimation.tree.tree_observations import SensorRows
 from nico_selfmodel.geometry.epipolar import RelativePose, essential, homogeneous, two_view_depths
 from nico_selfmodel.geometry.resection import FEWEST, robust_camera_pose

@@ -1,0 +1,251 @@
+"""A body and all that any sensors saw of it, as the ladder asks them."""
+
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from nico_selfmodel.dataset.body.body_dataset import ANY_POSE
+from nico_selfmodel.dataset.body.sensors import CAMERA
+from nico_selfmodel.estimation.bending.asked_poses import (
+    FEWEST_POSES,
+    MOST_ROWS,
+    mean_by_pose,
+    verticals,
+)
+from nico_selfmodel.estimation.bending.bending_arm import SURE
+from nico_selfmodel.estimation.bending.steps import from_both_sides
+from nico_selfmodel.estimation.tree.tree_observations import SensorRows, TreeObservations
+from nico_selfmodel.estimation.tree.tree_problem import TreeProblem
+from nico_selfmodel.estimation.tree.tree_residuals import TreeResiduals
+from nico_selfmodel.estimation.tree.tree_setup import Priors
+from nico_selfmodel.estimation.tree.tree_solution import TreeNoise, TreeSolution
+from nico_selfmodel.estimation.tree.weighed_tree import PLACES, TreePosture, WeighedTree, lengths
+from nico_selfmodel.model.arm.bending import COUPLING, LOADS, Bending
+from nico_selfmodel.model.tree.body_tree import REVOLUTE
+from nico_selfmodel.model.tree.tree_load import tree_rods
+from nico_selfmodel.model.tree.tree_motion import TreeMotion
+from nico_selfmodel.optimization.losses import robust_scale
+
+
+@dataclass(frozen=True, eq=False)
+class TreeBend:
+    """A body's solution with what bends in it, and the problem that it solves."""
+
+    problem: TreeProblem
+    solution: TreeSolution
+
+    @property
+    def posture(self) -> TreePosture:
+        """Its parameters."""
+        return TreePosture(self.problem.residuals.parameters, self.solution.values)
+
+
+@dataclass(frozen=True, eq=False)
+class BendingTree:
+    """A body at its rigid solution: see `bendable.Bendable`."""
+
+    solution: TreeBend
+    """The rigid one."""
+    held: frozenset[str] = frozenset()
+    """Parameters that the user holds."""
+    up: NDArray | None = None
+    """Unit vertical in W, shape (3,), if it is known."""
+    seed: int = 0
+    """Of the poses that are asked where there are many."""
+    observations: TreeObservations | None = None
+    """What is asked; all that was measured if omitted."""
+    outliers: NDArray | None = None
+    """Rows of its table that do not count; the solution's if omitted. Boolean, shape (N,)."""
+    aside: NDArray | None = None
+    """The same among all that was measured."""
+
+    @property
+    def seen(self) -> TreeObservations:
+        """What is asked."""
+        return self.observations or self.solution.problem.observations
+
+    @property
+    def posture(self) -> TreePosture:
+        """Parameters of the rigid body."""
+        return self.solution.posture
+
+    def posture_of(self, solution: TreeBend) -> TreePosture:
+        """Return the parameters of a solution."""
+        return solution.posture
+
+    @property
+    def noise(self) -> TreeNoise:
+        """About the rigid body."""
+        return self.solution.solution.noise
+
+    @property
+    def joints(self) -> tuple[str, ...]:
+        """Names."""
+        return self.seen.data.joint_names
+
+    @property
+    def free(self) -> tuple[str, ...]:
+        """Names of the rigid parameters that are estimated."""
+        return self.solution.problem.free_names
+
+    @property
+    def unit(self) -> str:
+        """Unit of errors: that of the first sensor that sees poses."""
+        return "px" if self._seeing[0].kind == CAMERA else "mm"
+
+    @property
+    def _seeing(self) -> list[SensorRows]:
+        """What tells where something is, in space rather than in images."""
+        rows = [rows for rows in self.seen.sensors if rows.kind in PLACES]
+        return sorted(rows, key=lambda one: one.kind == CAMERA)
+
+    @property
+    def _turning(self) -> NDArray:
+        """Which joints turn and are read. Boolean, shape (n,)."""
+        joints = self.seen.data.joints
+        return np.array([j.motion == REVOLUTE and not j.follows for j in joints])
+
+    @property
+    def known_gears(self) -> tuple[str, ...]:
+        """Names of gears that a unit tells and nobody holds."""
+        names = (
+            f"{joint.name}.gear"
+            for joint, turns in zip(self.seen.data.joints, self._turning, strict=True)
+            if turns and joint.gear_known
+        )
+        return tuple(name for name in names if name not in {*self.held, *self.free})
+
+    @property
+    def sides(self) -> bool:
+        """Whether some joint is known to have come from both sides."""
+        return from_both_sides(np.asarray(self.seen.data.approach))
+
+    @property
+    def enough(self) -> bool:
+        """Whether there are enough poses to ask, of a body with joints that turn."""
+        if not (self._seeing and self._turning.any() and self.solution.solution.variances_known):
+            return False
+        rows = np.concatenate([one.rows for one in self._seeing])
+        poses = len(np.unique(self._pose_of_rows()[rows]))
+        return poses >= FEWEST_POSES and self.seen.scalars >= 2 * len(self.free)
+
+    @property
+    def ups(self) -> tuple[tuple[NDArray, bool], ...]:
+        """What may be the vertical in W, and whether its sense is certain."""
+        if self.up is not None:
+            return ((self.up, True),)
+        first = int(np.flatnonzero(self._turning)[0])
+        return verticals(self._still.R_WJ[first, :, 2, 0])
+
+    @property
+    def _still(self) -> TreeMotion:
+        tree = replace(self.posture.tree, bending=None)
+        data = self.seen.data
+        return TreeMotion.at(tree, np.zeros((1, len(data.joints))), data.X_flange[:1])
+
+    def rods(self) -> tuple[NDArray, NDArray]:
+        """Return loads and pivots of uniform rods."""
+        return tree_rods(self._still)
+
+    def names_of(self, bending: Bending, effect: str) -> tuple[str, ...]:
+        """Return an effect's numbers: of joints that turn, coupled to joints on their way.
+
+        What hangs from joints that turn is a load.
+        """
+        beyond = self.posture.parameters.base.beyond[:-1]
+        bends = self._turning
+        if effect == COUPLING:
+            near = (beyond | beyond.T) & bends[:, None] & bends[None, :]
+            keep = near[bending.others]
+        elif effect == LOADS:
+            keep = np.repeat(beyond[:, bends].any(axis=1), 3)
+        else:
+            keep = np.repeat(bends, len(bending.names_of(effect)) // len(bends))
+        return tuple(n for n, k in zip(bending.names_of(effect), keep, strict=True) if k)
+
+    def weighed(
+        self, posture: TreePosture, free: tuple[str, ...], noise: TreeNoise
+    ) -> "WeighedTree":
+        """Linearise about a body."""
+        outliers = self.solution.solution.outliers if self.outliers is None else self.outliers
+        linear = TreeResiduals(self.seen, posture.parameters).linear(posture.values)
+        rows = np.concatenate([one.rows for one in self._seeing])
+        rows = np.sort(rows[~outliers[rows]])
+        return WeighedTree(
+            *(self.seen, posture, free, noise, linear, outliers, rows),
+            self._pose_of_rows()[rows],
+            self.solution.problem.priors,
+            self._size_of_rows()[rows],
+        )
+
+    def _pose_of_rows(self) -> NDArray:
+        """Return the pose of each row of the table; -1 of what is in no pose. Shape (N,)."""
+        data = self.seen.data
+        return np.append(data.pose, ANY_POSE)[data.observations.pose]
+
+    def _size_of_rows(self) -> NDArray:
+        """Return what makes errors of all sensors alike: noise of the first over theirs. (N,)."""
+        sigma = np.ones(len(self.seen.data.observations))
+        for rows in self.seen.sensors:
+            sigma[rows.rows] = self.noise.sensor[self.seen.noise_group[rows.first]]
+        return np.asarray(sigma[self._seeing[0].rows[0]] / sigma)
+
+    def turns(self, posture: TreePosture) -> NDArray:
+        """Return how much joints turn beyond their displacements. Shape (N, n)."""
+        tree, data = posture.tree, self.seen.data
+        read = data.si_readings, data.X_flange, data.si_approach
+        q = TreeMotion.at(replace(tree, bending=None), *read).q
+        return np.asarray((TreeMotion.at(tree, *read).q - q).T[:, self._turning])
+
+    def few(self) -> "Iterator[BendingTree]":
+        """Yield what is asked: some poses, without what is an outlier whatever bends.
+
+        Poses in which a joint was read wrongly are left out once.
+        """
+        solution, data = self.solution.solution, self.seen.data
+        table = data.observations
+        visit = np.append(data.visit, -1)[table.pose]
+        slipped = np.append(solution.slipped.any(axis=1), False)
+        slipped = (visit >= 0) & slipped[np.minimum(visit, len(slipped) - 1)]
+        distance = self._distances(self.posture)
+        scale = robust_scale(distance[~solution.outliers & np.isfinite(distance)], 3)
+        aside = [solution.outliers & (distance > sure * scale) for sure in SURE]
+        aside[0] = aside[0] | slipped
+        keep = self._thinned()
+        kept_rows = np.append(keep, True)[table.pose]
+        few = self.seen if keep.all() else TreeObservations.of(data.select(keep))
+        for without in np.unique(np.stack(aside), axis=0):
+            yield replace(self, observations=few, outliers=without[kept_rows], aside=without)
+
+    def _thinned(self) -> NDArray:
+        """Return as many samples, of whole poses drawn at random, as tell an effect. (P,)."""
+        data = self.seen.data
+        rows = len(data.observations)
+        if rows <= MOST_ROWS:
+            return np.ones(len(data.sample), dtype=bool)
+        poses = np.random.default_rng((self.seed, 5)).permutation(np.unique(data.pose))
+        count = max(int(MOST_ROWS / rows * len(poses)), FEWEST_POSES)
+        return np.isin(data.pose, poses[:count])
+
+    def _distances(self, posture: TreePosture) -> NDArray:
+        """Return the error of each row, alike for all sensors; nan where it is none. (N,)."""
+        r = TreeResiduals(self.seen, posture.parameters).residuals(posture.values)
+        return lengths(self.seen, r) * self._size_of_rows()
+
+    def bent(
+        self, posture: TreePosture, free: tuple[str, ...], priors: Priors, noise: TreeNoise
+    ) -> TreeBend:
+        """Return the solution of all observations, outliers looked for anew."""
+        rigid = self.solution
+        residuals = TreeResiduals(rigid.problem.observations, posture.parameters)
+        both = {**rigid.problem.priors, **priors}
+        problem = TreeProblem(residuals, frozenset(free), both, noise)
+        return TreeBend(problem, problem.refine(posture.values, self.aside))
+
+    def log_error(self, posture: TreePosture) -> float:
+        """Return the mean over poses of log(error), outliers included."""
+        distance, pose = self._distances(posture), self._pose_of_rows()
+        told = np.isfinite(distance) & (pose >= 0)
+        return float(np.log(mean_by_pose(distance[told], pose[told])).mean())

@@ -1,0 +1,189 @@
+"""Observations linearised about a body, whitened by pose, as the ladder fits effects to them."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+from functools import cached_property
+
+import numpy as np
+from numpy.typing import NDArray
+
+from nico_selfmodel.dataset.body.sensors import CAMERA, POINTS, POSES
+from nico_selfmodel.estimation.noise.pose_noise import PoseGroups, PoseNoise, PoseWhitening
+from nico_selfmodel.estimation.tree.tree_observations import TreeObservations
+from nico_selfmodel.estimation.tree.tree_parameters import TreeParameters
+from nico_selfmodel.estimation.tree.tree_problem import likeliest_noise
+from nico_selfmodel.estimation.tree.tree_residuals import TreeLinear
+from nico_selfmodel.estimation.tree.tree_setup import Priors
+from nico_selfmodel.estimation.tree.tree_solution import TreeNoise
+from nico_selfmodel.model.arm.bending import Bending
+from nico_selfmodel.model.tree.body_tree import BodyTree
+
+PLACES = (POINTS, POSES, CAMERA)
+"""Kinds of sensors that tell where something is."""
+
+
+@dataclass(frozen=True, eq=False)
+class TreePosture:
+    """A body's parameters: see `bendable.Posture`."""
+
+    parameters: TreeParameters
+    """What they are told from."""
+    values: NDArray
+    """All of them. Shape (P,)."""
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """Of all of them."""
+        return self.parameters.names
+
+    @property
+    def tree(self) -> BodyTree:
+        """The body."""
+        return self.parameters.tree_of(self.values)
+
+    @property
+    def bending(self) -> Bending | None:
+        """What bends."""
+        return self.tree.bending
+
+    @property
+    def gears(self) -> NDArray:
+        """Of all joints. Shape (n,)."""
+        return np.asarray(self.values[self.parameters.gears])
+
+    def with_values(self, values: NDArray) -> "TreePosture":
+        """Return the same body with other values."""
+        return TreePosture(self.parameters, np.asarray(values, dtype=float))
+
+    def with_bending(self, bending: Bending | None) -> "TreePosture":
+        """Return the same body in which something else bends."""
+        rigid = self.values[: self.parameters.bends.start]
+        bends = np.zeros(0) if bending is None else bending.values
+        parameters = self.parameters.with_bending(bending)
+        return TreePosture(parameters, np.concatenate([rigid, bends]))
+
+
+def lengths(seen: TreeObservations, r: NDArray) -> NDArray:
+    """Return how far off what tells places is, by row of the table; nan for the rest. (N,)."""
+    out = np.full(len(seen.data.observations), np.nan)
+    for rows in seen.sensors:
+        if rows.kind in PLACES:
+            off = r[rows.scalars].reshape(len(rows.rows), -1)
+            out[rows.rows] = np.linalg.norm(off[:, :3], axis=1)
+    return out
+
+
+@dataclass(frozen=True, eq=False)
+class WeighedTree:
+    """Observations about a body: see `bendable.Weighed`."""
+
+    seen: TreeObservations
+    posture: TreePosture
+    free: tuple[str, ...]
+    """Names of the columns."""
+    noise: TreeNoise
+    """What disturbs the observations."""
+    linear: TreeLinear
+    outliers: NDArray
+    """Rows of the table that do not count. Shape (N,)."""
+    rows: NDArray
+    """Rows of the table whose errors are compared. Shape (K,)."""
+    pose: NDArray
+    """Their poses. Shape (K,)."""
+    priors: Priors
+    """Of rigid parameters."""
+    size: NDArray
+    """What makes errors of all sensors alike. Shape (K,)."""
+
+    def with_noise(self, noise: TreeNoise) -> "WeighedTree":
+        """Return the same with other noise."""
+        return replace(self, noise=noise)
+
+    @cached_property
+    def _groups(self) -> PoseGroups:
+        return PoseGroups(self.seen.visit, ~self.outliers[self.seen.row], 1, self.seen.pose)
+
+    @cached_property
+    def _scale(self) -> NDArray:
+        return np.asarray(self.noise.sensor[self.seen.noise_group])
+
+    @cached_property
+    def _whitening(self) -> PoseWhitening:
+        by_joint = (self.linear.by_joint / self._scale[:, None])[:, None]
+        return PoseWhitening(self._groups, by_joint, PoseNoise(1.0, self.noise.joint))
+
+    @cached_property
+    def _columns(self) -> NDArray:
+        index = self.posture.parameters.index
+        return np.array([index[name] for name in self.free], dtype=int)
+
+    @cached_property
+    def _white(self) -> tuple[NDArray, NDArray]:
+        J = (self.linear.J[self._columns] / self._scale)[:, None]
+        r, slopes = self._whitening.whiten((-self.linear.r / self._scale)[None], J)
+        keep = self._groups.rows
+        now = dict(zip(self.posture.names, self.posture.values.tolist(), strict=True))
+        told = [name for name in self.free if name in self.priors]
+        rows = np.zeros((len(told), len(self.free)))
+        pull = np.zeros(len(told))
+        for i, name in enumerate(told):
+            mean, sigma = self.priors[name]
+            rows[i, self.free.index(name)], pull[i] = 1.0 / sigma, (mean - now[name]) / sigma
+        return np.vstack([slopes[:, 0, keep].T, rows]), np.append(r[0, keep], pull)
+
+    @property
+    def U(self) -> NDArray:
+        """Whitened derivatives, each pose counted once; priors of rigid parameters are rows."""
+        return self._white[0]
+
+    @property
+    def u(self) -> NDArray:
+        """Whitened residuals."""
+        return self._white[1]
+
+    @property
+    def row(self) -> NDArray:
+        """A row of the same visit that counts, of each whitened one; -1 of what is in no pose."""
+        place = np.full(len(self.seen.data.observations), -1)
+        place[self.rows] = np.arange(len(self.rows))
+        # Whatever else a pose shows is left out with it.
+        of_pose = dict(zip(self.pose.tolist(), range(len(self.pose)), strict=True))
+        pose = self.seen.pose[self._groups.rows]
+        by_pose = np.array([of_pose.get(number, -1) for number in pose.tolist()])
+        found = place[self.seen.row[self._groups.rows]]
+        found = np.where(found < 0, by_pose, found)
+        return np.append(found, np.full(len(self.u) - len(found), -1))
+
+    @property
+    def _share(self) -> float:
+        return float(self._groups.weight.mean())
+
+    @property
+    def coordinates(self) -> float:
+        """How many numbers count."""
+        return self._share * len(self._groups.rows)
+
+    @property
+    def log_determinant(self) -> float:
+        """Logarithm of the determinant of their covariance."""
+        scales = 2.0 * float(np.log(self._scale[self._groups.rows]).sum())
+        return self._share * (self._whitening.log_determinant + scales)
+
+    def likeliest(self, change: Mapping[str, float], told: float) -> TreeNoise:
+        """Return the noise that is left once numbers of effects are changed by so much."""
+        bends = np.array([name in change for name in self.free], dtype=bool)
+        step = np.array([change[name] for name in self.free if name in change])
+        own = self._columns[bends]
+        r = self.linear.r + step @ self.linear.J[own] if len(own) else self.linear.r
+        rigid = self._columns[~bends]
+        linear = TreeLinear(r, self.linear.J[rigid], self.linear.by_joint)
+        found = likeliest_noise(self.seen, linear, self._groups, None, self.noise)
+        left = len(self._groups.rows) - len(rigid)
+        factor = float(np.sqrt(left / max(left - told, 1.0)))
+        sensor = np.where(self.seen.sigma_held, found.sensor, factor * found.sensor)
+        return TreeNoise(sensor, factor * found.joint)
+
+    def errors(self, step: NDArray, rows: NDArray) -> NDArray:
+        """Return errors of some rows that count, after a step [m or px, of the first sensor]."""
+        missed = self.linear.r + step @ self.linear.J[self._columns]
+        return (lengths(self.seen, missed)[self.rows] * self.size)[rows]
