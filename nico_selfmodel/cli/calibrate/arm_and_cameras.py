@@ -9,6 +9,7 @@ from nico_selfmodel.progress import Progress
 
 if TYPE_CHECKING:
     from nico_selfmodel.dataset.board_views import BoardViews
+    from nico_selfmodel.estimation.initialization.nominal_arm import NominalArm
     from nico_selfmodel.vision.boards.board_detection import AnyBoard
 
 
