@@ -86,18 +86,18 @@ def _by_coupling(bending: Bending, at: Bent) -> NDArray:
 
 def _by_loads(bending: Bending, at: Bent) -> NDArray:
     """a_i . (R_j e x -up) = e . R_j' (-up x a_i), for every axis a_i of a joint that carries j."""
-    n = len(bending.joints)
-    carries = np.triu(np.ones((n, n), dtype=bool)) if at.carries is None else at.carries
     by_turn = at.by_turn * bending.sag[:, None]
     if at.drives is not None:
-        by_turn = np.einsum("ji,kiN->kjN", at.drives, by_turn)
+        by_turn = np.tensordot(by_turn, at.drives, ([1], [1])).swapaxes(1, 2)
     x, y = (by * bending.bearing_sag[:, None] for by in at.by_bearing)
-    out = np.zeros((len(by_turn), len(at.q), n, 3))
+    pulls = np.zeros((len(by_turn), *at.before.shape[:2], 3))
     for axis, by in ((2, by_turn), (0, x), (1, y)):
         a = np.moveaxis(at.before[..., axis], -1, 0)
         pull = np.moveaxis(cross(-bending.up.reshape(3, 1, 1), a), 0, -1)
-        for j in range(n):
-            below = carries[:, j]
-            own = (np.swapaxes(at.after[j], -1, -2) @ pull[below, :, :, None])[..., 0]
-            out[:, :, j] += np.einsum("cin,ine->cne", by[:, below], own)
-    return out.reshape(len(by_turn), len(at.q), -1)
+        pulls += by[..., None] * pull
+    if at.carries is None:
+        felt = np.cumsum(pulls, axis=1)
+    else:
+        felt = np.moveaxis(np.tensordot(at.carries.T.astype(float), pulls, ([1], [1])), 1, 0)
+    out = (felt[..., None, :] @ at.after)[..., 0, :]
+    return out.transpose(0, 2, 1, 3).reshape(len(by_turn), len(at.q), -1)
