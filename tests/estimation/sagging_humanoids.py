@@ -25,7 +25,7 @@ from nico_selfmodel.geometry.transform import transform
 from nico_selfmodel.model.arm.bending import BEARING, SAG, Bending
 from nico_selfmodel.model.tree.body_tree import Attached, BodyTree
 
-from .simulated_trees import turned
+from .simulated_trees import LENS, looking_at, turned
 
 GRAVITY = 9.81
 _Z, _Y, _X = np.eye(3)[2], np.eye(3)[1], np.eye(3)[0]
@@ -153,14 +153,16 @@ class SaggingHumanoid:
             moved[own] += np.cross(turn, p[own] - foot)
         return moved
 
-    def recorded(self, rng, poses, *, sigma=3e-4, hands="lr"):
-        """A recording by motion capture of some hands, and the true places of all markers."""
+    def recorded(self, rng, poses, *, sigma=3e-4, hands="lr", cameras=False):
+        """A recording by motion capture of some hands, or by two cameras; and the true places."""
         n = len(self.joints)
         q = rng.uniform(-1.2, 1.2, (poses, n))
         q[:, 0] *= 0.4
         q[:, 1] = 0.0
         true = self.postures(q)
         seen = [k for k, m in enumerate(self.tree.markers) if m.name[0] in hands]
+        if cameras:
+            return self._filmed(rng, q, true[:, seen], seen), true[:, seen]
         rows = len(seen) * poses
         values = np.full((rows, 6), np.nan)
         values[:, :3] = true[:, seen].reshape(-1, 3) + sigma * rng.normal(size=(rows, 3))
@@ -182,12 +184,43 @@ class SaggingHumanoid:
             "humanoid", self.joints, markers, sensors, np.arange(poses), readings, table
         ), true[:, seen]
 
+    def _filmed(self, rng, q, true, seen, sigma=0.3):
+        """What two cameras before it see, whose lenses are known."""
+        poses, count = true.shape[:2]
+        places = [looking_at(np.array([1.8, y, 1.2]), [0.0, 0.0, 0.8]) for y in (-0.3, 0.4)]
+        tables = []
+        for s, X_WC in enumerate(places):
+            values = np.full((poses * count, 6), np.nan)
+            pixels = LENS.at(X_WC).project(true.reshape(-1, 3))
+            values[:, :2] = pixels + sigma * rng.normal(size=pixels.shape)
+            inside = (values[:, :2] > 0) & (values[:, :2] < np.array(LENS.image_size))
+            rows = np.flatnonzero(inside.all(axis=1))
+            tables.append((rows // count, np.full(len(rows), s), rows % count, values[rows]))
+        pose, sensor, marker, values = (np.concatenate(c) for c in zip(*tables, strict=True))
+        table = ObservationTable(pose, sensor, marker, np.full(len(pose), -1), values)
+        lens = dict(LENS.named_values)
+        sensors = tuple(
+            SensorInfo(n, "camera", image_size=LENS.image_size, lens=lens) for n in ("one", "two")
+        )
+        markers = tuple(
+            MarkerInfo(self.tree.markers[k].name, self.joints[self.tree.markers[k].on].name)
+            for k in seen
+        )
+        readings = q.copy()
+        readings[:, 1] = np.nan
+        return BodyDataset(
+            "filmed", self.joints, markers, sensors, np.arange(poses), readings, table
+        )
+
     def described(self, rng, data, degrees=2.0, millimetres=10.0):
         """The robot as its description has it, a little off."""
         known = {marker.name for marker in data.markers}
         X = np.stack([X @ turned(rng, degrees, millimetres) for X in self.tree.X_PJ])
         markers = tuple(m for m in self.tree.markers if m.name in known)
-        return Description(replace(self.tree, X_PJ=X, markers=markers))
+        sensors = tuple(Attached(s.name, -1) for s in data.sensors)
+        lenses = {s.name: LENS for s in data.sensors if s.kind == "camera"}
+        off = replace(self.tree, X_PJ=X, markers=markers, sensors=sensors, lenses=lenses)
+        return Description(off)
 
     def bending(self):
         """What bends in truth, as a body's model has it."""

@@ -178,6 +178,10 @@ class Bendable(Protocol):
         """Return how much joints turn beyond their displacements at all poses. Shape (N, n)."""
         ...
 
+    def moments(self, posture: Any) -> NDArray:
+        """Return the moments about the joints at all poses [m of the weight]. Shape (n, N)."""
+        ...
+
     def few(self) -> "Iterable[Bendable]":
         """Return what is asked: some poses, without what is an outlier whatever bends."""
         ...

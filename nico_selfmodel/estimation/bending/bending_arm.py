@@ -23,7 +23,7 @@ from nico_selfmodel.estimation.noise.variance_components import LinearResiduals
 from nico_selfmodel.estimation.observations.observations import Observations, gears_known
 from nico_selfmodel.model.arm.bending import Bending
 from nico_selfmodel.model.arm.dh_parameters import DhParameters
-from nico_selfmodel.model.arm.loaded_posture import loaded
+from nico_selfmodel.model.arm.loaded_posture import LoadedPosture, loaded
 from nico_selfmodel.model.arm.uniform_rods import uniform_rods
 
 SURE = (8.0, 40.0)
@@ -126,10 +126,19 @@ class BendingArm:
 
     def turns(self, posture: DhParameters) -> NDArray:
         """Return how much joints turn beyond their displacements. Shape (N, n)."""
+        found = self._loaded(posture)
+        return np.asarray(found.q - found.q_read)
+
+    def moments(self, posture: DhParameters) -> NDArray:
+        """Return the moments about the joints [m of the weight]. Shape (n, N)."""
+        found = self._loaded(posture).moments
+        assert found is not None
+        return found[:, :, 2]
+
+    def _loaded(self, posture: DhParameters) -> LoadedPosture:
         seen = self.observations
         q = (seen.angles - posture.servos.offset) / posture.servos.gear
-        found = loaded(posture.table, posture.bending, q, seen.approach)
-        return np.asarray(found.q - found.q_read)
+        return loaded(posture.table, posture.bending, q, seen.approach)
 
     def few(self) -> "Iterator[BendingArm]":
         """Yield what is asked: some poses, without what is an outlier whatever bends."""

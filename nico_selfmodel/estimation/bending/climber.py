@@ -96,7 +96,7 @@ class Climber:
             candidates = [self._fitted(wanted, self._about(up)) for up, _ in self.ups]
             best = int(np.argmin([fit.evidence for fit in candidates]))
             after, (up, certain) = candidates[best], self.ups[best]
-            if not certain and lifts(after):
+            if not certain and lifts(after, self.body):
                 after = self._fitted(wanted, self._about(-up))
         else:
             after = self._fitted(wanted, self.still)

@@ -31,7 +31,7 @@ def implausible(fit: EffectFit, body: Bendable) -> str:
     bent = fit.parameters.with_values(fit.values)
     if np.any(bent.gears <= 0.0):
         return "a gear would turn negative"
-    if SAG in fit.groups and lifts(fit):
+    if SAG in fit.groups and lifts(fit, body):
         return LIFTS
     if gear_fault(fit):
         return gear_fault(fit)
@@ -41,10 +41,14 @@ def implausible(fit: EffectFit, body: Bendable) -> str:
     return ""
 
 
-def lifts(fit: EffectFit) -> bool:
-    """Whether the joints lift what they carry, all in all."""
-    names, values = fit.parameters.names, fit.values
-    return bool(sum(values[names.index(name)] for name in fit.groups[SAG]) < 0.0)
+def lifts(fit: EffectFit, body: Bendable) -> bool:
+    """Whether joints that give way lift what they carry, all in all: gravity's work is negative.
+
+    A joint that turns by k m under a moment m lowers what it carries by k m^2.
+    """
+    bent = fit.parameters.with_values(fit.values)
+    assert bent.bending is not None
+    return bool(bent.bending.sag @ np.sum(body.moments(bent) ** 2, axis=1) < 0.0)
 
 
 def gear_fault(fit: EffectFit) -> str:

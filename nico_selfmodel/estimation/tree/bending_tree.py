@@ -23,7 +23,7 @@ from nico_selfmodel.estimation.tree.tree_setup import Priors
 from nico_selfmodel.estimation.tree.tree_solution import TreeNoise, TreeSolution
 from nico_selfmodel.estimation.tree.weighed_tree import PLACES, TreePosture, WeighedTree, lengths
 from nico_selfmodel.model.arm.bending import COUPLING, LOADS, Bending
-from nico_selfmodel.model.tree.body_tree import REVOLUTE
+from nico_selfmodel.model.tree.body_tree import REVOLUTE, BodyTree
 from nico_selfmodel.model.tree.tree_load import tree_rods
 from nico_selfmodel.model.tree.tree_motion import TreeMotion
 from nico_selfmodel.optimization.losses import robust_scale
@@ -141,8 +141,7 @@ class BendingTree:
 
     @property
     def _still(self) -> TreeMotion:
-        tree = replace(self.posture.tree, bending=None)
-        data = self.seen.data
+        tree, data = self._rigid(self.posture), self.seen.data
         return TreeMotion.at(tree, np.zeros((1, len(data.joints))), data.X_flange[:1])
 
     def rods(self) -> tuple[NDArray, NDArray]:
@@ -194,10 +193,21 @@ class BendingTree:
 
     def turns(self, posture: TreePosture) -> NDArray:
         """Return how much joints turn beyond their displacements. Shape (N, n)."""
-        tree, data = posture.tree, self.seen.data
-        read = data.si_readings, data.X_flange, data.si_approach
-        q = TreeMotion.at(replace(tree, bending=None), *read).q
-        return np.asarray((TreeMotion.at(tree, *read).q - q).T[:, self._turning])
+        bent, rigid = (self._moved(tree) for tree in (posture.tree, self._rigid(posture)))
+        return np.asarray((bent.q - rigid.q).T[:, self._turning])
+
+    def moments(self, posture: TreePosture) -> NDArray:
+        """Return the moments about the joints [m of the weight]. Shape (n, N)."""
+        load = self._moved(posture.tree).load
+        assert load is not None
+        return load.moments[:, :, 2]
+
+    def _rigid(self, posture: TreePosture) -> BodyTree:
+        return replace(posture.tree, bending=None)
+
+    def _moved(self, tree: BodyTree) -> TreeMotion:
+        data = self.seen.data
+        return TreeMotion.at(tree, data.si_readings, data.X_flange, data.si_approach)
 
     def few(self) -> "Iterator[BendingTree]":
         """Yield what is asked: some poses, without what is an outlier whatever bends.

@@ -17,8 +17,8 @@ from nico_selfmodel.viz.scene.scene_items import Item, Segments, Triad
 
 _NEAR = 2.0
 """W itself is shown where it lies within this many sizes of the data."""
-ASPECT = 1.5
-"""Of the window that first views are made for: width over height."""
+ASPECT = 1.15
+"""Of the narrowest window that first views are made for: width over height."""
 _CHALK = "#e4e9ee"
 NIGHT_SCRIPT = f"""
 const inks = ["{palette.INK[1:]}", "{_CHALK[1:]}"];

@@ -1,0 +1,162 @@
+"""What bends in any body: sag by Drake's masses, loads of another arm, cameras, backlash."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from nico_selfmodel.dataset.body.body_folder import load_body_dataset, save_body_dataset
+from nico_selfmodel.dataset.body.conversion import body_dataset_of
+from nico_selfmodel.estimation.arm.kinematics import calibrate_kinematics
+from nico_selfmodel.estimation.judging import judge, to_json
+from nico_selfmodel.estimation.tree.body_prediction import predict_body
+from nico_selfmodel.estimation.tree.tree_calibration import calibrate_tree
+from nico_selfmodel.estimation.tree.tree_errors import errors_of
+from nico_selfmodel.estimation.tree.tree_problem import TreeProblem
+from nico_selfmodel.estimation.tree.tree_residuals import TreeResiduals
+from nico_selfmodel.estimation.tree.tree_result import body_model
+from nico_selfmodel.model.tree.body_model import load_body, save_body
+
+from .sagging_arms import mean_mm
+from .sagging_humanoids import SaggingHumanoid
+from .simulated_trees import one_arm
+from .test_bending_arms import arm_and_data
+
+
+def mean_error(calibration):
+    return float(np.nanmean(calibration.test.by_row()))
+
+
+def told(truth, rigid, test):
+    """Mean error of the fit that is told what bends."""
+    parameters = rigid.parameters.with_bending(truth.bending())
+    residuals = TreeResiduals(rigid.train.observations, parameters)
+    problem = TreeProblem(residuals, rigid.setup.free, rigid.setup.priors)
+    values = problem.refine(np.concatenate([rigid.values, truth.bending().values])).values
+    return float(np.nanmean(errors_of(parameters.tree_of(values), test).by_row()))
+
+
+def humanoid(seed, poses, *, hands="lr", cameras=False, **weak):
+    rng = np.random.default_rng((seed, 7))
+    truth = SaggingHumanoid.drawn(rng, **weak)
+    train, _ = truth.recorded(rng, poses, hands=hands, cameras=cameras)
+    test, _ = truth.recorded(rng, 100, hands=hands, cameras=cameras)
+    return truth, train, test, truth.described(rng, train)
+
+
+@pytest.fixture(scope="module")
+def sagging():
+    """An arm that sags, learned as an arm and as a body."""
+    _, train, test, true = arm_and_data(0, 40)
+    arm = calibrate_kinematics(train, explain=False)
+    body = calibrate_tree(body_dataset_of(train), test=body_dataset_of(test))
+    return arm, body, test, true
+
+
+def test_an_arm_bends_alike_whether_it_is_learned_as_an_arm_or_as_a_body(sagging):
+    arm, body, test, _ = sagging
+    assert body.ladder.kept == arm.ladder.kept == ("sag",)
+    of_arm = mean_mm(arm.model.parameters, test, test.p_WH_measured)
+    assert 1e3 * mean_error(body) == pytest.approx(of_arm, rel=0.01)
+    sags = body.tree.bending.sag, arm.model.bending.sag
+    assert sags[0] == pytest.approx(sags[1], abs=0.05 * np.abs(sags[1]).max())
+
+
+def test_what_bends_in_a_body_is_written_read_and_predicted_with_its_sigma(sagging, tmp_path):
+    _, body, test, true = sagging
+    save_body(body_model(body), tmp_path / "body.yaml")
+    model = load_body(tmp_path / "body.yaml")
+    assert model.tree.bending.names == body.tree.bending.names
+    assert model.tree.bending.values.tolist() == body.tree.bending.values.tolist()
+    found = predict_body(model, test.encoders)
+    off = found.p_WM[:, 0] - true
+    normalised = np.sum(off**2, axis=1) / (3.0 * found.sigma[:, 0] ** 2)
+    assert 0.4 < normalised.mean() < 2.2
+
+
+def test_what_bends_stands_in_result_and_verdict(sagging):
+    document = to_json(sagging[1], judge(sagging[1]))
+    assert document["bending"]["effects"] == ["sag"]
+    assert document["bending"]["hand_mm"]["sag"]["max"] > 0.5
+    assert any("joints sag" in note for note in document["reasons"])
+    assert "j2.sag" in document["parameters"]
+
+
+def test_a_body_that_may_not_bend_says_what_it_would_gain():
+    _, train, _, _ = arm_and_data(1, 40)
+    rigid = calibrate_tree(body_dataset_of(train), effects=())
+    assert rigid.tree.bending is None
+    words = " ".join(to_json(rigid, judge(rigid))["warnings"])
+    assert "joints sag by up to" in words
+    assert "--effects auto" in words
+
+
+@pytest.mark.parametrize("how", [{"markers": 2}, {"markers": 2, "sensor": "camera"}])
+def test_a_rigid_body_stays_rigid(how):
+    found = calibrate_tree(one_arm(904, poses=40, **how).data)
+    assert found.ladder.kept == ()
+    assert found.tree.bending is None
+    assert len(found.ladder.steps) >= 4
+
+
+def test_a_humanoid_that_sags_is_learned_nearly_as_if_its_masses_were_told():
+    truth, train, test, description = humanoid(3, 150, bearing=1.0, sag=6.0)
+    rigid = calibrate_tree(train, test=test, description=description, effects=())
+    found = calibrate_tree(train, test=test, description=description)
+    assert found.ladder.kept[:2] == ("sag", "bearing_sag")
+    assert mean_error(found) < 1.15 * told(truth, rigid, test)
+    assert mean_error(found) < 0.5 * mean_error(rigid)
+    assert found.tree.bending.up == pytest.approx([0.0, 0.0, 1.0], abs=0.05)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("seed", [11, 12])
+@pytest.mark.parametrize(("hands", "bound"), [("lr", 1.15), ("r", 1.4)])
+def test_a_humanoid_of_500_poses_reaches_what_it_must(seed, hands, bound):
+    truth, train, test, description = humanoid(seed, 500, hands=hands, bearing=1.0, sag=6.0)
+    rigid = calibrate_tree(train, test=test, description=description, effects=())
+    found = calibrate_tree(train, test=test, description=description)
+    assert mean_error(found) < bound * told(truth, rigid, test)
+
+
+def test_cameras_tell_sag_in_pixels():
+    _, train, test, description = humanoid(4, 80, cameras=True, sag=12.0, markers=2)
+    rigid = calibrate_tree(train, test=test, description=description, effects=())
+    found = calibrate_tree(train, test=test, description=description)
+    assert "sag" in found.ladder.kept
+    assert found.ladder.unit == "px"
+    assert "unseen_px" in to_json(found, judge(found))["bending"]
+    assert mean_error(found) < 0.8 * mean_error(rigid)
+
+
+@pytest.fixture(scope="module")
+def loose():
+    _, train, test, true = arm_and_data(3, 60, sag=0.0, backlash=0.4)
+    return body_dataset_of(train), body_dataset_of(test), test, true
+
+
+def test_sides_of_joints_stay_with_a_recording_of_a_body(loose, tmp_path):
+    save_body_dataset(loose[0], tmp_path / "data")
+    again = load_body_dataset(tmp_path / "data")
+    assert np.array_equal(again.approach, loose[0].approach)
+    assert np.abs(again.approach).min() == 1
+    half = again.select(np.arange(60) < 30)
+    assert np.array_equal(half.approach, again.approach[:30])
+
+
+def test_backlash_of_a_body_is_learned_and_uncertain_where_the_side_is_not_known(loose):
+    train, test, dataset, true = loose
+    found = calibrate_tree(train, test=test)
+    nobody = calibrate_tree(
+        replace(train, approach=None), test=replace(test, approach=None), effects=()
+    )
+    assert "backlash" in found.ladder.kept
+    assert mean_error(found) < 0.4 * mean_error(nobody)
+    model = body_model(found)
+    known = predict_body(model, test.readings, np.asarray(test.approach))
+    unknown = predict_body(model, test.readings)
+    assert np.linalg.norm(known.p_WM[:, 0] - true, axis=1).mean() < 3e-4
+    assert (unknown.sigma > 5.0 * known.sigma).mean() > 0.9
+    off = np.sum((unknown.p_WM[:, 0] - true) ** 2, axis=1) / (3.0 * unknown.sigma[:, 0] ** 2)
+    assert 0.4 < off.mean() < 2.0
+    assert len(dataset) == len(true)
