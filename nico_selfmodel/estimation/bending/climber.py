@@ -22,6 +22,7 @@ from nico_selfmodel.model.arm.bending import (
     BEARING,
     LOADS,
     PARTS,
+    PIVOTS,
     RIPPLE,
     SAG,
     Bending,
@@ -32,11 +33,11 @@ _WORTH = 10.0
 _GAIN = 0.01
 """Mean logarithm of the errors' ratio that unseen poses must gain."""
 _GEARS_DO = "gears that are a little off explain it better"
-_PASSES = 2
-"""Times that what went is tried: another effect may have hidden it."""
 _LOADS = 0.2
 """Standard deviation of a load's coordinate about that of uniform rods, as a part of their rms:
 motors and shells are no rods."""
+_PIVOTS = 1.0
+"""The same of the places of bearings on their axes: they may be anywhere on their link."""
 
 
 class Climber:
@@ -46,12 +47,14 @@ class Climber:
         """Stand before the first step, at the rigid body."""
         self.body, self.ups = body, body.ups
         self.kept: tuple[str, ...] = ()
+        self.besides: tuple[str, ...] = ()
         self.gears = body.known_gears
         loads, pivots = body.rods()
         self.still = Bending.none(body.joints, self.ups[0][0], loads, pivots)
-        weighty = self.still.with_effects(LOADS)
+        weighty = self.still.with_effects(LOADS, PIVOTS)
         self.rods = dict(zip(weighty.names, weighty.values.tolist(), strict=True))
-        self.load_variance = (_LOADS * float(np.sqrt(np.mean(np.sum(loads**2, axis=1))))) ** 2
+        rms = float(np.sqrt(np.mean(np.sum(loads**2, axis=1))))
+        self.known = {LOADS: (_LOADS * rms) ** 2, PIVOTS: (_PIVOTS * rms) ** 2}
         self.parameters, self.noise = body.posture, body.noise
         self.first: EffectFit | None = None
         self.fit: EffectFit | None = None
@@ -62,22 +65,18 @@ class Climber:
         A gear that contradicts its unit is a fault, no bend.
         """
         steps: dict[str, Step] = {}
-        for _ in range(_PASSES):
-            before = self.kept
-            for effect in STEPS:
-                if effect not in asked or effect in self.kept:
-                    continue
-                if (effect == GEAR and not self.gears) or (
-                    effect == BACKLASH and not self.body.sides
-                ):
-                    continue
-                steps[effect] = self.try_step(effect)
-                if steps[effect].reason.startswith(NO_GEAR):
-                    self.kept = ()
-                    why = steps[effect].reason
-                    return [replace(step, kept=False, reason=why) for step in steps.values()]
-            if self.kept == before:
-                break
+        beside: dict[str, tuple[str, ...]] = {}
+        for effect in (*STEPS, *STEPS):
+            # What went beside all that is kept now would go again.
+            again = effect in self.kept or beside.get(effect) == self.kept
+            if effect not in asked or again or not self._may_be(effect):
+                continue
+            beside[effect] = self.kept
+            steps[effect] = self.try_step(effect)
+            if steps[effect].reason.startswith(NO_GEAR):
+                self.kept = ()
+                why = steps[effect].reason
+                return [replace(step, kept=False, reason=why) for step in steps.values()]
         return list(steps.values())
 
     def _may_be(self, effect: str) -> bool:
@@ -144,7 +143,8 @@ class Climber:
 
     def _fitted(self, effects: tuple[str, ...], bending: Bending) -> EffectFit:
         """Return the fit of some effects about the arm so far."""
-        known = {LOADS: self.load_variance} if {SAG, BEARING} & set(effects) else {}
+        known = {LOADS: self.known[LOADS]} if {SAG, BEARING} & set(effects) else {}
+        known |= {PIVOTS: self.known[PIVOTS]} if BEARING in effects else {}
         effects = (*effects, *known)
         bending = bending.with_effects(*(effect for effect in effects if effect in PARTS))
         parameters = self.parameters.with_bending(bending)
@@ -157,20 +157,24 @@ class Climber:
     def _again(self, fit: EffectFit) -> EffectFit:
         """Return the same fit about where it ended: one step of a large effect is not enough."""
         parameters = fit.parameters.with_values(fit.values)
-        known = {LOADS: self.load_variance} if LOADS in fit.groups else {}
+        known = {effect: v for effect, v in self.known.items() if effect in fit.groups}
         return fit_effects(
             self.body, parameters, fit.groups, fit.means, known, fit.variance, fit.noise
         )
 
     def _judged(self, effect: str, before: EffectFit, after: EffectFit) -> Step:
-        one, two = (mean_by_pose(fit.left_out, fit.pose) for fit in (before, after))
-        gains = np.log(one / two)
+        gains = self._gains(before, after)
         gain = float(gains.mean())
         sigma = float(gains.std(ddof=1) / np.sqrt(len(gains)))
         worth = before.evidence - after.evidence
         reason = self._reason(effect, after, gain, sigma, worth)
         means = self._typical(before), self._typical(after)
         return Step(effect, not reason, *means, gain, sigma, worth, reason)
+
+    def _gains(self, before: EffectFit, after: EffectFit) -> NDArray:
+        """Return log(error before / error after) of unseen poses. Shape (P,)."""
+        one, two = (mean_by_pose(fit.left_out, fit.pose) for fit in (before, after))
+        return np.log(one / two)
 
     def _reason(
         self, effect: str, after: EffectFit, gain: float, sigma: float, worth: float
@@ -187,7 +191,32 @@ class Climber:
         assert self.parameters.bending is not None
         self.still = self.parameters.bending
         self.fit = fit  # where the next search for its variances begins
-        self.fit = self._fitted(self.kept, self.still)
+        self.fit = self._fitted((*self.kept, *self.besides), self.still)
+
+    def accompany(self, effects: Sequence[str]) -> None:
+        """Let what is too little to stay by itself be uncertain, in a body that bends at all.
+
+        Held near zero by its evidence, it costs unseen poses nothing; without it joint noise takes
+        its place, and what is told of unseen poses is too sure.
+
+        Args:
+            effects: What was asked for.
+        """
+        if self.fit is None:
+            return
+        rest = [e for e in effects if e not in self.kept and self._may_be(e)]
+        stiff = [e for e in rest if e not in (SAG, BEARING)]
+        for asked in (rest, stiff):
+            found = self._fitted((*self.kept, *asked), self.still)
+            besides = tuple(e for e in asked if found.variance[e] > 0.0)
+            if not besides:
+                return
+            gains = self._gains(self.fit, found)
+            loses = gains.mean() < -gains.std(ddof=1) / np.sqrt(len(gains))
+            if not (loses or implausible(found, self.body)):
+                self.besides = besides
+                self._adopt(self._fitted((*self.kept, *besides), self.still))
+                return
 
     def solution(self) -> Any:
         """Return the body with what it keeps, outliers of all observations looked for anew."""

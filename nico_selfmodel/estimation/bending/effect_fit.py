@@ -29,6 +29,10 @@ _SIZES = (1.0, 1e-3)
 _GONE = 1e-3
 """Numbers told by the data below which an effect is not there."""
 _LEAST = 1e-12
+_ALIKE = 0.05
+"""Relative difference of variances below which two answers are one."""
+_Told = tuple[NDArray, dict[str, float], float]
+"""Step, variances, and how many numbers the data tell."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -104,8 +108,8 @@ def fit_effects(
     task = _Task(free, member, start, dict(known))
     weighed = body.weighed(parameters, free, noise)
     fits = []
-    for size in _SIZES if set(groups) - set(known) - set(begin) else _SIZES[:1]:
-        found = task.fitted(weighed, begin, size)
+    for told in task.starts(weighed, begin):
+        found = task.fitted(weighed, *told)
         fits.append(EffectFit(parameters, free, found[0], groups, means, *found[1:], weighed.pose))
     return min(fits, key=lambda fit: fit.evidence)
 
@@ -118,15 +122,27 @@ class _Task:
     """What each column's number is now, above the value at which it has no effect. Shape (k,)."""
     known: Mapping[str, float]
 
+    def starts(self, weighed: Weighed, begin: Mapping[str, float]) -> list[_Told]:
+        """Return the answers, by evidence, of effects that begin large and small; one if alike."""
+        new = set(self.member) - set(self.known) - set(begin)
+        large, *small = (
+            self.by_evidence(weighed, begin, size) for size in (_SIZES if new else _SIZES[:1])
+        )
+        others = [
+            told
+            for told in small
+            if any(abs(told[1][e] - v) > _ALIKE * v for e, v in large[1].items())
+        ]
+        return [large, *others]
+
     def fitted(
-        self, weighed: Weighed, begin: Mapping[str, float], size: float
+        self, weighed: Weighed, step: NDArray, variance: dict[str, float], told: float
     ) -> tuple[NDArray, dict[str, float], Any, float, NDArray]:
         """Return step, variances, noise, evidence and the errors of rows left out."""
-        step, variance, told = self.by_evidence(weighed, begin, size)
         of_effects = np.concatenate([np.zeros(0, dtype=int), *self.member.values()]).tolist()
         noise = weighed.likeliest({self.free[i]: float(step[i]) for i in of_effects}, told)
         weighed = weighed.with_noise(noise)
-        step, variance, _ = self.by_evidence(weighed, variance, size)
+        step, variance, _ = self.by_evidence(weighed, variance, _SIZES[1])
         left = weighed.u - weighed.U @ step
         deviance = weighed.log_determinant + float(left @ left)
         asked = sum(effect not in self.known for effect in self.member)

@@ -58,15 +58,17 @@ def climb(body: Bendable, effects: Sequence[str] | None = STEPS) -> Ladder:
     wanted = () if effects is None or tuple(effects) == STEPS else tuple(effects)
     if effects is None or not body.enough:
         return Ladder((), body.solution, wanted=wanted)
-    found = []
+    climbed = []
     for few in body.few():
         climber = Climber(few)
         steps = climber.pruned(climber.climb(effects or STEPS))
-        adopted = bool(effects and climber.kept)
-        solution = climber.solution() if adopted else body.solution
-        bent = climber.parameters if climber.kept else None
-        found.append(Ladder(steps, solution, bent, adopted, climber.unseen, body.unit))
-    best = min(found, key=lambda ladder: _log_error(body, ladder))
+        climber.accompany(effects or STEPS)
+        climbed.append((climber, steps))
+    climber, steps = min(climbed, key=lambda one: body.log_error(one[0].parameters))
+    adopted = bool(effects and climber.kept)
+    solution = climber.solution() if adopted else body.solution
+    bent = climber.parameters if climber.kept else None
+    best = Ladder(steps, solution, bent, adopted, climber.unseen, body.unit)
     if not _is_better(best, body):
         best = _left_rigid(best, body)
     return replace(best, wanted=wanted)
@@ -78,7 +80,8 @@ def _is_better(ladder: Ladder, body: Bendable) -> bool:
         return True
     if np.any(body.posture_of(ladder.solution).gears <= 0.0):
         return False
-    return _log_error(body, ladder) < body.log_error(body.posture)
+    solved = body.posture_of(ladder.solution)
+    return body.log_error(solved) < body.log_error(body.posture)
 
 
 def _left_rigid(ladder: Ladder, body: Bendable) -> Ladder:
@@ -86,10 +89,3 @@ def _left_rigid(ladder: Ladder, body: Bendable) -> Ladder:
     why = "solved together, the arm is no better"
     steps = (replace(s, kept=False, reason=why) if s.kept else s for s in ladder.steps)
     return Ladder(tuple(steps), body.solution, unseen=ladder.unseen, unit=ladder.unit)
-
-
-def _log_error(body: Bendable, ladder: Ladder) -> float:
-    """Return the mean over poses of log(error), outliers included, of the body that bends."""
-    if not ladder.adopted and ladder.bent is not None:
-        return body.log_error(ladder.bent)
-    return body.log_error(body.posture_of(ladder.solution))

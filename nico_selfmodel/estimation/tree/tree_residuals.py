@@ -134,7 +134,7 @@ class TreeResiduals:
         seen, seeing = self._items(rows)
         n = len(tree.joints)
         signs = self._beyond[self._on[seen]].astype(float) - self._beyond[self._on[seeing]]
-        by_q, across = np.zeros((n, N, k)), np.zeros((2, n, N, k))
+        by_q, across = np.zeros((n, N, k)), np.zeros((4, n, N, k))
         for i in range(n):
             moved = np.flatnonzero(signs[:, i])
             if not len(moved):
@@ -215,12 +215,15 @@ class TreeResiduals:
 
 
 def _by_bearing(i: int, motion: TreeMotion, push: "_Push", moved: NDArray) -> NDArray:
-    """Return what turns of a bearing across its axis, about its own place, move. (2, M, k)."""
+    """Return what turns of a bearing across its axis, about its own place, and shifts move.
+
+    About x and y, then along them. Shape (4, M, k).
+    """
     assert motion.tree.bending is not None
     R, pivot = motion.R_WJ[i], motion.tree.bending.pivots[i]
-    about = push.of(moved, motion.p_WJ[i] + pivot * R[:, 2])[0]
+    about, along = push.of(moved, motion.p_WJ[i] + pivot * R[:, 2])
     turns = np.moveaxis(R[:, :2][:, :, push.pose[moved]], 2, 0)
-    return np.moveaxis(about @ turns, 2, 0)
+    return np.moveaxis(np.concatenate([about @ turns, along @ turns], axis=2), 2, 0)
 
 
 def _by_bends(motion: TreeMotion, read: NDArray, across: NDArray, pose: NDArray) -> NDArray:
@@ -229,7 +232,7 @@ def _by_bends(motion: TreeMotion, read: NDArray, across: NDArray, pose: NDArray)
     Args:
         motion: The body where it bends.
         read: Derivatives of the residuals by what is read. Shape (n, N, k).
-        across: Those by turns of bearings about x and y. Shape (2, n, N, k).
+        across: Those by turns of bearings about x and y, and by shifts. Shape (4, n, N, k).
         pose: Samples of the rows. Shape (N,).
 
     Returns:
@@ -239,10 +242,12 @@ def _by_bends(motion: TreeMotion, read: NDArray, across: NDArray, pose: NDArray)
     assert tree.bending is not None
     assert load is not None
     turns = np.array([motion == REVOLUTE for motion in tree.motions], dtype=float)
-    by_turn, x, y = (np.moveaxis(by, 2, 0) for by in (read * turns[:, None, None], *across))
+    by_turn, x, y, *shifts = (
+        np.moveaxis(by, 2, 0) for by in (read * turns[:, None, None], *across)
+    )
     frames = load.before[:, pose], load.after[:, pose], load.moments[:, pose]
     at = Bent(
-        *(load.q[pose], load.approach[pose], *frames, by_turn, (x, y)),
+        *(load.q[pose], load.approach[pose], *frames, by_turn, (x, y), (shifts[0], shifts[1])),
         carries=carries(motion),
         drives=tree.coupling,
     )

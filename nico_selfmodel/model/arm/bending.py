@@ -26,11 +26,12 @@ from nico_selfmodel.geometry.transform import transform
 from nico_selfmodel.model.arm.line_kinematics import cross
 
 SAG, BEARING, BACKLASH = "sag", "bearing_sag", "backlash"
-RIPPLE, COUPLING, LOADS = "ripple", "coupling", "loads"
+RIPPLE, COUPLING = "ripple", "coupling"
+LOADS, PIVOTS = "loads", "pivots"
 EFFECTS = (SAG, BEARING, BACKLASH, RIPPLE, COUPLING)
 """What may bend, in the order in which it is asked for."""
-PARTS = (*EFFECTS, LOADS)
-"""What is learned of it: of what sags, how it is loaded besides."""
+PARTS = (*EFFECTS, LOADS, PIVOTS)
+"""What is learned of it: of what sags how it is loaded besides, and where its bearings are."""
 HARMONICS = (1, 2)
 """Of the ripple, in turns of the joint."""
 _X, _Y, _Z = np.eye(3)
@@ -123,13 +124,15 @@ class Bending:
             return tuple(f"{i}.{COUPLING}_{j}" for i in joints for j in joints if i != j)
         if effect == LOADS:
             return tuple(f"{joint}.load_{axis}" for joint in joints for axis in "xyz")
+        if effect == PIVOTS:
+            return tuple(f"{joint}.pivot" for joint in joints)
         return tuple(f"{joint}.{effect}" for joint in joints)
 
     @property
     def units(self) -> tuple[str, ...]:
         """Units of `names`."""
         by_effect = {SAG: "rad/m", BEARING: "rad/m", BACKLASH: "rad", RIPPLE: "rad"}
-        by_effect |= {COUPLING: "1", LOADS: "m"}
+        by_effect |= {COUPLING: "1", LOADS: "m", PIVOTS: "m"}
         return tuple(by_effect[e] for e in self.effects for _ in self.names_of(e))
 
     @property

@@ -11,6 +11,7 @@ from nico_selfmodel.model.arm.bending import (
     COUPLING,
     HARMONICS,
     LOADS,
+    PIVOTS,
     RIPPLE,
     SAG,
     Bending,
@@ -36,6 +37,8 @@ class Bent:
     """Derivatives of what is seen by turns of what is read. Shape (k, n, N)."""
     by_bearing: tuple[NDArray, NDArray]
     """By turns about x and y of the frame before each joint, through its pivot. (k, n, N) each."""
+    by_shift: tuple[NDArray, NDArray]
+    """By shifts along x and y of that frame. Shape (k, n, N) each."""
     carries: NDArray | None = None
     """Whether a joint (row) carries a link (column); each all that follow if None. (n, n)."""
     drives: NDArray | None = None
@@ -53,7 +56,7 @@ def bending_slopes(bending: Bending, at: Bent) -> NDArray:
         Shape (k, N, len(bending.names)).
     """
     parts = {SAG: _by_sag, BEARING: _by_bearing_sag, BACKLASH: _by_backlash, RIPPLE: _by_ripple}
-    parts |= {COUPLING: _by_coupling, LOADS: _by_loads}
+    parts |= {COUPLING: _by_coupling, LOADS: _by_loads, PIVOTS: _by_pivots}
     nothing = np.zeros((len(at.by_turn), len(at.q), 0))
     found = (parts[effect](bending, at) for effect in bending.effects)
     return np.concatenate([nothing, *found], axis=2)
@@ -101,3 +104,10 @@ def _by_loads(bending: Bending, at: Bent) -> NDArray:
         felt = np.moveaxis(np.tensordot(at.carries.T.astype(float), pulls, ([1], [1])), 1, 0)
     out = (felt[..., None, :] @ at.after)[..., 0, :]
     return out.transpose(0, 2, 1, 3).reshape(len(by_turn), len(at.q), -1)
+
+
+def _by_pivots(bending: Bending, at: Bent) -> NDArray:
+    """A bearing that turns by w = (w_x, w_y) about c + z shifts all beyond by -w x z."""
+    wx, wy = np.moveaxis(at.moments[..., :2], -1, 0) * bending.bearing_sag[:, None]
+    x, y = at.by_shift
+    return np.swapaxes(y * wx - x * wy, 1, 2)

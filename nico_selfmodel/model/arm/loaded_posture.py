@@ -60,7 +60,8 @@ class LoadedPosture:
         across = cross(axes[:, 0], arm), cross(axes[:, 1], arm)
         side = np.zeros(self.q_read.shape) if self.approach is None else self.approach
         R = self.rigid[..., :3, :3]
-        at = Bent(self.q_read, side, R[:-1], R[1:], self.moments, by_turn, across)
+        shifts = axes[:, 0], axes[:, 1]
+        at = Bent(self.q_read, side, R[:-1], R[1:], self.moments, by_turn, across, shifts)
         return bending_slopes(bending, at)
 
 
