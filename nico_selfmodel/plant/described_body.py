@@ -10,8 +10,9 @@ from pydrake.multibody.tree import Joint, PrismaticJoint, RevoluteJoint
 from nico_selfmodel.dataset.body.body_dataset import BodyDataset
 from nico_selfmodel.errors import ModelError
 from nico_selfmodel.geometry.rotation import tangent_basis
-from nico_selfmodel.geometry.transform import inverse, transform
+from nico_selfmodel.geometry.transform import apply, inverse, transform
 from nico_selfmodel.model.tree.body_tree import FLANGE, PRISMATIC, REVOLUTE, WORLD, BodyTree
+from nico_selfmodel.model.tree.tree_motion import TreeMotion
 from nico_selfmodel.names import listed
 from nico_selfmodel.plant.kinematic_tree import KinematicTree
 
@@ -56,6 +57,38 @@ def described_body(urdf: Path, data: BodyDataset, blank: BodyTree) -> BodyTree:
     markers = tuple(replace(m, X_LA=placed(m.name, m.on, m.X_LA)) for m in blank.markers)
     sensors = tuple(replace(s, X_LA=placed(s.name, s.on, s.X_LA)) for s in blank.sensors)
     return replace(blank, X_PJ=X_PJ, markers=markers, sensors=sensors)
+
+
+def described_masses(urdf: Path, body: BodyTree) -> tuple[NDArray, NDArray] | None:
+    """Return what each link weighs, with all that stands still on it.
+
+    Args:
+        urdf: The description.
+        body: Where it puts a recording's body, `described_body`.
+
+    Returns:
+        Masses [kg], shape (n,), and their centres on the links [m], shape (n, 3); None where the
+        description has none.
+    """
+    described = KinematicTree.from_urdf(urdf)
+    plant, root = described.plant, described.roots[0]
+    still = TreeMotion.at(body, np.zeros((1, len(body.joints))))
+    index = {name: i for i, name in enumerate(body.joints)}
+    mass, moment = np.zeros(len(index)), np.zeros((len(index), 3))
+    for link in plant.GetBodyIndices(described.instance):
+        part = plant.get_body(link)
+        names = [joint.name() for joint in described.joints_down_to(part.name())]
+        carriers = [index[name] for name in names if name in index]
+        if not carriers or not part.default_mass() > 0.0:
+            continue
+        i, own = carriers[-1], part.default_spatial_inertia()
+        X_WB = described.poses({}, root, [part.body_frame()])[0]
+        X_WL = transform(still.R_WL[i, :, :, 0], still.p_WL[i, :, 0])
+        mass[i] += own.get_mass()
+        moment[i] += own.get_mass() * apply(inverse(X_WL) @ X_WB, own.get_com())
+    if not mass.any():
+        return None
+    return mass, moment / np.maximum(mass, np.finfo(float).tiny)[:, None]
 
 
 def _axis_frame(described: KinematicTree, root: str, joint: Joint, motion: str) -> NDArray:

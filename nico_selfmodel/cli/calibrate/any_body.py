@@ -101,7 +101,9 @@ def _lenses(path: Path | None) -> "dict[str, Camera]":
 def _described(robot: str, data: "BodyDataset", lenses: "dict[str, Camera]") -> "Description":
     """Return the robot as its description has it."""
     from nico_selfmodel.estimation.tree.tree_setup import Description, blank_body
-    from nico_selfmodel.plant.described_body import described_body
+    from nico_selfmodel.plant.described_body import described_body, described_masses
     from nico_selfmodel.plant.robots import find_robot
 
-    return Description(described_body(find_robot(robot), data, blank_body(data, lenses)))
+    urdf = find_robot(robot)
+    body = described_body(urdf, data, blank_body(data, lenses))
+    return Description(body, masses=described_masses(urdf, body))

@@ -24,7 +24,7 @@ from nico_selfmodel.estimation.tree.tree_solution import TreeNoise, TreeSolution
 from nico_selfmodel.estimation.tree.weighed_tree import PLACES, TreePosture, WeighedTree, lengths
 from nico_selfmodel.model.arm.bending import COUPLING, LOADS, Bending
 from nico_selfmodel.model.tree.body_tree import REVOLUTE, BodyTree
-from nico_selfmodel.model.tree.tree_load import tree_rods
+from nico_selfmodel.model.tree.tree_load import tree_loads, tree_rods
 from nico_selfmodel.model.tree.tree_motion import TreeMotion
 from nico_selfmodel.optimization.losses import robust_scale
 
@@ -54,6 +54,8 @@ class BendingTree:
     """Unit vertical in W, shape (3,), if it is known."""
     seed: int = 0
     """Of the poses that are asked where there are many."""
+    masses: tuple[NDArray, NDArray] | None = None
+    """Those of a `Description`."""
     observations: TreeObservations | None = None
     """What is asked; all that was measured if omitted."""
     outliers: NDArray | None = None
@@ -145,8 +147,11 @@ class BendingTree:
         return TreeMotion.at(tree, np.zeros((1, len(data.joints))), data.X_flange[:1])
 
     def rods(self) -> tuple[NDArray, NDArray]:
-        """Return loads and pivots of uniform rods."""
-        return tree_rods(self._still)
+        """Return loads and pivots: of masses that are described, else of uniform rods."""
+        loads, pivots = tree_rods(self._still)
+        if self.masses is None:
+            return loads, pivots
+        return tree_loads(self.posture.tree, *self.masses, pivots), pivots
 
     def names_of(self, bending: Bending, effect: str) -> tuple[str, ...]:
         """Return an effect's numbers: of joints that turn, coupled to joints on their way.

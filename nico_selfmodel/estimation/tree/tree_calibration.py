@@ -144,7 +144,8 @@ def calibrate_tree(
         if _agreeing(costs, observations) >= 2:
             break
     assert best is not None
-    bends = partial(_bent, held=frozenset(wishes.pins.pinned), effects=effects, up=up, seed=seed)
+    held, masses = frozenset(wishes.pins.pinned), description and description.masses
+    bends = partial(_bent, held=held, effects=effects, up=up, seed=seed, masses=masses)
     return _finished(best, data, test, description, name, costs, clock, bends)
 
 
@@ -156,9 +157,10 @@ def _bent(
     effects: Sequence[str],
     up: NDArray | None,
     seed: int,
+    masses: tuple[NDArray, NDArray] | None,
 ) -> Ladder:
     """Ask a rigid body what bends."""
-    return climb(BendingTree(TreeBend(problem, solution), held, up, seed), effects)
+    return climb(BendingTree(TreeBend(problem, solution), held, up, seed, masses), effects)
 
 
 def _agreeing(costs: list[float], observations: TreeObservations) -> int:

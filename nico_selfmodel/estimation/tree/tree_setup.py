@@ -35,6 +35,8 @@ class Description:
     """Of each part of a joint frame's turn [rad]."""
     shift_sigma: float = 0.01
     """Of each part of its place [m]."""
+    masses: tuple[NDArray, NDArray] | None = None
+    """Mass of each link [kg], shape (n,), and its centre there [m], shape (n, 3), where known."""
 
 
 @dataclass(frozen=True, eq=False)

@@ -17,7 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from nico_selfmodel.model.arm.bending import Bending
-from nico_selfmodel.model.tree.body_tree import REVOLUTE
+from nico_selfmodel.model.tree.body_tree import REVOLUTE, BodyTree
 
 if TYPE_CHECKING:
     from nico_selfmodel.model.tree.tree_motion import TreeMotion
@@ -100,6 +100,30 @@ def tree_rods(still: "TreeMotion") -> tuple[NDArray, NDArray]:
     moment /= max(float(weight[roots].sum()), np.finfo(float).tiny)
     loads = np.einsum("ikj,ik->ij", still.R_WL[:-1, :, :, 0], moment)
     return loads, np.sum((feet - o) * z, axis=1)
+
+
+def tree_loads(tree: BodyTree, mass: NDArray, centre: NDArray, pivots: NDArray) -> NDArray:
+    """Return the loads of a `Bending` for a body whose masses are known.
+
+    Args:
+        tree: The body.
+        mass: Of each link, in any unit. Shape (n,).
+        centre: Centres of mass on the links [m]. Shape (n, 3).
+        pivots: Places of the bearings along their axes [m]. Shape (n,).
+
+    Returns:
+        First moments l_i = m (centre - c_i) + sum over k of M_k (c_k - c_i). Shape (n, 3).
+    """
+    n = len(tree.joints)
+    foot = pivots[:, None] * np.array([0.0, 0.0, 1.0])
+    carried = tree.beyond[:-1].T @ mass
+    moment = mass[:, None] * (centre - foot)
+    for k in range(n):
+        i = int(tree.parent[k])
+        if i >= 0:
+            at = tree.X_PJ[k, :3, :3] @ foot[k] + tree.X_PJ[k, :3, 3]
+            moment[i] += carried[k] * (at - foot[i])
+    return np.asarray(moment / max(float(mass.sum()), np.finfo(float).tiny))
 
 
 def _ends(still: "TreeMotion") -> list[list[NDArray]]:
