@@ -179,7 +179,7 @@ class Bendable(Protocol):
         ...
 
     def moments(self, posture: Any) -> NDArray:
-        """Return the moments about the joints at all poses [m of the weight]. Shape (n, N)."""
+        """Return `Bending.moments` at all poses. Shape (n, N, 3)."""
         ...
 
     def few(self) -> "Iterable[Bendable]":

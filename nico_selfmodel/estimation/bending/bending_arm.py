@@ -130,10 +130,10 @@ class BendingArm:
         return np.asarray(found.q - found.q_read)
 
     def moments(self, posture: DhParameters) -> NDArray:
-        """Return the moments about the joints [m of the weight]. Shape (n, N)."""
+        """Return `Bending.moments`. Shape (n, N, 3)."""
         found = self._loaded(posture).moments
         assert found is not None
-        return found[:, :, 2]
+        return found
 
     def _loaded(self, posture: DhParameters) -> LoadedPosture:
         seen = self.observations

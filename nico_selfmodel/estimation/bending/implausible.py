@@ -4,7 +4,7 @@ import numpy as np
 
 from nico_selfmodel.estimation.bending.bendable import GEAR, Bendable
 from nico_selfmodel.estimation.bending.effect_fit import EffectFit
-from nico_selfmodel.model.arm.bending import SAG
+from nico_selfmodel.model.arm.bending import BEARING, SAG
 
 LIFTS = "it would lift the arm: something else is explained, or the arm compensates already"
 """Why a sag of the wrong sign goes."""
@@ -31,7 +31,7 @@ def implausible(fit: EffectFit, body: Bendable) -> str:
     bent = fit.parameters.with_values(fit.values)
     if np.any(bent.gears <= 0.0):
         return "a gear would turn negative"
-    if SAG in fit.groups and lifts(fit, body):
+    if {SAG, BEARING} & set(fit.groups) and lifts(fit, body):
         return LIFTS
     if gear_fault(fit):
         return gear_fault(fit)
@@ -42,13 +42,16 @@ def implausible(fit: EffectFit, body: Bendable) -> str:
 
 
 def lifts(fit: EffectFit, body: Bendable) -> bool:
-    """Whether joints that give way lift what they carry, all in all: gravity's work is negative.
+    """Whether what gives way lifts what it carries, all in all: gravity's work is negative.
 
-    A joint that turns by k m under a moment m lowers what it carries by k m^2.
+    A joint that turns by k m under a moment m lowers what it carries by k m^2, and so does a
+    bearing across it. Each may take a little of the other's part, whatever its sign.
     """
     bent = fit.parameters.with_values(fit.values)
     assert bent.bending is not None
-    return bool(bent.bending.sag @ np.sum(body.moments(bent) ** 2, axis=1) < 0.0)
+    across_x, across_y, about = np.sum(body.moments(bent) ** 2, axis=1).T
+    work = bent.bending.sag @ about + bent.bending.bearing_sag @ (across_x + across_y)
+    return bool(work < 0.0)
 
 
 def gear_fault(fit: EffectFit) -> str:

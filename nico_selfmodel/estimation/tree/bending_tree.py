@@ -202,10 +202,10 @@ class BendingTree:
         return np.asarray((bent.q - rigid.q).T[:, self._turning])
 
     def moments(self, posture: TreePosture) -> NDArray:
-        """Return the moments about the joints [m of the weight]. Shape (n, N)."""
+        """Return `Bending.moments`. Shape (n, N, 3)."""
         load = self._moved(posture.tree).load
         assert load is not None
-        return load.moments[:, :, 2]
+        return load.moments
 
     def _rigid(self, posture: TreePosture) -> BodyTree:
         return replace(posture.tree, bending=None)
