@@ -22,6 +22,7 @@ from nico_selfmodel.geometry.rotation import tangent_basis
 from nico_selfmodel.geometry.transform import transform
 from nico_selfmodel.model.tree.body_model import BodyModel
 from nico_selfmodel.model.tree.body_tree import FLANGE, REVOLUTE, WORLD, BodyTree
+from nico_selfmodel.model.tree.tree_motion import TreeMotion
 from nico_selfmodel.names import listed
 from nico_selfmodel.plant.frames import add_frame, frame_names
 from nico_selfmodel.plant.kinematic_tree import rigid
@@ -118,6 +119,9 @@ class BodyPlant(ModelInPlant):
     ) -> None:
         """Move all joints in a context to what was read: q = coupling (readings / gear).
 
+        Of a body that bends the joints go to where its own weight turns them, and the joint frames
+        to where its bearings give way: the plant is then right at these readings alone.
+
         Args:
             context: The plant's context, or the root context of its diagram.
             readings: Encoder angles [rad] or lengths [m] (`BodyModel.readings`), zero where a joint
@@ -132,9 +136,12 @@ class BodyPlant(ModelInPlant):
         readings = np.asarray(readings)
         if readings.shape != (n,):
             raise ValueError(f"readings must have shape ({n},), got {readings.shape}")
-        # As `BodyTree.displacements`, for scalars of Drake's too.
-        q = tree.coupling @ (readings / tree.gear)
         turning = [i for i in range(n) if tree.motions[i] != FLANGE]
+        q = tree.displacements(readings)
+        if tree.bending is not None:
+            motion = TreeMotion.at(tree, readings[None], None if flanges is None else flanges[None])
+            q = motion.q[:, 0]
+            self._give_way(context, tree, motion)
         self.move_joints(context, [tree.joints[i] for i in turning], q[turning])
         own = self.own_context(context)
         for i in sorted(set(range(n)) - set(turning)):
@@ -142,6 +149,14 @@ class BodyPlant(ModelInPlant):
                 raise ValueError(f"joint {tree.joints[i]!r} is a flange: give flanges, (n, 4, 4)")
             joint: Any = self.plant.GetJointByName(tree.joints[i], self.instance)
             joint.SetPose(own, self.rigid(flanges[i]))
+
+    def _give_way(self, context: Any, tree: BodyTree, motion: TreeMotion) -> None:
+        """Write joint frames where bearings have turned them."""
+        if motion.load is None or motion.load.bearings is None:
+            return
+        frames = (self.plant.GetFrameByName(frame_names(j)[0], self.instance) for j in tree.joints)
+        X_PJ = tree.X_PJ @ motion.load.bearings[:, 0]
+        self.write_poses(context, zip(frames, X_PJ, strict=True))
 
     def frame(self, name: str) -> Any:
         """Return the frame of a marker or a sensor.

@@ -12,6 +12,7 @@ from pydrake.multibody.tree import FixedOffsetFrame
 from nico_selfmodel.errors import ModelError
 from nico_selfmodel.geometry.rotation import rotation_from_vector
 from nico_selfmodel.geometry.transform import transform
+from nico_selfmodel.model.arm.bending import PARTS, Bending
 from nico_selfmodel.model.tree.body_model import BodyModel
 from nico_selfmodel.model.tree.body_tree import Attached, BodyTree
 from nico_selfmodel.model.tree.tree_motion import TreeMotion
@@ -133,3 +134,45 @@ def test_what_does_not_fit_a_body_in_a_plant_is_refused():
     on_a_flange.Finalize()
     with pytest.raises(ValueError, match="joint 'joint0' is a flange: give flanges"):
         robot.set_readings(on_a_flange.CreateDefaultContext(), np.zeros(3))
+
+
+def bent(model, seed=9):
+    """The same body, which gives way by degrees."""
+    rng = np.random.default_rng(seed)
+    tree, n = model.tree, len(model.tree.joints)
+    loads, pivots = 0.3 * rng.normal(size=(n, 3)), 0.2 * rng.normal(size=n)
+    still = Bending.none(tree.joints, np.eye(3)[2], loads, pivots).with_effects(*PARTS)
+    size = np.where(
+        [name.split(".")[1].startswith(("load", "pivot")) for name in still.names], 0, 1
+    )
+    values = still.values + 0.05 * size * rng.normal(size=len(still.names))
+    return replace(model, tree=replace(tree, bending=still.with_values(values)))
+
+
+@pytest.mark.parametrize("kind", MOTIONS)
+def test_a_body_that_bends_does_so_in_a_plant_and_its_derivatives_know(kind):
+    plant = MultibodyPlant(1e-3)
+    model = bent(body(kind))
+    robot = BodyPlant.add_to(plant, model)
+    plant.Finalize()
+    context = plant.CreateDefaultContext()
+    assert_moves(robot, context, model)
+    converted = robot.in_plant(plant.ToAutoDiffXd())
+    context = converted.plant.CreateDefaultContext()
+    readings, flanges = read(model)
+    converted.set_readings(context, InitializeAutoDiff(readings).ravel(), flanges, model)
+    step = 1e-6 * np.eye(len(readings))
+    same = np.repeat(flanges[None], len(step), 0)
+    ends = [TreeMotion.at(model.tree, readings + sign * step, same) for sign in (1.0, -1.0)]
+    for item in model.tree.markers:
+        p = converted.frame(item.name).CalcPoseInWorld(context).translation()
+        slope = (ends[0].pose_of(item)[1] - ends[1].pose_of(item)[1]) / 2e-6
+        gradient = ExtractGradient(p)
+        gradient = gradient if gradient.size else np.zeros(slope.shape)
+        np.testing.assert_allclose(gradient, slope, atol=1e-7)
+    rigid = replace(model, tree=replace(model.tree, bending=None))
+    robot_now, other = TreeMotion.at(model.tree, readings[None], flanges[None]), rigid.tree
+    still = TreeMotion.at(other, readings[None], flanges[None])
+    moved = [robot_now.pose_of(m)[1] - still.pose_of(m)[1] for m in model.tree.markers]
+    if "revolute" in model.tree.motions:
+        assert max(np.linalg.norm(d) for d in moved) > 1e-3

@@ -117,13 +117,13 @@ class BodyTree:
         """Return the displacement of all joints, q = coupling (readings / gear).
 
         Args:
-            readings: Encoder angles [rad] or lengths [m], zero where a joint has no encoder.
-                Shape (N, n).
+            readings: Encoder angles [rad] or lengths [m], floats or Drake's scalars; zero where a
+                joint has no encoder. Shape (N, n).
 
         Returns:
             Shape (N, n).
         """
-        return (np.asarray(readings, dtype=float) / self.gear) @ self.coupling.T
+        return np.asarray((np.asarray(readings) / self.gear) @ self.coupling.T)
 
     def camera(self, name: str) -> Camera:
         """Return a camera with its pose on its link."""

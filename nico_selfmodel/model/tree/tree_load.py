@@ -37,6 +37,8 @@ class TreeLoad:
     """Those of the links. Shape (n, N, 3, 3)."""
     moments: NDArray
     """`Bending.moments`; about z those that what is read feels. Shape (n, N, 3)."""
+    bearings: NDArray | None
+    """`Bending.bearings`. Shape (n, N, 4, 4)."""
 
     @classmethod
     def of(
@@ -57,12 +59,12 @@ class TreeLoad:
         tree = rigid.tree
         before = rigid.R_WJ.transpose(0, 3, 1, 2)
         after = rigid.R_WL[:-1].transpose(0, 3, 1, 2)
-        moments = bending.moments(before, after, carries(rigid))
-        moments[[motion != REVOLUTE for motion in tree.motions]] = 0.0
+        turns = np.array([motion == REVOLUTE for motion in tree.motions], dtype=float)
+        moments = bending.moments(before, after, carries(rigid)) * turns[:, None, None]
         moments[:, :, 2] = tree.coupling.T @ moments[:, :, 2]
-        q = np.asarray(readings, dtype=float) / tree.gear
+        q = np.asarray(readings) / tree.gear
         side = np.zeros(q.shape) if approach is None else np.asarray(approach, dtype=float)
-        return cls(q, side, before, after, moments)
+        return cls(q, side, before, after, moments, bending.bearings(moments))
 
 
 def carries(motion: "TreeMotion") -> NDArray:

@@ -46,7 +46,7 @@ class TreeMotion:
 
         Args:
             tree: The body.
-            readings: Encoder angles [rad] or lengths [m]. Shape (N, n).
+            readings: Encoder angles [rad] or lengths [m], floats or Drake's scalars. Shape (N, n).
             flanges: Poses that controllers read, by joint; used where a joint is a flange.
                 Shape (N, n, 4, 4).
             approach: How each reading last moved, -1, 1, or 0 where it is not known, as all are if
@@ -60,7 +60,7 @@ class TreeMotion:
             return rigid
         load = TreeLoad.of(tree.bending, rigid, readings, approach)
         q = (load.q + tree.bending.turns(load.q, load.moments, load.approach)) @ tree.coupling.T
-        moved = cls._moved(tree, q, flanges, tree.bending.bearings(load.moments))
+        moved = cls._moved(tree, q, flanges, load.bearings)
         return replace(moved, load=load)
 
     @classmethod
@@ -70,9 +70,9 @@ class TreeMotion:
         """Move joints by displacements (N, n), after their bearings turned them. (n, N, 4, 4)."""
         n, count = len(tree.joints), len(q)
         q = np.ascontiguousarray(q.T)
-        R_WP, R_WJ = np.empty((n, 3, 3, count)), np.empty((n, 3, 3, count))
-        p_WJ = np.empty((n, 3, count))
-        R_WL, p_WL = np.empty((n + 1, 3, 3, count)), np.empty((n + 1, 3, count))
+        R_WP, R_WJ = (np.empty((n, 3, 3, count), q.dtype) for _ in range(2))
+        p_WJ = np.empty((n, 3, count), q.dtype)
+        R_WL, p_WL = np.empty((n + 1, 3, 3, count), q.dtype), np.empty((n + 1, 3, count), q.dtype)
         R_WL[n], p_WL[n] = np.eye(3)[:, :, None], 0.0
         for i, (motion, parent) in enumerate(zip(tree.motions, tree.parent.tolist(), strict=True)):
             R_WP[i] = R_WL[parent]
