@@ -92,13 +92,10 @@ class Climber:
         before = self.first if self.fit is None else self.fit
         wanted = (*self.kept, effect)
         if effect == SAG and BEARING not in self.kept:
-            candidates = [self._fitted(wanted, self._about(up)) for up, _ in self.ups]
-            best = int(np.argmin([fit.evidence for fit in candidates]))
-            after, (up, certain) = candidates[best], self.ups[best]
-            if not certain and lifts(after, self.body):
-                after = self._fitted(wanted, self._about(-up))
+            candidates = [self._upright(wanted, replace(self.still, up=up)) for up, _ in self.ups]
+            after = min(candidates, key=lambda fit: fit.evidence)
         else:
-            after = self._fitted(wanted, self.still)
+            after = self._upright(wanted, self.still)
         step = self._judged(effect, before, after)
         if effect == RIPPLE and step.kept and self.gears and GEAR not in self.kept:
             # Over a part of a turn a ripple looks like a gear, of which there are fewer numbers.
@@ -138,8 +135,14 @@ class Climber:
             found.append(step)
         return tuple(found)
 
-    def _about(self, up: NDArray) -> Bending:
-        return replace(self.still, up=up)
+    def _upright(self, effects: tuple[str, ...], bending: Bending) -> EffectFit:
+        """Return the fit of some effects, the vertical turned over where that is up for the arm."""
+        found = self._fitted(effects, bending)
+        told = all(certain for _, certain in self.ups)
+        if told or not {SAG, BEARING} & set(effects) or not lifts(found, self.body):
+            return found
+        gives = {SAG: -bending.sag, BEARING: -bending.bearing_sag}
+        return self._fitted(effects, replace(bending, up=-bending.up, **gives))
 
     def _fitted(self, effects: tuple[str, ...], bending: Bending) -> EffectFit:
         """Return the fit of some effects about the arm so far."""
@@ -207,7 +210,7 @@ class Climber:
         rest = [e for e in effects if e not in self.kept and self._may_be(e)]
         stiff = [e for e in rest if e not in (SAG, BEARING)]
         for asked in (rest, stiff):
-            found = self._fitted((*self.kept, *asked), self.still)
+            found = self._upright((*self.kept, *asked), self.still)
             besides = tuple(e for e in asked if found.variance[e] > 0.0)
             if not besides:
                 return
@@ -215,7 +218,7 @@ class Climber:
             loses = gains.mean() < -gains.std(ddof=1) / np.sqrt(len(gains))
             if not (loses or implausible(found, self.body)):
                 self.besides = besides
-                self._adopt(self._fitted((*self.kept, *besides), self.still))
+                self._adopt(self._upright((*self.kept, *besides), self.still))
                 return
 
     def solution(self) -> Any:

@@ -51,6 +51,8 @@ class EffectFit:
     """Values at which numbers have no effect, where they are not 0."""
     variance: Mapping[str, float]
     """Prior variance of each effect's numbers; 0 where the data tell none of it."""
+    spread: NDArray
+    """Covariance of the effects' numbers, group by group. Shape (e, e)."""
     noise: Any
     """Of sensors and joints, the effects taken off."""
     evidence: float
@@ -67,6 +69,12 @@ class EffectFit:
         for name, change in zip(self.free, self.step.tolist(), strict=True):
             out[self.parameters.names.index(name)] += change
         return out
+
+    def sigma_of(self, weights: Mapping[str, float]) -> float:
+        """Return the standard deviation of a weighted sum of the effects' numbers."""
+        names = [name for group in self.groups.values() for name in group]
+        w = np.array([weights.get(name, 0.0) for name in names])
+        return float(np.sqrt(w @ self.spread @ w))
 
     @property
     def priors(self) -> Priors:
@@ -137,8 +145,8 @@ class _Task:
 
     def fitted(
         self, weighed: Weighed, step: NDArray, variance: dict[str, float], told: float
-    ) -> tuple[NDArray, dict[str, float], Any, float, NDArray]:
-        """Return step, variances, noise, evidence and the errors of rows left out."""
+    ) -> tuple[NDArray, dict[str, float], NDArray, Any, float, NDArray]:
+        """Return step, variances, spread, noise, evidence and the errors of rows left out."""
         of_effects = np.concatenate([np.zeros(0, dtype=int), *self.member.values()]).tolist()
         noise = weighed.likeliest({self.free[i]: float(step[i]) for i in of_effects}, told)
         weighed = weighed.with_noise(noise)
@@ -147,7 +155,10 @@ class _Task:
         deviance = weighed.log_determinant + float(left @ left)
         asked = sum(effect not in self.known for effect in self.member)
         cost = self.occam(weighed, step, variance) + asked * np.log(weighed.coordinates)
-        return step, variance, noise, deviance + cost, self.without_folds(weighed, variance)
+        reduced = _Reduced.of(weighed.U.T @ weighed.U, weighed.U.T @ weighed.u, self.member)
+        spread = reduced.solve(self.start, variance)[0]
+        unseen = self.without_folds(weighed, variance)
+        return step, variance, spread, noise, deviance + cost, unseen
 
     def by_evidence(
         self, weighed: Weighed, begin: Mapping[str, float], size: float

@@ -15,6 +15,8 @@ NOT_ASKED = (
 """Why an effect that the user named was not tried."""
 NO_GEAR = "a gear that is told would have to be"
 """How the reason begins why a gear that contradicts its unit is a fault."""
+_SURE = 2.0
+"""Standard deviations by which gravity's work must be negative."""
 _LARGEST = np.radians(3.0)
 """A joint that turns more than this has not bent."""
 _LARGEST_GEAR = 0.01
@@ -42,16 +44,19 @@ def implausible(fit: EffectFit, body: Bendable) -> str:
 
 
 def lifts(fit: EffectFit, body: Bendable) -> bool:
-    """Whether what gives way lifts what it carries, all in all: gravity's work is negative.
+    """Whether what gives way lifts what it carries, surely: gravity's work on it is negative.
 
     A joint that turns by k m under a moment m lowers what it carries by k m^2, and so does a
     bearing across it. Each may take a little of the other's part, whatever its sign.
     """
     bent = fit.parameters.with_values(fit.values)
-    assert bent.bending is not None
+    bending = bent.bending
+    assert bending is not None
     across_x, across_y, about = np.sum(body.moments(bent) ** 2, axis=1).T
-    work = bent.bending.sag @ about + bent.bending.bearing_sag @ (across_x + across_y)
-    return bool(work < 0.0)
+    weights = np.concatenate([about, across_x + across_y]).tolist()
+    names = (*bending.names_of(SAG), *bending.names_of(BEARING))
+    work = np.concatenate([bending.sag, bending.bearing_sag]) @ weights
+    return bool(work < -_SURE * fit.sigma_of(dict(zip(names, weights, strict=True))))
 
 
 def gear_fault(fit: EffectFit) -> str:
