@@ -8,6 +8,8 @@ import pytest
 from nico_selfmodel.dataset.body.body_folder import load_body_dataset, save_body_dataset
 from nico_selfmodel.dataset.body.conversion import body_dataset_of
 from nico_selfmodel.estimation.arm.kinematics import calibrate_kinematics
+from nico_selfmodel.estimation.body.body import calibrate_body
+from nico_selfmodel.estimation.body.body_options import BodyOptions
 from nico_selfmodel.estimation.judging import judge, to_json
 from nico_selfmodel.estimation.tree.body_prediction import predict_body
 from nico_selfmodel.estimation.tree.tree_calibration import calibrate_tree
@@ -16,9 +18,12 @@ from nico_selfmodel.estimation.tree.tree_problem import TreeProblem
 from nico_selfmodel.estimation.tree.tree_residuals import TreeResiduals
 from nico_selfmodel.estimation.tree.tree_result import body_model
 from nico_selfmodel.model.tree.body_model import load_body, save_body
+from nico_selfmodel.viz.reports.body import body_report
 
-from .sagging_arms import mean_mm
+from .filmed_arms import eyes, filmed
+from .sagging_arms import SaggingArm, mean_mm
 from .sagging_humanoids import SaggingHumanoid
+from .simulated_bodies import CLEAN, scenario
 from .simulated_trees import one_arm
 from .test_bending_arms import arm_and_data
 
@@ -160,3 +165,53 @@ def test_backlash_of_a_body_is_learned_and_uncertain_where_the_side_is_not_known
     off = np.sum((unknown.p_WM[:, 0] - true) ** 2, axis=1) / (3.0 * unknown.sigma[:, 0] ** 2)
     assert 0.4 < off.mean() < 2.0
     assert len(dataset) == len(true)
+
+
+@pytest.fixture(scope="module")
+def film():
+    """An arm that sags before two cameras: what they saw to learn from, and to test by."""
+    rng = np.random.default_rng((1, 17))
+    arm = SaggingArm.drawn(rng, sag=8.0)
+    train, _ = filmed(arm, rng, 80)
+    return train, *filmed(arm, rng, 100)
+
+
+def body_of(film, **how):
+    train, test, true = film
+    stage = BodyOptions("kinematics", "unanchored")
+    found = calibrate_body(train, eyes()[1], None, stage, test=test, **how)
+    read = (test.encoders - found.model.servos.offset) / found.model.servos.gear
+    return found, 1e3 * float(np.linalg.norm(found.model.points(read) - true, axis=1).mean())
+
+
+def test_an_arm_before_two_cameras_bends_too(film):
+    rigid, before = body_of(film, effects=())
+    assert rigid.model.bending is None
+    assert "--effects auto" in " ".join(to_json(rigid, judge(rigid))["warnings"])
+    found, after = body_of(film)
+    assert found.ladder.kept == ("sag",)
+    assert after < 0.15 * before
+    assert found.noise.sensor_sigma == pytest.approx(0.15, rel=0.15)
+    document = to_json(found, judge(found))
+    assert document["bending"]["effects"] == ["sag"]
+    assert document["parameters"]["j2.sag"]["sigma"] > 0.0
+    html = body_report(found, document).html()
+    assert "What bends" in html
+    assert "unseen before [px]" in html
+
+
+def test_what_bends_before_cameras_is_predicted_with_its_sigma(film):
+    found, _ = body_of(film)
+    _, test, true = film
+    told = found.model.predict(test.encoders)
+    off = told.p_WH - true
+    nees = np.einsum("ni,nij,nj->n", off, np.linalg.inv(told.covariance), off).mean() / 3.0
+    assert 0.3 < nees < 2.5
+
+
+def test_boards_hold_cameras_while_the_arm_is_asked_what_bends():
+    recorded = scenario(0, world=CLEAN)
+    found = calibrate_body(recorded.train, recorded.cameras, recorded.boards, test=recorded.test)
+    assert found.ladder.steps
+    assert found.ladder.kept == ()
+    assert found.model.bending is None

@@ -31,6 +31,8 @@ def calibrate(
     fix: list[str] | None,
     free: list[str] | None,
     loss: str,
+    effects: str,
+    up: str | None,
     name: str | None,
     require_test_mm: float | None,
     require_test_px: float | None,
@@ -45,6 +47,7 @@ def calibrate(
     """
     if model is None:
         raise ValueError(f"{dataset} is of an arm and two cameras: give them with --model")
+    from nico_selfmodel.estimation.bending.what_bends import effects_of, up_of
     from nico_selfmodel.estimation.body.body import calibrate_body
     from nico_selfmodel.estimation.body.body_options import BodyOptions
     from nico_selfmodel.estimation.judging import judge, to_json
@@ -54,6 +57,7 @@ def calibrate(
 
     refuse_folder(out, force=force, inputs=[dataset, model, boards, test, robot])
     pins = FixedParameters.from_text(fix or (), free or ())
+    may_bend, vertical = effects_of(effects), up_of(up)
     chosen = BodyOptions(stage, variant, pins.pinned, pins.freed, loss)
     start = load_model(model)
     train, held_out = inputs.train_and_test(dataset, test, test_fraction, seed)
@@ -70,6 +74,8 @@ def calibrate(
             nominal=nominal,
             name=name,
             seed=seed,
+            effects=may_bend,
+            up=vertical,
         )
         document = stamped(to_json(found, judge(found, require_test_mm, require_test_px)))
         progress("learning", 1, 1)

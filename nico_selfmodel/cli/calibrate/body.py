@@ -14,7 +14,7 @@ _OF_TWO_CAMERAS = (
     "arm", "base", "tip", "hold", "point",
 )  # fmt: skip
 """Options for an arm and two cameras."""
-_OF_ANY_BODY = ("cameras", "prior", "effects", "up")
+_OF_ANY_BODY = ("cameras", "prior")
 
 
 def body(
@@ -105,6 +105,8 @@ def body(
         fix=fix,
         free=free,
         loss=loss,
+        effects=effects,
+        up=up,
         name=name,
         require_test_mm=require_test_mm,
         require_test_px=require_test_px,

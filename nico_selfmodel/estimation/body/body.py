@@ -7,6 +7,8 @@ tracker noise and joint noise, both estimated.
 """
 
 import time
+from collections.abc import Sequence
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -16,6 +18,9 @@ from nico_selfmodel.dataset.board_views import BoardViews
 from nico_selfmodel.dataset.dataset import Dataset
 from nico_selfmodel.dataset.held_out import held_out_of
 from nico_selfmodel.errors import NotConvergedError
+from nico_selfmodel.estimation.bending.ladder import Ladder, climb
+from nico_selfmodel.estimation.bending.steps import STEPS
+from nico_selfmodel.estimation.body.bending_body import BendingBody, BodyBend, BodyPosture
 from nico_selfmodel.estimation.body.body_calibration import BodyCalibration
 from nico_selfmodel.estimation.body.body_cross_validation import cross_validate_body
 from nico_selfmodel.estimation.body.body_initialization import body_start, lines_of, named_like
@@ -32,6 +37,7 @@ from nico_selfmodel.estimation.cameras.board_check import BoardCheck
 from nico_selfmodel.estimation.cameras.camera_adjustment import OUTLIER_RATIO
 from nico_selfmodel.estimation.cameras.camera_calibration import FEWEST_VIEWS
 from nico_selfmodel.estimation.initialization.nominal_arm import NominalArm
+from nico_selfmodel.estimation.noise.arm_solution import Priors
 from nico_selfmodel.estimation.noise.hand_noise import HandNoise
 from nico_selfmodel.estimation.noise.hand_observations import JOINT_SIGMA
 from nico_selfmodel.estimation.noise.training_noise import with_training_noise
@@ -66,6 +72,8 @@ def calibrate_body(
     nominal: NominalArm | None = None,
     name: str | None = None,
     seed: int = 0,
+    effects: Sequence[str] = STEPS,
+    up: NDArray | None = None,
 ) -> BodyCalibration:
     """Refine arm and cameras by the pixels in which the cameras saw the hand.
 
@@ -80,6 +88,10 @@ def calibrate_body(
         nominal: The robot as described, for the zero of the joints and as a start.
         name: Name of the self-model; the start's if omitted.
         seed: Of random starts, where the arm is learned from scratch.
+        effects: What may bend, of `estimation.bending.steps.STEPS`: kept where unseen poses gain.
+            With none they are asked for all the same, to tell what they would explain.
+        up: Unit vertical in the left camera's frame, for sag; the first axis and the frame's are
+            tried if omitted. Shape (3,).
 
     Returns:
         The calibration. A failed check does not raise: see `estimation.judging.judge`.
@@ -99,9 +111,10 @@ def calibrate_body(
     boards, outlying = _inlier_boards(boards, start.rig)
     task = _Task(observations, start, boards if options.anchored else None, options)
     task.require_poses(dataset.name)
-    parameters, solved = task.solve()
-    uncertainty = task.uncertainty(parameters, solved)
-    crossed = task.cross_validation(parameters, solved)
+    ladder = task.climbed(*task.solve(), effects, up, seed)
+    found: BodyBend = ladder.solution
+    parameters, solved = found.parameters, found.solved
+    uncertainty, crossed = task.uncertainty(found), task.cross_validation(found)
     training = _training_of(dataset, observations, crossed)
     model = task.model(parameters, solved, uncertainty, dataset, name or start.name, training)
     judged = test_boards if test_boards is not None else boards
@@ -129,6 +142,7 @@ def calibrate_body(
         solved.iterations,
         solved.history,
         time.perf_counter() - clock,
+        ladder,
     )
 
 
@@ -275,20 +289,44 @@ class _Task:
         arm = frozenset(parameters.names) - (pinned - self.pins.freed)
         return arm | (frozenset(self.start.rig.names) - frozenset(self.held_cameras))
 
-    def uncertainty(self, parameters: DhParameters, solved: BodySolution) -> Uncertainty:
-        """Return the covariance of what was free."""
-        free = self.free_names(parameters)
-        whitened = self.options.whitened
-        return body_uncertainty(self.observations, parameters, solved, free, self.boards, whitened)
+    def climbed(
+        self,
+        parameters: DhParameters,
+        solved: BodySolution,
+        effects: Sequence[str],
+        up: NDArray | None,
+        seed: int,
+    ) -> Ladder:
+        """Ask the rigid body what bends; nothing where pixels are not weighed by their noise."""
+        rigid = BodyBend(parameters, solved, self.free_names(parameters), {})
+        held = frozenset(self.pins.pinned)
+        body = BendingBody(self.observations, self.boards, rigid, self.solve_bent, held, up, seed)
+        return climb(body, effects if self.options.whitened else None)
 
-    def cross_validation(
-        self, parameters: DhParameters, solved: BodySolution
-    ) -> PixelEvaluation | None:
+    def solve_bent(
+        self, posture: BodyPosture, free: frozenset[str], priors: Priors, noise: HandNoise
+    ) -> BodyBend:
+        """Solve by name about a body that bends."""
+        view = DhArm(self.observations.arm, posture.arm)
+        held = dict.fromkeys(frozenset(posture.names) - free)
+        problem = BodyProblem(self.observations, view, posture.rig, self.boards, held)
+        for name, known in priors.items():
+            problem.program.add_prior(name, *known)
+        solved = self._run(problem, noise)
+        arm = replace(view.parameters(solved.arm), turn=None)
+        return BodyBend(arm, solved, free, priors)
+
+    def uncertainty(self, found: BodyBend) -> Uncertainty:
+        """Return the covariance of what was free."""
+        whitened = self.options.whitened
+        rows = self.observations, found.parameters, found.solved, found.free, self.boards
+        return body_uncertainty(*rows, whitened, found.priors)
+
+    def cross_validation(self, found: BodyBend) -> PixelEvaluation | None:
         """Return the inlier rows, predicted without them."""
-        free, whitened = self.free_names(parameters), self.options.whitened
-        return cross_validate_body(
-            self.observations, parameters, solved, free, self.boards, whitened
-        )
+        whitened = self.options.whitened
+        rows = self.observations, found.parameters, found.solved, found.free, self.boards
+        return cross_validate_body(*rows, whitened, found.priors)
 
     def model(
         self,
@@ -322,6 +360,7 @@ class _Task:
             },
             {"left": solved.rig.left, "right": solved.rig.right},
             solved.noise.sensor_sigma,
+            bending=parameters.bending,
         )
         outliers = self.observations.arm.sample[solved.outliers]
         return with_training_noise(model, dataset, "pixels", outliers)

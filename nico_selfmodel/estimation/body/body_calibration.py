@@ -5,6 +5,8 @@ from functools import cached_property
 
 from numpy.typing import NDArray
 
+from nico_selfmodel.estimation.bending.ladder import Ladder
+from nico_selfmodel.estimation.bending.what_bends import At, arm_at
 from nico_selfmodel.estimation.body.body_options import BodyOptions
 from nico_selfmodel.estimation.body.workspace_accuracy import (
     WorkspaceAccuracy,
@@ -58,11 +60,18 @@ class BodyCalibration:
     history: tuple[float, ...]
     seconds: float
     """Time taken, the start included."""
+    ladder: Ladder
+    """What may bend, and what became of it; its solutions are `BodyBend`."""
 
     @property
     def free(self) -> frozenset[str]:
         """Names of the parameters that were estimated."""
         return frozenset(self.uncertainty.names)
+
+    @property
+    def at(self) -> At:
+        """Where the arm is at the training poses, whatever bends in it."""
+        return arm_at(self.model.parameters, self.train.observations.arm)
 
     @cached_property
     def workspace(self) -> WorkspaceAccuracy:

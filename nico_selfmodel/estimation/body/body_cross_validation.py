@@ -4,6 +4,7 @@ import numpy as np
 
 from nico_selfmodel.dataset.board_views import BoardViews
 from nico_selfmodel.estimation.body.body_problem import BodyProblem, BodySolution
+from nico_selfmodel.estimation.noise.arm_solution import Priors
 from nico_selfmodel.estimation.observations.arm_views import DhArm
 from nico_selfmodel.estimation.observations.pixel_evaluation import PixelEvaluation
 from nico_selfmodel.estimation.observations.pixel_observations import (
@@ -22,6 +23,7 @@ def cross_validate_body(
     free: frozenset[str],
     boards: BoardViews | None,
     whitened: bool,
+    priors: Priors | None = None,
 ) -> PixelEvaluation | None:
     """Predict each pose by arm and cameras refined without its fold.
 
@@ -35,6 +37,7 @@ def cross_validate_body(
         free: Parameters that were estimated.
         boards: Corners in the same problem, if any.
         whitened: Whether the pixels are weighed by the variances.
+        priors: Of numbers that bend.
 
     Returns:
         Inlier rows beside predictions that never saw them; None with too few poses.
@@ -53,6 +56,8 @@ def cross_validate_body(
         for name in problem.hand.names:
             if name not in free:
                 problem.program.fix(name)
+        for name, known in (priors or {}).items():
+            problem.program.add_prior(name, *known)
         x = problem.solve_weighed(solved.noise if whitened else None)
         split = len(view.names)
         p_LH = DhArm(left.arm, parameters).evaluate(x[:split])[0].T

@@ -3,6 +3,7 @@
 import numpy as np
 from numpy.typing import NDArray
 
+from nico_selfmodel.estimation.bending.what_bends import bending_warnings, kept_words
 from nico_selfmodel.estimation.body.body_calibration import BodyCalibration
 from nico_selfmodel.estimation.cameras.lens_folds import folds_of
 from nico_selfmodel.estimation.observations.pixel_evaluation import PixelEvaluation
@@ -37,9 +38,11 @@ def body_findings(calibration: BodyCalibration) -> tuple[Finding, ...]:
         _noise_reason(calibration),
     ]
     said = [] if test is None or test.statistics is None else [_held_out_words(test)]
+    ladder, at = calibration.ladder, calibration.at
+    said += kept_words(ladder, calibration.model.bending, at)
     return (
         *findings(FAILURE, failures),
-        *findings(WARNING, _warnings(calibration)),
+        *findings(WARNING, [*bending_warnings(ladder, at), *_warnings(calibration)]),
         *findings(NOTE, said),
     )
 

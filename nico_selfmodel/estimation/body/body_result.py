@@ -6,6 +6,7 @@ from typing import Any
 import numpy as np
 
 from nico_selfmodel.estimation.arm.arm_findings import WHAT_CHANGED
+from nico_selfmodel.estimation.bending.what_bends import bending_json
 from nico_selfmodel.estimation.body.body_calibration import BodyCalibration
 from nico_selfmodel.estimation.body.body_findings import body_findings
 from nico_selfmodel.estimation.body.workspace_accuracy import WorkspaceAccuracy
@@ -91,6 +92,12 @@ def _details(calibration: BodyCalibration) -> dict[str, Any]:
         "boards": _boards(calibration),
         "board_outliers": int(calibration.board_outliers.sum()),
         "workspace": accuracy_block(calibration.workspace),
+        "bending": bending_json(
+            calibration.ladder,
+            calibration.model.bending,
+            calibration.at,
+            calibration.model.joints,
+        ),
     }
 
 

@@ -9,6 +9,7 @@ from nico_selfmodel.dataset.board_views import BoardViews
 from nico_selfmodel.estimation.body.body_problem import BodySolution
 from nico_selfmodel.estimation.cameras.board_residuals import BoardResiduals
 from nico_selfmodel.estimation.cameras.camera_adjustment import natural_scales
+from nico_selfmodel.estimation.noise.arm_solution import Priors
 from nico_selfmodel.estimation.noise.hand_noise import HandNoise
 from nico_selfmodel.estimation.observations.arm_views import DhArm
 from nico_selfmodel.estimation.observations.hand_pixels import HandPixels
@@ -42,6 +43,7 @@ def body_uncertainty(
     free: frozenset[str],
     boards: BoardViews | None,
     whitened: bool,
+    priors: Priors | None = None,
 ) -> Uncertainty:
     """Analyse the inlier rows and the boards at a solution.
 
@@ -52,14 +54,18 @@ def body_uncertainty(
         free: Parameters that were estimated.
         boards: Corners in the same problem, if any.
         whitened: Whether the variances are known; else one for all pixels is estimated.
+        priors: Of numbers that bend.
 
     Returns:
         Covariance in the names of arm and cameras, the boards' poses eliminated.
     """
     rows = whitened_rows(observations, parameters, solved, free, boards, whitened)
-    return Uncertainty.from_jacobian(
-        rows.names, rows.jacobian, rows.scales, rows.squares, rows.count
-    )
+    known = [(rows.names.index(name), 1.0 / sigma) for name, (_, sigma) in (priors or {}).items()]
+    prior = np.zeros((len(known), len(rows.names)))
+    for i, (column, weight) in enumerate(known):
+        prior[i, column] = weight
+    jacobian = np.vstack([rows.jacobian, prior])
+    return Uncertainty.from_jacobian(rows.names, jacobian, rows.scales, rows.squares, rows.count)
 
 
 def whitened_rows(
@@ -86,9 +92,9 @@ def whitened_rows(
     rows = [jacobian[columns].reshape(len(columns), -1).T]
     squares, count = float(np.sum(r * r)), int(inliers.seen.sum())
     if boards is not None:
-        part, more, extra = _board_rows(boards, solved, names)
+        part, rest, extra = board_rows(boards, solved, names)
         rows.append(part)
-        squares, count = squares + more, count + extra
+        squares, count = squares + float(np.sum(rest**2)), count + extra
     scales = _natural(names, parameters, solved.rig, size or _size(x, block))
     return WhitenedRows(names, np.vstack(rows), scales, squares, count)
 
@@ -118,10 +124,20 @@ def position_sigma(
     return noise.joint_sigma * float(np.sqrt(np.mean(np.sum(slopes**2, axis=(0, 1))) / 3.0))
 
 
-def _board_rows(
+def board_rows(
     boards: BoardViews, solved: BodySolution, names: tuple[str, ...]
-) -> tuple[NDArray, float, int]:
-    """Return what the boards say of the free parameters, their squares and their number."""
+) -> tuple[NDArray, NDArray, int]:
+    """Return what the boards say of some parameters, their own poses free.
+
+    Args:
+        boards: Their corners.
+        solved: Cameras and poses of the boards.
+        names: Of the columns, k of them.
+
+    Returns:
+        Derivatives of the whitened residuals, shape (B, k), these, shape (B,), and how many
+        coordinates more than poses there are.
+    """
     assert solved.corner_sigma is not None
     assert solved.X_LG is not None
     X_LG = solved.X_LG
@@ -132,8 +148,7 @@ def _board_rows(
     for column, name in enumerate(block.shared_names):
         if name in names:
             out[:, names.index(name)] = reduced[:, column]
-    count = 2 * int(boards.seen.sum()) - 6 * len(boards)
-    return out, float(np.sum(parts[0] ** 2)), count
+    return out, parts[0].ravel(), 2 * int(boards.seen.sum()) - 6 * len(boards)
 
 
 def _size(x: NDArray, block: HandPixels) -> float:

@@ -12,6 +12,7 @@ from nico_selfmodel.viz.figures.distribution_plot import distribution, error_set
 from nico_selfmodel.viz.figures.numbers_shown import decimals, signed
 from nico_selfmodel.viz.figures.workspace_map import workspace_map
 from nico_selfmodel.viz.reports import parts, shared_sections
+from nico_selfmodel.viz.reports.bending_section import bending_section
 from nico_selfmodel.viz.reports.page import (
     Key,
     Report,
@@ -59,6 +60,7 @@ def body_report(
         _errors(calibration, document),
         *_boards(document),
         _changes(document),
+        *bending_section(model.bending, calibration.at, document),
         _workspace(calibration, document),
         shared_sections.learned_section(
             document,

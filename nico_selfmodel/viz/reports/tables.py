@@ -13,6 +13,7 @@ SETS = (("test", "held-out"), ("cross_validation", "cross-validation"), ("train"
 STATISTICS = ("mean", "sd", "rms", "median", "p95", "max")
 HEADINGS = ("mean", "SD", "rms", "median", "95 %", "max")
 UNITS = {"m": ("mm", 1e3), "rad": ("deg", 180.0 / np.pi), "px": ("px", 1.0), "1": ("", 1.0)}
+UNITS |= {"rad/m": ("mrad/m", 1e3)}
 """Unit of a parameter -> unit and factor that people read."""
 
 
