@@ -33,6 +33,8 @@ _WORTH = 10.0
 _GAIN = 0.01
 """Mean logarithm of the errors' ratio that unseen poses must gain."""
 _GEARS_DO = "gears that are a little off explain it better"
+_HALF = 0.5
+"""Numbers told by the data below which an effect beside what is kept is nothing."""
 _LOADS = 0.2
 """Standard deviation of a load's coordinate about that of uniform rods, as a part of their rms:
 motors and shells are no rods."""
@@ -210,16 +212,25 @@ class Climber:
         rest = [e for e in effects if e not in self.kept and self._may_be(e)]
         stiff = [e for e in rest if e not in (SAG, BEARING)]
         for asked in (rest, stiff):
-            found = self._upright((*self.kept, *asked), self.still)
-            besides = tuple(e for e in asked if found.variance[e] > 0.0)
+            found = self._told(asked)
+            besides = tuple(e for e in found.groups if e in asked)
             if not besides:
                 return
             gains = self._gains(self.fit, found)
             loses = gains.mean() < -gains.std(ddof=1) / np.sqrt(len(gains))
             if not (loses or implausible(found, self.body)):
                 self.besides = besides
-                self._adopt(self._upright((*self.kept, *besides), self.still))
+                self._adopt(found)
                 return
+
+    def _told(self, asked: Sequence[str]) -> EffectFit:
+        """Return the fit of what is kept and of effects that are told by half a number at least."""
+        while True:
+            found = self._upright((*self.kept, *asked), self.still)
+            told = [effect for effect in asked if found.told(effect) >= _HALF]
+            if len(told) == len(asked):
+                return found
+            asked = told
 
     def solution(self) -> Any:
         """Return the body with what it keeps, outliers of all observations looked for anew."""

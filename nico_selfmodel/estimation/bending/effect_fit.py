@@ -70,6 +70,18 @@ class EffectFit:
             out[self.parameters.names.index(name)] += change
         return out
 
+    def told(self, effect: str) -> float:
+        """Return how many numbers of an effect the data tell: sum(1 - C_kk / v)."""
+        v, before = self.variance[effect], 0
+        if v <= 0.0:
+            return 0.0
+        for group, names in self.groups.items():
+            if group == effect:
+                break
+            before += len(names)
+        own = np.diag(self.spread)[before : before + len(self.groups[effect])]
+        return float(np.sum(1.0 - own / v))
+
     def sigma_of(self, weights: Mapping[str, float]) -> float:
         """Return the standard deviation of a weighted sum of the effects' numbers."""
         names = [name for group in self.groups.values() for name in group]
