@@ -56,17 +56,26 @@ class ModelInPlant:
         Raises:
             ValueError: If the context belongs neither to the plant nor to its diagram.
         """
-        for find in (lambda: context, lambda: self.plant.GetMyMutableContextFromRoot(context)):
-            try:
-                own = find()
-                self.plant.ValidateContext(own)
-            except (RuntimeError, TypeError):  # a context of other scalars is a TypeError
-                continue
-            return own
-        raise ValueError(
-            "context belongs to another plant or diagram; for one that was converted or cloned, "
-            "take the robot by in_plant(plant)"
-        )
+        if self._is_own(context):
+            return context
+        try:
+            own = self.plant.GetMyMutableContextFromRoot(context)
+        except (RuntimeError, TypeError):  # a context of other scalars is a TypeError
+            own = None
+        if own is None or not self._is_own(own):
+            raise ValueError(
+                "context belongs to another plant or diagram; for one that was converted or "
+                "cloned, take the robot by in_plant(plant)"
+            )
+        return own
+
+    def _is_own(self, context: Any) -> bool:
+        """Return whether a context is the plant's own."""
+        try:
+            self.plant.ValidateContext(context)
+        except (RuntimeError, TypeError):
+            return False
+        return True
 
     def move_joints(self, context: Any, joints: Iterable[str], positions: ArrayLike) -> None:
         """Move joints of one degree of freedom in a context; all others stay.

@@ -1,8 +1,14 @@
 """Boxes tell where in a picture anything is, as a whole picture would."""
 
-import numpy as np
+import weakref
 
-from nico_selfmodel.systems.rendering.outlines import _bounds_before
+import numpy as np
+from pydrake.geometry import Box
+from pydrake.math import RigidTransform
+from pydrake.multibody.plant import AddMultibodyPlantSceneGraph
+from pydrake.systems.framework import DiagramBuilder
+
+from nico_selfmodel.systems.rendering.outlines import Outlines, _bounds_before
 
 CUBE = np.array([[a, b, c] for a in (-1, 1) for b in (-1, 1) for c in (-1, 1)], dtype=float)
 
@@ -24,3 +30,21 @@ def test_a_box_that_is_cut_is_bounded_by_what_is_before_the_camera():
 def test_a_box_beside_the_camera_does_not_reach_into_the_picture():
     low, _ = _bounds_before(CUBE[None] + [5.0, 0.0, 0.0], 0.01)
     assert low[0, 0] > 3.0
+
+
+def test_outlines_keep_no_query_and_no_context_alive():
+    """A freed context's wrapper would be taken for whatever stands at its address later."""
+    builder = DiagramBuilder()
+    plant, scene = AddMultibodyPlantSceneGraph(builder, 0.0)
+    plant.RegisterVisualGeometry(
+        plant.world_body(), RigidTransform(), Box(1, 1, 1), "box", [1.0] * 4
+    )
+    plant.Finalize()
+    diagram = builder.Build()
+    root = diagram.CreateDefaultContext()
+    query = scene.get_query_output_port().Eval(scene.GetMyContextFromRoot(root))
+    outlines = Outlines()
+    outlines.before(query, RigidTransform([0.0, 0.0, -5.0]), 0.01, 10.0)
+    held = weakref.ref(query)
+    del query
+    assert held() is None

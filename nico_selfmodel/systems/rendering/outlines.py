@@ -101,7 +101,9 @@ class Outlines:
             _Boxes(frame, np.stack([c for c, _ in own]), np.array([label for _, label in own]))
             for frame, own in found.items()
         ]
-        self._version = version
+        # A copy: the reference would keep the query and its context alive, and pybind11 takes an old
+        # wrapper for whatever context comes to stand at its address.
+        self._version = GeometryVersion(version)
 
 
 def _bounds_before(corners: NDArray, near: float) -> tuple[NDArray, NDArray]:
