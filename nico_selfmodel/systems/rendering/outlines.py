@@ -101,8 +101,8 @@ class Outlines:
             _Boxes(frame, np.stack([c for c, _ in own]), np.array([label for _, label in own]))
             for frame, own in found.items()
         ]
-        # A copy: the reference would keep the query and its context alive, and pybind11 takes an old
-        # wrapper for whatever context comes to stand at its address.
+        # A copy: the reference would keep the query and its context alive, and pybind11 takes
+        # an old wrapper for whatever context comes to stand at its address.
         self._version = GeometryVersion(version)
 
 
