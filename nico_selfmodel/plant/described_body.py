@@ -1,5 +1,6 @@
 """A robot description as the tree of joints that a recording lists."""
 
+from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
 
@@ -7,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 from pydrake.multibody.tree import Joint, PrismaticJoint, RevoluteJoint
 
-from nico_selfmodel.dataset.body.body_dataset import BodyDataset
+from nico_selfmodel.dataset.body.link_joint import LinkJoint
 from nico_selfmodel.errors import ModelError
 from nico_selfmodel.geometry.rotation import tangent_basis
 from nico_selfmodel.geometry.transform import apply, inverse, transform
@@ -17,7 +18,7 @@ from nico_selfmodel.names import listed
 from nico_selfmodel.plant.kinematic_tree import KinematicTree
 
 
-def described_body(urdf: Path, data: BodyDataset, blank: BodyTree) -> BodyTree:
+def described_body(urdf: Path, joints: Sequence[LinkJoint], blank: BodyTree) -> BodyTree:
     """Return a recording's body where a description puts it, in the frame of the robot's root.
 
     Joints of the description that the recording does not list stand at zero. Markers and sensors
@@ -26,7 +27,7 @@ def described_body(urdf: Path, data: BodyDataset, blank: BodyTree) -> BodyTree:
 
     Args:
         urdf: The description.
-        data: The recording; its joints are called as the description's.
+        joints: Those of the recording; they are called as the description's.
         blank: The body to fill in.
 
     Raises:
@@ -40,7 +41,7 @@ def described_body(urdf: Path, data: BodyDataset, blank: BodyTree) -> BodyTree:
     root = described.roots[0]
     X_WL = {WORLD: np.eye(4)}
     X_PJ = np.array(blank.X_PJ)
-    for i, joint in enumerate(data.joints):
+    for i, joint in enumerate(joints):
         if joint.motion == FLANGE:
             raise ModelError(
                 f"joint {joint.name!r} is a flange, whose whole pose is read: leave --robot out"

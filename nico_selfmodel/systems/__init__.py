@@ -22,7 +22,7 @@ if TYPE_CHECKING:
         MotionCaptureServer,
     )
     from nico_selfmodel.systems.hardware.servo_driver import ServoDriver
-    from nico_selfmodel.systems.looking import looking_arm
+    from nico_selfmodel.systems.looking import looking_arm, looking_body
     from nico_selfmodel.systems.measurements import CameraMeasurement
     from nico_selfmodel.systems.rendering.mirror_scene import MirrorPlate, put_mirror
     from nico_selfmodel.systems.rendering.stereo_cameras import ImageQuality, StereoCameras
@@ -70,6 +70,7 @@ __all__ = [
     "StereoCameras",
     "default_mirror_detectors",
     "looking_arm",
+    "looking_body",
     "put_mirror",
 ]
 
@@ -87,7 +88,7 @@ __getattr__, __dir__ = lazy_names(
             "MotionCaptureServer",
         ),
         "hardware.servo_driver": ("ServoDriver",),
-        "looking": ("looking_arm",),
+        "looking": ("looking_arm", "looking_body"),
         "measurements": ("CameraMeasurement",),
         "rendering.mirror_scene": (
             "MirrorPlate",

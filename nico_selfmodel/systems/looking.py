@@ -1,10 +1,12 @@
-"""Nico looking at its right hand: which joints stand still, and which points it sees."""
+"""Nico looking at its hands: which joints stand still, and which points it sees."""
 
 from functools import cache
 
 import numpy as np
 
 from nico_selfmodel.plant import ArmDescription
+from nico_selfmodel.plant.body_description import BodyDescription
+from nico_selfmodel.systems.nico_cameras import MOUNTS, NICO_CAMERAS
 
 LOOKING_DEG = {
     "neck_yaw": -40.0,
@@ -46,3 +48,44 @@ def looking_arm(*markers: str) -> ArmDescription:
         raise ValueError(f"no point {sorted(unknown)}; there are {', '.join(POINTS)}")
     points = {marker: POINTS[marker] for marker in markers or POINTS}
     return ArmDescription.from_urdf("nico", "chest", "right_hand", looking(), points)
+
+
+HEAD_JOINTS = (
+    "neck_yaw", "neck_pitch", "neck_roll", "eyes_tilt", "left_eye_pan", "right_eye_pan",
+)  # fmt: skip
+"""Joints that turn the cameras."""
+ARM_JOINTS = {
+    side: tuple(
+        f"{side}_{joint}"
+        for joint in (
+            "shoulder_pitch", "shoulder_roll", "upper_arm_twist", "elbow", "forearm_twist", "wrist",
+        )
+    )
+    for side in ("right", "left")
+}  # fmt: skip
+"""All joints of each arm."""
+HAND_POINTS = {
+    f"{side}_{point}": card
+    for side in ARM_JOINTS
+    for point, card in (("hand_fiducial", True), ("finger_tip", False), ("wrist_marker", False))
+}
+"""Links whose origins cameras and motion capture can track on both hands, and whether they are
+cards."""
+
+
+@cache
+def looking_body(*joints: str) -> BodyDescription:
+    """Return Nico's whole body: head, arms of six joints each, both cameras.
+
+    Args:
+        joints: Those that are commanded; all of them by default. The others stand as `looking`
+            has them, or at zero.
+
+    Raises:
+        ModelError: If there is no such joint.
+    """
+    everything = (*HEAD_JOINTS, *ARM_JOINTS["right"], *ARM_JOINTS["left"])
+    cameras = dict(zip(MOUNTS, NICO_CAMERAS.cameras, strict=True))
+    return BodyDescription.from_urdf(
+        "nico", everything, HAND_POINTS, cameras, commanded=joints or everything, held=looking()
+    )

@@ -71,7 +71,7 @@ def data():
 
 
 def test_moments_of_described_masses_are_gravitys_torques(urdf, data):
-    body = described_body(urdf, data, blank_body(data, {}))
+    body = described_body(urdf, data.joints, blank_body(data, {}))
     mass, centre = described_masses(urdf, body)
     assert mass == pytest.approx([4.0, 2.0, 1.5, 2.2])
     pivots = tree_rods(TreeMotion.at(body, np.zeros((1, 4))))[1]
@@ -96,5 +96,5 @@ def test_moments_of_described_masses_are_gravitys_torques(urdf, data):
 def test_a_description_without_masses_has_none(urdf, data, tmp_path):
     bare = tmp_path / "bare.urdf"
     bare.write_text(re.sub(r"<inertial>.*?</inertial>", "", urdf.read_text(), flags=re.S))
-    body = described_body(bare, data, blank_body(data, {}))
+    body = described_body(bare, data.joints, blank_body(data, {}))
     assert described_masses(bare, body) is None

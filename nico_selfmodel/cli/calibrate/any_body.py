@@ -105,5 +105,5 @@ def _described(robot: str, data: "BodyDataset", lenses: "dict[str, Camera]") -> 
     from nico_selfmodel.plant.robots import find_robot
 
     urdf = find_robot(robot)
-    body = described_body(urdf, data, blank_body(data, lenses))
+    body = described_body(urdf, data.joints, blank_body(data, lenses))
     return Description(body, masses=described_masses(urdf, body))

@@ -25,12 +25,12 @@ from pydrake.math import RigidTransform, RotationMatrix
 from pydrake.multibody.plant import MultibodyPlant
 from pydrake.systems.framework import BasicVector, Context, LeafSystem
 
-from nico_selfmodel.model.arm.chain import Chain
-from nico_selfmodel.plant import SelfModelPlant
+from nico_selfmodel.plant.model_in_plant import ModelInPlant
 from nico_selfmodel.systems.closing import Closable
 from nico_selfmodel.systems.rendering.renderer import check_renderer
 from nico_selfmodel.systems.rendering.stereo_cameras import RENDERER
 from nico_selfmodel.systems.rendering.textured_card import textured_card
+from nico_selfmodel.systems.simulated.joint_mechanics import JointMechanics
 from nico_selfmodel.vision.boards.chessboard import Board
 from nico_selfmodel.vision.printed_pattern import chessboard_png, fiducial_png, printed_size
 
@@ -94,7 +94,12 @@ def remove_scene(scene_graph: SceneGraph, name: str = RENDERER) -> None:
 
 
 def print_fiducial(
-    scene_graph: SceneGraph, built: SelfModelPlant, mount: str, marker: int, ball: str | None
+    scene_graph: SceneGraph,
+    built: ModelInPlant,
+    mount: str,
+    marker: int,
+    ball: str | None,
+    at: str | None = None,
 ) -> None:
     """Put a real marker where the robot's file draws a rough one; take the tracker's ball off.
 
@@ -104,9 +109,10 @@ def print_fiducial(
         mount: Frame of the fiducial: z points out of the card, y to the picture's top.
         marker: Id of the marker.
         ball: Frame of the motion tracker's ball, which would hide a part of the fiducial.
+        at: Frame where the marker really is, if not at its mount.
     """
     plant = built.plant
-    frame = plant.GetFrameByName(mount, built.instance)
+    frame = plant.GetFrameByName(at or mount, built.instance)
     X_MF = frame.GetFixedPoseInBodyFrame()
     _erase(scene_graph, built, mount, 0.006, 0.031)
     if ball is not None:
@@ -118,7 +124,7 @@ def print_fiducial(
     scene_graph.RegisterGeometry(plant.get_source_id(), body, card)
 
 
-def wrap_tape(scene_graph: SceneGraph, built: SelfModelPlant, tip: str) -> None:
+def wrap_tape(scene_graph: SceneGraph, built: ModelInPlant, tip: str) -> None:
     """Wrap red tape around a finger tip: the file's own is thinner than the finger within it.
 
     Args:
@@ -138,7 +144,7 @@ def wrap_tape(scene_graph: SceneGraph, built: SelfModelPlant, tip: str) -> None:
 
 
 def _erase(
-    scene_graph: SceneGraph, built: SelfModelPlant, mount: str, reach: float, largest: float
+    scene_graph: SceneGraph, built: ModelInPlant, mount: str, reach: float, largest: float
 ) -> None:
     """Hide from the renderers the small shapes about a frame, of the bodies welded to it."""
     plant = built.plant
@@ -202,33 +208,35 @@ class BoardHolder(LeafSystem):
 
 
 class BodyPoses(Closable, LeafSystem):
-    """Where the robot and its tracked points are; joints other than those of the arm stand still.
+    """Where the robot and its tracked points are; joints that nobody commands stand still.
 
     | port | | carries |
     |---|---|---|
-    | `q_true` | in | of the arm [rad] |
+    | `q_true` | in | of the commanded joints [rad] |
     | `geometry_pose` | out | poses of the robot's bodies for the scene graph |
     | `p_BH_true` | out | x y z of each tracked point in turn, in the frame of the base [m] |
     """
 
-    def __init__(self, built: SelfModelPlant, held: Mapping[str, float], chain: Chain) -> None:
-        """Take the robot, where its other joints stand [rad], and the arm as it is built."""
+    def __init__(
+        self, built: ModelInPlant, held: Mapping[str, float], mechanics: JointMechanics
+    ) -> None:
+        """Take the robot, where its other joints stand [rad], and its joints as they are built."""
         super().__init__()
-        plant = built.plant
-        self.__chain, self.__rest = chain, plant.GetDefaultPositions()
+        plant, joints = built.plant, mechanics.servos.joints
+        self.__mechanics, self.__rest = mechanics, plant.GetDefaultPositions()
         for joint, value in held.items():
             start = plant.GetJointByName(joint, built.instance).position_start()
             self.__rest[start] = value
-        self._columns = built.columns
+        self._columns = built.columns_of(joints)
         # As a system of the diagram the plant could not be given back.
         self.__plant: MultibodyPlant | None = plant
         self.__context: Context | None = plant.CreateDefaultContext()
-        self._angles = self.DeclareVectorInputPort("q_true", len(built.arm.joints))
+        self._angles = self.DeclareVectorInputPort("q_true", len(joints))
         needs = {self._angles.ticket()}
         self.DeclareAbstractOutputPort(
             "geometry_pose", lambda: AbstractValue.Make(FramePoseVector()), self._pose, needs
         )
-        size = 3 * len(chain.markers)
+        size = 3 * len(mechanics.markers)
         self.DeclareVectorOutputPort("p_BH_true", BasicVector(size), self._place, needs)
 
     def _pose(self, context: Context, value: AbstractValue) -> None:
@@ -241,9 +249,7 @@ class BodyPoses(Closable, LeafSystem):
         value.set_value(plant.get_geometry_pose_output_port().Eval(inner))
 
     def _place(self, context: Context, vector: BasicVector) -> None:
-        m = len(self.__chain.markers)
-        q = np.tile(self._angles.Eval(context), (m, 1))
-        vector.SetFromVector(self.__chain.forward(q, np.arange(m)).ravel())
+        vector.SetFromVector(self.__mechanics.points(self._angles.Eval(context)).ravel())
 
     def _give_back(self) -> None:
         self.__plant = self.__context = None

@@ -5,7 +5,7 @@ from numpy.typing import ArrayLike, NDArray
 from pydrake.systems.framework import BasicVector, Context, DiscreteValues, LeafSystem
 
 from nico_selfmodel.systems.closing import Closable
-from nico_selfmodel.systems.simulated.mechanics import Mechanics
+from nico_selfmodel.systems.simulated.joint_mechanics import JointMechanics
 
 PERIOD = 0.01
 """Time between two steps of the servos [s]."""
@@ -28,7 +28,7 @@ class EncoderModel(Closable, LeafSystem):
 
     def __init__(
         self,
-        mechanics: Mechanics,
+        mechanics: JointMechanics,
         start: ArrayLike,
         *,
         seed: int | tuple[int, ...] = 0,
@@ -37,7 +37,7 @@ class EncoderModel(Closable, LeafSystem):
         """Build the servos.
 
         Args:
-            mechanics: The arm as it is built, with its play, sag and wobble.
+            mechanics: The joints as they are built, with their play, sag and wobble.
             start: Readings to begin at [encoder units]. Shape (n,).
             seed: Of play and wobble.
             speed: Of the links [rad/s].

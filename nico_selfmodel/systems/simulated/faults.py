@@ -90,7 +90,7 @@ class FaultInjector:
         self._apply(bumped)
 
     def _arm(self, change: Callable[[Mechanics], Mechanics]) -> None:
-        self._apply(lambda robot: replace(robot, mechanics=change(robot.mechanics)))
+        self._apply(lambda robot: replace(robot, mechanics=change(robot.arm)))
 
 
 def _slipped(arm: Mechanics, i: int, angle: float) -> Mechanics:

@@ -51,7 +51,7 @@ class GroundTruth:
         Args:
             marker: The point; the first one if omitted.
         """
-        chain = self.instance.mechanics.chain
+        chain = self.instance.arm.chain
         return link_lengths(chain, 0 if marker is None else chain.marker_index(marker))
 
     def expected(self, encoders: ArrayLike, marker: str | None = None) -> tuple[NDArray, NDArray]:
@@ -65,9 +65,9 @@ class GroundTruth:
             Pixels in both cameras, nan where out of view, shape (N, 4), and places in the left
             camera's frame [m], shape (N, 3).
         """
-        chain = self.instance.mechanics.chain
+        chain = self.instance.arm.chain
         k = 0 if marker is None else chain.marker_index(marker)
-        p_LH = apply(self.X_LB, chain.forward(self.instance.mechanics.expected_angles(encoders), k))
+        p_LH = apply(self.X_LB, chain.forward(self.instance.arm.expected_angles(encoders), k))
         return self.rig.project(p_LH), p_LH
 
     def locate(self, p_TH: NDArray) -> NDArray:
@@ -92,7 +92,7 @@ class GroundTruth:
             name: Of the model.
             **about: More fields of `SelfModel`.
         """
-        mechanics = self.instance.mechanics
+        mechanics = self.instance.arm
         table = DhTable.from_chain(mechanics.chain.moved(self.X_LB))
         cameras = {"left": self.rig.left, "right": self.rig.right}
         return SelfModel(name, table, mechanics.servos, cameras=cameras, **about)

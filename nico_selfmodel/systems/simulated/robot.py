@@ -127,7 +127,7 @@ class SimulatedRobot:
     @property
     def markers(self) -> tuple[str, ...]:
         """Names of the markers that the sensor can see."""
-        return self.__hidden.instance.mechanics.chain.markers
+        return self.__hidden.instance.mechanics.markers
 
     @property
     def ground_truth(self) -> GroundTruth:
@@ -156,9 +156,9 @@ class SimulatedRobot:
         dragged = robot.mechanics.dragged(encoders, self.__hidden.q_dragged)
         self.__hidden.q_dragged = dragged
         q = robot.mechanics.angles(dragged, self._rng)
-        p_BH = np.array([robot.mechanics.chain.forward(q, k) for k in range(len(self.markers))])
+        p_BH = robot.mechanics.points(q)
         self.__hidden.p_BH = p_BH
-        return self.sensor.measure(robot, encoders, p_BH, self._rng)
+        return self.sensor.measure(robot.posed(q), encoders, p_BH, self._rng)
 
     def relive(self, command: ArrayLike) -> None:
         """Go to a pose again unseen: play and noise are drawn one after the other."""

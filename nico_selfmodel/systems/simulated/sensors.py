@@ -58,7 +58,7 @@ class MotionCaptureSensor:
         X_TB = robot.X_TB
         assert X_TB is not None
         points: dict[str, NDArray | None] = {}
-        for marker, p in zip(robot.mechanics.chain.markers, p_BH, strict=True):
+        for marker, p in zip(robot.mechanics.markers, p_BH, strict=True):
             p_TH = X_TB[:3, :3] @ p + X_TB[:3, 3] + rng.normal(0.0, self.sigma, 3)
             points[marker] = None if rng.random() < self.dropout_share else p_TH
         return Measurement(encoders, MappingProxyType(points))
@@ -81,7 +81,7 @@ class StereoPixels:
         noisy = pixels + rng.normal(0.0, self.sigma, pixels.shape)
         inside = inside_images(noisy, robot.rig.left.image_size, _EDGE)
         found = np.where(np.repeat(inside, 2, axis=1), noisy, np.nan)
-        markers = robot.mechanics.chain.markers
+        markers = robot.mechanics.markers
         return CameraMeasurement(
             encoders,
             MappingProxyType(dict.fromkeys(markers)),

@@ -6,12 +6,14 @@ from types import MappingProxyType
 
 import numpy as np
 from numpy.typing import NDArray
+from pydrake.geometry import SceneGraph
 
 from nico_selfmodel.geometry.transform import inverse
 from nico_selfmodel.model.arm.dh_table import DhTable
 from nico_selfmodel.model.cameras.stereo_rig import StereoRig
 from nico_selfmodel.model.self_model import SelfModel
 from nico_selfmodel.plant import ArmDescription, SelfModelPlant
+from nico_selfmodel.plant.model_in_plant import ModelInPlant
 from nico_selfmodel.systems.nico_cameras import MOUNTS
 from nico_selfmodel.systems.simulated.cameras import built_camera
 from nico_selfmodel.systems.simulated.ground_truth import GroundTruth
@@ -69,6 +71,10 @@ class NicoInstance:
         """The truth in the form that a plant is built from."""
         table = DhTable.from_chain(self.mechanics.chain)
         return SelfModel("truth", table, self.mechanics.servos)
+
+    def in_scene(self, scene_graph: SceneGraph) -> ModelInPlant:
+        """Return the robot in a plant of its own whose geometry goes into a scene graph."""
+        return SelfModelPlant.from_urdf(self.arm, self.model, scene_graph=scene_graph)
 
     @property
     def ground_truth(self) -> GroundTruth:

@@ -10,7 +10,9 @@ from pydrake.systems.framework import Diagram, DiagramBuilder
 from nico_selfmodel.dataset.joint_info import JointInfo
 from nico_selfmodel.model.cameras.stereo_rig import StereoRig
 from nico_selfmodel.model.self_model import SelfModel
-from nico_selfmodel.plant import ArmDescription, SelfModelPlant
+from nico_selfmodel.plant import ArmDescription
+from nico_selfmodel.plant.body_description import BodyDescription, built_frame_name
+from nico_selfmodel.plant.model_in_plant import ModelInPlant
 from nico_selfmodel.systems.closing import Closable, free_memory
 from nico_selfmodel.systems.image_values import bgr_of
 from nico_selfmodel.systems.looking import looking_arm
@@ -30,6 +32,7 @@ from nico_selfmodel.systems.simulated.ground_truth import GroundTruth
 from nico_selfmodel.systems.simulated.imperfections import Imperfections, imperfections_named
 from nico_selfmodel.systems.simulated.motion_capture import MotionCapture
 from nico_selfmodel.systems.stations.nico_instance import NicoInstance
+from nico_selfmodel.systems.stations.whole_nico import WholeNico
 from nico_selfmodel.systems.tracking.hand_tracker import (
     FIDUCIAL_ID,
     Detectors,
@@ -46,12 +49,16 @@ BOARD = Board(9, 6, 0.028)
 """The thesis' chessboard: squares of 28 mm."""
 
 
+FIDUCIALS = {"right": FIDUCIAL_ID, "left": FIDUCIAL_ID + 1}
+"""Which marker of the family is printed for each hand of a whole Nico."""
+
+
 class NicoStation(Closable, Diagram):
     """One robot of Nico, with everything that it can sense.
 
     | port | | carries |
     |---|---|---|
-    | `encoders_commanded` | in | where the arm's joints shall go [encoder units] |
+    | `encoders_commanded` | in | where the `joints` shall go [encoder units] |
     | `encoders` | out | encoder readings [encoder units] |
     | `left_image`, `right_image` | out | pictures of the wide cameras, `ImageRgba8U` |
     | `pixels` | out | left u, v, right u, v of each marker in turn, nan if not seen [px] |
@@ -78,7 +85,7 @@ class NicoStation(Closable, Diagram):
         seed: int = 0,
         session: int = 0,
         *,
-        arm: ArmDescription | None = None,
+        arm: ArmDescription | BodyDescription | None = None,
         detectors: Detectors | MirrorDetectors | None = None,
         quality: ImageQuality | None = None,
         sides: StereoRig = NICO_CAMERAS,
@@ -93,7 +100,10 @@ class NicoStation(Closable, Diagram):
             seed: Which robot.
             session: Which day: play, noise, drop-outs.
             arm: The robot and its arm, head turned to where it looks; `looking_arm()` by default.
-            detectors: Marker -> what finds it in a picture; `fiducial` and `finger_tip` by default.
+                Of a whole body (`looking_body`) the joints that it names are commanded, the head's
+                and both arms' alike; one seed is one robot whichever they are.
+            detectors: Marker -> what finds it in a picture; `fiducial` and `finger_tip` by default,
+                of a whole body the fiducials of both hands and the right finger's tip.
                 Before a mirror, what tells each from its reflection (`reflection_detectors`).
             quality: Of the pictures.
             sides: The cameras as designed.
@@ -108,8 +118,10 @@ class NicoStation(Closable, Diagram):
         super().__init__()
         world = imperfections_named(world) if isinstance(world, str) else world
         arm = arm or looking_arm()
-        body = NicoInstance.build(arm, world, seed, sides)
-        if detectors is None:
+        body = _built(arm, world, seed, sides)
+        if detectors is None and isinstance(arm, BodyDescription) and mirror is None:
+            detectors = body_detectors()
+        elif detectors is None:
             detectors = default_detectors() if mirror is None else default_mirror_detectors()
         self.arm, self.world, self.seed, self.session = arm, world, seed, session
         self.tracked = tuple(detectors)
@@ -153,7 +165,7 @@ class NicoStation(Closable, Diagram):
 
     @property
     def joints(self) -> tuple[JointInfo, ...]:
-        """Names, units and stops of the arm's joints, as a data set states them."""
+        """Names, units and stops of the joints that are commanded, as a data set states them."""
         return self.__instance.mechanics.joints
 
     @property
@@ -193,11 +205,44 @@ def default_detectors(rig: StereoRig | None = None) -> Detectors:
     return {"fiducial": (left, right), "finger_tip": color_detector()}
 
 
+def body_detectors() -> Detectors:
+    """Return detectors of the fiducials on both of Nico's hands and of the tape on its finger."""
+    fiducials = {f"{side}_hand_fiducial": fiducial_detector(i) for side, i in FIDUCIALS.items()}
+    return {**fiducials, "right_finger_tip": color_detector()}
+
+
+def _built(
+    arm: ArmDescription | BodyDescription, world: Imperfections, seed: int, cameras: StereoRig
+) -> NicoInstance | WholeNico:
+    """Return the robot of a seed."""
+    if isinstance(arm, BodyDescription):
+        return WholeNico.build(arm, world, seed, cameras)
+    return NicoInstance.build(arm, world, seed, cameras)
+
+
+def _mark(
+    scene_graph: SceneGraph, built: ModelInPlant, arm: ArmDescription | BodyDescription
+) -> None:
+    """Print fiducials and wrap tape where they belong."""
+    if isinstance(arm, BodyDescription):
+        for side, number in FIDUCIALS.items():
+            mount, ball = f"{side}_hand_fiducial", f"{side}_wrist_marker"
+            place = built_frame_name(mount)
+            print_fiducial(scene_graph, built, mount, number, ball, place)
+        wrap_tape(scene_graph, built, built_frame_name("right_finger_tip"))
+        return
+    if "fiducial" in arm.points:
+        mount = arm.points["fiducial"]
+        print_fiducial(scene_graph, built, mount, FIDUCIAL_ID, "right_wrist_marker")
+    if "finger_tip" in arm.points:
+        wrap_tape(scene_graph, built, arm.points["finger_tip"])
+
+
 def _add_scene(
     builder: DiagramBuilder,
     servos: EncoderModel,
-    arm: ArmDescription,
-    body: NicoInstance,
+    arm: ArmDescription | BodyDescription,
+    body: NicoInstance | WholeNico,
     board: Board,
     quality: ImageQuality | None,
     seed: tuple[int, int],
@@ -206,19 +251,14 @@ def _add_scene(
     """Add what is to be seen, and what sees it."""
     scene_graph = SceneGraph()
     builder.AddNamedSystem("scene", scene_graph)
-    built = SelfModelPlant.from_urdf(arm, body.model, scene_graph=scene_graph)
+    built = body.in_scene(scene_graph)
     add_renderer(scene_graph, glare=mirror is not None)
-    if "fiducial" in arm.points:
-        print_fiducial(
-            scene_graph, built, arm.points["fiducial"], FIDUCIAL_ID, "right_wrist_marker"
-        )
-    if "finger_tip" in arm.points:
-        wrap_tape(scene_graph, built, arm.points["finger_tip"])
+    _mark(scene_graph, built, arm)
     frames = tuple(
         built.plant.GetBodyFrameIdOrThrow(built.plant.GetBodyByName(link).index())
         for link in MOUNTS
     )
-    poses = BodyPoses(built, body.held, body.mechanics.chain)
+    poses = BodyPoses(built, body.held, body.mechanics)
     builder.AddNamedSystem("poses", poses)
     holder = BoardHolder(scene_graph, board)
     mirrors = None if mirror is None else MirrorScene(scene_graph, [mirror])
@@ -243,14 +283,14 @@ def _add_scene(
 def _add_motion_capture(
     builder: DiagramBuilder,
     poses: BodyPoses,
-    body: NicoInstance,
+    body: NicoInstance | WholeNico,
     world: Imperfections,
     seed: tuple[int, int],
 ) -> None:
     tracker = builder.AddNamedSystem(
         "motion_capture",
         MotionCapture(
-            body.mechanics.chain.markers,
+            body.mechanics.markers,
             X_WB=body.X_TB,
             sigma=world.marker_sigma,
             dropout_share=world.dropout_share,
