@@ -34,6 +34,7 @@ if TYPE_CHECKING:
     from nico_selfmodel.systems.stations.nico_hardware_station import NicoHardwareStation
     from nico_selfmodel.systems.stations.nico_station import NicoStation
     from nico_selfmodel.systems.stations.station_body import SettleTimeouts, StationBody
+    from nico_selfmodel.systems.tracking.gaze_controller import GazeController
     from nico_selfmodel.systems.tracking.hand_tracker import HandTracker
     from nico_selfmodel.systems.tracking.loaded_angles import LoadedAngles
     from nico_selfmodel.systems.tracking.reflection_detectors import default_mirror_detectors
@@ -48,6 +49,7 @@ __all__ = [
     "CameraMeasurement",
     "EncoderModel",
     "EncodersToAngles",
+    "GazeController",
     "HandTracker",
     "ImageQuality",
     "Imperfections",
@@ -110,6 +112,7 @@ __getattr__, __dir__ = lazy_names(
         "stations.nico_station": ("NicoStation",),
         "stations.station_body": ("SettleTimeouts", "StationBody"),
         "tracking.loaded_angles": ("LoadedAngles",),
+        "tracking.gaze_controller": ("GazeController",),
         "tracking.hand_tracker": ("HandTracker",),
         "tracking.reflection_detectors": ("default_mirror_detectors",),
         "tracking.self_model_monitor": ("SelfModelMonitor",),

@@ -37,6 +37,8 @@ def body_dataset_of(dataset: Dataset, cameras: Mapping[str, Camera] | None = Non
             encoder_unit=joint.encoder_unit,
             counts_per_turn=joint.counts_per_turn,
             sign=joint.sign,
+            lower=joint.lower,
+            upper=joint.upper,
         )
         for i, joint in enumerate(dataset.joints)
     )

@@ -22,7 +22,10 @@ UNITS = {
 }
 """Units in which each kind of joint is read."""
 _FACTOR = {"rad": 1.0, "deg": math.pi / 180.0, "m": 1.0, "mm": 1e-3, "pose": 1.0}
-_KEYS = ("name", "parent", "motion", "encoder_unit", "counts_per_turn", "sign", "follows")
+_LIMITS = ("lower", "upper")
+_KEYS = (
+    "name", "parent", "motion", "encoder_unit", "counts_per_turn", "sign", "follows", *_LIMITS,
+)  # fmt: skip
 
 
 @dataclass(frozen=True)
@@ -47,6 +50,10 @@ class LinkJoint:
     """+1, or -1 where the readings are known to fall as the joint moves forward."""
     follows: Mapping[str, float] = field(default_factory=dict)
     """Ratios to the joints that move it; a joint that follows has no encoder."""
+    lower: float | None = None
+    """Least reading that it can reach, if known."""
+    upper: float | None = None
+    """Largest reading that it can reach, if known."""
 
     def __post_init__(self) -> None:
         """Check the values."""
@@ -73,6 +80,12 @@ class LinkJoint:
             raise ValueError(f"joint {self.name!r}: sign must be 1 or -1, got {self.sign}")
         if self.follows and self.motion == FLANGE:
             raise ValueError(f"joint {self.name!r}: a flange follows no joint")
+        limits = [value for value in (self.lower, self.upper) if value is not None]
+        if not np.isfinite(limits).all() or not limits == sorted(limits):
+            raise ValueError(
+                f"joint {self.name!r}: lower and upper must be finite readings, lower below upper, "
+                f"got {self.lower} and {self.upper}; leave out what is not known"
+            )
 
     @property
     def si_per_unit(self) -> float:
@@ -116,6 +129,7 @@ class LinkJoint:
                 number_value(entry, "counts_per_turn", where),
                 1 if sign is None else sign,
                 {str(k): number_value(follows, k, where) or 0.0 for k in follows},
+                *(number_value(entry, key, where) for key in _LIMITS),
             )
         except ValueError as error:
             raise DataError(f"{where}: {error}") from None
@@ -134,7 +148,8 @@ class LinkJoint:
             entry["sign"] = self.sign
         if self.follows:
             entry["follows"] = dict(self.follows)
-        return entry
+        limits = {key: getattr(self, key) for key in _LIMITS}
+        return entry | {key: value for key, value in limits.items() if value is not None}
 
 
 def parents_of(joints: tuple[LinkJoint, ...]) -> NDArray:

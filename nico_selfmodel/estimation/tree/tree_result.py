@@ -108,6 +108,12 @@ def body_model(calibration: TreeCalibration) -> BodyModel:
         noise_by_name(calibration),
         _expected(calibration),
         provenance,
+        np.array(
+            [
+                [-np.inf if joint.lower is None else joint.lower for joint in data.joints],
+                [np.inf if joint.upper is None else joint.upper for joint in data.joints],
+            ]
+        ),
     )
 
 

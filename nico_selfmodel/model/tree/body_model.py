@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from nico_selfmodel.arrays import read_only
 from nico_selfmodel.errors import DataError, ModelError
 from nico_selfmodel.files.reading import LARGEST_DOCUMENT, read_text
 from nico_selfmodel.files.whole import write_whole
@@ -24,6 +25,8 @@ FORMAT = "nico-body/1"
 BODY_FILE = "body.yaml"
 """Name of the file in a result folder."""
 _WORLD = "world"
+_LIMITS = {"lower": -np.inf, "upper": np.inf}
+"""Keys of a joint's limits, and what they are where they are not there."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -44,6 +47,22 @@ class BodyModel:
     """Errors that new poses should show: unit (`mm`, `px`) -> `median` and `n`, of poses."""
     provenance: Mapping[str, Any] = field(default_factory=dict)
     """Where it came from."""
+    limits: NDArray = field(default_factory=lambda: np.zeros((2, 0)))
+    """Least and largest reading of each joint, in its own unit; infinite where it is not known, as
+    all are if omitted. Shape (2, n)."""
+
+    def __post_init__(self) -> None:
+        """Take unknown limits for none."""
+        n = len(self.tree.joints)
+        limits = self.limits if np.size(self.limits) else [[-np.inf] * n, [np.inf] * n]
+        object.__setattr__(self, "limits", read_only(limits, float))
+        if np.shape(limits) != (2, n) or np.isnan(self.limits).any():
+            raise ValueError(f"limits must be numbers of shape (2, {n}), got {np.shape(limits)}")
+
+    @property
+    def reach(self) -> NDArray:
+        """Least and largest displacement of each joint [rad or m]. Shape (2, n)."""
+        return np.sort(self.limits * self.si_per_unit / self.tree.gear, axis=0)
 
     def readings(self, readings: NDArray) -> NDArray:
         """Return readings in rad and m, zero where a joint has no encoder. Shape (N, n)."""
@@ -123,6 +142,8 @@ def _joint(model: BodyModel, i: int) -> dict[str, Any]:
         "gear": float(tree.gear[i]),
         "si_per_unit": float(model.si_per_unit[i]),
     }
+    limits = zip(_LIMITS, model.limits[:, i].tolist(), strict=True)
+    entry |= {key: value for key, value in limits if np.isfinite(value)}
     if tree.coupling[i, i] != 1.0:
         ratios = zip(tree.joints, tree.coupling[i].tolist(), strict=True)
         entry["follows"] = {name: ratio for name, ratio in ratios if ratio}
@@ -176,6 +197,7 @@ def _model(document: dict[str, Any]) -> BodyModel:
         {str(k): float(v) for k, v in mapping(document["noise"], "noise").items()},
         mapping(document.get("expected"), "expected"),
         mapping(document["provenance"], "provenance"),
+        np.array([[float(j.get(k, end)) for j in joints] for k, end in _LIMITS.items()]),
     )
 
 

@@ -1,0 +1,257 @@
+"""Where to turn a head so that a point comes to the middle of its cameras' images."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+from pydrake.multibody.inverse_kinematics import InverseKinematics
+from pydrake.multibody.plant import MultibodyPlant
+from pydrake.multibody.tree import FixedOffsetFrame, Frame
+
+from nico_selfmodel.errors import ModelError
+from nico_selfmodel.geometry.rotation import tangent_basis
+from nico_selfmodel.geometry.transform import inverse, transform
+from nico_selfmodel.model.tree.body_model import BodyModel
+from nico_selfmodel.model.tree.body_tree import FLANGE, WORLD, BodyTree
+from nico_selfmodel.model.tree.tree_motion import TreeMotion
+from nico_selfmodel.names import listed
+from nico_selfmodel.optimization.minimum import minimum_near
+from nico_selfmodel.plant.body_plant import BodyPlant
+from nico_selfmodel.plant.kinematic_tree import rigid
+
+WITHIN_PX = 10.0
+"""Distance from the middle of each image within which a point counts as looked at [px]."""
+_NEAREST = 0.02
+"""Distance before a camera below which nothing is looked at [m]."""
+_POSTURE_PX = 5.0
+"""What it is worth not to turn a joint by 1 rad from the middle of its range [px]."""
+_LOADED_ROUNDS = 3
+"""How often the posture of a body that bends is taken into account."""
+
+
+@dataclass(frozen=True, eq=False)
+class Gaze:
+    """How a body looks at a point."""
+
+    readings: NDArray
+    """Of all joints in their own units, nan where one has no encoder; only those that turn cameras
+    differ from what was given. Shape (n,)."""
+    pixels: dict[str, NDArray]
+    """Where each camera then expects the point [px]. Shape (2,) each."""
+    off_px: float
+    """Largest distance of these from the middle of their images [px]."""
+    misaligned_px: float = 0.0
+    """What of it no turning would take away: cameras on one tilt look past each other [px]."""
+
+
+class GazeSolver:
+    """Turns the joints of a learned body's cameras, by Drake's inverse kinematics.
+
+    Of both cameras it minimises `sum (f / z)^2 |(x, y)|^2 + c^2 |q - q_middle|^2`, with (x, y, z)
+    the point in a frame at the camera whose z axis is the line of sight of the image's middle and c
+    `_POSTURE_PX` a radian: pixels off the middle, and little weight on an easy posture, which
+    decides between neck and cameras. Joints keep their limits, and z > 0.
+    """
+
+    def __init__(self, model: BodyModel, cameras: Sequence[str] = ()) -> None:
+        """Take a learned body.
+
+        Args:
+            model: It.
+            cameras: Those that shall look; all that joints carry if empty.
+
+        Raises:
+            ModelError: If it has no such camera, or no joint turns one, or a joint is a flange.
+        """
+        tree = model.tree
+        self.model, self.cameras = model, _looking(tree, cameras)
+        moving = np.any([tree.beyond[tree.sensors[i].on] for i in self.cameras], axis=0)
+        led = np.asarray(tree.coupling).diagonal() == 0.0
+        self.head = np.flatnonzero((np.abs(tree.coupling).T @ moving > 0.0) & ~led)
+        self._plant = MultibodyPlant(0.0)
+        self._body = BodyPlant.add_to(self._plant, model)
+        self._aims = [self._aim(i) for i in self.cameras]
+        self._plant.Finalize()
+        self._context = self._plant.CreateDefaultContext()
+        self._columns = self._body.columns_of(tree.joints)
+        self._reach = model.reach
+
+    @property
+    def joints(self) -> tuple[str, ...]:
+        """Names of the joints that are turned."""
+        return tuple(self.model.tree.joints[i] for i in self.head.tolist())
+
+    def at_point(self, readings: ArrayLike, p_WT: ArrayLike) -> Gaze:
+        """Look at a point.
+
+        Args:
+            readings: Of all joints in their own units; nan where one has no encoder. Shape (n,).
+            p_WT: The point in the body's world [m]. Shape (3,).
+
+        Raises:
+            ModelError: If it is out of reach.
+            ValueError: If a shape is another, or a number not finite.
+        """
+        now = self._checked(readings)
+        point = np.asarray(p_WT, dtype=float)
+        if point.shape != (3,) or not np.isfinite(point).all():
+            raise ValueError(f"a point to look at must be 3 finite coordinates [m], got {p_WT}")
+        best = self._best(now, point, self.model.limits)
+        if best.off_px > WITHIN_PX:
+            unlimited = np.full_like(self.model.limits, np.inf) * [[-1.0], [1.0]]
+            free = self._best(now, point, unlimited).off_px
+            best = replace(best, misaligned_px=min(free, best.off_px))
+        if not best.off_px - best.misaligned_px <= WITHIN_PX:
+            where = ", ".join(f"{value:.3f}" for value in point)
+            off = f"{best.off_px:.0f} px" if np.isfinite(best.off_px) else "out of view or behind"
+            raise ModelError(
+                f"out of reach: the point {where} m stays {off} in place of the images' middle, "
+                f"at most {WITHIN_PX:.0f} px are expected, wherever {listed(self.joints)} turn: "
+                "give a point before the head"
+            )
+        return best
+
+    def at_marker(self, readings: ArrayLike, marker: str) -> Gaze:
+        """Look at a marker of the body itself, its hand.
+
+        Args:
+            readings: Of all joints in their own units; nan where one has no encoder. Shape (n,).
+            marker: Its name.
+
+        Raises:
+            ModelError: If it is out of reach, or on a link that the same joints turn.
+            ValueError: If there is no such marker, or a number is not finite.
+        """
+        tree, now = self.model.tree, self._checked(readings)
+        found = tree.markers[tree.marker_index(marker)]
+        if found.on != WORLD and (moved := tree.beyond[found.on][self.head]).any():
+            turning = [self.joints[k] for k in np.flatnonzero(moved).tolist()]
+            raise ModelError(
+                f"marker {marker!r} moves with {listed(turning)}, which would look at it: choose "
+                "one that the head does not carry"
+            )
+        motion = TreeMotion.at(tree, self.model.readings(now)[None])
+        return self.at_point(now, motion.pose_of(found)[1][:, 0])
+
+    def _checked(self, readings: ArrayLike) -> NDArray:
+        now = np.asarray(readings, dtype=float)
+        tree = self.model.tree
+        if now.shape != (len(tree.joints),):
+            raise ValueError(f"readings must have shape ({len(tree.joints)},), got {now.shape}")
+        read = np.asarray(tree.coupling).diagonal() != 0.0
+        if not np.isfinite(now[read]).all():
+            raise ValueError(f"readings must be finite, got {now[read]}")
+        return now
+
+    def _aim(self, sensor: int) -> Frame:
+        """Add a frame at a camera whose z axis is the line of sight of the image's middle."""
+        item = self.model.tree.sensors[sensor]
+        lens = self.model.tree.lenses[item.name]
+        z = lens.at(np.eye(4)).directions(_middle(lens.image_size)[None])[0]
+        X_CA = transform(np.column_stack([tangent_basis(z), z]), np.zeros(3))
+        frame = FixedOffsetFrame(f"{item.name}_aim", self._body.frame(item.name), rigid(X_CA))
+        return self._plant.AddFrame(frame)
+
+    def _easy(self, now: NDArray) -> NDArray:
+        """Return readings with the head in the middle of its range."""
+        model, out = self.model, now.copy()
+        q = self._easy_angles()
+        out[self.head] = (q * model.tree.gear / model.si_per_unit)[self.head]
+        return out
+
+    def _easy_angles(self) -> NDArray:
+        limited = np.isfinite(self._reach).all(axis=0)
+        return np.where(limited, np.where(limited, self._reach, 0.0).mean(axis=0), 0.0)
+
+    def _best(self, now: NDArray, point: NDArray, limits: NDArray) -> Gaze:
+        """Solve from where the head is and from the middle of its range."""
+        found = [self._looked(start, point, limits) for start in (now, self._easy(now))]
+        return min(found, key=lambda gaze: gaze.off_px)
+
+    def _looked(self, readings: NDArray, point: NDArray, limits: NDArray) -> Gaze:
+        """Solve from a posture; what bends is taken from the posture before."""
+        model, tree = self.model, self.model.tree
+        rounds = 1 if tree.bending is None else _LOADED_ROUNDS
+        now = readings.copy()
+        reach = np.sort(limits * model.si_per_unit / tree.gear, axis=0)
+        for _ in range(rounds):
+            si = model.readings(now)
+            self._body.set_readings(self._context, si)
+            loaded = self._plant.GetPositions(self._context)[self._columns]
+            bent = loaded - tree.displacements(si)
+            q = self._solved(loaded, bent, point, reach)
+            turned = ((q - bent) * tree.gear / model.si_per_unit)[self.head]
+            now[self.head] = np.clip(turned, *limits[:, self.head])
+        return self._seen(now, point)
+
+    def _solved(self, q: NDArray, bent: NDArray, point: NDArray, reach: NDArray) -> NDArray:
+        """Return angles of all joints, those of the head turned [rad]. Shape (n,)."""
+        plant, tree = self._plant, self.model.tree
+        problem = InverseKinematics(plant, self._context, with_joint_limits=False)
+        program, x = problem.prog(), problem.q()[self._columns]
+        turned = np.zeros(len(q), dtype=bool)
+        turned[self.head] = True
+        led = np.asarray(tree.coupling).diagonal() == 0.0
+        fixed = ~turned & ~led
+        program.AddBoundingBoxConstraint(q[fixed], q[fixed], x[fixed])
+        low, high = reach + bent
+        program.AddBoundingBoxConstraint(low[turned], high[turned], x[turned])
+        for i in np.flatnonzero(led).tolist():
+            # What follows is where its leaders have it, q_i = sum_j c_ij q_j.
+            row = np.eye(len(q))[i] - tree.coupling[i]
+            program.AddLinearEqualityConstraint(row[None], [bent[i] - tree.coupling[i] @ bent], x)
+        weight = _POSTURE_PX**2 * np.eye(int(turned.sum()))
+        program.AddQuadraticErrorCost(weight, self._easy_angles()[turned], x[turned])
+        self._add_looking(problem, point)
+        start = plant.GetPositions(self._context)
+        return minimum_near(program, start, x)
+
+    def _add_looking(self, problem: InverseKinematics, point: NDArray) -> None:
+        """Add what each camera's image wants, and that the point is before it."""
+        world = self._plant.world_frame()
+        for sensor, aim in zip(self.cameras, self._aims, strict=True):
+            lens = self.model.tree.lenses[self.model.tree.sensors[sensor].name]
+            X_WA = aim.CalcPoseInWorld(self._context)
+            z = max(float(np.linalg.norm(X_WA.translation() - point)), _NEAREST)
+            C = np.diag([(lens.fx / z) ** 2, (lens.fy / z) ** 2, 0.0])
+            problem.AddPositionCost(aim, np.zeros(3), world, point, C)
+            nearest, farthest = [-np.inf, -np.inf, _NEAREST], [np.inf] * 3
+            problem.AddPositionConstraint(world, point, aim, nearest, farthest)
+
+    def _seen(self, readings: NDArray, point: NDArray) -> Gaze:
+        """Predict where the cameras see the point."""
+        tree = self.model.tree
+        motion = TreeMotion.at(tree, self.model.readings(readings)[None])
+        pixels, worst = {}, 0.0
+        for i in self.cameras:
+            R, p = motion.pose_of(tree.sensors[i])
+            lens = tree.lenses[tree.sensors[i].name]
+            X_CW = inverse(transform(R[..., 0], p[..., 0]))
+            uv = lens.at(np.eye(4)).project((X_CW[:3, :3] @ point + X_CW[:3, 3])[None])[0]
+            pixels[tree.sensors[i].name] = uv
+            off = float(np.linalg.norm(uv - _middle(lens.image_size)))
+            worst = max(worst, off if np.isfinite(off) else np.inf)
+        return Gaze(readings, pixels, worst)
+
+
+def _middle(image_size: tuple[int, int]) -> NDArray:
+    """Return the pixel in the middle of an image. Shape (2,)."""
+    return (np.array(image_size) - 1.0) / 2.0
+
+
+def _looking(tree: BodyTree, cameras: Sequence[str]) -> list[int]:
+    """Return the sensors that are cameras on links that joints move, or some of them by name."""
+    if FLANGE in tree.motions:
+        raise ModelError("a body whose flange's pose is read has no joints that turn a head")
+    carried = {s.name: i for i, s in enumerate(tree.sensors) if s.name in tree.lenses}
+    carried = {name: i for name, i in carried.items() if tree.sensors[i].on != WORLD}
+    if not carried:
+        raise ModelError(
+            "no joint of this body turns a camera, so that it cannot look at anything: learn one "
+            "whose cameras are on links of its head"
+        )
+    unknown = sorted(set(cameras) - set(carried))
+    if unknown:
+        raise ModelError(f"no joint turns a camera {listed(unknown)}; there are {listed(carried)}")
+    return [carried[name] for name in cameras or carried]

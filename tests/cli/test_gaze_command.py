@@ -1,0 +1,59 @@
+"""The command `gaze`: joints of the head on standard output, and one line where it cannot look."""
+
+import json
+
+import numpy as np
+import pytest
+
+from nico_selfmodel.model.tree.body_model import BodyModel, save_body
+from nico_selfmodel.systems.looking import HEAD_JOINTS, looking_body
+
+from .one_line import assert_one_clear_line
+
+
+@pytest.fixture(scope="module")
+def body(tmp_path_factory):
+    path = tmp_path_factory.mktemp("gaze") / "body.yaml"
+    described = looking_body()
+    save_body(BodyModel("nico", described.tree, np.ones(18), limits=described.limits), path)
+    return path
+
+
+STILL = ",".join(["0"] * 18)
+
+
+def test_a_point_is_looked_at_by_the_joints_of_the_head(body, command):
+    words = ("gaze", body, "--encoders", STILL, "--point", "0.6,0.2,0.4")
+    done = command(*words)
+    assert done.returncode == 0, done.stderr
+    assert [line.split()[0] for line in done.stdout.splitlines()[:6]] == list(HEAD_JOINTS)
+    document = json.loads(command(*words, "--json").stdout)
+    assert document["off_px"] < 1.0
+    assert set(document["pixels"]) == {"left_wide_camera", "right_wide_camera"}
+    one = json.loads(command(*words, "--camera", "left_wide_camera", "--json").stdout)
+    assert list(one["pixels"]) == ["left_wide_camera"]
+    assert "right_eye_pan" not in one["readings"]
+
+
+def test_the_own_hand_is_looked_at(body, command):
+    bent = ",".join(["0"] * 6 + ["-0.8", "0.2", "-0.6", "-1", "-1.5", "0"] + ["0"] * 6)
+    done = command("gaze", body, "--encoders", bent, "--marker", "right_hand_fiducial", "--json")
+    assert done.returncode == 0, done.stderr
+    assert json.loads(done.stdout)["off_px"] < 10.0
+
+
+@pytest.mark.parametrize(
+    ("words", "said"),
+    [
+        (["--encoders", STILL, "--point", "-0.5,0,0.4"], "out of reach"),
+        (["--encoders", STILL, "--marker", "right_hand_fiducial"], "out of reach"),
+        (["--encoders", STILL], "either --point or --marker"),
+        (["--encoders", "0,0", "--point", "1,0,0.4"], "18"),
+        (["--encoders", STILL, "--point", "1,0"], "X,Y,Z"),
+        (["--encoders", STILL, "--point", "1,0,0.4", "--camera", "third"], "third"),
+        (["--encoders", STILL, "--marker", "tail"], "tail"),
+    ],
+)
+def test_what_cannot_be_looked_at_is_one_line(body, command, words, said):
+    done = command("gaze", body, *words)
+    assert_one_clear_line(done, said)
