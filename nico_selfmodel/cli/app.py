@@ -78,7 +78,7 @@ _COMMANDS: dict[str, Callable[..., None]] = {
 _GROUPS: dict[str, tuple[str, dict[str, Callable[..., None]]]] = {
     "simulate": (
         "Record data of a simulated body.",
-        {"motion-capture": simulate.motion_capture},
+        {"motion-capture": simulate.motion_capture, "whole-body": simulate.whole_body},
     ),
     "import": (
         "Make a data set, a servo configuration or cameras of files made elsewhere.",

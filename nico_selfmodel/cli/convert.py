@@ -24,7 +24,4 @@ def convert(
     lenses = {} if cameras is None else load_model(cameras).cameras
     data = body_dataset_of(load_dataset(dataset), lenses)
     save_body_dataset(data, out, force=force)
-    printer.line(
-        f"{len(data.sample)} poses, {len(data.observations)} observations, "
-        f"{len(data.joints)} joints: {out}"
-    )
+    printer.body_dataset(data, out)

@@ -21,6 +21,7 @@ from nico_selfmodel.cli.result_facts import derived_rows, fact_rows
 from nico_selfmodel.progress import Progress
 
 if TYPE_CHECKING:
+    from nico_selfmodel.dataset.body.body_dataset import BodyDataset
     from nico_selfmodel.dataset.dataset import Dataset
 
 _WIDEST = 400
@@ -109,6 +110,14 @@ def line(text: str, end: str = "\n") -> None:
 def dataset(data: "Dataset", made: Path) -> None:
     """Say what lies in a folder of a data set."""
     line(f"{len(data)} rows, {len(data.joints)} joints: {made}")
+
+
+def body_dataset(data: "BodyDataset", made: Path) -> None:
+    """Say what lies in a folder of a recording of any body."""
+    line(
+        f"{len(data.sample)} poses, {len(data.observations)} observations, "
+        f"{len(data.joints)} joints: {made}"
+    )
 
 
 def as_json(document: Mapping[str, Any]) -> None:

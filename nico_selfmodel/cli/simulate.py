@@ -77,3 +77,43 @@ def motion_capture(
         )
     save_dataset(data, out, force=force)
     printer.dataset(data, out)
+
+
+def whole_body(
+    out: options.Out,
+    imperfections: options.Imperfections = "thesis",
+    seed: options.RobotSeed = 0,
+    session: options.Session = 0,
+    looks: Annotated[
+        int, typer.Option("--looks", min=0, help="Poses in which the head looks about the room.")
+    ] = 60,
+    hands: Annotated[
+        int, typer.Option("--hands", min=0, help="Poses of each hand before both cameras.")
+    ] = 80,
+    joint_noise_deg: options.JointNoise = None,
+    force: options.Force = False,
+) -> None:
+    """Let a whole Nico look about a known room and at its hands; writes a recording of a body.
+
+    Places of markers in the images are projected, not found in pictures, and nothing hides them.
+    """
+    from nico_selfmodel.dataset.body.body_folder import save_body_dataset
+    from nico_selfmodel.files.whole import refuse_existing
+    from nico_selfmodel.sessions.whole_body import whole_body_session
+    from nico_selfmodel.systems.simulated.imperfections import imperfections_named
+
+    refuse_existing(out, force=force)
+    name = inputs.name_after(out)
+    world = imperfections_named(imperfections).with_noise(play_deg=joint_noise_deg)
+    with printer.progress_bar() as progress:
+        data = whole_body_session(
+            world,
+            seed,
+            session,
+            looks=looks,
+            hands=hands,
+            name=name,
+            progress=lambda done, total: progress("moving", done, total),
+        )
+    save_body_dataset(data, out, force=force)
+    printer.body_dataset(data, out)

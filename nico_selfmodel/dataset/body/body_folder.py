@@ -272,7 +272,7 @@ def _head_text(data: BodyDataset) -> str:
         "format": FORMAT,
         "name": data.name,
         "joints": [joint.to_mapping() for joint in data.joints],
-        "markers": [{"name": m.name, "on": m.on} for m in data.markers],
+        "markers": [marker.to_mapping() for marker in data.markers],
         "sensors": [sensor.to_mapping() for sensor in data.sensors],
         "source": data.source or None,
         "seed": data.seed,

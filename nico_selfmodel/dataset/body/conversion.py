@@ -1,6 +1,7 @@
 """A data set of one arm as a recording of a body: the chain becomes a tree without branches."""
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -12,6 +13,7 @@ from nico_selfmodel.dataset.dataset import Dataset
 from nico_selfmodel.errors import DataError
 from nico_selfmodel.model.cameras.camera import Camera
 from nico_selfmodel.model.cameras.projection import POLYNOMIAL
+from nico_selfmodel.names import listed
 
 TRACKER, SIDES = "tracker", ("left", "right")
 
@@ -62,6 +64,65 @@ def body_dataset_of(dataset: Dataset, cameras: Mapping[str, Camera] | None = Non
         samples,
         dataset.encoders[lead],
         table,
+        approach=dataset.approach[lead],
+        source=dataset.source,
+        seed=dataset.seed,
+    )
+
+
+def tree_dataset_of(
+    dataset: Dataset,
+    links: Sequence[LinkJoint],
+    markers: Sequence[MarkerInfo],
+    cameras: Sequence[SensorInfo],
+) -> BodyDataset:
+    """Convert what the cameras of a whole body saw.
+
+    Args:
+        dataset: Encoder readings with pixels of markers.
+        links: What carries each of its joints, in its order; how they are read it tells itself.
+        markers: What carries each of its markers, in its order.
+        cameras: The left and the right camera, and what carries them.
+
+    Returns:
+        The same measurements.
+
+    Raises:
+        DataError: If joints or markers have other names, or nothing was seen.
+    """
+    for what, here, there in (
+        ("joints", dataset.joint_names, tuple(link.name for link in links)),
+        ("markers", dataset.markers, tuple(marker.name for marker in markers)),
+    ):
+        if tuple(here) != there:
+            raise DataError(
+                f"data set {dataset.name!r} has the {what} {listed(here)}, expected {listed(there)}"
+            )
+    samples, lead = np.unique(dataset.sample, return_index=True)
+    joints = tuple(
+        replace(
+            link,
+            encoder_unit=joint.encoder_unit,
+            counts_per_turn=joint.counts_per_turn,
+            sign=joint.sign,
+            lower=joint.lower,
+            upper=joint.upper,
+        )
+        for link, joint in zip(links, dataset.joints, strict=True)
+    )
+    tables = []
+    for k in range(len(cameras)):
+        values = dataset.pixels[:, 2 * k : 2 * k + 2]
+        rows = np.flatnonzero(np.isfinite(values).all(axis=1))
+        tables.append(_rows(dataset, samples, rows, values[rows], k))
+    return BodyDataset(
+        dataset.name,
+        joints,
+        tuple(markers),
+        tuple(cameras),
+        samples,
+        dataset.encoders[lead],
+        ObservationTable(*(np.concatenate(column) for column in zip(*tables, strict=True))),
         approach=dataset.approach[lead],
         source=dataset.source,
         seed=dataset.seed,

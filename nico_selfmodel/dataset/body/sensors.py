@@ -41,6 +41,8 @@ class MarkerInfo:
     """Its name, unique in the body."""
     on: str
     """The joint whose link carries it, or `world`."""
+    xyz: tuple[float, float, float] | None = None
+    """Its place there, where that is known for sure [m]."""
 
     @classmethod
     def from_mapping(cls, entry: Any, where: str) -> "MarkerInfo":
@@ -51,7 +53,7 @@ class MarkerInfo:
         """
         if not isinstance(entry, Mapping):
             raise DataError(f"{where}: a marker must be {{name, on}}, got {shown(entry)}")
-        check_keys(entry, ("name", "on"), where)
+        check_keys(entry, ("name", "on", "xyz"), where)
         name = text_value(entry, "name", where)
         try:
             check_name(name, "a marker")
@@ -59,7 +61,12 @@ class MarkerInfo:
             raise DataError(f"{where}: {error}") from None
         if entry.get("on") is None:
             raise DataError(f"{where}: marker {name!r} is on no link: add 'on', a joint or 'world'")
-        return cls(name, text_value(entry, "on", where))
+        return cls(name, text_value(entry, "on", where), _place(entry.get("xyz"), where))
+
+    def to_mapping(self) -> dict[str, Any]:
+        """Return the entry of this marker in a YAML file."""
+        place = {} if self.xyz is None else {"xyz": list(self.xyz)}
+        return {"name": self.name, "on": self.on, **place}
 
 
 @dataclass(frozen=True, eq=False)
@@ -163,6 +170,16 @@ def _pose(value: Any, where: str) -> NDArray | None:
     if not np.isfinite(np.concatenate(parts)).all():
         raise DataError(f"{where}: 'pose' must be finite, got {shown(value)}")
     return transform(rotation_from_vector(parts[1]), parts[0])
+
+
+def _place(value: Any, where: str) -> tuple[float, float, float] | None:
+    if value is None:
+        return None
+    place = np.asarray(value if isinstance(value, list) else [])
+    if place.shape != (3,) or place.dtype.kind not in "if" or not np.isfinite(place).all():
+        raise DataError(f"{where}: 'xyz' must be three numbers [m], got {shown(value)}")
+    x, y, z = place.astype(float).tolist()
+    return x, y, z
 
 
 def _lens(value: Any, where: str) -> dict[str, float] | None:

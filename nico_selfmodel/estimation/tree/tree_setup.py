@@ -14,13 +14,17 @@ from nico_selfmodel.estimation.results.fixed_parameters import FixedParameters
 from nico_selfmodel.estimation.tree.tree_parameters import (
     FRAME_PARTS,
     SHIFTS,
+    TURNS,
     TreeParameters,
 )
 from nico_selfmodel.files.csv_rows import number_of_word
+from nico_selfmodel.geometry.transform import transform
 from nico_selfmodel.model.cameras.camera import Camera
 from nico_selfmodel.model.tree.body_tree import FLANGE, WORLD, Attached, BodyTree
 from nico_selfmodel.names import did_you_mean, listed
 
+KNOWN_PLACES = "markers at known places"
+"""What stands for the world, and tells lengths, where a recording says where markers are."""
 Priors = Mapping[str, tuple[float, float]]
 """Mean and standard deviation by name."""
 
@@ -114,7 +118,14 @@ def blank_body(data: BodyDataset, lenses: Mapping[str, Camera]) -> BodyTree:
         np.broadcast_to(identity, (n, 4, 4)),
         np.ones(n),
         coupling_of(data.joints),
-        tuple(Attached(m.name, data.on_link(m.on), identity) for m in data.markers),
+        tuple(
+            Attached(
+                m.name,
+                data.on_link(m.on),
+                transform(np.eye(3), np.array(m.xyz or (0.0, 0.0, 0.0))),
+            )
+            for m in data.markers
+        ),
         tuple(
             Attached(s.name, data.on_link(s.on), identity if s.X_LS is None else s.X_LS)
             for s in data.sensors
@@ -165,7 +176,8 @@ def setup_of(
     table = data.observations
     posed = np.array([s.kind == POSES for s in data.sensors])[table.sensor]
     for m in np.unique(np.append(table.marker, table.other[table.other >= 0])).tolist():
-        parts = FRAME_PARTS if posed[table.marker == m].any() else SHIFTS
+        turned = posed[table.marker == m].any()
+        parts = (*(TURNS if turned else ()), *(() if data.markers[m].xyz else SHIFTS))
         free |= {f"{data.markers[m].name}.{part}" for part in parts}
     for s in np.unique(table.sensor).tolist():
         info = data.sensors[s]
@@ -216,6 +228,14 @@ def _moving(data: BodyDataset, parameters: TreeParameters) -> NDArray:
 
 def _world_of(data: BodyDataset, description: Description | None) -> str:
     """Return what stands for the world: all else is placed against it."""
+    known = [m.name for m in data.markers if m.xyz is not None and m.on == WORLD_NAME]
+    if known and description is not None:
+        raise DataError(
+            f"the places of {listed(known)} are known in the room, those of the robot's "
+            "description in its base: leave out --robot, or 'xyz' of the markers"
+        )
+    if known:
+        return KNOWN_PLACES
     if description is not None:
         return "base"
     standing = [s for s in data.sensors if s.on == WORLD_NAME and s.kind != DISTANCE]
@@ -233,6 +253,8 @@ def _world_of(data: BodyDataset, description: Description | None) -> str:
 
 def _scale_from(data: BodyDataset, description: Description | None, wishes: Wishes) -> str | None:
     """Return what tells lengths; None where everything could be larger."""
+    if any(marker.xyz is not None for marker in data.markers):
+        return KNOWN_PLACES
     used = set(data.observations.sensor.tolist())
     kinds = {data.sensors[s].kind: data.sensors[s].name for s in used}
     for kind in (POINTS, POSES):

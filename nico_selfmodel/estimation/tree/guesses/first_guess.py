@@ -11,6 +11,7 @@ from nico_selfmodel.dataset.body.sensors import CAMERA, DISTANCE, POINTS, POSES
 from nico_selfmodel.errors import DataError
 from nico_selfmodel.estimation.tree.guesses.camera_guess import cameras_from_markers, resected
 from nico_selfmodel.estimation.tree.guesses.cameras_around import cameras_all_around
+from nico_selfmodel.estimation.tree.guesses.carried_cameras import body_from_carried_cameras
 from nico_selfmodel.estimation.tree.guesses.hand_eye import HandEye
 from nico_selfmodel.estimation.tree.guesses.point_guess import SeenPoints, body_from_points
 from nico_selfmodel.estimation.tree.tree_observations import SensorRows, TreeObservations
@@ -64,6 +65,8 @@ def _from_nothing(
     data: BodyDataset, blank: BodyTree, observations: TreeObservations, seed: int
 ) -> BodyTree:
     """Return a body from points in space, measured or reconstructed by two cameras."""
+    if any(marker.xyz is not None for marker in data.markers):
+        return body_from_carried_cameras(data, blank, observations, seed)
     standing = [rows for rows in observations.sensors if data.sensors[rows.sensor].on == "world"]
     trackers = [rows for rows in standing if rows.kind in (POINTS, POSES)]
     cameras = {data.sensors[r.sensor].name: r for r in standing if r.kind == CAMERA}

@@ -1,0 +1,162 @@
+"""A first body whose cameras turn with its joints, from markers at known places in the room.
+
+A camera that sees six known points tells its own pose (resection). Three points fixed to it, seen
+so from the room, are markers like any others: the search for axes finds the joints that carry them.
+What two cameras see at once is reconstructed by where they are.
+"""
+
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from nico_selfmodel.dataset.body.body_dataset import BodyDataset
+from nico_selfmodel.dataset.body.sensors import CAMERA, MarkerInfo
+from nico_selfmodel.errors import DataError
+from nico_selfmodel.estimation.tree.guesses.camera_guess import together
+from nico_selfmodel.estimation.tree.guesses.point_guess import SeenPoints, body_from_points
+from nico_selfmodel.estimation.tree.tree_observations import SensorRows, TreeObservations
+from nico_selfmodel.geometry.resection import FEWEST, robust_camera_pose
+from nico_selfmodel.geometry.rotation import nearest_rotation
+from nico_selfmodel.geometry.transform import transform
+from nico_selfmodel.model.tree.body_tree import Attached, BodyTree
+
+_WITHIN = 0.02
+"""Angle between a ray and its known point within which they agree [rad]."""
+_DRAWS = 20
+"""Sets of six points that are tried for a pose of a camera."""
+_ARM = 0.1
+"""Distance of the points that stand for a camera's axes from its centre [m]."""
+_CORNERS = _ARM * np.array([[0.0, 0.0, 0.0], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0]])
+_LEAST_ANGLE = 0.02
+"""Angle between two rays below which they do not tell a depth [rad]."""
+
+
+@dataclass(frozen=True, eq=False)
+class _Placed:
+    """Where a camera was at the samples at which it saw enough known markers."""
+
+    rows: SensorRows
+    X_WC: Mapping[int, NDArray]
+    """By sample. Shape (4, 4) each."""
+
+
+def body_from_carried_cameras(
+    data: BodyDataset, blank: BodyTree, observations: TreeObservations, seed: int
+) -> BodyTree:
+    """Return a body whose joints, cameras and markers are where markers of known place ask for.
+
+    Args:
+        data: The recording.
+        blank: The body with nothing known of its geometry but the places of known markers.
+        observations: What was measured.
+        seed: Of the draws.
+
+    Raises:
+        DataError: If a camera hardly ever saw six of the known markers, or what moves was seen too
+            rarely.
+    """
+    rng = np.random.default_rng((seed, 5))
+    placed = [
+        _resected(data, blank, rows, rng) for rows in observations.sensors if rows.kind == CAMERA
+    ]
+    sensors = [blank.sensors[_sensor(blank, data, item.rows)] for item in placed]
+    first = len(blank.markers)
+    corners = [
+        Attached(f"{sensor.name} corner {k}", sensor.on) for sensor in sensors for k in range(3)
+    ]
+    names = [*data.joint_names, "world"]
+    infos = tuple(MarkerInfo(corner.name, names[corner.on]) for corner in corners)
+    extended = replace(data, markers=(*data.markers, *infos))
+    tree = blank.with_markers((*blank.markers, *corners))
+    points = [_corners(item, first + 3 * c) for c, item in enumerate(placed)]
+    points += [
+        _reconstructed(data, blank, a, b) for i, a in enumerate(placed) for b in placed[i + 1 :]
+    ]
+    found = body_from_points(extended, tree, _all_of(points), seed)
+    places = {}
+    for c, sensor in enumerate(sensors):
+        p = np.array([m.X_LA[:3, 3] for m in found.markers[first + 3 * c : first + 3 * c + 3]])
+        x, y = (p[1:] - p[0]) / _ARM
+        places[sensor.name] = transform(
+            nearest_rotation(np.column_stack([x, y, np.cross(x, y)])), p[0]
+        )
+    return replace(
+        found.with_markers(found.markers[:first]),
+        sensors=tuple(replace(s, X_LA=places.get(s.name, s.X_LA)) for s in found.sensors),
+    )
+
+
+def _sensor(tree: BodyTree, data: BodyDataset, rows: SensorRows) -> int:
+    return [s.name for s in tree.sensors].index(data.sensors[rows.sensor].name)
+
+
+def _resected(
+    data: BodyDataset, blank: BodyTree, rows: SensorRows, rng: np.random.Generator
+) -> _Placed:
+    """Place a camera at every sample at which it saw enough known markers."""
+    known = np.array([m.xyz is not None and m.on == "world" for m in data.markers])
+    places = np.array([m.X_LA[:3, 3] for m in blank.markers])
+    name = data.sensors[rows.sensor].name
+    rays = blank.lenses[name].directions(rows.measured)
+    # At a fold of its lens a camera may have no ray for a pixel.
+    usable = known[rows.marker] & np.isfinite(rays).all(axis=1)
+    found: dict[int, NDArray] = {}
+    for sample in np.unique(rows.pose).tolist():
+        own = np.flatnonzero((rows.pose == sample) & usable)
+        if len(own) < FEWEST:
+            continue
+        p = places[rows.marker[own]]
+        X, agree = robust_camera_pose(p, rays[own], _WITHIN, rng, _DRAWS)
+        if agree.sum() >= FEWEST:
+            found[sample] = X
+    if len(found) < FEWEST:
+        raise DataError(
+            f"camera {name!r} saw {FEWEST} of the markers at known places in {len(found)} samples, "
+            f"{FEWEST} samples are needed at least: let it look at them from more poses, and let "
+            "them not lie in one plane"
+        )
+    return _Placed(rows, found)
+
+
+def _corners(item: _Placed, first: int) -> SeenPoints:
+    """Return the points that stand for a camera, where it was."""
+    samples = np.array(list(item.X_WC))
+    X = np.array(list(item.X_WC.values()))
+    p = np.einsum("nij,kj->nki", X[:, :3, :3], _CORNERS) + X[:, None, :3, 3]
+    marker = np.tile(first + np.arange(3), len(samples))
+    return SeenPoints(np.repeat(samples, 3), marker, p.reshape(-1, 3))
+
+
+def _reconstructed(data: BodyDataset, blank: BodyTree, a: _Placed, b: _Placed) -> SeenPoints:
+    """Return markers of unknown place that two cameras saw at once, in the middle of their rays."""
+    i, j = together(a.rows, b.rows)
+    unknown = np.array([m.xyz is None for m in data.markers])[a.rows.marker[i]]
+    both = np.array([pose in a.X_WC and pose in b.X_WC for pose in a.rows.pose[i].tolist()], bool)
+    i, j = i[unknown & both], j[unknown & both]
+    pose, marker = a.rows.pose[i], a.rows.marker[i]
+    lines = []
+    for item, rows in ((a, i), (b, j)):
+        X = np.array([item.X_WC[p] for p in pose.tolist()]).reshape(-1, 4, 4)
+        lens = blank.lenses[data.sensors[item.rows.sensor].name]
+        d = lens.directions(item.rows.measured[rows])
+        lines.append((X[:, :3, 3], np.einsum("nij,nj->ni", X[:, :3, :3], d)))
+    (p, d), (q, e) = lines
+    # s, t of |p + s d - q - t e| least: d.(p - q) + s - t c = 0, e.(p - q) + s c - t = 0.
+    c, apart = np.sum(d * e, axis=1), q - p
+    sine = np.maximum(1.0 - c * c, 1e-12)
+    s = (np.sum(d * apart, axis=1) - c * np.sum(e * apart, axis=1)) / sine
+    t = (c * np.sum(d * apart, axis=1) - np.sum(e * apart, axis=1)) / sine
+    middle = 0.5 * (p + s[:, None] * d + q + t[:, None] * e)
+    with np.errstate(invalid="ignore"):
+        good = (s > 0.0) & (t > 0.0) & (sine > _LEAST_ANGLE**2)
+    return SeenPoints(pose[good], marker[good], middle[good])
+
+
+def _all_of(points: list[SeenPoints]) -> SeenPoints:
+    return SeenPoints(
+        np.concatenate([part.pose for part in points]),
+        np.concatenate([part.marker for part in points]),
+        np.concatenate([part.p_WM for part in points]),
+    )

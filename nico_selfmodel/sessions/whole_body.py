@@ -1,0 +1,151 @@
+"""One recording of a simulated whole Nico that looks about a room and at its own hands."""
+
+from collections.abc import Mapping
+from dataclasses import replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from nico_selfmodel.dataset.body.body_dataset import BodyDataset
+from nico_selfmodel.dataset.body.conversion import tree_dataset_of
+from nico_selfmodel.dataset.body.link_joint import WORLD_NAME, LinkJoint
+from nico_selfmodel.dataset.body.sensors import CAMERA, MarkerInfo, SensorInfo
+from nico_selfmodel.geometry.rotation import rotation_from_vector
+from nico_selfmodel.geometry.transform import transform
+from nico_selfmodel.model.tree.body_tree import WORLD, Attached, BodyTree
+from nico_selfmodel.planning.body_poses import BodyView
+from nico_selfmodel.planning.plans import commands_of_angles
+from nico_selfmodel.recording.session import Progress, record
+from nico_selfmodel.systems.looking import ARM_JOINTS, looking_body
+from nico_selfmodel.systems.nico_cameras import NICO_CAMERAS
+from nico_selfmodel.systems.simulated.imperfections import Imperfections
+from nico_selfmodel.systems.simulated.instance import RobotInstance
+from nico_selfmodel.systems.simulated.robot import SimulatedRobot
+from nico_selfmodel.systems.simulated.sensors import StereoPixels
+from nico_selfmodel.systems.stations.whole_nico import WholeNico
+
+_FACE = np.array([0.085, 0.0, 0.48])
+"""About where the cameras of a Nico are that looks straight ahead, in its root link's frame [m]."""
+_CARDS = (
+    (0.0, -0.3, 0.7), (0.8, -0.2, 0.8), (-0.8, -0.2, 0.8), (0.4, 0.4, 0.9), (-0.4, 0.4, 0.9),
+)  # fmt: skip
+"""Cards about it: to the left [rad], up [rad], away [m]."""
+_SPACING = 0.12
+"""Between the six markers of a card [m]."""
+_IN_ROOM = 6
+"""Markers of the room that both cameras shall see in every pose."""
+
+
+def room_about_nico() -> dict[str, NDArray]:
+    """Return markers on five cards about Nico, in its root link's frame [m]. Shape (3,) each."""
+    grid = [(x, y, 0.0) for x in (-_SPACING, 0.0, _SPACING) for y in (0.0, _SPACING)]
+    out = {}
+    for card, (left, up, away) in enumerate(_CARDS):
+        way = [np.cos(up) * np.cos(left), np.cos(up) * np.sin(left), np.sin(up)]
+        z = -np.array(way)
+        x = np.cross([0.0, 0.0, 1.0], z)
+        x /= np.linalg.norm(x)
+        R = np.column_stack([x, np.cross(z, x), z]) @ rotation_from_vector([0.5, 0.3, 0.0])
+        for k, p in enumerate(np.array(grid) @ R.T + _FACE + away * np.array(way)):
+            out[f"card{card}_{k}"] = p
+    return out
+
+
+def whole_nico(world: Imperfections, seed: int) -> tuple[WholeNico, BodyTree]:
+    """Return a Nico, and its true body in the frame of the room, the room's markers with it."""
+    nico = WholeNico.build(looking_body(), world, seed, NICO_CAMERAS)
+    mechanics = nico.mechanics.in_room(_attached(room_about_nico()))
+    return replace(nico, mechanics=mechanics), mechanics.tree
+
+
+def whole_body_session(
+    world: Imperfections,
+    seed: int,
+    session: int,
+    *,
+    looks: int,
+    hands: int,
+    name: str | None = None,
+    pixel_sigma: float = 0.3,
+    progress: Progress | None = None,
+) -> BodyDataset:
+    """Record a whole Nico: its head turns before a known room, then each hand before its cameras.
+
+    Poses are those in which the robot as described would see what is wanted; what hides markers is
+    not simulated. The room stands still, and the places of its markers are known.
+
+    Args:
+        world: What is wrong with the body.
+        seed: Which robot.
+        session: Of poses and noise.
+        looks: Poses in which only the room is wanted.
+        hands: Poses of each hand before both cameras, some of the room seen beside it.
+        name: Of the recording; robot and session if omitted.
+        pixel_sigma: Noise of a pixel coordinate [px].
+        progress: Called after each pose.
+
+    Returns:
+        The recording; lenses are told as they are, as calibrated cameras know them.
+
+    Raises:
+        ValueError: If no pose is wanted.
+    """
+    if looks + hands < 1:
+        raise ValueError(f"nothing to record: looks and hands must not both be 0, got {looks}")
+    nico, tree = whole_nico(world, seed)
+    room = room_about_nico()
+    view, rng = BodyView(nico.body, _attached(room)), np.random.default_rng((seed, session, 24))
+    poses = [view.poses(list(room), _IN_ROOM, looks, rng)] if looks else []
+    for side in ARM_JOINTS if hands else ():
+        own = [f"{side}_hand_fiducial", f"{side}_finger_tip"]
+        poses.append(view.poses(own, len(own), hands, rng, also=(list(room), _IN_ROOM)))
+    robot = SimulatedRobot(
+        RobotInstance(nico.mechanics, X_TB=nico.X_TB),
+        StereoPixels(pixel_sigma),
+        (seed, session, 25),
+    )
+    commands = commands_of_angles(robot.joints, nico.body.lower, nico.body.upper, np.vstack(poses))
+    dataset = record(
+        robot,
+        [("", command) for command in commands],
+        name or f"whole_nico_{seed}_{session}",
+        source=f"simulated whole nico, world {world.name!r}, individual {seed}, session {session}",
+        seed=seed,
+        progress=progress,
+    )
+    return tree_dataset_of(dataset, _links(tree), _markers(tree, room), _cameras(tree))
+
+
+def _attached(room: Mapping[str, NDArray]) -> list[Attached]:
+    return [
+        Attached(name, WORLD, transform(np.eye(3), p), oriented=False) for name, p in room.items()
+    ]
+
+
+def _on(tree: BodyTree, on: int) -> str:
+    return WORLD_NAME if on == WORLD else tree.joints[on]
+
+
+def _links(tree: BodyTree) -> list[LinkJoint]:
+    return [
+        LinkJoint(name, _on(tree, parent))
+        for name, parent in zip(tree.joints, tree.parent.tolist(), strict=True)
+    ]
+
+
+def _markers(tree: BodyTree, room: Mapping[str, NDArray]) -> list[MarkerInfo]:
+    known = {name: (float(p[0]), float(p[1]), float(p[2])) for name, p in room.items()}
+    return [MarkerInfo(m.name, _on(tree, m.on), known.get(m.name)) for m in tree.markers]
+
+
+def _cameras(tree: BodyTree) -> list[SensorInfo]:
+    return [
+        SensorInfo(
+            sensor.name,
+            CAMERA,
+            _on(tree, sensor.on),
+            image_size=tree.lenses[sensor.name].image_size,
+            lens=dict(tree.lenses[sensor.name].named_values),
+        )
+        for sensor in tree.sensors
+    ]
