@@ -9,15 +9,18 @@ from nico_selfmodel.dataset.body.body_folder import load_body_dataset, save_body
 from nico_selfmodel.dataset.body.sensors import MarkerInfo
 from nico_selfmodel.errors import DataError
 from nico_selfmodel.estimation.judging import judge
+from nico_selfmodel.estimation.tree.guesses.camera_guess import resected
 from nico_selfmodel.estimation.tree.guesses.carried_cameras import body_from_carried_cameras
+from nico_selfmodel.estimation.tree.guesses.point_guess import SeenPoints
 from nico_selfmodel.estimation.tree.tree_calibration import calibrate_tree
-from nico_selfmodel.estimation.tree.tree_observations import TreeObservations
+from nico_selfmodel.estimation.tree.tree_observations import SensorRows, TreeObservations
 from nico_selfmodel.estimation.tree.tree_setup import (
     KNOWN_PLACES,
     Description,
     TreeSetup,
     blank_body,
 )
+from nico_selfmodel.model.cameras.camera import Camera
 from nico_selfmodel.model.tree.tree_motion import TreeMotion
 from nico_selfmodel.sessions.whole_body import whole_body_session, whole_nico
 from nico_selfmodel.systems.looking import HEAD_JOINTS
@@ -104,3 +107,16 @@ def test_head_and_hands_of_the_thesis_world_are_learned_as_well_as_their_mechani
     for side in ("right", "left"):
         learned, left = hand_errors(found, nico, test, side)
         assert learned < 1.15 * left
+
+
+def test_a_pixel_without_a_ray_does_not_end_a_resection():
+    lens = Camera(381.0, 381.0, 319.5, 239.5, (640, 480), k1=-0.45)
+    rng = np.random.default_rng(0)
+    p = rng.uniform([-0.3, -0.2, 0.5], [0.3, 0.2, 1.0], (12, 3))
+    pixels = lens.project(p)
+    pixels[0] = 0.0
+    assert np.isnan(lens.directions(pixels[:1])).any()
+    numbered = np.arange(12)
+    rows = SensorRows(0, "camera", numbered, numbered, 0 * numbered, 0 * numbered - 1, pixels, 0)
+    points = SeenPoints(numbered, 0 * numbered, p)
+    assert resected(rows, lens, points, "left", rng) == pytest.approx(np.eye(4), abs=1e-6)

@@ -192,9 +192,11 @@ def resected(
     _, i, j = np.intersect1d(
         rows.pose * most + rows.marker, points.pose * most + points.marker, return_indices=True
     )
-    if len(i) < FEWEST:
-        raise DataError(
-            f"camera {name!r} saw {len(i)} markers whose places are known, {FEWEST} are needed"
-        )
     rays = lens.directions(rows.measured[i])
-    return robust_camera_pose(points.p_WM[j], rays, within, rng)[0]
+    # At a fold of its lens a camera may have no ray for a pixel.
+    told = np.isfinite(rays).all(axis=1)
+    if told.sum() < FEWEST:
+        raise DataError(
+            f"camera {name!r} saw {told.sum()} markers whose places are known, {FEWEST} are needed"
+        )
+    return robust_camera_pose(points.p_WM[j[told]], rays[told], within, rng)[0]
