@@ -5,6 +5,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from pydrake.systems.analysis import Simulator
+from pydrake.systems.framework import DiagramBuilder
+from pydrake.systems.primitives import ConstantVectorSource
 
 from nico_selfmodel.errors import ModelError
 from nico_selfmodel.model.arm.bending import Bending
@@ -14,6 +16,7 @@ from nico_selfmodel.plant.gaze import WITHIN_PX, GazeSolver
 from nico_selfmodel.systems.looking import HEAD_JOINTS, looking_body
 from nico_selfmodel.systems.nico_cameras import NICO_CAMERAS
 from nico_selfmodel.systems.simulated.imperfections import IMPERFECTIONS
+from nico_selfmodel.systems.stations.nico_station import NicoStation
 from nico_selfmodel.systems.stations.whole_nico import WholeNico
 from nico_selfmodel.systems.tracking.gaze_controller import GazeController
 
@@ -159,3 +162,28 @@ def test_the_system_follows_the_own_hand():
     system.GetInputPort("encoders").FixValue(context, nico.mechanics.servos.to_encoder(q))
     simulator.AdvanceTo(0.01)
     assert system.GetOutputPort("looking").Eval(context).tolist() == [1.0]
+
+
+@pytest.mark.slow
+def test_a_station_whose_head_is_driven_by_the_system_comes_to_look_at_the_point():
+    model, nico = model_of(0)
+    point, builder = np.array([0.6, 0.3, 0.4]), DiagramBuilder()
+    station = builder.AddNamedSystem("nico", NicoStation("thesis", 0, arm=looking_body()))
+    gaze = builder.AddNamedSystem("gaze", GazeController(model))
+    here = builder.AddSystem(ConstantVectorSource(point))
+    builder.Connect(station.GetOutputPort("encoders"), gaze.GetInputPort("encoders"))
+    builder.Connect(here.get_output_port(), gaze.GetInputPort("p_WT"))
+    wanted = gaze.GetOutputPort("encoders_commanded")
+    builder.Connect(wanted, station.GetInputPort("encoders_commanded"))
+    diagram = builder.Build()
+    simulator = Simulator(diagram)
+    simulator.AdvanceTo(2.5)
+    context = station.GetMyContextFromRoot(simulator.get_context())
+    readings = station.GetOutputPort("encoders").Eval(context)
+    station.close()
+    X_BL, rig = nico.mechanics.cameras(nico.mechanics.servos.to_joint(readings))
+    off = rig.project((X_BL[:3, :3].T @ (point - X_BL[:3, 3]))[None])[0] - [319.5, 239.5] * 2
+    found = GazeSolver(model).at_point(readings, point)
+    assert np.abs(off).max() <= found.off_px + 1.0
+    straight = nico.mechanics.servos.to_encoder(np.zeros(18))
+    assert readings[6:] == pytest.approx(straight[6:], abs=1.0)
