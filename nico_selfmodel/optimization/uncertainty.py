@@ -1,5 +1,6 @@
 """How well a solution is known: covariance, correlations, rank, unobservable directions."""
 
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -8,6 +9,27 @@ from numpy.typing import NDArray
 UNOBSERVABLE_SIGMA = 0.3
 """A direction is called unobservable where its standard deviation exceeds this fraction of the
 parameter scale (1 rad, the size of the body, the gear itself): the estimate says nothing then."""
+
+
+_PRIORS = 5.0
+"""Natural scale of a parameter that is held near a value, in standard deviations of its prior."""
+
+
+def scales_by_priors(
+    names: Sequence[str], natural: NDArray, priors: Mapping[str, tuple[float, float]]
+) -> NDArray:
+    """Return natural scales on which nothing is unobservable that its prior holds near a value.
+
+    Args:
+        names: Parameters. Length k.
+        natural: Their natural scales. Shape (k,).
+        priors: Mean and standard deviation of those that are held, by name.
+
+    Returns:
+        Shape (k,).
+    """
+    held = [_PRIORS * priors[name][1] if name in priors else 0.0 for name in names]
+    return np.maximum(natural, held)
 
 
 @dataclass(frozen=True, eq=False)

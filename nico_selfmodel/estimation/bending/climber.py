@@ -33,8 +33,8 @@ _WORTH = 10.0
 _GAIN = 0.01
 """Mean logarithm of the errors' ratio that unseen poses must gain."""
 _GEARS_DO = "gears that are a little off explain it better"
-_HALF = 0.5
-"""Numbers told by the data below which an effect beside what is kept is nothing."""
+_DOUBT = 0.5
+"""Numbers as large as the noise hides that each effect has in a body that bends."""
 _LOADS = 0.2
 """Standard deviation of a load's coordinate about that of uniform rods, as a part of their rms:
 motors and shells are no rods."""
@@ -50,6 +50,7 @@ class Climber:
         self.body, self.ups = body, body.ups
         self.kept: tuple[str, ...] = ()
         self.besides: tuple[str, ...] = ()
+        self.doubt = 0.0
         self.gears = body.known_gears
         loads, pivots = body.rods()
         self.still = Bending.none(body.joints, self.ups[0][0], loads, pivots)
@@ -157,7 +158,7 @@ class Climber:
         groups = {e: body.names_of(bending, e) if e in PARTS else self.gears for e in effects}
         means = dict.fromkeys(self.gears, 1.0) | self.rods
         begin = {} if self.fit is None else self.fit.variance
-        return fit_effects(body, parameters, groups, means, known, begin, self.noise)
+        return fit_effects(body, parameters, groups, means, known, begin, self.noise, self.doubt)
 
     def _again(self, fit: EffectFit) -> EffectFit:
         """Return the same fit about where it ended: one step of a large effect is not enough."""
@@ -211,26 +212,16 @@ class Climber:
             return
         rest = [e for e in effects if e not in self.kept and self._may_be(e)]
         stiff = [e for e in rest if e not in (SAG, BEARING)]
+        self.doubt = _DOUBT
         for asked in (rest, stiff):
-            found = self._told(asked)
-            besides = tuple(e for e in found.groups if e in asked)
-            if not besides:
-                return
+            found = self._upright((*self.kept, *asked), self.still)
             gains = self._gains(self.fit, found)
             loses = gains.mean() < -gains.std(ddof=1) / np.sqrt(len(gains))
             if not (loses or implausible(found, self.body)):
-                self.besides = besides
+                self.besides = tuple(asked)
                 self._adopt(found)
                 return
-
-    def _told(self, asked: Sequence[str]) -> EffectFit:
-        """Return the fit of what is kept and of effects that are told by half a number at least."""
-        while True:
-            found = self._upright((*self.kept, *asked), self.still)
-            told = [effect for effect in asked if found.told(effect) >= _HALF]
-            if len(told) == len(asked):
-                return found
-            asked = told
+        self._adopt(self.fit)
 
     def solution(self) -> Any:
         """Return the body with what it keeps, outliers of all observations looked for anew."""

@@ -2,7 +2,9 @@
 
 Evidence (MacKay 1992): the numbers w of one effect share the prior variance v; with the covariance
 C of the fit, gamma = sum(1 - C_kk / v) of them are told by the data, and v = |w|^2 / gamma. What no
-data tell falls to zero by itself. The noise is what the residuals ask for once the effects are
+data tell falls to zero by itself. Where an effect shall stay uncertain instead, it has seen a part
+a of one number more, as large as the noise hides, v0: v = (|w|^2 + a v0) / (gamma + a), the mode
+under an inverse gamma prior. The noise is what the residuals ask for once the effects are
 taken off, and gamma is what they cost. Fits are compared by their evidence, with H what the rigid
 parameters leave of an effect's columns,
 
@@ -25,7 +27,7 @@ from nico_selfmodel.estimation.results.folds import fold_of, splits
 
 _ROUNDS = 30
 _SIZES = (1.0, 1e-3)
-"""Variances at which an effect begins, as parts of that at which it would be all that is left."""
+"""Variances at which an effect begins, as parts of that at which it is as large as the noise."""
 _GONE = 1e-3
 """Numbers told by the data below which an effect is not there."""
 _LEAST = 1e-12
@@ -70,18 +72,6 @@ class EffectFit:
             out[self.parameters.names.index(name)] += change
         return out
 
-    def told(self, effect: str) -> float:
-        """Return how many numbers of an effect the data tell: sum(1 - C_kk / v)."""
-        v, before = self.variance[effect], 0
-        if v <= 0.0:
-            return 0.0
-        for group, names in self.groups.items():
-            if group == effect:
-                break
-            before += len(names)
-        own = np.diag(self.spread)[before : before + len(self.groups[effect])]
-        return float(np.sum(1.0 - own / v))
-
     def sigma_of(self, weights: Mapping[str, float]) -> float:
         """Return the standard deviation of a weighted sum of the effects' numbers."""
         names = [name for group in self.groups.values() for name in group]
@@ -106,6 +96,7 @@ def fit_effects(
     known: Mapping[str, float],
     begin: Mapping[str, float],
     noise: Any,
+    doubt: float = 0.0,
 ) -> EffectFit:
     """Fit in one step, with evidence variances and the noise that is left.
 
@@ -118,6 +109,8 @@ def fit_effects(
         begin: Variances at which the search begins, where an effect was fitted before; the others
             begin large and small, for two effects that look alike have two answers.
         noise: Where the search for it begins.
+        doubt: Numbers as large as the noise hides that each effect is thought to have beside those
+            that are told; above 0 none falls to zero.
     """
     wanted = set(body.free).union(*groups.values())
     free = tuple(n for n in parameters.names if n in wanted)
@@ -125,7 +118,7 @@ def fit_effects(
     index = {name: i for i, name in enumerate(parameters.names)}
     now = parameters.values[[index[n] for n in free]]
     start = now - np.array([means.get(n, 0.0) for n in free])
-    task = _Task(free, member, start, dict(known))
+    task = _Task(free, member, start, dict(known), doubt)
     weighed = body.weighed(parameters, free, noise)
     fits = []
     for told in task.starts(weighed, begin):
@@ -141,6 +134,7 @@ class _Task:
     start: NDArray
     """What each column's number is now, above the value at which it has no effect. Shape (k,)."""
     known: Mapping[str, float]
+    doubt: float
 
     def starts(self, weighed: Weighed, begin: Mapping[str, float]) -> list[_Told]:
         """Return the answers, by evidence, of effects that begin large and small; one if alike."""
@@ -179,10 +173,8 @@ class _Task:
         U, u = weighed.U, weighed.u
         H, g = U.T @ U, U.T @ u
         reduced = _Reduced.of(H, g, self.member)
-        found = dict(self.known)
-        for effect, own in self.member.items():
-            if effect not in found:
-                found[effect] = begin.get(effect, 0.0) or size * self._first(H, own, len(u))
+        hidden = {e: self._hidden(H, own, len(u)) for e, own in self.member.items()}
+        found = {e: begin.get(e, 0.0) or size * v for e, v in hidden.items()} | dict(self.known)
         gamma = 0.0
         for _ in range(_ROUNDS):
             C, w = reduced.solve(self.start, found)
@@ -196,14 +188,16 @@ class _Task:
                 if effect in self.known:
                     continue
                 total = self.start[self.member[effect]] + w[own]
-                found[effect] = float(total @ total) / told if told > _GONE else 0.0
+                size = float(total @ total) + self.doubt * hidden[effect]
+                found[effect] = size / (told + self.doubt) if told + self.doubt > _GONE else 0.0
             if all(abs(found[e] - v) <= 1e-3 * v for e, v in before.items()):
                 break
         return reduced.whole(reduced.solve(self.start, found)[1]), found, gamma
 
-    def _first(self, H: NDArray, own: NDArray, count: int) -> float:
-        """Return the variance at which an effect would be as large as all that is left."""
-        return count / max(float(np.trace(H[np.ix_(own, own)])), np.finfo(float).tiny)
+    def _hidden(self, H: NDArray, own: NDArray, count: int) -> float:
+        """Return the variance at which an effect would be as large as the noise, 0 if none."""
+        told = float(np.trace(H[np.ix_(own, own)]))
+        return count / told if told > _LEAST * count else 0.0
 
     def occam(self, weighed: Weighed, step: NDArray, variance: Mapping[str, float]) -> float:
         """Return what the effects cost: w'V^-1 w + log|I + V H|, H what the rest leaves of them.

@@ -17,7 +17,7 @@ from nico_selfmodel.estimation.observations.pixel_observations import PixelObser
 from nico_selfmodel.model.arm.dh_parameters import DhParameters
 from nico_selfmodel.model.cameras.rig_parameters import SIDES
 from nico_selfmodel.model.cameras.stereo_rig import StereoRig
-from nico_selfmodel.optimization.uncertainty import Uncertainty
+from nico_selfmodel.optimization.uncertainty import Uncertainty, scales_by_priors
 
 
 @dataclass(frozen=True, eq=False)
@@ -65,7 +65,8 @@ def body_uncertainty(
     for i, (column, weight) in enumerate(known):
         prior[i, column] = weight
     jacobian = np.vstack([rows.jacobian, prior])
-    return Uncertainty.from_jacobian(rows.names, jacobian, rows.scales, rows.squares, rows.count)
+    scales = scales_by_priors(rows.names, rows.scales, priors or {})
+    return Uncertainty.from_jacobian(rows.names, jacobian, scales, rows.squares, rows.count)
 
 
 def whitened_rows(

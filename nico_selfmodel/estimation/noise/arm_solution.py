@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 from nico_selfmodel.estimation.noise.pose_noise import PoseGroups, PoseNoise, PoseWhitening
 from nico_selfmodel.estimation.observations.observations import Observations
 from nico_selfmodel.model.arm.dh_parameters import DhParameters, slopes_by_angle
-from nico_selfmodel.optimization.uncertainty import Uncertainty
+from nico_selfmodel.optimization.uncertainty import Uncertainty, scales_by_priors
 
 Priors = Mapping[str, tuple[float, float]]
 """Mean and standard deviation, by name."""
@@ -170,7 +170,7 @@ def uncertainty_of(
     U, u = linear.weights * linear.columns(free), linear.weights[:, 0] * linear.whitened_residuals
     count = 3 * len(linear.whitening.groups.rows)
     squares = float(count - len(names)) if variances_known else float(u @ u)
-    scales = parameters.scales(observations.size)[own]
+    scales = scales_by_priors(names, parameters.scales(observations.size)[own], priors)
     known = information_of(parameters, own, priors)
     if known.any():
         U = np.vstack([U, np.diag(np.sqrt(known))[known > 0.0]])

@@ -32,7 +32,7 @@ from nico_selfmodel.model.arm.bending import Bending
 from nico_selfmodel.model.cameras.camera import Camera
 from nico_selfmodel.model.tree.body_tree import WORLD, BodyTree
 from nico_selfmodel.model.tree.tree_motion import TreeMotion
-from nico_selfmodel.optimization.uncertainty import Uncertainty
+from nico_selfmodel.optimization.uncertainty import Uncertainty, scales_by_priors
 
 _AGREE = 1e-3
 """Difference of robust costs, a scalar, below which two starts reached one minimum."""
@@ -307,6 +307,9 @@ def _uncertainty(problem: TreeProblem, solution: TreeSolution) -> Uncertainty:
         else float(solution.rest @ solution.rest)
     )
     scales = parameters.scales(_size(parameters.tree_of(values), data), values)[problem.columns]
+    bends = set(parameters.names[parameters.bends])
+    held = {name: prior for name, prior in problem.priors.items() if name in bends}
+    scales = scales_by_priors(names, scales, held)
     return Uncertainty.from_jacobian(names, solution.whitened, scales, squares, count)
 
 

@@ -1,5 +1,7 @@
 """Figures of what bends: how far the hand is moved, and which way."""
 
+from collections.abc import Collection
+
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
@@ -12,16 +14,19 @@ from nico_selfmodel.viz.figures.plot_style import FULL_WIDTH, MANY, headline, st
 
 _ARROW = 0.12
 """Length of the longest arrow, as a share of the workspace."""
+_RIPPLES = 6
+"""Joints whose ripple is drawn."""
 _TURNS = 181
 """Angles at which a joint's ripple is drawn."""
 
 
-def bent_hands(bending: Bending | None, at: At) -> Figure | None:
+def bent_hands(bending: Bending | None, at: At, kept: Collection[str]) -> Figure | None:
     """Draw how far bending moves the hand at every pose, seen from two sides, and joint by joint.
 
     Args:
         bending: What bends; nothing is drawn of a rigid body.
         at: Where tracked points are.
+        kept: Effects that stayed; of the others only how far they move the hand is drawn.
     """
     if bending is None:
         return None
@@ -37,7 +42,7 @@ def bent_hands(bending: Bending | None, at: At) -> Figure | None:
         )
         for axes, (a, b) in zip(panels[:2], _sides(bending), strict=True):
             _arrows(axes, still, moved * stretch, a, b)
-        _turns_of_joints(panels[2], bending)
+        _turns_of_joints(panels[2], bending, kept)
         worst = 1e3 * float(np.linalg.norm(moved, axis=1).max())
         headline(
             figure, f"Bending moves the hand by up to {worst:.2g} mm; arrows {stretch:.0f} times"
@@ -72,25 +77,29 @@ def _arrows(axes: Axes, at: NDArray, moved: NDArray, a: int, b: int) -> None:
     axes.margins(0.12)
 
 
-def _turns_of_joints(axes: Axes, bending: Bending) -> None:
-    """Draw the ripple of each joint over its angle; else how much each gives way."""
+def _turns_of_joints(axes: Axes, bending: Bending, kept: Collection[str]) -> None:
+    """Draw the ripple of the joints that ripple most; else how much each joint gives way."""
     joints = bending.joints
-    if "ripple" in bending.effects:
+    if "ripple" in kept:
         angle = np.linspace(-180.0, 180.0, _TURNS)
         q = np.radians(angle)[:, None] * np.ones(len(joints))
         still = np.zeros((len(joints), len(angle), 3))
         turns = bending.with_effects("ripple").turns(q, still)
-        for k, joint in enumerate(joints):
-            axes.plot(angle, 1e3 * turns[:, k], label=joint, color=palette.joint_color(k))
+        most = np.sort(np.argsort(-np.ptp(turns, axis=0), kind="stable")[:_RIPPLES])
+        for k in most:
+            axes.plot(angle, 1e3 * turns[:, k], label=joints[k], color=palette.joint_color(k))
         axes.set_xlabel("angle of the joint [deg]")
         axes.set_ylabel("ripple [mrad]")
         axes.legend(fontsize="x-small", ncols=2)
         return
-    given, label = bending.bearing_sag, "gives way [mrad/m of the arm's weight]"
-    if bending.sag.any():
-        given = bending.sag
-    elif bending.backlash.any():
+    given, label = bending.bearing_sag, "bearing gives way [mrad/m of the weight]"
+    if "sag" in kept:
+        given, label = bending.sag, "joint gives way [mrad/m of the weight]"
+    elif "backlash" in kept:
         given, label = bending.backlash, "half width of the backlash [mrad]"
+    elif "coupling" in kept:
+        turned = np.abs(bending.coupling).sum(axis=1)
+        given, label = turned, "turned by other drives [mrad/rad]"
     axes.barh(np.arange(len(joints)), 1e3 * given, color=palette.HELD_OUT)
     axes.set_yticks(np.arange(len(joints)), joints)
     axes.invert_yaxis()

@@ -31,9 +31,9 @@ def bending_section(
     section = parts.section(
         "What bends",
         None if bending["effects"] else parts.Text("Nothing that these data tell: it is rigid."),
-        parts.drawing("How bending moves the hand", bent_hands(bends, at)),
-        parts.numbers(_joints(bending)),
+        parts.drawing("How bending moves the hand", bent_hands(bends, at, bending["effects"])),
         parts.numbers(_ladder(bending), "cards"),
+        parts.numbers(_joints(bending)),
         parts.hint(words),
         id="bending",
     )
@@ -50,9 +50,14 @@ def _joints(bending: Mapping[str, Any]) -> Table | None:
         (f"hand, {words} [mm]", tuple(number_cell(hand[effect][key], 3) for effect in effects))
         for words, key in (("mean", "mean"), ("most", "max"))
     ]
+    # Bearings tilt, and gears are read: neither turns a joint.
+    turning = [effect for effect in effects if any(turns[effect].values())]
     rows += [
-        (f"{joint} [mrad]", tuple(number_cell(turns[effect][joint], 2) for effect in effects))
-        for joint in turns[effects[0]]
+        (
+            f"{joint} [mrad]",
+            tuple(number_cell(turns[e][joint] if e in turning else None, 2) for e in effects),
+        )
+        for joint in (turns[turning[0]] if turning else ())
     ]
     return Table(("what moves", *(WORDS[effect] for effect in effects)), tuple(rows))
 
