@@ -14,15 +14,14 @@ from nico_selfmodel.estimation.contingency.contingency import (
     tell_contingency,
 )
 from nico_selfmodel.estimation.contingency.motion_response import MotionResponse, learn_response
+from nico_selfmodel.experiments.mirror_test.acquaintance import MARKER, Acquainted
 from nico_selfmodel.planning.plans import commands_of_angles
-from nico_selfmodel.sessions.camera_scenario import Counts, learn_cameras_and_arm
 from nico_selfmodel.sessions.motion_session import PERIOD, Encounter, MotionSession
 from nico_selfmodel.sessions.nico_before_mirrors import DEFAULT_MIRROR, NicoBeforeMirrors
 from nico_selfmodel.sessions.progress import Stage, of_robot
 from nico_selfmodel.sessions.rendered_nico import RenderedNico
 from nico_selfmodel.systems.looking import LOOKING_DEG
 from nico_selfmodel.systems.rendering.stereo_cameras import ImageQuality
-from nico_selfmodel.systems.simulated.imperfections import Imperfections
 from nico_selfmodel.systems.stations.nico_station import NicoStation
 
 ENCOUNTERS = (
@@ -41,11 +40,9 @@ LONGEST = 10.0
 """How long each is watched at most [s]."""
 _ACQUAINTANCE = 20.0
 """How long the robot watches its own arm before [s]."""
-_COUNTS = Counts(boards=12, circle=32, random=60, test=12)
-"""What arm and cameras are learned from: the arm's outline in the image needs centimetres."""
 _LATEST = 0.12
 """Pictures are up to this old when they arrive; how old is the robot's own business to find [s]."""
-_MARKER, _DAY = "fiducial", 6
+_DAY = 6
 
 
 @dataclass(frozen=True, eq=False)
@@ -81,73 +78,77 @@ class EncounterStage:
 
 
 def run_encounters(
-    world: Imperfections, robots: int, trials: int, seed: int, progress: Stage | None = None
+    robots: Sequence[Acquainted], trials: int, progress: Stage | None = None
 ) -> EncounterStage:
-    """Let robots learn themselves, and meet whom they cannot tell beforehand.
+    """Let robots meet whom they cannot tell beforehand.
 
     Args:
-        world: What is wrong with the bodies.
-        robots: How many of them.
+        robots: Who have learned arm and cameras.
         trials: In all, each kind of encounter as often as possible, in random order.
-        seed: Of the first robot, and of the order.
         progress: Told how far it is.
 
     Returns:
         All trials.
 
     Raises:
-        ValueError: If there are fewer trials than kinds of encounters, or than robots.
+        ValueError: If there are too few trials.
         NotIdentifiableError: If a robot cannot learn how its image follows its encoders.
     """
-    if trials < max(len(ENCOUNTERS), robots):
-        raise ValueError(
-            f"--trials must be at least {max(len(ENCOUNTERS), robots)}, one of each kind of "
-            f"encounter and one a robot, got {trials}"
-        )
+    check_trials(trials, len(robots))
     kinds = [ENCOUNTERS[i % len(ENCOUNTERS)] for i in range(trials)]
-    order = np.random.default_rng((seed, 41)).permutation(trials)
+    order = np.random.default_rng((robots[0].seed, 41)).permutation(trials)
     done: list[Trial] = []
     responses, latencies = {}, {}
-    for i in range(robots):
-        own = [kinds[k] for k in order[i::robots]]
-        robot = seed + i
-        latencies[robot] = float(np.random.default_rng((robot, 40)).uniform(0.0, _LATEST))
-        stage = of_robot(progress, i, robots)
-        met, responses[robot] = _meet(world, robot, own, latencies[robot], stage)
+    for i, robot in enumerate(robots):
+        own = [kinds[k] for k in order[i :: len(robots)]]
+        latency = float(np.random.default_rng((robot.seed, 40)).uniform(0.0, _LATEST))
+        met, response = _meet(robot, own, latency, of_robot(progress, i, len(robots)))
         done += met
+        responses[robot.seed], latencies[robot.seed] = response, latency
     return EncounterStage(tuple(done), responses, latencies)
 
 
+def check_trials(trials: int, robots: int) -> None:
+    """Refuse too few trials.
+
+    Raises:
+        ValueError: If there are fewer trials than kinds of encounters, or than robots.
+    """
+    fewest = max(len(ENCOUNTERS), robots)
+    if trials < fewest:
+        raise ValueError(
+            f"--trials must be at least {fewest}, one of each kind of encounter and one a robot, "
+            f"got {trials}"
+        )
+
+
 def _meet(
-    world: Imperfections, robot: int, encounters: Sequence[Encounter], latency: float, stage: Stage
+    robot: Acquainted, encounters: Sequence[Encounter], latency: float, stage: Stage
 ) -> tuple[list[Trial], MotionResponse]:
-    """Let one robot learn itself and meet others."""
-    counts = _COUNTS
-    learned = learn_cameras_and_arm(world, robot, markers=(_MARKER,), counts=counts, stage=stage)
-    model = learned.arms[_MARKER].model
-    nico = RenderedNico(world, robot, (_MARKER,), ImageQuality(supersample=1))
+    """Let one robot watch its arm, and then meet others."""
+    nico = RenderedNico(robot.world, robot.seed, (MARKER,), ImageQuality(supersample=1))
     before = NicoBeforeMirrors(nico, {"mirror": DEFAULT_MIRROR})
     with NicoStation(
-        world, robot, _DAY, arm=nico.arm, quality=nico.quality, mirror=before.plate, other=True
-    ) as station:
+        robot.world, robot.seed, _DAY, arm=nico.arm, quality=nico.quality, mirror=before.plate,
+        other=True,
+    ) as station:  # fmt: skip
         view = before.views["mirror"]
         gaze = float(np.radians(LOOKING_DEG["neck_yaw"]))
-        session = MotionSession(station, model, view.X_BM, gaze, latency)
+        session = MotionSession(station, robot.model, view.X_BM, gaze, latency)
         poses = commands_of_angles(station.joints, nico.arm.lower, nico.arm.upper, view.q)
         stage("watching its own arm", 0, 1)
-        response = _acquainted(session, nico, station, np.random.default_rng((robot, 42)))
+        response = _watching(session, nico, station, np.random.default_rng((robot.seed, 42)))
         stage("watching its own arm", 1, 1)
         trials = []
         for k, encounter in enumerate(encounters):
-            rng = np.random.default_rng((robot, 43, k))
-            trials.append(
-                Trial(robot, encounter.name, _judged(session, encounter, poses, response, rng))
-            )
+            rng = np.random.default_rng((robot.seed, 43, k))
+            found = _judged(session, encounter, poses, response, rng)
+            trials.append(Trial(robot.seed, encounter.name, found))
             stage("meeting others", k + 1, len(encounters))
     return trials, response
 
 
-def _acquainted(
+def _watching(
     session: MotionSession, nico: RenderedNico, station: NicoStation, rng: np.random.Generator
 ) -> MotionResponse:
     """Let a robot watch its own arm directly, nobody else being there."""

@@ -33,6 +33,35 @@ def moving_cells(before: NDArray, after: NDArray) -> NDArray:
     Raises:
         ValueError: If the pictures differ in shape, are not BGR, or are smaller than a cell.
     """
+    squares, count = _mean_squares(before, after)
+    still = _still(squares)
+    return squares > still + _NORMAL * np.sqrt((2.0 * still**2 + still) / count)
+
+
+def picture_noise(before: NDArray, after: NDArray) -> float:
+    """Return the standard deviation of a grey level, of two pictures of which most stood still.
+
+    Args:
+        before: A picture, BGR, 8 bits. Shape (h, w, 3).
+        after: Another one. Shape (h, w, 3).
+
+    Raises:
+        ValueError: If the pictures differ in shape, are not BGR, or are smaller than a cell.
+    """
+    return float(np.sqrt(0.5 * _still(_mean_squares(before, after)[0])))
+
+
+def _still(squares: NDArray) -> float:
+    """Return the variance of the difference of two pictures where nothing moves."""
+    return max(float(np.median(squares)), _LEAST)
+
+
+def _mean_squares(before: NDArray, after: NDArray) -> tuple[NDArray, int]:
+    """Return the mean squared difference of each cell, and how many values it is the mean of.
+
+    Raises:
+        ValueError: If the pictures do not belong together.
+    """
     if before.shape != after.shape or before.ndim != 3 or min(before.shape[:2]) < CELL:
         raise ValueError(
             f"two pictures must have one shape (h, w, 3) of {CELL} pixels a side at least, got "
@@ -42,6 +71,4 @@ def moving_cells(before: NDArray, after: NDArray) -> NDArray:
     whole = (slice(rows * CELL), slice(columns * CELL))
     apart = cv2.absdiff(before[whole], after[whole]).astype(np.float32)
     squares = (apart * apart).reshape(rows, CELL, columns, CELL, -1).mean(axis=(1, 3, 4))
-    still = max(float(np.median(squares)), _LEAST)
-    count = CELL * CELL * before.shape[2]
-    return squares > still + _NORMAL * np.sqrt((2.0 * still**2 + still) / count)
+    return squares, CELL * CELL * before.shape[2]

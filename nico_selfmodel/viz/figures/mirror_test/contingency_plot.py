@@ -1,6 +1,7 @@
 """Log odds of self over time, encounter by encounter."""
 
 from collections.abc import Mapping, Sequence
+from textwrap import wrap
 
 import numpy as np
 from matplotlib.figure import Figure
@@ -40,7 +41,7 @@ def contingency_plot(
             for level in (-threshold, threshold):
                 axes.axhline(level, color=palette.INK, linewidth=0.8, linestyle="--")
             axes.axhline(0.0, color=palette.FAINT, linewidth=0.8)
-            axes.set_title(name, fontsize=8.5)
+            axes.set_title("\n".join(wrap(name, 14)), fontsize=8.5)
             axes.set_xlabel("time [s]")
         first = np.ravel(panels)[0]
         first.set_ylabel("log odds of self")
