@@ -45,7 +45,7 @@ from nico_selfmodel.cli.calibrate import (
     tool,
 )
 from nico_selfmodel.cli.experiment import mirror as mirror_experiment
-from nico_selfmodel.cli.experiment import motion_capture, refinement, vision
+from nico_selfmodel.cli.experiment import mirror_test, motion_capture, refinement, vision
 from nico_selfmodel.cli.experiment import stereo as stereo_experiment
 from nico_selfmodel.cli.experiment import tool as tool_experiment
 from nico_selfmodel.cli.habits import add_habits
@@ -115,6 +115,7 @@ _GROUPS: dict[str, tuple[str, dict[str, Callable[..., None]]]] = {
             "refinement": refinement.refinement,
             "tool": tool_experiment.tool,
             "mirror": mirror_experiment.mirror,
+            "mirror-test": mirror_test.mirror_test,
         },
     ),
     "markers": (

@@ -16,6 +16,7 @@ from nico_selfmodel.sessions.body_scenario import BodyScenario
 from nico_selfmodel.sessions.camera_scenario import RenderedNico
 from nico_selfmodel.sessions.nico_before_mirrors import DEFAULT_MIRROR, NicoBeforeMirrors
 from nico_selfmodel.sessions.progress import Stage, telling
+from nico_selfmodel.systems.rendering.mirror_scene import MirrorPlate
 from nico_selfmodel.systems.simulated.imperfections import Imperfections
 from nico_selfmodel.viz.scene.mirror_picture import MirrorPicture
 
@@ -59,6 +60,7 @@ def learn_mirror(
     marker: str = "fiducial",
     familiar: NDArray | None = None,
     poses: int = POSES,
+    plate: MirrorPlate | None = None,
     stage: Stage | None = None,
 ) -> MirrorScenario:
     """Put a mirror before the robot, let it look at its hand in it, and learn where it stands.
@@ -70,6 +72,7 @@ def learn_mirror(
         marker: What is tracked on the hand.
         familiar: Readings at which the arm was learned: poses near them are preferred. (K, n).
         poses: To learn from; as many are held out.
+        plate: The glass.
         stage: Told what is going on.
 
     Returns:
@@ -80,7 +83,7 @@ def learn_mirror(
     """
     nico = RenderedNico(world, seed, (marker,))
     before = NicoBeforeMirrors(
-        nico, {MIRROR: DEFAULT_MIRROR}, knows=model, rig=model.rig, familiar=familiar
+        nico, {MIRROR: DEFAULT_MIRROR}, plate=plate, knows=model, rig=model.rig, familiar=familiar
     )
     data = before.record(
         "mirror", DAY, 2 * poses, progress=telling(stage, "looking at its hand in a mirror")

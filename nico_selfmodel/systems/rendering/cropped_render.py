@@ -44,6 +44,18 @@ Bounds = tuple[float, float, float, float]
 
 
 @dataclass(frozen=True, eq=False)
+class LabelledPicture:
+    """What a camera sees, how far away and of what."""
+
+    color: NDArray
+    """Red, green, blue, opacity, 8 bits. Shape (h, w, 4)."""
+    depth: NDArray
+    """Distance along the optical axis [m], inf where nothing is. Shape (h, w)."""
+    labels: NDArray
+    """Numbers that label images have. Shape (h, w)."""
+
+
+@dataclass(frozen=True, eq=False)
 class CroppedRender:
     """A pinhole camera that leaves out empty background."""
 
@@ -114,6 +126,20 @@ class CroppedRender:
         found = query.RenderDepthImage(camera, self.frame, self.X_FC)
         depth[top:bottom, left:right] = found.data[:, :, 0]
         return self._whole(query, window), depth
+
+    def with_labels(self, query: QueryObject) -> LabelledPicture:
+        """Render colours, distances and labels.
+
+        Raises:
+            RuntimeError: If the scene graph has no such renderer.
+        """
+        color, depth = self.with_depth(query)
+        left, top, right, bottom = window = self._window(query)
+        camera = self._camera(self._cropped(window), (right - left, bottom - top))
+        labels = np.full(depth.shape, int(RenderLabel.kEmpty), np.int16)
+        found = query.RenderLabelImage(camera, self.frame, self.X_FC)
+        labels[top:bottom, left:right] = found.data[:, :, 0]
+        return LabelledPicture(color, depth, labels)
 
     def _whole(self, query: QueryObject, window: Window) -> NDArray:
         """Return the whole picture after rendering a part of it."""

@@ -56,20 +56,28 @@ _AWAY = RigidTransform(p=[0.0, 0.0, -50.0])
 """Where a board is that nobody holds."""
 
 
-def add_renderer(scene_graph: SceneGraph, name: str = RENDERER, *, glare: bool = False) -> None:
+def add_renderer(
+    scene_graph: SceneGraph,
+    name: str = RENDERER,
+    *,
+    glare: bool = False,
+    R_WR: NDArray | None = None,
+) -> None:
     """Add a renderer with lights that stand still in the room.
 
     Args:
         scene_graph: Where to add it.
         name: What it is called.
         glare: Whether a mirror before the robot throws light back at it.
+        R_WR: How the room stands in the scene graph's world; as its robot if omitted. Shape (3, 3).
 
     Raises:
         RobotError: If nothing can be rendered here.
     """
+    turned = np.eye(3) if R_WR is None else R_WR
     lights = [
         LightParameter(
-            type="directional", frame="world", direction=np.array(way), intensity=intensity
+            type="directional", frame="world", direction=turned @ way, intensity=intensity
         )
         for way, intensity in (*_LIGHTS, *([_GLARE] if glare else []))
     ]

@@ -8,6 +8,7 @@ from pydrake.geometry import SceneGraph
 from pydrake.systems.framework import Diagram, DiagramBuilder
 
 from nico_selfmodel.dataset.joint_info import JointInfo
+from nico_selfmodel.errors import RobotError
 from nico_selfmodel.model.cameras.stereo_rig import StereoRig
 from nico_selfmodel.model.self_model import SelfModel
 from nico_selfmodel.plant import ArmDescription
@@ -32,6 +33,7 @@ from nico_selfmodel.systems.simulated.ground_truth import GroundTruth
 from nico_selfmodel.systems.simulated.imperfections import Imperfections, imperfections_named
 from nico_selfmodel.systems.simulated.motion_capture import MotionCapture
 from nico_selfmodel.systems.stations.nico_instance import NicoInstance
+from nico_selfmodel.systems.stations.other_robot import OtherRobot, add_other_robot
 from nico_selfmodel.systems.stations.whole_nico import WholeNico
 from nico_selfmodel.systems.tracking.hand_tracker import (
     FIDUCIAL_ID,
@@ -69,7 +71,8 @@ class NicoStation(Closable, Diagram):
 
     A station with a mirror has `mirror_pose` (in: pose of the mirror in the frame of the arm's
     base, a `RigidTransform`; away if not connected) and `reflected_pixels`, `reflected_seen`,
-    `reflected_reasons` (out: as the `hand_` ports, of the reflections).
+    `reflected_reasons` (out: as the `hand_` ports, of the reflections). One with another robot has
+    `other_commanded` (in: as `encoders_commanded`, of that robot's servos), which must be given.
 
     A station of real servos and cameras can have the same ports. What only the simulation knows,
     the true geometry, pose and lenses, has none; nor has the light, nor who holds the chessboard.
@@ -92,6 +95,7 @@ class NicoStation(Closable, Diagram):
         board: Board = BOARD,
         mirror: MirrorPlate | None = None,
         knows: SelfModel | None = None,
+        other: bool = False,
     ) -> None:
         """Build the robot and its surroundings.
 
@@ -111,6 +115,7 @@ class NicoStation(Closable, Diagram):
             mirror: A mirror that can be put somewhere, if any.
             knows: What the body has learned of arm and cameras; before a mirror it tells a patch of
                 colour on the hand from the reflection by where it expects its hand.
+            other: Whether there is a second robot that can be put somewhere (`stand_other`).
 
         Raises:
             ModelError: If the robot lacks a link that carries a camera.
@@ -136,6 +141,10 @@ class NicoStation(Closable, Diagram):
         self.__holder, cameras, poses = _add_scene(
             builder, servos, arm, body, board, quality, noise, mirror
         )
+        self.__other: OtherRobot | None = None
+        if other:
+            scene = builder.GetMutableSubsystemByName("scene")
+            self.__other = add_other_robot(builder, scene, body, noise)
         _add_motion_capture(builder, poses, body, world, noise)
         tracker = HandTracker(detectors, before_mirror=mirror is not None)
         builder.AddNamedSystem("tracker", tracker)
@@ -183,6 +192,21 @@ class NicoStation(Closable, Diagram):
         """
         self.require_open()
         self.__holder.hold(self.__holder.GetMyMutableContextFromRoot(context), X_BG)
+
+    def stand_other(self, context: Any, X_WO: NDArray | None) -> None:
+        """Let the second robot stand somewhere.
+
+        Args:
+            context: The station's context, or that of a diagram it is part of.
+            X_WO: Pose of its root in that of the first robot; None puts it away. Shape (4, 4).
+
+        Raises:
+            RobotError: If the station was closed, or was built without a second robot.
+        """
+        self.require_open()
+        if self.__other is None:
+            raise RobotError("there is no second robot: build the station with other=True")
+        self.__other.stand(self.__other.GetMyMutableContextFromRoot(context), X_WO)
 
     def picture(self, context: Any, camera: str) -> NDArray:
         """Return what a camera sees, BGR of shape (h, w, 3), in the station's own context.

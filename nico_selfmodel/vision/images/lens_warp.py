@@ -102,6 +102,28 @@ class LensWarp:
         bent = cv2.remap(rendered, *self.maps, cv2.INTER_LINEAR, borderMode=cv2.BORDER_CONSTANT)
         return self._averaged(bent, self.camera.image_size)
 
+    def nearest(self, rendered: NDArray, outside: float) -> NDArray:
+        """Bend a rendered picture of what cannot be averaged, as labels or distances.
+
+        Args:
+            rendered: Rendered with `render_K`. Shape (h, w).
+            outside: What pixels hold that no ray reaches.
+
+        Returns:
+            The value of one sample in the middle of each pixel. Shape (height, width).
+        """
+        s = self.supersample
+        places = np.ascontiguousarray(self.maps[0][s // 2 :: s, s // 2 :: s])
+        bent = cv2.remap(
+            np.ascontiguousarray(rendered),
+            places,
+            np.zeros(places.shape[:2], np.uint16),
+            cv2.INTER_NEAREST,
+            borderMode=cv2.BORDER_CONSTANT,
+            borderValue=(outside,),
+        )
+        return np.where(self.dark, np.asarray(outside, rendered.dtype), bent)
+
     def apply_to_part(
         self, part: NDArray, window: tuple[int, int, int, int], color: NDArray
     ) -> NDArray:

@@ -1,0 +1,47 @@
+"""`nico-selfmodel experiment mirror-test`: what chapter 10 of the thesis leaves to the future."""
+
+from typing import Annotated
+
+import typer
+
+from nico_selfmodel.cli import options, printer
+from nico_selfmodel.cli.experiment.running import finish
+
+
+def mirror_test(
+    out: options.Out,
+    robots: options.Robots = 1,
+    trials: Annotated[
+        int, typer.Option("--trials", min=1, help="Encounters in all, shared by the robots.")
+    ] = 14,
+    looks: Annotated[
+        int, typer.Option("--looks", min=1, help="Of each robot at its unmarked body.")
+    ] = 3,
+    imperfections: options.Imperfections = "thesis",
+    seed: options.FirstSeed = 0,
+    force: options.Force = False,
+    as_json: options.AsJson = False,
+) -> None:
+    """Is it me, and do I look as I expect? Two stages of the mirror test (chapter 10).
+
+    First a robot that has learned arm and cameras starts and stops its arm at random before a
+    mirror, another robot, one that repeats its motion 5 to 0.1 s late, or nobody, and says `self`,
+    `not me`, `nobody` or `cannot tell`. Then it learns where the mirror stands and compares head
+    and chest in it, unmarked, with what it expects to see, in light of -10 to +10 %. Marks and
+    touching are no part of it yet. FAIL, with exit code 1, if a verdict is wrong or late or an
+    unmarked body surprises in more than one look of a hundred; a PASS takes 100 trials and 100
+    looks. Some 10 s a trial, 3 s a look and 2 minutes a robot.
+    """
+    from nico_selfmodel.files.whole import refuse_folder
+    from nico_selfmodel.systems.simulated.imperfections import imperfections_named
+
+    refuse_folder(out, force=force)
+    chosen = imperfections_named(imperfections)
+    from nico_selfmodel.experiments.mirror_test.report import report_of
+    from nico_selfmodel.experiments.mirror_test.stages import run_stages
+
+    with printer.progress_bar() as progress:
+        stages = run_stages(chosen, range(seed, seed + robots), trials, looks, progress)
+    report = report_of(*stages)
+    finish(report, out, force, as_json)
+    raise typer.Exit(1 if report.document["status"] == "FAIL" else 0)

@@ -1,0 +1,1 @@
+"""Is it me: whether what moves in the image moves when the own encoders do."""

@@ -1,0 +1,90 @@
+"""Is it me: log odds of self against another and against nobody, by the timing of motion alone."""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from nico_selfmodel.arrays import read_only
+from nico_selfmodel.estimation.contingency.motion_response import MotionResponse, series
+
+SELF, NOT_ME, NOBODY, CANNOT_TELL = "self", "not me", "nobody", "cannot tell"
+"""Verdicts."""
+ODDS = 100.0 * 100.0
+"""Odds at which the test stops: 100 to 1 that of a hundred verdicts not one is wrong."""
+
+
+@dataclass(frozen=True, eq=False)
+class Contingency:
+    """What the timing of motion says of what is seen."""
+
+    verdict: str
+    """`self`, `not me`, `nobody` or `cannot tell`."""
+    seconds: float
+    """When self was told or ruled out; the whole time where it was neither [s]."""
+    settled: bool
+    """Whether more pictures could change nothing: self was told, or ruled out and it is known
+    whether anybody is there."""
+    log_odds: NDArray
+    """Of self against all else, after each picture. Shape (T,)."""
+
+    def __post_init__(self) -> None:
+        """Make the array read-only."""
+        object.__setattr__(self, "log_odds", read_only(self.log_odds, float))
+
+
+def tell_contingency(moved: ArrayLike, seen: ArrayLike, response: MotionResponse) -> Contingency:
+    """Tell whether what moves in the image is oneself.
+
+    Three hypotheses, the last two each half as likely beforehand as the first:
+
+        self      log L_S = sum_t log P(y_t | m_(t-d-1), m_(t-d)), with the delay d as learned
+        another   log L_O = sum_t log P(y_t | y_(t-1)), a Markov chain that starts and stops as
+                  often as one does oneself
+        nobody    log L_N = sum_t log P(y_t | nobody), what is seen where nothing moves
+
+    The test is sequential (Wald): odds L_S / ((L_O + L_N) / 2) of `ODDS` to 1 tell self, of 1 to
+    `ODDS` rule it out. Whether anybody is there is then told by the same odds between the other
+    two, and where these are not reached the verdict is `not me`.
+
+    Args:
+        moved: m_t, whether the encoders moved before each picture. Shape (T,).
+        seen: y_t, whether the image did, where it does not show the own body directly. Shape (T,).
+        response: What was learned of oneself.
+
+    Returns:
+        The verdict, and when it fell.
+
+    Raises:
+        ValueError: If the series differ in length.
+    """
+    m, y = series(moved, seen)
+    own, other, nobody = (np.cumsum(logs) for logs in _logs(m, y, response))
+    odds, somebody = own - np.logaddexp(other, nobody) + np.log(2.0), other - nobody
+    decided = np.flatnonzero(np.abs(odds) >= np.log(ODDS))
+    if not len(decided):
+        return Contingency(CANNOT_TELL, len(m) * response.period, False, odds)
+    at = int(decided[0])
+    seconds = (at + 1) * response.period
+    if odds[at] > 0.0:
+        return Contingency(SELF, seconds, True, odds)
+    known = np.flatnonzero(np.abs(somebody[at:]) >= np.log(ODDS))
+    empty = len(known) > 0 and somebody[at + known[0]] < 0.0
+    return Contingency(NOBODY if empty else NOT_ME, seconds, len(known) > 0, odds)
+
+
+def _logs(m: NDArray, y: NDArray, response: MotionResponse) -> list[NDArray]:
+    """Return the logarithms that each picture adds to the three hypotheses. Shape (T,) each."""
+    first = response.delay + 1
+    if len(m) <= first:
+        return [np.zeros(len(m))] * 3
+    found, before = y[first:], y[first - 1 : -1]
+    rates = (
+        response.after(m),
+        np.where(before, response.stays, response.starts),
+        np.full(len(found), response.unprompted),
+    )
+    return [
+        np.concatenate([np.zeros(first), np.log(np.where(found, rate, 1.0 - rate))])
+        for rate in rates
+    ]

@@ -1,0 +1,140 @@
+"""How what a robot sees of itself follows its encoders: after which delay, how surely."""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from nico_selfmodel.arrays import frozen_array, read_only
+from nico_selfmodel.errors import NotIdentifiableError
+
+_ODDS = 100.0
+"""Odds at which a delay is told."""
+
+
+@dataclass(frozen=True, eq=False)
+class MotionResponse:
+    """What a robot knows of its own motion in its images."""
+
+    period: float
+    """Time between two pictures [s]."""
+    delay: int
+    """Pictures d by which the image comes after the encoders, or up to one more."""
+    seen: NDArray
+    """P(y_t = 1 | m_(t-d-1), m_(t-d)): how often the image moves after the encoders stood or moved.
+    Shape (2, 2)."""
+    unprompted: float
+    """P(y_t = 1) where nobody is: motion seen where nothing moves."""
+    starts: float
+    """P(y_t = 1 | y_(t-1) = 0): how often what moves begins to."""
+    stays: float
+    """P(y_t = 1 | y_(t-1) = 1)."""
+    margin: float
+    """Log odds of this delay against the next best one that shares no reading with it."""
+
+    def __post_init__(self) -> None:
+        """Make the array read-only."""
+        object.__setattr__(self, "seen", frozen_array(self.seen, (2, 2), "seen"))
+
+    def after(self, moved: NDArray) -> NDArray:
+        """Return P(y_t = 1) of each picture from number d + 1 on, after what the encoders did.
+
+        Args:
+            moved: m_t. Shape (T,).
+
+        Returns:
+            Shape (T - d - 1,).
+        """
+        earlier, later = _before(moved, self.delay, self.delay + 1)
+        return self.seen[earlier, later]
+
+
+def learn_response(
+    moved: ArrayLike,
+    seen: ArrayLike,
+    elsewhere: ArrayLike,
+    period: float,
+    longest: float = 0.5,
+) -> MotionResponse:
+    """Learn delay and reliability of one's own motion in the image, where it is surely one's own.
+
+    Pictures arrive after a delay that is no whole number of pictures, so that one shows motion of
+    two neighbouring readings. The likelihood of a delay d is that of four coins,
+
+        L(d) = prod_t P(y_t | m_(t-d-1), m_(t-d)),    P(y = 1 | m) = (n_1m + 1/2) / (n_m + 1),
+
+    over the same pictures for every d; the rates are means of Beta distributions with Jeffreys'
+    prior, never 0 or 1. (Gold and Scassellati 2009 have such a model with a given delay.)
+
+    Args:
+        moved: m_t, whether the encoders moved before each picture. Shape (T,).
+        seen: y_t, whether the image did, where it shows the own body directly. Shape (T,).
+        elsewhere: Whether it did where it does not, while nobody else was there. Shape (T,).
+        period: Time between two pictures [s].
+        longest: Delay to look for [s].
+
+    Returns:
+        The response.
+
+    Raises:
+        NotIdentifiableError: If the motion does not tell the delay, or what is seen does not follow
+            the encoders.
+        ValueError: If the series differ in length.
+    """
+    m, y = series(moved, seen)
+    false_alarms = float(series(moved, elsewhere)[1].sum())
+    most = int(np.ceil(longest / period))
+    first = most + 1
+    if len(m) <= first + 1:
+        raise NotIdentifiableError(
+            f"{len(m)} pictures cannot tell a delay of up to {longest:g} s: {first + 2} are the "
+            "least, and 200 are rather needed; move for longer"
+        )
+    fits = np.array([_log_likelihood(m, y, delay, first) for delay in range(most + 1)])
+    delay = int(fits.argmax())
+    apart = np.abs(np.arange(most + 1) - delay) > 1
+    margin = float(fits[delay] - fits[apart].max())
+    rates = _rates(*_before(m, delay, first), y[first:])
+    if margin < np.log(_ODDS) or rates[1, 1] <= rates[0, 0]:
+        raise NotIdentifiableError(
+            f"what is seen follows the encoders after no certain delay (odds {np.exp(margin):.3g} "
+            f"to 1, {_ODDS:.0f} are needed): start and stop the arm more often where it is seen"
+        )
+    started, stayed = (
+        (float(y[1:][y[:-1] == was].sum()) + 0.5) / (float((y[:-1] == was).sum()) + 1.0)
+        for was in (False, True)
+    )
+    unprompted = (false_alarms + 0.5) / (len(y) + 1.0)
+    return MotionResponse(period, delay, rates, unprompted, started, stayed, margin)
+
+
+def series(moved: ArrayLike, seen: ArrayLike) -> tuple[NDArray, NDArray]:
+    """Return both series as truth values. Shape (T,) each.
+
+    Raises:
+        ValueError: If they differ in length.
+    """
+    m, y = read_only(moved, bool), read_only(seen, bool)
+    if m.ndim != 1 or m.shape != y.shape:
+        raise ValueError(f"moved and seen must have one shape (T,), got {m.shape} and {y.shape}")
+    return m, y
+
+
+def _before(m: NDArray, delay: int, first: int) -> tuple[NDArray, NDArray]:
+    """Return m_(t-d-1) and m_(t-d) of the pictures from `first` on, as 0 or 1."""
+    numbers = m.astype(int)
+    return numbers[first - delay - 1 : len(m) - delay - 1], numbers[first - delay : len(m) - delay]
+
+
+def _rates(earlier: NDArray, later: NDArray, found: NDArray) -> NDArray:
+    """Return P(found | earlier, later). Shape (2, 2)."""
+    kind = 2 * earlier + later
+    count, hits = np.bincount(kind, minlength=4), np.bincount(kind, found, minlength=4)
+    return ((hits + 0.5) / (count + 1.0)).reshape(2, 2)
+
+
+def _log_likelihood(m: NDArray, y: NDArray, delay: int, first: int) -> float:
+    """Return log L of a delay over the pictures from `first` on."""
+    earlier, later = _before(m, delay, first)
+    rate = _rates(earlier, later, y[first:])[earlier, later]
+    return float(np.log(np.where(y[first:], rate, 1.0 - rate)).sum())

@@ -1,0 +1,122 @@
+"""Stage 4 of the mirror test, for head and chest: an unmarked body does not surprise."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from nico_selfmodel.errors import EstimationError
+from nico_selfmodel.experiments.mirror_test.acquaintance import MARKER, Acquainted
+from nico_selfmodel.planning.plans import commands_of_angles
+from nico_selfmodel.sessions.mirror_looks import MirrorLook, MirrorLooks
+from nico_selfmodel.sessions.mirror_scenario import MIRROR, learn_mirror
+from nico_selfmodel.sessions.nico_before_mirrors import DEFAULT_MIRROR, NicoBeforeMirrors
+from nico_selfmodel.sessions.progress import Stage, of_robot
+from nico_selfmodel.sessions.rendered_nico import RenderedNico
+from nico_selfmodel.systems.rendering.body_image import BodyImage
+from nico_selfmodel.systems.rendering.mirror_scene import MirrorPlate
+from nico_selfmodel.systems.rendering.stereo_cameras import ImageQuality
+
+LIGHTS = (1.0, 0.9, 1.1)
+"""How bright the pictures are, of what the description's light makes them."""
+PLATE = MirrorPlate(width=1.4, height=1.4)
+"""A glass that shows the whole body."""
+_POSES = 15
+"""In which the robot sees its hand in the mirror to learn where that stands."""
+_DAY = 7
+
+
+@dataclass(frozen=True)
+class Look:
+    """Both cameras' look at an unmarked body."""
+
+    robot: int
+    """Seed of the robot."""
+    light: float
+    """How bright it was, which the robot was not told."""
+    gains: tuple[float, float]
+    """How bright the robot found it, left and right."""
+    judged: tuple[int, int]
+    """Pixels that were judged."""
+    chi_square: tuple[float, float]
+    """Their mean z^2, 3 where every sigma is right."""
+    alarms: int
+    """Surprising places that are none."""
+
+
+@dataclass(frozen=True, eq=False)
+class UnmarkedStage:
+    """All looks of the fourth stage."""
+
+    looks: tuple[Look, ...]
+    """In the order in which they were made."""
+    shown: tuple[MirrorLook, MirrorLook]
+    """One of them, for the report."""
+
+
+def run_unmarked(
+    robots: Sequence[Acquainted], looks: int, progress: Stage | None = None
+) -> UnmarkedStage:
+    """Let robots look into a mirror at their unmarked bodies.
+
+    Args:
+        robots: Who have learned arm and cameras.
+        looks: Of each robot, at random poses, with the lights in turn.
+        progress: Told how far it is.
+
+    Returns:
+        All looks.
+
+    Raises:
+        EstimationError: If a robot does not learn where the mirror stands.
+    """
+    done: list[Look] = []
+    shown: tuple[MirrorLook, MirrorLook] | None = None
+    for i, robot in enumerate(robots):
+        stage = of_robot(progress, i, len(robots))
+        learned = learn_mirror(
+            robot.model, robot.world, robot.seed, familiar=robot.readings, poses=_POSES,
+            plate=PLATE, stage=stage,
+        )  # fmt: skip
+        if learned.verdict.status == "FAIL":
+            raise EstimationError(
+                f"robot {robot.seed} did not learn its mirror: {'; '.join(learned.verdict.reasons)}"
+            )
+        known = Acquainted(robot.seed, robot.world, learned.model, robot.readings)
+        for k, light in enumerate(LIGHTS):
+            for pair in _look(known, light, len(range(k, looks, len(LIGHTS)))):
+                done.append(_counted(robot.seed, light, pair))
+                stage("looking at itself", len(done) - i * looks, looks)
+                shown = shown or pair
+    assert shown is not None, "there is a look a robot at least"
+    return UnmarkedStage(tuple(done), shown)
+
+
+def _look(robot: Acquainted, light: float, count: int) -> list[tuple[MirrorLook, MirrorLook]]:
+    """Look at oneself in one light, at random poses."""
+    nico = RenderedNico(robot.world, robot.seed, (MARKER,), ImageQuality(gain=light))
+    before = NicoBeforeMirrors(nico, {MIRROR: DEFAULT_MIRROR}, plate=PLATE)
+    view = before.views[MIRROR]
+    rng = np.random.default_rng((robot.seed, 44, round(100 * light)))
+    with BodyImage(nico.arm, robot.model) as image, before.station(_DAY) as station:
+        looks = MirrorLooks(station, image, robot.model, robot.model.mirrors[MIRROR], view.X_BM)
+        q = view.q[rng.choice(len(view.q), count)]
+        commands = commands_of_angles(station.joints, nico.arm.lower, nico.arm.upper, q)
+        return [looks.look(command) for command in commands]
+
+
+def _counted(robot: int, light: float, pair: tuple[MirrorLook, MirrorLook]) -> Look:
+    """Return what is kept of a look."""
+    judged = [np.isfinite(one.surprise.chi_square) for one in pair]
+    means = [
+        float(np.mean(one.surprise.chi_square[where]))
+        for one, where in zip(pair, judged, strict=True)
+    ]
+    return Look(
+        robot,
+        light,
+        (pair[0].surprise.gain, pair[1].surprise.gain),
+        (int(judged[0].sum()), int(judged[1].sum())),
+        (means[0], means[1]),
+        sum(len(one.blobs) for one in pair),
+    )

@@ -1,0 +1,129 @@
+"""A robot that moves, and watches whether what it sees moves with it."""
+
+from collections import deque
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from nico_selfmodel.errors import RobotError
+from nico_selfmodel.model.self_model import SelfModel
+from nico_selfmodel.planning.motor_program import MotorProgram
+from nico_selfmodel.planning.own_view import OwnArmInView
+from nico_selfmodel.plant import ArmDescription
+from nico_selfmodel.systems.rendering.mirror_scene import put_mirror
+from nico_selfmodel.systems.stations.moving_robots import MovingRobots
+from nico_selfmodel.systems.stations.nico_station import NicoStation
+from nico_selfmodel.vision.images.motion_mask import CELL, moving_cells
+
+PERIOD = 0.05
+"""Time between two pictures [s]."""
+_LEAST_STEP = 3e-4
+"""Of the hand between two pictures, by the learned arm: a fifth of a pixel in a mirror [m]."""
+_REMEMBERED = 0.5
+"""How old a picture may be when it arrives, at most [s]."""
+_WARM_UP = 1.5
+"""Time in which the arm goes to its first pose before anything is watched [s]."""
+_BEFORE_US = 0.85
+"""Distance of the second robot, along where the head looks [m]."""
+
+
+@dataclass(frozen=True)
+class Encounter:
+    """Who or what is before the robot while it moves."""
+
+    name: str
+    """What it is called."""
+    mirror: bool = False
+    """Whether a mirror stands there."""
+    other: bool = False
+    """Whether a second robot does."""
+    late: float | None = None
+    """How late that one repeats the first one's motion [s]; None if it moves as it likes."""
+
+
+class MotionSession:
+    """A station on which encounters are watched, one after the other."""
+
+    def __init__(
+        self, station: NicoStation, model: SelfModel, X_BM: NDArray, gaze: float, latency: float
+    ) -> None:
+        """Take a station with a mirror and a second robot.
+
+        Args:
+            station: Open; it is not closed here.
+            model: What the robot has learned of arm and cameras.
+            X_BM: Where somebody puts the mirror, in the frame of the arm's base. Shape (4, 4).
+            gaze: Direction in which the head looks, about the vertical [rad].
+            latency: How old pictures are when they arrive, which the robot is not told [s].
+
+        Raises:
+            RobotError: If the station moves more than an arm.
+        """
+        if not isinstance(station.arm, ArmDescription):
+            raise RobotError(
+                "encounters are watched by a head that stands still: build the station with an arm"
+            )
+        self._station, self._model, self._X_BM = station, model, X_BM
+        self._whole = int(latency / PERIOD)
+        self._rest = latency - self._whole * PERIOD
+        self._own = OwnArmInView(station.arm, model, model.rig.left, CELL)
+        self._X_WO = _facing(gaze)
+
+    def watch(
+        self,
+        encounter: Encounter,
+        poses: NDArray,
+        seconds: float,
+        rng: np.random.Generator,
+    ) -> Iterator[tuple[bool, bool, bool]]:
+        """Move at random and say after each picture what the encoders and the image did.
+
+        Args:
+            encounter: Who is there.
+            poses: To move between [encoder units]. Shape (P, n).
+            seconds: How long to watch, at most.
+            rng: Source of both motor programs.
+
+        Yields:
+            Whether the encoders moved since the picture before; whether the image did, in cells
+            that the own arm covered in the last half second; and whether it did in all others.
+        """
+        warm = _WARM_UP + (encounter.late or 0.0)
+        own = MotorProgram.random(poses, warm + seconds, rng)
+        other = MotorProgram.random(poses, warm + seconds, rng)
+        if encounter.late is not None:
+            other = own.later(encounter.late)
+        motion = MovingRobots(self._station, own, other)
+        put_mirror(self._station, motion.context, self._X_BM if encounter.mirror else None)
+        self._station.stand_other(motion.context, self._X_WO if encounter.other else None)
+        covered: deque[NDArray] = deque(maxlen=int(np.ceil(_REMEMBERED / PERIOD)))
+        late = deque([(False, False)] * self._whole)
+        picture, readings = None, None
+        for k in range(int(seconds / PERIOD)):
+            motion.advance(warm + k * PERIOD)
+            before, picture = picture, self._station.picture(motion.context, "left")
+            motion.advance(warm + k * PERIOD + self._rest)
+            last, readings = readings, motion.readings()
+            covered.append(self._own.cells(readings))
+            if before is None or last is None:
+                continue
+            mine = np.any(covered, axis=0)
+            moving = moving_cells(before, picture)
+            late.append((bool((moving & mine).any()), bool((moving & ~mine).any())))
+            yield self._moved(last, readings), *late.popleft()
+
+    def _moved(self, before: NDArray, now: NDArray) -> bool:
+        """Return whether the hand moved between two readings, by the learned arm."""
+        p_WH = self._model.points(self._model.servos.to_joint(np.stack([before, now])))
+        return bool(np.linalg.norm(p_WH[1] - p_WH[0]) > _LEAST_STEP)
+
+
+def _facing(gaze: float) -> NDArray:
+    """Return the pose of a robot that stands where the head looks, and looks back."""
+    turned = gaze + np.pi
+    X_WO = np.eye(4)
+    X_WO[:2, :2] = [[np.cos(turned), -np.sin(turned)], [np.sin(turned), np.cos(turned)]]
+    X_WO[:2, 3] = _BEFORE_US * np.array([np.cos(gaze), np.sin(gaze)])
+    return X_WO

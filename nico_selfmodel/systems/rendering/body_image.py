@@ -1,0 +1,189 @@
+"""What a robot expects to see of itself, directly or in a mirror."""
+
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike
+from pydrake.common.value import AbstractValue
+from pydrake.geometry import RenderLabel
+from pydrake.math import RigidTransform
+from pydrake.systems.framework import Context, DiagramBuilder, LeafSystem
+from pydrake.systems.sensors import ImageDepth32F, ImageLabel16I
+
+from nico_selfmodel.geometry.plane import Plane
+from nico_selfmodel.geometry.reflection import reflection
+from nico_selfmodel.model.cameras.mirror import Mirror
+from nico_selfmodel.model.cameras.rig_parameters import SIDES
+from nico_selfmodel.model.self_model import SelfModel
+from nico_selfmodel.plant import ArmDescription, SelfModelPlant
+from nico_selfmodel.systems.closing import Closable, free_memory
+from nico_selfmodel.systems.image_values import image_value
+from nico_selfmodel.systems.rendering.cropped_render import CroppedRender, LabelledPicture
+from nico_selfmodel.systems.rendering.station_scene import add_renderer, remove_scene
+from nico_selfmodel.systems.rendering.stereo_cameras import RENDERER
+from nico_selfmodel.vision.images.lens_warp import LensWarp
+
+NOTHING = int(RenderLabel.kEmpty)
+"""Label of pixels that show nothing of the body."""
+_TURNED = np.diag([-1.0, 1.0, 1.0, 1.0])
+
+
+class BodyImage(Closable, LeafSystem):
+    """The pictures that both cameras should take of the own body.
+
+    | port | | carries |
+    |---|---|---|
+    | `encoders` | in | what the encoders read [encoder units] |
+    | `mirror` | in | the `Mirror` that is looked into; not connected, or None: none |
+    | `left_image_expected`, `right_image_expected` | out | pictures, `ImageRgba8U` |
+    | `left_depth`, `right_depth` | out | distance along the optical axis, `ImageDepth32F` |
+    | `left_link`, `right_link` | out | which of `links` is seen, or `NOTHING`, `ImageLabel16I` |
+
+    Depths are in metres, inf where nothing of the body is; those of a reflection go through the
+    glass, to where it seems to be. The arm stands as it was learned; all other links, all shapes
+    and colours are those of the robot's description, and the light is the simulated room's. A
+    mirror shows the body as the reflected camera sees it (`mirror_camera`), and what of the body is
+    before the glass hides it; the glass is taken to be as large as the picture. Close it after use:
+    its renderer takes 50 MB.
+    """
+
+    def __init__(self, arm: ArmDescription, model: SelfModel, *, supersample: int = 2) -> None:
+        """Take a learned body.
+
+        Args:
+            arm: Which robot it is.
+            model: What it has learned of arm and cameras.
+            supersample: Rendered samples along each side of a pixel.
+
+        Raises:
+            ModelError: If the model has other joints, or no pair of cameras.
+            RobotError: If nothing can be rendered here.
+        """
+        super().__init__()
+        builder = DiagramBuilder()
+        self._built = SelfModelPlant.from_urdf(arm, model, builder=builder)
+        scene = self._built.scene_graph
+        assert scene is not None
+        diagram: Any = builder.Build()
+        self.__diagram, self.__scene, self.__context = (
+            diagram,
+            scene,
+            diagram.CreateDefaultContext(),
+        )
+        plant, own = self._built.plant, self._built.own_context(self.__context)
+        root = plant.GetBodyByName(arm.links.root_link, self._built.instance)
+        add_renderer(
+            scene, glare=True, R_WR=plant.EvalBodyPoseInWorld(own, root).rotation().matrix()
+        )
+        self.__context = diagram.CreateDefaultContext()  # which knows the renderer
+        self._cameras = model.rig.cameras
+        self._warps = [LensWarp.from_camera(camera, supersample) for camera in self._cameras]
+        bodies = [plant.get_body(index) for index in plant.GetBodyIndices(self._built.instance)]
+        self.links = {int(body.index()): body.name() for body in bodies}
+        """Number in the pictures of links -> name of the link."""
+        self.moving = frozenset(_beyond(self._built, arm.joints[0]))
+        """Numbers of the links that the arm moves."""
+        self._encoders = self.DeclareVectorInputPort("encoders", len(arm.joints))
+        self._mirror = self.DeclareAbstractInputPort("mirror", AbstractValue.Make(object()))
+        self._last: list[tuple[bytes, LabelledPicture] | None] = [None, None]
+        for k, side in enumerate(SIDES):
+            self._declare(f"{side}_image_expected", k, image_value, "color")
+            self._declare(f"{side}_depth", k, _depth_value, "depth")
+            self._declare(f"{side}_link", k, _link_value, "labels")
+
+    def _declare(self, name: str, k: int, make: Callable[..., AbstractValue], part: str) -> None:
+        """Declare a port that carries one part of what a camera is expected to see."""
+
+        def calc(context: Context, value: Any) -> None:
+            readings = np.array(self._encoders.Eval(context), dtype=float)
+            found: Any = self._mirror.Eval(context) if self._mirror.HasValue(context) else None
+            seen = self.expect(readings, found if isinstance(found, Mirror) else None, k)
+            data = np.asarray(value.get_mutable_value().mutable_data)
+            data[:] = getattr(seen, part).reshape(data.shape)
+
+        size = self._cameras[k].image_size
+        needs = {self._encoders.ticket(), self._mirror.ticket()}
+        self.DeclareAbstractOutputPort(name, lambda: make(*size), calc, needs)
+
+    def expect(self, readings: ArrayLike, mirror: Mirror | None, side: int) -> LabelledPicture:
+        """Return what a camera is expected to see; the same look again is not rendered anew.
+
+        Args:
+            readings: Of the encoders [encoder units]. Shape (n,).
+            mirror: What is looked into, if anything.
+            side: The camera, 0 (left) or 1.
+
+        Raises:
+            RobotError: If it was closed.
+            ValueError: If the readings are not n numbers.
+        """
+        self.require_open()
+        readings = np.asarray(readings, dtype=float)
+        known = readings.tobytes() + (b"" if mirror is None else mirror.values.tobytes())
+        last = self._last[side]
+        if last is None or last[0] != known:
+            self._built.set_positions(self.__context, readings)
+            last = self._last[side] = known, self._bent(side, mirror)
+        return last[1]
+
+    def _bent(self, k: int, mirror: Mirror | None) -> LabelledPicture:
+        """Render one camera's pictures and bend them by its lens."""
+        scene = self.__scene
+        context = scene.GetMyContextFromRoot(self.__context)
+        query = scene.get_query_output_port().Eval(context)
+        seen, warp = self._render(query, k, None), self._warps[k]
+        if mirror is not None:
+            plane = mirror.plane_in(self._cameras[0].X_WC)
+            reflected = self._render(query, k, plane)
+            before = seen.labels == NOTHING
+            seen = LabelledPicture(
+                np.where(before[:, :, None], reflected.color, seen.color),
+                np.where(before, reflected.depth, seen.depth),
+                np.where(before, reflected.labels, seen.labels),
+            )
+        return LabelledPicture(
+            warp.apply(seen.color),
+            warp.nearest(seen.depth, np.inf),
+            warp.nearest(seen.labels, NOTHING),
+        )
+
+    def _render(self, query: Any, k: int, plane: Plane | None) -> LabelledPicture:
+        """Render what a pinhole sees of the body, by a mirror if there is one.
+
+        The reflected camera is left-handed, which no renderer takes: its x axis is turned round,
+        and the picture then turned back.
+        """
+        warp, X_WC = self._warps[k], self._cameras[k].X_WC
+        K = warp.render_K.copy()
+        if plane is not None:
+            X_WC = reflection(plane) @ X_WC @ _TURNED
+            K[0, 2] = warp.render_size[0] - K[0, 2]
+        frame = query.inspector().world_frame_id()
+        camera = CroppedRender(RENDERER, warp.render_size, K, frame, RigidTransform(pose=X_WC))
+        found = camera.with_labels(query)
+        if plane is None:
+            return found
+        return LabelledPicture(
+            *(part[:, ::-1] for part in (found.color, found.depth, found.labels))
+        )
+
+    def _give_back(self) -> None:
+        self._last = [None, None]
+        remove_scene(self.__scene)
+        self.__context = self.__diagram = None
+        free_memory()
+
+
+def _beyond(built: SelfModelPlant, joint: str) -> set[int]:
+    """Return the numbers of the links that a joint moves."""
+    index = built.plant.GetJointByName(joint, built.instance).index()
+    return {int(body) for body in built.plant.GetBodiesKinematicallyAffectedBy([index])}
+
+
+def _depth_value(width: int, height: int) -> AbstractValue:
+    return AbstractValue.Make(ImageDepth32F(width, height))
+
+
+def _link_value(width: int, height: int) -> AbstractValue:
+    return AbstractValue.Make(ImageLabel16I(width, height))

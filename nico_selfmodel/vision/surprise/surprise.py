@@ -1,0 +1,156 @@
+"""How surprising each pixel of a picture is, after what was expected to be seen there."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from nico_selfmodel.arrays import read_only
+
+_ROUNDING = 1.0 / 12.0
+"""Least variance of a grey level."""
+_GAIN_STEPS = 5
+"""Times the gain is estimated anew without what does not follow it."""
+_CERTAIN = 2.5
+"""Standard deviations within which an outline is sure to be."""
+_FAR_OFF = 3.0
+"""Robust standard deviations beyond which a pixel does not tell the gain."""
+
+
+@dataclass(frozen=True, eq=False)
+class Expectation:
+    """What a camera is expected to see, and how well that is known."""
+
+    picture: NDArray
+    """Expected, BGR, 8 bits. Shape (h, w, 3)."""
+    pixel_sigma: NDArray
+    """Standard deviation of where it is seen, along each axis; nan where nothing is expected or
+    nothing shall be judged [px]. Shape (h, w)."""
+    noise: float
+    """Standard deviation of a grey level of the camera."""
+    appearance_sigma: float
+    """What colours and light are not known by, as a share of the expected grey level."""
+
+    def __post_init__(self) -> None:
+        """Check the shapes, and make the arrays read-only."""
+        if self.picture.ndim != 3 or self.pixel_sigma.shape != self.picture.shape[:2]:
+            raise ValueError(
+                "picture and pixel_sigma must have shapes (h, w, 3) and (h, w), got "
+                f"{self.picture.shape} and {self.pixel_sigma.shape}"
+            )
+        object.__setattr__(self, "picture", read_only(self.picture))
+        object.__setattr__(self, "pixel_sigma", read_only(self.pixel_sigma, float))
+
+
+@dataclass(frozen=True, eq=False)
+class Surprise:
+    """What one picture differs by from what was expected."""
+
+    chi_square: NDArray
+    """z^2 of three degrees of freedom at each pixel; nan where nothing is judged. Shape (h, w)."""
+    gain: float
+    """How much brighter the picture is than expected."""
+
+    def __post_init__(self) -> None:
+        """Make the array read-only."""
+        object.__setattr__(self, "chi_square", read_only(self.chi_square))
+
+
+def surprise(picture: NDArray, expected: Expectation) -> Surprise:
+    """Hold a picture against what was expected.
+
+    With the picture I, the expectation E and one gain g for the look,
+
+        z^2 = e' (s_n^2 1 + s_a^2 g^2 diag(E)^2 + g^2 V)^-1 e,    e = I - g M
+
+    s_n is the camera's noise and s_a what colours are not known by. V is what the expectation
+    differs by because nobody knows to the pixel where it is seen: with d that displacement and S
+    its covariance, M(x) = mean E(x + d) and V(x) = cov E(x + d), both by Gaussian blur. For small
+    S it is V = G S G', with G the gradient of the expectation; beyond that a gradient would know
+    nothing of an edge two pixels away.
+
+    Args:
+        picture: BGR, 8 bits. Shape (h, w, 3).
+        expected: What was expected.
+
+    Returns:
+        The chi-square picture and the gain.
+
+    Raises:
+        ValueError: If the picture has another shape, or nothing of it is to be judged.
+    """
+    if picture.shape != expected.picture.shape:
+        raise ValueError(
+            f"a picture of shape {expected.picture.shape} was expected, got {picture.shape}"
+        )
+    judged = np.isfinite(expected.pixel_sigma)
+    if not judged.any():
+        raise ValueError("nothing of the picture is to be judged: is the body in view?")
+    mean, covariance = _displaced(expected, judged)
+    seen = picture.astype(float)[judged]
+    noise = expected.noise**2 + _ROUNDING
+    own = noise + np.square(expected.appearance_sigma * mean)
+    gain = _gain(seen, mean, own + np.einsum("nii->ni", covariance))
+    total = gain**2 * covariance
+    total[:, range(3), range(3)] += noise + np.square(expected.appearance_sigma * gain * mean)
+    off = seen - gain * mean
+    chi_square = np.full(judged.shape, np.nan)
+    chi_square[judged] = np.sum(off * np.linalg.solve(total, off[:, :, None])[:, :, 0], axis=1)
+    return Surprise(chi_square, gain)
+
+
+def away_from_the_unknown(pixel_sigma: NDArray) -> NDArray:
+    """Return where a body may be judged: not where what is behind it may be seen in its place.
+
+    Args:
+        pixel_sigma: Of where it is seen; nan where nothing is known of what is seen [px]. (h, w).
+
+    Returns:
+        The same, nan also within 2.5 of the largest sigma, and a pixel, of what is unknown.
+    """
+    unknown = ~np.isfinite(pixel_sigma)
+    if unknown.all():
+        return pixel_sigma
+    reach = int(np.ceil(_CERTAIN * float(np.nanmax(pixel_sigma)))) + 1
+    window = np.ones((2 * reach + 1, 2 * reach + 1), np.uint8)
+    return np.where(cv2.dilate(unknown.astype(np.uint8), window) > 0, np.nan, pixel_sigma)
+
+
+def _displaced(expected: Expectation, judged: NDArray) -> tuple[NDArray, NDArray]:
+    """Return mean and covariance of the expectation over its displacements. (n, 3), (n, 3, 3)."""
+    picture = expected.picture.astype(np.float32)
+    products = np.stack([picture[:, :, i] * picture[:, :, j] for i, j in _PAIRS], axis=2)
+    mean = np.zeros((int(judged.sum()), 3))
+    covariance = np.zeros((len(mean), 3, 3))
+    sigmas = expected.pixel_sigma[judged]
+    for sigma in np.unique(sigmas).tolist():
+        rows = sigmas == sigma
+        first, second = (_blurred(part, sigma)[judged][rows] for part in (picture, products))
+        mean[rows] = first
+        for k, (i, j) in enumerate(_PAIRS):
+            covariance[rows, i, j] = covariance[rows, j, i] = (
+                second[:, k] - first[:, i] * first[:, j]
+            )
+    covariance[:, range(3), range(3)] = np.maximum(covariance[:, range(3), range(3)], 0.0)
+    return mean, covariance
+
+
+_PAIRS: Sequence[tuple[int, int]] = ((0, 0), (1, 1), (2, 2), (0, 1), (0, 2), (1, 2))
+
+
+def _blurred(picture: NDArray, sigma: float) -> NDArray:
+    return picture if sigma <= 0.0 else cv2.GaussianBlur(picture, (0, 0), sigma)
+
+
+def _gain(seen: NDArray, expected: NDArray, variance: NDArray) -> float:
+    """Return g of seen = g expected, by weighted least squares without what is far off."""
+    weight = 1.0 / variance
+    gain = float(np.median(seen.sum(axis=1) / np.maximum(expected.sum(axis=1), 1.0)))
+    for _ in range(_GAIN_STEPS):
+        off = (seen - gain * expected) * np.sqrt(weight)
+        scale = max(1.4826 * float(np.median(np.abs(off))), 1e-9)
+        used = weight * (np.abs(off) < _FAR_OFF * scale)
+        gain = float((used * seen * expected).sum() / (used * expected**2).sum())
+    return gain

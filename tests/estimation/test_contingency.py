@@ -1,0 +1,134 @@
+"""Self told from others by the timing of motion alone, on motion that is drawn, not rendered."""
+
+import numpy as np
+import pytest
+
+from nico_selfmodel.errors import NotIdentifiableError
+from nico_selfmodel.estimation.contingency.contingency import (
+    CANNOT_TELL,
+    NOBODY,
+    NOT_ME,
+    SELF,
+    tell_contingency,
+)
+from nico_selfmodel.estimation.contingency.motion_response import learn_response
+
+PERIOD, DELAY = 0.05, 3
+STARTS, STAYS = 0.08, 0.85
+MISSED, FALSE = 0.02, 0.01
+
+
+def motion(count, rng):
+    """Return whether something moves that starts and stops at random."""
+    moving, draws = [False], rng.random(count)
+    for draw in draws[1:]:
+        moving.append(bool(draw < (STAYS if moving[-1] else STARTS)))
+    return np.array(moving)
+
+
+def seen(moving, delay, rng):
+    """Return what is seen of a motion some pictures later, with mistakes."""
+    late = np.concatenate([np.zeros(delay, dtype=bool), moving[: len(moving) - delay]])
+    return np.where(rng.random(len(late)) < np.where(late, MISSED, FALSE), ~late, late)
+
+
+def learned(seed=0, count=400):
+    rng = np.random.default_rng((seed, 1))
+    own = motion(count, rng)
+    nobody = rng.random(count) < FALSE
+    return learn_response(own, seen(own, DELAY, rng), nobody, PERIOD)
+
+
+RESPONSE = learned()
+
+
+def met(kind, seed, count=200):
+    """Return what is said of one encounter of ten seconds."""
+    rng = np.random.default_rng((seed, 2))
+    own = motion(count + 100, rng)
+    if kind == "self":
+        image = seen(own, DELAY, rng)
+    elif kind == "other":
+        image = seen(motion(count + 100, rng), DELAY, rng)
+    elif kind == "nobody":
+        image = rng.random(count + 100) < FALSE
+    else:
+        image = seen(own, DELAY + kind, rng)
+    return tell_contingency(own[100:], image[100:], RESPONSE)
+
+
+def test_the_delay_of_ones_own_pictures_is_learned():
+    for seed in range(20):
+        response = learned(seed)
+        # The picture shows one reading: its pair may hold the one before or after as well.
+        assert response.delay in (DELAY - 1, DELAY)
+        assert response.seen[1, 1] > 0.9
+        assert response.seen[0, 0] < 0.1
+
+
+def test_a_delay_between_two_pictures_is_learned_too():
+    rng = np.random.default_rng(5)
+    own = motion(400, rng)
+    both = seen(own, DELAY, rng) | seen(own, DELAY + 1, rng)
+    response = learn_response(own, both, np.zeros(400), PERIOD)
+    assert response.delay == DELAY
+    assert response.seen.ravel()[1:].min() > 0.9
+
+
+@pytest.mark.parametrize(
+    ("kind", "verdicts", "within"),
+    [
+        ("self", {SELF}, 5.0),
+        ("other", {NOT_ME}, 10.0),
+        ("nobody", {NOBODY, NOT_ME}, 10.0),
+        (2, {NOT_ME}, 10.0),
+        (6, {NOT_ME}, 10.0),
+        (20, {NOT_ME}, 10.0),
+        (100, {NOT_ME}, 10.0),
+    ],
+)
+def test_a_hundred_encounters_of_a_kind_are_all_told_in_time(kind, verdicts, within):
+    found = [met(kind, seed) for seed in range(100)]
+    assert {one.verdict for one in found} <= verdicts
+    assert max(one.seconds for one in found) < within
+
+
+def test_nobody_is_told_from_somebody_where_there_is_time():
+    found = [met("nobody", seed, 300).verdict for seed in range(20)]
+    assert found.count(NOBODY) > 15
+
+
+def test_who_does_not_move_cannot_tell():
+    still, image = np.zeros(200, dtype=bool), np.zeros(200, dtype=bool)
+    found = tell_contingency(still, image, RESPONSE)
+    assert found.verdict == CANNOT_TELL
+    assert not found.settled
+    assert found.seconds == pytest.approx(10.0)
+
+
+def test_before_the_first_picture_nothing_is_said():
+    found = tell_contingency([], [], RESPONSE)
+    assert found.verdict == CANNOT_TELL
+    assert found.seconds == 0.0
+
+
+def test_what_was_found_cannot_be_changed():
+    found = met("self", 0)
+    with pytest.raises(ValueError, match="read-only"):
+        found.log_odds[0] = 1.0
+    with pytest.raises(ValueError, match="read-only"):
+        RESPONSE.seen[0, 0] = 1.0
+
+
+def test_motion_that_tells_no_delay_is_refused():
+    rng = np.random.default_rng(3)
+    own, image = motion(200, rng), motion(200, rng)
+    with pytest.raises(NotIdentifiableError, match="no certain delay"):
+        learn_response(own, image, np.zeros(200), PERIOD)
+    with pytest.raises(NotIdentifiableError, match="move for longer"):
+        learn_response([1, 0], [1, 0], [0, 0], PERIOD)
+
+
+def test_series_of_different_lengths_are_refused():
+    with pytest.raises(ValueError, match=r"one shape \(T,\)"):
+        tell_contingency([1, 0], [1], RESPONSE)

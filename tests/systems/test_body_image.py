@@ -1,0 +1,118 @@
+"""What a robot expects to see of itself, held against what it sees, directly and in a mirror."""
+
+import numpy as np
+import pytest
+from pydrake.common.value import AbstractValue
+from pydrake.systems.analysis import Simulator
+
+from nico_selfmodel.errors import RobotError
+from nico_selfmodel.estimation.mirrors.reflection_sigma import reflection_sigma
+from nico_selfmodel.model.cameras.mirror import Mirror
+from nico_selfmodel.model.cameras.mirror_rig import MirrorRig
+from nico_selfmodel.planning.plans import commands_of_angles
+from nico_selfmodel.sessions.nico_before_mirrors import DEFAULT_MIRROR, NicoBeforeMirrors
+from nico_selfmodel.sessions.rendered_nico import RenderedNico
+from nico_selfmodel.systems.image_values import bgr_of
+from nico_selfmodel.systems.rendering.body_image import NOTHING, BodyImage
+from nico_selfmodel.systems.rendering.mirror_scene import MirrorPlate, put_mirror
+from nico_selfmodel.systems.rendering.stereo_cameras import ImageQuality
+from nico_selfmodel.vision.images.image_array import bgr_of_rgba
+
+NICO = RenderedNico("clean", 2, ("fiducial",), ImageQuality(1, noise=0.0))
+MODEL = NICO.ground_truth.model()
+
+
+@pytest.fixture(scope="module")
+def image():
+    with BodyImage(NICO.arm, MODEL, supersample=1) as one:
+        yield one
+
+
+@pytest.fixture(scope="module")
+def look():
+    """Return the true mirror, readings, and what both cameras see in a large one."""
+    before = NicoBeforeMirrors(NICO, {"glass": DEFAULT_MIRROR}, plate=MirrorPlate("m", 1.4, 1.4))
+    view = before.views["glass"]
+    with before.station(0) as station:
+        simulator = Simulator(station)
+        context = simulator.get_mutable_context()
+        command = commands_of_angles(station.joints, NICO.arm.lower, NICO.arm.upper, view.q[:1])[0]
+        station.GetInputPort("encoders_commanded").FixValue(context, command)
+        put_mirror(station, context, view.X_BM)
+        simulator.AdvanceTo(2.5)
+        readings = np.array(station.GetOutputPort("encoders").Eval(context))
+        pictures = [station.picture(context, side) for side in ("left", "right")]
+    return NICO.ground_truth.mirror(view.X_BM), readings, pictures
+
+
+def test_who_knows_itself_sees_in_a_mirror_what_it_expects(image, look):
+    mirror, readings, pictures = look
+    for side, picture in enumerate(pictures):
+        seen = image.expect(readings, mirror, side)
+        own = (seen.labels != NOTHING) & ~np.isin(seen.labels, list(image.moving))
+        assert own.sum() > 10000
+        off = bgr_of_rgba(seen.color).astype(float)[own] * 0.93 - picture[own]
+        assert np.median(np.abs(off)) < 2.0
+        assert np.mean(np.abs(off).max(axis=1) < 12.0) > 0.85
+
+
+def test_the_hand_is_expected_where_its_link_is_projected_and_as_far_away(image, look):
+    mirror, readings, _ = look
+    p_WH = MODEL.points(MODEL.servos.to_joint(readings))
+    reflected = MirrorRig(MODEL.rig, mirror)
+    for side in range(2):
+        seen = image.expect(readings, mirror, side)
+        u, v = np.round(reflected.project(p_WH)[2 * side : 2 * side + 2]).astype(int)
+        assert image.links[int(seen.labels[v, u])] in {"right_hand", "right_hand_fiducial"}
+        camera = reflected.virtual.cameras[side]
+        depth = (camera.X_CW[:3, :3] @ p_WH + camera.X_CW[:3, 3])[2]
+        assert seen.depth[v, u] == pytest.approx(depth, abs=0.01)
+
+
+def test_ports_carry_what_is_expected(image, look):
+    mirror, readings, _ = look
+    context = image.CreateDefaultContext()
+    image.GetInputPort("encoders").FixValue(context, readings)
+    direct = np.array(image.GetOutputPort("left_link").Eval(context).data)[:, :, 0]
+    assert np.array_equal(direct, image.expect(readings, None, 0).labels)
+    image.GetInputPort("mirror").FixValue(context, AbstractValue.Make(mirror))
+    seen = image.expect(readings, mirror, 1)
+    assert np.array_equal(
+        bgr_of(image.GetOutputPort("right_image_expected").Eval(context)), bgr_of_rgba(seen.color)
+    )
+    assert np.array_equal(
+        image.GetOutputPort("right_depth").Eval(context).data[:, :, 0], seen.depth
+    )
+    labels = image.GetOutputPort("right_link").Eval(context).data[:, :, 0]
+    assert (labels != NOTHING).sum() > (direct != NOTHING).sum()
+
+
+def test_the_sigma_of_a_reflection_is_how_far_it_scatters(image, look):
+    true, readings, _ = look
+    covariance = np.diag(np.square([2e-3, 1e-3, 1e-3]))
+    mirror = Mirror.from_values(true.values, covariance)
+    p_WH = MODEL.points(MODEL.servos.to_joint(readings))
+    u, v = np.round(MirrorRig(MODEL.rig, mirror).project(p_WH)[:2]).astype(int)
+    depth = image.expect(readings, mirror, 0).depth
+    sigma = reflection_sigma(MODEL.rig, mirror, 0, depth, 2e-3)[v, u]
+    rng = np.random.default_rng(1)
+    values = rng.multivariate_normal(mirror.values, covariance, 400)
+    points = p_WH + 2e-3 * rng.standard_normal((400, 3))
+    pixels = np.array(
+        [
+            MirrorRig(MODEL.rig, Mirror.from_values(m)).project(p)[:2]
+            for m, p in zip(values, points, strict=True)
+        ]
+    )
+    scatter = np.sqrt(0.5 * np.trace(np.cov(pixels.T)))
+    # Rounded up to a quarter of a pixel.
+    assert scatter * 0.92 < sigma < scatter * 1.08 + 0.25
+    assert np.isnan(reflection_sigma(MODEL.rig, mirror, 0, np.full((480, 640), np.inf), 1e-3)).all()
+
+
+def test_a_closed_expectation_says_so(look):
+    _, readings, _ = look
+    image = BodyImage(NICO.arm, MODEL, supersample=1)
+    image.close()
+    with pytest.raises(RobotError, match="was closed"):
+        image.expect(readings, None, 0)

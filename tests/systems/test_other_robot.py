@@ -1,0 +1,114 @@
+"""A second robot before the first: seen where it stands, moved by its own commands."""
+
+import numpy as np
+import pytest
+from pydrake.systems.analysis import Simulator
+
+from nico_selfmodel.errors import RobotError
+from nico_selfmodel.geometry.transform import transform
+from nico_selfmodel.planning.motor_program import MotorProgram
+from nico_selfmodel.planning.own_view import OwnArmInView
+from nico_selfmodel.sessions.motion_session import Encounter, MotionSession
+from nico_selfmodel.sessions.rendered_nico import RenderedNico
+from nico_selfmodel.systems.looking import looking_body
+from nico_selfmodel.systems.rendering.mirror_scene import MirrorPlate
+from nico_selfmodel.systems.rendering.stereo_cameras import ImageQuality
+from nico_selfmodel.systems.stations.nico_station import NicoStation
+
+ROUGH = ImageQuality(1)
+GAZE = np.radians(-40.0)
+FACING = transform(
+    np.array([[-np.cos(GAZE), np.sin(GAZE), 0], [-np.sin(GAZE), -np.cos(GAZE), 0], [0, 0, 1.0]]),
+    [0.85 * np.cos(GAZE), 0.85 * np.sin(GAZE), 0.0],
+)
+NICO = RenderedNico("thesis", 3, ("fiducial",), ROUGH)
+
+
+@pytest.fixture(scope="module")
+def station():
+    with NicoStation(
+        "thesis", 3, arm=NICO.arm, quality=ROUGH, mirror=MirrorPlate(), other=True
+    ) as one:
+        yield one
+
+
+def seen(station, X_WO, other=0.0):
+    """Return the left picture with the second robot somewhere, moved by so many counts."""
+    simulator = Simulator(station)
+    context = simulator.get_mutable_context()
+    still = np.array(station.GetOutputPort("encoders").Eval(context))
+    station.GetInputPort("encoders_commanded").FixValue(context, still)
+    station.GetInputPort("other_commanded").FixValue(context, still + other)
+    station.stand_other(context, X_WO)
+    simulator.AdvanceTo(0.5)
+    return station.picture(context, "left").astype(int)
+
+
+def test_a_second_robot_is_seen_where_it_stands_and_moves_by_its_own_commands(station):
+    away, there, moved = seen(station, None), seen(station, FACING), seen(station, FACING, 1500.0)
+    changed = np.abs(there - away).max(axis=2) > 25
+    assert 0.02 < changed.mean() < 0.5
+    moving = np.abs(moved - there).max(axis=2) > 25
+    assert 0.0005 < moving.mean() < changed.mean()
+
+
+def test_a_station_without_a_second_robot_says_so():
+    with NicoStation("thesis", 3, arm=NICO.arm, quality=ROUGH) as alone:
+        with pytest.raises(RobotError, match="other=True"):
+            alone.stand_other(alone.CreateDefaultContext(), FACING)
+        assert not alone.HasInputPort("other_commanded")
+
+
+def test_cells_with_the_own_arm_hold_the_tracked_hand():
+    truth = NICO.ground_truth
+    model = truth.model()
+    own = OwnArmInView(NICO.arm, model, model.rig.left, 16)
+    with NICO.station(0) as alone:
+        plan = NICO.plan(alone, 0, 6, np.random.default_rng(2))
+    for _, command in plan:
+        pixels = truth.expected([command])[0][0, :2]
+        column, row = (pixels // 16).astype(int)
+        cells = own.cells(command)
+        assert cells[row, column]
+        assert cells.mean() < 0.7
+
+
+def test_starts_and_stops_of_a_motor_program_have_no_memory():
+    rng = np.random.default_rng(1)
+    poses = rng.uniform(0.0, 1000.0, (30, 4))
+    program = MotorProgram.random(poses, 300.0, rng)
+    gaps = np.diff(program.times)
+    assert np.corrcoef(gaps[:-1], gaps[1:])[0, 1] == pytest.approx(0.0, abs=0.15)
+    assert (program.commands >= poses.min(axis=0) - 1e-9).all()
+    assert (program.commands <= poses.max(axis=0) + 1e-9).all()
+    late = program.later(0.3)
+    assert len(late.due(0.2, 0.3)) == 1
+    assert not late.due(0.0, 0.2)
+    with pytest.raises(ValueError, match="two poses"):
+        MotorProgram.random(poses[:1], 1.0, rng)
+
+
+def test_a_session_tells_when_encoders_and_image_move(station):
+    model = NICO.ground_truth.model()
+    session = MotionSession(station, model, np.eye(4), GAZE, 0.07)
+    rng = np.random.default_rng(4)
+    with NICO.station(0) as alone:
+        poses = np.array([command for _, command in NICO.plan(alone, 0, 8, rng)])
+    watched = np.array(list(session.watch(Encounter("nobody"), poses, 1.2, rng)))
+    moved, own, elsewhere = watched.T
+    assert 0.0 < moved.mean() < 1.0
+    assert own.any()
+    assert not elsewhere.any()
+
+
+def test_a_second_robot_of_a_whole_body_is_seen_too():
+    with NicoStation("thesis", 3, arm=looking_body(), quality=ROUGH, other=True) as whole:
+        simulator = Simulator(whole)
+        context = simulator.get_mutable_context()
+        still = np.array(whole.GetOutputPort("encoders").Eval(context))
+        for port in ("encoders_commanded", "other_commanded"):
+            whole.GetInputPort(port).FixValue(context, still)
+        away = whole.picture(context, "left").astype(int)
+        whole.stand_other(context, FACING)
+        changed = np.abs(whole.picture(context, "left").astype(int) - away).max(axis=2) > 25
+        assert changed.mean() > 0.02

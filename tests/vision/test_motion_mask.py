@@ -1,0 +1,39 @@
+"""Where something moved between two pictures."""
+
+import numpy as np
+import pytest
+
+from nico_selfmodel.vision.images.motion_mask import CELL, moving_cells
+
+
+def picture(rng, noise, shape=(240, 320, 3)):
+    """Return a grey picture with noise."""
+    values = 120.0 + noise * rng.standard_normal(shape)
+    return np.clip(np.round(values), 0, 255).astype(np.uint8)
+
+
+@pytest.mark.parametrize("noise", [0.0, 0.3, 2.0, 8.0])
+def test_noise_is_not_motion_whatever_its_size(noise):
+    rng = np.random.default_rng(1)
+    alarms = sum(moving_cells(picture(rng, noise), picture(rng, noise)).any() for _ in range(30))
+    # One in a thousand pictures of four times this size.
+    assert alarms == 0
+
+
+def test_what_moves_is_found_in_its_cells_and_nowhere_else():
+    rng = np.random.default_rng(2)
+    before, after = picture(rng, 2.0), picture(rng, 2.0)
+    after[CELL * 3 + 4 : CELL * 3 + 10, CELL * 5 + 4 : CELL * 5 + 10] += 20
+    moving = moving_cells(before, after)
+    assert np.argwhere(moving).tolist() == [[3, 5]]
+    assert moving.shape == (15, 20)
+
+
+def test_pictures_that_do_not_belong_together_are_refused():
+    small = np.zeros((8, 8, 3), np.uint8)
+    for a, b in (
+        (small, small),
+        (np.zeros((32, 32, 3), np.uint8), np.zeros((32, 48, 3), np.uint8)),
+    ):
+        with pytest.raises(ValueError, match="one shape"):
+            moving_cells(a, b)

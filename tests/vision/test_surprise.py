@@ -1,0 +1,101 @@
+"""What a picture shows that was not expected: marks, and neither light nor a pixel aside."""
+
+import numpy as np
+import pytest
+
+from nico_selfmodel.optimization.chi_square import chi_square_tail
+from nico_selfmodel.vision.surprise.blobs import FALSE_ALARM, surprising_places, threshold_of
+from nico_selfmodel.vision.surprise.surprise import (
+    Expectation,
+    away_from_the_unknown,
+    surprise,
+)
+
+NOISE = 2.0
+
+
+def checks(shift=0.0):
+    """Return a picture of soft stripes of two colours, moved along u by some pixels."""
+    u = np.arange(160) - shift
+    share = 0.5 + 0.5 * np.tanh(2.0 * np.sin(2.0 * np.pi * u / 40.0))
+    row = share[:, None] * [200.0, 180.0, 60.0] + (1.0 - share[:, None]) * [40.0, 90.0, 150.0]
+    return np.tile(row, (120, 1, 1))
+
+
+def expected(sigma=1.0):
+    return Expectation(np.round(checks()).astype(np.uint8), np.full((120, 160), sigma), NOISE, 0.02)
+
+
+def seen(picture, rng):
+    noisy = picture + NOISE * rng.standard_normal(picture.shape)
+    return np.clip(np.round(noisy), 0, 255).astype(np.uint8)
+
+
+def test_what_was_expected_does_not_surprise():
+    rng = np.random.default_rng(1)
+    found = [surprise(seen(checks(), rng), expected()) for _ in range(30)]
+    assert [surprising_places(one) for one in found] == [()] * 30
+    # Shares of what is not known of place and colour make it less than the three of pure noise.
+    assert 0.5 < np.mean([np.mean(one.chi_square) for one in found]) < 3.2
+
+
+def test_pure_noise_is_a_chi_square_of_three():
+    rng = np.random.default_rng(2)
+    flat = np.full((120, 160, 3), 100.0)
+    known = Expectation(flat.astype(np.uint8), np.zeros((120, 160)), NOISE, 0.0)
+    found = surprise(seen(flat, rng), known).chi_square
+    assert found.mean() == pytest.approx(3.0, rel=0.03)
+
+
+@pytest.mark.parametrize("light", [0.9, 1.0, 1.1])
+def test_light_is_found_and_does_not_surprise(light):
+    found = surprise(seen(light * checks(), np.random.default_rng(3)), expected())
+    assert found.gain == pytest.approx(light, abs=0.01)
+    assert surprising_places(found) == ()
+
+
+def test_an_edge_a_pixel_aside_surprises_only_who_is_sure_of_its_place():
+    picture = seen(checks(1.5), np.random.default_rng(4))
+    assert surprising_places(surprise(picture, expected(1.5))) == ()
+    assert len(surprising_places(surprise(picture, expected(0.25)))) > 3
+
+
+def test_a_mark_is_found_where_it_is():
+    picture = checks()
+    picture[60:65, 79:84] += [0.0, 51.0, 0.0]
+    found = surprising_places(surprise(seen(picture, np.random.default_rng(5)), expected()))
+    assert len(found) == 1
+    assert (found[0].u, found[0].v) == pytest.approx((81.0, 62.0), abs=0.5)
+    assert found[0].area >= 9
+    assert found[0].chi_square > threshold_of(160 * 120)
+
+
+def test_the_threshold_follows_from_the_number_of_places():
+    for places in (1, 1000, 40000):
+        assert places * chi_square_tail(threshold_of(places), 3) == pytest.approx(FALSE_ALARM)
+
+
+def test_nothing_is_judged_beside_the_unknown():
+    sigma = np.full((40, 40), 1.0)
+    sigma[:, 20:] = np.nan
+    kept = away_from_the_unknown(sigma)
+    # 2.5 pixels rounded up, and one.
+    assert np.isfinite(kept[:, :16]).all()
+    assert np.isnan(kept[:, 16:]).all()
+    nothing = np.full((4, 4), np.nan)
+    assert np.isnan(away_from_the_unknown(nothing)).all()
+
+
+def test_what_cannot_be_compared_is_refused():
+    with pytest.raises(ValueError, match="was expected, got"):
+        surprise(np.zeros((2, 2, 3), np.uint8), expected())
+    with pytest.raises(ValueError, match="nothing of the picture"):
+        surprise(checks().astype(np.uint8), expected(np.nan))
+    with pytest.raises(ValueError, match=r"shapes \(h, w, 3\)"):
+        Expectation(np.zeros((2, 2, 3), np.uint8), np.zeros((3, 3)), 1.0, 0.0)
+
+
+def test_what_was_found_cannot_be_changed():
+    found = surprise(checks().astype(np.uint8), expected())
+    with pytest.raises(ValueError, match="read-only"):
+        found.chi_square[0, 0] = 0.0
