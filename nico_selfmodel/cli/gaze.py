@@ -19,8 +19,9 @@ def gaze(
         str | None,
         typer.Option("--encoders", metavar="A,B,...", help="Readings now, in the joints' order."),
     ] = None,
-    point: Annotated[
-        str | None, typer.Option("--point", metavar="X,Y,Z", help="A point of the world [m].")
+    target: Annotated[
+        str | None,
+        typer.Option("--target", metavar="X,Y,Z", help="A point in the body's frame W [m]."),
     ] = None,
     marker: options.Marker = None,
     camera: Annotated[
@@ -39,16 +40,16 @@ def gaze(
             "recording with poses.csv"
         )
     body = load_body(model)
-    if encoders is None or (point is None) == (marker is None):
+    if encoders is None or (target is None) == (marker is None):
         raise ValueError(
-            f"give --encoders and either --point or --marker; the joints are "
+            f"give --encoders and either --target or --marker; the joints are "
             f"{listed(body.tree.joints)}"
         )
     solver, now = GazeSolver(body, camera or ()), _readings(body, encoders)
     if marker is not None:
         found = solver.at_marker(now, marker)
     else:
-        found = solver.at_point(now, _point(point or ""))
+        found = solver.at_point(now, _point(target or ""))
     turned = dict(zip(solver.joints, found.readings[solver.head].tolist(), strict=True))
     if as_json:
         seen = {name: uv.tolist() for name, uv in found.pixels.items()}
@@ -83,5 +84,5 @@ def _point(text: str) -> "NDArray":
 
     words = text.split(",")
     if len(words) != 3:
-        raise ValueError(f"--point must be X,Y,Z [m], got {text}")
-    return np.array([number_of_word(word, "--point") for word in words])
+        raise ValueError(f"--target must be X,Y,Z [m], got {text}")
+    return np.array([number_of_word(word, "--target") for word in words])

@@ -23,7 +23,7 @@ STILL = ",".join(["0"] * 18)
 
 
 def test_a_point_is_looked_at_by_the_joints_of_the_head(body, command):
-    words = ("gaze", body, "--encoders", STILL, "--point", "0.6,0.2,0.4")
+    words = ("gaze", body, "--encoders", STILL, "--target", "0.6,0.2,0.4")
     done = command(*words)
     assert done.returncode == 0, done.stderr
     assert [line.split()[0] for line in done.stdout.splitlines()[:6]] == list(HEAD_JOINTS)
@@ -45,12 +45,12 @@ def test_the_own_hand_is_looked_at(body, command):
 @pytest.mark.parametrize(
     ("words", "said"),
     [
-        (["--encoders", STILL, "--point", "-0.5,0,0.4"], "out of reach"),
+        (["--encoders", STILL, "--target", "-0.5,0,0.4"], "out of reach"),
         (["--encoders", STILL, "--marker", "right_hand_fiducial"], "out of reach"),
-        (["--encoders", STILL], "either --point or --marker"),
-        (["--encoders", "0,0", "--point", "1,0,0.4"], "18"),
-        (["--encoders", STILL, "--point", "1,0"], "X,Y,Z"),
-        (["--encoders", STILL, "--point", "1,0,0.4", "--camera", "third"], "third"),
+        (["--encoders", STILL], "either --target or --marker"),
+        (["--encoders", "0,0", "--target", "1,0,0.4"], "18"),
+        (["--encoders", STILL, "--target", "1,0"], "X,Y,Z"),
+        (["--encoders", STILL, "--target", "1,0,0.4", "--camera", "third"], "third"),
         (["--encoders", STILL, "--marker", "tail"], "tail"),
     ],
 )

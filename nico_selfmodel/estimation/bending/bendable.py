@@ -194,6 +194,10 @@ class Bendable(Protocol):
         """Return the mean over poses of log(error), outliers included."""
         ...
 
+    def ended(self, solution: Any) -> bool:
+        """Return whether the search for a solution came to its end."""
+        ...
+
     def posture_of(self, solution: Any) -> Posture:
         """Return the parameters of a solution."""
         ...

@@ -55,6 +55,10 @@ class BendingArm:
         """Parameters of the rigid arm."""
         return self.solution.parameters
 
+    def ended(self, solution: ArmSolution) -> bool:
+        """Return whether the search for a solution came to its end."""
+        return solution.converged
+
     def posture_of(self, solution: ArmSolution) -> DhParameters:
         """Return the parameters of a solution."""
         return solution.parameters

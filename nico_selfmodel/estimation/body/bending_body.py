@@ -112,6 +112,10 @@ class BendingBody:
         """The rigid body."""
         return self.posture_of(self.solution)
 
+    def ended(self, solution: BodyBend) -> bool:
+        """Return whether the search for a solution came to its end."""
+        return solution.solved.converged
+
     def posture_of(self, solution: BodyBend) -> BodyPosture:
         """Return the parameters of a solution."""
         return BodyPosture(solution.parameters, solution.solved.rig)

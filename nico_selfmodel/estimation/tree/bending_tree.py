@@ -73,6 +73,10 @@ class BendingTree:
         """Parameters of the rigid body."""
         return self.solution.posture
 
+    def ended(self, solution: TreeBend) -> bool:
+        """Return whether the search for a solution came to its end."""
+        return solution.solution.converged
+
     def posture_of(self, solution: TreeBend) -> TreePosture:
         """Return the parameters of a solution."""
         return solution.posture
