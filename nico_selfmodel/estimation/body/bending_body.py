@@ -328,10 +328,10 @@ class WeighedBody:
     def likeliest(self, pull: NDArray, variance: NDArray) -> HandNoise:
         """Return the noise that residuals ask for, of effects that are known as well as that."""
         there, seen = variance > 0.0, self.seen.seen
-        U = self.U[:, there]
-        size = np.sqrt(np.maximum(np.sum(U**2, axis=0), np.finfo(float).tiny))
+        U, known = self.U[:, there], 1.0 / variance[there]
+        size = np.sqrt(np.maximum(np.sum(U**2, axis=0) + known, np.finfo(float).tiny))
         U, J = U / size, self.jacobian[:, :, there] / size
-        H = U.T @ U + np.diag(1.0 / (size**2 * variance[there]))
+        H = U.T @ U + np.diag(known / size**2)
         C = np.linalg.pinv(H, rcond=1e-11, hermitian=True)
         left = self.residuals - self.jacobian @ pull
         left = left - J @ (C @ (U.T @ (self.u - self.U @ pull)))

@@ -245,11 +245,15 @@ class TreeProblem:
         self, linear: TreeLinear, groups: PoseGroups, slipped: NDArray, values: NDArray
     ) -> TreeNoise:
         """Return the noise that the residuals ask for, with what fitting took from them."""
+        # A robot's description says nothing here: where it is wrong, a noise that made up for that
+        # would make it weigh more still. What bends has priors that follow the data.
+        bends = range(*self.residuals.parameters.bends.indices(len(values)))
         J, known = linear.J[self.columns], np.zeros(len(self.columns))
         pull = np.zeros(len(self.columns))
         for name, (mean, sigma) in self.priors.items():
             at = self.free_names.index(name)
-            known[at], pull[at] = sigma**-2.0, mean - values[self.columns[at]]
+            if self.columns[at] in bends:
+                known[at], pull[at] = sigma**-2.0, mean - values[self.columns[at]]
         own = TreeLinear(linear.r + pull @ J, J, linear.by_joint)
         return likeliest_noise(self.observations, own, groups, slipped, self.noise, known)
 

@@ -170,12 +170,6 @@ class WeighedTree:
 
     def likeliest(self, pull: NDArray, variance: NDArray) -> TreeNoise:
         """Return the noise that residuals ask for, of effects that are known as well as that."""
-        now = dict(zip(self.posture.names, self.posture.values.tolist(), strict=True))
-        pull, variance = pull.copy(), variance.copy()
-        for i, name in enumerate(self.free):
-            if name in self.priors:
-                mean, sigma = self.priors[name]
-                pull[i], variance[i] = mean - now[name], sigma**2
         own, there = self.linear.J[self._columns], variance > 0.0
         linear = TreeLinear(self.linear.r + pull @ own, own[there], self.linear.by_joint)
         known = 1.0 / variance[there]
