@@ -12,7 +12,7 @@ from nico_selfmodel.dataset.dataset import Dataset
 from nico_selfmodel.model.cameras.stereo_rig import StereoRig
 from nico_selfmodel.model.tree.body_tree import WORLD, Attached
 from nico_selfmodel.planning.body_poses import BodyView
-from nico_selfmodel.planning.plans import Plan, commands_of_angles
+from nico_selfmodel.planning.plans import Plan, commands_of_angles, given_commands
 from nico_selfmodel.planning.visible_workspace import RENDERED
 from nico_selfmodel.recording.session import Progress, record
 from nico_selfmodel.sessions.whole_body import (
@@ -26,9 +26,10 @@ from nico_selfmodel.sessions.whole_body import (
 from nico_selfmodel.systems.looking import ARM_JOINTS, HEAD_JOINTS, looking_body
 from nico_selfmodel.systems.nico_cameras import NICO_CAMERAS
 from nico_selfmodel.systems.rendering.stereo_cameras import ImageQuality
-from nico_selfmodel.systems.simulated.imperfections import Imperfections
+from nico_selfmodel.systems.simulated.imperfections import Imperfections, imperfections_named
 from nico_selfmodel.systems.stations.nico_station import NicoStation, room_detectors
 from nico_selfmodel.systems.stations.station_body import StationBody
+from nico_selfmodel.systems.stations.whole_nico import WholeNico
 from nico_selfmodel.systems.tracking.shared_search import corner_names
 
 QUICK = ImageQuality(supersample=1)
@@ -66,6 +67,13 @@ class RenderedBody:
         self.view = BodyView(self.body, hung, RENDERED)
 
     @property
+    def ground_truth(self) -> WholeNico:
+        """What only the simulation knows: for judging and for tests, never for learning."""
+        flaws = self.world
+        flaws = imperfections_named(flaws) if isinstance(flaws, str) else flaws
+        return WholeNico.build(self.body, flaws, self.seed, NICO_CAMERAS)
+
+    @property
     def hands(self) -> dict[str, str]:
         """The marker of each hand, by arm."""
         return {side: f"{side}_hand_fiducial" for side in self.arms}
@@ -94,7 +102,7 @@ class RenderedBody:
         poses = [self.view.poses(room, IN_ROOM, looks, rng)] if looks else []
         wanted = self.hands.values() if hands else ()
         poses += [self.view.poses([h], 1, hands, rng, also=(room, IN_ROOM)) for h in wanted]
-        return np.vstack(poses)
+        return np.vstack(poses) if poses else np.zeros((0, len(self.body.joints)))
 
     def record(
         self,
@@ -104,6 +112,7 @@ class RenderedBody:
         hands: int,
         *,
         rig: StereoRig | None = None,
+        poses: NDArray | None = None,
         progress: Progress | None = None,
     ) -> BodyDataset:
         """Let it look about the room, then at its hands.
@@ -115,6 +124,7 @@ class RenderedBody:
             hands: Poses of each hand.
             rig: Calibrated cameras, behind whose lenses markers are located; as designed if
                 omitted.
+            poses: Visited instead [encoder units]. Shape (N, k).
             progress: Called after each pose.
 
         Returns:
@@ -124,9 +134,11 @@ class RenderedBody:
         Raises:
             ModelError: If hardly any pose shows a hand.
             DataError: If nothing was seen.
+            ValueError: If a given pose lies beyond a joint's stop.
         """
         found = room_detectors(self.cards, rig or NICO_CAMERAS)
-        poses = self.plan(looks, hands, np.random.default_rng((self.seed, session, 26)))
+        rng = np.random.default_rng((self.seed, session, 26))
+        angles = self.plan(*((looks, hands) if poses is None else (0, 0)), rng)
         with NicoStation(
             self.world,
             self.seed,
@@ -138,9 +150,8 @@ class RenderedBody:
         ) as station:
             body = StationBody(station, station.joints, self.tracked)
             lower, upper = self.body.lower, self.body.upper
-            plan: Plan = [
-                ("", command) for command in commands_of_angles(station.joints, lower, upper, poses)
-            ]
+            planned = commands_of_angles(station.joints, lower, upper, angles)
+            plan: Plan = given_commands(station.joints, planned if poses is None else poses)
             world, image_size = station.world.name, station.image_size
             source = f"rendered whole nico, world {world!r}, individual {self.seed}, "
             data = record(

@@ -44,7 +44,7 @@ def learn_whole_body(
 def _document(scenario: "WholeScenario") -> dict[str, Any]:
     """Return what `result.json` tells, of each lens alone and of each hand too."""
     from nico_selfmodel.estimation.judging import judge, to_json
-    from nico_selfmodel.estimation.tree.mechanics_left import held_out_links
+    from nico_selfmodel.estimation.tree.link_errors import held_out_links
 
     found = scenario.found
     return stamped(to_json(found, judge(found))) | {
@@ -56,8 +56,9 @@ def _document(scenario: "WholeScenario") -> dict[str, Any]:
             name: {
                 "n": errors.n,
                 "mean_px": errors.mean_px,
-                "mechanics_px": errors.mechanics_px,
-                "ratio": errors.ratio,
+                "noise_px": errors.noise_px,
+                "mechanics_px": scenario.mechanics[name],
+                "ratio": errors.mean_px / scenario.mechanics[name],
             }
             for name, errors in held_out_links(found).items()
         },

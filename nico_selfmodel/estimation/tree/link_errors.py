@@ -30,13 +30,8 @@ class LinkErrors:
     """Observations."""
     mean_px: float
     """Mean distance from where it was expected [px]."""
-    mechanics_px: float
+    noise_px: float
     """Mean distance that joint noise and the cameras' leave, as the training told them [px]."""
-
-    @property
-    def ratio(self) -> float:
-        """How many times what the mechanics leave."""
-        return self.mean_px / self.mechanics_px
 
 
 def held_out_links(found: TreeCalibration) -> Mapping[str, LinkErrors]:

@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from nico_selfmodel.estimation.tree.mechanics_left import held_out_links, mean_length
+from nico_selfmodel.estimation.tree.link_errors import held_out_links, mean_length
 from nico_selfmodel.estimation.tree.tree_calibration import calibrate_tree
 from nico_selfmodel.sessions.whole_body import whole_body_session, whole_nico
 from nico_selfmodel.systems.simulated.imperfections import IMPERFECTIONS
@@ -34,4 +34,4 @@ def test_the_noise_that_is_learned_tells_what_the_mechanics_leave():
         errors = left[f"{side}_wrist"]
         learned, true = hand_errors(found, nico, test, side)
         assert errors.mean_px == pytest.approx(learned, rel=0.01)
-        assert errors.mechanics_px == pytest.approx(true, rel=0.15)
+        assert errors.noise_px == pytest.approx(true, rel=0.15)
