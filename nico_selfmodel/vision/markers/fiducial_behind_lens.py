@@ -38,7 +38,10 @@ def center_behind_lens(image: NDArray, seen: Fiducial, camera: Camera) -> NDArra
         ValueError: If the image has another shape or type.
     """
     found = _without_lens(image, seen, camera)
-    return found if isinstance(found, NotSeen) else camera.pixels_of(marker_center(found))
+    if isinstance(found, NotSeen):
+        return found
+    corners, scale, low = found
+    return camera.pixels_of(marker_center(corners) / scale + low)
 
 
 def corners_behind_lens(image: NDArray, seen: Fiducial, camera: Camera) -> NDArray | NotSeen:
@@ -48,11 +51,19 @@ def corners_behind_lens(image: NDArray, seen: Fiducial, camera: Camera) -> NDArr
         ValueError: If the image has another shape or type.
     """
     found = _without_lens(image, seen, camera)
-    return found if isinstance(found, NotSeen) else camera.pixels_of(found.T).T
+    if isinstance(found, NotSeen):
+        return found
+    corners, scale, low = found
+    return camera.pixels_of((corners / scale + low).T).T
 
 
-def _without_lens(image: NDArray, seen: Fiducial, camera: Camera) -> NDArray | NotSeen:
-    """Return a marker's corners in ideal coordinates, shape (4, 2), or why not."""
+def _without_lens(
+    image: NDArray, seen: Fiducial, camera: Camera
+) -> tuple[NDArray, float, NDArray] | NotSeen:
+    """Return a marker's corners in a patch without lens, its pixels a unit, its origin; or why not.
+
+    Ideal coordinates are corners / scale + low.
+    """
     gray = as_gray(image)
     if not camera.has_rays(seen.corners).all():
         return NotSeen("the marker lies where the calibrated lens has no rays")
@@ -71,4 +82,4 @@ def _without_lens(image: NDArray, seen: Fiducial, camera: Camera) -> NDArray | N
     corners = corners_from_edges(patch, (ideal - low) * scale, cells)
     if corners is None:
         return NotSeen("the marker's edges are not plain to see behind the lens")
-    return corners / scale + low
+    return corners, float(scale), low
