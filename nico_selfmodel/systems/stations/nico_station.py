@@ -1,5 +1,6 @@
 """A simulated robot before the world: servos, cameras, trackers, motion capture, in one diagram."""
 
+from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
@@ -19,6 +20,7 @@ from nico_selfmodel.systems.image_values import bgr_of
 from nico_selfmodel.systems.looking import looking_arm
 from nico_selfmodel.systems.nico_cameras import MOUNTS, NICO_CAMERAS
 from nico_selfmodel.systems.rendering.mirror_scene import MirrorPlate, MirrorScene
+from nico_selfmodel.systems.rendering.room import hang_cards
 from nico_selfmodel.systems.rendering.station_scene import (
     BoardHolder,
     BodyPoses,
@@ -45,7 +47,9 @@ from nico_selfmodel.systems.tracking.hand_tracker import (
 )
 from nico_selfmodel.systems.tracking.mirror_expectation import connect_expectation
 from nico_selfmodel.systems.tracking.reflection_detectors import default_mirror_detectors
+from nico_selfmodel.systems.tracking.shared_search import fiducial_detectors
 from nico_selfmodel.vision.boards.chessboard import Board
+from nico_selfmodel.vision.markers.tag_card import TagCard, markers_of
 
 BOARD = Board(9, 6, 0.028)
 """The thesis' chessboard: squares of 28 mm."""
@@ -96,6 +100,7 @@ class NicoStation(Closable, Diagram):
         mirror: MirrorPlate | None = None,
         knows: SelfModel | None = None,
         other: bool = False,
+        room: Sequence[TagCard] = (),
     ) -> None:
         """Build the robot and its surroundings.
 
@@ -116,6 +121,7 @@ class NicoStation(Closable, Diagram):
             knows: What the body has learned of arm and cameras; before a mirror it tells a patch of
                 colour on the hand from the reflection by where it expects its hand.
             other: Whether there is a second robot that can be put somewhere (`stand_other`).
+            room: Cards of markers that hang about it, W the frame of its root link.
 
         Raises:
             ModelError: If the robot lacks a link that carries a camera.
@@ -125,7 +131,7 @@ class NicoStation(Closable, Diagram):
         arm = arm or looking_arm()
         body = _built(arm, world, seed, sides)
         if detectors is None and isinstance(arm, BodyDescription) and mirror is None:
-            detectors = body_detectors()
+            detectors = {**body_detectors(), **room_detectors(room)} if room else body_detectors()
         elif detectors is None:
             detectors = default_detectors() if mirror is None else default_mirror_detectors()
         self.arm, self.world, self.seed, self.session = arm, world, seed, session
@@ -139,7 +145,7 @@ class NicoStation(Closable, Diagram):
         servos = EncoderModel(body.mechanics, start, seed=noise)
         builder.AddNamedSystem("servos", servos)
         self.__holder, cameras, poses = _add_scene(
-            builder, servos, arm, body, board, quality, noise, mirror
+            builder, servos, arm, body, board, quality, noise, mirror, room
         )
         self.__other: OtherRobot | None = None
         if other:
@@ -231,8 +237,20 @@ def default_detectors(rig: StereoRig | None = None) -> Detectors:
 
 def body_detectors() -> Detectors:
     """Return detectors of the fiducials on both of Nico's hands and of the tape on its finger."""
-    fiducials = {f"{side}_hand_fiducial": fiducial_detector(i) for side, i in FIDUCIALS.items()}
-    return {**fiducials, "right_finger_tip": color_detector()}
+    numbers = {f"{side}_hand_fiducial": number for side, number in FIDUCIALS.items()}
+    return {**fiducial_detectors(numbers), "right_finger_tip": color_detector()}
+
+
+def room_detectors(room: Sequence[TagCard], rig: StereoRig | None = None) -> Detectors:
+    """Return detectors of the corners of both hands' fiducials and of cards in the room.
+
+    Args:
+        room: The cards.
+        rig: The calibrated cameras, whose lenses are then taken out before points are located.
+    """
+    hands = {f"{side}_hand_fiducial": number for side, number in FIDUCIALS.items()}
+    centers = {name: number for name, (number, _) in markers_of(room).items()}
+    return fiducial_detectors(centers, hands, rig=rig)
 
 
 def _built(
@@ -271,13 +289,15 @@ def _add_scene(
     quality: ImageQuality | None,
     seed: tuple[int, int],
     mirror: MirrorPlate | None,
+    room: Sequence[TagCard],
 ) -> tuple[BoardHolder, StereoCameras, BodyPoses]:
     """Add what is to be seen, and what sees it."""
     scene_graph = SceneGraph()
     builder.AddNamedSystem("scene", scene_graph)
     built = body.in_scene(scene_graph)
-    add_renderer(scene_graph, glare=mirror is not None)
+    add_renderer(scene_graph, glare=mirror is not None, lamps=bool(room))
     _mark(scene_graph, built, arm)
+    hang_cards(scene_graph, room)
     frames = tuple(
         built.plant.GetBodyFrameIdOrThrow(built.plant.GetBodyByName(link).index())
         for link in MOUNTS
