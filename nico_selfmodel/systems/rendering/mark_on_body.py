@@ -208,7 +208,7 @@ def _mesh(points: NDArray, normals: NDArray) -> Mesh:
             ]
     lines = [f"v {x!r} {y!r} {z!r}" for x, y, z in np.nan_to_num(points).tolist()]
     lines += [f"vn {x!r} {y!r} {z!r}" for x, y, z in normals.tolist()]
-    known: NDArray = np.isfinite(points).all(axis=1)
+    known = np.asarray(np.isfinite(points).all(axis=1))
     lines += [
         "f " + " ".join(f"{i + 1}//{i + 1}" for i in triangle)
         for triangle in triangles
