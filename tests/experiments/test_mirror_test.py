@@ -89,7 +89,11 @@ def test_not_me_is_no_mistake_where_nobody_is():
 def test_tables_chart_and_json_are_written(tmp_path):
     report_of(MirrorTest(stage(2), None, None)).write(tmp_path / "out")
     found = {path.name for path in (tmp_path / "out").iterdir()}
-    assert found == {"tables.md", "contingency.png", "result.json"}
+    assert found == {"tables.md", "contingency.png", "result.json", "report.html"}
+    page = (tmp_path / "out" / "report.html").read_text("utf-8")
+    assert "NOT EVALUATED" in page
+    assert "own motion 0.1 s late" in page
+    assert 'src="http' not in page
     text = (tmp_path / "out" / "tables.md").read_text("utf-8")
     assert "| own motion 0.1 s late | not me | 2 |" in text
     assert "No other stage is part of this test" in text
@@ -243,11 +247,14 @@ def test_too_few_trials_are_refused_in_one_line(tmp_path, command):
 
 
 @pytest.mark.slow
-def test_one_robot_tells_itself_from_others_and_looks_as_it_expects(tmp_path, command):
+def test_one_robot_tells_itself_from_others_and_finds_marks_on_itself(tmp_path, command):
     out = tmp_path / "out"
     done = command("experiment", "mirror-test", "--trials", 7, "--seed", 4, "--out", out)
-    assert done.returncode == 0, done.stdout + done.stderr
+    assert done.returncode in (0, 1), done.stdout + done.stderr
     document = json.loads((out / "result.json").read_text("utf-8"))
-    assert document["status"] == "NOT_EVALUATED"
-    assert [one["stage"] for one in document["stages"]][:2] == ["1", "4"]
-    assert all(row["wrong"] == 0 for row in document["stages"][0]["encounters"])
+    stages = {one["stage"]: one for one in document["stages"]}
+    assert stages["1"]["status"] == stages["4"]["status"] == "NOT_EVALUATED"
+    assert all(row["wrong"] == 0 for row in stages["1"]["encounters"])
+    assert stages["5"]["marks"] == 4
+    assert stages["5"]["hits"] >= 3
+    assert {"tables.md", "mark.png", "surprise.png"} <= {path.name for path in out.iterdir()}

@@ -1,5 +1,8 @@
 """The mirror test as tables, a chart and JSON: each stage that exists against its bounds."""
 
+from collections.abc import Mapping, Sequence
+from typing import Any
+
 from nico_selfmodel.estimation.contingency.contingency import ODDS
 from nico_selfmodel.experiments.experiment_report import ExperimentReport, Table
 from nico_selfmodel.experiments.mirror_test.encounters_report import (
@@ -20,6 +23,8 @@ from nico_selfmodel.experiments.mirror_test.unmarked_report import (
 )
 from nico_selfmodel.sessions.mark_finder import PIXEL_SIGMA, SURFACE_SIGMA
 from nico_selfmodel.sessions.motion_session import PERIOD
+from nico_selfmodel.viz.reports.experiment_page import ExperimentPage, text_table
+from nico_selfmodel.viz.reports.parts import Drawing, numbers, section
 
 
 def report_of(test: MirrorTest) -> ExperimentReport:
@@ -60,7 +65,27 @@ def report_of(test: MirrorTest) -> ExperimentReport:
         f"{len(met.trials)} encounters in random order, one camera, a picture every "
         f"{1e3 * PERIOD:.0f} ms; odds of {ODDS:,.0f} to 1 end an encounter.\n\n"
     )
-    return ExperimentReport(head, (*tables, _given()), charts, document)
+    page = _page(document, tables, charts)
+    return ExperimentReport(head, (*tables, _given()), charts, document, page)
+
+
+def _page(
+    document: Mapping[str, Any], tables: Sequence[Table], charts: Mapping[str, Any]
+) -> ExperimentPage:
+    """Return the report as a page: the looks first, then every table."""
+    about = "Do I look as I expect, and what is on me that was not there?"
+    shown = (("mark", "A look at a mark"), ("surprise", "A look at the unmarked body"),
+             ("contingency", "Whose motion follows one's own"))  # fmt: skip
+    drawn = [
+        section(title, Drawing(charts[name], title)) for name, title in shown if name in charts
+    ]
+    told = [
+        section(table.title, numbers(text_table(table.headings, table.rows), "cards"))
+        for table in (*tables, _given())
+    ]
+    return ExperimentPage(
+        "The mirror test", about, document["status"], tuple(document["reasons"]), (*drawn, *told)
+    )
 
 
 SET = f"{PIXEL_SIGMA:g} px and {1e3 * SURFACE_SIGMA:g} mm: set on robots 0 and 1"

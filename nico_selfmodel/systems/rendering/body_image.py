@@ -168,7 +168,8 @@ class BodyImage(Closable, LeafSystem):
         """
         self.require_open()
         self._last = [None, None]
-        self._built.move_joints(self.__context, angles, list(angles.values()))
+        if angles:
+            self._built.move_joints(self.__context, angles, list(angles.values()))
         self._X_WB = np.eye(4) if X_WB is None else np.array(X_WB, dtype=float)
 
     @property
