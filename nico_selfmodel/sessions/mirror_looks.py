@@ -191,14 +191,14 @@ class MirrorLooks:
         for number, name in self._image.links.items():
             if name in unknown.points:
                 points[seen.labels == number] = unknown.points[name]
-        sigma, arm = (
-            reflection_sigma(self._rig, self._mirror, side, seen.depth, each)
-            for each in (points, POINT_SIGMA)
-        )
+        sigma = reflection_sigma(self._rig, self._mirror, side, seen.depth, points)
         sigma = away_from_the_unknown(np.where(seen.labels == NOTHING, np.nan, sigma))
         moving = np.isin(seen.labels, [*self._image.moving])
-        arm = np.where(moving, np.nan, np.where(np.isfinite(arm), arm, 0.0))
-        sigma = np.where(np.isfinite(away_from_the_unknown(arm)), sigma, np.nan)
+        if moving.any():
+            # Its joints are loose, and what is nearest moves farthest in the picture.
+            loose = self._rig.cameras[side].fx * POINT_SIGMA / float(seen.depth[moving].min())
+            beside = away_from_the_unknown(np.where(moving, np.nan, loose))
+            sigma = np.where(np.isfinite(beside), sigma, np.nan)
         return Expectation(bgr_of_rgba(seen.color), sigma, self.noise[side], unknown.color)
 
     def unknown_of(self, commands: Sequence[NDArray]) -> Unknown:
