@@ -27,11 +27,11 @@ from nico_selfmodel.vision.surprise.blobs import FALSE_ALARM, Blob, surprising_p
 from nico_selfmodel.vision.surprise.surprise import Surprise
 
 PIXEL_SIGMA = 0.5
-"""How well the middle of a spot is known; set on robots 0 to 3 [px]."""
+"""How well the middle of a spot is known; set on robots 0 and 1 [px]."""
 CUT_SIGMA = 1.5
 """The same where a part of the spot may not be judged [px]."""
 SURFACE_SIGMA = 5e-4
-"""What the surface is not known by; set on robots 0 to 3 [m]."""
+"""What the surface is not known by; set on robots 0 and 1 [m]."""
 _WEAK = 1.0
 """Places of a picture that may surprise where both cameras and both looks must agree."""
 _BESIDE = 3
