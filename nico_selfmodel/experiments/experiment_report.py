@@ -10,6 +10,8 @@ import numpy as np
 
 from nico_selfmodel.files.whole import folder_written_whole
 from nico_selfmodel.viz.figures.experiment_charts import BarSeries, save_figure
+from nico_selfmodel.viz.reports.experiment_page import ExperimentPage
+from nico_selfmodel.viz.reports.page import REPORT_FILE
 
 Pair = tuple[float, float] | None
 """A mean and its SD; None where there is none."""
@@ -48,9 +50,11 @@ class ExperimentReport:
     """File name -> figure."""
     document: Mapping[str, Any]
     """Results as plain data."""
+    page: ExperimentPage | None = None
+    """The same to read in a browser, if the experiment has such a page."""
 
     def write(self, out: Path, *, force: bool = False) -> None:
-        """Write `tables.md`, the charts (PNG) and `result.json`, whole or not at all.
+        """Write `tables.md`, charts (PNG), `result.json` and any page, whole or not at all.
 
         Args:
             out: Folder to make.
@@ -66,6 +70,8 @@ class ExperimentReport:
             (folder / "tables.md").write_text(markdown, encoding="utf-8")
             for name, figure in self.charts.items():
                 save_figure(figure, folder / f"{name}.png")
+            if self.page is not None:  # last: a page takes its figures apart
+                (folder / REPORT_FILE).write_text(self.page.html(), encoding="utf-8")
 
 
 def bodies(count: int) -> str:

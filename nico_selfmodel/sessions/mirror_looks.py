@@ -1,6 +1,8 @@
 """Looking into a mirror at oneself, and what of it was not expected."""
 
-from dataclasses import dataclass
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from types import MappingProxyType
 
 import numpy as np
 from numpy.typing import NDArray
@@ -9,7 +11,9 @@ from nico_selfmodel.estimation.mirrors.reflection_sigma import reflection_sigma
 from nico_selfmodel.model.cameras.mirror import Mirror
 from nico_selfmodel.model.cameras.rig_parameters import SIDES
 from nico_selfmodel.model.self_model import SelfModel
+from nico_selfmodel.sessions.known_body import Shot
 from nico_selfmodel.systems.rendering.body_image import NOTHING, BodyImage
+from nico_selfmodel.systems.rendering.cropped_render import LabelledPicture
 from nico_selfmodel.systems.rendering.mirror_scene import put_mirror
 from nico_selfmodel.systems.stations.nico_station import NicoStation
 from nico_selfmodel.systems.stations.station_body import StationBody
@@ -20,6 +24,7 @@ from nico_selfmodel.vision.surprise.surprise import (
     Expectation,
     Surprise,
     away_from_the_unknown,
+    log_likelihood,
     surprise,
 )
 
@@ -29,6 +34,29 @@ degree, and its face is 0.15 m from them [m]."""
 APPEARANCE_SIGMA = 0.03
 """What colours and light of the description are not known by, as a share of the grey level; set on
 robot 0."""
+
+_POINTS = (2.5e-4, 5e-4, 1e-3, 2e-3, POINT_SIGMA)
+"""What places of a link may turn out not to be known by [m]."""
+_COLOR = 0.01
+"""What colours are not known by once the body has been looked at; set on robots 0 and 1."""
+_BESIDE = 4.0
+"""Where the body may show beside its expected outline: standard deviation [px]."""
+
+
+@dataclass(frozen=True, eq=False)
+class Unknown:
+    """What a body may look otherwise by than expected: standard deviations."""
+
+    points: Mapping[str, float] = field(default_factory=dict)
+    """Link -> of its places, each coordinate [m]."""
+    other: float = POINT_SIGMA
+    """The same of all other links [m]."""
+    color: float = APPEARANCE_SIGMA
+    """Of colours and light, as a share of the grey level."""
+
+    def __post_init__(self) -> None:
+        """Make the mapping read-only."""
+        object.__setattr__(self, "points", MappingProxyType(dict(self.points)))
 
 
 @dataclass(frozen=True, eq=False)
@@ -45,6 +73,10 @@ class MirrorLook:
     """What differs."""
     blobs: tuple[Blob, ...]
     """Where it differs more than it should."""
+    labels: NDArray
+    """Link that is expected in each pixel, by its number in `BodyImage.links`. Shape (h, w)."""
+    readings: NDArray
+    """Of the encoders [encoder units]. Shape (n,)."""
 
 
 class MirrorLooks:
@@ -57,6 +89,8 @@ class MirrorLooks:
         model: SelfModel,
         mirror: Mirror,
         X_BM: NDArray,
+        *,
+        unknown: Unknown | None = None,
     ) -> None:
         """Put the mirror before the robot, and see how noisy its pictures are.
 
@@ -66,14 +100,39 @@ class MirrorLooks:
             model: What it has learned of arm and cameras.
             mirror: As it has learned it.
             X_BM: Where the glass really stands, in the frame of the arm's base. Shape (4, 4).
+            unknown: What body and colours are not known by; what the description is if omitted.
         """
         self._station, self._image, self._rig, self._mirror = station, image, model.rig, mirror
-        self._body = StationBody(station, station.joints, station.tracked)
-        put_mirror(station, self._body.context, X_BM)
+        self.unknown = unknown or Unknown()
+        """What body and colours are not known by."""
+        self.body = StationBody(station, station.joints, station.tracked)
+        """What moves the robot."""
+        put_mirror(station, self.body.context, X_BM)
         before = self._pictures()
-        self._body.relive(self._readings())
+        self.body.relive(self._readings())
         self.noise = tuple(map(picture_noise, before, self._pictures()))
         """Standard deviation of a grey level, of each camera."""
+
+    def before(self, mirror: Mirror, X_BM: NDArray) -> None:
+        """Have another mirror before the robot.
+
+        Args:
+            mirror: As it has learned it.
+            X_BM: Where the glass really stands, in the frame of the arm's base. Shape (4, 4).
+        """
+        self._mirror = mirror
+        put_mirror(self._station, self.body.context, X_BM)
+
+    def shot(self, name: str, command: NDArray) -> Shot:
+        """Go to a pose and take a picture with each camera.
+
+        Args:
+            name: Of the mirror.
+            command: Where to go [encoder units]. Shape (n,).
+        """
+        self.body.relive(command)
+        left, right = self._pictures()
+        return Shot(name, self._readings(), (left, right))
 
     def look(self, command: NDArray) -> tuple[MirrorLook, MirrorLook]:
         """Go to a pose and look.
@@ -90,25 +149,105 @@ class MirrorLooks:
         Raises:
             ValueError: If nothing of the body is in view.
         """
-        self._body.relive(command)
+        self.body.relive(command)
+        return self.judge()
+
+    def judge(self) -> tuple[MirrorLook, MirrorLook]:
+        """Look from where the robot stands; returns and raises as `look`."""
         readings = self._readings()
         left, right = (
             self._judged(side, picture, readings) for side, picture in enumerate(self._pictures())
         )
         return left, right
 
+    def changes(self, shot: Shot, pair: tuple[MirrorLook, MirrorLook]) -> tuple[Surprise, Surprise]:
+        """Return what has changed since a shot, where no part of the own body is expected.
+
+        What is not oneself is expected to look as it did.
+
+        Args:
+            shot: Taken before, from where the robot stands now.
+            pair: What it sees now.
+
+        Raises:
+            ValueError: If the body fills a picture.
+        """
+        left, right = (
+            surprise(look.picture, _as_before(picture, look))
+            for picture, look in zip(shot.pictures, pair, strict=True)
+        )
+        return left, right
+
     def _judged(self, side: int, picture: NDArray, readings: NDArray) -> MirrorLook:
         seen = self._image.expect(readings, self._mirror, side)
-        sigma = reflection_sigma(self._rig, self._mirror, side, seen.depth, POINT_SIGMA)
-        hidden = np.isin(seen.labels, [NOTHING, *self._image.moving])
-        sigma = away_from_the_unknown(np.where(hidden, np.nan, sigma))
-        expected = Expectation(bgr_of_rgba(seen.color), sigma, self.noise[side], APPEARANCE_SIGMA)
+        expected = self._expected(side, seen, self.unknown)
         found = surprise(picture, expected)
-        return MirrorLook(SIDES[side], picture, expected, found, surprising_places(found))
+        places = surprising_places(found)
+        return MirrorLook(SIDES[side], picture, expected, found, places, seen.labels, readings)
+
+    def _expected(self, side: int, seen: LabelledPicture, unknown: Unknown) -> Expectation:
+        """Return what is judged of an expected picture, and how well it is known."""
+        points = np.full(seen.labels.shape, unknown.other)
+        for number, name in self._image.links.items():
+            if name in unknown.points:
+                points[seen.labels == number] = unknown.points[name]
+        sigma = reflection_sigma(self._rig, self._mirror, side, seen.depth, points)
+        sigma = away_from_the_unknown(np.where(seen.labels == NOTHING, np.nan, sigma))
+        moving = np.isin(seen.labels, [*self._image.moving])
+        if moving.any():
+            # Its joints are loose, and what is nearest moves farthest in the picture.
+            loose = self._rig.cameras[side].fx * POINT_SIGMA / float(seen.depth[moving].min())
+            beside = away_from_the_unknown(np.where(moving, np.nan, loose))
+            sigma = np.where(np.isfinite(beside), sigma, np.nan)
+        return Expectation(bgr_of_rgba(seen.color), sigma, self.noise[side], unknown.color)
+
+    def unknown_of(self, commands: Sequence[NDArray]) -> Unknown:
+        """Learn from the unmarked body how far each of its links looks otherwise than expected.
+
+        Of several sigmas of its place those count that leave nothing surprising of the link in
+        these looks, and of them the likeliest (`log_likelihood`); the largest if there is none.
+
+        Args:
+            commands: Where to go [encoder units]. Shape (n,) each.
+
+        Returns:
+            What is not known, which counts from now on.
+        """
+        size = max(self._image.links) + 1
+        likely, counts = np.zeros((len(_POINTS), size)), np.zeros((len(_POINTS), size))
+        surprising = np.zeros((len(_POINTS), size), dtype=bool)
+        for command in commands:
+            self.body.relive(command)
+            readings = self._readings()
+            for side, picture in enumerate(self._pictures()):
+                seen = self._image.expect(readings, self._mirror, side)
+                for k, point in enumerate(_POINTS):
+                    expected = self._expected(side, seen, Unknown({}, point, _COLOR))
+                    each = log_likelihood(picture, expected)
+                    own = seen.labels[np.isfinite(each)]
+                    likely[k] += np.bincount(own, each[np.isfinite(each)], size)
+                    counts[k] += np.bincount(own, minlength=size)
+                    for blob in surprising_places(surprise(picture, expected)):
+                        surprising[k, seen.labels[round(blob.v), round(blob.u)]] = True
+        mean = np.where(surprising, -np.inf, likely / np.maximum(counts, 1.0))
+        found = {
+            name: _POINTS[int(np.argmax(mean[:, number]))]
+            for number, name in self._image.links.items()
+            if counts[0, number] and np.isfinite(mean[:, number]).any()
+        }
+        self.unknown = Unknown(found, POINT_SIGMA, _COLOR)
+        return self.unknown
 
     def _pictures(self) -> list[NDArray]:
-        return [self._station.picture(self._body.context, side) for side in SIDES]
+        return [self._station.picture(self.body.context, side) for side in SIDES]
 
     def _readings(self) -> NDArray:
         port = self._station.GetOutputPort("encoders")
-        return np.array(port.Eval(self._body.context), dtype=float)
+        return np.array(port.Eval(self.body.context), dtype=float)
+
+
+def _as_before(picture: NDArray, look: MirrorLook) -> Expectation:
+    """Return an earlier picture as what is expected now, away from the own body."""
+    own = np.where(look.labels == NOTHING, _BESIDE, np.nan)
+    away = np.where(np.isfinite(away_from_the_unknown(own)), 0.0, np.nan)
+    return Expectation(picture, away, np.sqrt(2.0) * look.expected.noise, _COLOR)

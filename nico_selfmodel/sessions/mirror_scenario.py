@@ -1,5 +1,6 @@
 """A Nico that knows cameras and arm meets a mirror, and learns where it stands (chapter 9)."""
 
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -11,6 +12,7 @@ from nico_selfmodel.estimation.judging import judge, to_json
 from nico_selfmodel.estimation.mirrors.mirror import MirrorCalibration, calibrate_mirrors
 from nico_selfmodel.estimation.mirrors.mirror_findings import judged
 from nico_selfmodel.estimation.results.verdict import Verdict
+from nico_selfmodel.model.cameras.mirror import Mirror
 from nico_selfmodel.model.self_model import SelfModel
 from nico_selfmodel.sessions.body_scenario import BodyScenario
 from nico_selfmodel.sessions.camera_scenario import RenderedNico
@@ -61,9 +63,10 @@ def learn_mirror(
     familiar: NDArray | None = None,
     poses: int = POSES,
     plate: MirrorPlate | None = None,
+    mirrors: Mapping[str, Mirror] | None = None,
     stage: Stage | None = None,
 ) -> MirrorScenario:
-    """Put a mirror before the robot, let it look at its hand in it, and learn where it stands.
+    """Put mirrors before the robot, let it look at its hand in each, and learn where they stand.
 
     Args:
         model: What the robot has learned of arm and cameras.
@@ -73,6 +76,8 @@ def learn_mirror(
         familiar: Readings at which the arm was learned: poses near them are preferred. (K, n).
         poses: To learn from; as many are held out.
         plate: The glass.
+        mirrors: Name -> where that mirror is meant to stand; `MIRROR` at the default place if
+            omitted.
         stage: Told what is going on.
 
     Returns:
@@ -82,8 +87,10 @@ def learn_mirror(
         EstimationError: If no plane fits.
     """
     nico = RenderedNico(world, seed, (marker,))
+    places = mirrors or {MIRROR: DEFAULT_MIRROR}
+    shown = next(iter(places))
     before = NicoBeforeMirrors(
-        nico, {MIRROR: DEFAULT_MIRROR}, plate=plate, knows=model, rig=model.rig, familiar=familiar
+        nico, places, plate=plate, knows=model, rig=model.rig, familiar=familiar
     )
     data = before.record(
         "mirror", DAY, 2 * poses, progress=telling(stage, "looking at its hand in a mirror")
@@ -94,8 +101,8 @@ def learn_mirror(
     telling(stage, "learning the mirror")(0, 1)
     calibration = calibrate_mirrors(train, model, test=test)
     telling(stage, "learning the mirror")(1, 1)
-    row = int(np.flatnonzero((train.mirror == MIRROR) & np.isfinite(train.pixels).all(axis=1))[0])
-    images = before.look(DAY, MIRROR, train.encoders[row])
+    row = int(np.flatnonzero((train.mirror == shown) & np.isfinite(train.pixels).all(axis=1))[0])
+    images = before.look(DAY, shown, train.encoders[row])
     picture = MirrorPicture(int(train.sample[row]), train.encoders[row], images)
     verdict = judge(calibration)
     return MirrorScenario(judged(calibration, verdict), verdict, train, test, picture)

@@ -15,11 +15,25 @@ from nico_selfmodel.estimation.contingency.contingency import (
     Contingency,
 )
 from nico_selfmodel.estimation.contingency.motion_response import MotionResponse
+from nico_selfmodel.estimation.mirrors.mark_place import NOT_ON_ME, ON_GLASS, ON_ME
 from nico_selfmodel.experiments.mirror_test.encounters import EXPECTED, EncounterStage, Trial
+from nico_selfmodel.experiments.mirror_test.marks import MarkStage, MarkTrial
+from nico_selfmodel.experiments.mirror_test.marks_report import marks_documents, marks_tables
+from nico_selfmodel.experiments.mirror_test.painting import (
+    KINDS,
+    MARK,
+    ON_THE_GLASS,
+    OTHER_ROBOT,
+    SHAM_PAINT,
+    Painted,
+)
 from nico_selfmodel.experiments.mirror_test.report import report_of
+from nico_selfmodel.experiments.mirror_test.stages import MirrorTest
 from nico_selfmodel.experiments.mirror_test.unmarked import LIGHTS, Look, UnmarkedStage
 from nico_selfmodel.experiments.mirror_test.unmarked_report import unmarked_document
+from nico_selfmodel.sessions.mark_finder import Finding
 from nico_selfmodel.sessions.mirror_looks import MirrorLook
+from nico_selfmodel.systems.rendering.mark_on_body import Mark
 from nico_selfmodel.vision.surprise.surprise import Expectation, Surprise
 
 RESPONSE = MotionResponse(0.05, 1, np.array([[0.01, 0.5], [0.5, 0.99]]), 0.01, 0.1, 0.8, 30.0)
@@ -42,13 +56,13 @@ def stage(count, **exceptions):
 
 
 def test_a_hundred_right_verdicts_in_time_pass():
-    document = report_of(stage(15)).document
+    document = report_of(MirrorTest(stage(15), None, None)).document
     assert document["status"] == "PASS"
     assert [one["stage"] for one in document["stages"]] == ["1"]
 
 
 def test_few_trials_are_no_pass():
-    assert report_of(stage(2)).document["status"] == "NOT_EVALUATED"
+    assert report_of(MirrorTest(stage(2), None, None)).document["status"] == "NOT_EVALUATED"
 
 
 @pytest.mark.parametrize(
@@ -62,19 +76,24 @@ def test_few_trials_are_no_pass():
     ],
 )
 def test_one_wrong_late_or_missing_verdict_fails_and_is_named(exceptions, reason):
-    document = report_of(stage(15, **exceptions)).document
+    document = report_of(MirrorTest(stage(15, **exceptions), None, None)).document
     assert document["status"] == "FAIL"
     assert reason in document["reasons"][0]
 
 
 def test_not_me_is_no_mistake_where_nobody_is():
-    assert report_of(stage(15, nobody=said(NOT_ME))).document["status"] == "PASS"
+    test = MirrorTest(stage(15, nobody=said(NOT_ME)), None, None)
+    assert report_of(test).document["status"] == "PASS"
 
 
 def test_tables_chart_and_json_are_written(tmp_path):
-    report_of(stage(2)).write(tmp_path / "out")
+    report_of(MirrorTest(stage(2), None, None)).write(tmp_path / "out")
     found = {path.name for path in (tmp_path / "out").iterdir()}
-    assert found == {"tables.md", "contingency.png", "result.json"}
+    assert found == {"tables.md", "contingency.png", "result.json", "report.html"}
+    page = (tmp_path / "out" / "report.html").read_text("utf-8")
+    assert "NOT EVALUATED" in page
+    assert "own motion 0.1 s late" in page
+    assert 'src="http' not in page
     text = (tmp_path / "out" / "tables.md").read_text("utf-8")
     assert "| own motion 0.1 s late | not me | 2 |" in text
     assert "No other stage is part of this test" in text
@@ -87,7 +106,13 @@ def looks(count, surprised):
     nothing = np.zeros((4, 4))
     picture = np.zeros((4, 4, 3), np.uint8)
     one = MirrorLook(
-        "left", picture, Expectation(picture, nothing, 2.0, 0.0), Surprise(nothing, 1.0), ()
+        "left",
+        picture,
+        Expectation(picture, nothing, 2.0, 0.0),
+        Surprise(nothing, 1.0),
+        (),
+        nothing.astype(int),
+        np.zeros(4),
     )
     found = [
         Look(0, LIGHTS[k % 3], (0.9, 0.9), (100, 100), (3.0, 3.0), int(k < surprised))
@@ -114,11 +139,103 @@ def test_an_unmarked_body_may_surprise_once_in_a_hundred_looks(count, surprised,
 
 
 def test_both_stages_are_in_one_report_and_the_worse_status_counts():
-    report = report_of(stage(15), looks(30, 0))
+    report = report_of(MirrorTest(stage(15), looks(30, 0), None))
     assert [one["status"] for one in report.document["stages"]] == ["PASS", "NOT_EVALUATED"]
     assert report.document["status"] == "NOT_EVALUATED"
     assert set(report.charts) == {"contingency", "surprise"}
     assert "| 0.9 | 10 | 0 | 0.900 | 100 | 1.00 |" in "".join(t.markdown for t in report.tables)
+
+
+RED = np.array([1.0, 0.0, 0.0])
+SAYS = {MARK: ON_ME, ON_THE_GLASS: ON_GLASS, OTHER_ROBOT: NOT_ON_ME}
+
+
+def found(kind, off=1e-3, link="head"):
+    """Return what is said of a mark, its place off by sqrt(2) sigma along x."""
+    if kind != ON_ME:
+        return Finding(kind, None, None, None, ())
+    covariance = np.eye(3) * off**2 / 2.0
+    return Finding(ON_ME, link, np.array([off, 0.0, 0.0]), covariance, ())
+
+
+def marked(count, says=None, after=()):
+    """Return trials that are answered rightly, but for the first of some kinds."""
+    trials = []
+    for kind in (MARK, *KINDS):
+        for k in range(count if kind == MARK or kind in SAYS else count // 2 + 1):
+            painted = Painted(kind, Mark("head", np.zeros(3), 0.01, RED), np.array([0.0, 0.0, 1.0]))
+            said = (found(SAYS[kind]),) if kind in SAYS else ()
+            if says and kind in says and k == 0:
+                said = says.pop(kind)
+            trials.append(MarkTrial(0, painted, said, after if kind == MARK else None))
+    return MarkStage(tuple(trials), None)
+
+
+def statuses(stage):
+    return {one["stage"]: one["status"] for one in marks_documents(stage)}
+
+
+def test_marks_found_where_they_are_and_controls_answered_rightly_pass():
+    assert statuses(marked(13)) == {"5": "PASS", "5b-d": "NOT_EVALUATED", "6": "PASS", "8": "PASS"}
+    assert statuses(marked(25)) == dict.fromkeys(("5", "5b-d", "6", "8"), "PASS")
+    assert set(statuses(marked(2)).values()) == {"NOT_EVALUATED"}
+
+
+@pytest.mark.parametrize(
+    ("wrong", "stage", "reason"),
+    [
+        ({SHAM_PAINT: (found(ON_ME),)}, "5b-d", "sham, own colour: 1 of 13 are answered wrongly"),
+        ({ON_THE_GLASS: ()}, "5b-d", "mark on the glass: 1 of 25"),
+        ({OTHER_ROBOT: (found(ON_ME),)}, "5b-d", "mark on another robot: 1 of 25"),
+        ({MARK: (found(ON_ME, link="chest"),)}, "6", "marks are put on another link"),
+    ],
+)
+def test_a_wrong_answer_fails_its_stage_and_later_ones_are_not_judged(wrong, stage, reason):
+    documents = marks_documents(marked(25, says=wrong))
+    assert documents[-1]["stage"] == stage
+    assert documents[-1]["status"] == "FAIL"
+    assert reason in documents[-1]["reasons"][0]
+
+
+def test_one_missed_mark_of_twenty_is_too_many():
+    few = marked(4)
+    missed = replace(few.trials[0], found=())
+    documents = marks_documents(MarkStage((missed, *few.trials[1:]), None))
+    assert documents[-1]["status"] == "FAIL"
+    assert "19 of 20 marks are found, more than 95 of 100" in documents[-1]["reasons"][0]
+
+
+def test_places_that_are_too_far_off_or_dishonest_fail():
+    def all_off(off, share):
+        one = found(ON_ME, off)
+        one = replace(one, covariance=one.covariance * share)
+        own = [replace(t, found=(one,)) if t.painted.kind == MARK else t for t in marked(25).trials]
+        return marks_documents(MarkStage(tuple(own), None))[-1]
+
+    assert "places are off by 4.0 mm" in all_off(4e-3, 1.0)["reasons"][0]
+    assert "chi-square over 2 is 0.50" in all_off(1e-3, 2.0)["reasons"][0]
+    assert all_off(1e-3, 1.0)["status"] == "PASS"
+
+
+def test_a_mark_seen_after_it_is_gone_fails():
+    documents = marks_documents(marked(25, after=(found(ON_ME),)))
+    assert documents[-1]["stage"] == "8"
+    assert documents[-1]["status"] == "FAIL"
+
+
+def test_the_tables_count_what_was_said():
+    text = "".join(table.markdown for table in marks_tables(marked(5)))
+    assert "| mark on the glass | on the glass | 5 | on the glass 5 |" in text
+    assert "| mark taken off | nothing | 25 | no mark on me 25 |" in text
+    assert "| head | 25 | 25 | 0 | 1.0 | 1.0 | 1.00 |" in text
+
+
+def test_too_few_marks_are_refused_in_one_line(tmp_path, command):
+    done = command("experiment", "mirror-test", "--marks", 3, "--out", tmp_path / "out")
+    assert done.returncode == 2
+    assert "--marks must be at least 8" in done.stderr
+    assert len(done.stderr.strip().splitlines()) == 1
+    assert list(tmp_path.iterdir()) == []
 
 
 def test_too_few_trials_are_refused_in_one_line(tmp_path, command):
@@ -130,11 +247,14 @@ def test_too_few_trials_are_refused_in_one_line(tmp_path, command):
 
 
 @pytest.mark.slow
-def test_one_robot_tells_itself_from_others_and_looks_as_it_expects(tmp_path, command):
+def test_one_robot_tells_itself_from_others_and_finds_marks_on_itself(tmp_path, command):
     out = tmp_path / "out"
     done = command("experiment", "mirror-test", "--trials", 7, "--seed", 4, "--out", out)
-    assert done.returncode == 0, done.stdout + done.stderr
+    assert done.returncode in (0, 1), done.stdout + done.stderr
     document = json.loads((out / "result.json").read_text("utf-8"))
-    assert document["status"] == "NOT_EVALUATED"
-    assert [one["stage"] for one in document["stages"]] == ["1", "4"]
-    assert all(row["wrong"] == 0 for row in document["stages"][0]["encounters"])
+    stages = {one["stage"]: one for one in document["stages"]}
+    assert stages["1"]["status"] == stages["4"]["status"] == "NOT_EVALUATED"
+    assert all(row["wrong"] == 0 for row in stages["1"]["encounters"])
+    assert stages["5"]["marks"] == 4
+    assert stages["5"]["hits"] >= 2
+    assert {"tables.md", "mark.png", "surprise.png"} <= {path.name for path in out.iterdir()}

@@ -8,6 +8,7 @@ from nico_selfmodel.vision.surprise.blobs import FALSE_ALARM, surprising_places,
 from nico_selfmodel.vision.surprise.surprise import (
     Expectation,
     away_from_the_unknown,
+    log_likelihood,
     surprise,
 )
 
@@ -84,6 +85,28 @@ def test_nothing_is_judged_beside_the_unknown():
     assert np.isnan(kept[:, 16:]).all()
     nothing = np.full((4, 4), np.nan)
     assert np.isnan(away_from_the_unknown(nothing)).all()
+
+
+def test_what_is_sure_of_its_place_is_judged_nearer_to_the_unknown():
+    sigma = np.full((40, 40), 2.0)
+    sigma[:20], sigma[:, 20:] = 0.5, np.nan
+    kept = away_from_the_unknown(sigma)
+    assert np.isfinite(kept[:19, 16]).all()
+    assert np.isnan(kept[20:, 16]).all()
+
+
+def test_the_likeliest_sigma_is_the_one_that_pictures_have():
+    rng = np.random.default_rng(6)
+    sigmas = (0.25, 0.5, 1.0, 2.0)
+    likely = np.zeros(len(sigmas))
+    for _ in range(20):
+        picture = seen(checks(1.0 * rng.standard_normal()), rng)
+        likely += [np.nansum(log_likelihood(picture, expected(sigma))) for sigma in sigmas]
+    assert sigmas[int(np.argmax(likely))] == 1.0
+
+
+def test_places_may_be_weaker_where_more_of_them_may_be_by_chance():
+    assert threshold_of(1000, 1.0) < threshold_of(1000) < threshold_of(1000, 1e-4)
 
 
 def test_what_cannot_be_compared_is_refused():

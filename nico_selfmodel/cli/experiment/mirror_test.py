@@ -17,20 +17,26 @@ def mirror_test(
     looks: Annotated[
         int, typer.Option("--looks", min=1, help="Of each robot at its unmarked body.")
     ] = 3,
+    marks: Annotated[
+        int, typer.Option("--marks", min=1, help="Trials with marks and controls in all.")
+    ] = 8,
     imperfections: options.Imperfections = "thesis",
     seed: options.FirstSeed = 0,
     force: options.Force = False,
     as_json: options.AsJson = False,
 ) -> None:
-    """Is it me, and do I look as I expect? Two stages of the mirror test (chapter 10).
+    """Is it me, do I look as I expect, what is that mark? The mirror test (chapter 10).
 
     First a robot that has learned arm and cameras starts and stops its arm at random before a
     mirror, another robot, one that repeats its motion 5 to 0.1 s late, or nobody, and says `self`,
-    `not me`, `nobody` or `cannot tell`. Then it learns where the mirror stands and compares head
-    and chest in it, unmarked, with what it expects to see, in light of -10 to +10 %. Marks and
-    touching are no part of it yet. FAIL, with exit code 1, if a verdict is wrong or late or an
-    unmarked body surprises in more than one look of a hundred; a PASS takes 100 trials and 100
-    looks. Some 10 s a trial, 3 s a look and 2 minutes a robot.
+    `not me`, `nobody` or `cannot tell`. Then it learns where two mirrors stand and how it stands
+    before them, and compares head and chest, unmarked, with what it expects to see, in light of
+    -10 to +10 %. Then somebody paints a mark of 10 mm on head or chest, or does not, or paints the
+    glass or another robot, and the robot says what is on it and where. Touching is no part of it
+    yet. FAIL, with exit code 1, if a verdict is wrong or late, an unmarked body surprises in more
+    than one look of a hundred, five of a hundred marks are missed, a control is answered wrongly,
+    or places are off by more than 3 mm in the middle; a PASS takes 100 trials, 100 looks and 104
+    marks. Some 10 s a trial and a mark, 3 s a look and 4 minutes a robot.
     """
     from nico_selfmodel.files.whole import refuse_folder
     from nico_selfmodel.systems.simulated.imperfections import imperfections_named
@@ -41,7 +47,7 @@ def mirror_test(
     from nico_selfmodel.experiments.mirror_test.stages import run_stages
 
     with printer.progress_bar() as progress:
-        stages = run_stages(chosen, range(seed, seed + robots), trials, looks, progress)
-    report = report_of(*stages)
+        test = run_stages(chosen, range(seed, seed + robots), trials, looks, marks, progress)
+    report = report_of(test)
     finish(report, out, force, as_json)
     raise typer.Exit(1 if report.document["status"] == "FAIL" else 0)

@@ -14,7 +14,7 @@ _STEP = 0.25
 
 
 def reflection_sigma(
-    rig: StereoRig, mirror: Mirror, side: int, depth: NDArray, point_sigma: float
+    rig: StereoRig, mirror: Mirror, side: int, depth: NDArray, point_sigma: NDArray | float
 ) -> NDArray:
     """Return the standard deviation of where one's own reflection is seen, pixel by pixel.
 
@@ -29,7 +29,7 @@ def reflection_sigma(
         side: Which camera, 0 or 1.
         depth: Along the optical axis to where the reflection seems to be [m]; inf where there is
             none. Shape (h, w).
-        point_sigma: s_p, each coordinate [m].
+        point_sigma: s_p, each coordinate; one for all pixels, or one each [m]. Shape () or (h, w).
 
     Returns:
         sigma, rounded up to a quarter of a pixel; nan where there is none, or what is seen is
@@ -45,7 +45,8 @@ def reflection_sigma(
     behind = apply(camera.X_WC, p_CQ)
     by_point = projected((camera,), behind)[1]
     plane, by_values = plane_of_values(mirror.values, rig.left.X_WC)
-    variance = point_sigma**2 * np.sum(by_point**2, axis=(1, 2))
+    each = np.broadcast_to(point_sigma, depth.shape)[rows, columns]
+    variance = each**2 * np.sum(by_point**2, axis=(1, 2))
     if mirror.covariance is not None:
         by_mirror = by_point @ (reflection_slopes(plane, reflect(plane, behind)) @ by_values)
         variance += np.einsum("nij,jk,nik->n", by_mirror, mirror.covariance, by_mirror)

@@ -1,36 +1,50 @@
 """The mirror test as tables, a chart and JSON: each stage that exists against its bounds."""
 
+from collections.abc import Mapping, Sequence
+from typing import Any
+
 from nico_selfmodel.estimation.contingency.contingency import ODDS
 from nico_selfmodel.experiments.experiment_report import ExperimentReport, Table
-from nico_selfmodel.experiments.mirror_test.encounters import EncounterStage
 from nico_selfmodel.experiments.mirror_test.encounters_report import (
     encounters_chart,
     encounters_document,
     encounters_table,
 )
-from nico_selfmodel.experiments.mirror_test.unmarked import UnmarkedStage
+from nico_selfmodel.experiments.mirror_test.marks_report import (
+    marks_chart,
+    marks_documents,
+    marks_tables,
+)
+from nico_selfmodel.experiments.mirror_test.stages import MirrorTest
 from nico_selfmodel.experiments.mirror_test.unmarked_report import (
     unmarked_chart,
     unmarked_document,
     unmarked_table,
 )
+from nico_selfmodel.sessions.mark_finder import PIXEL_SIGMA, SURFACE_SIGMA
 from nico_selfmodel.sessions.motion_session import PERIOD
+from nico_selfmodel.viz.reports.experiment_page import ExperimentPage, text_table
+from nico_selfmodel.viz.reports.parts import Drawing, numbers, section
 
 
-def report_of(stage: EncounterStage, unmarked: UnmarkedStage | None = None) -> ExperimentReport:
+def report_of(test: MirrorTest) -> ExperimentReport:
     """Return the verdicts of the stages, and what they rest on.
 
     Args:
-        stage: The first one.
-        unmarked: The fourth one; None where the first failed, so that it was not begun.
+        test: What happened in all stages that were begun.
     """
-    stages = [encounters_document(stage)]
-    tables = [encounters_table(stage)]
-    charts = {"contingency": encounters_chart(stage)}
-    if unmarked is not None:
-        stages.append(unmarked_document(unmarked))
-        tables.append(unmarked_table(unmarked))
-        charts["surprise"] = unmarked_chart(unmarked)
+    stages = [encounters_document(test.encounters)]
+    tables = [encounters_table(test.encounters)]
+    charts = {"contingency": encounters_chart(test.encounters)}
+    if test.unmarked is not None:
+        stages.append(unmarked_document(test.unmarked))
+        tables.append(unmarked_table(test.unmarked))
+        charts["surprise"] = unmarked_chart(test.unmarked)
+    if test.marks is not None:
+        stages += marks_documents(test.marks)
+        tables += marks_tables(test.marks)
+        if test.marks.shown is not None:
+            charts["mark"] = marks_chart(test.marks)
     found = {one["status"] for one in stages}
     document = {
         "status": next(s for s in ("FAIL", "NOT_EVALUATED", "PASS") if s in found),
@@ -39,16 +53,42 @@ def report_of(stage: EncounterStage, unmarked: UnmarkedStage | None = None) -> E
         ],
         "stages": stages,
     }
+    met = test.encounters
     head = (
         "# The mirror test\n\n"
         f"**{document['status']}**: {'; '.join(document['reasons'])}.\n\n"
         "Stage 1, contingency: whose motion follows one's own? Stage 4, the expected picture: does "
-        "an unmarked head and chest look as expected? No other stage is part of this test, and one "
-        f"that fails is the last. {len(stage.responses)} simulated robot(s) that learned cameras "
-        f"and arm by themselves, {len(stage.trials)} encounters in random order, one camera, a "
-        f"picture every {1e3 * PERIOD:.0f} ms; odds of {ODDS:,.0f} to 1 end an encounter.\n\n"
+        "an unmarked head and chest look as expected? Stages 5, 6 and 8: is a mark found that is "
+        "seen in mirrors only, where is it, and is nothing found where it is not? No other stage "
+        "is part of this test, and one that fails is the last that is judged. "
+        f"{len(met.responses)} simulated robot(s) that learned cameras and arm by themselves, "
+        f"{len(met.trials)} encounters in random order, one camera, a picture every "
+        f"{1e3 * PERIOD:.0f} ms; odds of {ODDS:,.0f} to 1 end an encounter.\n\n"
     )
-    return ExperimentReport(head, (*tables, _given()), charts, document)
+    page = _page(document, tables, charts)
+    return ExperimentReport(head, (*tables, _given()), charts, document, page)
+
+
+def _page(
+    document: Mapping[str, Any], tables: Sequence[Table], charts: Mapping[str, Any]
+) -> ExperimentPage:
+    """Return the report as a page: the looks first, then every table."""
+    about = "Do I look as I expect, and what is on me that was not there?"
+    shown = (("mark", "A look at a mark"), ("surprise", "A look at the unmarked body"),
+             ("contingency", "Whose motion follows one's own"))  # fmt: skip
+    drawn = [
+        section(title, Drawing(charts[name], title)) for name, title in shown if name in charts
+    ]
+    told = [
+        section(table.title, numbers(text_table(table.headings, table.rows), "cards"))
+        for table in (*tables, _given())
+    ]
+    return ExperimentPage(
+        "The mirror test", about, document["status"], tuple(document["reasons"]), (*drawn, *told)
+    )
+
+
+SET = f"{PIXEL_SIGMA:g} px and {1e3 * SURFACE_SIGMA:g} mm: set on robots 0 and 1"
 
 
 def _given() -> Table:
@@ -59,11 +99,14 @@ def _given() -> Table:
         ["how surely motion is seen", "learned, likewise"],
         ["names of its links and which follows which", "given, by its description"],
         ["where its head is turned, poses that a mirror shows", "given, by its description"],
-        ["where the mirror stands", "learned, from its hand seen in it"],
+        ["where the mirrors stand", "learned, from its hand, head and chest seen in them"],
+        ["how head and body stand before them", "learned, from head and chest seen in them"],
         ["noise of its pictures, gain of a look", "learned, from its pictures"],
         ["shape and colours of its links", "given, by its description"],
         ["light of the room", "given, but for its brightness"],
-        ["what shapes and colours are not known by", "3 mm, 3 %: set on robot 0"],
+        ["what places of links are not known by", "learned, from looks at the unmarked body"],
+        ["what colours are not known by", "1 %: set on robots 0 and 1"],
+        ["what the middle of a spot and a surface are not known by", SET],
         ["threshold of a surprising place", "derived: one false place in 100 pictures"],
         ["odds that stop the test", "derived: 100 to 1 that of 100 verdicts not one is wrong"],
         ["threshold of the motion mask", "derived: one false cell in 1000 still pictures"],

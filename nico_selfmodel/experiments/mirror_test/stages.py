@@ -1,6 +1,7 @@
 """The stages of the mirror test that exist, one after the other."""
 
 from collections.abc import Sequence
+from dataclasses import dataclass
 
 from nico_selfmodel.experiments.mirror_test.acquaintance import acquainted
 from nico_selfmodel.experiments.mirror_test.encounters import (
@@ -9,9 +10,24 @@ from nico_selfmodel.experiments.mirror_test.encounters import (
     run_encounters,
 )
 from nico_selfmodel.experiments.mirror_test.encounters_report import encounters_document
+from nico_selfmodel.experiments.mirror_test.knowing import know_mirrors
+from nico_selfmodel.experiments.mirror_test.marks import MarkStage, check_marks, run_marks
 from nico_selfmodel.experiments.mirror_test.unmarked import UnmarkedStage, run_unmarked
+from nico_selfmodel.experiments.mirror_test.unmarked_report import unmarked_document
 from nico_selfmodel.sessions.progress import Stage
 from nico_selfmodel.systems.simulated.imperfections import Imperfections
+
+
+@dataclass(frozen=True, eq=False)
+class MirrorTest:
+    """What happened in the stages that were begun."""
+
+    encounters: EncounterStage
+    """Stage 1."""
+    unmarked: UnmarkedStage | None
+    """Stage 4; None if stage 1 failed."""
+    marks: MarkStage | None
+    """Stages 5 to 8; None if one before failed."""
 
 
 def run_stages(
@@ -19,8 +35,9 @@ def run_stages(
     seeds: Sequence[int],
     trials: int,
     looks: int,
+    marks: int,
     progress: Stage | None = None,
-) -> tuple[EncounterStage, UnmarkedStage | None]:
+) -> MirrorTest:
     """Let robots learn themselves and go through the test; who fails a stage ends there.
 
     Args:
@@ -28,19 +45,25 @@ def run_stages(
         seeds: Which robots.
         trials: Encounters in all.
         looks: Of each robot at its unmarked body.
+        marks: Trials with marks in all, controls among them.
         progress: Told how far it is.
 
     Returns:
-        What happened in both stages; None for the second where the first failed.
+        What happened.
 
     Raises:
         ValueError: If there are too few trials.
-        EstimationError: If a robot cannot learn how its image follows its encoders, or where the
+        EstimationError: If a robot cannot learn how its image follows its encoders, or where a
             mirror stands.
     """
     check_trials(trials, len(seeds))
+    check_marks(marks, len(seeds))
     robots = acquainted(world, seeds, progress)
     met = run_encounters(robots, trials, progress)
     if encounters_document(met)["status"] == "FAIL":
-        return met, None
-    return met, run_unmarked(robots, looks, progress)
+        return MirrorTest(met, None, None)
+    known = know_mirrors(robots, progress)
+    unmarked = run_unmarked(known, looks, progress)
+    if unmarked_document(unmarked)["status"] == "FAIL":
+        return MirrorTest(met, unmarked, None)
+    return MirrorTest(met, unmarked, run_marks(known, marks, progress))

@@ -5,24 +5,19 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from nico_selfmodel.errors import EstimationError
-from nico_selfmodel.experiments.mirror_test.acquaintance import MARKER, Acquainted
+from nico_selfmodel.experiments.mirror_test.acquaintance import MARKER
+from nico_selfmodel.experiments.mirror_test.knowing import PLATE, Knowing
 from nico_selfmodel.planning.plans import commands_of_angles
 from nico_selfmodel.sessions.mirror_looks import MirrorLook, MirrorLooks
-from nico_selfmodel.sessions.mirror_scenario import MIRROR, learn_mirror
+from nico_selfmodel.sessions.mirror_scenario import MIRROR
 from nico_selfmodel.sessions.nico_before_mirrors import DEFAULT_MIRROR, NicoBeforeMirrors
 from nico_selfmodel.sessions.progress import Stage, of_robot
 from nico_selfmodel.sessions.rendered_nico import RenderedNico
 from nico_selfmodel.systems.rendering.body_image import BodyImage
-from nico_selfmodel.systems.rendering.mirror_scene import MirrorPlate
 from nico_selfmodel.systems.rendering.stereo_cameras import ImageQuality
 
 LIGHTS = (1.0, 0.9, 1.1)
 """How bright the pictures are, of what the description's light makes them."""
-PLATE = MirrorPlate(width=1.4, height=1.4)
-"""A glass that shows the whole body."""
-_POSES = 15
-"""In which the robot sees its hand in the mirror to learn where that stands."""
 _DAY = 7
 
 
@@ -55,51 +50,43 @@ class UnmarkedStage:
 
 
 def run_unmarked(
-    robots: Sequence[Acquainted], looks: int, progress: Stage | None = None
+    robots: Sequence[Knowing], looks: int, progress: Stage | None = None
 ) -> UnmarkedStage:
     """Let robots look into a mirror at their unmarked bodies.
 
     Args:
-        robots: Who have learned arm and cameras.
+        robots: Who know themselves and their mirrors.
         looks: Of each robot, at random poses, with the lights in turn.
         progress: Told how far it is.
 
     Returns:
         All looks.
-
-    Raises:
-        EstimationError: If a robot does not learn where the mirror stands.
     """
     done: list[Look] = []
     shown: tuple[MirrorLook, MirrorLook] | None = None
-    for i, robot in enumerate(robots):
+    for i, known in enumerate(robots):
         stage = of_robot(progress, i, len(robots))
-        learned = learn_mirror(
-            robot.model, robot.world, robot.seed, familiar=robot.readings, poses=_POSES,
-            plate=PLATE, stage=stage,
-        )  # fmt: skip
-        if learned.verdict.status == "FAIL":
-            raise EstimationError(
-                f"robot {robot.seed} did not learn its mirror: {'; '.join(learned.verdict.reasons)}"
-            )
-        known = Acquainted(robot.seed, robot.world, learned.model, robot.readings)
         for k, light in enumerate(LIGHTS):
             for pair in _look(known, light, len(range(k, looks, len(LIGHTS)))):
-                done.append(_counted(robot.seed, light, pair))
+                done.append(_counted(known.robot.seed, light, pair))
                 stage("looking at itself", len(done) - i * looks, looks)
                 shown = shown or pair
     assert shown is not None, "there is a look a robot at least"
     return UnmarkedStage(tuple(done), shown)
 
 
-def _look(robot: Acquainted, light: float, count: int) -> list[tuple[MirrorLook, MirrorLook]]:
+def _look(known: Knowing, light: float, count: int) -> list[tuple[MirrorLook, MirrorLook]]:
     """Look at oneself in one light, at random poses."""
+    robot = known.robot
     nico = RenderedNico(robot.world, robot.seed, (MARKER,), ImageQuality(gain=light))
     before = NicoBeforeMirrors(nico, {MIRROR: DEFAULT_MIRROR}, plate=PLATE)
-    view = before.views[MIRROR]
+    view, mirror = before.views[MIRROR], known.body.mirror(MIRROR)
     rng = np.random.default_rng((robot.seed, 44, round(100 * light)))
     with BodyImage(nico.arm, robot.model) as image, before.station(_DAY) as station:
-        looks = MirrorLooks(station, image, robot.model, robot.model.mirrors[MIRROR], view.X_BM)
+        known.body.pose(image)
+        looks = MirrorLooks(
+            station, image, robot.model, mirror, view.X_BM, unknown=known.unknown[MIRROR]
+        )
         q = view.q[rng.choice(len(view.q), count)]
         commands = commands_of_angles(station.joints, nico.arm.lower, nico.arm.upper, q)
         return [looks.look(command) for command in commands]

@@ -1,22 +1,26 @@
 """What a robot expects to see of itself, directly or in a mirror."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from numpy.typing import ArrayLike
+from numpy.typing import ArrayLike, NDArray
 from pydrake.common.value import AbstractValue
 from pydrake.geometry import RenderLabel
 from pydrake.math import RigidTransform
+from pydrake.multibody.tree import BodyIndex
 from pydrake.systems.framework import Context, DiagramBuilder, LeafSystem
 from pydrake.systems.sensors import ImageDepth32F, ImageLabel16I
 
 from nico_selfmodel.geometry.plane import Plane
 from nico_selfmodel.geometry.reflection import reflection
+from nico_selfmodel.geometry.transform import inverse
 from nico_selfmodel.model.cameras.mirror import Mirror
 from nico_selfmodel.model.cameras.rig_parameters import SIDES
 from nico_selfmodel.model.self_model import SelfModel
 from nico_selfmodel.plant import ArmDescription, SelfModelPlant
+from nico_selfmodel.plant.link_surfaces import link_surfaces
 from nico_selfmodel.systems.closing import Closable, free_memory
 from nico_selfmodel.systems.image_values import image_value
 from nico_selfmodel.systems.rendering.cropped_render import CroppedRender, LabelledPicture
@@ -27,6 +31,22 @@ from nico_selfmodel.vision.images.lens_warp import LensWarp
 NOTHING = int(RenderLabel.kEmpty)
 """Label of pixels that show nothing of the body."""
 _TURNED = np.diag([-1.0, 1.0, 1.0, 1.0])
+
+
+@dataclass(frozen=True, eq=False)
+class StandingJoint:
+    """A joint that nobody commands, and where it stands."""
+
+    name: str
+    """Of the joint."""
+    angle: float
+    """[rad]."""
+    axis: NDArray
+    """Direction about which it turns, in the model's world. Shape (3,)."""
+    p_WJ: NDArray
+    """A point of that axis [m]. Shape (3,)."""
+    links: frozenset[str]
+    """Links beyond it."""
 
 
 class BodyImage(Closable, LeafSystem):
@@ -84,8 +104,17 @@ class BodyImage(Closable, LeafSystem):
         """Number in the pictures of links -> name of the link."""
         self.moving = frozenset(_beyond(self._built, arm.joints[0]))
         """Numbers of the links that the arm moves."""
+        self.first_joint = arm.joints[0]
+        """Name of the joint that carries the whole arm."""
+        self.surfaces = {
+            name: surface
+            for name, surface in link_surfaces(scene, self._built).items()
+            if name in self.links.values()
+        }
+        """Link -> its surface by the description, where that is made of simple solids."""
         self._encoders = self.DeclareVectorInputPort("encoders", len(arm.joints))
         self._mirror = self.DeclareAbstractInputPort("mirror", AbstractValue.Make(object()))
+        self._X_WB = np.eye(4)
         self._last: list[tuple[bytes, LabelledPicture] | None] = [None, None]
         for k, side in enumerate(SIDES):
             self._declare(f"{side}_image_expected", k, image_value, "color")
@@ -127,6 +156,67 @@ class BodyImage(Closable, LeafSystem):
             last = self._last[side] = known, self._bent(side, mirror)
         return last[1]
 
+    def hold(self, angles: Mapping[str, float], X_WB: ArrayLike | None = None) -> None:
+        """Let joints stand somewhere that nobody commands, and the whole body; all else stays.
+
+        Args:
+            angles: Joint -> angle [rad].
+            X_WB: Where the whole body stands, of where the learned arm would have it. Shape (4, 4).
+
+        Raises:
+            RobotError: If it was closed.
+        """
+        self.require_open()
+        self._last = [None, None]
+        if angles:
+            self._built.move_joints(self.__context, angles, list(angles.values()))
+        self._X_WB = np.eye(4) if X_WB is None else np.array(X_WB, dtype=float)
+
+    @property
+    def _X_BW(self) -> NDArray:
+        return inverse(self._X_WB)
+
+    def standing(self, joints: Sequence[str]) -> tuple[StandingJoint, ...]:
+        """Return where joints that nobody commands stand, as they were told to last.
+
+        Args:
+            joints: Their names.
+
+        Raises:
+            RobotError: If it was closed.
+        """
+        self.require_open()
+        plant, own = self._built.plant, self._built.own_context(self.__context)
+        found = []
+        for name in joints:
+            joint: Any = plant.GetJointByName(name, self._built.instance)
+            X_WM = self._X_WB @ joint.frame_on_child().CalcPoseInWorld(own).GetAsMatrix4()
+            axis = X_WM[:3, :3] @ joint.revolute_axis()
+            beyond = frozenset(self.links[k] for k in _beyond(self._built, name))
+            found.append(StandingJoint(name, joint.get_angle(own), axis, X_WM[:3, 3], beyond))
+        return tuple(found)
+
+    def poses(self, readings: ArrayLike) -> dict[str, NDArray]:
+        """Return where all links are expected at readings of the encoders.
+
+        Args:
+            readings: [encoder units]. Shape (n,).
+
+        Returns:
+            Link -> its pose in the model's world. Shape (4, 4) each.
+
+        Raises:
+            RobotError: If it was closed.
+            ValueError: If the readings are not n numbers.
+        """
+        self.require_open()
+        self._last = [None, None]
+        self._built.set_positions(self.__context, np.asarray(readings, dtype=float))
+        plant, own = self._built.plant, self._built.own_context(self.__context)
+        bodies = [(name, plant.get_body(BodyIndex(index))) for index, name in self.links.items()]
+        X_WB = self._X_WB
+        return {name: X_WB @ plant.EvalBodyPoseInWorld(own, b).GetAsMatrix4() for name, b in bodies}
+
     def _bent(self, k: int, mirror: Mirror | None) -> LabelledPicture:
         """Render one camera's pictures and bend them by its lens."""
         scene = self.__scene
@@ -134,7 +224,7 @@ class BodyImage(Closable, LeafSystem):
         query = scene.get_query_output_port().Eval(context)
         seen, warp = self._render(query, k, None), self._warps[k]
         if mirror is not None:
-            plane = mirror.plane_in(self._cameras[0].X_WC)
+            plane = mirror.plane_in(self._X_BW @ self._cameras[0].X_WC)
             reflected = self._render(query, k, plane)
             before = seen.labels == NOTHING
             seen = LabelledPicture(
@@ -154,7 +244,7 @@ class BodyImage(Closable, LeafSystem):
         The reflected camera is left-handed, which no renderer takes: its x axis is turned round,
         and the picture then turned back.
         """
-        warp, X_WC = self._warps[k], self._cameras[k].X_WC
+        warp, X_WC = self._warps[k], self._X_BW @ self._cameras[k].X_WC
         K = warp.render_K.copy()
         if plane is not None:
             X_WC = reflection(plane) @ X_WC @ _TURNED

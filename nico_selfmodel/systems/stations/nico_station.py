@@ -14,11 +14,13 @@ from nico_selfmodel.model.cameras.stereo_rig import StereoRig
 from nico_selfmodel.model.self_model import SelfModel
 from nico_selfmodel.plant import ArmDescription
 from nico_selfmodel.plant.body_description import BodyDescription, built_frame_name
+from nico_selfmodel.plant.link_surfaces import LinkSurface, link_surfaces
 from nico_selfmodel.plant.model_in_plant import ModelInPlant
 from nico_selfmodel.systems.closing import Closable, free_memory
 from nico_selfmodel.systems.image_values import bgr_of
 from nico_selfmodel.systems.looking import looking_arm
 from nico_selfmodel.systems.nico_cameras import MOUNTS, NICO_CAMERAS
+from nico_selfmodel.systems.rendering.mark_on_body import GLASS, Mark, MarkOnBody, Paintable
 from nico_selfmodel.systems.rendering.mirror_scene import MirrorPlate, MirrorScene
 from nico_selfmodel.systems.rendering.room import hang_cards
 from nico_selfmodel.systems.rendering.station_scene import (
@@ -55,6 +57,8 @@ BOARD = Board(9, 6, 0.028)
 """The thesis' chessboard: squares of 28 mm."""
 
 
+OTHER = "other/"
+"""What names of the second robot's links begin with, for who paints it."""
 FIDUCIALS = {"right": FIDUCIAL_ID, "left": FIDUCIAL_ID + 1}
 """Which marker of the family is printed for each hand of a whole Nico."""
 
@@ -144,13 +148,18 @@ class NicoStation(Closable, Diagram):
         start = body.mechanics.servos.to_encoder(np.zeros(len(arm.joints)))
         servos = EncoderModel(body.mechanics, start, seed=noise)
         builder.AddNamedSystem("servos", servos)
-        self.__holder, cameras, poses = _add_scene(
+        self.__holder, cameras, poses, paintable = _add_scene(
             builder, servos, arm, body, board, quality, noise, mirror, room
         )
+        scene: Any = builder.GetMutableSubsystemByName("scene")
+        self.__scene: SceneGraph = scene
         self.__other: OtherRobot | None = None
         if other:
-            scene = builder.GetMutableSubsystemByName("scene")
-            self.__other = add_other_robot(builder, scene, body, noise)
+            self.__other, second = add_other_robot(builder, self.__scene, body, noise)
+            paintable |= {
+                f"{OTHER}{link}": place for link, place in _links(self.__scene, second).items()
+            }
+        self.__marks = MarkOnBody(self.__scene, paintable)
         _add_motion_capture(builder, poses, body, world, noise)
         tracker = HandTracker(detectors, before_mirror=mirror is not None)
         builder.AddNamedSystem("tracker", tracker)
@@ -213,6 +222,52 @@ class NicoStation(Closable, Diagram):
         if self.__other is None:
             raise RobotError("there is no second robot: build the station with other=True")
         self.__other.stand(self.__other.GetMyMutableContextFromRoot(context), X_WO)
+
+    def paint(self, context: Any, mark: Mark) -> None:
+        """Put a mark on the robot, on the second robot (`OTHER` and a link) or on the mirror.
+
+        Args:
+            context: The station's context, or that of a diagram it is part of.
+            mark: What and where.
+
+        Raises:
+            RobotError: If the station was closed, or there is nothing to paint there.
+        """
+        self.require_open()
+        self.__marks.paint(self.__scene.GetMyMutableContextFromRoot(context), mark)
+
+    def wipe(self, context: Any) -> None:
+        """Take all marks off.
+
+        Args:
+            context: The station's context, or that of a diagram it is part of.
+
+        Raises:
+            RobotError: If the station was closed.
+        """
+        self.require_open()
+        self.__marks.wipe(self.__scene.GetMyMutableContextFromRoot(context))
+
+    def surfaces_true(self, context: Any) -> dict[str, tuple[LinkSurface, NDArray]]:
+        """Say where all surfaces really are: for who paints marks and judges, never for learning.
+
+        Args:
+            context: The station's context, or that of a diagram it is part of.
+
+        Returns:
+            Link -> its surface, and its pose in the left camera's frame, shape (4, 4).
+
+        Raises:
+            RobotError: If the station was closed.
+        """
+        self.require_open()
+        query: Any = self.__scene.get_query_output_port().Eval(
+            self.__scene.GetMyContextFromRoot(context)
+        )
+        surfaces = {k: v for k, v in self.__marks.places.items() if v is not None}
+        poses = {k: query.GetPoseInWorld(v.frame).GetAsMatrix4() for k, v in surfaces.items()}
+        X_LW = self.ground_truth.X_LB  # the base's frame is the scene's world
+        return {link: (surface, X_LW @ poses[link]) for link, surface in surfaces.items()}
 
     def picture(self, context: Any, camera: str) -> NDArray:
         """Return what a camera sees, BGR of shape (h, w, 3), in the station's own context.
@@ -290,7 +345,7 @@ def _add_scene(
     seed: tuple[int, int],
     mirror: MirrorPlate | None,
     room: Sequence[TagCard],
-) -> tuple[BoardHolder, StereoCameras, BodyPoses]:
+) -> tuple[BoardHolder, StereoCameras, BodyPoses, dict[str, Paintable]]:
     """Add what is to be seen, and what sees it."""
     scene_graph = SceneGraph()
     builder.AddNamedSystem("scene", scene_graph)
@@ -317,11 +372,22 @@ def _add_scene(
     )
     builder.Connect(holder.get_output_port(), scene_graph.get_source_pose_port(holder.source))
     builder.Connect(scene_graph.get_query_output_port(), cameras.get_input_port())
+    paintable = _links(scene_graph, built)
     if mirrors is not None:
         builder.AddNamedSystem("mirrors", mirrors)
         builder.Connect(mirrors.get_output_port(), scene_graph.get_source_pose_port(mirrors.source))
         builder.ExportInput(mirrors.get_input_port(), "mirror_pose")
-    return holder, cameras, poses
+        paintable[GLASS] = Paintable(mirrors.source, mirrors.glasses[0].frame, None)
+    return holder, cameras, poses, paintable
+
+
+def _links(scene_graph: SceneGraph, built: ModelInPlant) -> dict[str, Paintable]:
+    """Return the links that marks can be put on."""
+    source = built.plant.get_source_id()
+    return {
+        link: Paintable(source, surface.frame, surface)
+        for link, surface in link_surfaces(scene_graph, built).items()
+    }
 
 
 def _add_motion_capture(

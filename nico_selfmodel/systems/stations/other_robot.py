@@ -10,6 +10,7 @@ from pydrake.geometry import FrameId, FramePoseVector, SceneGraph
 from pydrake.math import RigidTransform
 from pydrake.systems.framework import Context, DiagramBuilder, LeafSystem
 
+from nico_selfmodel.plant.model_in_plant import ModelInPlant
 from nico_selfmodel.systems.rendering.station_scene import BodyPoses
 from nico_selfmodel.systems.simulated.encoder_model import EncoderModel
 from nico_selfmodel.systems.stations.nico_instance import NicoInstance
@@ -62,7 +63,7 @@ def add_other_robot(
     scene_graph: SceneGraph,
     body: NicoInstance | WholeNico,
     seed: tuple[int, int],
-) -> OtherRobot:
+) -> tuple[OtherRobot, ModelInPlant]:
     """Add a second robot to a station, away, with servos of its own.
 
     It is built exactly like the first one, so that the same commands move it alike; only what is
@@ -76,7 +77,7 @@ def add_other_robot(
         seed: Of the station's noise.
 
     Returns:
-        The system that says where it stands.
+        The system that says where it stands, and the robot in the scene graph.
     """
     built = body.in_scene(scene_graph)
     start = body.mechanics.servos.to_encoder(np.zeros(len(body.mechanics.joints)))
@@ -91,4 +92,4 @@ def add_other_robot(
     builder.Connect(poses.GetOutputPort("geometry_pose"), other.get_input_port())
     builder.Connect(other.get_output_port(), scene_graph.get_source_pose_port(source))
     builder.ExportInput(servos.GetInputPort("encoders_commanded"), "other_commanded")
-    return other
+    return other, built

@@ -93,6 +93,9 @@ class StationBody:
         start = self._read("encoders")
         self._last = start
         self._command.FixValue(self.context, start)
+        if station.HasInputPort("other_commanded"):
+            # Nobody moves a second robot here: it stands as the first one starts.
+            station.GetInputPort("other_commanded").FixValue(self.context, start)
         self.simulator.Initialize()
 
     @property

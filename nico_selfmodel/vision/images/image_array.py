@@ -89,3 +89,8 @@ def reduced(gray: NDArray, most: int) -> tuple[NDArray, float]:
     height, width = (side // scale for side in gray.shape)
     whole = gray[: height * scale, : width * scale]
     return cv2.resize(whole, (width, height), interpolation=cv2.INTER_AREA), float(scale)
+
+
+def smoothed(picture: NDArray, sigma: float) -> NDArray:
+    """Return a picture blurred by a Gaussian [px], as floats. Shape (h, w, 3)."""
+    return cv2.GaussianBlur(picture.astype(np.float32), (0, 0), sigma)

@@ -30,17 +30,29 @@ class Blob:
     chi_square: float
     """Mean of z^2 over its most surprising place."""
 
+    def with_part(self, other: "Blob") -> "Blob":
+        """Return this and another place of the same spot as one, each weighed by its surprise."""
+        own, added = self.area * self.chi_square, other.area * other.chi_square
+        share = added / (own + added)
+        return Blob(
+            self.u + share * (other.u - self.u),
+            self.v + share * (other.v - self.v),
+            self.area + other.area,
+            max(self.chi_square, other.chi_square),
+        )
 
-def surprising_places(surprise: Surprise) -> tuple[Blob, ...]:
+
+def surprising_places(surprise: Surprise, false_alarms: float = FALSE_ALARM) -> tuple[Blob, ...]:
     """Return what stands out of a chi-square picture, the most surprising place first.
 
     A place is the mean of z^2 over 3 x 3 pixels that are all judged. Colours and places are wrong
     alike in neighbouring pixels, so that the mean counts as one chi-square of three degrees of
     freedom, not as nine. Of n places one or more exceeds the threshold T with at most the
-    probability n P(chi^2_3 > T), which is set to `FALSE_ALARM`.
+    probability n P(chi^2_3 > T), which is set to `false_alarms`.
 
     Args:
         surprise: Of a picture.
+        false_alarms: Places of a picture of what was expected that may surprise.
 
     Returns:
         Connected places above the threshold.
@@ -49,22 +61,23 @@ def surprising_places(surprise: Surprise) -> tuple[Blob, ...]:
     filled = np.where(judged, surprise.chi_square, 0.0)
     whole = cv2.erode(judged.astype(np.uint8), np.ones((_WINDOW, _WINDOW), np.uint8)) > 0
     places = np.where(whole, cv2.blur(filled, (_WINDOW, _WINDOW)), 0.0)
-    above = places > threshold_of(int(whole.sum()))
+    above = places > threshold_of(int(whole.sum()), false_alarms)
     count, labels = cv2.connectedComponents(above.astype(np.uint8), connectivity=8)
     blobs = [_blob(labels == label, places) for label in range(1, count)]
     return tuple(sorted(blobs, key=lambda blob: -blob.chi_square))
 
 
-def threshold_of(places: int) -> float:
-    """Return T with n P(chi^2_3 > T) = `FALSE_ALARM`, by bisection.
+def threshold_of(places: int, false_alarms: float = FALSE_ALARM) -> float:
+    """Return T with n P(chi^2_3 > T) = `false_alarms`, by bisection.
 
     Args:
         places: n.
+        false_alarms: How many of them may be above it by chance.
     """
     low, high = 0.0, _HIGHEST
     for _ in range(_HALVINGS):
         middle = 0.5 * (low + high)
-        if max(places, 1) * chi_square_tail(middle, 3) > FALSE_ALARM:
+        if max(places, 1) * chi_square_tail(middle, 3) > false_alarms:
             low = middle
         else:
             high = middle

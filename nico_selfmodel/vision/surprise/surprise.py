@@ -81,6 +81,39 @@ def surprise(picture: NDArray, expected: Expectation) -> Surprise:
     Raises:
         ValueError: If the picture has another shape, or nothing of it is to be judged.
     """
+    judged, off, total, gain = _held_against(picture, expected)
+    chi_square = np.full(judged.shape, np.nan)
+    chi_square[judged] = np.sum(off * np.linalg.solve(total, off[:, :, None])[:, :, 0], axis=1)
+    return Surprise(chi_square, gain)
+
+
+def log_likelihood(picture: NDArray, expected: Expectation) -> NDArray:
+    """Return how likely each pixel is, of what was expected: - (log det C + z^2) / 2.
+
+    C is the covariance that z^2 is made with. It tells which of several `pixel_sigma` pictures of
+    what was expected really have.
+
+    Args:
+        picture: BGR, 8 bits. Shape (h, w, 3).
+        expected: What was expected.
+
+    Returns:
+        nan where nothing is judged. Shape (h, w).
+
+    Raises:
+        ValueError: If the picture has another shape, or nothing of it is to be judged.
+    """
+    judged, off, total, _ = _held_against(picture, expected)
+    chi_square = np.sum(off * np.linalg.solve(total, off[:, :, None])[:, :, 0], axis=1)
+    likely = np.full(judged.shape, np.nan)
+    likely[judged] = -0.5 * (np.linalg.slogdet(total)[1] + chi_square)
+    return likely
+
+
+def _held_against(
+    picture: NDArray, expected: Expectation
+) -> tuple[NDArray, NDArray, NDArray, float]:
+    """Return what is judged (h, w), e (n, 3), its covariance (n, 3, 3), and the gain."""
     if picture.shape != expected.picture.shape:
         raise ValueError(
             f"a picture of shape {expected.picture.shape} was expected, got {picture.shape}"
@@ -95,10 +128,7 @@ def surprise(picture: NDArray, expected: Expectation) -> Surprise:
     gain = _gain(seen, mean, own + np.einsum("nii->ni", covariance))
     total = gain**2 * covariance
     total[:, range(3), range(3)] += noise + np.square(expected.appearance_sigma * gain * mean)
-    off = seen - gain * mean
-    chi_square = np.full(judged.shape, np.nan)
-    chi_square[judged] = np.sum(off * np.linalg.solve(total, off[:, :, None])[:, :, 0], axis=1)
-    return Surprise(chi_square, gain)
+    return judged, seen - gain * mean, total, gain
 
 
 def away_from_the_unknown(pixel_sigma: NDArray) -> NDArray:
@@ -108,14 +138,15 @@ def away_from_the_unknown(pixel_sigma: NDArray) -> NDArray:
         pixel_sigma: Of where it is seen; nan where nothing is known of what is seen [px]. (h, w).
 
     Returns:
-        The same, nan also within 2.5 of the largest sigma, and a pixel, of what is unknown.
+        The same, nan also where something unknown is within 2.5 of the sigma there, and a pixel.
     """
-    unknown = ~np.isfinite(pixel_sigma)
-    if unknown.all():
-        return pixel_sigma
-    reach = int(np.ceil(_CERTAIN * float(np.nanmax(pixel_sigma)))) + 1
-    window = np.ones((2 * reach + 1, 2 * reach + 1), np.uint8)
-    return np.where(cv2.dilate(unknown.astype(np.uint8), window) > 0, np.nan, pixel_sigma)
+    unknown = (~np.isfinite(pixel_sigma)).astype(np.uint8)
+    found = np.array(pixel_sigma, dtype=float)
+    for sigma in np.unique(pixel_sigma[unknown == 0]).tolist():
+        reach = int(np.ceil(_CERTAIN * sigma)) + 1
+        window = np.ones((2 * reach + 1, 2 * reach + 1), np.uint8)
+        found[(pixel_sigma == sigma) & (cv2.dilate(unknown, window) > 0)] = np.nan
+    return found
 
 
 def _displaced(expected: Expectation, judged: NDArray) -> tuple[NDArray, NDArray]:

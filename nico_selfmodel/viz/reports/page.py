@@ -96,27 +96,36 @@ class Report:
         Raises:
             SelfModelError: If the server that makes the interactive scene cannot start.
         """
-        environment = Environment(
-            loader=PackageLoader("nico_selfmodel.viz.reports"),
-            autoescape=True,
-            undefined=StrictUndefined,
-            trim_blocks=True,
-            lstrip_blocks=True,
-        )
-        environment.filters |= {
-            "css": _css_color,
-            "kind": _kind,
-            "base64": _base64,
-            "viewer": _viewer,
-        }
         status = self.document["status"]
-        return environment.get_template("report.html.j2").render(
-            report=self,
-            status=status,
-            meaning=_MEANING[status],
-            warnings=tuple(self.document.get("warnings", ())),
-            run=self.document.get("run"),
+        return (
+            page_environment()
+            .get_template("report.html.j2")
+            .render(
+                report=self,
+                status=status,
+                meaning=_MEANING[status],
+                warnings=tuple(self.document.get("warnings", ())),
+                run=self.document.get("run"),
+            )
         )
+
+
+def page_environment() -> Environment:
+    """Return what templates of pages are filled in by."""
+    environment = Environment(
+        loader=PackageLoader("nico_selfmodel.viz.reports"),
+        autoescape=True,
+        undefined=StrictUndefined,
+        trim_blocks=True,
+        lstrip_blocks=True,
+    )
+    environment.filters |= {
+        "css": _css_color,
+        "kind": _kind,
+        "base64": _base64,
+        "viewer": _viewer,
+    }
+    return environment
 
 
 def key_number(

@@ -1,0 +1,181 @@
+"""Where mirrors stand, and joints that nobody commands, told by the own unmarked body in a mirror.
+
+The hand in a mirror tells its plane by some points; head and chest tell it by all of their edges,
+and how the head stands on the neck as well. A picture I differs from the expectation E by a gain g
+and by displacements of what is seen (Lucas and Kanade 1981, of a whole body at once):
+
+    I - g E = - g grad E . (du/dm dm + du/dq dq) + noise
+
+with m the mirror's values and q motions of the body: of joints that stand still, and of the whole.
+It is solved by weighted least squares with what was known before; whoever calls renders E anew and
+repeats it.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from nico_selfmodel.arrays import read_only
+from nico_selfmodel.errors import EstimationError
+from nico_selfmodel.geometry.reflection import reflect
+from nico_selfmodel.geometry.transform import apply
+from nico_selfmodel.model.cameras.mirror import Mirror
+from nico_selfmodel.model.cameras.mirror_rig import reflected_projection
+from nico_selfmodel.model.cameras.stereo_rig import StereoRig
+
+_LEAST_SLOPE = 1.5
+"""What changes by less from pixel to pixel tells no place [grey levels]."""
+_FAR_OFF = 2.5
+"""Robust standard deviations from which on a grey level counts less (Huber)."""
+_FEWEST = 200
+"""Grey levels that an alignment takes."""
+
+
+@dataclass(frozen=True, eq=False)
+class AlignedView:
+    """What one camera saw and expected in one mirror, both smoothed alike."""
+
+    side: int
+    """Which camera, 0 or 1."""
+    mirror: int
+    """Which mirror."""
+    seen: NDArray
+    """BGR. Shape (h, w, 3)."""
+    expected: NDArray
+    """BGR. Shape (h, w, 3)."""
+    depth: NDArray
+    """To where the reflection seems to be [m]. Shape (h, w)."""
+    used: NDArray
+    """Which pixels show what stands still, away from what is not known. Shape (h, w)."""
+    moved: NDArray
+    """Which pixels each motion of the body moves. Shape (k, h, w)."""
+
+
+@dataclass(frozen=True, eq=False)
+class BodyMotion:
+    """One way in which a part of the body may stand elsewhere."""
+
+    direction: NDArray
+    """In which it shifts, or the axis about which it turns, in the rig's world. Shape (3,)."""
+    p_WJ: NDArray | None
+    """A point of that axis [m]; None if it shifts. Shape (3,)."""
+
+    def way(self, p_WQ: NDArray) -> NDArray:
+        """Return how points move by it [m/rad, m/m]. Shape (N, 3)."""
+        if self.p_WJ is None:
+            return np.broadcast_to(self.direction, p_WQ.shape)
+        return np.cross(self.direction, p_WQ - self.p_WJ)
+
+
+@dataclass(frozen=True, eq=False)
+class Alignment:
+    """What a step of an alignment found."""
+
+    change: NDArray
+    """Of the values of all mirrors in turn, and of the body's motions. Shape (3 m + k,)."""
+    covariance: NDArray
+    """Of these. Shape (3 m + k, 3 m + k)."""
+
+    def __post_init__(self) -> None:
+        """Make the arrays read-only."""
+        object.__setattr__(self, "change", read_only(self.change))
+        object.__setattr__(self, "covariance", read_only(self.covariance))
+
+
+def alignment_step(
+    views: Sequence[AlignedView],
+    rig: StereoRig,
+    mirrors: Sequence[Mirror],
+    motions: Sequence[BodyMotion],
+    before: tuple[NDArray, NDArray],
+    area: float,
+) -> Alignment:
+    """Return how mirrors and body must change for the body to look as it does.
+
+    Args:
+        views: What was seen and expected; every mirror in at least one.
+        rig: The cameras.
+        mirrors: Where the mirrors were expected to stand.
+        motions: How the body may stand elsewhere; k of them.
+        before: What was known before the pictures: how far the values are from it, shape
+            (3 m + k,), and its covariance.
+        area: Pixels that err alike: smoothed ones, and of one surface.
+
+    Returns:
+        The change, and the covariance of what it leads to.
+
+    Raises:
+        EstimationError: If the pictures tell hardly any place.
+    """
+    size = 3 * len(mirrors) + len(motions)
+    off, prior = before
+    information = np.linalg.inv(prior)
+    gradient = -information @ off
+    levels = 0
+    for view in views:
+        slopes, errors = _equations(view, rig, mirrors, motions, size)
+        scale = max(1.4826 * float(np.median(np.abs(errors))), 0.3) if len(errors) else 1.0
+        share = np.minimum(1.0, _FAR_OFF * scale / np.maximum(np.abs(errors), 1e-9))
+        weight = share / (scale**2 * 3.0 * area)
+        information += slopes.T @ (weight[:, None] * slopes)
+        gradient += slopes.T @ (weight * errors)
+        levels += len(errors)
+    if levels < _FEWEST:
+        raise EstimationError(
+            f"only {levels} grey levels of the body in the mirror tell where it is, at least "
+            f"{_FEWEST} are needed: is the body in view?"
+        )
+    covariance = np.linalg.inv(information)
+    return Alignment(covariance @ gradient, 0.5 * (covariance + covariance.T))
+
+
+def _equations(
+    view: AlignedView,
+    rig: StereoRig,
+    mirrors: Sequence[Mirror],
+    motions: Sequence[BodyMotion],
+    size: int,
+) -> tuple[NDArray, NDArray]:
+    """Return derivatives of grey levels by what is estimated, and what they are off by."""
+    down, right = np.gradient(view.expected, axis=(0, 1))
+    steep = view.used & (np.hypot(right, down).max(axis=2) > _LEAST_SLOPE)
+    rows, columns = np.nonzero(steep)
+    if not len(rows):
+        return np.zeros((0, size)), np.zeros(0)
+    used = view.seen[view.used], view.expected[view.used]
+    gain = float(np.median(used[0].sum(axis=1) / np.maximum(used[1].sum(axis=1), 1.0)))
+    by_value = _pixel_slopes(view, rig, mirrors[view.mirror], motions, rows, columns)
+    own = np.zeros((len(rows), 2, size))
+    own[:, :, 3 * view.mirror : 3 * view.mirror + 3] = by_value[:, :, :3]
+    own[:, :, 3 * len(mirrors) :] = by_value[:, :, 3:]
+    slope = np.stack([right[rows, columns], down[rows, columns]], axis=2)
+    # Where a thing moves to the right, a grey level becomes that of its left: - grad E . du.
+    slopes = -gain * slope @ own
+    errors = view.seen[rows, columns] - gain * view.expected[rows, columns]
+    return slopes.reshape(-1, size), errors.ravel()
+
+
+def _pixel_slopes(
+    view: AlignedView,
+    rig: StereoRig,
+    mirror: Mirror,
+    motions: Sequence[BodyMotion],
+    rows: NDArray,
+    columns: NDArray,
+) -> NDArray:
+    """Return how pixels of reflections move by mirror and body. Shape (N, 2, 3 + k)."""
+    camera = rig.cameras[view.side]
+    ideal = camera.undistort(np.stack([columns, rows], axis=1).astype(float))
+    ideal = np.concatenate([ideal, np.ones((len(rows), 1))], axis=1)
+    behind = apply(camera.X_WC, ideal * view.depth[rows, columns][:, None])
+    plane = mirror.plane_in(rig.left.X_WC)
+    p_WQ = reflect(plane, behind)
+    found = reflected_projection(rig.cameras, mirror.values, p_WQ)
+    own = slice(2 * view.side, 2 * view.side + 2)
+    slopes = [found.by_mirror[:, own]]
+    for motion, moved in zip(motions, view.moved, strict=True):
+        way = motion.way(p_WQ) * moved[rows, columns][:, None]
+        slopes.append(np.einsum("nij,nj->ni", found.by_point[:, own], way)[:, :, None])
+    return np.concatenate(slopes, axis=2)

@@ -1,0 +1,223 @@
+"""Where a spot is that both cameras see: on the body in the mirror, on the glass, or elsewhere.
+
+Two lines of sight tell a point: for what is seen directly it is the spot itself, for a reflection
+its mirror image behind the glass. Three hypotheses are held against it by chi-square: its
+reflection lies on the body's surface; it lies on the glass itself; or neither.
+"""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from nico_selfmodel.arrays import read_only
+from nico_selfmodel.estimation.mirrors.body_alignment import BodyMotion
+from nico_selfmodel.geometry.reflection import reflect, reflection_slopes
+from nico_selfmodel.geometry.solids import Solid, distance_to_solids, normals_of_solids
+from nico_selfmodel.geometry.transform import apply, inverse
+from nico_selfmodel.model.cameras.mirror import Mirror, plane_of_values
+from nico_selfmodel.model.cameras.stereo_rig import StereoRig
+
+ON_ME, ON_GLASS, NOT_ON_ME = "on me", "on the glass", "not on me"
+"""What a spot can be."""
+GATE_1, GATE_3 = 10.828, 16.266
+"""What a chi-square of one and of three degrees of freedom exceeds once in a thousand times."""
+_STEPS = 20
+_ARRIVED = 1e-6
+"""Steps along the surface below which its nearest point is found [m]."""
+
+
+@dataclass(frozen=True, eq=False)
+class PosedBody:
+    """The own body as it is expected to stand, in the rig's world."""
+
+    solids: Sequence[Solid]
+    """All that it is made of, posed there."""
+    links: Sequence[str]
+    """Link of each solid."""
+    poses: Mapping[str, NDArray]
+    """Link -> its pose. Shape (4, 4)."""
+    motions: Sequence[tuple[BodyMotion, frozenset[str]]]
+    """How it may stand elsewhere, and the links that each of it moves."""
+    covariance: NDArray
+    """Of the mirror's values, then of the motions. Shape (3 + k, 3 + k)."""
+    surface_sigma: float
+    """What its surface is not known by [m]."""
+
+
+@dataclass(frozen=True, eq=False)
+class LinkPlace:
+    """Where on a link a spot is, in that link's frame."""
+
+    link: str
+    """Name of the link."""
+    p_FM: NDArray
+    """The place [m]. Shape (3,)."""
+    own: NDArray
+    """Its covariance from the pixels and the surface. Shape (3, 3)."""
+    common: NDArray
+    """The same from mirror and body, which err alike in all looks. Shape (3, 3)."""
+
+    def __post_init__(self) -> None:
+        """Make the arrays read-only."""
+        for name in ("p_FM", "own", "common"):
+            object.__setattr__(self, name, read_only(getattr(self, name)))
+
+
+@dataclass(frozen=True, eq=False)
+class Spot:
+    """What a spot in both pictures is."""
+
+    kind: str
+    """`ON_ME`, `ON_GLASS` or `NOT_ON_ME`."""
+    pixels: NDArray
+    """Left u, v and right u, v [px]. Shape (4,)."""
+    place: LinkPlace | None
+    """Where on a link, if on me."""
+    chi_square: float
+    """Of what it is, one degree of freedom; for `NOT_ON_ME` that of the best other kind."""
+
+
+def spot_of(
+    pixels: NDArray, pixel_sigma: float, rig: StereoRig, mirror: Mirror, body: PosedBody
+) -> Spot | None:
+    """Tell what a pair of pixels shows.
+
+    Args:
+        pixels: Left u, v and right u, v [px]. Shape (4,).
+        pixel_sigma: Of each [px].
+        rig: The cameras.
+        mirror: What they look into.
+        body: The own body.
+
+    Returns:
+        The spot; None where the pixels are not of one point.
+    """
+    found = rig.triangulate(pixels[None], pixel_sigma)
+    p_WQ, covariance = found.p_WQ[0], found.covariance[0]
+    if not (found.in_front[0] and np.isfinite(p_WQ).all()):
+        return None
+    off = found.residuals[0]
+    if float(off @ off) / pixel_sigma**2 > GATE_1:
+        return None
+    plane, by_values = plane_of_values(mirror.values, rig.left.X_WC)
+    by_plane = np.append(p_WQ, 1.0) @ by_values
+    known = body.covariance[:3, :3]
+    variance = plane.normal @ covariance @ plane.normal + by_plane @ known @ by_plane
+    height = float(plane.distance_to(p_WQ))
+    on_glass = height**2 / float(variance)
+    if on_glass < GATE_1:
+        return Spot(ON_GLASS, read_only(pixels), None, on_glass)
+    on_me = _on_body(pixels, p_WQ, covariance, mirror, rig, body) if height < 0.0 else None
+    if on_me is None or on_me.chi_square > GATE_1:
+        best = on_glass if on_me is None else min(on_glass, on_me.chi_square)
+        return Spot(NOT_ON_ME, read_only(pixels), None, best)
+    return on_me
+
+
+def _on_body(
+    pixels: NDArray,
+    behind: NDArray,
+    covariance: NDArray,
+    mirror: Mirror,
+    rig: StereoRig,
+    body: PosedBody,
+) -> Spot | None:
+    """Put a spot behind the glass on the nearest surface, by what it is known by.
+
+    With the spot's reflection p of covariance C it is the x that minimises (x - p)' C^-1 (x - p) on
+    the surface n.(x - s) = 0, whose own variance is s^2: a Kalman step with gain k = C n / (n'Cn +
+    s^2), anew from the surface at each x.
+    """
+    plane, by_values = plane_of_values(mirror.values, rig.left.X_WC)
+    turned = np.eye(3) - 2.0 * np.outer(plane.normal, plane.normal)
+    p, C = reflect(plane, behind), turned @ covariance @ turned.T
+    x, gain, normal, off = p, np.zeros(3), np.zeros(3), 0.0
+    variance = 1.0
+    for _ in range(_STEPS):
+        distance = float(distance_to_solids(body.solids, x[None])[0][0])
+        normal = normals_of_solids(body.solids, x[None])[0]
+        variance = float(normal @ C @ normal) + body.surface_sigma**2
+        gain = C @ normal / (variance - body.surface_sigma**2)
+        off = normal @ (x - p) - distance
+        last, x = x, p + gain * off
+        if np.linalg.norm(x - last) < _ARRIVED:
+            break
+    else:
+        return None
+    link = body.links[int(distance_to_solids(body.solids, x[None])[1][0])]
+    X_FW = inverse(body.poses[link])
+    onto = np.eye(3) - np.outer(gain, normal)
+    slopes = reflection_slopes(plane, behind[None])[0] @ by_values
+    ways = [
+        -motion.way(x[None])[0] if link in links else np.zeros(3) for motion, links in body.motions
+    ]
+    by_known = X_FW[:3, :3] @ onto @ np.column_stack([slopes, *ways])
+    own = onto @ C @ onto.T + body.surface_sigma**2 * np.outer(gain, gain)
+    R_FW = X_FW[:3, :3]
+    place = LinkPlace(
+        link,
+        apply(X_FW, x[None])[0],
+        R_FW @ own @ R_FW.T,
+        by_known @ body.covariance @ by_known.T,
+    )
+    variance += _common_along(normal, slopes, ways, body)
+    return Spot(ON_ME, read_only(pixels), place, off**2 / variance)
+
+
+def _common_along(
+    normal: NDArray, slopes: NDArray, ways: Sequence[NDArray], body: PosedBody
+) -> float:
+    """Return the variance of mirror and body along a normal [m^2]."""
+    by = normal @ np.column_stack([slopes, *ways])
+    return float(by @ body.covariance @ by)
+
+
+def agreeing(first: Sequence[Spot], second: Sequence[Spot]) -> tuple[tuple[Spot, Spot], ...]:
+    """Return which spots on the body two looks put to one place of one link.
+
+    Args:
+        first: Of one look.
+        second: Of another, in a mirror that stands elsewhere.
+
+    Returns:
+        Pairs, each spot in one at most, the best first.
+    """
+    pairs = []
+    for a in first:
+        for b in second:
+            distance = _apart(a.place, b.place)
+            if distance < GATE_3:
+                pairs.append((distance, a, b))
+    found: list[tuple[Spot, Spot]] = []
+    for _, a, b in sorted(pairs, key=lambda pair: pair[0]):
+        if all(a is not x and b is not y for x, y in found):
+            found.append((a, b))
+    return tuple(found)
+
+
+def _apart(a: LinkPlace | None, b: LinkPlace | None) -> float:
+    """Return the chi-square of two places, of three degrees of freedom; inf on two links."""
+    if a is None or b is None or a.link != b.link:
+        return np.inf
+    off = a.p_FM - b.p_FM
+    return float(off @ np.linalg.solve(a.own + b.own + a.common + b.common, off))
+
+
+def fused(a: LinkPlace, b: LinkPlace) -> tuple[NDArray, NDArray]:
+    """Return the place of a mark from two looks in its link's frame, and its covariance.
+
+    Each counts by what is its own; what is common stays.
+
+    Args:
+        a: Of one look.
+        b: Of the other, on the same link.
+
+    Returns:
+        Place [m], shape (3,), and covariance, shape (3, 3).
+    """
+    share = a.own @ np.linalg.inv(a.own + b.own)
+    place = a.p_FM + share @ (b.p_FM - a.p_FM)
+    own = a.own - share @ a.own
+    return place, 0.5 * (own + own.T) + 0.5 * (a.common + b.common)

@@ -1,0 +1,170 @@
+"""Stages 5 to 8 of the mirror test, for head and chest: marks, their place, and their removal."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from nico_selfmodel.experiments.mirror_test.acquaintance import MARKER
+from nico_selfmodel.experiments.mirror_test.knowing import TURNED, Knowing
+from nico_selfmodel.experiments.mirror_test.painting import (
+    KINDS,
+    MARK,
+    OTHER_ROBOT,
+    STANDING_BESIDE,
+    Painted,
+    Painter,
+)
+from nico_selfmodel.planning.plans import commands_of_angles
+from nico_selfmodel.sessions.mark_finder import Finding, MarkFinder
+from nico_selfmodel.sessions.mirror_looks import MirrorLook, MirrorLooks
+from nico_selfmodel.sessions.mirror_scenario import MIRROR
+from nico_selfmodel.sessions.progress import Stage, of_robot
+from nico_selfmodel.sessions.rendered_nico import RenderedNico
+from nico_selfmodel.systems.rendering.body_image import BodyImage
+from nico_selfmodel.systems.rendering.stereo_cameras import ImageQuality
+from nico_selfmodel.systems.stations.nico_station import NicoStation
+
+REMOVALS = 2
+"""Of so many marks one is taken off again, and looked at."""
+_DAY = 8
+_WAIT = 0.1
+"""How long somebody takes to paint, in which a picture's noise becomes another [s]."""
+
+Pair = tuple[MirrorLook, MirrorLook]
+
+
+@dataclass(frozen=True, eq=False)
+class MarkTrial:
+    """One trial: what was done, and what the robot said, which was not told."""
+
+    robot: int
+    """Seed of the robot."""
+    painted: Painted
+    """What was done."""
+    found: tuple[Finding, ...]
+    """What the robot says."""
+    after: tuple[Finding, ...] | None
+    """What it says after the removal; None where nothing was removed."""
+
+
+@dataclass(frozen=True, eq=False)
+class MarkStage:
+    """All trials with marks."""
+
+    trials: tuple[MarkTrial, ...]
+    """In the order in which they were made."""
+    shown: tuple[Painted, Pair] | None
+    """The first look at a mark on the body, for the report."""
+
+
+class _Session:
+    """One robot before two mirrors, and somebody with paint."""
+
+    def __init__(self, known: Knowing, image: BodyImage, station: NicoStation) -> None:
+        mirrors, self._views = known.robot.model.mirrors, known.before.views
+        self._station, self._known = station, known
+        self._looks = MirrorLooks(
+            station, image, known.robot.model, mirrors[MIRROR], self._views[MIRROR].X_BM
+        )
+        known.body.pose(image)
+        self._finder = MarkFinder(image, known.body)
+        self._painter = Painter(station, self._looks.body.context, self._views[MIRROR].X_BM)
+
+    def trial(self, kind: str, remove: bool, rng: np.random.Generator) -> tuple[MarkTrial, Pair]:
+        """Look, let somebody paint or not, look again and into the other mirror, and judge."""
+        looks, context = self._looks, self._looks.body.context
+        first, second = (self._command(name, rng) for name in (MIRROR, TURNED))
+        self._station.stand_other(context, STANDING_BESIDE if kind == OTHER_ROBOT else None)
+        self._before(MIRROR)
+        shot = looks.shot(MIRROR, first)
+        painted = self._painter.paint(kind, rng)
+        looks.body.simulator.AdvanceTo(context.get_time() + _WAIT)
+        here = looks.judge()
+        changes = looks.changes(shot, here)
+        self._before(TURNED)
+        there = looks.look(second)
+        found = self._finder.find((MIRROR, TURNED), (here, there), changes)
+        after = None
+        self._station.wipe(context)
+        if remove:
+            again = looks.look(second)
+            self._before(MIRROR)
+            after = self._finder.find((MIRROR, TURNED), (looks.look(first), again))
+        return MarkTrial(self._known.robot.seed, painted, found, after), here
+
+    def _before(self, name: str) -> None:
+        self._looks.before(self._known.body.mirror(name), self._views[name].X_BM)
+        self._looks.unknown = self._known.unknown[name]
+
+    def _command(self, name: str, rng: np.random.Generator) -> NDArray:
+        arm, q = self._known.before.nico.arm, self._views[name].q
+        chosen = q[rng.choice(len(q), 1)]
+        return commands_of_angles(self._station.joints, arm.lower, arm.upper, chosen)[0]
+
+
+def run_marks(robots: Sequence[Knowing], trials: int, progress: Stage | None = None) -> MarkStage:
+    """Let robots look for marks that may be there or not.
+
+    Args:
+        robots: Who know themselves and their mirrors.
+        trials: In all: of eight in turn four marks, two shams, one on the glass and one on another
+            robot, in random order.
+        progress: Told how far it is.
+
+    Returns:
+        All trials.
+
+    Raises:
+        ValueError: If there are too few trials.
+    """
+    check_marks(trials, len(robots))
+    seed = robots[0].robot.seed
+    order = np.random.default_rng((seed, 46)).permutation(trials)
+    kinds = [KINDS[k % len(KINDS)] for k in order]
+    done: list[MarkTrial] = []
+    shown: tuple[Painted, Pair] | None = None
+    for i, known in enumerate(robots):
+        stage = of_robot(progress, i, len(robots))
+        own = kinds[i :: len(robots)]
+        for trial, pair in _trials(known, own, stage):
+            done.append(trial)
+            if shown is None and trial.painted.kind == MARK:
+                shown = trial.painted, pair
+    return MarkStage(tuple(done), shown)
+
+
+def check_marks(trials: int, robots: int) -> None:
+    """Refuse too few trials with marks.
+
+    Raises:
+        ValueError: If there are fewer than kinds of what is done, or than robots.
+    """
+    fewest = max(len(KINDS), robots)
+    if trials < fewest:
+        raise ValueError(
+            f"--marks must be at least {fewest}, four marks and four controls and one a robot, got "
+            f"{trials}"
+        )
+
+
+def _trials(known: Knowing, kinds: Sequence[str], stage: Stage) -> list[tuple[MarkTrial, Pair]]:
+    """Make one robot's trials on one station."""
+    robot = known.robot
+    nico = RenderedNico(robot.world, robot.seed, (MARKER,), ImageQuality())
+    found: list[tuple[MarkTrial, Any]] = []
+    marks = 0
+    with BodyImage(nico.arm, robot.model) as image, NicoStation(
+        robot.world, robot.seed, _DAY, arm=nico.arm, quality=nico.quality,
+        mirror=known.before.plate, other=True,
+    ) as station:  # fmt: skip
+        session = _Session(known, image, station)
+        for k, kind in enumerate(kinds):
+            remove = kind == MARK and marks % REMOVALS == 0
+            marks += kind == MARK
+            rng = np.random.default_rng((robot.seed, 47, k))
+            found.append(session.trial(kind, remove, rng))
+            stage("looking for marks", k + 1, len(kinds))
+    return found

@@ -1,0 +1,244 @@
+"""Stages 5 to 8 of the mirror test in the report: marks found, places, controls, removal."""
+
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+
+from nico_selfmodel.estimation.mirrors.mark_place import NOT_ON_ME, ON_GLASS, ON_ME
+from nico_selfmodel.experiments.experiment_report import Table
+from nico_selfmodel.experiments.mirror_test.marks import MarkStage, MarkTrial
+from nico_selfmodel.experiments.mirror_test.painting import (
+    MARK,
+    ON_THE_GLASS,
+    OTHER_ROBOT,
+    SHAM_ACT,
+    SHAM_PAINT,
+)
+from nico_selfmodel.geometry.rotation import tangent_basis
+from nico_selfmodel.viz.figures.mirror_test.surprise_plot import surprise_plot
+
+LEAST_HITS = 0.95
+"""Share of the marks that must be found, and more."""
+MEDIAN_MM, P95_MM = 3.0, 8.0
+"""Bounds of how far places are off."""
+HONEST = (0.8, 1.3)
+"""Bounds of the mean chi-square of a place, over its two degrees of freedom: it is on a surface."""
+ENOUGH_MARKS, ENOUGH_SHAMS, ENOUGH_OTHERS, ENOUGH_REMOVALS = 50, 25, 12, 25
+"""Trials that verdicts take: marks; shams; marks on the glass, and on another robot; removals."""
+WANTED = {
+    SHAM_PAINT: "nothing",
+    SHAM_ACT: "nothing",
+    ON_THE_GLASS: ON_GLASS,
+    OTHER_ROBOT: NOT_ON_ME,
+}
+"""What must be said of each control."""
+
+
+def marks_documents(stage: MarkStage) -> list[dict[str, Any]]:
+    """Return the stages as plain data, with their statuses; one that fails is the last."""
+    found = []
+    for judge in (_hits, _controls, _places, _removals):
+        found.append(judge(stage))
+        if found[-1]["status"] == "FAIL":
+            break
+    return found
+
+
+def said_of(trial: MarkTrial) -> str:
+    """Return what a robot says of what it found: the kinds, or `nothing`."""
+    kinds = [one.kind for one in trial.found]
+    return ", ".join(dict.fromkeys(kinds)) or "nothing"
+
+
+def _of(stage: MarkStage, *kinds: str) -> list[MarkTrial]:
+    return [trial for trial in stage.trials if trial.painted.kind in kinds]
+
+
+def _hit(trial: MarkTrial) -> bool:
+    """Return whether one mark, and one only, is said to be on me."""
+    return [one.kind for one in trial.found] == [ON_ME]
+
+
+def _status(
+    failed: list[str], said: str, trials: int, enough: int, what: str
+) -> tuple[str, list[str]]:
+    if failed:
+        return "FAIL", failed
+    if trials < enough:
+        return "NOT_EVALUATED", [f"{said}; {enough} {what} are needed"]
+    return "PASS", [said]
+
+
+def _hits(stage: MarkStage) -> dict[str, Any]:
+    trials = _of(stage, MARK)
+    hits = sum(map(_hit, trials))
+    said = f"{hits} of {len(trials)} marks are found"
+    missed = trials and hits <= LEAST_HITS * len(trials)
+    failed = [f"{said}, more than {100 * LEAST_HITS:.0f} of 100 must be"] if missed else []
+    status, reasons = _status(failed, said, len(trials), ENOUGH_MARKS, "marks")
+    return {
+        "stage": "5",
+        "name": "marks of 10 mm, step of colour 0.2, seen in the mirror only",
+        "status": status,
+        "reasons": reasons,
+        "not_judged": ["the arm that moves", "what is seen directly"],
+        "marks": len(trials),
+        "hits": hits,
+        "several": sum(len(trial.found) > 1 for trial in trials),
+    }
+
+
+def _controls(stage: MarkStage) -> dict[str, Any]:
+    rows = [_control(stage, kind) for kind in WANTED]
+    failed = [
+        f"{row['control']}: {row['trials'] - row['right']} of {row['trials']} are answered wrongly"
+        for row in rows
+        if row["right"] < row["trials"]
+    ]
+    shams = sum(row["trials"] for row in rows[:2])
+    counts = [shams, *(row["trials"] for row in rows[2:])]
+    least = min(n - e for n, e in zip(counts, (ENOUGH_SHAMS, ENOUGH_OTHERS, ENOUGH_OTHERS),
+                                      strict=True))  # fmt: skip
+    said = f"all of {sum(counts)} controls are answered rightly"
+    needed = f"shams, and {ENOUGH_OTHERS} marks each on the glass and on another robot,"
+    status, reasons = _status(failed, said, ENOUGH_SHAMS + least, ENOUGH_SHAMS, needed)
+    return {
+        "stage": "5b-d",
+        "name": "controls",
+        "status": status,
+        "reasons": reasons,
+        "not_evaluated": ["a mark seen directly: no camera sees head or chest directly"],
+        "controls": rows,
+    }
+
+
+def _control(stage: MarkStage, kind: str) -> dict[str, Any]:
+    said = [said_of(trial) for trial in _of(stage, kind)]
+    return {
+        "control": kind,
+        "expected": WANTED[kind],
+        "trials": len(said),
+        "said": {one: said.count(one) for one in sorted(set(said))},
+        "right": said.count(WANTED[kind]),
+    }
+
+
+def errors_of(trials: Sequence[MarkTrial]) -> tuple[np.ndarray, np.ndarray, int]:
+    """Return how far places on the right link are off, and the links that were wrong.
+
+    A chi-square is that of the error along the surface, which has two degrees of freedom: the
+    surface is the description's, as the simulated robot's is.
+
+    Args:
+        trials: With marks on the body.
+
+    Returns:
+        Distances [mm] and chi-squares over two of marks that were found. Shapes (k,). And how
+        many were put on another link.
+    """
+    off, chi, wrong = [], [], 0
+    for trial in trials:
+        mark = trial.painted.mark
+        normal = trial.painted.normal
+        if mark is None or normal is None or not _hit(trial):
+            continue
+        one = trial.found[0]
+        if one.link != mark.link or one.p_FM is None or one.covariance is None:
+            wrong += 1
+            continue
+        error = one.p_FM - mark.p_FM
+        off.append(1e3 * float(np.linalg.norm(error)))
+        along = tangent_basis(normal).T
+        flat = along @ error
+        chi.append(float(flat @ np.linalg.solve(along @ one.covariance @ along.T, flat)) / 2.0)
+    return np.array(off), np.array(chi), wrong
+
+
+def _places(stage: MarkStage) -> dict[str, Any]:
+    off, chi, wrong = errors_of(_of(stage, MARK))
+    if not len(off):
+        return {
+            "stage": "6", "name": "place and link", "status": "NOT_EVALUATED",
+            "reasons": ["no mark was put to its link"], "places": 0, "wrong_links": wrong,
+        }  # fmt: skip
+    median, p95, mean = float(np.median(off)), float(np.percentile(off, 95)), float(np.mean(chi))
+    failed = [f"{wrong} of {wrong + len(off)} marks are put on another link"] if wrong else []
+    if median > MEDIAN_MM or p95 > P95_MM:
+        failed.append(
+            f"places are off by {median:.1f} mm in the middle and {p95:.1f} mm at 95 of 100, at "
+            f"most {MEDIAN_MM:g} and {P95_MM:g} are allowed"
+        )
+    enough = len(off) >= 0.9 * ENOUGH_MARKS
+    if enough and not HONEST[0] <= mean <= HONEST[1]:
+        failed.append(f"chi-square over 2 is {mean:.2f}, {HONEST[0]:g} to {HONEST[1]:g} is honest")
+    said = f"{len(off)} places are off by {median:.1f} mm in the middle, {p95:.1f} at 95 of 100"
+    status, reasons = _status(failed, said, len(off), int(0.9 * ENOUGH_MARKS), "places")
+    return {
+        "stage": "6",
+        "name": "place and link",
+        "status": status,
+        "reasons": reasons,
+        "places": len(off),
+        "wrong_links": wrong,
+        "median_mm": median,
+        "p95_mm": p95,
+        "max_mm": float(off.max()),
+        "chi_square_over_2": mean,
+        "chi_square_over_2_median": float(np.median(chi)),
+    }
+
+
+def _removals(stage: MarkStage) -> dict[str, Any]:
+    after = [trial.after for trial in stage.trials if trial.after is not None]
+    still = sum(any(one.kind == ON_ME for one in found) for found in after)
+    failed = [f"{still} of {len(after)} marks are still seen after they are gone"] if still else []
+    said = f"none of {len(after)} marks is seen after it was removed"
+    status, reasons = _status(failed, said, len(after), ENOUGH_REMOVALS, "removals")
+    return {
+        "stage": "8", "name": "after removal", "status": status, "reasons": reasons,
+        "not_evaluated": ["what `monitor` says"], "removals": len(after), "still_seen": still,
+    }  # fmt: skip
+
+
+def marks_tables(stage: MarkStage) -> tuple[Table, ...]:
+    """Return what was said of everything, and how far places are off."""
+    rows = []
+    for kind in (MARK, *WANTED):
+        said = [said_of(trial) for trial in _of(stage, kind)]
+        words = ", ".join(f"{one} {said.count(one)}" for one in sorted(set(said)))
+        rows.append([kind, WANTED.get(kind, ON_ME), str(len(said)), words or "-"])
+    after = [trial.after for trial in stage.trials if trial.after is not None]
+    gone = sum(not any(one.kind == ON_ME for one in found) for found in after)
+    rows.append(["mark taken off", "nothing", str(len(after)), f"not on me {gone}".replace(
+        "not on me", "no mark on me")])  # fmt: skip
+    places = []
+    for link in ("head", "chest"):
+        own = [t for t in _of(stage, MARK) if t.painted.mark and t.painted.mark.link == link]
+        off, chi, wrong = errors_of(own)
+        numbers = (
+            [f"{np.median(off):.1f}", f"{np.percentile(off, 95):.1f}", f"{np.mean(chi):.2f}"]
+            if len(off)
+            else ["-"] * 3
+        )
+        places.append([link, str(len(own)), str(sum(map(_hit, own))), str(wrong), *numbers])
+    return (
+        Table("Stages 5 and 8: marks and controls", ("done", "is", "trials", "said"), rows, "\n"),
+        Table(
+            "Stage 6: where the marks are",
+            ("on", "marks", "found", "wrong link", "median mm", "p95 mm", "chi-square / 2"),
+            places,
+            "\n",
+        ),
+    )
+
+
+def marks_chart(stage: MarkStage) -> Any:
+    """Draw one look at a mark: seen, expected, surprise; None where there was no mark."""
+    if stage.shown is None:
+        return None
+    painted, pair = stage.shown
+    looks = {one.side: (one.picture, one.expected.picture, one.surprise.chi_square) for one in pair}
+    places = {one.side: [(blob.u, blob.v) for blob in one.blobs] for one in pair}
+    link = "body" if painted.mark is None else painted.mark.link
+    return surprise_plot(looks, places, f"A mark of 10 mm on the {link}, in the mirror")

@@ -1,0 +1,196 @@
+"""What a robot knows of its body after it has looked at it in mirrors, unmarked."""
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, replace
+from types import MappingProxyType
+
+import numpy as np
+from numpy.typing import NDArray
+
+from nico_selfmodel.arrays import read_only
+from nico_selfmodel.estimation.mirrors.body_alignment import (
+    AlignedView,
+    Alignment,
+    BodyMotion,
+    alignment_step,
+)
+from nico_selfmodel.estimation.mirrors.reflection_sigma import reflection_sigma
+from nico_selfmodel.geometry.rotation import rotation_from_vector
+from nico_selfmodel.geometry.transform import transform
+from nico_selfmodel.model.cameras.mirror import Mirror
+from nico_selfmodel.model.self_model import SelfModel
+from nico_selfmodel.systems.rendering.body_image import NOTHING, BodyImage
+from nico_selfmodel.vision.images.image_array import bgr_of_rgba, smoothed
+from nico_selfmodel.vision.surprise.surprise import away_from_the_unknown
+
+STANDING = ("neck_yaw", "neck_pitch", "neck_roll", "eyes_tilt")
+"""Joints that hold head and cameras, by the description."""
+_JOINT_SIGMA = np.radians(1.5)
+"""How far they may stand from where the description holds them [rad]."""
+_TURN_SIGMA, _SHIFT_SIGMA = np.radians(0.7), 2e-3
+"""How far the body may stand from where the learned arm has it, about the shoulder [rad, m]."""
+_POINT_SIGMA = 1.5e-3
+"""What places may be off by while they are aligned [m]."""
+_SMOOTH = 1.0
+"""Of the pictures that are aligned [px]."""
+_AREA = 40.0
+"""Pixels that err alike, as smoothing and what is not known of colours make them."""
+_STEPS = 5
+
+
+@dataclass(frozen=True, eq=False)
+class Shot:
+    """Both cameras' pictures of one pose before one mirror."""
+
+    mirror: str
+    """Which mirror."""
+    readings: NDArray
+    """Of the encoders [encoder units]. Shape (n,)."""
+    pictures: tuple[NDArray, NDArray]
+    """Left and right, BGR. Shape (h, w, 3) each."""
+
+
+@dataclass(frozen=True, eq=False)
+class KnownBody:
+    """Mirrors, and how the body stands before them."""
+
+    model: SelfModel
+    """Arm, cameras, and mirrors as the body tells them."""
+    mirrors: tuple[str, ...]
+    """Names of these, in the order of the covariance."""
+    angles: Mapping[str, float]
+    """Of joints that nobody commands [rad]."""
+    shift: NDArray
+    """Of the whole body about its shoulder: rotation vector [rad] and translation [m], from where
+    the learned arm has it. Shape (6,)."""
+    p_WS: NDArray
+    """The shoulder, where the learned arm has it [m]. Shape (3,)."""
+    covariance: NDArray
+    """Of all mirrors' values, the angles and the shift. Shape (3 m + k + 6, 3 m + k + 6)."""
+
+    @property
+    def X_WB(self) -> NDArray:
+        """Where the whole body stands, of where the learned arm has it. Shape (4, 4)."""
+        turn = rotation_from_vector(self.shift[:3])
+        return transform(turn, self.p_WS + self.shift[3:] - turn @ self.p_WS)
+
+    @property
+    def values(self) -> NDArray:
+        """All that the covariance is of. Shape (3 m + k + 6,)."""
+        mirrors = [self.model.mirrors[name].values for name in self.mirrors]
+        return np.concatenate([*mirrors, list(self.angles.values()), self.shift])
+
+    def mirror(self, name: str) -> Mirror:
+        """Return a mirror as the body tells it, without a covariance.
+
+        Mirror and body err together: what they are off by in pictures is far less than either.
+        """
+        return Mirror.from_values(self.model.mirrors[name].values)
+
+    def pose(self, image: BodyImage) -> None:
+        """Let a robot's expectation of itself stand like that."""
+        image.hold(self.angles, self.X_WB)
+
+    def motions(self, image: BodyImage) -> tuple[tuple[BodyMotion, frozenset[str]], ...]:
+        """Return how the body may stand elsewhere, and the links that each of it moves."""
+        joints = image.standing(tuple(self.angles))
+        everything = frozenset(image.links.values())
+        shoulder = self.p_WS + self.shift[3:]
+        return (
+            *((BodyMotion(joint.axis, joint.p_WJ), joint.links) for joint in joints),
+            *((BodyMotion(axis, shoulder), everything) for axis in np.eye(3)),
+            *((BodyMotion(axis, None), everything) for axis in np.eye(3)),
+        )
+
+    def changed(self, found: Alignment) -> "KnownBody":
+        """Return what is known after a step of an alignment."""
+        x, m = self.values + found.change, 3 * len(self.mirrors)
+        mirrors = {
+            name: Mirror.from_values(
+                x[3 * k : 3 * k + 3], found.covariance[3 * k : 3 * k + 3, 3 * k : 3 * k + 3]
+            )
+            for k, name in enumerate(self.mirrors)
+        }
+        model = replace(self.model, mirrors=MappingProxyType({**self.model.mirrors, **mirrors}))
+        angles = dict(zip(self.angles, x[m:-6].tolist(), strict=True))
+        return replace(
+            self,
+            model=model,
+            angles=MappingProxyType(angles),
+            shift=read_only(x[-6:]),
+            covariance=read_only(found.covariance),
+        )
+
+
+def know_body(
+    image: BodyImage,
+    model: SelfModel,
+    shots: Sequence[Shot],
+    progress: Callable[[int, int], None] | None = None,
+) -> KnownBody:
+    """Learn where mirrors stand, and head and body before them, from the unmarked body.
+
+    The hand in them told the mirrors (`calibrate_mirrors`), the learned arm where the body is, and
+    the description how the head is held; each to so much, which is where this starts from.
+
+    Args:
+        image: What the robot expects, fresh; it stands as was learned afterwards.
+        model: Arm, cameras and mirrors.
+        shots: Of the unmarked body, of every mirror that shall be known.
+        progress: Called after each step.
+
+    Returns:
+        What is known now.
+
+    Raises:
+        EstimationError: If the pictures hardly show the body.
+    """
+    start = _described(image, model, tuple(dict.fromkeys(shot.mirror for shot in shots)))
+    known = start
+    for step in range(_STEPS):
+        known.pose(image)
+        views = [_view(known, image, shot, side) for shot in shots for side in range(2)]
+        mirrors = [known.model.mirrors[name] for name in known.mirrors]
+        motions = [motion for motion, _ in known.motions(image)]
+        before = known.values - start.values, start.covariance
+        known = known.changed(alignment_step(views, model.rig, mirrors, motions, before, _AREA))
+        if progress:
+            progress(step + 1, _STEPS)
+    known.pose(image)
+    return known
+
+
+def _described(image: BodyImage, model: SelfModel, mirrors: tuple[str, ...]) -> KnownBody:
+    """Return what is known before the body was seen in a mirror."""
+    joints = image.standing(STANDING)
+    shoulder = image.standing((image.first_joint,))[0]
+    blocks = [model.mirrors[name].covariance for name in mirrors]
+    sigma = [_JOINT_SIGMA] * len(joints) + [_TURN_SIGMA] * 3 + [_SHIFT_SIGMA] * 3
+    covariance = np.diag(np.square([0.0] * (3 * len(mirrors)) + sigma))
+    for k, block in enumerate(blocks):
+        assert block is not None, "a mirror that was learned has a covariance"
+        covariance[3 * k : 3 * k + 3, 3 * k : 3 * k + 3] = block
+    angles = MappingProxyType({joint.name: joint.angle for joint in joints})
+    return KnownBody(model, mirrors, angles, np.zeros(6), shoulder.p_WJ, covariance)
+
+
+def _view(known: KnownBody, image: BodyImage, shot: Shot, side: int) -> AlignedView:
+    """Hold one picture beside what is expected now."""
+    mirror = known.model.mirrors[shot.mirror]
+    seen = image.expect(shot.readings, mirror, side)
+    sigma = reflection_sigma(known.model.rig, mirror, side, seen.depth, _POINT_SIGMA)
+    hidden = np.isin(seen.labels, [NOTHING, *image.moving])
+    sigma = away_from_the_unknown(np.where(hidden, np.nan, sigma))
+    numbers = {name: number for number, name in image.links.items()}
+    moved = [
+        np.isin(seen.labels, [numbers[link] for link in links]) for _, links in known.motions(image)
+    ]
+    return AlignedView(
+        side,
+        known.mirrors.index(shot.mirror),
+        smoothed(shot.pictures[side], _SMOOTH),
+        smoothed(bgr_of_rgba(seen.color), _SMOOTH),
+        seen.depth,
+        np.isfinite(sigma),
+        np.array(moved),
+    )

@@ -1,0 +1,152 @@
+"""Where a simulated robot's cameras really see its surface: for who paints marks and judges."""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from nico_selfmodel.geometry.plane import Plane
+from nico_selfmodel.geometry.reflection import reflect
+from nico_selfmodel.geometry.solids import (
+    Solid,
+    distance_to_solids,
+    normals_of_solids,
+    onto_solids,
+)
+from nico_selfmodel.geometry.transform import apply, inverse
+from nico_selfmodel.model.cameras.camera import Camera
+from nico_selfmodel.model.cameras.stereo_rig import StereoRig
+from nico_selfmodel.plant.link_surfaces import LinkSurface
+
+_TRIED = 3000
+"""Pixels that are followed at first."""
+_SAME = 1e-3
+"""Two lines of sight that end as near to each other end at one place [m]."""
+_OFF = 0.03
+"""What is this near to a camera belongs to it [m]."""
+
+
+@dataclass(frozen=True, eq=False)
+class SeenPlaces:
+    """Places of the surface that cameras see."""
+
+    links: tuple[str, ...]
+    """Of each place."""
+    p_FQ: NDArray
+    """Places in the frames of these links [m]. Shape (N, 3)."""
+
+
+class SeenSurface:
+    """All that is to be seen before two cameras and a mirror, in the left camera's frame."""
+
+    def __init__(
+        self,
+        surfaces: Mapping[str, tuple[LinkSurface, NDArray]],
+        rig: StereoRig,
+        mirror: Plane,
+        cases: Sequence[str] = ("left_eye", "right_eye", "eyes"),
+    ) -> None:
+        """Pose everything.
+
+        Args:
+            surfaces: Link -> its surface and its pose in the left camera's frame.
+            rig: The cameras, in that frame.
+            mirror: The glass, in that frame.
+            cases: Links around the cameras, which hide nothing from them directly.
+        """
+        self._poses = {link: X_LF for link, (_, X_LF) in surfaces.items()}
+        self._links: list[str] = []
+        self._solids: list[Solid] = []
+        for link, (surface, X_LF) in surfaces.items():
+            self._solids += [Solid(s.kind, s.size, X_LF @ s.X_FS) for s in surface.solids]
+            self._links += [link] * len(surface.solids)
+        self._rig, self._mirror, self._cases = rig, mirror, set(cases)
+
+    def in_mirror_only(
+        self, links: Sequence[str], count: int, rng: np.random.Generator
+    ) -> SeenPlaces:
+        """Return places that both cameras see in the mirror and neither sees directly.
+
+        They are drawn evenly over the left camera's picture.
+
+        Args:
+            links: On which.
+            count: How many at most.
+            rng: Source of pixels.
+        """
+        p_LQ, on = self._followed(True, links, rng)
+        for camera in self._rig.cameras:
+            kept = self._sees(camera, p_LQ, True) & ~self._sees(camera, p_LQ, False)
+            p_LQ, on = p_LQ[kept], on[kept]
+        return self._placed(p_LQ[:count], on[:count])
+
+    def directly(self, links: Sequence[str], count: int, rng: np.random.Generator) -> SeenPlaces:
+        """Return places that both cameras see directly; arguments as of `in_mirror_only`."""
+        p_LQ, on = self._followed(False, links, rng)
+        for camera in self._rig.cameras:
+            kept = self._sees(camera, p_LQ, False)
+            p_LQ, on = p_LQ[kept], on[kept]
+        return self._placed(p_LQ[:count], on[:count])
+
+    def _placed(self, p_LQ: NDArray, on: NDArray) -> SeenPlaces:
+        names = tuple(self._links[k] for k in on)
+        own = [
+            apply(inverse(self._poses[link]), p[None])[0]
+            for link, p in zip(names, p_LQ, strict=True)
+        ]
+        return SeenPlaces(names, np.reshape(own, (-1, 3)))
+
+    def _followed(
+        self, mirrored: bool, links: Sequence[str], rng: np.random.Generator
+    ) -> tuple[NDArray, NDArray]:
+        """Follow random pixels of the left camera to where they end. Shapes (N, 3) and (N,)."""
+        camera = self._rig.left
+        pixels = rng.uniform(0.0, np.array(camera.image_size) - 1.0, (_TRIED, 2))
+        ways = camera.directions(pixels) @ camera.X_WC[:3, :3].T
+        ways = ways[np.isfinite(ways).all(axis=1)]
+        start = camera.X_WC[:3, 3]
+        if mirrored:
+            ways = ways - 2.0 * (ways @ self._mirror.normal)[:, None] * self._mirror.normal
+            start = reflect(self._mirror, start)
+        p_LQ = onto_solids(self._solids, self._before_glass(start, ways, mirrored), ways)
+        met = np.flatnonzero(np.isfinite(p_LQ).all(axis=1))
+        on = distance_to_solids(self._solids, p_LQ[met])[1]
+        wanted = np.isin([self._links[k] for k in on], list(links))
+        return p_LQ[met[wanted]], on[wanted]
+
+    def _before_glass(self, start: NDArray, ways: NDArray, mirrored: bool) -> NDArray:
+        """Return where lines from a twin leave the glass; of a camera, a little before it."""
+        if not mirrored:
+            return start + _OFF * ways
+        speed = ways @ self._mirror.normal
+        with np.errstate(divide="ignore"):
+            far = np.where(speed > 1e-6, -self._mirror.distance_to(start) / speed, np.nan)
+        return np.nan_to_num(start + far[:, None] * ways, nan=1e3)
+
+    def _sees(self, camera: Camera, p_LQ: NDArray, mirrored: bool) -> NDArray:
+        """Return which places a camera sees, directly or in the mirror. Shape (N,)."""
+        if not len(p_LQ):
+            return np.zeros(0, dtype=bool)
+        shown = reflect(self._mirror, p_LQ) if mirrored else p_LQ
+        with np.errstate(invalid="ignore"):
+            pixels = camera.project(shown)
+            inside = ((pixels > 0.0) & (pixels < np.array(camera.image_size) - 1.0)).all(axis=1)
+        start = camera.X_WC[:3, 3]
+        # What turns its back is not seen, and the search would start inside it.
+        center = reflect(self._mirror, start) if mirrored else start
+        normals = normals_of_solids(self._solids, p_LQ)
+        inside &= np.sum((center - p_LQ) * normals, axis=1) > 0.0
+        first = self._open(center, p_LQ, mirrored)
+        if mirrored:
+            first &= self._open(start, shown, False)
+        return inside & first
+
+    def _open(self, start: NDArray, ends: NDArray, mirrored: bool) -> NDArray:
+        """Return between which points nothing stands. Shape (N,)."""
+        ways = ends - start
+        length = np.linalg.norm(ways, axis=1)
+        ways = ways / length[:, None]
+        met = onto_solids(self._solids, self._before_glass(start, ways, mirrored), ways)
+        apart = np.linalg.norm(met - start, axis=1)
+        return ~(apart < length - _SAME)

@@ -1,0 +1,150 @@
+"""Spots that both cameras see: on the body in a mirror, on the glass, or elsewhere."""
+
+import numpy as np
+import pytest
+
+from nico_selfmodel.errors import EstimationError
+from nico_selfmodel.estimation.mirrors.body_alignment import (
+    AlignedView,
+    BodyMotion,
+    alignment_step,
+)
+from nico_selfmodel.estimation.mirrors.mark_place import (
+    NOT_ON_ME,
+    ON_GLASS,
+    ON_ME,
+    PosedBody,
+    agreeing,
+    fused,
+    spot_of,
+)
+from nico_selfmodel.geometry.rotation import rotation_about
+from nico_selfmodel.geometry.solids import Solid
+from nico_selfmodel.geometry.transform import apply, transform
+from nico_selfmodel.model.cameras.mirror import Mirror
+from nico_selfmodel.model.cameras.mirror_rig import MirrorRig
+from nico_selfmodel.model.cameras.stereo_rig import StereoRig
+from nico_selfmodel.systems.nico_cameras import NICO_CAMERAS
+
+LEFT, RIGHT = (camera.at(np.eye(4)) for camera in NICO_CAMERAS.cameras)
+RIG = StereoRig(LEFT, RIGHT.at(transform(np.eye(3), [0.07, 0.0, 0.0])))
+MIRROR = Mirror.from_values([0.05, -0.1, 0.3], np.diag(np.square([5e-4, 5e-4, 2e-4])))
+TURNED = Mirror.from_values([0.12, -0.1, 0.34], np.diag(np.square([5e-4, 5e-4, 2e-4])))
+X_WH = transform(rotation_about([0.0, 0.0, 1.0], 0.4), [0.0, 0.16, -0.05])
+BALL = Solid("ellipsoid", (0.06, 0.06, 0.06), np.eye(4))
+NECK = np.array([0.0, 0.2, -0.05])
+SIGMA = 0.4
+
+
+def body(shift=0.0):
+    """Return a head that is a ball and may turn about x by 0.2 deg."""
+    pose = transform(X_WH[:3, :3], X_WH[:3, 3] + [shift, 0.0, 0.0])
+    motion = BodyMotion(np.array([1.0, 0.0, 0.0]), NECK), frozenset({"head"})
+    covariance = np.diag(np.square([5e-4, 5e-4, 2e-4, np.radians(0.2)]))
+    solid = Solid("ellipsoid", BALL.size, pose)
+    return PosedBody([solid], ["head"], {"head": pose}, [motion], covariance, 1e-4)
+
+
+def on_the_ball(rng):
+    """Return a place of the surface that looks at the mirror, in the head's frame."""
+    way = rng.standard_normal(3) * [0.4, 0.4, 0.0] + [0.0, 0.0, 1.0]
+    return 0.06 * (X_WH[:3, :3].T @ (way / np.linalg.norm(way)))
+
+
+def seen(p_W, rng, mirror=MIRROR):
+    return MirrorRig(RIG, mirror).project(p_W) + SIGMA * rng.standard_normal(4)
+
+
+def test_a_mark_is_put_where_it_is_and_as_exactly_as_is_said():
+    rng = np.random.default_rng(1)
+    chi = []
+    for _ in range(150):
+        p_F = on_the_ball(rng)
+        values = rng.multivariate_normal(MIRROR.values, MIRROR.covariance)
+        turn = rotation_about([1.0, 0.0, 0.0], np.radians(0.2) * rng.standard_normal())
+        p_W = NECK + turn @ (apply(X_WH, p_F[None])[0] - NECK)
+        spot = spot_of(seen(p_W, rng, Mirror.from_values(values)), SIGMA, RIG, MIRROR, body())
+        if spot is None:
+            continue
+        assert spot.kind == ON_ME
+        off = spot.place.p_FM - p_F
+        assert np.linalg.norm(off) < 8e-3
+        chi.append(off @ np.linalg.pinv(spot.place.own + spot.place.common) @ off)
+    assert len(chi) > 140
+    # Of a place on a known surface two coordinates are free.
+    assert 0.8 < np.mean(chi) / 2.0 < 1.2
+
+
+def test_a_spot_on_the_glass_is_called_one():
+    rng = np.random.default_rng(2)
+    for _ in range(20):
+        ray = np.array([*rng.uniform(-0.2, 0.2, 2), 1.0])
+        p_W = ray * -MIRROR.plane.offset / (MIRROR.plane.normal @ ray)
+        spot = spot_of(RIG.project(p_W) + 0.3 * rng.standard_normal(4), SIGMA, RIG, MIRROR, body())
+        assert spot is None or spot.kind == ON_GLASS
+
+
+def test_a_mark_beside_the_body_is_not_on_me():
+    rng = np.random.default_rng(3)
+    beside = apply(X_WH, on_the_ball(rng)[None])[0] + [0.3, 0.0, 0.0]
+    assert spot_of(seen(beside, rng), SIGMA, RIG, MIRROR, body()).kind == NOT_ON_ME
+
+
+def test_pixels_that_are_not_of_one_point_are_no_spot():
+    pixels = MirrorRig(RIG, MIRROR).project(X_WH[:3, 3])
+    assert spot_of(pixels + np.array([0.0, 6.0, 0.0, 0.0]), SIGMA, RIG, MIRROR, body()) is None
+
+
+def test_two_looks_agree_on_a_mark_and_are_better_together():
+    rng = np.random.default_rng(4)
+    p_F = on_the_ball(rng)
+    p_W = apply(X_WH, p_F[None])[0]
+    first = spot_of(seen(p_W, rng), SIGMA, RIG, MIRROR, body())
+    second = spot_of(seen(p_W, rng, TURNED), SIGMA, RIG, TURNED, body())
+    other = spot_of(seen(apply(X_WH, -p_F[None] * [1, 1, -1])[0], rng), SIGMA, RIG, MIRROR, body())
+    assert agreeing([first], [second]) == ((first, second),)
+    assert other is None or other.kind != ON_ME or agreeing([other], [second]) == ()
+    place, covariance = fused(first.place, second.place)
+    assert np.linalg.norm(place - p_F) < 4e-3
+    alone = first.place.own + first.place.common
+    assert np.trace(covariance) < np.trace(alone)
+
+
+def smooth(u, v):
+    """Return a picture of soft waves of three colours at pixels."""
+    waves = [
+        np.sin(0.15 * u + 0.2 * v + k) + np.cos(0.21 * v - 0.05 * u * (k - 1)) for k in range(3)
+    ]
+    return 120.0 + 40.0 * np.stack(waves, axis=-1)
+
+
+def test_a_body_that_looks_turned_is_told_by_how_much():
+    v, u = np.mgrid[0:480, 0:640].astype(float)
+    inside = np.hypot(u - 320, v - 240) < 120
+    ideal = np.concatenate(
+        [LEFT.undistort(np.stack([u[inside], v[inside]], axis=1)), np.ones((inside.sum(), 1))],
+        axis=1,
+    )
+    depth = np.full(u.shape, np.inf)
+    depth[inside] = 0.7
+    plane, motion = MIRROR.plane, BodyMotion(np.array([1.0, 0.0, 0.0]), NECK)
+    points = 0.7 * ideal - 2.0 * plane.distance_to(0.7 * ideal)[:, None] * plane.normal
+    angle = np.radians(0.15)
+    turned = NECK + (points - NECK) @ rotation_about([1.0, 0.0, 0.0], angle).T
+    moved = MirrorRig(RIG, MIRROR).project(turned)[:, :2] - np.stack([u[inside], v[inside]], axis=1)
+    picture = smooth(u, v)
+    picture[inside] = 0.9 * smooth(u[inside] - moved[:, 0], v[inside] - moved[:, 1])
+    view = AlignedView(0, 0, picture, smooth(u, v), depth, inside, inside[None])
+    prior = np.diag(np.square([1e-6, 1e-6, 1e-6, np.radians(1.0)]))
+    found = alignment_step([view], RIG, [MIRROR], [motion], (np.zeros(4), prior), 10.0)
+    assert found.change[3] == pytest.approx(angle, rel=0.15)
+    assert abs(found.change[:3]).max() < 1e-5
+
+
+def test_an_alignment_without_a_body_in_view_is_refused():
+    nothing = np.zeros((480, 640), dtype=bool)
+    flat = np.full((480, 640, 3), 90.0)
+    view = AlignedView(0, 0, flat, flat, np.full(nothing.shape, np.inf), nothing, nothing[None])
+    motion = BodyMotion(np.array([1.0, 0.0, 0.0]), None)
+    with pytest.raises(EstimationError, match="only 0 grey levels of the body"):
+        alignment_step([view], RIG, [MIRROR], [motion], (np.zeros(4), np.eye(4)), 10.0)

@@ -1,0 +1,83 @@
+"""A body that learns from its own pictures in a mirror how it stands before it."""
+
+import numpy as np
+import pytest
+
+from nico_selfmodel.geometry.rotation import rotation_about
+from nico_selfmodel.geometry.transform import apply, transform
+from nico_selfmodel.model.cameras.mirror import Mirror
+from nico_selfmodel.model.cameras.mirror_rig import MirrorRig
+from nico_selfmodel.sessions.known_body import STANDING, Shot, know_body
+from nico_selfmodel.sessions.nico_before_mirrors import DEFAULT_MIRROR
+from nico_selfmodel.sessions.rendered_nico import RenderedNico
+from nico_selfmodel.systems.rendering.body_image import BodyImage
+from nico_selfmodel.vision.images.image_array import bgr_of_rgba
+
+NICO = RenderedNico("clean", 2, ("fiducial",))
+TRUE = DEFAULT_MIRROR
+OFF = np.array([1.2e-3, -0.9e-3, 2e-4])
+"""How far the mirror is from where the hand told it to be."""
+READINGS = NICO.ground_truth.model().servos.to_encoder(0.5 * (NICO.arm.lower + NICO.arm.upper))
+
+
+@pytest.fixture
+def image():
+    with BodyImage(NICO.arm, NICO.ground_truth.model(), supersample=1) as one:
+        yield one
+
+
+def test_who_stands_elsewhere_has_its_links_and_joints_there(image):
+    before = image.poses(READINGS)
+    (joint,) = image.standing(("neck_yaw",))
+    X_WB = transform(rotation_about([0.0, 0.0, 1.0], 0.1), [0.01, 0.02, 0.03])
+    image.hold({}, X_WB)
+    for link in ("head", "chest", "right_hand"):
+        assert image.poses(READINGS)[link] == pytest.approx(X_WB @ before[link], abs=1e-9)
+    (moved,) = image.standing(("neck_yaw",))
+    assert moved.axis == pytest.approx(X_WB[:3, :3] @ joint.axis)
+    assert "head" in moved.links
+    assert "chest" not in moved.links
+
+
+def test_a_turned_neck_turns_the_head_and_not_the_chest(image):
+    before = image.poses(READINGS)
+    (joint,) = image.standing(("neck_yaw",))
+    image.hold({"neck_yaw": joint.angle + 0.2})
+    after = image.poses(READINGS)
+    assert after["chest"] == pytest.approx(before["chest"])
+    turned = rotation_about(joint.axis, 0.2) @ before["head"][:3, :3]
+    assert after["head"][:3, :3] == pytest.approx(turned, abs=1e-9)
+
+
+def nose(image, model, mirror):
+    """Return where the tip of the nose is expected in the mirror. Shape (4,)."""
+    p_W = apply(image.poses(READINGS)["head"], np.array([[0.0895, 0.0, 0.043]]))
+    return MirrorRig(model.rig, mirror).project(p_W[0])
+
+
+@pytest.mark.slow
+def test_neck_and_mirror_are_told_by_the_face_in_the_mirror(image):
+    angles = {joint.name: joint.angle for joint in image.standing(STANDING)}
+    held = {
+        **angles,
+        "neck_yaw": angles["neck_yaw"] + 0.02,
+        "neck_pitch": angles["neck_pitch"] - 0.01,
+    }
+    image.hold(held)
+    seen = [image.expect(READINGS, TRUE, side) for side in range(2)]
+    pictures = [np.round(0.93 * bgr_of_rgba(one.color)).astype(np.uint8) for one in seen]
+    image.hold(angles)
+    guess = Mirror.from_values(TRUE.values + OFF, np.diag(np.square([1e-3, 1e-3, 3e-4])))
+    model = NICO.ground_truth.model(mirrors={"mirror": guess})
+    known = know_body(image, model, [Shot("mirror", READINGS, (pictures[0], pictures[1]))])
+    found = np.array([known.angles[name] - held[name] for name in ("neck_yaw", "neck_pitch")])
+    assert np.abs(found).max() < np.radians(0.25)
+    # Mirror and body err together: what matters is where the face is expected in the picture.
+    known.pose(image)
+    now = nose(image, model, known.mirror("mirror"))
+    image.hold(angles)
+    before = nose(image, model, guess)
+    image.hold(held)
+    true = nose(image, model, TRUE)
+    assert np.abs(before - true).max() > 0.5
+    assert np.abs(now - true).max() < 0.1
