@@ -26,6 +26,8 @@ POINTS = {
     "hand": "right_wrist_marker",
 }
 """What cameras and motion capture can track on the hand."""
+FINGER = "right_index_finger"
+"""Link of the finger that touches things."""
 
 
 def looking() -> dict[str, float]:

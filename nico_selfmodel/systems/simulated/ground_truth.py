@@ -27,6 +27,8 @@ class GroundTruth:
     """Where its markers were at the last pose, in the arm's base [m]. Shape (m, 3)."""
     mirrors: Mapping[str, Mirror] = field(default_factory=dict)
     """Where mirrors stand before the left camera."""
+    held: Mapping[str, float] = field(default_factory=dict)
+    """Joints that nobody commands, and where they really stand [rad]."""
 
     @property
     def rig(self) -> StereoRig:

@@ -81,7 +81,7 @@ class NicoInstance:
         """What instruments beside it would say: for judging and for tests, never for learning."""
         X_BL, X_BR = self._camera_poses()
         rig = StereoRig(self.rig.left.at(np.eye(4)), self.rig.right.at(inverse(X_BL) @ X_BR))
-        return GroundTruth(RobotInstance(self.mechanics, rig, X_BL, self.X_TB))
+        return GroundTruth(RobotInstance(self.mechanics, rig, X_BL, self.X_TB), held=self.held)
 
     def _camera_poses(self) -> list[NDArray]:
         """Return the true poses of both cameras in the arm's base. Shape (4, 4) each."""

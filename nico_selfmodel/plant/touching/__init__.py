@@ -1,0 +1,1 @@
+"""Touching one's own body: the arm posed beside it, and ways of its finger to a place."""
