@@ -3,6 +3,8 @@
 from collections.abc import Mapping, Sequence
 from typing import Any
 
+import numpy as np
+
 from nico_selfmodel.estimation.contingency.contingency import ODDS
 from nico_selfmodel.experiments.experiment_report import ExperimentReport, Table
 from nico_selfmodel.experiments.mirror_test.encounters_report import (
@@ -16,11 +18,13 @@ from nico_selfmodel.experiments.mirror_test.marks_report import (
     marks_tables,
 )
 from nico_selfmodel.experiments.mirror_test.stages import MirrorTest
+from nico_selfmodel.experiments.mirror_test.touches_report import touches_document, touches_table
 from nico_selfmodel.experiments.mirror_test.unmarked_report import (
     unmarked_chart,
     unmarked_document,
     unmarked_table,
 )
+from nico_selfmodel.plant.touching.touch_planner import CLEAR, LEAN
 from nico_selfmodel.sessions.mark_finder import PIXEL_SIGMA, SURFACE_SIGMA
 from nico_selfmodel.sessions.motion_session import PERIOD
 from nico_selfmodel.viz.reports.experiment_page import ExperimentPage, text_table
@@ -45,6 +49,9 @@ def report_of(test: MirrorTest) -> ExperimentReport:
         tables += marks_tables(test.marks)
         if test.marks.shown is not None:
             charts["mark"] = marks_chart(test.marks)
+    if test.touches is not None:
+        stages.append(touches_document(test.touches))
+        tables.append(touches_table(test.touches))
     found = {one["status"] for one in stages}
     document = {
         "status": next(s for s in ("FAIL", "NOT_EVALUATED", "PASS") if s in found),
@@ -59,7 +66,8 @@ def report_of(test: MirrorTest) -> ExperimentReport:
         f"**{document['status']}**: {'; '.join(document['reasons'])}.\n\n"
         "Stage 1, contingency: whose motion follows one's own? Stage 4, the expected picture: does "
         "an unmarked head and chest look as expected? Stages 5, 6 and 8: is a mark found that is "
-        "seen in mirrors only, where is it, and is nothing found where it is not? No other stage "
+        "seen in mirrors only, where is it, and is nothing found where it is not? Stage 7: does "
+        "the finger touch it, and nothing else the body? No other stage "
         "is part of this test, and one that fails is the last that is judged. "
         f"{len(met.responses)} simulated robot(s) that learned cameras and arm by themselves, "
         f"{len(met.trials)} encounters in random order, one camera, a picture every "
@@ -90,6 +98,8 @@ def _page(
 
 SET = f"{PIXEL_SIGMA:g} px and {1e3 * SURFACE_SIGMA:g} mm: set on robots 0 and 1"
 
+NEAR_AND_LEAN = f"{1e3 * CLEAR:.0f} mm, {np.degrees(LEAN):.0f} deg: chosen"
+
 
 def _given() -> Table:
     """Return what the robot was given, and what it learned."""
@@ -103,11 +113,16 @@ def _given() -> Table:
         ["how head and body stand before them", "learned, from head and chest seen in them"],
         ["noise of its pictures, gain of a look", "learned, from its pictures"],
         ["shape and colours of its links", "given, by its description"],
+        ["where its finger is on its hand, what may not be touched", "given, by its description"],
         ["light of the room", "given, but for its brightness"],
         ["what places of links are not known by", "learned, from looks at the unmarked body"],
         ["what colours are not known by", "1 %: set on robots 0 and 1"],
         ["what the middle of a spot and a surface are not known by", SET],
         ["threshold of a surprising place", "derived: one false place in 100 pictures"],
+        [
+            "how near the arm may come to the body, how far the finger may lean",
+            "5 mm, 60 deg: chosen",
+        ],
         ["odds that stop the test", "derived: 100 to 1 that of 100 verdicts not one is wrong"],
         ["threshold of the motion mask", "derived: one false cell in 1000 still pictures"],
     ]

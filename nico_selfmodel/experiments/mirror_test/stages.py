@@ -12,6 +12,8 @@ from nico_selfmodel.experiments.mirror_test.encounters import (
 from nico_selfmodel.experiments.mirror_test.encounters_report import encounters_document
 from nico_selfmodel.experiments.mirror_test.knowing import know_mirrors
 from nico_selfmodel.experiments.mirror_test.marks import MarkStage, check_marks, run_marks
+from nico_selfmodel.experiments.mirror_test.marks_report import marks_documents
+from nico_selfmodel.experiments.mirror_test.touches import TouchStage, run_touches
 from nico_selfmodel.experiments.mirror_test.unmarked import UnmarkedStage, run_unmarked
 from nico_selfmodel.experiments.mirror_test.unmarked_report import unmarked_document
 from nico_selfmodel.sessions.progress import Stage
@@ -27,7 +29,9 @@ class MirrorTest:
     unmarked: UnmarkedStage | None
     """Stage 4; None if stage 1 failed."""
     marks: MarkStage | None
-    """Stages 5 to 8; None if one before failed."""
+    """Stages 5, 6 and 8; None if one before failed."""
+    touches: TouchStage | None = None
+    """Stage 7; None if one before failed, or 8."""
 
 
 def run_stages(
@@ -66,4 +70,7 @@ def run_stages(
     unmarked = run_unmarked(known, looks, progress)
     if unmarked_document(unmarked)["status"] == "FAIL":
         return MirrorTest(met, unmarked, None)
-    return MirrorTest(met, unmarked, run_marks(known, marks, progress))
+    found = run_marks(known, marks, progress)
+    if any(one["status"] == "FAIL" for one in marks_documents(found)):
+        return MirrorTest(met, unmarked, found)
+    return MirrorTest(met, unmarked, found, run_touches(known, found, progress))

@@ -1,0 +1,251 @@
+"""Stage 7 of the mirror test: the finger goes to marks that were found, and nowhere else."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from itertools import pairwise
+
+import numpy as np
+from numpy.typing import NDArray
+
+from nico_selfmodel.estimation.mirrors.mark_place import ON_ME
+from nico_selfmodel.experiments.mirror_test.acquaintance import MARKER
+from nico_selfmodel.experiments.mirror_test.knowing import Knowing
+from nico_selfmodel.experiments.mirror_test.marks import MarkStage, MarkTrial
+from nico_selfmodel.experiments.mirror_test.painting import DIAMETER, LINKS, MARK
+from nico_selfmodel.geometry.transform import apply, inverse
+from nico_selfmodel.plant.touching.posed_arm import PosedArm
+from nico_selfmodel.plant.touching.touch_planner import OutOfReach, Touch, TouchPlanner
+from nico_selfmodel.sessions.progress import Stage, of_robot
+from nico_selfmodel.sessions.rendered_nico import RenderedNico
+from nico_selfmodel.systems.looking import FINGER
+from nico_selfmodel.systems.rendering.mark_on_body import Mark
+from nico_selfmodel.systems.simulated.ground_truth import GroundTruth
+
+PLANS = 50
+"""Ways to places drawn anywhere on head and chest, in all; marks are not needed for them."""
+_POSTURES, _NEAR = 20000, 0.02
+"""Postures that are drawn for these, a robot, and how near the finger must come to a link [m]."""
+_BETWEEN = 5
+"""Postures on the way from one planned posture to the next at which the truth is looked at."""
+
+
+@dataclass(frozen=True, eq=False)
+class Executed:
+    """A way as the true arm went it."""
+
+    off: float
+    """Distance of the finger from the place along the surface [m]."""
+    gap: float
+    """Distance of the finger from the surface, negative inside [m]."""
+    clearance: float
+    """Least distance of the arm from the body on the way, the finger excepted [m]."""
+    nearest: str
+    """Links that were so near."""
+
+
+@dataclass(frozen=True, eq=False)
+class TouchTrial:
+    """One place: what the robot planned, and how it went."""
+
+    robot: int
+    """Seed of the robot."""
+    link: str
+    """Link of the place."""
+    radius: float
+    """Of the mark [m]."""
+    way_exists: bool
+    """Whether an arm and a body that are known exactly have a way there."""
+    plan: Touch | OutOfReach
+    """What the robot planned."""
+    executed: Executed | None
+    """How it went; None where the robot says that the place is out of reach."""
+
+    @property
+    def touched(self) -> bool:
+        """Whether the finger came within the mark's radius."""
+        return self.executed is not None and self.executed.off <= self.radius
+
+    @property
+    def collided(self) -> bool:
+        """Whether anything but the finger touched the body."""
+        return self.executed is not None and self.executed.clearance < 0.0
+
+    @property
+    def in_reach(self) -> bool:
+        """Whether the place can be touched: there is a way, or it was touched all the same."""
+        return self.way_exists or (self.touched and not self.collided)
+
+
+@dataclass(frozen=True, eq=False)
+class TouchStage:
+    """All places that robots were to touch."""
+
+    marks: tuple[TouchTrial, ...]
+    """Those of marks that were found."""
+    plans: tuple[TouchTrial, ...]
+    """Those drawn anywhere on head and chest to which robots found a way."""
+    drawn: int
+    """Places that were drawn for these."""
+
+
+class TouchJudge:
+    """Says how a true arm goes a way, and whether a place is in its reach."""
+
+    def __init__(self, nico: RenderedNico) -> None:
+        """Take a robot, behind the door of what only the simulation knows."""
+        self._truth: GroundTruth = nico.ground_truth
+        model, held = self._truth.model(), self._truth.held
+        stops = self.stops
+        self._planner = TouchPlanner(nico.arm, model, FINGER, held=held, limits=stops)
+        self._posed = PosedArm(nico.arm, model, FINGER, held)
+
+    @property
+    def stops(self) -> NDArray:
+        """Least and largest readings, which its data sets state too. Shape (2, n)."""
+        mechanics = self._truth.instance.arm
+        return np.stack([mechanics.lower, mechanics.upper])
+
+    def way_exists(self, mark: Mark, n_F: NDArray, rng: np.random.Generator) -> bool:
+        """Return whether an arm and a body that are known exactly have a way to a place."""
+        return isinstance(self._planner.at_place(mark.link, mark.p_FM, n_F, rng), Touch)
+
+    def go(self, plan: Touch, mark: Mark, n_F: NDArray, rng: np.random.Generator) -> Executed:
+        """Go a way as the true arm goes it, joints loose as they are.
+
+        Args:
+            plan: The way.
+            mark: Where the mark really is.
+            n_F: Outward normal there, in the frame of its link. Shape (3,).
+            rng: Source of what the joints leave to chance.
+        """
+        posed, mechanics = self._posed, self._truth.instance.arm
+        q = np.array(
+            [mechanics.angles(mechanics.dragged(mechanics.reached(r)), rng) for r in plan.readings]
+        )
+        share = np.linspace(0.0, 1.0, _BETWEEN, endpoint=False)[:, None]
+        way = np.vstack([*(a + share * (b - a) for a, b in pairwise(q)), q[-1]])
+        near = []
+        for posture in way:
+            posed.pose(posture)
+            near.append(posed.clearance())
+        X_LF = posed.link_pose(mark.link)
+        n, p_LE = X_LF[:3, :3] @ n_F, posed.finger_end()[0]
+        off = p_LE - apply(X_LF, mark.p_FM[None])[0]
+        clearance, nearest = min(near)
+        gap = float(n @ off) - posed.finger.radius
+        return Executed(float(np.linalg.norm(off - (n @ off) * n)), gap, clearance, nearest)
+
+
+def run_touches(
+    robots: Sequence[Knowing], marks: MarkStage, progress: Stage | None = None
+) -> TouchStage:
+    """Let robots touch marks that they have found, and places drawn anywhere.
+
+    Args:
+        robots: Who know themselves.
+        marks: What they found.
+        progress: Told how far it is.
+    """
+    touched: list[TouchTrial] = []
+    plans: list[TouchTrial] = []
+    drawn = 0
+    for i, known in enumerate(robots):
+        seed = known.robot.seed
+        nico = RenderedNico(known.robot.world, seed, (MARKER,))
+        judge = TouchJudge(nico)
+        planner = TouchPlanner(
+            nico.arm, known.robot.model, FINGER,
+            held=known.body.angles, X_WB=known.body.X_WB, limits=judge.stops,
+        )  # fmt: skip
+        own = [t for t in marks.trials if t.robot == seed and t.painted.kind == MARK]
+        touched += _marks(seed, own, planner, judge)
+        some = _plans(seed, len(range(i, PLANS, len(robots))), planner, judge)
+        plans += some[0]
+        drawn += some[1]
+        of_robot(progress, i, len(robots))("touching marks", 1, 1)
+    return TouchStage(tuple(touched), tuple(plans), drawn)
+
+
+def _marks(
+    seed: int, trials: Sequence[MarkTrial], planner: TouchPlanner, judge: TouchJudge
+) -> list[TouchTrial]:
+    """Touch the marks that one robot has found."""
+    done = []
+    for k, trial in enumerate(trials):
+        mark, normal = trial.painted.mark, trial.painted.normal
+        found = [one for one in trial.found if one.kind == ON_ME]
+        if mark is None or normal is None or not found or found[0].p_FM is None:
+            continue
+        assert found[0].link is not None, "what is on me is on a link"
+        place = found[0].link, found[0].p_FM
+        rng = np.random.default_rng((seed, 48, k))
+        done.append(_touched(seed, place, (mark, normal), planner, judge, rng))
+    return done
+
+
+def _plans(
+    seed: int, count: int, planner: TouchPlanner, judge: TouchJudge
+) -> tuple[list[TouchTrial], int]:
+    """Touch places until so many ways were found; also how many places were drawn for them."""
+    rng = np.random.default_rng((seed, 49))
+    done: list[TouchTrial] = []
+    drawn = 0
+    for link, p_FM in places_near(planner, _POSTURES, rng):
+        if len(done) == count:
+            break
+        drawn += 1
+        normal = planner.posed.surfaces[link].normals(p_FM[None])[0]
+        plan = planner.at_place(link, p_FM, normal, rng)
+        if isinstance(plan, Touch):
+            mark = Mark(link, p_FM, DIAMETER, np.ones(3))
+            way = judge.go(plan, mark, normal, rng)
+            done.append(TouchTrial(seed, link, 0.5 * DIAMETER, True, plan, way))
+    return done, drawn
+
+
+def places_near(
+    planner: TouchPlanner, postures: int, rng: np.random.Generator
+) -> list[tuple[str, NDArray]]:
+    """Return places of head and chest that the finger comes near to in random postures.
+
+    Args:
+        planner: Whose arm.
+        postures: How many are drawn, evenly between the joints' limits.
+        rng: Source of them.
+
+    Returns:
+        Links and places [m], shape (3,) each.
+    """
+    posed = planner.posed
+    X_FW = {link: inverse(posed.link_pose(link)) for link in LINKS}
+    ends = []
+    low, high = planner.reach
+    for q in rng.uniform(low, high, (postures, len(low))):
+        posed.pose(q)
+        ends.append(posed.finger_end()[0])
+    found = []
+    for link in LINKS:
+        surface, p_FE = posed.surfaces[link], apply(X_FW[link], np.array(ends))
+        near = p_FE[np.abs(surface.distance(p_FE)) < _NEAR]
+        out = near + 2.0 * _NEAR * surface.normals(near)
+        for p, way in zip(out, -surface.normals(out), strict=True):
+            found += [(link, place) for place in surface.along(p[None], way)]
+    return [found[k] for k in rng.permutation(len(found)) if np.isfinite(found[k][1]).all()]
+
+
+def _touched(
+    seed: int,
+    place: tuple[str, NDArray],
+    true: tuple[Mark, NDArray],
+    planner: TouchPlanner,
+    judge: TouchJudge,
+    rng: np.random.Generator,
+) -> TouchTrial:
+    """Plan a way to a place, go it if there is one, and judge it by the mark that is there."""
+    link, p_FM = place
+    n_F = planner.posed.surfaces[link].normals(p_FM[None])[0]
+    plan = planner.at_place(link, p_FM, n_F, rng)
+    mark, normal = true
+    exists = judge.way_exists(mark, normal, rng)
+    done = judge.go(plan, mark, normal, rng) if isinstance(plan, Touch) else None
+    return TouchTrial(seed, mark.link, 0.5 * mark.diameter, exists, plan, done)
