@@ -27,7 +27,8 @@ from nico_selfmodel.systems.looking import ARM_JOINTS, HEAD_JOINTS, looking_body
 from nico_selfmodel.systems.nico_cameras import NICO_CAMERAS
 from nico_selfmodel.systems.rendering.stereo_cameras import ImageQuality
 from nico_selfmodel.systems.simulated.imperfections import Imperfections, imperfections_named
-from nico_selfmodel.systems.stations.nico_station import NicoStation, room_detectors
+from nico_selfmodel.systems.stations.nico_detectors import room_detectors
+from nico_selfmodel.systems.stations.nico_station import NicoStation
 from nico_selfmodel.systems.stations.station_body import StationBody
 from nico_selfmodel.systems.stations.whole_nico import WholeNico
 from nico_selfmodel.systems.tracking.shared_search import corner_names

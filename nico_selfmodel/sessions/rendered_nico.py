@@ -22,8 +22,9 @@ from nico_selfmodel.systems.nico_cameras import NICO_CAMERAS
 from nico_selfmodel.systems.rendering.stereo_cameras import ImageQuality
 from nico_selfmodel.systems.simulated.ground_truth import GroundTruth
 from nico_selfmodel.systems.simulated.imperfections import Imperfections, imperfections_named
+from nico_selfmodel.systems.stations.nico_detectors import default_detectors
 from nico_selfmodel.systems.stations.nico_instance import NicoInstance
-from nico_selfmodel.systems.stations.nico_station import BOARD, NicoStation, default_detectors
+from nico_selfmodel.systems.stations.nico_station import BOARD, NicoStation
 from nico_selfmodel.systems.stations.station_body import StationBody
 from nico_selfmodel.vision.boards.chessboard import find_chessboard
 from nico_selfmodel.vision.images.image_file import write_image

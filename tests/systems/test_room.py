@@ -8,7 +8,8 @@ from nico_selfmodel.systems.looking import HEAD_JOINTS, looking_body
 from nico_selfmodel.systems.nico_cameras import NICO_CAMERAS
 from nico_selfmodel.systems.rendering.stereo_cameras import ImageQuality
 from nico_selfmodel.systems.simulated.imperfections import IMPERFECTIONS
-from nico_selfmodel.systems.stations.nico_station import NicoStation, room_detectors
+from nico_selfmodel.systems.stations.nico_detectors import room_detectors
+from nico_selfmodel.systems.stations.nico_station import NicoStation
 from nico_selfmodel.systems.stations.station_body import StationBody
 from nico_selfmodel.systems.stations.whole_nico import WholeNico
 from nico_selfmodel.systems.tracking import shared_search

@@ -189,8 +189,8 @@ def _station(
     motion_capture: "MotionCaptureClient | None",
     calibrated: Path | None,
 ) -> "NicoHardwareStation":
+    from nico_selfmodel.systems.stations.nico_detectors import default_detectors
     from nico_selfmodel.systems.stations.nico_hardware_station import NicoHardwareStation
-    from nico_selfmodel.systems.stations.nico_station import default_detectors
 
     found = default_detectors(inputs.cameras_of(calibrated, "recording"))
     detectors = {m: found[m] for m in planned.arm.markers if m in found} or found

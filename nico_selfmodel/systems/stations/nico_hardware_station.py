@@ -18,7 +18,7 @@ from nico_selfmodel.systems.hardware.servo_driver import ServoDriver
 from nico_selfmodel.systems.image_values import image_value
 from nico_selfmodel.systems.looking import POINTS
 from nico_selfmodel.systems.nico_cameras import NICO_CAMERAS
-from nico_selfmodel.systems.stations.nico_station import default_detectors
+from nico_selfmodel.systems.stations.nico_detectors import default_detectors
 from nico_selfmodel.systems.stations.station_body import SettleTimeouts, StationBody
 from nico_selfmodel.systems.tracking.hand_tracker import Detectors, HandTracker
 

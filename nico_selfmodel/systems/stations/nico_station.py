@@ -36,6 +36,12 @@ from nico_selfmodel.systems.simulated.encoder_model import EncoderModel
 from nico_selfmodel.systems.simulated.ground_truth import GroundTruth
 from nico_selfmodel.systems.simulated.imperfections import Imperfections, imperfections_named
 from nico_selfmodel.systems.simulated.motion_capture import MotionCapture
+from nico_selfmodel.systems.stations.nico_detectors import (
+    FIDUCIALS,
+    body_detectors,
+    default_detectors,
+    room_detectors,
+)
 from nico_selfmodel.systems.stations.nico_instance import NicoInstance
 from nico_selfmodel.systems.stations.other_robot import OtherRobot, add_other_robot
 from nico_selfmodel.systems.stations.whole_nico import WholeNico
@@ -44,14 +50,11 @@ from nico_selfmodel.systems.tracking.hand_tracker import (
     Detectors,
     HandTracker,
     MirrorDetectors,
-    color_detector,
-    fiducial_detector,
 )
 from nico_selfmodel.systems.tracking.mirror_expectation import connect_expectation
 from nico_selfmodel.systems.tracking.reflection_detectors import default_mirror_detectors
-from nico_selfmodel.systems.tracking.shared_search import fiducial_detectors
 from nico_selfmodel.vision.boards.chessboard import Board
-from nico_selfmodel.vision.markers.tag_card import TagCard, markers_of
+from nico_selfmodel.vision.markers.tag_card import TagCard
 
 BOARD = Board(9, 6, 0.028)
 """The thesis' chessboard: squares of 28 mm."""
@@ -59,8 +62,6 @@ BOARD = Board(9, 6, 0.028)
 
 OTHER = "other/"
 """What names of the second robot's links begin with, for who paints it."""
-FIDUCIALS = {"right": FIDUCIAL_ID, "left": FIDUCIAL_ID + 1}
-"""Which marker of the family is printed for each hand of a whole Nico."""
 
 
 class NicoStation(Closable, Diagram):
@@ -277,35 +278,6 @@ class NicoStation(Closable, Diagram):
         """
         self.require_open()
         return bgr_of(self.GetOutputPort(f"{camera}_image").Eval(context))
-
-
-def default_detectors(rig: StereoRig | None = None) -> Detectors:
-    """Return detectors of the fiducial on the back of Nico's hand and of the tape on its finger.
-
-    Args:
-        rig: The calibrated cameras, whose lenses are then taken out before fiducials are located.
-    """
-    cameras = (None, None) if rig is None else rig.cameras
-    left, right = (fiducial_detector(camera=camera) for camera in cameras)
-    return {"fiducial": (left, right), "finger_tip": color_detector()}
-
-
-def body_detectors() -> Detectors:
-    """Return detectors of the fiducials on both of Nico's hands and of the tape on its finger."""
-    numbers = {f"{side}_hand_fiducial": number for side, number in FIDUCIALS.items()}
-    return {**fiducial_detectors(numbers), "right_finger_tip": color_detector()}
-
-
-def room_detectors(room: Sequence[TagCard], rig: StereoRig | None = None) -> Detectors:
-    """Return detectors of the corners of both hands' fiducials and of cards in the room.
-
-    Args:
-        room: The cards.
-        rig: The calibrated cameras, whose lenses are then taken out before points are located.
-    """
-    hands = {f"{side}_hand_fiducial": number for side, number in FIDUCIALS.items()}
-    centers = {name: number for name, (number, _) in markers_of(room).items()}
-    return fiducial_detectors(centers, hands, rig=rig)
 
 
 def _built(

@@ -1,0 +1,45 @@
+"""What finds Nico's hands, its finger and cards in a room in the pictures of its cameras."""
+
+from collections.abc import Sequence
+
+from nico_selfmodel.model.cameras.stereo_rig import StereoRig
+from nico_selfmodel.systems.tracking.hand_tracker import (
+    FIDUCIAL_ID,
+    Detectors,
+    color_detector,
+    fiducial_detector,
+)
+from nico_selfmodel.systems.tracking.shared_search import fiducial_detectors
+from nico_selfmodel.vision.markers.tag_card import TagCard, markers_of
+
+FIDUCIALS = {"right": FIDUCIAL_ID, "left": FIDUCIAL_ID + 1}
+"""Which marker of the family is printed for each hand of a whole Nico."""
+
+
+def default_detectors(rig: StereoRig | None = None) -> Detectors:
+    """Return detectors of the fiducial on the back of Nico's hand and of the tape on its finger.
+
+    Args:
+        rig: The calibrated cameras, whose lenses are then taken out before fiducials are located.
+    """
+    cameras = (None, None) if rig is None else rig.cameras
+    left, right = (fiducial_detector(camera=camera) for camera in cameras)
+    return {"fiducial": (left, right), "finger_tip": color_detector()}
+
+
+def body_detectors() -> Detectors:
+    """Return detectors of the fiducials on both of Nico's hands and of the tape on its finger."""
+    numbers = {f"{side}_hand_fiducial": number for side, number in FIDUCIALS.items()}
+    return {**fiducial_detectors(numbers), "right_finger_tip": color_detector()}
+
+
+def room_detectors(room: Sequence[TagCard], rig: StereoRig | None = None) -> Detectors:
+    """Return detectors of the corners of both hands' fiducials and of cards in the room.
+
+    Args:
+        room: The cards.
+        rig: The calibrated cameras, whose lenses are then taken out before points are located.
+    """
+    hands = {f"{side}_hand_fiducial": number for side, number in FIDUCIALS.items()}
+    centers = {name: number for name, (number, _) in markers_of(room).items()}
+    return fiducial_detectors(centers, hands, rig=rig)
