@@ -36,9 +36,16 @@ def live(
     """
     from nico_selfmodel.files.whole import refuse_existing, write_whole
     from nico_selfmodel.model.self_model_file import load_model
+    from nico_selfmodel.model.tree.body_model import is_body
     from nico_selfmodel.systems.simulated.imperfections import imperfections_named
 
     chosen = imperfections_named(imperfections)
+    if is_body(model):
+        raise ValueError(
+            f"{model} is a whole body, and `live` moves one arm before a head that stands still: "
+            "give the folder that `learn` without --head leaves; `view` shows a whole body, "
+            "`record --cameras` moves it"
+        )
     if out is not None:
         refuse_existing(out, force=force)
     known = load_model(model)

@@ -57,3 +57,9 @@ def test_the_own_hand_is_looked_at(body, command):
 def test_what_cannot_be_looked_at_is_one_line(body, command, words, said):
     done = command("gaze", body, *words)
     assert_one_clear_line(done, said)
+
+
+def test_a_whole_body_is_not_shown_live_and_the_line_says_what_is(body, tmp_path, command):
+    done = command("live", body, "--out", tmp_path / "page.html")
+    assert_one_clear_line(done, "is a whole body", "`learn` without --head", "`view`")
+    assert not (tmp_path / "page.html").exists()
