@@ -45,15 +45,22 @@ def test_head_and_one_arm_are_learned_recorded_again_and_watched(tmp_path, comma
     assert data.joint_names == body.tree.joints
     assert np.isfinite(data.readings).all()
     assert command("monitor", out, again).returncode == 0
+    page = tmp_path / "live.html"
+    assert command("live", out, "--out", page, "--count", 2).returncode == 0
+    assert page.read_text().lstrip().lower().startswith("<!doctype html>")
 
 
-def test_a_body_with_joints_that_the_robot_does_not_command_is_not_recorded(tmp_path, command):
+def test_a_body_with_joints_that_the_robot_does_not_command_is_neither_recorded_nor_shown(
+    tmp_path, command
+):
     tree = looking_body().tree
     renamed = tuple("tail" if name == "left_wrist" else name for name in tree.joints)
     body = BodyModel("nico", replace(tree, joints=renamed), np.ones(len(renamed)))
     save_body(body, tmp_path / "body.yaml")
     words = ("record", "--cameras", tmp_path / "body.yaml", "--random", 2)
     refused = command(*words, "--out", tmp_path / "none")
+    assert_one_clear_line(refused, "the joints tail, which this robot does not command")
+    refused = command("live", tmp_path / "body.yaml", "--out", tmp_path / "none")
     assert_one_clear_line(refused, "the joints tail, which this robot does not command")
     assert not (tmp_path / "none").exists()
 
