@@ -2,7 +2,15 @@
 
 from dataclasses import replace
 
+import numpy as np
+
+from nico_selfmodel.dataset.body.sensors import MarkerInfo
+from nico_selfmodel.geometry.rotation import rotation_from_vector
+from nico_selfmodel.geometry.transform import transform
+from nico_selfmodel.model.tree.body_model import BodyModel
 from nico_selfmodel.plant import SelfModelPlant
+from nico_selfmodel.sessions.body_truth import tracked_body
+from nico_selfmodel.sessions.rendered_body import RenderedBody
 from nico_selfmodel.systems.nico_cameras import MOUNTS, NICO_CAMERAS
 from nico_selfmodel.systems.simulated.imperfections import IMPERFECTIONS
 from nico_selfmodel.systems.stations.nico_instance import NicoInstance
@@ -21,3 +29,17 @@ def true_model(arm, world, seed):
         X_WF = frame.CalcPoseInWorld(context).GetAsMatrix4()
         cameras[name] = camera.at(X_WF @ camera.X_WC)
     return replace(body.model, cameras=cameras, pixel_sigma=0.2, noise_sigma=1e-4)
+
+
+def true_body(world, seed):
+    """Return a whole body with the corners of its hands' cards, and its room about it."""
+    robot = RenderedBody(world, seed)
+    mechanics, servos = robot.ground_truth.mechanics, robot.ground_truth.mechanics.servos
+    hands = [MarkerInfo(name, "hand") for name in robot.tracked if name not in robot.room]
+    room = [MarkerInfo(name, "world", tuple(p.tolist())) for name, p in robot.room.items()]
+    tree = tracked_body(mechanics.tree, [*hands, *room])
+    zeros = np.zeros((len(servos.joints), 3))
+    zeros[:, 2] = -servos.offset / servos.gear
+    X_PJ = tree.X_PJ @ transform(rotation_from_vector(zeros), np.zeros_like(zeros))
+    tree = replace(tree, X_PJ=X_PJ, gear=servos.gear)
+    return BodyModel("nico", tree, servos.radians_per_unit)

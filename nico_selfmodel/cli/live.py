@@ -1,5 +1,7 @@
 """`nico-selfmodel live`: a simulated Nico live, prediction against observation."""
 
+from collections.abc import Mapping
+from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 import typer
@@ -8,6 +10,10 @@ from nico_selfmodel.cli import options, printer
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
+
+    from nico_selfmodel.sessions.watching import Watching
+    from nico_selfmodel.sessions.watching_body import WatchingBody
+    from nico_selfmodel.systems.simulated.imperfections import Imperfections
 
 
 def live(
@@ -32,25 +38,23 @@ def live(
 ) -> None:
     """Move a simulated Nico by sliders; see what it sees, and where it expects its hand.
 
-    With --out it goes through random poses instead, onto a page.
+    With --out it goes through random poses instead, onto a page. A whole body (body.yaml, of `learn
+    --head`) looks about a room and at its hands.
     """
     from nico_selfmodel.files.whole import refuse_existing, write_whole
-    from nico_selfmodel.model.self_model_file import load_model
+    from nico_selfmodel.model.tree.body_model import is_body
     from nico_selfmodel.systems.simulated.imperfections import imperfections_named
 
     chosen = imperfections_named(imperfections)
     if out is not None:
         refuse_existing(out, force=force)
-    known = load_model(model)
-    from nico_selfmodel.sessions.nico_before_mirrors import mirror_of_words
-    from nico_selfmodel.sessions.watching import Watching
-
-    instance = int(known.provenance.get("seed") or 0) if seed is None else seed
-    put = None
-    if mirror is not None:
-        name, place = mirror_of_words(mirror)
-        put = (name, place if "=" in mirror else None)
-    with Watching(known, chosen, instance, mirror=put, recording=out is not None) as watching:
+    if is_body(model):
+        if mirror is not None:
+            raise ValueError("--mirror is for one arm: a whole body is shown without a mirror")
+        watched = _whole_body(model, chosen, seed, out is not None)
+    else:
+        watched = _one_arm(model, chosen, seed, mirror, out is not None)
+    with watched as watching:
         if out is not None:
             with printer.progress_bar() as progress:
                 watching.visit_random_poses(
@@ -67,11 +71,42 @@ def live(
             watching.run(_tell, seconds or float("inf"))
 
 
-def _tell(errors: "NDArray") -> None:
+def _one_arm(
+    model: Path, world: "Imperfections", seed: int | None, mirror: str | None, recording: bool
+) -> "Watching":
+    """Wake up one arm before a head that stands still."""
+    from nico_selfmodel.model.self_model_file import load_model
+    from nico_selfmodel.sessions.nico_before_mirrors import mirror_of_words
+    from nico_selfmodel.sessions.watching import Watching
+
+    known = load_model(model)
+    instance = int(known.provenance.get("seed") or 0) if seed is None else seed
+    put = None
+    if mirror is not None:
+        name, place = mirror_of_words(mirror)
+        put = (name, place if "=" in mirror else None)
+    return Watching(known, world, instance, mirror=put, recording=recording)
+
+
+def _whole_body(
+    model: Path, world: "Imperfections", seed: int | None, recording: bool
+) -> "WatchingBody":
+    """Wake up a whole Nico in its room."""
+    from nico_selfmodel.model.tree.body_model import load_body
+    from nico_selfmodel.sessions.watching_body import WatchingBody
+
+    known = load_body(model)
+    instance = int(known.provenance.get("seed") or 0) if seed is None else seed
+    return WatchingBody(known, world, instance, recording=recording)
+
+
+def _tell(errors: "NDArray | Mapping[str, NDArray]") -> None:
     """Say on one line, written over and over, how far prediction and observation are apart."""
-    cameras = ("L", "R", "in the mirror L", "R")[: len(errors)]
-    words = [
-        f"{camera} {'not seen' if e != e else f'{e:.1f} px'}"
-        for camera, e in zip(cameras, errors, strict=True)
-    ]
+    if isinstance(errors, Mapping):
+        names = tuple(f"{name} {side}" for name in errors for side in "LR")
+        values = [value for both in errors.values() for value in both]
+    else:
+        names, values = ("L", "R", "in the mirror L", "R")[: len(errors)], list(errors)
+    told = zip(names, values, strict=True)
+    words = [f"{name} {'not seen' if e != e else f'{e:.1f} px'}" for name, e in told]
     printer.line("  " + "   ".join(words) + "      ", end="\r")

@@ -11,6 +11,7 @@ from nico_selfmodel.errors import ModelError
 from nico_selfmodel.geometry.transform import inverse, transform
 from nico_selfmodel.model.tree.body_tree import WORLD, Attached, BodyTree
 from nico_selfmodel.model.tree.tree_motion import TreeMotion
+from nico_selfmodel.names import listed
 from nico_selfmodel.planning.visible_workspace import FACING, ViewLimits
 from nico_selfmodel.plant.body_description import BodyDescription
 from nico_selfmodel.plant.collisions import CollisionShapes
@@ -127,9 +128,11 @@ class BodyView:
             found.extend(pose for pose in q[good] if self._free(pose, markers))
             if len(found) >= count:
                 return np.array(found[:count])
+        beside = f" and {also[1]} of {listed(also[0])}" if also[1] else ""
         raise ModelError(
-            f"{len(found)} of {_ROUNDS * _DRAWN} poses show every camera {fewest} of the markers, "
-            f"{count} are wanted: put the markers before the head, or ask for fewer"
+            f"the head hardly sees {listed(markers)}: {len(found)} of {_ROUNDS * _DRAWN} poses "
+            f"show every camera {fewest} of them{beside}, {count} are wanted: put the markers "
+            "before the head, or ask for fewer"
         )
 
     def _free(self, q: NDArray, markers: Sequence[str]) -> bool:

@@ -4,7 +4,7 @@ Only for judging: where joints rest in their play, and what cameras add, is all 
 misses in the images.
 """
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -36,7 +36,7 @@ def mechanics_left(nico: WholeNico, data: BodyDataset) -> Mapping[str, float]:
     Returns:
         Of each link that carries something [px], by its joint.
     """
-    truth, mechanics = _tracked(nico.mechanics.tree, data), nico.mechanics
+    truth, mechanics = tracked_body(nico.mechanics.tree, data.markers), nico.mechanics
     q = mechanics.expected_angles(data.readings)
     asked = replace(
         data,
@@ -54,14 +54,19 @@ def mechanics_left(nico: WholeNico, data: BodyDataset) -> Mapping[str, float]:
     }
 
 
-def _tracked(tree: BodyTree, data: BodyDataset) -> BodyTree:
-    """Return a body that is read in its joints' angles, with a recording's markers."""
+def tracked_body(tree: BodyTree, infos: Sequence[MarkerInfo]) -> BodyTree:
+    """Return a body that is read in its joints' angles, with the markers that its cameras look for.
+
+    Args:
+        tree: The body as built, with the hands' cards.
+        infos: Corners of these cards, and markers of known place in the room.
+    """
     corners = {
         own: _corner(marker, own, k)
         for marker in tree.markers
         for k, own in enumerate(corner_names(marker.name))
     }
-    markers = tuple(_known(info) or corners[info.name] for info in data.markers)
+    markers = tuple(_known(info) or corners[info.name] for info in infos)
     return replace(tree.with_markers(markers), gear=np.ones(len(tree.joints)))
 
 

@@ -105,6 +105,34 @@ class RenderedBody:
         poses += [self.view.poses([h], 1, hands, rng, also=(room, IN_ROOM)) for h in wanted]
         return np.vstack(poses) if poses else np.zeros((0, len(self.body.joints)))
 
+    def station(self, session: int, rig: StereoRig | None = None) -> NicoStation:
+        """Wake it up in its room.
+
+        Args:
+            session: Which day.
+            rig: Calibrated cameras, behind whose lenses markers are located; as designed if
+                omitted.
+        """
+        found = room_detectors(self.cards, rig or NICO_CAMERAS)
+        return NicoStation(
+            self.world,
+            self.seed,
+            session,
+            arm=self.body,
+            detectors={marker: found[marker] for marker in self.tracked},
+            quality=self.quality,
+            room=self.cards,
+        )
+
+    def commands(self, station: NicoStation, angles: NDArray) -> NDArray:
+        """Return commands that bring a station's joints to angles [encoder units].
+
+        Args:
+            station: Its own.
+            angles: Of its joints [rad]. Shape (N, k).
+        """
+        return commands_of_angles(station.joints, self.body.lower, self.body.upper, angles)
+
     def record(
         self,
         name: str,
@@ -137,21 +165,11 @@ class RenderedBody:
             DataError: If nothing was seen.
             ValueError: If a given pose lies beyond a joint's stop.
         """
-        found = room_detectors(self.cards, rig or NICO_CAMERAS)
         rng = np.random.default_rng((self.seed, session, 26))
         angles = self.plan(*((looks, hands) if poses is None else (0, 0)), rng)
-        with NicoStation(
-            self.world,
-            self.seed,
-            session,
-            arm=self.body,
-            detectors={marker: found[marker] for marker in self.tracked},
-            quality=self.quality,
-            room=self.cards,
-        ) as station:
+        with self.station(session, rig) as station:
             body = StationBody(station, station.joints, self.tracked)
-            lower, upper = self.body.lower, self.body.upper
-            planned = commands_of_angles(station.joints, lower, upper, angles)
+            planned = self.commands(station, angles)
             plan: Plan = given_commands(station.joints, planned if poses is None else poses)
             world, image_size = station.world.name, station.image_size
             source = f"rendered whole nico, world {world!r}, individual {self.seed}, "

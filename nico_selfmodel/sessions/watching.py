@@ -1,6 +1,5 @@
 """Nico at work, live: sliders move its joints, its self-model predicts what its cameras see."""
 
-import time
 from collections.abc import Callable
 
 import numpy as np
@@ -14,6 +13,7 @@ from nico_selfmodel.model.self_model import SelfModel
 from nico_selfmodel.plant import ArmDescription
 from nico_selfmodel.sessions.camera_scenario import RenderedNico
 from nico_selfmodel.sessions.nico_before_mirrors import DEFAULT_MIRROR, NicoBeforeMirrors
+from nico_selfmodel.sessions.sliders import follow_sliders
 from nico_selfmodel.systems.closing import Closable
 from nico_selfmodel.systems.rendering.mirror_scene import put_mirror
 from nico_selfmodel.systems.simulated.imperfections import Imperfections
@@ -22,8 +22,6 @@ from nico_selfmodel.systems.stations.station_body import StationBody
 from nico_selfmodel.viz.live.station_mirror import StandingGlass
 from nico_selfmodel.viz.live.station_view import StationView
 
-STOP = "stop"
-"""Label of the button that ends the show."""
 _DAY = 99
 _CHOICE = 12
 """Poses in view of which the one nearest to the images' middles is shown first."""
@@ -154,36 +152,18 @@ class Watching(Closable):
             tell: Called with what `show` returned after every frame.
             seconds: How long at most [s].
         """
-        meshcat = self.view.meshcat
-        servos = self.model.servos
-        start = self._read("encoders")
-        for i, joint in enumerate(self.station.joints):
-            ends = np.array([joint.lower, joint.upper], dtype=float)
-            low, high = self._degrees(servos.to_joint(np.tile(ends, (len(start), 1)).T)[:, i])
-            here = float(np.degrees(servos.to_joint(start)[i]))
-            meshcat.AddSlider(
-                f"{joint.name} [deg]", low, high, 0.5, float(np.clip(here, low, high))
-            )
-        meshcat.AddButton(STOP)
-        simulator = self.body.simulator
-        began, first = time.monotonic(), simulator.get_context().get_time()
-        while meshcat.GetButtonClicks(STOP) == 0 and time.monotonic() - began < seconds:
-            wanted = [
-                meshcat.GetSliderValue(f"{joint.name} [deg]") for joint in self.station.joints
-            ]
-            command = servos.to_encoder(np.radians(wanted))
-            self.station.GetInputPort("encoders_commanded").FixValue(self.body.context, command)
-            simulator.AdvanceTo(first + time.monotonic() - began)
-            tell(self.show())
-        meshcat.DeleteAddedControls()
+        follow_sliders(
+            self.view,
+            self.station,
+            self.body,
+            self.model.servos.to_joint,
+            self.model.servos.to_encoder,
+            lambda: tell(self.show()),
+            seconds,
+        )
 
     def _read(self, port: str) -> NDArray:
         return np.array(self.station.GetOutputPort(port).Eval(self.body.context))
-
-    @staticmethod
-    def _degrees(ends: NDArray) -> tuple[float, float]:
-        low, high = np.sort(np.degrees(ends))
-        return float(low), float(high)
 
 
 def _before(

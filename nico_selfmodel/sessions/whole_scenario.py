@@ -3,6 +3,8 @@
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
+import numpy as np
+
 from nico_selfmodel.dataset.body.body_dataset import BodyDataset
 from nico_selfmodel.dataset.body.joining import joined
 from nico_selfmodel.estimation.cameras.camera_adjustment import CameraCalibration
@@ -84,6 +86,8 @@ def learn_whole(
     """
     counts = counts or BodyCounts()
     robot = RenderedBody(world, seed, arms, quality)
+    # What cannot be seen is said before anything is recorded.
+    robot.plan(1, 1, np.random.default_rng(seed))
     looks = robot.record(
         "looks", 0, counts.looks, 0, progress=telling(stage, "looking about the room")
     )
@@ -106,6 +110,7 @@ def learn_whole(
     )
     test = with_lenses(test, lenses)
     telling(stage, "learning head and arms together")(0, 1)
+    # Asked what bends, the bodies that were tried stay rigid: docs/whole-body.md says why.
     found = calibrate_tree(train, test=test, wishes=_free_lenses(lenses), effects=())
     telling(stage, "learning head and arms together")(1, 1)
     left = mechanics_left(robot.ground_truth, test)

@@ -1,9 +1,11 @@
 """Nico looking at its hands: which joints stand still, and which points it sees."""
 
+from collections.abc import Sequence
 from functools import cache
 
 import numpy as np
 
+from nico_selfmodel.names import listed
 from nico_selfmodel.plant import ArmDescription
 from nico_selfmodel.plant.body_description import BodyDescription
 from nico_selfmodel.systems.nico_cameras import MOUNTS, NICO_CAMERAS
@@ -66,6 +68,8 @@ ARM_JOINTS = {
     for side in ("right", "left")
 }  # fmt: skip
 """All joints of each arm."""
+ALL_JOINTS = (*HEAD_JOINTS, *ARM_JOINTS["right"], *ARM_JOINTS["left"])
+"""All joints that a whole Nico commands, in their order."""
 HAND_POINTS = {
     f"{side}_{point}": card
     for side in ARM_JOINTS
@@ -86,8 +90,35 @@ def looking_body(*joints: str) -> BodyDescription:
     Raises:
         ModelError: If there is no such joint.
     """
-    everything = (*HEAD_JOINTS, *ARM_JOINTS["right"], *ARM_JOINTS["left"])
     cameras = dict(zip(MOUNTS, NICO_CAMERAS.cameras, strict=True))
     return BodyDescription.from_urdf(
-        "nico", everything, HAND_POINTS, cameras, commanded=joints or everything, held=looking()
+        "nico", ALL_JOINTS, HAND_POINTS, cameras, commanded=joints or ALL_JOINTS, held=looking()
     )
+
+
+def arms_among(joints: Sequence[str]) -> tuple[str, ...]:
+    """Return the arms among a body's joints, which are those of its head and of whole arms.
+
+    Args:
+        joints: Names.
+
+    Raises:
+        ValueError: If a whole Nico does not command one, or some are missing or in another order.
+    """
+    if strange := [joint for joint in joints if joint not in ALL_JOINTS]:
+        raise ValueError(
+            f"the body has the joints {listed(strange)}, which this robot does not command; it "
+            f"commands {listed(ALL_JOINTS)}"
+        )
+    arms = tuple(side for side, own in ARM_JOINTS.items() if set(own) & set(joints))
+    wanted = (*HEAD_JOINTS, *(joint for side in arms for joint in ARM_JOINTS[side]))
+    if missing := [joint for joint in wanted if joint not in joints]:
+        raise ValueError(
+            f"the body lacks {listed(missing)}: a head and whole arms are moved, as `learn --head` "
+            "leaves them"
+        )
+    if tuple(joints) != wanted:
+        raise ValueError(
+            f"the body has its joints in the order {listed(joints)}, expected {listed(wanted)}"
+        )
+    return arms

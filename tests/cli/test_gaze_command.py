@@ -57,3 +57,16 @@ def test_the_own_hand_is_looked_at(body, command):
 def test_what_cannot_be_looked_at_is_one_line(body, command, words, said):
     done = command("gaze", body, *words)
     assert_one_clear_line(done, said)
+
+
+@pytest.mark.parametrize(
+    ("words", "said"),
+    [
+        ([], "does not know the markers right_hand_fiducial_0"),
+        (["--mirror", "glass"], "a whole body is shown without a mirror"),
+    ],
+)
+def test_a_whole_body_that_cannot_be_shown_live_is_one_line(body, tmp_path, command, words, said):
+    done = command("live", body, "--out", tmp_path / "page.html", *words)
+    assert_one_clear_line(done, said)
+    assert not (tmp_path / "page.html").exists()

@@ -6,9 +6,13 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from nico_selfmodel.dataset.body.body_folder import load_body_dataset
+from nico_selfmodel.dataset.body.body_folder import load_body_dataset, save_body_dataset
 from nico_selfmodel.model.tree.body_model import BodyModel, load_body, save_body
+from nico_selfmodel.planning import body_poses
+from nico_selfmodel.sessions import rendered_body
+from nico_selfmodel.sessions.whole_body import whole_body_session
 from nico_selfmodel.systems.looking import ARM_JOINTS, HEAD_JOINTS, looking_body
+from nico_selfmodel.systems.simulated.imperfections import IMPERFECTIONS
 
 from .one_line import assert_one_clear_line
 
@@ -41,9 +45,14 @@ def test_head_and_one_arm_are_learned_recorded_again_and_watched(tmp_path, comma
     assert data.joint_names == body.tree.joints
     assert np.isfinite(data.readings).all()
     assert command("monitor", out, again).returncode == 0
+    page = tmp_path / "live.html"
+    assert command("live", out, "--out", page, "--count", 2).returncode == 0
+    assert page.read_text().lstrip().lower().startswith("<!doctype html>")
 
 
-def test_a_body_with_joints_that_the_robot_does_not_command_is_not_recorded(tmp_path, command):
+def test_a_body_with_joints_that_the_robot_does_not_command_is_neither_recorded_nor_shown(
+    tmp_path, command
+):
     tree = looking_body().tree
     renamed = tuple("tail" if name == "left_wrist" else name for name in tree.joints)
     body = BodyModel("nico", replace(tree, joints=renamed), np.ones(len(renamed)))
@@ -51,4 +60,28 @@ def test_a_body_with_joints_that_the_robot_does_not_command_is_not_recorded(tmp_
     words = ("record", "--cameras", tmp_path / "body.yaml", "--random", 2)
     refused = command(*words, "--out", tmp_path / "none")
     assert_one_clear_line(refused, "the joints tail, which this robot does not command")
+    refused = command("live", tmp_path / "body.yaml", "--out", tmp_path / "none")
+    assert_one_clear_line(refused, "the joints tail, which this robot does not command")
+    assert not (tmp_path / "none").exists()
+
+
+def test_a_head_that_sees_nothing_of_the_arm_is_said_before_anything_is_recorded(
+    tmp_path, command, monkeypatch
+):
+    near_sighted = replace(rendered_body.RENDERED, far=rendered_body.RENDERED.near)
+    monkeypatch.setattr(rendered_body, "RENDERED", near_sighted)
+    monkeypatch.setattr(body_poses, "_ROUNDS", 1)
+    done = command("learn", "--head", "--arms", "right", "--out", tmp_path / "none")
+    assert_one_clear_line(done, "the head hardly sees right_hand_fiducial: 0 of 2000 poses")
+    assert not (tmp_path / "none").exists()
+
+
+def test_a_recording_in_which_the_head_saw_nothing_of_the_arms_is_refused(tmp_path, command):
+    data = whole_body_session(IMPERFECTIONS["clean"], 0, 0, looks=12, hands=0)
+    known = np.array([marker.xyz is not None for marker in data.markers])
+    table = data.observations
+    table = table.select(known[table.marker])
+    save_body_dataset(replace(data, observations=table), tmp_path / "room")
+    done = command("calibrate", "body", tmp_path / "room", "--out", tmp_path / "none")
+    assert_one_clear_line(done, "the cameras saw nothing that right_shoulder_pitch")
     assert not (tmp_path / "none").exists()

@@ -32,10 +32,10 @@ def model_before(mirrors):
 )
 def test_mirrors_that_cannot_be_shown_are_refused_in_one_line(words, reason, tmp_path, command):
     far = Mirror.from_values([0.3, 0.0, 0.5])
-    save_model(model_before({"glass": DEFAULT_MIRROR, "far": far}), tmp_path / "body.yaml")
+    save_model(model_before({"glass": DEFAULT_MIRROR, "far": far}), tmp_path / "arm.yaml")
     page = tmp_path / "page.html"
     body = ("--imperfections", "clean", "--seed", 3)
-    done = command("live", tmp_path / "body.yaml", *body, "--mirror", words, "--out", page)
+    done = command("live", tmp_path / "arm.yaml", *body, "--mirror", words, "--out", page)
     assert done.returncode == 2
     assert reason in done.stderr
     assert len(done.stderr.strip().splitlines()) == 1

@@ -30,10 +30,11 @@ from .whole_body_truth import axis_deviations, hand_errors, true_motion
 
 
 def of_the_room(data):
-    """The observations of the room alone: what tells the head."""
+    """The observations of the room alone, what tells the head; arms that nobody saw stand still."""
     known = np.array([marker.xyz is not None for marker in data.markers])
-    table = data.observations
-    return replace(data, observations=table.select(known[table.marker]))
+    table, readings = data.observations, data.readings.copy()
+    readings[:, len(HEAD_JOINTS) :] = 0.0
+    return replace(data, observations=table.select(known[table.marker]), readings=readings)
 
 
 @pytest.fixture(scope="module")
@@ -90,6 +91,15 @@ def test_a_known_room_and_a_description_are_two_worlds(looked_about):
     described = Description(blank_body(looked_about, {}))
     with pytest.raises(DataError, match="leave out --robot"):
         calibrate_tree(looked_about, description=described)
+
+
+def test_arms_that_the_head_saw_nothing_of_are_named():
+    data = whole_body_session(IMPERFECTIONS["clean"], 0, 0, looks=12, hands=0)
+    known = np.array([marker.xyz is not None for marker in data.markers])
+    table = data.observations
+    hidden = replace(data, observations=table.select(known[table.marker]))
+    with pytest.raises(DataError, match=r"saw nothing that right_shoulder_pitch, .* move: let"):
+        calibrate_tree(hidden)
 
 
 @pytest.mark.slow

@@ -43,7 +43,9 @@ def test_what_no_pose_shows_is_said():
     behind = np.eye(4)
     behind[:3, 3] = [-3.0, 0.0, 0.5]
     view = BodyView(looking_body("neck_roll"), [Attached("behind", WORLD, behind)])
-    with pytest.raises(ModelError, match=r"0 of .* poses show every camera 1 of the markers"):
+    with pytest.raises(
+        ModelError, match=r"hardly sees behind: 0 of .* show every camera 1 of them"
+    ):
         view.poses(["behind"], 1, 2, np.random.default_rng(0))
 
 

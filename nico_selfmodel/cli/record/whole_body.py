@@ -3,11 +3,8 @@
 from typing import TYPE_CHECKING
 
 from nico_selfmodel.cli import inputs, printer
-from nico_selfmodel.names import listed
 
 if TYPE_CHECKING:
-    from collections.abc import Sequence
-
     from nico_selfmodel.cli.record.request import Request
     from nico_selfmodel.systems.simulated.imperfections import Imperfections
 
@@ -28,6 +25,7 @@ def record_body(request: "Request", world: "Imperfections") -> None:
     from nico_selfmodel.model.tree.body_model import load_body
     from nico_selfmodel.sessions.rendered_body import RenderedBody
     from nico_selfmodel.sessions.whole_scenario import with_lenses
+    from nico_selfmodel.systems.looking import arms_among
 
     assert request.cameras is not None
     refuse_existing(request.out, force=False)
@@ -37,7 +35,7 @@ def record_body(request: "Request", world: "Imperfections") -> None:
             "--sensor"
         )
     body = load_body(request.cameras)
-    arms = _arms_of(body.tree.joints)
+    arms = arms_among(body.tree.joints)
     robot = RenderedBody(world, request.seed, arms)
     lenses = dict(body.tree.lenses)
     hands = request.random if arms else 0
@@ -54,23 +52,3 @@ def record_body(request: "Request", world: "Imperfections") -> None:
     data = with_lenses(data, lenses)
     save_body_dataset(data, request.out)
     printer.body_dataset(data, request.out)
-
-
-def _arms_of(joints: "Sequence[str]") -> tuple[str, ...]:
-    """Return the arms among a body's joints; refuse joints that no whole Nico commands."""
-    from nico_selfmodel.systems.looking import ARM_JOINTS, HEAD_JOINTS
-
-    known = (*HEAD_JOINTS, *(joint for arm in ARM_JOINTS.values() for joint in arm))
-    arms = tuple(side for side, own in ARM_JOINTS.items() if set(own) & set(joints))
-    wanted = {*HEAD_JOINTS, *(joint for side in arms for joint in ARM_JOINTS[side])}
-    if strange := [joint for joint in joints if joint not in known]:
-        raise ValueError(
-            f"the body has the joints {listed(strange)}, which this robot does not command; it "
-            f"commands {listed(known)}"
-        )
-    if missing := [joint for joint in known if joint in wanted and joint not in joints]:
-        raise ValueError(
-            f"the body lacks {listed(missing)}: a head and whole arms are recorded, as `learn "
-            "--head` leaves them"
-        )
-    return arms

@@ -1,12 +1,10 @@
 """A robot at work in Meshcat: its body as it knows itself, and what its cameras see right now."""
 
 from collections.abc import Sequence
-from dataclasses import replace
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from pydrake.geometry import Meshcat
-from pydrake.math import RigidTransform
 
 from nico_selfmodel.geometry.transform import apply, inverse, transform
 from nico_selfmodel.model.cameras.rig_parameters import SIDES
@@ -15,14 +13,14 @@ from nico_selfmodel.plant import ArmDescription, SelfModelPlant
 from nico_selfmodel.plant.learned_frames import learned_frames
 from nico_selfmodel.viz.figures import palette
 from nico_selfmodel.viz.figures.rgba import Rgba
-from nico_selfmodel.viz.live.drake_backend import draw_in_drake, draw_item
 from nico_selfmodel.viz.live.image_marks import marked
+from nico_selfmodel.viz.live.moving_scene import MovingScene
 from nico_selfmodel.viz.live.screens import screens_beside
 from nico_selfmodel.viz.live.station_mirror import StandingGlass, StationMirror
 from nico_selfmodel.viz.scene.body_scene import standing
 from nico_selfmodel.viz.scene.camera_items import ImagePlane, camera_items
 from nico_selfmodel.viz.scene.robot_items import robot_items
-from nico_selfmodel.viz.scene.scene import ROOT, LegendEntry, Scene
+from nico_selfmodel.viz.scene.scene import LegendEntry, Scene
 from nico_selfmodel.viz.scene.scene_items import Item, Markers, Picture
 from nico_selfmodel.viz.scene.surroundings import camera_from, floor_items
 
@@ -34,7 +32,6 @@ _CYAN, _ORANGE = "#33bbee", "#ee7733"
 TRACKED, PREDICTED = palette.rgba(_CYAN), palette.rgba(_ORANGE)
 _FLESH = 0.09
 """How far the robot reaches beyond the origins of its links [m]."""
-_SECONDS_A_FRAME = 1.0 / 8.0
 _AZIMUTH = np.radians(252.0)
 """The first view is from the robot's right and a little behind: it looks towards its screens."""
 
@@ -42,7 +39,7 @@ _INTO_MIRROR = np.radians(232.0)
 """Before a mirror it is more from behind, so that one can look into the glass."""
 
 
-class StationView:
+class StationView(MovingScene):
     """The moving robot, the frusta of its cameras, their images, the tracked and predicted hand.
 
     The robot stands upright on its own root link, whatever frame its self-model is expressed in.
@@ -77,7 +74,6 @@ class StationView:
         self._built = SelfModelPlant.from_urdf(arm, self.model)
         self._context = self._built.plant.CreateDefaultContext()
         self._mirror = None if glass is None else StationMirror(glass, self.model)
-        self._shown: dict[str, str] = {}
         q = np.zeros(len(arm.joints))
         body = robot_items(arm, self.model, q)
         self._links = sorted({item.path.split("/")[1] for item in body})
@@ -90,12 +86,7 @@ class StationView:
         sizes = {side: plane.camera.image_size for side, plane in self._planes.items()}
         self._azimuth = float(_AZIMUTH if glass is None else _INTO_MIRROR)
         self._screens = screens_beside(self._extent(body), self._azimuth, sizes)
-        self._recording, self._frames = recording, 0
-        self.meshcat = draw_in_drake(self._scene(body), meshcat)
-        if recording:
-            self.meshcat.StartRecording(
-                frames_per_second=1.0 / _SECONDS_A_FRAME, set_visualizations_while_recording=True
-            )
+        super().__init__(self._scene(body), meshcat, recording=recording)
 
     def _scene(self, body: list[Item]) -> Scene:
         items: list[Item] = [*body]
@@ -150,7 +141,7 @@ class StationView:
         Raises:
             ValueError: If a shape is wrong, or there is no mirror to be reflected in.
         """
-        time = self._frames * _SECONDS_A_FRAME if self._recording else None
+        time = self._time
         q = self.model.servos.to_joint(np.asarray(readings, dtype=float))
         seen, in_mirror = _four(pixels, "pixels"), _four(reflected, "reflected")
         if self._mirror is None and reflected is not None:
@@ -201,13 +192,6 @@ class StationView:
                 name = f"{side}_{kind}"
                 self._show_item(f"mirror/{name}", rays.get(name), time)
 
-    def html(self) -> str:
-        """Return what was shown as one page, with its animation if it was recorded."""
-        if self._recording:
-            self.meshcat.StopRecording()
-            self.meshcat.PublishRecording()
-        return self.meshcat.StaticHtml()
-
     def _show_tracked(self, path: str, pixels: NDArray, time: float | None) -> None:
         there = bool(np.isfinite(pixels).all())
         if there:
@@ -221,32 +205,6 @@ class StationView:
         (picture,) = (item for item in items if isinstance(item, Picture) and "image" in item.path)
         self._show_item(f"cameras/{side}/image", picture, time)
         self._show_item(f"screens/{side}/image", self._screens[side].picture(image, "image"), time)
-
-    def _show_item(self, name: str, item: Item | None, time: float | None) -> None:
-        """Draw what is new at every moment, None for nothing.
-
-        A recording holds motions, not shapes: it keeps all of them, one visible at a time.
-        """
-        before = self._shown.pop(name, None)
-        folder = name.rpartition("/")[0]
-        stem = folder if name.endswith("/image") else name
-        path = name if time is None else f"{stem}/frame_{self._frames}"
-        if before is not None and (time is not None or item is None):
-            self._set_visible(before, False, time)
-        if item is None:
-            return
-        self._shown[name] = path
-        draw_item(self.meshcat, f"{ROOT}/{path}", replace(item, path=path))
-        self._place(path, item.X_WI, None)
-        if time is not None and self._frames:
-            self._set_visible(path, False, 0.0)
-        self._set_visible(path, True, time)
-
-    def _place(self, path: str, X: NDArray, time: float | None) -> None:
-        self.meshcat.SetTransform(f"{ROOT}/{path}", RigidTransform(pose=X), time_in_recording=time)
-
-    def _set_visible(self, path: str, visible: bool, time: float | None) -> None:
-        self.meshcat.SetProperty(f"{ROOT}/{path}", "visible", visible, time_in_recording=time)
 
     def _link_poses(self, q: NDArray) -> dict[str, NDArray]:
         self._built.set_joint_angles(self._context, q)

@@ -33,21 +33,45 @@ def tree_scene(name: str, tree: BodyTree, data: BodyDataset) -> Scene:
     q = data.si_readings
     row = int(np.argmin(np.sum((q - np.median(q, axis=0)) ** 2, axis=1)))
     motion = TreeMotion.at(tree, q[row : row + 1], data.X_flange[row : row + 1])
-    centres = axis_points(tree, motion)
-    markers = np.stack([motion.pose_of(m)[1][:, 0] for m in tree.markers])
-    unit = max(float(np.linalg.norm(np.ptp(np.vstack([centres, markers]), axis=0))), 1e-3)
-    items = [
-        *_links(tree, centres, markers, unit),
-        *_joints(tree, motion, centres, 0.6 * unit),
-        *_markers(markers, unit),
-        *_sensors(tree, motion, unit),
-    ]
+    unit = _size(tree, motion)
+    items = [item for _, item in carried_items(tree, motion)]
     X_SW = _upright(tree)
+    centres, markers = axis_points(tree, motion), _marker_points(tree, motion)
     sensors = np.stack([motion.pose_of(s)[1][:, 0] for s in tree.sensors])
     points = apply(X_SW, np.vstack([centres, markers, sensors]))
     view = camera_from(points, _AZIMUTH)
     floor = floor_items(points, 0.5 * unit, X_SW)
     return Scene(name, (*floor, *turned(items, X_SW)), view, tuple(_legend(tree)))
+
+
+def carried_items(tree: BodyTree, motion: TreeMotion) -> list[tuple[int, Item]]:
+    """Return what a body is drawn by, each with the link that carries it.
+
+    Args:
+        tree: The body.
+        motion: It at one pose.
+
+    Returns:
+        Links and items, in W.
+    """
+    unit = _size(tree, motion)
+    centres, markers = axis_points(tree, motion), _marker_points(tree, motion)
+    return [
+        *_links(tree, centres, markers, unit),
+        *_joints(tree, motion, centres, 0.6 * unit),
+        *_markers(tree, markers, unit),
+        *_sensors(tree, motion, unit),
+    ]
+
+
+def _marker_points(tree: BodyTree, motion: TreeMotion) -> NDArray:
+    return np.stack([motion.pose_of(m)[1][:, 0] for m in tree.markers])
+
+
+def _size(tree: BodyTree, motion: TreeMotion) -> float:
+    """Return how large a body and its markers are at a pose [m]."""
+    points = np.vstack([axis_points(tree, motion), _marker_points(tree, motion)])
+    return max(float(np.linalg.norm(np.ptp(points, axis=0))), 1e-3)
 
 
 def axis_points(tree: BodyTree, motion: TreeMotion) -> NDArray:
@@ -82,18 +106,22 @@ def _upright(tree: BodyTree) -> NDArray:
     return transform(np.array([[1.0, 0.0, 0.0], [0.0, 0.0, 1.0], [0.0, -1.0, 0.0]]), np.zeros(3))
 
 
-def _links(tree: BodyTree, centres: NDArray, markers: NDArray, unit: float) -> list[Item]:
+def _links(
+    tree: BodyTree, centres: NDArray, markers: NDArray, unit: float
+) -> list[tuple[int, Item]]:
     """Return a rod from each joint to its parent, and a thin one to each marker."""
-    items: list[Item] = []
+    items: list[tuple[int, Item]] = []
     for i, name in enumerate(path_names(tree.joints)):
         parent = int(tree.parent[i])
         if parent != WORLD:
-            items += _rod(f"body/link_{name}", centres[parent], centres[i], 0.016 * unit)
+            ends = centres[parent], centres[i]
+            items += ((parent, rod) for rod in _rod(f"body/link_{name}", *ends, 0.016 * unit))
     for name, marker, p in zip(
         path_names(m.name for m in tree.markers), tree.markers, markers, strict=True
     ):
         if marker.on != WORLD:
-            items += _rod(f"body/to_{name}", centres[marker.on], p, 0.004 * unit)
+            ends = centres[marker.on], p
+            items += ((marker.on, rod) for rod in _rod(f"body/to_{name}", *ends, 0.004 * unit))
     return items
 
 
@@ -104,49 +132,55 @@ def _rod(path: str, start: NDArray, end: NDArray, radius: float) -> list[Item]:
     return [Tube(path=path, color=palette.rgba(palette.LINK), points=points, radius=radius)]
 
 
-def _joints(tree: BodyTree, motion: TreeMotion, centres: NDArray, unit: float) -> list[Item]:
-    items: list[Item] = []
+def _joints(
+    tree: BodyTree, motion: TreeMotion, centres: NDArray, unit: float
+) -> list[tuple[int, Item]]:
+    items: list[tuple[int, Item]] = []
     for i, name in enumerate(path_names(tree.joints)):
         z = motion.R_WJ[i, :, 2, 0]
-        pose = transform(np.column_stack([tangent_basis(z), z]), centres[i])
-        color = palette.rgba(palette.joint_color(i))
-        items.append(
-            Cylinder(
-                path=f"body/joint_{name}",
-                color=color,
-                X_WI=pose,
-                radius=0.028 * unit,
-                length=0.07 * unit,
-            )
+        drawn = Cylinder(
+            path=f"body/joint_{name}",
+            color=palette.rgba(palette.joint_color(i)),
+            X_WI=transform(np.column_stack([tangent_basis(z), z]), centres[i]),
+            radius=0.028 * unit,
+            length=0.07 * unit,
         )
+        items.append((i, drawn))
     return items
 
 
-def _markers(markers: NDArray, unit: float) -> list[Item]:
-    return [
-        Markers(
-            path="markers",
+def _markers(tree: BodyTree, markers: NDArray, unit: float) -> list[tuple[int, Item]]:
+    on, names = np.array([marker.on for marker in tree.markers]), path_names(tree.joints)
+    items: list[tuple[int, Item]] = []
+    for link in np.unique(on).tolist():
+        drawn = Markers(
+            path=f"markers/{'world' if link == WORLD else names[link]}",
             color=palette.rgba(palette.HELD_OUT),
-            centers=markers,
+            centers=markers[on == link],
             radius=0.012 * unit,
             shape="diamond",
         )
-    ]
+        items.append((link, drawn))
+    return items
 
 
-def _sensors(tree: BodyTree, motion: TreeMotion, unit: float) -> list[Item]:
-    items: list[Item] = []
+def _sensors(tree: BodyTree, motion: TreeMotion, unit: float) -> list[tuple[int, Item]]:
+    items: list[tuple[int, Item]] = []
     for name, sensor in zip(path_names(s.name for s in tree.sensors), tree.sensors, strict=True):
         R, p = motion.pose_of(sensor)
         X = transform(R[:, :, 0], p[:, 0])
         if sensor.name in tree.lenses:
             plane = ImagePlane(tree.lenses[sensor.name].at(X), _PLANE * unit)
-            items += camera_items(name, plane, None)
+            items += ((sensor.on, item) for item in camera_items(name, plane, None))
         else:
-            items.append(
-                Triad(path=f"sensors/{name}", color=(1.0,) * 4, X_WI=X, length=0.1 * unit,
-                      radius=0.006 * unit)
-            )  # fmt: skip
+            axes = Triad(
+                path=f"sensors/{name}",
+                color=(1.0,) * 4,
+                X_WI=X,
+                length=0.1 * unit,
+                radius=0.006 * unit,
+            )
+            items.append((sensor.on, axes))
     return items
 
 

@@ -21,6 +21,7 @@ from nico_selfmodel.geometry.resection import FEWEST, robust_camera_pose
 from nico_selfmodel.geometry.rotation import nearest_rotation
 from nico_selfmodel.geometry.transform import transform
 from nico_selfmodel.model.tree.body_tree import Attached, BodyTree
+from nico_selfmodel.names import listed
 
 _WITHIN = 0.02
 """Angle between a ray and its known point within which they agree [rad]."""
@@ -55,8 +56,9 @@ def body_from_carried_cameras(
 
     Raises:
         DataError: If a camera hardly ever saw six of the known markers, or what moves was seen too
-            rarely.
+            rarely or never.
     """
+    _check_seen(data, blank)
     rng = np.random.default_rng((seed, 5))
     placed = [
         _resected(data, blank, rows, rng) for rows in observations.sensors if rows.kind == CAMERA
@@ -86,6 +88,21 @@ def body_from_carried_cameras(
         found.with_markers(found.markers[:first]),
         sensors=tuple(replace(s, X_LA=places.get(s.name, s.X_LA)) for s in found.sensors),
     )
+
+
+def _check_seen(data: BodyDataset, blank: BodyTree) -> None:
+    """Refuse joints that moved, and moved nothing that sees or is seen."""
+    table, beyond = data.observations, blank.beyond
+    links = [blank.markers[m].on for m in np.unique(table.marker).tolist()]
+    links += [sensor.on for sensor in blank.sensors]
+    moved = np.ptp(np.asarray(data.si_readings), axis=0) > 0.0
+    idle = np.flatnonzero(moved & ~beyond[links].any(axis=0)).tolist()
+    if idle:
+        names = listed([data.joint_names[i] for i in idle])
+        raise DataError(
+            f"data set {data.name!r}: the cameras saw nothing that {names} move: let the head look "
+            "at the markers there, or record without these joints"
+        )
 
 
 def _sensor(tree: BodyTree, data: BodyDataset, rows: SensorRows) -> int:
