@@ -1,6 +1,7 @@
 """`nico-selfmodel choose-poses`: which poses to record next."""
 
 import shlex
+from pathlib import Path
 from typing import Annotated
 
 import typer
@@ -22,7 +23,7 @@ def choose_poses(
     force: options.Force = False,
     as_json: options.AsJson = False,
 ) -> None:
-    """Choose the poses that would tell a learned arm most beyond the data it was learned from.
+    """Choose the poses that would tell a learned arm or body most beyond what it was learned from.
 
     They lie between the readings that were recorded, and in view of learned cameras. See that
     nothing is in the way before moving there.
@@ -33,9 +34,13 @@ def choose_poses(
     from nico_selfmodel.files.whole import refuse_existing, write_whole
     from nico_selfmodel.model.readings import readings_table
     from nico_selfmodel.model.self_model_file import load_model
+    from nico_selfmodel.model.tree.body_model import is_body
     from nico_selfmodel.planning.next_poses import choose_next_poses
 
     refuse_existing(out, force=force)
+    if is_body(model):
+        _of_a_body(model, dataset, out, count, criterion, marker, seed, as_json)
+        return
     learned = load_model(model)
     chosen = choose_next_poses(
         learned,
@@ -57,4 +62,41 @@ def choose_poses(
         f"reducible error of the predicted hand, rms: now {before:.3g} mm, with these poses "
         f"{after:.3g} mm\n"
         f"next  nico-selfmodel record {recording}"
+    )
+
+
+def _of_a_body(
+    model: Path,
+    dataset: Path,
+    out: Path,
+    count: int,
+    criterion: str,
+    marker: str | None,
+    seed: int,
+    as_json: bool,
+) -> None:
+    """Choose poses of a body of any tree, whose cameras see one of its markers."""
+    import numpy as np
+
+    from nico_selfmodel.dataset.body.body_folder import load_body_dataset
+    from nico_selfmodel.files.whole import write_whole
+    from nico_selfmodel.model.readings import readings_table
+    from nico_selfmodel.model.tree.body_model import load_body
+    from nico_selfmodel.planning.next_body_poses import choose_next_body_poses
+
+    learned, data = load_body(model), load_body_dataset(dataset)
+    rng = np.random.default_rng(seed)
+    chosen = choose_next_body_poses(learned, data, count, rng, criterion=criterion, marker=marker)
+    write_whole(out, readings_table(chosen.readings, learned.tree.joints))
+    before, after = chosen.sigma_before, chosen.sigma_after
+    if as_json:
+        sigmas = {"sigma_before_px": before, "sigma_after_px": after}
+        printer.as_json({"poses": chosen.readings.tolist(), **sigmas})
+        return
+    words = ["--cameras", model, "--poses", out, "--out", inputs.beside(out, "recorded")]
+    printer.line(
+        f"{count} poses: {out}\n"
+        f"reducible error of the predicted marker in the images, rms: now {before:.3g} px, with "
+        f"these poses {after:.3g} px\n"
+        f"next  nico-selfmodel record {shlex.join(map(str, words))}"
     )

@@ -3,7 +3,7 @@
 import shlex
 from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Annotated, Any, NoReturn
 
 import typer
 
@@ -25,6 +25,13 @@ def monitor(
     as_json: options.AsJson = False,
 ) -> None:
     """Hold a body against new observations, in their order; exit code 1 where something changed."""
+    from nico_selfmodel.model.tree.body_model import is_body
+
+    if is_body(model):
+        _check_relearn(model, dataset, out, relearn=relearn, force=force)
+        if sensor == "points":
+            raise ValueError("--sensor points: a whole body is watched by its own cameras' pixels")
+        _monitor_body(model, dataset, out, force=force, as_json=as_json)
     from nico_selfmodel.dataset.folder import load_dataset
     from nico_selfmodel.estimation.judging import judge, to_json
     from nico_selfmodel.estimation.monitoring.health import check_health
@@ -32,22 +39,13 @@ def monitor(
     from nico_selfmodel.estimation.monitoring.relearning import relearn_cause, since_change
     from nico_selfmodel.estimation.monitoring.update_evaluation import evaluate_update
     from nico_selfmodel.estimation.monitoring.update_result import relearned_result
-    from nico_selfmodel.files.whole import refuse_folder
     from nico_selfmodel.model.self_model_file import load_model
 
-    if relearn != (out is not None):
-        raise ValueError("--relearn and --out belong together")
-    if out is not None:
-        refuse_folder(out, force=force, inputs=[dataset, model])
+    _check_relearn(model, dataset, out, relearn=relearn, force=force)
     known, data = load_model(model), load_dataset(dataset)
     report = check_health(known, data, sensor)
     document = health_document(report)
-    for cause in document["causes"]:
-        cause["command"] = remedy(cause["parameters"], model, dataset)
-    if as_json:
-        printer.as_json(document)
-    else:
-        _print(known.name, document)
+    _tell(known.name, document, model, dataset, as_json=as_json)
     if out is None or report.healthy:
         printer.end(document)
     cause = report.diagnoses[0].hypothesis
@@ -63,6 +61,57 @@ def monitor(
     if not as_json:
         printer.result(known.name, relearned, out)
     printer.end(relearned)
+
+
+def _check_relearn(
+    model: Path, dataset: Path, out: Path | None, *, relearn: bool, force: bool
+) -> None:
+    """Refuse --relearn without --out, --out without --relearn, and a folder that is there."""
+    from nico_selfmodel.files.whole import refuse_folder
+
+    if relearn != (out is not None):
+        raise ValueError("--relearn and --out belong together")
+    if out is not None:
+        refuse_folder(out, force=force, inputs=[dataset, model])
+
+
+def _monitor_body(
+    model: Path, dataset: Path, out: Path | None, *, force: bool, as_json: bool
+) -> NoReturn:
+    """Hold a body of any tree against a recording of it; learn what changed where `out` is."""
+    from nico_selfmodel.dataset.body.body_folder import load_body_dataset
+    from nico_selfmodel.estimation.judging import judge, to_json
+    from nico_selfmodel.estimation.monitoring.body_health import check_body_health
+    from nico_selfmodel.estimation.monitoring.body_relearning import relearn_body
+    from nico_selfmodel.estimation.monitoring.health_document import health_document
+    from nico_selfmodel.model.tree.body_model import load_body
+
+    known, data = load_body(model), load_body_dataset(dataset)
+    report = check_body_health(known, data)
+    document = health_document(report)
+    _tell(known.name, document, model, dataset, as_json=as_json)
+    if out is None or report.healthy:
+        printer.end(document)
+    found, after = relearn_body(known, data, report)
+    from nico_selfmodel.viz.reports.tree import tree_report
+
+    relearned = stamped(to_json(found, judge(found)))
+    write_with_report(out, after, tree_report(found, relearned), force=force)
+    if not as_json:
+        printer.result(known.name, relearned, out)
+    printer.end(relearned)
+
+
+def _tell(
+    name: str, document: dict[str, Any], model: Path, dataset: Path, *, as_json: bool
+) -> None:
+    """Print what a health report says, with the command that learns each cause anew."""
+    for cause in document["causes"]:
+        cause["command"] = remedy(cause["parameters"], model, dataset)
+    if as_json:
+        printer.as_json(document)
+    else:
+        _print(name, document)
 
 
 def remedy(parameters: Sequence[str], model: Path, dataset: Path) -> str:

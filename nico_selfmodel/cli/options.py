@@ -40,8 +40,9 @@ def refuse_given(context: typer.Context, names: Iterable[str], why: str) -> None
     Raises:
         ValueError: If one was given on the command line.
     """
+    words = {param.name: param.opts[-1] for param in context.command.params}
     given = [
-        f"--{name.replace('_', '-')}"
+        words[name]
         for name in names
         if getattr(context.get_parameter_source(name), "name", "") == "COMMANDLINE"
     ]

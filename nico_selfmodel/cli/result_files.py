@@ -11,8 +11,10 @@ from typing import TYPE_CHECKING, Any
 from nico_selfmodel import __version__
 
 if TYPE_CHECKING:
+    from nico_selfmodel.dataset.body.body_dataset import BodyDataset
     from nico_selfmodel.dataset.dataset import Dataset
     from nico_selfmodel.model.self_model import SelfModel
+    from nico_selfmodel.model.tree.body_model import BodyModel
     from nico_selfmodel.plant import ArmDescription
     from nico_selfmodel.viz.reports.page import Report
 
@@ -50,11 +52,11 @@ class NoReport:
 
 def write_with_report(
     out: Path,
-    model: "SelfModel",
+    model: "SelfModel | BodyModel",
     report: "Report | NoReport",
     *,
     robot: "ArmDescription | None" = None,
-    recordings: "Mapping[str, Dataset] | None" = None,
+    recordings: "Mapping[str, Dataset | BodyDataset] | None" = None,
     force: bool = False,
 ) -> None:
     """Write self-model, `result.json`, report, scene, and the URDF of an arm, or nothing.

@@ -36,14 +36,31 @@ def whitening_core(G: NDArray) -> NDArray:
     Returns:
         Shape (N, n, n).
     """
-    A = np.array(np.moveaxis(G, 0, -1), order="C")
-    n = len(A)
+    L = _cholesky(G)
+    own, beside = _lower_inverse(L), _lower_inverse(L + np.eye(len(L))[:, :, None])
+    return np.ascontiguousarray(np.einsum("kiN,kjN->Nij", beside, own))
+
+
+def inverse_cholesky(S: NDArray) -> NDArray:
+    """Return L^-1 for S = L L', so that L^-1 S L^-T = I.
+
+    Args:
+        S: Positive definite. Shape (N, n, n).
+
+    Returns:
+        Shape (N, n, n).
+    """
+    return np.ascontiguousarray(np.moveaxis(_lower_inverse(_cholesky(S)), -1, 0))
+
+
+def _cholesky(S: NDArray) -> NDArray:
+    """Factor S = L L'. Shape (N, n, n) -> (n, n, N)."""
+    A = np.array(np.moveaxis(S, 0, -1), order="C")
     L = np.zeros_like(A)
-    for j in range(n):
+    for j in range(len(A)):
         left = A[j:, j] - np.einsum("ikN,kN->iN", L[j:, :j], L[j, :j])
         L[j:, j] = left / np.sqrt(left[0])
-    own, beside = _lower_inverse(L), _lower_inverse(L + np.eye(n)[:, :, None])
-    return np.ascontiguousarray(np.einsum("kiN,kjN->Nij", beside, own))
+    return L
 
 
 def _lower_inverse(L: NDArray) -> NDArray:

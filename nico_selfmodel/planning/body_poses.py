@@ -2,21 +2,32 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
 
+from nico_selfmodel.errors import ModelError
 from nico_selfmodel.geometry.transform import inverse, transform
-from nico_selfmodel.model.tree.body_tree import Attached, BodyTree
+from nico_selfmodel.model.tree.body_tree import WORLD, Attached, BodyTree
 from nico_selfmodel.model.tree.tree_motion import TreeMotion
+from nico_selfmodel.planning.visible_workspace import FACING, ViewLimits
 from nico_selfmodel.plant.body_description import BodyDescription
+from nico_selfmodel.plant.collisions import CollisionShapes
+from nico_selfmodel.systems.rendering.station_scene import CARD
 
 _DRAWN = 2000
 """Poses that are drawn at once."""
-_ROUNDS = 40
+_ROUNDS = 200
 """How often they are drawn before it is given up."""
 _EDGE_PX = 20.0
 """A marker nearer to an image's edge may be out of it in a body that is not as described [px]."""
+
+_CORNERS = 0.4 * CARD * np.array([(a, b, 0.0) for a in (-1, 0, 1) for b in (-1, 0, 1)])
+"""On the marker that is printed on a card on the hand: corners and middles [m]. Shape (9, 3)."""
+_LIFT, _ROOM = 0.006, 0.011
+"""Off the card, and free about lines of sight from there: links are drawn wider than they collide,
+cards and joints are only nearly where they should be [m]."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -27,6 +38,14 @@ class BodyView:
     """The body; what it commands moves, the rest is held."""
     room: Sequence[Attached] = ()
     """Markers fixed in the room, in the frame of the root link."""
+    limits: ViewLimits | None = None
+    """What finding markers in pictures takes: distance, edge, cards that face a camera, an arm that
+    touches nothing; where nothing is rendered, a point in the image is found."""
+
+    @cached_property
+    def shapes(self) -> CollisionShapes:
+        """The body's collision shapes."""
+        return CollisionShapes(self.body)
 
     @property
     def tree(self) -> BodyTree:
@@ -43,11 +62,11 @@ class BodyView:
             Boolean, shape (N, cameras, markers).
         """
         tree = self.tree
-        everything = np.array([[self.body.held.get(name, 0.0) for name in tree.joints]])
-        everything = np.repeat(everything, len(q), axis=0)
-        everything[:, self.body.columns] = q
-        motion = TreeMotion.at(tree, everything)
-        p_WM = np.stack([motion.pose_of(m)[1].T for m in tree.markers], axis=1)
+        motion = TreeMotion.at(tree, self._posture(q))
+        places = [motion.pose_of(m) for m in tree.markers]
+        p_WM = np.stack([p.T for _, p in places], axis=1)
+        z_WM = np.stack([R[:, 2].T for R, _ in places], axis=1)
+        edge = _EDGE_PX if self.limits is None else self.limits.margin
         out = np.zeros((len(q), len(tree.sensors), len(tree.markers)), dtype=bool)
         for c, sensor in enumerate(tree.sensors):
             R, p = motion.pose_of(sensor)
@@ -55,10 +74,28 @@ class BodyView:
             p_CM = np.einsum("nij,nmj->nmi", X_CW[:, :3, :3], p_WM) + X_CW[:, None, :3, 3]
             lens = tree.lenses[sensor.name].at(np.eye(4))
             uv = lens.project(p_CM.reshape(-1, 3)).reshape(*p_CM.shape[:2], 2)
-            far = np.array(lens.image_size) - 1.0 - _EDGE_PX
+            far = np.array(lens.image_size) - 1.0 - edge
             with np.errstate(invalid="ignore"):
-                out[:, c] = ((uv > _EDGE_PX) & (uv < far)).all(axis=2)
+                out[:, c] = ((uv > edge) & (uv < far)).all(axis=2)
+            out[:, c] &= self._plain(p.T[:, None] - p_WM, z_WM)
         return out
+
+    def _plain(self, p_MC_W: NDArray, z_WM: NDArray) -> NDArray:
+        """Return which markers a camera's pictures show well, by the way to it. Shape (N, m).
+
+        Args:
+            p_MC_W: From each marker to the camera [m]. Shape (N, m, 3).
+            z_WM: Out of each marker. Shape (N, m, 3).
+        """
+        limits, markers = self.limits, self.tree.markers
+        if limits is None:
+            return np.ones(p_MC_W.shape[:2], dtype=bool)
+        distance = np.linalg.norm(p_MC_W, axis=2)
+        own = np.array([marker.on != WORLD for marker in markers])
+        cards = np.array([marker.oriented for marker in markers])
+        near_enough = (distance > limits.near) & (distance < limits.far)
+        faces = np.sum(p_MC_W * z_WM, axis=2) > FACING * distance
+        return (near_enough | ~own) & (faces | ~cards)
 
     def poses(
         self, markers: Sequence[str], fewest: int, count: int, rng: np.random.Generator,
@@ -77,7 +114,7 @@ class BodyView:
             Angles of the commanded joints [rad]. Shape (count, k).
 
         Raises:
-            ValueError: If hardly any pose shows them.
+            ModelError: If hardly any pose shows them.
         """
         names = [marker.name for marker in self.tree.markers]
         wanted = [([names.index(name) for name in markers], fewest)]
@@ -87,10 +124,33 @@ class BodyView:
             q = rng.uniform(self.body.lower, self.body.upper, (_DRAWN, len(self.body.joints)))
             seen = self.seen(q)
             good = np.all([seen[:, :, own].sum(axis=2) >= n for own, n in wanted], axis=(0, 2))
-            found.extend(q[good])
+            found.extend(pose for pose in q[good] if self._free(pose, markers))
             if len(found) >= count:
                 return np.array(found[:count])
-        raise ValueError(
+        raise ModelError(
             f"{len(found)} of {_ROUNDS * _DRAWN} poses show every camera {fewest} of the markers, "
             f"{count} are wanted: put the markers before the head, or ask for fewer"
         )
+
+    def _free(self, q: NDArray, markers: Sequence[str]) -> bool:
+        """Return whether a pose touches nothing and hides no card, where that counts."""
+        if self.limits is None or self.limits.touching:
+            return True
+        tree = self.body.tree
+        cards = [m for m in tree.markers if m.name in markers and m.oriented]
+        return not self.shapes.collides(q) and not any(self._hidden(q, card) for card in cards)
+
+    def _hidden(self, q: NDArray, card: Attached) -> bool:
+        """Return whether the body itself hides a corner of a card from a camera."""
+        motion = TreeMotion.at(self.tree, self._posture(q[None]))
+        R, p = (part[..., 0] for part in motion.pose_of(card))
+        corners = p + _CORNERS @ R.T + _LIFT * R[:, 2]
+        cameras = (motion.pose_of(sensor)[1][:, 0] for sensor in self.tree.sensors)
+        return any(self.shapes.hides(q, card.name, corners, p_BC, _ROOM) for p_BC in cameras)
+
+    def _posture(self, q: NDArray) -> NDArray:
+        """Return angles of all joints, those that nobody commands held. (N, k) -> (N, n)."""
+        everything = np.array([[self.body.held.get(name, 0.0) for name in self.tree.joints]])
+        everything = np.repeat(everything, len(q), axis=0)
+        everything[:, self.body.columns] = q
+        return everything

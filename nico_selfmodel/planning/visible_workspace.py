@@ -50,7 +50,7 @@ RENDERED = ViewLimits(0.17, 0.34, 40.0, np.radians(110.0), 80, 1000)
 """What finding a fiducial in pictures takes."""
 PROJECTED = ViewLimits(0.17, 0.38, 45.0, np.radians(90.0), 150, 2000, 1, touching=True)
 """Where nothing is rendered: a point that is in the image is found."""
-_FACING = np.cos(np.radians(60.0))
+FACING = np.cos(np.radians(60.0))
 """Least cosine between a fiducial's normal and the way to a camera."""
 
 
@@ -234,5 +234,5 @@ class VisibleWorkspace:
         for camera in self.rig.cameras:
             way = camera.X_WC[:3, 3] - p_BH
             cosine = np.sum(way * normal, axis=1) / np.linalg.norm(way, axis=1)
-            faces &= cosine > _FACING
+            faces &= cosine > FACING
         return faces

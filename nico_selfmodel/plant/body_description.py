@@ -97,6 +97,11 @@ class BodyDescription:
         return tuple(marker.name for marker in self.tree.markers)
 
     @property
+    def root(self) -> str:
+        """Name of the link whose frame everything is in."""
+        return KinematicTree.from_urdf(self.urdf).roots[0]
+
+    @property
     def lower(self) -> NDArray:
         """Lower limits of the commanded joints [rad]. Shape (k,)."""
         return np.asarray(self.limits[0, self.columns])

@@ -6,6 +6,8 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
+from nico_selfmodel.dataset.body.body_dataset import BodyDataset
+from nico_selfmodel.dataset.body.body_folder import save_body_dataset
 from nico_selfmodel.dataset.dataset import Dataset
 from nico_selfmodel.dataset.folder import save_dataset
 from nico_selfmodel.files.whole import RESULT_FILE, folder_written_whole, write_whole
@@ -22,7 +24,7 @@ def write_result(
     model: SelfModel | BodyModel,
     document: Mapping[str, Any],
     texts: Mapping[str, str] | None = None,
-    recordings: Mapping[str, Dataset] | None = None,
+    recordings: Mapping[str, Dataset | BodyDataset] | None = None,
     *,
     robot: ArmDescription | None = None,
     force: bool = False,
@@ -60,8 +62,15 @@ def write_result(
             (inside / name).write_text(text, encoding="utf-8", newline="\n")
         for name, dataset in (recordings or {}).items():
             (inside / "recordings").mkdir(exist_ok=True)
-            save_dataset(dataset, inside / "recordings" / name)
+            _save_recording(dataset, inside / "recordings" / name)
     return folder
+
+
+def _save_recording(dataset: Dataset | BodyDataset, folder: Path) -> None:
+    if isinstance(dataset, BodyDataset):
+        save_body_dataset(dataset, folder)
+    else:
+        save_dataset(dataset, folder)
 
 
 def _save_with_robot(

@@ -23,6 +23,7 @@ from nico_selfmodel.systems.simulated.instance import RobotInstance
 from nico_selfmodel.systems.simulated.robot import SimulatedRobot
 from nico_selfmodel.systems.simulated.sensors import StereoPixels
 from nico_selfmodel.systems.stations.whole_nico import WholeNico
+from nico_selfmodel.vision.markers.tag_card import TagCard, markers_of
 
 _FACE = np.array([0.085, 0.0, 0.48])
 """About where the cameras of a Nico are that looks straight ahead, in its root link's frame [m]."""
@@ -31,24 +32,29 @@ _CARDS = (
 )  # fmt: skip
 """Cards about it: to the left [rad], up [rad], away [m]."""
 _SPACING = 0.12
-"""Between the six markers of a card [m]."""
-_IN_ROOM = 6
+"""From marker to marker of a card [m]."""
+_FIRST_ID = 20
+"""Of the cards' markers; Nico's hands have 7 and 8."""
+IN_ROOM = 6
 """Markers of the room that both cameras shall see in every pose."""
 
 
-def room_about_nico() -> dict[str, NDArray]:
-    """Return markers on five cards about Nico, in its root link's frame [m]. Shape (3,) each."""
-    grid = [(x, y, 0.0) for x in (-_SPACING, 0.0, _SPACING) for y in (0.0, _SPACING)]
-    out = {}
+def cards_about_nico() -> tuple[TagCard, ...]:
+    """Return five cards of six markers about Nico, in its root link's frame."""
+    out = []
     for card, (left, up, away) in enumerate(_CARDS):
-        way = [np.cos(up) * np.cos(left), np.cos(up) * np.sin(left), np.sin(up)]
-        z = -np.array(way)
-        x = np.cross([0.0, 0.0, 1.0], z)
+        way = np.array([np.cos(up) * np.cos(left), np.cos(up) * np.sin(left), np.sin(up)])
+        x = np.cross([0.0, 0.0, 1.0], -way)
         x /= np.linalg.norm(x)
-        R = np.column_stack([x, np.cross(z, x), z]) @ rotation_from_vector([0.5, 0.3, 0.0])
-        for k, p in enumerate(np.array(grid) @ R.T + _FACE + away * np.array(way)):
-            out[f"card{card}_{k}"] = p
-    return out
+        R = np.column_stack([x, np.cross(-way, x), -way]) @ rotation_from_vector([0.5, 0.3, 0.0])
+        X_WK = transform(R, _FACE + away * way)
+        out.append(TagCard(_FIRST_ID + 6 * card, X_WK, pitch=_SPACING))
+    return tuple(out)
+
+
+def room_about_nico() -> dict[str, NDArray]:
+    """Return the markers of these cards, in Nico's root link's frame [m]. Shape (3,) each."""
+    return {name: p for name, (_, p) in markers_of(cards_about_nico()).items()}
 
 
 def whole_nico(world: Imperfections, seed: int) -> tuple[WholeNico, BodyTree]:
@@ -95,10 +101,10 @@ def whole_body_session(
     nico, tree = whole_nico(world, seed)
     room = room_about_nico()
     view, rng = BodyView(nico.body, _attached(room)), np.random.default_rng((seed, session, 24))
-    poses = [view.poses(list(room), _IN_ROOM, looks, rng)] if looks else []
+    poses = [view.poses(list(room), IN_ROOM, looks, rng)] if looks else []
     for side in ARM_JOINTS if hands else ():
         own = [f"{side}_hand_fiducial", f"{side}_finger_tip"]
-        poses.append(view.poses(own, len(own), hands, rng, also=(list(room), _IN_ROOM)))
+        poses.append(view.poses(own, len(own), hands, rng, also=(list(room), IN_ROOM)))
     robot = SimulatedRobot(
         RobotInstance(nico.mechanics, X_TB=nico.X_TB),
         StereoPixels(pixel_sigma),
@@ -113,7 +119,9 @@ def whole_body_session(
         seed=seed,
         progress=progress,
     )
-    return tree_dataset_of(dataset, _links(tree), _markers(tree, room), _cameras(tree))
+    return tree_dataset_of(
+        dataset, link_joints_of(tree), marker_infos(tree, room), camera_infos(tree)
+    )
 
 
 def _attached(room: Mapping[str, NDArray]) -> list[Attached]:
@@ -126,19 +134,22 @@ def _on(tree: BodyTree, on: int) -> str:
     return WORLD_NAME if on == WORLD else tree.joints[on]
 
 
-def _links(tree: BodyTree) -> list[LinkJoint]:
+def link_joints_of(tree: BodyTree) -> list[LinkJoint]:
+    """Return what carries each joint of a body."""
     return [
         LinkJoint(name, _on(tree, parent))
         for name, parent in zip(tree.joints, tree.parent.tolist(), strict=True)
     ]
 
 
-def _markers(tree: BodyTree, room: Mapping[str, NDArray]) -> list[MarkerInfo]:
+def marker_infos(tree: BodyTree, room: Mapping[str, NDArray]) -> list[MarkerInfo]:
+    """Return what carries each marker of a body, and where those of the room are [m]."""
     known = {name: (float(p[0]), float(p[1]), float(p[2])) for name, p in room.items()}
     return [MarkerInfo(m.name, _on(tree, m.on), known.get(m.name)) for m in tree.markers]
 
 
-def _cameras(tree: BodyTree) -> list[SensorInfo]:
+def camera_infos(tree: BodyTree) -> list[SensorInfo]:
+    """Return the cameras of a body with their lenses."""
     return [
         SensorInfo(
             sensor.name,

@@ -1,4 +1,4 @@
-"""What is printed and looked at: fiducial markers and chessboards, as PNG files."""
+"""What is printed and looked at: fiducial markers, cards of them and chessboards, as PNG files."""
 
 import cv2
 import numpy as np
@@ -7,6 +7,7 @@ from numpy.typing import NDArray
 from nico_selfmodel.vision.boards.board_detection import checkers
 from nico_selfmodel.vision.boards.chessboard import Board
 from nico_selfmodel.vision.markers.fiducial_family import DEFAULT_FAMILY, FiducialFamily
+from nico_selfmodel.vision.markers.tag_card import TagCard
 
 QUIET = 1
 """Cells of white around a printed marker."""
@@ -33,6 +34,29 @@ def fiducial_png(marker: int = 0, family: str = DEFAULT_FAMILY, cell: int = 48) 
     """
     pattern = FiducialFamily(family).pattern(marker)
     return _png(_enlarged(np.pad(pattern, QUIET, constant_values=True), cell))
+
+
+def card_png(card: TagCard, cell: int = 24) -> bytes:
+    """Print a card of markers; white is all around and between them.
+
+    Args:
+        card: The card.
+        cell: Side of a marker's cell in the picture [px].
+
+    Returns:
+        A PNG, `card.size` large.
+    """
+    family = FiducialFamily(card.family)
+    pixels = family.cells * cell / card.side  # of a metre
+    step = round(card.pitch * pixels)
+    picture = np.full((card.rows * step, card.columns * step), 255, np.uint8)
+    edge = (step - family.cells * cell) // 2
+    for k, marker in enumerate(card.ids):
+        column, up = divmod(k, card.rows)
+        top, left = (card.rows - 1 - up) * step + edge, column * step + edge
+        printed = _enlarged(family.pattern(marker), cell)
+        picture[top : top + len(printed), left : left + len(printed)] = printed
+    return _png(picture)
 
 
 def chessboard_png(board: Board, square: int = 64) -> bytes:

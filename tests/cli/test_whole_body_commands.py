@@ -34,3 +34,18 @@ def test_a_recording_of_nothing_is_refused(tmp_path, command, words, said):
     done = command("simulate", "whole-body", *words, "--out", tmp_path / "none")
     assert_one_clear_line(done, said)
     assert not (tmp_path / "none").exists()
+
+
+@pytest.mark.parametrize(
+    ("words", "said"),
+    [
+        (["--arms", "both"], "--arms both needs --head"),
+        (["--arms", "three", "--head"], "--arms must be one of right, left, both, got 'three'"),
+        (["--head", "--sensor", "stereo-color"], "--sensor would change nothing"),
+        (["--head", "--mirror", "--random", "3"], "--random, --mirror would change nothing"),
+    ],
+)
+def test_a_whole_body_that_cannot_be_learned_is_refused(tmp_path, command, words, said):
+    done = command("learn", *words, "--out", tmp_path / "none")
+    assert_one_clear_line(done, said)
+    assert not (tmp_path / "none").exists()

@@ -8,6 +8,7 @@ import pytest
 from nico_selfmodel.dataset.folder import load_dataset
 from nico_selfmodel.estimation.arm.kinematics import calibrate_kinematics
 from nico_selfmodel.estimation.bending import climber
+from nico_selfmodel.estimation.bending.bending_arm import BendingArm
 from nico_selfmodel.estimation.bending.implausible import LIFTS
 from nico_selfmodel.estimation.bending.steps import STEPS
 from nico_selfmodel.estimation.judging import judge, result_of, to_json
@@ -15,7 +16,6 @@ from nico_selfmodel.estimation.monitoring.health import check_health
 from nico_selfmodel.geometry.rotation import rotation_about
 from nico_selfmodel.planning.next_poses import choose_next_poses
 
-from .random_arms import random_recording
 from .sagging_arms import SaggingArm, mean_mm, told
 
 
@@ -176,9 +176,21 @@ def test_rigid_arms_keep_nothing_and_sagging_ones_sag():
     assert sum("sag" in k for k in named) >= 18, named
 
 
-def test_an_arm_that_is_no_better_solved_together_stays_rigid():
-    """A gear would turn negative there: no traceback, and no bend."""
-    train, _ = random_recording("repeats", 41003, fresh=1).dataset.split(0.3, 1)
+@pytest.mark.parametrize("spoilt", ["worse", "gear turned round"])
+def test_an_arm_that_is_no_better_solved_together_stays_rigid(monkeypatch, spoilt):
+    solve = BendingArm.bent
+
+    def spoil(*args):
+        solved = solve(*args)
+        values = np.array(solved.parameters.values)
+        turned = spoilt == "gear turned round"
+        part = ".gear" if turned else ".theta_offset"
+        at = next(i for i, name in enumerate(solved.parameters.names) if name.endswith(part))
+        values[at] = -values[at] if turned else values[at] + 0.2
+        return replace(solved, parameters=solved.parameters.with_values(values))
+
+    monkeypatch.setattr(BendingArm, "bent", spoil)
+    _, train, _, _ = arm_and_data(0, 40)
     learned = calibrate_kinematics(train, explain=False)
     assert learned.model.bending is None
     assert "solved together, the arm is no better" in {s.reason for s in learned.ladder.steps}

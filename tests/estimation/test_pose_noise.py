@@ -1,5 +1,7 @@
 """Noise of sensor and joints: one draw a pose, whitened together, variances by likelihood."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -24,9 +26,10 @@ def dense(visit, rows, by_angle, noise):
     return S.reshape(3 * len(rows), -1) + noise.sensor_sigma**2 * np.eye(3 * len(rows))
 
 
+@pytest.mark.parametrize("markers", [1, 3])  # fewer coordinates than joints, and more
 @pytest.mark.parametrize("joint", [0.0, 1e-6, 0.01, 3.0])
-def test_whitening_and_inverse_are_those_of_the_whole_covariance(joint):
-    visit, keep, by_angle = grouped()
+def test_whitening_and_inverse_are_those_of_the_whole_covariance(joint, markers):
+    visit, keep, by_angle = grouped(markers=markers)
     noise = PoseNoise(0.02, joint * np.array([1.0, 0.0, 2.0, 0.5]))
     groups = PoseGroups(visit, keep, 3)
     whitening = PoseWhitening(groups, by_angle, noise)
@@ -40,6 +43,22 @@ def test_whitening_and_inverse_are_those_of_the_whole_covariance(joint):
     white = white[keep].reshape(-1, 2)
     assert white.T @ white == pytest.approx(flat.T @ np.linalg.solve(S, flat), rel=1e-9)
     assert whitening.log_determinant == pytest.approx(np.linalg.slogdet(S)[1], rel=1e-9)
+    taken = groups.scatter(whitening.taken)[keep].ravel()
+    assert taken == pytest.approx(1.0 - 0.02**2 * np.diag(np.linalg.inv(S)), abs=1e-8)
+
+
+@pytest.mark.parametrize("markers", [1, 3])
+def test_joint_errors_are_what_a_pose_tells_of_its_joints(markers):
+    visit, keep, by_angle = grouped(3, markers=markers)
+    noise = PoseNoise(0.02, np.array([0.1, 0.0, 0.2, 0.05]))
+    groups = PoseGroups(visit, keep, 3)
+    r = np.random.default_rng(2).normal(scale=0.05, size=(len(visit), 3))
+    mean, spread = PoseWhitening(groups, by_angle, noise).joint_errors(r)
+    own = groups.rows[groups.pose == 5]
+    B = (by_angle[own] * noise.joint_sigma).reshape(-1, 4) / noise.sensor_sigma
+    G = np.eye(4) + B.T @ B
+    assert mean[5] == pytest.approx(np.linalg.solve(G, B.T @ r[own].ravel() / 0.02), rel=1e-9)
+    assert spread[5] == pytest.approx(np.linalg.inv(G), abs=1e-10)
 
 
 def test_the_order_of_rows_does_not_matter():
@@ -86,6 +105,28 @@ def test_variances_are_found_without_the_bias_of_what_the_fit_took():
     joint = np.array([noise.joint_sigma[0] ** 2 for noise in found])
     assert sensor.mean() == pytest.approx(4e-8, rel=0.06)
     assert joint.mean() == pytest.approx(16e-6, rel=0.06)
+
+
+def test_numbers_that_are_known_beforehand_take_less_out_of_the_residuals():
+    """As many numbers as half the coordinates: as free ones they leave half, as known ones more."""
+    start, v = PoseNoise(1e-3, np.full(2, 1e-3)), (1e-5) ** 2
+
+    def sigmas(information):
+        found = []
+        for seed in range(40):
+            rng = np.random.default_rng((seed, 7))
+            free = drawn(seed, 2e-4, [4e-3] * 2, visits=30, parameters=90)
+            e = 2e-4 * rng.normal(size=free.r.shape) + free.by_angle.reshape(
+                free.groups.poses, -1, 2
+            ) @ (4e-3 * rng.normal(size=(free.groups.poses, 2, 1)))
+            r = e + (free.J @ rng.normal(scale=np.sqrt(v), size=90))[:, :, None]
+            known = replace(free, r=r, information=information)
+            found.append(most_likely_noise(known, start, np.zeros(2)).sensor_sigma ** 2)
+        return np.array(found)
+
+    known, free = sigmas(np.full(90, 1.0 / v)), sigmas(None)
+    assert known.mean() == pytest.approx(4e-8, rel=0.1)
+    assert known.std() < 0.85 * free.std()
 
 
 def test_joints_have_variances_of_their_own_only_where_the_data_ask_for_it():

@@ -3,8 +3,11 @@
 import numpy as np
 import pytest
 
+from nico_selfmodel.errors import ModelError
 from nico_selfmodel.model.tree.body_tree import WORLD, Attached
+from nico_selfmodel.model.tree.tree_motion import TreeMotion
 from nico_selfmodel.planning.body_poses import BodyView
+from nico_selfmodel.planning.visible_workspace import RENDERED
 from nico_selfmodel.sessions.whole_body import room_about_nico
 from nico_selfmodel.systems.looking import looking_body
 
@@ -40,5 +43,30 @@ def test_what_no_pose_shows_is_said():
     behind = np.eye(4)
     behind[:3, 3] = [-3.0, 0.0, 0.5]
     view = BodyView(looking_body("neck_roll"), [Attached("behind", WORLD, behind)])
-    with pytest.raises(ValueError, match=r"0 of .* poses show every camera 1 of the markers"):
+    with pytest.raises(ModelError, match=r"0 of .* poses show every camera 1 of the markers"):
         view.poses(["behind"], 1, 2, np.random.default_rng(0))
+
+
+def test_cards_that_pictures_shall_show_face_the_cameras_near_enough_and_nothing_hides_them():
+    body = looking_body()
+    view = BodyView(body, room(), RENDERED)
+    card = "right_hand_fiducial"
+    q = view.poses([card], 1, 10, np.random.default_rng(0))
+    motion = TreeMotion.at(view.tree, q)
+    R, p = motion.pose_of(view.tree.markers[view.tree.marker_index(card)])
+    for sensor in view.tree.sensors:
+        way = motion.pose_of(sensor)[1].T - p.T
+        distance = np.linalg.norm(way, axis=1)
+        assert ((distance > RENDERED.near) & (distance < RENDERED.far)).all()
+        assert (np.sum(way * R[:, 2].T, axis=1) > 0.5 * distance).all()
+    assert not any(view.shapes.collides(pose) for pose in q)
+    bent = q.copy()
+    bent[:, body.joints.index("right_wrist")] = body.upper[body.joints.index("right_wrist")]
+    eye = motion.pose_of(view.tree.sensors[0])[1].T
+    hidden = []
+    for pose, at in zip(bent, eye, strict=True):
+        there = TreeMotion.at(view.tree, pose[None]).pose_of(
+            view.tree.markers[view.tree.marker_index(card)]
+        )[1]
+        hidden.append(view.shapes.hides(pose, card, there.T, at, 0.011))
+    assert np.mean(hidden) > 0.5

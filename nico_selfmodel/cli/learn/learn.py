@@ -13,10 +13,14 @@ if TYPE_CHECKING:
     from nico_selfmodel.plant import ArmDescription
     from nico_selfmodel.systems.simulated.imperfections import Imperfections
 
+_ARMS = {"right": ("right",), "left": ("left",), "both": ("right", "left")}
+_OF_ONE_ARM = ("random_poses", "sensor", "mirror", "robot", "arm", "base", "tip", "hold", "point")
+"""Options for one arm before a head that stands still, or for another robot."""
 SENSORS = ("stereo-fiducial", "stereo-color", "motion-capture")
 
 
 def learn(
+    context: typer.Context,
     out: options.Out = Path("first_arm"),
     imperfections: options.Imperfections = "thesis",
     seed: options.RobotSeed = 0,
@@ -33,6 +37,14 @@ def learn(
         bool,
         typer.Option("--mirror", help="Put a mirror before the robot at last; needs its cameras."),
     ] = False,
+    head: Annotated[
+        bool,
+        typer.Option("--head", help="Let the head turn and be learned, with the lenses, too."),
+    ] = False,
+    arms: Annotated[
+        str | None,
+        typer.Option("--arms", help="Whole arms to learn with the head: right, left or both."),
+    ] = None,
     robot: options.Robot = "nico",
     arm: options.Arm = None,
     base: options.Base = None,
@@ -50,6 +62,12 @@ def learn(
     from nico_selfmodel.systems.simulated.imperfections import imperfections_named
 
     world = imperfections_named(imperfections)
+    if head or arms is not None:
+        from nico_selfmodel.cli.learn.whole_body import learn_whole_body
+
+        why = "with --head Nico's own cameras watch its whole arms"
+        options.refuse_given(context, _OF_ONE_ARM, why)
+        learn_whole_body(out, world, seed, _chosen_arms(arms, head=head), force, as_json)
     chain = (arm, base, tip, hold, point)
     sensor = _chosen_sensor(sensor, robot not in (None, "nico") or any(chain))
     if sensor != "motion-capture":
@@ -60,6 +78,18 @@ def learn(
         raise ValueError("--mirror needs cameras: --sensor stereo-fiducial or stereo-color")
     description = inputs.chosen_arm(robot or "nico", *chain)
     _by_motion_capture(out, world, seed, random_poses, description, force, as_json)
+
+
+def _chosen_arms(arms: str | None, *, head: bool) -> tuple[str, ...]:
+    """Return the arms to learn; refuse those that there are not."""
+    if arms is not None and arms not in _ARMS:
+        raise ValueError(f"--arms must be one of {', '.join(_ARMS)}, got {arms!r}")
+    if not head:
+        raise ValueError(
+            f"--arms {arms} needs --head, which turns to the hands; without both, `learn` is of "
+            "the right arm's four joints before a head that stands still"
+        )
+    return () if arms is None else _ARMS[arms]
 
 
 def _chosen_sensor(sensor: str | None, elsewhere: bool) -> str:

@@ -76,7 +76,8 @@ def record(
     """Move a simulated Nico, or a real robot (--port), and record what is seen.
 
     Motion capture watches any arm (--robot, of a URDF with --base and --tip), cameras Nico's.
-    An interrupted recording goes on.
+    An interrupted recording goes on. With --cameras a body (body.yaml), a whole Nico is recorded
+    that looks about a room and, --random times, at each of its hands.
     """
     from nico_selfmodel.files.whole import refuse_existing
     from nico_selfmodel.systems.simulated.imperfections import imperfections_named
@@ -99,7 +100,20 @@ def record(
     from nico_selfmodel.cli.record import simulated
 
     chosen = imperfections_named(imperfections)
-    if sensor == "chessboard":
+    if _is_body(cameras):
+        from nico_selfmodel.cli.record.whole_body import record_body
+
+        if circle is not None:
+            raise ValueError("--circle is for one arm: a whole body is sent to --random poses")
+        record_body(request, chosen)
+    elif sensor == "chessboard":
         simulated.record_boards(request, chosen, board_views)
     else:
         printer.dataset(simulated.record_hand(request, chosen), out)
+
+
+def _is_body(cameras: Path | None) -> bool:
+    """Return whether the cameras are those of a whole body, which then watches itself."""
+    from nico_selfmodel.model.tree.body_model import is_body
+
+    return cameras is not None and is_body(cameras)

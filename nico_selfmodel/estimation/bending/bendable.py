@@ -1,6 +1,6 @@
 """What the ladder asks: a body at its rigid solution, be it an arm or a tree, by any sensors."""
 
-from collections.abc import Collection, Iterable, Mapping
+from collections.abc import Collection, Iterable
 from typing import Any, Protocol, Self
 
 from numpy.typing import NDArray
@@ -90,12 +90,14 @@ class Weighed(Protocol):
         """Return the same with other noise."""
         ...
 
-    def likeliest(self, change: Mapping[str, float], told: float) -> Any:
-        """Return the noise that is left once numbers of effects are changed by so much.
+    def likeliest(self, pull: NDArray, variance: NDArray) -> Any:
+        """Return the noise that residuals ask for, of effects that are known as well as that.
 
         Args:
-            change: Of the effects' numbers, by name; the other columns are rigid.
-            told: How many numbers these cost.
+            pull: How far the value without effect is from that of each column; 0 of what is rigid.
+                Shape (k,).
+            variance: How far from there each number is expected, squared: 0 of what is gone, inf of
+                what is rigid. Shape (k,).
         """
         ...
 

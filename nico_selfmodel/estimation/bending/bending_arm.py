@@ -1,6 +1,6 @@
 """An arm and its tracked points, as the ladder asks them."""
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from functools import cached_property
 
@@ -247,22 +247,19 @@ class WeighedArm:
         index = {name: i for i, name in enumerate(self.linear.names)}
         return [index[name] for name in self.free]
 
-    def likeliest(self, change: Mapping[str, float], told: float) -> PoseNoise:
-        """Return the noise that is left once numbers of effects are changed by so much."""
-        linear, groups = self.linear, self.linear.whitening.groups
-        rigid = [i for i, name in zip(self._columns, self.free, strict=True) if name not in change]
-        bends = [i for i, name in zip(self._columns, self.free, strict=True) if name in change]
-        taken = linear.jacobian[:, :, bends] @ np.array([change[linear.names[i]] for i in bends])
+    def likeliest(self, pull: NDArray, variance: NDArray) -> PoseNoise:
+        """Return the noise that residuals ask for, of effects that are known as well as that."""
+        linear, groups, there = self.linear, self.linear.whitening.groups, variance > 0.0
+        jacobian = linear.jacobian[:, :, self._columns]
         residuals = LinearResiduals(
             groups,
-            groups.gather((linear.residuals - taken)[:, :, None]),
-            groups.gather(linear.jacobian[:, :, rigid]),
+            groups.gather((linear.residuals - jacobian @ pull)[:, :, None]),
+            groups.gather(jacobian[:, :, there]),
             linear.by_angle,
+            information=1.0 / variance[there],
         )
         found = most_likely_noise(residuals, linear.noise, self.known)
-        left = 3 * len(groups.rows) - len(rigid)
-        factor = float(np.sqrt(left / max(left - told, 1.0)))
-        return PoseNoise(max(factor * found.sensor_sigma, 1e-9), factor * found.joint_sigma)
+        return PoseNoise(max(found.sensor_sigma, 1e-9), found.joint_sigma)
 
     def errors(self, step: NDArray, rows: NDArray) -> NDArray:
         """Return errors of some rows that count, after a step [m]."""

@@ -4,9 +4,9 @@ Evidence (MacKay 1992): the numbers w of one effect share the prior variance v; 
 C of the fit, gamma = sum(1 - C_kk / v) of them are told by the data, and v = |w|^2 / gamma. What no
 data tell falls to zero by itself. Where an effect shall stay uncertain instead, it has seen a part
 a of one number more, as large as the noise hides, v0: v = (|w|^2 + a v0) / (gamma + a), the mode
-under an inverse gamma prior. The noise is what the residuals ask for once the effects are
-taken off, and gamma is what they cost. Fits are compared by their evidence, with H what the rigid
-parameters leave of an effect's columns,
+under an inverse gamma prior. The noise is what the residuals ask for beside effects that scatter by
+v (restricted likelihood). Fits are compared by their evidence, with H what the rigid parameters
+leave of an effect's columns,
 
     -2 log Z = log|S| + r' S^-1 r + w' w / v + log|I + v H| + log N
 
@@ -33,8 +33,8 @@ _GONE = 1e-3
 _LEAST = 1e-12
 _ALIKE = 0.05
 """Relative difference of variances below which two answers are one."""
-_Told = tuple[NDArray, dict[str, float], float]
-"""Step, variances, and how many numbers the data tell."""
+_Told = tuple[NDArray, dict[str, float]]
+"""Step and variances."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -139,8 +139,9 @@ class _Task:
     def starts(self, weighed: Weighed, begin: Mapping[str, float]) -> list[_Told]:
         """Return the answers, by evidence, of effects that begin large and small; one if alike."""
         new = set(self.member) - set(self.known) - set(begin)
+        sums = _Sums.of(weighed)
         large, *small = (
-            self.by_evidence(weighed, begin, size) for size in (_SIZES if new else _SIZES[:1])
+            self.by_evidence(sums, begin, size) for size in (_SIZES if new else _SIZES[:1])
         )
         others = [
             told
@@ -150,56 +151,48 @@ class _Task:
         return [large, *others]
 
     def fitted(
-        self, weighed: Weighed, step: NDArray, variance: dict[str, float], told: float
+        self, weighed: Weighed, step: NDArray, variance: dict[str, float]
     ) -> tuple[NDArray, dict[str, float], NDArray, Any, float, NDArray]:
         """Return step, variances, spread, noise, evidence and the errors of rows left out."""
-        of_effects = np.concatenate([np.zeros(0, dtype=int), *self.member.values()]).tolist()
-        noise = weighed.likeliest({self.free[i]: float(step[i]) for i in of_effects}, told)
+        pull, spread_of = np.zeros(len(self.free)), np.full(len(self.free), np.inf)
+        for effect, own in self.member.items():
+            pull[own], spread_of[own] = -self.start[own], variance[effect]
+        noise = weighed.likeliest(pull, spread_of)
         weighed = weighed.with_noise(noise)
-        step, variance, _ = self.by_evidence(weighed, variance, _SIZES[1])
+        sums = _Sums.of(weighed)
+        step, variance = self.by_evidence(sums, variance, _SIZES[1])
         left = weighed.u - weighed.U @ step
         deviance = weighed.log_determinant + float(left @ left)
         asked = sum(effect not in self.known for effect in self.member)
-        cost = self.occam(weighed, step, variance) + asked * np.log(weighed.coordinates)
-        reduced = _Reduced.of(weighed.U.T @ weighed.U, weighed.U.T @ weighed.u, self.member)
+        reduced = sums.reduced(self.member)
+        cost = self.occam(reduced, step, variance) + asked * np.log(weighed.coordinates)
         spread = reduced.solve(self.start, variance)[0]
-        unseen = self.without_folds(weighed, variance)
+        unseen = self.without_folds(weighed, sums, variance)
         return step, variance, spread, noise, deviance + cost, unseen
 
-    def by_evidence(
-        self, weighed: Weighed, begin: Mapping[str, float], size: float
-    ) -> tuple[NDArray, dict[str, float], float]:
-        """Return the step, the variances and how many numbers the data tell."""
-        U, u = weighed.U, weighed.u
-        H, g = U.T @ U, U.T @ u
-        reduced = _Reduced.of(H, g, self.member)
-        hidden = {e: self._hidden(H, own, len(u)) for e, own in self.member.items()}
+    def by_evidence(self, sums: "_Sums", begin: Mapping[str, float], size: float) -> _Told:
+        """Return the step and the variances."""
+        reduced = sums.reduced(self.member)
+        hidden = {e: sums.hidden(own) for e, own in self.member.items()}
         found = {e: begin.get(e, 0.0) or size * v for e, v in hidden.items()} | dict(self.known)
-        gamma = 0.0
         for _ in range(_ROUNDS):
             C, w = reduced.solve(self.start, found)
-            before, gamma = dict(found), 0.0
+            before = dict(found)
             for effect, own in reduced.member.items():
                 v = found[effect]
                 if v <= 0.0:
                     continue
-                told = float(np.sum(1.0 - np.diag(C)[own] / v))
-                gamma += told
                 if effect in self.known:
                     continue
+                told = float(np.sum(1.0 - np.diag(C)[own] / v))
                 total = self.start[self.member[effect]] + w[own]
                 size = float(total @ total) + self.doubt * hidden[effect]
                 found[effect] = size / (told + self.doubt) if told + self.doubt > _GONE else 0.0
             if all(abs(found[e] - v) <= 1e-3 * v for e, v in before.items()):
                 break
-        return reduced.whole(reduced.solve(self.start, found)[1]), found, gamma
+        return reduced.whole(reduced.solve(self.start, found)[1]), found
 
-    def _hidden(self, H: NDArray, own: NDArray, count: int) -> float:
-        """Return the variance at which an effect would be as large as the noise, 0 if none."""
-        told = float(np.trace(H[np.ix_(own, own)]))
-        return count / told if told > _LEAST * count else 0.0
-
-    def occam(self, weighed: Weighed, step: NDArray, variance: Mapping[str, float]) -> float:
+    def occam(self, reduced: "_Reduced", step: NDArray, variance: Mapping[str, float]) -> float:
         """Return what the effects cost: w'V^-1 w + log|I + V H|, H what the rest leaves of them.
 
         An effect whose numbers nothing tells costs nothing; one that is told, the logarithm of how
@@ -208,29 +201,59 @@ class _Task:
         there = [own for effect, own in self.member.items() if variance[effect] > 0.0]
         if not there:
             return 0.0
-        U, own = weighed.U, np.concatenate(there)
+        own = np.concatenate(there)
         v = np.concatenate(
             [np.full(len(m), variance[e]) for e, m in self.member.items() if variance[e] > 0.0]
         )
-        rest = np.delete(np.arange(U.shape[1]), np.concatenate([*self.member.values()]))
-        E = U[:, own] * np.sqrt(v)
-        Q = np.linalg.qr(U[:, rest])[0]
-        left = E - Q @ (Q.T @ E)
-        cost = float(np.linalg.slogdet(np.eye(len(own)) + left.T @ left)[1])
+        places = np.concatenate([p for e, p in reduced.member.items() if variance[e] > 0.0])
+        root = np.sqrt(v)
+        inside = reduced.S[np.ix_(places, places)] * np.outer(root, root)
+        cost = float(np.linalg.slogdet(np.eye(len(own)) + inside)[1])
         total = (self.start + step)[own]
         return cost + float(np.sum(total**2 / v))
 
-    def without_folds(self, weighed: Weighed, variance: Mapping[str, float]) -> NDArray:
+    def without_folds(
+        self, weighed: Weighed, sums: "_Sums", variance: Mapping[str, float]
+    ) -> NDArray:
         """Return errors of rows that count, each predicted without its fold of poses. (K,)."""
         U, u, fold = weighed.U, weighed.u, fold_of(weighed.pose)
         of_coordinate = np.where(weighed.row < 0, -1, fold[weighed.row])
         errors = np.zeros(len(fold))
         for k, (_, left) in enumerate(splits(fold)):
-            own = of_coordinate != k
-            reduced = _Reduced.of(U[own].T @ U[own], U[own].T @ u[own], self.member)
+            out = of_coordinate == k
+            reduced = sums.without(U[out], u[out]).reduced(self.member)
             step = reduced.whole(reduced.solve(self.start, variance)[1])
             errors[left] = weighed.errors(step, left)
         return errors
+
+
+@dataclass(frozen=True, eq=False)
+class _Sums:
+    """Normal equations of all columns."""
+
+    H: NDArray
+    """U'U. Shape (k, k)."""
+    g: NDArray
+    """U'u. Shape (k,)."""
+    count: int
+    """Rows of U."""
+
+    @classmethod
+    def of(cls, weighed: Weighed) -> "_Sums":
+        return cls(weighed.U.T @ weighed.U, weighed.U.T @ weighed.u, len(weighed.u))
+
+    def without(self, U: NDArray, u: NDArray) -> "_Sums":
+        """Return those of the other rows."""
+        return _Sums(self.H - U.T @ U, self.g - U.T @ u, self.count - len(u))
+
+    def reduced(self, member: Mapping[str, NDArray]) -> "_Reduced":
+        """Return those of the effects alone."""
+        return _Reduced.of(self.H, self.g, member)
+
+    def hidden(self, own: NDArray) -> float:
+        """Return the variance at which an effect would be as large as the noise, 0 if none."""
+        told = float(np.trace(self.H[np.ix_(own, own)]))
+        return self.count / told if told > _LEAST * self.count else 0.0
 
 
 @dataclass(frozen=True, eq=False)

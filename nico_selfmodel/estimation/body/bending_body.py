@@ -1,6 +1,6 @@
 """An arm and two cameras with boards, as the ladder asks them what bends."""
 
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
 from functools import cached_property
 
@@ -325,23 +325,18 @@ class WeighedBody:
         both = seen[:, :, None] & seen[:, None, :]
         return float(np.linalg.slogdet(np.where(both, S, np.eye(4)))[1].sum())
 
-    def likeliest(self, change: Mapping[str, float], told: float) -> HandNoise:
-        """Return the noise that is left once numbers of effects are changed by so much."""
-        bends = np.array([name in change for name in self.free], dtype=bool)
-        step = np.array([change[name] for name in self.free if name in change])
-        left = self.residuals - self.jacobian[:, :, bends] @ step
-        rigid = self.U[:, ~bends]
-        size = np.sqrt(np.maximum(np.sum(rigid**2, axis=0), np.finfo(float).tiny))
-        C = np.linalg.pinv((rigid / size).T @ (rigid / size), rcond=1e-11, hermitian=True)
-        J = self.jacobian[:, :, ~bends] / size
-        # The rigid parameters are set to what is left, as they would be once it is.
-        left = left - J @ (C @ ((rigid / size).T @ (self.u - self.U[:, bends] @ step)))
-        seen = self.seen.seen
+    def likeliest(self, pull: NDArray, variance: NDArray) -> HandNoise:
+        """Return the noise that residuals ask for, of effects that are known as well as that."""
+        there, seen = variance > 0.0, self.seen.seen
+        U, known = self.U[:, there], 1.0 / variance[there]
+        size = np.sqrt(np.maximum(np.sum(U**2, axis=0) + known, np.finfo(float).tiny))
+        U, J = U / size, self.jacobian[:, :, there] / size
+        H = U.T @ U + np.diag(known / size**2)
+        C = np.linalg.pinv(H, rcond=1e-11, hermitian=True)
+        left = self.residuals - self.jacobian @ pull
+        left = left - J @ (C @ (U.T @ (self.u - self.U @ pull)))
         fitted = J @ C @ np.swapaxes(J, 1, 2)
-        found = HandNoise.most_likely(np.where(seen, left, 0.0), self.by_angle, seen, fitted)
-        count = float(seen.sum()) - int((~bends).sum())
-        factor = float(np.sqrt(count / max(count - told, 1.0)))
-        return HandNoise(factor * found.sensor_sigma, factor * found.joint_sigma)
+        return HandNoise.most_likely(np.where(seen, left, 0.0), self.by_angle, seen, fitted)
 
     def errors(self, step: NDArray, rows: NDArray) -> NDArray:
         """Return errors of some rows, after a step [px]."""

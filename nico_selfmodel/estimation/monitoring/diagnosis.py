@@ -74,11 +74,34 @@ def diagnose(
     Returns:
         Explanations, the best first.
     """
-    likelihood = ChangeLikelihood(poses, noise, covariance_of(model, poses.names))
+    covariance = covariance_of(model, poses.names)
+    return ranked_causes(poses, noise, covariance, hypotheses(model, poses.names), since)
+
+
+def ranked_causes(
+    poses: PoseResiduals,
+    noise: NoiseMixture,
+    covariance: NDArray,
+    candidates: Iterable[Hypothesis],
+    since: int,
+) -> tuple[Diagnosis, ...]:
+    """Rank candidates by how well each explains the poses, of whatever body.
+
+    Args:
+        poses: Before and after the change.
+        noise: What disturbs them.
+        covariance: Of the poses' parameters. Shape (P, P).
+        candidates: What may have changed.
+        since: First pose after the change.
+
+    Returns:
+        Explanations, the best first.
+    """
+    likelihood = ChangeLikelihood(poses, noise, covariance)
     unchanged = likelihood.of(np.zeros((len(poses.names), 0)), since).log_likelihood
     return ranked(
         diagnosed(hypothesis, likelihood.of(hypothesis.basis, since), unchanged)
-        for hypothesis in hypotheses(model, poses.names)
+        for hypothesis in candidates
     )
 
 
@@ -111,23 +134,30 @@ def hypotheses(model: SelfModel, names: tuple[str, ...]) -> tuple[Hypothesis, ..
         model: The body.
         names: Parameters that the observations depend on.
     """
-    found = [_simple(f"zero of {j}", (f"{j}.theta_offset",), names) for j in model.joints]
+    found = [simple_hypothesis(f"zero of {j}", (f"{j}.theta_offset",), names) for j in model.joints]
     found += [_gear(joint, names) for joint in model.joints]
     for marker in model.markers:
         own = tuple(f"hand.{marker}.{axis}" for axis in "xyz")
-        found.append(_simple(f"point {marker} on the hand", own, names))
+        found.append(simple_hypothesis(f"point {marker} on the hand", own, names))
     if len(model.markers) > 1:
         found.append(_hand(model, names))
-    found.append(_simple("base of the arm against the cameras", M0_NAMES, names))
+    found.append(simple_hypothesis("base of the arm against the cameras", M0_NAMES, names))
     if set(RIGHT_POSE) <= set(names):
-        found.append(_simple("pose of the right camera", RIGHT_POSE, names))
+        found.append(simple_hypothesis("pose of the right camera", RIGHT_POSE, names))
         both = (*M0_NAMES, *RIGHT_POSE)
         left = left_camera(model, names)
         found.append(Hypothesis("pose of the left camera", both, left))
     return tuple(found)
 
 
-def _simple(cause: str, own: tuple[str, ...], names: tuple[str, ...]) -> Hypothesis:
+def simple_hypothesis(cause: str, own: tuple[str, ...], names: tuple[str, ...]) -> Hypothesis:
+    """Return that some parameters changed, each by itself.
+
+    Args:
+        cause: In words.
+        own: Names of what changed.
+        names: Of all parameters.
+    """
     basis = np.zeros((len(names), len(own)))
     basis[[names.index(name) for name in own], np.arange(len(own))] = 1.0
     return Hypothesis(cause, own, basis)
@@ -145,4 +175,4 @@ def _hand(model: SelfModel, names: tuple[str, ...]) -> Hypothesis:
 def _gear(joint: str, names: tuple[str, ...]) -> Hypothesis:
     """A gear changes about the zero at which it was mounted: both of its numbers move."""
     own = (f"{joint}.gear", f"{joint}.theta_offset")
-    return _simple(f"gear of {joint}", own, names)
+    return simple_hypothesis(f"gear of {joint}", own, names)

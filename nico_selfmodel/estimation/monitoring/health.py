@@ -6,6 +6,7 @@ and had it changed (`monitored_changes`); the ratios add up to the statistic of 
 false detection looks.
 """
 
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -15,7 +16,10 @@ from nico_selfmodel.dataset.dataset import Dataset
 from nico_selfmodel.estimation.monitoring.diagnosis import Diagnosis, diagnose
 from nico_selfmodel.estimation.monitoring.encoder_jumps import with_large_slips
 from nico_selfmodel.estimation.monitoring.monitor import THRESHOLD, Monitor, chance_of_false_alarm
-from nico_selfmodel.estimation.monitoring.monitored_changes import monitored_changes
+from nico_selfmodel.estimation.monitoring.monitored_changes import (
+    MonitoredChanges,
+    monitored_changes,
+)
 from nico_selfmodel.estimation.noise.hand_observations import covariance_of, hand_observations_of
 from nico_selfmodel.estimation.noise.mixture_density import MixtureDensity
 from nico_selfmodel.estimation.noise.pose_residuals import PoseResiduals
@@ -89,8 +93,30 @@ def check_health(model: SelfModel, dataset: Dataset, sensor: str = "auto") -> He
     observations = hand_observations_of(model, dataset, sensor)
     poses = PoseResiduals.of(observations)
     noise = expected_noise(model, poses.sensor, dataset)
-    density = MixtureDensity(poses, noise, covariance_of(model, poses.names))
-    changes = monitored_changes(model, poses.names)
+    covariance = covariance_of(model, poses.names)
+    report = watched(poses, noise, covariance, monitored_changes(model, poses.names))
+    if report.alarm_at is None or report.changed_at is None:
+        return report
+    changed_at, found = dated(model, poses, noise, report.changed_at, report.alarm_at)
+    found = with_large_slips(model, dataset, sensor, noise, changed_at, found)
+    return replace(report, changed_at=changed_at, diagnoses=found)
+
+
+def watched(
+    poses: PoseResiduals, noise: NoiseMixture, covariance: NDArray, changes: MonitoredChanges
+) -> HealthReport:
+    """Watch a body of any kind over poses, in their order.
+
+    Args:
+        poses: New poses held against it.
+        noise: What is expected to disturb them.
+        covariance: Of the poses' parameters. Shape (P, P).
+        changes: What is looked for.
+
+    Returns:
+        Whether it fits, and since when not, as far as the monitor saw; no cause yet.
+    """
+    density = MixtureDensity(poses, noise, covariance)
     steps = changes.steps(density, poses.residuals, poses.slopes)
     monitor, alarm_at, course = Monitor.of(changes.weights), None, np.zeros(len(poses))
     for i, step in enumerate(steps):
@@ -99,14 +125,9 @@ def check_health(model: SelfModel, dataset: Dataset, sensor: str = "auto") -> He
         if monitor.alarm:
             alarm_at = i
             break
-    report = HealthReport(
-        poses.sample, density.nis(poses.residuals), poses.dof, course, alarm_at, None, (), noise
-    )
-    if alarm_at is None:
-        return report
-    changed_at, found = dated(model, poses, noise, monitor.changed_at, alarm_at)
-    found = with_large_slips(model, dataset, sensor, noise, changed_at, found)
-    return replace(report, changed_at=changed_at, diagnoses=found)
+    since = None if alarm_at is None else monitor.changed_at
+    nis = density.nis(poses.residuals)
+    return HealthReport(poses.sample, nis, poses.dof, course, alarm_at, since, (), noise)
 
 
 def dated(
@@ -124,12 +145,25 @@ def dated(
     Returns:
         First pose after the change, and explanations, the best first.
     """
-    found = diagnose(model, poses, noise, since)
+    return in_turn(lambda at: diagnose(model, poses, noise, at), since, alarm_at)
+
+
+def in_turn(
+    look: Callable[[int], tuple[Diagnosis, ...]], since: int, alarm_at: int
+) -> tuple[int, tuple[Diagnosis, ...]]:
+    """Return since when a body is another, and why, by who ranks causes for a first pose.
+
+    Args:
+        look: From the first pose after a change to explanations, the best first.
+        since: The first guess.
+        alarm_at: The change was no later.
+    """
+    found = look(since)
     for _ in range(_LOOKS):
         # The sum over all poses from each one on.
         said = np.cumsum(found[0].of_pose[::-1])[::-1]
         after = int(np.argmax(said[: alarm_at + 1]))
         if after == since:
             break
-        since, found = after, diagnose(model, poses, noise, after)
+        since, found = after, look(after)
     return since, found

@@ -1,9 +1,10 @@
 """Noise belongs to poses: one draw of joint noise moves all that is seen of a pose.
 
 The residuals of a pose, all its markers stacked, have the covariance S = s^2 I + A D^2 A', with s
-of the sensor, A their derivatives by the joint angles and D the joints' standard deviations. It is
-never formed: with B = A D / s and G = I + B'B, S^-1 = (I - B G^-1 B') / s^2 (Woodbury 1950), and a
-root of it, W'W = S^-1, is W = (I - B X B') / s with X of `whitening_core`.
+of the sensor, A their derivatives by the joint angles and D the joints' standard deviations. With
+B = A D / s it is s^2 (I + BB'), which is inverted as it stands where a pose has fewer coordinates
+than joints. Elsewhere it is never formed: with G = I + B'B, S^-1 = (I - B G^-1 B') / s^2 (Woodbury
+1950), and a root of it, W'W = S^-1, is W = (I - B X B') / s with X of `whitening_core`.
 """
 
 from dataclasses import dataclass
@@ -14,7 +15,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from nico_selfmodel.estimation.noise.hand_noise import noise_covariance
-from nico_selfmodel.geometry.small_matrices import inverse_and_log_determinant, whitening_core
+from nico_selfmodel.geometry.small_matrices import (
+    inverse_and_log_determinant,
+    inverse_cholesky,
+    whitening_core,
+)
 from nico_selfmodel.model.self_model import SelfModel
 
 POSE_NOISE = "pose_noise"
@@ -147,28 +152,46 @@ class PoseWhitening:
             joint_sigma = np.where(slipped, FREE_SIGMA, joint_sigma)[:, None]
         self.B = self.lever * (joint_sigma / noise.sensor_sigma)
         self._across = np.swapaxes(self.B, 1, 2)
-        self.G = self._across @ self.B + np.eye(self.B.shape[2])
-        """I + B'B. Shape (poses, n, n)."""
+        self._narrow = self.B.shape[1] < self.B.shape[2]
+        one, other = (self.B, self._across) if self._narrow else (self._across, self.B)
+        self._square = one @ other + np.eye(one.shape[1])
+        """I + BB' where that is the smaller one, else G. Shape (poses, K, K) or (poses, n, n)."""
 
     @cached_property
     def G_inverse(self) -> NDArray:
         """Covariance of each pose's joint errors in their standard deviations, given its rows."""
-        return self._inverted[0]
+        if not self._narrow:
+            return self._inverted[0]
+        return np.eye(self.B.shape[2]) - self._across @ (self._inverted[0] @ self.B)
 
     @cached_property
     def _inverted(self) -> tuple[NDArray, NDArray]:
-        return inverse_and_log_determinant(self.G)
+        return inverse_and_log_determinant(self._square)
 
     @cached_property
     def _root(self) -> NDArray:
-        return whitening_core(self.G)
+        return inverse_cholesky(self._square) if self._narrow else whitening_core(self._square)
+
+    @property
+    def taken(self) -> NDArray:
+        """What joint noise takes of each coordinate's weight, diagonal of I - s^2 S^-1. (poses, K).
+
+        It is 0 where only the sensor disturbs.
+        """
+        if self._narrow:
+            return 1.0 - np.diagonal(self._inverted[0], axis1=1, axis2=2)
+        return np.asarray(np.sum((self.B @ self.G_inverse) * self.B, axis=2))
 
     def root(self, x: NDArray) -> NDArray:
         """Return W x by pose, W'W = S^-1. Shape (poses, K, m) -> the same."""
+        if self._narrow:
+            return self._root @ x / self.noise.sensor_sigma
         return (x - self.B @ (self._root @ (self._across @ x))) / self.noise.sensor_sigma
 
     def inverse(self, x: NDArray) -> NDArray:
         """Return S^-1 x by pose. Shape (poses, K, m) -> the same."""
+        if self._narrow:
+            return self._inverted[0] @ x / self.noise.sensor_sigma**2
         less = self.B @ (self.G_inverse @ (self._across @ x))
         return (x - less) / self.noise.sensor_sigma**2
 

@@ -13,6 +13,7 @@ from nico_selfmodel.estimation.noise.arm_solution import (
     Priors,
     coordinate_sigma,
     information_of,
+    pull_of,
     uncertainty_of,
 )
 from nico_selfmodel.estimation.noise.noise_variances import most_likely_noise
@@ -283,11 +284,14 @@ class _Refinement:
         """Return the noise that the residuals ask for, with what fitting took from them."""
         linear = self.linear
         groups = linear.whitening.groups
+        jacobian = linear.jacobian[:, :, self.columns]
+        about = linear.residuals - jacobian @ pull_of(self.parameters, self.columns, self.priors)
         residuals = LinearResiduals(
             groups,
-            groups.gather(linear.residuals[:, :, None]),
-            groups.gather(linear.jacobian[:, :, self.columns]),
+            groups.gather(about[:, :, None]),
+            groups.gather(jacobian),
             linear.by_angle,
+            information=information_of(self.parameters, self.columns, self.priors),
         )
         known = counting_variance(self.observations, self.parameters.servos.gear)
         found = most_likely_noise(residuals, self.noise, known, apart=apart)

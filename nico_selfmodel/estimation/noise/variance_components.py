@@ -1,6 +1,7 @@
 """Variances of sensors and joints by restricted likelihood: what no fit could take.
 
-With P = S^-1 - S^-1 J C J' S^-1 and w = P r, the derivative of the log likelihood by log theta_i is
+With P = S^-1 - S^-1 J C J' S^-1, C^-1 = J' S^-1 J + what is known beforehand, and w = P r of the
+residuals r about what is known, the derivative of the log likelihood by log theta_i is
 (w' V_i w - tr P V_i) / 2, V_i = dS / dlog theta_i, and its second derivative is about
 -(V_i w)' P (V_j w) / 2 (average information; Gilmour, Thompson, Cullis 1995).
 """
@@ -32,6 +33,9 @@ class LinearResiduals:
     """Index of each coordinate's sensor; one for all if omitted. Shape (N, k)."""
     slipped: NDArray | None = None
     """Joints that jumped in a pose, of which their noise says nothing. Boolean, (poses, n)."""
+    information: NDArray | None = None
+    """Inverse variances of what is known of the parameters beforehand, where `r` is about their
+    means; fitting takes less from the residuals then. Shape (P,)."""
 
     @property
     def rms(self) -> float:
@@ -137,7 +141,8 @@ class VarianceSearch:
         SiJ, Sir, A = S.inverse(J), S.inverse(r), S.lever
         flat_J = J.reshape(-1, J.shape[2])
         flat = SiJ.reshape(flat_J.shape)
-        C, determinant = _inverse(flat_J.T @ flat)
+        known = 0.0 if data.information is None else np.diag(data.information)
+        C, determinant = _inverse(flat_J.T @ flat + known)
         w = Sir - (flat @ (C @ (flat.T @ r.reshape(-1)))).reshape(Sir.shape)
         # Columns y_i = V_i w: the sensors, then the groups of joints.
         along = np.swapaxes(A, 1, 2) @ w
@@ -148,12 +153,12 @@ class VarianceSearch:
         y_flat = y.reshape(-1, y.shape[2])
         JSiy = flat.T @ y_flat
         information = 0.5 * (y_flat.T @ S.inverse(y).reshape(y_flat.shape) - JSiy.T @ C @ JSiy)
-        taken = np.sum((flat @ C) * flat, axis=1).reshape(self._grouped.shape)
-        lost = np.sum((S.B @ S.G_inverse) * S.B, axis=2) + taken
+        lost = S.taken + np.sum((flat @ C) * flat, axis=1).reshape(self._grouped.shape)
         sensors = self._counts - np.einsum("gk,gki->i", lost, self._own)
         # tr P a_j a_j' of every joint
-        ASiJ = np.swapaxes(A, 1, 2) @ SiJ
-        each = np.sum(A * S.inverse(A), axis=1) - np.sum((ASiJ @ C) * ASiJ, axis=2)
+        ASiJ = (np.swapaxes(A, 1, 2) @ SiJ).reshape(-1, len(C))
+        fitted = np.sum((ASiJ @ C) * ASiJ, axis=1).reshape(len(A), -1)
+        each = np.sum(A * S.inverse(A), axis=1) - fitted
         joints = self.member.T @ (np.sum(each * steady, axis=0) * shared)
         score = 0.5 * (quadratic - np.concatenate([sensors, joints]))
         rPr = float(np.sum(r * w))

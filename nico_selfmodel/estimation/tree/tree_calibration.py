@@ -1,7 +1,7 @@
 """Calibration of any body by any sensors: first body, adjustment, noise, error bars."""
 
 import time
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property, partial
 
@@ -147,6 +147,39 @@ def calibrate_tree(
     held, masses = frozenset(wishes.pins.pinned), description and description.masses
     bends = partial(_bent, held=held, effects=effects, up=up, seed=seed, masses=masses)
     return _finished(best, data, test, description, name, costs, clock, bends)
+
+
+def refit_tree(
+    tree: BodyTree,
+    data: BodyDataset,
+    free: Collection[str],
+    *,
+    world: str,
+    name: str | None = None,
+) -> TreeCalibration:
+    """Learn some parameters of a known body anew; everything else stays.
+
+    Args:
+        tree: The body as it was.
+        data: What was measured since.
+        free: Names of what is learned.
+        world: What stood for the world.
+        name: Of the body; the recording's if omitted.
+
+    Raises:
+        DataError: If the recording has fewer numbers than there are parameters.
+        ValueError: If a name does not exist.
+    """
+    clock, parameters = time.perf_counter(), TreeParameters(tree)
+    if unknown := sorted(set(free) - set(parameters.names)):
+        raise ValueError(f"no parameter {unknown[0]!r} in this body")
+    setup = TreeSetup(frozenset(free), {}, {}, world, world)
+    start = _Start("the body as it was", parameters, setup, parameters.values_of(tree), 0.0)
+
+    def as_it_was(problem: TreeProblem, solution: TreeSolution) -> Ladder:
+        return Ladder((), TreeBend(problem, solution))
+
+    return _finished(start, data, None, None, name, [0.0], clock, as_it_was)
 
 
 def _bent(

@@ -65,15 +65,23 @@ def errors_of(tree: BodyTree, data: BodyDataset) -> TreeErrors:
     Raises:
         DataError: If it is of another body.
     """
-    data = _told_as(tree, data)
+    data = told_as(tree, data)
     observations = TreeObservations.of(data)
     parameters = TreeParameters(tree)
     residuals = TreeResiduals(observations, parameters)
     return TreeErrors(observations, residuals.residuals(parameters.values_of(tree)))
 
 
-def _told_as(tree: BodyTree, data: BodyDataset) -> BodyDataset:
-    """Return a recording with the body's markers, in its order."""
+def told_as(tree: BodyTree, data: BodyDataset) -> BodyDataset:
+    """Return a recording with the body's markers, in its order.
+
+    Args:
+        tree: The body.
+        data: The recording.
+
+    Raises:
+        DataError: If it has other joints, or markers or sensors that the body lacks.
+    """
     sensors = {s.name for s in tree.sensors} | {s.name for s in data.sensors if s.kind == DISTANCE}
     known = [m.name for m in tree.markers]
     for kind, has, wants in (

@@ -155,7 +155,7 @@ class TreeProblem:
             known = int((~found[data.row]).sum()) - len(self.columns) >= LEAST_REDUNDANCY
             before = self.noise
             if known:
-                self.noise = self._likeliest(linear, groups, slipped)
+                self.noise = self._likeliest(linear, groups, slipped, values)
             whitening = self._whitening(linear, groups, slipped)
             solution = self.program(values, whitening).solve(
                 max_iterations=_STEPS_BETWEEN, tolerance=1e-7
@@ -241,10 +241,21 @@ class TreeProblem:
         by_joint = (linear.by_joint / self.scale[:, None])[:, None]
         return PoseWhitening(groups, by_joint, PoseNoise(1.0, self.noise.joint), slipped)
 
-    def _likeliest(self, linear: TreeLinear, groups: PoseGroups, slipped: NDArray) -> TreeNoise:
+    def _likeliest(
+        self, linear: TreeLinear, groups: PoseGroups, slipped: NDArray, values: NDArray
+    ) -> TreeNoise:
         """Return the noise that the residuals ask for, with what fitting took from them."""
-        own = TreeLinear(linear.r, linear.J[self.columns], linear.by_joint)
-        return likeliest_noise(self.observations, own, groups, slipped, self.noise)
+        # A robot's description says nothing here: where it is wrong, a noise that made up for that
+        # would make it weigh more still. What bends has priors that follow the data.
+        bends = range(*self.residuals.parameters.bends.indices(len(values)))
+        J, known = linear.J[self.columns], np.zeros(len(self.columns))
+        pull = np.zeros(len(self.columns))
+        for name, (mean, sigma) in self.priors.items():
+            at = self.free_names.index(name)
+            if self.columns[at] in bends:
+                known[at], pull[at] = sigma**-2.0, mean - values[self.columns[at]]
+        own = TreeLinear(linear.r + pull @ J, J, linear.by_joint)
+        return likeliest_noise(self.observations, own, groups, slipped, self.noise, known)
 
     def _tested(
         self, linear: TreeLinear, groups: PoseGroups, slipped: NDArray, outliers: NDArray
@@ -271,15 +282,18 @@ def likeliest_noise(
     groups: PoseGroups,
     slipped: NDArray | None,
     start: TreeNoise,
+    information: NDArray,
 ) -> TreeNoise:
     """Return the noise that residuals ask for, with what fitting took from them.
 
     Args:
         data: What was measured.
-        linear: Residuals and their derivatives by what is estimated.
+        linear: Residuals about what is known beforehand, and their derivatives by what is
+            estimated.
         groups: What belongs to one pose.
         slipped: Joints that were read wrongly in a pose, if any. Boolean, (poses, m).
         start: Where the search begins.
+        information: Inverse variances of what is known beforehand. Shape (P,).
     """
     residuals = LinearResiduals(
         groups,
@@ -288,6 +302,7 @@ def likeliest_noise(
         linear.by_joint[:, None],
         data.noise_group[:, None],
         slipped,
+        information,
     )
     group, counts = _joint_groups(data)
     kept = groups.rows

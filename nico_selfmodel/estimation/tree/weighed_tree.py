@@ -1,6 +1,5 @@
 """Observations linearised about a body, whitened by pose, as the ladder fits effects to them."""
 
-from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from functools import cached_property
 
@@ -169,19 +168,12 @@ class WeighedTree:
         scales = 2.0 * float(np.log(self._scale[self._groups.rows]).sum())
         return self._share * (self._whitening.log_determinant + scales)
 
-    def likeliest(self, change: Mapping[str, float], told: float) -> TreeNoise:
-        """Return the noise that is left once numbers of effects are changed by so much."""
-        bends = np.array([name in change for name in self.free], dtype=bool)
-        step = np.array([change[name] for name in self.free if name in change])
-        own = self._columns[bends]
-        r = self.linear.r + step @ self.linear.J[own] if len(own) else self.linear.r
-        rigid = self._columns[~bends]
-        linear = TreeLinear(r, self.linear.J[rigid], self.linear.by_joint)
-        found = likeliest_noise(self.seen, linear, self._groups, None, self.noise)
-        left = len(self._groups.rows) - len(rigid)
-        factor = float(np.sqrt(left / max(left - told, 1.0)))
-        sensor = np.where(self.seen.sigma_held, found.sensor, factor * found.sensor)
-        return TreeNoise(sensor, factor * found.joint)
+    def likeliest(self, pull: NDArray, variance: NDArray) -> TreeNoise:
+        """Return the noise that residuals ask for, of effects that are known as well as that."""
+        own, there = self.linear.J[self._columns], variance > 0.0
+        linear = TreeLinear(self.linear.r + pull @ own, own[there], self.linear.by_joint)
+        known = 1.0 / variance[there]
+        return likeliest_noise(self.seen, linear, self._groups, None, self.noise, known)
 
     def errors(self, step: NDArray, rows: NDArray) -> NDArray:
         """Return errors of some rows that count, after a step [m or px, of the first sensor]."""

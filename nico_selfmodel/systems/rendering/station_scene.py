@@ -46,6 +46,8 @@ _LIGHTS = (
     ((0.2, -0.6, -0.4), 0.30),
     ((-0.7, 0.0, -0.2), 0.25),
 )
+_LAMPS = (((0.8, 0.0, 0.6), 0.3), ((0.5, 0.8, 0.3), 0.3), ((0.5, -0.8, 0.3), 0.3))
+"""Of a room with cards: they light what hangs about the robot and faces it."""
 _GLARE = ((-0.8, 0.0, -0.35), 0.7)
 """What a mirror before the robot throws back of the light from behind its head."""
 _TAPE = (0.0104, 0.0104, 0.0145)
@@ -61,6 +63,7 @@ def add_renderer(
     name: str = RENDERER,
     *,
     glare: bool = False,
+    lamps: bool = False,
     R_WR: NDArray | None = None,
 ) -> None:
     """Add a renderer with lights that stand still in the room.
@@ -69,6 +72,7 @@ def add_renderer(
         scene_graph: Where to add it.
         name: What it is called.
         glare: Whether a mirror before the robot throws light back at it.
+        lamps: Whether lamps light what hangs about the robot.
         R_WR: How the room stands in the scene graph's world; as its robot if omitted. Shape (3, 3).
 
     Raises:
@@ -79,7 +83,7 @@ def add_renderer(
         LightParameter(
             type="directional", frame="world", direction=turned @ way, intensity=intensity
         )
-        for way, intensity in (*_LIGHTS, *([_GLARE] if glare else []))
+        for way, intensity in (*_LIGHTS, *([_GLARE] if glare else []), *(_LAMPS if lamps else ()))
     ]
     parameters = RenderEngineVtkParams(default_clear_color=np.array(_ROOM), lights=lights)
     check_renderer()
@@ -95,10 +99,12 @@ def remove_scene(scene_graph: SceneGraph, name: str = RENDERER) -> None:
     """
     scene_graph.RemoveRenderer(name)
     inspector = scene_graph.model_inspector()
+    fixed = inspector.world_frame_id()
     for source in inspector.GetAllSourceIds():
-        for frame in inspector.FramesForSource(source):
+        for frame in (*inspector.FramesForSource(source), fixed):
             for geometry in inspector.GetGeometries(frame):
-                scene_graph.RemoveGeometry(source, geometry)
+                if inspector.BelongsToSource(geometry, source):
+                    scene_graph.RemoveGeometry(source, geometry)
 
 
 def print_fiducial(

@@ -1,5 +1,6 @@
 """A simulated robot before the world: servos, cameras, trackers, motion capture, in one diagram."""
 
+from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
@@ -13,14 +14,15 @@ from nico_selfmodel.model.cameras.stereo_rig import StereoRig
 from nico_selfmodel.model.self_model import SelfModel
 from nico_selfmodel.plant import ArmDescription
 from nico_selfmodel.plant.body_description import BodyDescription, built_frame_name
-from nico_selfmodel.plant.link_surfaces import LinkSurface, link_surfaces
+from nico_selfmodel.plant.link_surfaces import LinkSurface
 from nico_selfmodel.plant.model_in_plant import ModelInPlant
 from nico_selfmodel.systems.closing import Closable, free_memory
 from nico_selfmodel.systems.image_values import bgr_of
 from nico_selfmodel.systems.looking import looking_arm
 from nico_selfmodel.systems.nico_cameras import MOUNTS, NICO_CAMERAS
-from nico_selfmodel.systems.rendering.mark_on_body import GLASS, Mark, MarkOnBody, Paintable
+from nico_selfmodel.systems.rendering.mark_on_body import Mark, MarkOnBody
 from nico_selfmodel.systems.rendering.mirror_scene import MirrorPlate, MirrorScene
+from nico_selfmodel.systems.rendering.room import hang_cards
 from nico_selfmodel.systems.rendering.station_scene import (
     BoardHolder,
     BodyPoses,
@@ -35,7 +37,7 @@ from nico_selfmodel.systems.simulated.ground_truth import GroundTruth
 from nico_selfmodel.systems.simulated.imperfections import Imperfections, imperfections_named
 from nico_selfmodel.systems.simulated.motion_capture import MotionCapture
 from nico_selfmodel.systems.stations.nico_instance import NicoInstance
-from nico_selfmodel.systems.stations.other_robot import OtherRobot, add_other_robot
+from nico_selfmodel.systems.stations.other_robot import OTHER, OtherRobot, add_other_robot
 from nico_selfmodel.systems.stations.whole_nico import WholeNico
 from nico_selfmodel.systems.tracking.hand_tracker import (
     FIDUCIAL_ID,
@@ -47,14 +49,14 @@ from nico_selfmodel.systems.tracking.hand_tracker import (
 )
 from nico_selfmodel.systems.tracking.mirror_expectation import connect_expectation
 from nico_selfmodel.systems.tracking.reflection_detectors import default_mirror_detectors
+from nico_selfmodel.systems.tracking.shared_search import fiducial_detectors
 from nico_selfmodel.vision.boards.chessboard import Board
+from nico_selfmodel.vision.markers.tag_card import TagCard, markers_of
 
 BOARD = Board(9, 6, 0.028)
 """The thesis' chessboard: squares of 28 mm."""
 
 
-OTHER = "other/"
-"""What names of the second robot's links begin with, for who paints it."""
 FIDUCIALS = {"right": FIDUCIAL_ID, "left": FIDUCIAL_ID + 1}
 """Which marker of the family is printed for each hand of a whole Nico."""
 
@@ -100,6 +102,7 @@ class NicoStation(Closable, Diagram):
         mirror: MirrorPlate | None = None,
         knows: SelfModel | None = None,
         other: bool = False,
+        room: Sequence[TagCard] = (),
     ) -> None:
         """Build the robot and its surroundings.
 
@@ -120,6 +123,7 @@ class NicoStation(Closable, Diagram):
             knows: What the body has learned of arm and cameras; before a mirror it tells a patch of
                 colour on the hand from the reflection by where it expects its hand.
             other: Whether there is a second robot that can be put somewhere (`stand_other`).
+            room: Cards of markers that hang about it, W the frame of its root link.
 
         Raises:
             ModelError: If the robot lacks a link that carries a camera.
@@ -129,7 +133,7 @@ class NicoStation(Closable, Diagram):
         arm = arm or looking_arm()
         body = _built(arm, world, seed, sides)
         if detectors is None and isinstance(arm, BodyDescription) and mirror is None:
-            detectors = body_detectors()
+            detectors = {**body_detectors(), **room_detectors(room)} if room else body_detectors()
         elif detectors is None:
             detectors = default_detectors() if mirror is None else default_mirror_detectors()
         self.arm, self.world, self.seed, self.session = arm, world, seed, session
@@ -142,18 +146,15 @@ class NicoStation(Closable, Diagram):
         start = body.mechanics.servos.to_encoder(np.zeros(len(arm.joints)))
         servos = EncoderModel(body.mechanics, start, seed=noise)
         builder.AddNamedSystem("servos", servos)
-        self.__holder, cameras, poses, paintable = _add_scene(
-            builder, servos, arm, body, board, quality, noise, mirror
+        self.__holder, cameras, poses, self.__marks = _add_scene(
+            builder, servos, arm, body, board, quality, noise, mirror, room
         )
         scene: Any = builder.GetMutableSubsystemByName("scene")
         self.__scene: SceneGraph = scene
         self.__other: OtherRobot | None = None
         if other:
             self.__other, second = add_other_robot(builder, self.__scene, body, noise)
-            paintable |= {
-                f"{OTHER}{link}": place for link, place in _links(self.__scene, second).items()
-            }
-        self.__marks = MarkOnBody(self.__scene, paintable)
+            self.__marks.on_links(second, OTHER)
         _add_motion_capture(builder, poses, body, world, noise)
         tracker = HandTracker(detectors, before_mirror=mirror is not None)
         builder.AddNamedSystem("tracker", tracker)
@@ -286,8 +287,20 @@ def default_detectors(rig: StereoRig | None = None) -> Detectors:
 
 def body_detectors() -> Detectors:
     """Return detectors of the fiducials on both of Nico's hands and of the tape on its finger."""
-    fiducials = {f"{side}_hand_fiducial": fiducial_detector(i) for side, i in FIDUCIALS.items()}
-    return {**fiducials, "right_finger_tip": color_detector()}
+    numbers = {f"{side}_hand_fiducial": number for side, number in FIDUCIALS.items()}
+    return {**fiducial_detectors(numbers), "right_finger_tip": color_detector()}
+
+
+def room_detectors(room: Sequence[TagCard], rig: StereoRig | None = None) -> Detectors:
+    """Return detectors of the corners of both hands' fiducials and of cards in the room.
+
+    Args:
+        room: The cards.
+        rig: The calibrated cameras, whose lenses are then taken out before points are located.
+    """
+    hands = {f"{side}_hand_fiducial": number for side, number in FIDUCIALS.items()}
+    centers = {name: number for name, (number, _) in markers_of(room).items()}
+    return fiducial_detectors(centers, hands, rig=rig)
 
 
 def _built(
@@ -326,13 +339,15 @@ def _add_scene(
     quality: ImageQuality | None,
     seed: tuple[int, int],
     mirror: MirrorPlate | None,
-) -> tuple[BoardHolder, StereoCameras, BodyPoses, dict[str, Paintable]]:
+    room: Sequence[TagCard],
+) -> tuple[BoardHolder, StereoCameras, BodyPoses, MarkOnBody]:
     """Add what is to be seen, and what sees it."""
     scene_graph = SceneGraph()
     builder.AddNamedSystem("scene", scene_graph)
     built = body.in_scene(scene_graph)
-    add_renderer(scene_graph, glare=mirror is not None)
+    add_renderer(scene_graph, glare=mirror is not None, lamps=bool(room))
     _mark(scene_graph, built, arm)
+    hang_cards(scene_graph, room)
     frames = tuple(
         built.plant.GetBodyFrameIdOrThrow(built.plant.GetBodyByName(link).index())
         for link in MOUNTS
@@ -352,22 +367,14 @@ def _add_scene(
     )
     builder.Connect(holder.get_output_port(), scene_graph.get_source_pose_port(holder.source))
     builder.Connect(scene_graph.get_query_output_port(), cameras.get_input_port())
-    paintable = _links(scene_graph, built)
+    marks = MarkOnBody(scene_graph)
+    marks.on_links(built)
     if mirrors is not None:
         builder.AddNamedSystem("mirrors", mirrors)
         builder.Connect(mirrors.get_output_port(), scene_graph.get_source_pose_port(mirrors.source))
         builder.ExportInput(mirrors.get_input_port(), "mirror_pose")
-        paintable[GLASS] = Paintable(mirrors.source, mirrors.glasses[0].frame, None)
-    return holder, cameras, poses, paintable
-
-
-def _links(scene_graph: SceneGraph, built: ModelInPlant) -> dict[str, Paintable]:
-    """Return the links that marks can be put on."""
-    source = built.plant.get_source_id()
-    return {
-        link: Paintable(source, surface.frame, surface)
-        for link, surface in link_surfaces(scene_graph, built).items()
-    }
+        marks.on_glass(mirrors.source, mirrors.glasses[0].frame)
+    return holder, cameras, poses, marks
 
 
 def _add_motion_capture(

@@ -93,20 +93,50 @@ def find_fiducial(
     family = _family(family)
     if marker is not None:
         family.pattern(marker)
-    seen, blurred = _search(detectable(image), family, mirrors=mirrored is not False)
-    wanted = [
-        item
-        for item in seen
-        if marker in (None, item.id) and (mirrored is None or item.mirrored == mirrored)
-    ]
-    if len(wanted) == 1:
-        return wanted[0]
-    if wanted:
-        return NotSeen(f"{_names(wanted)} were seen: say which one is meant")
-    what = f"{family.name} marker" + ("" if marker is None else f" {marker}")
-    what += {None: "", True: " in a mirror", False: " outside a mirror"}[mirrored]
-    others = f"; {_names(seen)} seen" if seen else ""
-    return NotSeen(f"no {what}{others}" + (f"; {blurred}" if blurred else ""))
+    return FiducialSearch.of(image, family, mirrors=mirrored is not False).one(
+        marker, mirrored=mirrored
+    )
+
+
+@dataclass(frozen=True, eq=False)
+class FiducialSearch:
+    """What was found in one image, to be asked for one marker after the other."""
+
+    family: str
+    """Name of the family that was looked for."""
+    seen: tuple[Fiducial, ...]
+    """Its markers, direct ones first, by id."""
+    blurred: str
+    """In words, what was read but not located; empty if nothing."""
+
+    @classmethod
+    def of(
+        cls, image: NDArray, family: FiducialFamily | str = DEFAULT_FAMILY, *, mirrors: bool = True
+    ) -> "FiducialSearch":
+        """Search an image as `find_fiducials` does.
+
+        Raises:
+            ValueError: If the image has another shape or type, or there is no such family.
+        """
+        family = _family(family)
+        return cls(family.name, *_search(detectable(image), family, mirrors=mirrors))
+
+    def one(self, marker: int | None = None, *, mirrored: bool | None = None) -> Fiducial | NotSeen:
+        """Return one marker, or why there is none or no telling which; as `find_fiducial`."""
+        seen = self.seen
+        wanted = [
+            item
+            for item in seen
+            if marker in (None, item.id) and (mirrored is None or item.mirrored == mirrored)
+        ]
+        if len(wanted) == 1:
+            return wanted[0]
+        if wanted:
+            return NotSeen(f"{_names(wanted)} were seen: say which one is meant")
+        what = f"{self.family} marker" + ("" if marker is None else f" {marker}")
+        what += {None: "", True: " in a mirror", False: " outside a mirror"}[mirrored]
+        others = f"; {_names(seen)} seen" if seen else ""
+        return NotSeen(f"no {what}{others}" + (f"; {self.blurred}" if self.blurred else ""))
 
 
 def _family(family: FiducialFamily | str) -> FiducialFamily:

@@ -37,6 +37,33 @@ def center_behind_lens(image: NDArray, seen: Fiducial, camera: Camera) -> NDArra
     Raises:
         ValueError: If the image has another shape or type.
     """
+    found = _without_lens(image, seen, camera)
+    if isinstance(found, NotSeen):
+        return found
+    corners, scale, low = found
+    return camera.pixels_of(marker_center(corners) / scale + low)
+
+
+def corners_behind_lens(image: NDArray, seen: Fiducial, camera: Camera) -> NDArray | NotSeen:
+    """Locate a marker's corners through a calibrated lens, as `center_behind_lens`. Shape (4, 2).
+
+    Raises:
+        ValueError: If the image has another shape or type.
+    """
+    found = _without_lens(image, seen, camera)
+    if isinstance(found, NotSeen):
+        return found
+    corners, scale, low = found
+    return camera.pixels_of((corners / scale + low).T).T
+
+
+def _without_lens(
+    image: NDArray, seen: Fiducial, camera: Camera
+) -> tuple[NDArray, float, NDArray] | NotSeen:
+    """Return a marker's corners in a patch without lens, its pixels a unit, its origin; or why not.
+
+    Ideal coordinates are corners / scale + low.
+    """
     gray = as_gray(image)
     if not camera.has_rays(seen.corners).all():
         return NotSeen("the marker lies where the calibrated lens has no rays")
@@ -55,4 +82,4 @@ def center_behind_lens(image: NDArray, seen: Fiducial, camera: Camera) -> NDArra
     corners = corners_from_edges(patch, (ideal - low) * scale, cells)
     if corners is None:
         return NotSeen("the marker's edges are not plain to see behind the lens")
-    return camera.pixels_of(marker_center(corners) / scale + low)
+    return corners, float(scale), low

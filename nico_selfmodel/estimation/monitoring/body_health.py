@@ -1,0 +1,145 @@
+"""Whether a body of any tree still fits what is known of it; see `health`."""
+
+from dataclasses import replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from nico_selfmodel.dataset.body.body_dataset import BodyDataset
+from nico_selfmodel.dataset.body.sensors import CAMERA
+from nico_selfmodel.errors import DataError, ModelError
+from nico_selfmodel.estimation.monitoring.body_causes import body_causes, body_changes
+from nico_selfmodel.estimation.monitoring.change_likelihood import root_of
+from nico_selfmodel.estimation.monitoring.diagnosis import ranked_causes
+from nico_selfmodel.estimation.monitoring.health import HealthReport, in_turn, watched
+from nico_selfmodel.estimation.noise.hand_observations import laid_out
+from nico_selfmodel.estimation.noise.pose_residuals import PoseResiduals
+from nico_selfmodel.estimation.tree.tree_errors import told_as
+from nico_selfmodel.estimation.tree.tree_observations import TreeObservations
+from nico_selfmodel.estimation.tree.tree_parameters import TreeParameters
+from nico_selfmodel.estimation.tree.tree_residuals import TreeLinear, TreeResiduals
+from nico_selfmodel.model.noise_mixture import NoiseMixture
+from nico_selfmodel.model.tree.body_model import BodyModel
+
+_WIDER, _TAIL_SHARE, _OUTLIER_SHARE = 3.0, 0.05, 0.005
+"""A body says what noise is usual. Rarer noise is taken so many times as wide, and of so large a
+share of the poses; shares of false detections."""
+_DIRECTIONS = 30
+"""Of what a body is uncertain by, that count."""
+_ABOUT = 100
+"""Poses that a noise is said to rest on where a body does not tell."""
+
+
+def check_body_health(model: BodyModel, data: BodyDataset) -> HealthReport:
+    """Watch a body over new poses, in their order.
+
+    Args:
+        model: The body, with its covariance and the noise of its training.
+        data: What its cameras saw of its markers since.
+
+    Returns:
+        Whether it still fits, and what changed if it does not.
+
+    Raises:
+        DataError: If the recording is of another body, or no camera saw anything.
+        ModelError: If the model does not say what noise to expect.
+    """
+    noise = expected_body_noise(model, data)
+    poses = body_poses(model, data)
+    covariance = np.zeros((len(poses.names),) * 2)
+    if model.covariance is not None:
+        whole = laid_out(model.covariance.names, model.covariance.matrix, poses.names)
+        covariance = _leading(poses, whole)
+    causes = body_causes(model.tree, poses.names)
+    report = watched(poses, noise, covariance, body_changes(model.tree, causes))
+    if report.alarm_at is None or report.changed_at is None:
+        return report
+    since, found = in_turn(
+        lambda at: ranked_causes(poses, noise, covariance, causes, at),
+        report.changed_at,
+        report.alarm_at,
+    )
+    return replace(report, changed_at=since, diagnoses=found)
+
+
+def _leading(poses: PoseResiduals, covariance: NDArray) -> NDArray:
+    """Return the part of a covariance that the poses show most. Shape (P, P).
+
+    With C = L L' and A what the poses show of L, L V of the largest singular values of A: a body
+    has hundreds of parameters, a recording's error by them few directions.
+    """
+    root = root_of(covariance)
+    shown = poses.slopes.reshape(-1, len(covariance)) @ root
+    vectors = np.linalg.eigh(shown.T @ shown)[1][:, -_DIRECTIONS:]
+    main = root @ vectors
+    return main @ main.T
+
+
+def expected_body_noise(model: BodyModel, data: BodyDataset) -> NoiseMixture:
+    """Return the noise that new poses are expected to have.
+
+    Raises:
+        ModelError: If the model does not say it.
+    """
+    cameras = [model.noise.get(s.name) for s in data.sensors if s.kind == CAMERA]
+    joints = [model.noise.get(name) for name in model.tree.joints]
+    known = [value for value in cameras if value], [value for value in joints if value]
+    if not known[0]:
+        raise ModelError(
+            f"body {model.name!r} does not say the noise of its cameras: learn it by `calibrate "
+            "body` or `learn --head`"
+        )
+    sensor = float(np.sqrt(np.mean(np.square(known[0]))))
+    joint = float(np.sqrt(np.mean(np.square(known[1])))) if known[1] else 0.0
+    wider = (_WIDER * sensor, _WIDER * joint)
+    return NoiseMixture(sensor, joint, *wider, _TAIL_SHARE, _OUTLIER_SHARE, _ABOUT)
+
+
+def body_poses(model: BodyModel, data: BodyDataset) -> PoseResiduals:
+    """Return what cameras saw at each sample against what the body expects, stacked.
+
+    Args:
+        model: The body.
+        data: The recording.
+
+    Raises:
+        DataError: If it is of another body, or no camera saw anything.
+    """
+    told = told_as(model.tree, data)
+    kinds = np.array([sensor.kind for sensor in told.sensors])
+    seen = TreeObservations.of(told, kinds[told.observations.sensor] == CAMERA)
+    if not seen.sensors:
+        raise DataError(f"data set {data.name!r} has nothing that a camera saw")
+    parameters = TreeParameters(model.tree)
+    linear = TreeResiduals(seen, parameters).linear(parameters.values_of(model.tree))
+    pose = told.observations.pose[seen.row]
+    return _stacked(linear, pose, parameters.names, data.sample)
+
+
+def _stacked(
+    linear: TreeLinear, pose: NDArray, names: tuple[str, ...], sample: NDArray
+) -> PoseResiduals:
+    """Lay scalars into the places of their poses, zeros where there are fewer."""
+    poses, of = np.unique(pose, return_inverse=True)
+    order = np.argsort(of, kind="stable")
+    place = np.empty(len(of), dtype=int)
+    count = np.bincount(of)
+    place[order] = np.arange(len(of)) - np.repeat(np.cumsum(count) - count, count)
+    shape = (len(poses), int(count.max()))
+
+    def laid(values: NDArray) -> NDArray:
+        out = np.zeros((*shape, *values.shape[1:]))
+        out[of, place] = values
+        return out
+
+    by_angle = laid(linear.by_joint)
+    return PoseResiduals(
+        "pixels",
+        names,
+        laid(-linear.r),
+        by_angle,
+        np.zeros_like(by_angle),
+        laid(linear.J.T),
+        laid(np.ones(len(of))) > 0.0,
+        sample[poses],
+    )

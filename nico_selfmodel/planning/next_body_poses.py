@@ -1,0 +1,196 @@
+"""Which poses of a whole body to record next: see `next_poses`.
+
+What is known is the covariance C = L L' of the body's parameters: in z, with x = L z, the recorded
+poses say as much as the unit matrix. A pose adds what its pixels of one marker say beyond what
+joint noise does to them.
+"""
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from nico_selfmodel.dataset.body.body_dataset import BodyDataset, ObservationTable
+from nico_selfmodel.errors import DataError, ModelError
+from nico_selfmodel.estimation.monitoring.change_likelihood import root_of
+from nico_selfmodel.estimation.tree.tree_errors import told_as
+from nico_selfmodel.estimation.tree.tree_observations import TreeObservations
+from nico_selfmodel.estimation.tree.tree_parameters import TreeParameters
+from nico_selfmodel.estimation.tree.tree_residuals import TreeResiduals
+from nico_selfmodel.geometry.transform import apply, inverse, transform
+from nico_selfmodel.model.tree.body_model import BodyModel
+from nico_selfmodel.model.tree.body_tree import WORLD
+from nico_selfmodel.model.tree.tree_motion import TreeMotion
+from nico_selfmodel.names import listed
+from nico_selfmodel.planning.pose_selection import PoseChoice, choose_poses, hand_sigma
+
+POOL = 500
+"""Poses to choose from."""
+_DRAWN, _ROUNDS = 4000, 20
+"""Poses drawn at once, and how often, to find some in view."""
+_ENDS = 0.5
+"""Of the beta distribution of the pool, as in `next_poses`."""
+_MARGIN = 0.05
+"""Share of the image at each edge in which a planned hand is not trusted to be seen."""
+
+
+@dataclass(frozen=True, eq=False)
+class NextBodyPoses:
+    """Poses worth recording."""
+
+    readings: NDArray
+    """Readings to go to, in the joints' own units. Shape (K, n)."""
+    sigma_before: float
+    """Root mean square error of the marker's predicted pixels over the recorded poses, by what the
+    body is uncertain of [px]."""
+    sigma_after: float
+    """The same once these poses are recorded too [px]."""
+    choice: PoseChoice
+    """How they were chosen."""
+
+
+def choose_next_body_poses(
+    model: BodyModel,
+    data: BodyDataset,
+    count: int,
+    rng: np.random.Generator,
+    *,
+    criterion: str = "I",
+    marker: str | None = None,
+) -> NextBodyPoses:
+    """Choose poses between the readings that were recorded, a marker in view of every camera.
+
+    What hides the marker, and what collides, is not known here.
+
+    Args:
+        model: What was learned from the data.
+        data: What was recorded.
+        count: How many poses to choose.
+        rng: Source of the pool.
+        criterion: `I` for the prediction of the marker, `D` for all parameters.
+        marker: On a link of the body; the first one by default.
+
+    Returns:
+        The poses.
+
+    Raises:
+        DataError: If the data are of another body, or no pose is in view.
+        ModelError: If the body has no covariance or no such camera or marker.
+        ValueError: If the number, the criterion or the marker is wrong.
+    """
+    if model.covariance is None or not model.tree.lenses:
+        raise ModelError(
+            f"body {model.name!r} has no covariance or no camera: learn it by `calibrate body` "
+            "from what cameras saw"
+        )
+    told, index = told_as(model.tree, data), _marker(model, marker)
+    seen = np.unique(told.observations.pose[told.observations.marker == index])
+    if not len(seen):
+        raise DataError(f"data set {data.name!r} has no view of {model.tree.markers[index].name!r}")
+    recorded = told.readings[seen]
+    # Far beside a camera a pixel moves without bound.
+    recorded = recorded[_in_view(model, recorded, index)]
+    if not len(recorded):
+        raise DataError(
+            f"no recorded pose of {data.name!r} shows {model.tree.markers[index].name!r} to every "
+            "camera"
+        )
+    pool = _pool(model, recorded, index, rng)
+    known = _rows(model, told, recorded, index, whiten=False)
+    told_already = np.eye(known.shape[2])[None]
+    choice = choose_poses(
+        _rows(model, told, pool, index, whiten=True),
+        count,
+        criterion=criterion,
+        targets=known,
+        given=told_already,
+    )
+    before = hand_sigma(told_already, known)
+    return NextBodyPoses(pool[choice.rows], before, choice.hand_sigma, choice)
+
+
+def _marker(model: BodyModel, name: str | None) -> int:
+    """Return which marker is meant."""
+    own = [m.name for m in model.tree.markers if m.on != WORLD]
+    if not own or (name is not None and name not in own):
+        raise ModelError(f"marker {name or 'that moves'}: the body carries {listed(own) or 'none'}")
+    return model.tree.marker_index(own[0] if name is None else name)
+
+
+def _pool(model: BodyModel, recorded: NDArray, marker: int, rng: np.random.Generator) -> NDArray:
+    """Draw poses between recorded readings that show the marker to every camera. Shape (N, n)."""
+    low, high = recorded.min(axis=0), recorded.max(axis=0)
+    found: list[NDArray] = []
+    for _ in range(_ROUNDS):
+        drawn = low + (high - low) * rng.beta(_ENDS, _ENDS, (_DRAWN, len(low)))
+        found += list(drawn[_in_view(model, drawn, marker)])
+        if len(found) >= POOL:
+            break
+    if not found:
+        raise DataError(
+            f"none of {_ROUNDS * _DRAWN} poses between the recorded readings shows "
+            f"{model.tree.markers[marker].name!r} to every camera"
+        )
+    return np.array(found[:POOL])
+
+
+def _in_view(model: BodyModel, readings: NDArray, marker: int) -> NDArray:
+    """Return whether every camera has the marker in its image. Shape (N,)."""
+    tree, inside = model.tree, np.ones(len(readings), dtype=bool)
+    motion = TreeMotion.at(tree, model.readings(readings))
+    p_WM = motion.pose_of(tree.markers[marker])[1].T
+    for sensor in tree.sensors:
+        if sensor.name not in tree.lenses:
+            continue
+        R, p = motion.pose_of(sensor)
+        lens = tree.lenses[sensor.name].at(np.eye(4))
+        p_CM = apply(inverse(transform(R.transpose(2, 0, 1), p.T)), p_WM)
+        uv, size = lens.project(p_CM), np.array(lens.image_size, dtype=float)
+        with np.errstate(invalid="ignore"):
+            inside &= ((uv > _MARGIN * size) & (uv < (1.0 - _MARGIN) * size)).all(axis=1)
+    return inside
+
+
+def _rows(
+    model: BodyModel, told: BodyDataset, readings: NDArray, marker: int, *, whiten: bool
+) -> NDArray:
+    """Return derivatives of the marker's pixels by z, of every camera. Shape (N, k, p).
+
+    Args:
+        model: The body.
+        told: A recording of it, for its joints and cameras.
+        readings: In the joints' own units. Shape (N, n).
+        marker: Which one.
+        whiten: Take off what joint noise and cameras do: rows of unit variance, else of pixels.
+    """
+    cameras = [s for s, info in enumerate(told.sensors) if info.name in model.tree.lenses]
+    count = len(readings)
+    pose = np.repeat(np.arange(count), len(cameras))
+    values = np.full((len(pose), 6), np.nan)
+    values[:, :2] = 0.0
+    none = np.full(len(pose), -1)
+    table = ObservationTable(
+        pose, np.tile(cameras, count), np.full(len(pose), marker), none, values
+    )
+    asked = replace(
+        told,
+        sample=np.arange(count),
+        readings=readings,
+        flanges=None,
+        approach=None,
+        observations=table,
+    )
+    seen, parameters = TreeObservations.of(asked), TreeParameters(model.tree)
+    linear = TreeResiduals(seen, parameters).linear(parameters.values_of(model.tree))
+    assert model.covariance is not None
+    own = [parameters.index[name] for name in model.covariance.names]
+    order = np.argsort(seen.data.observations.pose[seen.row], kind="stable")
+    shape = (count, 2 * len(cameras))
+    J = (linear.J[own].T @ root_of(model.covariance.matrix))[order].reshape(*shape, -1)
+    if not whiten:
+        return J
+    sigma = np.array([model.noise.get(model.tree.joints[i], 0.0) for i, _ in seen.noisy_joints])
+    A = (linear.by_joint * sigma)[order].reshape(*shape, -1)
+    pixel = [model.noise.get(told.sensors[s].name, 1.0) for s in cameras]
+    S = A @ np.swapaxes(A, 1, 2) + np.diag(np.repeat(np.square(pixel), 2))
+    return np.linalg.solve(np.linalg.cholesky(S), J)

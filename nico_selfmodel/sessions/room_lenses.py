@@ -1,0 +1,62 @@
+"""Lenses of cameras from cards of markers in a room, each of which is a board."""
+
+from collections.abc import Mapping, Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+
+from nico_selfmodel.dataset.board_views import BoardViews
+from nico_selfmodel.dataset.body.body_dataset import BodyDataset
+from nico_selfmodel.dataset.body.sensors import CAMERA
+from nico_selfmodel.errors import DataError
+from nico_selfmodel.estimation.cameras.camera_adjustment import CameraCalibration
+from nico_selfmodel.estimation.cameras.camera_calibration import calibrate_cameras
+from nico_selfmodel.vision.markers.tag_card import TagCard, markers_of
+
+_FEWEST = 5
+"""Markers of a card that a camera must see."""
+
+
+def lenses_from_cards(
+    data: BodyDataset, cards: Sequence[TagCard]
+) -> Mapping[str, CameraCalibration]:
+    """Calibrate each camera alone: every card in every picture is a view of one board.
+
+    Where the cards hang does not matter.
+
+    Args:
+        data: What was seen of their markers, by the names of `markers_of`.
+        cards: Cards of one layout.
+
+    Returns:
+        The calibration of each camera, by its name.
+
+    Raises:
+        DataError: If a camera has no image size.
+        EstimationError: If a camera saw too few of the cards.
+    """
+    return {
+        info.name: calibrate_cameras(_views(data, s, cards))
+        for s, info in enumerate(data.sensors)
+        if info.kind == CAMERA
+    }
+
+
+def _views(data: BodyDataset, sensor: int, cards: Sequence[TagCard]) -> BoardViews:
+    """Return one camera's views of the cards."""
+    info = data.sensors[sensor]
+    if info.image_size is None:
+        raise DataError(f"camera {info.name!r} has no 'image_size' [px]: put it into dataset.yaml")
+    names, size = [marker.name for marker in data.markers], len(cards[0].ids)
+    of_card = np.full((len(names), 2), -1)
+    for k, name in enumerate(markers_of(cards)):
+        if name in names:
+            of_card[names.index(name)] = divmod(k, size)
+    table = data.observations
+    card, corner = of_card[table.marker].T
+    own = (table.sensor == sensor) & (card >= 0)
+    pixels: NDArray = np.full((len(data.sample), len(cards), size, 2), np.nan)
+    pixels[table.pose[own], card[own], corner[own]] = table.values[own, :2]
+    seen = np.isfinite(pixels[..., 0]).sum(axis=2) >= _FEWEST
+    views = [f"{data.sample[pose]}_{c}" for pose, c in np.argwhere(seen)]
+    return BoardViews(cards[0].p_KT, tuple(views), (info.name,), pixels[seen], info.image_size)

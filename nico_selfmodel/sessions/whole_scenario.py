@@ -1,0 +1,127 @@
+"""A whole Nico learns itself: lenses and head from a room, arms where the head looks, then all."""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+
+from nico_selfmodel.dataset.body.body_dataset import BodyDataset
+from nico_selfmodel.dataset.body.joining import joined
+from nico_selfmodel.estimation.cameras.camera_adjustment import CameraCalibration
+from nico_selfmodel.estimation.results.fixed_parameters import FixedParameters
+from nico_selfmodel.estimation.tree.tree_calibration import TreeCalibration, calibrate_tree
+from nico_selfmodel.estimation.tree.tree_setup import Wishes
+from nico_selfmodel.model.cameras.camera import Camera
+from nico_selfmodel.model.cameras.stereo_rig import StereoRig
+from nico_selfmodel.sessions.body_truth import mechanics_left
+from nico_selfmodel.sessions.progress import Stage, telling
+from nico_selfmodel.sessions.rendered_body import RenderedBody
+from nico_selfmodel.sessions.room_lenses import lenses_from_cards
+from nico_selfmodel.systems.rendering.stereo_cameras import ImageQuality
+from nico_selfmodel.systems.simulated.imperfections import Imperfections
+
+_INTRINSICS = ("fx", "fy", "cx", "cy", "k1", "k2", "k3")
+"""Of each lens, free when everything is learned together."""
+
+
+@dataclass(frozen=True)
+class BodyCounts:
+    """How much is recorded."""
+
+    looks: int = 40
+    """Poses in which the head looks about the room."""
+    hands: int = 60
+    """Poses of each hand before the cameras."""
+    test_looks: int = 8
+    """Held-out poses of the head."""
+    test_hands: int = 25
+    """Held-out poses of each hand."""
+
+
+@dataclass(frozen=True, eq=False)
+class WholeScenario:
+    """What was recorded and learned."""
+
+    lenses: Mapping[str, CameraCalibration]
+    """Each camera alone, from the cards in the room, before anything else was known."""
+    looks: BodyDataset
+    """The room, while the head turned."""
+    train: BodyDataset
+    """That, then the hands."""
+    test: BodyDataset
+    """Another day's, for judging only."""
+    found: TreeCalibration
+    """Everything together."""
+    mechanics: Mapping[str, float]
+    """Mean error in the test's images that no learning takes away, by the joint of what carries the
+    markers [px]: of a body that knew itself exactly."""
+
+
+def learn_whole(
+    world: Imperfections | str,
+    seed: int = 0,
+    *,
+    arms: Sequence[str] = ("right", "left"),
+    counts: BodyCounts | None = None,
+    quality: ImageQuality | None = None,
+    stage: Stage | None = None,
+) -> WholeScenario:
+    """Let a whole Nico look about a room and at its hands, and learn itself from the pictures.
+
+    Args:
+        world: What is wrong with the body.
+        seed: Which robot.
+        arms: Which arms move: `right`, `left`, none of them for the head alone.
+        counts: How much is recorded.
+        quality: Of the pictures.
+        stage: Told what is going on.
+
+    Returns:
+        Everything that was recorded and learned.
+
+    Raises:
+        ModelError: If the head sees nothing of a hand.
+        DataError: If too little was seen.
+        EstimationError: If no body explains it.
+    """
+    counts = counts or BodyCounts()
+    robot = RenderedBody(world, seed, arms, quality)
+    looks = robot.record(
+        "looks", 0, counts.looks, 0, progress=telling(stage, "looking about the room")
+    )
+    alone = lenses_from_cards(looks, robot.cards)
+    lenses = {name: found.cameras[0] for name, found in alone.items()}
+    rig, train = StereoRig(*lenses.values()), with_lenses(looks, lenses)
+    hands = counts.hands if arms else 0
+    if hands:
+        seen = robot.record(
+            "hands", 1, 0, hands, rig=rig, progress=telling(stage, "looking at its hands")
+        )
+        train = joined(train, with_lenses(seen, lenses), f"whole_nico_{seed}")
+    test = robot.record(
+        "test",
+        2,
+        counts.test_looks,
+        counts.test_hands if hands else 0,
+        rig=rig,
+        progress=telling(stage, "more poses, kept for judging"),
+    )
+    test = with_lenses(test, lenses)
+    telling(stage, "learning head and arms together")(0, 1)
+    found = calibrate_tree(train, test=test, wishes=_free_lenses(lenses), effects=())
+    telling(stage, "learning head and arms together")(1, 1)
+    left = mechanics_left(robot.ground_truth, test)
+    return WholeScenario(alone, looks, train, test, found, left)
+
+
+def with_lenses(data: BodyDataset, lenses: Mapping[str, Camera]) -> BodyDataset:
+    """Return a recording whose cameras have lenses that are known, by their names."""
+    return replace(
+        data,
+        sensors=tuple(
+            replace(info, lens=dict(lenses[info.name].named_values)) for info in data.sensors
+        ),
+    )
+
+
+def _free_lenses(lenses: Mapping[str, Camera]) -> Wishes:
+    freed = frozenset(f"{name}.{part}" for name in lenses for part in _INTRINSICS)
+    return Wishes(FixedParameters(freed=freed))

@@ -1,0 +1,49 @@
+"""Cards in the room about a simulated Nico are seen where they hang."""
+
+import numpy as np
+
+from nico_selfmodel.geometry.transform import apply, inverse
+from nico_selfmodel.sessions.whole_body import cards_about_nico, room_about_nico
+from nico_selfmodel.systems.looking import HEAD_JOINTS, looking_body
+from nico_selfmodel.systems.nico_cameras import NICO_CAMERAS
+from nico_selfmodel.systems.rendering.stereo_cameras import ImageQuality
+from nico_selfmodel.systems.simulated.imperfections import IMPERFECTIONS
+from nico_selfmodel.systems.stations.nico_station import NicoStation, room_detectors
+from nico_selfmodel.systems.stations.station_body import StationBody
+from nico_selfmodel.systems.stations.whole_nico import WholeNico
+from nico_selfmodel.systems.tracking import shared_search
+
+
+def test_markers_of_the_room_are_seen_where_they_hang():
+    body, room = looking_body(*HEAD_JOINTS), room_about_nico()
+    nico = WholeNico.build(body, IMPERFECTIONS["clean"], 3, NICO_CAMERAS)
+    found = room_detectors(cards_about_nico(), nico.rig)
+    detectors = {name: found[name] for name in room}
+    sharp = ImageQuality(supersample=1, noise=0.0)
+    with NicoStation(
+        "clean", 3, arm=body, detectors=detectors, quality=sharp, room=cards_about_nico()
+    ) as station:
+        driven = StationBody(station, station.joints, station.tracked)
+        seen = driven.move_and_measure(nico.mechanics.servos.to_encoder(np.zeros(6)))
+    robot = nico.at(seen.encoders)
+    expected = robot.rig.project(apply(inverse(robot.X_BL), np.array(list(room.values()))))
+    measured = np.array([seen.pixels[name] for name in room])
+    both = np.isfinite(measured) & np.isfinite(expected)
+    assert both.sum() >= 4 * 6
+    assert np.abs(measured - expected)[both].max() < 0.4
+
+
+def test_detectors_of_one_family_search_a_picture_once(monkeypatch):
+    searches = []
+    search = shared_search.FiducialSearch.of
+    monkeypatch.setattr(
+        shared_search.FiducialSearch,
+        "of",
+        lambda image, *more, **how: searches.append(1) or search(image, *more, **how),
+    )
+    detectors = shared_search.fiducial_detectors({"a": 1, "b": 2}, {"c": 3})
+    pictures = [np.full((60, 80, 3), 200, np.uint8) for _ in range(2)]
+    for left, right in detectors.values():
+        assert "no apriltag_36h11 marker" in left(pictures[0]).reason
+        assert "no apriltag_36h11 marker" in right(pictures[1]).reason
+    assert len(searches) == 2
