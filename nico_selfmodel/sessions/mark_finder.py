@@ -17,27 +17,25 @@ from nico_selfmodel.estimation.mirrors.mark_place import (
     fused,
     spot_of,
 )
+from nico_selfmodel.estimation.mirrors.surface_evidence import SurfaceView, surprising_together
 from nico_selfmodel.geometry.solids import Solid
 from nico_selfmodel.geometry.transform import apply
 from nico_selfmodel.model.cameras.mirror_rig import MirrorRig
 from nico_selfmodel.sessions.known_body import KnownBody
 from nico_selfmodel.sessions.mirror_looks import MirrorLook
 from nico_selfmodel.systems.rendering.body_image import BodyImage
-from nico_selfmodel.vision.surprise.blobs import FALSE_ALARM, Blob, surprising_places, threshold_of
+from nico_selfmodel.vision.surprise.blobs import FALSE_ALARM, Blob, place_means, threshold_of
+from nico_selfmodel.vision.surprise.seen_places import all_judged, middle_sigma, seen_places
 from nico_selfmodel.vision.surprise.surprise import Surprise
 
 PIXEL_SIGMA = 0.5
 """How well the middle of a spot is known; set on robots 0 and 1 [px]."""
-CUT_SIGMA = 1.5
-"""The same where a part of the spot may not be judged [px]."""
 SURFACE_SIGMA = 5e-4
 """What the surface is not known by; set on robots 0 and 1 [m]."""
-_WEAK = 1.0
-"""Places of a picture that may surprise where both cameras and both looks must agree."""
-_BESIDE = 3
-"""Half the side of what must be judged for a place to count as looked at [px]."""
-_NEAR = 6.0
-"""Surprising places as near to each other are one spot [px]."""
+
+Pair = tuple[MirrorLook, MirrorLook]
+Told = list[tuple[Spot, bool]]
+"""Spots of a look, and whether one of their places surprises by itself."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -62,8 +60,8 @@ class MarkFinder:
     A spot is a pair of surprising places, one a camera, whose lines of sight meet
     (`estimation.mirrors.mark_place`). A mark is on me where spots of both looks agree in the frame
     of one link: a spot on the glass moves with the glass, a shadow with the light. One of the four
-    places must be so surprising that a picture of what was expected has it once in a hundred times;
-    the others need not.
+    places must be so surprising that a picture of what was expected has it once in a hundred times,
+    or all of them together must be (`surprising_together`).
     """
 
     def __init__(self, image: BodyImage, known: KnownBody) -> None:
@@ -78,7 +76,7 @@ class MarkFinder:
     def find(
         self,
         names: tuple[str, str],
-        looks: tuple[tuple[MirrorLook, MirrorLook], tuple[MirrorLook, MirrorLook]],
+        looks: tuple[Pair, Pair],
         changes: tuple[Surprise, Surprise] | None = None,
     ) -> tuple[Finding, ...]:
         """Return all marks that two looks show.
@@ -86,23 +84,27 @@ class MarkFinder:
         Args:
             names: Of the mirrors.
             looks: Both cameras' looks into one and the other.
-            changes: What has changed in the first look beside the own body, if it is known.
+            changes: What has changed in the first look where the expected body does not judge, if
+                it is known.
 
         Returns:
             Marks on me, then those on the glass, then those elsewhere.
         """
-        first, second = (
-            self._spots(name, pair, both)
-            for name, pair, both in zip(names, looks, (changes, None), strict=True)
-        )
+        together = self._together(names, looks)
+        first = self._spots(names[0], looks[0], changes, together[:2])
+        second = self._spots(names[1], looks[1], None, together[2:])
         found = self._agreed(first, second)
         known = {id(spot) for one in found for spot in one.spots}
-        for spots, other, name in ((first, looks[1], names[1]), (second, looks[0], names[0])):
+        seen = [look.surprise for look in looks[0]]
+        if changes is not None:
+            seen = [own.beside(rest) for own, rest in zip(seen, changes, strict=True)]
+        others = ((looks[1], [look.surprise for look in looks[1]]), (looks[0], seen))
+        for spots, (pair, judged), name in zip((first, second), others, names[::-1], strict=True):
             found += [
                 Finding(ON_ME, p.link, p.p_FM, p.own + p.common, (spot,))
                 for spot, strong in spots
                 if (p := spot.place) is not None and strong and id(spot) not in known
-                and not self._judged(p, name, other)
+                and not self._judged(p, name, pair, judged)
             ]  # fmt: skip
         for kind in (ON_GLASS, NOT_ON_ME):
             found += [
@@ -112,9 +114,22 @@ class MarkFinder:
             ]
         return tuple(found)
 
-    def _agreed(
-        self, first: Sequence[tuple[Spot, bool]], second: Sequence[tuple[Spot, bool]]
-    ) -> list[Finding]:
+    def _together(self, names: Sequence[str], looks: Sequence[Pair]) -> list[NDArray]:
+        """Return what of each picture surprises by all of them. Shape (h, w) each."""
+        views = []
+        for k, (name, pair) in enumerate(zip(names, looks, strict=True)):
+            rig = MirrorRig(self._known.model.rig, self._known.mirror(name))
+            posed = self._image.poses(pair[0].readings)
+            poses = {number: posed[link] for number, link in self._image.links.items()}
+            views += [
+                SurfaceView(
+                    k, side, rig, place_means(look.surprise), look.depth, look.labels, poses
+                )
+                for side, look in enumerate(pair)
+            ]
+        return surprising_together(views, _together_bound)
+
+    def _agreed(self, first: Told, second: Told) -> list[Finding]:
         """Return the marks that both looks put to one place."""
         certain = {id(spot) for spot, strong in (*first, *second) if strong}
         found = []
@@ -126,7 +141,9 @@ class MarkFinder:
                 found.append(Finding(ON_ME, a.place.link, place, covariance, (a, b)))
         return found
 
-    def _judged(self, place: LinkPlace, name: str, pair: tuple[MirrorLook, MirrorLook]) -> bool:
+    def _judged(
+        self, place: LinkPlace, name: str, pair: Pair, surprises: Sequence[Surprise]
+    ) -> bool:
         """Return whether both cameras of a look judge where a place of the body is seen."""
         X_WF = self._image.poses(pair[0].readings)[place.link]
         rig = MirrorRig(self._known.model.rig, self._known.mirror(name))
@@ -134,42 +151,51 @@ class MarkFinder:
         if not np.isfinite(pixels).all():
             return False
         return all(
-            _all_judged(look.surprise, u, v)
-            for look, (u, v) in zip(pair, pixels.reshape(2, 2).tolist(), strict=True)
+            all_judged(one, u, v)
+            for one, (u, v) in zip(surprises, pixels.reshape(2, 2).tolist(), strict=True)
         )
 
     def _spots(
         self,
         name: str,
-        pair: tuple[MirrorLook, MirrorLook],
+        pair: Pair,
         changes: tuple[Surprise, Surprise] | None,
-    ) -> list[tuple[Spot, bool]]:
+        together: Sequence[NDArray],
+    ) -> Told:
         """Return the spots of one look, and whether a place of each is surprising by itself."""
         mirror, rig = self._known.model.mirrors[name], self._known.model.rig
         body = self._body(name, pair[0].readings)
         left, right = (
-            _places([look.surprise] if changes is None else [look.surprise, changes[side]])
+            seen_places(look.surprise, None if changes is None else changes[side], together[side])
             for side, look in enumerate(pair)
         )
-        cut_left, cut_right = (
-            [not _all_judged(look.surprise, a.u, a.v) for a, _ in places]
-            for look, places in zip(pair, (left, right), strict=True)
-        )
         found = []
-        for (a, strong_a), cut_a in zip(left, cut_left, strict=True):
-            for (b, strong_b), cut_b in zip(right, cut_right, strict=True):
-                sigma = CUT_SIGMA if cut_a or cut_b else PIXEL_SIGMA
+        for a, strong_a in left:
+            for b, strong_b in right:
+                sigma = max(
+                    middle_sigma(one, look.surprise, PIXEL_SIGMA)
+                    for one, look in zip((a, b), pair, strict=True)
+                )
                 spot = spot_of(np.array([a.u, a.v, b.u, b.v]), sigma, rig, mirror, body)
-                if spot is not None:
-                    found.append(((spot.kind == NOT_ON_ME, spot.chi_square), spot, a, b,
-                                  strong_a or strong_b))  # fmt: skip
-        kept: list[tuple[Spot, bool]] = []
+                if spot is None or (spot.kind == NOT_ON_ME and self._on_arm(pair, a, b)):
+                    continue
+                found.append(((spot.kind == NOT_ON_ME, spot.chi_square), spot, a, b,
+                              strong_a or strong_b))  # fmt: skip
+        kept: Told = []
         used: list[Blob] = []
         for _, spot, a, b, strong in sorted(found, key=lambda one: one[0]):
             if all(a is not other and b is not other for other in used):
                 used += [a, b]
                 kept.append((spot, strong))
         return kept
+
+    def _on_arm(self, pair: Pair, a: Blob, b: Blob) -> bool:
+        """Return whether a camera expects the arm there, of which only the glass is judged."""
+        moving = [*self._image.moving]
+        return any(
+            bool(np.isin(look.labels[round(one.v), round(one.u)], moving))
+            for look, one in zip(pair, (a, b), strict=True)
+        )
 
     def _body(self, name: str, readings: NDArray) -> PosedBody:
         """Return the body as it is expected to stand, but for the arm."""
@@ -187,29 +213,9 @@ class MarkFinder:
         return PosedBody(solids, links, poses, known.motions(image), covariance, SURFACE_SIGMA)
 
 
-def _of(spots: Sequence[tuple[Spot, bool]], kind: str) -> list[Spot]:
+def _of(spots: Told, kind: str) -> list[Spot]:
     return [spot for spot, _ in spots if spot.kind == kind]
 
 
-def _all_judged(surprise: Surprise, u: float, v: float) -> bool:
-    """Return whether all pixels about a place are judged."""
-    rows, columns = (slice(max(round(k) - _BESIDE, 0), round(k) + _BESIDE + 1) for k in (v, u))
-    window = np.isfinite(surprise.chi_square[rows, columns])
-    return bool(window.size and window.all())
-
-
-def _places(surprises: Sequence[Surprise]) -> list[tuple[Blob, bool]]:
-    """Return surprising places of one picture, near ones as one, and which are so by themselves."""
-    found: list[tuple[Blob, bool]] = []
-    for one in surprises:
-        certain = threshold_of(int(np.isfinite(one.chi_square).sum()), FALSE_ALARM)
-        found += [(b, b.chi_square > certain) for b in surprising_places(one, _WEAK)]
-    merged: list[tuple[Blob, bool]] = []
-    for blob, strong in sorted(found, key=lambda one: -one[0].area * one[0].chi_square):
-        for k, (other, known) in enumerate(merged):
-            if np.hypot(blob.u - other.u, blob.v - other.v) < _NEAR:
-                merged[k] = other.with_part(blob), known or strong
-                break
-        else:
-            merged.append((blob, strong))
-    return merged
+def _together_bound(places: int, freedom: int) -> float:
+    return threshold_of(places, FALSE_ALARM, freedom)

@@ -39,8 +39,6 @@ _POINTS = (2.5e-4, 5e-4, 1e-3, 2e-3, POINT_SIGMA)
 """What places of a link may turn out not to be known by [m]."""
 _COLOR = 0.01
 """What colours are not known by once the body has been looked at; set on robots 0 and 1."""
-_BESIDE = 4.0
-"""Where the body may show beside its expected outline: standard deviation [px]."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -77,6 +75,9 @@ class MirrorLook:
     """Link that is expected in each pixel, by its number in `BodyImage.links`. Shape (h, w)."""
     readings: NDArray
     """Of the encoders [encoder units]. Shape (n,)."""
+    depth: NDArray
+    """Along the optical axis to where what is expected seems to be; inf where that is nothing [m].
+    Shape (h, w)."""
 
 
 class MirrorLooks:
@@ -161,16 +162,17 @@ class MirrorLooks:
         return left, right
 
     def changes(self, shot: Shot, pair: tuple[MirrorLook, MirrorLook]) -> tuple[Surprise, Surprise]:
-        """Return what has changed since a shot, where no part of the own body is expected.
+        """Return what has changed since a shot, where nothing is judged by the expected body.
 
-        What is not oneself is expected to look as it did.
+        What is not oneself is expected to look as it did, and so are one's own outline and arm,
+        which stand still.
 
         Args:
             shot: Taken before, from where the robot stands now.
             pair: What it sees now.
 
         Raises:
-            ValueError: If the body fills a picture.
+            ValueError: If all of a picture is judged by the expected body.
         """
         left, right = (
             surprise(look.picture, _as_before(picture, look))
@@ -183,7 +185,9 @@ class MirrorLooks:
         expected = self._expected(side, seen, self.unknown)
         found = surprise(picture, expected)
         places = surprising_places(found)
-        return MirrorLook(SIDES[side], picture, expected, found, places, seen.labels, readings)
+        return MirrorLook(
+            SIDES[side], picture, expected, found, places, seen.labels, readings, seen.depth
+        )
 
     def _expected(self, side: int, seen: LabelledPicture, unknown: Unknown) -> Expectation:
         """Return what is judged of an expected picture, and how well it is known."""
@@ -247,7 +251,8 @@ class MirrorLooks:
 
 
 def _as_before(picture: NDArray, look: MirrorLook) -> Expectation:
-    """Return an earlier picture as what is expected now, away from the own body."""
-    own = np.where(look.labels == NOTHING, _BESIDE, np.nan)
-    away = np.where(np.isfinite(away_from_the_unknown(own)), 0.0, np.nan)
-    return Expectation(picture, away, np.sqrt(2.0) * look.expected.noise, _COLOR)
+    """Return an earlier picture as what is expected now, where the body's place tells nothing."""
+    judged = np.isfinite(look.surprise.chi_square)
+    return Expectation(
+        picture, np.where(judged, np.nan, 0.0), np.sqrt(2.0) * look.expected.noise, _COLOR
+    )

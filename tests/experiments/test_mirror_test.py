@@ -113,6 +113,7 @@ def looks(count, surprised):
         (),
         nothing.astype(int),
         np.zeros(4),
+        nothing,
     )
     found = [
         Look(0, LIGHTS[k % 3], (0.9, 0.9), (100, 100), (3.0, 3.0), int(k < surprised))
@@ -136,6 +137,13 @@ def test_an_unmarked_body_may_surprise_once_in_a_hundred_looks(count, surprised,
     assert document["status"] == status
     assert f"{surprised} of {count} looks" in document["reasons"][0]
     assert "the arm that moves" in document["not_judged"]
+
+
+def test_a_look_that_surprises_is_named_with_its_link_and_pixel():
+    one = looks(3, 1)
+    named = replace(one.looks[0], where=("left: neck at 12, 34",))
+    document = unmarked_document(UnmarkedStage((named, *one.looks[1:]), one.shown))
+    assert document["surprising"] == [{"robot": 0, "light": 1.0, "where": ["left: neck at 12, 34"]}]
 
 
 def test_both_stages_are_in_one_report_and_the_worse_status_counts():
@@ -195,6 +203,16 @@ def test_a_wrong_answer_fails_its_stage_and_later_ones_are_not_judged(wrong, sta
     assert documents[-1]["stage"] == stage
     assert documents[-1]["status"] == "FAIL"
     assert reason in documents[-1]["reasons"][0]
+
+
+def test_who_does_not_notice_a_mark_on_another_robot_did_not_take_it_for_its_own():
+    documents = marks_documents(marked(25, says={OTHER_ROBOT: ()}))
+    assert [one["status"] for one in documents] == ["PASS"] * 4
+    rows = {row["control"]: row for row in documents[1]["controls"]}
+    assert rows[OTHER_ROBOT]["said"] == {NOT_ON_ME: 24, "nothing": 1}
+    wrong = marks_documents(marked(25, says={OTHER_ROBOT: (found(ON_GLASS),)}))
+    assert wrong[-1]["stage"] == "5b-d"
+    assert wrong[-1]["status"] == "FAIL"
 
 
 def test_one_missed_mark_of_twenty_is_too_many():

@@ -13,7 +13,8 @@ from nico_selfmodel.sessions.rendered_nico import RenderedNico
 from nico_selfmodel.systems.rendering.mark_on_body import GLASS, Mark, recolored
 from nico_selfmodel.systems.rendering.mirror_scene import MirrorPlate, put_mirror
 from nico_selfmodel.systems.rendering.stereo_cameras import ImageQuality
-from nico_selfmodel.systems.stations.nico_station import OTHER, NicoStation
+from nico_selfmodel.systems.stations.nico_station import NicoStation
+from nico_selfmodel.systems.stations.other_robot import OTHER
 from nico_selfmodel.systems.stations.seen_surface import SeenSurface
 
 NICO = RenderedNico("thesis", 2, ("fiducial",), ImageQuality(2, noise=0.0))

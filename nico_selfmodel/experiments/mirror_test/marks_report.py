@@ -32,7 +32,12 @@ WANTED = {
     ON_THE_GLASS: ON_GLASS,
     OTHER_ROBOT: NOT_ON_ME,
 }
-"""What must be said of each control."""
+"""What is true of each control."""
+NO_MISTAKE = {kind: (told,) for kind, told in WANTED.items()} | {
+    OTHER_ROBOT: (NOT_ON_ME, "nothing")
+}
+"""What may be said of it: who does not notice a mark on another robot did not take it for its
+own."""
 
 
 def marks_documents(stage: MarkStage) -> list[dict[str, Any]]:
@@ -120,7 +125,7 @@ def _control(stage: MarkStage, kind: str) -> dict[str, Any]:
         "expected": WANTED[kind],
         "trials": len(said),
         "said": {one: said.count(one) for one in sorted(set(said))},
-        "right": said.count(WANTED[kind]),
+        "right": sum(one in NO_MISTAKE[kind] for one in said),
     }
 
 

@@ -14,7 +14,8 @@ from nico_selfmodel.errors import RobotError
 from nico_selfmodel.geometry.transform import apply, inverse
 from nico_selfmodel.systems.looking import LOOKING_DEG
 from nico_selfmodel.systems.rendering.mark_on_body import GLASS, Mark, recolored
-from nico_selfmodel.systems.stations.nico_station import OTHER, NicoStation
+from nico_selfmodel.systems.stations.nico_station import NicoStation
+from nico_selfmodel.systems.stations.other_robot import OTHER
 from nico_selfmodel.systems.stations.seen_surface import SeenSurface
 
 DIAMETER = 0.010

@@ -1,6 +1,6 @@
 """Stage 4 of the mirror test, for head and chest: an unmarked body does not surprise."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -37,6 +37,8 @@ class Look:
     """Their mean z^2, 3 where every sigma is right."""
     alarms: int
     """Surprising places that are none."""
+    where: tuple[str, ...] = ()
+    """Which: camera, link and pixel of each."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -67,16 +69,19 @@ def run_unmarked(
     for i, known in enumerate(robots):
         stage = of_robot(progress, i, len(robots))
         for k, light in enumerate(LIGHTS):
-            for pair in _look(known, light, len(range(k, looks, len(LIGHTS)))):
-                done.append(_counted(known.robot.seed, light, pair))
+            pairs, links = _look(known, light, len(range(k, looks, len(LIGHTS))))
+            for pair in pairs:
+                done.append(_counted(known.robot.seed, light, pair, links))
                 stage("looking at itself", len(done) - i * looks, looks)
                 shown = shown or pair
     assert shown is not None, "there is a look a robot at least"
     return UnmarkedStage(tuple(done), shown)
 
 
-def _look(known: Knowing, light: float, count: int) -> list[tuple[MirrorLook, MirrorLook]]:
-    """Look at oneself in one light, at random poses."""
+def _look(
+    known: Knowing, light: float, count: int
+) -> tuple[list[tuple[MirrorLook, MirrorLook]], Mapping[int, str]]:
+    """Look at oneself in one light, at random poses; and return the links by number."""
     robot = known.robot
     nico = RenderedNico(robot.world, robot.seed, (MARKER,), ImageQuality(gain=light))
     before = NicoBeforeMirrors(nico, {MIRROR: DEFAULT_MIRROR}, plate=PLATE)
@@ -89,10 +94,12 @@ def _look(known: Knowing, light: float, count: int) -> list[tuple[MirrorLook, Mi
         )
         q = view.q[rng.choice(len(view.q), count)]
         commands = commands_of_angles(station.joints, nico.arm.lower, nico.arm.upper, q)
-        return [looks.look(command) for command in commands]
+        return [looks.look(command) for command in commands], dict(image.links)
 
 
-def _counted(robot: int, light: float, pair: tuple[MirrorLook, MirrorLook]) -> Look:
+def _counted(
+    robot: int, light: float, pair: tuple[MirrorLook, MirrorLook], links: Mapping[int, str]
+) -> Look:
     """Return what is kept of a look."""
     judged = [np.isfinite(one.surprise.chi_square) for one in pair]
     means = [
@@ -106,4 +113,10 @@ def _counted(robot: int, light: float, pair: tuple[MirrorLook, MirrorLook]) -> L
         (int(judged[0].sum()), int(judged[1].sum())),
         (means[0], means[1]),
         sum(len(one.blobs) for one in pair),
+        tuple(
+            f"{one.side}: {links.get(int(one.labels[round(b.v), round(b.u)]), 'beside the body')} "
+            f"at {b.u:.0f}, {b.v:.0f}"
+            for one in pair
+            for b in one.blobs
+        ),
     )

@@ -32,6 +32,11 @@ def unmarked_document(stage: UnmarkedStage) -> dict[str, Any]:
         "reasons": reasons,
         "not_judged": ["the arm that moves", "the room"],
         "lights": [_row(light, stage.looks) for light in LIGHTS],
+        "surprising": [
+            {"robot": look.robot, "light": look.light, "where": list(look.where)}
+            for look in stage.looks
+            if look.alarms
+        ],
     }
 
 

@@ -1,6 +1,5 @@
 """Spots of paint that somebody puts on what a simulated robot's cameras see, and wipes off."""
 
-from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any
 
@@ -25,7 +24,8 @@ from nico_selfmodel.arrays import frozen_array
 from nico_selfmodel.errors import RobotError
 from nico_selfmodel.geometry.rotation import tangent_basis
 from nico_selfmodel.names import listed
-from nico_selfmodel.plant.link_surfaces import LinkSurface
+from nico_selfmodel.plant.link_surfaces import LinkSurface, link_surfaces
+from nico_selfmodel.plant.model_in_plant import ModelInPlant
 
 SMALLEST, LARGEST = 0.002, 0.03
 """Diameters that a mark may have [m]."""
@@ -88,14 +88,25 @@ class MarkOnBody:
     in the mirror too.
     """
 
-    def __init__(self, scene_graph: SceneGraph, places: Mapping[str, Paintable]) -> None:
-        """Take what can be painted.
+    def __init__(self, scene_graph: SceneGraph) -> None:
+        """Take what the cameras see; nothing of it can be painted yet."""
+        self.__scene_graph = scene_graph
+        self.__places: dict[str, Paintable] = {}
+
+    def on_links(self, built: ModelInPlant, prefix: str = "") -> None:
+        """Let the links of a robot be painted.
 
         Args:
-            scene_graph: What the cameras see.
-            places: Name -> what a mark can be put on.
+            built: The robot.
+            prefix: What their names begin with.
         """
-        self.__scene_graph, self.__places = scene_graph, dict(places)
+        source = built.plant.get_source_id()
+        for link, surface in link_surfaces(self.__scene_graph, built).items():
+            self.__places[f"{prefix}{link}"] = Paintable(source, surface.frame, surface)
+
+    def on_glass(self, source: SourceId, frame: FrameId) -> None:
+        """Let a mirror be painted, which lies in its frame's plane z = 0 and is seen along z."""
+        self.__places[GLASS] = Paintable(source, frame, None)
 
     @property
     def places(self) -> dict[str, LinkSurface | None]:

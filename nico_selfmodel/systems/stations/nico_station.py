@@ -14,13 +14,13 @@ from nico_selfmodel.model.cameras.stereo_rig import StereoRig
 from nico_selfmodel.model.self_model import SelfModel
 from nico_selfmodel.plant import ArmDescription
 from nico_selfmodel.plant.body_description import BodyDescription, built_frame_name
-from nico_selfmodel.plant.link_surfaces import LinkSurface, link_surfaces
+from nico_selfmodel.plant.link_surfaces import LinkSurface
 from nico_selfmodel.plant.model_in_plant import ModelInPlant
 from nico_selfmodel.systems.closing import Closable, free_memory
 from nico_selfmodel.systems.image_values import bgr_of
 from nico_selfmodel.systems.looking import looking_arm
 from nico_selfmodel.systems.nico_cameras import MOUNTS, NICO_CAMERAS
-from nico_selfmodel.systems.rendering.mark_on_body import GLASS, Mark, MarkOnBody, Paintable
+from nico_selfmodel.systems.rendering.mark_on_body import Mark, MarkOnBody
 from nico_selfmodel.systems.rendering.mirror_scene import MirrorPlate, MirrorScene
 from nico_selfmodel.systems.rendering.room import hang_cards
 from nico_selfmodel.systems.rendering.station_scene import (
@@ -43,7 +43,7 @@ from nico_selfmodel.systems.stations.nico_detectors import (
     room_detectors,
 )
 from nico_selfmodel.systems.stations.nico_instance import NicoInstance
-from nico_selfmodel.systems.stations.other_robot import OtherRobot, add_other_robot
+from nico_selfmodel.systems.stations.other_robot import OTHER, OtherRobot, add_other_robot
 from nico_selfmodel.systems.stations.whole_nico import WholeNico
 from nico_selfmodel.systems.tracking.hand_tracker import (
     FIDUCIAL_ID,
@@ -58,10 +58,6 @@ from nico_selfmodel.vision.markers.tag_card import TagCard
 
 BOARD = Board(9, 6, 0.028)
 """The thesis' chessboard: squares of 28 mm."""
-
-
-OTHER = "other/"
-"""What names of the second robot's links begin with, for who paints it."""
 
 
 class NicoStation(Closable, Diagram):
@@ -149,7 +145,7 @@ class NicoStation(Closable, Diagram):
         start = body.mechanics.servos.to_encoder(np.zeros(len(arm.joints)))
         servos = EncoderModel(body.mechanics, start, seed=noise)
         builder.AddNamedSystem("servos", servos)
-        self.__holder, cameras, poses, paintable = _add_scene(
+        self.__holder, cameras, poses, self.__marks = _add_scene(
             builder, servos, arm, body, board, quality, noise, mirror, room
         )
         scene: Any = builder.GetMutableSubsystemByName("scene")
@@ -157,10 +153,7 @@ class NicoStation(Closable, Diagram):
         self.__other: OtherRobot | None = None
         if other:
             self.__other, second = add_other_robot(builder, self.__scene, body, noise)
-            paintable |= {
-                f"{OTHER}{link}": place for link, place in _links(self.__scene, second).items()
-            }
-        self.__marks = MarkOnBody(self.__scene, paintable)
+            self.__marks.on_links(second, OTHER)
         _add_motion_capture(builder, poses, body, world, noise)
         tracker = HandTracker(detectors, before_mirror=mirror is not None)
         builder.AddNamedSystem("tracker", tracker)
@@ -317,7 +310,7 @@ def _add_scene(
     seed: tuple[int, int],
     mirror: MirrorPlate | None,
     room: Sequence[TagCard],
-) -> tuple[BoardHolder, StereoCameras, BodyPoses, dict[str, Paintable]]:
+) -> tuple[BoardHolder, StereoCameras, BodyPoses, MarkOnBody]:
     """Add what is to be seen, and what sees it."""
     scene_graph = SceneGraph()
     builder.AddNamedSystem("scene", scene_graph)
@@ -344,22 +337,14 @@ def _add_scene(
     )
     builder.Connect(holder.get_output_port(), scene_graph.get_source_pose_port(holder.source))
     builder.Connect(scene_graph.get_query_output_port(), cameras.get_input_port())
-    paintable = _links(scene_graph, built)
+    marks = MarkOnBody(scene_graph)
+    marks.on_links(built)
     if mirrors is not None:
         builder.AddNamedSystem("mirrors", mirrors)
         builder.Connect(mirrors.get_output_port(), scene_graph.get_source_pose_port(mirrors.source))
         builder.ExportInput(mirrors.get_input_port(), "mirror_pose")
-        paintable[GLASS] = Paintable(mirrors.source, mirrors.glasses[0].frame, None)
-    return holder, cameras, poses, paintable
-
-
-def _links(scene_graph: SceneGraph, built: ModelInPlant) -> dict[str, Paintable]:
-    """Return the links that marks can be put on."""
-    source = built.plant.get_source_id()
-    return {
-        link: Paintable(source, surface.frame, surface)
-        for link, surface in link_surfaces(scene_graph, built).items()
-    }
+        marks.on_glass(mirrors.source, mirrors.glasses[0].frame)
+    return holder, cameras, poses, marks
 
 
 def _add_motion_capture(

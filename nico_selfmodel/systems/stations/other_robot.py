@@ -16,6 +16,8 @@ from nico_selfmodel.systems.simulated.encoder_model import EncoderModel
 from nico_selfmodel.systems.stations.nico_instance import NicoInstance
 from nico_selfmodel.systems.stations.whole_nico import WholeNico
 
+OTHER = "other/"
+"""What names of its links begin with, for who paints it."""
 _AWAY = RigidTransform(p=[0.0, 0.0, -70.0])
 """Where a robot is that nobody has put anywhere."""
 

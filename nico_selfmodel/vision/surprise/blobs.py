@@ -14,7 +14,11 @@ _WINDOW = 3
 FALSE_ALARM = 0.01
 """How often one picture of what was expected has a surprising place."""
 _HALVINGS = 80
-_HIGHEST = 200.0
+_HIGHEST = 400.0
+_LEAST = 1e-9
+_ENOUGH = 2.0
+"""A place counts for the middle of a blob by its surprise up to so many thresholds: beyond, it is
+the paint that differs, not how much of the place it covers."""
 
 
 @dataclass(frozen=True)
@@ -57,39 +61,67 @@ def surprising_places(surprise: Surprise, false_alarms: float = FALSE_ALARM) -> 
     Returns:
         Connected places above the threshold.
     """
-    judged = np.isfinite(surprise.chi_square)
-    filled = np.where(judged, surprise.chi_square, 0.0)
-    whole = cv2.erode(judged.astype(np.uint8), np.ones((_WINDOW, _WINDOW), np.uint8)) > 0
-    places = np.where(whole, cv2.blur(filled, (_WINDOW, _WINDOW)), 0.0)
-    above = places > threshold_of(int(whole.sum()), false_alarms)
-    count, labels = cv2.connectedComponents(above.astype(np.uint8), connectivity=8)
-    blobs = [_blob(labels == label, places) for label in range(1, count)]
+    places = place_means(surprise)
+    threshold = threshold_of(int(np.isfinite(places).sum()), false_alarms)
+    blobs = [blob_of(i, places, threshold) for i in connected(np.nan_to_num(places) > threshold)]
     return tuple(sorted(blobs, key=lambda blob: -blob.chi_square))
 
 
-def threshold_of(places: int, false_alarms: float = FALSE_ALARM) -> float:
-    """Return T with n P(chi^2_3 > T) = `false_alarms`, by bisection.
+def place_means(surprise: Surprise) -> NDArray:
+    """Return the mean of z^2 over 3 x 3 pixels; nan where they are not all judged. Shape (h, w).
+
+    Args:
+        surprise: Of a picture.
+    """
+    judged = np.isfinite(surprise.chi_square)
+    filled = np.where(judged, surprise.chi_square, 0.0)
+    whole = cv2.erode(judged.astype(np.uint8), np.ones((_WINDOW, _WINDOW), np.uint8)) > 0
+    return np.where(whole, cv2.blur(filled, (_WINDOW, _WINDOW)), np.nan)
+
+
+def connected(above: NDArray) -> list[NDArray]:
+    """Return the connected parts of what is marked, each as a picture of its own.
+
+    Args:
+        above: What is marked. Shape (h, w).
+    """
+    count, labels = cv2.connectedComponents(above.astype(np.uint8), connectivity=8)
+    return [labels == label for label in range(1, count)]
+
+
+def threshold_of(places: int, false_alarms: float = FALSE_ALARM, freedom: int = 3) -> float:
+    """Return T with n P(chi^2_k > T) = `false_alarms`, by bisection.
 
     Args:
         places: n.
         false_alarms: How many of them may be above it by chance.
+        freedom: k, three for each picture that a place is judged in.
     """
     low, high = 0.0, _HIGHEST
     for _ in range(_HALVINGS):
         middle = 0.5 * (low + high)
-        if max(places, 1) * chi_square_tail(middle, 3) > false_alarms:
+        if max(places, 1) * chi_square_tail(middle, freedom) > false_alarms:
             low = middle
         else:
             high = middle
     return high
 
 
-def _blob(inside: NDArray, places: NDArray) -> Blob:
+def blob_of(inside: NDArray, places: NDArray, threshold: NDArray | float) -> Blob:
+    """Return one connected part as a blob.
+
+    Args:
+        inside: Its pixels. Shape (h, w).
+        places: How surprising each is, by `place_means`. Shape (h, w).
+        threshold: What one of them must exceed to surprise. Shape () or (h, w).
+    """
     rows, columns = np.nonzero(inside)
-    weight = places[rows, columns]
+    each = np.nan_to_num(places[rows, columns])
+    most = _ENOUGH * np.broadcast_to(threshold, places.shape)[rows, columns]
+    weight = np.minimum(each, most) + _LEAST
     return Blob(
         float(np.average(columns, weights=weight)),
         float(np.average(rows, weights=weight)),
         len(rows),
-        float(weight.max()),
+        float(each.max()),
     )

@@ -57,6 +57,20 @@ class Surprise:
         """Make the array read-only."""
         object.__setattr__(self, "chi_square", read_only(self.chi_square))
 
+    def beside(self, other: "Surprise") -> "Surprise":
+        """Return this where it judges, and another of the same picture elsewhere.
+
+        Raises:
+            ValueError: If the other has another shape.
+        """
+        if self.chi_square.shape != other.chi_square.shape:
+            raise ValueError(
+                f"pictures of one shape can be joined, got {self.chi_square.shape} and "
+                f"{other.chi_square.shape}"
+            )
+        own = np.isfinite(self.chi_square)
+        return Surprise(np.where(own, self.chi_square, other.chi_square), self.gain)
+
 
 def surprise(picture: NDArray, expected: Expectation) -> Surprise:
     """Hold a picture against what was expected.

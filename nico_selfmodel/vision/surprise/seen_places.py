@@ -1,0 +1,101 @@
+"""What stands out of one picture: of the own body, of what is beside it, and by other pictures."""
+
+import numpy as np
+from numpy.typing import NDArray
+
+from nico_selfmodel.vision.surprise.blobs import (
+    FALSE_ALARM,
+    Blob,
+    blob_of,
+    connected,
+    place_means,
+    threshold_of,
+)
+from nico_selfmodel.vision.surprise.surprise import Surprise
+
+WEAK = 1.0
+"""Places of a picture that may surprise where both cameras and both looks must agree."""
+_NEAR = 6.0
+"""Surprising places as near to each other are one spot [px]."""
+_BESIDE = 3
+"""Half the side of what must be judged for a place to count as looked at [px]."""
+
+
+def seen_places(
+    own: Surprise, rest: Surprise | None = None, shared: NDArray | None = None
+) -> list[tuple[Blob, bool]]:
+    """Return surprising places of one picture, and which of them are so beyond chance.
+
+    What is told by the expected body and what by an earlier picture are one picture: a spot that
+    lies half on the body and half beside it is one spot. Each part has its own threshold, as
+    `surprising_places` has it.
+
+    Args:
+        own: What differs from the expected body.
+        rest: What has changed where that does not judge; None if it is not known.
+        shared: What surprises by this and other pictures together. Shape (h, w).
+
+    Returns:
+        Places, near ones as one, the largest first; and whether one place of each surprises as
+        not one picture in a hundred does, or as all pictures together do not.
+    """
+    places = place_means(own if rest is None else own.beside(rest))
+    known = np.isfinite(place_means(own))
+    together = np.zeros(places.shape, dtype=bool) if shared is None else shared
+    certain = _bounds(places, known, FALSE_ALARM)
+    filled = np.nan_to_num(places)
+    sure = (filled > certain) | together
+    above = (filled > _bounds(places, known, WEAK)) | together
+    found = [(blob_of(i, places, certain), bool(sure[i].any())) for i in connected(above)]
+    return _merged(found)
+
+
+def _bounds(places: NDArray, known: NDArray, false_alarms: float) -> NDArray:
+    """Return what each place must exceed, those of the body and those beside it apart. (h, w)."""
+    beside = int((np.isfinite(places) & ~known).sum())
+    own = threshold_of(int(known.sum()), false_alarms)
+    return np.where(known, own, threshold_of(beside, false_alarms))
+
+
+def _merged(found: list[tuple[Blob, bool]]) -> list[tuple[Blob, bool]]:
+    """Return near places as one."""
+    merged: list[tuple[Blob, bool]] = []
+    for blob, sure in sorted(found, key=lambda one: -one[0].area * one[0].chi_square):
+        for k, (other, known) in enumerate(merged):
+            if np.hypot(blob.u - other.u, blob.v - other.v) < _NEAR:
+                merged[k] = other.with_part(blob), known or sure
+                break
+        else:
+            merged.append((blob, sure))
+    return merged
+
+
+def all_judged(surprise: Surprise, u: float, v: float, beside: int = _BESIDE) -> bool:
+    """Return whether all pixels about a place are judged.
+
+    Args:
+        surprise: Of a picture.
+        u: Column of the place [px].
+        v: Row of the place [px].
+        beside: How far about it [px].
+    """
+    rows, columns = (slice(max(round(k) - beside, 0), round(k) + beside + 1) for k in (v, u))
+    window = np.isfinite(surprise.chi_square[rows, columns])
+    return bool(window.size and window.all())
+
+
+def middle_sigma(blob: Blob, own: Surprise, whole: float) -> float:
+    """Return how well the middle of a spot is known [px].
+
+    Where the expected body does not judge all about it, half of it may be missing: the middle of
+    half a disc of radius r is 4 r / (3 pi) off, and of its area A it is r = sqrt(2 A / pi).
+
+    Args:
+        blob: The spot in one picture.
+        own: What that differs from the expected body by.
+        whole: Sigma of the middle of a spot that is seen whole [px].
+    """
+    radius = int(np.ceil(np.sqrt(blob.area / np.pi)))
+    if all_judged(own, blob.u, blob.v, max(_BESIDE, radius)):
+        return whole
+    return max(whole, 4.0 / (3.0 * np.pi) * float(np.sqrt(2.0 * blob.area / np.pi)))

@@ -1,0 +1,129 @@
+"""What surprises a little in every picture of one place of the surface, and what in one only."""
+
+from dataclasses import replace
+from functools import cache
+
+import numpy as np
+import pytest
+
+from nico_selfmodel.estimation.mirrors.mark_place import GATE_3
+from nico_selfmodel.estimation.mirrors.surface_evidence import SurfaceView, surprising_together
+from nico_selfmodel.geometry.reflection import reflect
+from nico_selfmodel.geometry.solids import Solid, onto_solids
+from nico_selfmodel.geometry.transform import apply, transform
+from nico_selfmodel.model.cameras.mirror import Mirror
+from nico_selfmodel.model.cameras.mirror_rig import MirrorRig
+from nico_selfmodel.model.cameras.stereo_rig import StereoRig
+from nico_selfmodel.systems.nico_cameras import NICO_CAMERAS
+from nico_selfmodel.vision.surprise.blobs import FALSE_ALARM, threshold_of
+
+LEFT, RIGHT = (camera.at(np.eye(4)) for camera in NICO_CAMERAS.cameras)
+RIG = StereoRig(LEFT, RIGHT.at(transform(np.eye(3), [0.07, 0.0, 0.0])))
+MIRRORS = [MirrorRig(RIG, Mirror.from_values([k, -0.1, 0.3])) for k in (0.05, 0.12)]
+X_WH = transform(np.eye(3), [0.0, 0.16, -0.05])
+BALL = Solid("ellipsoid", (0.06, 0.06, 0.06), X_WH)
+SHAPE = (480, 640)
+HEAD, NONE = 7, -1
+MARK = np.array([0.01, 0.0, 0.0592])
+"""On the ball, in the head's frame."""
+
+
+@cache
+def geometry(look, side):
+    """Return depths and labels of one camera's picture of the ball in a mirror."""
+    camera, rig = RIG.cameras[side], MIRRORS[look]
+    depth, labels = np.full(SHAPE, np.inf), np.full(SHAPE, NONE)
+    u, v = np.round(rig.project(X_WH[:3, 3])[2 * side : 2 * side + 2]).astype(int)
+    rows, columns = (k.ravel() for k in np.mgrid[v - 60 : v + 61, u - 60 : u + 61])
+    ways = camera.directions(np.stack([columns, rows], axis=1).astype(float))
+    normal = rig.plane.normal
+    ways = ways - 2.0 * (ways @ normal)[:, None] * normal
+    start = reflect(rig.plane, camera.X_WC[:3, 3])
+    # Behind the glass is nothing: the search begins before the ball.
+    met = onto_solids([BALL], start + 0.2 * ways, ways)
+    seen = np.isfinite(met).all(axis=1)
+    depth[rows[seen], columns[seen]] = apply(camera.X_CW, reflect(rig.plane, met[seen]))[:, 2]
+    labels[rows[seen], columns[seen]] = HEAD
+    return depth, labels
+
+
+def views(strengths, rng, surprise=3.0):
+    """Return four pictures, of noise and a mark that differs by so much in each."""
+    found = []
+    for k, strength in enumerate(strengths):
+        look, side = divmod(k, 2)
+        depth, labels = geometry(look, side)
+        places = np.where(labels == HEAD, rng.chisquare(surprise, SHAPE), np.nan)
+        pixels = MIRRORS[look].project(apply(X_WH, MARK[None])[0]).reshape(2, 2)[side]
+        rows, columns = np.ogrid[: SHAPE[0], : SHAPE[1]]
+        near = np.hypot(columns - pixels[0], rows - pixels[1]) < 3.0
+        if strength is None:
+            places[near] = np.nan
+        else:
+            places[near] += strength
+        found.append(SurfaceView(look, side, MIRRORS[look], places, depth, labels, {HEAD: X_WH}))
+    return found
+
+
+def together(found):
+    return surprising_together(found, lambda n, k: threshold_of(n, FALSE_ALARM, k))
+
+
+def alone(found):
+    least = threshold_of(int(np.isfinite(found[0].places).sum()))
+    return [bool((view.places > least).any()) for view in found]
+
+
+def test_a_mark_that_no_picture_shows_for_sure_is_found_by_all_of_them():
+    found = views([17.0] * 4, np.random.default_rng(1), surprise=0.5)
+    assert not any(alone(found))
+    for k, above in enumerate(together(found)):
+        assert above.any()
+        v, u = np.argwhere(above).mean(axis=0)
+        look, side = divmod(k, 2)
+        pixels = MIRRORS[look].project(apply(X_WH, MARK[None])[0]).reshape(2, 2)[side]
+        assert (u, v) == pytest.approx(tuple(pixels), abs=2.0)
+
+
+def test_what_one_picture_shows_however_bright_is_not_on_the_surface():
+    for k in range(4):
+        strengths = [0.0] * 4
+        strengths[k] = 500.0
+        assert not any(
+            above.any() for above in together(views(strengths, np.random.default_rng(2)))
+        )
+
+
+def test_what_only_one_look_shows_is_not_found_where_the_other_judges():
+    rng = np.random.default_rng(3)
+    assert not any(above.any() for above in together(views([60.0, 60.0, -2.0, -2.0], rng)))
+    unseen = together(views([60.0, 60.0, None, None], rng))
+    assert unseen[0].any()
+    assert unseen[1].any()
+
+
+@pytest.mark.parametrize(("off", "counts"), [(0.006, True), (0.014, False)])
+def test_what_stands_before_or_behind_a_place_is_not_that_place(off, counts):
+    found = views([60.0, 60.0, -2.0, -2.0], np.random.default_rng(3))
+    aside = [view if view.look == 0 else replace(view, depth=view.depth - off) for view in found]
+    # The second look contradicts the first where it shows the same place.
+    assert bool(together(aside)[0].any()) is not counts
+
+
+def test_noise_surprises_in_one_of_a_hundred_looks_at_most():
+    rng = np.random.default_rng(4)
+    assert sum(any(a.any() for a in together(views([0.0] * 4, rng))) for _ in range(20)) == 0
+
+
+def test_three_pictures_must_pass_what_chance_lets_three_pass():
+    """The bound is that of all places and of what is left without the most surprising picture."""
+    shown = []
+    total = 0
+    for strength in (10.0, 14.0, 18.0, 22.0):
+        found = views([strength] * 4, np.random.default_rng(5), surprise=1e-6)
+        total = sum(int(np.isfinite(view.places).sum()) for view in found)
+        shown.append(together(found)[0].any())
+    least = threshold_of(total, FALSE_ALARM, 9) / 3.0
+    assert GATE_3 < 22.0
+    assert shown == [strength > least for strength in (10.0, 14.0, 18.0, 22.0)]
+    assert shown == [False, False, False, True] or shown == [False, False, True, True]

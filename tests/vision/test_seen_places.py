@@ -1,0 +1,94 @@
+"""Places of one picture: those of the own body and those beside it are one picture."""
+
+import numpy as np
+import pytest
+
+from nico_selfmodel.vision.surprise.blobs import Blob, surprising_places, threshold_of
+from nico_selfmodel.vision.surprise.seen_places import all_judged, middle_sigma, seen_places
+from nico_selfmodel.vision.surprise.surprise import Surprise
+
+SHAPE = (80, 100)
+BODY = np.arange(100)[None] < 50
+
+
+def pictures(*spots, height=100.0, calm=1.0):
+    """Return what the body and what the room differs by: discs of radius 6 about some places."""
+    v, u = np.mgrid[: SHAPE[0], : SHAPE[1]]
+    all_of_it = np.full(SHAPE, calm)
+    for at in spots:
+        all_of_it[np.hypot(u - at[0], v - at[1]) < 6.0] = height
+    body = np.broadcast_to(BODY, SHAPE)
+    return Surprise(np.where(body, all_of_it, np.nan), 1.0), Surprise(
+        np.where(body, np.nan, all_of_it), 1.0
+    )
+
+
+def test_a_spot_half_on_the_body_and_half_beside_it_is_one_with_its_true_middle():
+    own, rest = pictures((50.0, 40.0))
+    ((blob, sure),) = seen_places(own, rest)
+    assert sure
+    assert (blob.u, blob.v) == pytest.approx((50.0, 40.0), abs=0.6)
+    half = surprising_places(own)[0]
+    assert half.u < 48.0
+
+
+def test_the_more_surprising_half_does_not_draw_the_middle_to_itself():
+    own, rest = pictures((50.0, 40.0), calm=0.1)
+    bright = Surprise(np.where(np.isfinite(rest.chi_square), 40.0 * rest.chi_square, np.nan), 1.0)
+    ((blob, _),) = seen_places(own, bright)
+    assert blob.u == pytest.approx(50.0, abs=1.2)
+
+
+def test_without_an_earlier_picture_only_the_body_is_judged():
+    own, _ = pictures((80.0, 40.0))
+    assert seen_places(own) == []
+
+
+def test_weak_places_are_told_but_are_not_sure():
+    places = int(BODY.sum()) * SHAPE[0]
+    between = 0.5 * (threshold_of(places, 1.0) + threshold_of(places))
+    own, _ = pictures((25.0, 40.0), height=between)
+    ((_, sure),) = seen_places(own)
+    assert not sure
+    assert seen_places(pictures((25.0, 40.0), height=threshold_of(places, 2.0))[0]) == []
+
+
+def test_what_other_pictures_show_too_is_sure():
+    own, _ = pictures((25.0, 40.0), height=12.0)
+    assert seen_places(own) == []
+    shared = np.zeros(SHAPE, dtype=bool)
+    shared[37:44, 22:29] = True
+    ((blob, sure),) = seen_places(own, None, shared)
+    assert sure
+    assert (blob.u, blob.v) == pytest.approx((25.0, 40.0), abs=0.3)
+
+
+def test_near_places_are_one_and_far_ones_are_not():
+    assert len(seen_places(pictures((15.0, 40.0), (35.0, 40.0))[0])) == 2
+    own, _ = pictures()
+    chi = np.array(own.chi_square)
+    chi[38:43, 20:23] = chi[38:43, 25:28] = 100.0
+    ((blob, _),) = seen_places(Surprise(chi, 1.0))
+    assert blob.u == pytest.approx(23.5, abs=0.5)
+
+
+def test_pictures_of_two_shapes_are_not_joined():
+    own, _ = pictures()
+    with pytest.raises(ValueError, match="one shape"):
+        own.beside(Surprise(np.zeros((2, 2)), 1.0))
+
+
+def test_the_middle_of_a_spot_that_may_be_cut_is_known_by_half_a_disc():
+    own, _ = pictures()
+    whole, cut = Blob(30.0, 40.0, 113, 50.0), Blob(45.0, 40.0, 57, 50.0)
+    assert middle_sigma(whole, own, 0.5) == 0.5
+    # Of half a disc of radius 6, and of one too small to tell.
+    assert middle_sigma(cut, own, 0.5) == pytest.approx(4.0 / (3.0 * np.pi) * 6.02, rel=0.01)
+    assert middle_sigma(Blob(48.0, 40.0, 1, 50.0), own, 0.5) == 0.5
+
+
+def test_a_place_is_looked_at_where_three_pixels_about_it_are_judged():
+    own, _ = pictures()
+    assert all_judged(own, 46.0, 40.0)
+    assert not all_judged(own, 47.0, 40.0)
+    assert not all_judged(own, 200.0, 40.0)
