@@ -10,7 +10,7 @@ from nico_selfmodel.planning.sweep_protocol import SweepProtocol
 from nico_selfmodel.plant import ArmDescription
 from nico_selfmodel.recording.session import record
 from nico_selfmodel.sessions.camera_scenario import RenderedNico
-from nico_selfmodel.sessions.nico_before_mirrors import DEFAULT_MIRROR, NicoBeforeMirrors
+from nico_selfmodel.sessions.mirrors.nico_before_mirrors import DEFAULT_MIRROR, NicoBeforeMirrors
 from nico_selfmodel.sessions.simulated_session import simulated_session
 from nico_selfmodel.systems.rendering.renderer import can_render
 from nico_selfmodel.systems.simulated.imperfections import IMPERFECTIONS

@@ -76,7 +76,7 @@ def _one_arm(
 ) -> "Watching":
     """Wake up one arm before a head that stands still."""
     from nico_selfmodel.model.self_model_file import load_model
-    from nico_selfmodel.sessions.nico_before_mirrors import mirror_of_words
+    from nico_selfmodel.sessions.mirrors.nico_before_mirrors import mirror_of_words
     from nico_selfmodel.sessions.watching import Watching
 
     known = load_model(model)

@@ -16,7 +16,7 @@ from nico_selfmodel.experiments.mirror import (
 from nico_selfmodel.model.cameras.mirror import Mirror
 from nico_selfmodel.sessions.body_scenario import learn_body
 from nico_selfmodel.sessions.camera_scenario import Counts, RenderedNico
-from nico_selfmodel.sessions.nico_before_mirrors import NicoBeforeMirrors
+from nico_selfmodel.sessions.mirrors.nico_before_mirrors import NicoBeforeMirrors
 from nico_selfmodel.sessions.progress import Stage, of_robot, telling
 from nico_selfmodel.systems.simulated.imperfections import Imperfections
 

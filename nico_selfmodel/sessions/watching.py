@@ -12,7 +12,7 @@ from nico_selfmodel.model.cameras.rig_parameters import SIDES
 from nico_selfmodel.model.self_model import SelfModel
 from nico_selfmodel.plant import ArmDescription
 from nico_selfmodel.sessions.camera_scenario import RenderedNico
-from nico_selfmodel.sessions.nico_before_mirrors import DEFAULT_MIRROR, NicoBeforeMirrors
+from nico_selfmodel.sessions.mirrors.nico_before_mirrors import DEFAULT_MIRROR, NicoBeforeMirrors
 from nico_selfmodel.sessions.sliders import follow_sliders
 from nico_selfmodel.systems.closing import Closable
 from nico_selfmodel.systems.rendering.mirror_scene import put_mirror

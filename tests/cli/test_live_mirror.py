@@ -8,7 +8,7 @@ import pytest
 from nico_selfmodel.model.cameras.mirror import Mirror
 from nico_selfmodel.model.self_model_file import save_model
 from nico_selfmodel.sessions.camera_scenario import RenderedNico
-from nico_selfmodel.sessions.nico_before_mirrors import DEFAULT_MIRROR, NicoBeforeMirrors
+from nico_selfmodel.sessions.mirrors.nico_before_mirrors import DEFAULT_MIRROR, NicoBeforeMirrors
 from nico_selfmodel.sessions.watching import Watching
 from nico_selfmodel.systems.looking import looking_arm
 from nico_selfmodel.systems.simulated.imperfections import IMPERFECTIONS

@@ -11,7 +11,7 @@ from nico_selfmodel.model.cameras.mirror_rig import MirrorRig
 from nico_selfmodel.planning.mirror_poses import free_space
 from nico_selfmodel.planning.mirror_view import MirrorView
 from nico_selfmodel.sessions.camera_scenario import RenderedNico
-from nico_selfmodel.sessions.nico_before_mirrors import (
+from nico_selfmodel.sessions.mirrors.nico_before_mirrors import (
     DEFAULT_MIRROR,
     NicoBeforeMirrors,
     mirror_of_words,

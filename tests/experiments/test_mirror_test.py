@@ -31,8 +31,8 @@ from nico_selfmodel.experiments.mirror_test.report import report_of
 from nico_selfmodel.experiments.mirror_test.stages import MirrorTest
 from nico_selfmodel.experiments.mirror_test.unmarked import LIGHTS, Look, UnmarkedStage
 from nico_selfmodel.experiments.mirror_test.unmarked_report import unmarked_document
-from nico_selfmodel.sessions.mark_finder import Finding
-from nico_selfmodel.sessions.mirror_looks import MirrorLook
+from nico_selfmodel.sessions.mirrors.mark_finder import Finding
+from nico_selfmodel.sessions.mirrors.mirror_looks import MirrorLook
 from nico_selfmodel.systems.rendering.mark_on_body import Mark
 from nico_selfmodel.vision.surprise.surprise import Expectation, Surprise
 

@@ -28,8 +28,8 @@ from nico_selfmodel.experiments.mirror_test.touches_report import (
 )
 from nico_selfmodel.plant import ArmDescription
 from nico_selfmodel.plant.touching.touch_planner import OutOfReach, Touch, TouchPlanner
-from nico_selfmodel.sessions.known_body import KnownBody
-from nico_selfmodel.sessions.mark_finder import Finding
+from nico_selfmodel.sessions.mirrors.known_body import KnownBody
+from nico_selfmodel.sessions.mirrors.mark_finder import Finding
 from nico_selfmodel.sessions.rendered_nico import RenderedNico
 from nico_selfmodel.systems.looking import FINGER, POINTS, looking
 from nico_selfmodel.systems.rendering.mark_on_body import Mark

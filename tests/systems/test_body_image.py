@@ -10,7 +10,7 @@ from nico_selfmodel.estimation.mirrors.reflection_sigma import reflection_sigma
 from nico_selfmodel.model.cameras.mirror import Mirror
 from nico_selfmodel.model.cameras.mirror_rig import MirrorRig
 from nico_selfmodel.planning.plans import commands_of_angles
-from nico_selfmodel.sessions.nico_before_mirrors import DEFAULT_MIRROR, NicoBeforeMirrors
+from nico_selfmodel.sessions.mirrors.nico_before_mirrors import DEFAULT_MIRROR, NicoBeforeMirrors
 from nico_selfmodel.sessions.rendered_nico import RenderedNico
 from nico_selfmodel.systems.image_values import bgr_of
 from nico_selfmodel.systems.rendering.body_image import NOTHING, BodyImage

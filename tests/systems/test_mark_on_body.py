@@ -8,7 +8,7 @@ from nico_selfmodel.errors import RobotError
 from nico_selfmodel.geometry.transform import apply
 from nico_selfmodel.model.cameras.mirror_rig import MirrorRig
 from nico_selfmodel.planning.plans import commands_of_angles
-from nico_selfmodel.sessions.nico_before_mirrors import DEFAULT_MIRROR, NicoBeforeMirrors
+from nico_selfmodel.sessions.mirrors.nico_before_mirrors import DEFAULT_MIRROR, NicoBeforeMirrors
 from nico_selfmodel.sessions.rendered_nico import RenderedNico
 from nico_selfmodel.systems.rendering.mark_on_body import GLASS, Mark, recolored
 from nico_selfmodel.systems.rendering.mirror_scene import MirrorPlate, put_mirror

@@ -46,7 +46,7 @@ def learn_by_cameras(
         )
         seen = None
         if mirror:
-            from nico_selfmodel.sessions.mirror_scenario import learn_mirror, with_mirror
+            from nico_selfmodel.sessions.mirrors.mirror_scenario import learn_mirror, with_mirror
 
             familiar = scenario.arm.train.encoders
             seen = learn_mirror(

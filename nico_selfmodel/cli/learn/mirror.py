@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 from nico_selfmodel.cli.result_files import stamped, write_with_report
 
 if TYPE_CHECKING:
-    from nico_selfmodel.sessions.mirror_scenario import MirrorScenario
+    from nico_selfmodel.sessions.mirrors.mirror_scenario import MirrorScenario
 
 FOLDER = "mirror"
 """Folder within the result folder: the mirror's own report."""

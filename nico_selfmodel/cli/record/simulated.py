@@ -98,7 +98,10 @@ def _before_mirrors(request: "Request", world: "Imperfections") -> "Dataset":
     """
     from nico_selfmodel.model.self_model_file import load_model
     from nico_selfmodel.sessions.camera_scenario import MARKERS, RenderedNico
-    from nico_selfmodel.sessions.nico_before_mirrors import NicoBeforeMirrors, mirror_of_words
+    from nico_selfmodel.sessions.mirrors.nico_before_mirrors import (
+        NicoBeforeMirrors,
+        mirror_of_words,
+    )
 
     places = [mirror_of_words(words) for words in request.mirrors]
     if len(dict(places)) < len(places):

@@ -16,8 +16,8 @@ from nico_selfmodel.estimation.contingency.contingency import (
 from nico_selfmodel.estimation.contingency.motion_response import MotionResponse, learn_response
 from nico_selfmodel.experiments.mirror_test.acquaintance import MARKER, Acquainted
 from nico_selfmodel.planning.plans import commands_of_angles
+from nico_selfmodel.sessions.mirrors.nico_before_mirrors import DEFAULT_MIRROR, NicoBeforeMirrors
 from nico_selfmodel.sessions.motion_session import PERIOD, Encounter, MotionSession
-from nico_selfmodel.sessions.nico_before_mirrors import DEFAULT_MIRROR, NicoBeforeMirrors
 from nico_selfmodel.sessions.progress import Stage, of_robot
 from nico_selfmodel.sessions.rendered_nico import RenderedNico
 from nico_selfmodel.systems.looking import LOOKING_DEG

@@ -10,10 +10,10 @@ from nico_selfmodel.errors import EstimationError
 from nico_selfmodel.experiments.mirror_test.acquaintance import MARKER, Acquainted
 from nico_selfmodel.model.cameras.mirror import Mirror
 from nico_selfmodel.planning.plans import commands_of_angles
-from nico_selfmodel.sessions.known_body import KnownBody, know_body
-from nico_selfmodel.sessions.mirror_looks import MirrorLooks, Unknown
-from nico_selfmodel.sessions.mirror_scenario import MIRROR, learn_mirror
-from nico_selfmodel.sessions.nico_before_mirrors import DEFAULT_MIRROR, NicoBeforeMirrors
+from nico_selfmodel.sessions.mirrors.known_body import KnownBody, know_body
+from nico_selfmodel.sessions.mirrors.mirror_looks import MirrorLooks, Unknown
+from nico_selfmodel.sessions.mirrors.mirror_scenario import MIRROR, learn_mirror
+from nico_selfmodel.sessions.mirrors.nico_before_mirrors import DEFAULT_MIRROR, NicoBeforeMirrors
 from nico_selfmodel.sessions.progress import Stage, of_robot
 from nico_selfmodel.sessions.rendered_nico import RenderedNico
 from nico_selfmodel.systems.rendering.body_image import BodyImage

@@ -18,9 +18,9 @@ from nico_selfmodel.experiments.mirror_test.painting import (
     Painter,
 )
 from nico_selfmodel.planning.plans import commands_of_angles
-from nico_selfmodel.sessions.mark_finder import Finding, MarkFinder
-from nico_selfmodel.sessions.mirror_looks import MirrorLook, MirrorLooks
-from nico_selfmodel.sessions.mirror_scenario import MIRROR
+from nico_selfmodel.sessions.mirrors.mark_finder import Finding, MarkFinder
+from nico_selfmodel.sessions.mirrors.mirror_looks import MirrorLook, MirrorLooks
+from nico_selfmodel.sessions.mirrors.mirror_scenario import MIRROR
 from nico_selfmodel.sessions.progress import Stage, of_robot
 from nico_selfmodel.sessions.rendered_nico import RenderedNico
 from nico_selfmodel.systems.rendering.body_image import BodyImage

@@ -25,7 +25,7 @@ from nico_selfmodel.experiments.mirror_test.unmarked_report import (
     unmarked_table,
 )
 from nico_selfmodel.plant.touching.touch_planner import CLEAR, LEAN
-from nico_selfmodel.sessions.mark_finder import PIXEL_SIGMA, SURFACE_SIGMA
+from nico_selfmodel.sessions.mirrors.mark_finder import PIXEL_SIGMA, SURFACE_SIGMA
 from nico_selfmodel.sessions.motion_session import PERIOD
 from nico_selfmodel.viz.reports.experiment_page import ExperimentPage, text_table
 from nico_selfmodel.viz.reports.parts import Drawing, numbers, section

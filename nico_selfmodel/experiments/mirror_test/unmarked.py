@@ -8,9 +8,9 @@ import numpy as np
 from nico_selfmodel.experiments.mirror_test.acquaintance import MARKER
 from nico_selfmodel.experiments.mirror_test.knowing import PLATE, Knowing
 from nico_selfmodel.planning.plans import commands_of_angles
-from nico_selfmodel.sessions.mirror_looks import MirrorLook, MirrorLooks
-from nico_selfmodel.sessions.mirror_scenario import MIRROR
-from nico_selfmodel.sessions.nico_before_mirrors import DEFAULT_MIRROR, NicoBeforeMirrors
+from nico_selfmodel.sessions.mirrors.mirror_looks import MirrorLook, MirrorLooks
+from nico_selfmodel.sessions.mirrors.mirror_scenario import MIRROR
+from nico_selfmodel.sessions.mirrors.nico_before_mirrors import DEFAULT_MIRROR, NicoBeforeMirrors
 from nico_selfmodel.sessions.progress import Stage, of_robot
 from nico_selfmodel.sessions.rendered_nico import RenderedNico
 from nico_selfmodel.systems.rendering.body_image import BodyImage

@@ -16,7 +16,7 @@ from nico_selfmodel.model.cameras.mirror import Mirror
 from nico_selfmodel.model.self_model import SelfModel
 from nico_selfmodel.sessions.body_scenario import BodyScenario
 from nico_selfmodel.sessions.camera_scenario import RenderedNico
-from nico_selfmodel.sessions.nico_before_mirrors import DEFAULT_MIRROR, NicoBeforeMirrors
+from nico_selfmodel.sessions.mirrors.nico_before_mirrors import DEFAULT_MIRROR, NicoBeforeMirrors
 from nico_selfmodel.sessions.progress import Stage, telling
 from nico_selfmodel.systems.rendering.mirror_scene import MirrorPlate
 from nico_selfmodel.systems.simulated.imperfections import Imperfections

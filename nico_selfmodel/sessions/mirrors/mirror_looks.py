@@ -11,7 +11,7 @@ from nico_selfmodel.estimation.mirrors.reflection_sigma import reflection_sigma
 from nico_selfmodel.model.cameras.mirror import Mirror
 from nico_selfmodel.model.cameras.rig_parameters import SIDES
 from nico_selfmodel.model.self_model import SelfModel
-from nico_selfmodel.sessions.known_body import Shot
+from nico_selfmodel.sessions.mirrors.known_body import Shot
 from nico_selfmodel.systems.rendering.body_image import NOTHING, BodyImage
 from nico_selfmodel.systems.rendering.cropped_render import LabelledPicture
 from nico_selfmodel.systems.rendering.mirror_scene import put_mirror
