@@ -205,6 +205,14 @@ def test_a_wrong_answer_fails_its_stage_and_later_ones_are_not_judged(wrong, sta
     assert reason in documents[-1]["reasons"][0]
 
 
+def test_marks_that_are_all_put_on_another_link_fail_though_no_place_is_left_to_judge():
+    chest = (found(ON_ME, link="chest"),)
+    own = [replace(t, found=chest) if t.painted.kind == MARK else t for t in marked(25).trials]
+    last = marks_documents(MarkStage(tuple(own), None))[-1]
+    assert (last["stage"], last["status"], last["places"]) == ("6", "FAIL", 0)
+    assert last["reasons"] == ["125 of 125 marks are put on another link"]
+
+
 def test_who_does_not_notice_a_mark_on_another_robot_did_not_take_it_for_its_own():
     documents = marks_documents(marked(25, says={OTHER_ROBOT: ()}))
     assert [one["status"] for one in documents] == ["PASS"] * 4

@@ -13,6 +13,7 @@ from nico_selfmodel.experiments.mirror_test.encounters import (
     EncounterStage,
     Trial,
 )
+from nico_selfmodel.experiments.mirror_test.stage_document import stage_document
 from nico_selfmodel.sessions.motion_session import PERIOD
 from nico_selfmodel.viz.figures.mirror_test.contingency_plot import contingency_plot
 
@@ -25,15 +26,17 @@ ENOUGH = 100
 def encounters_document(stage: EncounterStage) -> dict[str, Any]:
     """Return the stage as plain data, with its status."""
     rows = [_row(name, [t for t in stage.trials if t.encounter == name]) for name in EXPECTED]
-    status, reasons = _verdict(stage, rows)
-    return {
-        "stage": "1",
-        "name": "contingency",
-        "status": status,
-        "reasons": reasons,
-        "encounters": rows,
-        "robots": [_robot(stage, robot) for robot in stage.responses],
-    }
+    count = len(stage.trials)
+    right = f"none of {count} verdicts is wrong"
+    return stage_document(
+        "1",
+        "contingency",
+        _failed(rows),
+        f"{right}, {ENOUGH} trials are needed" if count < ENOUGH else None,
+        f"{right}, and all fell in time",
+        encounters=rows,
+        robots=[_robot(stage, robot) for robot in stage.responses],
+    )
 
 
 def _row(name: str, trials: list[Trial]) -> dict[str, Any]:
@@ -58,8 +61,8 @@ def _told(trial: Trial) -> bool:
     return bool((np.abs(trial.found.log_odds) >= np.log(ODDS)).any())
 
 
-def _verdict(stage: EncounterStage, rows: list[dict[str, Any]]) -> tuple[str, list[str]]:
-    """Return the status and why it is that."""
+def _failed(rows: list[dict[str, Any]]) -> list[str]:
+    """Return what fails the stage."""
     reasons = []
     for row in rows:
         what = f"{row['encounter']}: "
@@ -71,12 +74,7 @@ def _verdict(stage: EncounterStage, rows: list[dict[str, Any]]) -> tuple[str, li
             reasons.append(
                 f"{what}{row['longest_s']:.1f} s, at most {row['bound_s']:g} s are allowed"
             )
-    if reasons:
-        return "FAIL", reasons
-    count = len(stage.trials)
-    if count < ENOUGH:
-        return "NOT_EVALUATED", [f"none of {count} verdicts is wrong, {ENOUGH} trials are needed"]
-    return "PASS", [f"none of {count} verdicts is wrong, and all fell in time"]
+    return reasons
 
 
 def _robot(stage: EncounterStage, robot: int) -> dict[str, Any]:

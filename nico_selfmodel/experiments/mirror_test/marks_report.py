@@ -15,6 +15,7 @@ from nico_selfmodel.experiments.mirror_test.painting import (
     SHAM_ACT,
     SHAM_PAINT,
 )
+from nico_selfmodel.experiments.mirror_test.stage_document import stage_document
 from nico_selfmodel.geometry.rotation import tangent_basis
 from nico_selfmodel.viz.figures.mirror_test.surprise_plot import surprise_plot
 
@@ -65,14 +66,12 @@ def _hit(trial: MarkTrial) -> bool:
     return [one.kind for one in trial.found] == [ON_ME]
 
 
-def _status(
-    failed: list[str], said: str, trials: int, enough: int, what: str
-) -> tuple[str, list[str]]:
-    if failed:
-        return "FAIL", failed
-    if trials < enough:
-        return "NOT_EVALUATED", [f"{said}; {enough} {what} are needed"]
-    return "PASS", [said]
+def _document(
+    stage: str, name: str, failed: list[str], said: str, needed: str | None, **facts: Any
+) -> dict[str, Any]:
+    """Return a stage as plain data; `needed` is what too few trials lack."""
+    lacking = None if needed is None else f"{said}; {needed} are needed"
+    return stage_document(stage, name, failed, lacking, said, **facts)
 
 
 def _hits(stage: MarkStage) -> dict[str, Any]:
@@ -81,17 +80,17 @@ def _hits(stage: MarkStage) -> dict[str, Any]:
     said = f"{hits} of {len(trials)} marks are found"
     missed = trials and hits <= LEAST_HITS * len(trials)
     failed = [f"{said}, more than {100 * LEAST_HITS:.0f} of 100 must be"] if missed else []
-    status, reasons = _status(failed, said, len(trials), ENOUGH_MARKS, "marks")
-    return {
-        "stage": "5",
-        "name": "marks of 10 mm, step of colour 0.2, seen in the mirror only",
-        "status": status,
-        "reasons": reasons,
-        "not_judged": ["the arm that moves", "what is seen directly"],
-        "marks": len(trials),
-        "hits": hits,
-        "several": sum(len(trial.found) > 1 for trial in trials),
-    }
+    return _document(
+        "5",
+        "marks of 10 mm, step of colour 0.2, seen in the mirror only",
+        failed,
+        said,
+        f"{ENOUGH_MARKS} marks" if len(trials) < ENOUGH_MARKS else None,
+        not_judged=["the arm that moves", "what is seen directly"],
+        marks=len(trials),
+        hits=hits,
+        several=sum(len(trial.found) > 1 for trial in trials),
+    )
 
 
 def _controls(stage: MarkStage) -> dict[str, Any]:
@@ -101,21 +100,18 @@ def _controls(stage: MarkStage) -> dict[str, Any]:
         for row in rows
         if row["right"] < row["trials"]
     ]
-    shams = sum(row["trials"] for row in rows[:2])
-    counts = [shams, *(row["trials"] for row in rows[2:])]
-    least = min(n - e for n, e in zip(counts, (ENOUGH_SHAMS, ENOUGH_OTHERS, ENOUGH_OTHERS),
-                                      strict=True))  # fmt: skip
-    said = f"all of {sum(counts)} controls are answered rightly"
-    needed = f"shams, and {ENOUGH_OTHERS} marks each on the glass and on another robot,"
-    status, reasons = _status(failed, said, ENOUGH_SHAMS + least, ENOUGH_SHAMS, needed)
-    return {
-        "stage": "5b-d",
-        "name": "controls",
-        "status": status,
-        "reasons": reasons,
-        "not_evaluated": ["a mark seen directly: no camera sees head or chest directly"],
-        "controls": rows,
-    }
+    sham, same, *others = (row["trials"] for row in rows)
+    few = sham + same < ENOUGH_SHAMS or min(others) < ENOUGH_OTHERS
+    needed = f"{ENOUGH_SHAMS} shams, and {ENOUGH_OTHERS} marks each on the glass and on another"
+    return _document(
+        "5b-d",
+        "controls",
+        failed,
+        f"all of {sham + same + sum(others)} controls are answered rightly",
+        f"{needed} robot," if few else None,
+        not_evaluated=["a mark seen directly: no camera sees head or chest directly"],
+        controls=rows,
+    )
 
 
 def _control(stage: MarkStage, kind: str) -> dict[str, Any]:
@@ -162,36 +158,34 @@ def errors_of(trials: Sequence[MarkTrial]) -> tuple[np.ndarray, np.ndarray, int]
 
 def _places(stage: MarkStage) -> dict[str, Any]:
     off, chi, wrong = errors_of(_of(stage, MARK))
-    if not len(off):
-        return {
-            "stage": "6", "name": "place and link", "status": "NOT_EVALUATED",
-            "reasons": ["no mark was put to its link"], "places": 0, "wrong_links": wrong,
-        }  # fmt: skip
-    median, p95, mean = float(np.median(off)), float(np.percentile(off, 95)), float(np.mean(chi))
     failed = [f"{wrong} of {wrong + len(off)} marks are put on another link"] if wrong else []
+    about = "6", "place and link"
+    if not len(off):
+        none = "no mark was put to its link"
+        return stage_document(*about, failed, none, none, places=0, wrong_links=wrong)
+    median, p95, mean = float(np.median(off)), float(np.percentile(off, 95)), float(np.mean(chi))
     if median > MEDIAN_MM or p95 > P95_MM:
         failed.append(
             f"places are off by {median:.1f} mm in the middle and {p95:.1f} mm at 95 of 100, at "
             f"most {MEDIAN_MM:g} and {P95_MM:g} are allowed"
         )
-    enough = len(off) >= 0.9 * ENOUGH_MARKS
-    if enough and not HONEST[0] <= mean <= HONEST[1]:
+    enough = int(0.9 * ENOUGH_MARKS)
+    if len(off) >= enough and not HONEST[0] <= mean <= HONEST[1]:
         failed.append(f"chi-square over 2 is {mean:.2f}, {HONEST[0]:g} to {HONEST[1]:g} is honest")
     said = f"{len(off)} places are off by {median:.1f} mm in the middle, {p95:.1f} at 95 of 100"
-    status, reasons = _status(failed, said, len(off), int(0.9 * ENOUGH_MARKS), "places")
-    return {
-        "stage": "6",
-        "name": "place and link",
-        "status": status,
-        "reasons": reasons,
-        "places": len(off),
-        "wrong_links": wrong,
-        "median_mm": median,
-        "p95_mm": p95,
-        "max_mm": float(off.max()),
-        "chi_square_over_2": mean,
-        "chi_square_over_2_median": float(np.median(chi)),
-    }
+    return _document(
+        *about,
+        failed,
+        said,
+        f"{enough} places" if len(off) < enough else None,
+        places=len(off),
+        wrong_links=wrong,
+        median_mm=median,
+        p95_mm=p95,
+        max_mm=float(off.max()),
+        chi_square_over_2=mean,
+        chi_square_over_2_median=float(np.median(chi)),
+    )
 
 
 def _removals(stage: MarkStage) -> dict[str, Any]:
@@ -199,11 +193,16 @@ def _removals(stage: MarkStage) -> dict[str, Any]:
     still = sum(any(one.kind == ON_ME for one in found) for found in after)
     failed = [f"{still} of {len(after)} marks are still seen after they are gone"] if still else []
     said = f"none of {len(after)} marks is seen after it was removed"
-    status, reasons = _status(failed, said, len(after), ENOUGH_REMOVALS, "removals")
-    return {
-        "stage": "8", "name": "after removal", "status": status, "reasons": reasons,
-        "not_evaluated": ["what `monitor` says"], "removals": len(after), "still_seen": still,
-    }  # fmt: skip
+    return _document(
+        "8",
+        "after removal",
+        failed,
+        said,
+        f"{ENOUGH_REMOVALS} removals" if len(after) < ENOUGH_REMOVALS else None,
+        not_evaluated=["what `monitor` says"],
+        removals=len(after),
+        still_seen=still,
+    )
 
 
 def marks_tables(stage: MarkStage) -> tuple[Table, ...]:
@@ -215,8 +214,7 @@ def marks_tables(stage: MarkStage) -> tuple[Table, ...]:
         rows.append([kind, WANTED.get(kind, ON_ME), str(len(said)), words or "-"])
     after = [trial.after for trial in stage.trials if trial.after is not None]
     gone = sum(not any(one.kind == ON_ME for one in found) for found in after)
-    rows.append(["mark taken off", "nothing", str(len(after)), f"not on me {gone}".replace(
-        "not on me", "no mark on me")])  # fmt: skip
+    rows.append(["mark taken off", "nothing", str(len(after)), f"no mark on me {gone}"])
     places = []
     for link in ("head", "chest"):
         own = [t for t in _of(stage, MARK) if t.painted.mark and t.painted.mark.link == link]

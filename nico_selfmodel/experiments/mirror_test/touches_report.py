@@ -6,6 +6,7 @@ from typing import Any
 import numpy as np
 
 from nico_selfmodel.experiments.experiment_report import Table
+from nico_selfmodel.experiments.mirror_test.stage_document import stage_document
 from nico_selfmodel.experiments.mirror_test.touches import PLANS, TouchStage, TouchTrial
 
 LEAST_TOUCHED = 0.90
@@ -20,31 +21,26 @@ def touches_document(stage: TouchStage) -> dict[str, Any]:
     beyond = [one for one in stage.marks if not one.in_reach]
     touched = sum(one.touched for one in inside)
     said = sum(one.executed is None for one in beyond)
-    failed = _failed(stage, inside, touched, len(beyond) - said)
     words = (
         f"{touched} of {len(inside)} marks in reach are touched within their radius, 'out of "
         f"reach' is said of {said} of {len(beyond)} others, {len(stage.plans)} ways collide with "
         "nothing"
     )
-    if failed:
-        status, reasons = "FAIL", failed
-    elif len(inside) < ENOUGH_TOUCHES or len(stage.plans) < PLANS:
-        needed = f"{ENOUGH_TOUCHES} marks in reach and {PLANS} ways are needed"
-        status, reasons = "NOT_EVALUATED", [f"{words}; {needed}"]
-    else:
-        status, reasons = "PASS", [words]
-    return {
-        "stage": "7",
-        "name": "touch",
-        "status": status,
-        "reasons": reasons,
-        "not_judged": ["how the arm comes to where the way begins", "how hard the finger presses"],
-        "marks": _row(stage.marks),
-        "out_of_reach": len(beyond),
-        "out_of_reach_said": said,
-        "plans": _row(stage.plans),
-        "drawn": stage.drawn,
-    }
+    few = len(inside) < ENOUGH_TOUCHES or len(stage.plans) < PLANS
+    needed = f"{ENOUGH_TOUCHES} marks in reach and {PLANS} ways are needed"
+    return stage_document(
+        "7",
+        "touch",
+        _failed(stage, inside, touched, len(beyond) - said),
+        f"{words}; {needed}" if few else None,
+        words,
+        not_judged=["how the arm comes to where the way begins", "how hard the finger presses"],
+        marks=_row(stage.marks),
+        out_of_reach=len(beyond),
+        out_of_reach_said=said,
+        plans=_row(stage.plans),
+        drawn=stage.drawn,
+    )
 
 
 def _failed(

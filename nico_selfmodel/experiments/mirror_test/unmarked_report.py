@@ -5,6 +5,7 @@ from typing import Any
 import numpy as np
 
 from nico_selfmodel.experiments.experiment_report import Table
+from nico_selfmodel.experiments.mirror_test.stage_document import stage_document
 from nico_selfmodel.experiments.mirror_test.unmarked import LIGHTS, Look, UnmarkedStage
 from nico_selfmodel.viz.figures.mirror_test.surprise_plot import surprise_plot
 
@@ -19,25 +20,20 @@ def unmarked_document(stage: UnmarkedStage) -> dict[str, Any]:
     looks = len(stage.looks)
     surprised = sum(look.alarms > 0 for look in stage.looks)
     said = f"{surprised} of {looks} looks at an unmarked head and chest surprise"
-    if surprised > MOST * looks:
-        status, reasons = "FAIL", [f"{said}, at most 1 in 100 may"]
-    elif looks < ENOUGH:
-        status, reasons = "NOT_EVALUATED", [f"{said}, {ENOUGH} looks are needed"]
-    else:
-        status, reasons = "PASS", [said]
-    return {
-        "stage": "4",
-        "name": "expected picture, unmarked head and chest",
-        "status": status,
-        "reasons": reasons,
-        "not_judged": ["the arm that moves", "the room"],
-        "lights": [_row(light, stage.looks) for light in LIGHTS],
-        "surprising": [
+    return stage_document(
+        "4",
+        "expected picture, unmarked head and chest",
+        [f"{said}, at most 1 in 100 may"] if surprised > MOST * looks else [],
+        f"{said}, {ENOUGH} looks are needed" if looks < ENOUGH else None,
+        said,
+        not_judged=["the arm that moves", "the room"],
+        lights=[_row(light, stage.looks) for light in LIGHTS],
+        surprising=[
             {"robot": look.robot, "light": look.light, "where": list(look.where)}
             for look in stage.looks
             if look.alarms
         ],
-    }
+    )
 
 
 def _row(light: float, looks: tuple[Look, ...]) -> dict[str, Any]:

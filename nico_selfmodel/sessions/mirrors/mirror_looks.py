@@ -35,10 +35,12 @@ APPEARANCE_SIGMA = 0.03
 """What colours and light of the description are not known by, as a share of the grey level; set on
 robot 0."""
 
+COLOR_SIGMA = 0.01
+"""What colours are not known by once the body has been looked at, as a share of the grey level; set
+on robots 0 and 1."""
+
 _POINTS = (2.5e-4, 5e-4, 1e-3, 2e-3, POINT_SIGMA)
 """What places of a link may turn out not to be known by [m]."""
-_COLOR = 0.01
-"""What colours are not known by once the body has been looked at; set on robots 0 and 1."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -226,7 +228,7 @@ class MirrorLooks:
             for side, picture in enumerate(self._pictures()):
                 seen = self._image.expect(readings, self._mirror, side)
                 for k, point in enumerate(_POINTS):
-                    expected = self._expected(side, seen, Unknown({}, point, _COLOR))
+                    expected = self._expected(side, seen, Unknown({}, point, COLOR_SIGMA))
                     each = log_likelihood(picture, expected)
                     own = seen.labels[np.isfinite(each)]
                     likely[k] += np.bincount(own, each[np.isfinite(each)], size)
@@ -239,7 +241,7 @@ class MirrorLooks:
             for number, name in self._image.links.items()
             if counts[0, number] and np.isfinite(mean[:, number]).any()
         }
-        self.unknown = Unknown(found, POINT_SIGMA, _COLOR)
+        self.unknown = Unknown(found, POINT_SIGMA, COLOR_SIGMA)
         return self.unknown
 
     def _pictures(self) -> list[NDArray]:
@@ -254,5 +256,5 @@ def _as_before(picture: NDArray, look: MirrorLook) -> Expectation:
     """Return an earlier picture as what is expected now, where the body's place tells nothing."""
     judged = np.isfinite(look.surprise.chi_square)
     return Expectation(
-        picture, np.where(judged, np.nan, 0.0), np.sqrt(2.0) * look.expected.noise, _COLOR
+        picture, np.where(judged, np.nan, 0.0), np.sqrt(2.0) * look.expected.noise, COLOR_SIGMA
     )

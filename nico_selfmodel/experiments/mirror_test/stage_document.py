@@ -1,0 +1,26 @@
+"""A stage of the mirror test as plain data: what became of it, and why."""
+
+from collections.abc import Sequence
+from typing import Any
+
+
+def stage_document(
+    stage: str, name: str, failed: Sequence[str], lacking: str | None, passed: str, **facts: Any
+) -> dict[str, Any]:
+    """Return a stage as plain data, with its status: what failed counts before what lacks.
+
+    Args:
+        stage: Its number.
+        name: What it is about.
+        failed: Why it fails; nothing where it does not.
+        lacking: What a verdict would take besides; None where there is enough.
+        passed: What is said where nothing failed and nothing lacks.
+        facts: What else is told, in this order.
+    """
+    if failed:
+        status, reasons = "FAIL", [*failed]
+    elif lacking is not None:
+        status, reasons = "NOT_EVALUATED", [lacking]
+    else:
+        status, reasons = "PASS", [passed]
+    return {"stage": stage, "name": name, "status": status, "reasons": reasons, **facts}
