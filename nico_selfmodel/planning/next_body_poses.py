@@ -5,7 +5,7 @@ poses say as much as the unit matrix. A pose adds what its pixels of one marker 
 joint noise does to them.
 """
 
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -22,31 +22,19 @@ from nico_selfmodel.model.tree.body_model import BodyModel
 from nico_selfmodel.model.tree.body_tree import WORLD
 from nico_selfmodel.model.tree.tree_motion import TreeMotion
 from nico_selfmodel.names import listed
-from nico_selfmodel.planning.pose_selection import PoseChoice, choose_poses, hand_sigma
+from nico_selfmodel.planning.pose_selection import (
+    NextPoses,
+    choose_poses,
+    drawn_between,
+    hand_sigma,
+)
 
 POOL = 500
 """Poses to choose from."""
 _DRAWN, _ROUNDS = 4000, 20
 """Poses drawn at once, and how often, to find some in view."""
-_ENDS = 0.5
-"""Of the beta distribution of the pool, as in `next_poses`."""
 _MARGIN = 0.05
 """Share of the image at each edge in which a planned hand is not trusted to be seen."""
-
-
-@dataclass(frozen=True, eq=False)
-class NextBodyPoses:
-    """Poses worth recording."""
-
-    readings: NDArray
-    """Readings to go to, in the joints' own units. Shape (K, n)."""
-    sigma_before: float
-    """Root mean square error of the marker's predicted pixels over the recorded poses, by what the
-    body is uncertain of [px]."""
-    sigma_after: float
-    """The same once these poses are recorded too [px]."""
-    choice: PoseChoice
-    """How they were chosen."""
 
 
 def choose_next_body_poses(
@@ -57,8 +45,10 @@ def choose_next_body_poses(
     *,
     criterion: str = "I",
     marker: str | None = None,
-) -> NextBodyPoses:
+) -> NextPoses:
     """Choose poses between the readings that were recorded, a marker in view of every camera.
+
+    The marker's error is in pixels, by what the body is uncertain of.
 
     What hides the marker, and what collides, is not known here.
 
@@ -106,7 +96,7 @@ def choose_next_body_poses(
         given=told_already,
     )
     before = hand_sigma(told_already, known)
-    return NextBodyPoses(pool[choice.rows], before, choice.hand_sigma, choice)
+    return NextPoses(pool[choice.rows], before, choice.hand_sigma, choice)
 
 
 def _marker(model: BodyModel, name: str | None) -> int:
@@ -119,10 +109,9 @@ def _marker(model: BodyModel, name: str | None) -> int:
 
 def _pool(model: BodyModel, recorded: NDArray, marker: int, rng: np.random.Generator) -> NDArray:
     """Draw poses between recorded readings that show the marker to every camera. Shape (N, n)."""
-    low, high = recorded.min(axis=0), recorded.max(axis=0)
     found: list[NDArray] = []
     for _ in range(_ROUNDS):
-        drawn = low + (high - low) * rng.beta(_ENDS, _ENDS, (_DRAWN, len(low)))
+        drawn = drawn_between(recorded, _DRAWN, rng)
         found += list(drawn[_in_view(model, drawn, marker)])
         if len(found) >= POOL:
             break

@@ -4,8 +4,6 @@ The poses that were recorded say three things: how far each joint is known to go
 already, and where the hand must be predicted well.
 """
 
-from dataclasses import dataclass
-
 import numpy as np
 from numpy.typing import NDArray
 
@@ -14,37 +12,20 @@ from nico_selfmodel.errors import DataError
 from nico_selfmodel.model.self_model import SelfModel
 from nico_selfmodel.names import listed
 from nico_selfmodel.planning.pose_selection import (
-    PoseChoice,
+    NextPoses,
     bending_priors,
     choose_poses,
+    drawn_between,
     hand_sigma,
     position_jacobians,
 )
 
 POOL = 3000
 """Poses to choose from."""
-_ENDS = 0.5
-"""Of the beta distribution of the pool: the poses that tell most lie near the ends of the joints'
-ranges, as for polynomials (arcsine law)."""
 _DRAWS = 20
 """Times the pool that is drawn at most to find poses in view."""
 _MARGIN = 0.03
 """Share of the image at each edge in which a planned hand is not trusted to be seen."""
-
-
-@dataclass(frozen=True, eq=False)
-class NextPoses:
-    """Poses worth recording."""
-
-    readings: NDArray
-    """Encoder readings to go to, in the encoders' own units. Shape (K, n)."""
-    sigma_before: float
-    """Root mean square error of the predicted hand over the recorded poses, as the model is [m];
-    nan where its noise is not known."""
-    sigma_after: float
-    """The same once these poses are recorded too [m]."""
-    choice: PoseChoice
-    """How they were chosen."""
 
 
 def choose_next_poses(
@@ -57,6 +38,8 @@ def choose_next_poses(
     marker: str | None = None,
 ) -> NextPoses:
     """Choose poses within the ranges that were recorded, in view where the model has cameras.
+
+    The hand's error is in metres; it is nan where the model's noise is not known.
 
     That a body does not collide in a pose is not known here: only the ranges of single joints are.
 
@@ -105,10 +88,9 @@ def _pool(
     model: SelfModel, data: Dataset, recorded: NDArray, marker: str, rng: np.random.Generator
 ) -> NDArray:
     """Draw poses between the readings that were recorded, in view of the cameras if any."""
-    low, high = recorded.min(axis=0), recorded.max(axis=0)
     if data.image_size is None or not model.cameras:
-        return low + (high - low) * rng.beta(_ENDS, _ENDS, (POOL, len(low)))
-    drawn = low + (high - low) * rng.beta(_ENDS, _ENDS, (_DRAWS * POOL, len(low)))
+        return drawn_between(recorded, POOL, rng)
+    drawn = drawn_between(recorded, _DRAWS * POOL, rng)
     pixels = model.rig.project(model.predict(drawn, marker).p_WH).reshape(-1, 2, 2)
     size = np.array(data.image_size, dtype=float)
     inside = (pixels > _MARGIN * size) & (pixels < (1.0 - _MARGIN) * size)

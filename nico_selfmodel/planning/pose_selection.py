@@ -18,6 +18,9 @@ CRITERIA = ("I", "D")
 _RIDGE = 1e-6
 """What is known of a scaled parameter before the first pose, so that a start exists."""
 _PASSES = 10
+_ENDS = 0.5
+"""Of the beta distribution of a pool: the poses that tell most lie near the ends of the joints'
+ranges, as for polynomials (arcsine law)."""
 _SINGULAR = 1e-10
 
 
@@ -38,6 +41,26 @@ class PoseChoice:
     """Smallest over largest singular value of the scaled Jacobian: O2."""
     exchanges: int
     """Poses that were exchanged after the greedy choice."""
+
+
+@dataclass(frozen=True, eq=False)
+class NextPoses:
+    """Poses worth recording."""
+
+    readings: NDArray
+    """Encoder readings to go to, in the encoders' own units. Shape (K, n)."""
+    sigma_before: float
+    """Root mean square error of what is predicted over the recorded poses, as the model is."""
+    sigma_after: float
+    """The same once these poses are recorded too."""
+    choice: PoseChoice
+    """How they were chosen."""
+
+
+def drawn_between(recorded: NDArray, count: int, rng: np.random.Generator) -> NDArray:
+    """Draw poses between readings that were recorded. Shapes (N, n) -> (count, n)."""
+    low, high = recorded.min(axis=0), recorded.max(axis=0)
+    return low + (high - low) * rng.beta(_ENDS, _ENDS, (count, len(low)))
 
 
 def position_jacobians(

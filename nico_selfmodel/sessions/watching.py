@@ -1,7 +1,5 @@
 """Nico at work, live: sliders move its joints, its self-model predicts what its cameras see."""
 
-from collections.abc import Callable
-
 import numpy as np
 from numpy.typing import NDArray
 
@@ -12,12 +10,10 @@ from nico_selfmodel.model.cameras.rig_parameters import SIDES
 from nico_selfmodel.model.self_model import SelfModel
 from nico_selfmodel.plant import ArmDescription
 from nico_selfmodel.sessions.camera_scenario import RenderedNico
+from nico_selfmodel.sessions.live_station import LiveStation
 from nico_selfmodel.sessions.mirrors.nico_before_mirrors import DEFAULT_MIRROR, NicoBeforeMirrors
-from nico_selfmodel.sessions.sliders import follow_sliders
-from nico_selfmodel.systems.closing import Closable
 from nico_selfmodel.systems.rendering.mirror_scene import put_mirror
 from nico_selfmodel.systems.simulated.imperfections import Imperfections
-from nico_selfmodel.systems.stations.nico_station import NicoStation
 from nico_selfmodel.systems.stations.station_body import StationBody
 from nico_selfmodel.viz.live.station_mirror import StandingGlass
 from nico_selfmodel.viz.live.station_view import StationView
@@ -31,8 +27,8 @@ _TURNED = np.radians(1.0)
 """A joint held farther from where it was while learning is another pose."""
 
 
-class Watching(Closable):
-    """A station and its view; closing gives the station back."""
+class Watching(LiveStation[StationView, NDArray]):
+    """One arm before a head that stands still; closing gives the station back."""
 
     def __init__(
         self,
@@ -65,7 +61,7 @@ class Watching(Closable):
         self._nico.arm.check_joints(model.joints)
         _check_head(model, self._nico.arm)
         self._before = None if mirror is None else _before(self._nico, model, *mirror)
-        self.station: NicoStation = (
+        self.station = (
             self._nico.station(_DAY, model.rig)
             if self._before is None
             else self._before.station(_DAY)
@@ -75,9 +71,6 @@ class Watching(Closable):
         glass = None if self._before is None else self._put_glass(self._before)
         self.mirror = None if glass is None else glass.mirror
         self.view = StationView(self._nico.arm, model, glass=glass, recording=recording)
-
-    def _give_back(self) -> None:
-        self.station.close()
 
     def _put_glass(self, before: NicoBeforeMirrors) -> StandingGlass:
         ((name, view),) = before.views.items()
@@ -107,22 +100,6 @@ class Watching(Closable):
         miss = np.concatenate([pixels - expected, reflected - behind])
         return np.linalg.norm(miss.reshape(4, 2), axis=1)
 
-    def visit_random_poses(
-        self, count: int, progress: Callable[[int, int], None] | None = None
-    ) -> list[NDArray]:
-        """Visit poses in view, in the mirror if there is one, and show each.
-
-        Returns:
-            What `show` returned at each pose.
-        """
-        errors = []
-        for done, command in enumerate(self._in_view(count), start=1):
-            self.body.move_and_measure(command)
-            errors.append(self.show())
-            if progress:
-                progress(done, count)
-        return errors
-
     def go_into_view(self) -> None:
         """Go where the cameras see the hand well, and its reflection if there is one."""
         commands = self._in_view(_CHOICE)
@@ -145,25 +122,11 @@ class Watching(Closable):
             plan, _ = self._before.plan(self.station, count, 0, rng, best=False)
         return [command for _, command in plan[:count]]
 
-    def run(self, tell: Callable[[NDArray], None], seconds: float = np.inf) -> None:
-        """Follow the sliders in real time until the stop button is pressed.
+    def _to_joint(self, readings: NDArray) -> NDArray:
+        return self.model.servos.to_joint(readings)
 
-        Args:
-            tell: Called with what `show` returned after every frame.
-            seconds: How long at most [s].
-        """
-        follow_sliders(
-            self.view,
-            self.station,
-            self.body,
-            self.model.servos.to_joint,
-            self.model.servos.to_encoder,
-            lambda: tell(self.show()),
-            seconds,
-        )
-
-    def _read(self, port: str) -> NDArray:
-        return np.array(self.station.GetOutputPort(port).Eval(self.body.context))
+    def _to_encoder(self, angles: NDArray) -> NDArray:
+        return self.model.servos.to_encoder(angles)
 
 
 def _before(

@@ -1,6 +1,6 @@
 """A whole Nico at work, live: sliders turn head and arms, its model predicts what it sees."""
 
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 
 import numpy as np
 from numpy.typing import NDArray
@@ -9,9 +9,8 @@ from nico_selfmodel.errors import ModelError
 from nico_selfmodel.model.cameras.stereo_rig import StereoRig
 from nico_selfmodel.model.tree.body_model import BodyModel
 from nico_selfmodel.names import listed
+from nico_selfmodel.sessions.live_station import LiveStation
 from nico_selfmodel.sessions.rendered_body import RenderedBody
-from nico_selfmodel.sessions.sliders import follow_sliders
-from nico_selfmodel.systems.closing import Closable
 from nico_selfmodel.systems.looking import arms_among
 from nico_selfmodel.systems.rendering.stereo_cameras import ImageQuality
 from nico_selfmodel.systems.simulated.imperfections import Imperfections
@@ -24,7 +23,7 @@ _LOOKS = 3
 """Poses of each hand for one look about the room."""
 
 
-class WatchingBody(Closable):
+class WatchingBody(LiveStation[WholeBodyView, Mapping[str, NDArray]]):
     """A station of a whole Nico in its room, and its view; closing gives the station back."""
 
     def __init__(
@@ -60,9 +59,6 @@ class WatchingBody(Closable):
         self.body = StationBody(self.station, self.station.joints, self.robot.tracked)
         self.view = WholeBodyView(model, self.hands, self._read("encoders"), recording=recording)
 
-    def _give_back(self) -> None:
-        self.station.close()
-
     def show(self) -> Mapping[str, NDArray]:
         """Show the station as it is now.
 
@@ -82,60 +78,28 @@ class WatchingBody(Closable):
             for name, markers in (self.hands | {"room": tuple(self.robot.room)}).items()
         }
 
-    def visit_random_poses(
-        self, count: int, progress: Callable[[int, int], None] | None = None
-    ) -> list[Mapping[str, NDArray]]:
-        """Look about the room and at the hands in turn, and show each pose.
-
-        Args:
-            count: Of poses.
-            progress: Called after each.
-
-        Returns:
-            What `show` returned at each pose.
-        """
-        errors = []
-        for done, command in enumerate(self._in_view(count), start=1):
-            self.body.move_and_measure(command)
-            errors.append(self.show())
-            if progress:
-                progress(done, count)
-        return errors
-
     def go_into_view(self) -> None:
         """Go where the cameras see a hand, or the room where no arm moves."""
         self.body.move_and_measure(self._in_view(1)[0])
         self.show()
 
-    def run(self, tell: Callable[[Mapping[str, NDArray]], None], seconds: float = np.inf) -> None:
-        """Follow the sliders in real time until the stop button is pressed.
+    def _to_joint(self, readings: NDArray) -> NDArray:
+        return readings * (self.model.si_per_unit / self.model.tree.gear)
 
-        Args:
-            tell: Called with what `show` returned after every frame.
-            seconds: How long at most [s].
-        """
-        turn = self.model.si_per_unit / self.model.tree.gear
-        follow_sliders(
-            self.view,
-            self.station,
-            self.body,
-            lambda readings: readings * turn,
-            lambda angles: angles / turn,
-            lambda: tell(self.show()),
-            seconds,
-        )
+    def _to_encoder(self, angles: NDArray) -> NDArray:
+        return angles / (self.model.si_per_unit / self.model.tree.gear)
 
     def _in_view(self, count: int) -> NDArray:
-        """Return commands of poses in which the robot as described would see what it looks at."""
+        """Return commands of poses in which the robot as described would see what it looks at.
+
+        It looks about the room and at the hands, in random order.
+        """
         rng = np.random.default_rng(7)
         sides = len(self.hands)
         looks = count // (_LOOKS * sides + 1) if sides else count
         each = -(-(count - looks) // sides) if sides else 0
         angles = self.robot.plan(looks, each, rng)
         return self.robot.commands(self.station, rng.permutation(angles)[:count])
-
-    def _read(self, port: str) -> NDArray:
-        return np.array(self.station.GetOutputPort(port).Eval(self.body.context))
 
 
 def _mean_distance(off: NDArray) -> NDArray:

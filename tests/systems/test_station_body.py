@@ -34,7 +34,12 @@ SERVOS = ServoMap(
 
 def mechanics(world="clean"):
     return Mechanics(
-        CHAIN, SERVOS, np.full(2, -800.0), np.full(2, 900.0), IMPERFECTIONS[world], 0.4
+        CHAIN,
+        servos=SERVOS,
+        lower=np.full(2, -800.0),
+        upper=np.full(2, 900.0),
+        imperfections=IMPERFECTIONS[world],
+        largest_torque=0.4,
     )
 
 

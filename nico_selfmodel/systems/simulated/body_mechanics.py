@@ -45,16 +45,6 @@ class BodyMechanics(JointMechanics):
     """Where the commanded joints stand among them. Shape (k,)."""
     rest: NDArray
     """Where joints stand that nobody commands [rad]. Shape (n,)."""
-    servos: ServoMap
-    """Of the commanded joints."""
-    lower: NDArray
-    """Least readings between the stops [encoder units]. Shape (k,)."""
-    upper: NDArray
-    """Largest readings between the stops [encoder units]. Shape (k,)."""
-    imperfections: Imperfections
-    """What moves the joints away from where the encoders say they are."""
-    largest_torque: float = 1.0
-    """Torque that makes a joint sag by `Imperfections.sag`, as `torques` counts it."""
 
     @classmethod
     def build(
@@ -82,8 +72,16 @@ class BodyMechanics(JointMechanics):
         torque = float(np.abs(_torques(tree, poses)).max()) or 1.0
         rest = np.array([body.held.get(name, 0.0) for name in tree.joints]) + off
         lower, upper = (stop[body.columns] for stop in stops)
-        chosen = _some(servos, body.columns)
-        return cls(tree, body.columns, rest, chosen, lower, upper, imperfections, torque)
+        return cls(
+            tree,
+            body.columns,
+            rest,
+            servos=_some(servos, body.columns),
+            lower=lower,
+            upper=upper,
+            imperfections=imperfections,
+            largest_torque=torque,
+        )
 
     @property
     def markers(self) -> tuple[str, ...]:

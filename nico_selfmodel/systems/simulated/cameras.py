@@ -59,6 +59,17 @@ def built_rig(nominal: StereoRig, rng: np.random.Generator) -> StereoRig:
     return StereoRig(built_camera(nominal.left, rng), built_camera(nominal.right, rng))
 
 
+def built_lenses(nominal: StereoRig, seed: int) -> StereoRig:
+    """Return the cameras of one robot in the frames they are mounted on.
+
+    Args:
+        nominal: As designed; where they are mounted is the robot's business.
+        seed: Which robot; its lenses come from this alone.
+    """
+    rng = np.random.default_rng((seed, 7))
+    return StereoRig(*(built_camera(camera.at(np.eye(4)), rng) for camera in nominal.cameras))
+
+
 def built_camera(nominal: Camera, rng: np.random.Generator) -> Camera:
     """Return a camera as it left the workshop: lens and mount are only nearly as designed."""
     spread = np.array([4.0, 4.0, 0.0, 8.0, 8.0, 0.02, 0.01, 0.002, 0.0, 0.0])

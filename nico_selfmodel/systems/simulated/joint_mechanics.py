@@ -1,6 +1,7 @@
 """Joints between encoder and link, whatever they carry: stops, backlash, sag, play and wobble."""
 
 from collections.abc import Sequence
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -11,6 +12,7 @@ from nico_selfmodel.model.cameras.stereo_rig import StereoRig
 from nico_selfmodel.systems.simulated.imperfections import Imperfections
 
 
+@dataclass(frozen=True, eq=False, kw_only=True)
 class JointMechanics:
     """Joints as they are really built, and what is fixed to the links that they move."""
 
@@ -22,7 +24,7 @@ class JointMechanics:
     """Largest readings between the stops [encoder units]. Shape (n,)."""
     imperfections: Imperfections
     """What moves the joints away from where the encoders say they are."""
-    largest_torque: float
+    largest_torque: float = 1.0
     """Torque that makes a joint sag by `Imperfections.sag`, as `torques` counts it."""
 
     @property

@@ -9,7 +9,6 @@ from numpy.typing import NDArray
 
 from nico_selfmodel.geometry.rotation import move_on_sphere, tangent_basis
 from nico_selfmodel.model.arm.chain import Chain
-from nico_selfmodel.model.arm.servo_map import ServoMap
 from nico_selfmodel.systems.simulated.imperfections import Imperfections
 from nico_selfmodel.systems.simulated.joint_mechanics import (
     JointMechanics,
@@ -30,16 +29,6 @@ class Mechanics(JointMechanics):
 
     chain: Chain
     """Its axes and tracked points, z up, at its zero."""
-    servos: ServoMap
-    """Its gears and encoder zeros."""
-    lower: NDArray
-    """Least readings between the stops [encoder units]. Shape (n,)."""
-    upper: NDArray
-    """Largest readings between the stops [encoder units]. Shape (n,)."""
-    imperfections: Imperfections
-    """What moves its joints away from where the encoders say they are."""
-    largest_torque: float = 1.0
-    """Torque that makes a joint sag by `Imperfections.sag`, as `gravity_torques` counts it."""
 
     @classmethod
     def build(
@@ -64,8 +53,8 @@ class Mechanics(JointMechanics):
         gear = np.ones(len(arm.joints))
         gear[-1] = imperfections.extra_gear
         servos = built_servos(arm.joints, gear, imperfections, rng)
-        stops = built_stops(servos, arm.lower, arm.upper, imperfections.stop_spread, seed)
-        return cls(chain, servos, *stops, imperfections)
+        low, high = built_stops(servos, arm.lower, arm.upper, imperfections.stop_spread, seed)
+        return cls(chain, servos=servos, lower=low, upper=high, imperfections=imperfections)
 
     def weighed(self, arm: "ArmDescription", rng: np.random.Generator) -> "Mechanics":
         """Return the arm with its largest gravity torque known, from a sample of poses.

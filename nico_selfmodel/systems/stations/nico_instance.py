@@ -15,7 +15,7 @@ from nico_selfmodel.model.self_model import SelfModel
 from nico_selfmodel.plant import ArmDescription, SelfModelPlant
 from nico_selfmodel.plant.model_in_plant import ModelInPlant
 from nico_selfmodel.systems.nico_cameras import MOUNTS
-from nico_selfmodel.systems.simulated.cameras import built_camera
+from nico_selfmodel.systems.simulated.cameras import built_lenses
 from nico_selfmodel.systems.simulated.ground_truth import GroundTruth
 from nico_selfmodel.systems.simulated.imperfections import Imperfections
 from nico_selfmodel.systems.simulated.instance import RobotInstance, tracker_pose
@@ -58,12 +58,11 @@ class NicoInstance:
         """
         rng = np.random.default_rng((seed, 20))
         mechanics = Mechanics.build(arm, imperfections, seed, rng).weighed(arm, rng)
-        lenses = np.random.default_rng((seed, 7))
-        rig = StereoRig(*(built_camera(c.at(np.eye(4)), lenses) for c in cameras.cameras))
         held = {
             joint: value + (_HEAD_SIGMA * rng.normal() if _of_the_head(joint) else 0.0)
             for joint, value in arm.held.items()
         }
+        rig = built_lenses(cameras, seed)
         return cls(arm, mechanics, rig, MappingProxyType(held), tracker_pose(rng))
 
     @property

@@ -12,7 +12,7 @@ from nico_selfmodel.model.cameras.stereo_rig import StereoRig
 from nico_selfmodel.plant.body_description import BodyDescription
 from nico_selfmodel.plant.model_in_plant import ModelInPlant
 from nico_selfmodel.systems.simulated.body_mechanics import BodyMechanics
-from nico_selfmodel.systems.simulated.cameras import built_camera
+from nico_selfmodel.systems.simulated.cameras import built_lenses
 from nico_selfmodel.systems.simulated.ground_truth import GroundTruth
 from nico_selfmodel.systems.simulated.imperfections import Imperfections
 from nico_selfmodel.systems.simulated.instance import RobotInstance, tracker_pose
@@ -44,8 +44,7 @@ class WholeNico:
         Raises:
             ValueError: If a joint has no limits.
         """
-        lenses = np.random.default_rng((seed, 7))
-        rig = StereoRig(*(built_camera(c.at(np.eye(4)), lenses) for c in cameras.cameras))
+        rig = built_lenses(cameras, seed)
         mechanics = BodyMechanics.build(body, imperfections, seed, rig)
         return cls(body, mechanics, tracker_pose(np.random.default_rng((seed, 23))))
 
