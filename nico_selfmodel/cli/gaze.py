@@ -36,8 +36,8 @@ def gaze(
 
     if not is_body(model):
         raise ValueError(
-            f"{model} is no body whose head turns: give the folder that `calibrate body` left of a "
-            "recording with poses.csv"
+            f"{model} is no body whose head turns: give the folder that `learn --head` left, or "
+            "`calibrate body` of a recording with poses.csv"
         )
     body = load_body(model)
     if encoders is None or (target is None) == (marker is None):

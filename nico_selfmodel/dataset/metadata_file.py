@@ -130,8 +130,8 @@ def _check_format(content: dict[str, Any], path: Path) -> None:
         raise DataError(f"{path}: key 'format' is missing{hint}; expected 'format: {FORMAT}'")
     if found == "nico-dataset/2":
         raise DataError(
-            f"{path}: it is a recording of any body ({found}); give it to `calibrate body`, "
-            "`calibrate hand-eye` or `evaluate`"
+            f"{path}: it is a recording of any body ({found}); give it to `calibrate body` or "
+            "`calibrate hand-eye`, or with a body to `evaluate`, `monitor` or `choose-poses`"
         )
     kind, _, version = str(found).partition("/")
     if kind == FORMAT.partition("/")[0] and version:

@@ -73,7 +73,7 @@ def choose_next_body_poses(
             f"body {model.name!r} has no covariance or no camera: learn it by `calibrate body` "
             "from what cameras saw"
         )
-    told, index = told_as(model.tree, data), _marker(model, marker)
+    index, told = _marker(model, marker), told_as(model.tree, data)
     seen = np.unique(told.observations.pose[told.observations.marker == index])
     if not len(seen):
         raise DataError(f"data set {data.name!r} has no view of {model.tree.markers[index].name!r}")
@@ -101,9 +101,14 @@ def choose_next_body_poses(
 
 def _marker(model: BodyModel, name: str | None) -> int:
     """Return which marker is meant."""
-    own = [m.name for m in model.tree.markers if m.on != WORLD]
+    markers = model.tree.markers
+    own = [m.name for m in markers if m.on != WORLD]
     if not own or (name is not None and name not in own):
-        raise ModelError(f"marker {name or 'that moves'}: the body carries {listed(own) or 'none'}")
+        room = [m.name for m in markers if m.on == WORLD]
+        raise ModelError(
+            f"no marker {'that moves' if name is None else repr(name)} on the body: it carries "
+            f"{listed(own, name) or 'none'}, and knows {listed(room, name) or 'none'} in the room"
+        )
     return model.tree.marker_index(own[0] if name is None else name)
 
 

@@ -59,6 +59,11 @@ def test_what_cannot_be_looked_at_is_one_line(body, command, words, said):
     assert_one_clear_line(done, said)
 
 
+def test_what_is_no_body_is_answered_by_what_leaves_one(tmp_path, command):
+    done = command("gaze", tmp_path, "--encoders", STILL, "--target", "0.6,0.2,0.4")
+    assert_one_clear_line(done, "give the folder that `learn --head` left, or `calibrate body`")
+
+
 @pytest.mark.parametrize(
     ("words", "said"),
     [

@@ -7,10 +7,12 @@ import numpy as np
 import pytest
 
 from nico_selfmodel.dataset.body.body_folder import load_body_dataset, save_body_dataset
+from nico_selfmodel.model.self_model import ParameterCovariance
 from nico_selfmodel.model.tree.body_model import BodyModel, load_body, save_body
+from nico_selfmodel.model.tree.body_tree import WORLD
 from nico_selfmodel.planning import body_poses
 from nico_selfmodel.sessions import rendered_body
-from nico_selfmodel.sessions.whole_body import whole_body_session
+from nico_selfmodel.sessions.whole_body import whole_body_session, whole_nico
 from nico_selfmodel.systems.looking import ARM_JOINTS, HEAD_JOINTS, looking_body
 from nico_selfmodel.systems.simulated.imperfections import IMPERFECTIONS
 
@@ -63,6 +65,34 @@ def test_a_body_with_joints_that_the_robot_does_not_command_is_neither_recorded_
     refused = command("live", tmp_path / "body.yaml", "--out", tmp_path / "none")
     assert_one_clear_line(refused, "the joints tail, which this robot does not command")
     assert not (tmp_path / "none").exists()
+
+
+def test_a_body_that_is_sent_to_no_pose_is_one_line(tmp_path, command):
+    described = looking_body()
+    save_body(BodyModel("nico", described.tree, np.ones(18)), tmp_path / "body.yaml")
+    words = ("record", "--cameras", tmp_path / "body.yaml", "--random", 0)
+    done = command(*words, "--out", tmp_path / "none")
+    assert_one_clear_line(done, "give --random N of 1 or more, or --poses FILE")
+    assert not (tmp_path / "none").exists()
+
+
+@pytest.mark.parametrize(
+    ("carried", "said"),
+    [(True, "carries right_hand_fiducial"), (False, "carries none, and knows card0_0, card0_1")],
+)
+def test_a_marker_that_a_body_does_not_carry_is_answered_by_those_it_knows(
+    tmp_path, command, carried, said
+):
+    _, tree = whole_nico(IMPERFECTIONS["clean"], 0)
+    tree = tree.with_markers(tuple(m for m in tree.markers if carried or m.on == WORLD))
+    known = ParameterCovariance(("neck_yaw.rz",), np.eye(1))
+    body = BodyModel("nico", tree, np.ones(len(tree.joints)), covariance=known)
+    save_body(body, tmp_path / "body.yaml")
+    data = whole_body_session(IMPERFECTIONS["clean"], 0, 0, looks=2, hands=0)
+    save_body_dataset(data, tmp_path / "data")
+    words = ("choose-poses", tmp_path / "body.yaml", tmp_path / "data", "--marker", "bogus")
+    done = command(*words, "--out", tmp_path / "poses.csv")
+    assert_one_clear_line(done, said)
 
 
 def test_a_head_that_sees_nothing_of_the_arm_is_said_before_anything_is_recorded(

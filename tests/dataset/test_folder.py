@@ -243,7 +243,9 @@ def test_a_misspelt_optional_column_is_kept_with_a_warning(folder):
         ("when: 2024-99-99\n", "not valid YAML: month must be in 1..12"),
         ("when: !!timestamp noon\n", "not valid YAML"),
         (METADATA.replace("format", "Format"), "'format' is missing, but 'Format' looks like it"),
-        (METADATA.replace("dataset/1", "dataset/2"), "it is a recording of any body"),
+        (METADATA.replace("dataset/1", "dataset/2"), "a recording of any body (nico-dataset/2);"
+         " give it to `calibrate body` or `calibrate hand-eye`, or with a body to `evaluate`,"
+         " `monitor` or `choose-poses`"),
         (METADATA.replace("dataset/1", "dataset/3"), "version 3 of the format ('nico-dataset/3') is"
          " not supported; this program reads 'nico-dataset/1'"),
         (METADATA.replace("dataset/1", "selfmodel/1"), "not a data set: format is 'nico-selfmodel"),

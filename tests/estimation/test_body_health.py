@@ -13,6 +13,10 @@ from nico_selfmodel.estimation.tree.tree_errors import errors_of
 from nico_selfmodel.estimation.tree.tree_result import body_model
 from nico_selfmodel.geometry.rotation import rotation_from_vector
 from nico_selfmodel.geometry.transform import transform
+from nico_selfmodel.model.arm.bending import SAG, Bending
+from nico_selfmodel.model.tree.body_model import BodyModel
+from nico_selfmodel.model.tree.tree_load import tree_rods
+from nico_selfmodel.model.tree.tree_motion import TreeMotion
 from nico_selfmodel.sessions import whole_body
 from nico_selfmodel.systems.simulated.imperfections import IMPERFECTIONS
 
@@ -98,6 +102,27 @@ def test_an_encoder_that_jumped_is_named(model, monkeypatch):
     assert report.diagnoses[0].hypothesis.cause == "zero of left_elbow"
     found, _ = relearn_body(model, replace(data, readings=readings), report)
     assert found.setup.free == {"left_elbow.rz"}
+
+
+def shown_by(tree, data, rng):
+    """Return a recording with the pixels that a body shows, and noise of 0.3 px."""
+    errors, values = errors_of(tree, data), data.observations.values.copy()
+    for rows in errors.observations.sensors:
+        off = errors.residuals[rows.scalars].reshape(len(rows.rows), -1)
+        values[rows.rows, :2] += off + rng.normal(0.0, 0.3, off.shape)
+    return replace(data, observations=replace(data.observations, values=values))
+
+
+def test_a_body_that_bends_as_it_was_learned_raises_no_alarm():
+    data = whole_body.whole_body_session(IMPERFECTIONS["clean"], 0, 0, looks=5, hands=20)
+    _, rigid = whole_body.whole_nico(IMPERFECTIONS["clean"], 0)
+    loads = tree_rods(TreeMotion.at(rigid, np.zeros((1, 18))))
+    still = Bending.none(rigid.joints, np.array([0.0, 0.0, 1.0]), *loads).with_effects(SAG)
+    bent = replace(rigid, bending=still.with_values(np.full(18, 0.5)))
+    data = shown_by(bent, data, np.random.default_rng(0))
+    noise = {sensor.name: 0.3 for sensor in rigid.sensors}
+    bodies = [BodyModel("nico", tree, np.ones(18), noise=noise) for tree in (bent, rigid)]
+    assert [check_body_health(body, data).healthy for body in bodies] == [True, False]
 
 
 @pytest.mark.slow

@@ -38,7 +38,7 @@ def test_chosen_poses_lie_between_recorded_ones_and_lessen_the_error(learned):
 def test_what_cannot_be_chosen_is_said(learned):
     model, train = learned
     rng = np.random.default_rng(0)
-    with pytest.raises(ModelError, match="the body carries right_hand_fiducial"):
+    with pytest.raises(ModelError, match="it carries right_hand_fiducial"):
         choose_next_body_poses(model, train, 3, rng, marker="card0_0")
     with pytest.raises(ModelError, match="has no covariance"):
         choose_next_body_poses(replace(model, covariance=None), train, 3, rng)

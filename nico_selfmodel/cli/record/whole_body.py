@@ -34,6 +34,8 @@ def record_body(request: "Request", world: "Imperfections") -> None:
             "a whole body is recorded by markers on its hands: leave out --mirror, --images and "
             "--sensor"
         )
+    if request.poses is None and not request.random:
+        raise ValueError("nothing to record: give --random N of 1 or more, or --poses FILE")
     body = load_body(request.cameras)
     arms = arms_among(body.tree.joints)
     robot = RenderedBody(world, request.seed, arms)

@@ -95,7 +95,7 @@ class ChangeLikelihood:
     def _solved(self, columns: NDArray, chance: NDArray, prior: NDArray) -> tuple[NDArray, NDArray]:
         """Return the weighted solution and its normal matrix."""
         root = np.sqrt(chance)[:, :, None]
-        a = (columns * root[..., None]).reshape(-1, columns.shape[3])
+        a = (columns * root[..., None]).reshape(self._white.size, columns.shape[3])
         matrix = a.T @ a + prior
         size = _sizes(matrix)
         # What the poses do not show stays where it is: its row of a is zero, or to rounding.
