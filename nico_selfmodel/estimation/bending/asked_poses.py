@@ -10,7 +10,10 @@ from nico_selfmodel.estimation.observations.observations import Observations
 from nico_selfmodel.optimization.losses import robust_scale
 
 MOST_ROWS = 500
-"""Rows that are asked at most; all of them then tell the arm."""
+"""Rows that are asked; all of them then tell the arm."""
+ENOUGH_POSES = 150
+"""Poses that are asked where they have more rows: noise of joints is that of a pose, so that many
+rows of few poses tell little."""
 FEWEST_POSES = 15
 """Poses, in twice as many coordinates as rigid parameters, below which nothing is asked."""
 _APART = np.cos(np.radians(15.0))
@@ -31,11 +34,23 @@ def thinned(
     """Return as many whole poses, drawn at random, as tell an effect, the arm, and what counts."""
     if len(observations) <= MOST_ROWS:
         return observations, solved, ~outliers
-    poses = np.random.default_rng((seed, 5)).permutation(np.unique(observations.pose))
-    share = MOST_ROWS / len(observations)
-    chosen = np.isin(observations.pose, poses[: max(int(share * len(poses)), FEWEST_POSES)])
+    chosen = np.isin(observations.pose, drawn_poses(observations.pose, seed))
     arm = replace(solved, outliers=solved.outliers[chosen])
     return observations.select(chosen), arm, ~outliers[chosen]
+
+
+def drawn_poses(pose: NDArray, seed: int) -> NDArray:
+    """Return the poses that are asked, drawn at random; all where they are few.
+
+    Args:
+        pose: Pose of each row. Shape (N,).
+        seed: Of the draw.
+    """
+    poses = np.unique(pose)
+    if len(pose) <= MOST_ROWS:
+        return poses
+    count = max(int(MOST_ROWS / len(pose) * len(poses)), ENOUGH_POSES)
+    return np.random.default_rng((seed, 5)).permutation(poses)[:count]
 
 
 def mean_by_pose(errors: NDArray, pose: NDArray) -> NDArray:

@@ -192,8 +192,8 @@ class Bendable(Protocol):
         """Return the solution of all observations with what stayed, outliers looked for anew."""
         ...
 
-    def log_error(self, posture: Any) -> float:
-        """Return the mean over poses of log(error), outliers included."""
+    def log_errors(self, posture: Any) -> NDArray:
+        """Return log(error) of each pose, outliers included. Shape (P,)."""
         ...
 
     def ended(self, solution: Any) -> bool:

@@ -177,12 +177,12 @@ class BendingArm:
             converged=solved.converged and rigid.converged,
         )
 
-    def log_error(self, posture: DhParameters) -> float:
-        """Return the mean over poses of log(error), outliers included."""
+    def log_errors(self, posture: DhParameters) -> NDArray:
+        """Return log(error) of each pose, outliers included. Shape (P,)."""
         seen = self.observations
         p = posture.points(seen.angles, seen.marker, seen.approach)
         errors = np.linalg.norm(p - seen.p_WH, axis=1)
-        return float(np.log(mean_by_pose(errors, seen.pose)).mean())
+        return np.log(mean_by_pose(errors, seen.pose))
 
 
 @dataclass(frozen=True, eq=False)

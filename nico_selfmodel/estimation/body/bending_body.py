@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from nico_selfmodel.dataset.board_views import BoardViews
 from nico_selfmodel.estimation.bending.asked_poses import (
     FEWEST_POSES,
-    MOST_ROWS,
+    drawn_poses,
     mean_by_pose,
     verticals,
 )
@@ -228,11 +228,7 @@ class BendingBody:
         scale = robust_scale(distance[~rigid], 2)
         aside = np.stack([rigid & (distance > sure * scale) for sure in SURE])
         pose = self.seen.arm.pose
-        keep = np.ones(len(pose), dtype=bool)
-        if len(pose) > MOST_ROWS:
-            poses = np.random.default_rng((self.seed, 5)).permutation(np.unique(pose))
-            count = max(int(MOST_ROWS / len(pose) * len(poses)), FEWEST_POSES)
-            keep = np.isin(pose, poses[:count])
+        keep = np.isin(pose, drawn_poses(pose, self.seed))
         for without in np.unique(aside, axis=0):
             yield replace(self, seen=self.seen.select(keep), outliers=without[keep])
 
@@ -248,10 +244,9 @@ class BendingBody:
         """Return the solution of all observations, outliers looked for anew."""
         return self.resolve(posture, frozenset(free), priors, noise)
 
-    def log_error(self, posture: BodyPosture) -> float:
-        """Return the mean over poses of log(error), outliers included."""
-        errors = mean_by_pose(self._distances(posture), self.seen.arm.pose)
-        return float(np.log(errors).mean())
+    def log_errors(self, posture: BodyPosture) -> NDArray:
+        """Return log(error) of each pose, outliers included. Shape (P,)."""
+        return np.log(mean_by_pose(self._distances(posture), self.seen.arm.pose))
 
 
 def _length(r: NDArray, seen: NDArray) -> NDArray:

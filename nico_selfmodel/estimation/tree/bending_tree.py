@@ -10,7 +10,7 @@ from nico_selfmodel.dataset.body.body_dataset import ANY_POSE
 from nico_selfmodel.dataset.body.sensors import CAMERA
 from nico_selfmodel.estimation.bending.asked_poses import (
     FEWEST_POSES,
-    MOST_ROWS,
+    drawn_poses,
     mean_by_pose,
     verticals,
 )
@@ -240,13 +240,9 @@ class BendingTree:
 
     def _thinned(self) -> NDArray:
         """Return as many samples, of whole poses drawn at random, as tell an effect. (P,)."""
-        data = self.seen.data
-        rows = len(data.observations)
-        if rows <= MOST_ROWS:
-            return np.ones(len(data.sample), dtype=bool)
-        poses = np.random.default_rng((self.seed, 5)).permutation(np.unique(data.pose))
-        count = max(int(MOST_ROWS / rows * len(poses)), FEWEST_POSES)
-        return np.isin(data.pose, poses[:count])
+        pose, of_rows = self.seen.data.pose, self._pose_of_rows()
+        drawn = drawn_poses(of_rows[of_rows != ANY_POSE], self.seed)
+        return np.isin(pose, drawn) | ~np.isin(pose, of_rows)
 
     def _distances(self, posture: TreePosture) -> NDArray:
         """Return the error of each row, alike for all sensors; nan where it is none. (N,)."""
@@ -263,8 +259,8 @@ class BendingTree:
         problem = TreeProblem(residuals, frozenset(free), both, noise)
         return TreeBend(problem, problem.refine(posture.values, self.aside))
 
-    def log_error(self, posture: TreePosture) -> float:
-        """Return the mean over poses of log(error), outliers included."""
+    def log_errors(self, posture: TreePosture) -> NDArray:
+        """Return log(error) of each pose, outliers included. Shape (P,)."""
         distance, pose = self._distances(posture), self._pose_of_rows()
         told = np.isfinite(distance) & (pose >= 0)
-        return float(np.log(mean_by_pose(distance[told], pose[told])).mean())
+        return np.log(mean_by_pose(distance[told], pose[told]))
