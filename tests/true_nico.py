@@ -11,6 +11,7 @@ from nico_selfmodel.model.tree.body_model import BodyModel
 from nico_selfmodel.plant import SelfModelPlant
 from nico_selfmodel.sessions.body_truth import tracked_body
 from nico_selfmodel.sessions.rendered_body import RenderedBody
+from nico_selfmodel.sessions.whole_recording import WholeRecording
 from nico_selfmodel.systems.nico_cameras import MOUNTS, NICO_CAMERAS
 from nico_selfmodel.systems.simulated.imperfections import IMPERFECTIONS
 from nico_selfmodel.systems.stations.nico_instance import NicoInstance
@@ -33,10 +34,11 @@ def true_model(arm, world, seed):
 
 def true_body(world, seed):
     """Return a whole body with the corners of its hands' cards, and its room about it."""
-    robot = RenderedBody(world, seed)
+    whole = WholeRecording.of()
+    robot = RenderedBody(world, seed, whole)
     mechanics, servos = robot.ground_truth.mechanics, robot.ground_truth.mechanics.servos
-    hands = [MarkerInfo(name, "hand") for name in robot.tracked if name not in robot.room]
-    room = [MarkerInfo(name, "world", tuple(p.tolist())) for name, p in robot.room.items()]
+    hands = [MarkerInfo(name, "hand") for name in whole.tracked if name not in whole.room]
+    room = [MarkerInfo(name, "world", tuple(p.tolist())) for name, p in whole.room.items()]
     tree = tracked_body(mechanics.tree, [*hands, *room])
     zeros = np.zeros((len(servos.joints), 3))
     zeros[:, 2] = -servos.offset / servos.gear

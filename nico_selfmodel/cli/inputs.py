@@ -81,6 +81,20 @@ def model_of(path: Path | None) -> "SelfModel | None":
     return None if path is None else load_model(path)
 
 
+_ARMS = {"right": ("right",), "left": ("left",), "both": ("right", "left")}
+
+
+def arms_named(arms: str | None) -> tuple[str, ...]:
+    """Return the whole arms that were named; none if none were.
+
+    Raises:
+        ValueError: If there are no such arms.
+    """
+    if arms is not None and arms not in _ARMS:
+        raise ValueError(f"--arms must be one of {', '.join(_ARMS)}, got {arms!r}")
+    return () if arms is None else _ARMS[arms]
+
+
 def cameras_of(path: Path | None, what: str) -> "StereoRig | None":
     """Load calibrated cameras, where they were named; `what` is done with them, for errors.
 

@@ -197,6 +197,10 @@ Robot = Annotated[str | None, typer.Option("--robot", help="A robot's name (nico
 Arm = Annotated[
     str | None, typer.Option("--arm", help="A named arm of the robot: right_arm, left_arm, neck.")
 ]
+Arms = Annotated[
+    str | None,
+    typer.Option("--arms", help="Whole arms that move with the head: right, left or both."),
+]
 Base = Annotated[str | None, typer.Option("--base", help="Link where the chain starts.")]
 Tip = Annotated[str | None, typer.Option("--tip", help="Link where the chain ends.")]
 Hold = Annotated[

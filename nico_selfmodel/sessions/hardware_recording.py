@@ -3,24 +3,71 @@
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
+from typing import Protocol
 
 import numpy as np
+from numpy.typing import NDArray
 
 from nico_selfmodel.dataset.dataset import Dataset
 from nico_selfmodel.dataset.joint_info import JointInfo
 from nico_selfmodel.errors import DataError
+from nico_selfmodel.model.cameras.stereo_rig import StereoRig
 from nico_selfmodel.model.readings import readings_from_table
 from nico_selfmodel.planning.first_guess import first_guess
 from nico_selfmodel.planning.plans import HOME, Plan, given_commands
 from nico_selfmodel.planning.sweep_protocol import SweepProtocol
 from nico_selfmodel.planning.visible_workspace import VisibleWorkspace
 from nico_selfmodel.plant import ArmDescription
+from nico_selfmodel.plant.body_description import BodyDescription
 from nico_selfmodel.plant.collisions import CollisionShapes
 from nico_selfmodel.plant.robots import ROBOTS
 from nico_selfmodel.recording.session import Progress, record
 from nico_selfmodel.sessions.camera_scenario import MARKERS
+from nico_selfmodel.sessions.whole_recording import WholeRecording
 from nico_selfmodel.systems.looking import looking_arm
+from nico_selfmodel.systems.stations.nico_detectors import default_detectors
 from nico_selfmodel.systems.stations.nico_hardware_station import NicoHardwareStation
+from nico_selfmodel.systems.tracking.hand_tracker import Detectors
+
+
+class Recording(Protocol):
+    """What is to be recorded of a real robot."""
+
+    @property
+    def sensor(self) -> str:
+        """`motion-capture`, `stereo-fiducial` or `stereo-color`."""
+        ...
+
+    @property
+    def robot(self) -> str:
+        """Name of the robot."""
+        ...
+
+    @property
+    def moves(self) -> str:
+        """What moves, in words."""
+        ...
+
+    @property
+    def joints(self) -> tuple[JointInfo, ...]:
+        """Joints that move, with their limits."""
+        ...
+
+    @property
+    def plan(self) -> Plan:
+        """The poses [counts]."""
+        ...
+
+    def detectors(self, rig: StereoRig | None) -> Detectors:
+        """Return what finds markers in pictures, behind the lenses of calibrated cameras."""
+        ...
+
+    def run(
+        self, station: NicoHardwareStation, name: str, *, source: str, folder: Path | None = None,
+        keep_images: bool = False, progress: Progress | None = None,
+    ) -> Dataset:  # fmt: skip
+        """Visit the poses with a station that is open and enabled."""
+        ...
 
 
 @dataclass(frozen=True, eq=False)
@@ -80,13 +127,23 @@ class RealRecording:
         if table is None:
             return cls(sensor, arm, joints, plan, free if by_camera else None)
         given = given_commands(joints, readings_from_table(table, arm.joints))
-        touching = np.flatnonzero(_touching(arm, joints, given))
-        if touching.size:
-            raise ValueError(
-                f"{touching.size} of {len(given)} poses touch the body by its description, the "
-                f"first is pose {touching[0] + 1}: take them out"
-            )
+        _refuse_touching(_touching(arm, joints, given))
         return cls(sensor, arm, joints, plan + given, None)
+
+    @property
+    def robot(self) -> str:
+        """Name of the robot."""
+        return Path(self.arm.robot).stem
+
+    @property
+    def moves(self) -> str:
+        """What moves, in words."""
+        return "the arm"
+
+    def detectors(self, rig: StereoRig | None) -> Detectors:
+        """Return what finds markers in pictures, behind the lenses of calibrated cameras."""
+        found = default_detectors(rig)
+        return {m: found[m] for m in self.arm.markers if m in found} or found
 
     def run(
         self,
@@ -130,6 +187,99 @@ class RealRecording:
         )
 
 
+@dataclass(frozen=True, eq=False)
+class RealBodyRecording:
+    """A real Nico that looks at cards in a room, and at its hands.
+
+    The limits of its servo configuration count as those of its description.
+    """
+
+    whole: WholeRecording
+    """What moves, and what hangs about it."""
+    joints: tuple[JointInfo, ...]
+    """Its joints with their limits."""
+    plan: Plan
+    """The poses [counts]."""
+    sensor: str = "stereo-fiducial"
+    """What is seen."""
+    robot: str = "nico"
+    """Name of the robot."""
+    moves: str = "head and arms"
+    """What moves, in words."""
+
+    @classmethod
+    def planned(
+        cls,
+        whole: WholeRecording,
+        servos: Sequence[JointInfo],
+        looks: int,
+        hands: int,
+        rng: np.random.Generator,
+        given: NDArray | None = None,
+    ) -> "RealBodyRecording":
+        """Plan poses in which the robot as described touches nothing and sees what is wanted.
+
+        Args:
+            whole: What moves, and what hangs about it.
+            servos: The joints that the servos drive, with limits.
+            looks: Poses in which only the room is wanted.
+            hands: Poses of each hand.
+            rng: Source of the poses.
+            given: Poses to visit instead [counts]. Shape (N, k).
+
+        Raises:
+            DataError: If the servos do not drive all joints.
+            ModelError: If hardly any pose shows a hand.
+            ValueError: If a given pose lies beyond a stop, or touches something.
+        """
+        joints = _joints_of(whole.body, servos)
+        if given is None:
+            commands = whole.commands(joints, whole.plan(looks, hands, rng))
+            return cls(whole, joints, given_commands(joints, commands))
+        low, high = (np.array([getattr(joint, end) for joint in joints], dtype=float)
+                     for end in ("lower", "upper"))  # fmt: skip
+        span = whole.body.upper - whole.body.lower
+        angles = whole.body.lower + (given - low) / (high - low) * span
+        _refuse_touching([whole.view.shapes.collides(q) for q in angles])
+        return cls(whole, joints, given_commands(joints, given))
+
+    def detectors(self, rig: StereoRig | None) -> Detectors:
+        """Return what finds hands and cards in pictures, behind the lenses of the cameras."""
+        return self.whole.detectors(rig)
+
+    def run(
+        self,
+        station: NicoHardwareStation,
+        name: str,
+        *,
+        source: str,
+        folder: Path | None = None,
+        keep_images: bool = False,
+        progress: Progress | None = None,
+    ) -> Dataset:
+        """Visit the poses with a station that is open and enabled; as `RealRecording.run`."""
+        return record(
+            station.body("cameras", keep_images=keep_images),
+            self.plan,
+            name,
+            source=source,
+            image_size=station.image_size,
+            until_seen=2,
+            folder=folder,
+            progress=progress,
+        )
+
+
+def _refuse_touching(touches: Sequence[bool]) -> None:
+    """Refuse poses that were given and touch something."""
+    touching = np.flatnonzero(touches)
+    if touching.size:
+        raise ValueError(
+            f"{touching.size} of {len(touches)} poses touch the body by its description, the "
+            f"first is pose {touching[0] + 1}: take them out"
+        )
+
+
 def _arm_of(servos: Sequence[JointInfo]) -> ArmDescription:
     """Return the first of Nico's arms whose joints are all driven."""
     names = {joint.name for joint in servos}
@@ -137,12 +287,14 @@ def _arm_of(servos: Sequence[JointInfo]) -> ArmDescription:
     return next((arm for arm in arms if names >= set(arm.joints)), arms[0])
 
 
-def _joints_of(arm: ArmDescription, servos: Sequence[JointInfo]) -> tuple[JointInfo, ...]:
+def _joints_of(
+    arm: ArmDescription | BodyDescription, servos: Sequence[JointInfo]
+) -> tuple[JointInfo, ...]:
     by_name = {joint.name: joint for joint in servos}
     missing = [name for name in arm.joints if name not in by_name]
     if missing:
         raise DataError(
-            f"the servo configuration has no {', '.join(missing)}: recording this arm moves "
+            f"the servo configuration has no {', '.join(missing)}: this recording moves "
             f"{', '.join(arm.joints)}"
         )
     return tuple(by_name[name] for name in arm.joints)

@@ -10,7 +10,8 @@ from nico_selfmodel.model.cameras.stereo_rig import StereoRig
 from nico_selfmodel.model.tree.body_model import BodyModel
 from nico_selfmodel.names import listed
 from nico_selfmodel.sessions.live_station import LiveStation
-from nico_selfmodel.sessions.rendered_body import RenderedBody
+from nico_selfmodel.sessions.rendered_body import QUICK, RenderedBody
+from nico_selfmodel.sessions.whole_recording import WholeRecording
 from nico_selfmodel.systems.looking import arms_among
 from nico_selfmodel.systems.rendering.stereo_cameras import ImageQuality
 from nico_selfmodel.systems.simulated.imperfections import Imperfections
@@ -48,15 +49,16 @@ class WatchingBody(LiveStation[WholeBodyView, Mapping[str, NDArray]]):
             ModelError: If the model lacks cameras, or markers that this robot carries or sees.
             ValueError: If it has joints that this robot does not command, or lacks some.
         """
-        self.robot = RenderedBody(world, seed, arms_among(model.tree.joints), quality)
-        _check_parts(model, self.robot)
+        self.whole = WholeRecording.of(arms_among(model.tree.joints))
+        _check_parts(model, self.whole)
         self.model = model
         self.hands = {
-            f"{side} hand": corner_names(marker) for side, marker in self.robot.hands.items()
+            f"{side} hand": corner_names(marker) for side, marker in self.whole.hands.items()
         }
         lenses = [model.tree.lenses[sensor.name] for sensor in model.tree.sensors]
-        self.station = self.robot.station(_DAY, StereoRig(*lenses))
-        self.body = StationBody(self.station, self.station.joints, self.robot.tracked)
+        robot = RenderedBody(world, seed, self.whole, quality or QUICK)
+        self.station = robot.station(_DAY, StereoRig(*lenses))
+        self.body = StationBody(self.station, self.station.joints, self.whole.tracked)
         self.view = WholeBodyView(model, self.hands, self._read("encoders"), recording=recording)
 
     def show(self) -> Mapping[str, NDArray]:
@@ -67,15 +69,15 @@ class WatchingBody(LiveStation[WholeBodyView, Mapping[str, NDArray]]):
             each camera; nan where none is seen [px]. Shape (2,) each.
         """
         readings = self._read("encoders")
-        values = self._read("pixels").reshape(len(self.robot.tracked), 4)
-        pixels = dict(zip(self.robot.tracked, values, strict=True))
+        values = self._read("pixels").reshape(len(self.whole.tracked), 4)
+        pixels = dict(zip(self.whole.tracked, values, strict=True))
         context = self.body.context
         images = [self.station.picture(context, camera) for camera in ("left", "right")]
         self.view.show(readings, images, pixels)
         expected = self.view.expected(readings)
         return {
             name: _mean_distance(np.array([pixels[m] - expected[m] for m in markers]))
-            for name, markers in (self.hands | {"room": tuple(self.robot.room)}).items()
+            for name, markers in (self.hands | {"room": tuple(self.whole.room)}).items()
         }
 
     def go_into_view(self) -> None:
@@ -98,8 +100,8 @@ class WatchingBody(LiveStation[WholeBodyView, Mapping[str, NDArray]]):
         sides = len(self.hands)
         looks = count // (_LOOKS * sides + 1) if sides else count
         each = -(-(count - looks) // sides) if sides else 0
-        angles = self.robot.plan(looks, each, rng)
-        return self.robot.commands(self.station, rng.permutation(angles)[:count])
+        angles = self.whole.plan(looks, each, rng)
+        return self.whole.commands(self.station.joints, rng.permutation(angles)[:count])
 
 
 def _mean_distance(off: NDArray) -> NDArray:
@@ -110,7 +112,7 @@ def _mean_distance(off: NDArray) -> NDArray:
     return np.where(seen.any(axis=0), total / np.maximum(seen.sum(axis=0), 1), np.nan)
 
 
-def _check_parts(model: BodyModel, robot: RenderedBody) -> None:
+def _check_parts(model: BodyModel, robot: WholeRecording) -> None:
     """Refuse a body that does not know what this robot sees."""
     cameras = [sensor.name for sensor in robot.body.tree.sensors]
     known = [sensor.name for sensor in model.tree.sensors if sensor.name in model.tree.lenses]

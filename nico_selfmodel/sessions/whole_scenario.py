@@ -1,7 +1,7 @@
 """A whole Nico learns itself: lenses and head from a room, arms where the head looks, then all."""
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -12,11 +12,11 @@ from nico_selfmodel.estimation.results.fixed_parameters import FixedParameters
 from nico_selfmodel.estimation.tree.tree_calibration import TreeCalibration, calibrate_tree
 from nico_selfmodel.estimation.tree.tree_setup import Wishes
 from nico_selfmodel.model.cameras.camera import Camera
-from nico_selfmodel.model.cameras.stereo_rig import StereoRig
 from nico_selfmodel.sessions.body_truth import mechanics_left
 from nico_selfmodel.sessions.progress import Stage, telling
-from nico_selfmodel.sessions.rendered_body import RenderedBody
+from nico_selfmodel.sessions.rendered_body import QUICK, RenderedBody
 from nico_selfmodel.sessions.room_lenses import lenses_from_cards
+from nico_selfmodel.sessions.whole_recording import WholeRecording, with_lenses
 from nico_selfmodel.systems.rendering.stereo_cameras import ImageQuality
 from nico_selfmodel.systems.simulated.imperfections import Imperfections
 
@@ -85,46 +85,36 @@ def learn_whole(
         EstimationError: If no body explains it.
     """
     counts = counts or BodyCounts()
-    robot = RenderedBody(world, seed, arms, quality)
+    whole = WholeRecording.of(arms)
+    robot = RenderedBody(world, seed, whole, quality or QUICK)
     # What cannot be seen is said before anything is recorded.
-    robot.plan(1, 1, np.random.default_rng(seed))
+    whole.plan(1, 1, np.random.default_rng(seed))
     looks = robot.record(
         "looks", 0, counts.looks, 0, progress=telling(stage, "looking about the room")
     )
-    alone = lenses_from_cards(looks, robot.cards)
+    alone = lenses_from_cards(looks, whole.cards)
     lenses = {name: found.cameras[0] for name, found in alone.items()}
-    rig, train = StereoRig(*lenses.values()), with_lenses(looks, lenses)
+    train = with_lenses(looks, lenses)
     hands = counts.hands if arms else 0
     if hands:
         seen = robot.record(
-            "hands", 1, 0, hands, rig=rig, progress=telling(stage, "looking at its hands")
+            "hands", 1, 0, hands, lenses=lenses, progress=telling(stage, "looking at its hands")
         )
-        train = joined(train, with_lenses(seen, lenses), f"whole_nico_{seed}")
+        train = joined(train, seen, f"whole_nico_{seed}")
     test = robot.record(
         "test",
         2,
         counts.test_looks,
         counts.test_hands if hands else 0,
-        rig=rig,
+        lenses=lenses,
         progress=telling(stage, "more poses, kept for judging"),
     )
-    test = with_lenses(test, lenses)
     telling(stage, "learning head and arms together")(0, 1)
     # Asked what bends, the bodies that were tried stay rigid: docs/whole-body.md says why.
     found = calibrate_tree(train, test=test, wishes=_free_lenses(lenses), effects=())
     telling(stage, "learning head and arms together")(1, 1)
     left = mechanics_left(robot.ground_truth, test)
     return WholeScenario(alone, looks, train, test, found, left)
-
-
-def with_lenses(data: BodyDataset, lenses: Mapping[str, Camera]) -> BodyDataset:
-    """Return a recording whose cameras have lenses that are known, by their names."""
-    return replace(
-        data,
-        sensors=tuple(
-            replace(info, lens=dict(lenses[info.name].named_values)) for info in data.sensors
-        ),
-    )
 
 
 def _free_lenses(lenses: Mapping[str, Camera]) -> Wishes:

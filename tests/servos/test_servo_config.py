@@ -13,6 +13,7 @@ from nico_selfmodel.plant import ArmDescription
 from nico_selfmodel.servos import JointServo
 from nico_selfmodel.servos.arm.servo_config_file import load_servo_config
 from nico_selfmodel.servos.pic_servo.protocol.gains import Gains
+from nico_selfmodel.systems.looking import looking_body
 
 from .arms import COUNTS_PER_TURN, configuration
 
@@ -175,3 +176,13 @@ def test_a_joint_that_could_not_stop_in_time_is_refused():
     with pytest.raises(ValueError, match="cannot stop in time when the host goes silent"):
         JointServo("a", 1, 2e5, -1.0, 1.0, max_velocity=1.0, max_acceleration=2.9)
     JointServo("a", 1, 2e5, -1.0, 1.0, max_velocity=1.0, max_acceleration=3.0)
+
+
+def test_the_sample_of_a_whole_nico_drives_all_its_joints_within_their_limits(project_root):
+    config = load_servo_config(project_root / "examples" / "nico_whole_servos.yaml")
+    body = looking_body()
+    assert config.joint_names == body.joints
+    half_a_degree = math.radians(0.5)
+    for joint, lower, upper in zip(config.joints, body.lower, body.upper, strict=True):
+        assert joint.lower == pytest.approx(lower, abs=half_a_degree)
+        assert joint.upper == pytest.approx(upper, abs=half_a_degree)

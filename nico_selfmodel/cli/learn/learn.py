@@ -13,7 +13,6 @@ if TYPE_CHECKING:
     from nico_selfmodel.plant import ArmDescription
     from nico_selfmodel.systems.simulated.imperfections import Imperfections
 
-_ARMS = {"right": ("right",), "left": ("left",), "both": ("right", "left")}
 _OF_ONE_ARM = ("random_poses", "sensor", "mirror", "robot", "arm", "base", "tip", "hold", "point")
 """Options for one arm before a head that stands still, or for another robot."""
 SENSORS = ("stereo-fiducial", "stereo-color", "motion-capture")
@@ -41,10 +40,7 @@ def learn(
         bool,
         typer.Option("--head", help="Let the head turn and be learned, with the lenses, too."),
     ] = False,
-    arms: Annotated[
-        str | None,
-        typer.Option("--arms", help="Whole arms to learn with the head: right, left or both."),
-    ] = None,
+    arms: options.Arms = None,
     robot: options.Robot = "nico",
     arm: options.Arm = None,
     base: options.Base = None,
@@ -82,14 +78,13 @@ def learn(
 
 def _chosen_arms(arms: str | None, *, head: bool) -> tuple[str, ...]:
     """Return the arms to learn; refuse those that there are not."""
-    if arms is not None and arms not in _ARMS:
-        raise ValueError(f"--arms must be one of {', '.join(_ARMS)}, got {arms!r}")
+    chosen = inputs.arms_named(arms)
     if not head:
         raise ValueError(
             f"--arms {arms} needs --head, which turns to the hands; without both, `learn` is of "
             "the right arm's four joints before a head that stands still"
         )
-    return () if arms is None else _ARMS[arms]
+    return chosen
 
 
 def _chosen_sensor(sensor: str | None, elsewhere: bool) -> str:

@@ -13,9 +13,10 @@ from nico_selfmodel.cli.servo.opening import ask, speed_of
 if TYPE_CHECKING:
     from nico_selfmodel.cli.record.request import Request
     from nico_selfmodel.dataset.dataset import Dataset
+    from nico_selfmodel.model.cameras.stereo_rig import StereoRig
     from nico_selfmodel.plant import ArmDescription
     from nico_selfmodel.servos import ServoConfig
-    from nico_selfmodel.sessions.hardware_recording import RealRecording
+    from nico_selfmodel.sessions.hardware_recording import Recording
     from nico_selfmodel.systems.hardware.camera_driver import CameraDriver
     from nico_selfmodel.systems.hardware.motion_capture_stream import MotionCaptureClient
     from nico_selfmodel.systems.hardware.servo_driver import ServoDriver
@@ -84,21 +85,38 @@ def record_hardware(request: "Request", hardware: Hardware) -> "Dataset":
     from nico_selfmodel.files.reading import LARGEST_TABLE, read_text
     from nico_selfmodel.sessions.hardware_recording import RealRecording
 
-    config = _configuration(hardware)
+    config = configuration(hardware)
     rng = np.random.default_rng((request.seed, request.session, 2))
     table = None if request.poses is None else read_text(request.poses, LARGEST_TABLE)
     planned = RealRecording.planned(
         request.sensor, config.joint_infos, request.circle, request.random, rng, table,
         _arm(hardware, config),
     )  # fmt: skip
+    rig = inputs.cameras_of(request.cameras, "recording")
+    return run_hardware(planned, config, request, hardware, rig)
+
+
+def run_hardware(
+    planned: "Recording",
+    config: "ServoConfig",
+    request: "Request",
+    hardware: Hardware,
+    rig: "StereoRig | None",
+) -> "Dataset":
+    """Open the devices, ask, and visit the poses of a recording.
+
+    Raises:
+        ValueError: If an option is missing or does not fit.
+        SelfModelError: If the robot fails, or a file is not valid.
+    """
     servos = _servos(hardware, config)
     motion_capture = _motion_capture(request.sensor, hardware)
     try:
         cameras = _cameras(request.sensor, hardware)
-        station = _station(planned, servos, cameras, motion_capture, request.cameras)
+        station = _station(planned, servos, cameras, motion_capture, rig)
         with station:
             _announce(planned, servos, hardware)
-            ask(f"Move the arm through {len(planned.plan)} poses?", yes=hardware.yes)
+            ask(f"Move {planned.moves} through {len(planned.plan)} poses?", yes=hardware.yes)
             station.enable()
             return _record(planned, station, config.name, request)
     finally:
@@ -106,7 +124,13 @@ def record_hardware(request: "Request", hardware: Hardware) -> "Dataset":
             motion_capture.close()
 
 
-def _configuration(hardware: Hardware) -> "ServoConfig":
+def configuration(hardware: Hardware) -> "ServoConfig":
+    """Read the servo configuration that was named.
+
+    Raises:
+        ValueError: If none was.
+        DataError: If the file is not valid.
+    """
     from nico_selfmodel.servos.arm.servo_config_file import load_servo_config
 
     if hardware.config is None:
@@ -183,23 +207,24 @@ def _cameras(sensor: str, hardware: Hardware) -> "CameraDriver | None":
 
 
 def _station(
-    planned: "RealRecording",
+    planned: "Recording",
     servos: "ServoDriver",
     cameras: "CameraDriver | None",
     motion_capture: "MotionCaptureClient | None",
-    calibrated: Path | None,
+    rig: "StereoRig | None",
 ) -> "NicoHardwareStation":
-    from nico_selfmodel.systems.stations.nico_detectors import default_detectors
     from nico_selfmodel.systems.stations.nico_hardware_station import NicoHardwareStation
 
-    found = default_detectors(inputs.cameras_of(calibrated, "recording"))
-    detectors = {m: found[m] for m in planned.arm.markers if m in found} or found
     return NicoHardwareStation(
-        servos, cameras, motion_capture, joints=planned.arm.joints, detectors=detectors
+        servos,
+        cameras,
+        motion_capture,
+        joints=[joint.name for joint in planned.joints],
+        detectors=planned.detectors(rig),
     )
 
 
-def _announce(planned: "RealRecording", servos: "ServoDriver", hardware: Hardware) -> None:
+def _announce(planned: "Recording", servos: "ServoDriver", hardware: Hardware) -> None:
     """Print where the joints stand and what limits they have."""
     state = servos.state()
     moved = {joint.name for joint in planned.joints}
@@ -230,16 +255,15 @@ def _announce(planned: "RealRecording", servos: "ServoDriver", hardware: Hardwar
 
 
 def _record(
-    planned: "RealRecording",
+    planned: "Recording",
     station: "NicoHardwareStation",
     servos: str,
     request: "Request",
 ) -> "Dataset":
     from nico_selfmodel.errors import RobotError
 
-    who = Path(planned.arm.robot).stem
     source = (
-        f"{who}, servos {servos!r}, {planned.sensor}, poses {request.seed}, session "
+        f"{planned.robot}, servos {servos!r}, {planned.sensor}, poses {request.seed}, session "
         f"{request.session}"
     )
     try:
@@ -254,7 +278,7 @@ def _record(
             )
     except KeyboardInterrupt:
         station.close()
-        typer.echo("stopped; the arm holds. Start again to go on", err=True)
+        typer.echo(f"stopped; {planned.moves} holds. Start again to go on", err=True)
         raise
     except RobotError as error:
         if not request.out.exists():

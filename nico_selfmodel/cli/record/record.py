@@ -8,6 +8,7 @@ import typer
 from nico_selfmodel.cli import inputs, options, printer
 from nico_selfmodel.cli.record.hardware import Hardware, record_hardware
 from nico_selfmodel.cli.record.request import POSES, SENSORS, Request
+from nico_selfmodel.cli.record.whole_body import WholeRequest, record_body, record_real_body
 
 _SOURCE = "Real camera: N of /dev/videoN, a video, or a folder of images."
 
@@ -51,6 +52,19 @@ def record(
     board_views: Annotated[
         int, typer.Option("--board-views", min=1, help="Pairs of pictures of the chessboard.")
     ] = 16,
+    head: Annotated[
+        bool,
+        typer.Option(
+            "--head",
+            help="Let the head turn: cards in the room are looked at, and --random times each hand "
+            "of --arms; needs --cameras.",
+        ),
+    ] = False,
+    arms: options.Arms = None,
+    room: Annotated[
+        Path | None,
+        typer.Option("--room", help="Where cards of markers hang (nico-cards/1), with --head."),
+    ] = None,
     cameras: options.Cameras = None,
     images: Annotated[bool, typer.Option("--images", help="Keep the pictures too.")] = False,
     port: options.PortOrNone = None,
@@ -76,8 +90,8 @@ def record(
     """Move a simulated Nico, or a real robot (--port), and record what is seen.
 
     Motion capture watches any arm (--robot, of a URDF with --base and --tip), cameras Nico's.
-    An interrupted recording goes on. With --cameras a body (body.yaml), a whole Nico is recorded
-    that looks about a room and, --random times, at each of its hands.
+    An interrupted recording goes on. With --head, or --cameras a body (body.yaml), a whole Nico
+    is recorded that looks about a room and, --random times, at each of its hands.
     """
     from nico_selfmodel.files.whole import refuse_existing
     from nico_selfmodel.systems.simulated.imperfections import imperfections_named
@@ -93,6 +107,10 @@ def record(
     )
     real = hardware.is_meant(imperfections, sensor)
     request.check_mirrors(real=real)
+    whole = WholeRequest.of(request, circle, head=head, arms=arms, room=room, real=real)
+    if whole is not None and real:
+        record_real_body(whole, hardware)
+        return
     if real:
         printer.dataset(record_hardware(request, hardware), out)
         return
@@ -100,20 +118,9 @@ def record(
     from nico_selfmodel.cli.record import simulated
 
     chosen = imperfections_named(imperfections)
-    if _is_body(cameras):
-        from nico_selfmodel.cli.record.whole_body import record_body
-
-        if circle is not None:
-            raise ValueError("--circle is for one arm: a whole body is sent to --random poses")
-        record_body(request, chosen)
+    if whole is not None:
+        record_body(whole, chosen)
     elif sensor == "chessboard":
         simulated.record_boards(request, chosen, board_views)
     else:
         printer.dataset(simulated.record_hand(request, chosen), out)
-
-
-def _is_body(cameras: Path | None) -> bool:
-    """Return whether the cameras are those of a whole body, which then watches itself."""
-    from nico_selfmodel.model.tree.body_model import is_body
-
-    return cameras is not None and is_body(cameras)

@@ -1,56 +1,178 @@
-"""The part of `nico-selfmodel record` that a whole body watches itself in: `--cameras` a body."""
+"""The part of `nico-selfmodel record` in which a whole body watches itself: `--head`, or a body."""
 
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
 from typing import TYPE_CHECKING
 
 from nico_selfmodel.cli import inputs, printer
 
 if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
+    from nico_selfmodel.cli.record.hardware import Hardware
     from nico_selfmodel.cli.record.request import Request
+    from nico_selfmodel.dataset.body.body_dataset import BodyDataset
+    from nico_selfmodel.model.cameras.camera import Camera
+    from nico_selfmodel.sessions.whole_recording import WholeRecording
     from nico_selfmodel.systems.simulated.imperfections import Imperfections
 
 _LOOKS = 3
 """Poses of each hand for one look about the room."""
 
 
-def record_body(request: "Request", world: "Imperfections") -> None:
-    """Let a whole simulated Nico look about a room and at its hands, with lenses that it learned.
+@dataclass(frozen=True)
+class WholeRequest:
+    """A whole body that is to be recorded."""
+
+    request: "Request"
+    """What else was asked for."""
+    whole: "WholeRecording"
+    """What moves, and what hangs about it."""
+    lenses: "Mapping[str, Camera]"
+    """Each camera's, by name."""
+
+    @classmethod
+    def of(
+        cls, request: "Request", circle: int | None, *, head: bool, arms: str | None,
+        room: Path | None, real: bool,
+    ) -> "WholeRequest | None":  # fmt: skip
+        """Return what options ask for; None where they are about one arm.
+
+        Raises:
+            ValueError: If options do not fit.
+            SelfModelError: If a file is not valid.
+        """
+        from nico_selfmodel.model.tree.body_model import is_body
+
+        known = request.cameras is not None and is_body(request.cameras)
+        if not known and not head:
+            if arms is not None or room is not None:
+                raise ValueError("--arms and --room need --head, which turns to hands and cards")
+            return None
+        if request.mirrors or request.images or request.sensor != "stereo-fiducial":
+            raise ValueError(
+                "a whole body is recorded by markers on its hands: leave out --mirror, --images "
+                "and --sensor"
+            )
+        if circle is not None:
+            raise ValueError("--circle is for one arm: a whole body is sent to --random poses")
+        if request.poses is None and not request.random:
+            raise ValueError("nothing to record: give --random N of 1 or more, or --poses FILE")
+        if real and room is None:
+            raise ValueError(
+                "--room is missing: a YAML file (nico-cards/1) of where the cards hang about the "
+                "robot, as examples/nico_room.yaml"
+            )
+        moving, lenses = _known_parts(request, arms, known=known)
+        return cls(request, _whole(moving, room), lenses)
+
+    @property
+    def counts(self) -> tuple[int, int]:
+        """Looks about the room, and poses of each hand."""
+        random = self.request.random
+        return (max(1, random // _LOOKS), random) if self.whole.arms else (random, 0)
+
+    @property
+    def poses(self) -> "NDArray | None":
+        """The poses that were given instead. Shape (N, k)."""
+        return inputs.poses_of(self.request.poses, self.whole.body.joints)
+
+    def save(self, data: "BodyDataset") -> None:
+        """Write the recording and tell of it."""
+        from nico_selfmodel.dataset.body.body_folder import save_body_dataset
+
+        save_body_dataset(data, self.request.out)
+        printer.body_dataset(data, self.request.out)
+
+
+def _known_parts(
+    request: "Request", arms: str | None, *, known: bool
+) -> "tuple[tuple[str, ...], Mapping[str, Camera]]":
+    """Return the arms that move, and the cameras' lenses by name."""
+    from nico_selfmodel.model.tree.body_model import load_body
+    from nico_selfmodel.systems.looking import arms_among
+    from nico_selfmodel.systems.nico_cameras import MOUNTS
+
+    if known:
+        assert request.cameras is not None
+        if arms is not None:
+            raise ValueError("--arms: the body of --cameras says which joints move; leave it out")
+        body = load_body(request.cameras)
+        return arms_among(body.tree.joints), dict(body.tree.lenses)
+    chosen = inputs.arms_named(arms)
+    rig = inputs.cameras_of(request.cameras, "recording")
+    if rig is None:
+        raise ValueError(
+            "--head needs --cameras, whose lenses tell where markers are: what `calibrate stereo` "
+            "or `learn --head` left"
+        )
+    return chosen, dict(zip(MOUNTS, rig.cameras, strict=True))
+
+
+def _whole(arms: tuple[str, ...], room: Path | None) -> "WholeRecording":
+    from nico_selfmodel.sessions.whole_recording import WholeRecording
+    from nico_selfmodel.systems.stations.nico_detectors import FIDUCIALS
+    from nico_selfmodel.vision.markers.tag_card_file import load_cards
+
+    cards = None if room is None else load_cards(room, FIDUCIALS.values())
+    return WholeRecording.of(arms, cards)
+
+
+def record_body(asked: WholeRequest, world: "Imperfections") -> None:
+    """Let a whole simulated Nico look about a room and at its hands.
 
     Raises:
-        ValueError: If the body has joints that the robot does not command.
-        SelfModelError: If a file is not valid.
+        SelfModelError: If nothing was seen, or a file cannot be written.
     """
-    from nico_selfmodel.dataset.body.body_folder import save_body_dataset
     from nico_selfmodel.files.whole import refuse_existing
-    from nico_selfmodel.model.cameras.stereo_rig import StereoRig
-    from nico_selfmodel.model.tree.body_model import load_body
     from nico_selfmodel.sessions.rendered_body import RenderedBody
-    from nico_selfmodel.sessions.whole_scenario import with_lenses
-    from nico_selfmodel.systems.looking import arms_among
 
-    assert request.cameras is not None
+    request = asked.request
     refuse_existing(request.out, force=False)
-    if request.mirrors or request.images or request.sensor != "stereo-fiducial":
-        raise ValueError(
-            "a whole body is recorded by markers on its hands: leave out --mirror, --images and "
-            "--sensor"
-        )
-    if request.poses is None and not request.random:
-        raise ValueError("nothing to record: give --random N of 1 or more, or --poses FILE")
-    body = load_body(request.cameras)
-    arms = arms_among(body.tree.joints)
-    robot = RenderedBody(world, request.seed, arms)
-    lenses = dict(body.tree.lenses)
-    hands = request.random if arms else 0
     with printer.progress_bar() as progress:
-        data = robot.record(
+        data = RenderedBody(world, request.seed, asked.whole).record(
             inputs.name_after(request.out),
             request.session,
-            max(1, request.random // _LOOKS) if arms else request.random,
-            hands,
-            rig=StereoRig(*lenses.values()),
-            poses=inputs.poses_of(request.poses, robot.body.joints),
+            *asked.counts,
+            lenses=asked.lenses,
+            poses=asked.poses,
             progress=lambda done, total: progress("moving and looking", done, total),
         )
-    data = with_lenses(data, lenses)
-    save_body_dataset(data, request.out)
-    printer.body_dataset(data, request.out)
+    asked.save(data)
+
+
+def record_real_body(asked: WholeRequest, hardware: "Hardware") -> None:
+    """Move the real head and arms and record what is seen; an interrupted recording goes on.
+
+    Samples are kept beside the folder that is made, until that is there.
+
+    Raises:
+        ValueError: If an option is missing or does not fit.
+        SelfModelError: If the robot fails, or a file is not valid.
+    """
+    import shutil
+    from dataclasses import replace
+
+    import numpy as np
+
+    from nico_selfmodel.cli.record.hardware import configuration, run_hardware
+    from nico_selfmodel.files.whole import refuse_existing
+    from nico_selfmodel.model.cameras.stereo_rig import StereoRig
+    from nico_selfmodel.sessions.hardware_recording import RealBodyRecording
+
+    request = asked.request
+    refuse_existing(request.out, force=False)
+    if hardware.robot is not None:
+        raise ValueError("--robot: a whole body is Nico's; leave it out")
+    config = configuration(hardware)
+    rng = np.random.default_rng((request.seed, request.session, 2))
+    planned = RealBodyRecording.planned(
+        asked.whole, config.joint_infos, *asked.counts, rng, asked.poses
+    )
+    samples = request.out.with_name(f"{request.out.name}.samples")
+    rig = StereoRig(*asked.lenses.values())
+    data = run_hardware(planned, config, replace(request, out=samples), hardware, rig)
+    named = replace(data, name=inputs.name_after(request.out))
+    asked.save(asked.whole.dataset(named, asked.lenses))
+    shutil.rmtree(samples)
