@@ -105,20 +105,23 @@ def _learned(
 def _tree(document: Mapping[str, Any]) -> tuple[parts.Numbers | parts.Text | None, ...]:
     """Return the tree, each joint indented below what carries it."""
     depth: dict[str, int] = {"world": -1}
-    rows = []
+    rows, motions = [], {joint["motion"] for joint in document["joints"]}
+    alike = len(motions) == 1
     for joint in document["joints"]:
         depth[joint["name"]] = depth[joint["parent"]] + 1
-        name = "\u2009\u2009" * depth[joint["name"]] + joint["name"]
+        # Narrow columns may break a name behind its underscores, and nowhere else.
+        name = "\u202f\u202f" * depth[joint["name"]] + joint["name"].replace("_", "_\u200b")
         carried = [*joint["sensors"], *_listed(joint["markers"])]
         cells = (
-            Cell(joint["motion"]),
+            *([] if alike else [Cell(joint["motion"])]),
             number_cell(joint["axis_angle_deg"], 2),
             number_cell(joint["axis_distance_mm"], 2),
             Cell(", ".join(carried)),
         )
         rows.append((name, cells))
-    headings = ("joint", "moves", "angle [deg]", "distance [mm]", "carries")
-    words = (
+    moves = () if alike else ("moves",)
+    headings = ("joint", *moves, "angle [deg]", "distance [mm]", "carries")
+    words = (f"All joints are {motions.pop()}. " if alike else "") + (
         "Angle and distance between each joint's axis and that of the joint which carries it: what "
         "can be told of two axes whatever frames are chosen."
     )
@@ -126,7 +129,7 @@ def _tree(document: Mapping[str, Any]) -> tuple[parts.Numbers | parts.Text | Non
 
 
 def _listed(markers: list[str]) -> list[str]:
-    return markers if len(markers) < 4 else [f"{len(markers)} markers"]
+    return markers if len(markers) < 2 else [f"{len(markers)} markers"]
 
 
 def _changes(document: Mapping[str, Any]) -> list[parts.Section]:
@@ -184,12 +187,14 @@ def _noise(calibration: TreeCalibration, document: Mapping[str, Any]) -> parts.S
             alike.setdefault(found[joint], []).append(joint)
     for value, joints in alike.items():
         label = joints[0] if len(joints) == 1 else f"{len(joints)} joints alike"
-        said = ", ".join(f"{joint} {slips[joint]}" for joint in joints if slips[joint])
+        wrong = sum(slips[joint] for joint in joints)
         kind = "turn" if motions[joints[0]] == REVOLUTE else ""
-        rows.append((label, _sigma_cells(kind, value, said or "none")))
+        rows.append((label, _sigma_cells(kind, value, str(wrong) if wrong else "none")))
+    said = ", ".join(f"{joint} {count}" for joint, count in slips.items() if count)
     return parts.section(
         "Noise",
-        parts.numbers(Table(("of", "sigma", "unit", "poses with a wrong reading"), tuple(rows))),
+        parts.numbers(Table(("of", "sigma", "unit", "wrong readings"), tuple(rows))),
+        parts.hint(f"Poses with a wrong reading: {said}.") if said else None,
         parts.hint(
             "Standard deviations that the residuals ask for, each pose's joint noise one draw for "
             "all that was seen of it."

@@ -21,6 +21,8 @@ _SUPERSAMPLED = 2
 _PLANE, _LINE = "#ccaa22", "#eebb00"
 _WIRE, _CENTER, _RAY, _POINT = 0.012, 0.04, 0.009, 0.05
 """Radii in units of the image plane's width."""
+_NAME_WIDTH = 1.8
+"""Most that a letter of a camera's name is high, in units of that width over all letters."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -148,7 +150,7 @@ def camera_items(
         f"cameras/{side}/name",
         side,
         ink,
-        0.28 * height,
+        min(0.28 * height, _NAME_WIDTH * width / len(side)),
         pose,
         (0.5, 1.0),
     )

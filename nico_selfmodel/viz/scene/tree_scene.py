@@ -14,10 +14,11 @@ from nico_selfmodel.viz.scene.scene import LegendEntry, Scene, path_names
 from nico_selfmodel.viz.scene.scene_items import Cylinder, Item, Markers, Triad, Tube
 from nico_selfmodel.viz.scene.surroundings import camera_from, floor_items, turned
 
-_PLANE = 0.25
-"""Distance of a camera's image from its centre, in units of the body's size."""
-_AZIMUTH = -1.2
-"""From behind a camera that is the world, a little aside."""
+_PLANE, _OWN_PLANE = 0.25, 0.07
+"""Distance of a camera's image from its centre, in units of the body's size: of cameras that stand
+in the world, and of those that the body carries."""
+_AZIMUTH, _FACING = -1.2, -0.75
+"""From behind a camera that is the world, a little aside; on a body that looks along x, aside."""
 
 
 def tree_scene(name: str, tree: BodyTree, data: BodyDataset) -> Scene:
@@ -39,7 +40,10 @@ def tree_scene(name: str, tree: BodyTree, data: BodyDataset) -> Scene:
     centres, markers = axis_points(tree, motion), _marker_points(tree, motion)
     sensors = np.stack([motion.pose_of(s)[1][:, 0] for s in tree.sensors])
     points = apply(X_SW, np.vstack([centres, markers, sensors]))
-    view = camera_from(points, _AZIMUTH)
+    own = [marker.on != WORLD for marker in tree.markers]
+    near = apply(X_SW, np.vstack([centres, markers[own], sensors]))
+    behind = any(sensor.on == WORLD for sensor in tree.sensors)
+    view = camera_from(near, _AZIMUTH if behind else _FACING)
     floor = floor_items(points, 0.5 * unit, X_SW)
     return Scene(name, (*floor, *turned(items, X_SW)), view, tuple(_legend(tree)))
 
@@ -69,8 +73,9 @@ def _marker_points(tree: BodyTree, motion: TreeMotion) -> NDArray:
 
 
 def _size(tree: BodyTree, motion: TreeMotion) -> float:
-    """Return how large a body and its markers are at a pose [m]."""
-    points = np.vstack([axis_points(tree, motion), _marker_points(tree, motion)])
+    """Return how large a body and what it carries are at a pose [m]."""
+    carried = [marker.on != WORLD for marker in tree.markers]
+    points = np.vstack([axis_points(tree, motion), _marker_points(tree, motion)[carried]])
     return max(float(np.linalg.norm(np.ptp(points, axis=0))), 1e-3)
 
 
@@ -109,8 +114,16 @@ def _upright(tree: BodyTree) -> NDArray:
 def _links(
     tree: BodyTree, centres: NDArray, markers: NDArray, unit: float
 ) -> list[tuple[int, Item]]:
-    """Return a rod from each joint to its parent, and a thin one to each marker."""
+    """Return a rod from each joint to its parent, and a thin one to each marker.
+
+    Joints that stand in the world are joined by thin rods: arms and neck of one trunk.
+    """
     items: list[tuple[int, Item]] = []
+    standing = np.flatnonzero(tree.parent == WORLD)
+    middle = centres[standing].mean(axis=0)
+    for i in standing.tolist() if len(standing) > 1 else ():
+        path = f"body/trunk_{path_names(tree.joints)[i]}"
+        items += ((WORLD, rod) for rod in _rod(path, middle, centres[i], 0.008 * unit))
     for i, name in enumerate(path_names(tree.joints)):
         parent = int(tree.parent[i])
         if parent != WORLD:
@@ -170,7 +183,8 @@ def _sensors(tree: BodyTree, motion: TreeMotion, unit: float) -> list[tuple[int,
         R, p = motion.pose_of(sensor)
         X = transform(R[:, :, 0], p[:, 0])
         if sensor.name in tree.lenses:
-            plane = ImagePlane(tree.lenses[sensor.name].at(X), _PLANE * unit)
+            share = _PLANE if sensor.on == WORLD else _OWN_PLANE
+            plane = ImagePlane(tree.lenses[sensor.name].at(X), share * unit)
             items += ((sensor.on, item) for item in camera_items(name, plane, None))
         else:
             axes = Triad(
