@@ -180,7 +180,7 @@ def fisheye_photographs(tmp_path_factory):
     return folder
 
 
-@pytest.mark.parametrize("pins", [(), ("--fix", "k3=0")])
+@pytest.mark.parametrize("pins", [(), pytest.param(("--fix", "k3=0"), marks=pytest.mark.slow)])
 def test_photographs_of_a_fisheye_do_not_pass_as_a_polynomial(
     fisheye_photographs, tmp_path, command, pins
 ):

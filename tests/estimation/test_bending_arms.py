@@ -1,6 +1,7 @@
 """The ladder of what bends: arms that sag by Drake's masses keep it, rigid ones keep nothing."""
 
 from dataclasses import replace
+from functools import cache
 
 import numpy as np
 import pytest
@@ -27,6 +28,14 @@ def arm_and_data(seed, poses, **weak):
     return arm, train, test, true
 
 
+@cache
+def sagged(seed, *, rigid=False):
+    """An arm that sags, learned once, as an arm that bends or as a rigid one."""
+    _, train, test, _ = arm_and_data(seed, 40)
+    how = {"effects": ()} if rigid else {}
+    return calibrate_kinematics(train, test=test, explain=False, **how)
+
+
 def nees(model, test, true):
     """Normalised squared error of the hand at fresh poses, a third of it."""
     index = np.array([int(name[1:]) for name in test.marker])
@@ -39,8 +48,7 @@ def test_arms_that_sag_are_learned_nearly_as_if_their_masses_were_told():
     beside, normalised = [], []
     for seed in (0, 1, 2):
         arm, train, test, true = arm_and_data(seed, 40)
-        rigid = calibrate_kinematics(train, explain=False, effects=())
-        learned = calibrate_kinematics(train, test=test, explain=False)
+        rigid, learned = sagged(seed, rigid=True), sagged(seed)
         assert learned.ladder.kept == ("sag",)
         measured = test.p_WH_measured
         now, before = (mean_mm(c.model.parameters, test, measured) for c in (learned, rigid))
@@ -72,8 +80,7 @@ def test_a_rigid_arm_stays_rigid(poses):
 
 
 def test_what_is_not_allowed_is_told():
-    _, train, test, _ = arm_and_data(1, 40)
-    rigid = calibrate_kinematics(train, test=test, explain=False, effects=())
+    rigid = sagged(1, rigid=True)
     assert rigid.model.bending is None
     warnings = judge(rigid).warnings
     assert any("would meet unseen poses to" in w and "joints sag by up to" in w for w in warnings)
@@ -83,14 +90,13 @@ def test_what_is_not_allowed_is_told():
 
 
 def test_what_bends_is_named_with_its_size():
-    _, train, test, _ = arm_and_data(1, 40)
-    learned = calibrate_kinematics(train, test=test, explain=False)
+    learned = sagged(1)
     verdict, block = judge(learned), to_json(result_of(learned), judge(learned))["bending"]
     assert verdict.status == "PASS"
     assert any(reason.startswith("joints sag by up to") for reason in verdict.reasons)
     assert block["effects"] == ["sag"]
     assert block["hand_mm"]["sag"]["max"] > 1.0
-    assert set(block["joints_mrad"]["sag"]) == set(train.joint_names)
+    assert set(block["joints_mrad"]["sag"]) == set(learned.model.joints)
 
 
 def test_ripple_is_kept_by_its_name():
@@ -112,6 +118,7 @@ def test_a_vertical_told_the_wrong_way_round_is_called_implausible():
     assert any("it would lift the arm" in warning for warning in judge(found).warnings)
 
 
+@pytest.mark.slow
 def test_only_swept_and_sagging_no_pose_is_set_aside():
     rng = np.random.default_rng((7, 91))
     arm = SaggingArm.drawn(rng, markers=3)

@@ -84,6 +84,7 @@ def test_a_rational_lens_that_was_asked_for_fails_on_a_fisheye():
     assert {trial.lens for trial in choice.tried} == {"polynomial", "fisheye", "rational"}
 
 
+@pytest.mark.slow
 def test_the_right_lens_passes_when_asked_for():
     choice, verdict = verdict_on("fisheye", 304, "fisheye")
     assert (choice.better, verdict.status) == (None, "PASS")

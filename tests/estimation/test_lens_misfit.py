@@ -65,12 +65,12 @@ def judged(views, options=None, seed=0):
 @pytest.mark.parametrize("pair", [False, True])
 @pytest.mark.parametrize("options", [None, NO_K3], ids=["default", "k3 held"])
 @pytest.mark.parametrize("focal", [230.0, 280.0])
-def test_a_fisheye_never_passes_and_is_named(focal, options, pair):
-    for seed in range(2):
-        verdict = judged(seen_by(fisheye(focal), seed, pair=pair), options)
-        assert verdict.status == "FAIL"
-        assert "bends light as its model does not" in verdict.reasons[0]
-        assert "fisheye" in verdict.reasons[0] or "let `left.k3` move" in verdict.reasons[0]
+@pytest.mark.parametrize("seed", [0, pytest.param(1, marks=pytest.mark.slow)])
+def test_a_fisheye_never_passes_and_is_named(seed, focal, options, pair):
+    verdict = judged(seen_by(fisheye(focal), seed, pair=pair), options)
+    assert verdict.status == "FAIL"
+    assert "bends light as its model does not" in verdict.reasons[0]
+    assert "fisheye" in verdict.reasons[0] or "let `left.k3` move" in verdict.reasons[0]
 
 
 @pytest.mark.parametrize("pair", [False, True])
@@ -151,7 +151,7 @@ def with_stray_corners(views, share, largest, seed=0):
 
 def test_a_corner_that_is_none_does_not_pass(good):
     spoilt = with_stray_corners(good, 0.3, 12.0)
-    for seed in range(4):
+    for seed in range(2):
         verdict = judged(spoilt, seed=seed)
         assert verdict.status == "FAIL"
         assert any("px off, typical are" in reason for reason in verdict.reasons)

@@ -66,7 +66,7 @@ def from_first_camera(tree):
     )
 
 
-@pytest.mark.parametrize("seed", [0, 3])
+@pytest.mark.parametrize("seed", [0, pytest.param(3, marks=pytest.mark.slow)])
 def test_two_arms_are_found_from_nothing_but_tags_in_two_cameras(seed):
     sim = two_arms(seed, distances=KNOWN)
     train, test = sim.data.split(0.25, seed)
@@ -79,7 +79,7 @@ def test_two_arms_are_found_from_nothing_but_tags_in_two_cameras(seed):
     assert found.setup.scale_from == "ruler (known distances)"
 
 
-@pytest.mark.parametrize("kind", ["fisheye", "rational"])
+@pytest.mark.parametrize("kind", ["fisheye", pytest.param("rational", marks=pytest.mark.slow)])
 def test_two_arms_are_found_by_wide_cameras(kind, tmp_path):
     bends = {"fisheye": {"k1": 0.03, "k2": -0.01}, "rational": {"k1": 0.8, "k2": 0.1, "k4": 1.1}}
     wide = Camera(420.0, 420.0, 320.0, 240.0, (640, 480), lens=kind, **bends[kind])

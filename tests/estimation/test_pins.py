@@ -73,6 +73,7 @@ def test_a_true_pin_helps_and_a_wrong_one_hurts(make_truth, learn):
     assert "contradicts the data" in verdict.reasons[0]
 
 
+@pytest.mark.slow
 def test_only_the_wrong_one_of_several_pins_is_named(make_truth, learn):
     truth = make_truth(4, 2, unit="counts", kind="elbow")
     dh = DhTable.from_chain(truth.chain)

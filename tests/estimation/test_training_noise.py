@@ -112,6 +112,7 @@ def test_a_body_that_does_not_say_what_noise_to_expect_cannot_be_checked(model):
         check_health(replace(model, fit=fit), session(THESIS, SEED, 3, 20))
 
 
+@pytest.mark.slow
 def test_seven_tags_of_a_bad_pose_are_one_vote():
     model = learned_arm(THESIS, SEED, tags=7)
     data = session(THESIS, SEED, 4, 40, tags=7)

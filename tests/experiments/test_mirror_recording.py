@@ -30,10 +30,14 @@ def nico():
 
 
 @pytest.fixture(scope="module")
-def recording(nico, tmp_path_factory):
+def before(nico):
+    return NicoBeforeMirrors(nico, {"glass": DEFAULT_MIRROR})
+
+
+@pytest.fixture(scope="module")
+def recording(before, tmp_path_factory):
     """Return a folder of a few poses, recorded in two sittings, and who recorded it."""
     folder = tmp_path_factory.mktemp("before") / "mirror"
-    before = NicoBeforeMirrors(nico, {"glass": DEFAULT_MIRROR})
     before.record("seen", 0, 3, 1, folder=folder)
     return folder, before
 
@@ -69,8 +73,7 @@ def test_a_recording_before_a_mirror_can_be_resumed(recording):
 
 
 @pytest.mark.slow
-def test_planned_poses_show_the_marker_in_the_glass_and_keep_off_it(nico, recording):
-    _, before = recording
+def test_planned_poses_show_the_marker_in_the_glass_and_keep_off_it(nico, before):
     view, workspace = before.views["glass"], nico.workspace
     rig = MirrorRig(workspace.rig, DEFAULT_MIRROR)
     pixels = rig.project(workspace.arm.chain.forward(view.q))
@@ -84,8 +87,7 @@ def test_planned_poses_show_the_marker_in_the_glass_and_keep_off_it(nico, record
     assert free_space(guess.chain, rig, q).min() >= 0.05 - 1e-9
 
 
-def test_the_station_before_a_mirror_has_three_ports_more_and_one_to_move_it(recording):
-    _, before = recording
+def test_the_station_before_a_mirror_has_three_ports_more_and_one_to_move_it(before):
     station = before.station(0)
     outputs = {station.get_output_port(i).get_name() for i in range(station.num_output_ports())}
     assert {"reflected_pixels", "reflected_seen", "reflected_reasons"} <= outputs

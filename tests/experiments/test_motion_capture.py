@@ -55,6 +55,7 @@ def test_every_condition_has_a_row_with_the_thesis_beside_it(small):
     assert (results.world, results.individuals) == ("thesis", 1)
 
 
+@pytest.mark.slow
 def test_refinement_and_random_poses_help_as_in_the_thesis(small):
     rows = {(r.circle_samples, r.method, r.random_samples): r.mean_mm for r in small[0].rows}
     assert rows[MANY, "refined", 0] < 1.2 * rows[MANY, "circle points", 0]
@@ -64,6 +65,7 @@ def test_refinement_and_random_poses_help_as_in_the_thesis(small):
         assert rows[samples, "refined", 100] < 0.8 * rows[samples, "refined", 0]
 
 
+@pytest.mark.slow
 def test_progress_counts_robots_and_repeats(small):
     _, steps = small
     charts = [step[1:] for step in steps if step[0] == "charts"]
@@ -71,6 +73,7 @@ def test_progress_counts_robots_and_repeats(small):
     assert [step[1:] for step in steps if step[0] == "repeats"] == [(0, 2), (1, 2)]
 
 
+@pytest.mark.slow
 def test_the_links_are_those_of_the_robot(small):
     results, _ = small
     q = ARM.lower + 0.5 * (ARM.upper - ARM.lower)

@@ -39,7 +39,8 @@ def test_what_nobody_commands_stays_where_it_is_held():
     assert view.poses(["card0_0"], 1, 3, np.random.default_rng(0)).shape == (3, 1)
 
 
-def test_what_no_pose_shows_is_said():
+def test_what_no_pose_shows_is_said(monkeypatch):
+    monkeypatch.setattr("nico_selfmodel.planning.body_poses._ROUNDS", 2)
     behind = np.eye(4)
     behind[:3, 3] = [-3.0, 0.0, 0.5]
     view = BodyView(looking_body("neck_roll"), [Attached("behind", WORLD, behind)])

@@ -15,7 +15,7 @@ from nico_selfmodel.estimation.monitoring.health import check_health
 from nico_selfmodel.experiments.projected_nico import ProjectedNico
 from nico_selfmodel.experiments.refinement import simulated_scenario
 from nico_selfmodel.systems.simulated.imperfections import IMPERFECTIONS
-from nico_selfmodel.systems.tracking.self_model_monitor import REMEMBERED, SelfModelMonitor
+from nico_selfmodel.systems.tracking.self_model_monitor import SelfModelMonitor
 
 from ..estimation.sagging_arms import SaggingArm
 
@@ -78,13 +78,14 @@ def test_a_slip_raises_the_alarm_and_its_cause_becomes_clear(case):
     assert outputs[-1][-1] == "zero of right_shoulder_roll"
 
 
-def test_it_forgets_the_oldest_poses_and_keeps_the_cause(case):
+def test_it_forgets_the_oldest_poses_and_keeps_the_cause(case, monkeypatch):
     """More poses after the alarm than are kept: what changed stays the same."""
+    monkeypatch.setattr("nico_selfmodel.systems.tracking.self_model_monitor.REMEMBERED", 25)
     model = case[2]
     monitor = SelfModelMonitor(model, PERIOD)
-    outputs, context = watch(monitor, poses(case, REMEMBERED + 20, np.radians(3.0)))
+    outputs, context = watch(monitor, poses(case, 40, np.radians(3.0)))
     state = monitor.state_of(context)
-    assert len(state.recent) == REMEMBERED
+    assert len(state.recent) == 25
     assert state.since == 0
     assert outputs[-1][-1] == "zero of right_shoulder_roll"
 
