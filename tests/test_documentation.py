@@ -99,6 +99,7 @@ def test_the_arm_of_the_first_example_is_learned(project_root, tmp_path):
     assert process.stdout.startswith("PASS")
 
 
+@pytest.mark.slow
 def test_the_plant_of_the_second_example_agrees_with_its_self_model(project_root, tmp_path):
     path = project_root / "examples/02_plant_of_a_learned_arm.py"
     process = run([path], tmp_path, project_root)

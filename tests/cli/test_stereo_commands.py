@@ -193,6 +193,7 @@ def test_photographs_of_a_fisheye_do_not_pass_as_a_polynomial(
     assert "bends light as its model does not" in reasons[0]
 
 
+@pytest.mark.slow
 def test_photographs_of_a_fisheye_choose_the_fisheye(fisheye_photographs, tmp_path, command):
     out = tmp_path / "camera"
     words = ("--board", "7x5", "--square-mm", 30, "--window", 4, "--test-fraction", 0.25)

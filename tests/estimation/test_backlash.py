@@ -91,6 +91,7 @@ def test_a_rigid_arm_keeps_none_though_its_sides_are_told():
     assert "backlash" in {step.effect for step in learned.ladder.steps}
 
 
+@pytest.mark.slow
 def test_it_is_not_asked_where_nobody_tells_both_sides(recorded):
     _, train, _, _ = recorded
     for side in (None, np.ones(train.encoders.shape)):

@@ -61,6 +61,7 @@ def test_arms_that_sag_are_learned_nearly_as_if_their_masses_were_told():
     assert 0.7 < np.mean(normalised) < 1.4
 
 
+@pytest.mark.slow
 def test_a_body_that_bends_doubts_what_did_not_stay(monkeypatch):
     """Without the doubt effects fall to zero, and unseen poses are told too surely."""
     _, train, test, true = arm_and_data(1, 60, bearing=1.0)
@@ -99,6 +100,7 @@ def test_what_bends_is_named_with_its_size():
     assert set(block["joints_mrad"]["sag"]) == set(learned.model.joints)
 
 
+@pytest.mark.slow
 def test_ripple_is_kept_by_its_name():
     _, train, test, _ = arm_and_data(3, 60, sag=0.0, ripple=2.0)
     learned = calibrate_kinematics(train, explain=False)
@@ -110,6 +112,7 @@ def test_ripple_is_kept_by_its_name():
     )
 
 
+@pytest.mark.slow
 def test_a_vertical_told_the_wrong_way_round_is_called_implausible():
     _, train, _, _ = arm_and_data(1, 40)
     found = calibrate_kinematics(train, explain=False, up=np.array([0.0, 0.0, -1.0]))

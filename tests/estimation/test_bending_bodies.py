@@ -58,6 +58,7 @@ def sagging():
     return arm, body, test, true
 
 
+@pytest.mark.slow
 def test_an_arm_bends_alike_whether_it_is_learned_as_an_arm_or_as_a_body(sagging):
     arm, body, test, _ = sagging
     assert body.ladder.kept == arm.ladder.kept == ("sag",)
@@ -201,6 +202,7 @@ def bent(film):
     return body_of(film)
 
 
+@pytest.mark.slow
 def test_an_arm_before_two_cameras_bends_too(film, bent):
     rigid, before = body_of(film, effects=())
     assert rigid.model.bending is None

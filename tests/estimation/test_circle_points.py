@@ -88,6 +88,7 @@ def test_the_way_a_joint_turns_goes_into_its_axis_and_gears_stay_positive(make_t
     assert axes[0] == pytest.approx(-axes[1], abs=1e-9)
 
 
+@pytest.mark.slow
 def test_circles_of_several_markers_are_one_axis(make_truth):
     truth = make_truth(4, 6, unit="counts", markers=3)
     q, labels = truth.sweeps(15)

@@ -36,6 +36,7 @@ def test_boards_choose_their_lens_and_it_passes(kind, seed):
     assert bool(choice.tried) == (kind == "fisheye")
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("seed", SEEDS)
 def test_a_rational_lens_is_never_taken_for_a_polynomial(seed):
     _, train, test = scene("rational", seed)
@@ -76,6 +77,7 @@ def verdict_on(kind, seed, lens):
     return choice, judge(assessment)
 
 
+@pytest.mark.slow
 def test_a_rational_lens_that_was_asked_for_fails_on_a_fisheye():
     choice, verdict = verdict_on("fisheye", 304, "rational")
     assert (choice.lens, choice.better) == ("rational", "fisheye")

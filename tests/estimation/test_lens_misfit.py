@@ -171,6 +171,7 @@ def test_held_out_boards_that_contradict_the_rest_do_not_pass(good):
 # ------------------------------------------------------------------ terms that fold the image
 
 
+@pytest.mark.slow
 def test_a_term_that_folds_the_image_by_chance_is_a_warning():
     """Few boards in the middle of the image: what k3 does in its corners is chance."""
     folded = 0

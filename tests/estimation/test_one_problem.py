@@ -96,6 +96,7 @@ def test_two_arms_are_found_by_wide_cameras(kind, tmp_path):
     assert again.sensors[0].camera.values == pytest.approx(wide.values)
 
 
+@pytest.mark.slow
 def test_mislabelled_tags_are_left_out_and_named():
     sim = two_arms(1, distances=KNOWN)
     table, rng = sim.data.observations, np.random.default_rng(1)
@@ -119,6 +120,7 @@ def test_a_scale_that_nothing_tells_is_named():
     assert 0.1 < baseline < 10.0
 
 
+@pytest.mark.slow
 def test_a_baseline_that_the_user_fixes_holds_the_scale():
     sim = two_arms(0, torso=0, poses=40)
     X = from_first_camera(sim.tree).sensors[1].X_LA
@@ -215,6 +217,7 @@ def test_a_joint_that_slips_is_named_and_its_poses_stay():
     assert any("the encoder of 'j3' was off" in warning for warning in judge(found).warnings)
 
 
+@pytest.mark.slow
 def test_sensors_of_two_kinds_tell_one_body_together():
     sim = two_arms(5, distances=KNOWN, poses=40)
     q = sim.readings_true

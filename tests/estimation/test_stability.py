@@ -122,6 +122,7 @@ def test_points_that_lag_behind_the_readings_are_named_with_how_far(truth, late_
     assert size == pytest.approx(late_by, rel=0.35)
 
 
+@pytest.mark.slow
 def test_a_jump_that_looks_like_an_eccentric_gear_is_told_by_what_it_explains():
     recording = random_recording("encoder jump", 5003, fresh=1)
     train, _ = recording.dataset.split(0.3, 1)

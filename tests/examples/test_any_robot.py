@@ -67,6 +67,7 @@ def test_a_new_robot_takes_forty_lines(blocks):
     assert max(map(len, lines)) <= 100
 
 
+@pytest.mark.slow
 def test_a_new_robot_is_recorded_learned_and_monitored(learned):
     result, healthy, knocked = learned
     assert result.startswith("PASS")
@@ -75,12 +76,14 @@ def test_a_new_robot_is_recorded_learned_and_monitored(learned):
     assert knocked == "day 4 zero of elbow"
 
 
+@pytest.mark.slow
 def test_the_learned_robot_moves_in_a_plant_of_ones_own(learned, run):
     agreement, derivatives = run("use.py")
     assert float(agreement.split()[-2]) < 1e-9
     assert derivatives == "derivatives of 6 positions"
 
 
+@pytest.mark.slow
 def test_the_directives_of_the_document_are_read(project_root, folder, learned):
     from pydrake.multibody.parsing import Parser
     from pydrake.multibody.plant import MultibodyPlant

@@ -48,6 +48,7 @@ def test_the_anchored_row_has_the_least_true_error_and_is_never_refused(refined)
     assert rows["full, as published"].refused >= 1
 
 
+@pytest.mark.slow
 def test_the_tables_stand_beside_the_thesis(refined, tmp_path):
     (table,) = refinement_report.report_of(refined).tables
     headings, rows = table.headings, table.rows
@@ -138,6 +139,7 @@ def test_one_nico_records_for_all_trackers_through_rendered_pictures():
     assert not np.isfinite(found["color"].test.p_WH_measured).any()
 
 
+@pytest.mark.slow
 def test_the_mechanics_leave_play_and_the_tracker_and_no_body_does_better(refined):
     (limit,) = refined.limits
     best = {row.condition: row for row in refined.rows}["full, anchored"]

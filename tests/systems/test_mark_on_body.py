@@ -99,6 +99,7 @@ def test_a_mark_on_the_glass_moves_with_the_glass(before):
     assert np.linalg.norm(spots.mean(axis=0) - pixel) < 1.5
 
 
+@pytest.mark.slow
 def test_the_second_robot_can_be_marked_too(before):
     station, context, X_BM, _ = before
     X_WO = np.eye(4)

@@ -78,6 +78,7 @@ def test_a_slip_raises_the_alarm_and_its_cause_becomes_clear(case):
     assert outputs[-1][-1] == "zero of right_shoulder_roll"
 
 
+@pytest.mark.slow
 def test_it_forgets_the_oldest_poses_and_keeps_the_cause(case, monkeypatch):
     """More poses after the alarm than are kept: what changed stays the same."""
     monkeypatch.setattr("nico_selfmodel.systems.tracking.self_model_monitor.REMEMBERED", 25)
