@@ -60,13 +60,16 @@ def body_uncertainty(
         Covariance in the names of arm and cameras, the boards' poses eliminated.
     """
     rows = whitened_rows(observations, parameters, solved, free, boards, whitened)
-    known = [(rows.names.index(name), 1.0 / sigma) for name, (_, sigma) in (priors or {}).items()]
-    prior = np.zeros((len(known), len(rows.names)))
-    for i, (column, weight) in enumerate(known):
-        prior[i, column] = weight
+    now = dict(zip(parameters.names, parameters.values.tolist(), strict=True))
+    prior, pulls = np.zeros((len(priors or {}), len(rows.names))), []
+    for i, (name, (mean, sigma)) in enumerate((priors or {}).items()):
+        prior[i, rows.names.index(name)] = 1.0 / sigma
+        pulls.append((now[name] - mean) / sigma)
+    # A prior is an equation like any other: what it alone tells has taken nothing from the rest.
+    squares, count = rows.squares + float(np.sum(np.square(pulls))), rows.count + len(pulls)
     jacobian = np.vstack([rows.jacobian, prior])
     scales = scales_by_priors(rows.names, rows.scales, priors or {})
-    return Uncertainty.from_jacobian(rows.names, jacobian, scales, rows.squares, rows.count)
+    return Uncertainty.from_jacobian(rows.names, jacobian, scales, squares, count)
 
 
 def whitened_rows(

@@ -168,10 +168,11 @@ def uncertainty_of(
     names = tuple(name for name in linear.names if name in free)
     own = [linear.names.index(name) for name in names]
     U, u = linear.weights * linear.columns(free), linear.weights[:, 0] * linear.whitened_residuals
-    count = 3 * len(linear.whitening.groups.rows)
-    squares = float(count - len(names)) if variances_known else float(u @ u)
     scales = scales_by_priors(names, parameters.scales(observations.size)[own], priors)
     known = information_of(parameters, own, priors)
+    count = 3 * len(linear.whitening.groups.rows) + int((known > 0.0).sum())
+    pulled = float(known @ pull_of(parameters, own, priors) ** 2)
+    squares = float(count - len(names)) if variances_known else float(u @ u) + pulled
     if known.any():
         U = np.vstack([U, np.diag(np.sqrt(known))[known > 0.0]])
     found = Uncertainty.from_jacobian(names, U, scales, squares, count)

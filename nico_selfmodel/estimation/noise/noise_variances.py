@@ -39,8 +39,10 @@ def most_likely_noise(
     sensor = np.array([start.sensor_sigma if sensor_sigma is None else sensor_sigma])
     held = np.array([sensor_sigma is not None])
 
+    floors = np.array(_floors(residuals, sensor, start.joint_sigma))
+
     def search(group: NDArray) -> VarianceSearch:
-        floor = np.array([*_floors(residuals)])[[0, *np.ones(group.max() + 1, dtype=int)]]
+        floor = floors[[0, *np.ones(group.max() + 1, dtype=int)]]
         return VarianceSearch(residuals, known, group, floor, held)
 
     together = search(np.zeros(n, dtype=int)).run(sensor, start.joint_sigma)
@@ -52,11 +54,12 @@ def most_likely_noise(
     return PoseNoise(float(chosen.sensor[0]), chosen.joint)
 
 
-def _floors(residuals: LinearResiduals) -> tuple[float, float]:
+def _floors(residuals: LinearResiduals, sensor: NDArray, joint: NDArray) -> tuple[float, float]:
     """Return the least standard deviations of a coordinate and of a joint [rad]."""
     groups = residuals.groups
+    left = residuals.left(sensor, joint)[groups.rows]
     lever = np.sqrt(np.mean(np.sum(residuals.by_angle[groups.rows] ** 2, axis=1)))
     single = len(groups.rows) == groups.poses < _INSEPARABLE
     share = _LEAST_SENSOR_SHARE if single else _LEAST_SHARE
-    floor = max(residuals.rms, 1e-12)
+    floor = max(float(np.sqrt(np.mean(left**2))), 1e-12)
     return share * floor, _LEAST_SHARE * floor / max(float(lever), 1e-12)

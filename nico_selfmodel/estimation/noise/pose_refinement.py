@@ -31,7 +31,8 @@ from nico_selfmodel.optimization.residual_block import ResidualBlock, SummedBloc
 from nico_selfmodel.optimization.robust_solve import OUTLIER_AT
 
 _LEAST_REDUNDANCY = 15
-"""Equations more than parameters below which two kinds of noise cannot be told apart."""
+"""Equations, priors among them, more than parameters, below which two kinds of noise cannot be told
+apart."""
 _ROUNDS, _SETTLED = 5, 0.02
 """Rounds of variances and solution, and the relative change of a sigma that ends them."""
 _STEPS, _STEPS_BETWEEN = 100, 8
@@ -265,7 +266,8 @@ class _Refinement:
 
     def solve(self, keep: NDArray, *, apart: bool = False) -> None:
         """Alternate between the variances and the solution until the variances settle."""
-        redundancy = 3 * int(keep.sum()) - len(self.columns)
+        # What is known beforehand is an equation, too: an effect that is all prior costs nothing.
+        redundancy = 3 * int(keep.sum()) + len(self.priors) - len(self.columns)
         self.variances_known = redundancy >= _LEAST_REDUNDANCY
         for _ in range(_ROUNDS):
             self.linear = Linearised.at(self.observations, self.parameters, keep, self.noise)

@@ -37,10 +37,31 @@ class LinearResiduals:
     """Inverse variances of what is known of the parameters beforehand, where `r` is about their
     means; fitting takes less from the residuals then. Shape (P,)."""
 
-    @property
-    def rms(self) -> float:
-        """Root mean square of a coordinate."""
-        return float(np.sqrt(np.sum(self.r**2) / (len(self.groups.rows) * self.groups.k)))
+    def left(self, sensor: NDArray, joint: NDArray) -> NDArray:
+        """Return what fitting leaves at some noise, r - J C J' S^-1 r, by row; `r` is about priors.
+
+        An effect whose prior is about zero is still in `r`: its size is no noise.
+
+        Args:
+            sensor: Standard deviation of each sensor's coordinates. Shape (G,).
+            joint: Of the joints. Shape (n,).
+
+        Returns:
+            Zero for rows left out. Shape (N, k).
+        """
+        if self.information is None:
+            return self.groups.scatter(self.r)[:, :, 0]
+        own = np.zeros(self.by_angle.shape[:2], dtype=int) if self.sensor is None else self.sensor
+        by_row = sensor[own][:, :, None]
+        scale = self.groups.gather(by_row)
+        scale = np.where(scale > 0.0, scale, 1.0)
+        noise = PoseNoise(1.0, joint)
+        S = PoseWhitening(self.groups, self.by_angle / by_row, noise, self.slipped)
+        r, J = self.r / scale, self.J / scale
+        flat, known = J.reshape(-1, J.shape[2]), np.diag(self.information)
+        C = _inverse(flat.T @ S.inverse(J).reshape(flat.shape) + known)[0]
+        fitted = flat @ (C @ (flat.T @ S.inverse(r).reshape(-1)))
+        return self.groups.scatter((r - fitted.reshape(r.shape)) * scale)[:, :, 0]
 
 
 @dataclass(frozen=True, eq=False)

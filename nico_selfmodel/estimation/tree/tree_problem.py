@@ -152,7 +152,8 @@ class TreeProblem:
         known, solution = False, None
         for _ in range(_ROUNDS):
             linear = self.residuals.linear(values)
-            known = int((~found[data.row]).sum()) - len(self.columns) >= LEAST_REDUNDANCY
+            equations = int((~found[data.row]).sum()) + len(self.priors)
+            known = equations - len(self.columns) >= LEAST_REDUNDANCY
             before = self.noise
             if known:
                 self.noise = self._likeliest(linear, groups, slipped, values)
@@ -306,9 +307,10 @@ def likeliest_noise(
     )
     group, counts = _joint_groups(data)
     kept = groups.rows
+    left = residuals.left(start.sensor, start.joint)[:, 0]
     rms = np.array(
         [
-            np.sqrt(np.mean(linear.r[kept][data.noise_group[kept] == g] ** 2))
+            np.sqrt(np.mean(left[kept][data.noise_group[kept] == g] ** 2))
             for g in range(len(data.noise_groups))
         ]
     )
