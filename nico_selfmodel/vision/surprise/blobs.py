@@ -79,8 +79,8 @@ def place_means(surprise: Surprise) -> NDArray:
     filled = np.where(judged, surprise.chi_square, 0.0)
     window = np.ones((_WINDOW, _WINDOW), np.uint8)
     # Beyond the picture's edge nothing is judged.
-    beyond = {"borderType": cv2.BORDER_CONSTANT, "borderValue": 0}
-    whole = cv2.erode(judged.astype(np.uint8), window, **beyond) > 0
+    seen = judged.astype(np.uint8)
+    whole = cv2.erode(seen, window, borderType=cv2.BORDER_CONSTANT, borderValue=(0.0,)) > 0
     return np.where(whole, cv2.blur(filled, (_WINDOW, _WINDOW)), np.nan)
 
 
