@@ -25,7 +25,9 @@ _LEAST_SIDE = {"fiducial": 12.5}
 """Least width at which a marker can be read in a mirror, seen at its angle [px]."""
 _SIDE = {"fiducial": 0.0288}
 """Side of the black square [m]."""
-_POOL, _ENOUGH = 20000, 500
+_POOL = 20000
+ENOUGH = 500
+"""Poses from which to choose."""
 _STEPS = 12
 """Points of each stretch of a line of sight at which nothing may be."""
 _ROOM = 0.02
@@ -56,6 +58,7 @@ class MirrorView:
         mirror: Mirror,
         plate: MirrorPlate,
         rng: np.random.Generator,
+        enough: int = ENOUGH,
     ) -> "MirrorView":
         """Put the middle of the glass where most reflections are seen, and look for poses.
 
@@ -64,6 +67,7 @@ class MirrorView:
             mirror: Where the mirror shall stand before the left camera.
             plate: The glass.
             rng: Source of random poses.
+            enough: Poses to look for.
 
         Raises:
             ModelError: If hardly any pose shows a reflection.
@@ -82,7 +86,7 @@ class MirrorView:
         for k, pose in enumerate(q):
             if not workspace.body.collides(pose) and _open_sight(workspace, pose, spots[:, k]):
                 usable.append(k)
-                if len(usable) == _ENOUGH:
+                if len(usable) == enough:
                     break
         if not usable:
             raise ModelError(_nothing(mirror))

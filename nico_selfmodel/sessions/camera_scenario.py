@@ -81,6 +81,20 @@ class CameraScenario:
     """Marker -> the arm learned by it."""
 
 
+@dataclass(frozen=True, eq=False)
+class WatchedHand:
+    """What a robot saw of a chessboard, and then of its hand."""
+
+    views: BoardViews
+    """What was seen of the chessboard."""
+    cameras: CameraCalibration
+    """The cameras, calibrated by it."""
+    train: Dataset
+    """The hand, to learn from."""
+    test: Dataset
+    """The same, held out."""
+
+
 def learn_cameras_and_arm(
     world: Imperfections | str,
     seed: int = 0,
@@ -101,8 +115,28 @@ def learn_cameras_and_arm(
     Returns:
         Everything that was recorded and learned.
     """
-    counts = counts or Counts()
     nico = RenderedNico(world, seed, markers)
+    seen = watch_hand(nico, counts, stage)
+    telling(stage, "learning the arm")(0, len(markers))
+    arms = {}
+    for done, marker in enumerate(markers, start=1):
+        train, test = (of_marker(one, marker) for one in (seen.train, seen.test))
+        arms[marker] = learn_arm(train, test, seen.cameras, nominal_with(nico.arm, marker), "nico")
+        telling(stage, "learning the arm")(done, len(markers))
+    return CameraScenario(seen.views, seen.cameras, arms)
+
+
+def watch_hand(
+    nico: RenderedNico, counts: Counts | None = None, stage: Stage | None = None
+) -> WatchedHand:
+    """Calibrate the cameras, and move the arm before them.
+
+    Args:
+        nico: The robot.
+        counts: How much is recorded.
+        stage: Told what is going on.
+    """
+    counts = counts or Counts()
     views = nico.board_views(counts.boards, 0, progress=telling(stage, "looking at a chessboard"))
     telling(stage, "learning the cameras")(0, 1)
     cameras = calibrate_cameras(views)
@@ -123,15 +157,7 @@ def learn_cameras_and_arm(
         rig=cameras.rig,
         progress=telling(stage, "new poses, kept for judging"),
     )
-    telling(stage, "learning the arm")(0, len(markers))
-    arms = {}
-    for done, marker in enumerate(markers, start=1):
-        nominal = nominal_with(nico.arm, marker)
-        arms[marker] = learn_arm(
-            of_marker(train, marker), of_marker(test, marker), cameras, nominal, "nico"
-        )
-        telling(stage, "learning the arm")(done, len(markers))
-    return CameraScenario(views, cameras, arms)
+    return WatchedHand(views, cameras, train, test)
 
 
 def learn_arm(

@@ -26,10 +26,14 @@ from nico_selfmodel.systems.stations.nico_detectors import default_detectors
 from nico_selfmodel.systems.stations.nico_instance import NicoInstance
 from nico_selfmodel.systems.stations.nico_station import BOARD, NicoStation
 from nico_selfmodel.systems.stations.station_body import StationBody
+from nico_selfmodel.systems.tracking.hand_tracker import FIDUCIAL_ID
+from nico_selfmodel.systems.tracking.shared_search import corner_names, fiducial_detectors
 from nico_selfmodel.vision.boards.chessboard import find_chessboard
 from nico_selfmodel.vision.images.image_file import write_image
 from nico_selfmodel.vision.images.not_seen import NotSeen
 
+FIDUCIAL = "fiducial"
+"""The point that is the middle of the marker on the hand."""
 WINDOW = 5
 """Half side of the window in which corners are refined: squares are as small as 16 px."""
 
@@ -44,19 +48,23 @@ class RenderedNico:
         markers: tuple[str, ...] = ("fiducial", "finger_tip"),
         quality: ImageQuality | None = None,
         arm: ArmDescription | None = None,
+        *,
+        corners: bool = False,
     ) -> None:
         """Take a robot.
 
         Args:
             world: What is wrong with it.
             seed: Which one.
-            markers: What is tracked.
+            markers: What is tracked, some of the arm's points.
             quality: Of the pictures.
-            arm: The arm with these markers, if it is not as its maker left it: with a tool in hand.
+            arm: The arm, if it is another one: of six joints, with a tool in hand.
+            corners: Locate the corners of the fiducial too, which tell how the hand is turned.
         """
         self.world, self.seed, self.markers, self.quality = world, seed, markers, quality
         self.arm: ArmDescription = arm or looking_arm(*markers)
-        self.workspace = VisibleWorkspace.of(self.arm)
+        self.workspace = VisibleWorkspace.of(self.arm, markers)
+        self.corners = corner_names(FIDUCIAL) if corners else ()
 
     @property
     def ground_truth(self) -> GroundTruth:
@@ -65,10 +73,19 @@ class RenderedNico:
         flaws = imperfections_named(flaws) if isinstance(flaws, str) else flaws
         return NicoInstance.build(self.arm, flaws, self.seed, NICO_CAMERAS).ground_truth
 
+    @property
+    def tracked(self) -> tuple[str, ...]:
+        """Names of all that is located on the hand."""
+        return (*self.markers, *self.corners)
+
     def station(self, session: int, rig: StereoRig | None = None) -> NicoStation:
         """Return its station of a day; calibrated cameras locate fiducials behind their lenses."""
         found = default_detectors(rig)
-        detectors = {marker: found[marker] for marker in self.markers}
+        if self.corners:
+            # One search of a picture for all.
+            own = {FIDUCIAL: FIDUCIAL_ID}
+            found = {**found, **fiducial_detectors(own, own, rig=rig)}
+        detectors = {marker: found[marker] for marker in self.tracked}
         return NicoStation(
             self.world,
             self.seed,
@@ -117,7 +134,7 @@ class RenderedNico:
             ValueError: If a given pose lies beyond a joint's stop.
         """
         with self.station(session, rig) as station:
-            body = StationBody(station, station.joints, self.markers, keep_images=keep_images)
+            body = StationBody(station, station.joints, self.tracked, keep_images=keep_images)
             rng = np.random.default_rng((self.seed, session, 2))
             plan = self.plan(station, circle, free if poses is None else 0, rng)
             if poses is not None:

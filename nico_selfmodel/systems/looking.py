@@ -1,6 +1,6 @@
 """Nico looking at its hands: which joints stand still, and which points it sees."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from functools import cache
 
 import numpy as np
@@ -47,11 +47,27 @@ def looking_arm(*markers: str) -> ArmDescription:
     Raises:
         ValueError: If there is no such point.
     """
+    return _right_arm(looking(), markers)
+
+
+@cache
+def touching_arm(*markers: str) -> ArmDescription:
+    """Return Nico's right arm of six joints, which brings its finger to the face.
+
+    Args:
+        markers: As in `looking_arm`, which says what is raised too.
+    """
+    own = ARM_JOINTS["right"]
+    held = {joint: angle for joint, angle in looking().items() if joint not in own}
+    return _right_arm(held, markers)
+
+
+def _right_arm(held: Mapping[str, float], markers: tuple[str, ...]) -> ArmDescription:
     unknown = set(markers) - set(POINTS)
     if unknown:
         raise ValueError(f"no point {sorted(unknown)}; there are {', '.join(POINTS)}")
     points = {marker: POINTS[marker] for marker in markers or POINTS}
-    return ArmDescription.from_urdf("nico", "chest", "right_hand", looking(), points)
+    return ArmDescription.from_urdf("nico", "chest", "right_hand", dict(held), points)
 
 
 HEAD_JOINTS = (

@@ -85,6 +85,25 @@ def test_a_mark_that_no_picture_shows_for_sure_is_found_by_all_of_them():
         assert (u, v) == pytest.approx(tuple(pixels), abs=2.0)
 
 
+def test_a_place_that_all_pictures_tell_together_surprises_in_each_of_them():
+    """Lines of sight end between pixels: what one picture tells must not get lost in the next."""
+    rows, columns = np.nonzero(geometry(0, 0)[1] == HEAD)
+    middle = np.hypot(rows - rows.mean(), columns - columns.mean()) < 12.0
+    pixels = np.stack([columns[middle], rows[middle]], axis=1)
+    ways = LEFT.undistort(pixels.astype(float))
+    depth = geometry(0, 0)[0][pixels[:, 1], pixels[:, 0]]
+    p_LQ = np.concatenate([ways, np.ones((len(ways), 1))], axis=1) * depth[:, None]
+    p_WQ = reflect(MIRRORS[0].plane, p_LQ)
+    lost = 0
+    for k in range(0, len(pixels), 90):
+        found = views([0.0] * 4, np.random.default_rng(6), surprise=1e-6)
+        for view in found:
+            u, v = MIRRORS[view.look].project(p_WQ[k])[2 * view.side : 2 * view.side + 2]
+            view.places[round(v), round(u)] = 30.0
+        lost += sum(not above.any() for above in together(found))
+    assert lost == 0
+
+
 def test_what_one_picture_shows_however_bright_is_not_on_the_surface():
     for k in range(4):
         strengths = [0.0] * 4

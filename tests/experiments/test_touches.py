@@ -26,12 +26,11 @@ from nico_selfmodel.experiments.mirror_test.touches_report import (
     touches_document,
     touches_table,
 )
-from nico_selfmodel.plant import ArmDescription
 from nico_selfmodel.plant.touching.touch_planner import OutOfReach, Touch, TouchPlanner
 from nico_selfmodel.sessions.mirrors.known_body import KnownBody
 from nico_selfmodel.sessions.mirrors.mark_finder import Finding
 from nico_selfmodel.sessions.rendered_nico import RenderedNico
-from nico_selfmodel.systems.looking import FINGER, POINTS, looking
+from nico_selfmodel.systems.looking import FINGER, touching_arm
 from nico_selfmodel.systems.rendering.mark_on_body import Mark
 from nico_selfmodel.systems.simulated.imperfections import imperfections_named
 
@@ -107,10 +106,7 @@ def test_the_table_counts_places_and_says_how_far_off_they_are():
 @pytest.fixture(scope="module")
 def robot():
     """A robot of six joints that knows itself exactly, and its judge."""
-    free = ("right_forearm_twist", "right_wrist")
-    held = {name: angle for name, angle in looking().items() if name not in free}
-    points = {"fiducial": POINTS["fiducial"]}
-    arm = ArmDescription.from_urdf("nico", "chest", "right_hand", held, points)
+    arm = touching_arm("fiducial")
     nico = RenderedNico("thesis", 3, ("fiducial",), arm=arm)
     truth = nico.ground_truth
     judge = TouchJudge(nico)
@@ -162,21 +158,21 @@ def test_ways_of_a_body_that_knows_itself_touch_within_5_mm_and_nothing_else(rob
 
 
 def place_in_reach(nico):
-    """Return a place that the four-joint arm, known exactly, has a way to, and its normal."""
+    """Return a place that the arm, known exactly, has a way to, and its normal."""
     truth, judge = nico.ground_truth, TouchJudge(nico)
     planner = TouchPlanner(nico.arm, truth.model(), FINGER, held=truth.held, limits=judge.stops)
-    mark, normal, _ = next(ways(planner, np.random.default_rng(8), 6000))
+    mark, normal, _ = next(ways(planner, np.random.default_rng(8), 400))
     return mark, normal
 
 
 @pytest.mark.slow
 def test_a_robot_goes_to_marks_it_has_found_and_says_which_are_out_of_reach(monkeypatch):
-    nico = RenderedNico("thesis", 2, ("fiducial",))
+    nico = RenderedNico("thesis", 2, ("fiducial",), arm=touching_arm("fiducial"))
     truth = nico.ground_truth
     mark, normal = place_in_reach(nico)
     back = Mark("head", np.array([-0.0715, 0.0, 0.076]), 0.01, np.ones(3))
     world = imperfections_named("thesis")
-    acquainted = Acquainted(2, world, truth.model(), np.zeros((0, 4)))
+    acquainted = Acquainted(2, world, truth.model(), np.zeros((0, 6)))
     body = KnownBody(truth.model(), (), truth.held, np.zeros(6), np.zeros(3), np.zeros((0, 0)))
     trials = [
         MarkTrial(2, Painted(MARK, one, n), (Finding(ON_ME, one.link, one.p_FM, None, ()),), None)

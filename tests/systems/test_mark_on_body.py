@@ -75,6 +75,36 @@ def test_a_mark_is_seen_in_the_mirror_where_it_is_and_is_gone_when_wiped(before,
     assert np.array_equal(station.picture(context, "left"), unmarked[0])
 
 
+def narrowest(before, place, across):
+    """Return how wide a disc looks in the mirror along its narrow side, by its rim [px]."""
+    station, context, X_BM, _ = before
+    link, p_FQ = place
+    surface, X_LF = station.surfaces_true(context)[link]
+    aside = np.linalg.svd(surface.normals(p_FQ[None]))[2][1:]
+    turn = np.linspace(0.0, 2.0 * np.pi, 24, endpoint=False)
+    rim = p_FQ + 0.5 * across * np.stack([np.cos(turn), np.sin(turn)], axis=1) @ aside
+    rig = MirrorRig(station.ground_truth.rig, station.ground_truth.mirror(X_BM))
+    pixels = np.array([rig.project(apply(X_LF, p[None])[0]) for p in rim])
+    sides = (pixels[:, :2], pixels[:, 2:])
+    return min(
+        2.0 * np.linalg.svd(one - one.mean(axis=0))[1][1] / np.sqrt(0.5 * len(rim)) for one in sides
+    )
+
+
+def test_a_disc_that_a_camera_sees_from_its_edge_counts_as_not_seen(before, seen):
+    wide, all_of_them = (
+        seen.in_mirror_only(("head", "chest"), 400, np.random.default_rng(4), across)
+        for across in (0.01, 0.0)
+    )
+    least, widths = (
+        [narrowest(before, place, 0.01) for place in zip(one.links, one.p_FQ, strict=True)]
+        for one in (wide, all_of_them)
+    )
+    assert min(least) > 0.9
+    assert 0 < sum(width < 0.9 for width in widths) < 0.1 * len(widths)
+    assert len(least) > 0.9 * len(widths)
+
+
 def test_paint_of_the_surface_s_own_colour_is_not_to_be_seen(before):
     station, context, _, _ = before
     unmarked = station.picture(context, "left").astype(int)

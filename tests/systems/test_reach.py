@@ -7,7 +7,7 @@ from nico_selfmodel.errors import ModelError
 from nico_selfmodel.geometry.transform import apply
 from nico_selfmodel.planning.board_poses import board_poses
 from nico_selfmodel.planning.visible_workspace import VisibleWorkspace
-from nico_selfmodel.systems.looking import looking_arm
+from nico_selfmodel.systems.looking import looking_arm, touching_arm
 from nico_selfmodel.systems.stations.nico_station import BOARD
 
 LOOKING_POSE = np.radians([[-30.0, 50.0, 0.0, -70.0]])
@@ -66,6 +66,16 @@ def test_boards_are_whole_in_both_images_and_before_the_body(workspace):
         # Seen from the front: x of the board runs to the right in the image, y down.
         along, down = pixels[8, :2] - pixels[0, :2], pixels[45, :2] - pixels[0, :2]
         assert along[0] * down[1] - along[1] * down[0] > 0.0
+
+
+def test_the_arm_that_touches_is_the_one_that_looks_with_two_joints_more():
+    four, six = looking_arm("fiducial"), touching_arm("fiducial")
+    assert six.joints == (*four.joints, "right_forearm_twist", "right_wrist")
+    assert set(six.held) == set(four.held) - set(six.joints)
+    q = np.random.default_rng(1).uniform(four.lower, four.upper, (5, 4))
+    turned = [[four.held[joint] for joint in six.joints[4:]]] * 5
+    whole = six.chain.forward(np.hstack([q, turned]), 0)
+    assert whole == pytest.approx(four.chain.forward(q, 0), abs=1e-9)
 
 
 def test_points_that_are_not_there_are_refused():

@@ -63,6 +63,23 @@ def test_what_other_pictures_show_too_is_sure():
     assert (blob.u, blob.v) == pytest.approx((25.0, 40.0), abs=0.3)
 
 
+def test_a_faint_change_beside_the_body_is_sure_and_as_faint_a_spot_on_it_is_not():
+    places = int(BODY.sum()) * SHAPE[0]
+    faint = threshold_of(places, freedom=27) / 9.0 + 0.1
+    assert seen_places(*pictures((25.0, 40.0), height=faint)) == []
+    ((blob, sure),) = seen_places(*pictures((75.0, 40.0), height=faint))
+    assert sure
+    assert (blob.u, blob.v) == pytest.approx((75.0, 40.0), abs=0.1)
+
+
+def test_noise_of_two_pictures_beside_the_body_surprises_in_one_of_a_hundred():
+    rng = np.random.default_rng(7)
+    own = Surprise(np.full(SHAPE, np.nan), 1.0)
+    seen = [seen_places(own, Surprise(rng.chisquare(3.0, SHAPE), 1.0)) for _ in range(200)]
+    assert sum(any(sure for _, sure in one) for one in seen) <= 5
+    assert sum(map(len, seen)) <= 400
+
+
 def test_near_places_are_one_and_far_ones_are_not():
     assert len(seen_places(pictures((15.0, 40.0), (35.0, 40.0))[0])) == 2
     own, _ = pictures()

@@ -50,7 +50,8 @@ def surprising_together(
     and if the pictures of each look together differ as one place in a thousand does. No picture
     counts alone: what one camera sees on the glass lies before other places of the surface for
     another. The sum without its largest part is at most that of any m - 1 parts, so that T is
-    exceeded at most as often as is said if pictures err independently.
+    exceeded at most as often as is said if pictures err independently. Such a place surprises in
+    every picture that shows it, however little it does in that one alone.
 
     Args:
         views: All pictures of the body in mirrors.
@@ -60,7 +61,13 @@ def surprising_together(
         For each picture which pixels. Shape (h, w) each.
     """
     count = sum(int(np.isfinite(view.places).sum()) for view in views)
-    return [_together(view, views, count, threshold_of) for view in views]
+    above = [np.zeros(view.places.shape, dtype=bool) for view in views]
+    for view in views:
+        for mask, (rows, columns) in zip(
+            above, _together(view, views, count, threshold_of), strict=True
+        ):
+            mask[rows, columns] = True
+    return above
 
 
 def _together(
@@ -68,10 +75,12 @@ def _together(
     views: Sequence[SurfaceView],
     count: int,
     threshold_of: Callable[[int, int], float],
-) -> NDArray:
+) -> list[tuple[NDArray, NDArray]]:
+    """Return where each picture shows the places of one picture that surprise by all of them."""
     rows, columns = np.nonzero(np.isfinite(view.places))
     labels, p_FQ = _on_links(view, rows, columns)
-    each = np.array([_shown(other, labels, p_FQ) for other in views])
+    shown = [_shown(other, labels, p_FQ) for other in views]
+    each = np.array([chi_square for chi_square, _, _ in shown])
     judged = np.isfinite(each)
     filled = np.where(judged, each, 0.0)
     number = judged.sum(axis=0)
@@ -84,9 +93,7 @@ def _together(
         own = looks == look
         needed = np.array([0.0, *(as_rare_as(GATE_3, 3, 3 * k) for k in range(1, 1 + own.sum()))])
         found &= filled[own].sum(axis=0) >= needed[judged[own].sum(axis=0)]
-    above = np.zeros(view.places.shape, dtype=bool)
-    above[rows[found], columns[found]] = True
-    return above
+    return [(v[found & own], u[found & own]) for own, (_, v, u) in zip(judged, shown, strict=True)]
 
 
 def _on_links(view: SurfaceView, rows: NDArray, columns: NDArray) -> tuple[NDArray, NDArray]:
@@ -103,8 +110,11 @@ def _on_links(view: SurfaceView, rows: NDArray, columns: NDArray) -> tuple[NDArr
     return labels, p_FQ
 
 
-def _shown(view: SurfaceView, labels: NDArray, p_FQ: NDArray) -> NDArray:
-    """Return how surprising places of links are in a picture; nan where it shows other ones."""
+def _shown(view: SurfaceView, labels: NDArray, p_FQ: NDArray) -> tuple[NDArray, NDArray, NDArray]:
+    """Return how surprising places of links are in a picture, and their rows and columns there.
+
+    They are nan where it shows other places, and rows and columns then mean nothing.
+    """
     p_WQ = np.full(p_FQ.shape, np.nan)
     for label, X_WF in view.poses.items():
         own = labels == label
@@ -120,4 +130,4 @@ def _shown(view: SurfaceView, labels: NDArray, p_FQ: NDArray) -> NDArray:
     same = inside & (view.labels[v, u] == labels)
     with np.errstate(invalid="ignore"):
         same &= np.abs(view.depth[v, u] - depth) < _SAME
-    return np.where(same, view.places[v, u], np.nan)
+    return np.where(same, view.places[v, u], np.nan), v, u

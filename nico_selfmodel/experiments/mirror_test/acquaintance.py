@@ -6,14 +6,18 @@ from dataclasses import dataclass
 from numpy.typing import NDArray
 
 from nico_selfmodel.model.self_model import SelfModel
-from nico_selfmodel.sessions.camera_scenario import Counts, learn_cameras_and_arm
-from nico_selfmodel.sessions.progress import Stage, of_robot
+from nico_selfmodel.sessions.camera_scenario import Counts, learn_arm, nominal_with, watch_hand
+from nico_selfmodel.sessions.progress import Stage, of_robot, telling
+from nico_selfmodel.sessions.rendered_nico import FIDUCIAL, RenderedNico
+from nico_selfmodel.systems.looking import touching_arm
+from nico_selfmodel.systems.rendering.stereo_cameras import ImageQuality
 from nico_selfmodel.systems.simulated.imperfections import Imperfections
 
-MARKER = "fiducial"
-"""What is tracked on the hand."""
-_COUNTS = Counts(boards=12, circle=32, random=60, test=12)
-"""What arm and cameras are learned from."""
+_QUICK = ImageQuality(supersample=1)
+"""What they are seen in: corners are found to a tenth of a pixel all the same."""
+_COUNTS = Counts(boards=12, circle=0, random=240, test=12)
+"""What arm and cameras are learned from. The hand's marker is 20 mm from the wrist's axis, about
+which it makes no circle to learn from."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -30,10 +34,23 @@ class Acquainted:
     """At which the arm was learned [encoder units]. Shape (N, n)."""
 
 
+def rendered(robot: Acquainted, quality: ImageQuality | None = None) -> RenderedNico:
+    """Return a robot as it is built, its arm of six joints.
+
+    Args:
+        robot: Which one.
+        quality: Of the pictures.
+    """
+    return RenderedNico(robot.world, robot.seed, (FIDUCIAL,), quality, touching_arm(FIDUCIAL))
+
+
 def acquainted(
     world: Imperfections, seeds: Sequence[int], progress: Stage | None = None
 ) -> tuple[Acquainted, ...]:
     """Let robots learn their cameras from chessboards and their arms from pictures of their hands.
+
+    Of the marker on the hand the corners are located too: they tell how the hand is turned, which
+    its middle, next to the last two axes, hardly does.
 
     Args:
         world: What is wrong with the bodies.
@@ -43,8 +60,12 @@ def acquainted(
     found = []
     for i, seed in enumerate(seeds):
         stage = of_robot(progress, i, len(seeds))
-        learned = learn_cameras_and_arm(
-            world, seed, markers=(MARKER,), counts=_COUNTS, stage=stage
-        ).arms[MARKER]
+        arm = touching_arm(FIDUCIAL)
+        nico = RenderedNico(world, seed, (FIDUCIAL,), _QUICK, arm, corners=True)
+        seen = watch_hand(nico, _COUNTS, stage)
+        telling(stage, "learning the arm")(0, 1)
+        nominal = nominal_with(nico.arm, FIDUCIAL)
+        learned = learn_arm(seen.train, seen.test, seen.cameras, nominal, "nico")
+        telling(stage, "learning the arm")(1, 1)
         found.append(Acquainted(seed, world, learned.model, learned.train.encoders))
     return tuple(found)

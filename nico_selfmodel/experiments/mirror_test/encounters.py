@@ -14,7 +14,7 @@ from nico_selfmodel.estimation.contingency.contingency import (
     tell_contingency,
 )
 from nico_selfmodel.estimation.contingency.motion_response import MotionResponse, learn_response
-from nico_selfmodel.experiments.mirror_test.acquaintance import MARKER, Acquainted
+from nico_selfmodel.experiments.mirror_test.acquaintance import Acquainted, rendered
 from nico_selfmodel.planning.plans import commands_of_angles
 from nico_selfmodel.sessions.mirrors.nico_before_mirrors import DEFAULT_MIRROR, NicoBeforeMirrors
 from nico_selfmodel.sessions.motion_session import PERIOD, Encounter, MotionSession
@@ -126,7 +126,7 @@ def _meet(
     robot: Acquainted, encounters: Sequence[Encounter], latency: float, stage: Stage
 ) -> tuple[list[Trial], MotionResponse]:
     """Let one robot watch its arm, and then meet others."""
-    nico = RenderedNico(robot.world, robot.seed, (MARKER,), ImageQuality(supersample=1))
+    nico = rendered(robot, ImageQuality(supersample=1))
     before = NicoBeforeMirrors(nico, {"mirror": DEFAULT_MIRROR})
     with NicoStation(
         robot.world, robot.seed, _DAY, arm=nico.arm, quality=nico.quality, mirror=before.plate,

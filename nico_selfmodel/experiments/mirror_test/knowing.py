@@ -7,7 +7,7 @@ from types import MappingProxyType
 import numpy as np
 
 from nico_selfmodel.errors import EstimationError
-from nico_selfmodel.experiments.mirror_test.acquaintance import MARKER, Acquainted
+from nico_selfmodel.experiments.mirror_test.acquaintance import Acquainted, rendered
 from nico_selfmodel.model.cameras.mirror import Mirror
 from nico_selfmodel.planning.plans import commands_of_angles
 from nico_selfmodel.sessions.mirrors.known_body import KnownBody, know_body
@@ -15,7 +15,6 @@ from nico_selfmodel.sessions.mirrors.mirror_looks import MirrorLooks, Unknown
 from nico_selfmodel.sessions.mirrors.mirror_scenario import MIRROR, learn_mirror
 from nico_selfmodel.sessions.mirrors.nico_before_mirrors import DEFAULT_MIRROR, NicoBeforeMirrors
 from nico_selfmodel.sessions.progress import Stage, of_robot
-from nico_selfmodel.sessions.rendered_nico import RenderedNico
 from nico_selfmodel.systems.rendering.body_image import BodyImage
 from nico_selfmodel.systems.rendering.mirror_scene import MirrorPlate
 from nico_selfmodel.systems.rendering.stereo_cameras import ImageQuality
@@ -28,6 +27,8 @@ PLATE = MirrorPlate(width=1.4, height=1.4)
 """A glass that shows the whole body."""
 _POSES = 12
 """In which the robot sees its hand in each mirror to learn where that stands."""
+_CHOICES = 2000
+"""From which those next to poses in which the arm was learned are taken."""
 _UNMARKED = 2
 """Poses before each mirror in which it learns how far its unmarked body is from expected."""
 _DAY = 6
@@ -62,7 +63,7 @@ def know_mirrors(robots: Sequence[Acquainted], progress: Stage | None = None) ->
         stage = of_robot(progress, i, len(robots))
         learned = learn_mirror(
             robot.model, robot.world, robot.seed, familiar=robot.readings, poses=_POSES,
-            plate=PLATE, mirrors=PLACES, stage=stage,
+            plate=PLATE, mirrors=PLACES, arm=rendered(robot).arm, choices=_CHOICES, stage=stage,
         )  # fmt: skip
         if learned.verdict.status == "FAIL":
             raise EstimationError(
@@ -81,7 +82,7 @@ def know_itself(robot: Acquainted, stage: Stage) -> Knowing:
         robot: Whose model knows the mirrors.
         stage: Told how far it is.
     """
-    nico = RenderedNico(robot.world, robot.seed, (MARKER,), ImageQuality())
+    nico = rendered(robot, ImageQuality())
     before = NicoBeforeMirrors(nico, PLACES, plate=PLATE)
     rng = np.random.default_rng((robot.seed, 45))
     with BodyImage(nico.arm, robot.model) as image, before.station(_DAY) as station:

@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from nico_selfmodel.experiments.mirror_test.acquaintance import MARKER
+from nico_selfmodel.experiments.mirror_test.acquaintance import rendered
 from nico_selfmodel.experiments.mirror_test.knowing import TURNED, Knowing
 from nico_selfmodel.experiments.mirror_test.painting import (
     KINDS,
@@ -22,7 +22,6 @@ from nico_selfmodel.sessions.mirrors.mark_finder import Finding, MarkFinder
 from nico_selfmodel.sessions.mirrors.mirror_looks import MirrorLook, MirrorLooks
 from nico_selfmodel.sessions.mirrors.mirror_scenario import MIRROR
 from nico_selfmodel.sessions.progress import Stage, of_robot
-from nico_selfmodel.sessions.rendered_nico import RenderedNico
 from nico_selfmodel.systems.rendering.body_image import BodyImage
 from nico_selfmodel.systems.rendering.stereo_cameras import ImageQuality
 from nico_selfmodel.systems.stations.nico_station import NicoStation
@@ -153,7 +152,7 @@ def check_marks(trials: int, robots: int) -> None:
 def _trials(known: Knowing, kinds: Sequence[str], stage: Stage) -> list[tuple[MarkTrial, Pair]]:
     """Make one robot's trials on one station."""
     robot = known.robot
-    nico = RenderedNico(robot.world, robot.seed, (MARKER,), ImageQuality())
+    nico = rendered(robot, ImageQuality())
     found: list[tuple[MarkTrial, Any]] = []
     marks = 0
     with BodyImage(nico.arm, robot.model) as image, NicoStation(

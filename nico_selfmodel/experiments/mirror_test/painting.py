@@ -83,7 +83,7 @@ class Painter:
             surfaces = {k: v for k, v in surfaces.items() if not k.startswith(OTHER)}
         seen = SeenSurface(surfaces, self._station.ground_truth.rig, self._mirror)
         links = [OTHER + link for link in LINKS] if kind == OTHER_ROBOT else list(LINKS)
-        places = seen.in_mirror_only(links, 50, rng)
+        places = seen.in_mirror_only(links, 50, rng, DIAMETER)
         for link, p_FQ in zip(places.links, places.p_FQ, strict=True):
             surface, X_LF = surfaces[link]
             color = surface.color(p_FQ)

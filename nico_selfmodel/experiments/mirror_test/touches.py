@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from nico_selfmodel.estimation.mirrors.mark_place import ON_ME
-from nico_selfmodel.experiments.mirror_test.acquaintance import MARKER
+from nico_selfmodel.experiments.mirror_test.acquaintance import rendered
 from nico_selfmodel.experiments.mirror_test.knowing import Knowing
 from nico_selfmodel.experiments.mirror_test.marks import MarkStage, MarkTrial
 from nico_selfmodel.experiments.mirror_test.painting import DIAMETER, LINKS, MARK
@@ -23,7 +23,7 @@ from nico_selfmodel.systems.simulated.ground_truth import GroundTruth
 
 PLANS = 50
 """Ways to places drawn anywhere on head and chest, in all; marks are not needed for them."""
-_POSTURES, _NEAR = 20000, 0.02
+_POSTURES, _NEAR = 10000, 0.02
 """Postures that are drawn for these, a robot, and how near the finger must come to a link [m]."""
 _BETWEEN = 5
 """Postures on the way from one planned posture to the next at which the truth is looked at."""
@@ -151,7 +151,7 @@ def run_touches(
     drawn = 0
     for i, known in enumerate(robots):
         seed = known.robot.seed
-        nico = RenderedNico(known.robot.world, seed, (MARKER,))
+        nico = rendered(known.robot)
         judge = TouchJudge(nico)
         planner = TouchPlanner(
             nico.arm, known.robot.model, FINGER,

@@ -5,14 +5,13 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from nico_selfmodel.experiments.mirror_test.acquaintance import MARKER
+from nico_selfmodel.experiments.mirror_test.acquaintance import rendered
 from nico_selfmodel.experiments.mirror_test.knowing import PLATE, Knowing
 from nico_selfmodel.planning.plans import commands_of_angles
 from nico_selfmodel.sessions.mirrors.mirror_looks import MirrorLook, MirrorLooks
 from nico_selfmodel.sessions.mirrors.mirror_scenario import MIRROR
 from nico_selfmodel.sessions.mirrors.nico_before_mirrors import DEFAULT_MIRROR, NicoBeforeMirrors
 from nico_selfmodel.sessions.progress import Stage, of_robot
-from nico_selfmodel.sessions.rendered_nico import RenderedNico
 from nico_selfmodel.systems.rendering.body_image import BodyImage
 from nico_selfmodel.systems.rendering.stereo_cameras import ImageQuality
 
@@ -83,7 +82,7 @@ def _look(
 ) -> tuple[list[tuple[MirrorLook, MirrorLook]], Mapping[int, str]]:
     """Look at oneself in one light, at random poses; and return the links by number."""
     robot = known.robot
-    nico = RenderedNico(robot.world, robot.seed, (MARKER,), ImageQuality(gain=light))
+    nico = rendered(robot, ImageQuality(gain=light))
     before = NicoBeforeMirrors(nico, {MIRROR: DEFAULT_MIRROR}, plate=PLATE)
     view, mirror = before.views[MIRROR], known.body.mirror(MIRROR)
     rng = np.random.default_rng((robot.seed, 44, round(100 * light)))

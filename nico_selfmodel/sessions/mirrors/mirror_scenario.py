@@ -14,6 +14,8 @@ from nico_selfmodel.estimation.mirrors.mirror_findings import judged
 from nico_selfmodel.estimation.results.verdict import Verdict
 from nico_selfmodel.model.cameras.mirror import Mirror
 from nico_selfmodel.model.self_model import SelfModel
+from nico_selfmodel.planning.mirror_view import ENOUGH
+from nico_selfmodel.plant import ArmDescription
 from nico_selfmodel.sessions.body_scenario import BodyScenario
 from nico_selfmodel.sessions.camera_scenario import RenderedNico
 from nico_selfmodel.sessions.mirrors.nico_before_mirrors import DEFAULT_MIRROR, NicoBeforeMirrors
@@ -64,6 +66,8 @@ def learn_mirror(
     poses: int = POSES,
     plate: MirrorPlate | None = None,
     mirrors: Mapping[str, Mirror] | None = None,
+    arm: ArmDescription | None = None,
+    choices: int = ENOUGH,
     stage: Stage | None = None,
 ) -> MirrorScenario:
     """Put mirrors before the robot, let it look at its hand in each, and learn where they stand.
@@ -78,6 +82,8 @@ def learn_mirror(
         plate: The glass.
         mirrors: Name -> where that mirror is meant to stand; `MIRROR` at the default place if
             omitted.
+        arm: Its arm, if that is another one than `looking_arm`.
+        choices: Poses of the hand in each mirror from which to choose.
         stage: Told what is going on.
 
     Returns:
@@ -86,11 +92,11 @@ def learn_mirror(
     Raises:
         EstimationError: If no plane fits.
     """
-    nico = RenderedNico(world, seed, (marker,))
+    nico = RenderedNico(world, seed, (marker,), arm=arm)
     places = mirrors or {MIRROR: DEFAULT_MIRROR}
     shown = next(iter(places))
     before = NicoBeforeMirrors(
-        nico, places, plate=plate, knows=model, rig=model.rig, familiar=familiar
+        nico, places, plate=plate, knows=model, rig=model.rig, familiar=familiar, choices=choices
     )
     data = before.record(
         "mirror", DAY, 2 * poses, progress=telling(stage, "looking at its hand in a mirror")

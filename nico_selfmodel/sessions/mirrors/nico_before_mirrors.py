@@ -15,7 +15,7 @@ from nico_selfmodel.model.cameras.stereo_rig import StereoRig
 from nico_selfmodel.model.self_model import SelfModel
 from nico_selfmodel.names import check_name
 from nico_selfmodel.planning.mirror_poses import MirrorPoses, plan_mirror_poses
-from nico_selfmodel.planning.mirror_view import MirrorView
+from nico_selfmodel.planning.mirror_view import ENOUGH, MirrorView
 from nico_selfmodel.planning.plans import Plan, commands_of_angles
 from nico_selfmodel.recording.recorded_samples import RecordedSamples
 from nico_selfmodel.recording.session import sample_pose
@@ -51,6 +51,7 @@ class NicoBeforeMirrors:
         knows: SelfModel | None = None,
         rig: StereoRig | None = None,
         familiar: NDArray | None = None,
+        choices: int = ENOUGH,
     ) -> None:
         """Choose where mirrors shall stand.
 
@@ -62,6 +63,7 @@ class NicoBeforeMirrors:
             rig: Calibrated cameras, if known: fiducials are located behind their lenses.
             familiar: Readings at which the arm was learned: poses near them are preferred.
                 Shape (K, n).
+            choices: Poses from which to choose: the more joints, the farther apart they are.
 
         Raises:
             ModelError: If hardly any pose shows the hand in one of the mirrors.
@@ -70,7 +72,11 @@ class NicoBeforeMirrors:
         self.plate = plate or MirrorPlate()
         self.views = {
             name: MirrorView.of(
-                nico.workspace, mirror, self.plate, np.random.default_rng((nico.seed, 21))
+                nico.workspace,
+                mirror,
+                self.plate,
+                np.random.default_rng((nico.seed, 21)),
+                choices,
             )
             for name, mirror in mirrors.items()
         }

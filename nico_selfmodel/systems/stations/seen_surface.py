@@ -23,6 +23,8 @@ _TRIED = 3000
 """Pixels that are followed at first."""
 _SAME = 1e-3
 """Two lines of sight that end as near to each other end at one place [m]."""
+_NARROWEST = 1.0
+"""What looks narrower than a pixel is not seen [px]."""
 _OFF = 0.03
 """What is this near to a camera belongs to it [m]."""
 
@@ -64,7 +66,7 @@ class SeenSurface:
         self._rig, self._mirror, self._cases = rig, mirror, set(cases)
 
     def in_mirror_only(
-        self, links: Sequence[str], count: int, rng: np.random.Generator
+        self, links: Sequence[str], count: int, rng: np.random.Generator, across: float = 0.0
     ) -> SeenPlaces:
         """Return places that both cameras see in the mirror and neither sees directly.
 
@@ -74,10 +76,14 @@ class SeenSurface:
             links: On which.
             count: How many at most.
             rng: Source of pixels.
+            across: Diameter of what is put there: a disc that lies so flat to a line of sight that
+                it looks narrower than a pixel is not seen [m].
         """
         p_LQ, on = self._followed(True, links, rng)
         for camera in self._rig.cameras:
             kept = self._sees(camera, p_LQ, True) & ~self._sees(camera, p_LQ, False)
+            if across:
+                kept[kept] = self._width(camera, p_LQ[kept], across) >= _NARROWEST
             p_LQ, on = p_LQ[kept], on[kept]
         return self._placed(p_LQ[:count], on[:count])
 
@@ -141,6 +147,12 @@ class SeenSurface:
         if mirrored:
             first &= self._open(start, shown, False)
         return inside & first
+
+    def _width(self, camera: Camera, p_LQ: NDArray, across: float) -> NDArray:
+        """Return how wide discs look in the mirror, along their narrow side [px]. Shape (N,)."""
+        ways = reflect(self._mirror, camera.X_WC[:3, 3]) - p_LQ
+        slant = np.sum(ways * normals_of_solids(self._solids, p_LQ), axis=1)
+        return camera.fx * across * slant / np.sum(ways * ways, axis=1)
 
     def _open(self, start: NDArray, ends: NDArray, mirrored: bool) -> NDArray:
         """Return between which points nothing stands. Shape (N,)."""

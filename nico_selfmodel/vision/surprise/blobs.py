@@ -11,6 +11,8 @@ from nico_selfmodel.vision.surprise.surprise import Surprise
 
 _WINDOW = 3
 """Sides of the places that are looked at [px]."""
+PLACE = _WINDOW**2
+"""Pixels of such a place."""
 FALSE_ALARM = 0.01
 """How often one picture of what was expected has a surprising place."""
 _HALVINGS = 80
@@ -75,7 +77,10 @@ def place_means(surprise: Surprise) -> NDArray:
     """
     judged = np.isfinite(surprise.chi_square)
     filled = np.where(judged, surprise.chi_square, 0.0)
-    whole = cv2.erode(judged.astype(np.uint8), np.ones((_WINDOW, _WINDOW), np.uint8)) > 0
+    window = np.ones((_WINDOW, _WINDOW), np.uint8)
+    # Beyond the picture's edge nothing is judged.
+    seen = judged.astype(np.uint8)
+    whole = cv2.erode(seen, window, borderType=cv2.BORDER_CONSTANT, borderValue=(0.0,)) > 0
     return np.where(whole, cv2.blur(filled, (_WINDOW, _WINDOW)), np.nan)
 
 
@@ -95,7 +100,7 @@ def threshold_of(places: int, false_alarms: float = FALSE_ALARM, freedom: int = 
     Args:
         places: n.
         false_alarms: How many of them may be above it by chance.
-        freedom: k, three for each picture that a place is judged in.
+        freedom: k, three for each picture or pixel that errs by itself.
     """
     low, high = 0.0, _HIGHEST
     for _ in range(_HALVINGS):
@@ -117,8 +122,8 @@ def blob_of(inside: NDArray, places: NDArray, threshold: NDArray | float) -> Blo
     """
     rows, columns = np.nonzero(inside)
     each = np.nan_to_num(places[rows, columns])
-    most = _ENOUGH * np.broadcast_to(threshold, places.shape)[rows, columns]
-    weight = np.minimum(each, most) + _LEAST
+    most = np.broadcast_to(threshold, places.shape)[rows, columns]
+    weight = np.minimum(each / most, _ENOUGH) + _LEAST
     return Blob(
         float(np.average(columns, weights=weight)),
         float(np.average(rows, weights=weight)),

@@ -1,10 +1,13 @@
 """What stands out of one picture: of the own body, of what is beside it, and by other pictures."""
 
+from collections.abc import Sequence
+
 import numpy as np
 from numpy.typing import NDArray
 
 from nico_selfmodel.vision.surprise.blobs import (
     FALSE_ALARM,
+    PLACE,
     Blob,
     blob_of,
     connected,
@@ -27,8 +30,10 @@ def seen_places(
     """Return surprising places of one picture, and which of them are so beyond chance.
 
     What is told by the expected body and what by an earlier picture are one picture: a spot that
-    lies half on the body and half beside it is one spot. Each part has its own threshold, as
-    `surprising_places` has it.
+    lies half on the body and half beside it is one spot. Each part has its own threshold. That of
+    the body is as `surprising_places` has it. An earlier picture, of one that stood still, errs by
+    the camera's noise alone, by which neighbours do not err alike: the mean of z^2 over 3 x 3
+    pixels is there a ninth of a chi-square of 27 degrees of freedom.
 
     Args:
         own: What differs from the expected body.
@@ -40,21 +45,33 @@ def seen_places(
         not one picture in a hundred does, or as all pictures together do not.
     """
     places = place_means(own if rest is None else own.beside(rest))
-    known = np.isfinite(place_means(own))
+    kinds = _kinds(own, rest)
     together = np.zeros(places.shape, dtype=bool) if shared is None else shared
-    certain = _bounds(places, known, FALSE_ALARM)
+    certain = _bounds(places, kinds, FALSE_ALARM)
     filled = np.nan_to_num(places)
     sure = (filled > certain) | together
-    above = (filled > _bounds(places, known, WEAK)) | together
+    above = (filled > _bounds(places, kinds, WEAK)) | together
     found = [(blob_of(i, places, certain), bool(sure[i].any())) for i in connected(above)]
     return _merged(found)
 
 
-def _bounds(places: NDArray, known: NDArray, false_alarms: float) -> NDArray:
-    """Return what each place must exceed, those of the body and those beside it apart. (h, w)."""
-    beside = int((np.isfinite(places) & ~known).sum())
-    own = threshold_of(int(known.sum()), false_alarms)
-    return np.where(known, own, threshold_of(beside, false_alarms))
+def _kinds(own: Surprise, rest: Surprise | None) -> list[tuple[NDArray, int]]:
+    """Return which places err alike, and how many pixels of each by themselves."""
+    by_body = np.isfinite(place_means(own))
+    by_change = np.zeros(by_body.shape, dtype=bool)
+    if rest is not None:
+        alone = np.where(np.isfinite(own.chi_square), np.nan, rest.chi_square)
+        by_change = np.isfinite(place_means(Surprise(alone, rest.gain)))
+    return [(by_body, 1), (by_change, PLACE), (~(by_body | by_change), 1)]
+
+
+def _bounds(places: NDArray, kinds: Sequence[tuple[NDArray, int]], false_alarms: float) -> NDArray:
+    """Return what the mean of z^2 over a place must exceed. Shape (h, w)."""
+    found = np.full(places.shape, np.inf)
+    for where, pixels in kinds:
+        count = int((np.isfinite(places) & where).sum())
+        found[where] = threshold_of(count, false_alarms, 3 * pixels) / pixels
+    return found
 
 
 def _merged(found: list[tuple[Blob, bool]]) -> list[tuple[Blob, bool]]:
