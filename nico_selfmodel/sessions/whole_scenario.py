@@ -7,6 +7,7 @@ import numpy as np
 
 from nico_selfmodel.dataset.body.body_dataset import BodyDataset
 from nico_selfmodel.dataset.body.joining import joined
+from nico_selfmodel.errors import DataError
 from nico_selfmodel.estimation.cameras.camera_adjustment import CameraCalibration
 from nico_selfmodel.estimation.results.fixed_parameters import FixedParameters
 from nico_selfmodel.estimation.tree.tree_calibration import TreeCalibration, calibrate_tree
@@ -19,6 +20,7 @@ from nico_selfmodel.sessions.room_lenses import lenses_from_cards
 from nico_selfmodel.sessions.whole_recording import WholeRecording, with_lenses
 from nico_selfmodel.systems.rendering.stereo_cameras import ImageQuality
 from nico_selfmodel.systems.simulated.imperfections import Imperfections
+from nico_selfmodel.systems.tracking.shared_search import corner_names
 
 _INTRINSICS = ("fx", "fy", "cx", "cy", "k1", "k2", "k3")
 """Of each lens, free when everything is learned together."""
@@ -100,6 +102,7 @@ def learn_whole(
         seen = robot.record(
             "hands", 1, 0, hands, lenses=lenses, progress=telling(stage, "looking at its hands")
         )
+        _require_hands(seen, whole)
         train = joined(train, seen, f"whole_nico_{seed}")
     test = robot.record(
         "test",
@@ -114,6 +117,22 @@ def learn_whole(
     telling(stage, "learning head and arms together")(1, 1)
     left = mechanics_left(robot.ground_truth, test)
     return WholeScenario(alone, looks, train, test, found, left)
+
+
+def _require_hands(seen: BodyDataset, whole: WholeRecording) -> None:
+    """Refuse a recording in which a hand was never seen, before more is recorded.
+
+    Raises:
+        DataError: If there is such a hand.
+    """
+    names = [marker.name for marker in seen.markers]
+    found = {names[i] for i in np.unique(seen.observations.marker).tolist()}
+    for side, marker in whole.hands.items():
+        if not found & set(corner_names(marker)):
+            raise DataError(
+                f"no picture shows {marker}, though the poses were planned to show it: something "
+                f"on the {side} hand may hide it, learn without that arm (--arms)"
+            )
 
 
 def _free_lenses(lenses: Mapping[str, Camera]) -> Wishes:
