@@ -56,7 +56,7 @@ def test_a_recording_without_mirrors_has_no_such_column(recording, tmp_path):
 
 
 def test_a_tracker_does_not_look_into_mirrors(recording, tmp_path):
-    with pytest.raises(DataError, match="'tracker' .points. names mirror 'hall': only a camera"):
+    with pytest.raises(DataError, match=r"'tracker' .points. names mirror 'hall': only a camera"):
         replace(recording, observations=replace(recording.observations, mirror=["hall"] * 4))
     save_body_dataset(recording, tmp_path / "there")
     file = tmp_path / "there" / "observations.csv"

@@ -1,6 +1,6 @@
 """A body before mirrors: direct sights tell a first body, and that where the mirrors are."""
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
 from dataclasses import replace
 
 import numpy as np
@@ -13,7 +13,6 @@ from nico_selfmodel.estimation.tree.tree_observations import TreeObservations
 from nico_selfmodel.estimation.tree.tree_parameters import TreeParameters
 from nico_selfmodel.estimation.tree.tree_problem import TreeProblem
 from nico_selfmodel.estimation.tree.tree_residuals import TreeResiduals
-from nico_selfmodel.estimation.tree.tree_setup import TreeSetup
 from nico_selfmodel.geometry.plane import Plane
 from nico_selfmodel.model.cameras.mirror import Mirror
 from nico_selfmodel.model.tree.standing_mirror import StandingMirror
@@ -57,7 +56,11 @@ def names_of_mirrors(mirrors: Iterable[str]) -> frozenset[str]:
 
 
 def place_mirrors(
-    seen: TreeObservations, parameters: TreeParameters, values: NDArray, setup: TreeSetup
+    seen: TreeObservations,
+    parameters: TreeParameters,
+    values: NDArray,
+    free: frozenset[str],
+    fixed: Mapping[str, float],
 ) -> tuple[TreeParameters, NDArray]:
     """Place the mirrors of a recording about a body that is nearly known, everything else held.
 
@@ -65,7 +68,8 @@ def place_mirrors(
         seen: All that was seen.
         parameters: Of the body, its mirrors anywhere.
         values: Of its parameters. Shape (P,).
-        setup: What is free, and what the user holds.
+        free: Names of what is estimated.
+        fixed: Values at which the user holds some.
 
     Returns:
         Parameters whose mirrors' tilts are told from where they are, and the values.
@@ -78,7 +82,7 @@ def place_mirrors(
     tree = tree.with_mirrors(mirrors_in(seen.data, tree))
     parameters = TreeParameters(replace(parameters.base, mirrors=tree.mirrors))
     values, planes = parameters.values_of(tree), names_of_mirrors(seen.data.mirrors)
-    for name in planes & set(setup.fixed):
-        values[parameters.index[name]] = setup.fixed[name]
-    problem = TreeProblem(TreeResiduals(seen, parameters), planes & setup.free, {})
+    for name in planes & set(fixed):
+        values[parameters.index[name]] = fixed[name]
+    problem = TreeProblem(TreeResiduals(seen, parameters), planes & free, {})
     return parameters, problem.rough(values)[0]

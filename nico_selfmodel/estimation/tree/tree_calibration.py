@@ -254,7 +254,7 @@ class _Start:
         problem = TreeProblem(TreeResiduals(observations, parameters), free, setup.priors)
         values, cost = problem.rough(values)
         if planes:
-            parameters, values = place_mirrors(seen, parameters, values, setup)
+            parameters, values = place_mirrors(seen, parameters, values, setup.free, setup.fixed)
             problem = TreeProblem(TreeResiduals(seen, parameters), setup.free, setup.priors)
             values, cost = problem.rough(values)
         if description is None:
