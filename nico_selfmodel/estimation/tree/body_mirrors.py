@@ -1,9 +1,6 @@
 """Mirrors that a known body sees itself in while its head moves: planes in its world.
 
-The body is held as it was learned, but not taken for exact: with b the errors of its parameters, of
-covariance C = L L', what is left of the whitened observations is e + U_b b + U_m dm. The planes are
-the generalised least squares solution with S = 1 + U_b C U_b', and err together with the body:
-cov(m, b) = -K U_b C, K = (U_m' S^-1 U_m)^-1 U_m' S^-1.
+The body is held as it was learned, but not taken for exact: see `known_with_errors`.
 """
 
 from dataclasses import dataclass, replace
@@ -14,6 +11,7 @@ from numpy.typing import NDArray
 from nico_selfmodel.dataset.body.body_dataset import BodyDataset
 from nico_selfmodel.errors import DataError, ModelError
 from nico_selfmodel.estimation.results.provenance import package_versions
+from nico_selfmodel.estimation.tree.known_with_errors import new_parameters
 from nico_selfmodel.estimation.tree.mirrored_tree import names_of_mirrors, place_mirrors
 from nico_selfmodel.estimation.tree.tree_calibration import TreeCalibration, refit_tree
 from nico_selfmodel.estimation.tree.tree_errors import TreeErrors, errors_of, told_as
@@ -21,10 +19,10 @@ from nico_selfmodel.estimation.tree.tree_observations import TreeObservations
 from nico_selfmodel.estimation.tree.tree_parameters import TreeParameters
 from nico_selfmodel.estimation.tree.tree_problem import TreeProblem
 from nico_selfmodel.estimation.tree.tree_residuals import TreeResiduals
-from nico_selfmodel.estimation.tree.tree_solution import TreeNoise, TreeSolution
+from nico_selfmodel.estimation.tree.tree_solution import TreeNoise
 from nico_selfmodel.model.self_model import ParameterCovariance
 from nico_selfmodel.model.tree.body_model import BodyModel
-from nico_selfmodel.model.tree.body_tree import BodyTree
+from nico_selfmodel.model.tree.body_tree import PRISMATIC, REVOLUTE, BodyTree
 from nico_selfmodel.optimization.uncertainty import Uncertainty
 
 _STEPS = 3
@@ -126,69 +124,50 @@ def _known_noise(model: BodyModel, seen: TreeObservations) -> TreeNoise | None:
     return TreeNoise(sensor, joint)
 
 
-@dataclass(frozen=True, eq=False)
-class _Weighed:
-    """Whitened observations, the body's errors counted among their noise."""
-
-    white: NDArray
-    """What is left. Shape (R,)."""
-    by_body: NDArray
-    """A = U_b L. Shape (R, k)."""
-    information: NDArray
-    """U_m' S^-1 U_m. Shape (p, p)."""
-    gain: NDArray
-    """K. Shape (p, R)."""
-
-    @classmethod
-    def at(
-        cls, problem: TreeProblem, solution: TreeSolution, own: list[int], known: list[int],
-        L: NDArray,
-    ) -> "_Weighed":  # fmt: skip
-        """Weigh them at a solution; S^-1 = 1 - A (1 + A'A)^-1 A'."""
-        U, white = problem.whitened_at(solution)
-        Um, A = U[:, own], U[:, known] @ L
-        weighed = Um - A @ np.linalg.solve(A.T @ A + np.eye(A.shape[1]), A.T @ Um)
-        information = Um.T @ weighed
-        gain = np.linalg.pinv(information, rcond=1e-12, hermitian=True) @ weighed.T
-        return cls(white, A, information, gain)
-
-
 def _with_errors_of_body(
     found: TreeCalibration, body: ParameterCovariance | None
 ) -> tuple[TreeCalibration, ParameterCovariance]:
     """Return planes that count the body's errors, and the covariance of body and planes."""
     residuals = TreeResiduals(found.train.observations, found.parameters)
-    planes = found.uncertainty.names
-    body = _without(body, planes)
-    problem = TreeProblem(
-        residuals, frozenset((*planes, *body.names)), {}, found.solution.noise, noise_known=True
-    )
-    own, known = ([problem.free_names.index(n) for n in names] for names in (planes, body.names))
-    vectors, root = np.linalg.eigh(body.matrix)[::-1]
-    L = vectors * np.sqrt(np.maximum(root, 0.0))
-    solution = found.solution
+    planes, body = found.uncertainty.names, _without(body, found.uncertainty.names)
+    zeros = _zeros(found)
+    free = frozenset((*planes, *body.names, *zeros))
+    problem = TreeProblem(residuals, free, {}, found.solution.noise, noise_known=True)
+    names = problem.free_names
+    own, known, drifting = ([names.index(n) for n in some] for some in (planes, body.names, zeros))
+    squares, vectors = np.linalg.eigh(body.matrix)
+    L = vectors * np.sqrt(np.maximum(squares, 0.0))
+    largest, solution = float(found.solution.noise.joint.max(initial=0.0)), found.solution
     for _ in range(_STEPS):
-        seen = _Weighed.at(problem, solution, own, known, L)
-        solution = _moved(solution, problem.columns[own], -seen.gain @ seen.white)
-    seen = _Weighed.at(problem, solution, own, known, L)
-    uncertainty = _uncertainty(found, planes, seen.information, len(seen.white))
-    across = -seen.gain @ seen.by_body @ L.T
+        U, white = problem.whitened_at(solution)
+        new = new_parameters(U[:, own], U[:, known] @ L, U[:, drifting], white, largest)
+        values = solution.values.copy()
+        values[problem.columns[own]] += new.step
+        solution = replace(solution, values=values)
+    U, white = problem.whitened_at(solution)
+    new = new_parameters(U[:, own], U[:, known] @ L, U[:, drifting], white, largest)
+    uncertainty = _uncertainty(found, planes, new.information, len(white))
+    across = new.with_body @ L.T
     matrix = np.block([[body.matrix, across.T], [across, uncertainty.covariance]])
-    values = solution.values
     moved = replace(
         found,
-        tree=found.parameters.tree_of(values),
+        tree=found.parameters.tree_of(solution.values),
         solution=solution,
         uncertainty=uncertainty,
-        train=TreeErrors(found.train.observations, residuals.residuals(values)),
+        train=TreeErrors(found.train.observations, residuals.residuals(solution.values)),
     )
     return moved, ParameterCovariance((*body.names, *planes), matrix)
 
 
-def _moved(solution: TreeSolution, columns: NDArray, step: NDArray) -> TreeSolution:
-    values = solution.values.copy()
-    values[columns] += step
-    return replace(solution, values=values)
+def _zeros(found: TreeCalibration) -> list[str]:
+    """Return the names of the zeros of all joints that are read: turns about their own axes."""
+    parts = {REVOLUTE: "rz", PRISMATIC: "z"}
+    tree, read = found.tree, {i for i, _ in found.train.observations.noisy_joints}
+    return [
+        f"{joint}.{parts[motion]}"
+        for i, (joint, motion) in enumerate(zip(tree.joints, tree.motions, strict=True))
+        if i in read and motion in parts
+    ]
 
 
 def _uncertainty(
