@@ -11,7 +11,11 @@ from numpy.typing import NDArray
 from nico_selfmodel.dataset.body.body_dataset import BodyDataset
 from nico_selfmodel.errors import DataError, ModelError
 from nico_selfmodel.estimation.results.provenance import package_versions
-from nico_selfmodel.estimation.tree.known_with_errors import new_parameters
+from nico_selfmodel.estimation.tree.known_with_errors import (
+    NewParameters,
+    drifts_of,
+    new_parameters,
+)
 from nico_selfmodel.estimation.tree.mirrored_tree import names_of_mirrors, place_mirrors
 from nico_selfmodel.estimation.tree.tree_calibration import TreeCalibration, refit_tree
 from nico_selfmodel.estimation.tree.tree_errors import TreeErrors, errors_of, told_as
@@ -19,10 +23,10 @@ from nico_selfmodel.estimation.tree.tree_observations import TreeObservations
 from nico_selfmodel.estimation.tree.tree_parameters import TreeParameters
 from nico_selfmodel.estimation.tree.tree_problem import TreeProblem
 from nico_selfmodel.estimation.tree.tree_residuals import TreeResiduals
-from nico_selfmodel.estimation.tree.tree_solution import TreeNoise
+from nico_selfmodel.estimation.tree.tree_solution import TreeNoise, TreeSolution
 from nico_selfmodel.model.self_model import ParameterCovariance
 from nico_selfmodel.model.tree.body_model import BodyModel
-from nico_selfmodel.model.tree.body_tree import PRISMATIC, REVOLUTE, BodyTree
+from nico_selfmodel.model.tree.body_tree import BodyTree
 from nico_selfmodel.optimization.uncertainty import Uncertainty
 
 _STEPS = 3
@@ -130,23 +134,28 @@ def _with_errors_of_body(
     """Return planes that count the body's errors, and the covariance of body and planes."""
     residuals = TreeResiduals(found.train.observations, found.parameters)
     planes, body = found.uncertainty.names, _without(body, found.uncertainty.names)
-    zeros = _zeros(found)
-    free = frozenset((*planes, *body.names, *zeros))
-    problem = TreeProblem(residuals, free, {}, found.solution.noise, noise_known=True)
-    names = problem.free_names
-    own, known, drifting = ([names.index(n) for n in some] for some in (planes, body.names, zeros))
+    drifts = drifts_of(found.tree, found.train.observations)
+    bends = TreeResiduals(residuals.observations, residuals.parameters.with_bending(drifts.bending))
+    free = frozenset((*planes, *body.names, *drifts.names))
+    problem = TreeProblem(bends, free, {}, found.solution.noise, noise_known=True)
+    names, still = problem.free_names, np.zeros(len(bends.parameters.names) - len(found.values))
+    own, known, drifting = ([names.index(n) for n in s] for s in (planes, body.names, drifts.names))
     squares, vectors = np.linalg.eigh(body.matrix)
     L = vectors * np.sqrt(np.maximum(squares, 0.0))
     largest, solution = float(found.solution.noise.joint.max(initial=0.0)), found.solution
+
+    def weighed(solution: TreeSolution) -> tuple[NewParameters, int]:
+        at = replace(solution, values=np.append(solution.values, still))
+        U, white = problem.whitened_at(at)
+        drift = U[:, drifting] * drifts.scale
+        return new_parameters(U[:, own], U[:, known] @ L, drift, white, largest), len(white)
+
     for _ in range(_STEPS):
-        U, white = problem.whitened_at(solution)
-        new = new_parameters(U[:, own], U[:, known] @ L, U[:, drifting], white, largest)
         values = solution.values.copy()
-        values[problem.columns[own]] += new.step
+        values[problem.columns[own]] += weighed(solution)[0].step
         solution = replace(solution, values=values)
-    U, white = problem.whitened_at(solution)
-    new = new_parameters(U[:, own], U[:, known] @ L, U[:, drifting], white, largest)
-    uncertainty = _uncertainty(found, planes, new.information, len(white))
+    new, count = weighed(solution)
+    uncertainty = _uncertainty(found, planes, new.information, count)
     across = new.with_body @ L.T
     matrix = np.block([[body.matrix, across.T], [across, uncertainty.covariance]])
     moved = replace(
@@ -157,17 +166,6 @@ def _with_errors_of_body(
         train=TreeErrors(found.train.observations, residuals.residuals(solution.values)),
     )
     return moved, ParameterCovariance((*body.names, *planes), matrix)
-
-
-def _zeros(found: TreeCalibration) -> list[str]:
-    """Return the names of the zeros of all joints that are read: turns about their own axes."""
-    parts = {REVOLUTE: "rz", PRISMATIC: "z"}
-    tree, read = found.tree, {i for i, _ in found.train.observations.noisy_joints}
-    return [
-        f"{joint}.{parts[motion]}"
-        for i, (joint, motion) in enumerate(zip(tree.joints, tree.motions, strict=True))
-        if i in read and motion in parts
-    ]
 
 
 def _uncertainty(
