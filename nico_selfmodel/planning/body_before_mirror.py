@@ -19,7 +19,7 @@ from nico_selfmodel.systems.simulated.glass import Glass
 
 _DRAWN = 4000
 """Poses that are drawn at once."""
-_ROUNDS = 200
+_ROUNDS = 25
 """How often they are drawn before it is given up."""
 _PLACED_BY = 40
 """Poses whose lines of sight tell where the middle of the glass shall be."""
@@ -70,7 +70,7 @@ class BodyBeforeMirror:
         return replace(endless, glass=Glass(_upright(plane, X_WL, middle), *size))
 
     def seen(self, q: NDArray) -> NDArray:
-        """Return which cameras would see which markers in the glass, but for what hides them.
+        """Return which cameras see which of its markers in the glass, but for what hides them.
 
         Args:
             q: Angles of the commanded joints [rad]. Shape (N, k).
@@ -78,7 +78,7 @@ class BodyBeforeMirror:
         Returns:
             Boolean, shape (N, cameras, markers).
         """
-        motion, tree, plane = self._motion(q), self.view.tree, self.glass.plane
+        motion, tree, plane = self._motion(q), self.view.body.tree, self.glass.plane
         places = [motion.pose_of(m) for m in tree.markers]
         p_WM = np.stack([p.T for _, p in places], axis=1)
         z_WM = np.stack([R[:, 2].T for R, _ in places], axis=1)
@@ -99,7 +99,7 @@ class BodyBeforeMirror:
 
     def spots(self, q: NDArray, marker: str) -> NDArray:
         """Return where lines of sight to a marker's reflection meet the plane. Shape (M, 3)."""
-        motion, tree, plane = self._motion(q), self.view.tree, self.glass.plane
+        motion, tree, plane = self._motion(q), self.view.body.tree, self.glass.plane
         p_WM = motion.pose_of(tree.markers[tree.marker_index(marker)])[1].T
         virtual, out = reflect(plane, p_WM), []
         for sensor in tree.sensors:
@@ -123,7 +123,7 @@ class BodyBeforeMirror:
             ModelError: If hardly any pose shows them.
         """
         body, found = self.view.body, []
-        own = [self.view.tree.marker_index(name) for name in markers]
+        own = [body.tree.marker_index(name) for name in markers]
         for _ in range(_ROUNDS):
             q = rng.uniform(body.lower, body.upper, (_DRAWN, len(body.joints)))
             found.extend(q[self.seen(q)[:, :, own].all(axis=(1, 2))])
@@ -136,7 +136,7 @@ class BodyBeforeMirror:
         )
 
     def _motion(self, q: NDArray) -> TreeMotion:
-        return TreeMotion.at(self.view.tree, self.view.posture(q))
+        return TreeMotion.at(self.view.body.tree, self.view.posture(q))
 
 
 def _left_camera(view: BodyView) -> NDArray:
