@@ -181,3 +181,17 @@ def test_a_body_and_a_mirror_are_learned_together(everything):
     pins = FixedParameters.from_text([f"mirror.glass.distance={plane.offset!r}"], [])
     held = calibrate_tree(data, effects=(), wishes=Wishes(pins))
     assert held.tree.mirror("glass").plane.offset == plane.offset
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("seed", [10, 15])
+def test_ten_poses_place_a_mirror_before_a_body_that_learned_itself(seed):
+    """What is wanted of the whole body: 0.1 deg and 0.5 mm, where the head is."""
+    body = body_model(
+        calibrate_tree(whole_body_session(THESIS, seed, 0, looks=60, hands=80), effects=())
+    )
+    seen = session_before_mirrors(THESIS, seed, 5, {"glass": DEFAULT_MIRROR}, poses=10)
+    found, plane = calibrate_body_mirrors(seen.data, body).model, seen.planes_true["glass"]
+    head, here = np.array([0.085, 0.0, 0.48]), found.tree.mirror("glass").plane
+    assert deviation(found, "glass", plane)[1] < np.radians(0.1)
+    assert here.distance_to(head) == pytest.approx(plane.distance_to(head), abs=5e-4)
