@@ -68,10 +68,11 @@ def _mirrors(document: Mapping[str, Any]) -> Iterator[tuple[str, str]]:
     for name, entry in mirrors.items():
         test = entry["flatness"]
         flat = "not tested for flatness" if test is None else "flat" if test["flat"] else "not flat"
+        start = entry.get("distance_from", "the left camera")
         yield (
             f"mirror {name}",
-            f"{entry['poses']} poses, {entry['distance_mm']:.0f} mm from the left camera, normal "
-            f"to {entry['normal_sigma_deg']:.2f} deg, {flat}",
+            f"{entry['poses']} poses, {entry['distance_mm']:.0f} mm from {start}, normal to "
+            f"{entry['normal_sigma_deg']:.2f} deg, {flat}",
         )
 
 

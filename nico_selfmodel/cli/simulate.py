@@ -7,6 +7,9 @@ import typer
 
 from nico_selfmodel.cli import inputs, options, printer
 
+_LOOKS, _HANDS, _REFLECTIONS = 60, 80, 20
+"""Poses of a whole body about the room, of each hand, and before each mirror, unless told."""
+
 
 def motion_capture(
     out: options.Out,
@@ -85,35 +88,69 @@ def whole_body(
     seed: options.RobotSeed = 0,
     session: options.Session = 0,
     looks: Annotated[
-        int, typer.Option("--looks", min=0, help="Poses in which the head looks about the room.")
-    ] = 60,
+        int | None,
+        typer.Option("--looks", min=0, help="Poses in which the head looks about the room; 60."),
+    ] = None,
     hands: Annotated[
-        int, typer.Option("--hands", min=0, help="Poses of each hand before both cameras.")
-    ] = 80,
+        int | None, typer.Option("--hands", min=0, help="Poses of each hand before cameras; 80.")
+    ] = None,
+    mirror: Annotated[
+        list[str] | None,
+        typer.Option(
+            "--mirror",
+            metavar="ID=MM,DEG,DEG",
+            help="Record hands in a mirror: distance from the left camera of a head that looks "
+            "straight ahead, turned to the right and upwards. Repeat for more; ID alone stands "
+            "300 mm away, leaning back by 20 deg.",
+        ),
+    ] = None,
+    reflections: Annotated[
+        int | None, typer.Option("--reflections", min=1, help="Poses before each mirror; 20.")
+    ] = None,
     joint_noise_deg: options.JointNoise = None,
     force: options.Force = False,
 ) -> None:
     """Let a whole Nico look about a known room and at its hands; writes a recording of a body.
 
+    With --mirror it looks at its hands in mirrors, and does the rest only where it is asked for.
     Places of markers in the images are projected, not found in pictures, and nothing hides them.
     """
     from nico_selfmodel.dataset.body.body_folder import save_body_dataset
+    from nico_selfmodel.dataset.body.joining import joined
     from nico_selfmodel.files.whole import refuse_existing
+    from nico_selfmodel.sessions.mirrors.nico_before_mirrors import mirrors_of_words
+    from nico_selfmodel.sessions.mirrors.whole_nico_before_mirrors import session_before_mirrors
     from nico_selfmodel.sessions.whole_body import whole_body_session
     from nico_selfmodel.systems.simulated.imperfections import imperfections_named
 
     refuse_existing(out, force=force)
-    name = inputs.name_after(out)
+    name, mirrors = inputs.name_after(out), mirrors_of_words(mirror or ())
+    if reflections is not None and not mirrors:
+        raise ValueError("--reflections are seen in a mirror: give --mirror")
+    looks, hands = (
+        (0 if mirrors else most) if asked is None else asked
+        for asked, most in ((looks, _LOOKS), (hands, _HANDS))
+    )
     world = imperfections_named(imperfections).with_noise(play_deg=joint_noise_deg)
+    found = []
     with printer.progress_bar() as progress:
-        data = whole_body_session(
-            world,
-            seed,
-            session,
-            looks=looks,
-            hands=hands,
-            name=name,
-            progress=lambda done, total: progress("moving", done, total),
-        )
+
+        def tell(done: int, total: int) -> None:
+            progress("moving", done, total)
+
+        if looks + hands or not mirrors:
+            found.append(
+                whole_body_session(
+                    world, seed, session, looks=looks, hands=hands, name=name, progress=tell
+                )
+            )
+        if mirrors:
+            poses = _REFLECTIONS if reflections is None else reflections
+            found.append(
+                session_before_mirrors(
+                    world, seed, session, mirrors, poses=poses, name=name, progress=tell
+                ).data
+            )
+    data = joined(found[0], found[1], name) if len(found) == 2 else found[0]
     save_body_dataset(data, out, force=force)
     printer.body_dataset(data, out)

@@ -216,3 +216,22 @@ def move_on_sphere(direction: ArrayLike, step: ArrayLike) -> tuple[NDArray, NDAr
         * step[..., None, :]
     )
     return moved, derivative
+
+
+def step_on_sphere(direction: ArrayLike, moved: ArrayLike) -> NDArray:
+    """Return the coordinates that lead from one unit vector to another, `move_on_sphere` back.
+
+    Every way leads to the opposite vector: the same one is returned for it.
+
+    Args:
+        direction: Unit vector d, whose `tangent_basis` is B. Shape (3,).
+        moved: Unit vector. Shape (3,).
+
+    Returns:
+        [rad]. Shape (2,).
+    """
+    direction, moved = np.asarray(direction, dtype=float), np.asarray(moved, dtype=float)
+    aside = tangent_basis(direction).T @ moved
+    sine = float(np.linalg.norm(aside))
+    angle = np.arctan2(sine, moved @ direction)
+    return aside * (angle / sine) if sine > 0.0 else np.zeros(2)

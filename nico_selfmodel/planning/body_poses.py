@@ -63,23 +63,37 @@ class BodyView:
             Boolean, shape (N, cameras, markers).
         """
         tree = self.tree
-        motion = TreeMotion.at(tree, self._posture(q))
+        motion = TreeMotion.at(tree, self.posture(q))
         places = [motion.pose_of(m) for m in tree.markers]
         p_WM = np.stack([p.T for _, p in places], axis=1)
         z_WM = np.stack([R[:, 2].T for R, _ in places], axis=1)
-        edge = _EDGE_PX if self.limits is None else self.limits.margin
         out = np.zeros((len(q), len(tree.sensors), len(tree.markers)), dtype=bool)
         for c, sensor in enumerate(tree.sensors):
             R, p = motion.pose_of(sensor)
-            X_CW = inverse(transform(R.transpose(2, 0, 1), p.T))
-            p_CM = np.einsum("nij,nmj->nmi", X_CW[:, :3, :3], p_WM) + X_CW[:, None, :3, 3]
-            lens = tree.lenses[sensor.name].at(np.eye(4))
-            uv = lens.project(p_CM.reshape(-1, 3)).reshape(*p_CM.shape[:2], 2)
-            far = np.array(lens.image_size) - 1.0 - edge
-            with np.errstate(invalid="ignore"):
-                out[:, c] = ((uv > edge) & (uv < far)).all(axis=2)
+            out[:, c] = self.inside(sensor.name, R, p, p_WM)
             out[:, c] &= self._plain(p.T[:, None] - p_WM, z_WM)
         return out
+
+    def inside(self, camera: str, R: NDArray, p: NDArray, points: NDArray) -> NDArray:
+        """Return which points a camera has in its image, not next to its edges.
+
+        Args:
+            camera: Its name.
+            R: Its orientations in W. Shape (3, 3, N).
+            p: Its places in W [m]. Shape (3, N).
+            points: In W, of each pose [m]. Shape (N, m, 3).
+
+        Returns:
+            Boolean, shape (N, m).
+        """
+        edge = _EDGE_PX if self.limits is None else self.limits.margin
+        X_CW = inverse(transform(R.transpose(2, 0, 1), p.T))
+        p_CM = np.einsum("nij,nmj->nmi", X_CW[:, :3, :3], points) + X_CW[:, None, :3, 3]
+        lens = self.tree.lenses[camera].at(np.eye(4))
+        uv = lens.project(p_CM.reshape(-1, 3)).reshape(*p_CM.shape[:2], 2)
+        far = np.array(lens.image_size) - 1.0 - edge
+        with np.errstate(invalid="ignore"):
+            return np.asarray(((uv > edge) & (uv < far)).all(axis=2))
 
     def _plain(self, p_MC_W: NDArray, z_WM: NDArray) -> NDArray:
         """Return which markers a camera's pictures show well, by the way to it. Shape (N, m).
@@ -145,13 +159,13 @@ class BodyView:
 
     def _hidden(self, q: NDArray, card: Attached) -> bool:
         """Return whether the body itself hides a corner of a card from a camera."""
-        motion = TreeMotion.at(self.tree, self._posture(q[None]))
+        motion = TreeMotion.at(self.tree, self.posture(q[None]))
         R, p = (part[..., 0] for part in motion.pose_of(card))
         corners = p + _CORNERS @ R.T + _LIFT * R[:, 2]
         cameras = (motion.pose_of(sensor)[1][:, 0] for sensor in self.tree.sensors)
         return any(self.shapes.hides(q, card.name, corners, p_BC, _ROOM) for p_BC in cameras)
 
-    def _posture(self, q: NDArray) -> NDArray:
+    def posture(self, q: NDArray) -> NDArray:
         """Return angles of all joints, those that nobody commands held. (N, k) -> (N, n)."""
         everything = np.array([[self.body.held.get(name, 0.0) for name in self.tree.joints]])
         everything = np.repeat(everything, len(q), axis=0)

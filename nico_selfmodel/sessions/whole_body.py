@@ -60,7 +60,7 @@ def room_about_nico() -> dict[str, NDArray]:
 def whole_nico(world: Imperfections, seed: int) -> tuple[WholeNico, BodyTree]:
     """Return a Nico, and its true body in the frame of the room, the room's markers with it."""
     nico = WholeNico.build(looking_body(), world, seed, NICO_CAMERAS)
-    mechanics = nico.mechanics.in_room(_attached(room_about_nico()))
+    mechanics = nico.mechanics.in_room(attached_in_room(room_about_nico()))
     return replace(nico, mechanics=mechanics), mechanics.tree
 
 
@@ -100,7 +100,8 @@ def whole_body_session(
         raise ValueError(f"nothing to record: looks and hands must not both be 0, got {looks}")
     nico, tree = whole_nico(world, seed)
     room = room_about_nico()
-    view, rng = BodyView(nico.body, _attached(room)), np.random.default_rng((seed, session, 24))
+    rng = np.random.default_rng((seed, session, 24))
+    view = BodyView(nico.body, attached_in_room(room))
     poses = [view.poses(list(room), IN_ROOM, looks, rng)] if looks else []
     for side in ARM_JOINTS if hands else ():
         own = [f"{side}_hand_fiducial", f"{side}_finger_tip"]
@@ -124,7 +125,8 @@ def whole_body_session(
     )
 
 
-def _attached(room: Mapping[str, NDArray]) -> list[Attached]:
+def attached_in_room(room: Mapping[str, NDArray]) -> list[Attached]:
+    """Return markers fixed in the room, by their places [m]. Shape (3,) each."""
     return [
         Attached(name, WORLD, transform(np.eye(3), p), oriented=False) for name, p in room.items()
     ]

@@ -11,11 +11,14 @@ from nico_selfmodel.dataset.body.sensors import SENSOR_COLUMNS, MarkerInfo, Sens
 from nico_selfmodel.estimation.tree.tree_observations import TreeObservations
 from nico_selfmodel.estimation.tree.tree_parameters import TreeParameters
 from nico_selfmodel.estimation.tree.tree_residuals import TreeResiduals
+from nico_selfmodel.geometry.plane import Plane
 from nico_selfmodel.geometry.rotation import rotation_from_vector, rotation_vectors_of
 from nico_selfmodel.geometry.transform import transform
 from nico_selfmodel.model.arm.bending import PARTS, Bending
 from nico_selfmodel.model.cameras.camera import Camera
+from nico_selfmodel.model.cameras.mirror import Mirror
 from nico_selfmodel.model.tree.body_tree import Attached, BodyTree
+from nico_selfmodel.model.tree.standing_mirror import StandingMirror
 
 SIZE = (640, 480)
 JOINTS = (
@@ -76,17 +79,36 @@ def scene():
     return data, parameters, x
 
 
-@pytest.mark.parametrize("bearings", [False, True])
-def test_every_parameter_moves_the_residuals_as_its_derivative_says(scene, bearings):
+@pytest.fixture(scope="module")
+def mirrored(scene):
+    """The same body, most of what its camera saw being reflections in one of two mirrors."""
     data, parameters, x = scene
+    rng = np.random.default_rng(5)
+    table = data.observations
+    names = np.where(table.sensor == 2, rng.choice(["", "hall", "door"], len(table)), "")
+    walls = [rng.normal(size=3) for _ in range(2)]
+    planes = [Plane(n / np.linalg.norm(n), 2.0) for n in walls]
+    mirrors = tuple(map(StandingMirror, ("door", "hall"), planes))
+    both = TreeParameters(replace(parameters.base, mirrors=mirrors))
+    tree = parameters.tree_of(x).with_mirrors(mirrors)
+    y = both.values_of(tree)
+    assert both.names[-6:] == (*Mirror.names_of("door"), *Mirror.names_of("hall"))
+    return replace(data, observations=replace(table, mirror=names)), both, y
+
+
+@pytest.mark.parametrize("bearings", [False, True])
+@pytest.mark.parametrize("which", ["scene", "mirrored"])
+def test_every_parameter_moves_the_residuals_as_its_derivative_says(which, bearings, request):
+    data, parameters, x = request.getfixturevalue(which)
     observations = TreeObservations.of(data)
     if bearings:
         observations = observations.as_bearings(parameters.base.lenses)
     residuals = TreeResiduals(observations, parameters)
     linear = residuals.linear(x)
     assert linear.r == pytest.approx(residuals.residuals(x))
-    inside = parameters.gears.stop
-    for i, name in enumerate(parameters.names[: inside if bearings else None]):
+    for i, name in enumerate(parameters.names):
+        if bearings and name in parameters.of_lenses:
+            continue
         step = np.zeros(len(x))
         step[i] = 1e-6 * max(1.0, abs(x[i]) / 100.0)
         moved = residuals.residuals(x + step) - residuals.residuals(x - step)
@@ -94,8 +116,9 @@ def test_every_parameter_moves_the_residuals_as_its_derivative_says(scene, beari
         assert linear.J[i] == pytest.approx(slope, abs=2e-6 * (1.0 + np.abs(slope).max())), name
 
 
-def test_wrong_readings_move_the_residuals_as_their_derivatives_say(scene):
-    data, parameters, x = scene
+@pytest.mark.parametrize("which", ["scene", "mirrored"])
+def test_wrong_readings_move_the_residuals_as_their_derivatives_say(which, request):
+    data, parameters, x = request.getfixturevalue(which)
     residuals = TreeResiduals(TreeObservations.of(data), parameters)
     linear, gear = residuals.linear(x), parameters.tree_of(x).gear
 
@@ -122,18 +145,21 @@ def test_wrong_readings_move_the_residuals_as_their_derivatives_say(scene):
         assert linear.by_joint[:, m] == pytest.approx(slope, abs=2e-6 * (1 + np.abs(slope).max()))
 
 
-def test_values_of_a_body_are_those_that_it_was_made_of(scene):
-    _, parameters, x = scene
+@pytest.mark.parametrize("which", ["scene", "mirrored"])
+def test_values_of_a_body_are_those_that_it_was_made_of(which, request):
+    _, parameters, x = request.getfixturevalue(which)
     again = parameters.values_of(parameters.tree_of(x))
     # A turn by more than half a round is written down as the shorter one the other way.
     turns = np.array(parameters.units) == "rad"
+    turns[parameters.gears.start :] = False
     assert again[~turns] == pytest.approx(x[~turns])
     one, two = (rotation_from_vector(v[turns].reshape(-1, 3)) for v in (again, x))
     assert one == pytest.approx(two, abs=1e-9)
 
 
-def test_what_bends_moves_the_residuals_as_its_derivative_says(scene):
-    data, parameters, _ = scene
+@pytest.mark.parametrize("which", ["scene", "mirrored"])
+def test_what_bends_moves_the_residuals_as_its_derivative_says(which, request):
+    data, parameters, _ = request.getfixturevalue(which)
     rng = np.random.default_rng(3)
     n = len(data.joints)
     loads, pivots = 0.3 * rng.normal(size=(n, 3)), 0.2 * rng.normal(size=n)

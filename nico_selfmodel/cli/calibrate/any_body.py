@@ -4,7 +4,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, NoReturn
 
 from nico_selfmodel.cli import printer
-from nico_selfmodel.cli.result_files import stamped
+from nico_selfmodel.cli.result_files import stamped, write_with_report
 
 if TYPE_CHECKING:
     from nico_selfmodel.dataset.body.body_dataset import BodyDataset
@@ -75,6 +75,42 @@ def calibrate(
         write_result(out, body_model(found), document, files, force=force)
         progress("writing the result", 1, 1)
     printer.result(found.name, document, out, json_instead=as_json)
+
+
+def calibrate_mirrors(
+    dataset: Path,
+    model: Path,
+    out: Path,
+    *,
+    test: Path | None,
+    test_fraction: float | None,
+    seed: int,
+    name: str | None,
+    require_test_px: float | None,
+    force: bool,
+    as_json: bool,
+) -> NoReturn:
+    """Learn mirrors in which a known body saw itself, and leave a result folder."""
+    from nico_selfmodel.estimation.judging import judge, to_json
+    from nico_selfmodel.estimation.tree.body_mirrors import calibrate_body_mirrors
+    from nico_selfmodel.model.tree.body_model import load_body
+
+    body = load_body(model)
+    train, held_out = _train_and_test(dataset, test, test_fraction, seed)
+    with printer.progress_bar() as progress:
+        progress("learning mirrors", 0, 1)
+        learned = calibrate_body_mirrors(train, body, test=held_out, name=name)
+        verdict = judge(learned.found, None, require_test_px)
+        document = stamped(to_json(learned.found, verdict))
+        progress("learning mirrors", 1, 1)
+        progress("writing the result", 0, 1)
+        # Drawing is slow to load, and only needed once there is something to draw.
+        from nico_selfmodel.viz.reports.tree import tree_report
+
+        report = tree_report(learned.found, document)
+        write_with_report(out, learned.model, report, force=force)
+        progress("writing the result", 1, 1)
+    printer.result(learned.model.name, document, out, json_instead=as_json)
 
 
 def _train_and_test(

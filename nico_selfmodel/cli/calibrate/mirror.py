@@ -5,10 +5,12 @@ from typing import Annotated
 import typer
 
 from nico_selfmodel.cli import inputs, options, printer
+from nico_selfmodel.cli.calibrate import any_body
 from nico_selfmodel.cli.result_files import stamped, write_with_report
 
 
 def mirror(
+    context: typer.Context,
     dataset: options.Dataset,
     model: options.KnownModel,
     out: options.Out,
@@ -30,7 +32,8 @@ def mirror(
 ) -> None:
     """Learn where mirrors stand from poses in which the cameras saw the hand in them.
 
-    The model has arm and cameras; rows of the data set name their mirror.
+    The model has arm and cameras; rows of the data set name their mirror. A body whose head moves
+    learns planes in its world from a recording of poses and observations.
     """
     from math import radians
 
@@ -39,8 +42,24 @@ def mirror(
     from nico_selfmodel.estimation.mirrors.mirror_findings import judged
     from nico_selfmodel.files.whole import refuse_folder
     from nico_selfmodel.model.self_model_file import load_model
+    from nico_selfmodel.model.tree.body_model import is_body
 
     refuse_folder(out, force=force, inputs=[dataset, test, model])
+    if is_body(model):
+        why = "a body knows the noise of its joints, and leaves out what contradicts it"
+        options.refuse_given(context, ["joint_sigma_deg", "loss"], why)
+        any_body.calibrate_mirrors(
+            dataset,
+            model,
+            out,
+            test=test,
+            test_fraction=test_fraction,
+            seed=seed,
+            name=name,
+            require_test_px=require_test_px,
+            force=force,
+            as_json=as_json,
+        )
     body = load_model(model)
     train, held_out = inputs.train_and_test(dataset, test, test_fraction, seed)
     with printer.progress_bar() as progress:

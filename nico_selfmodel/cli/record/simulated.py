@@ -100,12 +100,10 @@ def _before_mirrors(request: "Request", world: "Imperfections") -> "Dataset":
     from nico_selfmodel.sessions.camera_scenario import MARKERS, RenderedNico
     from nico_selfmodel.sessions.mirrors.nico_before_mirrors import (
         NicoBeforeMirrors,
-        mirror_of_words,
+        mirrors_of_words,
     )
 
-    places = [mirror_of_words(words) for words in request.mirrors]
-    if len(dict(places)) < len(places):
-        raise ValueError("two mirrors have one name: give each --mirror its own")
+    places = mirrors_of_words(request.mirrors)
     model = None if request.cameras is None else load_model(request.cameras)
     knows = model if model is not None and model.has_arm else None
     marker = MARKERS[request.sensor]
@@ -116,7 +114,7 @@ def _before_mirrors(request: "Request", world: "Imperfections") -> "Dataset":
         )
     nico = RenderedNico(world, request.seed, (marker,))
     rig = None if model is None else model.rig
-    body = NicoBeforeMirrors(nico, dict(places), knows=knows, rig=rig)
+    body = NicoBeforeMirrors(nico, places, knows=knows, rig=rig)
     with printer.progress_bar() as progress:
         return body.record(
             inputs.name_after(request.out),

@@ -1,7 +1,7 @@
 """What any sensors measured of any body, at which poses."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 
 import numpy as np
@@ -9,7 +9,13 @@ from numpy.typing import ArrayLike, NDArray
 
 from nico_selfmodel.arrays import read_only
 from nico_selfmodel.dataset.body.link_joint import WORLD_NAME, LinkJoint, coupling_of, parents_of
-from nico_selfmodel.dataset.body.sensors import DISTANCE, SENSOR_COLUMNS, MarkerInfo, SensorInfo
+from nico_selfmodel.dataset.body.sensors import (
+    CAMERA,
+    DISTANCE,
+    SENSOR_COLUMNS,
+    MarkerInfo,
+    SensorInfo,
+)
 from nico_selfmodel.dataset.poses import pose_numbers
 from nico_selfmodel.errors import DataError
 from nico_selfmodel.geometry.rotation import rotation_from_vector
@@ -21,6 +27,10 @@ WIDTH = 6
 """Columns of `Observations.values`."""
 ANY_POSE = -1
 """Pose of an observation that is the same in all: the distance of two markers of one link."""
+
+
+COLUMNS = ("pose", "sensor", "marker", "other", "values", "mirror")
+"""Arrays of an `ObservationTable`, in its order."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -37,12 +47,17 @@ class ObservationTable:
     """Index of the second marker of a distance, -1 else. Shape (N,)."""
     values: NDArray
     """What was measured, in the columns of the sensor's kind, then nan. Shape (N, 6)."""
+    mirror: NDArray = field(default_factory=lambda: np.zeros(0, dtype=str))
+    """Mirror in which a camera saw the marker, empty where directly, as all if omitted. Text, shape
+    (N,)."""
 
     def __post_init__(self) -> None:
         """Make the arrays read-only."""
         for key in ("pose", "sensor", "marker", "other"):
             object.__setattr__(self, key, read_only(getattr(self, key), np.int64))
         object.__setattr__(self, "values", read_only(self.values, float))
+        mirror = self.mirror if np.size(self.mirror) else np.full(len(self.pose), "")
+        object.__setattr__(self, "mirror", read_only(mirror, str))
 
     def __len__(self) -> int:
         """Return the number of observations."""
@@ -50,8 +65,7 @@ class ObservationTable:
 
     def select(self, keep: NDArray) -> "ObservationTable":
         """Return some of the rows. `keep` is a boolean mask or an index."""
-        keys = ("pose", "sensor", "marker", "other", "values")
-        return ObservationTable(*(getattr(self, key)[keep] for key in keys))
+        return ObservationTable(*(getattr(self, key)[keep] for key in COLUMNS))
 
 
 @dataclass(frozen=True, eq=False)
@@ -113,6 +127,11 @@ class BodyDataset:
     def joint_names(self) -> tuple[str, ...]:
         """Names of the joints."""
         return tuple(joint.name for joint in self.joints)
+
+    @property
+    def mirrors(self) -> tuple[str, ...]:
+        """Names of the mirrors in which something was seen."""
+        return tuple(sorted(set(self.observations.mirror.tolist()) - {""}))
 
     @cached_property
     def si_readings(self) -> NDArray:
@@ -177,6 +196,14 @@ class BodyDataset:
             approach=np.asarray(self.approach)[keep],
             observations=replace(chosen, pose=new[chosen.pose]),
         )
+
+    def of_rows(self, rows: NDArray) -> "BodyDataset":
+        """Return the same poses with some of what was seen. Boolean mask or index.
+
+        Raises:
+            DataError: If nothing is left.
+        """
+        return replace(self, observations=self.observations.select(rows))
 
     def like(self, other: "BodyDataset") -> "BodyDataset":
         """Return this recording with another's markers and sensors, of the same joints.
@@ -284,6 +311,7 @@ def _check_observations(data: BodyDataset) -> None:
         raise DataError("an observation is of a marker that is not listed")
     if not ((table.sensor >= 0) & (table.sensor < len(data.sensors))).all():
         raise DataError("an observation is of a sensor that is not listed")
+    _check_mirrors(data)
     widths = np.array([data.width(i) for i in range(len(data.sensors))])[table.sensor]
     given = np.isfinite(table.values)
     bad = (given != (np.arange(WIDTH) < widths[:, None])).any(axis=1)
@@ -307,4 +335,21 @@ def _check_observations(data: BodyDataset) -> None:
         raise DataError(
             f"observation {int(np.argmax(loose))} has no sample: only the distance of two markers "
             "of one link is the same in all of them"
+        )
+
+
+def _check_mirrors(data: BodyDataset) -> None:
+    table = data.observations
+    if table.mirror.shape != table.pose.shape:
+        raise ValueError(f"mirror must have shape {table.pose.shape}, got {table.mirror.shape}")
+    for mirror in data.mirrors:
+        check_name(mirror, "a mirror")
+    others = np.array([s.kind != CAMERA for s in data.sensors])[table.sensor]
+    wrong = others & (table.mirror != "")
+    if wrong.any():
+        row = int(np.argmax(wrong))
+        sensor = data.sensors[table.sensor[row]]
+        raise DataError(
+            f"observation {row} of sensor {sensor.name!r} ({sensor.kind}) names mirror "
+            f"{str(table.mirror[row])!r}: only a camera sees markers in a mirror"
         )

@@ -204,7 +204,6 @@ def _read_observations(
     markers: Sequence[MarkerInfo],
     sensors: Sequence[SensorInfo],
 ) -> ObservationTable:
-    _refuse_mirrors(table)
     sensor = _indices(table, "sensor", [s.name for s in sensors])
     marker = _indices(table, "marker", [m.name for m in markers])
     other = np.full(len(table), -1)
@@ -230,7 +229,8 @@ def _read_observations(
                 )
         for k, name in enumerate(names):
             values[own, k] = columns[name][own]
-    return ObservationTable(_samples_of(table, sample), sensor, marker, other, values)
+    mirrors = table.texts("mirror") if "mirror" in table.columns else np.full(len(table), "")
+    return ObservationTable(_samples_of(table, sample), sensor, marker, other, values, mirrors)
 
 
 def _samples_of(table: CsvTable, sample: NDArray) -> NDArray:
@@ -256,15 +256,6 @@ def _indices(
                 f"are {listed(names, cell)}"
             )
     return np.array([index.get(cell, -1) for cell in cells], dtype=np.int64)
-
-
-def _refuse_mirrors(table: CsvTable) -> None:
-    if "mirror" in table.columns and (table.texts("mirror") != "").any():
-        row = int(np.flatnonzero(table.texts("mirror") != "")[0])
-        raise DataError(
-            f"{table.where(row, 'mirror')}: reflections belong into a data set of their own, for "
-            "`calibrate mirror`"
-        )
 
 
 def _head_text(data: BodyDataset) -> str:
@@ -306,6 +297,7 @@ def _observations_text(data: BodyDataset) -> str:
         "sensor": [data.sensors[k].name for k in table.sensor.tolist()],
         "marker": [names[k] for k in table.marker.tolist()],
         "other": [names[k] if k >= 0 else "" for k in table.other.tolist()],
+        "mirror": table.mirror.tolist(),
     }
     by_name = {name: np.full(len(table), np.nan) for name in _VALUES}
     for i, info in enumerate(data.sensors):
@@ -314,6 +306,8 @@ def _observations_text(data: BodyDataset) -> str:
             by_name[name][own] = table.values[own, k]
     if not (table.other >= 0).any():
         del columns["other"]
+    if not data.mirrors:
+        del columns["mirror"]
     columns |= {k: _cells(v) for k, v in by_name.items() if np.isfinite(v).any()}
     return _csv(columns)
 

@@ -142,6 +142,7 @@ def _rows(
         np.array([index[name] for name in dataset.marker[rows].tolist()]),
         np.full(len(rows), -1),
         padded,
+        dataset.mirror[rows],
     )
 
 

@@ -6,6 +6,7 @@ import numpy as np
 
 from nico_selfmodel.dataset.body.body_dataset import (
     ANY_POSE,
+    COLUMNS,
     BodyDataset,
     ObservationTable,
 )
@@ -34,8 +35,7 @@ def joined(first: BodyDataset, second: BodyDataset, name: str) -> BodyDataset:
     later = second.observations
     pose = np.where(later.pose == ANY_POSE, ANY_POSE, later.pose + len(first.sample))
     tables = [first.observations, replace(later, pose=pose)]
-    keys = ("pose", "sensor", "marker", "other", "values")
-    columns = (np.concatenate([getattr(table, key) for table in tables]) for key in keys)
+    columns = (np.concatenate([getattr(table, key) for table in tables]) for key in COLUMNS)
     numbers = second.sample - second.sample.min() + first.sample.max() + 1
     both: dict[str, np.ndarray] = {
         key: np.concatenate([np.asarray(getattr(data, key)) for data in (first, second)])

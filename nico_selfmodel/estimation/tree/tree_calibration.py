@@ -15,6 +15,12 @@ from nico_selfmodel.estimation.bending.steps import STEPS
 from nico_selfmodel.estimation.bending.what_bends import At
 from nico_selfmodel.estimation.tree.bending_tree import BendingTree, TreeBend
 from nico_selfmodel.estimation.tree.guesses.first_guess import first_bodies
+from nico_selfmodel.estimation.tree.mirrored_tree import (
+    anywhere,
+    names_of_mirrors,
+    place_mirrors,
+    seen_directly,
+)
 from nico_selfmodel.estimation.tree.tree_errors import TreeErrors, cross_validated, errors_of
 from nico_selfmodel.estimation.tree.tree_observations import TreeObservations
 from nico_selfmodel.estimation.tree.tree_parameters import TreeParameters
@@ -27,7 +33,7 @@ from nico_selfmodel.estimation.tree.tree_setup import (
     blank_body,
     setup_of,
 )
-from nico_selfmodel.estimation.tree.tree_solution import TreeSolution
+from nico_selfmodel.estimation.tree.tree_solution import TreeNoise, TreeSolution
 from nico_selfmodel.model.arm.bending import Bending
 from nico_selfmodel.model.cameras.camera import Camera
 from nico_selfmodel.model.tree.body_tree import WORLD, BodyTree
@@ -132,11 +138,12 @@ def calibrate_tree(
         ValueError: If a name does not exist.
     """
     clock, wishes = time.perf_counter(), wishes or Wishes()
-    observations = TreeObservations.of(data)
+    observations, direct = TreeObservations.of(data), seen_directly(data)
     blank = blank_body(data, lenses or {})
     best: _Start | None = None
     costs: list[float] = []
-    for label, tree in first_bodies(data, blank, observations, description, seed):
+    guessed = first_bodies(direct, blank, TreeObservations.of(direct), description, seed)
+    for label, tree in guessed:
         start = _Start.from_body(label, tree, data, observations, description, wishes)
         costs.append(start.cost)
         if best is None or start.cost < best.cost:
@@ -156,6 +163,9 @@ def refit_tree(
     *,
     world: str,
     name: str | None = None,
+    noise: TreeNoise | None = None,
+    test: BodyDataset | None = None,
+    start: str = "the body as it was",
 ) -> TreeCalibration:
     """Learn some parameters of a known body anew; everything else stays.
 
@@ -165,6 +175,9 @@ def refit_tree(
         free: Names of what is learned.
         world: What stood for the world.
         name: Of the body; the recording's if omitted.
+        noise: What disturbs the recording, where that is known; estimated if omitted.
+        test: Held-out data, for judging only.
+        start: Where the body comes from, in words.
 
     Raises:
         DataError: If the recording has fewer numbers than there are parameters.
@@ -174,12 +187,12 @@ def refit_tree(
     if unknown := sorted(set(free) - set(parameters.names)):
         raise ValueError(f"no parameter {unknown[0]!r} in this body")
     setup = TreeSetup(frozenset(free), {}, {}, world, world)
-    start = _Start("the body as it was", parameters, setup, parameters.values_of(tree), 0.0)
+    first = _Start(start, parameters, setup, parameters.values_of(tree), 0.0)
 
     def as_it_was(problem: TreeProblem, solution: TreeSolution) -> Ladder:
         return Ladder((), TreeBend(problem, solution))
 
-    return _finished(start, data, None, None, name, [0.0], clock, as_it_was)
+    return _finished(first, data, test, None, name, [0.0], clock, as_it_was, noise)
 
 
 def _bent(
@@ -221,9 +234,14 @@ class _Start:
         wishes: Wishes,
     ) -> "_Start":
         """Adjust a first body, bearings before pixels where it comes from a description."""
+        tree = tree.with_mirrors(anywhere(data.mirrors))
         base = tree if description is None else _base_of(description, tree)
         parameters = TreeParameters(base)
         setup = setup_of(data, parameters, description, wishes)
+        seen, planes = observations, names_of_mirrors(data.mirrors)
+        if planes:
+            observations = TreeObservations.of(data, data.observations.mirror == "")
+        free = setup.free - planes
         tree = tree.scaled(_length_factor(setup, parameters, tree))
         values = parameters.values_of(tree)
         for name, value in setup.fixed.items():
@@ -232,9 +250,13 @@ class _Start:
             rays = TreeResiduals(observations.as_bearings(tree.lenses), parameters)
             inside = _inside_lenses(parameters)
             for held in (inside | parameters.of_joint_frames, inside):
-                values = TreeProblem(rays, setup.free - held, setup.priors).rough(values)[0]
-        problem = TreeProblem(TreeResiduals(observations, parameters), setup.free, setup.priors)
+                values = TreeProblem(rays, free - held, setup.priors).rough(values)[0]
+        problem = TreeProblem(TreeResiduals(observations, parameters), free, setup.priors)
         values, cost = problem.rough(values)
+        if planes:
+            parameters, values = place_mirrors(seen, parameters, values, setup.free, setup.fixed)
+            problem = TreeProblem(TreeResiduals(seen, parameters), setup.free, setup.priors)
+            values, cost = problem.rough(values)
         if description is None:
             # Told from where they are now, joint frames keep their names to first order: what is
             # refined, its covariance and its folds then speak of the same parameters.
@@ -261,7 +283,7 @@ def _length_factor(setup: TreeSetup, parameters: TreeParameters, tree: BodyTree)
 
 
 def _inside_lenses(parameters: TreeParameters) -> frozenset[str]:
-    return frozenset(parameters.names[parameters.gears.stop :])
+    return parameters.of_lenses
 
 
 def _finished(
@@ -273,6 +295,7 @@ def _finished(
     costs: list[float],
     clock: float,
     bends: Callable[[TreeProblem, TreeSolution], Ladder],
+    noise: TreeNoise | None = None,
 ) -> TreeCalibration:
     parameters, setup = start.parameters, start.setup
     residuals = TreeResiduals(TreeObservations.of(data), parameters)
@@ -281,7 +304,7 @@ def _finished(
             f"data set {data.name!r} has {residuals.observations.scalars} numbers for "
             f"{len(setup.free)} parameters: record more poses, or fix parameters"
         )
-    problem = TreeProblem(residuals, setup.free, setup.priors)
+    problem = TreeProblem(residuals, setup.free, setup.priors, noise, noise_known=noise is not None)
     ladder = bends(problem, problem.refine(start.values))
     problem, solution = ladder.solution.problem, ladder.solution.solution
     residuals = problem.residuals

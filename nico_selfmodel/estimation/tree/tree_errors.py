@@ -95,6 +95,13 @@ def told_as(tree: BodyTree, data: BodyDataset) -> BodyDataset:
                 f"data set {data.name!r} has the {kind} {listed(strange or wants)}, the body has "
                 f"{listed(sorted(has))}: both must be of one robot"
             )
+    known_mirrors = [mirror.name for mirror in tree.mirrors]
+    if unknown := [mirror for mirror in data.mirrors if mirror not in known_mirrors]:
+        raise DataError(
+            f"data set {data.name!r} has reflections in {listed(unknown)}, the body knows "
+            f"{listed(known_mirrors) if known_mirrors else 'no mirror'}: learn it with "
+            "`nico-selfmodel calibrate mirror`"
+        )
     moved = np.array([*(known.index(m.name) for m in data.markers), -1])
     table = data.observations
     new = replace(table, marker=moved[table.marker], other=moved[table.other])

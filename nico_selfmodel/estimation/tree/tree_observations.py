@@ -3,6 +3,7 @@
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from functools import cached_property
+from itertools import product
 
 import numpy as np
 from numpy.typing import NDArray
@@ -25,7 +26,7 @@ BEARING = "bearing"
 
 @dataclass(frozen=True, eq=False)
 class SensorRows:
-    """The observations of one sensor."""
+    """The observations of one sensor, directly or in one mirror."""
 
     sensor: int
     """Index of the sensor."""
@@ -43,6 +44,8 @@ class SensorRows:
     """What was measured. Shape (N, k)."""
     first: int
     """Where its scalars begin among all."""
+    mirror: str = ""
+    """Mirror in which they were seen; empty where directly."""
 
     @property
     def scalars(self) -> slice:
@@ -69,15 +72,15 @@ class TreeObservations:
         """
         table, found, first = data.observations, [], 0
         chosen = np.ones(len(table), dtype=bool) if keep is None else keep
-        for s, info in enumerate(data.sensors):
-            rows = np.flatnonzero((table.sensor == s) & chosen)
+        for s, mirror in product(range(len(data.sensors)), ("", *data.mirrors)):
+            rows = np.flatnonzero((table.sensor == s) & (table.mirror == mirror) & chosen)
             if not len(rows):
                 continue
-            k = len(SENSOR_COLUMNS[info.kind])
+            kind = data.sensors[s].kind
             pose = np.where(table.pose[rows] == ANY_POSE, 0, table.pose[rows])
-            marker, other = table.marker[rows], table.other[rows]
-            measured = table.values[rows, :k]
-            found.append(SensorRows(s, info.kind, rows, pose, marker, other, measured, first))
+            seen = pose, table.marker[rows], table.other[rows]
+            measured = table.values[rows, : len(SENSOR_COLUMNS[kind])]
+            found.append(SensorRows(s, kind, rows, *seen, measured, first, mirror))
             first += measured.size
         return cls(data, tuple(found))
 
@@ -111,28 +114,33 @@ class TreeObservations:
     @cached_property
     def noise_groups(self) -> tuple[str, ...]:
         """Names of what has a standard deviation of its own: sensors, and their orientations."""
-        out: list[str] = []
-        for rows in self.sensors:
-            name = self.data.sensors[rows.sensor].name
-            out += [name, f"{name} orientation"] if rows.kind == POSES else [name]
-        return tuple(out)
+        return tuple(name for rows in self._by_sensor for name in self._noises(rows))
+
+    @cached_property
+    def _by_sensor(self) -> tuple[SensorRows, ...]:
+        """One entry of each sensor: what it sees in mirrors has the noise of the rest."""
+        return tuple({rows.sensor: rows for rows in reversed(self.sensors)}.values())[::-1]
+
+    def _noises(self, rows: SensorRows) -> tuple[str, ...]:
+        """Return the names of what has a standard deviation of its own in some rows."""
+        name = self.data.sensors[rows.sensor].name
+        return (name, f"{name} orientation") if rows.kind == POSES else (name,)
 
     @cached_property
     def noise_group(self) -> NDArray:
         """Index into `noise_groups` of each scalar. Shape (R,)."""
-        parts, count = [], 0
+        parts = []
         for rows in self.sensors:
-            posed = rows.kind == POSES
-            one = count + (np.arange(rows.measured.shape[1]) >= 3) * posed
+            group = self.noise_groups.index(self._noises(rows)[0])
+            one = group + (np.arange(rows.measured.shape[1]) >= 3) * (rows.kind == POSES)
             parts.append(np.tile(one, len(rows.rows)))
-            count += 1 + posed
         return np.concatenate(parts)
 
     @cached_property
     def stated_sigma(self) -> NDArray:
         """Standard deviation of each noise group as stated, or as first taken. Shape (G,)."""
         out: list[float] = []
-        for rows in self.sensors:
+        for rows in self._by_sensor:
             info = self.data.sensors[rows.sensor]
             out.append(info.sigma or FIRST_SIGMA[info.kind])
             out += [info.turn_sigma or FIRST_TURN_SIGMA] if rows.kind == POSES else []
@@ -144,8 +152,8 @@ class TreeObservations:
         return np.array(
             [
                 self.data.sensors[rows.sensor].kind == DISTANCE
-                for rows in self.sensors
-                for _ in range(1 + (rows.kind == POSES))
+                for rows in self._by_sensor
+                for _ in self._noises(rows)
             ]
         )
 

@@ -21,6 +21,7 @@ from nico_selfmodel.geometry.rotation import (
 from nico_selfmodel.geometry.transform import inverse, transform
 from nico_selfmodel.model.arm.bending import Bending
 from nico_selfmodel.model.cameras.camera import Camera
+from nico_selfmodel.model.cameras.mirror import MIRROR_PARTS, MIRROR_UNITS
 from nico_selfmodel.model.cameras.projection import intrinsic_units, intrinsics_of
 from nico_selfmodel.model.tree.body_tree import FLANGE, PRISMATIC, REVOLUTE, Attached, BodyTree
 
@@ -46,6 +47,7 @@ class TreeParameters:
         out += [f"{name}.gear" for name in base.joints]
         inside = ((name, intrinsics_of(lens.lens)) for name, lens in base.lenses.items())
         out += [f"{name}.{part}" for name, parts in inside for part in parts]
+        out += [name for mirror in base.mirrors for name in mirror.names]
         return (*out, *(() if base.bending is None else base.bending.names))
 
     @cached_property
@@ -62,6 +64,7 @@ class TreeParameters:
             *frames,
             *("1",) * len(base.joints),
             *(unit for lens in base.lenses.values() for unit in intrinsic_units(lens.lens)),
+            *MIRROR_UNITS * len(base.mirrors),
             *(() if base.bending is None else base.bending.units),
         )
 
@@ -105,6 +108,16 @@ class TreeParameters:
             first = end
         raise ValueError(f"no camera {camera!r}")
 
+    def mirror(self, name: str) -> slice:
+        """Return where a mirror's plane is."""
+        first = self.index[self.base.mirror(name).names[0]]
+        return slice(first, first + len(MIRROR_PARTS))
+
+    @cached_property
+    def of_lenses(self) -> frozenset[str]:
+        """Names of all intrinsics."""
+        return frozenset(n for lens in self.base.lenses for n in self.names[self.intrinsics(lens)])
+
     @cached_property
     def frames(self) -> NDArray:
         """What turns are told from: of joints with an axis their frames, else the identity.
@@ -124,8 +137,9 @@ class TreeParameters:
         parts = np.hstack([rotation_vectors_of(relative[:, :3, :3]), X[:, :3, 3]])
         parts[:n, 3:] = relative[:n, :3, 3]
         lenses = [tree.lenses[name].values for name in self.base.lenses]
+        planes = [m.values_of(tree.mirror(m.name).plane) for m in self.base.mirrors]
         bends = [] if tree.bending is None else [tree.bending.values]
-        return np.concatenate([parts.ravel(), tree.gear, *lenses, *bends])
+        return np.concatenate([parts.ravel(), tree.gear, *lenses, *planes, *bends])
 
     def tree_of(self, values: NDArray) -> BodyTree:
         """Return the body with these values. Shape (P,)."""
@@ -151,6 +165,7 @@ class TreeParameters:
             sensors=tuple(moved[split:]),
             lenses=lenses,
             bending=bending,
+            mirrors=tuple(m.with_values(values[self.mirror(m.name)]) for m in base.mirrors),
         )
 
     def with_bending(self, bending: Bending | None) -> "TreeParameters":

@@ -63,6 +63,8 @@ class TreeProblem:
         free: frozenset[str],
         priors: Mapping[str, tuple[float, float]],
         noise: TreeNoise | None = None,
+        *,
+        noise_known: bool = False,
     ) -> None:
         """Prepare.
 
@@ -71,7 +73,9 @@ class TreeProblem:
             free: Names of what is estimated.
             priors: Means and standard deviations of some of it.
             noise: Where its search begins; what the recording states if omitted.
+            noise_known: Whether that is the noise, which few poses would not tell.
         """
+        self._noise_known = noise_known
         self.residuals = residuals
         self.observations: TreeObservations = residuals.observations
         names = residuals.parameters.names
@@ -153,9 +157,9 @@ class TreeProblem:
         for _ in range(_ROUNDS):
             linear = self.residuals.linear(values)
             equations = int((~found[data.row]).sum()) + len(self.priors)
-            known = equations - len(self.columns) >= LEAST_REDUNDANCY
+            known = self._noise_known or equations - len(self.columns) >= LEAST_REDUNDANCY
             before = self.noise
-            if known:
+            if known and not self._noise_known:
                 self.noise = self._likeliest(linear, groups, slipped, values)
             whitening = self._whitening(linear, groups, slipped)
             solution = self.program(values, whitening).solve(
@@ -185,14 +189,7 @@ class TreeProblem:
         whitening = self._whitening(self.residuals.linear(values), groups, slipped)
         solution = self.program(values, whitening).solve(tolerance=1e-8)
         values = self._with(values, solution)
-        linear = self.residuals.linear(values)
-        whitening = self._whitening(linear, groups, slipped)
-        r = (linear.r / self.scale)[None]
-        J = (linear.J[self.columns] / self.scale)[:, None]
-        white, slopes = whitening.whiten(r, J)
-        keep = np.zeros(len(self.observations.row), dtype=bool)
-        keep[groups.rows] = True
-        rows = slopes[:, 0, keep].T
+        rows, white = self._whitened(values, groups, slipped)
         prior = np.zeros((len(self.priors), len(self.free_names)))
         rest = np.zeros(len(self.priors))
         for i, (name, (mean, sigma)) in enumerate(self.priors.items()):
@@ -210,9 +207,33 @@ class TreeProblem:
             solution.iterations,
             known,
             np.vstack([rows, prior]),
-            np.append(white[0, keep], rest),
+            np.append(white, rest),
             solution.history,
         )
+
+    def _whitened(
+        self, values: NDArray, groups: PoseGroups, slipped: NDArray
+    ) -> tuple[NDArray, NDArray]:
+        """Return whitened derivatives by what is free, and residuals, of what counts."""
+        linear = self.residuals.linear(values)
+        r = (linear.r / self.scale)[None]
+        J = (linear.J[self.columns] / self.scale)[:, None]
+        white, slopes = self._whitening(linear, groups, slipped).whiten(r, J)
+        keep = np.zeros(len(self.observations.row), dtype=bool)
+        keep[groups.rows] = True
+        return slopes[:, 0, keep].T, white[0, keep]
+
+    def whitened_at(self, solution: TreeSolution) -> tuple[NDArray, NDArray]:
+        """Return whitened derivatives and residuals where another problem's adjustment ended.
+
+        Args:
+            solution: Of the same observations and noise, with other parameters free.
+
+        Returns:
+            By what is free here, shape (k, free), and what is left, shape (k,).
+        """
+        groups = self._groups(solution.outliers)
+        return self._whitened(solution.values, groups, solution.slipped[groups.numbers])
 
     @property
     def _visits(self) -> int:

@@ -5,9 +5,13 @@ frame's origin and a shift v in W. A marker on link a at p moves by w x (p - o) 
 lies on its way to the world, what a sensor on link b sees of it moves by the opposite where the
 joint lies on the sensor's: dp_S = R_WS' (s_a - s_b) (w x (p - o) + v), and a frame turns by
 R_WS' (s_a - s_b) w. A joint that carries both moves nothing.
+
+In a mirror n.x + d = 0 a camera sees p' = S p - 2 d n, S = I - 2 n n', instead: a joint on the
+marker's way moves it by S (w x (p - o) + v), one on the camera's way what is seen of it by
+-(w x (p' - o) + v). They no longer cancel.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -23,9 +27,11 @@ from nico_selfmodel.estimation.tree.sensor_models import (
 )
 from nico_selfmodel.estimation.tree.tree_observations import BEARING, SensorRows, TreeObservations
 from nico_selfmodel.estimation.tree.tree_parameters import TreeParameters
+from nico_selfmodel.geometry.reflection import reflect, reflection, reflection_slopes
 from nico_selfmodel.geometry.rotation import skew
 from nico_selfmodel.model.arm.bending_slopes import Bent, bending_slopes
 from nico_selfmodel.model.tree.body_tree import FLANGE, REVOLUTE, BodyTree
+from nico_selfmodel.model.tree.standing_mirror import StandingMirror
 from nico_selfmodel.model.tree.tree_load import carries
 from nico_selfmodel.model.tree.tree_motion import TreeMotion
 
@@ -102,13 +108,14 @@ class TreeResiduals:
     def _show(
         self, tree: BodyTree, motion: TreeMotion, rows: SensorRows
     ) -> tuple[Shown, NDArray, NDArray, NDArray]:
-        """Return what a sensor shows, R_WS', p_WM and p_WS of its rows."""
+        """Return what a sensor shows, R_WS', p_WM (where it stands, not where it is seen), p_WS."""
         frames = np.stack([a.X_LA for a in (*tree.markers, *tree.sensors)])
         seen, seeing = self._items(rows)
         R_WM, p_WM = self._frame(motion, frames, seen, rows.pose)
         R_WS, p_WS = self._frame(motion, frames, seeing, rows.pose)
         R_SW = np.swapaxes(R_WS, 1, 2)
-        p_SM = (R_SW @ (p_WM - p_WS)[:, :, None])[:, :, 0]
+        apparent = reflect(tree.mirror(rows.mirror).plane, p_WM) if rows.mirror else p_WM
+        p_SM = (R_SW @ (apparent - p_WS)[:, :, None])[:, :, 0]
         if rows.kind in (CAMERA, BEARING):
             lens = tree.lenses[self.observations.data.sensors[rows.sensor].name]
             show = shown_pixels if rows.kind == CAMERA else shown_bearings
@@ -130,25 +137,17 @@ class TreeResiduals:
         turn = None if shown.by_turn is None else shown.by_turn @ R_SW
         J = np.zeros((len(self.parameters.names), N, k))
         by_joint = np.zeros((N, k, len(self.observations.noisy_joints)))
-        push = _Push(shift, turn, p_WM, rows.pose)
         seen, seeing = self._items(rows)
         n = len(tree.joints)
-        signs = self._beyond[self._on[seen]].astype(float) - self._beyond[self._on[seeing]]
         by_q, across = np.zeros((n, N, k)), np.zeros((4, n, N, k))
-        for i in range(n):
-            moved = np.flatnonzero(signs[:, i])
-            if not len(moved):
-                continue
-            sign = signs[moved, i][:, None, None]
-            about, along = push.of(moved, motion.p_WJ[i])
-            A = motion.R_WP[i][:, :, rows.pose[moved]].transpose(2, 0, 1)
-            columns = J[6 * i : 6 * i + 6]
-            columns[:3, moved] = np.moveaxis(sign * (about @ (A @ slopes[i])), -1, 0)
-            base = A @ self.parameters.frames[i, :3, :3]
-            columns[3:, moved] = np.moveaxis(sign * (along @ base), -1, 0)
-            self._by_reading(i, motion, push, moved, sign, (about, along), by_q, by_joint)
-            if motion.load is not None and tree.motions[i] == REVOLUTE:
-                across[:, i, moved] = sign[:, :, 0] * _by_bearing(i, motion, push, moved)
+        beyond, behind = self._beyond[self._on[seen]], self._beyond[self._on[seeing]]
+        push = pushed = _Push(shift, turn, p_WM, rows.pose)
+        ways = [(push, beyond.astype(float) - behind)]
+        if rows.mirror:
+            push, pushed = self._in_mirror(J, tree.mirror(rows.mirror), push)
+            ways = [(push, beyond.astype(float)), (pushed, -behind.astype(float))]
+        for one, signs in ways:
+            self._by_joints(motion, slopes, one, signs, J, by_q, by_joint, across)
         gears = self.parameters.gears.start
         read = np.einsum("ij,ink->jnk", tree.coupling, by_q)
         angles = self.observations.data.si_readings[rows.pose] / tree.gear
@@ -160,13 +159,64 @@ class TreeResiduals:
         if motion.load is not None:
             J[self.parameters.bends] = _by_bends(motion, read, across, rows.pose)
         self._by_attached(J, motion, slopes, push, seen, None)
-        self._by_attached(J, motion, slopes, push, seeing, p_WS)
+        self._by_attached(J, motion, slopes, pushed, seeing, p_WS)
         if shown.by_lens is not None:
             name = self.observations.data.sensors[rows.sensor].name
             J[self.parameters.intrinsics(name)] = np.moveaxis(shown.by_lens, -1, 0)
         return TreeLinear(
             shown.residual.ravel(), J.reshape(len(J), -1), by_joint.reshape(N * k, -1)
         )
+
+    def _in_mirror(
+        self, J: NDArray, mirror: StandingMirror, push: "_Push"
+    ) -> tuple["_Push", "_Push"]:
+        """Add what the plane moves; return what moves the marker, and what moves the camera does.
+
+        `push` is by shifts of what is seen, about where the marker stands.
+        """
+        plane, p_WM, shift = mirror.plane, push.p_WM, push.shift
+        by_values = reflection_slopes(plane, p_WM) @ mirror.slopes
+        J[self.parameters.mirror(mirror.name)] = np.moveaxis(shift @ by_values, -1, 0)
+        turned = shift @ reflection(plane)[:3, :3]
+        return replace(push, shift=turned), replace(push, p_WM=reflect(plane, p_WM))
+
+    def _by_joints(
+        self,
+        motion: TreeMotion,
+        slopes: NDArray,
+        push: "_Push",
+        signs: NDArray,
+        J: NDArray,
+        by_q: NDArray,
+        by_joint: NDArray,
+        across: NDArray,
+    ) -> None:
+        """Add what joints' frames, readings and bearings move.
+
+        Args:
+            motion: The body.
+            slopes: `TreeParameters.turn_slopes`.
+            push: What turns and shifts in W do.
+            signs: Whether each joint moves each row, and which way. Shape (N, n).
+            J: By all parameters. Shape (P, N, k).
+            by_q: By displacements. Shape (n, N, k).
+            by_joint: By parts of flanges' poses. Shape (N, k, m).
+            across: By turns and shifts of bearings. Shape (4, n, N, k).
+        """
+        for i in range(len(motion.tree.joints)):
+            moved = np.flatnonzero(signs[:, i])
+            if not len(moved):
+                continue
+            sign = signs[moved, i][:, None, None]
+            about, along = push.of(moved, motion.p_WJ[i])
+            A = motion.R_WP[i][:, :, push.pose[moved]].transpose(2, 0, 1)
+            columns = J[6 * i : 6 * i + 6]
+            columns[:3, moved] += np.moveaxis(sign * (about @ (A @ slopes[i])), -1, 0)
+            base = A @ self.parameters.frames[i, :3, :3]
+            columns[3:, moved] += np.moveaxis(sign * (along @ base), -1, 0)
+            self._by_reading(i, motion, push, moved, sign, (about, along), by_q, by_joint)
+            if motion.load is not None and motion.tree.motions[i] == REVOLUTE:
+                across[:, i, moved] += sign[:, :, 0] * _by_bearing(i, motion, push, moved)
 
     def _by_reading(
         self,
@@ -184,14 +234,14 @@ class TreeResiduals:
         if motion.tree.motions[i] != FLANGE:
             z = motion.R_WJ[i][:, 2, pose].T
             way = ways[0] if motion.tree.motions[i] == REVOLUTE else ways[1]
-            by_q[i, moved] = (sign * (way @ z[:, :, None]))[:, :, 0]
+            by_q[i, moved] += (sign * (way @ z[:, :, None]))[:, :, 0]
             return
         about, along = push.of(moved, motion.p_WL[i])
         R = motion.R_WL[i][:, :, pose].transpose(2, 0, 1)
         R_J = motion.R_WJ[i][:, :, pose].transpose(2, 0, 1)
         first = self.observations.noisy_joints.index((i, 0))
-        by_joint[moved, :, first : first + 3] = sign * (about @ R)
-        by_joint[moved, :, first + 3 : first + 6] = sign * (along @ R_J)
+        by_joint[moved, :, first : first + 3] += sign * (about @ R)
+        by_joint[moved, :, first + 3 : first + 6] += sign * (along @ R_J)
 
     def _by_attached(
         self,

@@ -167,12 +167,37 @@ def _details(calibration: TreeCalibration) -> dict[str, Any]:
             if part == 0
         },
         "joints": _joints(calibration),
+        **_mirrors(calibration),
         "described": None if described is None else errors_of_tree(described).to_json(),
         "changes": _changes(calibration),
         "bending": bending_json(
             calibration.ladder, calibration.tree.bending, calibration.at, calibration.tree.joints
         ),
     }
+
+
+def _mirrors(calibration: TreeCalibration) -> dict[str, Any]:
+    """Return the mirrors in which something was seen; nothing where there was none."""
+    data, uncertainty = calibration.data, calibration.uncertainty
+    table, out = data.observations, {}
+    for name in data.mirrors:
+        mirror = calibration.tree.mirror(name)
+        free = [n for n in mirror.names if n in uncertainty.names]
+        own = [uncertainty.names.index(n) for n in free]
+        slopes = mirror.slopes[:, [mirror.names.index(n) for n in free]]
+        known = slopes @ uncertainty.covariance[np.ix_(own, own)] @ slopes.T
+        turn, shift = float(np.trace(known[:3, :3])), float(known[3, 3])
+        poses = np.unique(data.pose[table.pose[table.mirror == name]])
+        out[name] = {
+            "poses": len(poses),
+            "normal": mirror.plane.normal.tolist(),
+            "normal_sigma_deg": float(np.degrees(np.sqrt(turn))),
+            "distance_mm": 1e3 * mirror.plane.offset,
+            "distance_sigma_mm": 1e3 * float(np.sqrt(shift)),
+            "distance_from": "the world's origin",
+            "flatness": None,
+        }
+    return {"mirrors": out} if out else {}
 
 
 def _joints(calibration: TreeCalibration) -> list[dict[str, Any]]:

@@ -20,6 +20,7 @@ from nico_selfmodel.estimation.tree.tree_parameters import (
 from nico_selfmodel.files.csv_rows import number_of_word
 from nico_selfmodel.geometry.transform import transform
 from nico_selfmodel.model.cameras.camera import Camera
+from nico_selfmodel.model.cameras.mirror import Mirror
 from nico_selfmodel.model.tree.body_tree import FLANGE, WORLD, Attached, BodyTree
 from nico_selfmodel.names import did_you_mean, listed
 
@@ -173,6 +174,7 @@ def setup_of(
             free |= parameters.line_of(joint.name)
         if not joint.gear_known and not joint.follows:
             free.add(f"{joint.name}.gear")
+    free |= {name for mirror in data.mirrors for name in Mirror.names_of(mirror)}
     table = data.observations
     posed = np.array([s.kind == POSES for s in data.sensors])[table.sensor]
     for m in np.unique(np.append(table.marker, table.other[table.other >= 0])).tolist():
@@ -223,7 +225,9 @@ def _moving(data: BodyDataset, parameters: TreeParameters) -> NDArray:
     on_sensor = np.array([data.on_link(s.on) for s in data.sensors])
     seen = on_marker[table.marker]
     seeing = np.where(table.other >= 0, on_marker[table.other], on_sensor[table.sensor])
-    return np.asarray((beyond[seen] != beyond[seeing]).any(axis=0))
+    # What carries marker and camera moves the one against the other's image in a mirror.
+    both = (table.mirror != "")[:, None] & beyond[seen]
+    return np.asarray(((beyond[seen] != beyond[seeing]) | both).any(axis=0))
 
 
 def _world_of(data: BodyDataset, description: Description | None) -> str:

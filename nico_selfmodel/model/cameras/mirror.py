@@ -8,7 +8,7 @@ from numpy.typing import ArrayLike, NDArray
 from nico_selfmodel.arrays import frozen_array, frozen_covariance
 from nico_selfmodel.geometry.plane import Plane
 from nico_selfmodel.geometry.reflection import reflect, reflection
-from nico_selfmodel.geometry.rotation import move_on_sphere, tangent_basis
+from nico_selfmodel.geometry.rotation import move_on_sphere, step_on_sphere
 from nico_selfmodel.model.cameras.camera import Camera
 
 MIRROR_PARTS = ("tilt_x", "tilt_y", "distance")
@@ -77,11 +77,7 @@ class Mirror:
     @property
     def values(self) -> NDArray:
         """tilt_x, tilt_y [rad] and distance [m]. Shape (3,)."""
-        aside = tangent_basis(_FACING).T @ self.normal
-        sine = float(np.linalg.norm(aside))
-        angle = np.arctan2(sine, self.normal @ _FACING)
-        tilt = aside * (angle / sine) if sine > 0.0 else np.zeros(2)
-        return np.array([*tilt, self.distance])
+        return np.append(step_on_sphere(_FACING, self.normal), self.distance)
 
     @property
     def plane(self) -> Plane:

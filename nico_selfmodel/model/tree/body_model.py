@@ -13,12 +13,14 @@ from nico_selfmodel.errors import DataError, ModelError
 from nico_selfmodel.files.reading import LARGEST_DOCUMENT, read_text
 from nico_selfmodel.files.whole import write_whole
 from nico_selfmodel.files.yaml_text import parse_yaml, yaml_text
+from nico_selfmodel.geometry.plane import Plane
 from nico_selfmodel.model.arm.bending_document import bending_document, bending_of
 from nico_selfmodel.model.cameras.camera import Camera
 from nico_selfmodel.model.cameras.projection import POLYNOMIAL, intrinsics_of
 from nico_selfmodel.model.document_values import damage, mapping, mappings, numbers, texts
 from nico_selfmodel.model.self_model import ParameterCovariance
 from nico_selfmodel.model.tree.body_tree import WORLD, Attached, BodyTree
+from nico_selfmodel.model.tree.standing_mirror import StandingMirror
 from nico_selfmodel.names import shown
 
 FORMAT = "nico-body/1"
@@ -97,6 +99,8 @@ def body_text(model: BodyModel) -> str:
         "expected": {unit: dict(found) for unit, found in model.expected.items()},
         "provenance": dict(model.provenance),
     }
+    if tree.mirrors:
+        document["mirrors"] = [_mirror(mirror) for mirror in tree.mirrors]
     if tree.bending is not None:
         document["bending"] = bending_document(tree.bending)
     if model.covariance is not None:
@@ -160,6 +164,20 @@ def _lens(camera: Camera) -> dict[str, Any]:
     return kind | dict(camera.named_values) | {"image_size": list(camera.image_size)}
 
 
+def _mirror(mirror: StandingMirror) -> dict[str, Any]:
+    return {
+        "name": mirror.name,
+        "normal": mirror.plane.normal.tolist(),
+        "distance": mirror.plane.offset,
+        "tilts_from": mirror.facing.tolist(),
+    }
+
+
+def _read_mirror(entry: Mapping[str, Any]) -> StandingMirror:
+    normal, facing = (np.asarray(numbers(entry[k], k)) for k in ("normal", "tilts_from"))
+    return StandingMirror(entry["name"], Plane(normal, float(entry["distance"])), facing)
+
+
 def _model(document: dict[str, Any]) -> BodyModel:
     joints = mappings(document["joints"], "joints")
     names = texts([joint["name"] for joint in joints], "joints")
@@ -182,6 +200,7 @@ def _model(document: dict[str, Any]) -> BodyModel:
         tuple(_read_attached(entry, index) for entry in sensors),
         {entry["name"]: _read_lens(entry["lens"]) for entry in sensors if "lens" in entry},
         bending_of(mapping(document["bending"], "bending")) if "bending" in document else None,
+        tuple(_read_mirror(entry) for entry in mappings(document.get("mirrors", []), "mirrors")),
     )
     known = document.get("covariance")
     covariance = None

@@ -9,6 +9,7 @@ from numpy.typing import ArrayLike, NDArray
 from nico_selfmodel.arrays import frozen_array, read_only
 from nico_selfmodel.model.arm.bending import Bending
 from nico_selfmodel.model.cameras.camera import Camera
+from nico_selfmodel.model.tree.standing_mirror import StandingMirror
 from nico_selfmodel.names import listed
 
 WORLD = -1
@@ -66,6 +67,8 @@ class BodyTree:
     """Intrinsics of the sensors that are cameras; their own poses are not used."""
     bending: Bending | None = None
     """What bends, of all joints; only those that turn bend. Nothing if None."""
+    mirrors: tuple[StandingMirror, ...] = ()
+    """What it sees itself in, fixed in the world."""
 
     def __post_init__(self) -> None:
         """Check that it is a tree, and make the arrays read-only."""
@@ -74,6 +77,9 @@ class BodyTree:
         twice = sorted({name for name in names if names.count(name) > 1})
         if twice:
             raise ValueError(f"names must be unique in a body, got {listed(twice)} more than once")
+        known = [mirror.name for mirror in self.mirrors]
+        if len(set(known)) < len(known):
+            raise ValueError(f"names of mirrors must be unique, got {listed(known)}")
         parent = read_only(self.parent, int)
         if parent.shape != (n,) or (parent >= np.arange(n)).any() or (parent < WORLD).any():
             raise ValueError(f"a parent must come before its children, got parents {parent}")
@@ -130,6 +136,24 @@ class BodyTree:
         (at,) = [sensor.X_LA for sensor in self.sensors if sensor.name == name]
         return self.lenses[name].at(at)
 
+    def mirror(self, name: str) -> StandingMirror:
+        """Return a mirror.
+
+        Raises:
+            ValueError: If there is none of that name; the message lists those there are.
+        """
+        for mirror in self.mirrors:
+            if mirror.name == name:
+                return mirror
+        known = [mirror.name for mirror in self.mirrors]
+        raise ValueError(f"no mirror {name!r}; the body knows {listed(known, name) or 'none'}")
+
+    def with_mirrors(self, mirrors: tuple[StandingMirror, ...]) -> "BodyTree":
+        """Return the same body with mirrors; of those it has, others are kept."""
+        new = {mirror.name for mirror in mirrors}
+        kept = tuple(mirror for mirror in self.mirrors if mirror.name not in new)
+        return replace(self, mirrors=(*kept, *mirrors))
+
     def with_markers(self, markers: tuple[Attached, ...]) -> "BodyTree":
         """Return the same body with other markers."""
         return replace(self, markers=markers)
@@ -149,5 +173,9 @@ class BodyTree:
             return tuple(replace(item, X_LA=larger(item.X_LA)) for item in items)
 
         return replace(
-            self, X_PJ=larger(self.X_PJ), markers=of(self.markers), sensors=of(self.sensors)
+            self,
+            X_PJ=larger(self.X_PJ),
+            markers=of(self.markers),
+            sensors=of(self.sensors),
+            mirrors=tuple(mirror.scaled(factor) for mirror in self.mirrors),
         )

@@ -1,6 +1,6 @@
 """Nico before mirrors: its hand recorded directly and in every mirror, through rendered pixels."""
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import replace
 from pathlib import Path
 
@@ -228,6 +228,18 @@ class NicoBeforeMirrors:
             "seed": nico.seed,
             "image_size": station.image_size,
         }
+
+
+def mirrors_of_words(words: Iterable[str]) -> dict[str, Mirror]:
+    """Read mirrors of different names, see `mirror_of_words`.
+
+    Raises:
+        ValueError: If a word is something else, or two have one name.
+    """
+    places = [mirror_of_words(word) for word in words]
+    if len(dict(places)) < len(places):
+        raise ValueError("two mirrors have one name: give each --mirror its own")
+    return dict(places)
 
 
 def mirror_of_words(words: str) -> tuple[str, Mirror]:

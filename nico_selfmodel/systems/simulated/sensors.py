@@ -7,9 +7,11 @@ from typing import Protocol
 import numpy as np
 from numpy.typing import NDArray
 
+from nico_selfmodel.geometry.reflection import reflect
 from nico_selfmodel.geometry.transform import apply, inverse
 from nico_selfmodel.systems.measurements import CameraMeasurement, Measurement
 from nico_selfmodel.systems.simulated.cameras import inside_images
+from nico_selfmodel.systems.simulated.glass import Glass
 from nico_selfmodel.systems.simulated.instance import RobotInstance
 
 _EDGE = 4.0
@@ -75,15 +77,60 @@ class StereoPixels:
         self, robot: RobotInstance, encoders: NDArray, p_BH: NDArray, rng: np.random.Generator
     ) -> CameraMeasurement:
         """As `Sensor.measure`; nan where a marker lies outside an image."""
-        assert robot.rig is not None
-        assert robot.X_BL is not None
-        pixels = robot.rig.project(apply(inverse(robot.X_BL), p_BH))
-        noisy = pixels + rng.normal(0.0, self.sigma, pixels.shape)
-        inside = inside_images(noisy, robot.rig.left.image_size, _EDGE)
-        found = np.where(np.repeat(inside, 2, axis=1), noisy, np.nan)
+        found = _pixels(robot, p_BH, self.sigma, rng)
         markers = robot.mechanics.markers
         return CameraMeasurement(
             encoders,
             MappingProxyType(dict.fromkeys(markers)),
             MappingProxyType(dict(zip(markers, found, strict=True))),
         )
+
+
+@dataclass(frozen=True)
+class StereoPixelsBeforeGlass:
+    """Finds markers in both images, directly and in a glass; which way they face does not count."""
+
+    sigma: float
+    """Noise of each pixel coordinate, independent in both cameras [px]."""
+    glass: Glass
+    """Where it stands, in the base's frame; the base stands still."""
+
+    def measure(
+        self, robot: RobotInstance, encoders: NDArray, p_BH: NDArray, rng: np.random.Generator
+    ) -> CameraMeasurement:
+        """As `Sensor.measure`; nan where the glass hides a marker, or does not show it."""
+        plane, markers = self.glass.plane, robot.mechanics.markers
+        virtual, centres = reflect(plane, p_BH), _centres(robot)
+        before = plane.distance_to(p_BH) > 0.0
+        shown = [~self.glass.between(c, p_BH) for c in centres]
+        mirrored = [self.glass.between(c, virtual) & before for c in centres]
+        direct, reflected = (
+            np.where(np.repeat(np.transpose(where), 2, axis=1), found, np.nan)
+            for where, found in (
+                (shown, _pixels(robot, p_BH, self.sigma, rng)),
+                (mirrored, _pixels(robot, virtual, self.sigma, rng)),
+            )
+        )
+        return CameraMeasurement(
+            encoders,
+            MappingProxyType(dict.fromkeys(markers)),
+            MappingProxyType(dict(zip(markers, direct, strict=True))),
+            reflected=MappingProxyType(dict(zip(markers, reflected, strict=True))),
+        )
+
+
+def _pixels(robot: RobotInstance, p_BQ: NDArray, sigma: float, rng: np.random.Generator) -> NDArray:
+    """Return noisy pixels of points, nan out of an image. Shape (m, 4)."""
+    assert robot.rig is not None
+    assert robot.X_BL is not None
+    pixels = robot.rig.project(apply(inverse(robot.X_BL), p_BQ))
+    noisy = pixels + rng.normal(0.0, sigma, pixels.shape)
+    inside = inside_images(noisy, robot.rig.left.image_size, _EDGE)
+    return np.where(np.repeat(inside, 2, axis=1), noisy, np.nan)
+
+
+def _centres(robot: RobotInstance) -> list[NDArray]:
+    """Return where the cameras are in the base [m]. Shape (3,) each."""
+    assert robot.rig is not None
+    assert robot.X_BL is not None
+    return [apply(robot.X_BL, camera.X_WC[:3, 3]) for camera in robot.rig.cameras]

@@ -4,6 +4,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from nico_selfmodel.dataset.body.body_dataset import BodyDataset
+from nico_selfmodel.geometry.reflection import reflect
 from nico_selfmodel.geometry.rotation import tangent_basis
 from nico_selfmodel.geometry.transform import apply, transform
 from nico_selfmodel.model.tree.body_tree import WORLD, BodyTree
@@ -11,12 +12,13 @@ from nico_selfmodel.model.tree.tree_motion import TreeMotion
 from nico_selfmodel.viz.figures import palette
 from nico_selfmodel.viz.scene.camera_items import ImagePlane, camera_items
 from nico_selfmodel.viz.scene.scene import LegendEntry, Scene, path_names
-from nico_selfmodel.viz.scene.scene_items import Cylinder, Item, Markers, Triad, Tube
+from nico_selfmodel.viz.scene.scene_items import Cylinder, Item, Markers, Surface, Triad, Tube
 from nico_selfmodel.viz.scene.surroundings import camera_from, floor_items, turned
 
 _PLANE, _OWN_PLANE = 0.25, 0.07
 """Distance of a camera's image from its centre, in units of the body's size: of cameras that stand
 in the world, and of those that the body carries."""
+_GLASS = palette.rgba("#8fb4d9", 0.45)
 _AZIMUTH, _FACING = -1.2, -0.75
 """From behind a camera that is the world, a little aside; on a body that looks along x, aside."""
 
@@ -36,12 +38,13 @@ def tree_scene(name: str, tree: BodyTree, data: BodyDataset) -> Scene:
     motion = TreeMotion.at(tree, q[row : row + 1], data.X_flange[row : row + 1])
     unit = _size(tree, motion)
     items = [item for _, item in carried_items(tree, motion)]
-    X_SW = _upright(tree)
+    X_SW, glasses = _upright(tree), _glasses(tree, data)
+    items += [item for name, plate in glasses.items() for item in _glass_items(name, plate)]
     centres, markers = axis_points(tree, motion), _marker_points(tree, motion)
     sensors = np.stack([motion.pose_of(s)[1][:, 0] for s in tree.sensors])
-    points = apply(X_SW, np.vstack([centres, markers, sensors]))
+    points = apply(X_SW, np.vstack([centres, markers, sensors, *glasses.values()]))
     own = [marker.on != WORLD for marker in tree.markers]
-    near = apply(X_SW, np.vstack([centres, markers[own], sensors]))
+    near = apply(X_SW, np.vstack([centres, markers[own], sensors, *glasses.values()]))
     behind = any(sensor.on == WORLD for sensor in tree.sensors)
     view = camera_from(near, _AZIMUTH if behind else _FACING)
     floor = floor_items(points, 0.5 * unit, X_SW)
@@ -198,9 +201,41 @@ def _sensors(tree: BodyTree, motion: TreeMotion, unit: float) -> list[tuple[int,
     return items
 
 
+def _glasses(tree: BodyTree, data: BodyDataset) -> dict[str, NDArray]:
+    """Return corners of the part of each mirror that something was seen in. Shape (4, 3) each."""
+    motion = TreeMotion.at(tree, data.si_readings, data.X_flange, data.si_approach)
+    table, out = data.observations, {}
+    sensors = {sensor.name: motion.pose_of(sensor)[1] for sensor in tree.sensors}
+    for name, path in zip(data.mirrors, path_names(data.mirrors), strict=True):
+        rows, plane = np.flatnonzero(table.mirror == name), tree.mirror(name).plane
+        virtual = reflect(plane, motion.points(table.marker[rows], table.pose[rows]))
+        by = [data.sensors[s].name for s in table.sensor[rows].tolist()]
+        pose = table.pose[rows].tolist()
+        centres = np.stack([sensors[s][:, k] for s, k in zip(by, pose, strict=True)])
+        near, far = plane.distance_to(centres), plane.distance_to(virtual)
+        meets = centres + (near / (near - far))[:, None] * (virtual - centres)
+        axes = tangent_basis(plane.normal).T
+        flat = meets @ axes.T
+        low, high = np.percentile(flat, (2.0, 98.0), axis=0)
+        square = np.array([low, [high[0], low[1]], high, [low[0], high[1]]])
+        out[path] = square @ axes - plane.offset * plane.normal
+    return out
+
+
+def _glass_items(path: str, plate: NDArray) -> list[Item]:
+    """Return a mirror as a plate with an edge."""
+    faces, edge = np.array([[0, 1, 2], [0, 2, 3]]), palette.rgba(palette.MUTED)
+    size = 0.004 * float(np.linalg.norm(np.ptp(plate, axis=0)))
+    return [
+        Surface(path=f"mirrors/{path}/glass", color=_GLASS, vertices=plate, faces=faces),
+        Tube(path=f"mirrors/{path}/edge", color=edge, points=plate, radius=size, closed=True),
+    ]
+
+
 def _legend(tree: BodyTree) -> list[LegendEntry]:
     joints = [
         LegendEntry(name, palette.rgba(palette.joint_color(i)))
         for i, name in enumerate(tree.joints)
     ]
-    return [*joints, LegendEntry("markers", palette.rgba(palette.HELD_OUT))]
+    mirrors = [LegendEntry(f"mirror {mirror.name}", _GLASS) for mirror in tree.mirrors]
+    return [*joints, LegendEntry("markers", palette.rgba(palette.HELD_OUT)), *mirrors]
