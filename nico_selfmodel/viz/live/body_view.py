@@ -24,6 +24,8 @@ from nico_selfmodel.viz.scene.tree_scene import axis_points, carried_items
 
 _HAND = 0.012
 """Radius of what marks a hand [m]."""
+_ABOUT = 0.1
+"""Room about the body that the first view has, for what moves [m]; cards may hang beyond it."""
 _AZIMUTH = np.radians(252.0)
 """The first view is from the robot's right and a little behind: it looks towards its screens."""
 
@@ -63,9 +65,9 @@ class WholeBodyView(MovingScene):
         # A folder to each link: it is moved, and what is in it keeps its place there.
         items = [replace(i, path=f"links/{names[link]}/{i.path}") for link, i in drawn]
         self._X_LW = inverse(transform(motion.R_WL[..., 0], motion.p_WL[..., 0]))
-        points = np.vstack(
-            [axis_points(tree, motion), *(motion.pose_of(m)[1].T for m in tree.markers)]
-        )
+        own = [motion.pose_of(m)[1].T for m in tree.markers if m.on != WORLD]
+        points = np.vstack([axis_points(tree, motion), *own])
+        points = np.concatenate([points - _ABOUT, points + _ABOUT])
         sizes = {
             side: camera.image_size
             for side, camera in zip(SIDES, rig_of(tree, motion).cameras, strict=True)
@@ -74,7 +76,7 @@ class WholeBodyView(MovingScene):
         super().__init__(self._scene(items, points), meshcat, recording=recording)
 
     def _scene(self, items: list[Item], points: NDArray) -> Scene:
-        """Return what is drawn once, screens beside the points of the body and its room."""
+        """Return what is drawn once, screens beside the points of the body."""
         kinds = (("tracked", TRACKED, 1.0), ("predicted", PREDICTED, 0.8))
         for hand in self.hands:
             for kind, color, size in kinds:
