@@ -6,6 +6,8 @@ import numpy as np
 import pytest
 
 from nico_selfmodel.dataset.body.body_folder import load_body_dataset, save_body_dataset
+from nico_selfmodel.dataset.folder import save_dataset
+from nico_selfmodel.experiments.mirror_body import mirror_body
 from nico_selfmodel.model.tree.body_model import load_body, save_body
 from nico_selfmodel.systems.simulated.imperfections import IMPERFECTIONS
 
@@ -99,12 +101,13 @@ def test_mirrors_that_a_body_cannot_learn_are_one_clear_line(before_mirrors, com
     one = data.of_rows(np.flatnonzero(table.mirror != "")[:1])
     save_body_dataset(one, tmp_path / "one")
     save_body_dataset(data.of_rows(table.mirror == ""), tmp_path / "direct")
+    save_dataset(mirror_body(2).watch("middle", 4), arm := tmp_path / "arm")
     for words, said in (
         ((seen, "--model", tmp_path / "dark"), "has no cameras"),
         ((tmp_path / "one", "--model", model), "is unobservable: 1 sight of reflections"),
         ((tmp_path / "direct", "--model", model), "has no reflection"),
         ((seen, "--model", model, "--loss", "huber"), "--loss would change nothing"),
-        ((tmp_path, "--model", model), "poses.csv"),
+        ((arm, "--model", model), "not a self-model"),
     ):
         assert_one_clear_line(command("calibrate", "mirror", *words, "--out", out), said)
         assert not out.exists()

@@ -37,15 +37,15 @@ def mirror(
     """
     from math import radians
 
+    from nico_selfmodel.dataset.body.body_folder import is_body_dataset
     from nico_selfmodel.estimation.judging import judge, to_json
     from nico_selfmodel.estimation.mirrors.mirror import calibrate_mirrors
     from nico_selfmodel.estimation.mirrors.mirror_findings import judged
     from nico_selfmodel.files.whole import refuse_folder
     from nico_selfmodel.model.self_model_file import load_model
-    from nico_selfmodel.model.tree.body_model import is_body
 
     refuse_folder(out, force=force, inputs=[dataset, test, model])
-    if is_body(model):
+    if is_body_dataset(dataset):
         why = "a body knows the noise of its joints, and leaves out what contradicts it"
         options.refuse_given(context, ["joint_sigma_deg", "loss"], why)
         any_body.calibrate_mirrors(
