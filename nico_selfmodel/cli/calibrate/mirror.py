@@ -33,7 +33,7 @@ def mirror(
     """Learn where mirrors stand from poses in which the cameras saw the hand in them.
 
     The model has arm and cameras; rows of the data set name their mirror. A body whose head moves
-    learns planes in its world from a recording of poses and observations.
+    learns planes that stand still, from a recording of poses and observations.
     """
     from math import radians
 
