@@ -13,6 +13,8 @@ LARGEST_TABLE = 64 * MEGABYTE
 """Of a CSV file [bytes]."""
 LARGEST_DOCUMENT = 4 * MEGABYTE
 """Of a YAML file [bytes]."""
+LARGEST_BODY = 64 * MEGABYTE
+"""Of the YAML file of a body [bytes]: the covariance of some hundred parameters takes megabytes."""
 LARGEST_SCENE = 256 * MEGABYTE
 """Of a JSON file [bytes]; scenes hold pictures."""
 LARGEST_ROBOT = 16 * MEGABYTE

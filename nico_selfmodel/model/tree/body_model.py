@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from nico_selfmodel.arrays import read_only
 from nico_selfmodel.errors import DataError, ModelError
-from nico_selfmodel.files.reading import LARGEST_DOCUMENT, read_text
+from nico_selfmodel.files.reading import LARGEST_BODY, read_text
 from nico_selfmodel.files.whole import write_whole
 from nico_selfmodel.files.yaml_text import parse_yaml, yaml_text
 from nico_selfmodel.geometry.plane import Plane
@@ -123,7 +123,7 @@ def load_body(path: str | Path) -> BodyModel:
     if not path.exists():
         raise ModelError(f"{path} does not exist: give a {BODY_FILE}")
     try:
-        document = parse_yaml(read_text(path, LARGEST_DOCUMENT), str(path))
+        document = parse_yaml(read_text(path, LARGEST_BODY), str(path))
     except DataError as error:
         raise ModelError(f"{error}: a body was expected") from error
     found = document.get("format") if isinstance(document, dict) else None
