@@ -11,7 +11,7 @@ from nico_selfmodel.model.self_model import ParameterCovariance
 from nico_selfmodel.model.tree.body_model import BodyModel, load_body, save_body
 from nico_selfmodel.model.tree.body_tree import WORLD
 from nico_selfmodel.planning import body_poses
-from nico_selfmodel.sessions import rendered_body
+from nico_selfmodel.sessions import whole_recording
 from nico_selfmodel.sessions.whole_body import whole_body_session, whole_nico
 from nico_selfmodel.systems.looking import ARM_JOINTS, HEAD_JOINTS, looking_body
 from nico_selfmodel.systems.simulated.imperfections import IMPERFECTIONS
@@ -98,8 +98,8 @@ def test_a_marker_that_a_body_does_not_carry_is_answered_by_those_it_knows(
 def test_a_head_that_sees_nothing_of_the_arm_is_said_before_anything_is_recorded(
     tmp_path, command, monkeypatch
 ):
-    near_sighted = replace(rendered_body.RENDERED, far=rendered_body.RENDERED.near)
-    monkeypatch.setattr(rendered_body, "RENDERED", near_sighted)
+    near_sighted = replace(whole_recording.RENDERED, far=whole_recording.RENDERED.near)
+    monkeypatch.setattr(whole_recording, "RENDERED", near_sighted)
     monkeypatch.setattr(body_poses, "_ROUNDS", 1)
     done = command("learn", "--head", "--arms", "right", "--out", tmp_path / "none")
     assert_one_clear_line(done, "the head hardly sees right_hand_fiducial: 0 of 2000 poses")

@@ -10,7 +10,11 @@ from nico_selfmodel.cli.app import _tree
 SEVERAL_MEANINGS = {
     *("--out", "--seed", "--sensor", "--mirror", "--random"),  # what is made; of what; who watches
     *("--marker", "--encoders", "--seconds", "--robots", "--model", "--name"),
-    *("--camera", "--looks"),  # its name, or which of them; how often, at what
+    *(
+        "--camera",
+        "--looks",
+        "--head",
+    ),  # its name, or which of them; how often, at what; what turns
     "--images",  # where to keep them, or whose they are
 }
 """Options that are about another thing where another command has them, as their helps say."""

@@ -78,7 +78,7 @@ def test_other_joints_of_the_configuration_are_left_out(joints):
 
 
 def test_a_configuration_without_the_arm_is_refused(joints):
-    with pytest.raises(DataError, match="has no right_elbow: recording this arm moves"):
+    with pytest.raises(DataError, match="has no right_elbow: this recording moves"):
         planned("motion-capture", joints[:3], 0, 3)
 
 

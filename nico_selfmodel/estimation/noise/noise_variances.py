@@ -4,7 +4,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from nico_selfmodel.estimation.noise.pose_noise import PoseNoise
-from nico_selfmodel.estimation.noise.variance_components import LinearResiduals, VarianceSearch
+from nico_selfmodel.estimation.noise.variance_components import (
+    LEAST_OF_ALL,
+    LinearResiduals,
+    VarianceSearch,
+)
 
 _LEAST_SHARE = 0.02
 """Part of the residuals below which a standard deviation counts as none."""
@@ -61,5 +65,8 @@ def _floors(residuals: LinearResiduals, sensor: NDArray, joint: NDArray) -> tupl
     lever = np.sqrt(np.mean(np.sum(residuals.by_angle[groups.rows] ** 2, axis=1)))
     single = len(groups.rows) == groups.poses < _INSEPARABLE
     share = _LEAST_SENSOR_SHARE if single else _LEAST_SHARE
-    floor = max(float(np.sqrt(np.mean(left**2))), 1e-12)
-    return share * floor, _LEAST_SHARE * floor / max(float(lever), 1e-12)
+    # Where most is exact, outliers would take all noise with them, and the floor with it.
+    least = max(LEAST_OF_ALL * float(np.sqrt(np.mean(residuals.by_row[groups.rows] ** 2))), 1e-12)
+    floor = float(np.sqrt(np.mean(left**2)))
+    joint_floor = max(_LEAST_SHARE * floor, least) / max(float(lever), 1e-12)
+    return max(share * floor, least), joint_floor

@@ -16,6 +16,8 @@ from nico_selfmodel.estimation.noise.pose_noise import PoseGroups, PoseNoise, Po
 _ROUNDS, _SETTLED = 40, 2e-3
 _LARGEST_STEP = 1.0
 """Of a logarithm of a variance in one round."""
+LEAST_OF_ALL = 0.002
+"""Part of the residuals about what is known beforehand that noise is at least."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -37,6 +39,11 @@ class LinearResiduals:
     """Inverse variances of what is known of the parameters beforehand, where `r` is about their
     means; fitting takes less from the residuals then. Shape (P,)."""
 
+    @property
+    def by_row(self) -> NDArray:
+        """The residuals, zero for rows left out. Shape (N, k)."""
+        return self.groups.scatter(self.r)[:, :, 0]
+
     def left(self, sensor: NDArray, joint: NDArray) -> NDArray:
         """Return what fitting leaves at some noise, r - J C J' S^-1 r, by row; `r` is about priors.
 
@@ -50,7 +57,7 @@ class LinearResiduals:
             Zero for rows left out. Shape (N, k).
         """
         if self.information is None:
-            return self.groups.scatter(self.r)[:, :, 0]
+            return self.by_row
         own = np.zeros(self.by_angle.shape[:2], dtype=int) if self.sensor is None else self.sensor
         by_row = sensor[own][:, :, None]
         scale = self.groups.gather(by_row)

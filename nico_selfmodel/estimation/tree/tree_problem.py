@@ -16,7 +16,11 @@ from nico_selfmodel.estimation.noise.pose_noise import (
     PoseNoise,
     PoseWhitening,
 )
-from nico_selfmodel.estimation.noise.variance_components import LinearResiduals, VarianceSearch
+from nico_selfmodel.estimation.noise.variance_components import (
+    LEAST_OF_ALL,
+    LinearResiduals,
+    VarianceSearch,
+)
 from nico_selfmodel.estimation.tree.pose_tests import far_observations, slipped_joints
 from nico_selfmodel.estimation.tree.tree_observations import TreeObservations
 from nico_selfmodel.estimation.tree.tree_residuals import TreeLinear, TreeResiduals
@@ -328,13 +332,17 @@ def likeliest_noise(
     )
     group, counts = _joint_groups(data)
     kept = groups.rows
-    left = residuals.left(start.sensor, start.joint)[:, 0]
-    rms = np.array(
-        [
-            np.sqrt(np.mean(left[kept][data.noise_group[kept] == g] ** 2))
-            for g in range(len(data.noise_groups))
-        ]
+    left, about = residuals.left(start.sensor, start.joint)[:, 0], linear.r
+    rms, most = (
+        np.array(
+            [
+                np.sqrt(np.mean(part[kept][data.noise_group[kept] == g] ** 2))
+                for g in range(len(data.noise_groups))
+            ]
+        )
+        for part in (left, about)
     )
+    rms = np.maximum(rms, LEAST_OF_ALL / _LEAST_SHARE * most)
     lever = np.sqrt(np.mean((linear.by_joint[kept] / rms[data.noise_group[kept], None]) ** 2))
     floor = np.append(_LEAST_SHARE * rms, np.full(counts, _LEAST_SHARE / max(lever, 1e-12)))
     known = np.zeros(len(group))
