@@ -341,7 +341,9 @@ def _score(seed, markers):
         np.arange(20), *(np.zeros(20, int),) * 2, np.full(20, -1),
         np.hstack([np.zeros((20, 3)), np.full((20, 3), np.nan)]),
     )  # fmt: skip
-    fresh = replace(sim.data, sample=np.arange(20), readings=q, flanges=None, observations=table)
+    fresh = replace(
+        sim.data, sample=np.arange(20), readings=q, flanges=None, approach=None, observations=table
+    )
     linear = TreeResiduals(TreeObservations.of(fresh), found.parameters).linear(found.values)
     true = seen_by_first(sim.tree, q)[0].T
     error = linear.r.reshape(20, 3) - true
