@@ -34,7 +34,7 @@ def true_model(arm, world, seed):
 
 def true_body(world, seed):
     """Return a whole body with the corners of its hands' cards, and its room about it."""
-    whole = WholeRecording.of()
+    whole = WholeRecording()
     robot = RenderedBody(world, seed, whole)
     mechanics, servos = robot.ground_truth.mechanics, robot.ground_truth.mechanics.servos
     hands = [MarkerInfo(name, "hand") for name in whole.tracked if name not in whole.room]

@@ -123,13 +123,39 @@ def commands_of_angles(
     Raises:
         ValueError: If a joint has no stops.
     """
+    low, high = _stops(joints)
+    lower, upper = np.asarray(lower, dtype=float), np.asarray(upper, dtype=float)
+    return low + (np.asarray(q, dtype=float) - lower) / (upper - lower) * (high - low)
+
+
+def angles_of_commands(
+    joints: Sequence[JointInfo], lower: ArrayLike, upper: ArrayLike, commands: ArrayLike
+) -> NDArray:
+    """Return the joint angles of a description that commands stand for: see `commands_of_angles`.
+
+    Args:
+        joints: Joints with stops.
+        lower: Lower limits of the description [rad]. Shape (n,).
+        upper: Upper limits of the description [rad]. Shape (n,).
+        commands: Commands [encoder units]. Shape (N, n).
+
+    Returns:
+        Joint angles of the description [rad]. Shape (N, n).
+
+    Raises:
+        ValueError: If a joint has no stops.
+    """
+    low, high = _stops(joints)
+    lower, upper = np.asarray(lower, dtype=float), np.asarray(upper, dtype=float)
+    return lower + (np.asarray(commands, dtype=float) - low) / (high - low) * (upper - lower)
+
+
+def _stops(joints: Sequence[JointInfo]) -> NDArray:
+    """Return lower and upper stops of joints [encoder units]. Shape (2, n)."""
     free = [joint.name for joint in joints if joint.lower is None or joint.upper is None]
     if free:
         raise ValueError(f"joints without stops cannot be sent by angle: {', '.join(free)}")
-    low = np.array([joint.lower for joint in joints], dtype=float)
-    high = np.array([joint.upper for joint in joints], dtype=float)
-    lower, upper = np.asarray(lower, dtype=float), np.asarray(upper, dtype=float)
-    return low + (np.asarray(q, dtype=float) - lower) / (upper - lower) * (high - low)
+    return np.array([[joint.lower, joint.upper] for joint in joints], dtype=float).T
 
 
 def pose_plan(

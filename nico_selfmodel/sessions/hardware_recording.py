@@ -1,9 +1,9 @@
 """Recording a real robot, through its servo bus: the poses, and the way to them."""
 
+from abc import ABC, abstractmethod
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from pathlib import Path
-from typing import Protocol
 
 import numpy as np
 from numpy.typing import NDArray
@@ -30,120 +30,32 @@ from nico_selfmodel.systems.stations.nico_hardware_station import NicoHardwareSt
 from nico_selfmodel.systems.tracking.hand_tracker import Detectors
 
 
-class Recording(Protocol):
-    """What is to be recorded of a real robot."""
-
-    @property
-    def sensor(self) -> str:
-        """`motion-capture`, `stereo-fiducial` or `stereo-color`."""
-        ...
-
-    @property
-    def robot(self) -> str:
-        """Name of the robot."""
-        ...
-
-    @property
-    def moves(self) -> str:
-        """What moves, in words."""
-        ...
-
-    @property
-    def joints(self) -> tuple[JointInfo, ...]:
-        """Joints that move, with their limits."""
-        ...
-
-    @property
-    def plan(self) -> Plan:
-        """The poses [counts]."""
-        ...
-
-    def detectors(self, rig: StereoRig | None) -> Detectors:
-        """Return what finds markers in pictures, behind the lenses of calibrated cameras."""
-        ...
-
-    def run(
-        self, station: NicoHardwareStation, name: str, *, source: str, folder: Path | None = None,
-        keep_images: bool = False, progress: Progress | None = None,
-    ) -> Dataset:  # fmt: skip
-        """Visit the poses with a station that is open and enabled."""
-        ...
-
-
 @dataclass(frozen=True, eq=False)
-class RealRecording:
-    """What is to be recorded of which arm.
-
-    A robot that has learned nothing knows the stops of its joints, and about where they should be:
-    the limits of its servo configuration count as those of its description.
-    """
+class Recording(ABC):
+    """What is to be recorded of a real robot."""
 
     sensor: str
     """`motion-capture`, `stereo-fiducial` or `stereo-color`."""
-    arm: ArmDescription
-    """The arm as described."""
     joints: tuple[JointInfo, ...]
-    """Its joints with their limits."""
+    """Joints that move, with their limits."""
     plan: Plan
     """The poses [counts]."""
-    enough: int | None
+    enough: int | None = field(default=None, kw_only=True)
     """Free poses that are enough, where the plan holds some to spare."""
 
-    @classmethod
-    def planned(
-        cls,
-        sensor: str,
-        servos: Sequence[JointInfo],
-        circle: int,
-        free: int,
-        rng: np.random.Generator,
-        table: str | None = None,
-        arm: ArmDescription | None = None,
-    ) -> "RealRecording":
-        """Plan poses in which the described arm touches neither its body nor itself.
-
-        Args:
-            sensor: `motion-capture`, `stereo-fiducial` or `stereo-color`.
-            servos: The joints that the servos drive, with limits.
-            circle: Poses on circles, home not counted.
-            free: Random poses.
-            rng: Source of the random poses.
-            table: Poses to visit instead of random ones: CSV text, a column a joint [counts].
-            arm: The arm, its limits those of the servos; of Nico's the one that they drive.
-
-        Raises:
-            DataError: If the servos do not drive all joints of the arm, or the table is not one.
-            ValueError: If a given pose lies beyond a stop, or touches the body, or cameras are to
-                watch another arm than Nico's.
-        """
-        by_camera = sensor in MARKERS
-        if arm is not None and by_camera:
-            raise ValueError("cameras watch Nico's arm: with --robot give --sensor motion-capture")
-        if arm is None:
-            arm = looking_arm(MARKERS[sensor]) if by_camera else _arm_of(servos)
-        joints = _joints_of(arm, servos)
-        planned = _by_cameras if by_camera else _by_motion_capture
-        plan = planned(arm, joints, circle, free if table is None else 0, rng)
-        if table is None:
-            return cls(sensor, arm, joints, plan, free if by_camera else None)
-        given = given_commands(joints, readings_from_table(table, arm.joints))
-        _refuse_touching(_touching(arm, joints, given))
-        return cls(sensor, arm, joints, plan + given, None)
-
     @property
+    @abstractmethod
     def robot(self) -> str:
         """Name of the robot."""
-        return Path(self.arm.robot).stem
 
     @property
+    @abstractmethod
     def moves(self) -> str:
         """What moves, in words."""
-        return "the arm"
 
+    @abstractmethod
     def detectors(self, rig: StereoRig | None) -> Detectors:
         """Return what finds markers in pictures, behind the lenses of calibrated cameras."""
-        found = default_detectors(rig)
-        return {m: found[m] for m in self.arm.markers if m in found} or found
 
     def run(
         self,
@@ -188,7 +100,75 @@ class RealRecording:
 
 
 @dataclass(frozen=True, eq=False)
-class RealBodyRecording:
+class RealRecording(Recording):
+    """What is to be recorded of which arm.
+
+    A robot that has learned nothing knows the stops of its joints, and about where they should be:
+    the limits of its servo configuration count as those of its description.
+    """
+
+    arm: ArmDescription
+    """The arm as described."""
+
+    @classmethod
+    def planned(
+        cls,
+        sensor: str,
+        servos: Sequence[JointInfo],
+        circle: int,
+        free: int,
+        rng: np.random.Generator,
+        table: str | None = None,
+        arm: ArmDescription | None = None,
+    ) -> "RealRecording":
+        """Plan poses in which the described arm touches neither its body nor itself.
+
+        Args:
+            sensor: `motion-capture`, `stereo-fiducial` or `stereo-color`.
+            servos: The joints that the servos drive, with limits.
+            circle: Poses on circles, home not counted.
+            free: Random poses.
+            rng: Source of the random poses.
+            table: Poses to visit instead of random ones: CSV text, a column a joint [counts].
+            arm: The arm, its limits those of the servos; of Nico's the one that they drive.
+
+        Raises:
+            DataError: If the servos do not drive all joints of the arm, or the table is not one.
+            ValueError: If a given pose lies beyond a stop, or touches the body, or cameras are to
+                watch another arm than Nico's.
+        """
+        by_camera = sensor in MARKERS
+        if arm is not None and by_camera:
+            raise ValueError("cameras watch Nico's arm: with --robot give --sensor motion-capture")
+        if arm is None:
+            arm = looking_arm(MARKERS[sensor]) if by_camera else _arm_of(servos)
+        joints = _joints_of(arm, servos)
+        planned = _by_cameras if by_camera else _by_motion_capture
+        plan = planned(arm, joints, circle, free if table is None else 0, rng)
+        if table is None:
+            return cls(sensor, joints, plan, arm, enough=free if by_camera else None)
+        given = given_commands(joints, readings_from_table(table, arm.joints))
+        _refuse_touching(_touching(arm, joints, given))
+        return cls(sensor, joints, plan + given, arm)
+
+    @property
+    def robot(self) -> str:
+        """Name of the robot."""
+        return Path(self.arm.robot).stem
+
+    @property
+    def moves(self) -> str:
+        """What moves, in words."""
+        return "the arm"
+
+    def detectors(self, rig: StereoRig | None) -> Detectors:
+        """Return what finds markers in pictures, behind the lenses of calibrated cameras."""
+        found = default_detectors(rig)
+        return {m: found[m] for m in self.arm.markers if m in found} or found
+
+
+@dataclass(frozen=True, eq=False)
+class RealBodyRecording(Recording):
     """A real Nico that looks at cards in a room, and at its hands.
 
     The limits of its servo configuration count as those of its description.
@@ -196,16 +176,6 @@ class RealBodyRecording:
 
     whole: WholeRecording
     """What moves, and what hangs about it."""
-    joints: tuple[JointInfo, ...]
-    """Its joints with their limits."""
-    plan: Plan
-    """The poses [counts]."""
-    sensor: str = "stereo-fiducial"
-    """What is seen."""
-    robot: str = "nico"
-    """Name of the robot."""
-    moves: str = "head and arms"
-    """What moves, in words."""
 
     @classmethod
     def planned(
@@ -234,40 +204,24 @@ class RealBodyRecording:
         """
         joints = _joints_of(whole.body, servos)
         if given is None:
-            commands = whole.commands(joints, whole.plan(looks, hands, rng))
-            return cls(whole, joints, given_commands(joints, commands))
-        low, high = (np.array([getattr(joint, end) for joint in joints], dtype=float)
-                     for end in ("lower", "upper"))  # fmt: skip
-        span = whole.body.upper - whole.body.lower
-        angles = whole.body.lower + (given - low) / (high - low) * span
-        _refuse_touching([whole.view.shapes.collides(q) for q in angles])
-        return cls(whole, joints, given_commands(joints, given))
+            given = whole.commands(joints, whole.plan(looks, hands, rng))
+        plan = given_commands(joints, given)
+        _refuse_touching([whole.view.shapes.collides(q) for q in whole.angles(joints, given)])
+        return cls("stereo-fiducial", joints, plan, whole)
+
+    @property
+    def robot(self) -> str:
+        """Name of the robot."""
+        return "nico"
+
+    @property
+    def moves(self) -> str:
+        """What moves, in words."""
+        return "head and arms" if self.whole.arms else "the head"
 
     def detectors(self, rig: StereoRig | None) -> Detectors:
         """Return what finds hands and cards in pictures, behind the lenses of the cameras."""
         return self.whole.detectors(rig)
-
-    def run(
-        self,
-        station: NicoHardwareStation,
-        name: str,
-        *,
-        source: str,
-        folder: Path | None = None,
-        keep_images: bool = False,
-        progress: Progress | None = None,
-    ) -> Dataset:
-        """Visit the poses with a station that is open and enabled; as `RealRecording.run`."""
-        return record(
-            station.body("cameras", keep_images=keep_images),
-            self.plan,
-            name,
-            source=source,
-            image_size=station.image_size,
-            until_seen=2,
-            folder=folder,
-            progress=progress,
-        )
 
 
 def _refuse_touching(touches: Sequence[bool]) -> None:

@@ -49,7 +49,7 @@ class WatchingBody(LiveStation[WholeBodyView, Mapping[str, NDArray]]):
             ModelError: If the model lacks cameras, or markers that this robot carries or sees.
             ValueError: If it has joints that this robot does not command, or lacks some.
         """
-        self.whole = WholeRecording.of(arms_among(model.tree.joints))
+        self.whole = WholeRecording(arms_among(model.tree.joints))
         _check_parts(model, self.whole)
         self.model = model
         self.hands = {

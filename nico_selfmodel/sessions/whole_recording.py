@@ -1,7 +1,7 @@
 """What a whole Nico is recorded with: cards of markers about it, poses to see them and hands."""
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 
 import numpy as np
@@ -16,7 +16,7 @@ from nico_selfmodel.model.cameras.camera import Camera
 from nico_selfmodel.model.cameras.stereo_rig import StereoRig
 from nico_selfmodel.model.tree.body_tree import WORLD, Attached
 from nico_selfmodel.planning.body_poses import BodyView
-from nico_selfmodel.planning.plans import commands_of_angles
+from nico_selfmodel.planning.plans import angles_of_commands, commands_of_angles
 from nico_selfmodel.planning.visible_workspace import RENDERED
 from nico_selfmodel.plant.body_description import BodyDescription
 from nico_selfmodel.sessions.whole_body import (
@@ -39,21 +39,9 @@ class WholeRecording:
     """A whole Nico, simulated or real, that looks at a room and at its hands."""
 
     arms: tuple[str, ...] = ("right", "left")
-    """Which arms move beside the head."""
-    cards: tuple[TagCard, ...] = ()
-    """Cards that hang about it, in the frame of its root link."""
-
-    @classmethod
-    def of(
-        cls, arms: Sequence[str] = ("right", "left"), cards: Sequence[TagCard] | None = None
-    ) -> "WholeRecording":
-        """Return what it takes to record a Nico.
-
-        Args:
-            arms: Which arms move too: `right`, `left`.
-            cards: What hangs about it; five cards if omitted.
-        """
-        return cls(tuple(arms), cards_about_nico() if cards is None else tuple(cards))
+    """Which arms move beside the head: `right`, `left`, none."""
+    cards: tuple[TagCard, ...] = field(default_factory=cards_about_nico)
+    """Cards that hang about it, in the frame of its root link; five if omitted."""
 
     @cached_property
     def body(self) -> BodyDescription:
@@ -126,6 +114,15 @@ class WholeRecording:
             angles: Of its joints [rad]. Shape (N, k).
         """
         return commands_of_angles(joints, self.body.lower, self.body.upper, angles)
+
+    def angles(self, joints: Sequence[JointInfo], commands: NDArray) -> NDArray:
+        """Return the described joints' angles that commands stand for [rad].
+
+        Args:
+            joints: The robot's, with stops.
+            commands: Of its joints [encoder units]. Shape (N, k).
+        """
+        return angles_of_commands(joints, self.body.lower, self.body.upper, commands)
 
     def dataset(self, data: Dataset, lenses: Mapping[str, Camera] | None = None) -> BodyDataset:
         """Say what carries joints, markers and cameras of what was recorded.

@@ -87,7 +87,7 @@ def learn_whole(
         EstimationError: If no body explains it.
     """
     counts = counts or BodyCounts()
-    whole = WholeRecording.of(arms)
+    whole = WholeRecording(tuple(arms))
     robot = RenderedBody(world, seed, whole, quality or QUICK)
     # What cannot be seen is said before anything is recorded.
     whole.plan(1, 1, np.random.default_rng(seed))

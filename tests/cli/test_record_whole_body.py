@@ -72,7 +72,7 @@ def test_a_simulated_head_is_recorded_in_a_room_of_ones_own(
 def test_a_real_head_and_arm_are_recorded_through_bus_and_cameras(
     command, tmp_path, lenses, project_root
 ):
-    whole = WholeRecording.of(("right",))
+    whole = WholeRecording(("right",))
     robot = RenderedBody("thesis", SEED, whole)
     station = robot.station(0)
     angles = whole.plan(0, 1, np.random.default_rng(2))

@@ -72,6 +72,18 @@ class Hardware:
             )
         return True
 
+    def refuse_arm(self, why: str) -> None:
+        """Refuse options that choose an arm.
+
+        Raises:
+            ValueError: If one was given; it says why they are of no use.
+        """
+        chosen = {"--robot": self.robot, "--arm": self.arm, "--base": self.base, "--tip": self.tip}
+        given = [name for name, value in {**chosen, "--hold": self.hold or None}.items()
+                 if value is not None]  # fmt: skip
+        if given:
+            raise ValueError(f"{', '.join(given)}: {why}, leave it out")
+
 
 def record_hardware(request: "Request", hardware: Hardware) -> "Dataset":
     """Move the real arm and record what is seen; an interrupted recording goes on.

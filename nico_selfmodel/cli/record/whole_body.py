@@ -115,8 +115,9 @@ def _whole(arms: tuple[str, ...], room: Path | None) -> "WholeRecording":
     from nico_selfmodel.systems.stations.nico_detectors import FIDUCIALS
     from nico_selfmodel.vision.markers.tag_card_file import load_cards
 
-    cards = None if room is None else load_cards(room, FIDUCIALS.values())
-    return WholeRecording.of(arms, cards)
+    if room is None:
+        return WholeRecording(arms)
+    return WholeRecording(arms, load_cards(room, FIDUCIALS.values()))
 
 
 def record_body(asked: WholeRequest, world: "Imperfections") -> None:
@@ -163,8 +164,7 @@ def record_real_body(asked: WholeRequest, hardware: "Hardware") -> None:
 
     request = asked.request
     refuse_existing(request.out, force=False)
-    if hardware.robot is not None:
-        raise ValueError("--robot: a whole body is Nico's; leave it out")
+    hardware.refuse_arm("a whole body is Nico's")
     config = configuration(hardware)
     rng = np.random.default_rng((request.seed, request.session, 2))
     planned = RealBodyRecording.planned(

@@ -119,8 +119,8 @@ def session_before_mirrors(
     data = tree_dataset_of(
         kept.dataset(), link_joints_of(tree), marker_infos(tree, room), camera_infos(tree)
     )
-    cards = [card for index, (_, card, _) in enumerate(plan) if kept.visits(index)]
-    shown = data.of_rows(_shown(data, cards))
+    facing = [card for index, (_, card, _) in enumerate(plan) if kept.visits(index)]
+    shown = data.of_rows(_shown(data, facing))
     return BeforeMirrors(shown, {mirror: b.glass.plane for mirror, b in before.items()})
 
 
