@@ -60,8 +60,8 @@ def mirror(
             force=force,
             as_json=as_json,
         )
-    body = load_model(model)
     train, held_out = inputs.train_and_test(dataset, test, test_fraction, seed)
+    body = load_model(model)
     with printer.progress_bar() as progress:
         progress("learning mirrors", 0, 1)
         found = calibrate_mirrors(
