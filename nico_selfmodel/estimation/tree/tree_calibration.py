@@ -248,7 +248,7 @@ class _Start:
             values[parameters.index[name]] = value
         if description is not None and tree.lenses:
             rays = TreeResiduals(observations.as_bearings(tree.lenses), parameters)
-            inside = _inside_lenses(parameters)
+            inside = parameters.of_lenses
             for held in (inside | parameters.of_joint_frames, inside):
                 values = TreeProblem(rays, free - held, setup.priors).rough(values)[0]
         problem = TreeProblem(TreeResiduals(observations, parameters), free, setup.priors)
@@ -280,10 +280,6 @@ def _length_factor(setup: TreeSetup, parameters: TreeParameters, tree: BodyTree)
     now = float(parameters.values_of(tree)[parameters.index[setup.scale_from]])
     # Of the other sign it is another first body's length.
     return known / now if known * now > 0.0 else 1.0
-
-
-def _inside_lenses(parameters: TreeParameters) -> frozenset[str]:
-    return parameters.of_lenses
 
 
 def _finished(

@@ -332,23 +332,21 @@ def likeliest_noise(
     )
     group, counts = _joint_groups(data)
     kept = groups.rows
-    left, about = residuals.left(start.sensor, start.joint)[:, 0], linear.r
-    rms, most = (
-        np.array(
-            [
-                np.sqrt(np.mean(part[kept][data.noise_group[kept] == g] ** 2))
-                for g in range(len(data.noise_groups))
-            ]
-        )
-        for part in (left, about)
-    )
-    rms = np.maximum(rms, LEAST_OF_ALL / _LEAST_SHARE * most)
+    left = _rms_by_group(residuals.left(start.sensor, start.joint)[:, 0], data, kept)
+    rms = np.maximum(left, LEAST_OF_ALL / _LEAST_SHARE * _rms_by_group(linear.r, data, kept))
     lever = np.sqrt(np.mean((linear.by_joint[kept] / rms[data.noise_group[kept], None]) ** 2))
     floor = np.append(_LEAST_SHARE * rms, np.full(counts, _LEAST_SHARE / max(lever, 1e-12)))
     known = np.zeros(len(group))
     search = VarianceSearch(residuals, known, group, np.maximum(floor, 1e-12), data.sigma_held)
     found = search.run(start.sensor, start.joint)
     return TreeNoise(found.sensor, found.joint)
+
+
+def _rms_by_group(r: NDArray, data: TreeObservations, kept: NDArray) -> NDArray:
+    """Return the root mean square of the scalars that count of each noise group. Shape (G,)."""
+    group = data.noise_group[kept]
+    squares = np.bincount(group, r[kept] ** 2, minlength=len(data.noise_groups))
+    return np.sqrt(squares / np.bincount(group, minlength=len(squares)))
 
 
 def _joint_groups(observations: TreeObservations) -> tuple[NDArray, int]:
