@@ -63,6 +63,8 @@ class Uncertainty:
     """Ratio of the largest to the smallest singular value, in natural units."""
     unobservable: tuple[UnobservableDirection, ...]
     """Unobservable directions, the worst first."""
+    equations: int = 0
+    """Number of residuals that carried weight, priors among them; 0 where nobody counted."""
 
     @property
     def correlation(self) -> NDArray:
@@ -127,6 +129,7 @@ class Uncertainty:
             int(np.sum(~unobservable)),
             float(values[0] / values[-1]) if values[-1] > 0.0 else np.inf,
             tuple(sorted(directions, key=lambda d: -d.sigma)),
+            observations,
         )
 
 

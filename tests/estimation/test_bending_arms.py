@@ -61,6 +61,16 @@ def test_arms_that_sag_are_learned_nearly_as_if_their_masses_were_told():
     assert 0.7 < np.mean(normalised) < 1.4
 
 
+@pytest.mark.parametrize("seed", [104, 5032])
+def test_noise_is_not_a_part_of_what_a_sag_explains(seed):
+    """Least noise that is a part of the rigid arm's error made sigmas of these arms twice too
+    large."""
+    _, train, test, true = arm_and_data(seed, 40)
+    learned = calibrate_kinematics(train, explain=False)
+    assert learned.noise.sensor_sigma == pytest.approx(1e-4, rel=0.25)
+    assert nees(learned.model, test, true) > 0.6
+
+
 @pytest.mark.slow
 def test_a_body_that_bends_doubts_what_did_not_stay(monkeypatch):
     """Without the doubt effects fall to zero, and unseen poses are told too surely."""

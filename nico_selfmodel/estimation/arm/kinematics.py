@@ -194,6 +194,9 @@ def calibrate_kinematics(
         solved = ladder.solution
         if task.sampled:
             solved = refine_on_all(task.observations, solved, trim=trim)
+        assert solved.uncertainty is not None
+        uncertainty = ladder.in_doubt(solved.uncertainty, solved.parameters)
+        solved = replace(solved, uncertainty=uncertainty)
         unseen = cross_validate(task.observations, solved)
     doubts = _Doubts.of(task, solved)
     causes = Causes()

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from nico_selfmodel.estimation.bending.asked_poses import mean_by_pose
 from nico_selfmodel.estimation.bending.bendable import GEAR, Bendable
-from nico_selfmodel.estimation.bending.effect_fit import EffectFit, fit_effects
+from nico_selfmodel.estimation.bending.effect_fit import DOUBT, EffectFit, fit_effects
 from nico_selfmodel.estimation.bending.implausible import NO_GEAR, gear_fault, implausible, lifts
 from nico_selfmodel.estimation.bending.steps import STEPS, Step
 from nico_selfmodel.model.arm.bending import (
@@ -33,8 +33,6 @@ _WORTH = 10.0
 _GAIN = 0.01
 """Mean logarithm of the errors' ratio that unseen poses must gain."""
 _GEARS_DO = "gears that are a little off explain it better"
-_DOUBT = 0.5
-"""Numbers as large as the noise hides that each effect has in a body that bends."""
 _LOADS = 0.2
 """Standard deviation of a load's coordinate about that of uniform rods, as a part of their rms:
 motors and shells are no rods."""
@@ -212,16 +210,24 @@ class Climber:
             return
         rest = [e for e in effects if e not in self.kept and self._may_be(e)]
         stiff = [e for e in rest if e not in (SAG, BEARING)]
-        self.doubt = _DOUBT
-        for asked in (rest, stiff):
-            found = self._upright((*self.kept, *asked), self.still)
-            gains = self._gains(self.fit, found)
-            loses = gains.mean() < -gains.std(ddof=1) / np.sqrt(len(gains))
-            if not (loses or implausible(found, self.body)):
-                self.besides = tuple(asked)
-                self._adopt(found)
-                return
+        self.doubt = DOUBT
+        if self._beside(rest) or self._beside(stiff):
+            return
         self._adopt(self.fit)
+        for effect in rest:
+            self._beside([*self.besides, effect])
+
+    def _beside(self, effects: Sequence[str]) -> bool:
+        """Take some effects beside those that stayed, if unseen poses do not lose by them."""
+        assert self.fit is not None
+        found = self._upright((*self.kept, *effects), self.still)
+        gains = self._gains(self.fit, found)
+        loses = gains.mean() < -gains.std(ddof=1) / np.sqrt(len(gains))
+        if loses or implausible(found, self.body):
+            return False
+        self.besides = tuple(effects)
+        self._adopt(found)
+        return True
 
     def solution(self) -> Any:
         """Return the body with what it keeps, outliers of all observations looked for anew.

@@ -25,6 +25,8 @@ from nico_selfmodel.estimation.bending.bendable import Bendable, Posture, Weighe
 from nico_selfmodel.estimation.noise.arm_solution import Priors
 from nico_selfmodel.estimation.results.folds import fold_of, splits
 
+DOUBT = 0.5
+"""Numbers as large as the noise hides that each effect has in a body that bends."""
 _ROUNDS = 30
 _SIZES = (1.0, 1e-3)
 """Variances at which an effect begins, as parts of that at which it is as large as the noise."""
@@ -53,6 +55,8 @@ class EffectFit:
     """Values at which numbers have no effect, where they are not 0."""
     variance: Mapping[str, float]
     """Prior variance of each effect's numbers; 0 where the data tell none of it."""
+    known: frozenset[str]
+    """Effects of which it was known beforehand."""
     spread: NDArray
     """Covariance of the effects' numbers, group by group. Shape (e, e)."""
     noise: Any
@@ -123,7 +127,8 @@ def fit_effects(
     fits = []
     for told in task.starts(weighed, begin):
         found = task.fitted(weighed, *told)
-        fits.append(EffectFit(parameters, free, found[0], groups, means, *found[1:], weighed.pose))
+        about = parameters, free, found[0], groups, means, found[1], frozenset(known)
+        fits.append(EffectFit(*about, *found[2:], weighed.pose))
     return min(fits, key=lambda fit: fit.evidence)
 
 

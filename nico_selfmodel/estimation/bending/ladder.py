@@ -15,9 +15,12 @@ from typing import Any
 
 import numpy as np
 
-from nico_selfmodel.estimation.bending.bendable import Bendable
+from nico_selfmodel.estimation.bending.bendable import Bendable, Posture
 from nico_selfmodel.estimation.bending.climber import Climber
+from nico_selfmodel.estimation.bending.effect_fit import EffectFit
 from nico_selfmodel.estimation.bending.steps import STEPS, Step
+from nico_selfmodel.estimation.bending.uncertain_variances import with_uncertain_variances
+from nico_selfmodel.optimization.uncertainty import Uncertainty
 
 
 @dataclass(frozen=True, eq=False)
@@ -38,6 +41,8 @@ class Ladder:
     px]."""
     unit: str = "mm"
     """Of errors."""
+    fit: EffectFit | None = None
+    """Whose variances hold what the solution has; None of a rigid one."""
     wanted: tuple[str, ...] = ()
     """Effects that the user asked for by name."""
 
@@ -45,6 +50,18 @@ class Ladder:
     def kept(self) -> tuple[str, ...]:
         """Names of the effects that stayed."""
         return tuple(step.effect for step in self.steps if step.kept)
+
+    def in_doubt(self, known: Uncertainty, posture: Posture) -> Uncertainty:
+        """Return the solution's uncertainty, how well its effects' variances are known counted.
+
+        Args:
+            known: As if they were known.
+            posture: The solution's parameters.
+        """
+        if self.fit is None:
+            return known
+        values = dict(zip(posture.names, posture.values.tolist(), strict=True))
+        return with_uncertain_variances(known, values, self.fit)
 
 
 def climb(body: Bendable, effects: Sequence[str] | None = STEPS) -> Ladder:
@@ -68,7 +85,8 @@ def climb(body: Bendable, effects: Sequence[str] | None = STEPS) -> Ladder:
     adopted = bool(effects and climber.kept)
     solution = climber.solution() if adopted else body.solution
     bent = climber.parameters if climber.kept else None
-    best = Ladder(steps, solution, bent, adopted, climber.unseen, body.unit)
+    fit = climber.fit if adopted else None
+    best = Ladder(steps, solution, bent, adopted, climber.unseen, body.unit, fit)
     if not _is_better(best, body):
         best = _left_rigid(best, body)
     return replace(best, wanted=wanted)

@@ -114,7 +114,9 @@ def calibrate_body(
     ladder = task.climbed(*task.solve(), effects, up, seed)
     found: BodyBend = ladder.solution
     parameters, solved = found.parameters, found.solved
-    uncertainty, crossed = task.uncertainty(found), task.cross_validation(found)
+    posture = BodyPosture(parameters, solved.rig)
+    uncertainty = ladder.in_doubt(task.uncertainty(found), posture)
+    crossed = task.cross_validation(found)
     training = _training_of(dataset, observations, crossed)
     model = task.model(parameters, solved, uncertainty, dataset, name or start.name, training)
     judged = test_boards if test_boards is not None else boards

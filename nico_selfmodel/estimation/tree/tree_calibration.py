@@ -316,7 +316,7 @@ def _finished(
         setup,
         parameters,
         solution,
-        _uncertainty(problem, solution),
+        ladder.in_doubt(_uncertainty(problem, solution), ladder.solution.posture),
         TreeErrors(residuals.observations, residuals.residuals(solution.values)),
         None if test is None else errors_of(tree, test),
         cross_validated(problem, solution, residuals),
