@@ -9,10 +9,9 @@ from nico_selfmodel.plant import ArmDescription, SelfModelPlant
 
 _STEPS = 10
 """Points along each link."""
-_RADIUS = 0.055
-"""What belongs to the arm is no farther than this from the lines through its joints [m]."""
-_FINGERS = 0.09
-"""How far the fingers reach beyond the last link's frame, along the line that leads there [m]."""
+_ARM, _HAND = 0.026, 0.030
+"""What belongs to the arm, and to the hand, is no farther than this from the lines through its
+joints, and to its fingers and markers [m]."""
 _NEAREST = 0.05
 """What is nearer to a camera covers it wholly, or is not seen at all [m]."""
 
@@ -48,36 +47,37 @@ class OwnArmInView:
         Returns:
             A truth value a cell. Shape (rows, columns).
         """
-        p_WQ = self._points(readings)
+        p_WQ, radius = self._points(readings)
         camera = self._camera
         depth = p_WQ @ camera.X_CW[2, :3] + camera.X_CW[2, 3]
-        p_WQ, depth = p_WQ[depth > _NEAREST], depth[depth > _NEAREST]
-        pixels = camera.project(p_WQ)
+        ahead = depth > _NEAREST
+        pixels = camera.project(p_WQ[ahead])
         # A cell is in question as soon as its nearest corner is.
-        reach = _RADIUS * camera.fx / depth + self._cell * np.sqrt(0.5)
+        reach = radius[ahead] * camera.fx / depth[ahead] + self._cell * np.sqrt(0.5)
         apart = np.linalg.norm(self._middles[:, :, None] - pixels, axis=-1)
         with np.errstate(invalid="ignore"):
             return np.asarray((apart < reach).any(axis=2))
 
-    def _points(self, readings: ArrayLike) -> NDArray:
-        """Return points along the lines through the arm's joints to the hand. Shape (k, 3)."""
+    def _points(self, readings: ArrayLike) -> tuple[NDArray, NDArray]:
+        """Return points on lines through the joints, and from the hand to all that it moves.
+
+        Returns:
+            Points, shape (k, 3), and how far from each there may be something, shape (k,) [m].
+        """
         built, plant = self._built, self._built.plant
         built.set_positions(self._context, readings)
-        links = (*built.arm.links.child_links, built.arm.tip_link)
+        links = dict.fromkeys((*built.arm.links.child_links, built.arm.tip_link))
         bodies = [plant.GetBodyByName(link, built.instance) for link in links]
-        poses = [plant.EvalBodyPoseInWorld(self._context, body) for body in bodies]
-        ends = np.array([pose.translation() for pose in poses])
-        frames = [built.tracked_point_frame(marker) for marker in built.markers]
-        hand = np.array([frame.CalcPoseInWorld(self._context).translation() for frame in frames])
-        fingers = ends[-1] + _FINGERS * _along(ends)
-        joints = np.vstack([ends, fingers, hand])
+        last = plant.GetJointByName(built.arm.joints[-1], built.instance).index()
+        moved = map(plant.get_body, plant.GetBodiesKinematicallyAffectedBy([last]))
+        poses = [plant.EvalBodyPoseInWorld(self._context, body) for body in (*bodies, *moved)]
+        markers = [built.tracked_point_frame(marker) for marker in built.markers]
+        poses += [frame.CalcPoseInWorld(self._context) for frame in markers]
+        p_WE = np.array([pose.translation() for pose in poses])
+        joints = len(bodies)
+        arm = np.stack([p_WE[: joints - 1], p_WE[1:joints]])
+        hand = np.stack([np.broadcast_to(p_WE[joints - 1], p_WE[joints:].shape), p_WE[joints:]])
+        starts, ends = np.concatenate([arm, hand], axis=1)
+        radius = np.repeat([_ARM, _HAND], [arm.shape[1], hand.shape[1]])
         share = np.linspace(0.0, 1.0, _STEPS)[:, None, None]
-        return np.reshape(joints[:-1] + share * np.diff(joints, axis=0), (-1, 3))
-
-
-def _along(ends: NDArray) -> NDArray:
-    """Return the direction in which the last two frames that are apart follow each other."""
-    ways = np.diff(ends, axis=0)
-    lengths = np.linalg.norm(ways, axis=1)
-    last = int(np.flatnonzero(lengths > 1e-3)[-1])
-    return np.asarray(ways[last] / lengths[last])
+        return np.reshape(starts + share * (ends - starts), (-1, 3)), np.tile(radius, _STEPS)

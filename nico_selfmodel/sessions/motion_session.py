@@ -19,8 +19,10 @@ from nico_selfmodel.vision.images.motion_mask import CELL, moving_cells
 
 PERIOD = 0.05
 """Time between two pictures [s]."""
-_LEAST_STEP = 3e-4
-"""Of the hand between two pictures, by the learned arm: a fifth of a pixel in a mirror [m]."""
+_LEAST_STEP = 1e-4
+"""Of the hand between two pictures, by the learned arm: a tenth of a pixel in a mirror, what the
+motion mask sees of it. With more, an arm that comes to rest is seen to move longer than it is told
+to [m]."""
 _REMEMBERED = 0.5
 """How old a picture may be when it arrives, at most [s]."""
 _WARM_UP = 1.5
@@ -77,6 +79,7 @@ class MotionSession:
         poses: NDArray,
         seconds: float,
         rng: np.random.Generator,
+        delay: int | None = None,
     ) -> Iterator[tuple[bool, bool, bool]]:
         """Move at random and say after each picture what the encoders and the image did.
 
@@ -85,10 +88,12 @@ class MotionSession:
             poses: To move between [encoder units]. Shape (P, n).
             seconds: How long to watch, at most.
             rng: Source of both motor programs.
+            delay: How many pictures old a picture is when it arrives, as far as is known; up to
+                half a second if omitted.
 
         Yields:
             Whether the encoders moved since the picture before; whether the image did, in cells
-            that the own arm covered in the last half second; and whether it did in all others.
+            that the own arm may have covered in it; and whether it did in all others.
         """
         warm = _WARM_UP + (encounter.late or 0.0)
         own = MotorProgram.random(poses, warm + seconds, rng)
@@ -99,7 +104,7 @@ class MotionSession:
         put_mirror(self._station, motion.context, self._X_BM if encounter.mirror else None)
         self._station.stand_other(motion.context, self._X_WO if encounter.other else None)
         covered: deque[NDArray] = deque(maxlen=int(np.ceil(_REMEMBERED / PERIOD)))
-        late = deque([(False, False)] * self._whole)
+        late: deque[NDArray | None] = deque([None] * self._whole)
         picture, readings = None, None
         for k in range(int(seconds / PERIOD)):
             motion.advance(warm + k * PERIOD)
@@ -109,15 +114,30 @@ class MotionSession:
             covered.append(self._own.cells(readings))
             if before is None or last is None:
                 continue
-            mine = np.any(covered, axis=0)
-            moving = moving_cells(before, picture)
-            late.append((bool((moving & mine).any()), bool((moving & ~mine).any())))
-            yield self._moved(last, readings), *late.popleft()
+            late.append(moving_cells(before, picture))
+            moving, mine = late.popleft(), _covered_then(covered, delay)
+            if moving is None:
+                moving = np.zeros_like(mine)
+            own, elsewhere = (bool((moving & cells).any()) for cells in (mine, ~mine))
+            yield self._moved(last, readings), own, elsewhere
 
     def _moved(self, before: NDArray, now: NDArray) -> bool:
         """Return whether the hand moved between two readings, by the learned arm."""
         p_WH = self._model.points(self._model.servos.to_joint(np.stack([before, now])))
         return bool(np.linalg.norm(p_WH[1] - p_WH[0]) > _LEAST_STEP)
+
+
+def _covered_then(covered: deque[NDArray], delay: int | None) -> NDArray:
+    """Return the cells of the own arm in a picture, and in the one before it.
+
+    Args:
+        covered: Cells at the last readings, the newest last.
+        delay: Readings d by which a picture is older than the newest, or up to one more.
+    """
+    if delay is None:
+        return np.any(covered, axis=0)
+    newest = max(len(covered) - delay, 1)
+    return np.any(list(covered)[max(newest - 3, 0) : newest], axis=0)
 
 
 def _facing(gaze: float) -> NDArray:

@@ -14,7 +14,7 @@ from nico_selfmodel.estimation.contingency.contingency import (
 from nico_selfmodel.estimation.contingency.motion_response import learn_response
 
 PERIOD, DELAY = 0.05, 3
-STARTS, STAYS = 0.08, 0.85
+STARTS, STAYS = 0.1, 0.88
 MISSED, FALSE = 0.02, 0.01
 
 
@@ -48,6 +48,9 @@ def met(kind, seed, count=200):
     own = motion(count + 100, rng)
     if kind == "self":
         image = seen(own, DELAY, rng)
+    elif kind == "self, hidden now and then":
+        shown = np.repeat(rng.random(1 + (count + 100) // 20) < 0.75, 20)[: count + 100]
+        image = seen(own & shown, DELAY, rng)
     elif kind == "other":
         image = seen(motion(count + 100, rng), DELAY, rng)
     elif kind == "nobody":
@@ -91,6 +94,12 @@ def test_a_hundred_encounters_of_a_kind_are_all_told_in_time(kind, verdicts, wit
     found = [met(kind, seed) for seed in range(100)]
     assert {one.verdict for one in found} <= verdicts
     assert max(one.seconds for one in found) < within
+
+
+def test_who_is_hidden_a_quarter_of_the_time_is_not_taken_for_another():
+    found = [met("self, hidden now and then", seed).verdict for seed in range(100)]
+    assert NOT_ME not in found
+    assert found.count(SELF) > 95
 
 
 def test_nobody_is_told_from_somebody_where_there_is_time():

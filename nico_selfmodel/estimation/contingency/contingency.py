@@ -12,6 +12,9 @@ SELF, NOT_ME, NOBODY, CANNOT_TELL = "self", "not me", "nobody", "cannot tell"
 """Verdicts."""
 ODDS = 100.0 * 100.0
 """Odds at which the test stops: 100 to 1 that of a hundred verdicts not one is wrong."""
+_HIDES, _SHOWS = 0.03, 0.2
+"""How often, of pictures between which one moves, a mirror begins not to show it, and to show it
+again: its edge, or the own arm before it."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -38,7 +41,8 @@ def tell_contingency(moved: ArrayLike, seen: ArrayLike, response: MotionResponse
 
     Three hypotheses, the last two each half as likely beforehand as the first:
 
-        self      log L_S = sum_t log P(y_t | m_(t-d-1), m_(t-d)), with the delay d as learned
+        self      a hidden Markov chain: where a mirror shows what moves, P(y_t | m_(t-d-1),
+                  m_(t-d)) with the delay d as learned; where it does not, P(y_t | nobody)
         another   log L_O = sum_t log P(y_t | y_(t-1)), a Markov chain that starts and stops as
                   often as one does oneself
         nobody    log L_N = sum_t log P(y_t | nobody), what is seen where nothing moves
@@ -59,7 +63,7 @@ def tell_contingency(moved: ArrayLike, seen: ArrayLike, response: MotionResponse
         ValueError: If the series differ in length.
     """
     m, y = series(moved, seen)
-    own, other, nobody = (np.cumsum(logs) for logs in _logs(m, y, response))
+    own, other, nobody = _logs(m, y, response)
     odds, somebody = own - np.logaddexp(other, nobody) + np.log(2.0), other - nobody
     decided = np.flatnonzero(np.abs(odds) >= np.log(ODDS))
     if not len(decided):
@@ -74,17 +78,42 @@ def tell_contingency(moved: ArrayLike, seen: ArrayLike, response: MotionResponse
 
 
 def _logs(m: NDArray, y: NDArray, response: MotionResponse) -> list[NDArray]:
-    """Return the logarithms that each picture adds to the three hypotheses. Shape (T,) each."""
+    """Return the log likelihoods of the three hypotheses after each picture. Shape (T,) each."""
     first = response.delay + 1
     if len(m) <= first:
         return [np.zeros(len(m))] * 3
     found, before = y[first:], y[first - 1 : -1]
-    rates = (
-        response.after(m),
-        np.where(before, response.stays, response.starts),
-        np.full(len(found), response.unprompted),
-    )
-    return [
-        np.concatenate([np.zeros(first), np.log(np.where(found, rate, 1.0 - rate))])
-        for rate in rates
-    ]
+
+    def each(rate: NDArray) -> NDArray:
+        return np.where(found, rate, 1.0 - rate)
+
+    moved = m[1 : len(m) - response.delay]
+    nothing = each(np.full(len(found), response.unprompted))
+    chain = each(np.where(before, response.stays, response.starts))
+    logs = _of_self(each(response.after(m)), nothing, moved), *map(_summed, (chain, nothing))
+    return [np.concatenate([np.zeros(first), log]) for log in logs]
+
+
+def _summed(likelihood: NDArray) -> NDArray:
+    return np.cumsum(np.log(likelihood))
+
+
+def _of_self(shown: NDArray, hidden: NDArray, moved: NDArray) -> NDArray:
+    """Return log L_S after each picture: the forward algorithm of two states.
+
+    Args:
+        shown: Likelihood of each picture where the image shows what moves. Shape (K,).
+        hidden: The same where it does not. Shape (K,).
+        moved: Whether the encoders did, so that the next picture may show what this one hides.
+            Shape (K,).
+    """
+    steps = np.where(moved, 1.0, 0.0)[:, None, None] * [[-_HIDES, _HIDES], [_SHOWS, -_SHOWS]]
+    steps = steps + np.eye(2)
+    state = np.array([_SHOWS, _HIDES]) / (_SHOWS + _HIDES)
+    total, out = 0.0, np.zeros(len(shown))
+    for k, likelihood in enumerate(np.stack([shown, hidden], axis=1)):
+        state = state * likelihood
+        total += np.log(state.sum())
+        out[k] = total
+        state = state / state.sum() @ steps[k]
+    return out

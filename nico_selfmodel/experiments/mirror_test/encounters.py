@@ -170,7 +170,7 @@ def _judged(
     moved: list[bool] = []
     seen: list[bool] = []
     found = tell_contingency(moved, seen, response)
-    for m, _, y in session.watch(encounter, poses, LONGEST, rng):
+    for m, _, y in session.watch(encounter, poses, LONGEST, rng, response.delay):
         moved.append(m)
         seen.append(y)
         found = tell_contingency(moved, seen, response)
