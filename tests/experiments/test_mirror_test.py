@@ -229,6 +229,9 @@ def test_one_missed_mark_of_twenty_is_too_many():
     documents = marks_documents(MarkStage((missed, *few.trials[1:]), None))
     assert documents[-1]["status"] == "FAIL"
     assert "19 of 20 marks are found, more than 95 of 100" in documents[-1]["reasons"][0]
+    first, second, *_ = documents[0]["trials"]
+    assert (first["said"], first["off_mm"]) == ("nothing", None)
+    assert (second["link"], second["said"], second["off_mm"]) == ("head", "on me", 1.0)
 
 
 def test_places_that_are_too_far_off_or_dishonest_fail():

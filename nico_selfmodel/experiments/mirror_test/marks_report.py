@@ -90,7 +90,23 @@ def _hits(stage: MarkStage) -> dict[str, Any]:
         marks=len(trials),
         hits=hits,
         several=sum(len(trial.found) > 1 for trial in trials),
+        trials=[_row(trial) for trial in trials],
     )
+
+
+def _row(trial: MarkTrial) -> dict[str, Any]:
+    """Return one mark as plain data: where it was, and what was said."""
+    mark = trial.painted.mark
+    assert mark is not None
+    off = errors_of([trial])[0]
+    return {
+        "robot": trial.robot,
+        "link": mark.link,
+        "true_mm": (1e3 * mark.p_FM).round(1).tolist(),
+        "color": mark.color.round(3).tolist(),
+        "said": said_of(trial),
+        "off_mm": round(float(off[0]), 2) if len(off) else None,
+    }
 
 
 def _controls(stage: MarkStage) -> dict[str, Any]:
