@@ -191,12 +191,7 @@ def calibrate_kinematics(
         trim = loss != "none"
         asked = effects if not contradicted else None  # no bend shall explain a wrong value
         ladder = climb(BendingArm(task.sample, solved, up, pins.names, trim, seed), asked)
-        solved = ladder.solution
-        if task.sampled:
-            solved = refine_on_all(task.observations, solved, trim=trim)
-        assert solved.uncertainty is not None
-        uncertainty = ladder.in_doubt(solved.uncertainty, solved.parameters)
-        solved = replace(solved, uncertainty=uncertainty)
+        solved = _on_all(task, ladder, trim)
         unseen = cross_validate(task.observations, solved)
     doubts = _Doubts.of(task, solved)
     causes = Causes()
@@ -247,6 +242,16 @@ def _refined(
     )
     held = Held(pins, _nominal_values(task.nominal, pins), gears)
     return refine_named(task.sample, parameters, held, best.robust, task.sigma, loss)
+
+
+def _on_all(task: KinematicTask, ladder: Ladder, trim: bool) -> ArmSolution:
+    """Return the arm that the ladder ended with, on all observations."""
+    solved: ArmSolution = ladder.solution
+    if task.sampled:
+        solved = refine_on_all(task.observations, solved, trim=trim)
+    assert solved.uncertainty is not None
+    known = ladder.in_doubt(solved.uncertainty, solved.parameters)
+    return replace(solved, uncertainty=known)
 
 
 @dataclass(frozen=True, eq=False)
