@@ -105,6 +105,7 @@ def test_a_rigid_body_stays_rigid(how):
     assert len(found.ladder.steps) >= 4
 
 
+@pytest.mark.slow
 def test_a_humanoid_that_sags_is_met_better_than_by_a_rigid_one():
     _, train, test, description = humanoid(3, 40, sag=12.0)
     rigid, found = (

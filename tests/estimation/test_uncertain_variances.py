@@ -32,7 +32,7 @@ def fit_of(v, known=frozenset()):
 
 def test_numbers_that_are_told_at_all_scatter_as_said():
     rng, narrow, wide = np.random.default_rng(7), [], []
-    for _ in range(4000):
+    for _ in range(1500):
         spread = np.exp(rng.uniform(np.log(1.3), np.log(8.0)))
         true, found, fit, known = drawn(rng, 1.0, spread)
         wider = with_uncertain_variances(known, dict(zip(NAMES, found, strict=True)), fit)

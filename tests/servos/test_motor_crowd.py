@@ -283,6 +283,7 @@ def test_a_flood_does_not_keep_whoever_holds_the_lease_from_commanding(server, b
         flood.stdout.close()
 
 
+@pytest.mark.slow
 def test_a_server_that_ends_while_a_crowd_comes_loses_nobody_half_inside(monkeypatch):
     async def answer(line, client):
         return {"ok": True}, True

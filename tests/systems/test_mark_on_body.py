@@ -91,6 +91,7 @@ def narrowest(before, place, across):
     )
 
 
+@pytest.mark.slow
 def test_a_disc_that_a_camera_sees_from_its_edge_counts_as_not_seen(before, seen):
     wide, all_of_them = (
         seen.in_mirror_only(("head", "chest"), 400, np.random.default_rng(4), across)
