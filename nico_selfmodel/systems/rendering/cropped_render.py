@@ -124,7 +124,8 @@ class CroppedRender:
         camera = DepthRenderCamera(core, DepthRange(self.near, self.near + _FAR))
         depth = np.full((self.size[1], self.size[0]), np.inf, np.float32)
         found = query.RenderDepthImage(camera, self.frame, self.X_FC)
-        depth[top:bottom, left:right] = found.data[:, :, 0]
+        # What is too near to be measured has depth 0 in Drake; it is drawn where clipping begins.
+        depth[top:bottom, left:right] = np.maximum(found.data[:, :, 0], self.near)
         return self._whole(query, window), depth
 
     def with_labels(self, query: QueryObject) -> LabelledPicture:
