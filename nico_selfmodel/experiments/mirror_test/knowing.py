@@ -5,12 +5,13 @@ from dataclasses import dataclass
 from types import MappingProxyType
 
 import numpy as np
+from numpy.typing import NDArray
 
 from nico_selfmodel.errors import EstimationError
 from nico_selfmodel.experiments.mirror_test.acquaintance import Acquainted, rendered
 from nico_selfmodel.model.cameras.mirror import Mirror
-from nico_selfmodel.planning.plans import commands_of_angles
 from nico_selfmodel.sessions.mirrors.known_body import KnownBody, know_body
+from nico_selfmodel.sessions.mirrors.look_poses import look_poses
 from nico_selfmodel.sessions.mirrors.mirror_looks import MirrorLooks, Unknown
 from nico_selfmodel.sessions.mirrors.mirror_scenario import MIRROR, learn_mirror
 from nico_selfmodel.sessions.mirrors.nico_before_mirrors import DEFAULT_MIRROR, NicoBeforeMirrors
@@ -44,6 +45,8 @@ class Knowing:
     """Mirrors, and how the body stands."""
     unknown: Mapping[str, Unknown]
     """Mirror -> what body and colours are not known by in it."""
+    poses: Mapping[str, NDArray]
+    """Mirror -> postures to look at itself in, in it [encoder units]. Shape (K, n)."""
     before: NicoBeforeMirrors
     """Where the mirrors really stand, which the robot is not told."""
 
@@ -90,9 +93,8 @@ def know_itself(robot: Acquainted, stage: Stage) -> Knowing:
         looks = MirrorLooks(station, image, robot.model, mirrors[MIRROR], views[MIRROR].X_BM)
         shots, poses = [], {}
         for name, view in views.items():
-            q = view.q[rng.choice(len(view.q), 1 + _UNMARKED)]
-            poses[name] = commands_of_angles(station.joints, nico.arm.lower, nico.arm.upper, q)
             looks.before(mirrors[name], view.X_BM)
+            poses[name] = look_poses(looks, nico.workspace, rng)
             shots.append(looks.shot(name, poses[name][0]))
 
         def told(step: int, of: int) -> None:
@@ -102,5 +104,5 @@ def know_itself(robot: Acquainted, stage: Stage) -> Knowing:
         unknown = {}
         for name, view in views.items():
             looks.before(body.mirror(name), view.X_BM)
-            unknown[name] = looks.unknown_of(list(poses[name][1:]))
-    return Knowing(robot, body, MappingProxyType(unknown), before)
+            unknown[name] = looks.unknown_of(poses[name][: 1 + _UNMARKED][-_UNMARKED:])
+    return Knowing(robot, body, MappingProxyType(unknown), MappingProxyType(poses), before)

@@ -17,7 +17,6 @@ from nico_selfmodel.experiments.mirror_test.painting import (
     Painted,
     Painter,
 )
-from nico_selfmodel.planning.plans import commands_of_angles
 from nico_selfmodel.sessions.mirrors.mark_finder import Finding, MarkFinder
 from nico_selfmodel.sessions.mirrors.mirror_looks import MirrorLook, MirrorLooks
 from nico_selfmodel.sessions.mirrors.mirror_scenario import MIRROR
@@ -99,9 +98,7 @@ class _Session:
         self._looks.unknown = self._known.unknown[name]
 
     def _command(self, name: str, rng: np.random.Generator) -> NDArray:
-        arm, q = self._known.before.nico.arm, self._views[name].q
-        chosen = q[rng.choice(len(q), 1)]
-        return commands_of_angles(self._station.joints, arm.lower, arm.upper, chosen)[0]
+        return rng.choice(self._known.poses[name])
 
 
 def run_marks(robots: Sequence[Knowing], trials: int, progress: Stage | None = None) -> MarkStage:

@@ -7,7 +7,6 @@ import numpy as np
 
 from nico_selfmodel.experiments.mirror_test.acquaintance import rendered
 from nico_selfmodel.experiments.mirror_test.knowing import PLATE, Knowing
-from nico_selfmodel.planning.plans import commands_of_angles
 from nico_selfmodel.sessions.mirrors.mirror_looks import MirrorLook, MirrorLooks
 from nico_selfmodel.sessions.mirrors.mirror_scenario import MIRROR
 from nico_selfmodel.sessions.mirrors.nico_before_mirrors import DEFAULT_MIRROR, NicoBeforeMirrors
@@ -80,7 +79,7 @@ def run_unmarked(
 def _look(
     known: Knowing, light: float, count: int
 ) -> tuple[list[tuple[MirrorLook, MirrorLook]], Mapping[int, str]]:
-    """Look at oneself in one light, at random poses; and return the links by number."""
+    """Look at oneself in one light, at poses drawn anew; and return the links by number."""
     robot = known.robot
     nico = rendered(robot, ImageQuality(gain=light))
     before = NicoBeforeMirrors(nico, {MIRROR: DEFAULT_MIRROR}, plate=PLATE)
@@ -91,8 +90,7 @@ def _look(
         looks = MirrorLooks(
             station, image, robot.model, mirror, view.X_BM, unknown=known.unknown[MIRROR]
         )
-        q = view.q[rng.choice(len(view.q), count)]
-        commands = commands_of_angles(station.joints, nico.arm.lower, nico.arm.upper, q)
+        commands = rng.choice(known.poses[MIRROR], count)
         return [looks.look(command) for command in commands], dict(image.links)
 
 

@@ -106,6 +106,8 @@ class MirrorLooks:
             unknown: What body and colours are not known by; what the description is if omitted.
         """
         self._station, self._image, self._rig, self._mirror = station, image, model.rig, mirror
+        self.joints = station.joints
+        """What is moved, with its stops."""
         self.unknown = unknown or Unknown()
         """What body and colours are not known by."""
         self.body = StationBody(station, station.joints, station.tracked)
@@ -163,6 +165,35 @@ class MirrorLooks:
         )
         return left, right
 
+    def judged_at(self, readings: NDArray) -> tuple[NDArray, NDArray]:
+        """Return which pixels of left and right picture would be judged, without a look.
+
+        Args:
+            readings: Of the encoders [encoder units]. Shape (n,).
+
+        Returns:
+            Truth values. Shape (h, w) each.
+        """
+        left, right = (
+            np.isfinite(self._pixel_sigma(side, seen, self.unknown))
+            for side in range(len(SIDES))
+            for seen in [self._image.expect(readings, self._mirror, side)]
+        )
+        return left, right
+
+    def clearance(self, readings: NDArray) -> float:
+        """Return how far the nearest link of the arm would be from the glass, negative beyond [m].
+
+        Links count by the origins of their frames.
+
+        Args:
+            readings: Of the encoders [encoder units]. Shape (n,).
+        """
+        poses, names = self._image.poses(readings), self._image.links
+        ends = np.array([poses[names[number]][:3, 3] for number in self._image.moving])
+        plane = self._mirror.plane_in(self._rig.left.X_WC)
+        return float(plane.distance_to(ends).min())
+
     def changes(self, shot: Shot, pair: tuple[MirrorLook, MirrorLook]) -> tuple[Surprise, Surprise]:
         """Return what has changed since a shot, where nothing is judged by the expected body.
 
@@ -192,7 +223,12 @@ class MirrorLooks:
         )
 
     def _expected(self, side: int, seen: LabelledPicture, unknown: Unknown) -> Expectation:
-        """Return what is judged of an expected picture, and how well it is known."""
+        """Return an expected picture, what is judged of it, and how well it is known."""
+        sigma = self._pixel_sigma(side, seen, unknown)
+        return Expectation(bgr_of_rgba(seen.color), sigma, self.noise[side], unknown.color)
+
+    def _pixel_sigma(self, side: int, seen: LabelledPicture, unknown: Unknown) -> NDArray:
+        """Return how well it is known where an expected picture is seen; nan where not judged."""
         points = np.full(seen.labels.shape, unknown.other)
         for number, name in self._image.links.items():
             if name in unknown.points:
@@ -205,7 +241,7 @@ class MirrorLooks:
             loose = self._rig.cameras[side].fx * POINT_SIGMA / float(seen.depth[moving].min())
             beside = away_from_the_unknown(np.where(moving, np.nan, loose))
             sigma = np.where(np.isfinite(beside), sigma, np.nan)
-        return Expectation(bgr_of_rgba(seen.color), sigma, self.noise[side], unknown.color)
+        return sigma
 
     def unknown_of(self, commands: Sequence[NDArray]) -> Unknown:
         """Learn from the unmarked body how far each of its links looks otherwise than expected.
