@@ -29,6 +29,12 @@ from nico_selfmodel.experiments.mirror_test.painting import (
 )
 from nico_selfmodel.experiments.mirror_test.report import report_of
 from nico_selfmodel.experiments.mirror_test.stages import MirrorTest
+from nico_selfmodel.experiments.mirror_test.unknown_mirror import (
+    HAND,
+    WHOLE,
+    MirrorPlace,
+    MirrorsStage,
+)
 from nico_selfmodel.experiments.mirror_test.unmarked import LIGHTS, Look, UnmarkedStage
 from nico_selfmodel.experiments.mirror_test.unmarked_report import unmarked_document
 from nico_selfmodel.sessions.mirrors.mark_finder import Finding
@@ -56,13 +62,13 @@ def stage(count, **exceptions):
 
 
 def test_a_hundred_right_verdicts_in_time_pass():
-    document = report_of(MirrorTest(stage(15), None, None)).document
+    document = report_of(MirrorTest(stage(15))).document
     assert document["status"] == "PASS"
     assert [one["stage"] for one in document["stages"]] == ["1"]
 
 
 def test_few_trials_are_no_pass():
-    assert report_of(MirrorTest(stage(2), None, None)).document["status"] == "NOT_EVALUATED"
+    assert report_of(MirrorTest(stage(2))).document["status"] == "NOT_EVALUATED"
 
 
 @pytest.mark.parametrize(
@@ -76,18 +82,18 @@ def test_few_trials_are_no_pass():
     ],
 )
 def test_one_wrong_late_or_missing_verdict_fails_and_is_named(exceptions, reason):
-    document = report_of(MirrorTest(stage(15, **exceptions), None, None)).document
+    document = report_of(MirrorTest(stage(15, **exceptions))).document
     assert document["status"] == "FAIL"
     assert reason in document["reasons"][0]
 
 
 def test_not_me_is_no_mistake_where_nobody_is():
-    test = MirrorTest(stage(15, nobody=said(NOT_ME)), None, None)
+    test = MirrorTest(stage(15, nobody=said(NOT_ME)))
     assert report_of(test).document["status"] == "PASS"
 
 
 def test_tables_chart_and_json_are_written(tmp_path):
-    report_of(MirrorTest(stage(2), None, None)).write(tmp_path / "out")
+    report_of(MirrorTest(stage(2))).write(tmp_path / "out")
     found = {path.name for path in (tmp_path / "out").iterdir()}
     assert found == {"tables.md", "contingency.png", "result.json", "report.html"}
     page = (tmp_path / "out" / "report.html").read_text("utf-8")
@@ -146,8 +152,40 @@ def test_a_look_that_surprises_is_named_with_its_link_and_pixel():
     assert document["surprising"] == [{"robot": 0, "light": 1.0, "where": ["left: neck at 12, 34"]}]
 
 
+def mirrors(count, **off):
+    """Return a stage of so many mirrors, one of which is off by something else."""
+    places = [
+        MirrorPlace(k // 2, f"mirror {k}", by, np.radians(0.05), 1e-4, 3.0)
+        for by in (HAND, WHOLE)
+        for k in range(count)
+    ]
+    return MirrorsStage((replace(places[0], **off), *places[1:-1], replace(places[-1], **off)))
+
+
+@pytest.mark.parametrize(
+    ("count", "off", "status", "reason"),
+    [
+        (10, {}, "PASS", "10 mirrors are at most 0.05 deg and 0.10 mm off"),
+        (9, {}, "NOT_EVALUATED", "10 mirrors are needed"),
+        (10, {"angle": np.radians(0.09)}, "PASS", "0.09 deg"),
+        (10, {"angle": np.radians(0.11)}, "FAIL", "head and chest 1 of 10 mirrors are more than"),
+        (10, {"angle": np.radians(0.31)}, "FAIL", "by its hand 1 of 10 mirrors are more than 0.3"),
+        (10, {"distance": -0.49e-3}, "PASS", "0.49 mm"),
+        (4, {"distance": -0.51e-3}, "FAIL", "0.1 deg or 0.5 mm off"),
+        (10, {"distance": -2.1e-3}, "FAIL", "0.3 deg or 2 mm off"),
+    ],
+)
+def test_a_mirror_must_be_where_the_robot_says(count, off, status, reason):
+    report = report_of(MirrorTest(stage(15), mirrors=mirrors(count, **off)))
+    assert [one["stage"] for one in report.document["stages"]] == ["1", "2"]
+    found = report.document["stages"][1]
+    assert found["status"] == status
+    assert reason in found["reasons"][0]
+    assert report.tables[1].rows[1][-1] == "1.00"
+
+
 def test_both_stages_are_in_one_report_and_the_worse_status_counts():
-    report = report_of(MirrorTest(stage(15), looks(30, 0), None))
+    report = report_of(MirrorTest(stage(15), unmarked=looks(30, 0)))
     assert [one["status"] for one in report.document["stages"]] == ["PASS", "NOT_EVALUATED"]
     assert report.document["status"] == "NOT_EVALUATED"
     assert set(report.charts) == {"contingency", "surprise"}

@@ -196,7 +196,7 @@ def test_the_stage_is_in_the_report_and_its_verdict_counts(monkeypatch):
     monkeypatch.setattr(report, "encounters_table", lambda _: touches_table(stage()))
     monkeypatch.setattr(report, "encounters_chart", lambda _: None)
     met = type("Met", (), {"responses": {0: None}, "trials": ()})()
-    told = report_of(MirrorTest(met, None, None, stage(first=HIT)))
+    told = report_of(MirrorTest(met, touches=stage(first=HIT)))
     assert told.document["status"] == "FAIL"
     assert told.document["stages"][-1]["stage"] == "7"
     assert "stage 7: 1 of 60 marks" in "".join(told.document["reasons"])

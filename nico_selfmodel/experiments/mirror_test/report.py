@@ -19,6 +19,10 @@ from nico_selfmodel.experiments.mirror_test.marks_report import (
 )
 from nico_selfmodel.experiments.mirror_test.stages import MirrorTest
 from nico_selfmodel.experiments.mirror_test.touches_report import touches_document, touches_table
+from nico_selfmodel.experiments.mirror_test.unknown_mirror_report import (
+    mirrors_document,
+    mirrors_table,
+)
 from nico_selfmodel.experiments.mirror_test.unmarked_report import (
     unmarked_chart,
     unmarked_document,
@@ -41,6 +45,9 @@ def report_of(test: MirrorTest) -> ExperimentReport:
     stages = [encounters_document(test.encounters)]
     tables = [encounters_table(test.encounters)]
     charts = {"contingency": encounters_chart(test.encounters)}
+    if test.mirrors is not None:
+        stages.append(mirrors_document(test.mirrors))
+        tables.append(mirrors_table(test.mirrors))
     if test.unmarked is not None:
         stages.append(unmarked_document(test.unmarked))
         tables.append(unmarked_table(test.unmarked))
@@ -65,7 +72,8 @@ def report_of(test: MirrorTest) -> ExperimentReport:
     head = (
         "# The mirror test\n\n"
         f"**{document['status']}**: {'; '.join(document['reasons'])}.\n\n"
-        "Stage 1, contingency: whose motion follows one's own? Stage 4, the expected picture: does "
+        "Stage 1, contingency: whose motion follows one's own? Stage 2: where "
+        "does a mirror stand that was never looked into? Stage 4, the expected picture: does "
         "an unmarked head and chest look as expected? Stages 5, 6 and 8: is a mark found that is "
         "seen in mirrors only, where is it, and is nothing found where it is not? Stage 7: does "
         "the finger touch it, and nothing else the body? No other stage "

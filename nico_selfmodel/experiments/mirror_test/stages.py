@@ -14,6 +14,8 @@ from nico_selfmodel.experiments.mirror_test.knowing import know_mirrors
 from nico_selfmodel.experiments.mirror_test.marks import MarkStage, check_marks, run_marks
 from nico_selfmodel.experiments.mirror_test.marks_report import marks_documents
 from nico_selfmodel.experiments.mirror_test.touches import TouchStage, run_touches
+from nico_selfmodel.experiments.mirror_test.unknown_mirror import MirrorsStage, place_mirrors
+from nico_selfmodel.experiments.mirror_test.unknown_mirror_report import mirrors_document
 from nico_selfmodel.experiments.mirror_test.unmarked import UnmarkedStage, run_unmarked
 from nico_selfmodel.experiments.mirror_test.unmarked_report import unmarked_document
 from nico_selfmodel.sessions.progress import Stage
@@ -26,9 +28,11 @@ class MirrorTest:
 
     encounters: EncounterStage
     """Stage 1."""
-    unmarked: UnmarkedStage | None
-    """Stage 4; None if stage 1 failed."""
-    marks: MarkStage | None
+    mirrors: MirrorsStage | None = None
+    """Stage 2; None if stage 1 failed."""
+    unmarked: UnmarkedStage | None = None
+    """Stage 4; None if one before failed."""
+    marks: MarkStage | None = None
     """Stages 5, 6 and 8; None if one before failed."""
     touches: TouchStage | None = None
     """Stage 7; None if one before failed, or 8."""
@@ -65,12 +69,15 @@ def run_stages(
     robots = acquainted(world, seeds, progress)
     met = run_encounters(robots, trials, progress)
     if encounters_document(met)["status"] == "FAIL":
-        return MirrorTest(met, None, None)
+        return MirrorTest(met)
     known = know_mirrors(robots, progress)
+    placed = place_mirrors(known)
+    if mirrors_document(placed)["status"] == "FAIL":
+        return MirrorTest(met, placed)
     unmarked = run_unmarked(known, looks, progress)
     if unmarked_document(unmarked)["status"] == "FAIL":
-        return MirrorTest(met, unmarked, None)
+        return MirrorTest(met, placed, unmarked)
     found = run_marks(known, marks, progress)
     if any(one["status"] == "FAIL" for one in marks_documents(found)):
-        return MirrorTest(met, unmarked, found)
-    return MirrorTest(met, unmarked, found, run_touches(known, found, progress))
+        return MirrorTest(met, placed, unmarked, found)
+    return MirrorTest(met, placed, unmarked, found, run_touches(known, found, progress))

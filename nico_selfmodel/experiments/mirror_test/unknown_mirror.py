@@ -1,0 +1,64 @@
+"""Stage 2 of the mirror test: where mirrors stand that the robot has never looked into."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from nico_selfmodel.experiments.mirror_test.acquaintance import rendered
+from nico_selfmodel.experiments.mirror_test.knowing import Knowing
+from nico_selfmodel.model.cameras.mirror import Mirror
+
+HAND, WHOLE = "its hand", "its hand, head and chest"
+"""What a robot has seen of itself in a mirror when it says where that stands."""
+
+
+@dataclass(frozen=True)
+class MirrorPlace:
+    """How far one mirror is from where a robot says it stands."""
+
+    robot: int
+    """Seed of the robot."""
+    mirror: str
+    """Which of its mirrors."""
+    by: str
+    """`HAND` or `WHOLE`."""
+    angle: float
+    """Between the normals [rad]."""
+    distance: float
+    """Of its distance from the left camera, positive where it is said to be farther [m]."""
+    chi_square: float
+    """Of its three numbers, by the covariance that is said."""
+
+
+@dataclass(frozen=True)
+class MirrorsStage:
+    """All mirrors of all robots."""
+
+    places: tuple[MirrorPlace, ...]
+    """Those told by the hand, then those told by all of the body, robot by robot."""
+
+
+def place_mirrors(robots: Sequence[Knowing]) -> MirrorsStage:
+    """Hold mirrors as robots have learned them against where they stand.
+
+    Args:
+        robots: Who know their mirrors.
+    """
+    found = []
+    for known in robots:
+        truth = rendered(known.robot).ground_truth
+        for by, model in ((HAND, known.robot.model), (WHOLE, known.body.model)):
+            for name, view in known.before.views.items():
+                true, own = truth.mirror(view.X_BM), model.mirrors[name]
+                found.append(_place(known.robot.seed, name, by, own, true))
+    return MirrorsStage(tuple(found))
+
+
+def _place(robot: int, name: str, by: str, own: Mirror, true: Mirror) -> MirrorPlace:
+    """Compare one mirror with the true one, both before the left camera."""
+    assert own.covariance is not None, "a learned mirror has a covariance"
+    angle = float(np.linalg.norm(np.cross(own.normal, true.normal)))
+    off = own.values - true.values
+    chi_square = float(off @ np.linalg.solve(own.covariance, off))
+    return MirrorPlace(robot, name, by, angle, own.distance - true.distance, chi_square)
