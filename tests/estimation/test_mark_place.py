@@ -13,6 +13,7 @@ from nico_selfmodel.estimation.mirrors.mark_place import (
     NOT_ON_ME,
     ON_GLASS,
     ON_ME,
+    MiddleSigma,
     PosedBody,
     agreeing,
     fused,
@@ -63,7 +64,9 @@ def test_a_mark_is_put_where_it_is_and_as_exactly_as_is_said():
         values = rng.multivariate_normal(MIRROR.values, MIRROR.covariance)
         turn = rotation_about([1.0, 0.0, 0.0], np.radians(0.2) * rng.standard_normal())
         p_W = NECK + turn @ (apply(X_WH, p_F[None])[0] - NECK)
-        spot = spot_of(seen(p_W, rng, Mirror.from_values(values)), SIGMA, RIG, MIRROR, body())
+        spot = spot_of(
+            seen(p_W, rng, Mirror.from_values(values)), MiddleSigma(SIGMA), RIG, MIRROR, body()
+        )
         if spot is None:
             continue
         assert spot.kind == ON_ME
@@ -80,34 +83,68 @@ def test_a_spot_on_the_glass_is_called_one():
     for _ in range(20):
         ray = np.array([*rng.uniform(-0.2, 0.2, 2), 1.0])
         p_W = ray * -MIRROR.plane.offset / (MIRROR.plane.normal @ ray)
-        spot = spot_of(RIG.project(p_W) + 0.3 * rng.standard_normal(4), SIGMA, RIG, MIRROR, body())
+        spot = spot_of(
+            RIG.project(p_W) + 0.3 * rng.standard_normal(4), MiddleSigma(SIGMA), RIG, MIRROR, body()
+        )
         assert spot is None or spot.kind == ON_GLASS
 
 
 def test_a_mark_beside_the_body_is_not_on_me():
     rng = np.random.default_rng(3)
     beside = apply(X_WH, on_the_ball(rng)[None])[0] + [0.3, 0.0, 0.0]
-    assert spot_of(seen(beside, rng), SIGMA, RIG, MIRROR, body()).kind == NOT_ON_ME
+    assert spot_of(seen(beside, rng), MiddleSigma(SIGMA), RIG, MIRROR, body()).kind == NOT_ON_ME
 
 
 def test_pixels_that_are_not_of_one_point_are_no_spot():
     pixels = MirrorRig(RIG, MIRROR).project(X_WH[:3, 3])
-    assert spot_of(pixels + np.array([0.0, 6.0, 0.0, 0.0]), SIGMA, RIG, MIRROR, body()) is None
+    assert (
+        spot_of(pixels + np.array([0.0, 6.0, 0.0, 0.0]), MiddleSigma(SIGMA), RIG, MIRROR, body())
+        is None
+    )
 
 
 def test_two_looks_agree_on_a_mark_and_are_better_together():
     rng = np.random.default_rng(4)
     p_F = on_the_ball(rng)
     p_W = apply(X_WH, p_F[None])[0]
-    first = spot_of(seen(p_W, rng), SIGMA, RIG, MIRROR, body())
-    second = spot_of(seen(p_W, rng, TURNED), SIGMA, RIG, TURNED, body())
-    other = spot_of(seen(apply(X_WH, -p_F[None] * [1, 1, -1])[0], rng), SIGMA, RIG, MIRROR, body())
+    first = spot_of(seen(p_W, rng), MiddleSigma(SIGMA), RIG, MIRROR, body())
+    second = spot_of(seen(p_W, rng, TURNED), MiddleSigma(SIGMA), RIG, TURNED, body())
+    other = spot_of(
+        seen(apply(X_WH, -p_F[None] * [1, 1, -1])[0], rng), MiddleSigma(SIGMA), RIG, MIRROR, body()
+    )
     assert agreeing([first], [second]) == ((first, second),)
     assert other is None or other.kind != ON_ME or agreeing([other], [second]) == ()
     place, covariance = fused(first.place, second.place)
     assert np.linalg.norm(place - p_F) < 4e-3
     alone = first.place.own + first.place.common
     assert np.trace(covariance) < np.trace(alone)
+
+
+def test_what_errs_alike_in_all_looks_stays_after_two_of_them():
+    p_W = apply(X_WH, on_the_ball(np.random.default_rng(4))[None])[0]
+    sizes = {}
+    for sigma in (MiddleSigma(0.3), MiddleSigma(0.0, 0.3), MiddleSigma(0.3, 0.3)):
+        looks = [
+            spot_of(MirrorRig(RIG, mirror).project(p_W), sigma, RIG, mirror, body()).place
+            for mirror in (MIRROR, TURNED)
+        ]
+        own, alike = (np.trace(part) for part in (looks[0].own, looks[0].common))
+        sizes[sigma.own, sigma.alike] = own, alike, np.trace(fused(*looks)[1])
+    own, _, both = sizes[0.3, 0.0]
+    none, _, stays = sizes[0.0, 0.3]
+    assert none == pytest.approx(0.0, abs=1e-12)
+    assert stays - both > 0.35 * own
+    assert sizes[0.3, 0.3][0] == pytest.approx(own)
+    assert sizes[0.3, 0.3][2] > stays > both
+
+
+def test_a_spot_that_is_seen_in_part_is_put_where_it_is_all_the_same():
+    p_F = on_the_ball(np.random.default_rng(4))
+    pixels = MirrorRig(RIG, MIRROR).project(apply(X_WH, p_F[None])[0])
+    lower = np.array([0.0, 1.4, 0.0, 0.0])
+    part, other = pixels + lower, pixels + 2.0 * lower
+    assert spot_of(part, MiddleSigma(0.1), RIG, MIRROR, body()).kind == ON_ME
+    assert spot_of(other, MiddleSigma(0.1), RIG, MIRROR, body()) is None
 
 
 def smooth(u, v):

@@ -23,9 +23,8 @@ class Looks:
     def __init__(self, workspace, left=1.0, right=1.0, clearance=lambda q: 1.0):
         arm = workspace.arm
         stops = np.degrees([arm.lower, arm.upper]).T
-        self.joints = [
-            JointInfo(j, "deg", None, *at) for j, at in zip(arm.joints, stops, strict=True)
-        ]
+        joints = [JointInfo(j, "deg", None, *at) for j, at in zip(arm.joints, stops, strict=True)]
+        self.body = SimpleNamespace(joints=joints)
         self._sides, self._elbow = (left, right), arm.joints.index("right_elbow")
         self.clearance = clearance
 
@@ -61,6 +60,6 @@ def test_no_posture_touches_the_body_or_comes_near_the_glass(workspace):
     found = look_poses(looks, workspace, np.random.default_rng(0))
     assert (found[:, 0] > -60.0).all()
     assert not any(workspace.body.collides(np.radians(one)) for one in found)
-    near = SimpleNamespace(joints=looks.joints, clearance=lambda _: 0.04, judged_at=looks.judged_at)
+    near = Looks(workspace, clearance=lambda _: 0.04)
     with pytest.raises(EstimationError, match="of 0 postures"):
         look_poses(near, workspace, np.random.default_rng(0))

@@ -23,6 +23,11 @@ ON_ME, ON_GLASS, NOT_ON_ME = "on me", "on the glass", "not on me"
 """What a spot can be."""
 GATE_1, GATE_3 = 10.828, 16.266
 """What a chi-square of one and of three degrees of freedom exceeds once in a thousand times."""
+_PART = 0.5
+"""What the middle of a spot may be off by of which a picture shows a part; set on robots 0 and 1
+[px]."""
+_NOTHING = 1e-18
+"""A variance that is none [m^2]."""
 _STEPS = 20
 _ARRIVED = 1e-6
 """Steps along the surface below which its nearest point is found [m]."""
@@ -55,9 +60,9 @@ class LinkPlace:
     p_FM: NDArray
     """The place [m]. Shape (3,)."""
     own: NDArray
-    """Its covariance from the pixels and the surface. Shape (3, 3)."""
+    """Its covariance from what is this look's alone. Shape (3, 3)."""
     common: NDArray
-    """The same from mirror and body, which err alike in all looks. Shape (3, 3)."""
+    """The same from mirror, body, surface and what else errs alike in all looks. Shape (3, 3)."""
 
     def __post_init__(self) -> None:
         """Make the arrays read-only."""
@@ -79,14 +84,32 @@ class Spot:
     """Of what it is, one degree of freedom; for `NOT_ON_ME` that of the best other kind."""
 
 
+@dataclass(frozen=True)
+class MiddleSigma:
+    """How well the middle of a spot is known in a picture."""
+
+    own: float
+    """What is this look's alone [px]."""
+    alike: float = 0.0
+    """What errs alike in all looks, as lenses and the colours under a spot do [px]."""
+
+    @property
+    def total(self) -> float:
+        """Both together [px]."""
+        return float(np.hypot(self.own, self.alike))
+
+
 def spot_of(
-    pixels: NDArray, pixel_sigma: float, rig: StereoRig, mirror: Mirror, body: PosedBody
+    pixels: NDArray, sigma: MiddleSigma, rig: StereoRig, mirror: Mirror, body: PosedBody
 ) -> Spot | None:
     """Tell what a pair of pixels shows.
 
+    Whether the pixels are of one point, and on what, is asked with at least `_PART` a pixel: weak
+    spots are seen in part, and a mark that is thrown away is never found again.
+
     Args:
         pixels: Left u, v and right u, v [px]. Shape (4,).
-        pixel_sigma: Of each [px].
+        sigma: Of each.
         rig: The cameras.
         mirror: What they look into.
         body: The own body.
@@ -94,12 +117,13 @@ def spot_of(
     Returns:
         The spot; None where the pixels are not of one point.
     """
-    found = rig.triangulate(pixels[None], pixel_sigma)
+    asked = max(sigma.total, _PART)
+    found = rig.triangulate(pixels[None], asked)
     p_WQ, covariance = found.p_WQ[0], found.covariance[0]
     if not (found.in_front[0] and np.isfinite(p_WQ).all()):
         return None
     off = found.residuals[0]
-    if float(off @ off) / pixel_sigma**2 > GATE_1:
+    if float(off @ off) / asked**2 > GATE_1:
         return None
     plane, by_values = plane_of_values(mirror.values, rig.left.X_WC)
     by_plane = np.append(p_WQ, 1.0) @ by_values
@@ -109,7 +133,10 @@ def spot_of(
     on_glass = height**2 / float(variance)
     if on_glass < GATE_1:
         return Spot(ON_GLASS, read_only(pixels), None, on_glass)
-    on_me = _on_body(pixels, p_WQ, covariance, mirror, rig, body) if height < 0.0 else None
+    shares = (sigma.own / asked) ** 2, (sigma.alike / asked) ** 2
+    on_me = None
+    if height < 0.0:
+        on_me = _on_body(pixels, p_WQ, covariance, shares, mirror, rig, body)
     if on_me is None or on_me.chi_square > GATE_1:
         best = on_glass if on_me is None else min(on_glass, on_me.chi_square)
         return Spot(NOT_ON_ME, read_only(pixels), None, best)
@@ -120,6 +147,7 @@ def _on_body(
     pixels: NDArray,
     behind: NDArray,
     covariance: NDArray,
+    shares: tuple[float, float],
     mirror: Mirror,
     rig: StereoRig,
     body: PosedBody,
@@ -154,13 +182,14 @@ def _on_body(
         -motion.way(x[None])[0] if link in links else np.zeros(3) for motion, links in body.motions
     ]
     by_known = X_FW[:3, :3] @ onto @ np.column_stack([slopes, *ways])
-    own = onto @ C @ onto.T + body.surface_sigma**2 * np.outer(gain, gain)
+    by_pixels = onto @ C @ onto.T
+    alike = shares[1] * by_pixels + body.surface_sigma**2 * np.outer(gain, gain)
     R_FW = X_FW[:3, :3]
     place = LinkPlace(
         link,
         apply(X_FW, x[None])[0],
-        R_FW @ own @ R_FW.T,
-        by_known @ body.covariance @ by_known.T,
+        R_FW @ (shares[0] * by_pixels) @ R_FW.T,
+        R_FW @ alike @ R_FW.T + by_known @ body.covariance @ by_known.T,
     )
     variance += _common_along(normal, slopes, ways, body)
     return Spot(ON_ME, read_only(pixels), place, off**2 / variance)
@@ -208,7 +237,8 @@ def _apart(a: LinkPlace | None, b: LinkPlace | None) -> float:
 def fused(a: LinkPlace, b: LinkPlace) -> tuple[NDArray, NDArray]:
     """Return the place of a mark from two looks in its link's frame, and its covariance.
 
-    Each counts by what is its own; what is common stays.
+    Each counts by what is its own, both alike across the surface, where that is nothing; what is
+    common stays.
 
     Args:
         a: Of one look.
@@ -217,7 +247,8 @@ def fused(a: LinkPlace, b: LinkPlace) -> tuple[NDArray, NDArray]:
     Returns:
         Place [m], shape (3,), and covariance, shape (3, 3).
     """
-    share = a.own @ np.linalg.inv(a.own + b.own)
+    least = max(1e-6 * float(np.trace(a.own + b.own)), _NOTHING) * np.eye(3)
+    share = (a.own + least) @ np.linalg.inv(a.own + b.own + 2.0 * least)
     place = a.p_FM + share @ (b.p_FM - a.p_FM)
     own = a.own - share @ a.own
     return place, 0.5 * (own + own.T) + 0.5 * (a.common + b.common)

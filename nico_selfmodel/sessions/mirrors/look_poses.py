@@ -57,7 +57,7 @@ def _free(looks: MirrorLooks, workspace: VisibleWorkspace, rng: np.random.Genera
         q = rng.uniform(arm.lower, arm.upper)
         if workspace.body.collides(q):
             continue
-        command = commands_of_angles(looks.joints, arm.lower, arm.upper, q[None])
+        command = commands_of_angles(looks.body.joints, arm.lower, arm.upper, q[None])
         if looks.clearance(command[0]) > _CLEARANCE:
             found = np.concatenate([found, command])
         if len(found) == _CANDIDATES:

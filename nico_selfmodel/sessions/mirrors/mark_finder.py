@@ -11,6 +11,7 @@ from nico_selfmodel.estimation.mirrors.mark_place import (
     ON_GLASS,
     ON_ME,
     LinkPlace,
+    MiddleSigma,
     PosedBody,
     Spot,
     agreeing,
@@ -25,11 +26,19 @@ from nico_selfmodel.sessions.mirrors.known_body import KnownBody
 from nico_selfmodel.sessions.mirrors.mirror_looks import MirrorLook
 from nico_selfmodel.systems.rendering.body_image import BodyImage
 from nico_selfmodel.vision.surprise.blobs import FALSE_ALARM, Blob, place_means, threshold_of
-from nico_selfmodel.vision.surprise.seen_places import all_judged, middle_sigma, seen_places
+from nico_selfmodel.vision.surprise.seen_places import (
+    all_judged,
+    middle_sigma,
+    mixture_of,
+    seen_places,
+)
 from nico_selfmodel.vision.surprise.surprise import Surprise
 
-PIXEL_SIGMA = 0.5
-"""How well the middle of a spot is known; set on robots 0 and 1 [px]."""
+PIXEL_SIGMA = 0.1
+"""How well the middle of a spot that is seen whole is known; set on robots 900 and 950 [px]."""
+LENS_SIGMA, MIXED_SIGMA = 0.07, 0.3
+"""What errs alike in all looks: where the learned body is seen, and the middle of a spot on colours
+that are as unlike each other as unlike it; set on robots 900 and 950 [px]."""
 SURFACE_SIGMA = 5e-4
 """What the surface is not known by; set on robots 0 and 1 [m]."""
 
@@ -172,10 +181,7 @@ class MarkFinder:
         found = []
         for a, strong_a in left:
             for b, strong_b in right:
-                sigma = max(
-                    middle_sigma(one, look.surprise, PIXEL_SIGMA)
-                    for one, look in zip((a, b), pair, strict=True)
-                )
+                sigma = _sigma_of((a, b), pair)
                 spot = spot_of(np.array([a.u, a.v, b.u, b.v]), sigma, rig, mirror, body)
                 if spot is None or (spot.kind == NOT_ON_ME and self._on_arm(pair, a, b)):
                     continue
@@ -211,6 +217,17 @@ class MarkFinder:
         rows = [*range(m, m + 3), *range(3 * len(known.mirrors), len(known.covariance))]
         covariance = known.covariance[np.ix_(rows, rows)]
         return PosedBody(solids, links, poses, known.motions(image), covariance, SURFACE_SIGMA)
+
+
+def _sigma_of(spot: tuple[Blob, Blob], pair: Pair) -> MiddleSigma:
+    """Return how well the middle of a spot is known, in the camera that knows it less."""
+    both = list(zip(spot, pair, strict=True))
+    own = max(middle_sigma(one, look.surprise, PIXEL_SIGMA) for one, look in both)
+    mixed = max(
+        mixture_of(one, look.picture, look.surprise.gain * look.expected.picture, look.surprise)
+        for one, look in both
+    )
+    return MiddleSigma(own, float(np.hypot(LENS_SIGMA, MIXED_SIGMA * mixed)))
 
 
 def _of(spots: Told, kind: str) -> list[Spot]:

@@ -106,8 +106,6 @@ class MirrorLooks:
             unknown: What body and colours are not known by; what the description is if omitted.
         """
         self._station, self._image, self._rig, self._mirror = station, image, model.rig, mirror
-        self.joints = station.joints
-        """What is moved, with its stops."""
         self.unknown = unknown or Unknown()
         """What body and colours are not known by."""
         self.body = StationBody(station, station.joints, station.tracked)

@@ -105,14 +105,46 @@ def middle_sigma(blob: Blob, own: Surprise, whole: float) -> float:
     """Return how well the middle of a spot is known [px].
 
     Where the expected body does not judge all about it, half of it may be missing: the middle of
-    half a disc of radius r is 4 r / (3 pi) off, and of its area A it is r = sqrt(2 A / pi).
+    half a disc of radius r is 4 r / (3 pi) off, and of its area A it is r = sqrt(2 A / pi). Any
+    part up to that is as likely, which is a sigma of a square root of three less.
 
     Args:
         blob: The spot in one picture.
         own: What that differs from the expected body by.
         whole: Sigma of the middle of a spot that is seen whole [px].
     """
-    radius = int(np.ceil(np.sqrt(blob.area / np.pi)))
-    if all_judged(own, blob.u, blob.v, max(_BESIDE, radius)):
+    if all_judged(own, blob.u, blob.v, max(_BESIDE, int(np.ceil(_radius(blob))))):
         return whole
-    return max(whole, 4.0 / (3.0 * np.pi) * float(np.sqrt(2.0 * blob.area / np.pi)))
+    cut = 4.0 / (3.0 * np.pi) * float(np.sqrt(2.0 * blob.area / np.pi))
+    return max(whole, cut / np.sqrt(3.0))
+
+
+def mixture_of(blob: Blob, picture: NDArray, expected: NDArray, own: Surprise) -> float:
+    """Return how unlike each other the colours are that a spot covers.
+
+    The middle is weighed by how much the paint differs from what is under it. Where that is of two
+    colours, one side of the spot differs by more than the other.
+
+    Args:
+        blob: The spot in one picture.
+        picture: What was seen, BGR. Shape (h, w, 3).
+        expected: What was expected, BGR, as bright as the picture. Shape (h, w, 3).
+        own: What differs from the expected body; colours beside that do not count.
+
+    Returns:
+        Standard deviation of what is expected, as a share of what the spot differs from it by.
+    """
+    rows, columns = np.indices(own.chi_square.shape)
+    apart = np.hypot(columns - blob.u, rows - blob.v)
+    within = (apart <= max(_radius(blob), 1.0)) & np.isfinite(own.chi_square)
+    if not within.any():
+        return 0.0
+    paint = np.median(picture[within].astype(float), axis=0)
+    under = expected[within].astype(float)
+    differs = float(np.mean(np.linalg.norm(paint - under, axis=1)))
+    return float(np.linalg.norm(under.std(axis=0))) / max(differs, 1.0)
+
+
+def _radius(blob: Blob) -> float:
+    """Return the radius of a disc of a spot's area [px]."""
+    return float(np.sqrt(blob.area / np.pi))
