@@ -69,7 +69,8 @@ class _Session:
         )
         known.body.pose(image)
         self._finder = MarkFinder(image, known.body)
-        self._painter = Painter(station, self._looks.body.context, self._views[MIRROR].X_BM)
+        noise = (known.before.nico.quality or ImageQuality()).noise
+        self._painter = Painter(station, self._looks.body.context, self._views[MIRROR].X_BM, noise)
 
     def trial(self, kind: str, remove: bool, rng: np.random.Generator) -> tuple[MarkTrial, Pair]:
         """Look, let somebody paint or not, look again and into the other mirror, and judge."""

@@ -3,6 +3,7 @@
 It knows where everything really is, and tells the robot nothing.
 """
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -12,6 +13,7 @@ from numpy.typing import NDArray
 from nico_selfmodel.arrays import read_only
 from nico_selfmodel.errors import RobotError
 from nico_selfmodel.geometry.transform import apply, inverse
+from nico_selfmodel.model.cameras.rig_parameters import SIDES
 from nico_selfmodel.systems.looking import LOOKING_DEG
 from nico_selfmodel.systems.rendering.mark_on_body import GLASS, Mark, recolored
 from nico_selfmodel.systems.stations.nico_station import NicoStation
@@ -58,11 +60,22 @@ class Painted:
 
 
 class Painter:
-    """Paints on one station, at places that both cameras see in the mirror and not directly."""
+    """Paints on one station, at places that both cameras see in the mirror and not directly.
 
-    def __init__(self, station: NicoStation, context: Any, X_BM: NDArray) -> None:
-        """Take the station, its context, and where its mirror stands. Shape (4, 4)."""
-        self._station, self._context = station, context
+    Paint that changes either picture by less than the noise of a pixel, as where no light falls, is
+    not to be seen: it is wiped off, and another place is taken.
+    """
+
+    def __init__(self, station: NicoStation, context: Any, X_BM: NDArray, noise: float) -> None:
+        """Take a station.
+
+        Args:
+            station: It.
+            context: Its context.
+            X_BM: Where its mirror stands, in the frame of the arm's base. Shape (4, 4).
+            noise: Of its pictures [grey levels].
+        """
+        self._station, self._context, self._noise = station, context, noise
         self._X_LM = station.ground_truth.X_LB @ X_BM
         self._mirror = station.ground_truth.mirror(X_BM).plane
 
@@ -84,6 +97,7 @@ class Painter:
         seen = SeenSurface(surfaces, self._station.ground_truth.rig, self._mirror)
         links = [OTHER + link for link in LINKS] if kind == OTHER_ROBOT else list(LINKS)
         places = seen.in_mirror_only(links, 50, rng, DIAMETER)
+        before = self._pictures()
         for link, p_FQ in zip(places.links, places.p_FQ, strict=True):
             surface, X_LF = surfaces[link]
             color = surface.color(p_FQ)
@@ -97,9 +111,30 @@ class Painter:
             else:
                 mark = Mark(link, p_FQ, DIAMETER, recolored(color, STEP, rng))
             self._station.paint(self._context, mark)
+            if kind != SHAM_PAINT and self._shown(before) < self._noise:
+                self._station.wipe(self._context)
+                continue
             normal = None if mark.link == GLASS else surface.normals(p_FQ[None])[0]
             return Painted(kind, mark, normal)
         raise RobotError(f"no place for a {kind}: the mirror shows no such place to both cameras")
+
+    def _pictures(self) -> list[NDArray]:
+        """Return what both cameras see now. Shape (h, w, 3) each."""
+        # The pictures of one time are kept; paint does not change the time.
+        self._context.SetTime(self._context.get_time())
+        return [self._station.picture(self._context, side).astype(float) for side in SIDES]
+
+    def _shown(self, before: Sequence[NDArray]) -> float:
+        """Return what paint changes in a picture, in that which it changes less [grey levels].
+
+        Within one frame the noise of pictures stays the same, so that all that changes is paint.
+        """
+        found = []
+        for old, new in zip(before, self._pictures(), strict=True):
+            square = np.mean((new - old) ** 2, axis=2)
+            changed = square > 0.0
+            found.append(float(np.sqrt(square[changed].mean())) if changed.any() else 0.0)
+        return min(found)
 
     def _on_glass(self, p_LQ: NDArray) -> NDArray:
         """Return where the left camera sees a reflection in the glass, in its frame. Shape (3,)."""
