@@ -25,7 +25,7 @@ from nico_selfmodel.model.cameras.mirror_rig import MirrorRig
 from nico_selfmodel.sessions.mirrors.known_body import KnownBody
 from nico_selfmodel.sessions.mirrors.mirror_looks import MirrorLook
 from nico_selfmodel.systems.rendering.body_image import BodyImage
-from nico_selfmodel.vision.surprise.blobs import FALSE_ALARM, Blob, place_means, threshold_of
+from nico_selfmodel.vision.surprise.blobs import FALSE_ALARM, Blob, threshold_of
 from nico_selfmodel.vision.surprise.seen_places import (
     all_judged,
     middle_sigma,
@@ -131,9 +131,7 @@ class MarkFinder:
             posed = self._image.poses(pair[0].readings)
             poses = {number: posed[link] for number, link in self._image.links.items()}
             views += [
-                SurfaceView(
-                    k, side, rig, place_means(look.surprise), look.depth, look.labels, poses
-                )
+                SurfaceView(k, side, rig, look.surprise.chi_square, look.depth, look.labels, poses)
                 for side, look in enumerate(pair)
             ]
         return surprising_together(views, _together_bound)

@@ -23,6 +23,7 @@ from nico_selfmodel.vision.surprise.blobs import Blob, surprising_places
 from nico_selfmodel.vision.surprise.surprise import (
     Expectation,
     Surprise,
+    as_before,
     away_from_the_unknown,
     log_likelihood,
     surprise,
@@ -206,7 +207,10 @@ class MirrorLooks:
             ValueError: If all of a picture is judged by the expected body.
         """
         left, right = (
-            surprise(look.picture, _as_before(picture, look))
+            surprise(
+                look.picture,
+                as_before(picture, look.surprise, look.expected.noise, COLOR_SIGMA),
+            )
             for picture, look in zip(shot.pictures, pair, strict=True)
         )
         return left, right
@@ -284,11 +288,3 @@ class MirrorLooks:
     def _readings(self) -> NDArray:
         port = self._station.GetOutputPort("encoders")
         return np.array(port.Eval(self.body.context), dtype=float)
-
-
-def _as_before(picture: NDArray, look: MirrorLook) -> Expectation:
-    """Return an earlier picture as what is expected now, where the body's place tells nothing."""
-    judged = np.isfinite(look.surprise.chi_square)
-    return Expectation(
-        picture, np.where(judged, np.nan, 0.0), np.sqrt(2.0) * look.expected.noise, COLOR_SIGMA
-    )

@@ -9,10 +9,6 @@ from numpy.typing import NDArray
 from nico_selfmodel.optimization.chi_square import chi_square_tail
 from nico_selfmodel.vision.surprise.surprise import Surprise
 
-_WINDOW = 3
-"""Sides of the places that are looked at [px]."""
-PLACE = _WINDOW**2
-"""Pixels of such a place."""
 FALSE_ALARM = 0.01
 """How often one picture of what was expected has a surprising place."""
 _HALVINGS = 80
@@ -34,7 +30,7 @@ class Blob:
     area: int
     """Of all that is surprising about it [px]."""
     chi_square: float
-    """Mean of z^2 over its most surprising place."""
+    """z^2 of its most surprising place."""
 
     def with_part(self, other: "Blob") -> "Blob":
         """Return this and another place of the same spot as one, each weighed by its surprise."""
@@ -51,10 +47,8 @@ class Blob:
 def surprising_places(surprise: Surprise, false_alarms: float = FALSE_ALARM) -> tuple[Blob, ...]:
     """Return what stands out of a chi-square picture, the most surprising place first.
 
-    A place is the mean of z^2 over 3 x 3 pixels that are all judged. Colours and places are wrong
-    alike in neighbouring pixels, so that the mean counts as one chi-square of three degrees of
-    freedom, not as nine. Of n places one or more exceeds the threshold T with at most the
-    probability n P(chi^2_3 > T), which is set to `false_alarms`.
+    Of n places, each a chi-square of three degrees of freedom, one or more exceeds the threshold T
+    with at most the probability n P(chi^2_3 > T), which is set to `false_alarms`.
 
     Args:
         surprise: Of a picture.
@@ -63,25 +57,10 @@ def surprising_places(surprise: Surprise, false_alarms: float = FALSE_ALARM) -> 
     Returns:
         Connected places above the threshold.
     """
-    places = place_means(surprise)
+    places = surprise.chi_square
     threshold = threshold_of(int(np.isfinite(places).sum()), false_alarms)
     blobs = [blob_of(i, places, threshold) for i in connected(np.nan_to_num(places) > threshold)]
     return tuple(sorted(blobs, key=lambda blob: -blob.chi_square))
-
-
-def place_means(surprise: Surprise) -> NDArray:
-    """Return the mean of z^2 over 3 x 3 pixels; nan where they are not all judged. Shape (h, w).
-
-    Args:
-        surprise: Of a picture.
-    """
-    judged = np.isfinite(surprise.chi_square)
-    filled = np.where(judged, surprise.chi_square, 0.0)
-    window = np.ones((_WINDOW, _WINDOW), np.uint8)
-    # Beyond the picture's edge nothing is judged.
-    seen = judged.astype(np.uint8)
-    whole = cv2.erode(seen, window, borderType=cv2.BORDER_CONSTANT, borderValue=(0.0,)) > 0
-    return np.where(whole, cv2.blur(filled, (_WINDOW, _WINDOW)), np.nan)
 
 
 def connected(above: NDArray) -> list[NDArray]:
@@ -117,7 +96,7 @@ def blob_of(inside: NDArray, places: NDArray, threshold: NDArray | float) -> Blo
 
     Args:
         inside: Its pixels. Shape (h, w).
-        places: How surprising each is, by `place_means`. Shape (h, w).
+        places: How surprising each is, by `surprise`. Shape (h, w).
         threshold: What one of them must exceed to surprise. Shape () or (h, w).
     """
     rows, columns = np.nonzero(inside)

@@ -1,17 +1,13 @@
 """What stands out of one picture: of the own body, of what is beside it, and by other pictures."""
 
-from collections.abc import Sequence
-
 import numpy as np
 from numpy.typing import NDArray
 
 from nico_selfmodel.vision.surprise.blobs import (
     FALSE_ALARM,
-    PLACE,
     Blob,
     blob_of,
     connected,
-    place_means,
     threshold_of,
 )
 from nico_selfmodel.vision.surprise.surprise import Surprise
@@ -20,8 +16,8 @@ WEAK = 1.0
 """Places of a picture that may surprise where both cameras and both looks must agree."""
 _NEAR = 6.0
 """Surprising places as near to each other are one spot [px]."""
-_BESIDE = 3
-"""Half the side of what must be judged for a place to count as looked at [px]."""
+_BESIDE = 2
+"""Places about one that must be judged for it to count as looked at [px]."""
 
 
 def seen_places(
@@ -30,10 +26,7 @@ def seen_places(
     """Return surprising places of one picture, and which of them are so beyond chance.
 
     What is told by the expected body and what by an earlier picture are one picture: a spot that
-    lies half on the body and half beside it is one spot. Each part has its own threshold. That of
-    the body is as `surprising_places` has it. An earlier picture, of one that stood still, errs by
-    the camera's noise alone, by which neighbours do not err alike: the mean of z^2 over 3 x 3
-    pixels is there a ninth of a chi-square of 27 degrees of freedom.
+    lies half on the body and half beside it is one spot.
 
     Args:
         own: What differs from the expected body.
@@ -44,34 +37,15 @@ def seen_places(
         Places, near ones as one, the largest first; and whether one place of each surprises as
         not one picture in a hundred does, or as all pictures together do not.
     """
-    places = place_means(own if rest is None else own.beside(rest))
-    kinds = _kinds(own, rest)
+    places = (own if rest is None else own.beside(rest)).chi_square
     together = np.zeros(places.shape, dtype=bool) if shared is None else shared
-    certain = _bounds(places, kinds, FALSE_ALARM)
+    count = int(np.isfinite(places).sum())
+    certain = threshold_of(count, FALSE_ALARM)
     filled = np.nan_to_num(places)
     sure = (filled > certain) | together
-    above = (filled > _bounds(places, kinds, WEAK)) | together
+    above = (filled > threshold_of(count, WEAK)) | together
     found = [(blob_of(i, places, certain), bool(sure[i].any())) for i in connected(above)]
     return _merged(found)
-
-
-def _kinds(own: Surprise, rest: Surprise | None) -> list[tuple[NDArray, int]]:
-    """Return which places err alike, and how many pixels of each by themselves."""
-    by_body = np.isfinite(place_means(own))
-    by_change = np.zeros(by_body.shape, dtype=bool)
-    if rest is not None:
-        alone = np.where(np.isfinite(own.chi_square), np.nan, rest.chi_square)
-        by_change = np.isfinite(place_means(Surprise(alone, rest.gain)))
-    return [(by_body, 1), (by_change, PLACE), (~(by_body | by_change), 1)]
-
-
-def _bounds(places: NDArray, kinds: Sequence[tuple[NDArray, int]], false_alarms: float) -> NDArray:
-    """Return what the mean of z^2 over a place must exceed. Shape (h, w)."""
-    found = np.full(places.shape, np.inf)
-    for where, pixels in kinds:
-        count = int((np.isfinite(places) & where).sum())
-        found[where] = threshold_of(count, false_alarms, 3 * pixels) / pixels
-    return found
 
 
 def _merged(found: list[tuple[Blob, bool]]) -> list[tuple[Blob, bool]]:
@@ -88,7 +62,7 @@ def _merged(found: list[tuple[Blob, bool]]) -> list[tuple[Blob, bool]]:
 
 
 def all_judged(surprise: Surprise, u: float, v: float, beside: int = _BESIDE) -> bool:
-    """Return whether all pixels about a place are judged.
+    """Return whether all places about one are judged.
 
     Args:
         surprise: Of a picture.

@@ -11,6 +11,8 @@ from nico_selfmodel.arrays import read_only
 
 _ROUNDING = 1.0 / 12.0
 """Least variance of a grey level."""
+_PLACE = np.ones((3, 3), np.uint8)
+"""Pixels of a place."""
 _GAIN_STEPS = 5
 """Times the gain is estimated anew without what does not follow it."""
 _CERTAIN = 2.5
@@ -49,7 +51,8 @@ class Surprise:
     """What one picture differs by from what was expected."""
 
     chi_square: NDArray
-    """z^2 of three degrees of freedom at each pixel; nan where nothing is judged. Shape (h, w)."""
+    """z^2 of the place of 3 x 3 pixels about each pixel, of three degrees of freedom; nan where one
+    of them is not judged. Shape (h, w)."""
     gain: float
     """How much brighter the picture is than expected."""
 
@@ -72,12 +75,34 @@ class Surprise:
         return Surprise(np.where(own, self.chi_square, other.chi_square), self.gain)
 
 
+def as_before(
+    picture: NDArray, own: Surprise, noise: float, appearance_sigma: float
+) -> Expectation:
+    """Return an earlier picture as what is expected now, where the body tells nothing.
+
+    Each place there takes all of its 3 x 3 pixels. Both pictures are noisy.
+
+    Args:
+        picture: Taken before, from the same place, BGR. Shape (h, w, 3).
+        own: What differs now from the expected body.
+        noise: Standard deviation of a grey level of one picture.
+        appearance_sigma: What colours and light may have changed by, as a share.
+    """
+    untold = np.isnan(own.chi_square).astype(np.uint8)
+    known = np.where(cv2.dilate(untold, _PLACE) > 0, 0.0, np.nan)
+    return Expectation(picture, known, np.sqrt(2.0) * noise, appearance_sigma)
+
+
 def surprise(picture: NDArray, expected: Expectation) -> Surprise:
     """Hold a picture against what was expected.
 
-    With the picture I, the expectation E and one gain g for the look,
+    With the picture I, the expectation E and one gain g for the look, and bars for means over the
+    3 x 3 pixels of a place,
 
-        z^2 = e' (s_n^2 1 + s_a^2 g^2 diag(E)^2 + g^2 V)^-1 e,    e = I - g M
+        z^2 = ē' (s_n^2 1 / 9 + mean (s_a^2 g^2 diag(M)^2 + g^2 V))^-1 ē,    e = I - g M
+
+    The camera's noise is another in each pixel; what colours and places are wrong by is alike in
+    neighbours, and does not become less in their mean.
 
     s_n is the camera's noise and s_a what colours are not known by. V is what the expectation
     differs by because nobody knows to the pixel where it is seen: with d that displacement and S
@@ -95,16 +120,31 @@ def surprise(picture: NDArray, expected: Expectation) -> Surprise:
     Raises:
         ValueError: If the picture has another shape, or nothing of it is to be judged.
     """
-    judged, off, total, gain = _held_against(picture, expected)
+    judged, off, alike, noise, gain = _held_against(picture, expected)
+    border = {"borderType": cv2.BORDER_CONSTANT, "borderValue": (0.0,)}
+    whole = cv2.erode(judged.astype(np.uint8), _PLACE, **border) > 0
+    means = [_mean_at(judged, whole, off[:, i]) for i in range(3)]
+    total = np.zeros((len(means[0]), 3, 3))
+    for i, j in _PAIRS:
+        total[:, i, j] = total[:, j, i] = _mean_at(judged, whole, alike[:, i, j])
+    total[:, range(3), range(3)] += noise / _PLACE.size
+    mean = np.stack(means, axis=1)
     chi_square = np.full(judged.shape, np.nan)
-    chi_square[judged] = np.sum(off * np.linalg.solve(total, off[:, :, None])[:, :, 0], axis=1)
+    chi_square[whole] = np.sum(mean * np.linalg.solve(total, mean[:, :, None])[:, :, 0], axis=1)
     return Surprise(chi_square, gain)
 
 
-def log_likelihood(picture: NDArray, expected: Expectation) -> NDArray:
-    """Return how likely each pixel is, of what was expected: - (log det C + z^2) / 2.
+def _mean_at(judged: NDArray, whole: NDArray, each: NDArray) -> NDArray:
+    """Return the means over 3 x 3 pixels of what is known at all judged ones, at the whole ones."""
+    picture = np.zeros(judged.shape)
+    picture[judged] = each
+    return cv2.blur(picture, _PLACE.shape)[whole]
 
-    C is the covariance that z^2 is made with. It tells which of several `pixel_sigma` pictures of
+
+def log_likelihood(picture: NDArray, expected: Expectation) -> NDArray:
+    """Return how likely each pixel is, of what was expected: - (log det C + e' C^-1 e) / 2.
+
+    C is the covariance of one pixel. It tells which of several `pixel_sigma` pictures of
     what was expected really have.
 
     Args:
@@ -117,7 +157,8 @@ def log_likelihood(picture: NDArray, expected: Expectation) -> NDArray:
     Raises:
         ValueError: If the picture has another shape, or nothing of it is to be judged.
     """
-    judged, off, total, _ = _held_against(picture, expected)
+    judged, off, total, noise, _ = _held_against(picture, expected)
+    total[:, range(3), range(3)] += noise
     chi_square = np.sum(off * np.linalg.solve(total, off[:, :, None])[:, :, 0], axis=1)
     likely = np.full(judged.shape, np.nan)
     likely[judged] = -0.5 * (np.linalg.slogdet(total)[1] + chi_square)
@@ -126,8 +167,8 @@ def log_likelihood(picture: NDArray, expected: Expectation) -> NDArray:
 
 def _held_against(
     picture: NDArray, expected: Expectation
-) -> tuple[NDArray, NDArray, NDArray, float]:
-    """Return what is judged (h, w), e (n, 3), its covariance (n, 3, 3), and the gain."""
+) -> tuple[NDArray, NDArray, NDArray, float, float]:
+    """Return what is judged (h, w), e (n, 3), its covariance without noise, noise^2, the gain."""
     if picture.shape != expected.picture.shape:
         raise ValueError(
             f"a picture of shape {expected.picture.shape} was expected, got {picture.shape}"
@@ -140,9 +181,9 @@ def _held_against(
     noise = expected.noise**2 + _ROUNDING
     own = noise + np.square(expected.appearance_sigma * mean)
     gain = _gain(seen, mean, own + np.einsum("nii->ni", covariance))
-    total = gain**2 * covariance
-    total[:, range(3), range(3)] += noise + np.square(expected.appearance_sigma * gain * mean)
-    return judged, seen - gain * mean, total, gain
+    alike = gain**2 * covariance
+    alike[:, range(3), range(3)] += np.square(expected.appearance_sigma * gain * mean)
+    return judged, seen - gain * mean, alike, noise, gain
 
 
 def away_from_the_unknown(pixel_sigma: NDArray) -> NDArray:
