@@ -3,13 +3,8 @@
 import numpy as np
 import pytest
 
-from nico_selfmodel.vision.surprise.blobs import Blob, surprising_places, threshold_of
-from nico_selfmodel.vision.surprise.seen_places import (
-    all_judged,
-    middle_sigma,
-    mixture_of,
-    seen_places,
-)
+from nico_selfmodel.vision.surprise.blobs import surprising_places, threshold_of
+from nico_selfmodel.vision.surprise.seen_places import all_judged, seen_places
 from nico_selfmodel.vision.surprise.surprise import Surprise
 
 SHAPE = (80, 100)
@@ -89,32 +84,6 @@ def test_pictures_of_two_shapes_are_not_joined():
     own, _ = pictures()
     with pytest.raises(ValueError, match="one shape"):
         own.beside(Surprise(np.zeros((2, 2)), 1.0))
-
-
-def test_the_middle_of_a_spot_that_may_be_cut_is_known_by_half_a_disc():
-    own, _ = pictures()
-    whole, cut = Blob(30.0, 40.0, 113, 50.0), Blob(45.0, 40.0, 57, 50.0)
-    assert middle_sigma(whole, own, 0.5) == 0.5
-    # Of half a disc of radius 6, and of one too small to tell.
-    assert middle_sigma(cut, own, 0.5) == pytest.approx(
-        4.0 / (3.0 * np.pi) * 6.02 / np.sqrt(3.0), rel=0.01
-    )
-    assert middle_sigma(Blob(48.0, 40.0, 1, 50.0), own, 0.5) == 0.5
-
-
-def test_the_colours_under_a_spot_are_mixed_by_what_they_differ_by():
-    own, _ = pictures()
-    expected = np.full((*SHAPE, 3), 100.0)
-    picture = np.full((*SHAPE, 3), 140, np.uint8)
-    spot = Blob(20.0, 40.0, 113, 50.0)
-    assert mixture_of(spot, picture, expected, own) == 0.0
-    expected[:, 20:] = 60.0
-    # Half of it differs by 40, half by 80: 20 of 60.
-    assert mixture_of(spot, picture, expected, own) == pytest.approx(20.0 / 60.0, rel=0.05)
-    # What is beside the body does not count, nor a spot that is all beside it.
-    expected[:, 20:], expected[:, 50:] = 100.0, 0.0
-    assert mixture_of(Blob(48.0, 40.0, 113, 50.0), picture, expected, own) == 0.0
-    assert mixture_of(Blob(80.0, 40.0, 113, 50.0), picture, expected, own) == 0.0
 
 
 def test_a_place_is_looked_at_where_two_places_about_it_are_judged():

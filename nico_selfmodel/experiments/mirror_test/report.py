@@ -31,7 +31,6 @@ from nico_selfmodel.experiments.mirror_test.unmarked_report import (
 from nico_selfmodel.plant.touching.touch_planner import CLEAR, LEAN
 from nico_selfmodel.sessions.mirrors.mark_finder import (
     LENS_SIGMA,
-    MIXED_SIGMA,
     PIXEL_SIGMA,
     SURFACE_SIGMA,
 )
@@ -111,7 +110,7 @@ def _page(
 
 
 SET_COLOR = f"{100 * COLOR_SIGMA:g} %: set on robots 0 and 1"
-SET_MIDDLE = f"{PIXEL_SIGMA:g}, {LENS_SIGMA:g} and {MIXED_SIGMA:g} px: set on robots 900 and 950"
+SET_MIDDLE = f"{PIXEL_SIGMA:g} and {LENS_SIGMA:g} px: set on robots 900 and 950"
 SET_SURFACE = f"{1e3 * SURFACE_SIGMA:g} mm: set on robots 0 and 1"
 NEAR_AND_LEAN = f"{1e3 * CLEAR:.0f} mm, {np.degrees(LEAN):.0f} deg: chosen"
 
@@ -132,7 +131,7 @@ def _given() -> Table:
         ["light of the room", "given, but for its brightness"],
         ["what places of links are not known by", "learned, from looks at the unmarked body"],
         ["what colours are not known by", SET_COLOR],
-        ["what the middle of a spot is not known by", SET_MIDDLE],
+        ["what the middle of a spot is not known by besides its fit", SET_MIDDLE],
         ["what a surface is not known by", SET_SURFACE],
         ["threshold of a surprising place", "derived: one false place in 100 pictures"],
         ["how near the arm may come to the body, how far the finger may lean", NEAR_AND_LEAN],

@@ -26,19 +26,13 @@ from nico_selfmodel.sessions.mirrors.known_body import KnownBody
 from nico_selfmodel.sessions.mirrors.mirror_looks import MirrorLook
 from nico_selfmodel.systems.rendering.body_image import BodyImage
 from nico_selfmodel.vision.surprise.blobs import FALSE_ALARM, Blob, threshold_of
-from nico_selfmodel.vision.surprise.seen_places import (
-    all_judged,
-    middle_sigma,
-    mixture_of,
-    seen_places,
-)
+from nico_selfmodel.vision.surprise.seen_places import all_judged, seen_places
+from nico_selfmodel.vision.surprise.spot_middle import Middle, middle_of
 from nico_selfmodel.vision.surprise.surprise import Surprise
 
-PIXEL_SIGMA = 0.1
-"""How well the middle of a spot that is seen whole is known; set on robots 900 and 950 [px]."""
-LENS_SIGMA, MIXED_SIGMA = 0.07, 0.3
-"""What errs alike in all looks: where the learned body is seen, and the middle of a spot on colours
-that are as unlike each other as unlike it; set on robots 900 and 950 [px]."""
+PIXEL_SIGMA, LENS_SIGMA = 0.08, 0.07
+"""What the middle of a spot is not known by besides its fit: in each look by itself, and alike in
+all, as where the learned body is seen; set on robots 900 and 950 [px]."""
 SURFACE_SIGMA = 5e-4
 """What the surface is not known by; set on robots 0 and 1 [m]."""
 
@@ -173,14 +167,15 @@ class MarkFinder:
         mirror, rig = self._known.model.mirrors[name], self._known.model.rig
         body = self._body(name, pair[0].readings)
         left, right = (
-            seen_places(look.surprise, None if changes is None else changes[side], together[side])
+            self._middles(look, None if changes is None else changes[side], together[side])
             for side, look in enumerate(pair)
         )
         found = []
-        for a, strong_a in left:
-            for b, strong_b in right:
-                sigma = _sigma_of((a, b), pair)
-                spot = spot_of(np.array([a.u, a.v, b.u, b.v]), sigma, rig, mirror, body)
+        for a, one, strong_a in left:
+            for b, other, strong_b in right:
+                own = float(np.hypot(PIXEL_SIGMA, max(one.sigma, other.sigma)))
+                pixels = np.array([one.u, one.v, other.u, other.v])
+                spot = spot_of(pixels, MiddleSigma(own, LENS_SIGMA), rig, mirror, body)
                 if spot is None or (spot.kind == NOT_ON_ME and self._on_arm(pair, a, b)):
                     continue
                 found.append(((spot.kind == NOT_ON_ME, spot.chi_square), spot, a, b,
@@ -192,6 +187,17 @@ class MarkFinder:
                 used += [a, b]
                 kept.append((spot, strong))
         return kept
+
+    @staticmethod
+    def _middles(
+        look: MirrorLook, change: Surprise | None, together: NDArray
+    ) -> list[tuple[Blob, Middle, bool]]:
+        """Return the spots of one picture, their middles, and whether each is surprising."""
+        parts = [look.surprise] if change is None else [look.surprise, change]
+        return [
+            (blob, middle_of(blob, look.picture, parts), strong)
+            for blob, strong in seen_places(look.surprise, change, together)
+        ]
 
     def _on_arm(self, pair: Pair, a: Blob, b: Blob) -> bool:
         """Return whether a camera expects the arm there, of which only the glass is judged."""
@@ -215,17 +221,6 @@ class MarkFinder:
         rows = [*range(m, m + 3), *range(3 * len(known.mirrors), len(known.covariance))]
         covariance = known.covariance[np.ix_(rows, rows)]
         return PosedBody(solids, links, poses, known.motions(image), covariance, SURFACE_SIGMA)
-
-
-def _sigma_of(spot: tuple[Blob, Blob], pair: Pair) -> MiddleSigma:
-    """Return how well the middle of a spot is known, in the camera that knows it less."""
-    both = list(zip(spot, pair, strict=True))
-    own = max(middle_sigma(one, look.surprise, PIXEL_SIGMA) for one, look in both)
-    mixed = max(
-        mixture_of(one, look.picture, look.surprise.gain * look.expected.picture, look.surprise)
-        for one, look in both
-    )
-    return MiddleSigma(own, float(np.hypot(LENS_SIGMA, MIXED_SIGMA * mixed)))
 
 
 def _of(spots: Told, kind: str) -> list[Spot]:

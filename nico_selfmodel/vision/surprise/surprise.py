@@ -13,6 +13,9 @@ _ROUNDING = 1.0 / 12.0
 """Least variance of a grey level."""
 _PLACE = np.ones((3, 3), np.uint8)
 """Pixels of a place."""
+_MIXED = 0.15
+"""What colours of an edge mix otherwise by than the expectation's, as a share of what V makes of
+them; set on robots 900 and 950."""
 _GAIN_STEPS = 5
 """Times the gain is estimated anew without what does not follow it."""
 _CERTAIN = 2.5
@@ -55,6 +58,8 @@ class Surprise:
     of them is not judged. Shape (h, w)."""
     gain: float
     """How much brighter the picture is than expected."""
+    expected: Expectation | None = None
+    """What was expected, if it is known."""
 
     def __post_init__(self) -> None:
         """Make the array read-only."""
@@ -72,7 +77,8 @@ class Surprise:
                 f"{other.chi_square.shape}"
             )
         own = np.isfinite(self.chi_square)
-        return Surprise(np.where(own, self.chi_square, other.chi_square), self.gain)
+        each = np.where(own, self.chi_square, other.chi_square)
+        return Surprise(each, self.gain, self.expected)
 
 
 def as_before(
@@ -108,7 +114,8 @@ def surprise(picture: NDArray, expected: Expectation) -> Surprise:
     differs by because nobody knows to the pixel where it is seen: with d that displacement and S
     its covariance, M(x) = mean E(x + d) and V(x) = cov E(x + d), both by Gaussian blur. For small
     S it is V = G S G', with G the gradient of the expectation; beyond that a gradient would know
-    nothing of an edge two pixels away.
+    nothing of an edge two pixels away. An edge is not quite a line between two colours, where a
+    third is near or light changes at it: a share of V counts in all directions of colour.
 
     Args:
         picture: BGR, 8 bits. Shape (h, w, 3).
@@ -120,7 +127,7 @@ def surprise(picture: NDArray, expected: Expectation) -> Surprise:
     Raises:
         ValueError: If the picture has another shape, or nothing of it is to be judged.
     """
-    judged, off, alike, noise, gain = _held_against(picture, expected)
+    judged, off, alike, noise, gain = held_against(picture, expected)
     border = {"borderType": cv2.BORDER_CONSTANT, "borderValue": (0.0,)}
     whole = cv2.erode(judged.astype(np.uint8), _PLACE, **border) > 0
     means = [_mean_at(judged, whole, off[:, i]) for i in range(3)]
@@ -131,7 +138,7 @@ def surprise(picture: NDArray, expected: Expectation) -> Surprise:
     mean = np.stack(means, axis=1)
     chi_square = np.full(judged.shape, np.nan)
     chi_square[whole] = np.sum(mean * np.linalg.solve(total, mean[:, :, None])[:, :, 0], axis=1)
-    return Surprise(chi_square, gain)
+    return Surprise(chi_square, gain, expected)
 
 
 def _mean_at(judged: NDArray, whole: NDArray, each: NDArray) -> NDArray:
@@ -157,7 +164,7 @@ def log_likelihood(picture: NDArray, expected: Expectation) -> NDArray:
     Raises:
         ValueError: If the picture has another shape, or nothing of it is to be judged.
     """
-    judged, off, total, noise, _ = _held_against(picture, expected)
+    judged, off, total, noise, _ = held_against(picture, expected)
     total[:, range(3), range(3)] += noise
     chi_square = np.sum(off * np.linalg.solve(total, off[:, :, None])[:, :, 0], axis=1)
     likely = np.full(judged.shape, np.nan)
@@ -165,10 +172,23 @@ def log_likelihood(picture: NDArray, expected: Expectation) -> NDArray:
     return likely
 
 
-def _held_against(
-    picture: NDArray, expected: Expectation
+def held_against(
+    picture: NDArray, expected: Expectation, gain: float | None = None
 ) -> tuple[NDArray, NDArray, NDArray, float, float]:
-    """Return what is judged (h, w), e (n, 3), its covariance without noise, noise^2, the gain."""
+    """Return what `surprise` is made of, pixel by pixel.
+
+    Args:
+        picture: BGR, 8 bits. Shape (h, w, 3).
+        expected: What was expected.
+        gain: How much brighter the picture is; found if omitted.
+
+    Returns:
+        What is judged, shape (h, w); e, shape (n, 3); its covariance without the noise, shape
+        (n, 3, 3); the variance of the noise; and the gain.
+
+    Raises:
+        ValueError: If the picture has another shape, or nothing of it is to be judged.
+    """
     if picture.shape != expected.picture.shape:
         raise ValueError(
             f"a picture of shape {expected.picture.shape} was expected, got {picture.shape}"
@@ -180,9 +200,11 @@ def _held_against(
     seen = picture.astype(float)[judged]
     noise = expected.noise**2 + _ROUNDING
     own = noise + np.square(expected.appearance_sigma * mean)
-    gain = _gain(seen, mean, own + np.einsum("nii->ni", covariance))
+    if gain is None:
+        gain = _gain(seen, mean, own + np.einsum("nii->ni", covariance))
     alike = gain**2 * covariance
-    alike[:, range(3), range(3)] += np.square(expected.appearance_sigma * gain * mean)
+    edge = _MIXED**2 / 3.0 * np.einsum("nii->n", alike)[:, None]
+    alike[:, range(3), range(3)] += edge + np.square(expected.appearance_sigma * gain * mean)
     return judged, seen - gain * mean, alike, noise, gain
 
 
