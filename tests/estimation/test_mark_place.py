@@ -1,5 +1,7 @@
 """Spots that both cameras see: on the body in a mirror, on the glass, or elsewhere."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -43,7 +45,7 @@ def body(shift=0.0):
     motion = BodyMotion(np.array([1.0, 0.0, 0.0]), NECK), frozenset({"head"})
     covariance = np.diag(np.square([5e-4, 5e-4, 2e-4, np.radians(0.2)]))
     solid = Solid("ellipsoid", BALL.size, pose)
-    return PosedBody([solid], ["head"], {"head": pose}, [motion], covariance, 1e-4)
+    return PosedBody([solid], ["head"], {"head": pose}, [motion], covariance, {"head": 1e-4})
 
 
 def on_the_ball(rng):
@@ -75,6 +77,23 @@ def test_a_mark_is_put_where_it_is_and_as_exactly_as_is_said():
         chi.append(off @ np.linalg.pinv(spot.place.own + spot.place.common) @ off)
     assert len(chi) > 140
     # Of a place on a known surface two coordinates are free.
+    assert 0.8 < np.mean(chi) / 2.0 < 1.2
+
+
+def test_a_link_that_may_stand_elsewhere_makes_its_places_as_uncertain():
+    rng = np.random.default_rng(11)
+    loose, chi = replace(body(), place_sigma={"head": 1.5e-3}), []
+    for _ in range(150):
+        p_F = on_the_ball(rng)
+        p_W = apply(X_WH, p_F[None])[0] + 1.5e-3 * rng.standard_normal(3)
+        pixels = MirrorRig(RIG, MIRROR).project(p_W) + 0.1 * rng.standard_normal(4)
+        spot = spot_of(pixels, MiddleSigma(0.1), RIG, MIRROR, loose)
+        if spot is None or spot.kind != ON_ME:
+            continue
+        off = spot.place.p_FM - p_F
+        chi.append(off @ np.linalg.pinv(spot.place.own + spot.place.common, 1e-3) @ off)
+        assert np.trace(spot.place.common) > np.trace(spot.place.own)
+    assert len(chi) > 140
     assert 0.8 < np.mean(chi) / 2.0 < 1.2
 
 

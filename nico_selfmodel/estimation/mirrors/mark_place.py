@@ -47,8 +47,8 @@ class PosedBody:
     """How it may stand elsewhere, and the links that each of it moves."""
     covariance: NDArray
     """Of the mirror's values, then of the motions. Shape (3 + k, 3 + k)."""
-    surface_sigma: float
-    """What its surface is not known by [m]."""
+    place_sigma: Mapping[str, float]
+    """Link -> what its place is not known by besides, each coordinate [m]."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -155,8 +155,8 @@ def _on_body(
     """Put a spot behind the glass on the nearest surface, by what it is known by.
 
     With the spot's reflection p of covariance C it is the x that minimises (x - p)' C^-1 (x - p) on
-    the surface n.(x - s) = 0, whose own variance is s^2: a Kalman step with gain k = C n / (n'Cn +
-    s^2), anew from the surface at each x.
+    the surface n.(x - s) = 0: a Kalman step with gain k = C n / n'Cn, anew from the surface at each
+    x. A link that stands elsewhere by d shifts it in the link's frame by (1 - k n') d.
     """
     plane, by_values = plane_of_values(mirror.values, rig.left.X_WC)
     turned = np.eye(3) - 2.0 * np.outer(plane.normal, plane.normal)
@@ -166,8 +166,8 @@ def _on_body(
     for _ in range(_STEPS):
         distance = float(distance_to_solids(body.solids, x[None])[0][0])
         normal = normals_of_solids(body.solids, x[None])[0]
-        variance = float(normal @ C @ normal) + body.surface_sigma**2
-        gain = C @ normal / (variance - body.surface_sigma**2)
+        variance = float(normal @ C @ normal)
+        gain = C @ normal / variance
         off = normal @ (x - p) - distance
         last, x = x, p + gain * off
         if np.linalg.norm(x - last) < _ARRIVED:
@@ -183,7 +183,7 @@ def _on_body(
     ]
     by_known = X_FW[:3, :3] @ onto @ np.column_stack([slopes, *ways])
     by_pixels = onto @ C @ onto.T
-    alike = shares[1] * by_pixels + body.surface_sigma**2 * np.outer(gain, gain)
+    alike = shares[1] * by_pixels + body.place_sigma[link] ** 2 * onto @ onto.T
     R_FW = X_FW[:3, :3]
     place = LinkPlace(
         link,
@@ -191,7 +191,7 @@ def _on_body(
         R_FW @ (shares[0] * by_pixels) @ R_FW.T,
         R_FW @ alike @ R_FW.T + by_known @ body.covariance @ by_known.T,
     )
-    variance += _common_along(normal, slopes, ways, body)
+    variance += body.place_sigma[link] ** 2 + _common_along(normal, slopes, ways, body)
     return Spot(ON_ME, read_only(pixels), place, off**2 / variance)
 
 

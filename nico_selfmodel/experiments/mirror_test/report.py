@@ -32,7 +32,6 @@ from nico_selfmodel.plant.touching.touch_planner import CLEAR, LEAN
 from nico_selfmodel.sessions.mirrors.mark_finder import (
     LENS_SIGMA,
     PIXEL_SIGMA,
-    SURFACE_SIGMA,
 )
 from nico_selfmodel.sessions.mirrors.mirror_looks import COLOR_SIGMA
 from nico_selfmodel.sessions.motion_session import PERIOD
@@ -111,7 +110,6 @@ def _page(
 
 SET_COLOR = f"{100 * COLOR_SIGMA:g} %: set on robots 0 and 1"
 SET_MIDDLE = f"{PIXEL_SIGMA:g} and {LENS_SIGMA:g} px: set on robots 900 and 950"
-SET_SURFACE = f"{1e3 * SURFACE_SIGMA:g} mm: set on robots 0 and 1"
 NEAR_AND_LEAN = f"{1e3 * CLEAR:.0f} mm, {np.degrees(LEAN):.0f} deg: chosen"
 
 
@@ -132,7 +130,6 @@ def _given() -> Table:
         ["what places of links are not known by", "learned, from looks at the unmarked body"],
         ["what colours are not known by", SET_COLOR],
         ["what the middle of a spot is not known by besides its fit", SET_MIDDLE],
-        ["what a surface is not known by", SET_SURFACE],
         ["threshold of a surprising place", "derived: one false place in 100 pictures"],
         ["how near the arm may come to the body, how far the finger may lean", NEAR_AND_LEAN],
         ["odds that stop the test", "derived: 100 to 1 that of 100 verdicts not one is wrong"],

@@ -1,6 +1,6 @@
 """Finds marks on oneself: what two looks into mirrors both put to one place of one link."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -23,7 +23,7 @@ from nico_selfmodel.geometry.solids import Solid
 from nico_selfmodel.geometry.transform import apply
 from nico_selfmodel.model.cameras.mirror_rig import MirrorRig
 from nico_selfmodel.sessions.mirrors.known_body import KnownBody
-from nico_selfmodel.sessions.mirrors.mirror_looks import MirrorLook
+from nico_selfmodel.sessions.mirrors.mirror_looks import MirrorLook, Unknown
 from nico_selfmodel.systems.rendering.body_image import BodyImage
 from nico_selfmodel.vision.surprise.blobs import FALSE_ALARM, Blob, threshold_of
 from nico_selfmodel.vision.surprise.seen_places import all_judged, seen_places
@@ -33,8 +33,6 @@ from nico_selfmodel.vision.surprise.surprise import Surprise
 PIXEL_SIGMA, LENS_SIGMA = 0.08, 0.07
 """What the middle of a spot is not known by besides its fit: in each look by itself, and alike in
 all, as where the learned body is seen; set on robots 900 and 950 [px]."""
-SURFACE_SIGMA = 5e-4
-"""What the surface is not known by; set on robots 0 and 1 [m]."""
 
 Pair = tuple[MirrorLook, MirrorLook]
 Told = list[tuple[Spot, bool]]
@@ -67,14 +65,15 @@ class MarkFinder:
     or all of them together must be (`surprising_together`).
     """
 
-    def __init__(self, image: BodyImage, known: KnownBody) -> None:
+    def __init__(self, image: BodyImage, known: KnownBody, unknown: Mapping[str, Unknown]) -> None:
         """Take what a robot knows of its body.
 
         Args:
             image: What it expects of itself, standing as it is known to.
             known: How the body stands, and the mirrors.
+            unknown: Mirror -> what of the body is not known in it.
         """
-        self._image, self._known = image, known
+        self._image, self._known, self._unknown = image, known, unknown
 
     def find(
         self,
@@ -217,10 +216,11 @@ class MarkFinder:
             own = image.surfaces[link].solids if link in image.surfaces else ()
             solids += [Solid(one.kind, one.size, X_WF @ one.X_FS) for one in own]
             links += [link] * len(own)
+        place_sigma = {link: self._unknown[name].place_sigma(link) for link in poses}
         m = 3 * known.mirrors.index(name)
         rows = [*range(m, m + 3), *range(3 * len(known.mirrors), len(known.covariance))]
         covariance = known.covariance[np.ix_(rows, rows)]
-        return PosedBody(solids, links, poses, known.motions(image), covariance, SURFACE_SIGMA)
+        return PosedBody(solids, links, poses, known.motions(image), covariance, place_sigma)
 
 
 def _of(spots: Told, kind: str) -> list[Spot]:

@@ -52,12 +52,19 @@ class Unknown:
     """Link -> of its places, each coordinate [m]."""
     other: float = POINT_SIGMA
     """The same of all other links [m]."""
+    likely: Mapping[str, float] = field(default_factory=dict)
+    """Link -> what of its places, each coordinate, is likeliest not known [m]."""
     color: float = APPEARANCE_SIGMA
     """Of colours and light, as a share of the grey level."""
 
     def __post_init__(self) -> None:
-        """Make the mapping read-only."""
-        object.__setattr__(self, "points", MappingProxyType(dict(self.points)))
+        """Make the mappings read-only."""
+        for name in ("points", "likely"):
+            object.__setattr__(self, name, MappingProxyType(dict(getattr(self, name))))
+
+    def place_sigma(self, link: str) -> float:
+        """Return what the place of a link is likeliest not known by, each coordinate [m]."""
+        return self.likely.get(link, self.points.get(link, self.other))
 
 
 @dataclass(frozen=True, eq=False)
@@ -266,20 +273,23 @@ class MirrorLooks:
             for side, picture in enumerate(self._pictures()):
                 seen = self._image.expect(readings, self._mirror, side)
                 for k, point in enumerate(_POINTS):
-                    expected = self._expected(side, seen, Unknown({}, point, COLOR_SIGMA))
+                    expected = self._expected(side, seen, Unknown({}, point, {}, COLOR_SIGMA))
                     each = log_likelihood(picture, expected)
                     own = seen.labels[np.isfinite(each)]
                     likely[k] += np.bincount(own, each[np.isfinite(each)], size)
                     counts[k] += np.bincount(own, minlength=size)
                     for blob in surprising_places(surprise(picture, expected)):
                         surprising[k, seen.labels[round(blob.v), round(blob.u)]] = True
-        mean = np.where(surprising, -np.inf, likely / np.maximum(counts, 1.0))
+        mean = likely / np.maximum(counts, 1.0)
+        calm = np.where(surprising, -np.inf, mean)
+        seen = {name: k for k, name in self._image.links.items() if counts[0, k]}
         found = {
-            name: _POINTS[int(np.argmax(mean[:, number]))]
-            for number, name in self._image.links.items()
-            if counts[0, number] and np.isfinite(mean[:, number]).any()
+            name: _POINTS[int(np.argmax(calm[:, k]))]
+            for name, k in seen.items()
+            if np.isfinite(calm[:, k]).any()
         }
-        self.unknown = Unknown(found, POINT_SIGMA, COLOR_SIGMA)
+        likeliest = {name: _POINTS[int(np.argmax(mean[:, k]))] for name, k in seen.items()}
+        self.unknown = Unknown(found, POINT_SIGMA, likeliest, COLOR_SIGMA)
         return self.unknown
 
     def _pictures(self) -> list[NDArray]:
