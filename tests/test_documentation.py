@@ -35,6 +35,7 @@ def python_of_the_readme(project_root):
     return re.findall(r"```python\n(.*?)```", text, re.DOTALL)
 
 
+@pytest.mark.slow
 def test_the_readmes_python_runs(project_root, tmp_path):
     block, _ = python_of_the_readme(project_root)
     assert len([line for line in block.splitlines() if line.strip()]) <= 15
@@ -57,6 +58,7 @@ def test_the_readmes_cameras_see_a_point_before_them(project_root, tmp_path):
     assert abs(y) < 0.01
 
 
+@pytest.mark.slow
 def test_the_python_of_what_bends_runs(project_root):
     text = (project_root / "docs" / "bending.md").read_text(encoding="utf-8")
     (block,) = re.findall(r"```python\n(.*?)```", text, re.DOTALL)
@@ -93,6 +95,7 @@ def test_command_lines_of_the_documents_exist(project_root):
     assert found > 20
 
 
+@pytest.mark.slow
 def test_the_arm_of_the_first_example_is_learned(project_root, tmp_path):
     process = run([project_root / "examples/01_learn_an_arm.py"], tmp_path, project_root)
     assert process.returncode == 0, process.stderr
@@ -107,6 +110,7 @@ def test_the_plant_of_the_second_example_agrees_with_its_self_model(project_root
     assert float(process.stdout.split()[-1]) < 1e-12
 
 
+@pytest.mark.slow
 def test_the_readmes_first_command_calibrates_a_real_robot_in_a_minute(project_root, tmp_path):
     text = (project_root / "README.md").read_text(encoding="utf-8")
     words = re.search(r"<!-- first command -->.*?(calibrate [^`\n]+)", text, re.DOTALL)[1].split()

@@ -70,6 +70,7 @@ def test_under_motion_capture(tmp_path, world, stops):
         assert max(map(int, data.extra["visits"])) > 1
 
 
+@pytest.mark.slow
 def test_at_a_station(tmp_path):
     def run(folder, progress=None):
         station = NicoStation(LOSSY, 5, 2)

@@ -239,6 +239,7 @@ def test_an_arm_with_encoders_is_no_hand_eye(folder, tmp_path, command):
     assert "has no joint with 'motion: flange'" in done.stderr
 
 
+@pytest.mark.slow
 def test_a_data_set_of_one_arm_is_converted_and_learned_as_well(project_root, tmp_path, command):
     data = project_root / "examples" / "data" / "positioner_two_axis"
     done = command("convert", data, "--out", tmp_path / "positioner")

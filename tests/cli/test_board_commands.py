@@ -61,6 +61,7 @@ def test_a_camera_is_learned_from_boards_seen_in_part(photographs, tmp_path, com
     assert document["lens"]["kind"] == "polynomial"
 
 
+@pytest.mark.slow
 def test_the_commands_of_the_page_print_the_board_and_learn_from_it(
     photographs, tmp_path, command, monkeypatch
 ):

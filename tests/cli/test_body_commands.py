@@ -109,6 +109,7 @@ def test_a_body_is_evaluated_by_what_its_cameras_saw(recorded, body, command):
     assert "no sensor 'nose'" in refused.stderr
 
 
+@pytest.mark.slow
 def test_the_thesis_own_variant_ends_with_one_where_it_harmed_the_cameras(
     recorded, photographs, command, tmp_path
 ):
@@ -125,6 +126,7 @@ def test_the_thesis_own_variant_ends_with_one_where_it_harmed_the_cameras(
     assert done.returncode == (1 if document["status"] == "FAIL" else 0)
 
 
+@pytest.mark.slow
 def test_kinematics_alone_need_no_boards(recorded, command, tmp_path):
     folder, _ = recorded
     done = command(
@@ -139,6 +141,7 @@ def test_kinematics_alone_need_no_boards(recorded, command, tmp_path):
     assert document_of(tmp_path / "arm")["scale_from"] == "cameras"
 
 
+@pytest.mark.slow
 def test_three_boards_are_all_learned_from(recorded, photographs, monkeypatch, command, tmp_path):
     folder, boards = recorded
     found = SimpleNamespace(seen_views=boards.select(np.arange(3)))
@@ -170,6 +173,7 @@ def test_a_tool_from_the_command_line(recorded, body, command, tmp_path):
     assert load_model(tmp_path / "held").markers == ("hand", "screwdriver")
 
 
+@pytest.mark.slow
 def test_a_point_that_moved_is_learned_anew_as_monitor_says(recorded, body, command):
     folder, _ = recorded
     ill = json.loads(command("monitor", body, folder / "tool", "--json").stdout)
@@ -183,6 +187,7 @@ def test_a_point_that_moved_is_learned_anew_as_monitor_says(recorded, body, comm
     assert command("monitor", words[-1], folder / "tool").returncode == 0
 
 
+@pytest.mark.slow
 def test_a_bare_hand_as_a_tool_ends_with_one(recorded, body, command, tmp_path):
     folder, _ = recorded
     done = command(

@@ -43,6 +43,7 @@ def test_without_a_report_all_else_is_the_same(recorded, tmp_path, command, resu
     assert command("view", out).returncode == 2
 
 
+@pytest.mark.slow
 def test_nothing_held_out_is_not_evaluated(recorded, tmp_path, command):
     out = tmp_path / "arm"
     done = command("calibrate", "kinematics", recorded[0], "--out", out, "--json")

@@ -77,6 +77,7 @@ def test_a_dask_cluster_gives_the_same_table(learned, recordings, tmp_path, comm
     assert table(tmp_path / "out") == table(learned[0])
 
 
+@pytest.mark.slow
 @pytest.mark.filterwarnings("default")
 @pytest.mark.parametrize("address", ["tcp://127.0.0.1:1", "nonsense://x"])
 def test_a_dask_address_that_does_not_answer_is_one_line(address, recordings, tmp_path, command):
@@ -88,6 +89,7 @@ def test_a_dask_address_that_does_not_answer_is_one_line(address, recordings, tm
     assert list(tmp_path.iterdir()) == []
 
 
+@pytest.mark.slow
 def test_names_are_paths_below_what_recordings_have_in_common(recordings, tmp_path, command):
     one, two = recordings / "first" / "monday", recordings / "second"
     done = command(

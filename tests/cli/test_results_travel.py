@@ -114,6 +114,7 @@ def test_the_version_is_told(command):
     assert (done.returncode, done.stdout) == (0, f"nico-selfmodel {__version__}\n")
 
 
+@pytest.mark.slow
 def test_an_export_without_a_robot_names_the_masses_that_it_invented(recorded, tmp_path, command):
     result = tmp_path / "result"
     assert command("calibrate", "kinematics", recorded[0], "--out", result).returncode == 0

@@ -144,6 +144,7 @@ def test_two_boards_are_too_few(spoilt, tmp_path, command):
     assert "saw 2 boards, at least 3" in refused(command, spoilt, tmp_path)
 
 
+@pytest.mark.slow
 def test_swapped_cameras_are_recognised(spoilt, tmp_path, command):
     for path in sorted(spoilt.glob("left*")):
         other = spoilt / path.name.replace("left", "right")
@@ -180,6 +181,7 @@ def fisheye_photographs(tmp_path_factory):
     return folder
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("pins", [(), pytest.param(("--fix", "k3=0"), marks=pytest.mark.slow)])
 def test_photographs_of_a_fisheye_do_not_pass_as_a_polynomial(
     fisheye_photographs, tmp_path, command, pins
@@ -222,6 +224,7 @@ def test_photographs_of_a_fisheye_choose_the_fisheye(fisheye_photographs, tmp_pa
     assert_one_clear_line(unknown, "no lens 'round'; there are auto, polynomial, rational, fisheye")
 
 
+@pytest.mark.slow
 def test_pairs_that_were_not_taken_together_are_refused_by_their_epipolar_error(
     spoilt, tmp_path, command
 ):

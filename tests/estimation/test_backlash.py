@@ -65,6 +65,7 @@ def test_a_healthy_arm_is_healthy_whether_its_sides_are_told_or_not(recorded, le
         assert check_health(learned.model, data).healthy
 
 
+@pytest.mark.slow
 def test_units_and_wiring_change_nothing(recorded, learned):
     _, train, test, _ = recorded
     turned = tuple(replace(j, encoder_unit="deg", sign=-1) for j in train.joints)
@@ -81,6 +82,7 @@ def test_units_and_wiring_change_nothing(recorded, learned):
     assert both[0] == pytest.approx(both[1], abs=1e-6)
 
 
+@pytest.mark.slow
 def test_a_rigid_arm_keeps_none_though_its_sides_are_told():
     rng = np.random.default_rng((4, 93))
     arm = SaggingArm.drawn(rng, sag=0.0)

@@ -112,6 +112,7 @@ def test_a_marker_whose_points_are_all_set_aside_is_named(train):
     assert not foreign_markers(labelled, np.arange(POSES) < 20)
 
 
+@pytest.mark.slow
 def test_a_tracker_that_was_pushed_in_the_middle_fails_and_says_when(train):
     pushed = moved(train, np.arange(POSES) >= 40, [5 * SIGMA, 0.0, 0.0])
     reason = failing(pushed)
@@ -121,6 +122,7 @@ def test_a_tracker_that_was_pushed_in_the_middle_fails_and_says_when(train):
     assert judge(calibrate_kinematics(train)).status == "NOT_EVALUATED"
 
 
+@pytest.mark.slow
 def test_an_encoder_that_wraps_in_the_middle_of_its_range_is_named_with_the_cure(counting):
     data = counting.dataset(counting.poses(POSES, 1), sigma=SIGMA, seed=2)
     wrapped = data.encoders.copy()
@@ -143,6 +145,7 @@ def test_readings_that_lag_by_a_row_are_named(train, shift, words):
     assert f"the readings of the sample {words} its own" in reason
 
 
+@pytest.mark.slow
 def test_radians_stated_as_degrees_are_named(train):
     joints = tuple(replace(joint, encoder_unit="deg") for joint in train.joints)
     assert "rad stated as deg" in failing(replace(train, joints=joints), starts=1)

@@ -44,6 +44,7 @@ def nees(model, test, true):
     return float(np.mean(np.einsum("ni,nij,nj->n", e, np.linalg.inv(found.covariance), e))) / 3.0
 
 
+@pytest.mark.slow
 def test_arms_that_sag_are_learned_nearly_as_if_their_masses_were_told():
     beside, normalised = [], []
     for seed in (0, 1, 2):
@@ -61,6 +62,7 @@ def test_arms_that_sag_are_learned_nearly_as_if_their_masses_were_told():
     assert 0.7 < np.mean(normalised) < 1.4
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("seed", [104, 5032])
 def test_noise_is_not_a_part_of_what_a_sag_explains(seed):
     """Least noise that is a part of the rigid arm's error made sigmas of these arms twice too
@@ -154,6 +156,7 @@ def test_too_few_poses_are_not_asked():
     assert calibrate_kinematics(train, explain=False).ladder.steps == ()
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", ["_WORTH", "_GAIN"])
 def test_a_threshold_of_the_ladder_decides(monkeypatch, name):
     """Raised beyond all that is told, nothing stays."""
@@ -196,6 +199,7 @@ def test_rigid_arms_keep_nothing_and_sagging_ones_sag():
     assert sum("sag" in k for k in named) >= 18, named
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("spoilt", ["worse", "gear turned round"])
 def test_an_arm_that_is_no_better_solved_together_stays_rigid(monkeypatch, spoilt):
     solve = BendingArm.bent
@@ -216,6 +220,7 @@ def test_an_arm_that_is_no_better_solved_together_stays_rigid(monkeypatch, spoil
     assert "solved together, the arm is no better" in {s.reason for s in learned.ladder.steps}
 
 
+@pytest.mark.slow
 def test_an_arm_that_sags_is_watched_rezeroed_and_sent_to_new_poses():
     _, train, test, _ = arm_and_data(1, 60)
     model = calibrate_kinematics(train, explain=False).model
@@ -240,6 +245,7 @@ def test_an_effect_that_was_asked_for_by_name_says_why_it_went(poses, words):
     assert any(words in warning for warning in judge(found).warnings)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("axis", [0, 1])
 def test_the_vertical_of_an_arm_on_a_wall_is_found_in_a_tracker_of_any_axes(axis):
     rng = np.random.default_rng((2, 97))

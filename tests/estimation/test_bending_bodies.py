@@ -88,6 +88,7 @@ def test_what_bends_stands_in_result_and_verdict(sagging):
     assert "j2.sag" in document["parameters"]
 
 
+@pytest.mark.slow
 def test_a_body_that_may_not_bend_says_what_it_would_gain():
     _, train, _, _ = arm_and_data(1, 40)
     rigid = calibrate_tree(body_dataset_of(train), effects=())
@@ -97,6 +98,7 @@ def test_a_body_that_may_not_bend_says_what_it_would_gain():
     assert "--effects auto" in words
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("how", [{"markers": 2}, {"markers": 2, "sensor": "camera"}])
 def test_a_rigid_body_stays_rigid(how):
     found = calibrate_tree(one_arm(904, poses=40, **how).data)
@@ -163,6 +165,7 @@ def test_sides_of_joints_stay_with_a_recording_of_a_body(loose, tmp_path):
     assert np.array_equal(half.approach, again.approach[:30])
 
 
+@pytest.mark.slow
 def test_backlash_of_a_body_is_learned_and_uncertain_where_the_side_is_not_known(loose):
     train, test, dataset, true = loose
     found = calibrate_tree(train, test=test)
@@ -220,6 +223,7 @@ def test_an_arm_before_two_cameras_bends_too(film, bent):
     assert "unseen before [px]" in html
 
 
+@pytest.mark.slow
 def test_what_bends_before_cameras_is_predicted_with_its_sigma(film, bent):
     found, _ = bent
     _, test, true = film
@@ -229,6 +233,7 @@ def test_what_bends_before_cameras_is_predicted_with_its_sigma(film, bent):
     assert 0.3 < nees < 2.5
 
 
+@pytest.mark.slow
 def test_boards_hold_cameras_while_the_arm_is_asked_what_bends():
     recorded = scenario(0, world=CLEAN)
     found = calibrate_body(recorded.train, recorded.cameras, recorded.boards, test=recorded.test)

@@ -56,6 +56,7 @@ def seen(request):
     return kind, cameras, train, test, boards, test_boards
 
 
+@pytest.mark.slow
 def test_a_body_is_learned_as_well_as_through_any_lens(seen, tmp_path):
     kind, cameras, train, test, boards, test_boards = seen
     found = calibrate_body(

@@ -125,6 +125,7 @@ def test_anchored_the_true_error_falls_and_the_cameras_measure_better():
     assert found.noise.joint_sigma == pytest.approx(np.radians(0.5) / np.sqrt(3.0), rel=0.15)
 
 
+@pytest.mark.slow
 def test_the_thesis_own_variant_is_flagged_and_refused():
     found = learned(0, variant="thesis")
     alone = learned(0, stage="kinematics")
@@ -163,6 +164,7 @@ def test_each_stage_frees_what_it_says(request, stage, variant, free):
         assert (name in found.free) == (abs(after - before) > 1e-14), name
 
 
+@pytest.mark.slow
 @pytest.mark.usefixtures("uncrossed")
 def test_pins_by_name_hold_and_priors_of_the_gauge_stay():
     recorded = scenario()
@@ -209,6 +211,7 @@ def test_the_world_may_be_anywhere_before_learning():
     assert not np.isfinite(points.pixels).any()
 
 
+@pytest.mark.slow
 @pytest.mark.usefixtures("uncrossed")
 def test_rows_of_one_camera_count_and_wild_ones_do_not():
     recorded = scenario()
@@ -364,6 +367,7 @@ class TestBadInput:
         assert {"right_elbow.gear", "right_upper_arm_twist.gear"} <= unobservable
         assert any("right_" in reason for reason in verdict.reasons)
 
+    @pytest.mark.slow
     @pytest.mark.usefixtures("uncrossed")
     def test_a_wild_board_is_left_out(self):
         pixels = scenario().boards.pixels.copy()

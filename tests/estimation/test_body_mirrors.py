@@ -62,6 +62,7 @@ def test_wrong_rows_are_found_out(looked):
     assert found.model.tree.mirror("near").plane.offset == pytest.approx(plane.offset, abs=1e-4)
 
 
+@pytest.mark.slow
 def test_sigmas_of_planes_are_honest_where_the_body_is_exact():
     total = []
     for seed in range(6):
@@ -74,6 +75,7 @@ def test_sigmas_of_planes_are_honest_where_the_body_is_exact():
     assert 7.0 < sum(total) < 42.3
 
 
+@pytest.mark.slow
 def test_errors_of_the_body_count_and_move_the_plane_as_their_covariance_says(looked):
     seen, body = looked
     names, sigma = ("right_eye_pan.rx", "left_wide_camera.ry"), 1e-3

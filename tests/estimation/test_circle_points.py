@@ -147,6 +147,7 @@ def test_known_gears_place_the_centres_of_short_arcs(make_truth):
     assert np.mean(errors[True]) < 0.3 * np.mean(errors[False])
 
 
+@pytest.mark.slow
 def test_the_noise_and_the_axes_uncertainty_are_those_of_many_recordings(make_truth):
     truth = make_truth(4, 8, unit="counts")
     q, labels = truth.sweeps(26)

@@ -115,6 +115,7 @@ def test_a_joint_without_a_sweep_is_named(make_truth):
         calibrate_kinematics(truth.dataset(truth.poses(30)), method="circle-points")
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("unit", ["rad", "counts"])
 def test_a_second_marker_off_the_axis_rescues_the_circle(make_truth, hand_on_last_axis, unit):
     """The marker on the axis draws a blob beside the other's circle."""

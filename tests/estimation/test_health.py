@@ -95,6 +95,7 @@ def test_measured_points_serve_as_well(model):
     )
 
 
+@pytest.mark.slow
 def test_a_model_learned_from_points_watches_points():
     from nico_selfmodel.estimation.arm.kinematics import calibrate_kinematics
 

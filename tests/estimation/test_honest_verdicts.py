@@ -32,6 +32,7 @@ def as_joint_angles(session):
     return replace(session, joints=joints, encoders=radians)
 
 
+@pytest.mark.slow
 def test_a_gear_that_contradicts_its_unit_is_named_first_and_freeing_it_cures(session):
     data = as_joint_angles(session)
     verdict = judge(calibrate_kinematics(data))

@@ -141,6 +141,7 @@ def boards_found(views: BoardViews) -> tuple[str, float]:
     return judge(assessment).status, float(np.mean(assessment.test_distances))
 
 
+@pytest.mark.slow
 def test_order_and_size_of_boards_change_no_verdict_on_cameras():
     views = pictures(boards(18), sigma=0.2)
     status, error = boards_found(views)

@@ -32,6 +32,7 @@ def assessed(cameras, views, test=None):
     return CameraAssessment.from_calibration(calibrate_cameras(views), CameraOptions(), test, known)
 
 
+@pytest.mark.slow
 def test_the_truth_leaves_what_is_learned_leaves_wherever_its_world_is():
     cameras, views = scene()
     found = assessed({n: c.at(MOVED @ c.X_WC) for n, c in cameras.items()}, views)
@@ -44,6 +45,7 @@ def test_the_truth_leaves_what_is_learned_leaves_wherever_its_world_is():
     assert not any("times as far apart" in words for words in found.warnings)
 
 
+@pytest.mark.slow
 def test_a_lens_that_was_changed_is_seen_in_errors_and_numbers():
     cameras, views = scene(1)
     train, test = views.split(0.2, 0)
@@ -57,6 +59,7 @@ def test_a_lens_that_was_changed_is_seen_in_errors_and_numbers():
     assert change["change"] == pytest.approx(-0.02 * old["cam0"].fx, abs=6.0 * change["sigma"])
 
 
+@pytest.mark.slow
 def test_squares_of_another_size_are_suspected_by_name():
     cameras, views = scene(2)
     large = replace(views, p_GQ=views.p_GQ * 1.1)
@@ -73,6 +76,7 @@ def test_a_camera_that_was_moved_is_no_wrong_square():
     assert not any("times as far apart" in words for words in found.warnings)
 
 
+@pytest.mark.slow
 def test_other_cameras_and_sizes_are_refused():
     cameras, views = scene(4)
     with pytest.raises(ModelError, match="lacks the camera cam2: it has cam0, cam1"):

@@ -25,6 +25,7 @@ def scene(kind, seed, cameras=1):
     return pair, wide_views(pair, rng), wide_views(pair, rng, 8)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("kind", ["fisheye", "polynomial"])
 @pytest.mark.parametrize("seed", SEEDS)
 def test_boards_choose_their_lens_and_it_passes(kind, seed):
@@ -97,6 +98,7 @@ def test_a_polynomial_without_a_pattern_is_not_asked_again():
     assert (choice.tried, choice.better) == ((), None)
 
 
+@pytest.mark.slow
 def test_parameters_of_a_fisheye_lie_within_their_sigma():
     inside = []
     for seed in range(10):

@@ -87,6 +87,7 @@ def test_a_lens_that_is_as_its_model_has_no_misfit(seed, pair):
         assert misfit.share < 0.1
 
 
+@pytest.mark.slow
 def test_the_score_of_the_test_is_standard_where_there_is_nothing_to_find():
     scores = []
     for seed in range(30):
@@ -117,6 +118,7 @@ def test_a_slight_misfit_is_mentioned_and_does_not_fail():
     assert any("let `left.p1` and `left.p2` move" in words for words in assessment.warnings)
 
 
+@pytest.mark.slow
 @pytest.mark.real_data
 def test_real_lenses_pass_as_they_are(real_data_folder):
     found = stereo_chessboard(real_data_folder)
@@ -149,6 +151,7 @@ def with_stray_corners(views, share, largest, seed=0):
     return replace(views, pixels=pixels)
 
 
+@pytest.mark.slow
 def test_a_corner_that_is_none_does_not_pass(good):
     spoilt = with_stray_corners(good, 0.3, 12.0)
     for seed in range(2):
@@ -158,6 +161,7 @@ def test_a_corner_that_is_none_does_not_pass(good):
     assert judged(good).status == "PASS"
 
 
+@pytest.mark.slow
 def test_held_out_boards_that_contradict_the_rest_do_not_pass(good):
     train, test = good.split(0.25, 0)
     noise = np.random.default_rng(0).normal(0.0, 1.2, test.pixels.shape)

@@ -37,6 +37,7 @@ def sampled(data, monkeypatch):
     return calibrate_kinematics(data)
 
 
+@pytest.mark.slow
 def test_a_sample_and_all_rows_give_what_all_rows_give(of_all, sampled):
     assert sampled.free == of_all.free
     sigma = of_all.uncertainty.sigma
@@ -50,6 +51,7 @@ def test_a_sample_and_all_rows_give_what_all_rows_give(of_all, sampled):
     assert len(sampled.cross_validation) == np.sum(~sampled.outliers)
 
 
+@pytest.mark.slow
 def test_outliers_are_found_among_all_rows(data, of_all, sampled):
     assert set(WRONG) <= set(np.flatnonzero(sampled.outliers))
     assert sampled.outliers.sum() <= of_all.outliers.sum() + 2

@@ -58,6 +58,7 @@ def seen(p_W, rng, mirror=MIRROR):
     return MirrorRig(RIG, mirror).project(p_W) + SIGMA * rng.standard_normal(4)
 
 
+@pytest.mark.slow
 def test_a_mark_is_put_where_it_is_and_as_exactly_as_is_said():
     rng = np.random.default_rng(1)
     chi = []

@@ -44,6 +44,7 @@ mirrors = st.builds(
 )
 
 
+@pytest.mark.slow
 @given(mirrors, st.integers(1, 8))
 @settings(max_examples=12)
 def test_a_mirror_is_found_exactly_from_any_number_of_exact_poses(mirror, count):

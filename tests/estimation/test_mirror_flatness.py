@@ -185,6 +185,7 @@ def test_a_bent_mirror_is_recognised_by_joints_that_err_alike(radius):
         assert not flatness_of(reflections, mirror, noise).flat
 
 
+@pytest.mark.slow
 def test_pixel_noise_that_was_stated_too_small_is_measured():
     stated, chances = ReflectionNoise(0.05, np.radians(0.3)), []
     for seed in range(30):

@@ -24,6 +24,7 @@ def steps_of(x):
     return np.outer(x, JUMPS) - 0.5 * JUMPS**2
 
 
+@pytest.mark.slow
 def test_no_more_false_alarms_than_theory_allows_and_not_far_fewer():
     rng, limit, poses_each, runs = np.random.default_rng(0), 5.0, 60, 1500
     alarms = 0

@@ -46,6 +46,7 @@ def test_they_teach_more_than_as_many_by_chance(learned, recorded):
     assert np.mean(sigmas[0]) < np.mean(sigmas[1])
 
 
+@pytest.mark.slow
 def test_the_error_they_promise_is_the_one_the_covariance_gives_afterwards(learned, recorded):
     chosen = choose_next_poses(learned, recorded, 10, np.random.default_rng(1))
     after = calibrate_kinematics(visited(1, np.vstack([recorded.encoders, chosen.readings]))).model

@@ -66,6 +66,7 @@ def from_first_camera(tree):
     )
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("seed", [0, pytest.param(3, marks=pytest.mark.slow)])
 def test_two_arms_are_found_from_nothing_but_tags_in_two_cameras(seed):
     sim = two_arms(seed, distances=KNOWN)
@@ -79,6 +80,7 @@ def test_two_arms_are_found_from_nothing_but_tags_in_two_cameras(seed):
     assert found.setup.scale_from == "ruler (known distances)"
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("kind", ["fisheye", pytest.param("rational", marks=pytest.mark.slow)])
 def test_two_arms_are_found_by_wide_cameras(kind, tmp_path):
     bends = {"fisheye": {"k1": 0.03, "k2": -0.01}, "rational": {"k1": 0.8, "k2": 0.1, "k4": 1.1}}
@@ -111,6 +113,7 @@ def test_mislabelled_tags_are_left_out_and_named():
     assert any("check their labels" in warning for warning in judge(found).warnings)
 
 
+@pytest.mark.slow
 def test_a_scale_that_nothing_tells_is_named():
     found = calibrate_tree(two_arms(0, torso=0, poses=40).data)
     assert found.setup.scale_from is None
@@ -131,6 +134,7 @@ def test_a_baseline_that_the_user_fixes_holds_the_scale():
     assert error_mm(found.tree, from_first_camera(sim.tree)) < 6.0
 
 
+@pytest.mark.slow
 def test_one_length_that_the_user_fixes_holds_the_scale():
     sim = two_arms(0, torso=0, poses=40)
     X = from_first_camera(sim.tree).sensors[1].X_LA
@@ -144,6 +148,7 @@ def test_one_length_that_the_user_fixes_holds_the_scale():
     assert error_mm(found.tree, from_first_camera(sim.tree)) < 6.0
 
 
+@pytest.mark.slow
 def test_error_bars_speak_of_the_parameters_that_are_told():
     found = calibrate_tree(two_arms(0, distances=KNOWN, poses=40).data)
     assert found.parameters.values_of(found.tree) == pytest.approx(found.values, abs=1e-9)
@@ -166,6 +171,7 @@ def described(sim, seed, degrees, millimetres):
     return Description(replace(sim.tree, X_PJ=X_PJ, **nothing), *sigma)
 
 
+@pytest.mark.slow
 def test_a_description_that_is_off_is_corrected_and_says_by_how_much():
     sim = two_arms(2, poses=40, distances=KNOWN)
     found = calibrate_tree(sim.data, description=described(sim, 2, 2.0, 10.0))
@@ -178,6 +184,7 @@ def test_a_description_that_is_off_is_corrected_and_says_by_how_much():
     assert 0.5 < np.median([change["turn_deg"] for change in changes.values()]) < 3.0
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("seed", [0, 2])
 def test_one_camera_and_ten_poses_are_enough_for_a_robot_that_is_described(seed):
     sim = one_arm(seed, joints=6, markers=5, poses=10, sensor="camera", joint_sigma=1e-3)

@@ -98,6 +98,7 @@ def test_true_pins_are_hardly_ever_called_wrong(make_truth):
         assert result.contradicted_parameters == (), seed
 
 
+@pytest.mark.slow
 def test_gears_are_pinned_by_name_too(make_truth, learn):
     truth = make_truth(4, 2, unit="counts", kind="elbow")
     values, table = table_of(learn(truth, ["joint_3.gear=1.1", "joint_1.gear"]))
@@ -107,6 +108,7 @@ def test_gears_are_pinned_by_name_too(make_truth, learn):
     assert table["joint_0.gear"]["free"]
 
 
+@pytest.mark.slow
 def test_freed_gears_of_joint_angle_encoders_are_learned(make_truth, learn):
     truth = make_truth(4, 2)
     geared = replace(truth, servos=replace(truth.servos, gear=np.array([1.0, 1.03, 0.96, 1.0])))
@@ -166,6 +168,7 @@ def test_a_hand_on_the_last_axis_makes_the_last_joint_unobservable(
     assert gear["sigma"] is None or off < 8.0 * gear["sigma"], gear
 
 
+@pytest.mark.slow
 def test_a_joint_that_hardly_moved_is_unobservable(make_truth):
     truth = make_truth(4, 2, unit="counts", kind="elbow")
     q = truth.poses(80, 1)
@@ -242,6 +245,7 @@ def test_a_pin_that_contradicts_the_data_ends_in_a_verdict_or_names_itself(make_
         assert judge(result).status != "PASS"
 
 
+@pytest.mark.slow
 def test_pinning_what_points_cannot_tell_changes_the_words_and_not_the_arm(make_truth, learn):
     truth = make_truth(4, 2, unit="counts", kind="elbow")
     plain = learn(truth)

@@ -107,6 +107,7 @@ def test_variances_are_found_without_the_bias_of_what_the_fit_took():
     assert joint.mean() == pytest.approx(16e-6, rel=0.06)
 
 
+@pytest.mark.slow
 def test_numbers_that_are_known_beforehand_take_less_out_of_the_residuals():
     """As many numbers as half the coordinates: as free ones they leave half, as known ones more."""
     start, v = PoseNoise(1e-3, np.full(2, 1e-3)), (1e-5) ** 2

@@ -61,6 +61,7 @@ def assert_said_is_true(kind, count, low, high):
             assert low < ratio < high
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("kind", ["polynomial", "fisheye"])
 def test_a_few_repetitions_scatter_as_is_said(kind):
     assert_said_is_true(kind, 25, 0.6, 1.5)

@@ -64,6 +64,7 @@ def test_a_positioner_whose_tilt_and_turn_are_swapped_in_order_does_not_fit(posi
     assert verdict.status == "FAIL", verdict
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("seed", [0, pytest.param(1, marks=pytest.mark.slow)])
 def test_a_franka_arm_is_learned_from_nothing_but_poses(franka, seed):
     assert len(franka) == 114
@@ -100,6 +101,7 @@ def test_a_franka_arm_is_learned_with_other_losses(franka, loss):
     assert rms_mm(result.test) <= 2.40
 
 
+@pytest.mark.slow
 def test_a_frankas_axes_meet_at_right_angles_or_run_parallel(franka):
     """What its maker says of it, found without being told."""
     directions = calibrate_kinematics(franka, explain=False, effects=()).model.chain.directions

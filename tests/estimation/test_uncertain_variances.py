@@ -30,6 +30,7 @@ def fit_of(v, known=frozenset()):
     return SimpleNamespace(groups={"sag": NAMES}, variance={"sag": v}, means={}, known=known)
 
 
+@pytest.mark.slow
 def test_numbers_that_are_told_at_all_scatter_as_said():
     rng, narrow, wide = np.random.default_rng(7), [], []
     for _ in range(1500):

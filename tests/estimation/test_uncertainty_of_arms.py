@@ -105,6 +105,7 @@ def test_more_poses_make_everything_surer(make_truth, unit):
     assert ratio.max() < 0.8
 
 
+@pytest.mark.slow
 def test_the_measuring_noise_need_not_be_known(make_truth):
     """The stated sigma only whitens: the residuals say what the noise is."""
     truth = make_truth(3, 1, unit="counts")

@@ -127,6 +127,7 @@ def test_a_tracker_that_was_moved_between_recordings_fails(good, train, held_out
     assert "something moved between recordings" in verdict.reasons[0]
 
 
+@pytest.mark.slow
 def test_noise_far_above_the_stated_one_fails(train, held_out_data):
     stated = replace(train, point_sigma_m=1e-5)
     verdict = judge(calibrate_kinematics(stated, test=held_out_data))

@@ -54,6 +54,7 @@ def test_a_head_is_found_from_nothing_but_a_room_that_it_looks_about_in(looked_a
     assert guess.gear[:6] == pytest.approx(nico.mechanics.servos.gear[:6], abs=0.05)
 
 
+@pytest.mark.slow
 def test_known_places_stand_for_the_world_and_tell_lengths(looked_about):
     found = calibrate_tree(looked_about, effects=())
     assert isinstance(found.setup, TreeSetup)

@@ -108,6 +108,7 @@ def test_displacements_stay_within_half_a_turn_of_the_data(make_truth):
         assert np.abs(np.median(q, axis=0)).max() <= np.pi + 1e-9
 
 
+@pytest.mark.slow
 def test_the_first_zero_comes_from_the_limits_and_no_point_could_tell_it(make_truth):
     truth = make_truth(4, 2, unit="counts", kind="elbow")
     nominal = elsewhere(truth)

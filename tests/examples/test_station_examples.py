@@ -49,6 +49,7 @@ def test_a_tracker_of_ones_own_finds_the_red_tape(run):
     assert int(run("06_your_own_tracker.py").splitlines()[-1].split()[0]) >= 4
 
 
+@pytest.mark.slow
 def test_an_arm_of_ones_own_is_learned(run):
     assert run("07_your_own_urdf_arm.py").startswith("PASS")
 

@@ -83,6 +83,7 @@ def test_the_refined_body_is_kept_with_covariance_and_told_beside_what_was_befor
     assert content_hash(again) == content_hash(scenario.arm.train)
 
 
+@pytest.mark.slow
 @pytest.mark.usefixtures("undrawn")
 def test_boards_that_lie_about_their_size_make_it_refused_and_the_arm_before_is_kept(
     cameras, recorded, tmp_path

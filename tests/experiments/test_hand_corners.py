@@ -8,6 +8,7 @@ from nico_selfmodel.systems.looking import touching_arm
 from nico_selfmodel.systems.rendering.stereo_cameras import ImageQuality
 
 
+@pytest.mark.slow
 def test_corners_are_located_about_the_middle_of_the_marker():
     rough = ImageQuality(supersample=1)
     nico = RenderedNico("clean", 3, (FIDUCIAL,), rough, touching_arm(FIDUCIAL), corners=True)

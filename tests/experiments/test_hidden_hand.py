@@ -13,6 +13,7 @@ from nico_selfmodel.sessions.whole_scenario import learn_whole
 from nico_selfmodel.systems.simulated.imperfections import IMPERFECTIONS
 
 
+@pytest.mark.slow
 def test_a_hand_that_no_picture_shows_is_named_before_more_is_recorded(monkeypatch):
     recorded = []
 

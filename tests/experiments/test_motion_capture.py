@@ -85,6 +85,7 @@ def test_the_links_are_those_of_the_robot(small):
         assert nominal is None or mean == pytest.approx(nominal, abs=10.0)
 
 
+@pytest.mark.slow
 def test_links_are_learned_to_a_micrometre_where_nothing_is_noisy():
     protocol = replace(SweepProtocol.for_arm(ARM), random_poses=20)
     perfect = replace(IMPERFECTIONS["clean"], link_sigma=0.0, axis_sigma=0.0)

@@ -152,6 +152,7 @@ def with_mechanics(made, seed=0, **options):
     return plant
 
 
+@pytest.mark.slow
 def test_a_joint_that_is_too_weak_to_arrive_in_time_is_a_fault():
     made = virtual_arm(baud=115200)
     share = np.full(6, np.nan)
@@ -166,6 +167,7 @@ def test_a_joint_that_is_too_weak_to_arrive_in_time_is_a_fault():
     assert made.port.time - begin == pytest.approx(1.02 * seconds + 0.5, abs=0.2)
 
 
+@pytest.mark.slow
 def test_a_joint_that_stays_behind_by_its_load_gets_on_at_any_speed():
     """A goal reckoned from where such a joint stands would lie behind it."""
     made = virtual_arm(baud=115200)

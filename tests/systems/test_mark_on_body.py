@@ -55,6 +55,7 @@ def changed(station, context, side, unmarked):
     return np.argwhere(off > 20)[:, ::-1]
 
 
+@pytest.mark.slow
 def test_a_mark_is_seen_in_the_mirror_where_it_is_and_is_gone_when_wiped(before, seen):
     station, context, X_BM, _ = before
     unmarked = [station.picture(context, side) for side in ("left", "right")]
@@ -148,6 +149,7 @@ def test_the_second_robot_can_be_marked_too(before):
     assert len(spots) > 4
 
 
+@pytest.mark.slow
 def test_no_camera_sees_head_or_chest_directly(seen):
     assert seen.directly(("head", "chest"), 1, np.random.default_rng(2)).links == ()
 

@@ -88,6 +88,7 @@ def test_starts_and_stops_of_a_motor_program_have_no_memory():
         MotorProgram.random(poses[:1], 1.0, rng)
 
 
+@pytest.mark.slow
 def test_a_session_tells_when_encoders_and_image_move(station):
     model = NICO.ground_truth.model()
     session = MotionSession(station, model, np.eye(4), GAZE, 0.07)
@@ -101,6 +102,7 @@ def test_a_session_tells_when_encoders_and_image_move(station):
     assert elsewhere.sum() <= 1  # noise moves a cell now and then
 
 
+@pytest.mark.slow
 def test_a_second_robot_of_a_whole_body_is_seen_too():
     with NicoStation("thesis", 3, arm=looking_body(), quality=ROUGH, other=True) as whole:
         simulator = Simulator(whole)

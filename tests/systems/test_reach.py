@@ -47,6 +47,7 @@ def test_random_poses_are_usable_within_limits_and_come_from_the_seed(workspace)
     assert ((a >= workspace.arm.lower) & (a <= workspace.arm.upper)).all()
 
 
+@pytest.mark.slow
 def test_sweeps_about_home_are_in_view_and_wide(workspace):
     home, arcs = workspace.home_and_arcs(40)
     assert (np.ptp(arcs, axis=1) > np.radians(35.0)).all()

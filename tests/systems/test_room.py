@@ -1,6 +1,7 @@
 """Cards in the room about a simulated Nico are seen where they hang."""
 
 import numpy as np
+import pytest
 
 from nico_selfmodel.geometry.transform import apply, inverse
 from nico_selfmodel.sessions.whole_body import cards_about_nico, room_about_nico
@@ -15,6 +16,7 @@ from nico_selfmodel.systems.stations.whole_nico import WholeNico
 from nico_selfmodel.systems.tracking import shared_search
 
 
+@pytest.mark.slow
 def test_markers_of_the_room_are_seen_where_they_hang():
     body, room = looking_body(*HEAD_JOINTS), room_about_nico()
     nico = WholeNico.build(body, IMPERFECTIONS["clean"], 3, NICO_CAMERAS)

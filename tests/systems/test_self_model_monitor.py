@@ -91,6 +91,7 @@ def test_it_forgets_the_oldest_poses_and_keeps_the_cause(case, monkeypatch):
     assert outputs[-1][-1] == "zero of right_shoulder_roll"
 
 
+@pytest.mark.slow
 def test_backlash_is_seen_by_the_side_from_which_joints_come():
     rng = np.random.default_rng((3, 93))
     arm = SaggingArm.drawn(rng, sag=0.0, backlash=0.4)

@@ -62,6 +62,7 @@ def test_a_pulled_cable_and_a_silent_servo_are_raised_from_the_diagram(driver, b
         advance(running(driver))
 
 
+@pytest.mark.slow
 def test_a_station_whose_encoders_are_not_those_of_its_motors_is_refused():
     with (
         NicoStation("thesis", quality=ImageQuality(1)) as station,

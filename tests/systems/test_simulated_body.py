@@ -89,6 +89,7 @@ def test_the_individual_is_not_what_its_description_says(protocol, body):
     assert np.abs(servos.offset).min() > 1e-3
 
 
+@pytest.mark.slow
 def test_noise_is_as_stated_and_what_lies_outside_an_image_is_not_seen(protocol):
     noisy = ProjectedNico.tracked_by("color").robot(CLEAN, 5)
     assert noisy.sensor.sigma == TRACKERS["color"] == 2.0

@@ -130,6 +130,7 @@ def test_a_joint_that_does_not_exist_is_named_with_those_that_do():
         BodyDescription.from_urdf("nico", ["right_wide_camera_mount"], {}, {})
 
 
+@pytest.mark.slow
 def test_a_station_commands_the_joints_it_names_and_sees_both_hands_where_they_are():
     nico = whole("clean")
     with NicoStation("clean", 3, arm=looking_body(), quality=ImageQuality(noise=0.0)) as station:

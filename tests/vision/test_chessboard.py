@@ -122,6 +122,7 @@ def test_real_photographs_give_opencvs_own_calibration(real_data_folder):
     assert rms == pytest.approx(0.3926, abs=0.001)
 
 
+@pytest.mark.slow
 @pytest.mark.real_data
 def test_no_real_photograph_shows_a_board_of_another_size(real_data_folder):
     files = sorted((real_data_folder / "stereo_chessboard").glob("*.jpg"))[::13]

@@ -140,12 +140,14 @@ def test_tags_of_another_size_are_named(tag, prints):
     assert re.match(rf"the tags are 4[34]\.\d mm wide where --tag-mm says {tag}", seen.reason)
 
 
+@pytest.mark.slow
 def test_a_board_of_another_width_is_not_seen(prints):
     image = photograph("charuco", 2, prints, hidden=0.0).image
     seen = board_of("charuco:6x8", 30, 22, "aruco_5x5_100").find(image, 11)
     assert isinstance(seen, NotSeen)
 
 
+@pytest.mark.slow
 def test_one_wrong_tag_leads_no_corner_astray(prints, monkeypatch):
     from nico_selfmodel.vision.boards import april_grid
 

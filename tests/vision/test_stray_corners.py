@@ -154,6 +154,7 @@ def test_the_size_of_a_board_is_still_guessed():
     assert size_of_board(render_board(9, 6, H, rng, image_size=(640, 480)).image) == (9, 6)
 
 
+@pytest.mark.slow
 def test_a_large_picture_gives_corners_as_exact_as_a_small_one():
     rng = np.random.default_rng(2)
     H = random_view(rng, 1500, (2600, 1950), tilt=0.5, center=(1300, 975))

@@ -132,6 +132,7 @@ def test_what_is_sure_of_its_place_is_judged_nearer_to_the_unknown():
     assert np.isnan(kept[20:, 16]).all()
 
 
+@pytest.mark.slow
 def test_the_likeliest_sigma_is_the_one_that_pictures_have():
     rng = np.random.default_rng(6)
     sigmas = (0.25, 0.5, 1.0, 2.0)

@@ -91,6 +91,7 @@ def test_the_report_shows_the_numbers_of_the_document_and_loads_nothing(document
     assert "Outliers, left out of all but the held-out errors" in page
 
 
+@pytest.mark.slow
 def test_a_body_without_boards_says_so_and_has_no_board_table(scenario, monkeypatch):
     monkeypatch.setattr("nico_selfmodel.viz.figures.plot_style.image_bytes", lambda *_: b"<svg/>")
     found = calibrate_body(

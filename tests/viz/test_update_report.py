@@ -112,6 +112,7 @@ def test_a_tools_page_says_what_moved_and_what_it_was_worth_on_held_out_poses(to
     assert "held out, before" in page
 
 
+@pytest.mark.slow
 def test_new_zeros_are_judged_by_poses_left_out_in_turn(zeros):
     evaluation, _, document = zeros
     assert document["status"] == "NOT_EVALUATED"
@@ -127,6 +128,7 @@ def test_new_zeros_are_judged_by_poses_left_out_in_turn(zeros):
     assert f"{shift:+.2f}".replace("-", "−") + "°" in page
 
 
+@pytest.mark.slow
 def test_three_poses_are_left_out_one_by_one_and_one_pose_not_at_all(model):
     data = poses(3, lambda body: body.faults.restart(4), session=4)
     found = rezero(model, data)
@@ -183,6 +185,7 @@ def _turn():
     return np.array([[0.0, 0.0, 1.0], [-1.0, 0.0, 0.0], [0.0, -1.0, 0.0]])
 
 
+@pytest.mark.slow
 def test_measured_points_make_a_page_too(model):
     protocol = ProjectedNico.tracked_by()
     body = protocol.robot(WORLD, 0, session=7)
