@@ -52,6 +52,7 @@ def test_a_simulated_gap_is_recorded_learned_and_predicted_by_side(slack, learne
     )
 
 
+@pytest.mark.slow
 def test_backlash_that_no_column_tells_is_asked_for_in_vain(slack, tmp_path, command):
     (data := tmp_path / "data").mkdir()
     for name in ("dataset.yaml", "samples.csv"):

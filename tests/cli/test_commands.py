@@ -31,6 +31,7 @@ def test_the_result_folder_is_complete_and_consistent(result):
         assert document["parameters"][name]["value"] == values[name]
 
 
+@pytest.mark.slow
 def test_without_a_report_all_else_is_the_same(recorded, tmp_path, command, result):
     out = tmp_path / "arm"
     train, test = recorded

@@ -95,6 +95,7 @@ def test_a_marker_that_a_body_does_not_carry_is_answered_by_those_it_knows(
     assert_one_clear_line(done, said)
 
 
+@pytest.mark.slow
 def test_a_head_that_sees_nothing_of_the_arm_is_said_before_anything_is_recorded(
     tmp_path, command, monkeypatch
 ):

@@ -58,7 +58,10 @@ def moved(tmp_path_factory, robot, command):
         ("export-urdf", "MODEL", "--out", "arm.urdf"),
         ("view", "MODEL", "--out", "scene.html"),
         ("rezero", "MODEL", "DATA", "--out", "zeros"),
-        ("calibrate", "kinematics", "DATA", "--robot", "URDF", *CHAIN, "--out", "again"),
+        pytest.param(
+            ("calibrate", "kinematics", "DATA", "--robot", "URDF", *CHAIN, "--out", "again"),
+            marks=pytest.mark.slow,
+        ),
     ],
     ids=lambda words: words[0],
 )

@@ -238,6 +238,7 @@ def test_pairs_that_were_not_taken_together_are_refused_by_their_epipolar_error(
     assert "px from their epipolar lines" in message
 
 
+@pytest.mark.slow
 def test_two_images_of_one_camera_are_no_pair(spoilt, tmp_path, command):
     for path in spoilt.glob("left*"):
         shutil.copy(path, spoilt / path.name.replace("left", "right"))

@@ -119,7 +119,7 @@ def test_mirrors_that_a_body_cannot_learn_are_one_clear_line(before_mirrors, com
         (["--reflections", "3"], "give --mirror"),
         (["--mirror", "a", "--mirror", "a=300,0,0"], "two mirrors have one name"),
         (["--mirror", "a=-1,0,0"], "a positive distance"),
-        (["--mirror", "a=300,0,170"], "hardly sees"),
+        pytest.param(["--mirror", "a=300,0,170"], "hardly sees", marks=pytest.mark.slow),
     ],
 )
 def test_mirrors_that_cannot_stand_there_are_refused(tmp_path, command, words, said):

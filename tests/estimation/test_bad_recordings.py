@@ -73,6 +73,7 @@ def test_held_out_outliers_are_told_apart_from_the_error_of_the_model(train, tes
     assert "2 of 40 points are further off" in again.reasons[0]
 
 
+@pytest.mark.slow
 def test_held_out_points_that_are_wrong_far_more_often_than_training_points_fail(train, test_data):
     spoiled = moved(test_data, np.arange(8), [0.0, 0.2, 0.0])
     result = calibrate_kinematics(train, test=spoiled)

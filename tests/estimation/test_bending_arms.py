@@ -17,6 +17,7 @@ from nico_selfmodel.estimation.monitoring.health import check_health
 from nico_selfmodel.geometry.rotation import rotation_about
 from nico_selfmodel.planning.next_poses import choose_next_poses
 
+from ..slow_rest import slow_rest
 from .sagging_arms import SaggingArm, mean_mm, told
 
 
@@ -83,7 +84,7 @@ def test_a_body_that_bends_doubts_what_did_not_stay(monkeypatch):
     assert nees(is_sure, test, true) > 1.2 * nees(doubts, test, true)
 
 
-@pytest.mark.parametrize("poses", [20, 40])
+@pytest.mark.parametrize("poses", slow_rest([40, 20]))
 def test_a_rigid_arm_stays_rigid(poses):
     _, train, _, _ = arm_and_data(5, poses, sag=0.0)
     learned = calibrate_kinematics(train, explain=False)
@@ -165,6 +166,7 @@ def test_a_threshold_of_the_ladder_decides(monkeypatch, name):
     assert calibrate_kinematics(train, explain=False).ladder.kept == ()
 
 
+@pytest.mark.slow
 def test_the_positioner_ripples_and_does_not_sag(project_root):
     data = load_dataset(project_root / "examples" / "data" / "positioner_two_axis")
     train, test = data.split(0.3, 0)
@@ -234,10 +236,12 @@ def test_an_arm_that_sags_is_watched_rezeroed_and_sent_to_new_poses():
 
 @pytest.mark.parametrize(
     ("poses", "words"),
-    [
-        (14, "ripple is not kept: it was not asked"),
-        (40, "ripple is not kept: the data do not tell"),
-    ],
+    slow_rest(
+        [
+            (14, "ripple is not kept: it was not asked"),
+            (40, "ripple is not kept: the data do not tell"),
+        ]
+    ),
 )
 def test_an_effect_that_was_asked_for_by_name_says_why_it_went(poses, words):
     _, train, _, _ = arm_and_data(0, poses, sag=0.0)

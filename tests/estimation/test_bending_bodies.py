@@ -68,6 +68,7 @@ def test_an_arm_bends_alike_whether_it_is_learned_as_an_arm_or_as_a_body(sagging
     assert sags[0] == pytest.approx(sags[1], abs=0.05 * np.abs(sags[1]).max())
 
 
+@pytest.mark.slow
 def test_what_bends_in_a_body_is_written_read_and_predicted_with_its_sigma(sagging, tmp_path):
     _, body, test, true = sagging
     save_body(body_model(body), tmp_path / "body.yaml")
@@ -80,6 +81,7 @@ def test_what_bends_in_a_body_is_written_read_and_predicted_with_its_sigma(saggi
     assert 0.4 < normalised.mean() < 2.2
 
 
+@pytest.mark.slow
 def test_what_bends_stands_in_result_and_verdict(sagging):
     document = to_json(sagging[1], judge(sagging[1]))
     assert document["bending"]["effects"] == ["sag"]

@@ -93,6 +93,7 @@ def test_cross_validation_foretells_held_out_boards_and_exceeds_the_fit(train, l
     assert foretold == pytest.approx(held_out, rel=0.08)
 
 
+@pytest.mark.slow
 def test_boards_that_were_not_believed_take_no_part(train):
     noise = np.random.default_rng(3).normal(0.0, 30.0, (54, 4))
     bad = changed(train, 5, noise)

@@ -73,6 +73,7 @@ def test_a_body_is_learned_as_well_as_through_any_lens(seen, tmp_path):
     assert again.rig.values == pytest.approx(found.model.rig.values)
 
 
+@pytest.mark.slow
 def test_an_arm_is_learned_through_wide_cameras(seen):
     _, cameras, train, *_ = seen
     stereo = StereoPoints.of(cameras, train)

@@ -142,10 +142,10 @@ def test_the_thesis_own_variant_is_flagged_and_refused():
     ("stage", "variant", "free"),
     [
         ("kinematics", "anchored", 23),
-        ("intrinsics-fixed", "anchored", 29),
-        ("intrinsics-fixed", "unanchored", 28),
+        pytest.param("intrinsics-fixed", "anchored", 29, marks=pytest.mark.slow),
+        pytest.param("intrinsics-fixed", "unanchored", 28, marks=pytest.mark.slow),
         ("full", "thesis", 36),
-        ("full", "unanchored", 42),
+        pytest.param("full", "unanchored", 42, marks=pytest.mark.slow),
         ("full", "anchored", 43),
     ],
 )
@@ -188,6 +188,7 @@ def test_pins_by_name_hold_and_priors_of_the_gauge_stay():
         )
 
 
+@pytest.mark.slow
 @pytest.mark.usefixtures("uncrossed")
 def test_a_known_arm_is_a_start_and_keeps_its_zeros():
     recorded, first = scenario(), learned(0)

@@ -113,6 +113,7 @@ def shown_by(tree, data, rng):
     return replace(data, observations=replace(data.observations, values=values))
 
 
+@pytest.mark.slow
 def test_a_body_that_bends_as_it_was_learned_raises_no_alarm():
     data = whole_body.whole_body_session(IMPERFECTIONS["clean"], 0, 0, looks=5, hands=20)
     _, rigid = whole_body.whole_nico(IMPERFECTIONS["clean"], 0)

@@ -14,6 +14,8 @@ from nico_selfmodel.estimation.initialization.circle_points import (
 )
 from nico_selfmodel.estimation.observations.observations import Observations
 
+from ..slow_rest import slow_rest
+
 EXACT = 1e-9
 
 
@@ -30,7 +32,7 @@ def analysed(dataset, gears_known):
 
 @pytest.mark.parametrize("unit", ["rad", "deg", "counts"])
 @pytest.mark.parametrize("points", [3, 26])
-@pytest.mark.parametrize("n", [4, 6, 7])
+@pytest.mark.parametrize("n", slow_rest([4, 6, 7]))
 def test_circles_without_noise_give_the_exact_arm(make_truth, n, points, unit):
     for seed in range(3):
         truth = make_truth(n, seed, unit=unit)
@@ -67,6 +69,7 @@ def test_a_joint_that_nobody_marked_is_found_beside_those_that_are_marked(make_t
     assert truth.errors(learned(truth.dataset(q, labels)).model, truth.poses(50)).max() < EXACT
 
 
+@pytest.mark.slow
 def test_the_order_of_the_rows_does_not_matter(make_truth):
     truth = make_truth(5, 1, unit="counts", markers=2)
     data = truth.dataset(*truth.sweeps(12), sigma=5e-4)
@@ -159,6 +162,7 @@ def test_the_noise_and_the_axes_uncertainty_are_those_of_many_recordings(make_tr
     assert all(f.trusted.all() for f in found)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("points", [8, 12, 26])
 def test_the_noise_of_few_points_is_not_underestimated(make_truth, points):
     """Good points that are thrown away make what is left look better than it is."""

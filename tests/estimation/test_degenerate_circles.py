@@ -152,6 +152,7 @@ def test_the_refinement_learns_the_arm_all_the_same(
     assert result.model.noise_sigma == pytest.approx(SIGMA, rel=0.15)
 
 
+@pytest.mark.slow
 def test_trusted_axes_narrow_the_random_starts(make_truth, axis_through_hand, joined):
     truth = axis_through_hand(make_truth(6, 1), 3)
     circles = truth.dataset(*truth.sweeps(15), sigma=SIGMA)

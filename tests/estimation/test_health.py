@@ -70,6 +70,7 @@ def test_other_changes_are_told_apart_too(model, what, arguments, cause):
     assert report.diagnoses[0].score > report.diagnoses[1].score
 
 
+@pytest.mark.slow
 def test_the_time_of_a_change_within_a_recording_is_found(model):
     before = only_cameras(poses(body(), 40))
     after = only_cameras(changed("slip", "right_shoulder_roll", np.radians(3.0)))
@@ -156,6 +157,7 @@ def test_just_what_changed_is_learned_anew(model):
         )
 
 
+@pytest.mark.slow
 def test_a_camera_that_was_bumped_is_learned_anew(model):
     data = only_cameras(changed("bump_camera", [0.01, 0.02, 0.0], count=30))
     update = relearn_cause(model, data, check_health(model, data))

@@ -153,6 +153,7 @@ def test_order_and_size_of_boards_change_no_verdict_on_cameras():
         assert again[1] == pytest.approx(error, rel=1e-3)
 
 
+@pytest.mark.slow
 @settings(max_examples=6)
 @given(seed=st.integers(0, 1000))
 def test_order_names_and_units_change_no_verdict_on_a_mirror(seed):

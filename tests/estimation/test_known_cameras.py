@@ -68,6 +68,7 @@ def test_squares_of_another_size_are_suspected_by_name():
     assert re.search(r"squares (60|59.99|60.01) mm in place of 66 mm", words)
 
 
+@pytest.mark.slow
 def test_a_camera_that_was_moved_is_no_wrong_square():
     cameras, views = scene(3)
     away = np.array(cameras["cam2"].X_WC)

@@ -14,6 +14,7 @@ from nico_selfmodel.estimation.cameras.lens_misfit import lens_misfits
 from nico_selfmodel.estimation.judging import judge
 from nico_selfmodel.model.cameras.camera import Camera
 
+from ..slow_rest import slow_rest
 from .real_boards import stereo_chessboard
 from .simulated_boards import boards, pictures
 
@@ -62,9 +63,9 @@ def judged(views, options=None, seed=0):
     return judge(CameraAssessment.from_calibration(found, options, test))
 
 
-@pytest.mark.parametrize("pair", [False, True])
+@pytest.mark.parametrize("pair", slow_rest([False, True]))
 @pytest.mark.parametrize("options", [None, NO_K3], ids=["default", "k3 held"])
-@pytest.mark.parametrize("focal", [230.0, 280.0])
+@pytest.mark.parametrize("focal", slow_rest([280.0, 230.0]))
 @pytest.mark.parametrize("seed", [0, pytest.param(1, marks=pytest.mark.slow)])
 def test_a_fisheye_never_passes_and_is_named(seed, focal, options, pair):
     verdict = judged(seen_by(fisheye(focal), seed, pair=pair), options)

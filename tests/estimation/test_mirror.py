@@ -61,6 +61,7 @@ def test_the_closed_form_start_is_exact_without_noise(mirror):
     assert_allclose(start.values, mirror.values, atol=1e-7)
 
 
+@pytest.mark.slow
 @given(mirrors)
 @settings(max_examples=8)
 def test_one_camera_alone_finds_a_mirror_by_the_law_of_reflection(mirror):
@@ -141,6 +142,7 @@ def test_outliers_are_named_and_do_no_harm():
     assert angle_deg(spoiled.mirrors["glass"]) > 2.0 * angle_deg(found.mirrors["glass"])
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("covariance", [False, True])
 def test_the_covariance_of_a_plane_is_honest(covariance):
     rng, scores = np.random.default_rng(8), []
@@ -335,6 +337,7 @@ def test_the_thesis_cameras_start_right_and_find_the_reflected_cameras():
         fit_mirror_cameras(Reflections.from_dataset(data.select([0, 1, 2]), body()))
 
 
+@pytest.mark.slow
 def test_one_plane_beats_two_free_cameras_where_poses_are_few():
     ours, theirs = [], []
     for seed in range(5):

@@ -283,6 +283,7 @@ def flange_dataset(F, M):
     )
 
 
+@pytest.mark.slow
 def test_a_hand_eye_calibration_is_as_good_as_its_poses_and_says_so():
     turned_by, apart, scores = [], [], []
     for seed in range(30):

@@ -12,6 +12,8 @@ from nico_selfmodel.estimation.judging import judge, to_json
 from nico_selfmodel.estimation.results.fixed_parameters import FixedParameters
 from nico_selfmodel.model.arm.dh_table import DhTable
 
+from ..slow_rest import slow_rest
+
 SIGMA = 3e-4
 
 
@@ -35,6 +37,7 @@ def table_of(result):
     return {name: entry["value"] for name, entry in table.items()}, table
 
 
+@pytest.mark.slow
 def test_a_pinned_parameter_stays_at_its_value_and_has_no_uncertainty(make_truth, learn):
     truth = make_truth(4, 2, unit="counts", kind="elbow")
     unpinned, _ = table_of(learn(truth))
@@ -126,11 +129,13 @@ def test_freed_gears_of_joint_angle_encoders_are_learned(make_truth, learn):
 
 @pytest.mark.parametrize(
     ("name", "word"),
-    [
-        ("joint_3.alpha", "twist to the next axis"),
-        ("joint_0.D", "along its axis"),
-        ("joint_0.theta_offset", "encoder zero"),
-    ],
+    slow_rest(
+        [
+            ("joint_3.alpha", "twist to the next axis"),
+            ("joint_0.D", "along its axis"),
+            ("joint_0.theta_offset", "encoder zero"),
+        ]
+    ),
 )
 def test_a_freed_gauge_is_unobservable_named_in_words_and_fails(make_truth, learn, name, word):
     truth = make_truth(4, 2, unit="counts", kind="elbow")
@@ -227,11 +232,13 @@ def test_a_pin_without_a_value_takes_the_robots(make_truth, learn):
 
 @pytest.mark.parametrize(
     ("seed", "pin"),
-    [
-        (7, "joint_2.gear=3"),
-        (10, "joint_1.D=1"),
-        (20, "joint_2.gear=3"),
-    ],
+    slow_rest(
+        [
+            (7, "joint_2.gear=3"),
+            (10, "joint_1.D=1"),
+            (20, "joint_2.gear=3"),
+        ]
+    ),
 )
 def test_a_pin_that_contradicts_the_data_ends_in_a_verdict_or_names_itself(make_truth, seed, pin):
     truth = make_truth(4, seed, unit="counts", kind="elbow")

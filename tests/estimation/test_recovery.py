@@ -12,6 +12,8 @@ from nico_selfmodel.estimation.judging import judge
 from nico_selfmodel.geometry.rotation import rotation_from_vector
 from nico_selfmodel.geometry.transform import transform
 
+from ..slow_rest import slow_rest
+
 SIGMA = 3e-4
 
 
@@ -35,19 +37,22 @@ def train_and_test(truth, joined, *, sweeps=True, count=None, **noise):
 
 @pytest.mark.parametrize(
     ("n", "unit", "kind", "markers"),
-    [
-        (2, "rad", "outlying", 1),
-        (2, "counts", "outlying", 3),
-        (3, "counts", "elbow", 1),
-        (3, "deg", "parallel", 2),
-        (4, "counts", "elbow", 2),
-        (5, "counts", "parallel", 1),
-        (5, "rad", "outlying", 3),
-        (6, "deg", "parallel", 1),
-        (6, "counts", "outlying", 2),
-        (7, "rad", "elbow", 1),
-        (7, "counts", "parallel", 3),
-    ],
+    slow_rest(
+        [
+            (2, "rad", "outlying", 1),
+            (2, "counts", "outlying", 3),
+            (3, "counts", "elbow", 1),
+            (3, "deg", "parallel", 2),
+            (4, "counts", "elbow", 2),
+            (5, "counts", "parallel", 1),
+            (5, "rad", "outlying", 3),
+            (6, "deg", "parallel", 1),
+            (6, "counts", "outlying", 2),
+            (7, "rad", "elbow", 1),
+            (7, "counts", "parallel", 3),
+        ],
+        plain=4,
+    ),
 )
 def test_an_arm_is_recovered_from_sweeps_and_free_poses(make_truth, joined, n, unit, kind, markers):
     truth = make_truth(n, 5, unit=unit, kind=kind, markers=markers)
@@ -93,7 +98,7 @@ def test_data_without_noise_give_the_exact_arm(make_truth, joined, unit):
         assert judge(result).status == "PASS"
 
 
-@pytest.mark.parametrize("loss", ["trimmed", "none", "huber", "cauchy", "tukey"])
+@pytest.mark.parametrize("loss", slow_rest(["trimmed", "none", "huber", "cauchy", "tukey"]))
 def test_every_loss_finds_the_arm_in_clean_data(make_truth, joined, loss):
     truth = make_truth(4, 6, unit="counts", kind="elbow")
     train, test = train_and_test(truth, joined, sigma=SIGMA)
@@ -158,6 +163,7 @@ def test_a_described_robot_replaces_sweeps(make_truth, joined, n, unit):
     assert result.model.robot["urdf"] == "arm.urdf"
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("limits", [True, False])
 def test_counts_without_limits_cannot_be_placed_and_start_at_random(make_truth, joined, limits):
     truth = make_truth(4, 2, unit="counts")
@@ -169,6 +175,7 @@ def test_counts_without_limits_cannot_be_placed_and_start_at_random(make_truth, 
     assert_as_good_as_theory(result, truth)
 
 
+@pytest.mark.slow
 def test_a_wrong_description_does_not_keep_the_arm_from_being_found(make_truth, joined):
     truth, other = make_truth(4, 2), make_truth(4, 9)
     train, test = train_and_test(truth, joined, sweeps=False, sigma=SIGMA)

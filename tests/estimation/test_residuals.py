@@ -17,6 +17,8 @@ from nico_selfmodel.estimation.observations.observations import Observations
 from nico_selfmodel.model.arm.dh_parameters import DhParameters
 from nico_selfmodel.model.arm.dh_table import DhTable
 
+from ..slow_rest import slow_rest
+
 SIGMA = 1e-3
 
 
@@ -57,7 +59,7 @@ def assert_derivatives(block, x, step=1e-6, scale=None):
 
 
 @pytest.mark.parametrize("kind", ["outlying", "elbow", "parallel"])
-@pytest.mark.parametrize("unit", ["rad", "counts"])
+@pytest.mark.parametrize("unit", slow_rest(["counts", "rad"]))
 def test_the_derivatives_of_the_lines_hold_away_from_the_start_too(make_truth, unit, kind):
     truth = make_truth(5, 2, unit=unit, kind=kind, markers=3)
     block = LineResiduals(seen(truth), near(truth, 3), SIGMA)
@@ -175,6 +177,7 @@ def test_the_projected_search_ends_where_the_whole_problem_does(make_truth, unit
     )
 
 
+@pytest.mark.slow
 def test_random_starts_come_from_the_seed_and_often_reach_the_arm(make_truth):
     truth = make_truth(4, 3, unit="counts")
     observations = seen(truth, count=80, missing=0.0)

@@ -140,6 +140,7 @@ def test_statistics_are_those_of_distances():
     assert (single.sd, single.rms, single.p95) == pytest.approx((0.0, 2e-3, 2e-3))
 
 
+@pytest.mark.slow
 def test_the_model_remembers_where_it_came_from(calibrations, truth):
     model = calibrations["not evaluated"].model
     assert model.provenance["dataset"] == "truth"

@@ -45,6 +45,7 @@ def test_four_cameras_are_found_without_noise():
     )
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("lens", ["polynomial", "fisheye"])
 def test_sigmas_cover_cameras_that_see_boards_two_at_a_time(lens):
     plain = {"k3": 0.0, "k4": 0.0} if lens == "fisheye" else {}
@@ -102,6 +103,7 @@ def test_what_is_left_out_still_connects_the_rig():
     assert len(cross_validate_cameras(few, CameraOptions(), np.ones(len(few), dtype=bool))) == 0
 
 
+@pytest.mark.slow
 def test_a_rig_is_judged_pair_by_pair_and_kept(tmp_path):
     rig, views = scene(6)
     train, test = views.split(0.2, 0)
@@ -124,6 +126,7 @@ def test_a_rig_is_judged_pair_by_pair_and_kept(tmp_path):
     assert pytest.approx(model.cameras["cam3"].X_WC) == again.cameras["cam3"].X_WC
 
 
+@pytest.mark.slow
 def test_a_camera_that_was_knocked_between_pictures_is_no_rigid_pair():
     _, views = scene(7)
     pixels = np.array(views.pixels)
@@ -132,6 +135,7 @@ def test_a_camera_that_was_knocked_between_pictures_is_no_rigid_pair():
         calibrate_cameras(replace(views, pixels=pixels), CameraOptions(loss="none"))
 
 
+@pytest.mark.slow
 def test_baselines_between_later_cameras_have_their_own_sigma():
     _, views = scene(8)
     found = calibrate_cameras(views)
@@ -143,6 +147,7 @@ def test_baselines_between_later_cameras_have_their_own_sigma():
     assert 0.0 < last < whole
 
 
+@pytest.mark.slow
 def test_two_cameras_of_any_name_are_a_pair_with_sigma_and_report():
     rig, views = scene(9, count=2)
     found = calibrate_cameras(views)

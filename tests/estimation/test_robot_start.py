@@ -35,6 +35,7 @@ def test_limits_on_both_sides_make_a_described_robot_a_start(session):
     assert result.model.noise_sigma == pytest.approx(0.3e-3, rel=0.2)
 
 
+@pytest.mark.slow
 def test_joints_count_from_the_robots_own_zero(session):
     result = calibrate_kinematics(session, nominal=NOMINAL)
     described = DhTable.from_chain(NOMINAL.chain)
@@ -46,6 +47,7 @@ def test_joints_count_from_the_robots_own_zero(session):
     assert result.model.predict(session.encoders).p_WH == pytest.approx(without, abs=1e-6)
 
 
+@pytest.mark.slow
 def test_without_limits_of_the_encoders_the_robot_cannot_be_placed_but_the_arm_is_learned(session):
     joints = tuple(replace(joint, lower=None, upper=None) for joint in session.joints)
     result = calibrate_kinematics(replace(session, joints=joints), nominal=NOMINAL)

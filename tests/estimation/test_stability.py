@@ -45,6 +45,7 @@ def test_nothing_changed_where_nothing_changed(truth, seed):
     assert result.lag is None
 
 
+@pytest.mark.slow
 def test_an_encoder_that_jumped_is_named_with_how_far_and_when(truth, data):
     counts = np.radians(2.0) * truth.servos.gear[2] * 10000.0 / (2.0 * np.pi)
     jumped = data.encoders + late(data) * np.array([0.0, 0.0, round(counts), 0.0])
@@ -53,6 +54,7 @@ def test_an_encoder_that_jumped_is_named_with_how_far_and_when(truth, data):
     assert any(f"after sample {k}:" in words for k in (39, 40, 41))
 
 
+@pytest.mark.slow
 def test_a_marker_that_slipped_is_named(truth, data):
     slipped = replace(truth, chain=replace(truth.chain, p_WH_zero=truth.chain.p_WH_zero.copy()))
     moved = truth.chain.p_WH_zero + np.array([[0.0, 0.0, 0.0], [0.0, 0.003, 0.0]])
@@ -63,6 +65,7 @@ def test_a_marker_that_slipped_is_named(truth, data):
     assert "marker thumb" in words
 
 
+@pytest.mark.slow
 def test_a_tracker_that_drifts_is_named(data):
     drift = (data.sample / POSES)[:, None] * np.array([0.004, 0.0, 0.0])
     words = reason(replace(data, p_WH_measured=data.p_WH_measured + drift))
@@ -88,6 +91,7 @@ def test_a_notable_change_fails(data, ratio, status):
     assert judge(changed).status == status
 
 
+@pytest.mark.slow
 def test_what_depends_on_the_place_is_not_blamed_on_time_where_poses_follow_an_order(truth):
     q = truth.poses(POSES, 1)
     q = q[np.argsort(q[:, 0])]
@@ -108,6 +112,7 @@ def path(truth, count=120):
     return (1.0 - s) * knots[k] + s * knots[k + 1]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("late_by", [0.4, pytest.param(1.5, marks=pytest.mark.slow)])
 def test_points_that_lag_behind_the_readings_are_named_with_how_far(truth, late_by):
     q = path(truth)
@@ -143,6 +148,7 @@ def reason_of(result) -> str:
     return " ".join(judge(result).reasons)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     "seed", [6100, *(pytest.param(seed, marks=pytest.mark.slow) for seed in (6109, 6113))]
 )

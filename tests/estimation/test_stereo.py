@@ -21,6 +21,7 @@ from nico_selfmodel.geometry.transform import apply, transform
 from nico_selfmodel.model.cameras.camera import Camera
 from nico_selfmodel.model.cameras.stereo_rig import StereoRig
 
+from ..slow_rest import slow_rest
 from .real_boards import stereo_chessboard
 from .simulated_boards import (
     LEFT,
@@ -226,6 +227,7 @@ def test_parallel_boards_are_refused_and_the_focal_length_is_named(sigma, camera
         calibrate_cameras(views if cameras == "both" else views.only("left"))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("listed", ["alike", "one from another corner"])
 @pytest.mark.parametrize("seed", range(4))
 def test_parallel_boards_are_refused_or_their_focal_length_is_called_unobservable(seed, listed):
@@ -279,7 +281,7 @@ def test_cameras_that_are_no_pair_are_refused(noisy):
         calibrate_cameras(replace(noisy, pixels=swapped))
 
 
-@pytest.mark.parametrize("order", [slice(None, None, -1), [*range(1, 12), 0]])
+@pytest.mark.parametrize("order", slow_rest([[*range(1, 12), 0], slice(None, None, -1)]))
 def test_images_that_were_not_taken_together_are_refused(noisy, order):
     shuffled = noisy.pixels.copy()
     shuffled[:, :, RIGHT] = shuffled[order][:, :, RIGHT]

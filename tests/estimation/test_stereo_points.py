@@ -21,6 +21,7 @@ def through(cameras, seed=0):
     return stereo, calibrate_kinematics(stereo.train, loss="none", starts=3)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("name", "step"), [("right.pose.x", 1e-4), ("left.cx", 0.5), ("right.pose.ry", 1e-3)]
 )
@@ -71,6 +72,7 @@ def test_errors_of_arms_learned_by_sight_are_as_large_as_their_sigmas():
     assert 0.5 < np.mean(after) / 3.0 < 1.6
 
 
+@pytest.mark.slow
 def test_cameras_beside_an_arm_that_alone_is_uncertain_count_as_exact():
     stereo, arm = through(scenario().cameras)
     whole = stereo.complete(arm).model
@@ -82,6 +84,7 @@ def test_cameras_beside_an_arm_that_alone_is_uncertain_count_as_exact():
     np.testing.assert_array_equal(completed.uncertainty.sigma, again.uncertainty.sigma)
 
 
+@pytest.mark.slow
 def test_cameras_without_a_covariance_count_as_exact():
     stereo, arm = through(replace(scenario().cameras, covariance=None))
     whole = stereo.complete(arm)

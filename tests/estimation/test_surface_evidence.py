@@ -129,6 +129,7 @@ def test_what_stands_before_or_behind_a_place_is_not_that_place(off, counts):
     assert bool(together(aside)[0].any()) is not counts
 
 
+@pytest.mark.slow
 def test_noise_surprises_in_one_of_a_hundred_looks_at_most():
     rng = np.random.default_rng(4)
     assert sum(any(a.any() for a in together(views([0.0] * 4, rng))) for _ in range(20)) == 0

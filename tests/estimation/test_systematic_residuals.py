@@ -32,6 +32,7 @@ def causes(result: KinematicCalibration) -> list[str]:
     return [pattern.cause for pattern in result.patterns]
 
 
+@pytest.mark.slow
 def test_an_eccentric_gear_is_named_by_its_joint(truth):
     q = truth.poses(120, 1)
     true = q.copy()
@@ -49,6 +50,7 @@ def test_an_eccentric_gear_is_named_by_its_joint(truth):
     assert any("sigmas of parameters and predictions are too small" in w for w in warnings)
 
 
+@pytest.mark.slow
 def test_coupling_is_named_by_the_joint_that_is_moved(truth):
     q = truth.poses(120, 1)
     true = q.copy()
@@ -66,6 +68,7 @@ def test_backlash_is_named_with_its_half_width(truth):
     assert float(found[0].split()[-2]) == pytest.approx(0.2, rel=0.1)
 
 
+@pytest.mark.slow
 def test_sag_is_named_as_gravitys(truth):
     q = truth.poses(150, 1)
     chain = truth.chain
@@ -80,6 +83,7 @@ def test_sag_is_named_as_gravitys(truth):
     assert any(words.startswith("gravity (sag of joint_1") for words in found[:2])
 
 
+@pytest.mark.slow
 def test_few_poses_show_no_pattern(truth):
     q = truth.poses(19, 1)
     true = q + np.radians(1.0) * np.sin(2.0 * q)

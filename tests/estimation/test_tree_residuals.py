@@ -157,6 +157,7 @@ def test_values_of_a_body_are_those_that_it_was_made_of(which, request):
     assert one == pytest.approx(two, abs=1e-9)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("which", ["scene", "mirrored"])
 def test_what_bends_moves_the_residuals_as_its_derivative_says(which, request):
     data, parameters, _ = request.getfixturevalue(which)

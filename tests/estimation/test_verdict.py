@@ -137,6 +137,7 @@ def test_noise_far_above_the_stated_one_fails(train, held_out_data):
     assert judge(calibrate_kinematics(honest, test=held_out_data)).status == "PASS"
 
 
+@pytest.mark.slow
 def test_an_arm_that_was_bent_between_recordings_fails(truth, train):
     chain = truth.chain
     shift = np.array([[0.0] * 3, [0.0] * 3, [0.002] * 3, [0.0] * 3])
@@ -146,6 +147,7 @@ def test_an_arm_that_was_bent_between_recordings_fails(truth, train):
     assert judge(calibrate_kinematics(train, test=test)).status == "FAIL"
 
 
+@pytest.mark.slow
 def test_held_out_poses_far_from_the_training_poses_fail(truth, joined):
     near = truth.dataset(truth.poses(40, 1, span=0.3), sigma=SIGMA, seed=2)
     far = truth.dataset(truth.poses(60, 2, span=2.5), sigma=SIGMA, seed=3)
@@ -182,6 +184,7 @@ def test_the_rank_score_knows_which_sample_is_larger(values, cut):
     assert rank_score(a, b + 2e6) == pytest.approx(largest)
 
 
+@pytest.mark.slow
 @given(a=SAMPLE, b=SAMPLE)
 def test_the_rank_score_is_fair_to_ties(a, b):
     assert rank_score(a, b) == pytest.approx(-rank_score(b, a), abs=1e-9)

@@ -42,6 +42,7 @@ def looked_about():
     return of_the_room(whole_body_session(IMPERFECTIONS["clean"], 0, 0, looks=40, hands=0))
 
 
+@pytest.mark.slow
 def test_a_head_is_found_from_nothing_but_a_room_that_it_looks_about_in(looked_about):
     data = looked_about
     guess = body_from_carried_cameras(data, blank_body(data, {}), TreeObservations.of(data), 0)

@@ -83,6 +83,7 @@ def test_a_client_of_the_motor_server_moves_the_elbow(run):
     assert run("11_motors_of_another_process.py").endswith("the elbow stands at 0.30 rad\n")
 
 
+@pytest.mark.slow
 def test_a_body_that_watches_itself_names_the_encoder_that_jumped(run):
     pose, cause = re.match(
         r"alarm at pose (\d+): (.*)", run("12_a_body_that_watches_itself.py")

@@ -57,6 +57,7 @@ def undrawn(monkeypatch):
     monkeypatch.setattr("nico_selfmodel.viz.reports.page.static_html", lambda _: "")
 
 
+@pytest.mark.slow
 @pytest.mark.usefixtures("undrawn")
 def test_the_refined_body_is_kept_with_covariance_and_told_beside_what_was_before(
     scenario, tmp_path
@@ -104,6 +105,7 @@ def test_boards_that_lie_about_their_size_make_it_refused_and_the_arm_before_is_
     assert "lost the scale" in page
 
 
+@pytest.mark.slow
 @pytest.mark.usefixtures("undrawn")
 def test_a_refinement_without_an_end_is_told_too(cameras, recorded, tmp_path, monkeypatch):
     def endless(*_, **__):

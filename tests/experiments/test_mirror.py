@@ -22,12 +22,14 @@ def results():
     short.undo()
 
 
+@pytest.mark.slow
 def test_the_experiment_has_a_row_for_every_mirror_and_number_of_poses(results):
     assert [(row.mirror, row.poses) for row in results.rows] == [(name, 10) for name in MIRRORS]
     assert [row.view for row in results.depth] == ["direct", *MIRRORS]
     assert 200.0 < results.arm_mm < 300.0
 
 
+@pytest.mark.slow
 def test_reflections_are_predicted_and_stereo_explains_the_rest(results):
     direct, *reflected = results.depth
     for row in reflected:
@@ -37,6 +39,7 @@ def test_reflections_are_predicted_and_stereo_explains_the_rest(results):
         assert row.depth_mm > 2.0 * direct.depth_mm
 
 
+@pytest.mark.slow
 def test_tables_charts_and_json_are_written(results, tmp_path):
     mirror_report.report_of(results).write(tmp_path / "out")
     assert {p.name for p in (tmp_path / "out").iterdir()} == {

@@ -87,6 +87,7 @@ def test_planned_poses_show_the_marker_in_the_glass_and_keep_off_it(nico, before
     assert free_space(guess.chain, rig, q).min() >= 0.05 - 1e-9
 
 
+@pytest.mark.slow
 def test_the_station_before_a_mirror_has_three_ports_more_and_one_to_move_it(before):
     station = before.station(0)
     outputs = {station.get_output_port(i).get_name() for i in range(station.num_output_ports())}
@@ -112,6 +113,7 @@ def test_a_mirror_in_which_nothing_can_be_seen_is_refused_by_name_of_a_better_pl
         MirrorView.of(nico.workspace, far, MirrorPlate(), np.random.default_rng(0))
 
 
+@pytest.mark.slow
 def test_familiar_poses_are_preferred(recording):
     _, before = recording
     view = before.views["glass"]

@@ -92,6 +92,7 @@ def test_not_me_is_no_mistake_where_nobody_is():
     assert report_of(test).document["status"] == "PASS"
 
 
+@pytest.mark.slow
 def test_tables_chart_and_json_are_written(tmp_path):
     report_of(MirrorTest(stage(2))).write(tmp_path / "out")
     found = {path.name for path in (tmp_path / "out").iterdir()}

@@ -13,6 +13,8 @@ from nico_selfmodel.plant import ArmDescription
 from nico_selfmodel.sessions.simulated_session import simulated_session
 from nico_selfmodel.systems.simulated.imperfections import IMPERFECTIONS
 
+from ..slow_rest import slow_rest
+
 ARM = ArmDescription.named("nico")
 ARMS = ("right_arm", "left_arm", "neck")
 
@@ -90,6 +92,7 @@ def test_a_minimal_session_has_nine_samples():
         assert short == pytest.approx(0.3 * whole, rel=1e-3)
 
 
+@pytest.mark.slow
 def test_sessions_of_one_individual_are_one_body_and_other_poses():
     protocol = replace(SweepProtocol.for_arm(ARM), random_poses=20)
     first, again, second = (session("thesis", protocol, number=k) for k in (0, 0, 1))
@@ -108,7 +111,7 @@ def test_a_session_without_sweeps_has_random_poses_alone():
     assert set(data.sweep.tolist()) == {""}
 
 
-@pytest.mark.parametrize("name", ARMS)
+@pytest.mark.parametrize("name", slow_rest(reversed(ARMS)))
 def test_a_clean_arm_is_learned_to_the_resolution_of_its_encoders(name):
     arm = ArmDescription.named("nico", name)
     protocol = replace(SweepProtocol.for_arm(arm), random_poses=40)

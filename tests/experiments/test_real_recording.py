@@ -61,6 +61,7 @@ def test_a_plan_has_circles_and_random_poses_between_the_limits(joints):
     assert ((commands >= low) & (commands <= high)).all()
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("sensor", ["motion-capture", "stereo-fiducial"])
 def test_no_planned_pose_lets_the_arm_touch_its_body(sensor, joints):
     chosen = planned(sensor, joints, 12, 20)

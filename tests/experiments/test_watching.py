@@ -23,6 +23,7 @@ def test_a_body_that_learned_with_its_head_turned_elsewhere_is_refused():
         Watching(model, IMPERFECTIONS["clean"], 3)
 
 
+@pytest.mark.slow
 def test_a_whole_body_that_knows_itself_expects_its_hand_and_the_room_where_they_are_seen():
     model = true_body("clean", 3)
     with WatchingBody(model, IMPERFECTIONS["clean"], 3, recording=True) as watching:

@@ -87,6 +87,7 @@ def test_a_link_that_leads_to_itself_is_no_riddle(tmp_path, command):
     assert done.stderr.startswith(f"nico-selfmodel: {path}: cannot be read: Too many levels")
 
 
+@pytest.mark.slow
 def test_tables_have_limits():
     rows, _ = rows_of_text("a," * (MOST_COLUMNS - 1) + "a\n", "t")
     assert len(rows[0]) == MOST_COLUMNS

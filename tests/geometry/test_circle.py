@@ -63,6 +63,7 @@ def test_the_fit_is_a_minimum_of_the_distances(make_arc, seed):
         assert rms(center, turn @ circle.normal, circle.radius + rng.normal() * 0.002) > best
 
 
+@pytest.mark.slow
 def test_short_arcs_do_not_shrink_as_kasas_circle_does(make_arc):
     ours, kasa = [], []
     for seed in range(300):
@@ -76,6 +77,7 @@ def test_short_arcs_do_not_shrink_as_kasas_circle_does(make_arc):
     assert np.median(kasa) < 0.127 - 0.002
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("known_sigma", [True, False], ids=["known sigma", "from residuals"])
 def test_the_covariance_is_the_spread_of_two_hundred_fits(make_arc, parameter_errors, known_sigma):
     errors, predicted, consistency = [], [], []

@@ -28,6 +28,7 @@ def test_known_angles_give_the_circle_itself_with_its_axis(
     assert np.degrees(circle.arc) == pytest.approx(arc_deg)
 
 
+@pytest.mark.slow
 def test_known_angles_cut_the_error_of_short_arcs_in_their_plane_to_a_fifth(make_arc):
     errors, in_all = [], []
     for seed in range(100):
@@ -44,6 +45,7 @@ def test_known_angles_cut_the_error_of_short_arcs_in_their_plane_to_a_fifth(make
     assert 0.6 < known / free < 0.9
 
 
+@pytest.mark.slow
 def test_the_covariance_with_angles_is_the_spread_of_two_hundred_fits(make_arc, parameter_errors):
     errors, predicted, consistency = [], [], []
     for seed in range(200):

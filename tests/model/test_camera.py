@@ -133,6 +133,7 @@ def test_rays_are_unit_vectors_from_the_centre_through_what_is_seen(seed):
     assert rays.direction == pytest.approx(towards, abs=1e-12)
 
 
+@pytest.mark.slow
 @a_few
 @given(SEED)
 def test_rays_turn_as_differences_say(seed):

@@ -20,6 +20,8 @@ from nico_selfmodel.systems.stations.nico_station import NicoStation
 from nico_selfmodel.systems.stations.whole_nico import WholeNico
 from nico_selfmodel.systems.tracking.gaze_controller import GazeController
 
+from ..slow_rest import slow_rest
+
 HEAD = np.array([0.07, 0.0, 0.45])
 
 
@@ -48,7 +50,7 @@ def resting(model):
     return model.limits.mean(axis=0)
 
 
-@pytest.mark.parametrize("seed", [0, 1])
+@pytest.mark.parametrize("seed", slow_rest([0, 1]))
 def test_points_before_the_head_come_to_the_middle_of_both_true_images(seed):
     model, nico = model_of(seed)
     solver, rng = GazeSolver(model), np.random.default_rng(seed)

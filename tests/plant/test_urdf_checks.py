@@ -8,6 +8,8 @@ import pytest
 from nico_selfmodel.errors import ModelError
 from nico_selfmodel.plant import ArmDescription
 
+from ..slow_rest import slow_rest
+
 ROBOT = """<?xml version="1.0"?>
 <robot name="two">
   <link name="base"/>
@@ -93,7 +95,9 @@ def test_what_robots_may_be_is_accepted(tmp_path, old, new):
     assert ArmDescription.from_urdf(path, "base", "tool").joints == ("j0", "j1")
 
 
-@pytest.mark.parametrize("name", ["limits exchanged", "a velocity negative", "a mass negative"])
+@pytest.mark.parametrize(
+    "name", slow_rest(["limits exchanged", "a velocity negative", "a mass negative"])
+)
 def test_the_command_line_says_it_and_ends_with_two(tmp_path, name):
     old, new, _ = BAD[name]
     path = changed(tmp_path, old, new)

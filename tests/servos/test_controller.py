@@ -12,6 +12,7 @@ from nico_selfmodel.servos.pic_servo.simulated.module import SimulatedModule
 from nico_selfmodel.servos.ports import PortLostError
 from nico_selfmodel.servos.simulated.line import WireFaults
 
+from ..slow_rest import slow_rest
 from .arms import COUNTS_PER_TURN, JOINTS, virtual_arm
 
 COUNTS_PER_RADIAN = COUNTS_PER_TURN / (2 * math.pi)
@@ -228,7 +229,7 @@ def test_release_lets_go_of_what_it_names(virtual):
     assert state.readings[3] == -5000.0
 
 
-@pytest.mark.parametrize("heartbeat", [0.2, 0.3, 0.6])
+@pytest.mark.parametrize("heartbeat", slow_rest([0.2, 0.3, 0.6]))
 def test_a_host_that_dies_leaves_an_arm_that_stops_in_time(heartbeat):
     made = virtual_arm(heartbeat=heartbeat)
     made.arm.connect()
@@ -550,7 +551,7 @@ def test_a_joint_that_holds_with_a_fault_can_be_connected_and_enabled_again(virt
     assert virtual.arm.cycle().enabled.all()
 
 
-@pytest.mark.parametrize("seed", range(8))
+@pytest.mark.parametrize("seed", slow_rest(range(8), plain=2))
 def test_a_host_that_dies_after_any_motions_leaves_an_arm_that_stops_in_time(seed):
     """Also where a fast motion was just replaced by a slow one, ahead of the joint or behind it."""
     rng = np.random.default_rng((3, seed))

@@ -8,6 +8,7 @@ import pytest
 from nico_selfmodel.errors import ServoFault
 from nico_selfmodel.servos.bus_settings import BusSettings
 
+from ..slow_rest import slow_rest
 from .arms import JOINTS, virtual_arm
 from .mechanics import DEGREE, Mechanics
 
@@ -68,7 +69,7 @@ def check_jam(made, joint, when, speed, targets, **options):
     assert not state.moving.any()
 
 
-@pytest.mark.parametrize("speed", [2.0, 6.0, 10.0, 20.0, 30.0, 60.0])
+@pytest.mark.parametrize("speed", slow_rest([60.0, 2.0, 6.0, 10.0, 20.0, 30.0]))
 @pytest.mark.parametrize(("joint", "when"), [(3, 0.5), (0, 0.0), (5, 0.9)])
 def test_a_joint_that_jams_is_a_fault_at_any_speed(speed, joint, when):
     travel = math.radians(5.0 + 0.5 * speed)
@@ -223,6 +224,7 @@ def soak(kind, seed, seconds, **options):
     return made
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("kind", ["exact", "all"])
 def test_a_healthy_joint_is_never_blamed(kind):
     assert soak(kind, 0, 8.0, baud=115200).arm.state().valid.all()
@@ -247,7 +249,7 @@ def test_a_joint_whose_host_is_slow_is_not_blamed(virtual):
     assert virtual.port.time - begin > seconds + 1.0
 
 
-@pytest.mark.parametrize("counts", [1, 5, 30, 160])
+@pytest.mark.parametrize("counts", slow_rest([1, 5, 30, 160]))
 def test_a_move_too_short_for_friction_to_let_through_is_not_a_fault(counts):
     made = virtual_arm(baud=115200)
     with_mechanics(made, friction=0.29 * DEGREE)

@@ -13,6 +13,7 @@ from nico_selfmodel.servos.pic_servo.protocol.packets import LAST_ADDRESS
 from nico_selfmodel.servos.ports import PortLostError
 from nico_selfmodel.servos.register_servo.register_motor import Goal
 
+from ..slow_rest import slow_rest
 from .arms import JOINTS, MAKES, configuration, virtual_arm
 
 ELBOW = 3
@@ -92,7 +93,7 @@ def test_a_stream_of_commands_is_followed(virtual):
     assert virtual.arm.cycle().q == pytest.approx(np.full(6, target), abs=count(virtual))
 
 
-@pytest.mark.parametrize("heartbeat", [0.1, 0.3, 0.6])
+@pytest.mark.parametrize("heartbeat", slow_rest([0.1, 0.3, 0.6]))
 @pytest.mark.parametrize("make", MAKES)
 def test_a_host_that_dies_leaves_an_arm_that_stops_in_time(make, heartbeat):
     made = virtual_arm(make=make, heartbeat=heartbeat)
@@ -181,7 +182,7 @@ def test_an_overload_stops_the_others_and_is_cleared_by_enabling(virtual):
     assert virtual.arm.cycle().q == pytest.approx(np.full(6, 0.3), abs=count(virtual))
 
 
-@pytest.mark.parametrize("speed", [5.0, 20.0, 60.0])
+@pytest.mark.parametrize("speed", slow_rest([60.0, 5.0, 20.0]))
 def test_a_joint_that_jams_is_a_fault(virtual, speed):
     travel = math.radians(5.0 + 0.7 * speed)
     seconds = virtual.arm.move({"right_elbow": travel}, speed=math.radians(speed))

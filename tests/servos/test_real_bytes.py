@@ -77,9 +77,9 @@ def turned(bus, config, start):
     [
         ("pic-servo", 19200),
         pytest.param("pic-servo", 115200, marks=pytest.mark.slow),
-        ("dynamixel", 1_000_000),
+        pytest.param("dynamixel", 1_000_000, marks=pytest.mark.slow),
         pytest.param("dynamixel", 57600, marks=pytest.mark.slow),
-        ("feetech", 1_000_000),
+        pytest.param("feetech", 1_000_000, marks=pytest.mark.slow),
     ],
 )
 def test_a_host_that_is_killed_leaves_an_arm_that_stops_in_time(make, baud, project_root):

@@ -7,6 +7,7 @@ from nico_selfmodel.errors import BusError, ServoFault
 from nico_selfmodel.servos.bus_settings import BusSettings
 from nico_selfmodel.servos.simulated.line import WireFaults
 
+from ..slow_rest import slow_rest
 from .arms import JOINTS, MAKES, virtual_arm
 
 SETTINGS = {
@@ -83,7 +84,7 @@ def test_a_soak_on_a_bad_line_accepts_no_wrong_position_and_recovers(make):
     assert min(faults.corrupted, faults.dropped, faults.duplicated) > 1000
 
 
-@pytest.mark.parametrize("make", MAKES)
+@pytest.mark.parametrize("make", slow_rest(MAKES))
 def test_a_short_soak_of_each_make(make):
     _, moves, recovered = soak(make, 1, 1500)
     assert moves > 5

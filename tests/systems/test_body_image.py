@@ -87,6 +87,7 @@ def test_ports_carry_what_is_expected(image, look):
     assert (labels != NOTHING).sum() > (direct != NOTHING).sum()
 
 
+@pytest.mark.slow
 def test_the_sigma_of_a_reflection_is_how_far_it_scatters(image, look):
     true, readings, _ = look
     covariance = np.diag(np.square([2e-3, 1e-3, 1e-3]))

@@ -68,6 +68,7 @@ def test_the_ports_are_those_that_real_hardware_could_have(station):
     assert all(f"`{port}`" in NicoStation.__doc__ for port in [*inputs, *outputs])
 
 
+@pytest.mark.slow
 def test_the_same_seed_twice_is_the_same_to_the_last_byte(station):
     first, second = sensed(station), sensed(NicoStation("thesis", 3, quality=ROUGH))
     for port, value in first.items():

@@ -59,6 +59,7 @@ def test_a_station_without_a_second_robot_says_so():
         assert not alone.HasInputPort("other_commanded")
 
 
+@pytest.mark.slow
 def test_cells_with_the_own_arm_hold_the_tracked_hand():
     truth = NICO.ground_truth
     model = truth.model()

@@ -7,6 +7,8 @@ import pytest
 from nico_selfmodel.vision.boards.board_kinds import board_of
 from nico_selfmodel.vision.boards.board_sheet import BoardSheet
 
+from ..slow_rest import slow_rest
+
 DPI = 150
 MM = DPI / 25.4
 SHEETS = {
@@ -18,7 +20,7 @@ SHEETS = {
 }
 
 
-@pytest.mark.parametrize("text", SHEETS)
+@pytest.mark.parametrize("text", slow_rest(reversed(SHEETS), plain=3))
 def test_a_printed_board_is_seen_at_its_size(text, tmp_path):
     board = board_of(text, SHEETS[text])
     BoardSheet(board).save(tmp_path / "board.png", dpi=DPI)

@@ -12,6 +12,7 @@ from nico_selfmodel.vision.boards.chessboard import Board, BoardDetection, find_
 from nico_selfmodel.vision.images.image_file import read_image
 from nico_selfmodel.vision.images.not_seen import NotSeen
 
+from ..slow_rest import slow_rest
 from .rendering import random_view, render_board
 
 SIZE = (640, 480)
@@ -80,7 +81,7 @@ def test_the_right_camera_keeps_its_order_where_the_board_tells_it():
     np.testing.assert_array_equal(BOARD.same_order(left, left[::-1]), left[::-1])
 
 
-@pytest.mark.parametrize("size", ["8x6", "7x4", "10x7", "3x3"])
+@pytest.mark.parametrize("size", slow_rest(["3x3", "10x7", "8x6", "7x4"], plain=2))
 def test_a_board_of_another_size_is_not_seen_in_part(size):
     image = rendered(9, 6, 3, tilt=0.3).image
     seen = find_chessboard(image, Board.parse(size, 25), window=5)
@@ -132,6 +133,7 @@ def test_no_real_photograph_shows_a_board_of_another_size(real_data_folder):
         assert all(isinstance(item, NotSeen) for item in seen)
 
 
+@pytest.mark.slow
 @pytest.mark.real_data
 def test_both_cameras_list_the_same_corners_in_the_same_order(real_data_folder):
     found = detect_boards(real_data_folder / "stereo_chessboard", BOARD)

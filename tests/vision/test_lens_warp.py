@@ -9,6 +9,8 @@ from nico_selfmodel.errors import ModelError
 from nico_selfmodel.model.cameras.camera import Camera
 from nico_selfmodel.vision.images.lens_warp import LensWarp
 
+from ..slow_rest import slow_rest
+
 CAMERA = Camera(190.0, 188.0, 161.3, 117.8, (320, 240), k1=-0.28, k2=0.09, k3=-0.012, p1=1e-3)
 
 
@@ -34,7 +36,7 @@ def centroid_near(picture, pixel, reach=11):
     return np.array([(part * u).sum(), (part * v[:, None]).sum()]) / part.sum()
 
 
-@pytest.mark.parametrize("supersample", [1, 2, 3])
+@pytest.mark.parametrize("supersample", slow_rest([1, 2, 3], plain=2))
 def test_spots_land_where_the_camera_projects_them(supersample):
     warp = LensWarp.from_camera(CAMERA, supersample)
     x, y = np.meshgrid(np.linspace(-0.6, 0.6, 5), np.linspace(-0.45, 0.45, 4))
@@ -83,7 +85,7 @@ def test_no_sampling_and_too_much_of_it_are_refused():
 
 
 @pytest.mark.parametrize("window", [(300, 200, 500, 420), (0, 0, 64, 64), (700, 500, 702, 501)])
-@pytest.mark.parametrize("k1", [-0.28, -0.6])
+@pytest.mark.parametrize("k1", slow_rest([-0.28, -0.6]))
 def test_a_part_of_a_picture_is_bent_as_the_whole_is(window, k1):
     warp = LensWarp.from_camera(Camera(400.0, 400.0, 199.5, 149.5, (400, 300), k1=k1))
     color = np.array([90, 100, 110, 255], dtype=np.uint8)

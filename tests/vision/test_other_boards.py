@@ -9,6 +9,7 @@ import pytest
 from nico_selfmodel.vision.boards.board_kinds import board_of
 from nico_selfmodel.vision.images.not_seen import NotSeen
 
+from ..slow_rest import slow_rest
 from . import printed_boards
 
 TAGS_5X5 = cv2.aruco.getPredefinedDictionary(cv2.aruco.DICT_5X5_100)
@@ -81,7 +82,7 @@ def assert_true(kind, seeds, prints):
     assert np.sqrt(np.mean(errors**2)) <= 0.1
 
 
-@pytest.mark.parametrize("kind", BOARDS)
+@pytest.mark.parametrize("kind", slow_rest(["asymmetric", "april", "circles", "charuco"], plain=2))
 def test_points_are_where_they_are(kind, prints):
     assert_true(kind, range(2), prints)
 
@@ -109,6 +110,7 @@ def test_boards_of_older_opencv_begin_with_a_tag():
     assert np.nanmax(np.abs(seen.corners - photo.pixels)) < 0.3
 
 
+@pytest.mark.slow
 def test_tags_that_the_board_does_not_have_are_named(prints):
     image = photograph("charuco", 2, prints, hidden=0.0).image
     small = board_of("charuco:3x3", 30, 22, "aruco_5x5_100").find(image, 11)
@@ -132,6 +134,7 @@ def test_a_board_of_other_columns_is_named(kind, stated, columns, prints):
     assert seen.reason.endswith(f"the tags lie as on a board of {columns} columns")
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("tag", [40.0, 48.0])
 def test_tags_of_another_size_are_named(tag, prints):
     image = photograph("april", 3, prints, hidden=0.3).image

@@ -21,6 +21,8 @@ from nico_selfmodel.vision.images.image_file import read_image
 from nico_selfmodel.vision.images.picture_header import MOST_PIXELS, check_header
 from nico_selfmodel.vision.markers.fiducial import find_fiducials
 
+from ..slow_rest import slow_rest
+
 RED = ColorModel("red", (20.0, 20.0), 0.0, 40.0, 0.2)
 
 
@@ -88,7 +90,7 @@ def test_the_limit_is_where_it_is_said_to_be():
         check_header(empty_png(MOST_PIXELS // 4000 + 1, 4000))
 
 
-@pytest.mark.parametrize("kind", ["pipe", "socket", "device", "folder"])
+@pytest.mark.parametrize("kind", slow_rest(["pipe", "socket", "device", "folder"]))
 def test_what_is_no_file_is_neither_waited_for_nor_left_half_done(tmp_path, monkeypatch, kind):
     monkeypatch.chdir(tmp_path)
     path = tmp_path / "a.png"

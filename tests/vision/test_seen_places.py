@@ -63,6 +63,7 @@ def test_what_other_pictures_show_too_is_sure():
     assert (blob.u, blob.v) == pytest.approx((25.0, 40.0), abs=0.3)
 
 
+@pytest.mark.slow
 def test_noise_of_two_pictures_beside_the_body_surprises_in_one_of_a_hundred():
     rng = np.random.default_rng(7)
     own = Surprise(np.full(SHAPE, np.nan), 1.0)

@@ -14,6 +14,7 @@ from nico_selfmodel.vision.boards.chessboard import (
 from nico_selfmodel.vision.boards.stray_corners import stray_corners
 from nico_selfmodel.vision.images.not_seen import NotSeen
 
+from ..slow_rest import slow_rest
 from .rendering import _photograph, project, random_view, render_board
 
 BOARD = Board(9, 6, 0.025)
@@ -95,7 +96,7 @@ def test_a_search_that_comes_back_to_where_it_began_is_no_corner(monkeypatch):
     assert "1 of its corners could not be located" in seen.reason
 
 
-@pytest.mark.parametrize("seed", range(40))
+@pytest.mark.parametrize("seed", slow_rest(range(40), plain=10))
 def test_what_is_seen_beside_glare_is_where_it_is(seed):
     """Glare on a corner either leaves it where it is, or the board is not seen."""
     rng = np.random.default_rng(seed)
@@ -111,7 +112,9 @@ def test_what_is_seen_beside_glare_is_where_it_is(seed):
         assert np.linalg.norm(seen.corners - truth.points, axis=1).max() < 3.0
 
 
-@pytest.mark.parametrize(("columns", "rows", "share"), [(9, 6, 0.75), (9, 6, 0.5), (7, 5, 0.4)])
+@pytest.mark.parametrize(
+    ("columns", "rows", "share"), slow_rest([(7, 5, 0.4), (9, 6, 0.5), (9, 6, 0.75)])
+)
 def test_a_charuco_board_is_no_chessboard(columns, rows, share):
     dictionary = cv2.aruco.getPredefinedDictionary(cv2.aruco.DICT_6X6_250)
     board = cv2.aruco.CharucoBoard((columns + 1, rows + 1), 1.0, share, dictionary)

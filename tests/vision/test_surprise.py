@@ -35,6 +35,7 @@ def seen(picture, rng):
     return np.clip(np.round(noisy), 0, 255).astype(np.uint8)
 
 
+@pytest.mark.slow
 def test_what_was_expected_does_not_surprise():
     rng = np.random.default_rng(1)
     found = [surprise(seen(checks(), rng), expected()) for _ in range(30)]

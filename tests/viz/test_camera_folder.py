@@ -39,6 +39,7 @@ def test_the_folder_holds_everything_and_comes_back(tmp_path, write, cameras, ph
     assert load_scene(folder).to_json() == scene.to_json()
 
 
+@pytest.mark.slow
 def test_what_else_is_known_is_kept_in_the_result(tmp_path, write, one_camera):
     document = to_json(one_camera, judge(one_camera)) | {"more": 1}
     folder = write(tmp_path / "result", one_camera, document=document)

@@ -108,6 +108,7 @@ def test_one_camera_is_reported_without_photographs_and_without_a_pair(report, o
         assert f"right {name}" in page.words
 
 
+@pytest.mark.slow
 def test_an_outlier_is_named_and_framed_in_red(report, flawed_cameras):
     names = flawed_cameras.calibration.views.names
     grey = np.full((240, 320), 90, dtype=np.uint8)
@@ -119,6 +120,7 @@ def test_an_outlier_is_named_and_framed_in_red(report, flawed_cameras):
     assert [tag for tag, _ in page.tags if tag == "circle"]
 
 
+@pytest.mark.slow
 def test_a_missed_bound_is_red(report, cameras):
     page = report(cameras, require_test_px=0.001)
     assert "FAIL" in page.words

@@ -199,6 +199,7 @@ def test_circle_points_alone_are_reported_without_pretending(circles_alone):
     assert not any(word.startswith("±") for word in page.words)
 
 
+@pytest.mark.slow
 @pytest.mark.usefixtures("undrawn")
 def test_the_document_may_come_back_from_its_file(calibration, document, html):
     again = json.loads(json.dumps(document, allow_nan=False))

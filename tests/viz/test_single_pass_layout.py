@@ -6,6 +6,8 @@ from matplotlib.figure import Figure
 
 from nico_selfmodel.viz.figures.plot_style import headline, image_bytes, style
 
+from ..slow_rest import slow_rest
+
 
 def drawn(rows, columns, *, bar=False, legend=False):
     with style():
@@ -25,7 +27,7 @@ def drawn(rows, columns, *, bar=False, legend=False):
     return figure
 
 
-@pytest.mark.parametrize(("rows", "columns"), [(1, 1), (1, 3), (2, 2)])
+@pytest.mark.parametrize(("rows", "columns"), slow_rest([(1, 3), (1, 1), (2, 2)]))
 @pytest.mark.parametrize("beside", [{}, {"bar": True}, {"legend": True}])
 def test_nothing_is_cut_off_and_nothing_overlaps(rows, columns, beside):
     figure = drawn(rows, columns, **beside)

@@ -136,6 +136,7 @@ def test_a_glass_stands_in_the_learned_plane_and_carries_picture_reflection_and_
     assert abs(float(mirror.rig.plane.distance_to(on))) < 1e-9
 
 
+@pytest.mark.slow
 def test_reflections_are_marked_by_rings_and_need_a_glass():
     image = np.zeros((100, 120, 3), np.uint8)
     drawn = marked(image, {}, {TRACKED: (60.0, 50.0), PREDICTED: (60.0, 50.0)})

@@ -143,6 +143,7 @@ def test_three_poses_are_left_out_one_by_one_and_one_pose_not_at_all(model):
     assert "too few poses for a cross-validation" in page_of(evaluation, document)
 
 
+@pytest.mark.slow
 def test_what_check_learned_anew_shows_what_told_it(relearned):
     evaluation, _, document, health = relearned
     page = page_of(evaluation, document, health)
@@ -153,6 +154,7 @@ def test_what_check_learned_anew_shows_what_told_it(relearned):
     assert abs(change["after"] - change["before"]) > 3.0 * change["sigma"]
 
 
+@pytest.mark.slow
 def test_the_plot_of_health_ends_its_statistic_at_the_alarm(relearned):
     *_, health = relearned
     above, below = health_plot(health).axes
@@ -167,6 +169,7 @@ def test_a_healthy_body_has_a_plot_without_an_alarm(model):
     assert "20 poses fit" in figure.get_suptitle()
 
 
+@pytest.mark.slow
 def test_the_scene_shows_where_the_hand_was_thought_before_and_the_arm_as_it_was(relearned):
     evaluation, *_ = relearned
     items = {item.path: item for item in update_scene(evaluation).items}

@@ -122,6 +122,7 @@ def test_a_place_that_the_finger_would_have_to_reach_through_the_head_is_out_of_
     assert isinstance(found, OutOfReach)
 
 
+@pytest.mark.slow
 def test_a_larger_distance_from_the_body_leaves_a_place_out_of_reach(planner, monkeypatch):
     assert isinstance(planned(planner), Touch)
     monkeypatch.setattr(touch_planner, "CLEAR", 0.08)
