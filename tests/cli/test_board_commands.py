@@ -40,7 +40,9 @@ def photographs(tmp_path_factory):
         R, t = printed_boards.pose_of(points, rng, fill=fill)
         for side, camera in enumerate(("cam0", "cam1") if i < 8 else ("cam1", "cam2")):
             pose = R, t + np.array([(0.5 - side) * APART, 0.0, 0.0])
-            photo = printed_boards.photographed(printed, points, rng, hidden=hidden, pose=pose)
+            photo = printed_boards.photographed(
+                printed, points, rng, hidden=hidden, pose=pose, fine=2
+            )
             (folder / camera).mkdir(exist_ok=True)
             cv2.imwrite(str(folder / camera / f"{i:03d}.png"), photo.image)
     return folder
@@ -112,11 +114,11 @@ def test_detect_tells_which_corners_it_saw(photographs, tmp_path, command):
 
 def test_wrong_words_are_one_line(photographs, tmp_path, command):
     out = tmp_path / "out"
-    left, other = f"{photographs}/cam0/*.png", f"{photographs}/cam1/00[1-3].png"
+    left, other = f"{photographs}/cam0/00[0-2].png", f"{photographs}/cam1/00[1-3].png"
     to = ("--out", out, "-q")
     camera = ("calibrate", "camera", left, *to, "--square-mm", "25")
     stereo = ("calibrate", "stereo", *BOARD, *to)
-    rig, third = ("calibrate", "cameras", *BOARD, *to), f"{photographs}/cam2/*.png"
+    rig, third = ("calibrate", "cameras", *BOARD, *to), f"{photographs}/cam2/0[01][0289].png"
     sheet = ("markers", "board", "--out", tmp_path / "b.pdf")
     cases = [
         ((*camera, "--board", "charucco:7x5"), "did you mean 'charuco'"),

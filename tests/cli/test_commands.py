@@ -61,7 +61,7 @@ def test_a_bound_that_is_missed_fails_with_exit_code_1_and_a_whole_folder(
     out = tmp_path / "arm"
     done = command(
         *("calibrate", "kinematics", recorded[0], "--test", recorded[1]),
-        *("--require-test-mm", "0.01", "--out", out),
+        *("--require-test-mm", "0.01", "--out", out, "--method", "circle-points"),
     )
     assert done.returncode == 1
     document = json.loads((out / "result.json").read_text())

@@ -26,17 +26,19 @@ def test_every_command_has_them_once():
 def test_a_file_gives_options_and_the_command_line_wins(recorded, tmp_path, command):
     options = tmp_path / "options.yaml"
     options.write_text(
-        f"dataset: {recorded[0]}\ntest: {recorded[1]}\nfix: [right_elbow.gear=1]\n"
-        "require-test-mm: 0.001\nforce: true\n"
+        f"dataset: {recorded[0]}\ntest: {recorded[1]}\nfix: [right_elbow.gear=1.7]\n"
+        "require-test-mm: 0.001\nforce: true\neffects: none\n"
     )
     out = tmp_path / "out"
     words = ("calibrate", "kinematics", "--options", options, "--out", out, "--json")
     failed = command(*words)
     document = json.loads(failed.stdout)
     assert failed.returncode == 1
-    assert document["parameters"]["right_elbow.gear"]["value"] == 1.0
+    assert document["parameters"]["right_elbow.gear"]["value"] == 1.7
     assert any("0.001" in reason for reason in document["reasons"])
-    again = json.loads(command(*words, "--require-test-mm", "1000").stdout)
+    again = json.loads(
+        command(*words, "--require-test-mm", "1000", "--method", "circle-points").stdout
+    )
     assert not any("0.001" in reason for reason in again["reasons"])
 
 
@@ -61,6 +63,7 @@ def test_a_file_of_options_that_is_none_is_refused(content, words, recorded, tmp
 def test_stages_are_lines_where_nobody_looks_at_a_bar(recorded, tmp_path, command):
     out = tmp_path / "out"
     words = ("calibrate", "kinematics", recorded[0], "--out", out, "--force")
+    words += ("--method", "circle-points")
     plain = command(*words)
     stages = ["nico-selfmodel: learning: done", "nico-selfmodel: writing the result: done"]
     assert plain.stderr.splitlines() == stages

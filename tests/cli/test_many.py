@@ -27,7 +27,7 @@ def table(out):
 
 
 def learn(command, data, out, *words):
-    held = ("--test-fraction", "0.3", "--starts", "1")
+    held = ("--test-fraction", "0.3", "--method", "circle-points")
     return command("calibrate", "kinematics", data, *held, "--out", out, *words)
 
 

@@ -20,6 +20,7 @@ from nico_selfmodel.estimation.tree.tree_result import body_model
 from nico_selfmodel.model.tree.body_model import load_body, save_body
 from nico_selfmodel.viz.reports.body import body_report
 
+from ..slow_rest import slow_rest
 from .filmed_arms import eyes, filmed
 from .sagging_arms import SaggingArm, mean_mm
 from .sagging_humanoids import SaggingHumanoid
@@ -100,8 +101,7 @@ def test_a_body_that_may_not_bend_says_what_it_would_gain():
     assert "--effects auto" in words
 
 
-@pytest.mark.slow
-@pytest.mark.parametrize("how", [{"markers": 2}, {"markers": 2, "sensor": "camera"}])
+@pytest.mark.parametrize("how", slow_rest([{"markers": 2}, {"markers": 2, "sensor": "camera"}]))
 def test_a_rigid_body_stays_rigid(how):
     found = calibrate_tree(one_arm(904, poses=40, **how).data)
     assert found.ladder.kept == ()

@@ -43,10 +43,10 @@ def calibrations(truth, joined):
     gauge = FixedParameters.from_text(free=["joint_2.alpha", "joint_0.D"])
     return {
         "good": calibrate_kinematics(train, test=test),
-        "not evaluated": calibrate_kinematics(train),
-        "unobservable": calibrate_kinematics(train, test=test, pins=gauge),
+        "not evaluated": calibrate_kinematics(train, explain=False),
+        "unobservable": calibrate_kinematics(train, test=test, pins=gauge, explain=False),
         "circles": calibrate_kinematics(circles, test=test, method="circle-points"),
-        "exact": calibrate_kinematics(few, test=test),
+        "exact": calibrate_kinematics(few, test=test, explain=False),
         "perfect": calibrate_kinematics(truth.dataset(*truth.sweeps(10)), test=test),
     }
 

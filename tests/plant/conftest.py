@@ -15,6 +15,8 @@ from nico_selfmodel.model.arm.servo_map import ServoMap
 from nico_selfmodel.model.self_model import SelfModel
 from nico_selfmodel.plant import ArmDescription
 
+from ..slow_rest import slow_rest
+
 NICO = ("right_arm", "left_arm", "neck")
 # Joint counts; root link "world"; axes 0.05 deg off parallel; the hand on the last axis.
 RANDOM = ("six", "seven", "world", "near_parallel", "parallel", "on_axis")
@@ -138,7 +140,7 @@ def describe(tmp_path):
     return arm
 
 
-@pytest.fixture(params=NICO + RANDOM)
+@pytest.fixture(params=slow_rest(("right_arm", *RANDOM, "left_arm", "neck"), plain=7))
 def arm(request, describe):
     """Return every arm in turn."""
     return describe(request.param)

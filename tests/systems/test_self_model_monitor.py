@@ -26,7 +26,7 @@ PERIOD = 0.1
 def case():
     world = IMPERFECTIONS["clean"].with_noise(play_deg=0.5)
     protocol = ProjectedNico.tracked_by()
-    scenario = simulated_scenario(protocol, world, 0)
+    scenario = simulated_scenario(protocol, world, 0, random_poses=40)
     model = calibrate_body(scenario.train, scenario.cameras, scenario.boards).model
     return protocol, world, model
 

@@ -142,29 +142,31 @@ def photographed(
     lens=PLAIN,
     spread=None,
     pose=None,
+    fine=_FINE,
 ):
     """Photograph a page with a piece of card over a share of the board.
 
     The page hangs at random, its middle up to `spread` [rad] off the camera's axis, or in a `pose`.
+    A pixel is the mean of `fine` x `fine` places.
     """
     R, t = pose or pose_of(points, rng, tilt=tilt, fill=fill, lens=lens, spread=spread)
     width, height = SIZE
     # Where each ray meets the page: t + R (x, y, 0) = s d, with s > 0.
     H = np.linalg.inv(np.column_stack([R[:, :2], t]))
-    on = H.astype(np.float32) @ _rays(lens)
+    on = H.astype(np.float32) @ _rays(lens, fine)
     ahead = on[2] > 0.0
     page = on[:2] / np.where(ahead, on[2], 1.0)
     page = (page - np.reshape(printed.origin, (2, 1))) / printed.texel - 0.5
     page = np.where(ahead, page, -1e6)
     ink = BLACK + (WHITE - BLACK) * printed.white.astype(np.float32)
-    maps = [m.reshape(height * _FINE, width * _FINE).astype(np.float32) for m in page]
+    maps = [m.reshape(height * fine, width * fine).astype(np.float32) for m in page]
     bright = cv2.remap(
         ink, *maps, cv2.INTER_LINEAR, borderMode=cv2.BORDER_CONSTANT, borderValue=120
     )
     pixels = _projected(points, R, t, lens)
     card = _card(points, R, t, rng, hidden, lens)
     if card is not None:
-        scaled = np.rint(((card + 0.5) * _FINE - 0.5) * 16).astype(np.int32)
+        scaled = np.rint(((card + 0.5) * fine - 0.5) * 16).astype(np.int32)
         cv2.fillConvexPoly(bright, scaled, 150.0, shift=4)
     image = cv2.resize(bright, SIZE, interpolation=cv2.INTER_AREA)
     image = cv2.GaussianBlur(image, (0, 0), blur) if blur else image
@@ -181,12 +183,12 @@ def photographed(
 
 
 @cache
-def _rays(lens):
+def _rays(lens, fine):
     """Return directions to the places at which a picture is hit. Shape (3, n)."""
-    width, height = (side * _FINE for side in SIZE)
-    fine = np.stack(np.meshgrid(np.arange(width), np.arange(height)), axis=-1)
-    fine = ((fine.reshape(-1, 2) + 0.5) / _FINE - 0.5).astype(np.float64)
-    return lens.rays(fine).astype(np.float32)
+    width, height = (side * fine for side in SIZE)
+    places = np.stack(np.meshgrid(np.arange(width), np.arange(height)), axis=-1)
+    places = ((places.reshape(-1, 2) + 0.5) / fine - 0.5).astype(np.float64)
+    return lens.rays(places).astype(np.float32)
 
 
 def _projected(points, R, t, lens):
