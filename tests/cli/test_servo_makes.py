@@ -12,6 +12,7 @@ import pytest
 from nico_selfmodel.servos import SimulatedBus
 
 from ..servos.motor_client import MotorClient
+from ..slow_rest import slow_rest
 from .one_line import assert_one_clear_line
 
 SDKS = {"dynamixel": "dynamixel_sdk", "feetech": "scservo_sdk"}
@@ -124,6 +125,7 @@ def test_a_configuration_that_does_not_fit_its_make_is_explained(old, new, words
     assert_one_clear_line(done, str(config), *words)
 
 
+@pytest.mark.parametrize("make", slow_rest(SDKS), indirect=True)
 def test_a_package_that_is_missing_is_one_clear_line(config, make, tmp_path):
     """The package is hidden by one of its name that cannot be imported."""
     (tmp_path / f"{SDKS[make]}.py").write_text("raise ImportError('hidden')\n")
@@ -143,6 +145,7 @@ def test_a_package_that_is_missing_is_one_clear_line(config, make, tmp_path):
         assert_one_clear_line(done, "servos need the package", f"nico-selfmodel[{make}]")
 
 
+@pytest.mark.parametrize("make", slow_rest(SDKS), indirect=True)
 def test_a_simulated_bus_takes_ids_and_rate_of_its_configuration_and_a_server_lends_it_out(config):
     config.write_text(
         config.read_text().replace("address: 6", "address: 42").replace("1000000", "115200")

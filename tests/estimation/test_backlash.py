@@ -35,6 +35,7 @@ def nees(model, test, true, approach):
     return float(np.mean(np.einsum("ni,nij,nj->n", e, np.linalg.inv(found.covariance), e))) / 3.0
 
 
+@pytest.mark.slow
 def test_the_column_takes_most_of_the_error_away(recorded, learned):
     arm, train, test, true = recorded
     without = calibrate_kinematics(replace(train, approach=None), explain=False)
@@ -49,6 +50,7 @@ def test_the_column_takes_most_of_the_error_away(recorded, learned):
     assert any("behind their drives" in reason for reason in judge(learned).reasons)
 
 
+@pytest.mark.slow
 def test_a_prediction_from_an_unknown_side_carries_the_half_width(recorded, learned):
     _, _, test, true = recorded
     sure, unsure = (
@@ -59,6 +61,7 @@ def test_a_prediction_from_an_unknown_side_carries_the_half_width(recorded, lear
     assert 0.3 < nees(learned.model, test, true, test.approach) < 2.0
 
 
+@pytest.mark.slow
 def test_a_healthy_arm_is_healthy_whether_its_sides_are_told_or_not(recorded, learned):
     _, _, test, _ = recorded
     for data in (test, replace(test, approach=None)):
@@ -106,6 +109,7 @@ def test_it_is_not_asked_where_nobody_tells_both_sides(recorded):
     assert any("approach.<joint>" in words for words in judge(asked).warnings)
 
 
+@pytest.mark.slow
 def test_it_outlives_its_file(recorded, learned, tmp_path):
     _, _, test, _ = recorded
     save_model(learned.model, tmp_path / "model.yaml")
@@ -116,6 +120,7 @@ def test_it_outlives_its_file(recorded, learned, tmp_path):
     assert (load_dataset(tmp_path / "data").approach == test.approach).all()
 
 
+@pytest.mark.slow
 def test_sides_that_are_none_are_refused(recorded, learned, tmp_path):
     _, train, test, _ = recorded
     with pytest.raises(ValueError, match="approach must be -1, 0 or 1"):

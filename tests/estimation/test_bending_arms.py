@@ -93,6 +93,7 @@ def test_a_rigid_arm_stays_rigid(poses):
     assert learned.model.parameters.bending is None
 
 
+@pytest.mark.slow
 def test_what_is_not_allowed_is_told():
     rigid = sagged(1, rigid=True)
     assert rigid.model.bending is None

@@ -71,6 +71,7 @@ def test_a_move_ends_where_it_was_sent_whichever_way_a_motor_is_wired(virtual):
     assert state.q == pytest.approx(wanted, abs=count(virtual))
 
 
+@pytest.mark.parametrize("virtual", slow_rest(MAKES), indirect=True)
 def test_a_motor_is_never_faster_than_it_was_told(virtual):
     virtual.arm.move({"right_elbow": 1.0, "right_wrist": 0.05}, speed=0.3)
     places = []
@@ -183,6 +184,7 @@ def test_an_overload_stops_the_others_and_is_cleared_by_enabling(virtual):
 
 
 @pytest.mark.parametrize("speed", slow_rest([60.0, 5.0, 20.0]))
+@pytest.mark.parametrize("virtual", slow_rest(MAKES, plain=2), indirect=True)
 def test_a_joint_that_jams_is_a_fault(virtual, speed):
     travel = math.radians(5.0 + 0.7 * speed)
     seconds = virtual.arm.move({"right_elbow": travel}, speed=math.radians(speed))

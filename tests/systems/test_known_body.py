@@ -39,6 +39,7 @@ def test_who_stands_elsewhere_has_its_links_and_joints_there(image):
     assert "chest" not in moved.links
 
 
+@pytest.mark.slow
 def test_a_turned_neck_turns_the_head_and_not_the_chest(image):
     before = image.poses(READINGS)
     (joint,) = image.standing(("neck_yaw",))

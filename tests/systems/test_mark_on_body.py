@@ -107,6 +107,7 @@ def test_a_disc_that_a_camera_sees_from_its_edge_counts_as_not_seen(before, seen
     assert len(least) > 0.9 * len(widths)
 
 
+@pytest.mark.slow
 def test_paint_of_the_surface_s_own_colour_is_not_to_be_seen(before):
     station, context, _, _ = before
     unmarked = station.picture(context, "left").astype(int)
@@ -118,6 +119,7 @@ def test_paint_of_the_surface_s_own_colour_is_not_to_be_seen(before):
     assert np.abs(same - unmarked).max() <= 6
 
 
+@pytest.mark.slow
 def test_a_mark_on_the_glass_moves_with_the_glass(before):
     station, context, X_BM, _ = before
     unmarked = station.picture(context, "left")
@@ -164,6 +166,7 @@ def test_a_step_of_colour_is_as_long_as_asked_for():
         recolored([0.5, 0.5, 0.5], 3.0, rng)
 
 
+@pytest.mark.slow
 def test_what_cannot_be_painted_is_said(before):
     station, context, _, _ = before
     with pytest.raises(RobotError, match="nothing called 'tail' to paint; there are"):
