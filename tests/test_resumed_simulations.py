@@ -49,7 +49,7 @@ def assert_same_files(one, other):
     assert all(a.read_bytes() == b.read_bytes() for a, b in zip(*images, strict=True))
 
 
-@pytest.mark.parametrize("stops", [(1,), (7,), (3, 11, 19)])
+@pytest.mark.parametrize("stops", [(1,), (7,), pytest.param((3, 11, 19), marks=pytest.mark.slow)])
 @pytest.mark.parametrize(
     "world", [IMPERFECTIONS["thesis"], LOSSY], ids=["thesis", "markers often lost"]
 )

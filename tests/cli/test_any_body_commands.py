@@ -42,6 +42,7 @@ def learned(folder, command):
     return folder / "body", done
 
 
+@pytest.mark.slow
 def test_two_arms_are_learned_by_one_command(learned):
     out, done = learned
     assert "PASS" in done.stdout
@@ -52,6 +53,7 @@ def test_two_arms_are_learned_by_one_command(learned):
     assert {path.name for path in out.iterdir()} >= {"body.yaml", "report.html", "residuals.csv"}
 
 
+@pytest.mark.slow
 def test_the_report_shows_the_tree(learned):
     page = (learned[0] / "report.html").read_text()
     assert "torso" in page
@@ -59,6 +61,7 @@ def test_the_report_shows_the_tree(learned):
     assert "joints alike" in page
 
 
+@pytest.mark.slow
 def test_a_body_is_held_against_a_recording(learned, folder, command):
     done = command("evaluate", learned[0], folder / "two_arms", "--json")
     assert done.returncode == 0, done.stderr
@@ -67,6 +70,7 @@ def test_a_body_is_held_against_a_recording(learned, folder, command):
     assert document["pixels"]["mean"] < 0.5
 
 
+@pytest.mark.slow
 def test_a_body_predicts_places_and_pixels_with_error_bars(learned, folder, command):
     words = ",".join(["0.1"] * 13)
     done = command("predict", learned[0], "--encoders", words, "--json")
@@ -81,6 +85,7 @@ def test_a_body_predicts_places_and_pixels_with_error_bars(learned, folder, comm
             assert [row["camera2_u"], row["camera2_v"]] == pytest.approx(seen)
 
 
+@pytest.mark.slow
 def test_a_body_on_disk_is_the_body(learned, tmp_path):
     body = load_body(learned[0])
     save_body(body, tmp_path / "body.yaml")

@@ -27,7 +27,7 @@ def test_a_file_gives_options_and_the_command_line_wins(recorded, tmp_path, comm
     options = tmp_path / "options.yaml"
     options.write_text(
         f"dataset: {recorded[0]}\ntest: {recorded[1]}\nfix: [right_elbow.gear=1.7]\n"
-        "require-test-mm: 0.001\nforce: true\neffects: none\n"
+        "require-test-mm: 0.001\nforce: true\neffects: none\nno-report: true\n"
     )
     out = tmp_path / "out"
     words = ("calibrate", "kinematics", "--options", options, "--out", out, "--json")
@@ -63,7 +63,7 @@ def test_a_file_of_options_that_is_none_is_refused(content, words, recorded, tmp
 def test_stages_are_lines_where_nobody_looks_at_a_bar(recorded, tmp_path, command):
     out = tmp_path / "out"
     words = ("calibrate", "kinematics", recorded[0], "--out", out, "--force")
-    words += ("--method", "circle-points")
+    words += ("--method", "circle-points", "--no-report")
     plain = command(*words)
     stages = ["nico-selfmodel: learning: done", "nico-selfmodel: writing the result: done"]
     assert plain.stderr.splitlines() == stages

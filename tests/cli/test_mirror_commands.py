@@ -73,6 +73,7 @@ def test_a_thing_seen_in_the_mirror_is_located(command, result, body):
     assert "seen in mirror middle" in shown.stdout
 
 
+@pytest.mark.slow
 def test_nothing_is_located_in_a_mirror_that_failed(command, inputs, body, tmp_path):
     """The self-model says so itself, until the mirror passes."""
     out, again = tmp_path / "failed", tmp_path / "passed"

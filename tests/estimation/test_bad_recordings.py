@@ -59,6 +59,7 @@ def failing(data: Dataset, **options) -> str:
     return verdict.reasons[0]
 
 
+@pytest.mark.slow
 def test_held_out_outliers_are_told_apart_from_the_error_of_the_model(train, test_data):
     spoiled_train = moved(train, [4, 20, 33, 50], [0.1, 0.0, 0.0])
     spoiled_test = moved(test_data, [7, 12], [0.0, 0.2, 0.0])

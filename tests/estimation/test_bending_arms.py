@@ -84,6 +84,7 @@ def test_a_body_that_bends_doubts_what_did_not_stay(monkeypatch):
     assert nees(is_sure, test, true) > 1.2 * nees(doubts, test, true)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("poses", slow_rest([40, 20]))
 def test_a_rigid_arm_stays_rigid(poses):
     _, train, _, _ = arm_and_data(5, poses, sag=0.0)
@@ -153,6 +154,7 @@ def test_only_swept_and_sagging_no_pose_is_set_aside():
     assert now < 0.5 * before
 
 
+@pytest.mark.slow
 def test_too_few_poses_are_not_asked():
     _, train, _, _ = arm_and_data(0, 14)
     assert calibrate_kinematics(train, explain=False).ladder.steps == ()

@@ -7,6 +7,7 @@ from nico_selfmodel.estimation.cameras.board_residuals import BoardResiduals
 from nico_selfmodel.geometry.rotation import rotation_from_vector
 from nico_selfmodel.model.cameras.projection import INTRINSICS
 
+from ..slow_rest import slow_rest
 from .simulated_boards import LEFT, P_GQ, RIG, RIGHT, boards, pictures, unseen
 
 CASES = [
@@ -35,7 +36,7 @@ def residuals_of(sides, aspect, gaps, sigma=0.5):
     return block, x + size * rng.uniform(-1.0, 1.0, len(x))
 
 
-@pytest.mark.parametrize(("cameras", "aspect", "gaps"), CASES)
+@pytest.mark.parametrize(("cameras", "aspect", "gaps"), slow_rest(CASES, plain=4))
 def test_the_derivatives_are_those_of_central_differences(cameras, aspect, gaps):
     block, x = residuals_of(cameras, aspect, gaps)
     _, jacobian = block.evaluate(x)

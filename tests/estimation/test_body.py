@@ -141,10 +141,10 @@ def test_the_thesis_own_variant_is_flagged_and_refused():
 @pytest.mark.parametrize(
     ("stage", "variant", "free"),
     [
-        ("kinematics", "anchored", 23),
+        pytest.param("kinematics", "anchored", 23, marks=pytest.mark.slow),
         pytest.param("intrinsics-fixed", "anchored", 29, marks=pytest.mark.slow),
         pytest.param("intrinsics-fixed", "unanchored", 28, marks=pytest.mark.slow),
-        ("full", "thesis", 36),
+        pytest.param("full", "thesis", 36, marks=pytest.mark.slow),
         pytest.param("full", "unanchored", 42, marks=pytest.mark.slow),
         ("full", "anchored", 43),
     ],

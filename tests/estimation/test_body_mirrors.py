@@ -38,6 +38,7 @@ def looked():
     return seen, knowing_body(CLEAN, 0, seen.data, 1e-3)
 
 
+@pytest.mark.slow
 def test_a_head_that_moves_sees_one_plane_in_the_world(looked):
     seen, body = looked
     found = calibrate_body_mirrors(seen.data, body)
@@ -49,6 +50,7 @@ def test_a_head_that_moves_sees_one_plane_in_the_world(looked):
     assert not found.found.solution.outliers.any()
 
 
+@pytest.mark.slow
 def test_wrong_rows_are_found_out(looked):
     seen, body = looked
     table = seen.data.observations

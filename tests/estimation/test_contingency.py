@@ -13,6 +13,8 @@ from nico_selfmodel.estimation.contingency.contingency import (
 )
 from nico_selfmodel.estimation.contingency.motion_response import learn_response
 
+from ..slow_rest import slow_rest
+
 PERIOD, DELAY = 0.05, 3
 STARTS, STAYS = 0.1, 0.88
 MISSED, FALSE = 0.02, 0.01
@@ -80,15 +82,18 @@ def test_a_delay_between_two_pictures_is_learned_too():
 
 @pytest.mark.parametrize(
     ("kind", "verdicts", "within"),
-    [
-        ("self", {SELF}, 5.0),
-        ("other", {NOT_ME}, 10.0),
-        ("nobody", {NOBODY, NOT_ME}, 10.0),
-        (2, {NOT_ME}, 10.0),
-        (6, {NOT_ME}, 10.0),
-        (20, {NOT_ME}, 10.0),
-        (100, {NOT_ME}, 10.0),
-    ],
+    slow_rest(
+        [
+            ("self", {SELF}, 5.0),
+            ("other", {NOT_ME}, 10.0),
+            ("nobody", {NOBODY, NOT_ME}, 10.0),
+            (2, {NOT_ME}, 10.0),
+            (6, {NOT_ME}, 10.0),
+            (20, {NOT_ME}, 10.0),
+            (100, {NOT_ME}, 10.0),
+        ],
+        plain=2,
+    ),
 )
 def test_a_hundred_encounters_of_a_kind_are_all_told_in_time(kind, verdicts, within):
     found = [met(kind, seed) for seed in range(100)]

@@ -35,6 +35,7 @@ def drawn_sums(model, observations):
     return np.array(sums)
 
 
+@pytest.mark.slow
 def test_mean_and_spread_are_those_of_sums_that_were_drawn(held):
     model, observations = held
     sums = drawn_sums(model, observations)
@@ -45,6 +46,7 @@ def test_mean_and_spread_are_those_of_sums_that_were_drawn(held):
     assert spread > 1.5 * np.sqrt(2.0 * mean)
 
 
+@pytest.mark.slow
 def test_rows_left_out_and_parameters_learned_take_their_share(held):
     model, observations = held
     inliers = np.ones(len(observations), dtype=bool)
@@ -60,6 +62,7 @@ def test_rows_left_out_and_parameters_learned_take_their_share(held):
     assert expected_misfit(model, observations, half, count) == (0.0, 0.0)
 
 
+@pytest.mark.slow
 def test_noise_that_nobody_told_is_taken_for_normal(held):
     model, observations = held
     fit = {key: value for key, value in model.fit.items() if key != "noise"}

@@ -127,6 +127,7 @@ def test_three_of_them_do():
     assert monitor.after(np.where([True, False, False, False], step, -9.0)).alarm
 
 
+@pytest.mark.slow
 def test_few_sightings_after_a_change_say_that_they_are_few(model):
     report = check_health(model, only_cameras(changed("slip", "right_elbow", 0.1, count=4)))
     assert not report.sure

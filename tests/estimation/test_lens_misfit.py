@@ -98,6 +98,7 @@ def test_the_score_of_the_test_is_standard_where_there_is_nothing_to_find():
     assert 0.6 < np.std(scores) < 1.6
 
 
+@pytest.mark.slow
 def test_a_term_that_is_held_and_would_cure_it_is_named():
     lens = brown(500.0, (-0.25, 0.08, 0.006, -0.005, 0.0))
     views = seen_by(lens, 1, near=0.2, far=0.6, aside=0.8)

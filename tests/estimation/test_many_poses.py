@@ -67,6 +67,7 @@ def test_pieces_hold_whole_poses_and_every_row_once(data, monkeypatch):
     assert sum(len(poses) for poses in of_pose) == len(observations.poses)
 
 
+@pytest.mark.slow
 def test_sums_do_not_depend_on_the_pieces(data, of_all, monkeypatch):
     observations = Observations.from_dataset(data)
     arguments = (of_all.model.parameters, of_all.free, ~of_all.outliers, of_all.noise)

@@ -5,6 +5,8 @@ import pytest
 
 from nico_selfmodel.estimation.noise.mixture_fit import most_likely_mixture
 
+from ..slow_rest import slow_rest
+
 LIMITS = (1e-4, 10.0)
 CORE, TAIL, SHARE = (5e-4, 0.006), (1.5e-3, 0.02), 0.12
 
@@ -46,7 +48,7 @@ def test_what_the_prediction_is_uncertain_by_is_no_noise():
     assert noise.joint_sigma == pytest.approx(CORE[1], rel=0.1)
 
 
-@pytest.mark.parametrize("seed", range(8))
+@pytest.mark.parametrize("seed", slow_rest(range(8), plain=2))
 def test_false_detections_shape_neither_core_nor_tail(seed):
     rng = np.random.default_rng((seed, 3))
     residuals, by_angle = drawn(200, rng)
@@ -56,7 +58,7 @@ def test_false_detections_shape_neither_core_nor_tail(seed):
     assert noise.outlier_share == pytest.approx(0.02, abs=0.006), seed
 
 
-@pytest.mark.parametrize("seed", range(8))
+@pytest.mark.parametrize("seed", slow_rest(range(8), plain=2))
 def test_rare_looseness_of_an_exact_arm_is_a_tail_and_no_false_detection(seed):
     rng = np.random.default_rng((seed, 4))
     residuals, by_angle = drawn(100, rng, core=(1e-9, 0.0), tail=(1e-9, 0.02))

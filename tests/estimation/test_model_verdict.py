@@ -85,6 +85,7 @@ def test_a_sighting_that_nothing_explains_is_named_though_the_rest_is_well(refin
     assert f"sample {data.sample[7]}" in verdict.reasons[0]
 
 
+@pytest.mark.slow
 def test_an_arm_learned_through_cameras_is_held_against_points_that_they_rebuild(
     arm_by_sight, refined
 ):

@@ -55,6 +55,7 @@ def test_the_error_they_promise_is_the_one_the_covariance_gives_afterwards(learn
     assert chosen.sigma_after / learned.noise_sigma == pytest.approx(unit, rel=0.1)
 
 
+@pytest.mark.slow
 def test_no_joint_goes_further_than_it_has_been(learned, recorded):
     chosen = choose_next_poses(learned, recorded, 25, np.random.default_rng(3), criterion="D")
     assert chosen.readings.shape == (25, 4)
@@ -62,6 +63,7 @@ def test_no_joint_goes_further_than_it_has_been(learned, recorded):
     assert (chosen.readings <= recorded.encoders.max(axis=0)).all()
 
 
+@pytest.mark.slow
 def test_data_of_another_arm_or_point_are_refused(learned, recorded):
     rng = np.random.default_rng(4)
     with pytest.raises(DataError, match="no direct view of 'elbow'"):

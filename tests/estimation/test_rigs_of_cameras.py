@@ -93,6 +93,7 @@ def test_links_take_the_pairs_with_most_boards_and_name_what_is_apart():
         rig_links(replace(views, pixels=pixels))
 
 
+@pytest.mark.slow
 def test_what_is_left_out_still_connects_the_rig():
     _, views = scene(5, boards=6)
     everything = np.ones(len(views), dtype=bool)

@@ -27,6 +27,7 @@ def session():
     return simulated_session(ARM, world, poses, "free", seed=6, session=0, sweeps=False)
 
 
+@pytest.mark.slow
 def test_limits_on_both_sides_make_a_described_robot_a_start(session):
     result = calibrate_kinematics(session, nominal=NOMINAL)
     assert result.search is not None

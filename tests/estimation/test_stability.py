@@ -9,6 +9,7 @@ from nico_selfmodel.dataset.dataset import Dataset
 from nico_selfmodel.estimation.arm.kinematics import calibrate_kinematics
 from nico_selfmodel.estimation.judging import judge
 
+from ..slow_rest import slow_rest
 from .random_arms import random_recording
 
 SIGMA = 3e-4
@@ -35,9 +36,7 @@ def reason(data: Dataset) -> str:
     return " ".join(verdict.reasons)
 
 
-@pytest.mark.parametrize(
-    "seed", [10, 11, *(pytest.param(seed, marks=pytest.mark.slow) for seed in (12, 13, 14))]
-)
+@pytest.mark.parametrize("seed", slow_rest((10, 11, 12, 13, 14)))
 def test_nothing_changed_where_nothing_changed(truth, seed):
     again = truth.dataset(truth.poses(POSES, 1), sigma=SIGMA, seed=seed)
     result = calibrate_kinematics(again)
@@ -72,6 +71,7 @@ def test_a_tracker_that_drifts_is_named(data):
     assert "tracker or base drifted by about (" in words
 
 
+@pytest.mark.slow
 def test_a_change_too_small_to_matter_is_a_note(data):
     shift = late(data) * np.array([1.2 * SIGMA, 0.0, 0.0])
     result = calibrate_kinematics(replace(data, p_WH_measured=data.p_WH_measured + shift))
@@ -137,6 +137,7 @@ def test_a_jump_that_looks_like_an_eccentric_gear_is_told_by_what_it_explains():
     assert result.change.notable
 
 
+@pytest.mark.slow
 def test_a_jump_that_joint_noise_took_for_its_own_is_told_by_what_it_explains():
     recording = random_recording("encoder jump", 6115, fresh=1)
     train, _ = recording.dataset.split(0.3, 1)

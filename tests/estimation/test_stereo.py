@@ -164,7 +164,7 @@ def test_too_few_corners_of_one_board_are_no_wrong_argument(X_LG, corners):
         assert found.rig.values == pytest.approx(RIG.values, rel=1e-6, abs=1e-7)
 
 
-@pytest.mark.parametrize("seed", range(4))
+@pytest.mark.parametrize("seed", slow_rest(range(4)))
 def test_a_board_with_wrong_corners_is_found_by_name_and_the_rest_is_as_without_it(noisy, seed):
     wrong = 3 * seed
     noise = np.random.default_rng(seed).normal(0.0, 30.0, noisy.pixels[0].shape)
@@ -208,7 +208,7 @@ def test_without_a_robust_loss_a_bad_board_is_inliers(noisy, learned):
     assert abs(found.cameras[0].fx - TRUTH["left.fx"]) > 5.0 * sigma_of(learned)["left.fx"]
 
 
-@pytest.mark.parametrize("loss", ["trimmed", "none", "huber", "cauchy", "tukey"])
+@pytest.mark.parametrize("loss", slow_rest(["trimmed", "none", "huber", "cauchy", "tukey"]))
 def test_a_board_that_fits_five_times_worse_is_kept(noisy, loss):
     noise = np.random.default_rng(2).normal(0.0, 5.0 * SIGMA, noisy.pixels[0].shape)
     found = calibrate_cameras(changed(noisy, 4, noise), CameraOptions(loss=loss))
@@ -218,7 +218,7 @@ def test_a_board_that_fits_five_times_worse_is_kept(noisy, loss):
     assert np.abs(score / found.uncertainty.sigma).max() < 5.0
 
 
-@pytest.mark.parametrize("sigma", [0.0, 0.05, 0.2])
+@pytest.mark.parametrize("sigma", slow_rest([0.05, 0.0, 0.2]))
 @pytest.mark.parametrize("cameras", ["both", "left"])
 def test_parallel_boards_are_refused_and_the_focal_length_is_named(sigma, cameras):
     # Turned about their common normal, which tells nothing of the focal length either.

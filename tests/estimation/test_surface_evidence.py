@@ -85,6 +85,7 @@ def test_a_mark_that_no_picture_shows_for_sure_is_found_by_all_of_them():
         assert (u, v) == pytest.approx(tuple(pixels), abs=2.0)
 
 
+@pytest.mark.slow
 def test_a_place_that_all_pictures_tell_together_surprises_in_each_of_them():
     """Lines of sight end between pixels: what one picture tells must not get lost in the next."""
     rows, columns = np.nonzero(geometry(0, 0)[1] == HEAD)

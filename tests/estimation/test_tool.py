@@ -12,6 +12,7 @@ from nico_selfmodel.estimation.judging import judge, to_json
 from nico_selfmodel.estimation.monitoring.tool import calibrate_tool, rezero
 from nico_selfmodel.model.self_model_file import load_model, save_model
 
+from ..slow_rest import slow_rest
 from .simulated_bodies import blinded, body, learned, only_cameras, poses
 
 SHIFT = np.array([0.025, 0.0, -0.08])
@@ -203,7 +204,7 @@ def test_one_pose_leaves_zeros_open_and_names_them(model):
         rezero(model, only_cameras(poses(body(), 1)))
 
 
-@pytest.mark.parametrize("joint", ["right_shoulder_roll", "right_elbow"])
+@pytest.mark.parametrize("joint", slow_rest(["right_shoulder_roll", "right_elbow"]))
 def test_readings_that_lost_a_turn_find_their_zeros(model, joint):
     def wrapped(data):
         column = data.joint_names.index(joint)
@@ -217,6 +218,7 @@ def test_readings_that_lost_a_turn_find_their_zeros(model, joint):
     assert 1e3 * evaluate(found.model, again).statistics.mean < 5.0
 
 
+@pytest.mark.slow
 def test_zeros_of_another_body_do_not_fit(model):
     one = body()
     one.faults.bump_camera([0.03, 0.02, 0.0])

@@ -20,6 +20,8 @@ from nico_selfmodel.model.cameras.mirror import Mirror
 from nico_selfmodel.model.tree.body_tree import Attached, BodyTree
 from nico_selfmodel.model.tree.standing_mirror import StandingMirror
 
+from ..slow_rest import slow_rest
+
 SIZE = (640, 480)
 JOINTS = (
     LinkJoint("a"),
@@ -96,7 +98,7 @@ def mirrored(scene):
     return replace(data, observations=replace(table, mirror=names)), both, y
 
 
-@pytest.mark.parametrize("bearings", [False, True])
+@pytest.mark.parametrize("bearings", slow_rest([True, False]))
 @pytest.mark.parametrize("which", ["scene", "mirrored"])
 def test_every_parameter_moves_the_residuals_as_its_derivative_says(which, bearings, request):
     data, parameters, x = request.getfixturevalue(which)

@@ -71,6 +71,7 @@ def test_a_good_model_hardly_ever_fails_on_new_data(truth, good):
         assert judge_evaluation(good.model, new, evaluate(good.model, new)).status == "PASS"
 
 
+@pytest.mark.slow
 def test_without_held_out_data_nothing_is_evaluated_but_cross_validated(train, good):
     alone = calibrate_kinematics(train)
     verdict = judge(alone)

@@ -42,6 +42,8 @@ from nico_selfmodel.sessions.mirrors.mirror_looks import MirrorLook
 from nico_selfmodel.systems.rendering.mark_on_body import Mark
 from nico_selfmodel.vision.surprise.surprise import Expectation, Surprise
 
+from ..slow_rest import slow_rest
+
 RESPONSE = MotionResponse(0.05, 1, np.array([[0.01, 0.5], [0.5, 0.99]]), 0.01, 0.1, 0.8, 30.0)
 
 
@@ -73,13 +75,16 @@ def test_few_trials_are_no_pass():
 
 @pytest.mark.parametrize(
     ("exceptions", "reason"),
-    [
-        ({"mirror": said(NOT_ME)}, "mirror: 1 of 15 verdicts are wrong"),
-        ({"other_robot": said(SELF)}, "other robot: 1 of 15 verdicts are wrong"),
-        ({"other_robot": said(NOBODY)}, "other robot: 1 of 15 verdicts are wrong"),
-        ({"mirror": said(SELF, 6.0)}, "6.0 s, at most 5 s"),
-        ({"mirror": said(CANNOT_TELL, 10.0)}, "1 of 15 could not be told"),
-    ],
+    slow_rest(
+        [
+            ({"mirror": said(NOT_ME)}, "mirror: 1 of 15 verdicts are wrong"),
+            ({"other_robot": said(SELF)}, "other robot: 1 of 15 verdicts are wrong"),
+            ({"other_robot": said(NOBODY)}, "other robot: 1 of 15 verdicts are wrong"),
+            ({"mirror": said(SELF, 6.0)}, "6.0 s, at most 5 s"),
+            ({"mirror": said(CANNOT_TELL, 10.0)}, "1 of 15 could not be told"),
+        ],
+        plain=2,
+    ),
 )
 def test_one_wrong_late_or_missing_verdict_fails_and_is_named(exceptions, reason):
     document = report_of(MirrorTest(stage(15, **exceptions))).document

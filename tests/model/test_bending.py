@@ -80,7 +80,11 @@ def test_an_arm_without_bends_is_the_rigid_arm(table):
 
 
 @pytest.mark.parametrize(
-    "effects", [(SAG,), (BEARING,), ("backlash",), ("ripple",), ("coupling",), PARTS]
+    "effects",
+    [
+        *((effect,) for effect in (SAG, BEARING, "backlash", "ripple", "coupling")),
+        pytest.param(PARTS, marks=pytest.mark.slow),
+    ],
 )
 def test_every_number_moves_the_hand_as_its_derivative_says(table, make_servos, effects):
     rng = np.random.default_rng(4)

@@ -45,6 +45,7 @@ def look():
     return NICO.ground_truth.mirror(view.X_BM), readings, pictures
 
 
+@pytest.mark.slow
 def test_who_knows_itself_sees_in_a_mirror_what_it_expects(image, look):
     mirror, readings, pictures = look
     for side, picture in enumerate(pictures):
@@ -56,6 +57,7 @@ def test_who_knows_itself_sees_in_a_mirror_what_it_expects(image, look):
         assert np.mean(np.abs(off).max(axis=1) < 12.0) > 0.85
 
 
+@pytest.mark.slow
 def test_the_hand_is_expected_where_its_link_is_projected_and_as_far_away(image, look):
     mirror, readings, _ = look
     p_WH = MODEL.points(MODEL.servos.to_joint(readings))
@@ -69,6 +71,7 @@ def test_the_hand_is_expected_where_its_link_is_projected_and_as_far_away(image,
         assert seen.depth[v, u] == pytest.approx(depth, abs=0.01)
 
 
+@pytest.mark.slow
 def test_ports_carry_what_is_expected(image, look):
     mirror, readings, _ = look
     context = image.CreateDefaultContext()
@@ -111,6 +114,7 @@ def test_the_sigma_of_a_reflection_is_how_far_it_scatters(image, look):
     assert np.isnan(reflection_sigma(MODEL.rig, mirror, 0, np.full((480, 640), np.inf), 1e-3)).all()
 
 
+@pytest.mark.slow
 def test_a_closed_expectation_says_so(look):
     _, readings, _ = look
     image = BodyImage(NICO.arm, MODEL, supersample=1)

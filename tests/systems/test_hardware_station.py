@@ -111,6 +111,7 @@ def test_the_real_station_has_exactly_the_ports_of_the_simulated_one():
     assert all(f"`{name}`" in NicoHardwareStation.__doc__ for name in ports(real))
 
 
+@pytest.mark.slow
 def test_the_real_cameras_have_the_output_ports_of_the_rendered_ones(cameras):
     driver, _ = cameras
     simulated = NicoStation("thesis", 0, quality=ImageQuality(1)).GetSubsystemByName("cameras")

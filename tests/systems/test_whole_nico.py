@@ -93,6 +93,7 @@ def test_what_nobody_commands_stands_nearly_where_it_is_held():
     assert set(head.held) == {*ARM_JOINTS["right"], *ARM_JOINTS["left"]}
 
 
+@pytest.mark.slow
 def test_every_joint_has_play_and_what_weighs_on_it_sags_and_only_shoulders_are_loose():
     nico = whole()
     rng, q = np.random.default_rng(0), np.full(18, 0.3)

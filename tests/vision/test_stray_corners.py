@@ -40,7 +40,7 @@ def test_tilt_lens_and_noise_lead_no_corner_astray(rows, columns, seed):
 
 
 @pytest.mark.parametrize(("rows", "columns"), [(6, 9), (5, 7), (4, 6)])
-@pytest.mark.parametrize("off", [5.0, 8.0, 12.0])
+@pytest.mark.parametrize("off", slow_rest([5.0, 8.0, 12.0]))
 def test_a_corner_that_is_off_is_found_wherever_it_stands(rows, columns, off):
     rng = np.random.default_rng(1)
     for place in np.ndindex(rows, columns):

@@ -56,6 +56,7 @@ def folder(found, document, tmp_path_factory):
     return place
 
 
+@pytest.mark.slow
 def test_the_folder_holds_model_report_scene_numbers_and_urdf(found, document, folder):
     names = {path.name for path in folder.iterdir()}
     assert names == {
@@ -73,6 +74,7 @@ def test_the_folder_holds_model_report_scene_numbers_and_urdf(found, document, f
         write_with_report(folder, found.model, body_report(found, document))
 
 
+@pytest.mark.slow
 def test_the_report_shows_the_numbers_of_the_document_and_loads_nothing(document, folder):
     html = (folder / "report.html").read_text(encoding="utf-8")
     page = re.sub(r'srcdoc="[^"]*"', "", html)
@@ -104,6 +106,7 @@ def test_a_body_without_boards_says_so_and_has_no_board_table(scenario, monkeypa
     assert "holds the scale" in html
 
 
+@pytest.mark.slow
 def test_the_scene_shows_every_inlier_and_the_outlier(found):
     scene = body_scene(found)
     items = {item.path: item for item in scene.items}
@@ -115,6 +118,7 @@ def test_the_scene_shows_every_inlier_and_the_outlier(found):
     assert items["hand/known_to"].centers[:, 0] == pytest.approx(ahead)
 
 
+@pytest.mark.slow
 def test_the_map_has_one_scale_and_says_what_more_data_would_cure(found):
     accuracy = accuracy_at(found)
     figure = workspace_map(accuracy)

@@ -47,6 +47,7 @@ def test_what_else_is_known_is_kept_in_the_result(tmp_path, write, one_camera):
     assert set(load_model(folder).cameras) == {"right"}
 
 
+@pytest.mark.slow
 def test_an_existing_folder_is_kept_unless_forced_and_a_failure_leaves_nothing(
     tmp_path, write, one_camera
 ):

@@ -188,6 +188,7 @@ def test_backticks_in_reasons_become_code_and_names_stay_escaped(failed_html):
     assert "`roll" not in page.text
 
 
+@pytest.mark.slow
 @pytest.mark.usefixtures("undrawn")
 def test_circle_points_alone_are_reported_without_pretending(circles_alone):
     verdict = Verdict("NOT_EVALUATED", ("nothing was held out",))

@@ -113,6 +113,7 @@ def before_glass():
     return replace(MODEL, mirrors={"glass": mirror}), StandingGlass("glass", X_RM, 0.4, 0.3)
 
 
+@pytest.mark.slow
 def test_a_glass_stands_in_the_learned_plane_and_carries_picture_reflection_and_rays():
     model, glass = before_glass()
     view = StationView(ARM, model, glass=glass)

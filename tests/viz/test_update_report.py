@@ -93,6 +93,7 @@ def page_of(evaluation, document, health=None):
     return page
 
 
+@pytest.mark.slow
 def test_a_tools_page_says_what_moved_and_what_it_was_worth_on_held_out_poses(tool):
     evaluation, verdict, document = tool
     page = page_of(evaluation, document)
@@ -164,6 +165,7 @@ def test_the_plot_of_health_ends_its_statistic_at_the_alarm(relearned):
     assert course.get_ydata()[-1] > limit.get_ydata()[0] == health.threshold
 
 
+@pytest.mark.slow
 def test_a_healthy_body_has_a_plot_without_an_alarm(model):
     figure = health_plot(check_health(model, poses(20, session=9)))
     assert "20 poses fit" in figure.get_suptitle()
@@ -203,6 +205,7 @@ def test_measured_points_make_a_page_too(model):
     assert "in space [mm]" in page_of(evaluation, document)
 
 
+@pytest.mark.slow
 def test_the_folder_holds_model_numbers_report_scene_and_urdf(tool, tmp_path):
     evaluation, _, document = tool
     folder = tmp_path / "held"
