@@ -36,9 +36,7 @@ def test_a_file_gives_options_and_the_command_line_wins(recorded, tmp_path, comm
     assert failed.returncode == 1
     assert document["parameters"]["right_elbow.gear"]["value"] == 1.7
     assert any("0.001" in reason for reason in document["reasons"])
-    again = json.loads(
-        command(*words, "--require-test-mm", "1000", "--method", "circle-points").stdout
-    )
+    again = json.loads(command(*words, "--require-test-mm", "1000").stdout)
     assert not any("0.001" in reason for reason in again["reasons"])
 
 

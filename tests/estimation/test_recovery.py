@@ -9,6 +9,7 @@ from nico_selfmodel.errors import ModelError
 from nico_selfmodel.estimation.arm.kinematics import calibrate_kinematics
 from nico_selfmodel.estimation.initialization.nominal_arm import NominalArm
 from nico_selfmodel.estimation.judging import judge
+from nico_selfmodel.estimation.results.fixed_parameters import FixedParameters
 from nico_selfmodel.geometry.rotation import rotation_from_vector
 from nico_selfmodel.geometry.transform import transform
 
@@ -201,6 +202,13 @@ def test_the_same_data_and_seed_give_the_same_arm(make_truth, joined):
     other = calibrate_kinematics(train, seed=4).model
     q = truth.servos.to_encoder(truth.poses(30))
     assert other.predict(q).p_WH == pytest.approx(first.predict(q).p_WH, abs=0.05 * SIGMA)
+
+
+def test_circle_points_say_that_they_hold_nothing_fixed(make_truth):
+    truth = make_truth(2, 1)
+    pins = FixedParameters.from_text(["j1.gear=1"], ["j0.r"])
+    with pytest.raises(ValueError, match=r"fix nor free j0\.r, j1\.gear: take the method"):
+        calibrate_kinematics(truth.dataset(truth.poses(60)), method="circle-points", pins=pins)
 
 
 @pytest.mark.parametrize(

@@ -57,6 +57,7 @@ from nico_selfmodel.estimation.noise.pose_sums import refine_on_all
 from nico_selfmodel.estimation.results.fixed_parameters import FixedParameters
 from nico_selfmodel.model.arm.dh_table import DhTable
 from nico_selfmodel.model.self_model import SelfModel
+from nico_selfmodel.names import listed
 from nico_selfmodel.optimization.uncertainty import Uncertainty
 
 METHODS = ("refine", "circle-points")
@@ -167,17 +168,21 @@ def calibrate_kinematics(
     Raises:
         DataError: If the data cannot serve: no points, fewer equations than parameters.
         NotIdentifiableError: If `circle-points` meets a joint without a usable circle.
-        ValueError: If a name or a choice is unknown.
+        ValueError: If a name or a choice is unknown, or `circle-points` has pins.
     """
     if method not in METHODS:
         raise ValueError(f"no method {method!r}; there are {', '.join(METHODS)}")
     clock, pins = time.perf_counter(), pins or FixedParameters()
+    if method == "circle-points" and pins.names:
+        raise ValueError(
+            f"circle-points learns each joint by its own circle and can neither fix nor free "
+            f"{listed(sorted(pins.names))}: take the method refine"
+        )
     test = None if test is None else held_out_of(dataset, test)
     task = KinematicTask.prepare(dataset, nominal, pins, starts, seed)
     if method == "circle-points":
         arm = require_arm(task.circles or task.without_sweeps())
         parameters = task.parameters_of(arm)
-        pins.check(parameters)
         solved = ArmSolution.unrefined(task.observations, parameters)
         search, unseen, contradicted, ladder = None, np.zeros(0), (), Ladder((), solved)
     else:
