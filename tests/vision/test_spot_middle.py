@@ -1,4 +1,4 @@
-"""The middle of a spot: a disc fitted to a picture, on one colour, at edges, where it is cut."""
+"""The middle of a spot: an ellipse fitted to a picture, at edges of colours, where it is cut."""
 
 import numpy as np
 import pytest
@@ -19,20 +19,21 @@ def two_colors(edge):
     return np.tile(row, (SHAPE[0], 1, 1))
 
 
-def marked(picture, at, rng):
-    """Return a noisy picture with a disc of paint about a place."""
+def marked(picture, at, rng, slant=1.0):
+    """Return a noisy picture with a disc of paint about a place, narrowed along a diagonal."""
     v, u = np.mgrid[: SHAPE[0], : SHAPE[1]]
-    share = np.clip(RADIUS + 0.5 - np.hypot(u - at[0], v - at[1]), 0.0, 1.0)[:, :, None]
+    along, across = (u - at[0] + v - at[1]) / np.sqrt(2.0), (u - at[0] - v + at[1]) / np.sqrt(2.0)
+    share = np.clip(RADIUS + 0.5 - np.hypot(along, across / slant), 0.0, 1.0)[:, :, None]
     seen = (1.0 - share) * picture + share * PAINT + NOISE * rng.standard_normal(picture.shape)
     return np.clip(np.round(seen), 0, 255).astype(np.uint8)
 
 
-def fitted(at, rng, edge=0, judged=SHAPE[1], sigma=0.25):
+def fitted(at, rng, edge=0, judged=SHAPE[1], sigma=0.25, slant=1.0):
     """Return the spot and the middle that a look at a mark gives."""
     known = np.full(SHAPE, sigma)
     known[:, judged:] = np.nan
     expected = Expectation(two_colors(edge).astype(np.uint8), known, NOISE, 0.01)
-    picture = marked(two_colors(edge), at, rng)
+    picture = marked(two_colors(edge), at, rng, slant)
     own = surprise(picture, expected)
     spots = [blob for blob, strong in seen_places(own) if strong]
     assert len(spots) == 1
@@ -51,6 +52,15 @@ def test_the_middle_is_where_it_is_and_as_well_known_as_is_said(edge):
     assert np.sqrt(np.mean(np.square(off))) < 0.12
     assert np.max(sigmas) < 0.25
     assert np.mean(np.square(off) / (np.square(sigmas) + 0.08**2)[:, None]) < 1.5
+
+
+def test_a_disc_that_is_seen_at_a_slant_is_an_ellipse_with_the_same_middle():
+    rng, off = np.random.default_rng(5), []
+    for _ in range(20):
+        at = np.array([40.0, 30.0]) + rng.uniform(-0.5, 0.5, 2)
+        middle = fitted(at, rng, edge=41, slant=0.4)[1]
+        off.append([middle.u - at[0], middle.v - at[1]])
+    assert np.sqrt(np.mean(np.square(off))) < 0.2
 
 
 def test_an_edge_does_not_draw_the_middle_as_it_draws_the_surprise():

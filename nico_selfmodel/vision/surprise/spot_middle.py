@@ -1,13 +1,16 @@
-"""The middle of a spot: a disc of one colour is fitted to what a picture differs by.
+"""The middle of a spot: an ellipse of one colour is fitted to what a picture differs by.
 
 A pixel x of the picture I, expected to be M, is covered by paint p to the share
 
     a = s' C^-1 (I - M) / (s' C^-1 s),    s = p - M,    1 / (s' C^-1 s) = var a
 
-and a disc of radius r about c covers T(x) = (1 - tanh((|x - c| - r) / w)) / 2. Least squares of
-a - T by c and r, weighed by var a + `_SHAPE`^2, knows which pixels tell little: those where the
-paint is as what is under it, and edges. A mean of the pixels that surprise is off by a pixel at
-an edge.
+and an ellipse about c, the circle |M (x - c)| = 1 with M symmetric, covers
+
+    T(x) = (1 - tanh((|M (x - c)| - 1) r / w)) / 2,    r = det M^-1/2
+
+Least squares of a - T by c and M, weighed by var a + `_SHAPE`^2, knows which pixels tell little:
+those where the paint is as what is under it, and edges. A mean of the pixels that surprise is off
+by a pixel at an edge.
 """
 
 from collections.abc import Sequence
@@ -20,11 +23,11 @@ from nico_selfmodel.vision.surprise.blobs import Blob
 from nico_selfmodel.vision.surprise.surprise import Surprise, held_against
 
 _SOFT = 0.6
-"""w, how soft the edge of a disc looks [px]."""
+"""w, how soft the edge of a spot looks [px]."""
 _SHAPE = 0.1
-"""What a spot is no disc by, as a share of a pixel."""
-_RADIUS_SIGMA = 1.0
-"""How well its area tells a spot's radius [px]."""
+"""What a spot is no ellipse by, as a share of a pixel."""
+_ROUND = 0.4
+"""How far a spot is from the circle of its area, as a share of M."""
 _SMALLEST = 9
 """Area of the smallest spot that is fitted [px]."""
 _AROUND, _BEYOND = 6, 8
@@ -32,7 +35,9 @@ _AROUND, _BEYOND = 6, 8
 _STEPS, _LONGEST, _ARRIVED = 15, 0.7, 0.01
 """Of the fit: how many, the longest and that at which it ends [px]."""
 _UNSEEN = 0.5
-"""What a disc's middle is shifted by, of its radius, where nothing of it is judged."""
+"""What a middle is shifted by, of the radius, where nothing in and about a spot tells of paint."""
+_RING, _TOLD = 1.5, 0.1
+"""How far about the spot that is asked [px], and the largest var a at which a pixel tells."""
 
 
 @dataclass(frozen=True)
@@ -71,22 +76,19 @@ def middle_of(blob: Blob, picture: NDArray, parts: Sequence[Surprise]) -> Middle
             judges a pixel counts.
 
     Returns:
-        Middle of the fitted disc. Its sigma is that of the fit, and grows with the share of the
-        disc that no part judges. The blob's middle, known to its radius, where there is nothing to
-        fit.
+        Middle of the fitted ellipse. Its sigma is that of the fit, and grows with the share of the
+        spot and what is about it that tells nothing. The blob's middle, known to its radius, where
+        there is nothing to fit.
     """
     radius = float(np.sqrt(max(blob.area, _SMALLEST) / np.pi))
     pixels = _about(blob, radius, picture, parts)
     if pixels is None:
         return Middle(blob.u, blob.v, radius)
-    x, covariance, rest = _disc(pixels, np.array([blob.u, blob.v, radius]))
-    if np.hypot(x[0] - blob.u, x[1] - blob.v) > radius + _AROUND:
+    fit = _fitted(pixels, np.array([blob.u, blob.v, 1.0 / radius, 0.0, 1.0 / radius]))
+    if np.hypot(fit.x[0] - blob.u, fit.x[1] - blob.v) > radius + _AROUND:
         return Middle(blob.u, blob.v, radius)
-    judged = min(float(_covered(pixels, x)[1].sum()) / (np.pi * x[2] ** 2), 1.0)
-    own = 0.5 * np.trace(covariance[:2, :2]) * max(rest, 1.0)
-    return Middle(
-        float(x[0]), float(x[1]), float(np.hypot(np.sqrt(own), _UNSEEN * (1.0 - judged) * x[2]))
-    )
+    sigma = np.hypot(fit.sigma, _UNSEEN * (1.0 - _told(pixels, fit.x)) * fit.radius)
+    return Middle(float(fit.x[0]), float(fit.x[1]), float(sigma))
 
 
 def _about(
@@ -122,40 +124,78 @@ def _about(
     return _Pixels(*(np.concatenate(each) for each in zip(*found, strict=True)))
 
 
-def _covered(pixels: _Pixels, x: NDArray) -> tuple[NDArray, NDArray, NDArray]:
-    """Return distances from a disc's middle, how far it covers pixels, and the slope of that."""
-    apart = np.linalg.norm(pixels.at - x[:2], axis=1)
-    edge = np.tanh((apart - x[2]) / _SOFT)
-    return apart, 0.5 * (1.0 - edge), 0.5 * (1.0 - edge**2) / _SOFT
+@dataclass(frozen=True, eq=False)
+class _Fit:
+    """An ellipse: c, and M by its upper triangle."""
+
+    x: NDArray
+    """c and M. Shape (5,)."""
+    sigma: float
+    """Of c, each coordinate [px]."""
+
+    @property
+    def radius(self) -> float:
+        """Of the circle of its area [px]."""
+        return _radius(self.x)
 
 
-def _disc(pixels: _Pixels, start: NDArray) -> tuple[NDArray, NDArray, float]:
-    """Fit middle and radius; return them, their covariance, and the mean square of what is left."""
-    x, H, rest = start, np.eye(3), 1.0
+def _radius(x: NDArray) -> float:
+    return float((x[2] * x[4] - x[3] ** 2) ** -0.5)
+
+
+def _covered(pixels: _Pixels, x: NDArray) -> tuple[NDArray, NDArray]:
+    """Return how far an ellipse covers pixels, shape (n,), and the slopes of that, shape (n, 5)."""
+    M, y = np.array([[x[2], x[3]], [x[3], x[4]]]), pixels.at - x[:2]
+    z = y @ M
+    apart = np.linalg.norm(z, axis=1) + 1e-9
+    scale = _radius(x) / _SOFT
+    edge = np.tanh((apart - 1.0) * scale)
+    slope = 0.5 * (1.0 - edge**2) * scale / apart
+    by_M = [z[:, 0] * y[:, 0], z[:, 0] * y[:, 1] + z[:, 1] * y[:, 0], z[:, 1] * y[:, 1]]
+    slopes = slope[:, None] * np.column_stack([z @ M, *(-one for one in by_M)])
+    return 0.5 * (1.0 - edge), slopes
+
+
+def _fitted(pixels: _Pixels, start: NDArray) -> _Fit:
+    """Fit an ellipse from a circle."""
+    x, sigma = start, np.inf
+    prior = np.array([1e-3, 1e-3, *3 * [(_ROUND * start[2]) ** -2]])
     for _ in range(_STEPS):
-        apart, covered, slope = _covered(pixels, x)
-        share, weight = _shares(pixels, apart, covered)
-        off = share - covered
-        J = np.column_stack([slope[:, None] * (pixels.at - x[:2]) / (apart[:, None] + 1e-9), slope])
-        H = (J * weight[:, None]).T @ J + np.diag([1e-3, 1e-3, _RADIUS_SIGMA**-2])
-        g = (J * weight[:, None]).T @ off
-        g[2] += (start[2] - x[2]) / _RADIUS_SIGMA**2
-        step = np.linalg.solve(H, g)
-        size = float(np.abs(step).max())
-        x = x + step * min(1.0, _LONGEST / max(size, 1e-12))
-        x[2] = max(x[2], 1.0)
-        rest = float(weight @ off**2) / max(len(off) - 3, 1)
+        covered, J = _covered(pixels, x)
+        share, variance = _shares(pixels, covered)
+        off, weight = share - covered, 1.0 / (variance + _SHAPE**2)
+        H = (J * weight[:, None]).T @ J + np.diag(prior)
+        step = np.linalg.solve(H, (J * weight[:, None]).T @ off + prior * [0, 0, *(start - x)[2:]])
+        rest = float(weight @ off**2) / max(len(off) - len(x), 1)
+        sigma = float(np.sqrt(0.5 * np.trace(np.linalg.inv(H)[:2, :2]) * max(rest, 1.0)))
+        size = float(max(np.abs(step[:2]).max(), np.abs(step[2:]).max() / start[2] * 2.0))
+        x = _within(x + step * min(1.0, _LONGEST / max(size, 1e-12)), start)
         if size < _ARRIVED:
             break
-    return x, np.linalg.inv(H), rest
+    return _Fit(x, sigma)
 
 
-def _shares(pixels: _Pixels, apart: NDArray, covered: NDArray) -> tuple[NDArray, NDArray]:
-    """Return which shares of pixels are covered by the paint of a disc, and their weights."""
-    inner = np.maximum(covered - 0.5, 0.0) + 1e-6 * np.exp(-apart)
+def _within(x: NDArray, start: NDArray) -> NDArray:
+    """Return an ellipse whose half axes are from a third of the start's to three times that."""
+    values, axes = np.linalg.eigh(np.array([[x[2], x[3]], [x[3], x[4]]]))
+    M = (axes * np.clip(values, start[2] / 3.0, 3.0 * start[2])) @ axes.T
+    return np.array([x[0], x[1], M[0, 0], M[0, 1], M[1, 1]])
+
+
+def _told(pixels: _Pixels, x: NDArray) -> float:
+    """Return the share of an ellipse and what is about it in which a pixel tells of its paint."""
+    radius = _radius(x)
+    wider = np.array([*x[:2], *(x[2:] * radius / (radius + _RING))])
+    _, variance = _shares(pixels, _covered(pixels, x)[0])
+    inside = _covered(pixels, wider)[0] > 0.5
+    return min(float(np.sum(inside & (variance < _TOLD))) / (np.pi * (radius + _RING) ** 2), 1.0)
+
+
+def _shares(pixels: _Pixels, covered: NDArray) -> tuple[NDArray, NDArray]:
+    """Return which shares of pixels are covered by the paint of a spot, and their variances."""
+    inner = np.maximum(covered - 0.5, 0.0) + 1e-6 * covered + 1e-12
     paint = inner @ pixels.seen / inner.sum()
     step = paint - pixels.under
     by = np.einsum("nij,nj->ni", pixels.inverse, step)
     told = np.maximum(np.sum(by * step, axis=1), 1e-9)
-    share = np.sum(by * (pixels.seen - pixels.under), axis=1) / told
-    return share, 1.0 / (1.0 / told + _SHAPE**2)
+    return np.sum(by * (pixels.seen - pixels.under), axis=1) / told, 1.0 / told
