@@ -30,7 +30,7 @@ _POSES = 12
 """In which the robot sees its hand in each mirror to learn where that stands."""
 _CHOICES = 2000
 """From which those next to poses in which the arm was learned are taken."""
-_UNMARKED = 2
+_UNMARKED = 3
 """Poses before each mirror in which it learns how far its unmarked body is from expected."""
 _DAY = 6
 

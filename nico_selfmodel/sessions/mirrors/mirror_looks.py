@@ -20,6 +20,7 @@ from nico_selfmodel.systems.stations.station_body import StationBody
 from nico_selfmodel.vision.images.image_array import bgr_of_rgba
 from nico_selfmodel.vision.images.motion_mask import picture_noise
 from nico_selfmodel.vision.surprise.blobs import Blob, surprising_places
+from nico_selfmodel.vision.surprise.seen_places import WEAK
 from nico_selfmodel.vision.surprise.surprise import (
     Expectation,
     Surprise,
@@ -255,8 +256,9 @@ class MirrorLooks:
     def unknown_of(self, commands: Sequence[NDArray]) -> Unknown:
         """Learn from the unmarked body how far each of its links looks otherwise than expected.
 
-        Of several sigmas of its place those count that leave nothing surprising of the link in
-        these looks, and of them the likeliest (`log_likelihood`); the largest if there is none.
+        Of several sigmas of its place those count that leave nothing of the link even weakly
+        surprising in these looks, for what is wrong there is wrong in every look, and noise adds to
+        it; of them the likeliest (`log_likelihood`); the largest if there is none.
 
         Args:
             commands: Where to go [encoder units]. Shape (n,) each.
@@ -278,7 +280,7 @@ class MirrorLooks:
                     own = seen.labels[np.isfinite(each)]
                     likely[k] += np.bincount(own, each[np.isfinite(each)], size)
                     counts[k] += np.bincount(own, minlength=size)
-                    for blob in surprising_places(surprise(picture, expected)):
+                    for blob in surprising_places(surprise(picture, expected), WEAK):
                         surprising[k, seen.labels[round(blob.v), round(blob.u)]] = True
         mean = likely / np.maximum(counts, 1.0)
         calm = np.where(surprising, -np.inf, mean)
