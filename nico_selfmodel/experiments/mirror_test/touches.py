@@ -105,9 +105,15 @@ class TouchJudge:
         mechanics = self._truth.instance.arm
         return np.stack([mechanics.lower, mechanics.upper])
 
-    def way_exists(self, mark: Mark, n_F: NDArray, rng: np.random.Generator) -> bool:
-        """Return whether an arm and a body that are known exactly have a way to a place."""
-        return isinstance(self._planner.at_place(mark.link, mark.p_FM, n_F, rng), Touch)
+    def way_exists(
+        self, mark: Mark, n_F: NDArray, plan: Touch | OutOfReach, rng: np.random.Generator
+    ) -> bool:
+        """Return whether an arm and a body that are known exactly have a way to a place.
+
+        It is looked for from where the robot's own way ends, too.
+        """
+        near = plan.readings[-1] if isinstance(plan, Touch) else None
+        return isinstance(self._planner.at_place(mark.link, mark.p_FM, n_F, rng, near=near), Touch)
 
     def go(self, plan: Touch, mark: Mark, n_F: NDArray, rng: np.random.Generator) -> Executed:
         """Go a way as the true arm goes it, joints loose as they are.
@@ -246,6 +252,6 @@ def _touched(
     n_F = planner.posed.surfaces[link].normals(p_FM[None])[0]
     plan = planner.at_place(link, p_FM, n_F, rng)
     mark, normal = true
-    exists = judge.way_exists(mark, normal, rng)
+    exists = judge.way_exists(mark, normal, plan, rng)
     done = judge.go(plan, mark, normal, rng) if isinstance(plan, Touch) else None
     return TouchTrial(seed, mark.link, 0.5 * mark.diameter, exists, plan, done)

@@ -1,6 +1,6 @@
 """How an arm brings its finger to a place of its own body, or why it cannot."""
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -163,7 +163,13 @@ class TouchPlanner:
         return self._reach
 
     def at_place(
-        self, link: str, p_FM: ArrayLike, n_F: ArrayLike, rng: np.random.Generator
+        self,
+        link: str,
+        p_FM: ArrayLike,
+        n_F: ArrayLike,
+        rng: np.random.Generator,
+        *,
+        near: ArrayLike | None = None,
     ) -> Touch | OutOfReach:
         """Plan a way to a place of a link.
 
@@ -172,6 +178,7 @@ class TouchPlanner:
             p_FM: The place in the link's frame [m]. Shape (3,).
             n_F: Outward normal of the link there. Shape (3,).
             rng: Source of starts.
+            near: Readings at which to start first, if some are known [encoder units]. Shape (n,).
 
         Raises:
             ModelError: If there is no such link, or the arm carries it.
@@ -187,12 +194,18 @@ class TouchPlanner:
         n = X_WF[:3, :3] @ frozen_array(n_F, (3,), "n_F")
         if not np.linalg.norm(n) > 0.0:
             raise ValueError("n_F must have a length, got zeros")
-        return self._way(_Place(apply(X_WF, p[None])[0], n / np.linalg.norm(n)), rng)
+        first = []
+        if near is not None:
+            readings = frozen_array(near, self._reach[:1].shape[1:], "near")
+            first = [np.clip(self.model.servos.to_joint(readings[None])[0], *self._reach)]
+        return self._way(_Place(apply(X_WF, p[None])[0], n / np.linalg.norm(n)), first, rng)
 
-    def _way(self, place: _Place, rng: np.random.Generator) -> Touch | OutOfReach:
+    def _way(
+        self, place: _Place, first: Sequence[NDArray], rng: np.random.Generator
+    ) -> Touch | OutOfReach:
         """Try starts until one leads all the way; else say what the best of them lacked."""
         middle = self._reach.mean(axis=0)
-        starts = [middle, *rng.uniform(*self._reach, (_STARTS - 1, len(middle)))]
+        starts = [*first, middle, *rng.uniform(*self._reach, (_STARTS - 1, len(middle)))]
         best: _Lacking | None = None
         for tried, start in enumerate(starts):
             found = self._from(start, place)

@@ -147,6 +147,23 @@ def test_one_seed_is_one_way_and_nothing_of_it_can_be_written(planner):
         first.q[0, 0] = 0.0
 
 
+def test_a_known_posture_is_where_the_way_is_looked_for_first(planner, monkeypatch):
+    known = planned(planner)
+    starts = []
+    tried = TouchPlanner._from
+
+    def from_(self, start, place):
+        starts.append(start)
+        return tried(self, start, place)
+
+    monkeypatch.setattr(TouchPlanner, "_from", from_)
+    again = planner.at_place("head", *FRONT, np.random.default_rng(9), near=known.readings[-1])
+    np.testing.assert_allclose(starts[0], known.q[-1], atol=1e-6)
+    np.testing.assert_allclose(again.p_WT[-1], known.p_WT[-1], atol=2e-4)
+    with pytest.raises(ValueError, match="near must have shape"):
+        planner.at_place("head", *FRONT, np.random.default_rng(9), near=[0.0, 1.0])
+
+
 def test_places_move_with_a_body_that_stands_elsewhere(nico, planner):
     arm, model, held = nico
     X_WB = np.eye(4)
