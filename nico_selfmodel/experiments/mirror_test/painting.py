@@ -110,7 +110,10 @@ class Painter:
                 mark = Mark(GLASS, p_MQ, DIAMETER, recolored(color, STEP, rng))
             else:
                 mark = Mark(link, p_FQ, DIAMETER, recolored(color, STEP, rng))
-            self._station.paint(self._context, mark)
+            try:
+                self._station.paint(self._context, mark)
+            except RobotError:
+                continue  # in a crease between two shapes no disc lies on the surface
             if kind != SHAM_PAINT and self._shown(before) < self._noise:
                 self._station.wipe(self._context)
                 continue
