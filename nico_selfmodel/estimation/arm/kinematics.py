@@ -170,14 +170,8 @@ def calibrate_kinematics(
         NotIdentifiableError: If `circle-points` meets a joint without a usable circle.
         ValueError: If a name or a choice is unknown, or `circle-points` has pins.
     """
-    if method not in METHODS:
-        raise ValueError(f"no method {method!r}; there are {', '.join(METHODS)}")
     clock, pins = time.perf_counter(), pins or FixedParameters()
-    if method == "circle-points" and pins.names:
-        raise ValueError(
-            f"circle-points learns each joint by its own circle and can neither fix nor free "
-            f"{listed(sorted(pins.names))}: take the method refine"
-        )
+    _check_method(method, pins)
     test = None if test is None else held_out_of(dataset, test)
     task = KinematicTask.prepare(dataset, nominal, pins, starts, seed)
     if method == "circle-points":
@@ -232,6 +226,17 @@ def calibrate_kinematics(
         solved.history,
         time.perf_counter() - clock,
     )
+
+
+def _check_method(method: str, pins: FixedParameters) -> None:
+    """Refuse a method that there is not, or that cannot hold what shall be held."""
+    if method not in METHODS:
+        raise ValueError(f"no method {method!r}; there are {', '.join(METHODS)}")
+    if method == "circle-points" and pins.names:
+        raise ValueError(
+            f"circle-points learns each joint by its own circle and can neither fix nor free "
+            f"{listed(sorted(pins.names))}: take the method refine"
+        )
 
 
 def _refined(

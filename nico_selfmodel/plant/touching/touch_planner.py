@@ -30,7 +30,7 @@ _NEAREST = 1e-3
 """Nearer than this the nearest is there, but for what a solver leaves [m]."""
 _JUMP = 0.5
 """A joint that turns farther than this from one of these places to the next is on no way [rad]."""
-_STARTS, _SURE = 12, 4
+_STARTS, _SURE = 32, 8
 """Postures to start from, and how many of them must end far away to be sure of it."""
 _FAR = 0.02
 """What ends farther away than this is far away [m]."""

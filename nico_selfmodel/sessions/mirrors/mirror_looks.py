@@ -45,6 +45,11 @@ _POINTS = (2.5e-4, 5e-4, 1e-3, 2e-3, POINT_SIGMA)
 """What places of a link may turn out not to be known by [m]."""
 
 
+_WHOLE = 0.5
+"""Of what a link's places are likeliest not known by, what is the place of the whole link: the rest
+is another in each edge; set on robots 980 and 1010."""
+
+
 @dataclass(frozen=True, eq=False)
 class Unknown:
     """What a body may look otherwise by than expected: standard deviations."""
@@ -64,8 +69,8 @@ class Unknown:
             object.__setattr__(self, name, MappingProxyType(dict(getattr(self, name))))
 
     def place_sigma(self, link: str) -> float:
-        """Return what the place of a link is likeliest not known by, each coordinate [m]."""
-        return self.likely.get(link, self.points.get(link, self.other))
+        """Return what the place of a whole link is not known by, each coordinate [m]."""
+        return _WHOLE * self.likely.get(link, self.points.get(link, self.other))
 
 
 @dataclass(frozen=True, eq=False)
