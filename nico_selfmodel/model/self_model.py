@@ -251,8 +251,11 @@ class SelfModel:
         """
         if self.bending is None:
             return self.chain.forward(q, marker)
-        q = np.asarray(q)
-        return self.posture(q, approach).points(self.dh.p_NH[np.broadcast_to(marker, q.shape[:-1])])
+        rows = np.atleast_2d(np.asarray(q))
+        side = None if approach is None else np.atleast_2d(approach)
+        own = self.dh.p_NH[np.broadcast_to(np.asarray(marker), (len(rows),))]
+        p = self.posture(rows, side).points(own)
+        return p[0] if np.ndim(q) == 1 else p
 
     @property
     def joints(self) -> tuple[str, ...]:

@@ -9,8 +9,10 @@ from pydrake.symbolic import Expression, MakeVectorVariable
 from pydrake.systems.framework import DiagramBuilder
 
 from nico_selfmodel.errors import ModelError
+from nico_selfmodel.model.arm.bending import PARTS, Bending
 from nico_selfmodel.model.arm.dh_table import DhTable
 from nico_selfmodel.model.arm.servo_map import ServoMap
+from nico_selfmodel.model.arm.uniform_rods import uniform_rods
 from nico_selfmodel.model.cameras.camera import Camera
 from nico_selfmodel.model.self_model import ParameterCovariance, SelfModel
 from nico_selfmodel.plant import ArmDescription
@@ -58,6 +60,32 @@ def test_the_ports_agree_with_the_self_model():
     assert output(predictor, "pixels_predicted")[0] == pytest.approx(320.0)
 
 
+def bent(known):
+    """Return the same arm, which bends by its own weight and whose gears ripple."""
+    table = known.dh
+    rigid = Bending.none(table.joints, [0.0, 0.6, 0.8], *uniform_rods(table))
+    some = rigid.with_effects(*PARTS)
+    values = 1e-2 * np.random.default_rng(3).standard_normal(len(some.values))
+    return replace(known, bending=some.with_values(some.values + values))
+
+
+def test_the_ports_of_an_arm_that_bends_agree_with_its_self_model():
+    known = bent(model())
+    predictor, prediction = SelfModelPredictor(known), known.predict(Q)
+    assert np.linalg.norm(prediction.p_WH - model().predict(Q).p_WH) > 1e-3
+    assert output(predictor, "p_WH_predicted") == pytest.approx(prediction.p_WH[0])
+    pixels = known.rig.project(prediction.p_WH)[0]
+    assert output(predictor, "pixels_predicted") == pytest.approx(pixels)
+
+
+def test_one_posture_of_an_arm_that_bends_is_that_of_many():
+    known = bent(model())
+    many = known.points(np.stack([Q, 0.5 * Q]), [0, 0])
+    for marker in (0, [0]):
+        np.testing.assert_allclose(known.points(Q, marker), many[0])
+    np.testing.assert_allclose(known.points(0.5 * Q), many[1])
+
+
 def test_a_hand_behind_the_cameras_has_no_pixels():
     assert np.isfinite(output(SelfModelPredictor(model()), "pixels_predicted")).all()
     assert np.isnan(output(SelfModelPredictor(model(below=-0.1)), "pixels_predicted")).all()
@@ -86,9 +114,10 @@ def geared():
     return replace(model(), servo_map=servos, covariance=known)
 
 
+@pytest.mark.parametrize("bends", [False, True])
 @pytest.mark.parametrize("port", PORTS)
-def test_derivatives_of_the_converted_predictor_are_central_differences(port):
-    known = geared()
+def test_derivatives_of_the_converted_predictor_are_central_differences(port, bends):
+    known = bent(geared()) if bends else geared()
     readings, h = known.servos.to_encoder(Q), 1e-3
     predictor = SelfModelPredictor(known)
     seen = output(predictor.ToAutoDiffXd(), port, InitializeAutoDiff(readings).ravel())
@@ -102,9 +131,10 @@ def test_derivatives_of_the_converted_predictor_are_central_differences(port):
     np.testing.assert_allclose(ExtractGradient(seen), expected, rtol=1e-6, atol=1e-9)
 
 
+@pytest.mark.parametrize("bends", [False, pytest.param(True, marks=pytest.mark.slow)])
 @pytest.mark.parametrize("port", PORTS)
-def test_expressions_of_the_converted_predictor_have_its_values(port):
-    known = geared()
+def test_expressions_of_the_converted_predictor_have_its_values(port, bends):
+    known = bent(geared()) if bends else geared()
     readings = known.servos.to_encoder(Q)
     variables = MakeVectorVariable(len(readings), "e")
     symbols = np.array([Expression(variable) for variable in variables])

@@ -97,7 +97,7 @@ def _by_loads(bending: Bending, at: Bent) -> NDArray:
     for axis, by in ((2, by_turn), (0, x), (1, y)):
         a = np.moveaxis(at.before[..., axis], -1, 0)
         pull = np.moveaxis(cross(-bending.up.reshape(3, 1, 1), a), 0, -1)
-        pulls += by[..., None] * pull
+        pulls = pulls + by[..., None] * pull
     if at.carries is None:
         felt = np.cumsum(pulls, axis=1)
     else:
