@@ -216,8 +216,7 @@ def hand_sigma(recorded: NDArray, targets: NDArray) -> float:
         the recorded poses do not determine the parameters.
     """
     H = np.einsum("nki,nkj->ij", recorded, recorded)
-    values = np.linalg.eigvalsh(H)
-    if values[0] < _SINGULAR * values[-1]:
+    if _is_singular(H):
         return np.inf
     G = np.einsum("nki,nkj->ij", targets, targets) / len(targets)
     return float(np.sqrt(np.trace(G @ np.linalg.inv(H))))
@@ -268,12 +267,21 @@ def _exchange(J: NDArray, rows: list[int], H: NDArray, G: NDArray, criterion: st
     return changed
 
 
+def _is_singular(H: NDArray) -> bool:
+    """Whether nothing tells some direction, however well others are known beforehand."""
+    size = np.sqrt(np.diag(H))
+    if not np.all(size > 0.0):
+        return True
+    values = np.linalg.eigvalsh(H / np.outer(size, size))
+    return bool(values[0] < _SINGULAR * values[-1])
+
+
 def _choice(
     J: NDArray, rows: list[int], given: NDArray, G: NDArray, criterion: str, exchanges: int
 ) -> PoseChoice:
     H = given + np.einsum("nki,nkj->ij", J[rows], J[rows])
     values = np.linalg.eigvalsh(H)
-    if values[0] < _SINGULAR * values[-1]:
+    if _is_singular(H):
         raise NotIdentifiableError(
             f"{len(rows)} poses do not determine the {len(H)} parameters: choose at least "
             f"{-(-len(H) // J.shape[1])}, from a pool in which every joint moves"

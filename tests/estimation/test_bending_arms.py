@@ -15,6 +15,7 @@ from nico_selfmodel.estimation.bending.steps import STEPS
 from nico_selfmodel.estimation.judging import judge, result_of, to_json
 from nico_selfmodel.estimation.monitoring.health import check_health
 from nico_selfmodel.geometry.rotation import rotation_about
+from nico_selfmodel.model.arm.uniform_rods import load_sigmas
 from nico_selfmodel.planning.next_poses import choose_next_poses
 
 from ..slow_rest import slow_rest
@@ -79,9 +80,31 @@ def test_a_body_that_bends_doubts_what_did_not_stay(monkeypatch):
     """Without the doubt effects fall to zero, and unseen poses are told too surely."""
     _, train, test, true = arm_and_data(1, 60, bearing=1.0)
     doubts = calibrate_kinematics(train, explain=False).model
-    monkeypatch.setattr(climber.Climber, "accompany", lambda self, effects: None)
+    monkeypatch.setattr(climber.Climber, "accompany", lambda self, *asked: None)
     is_sure = calibrate_kinematics(train, explain=False).model
     assert nees(is_sure, test, true) > 1.2 * nees(doubts, test, true)
+
+
+def test_loads_are_held_as_their_geometry_says():
+    fit = sagged(1).ladder.fit
+    said = load_sigmas(fit.parameters.table)
+    held = [fit.priors[f"{joint}.load_{axis}"][1] for joint in fit.parameters.table.joints
+            for axis in "xyz"]  # fmt: skip
+    assert held == pytest.approx(said.ravel(), rel=0.02)
+    assert said.max() > 3.0 * said.min()
+
+
+@pytest.mark.slow
+def test_what_the_data_speak_against_is_doubted_less(monkeypatch):
+    """Doubted as much as what may well be there, it costs unseen poses more than it is worth."""
+    asks = climber.Climber.accompany
+    monkeypatch.setattr(climber.Climber, "accompany", lambda self, e, _: asks(self, e, ()))
+    _, train, _, _ = arm_and_data(1, 40)
+    alike = calibrate_kinematics(train, explain=False).ladder.fit
+    weighed = sagged(1).ladder.fit
+    for effect in {"ripple", "coupling"} & set(alike.groups) & set(weighed.groups):
+        assert weighed.variance[effect] < 0.5 * alike.variance[effect]
+    assert {"ripple", "coupling"} & set(alike.groups) & set(weighed.groups)
 
 
 @pytest.mark.slow

@@ -27,7 +27,13 @@ def drawn(rng, sigma, spread):
 
 
 def fit_of(v, known=frozenset()):
-    return SimpleNamespace(groups={"sag": NAMES}, variance={"sag": v}, means={}, known=known)
+    return SimpleNamespace(
+        groups={"sag": NAMES},
+        variance={"sag": v},
+        variances=dict.fromkeys(NAMES, v),
+        means={},
+        known=known,
+    )
 
 
 @pytest.mark.slow
@@ -62,7 +68,7 @@ def test_few_equations_say_that_the_noise_is_uncertain_too():
 def test_units_make_no_difference():
     _, found, fit, known = drawn(np.random.default_rng(3), 1.0, 2.0)
     one = with_uncertain_variances(known, dict(zip(NAMES, found, strict=True)), fit)
-    fit.variance = {"sag": 1e6 * fit.variance["sag"]}
+    fit = fit_of(1e6 * fit.variance["sag"])
     large = replace(known, covariance=1e6 * known.covariance, sigma=1e3 * known.sigma)
     two = with_uncertain_variances(large, dict(zip(NAMES, 1e3 * found, strict=True)), fit)
     assert two.covariance == pytest.approx(1e6 * one.covariance)

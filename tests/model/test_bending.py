@@ -7,7 +7,7 @@ from nico_selfmodel.model.arm.bending import BEARING, LOADS, PARTS, SAG, Bending
 from nico_selfmodel.model.arm.dh_parameters import DhParameters
 from nico_selfmodel.model.arm.dh_table import DhTable
 from nico_selfmodel.model.arm.loaded_posture import loaded
-from nico_selfmodel.model.arm.uniform_rods import uniform_rods
+from nico_selfmodel.model.arm.uniform_rods import load_sigmas, uniform_rods
 
 UP = np.array([0.0, 0.6, 0.8])
 KINDS = ["generic", "intersecting", "parallel", "generic"]
@@ -71,6 +71,30 @@ def height(table, posture):
     """Height of the weight, by the loads themselves: sum of up . R_j l_j."""
     loads, _ = uniform_rods(table)
     return np.einsum("jnab,jb,a->n", posture.frames[1:, :, :3, :3], loads, UP)
+
+
+def test_loads_scatter_as_those_of_links_that_are_no_rods(table):
+    """Drawn by their own masses, each twice or half as heavy as it may be, with its centre of mass
+    anywhere along the rod and somewhat beside it."""
+    rng, n = np.random.default_rng(3), len(table.joints)
+    _, pivots = uniform_rods(table)
+    zero = table.frames(np.zeros(n))
+    feet = zero[:-1, :3, 3] + pivots[:, None] * zero[:-1, :3, 2]
+    tip = zero[-1, :3, :3] @ table.p_NH.mean(axis=0) + zero[-1, :3, 3]
+    rod = np.diff(np.vstack([feet, tip]), axis=0)
+    length = np.linalg.norm(rod, axis=1)
+    likely = 0.5 * (length / length.sum() + 1.0 / n)
+    drawn = []
+    for _ in range(4000):
+        mass = likely * (1.0 + np.log(2.0) * rng.normal(size=n))
+        centre = rng.uniform(size=(n, 1)) * rod + 0.2 * length.mean() * rng.normal(size=(n, 3))
+        beyond = mass[::-1].cumsum()[::-1] - mass
+        moment = mass[:, None] * centre + beyond[:, None] * rod
+        drawn.append(np.einsum("jba,jb->ja", zero[1:, :3, :3], moment))
+    found = load_sigmas(table)
+    # What a weight and a place do together, about a quarter of some, is left out.
+    assert found == pytest.approx(np.std(drawn, axis=0), rel=0.25)
+    assert found.max() > 3.0 * found.min()
 
 
 def test_an_arm_without_bends_is_the_rigid_arm(table):

@@ -168,6 +168,10 @@ class Bendable(Protocol):
         """Return loads and pivots of uniform rods."""
         ...
 
+    def load_sigmas(self) -> NDArray:
+        """Return how far each load may be from that, as standard deviations. Shape (n, 3)."""
+        ...
+
     def names_of(self, bending: Bending, effect: str) -> tuple[str, ...]:
         """Return an effect's numbers that this body may have."""
         ...

@@ -24,7 +24,7 @@ from nico_selfmodel.estimation.observations.observations import Observations, ge
 from nico_selfmodel.model.arm.bending import Bending
 from nico_selfmodel.model.arm.dh_parameters import DhParameters
 from nico_selfmodel.model.arm.loaded_posture import LoadedPosture, loaded
-from nico_selfmodel.model.arm.uniform_rods import uniform_rods
+from nico_selfmodel.model.arm.uniform_rods import load_sigmas, uniform_rods
 
 SURE = (8.0, 40.0)
 """Robust standard deviations of a rigid body beyond which its outliers are left out: both are tried
@@ -114,6 +114,10 @@ class BendingArm:
     def rods(self) -> tuple[NDArray, NDArray]:
         """Return loads and pivots of uniform rods."""
         return uniform_rods(self.posture.table)
+
+    def load_sigmas(self) -> NDArray:
+        """Return how far loads may be from those of rods."""
+        return load_sigmas(self.posture.table)
 
     def names_of(self, bending: Bending, effect: str) -> tuple[str, ...]:
         """Return an effect's numbers: an arm may have all."""

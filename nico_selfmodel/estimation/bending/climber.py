@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from nico_selfmodel.estimation.bending.asked_poses import mean_by_pose
 from nico_selfmodel.estimation.bending.bendable import GEAR, Bendable
-from nico_selfmodel.estimation.bending.effect_fit import DOUBT, EffectFit, fit_effects
+from nico_selfmodel.estimation.bending.effect_fit import DOUBT, Beforehand, EffectFit, fit_effects
 from nico_selfmodel.estimation.bending.implausible import NO_GEAR, gear_fault, implausible, lifts
 from nico_selfmodel.estimation.bending.steps import STEPS, Step
 from nico_selfmodel.model.arm.bending import (
@@ -33,11 +33,9 @@ _WORTH = 10.0
 _GAIN = 0.01
 """Mean logarithm of the errors' ratio that unseen poses must gain."""
 _GEARS_DO = "gears that are a little off explain it better"
-_LOADS = 0.2
-"""Standard deviation of a load's coordinate about that of uniform rods, as a part of their rms:
-motors and shells are no rods."""
 _PIVOTS = 1.0
-"""The same of the places of bearings on their axes: they may be anywhere on their link."""
+"""Standard deviation of a bearing's place on its axis, as a part of the rms of loads: it may be
+anywhere on its link."""
 
 
 class Climber:
@@ -49,13 +47,18 @@ class Climber:
         self.kept: tuple[str, ...] = ()
         self.besides: tuple[str, ...] = ()
         self.doubt = 0.0
+        self.probable: dict[str, float] = {}
         self.gears = body.known_gears
         loads, pivots = body.rods()
         self.still = Bending.none(body.joints, self.ups[0][0], loads, pivots)
         weighty = self.still.with_effects(LOADS, PIVOTS)
         self.rods = dict(zip(weighty.names, weighty.values.tolist(), strict=True))
         rms = float(np.sqrt(np.mean(np.sum(loads**2, axis=1))))
-        self.known = {LOADS: (_LOADS * rms) ** 2, PIVOTS: (_PIVOTS * rms) ** 2}
+        squares = body.load_sigmas() ** 2
+        size = float(squares.mean())
+        shares = (squares / max(size, np.finfo(float).tiny)).ravel().tolist()
+        self.shares = dict(zip(self.still.names_of(LOADS), shares, strict=True))
+        self.known = {LOADS: size, PIVOTS: (_PIVOTS * rms) ** 2}
         self.parameters, self.noise = body.posture, body.noise
         self.first: EffectFit | None = None
         self.fit: EffectFit | None = None
@@ -156,15 +159,15 @@ class Climber:
         groups = {e: body.names_of(bending, e) if e in PARTS else self.gears for e in effects}
         means = dict.fromkeys(self.gears, 1.0) | self.rods
         begin = {} if self.fit is None else self.fit.variance
-        return fit_effects(body, parameters, groups, means, known, begin, self.noise, self.doubt)
+        beforehand = Beforehand(means, known, self.shares, self.doubt, self.probable)
+        return fit_effects(body, parameters, groups, beforehand, begin, self.noise)
 
     def _again(self, fit: EffectFit) -> EffectFit:
         """Return the same fit about where it ended: one step of a large effect is not enough."""
         parameters = fit.parameters.with_values(fit.values)
         known = {effect: v for effect, v in self.known.items() if effect in fit.groups}
-        return fit_effects(
-            self.body, parameters, fit.groups, fit.means, known, fit.variance, fit.noise
-        )
+        beforehand = Beforehand(fit.means, known, self.shares)
+        return fit_effects(self.body, parameters, fit.groups, beforehand, fit.variance, fit.noise)
 
     def _judged(self, effect: str, before: EffectFit, after: EffectFit) -> Step:
         gains = self._gains(before, after)
@@ -197,20 +200,24 @@ class Climber:
         self.fit = fit  # where the next search for its variances begins
         self.fit = self._fitted((*self.kept, *self.besides), self.still)
 
-    def accompany(self, effects: Sequence[str]) -> None:
+    def accompany(self, effects: Sequence[str], steps: Sequence[Step]) -> None:
         """Let what is too little to stay by itself be uncertain, in a body that bends at all.
 
         Held near zero by its evidence, it costs unseen poses nothing; without it joint noise takes
-        its place, and what is told of unseen poses is too sure.
+        its place, and what is told of unseen poses is too sure. The odds that it is there are its
+        evidence, exp(worth / 2).
 
         Args:
             effects: What was asked for.
+            steps: What became of them.
         """
         if self.fit is None:
             return
         rest = [e for e in effects if e not in self.kept and self._may_be(e)]
         stiff = [e for e in rest if e not in (SAG, BEARING)]
         self.doubt = DOUBT
+        odds = {step.effect: step.worth for step in steps if step.effect in rest}
+        self.probable = {e: 0.5 + 0.5 * float(np.tanh(0.25 * w)) for e, w in odds.items()}
         if self._beside(rest) or self._beside(stiff):
             return
         self._adopt(self.fit)

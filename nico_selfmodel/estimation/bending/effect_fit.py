@@ -3,8 +3,9 @@
 Evidence (MacKay 1992): the numbers w of one effect share the prior variance v; with the covariance
 C of the fit, gamma = sum(1 - C_kk / v) of them are told by the data, and v = |w|^2 / gamma. What no
 data tell falls to zero by itself. Where an effect shall stay uncertain instead, it has seen a part
-a of one number more, as large as the noise hides, v0: v = (|w|^2 + a v0) / (gamma + a), the mode
-under an inverse gamma prior. The noise is what the residuals ask for beside effects that scatter by
+a of one number more, which is as large as the noise hides, v0, with the probability p that the
+effect is there, and else nothing: v = (|w|^2 + a p v0) / (gamma + a), the mode under an inverse
+gamma prior. The noise is what the residuals ask for beside effects that scatter by
 v (restricted likelihood). Fits are compared by their evidence, with H what the rigid parameters
 leave of an effect's columns,
 
@@ -15,7 +16,7 @@ so that an effect whose numbers nothing tells costs one number, v. Counting its 
 """
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
@@ -26,7 +27,7 @@ from nico_selfmodel.estimation.noise.arm_solution import Priors
 from nico_selfmodel.estimation.results.folds import fold_of, splits
 
 DOUBT = 0.5
-"""Numbers as large as the noise hides that each effect has in a body that bends."""
+"""Numbers more that each effect has in a body that bends."""
 _ROUNDS = 30
 _SIZES = (1.0, 1e-3)
 """Variances at which an effect begins, as parts of that at which it is as large as the noise."""
@@ -57,6 +58,8 @@ class EffectFit:
     """Prior variance of each effect's numbers; 0 where the data tell none of it."""
     known: frozenset[str]
     """Effects of which it was known beforehand."""
+    shares: Mapping[str, float]
+    """Prior variance of a number, as a multiple of its effect's, where it is another."""
     spread: NDArray
     """Covariance of the effects' numbers, group by group. Shape (e, e)."""
     noise: Any
@@ -86,21 +89,43 @@ class EffectFit:
     def priors(self) -> Priors:
         """Mean and standard deviation of each number of an effect."""
         return {
-            name: (self.means.get(name, 0.0), max(float(np.sqrt(self.variance[effect])), _LEAST))
+            name: (self.means.get(name, 0.0), max(float(np.sqrt(v)), _LEAST))
+            for name, v in self.variances.items()
+        }
+
+    @property
+    def variances(self) -> Mapping[str, float]:
+        """Prior variance of each number."""
+        return {
+            name: self.variance[effect] * self.shares.get(name, 1.0)
             for effect, names in self.groups.items()
             for name in names
         }
+
+
+@dataclass(frozen=True, eq=False)
+class Beforehand:
+    """What is known of effects without data."""
+
+    means: Mapping[str, float]
+    """Values at which numbers have no effect, where they are not 0."""
+    variance: Mapping[str, float]
+    """Prior variances of effects of which it is known; it costs no information."""
+    shares: Mapping[str, float]
+    """Prior variance of a number, as a multiple of its effect's, where it is another."""
+    doubt: float = 0.0
+    """Numbers more that each effect is thought to have; above 0 none falls to zero."""
+    probable: Mapping[str, float] = field(default_factory=dict)
+    """Probability that an effect is there, where it is not certain."""
 
 
 def fit_effects(
     body: Bendable,
     parameters: Posture,
     groups: Mapping[str, tuple[str, ...]],
-    means: Mapping[str, float],
-    known: Mapping[str, float],
+    beforehand: Beforehand,
     begin: Mapping[str, float],
     noise: Any,
-    doubt: float = 0.0,
 ) -> EffectFit:
     """Fit in one step, with evidence variances and the noise that is left.
 
@@ -108,27 +133,26 @@ def fit_effects(
         body: What was measured, and what is rigid in it.
         parameters: The body; its `bending` has all effects of `groups`.
         groups: Names of the numbers that share a variance, by effect.
-        means: Values at which numbers have no effect, where they are not 0.
-        known: Variances of groups that are known beforehand; those cost no information.
+        beforehand: What is known of them without data.
         begin: Variances at which the search begins, where an effect was fitted before; the others
             begin large and small, for two effects that look alike have two answers.
         noise: Where the search for it begins.
-        doubt: Numbers as large as the noise hides that each effect is thought to have beside those
-            that are told; above 0 none falls to zero.
     """
     wanted = set(body.free).union(*groups.values())
     free = tuple(n for n in parameters.names if n in wanted)
     member = {e: np.array([free.index(n) for n in names], dtype=int) for e, names in groups.items()}
     index = {name: i for i, name in enumerate(parameters.names)}
     now = parameters.values[[index[n] for n in free]]
+    means, known = beforehand.means, beforehand.variance
     start = now - np.array([means.get(n, 0.0) for n in free])
-    task = _Task(free, member, start, dict(known), doubt)
+    share = np.array([beforehand.shares.get(n, 1.0) for n in free])
+    task = _Task(free, member, start, share, beforehand)
     weighed = body.weighed(parameters, free, noise)
     fits = []
     for told in task.starts(weighed, begin):
         found = task.fitted(weighed, *told)
         about = parameters, free, found[0], groups, means, found[1], frozenset(known)
-        fits.append(EffectFit(*about, *found[2:], weighed.pose))
+        fits.append(EffectFit(*about, beforehand.shares, *found[2:], weighed.pose))
     return min(fits, key=lambda fit: fit.evidence)
 
 
@@ -138,8 +162,14 @@ class _Task:
     member: Mapping[str, NDArray]
     start: NDArray
     """What each column's number is now, above the value at which it has no effect. Shape (k,)."""
-    known: Mapping[str, float]
-    doubt: float
+    share: NDArray
+    """Prior variance of each column's number, as a multiple of its effect's. Shape (k,)."""
+    beforehand: Beforehand
+
+    @property
+    def known(self) -> Mapping[str, float]:
+        """Variances that are not learned."""
+        return self.beforehand.variance
 
     def starts(self, weighed: Weighed, begin: Mapping[str, float]) -> list[_Told]:
         """Return the answers, by evidence, of effects that begin large and small; one if alike."""
@@ -161,7 +191,7 @@ class _Task:
         """Return step, variances, spread, noise, evidence and the errors of rows left out."""
         pull, spread_of = np.zeros(len(self.free)), np.full(len(self.free), np.inf)
         for effect, own in self.member.items():
-            pull[own], spread_of[own] = -self.start[own], variance[effect]
+            pull[own], spread_of[own] = -self.start[own], variance[effect] * self.share[own]
         noise = weighed.likeliest(pull, spread_of)
         weighed = weighed.with_noise(noise)
         sums = _Sums.of(weighed)
@@ -169,7 +199,7 @@ class _Task:
         left = weighed.u - weighed.U @ step
         deviance = weighed.log_determinant + float(left @ left)
         asked = sum(effect not in self.known for effect in self.member)
-        reduced = sums.reduced(self.member)
+        reduced = sums.reduced(self.member, self.share)
         cost = self.occam(reduced, step, variance) + asked * np.log(weighed.coordinates)
         spread = reduced.solve(self.start, variance)[0]
         unseen = self.without_folds(weighed, sums, variance)
@@ -177,8 +207,9 @@ class _Task:
 
     def by_evidence(self, sums: "_Sums", begin: Mapping[str, float], size: float) -> _Told:
         """Return the step and the variances."""
-        reduced = sums.reduced(self.member)
+        reduced = sums.reduced(self.member, self.share)
         hidden = {e: sums.hidden(own) for e, own in self.member.items()}
+        doubt, probable = self.beforehand.doubt, self.beforehand.probable
         found = {e: begin.get(e, 0.0) or size * v for e, v in hidden.items()} | dict(self.known)
         for _ in range(_ROUNDS):
             C, w = reduced.solve(self.start, found)
@@ -189,10 +220,12 @@ class _Task:
                     continue
                 if effect in self.known:
                     continue
-                told = float(np.sum(1.0 - np.diag(C)[own] / v))
+                share = self.share[self.member[effect]]
+                told = float(np.sum(1.0 - np.diag(C)[own] / (v * share)))
                 total = self.start[self.member[effect]] + w[own]
-                size = float(total @ total) + self.doubt * hidden[effect]
-                found[effect] = size / (told + self.doubt) if told + self.doubt > _GONE else 0.0
+                more = doubt * probable.get(effect, 1.0) * hidden[effect]
+                size = float(np.sum(total**2 / share)) + more
+                found[effect] = size / (told + doubt) if told + doubt > _GONE else 0.0
             if all(abs(found[e] - v) <= 1e-3 * v for e, v in before.items()):
                 break
         return reduced.whole(reduced.solve(self.start, found)[1]), found
@@ -208,7 +241,7 @@ class _Task:
             return 0.0
         own = np.concatenate(there)
         v = np.concatenate(
-            [np.full(len(m), variance[e]) for e, m in self.member.items() if variance[e] > 0.0]
+            [variance[e] * self.share[m] for e, m in self.member.items() if variance[e] > 0.0]
         )
         places = np.concatenate([p for e, p in reduced.member.items() if variance[e] > 0.0])
         root = np.sqrt(v)
@@ -226,7 +259,7 @@ class _Task:
         errors = np.zeros(len(fold))
         for k, (_, left) in enumerate(splits(fold)):
             out = of_coordinate == k
-            reduced = sums.without(U[out], u[out]).reduced(self.member)
+            reduced = sums.without(U[out], u[out]).reduced(self.member, self.share)
             step = reduced.whole(reduced.solve(self.start, variance)[1])
             errors[left] = weighed.errors(step, left)
         return errors
@@ -251,9 +284,9 @@ class _Sums:
         """Return those of the other rows."""
         return _Sums(self.H - U.T @ U, self.g - U.T @ u, self.count - len(u))
 
-    def reduced(self, member: Mapping[str, NDArray]) -> "_Reduced":
+    def reduced(self, member: Mapping[str, NDArray], share: NDArray) -> "_Reduced":
         """Return those of the effects alone."""
-        return _Reduced.of(self.H, self.g, member)
+        return _Reduced.of(self.H, self.g, member, share)
 
     def hidden(self, own: NDArray) -> float:
         """Return the variance at which an effect would be as large as the noise, 0 if none."""
@@ -271,6 +304,8 @@ class _Reduced:
     """Columns of the effects. Shape (e,)."""
     member: Mapping[str, NDArray]
     """Where each effect's numbers are among those of the effects."""
+    share: NDArray
+    """Prior variance of each number, as a multiple of its effect's. Shape (e,)."""
     S: NDArray
     """H_ee - H_er H_rr^-1 H_re. Shape (e, e)."""
     s: NDArray
@@ -281,7 +316,9 @@ class _Reduced:
     """H_rr^-1 g_r. Shape (r,)."""
 
     @classmethod
-    def of(cls, H: NDArray, g: NDArray, member: Mapping[str, NDArray]) -> "_Reduced":
+    def of(
+        cls, H: NDArray, g: NDArray, member: Mapping[str, NDArray], share: NDArray
+    ) -> "_Reduced":
         effects = np.concatenate([np.zeros(0, dtype=int), *member.values()])
         rigid = np.delete(np.arange(len(g)), effects)
         A = H[np.ix_(rigid, rigid)]
@@ -293,7 +330,7 @@ class _Reduced:
         ends = np.cumsum([0, *(len(own) for own in member.values())])
         places = {e: np.arange(a, b) for e, a, b in zip(member, ends[:-1], ends[1:], strict=True)}
         S, s = H[np.ix_(effects, effects)] - across.T @ gain, g[effects] - across.T @ alone
-        return cls(rigid, effects, places, S, s, gain, alone)
+        return cls(rigid, effects, places, share[effects], S, s, gain, alone)
 
     def solve(self, start: NDArray, variance: Mapping[str, float]) -> tuple[NDArray, NDArray]:
         """Return covariance and step of the effects; those that are gone go back to nothing.
@@ -303,7 +340,7 @@ class _Reduced:
             variance: Of each effect's numbers; 0 where it is gone.
         """
         now = start[self.effects]
-        v = np.concatenate([np.full(len(p), variance[e]) for e, p in self.member.items()] or [now])
+        v = np.concatenate([variance[e] * self.share[p] for e, p in self.member.items()] or [now])
         there = v > 0.0
         step, C = np.where(there, 0.0, -now), np.zeros_like(self.S)
         if there.any():

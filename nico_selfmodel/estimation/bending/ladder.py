@@ -79,7 +79,7 @@ def climb(body: Bendable, effects: Sequence[str] | None = STEPS) -> Ladder:
     for few in body.few():
         climber = Climber(few)
         steps = climber.pruned(climber.climb(effects or STEPS))
-        climber.accompany(effects or STEPS)
+        climber.accompany(effects or STEPS, steps)
         climbed.append((climber, steps))
     climber, steps = min(climbed, key=lambda one: body.log_errors(one[0].parameters).mean())
     adopted = bool(effects and climber.kept)

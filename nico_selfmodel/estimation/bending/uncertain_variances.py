@@ -48,7 +48,7 @@ def with_uncertain_variances(
     for g, effect in enumerate(groups):
         for name in fit.groups[effect]:
             i = index[name]
-            own[i, g], L[i] = 1.0, 1.0 / fit.variance[effect]
+            own[i, g], L[i] = 1.0, 1.0 / fit.variances[name]
             away[i] = values[name] - fit.means.get(name, 0.0)
     C = known.covariance
     F = _information(C, L, own, known.equations - int(own.sum()))

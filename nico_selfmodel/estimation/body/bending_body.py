@@ -27,7 +27,7 @@ from nico_selfmodel.estimation.observations.pixel_observations import PixelObser
 from nico_selfmodel.model.arm.bending import Bending
 from nico_selfmodel.model.arm.dh_parameters import DhParameters
 from nico_selfmodel.model.arm.loaded_posture import LoadedPosture, loaded
-from nico_selfmodel.model.arm.uniform_rods import uniform_rods
+from nico_selfmodel.model.arm.uniform_rods import load_sigmas, uniform_rods
 from nico_selfmodel.model.cameras.stereo_rig import StereoRig
 from nico_selfmodel.optimization.losses import robust_scale
 
@@ -168,6 +168,10 @@ class BendingBody:
     def rods(self) -> tuple[NDArray, NDArray]:
         """Return loads and pivots of uniform rods."""
         return uniform_rods(self.posture.arm.table)
+
+    def load_sigmas(self) -> NDArray:
+        """Return how far loads may be from those of rods."""
+        return load_sigmas(self.posture.arm.table)
 
     def names_of(self, bending: Bending, effect: str) -> tuple[str, ...]:
         """Return an effect's numbers: an arm may have all."""

@@ -28,6 +28,10 @@ from nico_selfmodel.model.tree.tree_load import tree_loads, tree_rods
 from nico_selfmodel.model.tree.tree_motion import TreeMotion
 from nico_selfmodel.optimization.losses import robust_scale
 
+_LOADS = 0.2
+"""Standard deviation of a load's coordinate, as a part of their rms: motors and shells are no
+rods."""
+
 
 @dataclass(frozen=True, eq=False)
 class TreeBend:
@@ -156,6 +160,12 @@ class BendingTree:
         if self.masses is None:
             return loads, pivots
         return tree_loads(self.posture.tree, *self.masses, pivots), pivots
+
+    def load_sigmas(self) -> NDArray:
+        """Return how far loads may be from that: a part of their rms."""
+        loads, _ = self.rods()
+        rms = float(np.sqrt(np.mean(np.sum(loads**2, axis=1))))
+        return np.full_like(loads, _LOADS * rms)
 
     def names_of(self, bending: Bending, effect: str) -> tuple[str, ...]:
         """Return an effect's numbers: of joints that turn, coupled to joints on their way.
