@@ -188,12 +188,11 @@ def test_a_joint_that_hardly_moved_is_unobservable(make_truth):
     ("name", "hint"),
     [("joint_1.gaer", "did you mean 'joint_1.gear'"), ("knee", "There are: M0.x")],
 )
-@pytest.mark.parametrize("method", ["refine", "circle-points"])
-def test_an_unknown_name_is_answered_with_a_suggestion(make_truth, learn, name, hint, method):
+def test_an_unknown_name_is_answered_with_a_suggestion(make_truth, learn, name, hint):
     truth = make_truth(3, 2)
     for words in ({"pin": [name]}, {"free": [name]}):
         with pytest.raises(ValueError, match=f"no parameter '{name}'.*{hint}"):
-            learn(truth, **words, method=method)
+            learn(truth, **words)
 
 
 @pytest.mark.parametrize(
