@@ -20,7 +20,7 @@ FACES = (
 )
 EXAMPLES = sorted((ROOT / "examples").glob("*.py"))
 DOCUMENTS = [ROOT / "README.md", *sorted((ROOT / "docs").glob("*.md"))]
-HALF = "import time; t = time.perf_counter(); import nico_selfmodel; print(time.perf_counter() - t)"
+HALF = "import time; t = time.process_time(); import nico_selfmodel; print(time.process_time() - t)"
 
 
 def python_of(path):
