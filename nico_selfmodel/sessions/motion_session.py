@@ -71,7 +71,7 @@ class MotionSession:
         self._whole = int(latency / PERIOD)
         self._rest = latency - self._whole * PERIOD
         self._own = OwnArmInView(station.arm, model, model.rig.left, CELL)
-        self._X_WO = _facing(gaze)
+        self._X_WO = facing(gaze)
 
     def watch(
         self,
@@ -140,8 +140,15 @@ def _covered_then(covered: deque[NDArray], delay: int | None) -> NDArray:
     return np.any(list(covered)[max(newest - 3, 0) : newest], axis=0)
 
 
-def _facing(gaze: float) -> NDArray:
-    """Return the pose of a robot that stands where the head looks, and looks back."""
+def facing(gaze: float) -> NDArray:
+    """Return the pose of a robot that stands where the head looks, and looks back.
+
+    Args:
+        gaze: Direction in which the head looks, about the vertical [rad].
+
+    Returns:
+        In the frame of the first robot's root. Shape (4, 4).
+    """
     turned = gaze + np.pi
     X_WO = np.eye(4)
     X_WO[:2, :2] = [[np.cos(turned), -np.sin(turned)], [np.sin(turned), np.cos(turned)]]

@@ -14,9 +14,12 @@ from nico_selfmodel.estimation.contingency.contingency import (
     SELF,
     Contingency,
 )
+from nico_selfmodel.estimation.contingency.image_witness import ImageVerdict
 from nico_selfmodel.estimation.contingency.motion_response import MotionResponse
 from nico_selfmodel.estimation.mirrors.mark_place import NOT_ON_ME, ON_GLASS, ON_ME
 from nico_selfmodel.experiments.mirror_test.encounters import EXPECTED, EncounterStage, Trial
+from nico_selfmodel.experiments.mirror_test.images import ALLOWED, ImageStage, ImageTrial
+from nico_selfmodel.experiments.mirror_test.knowing import Refusal
 from nico_selfmodel.experiments.mirror_test.marks import MarkStage, MarkTrial
 from nico_selfmodel.experiments.mirror_test.marks_report import marks_documents, marks_tables
 from nico_selfmodel.experiments.mirror_test.painting import (
@@ -190,6 +193,49 @@ def test_a_mirror_must_be_where_the_robot_says(count, off, status, reason):
     assert report.tables[1].rows[1][-1] == "1.00"
 
 
+def images(count, **said_of):
+    """Return a stage of so many images of each kind, the last of which is told otherwise."""
+    trials = []
+    for shown, allowed in ALLOWED.items():
+        words = [allowed[0]] * (count - 1) + [said_of.get(shown.split()[0], allowed[-1])]
+        trials += [
+            ImageTrial(k, shown, ImageVerdict(word, 12, 12, 20.0, 4.0, 25.0, 1.0))
+            for k, word in enumerate(words)
+        ]
+    return ImageStage(tuple(trials))
+
+
+@pytest.mark.parametrize(
+    ("count", "said_of", "status", "reason"),
+    [
+        (5, {}, "PASS", "5 of each are told rightly"),
+        (4, {}, "NOT_EVALUATED", "5 are needed"),
+        (5, {"twin": "cannot tell"}, "PASS", "rightly"),
+        (5, {"twin": "a mirror"}, "FAIL", "twin that imitates at once: 1 of 5 are told wrongly"),
+        (5, {"live": "a mirror"}, "FAIL", "live picture of itself: 1 of 5"),
+        (4, {"live": "cannot tell"}, "FAIL", "live picture of itself: 1 of 4"),
+        (5, {"mirror": "cannot tell"}, "FAIL", "mirror: 1 of 5"),
+    ],
+)
+def test_what_moves_with_oneself_must_be_told_by_where_it_is(count, said_of, status, reason):
+    report = report_of(MirrorTest(stage(15), images(count, **said_of)))
+    found = report.document["stages"][1]
+    assert (found["stage"], found["status"]) == ("1b", status)
+    assert reason in found["reasons"][0]
+    assert f"| mirror | {count} |" in report.tables[1].markdown
+
+
+@pytest.mark.parametrize("learned", [0, 10])
+def test_a_robot_that_does_not_trust_its_mirror_ends_the_test_with_what_it_says(learned):
+    places = mirrors(learned).places if learned else ()
+    refused = MirrorsStage(places, (Refusal(7, "mirror 'turned' shows 40 % otherwise"),))
+    report = report_of(MirrorTest(stage(15), mirrors=refused))
+    assert report.document["status"] == "FAIL"
+    assert report.document["reasons"][-1].startswith(
+        "stage 2: robot 7 does not trust a mirror: mirror 'turned' shows 40 %"
+    )
+
+
 def test_both_stages_are_in_one_report_and_the_worse_status_counts():
     report = report_of(MirrorTest(stage(15), unmarked=looks(30, 0)))
     assert [one["status"] for one in report.document["stages"]] == ["PASS", "NOT_EVALUATED"]
@@ -307,6 +353,14 @@ def test_too_few_marks_are_refused_in_one_line(tmp_path, command):
     done = command("experiment", "mirror-test", "--marks", 3, "--out", tmp_path / "out")
     assert done.returncode == 2
     assert "--marks must be at least 8" in done.stderr
+    assert len(done.stderr.strip().splitlines()) == 1
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_a_glass_that_nobody_has_is_refused_in_one_line(tmp_path, command):
+    done = command("experiment", "mirror-test", "--glass", "clear", "--out", tmp_path / "out")
+    assert done.returncode == 2
+    assert "--glass clear: there are flat, bent, dirty, half" in done.stderr
     assert len(done.stderr.strip().splitlines()) == 1
     assert list(tmp_path.iterdir()) == []
 

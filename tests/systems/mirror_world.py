@@ -32,7 +32,7 @@ PLATE = MirrorPlate()
 class MirrorWorld:
     """Shows what it is told to show, at poses in the frame of the left camera."""
 
-    def __init__(self, rig, quality=None, mirror=True):
+    def __init__(self, rig, quality=None, mirror=True, plate=PLATE):
         self.X_WL = rig.left.X_WC
         builder = DiagramBuilder()
         scene = builder.AddNamedSystem("scene", SceneGraph())
@@ -41,7 +41,7 @@ class MirrorWorld:
         self.frames = [self._card(scene), self._box(scene)]
         self.mirror, glasses = mirror, ()
         if mirror:
-            mirrors = builder.AddNamedSystem("mirrors", MirrorScene(scene, [PLATE]))
+            mirrors = builder.AddNamedSystem("mirrors", MirrorScene(scene, [plate]))
             glasses = mirrors.glasses
             builder.Connect(mirrors.get_output_port(), scene.get_source_pose_port(mirrors.source))
             builder.ExportInput(mirrors.GetInputPort("mirror_pose"), "mirror")

@@ -20,6 +20,12 @@ def mirror_test(
     marks: Annotated[
         int, typer.Option("--marks", min=1, help="Trials with marks and controls in all.")
     ] = 8,
+    glass: Annotated[
+        str,
+        typer.Option(
+            "--glass", help="What is put before the robot: flat, bent, dirty or half (of a body)."
+        ),
+    ] = "flat",
     imperfections: options.Imperfections = "thesis",
     seed: options.FirstSeed = 0,
     force: options.Force = False,
@@ -34,24 +40,28 @@ def mirror_test(
     unmarked, with what it expects to see, in light of -10 to +10 %. Then somebody paints a mark of
     10 mm on head or chest, or does not, or paints the glass or another robot, and the robot says
     what is on it and where. Then the finger goes to marks that were found, or the robot says that
-    they are out of reach. FAIL, with exit code 1, if a verdict is wrong or late, a mirror is more
-    than 0.1 deg or 0.5 mm off, an unmarked body surprises in more than one look of a hundred, five
-    of a hundred marks are missed, a control is answered wrongly, places are off by more than 3 mm
-    in the middle, a tenth of the marks in reach is not touched, or anything but the finger touches
-    the body; a PASS takes 100 trials, 10 mirrors, 100 looks, 104 marks and 20 of them in reach. One
-    that fails is the last. Some 10 s a trial and a mark, 3 s a look, 2 s for each of 50 other ways,
-    and 5 minutes a robot.
+    they are out of reach. FAIL, with exit code 1, if a verdict is wrong or late, a mirror is bent,
+    dirty, ends before the body or is more than 0.1 deg or 0.5 mm off, an unmarked body surprises in
+    more than one look of a hundred, five of a hundred marks are missed, a control is answered
+    wrongly, places are off by more than 3 mm in the middle, a tenth of the marks in reach is not
+    touched, or anything but the finger touches the body; a PASS takes 100 trials, 10 mirrors, 100
+    looks, 104 marks and 20 of them in reach. One that fails is the last. Some 10 s a trial and a
+    mark, 3 s a look, 2 s for each of 50 other ways, and 5 minutes a robot.
     """
     from nico_selfmodel.files.whole import refuse_folder
     from nico_selfmodel.systems.simulated.imperfections import imperfections_named
 
     refuse_folder(out, force=force)
     chosen = imperfections_named(imperfections)
+    from nico_selfmodel.experiments.mirror_test.knowing import glass_named
+
+    plate = glass_named(glass)
     from nico_selfmodel.experiments.mirror_test.report import report_of
     from nico_selfmodel.experiments.mirror_test.stages import run_stages
 
     with printer.progress_bar() as progress:
-        test = run_stages(chosen, range(seed, seed + robots), trials, looks, marks, progress)
+        seeds = range(seed, seed + robots)
+        test = run_stages(chosen, seeds, trials, looks, marks, plate, progress)
     report = report_of(test)
     finish(report, out, force, as_json)
     raise typer.Exit(1 if report.document["status"] == "FAIL" else 0)

@@ -32,11 +32,14 @@ def reflection_sigma(
         point_sigma: s_p, each coordinate; one for all pixels, or one each [m]. Shape () or (h, w).
 
     Returns:
-        sigma, rounded up to a quarter of a pixel; nan where there is none, or what is seen is
-        before the glass [px]. Shape (h, w).
+        sigma, rounded up to a quarter of a pixel; nan where there is none, what is seen is
+        before the glass, or the lens has no ray [px]. Shape (h, w).
     """
     camera = rig.cameras[side]
     rows, columns = np.nonzero(np.isfinite(depth))
+    # At the corners of a picture the middle of a pixel may be beyond where the lens has rays.
+    known = camera.has_rays(np.stack([columns, rows], axis=1).astype(float))
+    rows, columns = rows[known], columns[known]
     sigma = np.full(depth.shape, np.nan)
     if not len(rows):
         return sigma

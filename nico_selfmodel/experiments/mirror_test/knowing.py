@@ -1,7 +1,7 @@
 """Robots that know two mirrors, and how they stand before them, before they look for marks."""
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from types import MappingProxyType
 
 import numpy as np
@@ -26,13 +26,33 @@ PLACES = {MIRROR: DEFAULT_MIRROR, TURNED: Mirror.from_values([*np.radians([5.0, 
 """Where the mirrors are meant to stand; the second is turned by 5 deg and 40 mm farther."""
 PLATE = MirrorPlate(width=1.4, height=1.4)
 """A glass that shows the whole body."""
+GLASSES = {
+    "flat": PLATE,
+    "bent": replace(PLATE, radius=5.0),
+    "dirty": replace(PLATE, dirt=0.5),
+    "half": replace(PLATE, width=0.14),
+}
+"""What somebody may put before the robot: flat, clean and large enough, or not."""
 _POSES = 12
 """In which the robot sees its hand in each mirror to learn where that stands."""
 _CHOICES = 2000
 """From which those next to poses in which the arm was learned are taken."""
 _UNMARKED = 3
 """Poses before each mirror in which it learns how far its unmarked body is from expected."""
+MOST_UNLIKE = 0.01
+"""Share of the unmarked body that a mirror may show otherwise than expected."""
 _DAY = 6
+
+
+def glass_named(name: str) -> MirrorPlate:
+    """Return what somebody may put before the robot.
+
+    Raises:
+        ValueError: If there is none of that name; the message lists those there are.
+    """
+    if name not in GLASSES:
+        raise ValueError(f"--glass {name}: there are {', '.join(GLASSES)}")
+    return GLASSES[name]
 
 
 @dataclass(frozen=True, eq=False)
@@ -47,46 +67,83 @@ class Knowing:
     """Mirror -> what body and colours are not known by in it."""
     poses: Mapping[str, NDArray]
     """Mirror -> postures to look at itself in, in it [encoder units]. Shape (K, n)."""
+    unlike: Mapping[str, float]
+    """Mirror -> which share of the unmarked body it shows otherwise than expected."""
     before: NicoBeforeMirrors
     """Where the mirrors really stand, which the robot is not told."""
 
 
-def know_mirrors(robots: Sequence[Acquainted], progress: Stage | None = None) -> list[Knowing]:
+@dataclass(frozen=True)
+class Refusal:
+    """A robot that does not trust what it sees in a mirror."""
+
+    robot: int
+    """Its seed."""
+    reason: str
+    """What it says."""
+
+
+def know_mirrors(
+    robots: Sequence[Acquainted], plate: MirrorPlate = PLATE, progress: Stage | None = None
+) -> tuple[tuple[Knowing, ...], tuple[Refusal, ...]]:
     """Let robots learn mirrors from their hands, and how they stand from head and chest in them.
 
     Args:
         robots: Who have learned arm and cameras.
+        plate: The glass that somebody puts before them.
         progress: Told how far it is.
 
-    Raises:
-        EstimationError: If a robot does not learn where a mirror stands.
+    Returns:
+        Those that know their mirrors now, and what those say who do not trust them.
     """
-    found = []
+    found, refused = [], []
     for i, robot in enumerate(robots):
         stage = of_robot(progress, i, len(robots))
-        learned = learn_mirror(
-            robot.model, robot.world, robot.seed, familiar=robot.readings, poses=_POSES,
-            plate=PLATE, mirrors=PLACES, arm=rendered(robot).arm, choices=_CHOICES, stage=stage,
-        )  # fmt: skip
-        if learned.verdict.status == "FAIL":
-            raise EstimationError(
-                f"robot {robot.seed} did not learn its mirrors: "
-                f"{'; '.join(learned.verdict.reasons)}"
-            )
-        known = Acquainted(robot.seed, robot.world, learned.model, robot.readings)
-        found.append(know_itself(known, stage))
-    return found
+        try:
+            known = know_itself(_with_mirrors(robot, plate, stage), plate, stage)
+        except EstimationError as error:
+            refused.append(Refusal(robot.seed, str(error)))
+            continue
+        unlike = max(known.unlike, key=lambda name: known.unlike[name])
+        if known.unlike[unlike] > MOST_UNLIKE:
+            refused.append(Refusal(robot.seed, _unlike(unlike, known.unlike[unlike])))
+        else:
+            found.append(known)
+    return tuple(found), tuple(refused)
 
 
-def know_itself(robot: Acquainted, stage: Stage) -> Knowing:
+def _with_mirrors(robot: Acquainted, plate: MirrorPlate, stage: Stage) -> Acquainted:
+    """Let a robot learn where mirrors stand from its hand in them.
+
+    Raises:
+        EstimationError: If it does not.
+    """
+    learned = learn_mirror(
+        robot.model, robot.world, robot.seed, familiar=robot.readings, poses=_POSES, plate=plate,
+        mirrors=PLACES, arm=rendered(robot).arm, choices=_CHOICES, stage=stage,
+    )  # fmt: skip
+    if learned.verdict.status == "FAIL":
+        raise EstimationError("; ".join(learned.verdict.reasons))
+    return Acquainted(robot.seed, robot.world, learned.model, robot.readings)
+
+
+def _unlike(mirror: str, share: float) -> str:
+    return (
+        f"mirror {mirror!r} shows {100.0 * share:.0f} % of the unmarked head and chest otherwise "
+        "than expected: it is dirty, bent, or ends before them"
+    )
+
+
+def know_itself(robot: Acquainted, plate: MirrorPlate, stage: Stage) -> Knowing:
     """Let a robot that has seen its hand in both mirrors look at its unmarked body.
 
     Args:
         robot: Whose model knows the mirrors.
+        plate: Their glass.
         stage: Told how far it is.
     """
     nico = rendered(robot, ImageQuality())
-    before = NicoBeforeMirrors(nico, PLACES, plate=PLATE)
+    before = NicoBeforeMirrors(nico, PLACES, plate=plate)
     rng = np.random.default_rng((robot.seed, 45))
     with BodyImage(nico.arm, robot.model) as image, before.station(_DAY) as station:
         views, mirrors = before.views, robot.model.mirrors
@@ -101,8 +158,16 @@ def know_itself(robot: Acquainted, stage: Stage) -> Knowing:
             stage("learning how it stands before mirrors", step, of)
 
         body = know_body(image, robot.model, shots, told)
-        unknown = {}
+        unknown, unlike = {}, {}
         for name, view in views.items():
             looks.before(body.mirror(name), view.X_BM)
             unknown[name] = looks.unknown_of(poses[name][: 1 + _UNMARKED][-_UNMARKED:])
-    return Knowing(robot, body, MappingProxyType(unknown), MappingProxyType(poses), before)
+            unlike[name] = looks.unlike(poses[name][:1])
+    return Knowing(
+        robot,
+        body,
+        MappingProxyType(unknown),
+        MappingProxyType(poses),
+        MappingProxyType(unlike),
+        before,
+    )

@@ -12,6 +12,7 @@ from nico_selfmodel.experiments.mirror_test.encounters_report import (
     encounters_document,
     encounters_table,
 )
+from nico_selfmodel.experiments.mirror_test.images import images_document, images_table
 from nico_selfmodel.experiments.mirror_test.marks_report import (
     marks_chart,
     marks_documents,
@@ -48,6 +49,9 @@ def report_of(test: MirrorTest) -> ExperimentReport:
     stages = [encounters_document(test.encounters)]
     tables = [encounters_table(test.encounters)]
     charts = {"contingency": encounters_chart(test.encounters)}
+    if test.images is not None:
+        stages.append(images_document(test.images))
+        tables.append(images_table(test.images))
     if test.mirrors is not None:
         stages.append(mirrors_document(test.mirrors))
         tables.append(mirrors_table(test.mirrors))
@@ -75,7 +79,8 @@ def report_of(test: MirrorTest) -> ExperimentReport:
     head = (
         "# The mirror test\n\n"
         f"**{document['status']}**: {'; '.join(document['reasons'])}.\n\n"
-        "Stage 1, contingency: whose motion follows one's own? Stage 2: where "
+        "Stage 1, contingency: whose motion follows one's own? Stage 1b: is what moves with "
+        "oneself a mirror, a picture or another? Stage 2: where "
         "does a mirror stand that was never looked into? Stage 4, the expected picture: does "
         "an unmarked head and chest look as expected? Stages 5, 6 and 8: is a mark found that is "
         "seen in mirrors only, where is it, and is nothing found where it is not? Stage 7: does "

@@ -10,7 +10,8 @@ from nico_selfmodel.experiments.mirror_test.encounters import (
     run_encounters,
 )
 from nico_selfmodel.experiments.mirror_test.encounters_report import encounters_document
-from nico_selfmodel.experiments.mirror_test.knowing import know_mirrors
+from nico_selfmodel.experiments.mirror_test.images import ImageStage, images_document, run_images
+from nico_selfmodel.experiments.mirror_test.knowing import PLATE, know_mirrors
 from nico_selfmodel.experiments.mirror_test.marks import MarkStage, check_marks, run_marks
 from nico_selfmodel.experiments.mirror_test.marks_report import marks_documents
 from nico_selfmodel.experiments.mirror_test.touches import TouchStage, run_touches
@@ -19,6 +20,7 @@ from nico_selfmodel.experiments.mirror_test.unknown_mirror_report import mirrors
 from nico_selfmodel.experiments.mirror_test.unmarked import UnmarkedStage, run_unmarked
 from nico_selfmodel.experiments.mirror_test.unmarked_report import unmarked_document
 from nico_selfmodel.sessions.progress import Stage
+from nico_selfmodel.systems.rendering.mirror_scene import MirrorPlate
 from nico_selfmodel.systems.simulated.imperfections import Imperfections
 
 
@@ -28,8 +30,10 @@ class MirrorTest:
 
     encounters: EncounterStage
     """Stage 1."""
+    images: ImageStage | None = None
+    """Stage 1b; None if stage 1 failed."""
     mirrors: MirrorsStage | None = None
-    """Stage 2; None if stage 1 failed."""
+    """Stage 2; None if one before failed."""
     unmarked: UnmarkedStage | None = None
     """Stage 4; None if one before failed."""
     marks: MarkStage | None = None
@@ -44,6 +48,7 @@ def run_stages(
     trials: int,
     looks: int,
     marks: int,
+    plate: MirrorPlate = PLATE,
     progress: Stage | None = None,
 ) -> MirrorTest:
     """Let robots learn themselves and go through the test; who fails a stage ends there.
@@ -54,6 +59,7 @@ def run_stages(
         trials: Encounters in all.
         looks: Of each robot at its unmarked body.
         marks: Trials with marks in all, controls among them.
+        plate: The glass that somebody puts before them from stage 2 on.
         progress: Told how far it is.
 
     Returns:
@@ -61,8 +67,7 @@ def run_stages(
 
     Raises:
         ValueError: If there are too few trials.
-        EstimationError: If a robot cannot learn how its image follows its encoders, or where a
-            mirror stands.
+        EstimationError: If a robot cannot learn how its image follows its encoders.
     """
     check_trials(trials, len(seeds))
     check_marks(marks, len(seeds))
@@ -70,14 +75,17 @@ def run_stages(
     met = run_encounters(robots, trials, progress)
     if encounters_document(met)["status"] == "FAIL":
         return MirrorTest(met)
-    known = know_mirrors(robots, progress)
-    placed = place_mirrors(known)
+    told = run_images(robots, progress)
+    if images_document(told)["status"] == "FAIL":
+        return MirrorTest(met, told)
+    known, refused = know_mirrors(robots, plate, progress)
+    placed = place_mirrors(known, refused)
     if mirrors_document(placed)["status"] == "FAIL":
-        return MirrorTest(met, placed)
+        return MirrorTest(met, told, placed)
     unmarked = run_unmarked(known, looks, progress)
     if unmarked_document(unmarked)["status"] == "FAIL":
-        return MirrorTest(met, placed, unmarked)
+        return MirrorTest(met, told, placed, unmarked)
     found = run_marks(known, marks, progress)
     if any(one["status"] == "FAIL" for one in marks_documents(found)):
-        return MirrorTest(met, placed, unmarked, found)
-    return MirrorTest(met, placed, unmarked, found, run_touches(known, found, progress))
+        return MirrorTest(met, told, placed, unmarked, found)
+    return MirrorTest(met, told, placed, unmarked, found, run_touches(known, found, progress))

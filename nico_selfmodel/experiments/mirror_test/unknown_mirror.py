@@ -6,7 +6,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from nico_selfmodel.experiments.mirror_test.acquaintance import rendered
-from nico_selfmodel.experiments.mirror_test.knowing import Knowing
+from nico_selfmodel.experiments.mirror_test.knowing import Knowing, Refusal
 from nico_selfmodel.model.cameras.mirror import Mirror
 
 HAND, WHOLE = "its hand", "its hand, head and chest"
@@ -37,13 +37,16 @@ class MirrorsStage:
 
     places: tuple[MirrorPlace, ...]
     """Those told by the hand, then those told by all of the body, robot by robot."""
+    refusals: tuple[Refusal, ...] = ()
+    """What robots say who do not trust their mirrors."""
 
 
-def place_mirrors(robots: Sequence[Knowing]) -> MirrorsStage:
+def place_mirrors(robots: Sequence[Knowing], refusals: Sequence[Refusal] = ()) -> MirrorsStage:
     """Hold mirrors as robots have learned them against where they stand.
 
     Args:
         robots: Who know their mirrors.
+        refusals: Of those who do not trust them.
     """
     found = []
     for known in robots:
@@ -52,7 +55,7 @@ def place_mirrors(robots: Sequence[Knowing]) -> MirrorsStage:
             for name, view in known.before.views.items():
                 true, own = truth.mirror(view.X_BM), model.mirrors[name]
                 found.append(_place(known.robot.seed, name, by, own, true))
-    return MirrorsStage(tuple(found))
+    return MirrorsStage(tuple(found), tuple(refusals))
 
 
 def _place(robot: int, name: str, by: str, own: Mirror, true: Mirror) -> MirrorPlace:

@@ -16,18 +16,21 @@ ENOUGH = 10
 
 def mirrors_document(stage: MirrorsStage) -> dict[str, Any]:
     """Return the stage as plain data, with its status."""
-    rows = [_row(stage, by) for by in BOUNDS]
-    failed = [
+    rows = [_row(stage, by) for by in BOUNDS if any(one.by == by for one in stage.places)]
+    failed = [f"robot {one.robot} does not trust a mirror: {one.reason}" for one in stage.refusals]
+    failed += [
         f"by {row['by']} {row['beyond']} of {row['mirrors']} mirrors are more than "
         f"{row['bound_deg']:g} deg or {row['bound_mm']:g} mm off"
         for row in rows
         if row["beyond"]
     ]
-    count = rows[-1]["mirrors"]
-    said = (
-        f"{count} mirrors are at most {rows[-1]['largest_deg']:.2f} deg and "
-        f"{rows[-1]['largest_mm']:.2f} mm off"
-    )
+    count = rows[-1]["mirrors"] if rows else 0
+    said = "no mirror was learned"
+    if rows:
+        said = (
+            f"{count} mirrors are at most {rows[-1]['largest_deg']:.2f} deg and "
+            f"{rows[-1]['largest_mm']:.2f} mm off"
+        )
     lacking = f"{said}, {ENOUGH} mirrors are needed" if count < ENOUGH else None
     return stage_document("2", "an unknown mirror", failed, lacking, said, mirrors=rows)
 

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from nico_selfmodel.experiments.mirror_test.acquaintance import rendered
-from nico_selfmodel.experiments.mirror_test.knowing import PLATE, Knowing
+from nico_selfmodel.experiments.mirror_test.knowing import Knowing
 from nico_selfmodel.sessions.mirrors.mirror_looks import MirrorLook, MirrorLooks
 from nico_selfmodel.sessions.mirrors.mirror_scenario import MIRROR
 from nico_selfmodel.sessions.mirrors.nico_before_mirrors import DEFAULT_MIRROR, NicoBeforeMirrors
@@ -82,7 +82,7 @@ def _look(
     """Look at oneself in one light, at poses drawn anew; and return the links by number."""
     robot = known.robot
     nico = rendered(robot, ImageQuality(gain=light))
-    before = NicoBeforeMirrors(nico, {MIRROR: DEFAULT_MIRROR}, plate=PLATE)
+    before = NicoBeforeMirrors(nico, {MIRROR: DEFAULT_MIRROR}, plate=known.before.plate)
     view, mirror = before.views[MIRROR], known.body.mirror(MIRROR)
     rng = np.random.default_rng((robot.seed, 44, round(100 * light)))
     with BodyImage(nico.arm, robot.model) as image, before.station(_DAY) as station:

@@ -45,6 +45,8 @@ _POINTS = (2.5e-4, 5e-4, 1e-3, 2e-3, POINT_SIGMA)
 """What places of a link may turn out not to be known by [m]."""
 
 
+_UNLIKE = 16.27
+"""Chi-square of three degrees of freedom that one place in a thousand exceeds by chance."""
 _WHOLE = 0.5
 """Of what a link's places are likeliest not known by, what is the place of the whole link: the rest
 is another in each edge; set on robots 980 and 1010."""
@@ -298,6 +300,25 @@ class MirrorLooks:
         likeliest = {name: _POINTS[int(np.argmax(mean[:, k]))] for name, k in seen.items()}
         self.unknown = Unknown(found, POINT_SIGMA, likeliest, COLOR_SIGMA)
         return self.unknown
+
+    def unlike(self, commands: Sequence[NDArray]) -> float:
+        """Return which share of the unmarked body does not look as expected.
+
+        Where all sigmas are right it is one place in a thousand, and edges err together; where the
+        mirror is not what it is taken for, it is a good part of what it shows.
+
+        Args:
+            commands: Where to go [encoder units]. Shape (n,) each.
+
+        Returns:
+            The largest of all pictures.
+        """
+        shares = []
+        for command in commands:
+            for look in self.look(command):
+                each = look.surprise.chi_square[np.isfinite(look.surprise.chi_square)]
+                shares.append(float(np.mean(each > _UNLIKE)))
+        return max(shares)
 
     def _pictures(self) -> list[NDArray]:
         return [self._station.picture(self.body.context, side) for side in SIDES]

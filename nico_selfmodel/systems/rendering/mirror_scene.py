@@ -2,6 +2,7 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
@@ -23,19 +24,24 @@ from pydrake.systems.framework import Context, LeafSystem, System
 
 from nico_selfmodel.geometry.transform import inverse
 from nico_selfmodel.systems.rendering.cropped_render import CroppedRender
+from nico_selfmodel.vision.images.faulty_glass import bent_picture, picture_at, stained, stains_on
 from nico_selfmodel.vision.images.mirror_glass import GlassInView
 
 AWAY = RigidTransform(p=[0.0, 0.0, -60.0])
 """Pose of a mirror that nobody has put anywhere."""
 _THICK = 0.004
 _GLASS = (0.62, 0.72, 0.80, 1.0)
+_VIEWER = 0.45
+"""How far before a screen who sees in it what a mirror would show is [m]."""
+_DOT = 5e-4
+"""Side of a screen's pixel [m]."""
 _RIM, _BACK = (70, 74, 78, 255), (110, 104, 96, 255)
 """Red, green, blue, opacity of what is around the glass and on its back."""
 
 
 @dataclass(frozen=True)
 class MirrorPlate:
-    """A flat mirror as it can be bought.
+    """A mirror as it can be bought, flat and clean or not.
 
     In its frame M, in the middle of the glass, x is right and y down for whoever looks into it.
     """
@@ -48,6 +54,13 @@ class MirrorPlate:
     """Of the glass [m]."""
     rim: float = 0.006
     """Width of the dark rim around the glass [m]."""
+    radius: float | None = None
+    """Of curvature about its middle [m], positive where it bulges towards whoever looks into it;
+    None if it is flat."""
+    dirt: float = 0.0
+    """What stains show of themselves where they are thickest, as a share of what is seen there."""
+    live: bool = False
+    """A screen instead, that shows live what who stands before its middle would see in a mirror."""
 
     def __post_init__(self) -> None:
         """Check the numbers."""
@@ -56,6 +69,17 @@ class MirrorPlate:
                 "width and height must be positive and the rim not negative, got "
                 f"{self.width}, {self.height} and {self.rim} m"
             )
+        if self.radius is not None and not abs(self.radius) > float(
+            np.hypot(self.width, self.height)
+        ):
+            raise ValueError(
+                "the radius of a bent mirror must be longer than its diagonal of "
+                f"{np.hypot(self.width, self.height):.3g} m, got {self.radius} m"
+            )
+        if self.live and (self.radius is not None or self.dirt):
+            raise ValueError("a screen is flat and clean: give no radius and no dirt")
+        if not 0.0 <= self.dirt <= 1.0:
+            raise ValueError(f"dirt must be a share between 0 and 1, got {self.dirt}")
 
 
 class MirrorScene(LeafSystem):
@@ -158,7 +182,44 @@ class Glass:
         X_WV = RigidTransform(pose=X_WM @ glass.X_MV)
         world = query.inspector().world_frame_id()
         twin = CroppedRender(camera.renderer, size, K, world, X_WV, near=glass.distance)
-        glass.show(seen, depth, twin(query), K)
+        if plate.live:
+            shown = self._on_screen(query, camera, glass, (size[1], size[0]))
+        elif plate.radius is None:
+            shown = twin(query)
+        else:
+            shown = bent_picture(*twin.with_depth(query), glass, plate.radius)
+        if plate.dirt:
+            shown = stained(shown, glass, self.stains, plate.dirt)
+        glass.show(seen, depth, shown, K)
+
+    def _on_screen(
+        self, query: QueryObject, camera: CroppedRender, glass: GlassInView, shape: tuple[int, int]
+    ) -> NDArray:
+        """Return what the glass would have to show a camera for a live picture to lie on it.
+
+        Args:
+            query: The scene graph.
+            camera: The camera.
+            glass: As it has it in view.
+            shape: Of the picture of its twin (h, w).
+        """
+        plate = self.plate
+        X_CM = RigidTransform(p=[0.0, 0.0, _VIEWER]).GetAsMatrix4()
+        size = (round(plate.width / _DOT), round(plate.height / _DOT))
+        K = np.array([[_VIEWER / _DOT, 0.0, 0.5 * size[0]], [0.0, _VIEWER / _DOT, 0.5 * size[1]],
+                      [0.0, 0.0, 1.0]])  # fmt: skip
+        screen = GlassInView.of(K, size, X_CM, (plate.width, plate.height))
+        assert screen is not None, "who stands before the middle of a screen has it in view"
+        K, size = screen.twin
+        X_WV = RigidTransform(pose=query.GetPoseInWorld(self.frame).GetAsMatrix4() @ screen.X_MV)
+        world = query.inspector().world_frame_id()
+        twin = CroppedRender(camera.renderer, size, K, world, X_WV, near=_VIEWER)
+        return picture_at(twin(query), screen.pixels(glass.places(shape)))
+
+    @cached_property
+    def stains(self) -> NDArray:
+        """How thick stains lie on the glass, of the thickest, a pixel each 5 mm. Shape (h, w)."""
+        return stains_on((self.plate.width, self.plate.height))
 
 
 def show_mirrors(

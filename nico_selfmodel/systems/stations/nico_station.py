@@ -153,6 +153,7 @@ class NicoStation(Closable, Diagram):
         self.__other: OtherRobot | None = None
         if other:
             self.__other, second = add_other_robot(builder, self.__scene, body, noise)
+            _mark(self.__scene, second, arm)
             self.__marks.on_links(second, OTHER)
         _add_motion_capture(builder, poses, body, world, noise)
         tracker = HandTracker(detectors, before_mirror=mirror is not None)

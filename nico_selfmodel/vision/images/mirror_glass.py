@@ -77,19 +77,24 @@ class GlassInView:
         return cls(K, X_CM, outline)
 
     @property
+    def center(self) -> NDArray:
+        """The camera's centre in M [m]. Shape (3,)."""
+        return inverse(self.X_CM)[:3, 3]
+
+    @property
     def faces_camera(self) -> bool:
         """Whether the camera is before the glass, not behind it."""
-        return bool(self._center[2] < 0.0)
+        return bool(self.center[2] < 0.0)
 
     @property
     def distance(self) -> float:
         """Distance of the camera, and of its twin, from the plane of the glass [m]."""
-        return abs(float(self._center[2]))
+        return abs(float(self.center[2]))
 
     @property
     def X_MV(self) -> NDArray:
         """Pose of the twin V, which looks straight out of the glass. Shape (4, 4)."""
-        return transform(_TURNED, self._center * [1.0, 1.0, -1.0])
+        return transform(_TURNED, self.center * [1.0, 1.0, -1.0])
 
     @property
     def twin(self) -> tuple[NDArray, tuple[int, int]]:
@@ -97,7 +102,7 @@ class GlassInView:
 
         The picture holds what is seen of the glass, and the principal point, as Drake wants it.
         """
-        where = (self.outline - self._center[:2]) * _TURNED.diagonal()[:2]
+        where = (self.outline - self.center[:2]) * _TURNED.diagonal()[:2]
         where = np.concatenate([where, np.zeros((1, 2))])
         low, high = where.min(axis=0), where.max(axis=0)
         largest = (_LARGEST - 2 * _MARGIN) / float((high - low).max())
@@ -107,6 +112,34 @@ class GlassInView:
         K = np.diag([scale * self.distance, scale * self.distance, 1.0])
         K[:2, 2] = center
         return K, (int(size[0]), int(size[1]))
+
+    def places(self, shape: tuple[int, ...]) -> NDArray:
+        """Return the places of the glass that the middles of the twin's pixels show.
+
+        Args:
+            shape: Of the twin's picture (h, w).
+
+        Returns:
+            In M [m]. Shape (h, w, 2).
+        """
+        K, _ = self.twin
+        v, u = np.mgrid[: shape[0], : shape[1]] + 0.5
+        seen = np.stack([u - K[0, 2], v - K[1, 2]], axis=2) * (self.distance / K[0, 0])
+        return self.center[:2] + seen * _TURNED.diagonal()[:2]
+
+    def pixels(self, places: NDArray) -> NDArray:
+        """Return where the twin's picture shows places of the glass, as OpenCV counts.
+
+        Args:
+            places: In M [m]. Shape (..., 2).
+
+        Returns:
+            Of the middle of the first pixel 0 [px]. Shape (..., 2), 32 bits.
+        """
+        K, _ = self.twin
+        seen = (places - self.center[:2]) * _TURNED.diagonal()[:2]
+        found = seen * (K[0, 0] / self.distance) + K[:2, 2] - 0.5
+        return found.astype(np.float32)
 
     def show(
         self, picture: NDArray, depth: NDArray, shown: NDArray | tuple[int, ...], K: NDArray | None
@@ -148,11 +181,6 @@ class GlassInView:
             )
             seen = cv2.convertScaleAbs(seen, alpha=_SILVER)
         cv2.copyTo(seen, mask, picture[window])
-
-    @property
-    def _center(self) -> NDArray:
-        """The camera's centre in M. Shape (3,)."""
-        return inverse(self.X_CM)[:3, 3]
 
     def _pixels_a_metre(self) -> float:
         """Return how many of the camera's pixels a metre of glass covers in its middle."""
