@@ -225,6 +225,16 @@ def test_what_moves_with_oneself_must_be_told_by_where_it_is(count, said_of, sta
     assert f"| mirror | {count} |" in report.tables[1].markdown
 
 
+def test_an_error_in_a_later_stage_fails_it_and_keeps_what_went_before():
+    report = report_of(MirrorTest(stage(15), images(5), mirrors(10), error="no such place"))
+    stages = report.document["stages"]
+    assert [(one["stage"], one["status"]) for one in stages] == [
+        ("1", "PASS"), ("1b", "PASS"), ("2", "PASS"), ("4", "FAIL"),
+    ]  # fmt: skip
+    assert report.document["status"] == "FAIL"
+    assert report.document["reasons"][-1] == "stage 4: no such place"
+
+
 @pytest.mark.parametrize("learned", [0, 10])
 def test_a_robot_that_does_not_trust_its_mirror_ends_the_test_with_what_it_says(learned):
     places = mirrors(learned).places if learned else ()

@@ -18,6 +18,7 @@ from nico_selfmodel.experiments.mirror_test.marks_report import (
     marks_documents,
     marks_tables,
 )
+from nico_selfmodel.experiments.mirror_test.stage_document import stage_document
 from nico_selfmodel.experiments.mirror_test.stages import MirrorTest
 from nico_selfmodel.experiments.mirror_test.touches_report import touches_document, touches_table
 from nico_selfmodel.experiments.mirror_test.unknown_mirror_report import (
@@ -38,6 +39,9 @@ from nico_selfmodel.sessions.mirrors.mirror_looks import COLOR_SIGMA
 from nico_selfmodel.sessions.motion_session import PERIOD
 from nico_selfmodel.viz.reports.experiment_page import ExperimentPage, text_table
 from nico_selfmodel.viz.reports.parts import Drawing, numbers, section
+
+_BEGUN = {"images": "1b", "mirrors": "2", "unmarked": "4", "marks": "5", "touches": "7"}
+"""Part of a test -> the stage that it is."""
 
 
 def report_of(test: MirrorTest) -> ExperimentReport:
@@ -67,6 +71,9 @@ def report_of(test: MirrorTest) -> ExperimentReport:
     if test.touches is not None:
         stages.append(touches_document(test.touches))
         tables.append(touches_table(test.touches))
+    if test.error is not None:
+        begun = next(k for k in _BEGUN if getattr(test, k) is None)
+        stages.append(stage_document(_BEGUN[begun], "ended in an error", [test.error], None, ""))
     found = {one["status"] for one in stages}
     document = {
         "status": next(s for s in ("FAIL", "NOT_EVALUATED", "PASS") if s in found),

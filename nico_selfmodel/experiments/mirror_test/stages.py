@@ -2,8 +2,10 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import Any
 
-from nico_selfmodel.experiments.mirror_test.acquaintance import acquainted
+from nico_selfmodel.errors import SelfModelError
+from nico_selfmodel.experiments.mirror_test.acquaintance import Acquainted, acquainted
 from nico_selfmodel.experiments.mirror_test.encounters import (
     EncounterStage,
     check_trials,
@@ -40,6 +42,8 @@ class MirrorTest:
     """Stages 5, 6 and 8; None if one before failed."""
     touches: TouchStage | None = None
     """Stage 7; None if one before failed, or 8."""
+    error: str | None = None
+    """What the first stage that is not there ended in, if that was an error."""
 
 
 def run_stages(
@@ -72,20 +76,37 @@ def run_stages(
     check_trials(trials, len(seeds))
     check_marks(marks, len(seeds))
     robots = acquainted(world, seeds, progress)
-    met = run_encounters(robots, trials, progress)
-    if encounters_document(met)["status"] == "FAIL":
-        return MirrorTest(met)
-    told = run_images(robots, progress)
-    if images_document(told)["status"] == "FAIL":
-        return MirrorTest(met, told)
+    done: dict[str, Any] = {"encounters": run_encounters(robots, trials, progress)}
+    try:
+        _go_on(done, robots, looks, marks, plate, progress)
+    except SelfModelError as error:
+        # An hour of what went before is worth a report.
+        done["error"] = str(error)
+    return MirrorTest(**done)
+
+
+def _go_on(
+    done: dict[str, Any],
+    robots: Sequence[Acquainted],
+    looks: int,
+    marks: int,
+    plate: MirrorPlate,
+    progress: Stage | None,
+) -> None:
+    """Add the later stages to those that are done, until one fails."""
+    if encounters_document(done["encounters"])["status"] == "FAIL":
+        return
+    done["images"] = run_images(robots, progress)
+    if images_document(done["images"])["status"] == "FAIL":
+        return
     known, refused = know_mirrors(robots, plate, progress)
-    placed = place_mirrors(known, refused)
-    if mirrors_document(placed)["status"] == "FAIL":
-        return MirrorTest(met, told, placed)
-    unmarked = run_unmarked(known, looks, progress)
-    if unmarked_document(unmarked)["status"] == "FAIL":
-        return MirrorTest(met, told, placed, unmarked)
-    found = run_marks(known, marks, progress)
-    if any(one["status"] == "FAIL" for one in marks_documents(found)):
-        return MirrorTest(met, told, placed, unmarked, found)
-    return MirrorTest(met, told, placed, unmarked, found, run_touches(known, found, progress))
+    done["mirrors"] = place_mirrors(known, refused)
+    if mirrors_document(done["mirrors"])["status"] == "FAIL":
+        return
+    done["unmarked"] = run_unmarked(known, looks, progress)
+    if unmarked_document(done["unmarked"])["status"] == "FAIL":
+        return
+    done["marks"] = run_marks(known, marks, progress)
+    if any(one["status"] == "FAIL" for one in marks_documents(done["marks"])):
+        return
+    done["touches"] = run_touches(known, done["marks"], progress)
