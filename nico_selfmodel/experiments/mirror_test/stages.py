@@ -13,6 +13,7 @@ from nico_selfmodel.experiments.mirror_test.encounters_report import encounters_
 from nico_selfmodel.experiments.mirror_test.knowing import know_mirrors
 from nico_selfmodel.experiments.mirror_test.marks import MarkStage, check_marks, run_marks
 from nico_selfmodel.experiments.mirror_test.marks_report import marks_documents
+from nico_selfmodel.experiments.mirror_test.structure import StructureStage, run_structure
 from nico_selfmodel.experiments.mirror_test.touches import TouchStage, run_touches
 from nico_selfmodel.experiments.mirror_test.unknown_mirror import MirrorsStage, place_mirrors
 from nico_selfmodel.experiments.mirror_test.unknown_mirror_report import mirrors_document
@@ -30,8 +31,11 @@ class MirrorTest:
     """Stage 1."""
     mirrors: MirrorsStage | None = None
     """Stage 2; None if stage 1 failed."""
+    structure: StructureStage | None = None
+    """Stage 3; None if one before failed. If it fails, the others go on: their shapes are the
+    description's."""
     unmarked: UnmarkedStage | None = None
-    """Stage 4; None if one before failed."""
+    """Stage 4; None if 1 or 2 failed."""
     marks: MarkStage | None = None
     """Stages 5, 6 and 8; None if one before failed."""
     touches: TouchStage | None = None
@@ -46,7 +50,7 @@ def run_stages(
     marks: int,
     progress: Stage | None = None,
 ) -> MirrorTest:
-    """Let robots learn themselves and go through the test; who fails a stage ends there.
+    """Let robots learn themselves and go through the test; who fails one but the third ends there.
 
     Args:
         world: What is wrong with the bodies.
@@ -74,10 +78,11 @@ def run_stages(
     placed = place_mirrors(known)
     if mirrors_document(placed)["status"] == "FAIL":
         return MirrorTest(met, placed)
+    shape = run_structure(known, progress)
     unmarked = run_unmarked(known, looks, progress)
     if unmarked_document(unmarked)["status"] == "FAIL":
-        return MirrorTest(met, placed, unmarked)
+        return MirrorTest(met, placed, shape, unmarked)
     found = run_marks(known, marks, progress)
     if any(one["status"] == "FAIL" for one in marks_documents(found)):
-        return MirrorTest(met, placed, unmarked, found)
-    return MirrorTest(met, placed, unmarked, found, run_touches(known, found, progress))
+        return MirrorTest(met, placed, shape, unmarked, found)
+    return MirrorTest(met, placed, shape, unmarked, found, run_touches(known, found, progress))
