@@ -32,6 +32,7 @@ from nico_selfmodel.experiments.mirror_test.painting import (
 )
 from nico_selfmodel.experiments.mirror_test.report import report_of
 from nico_selfmodel.experiments.mirror_test.stages import MirrorTest
+from nico_selfmodel.experiments.mirror_test.structure import StructureStage
 from nico_selfmodel.experiments.mirror_test.unknown_mirror import (
     HAND,
     WHOLE,
@@ -229,10 +230,23 @@ def test_an_error_in_a_later_stage_fails_it_and_keeps_what_went_before():
     report = report_of(MirrorTest(stage(15), images(5), mirrors(10), error="no such place"))
     stages = report.document["stages"]
     assert [(one["stage"], one["status"]) for one in stages] == [
-        ("1", "PASS"), ("1b", "PASS"), ("2", "PASS"), ("4", "FAIL"),
+        ("1", "PASS"), ("1b", "PASS"), ("2", "PASS"), ("3", "FAIL"),
     ]  # fmt: skip
     assert report.document["status"] == "FAIL"
-    assert report.document["reasons"][-1] == "stage 4: no such place"
+    assert report.document["reasons"][-1] == "stage 3: no such place"
+
+
+def test_a_robot_that_finds_no_shape_fails_the_third_stage_alone():
+    nothing = StructureStage((), 14, (Refusal(7, "the hand was seen in 5 of 12 mirrors"),))
+    report = report_of(
+        MirrorTest(stage(15), images(5), mirrors(10), nothing, unmarked=looks(100, 0))
+    )
+    stages = {one["stage"]: one for one in report.document["stages"]}
+    assert stages["3"]["status"] == "FAIL"
+    assert stages["3"]["reasons"] == [
+        "robot 7 learned no shape: the hand was seen in 5 of 12 mirrors"
+    ]
+    assert stages["4"]["status"] == "PASS"
 
 
 @pytest.mark.parametrize("learned", [0, 10])

@@ -6,6 +6,7 @@ from typing import Any
 import numpy as np
 
 from nico_selfmodel.estimation.contingency.contingency import ODDS
+from nico_selfmodel.estimation.shape.refinement import COMMON_SIGMA
 from nico_selfmodel.experiments.experiment_report import ExperimentReport, Table
 from nico_selfmodel.experiments.mirror_test.encounters_report import (
     encounters_chart,
@@ -20,6 +21,11 @@ from nico_selfmodel.experiments.mirror_test.marks_report import (
 )
 from nico_selfmodel.experiments.mirror_test.stage_document import stage_document
 from nico_selfmodel.experiments.mirror_test.stages import MirrorTest
+from nico_selfmodel.experiments.mirror_test.structure_report import (
+    structure_chart,
+    structure_document,
+    structure_table,
+)
 from nico_selfmodel.experiments.mirror_test.touches_report import touches_document, touches_table
 from nico_selfmodel.experiments.mirror_test.unknown_mirror_report import (
     mirrors_document,
@@ -40,7 +46,14 @@ from nico_selfmodel.sessions.motion_session import PERIOD
 from nico_selfmodel.viz.reports.experiment_page import ExperimentPage, text_table
 from nico_selfmodel.viz.reports.parts import Drawing, numbers, section
 
-_BEGUN = {"images": "1b", "mirrors": "2", "unmarked": "4", "marks": "5", "touches": "7"}
+_BEGUN = {
+    "images": "1b",
+    "mirrors": "2",
+    "structure": "3",
+    "unmarked": "4",
+    "marks": "5",
+    "touches": "7",
+}
 """Part of a test -> the stage that it is."""
 
 
@@ -59,6 +72,11 @@ def report_of(test: MirrorTest) -> ExperimentReport:
     if test.mirrors is not None:
         stages.append(mirrors_document(test.mirrors))
         tables.append(mirrors_table(test.mirrors))
+    if test.structure is not None:
+        stages.append(structure_document(test.structure))
+        tables.append(structure_table(test.structure))
+        if test.structure.links:
+            charts["structure"] = structure_chart(test.structure)
     if test.unmarked is not None:
         stages.append(unmarked_document(test.unmarked))
         tables.append(unmarked_table(test.unmarked))
@@ -88,11 +106,13 @@ def report_of(test: MirrorTest) -> ExperimentReport:
         f"**{document['status']}**: {'; '.join(document['reasons'])}.\n\n"
         "Stage 1, contingency: whose motion follows one's own? Stage 1b: is what moves with "
         "oneself a mirror, a picture or another? Stage 2: where "
-        "does a mirror stand that was never looked into? Stage 4, the expected picture: does "
+        "does a mirror stand that was never looked into? Stage 3, structure: what shape have head "
+        "and chest? Stage 4, the expected picture: does "
         "an unmarked head and chest look as expected? Stages 5, 6 and 8: is a mark found that is "
         "seen in mirrors only, where is it, and is nothing found where it is not? Stage 7: does "
         "the finger touch it, and nothing else the body? No other stage "
-        "is part of this test, and one that fails is the last that is judged. "
+        "is part of this test, and one that fails is the last that is judged, but for stage 3: "
+        "the later ones take shapes from the description. "
         f"{len(met.responses)} simulated robot(s) that learned cameras and arm by themselves, "
         f"{len(met.trials)} encounters in random order, one camera, a picture every "
         f"{1e3 * PERIOD:.0f} ms; odds of {ODDS:,.0f} to 1 end an encounter.\n\n"
@@ -107,6 +127,7 @@ def _page(
     """Return the report as a page: the looks first, then every table."""
     about = "Do I look as I expect, and what is on me that was not there?"
     shown = (("mark", "A look at a mark"), ("surprise", "A look at the unmarked body"),
+             ("structure", "The shape of head and chest"),
              ("contingency", "Whose motion follows one's own"))  # fmt: skip
     drawn = [
         section(title, Drawing(charts[name], title)) for name, title in shown if name in charts
@@ -120,6 +141,7 @@ def _page(
     )
 
 
+SET_SHAPE = f"{1e3 * COMMON_SIGMA:g} mm: set on robot 900"
 SET_COLOR = f"{100 * COLOR_SIGMA:g} %: set on robots 0 and 1"
 SET_MIDDLE = f"{PIXEL_SIGMA:g} and {LENS_SIGMA:g} px: set on robots 900 and 950"
 NEAR_AND_LEAN = f"{1e3 * CLEAR:.0f} mm, {np.degrees(LEAN):.0f} deg: chosen"
@@ -136,7 +158,10 @@ def _given() -> Table:
         ["where the mirrors stand", "learned, from its hand, head and chest seen in them"],
         ["how head and body stand before them", "learned, from head and chest seen in them"],
         ["noise of its pictures, gain of a look", "learned, from its pictures"],
-        ["shape and colours of its links", "given, by its description"],
+        ["shape of head and chest", "learned, in mirrors (stage 3), and not used by later stages"],
+        ["which link a place of that belongs to", "given: the nearest line between its joints"],
+        ["what that shape is off by in all pictures", SET_SHAPE],
+        ["shape and colours of its links in stages 4 to 8", "given, by its description"],
         ["where its finger is on its hand, what may not be touched", "given, by its description"],
         ["light of the room", "given, but for its brightness"],
         ["what places of links are not known by", "learned, from looks at the unmarked body"],

@@ -16,6 +16,7 @@ from nico_selfmodel.experiments.mirror_test.images import ImageStage, images_doc
 from nico_selfmodel.experiments.mirror_test.knowing import PLATE, know_mirrors
 from nico_selfmodel.experiments.mirror_test.marks import MarkStage, check_marks, run_marks
 from nico_selfmodel.experiments.mirror_test.marks_report import marks_documents
+from nico_selfmodel.experiments.mirror_test.structure import StructureStage, run_structure
 from nico_selfmodel.experiments.mirror_test.touches import TouchStage, run_touches
 from nico_selfmodel.experiments.mirror_test.unknown_mirror import MirrorsStage, place_mirrors
 from nico_selfmodel.experiments.mirror_test.unknown_mirror_report import mirrors_document
@@ -36,8 +37,11 @@ class MirrorTest:
     """Stage 1b; None if stage 1 failed."""
     mirrors: MirrorsStage | None = None
     """Stage 2; None if one before failed."""
+    structure: StructureStage | None = None
+    """Stage 3; None if one before failed. If it fails, the others go on: their shapes are the
+    description's."""
     unmarked: UnmarkedStage | None = None
-    """Stage 4; None if one before failed."""
+    """Stage 4; None if one before failed but the third."""
     marks: MarkStage | None = None
     """Stages 5, 6 and 8; None if one before failed."""
     touches: TouchStage | None = None
@@ -55,7 +59,7 @@ def run_stages(
     plate: MirrorPlate = PLATE,
     progress: Stage | None = None,
 ) -> MirrorTest:
-    """Let robots learn themselves and go through the test; who fails a stage ends there.
+    """Let robots learn themselves and go through the test; who fails one but the third ends there.
 
     Args:
         world: What is wrong with the bodies.
@@ -103,6 +107,7 @@ def _go_on(
     done["mirrors"] = place_mirrors(known, refused)
     if mirrors_document(done["mirrors"])["status"] == "FAIL":
         return
+    done["structure"] = run_structure(known, progress)
     done["unmarked"] = run_unmarked(known, looks, progress)
     if unmarked_document(done["unmarked"])["status"] == "FAIL":
         return

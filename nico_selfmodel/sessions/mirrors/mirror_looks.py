@@ -129,7 +129,8 @@ class MirrorLooks:
         put_mirror(station, self.body.context, X_BM)
         before = self._pictures()
         self.body.relive(self._readings())
-        self.noise = tuple(map(picture_noise, before, self._pictures()))
+        left, right = map(picture_noise, before, self._pictures())
+        self.noise = left, right
         """Standard deviation of a grey level, of each camera."""
 
     def before(self, mirror: Mirror, X_BM: NDArray) -> None:
@@ -141,6 +142,11 @@ class MirrorLooks:
         """
         self._mirror = mirror
         put_mirror(self._station, self.body.context, X_BM)
+
+    def room(self) -> NDArray:
+        """Put the mirror away and return what the left camera sees, BGR. Shape (h, w, 3)."""
+        put_mirror(self._station, self.body.context, None)
+        return self._pictures()[0]
 
     def shot(self, name: str, command: NDArray) -> Shot:
         """Go to a pose and take a picture with each camera.

@@ -1,0 +1,218 @@
+"""What pictures in mirrors tell of how a surface must move along its normals, and of the mirrors.
+
+Light and body stand still, so that a place has one colour c in all mirrors (Lambert); with what
+its normal moves it by d, and its mirror's values by m, a grey level is
+
+    I_k(x) + g_k d + h_k . m = c + noise,    g = grad I . du/dx . n,    h = grad I . du/dm
+
+c is eliminated by subtracting the weighted mean of all pictures that show the place. Where the
+surface is seen edge on, the outline passes through it: with s the distance from the outline,
+s + grad s . (du/dx . n d + du/dm m) = 0.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from nico_selfmodel.estimation.shape.shape_views import ShapeViews, sampled
+from nico_selfmodel.geometry.triangle_mesh import TriangleMesh
+
+_LEVEL, _SHARE, _SHIFT = 0.6, 0.01, 0.15
+"""What a smoothed grey level is off by: by itself, as a share of it, and by places [px]."""
+_ALIKE = 15.0
+"""Grey levels and places of an outline that err alike: channels, neighbours and cameras do."""
+_HUBER = 2.0
+"""Standard deviations from which on an error counts less."""
+_OUTLINE_SIGMA, _OUTLINE_NEAR, _EDGE_ON = 0.4, 4.0, 0.12
+"""Of an outline [px]; how near to it a vertex must be seen to be on it [px], and how it is turned:
+cosine between normal and line of sight."""
+_ROUNDS = 3
+"""In which colours and what disagrees with them are told apart."""
+
+
+@dataclass(frozen=True, eq=False)
+class PictureEquations:
+    """Normal equations of a surface's displacements d and the mirrors' values m."""
+
+    own: NDArray
+    """Information of each displacement [1/m^2]. Shape (V,)."""
+    pull: NDArray
+    """What the pictures ask displacements for. Shape (V,)."""
+    coupling: NDArray
+    """Of displacements and mirrors. Shape (V, 3 M)."""
+    mirrors: NDArray
+    """Information of the mirrors. Shape (3 M, 3 M)."""
+    mirrors_pull: NDArray
+    """What the pictures ask mirrors for. Shape (3 M,)."""
+    colors: NDArray
+    """Mean colour of each vertex, BGR, nan where no picture shows it. Shape (V, 3)."""
+    chi_square: NDArray
+    """Of these colours, a degree of freedom; 1 where none is left. Shape (V,)."""
+    looks: NDArray
+    """Pictures that show each vertex, or its outline. Shape (V,)."""
+
+    @classmethod
+    def of(cls, mesh: TriangleMesh, views: ShapeViews) -> "PictureEquations":
+        """Work them out where surface and mirrors are now."""
+        sums = _Sums.empty(len(mesh.vertices), 3 * len(views.mirrors))
+        pixels, slopes = views.pixels(mesh.vertices), views.slopes(mesh.vertices)
+        shown = views.shown(mesh)
+        looks = [
+            _look(view.picture, pixels[k], slopes[k], mesh.normals, shown[k])
+            for k, view in enumerate(views.views)
+        ]
+        parts = [slice(3 * view.mirror, 3 * view.mirror + 3) for view in views.views]
+        colors, chi_square = _photometric(looks, parts, sums)
+        edge_on = _outlines(mesh, views, pixels, slopes, sums)
+        return cls(
+            sums.own, sums.pull, sums.coupling, sums.mirrors, sums.mirrors_pull, colors,
+            chi_square, shown.sum(axis=0) + edge_on,
+        )  # fmt: skip
+
+
+@dataclass(frozen=True, eq=False)
+class _Sums:
+    """Normal equations that are being summed up; the arrays are changed in place."""
+
+    own: NDArray
+    pull: NDArray
+    coupling: NDArray
+    mirrors: NDArray
+    mirrors_pull: NDArray
+
+    @classmethod
+    def empty(cls, size: int, count: int) -> "_Sums":
+        return cls(
+            np.zeros(size), np.zeros(size), np.zeros((size, count)),
+            np.zeros((count, count)), np.zeros(count),
+        )  # fmt: skip
+
+    def add(self, which: NDArray, part: slice, g: NDArray, h: NDArray, rest: "_Rest") -> None:
+        """Add rows g d + h . m = -off of vertices. Shapes (n, c), (n, c, 3), (n, c)."""
+        weight, off = rest.weight, rest.off
+        self.own[which] += np.sum(weight * g**2, axis=1)
+        self.pull[which] -= np.sum(weight * g * off, axis=1)
+        self.coupling[which, part] += np.einsum("vc,vcj->vj", weight * g, h)
+        flat = (np.sqrt(weight)[:, :, None] * h).reshape(-1, 3)
+        self.mirrors[part, part] += flat.T @ flat
+        self.mirrors_pull[part] -= np.einsum("vc,vcj->j", weight * off, h)
+
+
+@dataclass(frozen=True, eq=False)
+class _Rest:
+    """What rows are off by, and their weights. Shapes (n, c)."""
+
+    off: NDArray
+    weight: NDArray
+
+
+@dataclass(frozen=True, eq=False)
+class _Look:
+    """Grey levels of one picture at the n vertices that it shows, and their derivatives."""
+
+    which: NDArray
+    levels: NDArray
+    by_normal: NDArray
+    by_mirror: NDArray
+    weight: NDArray
+
+
+def _look(
+    picture: NDArray,
+    pixels: NDArray,
+    slopes: tuple[NDArray, NDArray],
+    normals: NDArray,
+    shown: NDArray,
+) -> _Look:
+    """Look up grey levels and their derivatives."""
+    which = np.flatnonzero(shown)
+    down, right = np.gradient(picture, axis=(0, 1))
+    levels, right, down = (sampled(one, pixels[which]) for one in (picture, right, down))
+    slope = np.stack([right, down], axis=2)
+    by_normal = np.einsum("vij,vj->vi", slopes[0][which], normals[which])
+    variance = _LEVEL**2 + (_SHARE * levels) ** 2 + _SHIFT**2 * np.sum(slope**2, axis=2)
+    return _Look(
+        which,
+        levels,
+        np.einsum("vci,vi->vc", slope, by_normal),
+        slope @ slopes[1][which],
+        1.0 / variance,
+    )
+
+
+def _photometric(
+    looks: Sequence[_Look], parts: Sequence[slice], sums: _Sums
+) -> tuple[NDArray, NDArray]:
+    """Add what the colours tell; return them and how well they agree."""
+    size = len(sums.own)
+    weights, colors, total, chi_square = _agreed(looks, size)
+    slope, by_mirror = np.zeros((size, 3)), np.zeros((size, 3, len(sums.mirrors)))
+    for look, weight, part in zip(looks, weights, parts, strict=True):
+        slope[look.which] += weight * look.by_normal
+        by_mirror[look.which, :, part] += weight[:, :, None] * look.by_mirror
+    slope /= np.maximum(total, 1e-12)
+    for look, weight, part in zip(looks, weights, parts, strict=True):
+        off = look.levels - colors[look.which]
+        rest = _Rest(off, weight / _ALIKE)
+        sums.add(look.which, part, look.by_normal - slope[look.which], look.by_mirror, rest)
+    flat = by_mirror / np.sqrt(_ALIKE * np.maximum(total, 1e-12))[:, :, None]
+    flat = flat.reshape(-1, len(sums.mirrors))
+    sums.mirrors[:] -= flat.T @ flat
+    return colors, chi_square
+
+
+def _agreed(looks: Sequence[_Look], size: int) -> tuple[list[NDArray], NDArray, NDArray, NDArray]:
+    """Return weights, mean colours, their total weights and chi-squares, outliers weighing less."""
+    shares = [np.ones((len(look.which), 1)) for look in looks]
+    colors, total = np.zeros((size, 3)), np.zeros((size, 3))
+    errors: list[NDArray] = []
+    for _ in range(_ROUNDS):
+        total, colors = np.zeros((size, 3)), np.zeros((size, 3))
+        for look, share in zip(looks, shares, strict=True):
+            total[look.which] += share * look.weight
+            colors[look.which] += share * look.weight * look.levels
+        with np.errstate(invalid="ignore"):
+            colors = colors / np.where(total > 0.0, total, np.nan)
+        errors = [np.abs(one.levels - colors[one.which]) * np.sqrt(one.weight) for one in looks]
+        worst = [np.maximum(one.max(axis=1, initial=1e-9), 1e-9)[:, None] for one in errors]
+        shares = [np.minimum(1.0, _HUBER / one) ** 2 for one in worst]
+    square, count = np.zeros(size), np.zeros(size)
+    for look, error in zip(looks, errors, strict=True):
+        square[look.which] += np.mean(error**2, axis=1)
+        count[look.which] += 1.0
+    chi_square = np.where(count > 1.0, square / np.maximum(count - 1.0, 1.0), 1.0)
+    weights = [share * look.weight for look, share in zip(looks, shares, strict=True)]
+    return weights, colors, total, chi_square
+
+
+def _outlines(
+    mesh: TriangleMesh,
+    views: ShapeViews,
+    pixels: Sequence[NDArray],
+    slopes: Sequence[tuple[NDArray, NDArray]],
+    sums: _Sums,
+) -> NDArray:
+    """Add what outlines tell; return how many pass through each vertex. Shape (V,)."""
+    count = np.zeros(len(sums.own), dtype=int)
+    facing = views.facing(mesh)
+    for k, view in enumerate(views.views):
+        beyond = sampled(view.beyond, pixels[k])
+        with np.errstate(invalid="ignore"):
+            on = (np.abs(beyond) < _OUTLINE_NEAR) & (np.abs(facing[k]) < _EDGE_ON)
+            on |= (beyond > 0.0) & (beyond < 2.0 * _OUTLINE_NEAR)
+        which = np.flatnonzero(on)
+        down, right = np.gradient(view.beyond, axis=(0, 1))
+        slope = np.stack([sampled(one, pixels[k][which]) for one in (right, down)], axis=1)
+        kept = np.isfinite(slope).all(axis=1)
+        which, slope = which[kept], slope[kept]
+        off = beyond[which]
+        by_normal = np.einsum("vij,vj->vi", slopes[k][0][which], mesh.normals[which])
+        share = np.minimum(1.0, _HUBER * _OUTLINE_SIGMA / np.maximum(np.abs(off), 1e-9))
+        rest = _Rest(off[:, None], (share / (_ALIKE * _OUTLINE_SIGMA**2))[:, None])
+        g = np.sum(slope * by_normal, axis=1)[:, None]
+        h = np.einsum("vi,vij->vj", slope, slopes[k][1][which])[:, None]
+        sums.add(which, slice(3 * view.mirror, 3 * view.mirror + 3), g, h, rest)
+        count[which] += 1
+    return count

@@ -1,0 +1,199 @@
+"""Stage 3 of the mirror test: the outer shape of head and chest, learned in mirrors."""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from nico_selfmodel.errors import EstimationError, ModelError
+from nico_selfmodel.experiments.mirror_test.acquaintance import rendered
+from nico_selfmodel.experiments.mirror_test.knowing import Knowing, Refusal
+from nico_selfmodel.experiments.mirror_test.painting import LINKS
+from nico_selfmodel.geometry.solids import Solid, distance_to_solids, normals_of_solids
+from nico_selfmodel.geometry.transform import apply
+from nico_selfmodel.geometry.triangle_mesh import TriangleMesh
+from nico_selfmodel.model.cameras.mirror import Mirror
+from nico_selfmodel.model.cameras.mirror_rig import MirrorRig
+from nico_selfmodel.plant.kinematic_tree import KinematicTree
+from nico_selfmodel.plant.link_surfaces import LinkSurface
+from nico_selfmodel.sessions.mirrors.learned_shape import (
+    LearnedShape,
+    Skeleton,
+    carried,
+    learn_shape,
+)
+from nico_selfmodel.sessions.mirrors.mirror_looks import MirrorLooks
+from nico_selfmodel.sessions.mirrors.mirror_scenario import MIRROR
+from nico_selfmodel.sessions.mirrors.shape_looks import look_at_shape, tell_mirrors
+from nico_selfmodel.sessions.progress import Stage, of_robot
+from nico_selfmodel.systems.rendering.body_image import BodyImage
+from nico_selfmodel.systems.rendering.stereo_cameras import ImageQuality
+from nico_selfmodel.systems.simulated.ground_truth import GroundTruth
+from nico_selfmodel.systems.stations.seen_surface import SeenSurface
+
+NEAR = 5e-3
+"""What is seen in a mirror is claimed if the learned surface passes so near [m]."""
+WHOLE = ("head",)
+"""Links that count with all that hangs on them: cameras in their cases are a part of the face."""
+_SEEN = 300
+"""Places of head and chest that are seen in the mirror and looked for in the learned surface."""
+_DAY = 9
+
+Surfaces = Mapping[str, tuple[LinkSurface, NDArray]]
+"""Link -> its surface and its pose before the left camera."""
+
+
+@dataclass(frozen=True, eq=False)
+class LinkStructure:
+    """The learned surface of one link beside the true one, before the left camera."""
+
+    robot: int
+    """Seed of the robot."""
+    link: str
+    """Name of the link."""
+    mesh: TriangleMesh
+    """As learned, in the left camera's frame."""
+    off: NDArray
+    """How far each vertex is outside of the true body [m]. Shape (V,)."""
+    p_LT: NDArray
+    """Where the true body is next to each vertex, to first order [m]. Shape (V, 3)."""
+    sigma: NDArray
+    """What the robot says it may be off by [m]. Shape (V,)."""
+    strange: float
+    """Share of vertices that are nearest to another link."""
+    unseen: float
+    """Share of vertices of which no camera saw the outside in any mirror."""
+    covered: float
+    """Share of the places seen in the first mirror that the learned surface passes."""
+
+
+@dataclass(frozen=True, eq=False)
+class StructureStage:
+    """All links of all robots."""
+
+    links: tuple[LinkStructure, ...]
+    """Robot by robot."""
+    mirrors: int
+    """In which each robot looked at itself."""
+    refusals: tuple[Refusal, ...] = ()
+    """What robots say who found no surface."""
+
+
+def run_structure(robots: Sequence[Knowing], progress: Stage | None = None) -> StructureStage:
+    """Let robots learn the shape of head and chest, and hold it against the true one.
+
+    Args:
+        robots: Who know themselves and two mirrors.
+        progress: Told how far it is.
+    """
+    found: list[LinkStructure] = []
+    refused: list[Refusal] = []
+    count = 0
+    for i, known in enumerate(robots):
+        try:
+            shape, surfaces = learn_structure(known, of_robot(progress, i, len(robots)))
+        except (EstimationError, ModelError) as error:
+            refused.append(Refusal(known.robot.seed, str(error)))
+            continue
+        found += judged(known, shape, surfaces)
+        count = len(shape.all.mirrors)
+    return StructureStage(tuple(found), count, tuple(refused))
+
+
+def learn_structure(known: Knowing, stage: Stage) -> tuple[LearnedShape, Surfaces]:
+    """Let one robot look at itself in many mirrors, and learn its shape.
+
+    Args:
+        known: The robot.
+        stage: Told how far it is.
+
+    Returns:
+        What it learned, and the truth of the links that stood still.
+
+    Raises:
+        EstimationError: If it finds no surface, or hardly any mirror shows its hand.
+        ModelError: If hardly any pose shows its hand in a mirror.
+    """
+    robot, views = known.robot, known.before.views
+    nico = rendered(robot, ImageQuality())
+    told, places = tell_mirrors(nico, robot.model, robot.readings, known.before.plate, stage)
+    mirrors = {**{name: robot.model.mirrors[name] for name in views}, **told}
+    places = {**{name: view.X_BM for name, view in views.items()}, **places}
+    before = known.before
+    with BodyImage(nico.arm, robot.model) as image, before.station(_DAY) as station:
+        looks = MirrorLooks(station, image, robot.model, mirrors[MIRROR], places[MIRROR])
+        seen = look_at_shape(looks, mirrors, places, list(known.poses[MIRROR]), stage)
+        known.body.pose(image)
+        poses = image.poses(seen.shots[0].readings)
+        moving = {image.links[number] for number in image.moving}
+        truth = station.surfaces_true(looks.body.context)
+    skeleton = Skeleton.of(KinematicTree.from_urdf(nico.arm.urdf), poses, WHOLE)
+    rng = np.random.default_rng((robot.seed, 46))
+    shape = learn_shape(seen, robot.model.rig, skeleton, poses, LINKS, rng, stage)
+    return shape, {link: one for link, one in truth.items() if link not in moving}
+
+
+def judged(known: Knowing, shape: LearnedShape, surfaces: Surfaces) -> list[LinkStructure]:
+    """Hold what a robot has learned against the truth.
+
+    Args:
+        known: The robot.
+        shape: What it has learned.
+        surfaces: The true surfaces of all that stands still.
+    """
+    nico = rendered(known.robot)
+    truth: GroundTruth = nico.ground_truth
+    solids, names = _posed(surfaces)
+    tree = KinematicTree.from_urdf(nico.arm.urdf)
+    names = np.array([carried(tree, name, WHOLE) for name in names])
+    first = truth.mirror(known.before.views[MIRROR].X_BM)
+    centers = _centers(truth, shape.all.mirrors)
+    found = []
+    for link, own in shape.links.items():
+        mesh = own.mesh.moved(apply(shape.X_WF[link], own.mesh.vertices))
+        off, which = distance_to_solids(solids, mesh.vertices)
+        normals = normals_of_solids(solids, mesh.vertices)
+        facing = np.einsum("cvk,vk->cv", centers[:, None] - mesh.vertices, normals)
+        found.append(
+            LinkStructure(
+                known.robot.seed,
+                link,
+                mesh,
+                off,
+                mesh.vertices - off[:, None] * normals,
+                own.sigma,
+                float(np.mean(names[which] != link)),
+                float(np.mean((facing <= 0.0).all(axis=0))),
+                _covered(mesh, link, surfaces, truth, first),
+            )
+        )
+    return found
+
+
+def _posed(surfaces: Surfaces) -> tuple[list[Solid], NDArray]:
+    """Return all solids before the left camera, and the link of each."""
+    solids = [
+        Solid(one.kind, one.size, X_LF @ one.X_FS)
+        for surface, X_LF in surfaces.values()
+        for one in surface.solids
+    ]
+    names = [link for link, (surface, _) in surfaces.items() for _ in surface.solids]
+    return solids, np.array(names)
+
+
+def _centers(truth: GroundTruth, mirrors: Sequence[Mirror]) -> NDArray:
+    """Return where reflected cameras are [m]. Shape (2 M, 3)."""
+    rigs = [MirrorRig(truth.rig, mirror).virtual for mirror in mirrors]
+    return np.array([camera.X_WC[:3, 3] for rig in rigs for camera in rig.cameras])
+
+
+def _covered(
+    mesh: TriangleMesh, link: str, surfaces: Surfaces, truth: GroundTruth, mirror: Mirror
+) -> float:
+    """Return which share of the places of a link seen in a mirror the learned surface passes."""
+    seen = SeenSurface(surfaces, truth.rig, mirror.plane)
+    places = seen.in_mirror_only([link], _SEEN, np.random.default_rng(0)).p_FQ
+    if not len(places) or not len(mesh.triangles):
+        return 0.0
+    return float(np.mean(mesh.distance(apply(surfaces[link][1], places)) < NEAR))

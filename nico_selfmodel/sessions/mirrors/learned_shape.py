@@ -1,0 +1,185 @@
+"""From pictures in many mirrors to the shape of each link that stands still."""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from functools import cache
+
+import numpy as np
+from numpy.typing import NDArray
+
+from nico_selfmodel.estimation.shape.fusion import DepthView, first_surface
+from nico_selfmodel.estimation.shape.refinement import RefinedSurface, refine_surface
+from nico_selfmodel.estimation.shape.shape_views import ShapeView, ShapeViews
+from nico_selfmodel.geometry.transform import apply, inverse
+from nico_selfmodel.geometry.voxel_grid import VoxelGrid
+from nico_selfmodel.model.cameras.stereo_rig import StereoRig
+from nico_selfmodel.model.link_shape import LinkShape
+from nico_selfmodel.plant.kinematic_tree import KinematicTree
+from nico_selfmodel.sessions.mirrors.shape_looks import ShapeLooks
+from nico_selfmodel.sessions.progress import Stage, telling
+from nico_selfmodel.vision.images.body_outline import beyond_body, plain_color
+from nico_selfmodel.vision.images.image_array import smoothed
+from nico_selfmodel.vision.images.stereo_depth import RectifiedPair
+
+_PITCH = 5e-3
+"""Of the voxels [m]."""
+REACH = 0.15
+"""How far a link's surface may be from the lines between its joints [m]."""
+_NEAREST = 0.3
+"""What seems to be nearer in a mirror is not looked for [m]."""
+_INSIDE = -1.0
+"""Depths count so far inside of the outline [px]."""
+_SHARE = 0.8
+"""Of the way to a joint that a link's line goes."""
+FEWEST = 10
+"""Pictures that must show a place before its shape is claimed."""
+
+
+@dataclass(frozen=True, eq=False)
+class LearnedShape:
+    """The surfaces of links."""
+
+    links: Mapping[str, LinkShape]
+    """By name of the link."""
+    X_WF: Mapping[str, NDArray]
+    """Link -> its pose in the left camera's frame when it was seen. Shape (4, 4) each."""
+    all: RefinedSurface
+    """All that was found about these links, in the left camera's frame."""
+
+
+@dataclass(frozen=True, eq=False)
+class Skeleton:
+    """Lines between the joints of a robot, by which places belong to links."""
+
+    links: tuple[str, ...]
+    """Of each line."""
+    lines: NDArray
+    """Both ends of each [m]. Shape (lines, 2, 3)."""
+
+    @classmethod
+    def of(
+        cls, tree: KinematicTree, poses: Mapping[str, NDArray], whole: Sequence[str] = ()
+    ) -> "Skeleton":
+        """Draw lines from each link's origin to those of the links that hang on it.
+
+        Lines end at four fifths of the way: what is about a joint is of the link beyond it.
+
+        Args:
+            tree: Which link hangs on which.
+            poses: Link -> its pose in W; others are left out. Shape (4, 4) each.
+            whole: Links that all that hangs on them counts to.
+        """
+        links, lines = [], []
+        for link, joint in tree.joint_above.items():
+            parent = joint.parent_body().name()
+            if parent in poses and link in poses:
+                start, end = poses[parent][:3, 3], poses[link][:3, 3]
+                links.append(carried(tree, parent, whole))
+                lines.append([start, start + _SHARE * (end - start)])
+        return cls(tuple(links), np.array(lines))
+
+    def distances(self, p_WQ: NDArray) -> NDArray:
+        """Return how far points are from all lines [m]. Shape (N, 3) -> (N, lines)."""
+        start, way = self.lines[:, 0], self.lines[:, 1] - self.lines[:, 0]
+        off = p_WQ[:, None] - start
+        along = np.einsum("nlk,lk->nl", off, way) / np.maximum(np.sum(way**2, axis=1), 1e-12)
+        foot = np.clip(along, 0.0, 1.0)[..., None] * way
+        return np.linalg.norm(off - foot, axis=2)
+
+
+def carried(tree: KinematicTree, link: str, whole: Sequence[str]) -> str:
+    """Return the link among some that another one hangs on, or that one itself."""
+    above = link
+    while above not in whole and above in tree.joint_above:
+        above = tree.joint_above[above].parent_body().name()
+    return above if above in whole else link
+
+
+def learn_shape(
+    looks: ShapeLooks,
+    rig: StereoRig,
+    skeleton: Skeleton,
+    poses: Mapping[str, NDArray],
+    wanted: Sequence[str],
+    rng: np.random.Generator,
+    stage: Stage | None = None,
+) -> LearnedShape:
+    """Learn the shape of links that stood still in all pictures.
+
+    Args:
+        looks: Pictures in mirrors.
+        rig: The cameras; the left one is W.
+        skeleton: Where the joints of the robot are, by which links are told apart.
+        poses: Link -> its pose in W. Shape (4, 4) each.
+        wanted: Links whose shape is learned.
+        rng: Source of samples of what is not known.
+        stage: Told how far it is.
+
+    Raises:
+        EstimationError: If the room is not plain, or no surface is found.
+    """
+    views = _outlined(looks, rig)
+    depths = _depths(looks, rig, views)
+    own = np.isin(skeleton.links, list(wanted))
+    grid = VoxelGrid.about(skeleton.lines[own].reshape(-1, 3), REACH, _PITCH)
+    near = skeleton.distances(grid.points)[:, own].min(axis=1) < REACH
+    mesh = first_surface(grid, near, views, depths)
+
+    @cache
+    def blurred(sigma: float) -> ShapeViews:
+        return ShapeViews(
+            tuple(
+                ShapeView(v.mirror, v.side, smoothed(v.picture, sigma), v.beyond)
+                for v in views.views
+            ),
+            rig,
+            views.mirrors,
+        )
+
+    found = refine_surface(mesh, blurred, rng, telling(stage, "learning its shape"))
+    return LearnedShape(_links(found, skeleton, poses, wanted), dict(poses), found)
+
+
+def _outlined(looks: ShapeLooks, rig: StereoRig) -> ShapeViews:
+    """Return all pictures with outlines."""
+    room = plain_color(looks.room)
+    views = [
+        ShapeView(k, side, picture, beyond_body(picture, room, looks.noise[side]))
+        for k, shot in enumerate(looks.shots)
+        for side, picture in enumerate(shot.pictures)
+    ]
+    return ShapeViews(tuple(views), rig, tuple(looks.mirrors.values()))
+
+
+def _depths(looks: ShapeLooks, rig: StereoRig, views: ShapeViews) -> list[DepthView]:
+    """Return what both cameras together tell of depths in each mirror."""
+    pair = RectifiedPair.of(rig)
+    found = []
+    for k, shot in enumerate(looks.shots):
+        depth = pair.depth(shot.pictures, _NEAREST)
+        inside = pair.bent(views.views[2 * k].beyond, 0) < _INSIDE
+        found.append(DepthView(k, pair.left, np.where(inside, depth, np.nan)))
+    return found
+
+
+def _links(
+    found: RefinedSurface,
+    skeleton: Skeleton,
+    poses: Mapping[str, NDArray],
+    wanted: Sequence[str],
+) -> dict[str, LinkShape]:
+    """Give each place that was seen often enough to the link whose lines are nearest."""
+    nearest = np.argmin(skeleton.distances(found.mesh.vertices), axis=1)
+    seen = (found.looks >= FEWEST) & np.isfinite(found.colors).all(axis=1)
+    names, shapes = np.array(skeleton.links)[nearest], {}
+    for link in wanted:
+        kept = seen & (names == link)
+        used, mesh = found.mesh.used(kept), found.mesh.of_vertices(kept)
+        shapes[link] = LinkShape(
+            link,
+            mesh.moved(apply(inverse(poses[link]), mesh.vertices)),
+            found.sigma[used],
+            found.colors[used][:, ::-1] / 255.0,
+            found.looks[used],
+        )
+    return shapes

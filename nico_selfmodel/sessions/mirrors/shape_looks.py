@@ -1,0 +1,128 @@
+"""A Nico that looks at its head and chest in many mirrors, to learn their shape."""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from types import MappingProxyType
+
+import numpy as np
+from numpy.typing import NDArray
+
+from nico_selfmodel.dataset.dataset import Dataset
+from nico_selfmodel.errors import EstimationError
+from nico_selfmodel.estimation.mirrors.mirror import calibrate_mirrors
+from nico_selfmodel.model.cameras.mirror import Mirror
+from nico_selfmodel.model.self_model import SelfModel
+from nico_selfmodel.sessions.mirrors.known_body import Shot
+from nico_selfmodel.sessions.mirrors.mirror_looks import MirrorLooks
+from nico_selfmodel.sessions.mirrors.nico_before_mirrors import NicoBeforeMirrors
+from nico_selfmodel.sessions.progress import Stage, telling
+from nico_selfmodel.sessions.rendered_nico import RenderedNico
+from nico_selfmodel.systems.rendering.mirror_scene import MirrorPlate
+
+_TILTS = tuple((x, y) for y in (-24.0, -8.0, 10.0) for x in (-27.0, -9.0, 9.0, 27.0))
+"""How mirrors are turned: face and chest in view, from as many sides as there are [deg]."""
+_NEAR, _FAR = 0.22, 0.28
+"""How far they are from the left camera, by turns [m]."""
+SHAPE_MIRRORS: Mapping[str, Mirror] = MappingProxyType(
+    {
+        f"shape{k + 1}": Mirror.from_values([*np.radians(tilt), (_NEAR, _FAR)[k % 2]])
+        for k, tilt in enumerate(_TILTS)
+    }
+)
+"""Where mirrors are meant to stand."""
+HAND_POSES = 2
+"""In which the hand tells where each of them stands."""
+FEWEST_MIRRORS = 6
+"""That a shape takes."""
+_CHOICES = 200
+_CLEARANCE = 0.03
+"""How far the arm's links keep from the glass [m]."""
+_DAY = 8
+
+
+@dataclass(frozen=True, eq=False)
+class ShapeLooks:
+    """Pictures of head and chest in mirrors whose planes the hand has told."""
+
+    mirrors: Mapping[str, Mirror]
+    """With covariances."""
+    shots: tuple[Shot, ...]
+    """One before each mirror, in the same order."""
+    room: NDArray
+    """What the left camera sees without a mirror, BGR. Shape (h, w, 3)."""
+    noise: tuple[float, float]
+    """Standard deviation of a grey level, of each camera."""
+
+
+def tell_mirrors(
+    nico: RenderedNico,
+    model: SelfModel,
+    familiar: NDArray,
+    plate: MirrorPlate,
+    stage: Stage | None = None,
+) -> tuple[dict[str, Mirror], dict[str, NDArray]]:
+    """Learn from the hand where mirrors stand that are put up for the shape.
+
+    Args:
+        nico: The robot.
+        model: What it has learned of arm and cameras.
+        familiar: Readings at which the arm was learned. Shape (K, n).
+        plate: The glass.
+        stage: Told how far it is.
+
+    Returns:
+        Mirrors with covariances, and where their glasses really stand, X_BM, shape (4, 4), by name.
+
+    Raises:
+        EstimationError: If no plane fits, or hardly any mirror shows the hand.
+        ModelError: If hardly any pose shows the hand in one of them.
+    """
+    before = NicoBeforeMirrors(
+        nico, SHAPE_MIRRORS, plate=plate, knows=model, rig=model.rig,
+        familiar=familiar, choices=_CHOICES,
+    )  # fmt: skip
+    told = telling(stage, "looking at its hand in mirrors for its shape")
+    data = _shown_enough(before.record("shape", _DAY, HAND_POSES, progress=told))
+    found = calibrate_mirrors(data, model).mirrors
+    return found, {name: before.views[name].X_BM for name in found}
+
+
+def _shown_enough(data: Dataset) -> Dataset:
+    """Return the rows of mirrors in which both cameras saw the hand once, or one of them twice."""
+    sights = np.isfinite(data.pixels[:, ::2]).sum(axis=1)
+    known = [name for name in np.unique(data.mirror) if sights[data.mirror == name].sum() > 1]
+    if len(known) < FEWEST_MIRRORS:
+        raise EstimationError(
+            f"the hand was seen well enough in {len(known)} of {len(SHAPE_MIRRORS)} mirrors, a "
+            f"shape takes {FEWEST_MIRRORS}"
+        )
+    return data.select(np.isin(data.mirror, known))
+
+
+def look_at_shape(
+    looks: MirrorLooks,
+    mirrors: Mapping[str, Mirror],
+    places: Mapping[str, NDArray],
+    postures: Sequence[NDArray],
+    stage: Stage | None = None,
+) -> ShapeLooks:
+    """Take a picture with both cameras before each mirror, the arm aside.
+
+    Postures go by turns, so that what moves with the arm stands elsewhere in every other picture.
+
+    Args:
+        looks: The robot before a mirror.
+        mirrors: As the hand told them.
+        places: Where their glasses really stand, X_BM. Shape (4, 4) each.
+        postures: To look from, free of collisions [encoder units]. Shape (n,) each.
+        stage: Told how far it is.
+    """
+    told = telling(stage, "looking at head and chest")
+    shots = []
+    for k, (name, mirror) in enumerate(mirrors.items()):
+        looks.before(mirror, places[name])
+        clear = [one for one in postures if looks.clearance(one) > _CLEARANCE]
+        clear = clear or [max(postures, key=looks.clearance)]
+        shots.append(looks.shot(name, clear[k % len(clear)]))
+        told(k + 1, len(mirrors))
+    return ShapeLooks(MappingProxyType(dict(mirrors)), tuple(shots), looks.room(), looks.noise)

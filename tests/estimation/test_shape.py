@@ -1,0 +1,193 @@
+"""The shape of a ball that stands before two cameras, seen in mirrors."""
+
+from dataclasses import replace
+from functools import cache
+
+import numpy as np
+import pytest
+
+from nico_selfmodel.errors import EstimationError
+from nico_selfmodel.estimation.shape.fair_surface import FairSurface, Neighbours
+from nico_selfmodel.estimation.shape.fusion import DepthView, first_surface
+from nico_selfmodel.estimation.shape.refinement import refine_surface
+from nico_selfmodel.estimation.shape.shape_views import ShapeView, ShapeViews, nearest_of, sampled
+from nico_selfmodel.geometry.rotation import rotation_from_vector
+from nico_selfmodel.geometry.surface_nets import surface_nets
+from nico_selfmodel.geometry.transform import transform
+from nico_selfmodel.geometry.voxel_grid import VoxelGrid
+from nico_selfmodel.model.cameras.camera import Camera
+from nico_selfmodel.model.cameras.mirror import Mirror
+from nico_selfmodel.model.cameras.mirror_rig import MirrorRig
+from nico_selfmodel.model.cameras.stereo_rig import StereoRig
+
+CENTER, RADIUS = np.array([0.03, 0.1, -0.05]), 0.07
+TILTS = [(x, y) for x in (-25, 0, 25) for y in (-20, 5)]
+SIGMA = np.array([2e-3, 2e-3, 1e-3])
+
+
+def rig():
+    left = Camera(190.0, 190.0, 159.5, 119.5, (320, 240))
+    return StereoRig(left, left.at(transform(np.eye(3), [0.07, 0.0, 0.0])))
+
+
+def mirrors():
+    return [
+        Mirror.from_values([*np.radians(tilt), 0.2 + 0.02 * k], np.diag(SIGMA**2))
+        for k, tilt in enumerate(TILTS)
+    ]
+
+
+def painted(way):
+    """Return a colour that changes smoothly over the ball. Shape (..., 3) -> (..., 3)."""
+    waves = np.stack([np.sin(9.0 * way @ axis + k) for k, axis in enumerate(np.eye(3))], axis=-1)
+    return 120.0 + 50.0 * waves
+
+
+def look(camera, rng):
+    """Return a picture of the ball, its outline and its depth, of one camera."""
+    u, v = np.meshgrid(*(np.arange(n, dtype=float) for n in camera.image_size))
+    pixels = np.stack([u, v], axis=-1).reshape(-1, 2)
+    ways = camera.directions(pixels) @ camera.X_WC[:3, :3].T
+    off = camera.X_WC[:3, 3] - CENTER
+    along = -ways @ off
+    square = off @ off - along**2
+    hit = along - np.sqrt(np.maximum(RADIUS**2 - square, 0.0))
+    places = off + hit[:, None] * ways
+    beyond = camera.fx * (np.sqrt(square) - RADIUS) / along
+    color = np.where(beyond[:, None] < 0.0, painted(places / RADIUS), 90.0)
+    color = color + rng.normal(0.0, 0.5, color.shape)
+    depth = hit * (ways @ camera.X_WC[:3, 2])
+    shape = u.shape
+    return (
+        color.reshape(*shape, 3),
+        np.clip(beyond, -60.0, 60.0).reshape(shape),
+        np.where(beyond < -1.0, depth, np.nan).reshape(shape),
+    )
+
+
+@cache
+def seen():
+    rng, views, depths = np.random.default_rng(0), [], []
+    for k, mirror in enumerate(mirrors()):
+        for side, camera in enumerate(MirrorRig(rig(), mirror).virtual.cameras):
+            picture, beyond, depth = look(camera, rng)
+            views.append(ShapeView(k, side, picture, beyond))
+            if side == 0:
+                depths.append(DepthView(k, rig().left, depth))
+    return ShapeViews(tuple(views), rig(), tuple(mirrors())), tuple(depths)
+
+
+def ball(radius, pitch=5e-3, front=None):
+    grid = VoxelGrid.about(CENTER[None], radius + 0.02, pitch)
+    distance = np.linalg.norm(grid.points - CENTER, axis=1) - radius
+    if front is not None:
+        distance[grid.points[:, 2] < front] = np.nan
+    return surface_nets(grid, distance.reshape(grid.shape))
+
+
+def off(mesh):
+    return np.linalg.norm(mesh.vertices - CENTER, axis=1) - RADIUS
+
+
+def test_depths_and_outlines_of_a_ball_fuse_to_its_front_and_leave_its_back_unknown():
+    views, depths = seen()
+    grid = VoxelGrid.about(CENTER[None], RADIUS + 0.03, 6e-3)
+    mesh = first_surface(grid, np.ones(len(grid.points), dtype=bool), views, depths)
+    assert np.median(np.abs(off(mesh))) < 1.5e-3
+    away = np.array([center - CENTER for center in views.centers()])
+    outward = (mesh.vertices - CENTER) / np.linalg.norm(mesh.vertices - CENTER, axis=1)[:, None]
+    facing = (outward @ (away / np.linalg.norm(away, axis=1)[:, None]).T).max(axis=1)
+    assert np.mean(facing > -0.3) > 0.95
+
+
+def test_mirrors_in_which_nothing_stands_show_no_surface():
+    views, depths = seen()
+    empty = tuple(replace(v, beyond=np.full_like(v.beyond, 60.0)) for v in views.views)
+    grid = VoxelGrid.about(CENTER[None], 0.1, 0.01)
+    nothing = tuple(replace(d, depth=np.full_like(d.depth, np.nan)) for d in depths)
+    with pytest.raises(EstimationError, match="show no surface"):
+        first_surface(grid, grid.points[:, 0] < 9.0, replace(views, views=empty), nothing)
+
+
+@pytest.mark.slow
+def test_a_ball_drawn_too_small_grows_to_its_size_and_says_how_well():
+    views, _ = seen()
+    rng = np.random.default_rng(1)
+    told = tuple(
+        Mirror.from_values(m.values + 0.5 * SIGMA * rng.standard_normal(3), m.covariance)
+        for m in views.mirrors
+    )
+    start = ball(RADIUS - 4e-3, front=CENTER[2] - 0.01)
+    found = refine_surface(start, lambda _: views.placed(told), rng)
+    sure = found.looks >= 6
+    assert np.count_nonzero(sure) > 0.5 * len(sure)
+    assert np.median(np.abs(off(found.mesh)[sure])) < 1e-3
+    assert np.sqrt(np.mean((off(found.mesh)[sure] / found.sigma[sure]) ** 2)) < 1.3
+    truth = np.array([m.values for m in mirrors()])
+    before, after = (
+        np.linalg.norm((np.array([m.values for m in own]) - truth) / SIGMA)
+        for own in (told, found.mirrors)
+    )
+    assert after < before
+
+
+def test_what_is_turned_away_or_beyond_the_outline_is_not_shown():
+    views, _ = seen()
+    mesh = ball(RADIUS)
+    shown = views.shown(mesh)
+    assert shown.any(axis=1).all()
+    assert (views.facing(mesh)[shown] > 0.3).all()
+    assert not shown[:, mesh.vertices[:, 2] < CENTER[2] - 0.6 * RADIUS].any()
+
+
+def test_pixels_and_slopes_of_mirrored_points_agree():
+    views, _ = seen()
+    p, step = CENTER[None] + [[0.01, 0.02, 0.06]], 1e-6
+    by_point = views.slopes(p)[3][0][0]
+    for k in range(3):
+        moved = [views.pixels(p + sign * step * np.eye(3)[k])[3][0] for sign in (1, -1)]
+        np.testing.assert_allclose(by_point[:, k], (moved[0] - moved[1]) / (2 * step), rtol=1e-4)
+
+
+def test_a_ball_is_expected_as_it_is_and_a_dent_is_pulled_out():
+    mesh = ball(RADIUS)
+    neighbours = Neighbours.of(mesh)
+    fair = FairSurface.of(mesh, neighbours, 1e-3)
+    assert np.abs(fair.bend).max() < 0.2 * fair.tau
+    dent = np.zeros(len(mesh.vertices))
+    dent[100] = -2e-3
+    dented = mesh.moved(mesh.vertices + dent[:, None] * mesh.normals)
+    fair = FairSurface.of(dented, neighbours, 1e-3)
+    step = fair.solved(np.full(len(dent), 1e2), fair.pull[:, None])[:, 0]
+    assert np.argmax(step) == 100
+    assert step[100] > 1e-3
+
+
+def test_conjugate_gradients_solve_what_a_dense_matrix_solves():
+    mesh = ball(0.03, 0.015)
+    fair = FairSurface.of(mesh, Neighbours.of(mesh), 1e-3)
+    size = len(mesh.vertices)
+    diagonal = np.linspace(1e5, 1e6, size)
+    bent = fair.bent(np.eye(size))
+    dense = np.diag(diagonal) + bent.T @ bent / fair.tau**2
+    right = np.random.default_rng(0).standard_normal((size, 3))
+    np.testing.assert_allclose(
+        fair.solved(diagonal, right), np.linalg.solve(dense, right), rtol=1e-2, atol=1e-9
+    )
+
+
+def test_values_between_pixels_are_linear_and_beyond_the_picture_unknown():
+    v, u = np.mgrid[0:5, 0:7].astype(float)
+    image = np.stack([u, 2.0 * v], axis=2)
+    at = np.array([[1.25, 2.5], [6.0, 4.0], [6.1, 1.0], [np.nan, 0.0]])
+    found = sampled(image, at)
+    np.testing.assert_allclose(found[:2], [[1.25, 5.0], [6.0, 8.0]])
+    assert np.isnan(found[2:]).all()
+    np.testing.assert_allclose(nearest_of(u, at)[:2], [1.0, 6.0])
+
+
+def test_a_turned_ball_keeps_its_neighbours():
+    mesh = ball(0.03, 0.01)
+    turned = mesh.moved(mesh.vertices @ rotation_from_vector([0.1, 0.2, 0.3]).T)
+    ones = np.ones((len(mesh.vertices), 1))
+    np.testing.assert_allclose(Neighbours.of(turned).means(ones), ones)

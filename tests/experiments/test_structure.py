@@ -1,0 +1,95 @@
+"""The third stage of the mirror test: verdicts on learned shapes."""
+
+import numpy as np
+import pytest
+
+from nico_selfmodel.experiments.mirror_test import stages
+from nico_selfmodel.experiments.mirror_test.structure import LinkStructure, StructureStage
+from nico_selfmodel.experiments.mirror_test.structure_report import (
+    structure_chart,
+    structure_document,
+    structure_table,
+)
+from nico_selfmodel.geometry.surface_nets import surface_nets
+from nico_selfmodel.geometry.voxel_grid import VoxelGrid
+from nico_selfmodel.sessions.mirrors.learned_shape import Skeleton
+from nico_selfmodel.sessions.mirrors.shape_looks import SHAPE_MIRRORS
+from nico_selfmodel.systems.simulated.imperfections import imperfections_named
+
+GRID = VoxelGrid.about(np.zeros((1, 3)), 0.08, 0.02)
+BALL = surface_nets(GRID, (np.linalg.norm(GRID.points, axis=1) - 0.06).reshape(GRID.shape))
+
+
+def link(robot, name, *, off=1e-3, sigma=1e-3, far=0.0, unseen=0.0):
+    """Return a learned ball whose vertices are off by so much, some of them by 20 mm."""
+    size = len(BALL.vertices)
+    errors = off * np.where(np.arange(size) % 2, 1.0, -1.0)
+    errors[: round(far * size)] = 20e-3
+    sigmas = np.where(np.abs(errors) > 15e-3, 20e-3, sigma)
+    true = BALL.vertices - errors[:, None] * BALL.normals
+    return LinkStructure(robot, name, BALL, errors, true, sigmas, 0.01, unseen, 0.9)
+
+
+def stage(robots=5, **chest):
+    own = [one for k in range(robots) for one in (link(k, "head"), link(k, "chest", **chest))]
+    return StructureStage(tuple(own), len(SHAPE_MIRRORS) + 2)
+
+
+@pytest.mark.parametrize(
+    ("robots", "chest", "status", "reason"),
+    [
+        (5, {}, "PASS", "head is 1.0 mm off"),
+        (4, {}, "NOT_EVALUATED", "5 robots are needed"),
+        (5, {"off": 1.9e-3, "sigma": 1.9e-3}, "PASS", "chest is 1.9 mm off"),
+        (5, {"off": 2.1e-3, "sigma": 2.1e-3}, "FAIL", "chest is 2.1 mm off (median, bound 2)"),
+        (5, {"far": 0.11}, "FAIL", "20.0 mm (90 of 100, bound 5)"),
+        (5, {"far": 0.03}, "FAIL", "more than 10 mm off, 2 may be"),
+        (5, {"sigma": 0.7e-3}, "FAIL", "off by 1.43 times its sigma"),
+        (5, {"sigma": 1.3e-3}, "FAIL", "off by 0.77 times its sigma"),
+        (1, {"unseen": 0.03}, "FAIL", "3.0 of 100 places claimed of chest were never seen"),
+    ],
+)
+def test_a_shape_must_be_right_and_say_how_right_it_is(robots, chest, status, reason):
+    found = structure_document(stage(robots, **chest))
+    assert (found["stage"], found["status"]) == ("3", status)
+    assert reason in "; ".join(found["reasons"])
+
+
+def test_the_table_has_a_row_for_each_link_of_each_robot_and_one_for_all():
+    table = structure_table(stage(2))
+    assert [row[0] for row in table.rows] == ["0", "0", "1", "1", "all", "all"]
+    assert table.rows[0][2:4] == ["1.0, 1.0", "2, 5"]
+    assert table.rows[0][5] == "1.00"
+
+
+def test_the_chart_shows_errors_sigmas_and_a_cut():
+    panels = structure_chart(stage(1)).axes
+    titles = [axes.get_title(loc="left") for axes in panels]
+    assert titles[:3] == [
+        "off from the true surface", "sigma, as the robot says", "cut through the middle",
+    ]  # fmt: skip
+
+
+def test_places_are_nearest_to_the_lines_between_their_links_joints():
+    lines = np.array([[[0.0, 0, 0], [1, 0, 0]], [[0, 1, 0], [0, 1, 0]]])
+    skeleton = Skeleton(("arm", "head"), lines)
+    found = skeleton.distances(np.array([[0.5, 0.2, 0.0], [2.0, 0.0, 0.0], [0.0, 1.5, 0.0]]))
+    np.testing.assert_allclose(found[:, 0], [0.2, 1.0, 1.5])
+    np.testing.assert_allclose(found[[2], 1], [0.5])
+
+
+@pytest.mark.parametrize("sigma", [1e-3, 0.5e-3])
+def test_a_shape_that_fails_does_not_stop_the_stages_after_it(monkeypatch, sigma):
+    shape = stage(5, sigma=sigma)
+    passed = {"status": "PASS"}
+    for name in ("encounters", "mirrors", "unmarked"):
+        monkeypatch.setattr(stages, f"{name}_document", lambda _: passed)
+    monkeypatch.setattr(stages, "marks_documents", lambda _: [passed])
+    steps = {"acquainted": "robots", "run_encounters": "met", "know_mirrors": "known"}
+    steps |= {"place_mirrors": "placed", "run_structure": shape, "run_unmarked": "unmarked"}
+    steps |= {"run_marks": "marks", "run_touches": "touches"}
+    for name, result in steps.items():
+        monkeypatch.setattr(stages, name, lambda *_, result=result: result)
+    found = stages.run_stages(imperfections_named("thesis"), [0], 7, 3, 8)
+    assert structure_document(found.structure)["status"] == ("PASS" if sigma > 9e-4 else "FAIL")
+    assert (found.structure, found.unmarked, found.touches) == (shape, "unmarked", "touches")
