@@ -1,9 +1,12 @@
 """The third stage of the mirror test: verdicts on learned shapes."""
 
+from types import SimpleNamespace
+
 import numpy as np
 import pytest
 
-from nico_selfmodel.experiments.mirror_test import stages
+from nico_selfmodel.errors import EstimationError
+from nico_selfmodel.experiments.mirror_test import stages, structure
 from nico_selfmodel.experiments.mirror_test.structure import LinkStructure, StructureStage
 from nico_selfmodel.experiments.mirror_test.structure_report import (
     structure_chart,
@@ -92,3 +95,15 @@ def test_a_shape_that_fails_does_not_stop_the_stages_after_it(monkeypatch, sigma
     found = stages.run_stages(imperfections_named("thesis"), [0], 7, 3, 8)
     assert structure_document(found.structure)["status"] == ("PASS" if sigma > 9e-4 else "FAIL")
     assert (found.structure, found.unmarked, found.touches) == (shape, "unmarked", "touches")
+
+
+def test_a_robot_that_learns_no_shape_fails_the_stage_and_is_named(monkeypatch):
+    def nothing(*_):
+        raise EstimationError("the hand was seen well enough in 2 of 12 mirrors")
+
+    monkeypatch.setattr(structure, "learn_structure", nothing)
+    robot = SimpleNamespace(robot=SimpleNamespace(seed=7))
+    found = structure_document(structure.run_structure([robot]))
+    assert found["status"] == "FAIL"
+    assert found["reasons"][0].startswith("robot 7 learned no shape: the hand was seen")
+    assert not structure_table(structure.run_structure([robot])).rows

@@ -60,7 +60,8 @@ def report_of(test: MirrorTest) -> ExperimentReport:
     if test.structure is not None:
         stages.append(structure_document(test.structure))
         tables.append(structure_table(test.structure))
-        charts["structure"] = structure_chart(test.structure)
+        if test.structure.links:
+            charts["structure"] = structure_chart(test.structure)
     if test.unmarked is not None:
         stages.append(unmarked_document(test.unmarked))
         tables.append(unmarked_table(test.unmarked))

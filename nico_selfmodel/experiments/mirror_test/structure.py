@@ -6,6 +6,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from nico_selfmodel.errors import EstimationError, ModelError
 from nico_selfmodel.experiments.mirror_test.acquaintance import rendered
 from nico_selfmodel.experiments.mirror_test.knowing import PLATE, Knowing
 from nico_selfmodel.experiments.mirror_test.painting import LINKS
@@ -74,7 +75,9 @@ class StructureStage:
     links: tuple[LinkStructure, ...]
     """Robot by robot."""
     mirrors: int
-    """In which each robot looked at itself."""
+    """In which the last robot looked at itself."""
+    lost: tuple[tuple[int, str], ...] = ()
+    """Robots that learned no shape, and why."""
 
 
 def run_structure(robots: Sequence[Knowing], progress: Stage | None = None) -> StructureStage:
@@ -83,17 +86,19 @@ def run_structure(robots: Sequence[Knowing], progress: Stage | None = None) -> S
     Args:
         robots: Who know themselves and two mirrors.
         progress: Told how far it is.
-
-    Raises:
-        EstimationError: If a robot finds no surface.
     """
     found: list[LinkStructure] = []
+    lost: list[tuple[int, str]] = []
     count = 0
     for i, known in enumerate(robots):
-        shape, surfaces = learn_structure(known, of_robot(progress, i, len(robots)))
+        try:
+            shape, surfaces = learn_structure(known, of_robot(progress, i, len(robots)))
+        except (EstimationError, ModelError) as error:
+            lost.append((known.robot.seed, str(error)))
+            continue
         found += judged(known, shape, surfaces)
         count = len(shape.all.mirrors)
-    return StructureStage(tuple(found), count)
+    return StructureStage(tuple(found), count, tuple(lost))
 
 
 def learn_structure(known: Knowing, stage: Stage) -> tuple[LearnedShape, Surfaces]:
@@ -105,6 +110,10 @@ def learn_structure(known: Knowing, stage: Stage) -> tuple[LearnedShape, Surface
 
     Returns:
         What it learned, and the truth of the links that stood still.
+
+    Raises:
+        EstimationError: If its hand tells too few mirrors, or the pictures show no surface.
+        ModelError: If hardly any pose shows the hand in one of the mirrors.
     """
     robot, views = known.robot, known.before.views
     nico = rendered(robot, ImageQuality())

@@ -24,7 +24,8 @@ ENOUGH = 5
 def structure_document(stage: StructureStage) -> dict[str, Any]:
     """Return the stage as plain data, with its status."""
     rows = [_row(stage, link) for link in dict.fromkeys(one.link for one in stage.links)]
-    failed = [reason for row in rows for reason in _missed(row)]
+    failed = [f"robot {robot} learned no shape: {reason}" for robot, reason in stage.lost]
+    failed += [reason for row in rows for reason in _missed(row)]
     said = "; ".join(
         f"{row['link']} is {row['median_mm']:.1f} mm off (median), {row['p90_mm']:.1f} mm (90 of "
         "100)"
