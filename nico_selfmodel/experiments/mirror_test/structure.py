@@ -75,7 +75,7 @@ class StructureStage:
     links: tuple[LinkStructure, ...]
     """Robot by robot."""
     mirrors: int
-    """In which each robot looked at itself."""
+    """In which the last robot looked at itself."""
     refusals: tuple[Refusal, ...] = ()
     """What robots say who found no surface."""
 

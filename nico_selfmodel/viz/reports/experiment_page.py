@@ -9,7 +9,7 @@ from nico_selfmodel.viz.reports.tables import Cell, Table
 
 _MEANING = {
     "PASS": "All stages were run as often as a verdict takes, and each met its bounds.",
-    "FAIL": "A stage missed its bound; later ones are not judged.",
+    "FAIL": "A stage missed its bound; those that rest on it are not judged.",
     "NOT_EVALUATED": "No stage failed, but some were not run as often as a verdict takes.",
 }
 

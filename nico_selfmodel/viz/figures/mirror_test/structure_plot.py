@@ -60,7 +60,7 @@ def structure_plot(links: Sequence[ShownLink], title: str) -> Figure:
             axes.autoscale_view()
         first.set_ylabel("up [mm]")
         if drawn is not None:
-            bar = figure.colorbar(drawn, ax=[first, second], shrink=0.7, location="bottom")
+            bar = figure.colorbar(drawn, ax=[first, second, cut], shrink=0.7)
             bar.set_label(f"mm, {_LARGEST:g} and more are darkest")
         _cut(cut, links)
         headline(figure, title)
