@@ -194,13 +194,18 @@ def test_a_mirror_must_be_where_the_robot_says(count, off, status, reason):
     assert report.tables[1].rows[1][-1] == "1.00"
 
 
+def _mirror_px(word):
+    """Return how far off the best mirror is, nan where there is none."""
+    return 1.0 if word == "a mirror" else np.nan
+
+
 def images(count, **said_of):
     """Return a stage of so many images of each kind, the last of which is told otherwise."""
     trials = []
     for shown, allowed in ALLOWED.items():
         words = [allowed[0]] * (count - 1) + [said_of.get(shown.split()[0], allowed[-1])]
         trials += [
-            ImageTrial(k, shown, ImageVerdict(word, 12, 12, 20.0, 4.0, 25.0, 1.0))
+            ImageTrial(k, shown, ImageVerdict(word, 12, 12, 20.0, 4.0, 25.0, _mirror_px(word)))
             for k, word in enumerate(words)
         ]
     return ImageStage(tuple(trials))
@@ -224,6 +229,18 @@ def test_what_moves_with_oneself_must_be_told_by_where_it_is(count, said_of, sta
     assert (found["stage"], found["status"]) == ("1b", status)
     assert reason in found["reasons"][0]
     assert f"| mirror | {count} |" in report.tables[1].markdown
+
+
+def test_a_twin_that_no_mirror_explains_and_images_that_nobody_saw_can_be_written(tmp_path):
+    nan = float("nan")
+    unseen = ImageTrial(9, "twin that imitates at once",
+                        ImageVerdict("cannot tell", 3, 0, nan, nan, nan, nan))  # fmt: skip
+    told = ImageStage((*images(5).trials, unseen))
+    report_of(MirrorTest(stage(15), told)).write(tmp_path / "out")
+    document = json.loads((tmp_path / "out" / "result.json").read_text("utf-8"))
+    twin = document["stages"][1]["images"][-1]
+    assert twin["mirror_px"] == [None] * 6
+    assert twin["depth_mm"][-1] is None
 
 
 def test_an_error_in_a_later_stage_fails_it_and_keeps_what_went_before():

@@ -30,7 +30,7 @@ SHAPE_MIRRORS: Mapping[str, Mirror] = MappingProxyType(
     }
 )
 """Where mirrors are meant to stand."""
-HAND_POSES = 2
+HAND_POSES = 4
 """In which the hand tells where each of them stands."""
 FEWEST_MIRRORS = 6
 """That a shape takes."""
