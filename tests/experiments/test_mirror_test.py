@@ -32,7 +32,7 @@ from nico_selfmodel.experiments.mirror_test.painting import (
 )
 from nico_selfmodel.experiments.mirror_test.report import report_of
 from nico_selfmodel.experiments.mirror_test.stages import MirrorTest
-from nico_selfmodel.experiments.mirror_test.structure import StructureStage
+from nico_selfmodel.experiments.mirror_test.structure import LinkStructure, StructureStage
 from nico_selfmodel.experiments.mirror_test.unknown_mirror import (
     HAND,
     WHOLE,
@@ -41,6 +41,7 @@ from nico_selfmodel.experiments.mirror_test.unknown_mirror import (
 )
 from nico_selfmodel.experiments.mirror_test.unmarked import LIGHTS, Look, UnmarkedStage
 from nico_selfmodel.experiments.mirror_test.unmarked_report import unmarked_document
+from nico_selfmodel.geometry.triangle_mesh import TriangleMesh
 from nico_selfmodel.sessions.mirrors.mark_finder import Finding
 from nico_selfmodel.sessions.mirrors.mirror_looks import MirrorLook
 from nico_selfmodel.systems.rendering.mark_on_body import Mark
@@ -241,6 +242,17 @@ def test_a_twin_that_no_mirror_explains_and_images_that_nobody_saw_can_be_writte
     twin = document["stages"][1]["images"][-1]
     assert twin["mirror_px"] == [None] * 6
     assert twin["depth_mm"][-1] is None
+
+
+def test_a_link_of_which_nothing_was_learned_can_be_written(tmp_path):
+    mesh = TriangleMesh(np.zeros((0, 3)), np.zeros((0, 3), dtype=int))
+    nothing = LinkStructure(
+        7, "head", mesh, np.zeros(0), np.zeros((0, 3)), np.zeros(0), 0.0, 0.0, 0.0
+    )
+    report = report_of(MirrorTest(stage(15), images(5), mirrors(10), StructureStage((nothing,), 9)))
+    document = json.loads(json.dumps(report.document, allow_nan=False))
+    assert document["stages"][3]["status"] == "FAIL"
+    assert document["stages"][3]["links"][0]["median_mm"] is None
 
 
 def test_an_error_in_a_later_stage_fails_it_and_keeps_what_went_before():

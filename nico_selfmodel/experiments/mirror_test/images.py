@@ -18,7 +18,6 @@ from nico_selfmodel.estimation.contingency.image_witness import (
     ImageVerdict,
     tell_image,
 )
-from nico_selfmodel.estimation.results.calibration_result import finite
 from nico_selfmodel.experiments.experiment_report import Table
 from nico_selfmodel.experiments.mirror_test.acquaintance import Acquainted, rendered
 from nico_selfmodel.experiments.mirror_test.stage_document import stage_document
@@ -135,10 +134,10 @@ def _row(stage: ImageStage, shown: str) -> dict[str, Any]:
         "said": {word: words.count(word) for word in dict.fromkeys(words)},
         "wrong": sum(not one.right for one in own),
         "looks": [one.found.looks for one in own],
-        "depth_mm": [finite(one.found.depth_mm) for one in own],
-        "depth_sigma_mm": [finite(one.found.depth_sigma_mm) for one in own],
-        "hand_mm": [finite(one.found.hand_mm) for one in own],
-        "mirror_px": [finite(one.found.mirror_px) for one in own],
+        "depth_mm": [one.found.depth_mm for one in own],
+        "depth_sigma_mm": [one.found.depth_sigma_mm for one in own],
+        "hand_mm": [one.found.hand_mm for one in own],
+        "mirror_px": [one.found.mirror_px for one in own],
     }
 
 
@@ -164,7 +163,7 @@ def images_table(stage: ImageStage) -> Table:
     return Table("Stage 1b: what moves when I do", headings, rows, "\n")
 
 
-def _middle(values: Sequence[float | None]) -> str:
+def _middle(values: Sequence[float]) -> str:
     """Return the median of what there is in words."""
-    known = [value for value in values if value is not None]
+    known = [value for value in values if np.isfinite(value)]
     return f"{np.median(known):.1f}" if known else "-"

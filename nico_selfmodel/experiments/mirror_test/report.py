@@ -19,7 +19,7 @@ from nico_selfmodel.experiments.mirror_test.marks_report import (
     marks_documents,
     marks_tables,
 )
-from nico_selfmodel.experiments.mirror_test.stage_document import stage_document
+from nico_selfmodel.experiments.mirror_test.stage_document import as_json, stage_document
 from nico_selfmodel.experiments.mirror_test.stages import MirrorTest
 from nico_selfmodel.experiments.mirror_test.structure_report import (
     structure_chart,
@@ -75,7 +75,7 @@ def report_of(test: MirrorTest) -> ExperimentReport:
     if test.structure is not None:
         stages.append(structure_document(test.structure))
         tables.append(structure_table(test.structure))
-        if test.structure.links:
+        if any(len(one.off) for one in test.structure.links):
             charts["structure"] = structure_chart(test.structure)
     if test.unmarked is not None:
         stages.append(unmarked_document(test.unmarked))
@@ -98,7 +98,7 @@ def report_of(test: MirrorTest) -> ExperimentReport:
         "reasons": [
             f"stage {one['stage']}: {reason}" for one in stages for reason in one["reasons"]
         ],
-        "stages": stages,
+        "stages": as_json(stages),
     }
     met = test.encounters
     head = (

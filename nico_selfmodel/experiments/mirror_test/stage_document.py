@@ -3,6 +3,8 @@
 from collections.abc import Sequence
 from typing import Any
 
+from nico_selfmodel.estimation.results.calibration_result import finite
+
 
 def stage_document(
     stage: str, name: str, failed: Sequence[str], lacking: str | None, passed: str, **facts: Any
@@ -24,3 +26,12 @@ def stage_document(
     else:
         status, reasons = "PASS", [passed]
     return {"stage": stage, "name": name, "status": status, "reasons": reasons, **facts}
+
+
+def as_json(value: Any) -> Any:
+    """Return plain data whose numbers that do not exist, nan or infinite, are None."""
+    if isinstance(value, dict):
+        return {key: as_json(one) for key, one in value.items()}
+    if isinstance(value, list | tuple):
+        return [as_json(one) for one in value]
+    return finite(value) if isinstance(value, float) else value

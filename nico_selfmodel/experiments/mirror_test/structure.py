@@ -163,12 +163,17 @@ def judged(known: Knowing, shape: LearnedShape, surfaces: Surfaces) -> list[Link
                 off,
                 mesh.vertices - off[:, None] * normals,
                 own.sigma,
-                float(np.mean(names[which] != link)),
-                float(np.mean((facing <= 0.0).all(axis=0))),
+                _share(names[which] != link),
+                _share((facing <= 0.0).all(axis=0)),
                 _covered(mesh, link, surfaces, truth, first),
             )
         )
     return found
+
+
+def _share(holds: NDArray) -> float:
+    """Return the share of vertices of which something holds; 0 where there is none."""
+    return float(np.mean(holds)) if len(holds) else 0.0
 
 
 def _posed(surfaces: Surfaces) -> tuple[list[Solid], NDArray]:
