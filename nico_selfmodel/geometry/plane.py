@@ -18,7 +18,7 @@ class Plane:
     """d [m]: minus the signed distance of the origin along the normal."""
 
     @classmethod
-    def from_points(cls, points: ArrayLike) -> "Plane":
+    def from_points(cls, points: ArrayLike, weights: ArrayLike | None = None) -> "Plane":
         """Fit the plane that minimises the squared distances to points.
 
         The normal is the smallest right singular vector of the centred points; the thesis' eq. A.3,
@@ -26,17 +26,22 @@ class Plane:
 
         Args:
             points: Shape (n, 3) with n >= 3.
+            weights: Of the squared distances, positive; alike if omitted. Shape (n,).
 
         Returns:
-            The plane through the centroid.
+            The plane through the weighted centroid.
 
         Raises:
-            ValueError: If `points` has another shape or is not finite, or the points are collinear
-                or coincide.
+            ValueError: If `points` has another shape or is not finite, the points are collinear
+                or coincide, or there is not a positive weight each.
         """
         points = checked_points(points, 3)
-        centroid = points.mean(axis=0)
-        _, values, vt = np.linalg.svd(points - centroid)
+        w = np.ones(len(points)) if weights is None else np.asarray(weights, dtype=float)
+        if w.shape != points.shape[:1] or not (np.isfinite(w) & (w > 0.0)).all():
+            raise ValueError(f"weights must be {len(points)} positive numbers, got {w}")
+        w = w / w.mean()
+        centroid = np.average(points, axis=0, weights=w)
+        _, values, vt = np.linalg.svd(np.sqrt(w)[:, None] * (points - centroid))
         if values[1] <= 1e-12 * max(values[0], np.abs(centroid).max()):
             raise ValueError("the points are collinear or coincide: they do not span a plane")
         return cls(vt[2], float(-vt[2] @ centroid))

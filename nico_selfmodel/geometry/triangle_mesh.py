@@ -48,13 +48,6 @@ class TriangleMesh:
         return found / np.maximum(np.linalg.norm(found, axis=1, keepdims=True), 1e-30)
 
     @cached_property
-    def areas(self) -> NDArray:
-        """A third of the triangles about each vertex [m^2]. Shape (V,)."""
-        a, b, c = (self.vertices[self.triangles[:, k]] for k in range(3))
-        each = np.linalg.norm(np.cross(b - a, c - a), axis=1) / 6.0
-        return np.bincount(self.triangles.ravel(), np.repeat(each, 3), len(self.vertices))
-
-    @cached_property
     def edges(self) -> NDArray:
         """Pairs of neighbouring vertices, each once. Shape (E, 2)."""
         pairs = self.triangles[:, [[0, 1], [1, 2], [2, 0]]].reshape(-1, 2)

@@ -150,3 +150,17 @@ def test_noise_does_not_bias_the_scale_as_it_does_a_mean_of_lengths():
         lengths.append(np.linalg.norm(seen[i] - seen[j], axis=1).mean() / 0.025)
     assert np.mean(scales) == pytest.approx(1.0, abs=4.0 * np.std(scales) / np.sqrt(200) + 2e-3)
     assert np.mean(lengths) > 1.03
+
+
+def test_a_point_that_counts_twice_is_two_points():
+    points = np.random.default_rng(4).normal(size=(6, 3)) * [1.0, 1.0, 0.1]
+    twice = Plane.from_points(np.vstack([points, points[:2]]))
+    weighed = Plane.from_points(points, [2.0, 2.0, 1.0, 1.0, 1.0, 1.0])
+    assert abs(weighed.normal @ twice.normal) == pytest.approx(1.0)
+    assert np.abs(weighed.distance_to(points)) == pytest.approx(np.abs(twice.distance_to(points)))
+
+
+@pytest.mark.parametrize("weights", [[1.0, 1.0], [1.0, 1.0, 1.0, 0.0], [1.0, 1.0, 1.0, np.nan]])
+def test_weights_of_a_plane_must_be_positive_and_one_each(weights):
+    with pytest.raises(ValueError, match="4 positive numbers"):
+        Plane.from_points(np.random.default_rng(5).normal(size=(4, 3)), weights)

@@ -111,16 +111,9 @@ def _off_plane(seen: HandImages, model: SelfModel) -> tuple[NDArray, NDArray]:
     """Return distances of the points from the plane next to them, and their sigmas [m]. (N,)."""
     found = model.rig.triangulate(seen.pixels, _PIXEL_SIGMA)
     p, along = found.p_WQ, Plane.from_points(found.p_WQ).normal
-    plane = _weighed_plane(p, 1.0 / np.einsum("i,nij,j->n", along, found.covariance, along))
+    plane = Plane.from_points(p, 1.0 / np.einsum("i,nij,j->n", along, found.covariance, along))
     variance = np.einsum("i,nij,j->n", plane.normal, found.covariance, plane.normal)
     return plane.distance_to(p), np.sqrt(variance)
-
-
-def _weighed_plane(p: NDArray, weight: NDArray) -> Plane:
-    """Return the plane of the least weighed squares of distances."""
-    center = np.average(p, axis=0, weights=weight)
-    normal = np.linalg.svd(np.sqrt(weight)[:, None] * (p - center))[2][2]
-    return Plane(normal, float(-normal @ center))
 
 
 def _mirror_error(seen: HandImages, model: SelfModel) -> float:

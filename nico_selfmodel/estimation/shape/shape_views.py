@@ -93,6 +93,8 @@ class ShapeViews:
 def sampled(image: NDArray, pixels: NDArray) -> NDArray:
     """Return values between pixels, linear; nan beyond the picture.
 
+    OpenCV's `remap` rounds places to a thirty-second of a pixel, which steps of the refinement see.
+
     Args:
         image: Shape (h, w) or (h, w, c).
         pixels: u and v. Shape (N, 2).

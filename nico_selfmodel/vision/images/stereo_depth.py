@@ -6,7 +6,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from nico_selfmodel.geometry.transform import inverse
+from nico_selfmodel.geometry.transform import inverse, transform
 from nico_selfmodel.model.cameras.camera import Camera
 from nico_selfmodel.model.cameras.stereo_rig import StereoRig
 
@@ -51,7 +51,7 @@ class RectifiedPair:
         focal = scale * left.fx
         turned = [
             Camera(focal, focal, scale * (c.cx + 0.5) - 0.5, scale * (left.cy + 0.5) - 0.5,
-                   (width, height), X_WC=_posed(R_WE, c.X_WC[:3, 3]))
+                   (width, height), X_WC=transform(R_WE, c.X_WC[:3, 3]))
             for c in (left, left.at(right.X_WC))
         ]  # fmt: skip
         maps = [_map(real, own) for real, own in zip((left, right), turned, strict=True)]
@@ -86,13 +86,6 @@ class RectifiedPair:
         disparity = matcher.compute(*wide)[:, most:] / _STEPS
         with np.errstate(divide="ignore"):
             return np.where(disparity > 0.0, self.left.fx * self.baseline / disparity, np.nan)
-
-
-def _posed(R_WE: NDArray, p_WE: NDArray) -> NDArray:
-    """Return a pose. Shape (4, 4)."""
-    X_WE = np.eye(4)
-    X_WE[:3, :3], X_WE[:3, 3] = R_WE, p_WE
-    return X_WE
 
 
 def _map(real: Camera, turned: Camera) -> tuple[NDArray, NDArray]:
