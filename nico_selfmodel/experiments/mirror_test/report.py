@@ -14,6 +14,7 @@ from nico_selfmodel.experiments.mirror_test.encounters_report import (
     encounters_table,
 )
 from nico_selfmodel.experiments.mirror_test.images import images_document, images_table
+from nico_selfmodel.experiments.mirror_test.knowing import MOST_UNLIKE
 from nico_selfmodel.experiments.mirror_test.marks_report import (
     marks_chart,
     marks_documents,
@@ -144,6 +145,8 @@ def _page(
 SET_SHAPE = f"{1e3 * COMMON_SIGMA:g} mm: set on robot 900"
 SET_COLOR = f"{100 * COLOR_SIGMA:g} %: set on robots 0 and 1"
 SET_MIDDLE = f"{PIXEL_SIGMA:g} and {LENS_SIGMA:g} px: set on robots 900 and 950"
+SET_COMMON = f"{1e3 * COMMON_SIGMA:g} mm: set on robot 900"
+SET_UNLIKE = f"{100 * MOST_UNLIKE:g} %: set on robot 900"
 NEAR_AND_LEAN = f"{1e3 * CLEAR:.0f} mm, {np.degrees(LEAN):.0f} deg: chosen"
 
 
@@ -167,6 +170,8 @@ def _given() -> Table:
         ["what places of links are not known by", "learned, from looks at the unmarked body"],
         ["what colours are not known by", SET_COLOR],
         ["what the middle of a spot is not known by besides its fit", SET_MIDDLE],
+        ["how much of a body a mirror may show otherwise", SET_UNLIKE],
+        ["what is a mirror, a picture or another", "derived, but for 5 px: set on 900 and 950"],
         ["threshold of a surprising place", "derived: one false place in 100 pictures"],
         ["how near the arm may come to the body, how far the finger may lean", NEAR_AND_LEAN],
         ["odds that stop the test", "derived: 100 to 1 that of 100 verdicts not one is wrong"],
