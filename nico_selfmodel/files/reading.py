@@ -17,6 +17,8 @@ LARGEST_BODY = 64 * MEGABYTE
 """Of the YAML file of a body [bytes]: the covariance of some hundred parameters takes megabytes."""
 LARGEST_SCENE = 256 * MEGABYTE
 """Of a JSON file [bytes]; scenes hold pictures."""
+LARGEST_MESH = 256 * MEGABYTE
+"""Of a PLY [bytes]."""
 LARGEST_ROBOT = 16 * MEGABYTE
 """Of a URDF [bytes]."""
 LARGEST_PICTURE = 256 * MEGABYTE

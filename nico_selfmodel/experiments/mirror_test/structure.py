@@ -150,8 +150,9 @@ def judged(known: Knowing, shape: LearnedShape, surfaces: Surfaces) -> list[Link
     first = truth.mirror(known.before.views[MIRROR].X_BM)
     centers = _centers(truth, shape.all.mirrors)
     found = []
-    for link, own in shape.links.items():
-        mesh = own.mesh.moved(apply(shape.X_WF[link], own.mesh.vertices))
+    for link, whole in shape.body.links.items():
+        own = whole.seen_part
+        mesh = own.mesh.moved(apply(shape.body.X_WF[link], own.mesh.vertices))
         off, which = distance_to_solids(solids, mesh.vertices)
         normals = normals_of_solids(solids, mesh.vertices)
         facing = np.einsum("cvk,vk->cv", centers[:, None] - mesh.vertices, normals)

@@ -13,7 +13,7 @@ from nico_selfmodel.estimation.shape.shape_views import ShapeView, ShapeViews
 from nico_selfmodel.geometry.transform import apply, inverse
 from nico_selfmodel.geometry.voxel_grid import VoxelGrid
 from nico_selfmodel.model.cameras.stereo_rig import StereoRig
-from nico_selfmodel.model.link_shape import LinkShape
+from nico_selfmodel.model.shape.link_shape import BodyShape, LinkShape
 from nico_selfmodel.plant.kinematic_tree import KinematicTree
 from nico_selfmodel.sessions.mirrors.shape_looks import ShapeLooks
 from nico_selfmodel.sessions.progress import Stage, telling
@@ -39,10 +39,8 @@ FEWEST = 10
 class LearnedShape:
     """The surfaces of links."""
 
-    links: Mapping[str, LinkShape]
-    """By name of the link."""
-    X_WF: Mapping[str, NDArray]
-    """Link -> its pose in the left camera's frame when it was seen. Shape (4, 4) each."""
+    body: BodyShape
+    """Of each link, and where it stood in the left camera's frame."""
     all: RefinedSurface
     """All that was found about these links, in the left camera's frame."""
 
@@ -137,7 +135,8 @@ def learn_shape(
         )
 
     found = refine_surface(mesh, blurred, rng, telling(stage, "learning its shape"))
-    return LearnedShape(_links(found, skeleton, poses, wanted), dict(poses), found)
+    links = _links(found, skeleton, poses, wanted)
+    return LearnedShape(BodyShape(links, {link: poses[link] for link in links}), found)
 
 
 def _outlined(looks: ShapeLooks, rig: StereoRig) -> ShapeViews:
@@ -168,18 +167,18 @@ def _links(
     poses: Mapping[str, NDArray],
     wanted: Sequence[str],
 ) -> dict[str, LinkShape]:
-    """Give each place that was seen often enough to the link whose lines are nearest."""
+    """Give each place to the link whose lines are nearest; enough pictures claim it."""
     nearest = np.argmin(skeleton.distances(found.mesh.vertices), axis=1)
     seen = (found.looks >= FEWEST) & np.isfinite(found.colors).all(axis=1)
     names, shapes = np.array(skeleton.links)[nearest], {}
     for link in wanted:
-        kept = seen & (names == link)
-        used, mesh = found.mesh.used(kept), found.mesh.of_vertices(kept)
+        used, mesh = found.mesh.used(names == link), found.mesh.of_vertices(names == link)
         shapes[link] = LinkShape(
             link,
             mesh.moved(apply(inverse(poses[link]), mesh.vertices)),
             found.sigma[used],
             found.colors[used][:, ::-1] / 255.0,
             found.looks[used],
+            seen[used],
         )
     return shapes
