@@ -16,6 +16,7 @@ from nico_selfmodel.plant.description import ArmDescription
 from nico_selfmodel.plant.learned_frames import LearnedFrames, learned_frames, nominal_frames
 from nico_selfmodel.plant.plain_urdf import DENSITY, link_name, plain_document
 from nico_selfmodel.plant.self_model_plant import hand_frame_name
+from nico_selfmodel.plant.shape_urdf import ShapeInUrdf
 from nico_selfmodel.plant.urdf_document import (
     append_frame_link,
     children,
@@ -37,7 +38,10 @@ _PARTS = ("visual", "collision", "inertial")
 
 
 def learned_urdf(
-    model: SelfModel, description: ArmDescription | None = None, folder: str | Path | None = None
+    model: SelfModel,
+    description: ArmDescription | None = None,
+    folder: str | Path | None = None,
+    shape: ShapeInUrdf | None = None,
 ) -> str:
     """Write a self-model as a URDF.
 
@@ -55,12 +59,14 @@ def learned_urdf(
         folder: Where the file will lie. Relative mesh paths are rewritten to lead there from
             this folder; without it they stay as they are, right only beside the original.
             Absolute and `package://` paths always stay.
+        shape: What links look like as they were learned; they look as described if omitted.
 
     Returns:
         The file's content.
 
     Raises:
-        ModelError: If the model has other joints than the description, or the URDF is gone.
+        ModelError: If the model has other joints than the description, the URDF is gone, or the
+            shape is of links that the robot has not.
     """
     if description is None:
         document = plain_document(model, MEASURING_FRAME)
@@ -72,6 +78,9 @@ def learned_urdf(
                 robot_element(document),
                 lambda name: Path(os.path.relpath(original / name, there)).as_posix(),
             )
+    if shape is not None:
+        moved = {} if description is None else _urdf_frames(description, model)[1]
+        shape.put(robot_element(document), moved)
     note = comment_text(
         f" The learned geometry of {model.name}. Joint positions are angles of the links: offsets "
         "and gears of the encoders are in self_model.yaml, a URDF cannot hold them. "

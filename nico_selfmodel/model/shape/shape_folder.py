@@ -9,7 +9,6 @@ from typing import Any
 import numpy as np
 
 from nico_selfmodel.errors import DataError, ModelError
-from nico_selfmodel.files.ply import parse_ply, ply_bytes
 from nico_selfmodel.files.reading import LARGEST_MESH, read_bytes
 from nico_selfmodel.files.whole import folder_in_place_of
 from nico_selfmodel.files.yaml_mapping import check_keys, read_yaml_mapping
@@ -17,6 +16,7 @@ from nico_selfmodel.files.yaml_text import yaml_text
 from nico_selfmodel.geometry.triangle_mesh import TriangleMesh
 from nico_selfmodel.model.document_values import damage, mappings, number, numbers
 from nico_selfmodel.model.shape.link_shape import COLOR_STEPS, BodyShape, LinkShape
+from nico_selfmodel.model.shape.ply import parse_ply, ply_bytes
 from nico_selfmodel.names import shown
 
 FORMAT = "nico-shape/1"
@@ -30,7 +30,8 @@ UNITS = {"vertices": "m", "sigma": "m", "colors": f"1/{COLOR_STEPS}"}
 WORLD = "W of the self-model beside this folder"
 _KEYS = ("link", "file", "X_WF", "vertices", "seen")
 _COLUMNS = ("x", "y", "z", "red", "green", "blue", "sigma", "looks", "seen")
-_PLAIN = re.compile(r"\w[\w.-]{0,99}")
+_PLAIN = re.compile(r"\w[\w-]{0,99}", re.ASCII)
+_FILE = re.compile(r"\w[\w.-]{0,120}", re.ASCII)
 _FARTHEST = 1e3
 """That a vertex may be from the origin of its link, and a link from the world's [m]."""
 
@@ -47,18 +48,15 @@ def save_shape(shape: BodyShape, folder: str | PathLike[str]) -> None:
     Raises:
         OSError: If it cannot be written.
     """
-    files = {
-        f"{link}.ply" if _PLAIN.fullmatch(link) else f"link_{k}.ply": link
-        for k, link in enumerate(shape.links)
-    }
+    files = file_names(shape, ".ply")
     index = {
         "format": FORMAT,
         "world": WORLD,
         "units": UNITS,
-        "links": [_entry(shape, link, file) for file, link in files.items()],
+        "links": [_entry(shape, link, file) for link, file in files.items()],
     }
-    with folder_in_place_of(folder) as fresh:
-        for file, link in files.items():
+    with folder_in_place_of(Path(folder)) as fresh:
+        for link, file in files.items():
             (fresh / file).write_bytes(_ply(shape.links[link]))
         (fresh / INDEX).write_text(yaml_text(index), encoding="utf-8", newline="\n")
 
@@ -107,6 +105,19 @@ def shape_beside(model: str | PathLike[str]) -> BodyShape | None:
     return load_shape(folder) if folder.exists() else None
 
 
+def file_names(shape: BodyShape, end: str) -> dict[str, str]:
+    """Return a file's name for each link: its own, or a number where no file may be called so.
+
+    Args:
+        shape: The shape.
+        end: Of the names, with a dot.
+    """
+    return {
+        link: link + end if _PLAIN.fullmatch(link) else f"link.{k}{end}"
+        for k, link in enumerate(shape.links)
+    }
+
+
 def _entry(shape: BodyShape, link: str, file: str) -> dict[str, Any]:
     own = shape.links[link]
     return {
@@ -151,7 +162,7 @@ def _link(entry: Mapping[str, Any], index: Path) -> tuple[LinkShape, np.ndarray]
     """Return one link's shape and pose."""
     check_keys(entry, _KEYS, str(index))
     link, file = entry["link"], entry["file"]
-    if not isinstance(file, str) or not _PLAIN.fullmatch(file):
+    if not isinstance(file, str) or not _FILE.fullmatch(file):
         raise ValueError(f"file of {shown(link)} must be a name in this folder, got {shown(file)}")
     path = index.parent / file
     columns, triangles = parse_ply(read_bytes(path, LARGEST_MESH), str(path), _COLUMNS)

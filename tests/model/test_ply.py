@@ -1,13 +1,15 @@
 """Meshes as binary PLY."""
 
+import contextlib
+
 import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
-from hypothesis.extra.numpy import array_shapes, arrays
+from hypothesis.extra.numpy import arrays
 
 from nico_selfmodel.errors import DataError
-from nico_selfmodel.files.ply import parse_ply, ply_bytes
+from nico_selfmodel.model.shape.ply import parse_ply, ply_bytes
 
 TYPES = ("i1", "u1", "i2", "u2", "i4", "u4", "f4", "f8")
 COLUMNS = {"x": np.array([0.1, 2.0, 3.0]), "seen": np.array([1, 0, 1], "u1")}
@@ -20,7 +22,7 @@ def meshes(draw):
     size = draw(st.integers(1, 20))
     names = draw(st.lists(st.from_regex(r"[a-z]{1,6}", fullmatch=True), unique=True, min_size=1))
     columns = {name: draw(arrays(draw(st.sampled_from(TYPES)), size)) for name in names}
-    shape = draw(array_shapes(min_dims=1, max_dims=1, max_side=30)) + (3,)
+    shape = (draw(st.integers(0, 30)), 3)
     return columns, draw(arrays("i8", shape, elements=st.integers(0, size - 1)))
 
 
@@ -74,7 +76,5 @@ def test_a_bad_file_is_refused_in_one_line_that_names_it(content, words):
 
 @given(st.binary(max_size=40), st.integers(0, len(SOUND)))
 def test_no_bytes_end_in_anything_but_a_mesh_or_a_refusal(extra, cut):
-    try:
+    with contextlib.suppress(DataError):
         parse_ply(SOUND[:cut] + extra + SOUND[cut + len(extra) :], "it", COLUMNS)
-    except DataError as error:
-        assert "\n" not in str(error)

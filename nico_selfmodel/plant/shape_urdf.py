@@ -1,0 +1,148 @@
+"""The learned shape of links in a URDF: its mesh to be seen, capsules around it to collide."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from types import MappingProxyType
+from xml.dom.minidom import Element
+
+import numpy as np
+from numpy.typing import NDArray
+
+from nico_selfmodel.errors import ModelError
+from nico_selfmodel.geometry.capsule_fit import fit_capsules
+from nico_selfmodel.geometry.solids import Solid, distance_to_solids
+from nico_selfmodel.model.shape.link_shape import BodyShape, LinkShape
+from nico_selfmodel.model.shape.shape_folder import file_names
+from nico_selfmodel.names import listed
+from nico_selfmodel.plant.urdf_document import append, child, children, numbers_text, set_origin
+
+MOST_CAPSULES = 4
+"""Of a link."""
+UNSEEN = (0.62, 0.62, 0.62)
+"""Red, green and blue of what was never seen."""
+_END = ".obj"
+
+
+@dataclass(frozen=True, eq=False)
+class ShapeInUrdf:
+    """What a URDF says of a learned shape."""
+
+    shape: BodyShape
+    """The shape."""
+    capsules: Mapping[str, tuple[Solid, ...]]
+    """Link -> capsules that hold all that was seen of it, in its frame in the description."""
+    folder: str
+    """Of the meshes, beside the URDF."""
+
+    @classmethod
+    def beside(cls, urdf: Path, shape: BodyShape) -> "ShapeInUrdf":
+        """Fit capsules to a shape whose meshes will lie in a folder beside a URDF.
+
+        Args:
+            urdf: The file, which need not be there.
+            shape: The learned shape.
+
+        Raises:
+            ModelError: If nothing was seen of one of its links.
+        """
+        capsules = {link: _capsules(own) for link, own in shape.links.items()}
+        return cls(shape, MappingProxyType(capsules), f"{urdf.stem}_shape")
+
+    @property
+    def objs(self) -> dict[str, str]:
+        """Name in the folder -> a link's mesh as a Wavefront OBJ, in the link's frame.
+
+        Colours stand after each vertex' coordinates, as MeshLab and Blender read them; Drake draws
+        the mesh in the material of the URDF.
+        """
+        names = file_names(self.shape, _END)
+        return {name: _obj(self.shape.links[link]) for link, name in names.items()}
+
+    @property
+    def words(self) -> str:
+        """How many capsules links have, and which share of what was seen is in them."""
+        return "; ".join(
+            f"{link}: {len(own)} capsule{'s' if len(own) > 1 else ''} about "
+            f"{100.0 * share_within(own, self.shape.links[link]):.1f} % of what was seen"
+            for link, own in self.capsules.items()
+        )
+
+    def put(self, robot: Element, moved: Mapping[str, NDArray]) -> None:
+        """Put meshes and capsules in the place of what was drawn and collided before.
+
+        Args:
+            robot: The `<robot>`.
+            moved: Link -> its frame in the description, in its frame in this URDF, where these
+                are not the same. Shape (4, 4) each.
+
+        Raises:
+            ModelError: If the robot has no such link.
+        """
+        links = {link.getAttribute("name"): link for link in children(robot, "link")}
+        if strange := [link for link in self.shape.links if link not in links]:
+            raise ModelError(
+                f"the learned shape is of {listed(strange)}, the robot has the links "
+                f"{listed(links)}: take the shape that was learned with this self-model"
+            )
+        for name, file in file_names(self.shape, _END).items():
+            link, X_NF = links[name], moved.get(name, np.eye(4))
+            _take_away(robot, link)
+            _append_visual(link, self.shape.links[name], f"{self.folder}/{file}", X_NF)
+            for capsule in self.capsules[name]:
+                _append_capsule(link, capsule, X_NF)
+
+
+def share_within(capsules: tuple[Solid, ...], shape: LinkShape) -> float:
+    """Return the share of the vertices seen that are in capsules, or outside by a sigma at most."""
+    outside = distance_to_solids(capsules, shape.mesh.vertices[shape.seen])[0]
+    return float(np.mean(outside <= shape.sigma[shape.seen]))
+
+
+def _capsules(shape: LinkShape) -> tuple[Solid, ...]:
+    if not shape.seen.any():
+        raise ModelError(
+            f"nothing of link {shape.link!r} was seen, so that no capsule can be fitted: learn its "
+            "shape anew"
+        )
+    return fit_capsules(shape.mesh.vertices[shape.seen], MOST_CAPSULES)
+
+
+def _take_away(robot: Element, link: Element) -> None:
+    """Remove what is drawn and collides of a link; colours that others may name stay."""
+    known = {material.getAttribute("name") for material in children(robot, "material")}
+    for part in children(link, "visual", "collision"):
+        material = child(part, "material")
+        if material is not None and child(material, "color") is not None:
+            name = material.getAttribute("name")
+            if name and name not in known:
+                robot.insertBefore(material, robot.firstChild)
+                known.add(name)
+        link.removeChild(part)
+
+
+def _append_visual(link: Element, shape: LinkShape, mesh: str, pose: NDArray) -> None:
+    visual = append(link, "visual")
+    set_origin(visual, pose)
+    append(append(visual, "geometry"), "mesh", filename=mesh)
+    material = append(visual, "material", name=f"learned_{shape.link}")
+    middle = np.median(shape.colors[shape.seen], axis=0)
+    append(material, "color", rgba=numbers_text([*middle, 1.0]))
+
+
+def _append_capsule(link: Element, capsule: Solid, pose: NDArray) -> None:
+    collision = append(link, "collision")
+    set_origin(collision, pose @ capsule.X_FS)
+    radius, length = (numbers_text(value) for value in capsule.size)
+    append(append(collision, "geometry"), "drake:capsule", radius=radius, length=length)
+
+
+def _obj(shape: LinkShape) -> str:
+    colors = np.where(shape.seen[:, None], shape.colors, UNSEEN)
+    rows = np.column_stack([shape.mesh.vertices, colors])
+    lines = [f"# {shape.link}, as it was learned, in its own frame [m]"]
+    lines += ["v {!r} {!r} {!r} {:.4f} {:.4f} {:.4f}".format(*row) for row in rows.tolist()]
+    lines += ["vn {:.5f} {:.5f} {:.5f}".format(*row) for row in shape.mesh.normals.tolist()]
+    corners = (shape.mesh.triangles + 1).tolist()
+    lines += ["f {0}//{0} {1}//{1} {2}//{2}".format(*row) for row in corners]
+    return "\n".join(lines) + "\n"
