@@ -13,8 +13,8 @@ def export_urdf(model: options.Model, out: options.OutFile, force: options.Force
     from nico_selfmodel.model.self_model_file import load_model
     from nico_selfmodel.model.shape.shape_folder import shape_beside
     from nico_selfmodel.plant import ArmDescription, learned_urdf
-    from nico_selfmodel.plant.shape_urdf import ShapeInUrdf
-    from nico_selfmodel.plant.urdf_export import masses_words
+    from nico_selfmodel.plant.export.shape_urdf import ShapeInUrdf
+    from nico_selfmodel.plant.export.urdf_export import masses_words
 
     refuse_existing(out, force=force)
     learned, seen = load_model(model), shape_beside(model)

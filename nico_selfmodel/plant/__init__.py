@@ -3,8 +3,8 @@
 from nico_selfmodel.plant.body_plant import BodyPlant
 from nico_selfmodel.plant.description import ArmDescription
 from nico_selfmodel.plant.directives import add_directives
+from nico_selfmodel.plant.export.urdf_export import learned_urdf
 from nico_selfmodel.plant.self_model_plant import SelfModelPlant
-from nico_selfmodel.plant.urdf_export import learned_urdf
 
 __all__ = [
     "ArmDescription",

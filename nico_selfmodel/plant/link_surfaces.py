@@ -18,7 +18,7 @@ from pydrake.geometry import (
 )
 
 from nico_selfmodel.arrays import read_only
-from nico_selfmodel.geometry.solids import (
+from nico_selfmodel.geometry.solids.solid import (
     Solid,
     distance_to_solids,
     normals_of_solids,

@@ -22,7 +22,7 @@ from nico_selfmodel.estimation.mirrors.mark_place import (
     spot_of,
 )
 from nico_selfmodel.geometry.rotation import rotation_about
-from nico_selfmodel.geometry.solids import Solid
+from nico_selfmodel.geometry.solids.solid import Solid
 from nico_selfmodel.geometry.transform import apply, transform
 from nico_selfmodel.model.cameras.mirror import Mirror
 from nico_selfmodel.model.cameras.mirror_rig import MirrorRig

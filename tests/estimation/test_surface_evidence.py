@@ -9,7 +9,7 @@ import pytest
 from nico_selfmodel.estimation.mirrors.mark_place import GATE_3
 from nico_selfmodel.estimation.mirrors.surface_evidence import SurfaceView, surprising_together
 from nico_selfmodel.geometry.reflection import reflect
-from nico_selfmodel.geometry.solids import Solid, onto_solids
+from nico_selfmodel.geometry.solids.solid import Solid, onto_solids
 from nico_selfmodel.geometry.transform import apply, transform
 from nico_selfmodel.model.cameras.mirror import Mirror
 from nico_selfmodel.model.cameras.mirror_rig import MirrorRig

@@ -19,7 +19,6 @@ from nico_selfmodel.estimation.contingency.motion_response import MotionResponse
 from nico_selfmodel.estimation.mirrors.mark_place import NOT_ON_ME, ON_GLASS, ON_ME
 from nico_selfmodel.experiments.mirror_test.encounters import EXPECTED, EncounterStage, Trial
 from nico_selfmodel.experiments.mirror_test.images import ALLOWED, ImageStage, ImageTrial
-from nico_selfmodel.experiments.mirror_test.knowing import Refusal
 from nico_selfmodel.experiments.mirror_test.marks import MarkStage, MarkTrial
 from nico_selfmodel.experiments.mirror_test.marks_report import marks_documents, marks_tables
 from nico_selfmodel.experiments.mirror_test.painting import (
@@ -42,6 +41,7 @@ from nico_selfmodel.experiments.mirror_test.unknown_mirror import (
 from nico_selfmodel.experiments.mirror_test.unmarked import LIGHTS, Look, UnmarkedStage
 from nico_selfmodel.experiments.mirror_test.unmarked_report import unmarked_document
 from nico_selfmodel.geometry.triangle_mesh import TriangleMesh
+from nico_selfmodel.sessions.mirrors.knowing import Refusal
 from nico_selfmodel.sessions.mirrors.mark_finder import Finding
 from nico_selfmodel.sessions.mirrors.mirror_looks import MirrorLook
 from nico_selfmodel.systems.rendering.mark_on_body import Mark

@@ -7,8 +7,6 @@ import pytest
 
 from nico_selfmodel.estimation.mirrors.mark_place import ON_ME
 from nico_selfmodel.experiments.mirror_test import report, touches
-from nico_selfmodel.experiments.mirror_test.acquaintance import Acquainted
-from nico_selfmodel.experiments.mirror_test.knowing import Knowing
 from nico_selfmodel.experiments.mirror_test.marks import MarkStage, MarkTrial
 from nico_selfmodel.experiments.mirror_test.painting import MARK, Painted
 from nico_selfmodel.experiments.mirror_test.report import report_of
@@ -27,6 +25,8 @@ from nico_selfmodel.experiments.mirror_test.touches_report import (
     touches_table,
 )
 from nico_selfmodel.plant.touching.touch_planner import OutOfReach, Touch, TouchPlanner
+from nico_selfmodel.sessions.mirrors.acquaintance import Acquainted
+from nico_selfmodel.sessions.mirrors.knowing import Knowing
 from nico_selfmodel.sessions.mirrors.known_body import KnownBody
 from nico_selfmodel.sessions.mirrors.mark_finder import Finding
 from nico_selfmodel.sessions.rendered_nico import RenderedNico

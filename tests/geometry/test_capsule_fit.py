@@ -6,9 +6,9 @@ from hypothesis import given
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 
-from nico_selfmodel.geometry.capsule_fit import fit_capsule, fit_capsules
 from nico_selfmodel.geometry.rotation import rotation_from_vector
-from nico_selfmodel.geometry.solids import Solid, distance_to_solids
+from nico_selfmodel.geometry.solids.capsule_fit import fit_capsule, fit_capsules
+from nico_selfmodel.geometry.solids.solid import Solid, distance_to_solids
 
 
 def on_capsule(radius, length, vector, center, rng, count=1500):

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from nico_selfmodel.geometry.solids import (
+from nico_selfmodel.geometry.solids.solid import (
     Solid,
     distance_to_solids,
     normals_of_solids,

@@ -11,7 +11,7 @@ from nico_selfmodel.model.arm.bending import PARTS, SAG, Bending
 from nico_selfmodel.model.arm.uniform_rods import uniform_rods
 from nico_selfmodel.model.self_model_file import load_model, save_model
 from nico_selfmodel.plant import SelfModelPlant
-from nico_selfmodel.plant.urdf_export import learned_urdf
+from nico_selfmodel.plant.export.urdf_export import learned_urdf
 from nico_selfmodel.systems import LoadedAngles
 
 UP = np.array([0.0, 0.0, 1.0])

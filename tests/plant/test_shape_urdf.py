@@ -10,11 +10,11 @@ from pydrake.multibody.plant import AddMultibodyPlantSceneGraph, MultibodyPlant
 from pydrake.systems.framework import DiagramBuilder
 
 from nico_selfmodel.errors import ModelError
-from nico_selfmodel.geometry.solids import Solid, distance_to_solids
+from nico_selfmodel.geometry.solids.solid import Solid, distance_to_solids
 from nico_selfmodel.geometry.transform import apply
 from nico_selfmodel.model.shape.link_shape import BodyShape
 from nico_selfmodel.plant import learned_urdf
-from nico_selfmodel.plant.shape_urdf import ShapeInUrdf, share_within
+from nico_selfmodel.plant.export.shape_urdf import ShapeInUrdf, share_within
 
 from ..learned_ball import ball_body, ball_shape
 

@@ -11,7 +11,7 @@ from pydrake.systems.framework import DiagramBuilder
 
 from nico_selfmodel.errors import ModelError
 from nico_selfmodel.plant import ArmDescription, SelfModelPlant, learned_urdf
-from nico_selfmodel.plant.urdf_export import MEASURING_FRAME
+from nico_selfmodel.plant.export.urdf_export import MEASURING_FRAME
 
 
 def loaded(path):

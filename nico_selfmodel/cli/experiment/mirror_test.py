@@ -56,7 +56,7 @@ def mirror_test(
 
     refuse_folder(out, force=force)
     chosen = imperfections_named(imperfections)
-    from nico_selfmodel.experiments.mirror_test.knowing import glass_named
+    from nico_selfmodel.sessions.mirrors.knowing import glass_named
 
     plate = glass_named(glass)
     from nico_selfmodel.experiments.mirror_test.report import report_of

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from nico_selfmodel.arrays import read_only
 from nico_selfmodel.estimation.mirrors.body_alignment import BodyMotion
 from nico_selfmodel.geometry.reflection import reflect, reflection_slopes
-from nico_selfmodel.geometry.solids import Solid, distance_to_solids, normals_of_solids
+from nico_selfmodel.geometry.solids.solid import Solid, distance_to_solids, normals_of_solids
 from nico_selfmodel.geometry.transform import apply, inverse
 from nico_selfmodel.model.cameras.mirror import Mirror, plane_of_values
 from nico_selfmodel.model.cameras.stereo_rig import StereoRig

@@ -14,8 +14,8 @@ from nico_selfmodel.estimation.contingency.contingency import (
     tell_contingency,
 )
 from nico_selfmodel.estimation.contingency.motion_response import MotionResponse, learn_response
-from nico_selfmodel.experiments.mirror_test.acquaintance import Acquainted, rendered
 from nico_selfmodel.planning.plans import commands_of_angles
+from nico_selfmodel.sessions.mirrors.acquaintance import Acquainted, rendered
 from nico_selfmodel.sessions.mirrors.nico_before_mirrors import DEFAULT_MIRROR, NicoBeforeMirrors
 from nico_selfmodel.sessions.motion_session import PERIOD, Encounter, MotionSession
 from nico_selfmodel.sessions.progress import Stage, of_robot

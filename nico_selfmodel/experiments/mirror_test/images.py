@@ -19,9 +19,9 @@ from nico_selfmodel.estimation.contingency.image_witness import (
     tell_image,
 )
 from nico_selfmodel.experiments.experiment_report import Table
-from nico_selfmodel.experiments.mirror_test.acquaintance import Acquainted, rendered
 from nico_selfmodel.experiments.mirror_test.stage_document import stage_document
 from nico_selfmodel.planning.plans import commands_of_angles
+from nico_selfmodel.sessions.mirrors.acquaintance import Acquainted, rendered
 from nico_selfmodel.sessions.mirrors.hand_images import watch_images
 from nico_selfmodel.sessions.mirrors.nico_before_mirrors import DEFAULT_MIRROR, NicoBeforeMirrors
 from nico_selfmodel.sessions.motion_session import facing

@@ -7,8 +7,6 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from nico_selfmodel.experiments.mirror_test.acquaintance import rendered
-from nico_selfmodel.experiments.mirror_test.knowing import TURNED, Knowing
 from nico_selfmodel.experiments.mirror_test.painting import (
     KINDS,
     MARK,
@@ -17,6 +15,8 @@ from nico_selfmodel.experiments.mirror_test.painting import (
     Painted,
     Painter,
 )
+from nico_selfmodel.sessions.mirrors.acquaintance import rendered
+from nico_selfmodel.sessions.mirrors.knowing import TURNED, Knowing
 from nico_selfmodel.sessions.mirrors.mark_finder import Finding, MarkFinder
 from nico_selfmodel.sessions.mirrors.mirror_looks import MirrorLook, MirrorLooks
 from nico_selfmodel.sessions.mirrors.mirror_scenario import MIRROR

@@ -14,6 +14,7 @@ from nico_selfmodel.arrays import read_only
 from nico_selfmodel.errors import RobotError
 from nico_selfmodel.geometry.transform import apply, inverse
 from nico_selfmodel.model.cameras.rig_parameters import SIDES
+from nico_selfmodel.sessions.mirrors.own_shape import LINKS
 from nico_selfmodel.systems.looking import LOOKING_DEG
 from nico_selfmodel.systems.rendering.mark_on_body import GLASS, Mark, recolored
 from nico_selfmodel.systems.stations.nico_station import NicoStation
@@ -24,8 +25,6 @@ DIAMETER = 0.010
 """Of the marks [m]."""
 STEP = 0.2
 """Of the colour, Euclidean in RGB of 1, in a random direction."""
-LINKS = ("head", "chest")
-"""What is marked."""
 MARK, SHAM_PAINT, SHAM_ACT = "mark", "sham, own colour", "sham, no paint"
 ON_THE_GLASS, OTHER_ROBOT = "mark on the glass", "mark on another robot"
 KINDS = (MARK, SHAM_PAINT, MARK, ON_THE_GLASS, MARK, SHAM_ACT, MARK, OTHER_ROBOT)

@@ -14,7 +14,6 @@ from nico_selfmodel.experiments.mirror_test.encounters_report import (
     encounters_table,
 )
 from nico_selfmodel.experiments.mirror_test.images import images_document, images_table
-from nico_selfmodel.experiments.mirror_test.knowing import MOST_UNLIKE
 from nico_selfmodel.experiments.mirror_test.marks_report import (
     marks_chart,
     marks_documents,
@@ -38,6 +37,7 @@ from nico_selfmodel.experiments.mirror_test.unmarked_report import (
     unmarked_table,
 )
 from nico_selfmodel.plant.touching.touch_planner import CLEAR, LEAN
+from nico_selfmodel.sessions.mirrors.knowing import MOST_UNLIKE
 from nico_selfmodel.sessions.mirrors.mark_finder import (
     LENS_SIGMA,
     PIXEL_SIGMA,

@@ -5,7 +5,6 @@ from dataclasses import dataclass
 from typing import Any
 
 from nico_selfmodel.errors import SelfModelError
-from nico_selfmodel.experiments.mirror_test.acquaintance import Acquainted, acquainted
 from nico_selfmodel.experiments.mirror_test.encounters import (
     EncounterStage,
     check_trials,
@@ -13,7 +12,6 @@ from nico_selfmodel.experiments.mirror_test.encounters import (
 )
 from nico_selfmodel.experiments.mirror_test.encounters_report import encounters_document
 from nico_selfmodel.experiments.mirror_test.images import ImageStage, images_document, run_images
-from nico_selfmodel.experiments.mirror_test.knowing import PLATE, know_mirrors
 from nico_selfmodel.experiments.mirror_test.marks import MarkStage, check_marks, run_marks
 from nico_selfmodel.experiments.mirror_test.marks_report import marks_documents
 from nico_selfmodel.experiments.mirror_test.structure import StructureStage, run_structure
@@ -22,6 +20,8 @@ from nico_selfmodel.experiments.mirror_test.unknown_mirror import MirrorsStage, 
 from nico_selfmodel.experiments.mirror_test.unknown_mirror_report import mirrors_document
 from nico_selfmodel.experiments.mirror_test.unmarked import UnmarkedStage, run_unmarked
 from nico_selfmodel.experiments.mirror_test.unmarked_report import unmarked_document
+from nico_selfmodel.sessions.mirrors.acquaintance import Acquainted, acquainted
+from nico_selfmodel.sessions.mirrors.knowing import PLATE, know_mirrors
 from nico_selfmodel.sessions.progress import Stage
 from nico_selfmodel.systems.rendering.mirror_scene import MirrorPlate
 from nico_selfmodel.systems.simulated.imperfections import Imperfections

@@ -1,47 +1,31 @@
 """Stage 3 of the mirror test: the outer shape of head and chest, learned in mirrors."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
 from nico_selfmodel.errors import EstimationError, ModelError
-from nico_selfmodel.experiments.mirror_test.acquaintance import rendered
-from nico_selfmodel.experiments.mirror_test.knowing import Knowing, Refusal
-from nico_selfmodel.experiments.mirror_test.painting import LINKS
-from nico_selfmodel.geometry.solids import Solid, distance_to_solids, normals_of_solids
+from nico_selfmodel.geometry.solids.solid import Solid, distance_to_solids, normals_of_solids
 from nico_selfmodel.geometry.transform import apply
 from nico_selfmodel.geometry.triangle_mesh import TriangleMesh
 from nico_selfmodel.model.cameras.mirror import Mirror
 from nico_selfmodel.model.cameras.mirror_rig import MirrorRig
 from nico_selfmodel.plant.kinematic_tree import KinematicTree
-from nico_selfmodel.plant.link_surfaces import LinkSurface
-from nico_selfmodel.sessions.mirrors.learned_shape import (
-    LearnedShape,
-    Skeleton,
-    carried,
-    learn_shape,
-)
-from nico_selfmodel.sessions.mirrors.mirror_looks import MirrorLooks
+from nico_selfmodel.sessions.mirrors.acquaintance import rendered
+from nico_selfmodel.sessions.mirrors.knowing import Knowing, Refusal
+from nico_selfmodel.sessions.mirrors.learned_shape import LearnedShape, carried
 from nico_selfmodel.sessions.mirrors.mirror_scenario import MIRROR
-from nico_selfmodel.sessions.mirrors.shape_looks import look_at_shape, tell_mirrors
+from nico_selfmodel.sessions.mirrors.own_shape import WHOLE, Surfaces, learn_structure
 from nico_selfmodel.sessions.progress import Stage, of_robot
-from nico_selfmodel.systems.rendering.body_image import BodyImage
-from nico_selfmodel.systems.rendering.stereo_cameras import ImageQuality
 from nico_selfmodel.systems.simulated.ground_truth import GroundTruth
 from nico_selfmodel.systems.stations.seen_surface import SeenSurface
 
 NEAR = 5e-3
 """What is seen in a mirror is claimed if the learned surface passes so near [m]."""
-WHOLE = ("head",)
-"""Links that count with all that hangs on them: cameras in their cases are a part of the face."""
 _SEEN = 300
 """Places of head and chest that are seen in the mirror and looked for in the learned surface."""
-_DAY = 9
-
-Surfaces = Mapping[str, tuple[LinkSurface, NDArray]]
-"""Link -> its surface and its pose before the left camera."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -99,39 +83,6 @@ def run_structure(robots: Sequence[Knowing], progress: Stage | None = None) -> S
         found += judged(known, shape, surfaces)
         count = len(shape.all.mirrors)
     return StructureStage(tuple(found), count, tuple(refused))
-
-
-def learn_structure(known: Knowing, stage: Stage) -> tuple[LearnedShape, Surfaces]:
-    """Let one robot look at itself in many mirrors, and learn its shape.
-
-    Args:
-        known: The robot.
-        stage: Told how far it is.
-
-    Returns:
-        What it learned, and the truth of the links that stood still.
-
-    Raises:
-        EstimationError: If it finds no surface, or hardly any mirror shows its hand.
-        ModelError: If hardly any pose shows its hand in a mirror.
-    """
-    robot, views = known.robot, known.before.views
-    nico = rendered(robot, ImageQuality())
-    told, places = tell_mirrors(nico, robot.model, robot.readings, known.before.plate, stage)
-    mirrors = {**{name: robot.model.mirrors[name] for name in views}, **told}
-    places = {**{name: view.X_BM for name, view in views.items()}, **places}
-    before = known.before
-    with BodyImage(nico.arm, robot.model) as image, before.station(_DAY) as station:
-        looks = MirrorLooks(station, image, robot.model, mirrors[MIRROR], places[MIRROR])
-        seen = look_at_shape(looks, mirrors, places, list(known.poses[MIRROR]), stage)
-        known.body.pose(image)
-        poses = image.poses(seen.shots[0].readings)
-        moving = {image.links[number] for number in image.moving}
-        truth = station.surfaces_true(looks.body.context)
-    skeleton = Skeleton.of(KinematicTree.from_urdf(nico.arm.urdf), poses, WHOLE)
-    rng = np.random.default_rng((robot.seed, 46))
-    shape = learn_shape(seen, robot.model.rig, skeleton, poses, LINKS, rng, stage)
-    return shape, {link: one for link, one in truth.items() if link not in moving}
 
 
 def judged(known: Knowing, shape: LearnedShape, surfaces: Surfaces) -> list[LinkStructure]:

@@ -8,13 +8,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from nico_selfmodel.estimation.mirrors.mark_place import ON_ME
-from nico_selfmodel.experiments.mirror_test.acquaintance import rendered
-from nico_selfmodel.experiments.mirror_test.knowing import Knowing
 from nico_selfmodel.experiments.mirror_test.marks import MarkStage, MarkTrial
-from nico_selfmodel.experiments.mirror_test.painting import DIAMETER, LINKS, MARK
+from nico_selfmodel.experiments.mirror_test.painting import DIAMETER, MARK
 from nico_selfmodel.geometry.transform import apply, inverse
 from nico_selfmodel.plant.touching.posed_arm import PosedArm
 from nico_selfmodel.plant.touching.touch_planner import OutOfReach, Touch, TouchPlanner
+from nico_selfmodel.sessions.mirrors.acquaintance import rendered
+from nico_selfmodel.sessions.mirrors.knowing import Knowing
+from nico_selfmodel.sessions.mirrors.own_shape import LINKS
 from nico_selfmodel.sessions.progress import Stage, of_robot
 from nico_selfmodel.sessions.rendered_nico import RenderedNico
 from nico_selfmodel.systems.looking import FINGER

@@ -5,9 +5,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from nico_selfmodel.experiments.mirror_test.acquaintance import rendered
-from nico_selfmodel.experiments.mirror_test.knowing import Knowing, Refusal
 from nico_selfmodel.model.cameras.mirror import Mirror
+from nico_selfmodel.sessions.mirrors.acquaintance import rendered
+from nico_selfmodel.sessions.mirrors.knowing import Knowing, Refusal
 
 HAND, WHOLE = "its hand", "its hand, head and chest"
 """What a robot has seen of itself in a mirror when it says where that stands."""

@@ -19,7 +19,7 @@ from nico_selfmodel.estimation.mirrors.mark_place import (
     spot_of,
 )
 from nico_selfmodel.estimation.mirrors.surface_evidence import SurfaceView, surprising_together
-from nico_selfmodel.geometry.solids import Solid
+from nico_selfmodel.geometry.solids.solid import Solid
 from nico_selfmodel.geometry.transform import apply
 from nico_selfmodel.model.cameras.mirror_rig import MirrorRig
 from nico_selfmodel.sessions.mirrors.known_body import KnownBody

@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 
 from nico_selfmodel.geometry.plane import Plane
 from nico_selfmodel.geometry.reflection import reflect
-from nico_selfmodel.geometry.solids import (
+from nico_selfmodel.geometry.solids.solid import (
     Solid,
     distance_to_solids,
     normals_of_solids,

@@ -13,10 +13,10 @@ from nico_selfmodel.geometry.transform import inverse
 from nico_selfmodel.model.arm.bending import EFFECTS
 from nico_selfmodel.model.self_model import SelfModel
 from nico_selfmodel.plant.description import ArmDescription
+from nico_selfmodel.plant.export.plain_urdf import DENSITY, link_name, plain_document
+from nico_selfmodel.plant.export.shape_urdf import ShapeInUrdf
 from nico_selfmodel.plant.learned_frames import LearnedFrames, learned_frames, nominal_frames
-from nico_selfmodel.plant.plain_urdf import DENSITY, link_name, plain_document
 from nico_selfmodel.plant.self_model_plant import hand_frame_name
-from nico_selfmodel.plant.shape_urdf import ShapeInUrdf
 from nico_selfmodel.plant.urdf_document import (
     append_frame_link,
     children,

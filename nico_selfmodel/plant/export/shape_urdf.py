@@ -10,8 +10,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from nico_selfmodel.errors import ModelError
-from nico_selfmodel.geometry.capsule_fit import fit_capsules
-from nico_selfmodel.geometry.solids import Solid, distance_to_solids
+from nico_selfmodel.geometry.solids.capsule_fit import fit_capsules
+from nico_selfmodel.geometry.solids.solid import Solid, distance_to_solids
 from nico_selfmodel.model.shape.link_shape import BodyShape, LinkShape
 from nico_selfmodel.model.shape.shape_folder import file_names
 from nico_selfmodel.names import listed

@@ -12,7 +12,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from nico_selfmodel.geometry.checked_points import checked_points
 from nico_selfmodel.geometry.rotation import tangent_basis
-from nico_selfmodel.geometry.solids import Solid, distance_to_solids
+from nico_selfmodel.geometry.solids.solid import Solid, distance_to_solids
 from nico_selfmodel.geometry.transform import transform
 
 _DIRECTIONS = 100

@@ -8,12 +8,16 @@ import numpy as np
 from numpy.typing import NDArray
 
 from nico_selfmodel.errors import EstimationError
-from nico_selfmodel.experiments.mirror_test.acquaintance import Acquainted, rendered
 from nico_selfmodel.model.cameras.mirror import Mirror
+from nico_selfmodel.sessions.mirrors.acquaintance import Acquainted, rendered
 from nico_selfmodel.sessions.mirrors.known_body import KnownBody, know_body
 from nico_selfmodel.sessions.mirrors.look_poses import look_poses
 from nico_selfmodel.sessions.mirrors.mirror_looks import MirrorLooks, Unknown
-from nico_selfmodel.sessions.mirrors.mirror_scenario import MIRROR, learn_mirror
+from nico_selfmodel.sessions.mirrors.mirror_scenario import (
+    MIRROR,
+    MirrorScenario,
+    learn_mirror,
+)
 from nico_selfmodel.sessions.mirrors.nico_before_mirrors import DEFAULT_MIRROR, NicoBeforeMirrors
 from nico_selfmodel.sessions.progress import Stage, of_robot
 from nico_selfmodel.systems.rendering.body_image import BodyImage
@@ -100,20 +104,20 @@ def know_mirrors(
     for i, robot in enumerate(robots):
         stage = of_robot(progress, i, len(robots))
         try:
-            known = know_itself(_with_mirrors(robot, plate, stage), plate, stage)
+            learned = learn_two_mirrors(robot, plate, stage)
+            found.append(trusting(know_itself(with_mirrors(robot, learned), plate, stage)))
         except EstimationError as error:
             refused.append(Refusal(robot.seed, str(error)))
-            continue
-        unlike = max(known.unlike, key=lambda name: known.unlike[name])
-        if known.unlike[unlike] > MOST_UNLIKE:
-            refused.append(Refusal(robot.seed, _unlike(unlike, known.unlike[unlike])))
-        else:
-            found.append(known)
     return tuple(found), tuple(refused)
 
 
-def _with_mirrors(robot: Acquainted, plate: MirrorPlate, stage: Stage) -> Acquainted:
+def learn_two_mirrors(robot: Acquainted, plate: MirrorPlate, stage: Stage) -> MirrorScenario:
     """Let a robot learn where mirrors stand from its hand in them.
+
+    Args:
+        robot: Who has learned arm and cameras.
+        plate: The glass.
+        stage: Told how far it is.
 
     Raises:
         EstimationError: If it does not.
@@ -124,14 +128,28 @@ def _with_mirrors(robot: Acquainted, plate: MirrorPlate, stage: Stage) -> Acquai
     )  # fmt: skip
     if learned.verdict.status == "FAIL":
         raise EstimationError("; ".join(learned.verdict.reasons))
-    return Acquainted(robot.seed, robot.world, learned.model, robot.readings)
+    return learned
 
 
-def _unlike(mirror: str, share: float) -> str:
-    return (
-        f"mirror {mirror!r} shows {100.0 * share:.0f} % of the unmarked head and chest otherwise "
-        "than expected: it is dirty, bent, or ends before them"
-    )
+def with_mirrors(robot: Acquainted, learned: MirrorScenario) -> Acquainted:
+    """Return a robot that knows the mirrors that it has learned."""
+    return replace(robot, model=learned.model)
+
+
+def trusting(known: Knowing) -> Knowing:
+    """Return a robot that trusts its mirrors.
+
+    Raises:
+        EstimationError: If one shows the unmarked body otherwise than expected.
+    """
+    mirror = max(known.unlike, key=lambda name: known.unlike[name])
+    share = known.unlike[mirror]
+    if share > MOST_UNLIKE:
+        raise EstimationError(
+            f"mirror {mirror!r} shows {100.0 * share:.0f} % of the unmarked head and chest "
+            "otherwise than expected: it is dirty, bent, or ends before them"
+        )
+    return known
 
 
 def know_itself(robot: Acquainted, plate: MirrorPlate, stage: Stage) -> Knowing:

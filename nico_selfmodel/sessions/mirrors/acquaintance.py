@@ -1,4 +1,4 @@
-"""Robots that know their cameras and their arm, before the mirror test begins."""
+"""Robots that learn their cameras and an arm of six joints, before they look into mirrors."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -6,7 +6,13 @@ from dataclasses import dataclass
 from numpy.typing import NDArray
 
 from nico_selfmodel.model.self_model import SelfModel
-from nico_selfmodel.sessions.camera_scenario import Counts, learn_arm, nominal_with, watch_hand
+from nico_selfmodel.sessions.camera_scenario import (
+    ArmScenario,
+    Counts,
+    learn_arm,
+    nominal_with,
+    watch_hand,
+)
 from nico_selfmodel.sessions.progress import Stage, of_robot, telling
 from nico_selfmodel.sessions.rendered_nico import FIDUCIAL, RenderedNico
 from nico_selfmodel.systems.looking import touching_arm
@@ -49,9 +55,6 @@ def acquainted(
 ) -> tuple[Acquainted, ...]:
     """Let robots learn their cameras from chessboards and their arms from pictures of their hands.
 
-    Of the marker on the hand the corners are located too: they tell how the hand is turned, which
-    its middle, next to the last two axes, hardly does.
-
     Args:
         world: What is wrong with the bodies.
         seeds: Which robots.
@@ -59,13 +62,27 @@ def acquainted(
     """
     found = []
     for i, seed in enumerate(seeds):
-        stage = of_robot(progress, i, len(seeds))
-        arm = touching_arm(FIDUCIAL)
-        nico = RenderedNico(world, seed, (FIDUCIAL,), _QUICK, arm, corners=True)
-        seen = watch_hand(nico, _COUNTS, stage)
-        telling(stage, "learning the arm")(0, 1)
-        nominal = nominal_with(nico.arm, FIDUCIAL)
-        learned = learn_arm(seen.train, seen.test, seen.cameras, nominal, "nico")
-        telling(stage, "learning the arm")(1, 1)
+        learned = learn_six_joints(world, seed, of_robot(progress, i, len(seeds)))
         found.append(Acquainted(seed, world, learned.model, learned.train.encoders))
     return tuple(found)
+
+
+def learn_six_joints(world: Imperfections, seed: int, stage: Stage) -> ArmScenario:
+    """Let a robot learn its cameras from chessboards and its arm from pictures of its hand.
+
+    Of the marker on the hand the corners are located too: they tell how the hand is turned, which
+    its middle, next to the last two axes, hardly does.
+
+    Args:
+        world: What is wrong with its body.
+        seed: Which robot.
+        stage: Told how far it is.
+    """
+    arm = touching_arm(FIDUCIAL)
+    nico = RenderedNico(world, seed, (FIDUCIAL,), _QUICK, arm, corners=True)
+    seen = watch_hand(nico, _COUNTS, stage)
+    telling(stage, "learning the arm")(0, 1)
+    nominal = nominal_with(nico.arm, FIDUCIAL)
+    learned = learn_arm(seen.train, seen.test, seen.cameras, nominal, "nico")
+    telling(stage, "learning the arm")(1, 1)
+    return learned

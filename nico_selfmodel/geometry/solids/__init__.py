@@ -1,0 +1,1 @@
+"""Simple solids, and how they are fitted around points."""

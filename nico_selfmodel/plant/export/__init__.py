@@ -1,0 +1,1 @@
+"""A self-model as a URDF, with the learned shape of links where there is one."""

@@ -1,0 +1,60 @@
+"""A robot that knows itself and two mirrors learns the outer shape of its head and chest."""
+
+from collections.abc import Mapping
+
+import numpy as np
+from numpy.typing import NDArray
+
+from nico_selfmodel.plant.kinematic_tree import KinematicTree
+from nico_selfmodel.plant.link_surfaces import LinkSurface
+from nico_selfmodel.sessions.mirrors.acquaintance import rendered
+from nico_selfmodel.sessions.mirrors.knowing import Knowing
+from nico_selfmodel.sessions.mirrors.learned_shape import LearnedShape, Skeleton, learn_shape
+from nico_selfmodel.sessions.mirrors.mirror_looks import MirrorLooks
+from nico_selfmodel.sessions.mirrors.mirror_scenario import MIRROR
+from nico_selfmodel.sessions.mirrors.shape_looks import look_at_shape, tell_mirrors
+from nico_selfmodel.sessions.progress import Stage
+from nico_selfmodel.systems.rendering.body_image import BodyImage
+from nico_selfmodel.systems.rendering.stereo_cameras import ImageQuality
+
+LINKS = ("head", "chest")
+"""Whose shape is learned: they stand still."""
+WHOLE = ("head",)
+"""Links that count with all that hangs on them: cameras in their cases are a part of the face."""
+_DAY = 9
+
+Surfaces = Mapping[str, tuple[LinkSurface, NDArray]]
+"""Link -> its true surface and its pose before the left camera."""
+
+
+def learn_structure(known: Knowing, stage: Stage) -> tuple[LearnedShape, Surfaces]:
+    """Let a robot look at itself in many mirrors, and learn the shape of head and chest.
+
+    Args:
+        known: The robot.
+        stage: Told how far it is.
+
+    Returns:
+        What it learned, and the truth of the links that stood still.
+
+    Raises:
+        EstimationError: If it finds no surface, or hardly any mirror shows its hand.
+        ModelError: If hardly any pose shows its hand in a mirror.
+    """
+    robot, views = known.robot, known.before.views
+    nico = rendered(robot, ImageQuality())
+    told, places = tell_mirrors(nico, robot.model, robot.readings, known.before.plate, stage)
+    mirrors = {**{name: robot.model.mirrors[name] for name in views}, **told}
+    places = {**{name: view.X_BM for name, view in views.items()}, **places}
+    before = known.before
+    with BodyImage(nico.arm, robot.model) as image, before.station(_DAY) as station:
+        looks = MirrorLooks(station, image, robot.model, mirrors[MIRROR], places[MIRROR])
+        seen = look_at_shape(looks, mirrors, places, list(known.poses[MIRROR]), stage)
+        known.body.pose(image)
+        poses = image.poses(seen.shots[0].readings)
+        moving = {image.links[number] for number in image.moving}
+        truth = station.surfaces_true(looks.body.context)
+    skeleton = Skeleton.of(KinematicTree.from_urdf(nico.arm.urdf), poses, WHOLE)
+    rng = np.random.default_rng((robot.seed, 46))
+    shape = learn_shape(seen, robot.model.rig, skeleton, poses, LINKS, rng, stage)
+    return shape, {link: one for link, one in truth.items() if link not in moving}
