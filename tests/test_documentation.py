@@ -12,7 +12,10 @@ import pytest
 from nico_selfmodel.cli.app import _tree
 from nico_selfmodel.model.self_model import SelfModel
 from nico_selfmodel.model.self_model_file import save_model
+from nico_selfmodel.model.shape.shape_folder import save_shape
 from nico_selfmodel.systems.nico_cameras import NICO_CAMERAS
+
+from .learned_ball import ball_body
 
 COMMAND = "from nico_selfmodel.cli.main import main; main()"
 
@@ -65,6 +68,16 @@ def test_the_python_of_what_bends_runs(project_root):
     process = run(["-c", block], project_root, project_root)
     assert process.returncode == 0, process.stderr
     assert process.stdout.startswith("('ripple'")
+
+
+def test_the_python_of_learned_shapes_runs(project_root, tmp_path):
+    text = (project_root / "docs" / "mirror_test.md").read_text(encoding="utf-8")
+    (block,) = re.findall(r"```python\n([^`]*?load_shape[^`]*?)```", text)
+    (tmp_path / "nico").mkdir()
+    save_shape(ball_body("head"), tmp_path / "nico" / "body")
+    process = run(["-c", block], tmp_path, project_root)
+    assert process.returncode == 0, process.stderr
+    assert 0.3 < float(process.stdout.split()[0]) < 0.6
 
 
 def test_links_and_pictures_of_the_documents_exist(project_root):

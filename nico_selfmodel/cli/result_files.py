@@ -14,6 +14,7 @@ if TYPE_CHECKING:
     from nico_selfmodel.dataset.body.body_dataset import BodyDataset
     from nico_selfmodel.dataset.dataset import Dataset
     from nico_selfmodel.model.self_model import SelfModel
+    from nico_selfmodel.model.shape.link_shape import BodyShape
     from nico_selfmodel.model.tree.body_model import BodyModel
     from nico_selfmodel.plant import ArmDescription
     from nico_selfmodel.viz.reports.page import Report
@@ -57,6 +58,7 @@ def write_with_report(
     *,
     robot: "ArmDescription | None" = None,
     recordings: "Mapping[str, Dataset | BodyDataset] | None" = None,
+    shape: "BodyShape | None" = None,
     force: bool = False,
 ) -> None:
     """Write self-model, `result.json`, report, scene, and the URDF of an arm, or nothing.
@@ -67,6 +69,7 @@ def write_with_report(
         report: With the content of `result.json`.
         robot: The robot that the arm belongs to; the one that the model names if omitted.
         recordings: Data sets to keep beside the result, in `recordings/<name>`.
+        shape: What the body looks like as it was learned, to keep in `body`.
         force: Replace an existing folder.
 
     Raises:
@@ -78,4 +81,6 @@ def write_with_report(
     from nico_selfmodel.result_folder.writing import write_result
 
     texts = report.files()
-    write_result(out, model, report.document, texts, recordings, robot=robot, force=force)
+    write_result(
+        out, model, report.document, texts, recordings, robot=robot, shape=shape, force=force
+    )

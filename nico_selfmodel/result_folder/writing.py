@@ -13,6 +13,8 @@ from nico_selfmodel.dataset.folder import save_dataset
 from nico_selfmodel.files.whole import RESULT_FILE, folder_written_whole, write_whole
 from nico_selfmodel.model.self_model import SelfModel
 from nico_selfmodel.model.self_model_file import save_model
+from nico_selfmodel.model.shape.link_shape import BodyShape
+from nico_selfmodel.model.shape.shape_folder import FOLDER, save_shape
 from nico_selfmodel.model.tree.body_model import BODY_FILE, BodyModel, save_body
 from nico_selfmodel.plant import ArmDescription
 from nico_selfmodel.result_folder.description import kept_description
@@ -27,6 +29,7 @@ def write_result(
     recordings: Mapping[str, Dataset | BodyDataset] | None = None,
     *,
     robot: ArmDescription | None = None,
+    shape: BodyShape | None = None,
     force: bool = False,
 ) -> Path:
     """Write `self_model.yaml` or `body.yaml`, `result.json` and further files, or nothing.
@@ -41,6 +44,7 @@ def write_result(
         texts: Further files, such as a report or a scene: name -> content.
         recordings: Data sets to keep beside the result, in `recordings/<name>`.
         robot: The robot that the arm belongs to; the one that the model names if omitted.
+        shape: What the body looks like as it was learned, to keep in `body`.
         force: Replace an existing folder.
 
     Returns:
@@ -58,6 +62,8 @@ def write_result(
             save_body(model, inside / BODY_FILE)
         else:
             contents |= _save_with_robot(model, inside, robot)
+        if shape is not None:
+            save_shape(shape, inside / FOLDER)
         for name, text in contents.items():
             (inside / name).write_text(text, encoding="utf-8", newline="\n")
         for name, dataset in (recordings or {}).items():

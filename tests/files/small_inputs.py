@@ -1,6 +1,7 @@
 """One small, sound input of every kind that a command reads, and the commands that read it."""
 
 import json
+import shutil
 from dataclasses import dataclass, replace
 from pathlib import Path
 
@@ -12,8 +13,10 @@ from nico_selfmodel.dataset.folder import load_dataset, save_dataset
 from nico_selfmodel.dataset.joint_info import JointInfo
 from nico_selfmodel.experiments.mirror_body import mirror_body
 from nico_selfmodel.model.self_model_file import save_model
+from nico_selfmodel.model.shape.shape_folder import save_shape
 
 from ..drawn_boards import draw_pairs
+from ..learned_ball import ball_body
 
 JOINTS = ("shoulder", "elbow", "wrist")
 POSES = 40
@@ -188,6 +191,7 @@ _RECORDED = _readers("record --out {it} --sensor motion-capture --circle 0 --ran
 _TO_VISIT = _readers(
     "record --out {out}/r --sensor motion-capture --circle 0 --poses {it}/poses.csv",
 )
+_SHAPE = _readers("export-urdf {it} --out {out}/d.urdf", "view {it} --out {out}/scene.html")
 _RESULT = _readers("view {it} --out {out}/scene.html")
 WORDS = _readers(
     "calibrate kinematics {sound}/data --name {odd} --out {out}/a",
@@ -257,6 +261,8 @@ KINDS = (
     Kind("recording, rows", "recorded", "samples.csv", _RECORDED),
     Kind("recording, head", "recorded", "dataset.yaml", _RECORDED),
     Kind("scene", "result", "scene.json", _RESULT),
+    Kind("learned shape", "shape", "body/shape.yaml", _SHAPE),
+    Kind("mesh of a learned shape", "shape", "body/palm.ply", _SHAPE),
 )  # fmt: skip
 
 
@@ -289,6 +295,8 @@ def make_sound_inputs(sound: Path, command) -> dict[str, str]:
     (sound / "arm").mkdir()
     model = (sound / "result" / "self_model.yaml").read_bytes()
     (sound / "arm" / "self_model.yaml").write_bytes(model)
+    shutil.copytree(sound / "with_robot", sound / "shape")
+    save_shape(ball_body("palm", "fore"), sound / "shape" / "body")
     _make_recording(sound, command)
     _make_pictures(sound)
     return _make_seen(sound, command)

@@ -42,5 +42,6 @@ def every_item() -> tuple[Item, ...]:
         Ellipsoid(path="arm/ball", color=GLASS, X_WI=pose, radii=np.array([0.1, 0.2, 0.3])),
         Triad(path="arm/frame", color=BLUE, X_WI=pose, length=0.3, radius=0.01),
         Surface(path="plane", color=GLASS, vertices=a, faces=[[0, 1, 2], [2, 3, 4]]),
+        Surface(path="skin", color=BLUE, vertices=b, faces=[[0, 1, 2]], colors=colors),
         Picture(path="cameras/image", color=BLUE, X_WI=pose, width=0.4, height=0.3, image=photo),
     )

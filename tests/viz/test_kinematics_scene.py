@@ -10,7 +10,7 @@ from nico_selfmodel.model.self_model import SelfModel
 from nico_selfmodel.plant import ArmDescription
 from nico_selfmodel.viz.scene.arm_scene import calibration_scene, shown_pose
 from nico_selfmodel.viz.scene.arm_shape import arm_length, joint_points
-from nico_selfmodel.viz.scene.robot_items import robot_items, robot_legend
+from nico_selfmodel.viz.scene.robot.robot_items import robot_items, robot_legend
 from nico_selfmodel.viz.scene.scene import FIELD_OF_VIEW
 from nico_selfmodel.viz.scene.scene_items import Markers
 

@@ -41,6 +41,14 @@ def learn(
         typer.Option("--head", help="Let the head turn and be learned, with the lenses, too."),
     ] = False,
     arms: options.Arms = None,
+    shape: Annotated[
+        bool,
+        typer.Option(
+            "--shape",
+            help="Let the robot learn an arm of six joints, two mirrors, and in these and twelve "
+            "more the outer shape of head and chest, kept in body/. Some 7 minutes.",
+        ),
+    ] = False,
     robot: options.Robot = "nico",
     arm: options.Arm = None,
     base: options.Base = None,
@@ -58,6 +66,12 @@ def learn(
     from nico_selfmodel.systems.simulated.imperfections import imperfections_named
 
     world = imperfections_named(imperfections)
+    if shape:
+        from nico_selfmodel.cli.learn.shape import learn_shape
+
+        why = "with --shape Nico learns its right arm of six joints, by its cameras, and mirrors"
+        options.refuse_given(context, (*_OF_ONE_ARM, "head", "arms"), why)
+        learn_shape(out, world, seed, force, as_json)
     if head or arms is not None:
         from nico_selfmodel.cli.learn.whole_body import learn_whole_body
 

@@ -16,15 +16,15 @@ FOLDER = "mirror"
 def write_mirror_scenario(
     out: Path, document: Mapping[str, Any], scenario: "MirrorScenario"
 ) -> dict[str, Any]:
-    """Add the mirror to a result folder: its recordings, its report, its figures.
+    """Add mirrors to a result folder: their recordings, their report, their figures.
 
     Args:
-        out: The folder, whose self-model knows the mirror already.
+        out: The folder, whose self-model knows the mirrors already.
         document: What is in its `result.json`.
-        scenario: What was learned of the mirror.
+        scenario: What was learned of them.
 
     Returns:
-        What is in `result.json` now: the mirror's own document under `mirror`.
+        What is in `result.json` now: the mirrors' own document under `mirror`.
     """
     from nico_selfmodel.dataset.folder import save_dataset
     from nico_selfmodel.plant import ArmDescription
@@ -32,9 +32,9 @@ def write_mirror_scenario(
     from nico_selfmodel.viz.reports.mirrors import mirror_report
 
     found = stamped(scenario.document)
-    (name,) = scenario.calibration.mirrors
+    first = next(iter(scenario.calibration.mirrors))
     robot = ArmDescription.of_model(scenario.model)
-    report = mirror_report(scenario.calibration, found, {name: scenario.picture}, robot)
+    report = mirror_report(scenario.calibration, found, {first: scenario.picture}, robot)
     write_with_report(out / FOLDER, scenario.calibration.model, report)
     for name, data in (("mirror", scenario.train), ("mirror_test", scenario.test)):
         save_dataset(data, out / "recordings" / name)

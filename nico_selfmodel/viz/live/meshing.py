@@ -42,7 +42,7 @@ def mesh_of(item: Item) -> TriangleMesh:
     if isinstance(item, Triad):
         return _triad(item)
     if isinstance(item, Surface):
-        return TriangleMesh(item.vertices, item.faces, None)
+        return TriangleMesh(item.vertices, item.faces, item.colors)
     raise TypeError(f"a {type(item).__name__} is no mesh: viewers have it of their own")
 
 

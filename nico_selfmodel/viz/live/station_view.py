@@ -19,7 +19,7 @@ from nico_selfmodel.viz.live.screens import screens_beside
 from nico_selfmodel.viz.live.station_mirror import StandingGlass, StationMirror
 from nico_selfmodel.viz.scene.body_scene import standing
 from nico_selfmodel.viz.scene.camera_items import ImagePlane, camera_items
-from nico_selfmodel.viz.scene.robot_items import robot_items
+from nico_selfmodel.viz.scene.robot.robot_items import robot_items
 from nico_selfmodel.viz.scene.scene import LegendEntry, Scene
 from nico_selfmodel.viz.scene.scene_items import Item, Markers, Picture
 from nico_selfmodel.viz.scene.surroundings import camera_from, floor_items

@@ -18,7 +18,7 @@ from nico_selfmodel.viz.scene.residual_items import (
     residual_items,
     residual_legend,
 )
-from nico_selfmodel.viz.scene.robot_items import robot_items, robot_legend
+from nico_selfmodel.viz.scene.robot.robot_items import robot_items, robot_legend
 from nico_selfmodel.viz.scene.scene import Scene
 from nico_selfmodel.viz.scene.scene_items import Item, Tube
 from nico_selfmodel.viz.scene.surroundings import camera_on, floor_items, turned, upright

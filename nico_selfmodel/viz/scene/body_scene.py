@@ -14,7 +14,7 @@ from nico_selfmodel.viz.figures import palette
 from nico_selfmodel.viz.scene.arm_items import arm_items, arm_legend
 from nico_selfmodel.viz.scene.arm_shape import arm_length
 from nico_selfmodel.viz.scene.camera_items import ImagePlane, camera_items
-from nico_selfmodel.viz.scene.robot_items import robot_items, robot_legend
+from nico_selfmodel.viz.scene.robot.robot_items import robot_items, robot_legend
 from nico_selfmodel.viz.scene.scene import LegendEntry, Scene
 from nico_selfmodel.viz.scene.scene_items import Item, Markers, Needles
 from nico_selfmodel.viz.scene.surroundings import camera_from, floor_items, upright

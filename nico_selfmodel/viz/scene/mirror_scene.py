@@ -12,7 +12,7 @@ from nico_selfmodel.plant import ArmDescription
 from nico_selfmodel.viz.figures import palette
 from nico_selfmodel.viz.scene.camera_items import ImagePlane, camera_items
 from nico_selfmodel.viz.scene.mirror_picture import MirrorPicture, Pictures, on_glass
-from nico_selfmodel.viz.scene.robot_items import robot_items
+from nico_selfmodel.viz.scene.robot.robot_items import robot_items
 from nico_selfmodel.viz.scene.scene import LegendEntry, Scene, path_names
 from nico_selfmodel.viz.scene.scene_items import Item, Markers, Segments, Surface, Tube
 from nico_selfmodel.viz.scene.surroundings import X_WL, camera_from, floor_items, turned, upright

@@ -218,11 +218,14 @@ class Surface(Item):
     """In I [m]. Shape (v, 3)."""
     faces: NDArray
     """Indices of the vertices of each triangle. Shape (f, 3)."""
+    colors: NDArray | None = None
+    """Red, green, blue of each vertex, in place of that of `color`. Shape (v, 3)."""
 
     def __post_init__(self) -> None:
         """Check and freeze."""
         super().__post_init__()
         count = self._freeze_list("vertices")
+        self._freeze_colors(count)
         faces = np.array(self.faces, dtype=np.int32)
         if faces.ndim != 2 or faces.shape[1] != 3 or not len(faces):
             raise ValueError(f"faces must have shape (f >= 1, 3), got {faces.shape}")

@@ -1,0 +1,91 @@
+"""The part of `nico-selfmodel learn` in which the robot learns its own shape: `--shape`."""
+
+from collections.abc import Mapping
+from dataclasses import replace
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, NoReturn
+
+import numpy as np
+
+from nico_selfmodel.cli import printer
+from nico_selfmodel.cli.learn.mirror import mirror_parts, write_mirror_scenario
+from nico_selfmodel.cli.result_files import stamped, write_with_report
+
+if TYPE_CHECKING:
+    from nico_selfmodel.sessions.mirrors.shape_scenario import ShapeScenario
+    from nico_selfmodel.systems.simulated.imperfections import Imperfections
+
+
+def learn_shape(
+    out: Path, world: "Imperfections", seed: int, force: bool, as_json: bool
+) -> NoReturn:
+    """Learn cameras, arm, mirrors, and the shape of head and chest in them; write the result."""
+    from nico_selfmodel.sessions.mirrors.shape_scenario import learn_own_shape
+
+    with printer.progress_bar() as progress:
+        scenario = learn_own_shape(world, seed, progress)
+        progress("writing the result", 0, 1)
+        document = write_shape_scenario(out, scenario, force)
+        progress("writing the result", 1, 1)
+    parts = [
+        ("held out", document["test"]),
+        ("training", document["train"]),
+        *mirror_parts(document),
+    ]
+    more = _told_in_words(document)
+    printer.result(scenario.model.name, document, out, parts=parts, more=more, json_instead=as_json)
+
+
+def write_shape_scenario(out: Path, scenario: "ShapeScenario", force: bool) -> dict[str, Any]:
+    """Write arm, cameras, mirrors and shape to a result folder.
+
+    Args:
+        out: The folder to make.
+        scenario: What was learned.
+        force: Replace an existing folder.
+
+    Returns:
+        What is in its `result.json`.
+    """
+    from nico_selfmodel.estimation.judging import judge, result_of, to_json
+    from nico_selfmodel.plant import ArmDescription
+    from nico_selfmodel.viz.reports.arm import arm_report
+
+    arm, robot = scenario.arm, ArmDescription.of_model(scenario.model)
+    calibration = replace(arm.calibration, model=scenario.model)
+    result = arm.stereo.with_pixels(result_of(calibration), scenario.model)
+    document = stamped(to_json(result, judge(result))) | {"shape": shape_document(scenario)}
+    write_with_report(
+        out,
+        scenario.model,
+        arm_report(calibration, document, robot),
+        robot=robot,
+        recordings={"train": arm.train, "test": arm.test},
+        shape=scenario.shape.body,
+        force=force,
+    )
+    return write_mirror_scenario(out, document, scenario.mirrors)
+
+
+def shape_document(scenario: "ShapeScenario") -> dict[str, Any]:
+    """Return what `result.json` tells of the learned shape."""
+    return {
+        "mirrors": len(scenario.shape.all.mirrors),
+        "links": {
+            link: {
+                "vertices": len(own.seen),
+                "seen": int(own.seen.sum()),
+                "sigma_mm": 1e3 * float(np.median(own.sigma[own.seen])) if own.seen.any() else None,
+            }
+            for link, own in scenario.shape.body.links.items()
+        },
+    }
+
+
+def _told_in_words(document: Mapping[str, Any]) -> list[str]:
+    shape = document["shape"]
+    return [
+        f"shape of {link}, in {shape['mirrors']} mirrors: {own['seen']} of {own['vertices']} "
+        f"vertices seen, to {own['sigma_mm'] or np.nan:.1f} mm (median sigma)"
+        for link, own in shape["links"].items()
+    ]

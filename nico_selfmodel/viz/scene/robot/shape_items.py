@@ -1,0 +1,70 @@
+"""The outer shape of links as it was learned, in the colours in which it was seen."""
+
+from dataclasses import replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from nico_selfmodel.model.shape.link_shape import BodyShape, LinkShape
+from nico_selfmodel.viz.scene.scene import LegendEntry, Scene, path_names
+from nico_selfmodel.viz.scene.scene_items import Item, Surface
+
+NEVER_SEEN = (0.62, 0.64, 0.67)
+"""Red, green and blue of vertices that no picture shows well enough."""
+_WHITE = (1.0, 1.0, 1.0, 1.0)
+
+
+def with_shape(scene: Scene, shape: BodyShape, X_SW: NDArray) -> Scene:
+    """Return a scene in which links stand as they were seen, in place of as they are described.
+
+    Args:
+        scene: Of an arm or body, with or without its robot around it.
+        shape: The learned shape.
+        X_SW: Pose of the self-model's world in the scene. Shape (4, 4).
+    """
+    described = {f"robot/{name}" for name in path_names(shape.links)}
+    kept = [item for item in scene.items if "/".join(item.path.split("/")[:2]) not in described]
+    return replace(
+        scene,
+        items=(*kept, *shape_items(shape, X_SW)),
+        legend=(*scene.legend, *shape_legend(shape)),
+    )
+
+
+def shape_items(shape: BodyShape, X_SW: NDArray) -> list[Item]:
+    """Return learned surfaces where they stood when they were seen.
+
+    Args:
+        shape: The learned shape.
+        X_SW: Pose of the self-model's world in the scene. Shape (4, 4).
+
+    Returns:
+        Items under `shape`, by link; links of which there is no triangle are left out.
+    """
+    return [
+        Surface(
+            path=f"shape/{name}",
+            color=_WHITE,
+            X_WI=X_SW @ shape.X_WF[link],
+            vertices=own.mesh.vertices,
+            faces=own.mesh.triangles,
+            colors=_colors(own),
+        )
+        for name, (link, own) in zip(path_names(shape.links), shape.links.items(), strict=True)
+        if len(own.mesh.triangles)
+    ]
+
+
+def shape_legend(shape: BodyShape) -> list[LegendEntry]:
+    """Return what the surfaces and their grey parts are."""
+    seen = [own.colors[own.seen] for own in shape.links.values() if own.seen.any()]
+    red, green, blue = np.median(np.concatenate(seen), axis=0) if seen else NEVER_SEEN
+    links = " and ".join(shape.links)
+    return [
+        LegendEntry(f"{links} as learned, in the colours seen", (red, green, blue, 1.0)),
+        LegendEntry(f"parts of {links} that were never seen", (*NEVER_SEEN, 1.0)),
+    ]
+
+
+def _colors(shape: LinkShape) -> NDArray:
+    return np.where(shape.seen[:, None], shape.colors, NEVER_SEEN)

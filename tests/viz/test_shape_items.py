@@ -1,0 +1,47 @@
+"""The learned shape of links in a scene."""
+
+import numpy as np
+
+from nico_selfmodel.geometry.transform import transform
+from nico_selfmodel.viz.live.drake_backend import static_html
+from nico_selfmodel.viz.scene.robot.shape_items import NEVER_SEEN, with_shape
+from nico_selfmodel.viz.scene.scene import Camera, Scene
+from nico_selfmodel.viz.scene.scene_items import Box
+
+from ..learned_ball import ball_body
+
+BLUE = (0.1, 0.3, 0.9, 1.0)
+X_SW = transform(np.diag([1.0, -1.0, -1.0]), [0.0, 0.0, 1.0])
+
+
+def scene():
+    paths = ("robot/head/0", "robot/head/1", "robot/header/0", "arm/link")
+    boxes = tuple(Box(path=path, color=BLUE, sides=np.full(3, 0.1)) for path in paths)
+    return Scene("nico", boxes, Camera(np.array([1.0, 1.0, 1.0]), np.zeros(3)))
+
+
+def test_learned_links_take_the_place_of_described_ones_where_they_were_seen():
+    shape = ball_body("head", "chest")
+    found = with_shape(scene(), shape, X_SW)
+    assert found.paths == ("robot/header/0", "arm/link", "shape/head", "shape/chest")
+    chest = found.items[-1]
+    np.testing.assert_array_equal(chest.X_WI, X_SW @ shape.X_WF["chest"])
+    np.testing.assert_array_equal(chest.vertices, shape.links["chest"].mesh.vertices)
+
+
+def test_what_was_never_seen_is_grey_and_the_rest_has_its_colours():
+    shape = ball_body("head")
+    (head,) = with_shape(scene(), shape, X_SW).under("shape")
+    own = shape.links["head"]
+    np.testing.assert_array_equal(head.colors[own.seen], own.colors[own.seen])
+    assert (head.colors[~own.seen] == NEVER_SEEN).all()
+    assert np.ptp(NEVER_SEEN) < 0.06
+    labels = [entry.label for entry in with_shape(scene(), shape, X_SW).legend]
+    assert labels == ["head as learned, in the colours seen", "parts of head that were never seen"]
+
+
+def test_a_scene_with_a_shape_survives_the_round_trip_and_is_drawn():
+    found = with_shape(scene(), ball_body("head"), X_SW)
+    again = Scene.from_json(found.to_json())
+    np.testing.assert_array_equal(again.items[-1].colors, found.items[-1].colors)
+    assert len(static_html(found)) > len(static_html(scene()))
