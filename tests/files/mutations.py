@@ -44,7 +44,7 @@ def spoil(path: Path, rng: np.random.Generator) -> str:
     ways = [_spoil_bytes] * 2 + [_spoil_place]
     if is_picture:
         ways += [_spoil_picture] * 4
-    else:
+    elif path.suffix != ".ply":  # which is bytes
         ways += [_spoil_lines, _spoil_encoding] + [_spoil_tokens] * 4
         ways += [_spoil_cells] * 5 if path.suffix == ".csv" else []
         ways += [_spoil_values] * 6 + [_spoil_nests] if path.suffix in (".yaml", ".json") else []

@@ -113,7 +113,7 @@ def _copied(spoilt: Path, target: Path) -> Path:
         elif path.is_fifo():
             os.mkfifo(there)
         elif path.is_dir():
-            shutil.copytree(path, there)
+            _copied(path, there)
         else:
             shutil.copyfile(path, there)
     return target
