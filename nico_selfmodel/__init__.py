@@ -28,6 +28,7 @@ if TYPE_CHECKING:
     from nico_selfmodel.model.cameras.mirror_rig import MirrorRig
     from nico_selfmodel.model.self_model import SelfModel
     from nico_selfmodel.model.self_model_file import load_model, save_model
+    from nico_selfmodel.model.shape.shape_folder import load_shape
     from nico_selfmodel.planning.mirror_view import MirrorView
     from nico_selfmodel.planning.plans import commands_of_angles
     from nico_selfmodel.planning.sweep_protocol import SweepProtocol
@@ -61,6 +62,7 @@ __all__ = [
     "judge",
     "load_dataset",
     "load_model",
+    "load_shape",
     "record",
     "rezero",
     "save_dataset",
@@ -89,6 +91,7 @@ __getattr__, __dir__ = lazy_names(
         "model.cameras.mirror_rig": ("MirrorRig",),
         "model.self_model": ("SelfModel",),
         "model.self_model_file": ("load_model", "save_model"),
+        "model.shape.shape_folder": ("load_shape",),
         "planning.mirror_view": ("MirrorView",),
         "planning.plans": ("commands_of_angles",),
         "planning.sweep_protocol": ("SweepProtocol",),

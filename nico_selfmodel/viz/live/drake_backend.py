@@ -16,6 +16,7 @@ from pydrake.geometry import Rgba as DrakeRgba
 from nico_selfmodel.errors import SelfModelError
 from nico_selfmodel.viz.live.meshing import mesh_of
 from nico_selfmodel.viz.live.picture_mesh import picture_gltf
+from nico_selfmodel.viz.live.surface_mesh import surface_gltf
 from nico_selfmodel.viz.scene.scene import FIELD_OF_VIEW, ROOT, Scene
 from nico_selfmodel.viz.scene.scene_items import (
     Box,
@@ -25,6 +26,7 @@ from nico_selfmodel.viz.scene.scene_items import (
     Item,
     Picture,
     Segments,
+    Surface,
 )
 
 AMBIENT, BACKGROUND = 1.1, ((1.0, 1.0, 1.0), (0.90, 0.92, 0.95))
@@ -85,8 +87,9 @@ def draw_item(meshcat: Meshcat, path: str, item: Item) -> None:
     elif isinstance(item, Ellipsoid):
         meshcat.SetObject(path, DrakeEllipsoid(*item.radii), color)
     elif isinstance(item, Picture):
-        file = MemoryFile(picture_gltf(item), ".gltf", "picture")
-        meshcat.SetObject(path, Mesh(InMemoryMesh(mesh_file=file)))
+        _draw_file(meshcat, path, picture_gltf(item))
+    elif isinstance(item, Surface) and item.colors is not None:
+        _draw_file(meshcat, path, surface_gltf(item, item.colors))
     else:
         mesh = mesh_of(item)
         vertices = np.asfortranarray(mesh.vertices.T)
@@ -96,6 +99,11 @@ def draw_item(meshcat: Meshcat, path: str, item: Item) -> None:
         else:
             colors = np.asfortranarray(mesh.colors.T)
             meshcat.SetTriangleColorMesh(path, vertices, faces, colors)
+
+
+def _draw_file(meshcat: Meshcat, path: str, gltf: str) -> None:
+    file = MemoryFile(gltf, ".gltf", "item")
+    meshcat.SetObject(path, Mesh(InMemoryMesh(mesh_file=file)))
 
 
 def _quiet_meshcat() -> Meshcat:

@@ -11,7 +11,7 @@ from nico_selfmodel.estimation.cameras.camera_assessment import CameraAssessment
 from nico_selfmodel.viz.figures import palette
 from nico_selfmodel.viz.figures.camera_views import CameraView, ShownView
 from nico_selfmodel.viz.figures.photographs import Photographs, jpeg, photograph_of, shrunk
-from nico_selfmodel.viz.live.picture_mesh import data_uri
+from nico_selfmodel.viz.live.gltf import data_uri
 
 _WIDTH, _MANY = 480, 30
 """Of a picture in the page at least [px], until there are so many that they share the room."""

@@ -9,7 +9,7 @@ from nico_selfmodel.model.shape.link_shape import BodyShape, LinkShape
 from nico_selfmodel.viz.scene.scene import LegendEntry, Scene, path_names
 from nico_selfmodel.viz.scene.scene_items import Item, Surface
 
-NEVER_SEEN = (0.62, 0.64, 0.67)
+NEVER_SEEN = (0.36, 0.38, 0.40)
 """Red, green and blue of vertices that no picture shows well enough."""
 _WHITE = (1.0, 1.0, 1.0, 1.0)
 
