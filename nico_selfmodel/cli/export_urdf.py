@@ -24,7 +24,7 @@ def export_urdf(model: options.Model, out: options.OutFile, force: options.Force
     if shape is not None:
         refuse_existing(out.parent / shape.folder, force=force)
         with folder_in_place_of(out.parent / shape.folder) as meshes:
-            for name, text in shape.objs.items():
+            for name, text in shape.files.items():
                 (meshes / name).write_text(text, encoding="utf-8", newline="\n")
     write_whole(out, urdf)
     printer.line(f"{out}\n{masses_words(learned, robot)}")

@@ -14,6 +14,7 @@ from nico_selfmodel.geometry.solids.solid import Solid, distance_to_solids
 from nico_selfmodel.geometry.transform import apply
 from nico_selfmodel.model.shape.link_shape import BodyShape
 from nico_selfmodel.plant import learned_urdf
+from nico_selfmodel.plant.export.painted_obj import painted_obj
 from nico_selfmodel.plant.export.shape_urdf import ShapeInUrdf, share_within
 
 from ..learned_ball import ball_body, ball_shape
@@ -42,7 +43,7 @@ def written(shape, model, arm, folder):
     path = folder / "learned.urdf"
     put = ShapeInUrdf.beside(path, shape)
     (folder / put.folder).mkdir()
-    for name, text in put.objs.items():
+    for name, text in put.files.items():
         (folder / put.folder / name).write_text(text)
     path.write_text(learned_urdf(model, arm, folder, put))
     return path, put
@@ -96,3 +97,14 @@ def test_a_shape_of_links_that_the_robot_lacks_and_one_never_seen_are_refused(ar
     unseen = type(own)("head", own.mesh, own.sigma, own.colors, own.looks, np.zeros_like(own.seen))
     with pytest.raises(ModelError, match="nothing of link 'head' was seen"):
         ShapeInUrdf.beside(arm.urdf, BodyShape({"head": unseen}, {"head": np.eye(4)}))
+
+
+def test_a_mesh_is_painted_in_the_colours_seen_and_grey_where_it_never_was():
+    obj, mtl = painted_obj(ball_shape("head"), "head.mtl")
+    paints = re.findall(r"^newmtl (\S+)\nKd (.*)$", mtl, re.MULTILINE)
+    assert len(paints) < 12
+    assert ("never_seen", "0.62 0.64 0.67") in paints
+    assert ("paint_6_2_1", "0.75 0.25 0.125") in paints  # red of 0.8 0.2 0.1
+    used = re.findall(r"^usemtl (\S+)$", obj, re.MULTILINE)
+    assert sorted(used) == sorted(name for name, _ in paints)
+    assert obj.count("\nf ") == len(ball_shape("head").mesh.triangles)

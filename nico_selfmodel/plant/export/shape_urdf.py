@@ -15,13 +15,12 @@ from nico_selfmodel.geometry.solids.solid import Solid, distance_to_solids
 from nico_selfmodel.model.shape.link_shape import BodyShape, LinkShape
 from nico_selfmodel.model.shape.shape_folder import file_names
 from nico_selfmodel.names import listed
+from nico_selfmodel.plant.export.painted_obj import painted_obj
 from nico_selfmodel.plant.urdf_document import append, child, children, numbers_text, set_origin
 
 MOST_CAPSULES = 4
 """Of a link."""
-UNSEEN = (0.62, 0.62, 0.62)
-"""Red, green and blue of what was never seen."""
-_END = ".obj"
+OBJ, MTL = ".obj", ".mtl"
 
 
 @dataclass(frozen=True, eq=False)
@@ -50,14 +49,14 @@ class ShapeInUrdf:
         return cls(shape, MappingProxyType(capsules), f"{urdf.stem}_shape")
 
     @property
-    def objs(self) -> dict[str, str]:
-        """Name in the folder -> a link's mesh as a Wavefront OBJ, in the link's frame.
-
-        Colours stand after each vertex' coordinates, as MeshLab and Blender read them; Drake draws
-        the mesh in the material of the URDF.
-        """
-        names = file_names(self.shape, _END)
-        return {name: _obj(self.shape.links[link]) for link, name in names.items()}
+    def files(self) -> dict[str, str]:
+        """Name in the folder -> content: each link's mesh in its frame, and the paints of it."""
+        found: dict[str, str] = {}
+        for (link, obj), mtl in zip(
+            file_names(self.shape, OBJ).items(), file_names(self.shape, MTL).values(), strict=True
+        ):
+            found[obj], found[mtl] = painted_obj(self.shape.links[link], mtl)
+        return found
 
     @property
     def words(self) -> str:
@@ -85,10 +84,10 @@ class ShapeInUrdf:
                 f"the learned shape is of {listed(strange)}, the robot has the links "
                 f"{listed(links)}: take the shape that was learned with this self-model"
             )
-        for name, file in file_names(self.shape, _END).items():
+        for name, file in file_names(self.shape, OBJ).items():
             link, X_NF = links[name], moved.get(name, np.eye(4))
             _take_away(robot, link)
-            _append_visual(link, self.shape.links[name], f"{self.folder}/{file}", X_NF)
+            _append_visual(link, f"{self.folder}/{file}", X_NF)
             for capsule in self.capsules[name]:
                 _append_capsule(link, capsule, X_NF)
 
@@ -121,13 +120,10 @@ def _take_away(robot: Element, link: Element) -> None:
         link.removeChild(part)
 
 
-def _append_visual(link: Element, shape: LinkShape, mesh: str, pose: NDArray) -> None:
+def _append_visual(link: Element, mesh: str, pose: NDArray) -> None:
     visual = append(link, "visual")
     set_origin(visual, pose)
     append(append(visual, "geometry"), "mesh", filename=mesh)
-    material = append(visual, "material", name=f"learned_{shape.link}")
-    middle = np.median(shape.colors[shape.seen], axis=0)
-    append(material, "color", rgba=numbers_text([*middle, 1.0]))
 
 
 def _append_capsule(link: Element, capsule: Solid, pose: NDArray) -> None:
@@ -135,14 +131,3 @@ def _append_capsule(link: Element, capsule: Solid, pose: NDArray) -> None:
     set_origin(collision, pose @ capsule.X_FS)
     radius, length = (numbers_text(value) for value in capsule.size)
     append(append(collision, "geometry"), "drake:capsule", radius=radius, length=length)
-
-
-def _obj(shape: LinkShape) -> str:
-    colors = np.where(shape.seen[:, None], shape.colors, UNSEEN)
-    rows = np.column_stack([shape.mesh.vertices, colors])
-    lines = [f"# {shape.link}, as it was learned, in its own frame [m]"]
-    lines += ["v {!r} {!r} {!r} {:.4f} {:.4f} {:.4f}".format(*row) for row in rows.tolist()]
-    lines += ["vn {:.5f} {:.5f} {:.5f}".format(*row) for row in shape.mesh.normals.tolist()]
-    corners = (shape.mesh.triangles + 1).tolist()
-    lines += ["f {0}//{0} {1}//{1} {2}//{2}".format(*row) for row in corners]
-    return "\n".join(lines) + "\n"
