@@ -40,9 +40,9 @@ def painted_obj(shape: LinkShape, mtl: str) -> tuple[str, str]:
 
 def _paints(shape: LinkShape) -> NDArray:
     """Return the colour of each triangle, to one of a few. Shape (T, 3)."""
-    seen = shape.seen[shape.mesh.triangles].all(axis=1)
+    seen = shape.seen[shape.mesh.triangles].all(axis=1, keepdims=True)
     mean = shape.colors[shape.mesh.triangles].mean(axis=1)
-    return np.where(seen[:, None], np.round(_STEPS * mean) / _STEPS, UNSEEN)
+    return np.where(seen, np.round(_STEPS * mean) / _STEPS, UNSEEN)
 
 
 def _name(paint: NDArray) -> str:

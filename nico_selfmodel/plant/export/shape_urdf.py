@@ -52,10 +52,10 @@ class ShapeInUrdf:
     def files(self) -> dict[str, str]:
         """Name in the folder -> content: each link's mesh in its frame, and the paints of it."""
         found: dict[str, str] = {}
-        for (link, obj), mtl in zip(
-            file_names(self.shape, OBJ).items(), file_names(self.shape, MTL).values(), strict=True
-        ):
-            found[obj], found[mtl] = painted_obj(self.shape.links[link], mtl)
+        paints = file_names(self.shape, MTL)
+        for link, mesh in file_names(self.shape, OBJ).items():
+            own = self.shape.links[link]
+            found[mesh], found[paints[link]] = painted_obj(own, paints[link])
         return found
 
     @property
