@@ -1,7 +1,7 @@
 """Robots that learn their cameras and an arm of six joints, before they look into mirrors."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 from numpy.typing import NDArray
 
@@ -67,7 +67,9 @@ def acquainted(
     return tuple(found)
 
 
-def learn_six_joints(world: Imperfections, seed: int, stage: Stage) -> ArmScenario:
+def learn_six_joints(
+    world: Imperfections, seed: int, stage: Stage, held_out: int = _COUNTS.test
+) -> ArmScenario:
     """Let a robot learn its cameras from chessboards and its arm from pictures of its hand.
 
     Of the marker on the hand the corners are located too: they tell how the hand is turned, which
@@ -77,10 +79,11 @@ def learn_six_joints(world: Imperfections, seed: int, stage: Stage) -> ArmScenar
         world: What is wrong with its body.
         seed: Which robot.
         stage: Told how far it is.
+        held_out: Poses to judge by; in a third of them the hand is seen.
     """
     arm = touching_arm(FIDUCIAL)
     nico = RenderedNico(world, seed, (FIDUCIAL,), _QUICK, arm, corners=True)
-    seen = watch_hand(nico, _COUNTS, stage)
+    seen = watch_hand(nico, replace(_COUNTS, test=held_out), stage)
     telling(stage, "learning the arm")(0, 1)
     nominal = nominal_with(nico.arm, FIDUCIAL)
     learned = learn_arm(seen.train, seen.test, seen.cameras, nominal, "nico")

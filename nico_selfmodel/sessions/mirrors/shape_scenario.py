@@ -18,6 +18,9 @@ from nico_selfmodel.sessions.mirrors.own_shape import learn_structure
 from nico_selfmodel.sessions.progress import Stage, of_robot
 from nico_selfmodel.systems.simulated.imperfections import Imperfections
 
+_HELD_OUT = 40
+"""Poses by which cameras and arm are judged."""
+
 
 @dataclass(frozen=True, eq=False)
 class ShapeScenario:
@@ -51,7 +54,7 @@ def learn_own_shape(
         ModelError: If hardly any pose shows its hand in a mirror.
     """
     stage = of_robot(progress, 0, 1)
-    arm = learn_six_joints(world, seed, stage)
+    arm = learn_six_joints(world, seed, stage, _HELD_OUT)
     robot = Acquainted(seed, world, arm.model, arm.train.encoders)
     mirrors = learn_two_mirrors(robot, PLATE, stage)
     known = trusting(know_itself(with_mirrors(robot, mirrors), PLATE, stage))
