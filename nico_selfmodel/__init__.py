@@ -29,11 +29,13 @@ if TYPE_CHECKING:
     from nico_selfmodel.model.self_model import SelfModel
     from nico_selfmodel.model.self_model_file import load_model, save_model
     from nico_selfmodel.model.shape.shape_folder import load_shape
+    from nico_selfmodel.model.tree.body_model import load_body
     from nico_selfmodel.planning.mirror_view import MirrorView
     from nico_selfmodel.planning.plans import commands_of_angles
     from nico_selfmodel.planning.sweep_protocol import SweepProtocol
     from nico_selfmodel.planning.visible_workspace import VisibleWorkspace
     from nico_selfmodel.recording.session import record
+    from nico_selfmodel.sessions.gazing import look_at
     from nico_selfmodel.sessions.simulated_session import simulated_session
     from nico_selfmodel.vision.images.not_seen import NotSeen
 
@@ -60,9 +62,11 @@ __all__ = [
     "evaluate",
     "import_csv",
     "judge",
+    "load_body",
     "load_dataset",
     "load_model",
     "load_shape",
+    "look_at",
     "record",
     "rezero",
     "save_dataset",
@@ -92,11 +96,13 @@ __getattr__, __dir__ = lazy_names(
         "model.self_model": ("SelfModel",),
         "model.self_model_file": ("load_model", "save_model"),
         "model.shape.shape_folder": ("load_shape",),
+        "model.tree.body_model": ("load_body",),
         "planning.mirror_view": ("MirrorView",),
         "planning.plans": ("commands_of_angles",),
         "planning.sweep_protocol": ("SweepProtocol",),
         "planning.visible_workspace": ("VisibleWorkspace",),
         "recording.session": ("record",),
+        "sessions.gazing": ("look_at",),
         "sessions.simulated_session": ("simulated_session",),
         "vision.images.not_seen": ("NotSeen",),
     },

@@ -5,6 +5,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from nico_selfmodel.cli import options, printer
+from nico_selfmodel.cli.inputs import name_and_value
 from nico_selfmodel.names import listed
 
 if TYPE_CHECKING:
@@ -28,11 +29,22 @@ def gaze(
         list[str] | None,
         typer.Option("--camera", help="Camera that shall look; all that the head carries."),
     ] = None,
+    seen: Annotated[
+        list[str] | None,
+        typer.Option(
+            "--seen", metavar="CAMERA=U,V", help="Where a camera sees it at --encoders [px]."
+        ),
+    ] = None,
     as_json: options.AsJson = False,
 ) -> None:
-    """Turn the head so that a point, or a marker on the own hand, comes to the images' middle."""
+    """Turn the head so that a point, or a marker on the own hand, comes to the images' middle.
+
+    Told where its cameras see the point now (`--seen`), the head turns to where it is seen.
+    """
+    import numpy as np
+
     from nico_selfmodel.model.tree.body_model import is_body, load_body
-    from nico_selfmodel.plant.gaze import GazeSolver
+    from nico_selfmodel.plant.looking.gaze import GazeSolver
 
     if not is_body(model):
         raise ValueError(
@@ -46,21 +58,24 @@ def gaze(
             f"{listed(body.tree.joints)}"
         )
     solver, now = GazeSolver(body, camera or ()), _readings(body, encoders)
-    if marker is not None:
-        found = solver.at_marker(now, marker)
-    else:
-        found = solver.at_point(now, _point(target or ""))
+    place = _point(target) if target is not None else solver.place_of(now, marker or "")
+    told = solver.again(now, place, _seen(seen))
+    found = solver.at_point(now, place + told.offset)
     turned = dict(zip(solver.joints, found.readings[solver.head].tolist(), strict=True))
     if as_json:
-        seen = {name: uv.tolist() for name, uv in found.pixels.items()}
+        pixels = {name: uv.tolist() for name, uv in found.pixels.items()}
         off = {"off_px": found.off_px, "misaligned_px": found.misaligned_px}
-        printer.as_json({"readings": turned, "pixels": seen} | off)
+        off |= {"offset_m": told.offset.tolist()} if told.looks else {}
+        printer.as_json({"readings": turned, "pixels": pixels} | off)
         return
     for name, reading in turned.items():
         printer.line(f"{name:24} {reading:.6g}")
     for name, (u, v) in found.pixels.items():
         printer.line(f"{name:24} sees it at {u:.1f}, {v:.1f} px")
-    if found.misaligned_px:
+    if told.looks:
+        away = 1000 * float(np.linalg.norm(told.offset))
+        printer.line(f"{away:.1f} mm from where the body expects it, it was seen")
+    if found.misaligned_px > 1.0:
         printer.line(f"{found.misaligned_px:.0f} px are how the cameras stand to each other")
 
 
@@ -78,11 +93,21 @@ def _readings(body: "BodyModel", encoders: str) -> "NDArray":
 
 
 def _point(text: str) -> "NDArray":
+    return _numbers(text, 3, "--target", "X,Y,Z [m]")
+
+
+def _seen(words: list[str] | None) -> "dict[str, NDArray]":
+    """Return where each camera sees the point [px]. Shape (2,) each."""
+    named = [name_and_value(word, "--seen") for word in words or []]
+    return {name: _numbers(uv, 2, f"--seen {name}", "U,V [px]") for name, uv in named}
+
+
+def _numbers(text: str, count: int, option: str, expected: str) -> "NDArray":
     import numpy as np
 
     from nico_selfmodel.files.csv_rows import number_of_word
 
     words = text.split(",")
-    if len(words) != 3:
-        raise ValueError(f"--target must be X,Y,Z [m], got {text}")
-    return np.array([number_of_word(word, "--target") for word in words])
+    if len(words) != count:
+        raise ValueError(f"{option} must be {expected}, got {text}")
+    return np.array([number_of_word(word, option) for word in words])

@@ -144,7 +144,7 @@ def chosen_arm(
         return ArmDescription.named(robot, arm)
     if arm is not None:
         raise ValueError("--arm names a chain of a named robot: leave out --base and --tip")
-    points = dict(_pair(word, "--point") for word in point or [])
+    points = dict(name_and_value(word, "--point") for word in point or [])
     return ArmDescription.from_urdf(robot, base, tip, _held(hold), points or None)
 
 
@@ -179,7 +179,7 @@ def check_points(point: list[str] | None, markers: tuple[str, ...]) -> None:
         ValueError: If there is one; the message lists the markers of the data.
     """
     for word in point or []:
-        marker = _pair(word, "--point")[0]
+        marker = name_and_value(word, "--point")[0]
         if marker not in markers:
             raise ValueError(
                 f"--point {word}: the data set tracks no {marker!r}; it tracks "
@@ -197,7 +197,12 @@ def _held(words: list[str] | None) -> dict[str, float]:
     return held
 
 
-def _pair(word: str, option: str) -> tuple[str, str]:
+def name_and_value(word: str, option: str) -> tuple[str, str]:
+    """Return both sides of what an option was given as NAME=VALUE.
+
+    Raises:
+        ValueError: If one is missing.
+    """
     name, equals, value = word.partition("=")
     if not (name and equals and value):
         raise ValueError(f"{option} {word}: expected NAME=VALUE")

@@ -4,11 +4,13 @@ from nico_selfmodel.plant.body_plant import BodyPlant
 from nico_selfmodel.plant.description import ArmDescription
 from nico_selfmodel.plant.directives import add_directives
 from nico_selfmodel.plant.export.urdf_export import learned_urdf
+from nico_selfmodel.plant.looking.gaze import GazeSolver
 from nico_selfmodel.plant.self_model_plant import SelfModelPlant
 
 __all__ = [
     "ArmDescription",
     "BodyPlant",
+    "GazeSolver",
     "SelfModelPlant",
     "add_directives",
     "learned_urdf",

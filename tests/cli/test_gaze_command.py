@@ -42,6 +42,26 @@ def test_the_own_hand_is_looked_at(body, command):
     assert json.loads(done.stdout)["off_px"] < 10.0
 
 
+AT_POINT = ("--encoders", STILL, "--target", "0.6,0.2,0.4")
+
+
+def test_a_point_is_looked_at_where_it_was_seen(body, command):
+    still = json.loads(command("gaze", body, *AT_POINT, "--json").stdout)
+    seen = [f"{name}={u + 20:.2f},{v:.2f}" for name, (u, v) in _seen_at(still).items()]
+    now = ",".join(str(value) for value in still["readings"].values()) + ",0" * 12
+    words = ("gaze", body, "--encoders", now, "--target", "0.6,0.2,0.4")
+    words += tuple(word for one in seen for word in ("--seen", one))
+    again = json.loads(command(*words, "--json").stdout)
+    assert again["offset_m"][1] < -0.015
+    assert again["readings"]["neck_yaw"] < still["readings"]["neck_yaw"]
+    assert "from where the body expects it" in command(*words).stdout
+
+
+def _seen_at(document):
+    assert set(document["pixels"]) == {"left_wide_camera", "right_wide_camera"}
+    return document["pixels"]
+
+
 @pytest.mark.parametrize(
     ("words", "said"),
     [
@@ -52,6 +72,10 @@ def test_the_own_hand_is_looked_at(body, command):
         (["--encoders", STILL, "--target", "1,0"], "X,Y,Z"),
         (["--encoders", STILL, "--target", "1,0,0.4", "--camera", "third"], "third"),
         (["--encoders", STILL, "--marker", "tail"], "tail"),
+        ([*AT_POINT, "--seen", "left_wide_camera"], "expected NAME=VALUE"),
+        ([*AT_POINT, "--seen", "left_wide_camera=1"], "must be U,V"),
+        ([*AT_POINT, "--seen", "third=1,2"], "no camera third looks"),
+        ([*AT_POINT, "--seen", "left_wide_camera=900,2"], "its image is 640 x 480 px"),
     ],
 )
 def test_what_cannot_be_looked_at_is_one_line(body, command, words, said):

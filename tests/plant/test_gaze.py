@@ -12,7 +12,7 @@ from nico_selfmodel.errors import ModelError
 from nico_selfmodel.model.arm.bending import Bending
 from nico_selfmodel.model.tree.body_model import BodyModel, load_body, save_body
 from nico_selfmodel.model.tree.body_tree import WORLD, Attached
-from nico_selfmodel.plant.gaze import WITHIN_PX, GazeSolver
+from nico_selfmodel.plant.looking.gaze import WITHIN_PX, GazeSolver
 from nico_selfmodel.systems.looking import HEAD_JOINTS, looking_body
 from nico_selfmodel.systems.nico_cameras import NICO_CAMERAS
 from nico_selfmodel.systems.simulated.imperfections import IMPERFECTIONS

@@ -6,7 +6,8 @@ from pydrake.systems.framework import BasicVector, Context, DiscreteValues, Leaf
 
 from nico_selfmodel.errors import ModelError
 from nico_selfmodel.model.tree.body_model import BodyModel
-from nico_selfmodel.plant.gaze import GazeSolver
+from nico_selfmodel.plant.looking.again import SeenOff
+from nico_selfmodel.plant.looking.gaze import WITHIN_PX, GazeSolver
 
 
 class GazeController(LeafSystem):
@@ -16,10 +17,13 @@ class GazeController(LeafSystem):
     |---|---|---|
     | `encoders` | in | readings of all joints of the body [encoder units] |
     | `p_WT` | in | x y z of the point to look at [m]; not there where a marker is looked at |
+    | `pixels` | in | where its cameras see it, u v of each, nan where not [px]; may stay open |
     | `encoders_commanded` | out | where the head shall go, nan for the rest [encoder units] |
     | `looking` | out | 1 where the point is in reach, else 0: the head's are nan too then |
 
-    It looks anew every `period`, and stands still in between.
+    It looks anew every `period`, and stands still in between. Told what its cameras see, it looks
+    at where the point is seen, in the mean over looks, and stands still while that is in the
+    images' middle.
     """
 
     def __init__(self, model: BodyModel, *, marker: str | None = None, period: float = 0.1) -> None:
@@ -36,12 +40,15 @@ class GazeController(LeafSystem):
         """
         super().__init__()
         self._solver, self._marker, n = GazeSolver(model), marker, len(model.tree.joints)
+        self._names = [model.tree.sensors[i].name for i in self._solver.cameras]
         self._encoders = self.DeclareVectorInputPort("encoders", n)
+        self._pixels = self.DeclareVectorInputPort("pixels", 2 * len(self._names))
         if marker is None:
             self._point = self.DeclareVectorInputPort("p_WT", 3)
         else:
             model.tree.marker_index(marker)
-        state = self.DeclareDiscreteState(np.append(np.full(n, np.nan), 0.0))
+        nothing = np.concatenate([np.full(n, np.nan), np.zeros(5)])
+        state = self.DeclareDiscreteState(nothing)
         self.DeclarePeriodicDiscreteUpdateEvent(period, 0.0, self._look)
         needs = {self.discrete_state_ticket(state)}
         self.DeclareVectorOutputPort("encoders_commanded", BasicVector(n), self._command, needs)
@@ -49,23 +56,46 @@ class GazeController(LeafSystem):
 
     def _look(self, context: Context, update: DiscreteValues) -> None:
         now = np.asarray(self._encoders.Eval(context), dtype=float)
-        out = np.full(len(now), np.nan)
+        command, looking, off = self._state(context)
         try:
-            if self._marker is None:
-                found = self._solver.at_point(now, self._point.Eval(context))
-            else:
-                found = self._solver.at_marker(now, self._marker)
+            expected = self._expected(context, now)
+            if seen := self._seen(context):
+                off = self._solver.again(now, expected, seen, off)
+                far, misaligned = self._solver.off_middle(seen)
+                if looking and far - misaligned <= WITHIN_PX:
+                    update.set_value(_as_state(command, 1.0, off))
+                    return
+            found = self._solver.at_point(now, expected + off.offset)
         except ModelError:
-            update.set_value(np.append(out, 0.0))
+            update.set_value(_as_state(np.full(len(now), np.nan), 0.0, SeenOff()))
             return
-        out[self._solver.head] = found.readings[self._solver.head]
-        update.set_value(np.append(out, 1.0))
+        command = np.full(len(now), np.nan)
+        command[self._solver.head] = found.readings[self._solver.head]
+        update.set_value(_as_state(command, 1.0, off))
 
-    def _state(self, context: Context) -> NDArray:
-        return np.asarray(context.get_discrete_state_vector().value()).copy()
+    def _expected(self, context: Context, now: NDArray) -> NDArray:
+        if self._marker is not None:
+            return self._solver.place_of(now, self._marker)
+        return np.asarray(self._point.Eval(context), dtype=float)
+
+    def _seen(self, context: Context) -> dict[str, NDArray]:
+        if not self._pixels.HasValue(context):
+            return {}
+        pixels = np.asarray(self._pixels.Eval(context), dtype=float).reshape(-1, 2)
+        return dict(zip(self._names, pixels, strict=True))
+
+    def _state(self, context: Context) -> tuple[NDArray, float, SeenOff]:
+        """Return the command, whether it looks, and how far off the point is."""
+        state = np.asarray(context.get_discrete_state_vector().value())
+        looking, looks = state[-5:-3]
+        return state[:-5].copy(), looking, SeenOff(state[-3:].copy(), int(looks))
 
     def _command(self, context: Context, vector: BasicVector) -> None:
-        vector.SetFromVector(self._state(context)[:-1])
+        vector.SetFromVector(self._state(context)[0])
 
     def _tell(self, context: Context, vector: BasicVector) -> None:
-        vector.SetFromVector(self._state(context)[-1:])
+        vector.SetFromVector([self._state(context)[1]])
+
+
+def _as_state(command: NDArray, looking: float, off: SeenOff) -> NDArray:
+    return np.concatenate([command, [looking, off.looks], off.offset])

@@ -1,7 +1,7 @@
 """Where to turn a head so that a point comes to the middle of its cameras' images."""
 
-from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -11,7 +11,8 @@ from pydrake.multibody.tree import FixedOffsetFrame, Frame
 
 from nico_selfmodel.errors import ModelError
 from nico_selfmodel.geometry.rotation import tangent_basis
-from nico_selfmodel.geometry.transform import inverse, transform
+from nico_selfmodel.geometry.transform import transform
+from nico_selfmodel.model.cameras.camera import Camera
 from nico_selfmodel.model.tree.body_model import BodyModel
 from nico_selfmodel.model.tree.body_tree import FLANGE, WORLD, BodyTree
 from nico_selfmodel.model.tree.tree_motion import TreeMotion
@@ -19,6 +20,7 @@ from nico_selfmodel.names import listed
 from nico_selfmodel.optimization.minimum import minimum_near
 from nico_selfmodel.plant.body_plant import BodyPlant
 from nico_selfmodel.plant.kinematic_tree import rigid
+from nico_selfmodel.plant.looking.again import SeenOff, seen_place
 
 WITHIN_PX = 10.0
 """Distance from the middle of each image within which a point counts as looked at [px]."""
@@ -42,7 +44,13 @@ class Gaze:
     off_px: float
     """Largest distance of these from the middle of their images [px]."""
     misaligned_px: float = 0.0
-    """What of it no turning would take away: cameras on one tilt look past each other [px]."""
+    """What of it is not the cameras' mean, which is as far off as it can be: they look past each
+    other, by how they stand on one tilt, or as they do not converge that far [px]."""
+
+    @property
+    def missed_px(self) -> float:
+        """How far the cameras' mean is from the middle of their images [px]."""
+        return self.off_px - self.misaligned_px
 
 
 class GazeSolver:
@@ -98,13 +106,13 @@ class GazeSolver:
         if point.shape != (3,) or not np.isfinite(point).all():
             raise ValueError(f"a point to look at must be 3 finite coordinates [m], got {p_WT}")
         best = self._best(now, point, self.model.limits)
-        if best.off_px > WITHIN_PX:
-            unlimited = np.full_like(self.model.limits, np.inf) * [[-1.0], [1.0]]
-            free = self._best(now, point, unlimited).off_px
-            best = replace(best, misaligned_px=min(free, best.off_px))
-        if not best.off_px - best.misaligned_px <= WITHIN_PX:
+        if not best.missed_px <= WITHIN_PX:
             where = ", ".join(f"{value:.3f}" for value in point)
-            off = f"{best.off_px:.0f} px" if np.isfinite(best.off_px) else "out of view or behind"
+            off = (
+                f"{best.off_px - best.misaligned_px:.0f} px"
+                if np.isfinite(best.off_px)
+                else "out of view or behind"
+            )
             raise ModelError(
                 f"out of reach: the point {where} m stays {off} in place of the images' middle, "
                 f"at most {WITHIN_PX:.0f} px are expected, wherever {listed(self.joints)} turn: "
@@ -123,6 +131,23 @@ class GazeSolver:
             ModelError: If it is out of reach, or on a link that the same joints turn.
             ValueError: If there is no such marker, or a number is not finite.
         """
+        now = self._checked(readings)
+        return self.at_point(now, self.place_of(now, marker))
+
+    def place_of(self, readings: ArrayLike, marker: str) -> NDArray:
+        """Return where a marker of the body is expected, if the head does not carry it.
+
+        Args:
+            readings: Of all joints in their own units; nan where one has no encoder. Shape (n,).
+            marker: Its name.
+
+        Returns:
+            In the body's world [m]. Shape (3,).
+
+        Raises:
+            ModelError: If it is on a link that the joints of the head turn.
+            ValueError: If there is no such marker, or a number is not finite.
+        """
         tree, now = self.model.tree, self._checked(readings)
         found = tree.markers[tree.marker_index(marker)]
         if found.on != WORLD and (moved := tree.beyond[found.on][self.head]).any():
@@ -132,7 +157,65 @@ class GazeSolver:
                 "one that the head does not carry"
             )
         motion = TreeMotion.at(tree, self.model.readings(now)[None])
-        return self.at_point(now, motion.pose_of(found)[1][:, 0])
+        return motion.pose_of(found)[1][:, 0]
+
+    def again(
+        self,
+        readings: ArrayLike,
+        p_WT: ArrayLike,
+        pixels: Mapping[str, ArrayLike],
+        before: SeenOff | None = None,
+    ) -> SeenOff:
+        """Count a look at a point: how far it is from where it was expected.
+
+        Add the `offset` to the point, and look there.
+
+        Args:
+            readings: At which it was seen, of all joints in their own units. Shape (n,).
+            p_WT: Where the point was expected [m]. Shape (3,).
+            pixels: Camera -> where it saw the point, nan if not [px]. Shape (2,) each.
+            before: What earlier looks told.
+
+        Returns:
+            The mean with this look; as before where no camera saw the point.
+
+        Raises:
+            ModelError: If there is no such camera.
+            ValueError: If a pixel is not in its image, or a shape is another.
+        """
+        unknown = sorted(set(pixels) - set(cameras := self._cameras(self._checked(readings))))
+        if unknown:
+            raise ModelError(f"no camera {listed(unknown)} looks; there are {listed(cameras)}")
+        for name, uv in pixels.items():
+            _check_in_image(name, np.asarray(uv, dtype=float), cameras[name].image_size)
+        before = before or SeenOff()
+        place = seen_place(cameras, pixels, p_WT)
+        return before if place is None else before.after(place - np.asarray(p_WT, dtype=float))
+
+    def off_middle(self, pixels: Mapping[str, ArrayLike]) -> tuple[float, float]:
+        """Return how far a point is from the middle of images, and what of it is misalignment [px].
+
+        With offsets o_i of the cameras it is `max |o_i|`, and that less `|mean o_i|`.
+
+        Args:
+            pixels: Camera -> where it sees the point [px]. Shape (2,) each.
+
+        Returns:
+            Both as `Gaze` has them; nan if a camera sees nothing.
+        """
+        lenses = self.model.tree.lenses
+        off = [np.asarray(uv) - _middle(lenses[name].image_size) for name, uv in pixels.items()]
+        largest = float(np.max(np.linalg.norm(off, axis=1)))
+        return largest, largest - float(np.linalg.norm(np.mean(off, axis=0)))
+
+    def _cameras(self, readings: NDArray) -> dict[str, Camera]:
+        """Return the cameras that look, in the body's world."""
+        tree, out = self.model.tree, {}
+        motion = TreeMotion.at(tree, self.model.readings(readings)[None])
+        for sensor in (tree.sensors[i] for i in self.cameras):
+            R, p = motion.pose_of(sensor)
+            out[sensor.name] = tree.lenses[sensor.name].at(transform(R[..., 0], p[..., 0]))
+        return out
 
     def _checked(self, readings: ArrayLike) -> NDArray:
         now = np.asarray(readings, dtype=float)
@@ -167,7 +250,7 @@ class GazeSolver:
     def _best(self, now: NDArray, point: NDArray, limits: NDArray) -> Gaze:
         """Solve from where the head is and from the middle of its range."""
         found = [self._looked(start, point, limits) for start in (now, self._easy(now))]
-        return min(found, key=lambda gaze: gaze.off_px)
+        return min(found, key=lambda gaze: gaze.missed_px)
 
     def _looked(self, readings: NDArray, point: NDArray, limits: NDArray) -> Gaze:
         """Solve from a posture; what bends is taken from the posture before."""
@@ -221,18 +304,27 @@ class GazeSolver:
 
     def _seen(self, readings: NDArray, point: NDArray) -> Gaze:
         """Predict where the cameras see the point."""
-        tree = self.model.tree
-        motion = TreeMotion.at(tree, self.model.readings(readings)[None])
-        pixels, worst = {}, 0.0
-        for i in self.cameras:
-            R, p = motion.pose_of(tree.sensors[i])
-            lens = tree.lenses[tree.sensors[i].name]
-            X_CW = inverse(transform(R[..., 0], p[..., 0]))
-            uv = lens.at(np.eye(4)).project((X_CW[:3, :3] @ point + X_CW[:3, 3])[None])[0]
-            pixels[tree.sensors[i].name] = uv
-            off = float(np.linalg.norm(uv - _middle(lens.image_size)))
-            worst = max(worst, off if np.isfinite(off) else np.inf)
-        return Gaze(readings, pixels, worst)
+        cameras = self._cameras(readings)
+        pixels = {name: camera.project(point) for name, camera in cameras.items()}
+        off, misaligned = self.off_middle(pixels)
+        if not all(_in_image(uv, cameras[name].image_size) for name, uv in pixels.items()):
+            off, misaligned = np.inf, 0.0
+        return Gaze(readings, pixels, off, misaligned)
+
+
+def _check_in_image(name: str, uv: NDArray, size: tuple[int, int]) -> None:
+    """Refuse a pixel that is not in its camera's image; nan is where nothing was seen."""
+    if uv.shape != (2,):
+        raise ValueError(f"{name} sees at u, v: expected shape (2,), got {uv.shape}")
+    if np.isfinite(uv).all() and not _in_image(uv, size):
+        u, v = uv
+        raise ValueError(
+            f"{name} cannot see at {u:g}, {v:g} px: its image is {size[0]} x {size[1]} px"
+        )
+
+
+def _in_image(uv: NDArray, size: tuple[int, int]) -> bool:
+    return bool(((uv >= -0.5) & (uv <= np.array(size) - 0.5)).all())
 
 
 def _middle(image_size: tuple[int, int]) -> NDArray:
