@@ -16,7 +16,7 @@ from nico_selfmodel.estimation.bending.asked_poses import mean_by_pose
 from nico_selfmodel.estimation.bending.bendable import GEAR, Bendable
 from nico_selfmodel.estimation.bending.effect_fit import DOUBT, Beforehand, EffectFit, fit_effects
 from nico_selfmodel.estimation.bending.implausible import NO_GEAR, gear_fault, implausible, lifts
-from nico_selfmodel.estimation.bending.steps import STEPS, Step
+from nico_selfmodel.estimation.bending.steps import HIDDEN, STEPS, Step
 from nico_selfmodel.model.arm.bending import (
     BACKLASH,
     BEARING,
@@ -189,7 +189,7 @@ class Climber:
         if worth <= _WORTH:
             return "the data do not tell it"
         if gain <= _GAIN or gain <= sigma:
-            return "unseen poses do not gain"
+            return HIDDEN
         return implausible(after, self.body)
 
     def _adopt(self, fit: EffectFit) -> None:
@@ -211,14 +211,16 @@ class Climber:
             effects: What was asked for.
             steps: What became of them.
         """
-        if self.fit is None:
-            return
         rest = [e for e in effects if e not in self.kept and self._may_be(e)]
+        if not self.kept:
+            # Of a body that keeps nothing, only a sag that other errors hide.
+            rest = [step.effect for step in steps if step.effect == SAG and step.hidden]
+            self.fit = self.first
         stiff = [e for e in rest if e not in (SAG, BEARING)]
         self.doubt = DOUBT
         odds = {step.effect: step.worth for step in steps if step.effect in rest}
         self.probable = {e: 0.5 + 0.5 * float(np.tanh(0.25 * w)) for e, w in odds.items()}
-        if self._beside(rest) or self._beside(stiff):
+        if not rest or self._beside(rest) or self._beside(stiff):
             return
         self._adopt(self.fit)
         for effect in rest:
@@ -235,6 +237,11 @@ class Climber:
         self.besides = tuple(effects)
         self._adopt(found)
         return True
+
+    @property
+    def bends(self) -> bool:
+        """Whether anything stayed, or goes beside."""
+        return bool(self.kept or self.besides)
 
     def solution(self) -> Any:
         """Return the body with what it keeps, outliers of all observations looked for anew.

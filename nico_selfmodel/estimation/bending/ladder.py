@@ -82,9 +82,10 @@ def climb(body: Bendable, effects: Sequence[str] | None = STEPS) -> Ladder:
         climber.accompany(effects or STEPS, steps)
         climbed.append((climber, steps))
     climber, steps = min(climbed, key=lambda one: body.log_errors(one[0].parameters).mean())
-    adopted = bool(effects and climber.kept)
-    solution = climber.solution() if adopted else body.solution
-    bent = climber.parameters if climber.kept else None
+    solution = climber.solution() if effects and climber.bends else body.solution
+    adopted = bool(effects and climber.bends)
+    solution = solution if adopted else body.solution
+    bent = climber.parameters if climber.bends else None
     fit = climber.fit if adopted else None
     best = Ladder(steps, solution, bent, adopted, climber.unseen, body.unit, fit)
     if not _is_better(best, body):

@@ -13,6 +13,10 @@ STEPS = (BACKLASH, SAG, BEARING, RIPPLE, GEAR, COUPLING)
 a unit tells and nobody holds. Backlash is first: where it is, its scatter looks like much else."""
 
 
+HIDDEN = "unseen poses do not gain"
+"""Why a step goes that is there by its evidence, but in unseen poses drowns in other errors."""
+
+
 @dataclass(frozen=True)
 class Step:
     """One effect, and what became of it."""
@@ -33,6 +37,11 @@ class Step:
     """By how much twice the log evidence rose."""
     reason: str
     """Why it went; empty where it stayed."""
+
+    @property
+    def hidden(self) -> bool:
+        """Whether the data tell it, but not its good for unseen poses."""
+        return self.reason == HIDDEN
 
 
 def from_both_sides(approach: NDArray) -> bool:

@@ -88,11 +88,20 @@ def bends_words(ladder: Ladder, bending: Bending | None, at: At) -> str:
 
 def kept_words(ladder: Ladder, bending: Bending | None, at: At) -> list[str]:
     """Say what was found to bend, and what unseen poses gain by it."""
-    if not (ladder.adopted and ladder.kept):
+    if not ladder.adopted:
         return []
+    if not ladder.kept:
+        return [_hidden_words(size) for size in effect_sizes(bending, at)]
     before, after = ladder.unseen
     most = bends_words(ladder, bending, at)
     return [f"{most}: unseen poses {before:.2g} -> {after:.2g} {ladder.unit}"]
+
+
+def _hidden_words(size: EffectSize) -> str:
+    return (
+        f"{WORDS[size.effect]} by up to {1e3 * size.hand.max():.2g} mm at the hand, which other "
+        "errors hide in unseen poses: learned, and its uncertainty counted, but not claimed"
+    )
 
 
 def bending_warnings(ladder: Ladder, at: At) -> list[str]:
