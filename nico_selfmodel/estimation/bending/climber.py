@@ -220,7 +220,7 @@ class Climber:
         self.doubt = DOUBT
         odds = {step.effect: step.worth for step in steps if step.effect in rest}
         self.probable = {e: 0.5 + 0.5 * float(np.tanh(0.25 * w)) for e, w in odds.items()}
-        if not rest or self._beside(rest) or self._beside(stiff):
+        if not rest or self.fit is None or self._beside(rest) or self._beside(stiff):
             return
         self._adopt(self.fit)
         for effect in rest:

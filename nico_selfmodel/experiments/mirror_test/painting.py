@@ -14,7 +14,7 @@ from nico_selfmodel.arrays import read_only
 from nico_selfmodel.errors import RobotError
 from nico_selfmodel.geometry.transform import apply, inverse
 from nico_selfmodel.model.cameras.rig_parameters import SIDES
-from nico_selfmodel.sessions.mirrors.own_shape import LINKS
+from nico_selfmodel.sessions.mirrors.knowing import LINKS
 from nico_selfmodel.systems.looking import LOOKING_DEG
 from nico_selfmodel.systems.rendering.mark_on_body import GLASS, Mark, recolored
 from nico_selfmodel.systems.stations.nico_station import NicoStation

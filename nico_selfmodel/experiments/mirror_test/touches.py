@@ -14,8 +14,7 @@ from nico_selfmodel.geometry.transform import apply, inverse
 from nico_selfmodel.plant.touching.posed_arm import PosedArm
 from nico_selfmodel.plant.touching.touch_planner import OutOfReach, Touch, TouchPlanner
 from nico_selfmodel.sessions.mirrors.acquaintance import rendered
-from nico_selfmodel.sessions.mirrors.knowing import Knowing
-from nico_selfmodel.sessions.mirrors.own_shape import LINKS
+from nico_selfmodel.sessions.mirrors.knowing import LINKS, Knowing
 from nico_selfmodel.sessions.progress import Stage, of_robot
 from nico_selfmodel.sessions.rendered_nico import RenderedNico
 from nico_selfmodel.systems.looking import FINGER

@@ -37,6 +37,8 @@ GLASSES = {
     "half": replace(PLATE, width=0.14),
 }
 """What somebody may put before the robot: flat, clean and large enough, or not."""
+LINKS = ("head", "chest")
+"""What is looked at in mirrors, learned and marked."""
 _POSES = 12
 """In which the robot sees its hand in each mirror to learn where that stands."""
 _CHOICES = 2000
@@ -44,7 +46,7 @@ _CHOICES = 2000
 _UNMARKED = 3
 """Poses before each mirror in which it learns how far its unmarked body is from expected."""
 MOST_UNLIKE = 0.01
-"""Share of the unmarked body that a mirror may show otherwise than expected."""
+"""Share of the unmarked head and chest that a mirror may show otherwise than expected."""
 _DAY = 6
 
 
@@ -72,7 +74,7 @@ class Knowing:
     poses: Mapping[str, NDArray]
     """Mirror -> postures to look at itself in, in it [encoder units]. Shape (K, n)."""
     unlike: Mapping[str, float]
-    """Mirror -> which share of the unmarked body it shows otherwise than expected."""
+    """Mirror -> which share of the unmarked head and chest it shows otherwise than expected."""
     before: NicoBeforeMirrors
     """Where the mirrors really stand, which the robot is not told."""
 
@@ -180,7 +182,7 @@ def know_itself(robot: Acquainted, plate: MirrorPlate, stage: Stage) -> Knowing:
         for name, view in views.items():
             looks.before(body.mirror(name), view.X_BM)
             unknown[name] = looks.unknown_of(poses[name][: 1 + _UNMARKED][-_UNMARKED:])
-            unlike[name] = looks.unlike(poses[name][:1])
+            unlike[name] = looks.unlike(poses[name][:1], LINKS)
     return Knowing(
         robot,
         body,

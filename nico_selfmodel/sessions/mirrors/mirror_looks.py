@@ -1,6 +1,6 @@
 """Looking into a mirror at oneself, and what of it was not expected."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, field
 from types import MappingProxyType
 
@@ -307,23 +307,26 @@ class MirrorLooks:
         self.unknown = Unknown(found, POINT_SIGMA, likeliest, COLOR_SIGMA)
         return self.unknown
 
-    def unlike(self, commands: Sequence[NDArray]) -> float:
-        """Return which share of the unmarked body does not look as expected.
+    def unlike(self, commands: Sequence[NDArray], links: Collection[str]) -> float:
+        """Return which share of some links of the unmarked body does not look as expected.
 
         Where all sigmas are right it is one place in a thousand, and edges err together; where the
         mirror is not what it is taken for, it is a good part of what it shows.
 
         Args:
             commands: Where to go [encoder units]. Shape (n,) each.
+            links: What counts.
 
         Returns:
-            The largest of all pictures.
+            The largest of all pictures; 1 where none of the links is in one.
         """
+        numbers = [number for number, name in self._image.links.items() if name in links]
         shares = []
         for command in commands:
             for look in self.look(command):
-                each = look.surprise.chi_square[np.isfinite(look.surprise.chi_square)]
-                shares.append(float(np.mean(each > _UNLIKE)))
+                chi_square = look.surprise.chi_square
+                own = np.isfinite(chi_square) & np.isin(look.labels, numbers)
+                shares.append(float(np.mean(chi_square[own] > _UNLIKE)) if own.any() else 1.0)
         return max(shares)
 
     def _pictures(self) -> list[NDArray]:

@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 from nico_selfmodel.plant.kinematic_tree import KinematicTree
 from nico_selfmodel.plant.link_surfaces import LinkSurface
 from nico_selfmodel.sessions.mirrors.acquaintance import rendered
-from nico_selfmodel.sessions.mirrors.knowing import Knowing
+from nico_selfmodel.sessions.mirrors.knowing import LINKS, Knowing
 from nico_selfmodel.sessions.mirrors.learned_shape import LearnedShape, Skeleton, learn_shape
 from nico_selfmodel.sessions.mirrors.mirror_looks import MirrorLooks
 from nico_selfmodel.sessions.mirrors.mirror_scenario import MIRROR
@@ -17,8 +17,6 @@ from nico_selfmodel.sessions.progress import Stage
 from nico_selfmodel.systems.rendering.body_image import BodyImage
 from nico_selfmodel.systems.rendering.stereo_cameras import ImageQuality
 
-LINKS = ("head", "chest")
-"""Whose shape is learned: they stand still."""
 WHOLE = ("head",)
 """Links that count with all that hangs on them: cameras in their cases are a part of the face."""
 _DAY = 9
