@@ -21,6 +21,7 @@ DEEPEST = 32
 MOST_VALUES = 300_000
 """Values that a document may have, aliases written out; 100 characters of text count as one."""
 _LONGEST_NUMBER = 64
+_TOO_DEEP = "exceeded maximum nesting depth"
 _LARGEST_INTEGER = 2**128
 """A seed has 128 bits; nothing else comes near."""
 _CORE = "tag:yaml.org,2002:"
@@ -30,6 +31,16 @@ _FLOAT = re.compile(r"^[-+]?(?:\d[\d_]*(?:\.[\d_]*)?|\.\d[\d_]*)[eE][-+]?\d+$")
 
 class _Loader(getattr(yaml, "CSafeLoader", yaml.SafeLoader)):  # pyright: ignore
     """Safe loading, fast where the C library is there."""
+
+    def flatten_mapping(self, node: yaml.MappingNode) -> None:
+        """Merge; of what is overridden drop the old, which PyYAML 6.0.4 would merge from here."""
+        super().flatten_mapping(node)
+        pairs = {}
+        for pair in node.value:
+            name, _ = pair
+            is_word = isinstance(name, yaml.ScalarNode)
+            pairs[(name.tag, name.value) if is_word else id(name)] = pair
+        node.value = list(pairs.values())
 
     def construct_yaml_int(self, node: yaml.ScalarNode) -> int:
         value = super().construct_yaml_int(node)
@@ -256,7 +267,9 @@ def _place(where: str, error: yaml.YAMLError) -> str:
 
 
 def _problem(error: yaml.YAMLError) -> str:
-    return str(getattr(error, "problem", None) or error).splitlines()[0]
+    said = str(getattr(error, "problem", None) or error).splitlines()[0]
+    # A parser that reads ahead, as that of PyYAML 6.0.4, comes to its own limit before ours.
+    return f"nested more than {DEEPEST} deep" if said == _TOO_DEEP else said
 
 
 _QUOTES = "'\""
