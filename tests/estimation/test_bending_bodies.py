@@ -21,6 +21,7 @@ from nico_selfmodel.model.tree.body_model import load_body, save_body
 from nico_selfmodel.sessions.whole_body import whole_body_session, whole_nico
 from nico_selfmodel.systems.simulated.imperfections import IMPERFECTIONS
 from nico_selfmodel.viz.reports.body import body_report
+from nico_selfmodel.viz.reports.tree import tree_report
 
 from ..slow_rest import slow_rest
 from .filmed_arms import eyes, filmed
@@ -264,6 +265,9 @@ def test_a_sag_that_joint_noise_hides_is_in_the_sigmas_and_not_claimed():
     document = to_json(found, judge(found))
     assert document["bending"]["effects"] == []
     assert any("but not claimed" in note for note in document["reasons"])
+    html = tree_report(found, document).html()
+    assert "The data tell that joints sag" in html
+    assert "it is rigid" not in html
     assert off_by_sigma(rigid, nico, test) > 3.0
     assert off_by_sigma(found, nico, test) < 2.5
 

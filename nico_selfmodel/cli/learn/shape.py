@@ -84,8 +84,13 @@ def shape_document(scenario: "ShapeScenario") -> dict[str, Any]:
 
 def _told_in_words(document: Mapping[str, Any]) -> list[str]:
     shape = document["shape"]
-    return [
-        f"shape of {link}, in {shape['mirrors']} mirrors: {own['seen']} of {own['vertices']} "
-        f"vertices seen, to {own['sigma_mm'] or np.nan:.1f} mm (median sigma)"
-        for link, own in shape["links"].items()
-    ]
+    return [_of_link(link, own, shape["mirrors"]) for link, own in shape["links"].items()]
+
+
+def _of_link(link: str, own: Mapping[str, Any], mirrors: int) -> str:
+    if not own["seen"]:
+        return f"shape of {link}: not known, no place was seen often enough in {mirrors} mirrors"
+    return (
+        f"shape of {link}, in {mirrors} mirrors: {own['seen']} of {own['vertices']} vertices seen, "
+        f"to {own['sigma_mm']:.1f} mm (median sigma)"
+    )

@@ -79,12 +79,14 @@ def climb(body: Bendable, effects: Sequence[str] | None = STEPS) -> Ladder:
     for few in body.few():
         climber = Climber(few)
         steps = climber.pruned(climber.climb(effects or STEPS))
-        climber.accompany(effects or STEPS, steps)
+        if effects or climber.kept:
+            climber.accompany(effects or STEPS, steps)
         climbed.append((climber, steps))
     climber, steps = min(climbed, key=lambda one: body.log_errors(one[0].parameters).mean())
-    solution = climber.solution() if effects and climber.bends else body.solution
-    adopted = bool(effects and climber.bends)
-    solution = solution if adopted else body.solution
+    solved = climber.solution() if effects and climber.bends else body.solution
+    # What goes beside may go again when all is solved: see `Climber.solution`.
+    adopted = bool(effects) and climber.bends
+    solution = solved if adopted else body.solution
     bent = climber.parameters if climber.bends else None
     fit = climber.fit if adopted else None
     best = Ladder(steps, solution, bent, adopted, climber.unseen, body.unit, fit)

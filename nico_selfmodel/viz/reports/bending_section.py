@@ -30,8 +30,8 @@ def bending_section(
     )
     section = parts.section(
         "What bends",
-        None if bending["effects"] else parts.Text("Nothing that these data tell: it is rigid."),
-        parts.drawing("How bending moves the hand", bent_hands(bends, at, bending["effects"])),
+        None if bending["effects"] else parts.Text(_not_claimed(bending)),
+        parts.drawing("How bending moves the hand", bent_hands(bends, at, _learned(bending))),
         parts.numbers(_ladder(bending), "cards"),
         parts.numbers(_joints(bending)),
         parts.hint(words),
@@ -40,9 +40,25 @@ def bending_section(
     return [section]
 
 
+def _learned(bending: Mapping[str, Any]) -> list[str]:
+    """Return the effects that stayed; where none did, those that were learned and not claimed."""
+    return list(bending["effects"] or bending["hand_mm"])
+
+
+def _not_claimed(bending: Mapping[str, Any]) -> str:
+    """Say what became of effects of which none stayed."""
+    if not bending["hand_mm"]:
+        return "Nothing that these data tell: it is rigid."
+    found = ", ".join(WORDS[effect] for effect in bending["hand_mm"])
+    return (
+        f"The data tell that {found}, which other errors hide in unseen poses: learned, and its "
+        "uncertainty counted, but not claimed."
+    )
+
+
 def _joints(bending: Mapping[str, Any]) -> Table | None:
     """Return how far each effect turns each joint, and moves the hand."""
-    effects = [effect for effect in bending["effects"] if effect in bending["joints_mrad"]]
+    effects = [effect for effect in _learned(bending) if effect in bending["joints_mrad"]]
     if not effects:
         return None
     hand, turns = bending["hand_mm"], bending["joints_mrad"]
