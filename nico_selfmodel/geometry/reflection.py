@@ -3,7 +3,13 @@
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from nico_selfmodel.errors import NotIdentifiableError
 from nico_selfmodel.geometry.plane import Plane
+
+_ALIKE = 3.0
+"""Reflections whose direction differs by this many times the median difference are left out."""
+_NEAREST_TURN = np.radians(10.0)
+"""Directions that differ less are never left out."""
 
 
 def reflect(plane: Plane, points: ArrayLike) -> NDArray:
@@ -49,3 +55,34 @@ def reflection_slopes(plane: Plane, points: ArrayLike) -> NDArray:
     slopes[:, :, :3] -= 2.0 * plane.distance_to(points)[:, None, None] * np.eye(3)
     slopes[:, :, 3] = -2.0 * plane.normal
     return slopes
+
+
+def symmetry_plane(points: NDArray, virtual: NDArray) -> Plane:
+    """Return the plane about which points and their reflections lie symmetrically.
+
+    Args:
+        points: Points [m]. Shape (N, 3).
+        virtual: Their reflections as rebuilt behind the glass [m]. Shape (N, 3).
+
+    Returns:
+        The plane, its normal towards the points.
+
+    Raises:
+        NotIdentifiableError: If every reflection coincides with its point.
+    """
+    gap = virtual - points
+    length = np.linalg.norm(gap, axis=1)
+    if not (length > 0.0).any():
+        raise NotIdentifiableError(
+            "every reflection lies at its own point: a hand on the glass does not tell how the "
+            "glass is tilted"
+        )
+    points, gap, length = (part[length > 0.0] for part in (points, gap, length))
+    direction = gap / length[:, None]
+    between = np.arccos(np.clip(direction @ direction.T, -1.0, 1.0))
+    middle = int(np.argmin(np.median(between, axis=1)))
+    limit = max(_ALIKE * float(np.median(between[middle])), _NEAREST_TURN)
+    near = between[middle] <= limit
+    normal = np.linalg.svd(gap[near], full_matrices=False)[2][0]
+    normal = -normal * np.sign(normal @ direction[middle])
+    return Plane(normal, float(-np.median((points + 0.5 * gap)[near] @ normal)))

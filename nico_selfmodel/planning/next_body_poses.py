@@ -13,10 +13,10 @@ from numpy.typing import NDArray
 from nico_selfmodel.dataset.body.body_dataset import BodyDataset, ObservationTable
 from nico_selfmodel.errors import DataError, ModelError
 from nico_selfmodel.estimation.monitoring.change_likelihood import root_of
+from nico_selfmodel.estimation.tree.forward.tree_residuals import TreeResiduals
 from nico_selfmodel.estimation.tree.tree_errors import told_as
 from nico_selfmodel.estimation.tree.tree_observations import TreeObservations
 from nico_selfmodel.estimation.tree.tree_parameters import TreeParameters
-from nico_selfmodel.estimation.tree.tree_residuals import TreeResiduals
 from nico_selfmodel.geometry.transform import apply, inverse, transform
 from nico_selfmodel.model.tree.body_model import BodyModel
 from nico_selfmodel.model.tree.body_tree import WORLD

@@ -12,7 +12,7 @@ from nico_selfmodel.dataset.body.link_joint import LinkJoint
 from nico_selfmodel.errors import ModelError
 from nico_selfmodel.geometry.rotation import tangent_basis
 from nico_selfmodel.geometry.transform import apply, inverse, transform
-from nico_selfmodel.model.tree.body_tree import FLANGE, PRISMATIC, REVOLUTE, WORLD, BodyTree
+from nico_selfmodel.model.tree.body_tree import FLANGE, FREE, PRISMATIC, REVOLUTE, WORLD, BodyTree
 from nico_selfmodel.model.tree.tree_motion import TreeMotion
 from nico_selfmodel.names import listed
 from nico_selfmodel.plant.kinematic_tree import KinematicTree
@@ -46,11 +46,13 @@ def described_body(urdf: Path, joints: Sequence[LinkJoint], blank: BodyTree) -> 
             raise ModelError(
                 f"joint {joint.name!r} is a flange, whose whole pose is read: leave --robot out"
             )
+        if joint.motion == FREE:  # no part of the robot
+            continue
         X_WL[i] = _axis_frame(described, root, described.joint(joint.name), joint.motion)
         X_PJ[i] = inverse(X_WL[int(blank.parent[i])]) @ X_WL[i]
 
     def placed(name: str, on: int, X_old: NDArray) -> NDArray:
-        if not described.plant.HasFrameNamed(name, described.instance):
+        if on not in X_WL or not described.plant.HasFrameNamed(name, described.instance):
             return X_old
         X_WF = described.poses({}, root, [described.frame(name)])[0]
         return inverse(X_WL[on]) @ X_WF

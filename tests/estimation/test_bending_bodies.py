@@ -12,10 +12,10 @@ from nico_selfmodel.estimation.body.body import calibrate_body
 from nico_selfmodel.estimation.body.body_options import BodyOptions
 from nico_selfmodel.estimation.judging import judge, to_json
 from nico_selfmodel.estimation.tree.body_prediction import predict_body
+from nico_selfmodel.estimation.tree.forward.tree_residuals import TreeResiduals
 from nico_selfmodel.estimation.tree.tree_calibration import calibrate_tree
 from nico_selfmodel.estimation.tree.tree_errors import errors_of
 from nico_selfmodel.estimation.tree.tree_problem import TreeProblem
-from nico_selfmodel.estimation.tree.tree_residuals import TreeResiduals
 from nico_selfmodel.estimation.tree.tree_result import body_model
 from nico_selfmodel.model.tree.body_model import load_body, save_body
 from nico_selfmodel.sessions.whole_body import whole_body_session, whole_nico

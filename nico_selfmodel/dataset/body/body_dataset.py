@@ -15,12 +15,13 @@ from nico_selfmodel.dataset.body.sensors import (
     SENSOR_COLUMNS,
     MarkerInfo,
     SensorInfo,
+    check_free_joints,
 )
 from nico_selfmodel.dataset.poses import pose_numbers
 from nico_selfmodel.errors import DataError
-from nico_selfmodel.geometry.rotation import rotation_from_vector
+from nico_selfmodel.geometry.rotation import rotation_from_vector, rotation_vectors_of
 from nico_selfmodel.geometry.transform import transform
-from nico_selfmodel.model.tree.body_tree import FLANGE, WORLD
+from nico_selfmodel.model.tree.body_tree import FLANGE, FREE, WORLD
 from nico_selfmodel.names import check_name, listed
 
 WIDTH = 6
@@ -108,6 +109,7 @@ class BodyDataset:
         check_names(self.joints, self.markers, self.sensors)
         parents_of(self.joints)
         coupling_of(self.joints)
+        check_free_joints(self.joints, self.markers, self.sensors)
         object.__setattr__(self, "sample", read_only(self.sample, np.int64))
         object.__setattr__(self, "readings", read_only(self.readings, float))
         flanges = np.full((count, n, 6), np.nan) if self.flanges is None else self.flanges
@@ -164,7 +166,19 @@ class BodyDataset:
     def _numbers(self) -> tuple[NDArray, NDArray]:
         flanges = self.X_flange.reshape(len(self.sample), -1)
         all_read = np.hstack([self.si_readings, flanges])
+        if self.free_joints:  # nobody read whether what moves freely stayed where it was
+            all_read = np.hstack([all_read, np.arange(len(self.sample))[:, None]])
         return pose_numbers(self.sample, all_read, self.approach)
+
+    @property
+    def free_joints(self) -> tuple[int, ...]:
+        """Which joints move freely: their pose is learned in each sample. They stand last."""
+        return tuple(i for i, joint in enumerate(self.joints) if joint.motion == FREE)
+
+    @cached_property
+    def seen_on(self) -> NDArray:
+        """Joint whose link carries the marker of each observation, `WORLD` for none. Shape (N,)."""
+        return np.array([self.on_link(m.on) for m in self.markers])[self.observations.marker]
 
     def on_link(self, on: str) -> int:
         """Return the index of the joint whose link a marker or sensor is on, or `WORLD`."""
@@ -237,6 +251,15 @@ class BodyDataset:
         )
         return replace(self, markers=other.markers, sensors=other.sensors, observations=new)
 
+    def with_whole_poses(self, X: NDArray) -> "BodyDataset":
+        """Return the recording with other poses of flanges and of what moves freely.
+
+        Args:
+            X: By sample and joint. Shape (P, n, 4, 4).
+        """
+        values = np.concatenate([X[..., :3, 3], rotation_vectors_of(X[..., :3, :3])], axis=-1)
+        return replace(self, flanges=values)
+
     def split(self, fraction: float, seed: int) -> tuple["BodyDataset", "BodyDataset"]:
         """Split into training and test data by pose.
 
@@ -290,7 +313,7 @@ def _check_readings(data: BodyDataset) -> None:
         if joint.motion == FLANGE:
             bad = ~np.isfinite(np.asarray(data.flanges)[:, i]).all(axis=1)
             what = "the pose"
-        elif joint.follows:
+        elif not joint.is_read:
             continue
         else:
             bad, what = ~np.isfinite(data.readings[:, i]), "the reading"

@@ -167,7 +167,7 @@ def _read_joints(table: CsvTable, joints: Sequence[LinkJoint]) -> tuple[NDArray,
     for i, joint in enumerate(joints):
         if joint.motion == FLANGE:
             flanges[:, i] = _poses_in(table, f"flange.{joint.name}.", empty=False)
-        elif not joint.follows:
+        elif joint.is_read:
             readings[:, i] = table.numbers(f"{ENCODER}.{joint.name}")
     return readings, flanges
 
@@ -278,12 +278,12 @@ def _poses_text(data: BodyDataset) -> str:
         if joint.motion == FLANGE:
             for name, column in zip(_POSE, flanges[:, i].T, strict=True):
                 columns[f"flange.{joint.name}.{name}"] = _cells(column)
-        elif not joint.follows:
+        elif joint.is_read:
             columns[f"{ENCODER}.{joint.name}"] = _cells(data.readings[:, i])
     approach = np.asarray(data.approach)
     if approach.any():
         for joint, side in zip(data.joints, approach.T, strict=True):
-            if joint.motion != FLANGE and not joint.follows:
+            if joint.is_read:
                 columns[f"{APPROACH}.{joint.name}"] = [str(s) for s in side.tolist()]
     return _csv(columns)
 

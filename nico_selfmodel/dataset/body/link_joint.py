@@ -10,7 +10,15 @@ from numpy.typing import NDArray
 
 from nico_selfmodel.errors import DataError
 from nico_selfmodel.files.yaml_mapping import check_keys, integer_value, number_value, text_value
-from nico_selfmodel.model.tree.body_tree import FLANGE, MOTIONS, PRISMATIC, REVOLUTE, WORLD
+from nico_selfmodel.model.tree.body_tree import (
+    FLANGE,
+    FREE,
+    MOTIONS,
+    PRISMATIC,
+    REVOLUTE,
+    WHOLE_POSES,
+    WORLD,
+)
 from nico_selfmodel.names import check_name, listed, shown
 
 WORLD_NAME = "world"
@@ -19,6 +27,7 @@ UNITS = {
     REVOLUTE: ("rad", "deg", "counts"),
     PRISMATIC: ("m", "mm", "counts"),
     FLANGE: ("pose",),
+    FREE: ("pose",),
 }
 """Units in which each kind of joint is read."""
 _FACTOR = {"rad": 1.0, "deg": math.pi / 180.0, "m": 1.0, "mm": 1e-3, "pose": 1.0}
@@ -41,7 +50,8 @@ class LinkJoint:
     parent: str = WORLD_NAME
     """The joint whose link carries it, or `world`."""
     motion: str = REVOLUTE
-    """`revolute`, `prismatic`, or `flange`: the whole pose is what a controller tells."""
+    """`revolute`, `prismatic`, `flange`: the whole pose is what a controller tells, or `free`:
+    nobody tells it, as of a board in a hand, and markers of known places do."""
     encoder_unit: str = "rad"
     """Unit of the readings, of `UNITS`."""
     counts_per_turn: float | None = None
@@ -78,8 +88,8 @@ class LinkJoint:
             )
         if self.sign not in (1, -1):
             raise ValueError(f"joint {self.name!r}: sign must be 1 or -1, got {self.sign}")
-        if self.follows and self.motion == FLANGE:
-            raise ValueError(f"joint {self.name!r}: a flange follows no joint")
+        if self.follows and self.motion in WHOLE_POSES:
+            raise ValueError(f"joint {self.name!r}: a {self.motion} joint follows no joint")
         limits = [value for value in (self.lower, self.upper) if value is not None]
         if not np.isfinite(limits).all() or not limits == sorted(limits):
             raise ValueError(
@@ -93,6 +103,11 @@ class LinkJoint:
         if self.counts_per_turn is not None:
             return self.sign * 2.0 * math.pi / self.counts_per_turn
         return self.sign * _FACTOR[self.encoder_unit]
+
+    @property
+    def is_read(self) -> bool:
+        """Whether an encoder tells its displacement."""
+        return not self.follows and self.motion not in WHOLE_POSES
 
     @property
     def gear_known(self) -> bool:
@@ -123,7 +138,7 @@ class LinkJoint:
         try:
             return cls(
                 text_value(entry, "name", where),
-                text_value(entry, "parent", where, before),
+                text_value(entry, "parent", where, WORLD_NAME if motion == FREE else before),
                 motion,
                 unit,
                 number_value(entry, "counts_per_turn", where),

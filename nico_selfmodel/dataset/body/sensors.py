@@ -1,20 +1,21 @@
 """What is seen of a body and what sees it, as a data set lists them."""
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from nico_selfmodel.dataset.body.link_joint import WORLD_NAME
+from nico_selfmodel.dataset.body.link_joint import WORLD_NAME, LinkJoint
 from nico_selfmodel.errors import DataError
 from nico_selfmodel.files.yaml_mapping import check_keys, number_value, text_value
 from nico_selfmodel.geometry.rotation import rotation_from_vector, rotation_vector_of
 from nico_selfmodel.geometry.transform import transform
 from nico_selfmodel.model.cameras.camera import Camera
 from nico_selfmodel.model.cameras.projection import LENSES, POLYNOMIAL, intrinsics_of
-from nico_selfmodel.names import check_name, shown
+from nico_selfmodel.model.tree.body_tree import FREE
+from nico_selfmodel.names import check_name, listed, shown
 
 POINTS, POSES, CAMERA, DISTANCE = "points", "poses", "camera", "distance"
 SENSOR_COLUMNS = {
@@ -207,3 +208,36 @@ def _lens_kind(value: Any, where: str) -> str:
 def _is_size(size: Any) -> bool:
     whole = isinstance(size, list) and len(size) == 2
     return whole and all(type(side) is int and 0 < side < 10**6 for side in size)
+
+
+def check_free_joints(
+    joints: Sequence[LinkJoint], markers: Sequence[MarkerInfo], sensors: Sequence[SensorInfo]
+) -> None:
+    """Refuse free joints whose pose nothing could tell.
+
+    Raises:
+        DataError: If one stands before others, is carried, carries a sensor or a marker of unknown
+            place.
+    """
+    for i, joint in enumerate(joints):
+        if joint.motion != FREE:
+            continue
+        if any(later.motion != FREE for later in joints[i:]):
+            raise DataError(f"joint {joint.name!r} moves freely: list such joints after all others")
+        if joint.parent != WORLD_NAME:
+            raise DataError(
+                f"joint {joint.name!r} moves freely, so its parent must be {WORLD_NAME!r}, got "
+                f"{joint.parent!r}"
+            )
+        riding = [s.name for s in sensors if s.on == joint.name]
+        if riding:
+            raise DataError(
+                f"sensors {listed(riding)} are on {joint.name!r}, which moves freely: nothing "
+                "tells where they are; let it be a joint with motion 'flange', whose pose is read"
+            )
+        unknown = [m.name for m in markers if m.on == joint.name and m.xyz is None]
+        if unknown:
+            raise DataError(
+                f"markers {listed(unknown)} are on {joint.name!r}, which moves freely: their "
+                "places there must be known ('xyz'), as those of a board's corners are"
+            )

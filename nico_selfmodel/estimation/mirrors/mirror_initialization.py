@@ -8,14 +8,10 @@ from numpy.typing import NDArray
 from nico_selfmodel.errors import NotIdentifiableError
 from nico_selfmodel.estimation.mirrors.reflections import Reflections
 from nico_selfmodel.geometry.plane import Plane
+from nico_selfmodel.geometry.reflection import symmetry_plane
 from nico_selfmodel.geometry.transform import apply
 from nico_selfmodel.model.cameras.camera import Camera
 from nico_selfmodel.model.cameras.stereo_rig import StereoRig
-
-_ALIKE = 3.0
-"""Reflections whose direction differs by this many times the median difference are left out."""
-_NEAREST_TURN = np.radians(10.0)
-"""Directions that differ less are never left out."""
 
 
 def start_plane(reflections: Reflections) -> Plane:
@@ -40,38 +36,6 @@ def start_plane(reflections: Reflections) -> Plane:
     if not rebuilt.any():
         return law_of_reflection(reflections)
     return symmetry_plane(reflections.p_LQ[rebuilt], virtual[rebuilt])
-
-
-def symmetry_plane(p_LQ: NDArray, virtual: NDArray) -> Plane:
-    """Return the plane about which points and their reflections lie symmetrically.
-
-    Args:
-        p_LQ: Points [m]. Shape (N, 3).
-        virtual: Their reflections as rebuilt behind the glass [m]. Shape (N, 3).
-
-    Returns:
-        The plane, its normal towards the points.
-
-    Raises:
-        NotIdentifiableError: If every reflection coincides with its point.
-    """
-    gap = virtual - p_LQ
-    length = np.linalg.norm(gap, axis=1)
-    if not (length > 0.0).any():
-        raise NotIdentifiableError(
-            "every reflection lies at its own point: a hand on the glass does not tell how the "
-            "glass is tilted"
-        )
-    gap, length = gap[length > 0.0], length[length > 0.0]
-    p_LQ, virtual = p_LQ[np.linalg.norm(virtual - p_LQ, axis=1) > 0.0], virtual
-    direction = gap / length[:, None]
-    between = np.arccos(np.clip(direction @ direction.T, -1.0, 1.0))
-    middle = int(np.argmin(np.median(between, axis=1)))
-    limit = max(_ALIKE * float(np.median(between[middle])), _NEAREST_TURN)
-    near = between[middle] <= limit
-    normal = np.linalg.svd(gap[near], full_matrices=False)[2][0]
-    normal = -normal * np.sign(normal @ direction[middle])
-    return Plane(normal, float(-np.median((p_LQ + 0.5 * gap)[near] @ normal)))
 
 
 def mean_plane(p_LQ: NDArray, virtual: NDArray) -> Plane:

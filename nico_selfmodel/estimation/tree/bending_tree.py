@@ -16,9 +16,9 @@ from nico_selfmodel.estimation.bending.asked_poses import (
 )
 from nico_selfmodel.estimation.bending.bending_arm import SURE
 from nico_selfmodel.estimation.bending.steps import from_both_sides
+from nico_selfmodel.estimation.tree.forward.tree_residuals import TreeResiduals
 from nico_selfmodel.estimation.tree.tree_observations import SensorRows, TreeObservations
 from nico_selfmodel.estimation.tree.tree_problem import TreeProblem
-from nico_selfmodel.estimation.tree.tree_residuals import TreeResiduals
 from nico_selfmodel.estimation.tree.tree_setup import Priors
 from nico_selfmodel.estimation.tree.tree_solution import TreeNoise, TreeSolution
 from nico_selfmodel.estimation.tree.weighed_tree import PLACES, TreePosture, WeighedTree, lengths

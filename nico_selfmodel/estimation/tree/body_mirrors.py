@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from nico_selfmodel.dataset.body.body_dataset import BodyDataset
 from nico_selfmodel.errors import DataError, ModelError
 from nico_selfmodel.estimation.results.provenance import package_versions
+from nico_selfmodel.estimation.tree.forward.tree_residuals import TreeResiduals
 from nico_selfmodel.estimation.tree.known_with_errors import (
     NewParameters,
     drifts_of,
@@ -22,7 +23,6 @@ from nico_selfmodel.estimation.tree.tree_errors import TreeErrors, errors_of, to
 from nico_selfmodel.estimation.tree.tree_observations import TreeObservations
 from nico_selfmodel.estimation.tree.tree_parameters import TreeParameters
 from nico_selfmodel.estimation.tree.tree_problem import TreeProblem
-from nico_selfmodel.estimation.tree.tree_residuals import TreeResiduals
 from nico_selfmodel.estimation.tree.tree_solution import TreeNoise, TreeSolution
 from nico_selfmodel.model.self_model import ParameterCovariance
 from nico_selfmodel.model.tree.body_model import BodyModel
@@ -73,7 +73,9 @@ def calibrate_body_mirrors(
     tree, told = _before_mirrors(data, model)
     seen, names = TreeObservations.of(told), names_of_mirrors(told.mirrors)
     parameters = TreeParameters(tree)
-    parameters, values = place_mirrors(seen, parameters, parameters.values_of(tree), names, {})
+    parameters, values = place_mirrors(
+        seen, parameters, parameters.values_of(tree), names, {}, seen.data.mirrors
+    )
     found = refit_tree(
         parameters.tree_of(values),
         told,

@@ -8,9 +8,9 @@ from numpy.typing import NDArray
 from nico_selfmodel.dataset.body.body_dataset import BodyDataset, ObservationTable
 from nico_selfmodel.dataset.body.link_joint import WORLD_NAME, LinkJoint
 from nico_selfmodel.dataset.body.sensors import POINTS, MarkerInfo, SensorInfo
+from nico_selfmodel.estimation.tree.forward.tree_residuals import TreeResiduals
 from nico_selfmodel.estimation.tree.tree_observations import TreeObservations
 from nico_selfmodel.estimation.tree.tree_parameters import TreeParameters
-from nico_selfmodel.estimation.tree.tree_residuals import TreeResiduals
 from nico_selfmodel.geometry.transform import apply, inverse, transform
 from nico_selfmodel.model.tree.body_model import BodyModel
 from nico_selfmodel.model.tree.body_tree import FLANGE, WORLD, Attached

@@ -13,10 +13,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from nico_selfmodel.dataset.body.sensors import CAMERA
+from nico_selfmodel.estimation.tree.forward.tree_residuals import TreeResiduals
 from nico_selfmodel.estimation.tree.tree_calibration import TreeCalibration
 from nico_selfmodel.estimation.tree.tree_errors import TreeErrors
 from nico_selfmodel.estimation.tree.tree_parameters import TreeParameters
-from nico_selfmodel.estimation.tree.tree_residuals import TreeResiduals
 
 _TURNS = 64
 """Directions over which lengths are averaged."""

@@ -1,7 +1,7 @@
 """Calibration of any body by any sensors: first body, adjustment, noise, error bars."""
 
 import time
-from collections.abc import Callable, Collection, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property, partial
 
@@ -14,9 +14,13 @@ from nico_selfmodel.estimation.bending.ladder import Ladder, climb
 from nico_selfmodel.estimation.bending.steps import STEPS
 from nico_selfmodel.estimation.bending.what_bends import At
 from nico_selfmodel.estimation.tree.bending_tree import BendingTree, TreeBend
+from nico_selfmodel.estimation.tree.boards.lenses_by_boards import lenses_by_boards
+from nico_selfmodel.estimation.tree.boards.surroundings import Surroundings
+from nico_selfmodel.estimation.tree.forward.tree_residuals import TreeResiduals
 from nico_selfmodel.estimation.tree.guesses.first_guess import first_bodies
 from nico_selfmodel.estimation.tree.mirrored_tree import (
     anywhere,
+    apart_from,
     names_of_mirrors,
     place_mirrors,
     seen_directly,
@@ -25,7 +29,6 @@ from nico_selfmodel.estimation.tree.tree_errors import TreeErrors, cross_validat
 from nico_selfmodel.estimation.tree.tree_observations import TreeObservations
 from nico_selfmodel.estimation.tree.tree_parameters import TreeParameters
 from nico_selfmodel.estimation.tree.tree_problem import TreeProblem
-from nico_selfmodel.estimation.tree.tree_residuals import TreeResiduals
 from nico_selfmodel.estimation.tree.tree_setup import (
     Description,
     TreeSetup,
@@ -88,10 +91,18 @@ class TreeCalibration:
         """Values of all parameters. Shape (P,)."""
         return self.solution.values
 
+    @cached_property
+    def posed(self) -> BodyDataset:
+        """The training data with the poses of what moves freely as they were learned."""
+        if not self.data.free_joints:
+            return self.data
+        residuals = TreeResiduals(self.train.observations, self.parameters)
+        return self.data.with_whole_poses(residuals.whole_poses(self.tree))
+
     @property
     def at(self) -> At:
         """Where markers on links are at the training poses, whatever bends in the body."""
-        data = self.data
+        data = self.posed
         carried = [marker for marker in self.tree.markers if marker.on != WORLD]
 
         def at(bending: Bending | None) -> tuple[NDArray, NDArray]:
@@ -122,6 +133,7 @@ def calibrate_tree(
         test: Held-out data, for judging only.
         description: The robot as described: a first guess, and priors on its frames.
         lenses: Intrinsics of cameras, by name; the recording's own where they are not given.
+            What neither tells is learned, where boards tell it.
         wishes: What the user holds, frees or knows by name.
         name: Name of the body; the recording's if omitted.
         seed: Of random starts.
@@ -139,11 +151,18 @@ def calibrate_tree(
     """
     clock, wishes = time.perf_counter(), wishes or Wishes()
     observations, direct = TreeObservations.of(data), seen_directly(data)
-    blank = blank_body(data, lenses or {})
+    by_boards, inside = lenses_by_boards(data, lenses or {})
+    blank = blank_body(data, {**by_boards, **(lenses or {})})
+    wishes = wishes.freeing(inside)
+    around = Surroundings.of_boards(observations, blank.lenses)
     best: _Start | None = None
     costs: list[float] = []
-    guessed = first_bodies(direct, blank, TreeObservations.of(direct), description, seed)
+    guessed: Iterable[tuple[str, BodyTree]] = [("boards", around.alone(blank))]
+    if direct is not None:
+        seen = TreeObservations.of(direct)
+        guessed = first_bodies(direct, blank, seen, description, around.cameras, seed)
     for label, tree in guessed:
+        tree = around.about(tree)
         start = _Start.from_body(label, tree, data, observations, description, wishes)
         costs.append(start.cost)
         if best is None or start.cost < best.cost:
@@ -234,13 +253,15 @@ class _Start:
         wishes: Wishes,
     ) -> "_Start":
         """Adjust a first body, bearings before pixels where it comes from a description."""
-        tree = tree.with_mirrors(anywhere(data.mirrors))
+        unplaced = apart_from(tree, data.mirrors)
+        tree = tree.with_mirrors(anywhere(unplaced))
         base = tree if description is None else _base_of(description, tree)
         parameters = TreeParameters(base)
         setup = setup_of(data, parameters, description, wishes)
-        seen, planes = observations, names_of_mirrors(data.mirrors)
+        seen, planes = observations, names_of_mirrors(unplaced)
         if planes:
-            observations = TreeObservations.of(data, data.observations.mirror == "")
+            placed = ~np.isin(data.observations.mirror, unplaced)
+            observations = TreeObservations.of(data, placed)
         free = setup.free - planes
         tree = tree.scaled(_length_factor(setup, parameters, tree))
         values = parameters.values_of(tree)
@@ -254,7 +275,9 @@ class _Start:
         problem = TreeProblem(TreeResiduals(observations, parameters), free, setup.priors)
         values, cost = problem.rough(values)
         if planes:
-            parameters, values = place_mirrors(seen, parameters, values, setup.free, setup.fixed)
+            parameters, values = place_mirrors(
+                seen, parameters, values, setup.free, setup.fixed, unplaced
+            )
             problem = TreeProblem(TreeResiduals(seen, parameters), setup.free, setup.priors)
             values, cost = problem.rough(values)
         if description is None:

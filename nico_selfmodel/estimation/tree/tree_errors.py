@@ -10,12 +10,14 @@ from nico_selfmodel.dataset.body.link_joint import WORLD_NAME
 from nico_selfmodel.dataset.body.sensors import DISTANCE, MarkerInfo
 from nico_selfmodel.errors import DataError
 from nico_selfmodel.estimation.results.folds import FOLDS, fold_of, splits
+from nico_selfmodel.estimation.tree.forward.tree_residuals import TreeResiduals
 from nico_selfmodel.estimation.tree.tree_observations import SensorRows, TreeObservations
 from nico_selfmodel.estimation.tree.tree_parameters import TreeParameters
 from nico_selfmodel.estimation.tree.tree_problem import TreeProblem
-from nico_selfmodel.estimation.tree.tree_residuals import TreeResiduals
 from nico_selfmodel.estimation.tree.tree_solution import TreeSolution
-from nico_selfmodel.model.tree.body_tree import WORLD, BodyTree
+from nico_selfmodel.geometry.transform import transform
+from nico_selfmodel.model.tree.body_tree import WORLD, Attached, BodyTree
+from nico_selfmodel.model.tree.free_joints import with_free_joints
 from nico_selfmodel.names import listed
 
 
@@ -65,11 +67,24 @@ def errors_of(tree: BodyTree, data: BodyDataset) -> TreeErrors:
     Raises:
         DataError: If it is of another body.
     """
+    tree = beside_boards(tree, data)
     data = told_as(tree, data)
     observations = TreeObservations.of(data)
     parameters = TreeParameters(tree)
     residuals = TreeResiduals(observations, parameters)
     return TreeErrors(observations, residuals.residuals(parameters.values_of(tree)))
+
+
+def beside_boards(tree: BodyTree, data: BodyDataset) -> BodyTree:
+    """Return a body beside the boards of a recording that it does not know yet."""
+    new = [data.joints[i].name for i in data.free_joints if data.joints[i].name not in tree.joints]
+    links = (*tree.joints, *new)
+    markers = tuple(
+        Attached(m.name, links.index(m.on), transform(np.eye(3), np.array(m.xyz)))
+        for m in data.markers
+        if m.on in new
+    )
+    return with_free_joints(tree, tuple(new), markers) if new else tree
 
 
 def told_as(tree: BodyTree, data: BodyDataset) -> BodyDataset:
@@ -106,8 +121,10 @@ def told_as(tree: BodyTree, data: BodyDataset) -> BodyDataset:
     table = data.observations
     new = replace(table, marker=moved[table.marker], other=moved[table.other])
     names = tree.joints
+    places = {m.name: m.xyz for m in data.markers}
     markers = tuple(
-        MarkerInfo(m.name, WORLD_NAME if m.on == WORLD else names[m.on]) for m in tree.markers
+        MarkerInfo(m.name, WORLD_NAME if m.on == WORLD else names[m.on], places.get(m.name))
+        for m in tree.markers
     )
     return replace(data, markers=markers, observations=new)
 

@@ -16,7 +16,7 @@ from nico_selfmodel.estimation.results.calibration_result import (
 )
 from nico_selfmodel.estimation.tree.tree_calibration import TreeCalibration
 from nico_selfmodel.estimation.tree.tree_errors import TreeErrors
-from nico_selfmodel.model.tree.body_tree import FLANGE, REVOLUTE
+from nico_selfmodel.model.tree.body_tree import FLANGE, FREE, REVOLUTE
 from nico_selfmodel.names import listed
 
 _MISFIT = 5.0
@@ -56,6 +56,8 @@ def noise_by_name(calibration: TreeCalibration) -> Mapping[str, float]:
         observations.noisy_joints, solution.noise.joint.tolist(), strict=True
     ):
         joint = calibration.data.joints[i]
+        if joint.motion == FREE:
+            continue
         suffix = "" if joint.motion != FLANGE else (" turn" if part < 3 else " place")
         out[f"{joint.name}{suffix}"] = sigma
     return out

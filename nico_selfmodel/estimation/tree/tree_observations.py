@@ -18,7 +18,7 @@ from nico_selfmodel.dataset.body.sensors import (
     SENSOR_COLUMNS,
 )
 from nico_selfmodel.model.cameras.camera import Camera
-from nico_selfmodel.model.tree.body_tree import FLANGE
+from nico_selfmodel.model.tree.body_tree import FREE, WHOLE_POSES
 
 BEARING = "bearing"
 """A camera whose pixels are taken as directions, which no point behind it can trap."""
@@ -83,6 +83,17 @@ class TreeObservations:
             found.append(SensorRows(s, kind, rows, *seen, measured, first, mirror))
             first += measured.size
         return cls(data, tuple(found))
+
+    def on_free_joints(self) -> "TreeObservations":
+        """Return what was seen of what moves freely."""
+        found, first = [], 0
+        for rows in self.sensors:
+            own = np.isin(self.data.seen_on[rows.rows], self.data.free_joints)
+            if own.any():
+                keys = ("rows", "pose", "marker", "other", "measured")
+                found.append(replace(rows, first=first, **{k: getattr(rows, k)[own] for k in keys}))
+                first += found[-1].measured.size
+        return TreeObservations(self.data, tuple(found))
 
     @cached_property
     def scalars(self) -> int:
@@ -159,13 +170,39 @@ class TreeObservations:
 
     @cached_property
     def noisy_joints(self) -> tuple[tuple[int, int], ...]:
-        """What is read with noise: joint and part, 0 of a joint, 0 to 5 of a flange."""
+        """What is read with noise, or not at all: joint and part, 0 to 5 of a whole pose."""
         return tuple(
             (i, part)
             for i, joint in enumerate(self.data.joints)
             if not joint.follows
-            for part in range(6 if joint.motion == FLANGE else 1)
+            for part in range(6 if joint.motion in WHOLE_POSES else 1)
         )
+
+    @cached_property
+    def unread(self) -> NDArray:
+        """Which of `noisy_joints` nobody reads: parts of poses that are learned. Shape (m,)."""
+        joints = self.data.joints
+        return np.array([joints[i].motion == FREE for i, _ in self.noisy_joints], dtype=bool)
+
+    def unread_in(self, visits: int, slipped: NDArray | None = None) -> NDArray | None:
+        """Return what says nothing in each visit: what slipped, and what nobody reads.
+
+        Args:
+            visits: How many there are.
+            slipped: Boolean, shape (visits, m).
+
+        Returns:
+            Boolean, shape (visits, m); None where there is no such thing.
+        """
+        if not self.unread.any():
+            return slipped
+        unread = np.tile(self.unread, (visits, 1))
+        return unread if slipped is None else slipped | unread
+
+    @cached_property
+    def sample(self) -> NDArray:
+        """Sample of each scalar; the first for what is the same in all. Shape (R,)."""
+        return np.concatenate([np.repeat(s.pose, s.measured.shape[1]) for s in self.sensors])
 
     def as_bearings(self, lenses: Mapping[str, Camera]) -> "TreeObservations":
         """Return the same with unit directions in place of pixels.

@@ -23,11 +23,19 @@ from nico_selfmodel.model.arm.bending import Bending
 from nico_selfmodel.model.cameras.camera import Camera
 from nico_selfmodel.model.cameras.mirror import MIRROR_PARTS, MIRROR_UNITS
 from nico_selfmodel.model.cameras.projection import intrinsic_units, intrinsics_of
-from nico_selfmodel.model.tree.body_tree import FLANGE, PRISMATIC, REVOLUTE, Attached, BodyTree
+from nico_selfmodel.model.tree.body_tree import (
+    FLANGE,
+    FREE,
+    PRISMATIC,
+    REVOLUTE,
+    WHOLE_POSES,
+    Attached,
+    BodyTree,
+)
 
 TURNS, SHIFTS = ("rx", "ry", "rz"), ("x", "y", "z")
 FRAME_PARTS = (*TURNS, *SHIFTS)
-_LINE = {REVOLUTE: ("rx", "ry", "x", "y"), PRISMATIC: ("rx", "ry"), FLANGE: ()}
+_LINE = {REVOLUTE: ("rx", "ry", "x", "y"), PRISMATIC: ("rx", "ry"), FLANGE: (), FREE: ()}
 """What can be told of a joint that is known from nothing but its motion: its line."""
 
 
@@ -42,7 +50,7 @@ class TreeParameters:
     def names(self) -> tuple[str, ...]:
         """Names of all parameters."""
         base = self.base
-        frames = [*base.joints, *(a.name for a in self.attached)]
+        frames = [*base.joints, *(self.attached[i].name for i in self.placed)]
         out = [f"{name}.{part}" for name in frames for part in FRAME_PARTS]
         out += [f"{name}.gear" for name in base.joints]
         inside = ((name, intrinsics_of(lens.lens)) for name, lens in base.lenses.items())
@@ -59,7 +67,7 @@ class TreeParameters:
     def units(self) -> tuple[str, ...]:
         """Units of all parameters: `rad`, `m`, `1` or `px`."""
         base = self.base
-        frames = (("rad",) * 3 + ("m",) * 3) * (len(base.joints) + len(self.attached))
+        frames = (("rad",) * 3 + ("m",) * 3) * self.frame_count
         return (
             *frames,
             *("1",) * len(base.joints),
@@ -79,9 +87,22 @@ class TreeParameters:
         return (*self.base.markers, *self.base.sensors)
 
     @cached_property
+    def placed(self) -> tuple[int, ...]:
+        """Which of `attached` have parameters: all but what is known on links that move freely."""
+        free = {i for i, motion in enumerate(self.base.motions) if motion == FREE}
+        return tuple(i for i, item in enumerate(self.attached) if item.on not in free)
+
+    @cached_property
+    def frame_of(self) -> NDArray:
+        """Number of the frame of each of `attached`, -1 without parameters. Shape (m + s,)."""
+        out = np.full(len(self.attached), -1)
+        out[list(self.placed)] = len(self.base.joints) + np.arange(len(self.placed))
+        return out
+
+    @cached_property
     def frame_count(self) -> int:
-        """How many frames have parameters, n + m + s."""
-        return len(self.base.joints) + len(self.attached)
+        """How many frames have parameters, F."""
+        return len(self.base.joints) + len(self.placed)
 
     @property
     def gears(self) -> slice:
@@ -122,17 +143,18 @@ class TreeParameters:
     def frames(self) -> NDArray:
         """What turns are told from: of joints with an axis their frames, else the identity.
 
-        Shape (n + m + s, 4, 4).
+        Shape (F, 4, 4).
         """
         out = np.tile(np.eye(4), (self.frame_count, 1, 1))
-        axes = [i for i, motion in enumerate(self.base.motions) if motion != FLANGE]
+        axes = [i for i, motion in enumerate(self.base.motions) if motion not in WHOLE_POSES]
         out[axes] = self.base.X_PJ[axes]
         return out
 
     def values_of(self, tree: BodyTree) -> NDArray:
         """Return the values of a body that has the base's joints, markers and sensors. (P,)."""
         n = len(tree.joints)
-        X = np.stack([*tree.X_PJ, *(a.X_LA for a in (*tree.markers, *tree.sensors))])
+        attached = (*tree.markers, *tree.sensors)
+        X = np.stack([*tree.X_PJ, *(attached[i].X_LA for i in self.placed)])
         relative = inverse(self.frames) @ X
         parts = np.hstack([rotation_vectors_of(relative[:, :3, :3]), X[:, :3, 3]])
         parts[:n, 3:] = relative[:n, :3, 3]
@@ -150,7 +172,9 @@ class TreeParameters:
         shifted = (self.frames[:n, :3, :3] @ parts[:n, 3:, None])[:, :, 0]
         t[:n] = self.frames[:n, :3, 3] + shifted
         X = transform(R, t)
-        moved = [replace(a, X_LA=x) for a, x in zip(self.attached, X[n:], strict=True)]
+        moved = list(self.attached)
+        for i, x in zip(self.placed, X[n:], strict=True):
+            moved[i] = replace(moved[i], X_LA=x)
         lenses = {
             name: Camera.from_values(values[self.intrinsics(name)], lens.image_size, lens=lens.lens)
             for name, lens in base.lenses.items()

@@ -6,6 +6,7 @@ what neither the body nor the rest of its pose explains is an outlier.
 """
 
 from collections.abc import Mapping
+from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -21,10 +22,11 @@ from nico_selfmodel.estimation.noise.variance_components import (
     LinearResiduals,
     VarianceSearch,
 )
+from nico_selfmodel.estimation.tree.forward.tree_residuals import TreeLinear, TreeResiduals
 from nico_selfmodel.estimation.tree.pose_tests import far_observations, slipped_joints
 from nico_selfmodel.estimation.tree.tree_observations import TreeObservations
-from nico_selfmodel.estimation.tree.tree_residuals import TreeLinear, TreeResiduals
 from nico_selfmodel.estimation.tree.tree_solution import TreeNoise, TreeSolution
+from nico_selfmodel.model.tree.body_tree import WHOLE_POSES
 from nico_selfmodel.optimization.calibration_program import CalibrationProgram, ProgramSolution
 from nico_selfmodel.optimization.losses import Loss, robust_scale
 
@@ -46,13 +48,14 @@ class _Block:
     def __init__(self, problem: "TreeProblem", values: NDArray, whitening: PoseWhitening | None):
         self._problem, self._values, self._whitening = problem, values, whitening
         self.names = problem.free_names
+        self._start = problem.residuals.whole_poses(problem.residuals.parameters.tree_of(values))
 
     def evaluate(self, x: NDArray) -> tuple[NDArray, NDArray]:
         """Return residuals, shape (1, R), and derivatives, shape (p, 1, R)."""
         problem = self._problem
         values = self._values.copy()
         values[problem.columns] = x
-        linear = problem.residuals.linear(values)
+        linear = problem.residuals.linear(values, self._start)
         r = (linear.r / problem.scale)[None]
         J = (linear.J[problem.columns] / problem.scale)[:, None]
         return (r, J) if self._whitening is None else self._whitening.whiten(r, J)
@@ -104,6 +107,15 @@ class TreeProblem:
             program.add_prior(name, mean, sigma)
         return program
 
+    def _boards_free(self, values: NDArray) -> PoseWhitening | None:
+        """Return what lets poses that nobody reads go along, weights of joints left out."""
+        if not self.observations.unread.any():
+            return None
+        linear = self.residuals.linear(values)
+        groups = self._groups(np.zeros(len(self.observations.data.observations), dtype=bool))
+        by_joint = np.where(self.observations.unread, linear.by_joint, 0.0)
+        return self._whitening(replace(linear, by_joint=by_joint), groups, None)
+
     def rough(self, values: NDArray, rounds: int = _ROUGH_ROUNDS) -> tuple[NDArray, float]:
         """Solve from afar, each sensor weighed by itself and far observations hardly at all.
 
@@ -122,7 +134,7 @@ class TreeProblem:
             if abs(before - cost) < 1e-3 * abs(cost):
                 break
             before = cost
-            program = self.program(values, None)
+            program = self.program(values, self._boards_free(values))
             program.set_loss(0, Loss(), weight)
             solution = program.solve(max_iterations=_ROUGH_STEPS, tolerance=1e-5)
             values = self._with(values, solution)
@@ -263,9 +275,12 @@ class TreeProblem:
                 out[rows.rows] = own > 8.0 * np.sqrt(k / 3.0) * robust_scale(own, k)
         return out
 
-    def _whitening(self, linear: TreeLinear, groups: PoseGroups, slipped: NDArray) -> PoseWhitening:
+    def _whitening(
+        self, linear: TreeLinear, groups: PoseGroups, slipped: NDArray | None
+    ) -> PoseWhitening:
         by_joint = (linear.by_joint / self.scale[:, None])[:, None]
-        return PoseWhitening(groups, by_joint, PoseNoise(1.0, self.noise.joint), slipped)
+        loose = self.observations.unread_in(groups.poses, slipped)
+        return PoseWhitening(groups, by_joint, PoseNoise(1.0, self.noise.joint), loose)
 
     def _likeliest(
         self, linear: TreeLinear, groups: PoseGroups, slipped: NDArray, values: NDArray
@@ -281,7 +296,8 @@ class TreeProblem:
             if self.columns[at] in bends:
                 known[at], pull[at] = sigma**-2.0, mean - values[self.columns[at]]
         own = TreeLinear(linear.r + pull @ J, J, linear.by_joint)
-        return likeliest_noise(self.observations, own, groups, slipped, self.noise, known)
+        loose = self.observations.unread_in(groups.poses, slipped)
+        return likeliest_noise(self.observations, own, groups, loose, self.noise, known)
 
     def _tested(
         self, linear: TreeLinear, groups: PoseGroups, slipped: NDArray, outliers: NDArray
@@ -292,9 +308,10 @@ class TreeProblem:
         prior = np.zeros(len(self.columns))
         for name, (_, sigma) in self.priors.items():
             prior[self.free_names.index(name)] = sigma**-2.0
-        found = slipped_joints(plain, r, J, prior)
+        found = slipped_joints(plain, r, J, prior) & ~self.observations.unread
         whitening = self._whitening(linear, groups, found)
         loose = np.vstack([found, np.zeros((1, found.shape[1]), dtype=bool)])
+        loose |= self.observations.unread
         visit = groups.of(np.ones(len(r), dtype=bool))
         sigma = np.where(loose[visit], FREE_SIGMA, self.noise.joint)
         by_joint = linear.by_joint / self.scale[:, None] * sigma
@@ -334,7 +351,8 @@ def likeliest_noise(
     kept = groups.rows
     left = _rms_by_group(residuals.left(start.sensor, start.joint)[:, 0], data, kept)
     rms = np.maximum(left, LEAST_OF_ALL / _LEAST_SHARE * _rms_by_group(linear.r, data, kept))
-    lever = np.sqrt(np.mean((linear.by_joint[kept] / rms[data.noise_group[kept], None]) ** 2))
+    by_joint = linear.by_joint[kept][:, ~data.unread] / rms[data.noise_group[kept], None]
+    lever = float(np.sqrt(np.mean(by_joint**2))) if by_joint.size else 1.0
     floor = np.append(_LEAST_SHARE * rms, np.full(counts, _LEAST_SHARE / max(lever, 1e-12)))
     known = np.zeros(len(group))
     search = VarianceSearch(residuals, known, group, np.maximum(floor, 1e-12), data.sigma_held)
@@ -354,7 +372,7 @@ def _joint_groups(observations: TreeObservations) -> tuple[NDArray, int]:
     names = []
     for i, part in observations.noisy_joints:
         joint = observations.data.joints[i]
-        own = f"{joint.name} {part // 3}" if joint.motion == "flange" else joint.motion
+        own = f"{joint.name} {part // 3}" if joint.motion in WHOLE_POSES else joint.motion
         names.append(own)
     _, first, group = np.unique(names, return_index=True, return_inverse=True)
     order = np.argsort(np.argsort(first))

@@ -23,7 +23,8 @@ from nico_selfmodel.estimation.tree.tree_errors import TreeErrors
 from nico_selfmodel.estimation.tree.tree_findings import SCALE, noise_by_name, tree_findings
 from nico_selfmodel.model.self_model import ParameterCovariance
 from nico_selfmodel.model.tree.body_model import BodyModel
-from nico_selfmodel.model.tree.body_tree import REVOLUTE
+from nico_selfmodel.model.tree.body_tree import FREE, REVOLUTE
+from nico_selfmodel.model.tree.free_joints import body_alone
 
 _TERMS = Terms(
     outlier_cause="body, sensors, or what was recorded are not what the data set says",
@@ -100,18 +101,25 @@ def body_model(calibration: TreeCalibration) -> BodyModel:
     }
     if data.seed is not None:
         provenance["seed"] = data.seed
+    tree = body_alone(calibration.tree)
+    joints = data.joints[: len(tree.joints)]
+    # Of boards nothing is estimated but what bends, which is nothing.
+    boards = tuple(f"{data.joints[i].name}." for i in data.free_joints)
+    kept = [i for i, name in enumerate(uncertainty.names) if not name.startswith(boards or "\0")]
     return BodyModel(
         calibration.name,
-        calibration.tree,
-        np.array([joint.si_per_unit for joint in data.joints]),
-        ParameterCovariance(uncertainty.names, uncertainty.covariance),
+        tree,
+        np.array([joint.si_per_unit for joint in joints]),
+        ParameterCovariance(
+            tuple(uncertainty.names[i] for i in kept), uncertainty.covariance[np.ix_(kept, kept)]
+        ),
         noise_by_name(calibration),
         _expected(calibration),
         provenance,
         np.array(
             [
-                [-np.inf if joint.lower is None else joint.lower for joint in data.joints],
-                [np.inf if joint.upper is None else joint.upper for joint in data.joints],
+                [-np.inf if joint.lower is None else joint.lower for joint in joints],
+                [np.inf if joint.upper is None else joint.upper for joint in joints],
             ]
         ),
     )
@@ -164,7 +172,7 @@ def _details(calibration: TreeCalibration) -> dict[str, Any]:
         "slips": {
             joints[i].name: count
             for (i, part), count in zip(observations.noisy_joints, slipped.tolist(), strict=True)
-            if part == 0
+            if part == 0 and joints[i].motion != FREE
         },
         "joints": _joints(calibration),
         **_mirrors(calibration),

@@ -1,7 +1,7 @@
 """What a recording leaves to be estimated: frames that stay, what is free, what holds the scale."""
 
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from collections.abc import Collection, Mapping, Sequence
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -21,7 +21,7 @@ from nico_selfmodel.files.csv_rows import number_of_word
 from nico_selfmodel.geometry.transform import transform
 from nico_selfmodel.model.cameras.camera import Camera
 from nico_selfmodel.model.cameras.mirror import Mirror
-from nico_selfmodel.model.tree.body_tree import FLANGE, WORLD, Attached, BodyTree
+from nico_selfmodel.model.tree.body_tree import FLANGE, FREE, WHOLE_POSES, WORLD, Attached, BodyTree
 from nico_selfmodel.names import did_you_mean, listed
 
 KNOWN_PLACES = "markers at known places"
@@ -52,6 +52,11 @@ class Wishes:
     """Fixed and freed parameters."""
     priors: Priors = field(default_factory=dict)
     """What is known of some."""
+
+    def freeing(self, names: Collection[str]) -> "Wishes":
+        """Return the same with more that moves, but for what the user holds."""
+        freed = self.pins.freed | (frozenset(names) - set(self.pins.pinned))
+        return replace(self, pins=replace(self.pins, freed=freed))
 
 
 def priors_of(words: Sequence[str]) -> dict[str, tuple[float, float]]:
@@ -161,7 +166,7 @@ def setup_of(
     free, priors = set[str](), dict[str, tuple[float, float]]()
     moving = _moving(data, parameters)
     for i, joint in enumerate(data.joints):
-        if not moving[i]:
+        if not moving[i] or joint.motion == FREE:
             continue
         names = [f"{joint.name}.{part}" for part in FRAME_PARTS]
         if joint.motion == FLANGE:
@@ -207,7 +212,7 @@ def _refuse_frames(parameters: TreeParameters, wishes: Wishes) -> None:
         *(
             {f"{joint}.{part}" for part in FRAME_PARTS}
             for joint, motion in zip(parameters.base.joints, parameters.base.motions, strict=True)
-            if motion != FLANGE
+            if motion not in WHOLE_POSES
         )
     )
     held = sorted((set(wishes.pins.pinned) | set(wishes.priors)) & of_axes)

@@ -8,10 +8,10 @@ from numpy.typing import NDArray
 
 from nico_selfmodel.dataset.body.sensors import CAMERA, POINTS, POSES
 from nico_selfmodel.estimation.noise.pose_noise import PoseGroups, PoseNoise, PoseWhitening
+from nico_selfmodel.estimation.tree.forward.tree_residuals import TreeLinear
 from nico_selfmodel.estimation.tree.tree_observations import TreeObservations
 from nico_selfmodel.estimation.tree.tree_parameters import TreeParameters
 from nico_selfmodel.estimation.tree.tree_problem import likeliest_noise
-from nico_selfmodel.estimation.tree.tree_residuals import TreeLinear
 from nico_selfmodel.estimation.tree.tree_setup import Priors
 from nico_selfmodel.estimation.tree.tree_solution import TreeNoise
 from nico_selfmodel.model.arm.bending import Bending
@@ -109,7 +109,8 @@ class WeighedTree:
     @cached_property
     def _whitening(self) -> PoseWhitening:
         by_joint = (self.linear.by_joint / self._scale[:, None])[:, None]
-        return PoseWhitening(self._groups, by_joint, PoseNoise(1.0, self.noise.joint))
+        loose = self.seen.unread_in(self._groups.poses)
+        return PoseWhitening(self._groups, by_joint, PoseNoise(1.0, self.noise.joint), loose)
 
     @cached_property
     def _columns(self) -> NDArray:
@@ -173,7 +174,8 @@ class WeighedTree:
         own, there = self.linear.J[self._columns], variance > 0.0
         linear = TreeLinear(self.linear.r + pull @ own, own[there], self.linear.by_joint)
         known = 1.0 / variance[there]
-        return likeliest_noise(self.seen, linear, self._groups, None, self.noise, known)
+        loose = self.seen.unread_in(self._groups.poses)
+        return likeliest_noise(self.seen, linear, self._groups, loose, self.noise, known)
 
     def errors(self, step: NDArray, rows: NDArray) -> NDArray:
         """Return errors of some rows that count, after a step [m or px, of the first sensor]."""

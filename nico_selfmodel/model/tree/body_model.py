@@ -19,7 +19,7 @@ from nico_selfmodel.model.cameras.camera import Camera
 from nico_selfmodel.model.cameras.projection import POLYNOMIAL, intrinsics_of
 from nico_selfmodel.model.document_values import damage, mapping, mappings, numbers, texts
 from nico_selfmodel.model.self_model import ParameterCovariance
-from nico_selfmodel.model.tree.body_tree import WORLD, Attached, BodyTree
+from nico_selfmodel.model.tree.body_tree import FREE, WORLD, Attached, BodyTree
 from nico_selfmodel.model.tree.standing_mirror import StandingMirror
 from nico_selfmodel.names import shown
 
@@ -189,11 +189,13 @@ def _model(document: dict[str, Any]) -> BodyModel:
             for lead, ratio in mapping(joint["follows"], "follows").items():
                 coupling[i, index[lead]] = float(ratio)
     sensors = mappings(document["sensors"], "sensors")
+    if any(joint["motion"] == FREE for joint in joints):
+        raise ValueError("what moves freely is no part of a body")
     tree = BodyTree(
         tuple(names),
         tuple(texts([joint["motion"] for joint in joints], "motions")),
-        np.array([index[joint["parent"]] for joint in joints]),
-        np.array([numbers(joint["X_PJ"], "X_PJ") for joint in joints]),
+        np.array([index[joint["parent"]] for joint in joints], dtype=int),
+        np.array([numbers(joint["X_PJ"], "X_PJ") for joint in joints]).reshape(-1, 4, 4),
         np.array([float(joint["gear"]) for joint in joints]),
         coupling,
         tuple(_read_attached(entry, index) for entry in mappings(document["markers"], "markers")),

@@ -14,9 +14,12 @@ from nico_selfmodel.names import listed
 
 WORLD = -1
 """What is `on` no link is on the world."""
-REVOLUTE, PRISMATIC, FLANGE = "revolute", "prismatic", "flange"
-MOTIONS = (REVOLUTE, PRISMATIC, FLANGE)
-"""How a joint moves: about its z axis, along it, or by the whole pose that a controller reads."""
+REVOLUTE, PRISMATIC, FLANGE, FREE = "revolute", "prismatic", "flange", "free"
+MOTIONS = (REVOLUTE, PRISMATIC, FLANGE, FREE)
+"""How a joint moves: about its z axis, along it, by the whole pose that a controller reads, or
+anywhere, as a board in a hand, whose pose is learned anew in each sample."""
+WHOLE_POSES = (FLANGE, FREE)
+"""Motions that are a whole pose, not a turn about an axis or a shift along one."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -42,7 +45,7 @@ class BodyTree:
     """Joints with their parents, gears and couplings, markers and sensors.
 
     Link i moves with joint i: X_WL_i = X_WL_parent X_PJ_i M(q_i), M a turn about z, a shift along
-    z, or the pose that was read. Only a line is told of a joint by what moves with it: turning or
+    z, or a whole pose. Only a line is told of a joint by what moves with it: turning or
     shifting X_PJ along z is the same as another zero of q, taken up by all that follows.
     """
 

@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from nico_selfmodel.model.tree.body_tree import FLANGE, REVOLUTE, Attached, BodyTree
+from nico_selfmodel.model.tree.body_tree import REVOLUTE, WHOLE_POSES, Attached, BodyTree
 from nico_selfmodel.model.tree.tree_load import TreeLoad
 
 
@@ -47,7 +47,7 @@ class TreeMotion:
         Args:
             tree: The body.
             readings: Encoder angles [rad] or lengths [m], floats or Drake's scalars. Shape (N, n).
-            flanges: Poses that controllers read, by joint; used where a joint is a flange.
+            flanges: Whole poses by joint; used where a joint is a flange or free.
                 Shape (N, n, 4, 4).
             approach: How each reading last moved, -1, 1, or 0 where it is not known, as all are if
                 omitted. Shape (N, n).
@@ -86,7 +86,7 @@ class TreeMotion:
                 c, s = np.cos(q[i]), np.sin(q[i])
                 R_WL[i, :, 0] = R_WJ[i, :, 0] * c + R_WJ[i, :, 1] * s
                 R_WL[i, :, 1] = R_WJ[i, :, 1] * c - R_WJ[i, :, 0] * s
-            elif motion == FLANGE:
+            elif motion in WHOLE_POSES:
                 assert flanges is not None
                 read = np.moveaxis(flanges[:, i], 0, -1)
                 R_WL[i] = np.einsum("ijn,jkn->ikn", R_WJ[i], read[:3, :3])

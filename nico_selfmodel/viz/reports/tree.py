@@ -32,7 +32,7 @@ def tree_report(calibration: TreeCalibration, document: Mapping[str, Any]) -> Re
         calibration: What was learned.
         document: `estimation.judging.to_json` of it; the numbers shown are these.
     """
-    scene = tree_scene(calibration.name, calibration.tree, calibration.data)
+    scene = tree_scene(calibration.name, calibration.tree, calibration.posed)
     about = "What was learned of a body from all that any sensors measured of it"
 
     def frames(found: ParameterTables) -> Table | None:

@@ -11,10 +11,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from nico_selfmodel.dataset.body.body_dataset import BodyDataset
+from nico_selfmodel.estimation.tree.forward.tree_residuals import TreeResiduals
 from nico_selfmodel.estimation.tree.tree_observations import BEARING, TreeObservations
 from nico_selfmodel.estimation.tree.tree_parameters import FRAME_PARTS, SHIFTS, TreeParameters
 from nico_selfmodel.estimation.tree.tree_problem import TreeProblem
-from nico_selfmodel.estimation.tree.tree_residuals import TreeResiduals
 from nico_selfmodel.geometry.rotation import rotation_about, tangent_basis
 from nico_selfmodel.geometry.transform import transform
 from nico_selfmodel.model.tree.body_tree import WORLD, BodyTree

@@ -5,7 +5,7 @@ so from the room, are markers like any others: the search for axes finds the joi
 What two cameras see at once is reconstructed by where they are.
 """
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -73,9 +73,7 @@ def body_from_carried_cameras(
     extended = replace(data, markers=(*data.markers, *infos))
     tree = blank.with_markers((*blank.markers, *corners))
     points = [_corners(item, first + 3 * c) for c, item in enumerate(placed)]
-    points += [
-        _reconstructed(data, blank, a, b) for i, a in enumerate(placed) for b in placed[i + 1 :]
-    ]
+    points.append(_reconstructed_by_all(data, blank, placed))
     found = body_from_points(extended, tree, _all_of(points), seed)
     places = {}
     for c, sensor in enumerate(sensors):
@@ -146,6 +144,34 @@ def _corners(item: _Placed, first: int) -> SeenPoints:
     return SeenPoints(np.repeat(samples, 3), marker, p.reshape(-1, 3))
 
 
+def reconstructed_by(
+    data: BodyDataset,
+    blank: BodyTree,
+    seen: Sequence[SensorRows],
+    places: Mapping[str, NDArray],
+) -> SeenPoints:
+    """Return markers of unknown place that two cameras saw at once which stand still.
+
+    Args:
+        data: The recording.
+        blank: The body, with its lenses.
+        seen: What the cameras saw.
+        places: X_WC by name. Shape (4, 4) each.
+    """
+    placed = [
+        _Placed(rows, dict.fromkeys(rows.pose.tolist(), places[data.sensors[rows.sensor].name]))
+        for rows in seen
+    ]
+    return _reconstructed_by_all(data, blank, placed)
+
+
+def _reconstructed_by_all(
+    data: BodyDataset, blank: BodyTree, placed: Sequence[_Placed]
+) -> SeenPoints:
+    pairs = [(a, b) for i, a in enumerate(placed) for b in placed[i + 1 :]]
+    return _all_of([_reconstructed(data, blank, a, b) for a, b in pairs])
+
+
 def _reconstructed(data: BodyDataset, blank: BodyTree, a: _Placed, b: _Placed) -> SeenPoints:
     """Return markers of unknown place that two cameras saw at once, in the middle of their rays."""
     i, j = together(a.rows, b.rows)
@@ -171,9 +197,11 @@ def _reconstructed(data: BodyDataset, blank: BodyTree, a: _Placed, b: _Placed) -
     return SeenPoints(pose[good], marker[good], middle[good])
 
 
-def _all_of(points: list[SeenPoints]) -> SeenPoints:
+def _all_of(points: Sequence[SeenPoints]) -> SeenPoints:
+    none = SeenPoints(np.zeros(0, dtype=int), np.zeros(0, dtype=int), np.zeros((0, 3)))
+    parts = (none, *points)
     return SeenPoints(
-        np.concatenate([part.pose for part in points]),
-        np.concatenate([part.marker for part in points]),
-        np.concatenate([part.p_WM for part in points]),
+        np.concatenate([part.pose for part in parts]),
+        np.concatenate([part.marker for part in parts]),
+        np.concatenate([part.p_WM for part in parts]),
     )

@@ -7,11 +7,15 @@ import numpy as np
 from numpy.typing import NDArray
 
 from nico_selfmodel.dataset.body.body_dataset import ANY_POSE, BodyDataset
+from nico_selfmodel.dataset.body.link_joint import WORLD_NAME
 from nico_selfmodel.dataset.body.sensors import CAMERA, DISTANCE, POINTS, POSES
 from nico_selfmodel.errors import DataError
 from nico_selfmodel.estimation.tree.guesses.camera_guess import cameras_from_markers, resected
 from nico_selfmodel.estimation.tree.guesses.cameras_around import cameras_all_around
-from nico_selfmodel.estimation.tree.guesses.carried_cameras import body_from_carried_cameras
+from nico_selfmodel.estimation.tree.guesses.carried_cameras import (
+    body_from_carried_cameras,
+    reconstructed_by,
+)
 from nico_selfmodel.estimation.tree.guesses.hand_eye import HandEye
 from nico_selfmodel.estimation.tree.guesses.point_guess import SeenPoints, body_from_points
 from nico_selfmodel.estimation.tree.tree_observations import SensorRows, TreeObservations
@@ -33,6 +37,7 @@ def first_bodies(
     blank: BodyTree,
     observations: TreeObservations,
     description: Description | None,
+    standing: Mapping[str, NDArray],
     seed: int,
 ) -> Iterator[tuple[str, BodyTree]]:
     """Yield labelled bodies to start from, the most trusted first.
@@ -42,6 +47,7 @@ def first_bodies(
         blank: The body with nothing known of its geometry.
         observations: What was measured.
         description: The robot as described.
+        standing: Poses of cameras that boards told already, in the first one's frame, by name.
         seed: Of what is drawn.
 
     Raises:
@@ -58,14 +64,19 @@ def first_bodies(
         yield "hand-eye", _from_flange(data, blank, observations)
         return
     for attempt in range(_TRIES):
-        yield "random axes", _from_nothing(data, blank, observations, seed + 1000 * attempt)
+        drawn = seed + 1000 * attempt
+        yield "random axes", _from_nothing(data, blank, observations, standing, drawn)
 
 
 def _from_nothing(
-    data: BodyDataset, blank: BodyTree, observations: TreeObservations, seed: int
+    data: BodyDataset,
+    blank: BodyTree,
+    observations: TreeObservations,
+    standing_at: Mapping[str, NDArray],
+    seed: int,
 ) -> BodyTree:
     """Return a body from points in space, measured or reconstructed by two cameras."""
-    if any(marker.xyz is not None for marker in data.markers):
+    if any(marker.xyz is not None and marker.on == WORLD_NAME for marker in data.markers):
         return body_from_carried_cameras(data, blank, observations, seed)
     standing = [rows for rows in observations.sensors if data.sensors[rows.sensor].on == "world"]
     trackers = [rows for rows in standing if rows.kind in (POINTS, POSES)]
@@ -81,6 +92,9 @@ def _from_nothing(
             name: resected(rows, blank.lenses[name], points, name, rng)
             for name, rows in cameras.items()
         }
+    elif len(cameras) >= 2 and set(cameras) <= set(standing_at):
+        places = dict(standing_at)
+        points = reconstructed_by(data, blank, tuple(cameras.values()), places)
     elif len(cameras) >= 2:
         places, points = cameras_from_markers(cameras, blank.lenses, seed)
         factor = _scale(data, points)

@@ -48,12 +48,15 @@ class _Sights:
         return np.cross(way / length, self.sight)
 
 
-def mirrors_in(data: BodyDataset, tree: BodyTree, seed: int = 0) -> tuple[StandingMirror, ...]:
-    """Place every mirror of a recording.
+def mirrors_in(
+    data: BodyDataset, tree: BodyTree, mirrors: tuple[str, ...], seed: int = 0
+) -> tuple[StandingMirror, ...]:
+    """Place mirrors of a recording.
 
     Args:
         data: The recording, with the body's markers in its order.
         tree: The body, nearly as it is.
+        mirrors: Their names.
         seed: Of the pairs that are drawn.
 
     Returns:
@@ -67,7 +70,7 @@ def mirrors_in(data: BodyDataset, tree: BodyTree, seed: int = 0) -> tuple[Standi
     rng = np.random.default_rng((seed, 27))
     return tuple(
         StandingMirror(name, _plane(name, _sights(name, data, tree, motion), rng))
-        for name in data.mirrors
+        for name in mirrors
     )
 
 

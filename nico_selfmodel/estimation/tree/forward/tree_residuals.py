@@ -12,12 +12,16 @@ marker's way moves it by S (w x (p - o) + v), one on the camera's way what is se
 """
 
 from dataclasses import dataclass, replace
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
 
 from nico_selfmodel.dataset.body.sensors import CAMERA, DISTANCE, POINTS
-from nico_selfmodel.estimation.tree.sensor_models import (
+from nico_selfmodel.estimation.tree.boards.first_poses import first_poses
+from nico_selfmodel.estimation.tree.boards.settled_poses import settled_poses
+from nico_selfmodel.estimation.tree.forward.pushes import Push, by_bearing, by_bends
+from nico_selfmodel.estimation.tree.forward.sensor_models import (
     Shown,
     shown_bearings,
     shown_distances,
@@ -28,11 +32,8 @@ from nico_selfmodel.estimation.tree.sensor_models import (
 from nico_selfmodel.estimation.tree.tree_observations import BEARING, SensorRows, TreeObservations
 from nico_selfmodel.estimation.tree.tree_parameters import TreeParameters
 from nico_selfmodel.geometry.reflection import reflect, reflection, reflection_slopes
-from nico_selfmodel.geometry.rotation import skew
-from nico_selfmodel.model.arm.bending_slopes import Bent, bending_slopes
-from nico_selfmodel.model.tree.body_tree import FLANGE, REVOLUTE, BodyTree
+from nico_selfmodel.model.tree.body_tree import REVOLUTE, WHOLE_POSES, BodyTree
 from nico_selfmodel.model.tree.standing_mirror import StandingMirror
-from nico_selfmodel.model.tree.tree_load import carries
 from nico_selfmodel.model.tree.tree_motion import TreeMotion
 
 
@@ -63,10 +64,56 @@ class TreeResiduals:
         self._beyond = parameters.base.beyond
         self._sensor_names = [s.name for s in parameters.base.sensors]
 
-    def motion(self, tree: BodyTree) -> TreeMotion:
-        """Return where everything is at the samples."""
+    def motion(self, tree: BodyTree, start: NDArray | None = None) -> TreeMotion:
+        """Return where everything is at the samples; what moves freely where it fits best."""
+        return self._moved(tree, self.whole_poses(tree, start))
+
+    def whole_poses(self, tree: BodyTree, start: NDArray | None = None) -> NDArray:
+        """Return poses as controllers read them, and where what moves freely fits best.
+
+        Args:
+            tree: The body.
+            start: Where the search for the latter begins; by single views if omitted. Shape (P, n,
+                4, 4).
+
+        Returns:
+            Shape (P, n, 4, 4).
+        """
         data = self.observations.data
-        return TreeMotion.at(tree, data.si_readings, data.X_flange, data.si_approach)
+        if not data.free_joints:
+            return data.X_flange
+        return self._settled(tree, self._first_poses if start is None else start)[0]
+
+    def _moved(self, tree: BodyTree, flanges: NDArray) -> TreeMotion:
+        data = self.observations.data
+        return TreeMotion.at(tree, data.si_readings, flanges, data.si_approach)
+
+    @cached_property
+    def _first_poses(self) -> NDArray:
+        """Where the search for poses that nobody reads begins. Shape (P, n, 4, 4)."""
+        tree = self.parameters.base
+        one, other = (self._settled(tree, X) for X in first_poses(tree, self.observations))
+        return np.where((other[1] < one[1])[:, None, None, None], other[0], one[0])
+
+    @cached_property
+    def _boards(self) -> TreeObservations:
+        return self.observations.on_free_joints()
+
+    def _settled(self, tree: BodyTree, flanges: NDArray) -> tuple[NDArray, NDArray]:
+        seen = self._boards
+        free, sigma = seen.data.free_joints, seen.stated_sigma[seen.noise_group]
+        columns = np.flatnonzero(seen.unread)
+
+        def evaluate(poses: NDArray) -> tuple[NDArray, NDArray]:
+            r, by_joint = self._of_free(tree, self._moved(tree, poses))
+            return r / sigma, by_joint[:, columns] / sigma[:, None]
+
+        return settled_poses(evaluate, flanges, free, seen.sample)
+
+    def _of_free(self, tree: BodyTree, motion: TreeMotion) -> tuple[NDArray, NDArray]:
+        """Return residuals, and their derivatives by what moves freely alone. (R,), (R, m)."""
+        parts = [self._of_free_in(tree, motion, rows) for rows in self._boards.sensors]
+        return tuple(np.concatenate(part) for part in zip(*parts, strict=True))  # type: ignore[return-value]
 
     def residuals(self, values: NDArray) -> NDArray:
         """Return residuals alone. Shape (P,) -> (R,)."""
@@ -75,10 +122,15 @@ class TreeResiduals:
         shown = [self._show(tree, motion, rows)[0] for rows in self.observations.sensors]
         return np.concatenate([part.residual.ravel() for part in shown])
 
-    def linear(self, values: NDArray) -> TreeLinear:
-        """Return residuals and derivatives. Shape (P,) -> (R,), (P, R), (R, m)."""
+    def linear(self, values: NDArray, start: NDArray | None = None) -> TreeLinear:
+        """Return residuals and derivatives. Shape (P,) -> (R,), (P, R), (R, m).
+
+        Args:
+            values: Of all parameters.
+            start: See `whole_poses`.
+        """
         tree = self.parameters.tree_of(values)
-        motion = self.motion(tree)
+        motion = self.motion(tree, start)
         slopes = self.parameters.turn_slopes(values)
         parts = [self._linear(tree, motion, slopes, rows) for rows in self.observations.sensors]
         return TreeLinear(
@@ -133,15 +185,13 @@ class TreeResiduals:
     ) -> TreeLinear:
         shown, R_SW, p_WM, p_WS = self._show(tree, motion, rows)
         N, k = shown.residual.shape
-        shift = shown.by_point @ R_SW
-        turn = None if shown.by_turn is None else shown.by_turn @ R_SW
         J = np.zeros((len(self.parameters.names), N, k))
         by_joint = np.zeros((N, k, len(self.observations.noisy_joints)))
         seen, seeing = self._items(rows)
         n = len(tree.joints)
         by_q, across = np.zeros((n, N, k)), np.zeros((4, n, N, k))
         beyond, behind = self._beyond[self._on[seen]], self._beyond[self._on[seeing]]
-        push = pushed = _Push(shift, turn, p_WM, rows.pose)
+        push = pushed = Push.of_shown(shown, R_SW, p_WM, rows.pose)
         ways = [(push, beyond.astype(float) - behind)]
         if rows.mirror:
             push, pushed = self._in_mirror(J, tree.mirror(rows.mirror), push)
@@ -152,12 +202,12 @@ class TreeResiduals:
         read = np.einsum("ij,ink->jnk", tree.coupling, by_q)
         angles = self.observations.data.si_readings[rows.pose] / tree.gear
         for m, (i, _) in enumerate(self.observations.noisy_joints):
-            if tree.motions[i] != FLANGE:
+            if tree.motions[i] not in WHOLE_POSES:
                 by_joint[:, :, m] = read[i]
                 # q = reading / gear
                 J[gears + i] = -read[i] * (angles[:, i] / tree.gear[i])[:, None]
         if motion.load is not None:
-            J[self.parameters.bends] = _by_bends(motion, read, across, rows.pose)
+            J[self.parameters.bends] = by_bends(motion, read, across, rows.pose)
         self._by_attached(J, motion, slopes, push, seen, None)
         self._by_attached(J, motion, slopes, pushed, seeing, p_WS)
         if shown.by_lens is not None:
@@ -167,9 +217,24 @@ class TreeResiduals:
             shown.residual.ravel(), J.reshape(len(J), -1), by_joint.reshape(N * k, -1)
         )
 
-    def _in_mirror(
-        self, J: NDArray, mirror: StandingMirror, push: "_Push"
-    ) -> tuple["_Push", "_Push"]:
+    def _of_free_in(
+        self, tree: BodyTree, motion: TreeMotion, rows: SensorRows
+    ) -> tuple[NDArray, NDArray]:
+        shown, R_SW, p_WM, _ = self._show(tree, motion, rows)
+        N, k = shown.residual.shape
+        push = Push.of_shown(shown, R_SW, p_WM, rows.pose)
+        if rows.mirror:
+            across = reflection(tree.mirror(rows.mirror).plane)[:3, :3]
+            push = replace(push, shift=push.shift @ across)
+        by_joint = np.zeros((N, k, len(self.observations.noisy_joints)))
+        beyond = self._beyond[self._on[self._items(rows)[0]]]
+        for i in self.observations.data.free_joints:
+            moved = np.flatnonzero(beyond[:, i])
+            one = np.ones((len(moved), 1, 1))
+            self._by_whole_pose(i, motion, push, moved, one, by_joint)
+        return shown.residual.ravel(), by_joint.reshape(N * k, -1)
+
+    def _in_mirror(self, J: NDArray, mirror: StandingMirror, push: Push) -> tuple[Push, Push]:
         """Add what the plane moves; return what moves the marker, and what moves the camera does.
 
         `push` is by shifts of what is seen, about where the marker stands.
@@ -184,7 +249,7 @@ class TreeResiduals:
         self,
         motion: TreeMotion,
         slopes: NDArray,
-        push: "_Push",
+        push: Push,
         signs: NDArray,
         J: NDArray,
         by_q: NDArray,
@@ -216,26 +281,39 @@ class TreeResiduals:
             columns[3:, moved] += np.moveaxis(sign * (along @ base), -1, 0)
             self._by_reading(i, motion, push, moved, sign, (about, along), by_q, by_joint)
             if motion.load is not None and motion.tree.motions[i] == REVOLUTE:
-                across[:, i, moved] += sign[:, :, 0] * _by_bearing(i, motion, push, moved)
+                across[:, i, moved] += sign[:, :, 0] * by_bearing(i, motion, push, moved)
 
     def _by_reading(
         self,
         i: int,
         motion: TreeMotion,
-        push: "_Push",
+        push: Push,
         moved: NDArray,
         sign: NDArray,
         ways: tuple[NDArray, NDArray],
         by_q: NDArray,
         by_joint: NDArray,
     ) -> None:
-        """Add what a joint's own motion moves: its axis, or each part of a flange's pose."""
+        """Add what a joint's own motion moves: its axis, or each part of a whole pose."""
         pose = push.pose[moved]
-        if motion.tree.motions[i] != FLANGE:
+        if motion.tree.motions[i] not in WHOLE_POSES:
             z = motion.R_WJ[i][:, 2, pose].T
             way = ways[0] if motion.tree.motions[i] == REVOLUTE else ways[1]
             by_q[i, moved] += (sign * (way @ z[:, :, None]))[:, :, 0]
             return
+        self._by_whole_pose(i, motion, push, moved, sign, by_joint)
+
+    def _by_whole_pose(
+        self,
+        i: int,
+        motion: TreeMotion,
+        push: Push,
+        moved: NDArray,
+        sign: NDArray,
+        by_joint: NDArray,
+    ) -> None:
+        """Add what turns of a whole pose in its own frame, and shifts in its parent's, move."""
+        pose = push.pose[moved]
         about, along = push.of(moved, motion.p_WL[i])
         R = motion.R_WL[i][:, :, pose].transpose(2, 0, 1)
         R_J = motion.R_WJ[i][:, :, pose].transpose(2, 0, 1)
@@ -248,87 +326,20 @@ class TreeResiduals:
         J: NDArray,
         motion: TreeMotion,
         slopes: NDArray,
-        push: "_Push",
+        push: Push,
         items: NDArray,
         origin: NDArray | None,
     ) -> None:
         """Add what markers (`origin` None) or what sees them move on their links."""
-        n, sign = len(motion.tree.joints), 1.0 if origin is None else -1.0
+        sign = 1.0 if origin is None else -1.0
         for item in np.unique(items):
+            frame = self.parameters.frame_of[item]
+            if frame < 0:
+                continue
             own = np.flatnonzero(items == item)
             R = motion.R_WL[self._on[item]][:, :, push.pose[own]].transpose(2, 0, 1)
-            columns = J[6 * (n + item) : 6 * (n + item) + 6]
+            columns = J[6 * frame : 6 * frame + 6]
             columns[3:, own] += np.moveaxis(sign * (push.shift[own] @ R), -1, 0)
             about = push.turn_of(own, None if origin is None else origin[own])
             if about is not None:
-                columns[:3, own] += np.moveaxis(sign * (about @ (R @ slopes[n + item])), -1, 0)
-
-
-def _by_bearing(i: int, motion: TreeMotion, push: "_Push", moved: NDArray) -> NDArray:
-    """Return what turns of a bearing across its axis, about its own place, and shifts move.
-
-    About x and y, then along them. Shape (4, M, k).
-    """
-    assert motion.tree.bending is not None
-    R, pivot = motion.R_WJ[i], motion.tree.bending.pivots[i]
-    about, along = push.of(moved, motion.p_WJ[i] + pivot * R[:, 2])
-    turns = np.moveaxis(R[:, :2][:, :, push.pose[moved]], 2, 0)
-    return np.moveaxis(np.concatenate([about @ turns, along @ turns], axis=2), 2, 0)
-
-
-def _by_bends(motion: TreeMotion, read: NDArray, across: NDArray, pose: NDArray) -> NDArray:
-    """Return what bends moves of one sensor's rows.
-
-    Args:
-        motion: The body where it bends.
-        read: Derivatives of the residuals by what is read. Shape (n, N, k).
-        across: Those by turns of bearings about x and y, and by shifts. Shape (4, n, N, k).
-        pose: Samples of the rows. Shape (N,).
-
-    Returns:
-        Shape (K, N, k).
-    """
-    tree, load = motion.tree, motion.load
-    assert tree.bending is not None
-    assert load is not None
-    turns = np.array([motion == REVOLUTE for motion in tree.motions], dtype=float)
-    by_turn, x, y, *shifts = (
-        np.moveaxis(by, 2, 0) for by in (read * turns[:, None, None], *across)
-    )
-    frames = load.before[:, pose], load.after[:, pose], load.moments[:, pose]
-    at = Bent(
-        *(load.q[pose], load.approach[pose], *frames, by_turn, (x, y), (shifts[0], shifts[1])),
-        carries=carries(motion),
-        drives=tree.coupling,
-    )
-    return bending_slopes(tree.bending, at).transpose(2, 1, 0)
-
-
-@dataclass(frozen=True, eq=False)
-class _Push:
-    """What turns and shifts in W do to the residuals of one sensor's rows."""
-
-    shift: NDArray
-    """By a shift of the marker in W. Shape (N, k, 3)."""
-    turn: NDArray | None
-    """By a turn of the marker's frame in W, its origin kept. Shape (N, k, 3)."""
-    p_WM: NDArray
-    """Markers. Shape (N, 3)."""
-    pose: NDArray
-    """Samples. Shape (N,)."""
-
-    def of(self, rows: NDArray, origins: NDArray) -> tuple[NDArray, NDArray]:
-        """Return derivatives by turns about frames' origins (3, S), and by shifts. (M, k, 3)."""
-        about = self.turn_of(rows, origins[:, self.pose[rows]].T)
-        assert about is not None
-        return about, self.shift[rows]
-
-    def turn_of(self, rows: NDArray, origin: NDArray | None) -> NDArray | None:
-        """Return derivatives by turns about points; None where nothing depends on them.
-
-        w x (p - o) = -[p - o] w; about the marker itself (no origin) only its frame turns.
-        """
-        if origin is None:
-            return None if self.turn is None else self.turn[rows]
-        about = -self.shift[rows] @ skew(self.p_WM[rows] - origin)
-        return about if self.turn is None else about + self.turn[rows]
+                columns[:3, own] += np.moveaxis(sign * (about @ (R @ slopes[frame])), -1, 0)

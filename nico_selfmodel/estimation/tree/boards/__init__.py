@@ -1,0 +1,1 @@
+"""What moves freely, as boards in hands: its poses, and the cameras and mirrors that saw it."""

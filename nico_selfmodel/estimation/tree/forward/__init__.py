@@ -1,0 +1,1 @@
+"""The forward model: what sensors of a body show, with every derivative."""

@@ -1,0 +1,89 @@
+"""What turns and shifts of a body's parts do to what sensors show of its markers."""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from nico_selfmodel.estimation.tree.forward.sensor_models import Shown
+from nico_selfmodel.geometry.rotation import skew
+from nico_selfmodel.model.arm.bending_slopes import Bent, bending_slopes
+from nico_selfmodel.model.tree.body_tree import REVOLUTE
+from nico_selfmodel.model.tree.tree_load import carries
+from nico_selfmodel.model.tree.tree_motion import TreeMotion
+
+
+@dataclass(frozen=True, eq=False)
+class Push:
+    """What turns and shifts in W do to the residuals of one sensor's rows."""
+
+    shift: NDArray
+    """By a shift of the marker in W. Shape (N, k, 3)."""
+    turn: NDArray | None
+    """By a turn of the marker's frame in W, its origin kept. Shape (N, k, 3)."""
+    p_WM: NDArray
+    """Markers. Shape (N, 3)."""
+    pose: NDArray
+    """Samples. Shape (N,)."""
+
+    @classmethod
+    def of_shown(cls, shown: Shown, R_SW: NDArray, p_WM: NDArray, pose: NDArray) -> "Push":
+        """Return it of what sensors show, R_SW their orientations."""
+        turn = None if shown.by_turn is None else shown.by_turn @ R_SW
+        return cls(shown.by_point @ R_SW, turn, p_WM, pose)
+
+    def of(self, rows: NDArray, origins: NDArray) -> tuple[NDArray, NDArray]:
+        """Return derivatives by turns about frames' origins (3, S), and by shifts. (M, k, 3)."""
+        about = self.turn_of(rows, origins[:, self.pose[rows]].T)
+        assert about is not None
+        return about, self.shift[rows]
+
+    def turn_of(self, rows: NDArray, origin: NDArray | None) -> NDArray | None:
+        """Return derivatives by turns about points; None where nothing depends on them.
+
+        w x (p - o) = -[p - o] w; about the marker itself (no origin) only its frame turns.
+        """
+        if origin is None:
+            return None if self.turn is None else self.turn[rows]
+        about = -self.shift[rows] @ skew(self.p_WM[rows] - origin)
+        return about if self.turn is None else about + self.turn[rows]
+
+
+def by_bearing(i: int, motion: TreeMotion, push: "Push", moved: NDArray) -> NDArray:
+    """Return what turns of a bearing across its axis, about its own place, and shifts move.
+
+    About x and y, then along them. Shape (4, M, k).
+    """
+    assert motion.tree.bending is not None
+    R, pivot = motion.R_WJ[i], motion.tree.bending.pivots[i]
+    about, along = push.of(moved, motion.p_WJ[i] + pivot * R[:, 2])
+    turns = np.moveaxis(R[:, :2][:, :, push.pose[moved]], 2, 0)
+    return np.moveaxis(np.concatenate([about @ turns, along @ turns], axis=2), 2, 0)
+
+
+def by_bends(motion: TreeMotion, read: NDArray, across: NDArray, pose: NDArray) -> NDArray:
+    """Return what bends moves of one sensor's rows.
+
+    Args:
+        motion: The body where it bends.
+        read: Derivatives of the residuals by what is read. Shape (n, N, k).
+        across: Those by turns of bearings about x and y, and by shifts. Shape (4, n, N, k).
+        pose: Samples of the rows. Shape (N,).
+
+    Returns:
+        Shape (K, N, k).
+    """
+    tree, load = motion.tree, motion.load
+    assert tree.bending is not None
+    assert load is not None
+    turns = np.array([motion == REVOLUTE for motion in tree.motions], dtype=float)
+    by_turn, x, y, *shifts = (
+        np.moveaxis(by, 2, 0) for by in (read * turns[:, None, None], *across)
+    )
+    frames = load.before[:, pose], load.after[:, pose], load.moments[:, pose]
+    at = Bent(
+        *(load.q[pose], load.approach[pose], *frames, by_turn, (x, y), (shifts[0], shifts[1])),
+        carries=carries(motion),
+        drives=tree.coupling,
+    )
+    return bending_slopes(tree.bending, at).transpose(2, 1, 0)
