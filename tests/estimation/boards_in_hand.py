@@ -7,11 +7,13 @@ import numpy as np
 from nico_selfmodel.dataset.body.body_dataset import BodyDataset, ObservationTable
 from nico_selfmodel.dataset.body.link_joint import LinkJoint
 from nico_selfmodel.dataset.body.sensors import MarkerInfo, SensorInfo
+from nico_selfmodel.geometry.alignment import Alignment
 from nico_selfmodel.geometry.plane import Plane
 from nico_selfmodel.geometry.reflection import reflect
 from nico_selfmodel.geometry.rotation import rotation_from_vector
 from nico_selfmodel.geometry.transform import apply, transform
 from nico_selfmodel.model.cameras.camera import Camera
+from nico_selfmodel.model.tree.tree_motion import TreeMotion
 
 LENS = Camera(800.0, 796.0, 645.0, 472.0, (1280, 960), k1=-0.08)
 
@@ -130,3 +132,19 @@ def before_two_cameras(seed, boards=12, sigma=0.2, mirrors=()):
     names = [f"m{i}" for i in range(len(mirrors))]
     data = recorded(FEW_CORNERS, seen, names, LENS.image_size, cameras=("camera0", "camera1"))
     return Held(data, X_WB, mirrors, cameras)
+
+
+def shape_mm(learned, true, seed=0):
+    """Mean error of markers at 40 poses, the whole turned and shifted to fit.
+
+    How a camera is turned in its own frame is its principal point's, so that the world is.
+    """
+    q = np.random.default_rng(seed).uniform(-0.9, 0.9, (40, len(true.joints)))
+    told, known = (
+        np.concatenate([motion.pose_of(marker)[1].T for marker in tree.markers])
+        for tree in (learned, true)
+        for motion in [TreeMotion.at(tree, q)]
+    )
+    fit = Alignment.from_points(told, known)
+    off = told @ fit.rotation.T + fit.translation - known
+    return 1e3 * np.linalg.norm(off, axis=1).mean()

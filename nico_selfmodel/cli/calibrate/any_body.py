@@ -10,6 +10,8 @@ if TYPE_CHECKING:
     from nico_selfmodel.dataset.body.body_dataset import BodyDataset
     from nico_selfmodel.estimation.tree.tree_setup import Description
     from nico_selfmodel.model.cameras.camera import Camera
+    from nico_selfmodel.progress import Progress
+    from nico_selfmodel.vision.boards.board_detection import AnyBoard
 
 
 def calibrate(
@@ -30,6 +32,8 @@ def calibrate(
     no_report: bool,
     force: bool,
     as_json: bool,
+    boards: Path | None = None,
+    board: "AnyBoard | None" = None,
     effects: str = "auto",
     up: str | None = None,
 ) -> NoReturn:
@@ -43,14 +47,16 @@ def calibrate(
     from nico_selfmodel.files.whole import refuse_folder
     from nico_selfmodel.result_folder.writing import write_result
 
-    refuse_folder(out, force=force, inputs=[dataset, test, robot, cameras])
+    refuse_folder(out, force=force, inputs=[dataset, test, robot, cameras, boards])
     wishes = Wishes(FixedParameters.from_text(fix or (), free or ()), priors_of(prior or ()))
     may_bend, vertical = effects_of(effects), up_of(up)
     train, held_out = _train_and_test(dataset, test, test_fraction, seed)
     lenses = _lenses(cameras)
-    description = None if robot is None else _described(robot, train, lenses)
     with printer.progress_bar() as progress:
+        if boards is not None and board is not None:
+            train = _with_boards(train, boards, board, progress)
         progress("learning", 0, 1)
+        description = None if robot is None else _described(robot, train, lenses)
         found = calibrate_tree(
             train,
             test=held_out,
@@ -127,6 +133,28 @@ def _train_and_test(
     return train, None if test is None else load_body_dataset(test).like(train)
 
 
+def _with_boards(
+    data: "BodyDataset", folder: Path, board: "AnyBoard", progress: "Progress"
+) -> "BodyDataset":
+    """Return a recording with the boards that its cameras photographed besides.
+
+    They lie in a folder for each camera, or are called `left*` and `right*`.
+    """
+    from nico_selfmodel.dataset.body.boards import with_boards
+    from nico_selfmodel.vision.boards.board_detections import (
+        detect_boards,
+        detect_boards_of_cameras,
+    )
+    from nico_selfmodel.vision.boards.board_images import images_by_folder
+
+    inside = folder.is_dir() and any(path.is_dir() for path in folder.iterdir())
+    if inside:
+        found = detect_boards_of_cameras(images_by_folder(folder), board, progress=progress)
+    else:
+        found = detect_boards(folder, board, progress=progress)
+    return with_boards(data, found.seen_views)
+
+
 def _lenses(path: Path | None) -> "dict[str, Camera]":
     """Return the intrinsics of calibrated cameras, by name."""
     from nico_selfmodel.model.self_model_file import load_model
@@ -136,10 +164,12 @@ def _lenses(path: Path | None) -> "dict[str, Camera]":
 
 def _described(robot: str, data: "BodyDataset", lenses: "dict[str, Camera]") -> "Description":
     """Return the robot as its description has it."""
+    from nico_selfmodel.estimation.tree.boards.lenses_by_boards import lenses_by_boards
     from nico_selfmodel.estimation.tree.tree_setup import Description, blank_body
     from nico_selfmodel.plant.described_body import described_body, described_masses
     from nico_selfmodel.plant.robots import find_robot
 
     urdf = find_robot(robot)
-    body = described_body(urdf, data.joints, blank_body(data, lenses))
+    told = {**lenses_by_boards(data, lenses)[0], **lenses}
+    body = described_body(urdf, data.joints, blank_body(data, told))
     return Description(body, masses=described_masses(urdf, body))

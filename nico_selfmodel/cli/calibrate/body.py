@@ -9,8 +9,7 @@ from nico_selfmodel.cli import inputs, options
 from nico_selfmodel.cli.calibrate import any_body, arm_and_cameras
 
 _OF_TWO_CAMERAS = (
-    "model", "boards", "board", "square_mm", "tag_mm", "family", "board_test_fraction", "stage",
-    "variant", "loss",
+    "model", "board_test_fraction", "stage", "variant", "loss",
     "arm", "base", "tip", "hold", "point",
 )  # fmt: skip
 """Options for an arm and two cameras."""
@@ -24,7 +23,7 @@ def body(
     model: options.KnownModelOrNone = None,
     cameras: options.Cameras = None,
     boards: Annotated[
-        Path | None, typer.Option("--boards", help="Photographs of a chessboard by both cameras.")
+        Path | None, typer.Option("--boards", help="Photographs of a board by the cameras.")
     ] = None,
     board: options.Board = "9x6",
     square_mm: options.SquareMm = 28.0,
@@ -64,8 +63,9 @@ def body(
     """Learn a body from all that was seen of it.
 
     A data set with `poses.csv` and `observations.csv` is of any body and any sensors, and needs
-    nothing else. One with `samples.csv` is of an arm and two cameras, which refine each other
-    (thesis chapter 8): its --model has both cameras, and the arm if it is known.
+    nothing else; --boards tell lenses that it does not, and where cameras stand. One with
+    `samples.csv` is of an arm and two cameras, which refine each other (thesis chapter 8): its
+    --model has both cameras, and the arm if it is known.
     """
     if _is_any_body(context, dataset):
         any_body.calibrate(
@@ -79,6 +79,8 @@ def body(
             prior=prior,
             robot=robot,
             cameras=cameras,
+            boards=boards,
+            board=inputs.board(board, square_mm, tag_mm, family),
             name=name,
             require_test_mm=require_test_mm,
             require_test_px=require_test_px,

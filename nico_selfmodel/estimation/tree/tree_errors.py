@@ -16,8 +16,8 @@ from nico_selfmodel.estimation.tree.tree_parameters import TreeParameters
 from nico_selfmodel.estimation.tree.tree_problem import TreeProblem
 from nico_selfmodel.estimation.tree.tree_solution import TreeSolution
 from nico_selfmodel.geometry.transform import transform
-from nico_selfmodel.model.tree.body_tree import WORLD, Attached, BodyTree
-from nico_selfmodel.model.tree.free_joints import with_free_joints
+from nico_selfmodel.model.tree.body_tree import FREE, WORLD, Attached, BodyTree
+from nico_selfmodel.model.tree.free_joints import body_alone, with_free_joints
 from nico_selfmodel.names import listed
 
 
@@ -76,15 +76,18 @@ def errors_of(tree: BodyTree, data: BodyDataset) -> TreeErrors:
 
 
 def beside_boards(tree: BodyTree, data: BodyDataset) -> BodyTree:
-    """Return a body beside the boards of a recording that it does not know yet."""
-    new = [data.joints[i].name for i in data.free_joints if data.joints[i].name not in tree.joints]
+    """Return a body beside the boards of a recording, and no others."""
+    new = [data.joints[i].name for i in data.free_joints]
+    if new == [n for n, motion in zip(tree.joints, tree.motions, strict=True) if motion == FREE]:
+        return tree
+    tree = body_alone(tree)
     links = (*tree.joints, *new)
     markers = tuple(
         Attached(m.name, links.index(m.on), transform(np.eye(3), np.array(m.xyz)))
         for m in data.markers
         if m.on in new
     )
-    return with_free_joints(tree, tuple(new), markers) if new else tree
+    return with_free_joints(tree, tuple(new), markers)
 
 
 def told_as(tree: BodyTree, data: BodyDataset) -> BodyDataset:

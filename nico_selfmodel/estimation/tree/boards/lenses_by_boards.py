@@ -20,6 +20,9 @@ from nico_selfmodel.model.cameras.camera import Camera
 from nico_selfmodel.model.cameras.projection import intrinsics_of
 from nico_selfmodel.names import listed
 
+_LAST, _TOLD = "k3", 2.0
+"""A coefficient that few boards tell, and how many sigmas from zero it is where they do."""
+
 
 def lenses_by_boards(
     data: BodyDataset, known: Mapping[str, Camera]
@@ -61,11 +64,14 @@ def lenses_by_boards(
 
 
 def _calibrated(views: BoardViews) -> CameraCalibration:
-    """Calibrate one camera; a third coefficient that the boards do not tell is left out."""
+    """Calibrate one camera; a third coefficient that boards do not tell from zero is left out."""
     options = CameraOptions(lens=AUTO)
     with contextlib.suppress(EstimationError, ModelError):
-        if calibrate_cameras(views, CameraOptions()).uncertainty.unobservable:
-            options = replace(options, pinned={"k3": 0.0})
+        found = calibrate_cameras(views, CameraOptions())
+        (name,), (lens,), known = views.cameras, found.cameras, found.uncertainty
+        sigma = known.sigma[known.names.index(f"{name}.{_LAST}")]
+        if known.unobservable or abs(lens.named_values[_LAST]) < _TOLD * sigma:
+            options = replace(options, pinned={_LAST: 0.0})
     return lens_of(views, options).calibration
 
 

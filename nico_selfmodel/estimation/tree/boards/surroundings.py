@@ -153,7 +153,7 @@ def _alone(
         name: {keys.index(key): X for key, X in images.items() if key[1] == joint}
         for name, images in left.items()
     }
-    planes, placed = mirrors_alone(own, _corners(data, int(joint)))
+    planes, placed = mirrors_alone(own)
     return planes, {keys[k]: X for k, X in placed.items()}
 
 
