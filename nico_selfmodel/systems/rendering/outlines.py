@@ -8,7 +8,8 @@ from numpy.typing import NDArray
 from pydrake.geometry import FrameId, GeometryVersion, QueryObject, Role, SceneGraphInspector
 from pydrake.math import RigidTransform
 
-_SIGNS = np.array([[a, b, c] for a in (-1, 1) for b in (-1, 1) for c in (-1, 1)], dtype=float)
+CORNERS = np.array([[a, b, c] for a in (-1, 1) for b in (-1, 1) for c in (-1, 1)], dtype=float)
+"""Of a cube of two units. Shape (8, 3)."""
 _EDGES = np.array([(i, j) for i in range(8) for j in range(i) if (i ^ j) in (1, 2, 4)]).T
 
 Beside = tuple[bytes, int]
@@ -94,7 +95,7 @@ class Outlines:
                 self._bounded = False
                 return
             X_FB = inspector.GetPoseInFrame(geometry) @ box.pose()
-            corners = (X_FB @ (_SIGNS * box.half_width()).T).T
+            corners = (X_FB @ (CORNERS * box.half_width()).T).T
             label = inspector.GetPerceptionProperties(geometry).GetProperty("label", "id")
             found.setdefault(inspector.GetFrameId(geometry), []).append((corners, int(label)))
         self._boxes = [
