@@ -71,10 +71,13 @@ class MountedCamera:
         Raises:
             RobotError: If the scene graph has no such renderer.
         """
+        pinhole = self._pinhole
         try:
-            if self._glasses:
-                return bgr_of_rgba(self._warp.apply(self._with_mirrors(query)))
-            part = self._pinhole.part(query)
+            X_WC = (query.GetPoseInWorld(pinhole.frame) @ pinhole.X_FC).GetAsMatrix4()
+            if any(glass.in_view(query, pinhole, X_WC) for glass in self._glasses):
+                seen = show_mirrors(query, pinhole, self._glasses, X_WC)
+                return bgr_of_rgba(self._warp.apply(seen))
+            part = pinhole.part(query)
             bent = self._warp.apply_to_part(part.picture, part.window, part.color, part.H)
             self._show_sights(query, bent)
         except RuntimeError as error:
@@ -104,12 +107,6 @@ class MountedCamera:
                 continue
             found, H = pinhole.turned_to(query, *region.rays)
             bent[region.pixels] = warp.bend_region(found, region, H)
-
-    def _with_mirrors(self, query: QueryObject) -> NDArray:
-        """Return what falls through the pinhole, before the lens bends it. RGBA."""
-        pinhole = self._pinhole
-        X_WC = (query.GetPoseInWorld(pinhole.frame) @ pinhole.X_FC).GetAsMatrix4()
-        return show_mirrors(query, pinhole, self._glasses, X_WC)
 
     def _unable(self, error: RuntimeError) -> RobotError:
         return RobotError(

@@ -135,7 +135,8 @@ class StereoCameras(Closable, LeafSystem):
 
     def _look(self, context: Context, value: AbstractValue, camera: int) -> None:
         """Put what is about the sights on a port."""
-        light = self.__cameras[camera].render_sights(self._seen(context))
+        query = self._seen(context)
+        light = self.__cameras[camera].render_sights(query)
         write_bgr(self._develop(light, context.get_time(), camera), value.get_mutable_value())
 
     def _take(self, context: Context, value: AbstractValue, camera: int) -> None:
@@ -159,7 +160,8 @@ class StereoCameras(Closable, LeafSystem):
 
     def _render(self, context: Context, camera: int) -> NDArray:
         """Return what falls on a sensor, without noise. BGR, shape (h, w, 3)."""
-        return self.__cameras[camera].render(self._seen(context))
+        query = self._seen(context)
+        return self.__cameras[camera].render(query)
 
     def _seen(self, context: Context) -> QueryObject:
         """Return the scene graph to be rendered."""
