@@ -5,7 +5,6 @@ all that is drawn, or where they do not tell a coarse picture of labels, say whe
 only that part is rendered in full.
 """
 
-from collections.abc import Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -23,7 +22,7 @@ from pydrake.geometry import (
 from pydrake.math import RigidTransform, RotationMatrix
 from pydrake.systems.sensors import CameraInfo
 
-from nico_selfmodel.systems.rendering.outlines import CORNERS, Beside, Outlines
+from nico_selfmodel.systems.rendering.outlines import Beside, Outlines
 from nico_selfmodel.systems.rendering.turned_view import TurnedView
 
 _COARSE = 4
@@ -148,7 +147,9 @@ class CroppedRender:
         limits = np.clip(limits, 0.0, self.size).astype(int)
         if (limits[0] >= limits[1]).any():
             return None
-        view = TurnedView.of(*((limits - middle) / focal), focal)
+        (left, top), (right, bottom) = (limits - middle) / focal
+        corners = np.array([[left, top], [right, top], [right, bottom], [left, bottom]])
+        view = TurnedView.of(corners, focal)
         if view.area > _WORTH_TURNING * pixels:
             return None
         found = self._through(query, view)
@@ -160,54 +161,40 @@ class CroppedRender:
         (left, top), (right, bottom) = limits.tolist()
         return RenderedPart(found, (left, top, right, bottom), sides[0], view.H)
 
-    def windows_about(
-        self, query: QueryObject, balls: Sequence[tuple[FrameId, NDArray, float]]
-    ) -> list[Window]:
-        """Return where in the picture balls are; those that overlap share a window.
+    def cone_about(
+        self, query: QueryObject, frame: FrameId, p_FS: NDArray, radius: float
+    ) -> tuple[NDArray, float]:
+        """Return in which directions a ball is.
 
         Args:
             query: Of the scene graph.
-            balls: The frame of each, its middle there [m], shape (3,), and its radius [m].
+            frame: Of the ball.
+            p_FS: Its middle there [m]. Shape (3,).
+            radius: [m].
 
         Returns:
-            Windows; none of balls that are not in view, the whole picture where one is so near that
-            it may be anywhere.
+            Unit vector to its middle in the camera, shape (3,), and the angle that it reaches to
+            all sides of that [rad].
         """
-        X_CW = (query.GetPoseInWorld(self.frame) @ self.X_FC).inverse()
-        focal, middle = np.diag(self.K)[:2], self.K[:2, 2]
-        found: list[NDArray] = []
-        for frame, p_FS, radius in balls:
-            p = (X_CW @ query.GetPoseInWorld(frame)) @ p_FS
-            if p[2] + radius <= self.near:
-                continue
-            box = np.array([[0.0, 0.0], self.size])
-            if p[2] - radius > self.near:
-                rays = (p + radius * CORNERS)[:, :2] / (p + radius * CORNERS)[:, 2:]
-                places = rays * focal + middle
-                box = np.array([np.floor(places.min(axis=0)), np.ceil(places.max(axis=0))])
-                box = np.clip(box, 0.0, self.size)
-            if (box[0] >= box[1]).any():
-                continue
-            near = [b for b in found if (box[0] < b[1]).all() and (b[0] < box[1]).all()]
-            found = [b for b in found if not any(b is other for other in near)]
-            box[0] = np.min([box[0], *(b[0] for b in near)], axis=0)
-            box[1] = np.max([box[1], *(b[1] for b in near)], axis=0)
-            found.append(box)
-        return [tuple(box.astype(int).ravel().tolist()) for box in found]
+        X_CF = (query.GetPoseInWorld(self.frame) @ self.X_FC).inverse() @ query.GetPoseInWorld(
+            frame
+        )
+        p_CS = X_CF @ p_FS
+        away = float(np.linalg.norm(p_CS))
+        return p_CS / away, float(np.arcsin(min(radius / away, 1.0)))
 
-    def turned_to(self, query: QueryObject, low: NDArray, high: NDArray) -> tuple[NDArray, NDArray]:
-        """Render what lies between two rays by a camera that is turned to it.
+    def turned_to(self, query: QueryObject, rays: NDArray) -> tuple[NDArray, NDArray]:
+        """Render what lies around rays by a camera that is turned to it.
 
         Args:
             query: Of the scene graph.
-            low: Least X/Z, Y/Z. Shape (2,).
-            high: Largest ones. Shape (2,).
+            rays: X/Z, Y/Z. Shape (N, 2).
 
         Returns:
             The picture, red, green, blue, opacity, and the homography from X/Z, Y/Z, 1 to places in
             it, from the edge of its first pixel. Shapes (h, w, 4) and (3, 3).
         """
-        view = TurnedView.of(low, high, np.diag(self.K)[:2])
+        view = TurnedView.of(rays, np.diag(self.K)[:2])
         return self._through(query, view), view.H
 
     def _through(self, query: QueryObject, view: TurnedView) -> NDArray:

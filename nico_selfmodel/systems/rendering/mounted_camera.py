@@ -100,13 +100,14 @@ class MountedCamera:
     def _show_sights(self, query: QueryObject, bent: NDArray) -> None:
         """Put what is about the sights into a bent picture. RGBA."""
         pinhole, warp = self._pinhole, self._warp
-        balls = [(sight.frame, sight.p_FS, sight.radius) for sight in self._sights]
-        for window in pinhole.windows_about(query, balls):
-            region = warp.region(window)
-            if region is None:
+        for sight in self._sights:
+            cone = pinhole.cone_about(query, sight.frame, sight.p_FS, sight.radius)
+            found = warp.region_in(*cone)
+            if found is None:
                 continue
-            found, H = pinhole.turned_to(query, *region.rays)
-            bent[region.pixels] = warp.bend_region(found, region, H)
+            region, shown = found
+            rendered, H = pinhole.turned_to(query, warp.rays_of(region, shown))
+            bent[region.pixels][shown] = warp.bend_region(rendered, region, H)[shown]
 
     def _unable(self, error: RuntimeError) -> RobotError:
         return RobotError(

@@ -78,7 +78,7 @@ class Outlines:
             cut.append(p[partly])
             labels += boxes.labels[partly].tolist()
         corners = np.concatenate(cut)
-        for found, bound in zip((low, high), _bounds_before(corners, near), strict=True):
+        for found, bound in zip((low, high), bounds_before(corners, near), strict=True):
             found.append(bound)
         beside = ((np.round(p, 6).tobytes(), k) for p, k in zip(corners, labels, strict=True))
         return Outline(np.concatenate(low), np.concatenate(high), tuple(beside))
@@ -107,8 +107,16 @@ class Outlines:
         self._version = GeometryVersion(version)
 
 
-def _bounds_before(corners: NDArray, near: float) -> tuple[NDArray, NDArray]:
-    """Return least and largest X/Z, Y/Z of what of boxes is beyond a distance. Shapes (k, 2)."""
+def bounds_before(corners: NDArray, near: float) -> tuple[NDArray, NDArray]:
+    """Return least and largest X/Z, Y/Z of what of boxes is beyond a distance.
+
+    Args:
+        corners: Of the boxes, those of a cube in the order of `CORNERS`. Shape (k, 8, 3).
+        near: The distance along Z [m].
+
+    Returns:
+        Shapes (k, 2); inf and -inf where nothing is.
+    """
     a, b = corners[:, _EDGES[0]], corners[:, _EDGES[1]]
     with np.errstate(divide="ignore", invalid="ignore"):
         share = (near - a[..., 2:]) / (b[..., 2:] - a[..., 2:])

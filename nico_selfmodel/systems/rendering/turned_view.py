@@ -30,16 +30,14 @@ class TurnedView:
     """Largest distance along its axis of what is 1 along the camera's, of what is looked at."""
 
     @classmethod
-    def of(cls, low: NDArray, high: NDArray, focal: NDArray) -> "TurnedView":
-        """Turn to where X/Z and Y/Z lie between two corners.
+    def of(cls, rays: NDArray, focal: NDArray) -> "TurnedView":
+        """Turn to rays.
 
         Args:
-            low: The least ones. Shape (2,).
-            high: The largest ones. Shape (2,).
+            rays: X/Z, Y/Z around all that is looked at. Shape (N, 2).
             focal: Pixels to a unit of X/Z and Y/Z in the middle of the picture. Shape (2,).
         """
-        (left, top), (right, bottom) = low, high
-        corners = np.array([[left, top, 1], [right, top, 1], [right, bottom, 1], [left, bottom, 1]])
+        corners = np.column_stack([rays, np.ones(len(rays))])
         ways = corners / np.linalg.norm(corners, axis=1, keepdims=True)
         z = ways.mean(axis=0)
         z /= np.linalg.norm(z)

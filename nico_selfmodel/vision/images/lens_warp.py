@@ -35,8 +35,6 @@ class Region:
     """Rows and columns of the camera's picture."""
     samples: tuple[slice, slice]
     """The same of the supersampled one."""
-    rays: tuple[NDArray, NDArray]
-    """Least and largest X/Z, Y/Z that they see. Shapes (2,)."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -177,27 +175,62 @@ class LensWarp:
         return picture
 
     def region(self, window: Window) -> "Region | None":
-        """Return the camera's pixels that a part of the rendered picture may reach.
+        """Return the camera's pixels that a part of the rendered picture may reach, None if none.
 
         Args:
             window: The part's first column and row, and the first ones beyond it.
-
-        Returns:
-            The pixels; None where there is none.
         """
         rows, columns = self._reached(window)
-        if not (rows.stop and columns.stop):
+        return self._region(rows, columns) if rows.stop and columns.stop else None
+
+    def region_in(self, way: NDArray, angle: float) -> "tuple[Region, NDArray] | None":
+        """Return the camera's pixels that look into a cone.
+
+        Args:
+            way: Along its axis, of length 1. Shape (3,).
+            angle: From the axis to its side [rad].
+
+        Returns:
+            A region around these pixels, and which of it they are, boolean of shape (rows,
+            columns); None where there is none.
+        """
+        least = np.cos(angle)
+        inside = _along(self.rays[:: _CELL * self.supersample, :: _CELL * self.supersample], way)
+        inside = inside >= np.cos(min(angle + 2.0 * _CELL / self.camera.fx, np.pi))
+        (rows, columns), size = np.nonzero(inside), self.camera.image_size
+        if not len(rows):
             return None
+        region = self._region(
+            *(
+                slice(max(_CELL * (int(at.min()) - 1), 0), min(_CELL * (int(at.max()) + 1), n))
+                for at, n in ((rows, size[1]), (columns, size[0]))
+            )
+        )
+        s = self.supersample
+        shown = _along(self.rays[region.samples][s // 2 :: s, s // 2 :: s], way) >= least
+        return (region, shown) if shown.any() else None
+
+    def rays_of(self, region: "Region", shown: NDArray) -> NDArray:
+        """Return X/Z, Y/Z of all samples of the pixels that others of a region lie between.
+
+        Args:
+            region: It.
+            shown: The pixels. Boolean, shape (rows, columns).
+        """
+        within = cv2.erode(
+            shown.astype(np.uint8),
+            np.ones((3, 3), np.uint8),
+            borderType=cv2.BORDER_CONSTANT,
+            borderValue=(0.0,),
+        )
+        sides = shown & (within == 0)
+        fine = sides.repeat(self.supersample, axis=0).repeat(self.supersample, axis=1)
+        return self.rays[region.samples][fine].astype(float)
+
+    def _region(self, rows: slice, columns: slice) -> "Region":
         s = self.supersample
         fine = (slice(s * rows.start, s * rows.stop), slice(s * columns.start, s * columns.stop))
-        rays = self.rays[fine]
-        if self._outside[fine].any():
-            rays = rays[rays[:, :, 0] < _NOWHERE]
-        else:  # what bounds a whole region is on its sides
-            rays = np.concatenate([rays[0], rays[-1], rays[:, 0], rays[:, -1]])
-        if not len(rays):
-            return None
-        return Region((rows, columns), fine, (rays.min(axis=0), rays.max(axis=0)))
+        return Region((rows, columns), fine)
 
     def bend_region(self, part: NDArray, region: "Region", H: NDArray) -> NDArray:
         """Bend what a turned camera rendered of a region.
@@ -281,6 +314,12 @@ class LensWarp:
             first, last = (at[0], at[-1] + 1) if len(at) else (0, 0)
             found.append(slice(int(_CELL * first), int(min(_CELL * last, size))))
         return found[0], found[1]
+
+
+def _along(rays: NDArray, way: NDArray) -> NDArray:
+    """Return cosines of the angles between rays X/Z, Y/Z and a direction. (h, w, 2) -> (h, w)."""
+    x, y = rays[..., 0], rays[..., 1]
+    return (x * way[0] + y * way[1] + way[2]) / np.sqrt(x * x + y * y + 1.0)
 
 
 def _too_large(size: Sequence[int] | NDArray) -> str:
