@@ -93,6 +93,7 @@ class RenderedNico:
             arm=self.arm,
             detectors=detectors,
             quality=self.quality,
+            near_marks=True,
         )
 
     def plan(self, station: NicoStation, circle: int, free: int, rng: np.random.Generator) -> Plan:

@@ -13,12 +13,15 @@ from pydrake.systems.primitives import LogVectorOutput
 
 from nico_selfmodel.planning.plans import commands_of_angles
 from nico_selfmodel.planning.visible_workspace import VisibleWorkspace
+from nico_selfmodel.systems.looking import looking_arm
+from nico_selfmodel.systems.stations.nico_detectors import default_detectors
 from nico_selfmodel.systems.stations.nico_station import NicoStation
 from nico_selfmodel.systems.stations.station_body import StationBody
 from nico_selfmodel.systems.tracking.self_model_predictor import SelfModelPredictor
 
 from .timing import best_ratio
 
+FIDUCIAL = {"fiducial": default_detectors()["fiducial"]}
 FPS = 30.0
 SECONDS = float(os.environ.get("NICO_STATION_SECONDS", "2"))
 """Simulated; 10 for the figure that the documentation gives."""
@@ -73,6 +76,27 @@ def test_a_picture_takes_little_more_than_rendering_what_is_in_it():
         )
     print(f"{ratio:.2f} times the rendering of {window}")
     assert ratio <= 1.4
+
+
+@pytest.mark.benchmark
+def test_a_tracker_is_shown_its_mark_in_half_the_time_of_the_window_around_the_arm():
+    """The peer is an upright camera, which renders all between the arm and its axis."""
+    arm = looking_arm("fiducial")
+    with NicoStation("thesis", 1, arm=arm, detectors=FIDUCIAL, near_marks=True) as nico:
+        body = StationBody(nico, nico.joints, nico.tracked)
+        pose = np.radians([[-30.0, 50.0, 0.0, -70.0]])
+        body.move_and_measure(commands_of_angles(nico.joints, arm.lower, arm.upper, pose)[0])
+        cameras = nico.GetSubsystemByName("cameras")
+        query = cameras.get_input_port().Eval(cameras.GetMyContextFromRoot(body.context))
+        camera = cameras._StereoCameras__cameras[0]
+        window = camera._pinhole._window(query)
+        ratio = best_ratio(
+            lambda: cameras._develop(camera.render_sights(query), 0.0, 0),
+            lambda: camera._pinhole._upright(query, window),
+            rounds=5,
+        )
+    print(f"{ratio:.2f} times the rendering of {window}")
+    assert ratio <= 0.5
 
 
 def open_sockets():

@@ -8,14 +8,14 @@ from pydrake.math import RigidTransform
 from pydrake.multibody.plant import AddMultibodyPlantSceneGraph
 from pydrake.systems.framework import DiagramBuilder
 
-from nico_selfmodel.systems.rendering.outlines import Outlines, _bounds_before
+from nico_selfmodel.systems.rendering.outlines import Outlines, bounds_before
 
 CUBE = np.array([[a, b, c] for a in (-1, 1) for b in (-1, 1) for c in (-1, 1)], dtype=float)
 
 
 def test_a_box_that_is_cut_is_bounded_by_what_is_before_the_camera():
     corners = CUBE[None] + [5.0, 0.0, 0.0]
-    low, high = _bounds_before(corners, 0.5)
+    low, high = bounds_before(corners, 0.5)
     inside = np.random.default_rng(0).uniform(
         corners[0].min(axis=0), corners[0].max(axis=0), (4000, 3)
     )
@@ -28,7 +28,7 @@ def test_a_box_that_is_cut_is_bounded_by_what_is_before_the_camera():
 
 
 def test_a_box_beside_the_camera_does_not_reach_into_the_picture():
-    low, _ = _bounds_before(CUBE[None] + [5.0, 0.0, 0.0], 0.01)
+    low, _ = bounds_before(CUBE[None] + [5.0, 0.0, 0.0], 0.01)
     assert low[0, 0] > 3.0
 
 

@@ -19,10 +19,11 @@ from pydrake.geometry import (
     RenderCameraCore,
     RenderLabel,
 )
-from pydrake.math import RigidTransform
+from pydrake.math import RigidTransform, RotationMatrix
 from pydrake.systems.sensors import CameraInfo
 
 from nico_selfmodel.systems.rendering.outlines import Beside, Outlines
+from nico_selfmodel.systems.rendering.turned_view import TurnedView
 
 _COARSE = 4
 """Pixels to the side of one of the coarse picture."""
@@ -36,6 +37,8 @@ _REMEMBERED = 1000
 """Boxes beside the camera that are remembered at most."""
 _MARGIN = 4
 """Pixels around a box, whose edges smoothing may spread."""
+_WORTH_TURNING = 0.8
+"""Share of the pixels that are left where a camera is turned to what is to be seen."""
 
 Window = tuple[int, int, int, int]
 """First column and row of a part of a picture, and the first ones beyond it [px]."""
@@ -53,6 +56,21 @@ class LabelledPicture:
     """Distance along the optical axis [m], inf where nothing is. Shape (h, w)."""
     labels: NDArray
     """Numbers that label images have. Shape (h, w)."""
+
+
+@dataclass(frozen=True, eq=False)
+class RenderedPart:
+    """A part of a picture, outside of which everything is plain."""
+
+    picture: NDArray
+    """Red, green, blue, opacity, 8 bits. Shape (h, w, 4)."""
+    window: Window
+    """What of the whole picture it shows."""
+    color: NDArray
+    """Of all the rest. Shape (4,)."""
+    H: NDArray | None = None
+    """Of a camera that was turned: from X/Z, Y/Z, 1 to places in the part, from the edge of its
+    first pixel. Shape (3, 3)."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -86,32 +104,104 @@ class CroppedRender:
         """
         return self._whole(query, self._window(query))
 
-    def part(
-        self, query: QueryObject, window: Window | None = None
-    ) -> tuple[NDArray, Window, NDArray]:
-        """Render only where anything is.
-
-        Args:
-            query: Of the scene graph.
-            window: Where that is, if it is known.
-
-        Returns:
-            That part, the window it fills, and the one colour of all the rest.
+    def part(self, query: QueryObject) -> RenderedPart:
+        """Render only where anything is, by a turned camera where that is less.
 
         Raises:
             RuntimeError: If the scene graph has no such renderer.
         """
-        window = window or self._window(query)
+        bounds = self._bounds(query)
+        window = self._around(bounds)
+        if bounds is not None:
+            part = self._turned(query, bounds, (window[2] - window[0]) * (window[3] - window[1]))
+            if part is not None:
+                return part
+        return self._upright(query, window)
+
+    def _upright(self, query: QueryObject, window: Window) -> RenderedPart:
+        """Render a window, or everything where its sides are not plain."""
         part = self._render(query, window)
         if window == (0, 0, *self.size):
-            return part, window, part[0, 0]
+            return RenderedPart(part, window, part[0, 0])
         color = self._plain_border(part, window)
         if color is None:
             # A background that is not plain must be rendered everywhere.
             window = (0, 0, *self.size)
             part = self._render(query, window)
             color = part[0, 0]
-        return part, window, color
+        return RenderedPart(part, window, color)
+
+    def _turned(self, query: QueryObject, bounds: Bounds, pixels: int) -> RenderedPart | None:
+        """Render what lies within bounds by a camera that is turned to it.
+
+        Args:
+            query: Of the scene graph.
+            bounds: Around all that is to be seen.
+            pixels: How many would have to be rendered otherwise.
+
+        Returns:
+            None where that is little less, or the background not plain.
+        """
+        focal, middle = np.diag(self.K)[:2], self.K[:2, 2]
+        limits = np.array([bounds[:2], bounds[2:]])
+        limits = np.clip(limits, 0.0, self.size).astype(int)
+        if (limits[0] >= limits[1]).any():
+            return None
+        (left, top), (right, bottom) = (limits - middle) / focal
+        corners = np.array([[left, top], [right, top], [right, bottom], [left, bottom]])
+        view = TurnedView.of(corners, focal)
+        if view.area > _WORTH_TURNING * pixels:
+            return None
+        found = self._through(query, view)
+        rows, columns, rays = view.border()
+        places = rays * focal + middle
+        sides = found[rows, columns][np.all((places > 0.0) & (places < self.size), axis=1)]
+        if not len(sides) or (sides != sides[0]).any():
+            return None
+        (left, top), (right, bottom) = limits.tolist()
+        return RenderedPart(found, (left, top, right, bottom), sides[0], view.H)
+
+    def cone_about(
+        self, query: QueryObject, frame: FrameId, p_FS: NDArray, radius: float
+    ) -> tuple[NDArray, float]:
+        """Return in which directions a ball is.
+
+        Args:
+            query: Of the scene graph.
+            frame: Of the ball.
+            p_FS: Its middle there [m]. Shape (3,).
+            radius: [m].
+
+        Returns:
+            Unit vector to its middle in the camera, shape (3,), and the angle that it reaches to
+            all sides of that [rad].
+        """
+        X_CF = (query.GetPoseInWorld(self.frame) @ self.X_FC).inverse() @ query.GetPoseInWorld(
+            frame
+        )
+        p_CS = X_CF @ p_FS
+        away = float(np.linalg.norm(p_CS))
+        return p_CS / away, float(np.arcsin(min(radius / away, 1.0)))
+
+    def turned_to(self, query: QueryObject, rays: NDArray) -> tuple[NDArray, NDArray]:
+        """Render what lies around rays by a camera that is turned to it.
+
+        Args:
+            query: Of the scene graph.
+            rays: X/Z, Y/Z. Shape (N, 2).
+
+        Returns:
+            The picture, red, green, blue, opacity, and the homography from X/Z, Y/Z, 1 to places in
+            it, from the edge of its first pixel. Shapes (h, w, 4) and (3, 3).
+        """
+        view = TurnedView.of(rays, np.diag(self.K)[:2])
+        return self._through(query, view), view.H
+
+    def _through(self, query: QueryObject, view: TurnedView) -> NDArray:
+        # What is nearer than the camera's own near plane, as its case, must not come into view.
+        camera = self._camera(view.K, view.size, self.near * view.deepest)
+        turn = RigidTransform(RotationMatrix(view.R_CT), np.zeros(3))
+        return query.RenderColorImage(camera, self.frame, self.X_FC @ turn).data.copy()
 
     def with_depth(self, query: QueryObject) -> tuple[NDArray, NDArray]:
         """Render colours and the distance along the optical axis [m], inf where nothing is.
@@ -144,21 +234,25 @@ class CroppedRender:
 
     def _whole(self, query: QueryObject, window: Window) -> NDArray:
         """Return the whole picture after rendering a part of it."""
-        part, window, color = self.part(query, window)
-        left, top, right, bottom = window
+        found = self._upright(query, window)
+        left, top, right, bottom = found.window
         # Four bytes at once: filling a large picture colour by colour takes longer than rendering.
-        plain = np.ascontiguousarray(color).view(np.uint32)
+        plain = np.ascontiguousarray(found.color).view(np.uint32)
         whole = np.full((self.size[1], self.size[0]), plain).view(np.uint8)
         whole = whole.reshape(self.size[1], self.size[0], 4)
-        whole[top:bottom, left:right] = part
+        whole[top:bottom, left:right] = found.picture
         return whole
 
     def _window(self, query: QueryObject) -> Window:
-        """Return first and last column and row of a window around all that is there."""
+        """Return a window around all that is there."""
+        return self._around(self._bounds(query))
+
+    def _bounds(self, query: QueryObject) -> Bounds | None:
+        """Return bounds of all that is there; None where nothing is."""
         X_WC = query.GetPoseInWorld(self.frame) @ self.X_FC
         outline = self.outlines.before(query, X_WC, self.near, self.near + _FAR)
         if outline is None:
-            return self._around(self._labelled(query)[0])
+            return self._labelled(query)[0]
         focal, middle = np.diag(self.K)[:2], self.K[:2, 2]
         low, high = outline.low * focal + middle, outline.high * focal + middle
         inside = np.all((high > 0.0) & (low < self.size), axis=1)
@@ -167,15 +261,15 @@ class CroppedRender:
         if not self._unseen.issuperset(doubtful):
             bounds, shown = self._labelled(query)
             if any(label in shown for _, label in doubtful):
-                return self._around(bounds)
+                return bounds
             if len(self._unseen) > _REMEMBERED:
                 self._unseen.clear()
             self._unseen.update(doubtful)
         inside[first:] = False
         if not inside.any():
-            return self._around(None)
+            return None
         low, high = np.floor(low[inside].min(axis=0)), np.ceil(high[inside].max(axis=0))
-        return self._around((*(low - _MARGIN).tolist(), *(high + _MARGIN).tolist()))
+        return (*(low - _MARGIN).tolist(), *(high + _MARGIN).tolist())
 
     def _labelled(self, query: QueryObject) -> tuple[Bounds | None, set[int]]:
         """Return where a coarse picture shows anything, and which labels it shows."""
@@ -215,9 +309,12 @@ class CroppedRender:
         """Return the intrinsic matrix of a part of the picture."""
         return self.K - np.array([[0.0, 0.0, window[0]], [0.0, 0.0, window[1]], [0.0, 0.0, 0.0]])
 
-    def _camera(self, K: NDArray, size: tuple[int, int]) -> ColorRenderCamera:
+    def _camera(
+        self, K: NDArray, size: tuple[int, int], near: float | None = None
+    ) -> ColorRenderCamera:
+        near = near or self.near
         info = CameraInfo(*size, K[0, 0], K[1, 1], K[0, 2], K[1, 2])
-        clipping = ClippingRange(self.near, self.near + _FAR)
+        clipping = ClippingRange(near, near + _FAR)
         core = RenderCameraCore(self.renderer, info, clipping, RigidTransform())
         return ColorRenderCamera(core, False)
 

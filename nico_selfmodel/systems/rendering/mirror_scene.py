@@ -169,9 +169,7 @@ class Glass:
         """
         plate = self.plate
         X_WM = query.GetPoseInWorld(self.frame).GetAsMatrix4()
-        X_CM = inverse(X_WC) @ X_WM
-        around = (plate.width + 2.0 * plate.rim, plate.height + 2.0 * plate.rim)
-        outer = GlassInView.of(camera.K, camera.size, X_CM, around)
+        X_CM, outer = inverse(X_WC) @ X_WM, self._outer(query, camera, X_WC)
         if outer is None:
             return
         outer.show(seen, depth, _RIM if outer.faces_camera else _BACK, None)
@@ -191,6 +189,18 @@ class Glass:
         if plate.dirt:
             shown = stained(shown, glass, self.stains, plate.dirt)
         glass.show(seen, depth, shown, K)
+
+    def in_view(self, query: QueryObject, camera: CroppedRender, X_WC: NDArray) -> bool:
+        """Return whether a pinhole camera at a pose X_WC has it in view. Shape (4, 4)."""
+        return self._outer(query, camera, X_WC) is not None
+
+    def _outer(
+        self, query: QueryObject, camera: CroppedRender, X_WC: NDArray
+    ) -> GlassInView | None:
+        plate = self.plate
+        X_CM = inverse(X_WC) @ query.GetPoseInWorld(self.frame).GetAsMatrix4()
+        around = (plate.width + 2.0 * plate.rim, plate.height + 2.0 * plate.rim)
+        return GlassInView.of(camera.K, camera.size, X_CM, around)
 
     def _on_screen(
         self, query: QueryObject, camera: CroppedRender, glass: GlassInView, shape: tuple[int, int]

@@ -8,7 +8,8 @@ from numpy.typing import NDArray
 from pydrake.geometry import FrameId, GeometryVersion, QueryObject, Role, SceneGraphInspector
 from pydrake.math import RigidTransform
 
-_SIGNS = np.array([[a, b, c] for a in (-1, 1) for b in (-1, 1) for c in (-1, 1)], dtype=float)
+CORNERS = np.array([[a, b, c] for a in (-1, 1) for b in (-1, 1) for c in (-1, 1)], dtype=float)
+"""Of a cube of two units. Shape (8, 3)."""
 _EDGES = np.array([(i, j) for i in range(8) for j in range(i) if (i ^ j) in (1, 2, 4)]).T
 
 Beside = tuple[bytes, int]
@@ -77,7 +78,7 @@ class Outlines:
             cut.append(p[partly])
             labels += boxes.labels[partly].tolist()
         corners = np.concatenate(cut)
-        for found, bound in zip((low, high), _bounds_before(corners, near), strict=True):
+        for found, bound in zip((low, high), bounds_before(corners, near), strict=True):
             found.append(bound)
         beside = ((np.round(p, 6).tobytes(), k) for p, k in zip(corners, labels, strict=True))
         return Outline(np.concatenate(low), np.concatenate(high), tuple(beside))
@@ -94,7 +95,7 @@ class Outlines:
                 self._bounded = False
                 return
             X_FB = inspector.GetPoseInFrame(geometry) @ box.pose()
-            corners = (X_FB @ (_SIGNS * box.half_width()).T).T
+            corners = (X_FB @ (CORNERS * box.half_width()).T).T
             label = inspector.GetPerceptionProperties(geometry).GetProperty("label", "id")
             found.setdefault(inspector.GetFrameId(geometry), []).append((corners, int(label)))
         self._boxes = [
@@ -106,8 +107,16 @@ class Outlines:
         self._version = GeometryVersion(version)
 
 
-def _bounds_before(corners: NDArray, near: float) -> tuple[NDArray, NDArray]:
-    """Return least and largest X/Z, Y/Z of what of boxes is beyond a distance. Shapes (k, 2)."""
+def bounds_before(corners: NDArray, near: float) -> tuple[NDArray, NDArray]:
+    """Return least and largest X/Z, Y/Z of what of boxes is beyond a distance.
+
+    Args:
+        corners: Of the boxes, those of a cube in the order of `CORNERS`. Shape (k, 8, 3).
+        near: The distance along Z [m].
+
+    Returns:
+        Shapes (k, 2); inf and -inf where nothing is.
+    """
     a, b = corners[:, _EDGES[0]], corners[:, _EDGES[1]]
     with np.errstate(divide="ignore", invalid="ignore"):
         share = (near - a[..., 2:]) / (b[..., 2:] - a[..., 2:])

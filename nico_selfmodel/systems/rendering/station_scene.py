@@ -27,6 +27,7 @@ from pydrake.systems.framework import BasicVector, Context, LeafSystem
 
 from nico_selfmodel.plant.model_in_plant import ModelInPlant
 from nico_selfmodel.systems.closing import Closable
+from nico_selfmodel.systems.rendering.mounted_camera import Sight
 from nico_selfmodel.systems.rendering.renderer import check_renderer
 from nico_selfmodel.systems.rendering.stereo_cameras import RENDERER
 from nico_selfmodel.systems.rendering.textured_card import textured_card
@@ -36,8 +37,11 @@ from nico_selfmodel.vision.printed_pattern import chessboard_png, fiducial_png, 
 
 CARD = 0.036
 """Side of the card that Nico's fiducial is printed on, white zone included [m]."""
-_ROOM = (0.36, 0.40, 0.43)
+ROOM = (0.36, 0.40, 0.43)
 """Colour of the room behind everything."""
+_LOOKED_AT = {"fiducial": 0.032, "finger_tip": 0.018}
+"""Radius of what a tracker must see of a point to find it, white zone or tape and a little more
+[m]."""
 _LIGHTS = (
     # Where the light goes, in the world, and how strong it is: from behind the head, from both
     # sides and from the front, so that nothing is black.
@@ -85,7 +89,7 @@ def add_renderer(
         )
         for way, intensity in (*_LIGHTS, *([_GLARE] if glare else []), *(_LAMPS if lamps else ()))
     ]
-    parameters = RenderEngineVtkParams(default_clear_color=np.array(_ROOM), lights=lights)
+    parameters = RenderEngineVtkParams(default_clear_color=np.array(ROOM), lights=lights)
     check_renderer()
     scene_graph.AddRenderer(name, MakeRenderEngineVtk(parameters))
 
@@ -155,6 +159,23 @@ def wrap_tape(scene_graph: SceneGraph, built: ModelInPlant, tip: str) -> None:
     tape.set_perception_properties(properties)
     body = plant.GetBodyFrameIdOrThrow(frame.body().index())
     scene_graph.RegisterGeometry(plant.get_source_id(), body, tape)
+
+
+def sights_on(built: ModelInPlant, points: Mapping[str, str]) -> tuple[Sight, ...]:
+    """Return what trackers of a robot's points look at.
+
+    Args:
+        built: The robot.
+        points: Point -> its frame; those that nothing finds in a picture have no sight.
+    """
+    plant, found = built.plant, []
+    for point, radius in _LOOKED_AT.items():
+        if point in points:
+            frame = plant.GetFrameByName(points[point], built.instance)
+            body = plant.GetBodyFrameIdOrThrow(frame.body().index())
+            p_FS = frame.GetFixedPoseInBodyFrame().translation()
+            found.append(Sight(body, np.array(p_FS), radius))
+    return tuple(found)
 
 
 def _erase(

@@ -9,19 +9,16 @@ import numpy as np
 from numpy.typing import NDArray
 from pydrake.common.value import AbstractValue
 from pydrake.geometry import FrameId, QueryObject
-from pydrake.math import RigidTransform
 from pydrake.systems.framework import Context, LeafSystem
 
 from nico_selfmodel.errors import RobotError
-from nico_selfmodel.model.cameras.camera import Camera
 from nico_selfmodel.model.cameras.rig_parameters import SIDES
 from nico_selfmodel.model.cameras.stereo_rig import StereoRig
 from nico_selfmodel.systems.closing import Closable
 from nico_selfmodel.systems.image_values import image_value, write_bgr
-from nico_selfmodel.systems.rendering.cropped_render import CroppedRender
-from nico_selfmodel.systems.rendering.mirror_scene import Glass, show_mirrors
-from nico_selfmodel.vision.images.image_array import bgr_of_rgba, sum_of
-from nico_selfmodel.vision.images.lens_warp import LensWarp
+from nico_selfmodel.systems.rendering.mirror_scene import Glass
+from nico_selfmodel.systems.rendering.mounted_camera import MountedCamera, Sight
+from nico_selfmodel.vision.images.image_array import sum_of
 
 RENDERER = "cameras"
 """Name under which the scene graph knows the renderer, unless told otherwise."""
@@ -66,6 +63,9 @@ class StereoCameras(Closable, LeafSystem):
     | `left_image` | out | picture of the left camera, `ImageRgba8U` |
     | `right_image` | out | picture of the right camera, `ImageRgba8U` |
 
+    Cameras that are told of sights have two ports more, `left_sight` and `right_sight`: the same
+    pictures, pixel by pixel, about the sights, and plain everywhere else, which renders faster.
+
     A picture is rendered when its port is asked for, once for each time and pose. Its noise depends
     on the seed and the number of the frame only, so that the same history gives the same bytes.
     The lenses are those of a `StereoRig` that no port shows.
@@ -80,6 +80,8 @@ class StereoCameras(Closable, LeafSystem):
         seed: int | tuple[int, ...] = 0,
         renderer: str = RENDERER,
         glasses: Sequence[Glass] = (),
+        sights: Sequence[Sight] = (),
+        background: Sequence[float] = (0.0, 0.0, 0.0),
     ) -> None:
         """Mount the cameras.
 
@@ -90,15 +92,26 @@ class StereoCameras(Closable, LeafSystem):
             seed: Of the noise.
             renderer: Name of the renderer in the scene graph.
             glasses: Mirrors in the scene graph: `MirrorScene.glasses`.
+            sights: What somebody looks at who need not see the rest; not with glasses, nor with
+                more than one exposure.
+            background: Red, green, blue of the renderer where nothing is, of 1.
 
         Raises:
             ModelError: If a lens sees too wide to be rendered.
+            ValueError: If there are sights, and glasses or exposures too.
         """
         super().__init__()
         self.quality = quality or ImageQuality()
+        if sights and (glasses or self.quality.exposures > 1):
+            raise ValueError(
+                "sights are for cameras without mirrors and motion blur, got "
+                f"{len(sights)} sights, {len(glasses)} mirrors, {self.quality.exposures} exposures"
+            )
         self._seed = np.ravel(seed)
         self.__cameras = [
-            _Eye(camera, frame, self.quality.supersample, renderer, tuple(glasses))
+            MountedCamera(
+                camera, frame, self.quality.supersample, renderer, glasses, sights, background
+            )
             for camera, frame in zip(rig.cameras, frames, strict=True)
         ]
         self._query = self.DeclareAbstractInputPort(
@@ -110,13 +123,21 @@ class StereoCameras(Closable, LeafSystem):
             period = 1.0 / (self.quality.fps * self.quality.exposures)
             self.DeclarePeriodicUnrestrictedUpdateEvent(period, 0.0, self._expose)
             needs = {self.all_state_ticket(), self.time_ticket()}
-        for side, (name, camera) in enumerate(zip(SIDES, rig.cameras, strict=True)):
-            self.DeclareAbstractOutputPort(
-                f"{name}_image",
-                lambda size=camera.image_size: image_value(*size),
-                lambda context, value, camera=side: self._take(context, value, camera),
-                prerequisites_of_calc=needs,
-            )
+        for what in ("image", "sight") if sights else ("image",):
+            for side, (name, camera) in enumerate(zip(SIDES, rig.cameras, strict=True)):
+                take = self._take if what == "image" else self._look
+                self.DeclareAbstractOutputPort(
+                    f"{name}_{what}",
+                    lambda size=camera.image_size: image_value(*size),
+                    lambda context, value, take=take, camera=side: take(context, value, camera),
+                    prerequisites_of_calc=needs,
+                )
+
+    def _look(self, context: Context, value: AbstractValue, camera: int) -> None:
+        """Put what is about the sights on a port."""
+        query = self._seen(context)
+        light = self.__cameras[camera].render_sights(query)
+        write_bgr(self._develop(light, context.get_time(), camera), value.get_mutable_value())
 
     def _take(self, context: Context, value: AbstractValue, camera: int) -> None:
         """Put a picture on a port."""
@@ -139,13 +160,19 @@ class StereoCameras(Closable, LeafSystem):
 
     def _render(self, context: Context, camera: int) -> NDArray:
         """Return what falls on a sensor, without noise. BGR, shape (h, w, 3)."""
+        query = self._seen(context)
+        return self.__cameras[camera].render(query)
+
+    def _seen(self, context: Context) -> QueryObject:
+        """Return the scene graph to be rendered."""
         self.require_open()
         if not self._query.HasValue(context):
             raise RobotError(
                 f"input port {self.get_name()}.geometry_query is not connected: connect the query "
                 "output port of the scene graph that holds what the cameras shall see"
             )
-        return self.__cameras[camera].render(self._query.Eval(context))
+        query: Any = self._query.Eval(context)
+        return query
 
     def _give_back(self) -> None:
         self.__cameras.clear()  # the maps of the lenses are megabytes
@@ -169,51 +196,3 @@ def _noise(size: int, sigma: float) -> NDArray:
     """Return the noise of pictures of a size, each of which takes a part from anywhere."""
     # Drawing a million numbers anew takes as long as a tenth of the rendering.
     return sigma * np.random.default_rng(12).standard_normal(4 * size, dtype=np.float32)
-
-
-@lru_cache(maxsize=2)
-def _lens_warp(
-    values: tuple[float, ...], image_size: tuple[int, int], lens: str, supersample: int
-) -> LensWarp:
-    """Prepare a lens; stations of one robot share it."""
-    return LensWarp.from_camera(Camera.from_values(values, image_size, lens=lens), supersample)
-
-
-class _Eye:
-    """One camera and its lens."""
-
-    def __init__(
-        self,
-        camera: Camera,
-        frame: FrameId,
-        supersample: int,
-        renderer: str,
-        glasses: tuple[Glass, ...],
-    ) -> None:
-        self._warp = _lens_warp(
-            tuple(camera.values.tolist()), camera.image_size, camera.lens, supersample
-        )
-        X_FC = RigidTransform(pose=camera.X_WC)
-        warp = self._warp
-        self._pinhole = CroppedRender(renderer, warp.render_size, warp.render_K, frame, X_FC)
-        self._glasses = glasses
-
-    def render(self, query: QueryObject) -> NDArray:
-        """Return the bent picture. BGR, shape (h, w, 3)."""
-        try:
-            if not self._glasses:
-                bent = self._warp.apply_to_part(*self._pinhole.part(query))
-            else:
-                bent = self._warp.apply(self._with_mirrors(query))
-        except RuntimeError as error:
-            raise RobotError(
-                f"the cameras cannot render with {self._pinhole.renderer!r}: "
-                f"{' '.join(str(error).split())}"
-            ) from error
-        return bgr_of_rgba(bent)
-
-    def _with_mirrors(self, query: QueryObject) -> NDArray:
-        """Return what falls through the pinhole, before the lens bends it. RGBA."""
-        pinhole = self._pinhole
-        X_WC = (query.GetPoseInWorld(pinhole.frame) @ pinhole.X_FC).GetAsMatrix4()
-        return show_mirrors(query, pinhole, self._glasses, X_WC)

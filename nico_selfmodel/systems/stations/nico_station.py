@@ -20,15 +20,18 @@ from nico_selfmodel.systems.closing import Closable, free_memory
 from nico_selfmodel.systems.image_values import bgr_of
 from nico_selfmodel.systems.looking import looking_arm
 from nico_selfmodel.systems.nico_cameras import MOUNTS, NICO_CAMERAS
+from nico_selfmodel.systems.rendering.coarse_solids import draw_coarsely
 from nico_selfmodel.systems.rendering.mark_on_body import Mark, MarkOnBody
 from nico_selfmodel.systems.rendering.mirror_scene import MirrorPlate, MirrorScene
 from nico_selfmodel.systems.rendering.room import hang_cards
 from nico_selfmodel.systems.rendering.station_scene import (
+    ROOM,
     BoardHolder,
     BodyPoses,
     add_renderer,
     print_fiducial,
     remove_scene,
+    sights_on,
     wrap_tape,
 )
 from nico_selfmodel.systems.rendering.stereo_cameras import ImageQuality, StereoCameras
@@ -102,6 +105,7 @@ class NicoStation(Closable, Diagram):
         knows: SelfModel | None = None,
         other: bool = False,
         room: Sequence[TagCard] = (),
+        near_marks: bool | None = None,
     ) -> None:
         """Build the robot and its surroundings.
 
@@ -123,6 +127,10 @@ class NicoStation(Closable, Diagram):
                 colour on the hand from the reflection by where it expects its hand.
             other: Whether there is a second robot that can be put somewhere (`stand_other`).
             room: Cards of markers that hang about it, W the frame of its root link.
+            near_marks: Show the detectors only what is about the arm's own fiducial and finger tip,
+                pixel by pixel as in the whole picture, which takes a third of the time; by default
+                where they are the default ones of an arm, and nothing else could be taken for these
+                points. `left_image` and `right_image` always show everything.
 
         Raises:
             ModelError: If the robot lacks a link that carries a camera.
@@ -131,6 +139,10 @@ class NicoStation(Closable, Diagram):
         world = imperfections_named(world) if isinstance(world, str) else world
         arm = arm or looking_arm()
         body = _built(arm, world, seed, sides)
+        quality = quality or ImageQuality()
+        if near_marks is None:
+            near_marks = detectors is None and not (room or other)
+        near_marks &= mirror is None and quality.exposures == 1
         if detectors is None and isinstance(arm, BodyDescription) and mirror is None:
             detectors = {**body_detectors(), **room_detectors(room)} if room else body_detectors()
         elif detectors is None:
@@ -146,7 +158,7 @@ class NicoStation(Closable, Diagram):
         servos = EncoderModel(body.mechanics, start, seed=noise)
         builder.AddNamedSystem("servos", servos)
         self.__holder, cameras, poses, self.__marks = _add_scene(
-            builder, servos, arm, body, board, quality, noise, mirror, room
+            builder, servos, arm, body, board, quality, noise, mirror, room, near_marks
         )
         scene: Any = builder.GetMutableSubsystemByName("scene")
         self.__scene: SceneGraph = scene
@@ -158,9 +170,11 @@ class NicoStation(Closable, Diagram):
         _add_motion_capture(builder, poses, body, world, noise)
         tracker = HandTracker(detectors, before_mirror=mirror is not None)
         builder.AddNamedSystem("tracker", tracker)
+        shown = "sight" if cameras.HasOutputPort("left_sight") else "image"
         for camera in ("left", "right"):
             port = cameras.GetOutputPort(f"{camera}_image")
-            builder.Connect(port, tracker.GetInputPort(f"{camera}_image"))
+            seen = cameras.GetOutputPort(f"{camera}_{shown}")
+            builder.Connect(seen, tracker.GetInputPort(f"{camera}_image"))
             builder.ExportOutput(port, f"{camera}_image")
         for port in ("pixels", "seen", "reasons"):
             builder.ExportOutput(tracker.GetOutputPort(port), port)
@@ -307,10 +321,11 @@ def _add_scene(
     arm: ArmDescription | BodyDescription,
     body: NicoInstance | WholeNico,
     board: Board,
-    quality: ImageQuality | None,
+    quality: ImageQuality,
     seed: tuple[int, int],
     mirror: MirrorPlate | None,
     room: Sequence[TagCard],
+    near_marks: bool,
 ) -> tuple[BoardHolder, StereoCameras, BodyPoses, MarkOnBody]:
     """Add what is to be seen, and what sees it."""
     scene_graph = SceneGraph()
@@ -328,7 +343,16 @@ def _add_scene(
     holder = BoardHolder(scene_graph, board)
     mirrors = None if mirror is None else MirrorScene(scene_graph, [mirror])
     glasses = () if mirrors is None else mirrors.glasses
-    cameras = StereoCameras(body.rig, frames, quality, seed=seed, glasses=glasses)
+    points = arm.points if near_marks and isinstance(arm, ArmDescription) else {}
+    cameras = StereoCameras(
+        body.rig,
+        frames,
+        quality,
+        seed=seed,
+        glasses=glasses,
+        sights=sights_on(built, points),
+        background=ROOM,
+    )
     builder.AddNamedSystem("board", holder)
     builder.AddNamedSystem("cameras", cameras)
     builder.Connect(servos.GetOutputPort("q_true"), poses.get_input_port())
@@ -345,6 +369,8 @@ def _add_scene(
         builder.Connect(mirrors.get_output_port(), scene_graph.get_source_pose_port(mirrors.source))
         builder.ExportInput(mirrors.get_input_port(), "mirror_pose")
         marks.on_glass(mirrors.source, mirrors.glasses[0].frame)
+    if mirrors is None:  # what is learned of shapes before a mirror is held against the solids
+        draw_coarsely(scene_graph, built.plant.get_source_id())
     return holder, cameras, poses, marks
 
 

@@ -19,6 +19,12 @@ _NEARLY_SETTLED = 0.1  # after all passes; what still moves has no end [px]
 _LEAST_CONTRAST = 12.0  # grey levels between black and white
 _LEAST_VISIBLE = 0.6  # of the positions along a side
 _EVENLY, _ACROSS = np.linspace(0.0, 1.0, _POSITIONS), np.linspace(-1.0, 1.0, _DEPTHS)
+_ENDS = 3  # of the depths, that tell black and white
+# What is needed of a profile: its ends, and the area under it by the trapezoidal rule.
+_TAKEN = np.zeros((_DEPTHS, 3))
+_TAKEN[:_ENDS, 0] = _TAKEN[-_ENDS:, 1] = 1.0 / _ENDS
+_TAKEN[:, 2] = 2.0 / (_DEPTHS - 1)
+_TAKEN[[0, -1], 2] *= 0.5
 _PIECES = 8  # of a side, that lie on one line ...
 _STRAIGHT = 0.22  # ... within this [px]
 _BENT_FROM = 60.0  # but for lenses, which bend longer sides, with the length squared [px]
@@ -42,9 +48,8 @@ def corners_from_edges(gray: NDArray, corners: NDArray, cells: int) -> NDArray |
         edges = _edges(gray, refined, _inner_corners(refined, cells))
         if edges is None:
             return None
-        lines, straight = edges
-        meets = [_meet(lines[side - 1], lines[side]) for side in range(4)]
-        refined = np.stack(meets)
+        points, ways, straight = edges
+        refined = _meet(np.roll(points, 1, axis=0), np.roll(ways, 1, axis=0), points, ways)
         if not np.isfinite(refined).all():
             return None
         moved = np.linalg.norm(refined - corners, axis=1).max()
@@ -56,16 +61,14 @@ def corners_from_edges(gray: NDArray, corners: NDArray, cells: int) -> NDArray |
     return refined if straight and settled else None
 
 
-def _edges(
-    gray: NDArray, corners: NDArray, inner: NDArray
-) -> tuple[list[tuple[NDArray, NDArray]], bool] | None:
+def _edges(gray: NDArray, corners: NDArray, inner: NDArray) -> tuple[NDArray, NDArray, bool] | None:
     """Return a point on the edge after each corner, its direction, and if all are straight.
 
-    None where one of them is not plain to see.
+    None where one of them is not plain to see. Shapes (4, 2).
     """
-    ends = np.roll(corners, -1, axis=0)
-    length = np.linalg.norm(ends - corners, axis=1)
-    along = (ends - corners) / length[:, None]
+    sides = np.roll(corners, -1, axis=0) - corners
+    length = np.hypot(sides[:, 0], sides[:, 1])
+    along = sides / length[:, None]
     outwards = np.stack([along[:, 1], -along[:, 0]], axis=1)
     inwards = np.sum(outwards * (corners.mean(axis=0) - corners), axis=1) > 0.0
     outwards[inwards] *= -1.0
@@ -75,33 +78,70 @@ def _edges(
     margin = np.clip(2.5 / length, 0.06, 0.3)  # of the side, at corners that blur has rounded
     share = margin[:, None] + (1.0 - 2.0 * margin[:, None]) * _EVENLY
     positions = share * length[:, None]
-    depths = reach[:, None] * _ACROSS
-    points = corners[:, None, None] + positions[:, :, None, None] * along[:, None, None]
-    points = points + depths[:, None, :, None] * outwards[:, None, None]
+    u, v = (
+        (corners[:, k, None] + positions * along[:, k, None])[:, :, None]
+        + (reach * outwards[:, k])[:, None, None] * _ACROSS
+        for k in (0, 1)
+    )
+    lines = _located(gray, u, v, positions - 0.5 * length[:, None], reach)
+    if lines is None:
+        return None
+    slope, shift, off = lines
+    bent = np.maximum(1.0, (length / _BENT_FROM) ** 2)
+    points = corners + 0.5 * sides + shift[:, None] * outwards
+    return points, along + slope[:, None] * outwards, bool(np.all(off < _STRAIGHT * bent))
+
+
+def _located(
+    gray: NDArray, u: NDArray, v: NDArray, x: NDArray, reach: NDArray
+) -> tuple[NDArray, NDArray, NDArray] | None:
+    """Return slope and shift of the line that each edge lies on, and how far pieces are off it.
+
+    Args:
+        gray: The image. Shape (h, w).
+        u: Columns that are looked at, from within outwards. Shape (4, n, depths).
+        v: Rows. The same.
+        x: Positions along the edges, from the middle [px]. Shape (4, n).
+        reach: How far it is looked to both sides [px]. Shape (4,).
+
+    Returns:
+        Shapes (4,); None where an edge is not plain to see.
+    """
     height, width = gray.shape
-    visible = np.all((points >= 0.0) & (points <= (width - 1.0, height - 1.0)), axis=(2, 3))
+    # A row of profiles is a rectangle: where its corners are in view all of it is.
+    tips = np.s_[:, :: u.shape[1] - 1, :: _DEPTHS - 1]
+    columns, rows = u[tips], v[tips]
+    if min(columns.min(), rows.min()) >= 0.0 and (
+        columns.max() <= width - 1.0 and rows.max() <= height - 1.0
+    ):
+        return _fitted(gray, u, v, x, reach)
+    there = (u >= 0.0) & (u <= width - 1.0) & (v >= 0.0) & (v <= height - 1.0)
+    visible = there.all(axis=2)
     if visible.mean(axis=1).min() < _LEAST_VISIBLE:
         return None
-    # All four at once; a side that leaves the image has fewer positions than the others.
-    whole = bool(visible.all())
-    lines, straight = [], True
-    for sides in [np.arange(4)] if whole else np.arange(4)[:, None]:
-        there = slice(None) if whole else visible[sides[0]]
-        maps = points[sides][:, there].astype(np.float32).reshape(-1, _DEPTHS, 2)
-        profiles = cv2.remap(gray, maps[..., 0], maps[..., 1], cv2.INTER_LINEAR).astype(float)
-        seen = positions[sides][:, there]
-        offsets = _offsets(profiles.reshape(*seen.shape, _DEPTHS), seen, depths[sides])
-        if offsets is None:
+    # A side that leaves the image has fewer positions than the others.
+    found = []
+    for k in range(4):
+        side, kept = slice(k, k + 1), visible[k]
+        one = _fitted(gray, u[side, kept], v[side, kept], x[side, kept], reach[side])
+        if one is None:
             return None
-        x = seen - 0.5 * length[sides, None]
-        slope, shift = _robust_line(x, offsets)
-        off = _off_line(offsets - slope[:, None] * x - shift[:, None])
-        bent = np.maximum(1.0, (length[sides] / _BENT_FROM) ** 2)
-        straight &= bool(np.all(off < _STRAIGHT * bent))
-        middles = corners[sides] + 0.5 * length[sides, None] * along[sides]
-        middles = middles + shift[:, None] * outwards[sides]
-        lines += zip(middles, along[sides] + slope[:, None] * outwards[sides], strict=True)
-    return lines, straight
+        found.append(one)
+    slope, shift, off = (np.concatenate(values) for values in zip(*found, strict=True))
+    return slope, shift, off
+
+
+def _fitted(
+    gray: NDArray, u: NDArray, v: NDArray, x: NDArray, reach: NDArray
+) -> tuple[NDArray, NDArray, NDArray] | None:
+    """Do the same for edges that are in view, all of them at once."""
+    maps = [places.astype(np.float32).reshape(-1, _DEPTHS) for places in (u, v)]
+    profiles = cv2.remap(gray, maps[0], maps[1], cv2.INTER_LINEAR)
+    offsets = _offsets(profiles.astype(float) @ _TAKEN, x, reach)
+    if offsets is None:
+        return None
+    slope, shift = _robust_line(x, offsets)
+    return slope, shift, _off_line(offsets - slope[:, None] * x - shift[:, None])
 
 
 def _inner_corners(corners: NDArray, cells: int) -> NDArray:
@@ -121,32 +161,33 @@ def _inner_corners(corners: NDArray, cells: int) -> NDArray:
     return ((p1 - p0 + g * p1) * u + (p3 - p0 + h * p3) * v + p0) / (g * u + h * v + 1.0)
 
 
-def _offsets(profiles: NDArray, positions: NDArray, depths: NDArray) -> NDArray | None:
+def _offsets(taken: NDArray, x: NDArray, reach: NDArray) -> NDArray | None:
     """Return where along each profile black ends [px], or None if it is not black then white.
 
-    Shapes (sides, n, depths), (sides, n) and (sides, depths).
+    Args:
+        taken: Of each profile its black, its white and the area under it. Shape (sides n, 3).
+        x: Positions along the sides [px]. Shape (sides, n).
+        reach: How far profiles reach to both sides of the edges [px]. Shape (sides,).
     """
-    x = (positions - positions.mean(axis=1, keepdims=True))[:, None]
-    ends = np.stack([profiles[:, :, :3].mean(axis=2), profiles[:, :, -3:].mean(axis=2)], axis=1)
-    slopes, levels = _line(x, ends, np.ones_like(x))
-    fitted = slopes[..., None] * x + levels[..., None]  # light may fall off along the edge
-    black, white = fitted[:, 0], fitted[:, 1]
-    if np.min(white - black) < _LEAST_CONTRAST:
+    ends = np.moveaxis(taken.reshape(*x.shape, 3), 2, 0)
+    # Light may fall off along the edge.
+    black, white = (_along(_line(x, one, np.ones_like(x)), x) for one in ends[:2])
+    contrast = white - black
+    if contrast.min() < _LEAST_CONTRAST:
         return None
-    dark = (white[..., None] - profiles) / (white - black)[..., None]
-    return depths[:, :1] + np.trapezoid(dark, depths[:, None], axis=2)
+    return reach[:, None] * ((2.0 * white - ends[2]) / contrast - 1.0)
 
 
 def _robust_line(x: NDArray, y: NDArray) -> tuple[NDArray, NDArray]:
     """Return slopes and values at x = 0 of lines; points far from the others do not count."""
-    weights = np.ones_like(x)
-    slope = shift = np.zeros(len(x))
-    for _ in range(4):
-        slope, shift = _line(x, y, weights)
-        residuals = np.abs(y - slope[:, None] * x - shift[:, None])
-        scale = np.maximum(1.4826 * np.median(residuals, axis=1, keepdims=True), 0.01)
-        weights = 1.0 / (1.0 + (residuals / (2.4 * scale)) ** 2)
-    return slope, shift
+    count, line = x.shape[1], _line(x, y, np.ones_like(x))
+    for _ in range(3):
+        residuals = np.abs(y - _along(line, x))
+        ordered = np.sort(residuals, axis=1)
+        median = 0.5 * (ordered[:, (count - 1) // 2] + ordered[:, count // 2])
+        scale = 2.4 * np.maximum(1.4826 * median, 0.01)
+        line = _line(x, y, 1.0 / (1.0 + (residuals / scale[:, None]) ** 2))
+    return line
 
 
 def _off_line(residuals: NDArray) -> NDArray:
@@ -154,24 +195,34 @@ def _off_line(residuals: NDArray) -> NDArray:
 
     Where a corner was taken for that of the paper, the side is black and white only in part.
     """
-    pieces = [piece.mean(axis=1) for piece in np.array_split(residuals, _PIECES, axis=1)]
-    return np.quantile(np.abs(pieces), 0.7, axis=0)
+    count = residuals.shape[1]
+    small, longer = divmod(count, _PIECES)
+    sizes = np.where(np.arange(_PIECES) < longer, small + 1, small)
+    starts = np.cumsum(sizes) - sizes
+    pieces = np.sort(np.abs(np.add.reduceat(residuals, starts, axis=1) / sizes), axis=1)
+    at = 0.7 * (_PIECES - 1)
+    low, share = int(at), at - int(at)
+    return (1.0 - share) * pieces[:, low] + share * pieces[:, low + 1]
 
 
-def _line(x: NDArray, y: NDArray, weights: NDArray) -> tuple[NDArray, NDArray]:
+def _line(x: NDArray, y: NDArray, w: NDArray) -> tuple[NDArray, NDArray]:
     """Return slopes and values at x = 0 of weighted least squares lines along the last axis."""
-    total = weights.sum(axis=-1)
-    x_mean, y_mean = np.sum(x * weights, axis=-1) / total, np.sum(y * weights, axis=-1) / total
-    centred = (x - x_mean[..., None]) * weights
-    slope = np.sum(y * centred, axis=-1) / np.sum(x * centred, axis=-1)
-    return slope, y_mean - slope * x_mean
+    wx = w * x
+    total, first, second = w.sum(axis=1), wx.sum(axis=1), (wx * x).sum(axis=1)
+    level, mixed = (w * y).sum(axis=1), (wx * y).sum(axis=1)
+    slope = (total * mixed - first * level) / (total * second - first * first)
+    return slope, (level - slope * first) / total
 
 
-def _meet(first: tuple[NDArray, NDArray], second: tuple[NDArray, NDArray]) -> NDArray:
-    """Return where two lines meet; NaN if they are parallel."""
-    (p, d), (q, e) = first, second
-    area = d[0] * e[1] - d[1] * e[0]
-    if abs(area) < 1e-6:
-        return np.full(2, np.nan)
+def _along(line: tuple[NDArray, NDArray], x: NDArray) -> NDArray:
+    slope, shift = line
+    return slope[:, None] * x + shift[:, None]
+
+
+def _meet(p: NDArray, d: NDArray, q: NDArray, e: NDArray) -> NDArray:
+    """Return where lines through p along d meet those through q along e; nan if parallel."""
+    area = d[:, 0] * e[:, 1] - d[:, 1] * e[:, 0]
     between = q - p
-    return p + d * (between[0] * e[1] - between[1] * e[0]) / area
+    crossed = between[:, 0] * e[:, 1] - between[:, 1] * e[:, 0]
+    area[np.abs(area) < 1e-6] = np.nan
+    return p + d * (crossed / area)[:, None]
