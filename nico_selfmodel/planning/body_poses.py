@@ -1,6 +1,6 @@
 """Poses of a whole body in which its own cameras see enough: a room about it, or its own hands."""
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -29,6 +29,8 @@ _CORNERS = 0.4 * CARD * np.array([(a, b, 0.0) for a in (-1, 0, 1) for b in (-1, 
 _LIFT, _ROOM = 0.006, 0.011
 """Off the card, and free about lines of sight from there: links are drawn wider than they collide,
 cards and joints are only nearly where they should be [m]."""
+Turned = Callable[[NDArray], NDArray]
+"""Changes drawn poses: angles of the commanded joints [rad], (N, k) -> (M, k), M up to N."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -64,15 +66,27 @@ class BodyView:
         """
         tree = self.tree
         motion = TreeMotion.at(tree, self.posture(q))
+        p_WM = np.stack([motion.pose_of(m)[1].T for m in tree.markers], axis=1)
+        out = self.presented(motion)
+        for c, sensor in enumerate(tree.sensors):
+            out[:, c] &= self.inside(sensor.name, *motion.pose_of(sensor), p_WM)
+        return out
+
+    def presented(self, motion: TreeMotion) -> NDArray:
+        """Return which markers pictures would show well, if cameras looked there.
+
+        Args:
+            motion: Of `tree`, at N poses.
+
+        Returns:
+            Whether they are near enough and turned to it. Boolean, shape (N, cameras, markers).
+        """
+        tree = self.tree
         places = [motion.pose_of(m) for m in tree.markers]
         p_WM = np.stack([p.T for _, p in places], axis=1)
         z_WM = np.stack([R[:, 2].T for R, _ in places], axis=1)
-        out = np.zeros((len(q), len(tree.sensors), len(tree.markers)), dtype=bool)
-        for c, sensor in enumerate(tree.sensors):
-            R, p = motion.pose_of(sensor)
-            out[:, c] = self.inside(sensor.name, R, p, p_WM)
-            out[:, c] &= self._plain(p.T[:, None] - p_WM, z_WM)
-        return out
+        cameras = [motion.pose_of(sensor)[1].T for sensor in tree.sensors]
+        return np.stack([self._plain(p[:, None] - p_WM, z_WM) for p in cameras], axis=1)
 
     def inside(self, camera: str, R: NDArray, p: NDArray, points: NDArray) -> NDArray:
         """Return which points a camera has in its image, not next to its edges.
@@ -114,7 +128,7 @@ class BodyView:
 
     def poses(
         self, markers: Sequence[str], fewest: int, count: int, rng: np.random.Generator,
-        also: tuple[Sequence[str], int] = ((), 0),
+        also: tuple[Sequence[str], int] = ((), 0), turned: Turned | None = None,
     ) -> NDArray:  # fmt: skip
         """Draw poses in which every camera sees enough of some markers.
 
@@ -124,6 +138,7 @@ class BodyView:
             count: How many poses.
             rng: Source of the draws.
             also: More markers, and how many of those each camera shall see too.
+            turned: What becomes of drawn poses before they are looked at; nothing if omitted.
 
         Returns:
             Angles of the commanded joints [rad]. Shape (count, k).
@@ -137,9 +152,10 @@ class BodyView:
         found: list[NDArray] = []
         for _ in range(_ROUNDS):
             q = rng.uniform(self.body.lower, self.body.upper, (_DRAWN, len(self.body.joints)))
+            q = q if turned is None else turned(q)
             seen = self.seen(q)
             good = np.all([seen[:, :, own].sum(axis=2) >= n for own, n in wanted], axis=(0, 2))
-            found.extend(pose for pose in q[good] if self._free(pose, markers))
+            found.extend(pose for pose in q[good] if self.free(pose, markers))
             if len(found) >= count:
                 return np.array(found[:count])
         beside = f" and {also[1]} of {listed(also[0])}" if also[1] else ""
@@ -149,8 +165,13 @@ class BodyView:
             "before the head, or ask for fewer"
         )
 
-    def _free(self, q: NDArray, markers: Sequence[str]) -> bool:
-        """Return whether a pose touches nothing and hides no card, where that counts."""
+    def free(self, q: NDArray, markers: Sequence[str]) -> bool:
+        """Return whether a pose touches nothing and hides no card, where that counts.
+
+        Args:
+            q: Angles of the commanded joints [rad]. Shape (k,).
+            markers: Names of those that shall be seen.
+        """
         if self.limits is None or self.limits.touching:
             return True
         tree = self.body.tree

@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 from nico_selfmodel.dataset.body.body_dataset import BodyDataset
 from nico_selfmodel.model.cameras.camera import Camera
 from nico_selfmodel.model.cameras.stereo_rig import StereoRig
+from nico_selfmodel.model.tree.body_model import BodyModel
 from nico_selfmodel.planning.plans import Plan, given_commands
 from nico_selfmodel.recording.session import Progress, record
 from nico_selfmodel.sessions.whole_recording import WholeRecording
@@ -69,6 +70,7 @@ class RenderedBody:
         hands: int,
         *,
         lenses: Mapping[str, Camera] | None = None,
+        learned: BodyModel | None = None,
         poses: NDArray | None = None,
         progress: Progress | None = None,
     ) -> BodyDataset:
@@ -81,6 +83,8 @@ class RenderedBody:
             hands: Poses of each hand.
             lenses: Calibrated cameras by name, behind whose lenses markers are located; as
                 designed, and not told, if omitted.
+            learned: What was learned of its head, by which poses are planned; as described if
+                omitted.
             poses: Visited instead [encoder units]. Shape (N, k).
             progress: Called after each pose.
 
@@ -93,11 +97,12 @@ class RenderedBody:
             ValueError: If a given pose lies beyond a joint's stop.
         """
         whole, rng = self.whole, np.random.default_rng((self.seed, session, 26))
-        angles = whole.plan(*((looks, hands) if poses is None else (0, 0)), rng)
         with self.station(session, None if lenses is None else StereoRig(*lenses.values())) as nico:
             body = StationBody(nico, nico.joints, whole.tracked)
-            planned = whole.commands(nico.joints, angles)
-            plan: Plan = given_commands(nico.joints, planned if poses is None else poses)
+            if poses is None:
+                known = whole.known(learned, nico.joints)
+                poses = whole.commands(nico.joints, whole.plan(looks, hands, rng, known))
+            plan: Plan = given_commands(nico.joints, poses)
             data = record(
                 body,
                 plan,

@@ -92,7 +92,7 @@ class WatchingBody(LiveStation[WholeBodyView, Mapping[str, NDArray]]):
         return angles / (self.model.si_per_unit / self.model.tree.gear)
 
     def _in_view(self, count: int) -> NDArray:
-        """Return commands of poses in which the robot as described would see what it looks at.
+        """Return commands of poses in which the robot would see what it looks at.
 
         It looks about the room and at the hands, in random order.
         """
@@ -100,8 +100,9 @@ class WatchingBody(LiveStation[WholeBodyView, Mapping[str, NDArray]]):
         sides = len(self.hands)
         looks = count // (_LOOKS * sides + 1) if sides else count
         each = -(-(count - looks) // sides) if sides else 0
-        angles = self.whole.plan(looks, each, rng)
-        return self.whole.commands(self.station.joints, rng.permutation(angles)[:count])
+        joints = self.station.joints
+        angles = self.whole.plan(looks, each, rng, self.whole.known(self.model, joints))
+        return self.whole.commands(joints, rng.permutation(angles)[:count])
 
 
 def _mean_distance(off: NDArray) -> NDArray:
