@@ -17,14 +17,18 @@ from nico_selfmodel.plant.looking.gaze import GazeSolver
 _ASIDE = 0.04
 """How far beside the hand the head may look, along each axis [m]: a hand that is always in the
 images' middle tells nothing of lenses, nor of an axis through it."""
+_NEXT, _STIFF = 2, 10.0
+"""Joints next to a camera that turn it anywhere, and how much more the others stay where they are:
+a neck that bent to each hand would bring most of them too near."""
 
 
 @dataclass(frozen=True, eq=False)
 class HeadFollowing:
     """Turns the head of drawn poses so that a marker on a hand comes near the images' middle.
 
-    Six joints turn two cameras, which take three: what is left over stays near the posture that was
-    drawn, so that the head holds itself in many ways.
+    Cameras turn first, by the joints next to them, the neck where these do not reach: it stays near
+    the posture that was drawn, so that the head holds itself in many ways, and as far from the hand
+    as it was.
     """
 
     view: BodyView
@@ -43,6 +47,14 @@ class HeadFollowing:
             limits[:, body.tree.joints.index(name)] = angle
         units = np.ones(len(body.tree.joints))
         return GazeSolver(BodyModel("known so far", body.tree, units, limits=limits))
+
+    @cached_property
+    def _stiff(self) -> NDArray:
+        """How much more than another each of the solver's joints stays. Shape (m,)."""
+        tree = self.view.tree
+        ways = [np.flatnonzero(tree.beyond[sensor.on]) for sensor in tree.sensors]
+        near = np.concatenate([way[-_NEXT:] for way in ways])
+        return np.where(np.isin(self._solver.head, near), 1.0, _STIFF)
 
     def turned(self, q: NDArray) -> NDArray:
         """Return poses whose head looks at the hand, of those where that is worth while.
@@ -89,7 +101,7 @@ class HeadFollowing:
     def _looking(self, posture: NDArray, p_WT: NDArray) -> list[NDArray]:
         """Return the posture with the head turned; none if that is out of reach."""
         try:
-            return [self._solver.at_point(posture, p_WT, posture).readings]
+            return [self._solver.at_point(posture, p_WT, posture, self._stiff).readings]
         except ModelError:
             return []
 

@@ -53,6 +53,16 @@ class Gaze:
         return self.off_px - self.misaligned_px
 
 
+@dataclass(frozen=True, eq=False)
+class _Posture:
+    """Where a head stays near."""
+
+    easy: NDArray
+    """Readings of all joints, in their own units. Shape (n,)."""
+    weight: NDArray
+    """What it is worth not to turn each joint of the head by 1 rad from there [px]. Shape (m,)."""
+
+
 class GazeSolver:
     """Turns the joints of a learned body's cameras, by Drake's inverse kinematics.
 
@@ -91,7 +101,13 @@ class GazeSolver:
         """Names of the joints that are turned."""
         return tuple(self.model.tree.joints[i] for i in self.head.tolist())
 
-    def at_point(self, readings: ArrayLike, p_WT: ArrayLike, easy: ArrayLike | None = None) -> Gaze:
+    def at_point(
+        self,
+        readings: ArrayLike,
+        p_WT: ArrayLike,
+        easy: ArrayLike | None = None,
+        stiff: ArrayLike = 1.0,
+    ) -> Gaze:
         """Look at a point.
 
         Args:
@@ -99,6 +115,7 @@ class GazeSolver:
             p_WT: The point in the body's world [m]. Shape (3,).
             easy: Readings which the head stays near where it can choose, like `readings`; the
                 middle of its range if omitted. Shape (n,).
+            stiff: How much more than another each of `joints` stays there. Shape (m,).
 
         Raises:
             ModelError: If it is out of reach.
@@ -108,7 +125,11 @@ class GazeSolver:
         point = np.asarray(p_WT, dtype=float)
         if point.shape != (3,) or not np.isfinite(point).all():
             raise ValueError(f"a point to look at must be 3 finite coordinates [m], got {p_WT}")
-        best = self._best(now, point, self._easy(now) if easy is None else self._checked(easy))
+        posture = _Posture(
+            self._easy(now) if easy is None else self._checked(easy),
+            _POSTURE_PX * np.broadcast_to(np.asarray(stiff, dtype=float), self.head.shape),
+        )
+        best = self._best(now, point, posture)
         if not best.missed_px <= WITHIN_PX:
             where = ", ".join(f"{value:.3f}" for value in point)
             off = (
@@ -247,29 +268,29 @@ class GazeSolver:
         out[self.head] = (q * model.tree.gear / model.si_per_unit)[self.head]
         return out
 
-    def _best(self, now: NDArray, point: NDArray, easy: NDArray) -> Gaze:
+    def _best(self, now: NDArray, point: NDArray, posture: "_Posture") -> Gaze:
         """Solve from where the head is and from where it is easy, where that is elsewhere."""
-        starts = [now] if np.array_equal(now, easy, equal_nan=True) else [now, easy]
-        found = [self._looked(start, point, easy) for start in starts]
+        same = np.array_equal(now, posture.easy, equal_nan=True)
+        starts = [now] if same else [now, posture.easy]
+        found = [self._looked(start, point, posture) for start in starts]
         return min(found, key=lambda gaze: gaze.missed_px)
 
-    def _looked(self, readings: NDArray, point: NDArray, easy: NDArray) -> Gaze:
+    def _looked(self, readings: NDArray, point: NDArray, posture: "_Posture") -> Gaze:
         """Solve from a posture; what bends is taken from the posture before."""
         model, tree, limits = self.model, self.model.tree, self.model.limits
         rounds = 1 if tree.bending is None else _LOADED_ROUNDS
         now = readings.copy()
-        q_easy = np.nan_to_num(easy * model.si_per_unit / tree.gear)[self.head]
         for _ in range(rounds):
             si = model.readings(now)
             self._body.set_readings(self._context, si)
             loaded = self._plant.GetPositions(self._context)[self._columns]
             bent = loaded - tree.displacements(si)
-            q = self._solved(loaded, bent, point, q_easy)
+            q = self._solved(loaded, bent, point, posture)
             turned = ((q - bent) * tree.gear / model.si_per_unit)[self.head]
             now[self.head] = np.clip(turned, *limits[:, self.head])
         return self._seen(now, point)
 
-    def _solved(self, q: NDArray, bent: NDArray, point: NDArray, q_easy: NDArray) -> NDArray:
+    def _solved(self, q: NDArray, bent: NDArray, point: NDArray, posture: "_Posture") -> NDArray:
         """Return angles of all joints, those of the head turned [rad]. Shape (n,)."""
         plant, tree = self._plant, self.model.tree
         problem = InverseKinematics(plant, self._context, with_joint_limits=False)
@@ -285,8 +306,8 @@ class GazeSolver:
             # What follows is where its leaders have it, q_i = sum_j c_ij q_j.
             row = np.eye(len(q))[i] - tree.coupling[i]
             program.AddLinearEqualityConstraint(row[None], [bent[i] - tree.coupling[i] @ bent], x)
-        weight = _POSTURE_PX**2 * np.eye(len(q_easy))
-        program.AddQuadraticErrorCost(weight, q_easy, x[self.head])
+        q_easy = np.nan_to_num(posture.easy * self.model.si_per_unit / tree.gear)[self.head]
+        program.AddQuadraticErrorCost(np.diag(posture.weight**2), q_easy, x[self.head])
         self._add_looking(problem, point)
         start = plant.GetPositions(self._context)
         return minimum_near(program, start, x)
