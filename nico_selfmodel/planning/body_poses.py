@@ -24,9 +24,11 @@ _ROUNDS = 200
 _EDGE_PX = 20.0
 """A marker nearer to an image's edge may be out of it in a body that is not as described [px]."""
 
-_CORNERS = 0.4 * CARD * np.array([(a, b, 0.0) for a in (-1, 0, 1) for b in (-1, 0, 1)])
-"""On the marker that is printed on a card on the hand: corners and middles [m]. Shape (9, 3)."""
-_LIFT, _ROOM = 0.006, 0.011
+SIDE = 0.8 * CARD
+"""Of the black square that is printed on a card on the hand [m]."""
+_CORNERS = 0.5 * SIDE * np.array([(a, b, 0.0) for a in (-1, 0, 1) for b in (-1, 0, 1)])
+"""On that square: corners and middles [m]. Shape (9, 3)."""
+_LIFT, ROOM = 0.006, 0.011
 """Off the card, and free about lines of sight from there: links are drawn wider than they collide,
 cards and joints are only nearly where they should be [m]."""
 Turned = Callable[[NDArray], NDArray]
@@ -172,19 +174,39 @@ class BodyView:
             q: Angles of the commanded joints [rad]. Shape (k,).
             markers: Names of those that shall be seen.
         """
-        if self.limits is None or self.limits.touching:
+        if not self.pictured:
             return True
-        tree = self.body.tree
-        cards = [m for m in tree.markers if m.name in markers and m.oriented]
+        cards = self.cards(markers)
         return not self.shapes.collides(q) and not any(self._hidden(q, card) for card in cards)
 
-    def _hidden(self, q: NDArray, card: Attached) -> bool:
-        """Return whether the body itself hides a corner of a card from a camera."""
+    @property
+    def pictured(self) -> bool:
+        """Whether pictures are taken, in which the body itself hides what is behind it."""
+        return self.limits is not None and not self.limits.touching
+
+    def cards(self, markers: Sequence[str]) -> list[Attached]:
+        """Return those of some markers of the body that are cards."""
+        return [m for m in self.body.tree.markers if m.name in markers and m.oriented]
+
+    def lines(self, q: NDArray, card: Attached) -> tuple[NDArray, list[NDArray]]:
+        """Return between what lines of sight to a card run at a pose.
+
+        Args:
+            q: Angles of the commanded joints [rad]. Shape (k,).
+            card: On the body.
+
+        Returns:
+            Its corners and middles, shape (9, 3), and the cameras, shape (3,) each, in W [m].
+        """
         motion = TreeMotion.at(self.tree, self.posture(q[None]))
         R, p = (part[..., 0] for part in motion.pose_of(card))
         corners = p + _CORNERS @ R.T + _LIFT * R[:, 2]
-        cameras = (motion.pose_of(sensor)[1][:, 0] for sensor in self.tree.sensors)
-        return any(self.shapes.hides(q, card.name, corners, p_BC, _ROOM) for p_BC in cameras)
+        return corners, [motion.pose_of(sensor)[1][:, 0] for sensor in self.tree.sensors]
+
+    def _hidden(self, q: NDArray, card: Attached) -> bool:
+        """Return whether the body itself hides a corner of a card from a camera."""
+        corners, cameras = self.lines(q, card)
+        return any(self.shapes.hides(q, card.name, corners, p_BC, ROOM) for p_BC in cameras)
 
     def posture(self, q: NDArray) -> NDArray:
         """Return angles of all joints, those that nobody commands held. (N, k) -> (N, n)."""

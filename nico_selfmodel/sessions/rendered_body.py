@@ -14,6 +14,7 @@ from nico_selfmodel.planning.plans import Plan, given_commands
 from nico_selfmodel.recording.session import Progress, record
 from nico_selfmodel.sessions.whole_recording import WholeRecording
 from nico_selfmodel.systems.nico_cameras import NICO_CAMERAS
+from nico_selfmodel.systems.rendering.mirror_scene import MirrorPlate
 from nico_selfmodel.systems.rendering.stereo_cameras import ImageQuality
 from nico_selfmodel.systems.simulated.imperfections import Imperfections, imperfections_named
 from nico_selfmodel.systems.stations.nico_station import NicoStation
@@ -44,22 +45,27 @@ class RenderedBody:
         flaws = imperfections_named(flaws) if isinstance(flaws, str) else flaws
         return WholeNico.build(self.whole.body, flaws, self.seed, NICO_CAMERAS)
 
-    def station(self, session: int, rig: StereoRig | None = None) -> NicoStation:
+    def station(
+        self, session: int, rig: StereoRig | None = None, mirror: MirrorPlate | None = None
+    ) -> NicoStation:
         """Wake it up in its room.
 
         Args:
             session: Which day.
             rig: Calibrated cameras, behind whose lenses markers are located; as designed if
                 omitted.
+            mirror: A mirror that can be put somewhere, if any; reflections are then located too.
         """
+        whole = self.whole
         return NicoStation(
             self.world,
             self.seed,
             session,
-            arm=self.whole.body,
-            detectors=self.whole.detectors(rig),
+            arm=whole.body,
+            detectors=whole.detectors(rig) if mirror is None else whole.mirror_detectors(rig),
             quality=self.quality,
-            room=self.whole.cards,
+            mirror=mirror,
+            room=whole.cards,
         )
 
     def record(

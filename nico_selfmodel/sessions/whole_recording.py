@@ -31,8 +31,8 @@ from nico_selfmodel.sessions.whole_body import (
 )
 from nico_selfmodel.systems.looking import ARM_JOINTS, HEAD_JOINTS, looking_body
 from nico_selfmodel.systems.nico_cameras import NICO_CAMERAS
-from nico_selfmodel.systems.stations.nico_detectors import room_detectors
-from nico_selfmodel.systems.tracking.hand_tracker import Detectors
+from nico_selfmodel.systems.stations.nico_detectors import room_detectors, room_mirror_detectors
+from nico_selfmodel.systems.tracking.hand_tracker import Detectors, MirrorDetectors
 from nico_selfmodel.systems.tracking.shared_search import corner_names
 from nico_selfmodel.vision.markers.tag_card import TagCard, markers_of
 
@@ -91,6 +91,15 @@ class WholeRecording:
                 omitted.
         """
         found = room_detectors(self.cards, rig or NICO_CAMERAS)
+        return {marker: found[marker] for marker in self.tracked}
+
+    def mirror_detectors(self, rig: StereoRig | None = None) -> MirrorDetectors:
+        """Return what finds all that in pictures, and its reflections.
+
+        Args:
+            rig: As in `detectors`.
+        """
+        found = room_mirror_detectors(self.cards, rig or NICO_CAMERAS)
         return {marker: found[marker] for marker in self.tracked}
 
     def plan(

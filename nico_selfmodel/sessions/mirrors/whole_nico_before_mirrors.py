@@ -97,7 +97,7 @@ def session_before_mirrors(
     plan = [
         (mirror, card, q)
         for mirror, standing in before.items()
-        for card, q in _by_turns(standing, cards, poses, rng)
+        for card, q in standing.by_turns(cards, poses, rng)
     ]
     glass = next(iter(before.values())).glass
     first = StereoPixelsBeforeGlass(pixel_sigma, glass, plate.radius)
@@ -124,20 +124,6 @@ def session_before_mirrors(
     facing = [card for index, (_, card, _) in enumerate(plan) if kept.visits(index)]
     shown = data.of_rows(_shown(data, facing))
     return BeforeMirrors(shown, {mirror: b.glass.plane for mirror, b in before.items()})
-
-
-def _by_turns(
-    standing: BodyBeforeMirror, cards: list[str], count: int, rng: np.random.Generator
-) -> list[tuple[str, NDArray]]:
-    """Draw poses of each card in turn."""
-    each = [(count + len(cards) - 1 - k) // len(cards) for k in range(len(cards))]
-    drawn = [
-        [(card, q) for q in standing.poses([card], number, rng)]
-        for card, number in zip(cards, each, strict=True)
-        if number
-    ]
-    order = sorted((i, k) for k, found in enumerate(drawn) for i in range(len(found)))
-    return [drawn[k][i] for i, k in order]
 
 
 def _shown(data: BodyDataset, wanted: list[str]) -> NDArray:
